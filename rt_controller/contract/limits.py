@@ -1,0 +1,25 @@
+"""Bounds and slew rates of the control inputs: the box that data, plan and envelope share."""
+
+from math import radians
+from typing import NamedTuple
+
+from rt_controller.contract.signals import ControlInput
+
+
+class InputLimits(NamedTuple):
+    """Lowest and highest input, and how fast each may change, per second."""
+
+    lower: ControlInput
+    upper: ControlInput
+    rate_per_s: ControlInput
+
+
+INPUT_LIMITS = InputLimits(
+    lower=ControlInput(throttle=0.0, brake_n=0.0, steer_rad=-radians(40.0)),
+    upper=ControlInput(throttle=1.0, brake_n=150.0, steer_rad=radians(40.0)),
+    rate_per_s=ControlInput(throttle=2.5, brake_n=500.0, steer_rad=radians(200.0)),
+)
+"""The paper's box; the rates are this project's reading of "limited to realistic driving"."""
+
+PEDAL_CHANGE_S = 0.15
+"""how long a foot needs from one pedal to the other"""
