@@ -140,7 +140,9 @@ def load_bundle(folder: Path) -> Bundle:
             signals, another period or another format.
     """
     arrays = _read_npz(folder / KOOPMAN_FILE)
-    _check_field(folder, "format_version", FORMAT_VERSION, int(_take(folder, arrays, "format_version")))
+    _check_field(
+        folder, "format_version", FORMAT_VERSION, int(_take(folder, arrays, "format_version"))
+    )
     for key, names in _EXPECTED_NAMES.items():
         _check_field(folder, key, names, tuple(str(name) for name in _take(folder, arrays, key)))
     _check_field(folder, "dt_s", PERIOD_S, float(_take(folder, arrays, "dt_s")))

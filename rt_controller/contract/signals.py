@@ -37,6 +37,10 @@ class ControlInput(NamedTuple):
     """steering *wheel* angle, positive to the left"""
 
 
+NEUTRAL_INPUT = ControlInput(throttle=0.0, brake_n=0.0, steer_rad=0.0)
+"""feet off, wheel straight"""
+
+
 class PathReference(NamedTuple):
     """The path ahead, as the lane polynomial of a camera, in road coordinates.
 

@@ -1,0 +1,150 @@
+"""The loss terms of the paper, each a function of its own.
+
+Time comes first in every array here: psi is (times, batch, n). A sum over the batch is a mean,
+a norm is taken over all n observables. Paper: eqs. (9)-(13).
+"""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from offline.config import TrainingConfig
+from offline.model import N_STATES, MdkNet
+from offline.rollout import roll_out
+
+GROWTH_DOUBLINGS = 6
+GROWTH_BOUND = 1.035
+"""slightly above what yaw rate -> heading -> lateral error alone scores: a chain of integrators
+is a Jordan block at 1, whose powers grow although no eigenvalue exceeds 1"""
+
+
+class Losses(NamedTuple):
+    """The terms of eq. (13) and their weighted sum, each a scalar tensor."""
+
+    total: Tensor
+    single_step: Tensor
+    multi_step: Tensor
+    stability: Tensor
+    regularisation: Tensor
+    states: Tensor
+    """the physical states' share of `multi_step`: the encoder cannot shrink these targets"""
+
+
+def single_step_loss(psi_before: Tensor, psi_after: Tensor, A: Tensor, drive: Tensor) -> Tensor:
+    """How far one step of the linear model misses the next lifted state.
+
+    psi_before, psi_after and drive (= B u) are (times, batch, n). Paper: eq. (9), eq:ssl loss.
+    """
+    return _squared_norm(psi_after - psi_before @ A.t() - drive).mean()
+
+
+def multi_step_loss(psi: Tensor, predicted: Tensor, weights: Tensor) -> Tensor:
+    """How far the roll-out from x_0 misses the lifted states, near future first.
+
+    psi and predicted are (times, batch, n), weights (times,) as `forgetting_weights` makes them.
+    Paper: eq. (10), eq:msl loss.
+    """
+    return weights @ _squared_norm(psi - predicted).mean(dim=1)
+
+
+def forgetting_weights(steps: int, forgetting: float, through_last_step: bool) -> Tensor:
+    """Weights beta^i / sum(beta^i) of the steps i = 1..K, (K,).
+
+    Eq. (10) stops at K-1; then the last weight is zero.
+    """
+    weights = forgetting ** torch.arange(1, steps + 1, dtype=torch.float64)
+    if not through_last_step:
+        weights[-1] = 0.0
+    return (weights / weights.sum()).to(torch.get_default_dtype())
+
+
+def eigenvalue_excess(A: Tensor) -> Tensor:
+    """Sum of what each eigenvalue's magnitude exceeds 1 by. Paper: eq. (11), eq:sl loss.
+
+    In float64. Its gradient grows without bound where eigenvalues meet, which at 1 they do: the
+    training loop skips steps whose gradient is not finite.
+    """
+    magnitudes = torch.linalg.eigvals(A.double()).abs()
+    return torch.relu(magnitudes - 1.0).sum().to(A.dtype)
+
+
+def growth_excess(A: Tensor) -> Tensor:
+    """What ||A^64||_F^(1/64) exceeds its bound by.
+
+    Stands in for eq. (11): by Gelfand's formula the root tends to the spectral radius, and its
+    gradient stays near 1 also where eigenvalues meet.
+    """
+    power = A
+    for _ in range(GROWTH_DOUBLINGS):
+        power = power @ power
+    return torch.relu(torch.linalg.matrix_norm(power) ** (0.5**GROWTH_DOUBLINGS) - GROWTH_BOUND)
+
+
+def regularisation_loss(
+    encoder: Iterable[Tensor], A: Tensor, B: Tensor, prior: Tensor, config: TrainingConfig
+) -> Tensor:
+    """Squared size of the encoder's parameters and of the matrices. Paper: eq. (12), eq:reg loss.
+
+    A is measured from `prior` (n, n): zero as printed, or the identity, which does not pull the
+    integrators of the model below 1.
+    """
+    theta = torch.stack([parameter.square().sum() for parameter in encoder]).sum()
+    operator = (A - prior).square().sum() + B.square().sum()
+    return config.decay_encoder * theta + config.decay_operator * operator
+
+
+def total_loss(
+    model: MdkNet, x: Tensor, u: Tensor, config: TrainingConfig, times: Tensor | None = None
+) -> Losses:
+    """Every term on one batch of scaled trajectories. Paper: eq. (13), eq:total loss.
+
+    x is (K+1, batch, 6), u is (K, batch, 4). `times` (M,) in 1..K as `draw_times` draws them
+    limits the targets that are encoded; the sums over time are then estimated without bias.
+    """
+    steps = u.shape[0]
+    A, B = model.A, model.B
+    drive = u @ B.t()
+    weights = forgetting_weights(steps, config.forgetting, config.through_last_step).to(x.device)
+    if times is None:
+        psi = model.lift(x)
+        psi0, psi_before, psi_after = psi[0], psi[:-1], psi[1:]
+        predicted = roll_out(psi0, A, drive)
+    else:
+        m = len(times)
+        psi = model.lift(torch.cat([x[:1], x[times - 1], x[times]]))
+        psi0, psi_before, psi_after = psi[0], psi[1 : m + 1], psi[m + 1 :]
+        predicted = roll_out(psi0, A, drive)[times - 1]
+        drive, weights = drive[times - 1], weights[times - 1] * (steps / m)
+
+    single_step = single_step_loss(psi_before, psi_after, A, drive)
+    multi_step = multi_step_loss(psi_after, predicted, weights)
+    stability = eigenvalue_excess(A) if config.stability == "eigenvalue" else growth_excess(A)
+    prior = torch.zeros_like(A)
+    if config.operator_prior == "identity":
+        prior = torch.eye(A.shape[0], device=A.device, dtype=A.dtype)
+    regularisation = regularisation_loss(model.encoder.parameters(), A, B, prior, config)
+    total = (
+        config.weight_single_step * single_step
+        + config.weight_multi_step * multi_step
+        + config.weight_stability * stability
+        + config.weight_regularisation * regularisation
+    )
+    with torch.no_grad():
+        states = multi_step_loss(psi_after[..., :N_STATES], predicted[..., :N_STATES], weights)
+    return Losses(total, single_step, multi_step, stability, regularisation, states)
+
+
+def draw_times(steps: int, samples: int, generator: torch.Generator) -> Tensor:
+    """Target times in 1..K, (samples,), one from each of `samples` equal parts of the horizon.
+
+    Every time is drawn with the same mean frequency, samples / K, whether or not K divides.
+    """
+    parts = torch.arange(samples, dtype=torch.float64)
+    offsets = torch.rand(samples, generator=generator, dtype=torch.float64)
+    return ((parts + offsets) * (steps / samples)).long().clamp_(max=steps - 1) + 1
+
+
+def _squared_norm(error: Tensor) -> Tensor:
+    return error.square().sum(dim=-1)

@@ -1,0 +1,154 @@
+"""The folder of one training run: what was asked for, on what, and how it went.
+
+config.json    resolved configuration, versions, revision, data set
+history.jsonl  one line an evaluation; no times in it, so equal runs write equal files
+best.pt        the model to export
+last.pt        where to resume
+"""
+
+import json
+import os
+import subprocess
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from offline.checkpoint import BEST_FILE, LAST_FILE
+from offline.config import TrainingConfig
+from rt_controller.contract.errors import ArtifactError
+
+CONFIG_FILE = "config.json"
+HISTORY_FILE = "history.jsonl"
+LATEST_LINK = "latest"
+
+
+@dataclass(frozen=True, slots=True)
+class RunFolder:
+    """Paths of a run and the configuration written there."""
+
+    path: Path
+    config: TrainingConfig
+    data_folder: Path
+    data_sha256: str
+    versions: Mapping[str, str]
+    revision: str
+
+    @property
+    def best(self) -> Path:
+        return self.path / BEST_FILE
+
+    @property
+    def last(self) -> Path:
+        return self.path / LAST_FILE
+
+    @property
+    def history(self) -> Path:
+        return self.path / HISTORY_FILE
+
+    @property
+    def bundle(self) -> Path:
+        return self.path / "bundle"
+
+
+def create_run(
+    base: Path, config: TrainingConfig, data_folder: Path, data_sha256: str, now: datetime
+) -> RunFolder:
+    """A new folder below `base`, which `base/latest` then points to."""
+    path = base / f"{now:%Y%m%d-%H%M%S}-{config.preset}"
+    path.mkdir(parents=True)
+    versions = {name: version(name) for name in ("rt-controller", "torch", "numpy")}
+    run = RunFolder(path, config, data_folder.resolve(), data_sha256, versions, _revision())
+    _write_config(run)
+    link = base / f".{LATEST_LINK}.{os.getpid()}"
+    link.symlink_to(path.name)
+    os.replace(link, base / LATEST_LINK)
+    return run
+
+
+def open_run(path: Path) -> RunFolder:
+    """A run that was created before.
+
+    Raises:
+        ArtifactError: there is no run in that folder, or its configuration is not readable.
+    """
+    file = path / CONFIG_FILE
+    try:
+        fields = json.loads(file.read_text(encoding="utf-8"))
+        return RunFolder(
+            path=path.resolve(),
+            config=TrainingConfig.model_validate(fields["config"]),
+            data_folder=Path(fields["data_folder"]),
+            data_sha256=str(fields["data_sha256"]),
+            versions=dict(fields["versions"]),
+            revision=str(fields["revision"]),
+        )
+    except OSError as error:
+        raise ArtifactError(
+            f"{file}: expected the configuration of a training run, found nothing readable "
+            f"({error.strerror}). Train a model with offline-train, or name the folder of a run."
+        ) from error
+    except (ValueError, KeyError, TypeError, ValidationError) as error:
+        raise ArtifactError(
+            f"{file}: expected the configuration of a training run of this version, found "
+            f"something else ({error}). Train again with offline-train."
+        ) from error
+
+
+def extend_run(run: RunFolder, config: TrainingConfig) -> RunFolder:
+    """The same run with another configuration, written down."""
+    extended = RunFolder(
+        run.path, config, run.data_folder, run.data_sha256, run.versions, run.revision
+    )
+    _write_config(extended)
+    return extended
+
+
+def append_history(run: RunFolder, line: Mapping[str, Any]) -> None:
+    """One more evaluation."""
+    with run.history.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(line) + "\n")
+
+
+def cut_history(run: RunFolder, step: int) -> None:
+    """Forget evaluations at or after `step`: they will be made, and written, again."""
+    if not run.history.exists():
+        return
+    lines = run.history.read_text(encoding="utf-8").splitlines()
+    kept = [line for line in lines if json.loads(line)["step"] < step]
+    part = run.history.with_name(HISTORY_FILE + ".part")
+    part.write_text("".join(line + "\n" for line in kept), encoding="utf-8")
+    os.replace(part, run.history)
+
+
+def _write_config(run: RunFolder) -> None:
+    fields = {
+        "config": run.config.model_dump(mode="json"),
+        "data_folder": str(run.data_folder),
+        "data_sha256": run.data_sha256,
+        "versions": dict(run.versions),
+        "revision": run.revision,
+    }
+    part = run.path / (CONFIG_FILE + ".part")
+    part.write_text(json.dumps(fields, indent=2) + "\n", encoding="utf-8")
+    os.replace(part, run.path / CONFIG_FILE)
+
+
+def _revision() -> str:
+    """Revision of the source tree this package runs from, "unknown" outside of one."""
+    try:
+        answer = subprocess.run(
+            ["git", "describe", "--always", "--dirty", "--abbrev=12"],
+            cwd=Path(__file__).parent,
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=10,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return "unknown"
+    return answer.stdout.strip() or "unknown"

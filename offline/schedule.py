@@ -1,0 +1,47 @@
+"""After each evaluation: is this the model to keep, and has the rate to fall?
+
+Paper: Algorithm 1, the lines after "Evaluate total loss". The printed rule compares neighbours
+only, so it may replace a better model by a worse one; the default rule does not.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+
+class Verdict(NamedTuple):
+    """What an evaluation means for the training."""
+
+    is_best: bool
+    lower_rate: bool
+
+
+def judge_global_minimum(losses: Sequence[float], patience: int) -> Verdict:
+    """Keep the lowest loss so far; halve the rate after `patience` evaluations without one.
+
+    After a halving the count starts anew. `losses` are all validation losses, newest last.
+    """
+    best = float("inf")
+    waited = 0
+    verdict = Verdict(is_best=False, lower_rate=False)
+    for loss in losses:
+        if loss < best:
+            best, waited, verdict = loss, 0, Verdict(is_best=True, lower_rate=False)
+        else:
+            waited += 1
+            verdict = Verdict(is_best=False, lower_rate=waited == patience)
+            waited %= patience
+    return verdict
+
+
+def judge_as_printed(losses: Sequence[float], patience: int) -> Verdict:
+    """Algorithm 1 to the letter: L_i > L_(i-1) > ... > L_(i-patience), else L_i < L_(i-1).
+
+    Before the first evaluation the loss counts as infinite: nothing stands there to compare with.
+    """
+    recent = losses[-(patience + 1) :]
+    if len(recent) == patience + 1 and all(
+        later > earlier for earlier, later in zip(recent, recent[1:], strict=False)
+    ):
+        return Verdict(is_best=False, lower_rate=True)
+    previous = losses[-2] if len(losses) > 1 else float("inf")
+    return Verdict(is_best=losses[-1] < previous, lower_rate=False)

@@ -1,0 +1,118 @@
+"""Opening a CAN bus through python-can: everything explicit, every failure with its remedy.
+
+python-can would merge settings from files and variables of the environment; here only what the
+caller passes counts.
+"""
+
+import errno
+import socket
+from collections.abc import Mapping
+from difflib import get_close_matches
+from typing import Any
+
+import can
+from can.interfaces.socketcan import SocketcanBus
+
+from rt_controller.contract.errors import BusError, MissingExtraError, RtControllerError
+
+Option = str | int | float | bool
+
+_VIRTUAL = "virtual"
+_SOCKETCAN = "socketcan"
+_REMOTE = "remote"
+_WITHOUT_BITRATE = (_VIRTUAL, _SOCKETCAN)
+
+VIRTUAL_QUEUE_FRAMES = 1024
+"""A virtual bus that nobody reads refuses frames after this many, instead of filling the memory."""
+SOCKET_BUFFER_BYTES = 1 << 20
+"""Asked of the kernel, which may grant less; its default silently loses the 279th unread frame."""
+
+
+def open_bus(
+    interface: str,
+    channel: str,
+    bitrate: int | None = None,
+    options: Mapping[str, Option] | None = None,
+) -> can.BusABC:
+    """An open bus; the caller shuts it down.
+
+    Args:
+        interface: python-can's name: "virtual", "socketcan", "slcan", "remote"...
+        channel: "vcan0", "/dev/ttyACM0", "ws://127.0.0.1:54701"...
+        bitrate: in bit/s, for adapters that are told by the program.
+        options: further arguments of the interface, as python-can documents them.
+
+    Raises:
+        BusError: no such interface or channel, or it refuses these settings.
+        MissingExtraError: the interface needs a package that is not installed.
+    """
+    _check_interface(interface)
+    settings: dict[str, Any] = dict(options or {})
+    if interface in (_VIRTUAL, _SOCKETCAN):
+        settings.setdefault("receive_own_messages", False)
+    if interface == _VIRTUAL:
+        settings.setdefault("rx_queue_size", VIRTUAL_QUEUE_FRAMES)
+    if bitrate is not None:
+        if interface in _WITHOUT_BITRATE:
+            raise BusError(
+                f"{interface}: expected no bitrate, found {bitrate}: this interface does not set "
+                f"one. Leave it out (for socketcan: ip link set {channel} type can "
+                f"bitrate {bitrate})."
+            )
+        settings["bitrate"] = bitrate
+    try:
+        bus = can.Bus(channel=channel, interface=interface, ignore_config=True, **settings)
+    except Exception as error:  # each backend raises its own kind
+        raise explain_failure(interface, channel, error) from error
+    if isinstance(bus, SocketcanBus):
+        bus.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, SOCKET_BUFFER_BYTES)
+    return bus
+
+
+def _check_interface(interface: str) -> None:
+    if interface in can.VALID_INTERFACES:
+        return
+    if interface == _REMOTE:
+        raise MissingExtraError(
+            "remote: expected the package python-can-remote, found none. "
+            'Run: pip install "rt-controller[remote]"'
+        )
+    names = sorted(can.VALID_INTERFACES)
+    near = get_close_matches(interface, names, n=1)
+    hint = f"Did you mean {near[0]}? " if near else ""
+    raise BusError(
+        f"{interface!r}: expected an interface of python-can, found no such name. {hint}"
+        f"Choose one of: {', '.join(names)}."
+    )
+
+
+def explain_failure(interface: str, channel: str, error: Exception) -> RtControllerError:
+    """The error to raise when an interface could not be opened: expected, found, remedy."""
+    place = f"{interface} {channel}"
+    if isinstance(error, can.CanInterfaceNotImplementedError):
+        return MissingExtraError(
+            f"{place}: expected what this interface needs, found: {error}. Install what "
+            f"python-can's page on {interface} names, or choose another interface."
+        )
+    number = getattr(error, "errno", None) or getattr(error, "error_code", None)
+    if interface == _SOCKETCAN and number == errno.EAFNOSUPPORT:
+        return BusError(
+            f"{place}: expected a kernel with CAN, found one without AF_CAN. Load its module "
+            f"(modprobe can can-raw vcan), or choose an interface that needs none: virtual, "
+            f"remote, slcan."
+        )
+    if interface == _SOCKETCAN and number == errno.ENODEV:
+        return BusError(
+            f"{place}: expected a network interface {channel}, found no such device. See "
+            f"ip -brief link; for a virtual one: ip link add {channel} type vcan && "
+            f"ip link set {channel} up."
+        )
+    if number == errno.ECONNREFUSED:
+        return BusError(
+            f"{place}: expected a server that listens there, found none (connection refused). "
+            f"Start it first, or correct the address."
+        )
+    return BusError(
+        f"{place}: expected a bus that opens, found {type(error).__name__}: {error}. Check the "
+        f"channel and the options against python-can's page on {interface}."
+    )

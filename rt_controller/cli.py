@@ -1,0 +1,197 @@
+"""`rt-controller`: drive a car over CAN with a learned model."""
+
+import json
+import signal
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+from cyclopts.config import Toml
+from rich.console import Console
+
+from rt_controller.config import (
+    BusSettings,
+    ControllerConfig,
+    MpcSettings,
+    Pace,
+    RealtimeSettings,
+)
+from rt_controller.contract.errors import BusError, ConfigError, RtControllerError
+from rt_controller.contract.timing import PERIOD_NS
+from rt_controller.loop import Ending
+from rt_controller.realtime.clock import Clock, RealtimeClock
+from rt_controller.session import ControllerSession, open_session
+from rt_controller.step import StopCause
+from rt_controller.summary import live_line, to_json, to_table
+from rt_controller.virtual_car import VirtualCar, build_virtual_car
+
+LIVE_INTERVAL_S = 0.5
+EXIT_DEADLINE = 4
+EXIT_SAFE_STOP = 6
+EXIT_BUS = BusError.exit_code
+BUS_CAUSES = (StopCause.BUS_FAILED, StopCause.PEER_MISMATCH)
+
+app = App(
+    name="rt-controller",
+    help="Drive a car over CAN, every 25 ms, with a model learned from data. "
+    "Exit codes: 0 ok, 1 internal error, 2 usage, configuration or model, 3 a part is missing, "
+    "4 deadlines missed, 5 bus, 6 ended in a safe stop.",
+)
+
+
+@app.default
+def run(
+    *,
+    bus: str,
+    channel: str = "rt-controller",
+    bitrate: int | None = None,
+    bus_option: dict[str, str] | None = None,
+    model: Path | None = None,
+    scenario: str = "double_lane_change",
+    pace: Pace = Pace.REALTIME,
+    duration_s: float | None = None,
+    stay: bool = False,
+    wait_s: float = 30.0,
+    mpc: MpcSettings | None = None,
+    realtime: RealtimeSettings | None = None,
+    record: Path | None = None,
+    json_file: Annotated[Path | None, Parameter(name="--json")] = None,
+    check: bool = False,
+    quiet: bool = False,
+) -> int:
+    """Join the bus, drive the mission, say how it went.
+
+    Parameters
+    ----------
+    bus
+        python-can interface: socketcan, remote, slcan, vector, …; virtual brings its own car
+    channel
+        the interface's channel, e.g. can0 or ws://127.0.0.1:54701/
+    bitrate
+        bit/s, where the interface sets it
+    bus_option
+        further options of the interface, as --bus-option.KEY VALUE
+    model
+        folder of a model bundle, as offline-export writes it; default: the one that ships
+    scenario
+        what the virtual car drives: a shipped scenario, or the path of a .toml file
+    pace
+        realtime, or lockstep: as fast as possible and the same frames every time (virtual only)
+    duration_s
+        stop after this time
+    stay
+        stay on the bus when a mission ends, and wait for the next
+    wait_s
+        how long to wait for the vehicle
+    mpc
+        the optimal control problem
+    realtime
+        how the loop runs on this machine
+    record
+        write all frames to this candump log
+    json_file
+        write the summary to this file
+    check
+        open and check everything, then leave without driving
+    quiet
+        no live line
+    """
+    console = Console(stderr=True)
+    config = ControllerConfig(
+        bus=BusSettings(interface=bus, channel=channel, bitrate=bitrate, options=bus_option or {}),
+        model=model,
+        mpc=mpc or MpcSettings(),
+        realtime=realtime or RealtimeSettings(),
+    )
+    if pace is Pace.LOCKSTEP and bus != "virtual":
+        raise ConfigError(
+            f"--pace lockstep: expected --bus virtual, found {bus!r}. Only a car in this process "
+            f"can wait for the controller."
+        )
+    car: VirtualCar | None = None
+    if bus == "virtual":
+        with console.status("settling the car (the first start compiles it: about a minute)"):
+            car = build_virtual_car(config.bus, scenario)
+    try:
+        clock: Clock = RealtimeClock(PERIOD_NS) if car is None else car.clock(pace)
+        with console.status("loading the model, assembling the QP, opening the bus"):
+            session = open_session(config, clock, record, pace is Pace.LOCKSTEP)
+        try:
+            if check:
+                console.print(f"{session.model}: everything is in order", highlight=False)
+                return 0
+            if car is not None and pace is Pace.REALTIME:
+                car.start()
+            _drive(session, duration_s, stay, wait_s, None if quiet else console)
+        finally:
+            session.close()
+    finally:
+        if car is not None:
+            car.close()
+    return _conclude(session, json_file, console)
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    try:
+        sys.exit(app.meta())
+    except RtControllerError as error:
+        Console(stderr=True).print(f"[red]rt-controller:[/red] {error}", highlight=False)
+        sys.exit(error.exit_code)
+
+
+@app.meta.default
+def _with_config_file(
+    *tokens: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)],
+    config: Path | None = None,
+) -> int:
+    """Read settings from a TOML file first; what the command line says goes over it.
+
+    Parameters
+    ----------
+    config
+        TOML file with the same names as the options, e.g. a table [mpc.tolerance]
+    """
+    if config is not None:
+        app.config = (Toml(config, must_exist=True),)
+    code = app(tokens)
+    return code if isinstance(code, int) else 0
+
+
+def _drive(
+    session: ControllerSession,
+    duration_s: float | None,
+    stay: bool,
+    wait_s: float,
+    console: Console | None,
+) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: session.leave())
+    thread = session.start(duration_s, stay, wait_s)
+    was_joined = False
+    while thread.is_alive():
+        thread.join(LIVE_INTERVAL_S)
+        if console is None:
+            continue
+        if session.is_joined and not was_joined:
+            console.print(session.guarantees.sentence(), highlight=False)
+        was_joined = session.is_joined
+        console.print(live_line(session.record), highlight=False)
+    if session.failure is not None:
+        raise session.failure
+
+
+def _conclude(session: ControllerSession, json_file: Path | None, console: Console) -> int:
+    record = session.record
+    console.print(to_table(record, session.guarantees, session.model))
+    if json_file is not None:
+        figures = to_json(record, session.guarantees, session.model)
+        json_file.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    if record.ending is Ending.SAFE_STOPPED:
+        cause = record.outcome.cause
+        console.print(f"[red]rt-controller:[/red] safe stop: {cause.value}", highlight=False)
+        return EXIT_BUS if cause in BUS_CAUSES else EXIT_SAFE_STOP
+    if record.deadlines.deadline_misses > 0:
+        return EXIT_DEADLINE
+    return 0

@@ -1,0 +1,110 @@
+"""What a person may set, with units and bounds; on the command line, in TOML, or not at all."""
+
+from enum import StrEnum
+from math import radians
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat
+
+from rt_controller.contract.signals import ControlInput, VehicleState
+from rt_controller.control.cost import TrackingCost
+
+
+class Pace(StrEnum):
+    """How fast time goes by."""
+
+    REALTIME = "realtime"
+    LOCKSTEP = "lockstep"
+
+
+class _Settings(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Tolerances(_Settings):
+    """Deviations from the reference that cost one unit each; smaller is stricter."""
+
+    vx_mps: PositiveFloat = 1.0
+    """longitudinal speed"""
+    vy_mps: PositiveFloat = float("inf")
+    """lateral speed; inf: do not care"""
+    yaw_rate_radps: PositiveFloat = float("inf")
+    """yaw rate; inf: do not care"""
+    ds_m: PositiveFloat = float("inf")
+    """progress in one period; inf: the speed says the same"""
+    ey_m: PositiveFloat = 0.35
+    """lateral deviation"""
+    epsi_deg: PositiveFloat = 1.0
+    """heading error"""
+    throttle: PositiveFloat = float("inf")
+    """size of the throttle input; inf: speed may cost what it costs"""
+    brake_n: PositiveFloat = float("inf")
+    """size of the brake force"""
+    steer_deg: PositiveFloat = float("inf")
+    """size of the wheel angle"""
+    throttle_change: PositiveFloat = 0.3
+    """change of throttle in one period"""
+    brake_change_n: PositiveFloat = 45.0
+    """change of brake force in one period"""
+    steer_change_deg: PositiveFloat = 12.0
+    """change of wheel angle in one period"""
+
+
+class MpcSettings(_Settings):
+    """The optimal control problem."""
+
+    horizon: Annotated[int, Field(ge=2, le=160)] = 20
+    """stages of 25 ms"""
+    terminal_factor: PositiveFloat = 1.0
+    """weight of the last stage, in units of the others"""
+    latent_weight: Annotated[float, Field(ge=0.0)] = 0.0
+    """weight on each latent's distance from the lifted reference"""
+    tolerance: Tolerances = Tolerances()
+
+    def cost(self) -> TrackingCost:
+        """The same in SI units, in vector order."""
+        t = self.tolerance
+        return TrackingCost(
+            state=VehicleState(
+                t.vx_mps, t.vy_mps, t.yaw_rate_radps, t.ds_m, t.ey_m, radians(t.epsi_deg)
+            ),
+            control=ControlInput(t.throttle, t.brake_n, radians(t.steer_deg)),
+            control_change=ControlInput(
+                t.throttle_change, t.brake_change_n, radians(t.steer_change_deg)
+            ),
+            latent_weight=self.latent_weight,
+            terminal_factor=self.terminal_factor,
+        )
+
+
+class RealtimeSettings(_Settings):
+    """How the loop runs on this machine."""
+
+    priority: Annotated[int, Field(ge=0, le=99)] = 50
+    """SCHED_FIFO priority, where the system allows it; 0: do not ask"""
+    cpu: int | None = None
+    """bind the loop to this core"""
+    phase_ms: Annotated[float, Field(ge=0.0, lt=25.0)] = 2.0
+    """how long after the vehicle's frames each tick is scheduled"""
+    deadline_ms: Annotated[float, Field(gt=0.0, le=25.0)] = 10.0
+    """the latest moment for the command's frame, counted from the scheduled tick"""
+
+
+class BusSettings(_Settings):
+    """Which CAN bus, in python-can's words."""
+
+    interface: str = "virtual"
+    channel: str = "rt-controller"
+    bitrate: int | None = None
+    options: dict[str, str] = {}
+
+
+class ControllerConfig(_Settings):
+    """Everything that one run of the controller depends on."""
+
+    bus: BusSettings = BusSettings()
+    model: Path | None = None
+    """folder of a model bundle; None: the one that ships"""
+    mpc: MpcSettings = MpcSettings()
+    realtime: RealtimeSettings = RealtimeSettings()

@@ -1,0 +1,238 @@
+"""One control step: frames in, frames out. Reads like the paper, from lift to first input."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import can
+
+from rt_controller.bus.frames import Fault, Heartbeat
+from rt_controller.bus.identity import dbc_hash
+from rt_controller.bus.outbox import ControllerOutbox
+from rt_controller.bus.inbox import Inbox
+from rt_controller.bus.snapshot import MissionSnapshot, StateSnapshot
+from rt_controller.contract.limits import InputLimits
+from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, PathReference
+from rt_controller.contract.timing import HOLD_PLAN_TICKS, IDENT_PERIOD_TICKS, PERIOD_S
+from rt_controller.control.mpc import Mpc
+from rt_controller.control.plan import Plan
+from rt_controller.control.solver import SolveStatus
+from rt_controller.realtime.clock import Clock
+from rt_controller.safety.envelope import confine
+from rt_controller.safety.fallback import safe_stop, stand_by
+from rt_controller.safety.freshness import REFERENCE_MAX_AGE_NS, is_fresh
+from rt_controller.safety.modes import Event, next_mode
+
+STANDING_MPS = 0.3
+"""slower than this the car stands: a request to leave SAFE_STOP may be granted"""
+
+
+class StopCause(StrEnum):
+    """What took the plan away; the last one before a safe stop is its cause."""
+
+    NONE = "none"
+    STATE_LOST = "no new valid vehicle state"
+    REFERENCE_LOST = "no fresh path reference"
+    MISSION_LOST = "the mission's validity ran out"
+    SOLVER_FAILED = "the QP was not solved"
+    BUS_FAILED = "the bus cannot be read"
+    PEER_MISMATCH = "the vehicle speaks another message catalogue"
+    VEHICLE_BRAKING = "the vehicle's own watchdog is braking"
+
+
+@dataclass(slots=True)
+class StepOutcome:
+    """What one step saw and did; one instance, overwritten every tick."""
+
+    mode: Mode = Mode.STANDBY
+    control: ControlInput = NEUTRAL_INPUT
+    state: StateSnapshot | None = None
+    """None: nothing new and valid this tick"""
+    path: PathReference | None = None
+    qp_ns: int = 0
+    """0: nothing was solved this tick"""
+    qp_iterations: int = 0
+    cause: StopCause = StopCause.NONE
+
+
+class ControlStep:
+    """The controller between two ticks: what it hears, what it plans, what it answers.
+
+    Nothing in `run` waits, formats text or opens anything.
+
+    Paper: eqs. (7) and (14).
+    """
+
+    def __init__(
+        self,
+        *,
+        bus: can.BusABC,
+        inbox: Inbox,
+        outbox: ControllerOutbox,
+        mpc: Mpc,
+        plan: Plan,
+        limits: InputLimits,
+        clock: Clock,
+        model_hash: int,
+    ) -> None:
+        self._bus = bus
+        self._inbox = inbox
+        self._outbox = outbox
+        self._mpc = mpc
+        self._plan = plan
+        self._limits = limits
+        self._clock = clock
+        self._model_hash = model_hash
+        self._catalogue = dbc_hash()
+        self._last_state: StateSnapshot | None = None
+        self._last_out_of_range = 0
+        self._faults = Fault(0)
+        self._ticks = 0
+        self.outcome = StepOutcome()
+
+    def run(self, missed_deadline: bool = False) -> StepOutcome:
+        """Hear, plan, judge, confine, answer; `missed_deadline` is news of the step before."""
+        now_ns = self._clock.now_ns()
+        self._faults = Fault.DEADLINE_MISSED if missed_deadline else Fault(0)
+
+        self._inbox.drain(self._bus, now_ns)
+        state = self._new_state()
+        path = self._standing_path(now_ns)
+        mission = self._standing_mission(now_ns)
+
+        planned = self._take_plan(state, path, mission)
+        event = self._judge(state, path, mission)
+        self.outcome.mode = next_mode(self.outcome.mode, event)
+        self.outcome.control = confine(
+            self._wanted(planned), self.outcome.control, self._limits, PERIOD_S
+        )
+        self._answer(now_ns)
+
+        self.outcome.state, self.outcome.path = state, path
+        return self.outcome
+
+    def stop(self) -> None:
+        """One last command before leaving: pedals as in a safe stop, sent without planning."""
+        now_ns = self._clock.now_ns()
+        control = safe_stop(self.outcome.control, None)
+        self._outbox.send_command(
+            confine(control, self.outcome.control, self._limits, PERIOD_S), Mode.SAFE_STOP, now_ns
+        )
+
+    def _new_state(self) -> StateSnapshot | None:
+        newest = self._inbox.state
+        out_of_range = self._inbox.counts.out_of_range
+        if out_of_range > self._last_out_of_range:
+            self._faults |= Fault.STATE_INVALID
+        self._last_out_of_range = out_of_range
+        if newest is None or newest is self._last_state:
+            self._faults |= Fault.STATE_STALE
+            return None
+        self._last_state = newest
+        return newest
+
+    def _standing_path(self, now_ns: int) -> PathReference | None:
+        newest = self._inbox.reference
+        if newest is None or not is_fresh(newest.arrival_ns, now_ns, REFERENCE_MAX_AGE_NS):
+            return None
+        return newest.path
+
+    def _standing_mission(self, now_ns: int) -> MissionSnapshot | None:
+        newest = self._inbox.mission
+        if newest is None or not is_fresh(newest.arrival_ns, now_ns, newest.valid_for_ns):
+            self._faults |= Fault.MISSION_MISSING
+            return None
+        return newest
+
+    def _take_plan(
+        self,
+        state: StateSnapshot | None,
+        path: PathReference | None,
+        mission: MissionSnapshot | None,
+    ) -> ControlInput | None:
+        """The first input of a new plan, else the next of the last good one, else nothing."""
+        self.outcome.qp_ns = self.outcome.qp_iterations = 0
+        if state is None or path is None or mission is None or not mission.is_engaged:
+            return self._plan.follow()
+        status = self._mpc.plan(state.state, state.curvature_per_m, path, self.outcome.control)
+        self.outcome.qp_ns = self._mpc.solve_ns
+        self.outcome.qp_iterations = self._mpc.iterations
+        if status is SolveStatus.SOLVED:
+            return self._plan.renew(self._mpc.inputs)
+        self._faults |= Fault.SOLVER_FAILED
+        return self._plan.follow()
+
+    def _judge(
+        self,
+        state: StateSnapshot | None,
+        path: PathReference | None,
+        mission: MissionSnapshot | None,
+    ) -> Event:
+        cause = self._hard_fault(state)
+        if cause is not StopCause.NONE:
+            return self._blame(cause, Event.FAULT)
+        if mission is None:
+            return self._blame(StopCause.MISSION_LOST, Event.LOST)
+        if self._may_reset(state, mission):
+            return self._blame(StopCause.NONE, Event.RESET)
+        if not mission.is_engaged:
+            return Event.IDLE
+        if self._plan.ticks_held == 0:
+            return Event.PLANNED
+        if state is None:
+            cause = StopCause.STATE_LOST
+        elif path is None:
+            cause = StopCause.REFERENCE_LOST
+        else:
+            cause = StopCause.SOLVER_FAILED
+        held = self._plan.ticks_held <= HOLD_PLAN_TICKS
+        return self._blame(cause, Event.UNPLANNED if held else Event.LOST)
+
+    def _hard_fault(self, state: StateSnapshot | None) -> StopCause:
+        peer = self._inbox.peer
+        if peer is not None and peer.dbc_hash != self._catalogue:
+            self._faults |= Fault.PEER_MISMATCH
+            return StopCause.PEER_MISMATCH
+        if self._inbox.last_failure:
+            self._faults |= Fault.BUS_FAULT
+            return StopCause.BUS_FAILED
+        if state is not None and state.is_watchdog_braking:
+            return StopCause.VEHICLE_BRAKING
+        return StopCause.NONE
+
+    def _may_reset(self, state: StateSnapshot | None, mission: MissionSnapshot) -> bool:
+        return (
+            mission.is_reset_requested
+            and self.outcome.mode is Mode.SAFE_STOP
+            and state is not None
+            and abs(state.state.vx_mps) < STANDING_MPS
+        )
+
+    def _blame(self, cause: StopCause, event: Event) -> Event:
+        if self.outcome.mode is not Mode.SAFE_STOP or event is Event.RESET:
+            self.outcome.cause = cause
+        return event
+
+    def _wanted(self, planned: ControlInput | None) -> ControlInput:
+        previous = self.outcome.control
+        if self.outcome.mode is Mode.STANDBY:
+            return stand_by(previous)
+        if self.outcome.mode is Mode.SAFE_STOP or planned is None:
+            return safe_stop(previous, None if planned is None else planned.steer_rad)
+        return planned
+
+    def _answer(self, now_ns: int) -> None:
+        self._outbox.send_command(self.outcome.control, self.outcome.mode, now_ns)
+        seen = self._last_state
+        self._outbox.send_heartbeat(
+            Heartbeat(
+                mode=self.outcome.mode,
+                faults=self._faults,
+                compute_time_ns=self._clock.now_ns() - now_ns,
+                state_age_ns=None if seen is None else now_ns - seen.arrival_ns,
+                qp_iterations=self.outcome.qp_iterations or None,
+            ),
+            now_ns,
+        )
+        if self._ticks % IDENT_PERIOD_TICKS == 0:
+            self._outbox.send_identity(self._model_hash, now_ns)
+        self._ticks += 1

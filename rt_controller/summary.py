@@ -1,0 +1,78 @@
+"""What a run amounts to: for people a table, for programs JSON with the same figures."""
+
+from math import degrees
+from typing import Any
+
+from rich.table import Table
+
+from rt_controller.loop import RunRecord
+from rt_controller.realtime.accounting import Percentiles, TickTimes
+from rt_controller.realtime.scheduling import Guarantees
+
+
+def to_json(record: RunRecord, guarantees: Guarantees, model: str) -> dict[str, Any]:
+    """The summary with units in its keys; angles in rad, times in microseconds."""
+    deadlines = record.deadlines
+    return {
+        **record.tracking.errors()._asdict(),
+        "ticks": deadlines.ticks,
+        "deadline_misses": deadlines.deadline_misses,
+        "skipped_ticks": deadlines.skipped_ticks,
+        "final_mode": record.outcome.mode.name,
+        "ending": record.ending.name,
+        "stop_cause": record.outcome.cause.name,
+        "scheduler": guarantees.scheduler,
+        "memory_locked": guarantees.memory_locked,
+        "model": model,
+        **{field: deadlines.percentiles(field)._asdict() for field in TickTimes._fields},
+    }
+
+
+def to_table(record: RunRecord, guarantees: Guarantees, model: str) -> Table:
+    """The same figures for a terminal."""
+    errors, deadlines = record.tracking.errors(), record.deadlines
+    table = Table(title=f"{model}: {record.ending.value}", title_justify="left", show_header=False)
+    table.add_row(
+        "lateral deviation e_y", f"RMS {errors.ey_rms_m:.3f} m, peak {errors.ey_peak_m:.3f} m"
+    )
+    table.add_row(
+        "heading error e_psi",
+        f"RMS {degrees(errors.epsi_rms_rad):.2f} deg, peak {degrees(errors.epsi_peak_rad):.2f} deg",
+    )
+    table.add_row(
+        "speed error", f"RMS {errors.vx_rms_mps:.3f} m/s, peak {errors.vx_peak_mps:.3f} m/s"
+    )
+    table.add_row(
+        "ticks",
+        f"{deadlines.ticks}, {deadlines.deadline_misses} missed their deadline, "
+        f"{deadlines.skipped_ticks} skipped",
+    )
+    table.add_row("step, frames in to out", _line(deadlines.percentiles("step_us"), "us"))
+    table.add_row("wake-up lateness", _line(deadlines.percentiles("wake_us"), "us"))
+    table.add_row("QP solve", _line(deadlines.percentiles("qp_us"), "us"))
+    table.add_row("QP iterations", _line(deadlines.percentiles("qp_iterations"), ""))
+    table.add_row("final mode", record.outcome.mode.name)
+    table.add_row("held", guarantees.sentence())
+    return table
+
+
+def _line(p: Percentiles, unit: str) -> str:
+    return f"p50 {p.p50:.0f}, p99 {p.p99:.0f}, p99.9 {p.p999:.0f}, max {p.max:.0f} {unit}".rstrip()
+
+
+def live_line(record: RunRecord) -> str:
+    """One line about the present."""
+    outcome, deadlines = record.outcome, record.deadlines
+    if deadlines.ticks == 0:
+        return "waiting for the vehicle"
+    state, path = outcome.state, outcome.path
+    where = (
+        ""
+        if state is None or path is None
+        else f"  {state.state.vx_mps * 3.6:5.1f} km/h  e_y {state.state.ey_m - path.c0_m:+.3f} m"
+    )
+    return (
+        f"{deadlines.ticks:6d} {outcome.mode.name:9s}{where}  "
+        f"wheel {degrees(outcome.control.steer_rad):+5.1f} deg  QP {outcome.qp_ns / 1e3:4.0f} us  "
+        f"missed {deadlines.deadline_misses}, skipped {deadlines.skipped_ticks}"
+    )

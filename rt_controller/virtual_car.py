@@ -1,0 +1,65 @@
+"""The one door from the controller to the simulated car: both in one process, on a virtual bus.
+
+The simulation is imported only here and only when it is asked for; what runs in a vehicle never
+passes through.
+"""
+
+import threading
+from typing import TYPE_CHECKING
+
+from rt_controller.config import BusSettings, Pace
+from rt_controller.contract.errors import MissingExtraError
+from rt_controller.contract.timing import PERIOD_NS
+from rt_controller.realtime.clock import Clock, LockstepClock, RealtimeClock
+
+if TYPE_CHECKING:
+    from sim_bridge.session import BridgeSession
+
+
+class VirtualCar:
+    """The simulated car and its bridge, as a thread or in lockstep."""
+
+    def __init__(self, session: "BridgeSession") -> None:
+        self._session = session
+        self._leave = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def clock(self, pace: Pace) -> Clock:
+        """The clock that the controller shares with this car."""
+        if pace is Pace.LOCKSTEP:
+            return LockstepClock(PERIOD_NS, self._session.tick)
+        return RealtimeClock(PERIOD_NS)
+
+    def start(self) -> None:
+        """In real time: let the car run on its own, beside the controller."""
+        self._thread = threading.Thread(
+            target=self._session.run,
+            args=(RealtimeClock(PERIOD_NS), self._leave.is_set),
+            name="car",
+        )
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop the car's thread and leave the bus."""
+        self._leave.set()
+        if self._thread is not None:
+            self._thread.join()
+        self._session.close()
+
+
+def build_virtual_car(bus: BusSettings, scenario: str) -> VirtualCar:
+    """Compile (or fetch from the cache) and settle the car, and open its end of the bus.
+
+    Raises:
+        MissingExtraError: the simulation's dependencies are not installed.
+        ConfigError: there is no such scenario.
+        BusError: the bus cannot be opened.
+    """
+    try:
+        from sim_bridge.session import open_session
+    except ModuleNotFoundError as error:
+        raise MissingExtraError(
+            f"--bus virtual brings its own car, which needs {error.name}: expected the extra "
+            f'[sim], found it missing. Install it with: pip install "rt-controller[sim]"'
+        ) from error
+    return VirtualCar(open_session(bus.interface, bus.channel, bus.bitrate, {}, scenario))

@@ -1,0 +1,86 @@
+"""The automatic gearbox: six ratios, a shift map over throttle, and the hand-over of a shift."""
+
+from numpy import float64
+from numpy.typing import NDArray
+
+from sim_bridge.plant.engine import RPM_OF_RADPS
+from sim_bridge.plant.jit import compiled
+from sim_bridge.plant.parameters import GearboxParameters
+from sim_bridge.plant.states import AT
+
+N_GEARS = 6
+
+
+@compiled
+def ratio(
+    gear: float, gear_before: float, since_shift_s: float, gearbox: GearboxParameters
+) -> float:
+    """Speed ratio; during a shift it passes smoothly from the old gear's to the new one's."""
+    after = gearbox.ratios[int(gear) - 1]
+    if since_shift_s >= gearbox.shift_time_s:
+        return after
+    before = gearbox.ratios[int(gear_before) - 1]
+    done = since_shift_s / gearbox.shift_time_s
+    return before + (after - before) * done * done * (3.0 - 2.0 * done)
+
+
+@compiled
+def handed_over(since_shift_s: float, gearbox: GearboxParameters) -> float:
+    """Share of the torque that the clutches carry: it dips while one gear hands over to the next."""
+    if since_shift_s >= gearbox.shift_time_s:
+        return 1.0
+    done = since_shift_s / gearbox.shift_time_s
+    return 1.0 - gearbox.shift_dip * 16.0 * (done * (1.0 - done)) ** 2
+
+
+@compiled
+def efficiency(gear: float, gearbox: GearboxParameters) -> float:
+    """Share of the power that leaves the gearbox."""
+    return gearbox.efficiencies[int(gear) - 1]
+
+
+@compiled
+def up_shift_rpm(throttle: float, gearbox: GearboxParameters) -> float:
+    """Turbine speed above which the next gear is engaged."""
+    return gearbox.up_rpm + (gearbox.up_rpm_full - gearbox.up_rpm) * throttle * throttle**0.5
+
+
+@compiled
+def down_shift_rpm(throttle: float, gearbox: GearboxParameters) -> float:
+    """Turbine speed below which the gear before is engaged."""
+    return gearbox.down_rpm + (gearbox.down_rpm_full - gearbox.down_rpm) * throttle * throttle**0.5
+
+
+@compiled
+def highest_gear(output_radps: float, throttle: float, gearbox: GearboxParameters) -> float:
+    """The gear a car rolls along in: the highest one clear of its down-shift."""
+    for gear in range(N_GEARS, 1, -1):
+        turbine_rpm = output_radps * gearbox.ratios[gear - 1] * RPM_OF_RADPS
+        if turbine_rpm > 1.1 * down_shift_rpm(throttle, gearbox):
+            return float(gear)
+    return 1.0
+
+
+@compiled
+def choose_gear(
+    state: NDArray[float64], output_radps: float, gearbox: GearboxParameters, step_s: float
+) -> None:
+    """Decide on a shift and let its clock run; changes only the gear entries of the state.
+
+    Called once between steps, so that a step never sees the gear change.
+    """
+    elapsed_s = state[AT.since_shift_s] + step_s
+    if elapsed_s >= gearbox.dwell_s:
+        gear = int(state[AT.gear])
+        turbine_rpm = output_radps * gearbox.ratios[gear - 1] * RPM_OF_RADPS
+        throttle = min(1.0, max(0.0, state[AT.throttle]))
+        step = 0
+        if gear < N_GEARS and turbine_rpm > up_shift_rpm(throttle, gearbox):
+            step = 1
+        elif gear > 1 and turbine_rpm < down_shift_rpm(throttle, gearbox):
+            step = -1
+        if step != 0:
+            state[AT.gear_before] = float(gear)
+            state[AT.gear] = float(gear + step)
+            elapsed_s = 0.0
+    state[AT.since_shift_s] = min(elapsed_s, 10.0)

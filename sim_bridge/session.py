@@ -1,0 +1,78 @@
+"""One run of the bridge from bus to bus: what the command line and the virtual car both open."""
+
+from collections.abc import Callable, Mapping
+
+import can
+
+from rt_controller.bus.outbox import VehicleOutbox
+from rt_controller.bus.recorder import Recorder
+from rt_controller.bus.inbox import CommandInbox
+from rt_controller.bus.transport import Option, open_bus
+from rt_controller.contract.signals import NEUTRAL_INPUT
+from rt_controller.realtime.clock import Clock
+from sim_bridge.bridge import Bridge
+from sim_bridge.car import Car
+from sim_bridge.plant.parameters import C_CLASS_150KW_AWD, with_road_friction
+from sim_bridge.scenario import Scenario, load_scenario
+
+
+class BridgeSession:
+    """A bus that is open, a car that is settled, and the bridge between them."""
+
+    def __init__(self, bus: can.BusABC, bridge: Bridge, recorder: Recorder | None) -> None:
+        self._bus = bus
+        self._recorder = recorder
+        self.bridge = bridge
+
+    def tick(self, now_ns: int) -> None:
+        """One period, in lockstep with whoever calls."""
+        self.bridge.tick(now_ns)
+
+    def run(self, clock: Clock, should_stop: Callable[[], bool]) -> None:
+        """Tick on `clock` until the mission is over or `should_stop`."""
+        while not should_stop() and not self.bridge.is_over:
+            clock.wait()
+            self.bridge.tick(clock.now_ns())
+
+    def close(self) -> None:
+        """Leave the bus and finish the log."""
+        self._bus.shutdown()
+        if self._recorder is not None:
+            self._recorder.close()
+
+
+def build_car(scenario: Scenario) -> Car:
+    """The car at the scenario's speed on the scenario's road; compiles it if need be."""
+    parameters = with_road_friction(C_CLASS_150KW_AWD, scenario.road_friction)
+    car = Car(parameters, scenario.speed_mps)
+    # One period thrown away: what is not compiled yet is compiled here and not in the loop.
+    car.advance(NEUTRAL_INPUT, scenario.curvature_per_m)
+    car.reset(scenario.speed_mps, 0.0, 0.0)
+    return car
+
+
+def open_session(
+    interface: str,
+    channel: str,
+    bitrate: int | None,
+    options: Mapping[str, Option],
+    scenario: str,
+    recorder: Recorder | None = None,
+) -> BridgeSession:
+    """Everything opened and ready to tick.
+
+    Raises:
+        ConfigError: there is no such scenario.
+        BusError: the bus cannot be opened.
+    """
+    manoeuvre = load_scenario(scenario)
+    car = build_car(manoeuvre)
+    bus = open_bus(interface, channel, bitrate, options)
+    bridge = Bridge(
+        bus=bus,
+        inbox=CommandInbox(recorder),
+        outbox=VehicleOutbox(bus, recorder),
+        car=car,
+        scenario=manoeuvre,
+    )
+    return BridgeSession(bus, bridge, recorder)

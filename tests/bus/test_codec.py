@@ -1,0 +1,124 @@
+"""The fast codec is bit-equal to cantools, in both directions, for every message."""
+
+from math import inf, isnan, nan
+
+import cantools
+import pytest
+from cantools.autosar.end_to_end import apply_profile2_crc
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rt_controller.bus import frames
+from rt_controller.bus.codec import DBC_PATH, MessageCodec, counter_of, nibble_of
+
+CATALOGUE = cantools.database.load_file(DBC_PATH, strict=True)
+every_message = pytest.mark.parametrize("codec", frames.CODECS, ids=lambda codec: codec.name)
+
+
+def _oracle(codec: MessageCodec) -> cantools.database.can.Message:
+    return CATALOGUE.get_message_by_name(codec.name)
+
+
+def _nibble_name(codec: MessageCodec) -> str:
+    (name,) = (signal.name for signal in _oracle(codec).signals if signal.start == 12)
+    return name
+
+
+@every_message
+@settings(derandomize=True, deadline=None)
+@given(data=st.data())
+def test_values_in_range_encode_to_the_bits_of_cantools(
+    codec: MessageCodec, data: st.DataObject
+) -> None:
+    oracle = _oracle(codec)
+    counter = data.draw(st.integers(0, 15))
+    nibble = data.draw(st.integers(0, 1))
+    values = [
+        data.draw(
+            st.floats(float(signal.minimum), float(signal.maximum)),
+            label=layout.name,
+        )
+        for layout in codec.signals
+        for signal in [oracle.get_signal_by_name(layout.name)]
+    ]
+    by_name = dict(zip((layout.name for layout in codec.signals), values, strict=True))
+    plain = oracle.encode({"Crc": 0, "Counter": counter, _nibble_name(codec): nibble, **by_name})
+    expected = apply_profile2_crc(plain, codec.data_ids[counter])
+
+    frame = codec.encode(values, counter, nibble)
+
+    assert frame == expected
+    assert codec.is_intact(frame)
+    assert counter_of(frame) == counter
+    assert nibble_of(frame) == nibble
+
+
+@every_message
+@settings(derandomize=True, deadline=None)
+@given(data=st.data())
+def test_raw_values_in_range_decode_to_the_floats_of_cantools(
+    codec: MessageCodec, data: st.DataObject
+) -> None:
+    oracle = _oracle(codec)
+    raws = {
+        layout.name: data.draw(st.integers(layout.raw_min, layout.raw_max), label=layout.name)
+        for layout in codec.signals
+    }
+    frame = oracle.encode(
+        {"Crc": 0, "Counter": 0, _nibble_name(codec): 1, **raws}, scaling=False, strict=False
+    )
+    decoded = oracle.decode(frame, decode_choices=False)
+    assert codec.decode(frame) == tuple(decoded[layout.name] for layout in codec.signals)
+
+
+@every_message
+@settings(derandomize=True, deadline=None)
+@given(data=st.data())
+def test_any_eight_bytes_decode_to_values_in_range_or_to_nan(
+    codec: MessageCodec, data: st.DataObject
+) -> None:
+    oracle = _oracle(codec)
+    frame = data.draw(st.binary(min_size=8, max_size=8))
+    raws = oracle.decode(frame, decode_choices=False, scaling=False)
+    for layout, value in zip(codec.signals, codec.decode(frame), strict=True):
+        is_in_range = layout.raw_min <= raws[layout.name] <= layout.raw_max
+        assert isnan(value) != is_in_range
+
+
+@every_message
+@pytest.mark.parametrize("bad", [nan, inf, -inf, 1e300, -1e300])
+def test_a_value_that_cannot_travel_becomes_not_available(codec: MessageCodec, bad: float) -> None:
+    """It is not clipped: a clipped value would look like a measurement."""
+    for place, layout in enumerate(codec.signals):
+        values = [0.0] * len(codec.signals)
+        values[place] = bad
+        frame = codec.encode(values, 3, 1)
+        decoded = _oracle(codec).decode(frame)
+        assert str(decoded[layout.name]) == "NotAvailable"
+        assert codec.is_intact(frame)
+        assert isnan(codec.decode(frame)[place])
+        assert codec.decode(frame)[:place] == (0.0,) * place
+
+
+@every_message
+def test_a_range_ends_half_an_lsb_outside_its_bounds(codec: MessageCodec) -> None:
+    """Rounding noise at a bound is no violation, the next raw value is one."""
+    for place, layout in enumerate(codec.signals):
+        for raw, outwards in ((layout.raw_min, -1), (layout.raw_max, 1)):
+            values = [0.0] * len(codec.signals)
+            values[place] = (raw + 0.4 * outwards) * layout.scale + layout.offset
+            at_bound = raw * layout.scale + layout.offset
+            assert codec.decode(codec.encode(values, 0, 1))[place] == at_bound
+            values[place] = (raw + 0.6 * outwards) * layout.scale + layout.offset
+            assert isnan(codec.decode(codec.encode(values, 0, 1))[place])
+
+
+@pytest.mark.parametrize("length", [0, 1, 7, 9, 64])
+def test_a_frame_of_another_length_is_not_intact(length: int) -> None:
+    assert not frames.ACT_CMD.is_intact(bytes(length))
+
+
+def test_a_command_has_the_bytes_computed_by_hand() -> None:
+    """0.5 / 2e-5 = 25000 = 0x61A8; 30 N / 0.0025 = 12000 = 0x2EE0; -10 deg / 0.004 = -2500."""
+    frame = frames.ACT_CMD.encode((0.5, 30.0, -10.0), 9, 2)
+    assert frame[1:] == bytes.fromhex("29 A861 E02E 3CF6")

@@ -1,0 +1,176 @@
+"""The message catalogue says everything, and says the same as the contract."""
+
+from math import degrees
+from pathlib import Path
+
+import cantools
+import pytest
+from cantools.database.can import Message, Signal
+
+from rt_controller.bus import frames
+from rt_controller.bus.codec import DBC_PATH, compile_codec, read_catalogue
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.signals import Mode
+from rt_controller.contract.timing import IDENT_PERIOD_TICKS, MISSION_PERIOD_TICKS, PERIOD_S
+
+CATALOGUE = cantools.database.load_file(DBC_PATH, strict=True)
+MESSAGES: list[Message] = CATALOGUE.messages
+SIGNALS = [(message, signal) for message in MESSAGES for signal in message.signals]
+BODY = [(message, signal) for message, signal in SIGNALS if signal.start >= 16]
+DIMENSIONLESS = {
+    "Throttle",
+    "AppliedThrottle",
+    "C1",
+    "CommandEcho",
+    "Watchdog",
+    "Engage",
+    "Acknowledge",
+    "MissionId",
+    "Faults",
+    "QpIterations",
+    "DbcHash",
+    "ModelHash",
+}
+
+
+def _name(value: object) -> str:
+    return value.name if isinstance(value, Message | Signal) else str(value)
+
+
+def test_the_program_speaks_exactly_the_messages_of_the_catalogue() -> None:
+    spoken = {(codec.name, codec.arbitration_id) for codec in frames.CODECS}
+    assert spoken == {(message.name, message.frame_id) for message in MESSAGES}
+
+
+@pytest.mark.parametrize("message", MESSAGES, ids=_name)
+def test_every_message_has_comment_sender_receiver_and_protection(message: Message) -> None:
+    assert message.comment
+    assert message.length == 8
+    assert not message.is_extended_frame
+    assert len(message.senders) == 1
+    assert message.receivers | set(message.senders) == {"CONTROLLER", "VEHICLE"}
+    assert message.dbc is not None
+    assert set(message.dbc.attributes) >= {"GenMsgCycleTime", "E2EDataIdList"}
+
+
+@pytest.mark.parametrize(("message", "signal"), SIGNALS, ids=_name)
+def test_every_signal_has_a_comment(message: Message, signal: Signal) -> None:
+    assert signal.comment
+
+
+@pytest.mark.parametrize(("message", "signal"), BODY, ids=_name)
+def test_every_quantity_has_a_unit(message: Message, signal: Signal) -> None:
+    assert bool(signal.unit) != (signal.name in DIMENSIONLESS)
+
+
+@pytest.mark.parametrize(("message", "signal"), BODY, ids=_name)
+def test_every_range_leaves_raw_values_that_cannot_be_meant(
+    message: Message, signal: Signal
+) -> None:
+    codec = next(codec for codec in frames.CODECS if codec.name == message.name)
+    layout = next(layout for layout in codec.signals if layout.name == signal.name)
+    lowest, highest = (
+        (-(2 ** (signal.length - 1)), 2 ** (signal.length - 1) - 1)
+        if signal.is_signed
+        else (0, 2**signal.length - 1)
+    )
+    assert lowest <= layout.raw_min < layout.raw_max <= highest
+    assert layout.raw_not_available == (lowest if signal.is_signed else highest)
+    assert not layout.raw_min <= layout.raw_not_available <= layout.raw_max
+
+
+def test_cycle_times_are_those_of_the_contract() -> None:
+    mission_ms = round(PERIOD_S * MISSION_PERIOD_TICKS * 1000)
+    identity_ms = round(PERIOD_S * IDENT_PERIOD_TICKS * 1000)
+    slower = {
+        "MISSION": mission_ms,
+        "IDENT_CONTROLLER": identity_ms,
+        "IDENT_VEHICLE": identity_ms,
+    }
+    period_ms = round(PERIOD_S * 1000)
+    for message in MESSAGES:
+        assert message.cycle_time == slower.get(message.name, period_ms), message.name
+
+
+@pytest.mark.parametrize("name", ["ACT_CMD", "CTRL_HB"])
+def test_modes_have_the_names_of_the_contract(name: str) -> None:
+    choices = CATALOGUE.get_message_by_name(name).get_signal_by_name("Mode").choices
+    assert {raw: str(text) for raw, text in choices.items()} == {int(m): m.name for m in Mode}
+
+
+def test_every_fault_bit_is_within_the_range() -> None:
+    faults = CATALOGUE.get_message_by_name("CTRL_HB").get_signal_by_name("Faults")
+    assert int(~frames.Fault(0)) == faults.maximum
+
+
+def test_the_command_has_the_highest_priority() -> None:
+    assert min(message.frame_id for message in MESSAGES) == frames.ACT_CMD.arbitration_id
+
+
+def test_every_input_that_the_limits_allow_can_travel() -> None:
+    for control in (INPUT_LIMITS.lower, INPUT_LIMITS.upper):
+        values = (control.throttle, control.brake_n, degrees(control.steer_rad))
+        for layout, value in zip(frames.ACT_CMD.signals, values, strict=True):
+            low, high = layout.raw_min * layout.scale, layout.raw_max * layout.scale
+            assert low <= value <= high, layout.name
+
+
+@pytest.mark.parametrize(("power", "name"), [(0, "C0"), (1, "C1"), (2, "C2"), (3, "C3")])
+def test_rounding_a_path_coefficient_moves_the_path_by_less_than_2_mm_at_20_m(
+    power: int, name: str
+) -> None:
+    layouts = (*frames.REF_PATH.signals, *frames.REF_SPEED.signals)
+    layout = next(layout for layout in layouts if layout.name == name)
+    assert layout.scale / 2 * 20.0**power < 0.002
+
+
+@pytest.mark.parametrize(
+    ("name", "largest"), [("C0", 3.5), ("C1", 0.5), ("C2", 0.02), ("C3", 0.005)]
+)
+def test_a_lane_change_of_3_5_m_over_40_m_can_travel(name: str, largest: float) -> None:
+    layouts = (*frames.REF_PATH.signals, *frames.REF_SPEED.signals)
+    layout = next(layout for layout in layouts if layout.name == name)
+    assert layout.raw_min * layout.scale <= -largest
+    assert layout.raw_max * layout.scale >= largest
+
+
+@pytest.mark.parametrize(
+    ("line", "replacement"),
+    [
+        ("SG_ Throttle : 16|16@1+", "SG_ Pedal : 16|16@1+"),
+        ("SG_ Crc : 0|8@1+", "SG_ Crc : 0|7@1+"),
+        ("SG_ Throttle : 16|16@1+", "SG_ Throttle : 17|15@1+"),
+        ("SG_ Throttle : 16|16@1+", "SG_ Throttle : 23|16@0+"),
+        ("SG_ Throttle : 16|16@1+ (0.00002,0) [0|1]", "SG_ Throttle : 16|16@1+ (0.00002,0) [0|2]"),
+        (
+            "SG_ Throttle : 16|16@1+ (0.00002,0) [0|1]",
+            "SG_ Throttle : 16|16@1+ (0.00002,0) [0|1.3107]",
+        ),
+        ('VAL_ 256 Throttle 65535 "NotAvailable"', 'VAL_ 256 Throttle 65535 "Broken"'),
+        ('BA_ "E2EDataIdList" BO_ 256 "', 'BA_ "E2EDataIdList" BO_ 256 "00 '),
+        ('BA_ "E2EDataIdList" BO_ 256 "', 'BA_ "E2EDataIdList" BO_ 256 "none'),
+        ("BO_ 256 ACT_CMD", "BO_ 256 ACT"),
+        ("BO_ 256 ACT_CMD", "BO_ 2147483904 ACT_CMD"),
+        ("NS_ :", "NONSENSE"),
+    ],
+)
+def test_a_catalogue_that_the_codec_cannot_speak_is_refused(
+    tmp_path: Path, line: str, replacement: str
+) -> None:
+    text = DBC_PATH.read_text(encoding="ascii")
+    assert line in text
+    path = tmp_path / "messages.dbc"
+    path.write_text(text.replace(line, replacement), encoding="ascii")
+    with pytest.raises(ConfigError, match=r"(?s)expected .* found .*Restore"):
+        compile_codec(
+            read_catalogue(path),
+            "ACT_CMD",
+            "Mode",
+            ("Throttle", "BrakeForce", "SteeringWheelAngle"),
+        )
+
+
+def test_a_missing_catalogue_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="expected the message catalogue"):
+        read_catalogue(tmp_path / "messages.dbc")

@@ -1,0 +1,45 @@
+"""The reference over the horizon follows the path that the bus carries."""
+
+import numpy as np
+import pytest
+
+from rt_controller.contract.signals import PathReference, VehicleState
+from rt_controller.control.reference import ReferenceHorizon
+
+CRUISING = VehicleState(20.0, 0.0, 0.0, 0.5, 0.0, 0.0)
+
+
+def test_a_straight_path_asks_for_nothing_but_speed() -> None:
+    x = ReferenceHorizon(20).expand(PathReference(1.0, 0, 0, 0, 20.0, 0.0), CRUISING, 0.0)
+    np.testing.assert_allclose(x[:, 0], 20.0)
+    np.testing.assert_allclose(x[:, 3], 0.5)
+    np.testing.assert_allclose(x[:, 4], 1.0)
+    assert not x[:, [1, 2, 5]].any()
+
+
+def test_stage_k_lies_k_periods_ahead() -> None:
+    path = PathReference(0.5, 0.1, 0.01, -0.0005, 20.0, 0.0)
+    x = ReferenceHorizon(20).expand(path, CRUISING, 0.0)
+    sigma = 20.0 * 0.025 * np.arange(1, 21)
+    np.testing.assert_allclose(x[:, 4], 0.5 + 0.1 * sigma + 0.01 * sigma**2 - 0.0005 * sigma**3)
+    np.testing.assert_allclose(np.tan(x[:, 5]), 0.1 + 0.02 * sigma - 0.0015 * sigma**2)
+
+
+def test_heading_turns_at_the_yaw_rate_less_the_roads() -> None:
+    path = PathReference(0.0, 0.0, 0.002, 0.0, 20.0, 0.0)
+    x = ReferenceHorizon(20).expand(path, CRUISING, 0.001)
+    assert x[0, 2] == pytest.approx(20.0 * (0.001 + 0.004))
+    turned = (x[-1, 2] - 20.0 * 0.001) * 19 * 0.025
+    assert x[-1, 5] - x[0, 5] == pytest.approx(turned, rel=0.01)
+
+
+def test_a_slower_car_sees_less_of_the_path() -> None:
+    path = PathReference(0.0, 0.1, 0.0, 0.0, 20.0, 0.0)
+    fast = ReferenceHorizon(20).expand(path, CRUISING, 0.0)[-1, 4]
+    slow = ReferenceHorizon(20).expand(path, CRUISING._replace(vx_mps=10.0), 0.0)[-1, 4]
+    assert slow == pytest.approx(0.75 * fast)
+
+
+def test_a_wanted_acceleration_changes_the_wanted_speed() -> None:
+    x = ReferenceHorizon(20).expand(PathReference(0, 0, 0, 0, 20.0, -2.0), CRUISING, 0.0)
+    np.testing.assert_allclose(x[:, 0], 20.0 - 2.0 * 0.025 * np.arange(1, 21))

@@ -1,0 +1,92 @@
+"""Manoeuvres are data: what the file says is what the bus carries."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rt_controller.contract.errors import ConfigError
+from sim_bridge.scenario import PREVIEW_S, load_scenario, shipped_scenarios
+
+GOOD = """
+name = "one move"
+speed_kmh = 72.0
+curvature_per_m = 0.0
+duration_s = 4.0
+road_friction = 0.85
+[[moves]]
+start_m = 10.0
+length_m = 40.0
+to_m = 2.0
+"""
+
+
+def write(tmp_path: Path, text: str) -> str:
+    path = tmp_path / "scenario.toml"
+    path.write_text(text)
+    return str(path)
+
+
+def test_the_lane_change_is_the_papers() -> None:
+    scenario = load_scenario("double_lane_change")
+    assert scenario.speed_mps == pytest.approx(80 / 3.6)
+    assert scenario.curvature_per_m == 0.001
+    assert scenario.ticks == 400
+    lateral = scenario.lateral_m(np.linspace(0.0, 220.0, 500))
+    assert lateral.max() == pytest.approx(3.5)
+    assert lateral[0] == lateral[-1] == 0.0
+    assert all(move.length_m >= 50.0 for move in scenario.moves)
+
+
+@pytest.mark.parametrize("name", shipped_scenarios())
+def test_every_shipped_scenario_stays_within_the_grip_of_its_road(name: str) -> None:
+    scenario = load_scenario(name)
+    assert scenario.peak_lateral_mps2() < 0.8 * 9.81 * scenario.road_friction
+
+
+def test_the_cubic_is_exact_at_the_car_and_close_over_the_preview() -> None:
+    scenario = load_scenario("double_lane_change")
+    sigma = np.linspace(0.0, PREVIEW_S * scenario.speed_mps, 50)
+    for s_m in np.arange(0.0, 200.0, 1.7):
+        path = scenario.path_ahead(s_m, scenario.speed_mps)
+        assert path.c0_m == pytest.approx(float(scenario.lateral_m(np.array([s_m]))[0]))
+        cubic = path.c0_m + sigma * (path.c1 + sigma * (path.c2_per_m + sigma * path.c3_per_m2))
+        np.testing.assert_allclose(cubic, scenario.lateral_m(s_m + sigma), atol=0.005)
+
+
+def test_a_file_is_read_as_it_stands(tmp_path: Path) -> None:
+    scenario = load_scenario(write(tmp_path, GOOD))
+    assert scenario.name == "one move"
+    assert scenario.moves[0].to_m == 2.0
+    assert scenario.ticks == 160
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("speed_kmh = 72.0", "speed_kmh = -1.0", "speed_kmh"),
+        ("speed_kmh = 72.0", "speed_mph = 45.0", "speed_mph"),
+        ("duration_s = 4.0", "duration_s = 0.0", "duration_s"),
+        ("duration_s = 4.0", "", "duration_s"),
+        ("length_m = 40.0", "length_m = 0.0", "length_m"),
+        ("road_friction = 0.85", "road_friction = 0.0", "road_friction"),
+        ("curvature_per_m = 0.0", "curvature_per_m = 1.0", "curvature_per_m"),
+        ("name =", "name", "scenario"),
+    ],
+)
+def test_a_scenario_that_makes_no_sense_is_refused_by_field(
+    tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    with pytest.raises(ConfigError, match=message):
+        load_scenario(write(tmp_path, GOOD.replace(old, new)))
+
+
+def test_moves_must_not_overlap(tmp_path: Path) -> None:
+    second = "[[moves]]\nstart_m = 30.0\nlength_m = 40.0\nto_m = 0.0\n"
+    with pytest.raises(ConfigError, match="overlap"):
+        load_scenario(write(tmp_path, GOOD + second))
+
+
+def test_an_unknown_name_lists_the_known_ones() -> None:
+    with pytest.raises(ConfigError, match="double_lane_change"):
+        load_scenario("tripple_lane_change")
