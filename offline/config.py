@@ -21,57 +21,64 @@ class TrainingConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    preset: str = Field("paper", description="starting point: paper, paper-literal or quick")
+    preset: str = Field(
+        default="paper", description="starting point: paper, paper-literal or quick"
+    )
 
-    steps: PositiveInt = Field(60_000, description="mini-batch steps")
-    batch: PositiveInt = Field(128, description="trajectories in a mini-batch")
-    seed: int = Field(0, description="of the initial weights and of the sequence of batches")
-    threads: PositiveInt = Field(2, description="CPU threads of torch")
+    steps: PositiveInt = Field(default=60_000, description="mini-batch steps")
+    batch: PositiveInt = Field(default=128, description="trajectories in a mini-batch")
+    seed: int = Field(
+        default=0, description="of the initial weights and of the sequence of batches"
+    )
+    threads: PositiveInt = Field(default=2, description="CPU threads of torch")
 
-    learning_rate: PositiveFloat = Field(1e-3, description="Adam's rate at the start")
-    patience: PositiveInt = Field(3, description="evaluations before the rate is halved")
-    evaluate_every: PositiveInt = Field(500, description="steps between two evaluations")
+    learning_rate: PositiveFloat = Field(default=1e-3, description="Adam's rate at the start")
+    patience: PositiveInt = Field(default=3, description="evaluations before the rate is halved")
+    evaluate_every: PositiveInt = Field(default=500, description="steps between two evaluations")
     gradient_clip: PositiveFloat | None = Field(
-        None, description="largest norm of the gradient; none: as it comes"
+        default=None, description="largest norm of the gradient; none: as it comes"
     )
     best_rule: Literal["global-minimum", "as-printed"] = Field(
-        "global-minimum",
-        description="keep the model of the lowest validation loss, or follow Algorithm 1 as printed",
+        default="global-minimum",
+        description="keep the model of the lowest validation loss, or go by Algorithm 1 as printed",
     )
 
-    forgetting: float = Field(0.9, gt=0.0, le=1.0, description="beta of eq. (10)")
-    weight_single_step: Weight = Field(1.0, description="alpha_1 of eq. (13)")
-    weight_multi_step: Weight = Field(0.5, description="alpha_2 of eq. (13)")
-    weight_stability: Weight = Field(1.6, description="alpha_3 of eq. (13)")
-    weight_regularisation: Weight = Field(1e-4, description="alpha_4 of eq. (13)")
-    decay_encoder: Weight = Field(0.9, description="lambda_theta of eq. (12)")
-    decay_operator: Weight = Field(0.5, description="lambda_K of eq. (12)")
+    forgetting: float = Field(default=0.9, gt=0.0, le=1.0, description="beta of eq. (10)")
+    weight_single_step: Weight = Field(default=1.0, description="alpha_1 of eq. (13)")
+    weight_multi_step: Weight = Field(default=0.5, description="alpha_2 of eq. (13)")
+    weight_stability: Weight = Field(default=1.6, description="alpha_3 of eq. (13)")
+    weight_regularisation: Weight = Field(default=1e-4, description="alpha_4 of eq. (13)")
+    decay_encoder: Weight = Field(default=0.9, description="lambda_theta of eq. (12)")
+    decay_operator: Weight = Field(default=0.5, description="lambda_K of eq. (12)")
     operator_prior: Literal["identity", "zero"] = Field(
-        "identity",
+        default="identity",
         description="what A starts near and is pulled towards; eq. (12) as printed says zero",
     )
     stability: Literal["gelfand", "eigenvalue"] = Field(
-        "gelfand", description="bound on the growth of A^64, or eq. (11) as printed"
+        default="gelfand", description="bound on the growth of A^64, or eq. (11) as printed"
     )
     through_last_step: bool = Field(
-        True, description="eq. (10) up to step K instead of the printed K-1"
+        default=True, description="eq. (10) up to step K instead of the printed K-1"
     )
     target_samples: PositiveInt | None = Field(
-        None,
+        default=None,
         description="encode only so many random target times a batch (unbiased estimate of the "
         "sums); none: every one of them",
     )
 
     hidden: tuple[PositiveInt, ...] = Field(
-        (32, 64, 128, 128, 64), description="widths of the encoder's hidden layers"
+        default=(32, 64, 128, 128, 64), description="widths of the encoder's hidden layers"
     )
-    latents: PositiveInt = Field(60, description="P, observables beside the physical states")
+    latents: PositiveInt = Field(
+        default=60, description="P, observables beside the physical states"
+    )
     constant_observable: bool = Field(
-        True, description="one of the latents is the constant 1, so that A and B need no bias"
+        default=True,
+        description="one of the latents is the constant 1, so that A and B need no bias",
     )
 
-    episodes: PositiveInt = Field(7_000, description="episodes of 10 s in the data set")
-    data_seed: int = Field(0, description="of the data set")
+    episodes: PositiveInt = Field(default=7_000, description="episodes of 10 s in the data set")
+    data_seed: int = Field(default=0, description="of the data set")
 
 
 PRESETS = {

@@ -64,6 +64,10 @@ class Trajectories(NamedTuple):
     episode: NDArray[np.int32]
     """(N,) the number of the episode a slice was cut from"""
 
+    def take(self, rows: NDArray[np.integer] | NDArray[np.bool_] | slice) -> "Trajectories":
+        """The trajectories of these rows."""
+        return Trajectories(self.x[rows], self.u[rows], self.kappa[rows], self.episode[rows])
+
 
 @dataclass(frozen=True, slots=True)
 class Dataset:
@@ -77,8 +81,7 @@ class Dataset:
 
     def select(self, part: Part) -> Trajectories:
         """The trajectories of one part, in stored order."""
-        chosen = self.part == PARTS.index(part)
-        return Trajectories(*(column[chosen] for column in self.trajectories))
+        return self.trajectories.take(self.part == PARTS.index(part))
 
 
 def cache_folder(recipe: Recipe, episodes: int, seed: int, plant_fingerprint: str) -> Path:
@@ -103,6 +106,7 @@ def split_by_episode(episode: NDArray[np.int32], seed: int) -> NDArray[np.int8]:
 def save_dataset(
     folder: Path,
     trajectories: Trajectories,
+    *,
     rejected: int,
     recipe: Recipe,
     seed: int,

@@ -61,8 +61,7 @@ def choose_test_trajectories(test: Trajectories) -> Trajectories:
         np.flatnonzero(test.kappa == kappa)[:TRAJECTORIES_PER_CURVATURE]
         for kappa in np.unique(test.kappa)
     ]
-    rows = np.concatenate(chosen)
-    return Trajectories(*(column[rows] for column in test))
+    return test.take(np.concatenate(chosen))
 
 
 def evaluate(models: Mapping[str, Predictor], test: Trajectories) -> Evaluation:

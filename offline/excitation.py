@@ -93,7 +93,8 @@ def draw_steering(rng: np.random.Generator, recipe: Recipe, periods: int) -> Arr
     spacing_s = recipe.steering_window_s / knots_per_window
     n_knots = int(np.ceil(periods * PERIOD_S / spacing_s)) + 1
     knots = rng.uniform(-lock, lock, size=n_knots)
-    angle = monotone_cubic(spacing_s * np.arange(n_knots), knots, PERIOD_S * np.arange(periods))
+    knot_t = spacing_s * np.arange(n_knots, dtype=np.float64)
+    angle = monotone_cubic(knot_t, knots, PERIOD_S * np.arange(periods, dtype=np.float64))
     return np.clip(angle, -lock, lock)
 
 

@@ -77,8 +77,9 @@ def make_bundle(checkpoint: Checkpoint, dataset: Dataset) -> tuple[Bundle, Gate]
     model.eval()
     scaling = checkpoint.scaling
     encoder = PhysicalEncoder(model, scaling).eval()
+    scaled = model.operator()
     A, B, c = fold_scaling(
-        model.A.detach().double().numpy(), model.B.detach().double().numpy(), scaling
+        scaled.A.detach().double().numpy(), scaled.B.detach().double().numpy(), scaling
     )
     selftest_x = choose_selftest_states(dataset)
     with torch.no_grad():
@@ -117,7 +118,7 @@ def choose_selftest_states(dataset: Dataset) -> Array:
     """States (32, 6) spread evenly over the test part."""
     states = dataset.select("test").x[:, 0]
     rows = np.linspace(0, len(states) - 1, SELFTEST_STATES).astype(int)
-    return states[rows].astype(np.float64)
+    return np.asarray(states[rows], dtype=np.float64)
 
 
 def to_onnx(encoder: nn.Module) -> bytes:

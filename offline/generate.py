@@ -176,8 +176,13 @@ def _generate_chunk(recipe: Recipe, first: int, seeds: list[np.random.SeedSequen
 
 
 def _concatenate(parts: list[Generated]) -> Generated:
-    columns = zip(*(part.trajectories for part in parts), strict=True)
+    trajectories = [part.trajectories for part in parts]
     return Generated(
-        Trajectories(*(np.concatenate(column) for column in columns)),
+        Trajectories(
+            x=np.concatenate([slices.x for slices in trajectories]),
+            u=np.concatenate([slices.u for slices in trajectories]),
+            kappa=np.concatenate([slices.kappa for slices in trajectories]),
+            episode=np.concatenate([slices.episode for slices in trajectories]),
+        ),
         sum(part.rejected for part in parts),
     )

@@ -96,7 +96,7 @@ def regularisation_loss(
 
 
 def total_loss(
-    model: MdkNet, x: Tensor, u: Tensor, config: TrainingConfig, times: Tensor | None = None
+    model: MdkNet, config: TrainingConfig, x: Tensor, u: Tensor, times: Tensor | None = None
 ) -> Losses:
     """Every term on one batch of scaled trajectories. Paper: eq. (13), eq:total loss.
 
@@ -104,7 +104,7 @@ def total_loss(
     limits the targets that are encoded; the sums over time are then estimated without bias.
     """
     steps = u.shape[0]
-    A, B = model.A, model.B
+    A, B = model.operator()
     drive = u @ B.t()
     weights = forgetting_weights(steps, config.forgetting, config.through_last_step).to(x.device)
     if times is None:

@@ -5,6 +5,7 @@ Paper: section II, eqs. (6)-(8), and the table of hyperparameters.
 """
 
 from itertools import pairwise
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -19,6 +20,15 @@ N_INPUTS = len(ControlInput._fields) + len(EXOGENOUS_FIELDS)
 # bounded before the first update.
 NOISE_AROUND_IDENTITY = 1e-3
 SPREAD_OF_INPUT_MATRIX = 1e-2
+
+
+class Operator(NamedTuple):
+    """The linear part of the model."""
+
+    A: Tensor
+    """(n, n)"""
+    B: Tensor
+    """(n, 4), columns: throttle, brake, steering wheel, curvature"""
 
 
 class MdkNet(nn.Module):
@@ -43,21 +53,14 @@ class MdkNet(nn.Module):
         self.A_rows = nn.Parameter(start)
         self.B_rows = nn.Parameter(SPREAD_OF_INPUT_MATRIX * torch.randn(rows, N_INPUTS))
 
-    @property
-    def A(self) -> Tensor:
-        """(n, n)"""
+    def operator(self) -> Operator:
+        """The matrices of eq. (6)."""
         if not self.has_constant:
-            return self.A_rows
-        last = torch.zeros(1, self.n_observables, device=self.A_rows.device)
-        last[0, -1] = 1.0
-        return torch.cat([self.A_rows, last])
-
-    @property
-    def B(self) -> Tensor:
-        """(n, 4), columns: throttle, brake, steering wheel, curvature"""
-        if not self.has_constant:
-            return self.B_rows
-        return torch.cat([self.B_rows, self.B_rows.new_zeros(1, N_INPUTS)])
+            return Operator(self.A_rows, self.B_rows)
+        last_A = torch.zeros_like(self.A_rows[:1])
+        last_A[0, -1] = 1.0
+        last_B = torch.zeros_like(self.B_rows[:1])
+        return Operator(torch.cat([self.A_rows, last_A]), torch.cat([self.B_rows, last_B]))
 
     def lift(self, x: Tensor) -> Tensor:
         """Observables (..., n) of scaled states x (..., 6). Paper: eq. (7)."""

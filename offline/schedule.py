@@ -5,6 +5,7 @@ only, so it may replace a better model by a worse one; the default rule does not
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 
@@ -39,9 +40,7 @@ def judge_as_printed(losses: Sequence[float], patience: int) -> Verdict:
     Before the first evaluation the loss counts as infinite: nothing stands there to compare with.
     """
     recent = losses[-(patience + 1) :]
-    if len(recent) == patience + 1 and all(
-        later > earlier for earlier, later in zip(recent, recent[1:], strict=False)
-    ):
+    if len(recent) == patience + 1 and all(later > earlier for earlier, later in pairwise(recent)):
         return Verdict(is_best=False, lower_rate=True)
     previous = losses[-2] if len(losses) > 1 else float("inf")
     return Verdict(is_best=losses[-1] < previous, lower_rate=False)

@@ -27,6 +27,8 @@ from rt_controller.summary import live_line, to_json, to_table
 from rt_controller.virtual_car import VirtualCar, build_virtual_car
 
 LIVE_INTERVAL_S = 0.5
+DEFAULT_MPC = MpcSettings()
+DEFAULT_REALTIME = RealtimeSettings()
 EXIT_DEADLINE = 4
 EXIT_SAFE_STOP = 6
 EXIT_BUS = BusError.exit_code
@@ -53,8 +55,8 @@ def run(
     duration_s: float | None = None,
     stay: bool = False,
     wait_s: float = 30.0,
-    mpc: MpcSettings | None = None,
-    realtime: RealtimeSettings | None = None,
+    mpc: MpcSettings = DEFAULT_MPC,
+    realtime: RealtimeSettings = DEFAULT_REALTIME,
     record: Path | None = None,
     json_file: Annotated[Path | None, Parameter(name="--json")] = None,
     check: bool = False,
@@ -101,8 +103,8 @@ def run(
     config = ControllerConfig(
         bus=BusSettings(interface=bus, channel=channel, bitrate=bitrate, options=bus_option or {}),
         model=model,
-        mpc=mpc or MpcSettings(),
-        realtime=realtime or RealtimeSettings(),
+        mpc=mpc,
+        realtime=realtime,
     )
     if pace is Pace.LOCKSTEP and bus != "virtual":
         raise ConfigError(
@@ -135,7 +137,7 @@ def run(
 def main() -> None:
     """Entry point of the console script."""
     try:
-        sys.exit(app.meta())
+        sys.exit(app.meta(sys.argv[1:]))
     except RtControllerError as error:
         Console(stderr=True).print(f"[red]rt-controller:[/red] {error}", highlight=False)
         sys.exit(error.exit_code)
@@ -153,8 +155,7 @@ def _with_config_file(
     config
         TOML file with the same names as the options, e.g. a table [mpc.tolerance]
     """
-    if config is not None:
-        app.config = (Toml(config, must_exist=True),)
+    app.config = () if config is None else (Toml(config, must_exist=True),)
     code = app(tokens)
     return code if isinstance(code, int) else 0
 
@@ -177,7 +178,9 @@ def _drive(
         if session.is_joined and not was_joined:
             console.print(session.guarantees.sentence(), highlight=False)
         was_joined = session.is_joined
-        console.print(live_line(session.record), highlight=False)
+        # On a terminal the line is written over, in a log there is one after the other.
+        end = "\r" if console.is_terminal and thread.is_alive() else "\n"
+        console.print(live_line(session.record), highlight=False, soft_wrap=True, end=end)
     if session.failure is not None:
         raise session.failure
 

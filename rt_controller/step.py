@@ -100,7 +100,7 @@ class ControlStep:
         mission = self._standing_mission(now_ns)
 
         planned = self._take_plan(state, path, mission)
-        event = self._judge(state, path, mission)
+        event = self._judge(state, path, mission, now_ns)
         self.outcome.mode = next_mode(self.outcome.mode, event)
         self.outcome.control = confine(
             self._wanted(planned), self.outcome.control, self._limits, PERIOD_S
@@ -166,13 +166,14 @@ class ControlStep:
         state: StateSnapshot | None,
         path: PathReference | None,
         mission: MissionSnapshot | None,
+        now_ns: int,
     ) -> Event:
         cause = self._hard_fault(state)
         if cause is not StopCause.NONE:
             return self._blame(cause, Event.FAULT)
         if mission is None:
             return self._blame(StopCause.MISSION_LOST, Event.LOST)
-        if self._may_reset(state, mission):
+        if self._may_reset(state, mission, now_ns):
             return self._blame(StopCause.NONE, Event.RESET)
         if not mission.is_engaged:
             return Event.IDLE
@@ -199,9 +200,12 @@ class ControlStep:
             return StopCause.VEHICLE_BRAKING
         return StopCause.NONE
 
-    def _may_reset(self, state: StateSnapshot | None, mission: MissionSnapshot) -> bool:
+    def _may_reset(
+        self, state: StateSnapshot | None, mission: MissionSnapshot, now_ns: int
+    ) -> bool:
         return (
             mission.is_reset_requested
+            and mission.arrival_ns == now_ns  # a request, not the memory of one
             and self.outcome.mode is Mode.SAFE_STOP
             and state is not None
             and abs(state.state.vx_mps) < STANDING_MPS

@@ -67,12 +67,12 @@ def live_line(record: RunRecord) -> str:
         return "waiting for the vehicle"
     state, path = outcome.state, outcome.path
     where = (
-        ""
+        " " * 29
         if state is None or path is None
-        else f"  {state.state.vx_mps * 3.6:5.1f} km/h  e_y {state.state.ey_m - path.c0_m:+.3f} m"
+        else f"{state.state.vx_mps * 3.6:5.1f} km/h  e_y {state.state.ey_m - path.c0_m:+.3f} m  "
     )
     return (
-        f"{deadlines.ticks:6d} {outcome.mode.name:9s}{where}  "
-        f"wheel {degrees(outcome.control.steer_rad):+5.1f} deg  QP {outcome.qp_ns / 1e3:4.0f} us  "
-        f"missed {deadlines.deadline_misses}, skipped {deadlines.skipped_ticks}"
+        f"{deadlines.ticks:6d}  {outcome.mode.name:9s}  {where}"
+        f"wheel {degrees(outcome.control.steer_rad):+5.1f} deg  "
+        f"missed {deadlines.deadline_misses}"
     )

@@ -116,7 +116,8 @@ def _run(session: BridgeSession, wait_s: float, console: Console | None) -> Brid
         if session.bridge.is_waiting and time.monotonic() > give_up_s:
             leave.set()
         if console is not None:
-            console.print(_live(session), highlight=False)
+            end = "\r" if console.is_terminal and thread.is_alive() else "\n"
+            console.print(_live(session), highlight=False, soft_wrap=True, end=end)
     session.close()
     return session.bridge.summary()
 

@@ -76,12 +76,13 @@ def _least_squares(train: Trajectories, scaling: Scaling) -> tuple[Array, Array,
     n_regressors = N_STATES + len(scaling.u_scale) + 1
     R = np.zeros((0, n_regressors + N_STATES))
     for first in range(0, len(train.kappa), CHUNK):
-        chunk = Trajectories(*(column[first : first + CHUNK] for column in train))
+        chunk = train.take(slice(first, first + CHUNK))
         x = scaling.normalise_states(chunk.x)
         kappa = np.broadcast_to(chunk.kappa[:, None, None], (*chunk.u.shape[:2], 1))
         u = np.concatenate([chunk.u, kappa], axis=-1) / scaling.u_scale
         ones = np.ones((*u.shape[:2], 1))
         rows = np.concatenate([x[:, :-1], u, ones, x[:, 1:]], axis=-1)
-        R = np.linalg.qr(np.vstack([R, rows.reshape(-1, rows.shape[-1])]), mode="r")
-    solution = np.linalg.lstsq(R[:, :n_regressors], R[:, n_regressors:], rcond=None)[0].T
+        _, R = np.linalg.qr(np.vstack([R, rows.reshape(-1, rows.shape[-1])]))
+    found, *_ = np.linalg.lstsq(R[:, :n_regressors], R[:, n_regressors:], rcond=None)
+    solution = np.asarray(found.T, dtype=np.float64)
     return solution[:, :N_STATES], solution[:, N_STATES:-1], solution[:, -1]

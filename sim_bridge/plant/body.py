@@ -81,10 +81,8 @@ def sprung_acceleration(
     right_n = corners.front_right + corners.rear_right
     front_n = corners.front_left + corners.front_right
     rear_n = corners.rear_left + corners.rear_right
-    roll_nm = (
-        mass_kg * roll_m * (ay_mps2 + GRAVITY_MPS2 * roll_rad)
-        + 0.5 * body.track_m * (left_n - right_n)
-    )
+    sway_nm = mass_kg * roll_m * (ay_mps2 + GRAVITY_MPS2 * roll_rad)
+    roll_nm = sway_nm + 0.5 * body.track_m * (left_n - right_n)
     pitch_nm = (
         mass_kg * pitch_m * (GRAVITY_MPS2 * pitch_rad - ax_mps2)
         - body.sprung_front_axle_m * front_n

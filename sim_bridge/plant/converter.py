@@ -25,18 +25,19 @@ def converter_torque(
     """
     engine_rpm = max(1.0, engine_radps * RPM_OF_RADPS)
     turbine_rpm = turbine_radps * RPM_OF_RADPS
-    if turbine_rpm <= engine_rpm:
-        ratio = max(0.0, turbine_rpm / engine_rpm)
-        impeller_nm = (
-            converter.capacity_nm_per_rpm2 * engine_rpm * engine_rpm * (1.0 - ratio**converter.capacity_fade)
-        )
-        gain = (
-            converter.stall_torque_ratio
-            - (converter.stall_torque_ratio - 1.0) * ratio / converter.coupling_speed_ratio
-        )
-        return ConverterTorque(impeller_nm, impeller_nm * max(1.0, gain))
-    ratio = engine_rpm / turbine_rpm
-    dragged_nm = (
-        converter.capacity_nm_per_rpm2 * turbine_rpm * turbine_rpm * (1.0 - ratio**converter.capacity_fade)
+    if turbine_rpm > engine_rpm:
+        dragged_nm = _capacity_nm(turbine_rpm, engine_rpm / turbine_rpm, converter)
+        return ConverterTorque(-dragged_nm, -dragged_nm)
+    ratio = max(0.0, turbine_rpm / engine_rpm)
+    impeller_nm = _capacity_nm(engine_rpm, ratio, converter)
+    gain = (
+        converter.stall_torque_ratio
+        - (converter.stall_torque_ratio - 1.0) * ratio / converter.coupling_speed_ratio
     )
-    return ConverterTorque(-dragged_nm, -dragged_nm)
+    return ConverterTorque(impeller_nm, impeller_nm * max(1.0, gain))
+
+
+@compiled
+def _capacity_nm(faster_rpm: float, ratio: float, converter: ConverterParameters) -> float:
+    full_nm = converter.capacity_nm_per_rpm2 * faster_rpm * faster_rpm
+    return full_nm * (1.0 - float(ratio**converter.capacity_fade))

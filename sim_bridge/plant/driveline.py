@@ -26,7 +26,7 @@ def output_speed_radps(
 def axle_torque(
     output_nm: float, front_radps: float, rear_radps: float, driveline: DrivelineParameters
 ) -> AxleTorque:
-    """Split by the differential's share, plus what its viscous coupling passes to the slower axle."""
+    """Split by the differential's share; its viscous coupling helps the slower axle."""
     ratio = driveline.final_ratio
     coupled_nm = driveline.viscous_nms * ratio * (rear_radps - front_radps)
     lossy_nm = output_nm * driveline.final_efficiency

@@ -1,5 +1,7 @@
 """The automatic gearbox: six ratios, a shift map over throttle, and the hand-over of a shift."""
 
+from math import sqrt
+
 from numpy import float64
 from numpy.typing import NDArray
 
@@ -26,7 +28,7 @@ def ratio(
 
 @compiled
 def handed_over(since_shift_s: float, gearbox: GearboxParameters) -> float:
-    """Share of the torque that the clutches carry: it dips while one gear hands over to the next."""
+    """Share of the torque that the clutches carry: it dips while the gears change over."""
     if since_shift_s >= gearbox.shift_time_s:
         return 1.0
     done = since_shift_s / gearbox.shift_time_s
@@ -42,13 +44,13 @@ def efficiency(gear: float, gearbox: GearboxParameters) -> float:
 @compiled
 def up_shift_rpm(throttle: float, gearbox: GearboxParameters) -> float:
     """Turbine speed above which the next gear is engaged."""
-    return gearbox.up_rpm + (gearbox.up_rpm_full - gearbox.up_rpm) * throttle * throttle**0.5
+    return gearbox.up_rpm + (gearbox.up_rpm_full - gearbox.up_rpm) * throttle * sqrt(throttle)
 
 
 @compiled
 def down_shift_rpm(throttle: float, gearbox: GearboxParameters) -> float:
     """Turbine speed below which the gear before is engaged."""
-    return gearbox.down_rpm + (gearbox.down_rpm_full - gearbox.down_rpm) * throttle * throttle**0.5
+    return gearbox.down_rpm + (gearbox.down_rpm_full - gearbox.down_rpm) * throttle * sqrt(throttle)
 
 
 @compiled

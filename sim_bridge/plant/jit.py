@@ -9,25 +9,26 @@ one of them is never answered with old machine code.
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 _ROOM = Path(__file__).parent
+_CONFIG: Any = numba.config
 
 
 def compiled(function: Kernel) -> Kernel:
     """The same function as machine code, compiled at its first call and then kept on disk."""
-    outer = numba.config.CACHE_DIR
+    outer = _CONFIG.CACHE_DIR
     base = Path(outer) if outer else _ROOM / "__pycache__"
-    numba.config.CACHE_DIR = str(base / f"kernels-{_SOURCES_DIGEST}")
+    _CONFIG.CACHE_DIR = str(base / f"kernels-{_SOURCES_DIGEST}")
     try:
-        kernel: Kernel = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+        kernel = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     finally:
-        numba.config.CACHE_DIR = outer
-    return kernel
+        _CONFIG.CACHE_DIR = outer
+    return cast(Kernel, kernel)
 
 
 def _digest_of_sources() -> str:

@@ -42,7 +42,7 @@ def _damping(at_rest_s: float, forward_mps: float, tyre: TyreParameters) -> floa
 def lateral_relaxation(
     slip: float, forward_mps: float, left_mps: float, load_n: float, tyre: TyreParameters
 ) -> SlipRates:
-    """Lag of the tangent of the slip angle; the relaxation length fades as the tyre starts to slide.
+    """Lag of the tangent of the slip angle, over a length that fades as the tyre starts to slide.
 
     Written with the sliding velocity instead of the slip, it needs no division by the speed.
     """

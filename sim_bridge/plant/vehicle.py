@@ -40,6 +40,15 @@ class WheelForce(NamedTuple):
     aligning_nm: float
 
 
+class RoadForces(NamedTuple):
+    """What the road does to the body, body axes; lateral forces by axle."""
+
+    forward_n: float
+    front_left_n: float
+    rear_left_n: float
+    yaw_nm: float
+
+
 @compiled
 def evaluate(
     state: NDArray[float64],
@@ -55,7 +64,6 @@ def evaluate(
     yaw_rate = state[AT.yaw_rate_radps]
     roll_rad = state[AT.roll_rad]
     pitch_rad = state[AT.pitch_rad]
-    road_wheel_rad = state[AT.road_wheel_rad]
 
     corners = corner_forces(
         state[AT.heave_m],
@@ -78,9 +86,49 @@ def evaluate(
     out.rate[AT.brake_mpa] = p.brakes.pedal_mpa_per_n * brake_n / p.brakes.lag_s
     out.decay[AT.brake_mpa] = 1.0 / p.brakes.lag_s
 
-    gear = body.running_gear_velocity(
-        vx_mps,
-        vy_mps,
+    road = _road_forces(state, loads, drive, braking, p, out)
+    air = aero.air_force(vx_mps, p.aero)
+    ax_mps2 = (road.forward_n + air.forward_n) / p.body.mass_kg
+    ay_mps2 = (road.front_left_n + road.rear_left_n) / p.body.mass_kg
+    sprung = body.sprung_acceleration(
+        roll_rad, pitch_rad, ax_mps2, ay_mps2, air.up_n, corners, p.body, p.suspension
+    )
+
+    out.rate[AT.vx_mps] = ax_mps2 + yaw_rate * vy_mps
+    out.rate[AT.vy_mps] = ay_mps2 - yaw_rate * vx_mps
+    out.rate[AT.yaw_rate_radps] = road.yaw_nm / p.body.yaw_inertia_kgm2
+    out.rate[AT.heave_m] = state[AT.heave_rate_mps]
+    out.rate[AT.heave_rate_mps] = sprung.heave_mps2
+    out.rate[AT.roll_rad] = state[AT.roll_rate_radps]
+    out.rate[AT.roll_rate_radps] = sprung.roll_radps2
+    out.rate[AT.pitch_rad] = state[AT.pitch_rate_radps]
+    out.rate[AT.pitch_rate_radps] = sprung.pitch_radps2
+    out.rate[AT.settled_ax_mps2] = ax_mps2 / p.suspension.load_lag_s
+    out.decay[AT.settled_ax_mps2] = 1.0 / p.suspension.load_lag_s
+    out.rate[AT.settled_ay_mps2] = ay_mps2 / p.suspension.load_lag_s
+    out.decay[AT.settled_ay_mps2] = 1.0 / p.suspension.load_lag_s
+    out.rate[AT.road_wheel_rad] = (
+        steady_road_wheel_rad(steer_rad, road.front_left_n, p.steering) / p.steering.lag_s
+    )
+    out.decay[AT.road_wheel_rad] = 1.0 / p.steering.lag_s
+    return loads
+
+
+@compiled
+def _road_forces(
+    state: NDArray[float64],
+    loads: WheelValues,
+    drive: driveline.AxleTorque,
+    braking: brakes.BrakeTorque,
+    p: Parameters,
+    out: Derivative,
+) -> RoadForces:
+    """What the four wheels do to the body; their slips and spins go into `out`."""
+    yaw_rate = state[AT.yaw_rate_radps]
+    roll_rad = state[AT.roll_rad]
+    frame = body.running_gear_velocity(
+        state[AT.vx_mps],
+        state[AT.vy_mps],
         state[AT.roll_rate_radps],
         state[AT.pitch_rate_radps],
         p.body,
@@ -89,14 +137,14 @@ def evaluate(
     front_m = p.body.front_axle_m
     rear_m = p.body.rear_axle_m
     half_m = 0.5 * p.body.track_m
-    front_rad = road_wheel_rad + p.suspension.roll_steer_front * roll_rad
+    front_rad = state[AT.road_wheel_rad] + p.suspension.roll_steer_front * roll_rad
     rear_rad = p.suspension.roll_steer_rear * roll_rad
     front_lean = p.suspension.camber_gain_front * roll_rad
     rear_lean = p.suspension.camber_gain_rear * roll_rad
-    front_left_mps = gear.left_mps + front_m * yaw_rate
-    rear_left_mps = gear.left_mps - rear_m * yaw_rate
-    left_side_mps = gear.forward_mps - half_m * yaw_rate
-    right_side_mps = gear.forward_mps + half_m * yaw_rate
+    front_left_mps = frame.left_mps + front_m * yaw_rate
+    rear_left_mps = frame.left_mps - rear_m * yaw_rate
+    left_side_mps = frame.forward_mps - half_m * yaw_rate
+    right_side_mps = frame.forward_mps + half_m * yaw_rate
 
     fl = _wheel(
         state, 0, left_side_mps, front_left_mps, front_rad, front_lean, loads.front_left,
@@ -114,45 +162,20 @@ def evaluate(
         state, 3, right_side_mps, rear_left_mps, rear_rad, rear_lean, loads.rear_right,
         drive.rear_wheel_nm, braking.rear_wheel_nm, p, out,
     )  # fmt: skip
-
-    air = aero.air_force(vx_mps, p.aero)
     front_n = fl.left_n + fr.left_n
     rear_n = rl.left_n + rr.left_n
-    ax_mps2 = (
-        fl.forward_n + fr.forward_n + rl.forward_n + rr.forward_n + air.forward_n
-    ) / p.body.mass_kg
-    ay_mps2 = (front_n + rear_n) / p.body.mass_kg
-    yaw_nm = (
+    return RoadForces(
+        fl.forward_n + fr.forward_n + rl.forward_n + rr.forward_n,
+        front_n,
+        rear_n,
         front_m * front_n
         - rear_m * rear_n
         + half_m * (fr.forward_n + rr.forward_n - fl.forward_n - rl.forward_n)
         + fl.aligning_nm
         + fr.aligning_nm
         + rl.aligning_nm
-        + rr.aligning_nm
+        + rr.aligning_nm,
     )
-    sprung = body.sprung_acceleration(
-        roll_rad, pitch_rad, ax_mps2, ay_mps2, air.up_n, corners, p.body, p.suspension
-    )
-
-    out.rate[AT.vx_mps] = ax_mps2 + yaw_rate * vy_mps
-    out.rate[AT.vy_mps] = ay_mps2 - yaw_rate * vx_mps
-    out.rate[AT.yaw_rate_radps] = yaw_nm / p.body.yaw_inertia_kgm2
-    out.rate[AT.heave_m] = state[AT.heave_rate_mps]
-    out.rate[AT.heave_rate_mps] = sprung.heave_mps2
-    out.rate[AT.roll_rad] = state[AT.roll_rate_radps]
-    out.rate[AT.roll_rate_radps] = sprung.roll_radps2
-    out.rate[AT.pitch_rad] = state[AT.pitch_rate_radps]
-    out.rate[AT.pitch_rate_radps] = sprung.pitch_radps2
-    out.rate[AT.settled_ax_mps2] = ax_mps2 / p.suspension.load_lag_s
-    out.decay[AT.settled_ax_mps2] = 1.0 / p.suspension.load_lag_s
-    out.rate[AT.settled_ay_mps2] = ay_mps2 / p.suspension.load_lag_s
-    out.decay[AT.settled_ay_mps2] = 1.0 / p.suspension.load_lag_s
-    out.rate[AT.road_wheel_rad] = (
-        steady_road_wheel_rad(steer_rad, front_n, p.steering) / p.steering.lag_s
-    )
-    out.decay[AT.road_wheel_rad] = 1.0 / p.steering.lag_s
-    return loads
 
 
 @compiled
@@ -165,9 +188,7 @@ def _drive(
     out: Derivative,
 ) -> driveline.AxleTorque:
     """Engine, converter, gearbox and differentials: torques at the wheels, engine's motion."""
-    ratio = gearbox.ratio(
-        state[AT.gear], state[AT.gear_before], state[AT.since_shift_s], p.gearbox
-    )
+    ratio = gearbox.ratio(state[AT.gear], state[AT.gear_before], state[AT.since_shift_s], p.gearbox)
     output_radps = driveline.output_speed_radps(front_spin_radps, rear_spin_radps, p.driveline)
     hydraulic = converter.converter_torque(
         state[AT.engine_radps], ratio * output_radps, p.converter

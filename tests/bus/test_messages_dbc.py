@@ -150,6 +150,8 @@ def test_a_lane_change_of_3_5_m_over_40_m_can_travel(name: str, largest: float) 
         ('VAL_ 256 Throttle 65535 "NotAvailable"', 'VAL_ 256 Throttle 65535 "Broken"'),
         ('BA_ "E2EDataIdList" BO_ 256 "', 'BA_ "E2EDataIdList" BO_ 256 "00 '),
         ('BA_ "E2EDataIdList" BO_ 256 "', 'BA_ "E2EDataIdList" BO_ 256 "none'),
+        ('BA_ "GenMsgCycleTime" BO_ 256 25;', ""),
+        ("[-120|120]", "[0|0]"),
         ("BO_ 256 ACT_CMD", "BO_ 256 ACT"),
         ("BO_ 256 ACT_CMD", "BO_ 2147483904 ACT_CMD"),
         ("NS_ :", "NONSENSE"),

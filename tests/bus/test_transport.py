@@ -1,0 +1,145 @@
+"""Opening a bus: what works, and messages with a remedy for what does not."""
+
+import errno
+import os
+import socket
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+import pytest
+
+from rt_controller.bus.transport import VIRTUAL_QUEUE_FRAMES, explain_failure, open_bus
+from rt_controller.contract.errors import BusError, MissingExtraError
+
+
+def message(data: bytes) -> can.Message:
+    return can.Message(arbitration_id=0x123, is_extended_id=False, data=data, check=True)
+
+
+def test_a_virtual_bus_reaches_others_but_not_itself() -> None:
+    with open_bus("virtual", "pair") as near, open_bus("virtual", "pair") as far:
+        near.send(message(b"\x01"), timeout=0)
+        assert near.recv(0) is None
+        received = far.recv(0)
+        assert received is not None
+        assert received.data == b"\x01"
+
+
+def test_an_unread_virtual_bus_is_bounded() -> None:
+    with open_bus("virtual", "unread") as near, open_bus("virtual", "unread"):
+        for _ in range(VIRTUAL_QUEUE_FRAMES):
+            near.send(message(b""), timeout=0)
+        with pytest.raises(can.CanOperationError):
+            near.send(message(b""), timeout=0)
+
+
+def test_settings_of_the_environment_do_not_count(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """python-can would read receive_own_messages from can.ini in the working directory."""
+    (tmp_path / "can.ini").write_text(
+        "[default]\ninterface = virtual\nchannel = ambient\nreceive_own_messages = True\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("CAN_CONFIG", '{"receive_own_messages": true}')
+    with open_bus("virtual", "explicit") as bus:
+        bus.send(message(b"\x01"), timeout=0)
+        assert bus.recv(0) is None
+        assert "explicit" in bus.channel_info
+
+
+def test_options_reach_the_interface() -> None:
+    with open_bus("virtual", "own", options={"receive_own_messages": True}) as bus:
+        bus.send(message(b"\x01"), timeout=0)
+        assert bus.recv(0) is not None
+
+
+def test_an_unknown_interface_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(BusError, match=r"'soketcan'.*Did you mean socketcan\?.*virtual"):
+        open_bus("soketcan", "vcan0")
+
+
+def test_a_channel_that_does_not_exist_is_refused() -> None:
+    """On a kernel without CAN the message says that; either way it is a BusError with a remedy."""
+    with pytest.raises(BusError, match=r"socketcan vcan77: expected .* found"):
+        open_bus("socketcan", "vcan77")
+
+
+@pytest.mark.parametrize("interface", ["virtual", "socketcan"])
+def test_a_bitrate_where_none_can_be_set_is_refused(interface: str) -> None:
+    with pytest.raises(BusError, match=r"expected no bitrate, found 500000"):
+        open_bus(interface, "can0", bitrate=500_000)
+
+
+def test_options_that_the_interface_does_not_take_are_refused() -> None:
+    with pytest.raises(BusError, match=r"found TypeError.*options"):
+        open_bus("virtual", "x", options={"interface": "other"})
+
+
+@pytest.mark.parametrize(
+    ("interface", "error", "expected", "words"),
+    [
+        ("socketcan", OSError(errno.EAFNOSUPPORT, "x"), BusError, "modprobe"),
+        ("socketcan", OSError(errno.ENODEV, "x"), BusError, "ip link add can7 type vcan"),
+        ("socketcan", OSError(errno.ENETDOWN, "is down"), BusError, "is down"),
+        ("remote", ConnectionRefusedError(errno.ECONNREFUSED, "x"), BusError, "Start it first"),
+        ("pcan", can.CanInitializationError("no hardware"), BusError, "no hardware"),
+        (
+            "slcan",
+            can.CanInterfaceNotImplementedError("no serial"),
+            MissingExtraError,
+            "no serial",
+        ),
+    ],
+)
+def test_every_failure_is_explained(
+    interface: str, error: Exception, expected: type[Exception], words: str
+) -> None:
+    explained = explain_failure(interface, "can7", error)
+    assert type(explained) is expected
+    assert words in str(explained)
+    assert str(explained).startswith(f"{interface} can7: expected ")
+
+
+def test_the_interface_remote_without_its_package_names_the_extra(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    without = frozenset(can.VALID_INTERFACES) - {"remote"}
+    monkeypatch.setattr(can, "VALID_INTERFACES", without)
+    with pytest.raises(MissingExtraError, match=r"pip install \"rt-controller\[remote\]\""):
+        open_bus("remote", "ws://127.0.0.1:54701")
+
+
+@pytest.fixture
+def remote_channel() -> Iterator[str]:
+    """Address of a python-can-remote server in front of a virtual bus."""
+    can_remote = pytest.importorskip("can_remote")
+    server = can_remote.RemoteServer(
+        host="127.0.0.1", port=0, interface="virtual", channel=f"remote-{os.getpid()}"
+    )
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    yield f"ws://127.0.0.1:{server.server_port}/"
+    server.shutdown()
+    server.server_close()
+    thread.join()
+
+
+def test_two_ends_of_a_remote_bus_reach_each_other(remote_channel: str) -> None:
+    with open_bus("remote", remote_channel) as near, open_bus("remote", remote_channel) as far:
+        near.send(message(b"\x01\x02"), timeout=0)
+        received = far.recv(5.0)
+        assert received is not None
+        assert received.data == b"\x01\x02"
+        assert near.recv(0) is None
+
+
+def test_a_remote_bus_without_server_is_refused() -> None:
+    pytest.importorskip("can_remote")
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        port = unused.getsockname()[1]
+    with pytest.raises(BusError, match=r"expected a server .* found none"):
+        open_bus("remote", f"ws://127.0.0.1:{port}/")

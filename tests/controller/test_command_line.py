@@ -1,0 +1,101 @@
+"""What a person gets to read, and the exit code, when something does not fit."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from rt_controller import cli
+from rt_controller.session import shipped_model
+
+
+def exit_code(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    monkeypatch.setattr("sys.argv", ["rt-controller", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    return ended.value.code or 0
+
+
+def test_a_folder_without_a_bundle_is_refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    arguments = ("--bus", "socketcan", "--channel", "can0", "--model", str(tmp_path))
+    assert exit_code(monkeypatch, *arguments) == 2
+    assert "koopman.npz" in capsys.readouterr().err
+
+
+def test_an_encoder_of_another_export_is_refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    folder = tmp_path / "mixed"
+    shutil.copytree(shipped_model("mdk-net-paper"), folder)
+    shutil.copy(shipped_model("lti") / "encoder.onnx", folder / "encoder.onnx")
+    arguments = ("--bus", "socketcan", "--channel", "can0", "--model", str(folder))
+    assert exit_code(monkeypatch, *arguments) == 2
+    assert "SHA-256" in capsys.readouterr().err
+
+
+def test_an_unknown_interface_is_refused_with_the_known_ones(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert exit_code(monkeypatch, "--bus", "sockketcan") == 5
+    assert "socketcan" in capsys.readouterr().err
+
+
+def test_a_bus_that_does_not_exist_is_refused_by_name(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert exit_code(monkeypatch, "--bus", "socketcan", "--channel", "vcan77") == 5
+    assert "vcan77" in capsys.readouterr().err
+
+
+def test_lockstep_needs_the_car_in_this_process(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert exit_code(monkeypatch, "--bus", "socketcan", "--pace", "lockstep") == 2
+    assert "lockstep" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        ("--mpc.horizon", "1"),
+        ("--mpc.tolerance.ey-m", "-0.1"),
+        ("--realtime.priority", "100"),
+        ("--pace", "leisurely"),
+        ("--no-such-option", "1"),
+    ],
+)
+def test_a_setting_that_makes_no_sense_is_a_usage_error(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], option: tuple[str, str]
+) -> None:
+    assert exit_code(monkeypatch, "--bus", "socketcan", *option) == 2
+    captured = capsys.readouterr()
+    name = option[0].lstrip("-").split(".")[-1]
+    assert name in (captured.out + captured.err).replace("_", "-")
+
+
+def test_a_settings_file_is_read_and_the_command_line_goes_over_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "controller.toml"
+    file.write_text('bus = "sockketcan"\n[mpc]\nhorizon = 10\n')
+    assert exit_code(monkeypatch, "--config", str(file)) == 5
+    assert "sockketcan" in capsys.readouterr().err
+    assert exit_code(monkeypatch, "--config", str(file), "--bus", "nosuchbus") == 5
+    assert "nosuchbus" in capsys.readouterr().err
+
+
+def test_a_settings_file_with_an_unknown_name_is_refused(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    file = tmp_path / "controller.toml"
+    file.write_text("[mpc]\nhorizont = 10\n")
+    assert exit_code(monkeypatch, "--config", str(file), "--bus", "socketcan") == 2
+
+
+def test_help_documents_the_exit_codes(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert exit_code(monkeypatch, "--help") == 0
+    assert "Exit codes" in capsys.readouterr().out

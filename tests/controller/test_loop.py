@@ -1,0 +1,120 @@
+"""The loop joins, drives, ends, and leaves a safe command behind whatever happens."""
+
+import pytest
+from scripted_vehicle import CRUISING, VALID_NS, Rig
+
+from rt_controller.bus.frames import Mission
+from rt_controller.bus.snapshot import PeerIdentity
+from rt_controller.contract.errors import BusError
+from rt_controller.contract.signals import Mode
+from rt_controller.loop import SILENCE_TICKS, Ending, RunRecord, drive, join
+from rt_controller.realtime.accounting import DeadlineAccount
+from rt_controller.tracking import TrackingAccount
+
+
+@pytest.fixture
+def record(rig: Rig) -> RunRecord:
+    return RunRecord(
+        deadlines=DeadlineAccount(1000, 10_000_000),
+        tracking=TrackingAccount(),
+        outcome=rig.step.outcome,
+    )
+
+
+def never() -> bool:
+    return False
+
+
+def try_to_join(rig: Rig) -> None:
+    join(rig.controller_bus, rig.inbox, rig.clock, 0, 2_000_000_000, never)
+
+
+def test_joining_waits_for_state_path_and_a_peer_of_the_same_catalogue(rig: Rig) -> None:
+    rig.vehicle.also = lambda now_ns: (
+        rig.vehicle.outbox.send_identity(None, now_ns) if now_ns > 10**9 else None
+    )
+    try_to_join(rig)
+    assert rig.clock.now_ns() > 10**9
+    assert rig.inbox.state is not None
+
+
+def test_a_silent_bus_is_given_up_with_what_is_missing(rig: Rig) -> None:
+    rig.vehicle.state = None
+    with pytest.raises(BusError, match="STATE_A/B/C") as error:
+        try_to_join(rig)
+    assert "Start sim-bridge" in str(error.value)
+
+
+def test_another_message_catalogue_is_refused_at_once(rig: Rig) -> None:
+    rig.inbox.peer = PeerIdentity(dbc_hash=0xABCD, model_hash=None, counter=0, arrival_ns=0)
+    with pytest.raises(BusError, match="0000abcd") as error:
+        try_to_join(rig)
+    assert "expected" in str(error.value)
+    assert rig.clock.now_ns() == 0
+
+
+def test_the_loop_ends_with_the_mission(rig: Rig, record: RunRecord) -> None:
+    def end_after_a_second(now_ns: int) -> None:
+        rig.vehicle.mission = Mission(now_ns < 10**9, False, 1, VALID_NS)
+
+    rig.vehicle.also = end_after_a_second
+    drive(rig.step, rig.clock, record, never, stays=False)
+    assert record.ending is Ending.MISSION_OVER
+    assert record.outcome.mode is Mode.STANDBY
+    assert 38 <= record.deadlines.ticks <= 42
+    assert record.tracking.errors().ey_rms_m == pytest.approx(CRUISING.ey_m, abs=1e-3)
+
+
+def test_a_safe_stop_without_a_sign_of_the_car_ends_after_a_while(
+    rig: Rig, record: RunRecord
+) -> None:
+    def fall_silent(now_ns: int) -> None:
+        if now_ns > 10**9:
+            rig.vehicle.state = None
+
+    rig.vehicle.also = fall_silent
+    drive(rig.step, rig.clock, record, never, stays=False)
+    assert record.ending is Ending.SAFE_STOPPED
+    assert record.deadlines.ticks >= SILENCE_TICKS
+
+
+def test_a_safe_stop_ends_when_the_car_stands(rig: Rig, record: RunRecord) -> None:
+    def brake_to_a_halt(now_ns: int) -> None:
+        rig.vehicle.is_watchdog_braking = now_ns > 10**9
+        if now_ns > 2 * 10**9:
+            rig.vehicle.state = CRUISING._replace(vx_mps=0.0, ds_m=0.0)
+
+    rig.vehicle.also = brake_to_a_halt
+    drive(rig.step, rig.clock, record, never, stays=False)
+    assert record.ending is Ending.SAFE_STOPPED
+    assert record.outcome.mode is Mode.SAFE_STOP
+
+
+def test_a_request_to_stop_leaves_a_safe_command(rig: Rig, record: RunRecord) -> None:
+    drive(rig.step, rig.clock, record, lambda: rig.clock.now_ns() > 10**9, stays=True)
+    rig.heard.drain(rig.vehicle_bus, rig.clock.now_ns())
+    assert record.ending is Ending.STOPPED
+    assert rig.command.mode is Mode.SAFE_STOP
+
+
+def test_an_error_in_a_tick_leaves_a_safe_command_before_it_is_raised(
+    rig: Rig, record: RunRecord, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError("planted")
+
+    monkeypatch.setattr(rig.mpc, "plan", fail)
+    with pytest.raises(ZeroDivisionError):
+        drive(rig.step, rig.clock, record, never, stays=False)
+    rig.heard.drain(rig.vehicle_bus, rig.clock.now_ns())
+    assert rig.command.mode is Mode.SAFE_STOP
+    assert rig.command.control.throttle == 0.0
+
+
+def test_with_stay_the_loop_outlives_a_mission(rig: Rig, record: RunRecord) -> None:
+    def one_mission_after_another(now_ns: int) -> None:
+        rig.vehicle.mission = Mission(now_ns % 10**9 < 5 * 10**8, False, 1, VALID_NS)
+
+    rig.vehicle.also = one_mission_after_another
+    drive(rig.step, rig.clock, record, lambda: rig.clock.now_ns() > 4 * 10**9, stays=True)
+    assert record.deadlines.ticks > 155

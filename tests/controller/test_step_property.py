@@ -1,0 +1,47 @@
+"""Whatever happens on the bus, every command is one that a car may be given."""
+
+import math
+
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scripted_vehicle import CRUISING, STRAIGHT, VALID_NS, Rig
+
+from rt_controller.bus.frames import Mission
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.signals import Mode
+from rt_controller.contract.timing import PERIOD_S
+
+speeds = st.sampled_from([CRUISING, CRUISING._replace(vx_mps=0.0), CRUISING._replace(ey_m=8.0)])
+broken = st.sampled_from([None, CRUISING._replace(vy_mps=math.nan)])
+states = st.one_of(speeds, speeds, broken)
+paths = st.sampled_from(
+    [STRAIGHT, STRAIGHT._replace(c0_m=3.0, c1=0.3), STRAIGHT._replace(v_mps=0.0), None]
+)
+missions = st.one_of(
+    st.builds(Mission, st.booleans(), st.booleans(), st.just(1), st.just(VALID_NS)), st.none()
+)
+
+
+@settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(st.lists(st.tuples(states, paths, missions), min_size=1, max_size=30))
+def test_every_command_is_in_the_box_slew_limited_and_on_one_pedal(rig: Rig, script: list) -> None:
+    previous = rig.step.outcome.control
+    for rig.vehicle.state, rig.vehicle.path, rig.vehicle.mission in script:
+        was = rig.step.outcome.mode
+        outcome = rig.tick()
+        control, rate = outcome.control, INPUT_LIMITS.rate_per_s
+        for value, low, high in zip(control, INPUT_LIMITS.lower, INPUT_LIMITS.upper, strict=True):
+            assert math.isfinite(value)
+            assert low <= value <= high
+        assert control.throttle == 0.0 or control.brake_n == 0.0
+        assert control.throttle - previous.throttle <= rate.throttle * PERIOD_S + 1e-9
+        assert abs(control.brake_n - previous.brake_n) <= rate.brake_n * PERIOD_S + 0.2
+        assert abs(control.steer_rad - previous.steer_rad) <= rate.steer_rad * PERIOD_S + 1e-9
+        if outcome.mode is Mode.SAFE_STOP:
+            assert control.throttle == 0.0
+        if was is Mode.SAFE_STOP and outcome.mode is not Mode.SAFE_STOP:
+            assert rig.vehicle.mission is not None
+            assert rig.vehicle.mission.is_reset_requested
+        previous = control

@@ -1,0 +1,70 @@
+"""A scripted vehicle at the other end of a virtual bus: what the controller's own tests drive."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import can
+
+from rt_controller.bus.frames import Mission, RoadSample
+from rt_controller.bus.inbox import CommandInbox, Inbox
+from rt_controller.bus.outbox import VehicleOutbox
+from rt_controller.bus.snapshot import CommandSnapshot
+from rt_controller.contract.signals import PathReference, VehicleState
+from rt_controller.control.mpc import Mpc
+from rt_controller.realtime.clock import LockstepClock
+from rt_controller.step import ControlStep, StepOutcome
+
+CRUISING = VehicleState(20.0, 0.0, 0.0, 0.5, 0.2, 0.01)
+STRAIGHT = PathReference(0.0, 0.0, 0.0, 0.0, 20.0, 0.0)
+VALID_NS = 500_000_000
+ENGAGED = Mission(is_engaged=True, is_reset_requested=False, mission_id=1, valid_for_ns=VALID_NS)
+
+
+@dataclass(slots=True)
+class Vehicle:
+    """What the scripted vehicle says before each tick; change a field to change what it says."""
+
+    outbox: VehicleOutbox
+    state: VehicleState | None = CRUISING
+    is_valid: bool = True
+    path: PathReference | None = STRAIGHT
+    mission: Mission | None = ENGAGED
+    is_watchdog_braking: bool = False
+    also: Callable[[int], None] = field(default=lambda now_ns: None)
+
+    def speak(self, now_ns: int) -> None:
+        if self.state is not None:
+            road = RoadSample(0.0, now_ns, None, self.is_watchdog_braking)
+            self.outbox.send_state(self.state, road, now_ns, self.is_valid)
+        if self.path is not None:
+            self.outbox.send_reference(self.path, now_ns)
+        if self.mission is not None:
+            self.outbox.send_mission(self.mission, now_ns)
+        self.also(now_ns)
+
+
+@dataclass(slots=True)
+class Rig:
+    """A controller and its scripted vehicle, ticked in lockstep."""
+
+    vehicle: Vehicle
+    clock: LockstepClock
+    step: ControlStep
+    mpc: Mpc
+    controller_bus: can.BusABC
+    vehicle_bus: can.BusABC
+    inbox: Inbox
+    heard: CommandInbox
+
+    def tick(self, times: int = 1) -> StepOutcome:
+        for _ in range(times):
+            self.clock.wait()
+            outcome = self.step.run()
+            self.heard.drain(self.vehicle_bus, self.clock.now_ns())
+        return outcome
+
+    @property
+    def command(self) -> CommandSnapshot:
+        """The newest command as the vehicle received it."""
+        assert self.heard.command is not None
+        return self.heard.command
