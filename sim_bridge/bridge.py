@@ -8,7 +8,7 @@ import can
 from rt_controller.bus.frames import Mission, RoadSample
 from rt_controller.bus.outbox import VehicleOutbox
 from rt_controller.bus.inbox import CommandInbox
-from rt_controller.contract.signals import VehicleState
+from rt_controller.contract.signals import NEUTRAL_INPUT, VehicleState
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS, MISSION_PERIOD_TICKS
 from sim_bridge.car import Car
 from sim_bridge.scenario import Scenario
@@ -94,7 +94,10 @@ class Bridge:
         )
 
     def _drive(self, now_ns: int) -> None:
-        control = self._watchdog.apply(self._inbox.command, now_ns)
+        if self._farewell_ticks > 0:
+            control = NEUTRAL_INPUT  # the mission is over: a driver has taken the car
+        else:
+            control = self._watchdog.apply(self._inbox.command, now_ns)
         self._state = self._car.advance(control, self._scenario.curvature_per_m)
         self._s_m += self._state.ds_m
         self.driven_ticks += 1

@@ -179,7 +179,8 @@ def compile_codec(
     if found != expected:
         raise _misfit(name, f"with the signals {', '.join(expected)}", ", ".join(found))
     if message.length != FRAME_LENGTH or message.is_extended_frame or message.is_fd:
-        raise _misfit(name, "as a classic frame of eight bytes with an 11-bit id", str(message))
+        found_frame = f"{message.length} bytes under id {message.frame_id:#x}"
+        raise _misfit(name, "as a classic frame of eight bytes with an 11-bit id", found_frame)
     if not message.cycle_time:
         raise _misfit(name, "with a GenMsgCycleTime", "none")
 
@@ -239,14 +240,13 @@ def _struct_format(message: str, body: Sequence[Signal]) -> str:
     bit = 16
     for signal in body:
         code = _STRUCT_CODES.get((signal.length, signal.is_signed))
-        if code is None or signal.start % 8 or signal.is_float or signal.is_multiplexer:
+        is_little_endian = signal.byte_order == "little_endian"
+        if code is None or signal.start % 8 or signal.is_float or not is_little_endian:
             raise _misfit(
                 f"{message}.{signal.name}",
-                "as an integer of 8, 16 or 32 bits that starts with a byte",
-                f"{signal.start}|{signal.length}",
+                "as a little-endian integer of 8, 16 or 32 bits that starts with a byte",
+                f"{signal.start}|{signal.length} {signal.byte_order}",
             )
-        if signal.byte_order != "little_endian":
-            raise _misfit(f"{message}.{signal.name}", "little-endian", signal.byte_order)
         parts.append("x" * ((signal.start - bit) // 8) + code)
         bit = signal.start + signal.length
     parts.append("x" * ((FRAME_LENGTH * 8 - bit) // 8))

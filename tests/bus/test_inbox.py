@@ -17,6 +17,7 @@ from rt_controller.bus.snapshot import (
     MissionSnapshot,
     PeerIdentity,
 )
+from rt_controller.bus.transport import open_bus
 from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_NS
 
@@ -54,10 +55,15 @@ def filled(*messages: can.Message, arrival_ns: int = 0) -> Inbox:
     return inbox
 
 
+def snapshots(inbox: Inbox | CommandInbox) -> list[object]:
+    return [value for name, value in vars(inbox).items() if not name.startswith("_")]
+
+
 def test_an_empty_box_holds_nothing() -> None:
     inbox, command_inbox = Inbox(), CommandInbox()
-    assert inbox.state is inbox.reference is inbox.mission is inbox.feedback is inbox.peer is None
-    assert command_inbox.command is command_inbox.heartbeat is command_inbox.peer is None
+    assert snapshots(inbox) == [None] * 5
+    assert snapshots(command_inbox) == [None] * 3
+    assert sum(inbox.counts) == sum(command_inbox.counts) == 0
 
 
 @pytest.mark.parametrize("order", list(permutations(range(3))))
@@ -239,8 +245,7 @@ def test_a_frame_without_values_is_counted_and_changes_nothing(
     inbox = box()
     inbox.accept(message(codec, codec.encode([nan] * len(codec.signals), 0, 1)), 0)
     assert inbox.counts.out_of_range == 1
-    snapshots = [value for name, value in vars(inbox).items() if not name.startswith("_")]
-    assert snapshots == [None] * len(snapshots)
+    assert set(snapshots(inbox)) == {None}
 
 
 def test_neither_box_listens_to_its_own_side() -> None:
@@ -251,3 +256,16 @@ def test_neither_box_listens_to_its_own_side() -> None:
         command_inbox.accept(each, 0)
     assert sum(inbox.counts) == sum(command_inbox.counts) == 0
     assert command_inbox.command is None
+
+
+@pytest.mark.parametrize("box", [Inbox, CommandInbox])
+def test_a_bus_that_fails_is_explained_and_leaves_the_box_as_it_was(
+    box: type[Inbox | CommandInbox],
+) -> None:
+    inbox = box()
+    bus = open_bus("virtual", "failing")
+    bus.shutdown()
+    assert inbox.last_failure == ""
+    assert inbox.drain(bus, 0) == 0
+    assert "closed" in inbox.last_failure
+    assert inbox.counts.receive_failures == 1

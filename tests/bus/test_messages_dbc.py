@@ -138,7 +138,7 @@ def test_a_lane_change_of_3_5_m_over_40_m_can_travel(name: str, largest: float) 
 @pytest.mark.parametrize(
     ("line", "replacement"),
     [
-        ("SG_ Throttle : 16|16@1+", "SG_ Pedal : 16|16@1+"),
+        (" Throttle ", " Pedal "),
         ("SG_ Crc : 0|8@1+", "SG_ Crc : 0|7@1+"),
         ("SG_ Throttle : 16|16@1+", "SG_ Throttle : 17|15@1+"),
         ("SG_ Throttle : 16|16@1+", "SG_ Throttle : 23|16@0+"),
@@ -152,6 +152,7 @@ def test_a_lane_change_of_3_5_m_over_40_m_can_travel(name: str, largest: float) 
         ('BA_ "E2EDataIdList" BO_ 256 "', 'BA_ "E2EDataIdList" BO_ 256 "none'),
         ('BA_ "GenMsgCycleTime" BO_ 256 25;', ""),
         ("[-120|120]", "[0|0]"),
+        ("BO_ 256 ACT_CMD: 8", "BO_ 256 ACT_CMD: 16"),
         ("BO_ 256 ACT_CMD", "BO_ 256 ACT"),
         ("BO_ 256 ACT_CMD", "BO_ 2147483904 ACT_CMD"),
         ("NS_ :", "NONSENSE"),

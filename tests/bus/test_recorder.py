@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+import time
 from pathlib import Path
 
 import can
@@ -38,6 +39,16 @@ def test_python_can_reads_back_what_was_recorded(tmp_path: Path, is_threaded: bo
     assert [each.timestamp for each in read] == pytest.approx(
         [index * 0.025 for index in range(200)], abs=1e-6
     )
+
+
+def test_the_writer_writes_while_the_drive_goes_on(tmp_path: Path) -> None:
+    """What a killed controller has seen is on the disk, but for the last moments."""
+    path = tmp_path / "drive.log"
+    with Recorder(path, "can0", is_threaded=True) as recorder:
+        recorder.record(message(0x100, b"\x01"), 0)
+        while not path.read_text():
+            time.sleep(0.01)
+        assert path.read_text() == "(0.000000) can0 100#01\n"
 
 
 def test_frames_of_other_kinds_keep_their_kind(tmp_path: Path) -> None:
@@ -117,6 +128,8 @@ def test_a_full_disk_does_not_end_the_drive(is_threaded: bool) -> None:
     with Recorder(full, "can0", is_threaded=is_threaded) as recorder:
         for _ in range(2000):
             recorder.record(message(0x100, bytes(8)), 0)
+        while is_threaded and not recorder.last_failure:
+            time.sleep(0.01)
     assert "No space left" in recorder.last_failure
     recorder.close()
 

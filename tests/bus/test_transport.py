@@ -128,7 +128,10 @@ def remote_channel() -> Iterator[str]:
 
 
 def test_two_ends_of_a_remote_bus_reach_each_other(remote_channel: str) -> None:
-    with open_bus("remote", remote_channel) as near, open_bus("remote", remote_channel) as far:
+    with (
+        open_bus("remote", remote_channel, bitrate=500_000) as near,
+        open_bus("remote", remote_channel) as far,
+    ):
         near.send(message(b"\x01\x02"), timeout=0)
         received = far.recv(5.0)
         assert received is not None

@@ -1,16 +1,23 @@
 """A scripted vehicle at the other end of a virtual bus: what the controller's own tests drive."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import count
 
 import can
 
 from rt_controller.bus.frames import Mission, RoadSample
 from rt_controller.bus.inbox import CommandInbox, Inbox
-from rt_controller.bus.outbox import VehicleOutbox
+from rt_controller.bus.outbox import ControllerOutbox, VehicleOutbox
 from rt_controller.bus.snapshot import CommandSnapshot
+from rt_controller.bus.transport import open_bus
+from rt_controller.config import MpcSettings
+from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import PathReference, VehicleState
+from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.control.mpc import Mpc
+from rt_controller.control.plan import Plan
 from rt_controller.realtime.clock import LockstepClock
 from rt_controller.step import ControlStep, StepOutcome
 
@@ -18,6 +25,8 @@ CRUISING = VehicleState(20.0, 0.0, 0.0, 0.5, 0.2, 0.01)
 STRAIGHT = PathReference(0.0, 0.0, 0.0, 0.0, 20.0, 0.0)
 VALID_NS = 500_000_000
 ENGAGED = Mission(is_engaged=True, is_reset_requested=False, mission_id=1, valid_for_ns=VALID_NS)
+
+_channels = count()
 
 
 @dataclass(slots=True)
@@ -68,3 +77,24 @@ class Rig:
         """The newest command as the vehicle received it."""
         assert self.heard.command is not None
         return self.heard.command
+
+
+@contextmanager
+def build_rig(mpc: Mpc) -> Iterator[Rig]:
+    """A controller with this planner, its scripted vehicle, and the virtual bus between them."""
+    channel = f"scripted-vehicle-{next(_channels)}"
+    with open_bus("virtual", channel) as vehicle_bus, open_bus("virtual", channel) as bus:
+        vehicle = Vehicle(VehicleOutbox(vehicle_bus))
+        clock = LockstepClock(PERIOD_NS, vehicle.speak)
+        inbox = Inbox()
+        step = ControlStep(
+            bus=bus,
+            inbox=inbox,
+            outbox=ControllerOutbox(bus),
+            mpc=mpc,
+            plan=Plan(MpcSettings().horizon),
+            limits=INPUT_LIMITS,
+            clock=clock,
+            model_hash=7,
+        )
+        yield Rig(vehicle, clock, step, mpc, bus, vehicle_bus, inbox, CommandInbox())

@@ -1,0 +1,50 @@
+"""How long the parts of a step take, back to back."""
+
+import pytest
+
+from rt_controller.config import MpcSettings
+from rt_controller.contract.artifact import Bundle, load_bundle
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
+from rt_controller.control.lift import Encoder
+from rt_controller.control.mpc import Mpc
+from rt_controller.control.solver import SolveStatus
+from rt_controller.session import shipped_model
+
+STATE = VehicleState(22.0, -0.05, 0.06, 0.55, 1.2, 0.07)
+PATH = PathReference(1.3, 0.09, 0.004, -0.0004, 22.2, 0.0)
+PREVIOUS = ControlInput(0.15, 0.0, 0.2)
+
+
+@pytest.fixture(params=["mdk-net-paper", "lti"])
+def bundle(request: pytest.FixtureRequest) -> Bundle:
+    return load_bundle(shipped_model(request.param))
+
+
+def test_lift(benchmark, bundle: Bundle) -> None:
+    encoder = Encoder(bundle)
+    assert benchmark(encoder.lift, STATE).shape == (bundle.n_observables,)
+
+
+def test_plan(benchmark, bundle: Bundle) -> None:
+    """Lift, reference, gradient and QP; the QP's own time is in `extra_info`."""
+    settings = MpcSettings()
+    mpc = Mpc(bundle, settings.horizon, settings.cost(), INPUT_LIMITS)
+    solve_us: list[float] = []
+
+    def plan() -> SolveStatus:
+        status = mpc.plan(STATE, 0.001, PATH, PREVIOUS)
+        solve_us.append(mpc.solve_ns / 1e3)
+        return status
+
+    assert benchmark(plan) is SolveStatus.SOLVED
+    solve_us.sort()
+    benchmark.extra_info["qp_us_p50"] = solve_us[len(solve_us) // 2]
+    benchmark.extra_info["qp_us_p99"] = solve_us[int(len(solve_us) * 0.99)]
+    benchmark.extra_info["qp_iterations"] = mpc.iterations
+
+
+def test_assembly(benchmark, bundle: Bundle) -> None:
+    """What start-up pays so that no tick has to."""
+    settings = MpcSettings()
+    benchmark(Mpc, bundle, settings.horizon, settings.cost(), INPUT_LIMITS)
