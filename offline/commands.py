@@ -303,7 +303,7 @@ def _evaluate(bundle: Bundle, dataset: Dataset) -> Evaluation:
 
 
 def _heads() -> tuple[str, ...]:
-    return tuple(f"{name} {unit}" for name, unit in UNITS.items())
+    return tuple(f"{name}\n{unit}" for name, unit in UNITS.items())
 
 
 def _print_pooled(evaluation: Evaluation) -> None:

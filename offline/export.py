@@ -6,7 +6,11 @@ The run time knows physical units only. The encoder of the bundle takes physical
 
 import copy
 import json
+import logging
 import tempfile
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -124,7 +128,7 @@ def choose_selftest_states(dataset: Dataset) -> Array:
 def to_onnx(encoder: nn.Module) -> bytes:
     """The encoder as ONNX: "x" float32 (batch, 6) -> "psi" float32 (batch, n), any batch."""
     example = torch.zeros(2, N_STATES)
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, _quiet_exporter():
         path = Path(folder) / "encoder.onnx"
         torch.onnx.export(
             encoder,
@@ -138,6 +142,20 @@ def to_onnx(encoder: nn.Module) -> bytes:
             verbose=False,
         )
         return path.read_bytes()
+
+
+@contextmanager
+def _quiet_exporter() -> Iterator[None]:
+    """The exporter reports packages that this model does not use, and its own deprecations."""
+    logger = logging.getLogger("torch.onnx")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logger.setLevel(level)
 
 
 def pass_gate(bundle: Bundle) -> Gate:

@@ -42,9 +42,9 @@ def progress_bar(title: str, total: int, done: int = 0) -> Iterator[Callable[[in
 def error_table(title: str, rows: Mapping[str, tuple[float, ...]], heads: tuple[str, ...]) -> Table:
     """One row a model, one column a state."""
     table = Table(title=title, title_justify="left")
-    table.add_column("model")
+    table.add_column("model", no_wrap=True)
     for head in heads:
-        table.add_column(head, justify="right")
+        table.add_column(head, justify="right", no_wrap=True)
     for name, numbers in rows.items():
         table.add_row(name, *(f"{number:.4g}" for number in numbers))
     return table

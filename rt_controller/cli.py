@@ -1,6 +1,5 @@
 """`rt-controller`: drive a car over CAN with a learned model."""
 
-import json
 import signal
 import sys
 from pathlib import Path
@@ -18,6 +17,7 @@ from rt_controller.config import (
     RealtimeSettings,
 )
 from rt_controller.contract.errors import BusError, ConfigError, RtControllerError
+from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.loop import Ending
 from rt_controller.realtime.clock import Clock, RealtimeClock
@@ -100,6 +100,7 @@ def run(
         no live line
     """
     console = Console(stderr=True)
+    require_writable(json_file)
     config = ControllerConfig(
         bus=BusSettings(interface=bus, channel=channel, bitrate=bitrate, options=bus_option or {}),
         model=model,
@@ -188,9 +189,7 @@ def _drive(
 def _conclude(session: ControllerSession, json_file: Path | None, console: Console) -> int:
     record = session.record
     console.print(to_table(record, session.guarantees, session.model))
-    if json_file is not None:
-        figures = to_json(record, session.guarantees, session.model)
-        json_file.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    write_figures(json_file, to_json(record, session.guarantees, session.model))
     if record.ending is Ending.SAFE_STOPPED:
         cause = record.outcome.cause
         console.print(f"[red]rt-controller:[/red] safe stop: {cause.value}", highlight=False)

@@ -10,9 +10,9 @@ from threading import Event, Thread
 import can
 
 from rt_controller.bus.identity import model_hash
+from rt_controller.bus.inbox import Inbox
 from rt_controller.bus.outbox import ControllerOutbox
 from rt_controller.bus.recorder import Recorder
-from rt_controller.bus.inbox import Inbox
 from rt_controller.bus.transport import open_bus
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.artifact import Bundle, load_bundle

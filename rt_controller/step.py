@@ -7,8 +7,8 @@ import can
 
 from rt_controller.bus.frames import Fault, Heartbeat
 from rt_controller.bus.identity import dbc_hash
-from rt_controller.bus.outbox import ControllerOutbox
 from rt_controller.bus.inbox import Inbox
+from rt_controller.bus.outbox import ControllerOutbox
 from rt_controller.bus.snapshot import MissionSnapshot, StateSnapshot
 from rt_controller.contract.limits import InputLimits
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, PathReference

@@ -6,8 +6,8 @@ from math import hypot
 import can
 
 from rt_controller.bus.frames import Mission, RoadSample
-from rt_controller.bus.outbox import VehicleOutbox
 from rt_controller.bus.inbox import CommandInbox
+from rt_controller.bus.outbox import VehicleOutbox
 from rt_controller.contract.signals import NEUTRAL_INPUT, VehicleState
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS, MISSION_PERIOD_TICKS
 from sim_bridge.car import Car

@@ -1,6 +1,5 @@
 """`sim-bridge`: the nonlinear car at the other end of a CAN bus, as a process of its own."""
 
-import json
 import signal
 import sys
 import threading
@@ -14,6 +13,7 @@ from rich.console import Console
 
 from rt_controller.bus.recorder import Recorder
 from rt_controller.contract.errors import BusError, RtControllerError
+from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.realtime.clock import RealtimeClock
 from sim_bridge.bridge import BridgeSummary
@@ -65,6 +65,7 @@ def drive(
         no live line
     """
     console = Console(stderr=True)
+    require_writable(json_file)
     recorder = (
         Recorder(
             record,
@@ -79,8 +80,7 @@ def drive(
         session = open_session(bus, channel, bitrate, bus_option or {}, scenario, recorder)
     summary = _run(session, wait_s, None if quiet else console)
     console.print(_sentence(summary))
-    if json_file is not None:
-        json_file.write_text(json.dumps(asdict(summary), indent=2) + "\n", encoding="utf-8")
+    write_figures(json_file, asdict(summary))
     if summary.ticks == 0:
         raise BusError(
             f"Expected a controller to take the car within {wait_s:g} s, found none on channel "

@@ -21,6 +21,10 @@ from rt_controller.contract.timing import PERIOD_S
 PREVIEW_S = 0.6
 """how far ahead the polynomial on the bus has to hold: the controller's horizon and some"""
 PREVIEW_MIN_M = 4.0
+MAX_SLOPE = 0.5
+"""of the path against the road: what the frames can carry, with some room for the fit"""
+STEEPEST_MIN_JERK = 1.875
+"""peak slope of a minimum-jerk move, in units of height over length"""
 _KMH_PER_MPS = 3.6
 
 
@@ -152,6 +156,7 @@ def _parse(raw: dict[str, Any]) -> Scenario:
         0.05 <= scenario.road_friction <= 1.5, "road_friction", "0.05..1.5", raw["road_friction"]
     )
     end_m = -np.inf
+    offset_m = 0.0
     for move in scenario.moves:
         _require(move.length_m > 0.0, "moves.length_m", "> 0", move.length_m)
         _require(
@@ -160,7 +165,10 @@ def _parse(raw: dict[str, Any]) -> Scenario:
             f">= {end_m} (moves must not overlap)",
             move.start_m,
         )
+        steepest = STEEPEST_MIN_JERK * abs(move.to_m - offset_m) / move.length_m
+        _require(steepest <= MAX_SLOPE, "moves.to_m", f"a slope up to {MAX_SLOPE}", steepest)
         end_m = move.start_m + move.length_m
+        offset_m = move.to_m
     return scenario
 
 

@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping
 
 import can
 
+from rt_controller.bus.inbox import CommandInbox
 from rt_controller.bus.outbox import VehicleOutbox
 from rt_controller.bus.recorder import Recorder
-from rt_controller.bus.inbox import CommandInbox
 from rt_controller.bus.transport import Option, open_bus
 from rt_controller.contract.signals import NEUTRAL_INPUT
 from rt_controller.realtime.clock import Clock

@@ -14,7 +14,9 @@ from rt_controller.control.qp import CondensedQp
 EPS_ABS = 1e-6
 EPS_DUALITY_GAP_ABS = 2e-9
 MAX_ITERATIONS = 16
-"""PIQP has no time limit; this many iterations bound the time and leave the input at 1e-4"""
+"""PIQP has no time limit: the number of iterations bounds the time"""
+USABLE_RESIDUAL = 1e-4
+"""of a solve cut short there, in units of an input's range: as exact as a command frame"""
 
 
 class SolveStatus(Enum):
@@ -41,13 +43,13 @@ class PiqpWorkspace:
     this size; the solver's tolerances keep the first input within 1e-4 of its range.
     """
 
-    def __init__(self, qp: CondensedQp) -> None:
+    def __init__(self, qp: CondensedQp, max_iterations: int = MAX_ITERATIONS) -> None:
         self._solver = piqp.SparseSolver()
         settings = self._solver.settings
         settings.kkt_solver = piqp.KKTSolver.sparse_multistage
         settings.eps_abs = EPS_ABS
         settings.eps_duality_gap_abs = EPS_DUALITY_GAP_ABS
-        settings.max_iter = MAX_ITERATIONS
+        settings.max_iter = max_iterations
         nv = qp.scale.size
         self.solution = np.zeros(nv)
         """(nv,), of the last solve; overwritten by the next"""
@@ -75,11 +77,27 @@ class PiqpWorkspace:
     ) -> SolveStatus:
         """How the solve with these vectors ended; `solution` and `iterations` hold the rest."""
         begun_ns = time.perf_counter_ns()
+        self.iterations = 0
+        if not np.isfinite(gradient).all():
+            # PIQP would keep what is not a number, and fail on every later problem too.
+            self.solve_ns = time.perf_counter_ns() - begun_ns
+            return SolveStatus.NUMERICS
         self._solver.update(c=gradient, h_l=slew_lower, h_u=slew_upper, x_u=upper)
         status = _STATUS.get(self._solver.solve(), SolveStatus.NUMERICS)
-        self.iterations = self._solver.result.info.iter
-        self.solution[:] = self._solver.result.x  # a live view of the solver's memory
+        result = self._solver.result
+        self.iterations = result.info.iter
+        self.solution[:] = result.x  # a live view of the solver's memory
         self.solve_ns = time.perf_counter_ns() - begun_ns
+        if status is SolveStatus.ITERATION_LIMIT and _is_usable(result.info):
+            status = SolveStatus.SOLVED
         if status is SolveStatus.SOLVED and not np.isfinite(self.solution).all():
             return SolveStatus.NUMERICS
         return status
+
+
+def _is_usable(info: piqp.Info) -> bool:
+    return bool(
+        info.primal_res < USABLE_RESIDUAL
+        and info.dual_res < USABLE_RESIDUAL
+        and info.duality_gap < USABLE_RESIDUAL
+    )

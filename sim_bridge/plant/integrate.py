@@ -4,12 +4,13 @@ Midpoint rule; lags are solved exactly over each half and whole step (exponentia
 friction by projection, gears change between steps. Nothing here knows roads or curvature.
 """
 
-from math import exp
+from math import exp, isfinite
 
 import numpy as np
 from numpy import float64
 from numpy.typing import NDArray
 
+from rt_controller.contract.errors import ConfigError
 from sim_bridge.plant.brakes import after_friction
 from sim_bridge.plant.engine import RPM_OF_RADPS
 from sim_bridge.plant.gearbox import choose_gear, highest_gear
@@ -191,7 +192,15 @@ def settle(v0_mps: float, parameters: Parameters) -> NDArray[float64]:
     Gear, engine, converter, slips, pitch and the throttle that holds the speed have come to rest
     in a run on which the speed is held from outside. A car that stands (`v0_mps` = 0) stands on
     its brake, since the converter would make it creep.
+
+    Raises:
+        ConfigError: the speed is negative or not a number.
     """
+    if not (isfinite(v0_mps) and v0_mps >= 0.0):
+        raise ConfigError(
+            f"initial speed: expected a number of m/s that is not negative, found {v0_mps}. "
+            f"The car starts standing or driving forward."
+        )
     state = np.zeros(N_STATES)
     state[AT.vx_mps] = v0_mps
     state[AT.throttle] = _FIRST_THROTTLE if v0_mps > 0.0 else 0.0

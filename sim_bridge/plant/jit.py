@@ -7,6 +7,7 @@ one of them is never answered with old machine code.
 """
 
 import hashlib
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -22,13 +23,21 @@ _CONFIG: Any = numba.config
 def compiled(function: Kernel) -> Kernel:
     """The same function as machine code, compiled at its first call and then kept on disk."""
     outer = _CONFIG.CACHE_DIR
-    base = Path(outer) if outer else _ROOM / "__pycache__"
-    _CONFIG.CACHE_DIR = str(base / f"kernels-{_SOURCES_DIGEST}")
+    _CONFIG.CACHE_DIR = str(_cache_folder(outer) / f"kernels-{_SOURCES_DIGEST}")
     try:
         kernel = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     finally:
         _CONFIG.CACHE_DIR = outer
     return cast(Kernel, kernel)
+
+
+def _cache_folder(chosen: str) -> Path:
+    """Where the user wants it, else beside the sources, else (installed read-only) at home."""
+    if chosen:
+        return Path(chosen)
+    if os.access(_ROOM, os.W_OK):
+        return _ROOM / "__pycache__"
+    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "rt-controller"
 
 
 def _digest_of_sources() -> str:

@@ -1,11 +1,14 @@
 """The numbers that make a car: nested tuples of floats that compiled kernels accept as they are.
 
-Each name ends in its unit; a pair of front and rear values is two fields. Sources of the default
-car are given with the values; "estimate" marks an engineering guess.
+Each name ends in its unit; a pair of front and rear values is two fields. Beside the default car
+stands where its numbers come from: "published" for data of a C-class hatchback of 150 kW with
+all-wheel drive, "derived" for what was computed from such data, "estimate" for judgement.
 """
 
-from math import pi
+from math import isfinite, pi
 from typing import NamedTuple
+
+from rt_controller.contract.errors import ConfigError
 
 GRAVITY_MPS2 = 9.80665
 _N_PER_M_OF_N_PER_MM = 1000.0
@@ -68,10 +71,13 @@ class TyreParameters(NamedTuple):
     peak_friction_per_load: float
     """relative change of the peak per relative excess over the reference load"""
     stiffness_npr: float
-    """cornering stiffness scale and, next, the load at which it would peak"""
+    """cornering stiffness at the load at which it would peak"""
     stiffness_load_n: float
+    """that load"""
     shape: float
+    """C of the Magic Formula"""
     curvature: float
+    """E of the Magic Formula"""
     longitudinal_slip_gain: float
     """lateral over longitudinal slip at the peak of friction"""
     peak_slip: float
@@ -86,12 +92,14 @@ class TyreParameters(NamedTuple):
     relaxation_load_n: float
     """load for which the two relaxation lengths hold"""
     lateral_relaxation_end_slip: float
+    """lateral slip at which the relaxation length has faded"""
     damping_end_mps: float
     """speed at which the material damping of the tyre has lost half its effect"""
     lateral_damping_s: float
     longitudinal_damping_s: float
     rolling_resistance: float
     rolling_resistance_spm: float
+    """growth with speed, per m/s"""
 
 
 class EngineParameters(NamedTuple):
@@ -103,6 +111,7 @@ class EngineParameters(NamedTuple):
     fall_below_nm: float
     """torque lost a thousand rpm below the peak, growing with the square"""
     fall_above_nm: float
+    """the same above the peak, square and fourth power"""
     fall_above_quartic_nm: float
     drag_nm: float
     drag_nm_per_krpm: float
@@ -111,6 +120,7 @@ class EngineParameters(NamedTuple):
     idle_torque_limit_nm: float
     speed_limit_rpm: float
     pedal_shape: float
+    """smaller: more of the torque in the first part of the pedal's way"""
     throttle_lag_s: float
 
 
@@ -136,6 +146,7 @@ class GearboxParameters(NamedTuple):
     dwell_s: float
     """shortest time from one shift's start to the next"""
     up_rpm: float
+    """turbine speed of an up-shift with the throttle closed; then open, then down-shifts alike"""
     up_rpm_full: float
     down_rpm: float
     down_rpm_full: float
@@ -203,7 +214,16 @@ class Parameters(NamedTuple):
 
 
 def with_road_friction(parameters: Parameters, friction: float) -> Parameters:
-    """The same car on a road of another friction, 1 being the road of the tyre test."""
+    """The same car on a road of another friction, 1 being the road of the tyre test.
+
+    Raises:
+        ConfigError: the friction is not a positive number.
+    """
+    if not (isfinite(friction) and friction > 0.0):
+        raise ConfigError(
+            f"road friction: expected a positive number, 1 for the road of the tyre test, found "
+            f"{friction}. Dry asphalt is about 0.85, packed snow 0.3."
+        )
     return parameters._replace(road=RoadParameters(friction=friction))
 
 
@@ -212,6 +232,7 @@ def _in_series(stiffness: float, other: float) -> float:
 
 
 def _c_class_suspension() -> SuspensionParameters:
+    """Rates as the road sees them: spring and bar at the wheel, then the tyre in series."""
     track_m = 1.675
     tyre_npm = 268.0 * _N_PER_M_OF_N_PER_MM
     spring_front_npm = 27.0 * _N_PER_M_OF_N_PER_MM * 0.959**2
@@ -232,22 +253,28 @@ def _c_class_suspension() -> SuspensionParameters:
             spring_rear_npm * lever_m2 + bar_rear_nmprad, tyre_npm * lever_m2
         )
         - ride_rear_npm * lever_m2,
+        # published at 90 mm/s of the damper, taken as linear; times the square of the motion ratio
         jounce_front_nspm=6600.0 * 0.959**2,
         jounce_rear_nspm=6600.0 * 0.797**2,
         rebound_front_nspm=11200.0 * 0.959**2,
         rebound_rear_nspm=11200.0 * 0.797**2,
+        # derived
         roll_centre_front_m=0.023,
         roll_centre_rear_m=0.009,
+        # estimates; the lag is that of a wheel bouncing on its tyre
         pitch_centre_m=0.10,
         load_lag_s=0.015,
+        # front: set for an understeer gradient of 1.43 deg/g; rear: published
         roll_steer_front=-0.05,
         roll_steer_rear=0.14,
+        # derived
         camber_gain_front=0.83,
         camber_gain_rear=0.68,
     )
 
 
 C_CLASS_150KW_AWD = Parameters(
+    # published; the height of the unsprung masses is that of the wheel centres
     body=BodyParameters(
         mass_kg=1501.0,
         yaw_inertia_kgm2=2192.0,
@@ -265,6 +292,11 @@ C_CLASS_150KW_AWD = Parameters(
         unsprung_height_m=0.325,
     ),
     suspension=_c_class_suspension(),
+    # 215/55R17: radius, inertia, friction, slips at the peak, rolling resistance published;
+    # stiffness, camber thrust and relaxation derived; shape and curvature solve for the peak at
+    # 8.5 deg and a friction of 0.88 left at 25 deg; effect of load on friction and the material
+    # damping are estimates. The stiffness is 2 % above the axles' 161 and 93 kN/rad, which are
+    # secants over the slip of everyday cornering.
     tyre=TyreParameters(
         rolling_radius_m=0.325,
         spin_inertia_kgm2=1.6,
@@ -290,6 +322,8 @@ C_CLASS_150KW_AWD = Parameters(
         rolling_resistance=0.0038,
         rolling_resistance_spm=2.6e-5 * 3.6,
     ),
+    # inertia, peak, idle and drag published; full load passes through 151 kW at 5030 rpm with its
+    # power peak there; fall below the peak, governor and pedal are estimates
     engine=EngineParameters(
         inertia_kgm2=0.20,
         peak_torque_nm=309.9,
@@ -306,12 +340,14 @@ C_CLASS_150KW_AWD = Parameters(
         pedal_shape=0.8,
         throttle_lag_s=0.10,
     ),
+    # published; the fade is an estimate
     converter=ConverterParameters(
         stall_torque_ratio=1.864,
         coupling_speed_ratio=0.881,
         capacity_nm_per_rpm2=0.00704**2,
         capacity_fade=6.0,
     ),
+    # ratios, range of efficiencies and shift time published; the shift map is an estimate
     gearbox=GearboxParameters(
         ratios=(3.538, 2.06, 1.404, 1.0, 0.713, 0.582),
         efficiencies=(0.92, 0.92, 0.95, 0.95, 0.98, 0.99),
@@ -323,12 +359,14 @@ C_CLASS_150KW_AWD = Parameters(
         down_rpm=900.0,
         down_rpm_full=2200.0,
     ),
+    # final ratio and even split published; viscosity an estimate
     driveline=DrivelineParameters(
         final_ratio=4.1,
         final_efficiency=0.97,
         front_share=0.5,
         viscous_nms=4.0,
     ),
+    # published, the pedal's gain an estimate: 150 N brake with about 0.8 g
     brakes=BrakeParameters(
         pedal_mpa_per_n=0.04,
         lag_s=0.06,
@@ -337,11 +375,13 @@ C_CLASS_150KW_AWD = Parameters(
         front_nm_per_mpa=250.0,
         rear_nm_per_mpa=150.0,
     ),
+    # ratio published, compliance derived, lag an estimate
     steering=SteeringParameters(
         ratio=18.5,
         compliance_radpn=3.2e-5 * pi / 180.0,
         lag_s=0.03,
     ),
+    # published
     aero=AeroParameters(
         air_density_kgpm3=1.206,
         area_m2=2.2,

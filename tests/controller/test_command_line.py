@@ -94,6 +94,14 @@ def test_a_settings_file_with_an_unknown_name_is_refused(
     assert exit_code(monkeypatch, "--config", str(file), "--bus", "socketcan") == 2
 
 
+def test_a_summary_that_cannot_be_written_is_known_before_the_drive(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    nowhere = tmp_path / "missing" / "summary.json"
+    assert exit_code(monkeypatch, "--bus", "virtual", "--json", str(nowhere)) == 2
+    assert "summary.json" in capsys.readouterr().err.replace("\n", "")
+
+
 def test_help_documents_the_exit_codes(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

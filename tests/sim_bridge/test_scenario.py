@@ -69,6 +69,7 @@ def test_a_file_is_read_as_it_stands(tmp_path: Path) -> None:
         ("duration_s = 4.0", "duration_s = 0.0", "duration_s"),
         ("duration_s = 4.0", "", "duration_s"),
         ("length_m = 40.0", "length_m = 0.0", "length_m"),
+        ("length_m = 40.0", "length_m = 5.0", "slope"),
         ("road_friction = 0.85", "road_friction = 0.0", "road_friction"),
         ("curvature_per_m = 0.0", "curvature_per_m = 1.0", "curvature_per_m"),
         ("name =", "name", "scenario"),

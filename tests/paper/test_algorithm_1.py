@@ -1,0 +1,75 @@
+"""When the best model is kept and the rate halved, and the numbers of the paper's table."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from offline.config import PRESETS
+from offline.schedule import judge_as_printed, judge_global_minimum
+
+PATIENCE = 3
+losses = st.lists(st.floats(0.0, 10.0), min_size=1, max_size=30)
+
+
+def printed(L: list[float]) -> tuple[bool, bool]:
+    """Algorithm 1, lines "if L_i > L_(i-1) > ... > L_(i-patience)" and "else if"."""
+    i = len(L) - 1
+
+    def before(j: int) -> float:
+        return L[j] if j >= 0 else float("inf")
+
+    if all(before(i - j) > before(i - j - 1) for j in range(PATIENCE)):
+        return False, True
+    return before(i) < before(i - 1), False
+
+
+@given(losses)
+def test_printed_rule_is_followed_to_the_letter(history):
+    assert tuple(judge_as_printed(history, PATIENCE)) == printed(history)
+
+
+@given(losses)
+def test_default_rule_keeps_the_lowest_loss_and_nothing_else(history):
+    is_best = judge_global_minimum(history, PATIENCE).is_best
+    assert is_best == (history[-1] < min(history[:-1], default=float("inf")))
+
+
+def test_printed_rule_may_keep_a_worse_model_and_the_default_does_not():
+    history = [1.0, 0.2, 0.9, 0.8]
+    assert judge_as_printed(history, PATIENCE).is_best
+    assert not judge_global_minimum(history, PATIENCE).is_best
+
+
+def test_first_evaluation_is_always_the_best_so_far():
+    assert judge_as_printed([5.0], PATIENCE).is_best
+    assert judge_global_minimum([5.0], PATIENCE).is_best
+
+
+def test_default_rule_halves_after_every_third_evaluation_without_a_best():
+    history, halved = [1.0], []
+    for k in range(7):
+        history.append(2.0)
+        if judge_global_minimum(history, PATIENCE).lower_rate:
+            halved.append(k + 1)
+    assert halved == [3, 6]
+
+
+def test_a_new_best_starts_the_count_anew():
+    history = [1.0, 2.0, 2.0, 0.5, 2.0, 2.0]
+    assert not judge_global_minimum(history, PATIENCE).lower_rate
+    assert judge_global_minimum([*history, 2.0], PATIENCE).lower_rate
+
+
+def test_preset_paper_carries_the_table_of_hyperparameters():
+    paper = PRESETS["paper"]
+    assert (paper.steps, paper.evaluate_every, paper.batch) == (60_000, 500, 128)
+    assert (paper.latents, paper.hidden) == (60, (32, 64, 128, 128, 64))
+    assert (paper.learning_rate, paper.patience, paper.forgetting) == (1e-3, 3, 0.9)
+    alphas = (
+        paper.weight_single_step,
+        paper.weight_multi_step,
+        paper.weight_stability,
+        paper.weight_regularisation,
+    )
+    assert alphas == (1.0, 0.5, 1.6, 1e-4)
+    assert (paper.decay_encoder, paper.decay_operator) == (0.9, 0.5)
+    assert paper.target_samples is None

@@ -1,0 +1,85 @@
+"""Eqs. (6)-(8) and the architecture of the table of hyperparameters."""
+
+import pytest
+import torch
+from torch import nn
+
+from offline.config import PRESETS
+from offline.model import MdkNet
+from offline.rollout import roll_out
+
+
+@pytest.fixture
+def model() -> MdkNet:
+    torch.manual_seed(0)
+    return MdkNet(PRESETS["paper"])
+
+
+def test_observables_are_the_states_followed_by_the_latents(model):
+    x = torch.randn(5, 6)
+    psi = model.lift(x)
+    assert psi.shape == (5, 66)
+    assert torch.equal(psi[:, 6:65], model.encoder(x))
+
+
+def test_states_are_recovered_by_the_identity_and_zeros(model):
+    """Eq. (8): C = [I 0]."""
+    x = torch.randn(5, 6)
+    C = torch.cat([torch.eye(6), torch.zeros(6, 60)], dim=1)
+    assert torch.equal(model.lift(x) @ C.t(), x)
+
+
+def test_encoder_has_the_widths_of_the_table_and_relu_on_hidden_layers_only(model):
+    linear = [layer for layer in model.encoder if isinstance(layer, nn.Linear)]
+    assert [layer.out_features for layer in linear[:-1]] == [32, 64, 128, 128, 64]
+    assert [type(layer) for layer in model.encoder] == [nn.Linear, nn.ReLU] * 5 + [nn.Linear]
+
+
+def test_matrices_have_the_sizes_of_the_paper(model):
+    A, B = model.operator()
+    assert (A.shape, B.shape) == ((66, 66), (66, 4))
+
+
+def test_constant_observable_stays_exactly_one_over_the_horizon(model):
+    A, B = model.operator()
+    drive = torch.randn(80, 5, 4) @ B.t()
+    psi = roll_out(model.lift(torch.randn(5, 6)), A, drive)
+    assert torch.equal(psi[..., -1], torch.ones(80, 5))
+
+
+def test_literal_preset_learns_all_sixty_latents():
+    torch.manual_seed(0)
+    model = MdkNet(PRESETS["paper-literal"])
+    assert model.encoder[-1].out_features == 60
+    assert model.operator().A is model.A_rows
+
+
+def test_first_roll_out_of_every_preset_stays_bounded():
+    """A start with spectral radius 8 would reach 1e72 over the horizon."""
+    for preset in PRESETS.values():
+        torch.manual_seed(preset.seed)
+        model = MdkNet(preset)
+        A, B = model.operator()
+        drive = torch.randn(80, 32, 4) @ B.t()
+        assert roll_out(model.lift(torch.randn(32, 6)), A, drive).abs().max() < 100.0
+
+
+def test_roll_out_is_the_recursion_of_equation_6():
+    torch.manual_seed(1)
+    A, psi0 = 0.5 * torch.randn(4, 4), torch.randn(3, 4)
+    drive = torch.randn(6, 3, 4)
+    psi, expected = psi0, []
+    for k in range(6):
+        psi = psi @ A.t() + drive[k]
+        expected.append(psi)
+    assert torch.allclose(roll_out(psi0, A, drive), torch.stack(expected))
+
+
+def test_gradient_of_the_roll_out_is_the_numerical_one():
+    torch.manual_seed(2)
+    arguments = (
+        torch.randn(2, 3, dtype=torch.float64, requires_grad=True),
+        (0.5 * torch.randn(3, 3, dtype=torch.float64)).requires_grad_(),
+        torch.randn(5, 2, 3, dtype=torch.float64, requires_grad=True),
+    )
+    assert torch.autograd.gradcheck(roll_out, arguments)

@@ -1,0 +1,224 @@
+"""Each loss term against its equation, transcribed with loops and matrix powers in float64."""
+
+import pytest
+import torch
+from torch import Tensor
+
+from offline.config import PRESETS, TrainingConfig
+from offline.losses import (
+    GROWTH_BOUND,
+    draw_times,
+    eigenvalue_excess,
+    forgetting_weights,
+    growth_excess,
+    regularisation_loss,
+    total_loss,
+)
+from offline.model import MdkNet
+
+K, BATCH = 7, 3
+SMALL = {"hidden": (8, 8), "latents": 5}
+
+
+@pytest.fixture(autouse=True)
+def _double_precision():
+    torch.set_default_dtype(torch.float64)
+    yield
+    torch.set_default_dtype(torch.float32)
+
+
+def a_model(config: TrainingConfig) -> MdkNet:
+    torch.manual_seed(1)
+    model = MdkNet(config)
+    with torch.no_grad():
+        model.A_rows += 0.05 * torch.randn_like(model.A_rows)
+        model.B_rows += 0.3 * torch.randn_like(model.B_rows)
+    return model
+
+
+def a_batch() -> tuple[Tensor, Tensor]:
+    torch.manual_seed(2)
+    return torch.randn(K + 1, BATCH, 6), torch.randn(K, BATCH, 4)
+
+
+def a_config(preset: str, **changes: object) -> TrainingConfig:
+    return PRESETS[preset].model_copy(update={**SMALL, **changes})
+
+
+def transcribed_single_step(model: MdkNet, x: Tensor, u: Tensor) -> Tensor:
+    """Eq. (9), averaged over the batch."""
+    A, B = model.operator()
+    loss = torch.zeros(())
+    for b in range(BATCH):
+        for i in range(K):
+            error = model.lift(x[i + 1, b]) - (A @ model.lift(x[i, b]) + B @ u[i, b])
+            loss = loss + error @ error / K
+    return loss / BATCH
+
+
+def transcribed_multi_step(
+    model: MdkNet, x: Tensor, u: Tensor, beta: float, last: int
+) -> Tensor:
+    """Eq. (10), averaged over the batch; as printed, `last` is K-1."""
+    A, B = model.operator()
+    power = torch.linalg.matrix_power
+    loss = torch.zeros(())
+    for b in range(BATCH):
+        for i in range(1, last + 1):
+            predicted = power(A, i) @ model.lift(x[0, b])
+            for t in range(1, i + 1):
+                predicted = predicted + power(A, t - 1) @ B @ u[i - t, b]
+            error = model.lift(x[i, b]) - predicted
+            loss = loss + beta**i * (error @ error)
+    return loss / sum(beta**i for i in range(1, last + 1)) / BATCH
+
+
+@pytest.mark.parametrize("preset", ["paper", "paper-literal"])
+def test_single_step_loss_is_equation_9(preset):
+    config = a_config(preset)
+    model, (x, u) = a_model(config), a_batch()
+    assert torch.isclose(
+        total_loss(model, config, x, u).single_step, transcribed_single_step(model, x, u)
+    )
+
+
+@pytest.mark.parametrize(("preset", "last"), [("paper-literal", K - 1), ("paper", K)])
+def test_multi_step_loss_is_equation_10(preset, last):
+    config = a_config(preset)
+    model, (x, u) = a_model(config), a_batch()
+    expected = transcribed_multi_step(model, x, u, config.forgetting, last)
+    assert torch.isclose(total_loss(model, config, x, u).multi_step, expected)
+
+
+def test_gradients_of_both_prediction_losses_are_those_of_the_transcription():
+    config = a_config("paper")
+    x, u = a_batch()
+    ours, naive = a_model(config), a_model(config)
+    losses = total_loss(ours, config, x, u)
+    (losses.single_step + losses.multi_step).backward()
+    (
+        transcribed_single_step(naive, x, u)
+        + transcribed_multi_step(naive, x, u, config.forgetting, K)
+    ).backward()
+    for one, other in zip(ours.parameters(), naive.parameters(), strict=True):
+        assert torch.allclose(one.grad, other.grad, rtol=1e-9, atol=1e-12)
+
+
+def test_eigenvalue_excess_is_equation_11():
+    A = torch.diag(torch.tensor([1.5, 0.9, -1.25, 1.0]))
+    A[0, 3] = 7.0
+    assert torch.isclose(eigenvalue_excess(A), torch.tensor(0.75))
+
+
+def test_eigenvalue_excess_counts_both_of_a_complex_pair():
+    radius, angle = 1.2, torch.tensor(0.7)
+    turn = torch.stack(
+        [
+            torch.stack([angle.cos(), -angle.sin()]),
+            torch.stack([angle.sin(), angle.cos()]),
+        ]
+    )
+    assert torch.isclose(eigenvalue_excess(radius * turn), torch.tensor(0.4))
+
+
+def test_growth_excess_is_the_root_of_the_64th_power():
+    A = a_model(a_config("paper")).operator().A.detach() + 0.1
+    norm = torch.linalg.matrix_norm(torch.linalg.matrix_power(A, 64))
+    assert norm > 1.0
+    assert torch.isclose(growth_excess(A), norm ** (1 / 64) - GROWTH_BOUND)
+
+
+def test_growth_bound_admits_the_chain_from_yaw_rate_to_lateral_error():
+    """Strict stability would forbid the true kinematics: integrators have eigenvalue 1.
+
+    In scaled numbers, at 20 m/s, beside 63 observables that merely persist.
+    """
+    dt_s, speed_mps, yaw_rate_scale, epsi_scale, ey_scale = 0.025, 20.0, 0.1, 0.15, 3.0
+    chain = torch.eye(66)
+    chain[5, 2] = dt_s * yaw_rate_scale / epsi_scale
+    chain[4, 5] = dt_s * speed_mps * epsi_scale / ey_scale
+    assert growth_excess(chain) == 0.0
+    assert growth_excess(1.02 * chain) > 0.0
+
+
+def test_growth_excess_keeps_a_small_gradient_where_eigenvalues_meet():
+    """A chain of three integrators, 1e-12 away from defective: eq. (11) blows up there."""
+    torch.manual_seed(3)
+    start = torch.eye(3) + 0.3 * torch.diag(torch.ones(2), 1) + 1e-12 * torch.randn(3, 3)
+    bounded = start.clone().requires_grad_()
+    growth_excess(bounded).backward()
+    literal = start.clone().requires_grad_()
+    eigenvalue_excess(literal).backward()
+    assert bounded.grad.norm() < 10.0
+    assert literal.grad.norm() > 1e6
+
+
+@pytest.mark.parametrize("preset", ["paper", "paper-literal"])
+def test_regularisation_is_equation_12(preset):
+    config = a_config(preset)
+    model = a_model(config)
+    A, B = model.operator()
+    prior = torch.zeros_like(A) if preset == "paper-literal" else torch.eye(len(A))
+    theta = sum((p**2).sum().item() for p in model.encoder.parameters())
+    expected = 0.9 * theta + 0.5 * ((A - prior) ** 2).sum().item() + 0.5 * (B**2).sum().item()
+    found = regularisation_loss(model.encoder.parameters(), A, B, prior, config)
+    assert found.item() == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("preset", ["paper", "paper-literal"])
+def test_total_loss_is_equation_13_with_the_weights_of_the_table(preset):
+    config = a_config(preset)
+    model, (x, u) = a_model(config), a_batch()
+    with torch.no_grad():
+        model.A_rows += 0.2
+    losses = total_loss(model, config, x, u)
+    assert losses.stability > 0
+    expected = (
+        1.0 * losses.single_step
+        + 0.5 * losses.multi_step
+        + 1.6 * losses.stability
+        + 1e-4 * losses.regularisation
+    )
+    assert torch.isclose(losses.total, expected)
+
+
+def test_forgetting_weights_sum_to_one_and_favour_the_near_future():
+    weights = forgetting_weights(80, 0.9, through_last_step=True)
+    assert weights.sum().item() == pytest.approx(1.0)
+    assert weights[:29].sum().item() == pytest.approx(0.95, abs=0.01)
+    assert forgetting_weights(80, 0.9, through_last_step=False)[-1] == 0.0
+
+
+@pytest.mark.parametrize("samples", [1, 3, 7])
+def test_every_target_time_is_drawn_equally_often(samples):
+    dice = torch.Generator().manual_seed(4)
+    drawn = torch.cat([draw_times(K, samples, dice) for _ in range(20_000 // samples)])
+    frequency = torch.bincount(drawn, minlength=K + 1)[1:] / len(drawn)
+    assert drawn.min() >= 1
+    assert drawn.max() <= K
+    assert torch.allclose(frequency, torch.full((K,), 1 / K), atol=0.01)
+
+
+def test_sampled_targets_estimate_the_full_sums_without_bias():
+    config = a_config("paper")
+    model, (x, u) = a_model(config), a_batch()
+    full = total_loss(model, config, x, u)
+    single = [total_loss(model, config, x, u, torch.tensor([t])) for t in range(1, K + 1)]
+    for name in ("single_step", "multi_step", "states", "total"):
+        mean = torch.stack([getattr(losses, name) for losses in single]).mean()
+        assert torch.isclose(mean, getattr(full, name)), name
+
+
+def test_states_share_of_the_multi_step_loss_leaves_the_latents_out():
+    config = a_config("paper")
+    model, (x, u) = a_model(config), a_batch()
+    losses = total_loss(model, config, x, u)
+    with torch.no_grad():
+        model.encoder[-1].weight.mul_(0.0)
+        model.encoder[-1].bias.mul_(0.0)
+        model.A_rows[:6, 6:] = 0.0
+        model.A_rows[6:] = 0.0
+        model.B_rows[6:] = 0.0
+    without_latents = total_loss(model, config, x, u)
+    assert losses.states < losses.multi_step
+    assert torch.isclose(without_latents.states, without_latents.multi_step)

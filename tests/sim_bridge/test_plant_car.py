@@ -1,0 +1,73 @@
+"""The car on its road as the bridge sees it."""
+
+import numpy as np
+import pytest
+
+from rt_controller.contract.signals import ControlInput
+from sim_bridge import frenet
+from sim_bridge.car import Car
+from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, settle, simulate
+from sim_bridge.plant.parameters import C_CLASS_150KW_AWD as PARAMETERS
+
+CURVATURE_PER_M = 0.002
+
+
+def wandering_inputs(n_periods: int) -> list[ControlInput]:
+    t = np.arange(n_periods) * 0.025
+    return [
+        ControlInput(throttle=max(0.0, np.sin(x)), brake_n=40.0 * max(0.0, -np.sin(x)), steer_rad=s)
+        for x, s in zip(t, 0.5 * np.sin(1.7 * t), strict=True)
+    ]
+
+
+def test_car_drives_the_same_run_as_an_episode() -> None:
+    """Stepping period by period and simulating at once are the same car, to the last bit."""
+    inputs = wandering_inputs(120)
+    car = Car(PARAMETERS, 22.0)
+    car.reset(22.0, ey_m=-0.7, epsi_rad=0.03)
+    states = [car.advance(control, CURVATURE_PER_M) for control in inputs]
+
+    motion, _ = simulate(
+        settle(22.0, PARAMETERS), np.array(inputs), PARAMETERS, STEPS_PER_PERIOD, STEP_S
+    )
+    poses = frenet.roll_out(motion, CURVATURE_PER_M, -0.7, 0.03, STEPS_PER_PERIOD, STEP_S)
+    seen = np.array(states)
+    np.testing.assert_array_equal(seen[:, :3], motion[STEPS_PER_PERIOD::STEPS_PER_PERIOD])
+    np.testing.assert_array_equal(seen[:, 3], np.diff(poses[:, frenet.S]))
+    np.testing.assert_array_equal(seen[:, 4:], poses[1:, 1:])
+
+
+def test_progress_of_a_state_lies_behind_it() -> None:
+    """The first state after a reset has none; each later one has what the last period added."""
+    car = Car(PARAMETERS, 20.0)
+    assert car.state.ds_m == 0.0
+    total_m = sum(car.advance(c, CURVATURE_PER_M).ds_m for c in wandering_inputs(40))
+    assert total_m == pytest.approx(car.s_m)
+    assert total_m == pytest.approx(20.0, rel=0.1)
+
+
+def test_reset_starts_anew() -> None:
+    inputs = wandering_inputs(30)
+    car = Car(PARAMETERS, 25.0)
+    first = [car.advance(control, 0.0) for control in inputs]
+    assert car.reset(25.0) == (25.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    assert [car.advance(control, 0.0) for control in inputs] == first
+
+
+def test_two_cars_do_not_share_anything() -> None:
+    one, other = Car(PARAMETERS, 25.0), Car(PARAMETERS, 25.0)
+    before = other.plant_state
+    one.advance(ControlInput(1.0, 0.0, 0.5), 0.0)
+    np.testing.assert_array_equal(other.plant_state, before)
+
+
+def test_outputs_belong_to_the_state_they_are_read_with() -> None:
+    car = Car(PARAMETERS, 25.0)
+    for _ in range(40):
+        state = car.advance(ControlInput(0.2, 0.0, np.radians(20.0)), 0.0)
+    outputs = car.outputs
+    assert outputs.ay_mps2 == pytest.approx(state.yaw_rate_radps * state.vx_mps, rel=0.05)
+    assert outputs.roll_rad > 0.0
+    assert outputs.throttle == pytest.approx(0.2, abs=1e-3)
+    assert outputs.gear == 6.0
+    assert outputs == car.outputs

@@ -1,0 +1,202 @@
+"""The whole car in motion: what holds for any car, whatever its numbers."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from rt_controller.contract.errors import ConfigError
+from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, advance, settle, simulate
+from sim_bridge.plant.monitor import Monitor
+from sim_bridge.plant.parameters import C_CLASS_150KW_AWD as CAR
+from sim_bridge.plant.parameters import GRAVITY_MPS2, Parameters, with_road_friction
+from sim_bridge.plant.states import AT, N_STATES, StateIndex
+
+Array = NDArray[np.float64]
+MIRROR = np.array((1.0, -1.0, -1.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    motion: Array
+    monitor: Array
+
+    def column(self, name: str) -> Array:
+        return self.monitor[:, Monitor._fields.index(name)]
+
+    def loads(self) -> Array:
+        first = Monitor._fields.index("load_front_left_n")
+        return self.monitor[:, first : first + 4]
+
+
+def drive(v0_kmh: float, inputs: Array, car: Parameters = CAR, steps: int = 25) -> Run:
+    return Run(*simulate(settle(v0_kmh / 3.6, car), inputs, car, steps, 0.025 / steps))
+
+
+def held(
+    seconds: float, throttle: float = 0.0, brake_n: float = 0.0, steer_deg: float = 0.0
+) -> Array:
+    return np.tile((throttle, brake_n, np.radians(steer_deg)), (round(seconds / 0.025), 1))
+
+
+def lane_change(amplitude_deg: float) -> Array:
+    """One period of a sine at the wheel, 0.4 Hz, with a little throttle."""
+    inputs = held(4.0, throttle=0.15)
+    t = np.arange(len(inputs)) * 0.025
+    inputs[:, 2] = np.radians(amplitude_deg) * np.sin(2 * np.pi * 0.4 * t) * (t < 2.5)
+    return inputs
+
+
+def random_inputs(rng: np.random.Generator, seconds: float, steer_deg: float) -> Array:
+    """Pedals and wheel thrown about in steps, both pedals at once included."""
+    inputs = held(seconds)
+    hold = int(rng.integers(1, 60))
+    for k in range(0, len(inputs), hold):
+        inputs[k : k + hold] = (
+            rng.uniform() * (rng.uniform() < 0.5),
+            rng.uniform(0.0, 150.0) * (rng.uniform() < 0.5),
+            np.radians(rng.uniform(-steer_deg, steer_deg)),
+        )
+    return inputs
+
+
+def test_state_names_count_through_the_vector() -> None:
+    singles = set(AT) | {AT.spin_radps + i for i in range(4)}
+    singles |= {AT.lateral_slip + i for i in range(4)} | {
+        AT.longitudinal_slip + i for i in range(4)
+    }
+    assert singles == set(range(N_STATES))
+    assert len(set(AT)) == len(StateIndex._fields)
+
+
+def test_wheels_carry_the_weight_as_the_car_was_weighed() -> None:
+    loads = drive(0.0, held(0.5, brake_n=60.0)).loads()[-1]
+    assert loads.sum() == pytest.approx(CAR.body.mass_kg * GRAVITY_MPS2, rel=1e-6)
+    np.testing.assert_allclose(loads, (4705.0, 4705.0, 2655.0, 2655.0), rtol=0.005)
+
+
+def test_loads_keep_their_sum_in_a_steady_turn() -> None:
+    """Springs shift load across and along the car; only lift takes some away."""
+    run = drive(80.0, held(6.0, throttle=0.13, steer_deg=30.0))
+    speed_mps = run.motion[-1, 0]
+    lift_n = 0.5 * CAR.aero.air_density_kgpm3 * CAR.aero.area_m2 * CAR.aero.lift * speed_mps**2
+    loads = run.loads()[-1]
+    assert loads.sum() + lift_n == pytest.approx(CAR.body.mass_kg * GRAVITY_MPS2, rel=2e-3)
+    moment_nm = 0.5 * CAR.body.track_m * (loads[1] + loads[3] - loads[0] - loads[2])
+    overturning_nm = CAR.body.mass_kg * 0.507 * run.column("ay_mps2")[-1]
+    sway_nm = CAR.body.sprung_mass_kg * 0.52 * GRAVITY_MPS2 * run.column("roll_rad")[-1]
+    assert moment_nm == pytest.approx(overturning_nm + sway_nm, rel=0.02)
+
+
+@pytest.mark.parametrize(("v0_kmh", "amplitude_deg"), [(80.0, 40.0), (120.0, 40.0), (60.0, 120.0)])
+def test_mirrored_steering_gives_the_mirrored_run(v0_kmh: float, amplitude_deg: float) -> None:
+    inputs = lane_change(amplitude_deg)
+    left = drive(v0_kmh, inputs)
+    right = drive(v0_kmh, inputs * (1.0, 1.0, -1.0))
+    np.testing.assert_allclose(right.motion * MIRROR, left.motion, atol=1e-9)
+
+
+@pytest.mark.parametrize(("v0_kmh", "amplitude_deg"), [(80.0, 40.0), (120.0, 40.0), (60.0, 120.0)])
+def test_halving_the_step_hardly_changes_a_lane_change(v0_kmh: float, amplitude_deg: float) -> None:
+    inputs = lane_change(amplitude_deg)
+    coarse = drive(v0_kmh, inputs)
+    fine = drive(v0_kmh, inputs, steps=50)
+    assert np.degrees(np.abs(coarse.motion[:, 2]).max()) > 5.0
+    change = np.degrees(np.abs(fine.motion[::2, 2] - coarse.motion[:, 2]).max())
+    assert change < 0.1
+
+
+@pytest.mark.parametrize("v0_kmh", [50.0, 90.0, 130.0])
+def test_coasting_straight_never_gains_energy(v0_kmh: float) -> None:
+    """Once the throttle has closed, in gear, through whatever down-shifts come."""
+    run = drive(v0_kmh, held(30.0))
+    closed = run.column("throttle") < 1e-3
+    spin = run.monitor[closed, -4:]
+    speed = run.motion[::25, 0][closed]
+    energy_j = 0.5 * CAR.body.mass_kg * speed**2
+    energy_j += 0.5 * CAR.tyre.spin_inertia_kgm2 * (spin**2).sum(axis=1)
+    rolling = speed[1:] > 4.0
+    assert rolling.sum() > 200
+    assert np.all(np.diff(energy_j)[rolling] < 0.0)
+
+
+def test_coasting_through_bends_never_gains_energy_over_a_second() -> None:
+    inputs = held(12.0)
+    inputs[:, 2] = np.radians(35.0) * np.sin(np.arange(len(inputs)) * 0.025 * 2.0)
+    motion = drive(110.0, inputs).motion[::1000]
+    energy_j = 0.5 * CAR.body.mass_kg * (motion[:, 0] ** 2 + motion[:, 1] ** 2)
+    energy_j += 0.5 * CAR.body.yaw_inertia_kgm2 * motion[:, 2] ** 2
+    assert np.all(np.diff(energy_j) < 0.0)
+
+
+@pytest.mark.parametrize("steer_deg", [0.0, 40.0, -120.0])
+def test_standing_on_the_brake_it_stays_still(steer_deg: float) -> None:
+    run = drive(0.0, held(20.0, brake_n=60.0, steer_deg=steer_deg))
+    assert np.abs(run.motion).max() < 1e-9
+
+
+def test_with_the_brake_released_it_creeps_at_walking_pace() -> None:
+    """A converter at idle pushes; it must not push beyond a brisk walk."""
+    final_kmh = drive(0.0, held(15.0)).motion[-1, 0] * 3.6
+    assert 4.0 < final_kmh < 8.0
+
+
+@pytest.mark.parametrize("road", [0.3, 0.85, 1.0])
+def test_full_brake_ends_standing(road: float) -> None:
+    """Locked or not, the car comes to rest and its rocking on the tyres dies away."""
+    run = drive(60.0, held(10.0, brake_n=150.0), with_road_friction(CAR, road))
+    assert run.motion[:, 0].min() > -0.2
+    assert np.abs(run.motion[-1000:]).max() < 0.01
+    assert np.abs(run.monitor[-40:, -4:]).max() < 0.05
+
+
+def test_random_driving_never_leaves_the_numbers() -> None:
+    """From standstill to 200 km/h, on ice and asphalt, both pedals and +-120 deg at once."""
+    rng = np.random.default_rng(11)
+    for _ in range(60):
+        car = with_road_friction(CAR, rng.uniform(0.2, 1.1))
+        run = drive(rng.uniform(0.0, 200.0), random_inputs(rng, 8.0, 120.0), car)
+        assert np.all(np.isfinite(run.motion))
+        assert np.all(np.isfinite(run.monitor))
+        assert np.abs(run.monitor[:, :2]).max() < 1.3 * GRAVITY_MPS2
+        assert np.degrees(np.abs(run.column("roll_rad")).max()) < 8.0
+
+
+@pytest.mark.parametrize("v0_kmh", [30.0, 55.0, 80.0, 105.0, 130.0])
+def test_settled_car_goes_on_as_it_starts(v0_kmh: float) -> None:
+    state = settle(v0_kmh / 3.6, CAR)
+    assert state[AT.vx_mps] == v0_kmh / 3.6
+    run = drive(v0_kmh, held(0.5, throttle=float(state[AT.throttle])))
+    assert np.abs(run.motion[:, 0] - v0_kmh / 3.6).max() < 0.05
+    assert np.ptp(run.column("gear")) == 0.0
+    assert np.ptp(run.column("engine_rpm")) < 20.0
+
+
+@pytest.mark.parametrize("v0_mps", [-1.0, float("nan")])
+def test_impossible_first_speed_is_refused(v0_mps: float) -> None:
+    with pytest.raises(ConfigError, match="initial speed: expected"):
+        settle(v0_mps, CAR)
+
+
+def test_episode_is_its_periods_one_after_the_other() -> None:
+    inputs = random_inputs(np.random.default_rng(5), 3.0, 40.0)
+    state = settle(25.0, CAR)
+    untouched = state.copy()
+    motion, _ = simulate(state, inputs, CAR, STEPS_PER_PERIOD, STEP_S)
+    np.testing.assert_array_equal(state, untouched)
+    piece = np.empty((STEPS_PER_PERIOD, 3))
+    for k, (throttle, brake_n, steer_rad) in enumerate(inputs):
+        advance(state, throttle, brake_n, steer_rad, CAR, STEPS_PER_PERIOD, STEP_S, piece)
+        first = k * STEPS_PER_PERIOD + 1
+        np.testing.assert_array_equal(piece, motion[first : first + STEPS_PER_PERIOD])
+
+
+def test_monitor_shows_the_accelerations_of_the_motion() -> None:
+    run = drive(90.0, lane_change(30.0))
+    middle = slice(25, -25, 25)
+    slope = np.gradient(run.motion, STEP_S, axis=0)
+    ax = slope[:, 0] - run.motion[:, 2] * run.motion[:, 1]
+    ay = slope[:, 1] + run.motion[:, 2] * run.motion[:, 0]
+    np.testing.assert_allclose(run.column("ax_mps2")[1:-1], ax[middle], atol=0.05)
+    np.testing.assert_allclose(run.column("ay_mps2")[1:-1], ay[middle], atol=0.05)

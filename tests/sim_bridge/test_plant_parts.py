@@ -1,0 +1,204 @@
+"""The parts of the car by themselves, against the points that their numbers were chosen to hit."""
+
+from itertools import pairwise
+from math import degrees, hypot, pi, radians, tan
+
+import numpy as np
+import pytest
+
+from rt_controller.contract.errors import ConfigError
+from sim_bridge.plant import aero, brakes, converter, driveline, engine, gearbox, steering, tyres
+from sim_bridge.plant.parameters import C_CLASS_150KW_AWD as CAR
+from sim_bridge.plant.parameters import with_road_friction
+
+FRONT_LOAD_N, REAR_LOAD_N = 4705.0, 2655.0
+
+
+def lateral_n(angle_deg: float, load_n: float, road: float = 1.0) -> float:
+    return tyres.force(tan(radians(angle_deg)), 0.0, 0.0, load_n, road, CAR.tyre).left_n
+
+
+def test_tyre_friction_peaks_where_it_was_measured() -> None:
+    load_n = CAR.tyre.reference_load_n
+    angles = np.arange(0.5, 30.0, 0.05)
+    friction = np.array([lateral_n(a, load_n) / load_n for a in angles])
+    assert friction.max() == pytest.approx(0.974, abs=1e-3)
+    assert angles[friction.argmax()] == pytest.approx(8.5, abs=0.3)
+    assert np.interp(25.0, angles, friction) == pytest.approx(0.88, abs=0.005)
+
+    slips = np.arange(0.01, 0.4, 0.001)
+    along = [tyres.force(0.0, s, 0.0, load_n, 1.0, CAR.tyre).forward_n / load_n for s in slips]
+    assert max(along) == pytest.approx(0.974, abs=1e-3)
+    assert slips[int(np.argmax(along))] == pytest.approx(0.14, abs=0.005)
+
+
+@pytest.mark.parametrize(("load_n", "axle_npr"), [(FRONT_LOAD_N, 161e3), (REAR_LOAD_N, 93e3)])
+def test_axles_have_the_stated_cornering_stiffness(load_n: float, axle_npr: float) -> None:
+    secant = 2.0 * lateral_n(0.8, load_n) / radians(0.8)
+    assert secant == pytest.approx(axle_npr, rel=0.02)
+
+
+def test_friction_falls_with_load_and_stiffness_grows_ever_more_slowly() -> None:
+    loads = np.linspace(1000.0, 9000.0, 9)
+    limits = np.array([tyres.friction_limit_n(n, CAR.tyre) / n for n in loads])
+    stiffness = np.array([tyres.cornering_stiffness_npr(n, CAR.tyre) for n in loads])
+    assert np.all(np.diff(limits) < 0.0)
+    assert np.all(np.diff(stiffness) > 0.0)
+    assert np.all(np.diff(stiffness, 2) < 0.0)
+
+
+@pytest.mark.parametrize("road", [0.3, 0.5, 0.85])
+def test_slippery_road_takes_the_similar_curve(road: float) -> None:
+    """F = mu f(slip / mu): the stiffness stays, peak and its slip shrink together."""
+    for slip in (0.001, 0.02, 0.1, 0.3):
+        here = tyres.force(slip, -0.5 * slip, 0.0, 4000.0, road, CAR.tyre)
+        there = tyres.force(slip / road, -0.5 * slip / road, 0.0, 4000.0, 1.0, CAR.tyre)
+        assert here.left_n == pytest.approx(road * there.left_n)
+        assert here.forward_n == pytest.approx(road * there.forward_n)
+
+
+def test_combined_force_never_exceeds_friction() -> None:
+    rng = np.random.default_rng(7)
+    for _ in range(500):
+        load_n, road = rng.uniform(100.0, 9000.0), rng.uniform(0.2, 1.1)
+        across, along = rng.uniform(-3.0, 3.0, 2)
+        force = tyres.force(across, along, 0.0, load_n, road, CAR.tyre)
+        limit_n = road * tyres.friction_limit_n(load_n, CAR.tyre)
+        assert hypot(force.forward_n, force.left_n) <= limit_n * (1.0 + 1e-12)
+
+
+def test_sliding_locked_wheel_is_pulled_against_its_sliding() -> None:
+    """Locked at 20 deg: slip -1 and tan 20 deg; the force opposes the velocity within 5 deg."""
+    angle = radians(20.0)
+    force = tyres.force(-tan(angle), -1.0, 0.0, 4000.0, 1.0, CAR.tyre)
+    assert degrees(np.arctan2(-force.left_n, -force.forward_n)) == pytest.approx(20.0, abs=5.0)
+
+
+def test_lifted_tyre_makes_no_force() -> None:
+    assert tyres.force(0.1, 0.1, 0.1, 0.0, 1.0, CAR.tyre) == (0.0, 0.0, 0.0)
+
+
+def test_leaning_wheel_is_pushed_to_the_side_it_leans_to() -> None:
+    """0.008 of the load per degree."""
+    force = tyres.force(0.0, 0.0, radians(1.0), 4000.0, 1.0, CAR.tyre)
+    assert force.left_n == pytest.approx(-0.008 * 4000.0, rel=0.05)
+
+
+def test_relaxation_ends_at_the_steady_slip() -> None:
+    forward_mps, left_mps = 20.0, -0.3
+    lag = tyres.lateral_relaxation(0.0, forward_mps, left_mps, 4000.0, CAR.tyre)
+    assert lag.rate / lag.decay == pytest.approx(-left_mps / forward_mps)
+    assert forward_mps / lag.decay == pytest.approx(0.65 * 4000.0 / 6500.0)
+    along = tyres.longitudinal_relaxation(0.0, forward_mps, 19.0, 4000.0, CAR.tyre)
+    assert along.rate / along.decay == pytest.approx(-0.05)
+
+
+def test_engine_goes_through_its_stated_points() -> None:
+    speeds = np.arange(800.0, 6200.0, 1.0)
+    torque = np.array([engine.torque_nm(n / engine.RPM_OF_RADPS, 1.0, CAR.engine) for n in speeds])
+    power_kw = torque * speeds / engine.RPM_OF_RADPS / 1000.0
+    assert torque.max() == pytest.approx(309.9, abs=0.1)
+    assert speeds[torque.argmax()] == pytest.approx(3603.0, abs=2.0)
+    assert power_kw.max() == pytest.approx(151.0, abs=0.3)
+    assert speeds[power_kw.argmax()] == pytest.approx(5030.0, abs=30.0)
+
+
+def test_closed_throttle_drags_and_idle_is_held() -> None:
+    assert engine.torque_nm(750.0 * pi / 30.0, 0.0, CAR.engine) == pytest.approx(0.0, abs=1e-9)
+    assert engine.torque_nm(500.0 * pi / 30.0, 0.0, CAR.engine) > 50.0
+    assert engine.torque_nm(6000.0 * pi / 30.0, 0.0, CAR.engine) == pytest.approx(-80.0, abs=1.0)
+    assert engine.torque_nm(6500.0 * pi / 30.0, 1.0, CAR.engine) < 0.0
+
+
+def test_more_throttle_is_more_torque() -> None:
+    for speed in (80.0, 200.0, 400.0, 600.0):
+        torques = [engine.torque_nm(speed, th, CAR.engine) for th in np.linspace(0.0, 1.0, 21)]
+        assert np.all(np.diff(torques) > 0.0)
+
+
+def test_converter_multiplies_at_stall_and_couples_at_its_ratio() -> None:
+    stall = converter.converter_torque(200.0, 0.0, CAR.converter)
+    assert stall.turbine_nm / stall.impeller_nm == pytest.approx(1.864)
+    assert stall.impeller_nm == pytest.approx((0.00704 * 200.0 * 30.0 / pi) ** 2)
+    coupled = converter.converter_torque(200.0, 0.881 * 200.0, CAR.converter)
+    assert coupled.turbine_nm == pytest.approx(coupled.impeller_nm)
+
+
+def test_converter_never_makes_power() -> None:
+    for turbine in np.linspace(0.0, 700.0, 71):
+        torque = converter.converter_torque(300.0, turbine, CAR.converter)
+        assert torque.turbine_nm * turbine <= torque.impeller_nm * 300.0 + 1e-9
+
+
+def test_converter_changes_sides_smoothly() -> None:
+    below, at, above = (
+        converter.converter_torque(300.0, 300.0 + d, CAR.converter).turbine_nm
+        for d in (-1e-3, 0.0, 1e-3)
+    )
+    assert at == 0.0
+    assert below == pytest.approx(-above, rel=1e-4)
+
+
+def test_no_gear_has_its_up_shift_answered_by_a_down_shift() -> None:
+    ratios = CAR.gearbox.ratios
+    for throttle in np.linspace(0.0, 1.0, 41):
+        up = gearbox.up_shift_rpm(throttle, CAR.gearbox)
+        down = gearbox.down_shift_rpm(throttle, CAR.gearbox)
+        for low, high in pairwise(ratios):
+            assert up * high / low > 1.05 * down
+
+
+def test_shift_hands_over_from_ratio_to_ratio() -> None:
+    times = np.linspace(0.0, CAR.gearbox.shift_time_s, 26)
+    ratios = [gearbox.ratio(3.0, 2.0, t, CAR.gearbox) for t in times]
+    assert ratios[0] == pytest.approx(2.06)
+    assert ratios[-1] == pytest.approx(1.404)
+    assert np.all(np.diff(ratios) <= 0.0)
+    assert gearbox.handed_over(0.0, CAR.gearbox) == 1.0
+    assert gearbox.handed_over(CAR.gearbox.shift_time_s, CAR.gearbox) == 1.0
+    assert gearbox.handed_over(0.5 * CAR.gearbox.shift_time_s, CAR.gearbox) == pytest.approx(0.2)
+
+
+def test_centre_differential_splits_evenly_and_helps_the_slower_axle() -> None:
+    even = driveline.axle_torque(100.0, 50.0, 50.0, CAR.driveline)
+    assert even.front_wheel_nm == pytest.approx(even.rear_wheel_nm)
+    assert 2.0 * (even.front_wheel_nm + even.rear_wheel_nm) == pytest.approx(100.0 * 4.1 * 0.97)
+    spinning = driveline.axle_torque(100.0, 60.0, 50.0, CAR.driveline)
+    assert spinning.front_wheel_nm < even.front_wheel_nm
+    assert spinning.rear_wheel_nm - even.rear_wheel_nm == pytest.approx(
+        even.front_wheel_nm - spinning.front_wheel_nm
+    )
+
+
+def test_rear_brake_yields_above_its_knee() -> None:
+    low, high = (brakes.brake_torque(mpa, CAR.brakes) for mpa in (1.5, 6.0))
+    assert low == (1.5 * 250.0, 1.5 * 150.0)
+    assert high == (6.0 * 250.0, pytest.approx((1.5 + 0.3 * 4.5) * 150.0))
+
+
+@pytest.mark.parametrize(
+    ("speed", "change", "left"),
+    [(3.0, 1.0, 2.0), (-3.0, 1.0, -2.0), (0.5, 1.0, 0.0), (0.0, 9.0, 0.0)],
+)
+def test_dry_friction_stops_but_never_turns_round(speed: float, change: float, left: float) -> None:
+    assert brakes.after_friction(speed, change) == left
+
+
+def test_steering_gives_way_to_the_front_axle() -> None:
+    free = steering.steady_road_wheel_rad(radians(37.0), 0.0, CAR.steering)
+    loaded = steering.steady_road_wheel_rad(radians(37.0), 1000.0, CAR.steering)
+    assert degrees(free) == pytest.approx(2.0)
+    assert degrees(free - loaded) == pytest.approx(0.032)
+
+
+def test_air_opposes_the_motion() -> None:
+    ahead, back = (aero.air_force(v, CAR.aero) for v in (30.0, -30.0))
+    assert ahead.forward_n == pytest.approx(-0.5 * 1.206 * 2.2 * 0.30 * 900.0)
+    assert back.forward_n == -ahead.forward_n
+    assert ahead.up_n > 0.0
+
+
+@pytest.mark.parametrize("friction", [0.0, -0.5, float("nan"), float("inf")])
+def test_impossible_road_is_refused(friction: float) -> None:
+    with pytest.raises(ConfigError, match="road friction: expected a positive number"):
+        with_road_friction(CAR, friction)
