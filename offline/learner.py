@@ -89,8 +89,10 @@ class Learner:
         return [float(mean) for mean in sums / len(x)]
 
     def spectral_radius(self) -> float:
-        """Largest magnitude of an eigenvalue of A, in float64."""
+        """Largest magnitude of an eigenvalue of A, in float64; not a number where A is none."""
         A = self.model.operator().A.detach().double().numpy()
+        if not np.all(np.isfinite(A)):
+            return math.nan
         return float(np.abs(np.linalg.eigvals(A)).max())
 
     def to_checkpoint(self) -> Checkpoint:

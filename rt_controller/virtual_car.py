@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 class VirtualCar:
     """The simulated car and its bridge, as a thread or in lockstep."""
 
-    def __init__(self, session: "BridgeSession") -> None:
+    def __init__(self, session: "BridgeSession", priority: int) -> None:
         self._session = session
+        self._priority = priority
         self._leave = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -45,6 +46,8 @@ class VirtualCar:
         if self._thread is not None:
             self._thread.join()
         self._session.close()
+        if self._session.failure is not None:
+            raise self._session.failure
 
 
 def build_virtual_car(bus: BusSettings, scenario: str) -> VirtualCar:
@@ -56,10 +59,11 @@ def build_virtual_car(bus: BusSettings, scenario: str) -> VirtualCar:
         BusError: the bus cannot be opened.
     """
     try:
-        from sim_bridge.session import open_session
+        from sim_bridge.session import FIFO_PRIORITY, open_session
     except ModuleNotFoundError as error:
         raise MissingExtraError(
             f"--bus virtual brings its own car, which needs {error.name}: expected the extra "
             f'[sim], found it missing. Install it with: pip install "rt-controller[sim]"'
         ) from error
-    return VirtualCar(open_session(bus.interface, bus.channel, bus.bitrate, {}, scenario))
+    session = open_session(bus.interface, bus.channel, bus.bitrate, {}, scenario)
+    return VirtualCar(session, FIFO_PRIORITY)

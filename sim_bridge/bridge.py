@@ -6,6 +6,7 @@ from math import hypot
 import can
 
 from rt_controller.bus.frames import Mission, RoadSample
+from rt_controller.bus.identity import require_same_catalogue
 from rt_controller.bus.inbox import CommandInbox
 from rt_controller.bus.outbox import VehicleOutbox
 from rt_controller.contract.signals import NEUTRAL_INPUT, VehicleState
@@ -57,7 +58,6 @@ class Bridge:
         self._scenario = scenario
         self._watchdog = ActuatorWatchdog()
         self._state: VehicleState = car.state
-        self._s_m = 0.0
         self._sent_ticks = 0
         self._farewell_ticks = 0
         self._ey_square_m2 = 0.0
@@ -75,8 +75,14 @@ class Bridge:
         return self.driven_ticks == 0
 
     def tick(self, now_ns: int) -> None:
-        """Hear the newest command, let the car drive one period with it, tell its state."""
+        """Hear the newest command, let the car drive one period with it, tell its state.
+
+        Raises:
+            BusError: the controller speaks another message catalogue.
+        """
         self._inbox.drain(self._bus, now_ns)
+        if self._inbox.peer is not None:
+            require_same_catalogue(self._inbox.peer)
         if self.driven_ticks > 0 or is_driving(self._inbox.command):
             self._drive(now_ns)
         self._tell(now_ns)
@@ -87,7 +93,7 @@ class Bridge:
         return BridgeSummary(
             ticks=self.driven_ticks,
             final_speed_mps=hypot(self._state.vx_mps, self._state.vy_mps),
-            travelled_m=self._s_m,
+            travelled_m=self._car.s_m,
             ey_rms_m=(self._ey_square_m2 / ticks) ** 0.5,
             ey_peak_m=self._ey_peak_m,
             watchdog_braked=self._watchdog.is_braking,
@@ -99,10 +105,9 @@ class Bridge:
         else:
             control = self._watchdog.apply(self._inbox.command, now_ns)
         self._state = self._car.advance(control, self._scenario.curvature_per_m)
-        self._s_m += self._state.ds_m
         self.driven_ticks += 1
         if self._mission_is_on():
-            error_m = self._state.ey_m - self._scenario.path_ahead(self._s_m, 0.0).c0_m
+            error_m = self._state.ey_m - self._scenario.path_ahead(self._car.s_m, 0.0).c0_m
             self._ey_square_m2 += error_m**2
             self._ey_peak_m = max(self._ey_peak_m, abs(error_m))
         else:
@@ -126,7 +131,7 @@ class Bridge:
             now_ns,
         )
         self._outbox.send_reference(
-            self._scenario.path_ahead(self._s_m, self._state.vx_mps), now_ns
+            self._scenario.path_ahead(self._car.s_m, self._state.vx_mps), now_ns
         )
         if self.driven_ticks > 0:
             self._outbox.send_feedback(self._watchdog.applied, now_ns)

@@ -1,5 +1,7 @@
 """The car on its road: plant and road frame stepped together, one control period at a time."""
 
+from math import cos
+
 import numpy as np
 from numpy import float64
 from numpy.typing import NDArray
@@ -27,11 +29,15 @@ class Car:
         self.reset(v0_mps)
 
     def reset(self, v0_mps: float, ey_m: float = 0.0, epsi_rad: float = 0.0) -> VehicleState:
-        """The state of a car that starts anew, driving straight ahead with everything settled."""
+        """The state of a car that starts anew, driving straight ahead with everything settled.
+
+        Its progress is that of a period before the start, driven the same way on a straight road.
+        """
         self._plant = settle(v0_mps, self.parameters)
         self._pose[:] = (0.0, ey_m, epsi_rad)
         self._input = ControlInput(throttle=0.0, brake_n=0.0, steer_rad=0.0)
-        self._state = VehicleState(v0_mps, 0.0, 0.0, 0.0, ey_m, epsi_rad)
+        ds_m = v0_mps * cos(epsi_rad) * STEPS_PER_PERIOD * STEP_S
+        self._state = VehicleState(v0_mps, 0.0, 0.0, ds_m, ey_m, epsi_rad)
         return self._state
 
     def advance(self, control: ControlInput, curvature_per_m: float) -> VehicleState:
@@ -64,7 +70,7 @@ class Car:
 
     @property
     def state(self) -> VehicleState:
-        """What the last period ended with; after a reset the progress is 0."""
+        """What the last period ended with."""
         return self._state
 
     @property

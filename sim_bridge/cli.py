@@ -17,7 +17,7 @@ from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.realtime.clock import RealtimeClock
 from sim_bridge.bridge import BridgeSummary
-from sim_bridge.session import BridgeSession, open_session
+from sim_bridge.session import FIFO_PRIORITY, BridgeSession, open_session
 
 LIVE_INTERVAL_S = 0.5
 
@@ -37,6 +37,7 @@ def drive(
     bus_option: dict[str, str] | None = None,
     scenario: str = "double_lane_change",
     wait_s: float = 60.0,
+    priority: int = FIFO_PRIORITY,
     record: Path | None = None,
     json_file: Annotated[Path | None, Parameter(name="--json")] = None,
     quiet: bool = False,
@@ -57,6 +58,8 @@ def drive(
         name of a shipped scenario, or the path of a .toml file
     wait_s
         how long to wait for a controller to take the car
+    priority
+        SCHED_FIFO priority, where the system allows it; 0: do not ask
     record
         write all frames to this candump log
     json_file
@@ -78,7 +81,7 @@ def drive(
     )
     with console.status("settling the car (the first start compiles it: about a minute)"):
         session = open_session(bus, channel, bitrate, bus_option or {}, scenario, recorder)
-    summary = _run(session, wait_s, None if quiet else console)
+    summary = _run(session, wait_s, priority, None if quiet else console)
     console.print(_sentence(summary))
     write_figures(json_file, asdict(summary))
     if summary.ticks == 0:
@@ -102,13 +105,17 @@ def main() -> None:
         sys.exit(error.exit_code)
 
 
-def _run(session: BridgeSession, wait_s: float, console: Console | None) -> BridgeSummary:
+def _run(
+    session: BridgeSession, wait_s: float, priority: int, console: Console | None
+) -> BridgeSummary:
     leave = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: leave.set())
     give_up_s = time.monotonic() + wait_s
     thread = threading.Thread(
-        target=session.run, args=(RealtimeClock(PERIOD_NS), leave.is_set), name="car"
+        target=session.run,
+        args=(RealtimeClock(PERIOD_NS), leave.is_set, priority),
+        name="car",
     )
     thread.start()
     while thread.is_alive():
@@ -119,6 +126,8 @@ def _run(session: BridgeSession, wait_s: float, console: Console | None) -> Brid
             end = "\r" if console.is_terminal and thread.is_alive() else "\n"
             console.print(_live(session), highlight=False, soft_wrap=True, end=end)
     session.close()
+    if session.failure is not None:
+        raise session.failure
     return session.bridge.summary()
 
 

@@ -10,6 +10,7 @@ from rt_controller.bus.recorder import Recorder
 from rt_controller.bus.transport import Option, open_bus
 from rt_controller.contract.signals import NEUTRAL_INPUT
 from rt_controller.realtime.clock import Clock
+from rt_controller.realtime.scheduling import acquire, release
 from sim_bridge.bridge import Bridge
 from sim_bridge.car import Car
 from sim_bridge.plant.parameters import C_CLASS_150KW_AWD, with_road_friction
@@ -23,22 +24,38 @@ class BridgeSession:
         self._bus = bus
         self._recorder = recorder
         self.bridge = bridge
+        self.failure: BaseException | None = None
+        """what ended `run` before its time; a thread has nobody to raise it to"""
 
     def tick(self, now_ns: int) -> None:
         """One period, in lockstep with whoever calls."""
         self.bridge.tick(now_ns)
 
-    def run(self, clock: Clock, should_stop: Callable[[], bool]) -> None:
-        """Tick on `clock` until the mission is over or `should_stop`."""
-        while not should_stop() and not self.bridge.is_over:
-            clock.wait()
-            self.bridge.tick(clock.now_ns())
+    def run(self, clock: Clock, should_stop: Callable[[], bool], priority: int) -> None:
+        """Tick on `clock` until the mission is over or `should_stop`.
+
+        The thread asks for SCHED_FIFO at `priority`: a car that comes late is a fault that no real
+        one has.
+        """
+        acquire(priority, None)
+        try:
+            while not should_stop() and not self.bridge.is_over:
+                clock.wait()
+                self.bridge.tick(clock.now_ns())
+        except BaseException as error:
+            self.failure = error
+        finally:
+            release()
 
     def close(self) -> None:
         """Leave the bus and finish the log."""
         self._bus.shutdown()
         if self._recorder is not None:
             self._recorder.close()
+
+
+FIFO_PRIORITY = 40
+"""below the controller's: where both share a machine, the controller goes first"""
 
 
 def build_car(scenario: Scenario) -> Car:

@@ -4,7 +4,6 @@ import pytest
 from scripted_vehicle import CRUISING, VALID_NS, Rig
 
 from rt_controller.bus.frames import Mission
-from rt_controller.bus.snapshot import PeerIdentity
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.signals import Mode
 from rt_controller.loop import SILENCE_TICKS, Ending, RunRecord, drive, join
@@ -45,12 +44,13 @@ def test_a_silent_bus_is_given_up_with_what_is_missing(rig: Rig) -> None:
     assert "Start sim-bridge" in str(error.value)
 
 
-def test_another_message_catalogue_is_refused_at_once(rig: Rig) -> None:
-    rig.inbox.peer = PeerIdentity(dbc_hash=0xABCD, model_hash=None, counter=0, arrival_ns=0)
+def test_another_message_catalogue_is_refused(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rt_controller.bus.outbox.dbc_hash", lambda: 0xABCD)
+    rig.vehicle.also = lambda now_ns: rig.vehicle.outbox.send_identity(None, now_ns)
     with pytest.raises(BusError, match="0000abcd") as error:
         try_to_join(rig)
     assert "expected" in str(error.value)
-    assert rig.clock.now_ns() == 0
+    assert rig.heard.command is None
 
 
 def test_the_loop_ends_with_the_mission(rig: Rig, record: RunRecord) -> None:

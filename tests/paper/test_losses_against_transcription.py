@@ -56,9 +56,7 @@ def transcribed_single_step(model: MdkNet, x: Tensor, u: Tensor) -> Tensor:
     return loss / BATCH
 
 
-def transcribed_multi_step(
-    model: MdkNet, x: Tensor, u: Tensor, beta: float, last: int
-) -> Tensor:
+def transcribed_multi_step(model: MdkNet, x: Tensor, u: Tensor, beta: float, last: int) -> Tensor:
     """Eq. (10), averaged over the batch; as printed, `last` is K-1."""
     A, B = model.operator()
     power = torch.linalg.matrix_power

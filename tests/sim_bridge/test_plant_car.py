@@ -38,9 +38,9 @@ def test_car_drives_the_same_run_as_an_episode() -> None:
 
 
 def test_progress_of_a_state_lies_behind_it() -> None:
-    """The first state after a reset has none; each later one has what the last period added."""
+    """After a reset it is that of a period before; each later one has what its period added."""
     car = Car(PARAMETERS, 20.0)
-    assert car.state.ds_m == 0.0
+    assert car.state.ds_m == pytest.approx(20.0 * 0.025)
     total_m = sum(car.advance(c, CURVATURE_PER_M).ds_m for c in wandering_inputs(40))
     assert total_m == pytest.approx(car.s_m)
     assert total_m == pytest.approx(20.0, rel=0.1)
