@@ -50,7 +50,7 @@ def test_reset_starts_anew() -> None:
     inputs = wandering_inputs(30)
     car = Car(PARAMETERS, 25.0)
     first = [car.advance(control, 0.0) for control in inputs]
-    assert car.reset(25.0) == (25.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    assert car.reset(25.0) == (25.0, 0.0, 0.0, 25.0 * 0.025, 0.0, 0.0)
     assert [car.advance(control, 0.0) for control in inputs] == first
 
 
