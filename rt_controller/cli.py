@@ -11,6 +11,7 @@ from rich.console import Console
 
 from rt_controller.config import (
     BusSettings,
+    CarSettings,
     ControllerConfig,
     MpcSettings,
     Pace,
@@ -51,6 +52,11 @@ def run(
     bus_option: dict[str, str] | None = None,
     model: Path | None = None,
     scenario: str = "double_lane_change",
+    plant: str | None = None,
+    plant_mapping: Path | None = None,
+    car: str | None = None,
+    friction: float | None = None,
+    friction_right: float | None = None,
     pace: Pace = Pace.REALTIME,
     duration_s: float | None = None,
     stay: bool = False,
@@ -78,6 +84,16 @@ def run(
         folder of a model bundle, as offline-export writes it; default: the one that ships
     scenario
         what the virtual car drives: a shipped scenario, or the path of a .toml file
+    plant
+        which car the virtual bus brings: own (default), fmu:FILE.fmu or commonroad:NUMBER
+    plant_mapping
+        which variable of the FMU is which signal; default: FILE.toml beside FILE.fmu
+    car
+        the own car's parameters: a shipped name, or the path of a .toml file
+    friction
+        of the virtual car's road; default: the scenario's
+    friction_right
+        of that road under the own car's right wheels, where it is another
     pace
         realtime, or lockstep: as fast as possible and the same frames every time (virtual only)
     duration_s
@@ -112,26 +128,45 @@ def run(
             f"--pace lockstep: expected --bus virtual, found {bus!r}. Only a car in this process "
             f"can wait for the controller."
         )
-    car: VirtualCar | None = None
+    wanted = {
+        "plant": plant,
+        "plant_mapping": plant_mapping,
+        "car": car,
+        "friction": friction,
+        "friction_right": friction_right,
+    }
+    chosen = {name: value for name, value in wanted.items() if value is not None}
+    if chosen and bus != "virtual":
+        option = next(iter(chosen)).replace("_", "-")
+        raise ConfigError(
+            f"--{option}: expected --bus virtual, found {bus!r}. Only the virtual bus brings a car "
+            f"along; elsewhere choose it where sim-bridge is started."
+        )
+    virtual: VirtualCar | None = None
     if bus == "virtual":
         with console.status("settling the car (the first start compiles it: about a minute)"):
-            car = build_virtual_car(config.bus, scenario)
+            virtual = build_virtual_car(config.bus, scenario, CarSettings.model_validate(chosen))
     try:
-        clock: Clock = RealtimeClock(PERIOD_NS) if car is None else car.clock(pace)
+        clock: Clock = RealtimeClock(PERIOD_NS) if virtual is None else virtual.clock(pace)
         with console.status("loading the model, assembling the QP, opening the bus"):
             session = open_session(config, clock, record, pace is Pace.LOCKSTEP)
         try:
             if check:
                 console.print(f"{session.model}: everything is in order", highlight=False)
                 return 0
-            if car is not None and pace is Pace.REALTIME:
-                car.start()
+            if virtual is not None and pace is Pace.REALTIME:
+                virtual.start()
             _drive(session, duration_s, stay, wait_s, None if quiet else console)
         finally:
             session.close()
     finally:
-        if car is not None:
-            car.close()
+        if virtual is not None:
+            virtual.close()
+    if virtual is not None and virtual.plant_failure is not None:
+        console.print(
+            f"[red]rt-controller:[/red] the car's plant failed: {virtual.plant_failure}",
+            highlight=False,
+        )
     return _conclude(session, json_file, console)
 
 

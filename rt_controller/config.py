@@ -100,6 +100,21 @@ class BusSettings(_Settings):
     options: dict[str, str] = {}
 
 
+class CarSettings(_Settings):
+    """Which car the virtual bus brings along."""
+
+    plant: str = "own"
+    """own, fmu:FILE.fmu or commonroad:NUMBER"""
+    plant_mapping: Path | None = None
+    """of an FMU's variables to the contract; None: the file beside the FMU"""
+    car: str | None = None
+    """parameters of the own car: a shipped name or a .toml file"""
+    friction: float | None = None
+    """of the road; None: the scenario's"""
+    friction_right: float | None = None
+    """of the road under the right wheels of the own car; None: the same"""
+
+
 class ControllerConfig(_Settings):
     """Everything that one run of the controller depends on."""
 

@@ -7,7 +7,7 @@ passes through.
 import threading
 from typing import TYPE_CHECKING
 
-from rt_controller.config import BusSettings, Pace
+from rt_controller.config import BusSettings, CarSettings, Pace
 from rt_controller.contract.errors import MissingExtraError
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.realtime.clock import Clock, LockstepClock, RealtimeClock
@@ -25,6 +25,11 @@ class VirtualCar:
         self._leave = threading.Event()
         self._thread: threading.Thread | None = None
 
+    @property
+    def plant_failure(self) -> str | None:
+        """Why the plant stopped giving numbers in mid-drive; None where it did not."""
+        return self._session.bridge.summary().plant_failure
+
     def clock(self, pace: Pace) -> Clock:
         """The clock that the controller shares with this car."""
         if pace is Pace.LOCKSTEP:
@@ -35,7 +40,7 @@ class VirtualCar:
         """In real time: let the car run on its own, beside the controller."""
         self._thread = threading.Thread(
             target=self._session.run,
-            args=(RealtimeClock(PERIOD_NS), self._leave.is_set),
+            args=(RealtimeClock(PERIOD_NS), self._leave.is_set, self._priority),
             name="car",
         )
         self._thread.start()
@@ -50,20 +55,29 @@ class VirtualCar:
             raise self._session.failure
 
 
-def build_virtual_car(bus: BusSettings, scenario: str) -> VirtualCar:
+def build_virtual_car(bus: BusSettings, scenario: str, settings: CarSettings) -> VirtualCar:
     """Compile (or fetch from the cache) and settle the car, and open its end of the bus.
 
     Raises:
-        MissingExtraError: the simulation's dependencies are not installed.
-        ConfigError: there is no such scenario.
+        MissingExtraError: the simulation's or the plant's dependencies are not installed.
+        ConfigError: there is no such scenario or plant.
         BusError: the bus cannot be opened.
     """
     try:
-        from sim_bridge.session import FIFO_PRIORITY, open_session
+        from sim_bridge.adapters.plants import PlantChoice
+        from sim_bridge.priority import FIFO_PRIORITY
+        from sim_bridge.session import open_session
     except ModuleNotFoundError as error:
         raise MissingExtraError(
             f"--bus virtual brings its own car, which needs {error.name}: expected the extra "
             f'[sim], found it missing. Install it with: pip install "rt-controller[sim]"'
         ) from error
-    session = open_session(bus.interface, bus.channel, bus.bitrate, {}, scenario)
+    choice = PlantChoice(
+        plant=settings.plant,
+        mapping=settings.plant_mapping,
+        car=settings.car,
+        friction=settings.friction,
+        friction_right=settings.friction_right,
+    )
+    session = open_session(bus.interface, bus.channel, bus.bitrate, {}, scenario, plant=choice)
     return VirtualCar(session, FIFO_PRIORITY)

@@ -32,6 +32,8 @@ class BridgeSummary:
     ey_rms_m: float
     ey_peak_m: float
     watchdog_braked: bool
+    plant_failure: str | None
+    """why the plant stopped giving numbers; the figures are those of before"""
 
 
 class Bridge:
@@ -58,21 +60,28 @@ class Bridge:
         self._scenario = scenario
         self._watchdog = ActuatorWatchdog()
         self._state: VehicleState = car.state
+        self._s_m = car.s_m
         self._sent_ticks = 0
         self._farewell_ticks = 0
+        self._failed_ticks = 0
         self._ey_square_m2 = 0.0
         self._ey_peak_m = 0.0
         self.driven_ticks = 0
 
     @property
     def is_over(self) -> bool:
-        """Whether the end of the mission has been said often enough."""
-        return self._farewell_ticks >= FAREWELL_TICKS
+        """Whether the end of the mission, or of the plant, has been said often enough."""
+        return max(self._farewell_ticks, self._failed_ticks) >= FAREWELL_TICKS
 
     @property
     def is_waiting(self) -> bool:
         """Whether no controller has taken the car yet."""
         return self.driven_ticks == 0
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether the plant has stopped giving numbers; invalid states are told from then on."""
+        return not self._car.is_sound
 
     def tick(self, now_ns: int) -> None:
         """Hear the newest command, let the car drive one period with it, tell its state.
@@ -83,7 +92,9 @@ class Bridge:
         self._inbox.drain(self._bus, now_ns)
         if self._inbox.peer is not None:
             require_same_catalogue(self._inbox.peer)
-        if self.driven_ticks > 0 or is_driving(self._inbox.command):
+        if self.has_failed:
+            self._failed_ticks += 1
+        elif self.driven_ticks > 0 or is_driving(self._inbox.command):
             self._drive(now_ns)
         self._tell(now_ns)
 
@@ -93,25 +104,38 @@ class Bridge:
         return BridgeSummary(
             ticks=self.driven_ticks,
             final_speed_mps=hypot(self._state.vx_mps, self._state.vy_mps),
-            travelled_m=self._car.s_m,
+            travelled_m=self._s_m,
             ey_rms_m=(self._ey_square_m2 / ticks) ** 0.5,
             ey_peak_m=self._ey_peak_m,
             watchdog_braked=self._watchdog.is_braking,
+            plant_failure=self._failure(),
         )
+
+    def close(self) -> None:
+        """Let the car go."""
+        self._car.close()
 
     def _drive(self, now_ns: int) -> None:
         if self._farewell_ticks > 0:
             control = NEUTRAL_INPUT  # the mission is over: a driver has taken the car
         else:
             control = self._watchdog.apply(self._inbox.command, now_ns)
-        self._state = self._car.advance(control, self._scenario.curvature_per_m)
+        state = self._car.advance(control, self._scenario.curvature_per_m)
+        if self.has_failed:
+            return
+        self._state, self._s_m = state, self._car.s_m
         self.driven_ticks += 1
         if self._mission_is_on():
-            error_m = self._state.ey_m - self._scenario.path_ahead(self._car.s_m, 0.0).c0_m
+            error_m = self._state.ey_m - self._scenario.path_ahead(self._s_m, 0.0).c0_m
             self._ey_square_m2 += error_m**2
             self._ey_peak_m = max(self._ey_peak_m, abs(error_m))
         else:
             self._farewell_ticks += 1
+
+    def _failure(self) -> str | None:
+        if not self.has_failed:
+            return None
+        return self._car.plant.failure or f"{self._car.plant.name}: its motion left all bounds"
 
     def _mission_is_on(self) -> bool:
         if self._watchdog.is_braking:
@@ -121,7 +145,7 @@ class Bridge:
     def _tell(self, now_ns: int) -> None:
         command = self._inbox.command
         self._outbox.send_state(
-            self._state,
+            self._car.state,
             RoadSample(
                 curvature_per_m=self._scenario.curvature_per_m,
                 sample_time_ns=now_ns,
@@ -129,9 +153,10 @@ class Bridge:
                 is_watchdog_braking=self._watchdog.is_braking,
             ),
             now_ns,
+            is_valid=not self.has_failed,
         )
         self._outbox.send_reference(
-            self._scenario.path_ahead(self._car.s_m, self._state.vx_mps), now_ns
+            self._scenario.path_ahead(self._s_m, self._state.vx_mps), now_ns
         )
         if self.driven_ticks > 0:
             self._outbox.send_feedback(self._watchdog.applied, now_ns)

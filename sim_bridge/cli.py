@@ -1,4 +1,8 @@
-"""`sim-bridge`: the nonlinear car at the other end of a CAN bus, as a process of its own."""
+"""`sim-bridge`: the car at the other end of a CAN bus, as a process of its own.
+
+Heavy rooms (compiler, FMU tools, plots) are imported where they are needed, so that `--help` and
+a mistyped option answer at once.
+"""
 
 import signal
 import sys
@@ -6,7 +10,7 @@ import threading
 import time
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 from rich.console import Console
@@ -16,15 +20,31 @@ from rt_controller.contract.errors import BusError, RtControllerError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.realtime.clock import RealtimeClock
-from sim_bridge.bridge import BridgeSummary
-from sim_bridge.session import FIFO_PRIORITY, BridgeSession, open_session
+from sim_bridge.adapters.plants import OWN, PlantChoice
+from sim_bridge.plant.protocol import PlantError
+from sim_bridge.priority import FIFO_PRIORITY
+
+if TYPE_CHECKING:
+    from sim_bridge.bridge import BridgeSummary
+    from sim_bridge.session import BridgeSession
 
 LIVE_INTERVAL_S = 0.5
 
 app = App(
     name="sim-bridge",
-    help="Host the nonlinear car on a CAN bus. Exit codes: 0 ok, 2 usage or configuration, "
-    "3 a part is missing, 5 the bus failed or the controller fell silent.",
+    help="Host a car on a CAN bus: the project's own, an FMU, or CommonRoad's. Exit codes: 0 ok, "
+    "1 the validation found a miss, 2 usage or configuration, 3 a part is missing, 5 the bus "
+    "failed or the controller fell silent, 7 the plant failed.",
+)
+app.command(
+    "sim_bridge.adapters.export:export_fmu",
+    name="export-fmu",
+    help="Build an FMU of the own car, with its mapping file beside it.",
+)
+app.command(
+    "sim_bridge.validation.command:validate",
+    name="validate",
+    help="Measure the own car against published manoeuvres.",
 )
 
 
@@ -36,6 +56,11 @@ def drive(
     bitrate: int | None = None,
     bus_option: dict[str, str] | None = None,
     scenario: str = "double_lane_change",
+    plant: str = OWN,
+    plant_mapping: Path | None = None,
+    car: str | None = None,
+    friction: float | None = None,
+    friction_right: float | None = None,
     wait_s: float = 60.0,
     priority: int = FIFO_PRIORITY,
     record: Path | None = None,
@@ -56,6 +81,16 @@ def drive(
         further options of the interface, as --bus-option.KEY VALUE
     scenario
         name of a shipped scenario, or the path of a .toml file
+    plant
+        own, fmu:FILE.fmu (FMI 2 or 3 co-simulation) or commonroad:NUMBER
+    plant_mapping
+        which variable of the FMU is which signal; default: FILE.toml beside FILE.fmu
+    car
+        the own car's parameters: a shipped name, or the path of a .toml file
+    friction
+        of the road, 1 being the road of the tyre's test; default: the scenario's
+    friction_right
+        of the road under the own car's right wheels, where that is another
     wait_s
         how long to wait for a controller to take the car
     priority
@@ -67,8 +102,11 @@ def drive(
     quiet
         no live line
     """
+    from sim_bridge.session import open_session
+
     console = Console(stderr=True)
     require_writable(json_file)
+    choice = PlantChoice(plant, plant_mapping, car, friction, friction_right)
     recorder = (
         Recorder(
             record,
@@ -80,10 +118,15 @@ def drive(
         else None
     )
     with console.status("settling the car (the first start compiles it: about a minute)"):
-        session = open_session(bus, channel, bitrate, bus_option or {}, scenario, recorder)
+        session = open_session(bus, channel, bitrate, bus_option or {}, scenario, recorder, choice)
     summary = _run(session, wait_s, priority, None if quiet else console)
     console.print(_sentence(summary))
     write_figures(json_file, asdict(summary))
+    if summary.plant_failure is not None:
+        raise PlantError(
+            f"Expected a plant that drives to the end, found a failure of {summary.plant_failure}. "
+            f"Invalid states were sent from there on; the figures are those of before."
+        )
     if summary.ticks == 0:
         raise BusError(
             f"Expected a controller to take the car within {wait_s:g} s, found none on channel "
@@ -99,15 +142,15 @@ def drive(
 def main() -> None:
     """Entry point of the console script."""
     try:
-        app()
+        app(sys.argv[1:])
     except RtControllerError as error:
         Console(stderr=True).print(f"[red]sim-bridge:[/red] {error}", highlight=False)
         sys.exit(error.exit_code)
 
 
 def _run(
-    session: BridgeSession, wait_s: float, priority: int, console: Console | None
-) -> BridgeSummary:
+    session: "BridgeSession", wait_s: float, priority: int, console: Console | None
+) -> "BridgeSummary":
     leave = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: leave.set())
@@ -131,16 +174,17 @@ def _run(
     return session.bridge.summary()
 
 
-def _live(session: BridgeSession) -> str:
+def _live(session: "BridgeSession") -> str:
     if session.bridge.is_waiting:
         return "waiting for a controller"
     return _sentence(session.bridge.summary())
 
 
-def _sentence(summary: BridgeSummary) -> str:
+def _sentence(summary: "BridgeSummary") -> str:
     return (
         f"{summary.ticks:5d} ticks  {summary.travelled_m:6.1f} m  "
         f"{summary.final_speed_mps * 3.6:5.1f} km/h  e_y rms {summary.ey_rms_m:.3f} m, "
         f"peak {summary.ey_peak_m:.3f} m"
         + ("  BRAKED BY THE WATCHDOG" if summary.watchdog_braked else "")
+        + ("  THE PLANT FAILED" if summary.plant_failure else "")
     )

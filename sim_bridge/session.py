@@ -8,13 +8,16 @@ from rt_controller.bus.inbox import CommandInbox
 from rt_controller.bus.outbox import VehicleOutbox
 from rt_controller.bus.recorder import Recorder
 from rt_controller.bus.transport import Option, open_bus
+from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import NEUTRAL_INPUT
 from rt_controller.realtime.clock import Clock
 from rt_controller.realtime.scheduling import acquire, release
+from sim_bridge.adapters.plants import PlantChoice, open_plant
 from sim_bridge.bridge import Bridge
 from sim_bridge.car import Car
-from sim_bridge.plant.parameters import C_CLASS_150KW_AWD, with_road_friction
 from sim_bridge.scenario import Scenario, load_scenario
+
+OWN_CAR = PlantChoice()
 
 
 class BridgeSession:
@@ -48,23 +51,34 @@ class BridgeSession:
             release()
 
     def close(self) -> None:
-        """Leave the bus and finish the log."""
+        """Leave the bus, finish the log and let the plant go."""
         self._bus.shutdown()
+        self.bridge.close()
         if self._recorder is not None:
             self._recorder.close()
 
 
-FIFO_PRIORITY = 40
-"""below the controller's: where both share a machine, the controller goes first"""
+def build_car(scenario: Scenario, choice: PlantChoice = OWN_CAR) -> Car:
+    """The chosen plant at the scenario's speed on its road; compiles what has to be.
 
-
-def build_car(scenario: Scenario) -> Car:
-    """The car at the scenario's speed on the scenario's road; compiles it if need be."""
-    parameters = with_road_friction(C_CLASS_150KW_AWD, scenario.road_friction)
-    car = Car(parameters, scenario.speed_mps)
-    # One period thrown away: what is not compiled yet is compiled here and not in the loop.
-    car.advance(NEUTRAL_INPUT, scenario.curvature_per_m)
-    car.reset(scenario.speed_mps, 0.0, 0.0)
+    Raises:
+        MissingExtraError: the plant's optional dependencies are not installed.
+        ConfigError: the plant is not there, or cannot drive even one period.
+    """
+    plant = open_plant(choice, scenario.road_friction)
+    try:
+        car = Car(plant, scenario.speed_mps)
+        # One period thrown away: what is not compiled or loaded yet is so here and not in the loop.
+        car.advance(NEUTRAL_INPUT, scenario.curvature_per_m)
+        if plant.failure is not None:
+            raise ConfigError(
+                f"Expected a plant that drives a first period of 25 ms, found a failure of "
+                f"{plant.failure}. Correct the plant or its mapping."
+            )
+        car.reset(scenario.speed_mps, 0.0, 0.0)
+    except BaseException:
+        plant.close()
+        raise
     return car
 
 
@@ -75,16 +89,22 @@ def open_session(
     options: Mapping[str, Option],
     scenario: str,
     recorder: Recorder | None = None,
+    plant: PlantChoice = OWN_CAR,
 ) -> BridgeSession:
     """Everything opened and ready to tick.
 
     Raises:
-        ConfigError: there is no such scenario.
+        MissingExtraError: the plant's optional dependencies are not installed.
+        ConfigError: there is no such scenario or plant.
         BusError: the bus cannot be opened.
     """
     manoeuvre = load_scenario(scenario)
-    car = build_car(manoeuvre)
-    bus = open_bus(interface, channel, bitrate, options)
+    car = build_car(manoeuvre, plant)
+    try:
+        bus = open_bus(interface, channel, bitrate, options)
+    except BaseException:
+        car.close()
+        raise
     bridge = Bridge(
         bus=bus,
         inbox=CommandInbox(recorder),

@@ -2,8 +2,8 @@
 
 from typing import NamedTuple
 
+from sim_bridge.plant.car_parts import AeroParameters
 from sim_bridge.plant.jit import compiled
-from sim_bridge.plant.parameters import AeroParameters
 
 
 class AirForce(NamedTuple):

@@ -7,8 +7,8 @@ the sprung mass sways over it (`running_gear_velocity`).
 
 from typing import NamedTuple
 
+from sim_bridge.plant.car_parts import GRAVITY_MPS2, BodyParameters, SuspensionParameters
 from sim_bridge.plant.jit import compiled
-from sim_bridge.plant.parameters import GRAVITY_MPS2, BodyParameters, SuspensionParameters
 from sim_bridge.plant.suspension import WheelValues
 
 
@@ -65,6 +65,8 @@ def running_gear_velocity(
 def sprung_acceleration(
     roll_rad: float,
     pitch_rad: float,
+    road_forward_n: float,
+    road_left_n: float,
     ax_mps2: float,
     ay_mps2: float,
     lift_n: float,
@@ -72,24 +74,38 @@ def sprung_acceleration(
     body: BodyParameters,
     suspension: SuspensionParameters,
 ) -> SprungAcceleration:
-    """Heave, roll and pitch under inertia, gravity over the tilted arms, and corner forces."""
+    """Heave, roll and pitch of the sprung mass.
+
+    The wheels hand the horizontal force of the road on, less what accelerates themselves; it works
+    at the road, their inertia at their own height. The weight works over the arms that lean.
+
+    Args:
+        corners: upward force of springs and arms on the body at each wheel, beyond the weight.
+    """
     mass_kg = body.sprung_mass_kg
-    beyond_share = 1.0 - mass_kg / body.mass_kg
+    unsprung_kg = body.mass_kg - mass_kg
+    beyond_share = unsprung_kg / body.mass_kg
     roll_m = roll_arm_m(body, suspension)
     pitch_m = pitch_arm_m(body, suspension)
-    left_n = corners.front_left + corners.rear_left
-    right_n = corners.front_right + corners.rear_right
+    below_m = body.sprung_height_m - body.unsprung_height_m
     front_n = corners.front_left + corners.front_right
     rear_n = corners.rear_left + corners.rear_right
-    sway_nm = mass_kg * roll_m * (ay_mps2 + GRAVITY_MPS2 * roll_rad)
-    roll_nm = sway_nm + 0.5 * body.track_m * (left_n - right_n)
+    roll_nm = (
+        body.sprung_height_m * road_left_n
+        - unsprung_kg * ay_mps2 * below_m
+        + mass_kg * GRAVITY_MPS2 * roll_m * roll_rad
+        + 0.5 * body.track_front_m * (corners.front_left - corners.front_right)
+        + 0.5 * body.track_rear_m * (corners.rear_left - corners.rear_right)
+    )
     pitch_nm = (
-        mass_kg * pitch_m * (GRAVITY_MPS2 * pitch_rad - ax_mps2)
+        -body.sprung_height_m * road_forward_n
+        + unsprung_kg * ax_mps2 * below_m
+        + mass_kg * GRAVITY_MPS2 * pitch_m * pitch_rad
         - body.sprung_front_axle_m * front_n
         + body.sprung_rear_axle_m * rear_n
     )
     return SprungAcceleration(
-        (left_n + right_n + lift_n) / mass_kg,
+        (front_n + rear_n + lift_n) / mass_kg,
         roll_nm / (body.sprung_roll_inertia_kgm2 + mass_kg * roll_m * roll_m * beyond_share),
         pitch_nm / (body.sprung_pitch_inertia_kgm2 + mass_kg * pitch_m * pitch_m * beyond_share),
     )

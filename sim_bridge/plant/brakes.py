@@ -1,25 +1,20 @@
 """Hydraulic brakes: pedal force to pressure to torque, with a rear circuit that yields early."""
 
-from typing import NamedTuple
-
+from sim_bridge.plant.car_parts import BrakeParameters
 from sim_bridge.plant.jit import compiled
-from sim_bridge.plant.parameters import BrakeParameters
-
-
-class BrakeTorque(NamedTuple):
-    """Largest friction torque of each wheel of an axle."""
-
-    front_wheel_nm: float
-    rear_wheel_nm: float
 
 
 @compiled
-def brake_torque(pressure_mpa: float, brakes: BrakeParameters) -> BrakeTorque:
-    """Friction torques; above the knee the rear circuit follows only in part."""
-    pressure = max(0.0, pressure_mpa)
-    above = max(0.0, pressure - brakes.knee_mpa)
-    rear_mpa = pressure - (1.0 - brakes.slope_above_knee) * above
-    return BrakeTorque(brakes.front_nm_per_mpa * pressure, brakes.rear_nm_per_mpa * rear_mpa)
+def front_pressure_mpa(pedal_n: float, brakes: BrakeParameters) -> float:
+    """Pressure that the front circuit tends to under a held pedal."""
+    return brakes.pedal_mpa_per_n * max(0.0, pedal_n)
+
+
+@compiled
+def rear_pressure_mpa(front_mpa: float, brakes: BrakeParameters) -> float:
+    """Pressure that the rear circuit tends to: above the knee it follows only in part."""
+    above = max(0.0, front_mpa - brakes.knee_mpa)
+    return front_mpa - (1.0 - brakes.slope_above_knee) * above
 
 
 @compiled

@@ -2,9 +2,9 @@
 
 from typing import NamedTuple
 
+from sim_bridge.plant.car_parts import ConverterParameters
 from sim_bridge.plant.engine import RPM_OF_RADPS
 from sim_bridge.plant.jit import compiled
-from sim_bridge.plant.parameters import ConverterParameters
 
 
 class ConverterTorque(NamedTuple):

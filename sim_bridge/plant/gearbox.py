@@ -5,9 +5,9 @@ from math import sqrt
 from numpy import float64
 from numpy.typing import NDArray
 
+from sim_bridge.plant.car_parts import GearboxParameters
 from sim_bridge.plant.engine import RPM_OF_RADPS
 from sim_bridge.plant.jit import compiled
-from sim_bridge.plant.parameters import GearboxParameters
 from sim_bridge.plant.states import AT
 
 N_GEARS = 6
@@ -27,9 +27,14 @@ def ratio(
 
 
 @compiled
-def handed_over(since_shift_s: float, gearbox: GearboxParameters) -> float:
-    """Share of the torque that the clutches carry: it dips while the gears change over."""
-    if since_shift_s >= gearbox.shift_time_s:
+def handed_over(
+    gear: float, gear_before: float, since_shift_s: float, gearbox: GearboxParameters
+) -> float:
+    """Share of the fired torque that the engine keeps: it dips while an up-shift brakes it down.
+
+    A down-shift leaves the engine its torque, which has to bring it up.
+    """
+    if since_shift_s >= gearbox.shift_time_s or gear < gear_before:
         return 1.0
     done = since_shift_s / gearbox.shift_time_s
     return 1.0 - gearbox.shift_dip * 16.0 * (done * (1.0 - done)) ** 2

@@ -11,14 +11,15 @@ from numpy import float64
 from numpy.typing import NDArray
 
 from rt_controller.contract.errors import ConfigError
-from sim_bridge.plant.brakes import after_friction
+from sim_bridge.plant.brakes import after_friction, front_pressure_mpa, rear_pressure_mpa
 from sim_bridge.plant.engine import RPM_OF_RADPS
 from sim_bridge.plant.gearbox import choose_gear, highest_gear
 from sim_bridge.plant.jit import compiled
 from sim_bridge.plant.monitor import N_MONITOR, observe
 from sim_bridge.plant.parameters import Parameters
-from sim_bridge.plant.states import AT, N_STATES, N_WHEELS
-from sim_bridge.plant.vehicle import Derivative, bound, evaluate, output_speed_radps
+from sim_bridge.plant.powertrain import output_speed_radps
+from sim_bridge.plant.states import AT, N_FRONT, N_STATES, N_WHEELS
+from sim_bridge.plant.vehicle import Derivative, bound, evaluate
 
 STEP_S = 0.001
 STEPS_PER_PERIOD = 25
@@ -177,12 +178,14 @@ def _move(
             out[i] = state[i] + derivative.rate[i] * step_s
     for i in range(AT.spin_radps, AT.spin_radps + N_WHEELS):
         out[i] = after_friction(out[i], derivative.friction[i] * step_s)
+    i = AT.road_wheel_rate_radps
+    out[i] = after_friction(out[i], derivative.friction[i] * step_s)
     bound(out)
 
 
-_SETTLING_S = 1.0
+_SETTLING_S = 2.0
 _FIRST_THROTTLE = 0.12
-_THROTTLE_PER_MPS = 0.5
+_THROTTLE_PER_MPS = 1.2
 _HOLDING_BRAKE_N = 60.0
 
 
@@ -204,32 +207,37 @@ def settle(v0_mps: float, parameters: Parameters) -> NDArray[float64]:
     state = np.zeros(N_STATES)
     state[AT.vx_mps] = v0_mps
     state[AT.throttle] = _FIRST_THROTTLE if v0_mps > 0.0 else 0.0
-    state[AT.brake_mpa] = (
-        0.0 if v0_mps > 0.0 else _HOLDING_BRAKE_N * parameters.brakes.pedal_mpa_per_n
-    )
-    _settle(state, v0_mps, parameters, round(_SETTLING_S / STEP_S), STEP_S)
+    brake_n = 0.0 if v0_mps > 0.0 else _HOLDING_BRAKE_N
+    _settle(state, v0_mps, brake_n, parameters, round(_SETTLING_S / STEP_S), STEP_S)
     return state
 
 
 @compiled
 def _settle(
-    state: NDArray[float64], v0_mps: float, p: Parameters, n_steps: int, step_s: float
+    state: NDArray[float64],
+    v0_mps: float,
+    brake_n: float,
+    p: Parameters,
+    n_steps: int,
+    step_s: float,
 ) -> None:
+    front_mpa = front_pressure_mpa(brake_n, p.brakes)
+    rear_mpa = rear_pressure_mpa(front_mpa, p.brakes)
     for wheel in range(N_WHEELS):
         state[AT.spin_radps + wheel] = v0_mps / p.tyre.rolling_radius_m
+        state[AT.brake_mpa + wheel] = front_mpa if wheel < N_FRONT else rear_mpa
     output = output_speed_radps(state, p)
     gear = highest_gear(output, state[AT.throttle], p.gearbox)
     state[AT.gear] = gear
     state[AT.gear_before] = gear
     state[AT.since_shift_s] = p.gearbox.dwell_s
-    state[AT.engine_radps] = max(
-        p.engine.idle_speed_rpm / RPM_OF_RADPS, 1.03 * output * p.gearbox.ratios[int(gear) - 1]
-    )
+    turbine = output * p.gearbox.ratios[int(gear) - 1]
+    state[AT.turbine_radps] = turbine
+    state[AT.engine_radps] = max(p.engine.idle_speed_rpm / RPM_OF_RADPS, 1.03 * turbine)
     motion = np.empty((1, 3))
     middle = np.empty(N_STATES)
     derivative = _empty_derivative()
     throttle = state[AT.throttle]
-    brake_n = state[AT.brake_mpa] / p.brakes.pedal_mpa_per_n
     for _ in range(n_steps):
         _advance(state, throttle, brake_n, 0.0, p, 1, step_s, motion, middle, derivative)
         if v0_mps > 0.0:

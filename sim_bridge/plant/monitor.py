@@ -10,6 +10,7 @@ from sim_bridge.plant.engine import RPM_OF_RADPS
 from sim_bridge.plant.jit import compiled
 from sim_bridge.plant.parameters import Parameters
 from sim_bridge.plant.states import AT
+from sim_bridge.plant.suspension import travels_m
 from sim_bridge.plant.vehicle import Derivative, evaluate
 
 
@@ -27,7 +28,16 @@ class Monitor(NamedTuple):
     throttle: float
     """as opened, behind the actuator's lag"""
     brake_mpa: float
+    """of the front circuit"""
     road_wheel_rad: float
+    turbine_rpm: float
+    wind_up_rad: float
+    """twist of the drive shafts"""
+    travel_front_left_m: float
+    """of each wheel towards the body"""
+    travel_front_right_m: float
+    travel_rear_left_m: float
+    travel_rear_right_m: float
     load_front_left_n: float
     load_front_right_n: float
     load_rear_left_n: float
@@ -58,6 +68,7 @@ def observe(
     vx_mps = state[AT.vx_mps]
     vy_mps = state[AT.vy_mps]
     yaw_rate = state[AT.yaw_rate_radps]
+    travels = travels_m(state, p.body)
     return Monitor(
         scratch.rate[AT.vx_mps] - yaw_rate * vy_mps,
         scratch.rate[AT.vy_mps] + yaw_rate * vx_mps,
@@ -69,6 +80,12 @@ def observe(
         state[AT.throttle],
         state[AT.brake_mpa],
         state[AT.road_wheel_rad],
+        state[AT.turbine_radps] * RPM_OF_RADPS,
+        state[AT.wind_up_rad],
+        travels.front_left,
+        travels.front_right,
+        travels.rear_left,
+        travels.rear_right,
         loads.front_left,
         loads.front_right,
         loads.rear_left,

@@ -4,6 +4,7 @@ A state is a flat float64 array of `N_STATES` entries; code reaches into it by n
 never by number. Wheels are always ordered front left, front right, rear left, rear right; an
 entry that exists once per wheel names the first of four neighbours.
 Axes: x forward, y left, z up; positive roll lowers the right side, positive pitch the nose.
+Where the car is on its road is no part of this vector, see `sim_bridge.frenet`.
 """
 
 from typing import NamedTuple
@@ -23,50 +24,55 @@ class StateIndex(NamedTuple):
     roll_rate_radps: int
     pitch_rad: int
     pitch_rate_radps: int
+    rise_m: int
+    """first of four rises of the wheels above their places at rest"""
+    rise_rate_mps: int
+    """first of four"""
     spin_radps: int
     """first of four wheel speeds"""
     lateral_slip: int
     """first of four lagged tangents of the slip angle, positive when the force points left"""
     longitudinal_slip: int
     """first of four lagged slip ratios, positive when the wheel drives"""
-    settled_ax_mps2: int
-    """acceleration as the wheel loads feel it, behind the vertical give of the tyres"""
-    settled_ay_mps2: int
     road_wheel_rad: int
-    """front road-wheel angle, compliance included"""
+    """front road-wheel angle as the steering has it, without roll steer"""
+    road_wheel_rate_radps: int
     throttle: int
     """throttle opening behind its actuator"""
     brake_mpa: int
-    """pressure in the front brake circuit"""
+    """first of four pressures at the wheels"""
     engine_radps: int
+    turbine_radps: int
+    """converter's turbine, with the gear sets behind it"""
+    wind_up_rad: int
+    """twist of the drive shafts, at the wheels"""
     gear: int
     """engaged or being engaged, 1..6; changes only between steps"""
     gear_before: int
     since_shift_s: int
 
 
-AT = StateIndex(
-    vx_mps=0,
-    vy_mps=1,
-    yaw_rate_radps=2,
-    heave_m=3,
-    heave_rate_mps=4,
-    roll_rad=5,
-    roll_rate_radps=6,
-    pitch_rad=7,
-    pitch_rate_radps=8,
-    spin_radps=9,
-    lateral_slip=13,
-    longitudinal_slip=17,
-    settled_ax_mps2=21,
-    settled_ay_mps2=22,
-    road_wheel_rad=23,
-    throttle=24,
-    brake_mpa=25,
-    engine_radps=26,
-    gear=27,
-    gear_before=28,
-    since_shift_s=29,
-)
-N_STATES = 30
 N_WHEELS = 4
+N_FRONT = 2
+"""of the four, the first ones"""
+WHEEL_STATES = (
+    "rise_m",
+    "rise_rate_mps",
+    "spin_radps",
+    "lateral_slip",
+    "longitudinal_slip",
+    "brake_mpa",
+)
+"""states that exist once per wheel"""
+
+
+def _index() -> tuple[StateIndex, int]:
+    positions: list[int] = []
+    end = 0
+    for name in StateIndex._fields:
+        positions.append(end)
+        end += N_WHEELS if name in WHEEL_STATES else 1
+    return StateIndex(*positions), end
+
+
+AT, N_STATES = _index()

@@ -1,18 +1,20 @@
 """Tyres: slip behind its relaxation length, and the friction force that slip makes.
 
-The force is one Magic Formula of the combined slip, pointing along it: both pure curves have the
-same shape over slip divided by slip at the peak, so a sliding wheel is pulled against its sliding.
-Pacejka, Tyre and Vehicle Dynamics, 2012: ch. 4 (formula, similarity method), ch. 7 (relaxation).
+Each direction has its Magic Formula of pure slip; under combined slip each is weighted by the slip
+across it. The aligning moment is side force times a trail that ends where the contact slides.
+Pacejka, Tyre and Vehicle Dynamics, 2012: ch. 4 (formula, weights, similarity), ch. 7 (relaxation).
 """
 
-from math import atan, hypot, sin
+from math import atan, cos, hypot, sin, sqrt
 from typing import NamedTuple
 
+from sim_bridge.plant.car_parts import TyreParameters
 from sim_bridge.plant.jit import compiled
-from sim_bridge.plant.parameters import TyreParameters
 
-_LEAST_LATERAL_RELAXATION = 0.02
-_LEAST_LONGITUDINAL_RELAXATION = 0.05
+_LEAST_LATERAL_RELAXATION = 0.1
+_LEAST_LONGITUDINAL_RELAXATION = 0.2
+_LEAST_FRICTION_LEFT = 0.3
+"""under whatever load"""
 
 
 class SlipRates(NamedTuple):
@@ -63,8 +65,9 @@ def longitudinal_relaxation(
 ) -> SlipRates:
     """Lag of the slip ratio, as `lateral_relaxation`; `rim_mps` is spin times rolling radius."""
     length_m = tyre.longitudinal_relaxation_m * max(load_n, 500.0) / tyre.relaxation_load_n
-    used = abs(slip) * tyre.longitudinal_slip_gain / tyre.peak_slip
-    left = max(_LEAST_LONGITUDINAL_RELAXATION, 1.0 - used)
+    left = max(
+        _LEAST_LONGITUDINAL_RELAXATION, 1.0 - abs(slip) / tyre.longitudinal_relaxation_end_slip
+    )
     change = rim_mps - forward_mps - abs(forward_mps) * slip
     faded_m = length_m * left
     return SlipRates(
@@ -77,16 +80,45 @@ def longitudinal_relaxation(
 @compiled
 def cornering_stiffness_npr(load_n: float, tyre: TyreParameters) -> float:
     """Lateral force per radian of small slip angle: grows ever more slowly with the load."""
-    relative = load_n / tyre.stiffness_load_n
-    return tyre.stiffness_npr * 2.0 * relative / (1.0 + relative * relative)
+    relative = load_n / tyre.cornering_stiffness_load_n
+    return tyre.cornering_stiffness_npr * 2.0 * relative / (1.0 + relative * relative)
 
 
 @compiled
-def friction_limit_n(load_n: float, tyre: TyreParameters) -> float:
-    """Largest horizontal force on the reference road."""
+def lateral_limit_n(load_n: float, tyre: TyreParameters) -> float:
+    """Largest lateral force on the reference road."""
     excess = load_n / tyre.reference_load_n - 1.0
-    gain = max(0.3, 1.0 + tyre.peak_friction_per_load * excess)
-    return tyre.peak_friction * gain * load_n
+    gain = max(_LEAST_FRICTION_LEFT, 1.0 + tyre.lateral_friction_per_load * excess)
+    return tyre.lateral_friction * gain * load_n
+
+
+@compiled
+def longitudinal_limit_n(load_n: float, tyre: TyreParameters) -> float:
+    """Largest longitudinal force on the reference road."""
+    excess = load_n / tyre.reference_load_n - 1.0
+    gain = max(_LEAST_FRICTION_LEFT, 1.0 + tyre.longitudinal_friction_per_load * excess)
+    return tyre.longitudinal_friction * gain * load_n
+
+
+@compiled
+def magic_formula_n(
+    slip: float, stiffness_n: float, limit_n: float, shape: float, curvature: float
+) -> float:
+    """Force of pure slip: D sin(C atan(B x - E (B x - atan(B x)))) with B C D the stiffness."""
+    scaled = stiffness_n / (shape * limit_n) * slip
+    return limit_n * sin(shape * atan(scaled - curvature * (scaled - atan(scaled))))
+
+
+@compiled
+def weight(slip: float, other_slip: float, steepness: float) -> float:
+    """Share of a force that is left under slip across it: cos(atan(B s)).
+
+    B itself fades with the slip along the force, cos(atan(B s')) alike. With the same steepness
+    in both places a sliding tyre is pulled exactly against its sliding.
+    """
+    along = steepness * slip
+    across = steepness * other_slip
+    return sqrt((1.0 + along * along) / (1.0 + along * along + across * across))
 
 
 @compiled
@@ -105,23 +137,29 @@ def force(
     """
     if load_n <= 0.0:
         return TyreForce(0.0, 0.0, 0.0)
-    sideways = lateral_slip - tyre.camber_gain * lean_rad
-    along = longitudinal_slip * tyre.longitudinal_slip_gain
-    combined = hypot(sideways, along)
-    limit_n = friction_limit_n(load_n, tyre)
-    stiffness_npr = cornering_stiffness_npr(load_n, tyre)
-    if combined < 1e-9:
-        return TyreForce(
-            stiffness_npr * along,
-            stiffness_npr * sideways,
-            -tyre.trail_m * stiffness_npr * sideways,
-        )
-    scaled = stiffness_npr / (tyre.shape * limit_n) * combined / road_friction
-    bent = scaled - tyre.curvature * (scaled - atan(scaled))
-    force_n = road_friction * limit_n * sin(tyre.shape * atan(bent))
-    left_n = force_n * sideways / combined
-    trail_left = max(0.0, 1.0 - combined / (road_friction * tyre.trail_end_slip))
-    return TyreForce(force_n * along / combined, left_n, -tyre.trail_m * trail_left * left_n)
+    sideways = (lateral_slip - tyre.camber_slip * lean_rad) / road_friction
+    along = longitudinal_slip / road_friction
+    left_n = magic_formula_n(
+        sideways,
+        cornering_stiffness_npr(load_n, tyre),
+        lateral_limit_n(load_n, tyre),
+        tyre.lateral_shape,
+        tyre.lateral_curvature,
+    )
+    forward_n = magic_formula_n(
+        along,
+        tyre.slip_stiffness * load_n,
+        longitudinal_limit_n(load_n, tyre),
+        tyre.longitudinal_shape,
+        tyre.longitudinal_curvature,
+    )
+    left_n *= road_friction * weight(sideways, along, tyre.lateral_weight)
+    forward_n *= road_friction * weight(along, sideways, tyre.longitudinal_weight)
+    # The trail ends where the whole contact slides, by whatever slip.
+    trail_m = tyre.trail_m * cos(
+        tyre.trail_shape * atan(tyre.trail_stiffness * hypot(sideways, along))
+    )
+    return TyreForce(forward_n, left_n, -trail_m * left_n)
 
 
 @compiled

@@ -5,6 +5,7 @@ import pytest
 
 from rt_controller.contract.signals import ControlInput
 from sim_bridge import frenet
+from sim_bridge.adapters.own_car import OwnCar
 from sim_bridge.car import Car
 from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, settle, simulate
 from sim_bridge.plant.parameters import C_CLASS_150KW_AWD as PARAMETERS
@@ -23,7 +24,7 @@ def wandering_inputs(n_periods: int) -> list[ControlInput]:
 def test_car_drives_the_same_run_as_an_episode() -> None:
     """Stepping period by period and simulating at once are the same car, to the last bit."""
     inputs = wandering_inputs(120)
-    car = Car(PARAMETERS, 22.0)
+    car = Car(OwnCar(PARAMETERS), 22.0)
     car.reset(22.0, ey_m=-0.7, epsi_rad=0.03)
     states = [car.advance(control, CURVATURE_PER_M) for control in inputs]
 
@@ -39,7 +40,7 @@ def test_car_drives_the_same_run_as_an_episode() -> None:
 
 def test_progress_of_a_state_lies_behind_it() -> None:
     """After a reset it is that of a period before; each later one has what its period added."""
-    car = Car(PARAMETERS, 20.0)
+    car = Car(OwnCar(PARAMETERS), 20.0)
     assert car.state.ds_m == pytest.approx(20.0 * 0.025)
     total_m = sum(car.advance(c, CURVATURE_PER_M).ds_m for c in wandering_inputs(40))
     assert total_m == pytest.approx(car.s_m)
@@ -48,21 +49,21 @@ def test_progress_of_a_state_lies_behind_it() -> None:
 
 def test_reset_starts_anew() -> None:
     inputs = wandering_inputs(30)
-    car = Car(PARAMETERS, 25.0)
+    car = Car(OwnCar(PARAMETERS), 25.0)
     first = [car.advance(control, 0.0) for control in inputs]
     assert car.reset(25.0) == (25.0, 0.0, 0.0, 25.0 * 0.025, 0.0, 0.0)
     assert [car.advance(control, 0.0) for control in inputs] == first
 
 
 def test_two_cars_do_not_share_anything() -> None:
-    one, other = Car(PARAMETERS, 25.0), Car(PARAMETERS, 25.0)
-    before = other.plant_state
+    one, other = Car(OwnCar(PARAMETERS), 25.0), Car(OwnCar(PARAMETERS), 25.0)
+    before = other.plant.state_vector
     one.advance(ControlInput(1.0, 0.0, 0.5), 0.0)
-    np.testing.assert_array_equal(other.plant_state, before)
+    np.testing.assert_array_equal(other.plant.state_vector, before)
 
 
 def test_outputs_belong_to_the_state_they_are_read_with() -> None:
-    car = Car(PARAMETERS, 25.0)
+    car = Car(OwnCar(PARAMETERS), 25.0)
     for _ in range(40):
         state = car.advance(ControlInput(0.2, 0.0, np.radians(20.0)), 0.0)
     outputs = car.outputs

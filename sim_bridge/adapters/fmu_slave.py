@@ -1,0 +1,89 @@
+"""What runs inside an exported FMU: the own car behind pythonfmu's FMI 2 interface.
+
+This file is copied into the FMU and loaded from there by itself, so it names its imports in full.
+The car's parameters lie beside it as `car.toml`. The Python that loads the FMU needs
+`rt-controller[sim]`.
+"""
+
+from math import isfinite, nan
+from pathlib import Path
+from typing import Any
+
+from pythonfmu import DefaultExperiment, Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+from pythonfmu.enums import Fmi2Status
+
+from rt_controller.contract.errors import RtControllerError
+from rt_controller.contract.signals import ControlInput
+from sim_bridge.adapters.own_car import OwnCar
+from sim_bridge.adapters.plants import own_parameters
+from sim_bridge.plant.integrate import STEP_S
+from sim_bridge.plant.protocol import PlantOutputs
+
+MOTION = ("vx_mps", "vy_mps", "yaw_rate_radps")
+
+
+class Car(Fmi2Slave):
+    """Inputs and outputs have the names of the contract; SI units, steering wheel angle."""
+
+    author = "rt-controller"
+    description = "The nonlinear car of sim_bridge, in steps of 1 ms"
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.throttle = self.brake_n = self.steer_rad = 0.0
+        self.v0_mps = 20.0
+        self.road_friction = 0.85
+        self.road_friction_right = 0.0
+        self.vx_mps = self.vy_mps = self.yaw_rate_radps = nan
+        self._seen: PlantOutputs | None = PlantOutputs()
+        self.car: OwnCar | None = None
+        self.default_experiment = DefaultExperiment(start_time=0.0, step_size=STEP_S)
+        for name in ControlInput._fields:
+            self._declare(name, Fmi2Causality.input, Fmi2Variability.continuous)
+        for name in ("v0_mps", "road_friction", "road_friction_right"):
+            self._declare(name, Fmi2Causality.parameter, Fmi2Variability.fixed)
+        for name in MOTION:
+            self._declare(name, Fmi2Causality.output, Fmi2Variability.continuous)
+        for name in PlantOutputs._fields:
+            self.register_variable(
+                Real(
+                    f"seen_{name}",
+                    causality=Fmi2Causality.output,
+                    variability=Fmi2Variability.continuous,
+                    getter=lambda name=name: getattr(self._look(), name),
+                )
+            )
+
+    def exit_initialization_mode(self) -> None:
+        """Settle the car with the parameters that were set."""
+        parameters = own_parameters(
+            str(Path(self.resources) / "car.toml"),
+            self.road_friction,
+            self.road_friction_right or None,
+        )
+        self.car = OwnCar(parameters)
+        self.vx_mps, self.vy_mps, self.yaw_rate_radps = self.car.reset(self.v0_mps).tolist()
+        self._seen = None
+
+    def do_step(self, current_time: float, step_size: float) -> bool:
+        """Drive on; refuse what is no whole number of the car's own steps."""
+        if self.car is None:
+            return False
+        control = ControlInput(self.throttle, self.brake_n, self.steer_rad)
+        try:
+            motion = self.car.step(control, step_size)
+        except RtControllerError as error:
+            self.log(str(error), Fmi2Status.error)
+            return False
+        self.vx_mps, self.vy_mps, self.yaw_rate_radps = motion[-1].tolist()
+        self._seen = None
+        return isfinite(self.vx_mps + self.vy_mps + self.yaw_rate_radps)
+
+    def _look(self) -> PlantOutputs:
+        """Computed when somebody asks, once a step."""
+        if self._seen is None and self.car is not None:
+            self._seen = self.car.outputs()
+        return self._seen or PlantOutputs()
+
+    def _declare(self, name: str, causality: Fmi2Causality, variability: Fmi2Variability) -> None:
+        self.register_variable(Real(name, causality=causality, variability=variability))

@@ -1,0 +1,28 @@
+"""The car's own cost: a control period of it, and the settling before a run.
+
+A period of 25 ms is meant to cost at most 300 us on one core of a desktop machine.
+"""
+
+from math import radians
+
+import numpy as np
+import pytest
+
+from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, advance, settle
+from sim_bridge.plant.parameters import load_parameters, shipped_cars
+from sim_bridge.plant.states import AT
+
+
+@pytest.mark.parametrize("name", shipped_cars())
+def test_period_of_driving_through_a_bend(benchmark, name: str) -> None:
+    car = load_parameters(name)
+    state = settle(22.0, car)
+    motion = np.empty((STEPS_PER_PERIOD, 3))
+    benchmark(advance, state, 0.15, 0.0, radians(15.0), car, STEPS_PER_PERIOD, STEP_S, motion)
+    assert state[AT.yaw_rate_radps] > 0.0
+
+
+def test_settling_before_a_run(benchmark) -> None:
+    car = load_parameters("c_class_150kw_awd")
+    state = benchmark(settle, 22.0, car)
+    assert state[AT.vx_mps] == 22.0

@@ -1,0 +1,163 @@
+"""FMUs made while a test runs: a small car with habits of its own, and other people's wrappers."""
+
+import shutil
+import sys
+import zipfile
+from pathlib import Path
+
+import fmpy
+from fmpy.container_fmu.cli import create_container_fmu
+from fmpy.container_fmu.config import Component, Configuration
+from fmpy.model_description import CoSimulation, ModelDescription, ModelVariable
+from pythonfmu import FmuBuilder
+
+FOREIGN_CAR = """
+from math import nan
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Integer, Real
+from pythonfmu.enums import Fmi2Status
+
+
+class {name}(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.pedal = self.pressure_bar = self.wheel_deg = 0.0
+        self.v0_kmh = 36.0
+        self.mu = 1.0
+        self.fails_at_s = self.loses_itself_at_s = 1e9
+        self.trailers = 0
+        self.speed_kmh = self.slide_mps = self.turn_degps = 0.0
+        for name in ("pedal", "pressure_bar", "wheel_deg"):
+            self.register_variable(Real(name, causality=Fmi2Causality.input))
+        for name in ("v0_kmh", "mu", "fails_at_s", "loses_itself_at_s"):
+            self.register_variable(
+                Real(name, causality=Fmi2Causality.parameter, variability=Fmi2Variability.fixed)
+            )
+        self.register_variable(
+            Integer(
+                "trailers", causality=Fmi2Causality.parameter, variability=Fmi2Variability.fixed
+            )
+        )
+        for name in ("speed_kmh", "slide_mps", "turn_degps"):
+            self.register_variable(Real(name, causality=Fmi2Causality.output))
+
+    def exit_initialization_mode(self):
+        self.speed_kmh = self.v0_kmh
+
+    def do_step(self, current_time, step_size):
+        if current_time >= self.fails_at_s:
+            self.log("the fuel ran out", Fmi2Status.error)
+            return False
+        pull_mps2 = (4.0 * self.pedal - 0.2 * self.pressure_bar) * self.mu
+        self.speed_kmh += 3.6 * step_size * pull_mps2 / (1 + self.trailers)
+        self.turn_degps = self.wheel_deg * self.speed_kmh / 3.6 / 50.0
+        if current_time >= self.loses_itself_at_s:
+            self.turn_degps = nan
+        return True
+"""
+"""Counts in km/h, bar and degrees, and calls the right positive."""
+
+FOREIGN_MAPPING = """
+communication_step_s = 0.005
+[inputs]
+throttle = "pedal"
+brake_n = {variable = "pressure_bar", unit = "bar", scale = 40000.0}
+steer_rad = {variable = "wheel_deg", unit = "deg", sign = -1}
+[outputs]
+vx_mps = {variable = "speed_kmh", unit = "km/h"}
+vy_mps = "slide_mps"
+yaw_rate_radps = {variable = "turn_degps", unit = "deg/s", sign = -1}
+[start]
+vx_mps = {variable = "v0_kmh", unit = "km/h"}
+road_friction = "mu"
+[parameters]
+trailers = 1
+"""
+
+
+def make_fmu(folder: Path, name: str, source: str = FOREIGN_CAR) -> Path:
+    """An FMI 2 FMU of a pythonfmu slave; its class is called `name`."""
+    script = folder / f"{name.lower()}_slave.py"
+    script.write_text(source.replace("{name}", name))
+    return _build(script, folder / f"{name}.fmu")
+
+
+def make_foreign_car(folder: Path, name: str, mapping: str = FOREIGN_MAPPING) -> Path:
+    """The foreign car with its mapping beside it."""
+    fmu = make_fmu(folder, name)
+    fmu.with_suffix(".toml").write_text(mapping)
+    return fmu
+
+
+def make_from_library(folder: Path, script: Path, name: str) -> Path:
+    """An FMI 2 FMU of a slave that lies in somebody's package."""
+    copy = folder / f"{name.lower()}_copy.py"
+    shutil.copy(script, copy)
+    return _build(copy, folder / f"{name}.fmu")
+
+
+def wrap_as_fmi3(fmu: Path, outer: Path, step_s: float) -> Path:
+    """An FMI 3 container around an FMU, its variables under the same names."""
+    inner = fmpy.read_model_description(str(fmu))
+    component = Component(name="inner", filename=fmu, modelDescription=inner)
+    description = ModelDescription(
+        fmiVersion="3.0",
+        modelName="Container",
+        instantiationToken="container",
+        coSimulation=CoSimulation(modelIdentifier="container_fmu", fixedInternalStepSize=step_s),
+    )
+    time = ModelVariable(
+        name="time", type="Float64", causality="independent", variability="continuous"
+    )
+    description.modelVariables.append(time)
+    mappings = {}
+    for variable in inner.modelVariables:
+        if variable.type != "Real":
+            continue
+        outside = ModelVariable(
+            name=variable.name,
+            type="Float64",
+            causality=variable.causality,
+            variability=variable.variability,
+            initial=None if variable.causality == "input" else variable.initial,
+            start=variable.start,
+        )
+        description.modelVariables.append(outside)
+        mappings[outside] = [(component, variable)]
+    folder = outer.parent / f"{outer.stem}-unpacked"
+    folder.mkdir()
+    create_container_fmu(
+        Configuration(
+            parallelDoStep=False,
+            modelDescription=description,
+            components=[component],
+            connections=[],
+            variableMappings=mappings,
+        ),
+        folder,
+        outer,
+    )
+    return outer
+
+
+def rewrite_description(fmu: Path, old: str, new: str) -> None:
+    """Change a passage in the FMU's modelDescription.xml."""
+    changed = fmu.with_suffix(".changed")
+    with zipfile.ZipFile(fmu) as source, zipfile.ZipFile(changed, "w") as target:
+        for item in source.infolist():
+            content = source.read(item)
+            if item.filename == "modelDescription.xml":
+                text = content.decode()
+                assert old in text, f"{old} is not in {text}"
+                content = text.replace(old, new).encode()
+            target.writestr(item, content)
+    changed.replace(fmu)
+
+
+def _build(script: Path, fmu: Path) -> Path:
+    # The builder puts the script's folder on the path of this process and leaves it there.
+    path = list(sys.path)
+    try:
+        FmuBuilder.build_FMU(script, dest=fmu)
+    finally:
+        sys.path[:] = path
+    return fmu

@@ -1,0 +1,139 @@
+"""Choosing a plant: what a person may write, and what they read when it does not fit."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from rt_controller.contract.errors import ConfigError, MissingExtraError
+from rt_controller.contract.signals import ControlInput
+from sim_bridge import cli
+from sim_bridge.adapters.own_car import OwnCar
+from sim_bridge.adapters.plants import PlantChoice, open_plant
+from sim_bridge.car import Car
+
+
+@pytest.fixture
+def command_line(monkeypatch: pytest.MonkeyPatch) -> Iterator[object]:
+    def run(*arguments: str) -> int:
+        monkeypatch.setattr("sys.argv", ["sim-bridge", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        return ended.value.code or 0
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("choice", "words"),
+    [
+        (PlantChoice(plant="mine"), "expected own, fmu:FILE.fmu or commonroad:NUMBER"),
+        (PlantChoice(plant="own:2"), "expected own, fmu:FILE.fmu or commonroad:NUMBER"),
+        (PlantChoice(plant="fmu"), "expected own, fmu:FILE.fmu or commonroad:NUMBER"),
+        (PlantChoice(plant="commonroad:two"), "number of a CommonRoad vehicle, found 'two'"),
+        (PlantChoice(mapping=Path("car.toml")), "--plant-mapping: expected --plant fmu"),
+        (PlantChoice(plant="commonroad:2", car="mine"), "--car: expected --plant own"),
+        (PlantChoice(plant="fmu:car.fmu", friction_right=0.3), "--friction-right: expected"),
+        (PlantChoice(friction=0.0), "--friction: expected 0.05..1.5"),
+        (PlantChoice(friction_right=float("nan")), "--friction-right: expected 0.05..1.5"),
+        (PlantChoice(car="lorry"), "car 'lorry'"),
+    ],
+)
+def test_a_choice_that_makes_no_sense_is_refused(choice: PlantChoice, words: str) -> None:
+    with pytest.raises(ConfigError) as refused:
+        open_plant(choice, 0.85)
+    assert words in str(refused.value)
+
+
+def test_friction_of_the_command_line_goes_over_the_scenarios() -> None:
+    for choice, wanted in (
+        (PlantChoice(), (0.85, 0.85)),
+        (PlantChoice(friction=0.4), (0.4, 0.4)),
+        (PlantChoice(friction_right=0.2), (0.85, 0.2)),
+        (PlantChoice(friction=0.9, friction_right=0.3), (0.9, 0.3)),
+    ):
+        plant = open_plant(choice, 0.85)
+        assert isinstance(plant, OwnCar)
+        assert tuple(plant.parameters.road) == wanted
+
+
+def test_a_slippery_right_side_pulls_a_braking_car_to_the_left() -> None:
+    car = Car(open_plant(PlantChoice(friction_right=0.2), 0.9), 25.0)
+    for _ in range(20):
+        car.advance(ControlInput(0.0, 120.0, 0.0), 0.0)
+    assert car.state.yaw_rate_radps > 0.02
+
+
+def test_the_named_car_is_the_one_that_drives() -> None:
+    cars = [
+        Car(open_plant(PlantChoice(car=name), 0.85), 20.0)
+        for name in ("c_class_150kw_awd", "c_class_125kw_fwd")
+    ]
+    for car in cars:
+        for _ in range(40):
+            car.advance(ControlInput(1.0, 0.0, 0.0), 0.0)
+    assert cars[0].state.vx_mps > cars[1].state.vx_mps + 0.1
+
+
+@pytest.mark.parametrize(
+    ("module", "plant", "extra"),
+    [
+        ("fmpy", "fmu:car.fmu", "rt-controller[fmu]"),
+        ("vehiclemodels", "commonroad:2", "rt-controller[commonroad]"),
+    ],
+)
+def test_a_missing_extra_is_named(
+    monkeypatch: pytest.MonkeyPatch, module: str, plant: str, extra: str
+) -> None:
+    for name in list(sys.modules):
+        if name == module or name.startswith(f"{module}."):
+            monkeypatch.delitem(sys.modules, name)
+    # None in the table of modules is Python's own way to say: not installed.
+    for name in (module, "vehiclemodels.init_mb"):
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(MissingExtraError) as refused:
+        open_plant(PlantChoice(plant=plant), 0.85)
+    assert extra in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (("--bus", "virtual", "--plant", "fmu:nowhere.fmu"), 2, "nowhere.fmu: expected an FMU"),
+        (("--bus", "virtual", "--plant", "commonroad:9"), 2, "found 9"),
+        (("--bus", "virtual", "--friction", "7"), 2, "--friction: expected"),
+        (("--bus", "virtual", "--car", "lorry"), 2, "car 'lorry'"),
+        (("export-fmu", "car.zip"), 2, "ends in .fmu"),
+        (("export-fmu", "car.fmu", "--car", "lorry"), 2, "car 'lorry'"),
+    ],
+)
+def test_the_command_line_says_what_it_expected(
+    command_line, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], code: int,
+    words: str,
+) -> None:  # fmt: skip
+    assert command_line(*arguments) == code
+    assert words in " ".join(capsys.readouterr().err.split())
+
+
+def test_help_names_the_commands_without_loading_compiler_and_tools() -> None:
+    program = (
+        "import atexit, sys; from sim_bridge.cli import main; sys.argv = ['sim-bridge', '--help'];"
+        "atexit.register(lambda: print(*sys.modules)); main()"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", program], check=True, capture_output=True, text=True
+    )
+    text, _, modules = ended.stdout.rstrip().rpartition("\n")
+    for word in ("export-fmu", "validate", "--plant-mapping", "commonroad:NUMBER"):
+        assert word in text
+    assert not {"numba", "fmpy", "pythonfmu", "vehiclemodels", "plotly"} & set(modules.split())
+    assert "sim_bridge.cli" in modules.split()
+
+
+def test_the_command_line_writes_an_fmu_and_its_mapping(command_line, tmp_path: Path) -> None:
+    pytest.importorskip("pythonfmu", reason="the extra [fmu] is not installed")
+    assert command_line("export-fmu", str(tmp_path / "mine.fmu")) == 0
+    assert (tmp_path / "mine.fmu").stat().st_size > 100_000
+    assert "communication_step_s" in (tmp_path / "mine.toml").read_text()
