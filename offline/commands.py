@@ -215,7 +215,12 @@ def _deliver(
         f"seed {manifest['seed']}"
     )
     evaluation = _evaluate(bundle, dataset)
-    save_bundle(target, bundle, write_card(bundle, gate, evaluation, facts))
+    try:
+        save_bundle(target, bundle, write_card(bundle, gate, evaluation, facts))
+    except OSError as error:
+        raise ConfigError(
+            f"--output: expected a folder with room for a bundle, found {target}: {error.strerror}."
+        ) from error
     CONSOLE.print(
         f"{bundle.name}: spectral radius {gate.spectral_radius:.5f}, "
         f"||A^20|| {gate.growth_20:.3g}, ||A^80|| {gate.growth_80:.3g}, "
@@ -329,14 +334,8 @@ def _evaluation_figures(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def _write_json(path: Path | None, figures: dict[str, Any]) -> None:
-    if path is None:
-        return
-    try:
+    if path is not None:
         path.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(
-            f"--json: expected a file that can be written, found {path}: {error.strerror}."
-        ) from error
 
 
 @contextmanager
