@@ -175,7 +175,7 @@ def evaluate_model(
 
 def _run(app: App) -> None:
     try:
-        app()
+        app(sys.argv[1:])
     except RtControllerError as error:
         ERRORS.print(f"{app.name[0]}: {error}", style="red", markup=False, highlight=False)
         sys.exit(error.exit_code)

@@ -28,7 +28,7 @@ from offline.run_folder import RunFolder, create_run, extend_run, open_run
 from offline.terminal import CONSOLE, error_table, progress_bar
 from offline.train import Progress, train
 from rt_controller.contract.artifact import Bundle, load_bundle, save_bundle
-from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.errors import ConfigError, DatasetError
 
 INTERRUPTED = 130
 """exit code of a program that was asked to stop, as shells have it"""
@@ -44,6 +44,11 @@ def make_data(
     folder, dataset = _ensure_dataset(data, episodes, seed, jobs)
     wall_s = time.monotonic() - begun
     manifest = dataset.manifest
+    if (manifest["episodes"], manifest["seed"]) != (episodes, seed):
+        raise DatasetError(
+            f"{folder}: expected {episodes} episodes of seed {seed}, found a data set of "
+            f"{manifest['episodes']} episodes of seed {manifest['seed']}. Choose another --data."
+        )
     CONSOLE.print(
         f"{manifest['trajectories']} trajectories of {manifest['episodes']} episodes, "
         f"{100 * manifest['rejected_fraction']:.1f} % of the tries rejected, "

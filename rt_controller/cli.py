@@ -21,6 +21,7 @@ from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.loop import Ending
 from rt_controller.realtime.clock import Clock, RealtimeClock
+from rt_controller.realtime.scheduling import attend, release
 from rt_controller.session import ControllerSession, open_session
 from rt_controller.step import StopCause
 from rt_controller.summary import live_line, to_json, to_table
@@ -105,7 +106,7 @@ def run(
         bus=BusSettings(interface=bus, channel=channel, bitrate=bitrate, options=bus_option or {}),
         model=model,
         mpc=mpc,
-        realtime=realtime,
+        realtime=realtime if pace is Pace.REALTIME else realtime.model_copy(update={"priority": 0}),
     )
     if pace is Pace.LOCKSTEP and bus != "virtual":
         raise ConfigError(
@@ -118,6 +119,7 @@ def run(
             car = build_virtual_car(config.bus, scenario)
     try:
         clock: Clock = RealtimeClock(PERIOD_NS) if car is None else car.clock(pace)
+        attend(config.realtime.priority)
         with console.status("loading the model, assembling the QP, opening the bus"):
             session = open_session(config, clock, record, pace is Pace.LOCKSTEP)
         try:
@@ -132,6 +134,7 @@ def run(
     finally:
         if car is not None:
             car.close()
+        release()
     return _conclude(session, json_file, console)
 
 

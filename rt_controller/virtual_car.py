@@ -35,7 +35,7 @@ class VirtualCar:
         """In real time: let the car run on its own, beside the controller."""
         self._thread = threading.Thread(
             target=self._session.run,
-            args=(RealtimeClock(PERIOD_NS), self._leave.is_set),
+            args=(RealtimeClock(PERIOD_NS), self._leave.is_set, self._priority),
             name="car",
         )
         self._thread.start()

@@ -16,6 +16,7 @@ from rt_controller.contract.errors import BusError, RtControllerError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.realtime.clock import RealtimeClock
+from rt_controller.realtime.scheduling import attend
 from sim_bridge.bridge import BridgeSummary
 from sim_bridge.session import FIFO_PRIORITY, BridgeSession, open_session
 
@@ -117,6 +118,7 @@ def _run(
         args=(RealtimeClock(PERIOD_NS), leave.is_set, priority),
         name="car",
     )
+    attend(priority)
     thread.start()
     while thread.is_alive():
         thread.join(LIVE_INTERVAL_S)
