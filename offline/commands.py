@@ -197,11 +197,12 @@ def _train(
 def _describe(progress: Progress) -> str:
     losses = progress.losses
     return (
-        f"loss {losses.total.item():.4f} = ssl {losses.single_step.item():.4f}, "
-        f"msl {losses.multi_step.item():.4f} (states {losses.states.item():.4f}), "
-        f"sl {losses.stability.item():.1e}, regl {losses.regularisation.item():.4g} · "
-        f"val {progress.validation_loss:.4f} (best {progress.best_validation_loss:.4f}) · "
-        f"rho {progress.spectral_radius:.4f} · lr {progress.learning_rate:.1e}"
+        f"loss {losses.total.item():.4f}: single step {losses.single_step.item():.4f}, "
+        f"multi step {losses.multi_step.item():.4f} (states {losses.states.item():.4f}), "
+        f"stability {losses.stability.item():.1e}, "
+        f"regularisation {losses.regularisation.item():.4g}\n"
+        f"validation {progress.validation_loss:.4f}, best {progress.best_validation_loss:.4f}, "
+        f"spectral radius {progress.spectral_radius:.4f}, rate {progress.learning_rate:.1e}"
     )
 
 
@@ -264,7 +265,7 @@ def _ensure_dataset(data: Path | None, episodes: int, seed: int, jobs: int) -> t
         def on_progress(more: int) -> None:
             nonlocal done
             done += more
-            show(done, "episodes")
+            show(done, "")
 
         made = generate(recipe, episodes, seed, jobs, on_progress)
     dataset = save_dataset(
