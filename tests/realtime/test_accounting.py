@@ -4,7 +4,6 @@ import numpy as np
 
 from rt_controller.realtime.accounting import DeadlineAccount, TickTimes, percentiles
 
-
 TIMES = TickTimes(wake_us=100.0, step_us=900.0, qp_us=1.0, qp_iterations=5)
 
 
