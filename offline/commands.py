@@ -233,7 +233,7 @@ def _deliver(
         f"torch/ONNX {gate.parity:.1e}"
     )
     _print_pooled(evaluation)
-    CONSOLE.print(f"Drive with it:\n  rt-controller --model {target}", soft_wrap=True)
+    CONSOLE.print(f"Drive with it:\n  rt-controller --bus virtual --model {target}", soft_wrap=True)
     _write_json(
         json_file,
         {

@@ -33,7 +33,7 @@ class Tolerances(_Settings):
     """yaw rate; inf: do not care"""
     ds_m: PositiveFloat = float("inf")
     """progress in one period; inf: the speed says the same"""
-    ey_m: PositiveFloat = 0.35
+    ey_m: PositiveFloat = 0.15
     """lateral deviation"""
     epsi_deg: PositiveFloat = 1.0
     """heading error"""
