@@ -46,7 +46,7 @@ def test_from_nothing_to_a_bundle_and_its_table(command, tmp_path):
 
     code, out, _ = command(cli.export_main, "--json", "export.json")
     assert code in (0, None)
-    assert "rt-controller --model" in out
+    assert "rt-controller --bus virtual --model" in out
     exported = json.loads((tmp_path / "export.json").read_text())
     assert exported["size_bytes"] < 300_000
 
