@@ -34,7 +34,7 @@ def read(log: str) -> dict[str, np.ndarray]:
 
 
 def main(picture: str, *logs: str) -> None:
-    figure, axes = plt.subplots(4, 1, figsize=(8, 9), sharex=True, layout="constrained")
+    figure, axes = plt.subplots(4, 1, figsize=(8, 8), sharex=True, layout="constrained")
     for label, log in (entry.split("=", 1) for entry in logs):
         signals = read(log)
         (t, lateral), (_, path) = signals["STATE_B.LateralError"], signals["REF_PATH.C0"]

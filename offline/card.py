@@ -15,7 +15,8 @@ def write_card(bundle: Bundle, gate: Gate, evaluation: Evaluation, facts: Mappin
         "",
         f"A lifted linear model of a car with {bundle.n_observables} observables, sampled every "
         f"{1000 * bundle.dt_s:g} ms, in physical units. Load it with "
-        "`rt_controller.contract.artifact.load_bundle`, drive with `rt-controller --model`.",
+        "`rt_controller.contract.artifact.load_bundle`, drive with "
+        "`rt-controller --bus virtual --model`.",
         "",
         "## How it was made",
         "",

@@ -77,7 +77,7 @@ def make_data(
             f"--episodes: expected at least 10, so that train, validation and test each get some, "
             f"found {episodes}."
         )
-    _require_offline()
+    _prepare(json_file)
     from offline import commands
 
     return commands.make_data(episodes, seed, data, jobs, json_file)
@@ -110,7 +110,7 @@ def train_model(
     json_file
         write the figures to this file
     """
-    _require_offline()
+    _prepare(json_file)
     from offline import commands
 
     if resume is not None:
@@ -142,7 +142,7 @@ def export_model(
     json_file
         write the figures to this file
     """
-    _require_offline()
+    _prepare(json_file)
     from offline import commands
 
     if lti:
@@ -166,7 +166,7 @@ def evaluate_model(
     json_file
         write the figures to this file
     """
-    _require_offline()
+    _prepare(json_file)
     from offline import commands
 
     latest = RUNS / "latest"
@@ -175,17 +175,24 @@ def evaluate_model(
 
 def _run(app: App) -> None:
     try:
-        app()
+        app(sys.argv[1:])
     except RtControllerError as error:
         ERRORS.print(f"{app.name[0]}: {error}", style="red", markup=False, highlight=False)
         sys.exit(error.exit_code)
 
 
-def _require_offline() -> None:
-    """Raise unless everything that the extra brings is installed."""
+def _prepare(json_file: Path | None) -> None:
+    """Raise now what would otherwise be found after an hour of work."""
     missing = [name for name in NEEDED if find_spec(name) is None]
     if missing:
         raise MissingExtraError(
             f"training expects the extra 'offline', found no {', '.join(missing)}. "
             f'Run: pip install -e ".[offline]"'
         )
+    if json_file is not None:
+        try:
+            json_file.touch()
+        except OSError as error:
+            raise ConfigError(
+                f"--json: expected a file that can be written, found {json_file}: {error.strerror}."
+            ) from error

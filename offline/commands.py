@@ -28,7 +28,7 @@ from offline.run_folder import RunFolder, create_run, extend_run, open_run
 from offline.terminal import CONSOLE, error_table, progress_bar
 from offline.train import Progress, train
 from rt_controller.contract.artifact import Bundle, load_bundle, save_bundle
-from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.errors import ConfigError, DatasetError
 
 INTERRUPTED = 130
 """exit code of a program that was asked to stop, as shells have it"""
@@ -44,6 +44,11 @@ def make_data(
     folder, dataset = _ensure_dataset(data, episodes, seed, jobs)
     wall_s = time.monotonic() - begun
     manifest = dataset.manifest
+    if (manifest["episodes"], manifest["seed"]) != (episodes, seed):
+        raise DatasetError(
+            f"{folder}: expected {episodes} episodes of seed {seed}, found a data set of "
+            f"{manifest['episodes']} episodes of seed {manifest['seed']}. Choose another --data."
+        )
     CONSOLE.print(
         f"{manifest['trajectories']} trajectories of {manifest['episodes']} episodes, "
         f"{100 * manifest['rejected_fraction']:.1f} % of the tries rejected, "
@@ -192,11 +197,12 @@ def _train(
 def _describe(progress: Progress) -> str:
     losses = progress.losses
     return (
-        f"loss {losses.total.item():.4f} = ssl {losses.single_step.item():.4f}, "
-        f"msl {losses.multi_step.item():.4f} (states {losses.states.item():.4f}), "
-        f"sl {losses.stability.item():.1e}, regl {losses.regularisation.item():.4g} · "
-        f"val {progress.validation_loss:.4f} (best {progress.best_validation_loss:.4f}) · "
-        f"rho {progress.spectral_radius:.4f} · lr {progress.learning_rate:.1e}"
+        f"loss {losses.total.item():.4f}: single step {losses.single_step.item():.4f}, "
+        f"multi step {losses.multi_step.item():.4f} (states {losses.states.item():.4f}), "
+        f"stability {losses.stability.item():.1e}, "
+        f"regularisation {losses.regularisation.item():.4g}\n"
+        f"validation {progress.validation_loss:.4f}, best {progress.best_validation_loss:.4f}, "
+        f"spectral radius {progress.spectral_radius:.4f}, rate {progress.learning_rate:.1e}"
     )
 
 
@@ -215,14 +221,19 @@ def _deliver(
         f"seed {manifest['seed']}"
     )
     evaluation = _evaluate(bundle, dataset)
-    save_bundle(target, bundle, write_card(bundle, gate, evaluation, facts))
+    try:
+        save_bundle(target, bundle, write_card(bundle, gate, evaluation, facts))
+    except OSError as error:
+        raise ConfigError(
+            f"--output: expected a folder with room for a bundle, found {target}: {error.strerror}."
+        ) from error
     CONSOLE.print(
         f"{bundle.name}: spectral radius {gate.spectral_radius:.5f}, "
         f"||A^20|| {gate.growth_20:.3g}, ||A^80|| {gate.growth_80:.3g}, "
         f"torch/ONNX {gate.parity:.1e}"
     )
     _print_pooled(evaluation)
-    CONSOLE.print(f"Drive with it:\n  rt-controller --model {target}", soft_wrap=True)
+    CONSOLE.print(f"Drive with it:\n  rt-controller --bus virtual --model {target}", soft_wrap=True)
     _write_json(
         json_file,
         {
@@ -254,7 +265,7 @@ def _ensure_dataset(data: Path | None, episodes: int, seed: int, jobs: int) -> t
         def on_progress(more: int) -> None:
             nonlocal done
             done += more
-            show(done, "episodes")
+            show(done, "")
 
         made = generate(recipe, episodes, seed, jobs, on_progress)
     dataset = save_dataset(
@@ -329,14 +340,8 @@ def _evaluation_figures(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def _write_json(path: Path | None, figures: dict[str, Any]) -> None:
-    if path is None:
-        return
-    try:
+    if path is not None:
         path.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(
-            f"--json: expected a file that can be written, found {path}: {error.strerror}."
-        ) from error
 
 
 @contextmanager

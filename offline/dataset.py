@@ -171,6 +171,7 @@ def load_dataset(folder: Path) -> Dataset:
             f"belongs to another manifest. Delete the folder and run offline-data again."
         )
     trajectories = Trajectories(*(arrays[name] for name in Trajectories._fields))
+    _require_finite(folder / TRAJECTORIES_FILE, trajectories)
     return Dataset(trajectories, arrays["part"], found, manifest)
 
 
@@ -182,6 +183,19 @@ def _origin(recipe: Recipe, episodes: int, seed: int, plant_fingerprint: str) ->
         "seed": seed,
         "plant_fingerprint": plant_fingerprint,
     }
+
+
+def _require_finite(path: Path, trajectories: Trajectories) -> None:
+    columns = (("x", VehicleState._fields), ("u", ControlInput._fields))
+    for name, fields in columns:
+        array = getattr(trajectories, name)
+        if not np.all(np.isfinite(array)):
+            row, step, field = np.argwhere(~np.isfinite(array))[0]
+            raise DatasetError(
+                f"{path}: expected finite numbers, found {array[row, step, field]} for "
+                f"{fields[field]} at step {step} of trajectory {row}. Remove that trajectory, or "
+                f"make the data set again."
+            )
 
 
 def _hash_arrays(arrays: Mapping[str, NDArray[Any]]) -> str:

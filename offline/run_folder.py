@@ -20,7 +20,7 @@ from pydantic import ValidationError
 
 from offline.checkpoint import BEST_FILE, LAST_FILE
 from offline.config import TrainingConfig
-from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.errors import ArtifactError, ConfigError, RtControllerError
 
 CONFIG_FILE = "config.json"
 HISTORY_FILE = "history.jsonl"
@@ -60,7 +60,13 @@ def create_run(
 ) -> RunFolder:
     """A new folder below `base`, which `base/latest` then points to."""
     path = base / f"{now:%Y%m%d-%H%M%S}-{config.preset}"
-    path.mkdir(parents=True)
+    try:
+        path.mkdir(parents=True)
+    except OSError as error:
+        raise ConfigError(
+            f"{path}: expected to make a new folder for the run, found: {error.strerror}. Choose "
+            f"another --runs."
+        ) from error
     versions = {name: version(name) for name in ("rt-controller", "torch", "numpy")}
     run = RunFolder(path, config, data_folder.resolve(), data_sha256, versions, _revision())
     _write_config(run)
@@ -110,8 +116,14 @@ def extend_run(run: RunFolder, config: TrainingConfig) -> RunFolder:
 
 def append_history(run: RunFolder, line: Mapping[str, Any]) -> None:
     """One more evaluation."""
-    with run.history.open("a", encoding="utf-8") as file:
-        file.write(json.dumps(line) + "\n")
+    try:
+        with run.history.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(line) + "\n")
+    except OSError as error:
+        raise RtControllerError(
+            f"{run.history}: expected room for another line, found: {error.strerror}. Free some "
+            f"space and go on with: offline-train --resume {run.path}"
+        ) from error
 
 
 def cut_history(run: RunFolder, step: int) -> None:

@@ -3,7 +3,8 @@
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
-from rich.console import Console
+from rich.console import Console, Group
+from rich.live import Live
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -13,6 +14,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from rich.table import Table
+from rich.text import Text
 
 CONSOLE = Console()
 ERRORS = Console(stderr=True)
@@ -20,21 +22,22 @@ ERRORS = Console(stderr=True)
 
 @contextmanager
 def progress_bar(title: str, total: int, done: int = 0) -> Iterator[Callable[[int, str], None]]:
-    """A bar with time left; the yielded function sets how many are done, and a remark."""
-    columns = (
+    """A bar with time left; the yielded function sets how many are done, and lines below it."""
+    bar = Progress(
         TextColumn("{task.description}"),
-        BarColumn(bar_width=20),
+        BarColumn(bar_width=30),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TextColumn("left"),
         TimeRemainingColumn(),
-        TextColumn("{task.fields[remark]}"),
     )
-    with Progress(*columns, console=CONSOLE, refresh_per_second=4) as progress:
-        task = progress.add_task(title, total=total, completed=done, remark="")
+    task = bar.add_task(title, total=total, completed=done)
+    remark = Text()
+    with Live(Group(bar, remark), console=CONSOLE, refresh_per_second=4):
 
-        def show(completed: int, remark: str) -> None:
-            progress.update(task, completed=completed, remark=remark)
+        def show(completed: int, lines: str) -> None:
+            bar.update(task, completed=completed)
+            remark.plain = lines
 
         yield show
 

@@ -22,6 +22,7 @@ from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.loop import Ending
 from rt_controller.realtime.clock import Clock, RealtimeClock
+from rt_controller.realtime.scheduling import attend, release
 from rt_controller.session import ControllerSession, open_session
 from rt_controller.step import StopCause
 from rt_controller.summary import live_line, to_json, to_table
@@ -30,6 +31,7 @@ from rt_controller.virtual_car import VirtualCar, build_virtual_car
 LIVE_INTERVAL_S = 0.5
 DEFAULT_MPC = MpcSettings()
 DEFAULT_REALTIME = RealtimeSettings()
+DEFAULT_CAR = CarSettings()
 EXIT_DEADLINE = 4
 EXIT_SAFE_STOP = 6
 EXIT_BUS = BusError.exit_code
@@ -51,12 +53,7 @@ def run(
     bitrate: int | None = None,
     bus_option: dict[str, str] | None = None,
     model: Path | None = None,
-    scenario: str = "double_lane_change",
-    plant: str | None = None,
-    plant_mapping: Path | None = None,
-    car: str | None = None,
-    friction: float | None = None,
-    friction_right: float | None = None,
+    car: Annotated[CarSettings, Parameter(name="*")] = DEFAULT_CAR,
     pace: Pace = Pace.REALTIME,
     duration_s: float | None = None,
     stay: bool = False,
@@ -82,18 +79,8 @@ def run(
         further options of the interface, as --bus-option.KEY VALUE
     model
         folder of a model bundle, as offline-export writes it; default: the one that ships
-    scenario
-        what the virtual car drives: a shipped scenario, or the path of a .toml file
-    plant
-        which car the virtual bus brings: own (default), fmu:FILE.fmu or commonroad:NUMBER
-    plant_mapping
-        which variable of the FMU is which signal; default: FILE.toml beside FILE.fmu
     car
-        the own car's parameters: a shipped name, or the path of a .toml file
-    friction
-        of the virtual car's road; default: the scenario's
-    friction_right
-        of that road under the own car's right wheels, where it is another
+        what the virtual bus brings along
     pace
         realtime, or lockstep: as fast as possible and the same frames every time (virtual only)
     duration_s
@@ -121,33 +108,25 @@ def run(
         bus=BusSettings(interface=bus, channel=channel, bitrate=bitrate, options=bus_option or {}),
         model=model,
         mpc=mpc,
-        realtime=realtime,
+        realtime=realtime if pace is Pace.REALTIME else realtime.model_copy(update={"priority": 0}),
     )
     if pace is Pace.LOCKSTEP and bus != "virtual":
         raise ConfigError(
             f"--pace lockstep: expected --bus virtual, found {bus!r}. Only a car in this process "
             f"can wait for the controller."
         )
-    wanted = {
-        "plant": plant,
-        "plant_mapping": plant_mapping,
-        "car": car,
-        "friction": friction,
-        "friction_right": friction_right,
-    }
-    chosen = {name: value for name, value in wanted.items() if value is not None}
-    if chosen and bus != "virtual":
-        option = next(iter(chosen)).replace("_", "-")
+    if car != DEFAULT_CAR and bus != "virtual":
         raise ConfigError(
-            f"--{option}: expected --bus virtual, found {bus!r}. Only the virtual bus brings a car "
-            f"along; elsewhere choose it where sim-bridge is started."
+            f"expected a scenario, plant, car or friction with --bus virtual only, found --bus "
+            f"{bus!r}. Elsewhere the car is chosen where sim-bridge is started."
         )
     virtual: VirtualCar | None = None
     if bus == "virtual":
         with console.status("settling the car (the first start compiles it: about a minute)"):
-            virtual = build_virtual_car(config.bus, scenario, CarSettings.model_validate(chosen))
+            virtual = build_virtual_car(config.bus, car)
     try:
         clock: Clock = RealtimeClock(PERIOD_NS) if virtual is None else virtual.clock(pace)
+        attend(config.realtime.priority)
         with console.status("loading the model, assembling the QP, opening the bus"):
             session = open_session(config, clock, record, pace is Pace.LOCKSTEP)
         try:
@@ -162,6 +141,7 @@ def run(
     finally:
         if virtual is not None:
             virtual.close()
+        release()
     if virtual is not None and virtual.plant_failure is not None:
         console.print(
             f"[red]rt-controller:[/red] the car's plant failed: {virtual.plant_failure}",

@@ -33,7 +33,7 @@ class Tolerances(_Settings):
     """yaw rate; inf: do not care"""
     ds_m: PositiveFloat = float("inf")
     """progress in one period; inf: the speed says the same"""
-    ey_m: PositiveFloat = 0.35
+    ey_m: PositiveFloat = 0.15
     """lateral deviation"""
     epsi_deg: PositiveFloat = 1.0
     """heading error"""
@@ -101,18 +101,20 @@ class BusSettings(_Settings):
 
 
 class CarSettings(_Settings):
-    """Which car the virtual bus brings along."""
+    """Which car the virtual bus brings along, and what it drives."""
 
+    scenario: str = "double_lane_change"
+    """a shipped scenario, or the path of a .toml file"""
     plant: str = "own"
     """own, fmu:FILE.fmu or commonroad:NUMBER"""
     plant_mapping: Path | None = None
-    """of an FMU's variables to the contract; None: the file beside the FMU"""
+    """of an FMU's variables to the contract; default: the file beside the FMU"""
     car: str | None = None
-    """parameters of the own car: a shipped name or a .toml file"""
+    """the own car's parameters: a shipped name, or the path of a .toml file"""
     friction: float | None = None
-    """of the road; None: the scenario's"""
+    """of the road, 1 being the road of the tyre's test; default: the scenario's"""
     friction_right: float | None = None
-    """of the road under the right wheels of the own car; None: the same"""
+    """of the road under the own car's right wheels, where that is another"""
 
 
 class ControllerConfig(_Settings):

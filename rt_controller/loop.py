@@ -97,6 +97,7 @@ def drive(
                     qp_iterations=outcome.qp_iterations,
                 ),
                 tick.skipped,
+                clock.now_ns() - tick.scheduled_ns,
             )
             has_driven = has_driven or outcome.mode is Mode.NOMINAL
             silent_ticks = 0 if outcome.state is not None else silent_ticks + 1

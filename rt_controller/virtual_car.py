@@ -55,7 +55,7 @@ class VirtualCar:
             raise self._session.failure
 
 
-def build_virtual_car(bus: BusSettings, scenario: str, settings: CarSettings) -> VirtualCar:
+def build_virtual_car(bus: BusSettings, settings: CarSettings) -> VirtualCar:
     """Compile (or fetch from the cache) and settle the car, and open its end of the bus.
 
     Raises:
@@ -79,5 +79,7 @@ def build_virtual_car(bus: BusSettings, scenario: str, settings: CarSettings) ->
         friction=settings.friction,
         friction_right=settings.friction_right,
     )
-    session = open_session(bus.interface, bus.channel, bus.bitrate, {}, scenario, plant=choice)
+    session = open_session(
+        bus.interface, bus.channel, bus.bitrate, {}, settings.scenario, plant=choice
+    )
     return VirtualCar(session, FIFO_PRIORITY)

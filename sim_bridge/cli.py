@@ -16,12 +16,12 @@ from cyclopts import App, Parameter
 from rich.console import Console
 
 from rt_controller.bus.recorder import Recorder
-from rt_controller.contract.errors import BusError, RtControllerError
+from rt_controller.contract.errors import BusError, PlantError, RtControllerError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.realtime.clock import RealtimeClock
+from rt_controller.realtime.scheduling import attend
 from sim_bridge.adapters.plants import OWN, PlantChoice
-from sim_bridge.plant.protocol import PlantError
 from sim_bridge.priority import FIFO_PRIORITY
 
 if TYPE_CHECKING:
@@ -160,6 +160,7 @@ def _run(
         args=(RealtimeClock(PERIOD_NS), leave.is_set, priority),
         name="car",
     )
+    attend(priority)
     thread.start()
     while thread.is_alive():
         thread.join(LIVE_INTERVAL_S)

@@ -39,3 +39,9 @@ class BusError(RtControllerError):
     """A CAN bus that cannot be opened, or a peer that speaks another message catalogue."""
 
     exit_code = 5
+
+
+class PlantError(RtControllerError):
+    """A simulated car that stopped giving numbers in the middle of a run."""
+
+    exit_code = 7

@@ -37,18 +37,22 @@ class DeadlineAccount:
 
     def __init__(self, capacity: int, deadline_ns: int) -> None:
         self._times = np.zeros((capacity, len(TickTimes._fields)))
-        self._deadline_us = deadline_ns / 1e3
+        self._deadline_ns = deadline_ns
         self.ticks = 0
         self.deadline_misses = 0
         self.skipped_ticks = 0
         self.missed_last = False
 
-    def record(self, times: TickTimes, skipped: int) -> None:
-        """Account for one tick, after its frames have left."""
+    def record(self, times: TickTimes, skipped: int, done_after_ns: int) -> None:
+        """Account for one tick, after its frames have left.
+
+        `done_after_ns` is when that was, after the scheduled instant and on the loop's own clock:
+        simulated time knows no lateness.
+        """
         self._times[self.ticks % self._times.shape[0]] = times
         self.ticks += 1
         self.skipped_ticks += skipped
-        self.missed_last = times.wake_us + times.step_us > self._deadline_us
+        self.missed_last = done_after_ns > self._deadline_ns
         self.deadline_misses += self.missed_last
 
     def percentiles(self, field: str) -> Percentiles:

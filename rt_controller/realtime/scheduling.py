@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 _MCL_CURRENT = 1
 _MCL_FUTURE = 2
+_ATTENDANT_PRIORITY = 1
 SWITCH_INTERVAL_S = 0.0005
 """how long another Python thread may keep the interpreter from the loop"""
 
@@ -50,6 +51,15 @@ def acquire(priority: int, cpu: int | None) -> Guarantees:
         collector_off=not gc.isenabled(),
         cpu=cpu if cpu is not None and _bind(cpu) else None,
     )
+
+
+def attend(priority: int) -> bool:
+    """Whether the calling thread, and every thread it starts, now has the lowest real-time rank.
+
+    For the threads beside the loop: one of them may hold the interpreter's lock when the loop
+    wakes up, and must not be kept from giving it back by programs that matter less than both.
+    """
+    return priority > 0 and _set_fifo(_ATTENDANT_PRIORITY)
 
 
 def release() -> None:

@@ -10,14 +10,7 @@ from typing import NamedTuple, Protocol
 from numpy import float64
 from numpy.typing import NDArray
 
-from rt_controller.contract.errors import RtControllerError
 from rt_controller.contract.signals import ControlInput
-
-
-class PlantError(RtControllerError):
-    """A plant that stopped giving numbers in the middle of a run."""
-
-    exit_code = 7
 
 
 class PlantOutputs(NamedTuple):

@@ -9,9 +9,9 @@ from rt_controller.cli import app
 from rt_controller.session import shipped_model
 
 
-def drive(tmp_path: Path, model: str, *options: str) -> dict:
+def drive(tmp_path: Path, model: str, *options: str, pace: str = "lockstep") -> dict:
     summary = tmp_path / "summary.json"
-    command = f"--bus virtual --pace lockstep --quiet --channel {tmp_path.name}"
+    command = f"--bus virtual --pace {pace} --quiet --channel {tmp_path.name}"
     files = ["--model", str(shipped_model(model)), "--json", str(summary)]
     with pytest.raises(SystemExit) as ended:
         app.meta([*command.split(), *files, *options])
@@ -56,3 +56,13 @@ def test_every_figure_of_the_summary_is_there(tmp_path: Path) -> None:
         assert key in figures
     for key in ("step_us", "wake_us", "qp_us", "qp_iterations"):
         assert set(figures[key]) == {"p50", "p99", "p999", "max"}
+
+
+def test_in_real_time_the_car_runs_beside_the_controller(tmp_path: Path) -> None:
+    # A shared machine may stall longer than a vehicle's: lateness is not what is tested here.
+    generous = ("--realtime.deadline-ms", "25", "--scenario", "straight")
+    figures = drive(tmp_path, "mdk-net-paper", *generous, pace="realtime")
+    assert figures["final_mode"] == "STANDBY"
+    assert figures["ticks"] + figures["skipped_ticks"] >= 200
+    assert figures["ey_peak_m"] <= 0.3
+    assert figures["wake_us"]["max"] > 0.0

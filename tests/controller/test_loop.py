@@ -118,3 +118,11 @@ def test_with_stay_the_loop_outlives_a_mission(rig: Rig, record: RunRecord) -> N
     rig.vehicle.also = one_mission_after_another
     drive(rig.step, rig.clock, record, lambda: rig.clock.now_ns() > 4 * 10**9, stays=True)
     assert record.deadlines.ticks > 155
+
+
+def test_deadlines_are_judged_on_the_loops_own_clock(rig: Rig, record: RunRecord) -> None:
+    record.deadlines = DeadlineAccount(1000, deadline_ns=1)
+    drive(rig.step, rig.clock, record, lambda: rig.clock.now_ns() > 10**9, stays=True)
+    assert record.deadlines.ticks > 30
+    assert record.deadlines.deadline_misses == 0
+    assert record.deadlines.percentiles("step_us").p50 > 0.0

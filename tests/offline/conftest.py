@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from offline.config import PRESETS, TrainingConfig
-from offline.dataset import Dataset, Trajectories, save_dataset
+from offline.dataset import Dataset, Trajectories, load_dataset, save_dataset
 from offline.excitation import Recipe
 
 EPISODES = 40
@@ -62,8 +62,6 @@ def toy_folder(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="session")
 def toy_dataset(toy_folder) -> Dataset:
-    from offline.dataset import load_dataset
-
     return load_dataset(toy_folder)
 
 

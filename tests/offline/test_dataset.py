@@ -13,6 +13,7 @@ from offline.dataset import (
     cache_folder,
     exists,
     load_dataset,
+    save_dataset,
     split_by_episode,
 )
 from offline.excitation import Recipe
@@ -83,6 +84,21 @@ def test_an_altered_number_is_noticed(folder):
     edit_arrays(folder, lambda arrays: arrays["x"].__setitem__((0, 0, 0), 99.0))
     with pytest.raises(DatasetError, match="SHA-256"):
         load_dataset(folder)
+
+
+def test_a_number_that_is_none_is_named_with_its_place(toy_dataset, tmp_path):
+    x = toy_dataset.trajectories.x.copy()
+    x[7, 5, 4] = np.nan
+    save_dataset(
+        tmp_path,
+        toy_dataset.trajectories._replace(x=x),
+        rejected=0,
+        recipe=Recipe(),
+        seed=0,
+        plant_fingerprint="toy",
+    )
+    with pytest.raises(DatasetError, match="ey_m at step 5 of trajectory 7"):
+        load_dataset(tmp_path)
 
 
 def test_an_altered_split_is_noticed(folder):

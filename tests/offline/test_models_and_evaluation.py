@@ -1,5 +1,6 @@
 """The rivals, the bundle of a trained model, and the table that compares them."""
 
+from dataclasses import replace
 from datetime import datetime
 
 import numpy as np
@@ -13,7 +14,9 @@ from offline.checkpoint import load_checkpoint
 from offline.dataset import Dataset, Trajectories
 from offline.evaluate import StateErrors, choose_test_trajectories, evaluate, squared_errors
 from offline.export import choose_selftest_states, make_bundle, pass_gate
+from offline.learner import Learner, normalise
 from offline.predictor import BundlePredictor
+from offline.rollout import roll_out
 from offline.run_folder import create_run
 from offline.train import train
 from rt_controller.contract.artifact import load_bundle, save_bundle
@@ -138,9 +141,6 @@ def test_480_trajectories_of_each_curvature_are_judged():
 
 
 def test_bundle_of_a_trained_model_predicts_what_the_network_predicts(checkpoint, toy_dataset):
-    from offline.learner import Learner, normalise
-    from offline.rollout import roll_out
-
     bundle, _ = make_bundle(checkpoint, toy_dataset)
     test = toy_dataset.select("test")
     predicted = BundlePredictor(bundle).predict(
@@ -197,7 +197,5 @@ def test_a_model_with_a_nan_is_not_exported(checkpoint, toy_dataset):
 
 
 def test_an_encoder_that_answers_otherwise_than_in_training_is_not_exported(lti):
-    from dataclasses import replace
-
     with pytest.raises(ArtifactError, match="torch and ONNX"):
         pass_gate(replace(lti, selftest_psi=lti.selftest_psi + 1e-2))

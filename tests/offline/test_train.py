@@ -105,7 +105,7 @@ def test_evaluations_after_the_checkpoint_are_forgotten_on_resume(
 def test_best_checkpoint_is_the_one_of_the_lowest_validation_loss(
     tiny_config, toy_dataset, new_run
 ):
-    config = tiny_config.model_copy(update={"learning_rate": 0.05, "steps": 200})
+    config = tiny_config.model_copy(update={"learning_rate": 0.05, "steps": 150})
     run = new_run(config)
     train(config, toy_dataset, run)
     lines = history(run)

@@ -1,0 +1,166 @@
+"""The four commands as a person meets them: what they print, write and end with."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from offline import cli
+from offline.config import TrainingConfig
+
+SMALL = ("--hidden", "8", "--latents", "4", "--batch", "16", "--threads", "1")
+
+
+@pytest.fixture
+def command(monkeypatch, tmp_path, capsys):
+    """Run a command in an empty folder; its exit code, output and errors."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+    def run(main, *arguments):
+        monkeypatch.setattr(sys, "argv", [main.__name__, *map(str, arguments)])
+        with pytest.raises(SystemExit) as exit_info:
+            main()
+        printed = capsys.readouterr()
+        return exit_info.value.code, " ".join(printed.out.split()), " ".join(printed.err.split())
+
+    return run
+
+
+def test_from_nothing_to_a_bundle_and_its_table(command, tmp_path):
+    code, out, _ = command(cli.data_main, "--episodes", 20, "--jobs", 1, "--json", "data.json")
+    assert code in (0, None)
+    data = json.loads((tmp_path / "data.json").read_text())
+    assert data["n_trajectories"] == 100
+    assert str(tmp_path / "cache") in data["folder"]
+
+    train = ("--steps", 30, "--evaluate-every", 10, "--episodes", 20, *SMALL)
+    code, out, _ = command(cli.train_main, *train, "--json", "train.json")
+    assert code in (0, None)
+    assert "offline-export" in out
+    assert json.loads((tmp_path / "train.json").read_text())["step"] == 30
+
+    code, out, _ = command(cli.export_main, "--json", "export.json")
+    assert code in (0, None)
+    assert "rt-controller --bus virtual --model" in out
+    exported = json.loads((tmp_path / "export.json").read_text())
+    assert exported["size_bytes"] < 300_000
+
+    code, out, _ = command(cli.evaluate_main, "--json", "table.json")
+    assert code in (0, None)
+    table = json.loads((tmp_path / "table.json").read_text())
+    assert set(table["models"]) == {"mdk-net", "lti", "persistence"}
+    for model in table["models"].values():
+        assert set(model["mse"]) == {"vx", "vy", "yaw_rate", "ds", "ey", "epsi"}
+    assert table["units"]["yaw_rate"] == "(deg/s)^2"
+    assert table["n_trajectories"] == 10
+
+    code, out, _ = command(cli.export_main, "--lti", "--output", "lti")
+    assert code in (0, None)
+    code, out, _ = command(cli.evaluate_main, "--model", "lti")
+    assert code in (0, None)
+
+
+def test_a_run_goes_on_where_it_stopped_and_refuses_another_configuration(command, toy_folder):
+    train = ("--steps", 6, "--evaluate-every", 3, "--data", toy_folder, "--runs", "r", *SMALL)
+    assert command(cli.train_main, *train)[0] in (0, None)
+    resume = ("--resume", "r/latest", "--steps", 9, "--json", "train.json")
+    code, _, _ = command(cli.train_main, *resume)
+    assert code in (0, None)
+    with open("train.json", encoding="utf-8") as file:
+        assert json.load(file)["step"] == 9
+    code, _, err = command(cli.train_main, "--resume", "r/latest", "--batch", 8)
+    assert code == 2
+    assert "batch" in err
+
+
+def test_a_place_that_cannot_be_written_is_found_before_the_work(command, toy_folder, tmp_path):
+    (tmp_path / "file").touch()
+    train = ("--steps", 3, "--data", toy_folder, "--runs", "file/runs", *SMALL)
+    code, _, err = command(cli.train_main, *train)
+    assert code == 2
+    assert "--runs" in err
+
+
+def test_a_run_refuses_to_go_on_with_other_data(command, toy_folder):
+    train = ("--steps", 3, "--evaluate-every", 3, "--data", toy_folder, *SMALL)
+    assert command(cli.train_main, *train)[0] in (0, None)
+    other = ("--episodes", 10, "--jobs", 1, "--data", "other")
+    assert command(cli.data_main, *other)[0] in (0, None)
+    code, _, err = command(cli.train_main, "--resume", "runs/latest", "--data", "other")
+    assert code == 2
+    assert "expected the data set" in err
+
+
+@pytest.mark.parametrize(
+    ("main", "arguments", "complaint"),
+    [
+        (cli.export_main, ("nowhere",), "offline-train"),
+        (cli.evaluate_main, ("--model", "nowhere"), "offline-export"),
+        (cli.train_main, ("--preset", "papre"), "paper, paper-literal, quick"),
+        (cli.train_main, ("--resume", "nowhere"), "offline-train"),
+        (cli.data_main, ("--episodes", "3"), "--episodes"),
+        (cli.data_main, ("--json", "no/such/folder.json"), "--json"),
+    ],
+)
+def test_a_mistake_ends_with_its_remedy(command, main, arguments, complaint):
+    code, _, err = command(main, *arguments)
+    assert code == 2
+    assert complaint in err
+
+
+def test_asking_for_other_data_than_the_folder_holds_is_a_mistake(command, toy_folder):
+    code, _, err = command(cli.data_main, "--episodes", 50, "--data", toy_folder)
+    assert code == 2
+    assert "40 episodes of seed 3" in err
+
+
+@pytest.mark.parametrize("package", ["torch", "numba", "onnx", "joblib"])
+def test_a_missing_package_ends_with_the_line_that_installs_it(command, monkeypatch, package):
+    monkeypatch.setitem(sys.modules, package, None)
+    code, _, err = command(cli.train_main)
+    assert code == 3
+    assert package in err
+    assert 'pip install -e ".[offline]"' in err
+
+
+def test_the_command_line_loads_nothing_heavy():
+    script = (
+        "import sys, offline.cli; "
+        "print([m for m in ('torch', 'numba', 'onnx', 'onnxruntime', 'numpy') if m in sys.modules])"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert answer.stdout.strip() == "[]"
+
+
+def test_every_setting_of_a_run_is_an_option(command):
+    code, out, _ = command(cli.train_main, "--help")
+    assert code in (0, None)
+    for name in TrainingConfig.model_fields:
+        assert f"--{name.replace('_', '-')}" in out
+
+
+def test_ctrl_c_ends_a_run_with_a_checkpoint_and_the_way_back(toy_folder, tmp_path):
+    script = "from offline.cli import train_main; train_main()"
+    steps = ("--steps", "1000000", "--evaluate-every", "5")
+    process = subprocess.Popen(
+        [sys.executable, "-c", script, *steps, "--data", str(toy_folder), *SMALL],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "COLUMNS": "200"},
+    )
+    history = tmp_path / "runs" / "latest" / "history.jsonl"
+    while process.poll() is None and not (history.exists() and history.stat().st_size):
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "offline-train --resume" in out
+    assert (tmp_path / "runs" / "latest" / "last.pt").exists()
