@@ -1,15 +1,23 @@
 """The card of a bundle: what a person should know before driving with it."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Sequence
+from typing import NamedTuple
 
 from offline.evaluate import UNITS, Evaluation
 from offline.export import Gate
 from rt_controller.contract.artifact import Bundle
 
 
-def write_card(bundle: Bundle, gate: Gate, evaluation: Evaluation, facts: Mapping[str, str]) -> str:
-    """The card in Markdown; `facts` are lines of a table that says how the model was made."""
+class Fact(NamedTuple):
+    """A line of the table that says how a model was made."""
+
+    name: str
+    value: str
+
+
+def write_card(bundle: Bundle, gate: Gate, evaluation: Evaluation, facts: Sequence[Fact]) -> str:
+    """The card in Markdown."""
     lines = [
         f"# {bundle.name}",
         "",
@@ -22,16 +30,18 @@ def write_card(bundle: Bundle, gate: Gate, evaluation: Evaluation, facts: Mappin
         "",
         "| | |",
         "|---|---|",
-        *(f"| {name} | {value} |" for name, value in facts.items()),
+        *(f"| {fact.name} | {fact.value} |" for fact in facts),
         f"| data set, SHA-256 | `{bundle.data_sha256}` |",
         f"| encoder, SHA-256 | `{bundle.encoder_sha256}` |",
+        f"| model, SHA-256 | `{bundle.sha256}` |",
         "",
         "## How far it may be trusted",
         "",
         f"Spectral radius of A {gate.spectral_radius:.5f}; growth over 20 steps "
         f"{gate.growth_20:.3g}, over 80 steps {gate.growth_80:.3g} (2-norm of the power of A, "
         "observables in units of their spread). "
-        f"Largest difference between ONNX and the trained network {gate.parity:.1e}.",
+        f"Largest difference between ONNX and the trained network {gate.parity:.1e}, "
+        "in the same units.",
         "",
         f"Mean squared error over 80 open-loop steps (2 s) on {evaluation.n_trajectories} "
         "trajectories held out by episode:",

@@ -14,6 +14,7 @@ from cyclopts import App, Parameter
 from offline.config import PRESETS, TrainingConfig
 from offline.terminal import ERRORS
 from rt_controller.contract.errors import ConfigError, MissingExtraError, RtControllerError
+from rt_controller.contract.figures import require_writable
 
 RUNS = Path("runs")
 NEEDED = ("torch", "numba", "onnx", "onnxscript", "joblib", "onnxruntime")
@@ -162,7 +163,8 @@ def evaluate_model(
         folder of a bundle; without it that of the latest run
     data
         folder of a data set; without it the full one if it is in the cache, else the one that the
-        latest run was trained on
+        model, or the latest run, was trained on. A data set whose test episodes the model may
+        have been trained on is refused
     json_file
         write the figures to this file
     """
@@ -189,10 +191,4 @@ def _prepare(json_file: Path | None) -> None:
             f"training expects the extra 'offline', found no {', '.join(missing)}. "
             f'Run: pip install -e ".[offline]"'
         )
-    if json_file is not None:
-        try:
-            json_file.touch()
-        except OSError as error:
-            raise ConfigError(
-                f"--json: expected a file that can be written, found {json_file}: {error.strerror}."
-            ) from error
+    require_writable(json_file)

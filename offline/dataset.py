@@ -6,11 +6,9 @@ live in a cache folder named after what they were made from.
 """
 
 import hashlib
-import json
 import os
-import zipfile
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -18,38 +16,19 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from offline.excitation import Recipe
+from offline.manifest import Manifest, Origin, read_manifest
+from rt_controller.contract.archive import DamagedArchiveError, read_arrays
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.signals import (
-    EXOGENOUS_FIELDS,
-    EXOGENOUS_UNITS,
-    INPUT_UNITS,
-    STATE_UNITS,
-    ControlInput,
-    VehicleState,
-)
-from rt_controller.contract.timing import PERIOD_S
+from rt_controller.contract.signals import ControlInput, VehicleState
 
 Array32 = NDArray[np.float32]
 Part = Literal["train", "validation", "test"]
 
-FORMAT_VERSION = 1
 TRAJECTORIES_FILE = "trajectories.npz"
 MANIFEST_FILE = "manifest.json"
 PARTS: tuple[Part, ...] = ("train", "validation", "test")
 HELD_BACK = 0.1
 """share of the episodes for validation, and the same again for the test"""
-
-_EXPECTED = {
-    "format_version": FORMAT_VERSION,
-    "state_fields": list(VehicleState._fields),
-    "state_units": list(STATE_UNITS),
-    "input_fields": list(ControlInput._fields),
-    "input_units": list(INPUT_UNITS),
-    "exogenous_fields": list(EXOGENOUS_FIELDS),
-    "exogenous_units": list(EXOGENOUS_UNITS),
-    "dt_s": PERIOD_S,
-}
 
 
 class Trajectories(NamedTuple):
@@ -76,20 +55,26 @@ class Dataset:
     trajectories: Trajectories
     part: NDArray[np.int8]
     """(N,) index into `PARTS`"""
-    sha256: str
-    manifest: Mapping[str, Any]
+    manifest: Manifest
+
+    @property
+    def sha256(self) -> str:
+        """Hash of all numbers, which is what the data set is known by."""
+        return self.manifest.sha256
+
+    @property
+    def origin(self) -> Origin:
+        return self.manifest.origin
 
     def select(self, part: Part) -> Trajectories:
         """The trajectories of one part, in stored order."""
         return self.trajectories.take(self.part == PARTS.index(part))
 
 
-def cache_folder(recipe: Recipe, episodes: int, seed: int, plant_fingerprint: str) -> Path:
-    """Where the data set of this recipe lives: below $XDG_CACHE_HOME, else ~/.cache."""
+def cache() -> Path:
+    """The folder of all data sets: below $XDG_CACHE_HOME, else ~/.cache."""
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    origin = json.dumps(_origin(recipe, episodes, seed, plant_fingerprint), sort_keys=True)
-    name = hashlib.sha256(origin.encode()).hexdigest()[:16]
-    return base / "rt-controller" / "datasets" / f"{episodes}-episodes-{name}"
+    return base / "rt-controller" / "datasets"
 
 
 def split_by_episode(episode: NDArray[np.int32], seed: int) -> NDArray[np.int8]:
@@ -104,28 +89,18 @@ def split_by_episode(episode: NDArray[np.int32], seed: int) -> NDArray[np.int8]:
 
 
 def save_dataset(
-    folder: Path,
-    trajectories: Trajectories,
-    *,
-    rejected: int,
-    recipe: Recipe,
-    seed: int,
-    plant_fingerprint: str,
+    folder: Path, trajectories: Trajectories, *, rejected: int, origin: Origin
 ) -> Dataset:
     """Split, write and describe a data set; the manifest comes last and makes it valid."""
-    episodes = len(np.unique(trajectories.episode))
-    part = split_by_episode(trajectories.episode, seed)
+    part = split_by_episode(trajectories.episode, origin.seed)
     arrays: dict[str, Any] = {**trajectories._asdict(), "part": part}
-    sha256 = _hash_arrays(arrays)
-    manifest = {
-        **_EXPECTED,
-        "sha256": sha256,
-        "trajectories": len(trajectories.kappa),
-        "rejected_episodes": rejected,
-        "rejected_fraction": rejected / (rejected + episodes),
-        "versions": {name: version(name) for name in ("rt-controller", "numpy")},
-        **_origin(recipe, episodes, seed, plant_fingerprint),
-    }
+    manifest = Manifest(
+        sha256=_hash_arrays(arrays),
+        trajectories=len(trajectories.kappa),
+        rejected_episodes=rejected,
+        versions={name: version(name) for name in ("rt-controller", "numpy")},
+        origin=origin,
+    )
     try:
         folder.mkdir(parents=True, exist_ok=True)
         part_file = folder / (TRAJECTORIES_FILE + ".part")
@@ -133,14 +108,14 @@ def save_dataset(
             np.savez(file, **arrays)
         os.replace(part_file, folder / TRAJECTORIES_FILE)
         part_file = folder / (MANIFEST_FILE + ".part")
-        part_file.write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
+        part_file.write_text(manifest.to_json(), encoding="utf-8")
         os.replace(part_file, folder / MANIFEST_FILE)
     except OSError as error:
         raise DatasetError(
             f"{folder}: expected a folder with room for a data set, found: {error.strerror}. "
             f"Choose another with --data."
         ) from error
-    return Dataset(trajectories, part, sha256, manifest)
+    return Dataset(trajectories, part, manifest)
 
 
 def exists(folder: Path) -> bool:
@@ -155,34 +130,18 @@ def load_dataset(folder: Path) -> Dataset:
         DatasetError: a file is missing, truncated or altered, or the data set is of other
             signals, another period or another format.
     """
-    manifest = _read_manifest(folder / MANIFEST_FILE)
-    for key, expected in _EXPECTED.items():
-        if manifest.get(key) != expected:
-            raise DatasetError(
-                f"{folder / MANIFEST_FILE}: expected {key} = {expected}, found "
-                f"{manifest.get(key)}. Make the data set again with offline-data."
-            )
+    manifest = read_manifest(folder / MANIFEST_FILE)
     arrays = _read_arrays(folder / TRAJECTORIES_FILE)
     found = _hash_arrays(arrays)
-    if found != manifest.get("sha256"):
+    if found != manifest.sha256:
         raise DatasetError(
-            f"{folder / TRAJECTORIES_FILE}: expected numbers of SHA-256 "
-            f"{str(manifest.get('sha256'))[:16]}…, found {found[:16]}…: the file was altered or "
-            f"belongs to another manifest. Delete the folder and run offline-data again."
+            f"{folder / TRAJECTORIES_FILE}: expected numbers of SHA-256 {manifest.sha256:.16}…, "
+            f"found {found:.16}…: the file was altered or belongs to another manifest. Delete the "
+            f"folder and run offline-data again."
         )
     trajectories = Trajectories(*(arrays[name] for name in Trajectories._fields))
     _require_finite(folder / TRAJECTORIES_FILE, trajectories)
-    return Dataset(trajectories, arrays["part"], found, manifest)
-
-
-def _origin(recipe: Recipe, episodes: int, seed: int, plant_fingerprint: str) -> dict[str, Any]:
-    """Everything the numbers follow from."""
-    return {
-        "recipe": json.loads(json.dumps(asdict(recipe))),
-        "episodes": episodes,
-        "seed": seed,
-        "plant_fingerprint": plant_fingerprint,
-    }
+    return Dataset(trajectories, arrays["part"], manifest)
 
 
 def _require_finite(path: Path, trajectories: Trajectories) -> None:
@@ -207,39 +166,23 @@ def _hash_arrays(arrays: Mapping[str, NDArray[Any]]) -> str:
     return digest.hexdigest()
 
 
-def _read_manifest(path: Path) -> dict[str, Any]:
-    try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise DatasetError(
-            f"{path}: expected the manifest of a data set, found no such file. Make one with "
-            f"offline-data, or point --data at its folder."
-        ) from error
-    except (OSError, ValueError) as error:
-        raise DatasetError(
-            f"{path}: expected a manifest in JSON, found something unreadable ({error}). Delete "
-            f"the folder and run offline-data again."
-        ) from error
-    if not isinstance(manifest, dict):
-        raise DatasetError(
-            f"{path}: expected a JSON object, found {type(manifest).__name__}. Delete the folder "
-            f"and run offline-data again."
-        )
-    return manifest
-
-
 def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     names = (*Trajectories._fields, "part")
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            return {name: archive[name] for name in names}
+        arrays = read_arrays(path)
     except FileNotFoundError as error:
         raise DatasetError(
             f"{path}: expected the trajectories of a data set, found no such file. Delete the "
             f"folder and run offline-data again."
         ) from error
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
+    except (OSError, DamagedArchiveError) as error:
         raise DatasetError(
             f"{path}: expected an npz archive with {', '.join(names)}, found a truncated or "
             f"foreign file ({error}). Delete the folder and run offline-data again."
         ) from error
+    if set(arrays) != set(names):
+        raise DatasetError(
+            f"{path}: expected the arrays {', '.join(names)}, found {', '.join(sorted(arrays))}. "
+            f"Delete the folder and run offline-data again."
+        )
+    return arrays

@@ -5,7 +5,6 @@ The run time knows physical units only. The encoder of the bundle takes physical
 """
 
 import copy
-import json
 import logging
 import tempfile
 import warnings
@@ -23,9 +22,10 @@ from offline.checkpoint import Checkpoint
 from offline.dataset import Dataset
 from offline.model import N_STATES, MdkNet
 from offline.predictor import BundlePredictor
+from offline.provenance import describe_training
 from offline.scaling import Scaling
 from rt_controller.contract.artifact import Bundle
-from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.errors import ArtifactError, DatasetError
 from rt_controller.contract.signals import ControlInput
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ class Gate:
     """||A^20||, observables in units of their spread"""
     growth_80: float
     parity: float
-    """largest difference torch / ONNX, in units of each observable's spread"""
+    """largest difference torch / ONNX, observables in units of their spread"""
 
 
 class PhysicalEncoder(nn.Module):
@@ -75,7 +75,14 @@ def make_bundle(checkpoint: Checkpoint, dataset: Dataset) -> tuple[Bundle, Gate]
 
     Raises:
         ArtifactError: the model grows without bound, is not finite, or ONNX and torch disagree.
+        DatasetError: the data set is not the one that the model was trained on.
     """
+    if dataset.sha256 != checkpoint.data_sha256:
+        raise DatasetError(
+            f"export expects the data set that the model was trained on, "
+            f"{checkpoint.data_sha256:.16}…, found {dataset.sha256:.16}…. Name its folder with "
+            f"--data."
+        )
     model = MdkNet(checkpoint.config)
     model.load_state_dict(checkpoint.model)
     model.eval()
@@ -98,7 +105,9 @@ def make_bundle(checkpoint: Checkpoint, dataset: Dataset) -> tuple[Bundle, Gate]
         encoder_onnx=to_onnx(encoder),
         selftest_x=selftest_x,
         selftest_psi=selftest_psi,
-        training=json.dumps({**checkpoint.config.model_dump(mode="json"), "step": checkpoint.step}),
+        training=describe_training(
+            {**checkpoint.config.model_dump(mode="json"), "step": checkpoint.step}, dataset.origin
+        ),
         data_sha256=checkpoint.data_sha256,
     )
     return bundle, pass_gate(bundle)
@@ -178,12 +187,12 @@ def pass_gate(bundle: Bundle) -> Gate:
             f"bound. Train longer, or with a larger --weight-stability."
         )
     lifted = BundlePredictor(bundle).lift(bundle.selftest_x)
-    spread = np.maximum(np.abs(bundle.selftest_psi).max(axis=0), 1.0)
-    parity = float(np.max(np.abs(lifted - bundle.selftest_psi) / spread))
+    parity = bundle.parity_error(lifted)
     if not parity < LARGEST_PARITY_ERROR:
         raise ArtifactError(
-            f"export expects torch and ONNX to agree within {LARGEST_PARITY_ERROR:g}, found a "
-            f"difference of {parity:.2e}. Check the versions of torch, onnxscript and onnxruntime."
+            f"export expects torch and ONNX to agree within {LARGEST_PARITY_ERROR:g} of the spread "
+            f"of each observable, found a difference of {parity:.2e}. Check the versions of torch, "
+            f"onnxscript and onnxruntime."
         )
     return Gate(bundle.spectral_radius, bundle.growth(20), bundle.growth(80), parity)
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rt_controller.contract.artifact import N_STATES, Bundle
+from rt_controller.contract.errors import ArtifactError
 
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 import onnxruntime
@@ -32,19 +33,42 @@ class Predictor(Protocol):
 
 
 class BundlePredictor:
-    """A model bundle, lifted by its encoder and rolled out in physical units."""
+    """A model bundle, lifted by its encoder and rolled out in physical units.
+
+    Raises:
+        ArtifactError: the encoder cannot be loaded, or cannot lift a batch of states.
+    """
 
     def __init__(self, bundle: Bundle) -> None:
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = 1
         self._bundle = bundle
-        self._session = onnxruntime.InferenceSession(
-            bundle.encoder_onnx, sess_options=options, providers=["CPUExecutionProvider"]
-        )
+        options.log_severity_level = 3
+        try:
+            self._session = onnxruntime.InferenceSession(
+                bundle.encoder_onnx, sess_options=options, providers=["CPUExecutionProvider"]
+            )
+        except Exception as error:  # onnxruntime raises many types, none of them public
+            raise ArtifactError(
+                f"encoder.onnx: expected an ONNX model, found something onnxruntime cannot load "
+                f"({error}). Run offline-export again."
+            ) from error
 
     def lift(self, x: Array) -> Array:
         """Observables (batch, n) of states (batch, 6)."""
-        (psi,) = self._session.run(["psi"], {"x": x.astype(np.float32)})
+        expected = (len(x), self._bundle.n_observables)
+        try:
+            (psi,) = self._session.run(["psi"], {"x": x.astype(np.float32)})
+        except Exception as error:  # as above
+            raise ArtifactError(
+                f"encoder.onnx: expected an encoder that lifts states {x.shape}, found that it "
+                f"cannot ({error}). Run offline-export again."
+            ) from error
+        if psi.shape != expected:
+            raise ArtifactError(
+                f"encoder.onnx: expected observables {expected}, found {psi.shape}. Run "
+                f"offline-export again."
+            )
         return np.asarray(psi, dtype=np.float64)
 
     def predict(self, x0: Array, U: Array, kappa: Array) -> Array:

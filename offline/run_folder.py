@@ -8,7 +8,6 @@ last.pt        where to resume
 
 import json
 import os
-import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
@@ -20,6 +19,7 @@ from pydantic import ValidationError
 
 from offline.checkpoint import BEST_FILE, LAST_FILE
 from offline.config import TrainingConfig
+from offline.revision import source_revision
 from rt_controller.contract.errors import ArtifactError, ConfigError, RtControllerError
 
 CONFIG_FILE = "config.json"
@@ -68,7 +68,7 @@ def create_run(
             f"another --runs."
         ) from error
     versions = {name: version(name) for name in ("rt-controller", "torch", "numpy")}
-    run = RunFolder(path, config, data_folder.resolve(), data_sha256, versions, _revision())
+    run = RunFolder(path, config, data_folder.resolve(), data_sha256, versions, source_revision())
     _write_config(run)
     link = base / f".{LATEST_LINK}.{os.getpid()}"
     link.symlink_to(path.name)
@@ -148,19 +148,3 @@ def _write_config(run: RunFolder) -> None:
     part = run.path / (CONFIG_FILE + ".part")
     part.write_text(json.dumps(fields, indent=2) + "\n", encoding="utf-8")
     os.replace(part, run.path / CONFIG_FILE)
-
-
-def _revision() -> str:
-    """Revision of the source tree this package runs from, "unknown" outside of one."""
-    try:
-        answer = subprocess.run(
-            ["git", "describe", "--always", "--dirty", "--abbrev=12"],
-            cwd=Path(__file__).parent,
-            capture_output=True,
-            text=True,
-            check=True,
-            timeout=10,
-        )
-    except (OSError, subprocess.SubprocessError):
-        return "unknown"
-    return answer.stdout.strip() or "unknown"

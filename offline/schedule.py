@@ -4,7 +4,8 @@ Paper: Algorithm 1, the lines after "Evaluate total loss". The printed rule comp
 only, so it may replace a better model by a worse one; the default rule does not.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -44,3 +45,18 @@ def judge_as_printed(losses: Sequence[float], patience: int) -> Verdict:
         return Verdict(is_best=False, lower_rate=True)
     previous = losses[-2] if len(losses) > 1 else float("inf")
     return Verdict(is_best=losses[-1] < previous, lower_rate=False)
+
+
+Judge = Callable[[Sequence[float], int], Verdict]
+
+
+def loss_of_kept_model(losses: Sequence[float], patience: int, judge: Judge) -> float:
+    """Validation loss of the model that the rule has kept; infinite before the first.
+
+    The lowest of all only if the rule is to keep the lowest.
+    """
+    kept = math.inf
+    for count, loss in enumerate(losses, start=1):
+        if judge(losses[:count], patience).is_best:
+            kept = loss
+    return kept

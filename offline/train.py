@@ -17,7 +17,12 @@ from offline.learner import Learner, normalise
 from offline.losses import Losses
 from offline.run_folder import RunFolder, append_history, cut_history
 from offline.scaling import fit_scaling
-from offline.schedule import Verdict, judge_as_printed, judge_global_minimum
+from offline.schedule import (
+    Verdict,
+    judge_as_printed,
+    judge_global_minimum,
+    loss_of_kept_model,
+)
 from rt_controller.contract.errors import RtControllerError
 
 MOST_SKIPPED_IN_A_ROW = 50
@@ -38,6 +43,7 @@ class Progress:
     validation_loss: float
     """of the newest evaluation"""
     best_validation_loss: float
+    """of the model that is kept, which need not be the lowest (`best_rule`)"""
     spectral_radius: float
     """of A at the newest evaluation"""
 
@@ -48,7 +54,8 @@ class Outcome:
 
     step: int
     is_finished: bool
-    best_validation_loss: float
+    best_validation_loss: float | None
+    """of the model that was kept; none before the first evaluation"""
     skipped: int
     """steps whose gradient was not finite"""
 
@@ -80,6 +87,7 @@ def train(
         learner.restore(resume_from)
     cut_history(run, learner.step)
     judge = judge_as_printed if config.best_rule == "as-printed" else judge_global_minimum
+    best_loss = loss_of_kept_model(learner.validation_losses, config.patience, judge)
     radius = learner.spectral_radius()
     skipped_in_a_row = 0
 
@@ -102,6 +110,7 @@ def train(
             if verdict.lower_rate:
                 learner.halve_learning_rate()
             if verdict.is_best:
+                best_loss = validation[0]
                 save_checkpoint(run.best, learner.to_checkpoint())
             save_checkpoint(run.last, learner.to_checkpoint())
 
@@ -111,7 +120,7 @@ def train(
                 losses=losses,
                 learning_rate=learner.learning_rate,
                 validation_loss=learner.validation_losses[-1],
-                best_validation_loss=min(learner.validation_losses),
+                best_validation_loss=best_loss,
                 spectral_radius=radius,
             )
         )
@@ -120,7 +129,7 @@ def train(
     return Outcome(
         step=learner.step,
         is_finished=learner.step >= config.steps,
-        best_validation_loss=min(learner.validation_losses, default=math.inf),
+        best_validation_loss=best_loss if math.isfinite(best_loss) else None,
         skipped=learner.skipped,
     )
 

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import App, Parameter, validators
 from cyclopts.config import Toml
 from rich.console import Console
 
@@ -22,8 +22,7 @@ from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.loop import Ending
 from rt_controller.realtime.clock import Clock, RealtimeClock
-from rt_controller.realtime.scheduling import attend, release
-from rt_controller.session import ControllerSession, open_session
+from rt_controller.session import ControllerSession, load_planner, open_session
 from rt_controller.step import StopCause
 from rt_controller.summary import live_line, to_json, to_table
 from rt_controller.virtual_car import VirtualCar, build_virtual_car
@@ -35,7 +34,7 @@ DEFAULT_CAR = CarSettings()
 EXIT_DEADLINE = 4
 EXIT_SAFE_STOP = 6
 EXIT_BUS = BusError.exit_code
-BUS_CAUSES = (StopCause.BUS_FAILED, StopCause.PEER_MISMATCH)
+BUS_CAUSES = (StopCause.BUS_FAILED, StopCause.PEER_MISMATCH, StopCause.SECOND_CONTROLLER)
 
 app = App(
     name="rt-controller",
@@ -55,7 +54,7 @@ def run(
     model: Path | None = None,
     car: Annotated[CarSettings, Parameter(name="*")] = DEFAULT_CAR,
     pace: Pace = Pace.REALTIME,
-    duration_s: float | None = None,
+    duration_s: Annotated[float | None, Parameter(validator=validators.Number(gt=0))] = None,
     stay: bool = False,
     wait_s: float = 30.0,
     mpc: MpcSettings = DEFAULT_MPC,
@@ -84,7 +83,7 @@ def run(
     pace
         realtime, or lockstep: as fast as possible and the same frames every time (virtual only)
     duration_s
-        stop after this time
+        bring the car to rest and leave after this time
     stay
         stay on the bus when a mission ends, and wait for the next
     wait_s
@@ -120,15 +119,15 @@ def run(
             f"expected a scenario, plant, car or friction with --bus virtual only, found --bus "
             f"{bus!r}. Elsewhere the car is chosen where sim-bridge is started."
         )
+    with console.status("loading the model, assembling the QP"):
+        planner = load_planner(config)
     virtual: VirtualCar | None = None
     if bus == "virtual":
         with console.status("settling the car (the first start compiles it: about a minute)"):
             virtual = build_virtual_car(config.bus, car)
     try:
         clock: Clock = RealtimeClock(PERIOD_NS) if virtual is None else virtual.clock(pace)
-        attend(config.realtime.priority)
-        with console.status("loading the model, assembling the QP, opening the bus"):
-            session = open_session(config, clock, record, pace is Pace.LOCKSTEP)
+        session = open_session(config, planner, clock, record, pace is Pace.LOCKSTEP)
         try:
             if check:
                 console.print(f"{session.model}: everything is in order", highlight=False)
@@ -141,12 +140,8 @@ def run(
     finally:
         if virtual is not None:
             virtual.close()
-        release()
     if virtual is not None and virtual.plant_failure is not None:
-        console.print(
-            f"[red]rt-controller:[/red] the car's plant failed: {virtual.plant_failure}",
-            highlight=False,
-        )
+        _complain(console, f"the car's plant failed: {virtual.plant_failure}")
     return _conclude(session, json_file, console)
 
 
@@ -155,7 +150,7 @@ def main() -> None:
     try:
         sys.exit(app.meta(sys.argv[1:]))
     except RtControllerError as error:
-        Console(stderr=True).print(f"[red]rt-controller:[/red] {error}", highlight=False)
+        _complain(Console(stderr=True), str(error))
         sys.exit(error.exit_code)
 
 
@@ -171,6 +166,8 @@ def _with_config_file(
     config
         TOML file with the same names as the options, e.g. a table [mpc.tolerance]
     """
+    if config is not None and not config.is_file():
+        raise ConfigError(f"--config {config}: expected a TOML file, found none.")
     app.config = () if config is None else (Toml(config, must_exist=True),)
     code = app(tokens)
     return code if isinstance(code, int) else 0
@@ -203,12 +200,23 @@ def _drive(
 
 def _conclude(session: ControllerSession, json_file: Path | None, console: Console) -> int:
     record = session.record
-    console.print(to_table(record, session.guarantees, session.model))
-    write_figures(json_file, to_json(record, session.guarantees, session.model))
+    console.print(to_table(session))
+    write_figures(json_file, to_json(session))
     if record.ending is Ending.SAFE_STOPPED:
         cause = record.outcome.cause
-        console.print(f"[red]rt-controller:[/red] safe stop: {cause.value}", highlight=False)
+        _complain(console, f"safe stop: {cause.value}")
         return EXIT_BUS if cause in BUS_CAUSES else EXIT_SAFE_STOP
-    if record.deadlines.deadline_misses > 0:
+    misses = record.deadlines.deadline_misses
+    if misses > 0:
+        _complain(
+            console,
+            f"{misses} of {record.deadlines.ticks} ticks missed their deadline under "
+            f"{session.guarantees.scheduler}: see docs/realtime.md for what to grant the loop.",
+        )
         return EXIT_DEADLINE
     return 0
+
+
+def _complain(console: Console, message: str) -> None:
+    # No markup: a message may carry brackets, as paths and pip's extras do.
+    console.print(f"rt-controller: {message}", style="red", markup=False, highlight=False)

@@ -1,5 +1,6 @@
 """What a person may set, with units and bounds; on the command line, in TOML, or not at all."""
 
+import os
 from enum import StrEnum
 from math import radians
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat
 
 from rt_controller.contract.signals import ControlInput, VehicleState
+from rt_controller.contract.timing import HOLD_PLAN_TICKS
 from rt_controller.control.cost import TrackingCost
 
 
@@ -54,8 +56,8 @@ class Tolerances(_Settings):
 class MpcSettings(_Settings):
     """The optimal control problem."""
 
-    horizon: Annotated[int, Field(ge=2, le=160)] = 20
-    """stages of 25 ms"""
+    horizon: Annotated[int, Field(ge=HOLD_PLAN_TICKS + 1, le=160)] = 20
+    """stages of 25 ms; the path on the bus is true for the first 24 and extrapolated beyond"""
     terminal_factor: PositiveFloat = 1.0
     """weight of the last stage, in units of the others"""
     latent_weight: Annotated[float, Field(ge=0.0)] = 0.0
@@ -83,7 +85,7 @@ class RealtimeSettings(_Settings):
 
     priority: Annotated[int, Field(ge=0, le=99)] = 50
     """SCHED_FIFO priority, where the system allows it; 0: do not ask"""
-    cpu: int | None = None
+    cpu: Annotated[int, Field(ge=0, lt=os.cpu_count() or 1)] | None = None
     """bind the loop to this core"""
     phase_ms: Annotated[float, Field(ge=0.0, lt=25.0)] = 2.0
     """how long after the vehicle's frames each tick is scheduled"""

@@ -1,7 +1,6 @@
 """The 25 ms loop: join the bus, tick, account; one exit for everything that can happen."""
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -11,14 +10,21 @@ from rt_controller.bus.identity import require_same_catalogue
 from rt_controller.bus.inbox import Inbox
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.signals import Mode
-from rt_controller.contract.timing import PERIOD_S
+from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
 from rt_controller.realtime.accounting import DeadlineAccount, TickTimes
 from rt_controller.realtime.clock import Clock
-from rt_controller.step import STANDING_MPS, ControlStep, StepOutcome
+from rt_controller.step import STANDING_MPS, ControlStep, StepOutcome, StopCause
 from rt_controller.tracking import TrackingAccount
 
-SILENCE_TICKS = round(3.0 / PERIOD_S)
-"""a safe stop without any sign of the car ends after this"""
+SILENCE_TICKS = round(10.0 / PERIOD_S)
+"""a safe stop without any sign of the car ends after this: long enough to stop unseen"""
+BEYOND_REPAIR = (
+    StopCause.BUS_FAILED,
+    StopCause.PEER_MISMATCH,
+    StopCause.SECOND_CONTROLLER,
+    StopCause.STOP_REQUESTED,
+)
+"""no waiting on the bus will mend these: the loop ends even where it stays for further missions"""
 
 
 class Ending(Enum):
@@ -27,6 +33,25 @@ class Ending(Enum):
     MISSION_OVER = "the mission is over"
     STOPPED = "stopped on request"
     SAFE_STOPPED = "ended in a safe stop"
+
+
+class StopRequest:
+    """How urgently the loop is asked to end: once, and it stops the car first; twice, at once."""
+
+    def __init__(self) -> None:
+        self._times = 0
+
+    def ask(self) -> None:
+        """Ask once more; safe from a signal handler."""
+        self._times += 1
+
+    @property
+    def is_asked(self) -> bool:
+        return self._times > 0
+
+    @property
+    def is_urgent(self) -> bool:
+        return self._times > 1
 
 
 @dataclass(slots=True)
@@ -45,7 +70,7 @@ def join(
     clock: Clock,
     phase_ns: int,
     wait_ns: int,
-    should_stop: Callable[[], bool],
+    request: StopRequest,
 ) -> None:
     """Wait until the vehicle is heard, then set the clock's phase by it.
 
@@ -54,10 +79,15 @@ def join(
             another message catalogue.
     """
     begun_ns = clock.now_ns()
-    while not should_stop():
+    while not request.is_asked:
         inbox.drain(bus, clock.now_ns())
         if inbox.last_failure:
             raise BusError(f"The bus cannot be read: {inbox.last_failure}")
+        if inbox.foreign_commands > 0:
+            raise BusError(
+                "Expected to be the only controller on this bus, found commands (ACT_CMD) of "
+                "another one. Stop it first, or choose another channel."
+            )
         if inbox.peer is not None:
             require_same_catalogue(inbox.peer)
             if inbox.state is not None and inbox.reference is not None:
@@ -72,46 +102,56 @@ def drive(
     step: ControlStep,
     clock: Clock,
     record: RunRecord,
-    should_stop: Callable[[], bool],
-    stays: bool,
+    request: StopRequest,
+    stays: bool = False,
+    end_ns: int | None = None,
 ) -> None:
-    """Tick until stopped, the mission is over, or a safe stop has come to rest.
+    """Tick until the mission is over, or a safe stop has come to rest.
 
-    With `stays` only `should_stop` ends the loop. Whatever happens, the last frame is a safe
-    command.
+    A request to stop, or the clock reaching `end_ns`, brings a driving car to rest first. With
+    `stays` missions may follow each other. Whatever happens, the last frame is a safe command.
     """
     has_driven = False
     silent_ticks = 0
     try:
-        while not should_stop():
+        while not request.is_urgent:
+            if request.is_asked or (end_ns is not None and clock.now_ns() >= end_ns):
+                if record.outcome.mode is Mode.STANDBY:
+                    return
+                step.request_stop()
             tick = clock.wait()
             begun_ns = time.perf_counter_ns()
-            outcome = step.run(record.deadlines.missed_last)
+            outcome = step.run(tick.skipped, record.deadlines.missed_last)
             done_ns = time.perf_counter_ns()
 
+            # What was skipped is lateness too: its frames never left.
+            late_ns = tick.skipped * PERIOD_NS
             record.deadlines.record(
                 TickTimes(
-                    wake_us=tick.lateness_ns / 1e3,
+                    wake_us=(tick.lateness_ns + late_ns) / 1e3,
                     step_us=(done_ns - begun_ns) / 1e3,
                     qp_us=outcome.qp_ns / 1e3,
                     qp_iterations=outcome.qp_iterations,
                 ),
                 tick.skipped,
-                clock.now_ns() - tick.scheduled_ns,
+                clock.now_ns() - tick.scheduled_ns + late_ns,
             )
             has_driven = has_driven or outcome.mode is Mode.NOMINAL
             silent_ticks = 0 if outcome.state is not None else silent_ticks + 1
             if outcome.mode is not Mode.STANDBY and outcome.state and outcome.path:
                 record.tracking.record(outcome.state.state, outcome.path)
 
-            if not stays and has_driven and outcome.mode is Mode.STANDBY:
+            if outcome.mode is Mode.STANDBY and has_driven and not stays:
                 record.ending = Ending.MISSION_OVER
                 return
-            if not stays and outcome.mode is Mode.SAFE_STOP and _is_at_rest(outcome, silent_ticks):
+            if outcome.mode is Mode.SAFE_STOP and _is_at_rest(outcome, silent_ticks):
+                if outcome.cause is StopCause.STOP_REQUESTED:
+                    return
                 record.ending = Ending.SAFE_STOPPED
-                return
+                if not stays or outcome.cause in BEYOND_REPAIR:
+                    return
     finally:
-        step.stop()
+        step.leave()
 
 
 def _is_at_rest(outcome: StepOutcome, silent_ticks: int) -> bool:
@@ -130,8 +170,9 @@ def _unheard(inbox: Inbox, wait_ns: int) -> str:
         )
         if heard is None
     ]
+    dropped = inbox.counts.crc_errors + inbox.counts.out_of_range
     return (
-        f"Expected the vehicle on the bus within {wait_ns / 1e9:g} s, found no valid "
-        f"{', no '.join(missing)} (so far: {inbox.counts}). Start sim-bridge on the same bus and "
-        f"channel, or check the wiring."
+        f"Expected the vehicle on the bus within {wait_ns / 1e9:g} s, still missing: "
+        f"{', '.join(missing)} ({dropped} frames were dropped as damaged or out of range). Start "
+        f"sim-bridge on the same bus and channel, or check the wiring."
     )

@@ -5,29 +5,44 @@ from enum import StrEnum
 
 import can
 
-from rt_controller.bus.frames import Fault, Heartbeat
+from rt_controller.bus.frames import SAMPLE_TIME_WRAP_NS, Fault, Heartbeat
 from rt_controller.bus.identity import dbc_hash
 from rt_controller.bus.inbox import Inbox
 from rt_controller.bus.outbox import ControllerOutbox
 from rt_controller.bus.snapshot import MissionSnapshot, StateSnapshot
 from rt_controller.contract.limits import InputLimits
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, PathReference
-from rt_controller.contract.timing import HOLD_PLAN_TICKS, IDENT_PERIOD_TICKS, PERIOD_S
+from rt_controller.contract.timing import (
+    COUNTER_MODULUS,
+    HOLD_PLAN_TICKS,
+    IDENT_PERIOD_TICKS,
+    PERIOD_S,
+)
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.plan import Plan
 from rt_controller.control.solver import SolveStatus
 from rt_controller.realtime.clock import Clock
 from rt_controller.safety.envelope import confine
 from rt_controller.safety.fallback import safe_stop, stand_by
-from rt_controller.safety.freshness import REFERENCE_MAX_AGE_NS, is_fresh
+from rt_controller.safety.freshness import (
+    REFERENCE_MAX_AGE_NS,
+    ROUND_TRIP_MAX_TICKS,
+    STATE_MAX_AGE_NS,
+    TransportDelay,
+    is_fresh,
+)
 from rt_controller.safety.modes import Event, next_mode
 
 STANDING_MPS = 0.3
 """slower than this the car stands: a request to leave SAFE_STOP may be granted"""
 
 
+SLOWEST_PLANNED_MPS = 3.0
+"""below this no model was trained: a safe stop ends without planning its wheel angle"""
+
+
 class StopCause(StrEnum):
-    """What took the plan away; the last one before a safe stop is its cause."""
+    """What took the plan away."""
 
     NONE = "none"
     STATE_LOST = "no new valid vehicle state"
@@ -35,8 +50,10 @@ class StopCause(StrEnum):
     MISSION_LOST = "the mission's validity ran out"
     SOLVER_FAILED = "the QP was not solved"
     BUS_FAILED = "the bus cannot be read"
+    SECOND_CONTROLLER = "another controller sends commands on this bus"
     PEER_MISMATCH = "the vehicle speaks another message catalogue"
     VEHICLE_BRAKING = "the vehicle's own watchdog is braking"
+    STOP_REQUESTED = "asked to stop"
 
 
 @dataclass(slots=True)
@@ -46,12 +63,13 @@ class StepOutcome:
     mode: Mode = Mode.STANDBY
     control: ControlInput = NEUTRAL_INPUT
     state: StateSnapshot | None = None
-    """None: nothing new and valid this tick"""
+    """None: nothing new, valid and timely this tick"""
     path: PathReference | None = None
     qp_ns: int = 0
     """0: nothing was solved this tick"""
     qp_iterations: int = 0
     cause: StopCause = StopCause.NONE
+    """why the plan is held, or the car stopped"""
 
 
 class ControlStep:
@@ -83,25 +101,35 @@ class ControlStep:
         self._clock = clock
         self._model_hash = model_hash
         self._catalogue = dbc_hash()
+        self._delay = TransportDelay(SAMPLE_TIME_WRAP_NS)
         self._last_state: StateSnapshot | None = None
+        self._last_delay_ns = 0
         self._last_out_of_range = 0
+        self._last_send_failures = 0
+        self._counter = 0
         self._faults = Fault(0)
         self._ticks = 0
+        self._is_stop_requested = False
         self.outcome = StepOutcome()
 
-    def run(self, missed_deadline: bool = False) -> StepOutcome:
-        """Hear, plan, judge, confine, answer; `missed_deadline` is news of the step before."""
+    def run(self, skipped_ticks: int = 0, missed_deadline: bool = False) -> StepOutcome:
+        """Hear, plan, judge, confine, answer.
+
+        `skipped_ticks` periods went by unused before this one; `missed_deadline` is news of the
+        step before.
+        """
         now_ns = self._clock.now_ns()
+        periods = 1 + skipped_ticks
         self._faults = Fault.DEADLINE_MISSED if missed_deadline else Fault(0)
 
         self._inbox.drain(self._bus, now_ns)
-        state = self._new_state()
+        state = self._new_state(periods)
         path = self._standing_path(now_ns)
         mission = self._standing_mission(now_ns)
 
-        planned = self._take_plan(state, path, mission)
-        event = self._judge(state, path, mission, now_ns)
-        self.outcome.mode = next_mode(self.outcome.mode, event)
+        planned = self._take_plan(state, path, mission, periods)
+        event, cause = self._judge(state, path, mission, planned, now_ns)
+        self._enter(next_mode(self.outcome.mode, event), cause)
         self.outcome.control = confine(
             self._wanted(planned), self.outcome.control, self._limits, PERIOD_S
         )
@@ -110,15 +138,21 @@ class ControlStep:
         self.outcome.state, self.outcome.path = state, path
         return self.outcome
 
-    def stop(self) -> None:
-        """One last command before leaving: pedals as in a safe stop, sent without planning."""
-        now_ns = self._clock.now_ns()
-        control = safe_stop(self.outcome.control, None)
-        self._outbox.send_command(
-            confine(control, self.outcome.control, self._limits, PERIOD_S), Mode.SAFE_STOP, now_ns
-        )
+    def request_stop(self) -> None:
+        """From the next step on, bring the car to rest."""
+        self._is_stop_requested = True
 
-    def _new_state(self) -> StateSnapshot | None:
+    def leave(self) -> None:
+        """One last command before the loop ends: as in a safe stop, sent without planning."""
+        now_ns = self._clock.now_ns()
+        control = confine(
+            safe_stop(self.outcome.control, None), self.outcome.control, self._limits, PERIOD_S
+        )
+        self._outbox.send_command(control, Mode.SAFE_STOP, self._counter + 1, now_ns)
+
+    def _new_state(self, periods: int) -> StateSnapshot | None:
+        # A command carries the counter of the state it answers; without one it counts on.
+        self._counter += periods
         newest = self._inbox.state
         out_of_range = self._inbox.counts.out_of_range
         if out_of_range > self._last_out_of_range:
@@ -128,6 +162,11 @@ class ControlStep:
             self._faults |= Fault.STATE_STALE
             return None
         self._last_state = newest
+        self._counter = newest.counter
+        self._last_delay_ns = self._delay.measure(newest.arrival_ns, newest.sample_time_ns)
+        if self._last_delay_ns > STATE_MAX_AGE_NS or _round_trip(newest) > ROUND_TRIP_MAX_TICKS:
+            self._faults |= Fault.STATE_STALE
+            return None
         return newest
 
     def _standing_path(self, now_ns: int) -> PathReference | None:
@@ -148,57 +187,81 @@ class ControlStep:
         state: StateSnapshot | None,
         path: PathReference | None,
         mission: MissionSnapshot | None,
+        periods: int,
     ) -> ControlInput | None:
         """The first input of a new plan, else the next of the last good one, else nothing."""
         self.outcome.qp_ns = self.outcome.qp_iterations = 0
         if state is None or path is None or mission is None or not mission.is_engaged:
-            return self._plan.follow()
+            return self._plan.follow(periods)
+        if self.outcome.mode is Mode.SAFE_STOP and state.state.vx_mps < SLOWEST_PLANNED_MPS:
+            return self._plan.follow(periods)
         status = self._mpc.plan(state.state, state.curvature_per_m, path, self.outcome.control)
         self.outcome.qp_ns = self._mpc.solve_ns
         self.outcome.qp_iterations = self._mpc.iterations
         if status is SolveStatus.SOLVED:
             return self._plan.renew(self._mpc.inputs)
         self._faults |= Fault.SOLVER_FAILED
-        return self._plan.follow()
+        return self._plan.follow(periods)
 
     def _judge(
         self,
         state: StateSnapshot | None,
         path: PathReference | None,
         mission: MissionSnapshot | None,
+        planned: ControlInput | None,
         now_ns: int,
-    ) -> Event:
+    ) -> tuple[Event, StopCause]:
         cause = self._hard_fault(state)
         if cause is not StopCause.NONE:
-            return self._blame(cause, Event.FAULT)
+            return Event.FAULT, cause
         if mission is None:
-            return self._blame(StopCause.MISSION_LOST, Event.LOST)
+            return Event.LOST, StopCause.MISSION_LOST
         if self._may_reset(state, mission, now_ns):
-            return self._blame(StopCause.NONE, Event.RESET)
-        if not mission.is_engaged:
-            return Event.IDLE
-        if self._plan.ticks_held == 0:
-            return Event.PLANNED
+            return Event.RESET, StopCause.NONE
+        if not mission.is_engaged or (state is not None and state.is_watchdog_braking):
+            return Event.IDLE, StopCause.NONE
+        if self._plan.periods_held == 0:
+            return Event.PLANNED, StopCause.NONE
         if state is None:
             cause = StopCause.STATE_LOST
         elif path is None:
             cause = StopCause.REFERENCE_LOST
         else:
             cause = StopCause.SOLVER_FAILED
-        held = self._plan.ticks_held <= HOLD_PLAN_TICKS
-        return self._blame(cause, Event.UNPLANNED if held else Event.LOST)
+        may_hold = planned is not None and self._plan.periods_held <= HOLD_PLAN_TICKS
+        return (Event.UNPLANNED if may_hold else Event.LOST), cause
 
     def _hard_fault(self, state: StateSnapshot | None) -> StopCause:
-        peer = self._inbox.peer
-        if peer is not None and peer.dbc_hash != self._catalogue:
-            self._faults |= Fault.PEER_MISMATCH
-            return StopCause.PEER_MISMATCH
-        if self._inbox.last_failure:
-            self._faults |= Fault.BUS_FAULT
-            return StopCause.BUS_FAILED
+        if self._outbox.send_failures > self._last_send_failures:
+            self._faults |= Fault.BUS_FAULT  # the vehicle's watchdog judges what did not arrive
+        self._last_send_failures = self._outbox.send_failures
+        cause = self._fault_of_the_bus()
+        if cause is not StopCause.NONE or self.outcome.mode is Mode.STANDBY:
+            return cause  # standing by, there is nothing else to stop for
+        if self._is_stop_requested:
+            return StopCause.STOP_REQUESTED
         if state is not None and state.is_watchdog_braking:
             return StopCause.VEHICLE_BRAKING
         return StopCause.NONE
+
+    def _fault_of_the_bus(self) -> StopCause:
+        inbox = self._inbox
+        if inbox.peer is not None and inbox.peer.dbc_hash != self._catalogue:
+            self._faults |= Fault.PEER_MISMATCH
+            return StopCause.PEER_MISMATCH
+        if inbox.last_failure:
+            self._faults |= Fault.BUS_FAULT
+            return StopCause.BUS_FAILED
+        if inbox.foreign_commands > 0:
+            self._faults |= Fault.BUS_FAULT
+            return StopCause.SECOND_CONTROLLER
+        return StopCause.NONE
+
+    def _enter(self, mode: Mode, cause: StopCause) -> None:
+        if mode is not Mode.SAFE_STOP or self.outcome.mode is not Mode.SAFE_STOP:
+            is_troubled = mode in (Mode.HOLD_PLAN, Mode.SAFE_STOP)
+            self.outcome.cause = cause if is_troubled else StopCause.NONE
+        self.outcome.mode = mode
 
     def _may_reset(
         self, state: StateSnapshot | None, mission: MissionSnapshot, now_ns: int
@@ -211,11 +274,6 @@ class ControlStep:
             and abs(state.state.vx_mps) < STANDING_MPS
         )
 
-    def _blame(self, cause: StopCause, event: Event) -> Event:
-        if self.outcome.mode is not Mode.SAFE_STOP or event is Event.RESET:
-            self.outcome.cause = cause
-        return event
-
     def _wanted(self, planned: ControlInput | None) -> ControlInput:
         previous = self.outcome.control
         if self.outcome.mode is Mode.STANDBY:
@@ -225,14 +283,15 @@ class ControlStep:
         return planned
 
     def _answer(self, now_ns: int) -> None:
-        self._outbox.send_command(self.outcome.control, self.outcome.mode, now_ns)
+        self._outbox.send_command(self.outcome.control, self.outcome.mode, self._counter, now_ns)
         seen = self._last_state
+        age_ns = None if seen is None else now_ns - seen.arrival_ns + self._last_delay_ns
         self._outbox.send_heartbeat(
             Heartbeat(
                 mode=self.outcome.mode,
                 faults=self._faults,
                 compute_time_ns=self._clock.now_ns() - now_ns,
-                state_age_ns=None if seen is None else now_ns - seen.arrival_ns,
+                state_age_ns=age_ns,
                 qp_iterations=self.outcome.qp_iterations or None,
             ),
             now_ns,
@@ -240,3 +299,10 @@ class ControlStep:
         if self._ticks % IDENT_PERIOD_TICKS == 0:
             self._outbox.send_identity(self._model_hash, now_ns)
         self._ticks += 1
+
+
+def _round_trip(state: StateSnapshot) -> int:
+    """Periods from a command of ours to the state that shows its effect; 1 when all is well."""
+    if state.command_echo is None:
+        return 0
+    return (state.counter - state.command_echo) % COUNTER_MODULUS

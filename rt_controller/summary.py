@@ -7,12 +7,12 @@ from rich.table import Table
 
 from rt_controller.loop import RunRecord
 from rt_controller.realtime.accounting import Percentiles, TickTimes
-from rt_controller.realtime.scheduling import Guarantees
+from rt_controller.session import ControllerSession
 
 
-def to_json(record: RunRecord, guarantees: Guarantees, model: str) -> dict[str, Any]:
+def to_json(session: ControllerSession) -> dict[str, Any]:
     """The summary with units in its keys; angles in rad, times in microseconds."""
-    deadlines = record.deadlines
+    record, deadlines = session.record, session.record.deadlines
     return {
         **record.tracking.errors()._asdict(),
         "ticks": deadlines.ticks,
@@ -21,17 +21,24 @@ def to_json(record: RunRecord, guarantees: Guarantees, model: str) -> dict[str, 
         "final_mode": record.outcome.mode.name,
         "ending": record.ending.name,
         "stop_cause": record.outcome.cause.name,
-        "scheduler": guarantees.scheduler,
-        "memory_locked": guarantees.memory_locked,
-        "model": model,
+        "scheduler": session.guarantees.scheduler,
+        "memory_locked": session.guarantees.process.memory_locked,
+        "model": session.model,
         **{field: deadlines.percentiles(field)._asdict() for field in TickTimes._fields},
+        "frames_received": session.inbox.counts._asdict(),
+        "frames_sent": session.outbox.sent,
+        "send_failures": session.outbox.send_failures,
+        "log_frames_dropped": 0 if session.recorder is None else session.recorder.dropped,
     }
 
 
-def to_table(record: RunRecord, guarantees: Guarantees, model: str) -> Table:
+def to_table(session: ControllerSession) -> Table:
     """The same figures for a terminal."""
-    errors, deadlines = record.tracking.errors(), record.deadlines
-    table = Table(title=f"{model}: {record.ending.value}", title_justify="left", show_header=False)
+    record, deadlines = session.record, session.record.deadlines
+    errors = record.tracking.errors()
+    table = Table(
+        title=f"{session.model}: {record.ending.value}", title_justify="left", show_header=False
+    )
     table.add_row(
         "lateral deviation e_y", f"RMS {errors.ey_rms_m:.3f} m, peak {errors.ey_peak_m:.3f} m"
     )
@@ -51,9 +58,19 @@ def to_table(record: RunRecord, guarantees: Guarantees, model: str) -> Table:
     table.add_row("wake-up lateness", _line(deadlines.percentiles("wake_us"), "us"))
     table.add_row("QP solve", _line(deadlines.percentiles("qp_us"), "us"))
     table.add_row("QP iterations", _line(deadlines.percentiles("qp_iterations"), ""))
+    table.add_row("frames", _frames(session))
     table.add_row("final mode", record.outcome.mode.name)
-    table.add_row("held", guarantees.sentence())
+    table.add_row("held", session.guarantees.sentence())
     return table
+
+
+def _frames(session: ControllerSession) -> str:
+    counts = session.inbox.counts
+    dropped = counts.crc_errors + counts.repeated + counts.out_of_range
+    return (
+        f"{session.outbox.sent} sent, {session.outbox.send_failures} not taken by the bus; "
+        f"{dropped} received ones dropped, {counts.lost} lost"
+    )
 
 
 def _line(p: Percentiles, unit: str) -> str:

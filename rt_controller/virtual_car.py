@@ -70,7 +70,7 @@ def build_virtual_car(bus: BusSettings, settings: CarSettings) -> VirtualCar:
     except ModuleNotFoundError as error:
         raise MissingExtraError(
             f"--bus virtual brings its own car, which needs {error.name}: expected the extra "
-            f'[sim], found it missing. Install it with: pip install "rt-controller[sim]"'
+            f'[sim], found it missing. Install it with: pip install -e ".[sim]"'
         ) from error
     choice = PlantChoice(
         plant=settings.plant,

@@ -9,6 +9,7 @@ from rt_controller.bus.frames import Mission, RoadSample
 from rt_controller.bus.identity import require_same_catalogue
 from rt_controller.bus.inbox import CommandInbox
 from rt_controller.bus.outbox import VehicleOutbox
+from rt_controller.contract.errors import BusError
 from rt_controller.contract.signals import NEUTRAL_INPUT, VehicleState
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS, MISSION_PERIOD_TICKS
 from sim_bridge.car import Car
@@ -59,6 +60,7 @@ class Bridge:
         self._car = car
         self._scenario = scenario
         self._watchdog = ActuatorWatchdog()
+        self._applied = NEUTRAL_INPUT
         self._state: VehicleState = car.state
         self._s_m = car.s_m
         self._sent_ticks = 0
@@ -87,9 +89,11 @@ class Bridge:
         """Hear the newest command, let the car drive one period with it, tell its state.
 
         Raises:
-            BusError: the controller speaks another message catalogue.
+            BusError: the bus cannot be read, or the controller speaks another message catalogue.
         """
         self._inbox.drain(self._bus, now_ns)
+        if self._inbox.last_failure:
+            raise BusError(f"The bus cannot be read: {self._inbox.last_failure}")
         if self._inbox.peer is not None:
             require_same_catalogue(self._inbox.peer)
         if self.has_failed:
@@ -116,11 +120,13 @@ class Bridge:
         self._car.close()
 
     def _drive(self, now_ns: int) -> None:
-        if self._farewell_ticks > 0:
-            control = NEUTRAL_INPUT  # the mission is over: a driver has taken the car
+        if self._farewell_ticks > 0 and not self._watchdog.is_braking:
+            self._applied = NEUTRAL_INPUT  # the mission is over: a driver has taken the car
         else:
-            control = self._watchdog.apply(self._inbox.command, now_ns)
-        state = self._car.advance(control, self._scenario.curvature_per_m)
+            self._applied = self._watchdog.apply(
+                self._inbox.command, now_ns, self._outbox.last_state_counter
+            )
+        state = self._car.advance(self._applied, self._scenario.curvature_per_m)
         if self.has_failed:
             return
         self._state, self._s_m = state, self._car.s_m
@@ -159,7 +165,7 @@ class Bridge:
             self._scenario.path_ahead(self._s_m, self._state.vx_mps), now_ns
         )
         if self.driven_ticks > 0:
-            self._outbox.send_feedback(self._watchdog.applied, now_ns)
+            self._outbox.send_feedback(self._applied, now_ns)
         if self._sent_ticks % MISSION_PERIOD_TICKS == 0:
             self._outbox.send_mission(
                 Mission(

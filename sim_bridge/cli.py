@@ -16,11 +16,12 @@ from cyclopts import App, Parameter
 from rich.console import Console
 
 from rt_controller.bus.recorder import Recorder
+from rt_controller.bus.transport import parse_options
 from rt_controller.contract.errors import BusError, PlantError, RtControllerError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.realtime.clock import RealtimeClock
-from rt_controller.realtime.scheduling import attend
+from rt_controller.realtime.scheduling import prepare_process, release_process
 from sim_bridge.adapters.plants import OWN, PlantChoice
 from sim_bridge.priority import FIFO_PRIORITY
 
@@ -118,7 +119,8 @@ def drive(
         else None
     )
     with console.status("settling the car (the first start compiles it: about a minute)"):
-        session = open_session(bus, channel, bitrate, bus_option or {}, scenario, recorder, choice)
+        options = parse_options(bus_option or {})
+        session = open_session(bus, channel, bitrate, options, scenario, recorder, choice)
     summary = _run(session, wait_s, priority, None if quiet else console)
     console.print(_sentence(summary))
     write_figures(json_file, asdict(summary))
@@ -129,8 +131,8 @@ def drive(
         )
     if summary.ticks == 0:
         raise BusError(
-            f"Expected a controller to take the car within {wait_s:g} s, found none on channel "
-            f"{channel!r}. Start rt-controller on the same bus and channel."
+            f"Expected a controller to take the car, found none on channel {channel!r} until "
+            f"--wait-s {wait_s:g} or Ctrl-C. Start rt-controller on the same bus and channel."
         )
     if summary.watchdog_braked:
         raise BusError(
@@ -144,7 +146,10 @@ def main() -> None:
     try:
         app(sys.argv[1:])
     except RtControllerError as error:
-        Console(stderr=True).print(f"[red]sim-bridge:[/red] {error}", highlight=False)
+        # No markup: a message may carry brackets, as paths and pip's extras do.
+        Console(stderr=True).print(
+            f"sim-bridge: {error}", style="red", markup=False, highlight=False
+        )
         sys.exit(error.exit_code)
 
 
@@ -154,13 +159,13 @@ def _run(
     leave = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: leave.set())
+    prepare_process(priority)
     give_up_s = time.monotonic() + wait_s
     thread = threading.Thread(
         target=session.run,
         args=(RealtimeClock(PERIOD_NS), leave.is_set, priority),
         name="car",
     )
-    attend(priority)
     thread.start()
     while thread.is_alive():
         thread.join(LIVE_INTERVAL_S)
@@ -170,6 +175,7 @@ def _run(
             end = "\r" if console.is_terminal and thread.is_alive() else "\n"
             console.print(_live(session), highlight=False, soft_wrap=True, end=end)
     session.close()
+    release_process()
     if session.failure is not None:
         raise session.failure
     return session.bridge.summary()

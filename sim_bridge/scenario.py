@@ -25,6 +25,7 @@ MAX_SLOPE = 0.5
 """of the path against the road: what the frames can carry, with some room for the fit"""
 STEEPEST_MIN_JERK = 1.875
 """peak slope of a minimum-jerk move, in units of height over length"""
+GRAVITY_MPS2 = 9.81
 _KMH_PER_MPS = 3.6
 
 
@@ -169,6 +170,9 @@ def _parse(raw: dict[str, Any]) -> Scenario:
         _require(steepest <= MAX_SLOPE, "moves.to_m", f"a slope up to {MAX_SLOPE}", steepest)
         end_m = move.start_m + move.length_m
         offset_m = move.to_m
+    grip_mps2 = scenario.road_friction * GRAVITY_MPS2
+    peak = scenario.peak_lateral_mps2()
+    _require(peak < grip_mps2, "moves", f"less than the grip of {grip_mps2:.1f} m/s^2", peak)
     return scenario
 
 

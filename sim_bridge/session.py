@@ -7,11 +7,11 @@ import can
 from rt_controller.bus.inbox import CommandInbox
 from rt_controller.bus.outbox import VehicleOutbox
 from rt_controller.bus.recorder import Recorder
-from rt_controller.bus.transport import Option, open_bus
+from rt_controller.bus.transport import Option, close_bus, open_bus
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import NEUTRAL_INPUT
 from rt_controller.realtime.clock import Clock
-from rt_controller.realtime.scheduling import acquire, release
+from rt_controller.realtime.scheduling import rank_thread
 from sim_bridge.adapters.plants import PlantChoice, open_plant
 from sim_bridge.bridge import Bridge
 from sim_bridge.car import Car
@@ -40,19 +40,17 @@ class BridgeSession:
         The thread asks for SCHED_FIFO at `priority`: a car that comes late is a fault that no real
         one has.
         """
-        acquire(priority, None)
         try:
+            rank_thread(priority)
             while not should_stop() and not self.bridge.is_over:
                 clock.wait()
                 self.bridge.tick(clock.now_ns())
         except BaseException as error:
             self.failure = error
-        finally:
-            release()
 
     def close(self) -> None:
         """Leave the bus, finish the log and let the plant go."""
-        self._bus.shutdown()
+        close_bus(self._bus)
         self.bridge.close()
         if self._recorder is not None:
             self._recorder.close()

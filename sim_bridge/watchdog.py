@@ -2,9 +2,15 @@
 
 from rt_controller.bus.snapshot import CommandSnapshot
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
-from rt_controller.contract.timing import COMMAND_TIMEOUT_S, PERIOD_S
+from rt_controller.contract.timing import (
+    COMMAND_TIMEOUT_S,
+    COUNTER_MODULUS,
+    PERIOD_NS,
+    PERIOD_S,
+)
 
-COMMAND_TIMEOUT_NS = round(COMMAND_TIMEOUT_S * 1e9)
+COMMAND_TIMEOUT_NS = round(COMMAND_TIMEOUT_S * 1e9) - PERIOD_NS // 2
+"""ages are multiples of the period, give or take: the limit lies between two of them"""
 BRAKE_N = 100.0
 BRAKE_RATE_N_PER_S = 300.0
 STEER_EASE_RADPS = 0.7
@@ -13,27 +19,29 @@ STEER_EASE_RADPS = 0.7
 class ActuatorWatchdog:
     """What reaches the actuators, tick by tick.
 
-    It does not ask why the commands stopped. Once it has braked it keeps braking until it is
-    reset: a controller that comes back in mid-stop does not get the car back.
+    It does not ask why the commands stopped. Once it has braked it keeps braking: a controller
+    that comes back in mid-stop does not get the car back, only a new start gives it away.
     """
 
     def __init__(self) -> None:
         self.applied = NEUTRAL_INPUT
         self.is_braking = False
 
-    def apply(self, command: CommandSnapshot | None, now_ns: int) -> ControlInput:
-        """The input for the coming period."""
-        if command is None or now_ns - command.arrival_ns >= COMMAND_TIMEOUT_NS:
+    def apply(
+        self, command: CommandSnapshot | None, now_ns: int, state_counter: int
+    ) -> ControlInput:
+        """The input for the coming period; `state_counter` is that of the newest state sent.
+
+        A command is as old as its arrival, or as the state that it answers: one that dawdled on
+        the bus arrives young and is old all the same.
+        """
+        if command is None or _age_ns(command, now_ns, state_counter) > COMMAND_TIMEOUT_NS:
             self.is_braking = True
         if self.is_braking or command is None:
             self.applied = self._brake()
         else:
             self.applied = command.control
         return self.applied
-
-    def reset(self) -> None:
-        """Hand the actuators back to the bus."""
-        self.is_braking = False
 
     def _brake(self) -> ControlInput:
         change_rad = STEER_EASE_RADPS * PERIOD_S
@@ -48,3 +56,10 @@ class ActuatorWatchdog:
 def is_driving(command: CommandSnapshot | None) -> bool:
     """Whether a controller has taken the car."""
     return command is not None and command.mode is Mode.NOMINAL
+
+
+def _age_ns(command: CommandSnapshot, now_ns: int, state_counter: int) -> int:
+    lag = (state_counter - command.counter) % COUNTER_MODULUS
+    if lag > COUNTER_MODULUS // 2:
+        lag = 0  # ahead: the controller counted on while a state of ours was late
+    return max(now_ns - command.arrival_ns, lag * PERIOD_NS)

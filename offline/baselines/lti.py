@@ -5,14 +5,13 @@ training part at once. It ships as a bundle whose lift is the identity, so the c
 with it through the same code as with any other model.
 """
 
-import json
-
 import numpy as np
 import onnx
 from numpy.typing import NDArray
 from onnx import TensorProto, helper
 
 from offline.dataset import Dataset, Trajectories
+from offline.provenance import describe_training
 from offline.scaling import Scaling, fit_scaling
 from rt_controller.contract.artifact import N_STATES, Bundle
 from rt_controller.contract.signals import ControlInput
@@ -49,7 +48,9 @@ def fit_lti(dataset: Dataset, selftest_x: Array) -> Bundle:
         encoder_onnx=identity_encoder(),
         selftest_x=selftest_x,
         selftest_psi=selftest_x.astype(np.float32).astype(np.float64),
-        training=json.dumps({"kind": "lti", "method": "one-step least squares with offset"}),
+        training=describe_training(
+            {"kind": "lti", "method": "one-step least squares with offset"}, dataset.origin
+        ),
         data_sha256=dataset.sha256,
     )
 

@@ -19,11 +19,11 @@ from cantools.database.can import Database, Message, Signal
 
 from rt_controller.bus.crc import frame_crc
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.timing import COUNTER_MODULUS
 
 DBC_PATH = Path(__file__).parents[1] / "contract" / "messages.dbc"
 
 FRAME_LENGTH = 8
-COUNTER_MODULUS = 16
 _HEADER = (("Crc", 0, 8), ("Counter", 8, 4))
 _NIBBLE_PLACE = (12, 4)
 _STRUCT_CODES = {

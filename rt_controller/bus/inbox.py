@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 import can
 
 from rt_controller.bus import frames
-from rt_controller.bus.codec import COUNTER_MODULUS, Frame
+from rt_controller.bus.codec import Frame
 from rt_controller.bus.frames import PathPart, RoadSample, SpeedPart
 from rt_controller.bus.reception import Reception, ReceptionCounts
 from rt_controller.bus.recorder import FrameSink
@@ -24,7 +24,7 @@ from rt_controller.bus.snapshot import (
     StateSnapshot,
 )
 from rt_controller.contract.signals import PathReference, VehicleState
-from rt_controller.contract.timing import PERIOD_NS
+from rt_controller.contract.timing import COUNTER_MODULUS, PERIOD_NS
 
 MAX_SPREAD_NS = COUNTER_MODULUS // 2 * PERIOD_NS
 """Frames of one counter that arrived farther apart may be of different rounds of the counter."""
@@ -50,6 +50,8 @@ class Inbox:
         self.mission: MissionSnapshot | None = None
         self.feedback: FeedbackSnapshot | None = None
         self.peer: PeerIdentity | None = None
+        self.foreign_commands = 0
+        """ACT_CMD frames heard: a bus does not give back what one sent, so another controller's"""
         self._state_a: _Part[tuple[float, ...]] | None = None
         self._state_b: _Part[tuple[float, ...]] | None = None
         self._state_c: _Part[RoadSample] | None = None
@@ -65,6 +67,7 @@ class Inbox:
                 frames.REF_SPEED: self._take_speed,
                 frames.MISSION: self._take_mission,
                 frames.IDENT_VEHICLE: self._take_identity,
+                frames.ACT_CMD: self._take_foreign_command,
             },
             recorder,
         )
@@ -167,6 +170,10 @@ class Inbox:
         if identity is None:
             return False
         self.peer = PeerIdentity(*identity, counter=counter, arrival_ns=arrival_ns)
+        return True
+
+    def _take_foreign_command(self, frame: Frame, counter: int, arrival_ns: int) -> bool:
+        self.foreign_commands += 1
         return True
 
 

@@ -7,11 +7,12 @@ its counter is used up, so that the receiver sees the gap.
 import can
 
 from rt_controller.bus import frames
-from rt_controller.bus.codec import COUNTER_MODULUS, FRAME_LENGTH, MessageCodec
+from rt_controller.bus.codec import FRAME_LENGTH, MessageCodec
 from rt_controller.bus.frames import Heartbeat, Identity, Mission, RoadSample
 from rt_controller.bus.identity import dbc_hash
 from rt_controller.bus.recorder import FrameSink
 from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
+from rt_controller.contract.timing import COUNTER_MODULUS
 
 
 class _Sender:
@@ -63,7 +64,6 @@ class ControllerOutbox:
         self._sender = _Sender(
             bus, (frames.ACT_CMD, frames.CTRL_HB, frames.IDENT_CONTROLLER), recorder
         )
-        self._command_counter = 0
         self._heartbeat_counter = 0
         self._identity_counter = 0
 
@@ -80,10 +80,12 @@ class ControllerOutbox:
         """Why a frame was not taken, for people; empty as long as all were."""
         return self._sender.last_failure
 
-    def send_command(self, control: ControlInput, mode: Mode, now_ns: int) -> None:
-        """One ACT_CMD."""
-        frame = frames.encode_command(control, mode, self._command_counter)
-        self._command_counter = (self._command_counter + 1) % COUNTER_MODULUS
+    def send_command(self, control: ControlInput, mode: Mode, counter: int, now_ns: int) -> None:
+        """One ACT_CMD; `counter` is that of the state it answers, modulo 16.
+
+        So the vehicle sees how many periods lie between its state and the answer.
+        """
+        frame = frames.encode_command(control, mode, counter % COUNTER_MODULUS)
         self._sender.post(frames.ACT_CMD, frame, now_ns)
 
     def send_heartbeat(self, heartbeat: Heartbeat, now_ns: int) -> None:
@@ -119,6 +121,8 @@ class VehicleOutbox:
             recorder,
         )
         self._state_counter = 0
+        self.last_state_counter = 0
+        """of the newest state sent"""
         self._feedback_counter = 0
         self._reference_counter = 0
         self._mission_counter = 0
@@ -141,7 +145,7 @@ class VehicleOutbox:
         self, state: VehicleState, road: RoadSample, now_ns: int, is_valid: bool = True
     ) -> None:
         """STATE_A, STATE_B and STATE_C with one counter."""
-        counter = self._state_counter
+        counter = self.last_state_counter = self._state_counter
         self._state_counter = (counter + 1) % COUNTER_MODULUS
         post = self._sender.post
         post(frames.STATE_A, frames.encode_state_a(state, counter, is_valid), now_ns)

@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import can
 
-from rt_controller.bus.codec import COUNTER_MODULUS, Frame, MessageCodec, counter_of
+from rt_controller.bus.codec import Frame, MessageCodec, counter_of
 from rt_controller.bus.recorder import FrameSink
+from rt_controller.contract.timing import COUNTER_MODULUS
 
 MAX_FRAMES_PER_DRAIN = 512
 """A flooded bus must not hold up the step: no physical bus brings more in ten periods."""

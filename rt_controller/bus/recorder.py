@@ -5,7 +5,6 @@ does not fit is dropped and counted. In lockstep frames are written at once and 
 the caller, so the same drive gives the same bytes.
 """
 
-import os
 import threading
 from collections import deque
 from pathlib import Path
@@ -18,6 +17,8 @@ from rt_controller.contract.errors import ConfigError
 
 RING_FRAMES = 65_536
 """Two minutes of this project's frames, should the disk stall for so long."""
+_OTHER_FORMATS = (".asc", ".blf", ".mf4", ".trc", ".csv", ".db")
+"""which python-can converts a candump log into, and which this would not be"""
 _WRITE_INTERVAL_S = 0.2
 
 # The flags that SocketCAN keeps above the 29 bits of an id.
@@ -115,7 +116,6 @@ class Recorder:
         self.close()
 
     def _write_on(self) -> None:
-        _leave_realtime()
         while not self._is_closing.wait(_WRITE_INTERVAL_S):
             self._write_ring()
             self._flush()
@@ -139,6 +139,11 @@ class Recorder:
 
 
 def _open(path: Path) -> TextIO:
+    if path.suffix.lower() in _OTHER_FORMATS:
+        raise ConfigError(
+            f"{path}: expected a candump log (.log), found the suffix of another format. Record "
+            f"a .log and convert it: python -m can.logconvert drive.log drive{path.suffix}"
+        )
     try:
         return path.open("w", encoding="utf-8", newline="\n")
     except OSError as error:
@@ -167,11 +172,3 @@ def _line(entry: _Entry, channel: str, epoch_offset_ns: int) -> str:
     digits = f"{shown_id:08X}" if is_long else f"{shown_id:03X}"
     content = "R" if flagged_id & _REMOTE_FLAG else data.hex().upper()
     return f"({seconds}.{rest_ns // 1000:06d}) {channel} {digits}{separator}{content}\n"
-
-
-def _leave_realtime() -> None:
-    """A thread inherits the scheduling of its creator; writing files is no real-time work."""
-    try:
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-    except (AttributeError, OSError):
-        return

@@ -6,7 +6,9 @@ caller passes counts.
 
 import errno
 import socket
+import tomllib
 from collections.abc import Mapping
+from contextlib import suppress
 from difflib import get_close_matches
 from typing import Any
 
@@ -69,13 +71,33 @@ def open_bus(
     return bus
 
 
+def close_bus(bus: can.BusABC) -> None:
+    """Leave a bus; one that is already gone is left all the same."""
+    # Each backend raises its own kind. Whatever is wrong has shown while the bus was in use.
+    with suppress(Exception):
+        bus.shutdown()
+
+
+def parse_options(written: Mapping[str, str]) -> dict[str, Option]:
+    """Options as a person writes them, each with the type it looks like (as in TOML)."""
+    return {name: _parse_option(value) for name, value in written.items()}
+
+
+def _parse_option(value: str) -> Option:
+    try:
+        parsed = tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return value
+    return parsed if isinstance(parsed, bool | int | float | str) else value
+
+
 def _check_interface(interface: str) -> None:
     if interface in can.VALID_INTERFACES:
         return
     if interface == _REMOTE:
         raise MissingExtraError(
             "remote: expected the package python-can-remote, found none. "
-            'Run: pip install "rt-controller[remote]"'
+            'Run: pip install -e ".[remote]"'
         )
     names = sorted(can.VALID_INTERFACES)
     near = get_close_matches(interface, names, n=1)

@@ -6,7 +6,8 @@ A folder of three files:
   whose first six entries are x itself;
 - `koopman.npz`: psi+ = A psi + B_uc u_c + B_uw kappa + c, all in physical units, with the
   names, units and period they hold for, what the lift needs, how the model grows, how it was
-  trained, the SHA-256 of the encoder and a few pairs (x, psi) for a self-test;
+  trained, the SHA-256 of the encoder and of the whole model, and a few pairs (x, psi) for a
+  self-test;
 - `card.md`: for people.
 
 Only numpy and the standard library: a bundle can be made and read anywhere.
@@ -15,7 +16,7 @@ Paper: eqs. (6)-(8) and (14).
 
 import hashlib
 import os
-import zipfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.koopman_file import check_field, read_koopman
 from rt_controller.contract.signals import (
     EXOGENOUS_FIELDS,
     EXOGENOUS_UNITS,
@@ -42,6 +44,9 @@ KOOPMAN_FILE = "koopman.npz"
 CARD_FILE = "card.md"
 LIFT_INPUTS = ("x",)
 N_STATES = len(VehicleState._fields)
+
+SMALLEST_SPREAD = 1e-6
+"""of an observable, as a share of its size: below, float32 cannot tell it from a constant"""
 
 _EXPECTED_NAMES = {
     "state_fields": VehicleState._fields,
@@ -91,19 +96,46 @@ class Bundle:
         return hashlib.sha256(self.encoder_onnx).hexdigest()
 
     @property
+    def sha256(self) -> str:
+        """What the model is known by: it changes with every number that a prediction follows from.
+
+        Over name, period, encoder and matrices; not over how the model was trained and is tested.
+        """
+        digest = hashlib.sha256()
+        digest.update(f"{self.name}\n{self.dt_s!r}\n{self.encoder_sha256}\n".encode())
+        for key in ("A", "B_uc", "B_uw", "c"):
+            array = np.ascontiguousarray(getattr(self, key), dtype="<f8")
+            digest.update(f"{key} {array.shape}\n".encode())
+            digest.update(array.tobytes())
+        return digest.hexdigest()
+
+    @property
     def spectral_radius(self) -> float:
         return float(np.max(np.abs(np.linalg.eigvals(self.A))))
 
-    def growth(self, steps: int) -> float:
-        """||A^steps||_2: how much an error may have grown after so many steps.
+    @property
+    def spread(self) -> Array:
+        """(n,) standard deviation of each observable over the self-test states.
 
-        Judged with every observable in units of its own spread over the self-test states, since
-        a norm over metres, radians and latents together means nothing.
+        What counts as much or little of an observable, since metres, radians and latents share no
+        unit. A constant is measured by its size instead, and by 1 if it is zero.
         """
         spread = self.selftest_psi.std(axis=0)
-        scale = np.where(spread > 1e-9, spread, 1.0)
+        size = np.abs(self.selftest_psi).max(axis=0)
+        return np.where(spread > SMALLEST_SPREAD * size, spread, np.where(size > 0.0, size, 1.0))
+
+    def growth(self, steps: int) -> float:
+        """||A^steps||_2: how much an error may have grown, in units of `spread`, after `steps`."""
+        scale = self.spread
         scaled = self.A * scale[None, :] / scale[:, None]
         return float(np.linalg.norm(np.linalg.matrix_power(scaled, steps), 2))
+
+    def parity_error(self, psi: Array) -> float:
+        """Largest difference between psi (m, n), lifted from the self-test states, and the stored.
+
+        In units of `spread`; not a number if one of psi is none.
+        """
+        return float(np.max(np.abs(psi - self.selftest_psi) / self.spread))
 
 
 def save_bundle(folder: Path, bundle: Bundle, card: str) -> None:
@@ -123,6 +155,7 @@ def save_bundle(folder: Path, bundle: Bundle, card: str) -> None:
         "training": np.str_(bundle.training),
         "data_sha256": np.str_(bundle.data_sha256),
         "encoder_sha256": np.str_(bundle.encoder_sha256),
+        "bundle_sha256": np.str_(bundle.sha256),
         "selftest_x": bundle.selftest_x,
         "selftest_psi": bundle.selftest_psi,
         **{key: np.array(names) for key, names in _EXPECTED_NAMES.items()},
@@ -139,26 +172,33 @@ def load_bundle(folder: Path) -> Bundle:
         ArtifactError: a file is missing, truncated or altered, or the bundle was made for other
             signals, another period or another format.
     """
-    arrays = _read_npz(folder / KOOPMAN_FILE)
-    _check_field(
-        folder, "format_version", FORMAT_VERSION, int(_take(folder, arrays, "format_version"))
-    )
+    koopman = read_koopman(folder / KOOPMAN_FILE)
+    koopman.require("format_version", FORMAT_VERSION)
     for key, names in _EXPECTED_NAMES.items():
-        _check_field(folder, key, names, tuple(str(name) for name in _take(folder, arrays, key)))
-    _check_field(folder, "dt_s", PERIOD_S, float(_take(folder, arrays, "dt_s")))
+        koopman.require(key, names)
+    koopman.require("dt_s", PERIOD_S)
 
     bundle = Bundle(
-        name=str(_take(folder, arrays, "name")),
-        A=_matrix(folder, arrays, "A"),
-        B_uc=_matrix(folder, arrays, "B_uc"),
-        B_uw=_matrix(folder, arrays, "B_uw"),
-        c=_matrix(folder, arrays, "c"),
+        name=koopman.text("name"),
+        A=koopman.numbers("A", 2),
+        B_uc=koopman.numbers("B_uc", 2),
+        B_uw=koopman.numbers("B_uw", 2),
+        c=koopman.numbers("c", 1),
         encoder_onnx=_read_encoder(folder / ENCODER_FILE),
-        selftest_x=_matrix(folder, arrays, "selftest_x"),
-        selftest_psi=_matrix(folder, arrays, "selftest_psi"),
-        training=str(_take(folder, arrays, "training")),
-        data_sha256=str(_take(folder, arrays, "data_sha256")),
+        selftest_x=koopman.numbers("selftest_x", 2),
+        selftest_psi=koopman.numbers("selftest_psi", 2),
+        training=koopman.text("training"),
+        data_sha256=koopman.text("data_sha256"),
     )
+    _check_shapes(folder / KOOPMAN_FILE, bundle)
+    _check_hash(
+        folder / ENCODER_FILE, koopman.text("encoder_sha256"), bundle.encoder_sha256, "encoder"
+    )
+    _check_hash(folder / KOOPMAN_FILE, koopman.text("bundle_sha256"), bundle.sha256, "model")
+    return bundle
+
+
+def _check_shapes(path: Path, bundle: Bundle) -> None:
     n = bundle.A.shape[0]
     m = bundle.selftest_x.shape[0]
     shapes = {
@@ -170,47 +210,19 @@ def load_bundle(folder: Path) -> Bundle:
         "selftest_psi": (m, n),
     }
     for key, shape in shapes.items():
-        _check_field(folder, f"shape of {key}", shape, getattr(bundle, key).shape)
+        check_field(path, f"shape of {key}", shape, getattr(bundle, key).shape)
     if n < N_STATES or m < 1:
         raise ArtifactError(
-            f"{folder / KOOPMAN_FILE}: expected at least {N_STATES} observables and one self-test "
-            f"pair, found {n} and {m}. Run offline-export again."
+            f"{path}: expected at least {N_STATES} observables and one self-test pair, found {n} "
+            f"and {m}. Run offline-export again."
         )
-    expected_sha = str(_take(folder, arrays, "encoder_sha256"))
-    if bundle.encoder_sha256 != expected_sha:
+
+
+def _check_hash(path: Path, expected: str, found: str, what: str) -> None:
+    if found != expected:
         raise ArtifactError(
-            f"{folder / ENCODER_FILE}: expected SHA-256 {expected_sha[:16]}…, found "
-            f"{bundle.encoder_sha256[:16]}…: the two files are not of one export, or the encoder "
-            f"was altered. Run offline-export again."
-        )
-    return bundle
-
-
-def _matrix(folder: Path, arrays: dict[str, Any], key: str) -> Array:
-    array = _take(folder, arrays, key)
-    if array.dtype != np.float64 or not np.all(np.isfinite(array)):
-        raise ArtifactError(
-            f"{folder / KOOPMAN_FILE}: expected finite float64 numbers in {key}, found "
-            f"{array.dtype} with {np.count_nonzero(~np.isfinite(array))} not finite. "
-            f"Run offline-export again."
-        )
-    return np.ascontiguousarray(array)
-
-
-def _take(folder: Path, arrays: dict[str, Any], key: str) -> Any:
-    if key not in arrays:
-        raise ArtifactError(
-            f"{folder / KOOPMAN_FILE}: expected a field {key!r}, found {sorted(arrays)}. "
-            f"Run offline-export again."
-        )
-    return arrays[key]
-
-
-def _check_field(folder: Path, key: str, expected: object, found: object) -> None:
-    if expected != found:
-        raise ArtifactError(
-            f"{folder / KOOPMAN_FILE}: expected {key} = {expected}, found {found}. This bundle was "
-            f"made for another controller: run offline-export of the same version."
+            f"{path}: expected the {what} of SHA-256 {expected:.16}…, found {found:.16}…: the two "
+            f"files are not of one export, or one was altered. Run offline-export again."
         )
 
 
@@ -224,28 +236,12 @@ def _read_encoder(path: Path) -> bytes:
         ) from error
 
 
-def _read_npz(path: Path) -> dict[str, Any]:
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            return {key: archive[key] for key in archive.files}
-    except FileNotFoundError as error:
-        raise ArtifactError(
-            f"{path}: expected the matrices of a model bundle, found no such file. Point --model "
-            f"at a folder that offline-export wrote."
-        ) from error
-    except (OSError, ValueError, EOFError, KeyError, AttributeError, zipfile.BadZipFile) as error:
-        raise ArtifactError(
-            f"{path}: expected an npz archive without pickles, found something else or a truncated "
-            f"file ({error}). Run offline-export again."
-        ) from error
-
-
 def _write_npz(path: Path, arrays: dict[str, Any]) -> None:
     with path.open("wb") as file:
         np.savez_compressed(file, **arrays)
 
 
-def _replace(path: Path, write: Any) -> None:
+def _replace(path: Path, write: Callable[[Path], object]) -> None:
     """A reader sees the old file or the new one, never half of one."""
     part = path.with_name(path.name + ".part")
     write(part)

@@ -1,31 +1,70 @@
 """The file behind every `--json`: the figures that a command claims, for a program to check."""
 
 import json
+import math
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.errors import ConfigError, RtControllerError
 
 
 def require_writable(path: Path | None) -> None:
-    """Return if figures can be written there later; None asks for no file.
+    """Return if figures can be written there later; None asks for no file, and none is made.
 
     Raises:
         ConfigError: they cannot. Better known before a long run than after it.
     """
     if path is None:
         return
-    try:
-        path.open("a").close()
-    except OSError as error:
+    obstacle = _obstacle(path)
+    if obstacle:
         raise ConfigError(
-            f"--json {path}: expected a file that can be written, found {error.strerror}. Name "
-            f"another file, in a folder that exists."
-        ) from error
+            f"--json {path}: expected a file that can be written, found {obstacle}. Name another "
+            f"file, in a folder that exists."
+        )
 
 
 def write_figures(path: Path | None, figures: Mapping[str, Any]) -> None:
-    """Write the figures as JSON; None writes nothing."""
-    if path is not None:
-        path.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    """Write the figures as JSON; None writes nothing.
+
+    JSON knows no infinity: a number that is not finite becomes null.
+
+    Raises:
+        RtControllerError: the place that was there before the run is not there any more.
+    """
+    if path is None:
+        return
+    text = json.dumps(_finite(figures), indent=2, allow_nan=False) + "\n"
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise RtControllerError(
+            f"--json {path}: expected room for the figures, found {error.strerror}. The run itself "
+            f"is done; only this file is missing."
+        ) from error
+
+
+def _obstacle(path: Path) -> str | None:
+    """What stands in the way of a file there, in words."""
+    try:
+        if path.is_dir():
+            return "a folder of that name"
+        if path.exists():
+            return None if os.access(path, os.W_OK) else "a file without permission to write"
+        if not path.parent.is_dir():
+            return f"no folder {path.parent}"
+    except OSError as error:
+        return error.strerror
+    return None if os.access(path.parent, os.W_OK | os.X_OK) else "a folder closed to writing"
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

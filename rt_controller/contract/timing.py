@@ -7,6 +7,9 @@ PERIOD_NS = 25_000_000
 COMMAND_TIMEOUT_S = 0.100
 """a command older than this is no command: the vehicle's side brakes"""
 
+COUNTER_MODULUS = 16
+"""counters of frames come round after so many periods"""
+
 HOLD_PLAN_TICKS = 2
 """how many ticks in a row the last good plan may stand in for a missing one"""
 

@@ -1,6 +1,7 @@
 """psi = [x; phi(x)]: the encoder of a bundle, run by onnxruntime in preallocated memory."""
 
 import os
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,7 +14,9 @@ os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 
 import onnxruntime as ort
 
-SELFTEST_TOLERANCE = 1e-5
+SELFTEST_TOLERANCE = 1e-4
+"""in units of each observable's spread. Export asks for 1e-5 on one machine; here another
+processor may sum in another order, which is no fault of the model"""
 
 
 class Encoder:
@@ -55,15 +58,20 @@ class Encoder:
         return lifted
 
     def _check(self, bundle: Bundle) -> None:
-        found = np.stack([self.lift(VehicleState(*row)).copy() for row in bundle.selftest_x])
-        # Latents have no unit: their error counts against the size they have.
-        size = np.maximum(np.abs(bundle.selftest_psi).max(axis=0), 1.0)
-        worst = float(np.max(np.abs(found - bundle.selftest_psi) / size))
+        try:
+            found = np.stack([self.lift(VehicleState(*row)).copy() for row in bundle.selftest_x])
+        except Exception as error:  # onnxruntime raises many types, none of them public
+            raise ArtifactError(
+                f"encoder.onnx: expected an encoder that lifts one state, found that it cannot "
+                f"({_first_line(error)}). Run offline-export again."
+            ) from error
+        worst = bundle.parity_error(found)
         if not worst < SELFTEST_TOLERANCE:
             raise ArtifactError(
                 f"encoder.onnx does not pass its self-test: expected the stored pairs within "
-                f"{SELFTEST_TOLERANCE:g}, found a difference of {worst:.3g}. The two files are not "
-                f"of one export: run offline-export again."
+                f"{SELFTEST_TOLERANCE:g} of the spread of each observable, found a difference of "
+                f"{worst:.3g}. The encoder is not the one that was exported, or onnxruntime "
+                f"computes it with less than float32: run offline-export again."
             )
 
 
@@ -79,19 +87,27 @@ def _open(bundle: Bundle) -> ort.InferenceSession:
     except Exception as error:  # onnxruntime raises many types, none of them public
         raise ArtifactError(
             f"encoder.onnx: expected an ONNX model, found something onnxruntime cannot load "
-            f"({str(error).splitlines()[0]}). Run offline-export again."
+            f"({_first_line(error)}). Run offline-export again."
         ) from error
-    found = (
-        [(i.name, i.type, i.shape[-1]) for i in session.get_inputs()],
-        [(o.name, o.type, o.shape[-1]) for o in session.get_outputs()],
-    )
-    expected = (
-        [("x", "tensor(float)", N_STATES)],
-        [("psi", "tensor(float)", bundle.n_observables)],
-    )
-    if found != expected:
-        raise ArtifactError(
-            f"encoder.onnx: expected inputs and outputs {expected}, found {found}. This bundle was "
-            f"made for another controller: run offline-export of the same version."
-        )
+    _check_tensors("input", session.get_inputs(), "x", N_STATES)
+    _check_tensors("output", session.get_outputs(), "psi", bundle.n_observables)
     return session
+
+
+def _check_tensors(what: str, found: Sequence[ort.NodeArg], name: str, width: int) -> None:
+    """Return if there is one tensor: float (any batch, width)."""
+    if len(found) == 1:
+        shape = found[0].shape
+        fits = len(shape) == 2 and not isinstance(shape[0], int) and shape[1] == width
+        if fits and (found[0].name, found[0].type) == (name, "tensor(float)"):
+            return
+    listed = ", ".join(f"{tensor.name}: {tensor.type} {tensor.shape}" for tensor in found)
+    raise ArtifactError(
+        f"encoder.onnx: expected one {what} {name}: tensor(float) ['batch', {width}] for any "
+        f"batch, found {listed or 'none'}. This bundle was made for another controller: run "
+        f"offline-export of the same version."
+    )
+
+
+def _first_line(error: Exception) -> str:
+    return next(iter(str(error).splitlines()), type(error).__name__)

@@ -25,7 +25,7 @@ class ReferenceHorizon:
 
         Lateral velocity is wanted to be zero; its weight decides how much that matters.
         """
-        wanted_mps = path.v_mps + path.a_mps2 * self._elapsed_s
+        wanted_mps = np.maximum(path.v_mps + path.a_mps2 * self._elapsed_s, 0.0)
         # The car arrives where its present speed, drifting to the wanted one, will bring it.
         sigma_m = 0.5 * (state.vx_mps + wanted_mps) * self._elapsed_s
         ey_m = path.c0_m + sigma_m * (

@@ -1,4 +1,8 @@
-"""Asking the operating system for real-time conduct, and saying what it granted."""
+"""Asking the operating system for real-time conduct, and saying what it granted.
+
+The process asks once, in its main thread and before it starts others (`prepare_process`); each
+thread with a rank of its own asks for itself (`rank_thread`). Nothing here is fatal.
+"""
 
 import ctypes
 import gc
@@ -13,57 +17,70 @@ SWITCH_INTERVAL_S = 0.0005
 """how long another Python thread may keep the interpreter from the loop"""
 
 
-class Guarantees(NamedTuple):
-    """What holds for the calling thread and its process."""
+class ProcessConduct(NamedTuple):
+    """What holds for the whole process until `release_process`."""
+
+    memory_locked: bool
+    collector_off: bool
+
+
+class ThreadRank(NamedTuple):
+    """What holds for one thread, until it ends."""
 
     fifo_priority: int
     """0: SCHED_FIFO was not asked for or not granted"""
-    memory_locked: bool
-    collector_off: bool
     cpu: int | None
     """the one core the thread is bound to"""
 
+
+class Guarantees(NamedTuple):
+    """What holds for the loop: its process's conduct and its thread's rank."""
+
+    process: ProcessConduct
+    thread: ThreadRank
+
     @property
     def scheduler(self) -> str:
-        return f"SCHED_FIFO {self.fifo_priority}" if self.fifo_priority else "SCHED_OTHER"
+        priority = self.thread.fifo_priority
+        return f"SCHED_FIFO {priority}" if priority else "SCHED_OTHER"
 
     def sentence(self) -> str:
         """One line for the terminal and the log."""
-        memory = "memory locked" if self.memory_locked else "memory NOT locked"
-        collector = "collector off" if self.collector_off else "collector ON"
-        core = "any core" if self.cpu is None else f"core {self.cpu}"
+        memory = "memory locked" if self.process.memory_locked else "memory NOT locked"
+        collector = "collector off" if self.process.collector_off else "collector ON"
+        core = "any core" if self.thread.cpu is None else f"core {self.thread.cpu}"
         return f"{self.scheduler}, {memory}, {collector}, {core}"
 
 
-def acquire(priority: int, cpu: int | None) -> Guarantees:
-    """What could be had for the calling thread; nothing here is fatal.
+NOTHING_HOLDS = Guarantees(ProcessConduct(False, False), ThreadRank(0, None))
 
-    Memory is locked and the collector frozen for the whole process. Scheduler and core count for
-    the calling thread alone, so the loop asks for itself and for nobody else.
+
+def prepare_process(priority: int) -> ProcessConduct:
+    """Lock memory, freeze and stop the collector, rank the calling thread as an attendant.
+
+    `priority` is the loop's; at 0 nothing is ranked. An attendant has the lowest real-time
+    priority, and so has every thread it starts: one of them may hold the interpreter's lock when
+    the loop wakes up, and must not be kept from giving it back by programs that matter less.
     """
     gc.collect()
     gc.freeze()
     gc.disable()
     sys.setswitchinterval(SWITCH_INTERVAL_S)
-    return Guarantees(
+    if priority > 0:
+        _set_fifo(_ATTENDANT_PRIORITY)
+    return ProcessConduct(memory_locked=_lock_memory(), collector_off=not gc.isenabled())
+
+
+def rank_thread(priority: int, cpu: int | None = None) -> ThreadRank:
+    """Put the calling thread at `priority`, and on one core."""
+    return ThreadRank(
         fifo_priority=priority if priority > 0 and _set_fifo(priority) else 0,
-        memory_locked=_lock_memory(),
-        collector_off=not gc.isenabled(),
         cpu=cpu if cpu is not None and _bind(cpu) else None,
     )
 
 
-def attend(priority: int) -> bool:
-    """Whether the calling thread, and every thread it starts, now has the lowest real-time rank.
-
-    For the threads beside the loop: one of them may hold the interpreter's lock when the loop
-    wakes up, and must not be kept from giving it back by programs that matter less than both.
-    """
-    return priority > 0 and _set_fifo(_ATTENDANT_PRIORITY)
-
-
-def release() -> None:
-    """Give back what other code in this process would miss: the collector and the scheduler."""
+def release_process() -> None:
+    """Give back what other code in this process would miss; for the thread that prepared it."""
     gc.enable()
     gc.unfreeze()
     if os.sched_getscheduler(0) != os.SCHED_OTHER:
@@ -86,6 +103,6 @@ def _lock_memory() -> bool:
 def _bind(cpu: int) -> bool:
     try:
         os.sched_setaffinity(0, {cpu})
-    except (OSError, ValueError):
+    except (OSError, ValueError, OverflowError):
         return False
     return True

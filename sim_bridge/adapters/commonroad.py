@@ -55,7 +55,7 @@ class CommonRoadPlant:
         except ModuleNotFoundError as error:
             raise MissingExtraError(
                 f"--plant commonroad needs {error.name}: expected the extra [commonroad], found "
-                f'it missing. Install it with: pip install "rt-controller[commonroad]"'
+                f'it missing. Install it with: pip install -e ".[commonroad]"'
             ) from error
         if vehicle not in _VEHICLES:
             raise ConfigError(

@@ -112,6 +112,6 @@ def _builder() -> Any:
     except ModuleNotFoundError as error:
         raise MissingExtraError(
             f"export-fmu needs {error.name}: expected the extra [fmu], found it missing. Install "
-            f'it with: pip install "rt-controller[fmu]"'
+            f'it with: pip install -e ".[fmu]"'
         ) from error
     return FmuBuilder

@@ -26,7 +26,7 @@ def open_fmu(path: Path) -> "FmuFile":
     except ModuleNotFoundError as error:
         raise MissingExtraError(
             f"--plant fmu needs {error.name}: expected the extra [fmu], found it missing. Install "
-            f'it with: pip install "rt-controller[fmu]"'
+            f'it with: pip install -e ".[fmu]"'
         ) from error
     if not path.is_file():
         raise ConfigError(

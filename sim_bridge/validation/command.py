@@ -75,7 +75,7 @@ def _page_for(html: Path) -> Callable[[Findings, list[Verdict]], str]:
     except ModuleNotFoundError as error:
         raise MissingExtraError(
             f"--html needs {error.name}: expected the extra [report], found it missing. Install "
-            f'it with: pip install "rt-controller[report]"'
+            f'it with: pip install -e ".[report]"'
         ) from error
     return page
 

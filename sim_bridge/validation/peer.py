@@ -124,7 +124,7 @@ def _their_model() -> tuple[Rate, Array]:
         raise MissingExtraError(
             "The cross-check of test 4 needs commonroad-vehicle-models: expected the extra "
             "[commonroad], found it missing. Install it with: "
-            'pip install "rt-controller[commonroad]"'
+            'pip install -e ".[commonroad]"'
         ) from error
     parameters: Any = parameters_vehicle2()
 

@@ -60,7 +60,7 @@ def test_all_that_the_controller_sends_arrives_at_the_vehicle() -> None:
     with open_bus("virtual", "to-vehicle") as near, open_bus("virtual", "to-vehicle") as far:
         outbox = ControllerOutbox(near)
         for tick in range(20):
-            outbox.send_command(ControlInput(0.01 * tick, 0.0, 0.0), Mode.NOMINAL, tick)
+            outbox.send_command(ControlInput(0.01 * tick, 0.0, 0.0), Mode.NOMINAL, tick, tick)
             outbox.send_heartbeat(heartbeat, tick)
             outbox.send_identity(1234, tick)
             assert inbox.drain(far, tick) == 3
@@ -87,8 +87,8 @@ def test_frames_that_wait_on_the_bus_do_not_change_when_the_next_is_sent() -> No
     """The messages are prepared once and used again, so the bus must have its own copy."""
     with open_bus("virtual", "aliasing") as near, open_bus("virtual", "aliasing") as far:
         outbox = ControllerOutbox(near)
-        for throttle in (0.1, 0.2, 0.3):
-            outbox.send_command(ControlInput(throttle, 0.0, 0.0), Mode.NOMINAL, 0)
+        for counter, throttle in enumerate((0.1, 0.2, 0.3)):
+            outbox.send_command(ControlInput(throttle, 0.0, 0.0), Mode.NOMINAL, counter, 0)
         waiting = [far.recv(0) for _ in range(3)]
     decoded = [frames.decode_command(each.data) for each in waiting if each is not None]
     throttles = [command.control.throttle for command in decoded if command is not None]
@@ -103,11 +103,11 @@ def test_a_full_queue_is_counted_and_shows_as_a_gap() -> None:
     ):
         outbox = ControllerOutbox(near)
         for tick in range(5):
-            outbox.send_command(ControlInput(0.1, 0.0, 0.0), Mode.NOMINAL, tick)
+            outbox.send_command(ControlInput(0.1, 0.0, 0.0), Mode.NOMINAL, tick, tick)
         assert (outbox.sent, outbox.send_failures) == (2, 3)
         assert "Could not send" in outbox.last_failure
         inbox.drain(far, 0)
-        outbox.send_command(ControlInput(0.1, 0.0, 0.0), Mode.NOMINAL, 5)
+        outbox.send_command(ControlInput(0.1, 0.0, 0.0), Mode.NOMINAL, 5, 5)
         inbox.drain(far, 1)
     assert inbox.counts.lost == 3
     assert inbox.command is not None
@@ -128,7 +128,7 @@ def test_what_was_sent_and_read_is_recorded() -> None:
     with open_bus("virtual", "recorded") as near, open_bus("virtual", "recorded") as far:
         VehicleOutbox(far, recorder=sent).send_state(STATE, ROAD, 1)
         ControllerOutbox(far, recorder=sent).send_command(
-            ControlInput(0.1, 0.0, 0.0), Mode.NOMINAL, 2
+            ControlInput(0.1, 0.0, 0.0), Mode.NOMINAL, 0, 2
         )
         inbox.drain(near, 3)
     assert [stamp for stamp, _, _ in sent.frames] == [1, 1, 1, 2]

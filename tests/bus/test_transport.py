@@ -10,7 +10,12 @@ from pathlib import Path
 import can
 import pytest
 
-from rt_controller.bus.transport import VIRTUAL_QUEUE_FRAMES, explain_failure, open_bus
+from rt_controller.bus.transport import (
+    VIRTUAL_QUEUE_FRAMES,
+    explain_failure,
+    open_bus,
+    parse_options,
+)
 from rt_controller.contract.errors import BusError, MissingExtraError
 
 
@@ -108,7 +113,7 @@ def test_the_interface_remote_without_its_package_names_the_extra(
 ) -> None:
     without = frozenset(can.VALID_INTERFACES) - {"remote"}
     monkeypatch.setattr(can, "VALID_INTERFACES", without)
-    with pytest.raises(MissingExtraError, match=r"pip install \"rt-controller\[remote\]\""):
+    with pytest.raises(MissingExtraError, match=r"pip install -e \".\[remote\]\""):
         open_bus("remote", "ws://127.0.0.1:54701")
 
 
@@ -146,3 +151,16 @@ def test_a_remote_bus_without_server_is_refused() -> None:
         port = unused.getsockname()[1]
     with pytest.raises(BusError, match=r"expected a server .* found none"):
         open_bus("remote", f"ws://127.0.0.1:{port}/")
+
+
+def test_options_as_written_get_the_type_they_look_like() -> None:
+    written = {"fd": "true", "loopback": "false", "ttyBaudrate": "115200", "host": "127.0.0.1"}
+    parsed = parse_options({**written, "ratio": "0.5", "day": "2026-01-01"})
+    assert parsed == {
+        "fd": True,
+        "loopback": False,
+        "ttyBaudrate": 115200,
+        "host": "127.0.0.1",
+        "ratio": 0.5,
+        "day": "2026-01-01",
+    }

@@ -10,13 +10,21 @@ def test_a_plan_is_followed_input_by_input_and_runs_out() -> None:
     plan = Plan(3)
     inputs = np.arange(9.0).reshape(3, 3)
     assert plan.renew(inputs) == ControlInput(0.0, 1.0, 2.0)
-    assert plan.ticks_held == 0
+    assert plan.periods_held == 0
     assert plan.follow() == ControlInput(3.0, 4.0, 5.0)
-    assert plan.ticks_held == 1
+    assert plan.periods_held == 1
     assert plan.follow() == ControlInput(6.0, 7.0, 8.0)
     assert plan.follow() is None
     assert plan.follow() is None
-    assert plan.ticks_held == 3
+    assert plan.periods_held == 4
+
+
+def test_skipped_periods_are_skipped_in_the_plan_too() -> None:
+    plan = Plan(4)
+    plan.renew(np.arange(12.0).reshape(4, 3))
+    assert plan.follow(periods=3) == ControlInput(9.0, 10.0, 11.0)
+    assert plan.periods_held == 3
+    assert plan.follow(periods=2) is None
 
 
 def test_a_plan_keeps_its_own_copy() -> None:
@@ -28,4 +36,6 @@ def test_a_plan_keeps_its_own_copy() -> None:
 
 
 def test_without_a_plan_there_is_nothing_to_follow() -> None:
-    assert Plan(5).follow() is None
+    plan = Plan(5)
+    assert plan.follow() is None
+    assert plan.periods_held >= 5

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from rt_controller import cli
+from rt_controller.realtime.clock import LockstepClock
 from rt_controller.session import shipped_model
 
 
@@ -100,6 +101,62 @@ def test_a_summary_that_cannot_be_written_is_known_before_the_drive(
     nowhere = tmp_path / "missing" / "summary.json"
     assert exit_code(monkeypatch, "--bus", "virtual", "--json", str(nowhere)) == 2
     assert "summary.json" in capsys.readouterr().err.replace("\n", "")
+
+
+@pytest.mark.parametrize("suffix", [".blf", ".asc", ".MF4"])
+def test_a_log_in_another_format_is_refused_with_the_way_to_it(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    suffix: str,
+) -> None:
+    log = tmp_path / f"drive{suffix}"
+    arguments = ("--bus", "virtual", "--pace", "lockstep", "--record", str(log))
+    monkeypatch.setattr(cli, "build_virtual_car", lambda *_: NoCar())
+    assert exit_code(monkeypatch, *arguments) == 2
+    assert "logconvert" in capsys.readouterr().err
+    assert not log.exists()
+
+
+class NoCar:
+    """Stands where the car would: the refusal comes before anything is driven."""
+
+    def clock(self, pace: object) -> LockstepClock:
+        return LockstepClock(25_000_000, lambda now_ns: None)
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--duration-s", "0"),
+        ("--duration-s", "-4"),
+        ("--realtime.cpu", "99999999999999999999999"),
+        ("--mpc.horizon", "2"),
+    ],
+)
+def test_a_number_outside_its_range_is_a_usage_error(
+    monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, str]
+) -> None:
+    assert exit_code(monkeypatch, "--bus", "virtual", *arguments) == 2
+
+
+def test_a_settings_file_that_is_not_there_is_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    nowhere = str(tmp_path / "nope.toml")
+    assert exit_code(monkeypatch, "--config", nowhere, "--bus", "virtual") == 2
+    assert "nope.toml" in capsys.readouterr().err.replace("\n", "")
+
+
+def test_brackets_in_a_message_are_shown_as_they_are(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ("--bus", "virtual", "--model", "/tmp/[/x]/[sim]")
+    assert exit_code(monkeypatch, *arguments) == 2
+    assert "[/x]/[sim]" in capsys.readouterr().err.replace("\n", "")
 
 
 def test_help_documents_the_exit_codes(

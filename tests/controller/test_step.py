@@ -2,14 +2,20 @@
 
 import math
 
+import can
 import pytest
-from scripted_vehicle import CRUISING, ENGAGED, VALID_NS, Rig
+from scripted_vehicle import CRUISING, ENGAGED, STRAIGHT, VALID_NS, Rig, build_rig
 
+from rt_controller.bus.frames import Fault
+from rt_controller.bus.outbox import ControllerOutbox
 from rt_controller.bus.snapshot import PeerIdentity
-from rt_controller.contract.signals import Mode, PathReference
+from rt_controller.contract.signals import ControlInput, Mode, PathReference
 from rt_controller.contract.timing import HOLD_PLAN_TICKS
+from rt_controller.control.mpc import Mpc
 from rt_controller.control.solver import SolveStatus
 from rt_controller.step import StopCause
+
+CRUISE = ControlInput(0.1, 0.0, 0.0)
 
 
 def test_an_engaged_mission_and_a_fresh_state_drive(rig: Rig) -> None:
@@ -149,7 +155,7 @@ def test_the_end_of_a_mission_releases_the_pedals(rig: Rig) -> None:
 
 def test_a_controller_that_leaves_says_so_with_a_safe_command(rig: Rig) -> None:
     rig.tick(30)
-    rig.step.stop()
+    rig.step.leave()
     rig.heard.drain(rig.vehicle_bus, rig.clock.now_ns())
     assert rig.command.mode is Mode.SAFE_STOP
     assert rig.command.control.throttle == 0.0
@@ -164,3 +170,121 @@ def test_what_the_controller_does_is_what_the_vehicle_receives(rig: Rig) -> None
     assert rig.heard.peer is not None
     assert rig.heard.peer.model_hash == 7
     assert rig.heard.counts.lost == rig.heard.counts.crc_errors == 0
+
+
+def test_a_state_that_dawdled_is_no_state(rig: Rig) -> None:
+    rig.tick(10)
+    rig.vehicle.stamped_late_ns = 60_000_000
+    assert rig.tick().mode is Mode.HOLD_PLAN
+    assert rig.heard.heartbeat is not None
+    assert rig.heard.heartbeat.state_age_ns == pytest.approx(60_000_000, abs=100_000)
+    outcome = rig.tick(2)
+    assert (outcome.mode, outcome.cause) == (Mode.SAFE_STOP, StopCause.STATE_LOST)
+
+
+def test_a_loop_whose_commands_take_too_long_to_show_is_not_driven(rig: Rig) -> None:
+    for _ in range(20):
+        newest = rig.inbox.state
+        rig.vehicle.command_echo = None if newest is None else newest.counter
+        assert rig.tick().mode is Mode.NOMINAL
+    for _ in range(3):
+        assert rig.inbox.state is not None
+        rig.vehicle.command_echo = (rig.inbox.state.counter - 6) % 16
+        outcome = rig.tick()
+    assert outcome.mode is Mode.SAFE_STOP
+
+
+def test_a_command_carries_the_counter_of_the_state_it_answers(rig: Rig) -> None:
+    rig.tick(5)
+    assert rig.inbox.state is not None
+    assert rig.command.counter == rig.inbox.state.counter
+    rig.vehicle.state = None
+    rig.tick()
+    assert rig.command.counter == rig.inbox.state.counter + 1
+
+
+def test_skipped_periods_count_as_held_ones(rig: Rig) -> None:
+    rig.tick(5)
+    plan = rig.mpc.inputs.copy()
+    rig.vehicle.state = None
+    outcome = rig.tick(skipped=1)
+    assert outcome.mode is Mode.HOLD_PLAN
+    assert outcome.control.throttle == pytest.approx(plan[2][0], abs=1e-3)
+    assert rig.tick(skipped=1).mode is Mode.SAFE_STOP
+
+
+def test_a_hold_ends_after_two_ticks_with_the_shortest_horizon_too(
+    mpc_of_three_stages: Mpc,
+) -> None:
+    with build_rig(mpc_of_three_stages) as rig:
+        rig.tick(3)
+        rig.vehicle.state = None
+        assert rig.tick(2).mode is Mode.HOLD_PLAN
+        assert rig.tick().mode is Mode.SAFE_STOP
+
+
+def test_a_controller_that_starts_beside_a_braking_vehicle_stands_by(rig: Rig) -> None:
+    rig.vehicle.is_watchdog_braking = True
+    assert rig.tick(5).mode is Mode.STANDBY
+    rig.vehicle.is_watchdog_braking = False
+    assert rig.tick().mode is Mode.NOMINAL
+
+
+def test_a_trouble_that_is_over_is_no_cause(rig: Rig) -> None:
+    rig.tick(3)
+    rig.vehicle.state = None
+    assert rig.tick().cause is StopCause.STATE_LOST
+    rig.vehicle.state = CRUISING
+    assert rig.tick().cause is StopCause.NONE
+    rig.vehicle.mission = ENGAGED._replace(is_engaged=False)
+    rig.tick()
+    rig.vehicle.mission = None
+    assert rig.tick(30).cause is StopCause.NONE
+
+
+def test_a_safe_stop_is_steered_along_the_path_while_the_car_is_seen(rig: Rig) -> None:
+    rig.tick(3)
+    rig.vehicle.is_watchdog_braking = True
+    rig.tick()
+    rig.vehicle.path = STRAIGHT._replace(c0_m=1.5)
+    outcome = rig.tick(10)
+    assert outcome.mode is Mode.SAFE_STOP
+    assert outcome.control.steer_rad > 0.02
+    rig.vehicle.state = CRUISING._replace(vx_mps=2.0, ds_m=0.05)
+    outcome = rig.tick(60)
+    assert outcome.qp_iterations == 0
+    assert outcome.control.steer_rad == 0.0
+
+
+def test_frames_that_the_bus_does_not_take_show_in_the_heartbeat(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise can.CanOperationError("full")
+
+    rig.tick(2)
+    with monkeypatch.context() as broken:
+        broken.setattr(rig.controller_bus, "send", fail)
+        rig.tick()
+    rig.tick()
+    assert rig.heard.heartbeat is not None
+    assert rig.heard.heartbeat.faults & Fault.BUS_FAULT
+    rig.tick()
+    assert not rig.heard.heartbeat.faults & Fault.BUS_FAULT
+
+
+def test_a_bus_that_cannot_be_read_stops_the_car(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise can.CanOperationError("unplugged")
+
+    rig.tick(2)
+    monkeypatch.setattr(rig.controller_bus, "recv", fail)
+    outcome = rig.tick()
+    assert (outcome.mode, outcome.cause) == (Mode.SAFE_STOP, StopCause.BUS_FAILED)
+
+
+def test_a_second_controller_on_the_bus_ends_the_drive(rig: Rig) -> None:
+    rig.tick(3)
+    ControllerOutbox(rig.vehicle_bus).send_command(CRUISE, Mode.NOMINAL, 9, 0)
+    outcome = rig.tick()
+    assert (outcome.mode, outcome.cause) == (Mode.SAFE_STOP, StopCause.SECOND_CONTROLLER)

@@ -8,6 +8,7 @@ import pytest
 from offline.config import PRESETS, TrainingConfig
 from offline.dataset import Dataset, Trajectories, load_dataset, save_dataset
 from offline.excitation import Recipe
+from offline.manifest import Origin
 
 EPISODES = 40
 CURVATURES = (-4e-3, 0.0, 4e-3)
@@ -53,9 +54,7 @@ def toy_folder(tmp_path_factory) -> Path:
         folder,
         toy_trajectories(),
         rejected=10,
-        recipe=Recipe(curvatures_per_m=CURVATURES),
-        seed=3,
-        plant_fingerprint="toy",
+        origin=Origin(Recipe(curvatures_per_m=CURVATURES), EPISODES, 3, "toy"),
     )
     return folder
 

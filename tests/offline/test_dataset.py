@@ -1,7 +1,9 @@
 """What is on disk is what was made, or it is refused."""
 
 import json
+import random
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,13 +12,14 @@ from offline.dataset import (
     MANIFEST_FILE,
     PARTS,
     TRAJECTORIES_FILE,
-    cache_folder,
+    cache,
     exists,
     load_dataset,
     save_dataset,
     split_by_episode,
 )
 from offline.excitation import Recipe
+from offline.manifest import Origin, read_manifest
 from rt_controller.contract.errors import DatasetError
 
 
@@ -39,9 +42,21 @@ def edit_arrays(folder, edit):
 
 def test_a_saved_data_set_comes_back_with_its_manifest(toy_dataset):
     assert toy_dataset.trajectories.x.shape == (200, 81, 6)
-    assert toy_dataset.manifest["rejected_fraction"] == pytest.approx(0.2)
-    assert toy_dataset.manifest["state_units"] == ["m/s", "m/s", "rad/s", "m", "m", "rad"]
-    assert toy_dataset.manifest["recipe"]["brakes_n"][-1] == 150.0
+    assert toy_dataset.manifest.rejected_fraction == pytest.approx(0.2)
+    assert toy_dataset.origin.recipe.brakes_n[-1] == 150.0
+
+
+def test_the_manifest_says_names_units_and_origin_for_others_to_read(toy_folder):
+    fields = json.loads((toy_folder / MANIFEST_FILE).read_text())
+    assert fields["state_units"] == ["m/s", "m/s", "rad/s", "m", "m", "rad"]
+    assert (fields["episodes"], fields["seed"], fields["plant_fingerprint"]) == (40, 3, "toy")
+    assert fields["rejected_fraction"] == pytest.approx(0.2)
+    assert fields["recipe"]["brakes_n"][-1] == 150.0
+
+
+def test_a_manifest_that_was_read_is_written_the_same(toy_folder):
+    path = toy_folder / MANIFEST_FILE
+    assert read_manifest(path).to_json() == path.read_text()
 
 
 def test_no_episode_is_in_two_parts(toy_dataset):
@@ -60,16 +75,21 @@ def test_split_depends_on_the_seed_and_not_on_the_order_of_slices():
 
 def test_cache_folder_is_named_after_everything_the_data_follow_from(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    first = cache_folder(Recipe(), 100, 0, "car")
-    assert tmp_path in first.parents
+    assert tmp_path in cache().parents
+    first = Origin(Recipe(), 100, 0, "car")
     others = [
-        cache_folder(Recipe(segment_s=(1.0,)), 100, 0, "car"),
-        cache_folder(Recipe(), 101, 0, "car"),
-        cache_folder(Recipe(), 100, 1, "car"),
-        cache_folder(Recipe(), 100, 0, "another car"),
+        replace(first, recipe=Recipe(segment_s=(1.0,))),
+        replace(first, episodes=101),
+        replace(first, seed=1),
+        replace(first, plant_fingerprint="another car"),
     ]
-    assert len({first, *others}) == 5
-    assert first == cache_folder(Recipe(), 100, 0, "car")
+    assert len({first.name, *(other.name for other in others)}) == 5
+    assert first.name == Origin(Recipe(), 100, 0, "car").name
+
+
+def test_cached_data_sets_keep_their_names():
+    """Another name would throw away what was made under this one."""
+    assert Origin(Recipe(), 7000, 0, "car").name == "7000-episodes-722794dad7e7fb29"
 
 
 def test_a_folder_without_manifest_is_no_data_set(folder):
@@ -93,9 +113,7 @@ def test_a_number_that_is_none_is_named_with_its_place(toy_dataset, tmp_path):
         tmp_path,
         toy_dataset.trajectories._replace(x=x),
         rejected=0,
-        recipe=Recipe(),
-        seed=0,
-        plant_fingerprint="toy",
+        origin=toy_dataset.origin,
     )
     with pytest.raises(DatasetError, match="ey_m at step 5 of trajectory 7"):
         load_dataset(tmp_path)
@@ -147,3 +165,46 @@ def test_a_manifest_that_is_no_json_object_is_refused(folder, text):
     (folder / MANIFEST_FILE).write_text(text)
     with pytest.raises(DatasetError, match="expected a"):
         load_dataset(folder)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("seed", "zero"),
+        ("episodes", None),
+        ("recipe", {"segment_s": "short"}),
+        ("recipe", [1.0]),
+        ("sha256", 7),
+        ("versions", "new"),
+    ],
+)
+def test_a_manifest_with_a_field_of_another_kind_is_refused(folder, key, value):
+    edit_manifest(folder, **{key: value})
+    with pytest.raises(DatasetError, match=key):
+        load_dataset(folder)
+
+
+def test_a_flipped_bit_is_refused_or_makes_no_difference(folder, toy_dataset):
+    """No difference: dates and other things that an archive says beside its content."""
+    path = folder / TRAJECTORIES_FILE
+    whole = path.read_bytes()
+    # The numbers are long and all alike; what an archive says about itself is at the end.
+    dice = random.Random(0)
+    places = [dice.randrange(len(whole)) for _ in range(10)]
+    places += [len(whole) - 1 - dice.randrange(400) for _ in range(60)]
+    refused = 0
+    for place in places:
+        flipped = bytearray(whole)
+        flipped[place] ^= 1 << dice.randrange(8)
+        path.write_bytes(flipped)
+        found = unless_refused(folder)
+        refused += found is None
+        assert found is None or np.array_equal(found.trajectories.x, toy_dataset.trajectories.x)
+    assert refused > 30
+
+
+def unless_refused(folder):
+    try:
+        return load_dataset(folder)
+    except DatasetError:
+        return None

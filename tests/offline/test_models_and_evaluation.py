@@ -1,15 +1,17 @@
 """The rivals, the bundle of a trained model, and the table that compares them."""
 
+import json
 from dataclasses import replace
 from datetime import datetime
 
 import numpy as np
+import onnx
 import pytest
 import torch
 
 from offline.baselines.lti import fit_lti
 from offline.baselines.persistence import PersistencePredictor
-from offline.card import write_card
+from offline.card import Fact, write_card
 from offline.checkpoint import load_checkpoint
 from offline.dataset import Dataset, Trajectories
 from offline.evaluate import StateErrors, choose_test_trajectories, evaluate, squared_errors
@@ -20,7 +22,7 @@ from offline.rollout import roll_out
 from offline.run_folder import create_run
 from offline.train import train
 from rt_controller.contract.artifact import load_bundle, save_bundle
-from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.errors import ArtifactError, DatasetError
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +51,7 @@ def linear_dataset(toy_dataset) -> tuple[Dataset, np.ndarray, np.ndarray, np.nda
         u = np.column_stack([toy.u[:, k], toy.kappa])
         x[:, k + 1] = x[:, k] @ A.T + u @ B.T + c
     trajectories = Trajectories(x.astype(np.float32), toy.u, toy.kappa, toy.episode)
-    return Dataset(trajectories, toy_dataset.part, "linear", {}), A, B, c
+    return Dataset(trajectories, toy_dataset.part, toy_dataset.manifest), A, B, c
 
 
 def test_persistence_predicts_that_nothing_changes():
@@ -161,7 +163,7 @@ def test_exported_bundle_passes_the_contract_and_carries_its_origin(
 ):
     bundle, gate = make_bundle(checkpoint, toy_dataset)
     evaluation = evaluate({"mdk-net": BundlePredictor(bundle)}, toy_dataset.select("test"))
-    save_bundle(tmp_path, bundle, write_card(bundle, gate, evaluation, {"preset": "paper"}))
+    save_bundle(tmp_path, bundle, write_card(bundle, gate, evaluation, [Fact("preset", "paper")]))
     loaded = load_bundle(tmp_path)
     assert loaded.name == "mdk-net"
     assert loaded.data_sha256 == toy_dataset.sha256
@@ -169,19 +171,29 @@ def test_exported_bundle_passes_the_contract_and_carries_its_origin(
     assert loaded.selftest_x.shape == (32, 6)
     assert gate.parity < 1e-5
     card = (tmp_path / "card.md").read_text()
-    assert bundle.encoder_sha256 in card
+    assert "| preset | paper |" in card
+    assert bundle.sha256 in card
     assert f"{evaluation.pooled['mdk-net'].ey:.4g}" in card
 
 
 def with_operator(checkpoint, edit):
     model = {name: tensor.clone() for name, tensor in checkpoint.model.items()}
     edit(model["A_rows"])
-    return type(checkpoint)(
-        **{
-            **{name: getattr(checkpoint, name) for name in checkpoint.__dataclass_fields__},
-            "model": model,
-        }
-    )
+    return replace(checkpoint, model=model)
+
+
+def test_a_model_is_exported_with_the_data_it_was_trained_on(checkpoint, toy_dataset):
+    manifest = replace(toy_dataset.manifest, sha256="another")
+    with pytest.raises(DatasetError, match="trained on"):
+        make_bundle(checkpoint, replace(toy_dataset, manifest=manifest))
+
+
+def test_a_bundle_says_which_episodes_it_was_trained_on(checkpoint, lti, toy_dataset):
+    """Whatever the configuration says: the data set knows better."""
+    mdk_net, _ = make_bundle(checkpoint, toy_dataset)
+    for bundle in (mdk_net, lti):
+        training = json.loads(bundle.training)
+        assert (training["episodes"], training["data_seed"]) == (40, 3)
 
 
 def test_a_model_that_grows_without_bound_is_not_exported(checkpoint, toy_dataset):
@@ -199,3 +211,32 @@ def test_a_model_with_a_nan_is_not_exported(checkpoint, toy_dataset):
 def test_an_encoder_that_answers_otherwise_than_in_training_is_not_exported(lti):
     with pytest.raises(ArtifactError, match="torch and ONNX"):
         pass_gate(replace(lti, selftest_psi=lti.selftest_psi + 1e-2))
+
+
+def test_a_small_latent_that_answers_otherwise_is_not_exported(checkpoint, toy_dataset):
+    """By a ten-thousandth of its spread, which is far less than 1e-5."""
+    bundle, _ = make_bundle(with_latents_of(checkpoint, 1e-3), toy_dataset)
+    psi = bundle.selftest_psi.copy()
+    psi[0, 6] += 1e-4 * bundle.spread[6]
+    assert 1e-4 * bundle.spread[6] < 1e-5
+    with pytest.raises(ArtifactError, match="of the spread of each observable"):
+        pass_gate(replace(bundle, selftest_psi=psi))
+
+
+def with_latents_of(checkpoint, size):
+    """The same network with all latents so much smaller."""
+    model = {name: tensor.clone() for name, tensor in checkpoint.model.items()}
+    for name in sorted(name for name in model if name.startswith("encoder."))[-2:]:
+        model[name] *= size
+    return replace(checkpoint, model=model)
+
+
+@pytest.mark.parametrize("encoder", [b"no encoder", "fixed batch"])
+def test_an_encoder_that_lifts_no_batch_is_refused(lti, encoder):
+    if encoder == "fixed batch":
+        model = onnx.load_from_string(lti.encoder_onnx)
+        for tensor in (*model.graph.input, *model.graph.output):
+            tensor.type.tensor_type.shape.dim[0].dim_value = 2
+        encoder = model.SerializeToString()
+    with pytest.raises(ArtifactError, match="offline-export"):
+        pass_gate(replace(lti, encoder_onnx=encoder))

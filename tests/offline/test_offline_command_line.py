@@ -6,10 +6,11 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 
 import pytest
 
-from offline import cli
+from offline import cli, training_run
 from offline.config import TrainingConfig
 
 SMALL = ("--hidden", "8", "--latents", "4", "--batch", "16", "--threads", "1")
@@ -58,6 +59,8 @@ def test_from_nothing_to_a_bundle_and_its_table(command, tmp_path):
         assert set(model["mse"]) == {"vx", "vy", "yaw_rate", "ds", "ey", "epsi"}
     assert table["units"]["yaw_rate"] == "(deg/s)^2"
     assert table["n_trajectories"] == 10
+    assert table["model_sha256"] == exported["model_sha256"]
+    assert table["revision"] == exported["revision"]
 
     code, out, _ = command(cli.export_main, "--lti", "--output", "lti")
     assert code in (0, None)
@@ -84,6 +87,72 @@ def test_a_place_that_cannot_be_written_is_found_before_the_work(command, toy_fo
     code, _, err = command(cli.train_main, *train)
     assert code == 2
     assert "--runs" in err
+
+
+@pytest.mark.parametrize(
+    ("main", "arguments"),
+    [
+        (cli.export_main, ("nowhere",)),
+        (cli.evaluate_main, ("--model", "nowhere")),
+        (cli.train_main, ("--resume", "nowhere")),
+        (cli.train_main, ("--preset", "papre")),
+        (cli.data_main, ("--data", "file/data", "--episodes", "10", "--jobs", "1")),
+    ],
+)
+def test_a_command_that_fails_leaves_no_figures(command, tmp_path, main, arguments):
+    (tmp_path / "file").touch()
+    code, _, _ = command(main, *arguments, "--json", "figures.json")
+    assert code == 2
+    assert not (tmp_path / "figures.json").exists()
+
+
+def test_figures_of_a_run_without_evaluation_are_json(command, toy_folder, monkeypatch, tmp_path):
+    """Stopped before its first step: no loss is the best, and infinity is no number in JSON."""
+    monkeypatch.setattr(training_run, "stop_on_signals", lambda: nullcontext(lambda: True))
+    train = ("--steps", 3, "--data", toy_folder, *SMALL, "--json", "train.json")
+    assert command(cli.train_main, *train)[0] == 130
+    assert json.loads((tmp_path / "train.json").read_text())["best_validation_loss"] is None
+
+
+def test_validation_loss_on_the_card_is_that_of_the_exported_model(command, toy_folder, tmp_path):
+    rule = ("--best-rule", "as-printed", "--learning-rate", 0.05)
+    length = ("--steps", 60, "--evaluate-every", 3)
+    train = (*rule, *length, "--data", toy_folder, *SMALL, "--json", "train.json")
+    assert command(cli.train_main, *train)[0] in (0, None)
+    assert command(cli.export_main)[0] in (0, None)
+    lines = (tmp_path / "runs" / "latest" / "history.jsonl").read_text().splitlines()
+    history = [json.loads(line) for line in lines]
+    kept = [line["validation"]["total"] for line in history if line["is_best"]][-1]
+    assert kept > min(line["validation"]["total"] for line in history)
+    card = (tmp_path / "runs" / "latest" / "bundle" / "card.md").read_text()
+    assert f"| validation loss | {kept:.5f} |" in card
+    assert json.loads((tmp_path / "train.json").read_text())["best_validation_loss"] == kept
+
+
+def test_a_run_on_a_given_data_set_is_configured_as_that_is(command, toy_folder, tmp_path):
+    train = ("--steps", 3, "--evaluate-every", 3, "--data", toy_folder, *SMALL)
+    assert command(cli.train_main, *train)[0] in (0, None)
+    config = json.loads((tmp_path / "runs" / "latest" / "config.json").read_text())["config"]
+    assert (config["episodes"], config["data_seed"]) == (40, 3)
+    code, _, err = command(cli.train_main, *train, "--data-seed", 4)
+    assert code == 2
+    assert "40 episodes of seed 3" in err
+
+
+def test_a_model_is_not_judged_on_a_data_set_that_it_may_have_met(command, toy_folder, tmp_path):
+    train = ("--steps", 3, "--evaluate-every", 3, "--data", toy_folder, *SMALL)
+    assert command(cli.train_main, *train)[0] in (0, None)
+    assert command(cli.export_main)[0] in (0, None)
+    code, _, _ = command(cli.evaluate_main, "--data", toy_folder)
+    assert code in (0, None)
+    few = ("--episodes", 10, "--seed", 3, "--jobs", 1, "--data", "few")
+    assert command(cli.data_main, *few)[0] in (0, None)
+    code, _, err = command(cli.evaluate_main, "--data", "few")
+    assert code == 2
+    assert "10 episodes of seed 3" in err
+    code, _, err = command(cli.export_main, "--data", "few")
+    assert code == 2
+    assert "trained on" in err
 
 
 def test_a_run_refuses_to_go_on_with_other_data(command, toy_folder):

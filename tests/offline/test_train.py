@@ -121,6 +121,40 @@ def test_best_checkpoint_is_the_one_of_the_lowest_validation_loss(
     assert learner.evaluate(x, u)[0] == min(losses)
 
 
+def rising_and_falling(tiny_config):
+    """As printed: a loss below its neighbour's is kept, though a lower one was met before."""
+    changes = {"best_rule": "as-printed", "learning_rate": 0.05, "steps": 150}
+    return tiny_config.model_copy(update=changes)
+
+
+def test_loss_that_is_told_as_the_best_is_the_one_of_the_model_that_was_kept(
+    tiny_config, toy_dataset, new_run
+):
+    config = rising_and_falling(tiny_config)
+    run = new_run(config)
+    heard = []
+    outcome = train(config, toy_dataset, run, on_progress=heard.append)
+    lines = history(run)
+    kept = [line["validation"]["total"] for line in lines if line["is_best"]][-1]
+    assert kept > min(line["validation"]["total"] for line in lines)
+    assert outcome.best_validation_loss == kept
+    assert heard[-1].best_validation_loss == kept
+    assert load_checkpoint(run.best).validation_losses[-1] == kept
+
+
+def test_a_resumed_run_knows_the_loss_of_the_model_that_it_kept(tiny_config, toy_dataset, new_run):
+    config = rising_and_falling(tiny_config)
+    run = new_run(config)
+    expected = train(config, toy_dataset, run).best_validation_loss
+    resumed = train(config, toy_dataset, run, resume_from=load_checkpoint(run.last))
+    assert resumed.best_validation_loss == expected
+
+
+def test_a_run_that_was_stopped_at_once_has_no_best_loss(tiny_config, toy_dataset, new_run):
+    outcome = train(tiny_config, toy_dataset, new_run(tiny_config), stop_requested=lambda: True)
+    assert outcome.best_validation_loss is None
+
+
 def test_a_loss_that_is_no_number_stops_the_run_and_keeps_the_best_model(
     tiny_config, toy_dataset, new_run
 ):

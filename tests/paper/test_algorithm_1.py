@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from offline.config import PRESETS
-from offline.schedule import judge_as_printed, judge_global_minimum
+from offline.schedule import judge_as_printed, judge_global_minimum, loss_of_kept_model
 
 PATIENCE = 3
 losses = st.lists(st.floats(0.0, 10.0), min_size=1, max_size=30)
@@ -37,6 +37,21 @@ def test_printed_rule_may_keep_a_worse_model_and_the_default_does_not():
     history = [1.0, 0.2, 0.9, 0.8]
     assert judge_as_printed(history, PATIENCE).is_best
     assert not judge_global_minimum(history, PATIENCE).is_best
+
+
+def test_loss_of_the_kept_model_is_the_lowest_only_if_the_rule_keeps_the_lowest():
+    history = [1.0, 0.2, 0.9, 0.8]
+    assert loss_of_kept_model(history, PATIENCE, judge_as_printed) == 0.8
+    assert loss_of_kept_model(history, PATIENCE, judge_global_minimum) == 0.2
+
+
+@given(losses)
+def test_default_rule_keeps_the_model_of_the_lowest_loss(history):
+    assert loss_of_kept_model(history, PATIENCE, judge_global_minimum) == min(history)
+
+
+def test_before_the_first_evaluation_no_model_is_kept():
+    assert loss_of_kept_model([], PATIENCE, judge_as_printed) == float("inf")
 
 
 def test_first_evaluation_is_always_the_best_so_far():

@@ -12,7 +12,6 @@ from rt_controller.bus.inbox import CommandInbox, Inbox
 from rt_controller.bus.outbox import ControllerOutbox, VehicleOutbox
 from rt_controller.bus.snapshot import CommandSnapshot
 from rt_controller.bus.transport import open_bus
-from rt_controller.config import MpcSettings
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_NS
@@ -39,11 +38,15 @@ class Vehicle:
     path: PathReference | None = STRAIGHT
     mission: Mission | None = ENGAGED
     is_watchdog_braking: bool = False
+    stamped_late_ns: int = 0
+    """how old a state is when it is sent"""
+    command_echo: int | None = None
     also: Callable[[int], None] = field(default=lambda now_ns: None)
 
     def speak(self, now_ns: int) -> None:
         if self.state is not None:
-            road = RoadSample(0.0, now_ns, None, self.is_watchdog_braking)
+            stamp_ns = now_ns - self.stamped_late_ns
+            road = RoadSample(0.0, stamp_ns, self.command_echo, self.is_watchdog_braking)
             self.outbox.send_state(self.state, road, now_ns, self.is_valid)
         if self.path is not None:
             self.outbox.send_reference(self.path, now_ns)
@@ -65,10 +68,10 @@ class Rig:
     inbox: Inbox
     heard: CommandInbox
 
-    def tick(self, times: int = 1) -> StepOutcome:
+    def tick(self, times: int = 1, skipped: int = 0) -> StepOutcome:
         for _ in range(times):
             self.clock.wait()
-            outcome = self.step.run()
+            outcome = self.step.run(skipped)
             self.heard.drain(self.vehicle_bus, self.clock.now_ns())
         return outcome
 
@@ -92,7 +95,7 @@ def build_rig(mpc: Mpc) -> Iterator[Rig]:
             inbox=inbox,
             outbox=ControllerOutbox(bus),
             mpc=mpc,
-            plan=Plan(MpcSettings().horizon),
+            plan=Plan(mpc.inputs.shape[0]),
             limits=INPUT_LIMITS,
             clock=clock,
             model_hash=7,

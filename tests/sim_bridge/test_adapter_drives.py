@@ -145,7 +145,7 @@ def test_a_failed_plant_is_told_as_an_invalid_state_until_the_bridge_leaves(
         while not bridge.is_over:
             now_ns += PERIOD_NS
             ticks += 1
-            controller.send_command(CRUISE, Mode.NOMINAL, now_ns)
+            controller.send_command(CRUISE, Mode.NOMINAL, ticks - 2, now_ns)
             bridge.tick(now_ns)
             heard.drain(far_end, now_ns)
     assert ticks == 8 + 1 + FAREWELL_TICKS
@@ -191,11 +191,14 @@ def test_sim_bridge_says_that_its_plant_failed(
 
 
 def command(channel: str, over: threading.Event) -> None:
-    """A controller that always wants the same."""
+    """A controller that always wants the same, and answers every state it hears."""
     with open_bus("virtual", channel) as bus:
-        outbox = ControllerOutbox(bus)
-        while not over.wait(0.02):
-            outbox.send_command(CRUISE, Mode.NOMINAL, 0)
+        outbox, inbox, answered = ControllerOutbox(bus), Inbox(), None
+        while not over.wait(0.005):
+            inbox.drain(bus, 0)
+            if inbox.state is not None and inbox.state is not answered:
+                answered = inbox.state
+                outbox.send_command(CRUISE, Mode.NOMINAL, answered.counter, 0)
 
 
 def test_a_friction_that_the_fmu_would_not_hear_of_is_refused(tmp_path: Path) -> None:

@@ -80,8 +80,8 @@ def test_the_named_car_is_the_one_that_drives() -> None:
 @pytest.mark.parametrize(
     ("module", "plant", "extra"),
     [
-        ("fmpy", "fmu:car.fmu", "rt-controller[fmu]"),
-        ("vehiclemodels", "commonroad:2", "rt-controller[commonroad]"),
+        ("fmpy", "fmu:car.fmu", ".[fmu]"),
+        ("vehiclemodels", "commonroad:2", ".[commonroad]"),
     ],
 )
 def test_a_missing_extra_is_named(

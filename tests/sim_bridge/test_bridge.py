@@ -1,5 +1,6 @@
 """The vehicle's end of the bus, with a scripted controller at the other."""
 
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import count
@@ -16,6 +17,7 @@ from rt_controller.contract.timing import PERIOD_NS
 from sim_bridge.bridge import FAREWELL_TICKS, Bridge
 from sim_bridge.scenario import load_scenario
 from sim_bridge.session import build_car
+from sim_bridge.watchdog import BRAKE_N
 
 CRUISE = ControlInput(0.12, 0.0, 0.0)
 _channels = count()
@@ -28,16 +30,21 @@ class Rig:
     bridge: Bridge
     controller: ControllerOutbox
     controller_bus: can.BusABC
+    bus: can.BusABC
     heard: Inbox
     now_ns: int = 0
+    counter: int = 0
+    """that the controller answers with"""
 
     def tick(self, control: ControlInput | None = CRUISE, mode: Mode = Mode.NOMINAL) -> Inbox:
         """One period: the controller speaks (or not), the bridge acts, the controller hears."""
         self.now_ns += PERIOD_NS
         if control is not None:
-            self.controller.send_command(control, mode, self.now_ns)
+            self.controller.send_command(control, mode, self.counter, self.now_ns)
         self.bridge.tick(self.now_ns)
         self.heard.drain(self.controller_bus, self.now_ns)
+        if self.heard.state is not None:
+            self.counter = self.heard.state.counter
         return self.heard
 
 
@@ -53,7 +60,7 @@ def rig() -> Iterator[Rig]:
             car=build_car(scenario),
             scenario=scenario,
         )
-        yield Rig(bridge, ControllerOutbox(controller_bus), controller_bus, Inbox())
+        yield Rig(bridge, ControllerOutbox(controller_bus), controller_bus, bus, Inbox())
 
 
 def test_the_car_waits_at_its_start_until_a_controller_drives(rig: Rig) -> None:
@@ -103,6 +110,8 @@ def test_a_silent_controller_ends_in_a_standing_car(rig: Rig) -> None:
         rig.tick(control=None)
     assert rig.bridge.summary().watchdog_braked
     assert rig.bridge.summary().final_speed_mps < 0.5
+    assert rig.heard.feedback is not None
+    assert rig.heard.feedback.applied.brake_n == pytest.approx(BRAKE_N, abs=0.01)
 
 
 def test_a_frozen_counter_is_silence(rig: Rig) -> None:
@@ -115,7 +124,7 @@ def test_a_frozen_counter_is_silence(rig: Rig) -> None:
             recorded.append(bytes(message.data))
 
     tapped = ControllerOutbox(rig.controller_bus, Tap())
-    tapped.send_command(CRUISE, Mode.NOMINAL, rig.now_ns)
+    tapped.send_command(CRUISE, Mode.NOMINAL, rig.counter, rig.now_ns)
     stuck.data = bytearray(recorded[0])
     stuck.dlc = len(recorded[0])
     for _ in range(8):
@@ -143,3 +152,39 @@ def test_the_end_of_the_mission_is_said_before_the_bridge_leaves(rig: Rig) -> No
     assert heard.mission is not None
     assert not heard.mission.is_engaged
     assert not rig.bridge.summary().watchdog_braked
+
+
+def test_commands_that_come_a_second_late_are_no_commands(rig: Rig) -> None:
+    late: deque[tuple[ControlInput, int]] = deque()
+    for _ in range(20):
+        rig.tick()
+    for _ in range(60):
+        late.append((CRUISE, rig.counter))
+        if len(late) > 40:
+            control, counter = late.popleft()
+            rig.controller.send_command(control, Mode.NOMINAL, counter, rig.now_ns)
+        heard = rig.tick(control=None)
+    assert heard.state is not None
+    assert heard.state.is_watchdog_braking
+
+
+def test_a_car_stopped_by_its_watchdog_keeps_its_brake(rig: Rig) -> None:
+    for _ in range(10):
+        rig.tick()
+    while not rig.bridge.is_over:
+        heard = rig.tick(control=None)
+        if heard.mission is not None and not heard.mission.is_engaged:
+            assert heard.feedback is not None
+            assert heard.feedback.applied.brake_n > 0.0
+
+
+def test_a_bus_that_cannot_be_read_ends_the_bridge(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise can.CanOperationError("unplugged")
+
+    rig.tick()
+    monkeypatch.setattr(rig.bus, "recv", fail)
+    with pytest.raises(BusError, match="unplugged"):
+        rig.tick()

@@ -1,5 +1,7 @@
 """A silent or stale controller ends in a braked car."""
 
+import pytest
+
 from rt_controller.bus.snapshot import CommandSnapshot
 from rt_controller.contract.signals import ControlInput, Mode
 from sim_bridge.watchdog import BRAKE_N, ActuatorWatchdog
@@ -7,26 +9,26 @@ from sim_bridge.watchdog import BRAKE_N, ActuatorWatchdog
 PERIOD_NS = 25_000_000
 
 
-def command(arrival_ns: int, steer_rad: float = 0.3) -> CommandSnapshot:
+def command(arrival_ns: int, counter: int = 0) -> CommandSnapshot:
     return CommandSnapshot(
-        control=ControlInput(0.4, 0.0, steer_rad),
+        control=ControlInput(0.4, 0.0, 0.3),
         mode=Mode.NOMINAL,
-        counter=0,
+        counter=counter,
         arrival_ns=arrival_ns,
     )
 
 
 def test_a_fresh_command_reaches_the_actuators_unchanged() -> None:
     watchdog = ActuatorWatchdog()
-    assert watchdog.apply(command(0), now_ns=0) == ControlInput(0.4, 0.0, 0.3)
+    assert watchdog.apply(command(0), 0, state_counter=0) == ControlInput(0.4, 0.0, 0.3)
     assert not watchdog.is_braking
 
 
 def test_a_command_stands_until_it_is_100_ms_old_and_no_longer() -> None:
     watchdog = ActuatorWatchdog()
     for k in range(4):
-        assert watchdog.apply(command(0), now_ns=k * PERIOD_NS).throttle == 0.4
-    applied = watchdog.apply(command(0), now_ns=4 * PERIOD_NS)
+        assert watchdog.apply(command(0), k * PERIOD_NS, state_counter=0).throttle == 0.4
+    applied = watchdog.apply(command(0), 4 * PERIOD_NS, state_counter=0)
     assert watchdog.is_braking
     assert applied.throttle == 0.0
     assert applied.brake_n > 0.0
@@ -34,24 +36,47 @@ def test_a_command_stands_until_it_is_100_ms_old_and_no_longer() -> None:
 
 def test_a_controller_that_comes_back_does_not_get_the_braking_car_back() -> None:
     watchdog = ActuatorWatchdog()
-    watchdog.apply(command(0), now_ns=0)
-    watchdog.apply(command(0), now_ns=200_000_000)
-    applied = watchdog.apply(command(225_000_000), now_ns=225_000_000)
+    watchdog.apply(command(0), 0, state_counter=0)
+    watchdog.apply(command(0), 200_000_000, state_counter=0)
+    applied = watchdog.apply(command(225_000_000), 225_000_000, state_counter=0)
     assert watchdog.is_braking
     assert applied.throttle == 0.0
-    watchdog.reset()
-    assert watchdog.apply(command(250_000_000), now_ns=250_000_000).throttle == 0.4
 
 
 def test_the_brake_ramps_to_its_end_while_the_wheel_eases_to_the_middle() -> None:
     watchdog = ActuatorWatchdog()
-    watchdog.apply(command(0), now_ns=0)
+    watchdog.apply(command(0), 0, state_counter=0)
     brakes, wheels = [], []
     for k in range(4, 60):
-        applied = watchdog.apply(None, now_ns=k * PERIOD_NS)
+        applied = watchdog.apply(None, k * PERIOD_NS, state_counter=0)
         brakes.append(applied.brake_n)
         wheels.append(applied.steer_rad)
     assert brakes == sorted(brakes)
     assert brakes[-1] == BRAKE_N
     assert wheels == sorted(wheels, reverse=True)
     assert wheels[-1] == 0.0
+
+
+@pytest.mark.parametrize("jitter_ns", [-2_000_000, -20_000, 20_000, 2_000_000])
+def test_the_limit_does_not_depend_on_the_jitter_of_a_tick(jitter_ns: int) -> None:
+    watchdog = ActuatorWatchdog()
+    watchdog.apply(command(100_000), 3 * PERIOD_NS + jitter_ns, state_counter=0)
+    assert not watchdog.is_braking
+    watchdog.apply(command(100_000), 4 * PERIOD_NS + jitter_ns, state_counter=0)
+    assert watchdog.is_braking
+
+
+def test_a_command_that_dawdled_on_the_bus_is_as_old_as_the_state_it_answers() -> None:
+    watchdog = ActuatorWatchdog()
+    for k in range(20):
+        # A fresh arrival every period, and every one of them three periods behind.
+        watchdog.apply(command(k * PERIOD_NS, counter=(k - 3) % 16), k * PERIOD_NS, k % 16)
+    assert not watchdog.is_braking
+    watchdog.apply(command(20 * PERIOD_NS, counter=0), 20 * PERIOD_NS, state_counter=4)
+    assert watchdog.is_braking
+
+
+def test_a_command_that_counted_ahead_is_not_old() -> None:
+    watchdog = ActuatorWatchdog()
+    watchdog.apply(command(0, counter=1), 0, state_counter=0)
+    assert not watchdog.is_braking

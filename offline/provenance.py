@@ -1,0 +1,30 @@
+"""What a bundle says about the episodes it was trained on, and whether others are news to it.
+
+Every episode has a random stream of its own, spawned from the seed. Two data sets of one seed and
+different lengths therefore begin with the same episodes and split them differently: what one
+tests on, the other may train on. With one seed and one length the split is the same; with two
+seeds no episode is.
+"""
+
+import json
+from collections.abc import Mapping
+
+from offline.manifest import Manifest, Origin
+from rt_controller.contract.artifact import Bundle
+
+
+def describe_training(settings: Mapping[str, object], origin: Origin) -> str:
+    """The field `training` of a bundle, JSON: the settings, and which episodes they met."""
+    return json.dumps({**settings, "episodes": origin.episodes, "data_seed": origin.seed})
+
+
+def is_held_out(bundle: Bundle, manifest: Manifest) -> bool:
+    """Whether the model saw no test episode of that data set while it was trained."""
+    if bundle.data_sha256 == manifest.sha256:
+        return True
+    try:
+        training = json.loads(bundle.training)
+        seed, episodes = int(training["data_seed"]), int(training["episodes"])
+    except (ValueError, KeyError, TypeError):
+        return False  # it does not say
+    return seed != manifest.origin.seed or episodes == manifest.origin.episodes

@@ -1,0 +1,57 @@
+"""The data sets at hand: in a folder, in the cache, or made now."""
+
+from pathlib import Path
+
+from offline.config import PRESETS
+from offline.dataset import MANIFEST_FILE, Dataset, cache, exists, load_dataset, save_dataset
+from offline.excitation import Recipe
+from offline.generate import generate, plant_fingerprint
+from offline.manifest import Origin, read_manifest
+from offline.terminal import CONSOLE, progress_bar
+from rt_controller.contract.errors import DatasetError
+
+
+def ensure_dataset(data: Path | None, episodes: int, seed: int, jobs: int) -> tuple[Path, Dataset]:
+    """Folder and content of a data set, made now if it is not there.
+
+    A folder that holds one already is taken as it is, of however many episodes.
+    """
+    origin = origin_today(episodes, seed)
+    folder = data or cache() / origin.name
+    if exists(folder):
+        return folder, load_dataset(folder)
+    CONSOLE.print(f"making a data set of {episodes} episodes in {folder}", soft_wrap=True)
+    done = 0
+    with progress_bar("driving", episodes) as show:
+
+        def on_progress(more: int) -> None:
+            nonlocal done
+            done += more
+            show(done, "")
+
+        made = generate(origin.recipe, episodes, seed, jobs, on_progress)
+    return folder, save_dataset(folder, made.trajectories, rejected=made.rejected, origin=origin)
+
+
+def full_folder() -> Path:
+    """Where the paper's data set lives, of today's recipe and car."""
+    paper = PRESETS["paper"]
+    return cache() / origin_today(paper.episodes, paper.data_seed).name
+
+
+def find_dataset(sha256: str) -> Path | None:
+    """The folder in the cache whose numbers have this hash."""
+    for manifest in sorted(cache().glob(f"*/{MANIFEST_FILE}")):
+        try:
+            if read_manifest(manifest).sha256 == sha256:
+                return manifest.parent
+        except DatasetError:
+            continue  # damaged, or of another version: not the one
+    return None
+
+
+def origin_today(episodes: int, seed: int) -> Origin:
+    """What a data set made now would follow from."""
+    with CONSOLE.status("compiling the car"):
+        fingerprint = plant_fingerprint()
+    return Origin(Recipe(), episodes, seed, fingerprint)
