@@ -15,13 +15,13 @@ from rt_controller.contract.artifact import Bundle
 def compare(bundle: Bundle, dataset: Dataset) -> Evaluation:
     """Errors of the bundle, a linear model and persistence on the test part of the data set.
 
-    The linear model is fitted to the training part of the same data set.
+    The linear model is fitted to the training part of the same data set, unless the bundle itself
+    is one.
     """
-    models: dict[str, Predictor] = {
-        bundle.name: BundlePredictor(bundle),
-        "lti": BundlePredictor(fit_lti(dataset, choose_selftest_states(dataset))),
-        "persistence": PersistencePredictor(),
-    }
+    models: dict[str, Predictor] = {bundle.name: BundlePredictor(bundle)}
+    if bundle.name != "lti":
+        models["lti"] = BundlePredictor(fit_lti(dataset, choose_selftest_states(dataset)))
+    models["persistence"] = PersistencePredictor()
     return evaluate(models, choose_test_trajectories(dataset.select("test")))
 
 

@@ -13,6 +13,7 @@ from offline.baselines.lti import fit_lti
 from offline.baselines.persistence import PersistencePredictor
 from offline.card import Fact, write_card
 from offline.checkpoint import load_checkpoint
+from offline.comparison import compare
 from offline.dataset import Dataset, Trajectories
 from offline.evaluate import StateErrors, choose_test_trajectories, evaluate, squared_errors
 from offline.export import choose_selftest_states, make_bundle, pass_gate
@@ -130,6 +131,11 @@ def test_pooled_errors_are_the_mean_of_those_per_curvature(toy_dataset):
             for kappa, weight in weights.items()
         )
         assert mean == pytest.approx(getattr(found.pooled["persistence"], state))
+
+
+def test_a_linear_bundle_is_judged_itself_and_not_the_one_that_would_be_fitted(toy_dataset, lti):
+    worse = replace(lti, A=0.9 * lti.A)
+    assert compare(worse, toy_dataset).pooled["lti"].vx > compare(lti, toy_dataset).pooled["lti"].vx
 
 
 def test_480_trajectories_of_each_curvature_are_judged():
