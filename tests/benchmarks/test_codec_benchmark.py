@@ -91,6 +91,6 @@ def test_command_out(benchmark: BenchmarkFixture) -> None:
     """Encoded and handed to a virtual bus on which nobody else listens."""
     with open_bus("virtual", "benchmark") as bus:
         outbox = ControllerOutbox(bus)
-        benchmark(outbox.send_command, CONTROL, Mode.NOMINAL, 0)
+        benchmark(outbox.send_command, CONTROL, Mode.NOMINAL, 0, 0)
         assert outbox.sent > 0
         assert outbox.send_failures == 0
