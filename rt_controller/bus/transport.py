@@ -8,7 +8,6 @@ import errno
 import socket
 import tomllib
 from collections.abc import Mapping
-from contextlib import suppress
 from difflib import get_close_matches
 from typing import Any
 
@@ -73,9 +72,12 @@ def open_bus(
 
 def close_bus(bus: can.BusABC) -> None:
     """Leave a bus; one that is already gone is left all the same."""
-    # Each backend raises its own kind. Whatever is wrong has shown while the bus was in use.
-    with suppress(Exception):
+    try:
         bus.shutdown()
+    except Exception:
+        # Each backend raises its own kind, and whatever is wrong has shown while the bus was in
+        # use. The base class only notes that the bus is closed: else it tries again when collected.
+        can.BusABC.shutdown(bus)
 
 
 def parse_options(written: Mapping[str, str]) -> dict[str, Option]:

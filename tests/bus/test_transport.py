@@ -1,6 +1,7 @@
 """Opening a bus: what works, and messages with a remedy for what does not."""
 
 import errno
+import gc
 import os
 import socket
 import threading
@@ -9,9 +10,11 @@ from pathlib import Path
 
 import can
 import pytest
+from can.interfaces.virtual import VirtualBus
 
 from rt_controller.bus.transport import (
     VIRTUAL_QUEUE_FRAMES,
+    close_bus,
     explain_failure,
     open_bus,
     parse_options,
@@ -164,3 +167,21 @@ def test_options_as_written_get_the_type_they_look_like() -> None:
         "ratio": 0.5,
         "day": "2026-01-01",
     }
+
+
+def test_a_bus_that_is_gone_is_left_without_a_word(
+    monkeypatch: pytest.MonkeyPatch, recwarn: pytest.WarningsRecorder
+) -> None:
+    class Gone(VirtualBus):
+        attempts = 0
+
+        def shutdown(self) -> None:
+            Gone.attempts += 1
+            raise OSError("the other end is gone")
+
+    bus = Gone(channel="gone")
+    close_bus(bus)
+    del bus
+    gc.collect()
+    assert Gone.attempts == 1
+    assert not [each for each in recwarn if "unraisable" in str(each.message).lower()]
