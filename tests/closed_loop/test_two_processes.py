@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -17,9 +18,16 @@ pytest.importorskip("can_remote", reason="the extra [remote] is not installed")
 PATIENCE_S = 90.0
 
 
-@pytest.fixture
-def channel() -> Iterator[str]:
+@dataclass(frozen=True, slots=True)
+class Road:
     """A CAN bus between processes: python-can's virtual bus behind a local server."""
+
+    channel: str
+    server: subprocess.Popen
+
+
+@pytest.fixture
+def road() -> Iterator[Road]:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -33,10 +41,15 @@ def channel() -> Iterator[str]:
     )
     try:
         wait_until(lambda: is_listening(port), "the server of the bus")
-        yield f"ws://127.0.0.1:{port}/"
+        yield Road(f"ws://127.0.0.1:{port}/", server)
     finally:
         server.kill()
         server.wait()
+
+
+@pytest.fixture
+def channel(road: Road) -> str:
+    return road.channel
 
 
 def is_listening(port: int) -> bool:
@@ -146,3 +159,34 @@ def test_ctrl_c_ends_a_drive_in_good_order(channel: str, tmp_path: Path) -> None
     summary = json.loads((tmp_path / "controller.json").read_text())
     assert summary["ending"] == "STOPPED"
     assert json.loads((tmp_path / "car.json").read_text())["final_speed_mps"] < 0.5
+
+
+def test_a_bus_that_dies_ends_both_with_a_word_and_no_traceback(road: Road, tmp_path: Path) -> None:
+    car, controller = start_car(road.channel, tmp_path), start_controller(road.channel, tmp_path)
+    try:
+        wait_until(lambda: says(tmp_path / "controller.log", "NOMINAL"), "a driving controller")
+        road.server.kill()
+        assert car.wait(PATIENCE_S) == 5
+        assert controller.wait(PATIENCE_S) == 5
+    finally:
+        car.kill()
+        controller.kill()
+    for name in ("car.log", "controller.log"):
+        assert "cannot be read" in (tmp_path / name).read_text()
+        assert "Traceback" not in (tmp_path / name).read_text()
+
+
+def test_a_second_controller_is_turned_away_and_the_first_drives_on(
+    channel: str, tmp_path: Path
+) -> None:
+    (tmp_path / "second").mkdir()
+    car, controller = start_car(channel, tmp_path), start_controller(channel, tmp_path)
+    try:
+        wait_until(lambda: says(tmp_path / "controller.log", "NOMINAL"), "a driving controller")
+        second = start_controller(channel, tmp_path / "second")
+        assert second.wait(PATIENCE_S) == 5
+        assert car.wait(PATIENCE_S) == 0
+    finally:
+        for process in (car, controller, second):
+            process.kill()
+    assert "another one" in (tmp_path / "second" / "controller.log").read_text()
