@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import onnx
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
@@ -150,7 +151,17 @@ def to_onnx(encoder: nn.Module) -> bytes:
             external_data=False,
             verbose=False,
         )
-        return path.read_bytes()
+        return _without_traces(onnx.load(path)).SerializeToString()
+
+
+def _without_traces(model: onnx.ModelProto) -> onnx.ModelProto:
+    """The model without the exporter's notes: stack traces with the paths of this machine."""
+    graph = model.graph
+    values = (*graph.value_info, *graph.initializer, *graph.input, *graph.output)
+    for noted in (model, graph, *graph.node, *values):
+        del noted.metadata_props[:]
+        noted.doc_string = ""
+    return model
 
 
 @contextmanager

@@ -83,3 +83,9 @@ def test_roll_out_in_physical_units_is_the_scaled_one(model):
         psi = psi @ A.T + (u[k] * SCALING.u_scale) @ B.T + c
     assert np.allclose(psi[:, :6], SCALING.restore_states(expected[-1][:, :6]), rtol=1e-9)
     assert np.allclose(psi[:, 6:], expected[-1][:, 6:], rtol=1e-9, atol=1e-9)
+
+
+def test_the_encoder_tells_nothing_of_the_machine_it_was_exported_on(model) -> None:
+    encoder = to_onnx(PhysicalEncoder(model, SCALING).eval())
+    for word in (b"site-packages", b"export.py", b"File "):
+        assert word not in encoder
