@@ -151,7 +151,8 @@ def to_onnx(encoder: nn.Module) -> bytes:
             external_data=False,
             verbose=False,
         )
-        return _without_traces(onnx.load(path)).SerializeToString()
+        serialised: bytes = _without_traces(onnx.load(path)).SerializeToString()
+    return serialised
 
 
 def _without_traces(model: onnx.ModelProto) -> onnx.ModelProto:
