@@ -22,7 +22,6 @@ BEYOND_REPAIR = (
     StopCause.BUS_FAILED,
     StopCause.PEER_MISMATCH,
     StopCause.SECOND_CONTROLLER,
-    StopCause.STOP_REQUESTED,
 )
 """no waiting on the bus will mend these: the loop ends even where it stays for further missions"""
 
@@ -115,7 +114,8 @@ def drive(
     silent_ticks = 0
     try:
         while not request.is_urgent:
-            if request.is_asked or (end_ns is not None and clock.now_ns() >= end_ns):
+            is_asked = request.is_asked or (end_ns is not None and clock.now_ns() >= end_ns)
+            if is_asked:
                 if record.outcome.mode is Mode.STANDBY:
                     return
                 step.request_stop()
@@ -145,10 +145,9 @@ def drive(
                 record.ending = Ending.MISSION_OVER
                 return
             if outcome.mode is Mode.SAFE_STOP and _is_at_rest(outcome, silent_ticks):
-                if outcome.cause is StopCause.STOP_REQUESTED:
-                    return
-                record.ending = Ending.SAFE_STOPPED
-                if not stays or outcome.cause in BEYOND_REPAIR:
+                if outcome.cause is not StopCause.STOP_REQUESTED:
+                    record.ending = Ending.SAFE_STOPPED
+                if is_asked or not stays or outcome.cause in BEYOND_REPAIR:
                     return
     finally:
         step.leave()

@@ -13,10 +13,10 @@ from rt_controller.bus.snapshot import MissionSnapshot, StateSnapshot
 from rt_controller.contract.limits import InputLimits
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, PathReference
 from rt_controller.contract.timing import (
-    COUNTER_MODULUS,
     HOLD_PLAN_TICKS,
     IDENT_PERIOD_TICKS,
     PERIOD_S,
+    counter_lag,
 )
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.plan import Plan
@@ -163,6 +163,8 @@ class ControlStep:
             return None
         self._last_state = newest
         self._counter = newest.counter
+        if self.outcome.mode is Mode.STANDBY:
+            self._delay.forget()  # nothing is driven by it: learn a restarted vehicle anew
         self._last_delay_ns = self._delay.measure(newest.arrival_ns, newest.sample_time_ns)
         if self._last_delay_ns > STATE_MAX_AGE_NS or _round_trip(newest) > ROUND_TRIP_MAX_TICKS:
             self._faults |= Fault.STATE_STALE
@@ -305,4 +307,4 @@ def _round_trip(state: StateSnapshot) -> int:
     """Periods from a command of ours to the state that shows its effect; 1 when all is well."""
     if state.command_echo is None:
         return 0
-    return (state.counter - state.command_echo) % COUNTER_MODULUS
+    return counter_lag(newer=state.counter, older=state.command_echo)

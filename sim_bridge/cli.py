@@ -108,6 +108,7 @@ def drive(
     console = Console(stderr=True)
     require_writable(json_file)
     choice = PlantChoice(plant, plant_mapping, car, friction, friction_right)
+    prepare_process(priority)  # first of all: the threads of bus and log inherit it
     recorder = (
         Recorder(
             record,
@@ -159,7 +160,6 @@ def _run(
     leave = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: leave.set())
-    prepare_process(priority)
     give_up_s = time.monotonic() + wait_s
     thread = threading.Thread(
         target=session.run,

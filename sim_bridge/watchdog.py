@@ -4,9 +4,9 @@ from rt_controller.bus.snapshot import CommandSnapshot
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import (
     COMMAND_TIMEOUT_S,
-    COUNTER_MODULUS,
     PERIOD_NS,
     PERIOD_S,
+    counter_lag,
 )
 
 COMMAND_TIMEOUT_NS = round(COMMAND_TIMEOUT_S * 1e9) - PERIOD_NS // 2
@@ -59,7 +59,5 @@ def is_driving(command: CommandSnapshot | None) -> bool:
 
 
 def _age_ns(command: CommandSnapshot, now_ns: int, state_counter: int) -> int:
-    lag = (state_counter - command.counter) % COUNTER_MODULUS
-    if lag > COUNTER_MODULUS // 2:
-        lag = 0  # ahead: the controller counted on while a state of ours was late
+    lag = counter_lag(newer=state_counter, older=command.counter)
     return max(now_ns - command.arrival_ns, lag * PERIOD_NS)

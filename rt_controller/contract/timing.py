@@ -17,3 +17,12 @@ MISSION_PERIOD_TICKS = 4
 """MISSION goes out every 100 ms"""
 IDENT_PERIOD_TICKS = 40
 """IDENT goes out every second"""
+
+COUNTER_AHEAD_TICKS = 4
+"""one end counts on while it hears nothing from the other, and may be ahead by so much"""
+
+
+def counter_lag(newer: int, older: int) -> int:
+    """Periods by which the counter `older` lies behind `newer`; 0 where it is ahead."""
+    lag = (newer - older) % COUNTER_MODULUS
+    return 0 if lag >= COUNTER_MODULUS - COUNTER_AHEAD_TICKS else lag

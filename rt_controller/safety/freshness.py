@@ -15,8 +15,11 @@ REFERENCE_MAX_AGE_NS = 3 * PERIOD_NS
 TIMING_SLACK_NS = PERIOD_NS // 2
 """ages are multiples of the period: limits lie between two of them"""
 
-_DRIFT_ALLOWED = 200e-6
-"""two crystals may differ by this much; the fastest transport ever seen fades as fast"""
+_DRIFT_ALLOWED = 1000e-6
+"""two clocks may differ by this much, one of them being slewed; a delay that grows no faster
+cannot be told from that"""
+_FORGET_AFTER_NS = 1_000_000_000
+"""after such a gap the sender may have started anew, with another origin of its stamps"""
 
 
 def is_fresh(arrival_ns: int, now_ns: int, max_age_ns: int) -> bool:
@@ -36,10 +39,14 @@ class TransportDelay:
         self._fastest_ns: float | None = None
         self._last_arrival_ns = 0
 
+    def forget(self) -> None:
+        """Take the next message for as fast as any can be."""
+        self._fastest_ns = None
+
     def measure(self, arrival_ns: int, stamp_ns: int) -> int:
         """The extra delay of a message stamped `stamp_ns` that arrived at `arrival_ns`."""
         difference_ns = (arrival_ns - stamp_ns) % self._wrap_ns
-        if self._fastest_ns is None:
+        if self._fastest_ns is None or arrival_ns - self._last_arrival_ns > _FORGET_AFTER_NS:
             self._fastest_ns = difference_ns
         else:
             self._fastest_ns += _DRIFT_ALLOWED * (arrival_ns - self._last_arrival_ns)

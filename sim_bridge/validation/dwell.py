@@ -1,7 +1,7 @@
 """Test 6: sine with dwell, after FMVSS 126; the car has no stability control to judge."""
 
 from dataclasses import dataclass
-from math import radians
+from math import isfinite, nan, radians
 
 import numpy as np
 from numpy import float64
@@ -58,20 +58,22 @@ class DwellSeries:
     """at 0.3 g; the amplitudes are multiples of it"""
 
     def worst_left_over(self, after_s: float) -> float:
-        return float(np.max([dwell.left_over(after_s) for dwell in self.runs]))
+        return max((dwell.left_over(after_s) for dwell in self.runs), default=nan)
 
     @property
     def least_displacement_m(self) -> float:
         """Among the amplitudes large enough for the requirement to count."""
+        large = _DISPLACEMENT_FACTOR * self.wheel_angle_deg
         return min(
-            dwell.displacement_m
-            for dwell in self.runs
-            if dwell.amplitude_deg >= _DISPLACEMENT_FACTOR * self.wheel_angle_deg
+            (dwell.displacement_m for dwell in self.runs if dwell.amplitude_deg >= large),
+            default=nan,
         )
 
 
 def measure(parameters: Parameters, wheel_angle_deg: float) -> DwellSeries:
     """The series for a car that takes `wheel_angle_deg` for 0.3 g; throttle closed at the start."""
+    if not isfinite(wheel_angle_deg):  # a car that never gets to 0.3 g
+        return DwellSeries((), wheel_angle_deg)
     amplitudes_rad = [radians(factor * wheel_angle_deg) for factor in _FACTORS]
     within = [a for a in amplitudes_rad if a < _LARGEST_RAD] + [_LARGEST_RAD]
     return DwellSeries(

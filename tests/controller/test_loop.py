@@ -183,6 +183,22 @@ def test_even_a_loop_that_stays_leaves_a_bus_that_cannot_be_read(
     assert record.outcome.cause is StopCause.BUS_FAILED
 
 
+def test_one_request_is_enough_after_a_safe_stop_that_stayed(rig: Rig, record: RunRecord) -> None:
+    request = StopRequest()
+
+    def stop_then_ask(now_ns: int) -> None:
+        rig.vehicle.is_watchdog_braking = now_ns > 10**9
+        if now_ns > 2 * 10**9:
+            rig.vehicle.state = CRUISING._replace(vx_mps=0.0, ds_m=0.0)
+        if now_ns == 3 * 10**9:
+            request.ask()
+
+    rig.vehicle.also = stop_then_ask
+    drive(rig.step, rig.clock, record, request, stays=True)
+    assert record.ending is Ending.SAFE_STOPPED
+    assert 118 <= record.deadlines.ticks <= 122
+
+
 def test_a_stall_is_a_missed_deadline(rig: Rig, record: RunRecord) -> None:
     class Stalling:
         """The rig's clock, with half a second lost before the tenth tick."""

@@ -288,3 +288,32 @@ def test_a_second_controller_on_the_bus_ends_the_drive(rig: Rig) -> None:
     ControllerOutbox(rig.vehicle_bus).send_command(CRUISE, Mode.NOMINAL, 9, 0)
     outcome = rig.tick()
     assert (outcome.mode, outcome.cause) == (Mode.SAFE_STOP, StopCause.SECOND_CONTROLLER)
+
+
+@pytest.mark.parametrize("silent_periods", [1, 2])
+def test_a_vehicle_that_stalled_and_comes_back_in_time_is_driven_on(
+    rig: Rig, silent_periods: int
+) -> None:
+    def echo_what_was_heard() -> None:
+        rig.vehicle.command_echo = rig.command.counter
+
+    for _ in range(20):
+        rig.tick()
+        echo_what_was_heard()
+    rig.vehicle.state = None
+    for _ in range(silent_periods):
+        assert rig.tick().mode is Mode.HOLD_PLAN
+        echo_what_was_heard()
+    rig.vehicle.state = CRUISING
+    for _ in range(5):
+        assert rig.tick().mode is Mode.NOMINAL
+        echo_what_was_heard()
+
+
+def test_a_vehicle_that_started_anew_is_learnt_anew(rig: Rig) -> None:
+    rig.tick(10)
+    rig.vehicle.mission = ENGAGED._replace(is_engaged=False)
+    rig.vehicle.stamped_late_ns = 1_000_000_000
+    assert rig.tick(5).mode is Mode.STANDBY
+    rig.vehicle.mission = ENGAGED
+    assert rig.tick().mode is Mode.NOMINAL

@@ -80,3 +80,10 @@ def test_a_command_that_counted_ahead_is_not_old() -> None:
     watchdog = ActuatorWatchdog()
     watchdog.apply(command(0, counter=1), 0, state_counter=0)
     assert not watchdog.is_braking
+
+
+@pytest.mark.parametrize("lag", range(16))
+def test_every_lag_is_braked_for_but_those_of_a_command_ahead(lag: int) -> None:
+    watchdog = ActuatorWatchdog()
+    watchdog.apply(command(0, counter=0), 0, state_counter=lag)
+    assert watchdog.is_braking is (4 <= lag < 12)
