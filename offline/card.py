@@ -4,8 +4,10 @@ import json
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from offline.evaluate import UNITS, Evaluation
+from offline.evaluation_sheets import mse_sheet
 from offline.export import Gate
+from offline.judgement import Judgement
+from offline.sheet import sheet_as_markdown
 from rt_controller.contract.artifact import Bundle
 
 
@@ -16,21 +18,47 @@ class Fact(NamedTuple):
     value: str
 
 
-def write_card(bundle: Bundle, gate: Gate, evaluation: Evaluation, facts: Sequence[Fact]) -> str:
+def describe_model(bundle: Bundle) -> list[Fact]:
+    """What the model predicts from, and how the inputs act in it."""
+    lift, schema = bundle.lift, bundle.schema
+    seen = [f"the states {', '.join(schema.state_names)}"]
+    if lift.sees_exogenous:
+        seen.append(f"the exogenous {', '.join(schema.exogenous_names)}")
+    if lift.sees_history:
+        seen.append(
+            f"the last {lift.history_steps} periods "
+            f"({1000 * lift.history_steps * schema.dt_s:g} ms) of {', '.join(lift.history_fields)}"
+        )
+    matrix = "constant"
+    if bundle.bilinear is not None:
+        matrix = f"bilinear of rank {bundle.bilinear.rank}, frozen at the first lifted state"
+    return [
+        Fact("observables", f"{bundle.n_observables}, lifted from {'; '.join(seen)}"),
+        Fact("input matrix", matrix),
+        Fact("inputs", ", ".join(schema.input_names)),
+        Fact("period", f"{1000 * schema.dt_s:g} ms"),
+    ]
+
+
+def write_card(bundle: Bundle, gate: Gate, judgement: Judgement, facts: Sequence[Fact]) -> str:
     """The card in Markdown."""
+    library = judgement.sets[0]
+    pooled = mse_sheet(judgement, library)
     lines = [
         f"# {bundle.name}",
         "",
-        f"A lifted linear model of a car with {bundle.n_observables} observables, sampled every "
-        f"{1000 * bundle.dt_s:g} ms, in physical units. Load it with "
-        "`rt_controller.contract.artifact.load_bundle`, drive with "
+        f"A lifted {'linear' if bundle.bilinear is None else 'bilinear'} model with "
+        f"{bundle.n_observables} observables, sampled every {1000 * bundle.schema.dt_s:g} ms, in "
+        "physical units. Load it with `rt_controller.contract.artifact.load_bundle`, drive with "
         "`rt-controller --bus virtual --model`.",
+        "",
+        "## What it predicts from",
+        "",
+        *_table(describe_model(bundle)),
         "",
         "## How it was made",
         "",
-        "| | |",
-        "|---|---|",
-        *(f"| {fact.name} | {fact.value} |" for fact in facts),
+        *_table(facts),
         f"| data set, SHA-256 | `{bundle.data_sha256}` |",
         f"| encoder, SHA-256 | `{bundle.encoder_sha256}` |",
         f"| model, SHA-256 | `{bundle.sha256}` |",
@@ -43,15 +71,9 @@ def write_card(bundle: Bundle, gate: Gate, evaluation: Evaluation, facts: Sequen
         f"Largest difference between ONNX and the trained network {gate.parity:.1e}, "
         "in the same units.",
         "",
-        f"Mean squared error over 80 open-loop steps (2 s) on {evaluation.n_trajectories} "
-        "trajectories held out by episode:",
+        f"{pooled.title}, held out by episode. {pooled.note}",
         "",
-        "| model | " + " | ".join(f"{name}, {unit}" for name, unit in UNITS.items()) + " |",
-        "|---|" + "---|" * len(UNITS),
-        *(
-            f"| {name} | " + " | ".join(f"{number:.4g}" for number in errors) + " |"
-            for name, errors in evaluation.pooled.items()
-        ),
+        sheet_as_markdown(pooled),
         "",
         "## Configuration",
         "",
@@ -61,3 +83,7 @@ def write_card(bundle: Bundle, gate: Gate, evaluation: Evaluation, facts: Sequen
         "",
     ]
     return "\n".join(lines)
+
+
+def _table(facts: Sequence[Fact]) -> list[str]:
+    return ["| | |", "|---|---|", *(f"| {fact.name} | {fact.value} |" for fact in facts)]

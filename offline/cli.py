@@ -1,4 +1,4 @@
-"""The four offline commands: data, train, export, evaluate.
+"""The offline commands: data, train, export, evaluate, report.
 
 Arguments and exit codes only. What the commands do is in `offline.commands`, which is loaded when
 one of them runs, and with it torch, numba and onnx: help and complaints need none of them.
@@ -20,18 +20,31 @@ RUNS = Path("runs")
 NEEDED = ("torch", "numba", "onnx", "onnxscript", "joblib", "onnxruntime")
 
 JsonFile = Annotated[Path | None, Parameter(name="--json")]
+Folders = Annotated[list[Path] | None, Parameter(consume_multiple=True, negative="")]
+Names = Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")]
 
 data_app = App(name="offline-data", help="Make the data set: episodes of the simulated car.")
-train_app = App(name="offline-train", help="Train MDK-Net. The defaults are the paper's.")
+import_app = App(name="offline-import", help="Make a data set of recorded logs.")
+train_app = App(
+    name="offline-train", help="Train a model; the defaults are those of the preset recommended."
+)
 export_app = App(name="offline-export", help="Make the bundle that rt-controller drives with.")
 evaluate_app = App(
     name="offline-evaluate", help="Predict two seconds ahead on held-out data, beside the rivals."
+)
+report_app = App(
+    name="offline-report", help="The evaluation with its plots, as one page that needs no network."
 )
 
 
 def data_main() -> None:
     """Entry of `offline-data`."""
     _run(data_app)
+
+
+def import_main() -> None:
+    """Entry of `offline-import`."""
+    _run(import_app)
 
 
 def train_main() -> None:
@@ -47,6 +60,11 @@ def export_main() -> None:
 def evaluate_main() -> None:
     """Entry of `offline-evaluate`."""
     _run(evaluate_app)
+
+
+def report_main() -> None:
+    """Entry of `offline-report`."""
+    _run(report_app)
 
 
 @data_app.default
@@ -82,6 +100,39 @@ def make_data(
     from offline import commands
 
     return commands.make_data(episodes, seed, data, jobs, json_file)
+
+
+@import_app.default
+def import_logs(
+    mapping: Path,
+    logs: Annotated[list[Path], Parameter(consume_multiple=True, negative="")],
+    *,
+    data: Path | None = None,
+    replace: bool = False,
+    json_file: JsonFile = None,
+) -> int:
+    """Bring logs of a real car into the form that models are trained on, and say what is in them.
+
+    Reads CSV, Parquet, MF4, npz, MATLAB files, and CAN logs with a DBC; docs/own-data.md has the
+    mapping file. Nothing is written unless every log is found good.
+
+    Parameters
+    ----------
+    mapping
+        TOML file that says which columns are which signals
+    logs
+        files, or folders of them
+    data
+        folder that gets the data set; without it the logs are only looked at
+    replace
+        a data set that is there may go
+    json_file
+        write the figures to this file
+    """
+    require_writable(json_file)
+    from offline.import_run import import_logs as run_import
+
+    return run_import(mapping, logs, data, replace=replace, json_file=json_file)
 
 
 @train_app.default
@@ -152,27 +203,73 @@ def export_model(
 
 
 @evaluate_app.default
-def evaluate_model(
-    *, model: Path | None = None, data: Path | None = None, json_file: JsonFile = None
+def evaluate_models(
+    *,
+    model: Folders = None,
+    data: Path | None = None,
+    rivals: Names = None,
+    sets: Names = None,
+    json_file: JsonFile = None,
 ) -> int:
     """Errors over 80 open-loop steps on the test trajectories, in the form of the paper's Table I.
 
     Parameters
     ----------
     model
-        folder of a bundle; without it that of the latest run
+        folders of bundles; without it that of the latest run
     data
-        folder of a data set; without it the full one if it is in the cache, else the one that the
-        model, or the latest run, was trained on. A data set whose test episodes the model may
-        have been trained on is refused
+        folder of a data set; without it the full one if it is in the cache, else one that a
+        model, or the latest run, was trained on. A data set whose test episodes a model may have
+        been trained on is refused
+    rivals
+        names of rivals, "all" or "none"; without it linear models, persistence, and the paper's
+        network. A rival that is not in the cache is fitted first
+    sets
+        library, new-roads, robustness; without it all of them
     json_file
         write the figures to this file
     """
     _prepare(json_file)
-    from offline import commands
+    from offline import evaluation_run
 
     latest = RUNS / "latest"
-    return commands.evaluate_model(model or latest / "bundle", data, latest, json_file)
+    return evaluation_run.evaluate_models(
+        model or [latest / "bundle"], data, latest, rivals or [], sets or [], json_file
+    )
+
+
+@report_app.default
+def write_report(
+    *,
+    output: Path,
+    model: Folders = None,
+    data: Path | None = None,
+    rivals: Names = None,
+    sets: Names = None,
+) -> int:
+    """The evaluation as a page with tables, plots and the paper's double lane change.
+
+    Parameters
+    ----------
+    output
+        HTML file to write
+    model
+        folders of bundles; without it that of the latest run
+    data
+        folder of a data set, chosen as by offline-evaluate
+    rivals
+        names of rivals, "all" or "none"; without it those of offline-evaluate
+    sets
+        library, new-roads, robustness; without it all of them
+    """
+    _prepare(None)
+    _require_plots()
+    from offline import report_run
+
+    latest = RUNS / "latest"
+    return report_run.write_report(
+        output, model or [latest / "bundle"], data, latest, rivals or [], sets or []
+    )
 
 
 def _run(app: App) -> None:
@@ -192,3 +289,11 @@ def _prepare(json_file: Path | None) -> None:
             f'Run: pip install -e ".[offline]"'
         )
     require_writable(json_file)
+
+
+def _require_plots() -> None:
+    if find_spec("matplotlib") is None:
+        raise MissingExtraError(
+            "a report expects the extra 'report', found no matplotlib. "
+            'Run: pip install -e ".[offline,report]"'
+        )

@@ -14,15 +14,15 @@ from offline.checkpoint import load_checkpoint
 from offline.comparison import compare, evaluation_figures, print_per_curvature, print_pooled
 from offline.config import TrainingConfig, resolve
 from offline.dataset import Dataset, exists, load_dataset
-from offline.export import Gate, choose_selftest_states, make_bundle, pass_gate
+from offline.export import Gate, choose_selftest, make_bundle, pass_gate
 from offline.held_out import choose_test_set
-from offline.manifest import Origin
+from offline.manifest import Imported, Origin
 from offline.revision import source_revision
 from offline.run_folder import create_run, extend_run, open_run
 from offline.stock import ensure_dataset, full_folder
 from offline.terminal import CONSOLE
 from offline.training_run import run_training
-from rt_controller.contract.artifact import Bundle, load_bundle, save_bundle
+from rt_controller.contract.artifact import Bundle, Lift, load_bundle, save_bundle
 from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.contract.figures import write_figures
 
@@ -118,7 +118,7 @@ def export_lti(data: Path | None, output: Path, run: Path, json_file: Path | Non
     folder = data or (full if exists(full) else open_run(run).data_folder)
     CONSOLE.print(f"data {folder}", soft_wrap=True)
     dataset = load_dataset(folder)
-    bundle = fit_lti(dataset, choose_selftest_states(dataset))
+    bundle = fit_lti(dataset, choose_selftest(dataset, Lift()))
     facts = [Fact("method", "one-step least squares with offset on all training transitions")]
     return _deliver(bundle, pass_gate(bundle), facts, dataset, output, json_file)
 
@@ -192,6 +192,8 @@ def _deliver(
 
 
 def _require_origin(folder: Path, origin: Origin, episodes: int, seed: int) -> None:
+    if isinstance(origin, Imported):
+        return  # logs are as many as they are
     if (origin.episodes, origin.seed) != (episodes, seed):
         raise DatasetError(
             f"{folder}: expected {episodes} episodes of seed {seed}, found a data set of "

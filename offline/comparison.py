@@ -1,59 +1,34 @@
-"""A model beside its rivals, on held-out data: as a table for people, as figures for programs."""
+"""A new bundle beside the plain rivals on the test part of its data: for its card, and a table."""
 
 from typing import Any
 
-from offline.baselines.lti import fit_lti
-from offline.baselines.persistence import PersistencePredictor
 from offline.dataset import Dataset
-from offline.evaluate import UNITS, Evaluation, choose_test_trajectories, evaluate
-from offline.export import choose_selftest_states
-from offline.predictor import BundlePredictor, Predictor
-from offline.terminal import CONSOLE, error_table
+from offline.evaluation_figures import pooled_figures
+from offline.evaluation_sheets import mse_sheet
+from offline.judgement import Judgement, judge
+from offline.predictor import BundlePredictor
+from offline.rivals import PLAIN_RIVALS, open_rivals
+from offline.sheet import print_sheet
+from offline.test_sets import library_set
 from rt_controller.contract.artifact import Bundle
 
 
-def compare(bundle: Bundle, dataset: Dataset) -> Evaluation:
-    """Errors of the bundle, a linear model and persistence on the test part of the data set.
+def compare(bundle: Bundle, dataset: Dataset) -> Judgement:
+    """Errors of the bundle, linear models and persistence on the test part of the data set.
 
-    The linear model is fitted to the training part of the same data set, unless the bundle itself
-    is one.
+    A bundle that is one of the rivals takes its place.
     """
-    models: dict[str, Predictor] = {bundle.name: BundlePredictor(bundle)}
-    if bundle.name != "lti":
-        models["lti"] = BundlePredictor(fit_lti(dataset, choose_selftest_states(dataset)))
-    models["persistence"] = PersistencePredictor()
-    return evaluate(models, choose_test_trajectories(dataset.select("test")))
+    names = tuple(name for name in PLAIN_RIVALS if name != bundle.name)
+    rivals = open_rivals(names, dataset, [bundle], insisted=False)
+    models = {bundle.name: BundlePredictor(bundle)}
+    return judge(models, rivals, [library_set(dataset)], dataset.schema)
 
 
-def print_pooled(evaluation: Evaluation) -> None:
-    """The table over all curvatures."""
-    title = f"MSE over 80 steps, {evaluation.n_trajectories} test trajectories"
-    CONSOLE.print(error_table(title, evaluation.pooled, _heads()))
+def print_pooled(judgement: Judgement) -> None:
+    """The table over all roads."""
+    print_sheet(mse_sheet(judgement, judgement.sets[0]))
 
 
-def print_per_curvature(evaluation: Evaluation) -> None:
-    """One table a curvature."""
-    for curvature, by_model in evaluation.per_curvature.items():
-        CONSOLE.print(error_table(f"curvature {curvature:g} 1/m", by_model, _heads()))
-
-
-def evaluation_figures(evaluation: Evaluation) -> dict[str, Any]:
+def evaluation_figures(judgement: Judgement) -> dict[str, Any]:
     """The same for `--json`."""
-    return {
-        "n_trajectories": evaluation.n_trajectories,
-        "units": UNITS,
-        "models": {
-            name: {
-                "mse": errors._asdict(),
-                "mse_by_curvature_per_m": {
-                    f"{curvature:g}": by_model[name]._asdict()
-                    for curvature, by_model in evaluation.per_curvature.items()
-                },
-            }
-            for name, errors in evaluation.pooled.items()
-        },
-    }
-
-
-def _heads() -> tuple[str, ...]:
-    return tuple(f"{name}\n{unit}" for name, unit in UNITS.items())
+    return pooled_figures(judgement)

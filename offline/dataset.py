@@ -1,8 +1,11 @@
-"""The data set on disk: trajectories.npz, and a manifest that says what it is.
+"""The data set on disk: recording.npz, and a manifest that says what it is.
 
-The manifest carries the recipe, the seed, the fingerprint of the car and the SHA-256 of every
-number, so that a truncated, altered or foreign file is refused and never trained on. Data sets
-live in a cache folder named after what they were made from.
+The manifest carries the signals, the recipe or the logs, and the SHA-256 of every number, so
+that a truncated, altered or foreign file is refused and never trained on. Data sets of the
+simulated car live in a cache folder named after what they were made from.
+
+A data set is whole drives and a list of slices of them. The slices are the paper's trajectories,
+the same for everybody who validates and tests; a model may learn from any window of the drives.
 """
 
 import hashlib
@@ -11,50 +14,39 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from offline.manifest import Manifest, Origin, read_manifest
+from offline.manifest import Imported, Manifest, Origin, Roads, read_manifest
+from offline.recording import Recording, Starts, cut
+from offline.road_frame import Anchor
+from offline.roles import Roles
+from offline.trajectories import Trajectories
 from rt_controller.contract.archive import DamagedArchiveError, read_arrays
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.signals import ControlInput, VehicleState
+from rt_controller.contract.schema import Schema
 
-Array32 = NDArray[np.float32]
 Part = Literal["train", "validation", "test"]
 
-TRAJECTORIES_FILE = "trajectories.npz"
+RECORDING_FILE = "recording.npz"
 MANIFEST_FILE = "manifest.json"
 PARTS: tuple[Part, ...] = ("train", "validation", "test")
 HELD_BACK = 0.1
 """share of the episodes for validation, and the same again for the test"""
 
-
-class Trajectories(NamedTuple):
-    """Slices of episodes, in physical units."""
-
-    x: Array32
-    """(N, K+1, 6) as `VehicleState`"""
-    u: Array32
-    """(N, K, 3) as `ControlInput`"""
-    kappa: Array32
-    """(N,) curvature in 1/m"""
-    episode: NDArray[np.int32]
-    """(N,) the number of the episode a slice was cut from"""
-
-    def take(self, rows: NDArray[np.integer] | NDArray[np.bool_] | slice) -> "Trajectories":
-        """The trajectories of these rows."""
-        return Trajectories(self.x[rows], self.u[rows], self.kappa[rows], self.episode[rows])
+_ARRAYS = (*Recording._fields, "part", "slice_row", "slice_episode", *(f"slice_{n}" for n in Anchor._fields))
 
 
 @dataclass(frozen=True, slots=True)
 class Dataset:
-    """All trajectories, which part each belongs to, and where they came from."""
+    """Drives, the slices of them, which part each belongs to, and where they came from."""
 
-    trajectories: Trajectories
+    recording: Recording
+    slices: Starts
     part: NDArray[np.int8]
-    """(N,) index into `PARTS`"""
+    """(E,) of each episode, index into `PARTS`"""
     manifest: Manifest
 
     @property
@@ -66,9 +58,22 @@ class Dataset:
     def origin(self) -> Origin:
         return self.manifest.origin
 
+    @property
+    def schema(self) -> Schema:
+        return self.manifest.schema
+
+    @property
+    def roles(self) -> Roles:
+        return self.manifest.roles
+
+    def episodes(self, part: Part) -> NDArray[np.int64]:
+        """Numbers of the episodes of one part."""
+        return np.flatnonzero(self.part == PARTS.index(part))
+
     def select(self, part: Part) -> Trajectories:
-        """The trajectories of one part, in stored order."""
-        return self.trajectories.take(self.part == PARTS.index(part))
+        """The slices of one part, in stored order."""
+        chosen = self.part[self.slices.episode] == PARTS.index(part)
+        return cut(self.recording, self.slices.take(chosen), self.schema, self.roles)
 
 
 def cache() -> Path:
@@ -77,36 +82,58 @@ def cache() -> Path:
     return base / "rt-controller" / "datasets"
 
 
-def split_by_episode(episode: NDArray[np.int32], seed: int) -> NDArray[np.int8]:
-    """Part (N,) of each trajectory: all slices of one episode fall into the same part."""
-    numbers = np.unique(episode)
-    shuffled = np.random.default_rng([seed, len(numbers)]).permutation(numbers)
-    held_back = round(HELD_BACK * len(numbers))
-    part = np.full(len(episode), PARTS.index("train"), dtype=np.int8)
-    part[np.isin(episode, shuffled[:held_back])] = PARTS.index("validation")
-    part[np.isin(episode, shuffled[held_back : 2 * held_back])] = PARTS.index("test")
+def split_episodes(episodes: int, seed: int) -> NDArray[np.int8]:
+    """Part (E,) of each episode, drawn at random."""
+    shuffled = np.random.default_rng([seed, episodes]).permutation(episodes)
+    held_back = round(HELD_BACK * episodes)
+    part = np.full(episodes, PARTS.index("train"), dtype=np.int8)
+    part[shuffled[:held_back]] = PARTS.index("validation")
+    part[shuffled[held_back : 2 * held_back]] = PARTS.index("test")
     return part
 
 
 def save_dataset(
-    folder: Path, trajectories: Trajectories, *, rejected: int, origin: Origin
+    folder: Path,
+    recording: Recording,
+    slices: Starts,
+    part: NDArray[np.int8],
+    *,
+    schema: Schema,
+    roles: Roles,
+    roads: Roads | None,
+    origin: Origin,
+    rejected: int = 0,
 ) -> Dataset:
-    """Split, write and describe a data set; the manifest comes last and makes it valid."""
-    part = split_by_episode(trajectories.episode, origin.seed)
-    arrays: dict[str, Any] = {**trajectories._asdict(), "part": part}
+    """Write and describe a data set; the manifest comes last and makes it valid.
+
+    Raises:
+        DatasetError: a number is not finite, or the folder has no room.
+    """
+    _require_finite(folder / RECORDING_FILE, recording, schema)
+    anchor = slices.anchor or Anchor(*(np.zeros(0) for _ in Anchor._fields))
+    arrays: dict[str, NDArray[Any]] = {
+        **recording._asdict(),
+        "part": part,
+        "slice_row": slices.row,
+        "slice_episode": slices.episode,
+        **{f"slice_{name}": column for name, column in anchor._asdict().items()},
+    }
     manifest = Manifest(
+        schema=schema,
+        roles=roles,
+        roads=roads,
         sha256=_hash_arrays(arrays),
-        trajectories=len(trajectories.kappa),
+        trajectories=len(slices.row),
         rejected_episodes=rejected,
         versions={name: version(name) for name in ("rt-controller", "numpy")},
         origin=origin,
     )
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        part_file = folder / (TRAJECTORIES_FILE + ".part")
+        part_file = folder / (RECORDING_FILE + ".part")
         with part_file.open("wb") as file:
-            np.savez(file, **arrays)
-        os.replace(part_file, folder / TRAJECTORIES_FILE)
+            np.savez(file, **arrays)  # type: ignore[arg-type]
+        os.replace(part_file, folder / RECORDING_FILE)
         part_file = folder / (MANIFEST_FILE + ".part")
         part_file.write_text(manifest.to_json(), encoding="utf-8")
         os.replace(part_file, folder / MANIFEST_FILE)
@@ -115,7 +142,7 @@ def save_dataset(
             f"{folder}: expected a folder with room for a data set, found: {error.strerror}. "
             f"Choose another with --data."
         ) from error
-    return Dataset(trajectories, part, manifest)
+    return Dataset(recording, slices, part, manifest)
 
 
 def exists(folder: Path) -> bool:
@@ -127,33 +154,47 @@ def load_dataset(folder: Path) -> Dataset:
     """Read a data set and check that it is the one its manifest describes.
 
     Raises:
-        DatasetError: a file is missing, truncated or altered, or the data set is of other
-            signals, another period or another format.
+        DatasetError: a file is missing, truncated or altered, or of another format.
     """
     manifest = read_manifest(folder / MANIFEST_FILE)
-    arrays = _read_arrays(folder / TRAJECTORIES_FILE)
+    path = folder / RECORDING_FILE
+    remedy = _remedy(manifest.origin)
+    arrays = _read_arrays(path, remedy)
     found = _hash_arrays(arrays)
     if found != manifest.sha256:
         raise DatasetError(
-            f"{folder / TRAJECTORIES_FILE}: expected numbers of SHA-256 {manifest.sha256:.16}…, "
-            f"found {found:.16}…: the file was altered or belongs to another manifest. Delete the "
-            f"folder and run offline-data again."
+            f"{path}: expected numbers of SHA-256 {manifest.sha256:.16}…, found {found:.16}…: the "
+            f"file was altered or belongs to another manifest. {remedy}"
         )
-    trajectories = Trajectories(*(arrays[name] for name in Trajectories._fields))
-    _require_finite(folder / TRAJECTORIES_FILE, trajectories)
-    return Dataset(trajectories, arrays["part"], manifest)
+    recording = Recording(*(arrays[name] for name in Recording._fields))
+    _require_finite(path, recording, manifest.schema)
+    anchor = Anchor(*(arrays[f"slice_{name}"] for name in Anchor._fields))
+    slices = Starts(
+        arrays["slice_row"], arrays["slice_episode"], anchor if manifest.roads else None
+    )
+    return Dataset(recording, slices, arrays["part"], manifest)
 
 
-def _require_finite(path: Path, trajectories: Trajectories) -> None:
-    columns = (("x", VehicleState._fields), ("u", ControlInput._fields))
-    for name, fields in columns:
-        array = getattr(trajectories, name)
+def _remedy(origin: Origin) -> str:
+    command = "offline-import" if isinstance(origin, Imported) else "offline-data"
+    return f"Delete the folder and run {command} again."
+
+
+def _require_finite(path: Path, recording: Recording, schema: Schema) -> None:
+    columns = (
+        (recording.x, schema.state_names),
+        (recording.u, schema.input_names),
+        (recording.w, schema.exogenous_names),
+        (recording.pose, ("X_m", "Y_m", "yaw_rad")),
+    )
+    for array, names in columns:
         if not np.all(np.isfinite(array)):
-            row, step, field = np.argwhere(~np.isfinite(array))[0]
+            row, column = np.argwhere(~np.isfinite(array))[0]
+            episode = int(np.searchsorted(recording.first, row, side="right")) - 1
             raise DatasetError(
-                f"{path}: expected finite numbers, found {array[row, step, field]} for "
-                f"{fields[field]} at step {step} of trajectory {row}. Remove that trajectory, or "
-                f"make the data set again."
+                f"{path}: expected finite numbers, found {array[row, column]} for "
+                f"{names[column]} at sample {row - recording.first[episode]} of episode "
+                f"{episode}. Leave that episode out, or make the data set again."
             )
 
 
@@ -166,23 +207,21 @@ def _hash_arrays(arrays: Mapping[str, NDArray[Any]]) -> str:
     return digest.hexdigest()
 
 
-def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    names = (*Trajectories._fields, "part")
+def _read_arrays(path: Path, remedy: str) -> dict[str, NDArray[Any]]:
     try:
         arrays = read_arrays(path)
     except FileNotFoundError as error:
         raise DatasetError(
-            f"{path}: expected the trajectories of a data set, found no such file. Delete the "
-            f"folder and run offline-data again."
+            f"{path}: expected the recording of a data set, found no such file. {remedy}"
         ) from error
     except (OSError, DamagedArchiveError) as error:
         raise DatasetError(
-            f"{path}: expected an npz archive with {', '.join(names)}, found a truncated or "
-            f"foreign file ({error}). Delete the folder and run offline-data again."
+            f"{path}: expected an npz archive with {', '.join(_ARRAYS)}, found a truncated or "
+            f"foreign file ({error}). {remedy}"
         ) from error
-    if set(arrays) != set(names):
+    if set(arrays) != set(_ARRAYS):
         raise DatasetError(
-            f"{path}: expected the arrays {', '.join(names)}, found {', '.join(sorted(arrays))}. "
-            f"Delete the folder and run offline-data again."
+            f"{path}: expected the arrays {', '.join(_ARRAYS)}, found "
+            f"{', '.join(sorted(arrays))}. {remedy}"
         )
     return arrays

@@ -30,6 +30,10 @@ class Recipe:
     steering_knots: tuple[int, ...] = (4, 5, 6)
     steering_window_s: float = 2.0
     """the knots above are spread over so long a window"""
+    road_friction: tuple[float, float] | None = None
+    """range an episode's is drawn from, 1 for the road of the tyre test; None: the car's own"""
+    mass_factor: tuple[float, float] | None = None
+    """range of the car's mass against its file; None: as in the file"""
 
 
 class Pedals(NamedTuple):

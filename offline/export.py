@@ -1,7 +1,8 @@
 """From a checkpoint to a bundle that drives: scaling folded in, checked, weighed, written.
 
-The run time knows physical units only. The encoder of the bundle takes physical x and returns
-[x, z(x)], its first six outputs being x itself bit by bit; A, B and c act on that vector.
+The run time knows physical units only. The encoder of the bundle takes physical x, and curvature
+and history where the model looks at them, and returns [x, z], its first outputs being x itself
+bit by bit; A, B and c act on that vector.
 """
 
 import copy
@@ -12,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import onnx
@@ -21,17 +23,17 @@ from torch import Tensor, nn
 
 from offline.checkpoint import Checkpoint
 from offline.dataset import Dataset
-from offline.model import N_STATES, MdkNet
+from offline.model import MdkNet, sizes_of
 from offline.predictor import BundlePredictor
 from offline.provenance import describe_training
+from offline.roles import past_columns
 from offline.scaling import Scaling
-from rt_controller.contract.artifact import Bundle
+from rt_controller.contract.artifact import Bilinear, Bundle, Lift, LiftSample
 from rt_controller.contract.errors import ArtifactError, DatasetError
-from rt_controller.contract.signals import ControlInput
 
 Array = NDArray[np.float64]
 
-LARGEST_SPECTRAL_RADIUS = 1.05
+LARGEST_SPECTRAL_RADIUS = 1.0005
 LARGEST_PARITY_ERROR = 1e-5
 SELFTEST_STATES = 32
 
@@ -49,7 +51,7 @@ class Gate:
 
 
 class PhysicalEncoder(nn.Module):
-    """The trained encoder, taking physical x and returning [x; z], scaling folded in.
+    """The trained encoder, taking physical signals and returning [x; z], scaling folded in.
 
     Folding happens in float64; a constant observable becomes an output whose weights are zero and
     whose bias is 1.
@@ -57,18 +59,22 @@ class PhysicalEncoder(nn.Module):
 
     def __init__(self, model: MdkNet, scaling: Scaling) -> None:
         super().__init__()
+        self.shows_exogenous = model.shows_exogenous
+        self.shows_history = model.history_steps > 0
         self.layers = copy.deepcopy(model.encoder)
+        centre, spread = _of_shown_signals(model, scaling)
         first = _linear(self.layers[0])
-        weight = first.weight.data.double() / torch.from_numpy(scaling.x_scale)
-        bias = first.bias.data.double() - weight @ torch.from_numpy(scaling.x_centre)
+        weight = first.weight.data.double() / torch.from_numpy(spread)
+        bias = first.bias.data.double() - weight @ torch.from_numpy(centre)
         first.weight.data, first.bias.data = weight.float(), bias.float()
         if model.has_constant:
             last = _linear(self.layers[-1])
             last.weight.data = torch.cat([last.weight.data, torch.zeros_like(last.weight.data[:1])])
             last.bias.data = torch.cat([last.bias.data, torch.ones(1)])
 
-    def forward(self, x: Tensor) -> Tensor:
-        return torch.cat([x, self.layers(x)], dim=-1)
+    def forward(self, x: Tensor, *more: Tensor) -> Tensor:
+        shown = [x, *(signal.flatten(1) for signal in more)]
+        return torch.cat([x, self.layers(torch.cat(shown, dim=-1))], dim=-1)
 
 
 def make_bundle(checkpoint: Checkpoint, dataset: Dataset) -> tuple[Bundle, Gate]:
@@ -84,27 +90,30 @@ def make_bundle(checkpoint: Checkpoint, dataset: Dataset) -> tuple[Bundle, Gate]
             f"{checkpoint.data_sha256:.16}…, found {dataset.sha256:.16}…. Name its folder with "
             f"--data."
         )
-    model = MdkNet(checkpoint.config)
+    schema, scaling = dataset.schema, checkpoint.scaling
+    model = MdkNet(checkpoint.config, sizes_of(schema, dataset.roles))
     model.load_state_dict(checkpoint.model)
     model.eval()
-    scaling = checkpoint.scaling
     encoder = PhysicalEncoder(model, scaling).eval()
-    scaled = model.operator()
-    A, B, c = fold_scaling(
-        scaled.A.detach().double().numpy(), scaled.B.detach().double().numpy(), scaling
-    )
-    selftest_x = choose_selftest_states(dataset)
+    lift = _lift_of(model, dataset)
+    operator = fold_scaling(model, scaling)
+    selftest = choose_selftest(dataset, lift)
+    shown = [torch.from_numpy(getattr(selftest, name).astype(np.float32)) for name in lift.inputs]
     with torch.no_grad():
-        selftest_psi = encoder(torch.from_numpy(selftest_x.astype(np.float32))).double().numpy()
-    n_inputs = len(ControlInput._fields)
+        selftest_psi = encoder(*shown).double().numpy()
+    selftest_psi[:, : model.sizes.states] = selftest.x
+    inputs = model.sizes.inputs
     bundle = Bundle(
         name="mdk-net",
-        A=A,
-        B_uc=np.ascontiguousarray(B[:, :n_inputs]),
-        B_uw=np.ascontiguousarray(B[:, n_inputs:]),
-        c=c,
-        encoder_onnx=to_onnx(encoder),
-        selftest_x=selftest_x,
+        schema=schema,
+        A=operator.A,
+        B_uc=np.ascontiguousarray(operator.B[:, :inputs]),
+        B_uw=np.ascontiguousarray(operator.B[:, inputs:]),
+        c=operator.c,
+        bilinear=operator.bilinear,
+        lift=lift,
+        encoder_onnx=to_onnx(encoder, lift, selftest),
+        selftest=selftest,
         selftest_psi=selftest_psi,
         training=describe_training(
             {**checkpoint.config.model_dump(mode="json"), "step": checkpoint.step}, dataset.origin
@@ -114,45 +123,98 @@ def make_bundle(checkpoint: Checkpoint, dataset: Dataset) -> tuple[Bundle, Gate]
     return bundle, pass_gate(bundle)
 
 
-def fold_scaling(A: Array, B: Array, scaling: Scaling) -> tuple[Array, Array, Array]:
-    """A (n, n), B (n, 4) and offset c (n,) for psi = [x physical; z].
+class PhysicalOperator(NamedTuple):
+    """psi+ = A psi + B [u; w] + c and what the lifted state adds to B, in physical units."""
+
+    A: Array
+    B: Array
+    c: Array
+    bilinear: Bilinear | None
+
+
+def fold_scaling(model: MdkNet, scaling: Scaling) -> PhysicalOperator:
+    """The model's operator for psi = [x physical; z].
 
     With psi_n = (psi - t) / s of the scaled model, psi+ = S A S^-1 psi + S B U^-1 u + (I - S A
-    S^-1) t, where s and t scale and centre the physical states and leave the latents alone.
+    S^-1) t, where s and t scale and centre the physical states and leave the latents alone. The
+    gains S_ri psi_n become (S_ri / s) psi - (S_ri / s) t.
     """
-    n = A.shape[0]
+    scaled = model.operator()
+    A, B = scaled.A.detach().double().cpu().numpy(), scaled.B.detach().double().cpu().numpy()
+    n, states = A.shape[0], model.sizes.states
     s, t = np.ones(n), np.zeros(n)
-    s[:N_STATES], t[:N_STATES] = scaling.x_scale, scaling.x_centre
+    s[:states], t[:states] = scaling.x_scale, scaling.x_centre
+    driven = np.concatenate([scaling.u_scale, scaling.w_scale])
     A_physical = A * s[:, None] / s[None, :]
-    B_physical = B * s[:, None] / scaling.u_scale[None, :]
-    return A_physical, B_physical, t - A_physical @ t
+    B_physical = B * s[:, None] / driven[None, :]
+    bilinear = None
+    if model.rank:
+        N = model.bilinear_columns().detach().double().cpu().numpy()
+        S = model.S.detach().double().cpu().numpy() / s
+        bilinear = Bilinear(N=N * s[None, :, None] / scaling.u_scale, S=S, s0=-S @ t)
+    return PhysicalOperator(A_physical, B_physical, t - A_physical @ t, bilinear)
 
 
-def choose_selftest_states(dataset: Dataset) -> Array:
-    """States (32, 6) spread evenly over the test part."""
-    states = dataset.select("test").x[:, 0]
-    rows = np.linspace(0, len(states) - 1, SELFTEST_STATES).astype(int)
-    return np.asarray(states[rows], dtype=np.float64)
+def choose_selftest(dataset: Dataset, lift: Lift) -> LiftSample:
+    """What the encoder may see at 32 instants spread evenly over the test part."""
+    test = dataset.select("test")
+    rows = np.linspace(0, len(test.episode) - 1, SELFTEST_STATES).astype(int)
+    chosen = test.take(rows)
+    history = chosen.past[:, chosen.past.shape[1] - lift.history_steps :]
+    if not lift.sees_history:
+        history = history[..., :0]
+    return LiftSample(
+        chosen.x[:, 0].astype(np.float64),
+        chosen.w[:, 0].astype(np.float64),
+        history.astype(np.float64),
+    )
 
 
-def to_onnx(encoder: nn.Module) -> bytes:
-    """The encoder as ONNX: "x" float32 (batch, 6) -> "psi" float32 (batch, n), any batch."""
-    example = torch.zeros(2, N_STATES)
+def to_onnx(encoder: nn.Module, lift: Lift, sample: LiftSample) -> bytes:
+    """The encoder as ONNX: what `lift` names, float32 -> "psi" float32 (batch, n), any batch."""
+    example = tuple(
+        torch.from_numpy(getattr(sample, name)[:2].astype(np.float32)) for name in lift.inputs
+    )
+    batch = torch.export.Dim("batch")
+    shapes = ({0: batch}, tuple({0: batch} for _ in example[1:]))
     with tempfile.TemporaryDirectory() as folder, _quiet_exporter():
         path = Path(folder) / "encoder.onnx"
         torch.onnx.export(
             encoder,
-            (example,),
+            example,
             str(path),
-            input_names=["x"],
+            input_names=list(lift.inputs),
             output_names=["psi"],
-            dynamic_shapes={"x": {0: torch.export.Dim("batch")}},
+            dynamic_shapes=shapes,
             dynamo=True,
             external_data=False,
             verbose=False,
         )
         serialised: bytes = _without_traces(onnx.load(path)).SerializeToString()
     return serialised
+
+
+def _lift_of(model: MdkNet, dataset: Dataset) -> Lift:
+    shown = ["x"]
+    if model.shows_exogenous:
+        shown.append("w")
+    if not model.history_steps:
+        return Lift(tuple(shown))
+    schema = dataset.schema
+    states, inputs = past_columns(schema, dataset.roles)
+    names = [schema.state_names[i] for i in states] + [schema.input_names[i] for i in inputs]
+    return Lift((*shown, "history"), model.history_steps, tuple(names))
+
+
+def _of_shown_signals(model: MdkNet, scaling: Scaling) -> tuple[Array, Array]:
+    """Centre and spread of every number the encoder sees, in the order of `MdkNet.show`."""
+    centre, spread = [scaling.x_centre], [scaling.x_scale]
+    if model.shows_exogenous:
+        centre.append(np.zeros_like(scaling.w_scale))
+        spread.append(scaling.w_scale)
+    centre += [scaling.past_centre] * model.history_steps
+    spread += [scaling.past_scale] * model.history_steps
+    return np.concatenate(centre), np.concatenate(spread)
 
 
 def _without_traces(model: onnx.ModelProto) -> onnx.ModelProto:
@@ -186,7 +248,8 @@ def pass_gate(bundle: Bundle) -> Gate:
         ArtifactError: a number is not finite, the spectral radius is too large, or the encoder
             answers its self-test otherwise than where it was trained.
     """
-    numbers = (bundle.A, bundle.B_uc, bundle.B_uw, bundle.c, bundle.selftest_psi)
+    numbers = [bundle.A, bundle.B_uc, bundle.B_uw, bundle.c, bundle.selftest_psi]
+    numbers += bundle.bilinear or ()
     if not all(np.all(np.isfinite(array)) for array in numbers):
         raise ArtifactError(
             "export expects a model of finite numbers, found some that are not: the training "
@@ -198,7 +261,7 @@ def pass_gate(bundle: Bundle) -> Gate:
             f"{bundle.spectral_radius:.4f}: over the horizon its predictions would grow without "
             f"bound. Train longer, or with a larger --weight-stability."
         )
-    lifted = BundlePredictor(bundle).lift(bundle.selftest_x)
+    lifted = BundlePredictor(bundle).lift(bundle.selftest)
     parity = bundle.parity_error(lifted)
     if not parity < LARGEST_PARITY_ERROR:
         raise ArtifactError(

@@ -1,9 +1,9 @@
-"""Episodes of the simulated car, cut into the trajectories that the model learns from.
+"""Episodes of the simulated car: long drives that windows are cut from.
 
-An episode is 10 s of driving, logged at 401 instants after one period of warm-up, and cut into
-five slices that share their boundary instants: 81 states and 80 inputs each. Lateral and heading
-error are drawn anew for each slice, one period before it starts, so that the backward progress
-of its first state is the same kind of number as all others.
+An episode is 10.5 s of driving on a plane, logged with its poses: half a second of past, then
+401 instants, of which five slices share their boundaries: 81 states and 80 inputs each. The road
+is laid under each slice with lateral and heading error of its own, one period before it starts,
+so that the backward progress of its first state is the same kind of number as all others.
 
 Every episode has a random stream of its own, spawned from the seed: the data do not depend on how
 many processes made them.
@@ -15,26 +15,32 @@ import hashlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import radians
+from typing import NamedTuple
 
 import joblib
 import numpy as np
 from numpy.typing import NDArray
 
-from offline.dataset import Trajectories
 from offline.excitation import Recipe, draw_inputs
+from offline.recording import Recording, Starts
+from offline.road_frame import Anchor
+from offline.trajectories import PAST_STEPS, STEPS
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.signals import VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.frenet import roll_out
 from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, settle, simulate
 from sim_bridge.plant.monitor import Monitor
-from sim_bridge.plant.parameters import C_CLASS_150KW_AWD
+from sim_bridge.plant.parameters import (
+    C_CLASS_150KW_AWD,
+    Parameters,
+    with_mass_factor,
+    with_road_friction,
+)
 
 Array = NDArray[np.float64]
 
 SLICES = 5
-SLICE_STEPS = 80
-EPISODE_STEPS = SLICES * SLICE_STEPS
+EPISODE_STEPS = PAST_STEPS + SLICES * STEPS
 CHUNK_EPISODES = 20
 
 FIRST_EY_M = 2.0
@@ -44,11 +50,27 @@ LARGEST_SIDESLIP_RAD = radians(15.0)
 LARGEST_ROLL_RAD = radians(15.0)
 
 
+class Episode(NamedTuple):
+    """One drive that was kept, and the tries it took."""
+
+    motion: Array
+    """(T, 3) v_x, v_y, yaw rate at the periods' ends, the start included"""
+    pose: Array
+    """(T, 3) X_m, Y_m, yaw_rad"""
+    inputs: Array
+    """(T - 1, 3) as `ControlInput`"""
+    curvature_per_m: float
+    first_errors: Array
+    """(5, 2) e_y and e_psi one period before each slice"""
+    rejected: int
+
+
 @dataclass(frozen=True, slots=True)
 class Generated:
-    """The trajectories of a data set and how many episodes were thrown away on the way."""
+    """The drives of a data set, its slices, and how many drives were thrown away on the way."""
 
-    trajectories: Trajectories
+    recording: Recording
+    slices: Starts
     rejected: int
 
 
@@ -56,34 +78,57 @@ def generate(
     recipe: Recipe,
     episodes: int,
     seed: int,
-    jobs: int = -1,
+    jobs: int | None = -1,
     on_progress: Callable[[int], None] = lambda done: None,
 ) -> Generated:
-    """All slices of `episodes` episodes, in order, made by `jobs` processes (-1: one per core).
+    """`episodes` episodes, in order, made by `jobs` processes (-1: one per core).
 
-    `on_progress` hears how many more episodes are done.
+    None leaves the number, and where they run, to joblib's configuration. `on_progress` hears how
+    many more episodes are done.
     """
     seeds = np.random.SeedSequence(seed).spawn(episodes)
     chunks = range(0, episodes, CHUNK_EPISODES)
     parallel = joblib.Parallel(n_jobs=jobs, return_as="generator")
-    results: Iterator[Generated] = parallel(
-        joblib.delayed(_generate_chunk)(recipe, first, seeds[first : first + CHUNK_EPISODES])
+    results: Iterator[list[Episode]] = parallel(
+        joblib.delayed(_make_chunk)(recipe, seeds[first : first + CHUNK_EPISODES])
         for first in chunks
     )
-    made: list[Generated] = []
-    for result in results:
-        made.append(result)
-        on_progress(len(result.trajectories.kappa) // SLICES)
-    return _concatenate(made)
+    made: list[Episode] = []
+    for chunk in results:
+        made += chunk
+        on_progress(len(chunk))
+    return assemble(made)
 
 
-def make_episode(recipe: Recipe, episode: int, seed: np.random.SeedSequence) -> Generated:
-    """The slices of one episode; rejected tries are drawn again from the same stream."""
+def make_episode(recipe: Recipe, seed: np.random.SeedSequence) -> Episode:
+    """One episode; rejected tries are drawn again from the same stream."""
     rng = np.random.default_rng(seed)
     rejected = 0
-    while (trajectories := _try_episode(rng, recipe, episode)) is None:
+    while (episode := _try_episode(rng, recipe, rejected)) is None:
         rejected += 1
-    return Generated(trajectories, rejected)
+    return episode
+
+
+def assemble(episodes: list[Episode]) -> Generated:
+    """Episodes of equal length as one recording, with five slices each."""
+    count, length = len(episodes), len(episodes[0].motion)
+    first = length * np.arange(count, dtype=np.int64)
+    u = np.stack([np.vstack([e.inputs, e.inputs[-1:]]) for e in episodes])
+    curvature = np.array([e.curvature_per_m for e in episodes])
+    recording = Recording(
+        x=np.concatenate([e.motion for e in episodes]).astype(np.float32),
+        u=u.reshape(-1, u.shape[-1]).astype(np.float32),
+        w=np.repeat(curvature, length)[:, None].astype(np.float32),
+        pose=np.concatenate([e.pose for e in episodes]),
+        first=first,
+    )
+    errors = np.concatenate([e.first_errors for e in episodes])
+    slices = Starts(
+        row=np.add.outer(first, PAST_STEPS + STEPS * np.arange(SLICES)).ravel(),
+        episode=np.repeat(np.arange(count, dtype=np.int32), SLICES),
+        anchor=Anchor(np.repeat(curvature, SLICES), errors[:, 0].copy(), errors[:, 1].copy()),
+    )
+    return Generated(recording, slices, sum(e.rejected for e in episodes))
 
 
 def plant_fingerprint() -> str:
@@ -103,37 +148,6 @@ def plant_fingerprint() -> str:
     return hashlib.sha256(digits.encode()).hexdigest()
 
 
-def slice_episode(
-    motion: Array, inputs: Array, curvature_per_m: float, first_errors: Array
-) -> tuple[Array, Array]:
-    """States (5, 81, 6) and inputs (5, 80, 3) of an episode.
-
-    motion (401 * 25 + 1, 3) holds v_x, v_y and yaw rate on the integration grid, the first period
-    being warm-up, inputs (401, 3) what was held in each period, first_errors (5, 2) the lateral
-    and heading error one period before each slice.
-    """
-    x = np.empty((SLICES, SLICE_STEPS + 1, len(VehicleState._fields)))
-    u = np.empty((SLICES, SLICE_STEPS, inputs.shape[1]))
-    for q in range(SLICES):
-        before = q * SLICE_STEPS
-        window = motion[
-            before * STEPS_PER_PERIOD : (before + SLICE_STEPS + 1) * STEPS_PER_PERIOD + 1
-        ]
-        path = roll_out(
-            np.ascontiguousarray(window),
-            curvature_per_m,
-            float(first_errors[q, 0]),
-            float(first_errors[q, 1]),
-            STEPS_PER_PERIOD,
-            STEP_S,
-        )
-        x[q, :, :3] = window[STEPS_PER_PERIOD::STEPS_PER_PERIOD]
-        x[q, :, 3] = np.diff(path[:, 0])
-        x[q, :, 4:] = path[1:, 1:]
-        u[q] = inputs[before + 1 : before + 1 + SLICE_STEPS]
-    return x, u
-
-
 def is_kept(motion: Array, monitor: Array) -> bool:
     """Whether an episode stayed where the model is meant to hold: rolling, gripping, upright."""
     sideslip_rad = monitor[:, Monitor._fields.index("sideslip_rad")]
@@ -146,43 +160,35 @@ def is_kept(motion: Array, monitor: Array) -> bool:
     )
 
 
-def _drive(first_speed_mps: float, inputs: Array) -> tuple[Array, Array]:
+def _drive(
+    first_speed_mps: float, inputs: Array, car: Parameters = C_CLASS_150KW_AWD
+) -> tuple[Array, Array]:
     """Motion (periods * 25 + 1, 3) and monitor (periods + 1, columns) of a settled car."""
-    car = C_CLASS_150KW_AWD
     return simulate(settle(first_speed_mps, car), inputs, car, STEPS_PER_PERIOD, STEP_S)
 
 
-def _try_episode(rng: np.random.Generator, recipe: Recipe, episode: int) -> Trajectories | None:
+def _try_episode(rng: np.random.Generator, recipe: Recipe, rejected: int) -> Episode | None:
     curvature_per_m = float(rng.choice(recipe.curvatures_per_m))
     first_speed_mps = float(rng.uniform(*recipe.first_speed_mps))
-    inputs = draw_inputs(rng, recipe, EPISODE_STEPS + 1)
+    inputs = draw_inputs(rng, recipe, EPISODE_STEPS)
     first_errors = rng.uniform(-1.0, 1.0, (SLICES, 2)) * (FIRST_EY_M, FIRST_EPSI_RAD)
-    motion, monitor = _drive(first_speed_mps, inputs)
+    motion, monitor = _drive(first_speed_mps, inputs, _draw_car(rng, recipe))
     if not is_kept(motion, monitor):
         return None
-    x, u = slice_episode(motion, inputs, curvature_per_m, first_errors)
-    if not np.all(np.isfinite(x)):
-        return None
-    return Trajectories(
-        x=x.astype(np.float32),
-        u=u.astype(np.float32),
-        kappa=np.full(SLICES, curvature_per_m, dtype=np.float32),
-        episode=np.full(SLICES, episode, dtype=np.int32),
-    )
+    # On a straight road along X, path and plane are the same thing.
+    pose = roll_out(motion, 0.0, 0.0, 0.0, STEPS_PER_PERIOD, STEP_S)
+    sampled = motion[::STEPS_PER_PERIOD]
+    return Episode(sampled, pose, inputs, curvature_per_m, first_errors, rejected)
 
 
-def _generate_chunk(recipe: Recipe, first: int, seeds: list[np.random.SeedSequence]) -> Generated:
-    return _concatenate([make_episode(recipe, first + i, seed) for i, seed in enumerate(seeds)])
+def _draw_car(rng: np.random.Generator, recipe: Recipe) -> Parameters:
+    car = C_CLASS_150KW_AWD
+    if recipe.road_friction is not None:
+        car = with_road_friction(car, float(rng.uniform(*recipe.road_friction)))
+    if recipe.mass_factor is not None:
+        car = with_mass_factor(car, float(rng.uniform(*recipe.mass_factor)))
+    return car
 
 
-def _concatenate(parts: list[Generated]) -> Generated:
-    trajectories = [part.trajectories for part in parts]
-    return Generated(
-        Trajectories(
-            x=np.concatenate([slices.x for slices in trajectories]),
-            u=np.concatenate([slices.u for slices in trajectories]),
-            kappa=np.concatenate([slices.kappa for slices in trajectories]),
-            episode=np.concatenate([slices.episode for slices in trajectories]),
-        ),
-        sum(part.rejected for part in parts),
-    )
+def _make_chunk(recipe: Recipe, seeds: list[np.random.SeedSequence]) -> list[Episode]:
+    return [make_episode(recipe, seed) for seed in seeds]

@@ -4,54 +4,70 @@ One mutable thing in one place; `train` reads on top of it like the algorithm on
 """
 
 import math
+from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
 
+from offline.batch import Batch
 from offline.checkpoint import Checkpoint
 from offline.config import TrainingConfig
-from offline.dataset import Trajectories
+from offline.horizon_loss import horizon_loss, horizon_of_step, log_error, state_errors
 from offline.losses import Losses, draw_times, total_loss
-from offline.model import MdkNet
+from offline.model import MdkNet, Sizes
+from offline.projection import project
 from offline.scaling import Scaling
+from offline.schedule import cosine_rate
+from offline.source import Source
 
 EVALUATION_CHUNK = 500
+PROJECTION_STEPS = 10
+"""between two projections of the operator: an eigenvalue does not get far in so few"""
 
 
 class Learner:
     """A model being trained on scaled trajectories."""
 
-    def __init__(self, config: TrainingConfig, scaling: Scaling, data_sha256: str) -> None:
+    def __init__(
+        self, config: TrainingConfig, sizes: Sizes, scaling: Scaling, data_sha256: str
+    ) -> None:
         torch.manual_seed(config.seed)
         self.config = config
         self.scaling = scaling
         self.data_sha256 = data_sha256
-        self.model = MdkNet(config)
-        self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.learning_rate)
+        self.device = torch.device(config.device)
+        self.model = MdkNet(config, sizes).to(self.device)
+        self.optimizer = _adam(self.model, config)
         self.dice = torch.Generator().manual_seed(config.seed)
         self.step = 0
         self.skipped = 0
         self.validation_losses: list[float] = []
-        self._sums = [0.0] * len(Losses._fields)
+        self._sums = torch.zeros(len(Losses._fields), dtype=torch.float64)
         self._count = 0
 
     @property
     def learning_rate(self) -> float:
         return float(self.optimizer.param_groups[0]["lr"])
 
-    def halve_learning_rate(self) -> None:
-        self.optimizer.param_groups[0]["lr"] *= 0.5
+    def set_learning_rate(self) -> None:
+        """The rate of this step, where it follows the steps and not the validation loss."""
+        if self.config.rate_schedule == "cosine":
+            rate = cosine_rate(self.step, self.config.steps, self.config.learning_rate)
+            self._change_learning_rate(rate)
 
-    def losses_on_random_batch(self, x: Tensor, u: Tensor) -> Losses:
-        """Losses on trajectories drawn with replacement from x (N, K+1, 6), u (N, K, 4)."""
-        chosen = torch.randint(x.shape[0], (self.config.batch,), generator=self.dice)
+    def halve_learning_rate(self) -> None:
+        self._change_learning_rate(0.5 * self.learning_rate)
+
+    def losses_on_random_batch(self, source: Source) -> Losses:
+        """Losses on trajectories drawn with replacement."""
+        config = self.config
+        batch = source.draw(config.batch, self.dice).to(self.device)
+        if config.objective == "horizon":
+            batch = batch.shorten(horizon_of_step(self.step, config.steps, config, batch.steps))
         times = None
-        if self.config.target_samples is not None:
-            times = draw_times(u.shape[1], self.config.target_samples, self.dice)
-        return total_loss(
-            self.model, self.config, _time_first(x[chosen]), _time_first(u[chosen]), times
-        )
+        if config.target_samples is not None:
+            times = draw_times(batch.steps, config.target_samples, self.dice)
+        return self._objective(self.model, config, batch, times)
 
     def update(self, losses: Losses) -> bool:
         """Whether a gradient step was taken: not if the gradient is not finite."""
@@ -63,34 +79,45 @@ class Learner:
         is_taken = bool(torch.isfinite(norm))
         if is_taken:
             self.optimizer.step()
+            self._bound_spectrum()
         else:
             self.skipped += 1
-        self._sums = [total + loss.item() for total, loss in zip(self._sums, losses, strict=True)]
+        self._sums += torch.stack(losses).detach().cpu().double()
         self._count += 1
         self.step += 1
         return is_taken
 
     def take_mean_losses(self) -> list[float]:
         """Training losses since the last call, averaged, in the order of `Losses`."""
-        means = [total / max(self._count, 1) for total in self._sums]
-        self._sums, self._count = [0.0] * len(means), 0
-        return means
+        means = (self._sums / max(self._count, 1)).tolist()
+        self._sums, self._count = torch.zeros_like(self._sums), 0
+        return [float(mean) for mean in means]
 
-    def evaluate(self, x: Tensor, u: Tensor) -> list[float]:
-        """Losses over all trajectories x (N, K+1, 6), u (N, K, 4), every target encoded."""
+    def evaluate(self, batch: Batch) -> list[float]:
+        """Losses over all trajectories, every target encoded, in the order of `Losses`."""
+        count = batch.x.shape[1]
         sums = torch.zeros(len(Losses._fields), dtype=torch.float64)
+        errors = torch.zeros(self.model.sizes.states, dtype=torch.float64)
+        is_horizon = self.config.objective == "horizon"
         with torch.no_grad():
-            for first in range(0, len(x), EVALUATION_CHUNK):
+            for first in range(0, count, EVALUATION_CHUNK):
                 rows = slice(first, first + EVALUATION_CHUNK)
-                losses = total_loss(
-                    self.model, self.config, _time_first(x[rows]), _time_first(u[rows])
-                )
-                sums += len(x[rows]) * torch.stack(losses).double()
-        return [float(mean) for mean in sums / len(x)]
+                part = Batch(*(series[:, rows] for series in batch)).to(self.device)
+                share = part.x.shape[1] / count
+                losses = self._objective(self.model, self.config, part, None)
+                sums += share * torch.stack(losses).cpu().double()
+                if is_horizon:
+                    errors += share * state_errors(self.model, part).cpu().double()
+        means = Losses(*(float(mean) for mean in sums))  # type: ignore[arg-type]
+        if is_horizon:  # the logarithm of a mean, not the mean of logarithms
+            exact = float(log_error(errors))
+            more = self.config.weight_multi_step * (exact - float(means.multi_step))
+            means = means._replace(total=means.total + more, multi_step=exact)  # type: ignore[arg-type]
+        return [float(mean) for mean in means]
 
     def spectral_radius(self) -> float:
         """Largest magnitude of an eigenvalue of A, in float64; not a number where A is none."""
-        A = self.model.operator().A.detach().double().numpy()
+        A = self.model.operator().A.detach().double().cpu().numpy()
         if not np.all(np.isfinite(A)):
             return math.nan
         return float(np.abs(np.linalg.eigvals(A)).max())
@@ -107,7 +134,7 @@ class Learner:
             batch_rng=self.dice.get_state(),
             torch_rng=torch.get_rng_state(),
             validation_losses=self.validation_losses,
-            running_sums=self._sums,
+            running_sums=self._sums.tolist(),
             running_count=self._count,
             skipped=self.skipped,
         )
@@ -121,16 +148,36 @@ class Learner:
         self.step = checkpoint.step
         self.skipped = checkpoint.skipped
         self.validation_losses = list(checkpoint.validation_losses)
-        self._sums, self._count = list(checkpoint.running_sums), checkpoint.running_count
+        self._sums = torch.tensor(checkpoint.running_sums, dtype=torch.float64)
+        self._count = checkpoint.running_count
+
+    def _objective(
+        self,
+        model: MdkNet,
+        config: TrainingConfig,
+        batch: Batch,
+        times: torch.Tensor | None,
+    ) -> Losses:
+        objective = horizon_loss if config.objective == "horizon" else total_loss
+        return objective(model, config, batch, times)
+
+    def _change_learning_rate(self, rate: float) -> None:
+        for group in self.optimizer.param_groups:
+            group["lr"] = group["share"] * rate
+
+    def _bound_spectrum(self) -> None:
+        is_due = self.step % PROJECTION_STEPS == 0 or self.step == self.config.steps - 1
+        if self.config.stability == "projection" and is_due:
+            project(self.model)
 
 
-def normalise(trajectories: Trajectories, scaling: Scaling) -> tuple[Tensor, Tensor]:
-    """Scaled states (N, K+1, 6) and inputs with curvature (N, K, 4), float32."""
-    curvature = np.broadcast_to(trajectories.kappa[:, None, None], (*trajectories.u.shape[:2], 1))
-    u = np.concatenate([trajectories.u, curvature], axis=-1) / scaling.u_scale
-    x = scaling.normalise_states(trajectories.x)
-    return torch.from_numpy(x.astype(np.float32)), torch.from_numpy(u.astype(np.float32))
-
-
-def _time_first(trajectories: Tensor) -> Tensor:
-    return trajectories.transpose(0, 1).contiguous()
+def _adam(model: MdkNet, config: TrainingConfig) -> torch.optim.Adam:
+    """The optimiser; its first group has the rate, A a share of it."""
+    rest = [p for name, p in model.named_parameters() if name != "A_rows"]
+    groups: list[dict[str, Any]] = [
+        {"params": rest, "share": 1.0},
+        {"params": [model.A_rows], "share": config.operator_rate},
+    ]
+    for group in groups:
+        group["lr"] = group["share"] * config.learning_rate
+    return torch.optim.Adam(groups)

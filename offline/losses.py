@@ -1,5 +1,7 @@
 """The loss terms of the paper, each a function of its own.
 
+What stands for them in the presets that go beyond the paper is in `offline.horizon_loss`.
+
 Time comes first in every array here: psi is (times, batch, n). A sum over the batch is a mean,
 a norm is taken over all n observables. Paper: eqs. (9)-(13).
 """
@@ -10,8 +12,9 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from offline.batch import Batch
 from offline.config import TrainingConfig
-from offline.model import N_STATES, MdkNet
+from offline.model import MdkNet
 from offline.rollout import roll_out
 
 GROWTH_DOUBLINGS = 6
@@ -96,31 +99,33 @@ def regularisation_loss(
 
 
 def total_loss(
-    model: MdkNet, config: TrainingConfig, x: Tensor, u: Tensor, times: Tensor | None = None
+    model: MdkNet, config: TrainingConfig, batch: Batch, times: Tensor | None = None
 ) -> Losses:
     """Every term on one batch of scaled trajectories. Paper: eq. (13), eq:total loss.
 
-    x is (K+1, batch, 6), u is (K, batch, 4). `times` (M,) in 1..K as `draw_times` draws them
-    limits the targets that are encoded; the sums over time are then estimated without bias.
+    `times` (M,) in 1..K as `draw_times` draws them limits the targets that are encoded; the sums
+    over time are then estimated without bias.
     """
-    steps = u.shape[0]
+    steps = batch.steps
     A, B = model.operator()
-    drive = u @ B.t()
-    weights = forgetting_weights(steps, config.forgetting, config.through_last_step).to(x.device)
+    weights = forgetting_weights(steps, config.forgetting, config.through_last_step)
+    weights = weights.to(batch.x.device)
     if times is None:
-        psi = model.lift(x)
+        psi = model.lift(batch.at(torch.arange(steps + 1, device=batch.x.device)))
         psi0, psi_before, psi_after = psi[0], psi[:-1], psi[1:]
+        drive = model.drive(psi0, batch.u, batch.w)
         predicted = roll_out(psi0, A, drive)
     else:
-        m = len(times)
-        psi = model.lift(torch.cat([x[:1], x[times - 1], x[times]]))
+        m, times = len(times), times.to(batch.x.device)
+        psi = model.lift(batch.at(torch.cat([times.new_zeros(1), times - 1, times])))
         psi0, psi_before, psi_after = psi[0], psi[1 : m + 1], psi[m + 1 :]
+        drive = model.drive(psi0, batch.u, batch.w)
         predicted = roll_out(psi0, A, drive)[times - 1]
         drive, weights = drive[times - 1], weights[times - 1] * (steps / m)
 
     single_step = single_step_loss(psi_before, psi_after, A, drive)
     multi_step = multi_step_loss(psi_after, predicted, weights)
-    stability = eigenvalue_excess(A) if config.stability == "eigenvalue" else growth_excess(A)
+    stability = stability_loss(A, config)
     prior = torch.zeros_like(A)
     if config.operator_prior == "identity":
         prior = torch.eye(A.shape[0], device=A.device, dtype=A.dtype)
@@ -132,8 +137,18 @@ def total_loss(
         + config.weight_regularisation * regularisation
     )
     with torch.no_grad():
-        states = multi_step_loss(psi_after[..., :N_STATES], predicted[..., :N_STATES], weights)
+        n = model.sizes.states
+        states = multi_step_loss(psi_after[..., :n], predicted[..., :n], weights)
     return Losses(total, single_step, multi_step, stability, regularisation, states)
+
+
+def stability_loss(A: Tensor, config: TrainingConfig) -> Tensor:
+    """Eq. (11), or what stands in for it; zero where the operator is projected instead."""
+    if config.stability == "eigenvalue":
+        return eigenvalue_excess(A)
+    if config.stability == "gelfand":
+        return growth_excess(A)
+    return A.new_zeros(())
 
 
 def draw_times(steps: int, samples: int, generator: torch.Generator) -> Tensor:

@@ -10,34 +10,16 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from offline.excitation import Recipe
+from offline.roles import Roles
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.signals import (
-    EXOGENOUS_FIELDS,
-    EXOGENOUS_UNITS,
-    INPUT_UNITS,
-    STATE_UNITS,
-    ControlInput,
-    VehicleState,
-)
-from rt_controller.contract.timing import PERIOD_S
+from rt_controller.contract.schema import Schema
 
-FORMAT_VERSION = 1
-
-_EXPECTED = {
-    "format_version": FORMAT_VERSION,
-    "state_fields": list(VehicleState._fields),
-    "state_units": list(STATE_UNITS),
-    "input_fields": list(ControlInput._fields),
-    "input_units": list(INPUT_UNITS),
-    "exogenous_fields": list(EXOGENOUS_FIELDS),
-    "exogenous_units": list(EXOGENOUS_UNITS),
-    "dt_s": PERIOD_S,
-}
+FORMAT_VERSION = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Origin:
-    """Everything that the numbers of a data set follow from."""
+class Driven:
+    """Everything that the numbers of a data set of the simulated car follow from."""
 
     recipe: Recipe
     episodes: int
@@ -54,16 +36,57 @@ class Origin:
 
 
 @dataclass(frozen=True, slots=True)
+class SourceFile:
+    """A log that went into a data set."""
+
+    name: str
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """Logs of a real car, or of another simulator, and how they were read."""
+
+    files: tuple[SourceFile, ...]
+    mapping: str
+    """the text of the mapping file"""
+    episodes: int
+    """stretches without a gap"""
+    seed: int
+    """of the split"""
+
+
+Origin = Driven | Imported
+
+
+@dataclass(frozen=True, slots=True)
+class Roads:
+    """The roads that may be laid under a recording with poses."""
+
+    curvatures_per_m: tuple[float, ...]
+    ey_m: float
+    """largest lateral error at a window's start"""
+    epsi_rad: float
+    """largest heading error there"""
+
+
+@dataclass(frozen=True, slots=True)
 class Manifest:
     """What a data set is."""
 
+    schema: Schema
+    roles: Roles
+    roads: Roads | None
+    """None: the recording has no poses, and is on the road it was driven on"""
     sha256: str
     """of all numbers (`offline.dataset`)"""
     trajectories: int
+    """slices that the parts are judged on"""
     rejected_episodes: int
     versions: Mapping[str, str]
     """by package"""
     origin: Origin
+    format_version: int = FORMAT_VERSION
 
     @property
     def rejected_fraction(self) -> float:
@@ -72,37 +95,26 @@ class Manifest:
 
     def to_json(self) -> str:
         """The text of the file; `read_manifest` is the inverse."""
-        fields = {
-            **_EXPECTED,
-            "sha256": self.sha256,
-            "trajectories": self.trajectories,
-            "rejected_episodes": self.rejected_episodes,
-            "rejected_fraction": self.rejected_fraction,
-            "versions": dict(self.versions),
-            **asdict(self.origin),
-        }
-        return json.dumps(fields, indent=2) + "\n"
+        return json.dumps(asdict(self), indent=2) + "\n"
 
 
 _MANIFEST = TypeAdapter(Manifest)
 
 
 def read_manifest(path: Path) -> Manifest:
-    """The manifest of a data set of this version's signals and period.
+    """The manifest of a data set.
 
     Raises:
-        DatasetError: it is missing or damaged, or of other signals, period or format.
+        DatasetError: it is missing, damaged or of another format.
     """
     fields = _read_object(path)
-    for key, expected in _EXPECTED.items():
-        if fields.get(key) != expected:
-            raise DatasetError(
-                f"{path}: expected {key} = {expected}, found {fields.get(key)}. Make the data set "
-                f"again with offline-data."
-            )
-    origin = {name: fields.get(name) for name in Origin.__dataclass_fields__}
+    if fields.get("format_version") != FORMAT_VERSION:
+        raise DatasetError(
+            f"{path}: expected format_version = {FORMAT_VERSION}, found "
+            f"{fields.get('format_version')}. Make the data set again with offline-data."
+        )
     try:
-        return _MANIFEST.validate_python({**fields, "origin": origin})
+        return _MANIFEST.validate_python(fields)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])

@@ -1,25 +1,54 @@
 """MDK-Net: an encoder and the matrices A and B, learned together.
 
 Works on scaled numbers (`offline.scaling`); export folds the scaling in.
-Paper: section II, eqs. (6)-(8), and the table of hyperparameters.
+Paper: section II, eqs. (6)-(8), and the table of hyperparameters. What the encoder is shown
+beside the state, and the bilinear part of B, go beyond it.
 """
 
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
+from offline.batch import Instants
 from offline.config import TrainingConfig
-from rt_controller.contract.signals import EXOGENOUS_FIELDS, ControlInput, VehicleState
-
-N_STATES = len(VehicleState._fields)
-N_INPUTS = len(ControlInput._fields) + len(EXOGENOUS_FIELDS)
+from offline.roles import Roles, past_columns
+from rt_controller.contract.schema import Schema
 
 # The paper leaves the spread of its Gaussian start open. These keep 80 steps of the roll-out
 # bounded before the first update.
-NOISE_AROUND_IDENTITY = 1e-3
+NOISE_AROUND_START = 1e-3
 SPREAD_OF_INPUT_MATRIX = 1e-2
+SPREAD_OF_GAINS = 0.1
+
+FADING_S = (0.05, 5.0)
+"""time constants that the latents start with, from a tyre's to an engine's"""
+
+
+@dataclass(frozen=True, slots=True)
+class Sizes:
+    """How many signals of each kind a model works on."""
+
+    states: int
+    inputs: int
+    exogenous: int
+    remembered: int
+    """signals in one row of history"""
+    dt_s: float
+
+
+def sizes_of(schema: Schema, roles: Roles) -> Sizes:
+    """The sizes of models of these signals."""
+    states, inputs = past_columns(schema, roles)
+    return Sizes(
+        len(schema.states),
+        len(schema.inputs),
+        len(schema.exogenous),
+        len(states) + len(inputs),
+        schema.dt_s,
+    )
 
 
 class Operator(NamedTuple):
@@ -28,7 +57,7 @@ class Operator(NamedTuple):
     A: Tensor
     """(n, n)"""
     B: Tensor
-    """(n, 4), columns: throttle, brake, steering wheel, curvature"""
+    """(n, m + p), columns: inputs, then exogenous signals"""
 
 
 class MdkNet(nn.Module):
@@ -36,22 +65,37 @@ class MdkNet(nn.Module):
 
     With a constant observable the last entry of psi is 1, and so is its row of A: [0 ... 0 1],
     exactly and for ever, so the constant cannot drift over the horizon.
+
+    With a bilinear rank R, B depends on where the roll-out starts: column i of the inputs' part
+    is B_i + sum_r N_ri (S_ri psi_0), the bilinear model with inputs' matrices sum_r N_ri S_ri,
+    frozen at psi_0.
     """
 
-    def __init__(self, config: TrainingConfig) -> None:
+    def __init__(self, config: TrainingConfig, sizes: Sizes) -> None:
         super().__init__()
+        self.sizes = sizes
         self.has_constant = config.constant_observable
-        self.n_observables = N_STATES + config.latents
+        self.shows_exogenous = config.lift_exogenous
+        self.history_steps = config.history_steps
+        self.rank = config.bilinear_rank
+        self.n_observables = sizes.states + config.latents
         learned = config.latents - int(self.has_constant)
         rows = self.n_observables - int(self.has_constant)
-        self.encoder = _multilayer_perceptron((N_STATES, *config.hidden, learned))
-        n = self.n_observables
-        if config.operator_prior == "identity":
-            start = torch.eye(n)[:rows] + NOISE_AROUND_IDENTITY * torch.randn(rows, n)
-        else:
-            start = torch.randn(rows, n) / n
+        seen = sizes.states + self.history_steps * sizes.remembered
+        seen += sizes.exogenous if self.shows_exogenous else 0
+        activation = nn.ReLU if config.activation == "relu" else nn.SiLU
+        self.encoder = _multilayer_perceptron((seen, *config.hidden, learned), activation)
+        start = _start_of_A(config, sizes, self.n_observables, learned)[:rows]
         self.A_rows = nn.Parameter(start)
-        self.B_rows = nn.Parameter(SPREAD_OF_INPUT_MATRIX * torch.randn(rows, N_INPUTS))
+        driven = sizes.inputs + sizes.exogenous
+        self.B_rows = nn.Parameter(SPREAD_OF_INPUT_MATRIX * torch.randn(rows, driven))
+        if self.rank:
+            self.N_rows = nn.Parameter(
+                SPREAD_OF_INPUT_MATRIX * torch.randn(self.rank, rows, sizes.inputs)
+            )
+            self.S = nn.Parameter(
+                SPREAD_OF_GAINS * torch.randn(self.rank, sizes.inputs, self.n_observables)
+            )
 
     def operator(self) -> Operator:
         """The matrices of eq. (6)."""
@@ -59,19 +103,61 @@ class MdkNet(nn.Module):
             return Operator(self.A_rows, self.B_rows)
         last_A = torch.zeros_like(self.A_rows[:1])
         last_A[0, -1] = 1.0
-        last_B = torch.zeros_like(self.B_rows[:1])
-        return Operator(torch.cat([self.A_rows, last_A]), torch.cat([self.B_rows, last_B]))
+        return Operator(torch.cat([self.A_rows, last_A]), _with_zero_row(self.B_rows))
 
-    def lift(self, x: Tensor) -> Tensor:
-        """Observables (..., n) of scaled states x (..., 6). Paper: eq. (7)."""
-        parts = [x, self.encoder(x)]
-        if self.has_constant:
-            parts.append(x.new_ones(*x.shape[:-1], 1))
+    def bilinear_columns(self) -> Tensor:
+        """N (R, n, m)."""
+        return _with_zero_row(self.N_rows, dim=1) if self.has_constant else self.N_rows
+
+    def show(self, instants: Instants) -> Tensor:
+        """What the encoder sees (..., s) of the instants: x, and what else the lift needs."""
+        parts = [instants.x]
+        if self.shows_exogenous:
+            parts.append(instants.w)
+        if self.history_steps:
+            parts.append(instants.past.flatten(-2))
         return torch.cat(parts, dim=-1)
 
+    def lift(self, instants: Instants) -> Tensor:
+        """Observables (..., n). Paper: eq. (7)."""
+        parts = [instants.x, self.encoder(self.show(instants))]
+        if self.has_constant:
+            parts.append(instants.x.new_ones(*instants.x.shape[:-1], 1))
+        return torch.cat(parts, dim=-1)
 
-def _multilayer_perceptron(widths: tuple[int, ...]) -> nn.Sequential:
-    """ReLU after every hidden layer, none on the output; Gaussian weights, zero biases.
+    def drive(self, psi0: Tensor, u: Tensor, w: Tensor) -> Tensor:
+        """What inputs u (K, batch, m) and w (K, batch, p) add in each step, (K, batch, n).
+
+        B u, and with a bilinear part what that of psi0 (batch, n) makes of the inputs.
+        """
+        _, B = self.operator()
+        driven = torch.cat([u, w], dim=-1) @ B.t()
+        if not self.rank:
+            return driven
+        gains = torch.einsum("rin,bn->bri", self.S, psi0)
+        scaled = (u[:, :, None] * gains).flatten(-2)
+        columns = self.bilinear_columns().permute(0, 2, 1).flatten(0, 1)
+        return driven + scaled @ columns
+
+
+def _start_of_A(config: TrainingConfig, sizes: Sizes, n: int, learned: int) -> Tensor:
+    if config.operator_prior == "zero":
+        return torch.randn(n, n) / n
+    start = torch.eye(n)
+    if config.latents_start == "fading":
+        low, high = torch.log(torch.tensor(FADING_S))
+        fading_s = torch.exp(torch.linspace(float(low), float(high), learned))
+        latents = slice(sizes.states, sizes.states + learned)
+        start[latents, latents] = torch.diag(torch.exp(-sizes.dt_s / fading_s))
+    return start + NOISE_AROUND_START * torch.randn(n, n)
+
+
+def _with_zero_row(matrix: Tensor, dim: int = 0) -> Tensor:
+    return torch.cat([matrix, torch.zeros_like(matrix.narrow(dim, 0, 1))], dim=dim)
+
+
+def _multilayer_perceptron(widths: tuple[int, ...], activation: type[nn.Module]) -> nn.Sequential:
+    """`activation` after every hidden layer, none on the output; Gaussian weights, zero biases.
 
     The spread sqrt(2 / fan_in) keeps the size of the signal through ReLU layers (He et al., 2015).
     """
@@ -80,5 +166,5 @@ def _multilayer_perceptron(widths: tuple[int, ...]) -> nn.Sequential:
         linear = nn.Linear(fan_in, fan_out)
         nn.init.normal_(linear.weight, std=(2.0 / fan_in) ** 0.5)
         nn.init.zeros_(linear.bias)
-        layers += [linear, nn.ReLU()]
+        layers += [linear, activation()]
     return nn.Sequential(*layers[:-1])

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rt_controller.contract.artifact import N_STATES, Bundle
+from rt_controller.contract.artifact import Bundle, LiftSample
 from rt_controller.contract.errors import ArtifactError
 
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
@@ -23,11 +23,12 @@ Array = NDArray[np.float64]
 class Predictor(Protocol):
     """A model of the car in physical units."""
 
-    def predict(self, x0: Array, U: Array, kappa: Array) -> Array:
-        """States (batch, K+1, 6), the first of them x0.
+    def predict(self, x0: Array, past: Array, U: Array, W: Array) -> Array:
+        """States (batch, K+1, n), the first of them x0.
 
-        x0 (batch, 6) as `VehicleState`, U (batch, K, 3) as `ControlInput`, kappa (batch,)
-        curvature in 1/m, constant over the horizon.
+        x0 (batch, n) states; past (batch, H, h) what happened right before, as
+        `Trajectories.past`, of which a model takes the last rows it needs; U (batch, K, m) inputs
+        and W (batch, K, p) exogenous signals, each held over its step.
         """
         ...
 
@@ -54,11 +55,15 @@ class BundlePredictor:
                 f"({error}). Run offline-export again."
             ) from error
 
-    def lift(self, x: Array) -> Array:
-        """Observables (batch, n) of states (batch, 6)."""
+    def lift(self, sample: LiftSample) -> Array:
+        """Observables (batch, n) of these instants, physical states in double precision."""
+        x = sample.x
         expected = (len(x), self._bundle.n_observables)
+        shown = {
+            name: getattr(sample, name).astype(np.float32) for name in self._bundle.lift.inputs
+        }
         try:
-            (psi,) = self._session.run(["psi"], {"x": x.astype(np.float32)})
+            (psi,) = self._session.run(["psi"], shown)
         except Exception as error:  # as above
             raise ArtifactError(
                 f"encoder.onnx: expected an encoder that lifts states {x.shape}, found that it "
@@ -69,16 +74,18 @@ class BundlePredictor:
                 f"encoder.onnx: expected observables {expected}, found {psi.shape}. Run "
                 f"offline-export again."
             )
-        return np.asarray(psi, dtype=np.float64)
+        return np.concatenate([x, psi[:, x.shape[1] :].astype(np.float64)], axis=1)
 
-    def predict(self, x0: Array, U: Array, kappa: Array) -> Array:
-        """States (batch, K+1, 6). Paper: eqs. (6)-(8)."""
-        A, B_uc = self._bundle.A, self._bundle.B_uc
-        constant = kappa[:, None] * self._bundle.B_uw[:, 0] + self._bundle.c
-        psi = self.lift(x0)
-        states = np.empty((len(x0), U.shape[1] + 1, N_STATES))
+    def predict(self, x0: Array, past: Array, U: Array, W: Array) -> Array:
+        """States (batch, K+1, n). Paper: eqs. (6)-(8)."""
+        bundle = self._bundle
+        history = past[:, past.shape[1] - bundle.lift.history_steps :]
+        psi = self.lift(LiftSample(x0, W[:, 0], history))
+        B_eff = bundle.input_matrix(psi)
+        states = np.empty((len(x0), U.shape[1] + 1, x0.shape[1]))
         states[:, 0] = x0
         for k in range(U.shape[1]):
-            psi = psi @ A.T + U[:, k] @ B_uc.T + constant
-            states[:, k + 1] = psi[:, :N_STATES]
+            driven = np.einsum("bnm,bm->bn", B_eff, U[:, k]) + W[:, k] @ bundle.B_uw.T
+            psi = psi @ bundle.A.T + driven + bundle.c
+            states[:, k + 1] = psi[:, : x0.shape[1]]
         return states

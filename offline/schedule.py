@@ -9,6 +9,9 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
+WARM_UP_SHARE = 0.05
+"""of the steps, until the rate of a cosine schedule is at its top"""
+
 
 class Verdict(NamedTuple):
     """What an evaluation means for the training."""
@@ -60,3 +63,11 @@ def loss_of_kept_model(losses: Sequence[float], patience: int, judge: Judge) -> 
         if judge(losses[:count], patience).is_best:
             kept = loss
     return kept
+
+
+def cosine_rate(step: int, steps: int, highest: float) -> float:
+    """Learning rate of a step: linear up over the first twentieth, then half a cosine to zero."""
+    warm_up = max(1, round(WARM_UP_SHARE * steps))
+    if step < warm_up:
+        return highest * (step + 1) / warm_up
+    return highest * 0.5 * (1.0 + math.cos(math.pi * (step - warm_up) / max(1, steps - warm_up)))

@@ -3,12 +3,22 @@
 from pathlib import Path
 
 from offline.config import PRESETS
-from offline.dataset import MANIFEST_FILE, Dataset, cache, exists, load_dataset, save_dataset
+from offline.dataset import (
+    MANIFEST_FILE,
+    Dataset,
+    cache,
+    exists,
+    load_dataset,
+    save_dataset,
+    split_episodes,
+)
 from offline.excitation import Recipe
-from offline.generate import generate, plant_fingerprint
-from offline.manifest import Origin, read_manifest
+from offline.generate import FIRST_EPSI_RAD, FIRST_EY_M, generate, plant_fingerprint
+from offline.manifest import Driven, Roads, read_manifest
+from offline.roles import VEHICLE_ROLES
 from offline.terminal import CONSOLE, progress_bar
 from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.schema import VEHICLE
 
 
 def ensure_dataset(data: Path | None, episodes: int, seed: int, jobs: int) -> tuple[Path, Dataset]:
@@ -30,7 +40,17 @@ def ensure_dataset(data: Path | None, episodes: int, seed: int, jobs: int) -> tu
             show(done, "")
 
         made = generate(origin.recipe, episodes, seed, jobs, on_progress)
-    return folder, save_dataset(folder, made.trajectories, rejected=made.rejected, origin=origin)
+    return folder, save_dataset(
+        folder,
+        made.recording,
+        made.slices,
+        split_episodes(episodes, seed),
+        schema=VEHICLE,
+        roles=VEHICLE_ROLES,
+        roads=Roads(origin.recipe.curvatures_per_m, FIRST_EY_M, FIRST_EPSI_RAD),
+        origin=origin,
+        rejected=made.rejected,
+    )
 
 
 def full_folder() -> Path:
@@ -50,8 +70,8 @@ def find_dataset(sha256: str) -> Path | None:
     return None
 
 
-def origin_today(episodes: int, seed: int) -> Origin:
+def origin_today(episodes: int, seed: int) -> Driven:
     """What a data set made now would follow from."""
     with CONSOLE.status("compiling the car"):
         fingerprint = plant_fingerprint()
-    return Origin(Recipe(), episodes, seed, fingerprint)
+    return Driven(Recipe(), episodes, seed, fingerprint)

@@ -10,11 +10,13 @@ from dataclasses import dataclass
 
 import torch
 
+from offline.batch import scale
 from offline.checkpoint import Checkpoint, save_checkpoint
 from offline.config import TrainingConfig
 from offline.dataset import Dataset
-from offline.learner import Learner, normalise
+from offline.learner import Learner
 from offline.losses import Losses
+from offline.model import sizes_of
 from offline.run_folder import RunFolder, append_history, cut_history
 from offline.scaling import fit_scaling
 from offline.schedule import (
@@ -23,6 +25,7 @@ from offline.schedule import (
     judge_global_minimum,
     loss_of_kept_model,
 )
+from offline.source import open_source
 from rt_controller.contract.errors import RtControllerError
 
 MOST_SKIPPED_IN_A_ROW = 50
@@ -77,12 +80,14 @@ def train(
         TrainingDivergedError: the loss is not a number any more; the best checkpoint is kept.
     """
     torch.set_num_threads(config.threads)
-    train_part, validation_part = dataset.select("train"), dataset.select("validation")
-    scaling = fit_scaling(train_part.x, train_part.u, train_part.kappa)
-    x, u = normalise(train_part, scaling)
-    x_validation, u_validation = normalise(validation_part, scaling)
+    schema, roles = dataset.schema, dataset.roles
+    scaling = fit_scaling(dataset.select("train"), schema, roles)
+    source = open_source(config, dataset, scaling)
+    validation_part = scale(
+        dataset.select("validation"), scaling, schema, roles, config.history_steps
+    )
 
-    learner = Learner(config, scaling, dataset.sha256)
+    learner = Learner(config, sizes_of(schema, roles), scaling, dataset.sha256)
     if resume_from is not None:
         learner.restore(resume_from)
     cut_history(run, learner.step)
@@ -92,7 +97,8 @@ def train(
     skipped_in_a_row = 0
 
     while learner.step < config.steps and not stop_requested():
-        losses = learner.losses_on_random_batch(x, u)
+        learner.set_learning_rate()
+        losses = learner.losses_on_random_batch(source)
         _require_finite(run, learner, "the loss", losses.total.item())
         skipped_in_a_row = 0 if learner.update(losses) else skipped_in_a_row + 1
         if skipped_in_a_row > MOST_SKIPPED_IN_A_ROW:
@@ -101,13 +107,13 @@ def train(
         # The paper counts from zero and evaluates after the very first step; the last step is
         # evaluated too, so that no training is lost behind the last multiple.
         if (learner.step - 1) % config.evaluate_every == 0 or learner.step == config.steps:
-            validation = learner.evaluate(x_validation, u_validation)
+            validation = learner.evaluate(validation_part)
             _require_finite(run, learner, "the validation loss", validation[0])
             learner.validation_losses.append(validation[0])
             radius = learner.spectral_radius()
             verdict = judge(learner.validation_losses, config.patience)
             _record(run, learner, validation, radius, verdict)
-            if verdict.lower_rate:
+            if verdict.lower_rate and config.rate_schedule == "plateau":
                 learner.halve_learning_rate()
             if verdict.is_best:
                 best_loss = validation[0]

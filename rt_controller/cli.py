@@ -21,9 +21,9 @@ from rt_controller.contract.errors import BusError, ConfigError, RtControllerErr
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.loop import Ending
+from rt_controller.outcome import StopCause
 from rt_controller.realtime.clock import Clock, RealtimeClock
 from rt_controller.session import ControllerSession, load_planner, open_session
-from rt_controller.step import StopCause
 from rt_controller.summary import live_line, to_json, to_table
 from rt_controller.virtual_car import VirtualCar, build_virtual_car
 

@@ -11,9 +11,10 @@ from rt_controller.bus.inbox import Inbox
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
+from rt_controller.outcome import StepOutcome, StopCause
 from rt_controller.realtime.accounting import DeadlineAccount, TickTimes
 from rt_controller.realtime.clock import Clock
-from rt_controller.step import STANDING_MPS, ControlStep, StepOutcome, StopCause
+from rt_controller.step import STANDING_MPS, ControlStep
 from rt_controller.tracking import TrackingAccount
 
 SILENCE_TICKS = round(10.0 / PERIOD_S)

@@ -1,8 +1,5 @@
 """One control step: frames in, frames out. Reads like the paper, from lift to first input."""
 
-from dataclasses import dataclass
-from enum import StrEnum
-
 import can
 
 from rt_controller.bus.frames import SAMPLE_TIME_WRAP_NS, Fault, Heartbeat
@@ -13,6 +10,7 @@ from rt_controller.bus.snapshot import MissionSnapshot, StateSnapshot
 from rt_controller.contract.limits import InputLimits
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, PathReference
 from rt_controller.contract.timing import (
+    COUNTER_MODULUS,
     HOLD_PLAN_TICKS,
     IDENT_PERIOD_TICKS,
     PERIOD_S,
@@ -21,6 +19,7 @@ from rt_controller.contract.timing import (
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.plan import Plan
 from rt_controller.control.solver import SolveStatus
+from rt_controller.outcome import StepOutcome, StopCause
 from rt_controller.realtime.clock import Clock
 from rt_controller.safety.envelope import confine
 from rt_controller.safety.fallback import safe_stop, stand_by
@@ -39,37 +38,6 @@ STANDING_MPS = 0.3
 
 SLOWEST_PLANNED_MPS = 3.0
 """below this no model was trained: a safe stop ends without planning its wheel angle"""
-
-
-class StopCause(StrEnum):
-    """What took the plan away."""
-
-    NONE = "none"
-    STATE_LOST = "no new valid vehicle state"
-    REFERENCE_LOST = "no fresh path reference"
-    MISSION_LOST = "the mission's validity ran out"
-    SOLVER_FAILED = "the QP was not solved"
-    BUS_FAILED = "the bus cannot be read"
-    SECOND_CONTROLLER = "another controller sends commands on this bus"
-    PEER_MISMATCH = "the vehicle speaks another message catalogue"
-    VEHICLE_BRAKING = "the vehicle's own watchdog is braking"
-    STOP_REQUESTED = "asked to stop"
-
-
-@dataclass(slots=True)
-class StepOutcome:
-    """What one step saw and did; one instance, overwritten every tick."""
-
-    mode: Mode = Mode.STANDBY
-    control: ControlInput = NEUTRAL_INPUT
-    state: StateSnapshot | None = None
-    """None: nothing new, valid and timely this tick"""
-    path: PathReference | None = None
-    qp_ns: int = 0
-    """0: nothing was solved this tick"""
-    qp_iterations: int = 0
-    cause: StopCause = StopCause.NONE
-    """why the plan is held, or the car stopped"""
 
 
 class ControlStep:
@@ -107,6 +75,7 @@ class ControlStep:
         self._last_out_of_range = 0
         self._last_send_failures = 0
         self._counter = 0
+        self._is_next_state = False
         self._faults = Fault(0)
         self._ticks = 0
         self._is_stop_requested = False
@@ -124,6 +93,7 @@ class ControlStep:
 
         self._inbox.drain(self._bus, now_ns)
         state = self._new_state(periods)
+        self._observe(state)
         path = self._standing_path(now_ns)
         mission = self._standing_mission(now_ns)
 
@@ -162,6 +132,7 @@ class ControlStep:
             self._faults |= Fault.STATE_STALE
             return None
         self._last_state = newest
+        self._is_next_state = periods == 1 and newest.counter == self._counter % COUNTER_MODULUS
         self._counter = newest.counter
         if self.outcome.mode is Mode.STANDBY:
             self._delay.forget()  # nothing is driven by it: learn a restarted vehicle anew
@@ -170,6 +141,23 @@ class ControlStep:
             self._faults |= Fault.STATE_STALE
             return None
         return newest
+
+    def _observe(self, state: StateSnapshot | None) -> None:
+        """Tell the planner where the car is, and what brought it there.
+
+        A past counts as long as state follows on state and the car does what it is told.
+        """
+        if state is None:
+            self._mpc.forget()
+            return
+        # A command that came late acted later: the echo says which one was in force. None of ours
+        # was, as long as the vehicle has not taken the first.
+        echo = state.command_echo
+        held = None if echo is None else self._outbox.command_under(echo)
+        obeys = self.outcome.mode is not Mode.STANDBY and not state.is_watchdog_braking
+        if held is None or not (obeys and self._is_next_state):
+            self._mpc.forget()
+        self._mpc.observe(state.state, NEUTRAL_INPUT if held is None else held)
 
     def _standing_path(self, now_ns: int) -> PathReference | None:
         newest = self._inbox.reference

@@ -64,6 +64,8 @@ class ControllerOutbox:
         self._sender = _Sender(
             bus, (frames.ACT_CMD, frames.CTRL_HB, frames.IDENT_CONTROLLER), recorder
         )
+        self._commands: list[ControlInput | None] = [None] * COUNTER_MODULUS
+        self._last_counter = -1
         self._heartbeat_counter = 0
         self._identity_counter = 0
 
@@ -85,8 +87,16 @@ class ControllerOutbox:
 
         So the vehicle sees how many periods lie between its state and the answer.
         """
-        frame = frames.encode_command(control, mode, counter % COUNTER_MODULUS)
+        counter %= COUNTER_MODULUS
+        if counter != self._last_counter:  # the vehicle drops a repeated one
+            self._commands[counter] = control
+        self._last_counter = counter
+        frame = frames.encode_command(control, mode, counter)
         self._sender.post(frames.ACT_CMD, frame, now_ns)
+
+    def command_under(self, counter: int) -> ControlInput | None:
+        """What a vehicle means that echoes this counter; None if nothing was sent under it."""
+        return self._commands[counter % COUNTER_MODULUS]
 
     def send_heartbeat(self, heartbeat: Heartbeat, now_ns: int) -> None:
         """One CTRL_HB."""

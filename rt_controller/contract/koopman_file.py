@@ -31,6 +31,24 @@ class KoopmanFile:
             raise self._refusal(f"one text in {key}", array)
         return str(array)
 
+    def words(self, key: str) -> tuple[str, ...]:
+        """The texts of that field, in order; there may be none."""
+        array = self._take(key)
+        if array.ndim != 1 or array.dtype.kind != "U":
+            raise self._refusal(f"a list of texts in {key}", array)
+        return tuple(array.tolist())
+
+    def number(self, key: str) -> float:
+        """The one finite number of that field."""
+        return float(self.numbers(key, 0))
+
+    def count(self, key: str) -> int:
+        """The one whole number of that field."""
+        array = self._take(key)
+        if array.shape != () or array.dtype != np.int64:
+            raise self._refusal(f"one whole number in {key}", array)
+        return int(array)
+
     def numbers(self, key: str, dimensions: int) -> NDArray[np.float64]:
         """The numbers of that field, all finite, in C order."""
         array = self._take(key)
@@ -41,7 +59,7 @@ class KoopmanFile:
                 f"{self.path}: expected finite numbers in {key}, found "
                 f"{np.count_nonzero(~np.isfinite(array))} that are not. Run offline-export again."
             )
-        return np.ascontiguousarray(array)
+        return np.asarray(array, order="C")
 
     def _take(self, key: str) -> NDArray[Any]:
         if key not in self.arrays:

@@ -1,14 +1,19 @@
-"""The model predictive controller: a lifted state and a reference in, a plan of inputs out."""
+"""The model predictive controller: where the car is and should be in, a plan of inputs out."""
 
 import numpy as np
 
-from rt_controller.contract.artifact import N_STATES, Bundle
+from rt_controller.contract.bundle import Bundle
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.fitness import require_drivable
 from rt_controller.contract.limits import InputLimits
+from rt_controller.contract.schema import N_STATES
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
+from rt_controller.control.constraints import N_INPUTS
 from rt_controller.control.cost import TrackingCost
+from rt_controller.control.history import History
 from rt_controller.control.lift import Encoder
 from rt_controller.control.pedals import PedalChoice, lower_ceilings
-from rt_controller.control.qp import N_INPUTS, assemble
+from rt_controller.control.qp import assemble
 from rt_controller.control.reference import ReferenceHorizon
 from rt_controller.control.solver import PiqpWorkspace, SolveStatus
 
@@ -17,7 +22,8 @@ class Mpc:
     """Eq. (14) with one bundle's model, everything allocated at start.
 
     Raises:
-        ArtifactError: the bundle cannot be lifted with or planned with.
+        ArtifactError: the bundle is not of this car, or cannot be lifted with or planned with.
+        ConfigError: latents shall be tracked whose reference is not defined.
 
     Paper: eq. (14).
     """
@@ -25,22 +31,21 @@ class Mpc:
     def __init__(
         self, bundle: Bundle, horizon: int, cost: TrackingCost, limits: InputLimits
     ) -> None:
+        require_drivable(bundle)
+        _require_liftable_reference(bundle, cost)
         self._encoder = Encoder(bundle)
-        self._qp = assemble(bundle, horizon, cost, limits)
-        self._workspace = PiqpWorkspace(self._qp)
+        past = self._encoder.history
+        self._history = None if past is None else History(past)
+        qp = assemble(bundle, horizon, cost, limits)
+        self._objective, self._constraints = qp.objective, qp.constraints
+        self._situation = qp.situation
+        self._workspace = PiqpWorkspace(qp.objective, qp.constraints)
         self._reference = ReferenceHorizon(horizon)
+        self._tracks_latents = qp.situation.reference.shape[1] > N_STATES
         self._pedals = PedalChoice()
-        qp, n = self._qp, bundle.n_observables
-        self._tracks_latents = qp.n_outputs > N_STATES
-        self._operand = np.zeros(qp.gradient_map.shape[1])
-        self._operand[n + 1] = 1.0
-        self._psi = self._operand[:n]
-        self._previous = self._operand[n + 2 : n + 2 + N_INPUTS]
-        self._outputs = self._operand[n + 2 + N_INPUTS :].reshape(horizon, qp.n_outputs)
-        self._gradient = np.zeros(qp.scale.size)
-        self._slew_lower = -qp.slew
-        self._slew_upper = qp.slew.copy()
-        self._upper = qp.upper.copy()
+        self._slew_lower = -qp.constraints.slew
+        self._slew_upper = qp.constraints.slew.copy()
+        self._upper = qp.constraints.upper.copy()
         self._ceilings = self._upper.reshape(horizon, N_INPUTS)
         self.inputs = np.zeros((horizon, N_INPUTS))
         """(N, 3), the plan of the last solve that succeeded"""
@@ -55,6 +60,16 @@ class Mpc:
         """Time of the last solve, vectors in to solution out."""
         return self._workspace.solve_ns
 
+    def observe(self, state: VehicleState, held: ControlInput) -> None:
+        """The car is at `state`, and `held` was in force for the period that ended here."""
+        if self._history is not None:
+            self._history.advance(state, held)
+
+    def forget(self) -> None:
+        """What was observed is not the past of the next state: a period or more is missing."""
+        if self._history is not None:
+            self._history.forget()
+
     def plan(
         self,
         state: VehicleState,
@@ -64,30 +79,45 @@ class Mpc:
     ) -> SolveStatus:
         """How planning from here ended; on SOLVED, `inputs` holds the plan.
 
-        `previous` is the input of the last period: slew rates and the cost of change start there.
+        `state` is the one observed last, if any was. `previous` is the input of the last period:
+        slew rates and the cost of change start there.
         """
-        self._psi[:] = self._encoder.lift(state)
-        self._operand[self._psi.size] = curvature_per_m
-        self._previous[:] = previous
+        if self._history is not None and not self._history.is_begun:
+            self._history.advance(state, previous)
         reference = self._reference.expand(path, state, curvature_per_m)
-        self._outputs[:] = (
-            self._encoder.lift_batch(reference) if self._tracks_latents else reference
+        now = self._situation
+        now.psi[:] = self._encoder.lift(state, curvature_per_m)
+        now.road[:] = curvature_per_m
+        now.previous[:] = previous
+        now.reference[:] = (
+            self._encoder.lift_batch(reference, curvature_per_m)
+            if self._tracks_latents
+            else reference
         )
-        np.dot(self._qp.gradient_map, self._operand, out=self._gradient)
+        self._objective.aim(now)
         self._pedals.update(state.vx_mps - path.v_mps, path.a_mps2)
         self._bound(previous)
 
-        status = self._workspace.solve(
-            self._gradient, self._slew_lower, self._slew_upper, self._upper
-        )
+        status = self._workspace.solve(self._slew_lower, self._slew_upper, self._upper)
         if status is SolveStatus.SOLVED:
-            np.multiply(self._workspace.solution, self._qp.scale, out=self.inputs.reshape(-1))
+            np.multiply(
+                self._workspace.solution, self._constraints.scale, out=self.inputs.reshape(-1)
+            )
         return status
 
     def _bound(self, previous: ControlInput) -> None:
-        qp = self._qp
-        start = np.array(previous) / qp.scale[:N_INPUTS]
-        slew = qp.slew[:N_INPUTS]
+        constraints = self._constraints
+        start = np.array(previous) / constraints.scale[:N_INPUTS]
+        slew = constraints.slew[:N_INPUTS]
         self._slew_lower[:N_INPUTS] = start - slew
         self._slew_upper[:N_INPUTS] = start + slew
         lower_ceilings(self._ceilings, self._pedals, start, slew)
+
+
+def _require_liftable_reference(bundle: Bundle, cost: TrackingCost) -> None:
+    if cost.latent_weight > 0.0 and bundle.lift.sees_history:
+        raise ConfigError(
+            f"The model {bundle.name!r} lifts a state together with its past, and a reference "
+            f"state has none: expected --mpc.latent-weight 0, found {cost.latent_weight:g}. Leave "
+            f"the weight at 0, or choose a --model whose lift sees no history."
+        )

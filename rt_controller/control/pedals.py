@@ -9,7 +9,7 @@ from math import ceil
 
 import numpy as np
 
-from rt_controller.contract.artifact import Array
+from rt_controller.contract.bundle import Array
 from rt_controller.contract.limits import PEDAL_CHANGE_S
 from rt_controller.contract.signals import ControlInput
 from rt_controller.contract.timing import PERIOD_S

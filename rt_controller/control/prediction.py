@@ -4,53 +4,65 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rt_controller.contract.artifact import Array, Bundle
+from rt_controller.contract.bundle import Array, Bundle
 
 
 @dataclass(frozen=True, slots=True)
-class CondensedPrediction:
-    """Y = Phi psi_0 + Gamma U + lam kappa + mu, for the outputs y_1 … y_N stacked.
+class FreeResponse:
+    """Y = Phi psi_0 + lam kappa + mu: the outputs y_1 … y_N, stacked, if no input is given.
 
-    With p outputs a stage: Phi (N p, n), Gamma (N p, 3 N), lam (N p,), mu (N p,).
+    With p outputs a stage: Phi (N p, n), lam (N p,), mu (N p,).
     """
 
     Phi: Array
-    Gamma: Array
     lam: Array
     mu: Array
 
 
-def condense(bundle: Bundle, horizon: int, n_outputs: int) -> CondensedPrediction:
-    """Eliminate the states of eq. (14): the first `n_outputs` observables over `horizon` steps.
+def free_response(bundle: Bundle, horizon: int, n_outputs: int) -> FreeResponse:
+    """The first `n_outputs` observables over `horizon` steps.
 
-    The size of what remains does not depend on the number of latents, which is why a lifted model
-    costs no more than a linear one. Curvature is constant over the horizon, as in the paper.
+    Curvature is constant over the horizon, as in the paper.
 
     Paper: eq. (14), its equality constraints.
     """
-    n, m = bundle.n_observables, bundle.B_uc.shape[1]
+    n = bundle.n_observables
     Phi = np.zeros((horizon, n_outputs, n))
-    Gamma = np.zeros((horizon, n_outputs, horizon, m))
     lam = np.zeros((horizon, n_outputs))
     mu = np.zeros((horizon, n_outputs))
 
-    # One recursion forward in k: psi_k = S psi_0 + R U + w kappa + d.
-    S = np.eye(n)
-    R = np.zeros((n, horizon, m))
-    w = np.zeros(n)
-    d = np.zeros(n)
+    # One recursion forward in k: psi_k = S psi_0 + w kappa + d.
+    S, w, d = np.eye(n), np.zeros(n), np.zeros(n)
     for k in range(horizon):
         S = bundle.A @ S
-        R = np.tensordot(bundle.A, R, axes=1)
-        R[:, k, :] += bundle.B_uc
         w = bundle.A @ w + bundle.B_uw[:, 0]
         d = bundle.A @ d + bundle.c
-        Phi[k], Gamma[k], lam[k], mu[k] = S[:n_outputs], R[:n_outputs], w[:n_outputs], d[:n_outputs]
+        Phi[k], lam[k], mu[k] = S[:n_outputs], w[:n_outputs], d[:n_outputs]
 
     rows = horizon * n_outputs
-    return CondensedPrediction(
-        Phi=Phi.reshape(rows, n),
-        Gamma=Gamma.reshape(rows, horizon * m),
-        lam=lam.reshape(rows),
-        mu=mu.reshape(rows),
-    )
+    return FreeResponse(Phi.reshape(rows, n), lam.reshape(rows), mu.reshape(rows))
+
+
+def impulse_responses(A: Array, B: Array, horizon: int, n_outputs: int) -> Array:
+    """Outputs (N, p, m) at stages 1 … N after one unit of each input at stage 0, B being (n, m)."""
+    responses = np.zeros((horizon, n_outputs, B.shape[1]))
+    arrived = B
+    for k in range(horizon):
+        responses[k] = arrived[:n_outputs]
+        arrived = A @ arrived
+    return responses
+
+
+def forced_response(responses: Array) -> Array:
+    """Gamma (N p, N m): what impulse responses (N, p, m) make of the inputs of all stages.
+
+    The size of what remains does not depend on the number of latents, which is why a lifted model
+    costs no more than a linear one.
+
+    Paper: eq. (14), its equality constraints.
+    """
+    horizon, p, m = responses.shape
+    Gamma = np.zeros((horizon, p, horizon, m))
+    for j in range(horizon):
+        Gamma[j:, :, j, :] = responses[: horizon - j]
+    return Gamma.reshape(horizon * p, horizon * m)

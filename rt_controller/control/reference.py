@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rt_controller.contract.artifact import Array
+from rt_controller.contract.bundle import Array
 from rt_controller.contract.signals import PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 

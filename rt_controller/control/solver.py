@@ -7,9 +7,10 @@ import numpy as np
 import piqp
 from scipy.sparse import csc_matrix
 
-from rt_controller.contract.artifact import Array
+from rt_controller.contract.bundle import Array
 from rt_controller.contract.errors import ConfigError
-from rt_controller.control.qp import CondensedQp
+from rt_controller.control.constraints import InputConstraints
+from rt_controller.control.objective import Objective
 
 EPS_ABS = 1e-6
 EPS_DUALITY_GAP_ABS = 2e-9
@@ -37,34 +38,44 @@ _STATUS = {
 
 
 class PiqpWorkspace:
-    """One preallocated PIQP problem of fixed matrices.
+    """One preallocated PIQP problem: an objective that is aimed anew, bounds that move.
 
     `sparse_multistage` on the dense condensed matrices is the fastest of PIQP's factorisations at
-    this size; the solver's tolerances keep the first input within 1e-4 of its range.
+    this size, with a constant H and with a new one every tick; the solver's tolerances keep the
+    first input within 1e-4 of its range.
     """
 
-    def __init__(self, qp: CondensedQp, max_iterations: int = MAX_ITERATIONS) -> None:
+    def __init__(
+        self,
+        objective: Objective,
+        constraints: InputConstraints,
+        max_iterations: int = MAX_ITERATIONS,
+    ) -> None:
+        self._objective = objective
+        self._hessian = _columns_of(objective.H)
         self._solver = piqp.SparseSolver()
         settings = self._solver.settings
         settings.kkt_solver = piqp.KKTSolver.sparse_multistage
         settings.eps_abs = EPS_ABS
         settings.eps_duality_gap_abs = EPS_DUALITY_GAP_ABS
         settings.max_iter = max_iterations
-        nv = qp.scale.size
+        # Scaling the problem anew costs more than a new H changes about it.
+        settings.preconditioner_reuse_on_update = True
+        nv = constraints.scale.size
         self.solution = np.zeros(nv)
         """(nv,), of the last solve; overwritten by the next"""
         self.iterations = 0
         self.solve_ns = 0
         self._solver.setup(
-            csc_matrix(qp.H),
+            self._hessian,
             np.zeros(nv),
             None,
             None,
-            csc_matrix(qp.D),
-            -qp.slew,
-            qp.slew,
-            qp.lower,
-            qp.upper,
+            csc_matrix(constraints.D),
+            -constraints.slew,
+            constraints.slew,
+            constraints.lower,
+            constraints.upper,
         )
         if self._solver.solve() not in _STATUS:
             raise ConfigError(
@@ -72,17 +83,22 @@ class PiqpWorkspace:
                 "trouble at start. Check the --mpc weights and limits."
             )
 
-    def solve(
-        self, gradient: Array, slew_lower: Array, slew_upper: Array, upper: Array
-    ) -> SolveStatus:
-        """How the solve with these vectors ended; `solution` and `iterations` hold the rest."""
+    def solve(self, slew_lower: Array, slew_upper: Array, upper: Array) -> SolveStatus:
+        """How minimising the objective as it is aimed, in these bounds, ended.
+
+        `solution` and `iterations` hold the rest.
+        """
         begun_ns = time.perf_counter_ns()
         self.iterations = 0
-        if not np.isfinite(gradient).all():
+        gradient, renews = self._objective.gradient, self._objective.renews_hessian
+        if not np.isfinite(gradient).all() or (
+            renews and not np.isfinite(self._hessian.data).all()
+        ):
             # PIQP would keep what is not a number, and fail on every later problem too.
             self.solve_ns = time.perf_counter_ns() - begun_ns
             return SolveStatus.NUMERICS
-        self._solver.update(c=gradient, h_l=slew_lower, h_u=slew_upper, x_u=upper)
+        hessian = self._hessian if renews else None
+        self._solver.update(P=hessian, c=gradient, h_l=slew_lower, h_u=slew_upper, x_u=upper)
         status = _STATUS.get(self._solver.solve(), SolveStatus.NUMERICS)
         result = self._solver.result
         self.iterations = result.info.iter
@@ -93,6 +109,17 @@ class PiqpWorkspace:
         if status is SolveStatus.SOLVED and not np.isfinite(self.solution).all():
             return SolveStatus.NUMERICS
         return status
+
+
+def _columns_of(H: Array) -> csc_matrix:
+    """The symmetric H as PIQP takes it, in the same memory: its rows are its columns.
+
+    Zeros are entries like any others: a later H may have something there.
+    """
+    size = H.shape[0]
+    rows = np.tile(np.arange(size, dtype=np.int32), size)
+    starts = np.arange(0, size * size + 1, size, dtype=np.int32)
+    return csc_matrix((H.reshape(-1), rows, starts), shape=H.shape)
 
 
 def _is_usable(info: piqp.Info) -> bool:

@@ -34,6 +34,7 @@ __all__ = [
     "Parameters",
     "load_parameters",
     "shipped_cars",
+    "with_mass_factor",
     "with_road_friction",
 ]
 
@@ -177,6 +178,23 @@ def with_road_friction(
                 f"found {value}. Dry asphalt is about 0.85, packed snow 0.3."
             )
     return parameters._replace(road=RoadParameters(friction, right))
+
+
+def with_mass_factor(parameters: Parameters, factor: float) -> Parameters:
+    """The same car, every mass and inertia of its body times `factor`; the axles keep their share.
+
+    Raises:
+        ConfigError: the factor is not a positive number.
+    """
+    if not (isfinite(factor) and factor > 0.0):
+        raise ConfigError(f"mass factor: expected a positive number, found {factor}.")
+    body = parameters.body
+    scaled = {
+        name: factor * value
+        for name, value in body._asdict().items()
+        if name.endswith(("_kg", "_kgm2"))
+    }
+    return parameters._replace(body=body._replace(**scaled))
 
 
 def _part(part: str, kind: Any, raw: Any) -> Any:

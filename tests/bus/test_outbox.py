@@ -134,3 +134,27 @@ def test_what_was_sent_and_read_is_recorded() -> None:
     assert [stamp for stamp, _, _ in sent.frames] == [1, 1, 1, 2]
     assert [stamp for stamp, _, _ in read.frames] == [3] * 4
     assert [frame[1:] for frame in sent.frames] == [frame[1:] for frame in read.frames]
+
+
+def test_a_command_is_found_under_the_counter_it_was_sent_with() -> None:
+    with open_bus("virtual", "echoes") as bus, open_bus("virtual", "echoes"):
+        outbox = ControllerOutbox(bus)
+        assert outbox.command_under(3) is None
+        for counter in range(3, 3 + 20):
+            outbox.send_command(ControlInput(0.01 * counter, 0.0, 0.0), Mode.NOMINAL, counter, 0)
+    for counter in range(7, 7 + 16):
+        found = outbox.command_under(counter % 16)
+        assert found is not None
+        assert found.throttle == pytest.approx(0.01 * counter)
+
+
+def test_of_two_commands_under_one_counter_the_vehicle_means_the_first() -> None:
+    inbox = CommandInbox()
+    with open_bus("virtual", "twice") as near, open_bus("virtual", "twice") as far:
+        outbox = ControllerOutbox(far)
+        for counter, throttle in ((4, 0.1), (5, 0.2), (5, 0.3)):
+            outbox.send_command(ControlInput(throttle, 0.0, 0.0), Mode.NOMINAL, counter, 0)
+        inbox.drain(near, 0)
+    assert inbox.command is not None
+    assert inbox.command.control == pytest.approx((0.2, 0.0, 0.0))
+    assert outbox.command_under(inbox.command.counter) == (0.2, 0.0, 0.0)

@@ -8,32 +8,27 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rt_controller.contract.artifact import Bundle, load_bundle, save_bundle
+from rt_controller.contract.artifact import Bundle, LiftSample, load_bundle, save_bundle
 from rt_controller.contract.errors import ArtifactError
-
-
-@pytest.fixture
-def bundle() -> Bundle:
-    rng = np.random.default_rng(1)
-    n = 9
-    return Bundle(
-        name="random",
-        A=np.eye(n) + 0.01 * rng.normal(size=(n, n)),
-        B_uc=rng.normal(size=(n, 3)),
-        B_uw=rng.normal(size=(n, 1)),
-        c=rng.normal(size=n),
-        encoder_onnx=b"not run here",
-        selftest_x=rng.normal(size=(4, 6)),
-        selftest_psi=rng.normal(size=(4, n)),
-        training="{}",
-        data_sha256="0" * 64,
-    )
 
 
 @pytest.fixture
 def folder(bundle: Bundle, tmp_path: Path) -> Path:
     save_bundle(tmp_path, bundle, "# a card\n")
     return tmp_path
+
+
+PLAIN = (
+    "name",
+    "A",
+    "B_uc",
+    "B_uw",
+    "c",
+    "encoder_onnx",
+    "selftest_psi",
+    "training",
+    "data_sha256",
+)
 
 
 def rewrite(folder: Path, **changes: object) -> None:
@@ -46,15 +41,39 @@ def rewrite(folder: Path, **changes: object) -> None:
 
 
 def equal(one: Bundle, other: Bundle) -> bool:
-    return all(
-        np.array_equal(getattr(one, field.name), getattr(other, field.name))
-        for field in fields(Bundle)
+    if (one.schema, one.lift) != (other.schema, other.lift):
+        return False
+    parts = [(*bundle.selftest, *(bundle.bilinear or ())) for bundle in (one, other)]
+    return len(parts[0]) == len(parts[1]) and all(
+        np.array_equal(a, b)
+        for a, b in (
+            *((getattr(one, key), getattr(other, key)) for key in PLAIN),
+            *zip(*parts, strict=True),
+        )
     )
 
 
 def test_a_saved_bundle_loads_equal(bundle: Bundle, folder: Path) -> None:
+    compared = {*PLAIN, "schema", "lift", "selftest", "bilinear"}
+    assert compared == {field.name for field in fields(Bundle)}
     assert equal(load_bundle(folder), bundle)
     assert (folder / "card.md").read_text() == "# a card\n"
+
+
+def test_a_model_of_other_signals_loads_equal(planar: Bundle, tmp_path: Path) -> None:
+    save_bundle(tmp_path, planar, "card")
+    assert equal(load_bundle(tmp_path), planar)
+
+
+def test_a_constant_input_matrix_stays_constant(bundle: Bundle, tmp_path: Path) -> None:
+    save_bundle(tmp_path, replace(bundle, bilinear=None), "card")
+    assert load_bundle(tmp_path).bilinear is None
+
+
+def test_parts_that_do_not_fit_are_not_written(bundle: Bundle, tmp_path: Path) -> None:
+    with pytest.raises(ArtifactError, match="shape of B_uc"):
+        save_bundle(tmp_path / "model", replace(bundle, B_uc=bundle.B_uc[:, :2]), "card")
+    assert not (tmp_path / "model").exists()
 
 
 def test_growth_and_radius_are_written_for_others_to_read(bundle: Bundle, folder: Path) -> None:
@@ -64,40 +83,6 @@ def test_growth_and_radius_are_written_for_others_to_read(bundle: Bundle, folder
         )
         assert float(archive["growth_80"]) == pytest.approx(bundle.growth(80))
         assert float(archive["growth_20"]) == pytest.approx(bundle.growth(20))
-
-
-def test_growth_does_not_depend_on_the_units_of_an_observable(bundle: Bundle) -> None:
-    units = np.array([3.6, 1.0, 57.3, 1000.0, 1.0, 57.3, 1.0, 20.0, 0.1])
-    other = replace(
-        bundle,
-        A=bundle.A * units[:, None] / units[None, :],
-        selftest_psi=bundle.selftest_psi * units,
-    )
-    assert other.growth(20) == pytest.approx(bundle.growth(20))
-
-
-def test_an_observable_is_measured_by_its_spread_and_a_constant_by_its_size(
-    bundle: Bundle,
-) -> None:
-    psi = bundle.selftest_psi.copy()
-    psi[:, 6] *= 1e-3
-    psi[:, 7] = -3.0
-    psi[:, 8] = 0.0
-    spread = replace(bundle, selftest_psi=psi).spread
-    np.testing.assert_array_equal(spread[:7], psi[:, :7].std(axis=0))
-    np.testing.assert_array_equal(spread[7:], [3.0, 1.0])
-
-
-def test_parity_counts_a_small_latent_like_any_other(bundle: Bundle) -> None:
-    psi = bundle.selftest_psi.copy()
-    psi[:, 8] *= 1e-4
-    small = replace(bundle, selftest_psi=psi)
-    lifted = psi.copy()
-    assert small.parity_error(lifted) == 0.0
-    lifted[2, 8] += 0.01 * small.spread[8]
-    assert small.parity_error(lifted) == pytest.approx(0.01)
-    lifted[0, 0] = np.nan
-    assert np.isnan(small.parity_error(lifted))
 
 
 @pytest.mark.parametrize("missing", ["encoder.onnx", "koopman.npz"])
@@ -160,25 +145,15 @@ def test_a_flipped_bit_in_the_encoder_is_refused(bundle: Bundle, folder: Path) -
             load_bundle(folder)
 
 
-@pytest.mark.parametrize("key", ["A", "B_uc", "B_uw", "c"])
-def test_an_altered_matrix_is_refused(bundle: Bundle, folder: Path, key: str) -> None:
-    rewrite(folder, **{key: 0.9 * getattr(bundle, key)})
+@pytest.mark.parametrize(
+    "key", ["A", "B_uc", "B_uw", "c", "bilinear_N", "bilinear_S", "bilinear_s0"]
+)
+def test_an_altered_matrix_is_refused(folder: Path, key: str) -> None:
+    with np.load(folder / "koopman.npz") as archive:
+        altered = 0.9 * archive[key]
+    rewrite(folder, **{key: altered})
     with pytest.raises(ArtifactError, match="expected the model of SHA-256"):
         load_bundle(folder)
-
-
-def test_a_model_is_known_by_every_number_it_predicts_with(bundle: Bundle) -> None:
-    others = [
-        replace(bundle, **{key: 0.9 * getattr(bundle, key)}) for key in ("A", "B_uc", "B_uw", "c")
-    ]
-    others += [replace(bundle, encoder_onnx=b"another"), replace(bundle, name="another")]
-    assert len({bundle.sha256, *(other.sha256 for other in others)}) == 7
-
-
-def test_a_model_is_not_known_by_how_it_was_trained_or_stored(bundle: Bundle) -> None:
-    stored = np.asfortranarray(bundle.A)
-    other = replace(bundle, A=stored, training='{"seed": 1}', data_sha256="1" * 64)
-    assert other.sha256 == bundle.sha256
 
 
 def test_a_hash_is_stored_for_others_to_read(bundle: Bundle, folder: Path) -> None:
@@ -186,47 +161,85 @@ def test_a_hash_is_stored_for_others_to_read(bundle: Bundle, folder: Path) -> No
         assert str(archive["bundle_sha256"]) == bundle.sha256
 
 
+HISTORY = ("vx_mps", "vy_mps", "yaw_rate_radps", "throttle", "brake_n", "steer_rad")
+
+
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("state_fields", np.array(["vy_mps", "vx_mps"]), "state_fields"),
-        ("state_units", np.array(["km/h", "m/s", "rad/s", "m", "m", "rad"]), "state_units"),
-        ("input_fields", np.array(["brake_n", "throttle", "steer_rad"]), "input_fields"),
-        ("lift_inputs", np.array(["x", "history"]), "lift_inputs"),
-        ("dt_s", np.float64(0.024), "dt_s"),
+        ("format_version", np.int64(1), "format_version = 2, found 1"),
         ("format_version", np.int64(99), "format_version"),
+        ("format_version", np.str_("one"), "format_version = 2, found one"),
+        ("format_version", np.str_("2"), "format_version"),
+        ("format_version", np.array([2]), "format_version"),
+        ("format_version", np.eye(2), "format_version"),
+        ("format_version", None, "'format_version'"),
+        # Other signals are another model: the numbers may fit, the hash does not.
+        ("state_fields", np.array([*"abcdef"]), "history_fields out of"),
+        ("state_units", np.array(["km/h", "m/s", "rad/s", "m", "m", "rad"]), "SHA-256"),
+        ("dt_s", np.float64(0.024), "SHA-256"),
+        ("state_fields", np.array(["vx_mps", "vy_mps"]), "number of state_units = 2, found 6"),
+        ("state_units", np.array(["m/s"]), "number of state_units = 6, found 1"),
+        ("state_fields", np.array(["vx_mps"] * 6), "a name for each signal alone"),
+        ("input_fields", np.array(["throttle", "brake_n", "ey_m"]), "a name for each signal alone"),
+        ("exogenous_fields", np.array(["throttle"]), "a name for each signal alone"),
+        ("state_fields", np.str_("vx_mps"), "list of texts in state_fields"),
+        ("input_fields", np.arange(3.0), "list of texts in input_fields"),
+        ("exogenous_units", None, "'exogenous_units'"),
+        ("dt_s", np.float64(0.0), "positive dt_s"),
+        ("dt_s", np.float64(-0.025), "positive dt_s"),
+        ("dt_s", np.str_("fast"), "numbers in 0 dimensions in dt_s"),
+        ("dt_s", np.array([0.025, 0.025]), "numbers in 0 dimensions in dt_s"),
+        ("dt_s", np.float64(np.nan), "finite numbers in dt_s"),
+        ("lift_inputs", np.array(["x"]), "a history with steps and fields, or neither"),
+        ("lift_inputs", np.array(["x", "history"]), "SHA-256"),
+        ("lift_inputs", np.array(["history", "x"]), "begins with 'x'"),
+        ("lift_inputs", np.array(["x", "w", "history", "u"]), "begins with 'x'"),
+        ("lift_inputs", np.str_("x"), "list of texts in lift_inputs"),
+        ("history_steps", np.int64(3), "shape of selftest_history"),
+        ("history_steps", np.int64(0), "a history with steps and fields, or neither"),
+        ("history_steps", np.float64(4.0), "whole number in history_steps"),
+        ("history_steps", np.array([4]), "whole number in history_steps"),
+        ("history_fields", np.array(HISTORY[:5]), "shape of selftest_history"),
+        ("history_fields", np.array(HISTORY[::-1]), "history_fields out of"),
+        ("history_fields", np.array([*HISTORY[:5], "curvature_per_m"]), "history_fields out of"),
+        ("history_fields", np.array([*HISTORY[:5], HISTORY[0]]), "history_fields out of"),
         ("A", np.ones((9, 8)), "shape of A"),
         ("A", np.full((9, 9), np.nan), "finite"),
-        ("B_uc", np.zeros((9, 4)), "shape of B_uc"),
-        ("c", None, "'c'"),
-        ("bundle_sha256", None, "'bundle_sha256'"),
-        ("format_version", np.str_("one"), "format_version = 1, found one"),
-        ("format_version", np.str_("1"), "format_version"),
-        ("format_version", np.array([1]), "format_version"),
-        ("format_version", np.eye(2), "format_version"),
-        ("dt_s", np.str_("fast"), "dt_s = 0.025, found fast"),
-        ("dt_s", np.array([0.025, 0.025]), "dt_s"),
-        ("dt_s", np.float64(np.nan), "dt_s"),
-        ("state_fields", np.str_("vx_mps"), "state_fields"),
-        ("lift_inputs", np.str_("x"), "lift_inputs"),
-        ("input_fields", np.arange(3.0), "input_fields"),
         ("A", np.str_("a matrix"), "numbers in 2 dimensions in A, found <U8"),
         ("A", np.array([["a", "b"]]), "numbers in 2 dimensions in A"),
         ("A", np.float64(1.0), "numbers in 2 dimensions in A"),
         ("A", np.eye(9, dtype=np.float32), "float64 numbers"),
         ("A", np.eye(9, dtype=np.complex128), "float64 numbers"),
         ("A", np.zeros((0, 0)), "shape of B_uc"),
+        ("B_uc", np.zeros((9, 4)), "shape of B_uc"),
+        ("B_uw", np.zeros((9, 0)), "shape of B_uw"),
+        ("c", None, "'c'"),
         ("c", np.ones((9, 1)), "numbers in 1 dimensions in c"),
-        ("selftest_x", np.zeros((0, 6)), "shape of selftest_psi"),
+        ("bilinear_N", np.zeros((2, 9, 2)), "shape of bilinear_N"),
+        ("bilinear_N", np.zeros((3, 9, 3)), "shape of bilinear_N"),
+        ("bilinear_N", np.zeros((0, 9, 3)), "shape of bilinear_N"),
+        ("bilinear_N", None, "'bilinear_N'"),
+        ("bilinear_S", np.zeros((2, 9, 3)), "shape of bilinear_S"),
+        ("bilinear_S", np.full((2, 3, 9), np.inf), "finite"),
+        ("bilinear_s0", np.zeros((1, 3)), "shape of bilinear_N"),
+        ("bilinear_s0", np.zeros(3), "numbers in 2 dimensions in bilinear_s0"),
+        ("selftest_x", np.zeros((0, 6)), "shape of selftest_w"),
+        ("selftest_x", np.zeros((5, 7)), "shape of selftest_x"),
+        ("selftest_w", np.zeros((5, 2)), "shape of selftest_w"),
+        ("selftest_history", np.zeros((5, 4, 5)), "shape of selftest_history"),
+        ("selftest_history", np.zeros((5, 24)), "numbers in 3 dimensions in selftest_history"),
         ("selftest_psi", np.float64(0.0), "selftest_psi"),
+        ("selftest_psi", np.zeros((4, 9)), "shape of selftest_psi"),
         ("name", np.array(["a", "list"]), "one text in name"),
         ("training", np.float64(1.0), "one text in training"),
         ("data_sha256", np.zeros(3), "one text in data_sha256"),
         ("encoder_sha256", np.int64(0), "one text in encoder_sha256"),
         ("bundle_sha256", np.zeros(64), "one text in bundle_sha256"),
+        ("bundle_sha256", None, "'bundle_sha256'"),
     ],
 )
-def test_a_bundle_for_another_controller_is_refused(
+def test_what_does_not_fit_together_is_refused(
     folder: Path, field: str, value: NDArray[np.generic] | None, message: str
 ) -> None:
     rewrite(folder, **{field: value})
@@ -234,6 +247,29 @@ def test_a_bundle_for_another_controller_is_refused(
         load_bundle(folder)
     assert "expected" in str(error.value)
     assert "found" in str(error.value)
+    assert "offline-export" in str(error.value)
+
+
+def test_a_bundle_without_self_test_is_refused(bundle: Bundle, tmp_path: Path) -> None:
+    nothing = LiftSample(*(part[:0] for part in bundle.selftest))
+    with pytest.raises(ArtifactError, match="one self-test instant, found 9 and 0"):
+        save_bundle(
+            tmp_path, replace(bundle, selftest=nothing, selftest_psi=np.zeros((0, 9))), "card"
+        )
+
+
+def test_fewer_observables_than_states_are_refused(bundle: Bundle, tmp_path: Path) -> None:
+    small = replace(
+        bundle,
+        A=np.eye(5),
+        B_uc=bundle.B_uc[:5],
+        B_uw=bundle.B_uw[:5],
+        c=bundle.c[:5],
+        bilinear=None,
+        selftest_psi=bundle.selftest_psi[:, :5],
+    )
+    with pytest.raises(ArtifactError, match="at least 6 observables"):
+        save_bundle(tmp_path, small, "card")
 
 
 def test_pickles_are_never_opened(folder: Path) -> None:

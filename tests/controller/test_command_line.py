@@ -1,11 +1,16 @@
 """What a person gets to read, and the exit code, when something does not fit."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from made_models import WITH_PAST, make_bundle
 
 from rt_controller import cli
+from rt_controller.contract.artifact import Lift, load_bundle, save_bundle
+from rt_controller.contract.schema import VEHICLE
 from rt_controller.realtime.clock import LockstepClock
 from rt_controller.session import shipped_model
 
@@ -34,6 +39,40 @@ def test_an_encoder_of_another_export_is_refused(
     arguments = ("--bus", "socketcan", "--channel", "can0", "--model", str(folder))
     assert exit_code(monkeypatch, *arguments) == 2
     assert "SHA-256" in capsys.readouterr().err
+
+
+def test_a_model_of_another_format_is_refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    save_bundle(tmp_path, load_bundle(shipped_model("lti")), "card")
+    with np.load(tmp_path / "koopman.npz") as archive:
+        arrays = dict(archive)
+    np.savez(tmp_path / "koopman.npz", **{**arrays, "format_version": np.int64(1)})
+    arguments = ("--bus", "socketcan", "--channel", "can0", "--model", str(tmp_path))
+    assert exit_code(monkeypatch, *arguments) == 2
+    message = " ".join(capsys.readouterr().err.split())
+    assert "expected format_version = 2, found 1" in message
+    assert "run offline-export" in message
+
+
+def test_a_model_of_other_signals_is_refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    slower = replace(make_bundle(Lift()), schema=replace(VEHICLE, dt_s=0.05))
+    save_bundle(tmp_path, slower, "card")
+    arguments = ("--bus", "socketcan", "--channel", "can0", "--model", str(tmp_path))
+    assert exit_code(monkeypatch, *arguments) == 2
+    message = " ".join(capsys.readouterr().err.split())
+    assert "expected period in s = 0.025, found 0.05" in message
+
+
+def test_weight_on_latents_that_see_the_past_is_refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    save_bundle(tmp_path, make_bundle(WITH_PAST), "card")
+    arguments = ("--bus", "socketcan", "--channel", "can0", "--model", str(tmp_path))
+    assert exit_code(monkeypatch, *arguments, "--mpc.latent-weight", "0.001") == 2
+    assert "latent-weight 0" in " ".join(capsys.readouterr().err.split())
 
 
 def test_an_unknown_interface_is_refused_with_the_known_ones(

@@ -9,9 +9,9 @@ from rt_controller.bus.outbox import ControllerOutbox
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.signals import NEUTRAL_INPUT, Mode
 from rt_controller.loop import SILENCE_TICKS, Ending, RunRecord, StopRequest, drive, join
+from rt_controller.outcome import StopCause
 from rt_controller.realtime.accounting import DeadlineAccount
 from rt_controller.realtime.clock import Tick
-from rt_controller.step import StopCause
 from rt_controller.tracking import TrackingAccount
 
 

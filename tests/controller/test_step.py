@@ -13,7 +13,7 @@ from rt_controller.contract.signals import ControlInput, Mode, PathReference
 from rt_controller.contract.timing import HOLD_PLAN_TICKS
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.solver import SolveStatus
-from rt_controller.step import StopCause
+from rt_controller.outcome import StopCause
 
 CRUISE = ControlInput(0.1, 0.0, 0.0)
 

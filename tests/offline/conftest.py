@@ -1,4 +1,4 @@
-"""A toy car whose two-second trajectories are made in milliseconds."""
+"""A toy car whose drives are made in milliseconds."""
 
 from pathlib import Path
 
@@ -6,56 +6,68 @@ import numpy as np
 import pytest
 
 from offline.config import PRESETS, TrainingConfig
-from offline.dataset import Dataset, Trajectories, load_dataset, save_dataset
+from offline.dataset import Dataset, load_dataset, save_dataset, split_episodes
 from offline.excitation import Recipe
-from offline.manifest import Origin
+from offline.generate import EPISODE_STEPS, SLICES, Episode, Generated, assemble
+from offline.manifest import Driven, Roads
+from offline.roles import VEHICLE_ROLES
+from rt_controller.contract.schema import VEHICLE
 
 EPISODES = 40
 CURVATURES = (-4e-3, 0.0, 4e-3)
 DT_S = 0.025
 
 
-def toy_trajectories(episodes: int = EPISODES) -> Trajectories:
-    """A point with drag, first-order yaw and the road's kinematics; five slices an episode."""
+def toy_drives(episodes: int = EPISODES) -> Generated:
+    """A point with drag and first-order yaw on a plane; five slices an episode."""
     rng = np.random.default_rng(7)
-    n, steps = 5 * episodes, 80
-    u = np.zeros((n, steps, 3))
-    u[:, :, 0] = rng.uniform(0.0, 1.0, (n, 1))
-    u[: n // 4, :, :2] = [0.0, 60.0]
-    phase = rng.uniform(0.0, 2 * np.pi, (n, 1))
-    u[:, :, 2] = 0.4 * np.sin(2 * np.pi * 0.5 * DT_S * np.arange(steps) + phase)
-    kappa = np.repeat(rng.choice(CURVATURES, episodes), 5)
-    x = np.zeros((n, steps + 1, 6))
-    vx, ey, epsi = (rng.uniform(-1, 1, n) for _ in range(3))
-    vx, ey, epsi = 20 + 8 * vx, 2 * ey, 0.15 * epsi
-    yaw_rate = np.zeros(n)
-    ds = DT_S * vx
+    steps = EPISODE_STEPS
+    u = np.zeros((steps, episodes, 3))
+    u[:, :, 0] = rng.uniform(0.0, 1.0, episodes)
+    u[:, : episodes // 4, :2] = [0.0, 30.0]
+    phase = rng.uniform(0.0, 2 * np.pi, episodes)
+    u[:, :, 2] = 0.4 * np.sin(2 * np.pi * 0.5 * DT_S * np.arange(steps)[:, None] + phase)
+    motion, pose = np.zeros((steps + 1, episodes, 3)), np.zeros((steps + 1, episodes, 3))
+    vx, yaw_rate, yaw = 22 + 6 * rng.uniform(-1, 1, episodes), np.zeros(episodes), 0.0
+    X = Y = np.zeros(episodes)
     for k in range(steps + 1):
-        x[:, k] = np.stack([vx, 0.3 * yaw_rate, yaw_rate, ds, ey, epsi], axis=1)
+        motion[k] = np.stack([vx, 0.3 * yaw_rate, yaw_rate], axis=1)
+        pose[k] = np.stack([X, Y, yaw + np.zeros(episodes)], axis=1)
         if k < steps:
-            ds = DT_S * vx * np.cos(epsi) / (1 - kappa * ey)
-            ey = ey + DT_S * vx * np.sin(epsi)
-            epsi = epsi + DT_S * yaw_rate - kappa * ds
-            wanted = u[:, k, 2] * vx / (55.0 + 0.05 * vx**2)
+            X, Y = X + DT_S * vx * np.cos(yaw), Y + DT_S * vx * np.sin(yaw)
+            yaw = yaw + DT_S * yaw_rate
+            wanted = u[k, :, 2] * vx / (55.0 + 0.05 * vx**2)
             yaw_rate = yaw_rate + 0.2 * (wanted - yaw_rate)
-            vx = vx + DT_S * (3 * u[:, k, 0] - 0.05 * u[:, k, 1] - 4e-4 * vx**2)
-    return Trajectories(
-        x.astype(np.float32),
-        u.astype(np.float32),
-        kappa.astype(np.float32),
-        np.repeat(np.arange(episodes, dtype=np.int32), 5),
+            vx = vx + DT_S * (3 * u[k, :, 0] - 0.05 * u[k, :, 1] - 4e-4 * vx**2)
+    errors = rng.uniform(-1, 1, (episodes, SLICES, 2)) * (2.0, 0.15)
+    curvature = rng.choice(CURVATURES, episodes)
+    return assemble(
+        [
+            Episode(motion[:, e], pose[:, e], u[:, e], float(curvature[e]), errors[e], int(e < 10))
+            for e in range(episodes)
+        ]
+    )
+
+
+def save_toy(folder: Path, drives: Generated, episodes: int = EPISODES) -> Dataset:
+    """The drives as a data set of seed 3, ten tries of which were rejected."""
+    return save_dataset(
+        folder,
+        drives.recording,
+        drives.slices,
+        split_episodes(episodes, 3),
+        schema=VEHICLE,
+        roles=VEHICLE_ROLES,
+        roads=Roads(CURVATURES, 2.0, 0.15),
+        origin=Driven(Recipe(curvatures_per_m=CURVATURES), episodes, 3, "toy"),
+        rejected=drives.rejected,
     )
 
 
 @pytest.fixture(scope="session")
 def toy_folder(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("toy") / "data"
-    save_dataset(
-        folder,
-        toy_trajectories(),
-        rejected=10,
-        origin=Origin(Recipe(curvatures_per_m=CURVATURES), EPISODES, 3, "toy"),
-    )
+    save_toy(folder, toy_drives())
     return folder
 
 
@@ -66,7 +78,7 @@ def toy_dataset(toy_folder) -> Dataset:
 
 @pytest.fixture
 def tiny_config() -> TrainingConfig:
-    """Small enough for a test, with everything that a real run has."""
+    """The paper's preset, small enough for a test, with everything that a real run has."""
     return PRESETS["paper"].model_copy(
         update={
             "steps": 12,

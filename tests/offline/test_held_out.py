@@ -3,18 +3,21 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from offline import held_out
-from offline.baselines.lti import fit_lti
-from offline.dataset import cache, save_dataset
+from offline.dataset import cache, save_dataset, split_episodes
 from offline.excitation import Recipe
-from offline.export import choose_selftest_states
 from offline.generate import generate
-from offline.held_out import choose_test_set
-from offline.manifest import Origin
-from offline.provenance import is_held_out
+from offline.held_out import choose_test_set, find_objection
+from offline.manifest import Imported
+from offline.provenance import describe_training, is_held_out
+from offline.recording import Recording
+from rt_controller.contract.artifact import Lift, load_bundle
 from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.schema import VEHICLE, Signal
+from rt_controller.session import shipped_model
 
 NO_RUN = "no/such/run"
 
@@ -25,48 +28,79 @@ def stock(monkeypatch, tmp_path, toy_dataset):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(held_out, "full_folder", lambda: cache() / "full")
 
-    def put(name, episodes, seed=3):
-        toy = toy_dataset.trajectories
-        few = toy.take(toy.episode < episodes)
-        origin = replace(toy_dataset.origin, episodes=episodes, seed=seed)
-        return save_dataset(cache() / name, few, rejected=0, origin=origin)
+    def put(name, episodes, seed=3, **changes):
+        recording, slices = first_episodes(toy_dataset, episodes)
+        manifest = replace(toy_dataset.manifest, **changes)
+        return save_dataset(
+            cache() / name,
+            recording,
+            slices,
+            split_episodes(episodes, seed),
+            schema=manifest.schema,
+            roles=manifest.roles,
+            roads=manifest.roads,
+            origin=replace(toy_dataset.origin, episodes=episodes, seed=seed),
+        )
 
     return put
 
 
+def first_episodes(dataset, episodes):
+    samples = int(dataset.recording.lengths[:episodes].sum())
+    *arrays, first = dataset.recording
+    slices = dataset.slices.take(dataset.slices.episode < episodes)
+    return Recording(*(array[:samples] for array in arrays), first[:episodes]), slices
+
+
 def trained_on(dataset):
-    return fit_lti(dataset, choose_selftest_states(dataset))
+    """Any bundle that says so."""
+    return replace(
+        load_bundle(shipped_model("lti")),
+        training=describe_training({}, dataset.origin),
+        data_sha256=dataset.sha256,
+    )
 
 
 def test_smaller_data_sets_begin_with_the_same_episodes():
     """Why any of this is needed."""
     few, more = (generate(Recipe(), episodes, seed=5, jobs=1) for episodes in (2, 3))
-    assert (few.trajectories.x == more.trajectories.x[:10]).all()
+    assert np.array_equal(few.recording.x, more.recording.x[: len(few.recording.x)])
 
 
 def test_a_model_of_the_full_data_set_is_judged_on_it(stock, tmp_path):
     full = stock("full", 40)
-    assert choose_test_set(trained_on(full), None, tmp_path / NO_RUN).sha256 == full.sha256
+    assert choose_test_set([trained_on(full)], None, tmp_path / NO_RUN).sha256 == full.sha256
 
 
 def test_a_model_of_the_first_episodes_is_judged_on_its_own_test_part(stock, tmp_path, capsys):
     stock("full", 40)
     small = stock("small", 20)
-    assert choose_test_set(trained_on(small), None, tmp_path / NO_RUN).sha256 == small.sha256
+    assert choose_test_set([trained_on(small)], None, tmp_path / NO_RUN).sha256 == small.sha256
     assert "may have been trained on" in " ".join(capsys.readouterr().out.split())
 
 
 def test_a_model_of_another_seed_is_judged_on_the_full_data_set(stock, tmp_path):
     full, other = stock("full", 40), stock("other", 20, seed=4)
-    assert choose_test_set(trained_on(other), None, tmp_path / NO_RUN).sha256 == full.sha256
+    assert choose_test_set([trained_on(other)], None, tmp_path / NO_RUN).sha256 == full.sha256
 
 
-def test_naming_a_data_set_that_the_model_may_have_been_trained_on_is_refused(stock, tmp_path):
-    stock("full", 40)
+def test_several_models_are_judged_on_data_that_all_of_them_never_met(stock, tmp_path):
+    full, other = stock("full", 40), stock("other", 20, seed=4)
+    both = [trained_on(other), trained_on(full)]
+    assert choose_test_set(both, None, tmp_path / NO_RUN).sha256 == full.sha256
     small = stock("small", 20)
-    with pytest.raises(DatasetError, match="trained on some of its test episodes") as error:
-        choose_test_set(trained_on(small), cache() / "full", tmp_path / NO_RUN)
+    with_small = [trained_on(full), trained_on(small)]
+    with pytest.raises(DatasetError, match="no model to be judged was trained on"):
+        choose_test_set(with_small, None, tmp_path / NO_RUN)
+
+
+def test_naming_a_data_set_that_a_model_may_have_been_trained_on_is_refused(stock, tmp_path):
+    full, small = stock("full", 40), stock("small", 20)
+    models = [trained_on(full), trained_on(small)]
+    with pytest.raises(DatasetError, match="trained on its test episodes") as error:
+        choose_test_set(models, cache() / "full", tmp_path / NO_RUN)
     assert "40 episodes of seed 3" in str(error.value)
+    assert small.sha256[:16] in str(error.value)
 
 
 def test_without_any_data_set_that_was_held_out_nothing_is_judged(stock, tmp_path):
@@ -75,7 +109,27 @@ def test_without_any_data_set_that_was_held_out_nothing_is_judged(stock, tmp_pat
         file.unlink()
     assert full.sha256 != small.sha256
     with pytest.raises(DatasetError, match="offline-data"):
-        choose_test_set(trained_on(small), None, tmp_path / NO_RUN)
+        choose_test_set([trained_on(small)], None, tmp_path / NO_RUN)
+
+
+def test_a_model_is_not_judged_on_data_of_other_signals(stock, tmp_path):
+    states = (Signal("speed_mps", "m/s"), *VEHICLE.states[1:])
+    other = stock("other", 20, seed=4, schema=replace(VEHICLE, states=states))
+    stranger = replace(trained_on(other), data_sha256="0" * 64)
+    with pytest.raises(DatasetError, match="other signals"):
+        choose_test_set([stranger], cache() / "other", tmp_path / NO_RUN)
+    full = stock("full", 40, seed=5)
+    assert choose_test_set([stranger], None, tmp_path / NO_RUN).sha256 == full.sha256
+
+
+def test_a_model_is_judged_only_where_its_past_is_known(toy_dataset):
+    manifest = toy_dataset.manifest
+    fitting = Lift(("x", "history"), 4, manifest.roles.past)
+    long = replace(fitting, history_steps=21)
+    other = replace(fitting, history_fields=("ey_m",))
+    for lift, is_fine in ((fitting, True), (long, False), (other, False)):
+        bundle = replace(trained_on(toy_dataset), lift=lift)
+        assert (find_objection([bundle], manifest) is None) is is_fine
 
 
 @pytest.mark.parametrize(
@@ -90,14 +144,25 @@ def test_without_any_data_set_that_was_held_out_nothing_is_judged(stock, tmp_pat
 )
 def test_same_seed_and_other_length_is_what_leaks(toy_dataset, changes, expected):
     manifest = toy_dataset.manifest
-    origin = Origin(
-        manifest.origin.recipe,
-        changes.get("episodes", 40),
-        changes.get("seed", 3),
-        manifest.origin.plant_fingerprint,
+    origin = replace(
+        manifest.origin, episodes=changes.get("episodes", 40), seed=changes.get("seed", 3)
     )
     other = replace(manifest, sha256=changes.get("sha256", manifest.sha256), origin=origin)
     assert is_held_out(trained_on(toy_dataset), other) is expected
+
+
+def test_a_model_of_logs_is_held_out_from_drives_and_not_from_other_logs(toy_dataset):
+    """Whatever their seeds and lengths: two imports may share a log."""
+    manifest = toy_dataset.manifest
+    logs = replace(manifest, sha256="logs", origin=Imported((), "", 3, 9))
+    more_logs = replace(manifest, sha256="more", origin=Imported((), "", 5, 8))
+    of_logs = replace(
+        trained_on(toy_dataset), training=describe_training({}, logs.origin), data_sha256="logs"
+    )
+    assert is_held_out(of_logs, logs)
+    assert is_held_out(of_logs, manifest)
+    assert is_held_out(trained_on(toy_dataset), logs)
+    assert not is_held_out(of_logs, more_logs)
 
 
 @pytest.mark.parametrize("training", ["{}", "no JSON", "[]", json.dumps({"data_seed": None})])

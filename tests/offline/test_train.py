@@ -5,18 +5,46 @@ import json
 from dataclasses import replace
 from datetime import datetime
 
+import numpy as np
 import pytest
 import torch
 
+from offline.batch import scale
 from offline.checkpoint import load_checkpoint, save_checkpoint
 from offline.config import PRESETS
-from offline.learner import Learner, normalise
+from offline.dataset import PARTS
+from offline.learner import Learner
+from offline.model import sizes_of
 from offline.run_folder import create_run, cut_history, open_run
 from offline.scaling import fit_scaling
+from offline.schedule import cosine_rate
+from offline.source import SliceSource, open_source
 from offline.train import TrainingDivergedError, train
-from rt_controller.contract.errors import ArtifactError, RtControllerError
+from rt_controller.contract.errors import ArtifactError, DatasetError, RtControllerError
 
 NOW = datetime(2026, 1, 2, 3, 4, 5)
+
+
+@pytest.fixture
+def tiny_recommended():
+    """Everything that goes beyond the paper, at the size of a test."""
+    return PRESETS["recommended"].model_copy(
+        update={
+            "steps": 12,
+            "batch": 16,
+            "evaluate_every": 5,
+            "hidden": (8, 8),
+            "latents": 4,
+            "history_steps": 3,
+            "bilinear_rank": 2,
+            "threads": 1,
+        }
+    )
+
+
+@pytest.fixture(params=["paper", "recommended"])
+def config(request, tiny_config, tiny_recommended):
+    return {"paper": tiny_config, "recommended": tiny_recommended}[request.param]
 
 
 @pytest.fixture
@@ -30,6 +58,19 @@ def new_run(tmp_path, toy_folder, toy_dataset):
     return create
 
 
+@pytest.fixture
+def scaling(toy_dataset):
+    return fit_scaling(toy_dataset.select("train"), toy_dataset.schema, toy_dataset.roles)
+
+
+def a_learner(config, dataset, scaling) -> Learner:
+    return Learner(config, sizes_of(dataset.schema, dataset.roles), scaling, dataset.sha256)
+
+
+def part(dataset, name, scaling, config):
+    return scale(dataset.select(name), scaling, dataset.schema, dataset.roles, config.history_steps)
+
+
 def weights_equal(one, other) -> bool:
     return all(torch.equal(one[name], other[name]) for name in one)
 
@@ -38,11 +79,16 @@ def history(run):
     return [json.loads(line) for line in run.history.read_text().splitlines()]
 
 
+def stop_after(steps):
+    asked = itertools.count()
+    return lambda: next(asked) >= steps
+
+
 def test_a_run_evaluates_after_the_first_step_every_so_many_and_at_the_end(
-    tiny_config, toy_dataset, new_run
+    config, toy_dataset, new_run
 ):
-    run = new_run(tiny_config)
-    outcome = train(tiny_config, toy_dataset, run)
+    run = new_run(config)
+    outcome = train(config, toy_dataset, run)
     assert outcome.is_finished
     assert [line["step"] for line in history(run)] == [0, 5, 10, 11]
     assert load_checkpoint(run.last).step == 12
@@ -56,35 +102,43 @@ def test_training_lowers_the_validation_loss(tiny_config, toy_dataset, new_run):
     assert losses[-1] < 0.3 * losses[0]
 
 
-def test_equal_seeds_write_equal_histories_and_models(tiny_config, toy_dataset, new_run):
-    first, second = new_run(tiny_config), new_run(tiny_config)
+def test_training_on_the_horizon_lowers_every_kind_of_error_it_is_about(
+    tiny_recommended, toy_dataset, new_run
+):
+    """The loss is a logarithm: one less is errors of a third."""
+    config = tiny_recommended.model_copy(update={"steps": 150, "evaluate_every": 50})
+    run = new_run(config)
+    train(config, toy_dataset, run)
+    losses = [line["validation"]["total"] for line in history(run)]
+    assert losses[-1] < losses[0] - 1.0
+
+
+def test_equal_seeds_write_equal_histories_and_models(config, toy_dataset, new_run):
+    first, second = new_run(config), new_run(config)
     for run in (first, second):
-        train(tiny_config, toy_dataset, run)
+        train(config, toy_dataset, run)
     assert first.history.read_bytes() == second.history.read_bytes()
     assert weights_equal(load_checkpoint(first.last).model, load_checkpoint(second.last).model)
 
 
-def test_another_seed_trains_another_model(tiny_config, toy_dataset, new_run):
-    first, second = new_run(tiny_config), new_run(tiny_config)
-    train(tiny_config, toy_dataset, first)
-    train(tiny_config.model_copy(update={"seed": 1}), toy_dataset, second)
+def test_another_seed_trains_another_model(config, toy_dataset, new_run):
+    first, second = new_run(config), new_run(config)
+    train(config, toy_dataset, first)
+    train(config.model_copy(update={"seed": 1}), toy_dataset, second)
     assert not weights_equal(load_checkpoint(first.last).model, load_checkpoint(second.last).model)
 
 
-@pytest.mark.parametrize("stop_after", [0, 3, 6, 8])
+@pytest.mark.parametrize("stopped_after", [0, 3, 6, 8])
 def test_a_stopped_run_resumes_as_if_it_had_never_stopped(
-    tiny_config, toy_dataset, new_run, stop_after
+    config, toy_dataset, new_run, stopped_after
 ):
-    whole, halved = new_run(tiny_config), new_run(tiny_config)
-    train(tiny_config, toy_dataset, whole)
+    whole, halved = new_run(config), new_run(config)
+    train(config, toy_dataset, whole)
 
-    asked = itertools.count()
-    stopped = train(
-        tiny_config, toy_dataset, halved, stop_requested=lambda: next(asked) >= stop_after
-    )
-    assert (stopped.step, stopped.is_finished) == (stop_after, False)
+    stopped = train(config, toy_dataset, halved, stop_requested=stop_after(stopped_after))
+    assert (stopped.step, stopped.is_finished) == (stopped_after, False)
     torch.manual_seed(999)
-    train(tiny_config, toy_dataset, halved, resume_from=load_checkpoint(halved.last))
+    train(config, toy_dataset, halved, resume_from=load_checkpoint(halved.last))
 
     assert whole.history.read_bytes() == halved.history.read_bytes()
     one, other = load_checkpoint(whole.last), load_checkpoint(halved.last)
@@ -116,10 +170,10 @@ def test_best_checkpoint_is_the_one_of_the_lowest_validation_loss(
     assert load_checkpoint(run.best).step == lines[best]["step"] + 1
 
     checkpoint = load_checkpoint(run.best)
-    learner = Learner(config, checkpoint.scaling, toy_dataset.sha256)
+    learner = a_learner(config, toy_dataset, checkpoint.scaling)
     learner.restore(checkpoint)
-    x, u = normalise(toy_dataset.select("validation"), checkpoint.scaling)
-    assert learner.evaluate(x, u)[0] == min(losses)
+    validation = part(toy_dataset, "validation", checkpoint.scaling, config)
+    assert learner.evaluate(validation)[0] == min(losses)
 
 
 def test_loss_that_is_told_as_the_best_is_the_one_of_the_model_that_was_kept(
@@ -128,8 +182,7 @@ def test_loss_that_is_told_as_the_best_is_the_one_of_the_model_that_was_kept(
     """As printed, a loss below its neighbour's is kept, though a lower one was met before."""
     config = tiny_config.model_copy(update={"best_rule": "as-printed"})
     run = new_run(config)
-    asked = itertools.count()
-    train(config, toy_dataset, run, stop_requested=lambda: next(asked) >= 8)
+    train(config, toy_dataset, run, stop_requested=stop_after(8))
     halfway = replace(load_checkpoint(run.last), validation_losses=[1e-9, 1e9])
 
     heard = []
@@ -146,42 +199,82 @@ def test_a_run_that_was_stopped_at_once_has_no_best_loss(tiny_config, toy_datase
     assert outcome.best_validation_loss is None
 
 
+def test_scaling_is_fitted_on_the_training_part_only(config, toy_dataset, new_run, scaling):
+    run = new_run(config)
+    train(config, toy_dataset, run)
+    kept = load_checkpoint(run.best).scaling
+    for name in ("x_centre", "x_scale", "u_scale", "w_scale", "past_centre", "past_scale"):
+        assert np.array_equal(getattr(kept, name), getattr(scaling, name)), name
+
+
+def test_a_data_set_without_validation_episodes_is_refused(config, toy_dataset, new_run):
+    """No model could be chosen: every loss would be the mean of nothing."""
+    everything_trains = replace(toy_dataset, part=np.zeros_like(toy_dataset.part))
+    with pytest.raises(DatasetError, match="validation"):
+        train(config, everything_trains, new_run(config))
+
+
+def poison_operator(checkpoint):
+    checkpoint.model["A_rows"].fill_(torch.nan)
+
+
+def poison_encoder(checkpoint):
+    checkpoint.model["encoder.0.weight"].fill_(torch.inf)
+
+
+def poison_moments_of_operator(checkpoint):
+    """The gradient is a number, and the step that Adam makes of it is none."""
+    moments = checkpoint.optimizer["state"]
+    for each in moments.values():
+        each["exp_avg"].fill_(torch.nan)
+
+
+@pytest.mark.parametrize("poison", [poison_operator, poison_encoder, poison_moments_of_operator])
+@pytest.mark.parametrize("stopped_after", [8, 10])
 def test_a_loss_that_is_no_number_stops_the_run_and_keeps_the_best_model(
-    tiny_config, toy_dataset, new_run
+    config, toy_dataset, new_run, poison, stopped_after
 ):
-    run = new_run(tiny_config)
-    train(tiny_config, toy_dataset, run)
+    run = new_run(config)
+    train(config, toy_dataset, run, stop_requested=stop_after(stopped_after))
     best = run.best.read_bytes()
     poisoned = load_checkpoint(run.last)
-    poisoned.model["A_rows"].fill_(torch.nan)
-    longer = tiny_config.model_copy(update={"steps": 20})
+    poison(poisoned)
     with pytest.raises(TrainingDivergedError, match="smaller --learning-rate"):
-        train(longer, toy_dataset, run, resume_from=poisoned)
+        train(config, toy_dataset, run, resume_from=poisoned)
     assert run.best.read_bytes() == best
     assert all(torch.isfinite(tensor).all() for tensor in load_checkpoint(run.best).model.values())
 
 
-def test_a_gradient_that_is_no_number_is_skipped_and_counted(tiny_config, toy_dataset):
-    train_part = toy_dataset.select("train")
-    scaling = fit_scaling(train_part.x, train_part.u, train_part.kappa)
-    learner = Learner(tiny_config, scaling, toy_dataset.sha256)
-    losses = learner.losses_on_random_batch(*normalise(train_part, scaling))
+def test_a_gradient_that_is_no_number_is_skipped_and_counted(config, toy_dataset, scaling):
+    learner = a_learner(config, toy_dataset, scaling)
+    losses = learner.losses_on_random_batch(open_source(config, toy_dataset, scaling))
     before = {name: tensor.clone() for name, tensor in learner.model.state_dict().items()}
     assert not learner.update(losses._replace(total=losses.total * torch.inf))
     assert learner.skipped == 1
     assert weights_equal(before, learner.model.state_dict())
 
 
-def test_validation_loss_does_not_depend_on_how_it_is_cut_into_chunks(
-    tiny_config, toy_dataset, monkeypatch
+def test_a_run_whose_gradients_are_never_numbers_gives_up(
+    config, toy_dataset, new_run, monkeypatch
 ):
-    train_part = toy_dataset.select("train")
-    scaling = fit_scaling(train_part.x, train_part.u, train_part.kappa)
-    learner = Learner(tiny_config, scaling, toy_dataset.sha256)
-    x, u = normalise(train_part, scaling)
-    whole = learner.evaluate(x, u)
+    as_ever = Learner.update
+
+    def update(learner, losses):
+        return as_ever(learner, losses._replace(total=losses.total * torch.inf))
+
+    monkeypatch.setattr(Learner, "update", update)
+    with pytest.raises(TrainingDivergedError, match="the gradient"):
+        train(config.model_copy(update={"steps": 1000}), toy_dataset, new_run(config))
+
+
+def test_validation_loss_does_not_depend_on_how_it_is_cut_into_chunks(
+    tiny_config, toy_dataset, scaling, monkeypatch
+):
+    learner = a_learner(tiny_config, toy_dataset, scaling)
+    batch = part(toy_dataset, "train", scaling, tiny_config)
+    whole = learner.evaluate(batch)
     monkeypatch.setattr("offline.learner.EVALUATION_CHUNK", 37)
-    assert learner.evaluate(x, u) == pytest.approx(whole, rel=1e-5)
+    assert learner.evaluate(batch) == pytest.approx(whole, rel=1e-5)
 
 
 def test_the_literal_preset_trains_too(tiny_config, toy_dataset, new_run):
@@ -192,6 +285,90 @@ def test_the_literal_preset_trains_too(tiny_config, toy_dataset, new_run):
     run = new_run(config)
     outcome = train(config, toy_dataset, run)
     assert outcome.best_validation_loss < history(run)[0]["validation"]["total"]
+
+
+def radii(config, dataset, run) -> list[float]:
+    train(config, dataset, run)
+    return [line["spectral_radius"] for line in history(run)]
+
+
+def test_a_projected_operator_does_not_grow_where_a_free_one_does(
+    tiny_recommended, toy_dataset, new_run
+):
+    """Every tenth step and the last are projected, and these are evaluated here."""
+    projected = tiny_recommended.model_copy(update={"steps": 31, "evaluate_every": 10})
+    free = projected.model_copy(update={"stability": "gelfand"})
+    run = new_run(projected)
+    assert max(radii(projected, toy_dataset, run)) <= 1.0 + 1e-5
+    assert min(radii(free, toy_dataset, new_run(free))) > 1.0 + 1e-4
+    A = load_checkpoint(run.last).model["A_rows"].double().numpy()
+    assert np.abs(np.linalg.eigvals(A[:, : len(A)])).max() <= 1.0 + 1e-5
+
+
+def test_a_projected_operator_stays_near_the_circle_whatever_the_gradient_wants(
+    tiny_recommended, toy_dataset, new_run
+):
+    """Several eigenvalues that are put back meet at 1, and single precision parts them again."""
+    wild = {"learning_rate": 0.05, "operator_rate": 1.0, "steps": 31, "evaluate_every": 10}
+    projected = tiny_recommended.model_copy(update=wild)
+    free = projected.model_copy(update={"stability": "gelfand"})
+    assert max(radii(projected, toy_dataset, new_run(projected))) <= 1.0 + 1e-3
+    assert max(radii(free, toy_dataset, new_run(free))) > 1.0 + 1e-2
+
+
+def test_the_rate_follows_the_cosine_and_the_operators_is_a_share_of_it(
+    tiny_recommended, toy_dataset, scaling
+):
+    learner = a_learner(tiny_recommended, toy_dataset, scaling)
+    source = open_source(tiny_recommended, toy_dataset, scaling)
+    for step in range(4):
+        learner.set_learning_rate()
+        expected = cosine_rate(step, 12, tiny_recommended.learning_rate)
+        rest, operator = (group["lr"] for group in learner.optimizer.param_groups)
+        assert rest == learner.learning_rate == expected
+        assert operator == pytest.approx(0.1 * expected)
+        learner.update(learner.losses_on_random_batch(source))
+    assert learner.model.A_rows is learner.optimizer.param_groups[1]["params"][0]
+    everything = sum(len(group["params"]) for group in learner.optimizer.param_groups)
+    assert everything == len(list(learner.model.parameters()))
+
+
+def test_a_rate_on_a_plateau_is_halved_for_every_parameter(tiny_config, toy_dataset, scaling):
+    learner = a_learner(tiny_config.model_copy(update={"operator_rate": 0.2}), toy_dataset, scaling)
+    learner.set_learning_rate()
+    learner.halve_learning_rate()
+    learner.halve_learning_rate()
+    rates = [group["lr"] for group in learner.optimizer.param_groups]
+    assert rates == pytest.approx([1e-3 / 4, 0.2e-3 / 4])
+
+
+def test_the_first_roll_outs_are_as_short_as_the_horizon_is_then(
+    tiny_recommended, toy_dataset, scaling
+):
+    """What happens behind the horizon is not seen: it may be anything."""
+    config = tiny_recommended.model_copy(update={"horizon_start": 8, "windows": "slices"})
+    learner = a_learner(config, toy_dataset, scaling)
+    source = SliceSource(toy_dataset, scaling, config.history_steps)
+    source._all.x[9:] = torch.nan
+    assert torch.isfinite(learner.losses_on_random_batch(source).total)
+    source._all.x[8:] = torch.nan
+    assert not torch.isfinite(learner.losses_on_random_batch(source).total)
+
+
+@pytest.mark.parametrize("windows", ["slices", "all"])
+def test_episodes_held_back_teach_the_model_nothing(config, toy_dataset, new_run, windows):
+    config = config.model_copy(update={"windows": windows})
+    recording = toy_dataset.recording
+    held_back = np.repeat(toy_dataset.part != PARTS.index("train"), recording.lengths)
+    u = recording.u.copy()
+    u[held_back] += 1.0
+    others = replace(toy_dataset, recording=recording._replace(u=u))
+    kept = []
+    for data in (toy_dataset, others):
+        run = new_run(config)
+        train(config, data, run)
+        kept.append(load_checkpoint(run.last).model)
+    assert weights_equal(*kept)
 
 
 def test_latest_points_to_the_newest_run(tiny_config, tmp_path, toy_folder, toy_dataset):
@@ -211,6 +388,17 @@ def test_a_folder_that_is_no_run_is_refused(tmp_path, content):
         (tmp_path / "config.json").write_text(content)
     with pytest.raises(ArtifactError, match="offline-train"):
         open_run(tmp_path)
+
+
+def test_a_checkpoint_comes_back_as_it_was_written(config, toy_dataset, new_run):
+    run = new_run(config)
+    train(config, toy_dataset, run)
+    written = load_checkpoint(run.last)
+    save_checkpoint(run.last, written)
+    read = load_checkpoint(run.last)
+    assert read.config == config
+    assert weights_equal(read.model, written.model)
+    assert read.validation_losses == written.validation_losses
 
 
 @pytest.mark.parametrize("keep", [None, 0, 1000])

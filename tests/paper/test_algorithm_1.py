@@ -1,5 +1,6 @@
 """When the best model is kept and the rate halved, and the numbers of the paper's table."""
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -74,8 +75,9 @@ def test_a_new_best_starts_the_count_anew():
     assert judge_global_minimum([*history, 2.0], PATIENCE).lower_rate
 
 
-def test_preset_paper_carries_the_table_of_hyperparameters():
-    paper = PRESETS["paper"]
+@pytest.mark.parametrize("preset", ["paper", "paper-literal"])
+def test_the_papers_presets_carry_the_table_of_hyperparameters(preset):
+    paper = PRESETS[preset]
     assert (paper.steps, paper.evaluate_every, paper.batch) == (60_000, 500, 128)
     assert (paper.latents, paper.hidden) == (60, (32, 64, 128, 128, 64))
     assert (paper.learning_rate, paper.patience, paper.forgetting) == (1e-3, 3, 0.9)

@@ -4,6 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from offline.batch import Batch, Instants
 from offline.config import PRESETS, TrainingConfig
 from offline.losses import (
     GROWTH_BOUND,
@@ -14,10 +15,13 @@ from offline.losses import (
     regularisation_loss,
     total_loss,
 )
-from offline.model import MdkNet
+from offline.model import MdkNet, sizes_of
+from offline.roles import VEHICLE_ROLES
+from rt_controller.contract.schema import VEHICLE
 
 K, BATCH = 7, 3
 SMALL = {"hidden": (8, 8), "latents": 5}
+SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
 
 
 @pytest.fixture(autouse=True)
@@ -29,44 +33,61 @@ def _double_precision():
 
 def a_model(config: TrainingConfig) -> MdkNet:
     torch.manual_seed(1)
-    model = MdkNet(config)
+    model = MdkNet(config, SIZES)
     with torch.no_grad():
         model.A_rows += 0.05 * torch.randn_like(model.A_rows)
         model.B_rows += 0.3 * torch.randn_like(model.B_rows)
     return model
 
 
-def a_batch() -> tuple[Tensor, Tensor]:
+def a_batch() -> Batch:
     torch.manual_seed(2)
-    return torch.randn(K + 1, BATCH, 6), torch.randn(K, BATCH, 4)
+    return Batch(
+        torch.randn(K + 1, BATCH, 6),
+        torch.randn(K, BATCH, 3),
+        torch.randn(K, BATCH, 1),
+        torch.randn(K, BATCH, 6),
+    )
+
+
+def inputs(batch: Batch) -> Tensor:
+    """u = [u_c; u_w] of eq. (2), (K, batch, 4)."""
+    return torch.cat([batch.u, batch.w], dim=-1)
+
+
+def lift(model: MdkNet, x: Tensor) -> Tensor:
+    """psi(x) of one state: the paper's encoder is shown nothing else."""
+    return model.lift(Instants(x, torch.empty(0), torch.empty(0)))
 
 
 def a_config(preset: str, **changes: object) -> TrainingConfig:
     return PRESETS[preset].model_copy(update={**SMALL, **changes})
 
 
-def transcribed_single_step(model: MdkNet, x: Tensor, u: Tensor) -> Tensor:
+def transcribed_single_step(model: MdkNet, batch: Batch) -> Tensor:
     """Eq. (9), averaged over the batch."""
     A, B = model.operator()
+    x, u = batch.x, inputs(batch)
     loss = torch.zeros(())
     for b in range(BATCH):
         for i in range(K):
-            error = model.lift(x[i + 1, b]) - (A @ model.lift(x[i, b]) + B @ u[i, b])
+            error = lift(model, x[i + 1, b]) - (A @ lift(model, x[i, b]) + B @ u[i, b])
             loss = loss + error @ error / K
     return loss / BATCH
 
 
-def transcribed_multi_step(model: MdkNet, x: Tensor, u: Tensor, beta: float, last: int) -> Tensor:
+def transcribed_multi_step(model: MdkNet, batch: Batch, beta: float, last: int) -> Tensor:
     """Eq. (10), averaged over the batch; as printed, `last` is K-1."""
     A, B = model.operator()
+    x, u = batch.x, inputs(batch)
     power = torch.linalg.matrix_power
     loss = torch.zeros(())
     for b in range(BATCH):
         for i in range(1, last + 1):
-            predicted = power(A, i) @ model.lift(x[0, b])
+            predicted = power(A, i) @ lift(model, x[0, b])
             for t in range(1, i + 1):
                 predicted = predicted + power(A, t - 1) @ B @ u[i - t, b]
-            error = model.lift(x[i, b]) - predicted
+            error = lift(model, x[i, b]) - predicted
             loss = loss + beta**i * (error @ error)
     return loss / sum(beta**i for i in range(1, last + 1)) / BATCH
 
@@ -74,29 +95,29 @@ def transcribed_multi_step(model: MdkNet, x: Tensor, u: Tensor, beta: float, las
 @pytest.mark.parametrize("preset", ["paper", "paper-literal"])
 def test_single_step_loss_is_equation_9(preset):
     config = a_config(preset)
-    model, (x, u) = a_model(config), a_batch()
-    assert torch.isclose(
-        total_loss(model, config, x, u).single_step, transcribed_single_step(model, x, u)
-    )
+    model, batch = a_model(config), a_batch()
+    found = total_loss(model, config, batch).single_step
+    assert torch.isclose(found, transcribed_single_step(model, batch))
 
 
 @pytest.mark.parametrize(("preset", "last"), [("paper-literal", K - 1), ("paper", K)])
 def test_multi_step_loss_is_equation_10(preset, last):
     config = a_config(preset)
-    model, (x, u) = a_model(config), a_batch()
-    expected = transcribed_multi_step(model, x, u, config.forgetting, last)
-    assert torch.isclose(total_loss(model, config, x, u).multi_step, expected)
+    model, batch = a_model(config), a_batch()
+    expected = transcribed_multi_step(model, batch, config.forgetting, last)
+    assert torch.isclose(total_loss(model, config, batch).multi_step, expected)
 
 
-def test_gradients_of_both_prediction_losses_are_those_of_the_transcription():
-    config = a_config("paper")
-    x, u = a_batch()
+@pytest.mark.parametrize(("preset", "last"), [("paper-literal", K - 1), ("paper", K)])
+def test_gradients_of_both_prediction_losses_are_those_of_the_transcription(preset, last):
+    config = a_config(preset)
+    batch = a_batch()
     ours, naive = a_model(config), a_model(config)
-    losses = total_loss(ours, config, x, u)
+    losses = total_loss(ours, config, batch)
     (losses.single_step + losses.multi_step).backward()
     (
-        transcribed_single_step(naive, x, u)
-        + transcribed_multi_step(naive, x, u, config.forgetting, K)
+        transcribed_single_step(naive, batch)
+        + transcribed_multi_step(naive, batch, config.forgetting, last)
     ).backward()
     for one, other in zip(ours.parameters(), naive.parameters(), strict=True):
         assert torch.allclose(one.grad, other.grad, rtol=1e-9, atol=1e-12)
@@ -166,10 +187,10 @@ def test_regularisation_is_equation_12(preset):
 @pytest.mark.parametrize("preset", ["paper", "paper-literal"])
 def test_total_loss_is_equation_13_with_the_weights_of_the_table(preset):
     config = a_config(preset)
-    model, (x, u) = a_model(config), a_batch()
+    model, batch = a_model(config), a_batch()
     with torch.no_grad():
         model.A_rows += 0.2
-    losses = total_loss(model, config, x, u)
+    losses = total_loss(model, config, batch)
     assert losses.stability > 0
     expected = (
         1.0 * losses.single_step
@@ -199,9 +220,9 @@ def test_every_target_time_is_drawn_equally_often(samples):
 
 def test_sampled_targets_estimate_the_full_sums_without_bias():
     config = a_config("paper")
-    model, (x, u) = a_model(config), a_batch()
-    full = total_loss(model, config, x, u)
-    single = [total_loss(model, config, x, u, torch.tensor([t])) for t in range(1, K + 1)]
+    model, batch = a_model(config), a_batch()
+    full = total_loss(model, config, batch)
+    single = [total_loss(model, config, batch, torch.tensor([t])) for t in range(1, K + 1)]
     for name in ("single_step", "multi_step", "states", "total"):
         mean = torch.stack([getattr(losses, name) for losses in single]).mean()
         assert torch.isclose(mean, getattr(full, name)), name
@@ -209,14 +230,14 @@ def test_sampled_targets_estimate_the_full_sums_without_bias():
 
 def test_states_share_of_the_multi_step_loss_leaves_the_latents_out():
     config = a_config("paper")
-    model, (x, u) = a_model(config), a_batch()
-    losses = total_loss(model, config, x, u)
+    model, batch = a_model(config), a_batch()
+    losses = total_loss(model, config, batch)
     with torch.no_grad():
         model.encoder[-1].weight.mul_(0.0)
         model.encoder[-1].bias.mul_(0.0)
         model.A_rows[:6, 6:] = 0.0
         model.A_rows[6:] = 0.0
         model.B_rows[6:] = 0.0
-    without_latents = total_loss(model, config, x, u)
+    without_latents = total_loss(model, config, batch)
     assert losses.states < losses.multi_step
     assert torch.isclose(without_latents.states, without_latents.multi_step)

@@ -1,91 +1,249 @@
 """The exported bundle answers like the network it came from, in physical units."""
 
 import copy
+import getpass
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import onnxruntime
 import pytest
 import torch
+from numpy.typing import NDArray
 
-from offline.config import PRESETS
+from offline.batch import Batch, scale
+from offline.config import PRESETS, TrainingConfig
 from offline.export import PhysicalEncoder, fold_scaling, to_onnx
-from offline.model import MdkNet
+from offline.model import MdkNet, sizes_of
+from offline.predictor import BundlePredictor
+from offline.roles import VEHICLE_ROLES
 from offline.rollout import roll_out
 from offline.scaling import Scaling
+from offline.trajectories import PAST_STEPS, Trajectories
+from rt_controller.contract.artifact import Bundle, Lift, LiftSample
+from rt_controller.contract.schema import VEHICLE
+
+STEPS = 80
 
 SCALING = Scaling(
     x_centre=np.array([22.0, 0.0, 0.0, 0.55, 0.0, 0.0]),
     x_scale=np.array([7.0, 0.2, 0.1, 0.18, 3.0, 0.15]),
-    u_scale=np.array([0.4, 30.0, 0.3, 2.8e-3]),
+    u_scale=np.array([0.4, 30.0, 0.3]),
+    w_scale=np.array([2.8e-3]),
+    past_centre=np.array([22.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+    past_scale=np.array([7.0, 0.2, 0.1, 0.4, 30.0, 0.3]),
 )
 
+CONFIGS: dict[str, TrainingConfig] = {
+    "x": PRESETS["paper"],
+    "x, no constant": PRESETS["paper-literal"],
+    "x and w": PRESETS["paper"].model_copy(update={"lift_exogenous": True}),
+    "x and history": PRESETS["linear"].model_copy(
+        update={"lift_exogenous": False, "history_steps": 2}
+    ),
+    "x, w and history": PRESETS["linear"],
+    "bilinear": PRESETS["recommended"],
+    "bilinear, no constant": PRESETS["recommended"].model_copy(
+        update={"constant_observable": False, "history_steps": 0, "latents": 7}
+    ),
+}
 
-@pytest.fixture(params=["paper", "paper-literal"], scope="module")
-def model(request) -> MdkNet:
+
+class Exported(NamedTuple):
+    """A network, and what went to the vehicle."""
+
+    model: MdkNet
+    lift: Lift
+    onnx: bytes
+
+
+def a_model(config: TrainingConfig) -> MdkNet:
+    """Not trained, but away from its tidy start in every parameter."""
     torch.manual_seed(0)
-    model = MdkNet(PRESETS[request.param])
+    model = MdkNet(config, sizes_of(VEHICLE, VEHICLE_ROLES))
     with torch.no_grad():
         model.A_rows += 0.002 * torch.randn_like(model.A_rows)
         model.B_rows += 0.02 * torch.randn_like(model.B_rows)
+        if model.rank:
+            model.N_rows += 0.02 * torch.randn_like(model.N_rows)
         for layer in model.encoder:
             if isinstance(layer, torch.nn.Linear):
                 layer.bias += 0.1 * torch.randn_like(layer.bias)
     return model
 
 
+def lift_of(config: TrainingConfig) -> Lift:
+    shown = ["x", *(["w"] if config.lift_exogenous else [])]
+    if not config.history_steps:
+        return Lift(tuple(shown))
+    return Lift((*shown, "history"), config.history_steps, VEHICLE_ROLES.past)
+
+
+@pytest.fixture(params=CONFIGS, scope="module")
+def exported(request) -> Exported:
+    config = CONFIGS[request.param]
+    model, lift = a_model(config), lift_of(config)
+    encoder = PhysicalEncoder(model, SCALING).eval()
+    return Exported(model, lift, to_onnx(encoder, lift, sample(drives(2), lift)))
+
+
 @pytest.fixture(scope="module")
-def session(model) -> onnxruntime.InferenceSession:
-    encoder = to_onnx(PhysicalEncoder(model, SCALING).eval())
-    return onnxruntime.InferenceSession(encoder, providers=["CPUExecutionProvider"])
+def session(exported) -> onnxruntime.InferenceSession:
+    return onnxruntime.InferenceSession(exported.onnx, providers=["CPUExecutionProvider"])
 
 
-def states(n: int) -> np.ndarray:
+def drives(n: int) -> Trajectories:
+    """Numbers of the size of a car's, in physical units and single precision."""
     rng = np.random.default_rng(1)
-    return SCALING.restore_states(rng.normal(size=(n, 6)))
+    s = SCALING
+    return Trajectories(
+        x=np.float32(rng.normal(size=(n, STEPS + 1, 6)) * s.x_scale + s.x_centre),
+        u=np.float32(rng.normal(size=(n, STEPS, 3)) * s.u_scale),
+        w=np.float32(rng.normal(size=(n, STEPS, 1)) * s.w_scale),
+        past=np.float32(rng.normal(size=(n, PAST_STEPS, 6)) * s.past_scale + s.past_centre),
+        episode=np.arange(n, dtype=np.int32),
+    )
 
 
-def spread_of_latents(precise: MdkNet) -> np.ndarray:
+def sample(trajectories: Trajectories, lift: Lift) -> LiftSample:
+    history = trajectories.past[:, PAST_STEPS - lift.history_steps :]
+    return LiftSample(
+        trajectories.x[:, 0].astype(np.float64),
+        trajectories.w[:, 0].astype(np.float64),
+        history[..., : len(lift.history_fields)].astype(np.float64),
+    )
+
+
+def scaled(trajectories: Trajectories, model: MdkNet) -> Batch:
+    """As the network sees them, in double precision."""
+    batch = scale(trajectories, SCALING, VEHICLE, VEHICLE_ROLES, model.history_steps)
+    return Batch(*(series.double() for series in batch))
+
+
+def precise(model: MdkNet) -> MdkNet:
+    return copy.deepcopy(model).double()
+
+
+def lift_precisely(model: MdkNet, trajectories: Trajectories) -> NDArray[np.float64]:
     with torch.no_grad():
-        psi = precise.lift(torch.from_numpy(SCALING.normalise_states(states(200)))).numpy()
-    spread = psi[:, 6:].std(axis=0)
-    return np.where(spread > 0.0, spread, 1.0)
+        batch = scaled(trajectories, model)
+        return precise(model).lift(batch.at(torch.tensor([0])))[0].numpy()
+
+
+def spread(psi: NDArray[np.float64]) -> NDArray[np.float64]:
+    found = psi.std(axis=0)
+    return np.where(found > 0.0, found, 1.0)
+
+
+def run(session, lift: Lift, trajectories: Trajectories):
+    shown = sample(trajectories, lift)
+    feed = {name: getattr(shown, name).astype(np.float32) for name in lift.inputs}
+    (psi,) = session.run(["psi"], feed)
+    return psi
+
+
+def test_onnx_asks_for_what_the_lift_names_and_nothing_else(exported, session):
+    lift = exported.lift
+    shapes = {"x": [6], "w": [1], "history": [lift.history_steps, 6]}
+    assert tuple(each.name for each in session.get_inputs()) == lift.inputs
+    for each in session.get_inputs():
+        assert each.type == "tensor(float)"
+        assert each.shape[1:] == shapes[each.name]
+        assert isinstance(each.shape[0], str)
+    (output,) = session.get_outputs()
+    assert (output.name, output.type) == ("psi", "tensor(float)")
 
 
 @pytest.mark.parametrize("batch", [1, 2, 33])
-def test_onnx_agrees_with_the_scaled_network_for_any_batch(model, session, batch):
-    x = states(batch)
-    (psi,) = session.run(["psi"], {"x": x.astype(np.float32)})
+def test_onnx_agrees_with_the_scaled_network_for_any_batch(exported, session, batch):
+    model = exported.model
+    psi = run(session, exported.lift, drives(batch))
+    expected = lift_precisely(model, drives(batch))
+    assert psi.shape == (batch, model.n_observables)
+    error = np.abs(psi[:, 6:] - expected[:, 6:]) / spread(lift_precisely(model, drives(200)))[6:]
+    assert np.max(error) < 1e-5
+
+
+def test_physical_states_pass_the_encoder_bit_by_bit(exported, session):
+    trajectories = drives(16)
+    psi = run(session, exported.lift, trajectories)
+    assert np.array_equal(psi[:, :6], trajectories.x[:, 0])
+
+
+def test_a_constant_leaves_the_encoder_as_exactly_one(exported, session):
+    psi = run(session, exported.lift, drives(16))
+    assert np.array_equal(psi[:, -1], np.ones(16)) == exported.model.has_constant
+
+
+def roll_out_scaled(model: MdkNet, trajectories: Trajectories) -> NDArray[np.float64]:
+    """Lifted states (K, batch, n) of the scaled model in double precision."""
+    batch, double = scaled(trajectories, model), precise(model)
     with torch.no_grad():
-        precise = copy.deepcopy(model).double()
-        expected = precise.lift(torch.from_numpy(SCALING.normalise_states(x))).numpy()
-    assert psi.shape == (batch, 66)
-    assert np.max(np.abs(psi[:, 6:] - expected[:, 6:]) / spread_of_latents(precise)) < 1e-5
+        psi0 = double.lift(batch.at(torch.tensor([0])))[0]
+        drive = double.drive(psi0, batch.u, batch.w)
+        return roll_out(psi0, double.operator().A, drive).numpy()
 
 
-def test_physical_states_pass_the_encoder_bit_by_bit(session):
-    x = states(16).astype(np.float32)
-    (psi,) = session.run(["psi"], {"x": x})
-    assert np.array_equal(psi[:, :6], x)
+def in_physical_units(psi: NDArray[np.float64]) -> NDArray[np.float64]:
+    states = psi[..., :6] * SCALING.x_scale + SCALING.x_centre
+    return np.concatenate([states, psi[..., 6:]], axis=-1)
 
 
-def test_roll_out_in_physical_units_is_the_scaled_one(model):
-    precise = copy.deepcopy(model).double()
-    rng = np.random.default_rng(2)
-    x0 = states(4)
-    u = rng.normal(size=(80, 4, 4))
-    with torch.no_grad():
-        A_n, B_n = (matrix.detach() for matrix in precise.operator())
-        psi_n = precise.lift(torch.from_numpy(SCALING.normalise_states(x0)))
-        expected = roll_out(psi_n, A_n, torch.from_numpy(u) @ B_n.t()).numpy()
-    A, B, c = fold_scaling(A_n.numpy(), B_n.numpy(), SCALING)
-    psi = np.concatenate([x0, psi_n[:, 6:].numpy()], axis=1)
-    for k in range(80):
-        psi = psi @ A.T + (u[k] * SCALING.u_scale) @ B.T + c
-    assert np.allclose(psi[:, :6], SCALING.restore_states(expected[-1][:, :6]), rtol=1e-9)
-    assert np.allclose(psi[:, 6:], expected[-1][:, 6:], rtol=1e-9, atol=1e-9)
+def test_roll_out_in_physical_units_is_the_scaled_one(exported):
+    """The folded operator, with its offset and its bilinear part, in double precision."""
+    model, trajectories = exported.model, drives(4)
+    operator = fold_scaling(model, SCALING)
+    batch = scaled(trajectories, model)
+    u = batch.u.numpy() * SCALING.u_scale
+    driven = np.concatenate([u, batch.w.numpy() * SCALING.w_scale], axis=-1)
+    psi = in_physical_units(lift_precisely(model, trajectories))
+    added = np.zeros((4, model.n_observables, 3))
+    if operator.bilinear is not None:
+        added = operator.bilinear.added_columns(psi)
+        assert np.abs(added).max() > 1e-3
+    assert (operator.bilinear is None) == (model.rank == 0)
+    for k in range(STEPS):
+        psi = psi @ operator.A.T + driven[k] @ operator.B.T + operator.c
+        psi += np.einsum("bnm,bm->bn", added, u[k])
+    expected = in_physical_units(roll_out_scaled(model, trajectories)[-1])
+    assert np.allclose(psi, expected, rtol=1e-9, atol=1e-9)
 
 
-def test_the_encoder_tells_nothing_of_the_machine_it_was_exported_on(model) -> None:
-    encoder = to_onnx(PhysicalEncoder(model, SCALING).eval())
-    for word in (b"site-packages", b"export.py", b"File "):
-        assert word not in encoder
+def test_a_bundle_predicts_what_the_network_rolls_out(exported):
+    """What the vehicle loads against what was trained, over the whole horizon."""
+    model, lift, trajectories = exported.model, exported.lift, drives(5)
+    operator = fold_scaling(model, SCALING)
+    shown = sample(trajectories, lift)
+    bundle = Bundle(
+        name="mdk-net",
+        A=operator.A,
+        B_uc=operator.B[:, :3],
+        B_uw=operator.B[:, 3:],
+        c=operator.c,
+        bilinear=operator.bilinear,
+        lift=lift,
+        encoder_onnx=exported.onnx,
+        selftest=shown,
+        selftest_psi=in_physical_units(lift_precisely(model, trajectories)),
+        training="{}",
+        data_sha256="0" * 64,
+    )
+    x0, past, u, w = (
+        each.astype(np.float64)
+        for each in (trajectories.x[:, 0], trajectories.past, trajectories.u, trajectories.w)
+    )
+    found = BundlePredictor(bundle).predict(x0, past, u, w)
+    expected = in_physical_units(roll_out_scaled(model, trajectories))[..., :6]
+    assert np.array_equal(found[:, 0], x0)
+    error = np.abs(found[:, 1:] - expected.swapaxes(0, 1)) / SCALING.x_scale
+    assert np.max(error) < 1e-3 * max(1.0, np.abs(expected / SCALING.x_scale).max())
+
+
+def test_the_encoder_tells_nothing_of_the_machine_it_was_exported_on(exported):
+    places = {Path.cwd(), Path.home(), Path(tempfile.gettempdir()), Path(torch.__file__).parent}
+    words = ["site-packages", "export.py", "File ", *(str(place) for place in places)]
+    if getpass.getuser() != "root":  # as in a tree's root
+        words.append(getpass.getuser())
+    for word in words:
+        assert word.encode() not in exported.onnx, word

@@ -17,8 +17,9 @@ from rt_controller.contract.signals import PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.plan import Plan
+from rt_controller.outcome import StepOutcome
 from rt_controller.realtime.clock import LockstepClock
-from rt_controller.step import ControlStep, StepOutcome
+from rt_controller.step import ControlStep
 
 CRUISING = VehicleState(20.0, 0.0, 0.0, 0.5, 0.2, 0.01)
 STRAIGHT = PathReference(0.0, 0.0, 0.0, 0.0, 20.0, 0.0)

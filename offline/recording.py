@@ -1,0 +1,102 @@
+"""Drives as they were logged: long, of unequal length, one sample a period.
+
+A recording with poses knows no road of its own: its states are the car's (`x` holds the first of
+the schema's states), and the path states progress, e_y and e_psi follow when a road is laid under
+a window (`offline.road_frame`). One without poses holds all states as they were measured.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from offline.road_frame import Anchor, onto_road
+from offline.roles import Roles, past_columns
+from offline.trajectories import PAST_STEPS, STEPS, Trajectories
+from rt_controller.contract.schema import Schema
+
+Array = NDArray[np.float64]
+Array32 = NDArray[np.float32]
+
+PATH_STATES = ("ds_m", "ey_m", "epsi_rad")
+"""the last states of the car's schema, which a recording with poses leaves open"""
+
+
+class Recording(NamedTuple):
+    """Samples of E episodes, one after the other."""
+
+    x: Array32
+    """(T, n) states, or (T, n - 3) without the path states where there are poses"""
+    u: Array32
+    """(T, m) inputs, each held from its sample to the next; an episode's last is not used"""
+    w: Array32
+    """(T, p) exogenous signals; with poses, curvature of the road the episode was meant for"""
+    pose: Array
+    """(T, 3) X_m, Y_m, yaw_rad on a plane, or (0, 3)"""
+    first: NDArray[np.int64]
+    """(E,) row at which each episode begins"""
+
+    @property
+    def has_poses(self) -> bool:
+        return len(self.pose) > 0
+
+    @property
+    def lengths(self) -> NDArray[np.int64]:
+        """(E,) samples of each episode."""
+        return np.diff(np.append(self.first, len(self.x)))
+
+
+class Starts(NamedTuple):
+    """Where windows begin, and on which road."""
+
+    row: NDArray[np.int64]
+    """(N,) row of the first state"""
+    episode: NDArray[np.int32]
+    """(N,)"""
+    anchor: Anchor | None
+    """one period before the first state, so that its progress was driven too; with poses only"""
+
+    def take(self, rows: NDArray[np.integer] | NDArray[np.bool_] | slice) -> "Starts":
+        """The starts of these rows."""
+        anchor = self.anchor and Anchor(*(column[rows] for column in self.anchor))
+        return Starts(self.row[rows], self.episode[rows], anchor)
+
+
+def cut(
+    recording: Recording,
+    starts: Starts,
+    schema: Schema,
+    roles: Roles,
+    steps: int = STEPS,
+    past_steps: int = PAST_STEPS,
+) -> Trajectories:
+    """The windows of `steps` steps that begin there, with `past_steps` steps before them.
+
+    Every start has that many samples of its episode before it and, with poses, one at least.
+    """
+    ahead = starts.row[:, None] + np.arange(steps + 1)
+    before = starts.row[:, None] + np.arange(-past_steps, 0)
+    states, inputs = past_columns(schema, roles)
+    x, w = recording.x[ahead], recording.w[ahead[:, :-1]]
+    if starts.anchor is not None:
+        since = starts.row[:, None] + np.arange(-1, steps + 1)
+        road = onto_road(recording.pose[since], starts.anchor)
+        path = np.stack([np.diff(road.s_m), road.ey_m[:, 1:], road.epsi_rad[:, 1:]], axis=-1)
+        x = np.concatenate([x, path.astype(np.float32)], axis=-1)
+        curvature = starts.anchor.curvature_per_m[:, None, None].astype(np.float32)
+        w = np.broadcast_to(curvature, (len(starts.row), steps, 1))
+    past = np.concatenate([recording.x[before][..., states], recording.u[before][..., inputs]], -1)
+    return Trajectories(x, recording.u[ahead[:, :-1]], w, past, starts.episode)
+
+
+def possible_starts(
+    recording: Recording, episodes: NDArray[np.integer], past_steps: int = PAST_STEPS
+) -> NDArray[np.int64]:
+    """Every row (M,) of these episodes with room for the past before it and a window after it."""
+    lengths, least = recording.lengths, max(past_steps, int(recording.has_poses))
+    rows = [
+        recording.first[e] + np.arange(least, lengths[e] - STEPS)
+        for e in episodes
+        if lengths[e] > least + STEPS
+    ]
+    return np.concatenate(rows) if rows else np.zeros(0, dtype=np.int64)

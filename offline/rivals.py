@@ -1,0 +1,99 @@
+"""Who a model is judged beside: the roster's rivals, and the paper's network that ships.
+
+Rivals of the roster are fitted to the training part of the data set that all are judged on.
+"""
+
+from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path
+
+from offline.dataset import Dataset, cache
+from offline.held_out import find_objection
+from offline.predictor import BundlePredictor, Predictor
+from offline.terminal import CONSOLE
+from rt_controller.contract.artifact import Bundle, load_bundle
+from rt_controller.contract.errors import ConfigError, DatasetError
+
+SHIPPED = "mdk-net-paper"
+"""the paper's network as printed, a bundle of this package"""
+
+PLAIN_RIVALS = ("lti", "lti-per-curvature", "persistence")
+DEFAULT_RIVALS = (*PLAIN_RIVALS, SHIPPED)
+
+ALL, NONE = "all", "none"
+
+
+def known_rivals() -> tuple[str, ...]:
+    """Every rival that can be asked for."""
+    from offline.baselines import roster
+
+    return (*roster.names(), SHIPPED)
+
+
+def choose_rivals(asked: Sequence[str]) -> tuple[str, ...]:
+    """The rivals that were asked for, once each; those of `DEFAULT_RIVALS` without a wish.
+
+    Raises:
+        ConfigError: one of them is not known.
+    """
+    if not asked:
+        return DEFAULT_RIVALS
+    if tuple(asked) in ((ALL,), (NONE,)):
+        return known_rivals() if asked[0] == ALL else ()
+    unknown = [name for name in asked if name not in known_rivals()]
+    if unknown:
+        raise ConfigError(
+            f"--rivals: expected {ALL}, {NONE}, or some of {', '.join(known_rivals())}, found "
+            f"{', '.join(unknown)}."
+        )
+    return tuple(dict.fromkeys(asked))
+
+
+def open_rivals(
+    names: Sequence[str], dataset: Dataset, judged: Sequence[Bundle], insisted: bool
+) -> dict[str, Predictor]:
+    """The rivals by name, fitted now unless they were before.
+
+    One that cannot be a rival on these data is left out with a word, or refused if it was
+    insisted on.
+
+    Raises:
+        DatasetError: as said.
+    """
+    from offline.baselines import roster
+
+    rivals: dict[str, Predictor] = {}
+    for name in names:
+        objection = _objection(name, dataset, judged)
+        if objection is not None:
+            if insisted:
+                raise DatasetError(f"--rivals {name}: expected a rival on these data: {objection}")
+            CONSOLE.print(f"without {name}: {objection}", soft_wrap=True)
+        elif name == SHIPPED:
+            rivals[name] = BundlePredictor(load_bundle(shipped_folder()))
+        else:
+            with CONSOLE.status(f"rival {name}"):
+                rivals[name] = roster.fit(name, dataset, rival_cache())
+    return rivals
+
+
+def shipped_folder() -> Path:
+    """Where the paper's network lies."""
+    return Path(str(resources.files("rt_controller"))) / "models" / SHIPPED
+
+
+def rival_cache() -> Path:
+    """Where fitted rivals are kept."""
+    return cache().parent / "rivals"
+
+
+def _objection(name: str, dataset: Dataset, judged: Sequence[Bundle]) -> str | None:
+    """Why it cannot be a rival here, in words."""
+    if name == "lti-per-curvature" and dataset.manifest.roads is None:
+        return "the data know no roads."
+    if name != SHIPPED:
+        return None
+    shipped = load_bundle(shipped_folder())
+    if any(shipped.sha256 == bundle.sha256 for bundle in judged):
+        return "it is judged itself."
+    return find_objection([shipped], dataset.manifest)

@@ -1,0 +1,67 @@
+"""A bundle that says everything a bundle can say, and one of other signals than the car's."""
+
+import numpy as np
+import pytest
+
+from rt_controller.contract.bilinear import Bilinear
+from rt_controller.contract.bundle import Bundle
+from rt_controller.contract.fitness import DRIVABLE_HISTORY
+from rt_controller.contract.lift import Lift, LiftSample
+from rt_controller.contract.schema import Schema, Signal
+
+PLANAR = Schema(
+    states=(Signal("vx_mps", "m/s"), Signal("vy_mps", "m/s"), Signal("yaw_rate_radps", "rad/s")),
+    inputs=(Signal("steer_rad", "rad"), Signal("force_n", "N")),
+    exogenous=(),
+    dt_s=0.01,
+)
+
+
+@pytest.fixture
+def bundle() -> Bundle:
+    """Of the car: bilinear of rank 2, shown the road and four instants of the past."""
+    rng = np.random.default_rng(1)
+    n, rank = 9, 2
+    return Bundle(
+        name="random",
+        A=np.eye(n) + 0.01 * rng.normal(size=(n, n)),
+        B_uc=rng.normal(size=(n, 3)),
+        B_uw=rng.normal(size=(n, 1)),
+        c=rng.normal(size=n),
+        bilinear=Bilinear(
+            N=rng.normal(size=(rank, n, 3)),
+            S=rng.normal(size=(rank, 3, n)),
+            s0=rng.normal(size=(rank, 3)),
+        ),
+        lift=Lift(("x", "w", "history"), history_steps=4, history_fields=DRIVABLE_HISTORY),
+        encoder_onnx=b"not run here",
+        selftest=LiftSample(
+            x=rng.normal(size=(5, 6)), w=rng.normal(size=(5, 1)), history=rng.normal(size=(5, 4, 6))
+        ),
+        selftest_psi=rng.normal(size=(5, n)),
+        training="{}",
+        data_sha256="0" * 64,
+    )
+
+
+@pytest.fixture
+def planar() -> Bundle:
+    """Of three states and two inputs, every 10 ms, on no road: a model, but not one to drive."""
+    rng = np.random.default_rng(2)
+    n = 5
+    return Bundle(
+        name="planar",
+        schema=PLANAR,
+        A=0.9 * np.eye(n),
+        B_uc=rng.normal(size=(n, 2)),
+        B_uw=np.zeros((n, 0)),
+        c=np.zeros(n),
+        lift=Lift(("x", "history"), history_steps=2, history_fields=("yaw_rate_radps", "force_n")),
+        encoder_onnx=b"not run here",
+        selftest=LiftSample(
+            x=rng.normal(size=(4, 3)), w=np.zeros((4, 0)), history=rng.normal(size=(4, 2, 2))
+        ),
+        selftest_psi=rng.normal(size=(4, n)),
+        training="{}",
+        data_sha256="0" * 64,
+    )

@@ -1,0 +1,98 @@
+"""Frozen at psi_0 a bilinear model is a linear one, and costs a tick no memory and no exception."""
+
+import tracemalloc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_models import make_bundle
+
+from rt_controller.config import MpcSettings
+from rt_controller.contract.artifact import Array, Bundle, Lift
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.control.objective import Objective
+from rt_controller.control.qp import CondensedQp, assemble
+from rt_controller.control.solver import PiqpWorkspace, SolveStatus
+
+HORIZON = 20
+
+
+def build(bundle: Bundle) -> CondensedQp:
+    settings = MpcSettings(horizon=HORIZON)
+    return assemble(bundle, HORIZON, settings.cost(), INPUT_LIMITS)
+
+
+def aimed(bundle: Bundle, psi_0: Array) -> Objective:
+    """The objective at psi_0, the rest of the situation being the same for every model."""
+    qp, rng = build(bundle), np.random.default_rng(1)
+    qp.situation.psi[:] = psi_0
+    qp.situation.road[:] = 0.002
+    qp.situation.previous[:] = (0.2, 10.0, 0.1)
+    qp.situation.reference[:] = rng.normal(size=qp.situation.reference.shape)
+    qp.objective.aim(qp.situation)
+    return qp.objective
+
+
+def assert_same(one: Objective, other: Objective) -> None:
+    np.testing.assert_allclose(one.H, other.H, rtol=1e-10, atol=1e-12 * np.abs(other.H).max())
+    scale = np.abs(other.gradient).max()
+    np.testing.assert_allclose(one.gradient, other.gradient, rtol=1e-10, atol=1e-12 * scale)
+
+
+@pytest.mark.parametrize("rank", [1, 2, 4])
+def test_it_is_the_objective_of_the_model_whose_constant_input_matrix_is_b_eff(rank: int) -> None:
+    bundle = make_bundle(Lift(), rank=rank)
+    for psi_0 in bundle.selftest_psi[:4]:
+        frozen = replace(bundle, B_uc=bundle.input_matrix(psi_0), bilinear=None)
+        assert not np.allclose(frozen.B_uc, bundle.B_uc, rtol=0.01)
+        assert_same(aimed(bundle, psi_0), aimed(frozen, psi_0))
+
+
+def test_without_gains_it_is_the_objective_of_the_constant_model() -> None:
+    bundle = make_bundle(Lift(), rank=3)
+    assert bundle.bilinear is not None
+    _, S, s0 = bundle.bilinear
+    still = replace(bundle, bilinear=bundle.bilinear._replace(S=0.0 * S, s0=0.0 * s0))
+    psi_0 = bundle.selftest_psi[0]
+    assert_same(aimed(still, psi_0), aimed(replace(bundle, bilinear=None), psi_0))
+
+
+def test_only_a_bilinear_model_gives_the_solver_a_new_hessian() -> None:
+    bundle = make_bundle(Lift(), rank=1)
+    assert build(bundle).objective.renews_hessian
+    assert not build(replace(bundle, bilinear=None)).objective.renews_hessian
+
+
+def test_aiming_makes_no_matrix_anew() -> None:
+    qp = build(make_bundle(Lift(), rank=4))
+    objective = qp.objective
+    before = (id(objective.H), id(objective.gradient))
+    objective.aim(qp.situation)
+    tracemalloc.start()
+    objective.aim(qp.situation)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < objective.H.nbytes / 3
+    assert (id(objective.H), id(objective.gradient)) == before
+
+
+@pytest.mark.parametrize("psi_0", [np.nan, np.inf, 1e200])
+def test_a_lifted_state_that_is_no_number_is_a_status_and_leaves_no_trace(psi_0: float) -> None:
+    bundle = make_bundle(Lift(), rank=2)
+    qp = build(bundle)
+    workspace = PiqpWorkspace(qp.objective, qp.constraints)
+    slew, upper = qp.constraints.slew, qp.constraints.upper
+    typical = qp.situation.psi.copy()
+    qp.situation.reference[:] = typical[:6]
+    qp.objective.aim(qp.situation)
+    assert workspace.solve(-slew, slew, upper) is SolveStatus.SOLVED
+    expected = workspace.solution.copy()
+
+    qp.situation.psi[-1] = psi_0
+    with np.errstate(all="ignore"):
+        qp.objective.aim(qp.situation)
+    assert workspace.solve(-slew, slew, upper) is SolveStatus.NUMERICS
+    qp.situation.psi[:] = typical
+    qp.objective.aim(qp.situation)
+    assert workspace.solve(-slew, slew, upper) is SolveStatus.SOLVED
+    np.testing.assert_allclose(workspace.solution, expected, rtol=0.0, atol=1e-6)

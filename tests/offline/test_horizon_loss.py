@@ -1,0 +1,303 @@
+"""The loss beyond the paper, against loops over states, steps and trajectories in float64."""
+
+import math
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from offline.batch import Batch, Instants
+from offline.config import PRESETS, TrainingConfig
+from offline.horizon_loss import horizon_loss, horizon_of_step, log_error, state_errors
+from offline.learner import Learner
+from offline.losses import single_step_loss
+from offline.model import MdkNet, sizes_of
+from offline.roles import VEHICLE_ROLES
+from offline.scaling import fit_scaling
+from offline.source import SliceSource
+from offline.trajectories import STEPS
+from rt_controller.contract.schema import VEHICLE
+
+K, BATCH, HISTORY, STATES = 7, 3, 2, 6
+SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
+
+
+@pytest.fixture(autouse=True)
+def _double_precision():
+    torch.set_default_dtype(torch.float64)
+    yield
+    torch.set_default_dtype(torch.float32)
+
+
+def a_config(**changes: object) -> TrainingConfig:
+    small = {"hidden": (8, 8), "latents": 5, "history_steps": HISTORY, "bilinear_rank": 2}
+    return PRESETS["recommended"].model_copy(update={**small, **changes})
+
+
+def a_model(config: TrainingConfig) -> MdkNet:
+    torch.manual_seed(1)
+    model = MdkNet(config, SIZES)
+    with torch.no_grad():
+        for parameter in (model.A_rows, model.B_rows):
+            parameter += 0.1 * torch.randn_like(parameter)
+        if model.rank:
+            model.N_rows += 0.3 * torch.randn_like(model.N_rows)
+            model.S += 0.3 * torch.randn_like(model.S)
+    return model
+
+
+def a_batch() -> Batch:
+    torch.manual_seed(2)
+    return Batch(
+        torch.randn(K + 1, BATCH, STATES),
+        torch.randn(K, BATCH, 3),
+        torch.randn(K, BATCH, 1),
+        torch.randn(HISTORY + K, BATCH, 6),
+    )
+
+
+def first_instant(batch: Batch, b: int) -> Instants:
+    return Instants(batch.x[0, b], batch.w[0, b], batch.memory[:HISTORY, b])
+
+
+def transcribed_errors(model: MdkNet, batch: Batch) -> list[Tensor]:
+    """Mean squared error of each state, one trajectory after the other."""
+    A, B = model.operator()
+    sums = [torch.zeros(()) for _ in range(STATES)]
+    for b in range(BATCH):
+        psi = psi0 = model.lift(first_instant(batch, b))
+        B_eff = B[:, :3]
+        if model.rank:
+            N = model.bilinear_columns()
+            columns = [
+                B[:, i] + sum(N[r, :, i] * (model.S[r, i] @ psi0) for r in range(model.rank))
+                for i in range(3)
+            ]
+            B_eff = torch.stack(columns, dim=1)
+        for k in range(batch.steps):
+            psi = A @ psi + B_eff @ batch.u[k, b] + B[:, 3:] @ batch.w[k, b]
+            for i in range(STATES):
+                sums[i] = sums[i] + (batch.x[k + 1, b, i] - psi[i]) ** 2
+    return [each / (batch.steps * BATCH) for each in sums]
+
+
+def transcribed_loss(model: MdkNet, batch: Batch) -> Tensor:
+    return sum(torch.log(error) for error in transcribed_errors(model, batch)) / STATES
+
+
+@pytest.mark.parametrize("rank", [0, 2])
+def test_loss_is_the_mean_log_of_each_states_mean_squared_error(rank):
+    config = a_config(bilinear_rank=rank)
+    model, batch = a_model(config), a_batch()
+    found = horizon_loss(model, config, batch)
+    assert found.multi_step.item() == pytest.approx(transcribed_loss(model, batch).item())
+    expected = torch.stack(transcribed_errors(model, batch))
+    assert torch.allclose(state_errors(model, batch), expected)
+    assert found.states.item() == pytest.approx(expected.mean().item())
+
+
+def test_gradient_is_that_of_the_transcription():
+    config = a_config()
+    ours, naive, batch = a_model(config), a_model(config), a_batch()
+    horizon_loss(ours, config, batch).multi_step.backward()
+    transcribed_loss(naive, batch).backward()
+    for one, other in zip(ours.parameters(), naive.parameters(), strict=True):
+        assert torch.any(one.grad != 0.0)
+        assert torch.allclose(one.grad, other.grad, rtol=1e-8, atol=1e-12)
+
+
+def test_total_loss_is_the_weighted_sum_of_its_terms():
+    config = a_config(
+        weight_single_step=0.7, weight_stability=1.6, stability="gelfand", decay_operator=0.5
+    )
+    model, batch = a_model(config), a_batch()
+    with torch.no_grad():
+        model.A_rows += 0.1
+    losses = horizon_loss(model, config, batch, torch.tensor([2, 5]))
+    terms = (losses.single_step, losses.multi_step, losses.stability, losses.regularisation)
+    assert all(term != 0.0 for term in terms)
+    weights = (0.7, 1.0, 1.6, 1e-4)
+    expected = sum(weight * term for weight, term in zip(weights, terms, strict=True))
+    assert torch.isclose(losses.total, expected)
+
+
+def in_tenfold_units(model: MdkNet, batch: Batch, i: int) -> tuple[MdkNet, Batch]:
+    """The same model and data with state i told in numbers ten times as large."""
+    config = a_config(history_steps=0)
+    other = a_model(config)
+    x = batch.x.clone()
+    x[..., i] *= 10.0
+    with torch.no_grad():
+        for one, source in zip(other.parameters(), model.parameters(), strict=True):
+            one.copy_(source)
+        other.encoder[0].weight[:, i] /= 10.0
+        other.A_rows[i] *= 10.0
+        other.A_rows[:, i] /= 10.0
+        other.B_rows[i] *= 10.0
+        other.N_rows[:, i] *= 10.0
+        other.S[..., i] /= 10.0
+    return other, batch._replace(x=x)
+
+
+@pytest.mark.parametrize("i", range(STATES))
+def test_the_unit_of_a_state_adds_a_constant_and_turns_no_gradient(i):
+    config = a_config(history_steps=0)
+    model = a_model(config)
+    batch = a_batch()._replace(memory=torch.zeros(K, BATCH, 6))
+    other, rescaled = in_tenfold_units(model, batch, i)
+    here, there = (
+        horizon_loss(*arguments).multi_step
+        for arguments in ((model, config, batch), (other, config, rescaled))
+    )
+    assert (there - here).item() == pytest.approx(math.log(100.0) / STATES)
+    here.backward()
+    there.backward()
+    last, other_last = model.encoder[-1].weight.grad, other.encoder[-1].weight.grad
+    assert torch.allclose(last, other_last, rtol=1e-8, atol=1e-12)
+    latents = slice(STATES, None)
+    assert torch.allclose(model.B_rows.grad[latents], other.B_rows.grad[latents], atol=1e-12)
+
+
+def test_a_tenth_off_any_states_error_is_worth_the_same():
+    errors = torch.tensor([1e-4, 3.0, 200.0])
+    gains = [log_error(errors) - log_error(errors * (1 - 0.1 * torch.eye(3)[i])) for i in range(3)]
+    assert torch.stack(gains).tolist() == pytest.approx([-math.log(0.9) / 3] * 3)
+
+
+def test_a_state_that_is_predicted_exactly_keeps_the_loss_finite():
+    errors = torch.tensor([0.0, 1.0], requires_grad=True)
+    loss = log_error(errors)
+    loss.backward()
+    assert torch.isfinite(loss)
+    assert torch.all(torch.isfinite(errors.grad))
+
+
+def test_only_the_first_instant_is_encoded():
+    """What the latents would be later is no target: none can be shrunk to please the loss."""
+    config = a_config()
+    model, batch = a_model(config), a_batch()
+    errors = state_errors(model, batch)
+    memory = batch.memory.clone()
+    memory[HISTORY:] += 1.0
+    assert torch.equal(state_errors(model, batch._replace(memory=memory)), errors)
+    memory[:HISTORY] += 1.0
+    assert not torch.equal(state_errors(model, batch._replace(memory=memory)), errors)
+
+
+def test_a_shortened_batch_is_judged_on_its_first_steps_only():
+    config = a_config()
+    model, batch = a_model(config), a_batch()
+    late = batch._replace(x=batch.x.clone())
+    late.x[5:] += 10.0
+    short = state_errors(model, batch.shorten(4))
+    assert torch.equal(state_errors(model, late.shorten(4)), short)
+    assert torch.allclose(short, torch.stack(transcribed_errors(model, batch.shorten(4))))
+
+
+def test_single_step_loss_takes_each_step_with_the_matrix_of_its_own_start():
+    config = a_config(weight_single_step=1.0)
+    model, batch = a_model(config), a_batch()
+    times = torch.tensor([1, 4, K])
+    A, _ = model.operator()
+    before, after = model.lift(batch.at(times - 1)), model.lift(batch.at(times))
+    drive = torch.stack(
+        [
+            torch.cat(
+                [
+                    model.drive(
+                        before[j, b][None],
+                        batch.u[t - 1, b][None, None],
+                        batch.w[t - 1, b][None, None],
+                    )[0]
+                    for b in range(BATCH)
+                ]
+            )
+            for j, t in enumerate(times.tolist())
+        ]
+    )
+    found = horizon_loss(model, config, batch, times).single_step
+    assert torch.isclose(found, single_step_loss(before, after, A, drive))
+
+
+def test_single_step_loss_costs_nothing_where_it_carries_no_weight():
+    config = a_config(weight_single_step=0.0)
+    losses = horizon_loss(a_model(config), config, a_batch(), torch.tensor([1, 4]))
+    assert losses.single_step == 0.0
+
+
+def test_single_step_loss_counts_wherever_it_carries_weight():
+    """Also where all targets are to be encoded, which is what no `target_samples` means."""
+    config = a_config(weight_single_step=1.0, target_samples=None)
+    model, batch = a_model(config), a_batch()
+    every = torch.arange(1, K + 1)
+    expected = horizon_loss(model, config, batch, every).single_step
+    assert torch.isclose(horizon_loss(model, config, batch).single_step, expected)
+
+
+seeded = settings(derandomize=True, deadline=None)
+growths = st.floats(0.01, 1.0)
+starts = st.integers(1, STEPS)
+
+
+@seeded
+@given(st.integers(1, 400), growths, starts)
+def test_the_horizon_grows_from_its_start_to_the_whole_and_never_shrinks(steps, growth, start):
+    config = a_config(horizon_start=start, horizon_growth=growth)
+    lengths = [horizon_of_step(step, steps, config, STEPS) for step in range(steps)]
+    assert lengths == sorted(lengths)
+    assert lengths[0] == start
+    whole_from = math.ceil(max(growth * steps, 1.0))
+    assert all(length == STEPS for length in lengths[whole_from:])
+
+
+@seeded
+@given(st.integers(1, 400), growths, st.integers(1, 3 * STEPS))
+def test_a_horizon_is_never_longer_than_the_data_nor_without_a_step(steps, growth, start):
+    config = a_config(horizon_start=start, horizon_growth=growth)
+    lengths = [horizon_of_step(step, steps, config, STEPS) for step in range(steps)]
+    assert min(lengths) >= 1
+    assert max(lengths) <= STEPS
+
+
+def test_half_way_through_its_growth_the_horizon_is_half_way():
+    config = a_config(horizon_start=8, horizon_growth=0.3)
+    assert horizon_of_step(1500, 10_000, config, 80) == 44
+
+
+def test_without_a_start_the_horizon_is_whole_from_the_first_step():
+    assert horizon_of_step(0, 1000, a_config(horizon_start=None), STEPS) == STEPS
+
+
+@pytest.fixture
+def learner_and_slices(toy_dataset):
+    """A fresh learner and all slices of the training part, more than one chunk of them."""
+    torch.set_default_dtype(torch.float32)
+    config = a_config()
+    scaling = fit_scaling(toy_dataset.select("train"), VEHICLE, VEHICLE_ROLES)
+    learner = Learner(config, SIZES, scaling, toy_dataset.sha256)
+    source = SliceSource(toy_dataset, scaling, HISTORY)
+    return learner, source.draw(700, torch.Generator().manual_seed(3))
+
+
+def test_a_validation_loss_is_the_exact_logarithm_of_the_mean_error(learner_and_slices):
+    learner, batch = learner_and_slices
+    with torch.no_grad():
+        exact = log_error(state_errors(learner.model, batch)).item()
+        at_once = horizon_loss(learner.model, learner.config, batch)
+    total, _, multi_step, *_, states = learner.evaluate(batch)
+    assert multi_step == pytest.approx(exact, abs=1e-5)
+    assert total == pytest.approx(at_once.total.item(), abs=1e-5)
+    assert states == pytest.approx(at_once.states.item(), rel=1e-5)
+
+
+@pytest.mark.parametrize("chunk", [1, 37, 10_000])
+def test_a_validation_loss_does_not_depend_on_how_it_is_cut_into_chunks(
+    learner_and_slices, monkeypatch, chunk
+):
+    learner, batch = learner_and_slices
+    batch = Batch(*(series[:, :90] for series in batch))
+    whole = learner.evaluate(batch)
+    monkeypatch.setattr("offline.learner.EVALUATION_CHUNK", chunk)
+    assert learner.evaluate(batch) == pytest.approx(whole, rel=1e-5, abs=1e-6)

@@ -1,0 +1,203 @@
+"""What the encoder is shown, how its observables are laid out, and what the inputs do."""
+
+from math import exp
+
+import pytest
+import torch
+from torch import Tensor
+
+from offline.batch import Instants
+from offline.config import PRESETS, TrainingConfig
+from offline.model import FADING_S, MdkNet, Sizes, sizes_of
+from offline.roles import VEHICLE_ROLES, Roles
+from offline.rollout import roll_out
+from rt_controller.contract.schema import VEHICLE, Schema, Signal
+
+SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
+STATES, LATENTS, HISTORY, RANK, BATCH = 6, 5, 3, 2, 4
+
+
+def a_config(**changes: object) -> TrainingConfig:
+    """Everything switched on; `changes` switch some of it off."""
+    small = {"hidden": (8, 8), "latents": LATENTS, "history_steps": HISTORY, "bilinear_rank": RANK}
+    return PRESETS["recommended"].model_copy(update={**small, **changes})
+
+
+def a_model(sizes: Sizes = SIZES, **changes: object) -> MdkNet:
+    torch.manual_seed(1)
+    model = MdkNet(a_config(**changes), sizes)
+    with torch.no_grad():
+        model.B_rows.normal_()
+        if model.rank:
+            model.N_rows.normal_()
+            model.S.normal_()
+    return model
+
+
+def instants(*leading: int, history: int = HISTORY) -> Instants:
+    torch.manual_seed(2)
+    return Instants(
+        torch.randn(*leading, STATES), torch.randn(*leading, 1), torch.randn(*leading, history, 6)
+    )
+
+
+def test_sizes_are_those_of_the_signals_and_of_a_row_of_history():
+    schema = Schema(
+        states=(Signal("a", "1"), Signal("b", "1"), Signal("c", "1")),
+        inputs=(Signal("d", "1"), Signal("e", "1")),
+        exogenous=(),
+        dt_s=0.1,
+    )
+    roles = Roles(centred=(), odd=None, past=("a", "c", "e"))
+    assert sizes_of(schema, roles) == Sizes(3, 2, 0, 3, 0.1)
+    assert Sizes(6, 3, 1, 6, 0.025) == SIZES
+
+
+def test_encoder_is_shown_states_then_what_is_exogenous_then_the_past_oldest_row_first():
+    now = instants(BATCH)
+    expected = torch.cat([now.x, now.w, *now.past.unbind(1)], dim=-1)
+    assert torch.equal(a_model().show(now), expected)
+
+
+@pytest.mark.parametrize("sees_w", [False, True])
+@pytest.mark.parametrize("history", [0, HISTORY])
+def test_encoder_is_shown_no_more_than_was_asked_for(sees_w, history):
+    model = a_model(lift_exogenous=sees_w, history_steps=history)
+    shown = model.show(instants(BATCH, history=history))
+    assert shown.shape[-1] == STATES + sees_w + 6 * history
+    assert model.encoder[0].in_features == shown.shape[-1]
+
+
+@pytest.mark.parametrize("constant", [False, True])
+@pytest.mark.parametrize("history", [0, HISTORY])
+@pytest.mark.parametrize("sees_w", [False, True])
+def test_observables_are_states_then_latents_then_the_constant(constant, history, sees_w):
+    model = a_model(constant_observable=constant, history_steps=history, lift_exogenous=sees_w)
+    now = instants(BATCH, history=history)
+    psi = model.lift(now)
+    assert psi.shape == (BATCH, STATES + LATENTS)
+    assert model.n_observables == STATES + LATENTS
+    assert torch.equal(psi[:, :STATES], now.x)
+    learned = psi[:, STATES:-1] if constant else psi[:, STATES:]
+    assert torch.equal(learned, model.encoder(model.show(now)))
+    assert not constant or torch.equal(psi[:, -1], torch.ones(BATCH))
+
+
+def test_instants_of_many_times_are_lifted_like_one():
+    model, now = a_model(), instants(7, BATCH)
+    psi = model.lift(now)
+    for t in range(7):
+        alone = model.lift(Instants(*(signal[t] for signal in now)))
+        assert torch.allclose(psi[t], alone, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("changes", "matters"),
+    [
+        ({}, (True, True)),
+        ({"lift_exogenous": False}, (False, True)),
+        ({"history_steps": 0}, (True, False)),
+    ],
+)
+def test_latents_follow_curvature_and_past_only_where_the_encoder_is_shown_them(changes, matters):
+    model, now = a_model(**changes), instants(BATCH)
+    psi = model.lift(now)
+    others = (now._replace(w=now.w + 1.0), now._replace(past=now.past + 1.0))
+    assert tuple(not torch.equal(model.lift(other), psi) for other in others) == matters
+
+
+def drive_written_out(model: MdkNet, psi0: Tensor, u: Tensor, w: Tensor) -> Tensor:
+    """Input by input: (B_i + sum_r N_ri (S_ri psi_0)) u_i, and B_w w."""
+    _, B = model.operator()
+    N = model.bilinear_columns() if model.rank else ()
+    driven = torch.zeros(len(u), BATCH, model.n_observables)
+    for k in range(len(u)):
+        for b in range(BATCH):
+            for i in range(3):
+                column = B[:, i].clone()
+                for r in range(model.rank):
+                    column += N[r, :, i] * (model.S[r, i] @ psi0[b])
+                driven[k, b] += column * u[k, b, i]
+            driven[k, b] += B[:, 3] * w[k, b, 0]
+    return driven
+
+
+@pytest.mark.parametrize("rank", [0, 1, 3])
+@pytest.mark.parametrize("constant", [False, True])
+def test_inputs_act_through_a_matrix_that_is_frozen_at_the_first_lifted_state(rank, constant):
+    model = a_model(bilinear_rank=rank, constant_observable=constant)
+    psi0 = torch.randn(BATCH, model.n_observables)
+    u, w = torch.randn(6, BATCH, 3), torch.randn(6, BATCH, 1)
+    with torch.no_grad():
+        found, expected = model.drive(psi0, u, w), drive_written_out(model, psi0, u, w)
+    assert torch.allclose(found, expected, rtol=1e-4, atol=1e-5)
+
+
+def test_where_a_roll_out_starts_changes_what_inputs_do_only_with_a_bilinear_part():
+    u, w = torch.randn(1, BATCH, 3), torch.randn(1, BATCH, 1)
+    for rank, changes in ((0, False), (RANK, True)):
+        model = a_model(bilinear_rank=rank)
+        here, there = torch.randn(2, BATCH, model.n_observables)
+        same = torch.equal(model.drive(here, u, w), model.drive(there, u, w))
+        assert same != changes
+
+
+def test_what_is_exogenous_has_no_bilinear_part():
+    model = a_model()
+    here, there = torch.randn(2, BATCH, model.n_observables)
+    u, w = torch.zeros(1, BATCH, 3), torch.randn(1, BATCH, 1)
+    assert torch.equal(model.drive(here, u, w), model.drive(there, u, w))
+
+
+@pytest.mark.parametrize("rank", [0, RANK])
+def test_the_constant_is_driven_by_nothing_and_stays_exactly_one(rank):
+    model = a_model(bilinear_rank=rank)
+    psi0 = model.lift(instants(BATCH))
+    drive = model.drive(psi0, torch.randn(80, BATCH, 3), torch.randn(80, BATCH, 1))
+    assert torch.equal(drive[..., -1], torch.zeros(80, BATCH))
+    assert drive[..., :-1].abs().min() > 0.0
+    psi = roll_out(psi0, model.operator().A, drive)
+    assert torch.equal(psi[..., -1], torch.ones(80, BATCH))
+
+
+def test_a_model_with_a_constant_input_matrix_has_nothing_more_to_learn():
+    names = {name for name, _ in a_model(bilinear_rank=0).named_parameters()}
+    more = {name for name, _ in a_model().named_parameters()} - names
+    assert more == {"N_rows", "S"}
+
+
+def test_fading_latents_start_with_time_constants_from_a_tyres_to_an_engines():
+    model = a_model(latents=21)
+    A = model.operator().A.detach()
+    latents = A.diagonal()[STATES:-1]
+    assert latents[0].item() == pytest.approx(exp(-0.025 / FADING_S[0]), abs=0.01)
+    assert latents[-1].item() == pytest.approx(exp(-0.025 / FADING_S[1]), abs=0.01)
+    assert torch.all(latents.diff() > -0.01)
+    assert torch.allclose(A.diagonal()[:STATES], torch.ones(STATES), atol=0.01)
+    assert A[-1].tolist() == [0.0] * 26 + [1.0]
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_first_roll_out_of_every_preset_stays_bounded(name):
+    """A start with spectral radius 8 would reach 1e72 over the horizon."""
+    config = PRESETS[name]
+    torch.manual_seed(config.seed)
+    model = MdkNet(config, SIZES)
+    torch.manual_seed(3)
+    now = Instants(
+        torch.randn(32, STATES), torch.randn(32, 1), torch.randn(32, config.history_steps, 6)
+    )
+    with torch.no_grad():
+        psi0 = model.lift(now)
+        drive = model.drive(psi0, torch.randn(80, 32, 3), torch.randn(80, 32, 1))
+        psi = roll_out(psi0, model.operator().A, drive)
+    assert psi.abs().max() < 100.0
+
+
+def test_a_model_of_signals_without_exogenous_ones_is_driven_by_its_inputs_alone():
+    model = a_model(Sizes(STATES, 3, 0, 6, 0.1))
+    now = instants(BATCH)._replace(w=torch.zeros(BATCH, 0))
+    psi0 = model.lift(now)
+    drive = model.drive(psi0, torch.randn(2, BATCH, 3), torch.zeros(2, BATCH, 0))
+    assert model.operator().B.shape == (STATES + LATENTS, 3)
+    assert drive.shape == (2, BATCH, STATES + LATENTS)

@@ -1,0 +1,76 @@
+"""A Dask cluster of real processes on the loopback interface, to lean on and to shoot at."""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+RIGS = Path(__file__).parent
+PATIENCE_S = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class DaskCluster:
+    """A scheduler and its workers, each a process without a guardian that would restart it."""
+
+    address: str
+    """HOST:PORT"""
+    scheduler: subprocess.Popen[bytes]
+    workers: tuple[subprocess.Popen[bytes], ...]
+
+
+@contextmanager
+def dask_cluster(
+    folder: Path, workers: int = 2, first_on_path: Path = RIGS
+) -> Iterator[DaskCluster]:
+    """A cluster that writes its logs to `folder`."""
+    file = folder / "scheduler.json"
+    path = (str(first_on_path), str(RIGS), os.environ.get("PYTHONPATH", ""))
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, path))}
+    started: list[subprocess.Popen[bytes]] = []
+
+    def start(command: str, *arguments: str) -> subprocess.Popen[bytes]:
+        log = (folder / f"{command}-{len(started)}.log").open("wb")
+        line = [sys.executable, "-m", f"distributed.cli.dask_{command}", *arguments]
+        process = subprocess.Popen(line, stdout=log, stderr=subprocess.STDOUT, env=env, cwd=folder)
+        log.close()
+        started.append(process)
+        return process
+
+    try:
+        scheduler = start(
+            "scheduler",
+            *("--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(file)),
+            "--no-dashboard",
+        )
+        hands = tuple(
+            start(
+                "worker",
+                *("--scheduler-file", str(file), "--host", "127.0.0.1", "--nthreads", "1"),
+                *("--no-nanny", "--no-dashboard", "--local-directory", str(folder)),
+            )
+            for _ in range(workers)
+        )
+        yield DaskCluster(_address(file, scheduler, workers), scheduler, hands)
+    finally:
+        for process in reversed(started):
+            process.kill()
+            process.wait()
+
+
+def _address(file: Path, scheduler: subprocess.Popen[bytes], workers: int) -> str:
+    """HOST:PORT of the scheduler, once all its workers are there."""
+    from distributed import Client
+
+    deadline_s = time.monotonic() + PATIENCE_S
+    while not file.exists() or not file.stat().st_size:
+        if scheduler.poll() is not None or time.monotonic() > deadline_s:
+            raise RuntimeError(f"no scheduler came up, see {file.parent}")
+        time.sleep(0.05)
+    with Client(scheduler_file=str(file), set_as_default=False) as client:
+        client.wait_for_workers(workers, timeout=PATIENCE_S)
+        return str(client.scheduler.address).removeprefix("tcp://")

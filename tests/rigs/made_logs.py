@@ -1,0 +1,71 @@
+"""A car that is nobody's: drives made in milliseconds, and logs of them."""
+
+import csv
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+WHEELBASE_M = 2.7
+MASS_KG = 1500.0
+
+MAPPING = """
+[time]
+column = "time"
+
+[states]
+vx_mps = { column = "speed", unit = "m/s" }
+vy_mps = { column = "side", unit = "m/s" }
+yaw_rate_radps = { column = "turn", unit = "rad/s" }
+
+[inputs]
+road_wheel_rad = { column = "wheel", unit = "rad" }
+force_n = { column = "force", unit = "N" }
+"""
+
+
+class Made(NamedTuple):
+    """A drive in SI, (T,) each."""
+
+    time: np.ndarray
+    speed: np.ndarray
+    side: np.ndarray
+    turn: np.ndarray
+    wheel: np.ndarray
+    force: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    yaw: np.ndarray
+
+
+def make_drive(duration_s=30.0, dt_s=0.01, seed=0) -> Made:
+    """Yaw that follows the wheel with a lag of 0.1 s, speed that follows the force."""
+    dice = np.random.default_rng(seed)
+    t = dt_s * np.arange(round(duration_s / dt_s) + 1)
+    hz, phase = (0.15, 0.4, 0.9), dice.uniform(0, 2 * np.pi, (2, 3))
+    wheel = 0.02 * sum(np.sin(2 * np.pi * f * t + p) for f, p in zip(hz, phase[0], strict=True))
+    force = 700 * sum(np.sin(2 * np.pi * f * t + p) for f, p in zip(hz, phase[1], strict=True))
+    made = np.zeros((len(t), 6))
+    v, r, x, y, yaw = 15.0 + dice.uniform(-2, 2), 0.0, 0.0, 0.0, 0.0
+    for k in range(len(t)):
+        made[k] = v, 0.4 * r, r, x, y, yaw
+        x += dt_s * (v * np.cos(yaw) - 0.4 * r * np.sin(yaw))
+        y += dt_s * (v * np.sin(yaw) + 0.4 * r * np.cos(yaw))
+        yaw += dt_s * r
+        r += dt_s / 0.1 * (v * wheel[k] / WHEELBASE_M - r)
+        v += dt_s * force[k] / MASS_KG
+    speed, side, turn, x, y, yaw = made.T
+    return Made(t, speed, side, turn, wheel, force, x, y, yaw)
+
+
+def write_csv(path: Path, columns) -> Path:
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(zip(*columns.values(), strict=True))
+    return path
+
+
+def rounded(made: Made) -> dict[str, list]:
+    """The columns of a log, which a test may spoil."""
+    return {name: np.round(values, 7).tolist() for name, values in made._asdict().items()}
