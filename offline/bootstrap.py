@@ -75,9 +75,7 @@ def estimate(draws: Array) -> Estimate:
     return Estimate(draws[0], low, high)
 
 
-def quantile_draws(
-    values: Array, episode: NDArray[np.integer], shares: tuple[float, ...]
-) -> Array:
+def quantile_draws(values: Array, episode: NDArray[np.integer], shares: tuple[float, ...]) -> Array:
     """Quantiles (1 + R, S, ...) of values (N, ...): the least number that a share stays below.
 
     Of the values as they are, then of each resample of their episodes.

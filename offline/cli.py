@@ -11,6 +11,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from offline.backend import Backend, BackendName
 from offline.config import PRESETS, TrainingConfig
 from offline.terminal import ERRORS
 from rt_controller.contract.errors import ConfigError, MissingExtraError, RtControllerError
@@ -73,6 +74,8 @@ def make_data(
     episodes: int = PRESETS["paper"].episodes,
     seed: int = PRESETS["paper"].data_seed,
     data: Path | None = None,
+    backend: BackendName = "loky",
+    address: str | None = None,
     jobs: int = -1,
     json_file: JsonFile = None,
 ) -> int:
@@ -86,6 +89,10 @@ def make_data(
         of the random streams and of the split
     data
         folder of the data set; without it a cache folder, which is printed
+    backend
+        who does the work: processes or threads of this machine, a Dask or a Ray cluster
+    address
+        HOST:PORT of the cluster; without it one is made on this machine
     jobs
         processes; -1 is one per core
     json_file
@@ -96,10 +103,11 @@ def make_data(
             f"--episodes: expected at least 10, so that train, validation and test each get some, "
             f"found {episodes}."
         )
+    workers = Backend(backend, address, jobs)
     _prepare(json_file)
     from offline import commands
 
-    return commands.make_data(episodes, seed, data, jobs, json_file)
+    return commands.make_data(episodes, seed, data, workers, json_file)
 
 
 @import_app.default
@@ -142,6 +150,8 @@ def train_model(
     resume: Path | None = None,
     runs: Path = RUNS,
     data: Path | None = None,
+    backend: BackendName = "loky",
+    address: str | None = None,
     jobs: int = -1,
     json_file: JsonFile = None,
 ) -> int:
@@ -157,17 +167,22 @@ def train_model(
         folder that gets a new folder for each run
     data
         folder of the data set; without it a cache folder, which is printed
+    backend
+        who makes the data set: processes or threads of this machine, a Dask or a Ray cluster
+    address
+        HOST:PORT of the cluster; without it one is made on this machine
     jobs
         processes that make the data set; -1 is one per core
     json_file
         write the figures to this file
     """
+    workers = Backend(backend, address, jobs)
     _prepare(json_file)
     from offline import commands
 
     if resume is not None:
         return commands.resume_training(resume, config, data, json_file)
-    return commands.train_model(config, runs, data, jobs, json_file)
+    return commands.train_model(config, runs, data, workers, json_file)
 
 
 @export_app.default

@@ -8,21 +8,21 @@ from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
+from offline.backend import Backend
 from offline.baselines.lti import fit_lti
 from offline.card import Fact, write_card
 from offline.checkpoint import load_checkpoint
-from offline.comparison import compare, evaluation_figures, print_per_curvature, print_pooled
+from offline.comparison import compare, evaluation_figures, print_pooled
 from offline.config import TrainingConfig, resolve
 from offline.dataset import Dataset, exists, load_dataset
 from offline.export import Gate, choose_selftest, make_bundle, pass_gate
-from offline.held_out import choose_test_set
 from offline.manifest import Imported, Origin
 from offline.revision import source_revision
 from offline.run_folder import create_run, extend_run, open_run
 from offline.stock import ensure_dataset, full_folder
 from offline.terminal import CONSOLE
 from offline.training_run import run_training
-from rt_controller.contract.artifact import Bundle, Lift, load_bundle, save_bundle
+from rt_controller.contract.artifact import Bundle, Lift, save_bundle
 from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.contract.figures import write_figures
 
@@ -30,11 +30,11 @@ RESUMABLE_SETTINGS = {"steps", "threads"}
 
 
 def make_data(
-    episodes: int, seed: int, data: Path | None, jobs: int, json_file: Path | None
+    episodes: int, seed: int, data: Path | None, backend: Backend, json_file: Path | None
 ) -> int:
     """Exit code of `offline-data`."""
     begun = time.monotonic()
-    folder, dataset = ensure_dataset(data, episodes, seed, jobs)
+    folder, dataset = ensure_dataset(data, episodes, seed, backend)
     wall_s = time.monotonic() - begun
     _require_origin(folder, dataset.origin, episodes, seed)
     manifest = dataset.manifest
@@ -62,12 +62,12 @@ def train_model(
     chosen: TrainingConfig | None,
     runs: Path,
     data: Path | None,
-    jobs: int,
+    backend: Backend,
     json_file: Path | None,
 ) -> int:
     """Exit code of `offline-train`: a new run."""
     config = resolve(chosen)
-    folder, dataset = ensure_dataset(data, config.episodes, config.data_seed, jobs)
+    folder, dataset = ensure_dataset(data, config.episodes, config.data_seed, backend)
     config = _config_of_data(folder, dataset.origin, config, chosen)
     run = create_run(runs, config, folder, dataset.sha256, datetime.now())
     return run_training(run, dataset, None, json_file)
@@ -121,26 +121,6 @@ def export_lti(data: Path | None, output: Path, run: Path, json_file: Path | Non
     bundle = fit_lti(dataset, choose_selftest(dataset, Lift()))
     facts = [Fact("method", "one-step least squares with offset on all training transitions")]
     return _deliver(bundle, pass_gate(bundle), facts, dataset, output, json_file)
-
-
-def evaluate_model(model: Path, data: Path | None, run: Path, json_file: Path | None) -> int:
-    """Exit code of `offline-evaluate`."""
-    revision = source_revision()
-    bundle = load_bundle(model)
-    dataset = choose_test_set(bundle, data, run)
-    evaluation = compare(bundle, dataset)
-    print_pooled(evaluation)
-    print_per_curvature(evaluation)
-    write_figures(
-        json_file,
-        {
-            "revision": revision,
-            "model_sha256": bundle.sha256,
-            "data_sha256": dataset.sha256,
-            **evaluation_figures(evaluation),
-        },
-    )
-    return 0
 
 
 def _deliver(

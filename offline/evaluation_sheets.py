@@ -4,6 +4,7 @@ from offline.bootstrap import CONFIDENCE, RESAMPLES, Estimate
 from offline.evaluate import SHARES, mse, mse_on_road, quantiles_at_marks, rms
 from offline.judgement import (
     FAIR_LTI,
+    LTI_RIVALS,
     WORST_ON_NEW_ROADS,
     Judgement,
     growth_from_library,
@@ -58,7 +59,8 @@ def road_sheets(judgement: Judgement, test: TestSet) -> list[Sheet]:
 def ratio_sheet(judgement: Judgement, model: str, test: TestSet) -> Sheet:
     """How many times smaller the model's errors are than each rival's."""
     ratios = ratios_to_rivals(judgement, model, test.name)
-    note = f"{FAIR_LTI}: in each state the better of one linear model for all roads and of one each"
+    linear = " and ".join(name for name in LTI_RIVALS if name in judgement.rivals)
+    note = f"{FAIR_LTI}: in each state the better of {linear}."
     return Sheet(
         f"MSE of each rival over that of {model}, {test.name}: above 1, {model} is better",
         _ratio_heads("rival", judgement.columns),

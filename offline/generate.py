@@ -12,16 +12,16 @@ Paper: section III-A, data acquisition.
 """
 
 import hashlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import radians
 from typing import NamedTuple
 
-import joblib
 import numpy as np
 from numpy.typing import NDArray
 
 from offline.excitation import Recipe, draw_inputs
+from offline.parallel import in_order
 from offline.recording import Recording, Starts
 from offline.road_frame import Anchor
 from offline.trajectories import PAST_STEPS, STEPS
@@ -83,18 +83,14 @@ def generate(
 ) -> Generated:
     """`episodes` episodes, in order, made by `jobs` processes (-1: one per core).
 
-    None leaves the number, and where they run, to joblib's configuration. `on_progress` hears how
-    many more episodes are done.
+    None leaves the number, and where they run, to the active `offline.backend.Backend`.
+    `on_progress` hears how many more episodes are done.
     """
     seeds = np.random.SeedSequence(seed).spawn(episodes)
     chunks = range(0, episodes, CHUNK_EPISODES)
-    parallel = joblib.Parallel(n_jobs=jobs, return_as="generator")
-    results: Iterator[list[Episode]] = parallel(
-        joblib.delayed(_make_chunk)(recipe, seeds[first : first + CHUNK_EPISODES])
-        for first in chunks
-    )
+    tasks = [(recipe, seeds[first : first + CHUNK_EPISODES]) for first in chunks]
     made: list[Episode] = []
-    for chunk in results:
+    for chunk in in_order(_make_chunk, tasks, jobs):
         made += chunk
         on_progress(len(chunk))
     return assemble(made)

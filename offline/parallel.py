@@ -5,6 +5,7 @@ more than once if a worker dies; so it returns the same each time, or keeps its 
 and finds it there.
 """
 
+import socket
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
@@ -31,6 +32,23 @@ def in_order(
 ) -> Iterator[Result]:
     """What the function makes of each task, in the tasks' order, as soon as it is known.
 
+    Raises:
+        WorkersLostError, ConfigError: as `as_done`.
+    """
+    early: dict[int, Result] = {}
+    due = 0
+    for number, result in as_done(function, tasks, jobs):
+        early[number] = result
+        while due in early:
+            yield early.pop(due)
+            due += 1
+
+
+def as_done(
+    function: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: int | None = None
+) -> Iterator[tuple[int, Result]]:
+    """Number of each task and what the function makes of it, in the order in which they finish.
+
     `jobs` processes work on them; None leaves the number, and where they run, to the active
     `offline.backend.Backend`. A task whose worker dies is done again by another.
 
@@ -39,17 +57,13 @@ def in_order(
         ConfigError: a worker runs another version of the program.
     """
     missing = dict(enumerate(tasks))
-    early: dict[int, Result] = {}
-    due, losses = 0, 0
+    losses = 0
     while missing:
         try:
             for number, result in _as_completed(function, missing, jobs):
                 losses = 0
                 del missing[number]
-                early[number] = result
-                while due in early:
-                    yield early.pop(due)
-                    due += 1
+                yield number, result
         except _deaths() as error:
             losses += 1
             if losses >= MOST_LOSSES or not _starts_new_workers(error):
@@ -89,16 +103,10 @@ def _run(
     here = describe_code()
     if here != home:
         raise ConfigError(
-            f"expected workers that run {home}, found one on {_host()} that runs {here}. Install "
+            f"expected workers that run {home}, found one on {socket.gethostname()} that runs {here}. Install "
             f"the same version on every worker, and start them again."
         )
     return number, function(*arguments)
-
-
-def _host() -> str:
-    import socket
-
-    return socket.gethostname()
 
 
 def _deaths() -> tuple[type[BaseException], ...]:

@@ -11,6 +11,7 @@ from offline.manifest import Driven, Imported, Manifest
 from offline.report.canvas import pens
 from offline.report.lane_change_plot import lane_change_plot
 from offline.report.page import Contents, Scene, Subject, page
+from offline.rivals import describe_rival
 from offline.terminal import CONSOLE
 from rt_controller.contract.artifact import Bundle
 from rt_controller.contract.errors import ConfigError
@@ -60,10 +61,16 @@ def _contents(evaluation: Evaluation) -> Contents:
         Subject(name, _facts_of_model(bundle))
         for name, bundle in zip(judgement.judged, evaluation.judged, strict=True)
     ]
-    manifest = evaluation.dataset.manifest
+    dataset = evaluation.dataset
+    manifest = dataset.manifest
+    rivals = [
+        Subject(name, [Fact(*fact) for fact in describe_rival(name, dataset)])
+        for name in judgement.rivals
+    ]
     return Contents(
         judgement,
         subjects,
+        rivals,
         [*_facts_of_data(manifest), *_facts_of_software(evaluation.revision)],
         _lane_change(evaluation) if isinstance(manifest.origin, Driven) else None,
     )

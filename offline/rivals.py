@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 
+from offline.baselines import roster
 from offline.dataset import Dataset, cache
 from offline.held_out import find_objection
 from offline.predictor import BundlePredictor, Predictor
@@ -25,8 +26,6 @@ ALL, NONE = "all", "none"
 
 def known_rivals() -> tuple[str, ...]:
     """Every rival that can be asked for."""
-    from offline.baselines import roster
-
     return (*roster.names(), SHIPPED)
 
 
@@ -60,21 +59,28 @@ def open_rivals(
     Raises:
         DatasetError: as said.
     """
-    from offline.baselines import roster
-
     rivals: dict[str, Predictor] = {}
     for name in names:
-        objection = _objection(name, dataset, judged)
-        if objection is not None:
-            if insisted:
-                raise DatasetError(f"--rivals {name}: expected a rival on these data: {objection}")
-            CONSOLE.print(f"without {name}: {objection}", soft_wrap=True)
-        elif name == SHIPPED:
-            rivals[name] = BundlePredictor(load_bundle(shipped_folder()))
-        else:
+        try:
             with CONSOLE.status(f"rival {name}"):
-                rivals[name] = roster.fit(name, dataset, rival_cache())
+                rivals[name] = _open(name, dataset, judged)
+        except DatasetError as error:
+            if insisted:
+                raise DatasetError(f"--rivals {name}: {error}") from error
+            CONSOLE.print(f"without {name}: {error}", soft_wrap=True)
     return rivals
+
+
+def describe_rival(name: str, dataset: Dataset) -> list[tuple[str, str]]:
+    """What is known of a rival that was opened: name and value."""
+    if name == SHIPPED:
+        shipped = load_bundle(shipped_folder())
+        return [
+            ("model, SHA-256", shipped.sha256),
+            ("trained on data set, SHA-256", shipped.data_sha256),
+        ]
+    found = roster.report(name, dataset, rival_cache())
+    return [*found.findings, ("time of the fit", f"{found.fit_s:.3g} s")]
 
 
 def shipped_folder() -> Path:
@@ -87,13 +93,13 @@ def rival_cache() -> Path:
     return cache().parent / "rivals"
 
 
-def _objection(name: str, dataset: Dataset, judged: Sequence[Bundle]) -> str | None:
-    """Why it cannot be a rival here, in words."""
-    if name == "lti-per-curvature" and dataset.manifest.roads is None:
-        return "the data know no roads."
+def _open(name: str, dataset: Dataset, judged: Sequence[Bundle]) -> Predictor:
     if name != SHIPPED:
-        return None
+        return roster.fit(name, dataset, rival_cache())
     shipped = load_bundle(shipped_folder())
     if any(shipped.sha256 == bundle.sha256 for bundle in judged):
-        return "it is judged itself."
-    return find_objection([shipped], dataset.manifest)
+        raise DatasetError("it is judged itself.")
+    objection = find_objection([shipped], dataset.manifest)
+    if objection is not None:
+        raise DatasetError(f"{objection}.")
+    return BundlePredictor(shipped)

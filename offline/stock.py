@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from offline.backend import Backend
 from offline.config import PRESETS
 from offline.dataset import (
     MANIFEST_FILE,
@@ -21,8 +22,10 @@ from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import VEHICLE
 
 
-def ensure_dataset(data: Path | None, episodes: int, seed: int, jobs: int) -> tuple[Path, Dataset]:
-    """Folder and content of a data set, made now if it is not there.
+def ensure_dataset(
+    data: Path | None, episodes: int, seed: int, backend: Backend
+) -> tuple[Path, Dataset]:
+    """Folder and content of a data set, made now, by that backend, if it is not there.
 
     A folder that holds one already is taken as it is, of however many episodes.
     """
@@ -32,14 +35,14 @@ def ensure_dataset(data: Path | None, episodes: int, seed: int, jobs: int) -> tu
         return folder, load_dataset(folder)
     CONSOLE.print(f"making a data set of {episodes} episodes in {folder}", soft_wrap=True)
     done = 0
-    with progress_bar("driving", episodes) as show:
+    with backend.active(), progress_bar("driving", episodes) as show:
 
         def on_progress(more: int) -> None:
             nonlocal done
             done += more
             show(done, "")
 
-        made = generate(origin.recipe, episodes, seed, jobs, on_progress)
+        made = generate(origin.recipe, episodes, seed, None, on_progress)
     return folder, save_dataset(
         folder,
         made.recording,

@@ -1,9 +1,14 @@
 """`rt-controller`: drive a car over CAN with a learned model."""
 
+import os
 import signal
 import sys
 from pathlib import Path
 from typing import Annotated
+
+# numpy's linear algebra would share long horizons out to threads of its own, and the loop would
+# wait for those at their rank. It reads this when numpy is imported: before everything below.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from cyclopts import App, Parameter, validators
 from cyclopts.config import Toml

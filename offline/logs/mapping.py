@@ -139,7 +139,7 @@ class PoseMapping(_Settings):
     simulated drives"""
     closed: bool = False
     """the line's end meets its beginning"""
-    smoothing_m: Annotated[float, Field(ge=0.0)] = 0.05
+    smoothing_m: Annotated[float, Field(ge=0.0)] = 0.02
     """root mean square distance by which the smoothed line may miss its points"""
     farthest_m: PositiveFloat = 15.0
     """from the line; where the car is farther away, the drive is cut"""

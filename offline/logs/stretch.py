@@ -46,7 +46,10 @@ def resample(series: Series, stretch: Stretch, t_s: Array, period_s: float) -> A
     if series.sampling is Sampling.SAMPLED:
         if series.usual_step_s * MUCH_FASTER > period_s:
             return np.interp(t_s, part.t_s, part.values)
-        low, high = t_s - 0.5 * period_s, t_s + 0.5 * period_s
+        # At a stretch's ends the window is narrower, on both sides: else it would be shifted.
+        to_end = np.minimum(t_s - part.t_s[0], part.t_s[-1] - t_s)
+        half = np.clip(to_end, 0.0, 0.5 * period_s)
+        low, high = t_s - half, t_s + half
     else:
         low, high = t_s, t_s + period_s
     return window_mean(part.t_s, part.values, low, high, series.sampling is Sampling.HELD)

@@ -84,20 +84,19 @@ def correlate(
     The lag lies between two periods where the correlation does: a parabola through its peak.
     """
     longest = round(LONGEST_S / dt_s)
-    centre_c = float(np.mean(np.concatenate(causes)))
-    centre_r = float(np.mean(np.concatenate(responses)))
     lags = range(-longest, longest + 1)
-    products, cause_power, response_power = (np.zeros(len(lags)) for _ in range(3))
+    # n, c, r, c c, r r, c r: the means are those of each lag's own samples, so that a copy
+    # correlates by exactly 1 at its lag, however it drifts.
+    sums = np.zeros((len(lags), 6))
     for cause, response in zip(causes, responses, strict=True):
-        c, r = cause - centre_c, response - centre_r
         for i, lag in enumerate(lags):
-            early = c[max(0, -lag) : len(c) - max(0, lag)]
-            late = r[max(0, lag) : len(r) - max(0, -lag)]
-            products[i] += early @ late
-            cause_power[i] += early @ early
-            response_power[i] += late @ late
-    power = np.sqrt(cause_power * response_power)
-    score = np.where(power > 0.0, products / np.where(power > 0.0, power, 1.0), 0.0)
+            c = cause[max(0, -lag) : len(cause) - max(0, lag)]
+            r = response[max(0, lag) : len(response) - max(0, -lag)]
+            sums[i] += len(c), c.sum(), r.sum(), c @ c, r @ r, c @ r
+    n, c_sum, r_sum, cc, rr, cr = sums.T
+    power = (cc - c_sum**2 / n) * (rr - r_sum**2 / n)
+    scale = np.sqrt(np.maximum(power, 0.0))
+    score = np.where(scale > 0.0, (cr - c_sum * r_sum / n) / np.where(scale > 0.0, scale, 1.0), 0.0)
     k = int(np.argmax(score))
     between = 0.0
     if 0 < k < len(lags) - 1:

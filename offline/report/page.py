@@ -26,8 +26,8 @@ from offline.judgement import (
 )
 from offline.report import plots
 from offline.report.canvas import as_svg
-from offline.sheet import Sheet, cell, sheet_as_html
-from offline.test_sets import LIBRARY, NEW_ROADS, ROBUSTNESS, TestSet
+from offline.sheet import Sheet, cell, in_digits, sheet_as_html
+from offline.test_sets import NEW_ROADS, ROBUSTNESS, TestSet
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #1f2933; background: #fff;
@@ -83,6 +83,7 @@ class Contents:
 
     judgement: Judgement
     judged: Sequence[Subject]
+    rivals: Sequence[Subject]
     sources: Sequence[Fact]
     """data and software that it was made with"""
     lane_change: Scene | None
@@ -133,19 +134,22 @@ def _headlines(judgement: Judgement) -> list[str]:
     for model in judgement.judged:
         ratios = ratios_to_rivals(judgement, model)
         if FAIR_LTI in ratios:
-            found = cell(ratios[FAIR_LTI].geometric_mean)
+            found = ratios[FAIR_LTI].geometric_mean
+            interval = cell(found).interval
             lines.append(
-                f"{model} against the best linear model: that one's mean squared errors are "
-                f"{found.figure} times as large ({found.interval}), geometric mean over "
+                f"{model} against the best linear models: their mean squared errors are "
+                f"{in_digits(float(found.value), 3)} times as large"
+                f"{f' ({interval})' if interval else ''}, geometric mean over "
                 f"{len(judgement.columns)} states."
             )
         for test in judgement.sets[1:]:
             growth = growth_from_library(judgement, model, test.name)
             worst = worst_state(growth)
             lines.append(
-                f"{model} on {test.name}: errors {cell(growth.geometric_mean).figure} times those "
-                f"on the library, {cell(growth.by_state.at(worst)).figure} times in the worst "
-                f"state, {judgement.columns[worst].name}."
+                f"{model} on {test.name}: mean squared errors "
+                f"{float(growth.geometric_mean.value):.2f} times those on the library, "
+                f"{float(growth.by_state.value[worst]):.2f} times in the worst state, "
+                f"{judgement.columns[worst].name}."
             )
     return lines
 
@@ -252,11 +256,13 @@ def _lane_change(scene: Scene | None) -> str:
 
 def _sources(contents: Contents) -> str:
     sets = [_described(test) for test in contents.judgement.sets]
+    rivals = [Fact(s.name, "; ".join(map(_joined, s.facts))) for s in contents.rivals]
     bootstrap = Fact("bootstrap", f"{RESAMPLES} resamples of episodes, seed {SEED}, percentiles")
     return _chapter(
         "What was judged on what",
         "",
         *(f"<h3>{escape(s.name)}</h3>{_facts(s.facts)}" for s in contents.judged),
+        f"<h3>Rivals</h3>{_facts(rivals)}" if rivals else "",
         f"<h3>Test sets</h3>{_facts(sets)}",
         f"<h3>Data and software</h3>{_facts([*contents.sources, bootstrap])}",
     )
@@ -264,7 +270,11 @@ def _sources(contents: Contents) -> str:
 
 def _described(test: TestSet) -> Fact:
     words = f"{test.words}; {size(test)}; data set {test.data_sha256}"
-    return Fact(test.name + (" (Errors, Against rivals)" if test.name == LIBRARY else ""), words)
+    return Fact(test.name, words)
+
+
+def _joined(fact: Fact) -> str:
+    return f"{fact.name} {fact.value}"
 
 
 def _steps_of(judgement: Judgement) -> int:

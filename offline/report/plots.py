@@ -11,7 +11,7 @@ from offline.report.canvas import FAINT, INK, add_legend, blank, log_scale, pens
 from offline.test_sets import LIBRARY, NEW_ROADS
 
 _FARTHEST = 1e4
-"""of a ratio's bar, and of an error from the judged models': what is beyond says so in the tables"""
+"""that a bar reaches, or an error from the judged models': what is beyond is in the tables"""
 
 _BETTER, _WORSE = "#2f6fb3", "#c98b86"
 
@@ -32,6 +32,7 @@ def rms_over_time(judgement: Judgement) -> Figure:
                 axes.fill_between(time_s, low, high, color=pen.color, alpha=0.18, linewidth=0.0)
     for i, axes in enumerate(panels[: len(judgement.columns)]):
         judged = [rms_by_step(judgement.library[name]).value[:, i] for name in judgement.judged]
+        axes.set_yscale("log")
         _stay_near(axes, np.concatenate(judged))
         log_scale(axes, "y")
     add_legend(figure, panels[0])
@@ -60,16 +61,17 @@ def ratio_bars(judgement: Judgement, model: str, on: str = LIBRARY) -> Figure:
     ratios = ratios_to_rivals(judgement, model, on)
     heads = [column.name for column in judgement.columns] + ["geom. mean"]
     figure, panels = blank(1, len(heads), 0.9 + 0.3 * len(ratios), sharex=True, sharey=True)
+    drawn = [1.0]
     for i, (axes, head) in enumerate(zip(panels, heads, strict=True)):
         for row, one in enumerate(ratios.values()):
             is_state = i < len(judgement.columns)
-            _bar(axes, row, one.by_state.at(i) if is_state else one.geometric_mean)
+            drawn += _bar(axes, row, one.by_state.at(i) if is_state else one.geometric_mean)
         axes.axvline(1.0, color=INK, linewidth=0.8)
         axes.set_title(head)
         axes.grid(visible=False, axis="y")
-    low, high = panels[0].get_xlim()
-    panels[0].set_xlim(low, high * (high / low) ** 0.35)  # room for the numbers
+    low, high = 0.7 * min(drawn), 1.4 * max(drawn)
     for axes in panels:
+        axes.set_xlim(low, high * (high / low) ** 0.35)  # room for the numbers
         log_scale(axes, "x")
     panels[0].set_yticks(range(len(ratios)), list(ratios))
     panels[0].invert_yaxis()
@@ -77,19 +79,19 @@ def ratio_bars(judgement: Judgement, model: str, on: str = LIBRARY) -> Figure:
     return figure
 
 
-def _bar(axes: Axes, row: int, estimate: Estimate) -> None:
-    """From 1 to a ratio, with its interval and its number."""
+def _bar(axes: Axes, row: int, estimate: Estimate) -> list[float]:
+    """From 1 to a ratio, with its interval and its number; how far what is drawn reaches."""
     value, low, high = (float(part) for part in estimate)
     if not (np.isfinite(value) and value > 0.0):
         axes.text(1.0, row, " no number", va="center", fontsize=7, color=FAINT)
-        return
-    axes.set_xscale("log")
+        return []
     color = _BETTER if value >= 1.0 else _WORSE
     ends = np.array([value, low, high] if np.isfinite(low + high) else [value])
     drawn = np.clip(ends, 1.0 / _FARTHEST, _FARTHEST)
     axes.barh(row, drawn[0] - 1.0, left=1.0, height=0.62, color=color, alpha=0.75)
     axes.plot(drawn[1:], np.full(len(drawn) - 1, row), color=INK, linewidth=1.1)
     axes.text(max(1.0, *drawn), row, f" {value:.3g}", va="center", fontsize=7)
+    return [float(end) for end in drawn]
 
 
 def road_heat(judgement: Judgement, model: str) -> Figure:
@@ -112,7 +114,7 @@ def road_heat(judgement: Judgement, model: str) -> Figure:
     for (i, j), value in np.ndenumerate(share):
         axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=8,
                   color="white" if abs(np.log2(max(value, 1e-9))) > 0.7 else INK)  # fmt: skip
-    stars = [f"{1e3 * road:+g}" + ("*" if found[road][1] == NEW_ROADS else "") for road in roads]
+    stars = [f"{1e3 * road:g}" + ("*" if found[road][1] == NEW_ROADS else "") for road in roads]
     axes.set_xticks(range(len(roads)), stars)
     axes.set_yticks(range(len(share)), [column.name for column in judgement.columns])
     axes.set_xlabel("curvature / (1/km); * not in the library")
@@ -136,8 +138,7 @@ def _stay_near(axes: Axes, judged: np.ndarray) -> None:
     seen = judged[np.isfinite(judged) & (judged > 0.0)]
     if len(seen):
         low, high = axes.get_ylim()
-        bottom = max(low, seen.min() / _FARTHEST) if low > 0.0 else seen.min() / 10.0
-        axes.set_ylim(bottom, min(high, seen.max() * _FARTHEST))
+        axes.set_ylim(max(low, seen.min() / _FARTHEST), min(high, seen.max() * _FARTHEST))
 
 
 def _time_s(judgement: Judgement) -> np.ndarray:

@@ -25,10 +25,9 @@ from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.fitness import require_fitting_parts
 from rt_controller.contract.koopman_file import KoopmanFile, check_field, read_koopman
 from rt_controller.contract.lift import Lift, LiftSample
-from rt_controller.contract.schema import N_STATES, Schema, Signal
+from rt_controller.contract.schema import Schema, Signal
 
 __all__ = [
-    "N_STATES",
     "Array",
     "Bilinear",
     "Bundle",

@@ -145,6 +145,7 @@ def test_a_hessian_that_is_not_convex_is_a_status_and_leaves_no_trace(broken: np
     expected = workspace.solution.copy()
     objective.H[:] = broken
     assert solve(workspace) is not SolveStatus.SOLVED
+    assert np.isfinite(broken).all() or workspace.iterations == 0  # not even tried
     objective.H[:] = convex(7)
     assert solve(workspace) is SolveStatus.SOLVED
     np.testing.assert_allclose(workspace.solution, expected, rtol=0.0, atol=1e-6)

@@ -161,11 +161,11 @@ def test_a_missed_state_begins_the_history_anew(watched: Watched) -> None:
     assert_shown(watched, [first] * (STEPS - 1) + [known])
 
 
-def test_skipped_ticks_begin_the_history_anew(watched: Watched) -> None:
-    drive(watched, 6)
-    sent = watched.rig.step.outcome.control
-    watched.tick(skipped=1, state=moving(7))
-    assert_begun_anew(watched, sent)
+def tell_another_state(watched: Watched, k: int) -> None:
+    """The vehicle speaks once more before the controller looks."""
+    rig = watched.rig
+    road = RoadSample(0.0, rig.clock.now_ns(), rig.command.counter, False)
+    rig.vehicle.outbox.send_state(moving(k), road, rig.clock.now_ns())
 
 
 def test_a_state_that_was_overtaken_leaves_a_hole_and_begins_the_history_anew(
@@ -173,9 +173,18 @@ def test_a_state_that_was_overtaken_leaves_a_hole_and_begins_the_history_anew(
 ) -> None:
     drive(watched, 6)
     sent = watched.rig.step.outcome.control
-    road = RoadSample(0.0, watched.rig.clock.now_ns(), watched.rig.command.counter, False)
-    watched.rig.vehicle.outbox.send_state(moving(6), road, 0)  # and the next one before we look
+    tell_another_state(watched, 6)
     watched.tick(state=moving(7))
+    assert_begun_anew(watched, sent)
+
+
+@pytest.mark.parametrize("vehicle_stalls_too", [True, False])
+def test_skipped_ticks_begin_the_history_anew(watched: Watched, vehicle_stalls_too: bool) -> None:
+    drive(watched, 6)
+    sent = watched.rig.step.outcome.control
+    if not vehicle_stalls_too:
+        tell_another_state(watched, 6)
+    watched.tick(skipped=1, state=moving(7))
     assert_begun_anew(watched, sent)
 
 

@@ -1,5 +1,7 @@
 """A toy car whose drives are made in milliseconds."""
 
+import itertools
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ from offline.excitation import Recipe
 from offline.generate import EPISODE_STEPS, SLICES, Episode, Generated, assemble
 from offline.manifest import Driven, Roads
 from offline.roles import VEHICLE_ROLES
+from offline.run_folder import RunFolder, create_run
 from rt_controller.contract.schema import VEHICLE
 
 EPISODES = 40
@@ -90,3 +93,32 @@ def tiny_config() -> TrainingConfig:
             "threads": 1,
         }
     )
+
+
+@pytest.fixture
+def tiny_recommended() -> TrainingConfig:
+    """Everything that goes beyond the paper, small enough for a test."""
+    return PRESETS["recommended"].model_copy(
+        update={
+            "steps": 12,
+            "batch": 16,
+            "evaluate_every": 5,
+            "hidden": (8, 8),
+            "latents": 4,
+            "history_steps": 3,
+            "bilinear_rank": 2,
+            "threads": 1,
+        }
+    )
+
+
+@pytest.fixture
+def new_run(tmp_path, toy_folder, toy_dataset):
+    """Makes folders for training runs on the toy's drives."""
+    numbers = itertools.count()
+
+    def create(config: TrainingConfig) -> RunFolder:
+        base, now = tmp_path / str(next(numbers)), datetime(2026, 1, 2, 3, 4, 5)
+        return create_run(base, config, toy_folder, toy_dataset.sha256, now)
+
+    return create

@@ -266,6 +266,12 @@ def test_a_manifest_with_a_signal_more_than_there_are_numbers_is_refused(folder,
         load_dataset(folder)
 
 
+def test_a_manifest_without_roads_for_drives_that_know_none_is_refused(folder):
+    edit_manifest(folder, lambda fields: fields.update(roads=None))
+    with pytest.raises(DatasetError, match="road"):
+        load_dataset(folder)
+
+
 @pytest.mark.parametrize("text", ["{", "[1, 2]", ""])
 def test_a_manifest_that_is_no_json_object_is_refused(folder, text):
     (folder / MANIFEST_FILE).write_text(text)

@@ -40,8 +40,8 @@ def a_model(config: TrainingConfig) -> MdkNet:
     torch.manual_seed(1)
     model = MdkNet(config, SIZES)
     with torch.no_grad():
-        for parameter in (model.A_rows, model.B_rows):
-            parameter += 0.1 * torch.randn_like(parameter)
+        model.A_rows += 0.1 * torch.randn_like(model.A_rows)
+        model.B_rows += 0.1 * torch.randn_like(model.B_rows)
         if model.rank:
             model.N_rows += 0.3 * torch.randn_like(model.N_rows)
             model.S += 0.3 * torch.randn_like(model.S)
@@ -121,6 +121,16 @@ def test_total_loss_is_the_weighted_sum_of_its_terms():
     weights = (0.7, 1.0, 1.6, 1e-4)
     expected = sum(weight * term for weight, term in zip(weights, terms, strict=True))
     assert torch.isclose(losses.total, expected)
+
+
+@pytest.mark.parametrize("prior", ["zero", "identity"])
+def test_the_operator_is_pulled_towards_what_it_was_told_to(prior):
+    config = a_config(operator_prior=prior, decay_operator=0.5, decay_encoder=0.0)
+    model = a_model(config)
+    A, B = model.operator()
+    towards = torch.eye(len(A)) if prior == "identity" else torch.zeros_like(A)
+    expected = 0.5 * ((A - towards).square().sum() + B.square().sum())
+    assert torch.isclose(horizon_loss(model, config, a_batch()).regularisation, expected)
 
 
 def in_tenfold_units(model: MdkNet, batch: Batch, i: int) -> tuple[MdkNet, Batch]:

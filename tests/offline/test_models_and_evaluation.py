@@ -1,185 +1,158 @@
-"""The rivals, the bundle of a trained model, and the table that compares them."""
+"""From a checkpoint or a fit to a bundle that may drive, its card, and its first judgement."""
 
 import json
 from dataclasses import replace
-from datetime import datetime
 
 import numpy as np
 import onnx
 import pytest
 import torch
+from made_models import WITH_PAST
+from made_models import make_bundle as made_bundle
 
 from offline.baselines.lti import fit_lti
-from offline.baselines.persistence import PersistencePredictor
-from offline.card import Fact, write_card
+from offline.card import Fact, describe_model, write_card
 from offline.checkpoint import load_checkpoint
-from offline.comparison import compare
-from offline.dataset import Dataset, Trajectories
-from offline.evaluate import StateErrors, choose_test_trajectories, evaluate, squared_errors
-from offline.export import choose_selftest_states, make_bundle, pass_gate
-from offline.learner import Learner, normalise
+from offline.comparison import compare, evaluation_figures, print_pooled
+from offline.evaluate import mse
+from offline.export import choose_selftest, make_bundle, pass_gate
+from offline.judgement import FAIR_LTI, ratios_to_rivals
 from offline.predictor import BundlePredictor
-from offline.rollout import roll_out
-from offline.run_folder import create_run
+from offline.provenance import describe_training
+from offline.sheet import in_digits
 from offline.train import train
-from rt_controller.contract.artifact import load_bundle, save_bundle
+from rt_controller.contract.artifact import Bilinear, Lift, LiftSample, load_bundle, save_bundle
 from rt_controller.contract.errors import ArtifactError, DatasetError
+from rt_controller.session import shipped_model
+
+
+@pytest.fixture(autouse=True)
+def cache_of_its_own(monkeypatch, tmp_path):
+    """Rivals are kept there once fitted."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
 
 @pytest.fixture(scope="module")
 def lti(toy_dataset):
-    return fit_lti(toy_dataset, choose_selftest_states(toy_dataset))
-
-
-@pytest.fixture
-def checkpoint(tiny_config, toy_folder, toy_dataset, tmp_path):
-    run = create_run(
-        tmp_path / "runs", tiny_config, toy_folder, toy_dataset.sha256, datetime(2026, 1, 1)
+    """A linear model that passes the gate, as if it were of the toy's data."""
+    shipped = load_bundle(shipped_model("lti"))
+    return replace(
+        shipped,
+        A=0.95 * shipped.A,
+        training=describe_training({}, toy_dataset.origin),
+        data_sha256=toy_dataset.sha256,
     )
-    train(tiny_config, toy_dataset, run)
+
+
+@pytest.fixture(params=["paper", "recommended"])
+def checkpoint(request, tiny_config, tiny_recommended, new_run, toy_dataset):
+    config = tiny_config if request.param == "paper" else tiny_recommended
+    run = new_run(config)
+    train(config, toy_dataset, run)
     return load_checkpoint(run.best)
-
-
-def linear_dataset(toy_dataset) -> tuple[Dataset, np.ndarray, np.ndarray, np.ndarray]:
-    """The toy's inputs driving a system that is linear with an offset."""
-    rng = np.random.default_rng(0)
-    A = 0.95 * np.eye(6) + 0.02 * rng.normal(size=(6, 6))
-    B, c = 0.1 * rng.normal(size=(6, 4)), 0.1 * rng.normal(size=6)
-    toy = toy_dataset.trajectories
-    x = np.empty(toy.x.shape)
-    x[:, 0] = toy.x[:, 0]
-    for k in range(80):
-        u = np.column_stack([toy.u[:, k], toy.kappa])
-        x[:, k + 1] = x[:, k] @ A.T + u @ B.T + c
-    trajectories = Trajectories(x.astype(np.float32), toy.u, toy.kappa, toy.episode)
-    return Dataset(trajectories, toy_dataset.part, toy_dataset.manifest), A, B, c
-
-
-def test_persistence_predicts_that_nothing_changes():
-    x0 = np.arange(12.0).reshape(2, 6)
-    predicted = PersistencePredictor().predict(x0, np.zeros((2, 3, 3)), np.zeros(2))
-    assert predicted.shape == (2, 4, 6)
-    assert np.array_equal(predicted[:, -1], x0)
-
-
-def test_lti_finds_the_matrices_and_offset_of_a_linear_system(toy_dataset):
-    dataset, A, B, c = linear_dataset(toy_dataset)
-    found = fit_lti(dataset, choose_selftest_states(dataset))
-    assert np.allclose(found.A, A, atol=1e-4)
-    assert np.allclose(found.B_uc, B[:, :3], atol=1e-3)
-    assert np.allclose(found.B_uw, B[:, 3:], atol=1e-2)
-    assert np.allclose(found.c, c, atol=1e-3)
-
-
-def test_lti_is_the_least_squares_solution_of_all_transitions_at_once(toy_dataset, lti):
-    """Against numpy's solver on the whole problem in physical units."""
-    train_part = toy_dataset.select("train")
-    x, u = train_part.x.astype(float), train_part.u.astype(float)
-    kappa = np.broadcast_to(train_part.kappa.astype(float)[:, None, None], (*u.shape[:2], 1))
-    regressors = np.concatenate([x[:, :-1], u, kappa, np.ones_like(kappa)], axis=-1).reshape(-1, 11)
-    targets = x[:, 1:].reshape(-1, 6)
-    expected, *_ = np.linalg.lstsq(regressors, targets, rcond=None)
-    found = np.vstack([lti.A.T, lti.B_uc.T, lti.B_uw.T, lti.c])
-    assert np.allclose(regressors @ found, regressors @ expected, atol=1e-5)
 
 
 def test_lti_bundle_can_be_shipped_and_lifts_by_the_identity(lti, tmp_path):
     pass_gate(lti)
     save_bundle(tmp_path, lti, "card")
     bundle = load_bundle(tmp_path)
-    x = bundle.selftest_x
-    assert np.array_equal(BundlePredictor(bundle).lift(x), x.astype(np.float32))
+    lifted = BundlePredictor(bundle).lift(bundle.selftest)
+    assert np.array_equal(lifted, bundle.selftest.x)
 
 
 def test_bundle_prediction_is_one_lift_and_a_linear_roll_out(lti):
     rng = np.random.default_rng(0)
-    x0, U, kappa = lti.selftest_x[:3], rng.normal(size=(3, 4, 3)), np.array([0.0, 1e-3, -2e-3])
-    predicted = BundlePredictor(lti).predict(x0, U, kappa)
+    x0, past = lti.selftest.x[:3], np.zeros((3, 20, 6))
+    U, W = rng.normal(size=(3, 4, 3)), rng.normal(size=(3, 4, 1))
+    predicted = BundlePredictor(lti).predict(x0, past, U, W)
     assert predicted.shape == (3, 5, 6)
     for b in range(3):
-        x = x0[b].astype(np.float32).astype(float)
+        x = x0[b]
         for k in range(4):
-            x = lti.A @ x + lti.B_uc @ U[b, k] + lti.B_uw[:, 0] * kappa[b] + lti.c
+            x = lti.A @ x + lti.B_uc @ U[b, k] + lti.B_uw @ W[b, k] + lti.c
             assert np.allclose(predicted[b, k + 1], x, rtol=1e-12)
 
 
-def test_errors_are_in_the_squared_units_of_the_papers_table(toy_dataset):
-    """Off by 1 m/s, 1 rad/s and 1 m everywhere."""
-    test = toy_dataset.select("test")
-
-    class Off:
-        def predict(self, x0, U, kappa):
-            return test.x + np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
-
-    found = evaluate({"off": Off()}, test).pooled["off"]
-    degrees = np.degrees(1.0) ** 2
-    assert found == pytest.approx(StateErrors(12.96, 12.96, degrees, 1.0, 1.0, degrees), rel=1e-4)
-
-
-def test_the_first_state_is_measured_and_counts_for_nothing(toy_dataset):
-    assert squared_errors(PersistencePredictor(), toy_dataset.select("test")).shape[1] == 80
-
-
-def test_pooled_errors_are_the_mean_of_those_per_curvature(toy_dataset):
-    test = toy_dataset.select("test")
-    found = evaluate({"persistence": PersistencePredictor()}, test)
-    weights = {kappa: np.mean(np.isclose(test.kappa, kappa)) for kappa in found.per_curvature}
-    assert sum(weights.values()) == pytest.approx(1.0)
-    for state in StateErrors._fields:
-        mean = sum(
-            weight * getattr(found.per_curvature[kappa]["persistence"], state)
-            for kappa, weight in weights.items()
-        )
-        assert mean == pytest.approx(getattr(found.pooled["persistence"], state))
+def test_a_bilinear_bundle_predicts_with_the_input_matrix_of_its_first_lifted_state():
+    """Which is not read anew along the way, and looks at the last rows of the past."""
+    bundle = made_bundle(WITH_PAST, rank=2, bend=0.05)
+    rng = np.random.default_rng(0)
+    x0, past = bundle.selftest.x[:3], rng.normal(size=(3, 20, 6))
+    U, W = rng.normal(size=(3, 4, 3)), rng.normal(size=(3, 4, 1))
+    model = BundlePredictor(bundle)
+    psi = model.lift(LiftSample(x0, W[:, 0], past[:, -4:]))
+    B = bundle.input_matrix(psi)
+    assert np.ptp(B, axis=0).max() > 1e-3
+    for k in range(4):
+        psi = psi @ bundle.A.T + np.einsum("bnm,bm->bn", B, U[:, k]) + bundle.c
+        psi += W[:, k] @ bundle.B_uw.T
+    assert np.allclose(model.predict(x0, past, U, W)[:, -1], psi[:, :6], rtol=1e-12)
 
 
 def test_a_linear_bundle_is_judged_itself_and_not_the_one_that_would_be_fitted(toy_dataset, lti):
     worse = replace(lti, A=0.9 * lti.A)
-    assert compare(worse, toy_dataset).pooled["lti"].vx > compare(lti, toy_dataset).pooled["lti"].vx
+    found = {}
+    for bundle in (worse, lti):
+        judgement = compare(bundle, toy_dataset)
+        assert judgement.judged == ("lti",)
+        assert judgement.rivals == ("lti-per-curvature", "persistence")
+        found[bundle.sha256] = mse(judgement.library["lti"]).value[0]
+    assert found[worse.sha256] > found[lti.sha256]
 
 
-def test_480_trajectories_of_each_curvature_are_judged():
-    kappa = np.repeat(np.array([-1e-3, 2e-3], dtype=np.float32), [700, 300])
-    n = len(kappa)
-    everything = Trajectories(
-        np.zeros((n, 2, 6), np.float32), np.zeros((n, 1, 3), np.float32), kappa, np.arange(n)
-    )
-    chosen = choose_test_trajectories(everything)
-    assert np.unique(chosen.kappa, return_counts=True)[1].tolist() == [480, 300]
-
-
-def test_bundle_of_a_trained_model_predicts_what_the_network_predicts(checkpoint, toy_dataset):
+def test_a_trained_bundle_stands_beside_both_linear_models_and_persistence(
+    checkpoint, toy_dataset, capsys
+):
     bundle, _ = make_bundle(checkpoint, toy_dataset)
-    test = toy_dataset.select("test")
-    predicted = BundlePredictor(bundle).predict(
-        test.x[:, 0].astype(float), test.u.astype(float), test.kappa.astype(float)
-    )
-    learner = Learner(checkpoint.config, checkpoint.scaling, toy_dataset.sha256)
-    learner.restore(checkpoint)
-    x, u = normalise(test, checkpoint.scaling)
-    with torch.no_grad():
-        A, B = learner.model.operator()
-        psi = roll_out(learner.model.lift(x[:, 0]), A, u.transpose(0, 1) @ B.t())
-    expected = checkpoint.scaling.restore_states(psi[..., :6].transpose(0, 1).numpy())
-    assert np.allclose(predicted[:, 1:], expected, atol=1e-4)
+    judgement = compare(bundle, toy_dataset)
+    assert judgement.names == ("mdk-net", "lti", "lti-per-curvature", "persistence")
+    assert FAIR_LTI in ratios_to_rivals(judgement, "mdk-net")
+    figures = evaluation_figures(judgement)
+    print_pooled(judgement)
+    printed = capsys.readouterr().out
+    for model in figures["models"].values():
+        assert in_digits(model["mse"]["ey_m_squared"]["value"]) in printed
 
 
 def test_exported_bundle_passes_the_contract_and_carries_its_origin(
     checkpoint, toy_dataset, tmp_path
 ):
     bundle, gate = make_bundle(checkpoint, toy_dataset)
-    evaluation = evaluate({"mdk-net": BundlePredictor(bundle)}, toy_dataset.select("test"))
-    save_bundle(tmp_path, bundle, write_card(bundle, gate, evaluation, [Fact("preset", "paper")]))
+    judgement = compare(bundle, toy_dataset)
+    save_bundle(tmp_path, bundle, write_card(bundle, gate, judgement, [Fact("preset", "tiny")]))
     loaded = load_bundle(tmp_path)
-    assert loaded.name == "mdk-net"
+    assert loaded.sha256 == bundle.sha256
     assert loaded.data_sha256 == toy_dataset.sha256
     assert f'"step": {checkpoint.step}' in loaded.training
-    assert loaded.selftest_x.shape == (32, 6)
+    assert loaded.selftest.x.shape == (32, 6)
     assert gate.parity < 1e-5
     card = (tmp_path / "card.md").read_text()
-    assert "| preset | paper |" in card
+    assert "| preset | tiny |" in card
     assert bundle.sha256 in card
-    assert f"{evaluation.pooled['mdk-net'].ey:.4g}" in card
+
+
+def test_the_card_shows_every_error_with_its_interval(lti, toy_dataset):
+    judgement = compare(lti, toy_dataset)
+    card = write_card(lti, pass_gate(lti), judgement, [])
+    for scores in judgement.library.values():
+        value, low, high = (float(part[4]) for part in mse(scores))
+        assert f"{in_digits(value)} ({in_digits(low, 3)}–{in_digits(high, 3)})" in card
+
+
+def test_the_card_says_what_the_lift_is_shown_and_how_the_inputs_act(lti):
+    plain = dict(describe_model(lti))
+    assert plain["input matrix"] == "constant"
+    assert "curvature" not in plain["observables"]
+    n = lti.n_observables
+    richer = replace(
+        lti,
+        lift=Lift(("x", "w", "history"), 4, ("vx_mps", "steer_rad")),
+        bilinear=Bilinear(np.zeros((3, n, 3)), np.zeros((3, 3, n)), np.zeros((3, 3))),
+    )
+    found = dict(describe_model(richer))
+    assert found["input matrix"] == "bilinear of rank 3, frozen at the first lifted state"
+    assert "curvature_per_m" in found["observables"]
+    assert "the last 4 periods (100 ms) of vx_mps, steer_rad" in found["observables"]
 
 
 def with_operator(checkpoint, edit):
@@ -194,10 +167,10 @@ def test_a_model_is_exported_with_the_data_it_was_trained_on(checkpoint, toy_dat
         make_bundle(checkpoint, replace(toy_dataset, manifest=manifest))
 
 
-def test_a_bundle_says_which_episodes_it_was_trained_on(checkpoint, lti, toy_dataset):
+def test_a_bundle_says_which_episodes_it_was_trained_on(checkpoint, toy_dataset):
     """Whatever the configuration says: the data set knows better."""
     mdk_net, _ = make_bundle(checkpoint, toy_dataset)
-    for bundle in (mdk_net, lti):
+    for bundle in (mdk_net, fit_lti(toy_dataset, choose_selftest(toy_dataset, Lift()))):
         training = json.loads(bundle.training)
         assert (training["episodes"], training["data_seed"]) == (40, 3)
 

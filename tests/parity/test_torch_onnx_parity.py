@@ -211,7 +211,7 @@ def test_roll_out_in_physical_units_is_the_scaled_one(exported):
 
 
 def test_a_bundle_predicts_what_the_network_rolls_out(exported):
-    """What the vehicle loads against what was trained, over the whole horizon."""
+    """What the vehicle loads against what was trained; units are the spreads of the states."""
     model, lift, trajectories = exported.model, exported.lift, drives(5)
     operator = fold_scaling(model, SCALING)
     shown = sample(trajectories, lift)
@@ -237,7 +237,7 @@ def test_a_bundle_predicts_what_the_network_rolls_out(exported):
     expected = in_physical_units(roll_out_scaled(model, trajectories))[..., :6]
     assert np.array_equal(found[:, 0], x0)
     error = np.abs(found[:, 1:] - expected.swapaxes(0, 1)) / SCALING.x_scale
-    assert np.max(error) < 1e-3 * max(1.0, np.abs(expected / SCALING.x_scale).max())
+    assert np.max(error) < 1e-5
 
 
 def test_the_encoder_tells_nothing_of_the_machine_it_was_exported_on(exported):

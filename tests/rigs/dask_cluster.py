@@ -72,5 +72,6 @@ def _address(file: Path, scheduler: subprocess.Popen[bytes], workers: int) -> st
             raise RuntimeError(f"no scheduler came up, see {file.parent}")
         time.sleep(0.05)
     with Client(scheduler_file=str(file), set_as_default=False) as client:
-        client.wait_for_workers(workers, timeout=PATIENCE_S)
+        if workers:
+            client.wait_for_workers(workers, timeout=PATIENCE_S)
         return str(client.scheduler.address).removeprefix("tcp://")

@@ -19,7 +19,7 @@ def square_with_trace(number: int, folder: Path) -> int:
 
 
 def square_or_die(number: int, folder: Path) -> int:
-    """Dies of SIGKILL where a file die-NUMBER lies, which it removes first unless it is a folder."""
+    """Dies of SIGKILL where there is a die-NUMBER: once if it is a file, always if a folder."""
     omen = folder / f"die-{number}"
     if omen.exists():
         if omen.is_file():

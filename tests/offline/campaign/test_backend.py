@@ -9,12 +9,15 @@ import threading
 import time
 from pathlib import Path
 
+import dask
 import pytest
 from dask_cluster import dask_cluster
 from worker_tasks import fail, square, square_or_die, square_with_trace
 
-from offline import backend as backend_module
-from offline.backend import Backend, UnreachableError
+from offline import address as address_module
+from offline import dask_cluster as dask_module
+from offline.address import UnreachableError
+from offline.backend import Backend
 from offline.parallel import WorkersLostError, in_order
 from rt_controller.contract.errors import ConfigError, MissingExtraError
 
@@ -120,6 +123,7 @@ def test_a_killed_ray_worker_costs_no_result(tmp_path, ray_environment):
 def test_a_task_that_kills_every_worker_ends_in_words(tmp_path, name):
     (tmp_path / "die-1").mkdir()
     with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
         Backend(name, jobs=2).active(),
         pytest.raises(WorkersLostError, match="Look for lack of memory"),
     ):
@@ -138,7 +142,7 @@ def test_a_scheduler_that_dies_in_mid_run_ends_in_words(tmp_path):
 
 def test_a_worker_that_runs_other_code_is_refused(tmp_path):
     """A data set made by two versions of the car would be of neither."""
-    root = Path(backend_module.__file__).parent.parent
+    root = Path(address_module.__file__).parent.parent
     for package in ("rt_controller", "sim_bridge", "offline"):
         shutil.copytree(root / package, tmp_path / "code" / package)
     (tmp_path / "code" / "sim_bridge" / "plant" / "another.py").touch()
@@ -166,8 +170,11 @@ def test_nobody_at_the_address_is_an_error_and_not_a_hang(name, request):
 @pytest.mark.parametrize(("name", "what"), [("dask", "Dask scheduler"), ("ray", "Ray cluster")])
 def test_somebody_else_at_the_address_is_an_error_and_not_a_hang(monkeypatch, request, name, what):
     need(name, request)
-    monkeypatch.setattr(backend_module, "CONNECT_S", 1.0)
-    monkeypatch.setattr(backend_module, "HEALTH_S", 1.0)
+    monkeypatch.setattr(address_module, "CONNECT_S", 1.0)
+    if name == "ray":
+        from offline import ray_cluster
+
+        monkeypatch.setattr(ray_cluster, "HEALTH_S", 3.0)
     with socket.create_server(("127.0.0.1", 0)) as silent:
         address = f"127.0.0.1:{silent.getsockname()[1]}"
         with pytest.raises(UnreachableError, match=what), Backend(name, address).active():
@@ -175,7 +182,7 @@ def test_somebody_else_at_the_address_is_an_error_and_not_a_hang(monkeypatch, re
 
 
 def test_a_scheduler_without_workers_is_an_error_that_says_how_to_start_one(tmp_path, monkeypatch):
-    monkeypatch.setattr(backend_module, "FIRST_WORKER_S", 0.5)
+    monkeypatch.setattr(dask_module, "FIRST_WORKER_S", 0.5)
     with (
         dask_cluster(tmp_path, workers=0) as cluster,
         pytest.raises(UnreachableError, match="dask worker tcp://127"),

@@ -1,10 +1,15 @@
 """A mapping file says what a column means, and is refused where it does not."""
 
+from pathlib import Path
+
 import pytest
 from made_logs import MAPPING
 
+from offline.logs.mapping_file import read_mapping
 from offline.logs.quantity import Quantity
 from rt_controller.contract.errors import ConfigError
+
+EXAMPLES = sorted((Path(__file__).parents[3] / "examples").glob("import_*.toml"))
 
 POSE = """
 [pose]
@@ -37,7 +42,7 @@ def test_every_mistake_is_named_at_once(parse):
 
 
 def test_an_unknown_unit_is_answered_with_near_ones(parse):
-    with pytest.raises(ConfigError, match="did you mean.*km/h"):
+    with pytest.raises(ConfigError, match=r"did you mean.*km/h"):
         parse(MAPPING.replace('"speed", unit = "m/s"', '"speed", unit = "km/hh"'))
 
 
@@ -52,8 +57,6 @@ def test_a_mistake_in_toml_is_named_with_its_line(parse):
 
 
 def test_a_missing_mapping_file_is_named(tmp_path):
-    from offline.logs.mapping_file import read_mapping
-
     with pytest.raises(ConfigError, match=r"nowhere\.toml"):
         read_mapping(tmp_path / "nowhere.toml")
 
@@ -101,3 +104,13 @@ def test_paths_are_relative_to_the_mapping(parse, tmp_path):
     mapping = parse(text)
     assert mapping.can.dbc == tmp_path / "car.dbc"
     assert mapping.pose.reference_line == tmp_path / "track.csv"
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_the_examples_are_mappings(path):
+    mapping, _ = read_mapping(path)
+    assert mapping.quantity("vx_mps") is Quantity.SPEED
+
+
+def test_there_are_examples():
+    assert len(EXAMPLES) >= 3

@@ -134,7 +134,7 @@ def test_two_lost_samples_are_bridged_and_more_are_a_gap(parse, setting, is_brid
 
 
 def test_yaw_is_followed_through_whole_turns(parse):
-    pose = "".join(f'{n} = {{ column = "{n}", unit = "{u}" }}\n' for n, u in zip("xy", "mm"))
+    pose = "".join(f'{name} = {{ column = "{name}", unit = "m" }}\n' for name in "xy")
     mapping = parse(MAPPING + "[pose]\n" + pose + 'yaw = { column = "yaw", unit = "deg" }\n')
     t_s = 0.1 * np.arange(100)
     rows = np.arange(100)

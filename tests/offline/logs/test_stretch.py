@@ -65,6 +65,12 @@ def test_what_the_period_cannot_show_is_averaged_out_of_fast_samples():
     assert np.max(np.abs(found - expected)[1:-1]) < 0.01
 
 
+def test_averaging_shifts_nothing_at_the_ends():
+    one = series(0.01 * np.arange(101), 7.0 * 0.01 * np.arange(101))
+    t_s = grid(whole(one), PERIOD_S)
+    assert resample(one, whole(one), t_s, PERIOD_S) == pytest.approx(7.0 * t_s)
+
+
 def test_a_held_command_counts_for_as_long_as_it_lasts():
     one = series([0.0, 0.01, 0.04, 0.1], [1.0, 2.0, 4.0, 8.0], Sampling.HELD)
     t_s = grid(whole(one), PERIOD_S)

@@ -81,7 +81,9 @@ def test_a_yaw_rate_that_is_logged_late_is_found_by_steering(parse):
 
 def test_against_the_pose_the_lag_is_that_of_the_log_alone(parse):
     shifts = shifts_of(parse, episode(late_s=0.32), MAPPING + POSE)
-    assert shifts["slope of the pose's yaw", "yaw_rate_radps"].lag_s == pytest.approx(0.32, abs=0.01)
+    assert shifts["slope of the pose's yaw", "yaw_rate_radps"].lag_s == pytest.approx(
+        0.32, abs=0.01
+    )
     assert shifts["speed of the pose", "vx_mps"].lag_s == pytest.approx(0.0, abs=0.02)
 
 

@@ -1,0 +1,161 @@
+"""Every rival by name: how it is fitted, and where fitted ones are found again.
+
+Nothing heavy is imported before a rival that needs it is asked for.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from offline.baselines.finding import Finding
+from offline.baselines.shelf import FittedRival, Kept, keep, place, recall
+from offline.dataset import Dataset
+from offline.predictor import Predictor
+from rt_controller.contract.errors import ConfigError
+
+if TYPE_CHECKING:
+    from offline.baselines.edmd import EdmdSettings
+
+
+@dataclass(frozen=True, slots=True)
+class NoSettings:
+    """Of a rival that leaves nothing to choose."""
+
+
+class Entry(NamedTuple):
+    """How one rival is made."""
+
+    kind: type[FittedRival]
+    settings: object
+    """a frozen dataclass, or a tuple of what the fit is told"""
+    fit: Callable[[Dataset], FittedRival]
+
+
+class Report(NamedTuple):
+    """What the fit of a rival found, and how long it took."""
+
+    name: str
+    fit_s: float
+    findings: tuple[Finding, ...]
+
+
+def names() -> tuple[str, ...]:
+    """All rivals, the plainest first."""
+    return tuple(_ENTRIES)
+
+
+def fit(name: str, dataset: Dataset, cache_folder: Path, refit: bool = False) -> Predictor:
+    """The rival of that name, fitted to the training part and tuned on the validation part.
+
+    Taken from `cache_folder` if it was fitted to the same data, with the same settings and code,
+    before; `refit` fits it again all the same.
+
+    Raises:
+        ConfigError: there is no such rival.
+        DatasetError: it cannot be fitted to these data.
+        ArtifactError: the kept one is damaged, or there is no room to keep it.
+    """
+    return _ensure(name, dataset, cache_folder, refit).rival
+
+
+def report(name: str, dataset: Dataset, cache_folder: Path) -> Report:
+    """What the fit found, and how long it took; fitted now if it was not before.
+
+    Raises:
+        ConfigError, DatasetError, ArtifactError: as `fit`.
+    """
+    kept = _ensure(name, dataset, cache_folder, refit=False)
+    return Report(name, kept.fit_s, kept.rival.findings())
+
+
+def _ensure(name: str, dataset: Dataset, cache_folder: Path, refit: bool) -> Kept:
+    if name not in _ENTRIES:
+        raise ConfigError(f"rival: expected one of {', '.join(_ENTRIES)}, found {name!r}.")
+    entry = _ENTRIES[name]()
+    path = place(cache_folder, name, dataset.sha256, entry.settings)
+    if not refit and (kept := recall(path, entry.kind)) is not None:
+        return kept
+    begin = time.perf_counter()
+    kept = Kept(entry.fit(dataset), 0.0)
+    kept = kept._replace(fit_s=time.perf_counter() - begin)
+    keep(path, kept)
+    return kept
+
+
+def _persistence() -> Entry:
+    from offline.baselines.persistence import PersistencePredictor
+
+    return Entry(PersistencePredictor, NoSettings(), lambda dataset: PersistencePredictor())
+
+
+def _lti() -> Entry:
+    from offline.baselines.linear_model import LinearModel
+    from offline.baselines.lti import fit_linear
+
+    return Entry(LinearModel, NoSettings(), fit_linear)
+
+
+def _lti_by_curvature() -> Entry:
+    from offline.baselines.lti_by_curvature import LinearByCurvature, fit_by_curvature
+
+    return Entry(LinearByCurvature, NoSettings(), fit_by_curvature)
+
+
+def _lti_on_horizon() -> Entry:
+    from offline.baselines.linear_model import LinearModel
+    from offline.baselines.lti_horizon import HorizonSettings, fit_on_horizon
+
+    return Entry(LinearModel, HorizonSettings(), fit_on_horizon)
+
+
+def _delays() -> Entry:
+    from offline.baselines.edmd import DELAYS
+
+    return _edmd(DELAYS)
+
+
+def _small(family: str) -> Entry:
+    from offline.baselines.edmd import small
+    from offline.baselines.functions import Family
+
+    return _edmd(small(Family(family)))
+
+
+def _large(family: str) -> Entry:
+    from offline.baselines.edmd import large
+    from offline.baselines.functions import Family
+
+    return _edmd(large(Family(family)))
+
+
+def _bilinear(is_frozen: bool) -> Entry:
+    from offline.baselines.edmd import bilinear
+
+    return _edmd(bilinear(is_frozen))
+
+
+def _edmd(settings: "EdmdSettings") -> Entry:
+    from offline.baselines.edmd import fit_edmd
+    from offline.baselines.lifted_model import LiftedModel
+
+    return Entry(LiftedModel, settings, partial(fit_edmd, settings=settings))
+
+
+_ENTRIES: dict[str, Callable[[], Entry]] = {
+    "persistence": _persistence,
+    "lti": _lti,
+    "lti-per-curvature": _lti_by_curvature,
+    "lti-horizon": _lti_on_horizon,
+    "dmdc-delays": _delays,
+    "edmd-polynomial-66": partial(_small, "monomials"),
+    "edmd-rbf-66": partial(_small, "gaussians"),
+    "edmd-fourier-66": partial(_small, "cosines"),
+    "edmd-polynomial": partial(_large, "monomials"),
+    "edmd-rbf": partial(_large, "gaussians"),
+    "edmd-fourier": partial(_large, "cosines"),
+    "edmd-bilinear-frozen": partial(_bilinear, True),
+    "edmd-bilinear": partial(_bilinear, False),
+}

@@ -1,0 +1,125 @@
+"""Where fitted rivals are kept, so that nobody waits for them twice.
+
+A fitted rival is a frozen dataclass of arrays and plain numbers, and so is its file: an npz
+archive without pickles. The file's name holds a digest of everything the fit follows from: the
+numbers of the data set, the settings, and the code of this room.
+"""
+
+import ast
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from offline.baselines.finding import Finding
+from offline.predictor import Array
+from rt_controller.contract.archive import DamagedArchiveError, read_arrays
+from rt_controller.contract.errors import ArtifactError
+
+_FIT_S = "_fit_s"
+
+
+class FittedRival(Protocol):
+    """A rival after its fit: a frozen dataclass that predicts."""
+
+    def predict(self, x0: Array, past: Array, U: Array, W: Array) -> Array:
+        """As `offline.predictor.Predictor`."""
+        ...
+
+    def findings(self) -> tuple[Finding, ...]:
+        """What the fit chose and found, for people: name and value."""
+        ...
+
+
+Rival = TypeVar("Rival", bound=FittedRival)
+
+
+class Kept(NamedTuple):
+    """A rival from the shelf."""
+
+    rival: FittedRival
+    fit_s: float
+    """wall-clock time that the fit took, whenever that was"""
+
+
+def place(folder: Path, name: str, data_sha256: str, settings: object) -> Path:
+    """The file of a rival fitted to these data with these settings (a dataclass) by this code."""
+    words = [name, data_sha256, asdict(settings), _code_digest()]  # type: ignore[call-overload]
+    digest = hashlib.sha256(json.dumps(words, sort_keys=True).encode()).hexdigest()
+    return folder / f"{name}-{digest[:16]}.npz"
+
+
+def keep(path: Path, kept: Kept) -> None:
+    """Write the file, whole or not at all.
+
+    Raises:
+        ArtifactError: the folder has no room.
+    """
+    rival: Any = kept.rival
+    arrays: dict[str, NDArray[Any]] = {
+        field.name: np.asarray(getattr(rival, field.name)) for field in fields(rival)
+    }
+    part = path.with_name(path.name + ".part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with part.open("wb") as file:
+            np.savez(file, **arrays, **{_FIT_S: np.float64(kept.fit_s)})  # type: ignore[arg-type]
+        os.replace(part, path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise ArtifactError(
+            f"{path}: expected room for a fitted rival, found: {error.strerror}. Free some space."
+        ) from error
+
+
+def recall(path: Path, kind: type[Rival]) -> Kept | None:
+    """The rival in that file, None if there is none.
+
+    Raises:
+        ArtifactError: the file is truncated, altered or of another kind.
+    """
+    try:
+        arrays = read_arrays(path)
+        fit_s = float(arrays.pop(_FIT_S))
+        return Kept(kind(**_plain(arrays)), fit_s)
+    except FileNotFoundError:
+        return None
+    except (OSError, DamagedArchiveError, KeyError, TypeError, ValueError) as error:
+        raise ArtifactError(
+            f"{path}: expected a fitted rival, found a truncated or foreign file ({error}). "
+            f"Delete it, and the rival is fitted again."
+        ) from error
+
+
+def _plain(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    """Single numbers and words as such, everything else as arrays."""
+    return {name: array.item() if array.ndim == 0 else array for name, array in arrays.items()}
+
+
+@cache
+def _code_digest() -> str:
+    """Hash of what the files of this room do: comments, docstrings and layout do not count."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            body = getattr(node, "body", None)
+            if isinstance(body, list):
+                node.body = [line for line in body if not _is_docstring(line)]  # type: ignore[attr-defined]
+        digest.update(f"{path.name}\n{ast.dump(tree)}\n".encode())
+    return digest.hexdigest()
+
+
+def _is_docstring(line: ast.AST) -> bool:
+    return (
+        isinstance(line, ast.Expr)
+        and isinstance(line.value, ast.Constant)
+        and isinstance(line.value.value, str)
+    )
