@@ -31,7 +31,12 @@ def describe_model(bundle: Bundle) -> list[Fact]:
         )
     matrix = "constant"
     if bundle.bilinear is not None:
-        matrix = f"bilinear of rank {bundle.bilinear.rank}, frozen at the first lifted state"
+        along = bundle.bilinear.along_free_response
+        matrix = f"bilinear of rank {bundle.bilinear.rank}, " + (
+            "along the free response of the first lifted state"
+            if along
+            else "frozen at the first lifted state"
+        )
     return [
         Fact("observables", f"{bundle.n_observables}, lifted from {'; '.join(seen)}"),
         Fact("input matrix", matrix),

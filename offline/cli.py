@@ -36,6 +36,9 @@ evaluate_app = App(
 report_app = App(
     name="offline-report", help="The evaluation with its plots, as one page that needs no network."
 )
+ablate_app = App(
+    name="offline-ablate", help="Train variants of a model on the same data, and compare them."
+)
 
 
 def data_main() -> None:
@@ -66,6 +69,11 @@ def evaluate_main() -> None:
 def report_main() -> None:
     """Entry of `offline-report`."""
     _run(report_app)
+
+
+def ablate_main() -> None:
+    """Entry of `offline-ablate`."""
+    _run(ablate_app)
 
 
 @data_app.default
@@ -261,6 +269,7 @@ def write_report(
     data: Path | None = None,
     rivals: Names = None,
     sets: Names = None,
+    json_file: JsonFile = None,
 ) -> int:
     """The evaluation as a page with tables, plots and the paper's double lane change.
 
@@ -276,15 +285,70 @@ def write_report(
         names of rivals, "all" or "none"; without it those of offline-evaluate
     sets
         library, new-roads, robustness; without it all of them
+    json_file
+        write the figures to this file
     """
-    _prepare(None)
+    _prepare(json_file)
     _require_plots()
     from offline import report_run
 
     latest = RUNS / "latest"
     return report_run.write_report(
-        output, model or [latest / "bundle"], data, latest, rivals or [], sets or []
+        output, model or [latest / "bundle"], data, latest, rivals or [], sets or [], json_file
     )
+
+
+@ablate_app.default
+def ablate(
+    variants: str = "ladder",
+    *,
+    config: Annotated[TrainingConfig | None, Parameter(name="*")] = None,
+    seeds: str = "0",
+    only: str = "",
+    lists: Path | None = None,
+    folder: Path | None = None,
+    data: Path | None = None,
+    backend: BackendName = "loky",
+    address: str | None = None,
+    jobs: int = -1,
+    json_file: JsonFile = None,
+) -> int:
+    """Train every variant with every seed, and write how each compares with a linear model.
+
+    Ctrl-C stops; the same command goes on. What has ended is not done again. Options of
+    offline-train, like --steps, hold for all variants. docs/scale-out.md has the file of variants.
+
+    Parameters
+    ----------
+    variants
+        a list of the file: ladder, leave-one-out; or a preset, which is a list of one
+    seeds
+        seeds of every variant, like 0,1,2
+    only
+        names of variants, like paper,history; without it all of the list
+    lists
+        TOML file with lists of one's own; without it the one that ships
+    folder
+        folder of the campaign; without it ablation-LIST below runs/
+    data
+        folder of the data set; without it a cache folder, which is printed
+    backend
+        who trains: processes or threads of this machine, a Dask or a Ray cluster
+    address
+        HOST:PORT of the cluster; without it one is made on this machine
+    jobs
+        trainings at a time; -1 is one per core
+    json_file
+        write the figures to this file
+    """
+    workers = Backend(backend, address, jobs)
+    _prepare(json_file)
+    from offline.ablation import Question, parse_names, parse_seeds
+    from offline.ablation import ablate as run_ablation
+
+    question = Question(variants, parse_seeds(seeds), parse_names(only), lists, config)
+    place = folder or RUNS / f"ablation-{variants}"
+    return run_ablation(question, place, data, workers, json_file)
 
 
 def _run(app: App) -> None:

@@ -136,9 +136,12 @@ class TrainingConfig(BaseModel):
         default=4, ge=0, le=PAST_STEPS, description="past periods that the encoder sees"
     )
     bilinear_rank: int = Field(
-        default=4,
-        ge=0,
-        description="R of the bilinear part of B, frozen at psi_0; 0: B is constant",
+        default=4, ge=0, description="R of the bilinear part of B; 0: B is constant"
+    )
+    bilinear_along: Literal["free-response", "start"] = Field(
+        default="free-response",
+        description="what the bilinear part is frozen along: the response without inputs, or "
+        "psi_0 alone",
     )
 
     episodes: PositiveInt = Field(default=7_000, description="episodes of 10 s in the data set")

@@ -24,6 +24,8 @@ class DaskBackend(DaskDistributedBackend):  # type: ignore[misc]
     work itself where a cluster has one core only.
     """
 
+    may_run_other_code = True
+
     def effective_n_jobs(self, n_jobs: int) -> int:
         return max(2, int(super().effective_n_jobs(n_jobs)))
 

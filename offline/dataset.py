@@ -36,7 +36,13 @@ PARTS: tuple[Part, ...] = ("train", "validation", "test")
 HELD_BACK = 0.1
 """share of the episodes for validation, and the same again for the test"""
 
-_ARRAYS = (*Recording._fields, "part", "slice_row", "slice_episode", *(f"slice_{n}" for n in Anchor._fields))
+_ARRAYS = (
+    *Recording._fields,
+    "part",
+    "slice_row",
+    "slice_episode",
+    *(f"slice_{n}" for n in Anchor._fields),
+)
 
 
 @dataclass(frozen=True, slots=True)

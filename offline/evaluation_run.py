@@ -3,6 +3,7 @@
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from offline.dataset import Dataset
 from offline.evaluation_figures import judgement_figures
@@ -62,19 +63,20 @@ def evaluate_models(
     """Exit code of `offline-evaluate`."""
     evaluation = run_evaluation(models, data, run, rivals, sets)
     print_judgement(evaluation.judgement)
-    write_figures(
-        json_file,
-        {
-            "revision": evaluation.revision,
-            "model_sha256": {
-                name: bundle.sha256
-                for name, bundle in zip(evaluation.judgement.judged, evaluation.judged, strict=True)
-            },
-            "data_sha256": evaluation.dataset.sha256,
-            **judgement_figures(evaluation.judgement),
-        },
-    )
+    write_figures(json_file, evaluation_figures(evaluation))
     return 0
+
+
+def evaluation_figures(evaluation: Evaluation) -> dict[str, Any]:
+    """Everything that is printed, and what it was made from, for `--json`."""
+    names = evaluation.judgement.judged
+    hashes = [bundle.sha256 for bundle in evaluation.judged]
+    return {
+        "revision": evaluation.revision,
+        "model_sha256": dict(zip(names, hashes, strict=True)),
+        "data_sha256": evaluation.dataset.sha256,
+        **judgement_figures(evaluation.judgement),
+    }
 
 
 def run_evaluation(

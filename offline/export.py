@@ -151,7 +151,12 @@ def fold_scaling(model: MdkNet, scaling: Scaling) -> PhysicalOperator:
     if model.rank:
         N = model.bilinear_columns().detach().double().cpu().numpy()
         S = model.S.detach().double().cpu().numpy() / s
-        bilinear = Bilinear(N=N * s[None, :, None] / scaling.u_scale, S=S, s0=-S @ t)
+        bilinear = Bilinear(
+            N=N * s[None, :, None] / scaling.u_scale,
+            S=S,
+            s0=-S @ t,
+            along_free_response=model.along_free_response,
+        )
     return PhysicalOperator(A_physical, B_physical, t - A_physical @ t, bilinear)
 
 

@@ -83,8 +83,8 @@ def growth_from_library(judgement: Judgement, model: str, on: str) -> Ratio:
 
 
 def worst_state(growth: Ratio) -> int:
-    """Index of the state that suffers most."""
-    return int(np.nanargmax(growth.by_state.value))
+    """Index of the state that suffers most; what is no number suffers without limit."""
+    return int(np.argmax(np.nan_to_num(growth.by_state.value, nan=np.inf)))
 
 
 def is_within_goal(growth: Estimate) -> bool:

@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from offline.batch import Instants
 from offline.config import TrainingConfig
 from offline.roles import Roles, past_columns
+from offline.rollout import roll_out
 from rt_controller.contract.schema import Schema
 
 # The paper leaves the spread of its Gaussian start open. These keep 80 steps of the roll-out
@@ -67,8 +68,9 @@ class MdkNet(nn.Module):
     exactly and for ever, so the constant cannot drift over the horizon.
 
     With a bilinear rank R, B depends on where the roll-out starts: column i of the inputs' part
-    is B_i + sum_r N_ri (S_ri psi_0), the bilinear model with inputs' matrices sum_r N_ri S_ri,
-    frozen at psi_0.
+    is B_i + sum_r N_ri (S_ri psi), the bilinear model with inputs' matrices sum_r N_ri S_ri. Its
+    psi is not the one that the inputs make, or the model would not be linear in them, but either
+    psi_0 or what psi_0 becomes without inputs.
     """
 
     def __init__(self, config: TrainingConfig, sizes: Sizes) -> None:
@@ -78,6 +80,7 @@ class MdkNet(nn.Module):
         self.shows_exogenous = config.lift_exogenous
         self.history_steps = config.history_steps
         self.rank = config.bilinear_rank
+        self.along_free_response = config.bilinear_along == "free-response"
         self.n_observables = sizes.states + config.latents
         learned = config.latents - int(self.has_constant)
         rows = self.n_observables - int(self.has_constant)
@@ -130,11 +133,15 @@ class MdkNet(nn.Module):
 
         B u, and with a bilinear part what that of psi0 (batch, n) makes of the inputs.
         """
-        _, B = self.operator()
+        A, B = self.operator()
         driven = torch.cat([u, w], dim=-1) @ B.t()
         if not self.rank:
             return driven
-        gains = torch.einsum("rin,bn->bri", self.S, psi0)
+        psi = psi0[None]
+        if self.along_free_response:
+            undriven = w @ B[:, self.sizes.inputs :].t()
+            psi = torch.cat([psi, roll_out(psi0, A, undriven)[:-1]])
+        gains = torch.einsum("rin,kbn->kbri", self.S, psi)
         scaled = (u[:, :, None] * gains).flatten(-2)
         columns = self.bilinear_columns().permute(0, 2, 1).flatten(0, 1)
         return driven + scaled @ columns

@@ -84,7 +84,8 @@ def _as_completed(
     parallel = joblib.Parallel(
         n_jobs=jobs, batch_size=1, return_as="generator_unordered" if streams else "list"
     )
-    home = describe_code()
+    # Processes of this machine run what lies on its disk; those of a cluster may be installed.
+    home = describe_code() if getattr(backend, "may_run_other_code", False) else None
     # Arguments travel as a tuple. Large ones on their own would be kept by one worker of a Dask
     # cluster on behalf of all, and would die with it.
     done: Iterator[tuple[int, Result]] = iter(
@@ -97,14 +98,13 @@ def _as_completed(
 
 
 def _run(
-    function: Callable[..., Result], number: int, arguments: tuple[Any, ...], home: str
+    function: Callable[..., Result], number: int, arguments: tuple[Any, ...], home: str | None
 ) -> tuple[int, Result]:
     """In the worker."""
-    here = describe_code()
-    if here != home:
+    if home is not None and (here := describe_code()) != home:
         raise ConfigError(
-            f"expected workers that run {home}, found one on {socket.gethostname()} that runs {here}. Install "
-            f"the same version on every worker, and start them again."
+            f"expected workers that run {home}, found one on {socket.gethostname()} that runs "
+            f"{here}. Install the same version on every worker, and start them again."
         )
     return number, function(*arguments)
 

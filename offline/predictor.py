@@ -81,11 +81,15 @@ class BundlePredictor:
         bundle = self._bundle
         history = past[:, past.shape[1] - bundle.lift.history_steps :]
         psi = self.lift(LiftSample(x0, W[:, 0], history))
-        B_eff = bundle.input_matrix(psi)
+        follows = bundle.bilinear is not None and bundle.bilinear.along_free_response
+        B_eff, free = bundle.input_matrix(psi), psi
         states = np.empty((len(x0), U.shape[1] + 1, x0.shape[1]))
         states[:, 0] = x0
         for k in range(U.shape[1]):
-            driven = np.einsum("bnm,bm->bn", B_eff, U[:, k]) + W[:, k] @ bundle.B_uw.T
-            psi = psi @ bundle.A.T + driven + bundle.c
+            undriven = W[:, k] @ bundle.B_uw.T + bundle.c
+            psi = psi @ bundle.A.T + np.einsum("bnm,bm->bn", B_eff, U[:, k]) + undriven
             states[:, k + 1] = psi[:, : x0.shape[1]]
+            if follows:
+                free = free @ bundle.A.T + undriven
+                B_eff = bundle.input_matrix(free)
         return states

@@ -23,6 +23,7 @@ HEALTH_S = 15.0
 class StreamingRayBackend(RayBackend):  # type: ignore[misc]
     """joblib's for Ray, which can hand results over as they come and does not say so."""
 
+    may_run_other_code = True
     supports_return_generator = True
 
 

@@ -5,7 +5,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from offline.card import Fact, describe_model
-from offline.evaluation_run import Evaluation, run_evaluation
+from offline.evaluation_run import Evaluation, evaluation_figures, run_evaluation
 from offline.lane_change import drive_lane_change, predict_windows
 from offline.manifest import Driven, Imported, Manifest
 from offline.report.canvas import pens
@@ -15,6 +15,7 @@ from offline.rivals import describe_rival
 from offline.terminal import CONSOLE
 from rt_controller.contract.artifact import Bundle
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.figures import write_figures
 
 PACKAGES = ("rt-controller", "numpy", "onnxruntime", "matplotlib")
 
@@ -26,6 +27,7 @@ def write_report(
     run: Path,
     rivals: Sequence[str],
     sets: Sequence[str],
+    json_file: Path | None,
 ) -> int:
     """Exit code of `offline-report`.
 
@@ -38,6 +40,7 @@ def write_report(
         text = page(_contents(evaluation))
     output.write_text(text, encoding="utf-8")
     CONSOLE.print(f"{output}, {len(text.encode()) / 1e6:.1f} MB", soft_wrap=True)
+    write_figures(json_file, evaluation_figures(evaluation))
     return 0
 
 

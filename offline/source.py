@@ -59,9 +59,7 @@ class WindowSource:
         anchor = None if self._roads is None else _lay_roads(self._roads, size, dice)
         starts = Starts(self._starts[chosen], np.zeros(size, dtype=np.int32), anchor)
         data = self._dataset
-        windows = cut(
-            data.recording, starts, data.schema, data.roles, past_steps=self._past_steps
-        )
+        windows = cut(data.recording, starts, data.schema, data.roles, past_steps=self._past_steps)
         return scale(windows, self._scaling, data.schema, data.roles, self._past_steps)
 
 

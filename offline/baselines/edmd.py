@@ -11,14 +11,19 @@ Mezic (2018) for EDMD with inputs; Bruder, Fu and Vasudevan (2021) for the bilin
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from offline.baselines.functions import Family, Functions, cosines, gaussians, no_functions
-from offline.baselines.lifted_fit import Transitions, blank_model, moments, pick_transitions
-from offline.baselines.lifted_fit import tune_ridge
+from offline.baselines.lifted_fit import (
+    Transitions,
+    blank_model,
+    moments,
+    pick_transitions,
+    tune_ridge,
+)
 from offline.baselines.lifted_model import LiftedModel
 from offline.baselines.monomial_choice import choose_monomials, row_of_power
 from offline.baselines.score import tuning_windows
@@ -32,7 +37,7 @@ from rt_controller.contract.schema import Schema
 Array = NDArray[np.float64]
 
 
-class Gains(str, Enum):
+class Gains(StrEnum):
     """Which observables the inputs are multiplied by."""
 
     NONE = "none"

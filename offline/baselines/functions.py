@@ -8,7 +8,7 @@ size one.
 - cosines of random frequencies, which approximate a Gaussian kernel (Rahimi and Recht, 2007).
 """
 
-from enum import Enum
+from enum import StrEnum
 from itertools import combinations_with_replacement
 from typing import NamedTuple
 
@@ -22,7 +22,7 @@ _KMEANS_ROUNDS = 20
 _KMEANS_SAMPLES = 20_000
 
 
-class Family(str, Enum):
+class Family(StrEnum):
     """What kind of function; the value is how the file of a fitted rival calls it."""
 
     NONE = "none"

@@ -53,7 +53,7 @@ def pick_transitions(
     """At most so many steps, every trajectory giving some, at times spread over the horizon."""
     count, steps = windows.u.shape[:2]
     every = -(-count * steps // most)
-    row, time = np.divmod(np.arange(0, count * steps, 1), steps)
+    row, time = np.divmod(np.arange(count * steps), steps)
     chosen = (time + row) % every == 0
     row, time = row[chosen], time[chosen]
     states, inputs = past_columns(schema, roles)
@@ -83,7 +83,10 @@ def blank_model(
         w_scale=scaling.w_scale,
         past_centre=scaling.past_centre,
         past_scale=scaling.past_scale,
-        **dict.fromkeys(("A", "B_uc", "B_uw", "N"), nothing),
+        A=nothing,
+        B_uc=nothing,
+        B_uw=nothing,
+        N=nothing,
         gains=np.array(gains, dtype=np.int64),
         is_frozen=is_frozen,
         ridge=0.0,
@@ -116,13 +119,12 @@ def solve(model: LiftedModel, of: Moments, ridge: float) -> LiftedModel:
     spread = np.where(spread > 0.0, spread, 1.0)
     correlations = of.regressors / spread[:, None] / spread[None, :]
     correlations[np.diag_indices_from(correlations)] += ridge
-    scaled, *_ = (
-        scipy.linalg.lstsq(
-            correlations, of.targets / spread[:, None], lapack_driver="gelsy", check_finite=False
-        )
-        if ridge == 0.0
-        else (scipy.linalg.solve(correlations, of.targets / spread[:, None], assume_a="pos"),)
-    )
+    # Least squares where there is no ridge: without one, observables may depend on each other.
+    wanted = of.targets / spread[:, None]
+    if ridge > 0.0:
+        scaled = scipy.linalg.solve(correlations, wanted, assume_a="pos")
+    else:
+        scaled, *_ = scipy.linalg.lstsq(correlations, wanted)
     operator = (scaled / spread[:, None]).T
     n, m, p = len(operator), len(model.u_scale), len(model.w_scale)
     operator[:, :n] += np.eye(n)

@@ -27,4 +27,4 @@ def fair_linear_errors(dataset: Dataset) -> Array:
         except DatasetError:
             continue  # these data know no roads
         errors.append(mean_squared_errors(rival, validation))
-    return np.min(errors, axis=0)
+    return np.asarray(np.min(errors, axis=0))

@@ -1,7 +1,6 @@
 """How far a model is off on the validation part, and how much less that is than a rival's."""
 
-import math
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,8 @@ CHUNK = 2_000
 """trajectories predicted at once: a matter of memory"""
 
 
-class Score(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Score:
     """A model beside a rival on the same trajectories."""
 
     ratios: tuple[float, ...]
@@ -45,4 +45,4 @@ def score(errors: Array, rivals: Array) -> Score:
     ratios = rivals / errors
     with np.errstate(divide="ignore"):
         mean = float(np.exp(np.log(ratios).mean()))
-    return Score(tuple(float(ratio) for ratio in ratios), mean if math.isfinite(mean) else 0.0)
+    return Score(tuple(float(ratio) for ratio in ratios), mean)

@@ -33,7 +33,7 @@ from rt_controller.contract.errors import ArtifactError, ConfigError, DatasetErr
 RESULT_FILE = "result.json"
 SECONDS_FILE = "seconds.json"
 
-Ending = Literal["finished", "diverged", "refused"]
+Ending = Literal["finished", "diverged", "refused", "pruned"]
 
 _ONE_AT_A_TIME = threading.Lock()
 """torch's dice and its number of threads belong to the process: trainings would share them"""
@@ -57,7 +57,8 @@ class Result:
     """How a training ended."""
 
     ending: Ending
-    """diverged: the loss is no number; refused: the best model may not be exported"""
+    """diverged: the loss is no number; refused: the best model may not be exported; pruned: not
+    worth going on with"""
     step: int
     """of the model that was scored, or that was the last"""
     training_s: float
@@ -141,7 +142,9 @@ def read_result(folder: Path) -> Result | None:
     try:
         fields = json.loads(file.read_text(encoding="utf-8"))
         found = fields.pop("score")
-        return Result(**fields, score=found and Score(tuple(found["ratios"]), found["mean"]))
+        if found is not None:
+            found = Score(tuple(found["ratios"]), found["geometric_mean"])
+        return Result(**fields, score=found)
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise ArtifactError(
             f"{file}: expected the result of a training, found something else ({error}). Delete "
@@ -163,9 +166,7 @@ def _train(
     config, run = training.config, find_run(training)
     if run is None:
         now = datetime.now()
-        run = create_run(
-            training.folder, config, training.data_folder, training.data_sha256, now
-        )
+        run = create_run(training.folder, config, training.data_folder, training.data_sha256, now)
     checkpoint = load_checkpoint(run.last) if run.last.exists() else None
     watch = _Stopwatch(run.path / SECONDS_FILE)
     go_on = True
@@ -189,9 +190,9 @@ def _train(
         step = load_checkpoint(run.last).step if run.last.exists() else 0
         return Result("diverged", step, watch.keep(), None, None, _without_path(error, run))
     seconds = watch.keep()
-    if not outcome.is_finished and go_on:
-        return None
-    return _result(run, outcome, dataset, training, seconds)
+    if outcome.is_finished:
+        return _result(run, outcome, dataset, training, seconds)
+    return None if go_on else Result("pruned", outcome.step, seconds, None, None, "")
 
 
 def _result(

@@ -25,31 +25,9 @@ from offline.judgement import (
     worst_state,
 )
 from offline.report import plots
-from offline.report.canvas import as_svg
-from offline.sheet import Sheet, cell, in_digits, sheet_as_html
+from offline.report.html import chapter, document, drawn, facts_table, listed, prose, titled
+from offline.sheet import cell, in_digits
 from offline.test_sets import NEW_ROADS, ROBUSTNESS, TestSet
-
-_STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; color: #1f2933; background: #fff;
-       max-width: 1080px; margin: 2rem auto; padding: 0 1.5rem; }
-h1 { font-size: 1.6rem; margin-bottom: .2rem; }
-h2 { font-size: 1.2rem; margin: 2.8rem 0 .6rem; border-top: 1px solid #d9e0e7; padding-top: 1rem; }
-h3 { font-size: .98rem; margin: 1.6rem 0 .4rem; }
-p, li { max-width: 46rem; color: #3e4c59; }
-p.note { font-size: .85rem; color: #616e7c; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .88rem; }
-th, td { padding: .25rem .9rem .25rem 0; text-align: right; vertical-align: top;
-         border-bottom: 1px solid #edf1f5; }
-th { color: #52606d; font-weight: 600; } th i { font-weight: 400; }
-th:first-child { text-align: left; white-space: nowrap; }
-td small { color: #7b8794; white-space: nowrap; }
-table.facts td { text-align: left; overflow-wrap: anywhere; }
-figure { margin: 1rem 0; } figure svg { max-width: 100%; height: auto; }
-figcaption { font-size: .85rem; color: #616e7c; max-width: 46rem; }
-details { margin: .8rem 0; } summary { cursor: pointer; color: #2f6fb3; }
-code { font-size: .85em; } .scroll { overflow-x: auto; }
-"""
-
 
 _MEANINGS = {
     "vx": "speed along the car",
@@ -103,19 +81,14 @@ def page(contents: Contents) -> str:
         _lane_change(contents.lane_change),
         _sources(contents),
     ]
-    title = f"How well {_listed(judgement.judged)} predict{'s' * (len(judgement.judged) == 1)}"
-    return (
-        "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>"
-        "<meta name='viewport' content='width=device-width'>"
-        f"<title>{escape(title)}</title><style>{_STYLE}</style></head><body>\n"
-        f"<h1>{escape(title)}</h1>\n" + "\n".join(filter(None, chapters)) + "\n</body></html>\n"
-    )
+    title = f"How well {listed(judgement.judged)} predict{'s' * (len(judgement.judged) == 1)}"
+    return document(title, chapters)
 
 
 def _summary(judgement: Judgement) -> str:
     library = judgement.sets[0]
     seconds = judgement.dt_s * _steps_of(judgement)
-    items = [f"<li>{_prose(words)}</li>" for words in _headlines(judgement)]
+    items = [f"<li>{prose(words)}</li>" for words in _headlines(judgement)]
     names = [column.name for column in judgement.columns]
     known = [f"<i>{name}</i> {_MEANINGS[name]}" for name in names if name in _MEANINGS]
     states = f"<p>The states: {'; '.join(known)}.</p>" if known else ""
@@ -156,7 +129,7 @@ def _headlines(judgement: Judgement) -> list[str]:
 
 def _table_one(judgement: Judgement) -> str:
     library = judgement.sets[0]
-    roads = "".join(_titled(sheet) for sheet in road_sheets(judgement, library))
+    roads = "".join(titled(sheet) for sheet in road_sheets(judgement, library))
     more = f"<details><summary>For each curvature</summary>{roads}</details>" if roads else ""
     words = (
         "Mean squared errors in squared units, as in the paper's Table I, and their roots. "
@@ -164,11 +137,11 @@ def _table_one(judgement: Judgement) -> str:
         "same number of episodes would give: trajectories of one episode resemble each other, so "
         "whole episodes are drawn."
     )
-    return _chapter(
+    return chapter(
         "Errors",
         words,
-        _titled(mse_sheet(judgement, library)),
-        _titled(rms_sheet(judgement, library)),
+        titled(mse_sheet(judgement, library)),
+        titled(rms_sheet(judgement, library)),
         more,
     )
 
@@ -182,28 +155,28 @@ def _ratios(judgement: Judgement) -> str:
     )
     parts = []
     for model in judgement.judged:
-        parts.append(_drawn(plots.ratio_bars(judgement, model), f"Rivals against {model}."))
-        parts.append(_titled(ratio_sheet(judgement, model, judgement.sets[0])))
-    return _chapter("Against rivals", words, *parts)
+        parts.append(drawn(plots.ratio_bars(judgement, model), f"Rivals against {model}."))
+        parts.append(titled(ratio_sheet(judgement, model, judgement.sets[0])))
+    return chapter("Against rivals", words, *parts)
 
 
 def _steps(judgement: Judgement) -> str:
     parts = [
-        _drawn(
+        drawn(
             plots.rms_over_time(judgement),
             "RMS error over the time since the last look; bands are intervals. "
-            "The controller plans 0.5 s ahead.",
+            "The controller plans 20 steps ahead.",
         )
     ]
     for model in judgement.judged:
         parts.append(
-            _drawn(
+            drawn(
                 plots.quantiles_over_time(judgement, model),
                 f"Absolute error of {model}: half, 90 % and 99 % of the trajectories stay below.",
             )
         )
-        parts.append(_titled(quantile_sheet(judgement, model)))
-    return _chapter("Error over the horizon", "", *parts)
+        parts.append(titled(quantile_sheet(judgement, model)))
+    return chapter("Error over the horizon", "", *parts)
 
 
 def _roads(judgement: Judgement) -> str:
@@ -211,7 +184,7 @@ def _roads(judgement: Judgement) -> str:
     if not judgement.sets[0].curvatures_per_m:
         return ""
     parts = [
-        _drawn(
+        drawn(
             plots.road_heat(judgement, model),
             f"RMS error of {model} on each road, over that on all roads of the library together.",
         )
@@ -223,8 +196,8 @@ def _roads(judgement: Judgement) -> str:
             f" Roads with a star are in no training data of this library ({new.words}). A drive "
             "does not feel which road it is on, so laying another road under it is exact."
         )
-        parts.append(_titled(growth_sheet(judgement, new)))
-    return _chapter("Roads", words, *parts)
+        parts.append(titled(growth_sheet(judgement, new)))
+    return chapter("Roads", words, *parts)
 
 
 def _robustness(judgement: Judgement) -> str:
@@ -235,11 +208,11 @@ def _robustness(judgement: Judgement) -> str:
         f"The same models on cars and roads that they do not know ({test.words}). They are "
         "different drives than the library's, so the figures beside it carry the chance of both."
     )
-    return _chapter(
+    return chapter(
         "Other cars, other grip",
         words,
-        _titled(growth_sheet(judgement, test)),
-        *(_titled(ratio_sheet(judgement, model, test)) for model in judgement.judged),
+        titled(growth_sheet(judgement, test)),
+        *(titled(ratio_sheet(judgement, model, test)) for model in judgement.judged),
     )
 
 
@@ -251,20 +224,20 @@ def _lane_change(scene: Scene | None) -> str:
         "models get his inputs. They start from the measured state every 2 s, at the dotted lines, "
         "and predict on their own in between. A rival that leaves a panel has left it by its error."
     )
-    return _chapter("Double lane change, open loop", words, _drawn(scene.drawing, ""))
+    return chapter("Double lane change, open loop", words, drawn(scene.drawing, ""))
 
 
 def _sources(contents: Contents) -> str:
     sets = [_described(test) for test in contents.judgement.sets]
     rivals = [Fact(s.name, "; ".join(map(_joined, s.facts))) for s in contents.rivals]
     bootstrap = Fact("bootstrap", f"{RESAMPLES} resamples of episodes, seed {SEED}, percentiles")
-    return _chapter(
+    return chapter(
         "What was judged on what",
         "",
-        *(f"<h3>{escape(s.name)}</h3>{_facts(s.facts)}" for s in contents.judged),
-        f"<h3>Rivals</h3>{_facts(rivals)}" if rivals else "",
-        f"<h3>Test sets</h3>{_facts(sets)}",
-        f"<h3>Data and software</h3>{_facts([*contents.sources, bootstrap])}",
+        *(f"<h3>{escape(s.name)}</h3>{facts_table(s.facts)}" for s in contents.judged),
+        f"<h3>Rivals</h3>{facts_table(rivals)}" if rivals else "",
+        f"<h3>Test sets</h3>{facts_table(sets)}",
+        f"<h3>Data and software</h3>{facts_table([*contents.sources, bootstrap])}",
     )
 
 
@@ -280,30 +253,3 @@ def _joined(fact: Fact) -> str:
 def _steps_of(judgement: Judgement) -> int:
     first = next(iter(judgement.library.values()))
     return int(first.squared.total.shape[1])
-
-
-def _chapter(title: str, words: str, *parts: str) -> str:
-    intro = f"<p>{_prose(words)}</p>" if words else ""
-    return f"<section><h2>{escape(title)}</h2>{intro}{''.join(parts)}</section>"
-
-
-def _prose(words: str) -> str:
-    return escape(words).replace(" %", "&nbsp;%")
-
-
-def _titled(sheet: Sheet) -> str:
-    return f"<h3>{escape(sheet.title)}</h3><div class='scroll'>{sheet_as_html(sheet)}</div>"
-
-
-def _drawn(drawing: Figure, caption: str) -> str:
-    under = f"<figcaption>{escape(caption)}</figcaption>" if caption else ""
-    return f"<figure role='img' aria-label='{escape(caption)}'>{as_svg(drawing)}{under}</figure>"
-
-
-def _facts(facts: Sequence[Fact]) -> str:
-    rows = "".join(f"<tr><th>{escape(f.name)}</th><td>{escape(f.value)}</td></tr>" for f in facts)
-    return f"<table class='facts'>{rows}</table>"
-
-
-def _listed(names: Sequence[str]) -> str:
-    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))

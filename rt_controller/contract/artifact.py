@@ -41,6 +41,8 @@ FORMAT_VERSION = 2
 ENCODER_FILE = "encoder.onnx"
 KOOPMAN_FILE = "koopman.npz"
 CARD_FILE = "card.md"
+FREE_RESPONSE = "free-response"
+START = "start"
 
 
 def save_bundle(folder: Path, bundle: Bundle, card: str) -> None:
@@ -95,7 +97,7 @@ def load_bundle(folder: Path) -> Bundle:
 def _arrays_of(bundle: Bundle) -> dict[str, Any]:
     n, m = bundle.n_observables, bundle.B_uc.shape[1]
     nothing = Bilinear(np.zeros((0, n, m)), np.zeros((0, m, n)), np.zeros((0, m)))
-    N, S, s0 = bundle.bilinear or nothing
+    bilinear = bundle.bilinear or nothing
     return {
         "format_version": np.int64(FORMAT_VERSION),
         "name": np.str_(bundle.name),
@@ -110,9 +112,10 @@ def _arrays_of(bundle: Bundle) -> dict[str, Any]:
         "B_uc": bundle.B_uc,
         "B_uw": bundle.B_uw,
         "c": bundle.c,
-        "bilinear_N": N,
-        "bilinear_S": S,
-        "bilinear_s0": s0,
+        "bilinear_N": bilinear.N,
+        "bilinear_S": bilinear.S,
+        "bilinear_s0": bilinear.s0,
+        "bilinear_along": np.str_(FREE_RESPONSE if bilinear.along_free_response else START),
         "spectral_radius": np.float64(bundle.spectral_radius),
         "growth_20": np.float64(bundle.growth(20)),
         "growth_80": np.float64(bundle.growth(80)),
@@ -164,7 +167,12 @@ def _read_lift(koopman: KoopmanFile) -> Lift:
 def _read_bilinear(koopman: KoopmanFile) -> Bilinear | None:
     N, S = koopman.numbers("bilinear_N", 3), koopman.numbers("bilinear_S", 3)
     s0 = koopman.numbers("bilinear_s0", 2)
-    return Bilinear(N, S, s0) if max(len(N), len(S), len(s0)) > 0 else None
+    along = koopman.text("bilinear_along")
+    if along not in (FREE_RESPONSE, START):
+        check_field(koopman.path, "bilinear_along", f"{FREE_RESPONSE} or {START}", along)
+    if not max(len(N), len(S), len(s0)):
+        return None
+    return Bilinear(N, S, s0, along_free_response=along == FREE_RESPONSE)
 
 
 def _check_hash(path: Path, expected: str, found: str, what: str) -> None:

@@ -12,9 +12,11 @@ class Bilinear(NamedTuple):
     """What the lifted state adds to each column of the constant input matrix B_uc.
 
     In a bilinear Koopman model input i acts through (b_i + N_i psi) u_i. Here every matrix N_i has
-    rank R, N_i psi = sum_r N[r, :, i] (S[r, i] @ psi), with an offset s0[r, i] on each factor, and
-    psi is frozen at psi_0, the state that a prediction starts from:
-    B_eff[:, i] = B_uc[:, i] + sum_r N[r, :, i] * (S[r, i] @ psi_0 + s0[r, i]).
+    rank R, N_i psi = sum_r N[r, :, i] (S[r, i] @ psi), with an offset s0[r, i] on each factor:
+    B_eff[:, i] = B_uc[:, i] + sum_r N[r, :, i] * (S[r, i] @ psi + s0[r, i]).
+
+    Predictions must stay linear in the inputs to come, so psi is not what these inputs make of it:
+    it is psi_0 throughout, or follows the free response, what psi_0 becomes without inputs.
 
     Paper: conclusion, where bilinear models are named as future work.
     """
@@ -25,17 +27,19 @@ class Bilinear(NamedTuple):
     """(R, m, n), how much of each, read from the lifted state"""
     s0: Array
     """(R, m)"""
+    along_free_response: bool = True
+    """False: psi is frozen at psi_0"""
 
     @property
     def rank(self) -> int:
         return int(self.s0.shape[0])
 
-    def gains(self, psi_0: Array) -> Array:
-        """How much of each direction there is at psi_0 (..., n): (..., R, m)."""
-        gains: Array = np.einsum("rin,...n->...ri", self.S, psi_0) + self.s0
+    def gains(self, psi: Array) -> Array:
+        """How much of each direction there is at psi (..., n): (..., R, m)."""
+        gains: Array = np.einsum("rin,...n->...ri", self.S, psi) + self.s0
         return gains
 
-    def added_columns(self, psi_0: Array) -> Array:
-        """B_eff - B_uc at psi_0 (..., n): (..., n, m)."""
-        columns: Array = np.einsum("rni,...ri->...ni", self.N, self.gains(psi_0))
+    def added_columns(self, psi: Array) -> Array:
+        """B_eff - B_uc at psi (..., n): (..., n, m)."""
+        columns: Array = np.einsum("rni,...ri->...ni", self.N, self.gains(psi))
         return columns

@@ -69,27 +69,29 @@ class Bundle:
         and is tested.
         """
         schema, lift = self.schema, self.lift
+        bilinear = self.bilinear
         words = [
             self.name,
             [schema.states, schema.inputs, schema.exogenous, schema.dt_s],
             [lift.inputs, lift.history_steps, lift.history_fields],
+            bilinear is not None and bilinear.along_free_response,
             self.encoder_sha256,
         ]
         digest = hashlib.sha256(json.dumps(words).encode())
         matrices = {"A": self.A, "B_uc": self.B_uc, "B_uw": self.B_uw, "c": self.c}
-        if self.bilinear is not None:
-            matrices |= self.bilinear._asdict()
+        if bilinear is not None:
+            matrices |= {"N": bilinear.N, "S": bilinear.S, "s0": bilinear.s0}
         for key, matrix in matrices.items():
             array = np.ascontiguousarray(matrix, dtype="<f8")
             digest.update(f"{key} {array.shape}\n".encode())
             digest.update(array.tobytes())
         return digest.hexdigest()
 
-    def input_matrix(self, psi_0: Array) -> Array:
-        """B_eff (..., n, m) of predictions that start at the lifted states psi_0 (..., n)."""
+    def input_matrix(self, psi: Array) -> Array:
+        """B_eff (..., n, m) at the lifted states psi (..., n); see `Bilinear` for which they are."""
         if self.bilinear is None:
-            return np.broadcast_to(self.B_uc, (*psi_0.shape[:-1], *self.B_uc.shape))
-        return self.B_uc + self.bilinear.added_columns(psi_0)
+            return np.broadcast_to(self.B_uc, (*psi.shape[:-1], *self.B_uc.shape))
+        return self.B_uc + self.bilinear.added_columns(psi)
 
     @property
     def spectral_radius(self) -> float:

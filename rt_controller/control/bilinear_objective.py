@@ -1,13 +1,13 @@
 """The objective of a model whose input matrix follows the lifted state: H is built every tick.
 
-Frozen at psi_0, a bilinear model is a linear one with B_eff = B_uc + sum_r N_r diag(g_r), where
-g_r = S_r psi_0 + s0_r. The condensed QP keeps its size: with the gains repeated over the stages,
-Gamma_eff = Gamma_0 + sum_r Gamma_r diag(g_r), and
-H = Gamma_eff' Q Gamma_eff + R + what changes of the inputs cost.
+Along its free response, or frozen at psi_0, a bilinear model is a linear one whose input matrix
+changes with the stage: B_eff,j = B_uc + sum_r N_r diag(g_r,j), where g_r,j = S_r psi_j + s0_r. The
+condensed QP keeps its size: column j of Gamma_eff is column j of Gamma_0 + sum_r Gamma_r
+diag(g_r,j), and H = Gamma_eff' Q Gamma_eff + R + what changes of the inputs cost.
 """
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
+from numpy.lib.stride_tricks import as_strided
 
 from rt_controller.contract.bilinear import Bilinear
 from rt_controller.contract.bundle import Array, Bundle
@@ -18,10 +18,10 @@ from rt_controller.control.prediction import free_response, impulse_responses
 
 
 class BilinearObjective:
-    """Aimed by five small products, in memory allocated at start.
+    """Aimed by a few small products, in memory allocated at start.
 
-    Gamma_eff is block Toeplitz: its blocks are the impulse responses of B_eff, and those are the
-    responses of B_uc and every N_r mixed by the gains. So the responses are mixed, not Gamma.
+    What an input at stage j does is what it would do at stage 0, j stages later, so only the
+    impulse responses of B_uc and every N_r are kept; each stage mixes them by its gains.
 
     Raises:
         ArtifactError: what the inputs cost by themselves does not make the problem convex.
@@ -56,21 +56,19 @@ class BilinearObjective:
         responses *= np.sqrt(outputs.stage)[:, None]
         self._responses = np.ascontiguousarray(responses.reshape(-1, rows, m).transpose(2, 0, 1))
         """(m, R + 1, N p)"""
-        readout = np.concatenate([np.zeros((1, m, bundle.n_observables)), bilinear.S])
-        offset = np.concatenate([np.ones((1, m)), bilinear.s0])
-        self._readout = np.ascontiguousarray(readout.transpose(1, 0, 2)).reshape(offset.size, -1)
-        self._offset = np.ascontiguousarray(offset.T).reshape(-1)
-
-        self._gains = np.zeros(self._offset.size)
-        """(m (R + 1),), of each input's directions, the constant one first"""
-        self._mixture = self._gains.reshape(m, 1, -1)
-        # The response to an input at stage j is that at stage 0, j stages later: a window that
-        # begins j stages before the response, among zeros.
-        padded = np.zeros((m, 1, 2 * rows))
+        self._gain_map = _gain_map(bundle, bilinear, horizon)
+        """(m N (R + 1), n + 2)"""
+        self._gains = np.zeros(len(self._gain_map))
+        self._mixture = self._gains.reshape(m, horizon, -1)
+        """(m, N, R + 1), of each input's directions at each stage, the constant one first"""
+        padded = np.zeros((m, horizon, 2 * rows))
         self._response = padded[:, :, rows:]
-        windows = sliding_window_view(padded[:, 0], rows, axis=1)
-        self._delayed = windows[:, rows:0:-p].transpose(1, 0, 2)
-        """(N, m, N p), a view"""
+        """(m, N, N p), as if every stage were the first"""
+        of_input, of_stage, of_row = self._response.strides
+        self._delayed = as_strided(
+            self._response, (horizon, m, rows), (of_stage - p * of_row, of_input, of_row)
+        )
+        """(N, m, N p), a view that begins j stages earlier, among the zeros"""
         self._effect = np.zeros((nv, rows))
         """Gamma_eff' Q^(1/2)"""
         self._effect_by_stage = self._effect.reshape(horizon, m, rows)
@@ -82,8 +80,7 @@ class BilinearObjective:
         self.gradient = np.zeros(nv)
 
     def aim(self, situation: Situation) -> None:
-        np.dot(self._readout, situation.psi, out=self._gains)
-        self._gains += self._offset
+        np.dot(self._gain_map, situation.undriven, out=self._gains)
         np.matmul(self._mixture, self._responses, out=self._response)
         np.copyto(self._effect_by_stage, self._delayed)
         self._terminal_effect *= self._terminal_unit
@@ -95,3 +92,20 @@ class BilinearObjective:
         self._error -= self._wanted
         np.dot(self._effect, self._error, out=self.gradient)
         self.gradient[:N_INPUTS] += self._inputs.from_previous * situation.previous
+
+
+def _gain_map(bundle: Bundle, bilinear: Bilinear, horizon: int) -> Array:
+    """What makes gains (m, N, R + 1), flat, of [psi_0; kappa; 1]."""
+    n, m = bundle.n_observables, N_INPUTS
+    stages = horizon - 1 if bilinear.along_free_response else 0
+    free = free_response(bundle, stages, n)
+    later = np.column_stack([free.Phi, free.lam, free.mu]).reshape(stages, n, n + 2)
+    psi = np.concatenate([np.eye(n, n + 2)[None], later])  # (stages + 1, n, n + 2)
+    read = np.einsum("rin,jnc->ijrc", bilinear.S, psi)
+    read[..., -1] += bilinear.s0.T[:, None, :]
+    constant = np.zeros((m, len(psi), 1, n + 2))
+    constant[..., -1] = 1.0
+    gains = np.concatenate([constant, read], axis=2)
+    return np.ascontiguousarray(
+        np.broadcast_to(gains, (m, horizon, *gains.shape[2:])).reshape(-1, n + 2)
+    )

@@ -9,7 +9,7 @@ from rt_controller.contract.bundle import Bundle
 
 def test_the_input_matrix_is_the_sum_written_out(bundle: Bundle) -> None:
     assert bundle.bilinear is not None
-    N, S, s0 = bundle.bilinear
+    N, S, s0, _ = bundle.bilinear
     psi_0 = np.random.default_rng(3).normal(size=9)
     expected = bundle.B_uc.copy()
     for i in range(3):

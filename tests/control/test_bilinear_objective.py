@@ -1,4 +1,4 @@
-"""Frozen at psi_0 a bilinear model is a linear one, and costs a tick no memory and no exception."""
+"""Along its free response a bilinear model is linear, and costs a tick no memory, no exception."""
 
 import tracemalloc
 from dataclasses import replace
@@ -39,19 +39,69 @@ def assert_same(one: Objective, other: Objective) -> None:
     np.testing.assert_allclose(one.gradient, other.gradient, rtol=1e-10, atol=1e-12 * scale)
 
 
+def frozen_at_start(bundle: Bundle) -> Bundle:
+    assert bundle.bilinear is not None
+    return replace(bundle, bilinear=bundle.bilinear._replace(along_free_response=False))
+
+
 @pytest.mark.parametrize("rank", [1, 2, 4])
-def test_it_is_the_objective_of_the_model_whose_constant_input_matrix_is_b_eff(rank: int) -> None:
-    bundle = make_bundle(Lift(), rank=rank)
+def test_frozen_at_psi_0_it_is_the_objective_of_the_model_whose_input_matrix_is_b_eff(
+    rank: int,
+) -> None:
+    bundle = frozen_at_start(make_bundle(Lift(), rank=rank))
     for psi_0 in bundle.selftest_psi[:4]:
         frozen = replace(bundle, B_uc=bundle.input_matrix(psi_0), bilinear=None)
         assert not np.allclose(frozen.B_uc, bundle.B_uc, rtol=0.01)
         assert_same(aimed(bundle, psi_0), aimed(frozen, psi_0))
 
 
+def written_out(bundle: Bundle, psi_0: Array, V: Array) -> float:
+    """The cost of the inputs V (N, 3), in units of their ranges, rolled out step by step."""
+    settings = MpcSettings(horizon=HORIZON)
+    cost, rng = settings.cost(), np.random.default_rng(1)
+    qp = build(bundle)
+    wanted = rng.normal(size=qp.situation.reference.shape)
+    span = np.subtract(INPUT_LIMITS.upper, INPUT_LIMITS.lower)
+    tolerated = np.array(cost.state)
+    psi, free, before, total = psi_0, psi_0, np.array([0.2, 10.0, 0.1]), 0.0
+    for k, v in enumerate(V):
+        u = span * v
+        undriven = 0.002 * bundle.B_uw[:, 0] + bundle.c
+        psi = bundle.A @ psi + bundle.input_matrix(free) @ u + undriven
+        free = bundle.A @ free + undriven
+        last = cost.terminal_factor if k == HORIZON - 1 else 1.0
+        total += last * np.sum(((psi[:6] - wanted[k]) / tolerated) ** 2)
+        total += np.sum((u / np.array(cost.control)) ** 2)
+        total += np.sum(((u - before) / np.array(cost.control_change)) ** 2)
+        before = u
+    return float(total)
+
+
+@pytest.mark.parametrize("rank", [1, 4])
+def test_along_the_free_response_it_is_the_cost_of_the_roll_out_step_by_step(rank: int) -> None:
+    bundle = make_bundle(Lift(), rank=rank, bend=0.5)
+    psi_0 = bundle.selftest_psi[0]
+    objective = aimed(bundle, psi_0)
+    rng = np.random.default_rng(2)
+    at_rest = written_out(bundle, psi_0, np.zeros((HORIZON, 3)))
+    for _ in range(5):
+        V = 0.3 * rng.normal(size=(HORIZON, 3))
+        v = V.reshape(-1)
+        found = v @ objective.H @ v + 2.0 * objective.gradient @ v
+        assert found == pytest.approx(written_out(bundle, psi_0, V) - at_rest, rel=1e-9)
+
+
+def test_what_it_is_frozen_along_matters() -> None:
+    bundle = make_bundle(Lift(), rank=2, bend=0.5)
+    psi_0 = bundle.selftest_psi[0]
+    followed, frozen = aimed(bundle, psi_0).H, aimed(frozen_at_start(bundle), psi_0).H
+    assert not np.allclose(followed, frozen, rtol=1e-3)
+
+
 def test_without_gains_it_is_the_objective_of_the_constant_model() -> None:
     bundle = make_bundle(Lift(), rank=3)
     assert bundle.bilinear is not None
-    _, S, s0 = bundle.bilinear
+    _, S, s0, _ = bundle.bilinear
     still = replace(bundle, bilinear=bundle.bilinear._replace(S=0.0 * S, s0=0.0 * s0))
     psi_0 = bundle.selftest_psi[0]
     assert_same(aimed(still, psi_0), aimed(replace(bundle, bilinear=None), psi_0))

@@ -35,8 +35,10 @@ def plan(mpc: Mpc, curvature_per_m: float = CURVATURE_PER_M) -> Array:
     return mpc.inputs / RANGE
 
 
-def test_a_bilinear_model_plans_as_the_linear_one_that_it_is_here() -> None:
+def test_a_bilinear_model_frozen_here_plans_as_the_linear_one_that_it_is() -> None:
     bundle = make_bundle(WITH_ROAD, rank=2)
+    assert bundle.bilinear is not None
+    bundle = replace(bundle, bilinear=bundle.bilinear._replace(along_free_response=False))
     psi_0 = Encoder(bundle).lift(STATE, CURVATURE_PER_M)
     frozen = replace(bundle, B_uc=bundle.input_matrix(psi_0), bilinear=None)
     found = plan(build(bundle))

@@ -35,6 +35,7 @@ def random_bundle(rng: np.random.Generator, rank: int = 0) -> Bundle:
         N=rng.normal(size=(rank, n, 3)) * size,
         S=rng.normal(size=(rank, 3, n)),
         s0=rng.normal(size=(rank, 3)),
+        along_free_response=rank % 2 == 0,
     )
     return Bundle(
         name="random",
@@ -69,9 +70,8 @@ def optimum(
 def sparse_plan(
     bundle: Bundle, cost: TrackingCost, psi_0: Array, kappa: float, u_prev: Array, y_r: Array
 ) -> Array:
-    """Inputs (N, 3) of eq. (14) with the states kept as variables, the input matrix at psi_0."""
+    """Inputs (N, 3) of eq. (14) with the states kept as variables."""
     n, m, N = bundle.n_observables, 3, HORIZON
-    B = bundle.input_matrix(psi_0)
     p = y_r.shape[1]
     weights = np.zeros((N, n))
     weights[:, :p] = output_weights(cost, n - 6).over(N).reshape(N, p)
@@ -87,9 +87,13 @@ def sparse_plan(
     A_eq = np.zeros((N * n, N * (m + n)))
     b_eq = np.tile(bundle.B_uw[:, 0] * kappa + bundle.c, N)
     b_eq[:n] += bundle.A @ psi_0
+    follows = bundle.bilinear is not None and bundle.bilinear.along_free_response
+    frozen = psi_0
     for k in range(N):
         rows = slice(k * n, (k + 1) * n)
-        A_eq[rows, k * m : (k + 1) * m] = -B
+        A_eq[rows, k * m : (k + 1) * m] = -bundle.input_matrix(frozen)
+        if follows:
+            frozen = bundle.A @ frozen + bundle.B_uw[:, 0] * kappa + bundle.c
         A_eq[rows, N * m + k * n : N * m + (k + 1) * n] = np.eye(n)
         if k > 0:
             A_eq[rows, N * m + (k - 1) * n : N * m + k * n] = -bundle.A

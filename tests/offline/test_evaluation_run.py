@@ -172,8 +172,10 @@ def test_the_command_judges_several_models_on_every_set(
 
 def test_the_report_is_a_page_of_the_same_evaluation(bundle_of, toy_folder, tmp_path):
     output = tmp_path / "report.html"
-    code = write_report(output, [bundle_of("good")], toy_folder, NO_RUN, ["lti"], ["library"])
-    assert code == 0
+    json_file = tmp_path / "report.json"
+    models = [bundle_of("good")]
+    assert write_report(output, models, toy_folder, NO_RUN, ["lti"], ["library"], json_file) == 0
+    assert json.loads(json_file.read_text())["judged"] == ["good"]
     html = output.read_text()
     assert load_bundle(tmp_path / "good").sha256 in html
     assert "Double lane change" in html

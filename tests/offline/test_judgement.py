@@ -98,3 +98,14 @@ def test_growth_on_another_set_is_measured_against_the_library():
     assert worst_state(growth) == 0
     assert not is_within_goal(growth.by_state)
     assert is_within_goal(growth_from_library(judgement, "model", "library").by_state)
+
+
+def test_a_model_that_blows_up_on_both_sets_misses_the_goal():
+    error = np.ones(MADE.x.shape)
+    error[..., 2] = np.inf
+    sets = [LIBRARY, judged_on(MADE, name="new-roads")]
+    growth = growth_from_library(
+        judge({"model": Off(MADE, error)}, {}, sets, VEHICLE), "model", "new-roads"
+    )
+    assert worst_state(growth) == 2
+    assert not is_within_goal(growth.by_state)

@@ -73,9 +73,10 @@ def test_bundle_prediction_is_one_lift_and_a_linear_roll_out(lti):
             assert np.allclose(predicted[b, k + 1], x, rtol=1e-12)
 
 
-def test_a_bilinear_bundle_predicts_with_the_input_matrix_of_its_first_lifted_state():
+def test_a_frozen_bilinear_bundle_predicts_with_the_input_matrix_of_its_first_lifted_state():
     """Which is not read anew along the way, and looks at the last rows of the past."""
     bundle = made_bundle(WITH_PAST, rank=2, bend=0.05)
+    bundle = replace(bundle, bilinear=bundle.bilinear._replace(along_free_response=False))
     rng = np.random.default_rng(0)
     x0, past = bundle.selftest.x[:3], rng.normal(size=(3, 20, 6))
     U, W = rng.normal(size=(3, 4, 3)), rng.normal(size=(3, 4, 1))
@@ -150,7 +151,9 @@ def test_the_card_says_what_the_lift_is_shown_and_how_the_inputs_act(lti):
         bilinear=Bilinear(np.zeros((3, n, 3)), np.zeros((3, 3, n)), np.zeros((3, 3))),
     )
     found = dict(describe_model(richer))
-    assert found["input matrix"] == "bilinear of rank 3, frozen at the first lifted state"
+    assert "rank 3, along the free response" in found["input matrix"]
+    frozen = replace(richer, bilinear=richer.bilinear._replace(along_free_response=False))
+    assert "rank 3, frozen at the first" in dict(describe_model(frozen))["input matrix"]
     assert "curvature_per_m" in found["observables"]
     assert "the last 4 periods (100 ms) of vx_mps, steer_rad" in found["observables"]
 
