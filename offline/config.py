@@ -28,7 +28,7 @@ class TrainingConfig(BaseModel):
         description="starting point: recommended, linear, paper, paper-literal or quick",
     )
 
-    steps: PositiveInt = Field(default=40_000, description="mini-batch steps")
+    steps: PositiveInt = Field(default=50_000, description="mini-batch steps")
     batch: PositiveInt = Field(default=256, description="trajectories in a mini-batch")
     seed: int = Field(
         default=0, description="of the initial weights and of the sequence of batches"
@@ -122,8 +122,8 @@ class TrainingConfig(BaseModel):
     )
     latents_start: Literal["fading", "identity"] = Field(
         default="fading",
-        description="A of the latents at the start: time constants spread from 0.05 to 5 s, or "
-        "lasting",
+        description="latents at the start: small, with time constants spread from 0.05 to 5 s in "
+        "A, or lasting",
     )
     constant_observable: bool = Field(
         default=True,

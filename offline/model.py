@@ -27,6 +27,9 @@ SPREAD_OF_GAINS = 0.1
 FADING_S = (0.05, 5.0)
 """time constants that the latents start with, from a tyre's to an engine's"""
 
+QUIET_SHARE = 0.1
+"""of the spread of the encoder's last layer, where latents start to fade: so that what they say is learned, not undone"""
+
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
@@ -88,6 +91,9 @@ class MdkNet(nn.Module):
         seen += sizes.exogenous if self.shows_exogenous else 0
         activation = nn.ReLU if config.activation == "relu" else nn.SiLU
         self.encoder = _multilayer_perceptron((seen, *config.hidden, learned), activation)
+        if config.latents_start == "fading":
+            with torch.no_grad():
+                self.encoder[-1].weight.mul_(QUIET_SHARE)
         start = _start_of_A(config, sizes, self.n_observables, learned)[:rows]
         self.A_rows = nn.Parameter(start)
         driven = sizes.inputs + sizes.exogenous

@@ -68,11 +68,13 @@ class LiftedModel:
     def lift(self, x: Array, w: Array, past: Array) -> Array:
         """psi (..., n) of states (..., n_x), w (..., p) and past (..., H, h), H >= past_steps."""
         x = (x - self.x_centre) / self.x_scale
-        last = past[..., past.shape[-2] - self.past_steps :, :]
-        last = (last - self.past_centre) / self.past_scale
-        values = self.functions.evaluate(np.concatenate([x, w / self.w_scale], axis=-1))
-        flat = last.reshape(*x.shape[:-1], -1)
-        return np.concatenate([x, flat, values, np.ones((*x.shape[:-1], 1))], axis=-1)
+        parts = [x]
+        if self.past_steps:
+            last = past[..., past.shape[-2] - self.past_steps :, :]
+            last = (last - self.past_centre) / self.past_scale
+            parts.append(last.reshape(*x.shape[:-1], -1))
+        parts.append(self.functions.evaluate(np.concatenate([x, w / self.w_scale], axis=-1)))
+        return np.concatenate([*parts, np.ones((*x.shape[:-1], 1))], axis=-1)
 
     def regressors(self, psi: Array, u: Array, w: Array, factors: Array) -> Array:
         """[psi, u, w, u times each factor] (..., r), all scaled; factors (..., R) are gains."""

@@ -23,7 +23,7 @@ from offline.predictor import Array
 from rt_controller.contract.archive import DamagedArchiveError, read_arrays
 from rt_controller.contract.errors import ArtifactError
 
-_FIT_S = "_fit_s"
+_FIT_CPU_S = "_fit_cpu_s"
 
 
 class FittedRival(Protocol):
@@ -45,8 +45,8 @@ class Kept(NamedTuple):
     """A rival from the shelf."""
 
     rival: FittedRival
-    fit_s: float
-    """wall-clock time that the fit took, whenever that was"""
+    fit_cpu_s: float
+    """CPU time that the fit took, whenever that was"""
 
 
 def place(folder: Path, name: str, data_sha256: str, settings: object) -> Path:
@@ -70,7 +70,7 @@ def keep(path: Path, kept: Kept) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with part.open("wb") as file:
-            np.savez(file, **arrays, **{_FIT_S: np.float64(kept.fit_s)})  # type: ignore[arg-type]
+            np.savez(file, **arrays, **{_FIT_CPU_S: np.float64(kept.fit_cpu_s)})  # type: ignore[arg-type]
         os.replace(part, path)
     except OSError as error:
         part.unlink(missing_ok=True)
@@ -87,8 +87,8 @@ def recall(path: Path, kind: type[Rival]) -> Kept | None:
     """
     try:
         arrays = read_arrays(path)
-        fit_s = float(arrays.pop(_FIT_S))
-        return Kept(kind(**_plain(arrays)), fit_s)
+        fit_cpu_s = float(arrays.pop(_FIT_CPU_S))
+        return Kept(kind(**_plain(arrays)), fit_cpu_s)
     except FileNotFoundError:
         return None
     except (OSError, DamagedArchiveError, KeyError, TypeError, ValueError) as error:

@@ -20,14 +20,13 @@ import numpy as np
 
 from offline.campaign.attempt import Attempt
 from offline.campaign.claim import claimed
-from offline.campaign.score import Score, mean_squared_errors, score
+from offline.campaign.score import Score, assess, score
 from offline.checkpoint import load_checkpoint
 from offline.config import TrainingConfig
 from offline.dataset import Dataset, load_dataset
-from offline.export import make_bundle
-from offline.predictor import BundlePredictor
+from offline.export import LARGEST_SPECTRAL_RADIUS
 from offline.run_folder import LATEST_LINK, RunFolder, create_run, open_run
-from offline.train import Outcome, Progress, TrainingDivergedError, train
+from offline.train import Progress, TrainingDivergedError, train
 from rt_controller.contract.errors import ArtifactError, ConfigError, DatasetError
 
 RESULT_FILE = "result.json"
@@ -191,21 +190,19 @@ def _train(
         return Result("diverged", step, watch.keep(), None, None, _without_path(error, run))
     seconds = watch.keep()
     if outcome.is_finished:
-        return _result(run, outcome, dataset, training, seconds)
+        return _result(run, dataset, training, seconds)
     return None if go_on else Result("pruned", outcome.step, seconds, None, None, "")
 
 
-def _result(
-    run: RunFolder, outcome: Outcome, dataset: Dataset, training: Training, seconds: float
-) -> Result:
+def _result(run: RunFolder, dataset: Dataset, training: Training, seconds: float) -> Result:
     checkpoint = load_checkpoint(run.best)
-    try:
-        bundle, gate = make_bundle(checkpoint, dataset)
-    except ArtifactError as error:
-        return Result("refused", outcome.step, seconds, None, None, _without_path(error, run))
-    errors = mean_squared_errors(BundlePredictor(bundle), dataset.select("validation"))
-    found = score(errors, np.asarray(training.rivals))
-    return Result("finished", checkpoint.step, seconds, found, gate.spectral_radius, "")
+    found = assess(checkpoint, dataset)
+    radius = found.spectral_radius
+    if not radius <= LARGEST_SPECTRAL_RADIUS:
+        reason = f"spectral radius {radius:.5f}, which offline-export would not let pass"
+        return Result("refused", checkpoint.step, seconds, None, radius, reason)
+    compared = score(found.errors, np.asarray(training.rivals))
+    return Result("finished", checkpoint.step, seconds, compared, radius, "")
 
 
 def _without_path(error: Exception, run: RunFolder) -> str:

@@ -17,6 +17,7 @@ from pydantic import (
     model_validator,
 )
 
+from offline.dataset import HELD_BACK
 from offline.logs.quantity import Quantity, quantity_of_name
 from offline.logs.units import near_units, parse_unit, unit_of_name
 from offline.recording import PATH_STATES
@@ -170,6 +171,8 @@ class SplitSettings(_Settings):
 
     by: Literal["episode", "file"] = "episode"
     seed: int = 0
+    share: Annotated[float, Field(gt=0.0, lt=0.5)] = HELD_BACK
+    """of what is not named, for validation, and the same again for the test"""
     validation: tuple[str, ...] = ()
     """names of files or patterns of names"""
     test: tuple[str, ...] = ()

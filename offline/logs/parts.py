@@ -6,7 +6,7 @@ from fnmatch import fnmatch
 import numpy as np
 from numpy.typing import NDArray
 
-from offline.dataset import HELD_BACK, PARTS, Part
+from offline.dataset import PARTS, Part
 from offline.logs.mapping import SplitSettings
 from rt_controller.contract.errors import ConfigError, DatasetError
 
@@ -16,8 +16,8 @@ Names = Sequence[str]
 def split(files: Names, settings: SplitSettings) -> NDArray[np.int8]:
     """Part (E,) of each episode, of which `files` (E) names the log it comes from.
 
-    Files that the mapping names are held back as it says. What it does not name is drawn, a tenth
-    for each part and one at least, by episode or by file.
+    Files that the mapping names are held back as it says. What it does not name is drawn, a share
+    of it for each part and one at least, by episode or by file.
 
     Raises:
         ConfigError: a pattern fits no file, or a file is of two parts.
@@ -30,7 +30,7 @@ def split(files: Names, settings: SplitSettings) -> NDArray[np.int8]:
     free = [e for e, file in enumerate(files) if not any(file in each for each in named.values())]
     units = [files[e] if settings.by == "file" else str(e) for e in free]
     drawn = _shuffle(units, settings.seed)
-    held_back = max(1, round(HELD_BACK * len(drawn)))
+    held_back = max(1, round(settings.share * len(drawn)))
     for name in ("validation", "test"):
         if not named[name]:
             chosen, drawn = drawn[:held_back], drawn[held_back:]

@@ -67,29 +67,44 @@ def transcribed_errors(model: MdkNet, batch: Batch) -> list[Tensor]:
     A, B = model.operator()
     sums = [torch.zeros(()) for _ in range(STATES)]
     for b in range(BATCH):
-        psi = psi0 = model.lift(first_instant(batch, b))
-        B_eff = B[:, :3]
-        if model.rank:
-            N = model.bilinear_columns()
-            columns = [
-                B[:, i] + sum(N[r, :, i] * (model.S[r, i] @ psi0) for r in range(model.rank))
-                for i in range(3)
-            ]
-            B_eff = torch.stack(columns, dim=1)
+        psi = free = model.lift(first_instant(batch, b))
         for k in range(batch.steps):
-            psi = A @ psi + B_eff @ batch.u[k, b] + B[:, 3:] @ batch.w[k, b]
+            exogenous = B[:, 3:] @ batch.w[k, b]
+            psi = A @ psi + input_matrix(model, free) @ batch.u[k, b] + exogenous
+            if model.along_free_response:
+                free = A @ free + exogenous
             for i in range(STATES):
                 sums[i] = sums[i] + (batch.x[k + 1, b, i] - psi[i]) ** 2
     return [each / (batch.steps * BATCH) for each in sums]
+
+
+def input_matrix(model: MdkNet, psi: Tensor) -> Tensor:
+    """B_i + sum_r N_ri (S_ri psi), column by column."""
+    _, B = model.operator()
+    if not model.rank:
+        return B[:, :3]
+    N = model.bilinear_columns()
+    columns = [
+        B[:, i] + sum(N[r, :, i] * (model.S[r, i] @ psi) for r in range(model.rank))
+        for i in range(3)
+    ]
+    return torch.stack(columns, dim=1)
 
 
 def transcribed_loss(model: MdkNet, batch: Batch) -> Tensor:
     return sum(torch.log(error) for error in transcribed_errors(model, batch)) / STATES
 
 
-@pytest.mark.parametrize("rank", [0, 2])
-def test_loss_is_the_mean_log_of_each_states_mean_squared_error(rank):
-    config = a_config(bilinear_rank=rank)
+ALONG = [
+    {"bilinear_rank": 0},
+    {"bilinear_rank": 2, "bilinear_along": "start"},
+    {"bilinear_rank": 2, "bilinear_along": "free-response"},
+]
+
+
+@pytest.mark.parametrize("changes", ALONG)
+def test_loss_is_the_mean_log_of_each_states_mean_squared_error(changes):
+    config = a_config(**changes)
     model, batch = a_model(config), a_batch()
     found = horizon_loss(model, config, batch)
     assert found.multi_step.item() == pytest.approx(transcribed_loss(model, batch).item())
@@ -98,8 +113,9 @@ def test_loss_is_the_mean_log_of_each_states_mean_squared_error(rank):
     assert found.states.item() == pytest.approx(expected.mean().item())
 
 
-def test_gradient_is_that_of_the_transcription():
-    config = a_config()
+@pytest.mark.parametrize("changes", ALONG)
+def test_gradient_is_that_of_the_transcription(changes):
+    config = a_config(**changes)
     ours, naive, batch = a_model(config), a_model(config), a_batch()
     horizon_loss(ours, config, batch).multi_step.backward()
     transcribed_loss(naive, batch).backward()

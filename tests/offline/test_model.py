@@ -106,31 +106,57 @@ def test_latents_follow_curvature_and_past_only_where_the_encoder_is_shown_them(
     assert tuple(not torch.equal(model.lift(other), psi) for other in others) == matters
 
 
-def drive_written_out(model: MdkNet, psi0: Tensor, u: Tensor, w: Tensor) -> Tensor:
-    """Input by input: (B_i + sum_r N_ri (S_ri psi_0)) u_i, and B_w w."""
-    _, B = model.operator()
+def drive_written_out(model: MdkNet, psi0: Tensor, u: Tensor, w: Tensor, along: str) -> Tensor:
+    """Input by input: (B_i + sum_r N_ri (S_ri psi)) u_i, and B_w w.
+
+    psi is psi_0, or what psi_0 has become by then without inputs.
+    """
+    A, B = model.operator()
     N = model.bilinear_columns() if model.rank else ()
     driven = torch.zeros(len(u), BATCH, model.n_observables)
-    for k in range(len(u)):
-        for b in range(BATCH):
+    for b in range(BATCH):
+        psi = psi0[b]
+        for k in range(len(u)):
+            exogenous = B[:, 3] * w[k, b, 0]
             for i in range(3):
                 column = B[:, i].clone()
                 for r in range(model.rank):
-                    column += N[r, :, i] * (model.S[r, i] @ psi0[b])
+                    column += N[r, :, i] * (model.S[r, i] @ psi)
                 driven[k, b] += column * u[k, b, i]
-            driven[k, b] += B[:, 3] * w[k, b, 0]
+            driven[k, b] += exogenous
+            if along == "free-response":
+                psi = A @ psi + exogenous
     return driven
 
 
+@pytest.mark.parametrize("along", ["start", "free-response"])
 @pytest.mark.parametrize("rank", [0, 1, 3])
 @pytest.mark.parametrize("constant", [False, True])
-def test_inputs_act_through_a_matrix_that_is_frozen_at_the_first_lifted_state(rank, constant):
-    model = a_model(bilinear_rank=rank, constant_observable=constant)
+def test_inputs_act_through_a_matrix_that_no_input_has_changed(rank, constant, along):
+    model = a_model(bilinear_rank=rank, constant_observable=constant, bilinear_along=along)
+    with torch.no_grad():
+        model.A_rows += 0.2 * torch.randn_like(model.A_rows)
     psi0 = torch.randn(BATCH, model.n_observables)
     u, w = torch.randn(6, BATCH, 3), torch.randn(6, BATCH, 1)
     with torch.no_grad():
-        found, expected = model.drive(psi0, u, w), drive_written_out(model, psi0, u, w)
-    assert torch.allclose(found, expected, rtol=1e-4, atol=1e-5)
+        found, expected = model.drive(psi0, u, w), drive_written_out(model, psi0, u, w, along)
+    assert torch.allclose(found, expected, rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize("along", ["start", "free-response"])
+def test_a_roll_out_stays_linear_in_its_inputs(along):
+    """The controller's problem is convex because of it."""
+    model = a_model(bilinear_along=along)
+    psi0, w = model.lift(instants(BATCH)), torch.randn(20, BATCH, 1)
+    one, other = torch.randn(2, 20, BATCH, 3)
+
+    def response(u: Tensor) -> Tensor:
+        return roll_out(psi0, model.operator().A, model.drive(psi0, u, w))
+
+    with torch.no_grad():
+        mixed = response(0.3 * one + 0.7 * other)
+        expected = 0.3 * response(one) + 0.7 * response(other)
+    assert torch.allclose(mixed, expected, rtol=1e-4, atol=1e-3)
 
 
 def test_where_a_roll_out_starts_changes_what_inputs_do_only_with_a_bilinear_part():

@@ -43,9 +43,11 @@ CONFIGS: dict[str, TrainingConfig] = {
         update={"lift_exogenous": False, "history_steps": 2}
     ),
     "x, w and history": PRESETS["linear"],
-    "bilinear": PRESETS["recommended"],
-    "bilinear, no constant": PRESETS["recommended"].model_copy(
-        update={"constant_observable": False, "history_steps": 0, "latents": 7}
+    "bilinear along the free response": PRESETS["recommended"].model_copy(
+        update={"bilinear_along": "free-response"}
+    ),
+    "bilinear at the start, no constant": PRESETS["recommended"].model_copy(
+        update={"bilinear_along": "start", "constant_observable": False, "latents": 7}
     ),
 }
 
@@ -193,19 +195,21 @@ def in_physical_units(psi: NDArray[np.float64]) -> NDArray[np.float64]:
 def test_roll_out_in_physical_units_is_the_scaled_one(exported):
     """The folded operator, with its offset and its bilinear part, in double precision."""
     model, trajectories = exported.model, drives(4)
-    operator = fold_scaling(model, SCALING)
+    operator, bilinear = fold_scaling(model, SCALING), fold_scaling(model, SCALING).bilinear
     batch = scaled(trajectories, model)
-    u = batch.u.numpy() * SCALING.u_scale
-    driven = np.concatenate([u, batch.w.numpy() * SCALING.w_scale], axis=-1)
-    psi = in_physical_units(lift_precisely(model, trajectories))
-    added = np.zeros((4, model.n_observables, 3))
-    if operator.bilinear is not None:
-        added = operator.bilinear.added_columns(psi)
-        assert np.abs(added).max() > 1e-3
-    assert (operator.bilinear is None) == (model.rank == 0)
+    u, w = batch.u.numpy() * SCALING.u_scale, batch.w.numpy() * SCALING.w_scale
+    B_uc, B_uw = operator.B[:, :3], operator.B[:, 3:]
+    assert (bilinear is None) == (model.rank == 0)
+    first = psi = free = in_physical_units(lift_precisely(model, trajectories))
     for k in range(STEPS):
-        psi = psi @ operator.A.T + driven[k] @ operator.B.T + operator.c
-        psi += np.einsum("bnm,bm->bn", added, u[k])
+        B_eff = np.broadcast_to(B_uc, (4, *B_uc.shape))
+        if bilinear is not None:
+            seen = free if bilinear.along_free_response else first
+            B_eff = B_uc + bilinear.added_columns(seen)
+            assert np.abs(B_eff - B_uc).max() > 1e-3
+        undriven = w[k] @ B_uw.T + operator.c
+        psi = psi @ operator.A.T + np.einsum("bnm,bm->bn", B_eff, u[k]) + undriven
+        free = free @ operator.A.T + undriven
     expected = in_physical_units(roll_out_scaled(model, trajectories)[-1])
     assert np.allclose(psi, expected, rtol=1e-9, atol=1e-9)
 

@@ -6,7 +6,11 @@ import pytest
 from offline.baselines.lti import fit_linear
 from offline.campaign import score as score_module
 from offline.campaign.rival import fair_linear_errors
-from offline.campaign.score import mean_squared_errors, score
+from offline.campaign.score import assess, mean_squared_errors, score
+from offline.checkpoint import load_checkpoint
+from offline.export import make_bundle
+from offline.predictor import BundlePredictor
+from offline.train import train
 
 
 class Shifted:
@@ -54,3 +58,21 @@ def test_the_fair_linear_model_is_at_least_as_good_as_plain_least_squares(
     validation = toy_dataset.select("validation")
     plain = mean_squared_errors(fit_linear(toy_dataset), validation)
     assert np.all(fair_linear_errors(toy_dataset) <= plain * (1 + 1e-9))
+
+
+@pytest.mark.parametrize("preset", ["paper", "recommended"])
+def test_a_checkpoint_scores_as_the_bundle_that_is_made_of_it(
+    preset, request, toy_dataset, new_run, monkeypatch
+):
+    monkeypatch.setattr(score_module, "CHUNK", 7)
+    config = request.getfixturevalue(
+        {"paper": "tiny_config", "recommended": "tiny_recommended"}[preset]
+    )
+    run = new_run(config)
+    train(config, toy_dataset, run)
+    checkpoint = load_checkpoint(run.best)
+    bundle, gate = make_bundle(checkpoint, toy_dataset)
+    exported = mean_squared_errors(BundlePredictor(bundle), toy_dataset.select("validation"))
+    found = assess(checkpoint, toy_dataset)
+    assert found.errors == pytest.approx(exported, rel=1e-4)
+    assert found.spectral_radius == pytest.approx(gate.spectral_radius, abs=1e-6)

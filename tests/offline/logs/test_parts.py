@@ -21,6 +21,10 @@ def test_a_tenth_of_the_episodes_goes_to_each_part_held_back():
     assert np.array_equal(part, split(FILES, SplitSettings()))
 
 
+def test_the_share_may_be_chosen():
+    assert np.bincount(split(FILES, SplitSettings(share=0.2))).tolist() == [24, 8, 8]
+
+
 def test_split_by_file_no_file_is_in_two_parts():
     part = split(FILES, SplitSettings(by="file"))
     assert np.bincount(part).tolist() == [32, 4, 4]
