@@ -16,6 +16,7 @@ from rich.markup import escape
 from offline.backend import Backend
 from offline.campaign.campaign import run_campaign
 from offline.campaign.data import CampaignData, open_data
+from offline.campaign.settings import explicit_fields
 from offline.campaign.table import Row, Table, to_figures, to_markdown
 from offline.campaign.trainings import Result, Training
 from offline.campaign.variants import VariantList, read_variants
@@ -49,7 +50,10 @@ def ablate(
 ) -> int:
     """Exit code of `offline-ablate`: 0 with a whole table, 130 where it was stopped before."""
     variants = read_variants(
-        question.variants, question.file, overrides(question.common), question.only
+        question.variants,
+        question.file,
+        explicit_fields(question.common, GIVEN_OTHERWISE),
+        question.only,
     )
     there = open_data(data, variants.variants[0].config, question.common, backend)
     begun = [
@@ -79,20 +83,6 @@ def ablate(
     _write(folder, table, figures)
     write_figures(json_file, figures)
     return _say(folder, variants, table, len(begun) - len(results))
-
-
-def overrides(common: TrainingConfig | None) -> dict[str, Any]:
-    """Fields that all trainings of a campaign get; one thread each unless others are asked for.
-
-    Raises:
-        ConfigError: one of them is not a matter of this command.
-    """
-    fields = {name: getattr(common, name) for name in common.model_fields_set} if common else {}
-    for name, instead in GIVEN_OTHERWISE.items():
-        if name in fields:
-            raise ConfigError(f"--{name}: expected {instead} in its place, found {fields[name]!r}.")
-    # As many trainings as cores: a second thread of one would wait for another.
-    return {"threads": 1, **fields}
 
 
 def parse_seeds(text: str) -> tuple[int, ...]:

@@ -1,4 +1,4 @@
-"""The offline commands: data, train, export, evaluate, report.
+"""The offline commands: data, train, export, evaluate, report, ablate, tune.
 
 Arguments and exit codes only. What the commands do is in `offline.commands`, which is loaded when
 one of them runs, and with it torch, numba and onnx: help and complaints need none of them.
@@ -20,6 +20,7 @@ from rt_controller.contract.figures import require_writable
 RUNS = Path("runs")
 NEEDED = ("torch", "numba", "onnx", "onnxscript", "joblib", "onnxruntime")
 
+Config = Annotated[TrainingConfig | None, Parameter(name="*", negative_none="no-")]
 JsonFile = Annotated[Path | None, Parameter(name="--json")]
 Folders = Annotated[list[Path] | None, Parameter(consume_multiple=True, negative="")]
 Names = Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")]
@@ -38,6 +39,9 @@ report_app = App(
 )
 ablate_app = App(
     name="offline-ablate", help="Train variants of a model on the same data, and compare them."
+)
+tune_app = App(
+    name="offline-tune", help="Search for the settings of a training; several processes may join."
 )
 
 
@@ -74,6 +78,11 @@ def report_main() -> None:
 def ablate_main() -> None:
     """Entry of `offline-ablate`."""
     _run(ablate_app)
+
+
+def tune_main() -> None:
+    """Entry of `offline-tune`."""
+    _run(tune_app)
 
 
 @data_app.default
@@ -154,7 +163,7 @@ def import_logs(
 @train_app.default
 def train_model(
     *,
-    config: Annotated[TrainingConfig | None, Parameter(name="*")] = None,
+    config: Config = None,
     resume: Path | None = None,
     runs: Path = RUNS,
     data: Path | None = None,
@@ -302,7 +311,7 @@ def write_report(
 def ablate(
     variants: str = "ladder",
     *,
-    config: Annotated[TrainingConfig | None, Parameter(name="*")] = None,
+    config: Config = None,
     seeds: str = "0",
     only: str = "",
     lists: Path | None = None,
@@ -349,6 +358,65 @@ def ablate(
     question = Question(variants, parse_seeds(seeds), parse_names(only), lists, config)
     place = folder or RUNS / f"ablation-{variants}"
     return run_ablation(question, place, data, workers, json_file)
+
+
+@tune_app.default
+def tune(
+    space: str = "method",
+    *,
+    config: Config = None,
+    trials: int = 50,
+    search_seed: int = 0,
+    spaces: Path | None = None,
+    folder: Path | None = None,
+    data: Path | None = None,
+    backend: BackendName = "loky",
+    address: str | None = None,
+    jobs: int = -1,
+    json_file: JsonFile = None,
+) -> int:
+    """Search for the settings whose model is furthest ahead of a linear one on validation data.
+
+    Ctrl-C stops; the same command goes on, and may be given several times at once to work on one
+    study. Options of offline-train, like --steps, hold for all trials. docs/scale-out.md has the
+    file of spaces.
+
+    Parameters
+    ----------
+    space
+        a search space of the file: method, structure, paper-weights
+    trials
+        trials all in all, those of earlier commands and of other processes included
+    search_seed
+        of the search; --seed is that of every training
+    spaces
+        TOML file with spaces of one's own; without it the one that ships
+    folder
+        folder of the study; without it tuning-SPACE below runs/
+    data
+        folder of the data set; without it a cache folder, which is printed
+    backend
+        who trains: processes or threads of this machine, a Dask or a Ray cluster
+    address
+        HOST:PORT of the cluster; without it one is made on this machine
+    jobs
+        trials at a time; -1 is one per core
+    json_file
+        write the figures to this file
+    """
+    workers = Backend(backend, address, jobs)
+    _prepare(json_file)
+    if find_spec("optuna") is None:
+        raise MissingExtraError(
+            "offline-tune expects the extra 'tune', found no optuna. Run: pip install -e "
+            '".[offline,tune]"'
+        )
+    from offline.tuning import Search
+    from offline.tuning import tune as run_search
+
+    search = Search(space, spaces, search_seed, trials, config)
+    place = folder or RUNS / f"tuning-{space}"
+    return run_search(search, place, data, workers, json_file)
 
 
 def _run(app: App) -> None:

@@ -208,5 +208,11 @@ def _config_to_resume(before: TrainingConfig, chosen: TrainingConfig | None) -> 
             f"--resume: expected no other setting than --steps and --threads, found "
             f"{', '.join(foreign)}. Start a new run to change them."
         )
+    is_longer = "steps" in chosen.model_fields_set and chosen.steps != before.steps
+    if is_longer and before.rate_schedule == "cosine":
+        raise ConfigError(
+            f"--resume --steps {chosen.steps}: expected the {before.steps} steps that the rate of "
+            f"this run falls over. Start a new run to train longer."
+        )
     explicit = {name: getattr(chosen, name) for name in chosen.model_fields_set}
     return before.model_copy(update=explicit)

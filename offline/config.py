@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
-from offline.trajectories import PAST_STEPS
+from offline.trajectories import PAST_STEPS, STEPS
 from rt_controller.contract.errors import ConfigError
 
 Weight = Annotated[float, Field(ge=0.0)]
@@ -80,6 +80,7 @@ class TrainingConfig(BaseModel):
     )
     horizon_start: PositiveInt | None = Field(
         default=8,
+        le=STEPS,
         description="steps of the first roll-outs of the horizon objective; none: the whole "
         "horizon",
     )

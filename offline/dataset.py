@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from offline.manifest import Imported, Manifest, Origin, Roads, read_manifest
-from offline.recording import Recording, Starts, cut
+from offline.recording import PATH_STATES, Recording, Starts, cut
 from offline.road_frame import Anchor
 from offline.roles import Roles
 from offline.trajectories import Trajectories
@@ -91,7 +91,7 @@ def cache() -> Path:
 def split_episodes(episodes: int, seed: int) -> NDArray[np.int8]:
     """Part (E,) of each episode, drawn at random."""
     shuffled = np.random.default_rng([seed, episodes]).permutation(episodes)
-    held_back = round(HELD_BACK * episodes)
+    held_back = max(1, round(HELD_BACK * episodes)) if episodes >= len(PARTS) else 0
     part = np.full(episodes, PARTS.index("train"), dtype=np.int8)
     part[shuffled[:held_back]] = PARTS.index("validation")
     part[shuffled[held_back : 2 * held_back]] = PARTS.index("test")
@@ -115,7 +115,8 @@ def save_dataset(
     Raises:
         DatasetError: a number is not finite, or the folder has no room.
     """
-    _require_finite(folder / RECORDING_FILE, recording, schema)
+    _require_fitting(folder / RECORDING_FILE, recording, slices, schema, roads)
+    _require_finite(folder / RECORDING_FILE, recording, slices, schema)
     anchor = slices.anchor or Anchor(*(np.zeros(0) for _ in Anchor._fields))
     arrays: dict[str, NDArray[Any]] = {
         **recording._asdict(),
@@ -173,11 +174,14 @@ def load_dataset(folder: Path) -> Dataset:
             f"file was altered or belongs to another manifest. {remedy}"
         )
     recording = Recording(*(arrays[name] for name in Recording._fields))
-    _require_finite(path, recording, manifest.schema)
     anchor = Anchor(*(arrays[f"slice_{name}"] for name in Anchor._fields))
     slices = Starts(
-        arrays["slice_row"], arrays["slice_episode"], anchor if manifest.roads else None
+        arrays["slice_row"],
+        arrays["slice_episode"],
+        anchor if len(anchor.ey_m) == len(arrays["slice_row"]) else None,
     )
+    _require_fitting(path, recording, slices, manifest.schema, manifest.roads)
+    _require_finite(path, recording, slices, manifest.schema)
     return Dataset(recording, slices, arrays["part"], manifest)
 
 
@@ -186,7 +190,35 @@ def _remedy(origin: Origin) -> str:
     return f"Delete the folder and run {command} again."
 
 
-def _require_finite(path: Path, recording: Recording, schema: Schema) -> None:
+def _require_fitting(
+    path: Path, recording: Recording, slices: Starts, schema: Schema, roads: Roads | None
+) -> None:
+    """Return if arrays hold the schema's signals, and poses just where roads may be laid."""
+    path_states = len(PATH_STATES) if recording.has_poses else 0
+    expected = (
+        len(schema.states) - path_states,
+        len(schema.inputs),
+        len(schema.exogenous),
+        roads is not None,
+        roads is not None,
+    )
+    found = (
+        recording.x.shape[1],
+        recording.u.shape[1],
+        recording.w.shape[1],
+        recording.has_poses,
+        slices.anchor is not None,
+    )
+    if expected != found:
+        raise DatasetError(
+            f"{path}: expected {expected[0]} recorded states, {expected[1]} inputs, {expected[2]} "
+            f"exogenous signals, poses: {expected[3]}, slices on roads: {expected[4]}, found "
+            f"{', '.join(str(part) for part in found)}. Manifest and recording are not of one data "
+            f"set: make it again."
+        )
+
+
+def _require_finite(path: Path, recording: Recording, slices: Starts, schema: Schema) -> None:
     columns = (
         (recording.x, schema.state_names),
         (recording.u, schema.input_names),
@@ -201,6 +233,14 @@ def _require_finite(path: Path, recording: Recording, schema: Schema) -> None:
                 f"{path}: expected finite numbers, found {array[row, column]} for "
                 f"{names[column]} at sample {row - recording.first[episode]} of episode "
                 f"{episode}. Leave that episode out, or make the data set again."
+            )
+
+    for name, column in (slices.anchor or Anchor(*[np.zeros(0)] * 3))._asdict().items():
+        if not np.all(np.isfinite(column)):
+            row = int(np.argmax(~np.isfinite(column)))
+            raise DatasetError(
+                f"{path}: expected finite numbers, found {column[row]} for {name} of slice {row}. "
+                f"Leave that slice out, or make the data set again."
             )
 
 

@@ -26,7 +26,7 @@ from offline.dataset import Dataset
 from offline.model import MdkNet, sizes_of
 from offline.predictor import BundlePredictor
 from offline.provenance import describe_training
-from offline.roles import past_columns
+from offline.roles import past_names
 from offline.scaling import Scaling
 from rt_controller.contract.artifact import Bilinear, Bundle, Lift, LiftSample
 from rt_controller.contract.errors import ArtifactError, DatasetError
@@ -181,7 +181,9 @@ def to_onnx(encoder: nn.Module, lift: Lift, sample: LiftSample) -> bytes:
         torch.from_numpy(getattr(sample, name)[:2].astype(np.float32)) for name in lift.inputs
     )
     batch = torch.export.Dim("batch")
-    shapes = ({0: batch}, tuple({0: batch} for _ in example[1:]))
+    shapes: tuple[object, ...] = ({0: batch},)
+    if len(example) > 1:
+        shapes += (tuple({0: batch} for _ in example[1:]),)
     with tempfile.TemporaryDirectory() as folder, _quiet_exporter():
         path = Path(folder) / "encoder.onnx"
         torch.onnx.export(
@@ -205,10 +207,8 @@ def _lift_of(model: MdkNet, dataset: Dataset) -> Lift:
         shown.append("w")
     if not model.history_steps:
         return Lift(tuple(shown))
-    schema = dataset.schema
-    states, inputs = past_columns(schema, dataset.roles)
-    names = [schema.state_names[i] for i in states] + [schema.input_names[i] for i in inputs]
-    return Lift((*shown, "history"), model.history_steps, tuple(names))
+    fields = past_names(dataset.schema, dataset.roles)
+    return Lift((*shown, "history"), model.history_steps, fields)
 
 
 def _of_shown_signals(model: MdkNet, scaling: Scaling) -> tuple[Array, Array]:
@@ -254,7 +254,8 @@ def pass_gate(bundle: Bundle) -> Gate:
             answers its self-test otherwise than where it was trained.
     """
     numbers = [bundle.A, bundle.B_uc, bundle.B_uw, bundle.c, bundle.selftest_psi]
-    numbers += bundle.bilinear or ()
+    if bundle.bilinear is not None:
+        numbers += [bundle.bilinear.N, bundle.bilinear.S, bundle.bilinear.s0]
     if not all(np.all(np.isfinite(array)) for array in numbers):
         raise ArtifactError(
             "export expects a model of finite numbers, found some that are not: the training "

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from offline.batch import Batch
 from offline.config import TrainingConfig
-from offline.losses import Losses, regularisation_loss, single_step_loss, stability_loss
+from offline.losses import Losses, prior_of, regularisation_loss, single_step_loss, stability_loss
 from offline.model import MdkNet
 from offline.rollout import roll_out
 
@@ -37,17 +37,20 @@ def horizon_loss(
 ) -> Losses:
     """The terms of eq. (13) with the log error of the states in place of the multi-step loss.
 
-    The single-step loss, where it carries weight, is taken at `times` (M,) in 1..K only.
+    The single-step loss, where it carries weight, is taken at `times` (M,) in 1..K, or at all.
     """
     A, B = model.operator()
     errors = state_errors(model, batch)
     multi_step = log_error(errors)
     single_step = multi_step.new_zeros(())
-    if config.weight_single_step and times is not None:
+    if config.weight_single_step:
+        if times is None:
+            times = torch.arange(1, batch.steps + 1)
         single_step = _consistency(model, batch, times.to(batch.x.device))
     stability = stability_loss(A, config)
-    prior = torch.eye(A.shape[0], device=A.device, dtype=A.dtype)
-    regularisation = regularisation_loss(model.encoder.parameters(), A, B, prior, config)
+    regularisation = regularisation_loss(
+        model.encoder.parameters(), A, B, prior_of(A, config), config
+    )
     total = (
         config.weight_single_step * single_step
         + config.weight_multi_step * multi_step
@@ -65,8 +68,9 @@ def horizon_of_step(step: int, steps: int, config: TrainingConfig, longest: int)
     """
     if config.horizon_start is None:
         return longest
+    first = min(config.horizon_start, longest)
     grown = step / max(config.horizon_growth * steps, 1.0)
-    return min(longest, config.horizon_start + int((longest - config.horizon_start) * grown))
+    return min(longest, first + int((longest - first) * grown))
 
 
 def _roll_out_states(model: MdkNet, batch: Batch) -> Tensor:

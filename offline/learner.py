@@ -17,7 +17,7 @@ from offline.losses import Losses, draw_times, total_loss
 from offline.model import MdkNet, Sizes
 from offline.projection import project
 from offline.scaling import Scaling
-from offline.schedule import cosine_rate
+from offline.schedule import cosine_rate, is_evaluated
 from offline.source import Source
 
 EVALUATION_CHUNK = 500
@@ -166,8 +166,10 @@ class Learner:
             group["lr"] = group["share"] * rate
 
     def _bound_spectrum(self) -> None:
-        is_due = self.step % PROJECTION_STEPS == 0 or self.step == self.config.steps - 1
-        if self.config.stability == "projection" and is_due:
+        config = self.config
+        # A model that is about to be judged, and perhaps kept, is bounded too.
+        is_due = self.step % PROJECTION_STEPS == 0 or is_evaluated(self.step + 1, config)
+        if config.stability == "projection" and is_due:
             project(self.model)
 
 

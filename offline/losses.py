@@ -126,10 +126,9 @@ def total_loss(
     single_step = single_step_loss(psi_before, psi_after, A, drive)
     multi_step = multi_step_loss(psi_after, predicted, weights)
     stability = stability_loss(A, config)
-    prior = torch.zeros_like(A)
-    if config.operator_prior == "identity":
-        prior = torch.eye(A.shape[0], device=A.device, dtype=A.dtype)
-    regularisation = regularisation_loss(model.encoder.parameters(), A, B, prior, config)
+    regularisation = regularisation_loss(
+        model.encoder.parameters(), A, B, prior_of(A, config), config
+    )
     total = (
         config.weight_single_step * single_step
         + config.weight_multi_step * multi_step
@@ -140,6 +139,13 @@ def total_loss(
         n = model.sizes.states
         states = multi_step_loss(psi_after[..., :n], predicted[..., :n], weights)
     return Losses(total, single_step, multi_step, stability, regularisation, states)
+
+
+def prior_of(A: Tensor, config: TrainingConfig) -> Tensor:
+    """What eq. (12) measures A from, (n, n)."""
+    if config.operator_prior == "zero":
+        return torch.zeros_like(A)
+    return torch.eye(A.shape[0], device=A.device, dtype=A.dtype)
 
 
 def stability_loss(A: Tensor, config: TrainingConfig) -> Tensor:

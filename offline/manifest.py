@@ -111,7 +111,7 @@ def read_manifest(path: Path) -> Manifest:
     if fields.get("format_version") != FORMAT_VERSION:
         raise DatasetError(
             f"{path}: expected format_version = {FORMAT_VERSION}, found "
-            f"{fields.get('format_version')}. Make the data set again with offline-data."
+            f"{fields.get('format_version')}. Delete the folder and make the data set again."
         )
     try:
         return _MANIFEST.validate_python(fields)

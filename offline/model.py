@@ -28,7 +28,8 @@ FADING_S = (0.05, 5.0)
 """time constants that the latents start with, from a tyre's to an engine's"""
 
 QUIET_SHARE = 0.1
-"""of the spread of the encoder's last layer, where latents start to fade: so that what they say is learned, not undone"""
+"""of the usual spread, for the encoder's last layer where latents fade: what they say at first is
+noise, and learning would begin with undoing it"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,11 +91,9 @@ class MdkNet(nn.Module):
         seen = sizes.states + self.history_steps * sizes.remembered
         seen += sizes.exogenous if self.shows_exogenous else 0
         activation = nn.ReLU if config.activation == "relu" else nn.SiLU
-        self.encoder = _multilayer_perceptron((seen, *config.hidden, learned), activation)
-        if config.latents_start == "fading":
-            with torch.no_grad():
-                self.encoder[-1].weight.mul_(QUIET_SHARE)
-        start = _start_of_A(config, sizes, self.n_observables, learned)[:rows]
+        share = QUIET_SHARE if config.latents_start == "fading" else 1.0
+        self.encoder = _multilayer_perceptron((seen, *config.hidden, learned), activation, share)
+        start = _first_operator(config, sizes, self.n_observables, learned)[:rows]
         self.A_rows = nn.Parameter(start)
         driven = sizes.inputs + sizes.exogenous
         self.B_rows = nn.Parameter(SPREAD_OF_INPUT_MATRIX * torch.randn(rows, driven))
@@ -153,7 +152,7 @@ class MdkNet(nn.Module):
         return driven + scaled @ columns
 
 
-def _start_of_A(config: TrainingConfig, sizes: Sizes, n: int, learned: int) -> Tensor:
+def _first_operator(config: TrainingConfig, sizes: Sizes, n: int, learned: int) -> Tensor:
     if config.operator_prior == "zero":
         return torch.randn(n, n) / n
     start = torch.eye(n)
@@ -169,15 +168,19 @@ def _with_zero_row(matrix: Tensor, dim: int = 0) -> Tensor:
     return torch.cat([matrix, torch.zeros_like(matrix.narrow(dim, 0, 1))], dim=dim)
 
 
-def _multilayer_perceptron(widths: tuple[int, ...], activation: type[nn.Module]) -> nn.Sequential:
+def _multilayer_perceptron(
+    widths: tuple[int, ...], activation: type[nn.Module], last_share: float
+) -> nn.Sequential:
     """`activation` after every hidden layer, none on the output; Gaussian weights, zero biases.
 
-    The spread sqrt(2 / fan_in) keeps the size of the signal through ReLU layers (He et al., 2015).
+    The spread sqrt(2 / fan_in) keeps the size of the signal through ReLU layers (He et al., 2015);
+    the last layer has `last_share` of it.
     """
     layers: list[nn.Module] = []
     for fan_in, fan_out in pairwise(widths):
         linear = nn.Linear(fan_in, fan_out)
-        nn.init.normal_(linear.weight, std=(2.0 / fan_in) ** 0.5)
+        share = last_share if len(layers) == 2 * (len(widths) - 2) else 1.0
+        nn.init.normal_(linear.weight, std=share * (2.0 / fan_in) ** 0.5)
         nn.init.zeros_(linear.bias)
         layers += [linear, activation()]
     return nn.Sequential(*layers[:-1])

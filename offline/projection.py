@@ -3,7 +3,7 @@
 yaw rate -> heading error -> lateral error is a Jordan block at 1, where eigenvalues are as
 sensitive as they can be: the gradient of a penalty on them has no bound there, and a bound on the
 norm of A would forbid the true model. In Schur form an eigenvalue can be moved alone, and the
-matrix changes by no more than the eigenvalue did.
+matrix changes by little more than the eigenvalue did.
 """
 
 import numpy as np
@@ -43,4 +43,5 @@ def project(model: MdkNet) -> None:
     rows = len(model.A_rows)
     with torch.no_grad():
         A = model.A_rows[:, :rows].double().cpu().numpy()
-        model.A_rows[:, :rows] = torch.from_numpy(with_bounded_spectrum(A))
+        if np.all(np.isfinite(A)):  # else the loss is no number either, and says so
+            model.A_rows[:, :rows] = torch.from_numpy(with_bounded_spectrum(A))

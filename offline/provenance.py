@@ -35,7 +35,7 @@ def is_held_out(bundle: Bundle, manifest: Manifest) -> bool:
         return True
     try:
         training = json.loads(bundle.training)
-        is_of_drives = training["data"] == "driven"
+        is_of_drives = bool(training["data"] == "driven")
         seed, episodes = int(training["data_seed"]), int(training["episodes"])
     except (ValueError, KeyError, TypeError):
         return False  # it does not say

@@ -6,12 +6,13 @@ from pathlib import Path
 
 from offline.card import Fact, describe_model
 from offline.evaluation_run import Evaluation, evaluation_figures, run_evaluation
+from offline.judgement import LTI_RIVALS
 from offline.lane_change import drive_lane_change, predict_windows
 from offline.manifest import Driven, Imported, Manifest
 from offline.report.canvas import pens
 from offline.report.lane_change_plot import lane_change_plot
 from offline.report.page import Contents, Scene, Subject, page
-from offline.rivals import describe_rival
+from offline.rivals import SHIPPED, describe_rival
 from offline.terminal import CONSOLE
 from rt_controller.contract.artifact import Bundle
 from rt_controller.contract.errors import ConfigError
@@ -80,10 +81,13 @@ def _contents(evaluation: Evaluation) -> Contents:
 
 
 def _lane_change(evaluation: Evaluation) -> Scene:
+    """The judged models beside the paper's rival and the paper's network: all would be a tangle."""
     judgement, driven = evaluation.judgement, drive_lane_change()
+    shown = (*judgement.judged, *LTI_RIVALS, SHIPPED)
     foreseen = {
         name: predict_windows(model, driven.windows)
         for name, model in evaluation.predictors.items()
+        if name in shown
     }
     drawn = pens(judgement.judged, judgement.rivals)
     return Scene(driven.words, lane_change_plot(driven, foreseen, drawn, judgement.judged))

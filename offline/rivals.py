@@ -80,7 +80,7 @@ def describe_rival(name: str, dataset: Dataset) -> list[tuple[str, str]]:
             ("trained on data set, SHA-256", shipped.data_sha256),
         ]
     found = roster.report(name, dataset, rival_cache())
-    return [*found.findings, ("time of the fit", f"{found.fit_s:.3g} s")]
+    return [*found.findings, ("CPU time of the fit", f"{found.fit_cpu_s:.3g} s")]
 
 
 def shipped_folder() -> Path:

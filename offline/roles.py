@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import Schema
 
 Array = NDArray[np.float64]
@@ -23,7 +24,15 @@ class Roles:
     odd: tuple[str, ...] | None
     """change sign when left and right are exchanged; None: the car has no such symmetry"""
     past: tuple[str, ...]
-    """states, then inputs, that one row of history holds"""
+    """states and inputs that one row of history holds"""
+
+    def __post_init__(self) -> None:
+        both = sorted(set(self.centred) & set(self.odd or ()))
+        if both:
+            raise DatasetError(
+                f"roles: expected a signal to be centred or to change sign in a mirror, found "
+                f"both for {', '.join(both)}. What a mirror reverses is measured from zero."
+            )
 
 
 VEHICLE_ROLES = Roles(
@@ -46,3 +55,9 @@ def past_columns(schema: Schema, roles: Roles) -> tuple[list[int], list[int]]:
         [i for i, name in enumerate(schema.state_names) if name in roles.past],
         [i for i, name in enumerate(schema.input_names) if name in roles.past],
     )
+
+
+def past_names(schema: Schema, roles: Roles) -> tuple[str, ...]:
+    """Names of the signals in a row of history, in the order of its columns."""
+    names = schema.state_names + schema.input_names
+    return tuple(name for name in names if name in roles.past)

@@ -131,10 +131,18 @@ def cut_history(run: RunFolder, step: int) -> None:
     if not run.history.exists():
         return
     lines = run.history.read_text(encoding="utf-8").splitlines()
-    kept = [line for line in lines if json.loads(line)["step"] < step]
+    kept = [line for line in lines if (at := _step_of(line)) is not None and at < step]
     part = run.history.with_name(HISTORY_FILE + ".part")
     part.write_text("".join(line + "\n" for line in kept), encoding="utf-8")
     os.replace(part, run.history)
+
+
+def _step_of(line: str) -> int | None:
+    """None for a line that a power cut left half written."""
+    try:
+        return int(json.loads(line)["step"])
+    except (ValueError, KeyError, TypeError):
+        return None
 
 
 def _write_config(run: RunFolder) -> None:

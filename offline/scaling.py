@@ -59,7 +59,8 @@ def fit_scaling(trajectories: Trajectories, schema: Schema, roles: Roles) -> Sca
 
 
 def _rows(series: NDArray[np.floating]) -> Array:
-    return np.asarray(series, dtype=np.float64).reshape(-1, series.shape[-1])
+    count = int(np.prod(series.shape[:-1]))
+    return np.asarray(series, dtype=np.float64).reshape(count, series.shape[-1])
 
 
 def _root_mean_square(rows: Array) -> Array:

@@ -9,6 +9,8 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
+from offline.config import TrainingConfig
+
 WARM_UP_SHARE = 0.05
 """of the steps, until the rate of a cosine schedule is at its top"""
 
@@ -71,3 +73,12 @@ def cosine_rate(step: int, steps: int, highest: float) -> float:
     if step < warm_up:
         return highest * (step + 1) / warm_up
     return highest * 0.5 * (1.0 + math.cos(math.pi * (step - warm_up) / max(1, steps - warm_up)))
+
+
+def is_evaluated(step: int, config: TrainingConfig) -> bool:
+    """Whether the model is evaluated after `step` steps.
+
+    The paper counts from zero and evaluates after the very first step; the last step is evaluated
+    too, so that no training is lost behind the last multiple.
+    """
+    return (step - 1) % config.evaluate_every == 0 or step == config.steps

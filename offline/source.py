@@ -12,7 +12,7 @@ from offline.dataset import Dataset
 from offline.manifest import Roads
 from offline.recording import Starts, cut, possible_starts
 from offline.road_frame import Anchor
-from offline.roles import mirror_signs
+from offline.roles import mirror_signs, past_names
 from offline.scaling import Scaling
 from rt_controller.contract.errors import DatasetError
 
@@ -68,7 +68,12 @@ class MirroringSource:
 
     def __init__(self, source: Source, dataset: Dataset) -> None:
         schema, roles = dataset.schema, dataset.roles
-        names = (schema.state_names, schema.input_names, schema.exogenous_names, roles.past)
+        names = (
+            schema.state_names,
+            schema.input_names,
+            schema.exogenous_names,
+            past_names(schema, roles),
+        )
         self._source = source
         self._signs = [torch.from_numpy(mirror_signs(each, roles)).float() for each in names]
 

@@ -13,20 +13,22 @@ import torch
 from offline.batch import scale
 from offline.checkpoint import Checkpoint, save_checkpoint
 from offline.config import TrainingConfig
-from offline.dataset import Dataset
+from offline.dataset import PARTS, Dataset
 from offline.learner import Learner
 from offline.losses import Losses
 from offline.model import sizes_of
+from offline.roles import past_names
 from offline.run_folder import RunFolder, append_history, cut_history
 from offline.scaling import fit_scaling
 from offline.schedule import (
     Verdict,
+    is_evaluated,
     judge_as_printed,
     judge_global_minimum,
     loss_of_kept_model,
 )
 from offline.source import open_source
-from rt_controller.contract.errors import RtControllerError
+from rt_controller.contract.errors import DatasetError, RtControllerError
 
 MOST_SKIPPED_IN_A_ROW = 50
 
@@ -81,6 +83,7 @@ def train(
     """
     torch.set_num_threads(config.threads)
     schema, roles = dataset.schema, dataset.roles
+    _require_enough(config, dataset)
     scaling = fit_scaling(dataset.select("train"), schema, roles)
     source = open_source(config, dataset, scaling)
     validation_part = scale(
@@ -104,9 +107,7 @@ def train(
         if skipped_in_a_row > MOST_SKIPPED_IN_A_ROW:
             _require_finite(run, learner, "the gradient", math.nan)
 
-        # The paper counts from zero and evaluates after the very first step; the last step is
-        # evaluated too, so that no training is lost behind the last multiple.
-        if (learner.step - 1) % config.evaluate_every == 0 or learner.step == config.steps:
+        if is_evaluated(learner.step, config):
             validation = learner.evaluate(validation_part)
             _require_finite(run, learner, "the validation loss", validation[0])
             learner.validation_losses.append(validation[0])
@@ -155,6 +156,21 @@ def _record(
             "skipped": learner.skipped,
         },
     )
+
+
+def _require_enough(config: TrainingConfig, dataset: Dataset) -> None:
+    for part in PARTS[:2]:
+        if not len(dataset.select(part).episode):
+            raise DatasetError(
+                f"expected slices in the {part} part of the data set, found none: it has "
+                f"{len(dataset.part)} episodes. Record more, or name another --data."
+            )
+    if config.history_steps and not past_names(dataset.schema, dataset.roles):
+        raise DatasetError(
+            f"--history-steps {config.history_steps}: expected a data set that says which signals "
+            f"a row of history holds, found none. Name them in its mapping (roles, past), or train "
+            f"with --history-steps 0."
+        )
 
 
 def _require_finite(run: RunFolder, learner: Learner, what: str, value: float) -> None:

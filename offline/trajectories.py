@@ -31,4 +31,5 @@ class Trajectories(NamedTuple):
 
     def take(self, rows: Rows) -> "Trajectories":
         """The trajectories of these rows."""
-        return Trajectories(*(array[rows] for array in self))
+        x, u, w, past, episode = self
+        return Trajectories(x[rows], u[rows], w[rows], past[rows], episode[rows])

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from offline.baselines.bicycle_kernel import Bicycle, roll_out
 from offline.baselines.finding import Finding
-from offline.baselines.gauss_newton import begin, step
+from offline.baselines.gauss_newton import begin, log_error_of, step
 from offline.baselines.window_shape import WindowShape
 from offline.dataset import Dataset
 from offline.trajectories import PAST_STEPS, Trajectories
@@ -107,6 +107,8 @@ class BicycleSettings:
     steps: tuple[int, ...] = (10, 10, 60)
     windows: int = 128
     """drawn for each step"""
+    judged_windows: int = 768
+    """that a step must be a gain on"""
     past_steps: int = PAST_STEPS
     seed: int = 0
 
@@ -190,12 +192,22 @@ def descend(start: BicycleModel, train: Trajectories, settings: BicycleSettings)
     rng = np.random.default_rng(settings.seed)
     theta = _to_theta(start)
     trust = begin(len(theta))
+    many = _draw(train, settings.judged_windows, rng)
     for horizon, steps in zip(settings.horizons, settings.steps, strict=True):
+        judged = partial(_log_error, many, horizon, start)
         for _ in range(steps):
-            count = min(settings.windows, len(train.episode))
-            drawn = train.take(rng.choice(len(train.episode), count, replace=False))
-            theta, trust = step(theta, partial(_errors, drawn, horizon, start), trust)
+            few = _draw(train, settings.windows, rng)
+            theta, trust = step(theta, partial(_errors, few, horizon, start), judged, trust)
     return _from_theta(theta, start)
+
+
+def _draw(train: Trajectories, count: int, rng: np.random.Generator) -> Trajectories:
+    most = len(train.episode)
+    return train.take(rng.choice(most, min(count, most), replace=False))
+
+
+def _log_error(windows: Trajectories, horizon: int, like: BicycleModel, theta: Array) -> float:
+    return log_error_of(_errors(windows, horizon, like, theta))
 
 
 def _errors(windows: Trajectories, horizon: int, like: BicycleModel, theta: Array) -> Array:

@@ -22,9 +22,9 @@ from offline.baselines.lifted_fit import (
     blank_model,
     moments,
     pick_transitions,
-    tune_ridge,
+    tune,
 )
-from offline.baselines.lifted_model import LiftedModel
+from offline.baselines.lifted_model import Follow, LiftedModel
 from offline.baselines.monomial_choice import choose_monomials, row_of_power
 from offline.baselines.score import tuning_windows
 from offline.dataset import Dataset
@@ -60,7 +60,8 @@ class EdmdSettings:
     """of the functions, in typical distances (Gaussians) or spreads (cosines)"""
     ridges: tuple[float, ...] = (1e-10, 1e-8, 1e-6, 1e-5, 1e-4, 1e-3)
     gains: tuple[Gains, ...] = (Gains.NONE,)
-    is_frozen: bool = True
+    follows: tuple[Follow, ...] = (Follow.START,)
+    """what the gains may follow; without gains it makes no difference"""
     most_transitions: int = 250_000
     seed: int = 0
 
@@ -79,8 +80,9 @@ def fit_edmd(dataset: Dataset, settings: EdmdSettings) -> LiftedModel:
         data = pick_transitions(train, schema, roles, past_steps, settings.most_transitions)
         for functions in _dictionaries(settings, scaling, data, past_steps):
             for gains in _gain_columns(settings, functions, scaling, past_steps, schema, roles):
-                model = blank_model(functions, scaling, past_steps, gains, settings.is_frozen)
-                score, found = tune_ridge(model, moments(model, data), settings.ridges, validation)
+                model = blank_model(functions, scaling, past_steps, gains)
+                of = moments(model, data)
+                score, found = tune(model, of, settings.ridges, settings.follows, validation)
                 if score < best_score:
                     best_score, best = score, found
     if best is None:
@@ -143,6 +145,12 @@ def _gain_columns(
             yield (speed, *(first + row for row in powers if row is not None))
 
 
+_WIDTHS = {
+    Family.MONOMIALS: (1.0,),
+    Family.GAUSSIANS: (1.0, 2.0, 4.0),
+    Family.COSINES: (3.0, 6.0, 12.0),
+}
+
 DELAYS = EdmdSettings(Family.NONE, past_steps=(1, 2, 3, 4, 6, 8, 12, 16, PAST_STEPS))
 
 AS_MANY_AS_THE_NETWORK = 66
@@ -161,19 +169,16 @@ def large(family: Family) -> EdmdSettings:
     return EdmdSettings(family, LARGE, past_steps=(4, 8), widths=_WIDTHS[family])
 
 
-def bilinear(is_frozen: bool) -> EdmdSettings:
+def bilinear(follows: tuple[Follow, ...]) -> EdmdSettings:
     """Monomials, and inputs multiplied by some of them."""
     return EdmdSettings(
         Family.MONOMIALS,
         (AS_MANY_AS_THE_NETWORK, *LARGE[:2]),
         past_steps=(4,),
         gains=(Gains.SPEED, Gains.STATES, Gains.PRODUCTS),
-        is_frozen=is_frozen,
+        follows=follows,
     )
 
 
-_WIDTHS = {
-    Family.MONOMIALS: (1.0,),
-    Family.GAUSSIANS: (1.0, 2.0, 4.0),
-    Family.COSINES: (3.0, 6.0, 12.0),
-}
+BILINEAR = bilinear((Follow.PREDICTION,))
+BILINEAR_CONVEX = bilinear((Follow.START, Follow.FREE_RESPONSE))

@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Residuals = Callable[[Array], Array]
 """of numbers theta (P,): errors (batch, K, n) in any units"""
+Judged = Callable[[Array], float]
+"""of numbers theta (P,): what is to be lowered"""
 
 _DIFFERENCE = 1e-5
 _LEAST_CURVATURE = 1e-6
@@ -53,10 +55,13 @@ def begin(parameters: int) -> Trust:
     return Trust(_FIRST_DAMPING, np.zeros((parameters, parameters)))
 
 
-def step(theta: Array, residuals: Residuals, trust: Trust) -> tuple[Array, Trust]:
-    """The next theta (P,), and the trust to go on with; theta itself if no step is a gain."""
+def step(theta: Array, residuals: Residuals, judged: Judged, trust: Trust) -> tuple[Array, Trust]:
+    """The next theta (P,), and the trust to go on with; theta itself if no step is a gain.
+
+    `residuals` may be of a few windows, drawn anew for each step. Whether it is a gain is for
+    `judged` to say, always of the same many: a step that suits the few alone is not taken.
+    """
     errors = residuals(theta)
-    before = log_error_of(errors)
     weights = 1.0 / np.sqrt(np.mean(np.square(errors), axis=(0, 1)))
     weighted = (errors * weights).reshape(-1)
     J = np.empty((len(theta), len(weighted)))
@@ -67,11 +72,11 @@ def step(theta: Array, residuals: Residuals, trust: Trust) -> tuple[Array, Trust
     J = np.where(np.isfinite(J), J, 0.0)
     curvature, gradient = _MEMORY * trust.curvature + J @ J.T, J @ weighted
     diagonal = np.diag(curvature) + _LEAST_CURVATURE * np.trace(curvature) / len(theta)
-    damping = trust.damping
+    before, damping = judged(theta), trust.damping
     for _ in range(_TRIES):
         matrix = curvature + np.diag(damping * diagonal)
         candidate = theta - scipy.linalg.solve(matrix, gradient, assume_a="pos")
-        if log_error_of(residuals(candidate)) < before:
+        if judged(candidate) < before:
             return candidate, Trust(max(damping / _EASE, _LEAST_DAMPING), curvature)
         damping *= _STIFFEN
-    return theta, Trust(damping, curvature)
+    return theta, Trust(_STIFFEN * trust.damping, curvature)

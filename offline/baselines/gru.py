@@ -48,7 +48,7 @@ class GruSettings:
     hidden: int = 64
     encoder: int = 128
     past_steps: int = PAST_STEPS
-    steps: int = 15_000
+    steps: int = 10_000
     batch: int = 128
     learning_rate: float = 4e-3
     warm_up: float = 0.05

@@ -13,7 +13,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from offline.baselines.functions import Functions
-from offline.baselines.lifted_model import LiftedModel
+from offline.baselines.lifted_model import Follow, LiftedModel
 from offline.baselines.score import log_error
 from offline.roles import Roles, past_columns
 from offline.scaling import Scaling
@@ -70,7 +70,7 @@ def pick_transitions(
 
 
 def blank_model(
-    functions: Functions, scaling: Scaling, past_steps: int, gains: tuple[int, ...], is_frozen: bool
+    functions: Functions, scaling: Scaling, past_steps: int, gains: tuple[int, ...] = ()
 ) -> LiftedModel:
     """A model with this dictionary and no operator yet."""
     nothing = np.zeros((0, 0))
@@ -88,7 +88,7 @@ def blank_model(
         B_uw=nothing,
         N=nothing,
         gains=np.array(gains, dtype=np.int64),
-        is_frozen=is_frozen,
+        follow=Follow.START.value,
         ridge=0.0,
     )
 
@@ -132,11 +132,16 @@ def solve(model: LiftedModel, of: Moments, ridge: float) -> LiftedModel:
     return replace(model, A=A, B_uc=B_uc, B_uw=B_uw, N=N, ridge=ridge)
 
 
-def tune_ridge(
-    model: LiftedModel, of: Moments, ridges: tuple[float, ...], validation: Trajectories
+def tune(
+    model: LiftedModel,
+    of: Moments,
+    ridges: tuple[float, ...],
+    follows: tuple[Follow, ...],
+    validation: Trajectories,
 ) -> tuple[float, LiftedModel]:
-    """The least validation score over these ridges, and the model that has it."""
-    tried = [solve(model, of, ridge) for ridge in ridges]
+    """The least validation score over these choices, and the model that has it."""
+    solved = [solve(model, of, ridge) for ridge in ridges]
+    tried = [replace(each, follow=follow.value) for each in solved for follow in follows]
     scores = [log_error(each, validation) for each in tried]
     best = int(np.argmin(scores))
     return scores[best], tried[best]

@@ -4,14 +4,12 @@ psi = [x; rows of the past; functions of x and w; 1], in units of each signal's 
 
     psi_(k+1) = A psi_k + B_uc u_k + B_uw w_k + sum_r N_r (psi_g(r) u_k)
 
-where the last sum is there for bilinear models only. Its factors psi_g(r) move with the roll-out,
-or stay as they were at its start (`is_frozen`), which keeps the model linear in the inputs over a
-horizon: only then can a convex controller drive with it.
-
-Lifted once, at the start, like every model here.
+where the last sum is there for bilinear models only. What its factors psi_g(r) follow is a choice
+of its own (`Follow`). Lifted once, at the start, like every model here.
 """
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +19,22 @@ from offline.baselines.functions import Family, Functions
 from offline.baselines.window_shape import WindowShape
 
 Array = NDArray[np.float64]
+
+
+class Follow(StrEnum):
+    """What the factors of a bilinear model are read from, over a prediction."""
+
+    PREDICTION = "prediction"
+    """the lifted state of each step: exact where the model is, and not convex to plan with"""
+    FREE_RESPONSE = "free response"
+    """what the first lifted state becomes without inputs"""
+    START = "start"
+    """the first lifted state"""
+
+    @property
+    def is_linear_in_inputs(self) -> bool:
+        """Whether a convex controller can drive with it."""
+        return self is not Follow.PREDICTION
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +70,8 @@ class LiftedModel:
     """(R,) which entries of psi the inputs are multiplied by"""
     N: Array
     """(n, R * m), gain by gain"""
-    is_frozen: bool
+    follow: str
+    """what these entries are read from, a `Follow`"""
     ridge: float
     """that the operator was found with"""
 
@@ -93,15 +108,19 @@ class LiftedModel:
         )
         operator = np.concatenate([self.A, self.B_uc, self.B_uw, self.N], axis=1).T
         psi = self.lift(x0, W[:, 0], past)
-        frozen = psi[:, self.gains]
+        follow, read_from = Follow(self.follow), psi
         scaled = np.empty((len(x0), U.shape[1] + 1, n_x))
         scaled[:, 0] = psi[:, :n_x]
         with np.errstate(over="ignore", invalid="ignore"):
             for k in range(U.shape[1]):
-                factors = frozen if self.is_frozen else psi[:, self.gains]
+                factors = read_from[:, self.gains]
                 u, w = U[:, k] / self.u_scale, W[:, k] / self.w_scale
                 psi = self.regressors(psi, u, w, factors) @ operator
                 scaled[:, k + 1] = psi[:, :n_x]
+                if follow is Follow.PREDICTION:
+                    read_from = psi
+                elif follow is Follow.FREE_RESPONSE:
+                    read_from = read_from @ self.A.T + w @ self.B_uw.T
         states = scaled * self.x_scale + self.x_centre
         states[:, 0] = x0
         return states
@@ -119,5 +138,5 @@ class LiftedModel:
         if self.family == Family.GAUSSIANS.value:
             found.append(Finding("width of the Gaussians", f"{self.width:.3g}"))
         if len(self.gains):
-            found.append(Finding("gains", f"{len(self.gains)}, frozen: {self.is_frozen}"))
+            found.append(Finding("gains", f"{len(self.gains)}, following the {self.follow}"))
         return tuple(found)

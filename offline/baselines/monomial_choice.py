@@ -72,7 +72,7 @@ def _relevance(
     """(F,) squared correlation of each with the one-step residuals, summed over the states."""
     every = -(-len(data.u) // _JUDGED)
     some = Transitions(*(series[::every] for series in data))
-    model = blank_model(chosen, scaling, past_steps, (), is_frozen=True)
+    model = blank_model(chosen, scaling, past_steps)
     model = solve(model, moments(model, some), _RIDGE)
     psi = model.lift(some.x, np.repeat(some.w[:, None], 2, axis=1), some.past)
     n_x = len(scaling.x_scale)

@@ -132,10 +132,16 @@ def _large(family: str) -> Entry:
     return _edmd(large(Family(family)))
 
 
-def _bilinear(is_frozen: bool) -> Entry:
-    from offline.baselines.edmd import bilinear
+def _bilinear() -> Entry:
+    from offline.baselines.edmd import BILINEAR
 
-    return _edmd(bilinear(is_frozen))
+    return _edmd(BILINEAR)
+
+
+def _bilinear_convex() -> Entry:
+    from offline.baselines.edmd import BILINEAR_CONVEX
+
+    return _edmd(BILINEAR_CONVEX)
 
 
 def _edmd(settings: "EdmdSettings") -> Entry:
@@ -180,8 +186,8 @@ _ENTRIES: dict[str, Callable[[], Entry]] = {
     "edmd-polynomial": partial(_large, "monomials"),
     "edmd-rbf": partial(_large, "gaussians"),
     "edmd-fourier": partial(_large, "cosines"),
-    "edmd-bilinear-frozen": partial(_bilinear, True),
-    "edmd-bilinear": partial(_bilinear, False),
+    "edmd-bilinear-convex": _bilinear_convex,
+    "edmd-bilinear": _bilinear,
     "bicycle": _bicycle,
     "gru": _gru,
 }

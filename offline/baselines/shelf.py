@@ -10,6 +10,7 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, fields
 from functools import cache
 from pathlib import Path
@@ -73,7 +74,8 @@ def keep(path: Path, kept: Kept) -> None:
             np.savez(file, **arrays, **{_FIT_CPU_S: np.float64(kept.fit_cpu_s)})  # type: ignore[arg-type]
         os.replace(part, path)
     except OSError as error:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):
+            part.unlink()
         raise ArtifactError(
             f"{path}: expected room for a fitted rival, found: {error.strerror}. Free some space."
         ) from error
@@ -105,19 +107,24 @@ def _plain(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
 
 @cache
 def _code_digest() -> str:
-    """Hash of what the files of this room do: comments, docstrings and layout do not count."""
+    """Hash of what the files of this room do."""
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parent.glob("*.py")):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        for node in ast.walk(tree):
-            body = getattr(node, "body", None)
-            if isinstance(body, list):
-                node.body = [line for line in body if not _is_docstring(line)]  # type: ignore[attr-defined]
-        digest.update(f"{path.name}\n{ast.dump(tree)}\n".encode())
+        code = digest_of_code(path.read_text(encoding="utf-8"))
+        digest.update(f"{path.name} {code}\n".encode())
     return digest.hexdigest()
 
 
-def _is_docstring(line: ast.AST) -> bool:
+def digest_of_code(text: str) -> str:
+    """Hash of what a file does: comments, docstrings and layout do not count."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            node.body = [line for line in node.body if not _is_docstring(line)]
+    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()
+
+
+def _is_docstring(line: ast.stmt) -> bool:
     return (
         isinstance(line, ast.Expr)
         and isinstance(line.value, ast.Constant)

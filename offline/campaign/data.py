@@ -6,6 +6,7 @@ from pathlib import Path
 from offline.backend import Backend
 from offline.campaign.rival import fair_linear_errors
 from offline.config import TrainingConfig
+from offline.dataset import exists, load_dataset
 from offline.stock import ensure_dataset
 from offline.terminal import CONSOLE
 from rt_controller.contract.errors import DatasetError
@@ -36,7 +37,10 @@ def open_data(
     Raises:
         DatasetError: the folder holds other data than were explicitly asked for.
     """
-    folder, dataset = ensure_dataset(data, config.episodes, config.data_seed, backend)
+    if data is not None and exists(data):
+        folder, dataset = data, load_dataset(data)
+    else:
+        folder, dataset = ensure_dataset(data, config.episodes, config.data_seed, backend)
     origin = dataset.origin
     explicit = chosen.model_fields_set if chosen else set()
     for name, found in (("episodes", origin.episodes), ("data_seed", origin.seed)):

@@ -129,6 +129,11 @@ def find_run(training: Training) -> RunFolder | None:
     return run
 
 
+def is_evaluated(step: int, config: TrainingConfig) -> bool:
+    """Whether `offline.train.train` evaluates, and keeps, the model after so many steps."""
+    return (step - 1) % config.evaluate_every == 0 or step == config.steps
+
+
 def read_result(folder: Path) -> Result | None:
     """The result of a training, None if it has not ended.
 
@@ -161,7 +166,7 @@ def leave_ctrl_c_to(leader_pid: int) -> None:
 def _train(
     training: Training, should_stop: Callable[[], bool], on_evaluation: Report
 ) -> Result | None:
-    dataset = _load(training.data_folder, training.data_sha256)
+    dataset = open_shared(training.data_folder, training.data_sha256)
     config, run = training.config, find_run(training)
     if run is None:
         now = datetime.now()
@@ -172,7 +177,7 @@ def _train(
 
     def on_progress(progress: Progress) -> None:
         nonlocal go_on
-        if (progress.step - 1) % config.evaluate_every == 0 or progress.step == config.steps:
+        if is_evaluated(progress.step, config):
             watch.keep()
             go_on = on_evaluation(progress, run)
 
@@ -210,8 +215,12 @@ def _without_path(error: Exception, run: RunFolder) -> str:
 
 
 @lru_cache(maxsize=1)
-def _load(folder: Path, sha256: str) -> Dataset:
-    """One data set in the memory of a worker, however many trainings it does."""
+def open_shared(folder: Path, sha256: str) -> Dataset:
+    """The data set in that folder: one in the memory of a worker, however many trainings it does.
+
+    Raises:
+        DatasetError: it is another one.
+    """
     dataset = load_dataset(folder)
     if dataset.sha256 != sha256:
         raise DatasetError(

@@ -89,5 +89,5 @@ def add_legend(figure: Figure, axes: Axes) -> None:
     """One legend for all panels, above them."""
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(
-        handles, labels, loc="outside upper left", ncols=min(6, len(labels)), frameon=False
+        handles, labels, loc="outside upper left", ncols=min(4, len(labels)), frameon=False
     )

@@ -222,7 +222,8 @@ def _lane_change(scene: Scene | None) -> str:
     words = (
         f"The paper's manoeuvre: {scene.words}. A preview driver steers the simulated car; the "
         "models get his inputs. They start from the measured state every 2 s, at the dotted lines, "
-        "and predict on their own in between. A rival that leaves a panel has left it by its error."
+        "and predict on their own in between. A rival that leaves a panel left it by its error. Of "
+        "the rivals the linear models and the paper's network are shown."
     )
     return chapter("Double lane change, open loop", words, drawn(scene.drawing, ""))
 

@@ -117,7 +117,8 @@ def road_heat(judgement: Judgement, model: str) -> Figure:
     stars = [f"{1e3 * road:g}" + ("*" if found[road][1] == NEW_ROADS else "") for road in roads]
     axes.set_xticks(range(len(roads)), stars)
     axes.set_yticks(range(len(share)), [column.name for column in judgement.columns])
-    axes.set_xlabel("curvature / (1/km); * not in the library")
+    has_new = any(on == NEW_ROADS for _, on in found.values())
+    axes.set_xlabel("curvature / (1/km)" + ("; * not in the library" if has_new else ""))
     axes.grid(visible=False)
     return figure
 

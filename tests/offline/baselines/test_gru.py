@@ -1,0 +1,77 @@
+"""The recurrent network: an upper bound of what can be known about the next two seconds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from made_drives import drive, predict
+
+from offline.baselines.gru import GruSettings, fit_gru
+from offline.baselines.persistence import PersistencePredictor
+from offline.baselines.road_path import path_states
+from offline.baselines.score import log_error
+from rt_controller.contract.errors import DatasetError
+
+QUICK = GruSettings(hidden=16, encoder=16, past_steps=4, steps=60, batch=32, learning_rate=1e-2)
+
+
+@pytest.fixture(scope="module")
+def fitted(toy_dataset):
+    return fit_gru(toy_dataset, QUICK)
+
+
+def test_it_learns_to_predict_better_than_that_nothing_changes(fitted, toy_dataset):
+    test = toy_dataset.select("test")
+    assert log_error(fitted, test) < log_error(PersistencePredictor(), test) - 2.0
+
+
+def test_the_path_of_the_car_is_integrated_from_its_motion(fitted, toy_dataset):
+    windows = toy_dataset.select("test")
+    x, u, w, past = (series.astype(np.float64) for series in windows[:4])
+    states = fitted.predict(x[:, 0], past, u, w)
+    path = path_states(np, states[..., :3], x[:, 0], w[..., 0], 0.025)
+    assert np.allclose(states[:, 1:, 3:], path, atol=1e-4)
+
+
+def test_other_signals_are_learned_whole():
+    """A damped level that is pushed, and nothing about a car."""
+    made = drive(lambda x, u, w, b: 0.95 * x + 0.1 * np.stack([u[:, 0], u[:, 1], w[:, 0]], axis=1))
+    rival, test = fit_gru(made, QUICK), made.select("test")
+    assert not rival.knows_road
+    assert log_error(rival, test) < log_error(PersistencePredictor(), test) - 0.5
+
+
+def test_its_training_is_repeatable_and_leaves_the_random_numbers_of_others_alone(toy_dataset):
+    settings = replace(QUICK, steps=3)
+    torch.manual_seed(5)
+    expected = torch.rand(1)
+    torch.manual_seed(5)
+    one, other = fit_gru(toy_dataset, settings), fit_gru(toy_dataset, settings)
+    assert torch.equal(torch.rand(1), expected)
+    assert np.array_equal(one.weights, other.weights)
+    another = fit_gru(toy_dataset, replace(settings, seed=1))
+    assert not np.array_equal(one.weights, another.weights)
+
+
+def test_the_threads_of_others_are_left_alone(toy_dataset):
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        fit_gru(toy_dataset, replace(QUICK, steps=1))
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
+
+
+def test_it_takes_the_last_rows_of_a_longer_past(fitted, toy_dataset):
+    windows = toy_dataset.select("test")
+    short, _ = predict(fitted, windows._replace(past=windows.past[:, -4:]))
+    long, _ = predict(fitted, windows)
+    assert np.array_equal(short, long)
+
+
+def test_a_past_that_is_too_short_is_refused(fitted, toy_dataset):
+    windows = toy_dataset.select("test")
+    with pytest.raises(DatasetError, match="4 or more"):
+        predict(fitted, windows._replace(past=windows.past[:, -3:]))

@@ -1,0 +1,69 @@
+"""Search spaces are data: what ships can be trained, and mistakes are named."""
+
+import pytest
+
+from offline.campaign.space import read_space
+from offline.config import PRESETS
+from rt_controller.contract.errors import ConfigError
+
+
+@pytest.mark.parametrize("name", ["method", "structure", "paper-weights"])
+def test_the_spaces_that_ship_hold_their_preset(name):
+    """Otherwise a search could not find that the preset is best already."""
+    space = read_space(name, None, {})
+    for parameter in space.parameters:
+        value = getattr(PRESETS[space.base.preset], parameter.field)
+        if parameter.choices is not None:
+            assert list(value) if isinstance(value, tuple) else value in parameter.choices
+        else:
+            assert parameter.low <= value <= parameter.high
+
+
+def test_settings_that_all_trials_share_are_part_of_the_base():
+    space = read_space("method", None, {"steps": 7, "threads": 1})
+    assert space.configure({"learning_rate": 1e-3}) == PRESETS["recommended"].model_copy(
+        update={"steps": 7, "threads": 1, "learning_rate": 1e-3}
+    )
+
+
+def test_a_range_between_whole_numbers_is_of_whole_numbers():
+    kinds = {p.field: p.is_whole for p in read_space("method", None, {}).parameters}
+    assert kinds["horizon_start"] is True
+    assert kinds["horizon_growth"] is False
+
+
+SPACE = '[mine]\nwhy = "w"\nbase = "recommended"\n[[mine.parameter]]\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", r"expected one of .*found 'mine'"),
+        ("[mine", "expected a TOML file"),
+        ('[mine]\nwhy = "w"\nbase = "recommended"\n', "'mine.parameter'"),
+        (SPACE.replace("recomm", "rec") + 'field = "batch"\nlow = 1\nhigh = 2\n', "'recended'"),
+        (SPACE + 'field = "batch"\n', "either low and high, or choices"),
+        (SPACE + 'field = "batch"\nchoices = []\n', "either low and high, or choices"),
+        (SPACE + 'field = "batch"\nlow = 1\nhigh = 2\nchoices = [1]\n', "either low and high"),
+        (SPACE + 'field = "batch"\nlow = 3\nhigh = 2\n', "low below high"),
+        (SPACE + 'field = "decay_encoder"\nlow = 0.0\nhigh = 1.0\nscale = "log"\n', "above zero"),
+        (SPACE + 'field = "btach"\nlow = 1\nhigh = 2\n', "'btach'"),
+        (SPACE + 'field = "batch"\nlow = -1\nhigh = 2\n', "'batch', found -1"),
+        (SPACE + 'field = "windows"\nchoices = ["all", "some"]\n', "'windows', found 'some'"),
+        (
+            SPACE + 'field = "batch"\nlow = 1\nhigh = 2\n' + "[[mine.parameter]]\n"
+            'field = "batch"\nlow = 1\nhigh = 3\n',
+            "found batch again",
+        ),
+    ],
+)
+def test_a_mistake_in_the_file_is_named(tmp_path, text, complaint):
+    file = tmp_path / "spaces.toml"
+    file.write_text(text)
+    with pytest.raises(ConfigError, match=complaint):
+        read_space("mine", file, {})
+
+
+def test_an_option_for_a_field_that_is_searched_is_refused():
+    with pytest.raises(ConfigError, match="found --learning-rate"):
+        read_space("method", None, {"learning_rate": 1e-3})
