@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
-from offline.trajectories import PAST_STEPS, STEPS
+from offline.lengths import PAST_STEPS, STEPS
 from rt_controller.contract.errors import ConfigError
 
 Weight = Annotated[float, Field(ge=0.0)]

@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from offline.excitation import Recipe, draw_inputs
+from offline.lengths import PAST_STEPS, STEPS
 from offline.parallel import in_order
 from offline.recording import Recording, Starts
 from offline.road_frame import Anchor
-from offline.trajectories import PAST_STEPS, STEPS
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.frenet import roll_out

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from offline.dataset import MANIFEST_FILE, Dataset, exists, load_dataset
+from offline.lengths import PAST_STEPS
 from offline.manifest import Driven, Manifest, read_manifest
 from offline.provenance import is_held_out
 from offline.run_folder import open_run
 from offline.stock import find_dataset, full_folder
 from offline.terminal import CONSOLE
-from offline.trajectories import PAST_STEPS
 from rt_controller.contract.artifact import Bundle
 from rt_controller.contract.errors import ArtifactError, DatasetError
 

@@ -11,11 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from offline.lengths import PAST_STEPS, STEPS
 from offline.predictor import Predictor
 from offline.recording import Recording, Starts, cut
 from offline.road_frame import Anchor, RoadPose, onto_road
 from offline.roles import VEHICLE_ROLES
-from offline.trajectories import PAST_STEPS, STEPS, Trajectories
+from offline.trajectories import Trajectories
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.schema import VEHICLE
 from rt_controller.contract.signals import ControlInput

@@ -82,7 +82,8 @@ class MdkNet(nn.Module):
         self.sizes = sizes
         self.has_constant = config.constant_observable
         self.shows_exogenous = config.lift_exogenous
-        self.history_steps = config.history_steps
+        # A data set may say that no signal is worth remembering.
+        self.history_steps = config.history_steps if sizes.remembered else 0
         self.rank = config.bilinear_rank
         self.along_free_response = config.bilinear_along == "free-response"
         self.n_observables = sizes.states + config.latents

@@ -10,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from offline.lengths import PAST_STEPS, STEPS
 from offline.road_frame import Anchor, onto_road
 from offline.roles import Roles, past_columns
-from offline.trajectories import PAST_STEPS, STEPS, Trajectories
+from offline.trajectories import Trajectories
 from rt_controller.contract.schema import Schema
 
 Array = NDArray[np.float64]

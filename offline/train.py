@@ -17,7 +17,6 @@ from offline.dataset import PARTS, Dataset
 from offline.learner import Learner
 from offline.losses import Losses
 from offline.model import sizes_of
-from offline.roles import past_names
 from offline.run_folder import RunFolder, append_history, cut_history
 from offline.scaling import fit_scaling
 from offline.schedule import (
@@ -83,7 +82,7 @@ def train(
     """
     torch.set_num_threads(config.threads)
     schema, roles = dataset.schema, dataset.roles
-    _require_enough(config, dataset)
+    _require_enough(dataset)
     scaling = fit_scaling(dataset.select("train"), schema, roles)
     source = open_source(config, dataset, scaling)
     validation_part = scale(
@@ -158,19 +157,13 @@ def _record(
     )
 
 
-def _require_enough(config: TrainingConfig, dataset: Dataset) -> None:
+def _require_enough(dataset: Dataset) -> None:
     for part in PARTS[:2]:
         if not len(dataset.select(part).episode):
             raise DatasetError(
                 f"expected slices in the {part} part of the data set, found none: it has "
                 f"{len(dataset.part)} episodes. Record more, or name another --data."
             )
-    if config.history_steps and not past_names(dataset.schema, dataset.roles):
-        raise DatasetError(
-            f"--history-steps {config.history_steps}: expected a data set that says which signals "
-            f"a row of history holds, found none. Name them in its mapping (roles, past), or train "
-            f"with --history-steps 0."
-        )
 
 
 def _require_finite(run: RunFolder, learner: Learner, what: str, value: float) -> None:

@@ -8,12 +8,6 @@ from numpy.typing import NDArray
 Array32 = NDArray[np.float32]
 Rows = NDArray[np.integer] | NDArray[np.bool_] | slice
 
-STEPS = 80
-"""of a trajectory: the paper's horizon of 2 s"""
-
-PAST_STEPS = 20
-"""before its first state that are kept with it: the longest history a model may ask for"""
-
 
 class Trajectories(NamedTuple):
     """Trajectories of equal length in physical units, with what happened right before them."""

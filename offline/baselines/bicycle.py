@@ -19,7 +19,8 @@ from offline.baselines.finding import Finding
 from offline.baselines.gauss_newton import begin, log_error_of, step
 from offline.baselines.window_shape import WindowShape
 from offline.dataset import Dataset
-from offline.trajectories import PAST_STEPS, Trajectories
+from offline.lengths import PAST_STEPS
+from offline.trajectories import Trajectories
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import VEHICLE
 

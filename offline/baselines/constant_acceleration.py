@@ -15,8 +15,8 @@ from offline.baselines.road_path import path_states
 from offline.baselines.score import log_error, tuning_windows
 from offline.baselines.window_shape import WindowShape
 from offline.dataset import Dataset
+from offline.lengths import PAST_STEPS
 from offline.roles import past_columns
-from offline.trajectories import PAST_STEPS
 from rt_controller.contract.schema import VEHICLE
 
 Array = NDArray[np.float64]

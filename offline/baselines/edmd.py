@@ -28,9 +28,9 @@ from offline.baselines.lifted_model import Follow, LiftedModel
 from offline.baselines.monomial_choice import choose_monomials, row_of_power
 from offline.baselines.score import tuning_windows
 from offline.dataset import Dataset
+from offline.lengths import PAST_STEPS
 from offline.roles import Roles
 from offline.scaling import Scaling, fit_scaling
-from offline.trajectories import PAST_STEPS
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import Schema
 

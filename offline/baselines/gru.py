@@ -28,9 +28,9 @@ from offline.batch import Batch
 from offline.config import PRESETS
 from offline.dataset import Dataset
 from offline.horizon_loss import log_error
+from offline.lengths import PAST_STEPS
 from offline.scaling import fit_scaling
 from offline.source import open_source
-from offline.trajectories import PAST_STEPS
 from rt_controller.contract.schema import VEHICLE
 
 Array = NDArray[np.float64]

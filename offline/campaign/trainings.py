@@ -24,7 +24,7 @@ from offline.campaign.score import Score, assess, score
 from offline.checkpoint import load_checkpoint
 from offline.config import TrainingConfig
 from offline.dataset import Dataset, load_dataset
-from offline.export import LARGEST_SPECTRAL_RADIUS
+from offline.export import largest_radius_of
 from offline.run_folder import LATEST_LINK, RunFolder, create_run, open_run
 from offline.train import Progress, TrainingDivergedError, train
 from rt_controller.contract.errors import ArtifactError, ConfigError, DatasetError
@@ -203,7 +203,7 @@ def _result(run: RunFolder, dataset: Dataset, training: Training, seconds: float
     checkpoint = load_checkpoint(run.best)
     found = assess(checkpoint, dataset)
     radius = found.spectral_radius
-    if not radius <= LARGEST_SPECTRAL_RADIUS:
+    if not radius <= largest_radius_of(checkpoint.config):
         reason = f"spectral radius {radius:.5f}, which offline-export would not let pass"
         return Result("refused", checkpoint.step, seconds, None, radius, reason)
     compared = score(found.errors, np.asarray(training.rivals))

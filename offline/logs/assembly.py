@@ -5,12 +5,12 @@ from math import radians
 
 import numpy as np
 
+from offline.lengths import PAST_STEPS, STEPS
 from offline.logs.episode import Episode
 from offline.logs.mapping import Mapping
 from offline.manifest import Roads
 from offline.recording import Recording, Starts
 from offline.road_frame import Anchor
-from offline.trajectories import PAST_STEPS, STEPS
 
 
 def assemble(episodes: Sequence[Episode], mapping: Mapping) -> Recording:

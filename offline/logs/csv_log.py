@@ -18,7 +18,7 @@ from offline.logs.mapping import CsvSettings, TimeMapping
 from offline.logs.table import Table, require_table_columns, stamp
 from rt_controller.contract.errors import DatasetError
 
-SUFFIXES = (".csv", ".tsv", ".txt")
+SUFFIXES = (".csv", ".tsv")
 
 _DELIMITERS = (",", ";", "\t", "|")
 _NO_NUMBER = {"", "nan", "na", "n/a", "null", "none", "-"}

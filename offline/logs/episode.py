@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from offline.lengths import PAST_STEPS, STEPS
 from offline.logs.log import Array
 from offline.logs.mapping import Mapping
 from offline.logs.reference_line import ReferenceLine
 from offline.logs.series import Drive
 from offline.logs.stretch import Stretch, find_stretches, grid, resample
 from offline.recording import PATH_STATES
-from offline.trajectories import PAST_STEPS, STEPS
 from rt_controller.contract.schema import VEHICLE, Schema, Signal
 
 LEAST_SAMPLES = PAST_STEPS + STEPS + 1

@@ -88,7 +88,7 @@ class Bundle:
         return digest.hexdigest()
 
     def input_matrix(self, psi: Array) -> Array:
-        """B_eff (..., n, m) at the lifted states psi (..., n); see `Bilinear` for which they are."""
+        """B_eff (..., n, m) at the lifted states psi (..., n) that `Bilinear` speaks of."""
         if self.bilinear is None:
             return np.broadcast_to(self.B_uc, (*psi.shape[:-1], *self.B_uc.shape))
         return self.B_uc + self.bilinear.added_columns(psi)

@@ -5,10 +5,11 @@ import pytest
 import torch
 
 from offline.batch import Batch, scale
+from offline.lengths import PAST_STEPS
 from offline.recording import Starts, cut
 from offline.roles import VEHICLE_ROLES
 from offline.scaling import Scaling, fit_scaling
-from offline.trajectories import PAST_STEPS, Trajectories
+from offline.trajectories import Trajectories
 from rt_controller.contract.schema import VEHICLE
 
 STEPS, HISTORY = 12, 4

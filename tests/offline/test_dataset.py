@@ -19,10 +19,10 @@ from offline.dataset import (
     split_episodes,
 )
 from offline.excitation import Recipe
+from offline.lengths import PAST_STEPS, STEPS
 from offline.manifest import Driven, Imported, SourceFile, read_manifest
 from offline.recording import cut
 from offline.roles import VEHICLE_ROLES
-from offline.trajectories import PAST_STEPS, STEPS
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import VEHICLE
 

@@ -17,9 +17,9 @@ from offline.generate import (
     make_episode,
     plant_fingerprint,
 )
+from offline.lengths import PAST_STEPS, STEPS
 from offline.recording import cut
 from offline.roles import VEHICLE_ROLES
-from offline.trajectories import PAST_STEPS, STEPS
 from rt_controller.contract.schema import VEHICLE
 from sim_bridge.plant.monitor import Monitor
 

@@ -12,12 +12,12 @@ from offline.batch import Batch, Instants
 from offline.config import PRESETS, TrainingConfig
 from offline.horizon_loss import horizon_loss, horizon_of_step, log_error, state_errors
 from offline.learner import Learner
+from offline.lengths import STEPS
 from offline.losses import single_step_loss
 from offline.model import MdkNet, sizes_of
 from offline.roles import VEHICLE_ROLES
 from offline.scaling import fit_scaling
 from offline.source import SliceSource
-from offline.trajectories import STEPS
 from rt_controller.contract.schema import VEHICLE
 
 K, BATCH, HISTORY, STATES = 7, 3, 2, 6

@@ -5,7 +5,7 @@ import pytest
 from toy_predictors import Hold
 
 from offline.lane_change import WINDOWS, drive_lane_change, predict_windows
-from offline.trajectories import STEPS
+from offline.lengths import STEPS
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.timing import PERIOD_S
 

@@ -53,26 +53,27 @@ def test_from_nothing_to_a_bundle_and_its_table(command, tmp_path):
     exported = json.loads((tmp_path / "export.json").read_text())
     assert exported["size_bytes"] < 300_000
 
-    code, out, _ = command(cli.evaluate_main, "--json", "table.json")
+    code, out, _ = command(cli.evaluate_main, "--sets", "library", "--json", "table.json")
     assert code in (0, None)
     table = json.loads((tmp_path / "table.json").read_text())
-    assert set(table["models"]) == {"mdk-net", "lti", "persistence"}
-    for model in table["models"].values():
-        assert set(model["mse"]) == {"vx", "vy", "yaw_rate", "ds", "ey", "epsi"}
-    assert table["units"]["yaw_rate"] == "(deg/s)^2"
-    assert table["n_trajectories"] == 10
-    assert table["model_sha256"] == exported["model_sha256"]
+    library = table["sets"]["library"]
+    assert library["n_trajectories"] == 10
+    assert {"lti", "lti-per-curvature", "persistence"} < set(library["models"])
+    for model in library["models"].values():
+        assert len(model["mse"]) == 6
+        assert "yaw_rate_deg_per_s_squared" in model["mse"]
+    assert list(table["model_sha256"].values()) == [exported["model_sha256"]]
     assert table["revision"] == exported["revision"]
 
     code, out, _ = command(cli.export_main, "--lti", "--output", "lti")
     assert code in (0, None)
-    code, out, _ = command(cli.evaluate_main, "--model", "lti")
+    code, out, _ = command(cli.evaluate_main, "--model", "lti", "--sets", "library")
     assert code in (0, None)
 
 
 def test_a_run_goes_on_where_it_stopped_and_refuses_another_configuration(command, toy_folder):
     train = ("--steps", 6, "--evaluate-every", 3, "--data", toy_folder, "--runs", "r", *SMALL)
-    assert command(cli.train_main, *train)[0] in (0, None)
+    assert command(cli.train_main, *train, "--rate-schedule", "plateau")[0] in (0, None)
     resume = ("--resume", "r/latest", "--steps", 9, "--json", "train.json")
     code, _, _ = command(cli.train_main, *resume)
     assert code in (0, None)

@@ -4,7 +4,7 @@ import pytest
 from pydantic import ValidationError
 
 from offline.config import PRESETS, TrainingConfig, resolve
-from offline.trajectories import PAST_STEPS, STEPS
+from offline.lengths import PAST_STEPS, STEPS
 from rt_controller.contract.errors import ConfigError
 
 

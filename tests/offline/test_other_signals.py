@@ -14,13 +14,13 @@ from offline.checkpoint import load_checkpoint
 from offline.config import PRESETS, TrainingConfig
 from offline.dataset import Dataset, load_dataset, save_dataset
 from offline.export import make_bundle
+from offline.lengths import PAST_STEPS, STEPS
 from offline.manifest import Imported, SourceFile
 from offline.predictor import BundlePredictor
 from offline.recording import Recording, Starts
 from offline.roles import Roles
 from offline.run_folder import RunFolder, create_run
 from offline.train import train
-from offline.trajectories import PAST_STEPS, STEPS
 from rt_controller.contract.artifact import load_bundle, save_bundle
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.fitness import require_drivable

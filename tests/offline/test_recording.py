@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from offline.lengths import PAST_STEPS, STEPS
 from offline.recording import Recording, Starts, cut, possible_starts
 from offline.road_frame import Anchor
 from offline.roles import VEHICLE_ROLES, Roles, mirror_signs
-from offline.trajectories import PAST_STEPS, STEPS
 from rt_controller.contract.schema import VEHICLE, Schema, Signal
 from sim_bridge.frenet import roll_out
 from sim_bridge.plant.integrate import settle, simulate

@@ -10,12 +10,12 @@ from offline import source as source_module
 from offline.batch import Batch, scale
 from offline.config import PRESETS
 from offline.dataset import Dataset
+from offline.lengths import STEPS
 from offline.manifest import Roads
 from offline.recording import cut, possible_starts
 from offline.roles import VEHICLE_ROLES, mirror_signs
 from offline.scaling import Scaling, fit_scaling
 from offline.source import MirroringSource, SliceSource, WindowSource, open_source
-from offline.trajectories import STEPS
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import VEHICLE
 

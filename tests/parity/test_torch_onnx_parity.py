@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from offline.batch import Batch, scale
 from offline.config import PRESETS, TrainingConfig
 from offline.export import PhysicalEncoder, fold_scaling, to_onnx
+from offline.lengths import PAST_STEPS
 from offline.model import MdkNet, sizes_of
 from offline.predictor import BundlePredictor
 from offline.roles import VEHICLE_ROLES
 from offline.rollout import roll_out
 from offline.scaling import Scaling
-from offline.trajectories import PAST_STEPS, Trajectories
+from offline.trajectories import Trajectories
 from rt_controller.contract.artifact import Bundle, Lift, LiftSample
 from rt_controller.contract.schema import VEHICLE
 

@@ -3,10 +3,10 @@
 import numpy as np
 
 from offline.dataset import Dataset, split_episodes
+from offline.lengths import PAST_STEPS, STEPS
 from offline.manifest import Imported, Manifest
 from offline.recording import Recording, Starts
 from offline.roles import Roles
-from offline.trajectories import PAST_STEPS, STEPS
 from rt_controller.contract.schema import Schema, Signal
 
 SCHEMA = Schema(

@@ -13,8 +13,8 @@ from offline.baselines.functions import Family, cosines, gaussians, monomials
 from offline.baselines.lifted_bundle import as_bundle
 from offline.baselines.lifted_model import Follow
 from offline.export import SELFTEST_STATES
+from offline.lengths import PAST_STEPS
 from offline.predictor import BundlePredictor
-from offline.trajectories import PAST_STEPS
 from rt_controller.contract.artifact import LiftSample, load_bundle, save_bundle
 from rt_controller.contract.errors import ArtifactError, DatasetError
 

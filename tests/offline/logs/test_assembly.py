@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 from made_logs import MAPPING
 
+from offline.lengths import PAST_STEPS, STEPS
 from offline.logs.assembly import assemble, roads_of, slice_windows
 from offline.logs.episode import Episode
 from offline.recording import cut
 from offline.roles import VEHICLE_ROLES
-from offline.trajectories import PAST_STEPS, STEPS
 from rt_controller.contract.schema import VEHICLE
 
 POSE = """
