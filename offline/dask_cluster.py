@@ -4,7 +4,7 @@ import asyncio
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import joblib
@@ -15,6 +15,10 @@ from offline import address as address_of
 from offline.address import UnreachableError, require_listener, unreachable
 
 FIRST_WORKER_S = 10.0
+
+DEAF_TO_CTRL_C = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+"""what workers of one's own run first: a terminal interrupts them too, and nobody would be left to
+end a task where nothing is lost"""
 
 
 class DaskBackend(DaskDistributedBackend):  # type: ignore[misc]
@@ -60,17 +64,21 @@ def dask_tasks(address: str | None, jobs: int) -> Iterator[None]:
 def _own_client(jobs: int) -> Iterator[Client]:
     workers = os.cpu_count() if jobs == -1 else jobs
     # One thread a process: two trainings in one process would share torch's dice.
-    with (
-        LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            host="127.0.0.1",
-            dashboard_address="127.0.0.1:0",
-        ) as cluster,
-        Client(cluster, set_as_default=False) as client,
-    ):
-        yield client
+    cluster = LocalCluster(
+        n_workers=workers,
+        threads_per_worker=1,
+        processes=True,
+        host="127.0.0.1",
+        dashboard_address="127.0.0.1:0",
+        preload=DEAF_TO_CTRL_C,
+    )
+    try:
+        with Client(cluster, set_as_default=False) as client:
+            yield client
+    finally:
+        # It has nothing to lose any more: on a busy machine it may be slow to go, and is killed.
+        with suppress(TimeoutError):
+            cluster.close()
 
 
 @contextmanager

@@ -61,7 +61,7 @@ def test_from_nothing_to_a_bundle_and_its_table(command, tmp_path):
     assert {"lti", "lti-per-curvature", "persistence"} < set(library["models"])
     for model in library["models"].values():
         assert len(model["mse"]) == 6
-        assert "yaw_rate_deg_per_s_squared" in model["mse"]
+        assert "yaw_rate_degps_squared" in model["mse"]
     assert list(table["model_sha256"].values()) == [exported["model_sha256"]]
     assert table["revision"] == exported["revision"]
 
