@@ -1,6 +1,7 @@
 """A Dask cluster as a place for tasks. Loaded only where Dask is asked for."""
 
 import asyncio
+import logging
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -71,6 +72,7 @@ def _own_client(jobs: int) -> Iterator[Client]:
         host="127.0.0.1",
         dashboard_address="127.0.0.1:0",
         preload=DEAF_TO_CTRL_C,
+        silence_logs=logging.ERROR,
     )
     try:
         with Client(cluster, set_as_default=False) as client:

@@ -241,8 +241,20 @@ def test_an_attempt_ends_with_its_context_and_with_a_signal(tmp_path):
         assert current.should_stop()()
 
 
+def test_two_commands_on_one_folder_share_the_work(tmp_path, lists, toy_folder, alone):
+    script = "from offline.cli import ablate_main; ablate_main()"
+    arguments = ["tiny", "--lists", str(lists), "--data", str(toy_folder), "--folder", "f"]
+    command = [sys.executable, "-c", script, *arguments, "--seeds", "0,1", "--jobs", "1"]
+    both = [subprocess.Popen(command, cwd=tmp_path) for _ in range(2)]
+    assert [process.wait(timeout=280) for process in both] == [0, 0]
+    assert histories(tmp_path / "f") == histories(alone)
+    for training in (tmp_path / "f").glob("*/seed-*"):
+        assert len(list(training.glob("*-recommended"))) == 1
+
+
+@pytest.mark.parametrize("backend", ["loky", "dask"])
 def test_ctrl_c_ends_a_comparison_of_several_processes_with_the_way_back(
-    tmp_path, lists, toy_folder
+    tmp_path, lists, toy_folder, backend
 ):
     """As a terminal does it: the signal goes to the command and to all its workers."""
     script = "from offline.cli import ablate_main; ablate_main()"
@@ -250,7 +262,7 @@ def test_ctrl_c_ends_a_comparison_of_several_processes_with_the_way_back(
     command = [sys.executable, "-c", script, *arguments, "--jobs", "2"]
     endless = ["--steps", "1000000"]
     process = subprocess.Popen(
-        [*command, *endless],
+        [*command, "--backend", backend, *endless],
         cwd=tmp_path,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
