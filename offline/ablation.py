@@ -144,7 +144,7 @@ def _write(folder: Path, table: Table, figures: dict[str, Any]) -> None:
             (TABLE_FILE, to_markdown(table)),
             (FIGURES_FILE, json.dumps(figures, indent=2) + "\n"),
         ):
-            part = folder / f"{name}.part"
+            part = folder / f".{name}.{os.getpid()}.part"  # two commands may share the folder
             part.write_text(text, encoding="utf-8")
             os.replace(part, folder / name)
     except OSError as error:

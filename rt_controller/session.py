@@ -36,7 +36,7 @@ from rt_controller.realtime.scheduling import (
 from rt_controller.step import ControlStep
 from rt_controller.tracking import TrackingAccount
 
-SHIPPED_MODEL = "mdk-net-paper"
+SHIPPED_MODEL = "mdk-net"
 RECORDED_TICKS = round(3600.0 / PERIOD_S)
 """times of the last hour are kept"""
 WARM_UP_STEPS = 20

@@ -19,8 +19,9 @@ def drive(tmp_path: Path, model: str, *options: str, pace: str = "lockstep") -> 
     return json.loads(summary.read_text())
 
 
-def test_the_shipped_network_stays_on_its_path(tmp_path: Path) -> None:
-    figures = drive(tmp_path, "mdk-net-paper")
+@pytest.mark.parametrize("model", ["mdk-net", "mdk-net-paper"])
+def test_a_shipped_network_stays_on_its_path(tmp_path: Path, model: str) -> None:
+    figures = drive(tmp_path, model)
     assert figures["ey_rms_m"] <= 0.10
     assert figures["ey_peak_m"] <= 0.30
     assert figures["vx_rms_mps"] <= 0.5
@@ -43,7 +44,7 @@ def test_a_lifted_reference_drives_too(tmp_path: Path) -> None:
 def test_the_same_run_twice_gives_the_same_frames(tmp_path: Path) -> None:
     logs = [tmp_path / f"{name}.log" for name in ("first", "second")]
     for log in logs:
-        drive(tmp_path, "mdk-net-paper", "--record", str(log))
+        drive(tmp_path, "mdk-net", "--record", str(log))
     assert logs[0].stat().st_size > 100_000
     assert logs[0].read_bytes() == logs[1].read_bytes()
 

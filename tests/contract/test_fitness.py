@@ -23,7 +23,7 @@ def refusal(bundle: Bundle) -> str:
     return message
 
 
-@pytest.mark.parametrize("name", ["lti", "mdk-net-paper"])
+@pytest.mark.parametrize("name", ["lti", "mdk-net", "mdk-net-paper"])
 def test_the_shipped_models_are_drivable(name: str) -> None:
     require_drivable(load_bundle(shipped_model(name)))
 
