@@ -165,8 +165,8 @@ def small(family: Family) -> EdmdSettings:
 
 
 def large(family: Family) -> EdmdSettings:
-    """The best of the larger sizes."""
-    return EdmdSettings(family, LARGE, past_steps=(4, 8), widths=_WIDTHS[family])
+    """The best of the larger sizes, of functions as wide as the smaller dictionaries like them."""
+    return EdmdSettings(family, LARGE, past_steps=(4,), widths=_WIDTHS[family][-2:])
 
 
 def bilinear(follows: tuple[Follow, ...]) -> EdmdSettings:

@@ -41,7 +41,7 @@ class Functions(NamedTuple):
     shifts: Array
     """(F,) phases of cosines"""
     width: float
-    """of Gaussians"""
+    """of Gaussians, or of the kernel that cosines approximate"""
 
     def evaluate(self, v: Array) -> Array:
         """Their values (..., F)."""
@@ -96,4 +96,4 @@ def cosines(q: int, count: int, length: float, seed: int) -> Functions:
     """Cosines with random phases, whose kernel is a Gaussian of width `length`."""
     rng = np.random.default_rng(seed)
     frequencies = rng.normal(size=(count, q)) / length
-    return Functions(Family.COSINES, frequencies, rng.uniform(0.0, 2.0 * np.pi, count), 1.0)
+    return Functions(Family.COSINES, frequencies, rng.uniform(0.0, 2.0 * np.pi, count), length)

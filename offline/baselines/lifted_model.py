@@ -135,8 +135,8 @@ class LiftedModel:
             Finding("ridge", f"{self.ridge:g}"),
             Finding("spectral radius", f"{radius:.5f}"),
         ]
-        if self.family == Family.GAUSSIANS.value:
-            found.append(Finding("width of the Gaussians", f"{self.width:.3g}"))
+        if self.family in (Family.GAUSSIANS, Family.COSINES):
+            found.append(Finding("width", f"{self.width:.3g}"))
         if len(self.gains):
             found.append(Finding("gains", f"{len(self.gains)}, following the {self.follow}"))
         return tuple(found)

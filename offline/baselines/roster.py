@@ -15,6 +15,7 @@ from offline.baselines.shelf import FittedRival, Kept, keep, place, recall
 from offline.dataset import Dataset
 from offline.predictor import Predictor
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.schema import VEHICLE
 
 if TYPE_CHECKING:
     from offline.baselines.edmd import EdmdSettings
@@ -30,7 +31,7 @@ class Entry(NamedTuple):
 
     kind: type[FittedRival]
     settings: object
-    """a frozen dataclass, or a tuple of what the fit is told"""
+    """a frozen dataclass of what the fit may choose from"""
     fit: Callable[[Dataset], FittedRival]
 
 
@@ -46,6 +47,15 @@ class Report(NamedTuple):
 def names() -> tuple[str, ...]:
     """All rivals, the plainest first."""
     return tuple(_ENTRIES)
+
+
+def find_objection(name: str, dataset: Dataset) -> str | None:
+    """Why that rival cannot be fitted to these data, in words; None if it can."""
+    if name == "bicycle" and dataset.schema != VEHICLE:
+        return "the data are not of the car's signals."
+    if name == "lti-per-curvature" and dataset.manifest.roads is None:
+        return "the data know no roads."
+    return None
 
 
 def fit(name: str, dataset: Dataset, cache_folder: Path, refit: bool = False) -> Predictor:

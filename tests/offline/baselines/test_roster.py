@@ -85,6 +85,13 @@ def test_a_rival_that_does_not_fit_the_data_says_so(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_rival_that_cannot_be_fitted_is_known_beforehand(toy_dataset):
+    strange = drive(lambda x, u, w, b: 0.9 * x)
+    unfit = [name for name in roster.names() if roster.find_objection(name, strange)]
+    assert unfit == ["lti-per-curvature", "bicycle"]
+    assert not any(roster.find_objection(name, toy_dataset) for name in roster.names())
+
+
 def linear_model():
     return LinearModel(np.eye(2), np.ones((2, 1)), np.zeros((2, 0)), np.array([1.0, np.pi]))
 
