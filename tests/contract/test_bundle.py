@@ -49,10 +49,12 @@ def test_a_model_is_known_by_everything_it_predicts_with(bundle: Bundle) -> None
     others = [
         replace(bundle, **{key: 0.9 * getattr(bundle, key)}) for key in ("A", "B_uc", "B_uw", "c")
     ]
-    others += [
-        replace(bundle, bilinear=bundle.bilinear._replace(**{key: 0.9 * part}))
-        for key, part in bundle.bilinear._asdict().items()
+    bent = [
+        bundle.bilinear._replace(**{key: 0.9 * getattr(bundle.bilinear, key)})
+        for key in ("N", "S", "s0")
     ]
+    bent.append(bundle.bilinear._replace(along_free_response=False))
+    others += [replace(bundle, bilinear=bilinear) for bilinear in bent]
     schemas = [
         replace(VEHICLE, states=VEHICLE.states[::-1]),
         replace(VEHICLE, inputs=VEHICLE.inputs[::-1]),
@@ -70,7 +72,7 @@ def test_a_model_is_known_by_everything_it_predicts_with(bundle: Bundle) -> None
         replace(bundle, name="another"),
     ]
     assert len(others) == 19
-    assert len({bundle.sha256, *(other.sha256 for other in others)}) == 19
+    assert len({bundle.sha256, *(other.sha256 for other in others)}) == 20
 
 
 def test_a_model_is_not_known_by_how_it_was_trained_or_stored(bundle: Bundle) -> None:
