@@ -86,7 +86,9 @@ def _ensure(name: str, dataset: Dataset, cache_folder: Path, refit: bool) -> Kep
     if name not in _ENTRIES:
         raise ConfigError(f"rival: expected one of {', '.join(_ENTRIES)}, found {name!r}.")
     entry = _ENTRIES[name]()
-    path = place(cache_folder, name, dataset.sha256, entry.settings)
+    fitted_by = entry.fit.func if isinstance(entry.fit, partial) else entry.fit
+    modules = {entry.kind.__module__, fitted_by.__module__}
+    path = place(cache_folder, name, dataset.sha256, entry.settings, modules)
     if not refit and (kept := recall(path, entry.kind)) is not None:
         return kept
     begin = time.process_time()
@@ -97,9 +99,9 @@ def _ensure(name: str, dataset: Dataset, cache_folder: Path, refit: bool) -> Kep
 
 
 def _persistence() -> Entry:
-    from offline.baselines.persistence import PersistencePredictor
+    from offline.baselines.persistence import PersistencePredictor, fit_persistence
 
-    return Entry(PersistencePredictor, NoSettings(), lambda dataset: PersistencePredictor())
+    return Entry(PersistencePredictor, NoSettings(), fit_persistence)
 
 
 def _lti() -> Entry:

@@ -2,17 +2,16 @@
 
 A fitted rival is a frozen dataclass of arrays and plain numbers, and so is its file: an npz
 archive without pickles. The file's name holds a digest of everything the fit follows from: the
-numbers of the data set, the settings, and the code of this room.
+numbers of the data set, the settings, and the code of this room that the rival is made by.
 """
 
 import ast
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, fields
-from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
 
@@ -25,6 +24,7 @@ from rt_controller.contract.archive import DamagedArchiveError, read_arrays
 from rt_controller.contract.errors import ArtifactError
 
 _FIT_CPU_S = "_fit_cpu_s"
+_ROOM = __name__.rpartition(".")[0] + "."
 
 
 class FittedRival(Protocol):
@@ -50,9 +50,11 @@ class Kept(NamedTuple):
     """CPU time that the fit took, whenever that was"""
 
 
-def place(folder: Path, name: str, data_sha256: str, settings: object) -> Path:
-    """The file of a rival fitted to these data with these settings (a dataclass) by this code."""
-    words = [name, data_sha256, asdict(settings), _code_digest()]  # type: ignore[call-overload]
+def place(
+    folder: Path, name: str, data_sha256: str, settings: object, modules: Iterable[str]
+) -> Path:
+    """The file of a rival that these modules fit to these data with these settings, a dataclass."""
+    words = [name, data_sha256, asdict(settings), digest_of_modules(modules)]  # type: ignore[call-overload]
     digest = hashlib.sha256(json.dumps(words, sort_keys=True).encode()).hexdigest()
     return folder / f"{name}-{digest[:16]}.npz"
 
@@ -105,19 +107,25 @@ def _plain(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     return {name: array.item() if array.ndim == 0 else array for name, array in arrays.items()}
 
 
-@cache
-def _code_digest() -> str:
-    """Hash of what the files of this room do."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        code = digest_of_code(path.read_text(encoding="utf-8"))
-        digest.update(f"{path.name} {code}\n".encode())
-    return digest.hexdigest()
+def digest_of_modules(names: Iterable[str]) -> str:
+    """Hash of what these modules do, and all of this room that they import."""
+    trees: dict[str, ast.Module] = {}
+    left = sorted(set(names))
+    while left:
+        name = left.pop()
+        if name in trees or not name.startswith(_ROOM):
+            continue
+        path = Path(__file__).with_name(name.removeprefix(_ROOM) + ".py")
+        trees[name] = ast.parse(path.read_text(encoding="utf-8"))
+        left += [
+            str(node.module) for node in ast.walk(trees[name]) if isinstance(node, ast.ImportFrom)
+        ]
+    words = [f"{name} {digest_of_code(trees[name])}" for name in sorted(trees)]
+    return hashlib.sha256("\n".join(words).encode()).hexdigest()
 
 
-def digest_of_code(text: str) -> str:
+def digest_of_code(tree: ast.Module) -> str:
     """Hash of what a file does: comments, docstrings and layout do not count."""
-    tree = ast.parse(text)
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
             node.body = [line for line in node.body if not _is_docstring(line)]

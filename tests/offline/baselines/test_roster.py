@@ -1,5 +1,6 @@
 """All rivals by name, fitted once and found again."""
 
+import ast
 import subprocess
 import sys
 from dataclasses import replace
@@ -9,6 +10,7 @@ import pytest
 from made_drives import drive, predict
 
 from offline.baselines import roster, shelf
+from offline.baselines.edmd import DELAYS
 from offline.baselines.linear_model import LinearModel
 from offline.baselines.shelf import Kept, keep, place, recall
 from rt_controller.contract.errors import ArtifactError, ConfigError, DatasetError
@@ -120,18 +122,36 @@ def test_a_shelf_that_cannot_be_written_to_is_named(tmp_path):
         keep(tmp_path / "file" / "lti.npz", Kept(linear_model(), 1.0))
 
 
+LTI = ("offline.baselines.lti",)
+
+
 def test_the_place_of_a_rival_depends_on_data_settings_and_code(tmp_path, monkeypatch):
-    settings = roster.NoSettings()
-    places = {place(tmp_path, "lti", sha256, settings) for sha256 in ("a", "b")}
-    monkeypatch.setattr(shelf, "_code_digest", lambda: "other code")
-    places.add(place(tmp_path, "lti", "a", settings))
-    assert len(places) == 3
+    few, many = DELAYS, replace(DELAYS, most_transitions=10)
+    places = {
+        place(tmp_path, "dmdc", sha256, settings, LTI)
+        for sha256 in ("a", "b")
+        for settings in (few, many)
+    }
+    monkeypatch.setattr(shelf, "digest_of_code", lambda tree: "other code")
+    places.add(place(tmp_path, "dmdc", "a", few, LTI))
+    assert len(places) == 5
+
+
+def test_the_code_of_a_rival_is_its_module_and_what_that_imports_of_this_room(monkeypatch):
+    """The linear model is fitted by least squares, and no network."""
+    seen = []
+    monkeypatch.setattr(shelf, "digest_of_code", lambda tree: seen.append(tree) or "")
+    shelf.digest_of_modules(LTI)
+    names = {node.name for tree in seen for node in tree.body if hasattr(node, "name")}
+    assert {"fit_lti", "fit_one_step", "LinearModel", "WindowShape"} <= names
+    assert "Network" not in names
 
 
 def test_comments_and_docstrings_are_no_part_of_the_code():
     bare = "def f(x):\n    return x\n"
     told = '"""Room."""\ndef f(x):\n    """What."""\n    return (x)  # why\n'
-    digests = [shelf.digest_of_code(text) for text in (bare, told, bare.replace("x\n", "-x\n"))]
+    texts = (bare, told, bare.replace("x\n", "-x\n"))
+    digests = [shelf.digest_of_code(ast.parse(text)) for text in texts]
     assert digests[0] == digests[1] != digests[2]
 
 
