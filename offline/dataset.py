@@ -1,17 +1,18 @@
 """The data set on disk: recording.npz, and a manifest that says what it is.
 
-The manifest carries the signals, the recipe or the logs, and the SHA-256 of every number, so
-that a truncated, altered or foreign file is refused and never trained on. Data sets of the
-simulated car live in a cache folder named after what they were made from.
+The manifest carries the signals, the recipe or the logs, and the SHA-256 of every number and of
+what it means, so that a truncated, altered or foreign file is refused and never trained on. Data
+sets of the simulated car live in a cache folder named after what they were made from.
 
 A data set is whole drives and a list of slices of them. The slices are the paper's trajectories,
 the same for everybody who validates and tests; a model may learn from any window of the drives.
 """
 
 import hashlib
+import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -57,7 +58,7 @@ class Dataset:
 
     @property
     def sha256(self) -> str:
-        """Hash of all numbers, which is what the data set is known by."""
+        """Hash of all numbers and their meaning, which is what the data set is known by."""
         return self.manifest.sha256
 
     @property
@@ -129,7 +130,7 @@ def save_dataset(
         schema=schema,
         roles=roles,
         roads=roads,
-        sha256=_hash_arrays(arrays),
+        sha256=_hash(arrays, schema, roles, roads),
         trajectories=len(slices.row),
         rejected_episodes=rejected,
         versions={name: version(name) for name in ("rt-controller", "numpy")},
@@ -167,11 +168,11 @@ def load_dataset(folder: Path) -> Dataset:
     path = folder / RECORDING_FILE
     remedy = _remedy(manifest.origin)
     arrays = _read_arrays(path, remedy)
-    found = _hash_arrays(arrays)
+    found = _hash(arrays, manifest.schema, manifest.roles, manifest.roads)
     if found != manifest.sha256:
         raise DatasetError(
             f"{path}: expected numbers of SHA-256 {manifest.sha256:.16}…, found {found:.16}…: the "
-            f"file was altered or belongs to another manifest. {remedy}"
+            f"file or its manifest was altered, or they are not of one data set. {remedy}"
         )
     recording = Recording(*(arrays[name] for name in Recording._fields))
     anchor = Anchor(*(arrays[f"slice_{name}"] for name in Anchor._fields))
@@ -244,8 +245,12 @@ def _require_finite(path: Path, recording: Recording, slices: Starts, schema: Sc
             )
 
 
-def _hash_arrays(arrays: Mapping[str, NDArray[Any]]) -> str:
-    digest = hashlib.sha256()
+def _hash(
+    arrays: Mapping[str, NDArray[Any]], schema: Schema, roles: Roles, roads: Roads | None
+) -> str:
+    """SHA-256 of the numbers, their signals, and what the learning may assume of them."""
+    meaning = [asdict(schema), asdict(roles), asdict(roads) if roads else None]
+    digest = hashlib.sha256(json.dumps(meaning, sort_keys=True).encode())
     for name in sorted(arrays):
         array = np.ascontiguousarray(arrays[name])
         digest.update(f"{name} {array.dtype.str} {array.shape}\n".encode())

@@ -79,7 +79,7 @@ class Manifest:
     roads: Roads | None
     """None: the recording has no poses, and is on the road it was driven on"""
     sha256: str
-    """of all numbers (`offline.dataset`)"""
+    """of all numbers, and of schema, roles and roads above (`offline.dataset`)"""
     trajectories: int
     """slices that the parts are judged on"""
     rejected_episodes: int

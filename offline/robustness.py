@@ -5,12 +5,11 @@ Its slices are for judging only: every episode is of the test part.
 
 import numpy as np
 
-from offline.dataset import PARTS, Dataset, cache, exists, load_dataset, save_dataset
+from offline.dataset import PARTS, Dataset, cache, exists, load_dataset
 from offline.excitation import Recipe
-from offline.generate import FIRST_EPSI_RAD, FIRST_EY_M, generate, plant_fingerprint
-from offline.manifest import Driven, Roads
-from offline.roles import VEHICLE_ROLES
-from rt_controller.contract.schema import VEHICLE
+from offline.generate import generate, plant_fingerprint
+from offline.manifest import Driven
+from offline.stock import keep
 
 RECIPE = Recipe(road_friction=(0.5, 1.0), mass_factor=(0.85, 1.15))
 EPISODES = 96
@@ -28,15 +27,5 @@ def ensure_robustness_data(jobs: int = 1, episodes: int = EPISODES) -> Dataset:
     folder = cache() / origin.name
     if exists(folder):
         return load_dataset(folder)
-    made = generate(RECIPE, episodes, SEED, jobs)
-    return save_dataset(
-        folder,
-        made.recording,
-        made.slices,
-        np.full(episodes, PARTS.index("test"), dtype=np.int8),
-        schema=VEHICLE,
-        roles=VEHICLE_ROLES,
-        roads=Roads(RECIPE.curvatures_per_m, FIRST_EY_M, FIRST_EPSI_RAD),
-        origin=origin,
-        rejected=made.rejected,
-    )
+    part = np.full(episodes, PARTS.index("test"), dtype=np.int8)
+    return keep(folder, generate(RECIPE, episodes, SEED, jobs), part, origin)

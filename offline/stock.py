@@ -2,6 +2,9 @@
 
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from offline.backend import Backend
 from offline.config import PRESETS
 from offline.dataset import (
@@ -14,7 +17,7 @@ from offline.dataset import (
     split_episodes,
 )
 from offline.excitation import Recipe
-from offline.generate import FIRST_EPSI_RAD, FIRST_EY_M, generate, plant_fingerprint
+from offline.generate import FIRST_EPSI_RAD, FIRST_EY_M, Generated, generate, plant_fingerprint
 from offline.manifest import Driven, Roads, read_manifest
 from offline.roles import VEHICLE_ROLES
 from offline.terminal import CONSOLE, progress_bar
@@ -43,11 +46,20 @@ def ensure_dataset(
             show(done, "")
 
         made = generate(origin.recipe, episodes, seed, None, on_progress)
-    return folder, save_dataset(
+    return folder, keep(folder, made, split_episodes(episodes, seed), origin)
+
+
+def keep(folder: Path, made: Generated, part: NDArray[np.int8], origin: Driven) -> Dataset:
+    """Drives of the simulated car as a data set in that folder; part (E,) as in `Dataset`.
+
+    Raises:
+        DatasetError: the folder has no room.
+    """
+    return save_dataset(
         folder,
         made.recording,
         made.slices,
-        split_episodes(episodes, seed),
+        part,
         schema=VEHICLE,
         roles=VEHICLE_ROLES,
         roads=Roads(origin.recipe.curvatures_per_m, FIRST_EY_M, FIRST_EPSI_RAD),

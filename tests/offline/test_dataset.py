@@ -233,6 +233,20 @@ def test_an_altered_split_is_noticed(folder):
         load_dataset(folder)
 
 
+@pytest.mark.parametrize("altered", ["role", "unit"])
+def test_an_altered_meaning_of_the_numbers_is_noticed(folder, altered):
+    """What a model learns follows from the roles and units as much as from the numbers."""
+    path = folder / MANIFEST_FILE
+    fields = json.loads(path.read_text())
+    if altered == "role":
+        fields["roles"]["odd"] = fields["roles"]["odd"][:-1]
+    else:
+        fields["schema"]["states"][0][1] = "km/h"
+    path.write_text(json.dumps(fields))
+    with pytest.raises(DatasetError, match="SHA-256"):
+        load_dataset(folder)
+
+
 @pytest.mark.parametrize("keep", [0, 100, 5000])
 def test_a_truncated_file_is_refused(folder, keep):
     path = folder / RECORDING_FILE

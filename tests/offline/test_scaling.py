@@ -44,7 +44,7 @@ def test_only_speed_and_progress_are_centred(train):
 
 
 def test_what_is_centred_goes_by_the_roles_and_not_by_place(train):
-    roles = replace(VEHICLE_ROLES, centred=("ey_m",))
+    roles = replace(VEHICLE_ROLES, centred=("ey_m",), odd=None)
     scaling = fit_scaling(train, VEHICLE, roles)
     assert np.flatnonzero(scaling.x_centre).tolist() == [4]
 
