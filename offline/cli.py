@@ -207,20 +207,21 @@ def export_model(
     run: Path | None = None,
     *,
     output: Path | None = None,
-    lti: bool = False,
+    rival: str | None = None,
     data: Path | None = None,
     json_file: JsonFile = None,
 ) -> int:
-    """Export the best model of a run, or the linear rival of a data set.
+    """Export the best model of a run, or a rival fitted to a data set.
 
     Parameters
     ----------
     run
         folder of the run; without it the latest below runs/
     output
-        folder of the bundle; without it `bundle` in the folder of the run, or runs/lti
-    lti
-        export the linear model of the data set instead
+        folder of the bundle; without it `bundle` in the folder of the run, or runs/RIVAL
+    rival
+        export that rival of the data set instead, for instance lti or edmd-polynomial-66;
+        docs/rivals.md says which there are
     data
         folder of the data set; without it the one the run was trained on
     json_file
@@ -229,8 +230,9 @@ def export_model(
     _prepare(json_file)
     from offline import commands
 
-    if lti:
-        return commands.export_lti(data, output or RUNS / "lti", run or RUNS / "latest", json_file)
+    if rival is not None:
+        latest = run or RUNS / "latest"
+        return commands.export_rival(rival, data, output or RUNS / rival, latest, json_file)
     return commands.export_run(run or RUNS / "latest", output, data, json_file)
 
 

@@ -9,15 +9,19 @@ from datetime import datetime
 from pathlib import Path
 
 from offline.backend import Backend
-from offline.baselines.lti import fit_lti
+from offline.baselines import roster
+from offline.baselines.bundle import bundle_of
 from offline.card import Fact, write_card
 from offline.checkpoint import load_checkpoint
 from offline.comparison import compare, evaluation_figures, print_pooled
 from offline.config import TrainingConfig, resolve
 from offline.dataset import Dataset, exists, load_dataset
 from offline.export import Gate, choose_selftest, make_bundle, pass_gate
+from offline.lengths import PAST_STEPS
 from offline.manifest import Imported, Origin
 from offline.revision import source_revision
+from offline.rivals import describe_rival, rival_cache
+from offline.roles import past_names
 from offline.run_folder import create_run, extend_run, open_run
 from offline.stock import ensure_dataset, full_folder
 from offline.terminal import CONSOLE
@@ -112,14 +116,19 @@ def export_run(path: Path, output: Path | None, data: Path | None, json_file: Pa
     return _deliver(bundle, gate, facts, dataset, output or run.bundle, json_file)
 
 
-def export_lti(data: Path | None, output: Path, run: Path, json_file: Path | None) -> int:
-    """Exit code of `offline-export --lti`: the linear model of a data set."""
+def export_rival(
+    name: str, data: Path | None, output: Path, run: Path, json_file: Path | None
+) -> int:
+    """Exit code of `offline-export --rival`: a rival fitted to a data set."""
     full = full_folder()
     folder = data or (full if exists(full) else open_run(run).data_folder)
     CONSOLE.print(f"data {folder}", soft_wrap=True)
     dataset = load_dataset(folder)
-    bundle = fit_lti(dataset, choose_selftest(dataset, Lift()))
-    facts = [Fact("method", "one-step least squares with offset on all training transitions")]
+    whole_past = Lift(("x", "w", "history"), PAST_STEPS, past_names(dataset.schema, dataset.roles))
+    with CONSOLE.status(f"rival {name}"):
+        rival = roster.fit(name, dataset, rival_cache())
+    bundle = bundle_of(name, rival, dataset, choose_selftest(dataset, whole_past))
+    facts = [Fact(what, found) for what, found in describe_rival(name, dataset)]
     return _deliver(bundle, pass_gate(bundle), facts, dataset, output, json_file)
 
 

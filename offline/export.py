@@ -274,7 +274,8 @@ def pass_gate(bundle: Bundle, largest_radius: float = LARGEST_RADIUS) -> Gate:
         raise ArtifactError(
             f"export expects a spectral radius of at most {largest_radius}, found "
             f"{bundle.spectral_radius:.4f}: over the horizon its predictions would grow without "
-            f"bound. Train longer, or with a larger --weight-stability."
+            f"bound. Train longer, or with a larger --weight-stability; a rival that "
+            f"grows so is none to drive with."
         )
     lifted = BundlePredictor(bundle).lift(bundle.selftest)
     parity = bundle.parity_error(lifted)

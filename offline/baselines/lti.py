@@ -5,8 +5,6 @@ training part at once. It ships as a bundle whose lift is the identity, so the c
 with it through the same code as with any other model.
 """
 
-from collections.abc import Mapping
-
 import numpy as np
 import onnx
 from onnx import TensorProto, helper
@@ -22,29 +20,15 @@ IR_VERSION = 10
 """of the file format, low enough for every onnxruntime this project admits"""
 
 
-def fit_lti(dataset: Dataset, selftest: LiftSample) -> Bundle:
-    """The best one-step linear model of the training part, as a bundle named "lti".
-
-    `selftest` are instants to keep in the bundle for its self-test.
-    """
-    method = {"kind": "lti", "method": "one-step least squares with offset"}
-    return as_bundle("lti", method, fit_linear(dataset), dataset, selftest)
-
-
 def fit_linear(dataset: Dataset) -> LinearModel:
-    """The same as a model of the states, without the bundle around it."""
+    """The best one-step linear model of the training part."""
     return fit_one_step(dataset.select("train"), dataset.schema, dataset.roles)
 
 
-def as_bundle(
-    name: str,
-    method: Mapping[str, object],
-    model: LinearModel,
-    dataset: Dataset,
-    selftest: LiftSample,
-) -> Bundle:
+def as_bundle(name: str, model: LinearModel, dataset: Dataset, selftest: LiftSample) -> Bundle:
     """A linear model of the states as a bundle whose lift is the identity."""
     b = len(selftest.x)
+    findings = {finding.name: finding.value for finding in model.findings()}
     return Bundle(
         name=name,
         schema=dataset.schema,
@@ -56,7 +40,7 @@ def as_bundle(
         encoder_onnx=identity_encoder(len(model.A)),
         selftest=LiftSample(selftest.x, selftest.w, np.zeros((b, 0, 0))),
         selftest_psi=selftest.x.copy(),
-        training=describe_training(method, dataset.origin),
+        training=describe_training({"kind": name, **findings}, dataset.origin),
         data_sha256=dataset.sha256,
     )
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, NamedTuple
 from offline.baselines.finding import Finding
 from offline.baselines.shelf import FittedRival, Kept, keep, place, recall
 from offline.dataset import Dataset
-from offline.predictor import Predictor
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.schema import VEHICLE
 
@@ -58,7 +57,7 @@ def find_objection(name: str, dataset: Dataset) -> str | None:
     return None
 
 
-def fit(name: str, dataset: Dataset, cache_folder: Path, refit: bool = False) -> Predictor:
+def fit(name: str, dataset: Dataset, cache_folder: Path, refit: bool = False) -> FittedRival:
     """The rival of that name, fitted to the training part and tuned on the validation part.
 
     Taken from `cache_folder` if it was fitted to the same data, with the same settings and code,

@@ -10,7 +10,7 @@ import torch
 from made_models import WITH_PAST
 from made_models import make_bundle as made_bundle
 
-from offline.baselines.lti import fit_lti
+from offline.baselines import lti as lti_rival
 from offline.card import Fact, describe_model, write_card
 from offline.checkpoint import load_checkpoint
 from offline.comparison import compare, evaluation_figures, print_pooled
@@ -171,8 +171,14 @@ def test_a_model_is_exported_with_the_data_it_was_trained_on(checkpoint, toy_dat
 
 def test_a_bundle_says_which_episodes_it_was_trained_on(checkpoint, toy_dataset):
     """Whatever the configuration says: the data set knows better."""
+    lti_bundle = lti_rival.as_bundle(
+        "lti",
+        lti_rival.fit_linear(toy_dataset),
+        toy_dataset,
+        choose_selftest(toy_dataset, Lift()),
+    )
     mdk_net, _ = make_bundle(checkpoint, toy_dataset)
-    for bundle in (mdk_net, fit_lti(toy_dataset, choose_selftest(toy_dataset, Lift()))):
+    for bundle in (mdk_net, lti_bundle):
         training = json.loads(bundle.training)
         assert (training["episodes"], training["data_seed"]) == (40, 3)
 

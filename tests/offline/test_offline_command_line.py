@@ -65,7 +65,7 @@ def test_from_nothing_to_a_bundle_and_its_table(command, tmp_path):
     assert list(table["model_sha256"].values()) == [exported["model_sha256"]]
     assert table["revision"] == exported["revision"]
 
-    code, out, _ = command(cli.export_main, "--lti", "--output", "lti")
+    code, out, _ = command(cli.export_main, "--rival", "lti", "--output", "lti")
     assert code in (0, None)
     code, out, _ = command(cli.evaluate_main, "--model", "lti", "--sets", "library")
     assert code in (0, None)

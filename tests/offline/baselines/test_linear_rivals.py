@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from made_drives import drive, relative_error
 
+from offline.baselines.bundle import bundle_of
 from offline.baselines.least_squares import fit_one_step
-from offline.baselines.lti import fit_linear, fit_lti
+from offline.baselines.lti import fit_linear
 from offline.baselines.lti_by_curvature import LinearByCurvature, fit_by_curvature
 from offline.baselines.lti_horizon import (
     HorizonSettings,
@@ -16,11 +17,14 @@ from offline.baselines.lti_horizon import (
     _value_and_gradient,
     fit_on_horizon,
 )
+from offline.baselines.persistence import fit_persistence
 from offline.baselines.score import log_error
 from offline.export import choose_selftest
+from offline.lengths import PAST_STEPS
 from offline.predictor import BundlePredictor
+from offline.roles import past_names
 from rt_controller.contract.artifact import Lift, load_bundle, save_bundle
-from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.errors import ArtifactError, DatasetError
 
 A = np.array([[0.97, 0.01, 0.0], [0.05, 1.0, 0.0], [0.0, 0.02, 0.9]])
 B = np.array([[0.1, 0.0], [0.0, 0.02], [-0.05, 0.1]])
@@ -63,8 +67,20 @@ def test_least_squares_is_the_solution_of_all_transitions_at_once(toy_dataset):
     assert np.allclose(regressors @ found, regressors @ expected, atol=1e-5)
 
 
+def sample_of(dataset):
+    """Instants with everything that any lift may see."""
+    names = past_names(dataset.schema, dataset.roles)
+    return choose_selftest(dataset, Lift(("x", "w", "history"), PAST_STEPS, names))
+
+
+def test_what_is_not_linear_in_its_inputs_is_no_bundle(toy_dataset):
+    rival = fit_persistence(toy_dataset)
+    with pytest.raises(ArtifactError, match=r"--rival persistence.*convex QP"):
+        bundle_of("persistence", rival, toy_dataset, sample_of(toy_dataset))
+
+
 def test_the_bundle_predicts_what_the_model_predicts(toy_dataset, tmp_path):
-    bundle = fit_lti(toy_dataset, choose_selftest(toy_dataset, Lift()))
+    bundle = bundle_of("lti", fit_linear(toy_dataset), toy_dataset, sample_of(toy_dataset))
     save_bundle(tmp_path, bundle, "card")
     by_bundle, _ = made_drives.predict(
         BundlePredictor(load_bundle(tmp_path)), toy_dataset.select("test")
@@ -74,7 +90,7 @@ def test_the_bundle_predicts_what_the_model_predicts(toy_dataset, tmp_path):
 
 
 def test_a_linear_bundle_says_how_it_was_made_and_from_what(toy_dataset):
-    bundle = fit_lti(toy_dataset, choose_selftest(toy_dataset, Lift()))
+    bundle = bundle_of("lti", fit_linear(toy_dataset), toy_dataset, sample_of(toy_dataset))
     training = json.loads(bundle.training)
     assert bundle.name == "lti"
     assert bundle.data_sha256 == toy_dataset.sha256

@@ -143,7 +143,7 @@ def test_the_code_of_a_rival_is_its_module_and_what_that_imports_of_this_room(mo
     monkeypatch.setattr(shelf, "digest_of_code", lambda tree: seen.append(tree) or "")
     shelf.digest_of_modules(LTI)
     names = {node.name for tree in seen for node in tree.body if hasattr(node, "name")}
-    assert {"fit_lti", "fit_one_step", "LinearModel", "WindowShape"} <= names
+    assert {"fit_linear", "fit_one_step", "LinearModel", "WindowShape"} <= names
     assert "Network" not in names
 
 
