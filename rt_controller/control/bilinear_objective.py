@@ -13,7 +13,7 @@ from rt_controller.contract.bilinear import Bilinear
 from rt_controller.contract.bundle import Array, Bundle
 from rt_controller.control.constraints import N_INPUTS
 from rt_controller.control.cost import InputCost, OutputWeights
-from rt_controller.control.objective import Situation, require_convex
+from rt_controller.control.objective import LATERAL, Situation, require_convex
 from rt_controller.control.prediction import free_response, impulse_responses
 
 
@@ -38,8 +38,9 @@ class BilinearObjective:
         outputs: OutputWeights,
         scale: Array,
         inputs: InputCost,
+        watches_lateral: bool = False,
     ) -> None:
-        """`scale` (nv,) are the ranges of the inputs."""
+        """`scale` (nv,) are the ranges of the inputs; `lateral` is kept up to date if watched."""
         require_convex(inputs.H)  # then H is convex wherever the car is
         nv, m, p = scale.size, N_INPUTS, outputs.stage.size
         horizon = nv // m
@@ -76,6 +77,10 @@ class BilinearObjective:
         self._terminal_unit = np.sqrt(outputs.terminal_factor)
         self._wanted = np.zeros(rows)
         self._error = np.zeros(rows)
+        self._watches_lateral = watches_lateral
+        self._lateral_effect = self._effect[:, LATERAL::p].T
+        self._lateral_units = self._units[LATERAL::p, None]
+        self.lateral = np.zeros((horizon, nv))
         self.H = np.zeros((nv, nv))
         self.gradient = np.zeros(nv)
 
@@ -86,6 +91,9 @@ class BilinearObjective:
         self._terminal_effect *= self._terminal_unit
         np.dot(self._effect, self._effect.T, out=self.H)
         self.H += self._inputs.H
+
+        if self._watches_lateral:
+            np.divide(self._lateral_effect, self._lateral_units, out=self.lateral)
 
         np.dot(self._free_map, situation.undriven, out=self._error)
         np.multiply(situation.reference.reshape(-1), self._units, out=self._wanted)

@@ -1,5 +1,8 @@
 """The model predictive controller: where the car is and should be in, a plan of inputs out."""
 
+import time
+from collections.abc import Callable
+
 import numpy as np
 
 from rt_controller.contract.bundle import Bundle
@@ -12,10 +15,12 @@ from rt_controller.control.constraints import N_INPUTS
 from rt_controller.control.cost import TrackingCost
 from rt_controller.control.history import History
 from rt_controller.control.lift import Encoder
-from rt_controller.control.pedals import PedalChoice, lower_ceilings
-from rt_controller.control.qp import assemble
+from rt_controller.control.pedals import PedalChoice
+from rt_controller.control.program import QuadraticProgram
+from rt_controller.control.qp import WITH_SLEW, CondensedQp, Features
 from rt_controller.control.reference import ReferenceHorizon
-from rt_controller.control.solver import PiqpWorkspace, SolveStatus
+from rt_controller.control.solver import Solver, SolveStatus
+from rt_controller.control.solvers import open_solver
 
 
 class Mpc:
@@ -29,36 +34,33 @@ class Mpc:
     """
 
     def __init__(
-        self, bundle: Bundle, horizon: int, cost: TrackingCost, limits: InputLimits
+        self,
+        bundle: Bundle,
+        horizon: int,
+        cost: TrackingCost,
+        limits: InputLimits,
+        features: Features = WITH_SLEW,
+        solver: Callable[[QuadraticProgram], Solver] = open_solver,
     ) -> None:
         require_drivable(bundle)
         _require_liftable_reference(bundle, cost)
         self._encoder = Encoder(bundle)
         past = self._encoder.history
         self._history = None if past is None else History(past)
-        qp = assemble(bundle, horizon, cost, limits)
-        self._objective, self._constraints = qp.objective, qp.constraints
-        self._situation = qp.situation
-        self._workspace = PiqpWorkspace(qp.objective, qp.constraints)
+        self._qp = CondensedQp(bundle, horizon, cost, limits, features)
+        self._solver = solver(self._qp.program)
         self._reference = ReferenceHorizon(horizon)
-        self._tracks_latents = qp.situation.reference.shape[1] > N_STATES
+        self._tracks_latents = self._qp.situation.reference.shape[1] > N_STATES
         self._pedals = PedalChoice()
-        self._slew_lower = -qp.constraints.slew
-        self._slew_upper = qp.constraints.slew.copy()
-        self._upper = qp.constraints.upper.copy()
-        self._ceilings = self._upper.reshape(horizon, N_INPUTS)
+        self.solve_ns = 0
+        """time of the last solve, vectors in to solution out"""
         self.inputs = np.zeros((horizon, N_INPUTS))
         """(N, 3), the plan of the last solve that succeeded"""
 
     @property
     def iterations(self) -> int:
         """Iterations of the last solve."""
-        return self._workspace.iterations
-
-    @property
-    def solve_ns(self) -> int:
-        """Time of the last solve, vectors in to solution out."""
-        return self._workspace.solve_ns
+        return self._solver.iterations
 
     def observe(self, state: VehicleState, held: ControlInput) -> None:
         """The car is at `state`, and `held` was in force for the period that ended here."""
@@ -85,7 +87,7 @@ class Mpc:
         if self._history is not None and not self._history.is_begun:
             self._history.advance(state, previous)
         reference = self._reference.expand(path, state, curvature_per_m)
-        now = self._situation
+        now = self._qp.situation
         now.psi[:] = self._encoder.lift(state, curvature_per_m)
         now.road[:] = curvature_per_m
         now.previous[:] = previous
@@ -94,24 +96,16 @@ class Mpc:
             if self._tracks_latents
             else reference
         )
-        self._objective.aim(now)
         self._pedals.update(state.vx_mps - path.v_mps, path.a_mps2)
-        self._bound(previous)
+        self._qp.aim(self._pedals)
 
-        status = self._workspace.solve(self._slew_lower, self._slew_upper, self._upper)
+        begun_ns = time.perf_counter_ns()
+        status = self._solver.solve()
+        self.solve_ns = time.perf_counter_ns() - begun_ns
         if status is SolveStatus.SOLVED:
-            np.multiply(
-                self._workspace.solution, self._constraints.scale, out=self.inputs.reshape(-1)
-            )
+            planned = self._solver.solution[: self._qp.scale.size]
+            np.multiply(planned, self._qp.scale, out=self.inputs.reshape(-1))
         return status
-
-    def _bound(self, previous: ControlInput) -> None:
-        constraints = self._constraints
-        start = np.array(previous) / constraints.scale[:N_INPUTS]
-        slew = constraints.slew[:N_INPUTS]
-        self._slew_lower[:N_INPUTS] = start - slew
-        self._slew_upper[:N_INPUTS] = start + slew
-        lower_ceilings(self._ceilings, self._pedals, start, slew)
 
 
 def _require_liftable_reference(bundle: Bundle, cost: TrackingCost) -> None:

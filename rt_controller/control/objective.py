@@ -9,9 +9,12 @@ import numpy as np
 
 from rt_controller.contract.bundle import Array, Bundle
 from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.signals import VehicleState
 from rt_controller.control.constraints import N_INPUTS
 from rt_controller.control.cost import InputCost, OutputWeights
 from rt_controller.control.prediction import forced_response, free_response, impulse_responses
+
+LATERAL = VehicleState._fields.index("ey_m")
 
 
 class Situation:
@@ -40,8 +43,10 @@ class Objective(Protocol):
     """(nv, nv), symmetric"""
     gradient: Array
     """(nv,), f"""
+    lateral: Array
+    """(N, nv), what the inputs add to e_y at stages 1 … N, in metres"""
     renews_hessian: bool
-    """whether `aim` makes a new H too"""
+    """whether `aim` makes a new H, and lateral response, too"""
 
     def aim(self, situation: Situation) -> None:
         """Make it the objective of this situation."""
@@ -65,6 +70,7 @@ class ConstantObjective:
         responses = impulse_responses(bundle.A, bundle.B_uc, horizon, n_outputs)
         Gamma = forced_response(responses) * scale
 
+        self.lateral = Gamma[LATERAL::n_outputs].copy()
         GtQ = Gamma.T * outputs.over(horizon)
         H = GtQ @ Gamma + inputs.H
         from_previous = np.zeros((scale.size, N_INPUTS))
