@@ -4,13 +4,18 @@ import os
 from enum import StrEnum
 from math import radians
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat
 
 from rt_controller.contract.signals import ControlInput, VehicleState
 from rt_controller.contract.timing import HOLD_PLAN_TICKS
+from rt_controller.control.corridor import Corridor
 from rt_controller.control.cost import TrackingCost
+from rt_controller.control.program import QuadraticProgram
+from rt_controller.control.qp import Features
+from rt_controller.control.solver import Solver
+from rt_controller.control.solvers import SolverChoice, open_solver
 
 
 class Pace(StrEnum):
@@ -62,7 +67,33 @@ class MpcSettings(_Settings):
     """weight of the last stage, in units of the others"""
     latent_weight: Annotated[float, Field(ge=0.0)] = 0.0
     """weight on each latent's distance from the lifted reference"""
+    slew_rows: bool = True
+    """bound the inputs' changes in the plan too, not just in what is sent"""
+    corridor_m: PositiveFloat | None = None
+    """how far from the path the plan may be before that costs extra; none: as far as it likes"""
+    beyond_corridor_m: PositiveFloat = 0.05
+    """how far beyond costs as much as any other tolerated deviation"""
+    solver: SolverChoice = SolverChoice.PIQP
+    """of the QP; daqp needs the extra [daqp]"""
+    warm_start: Literal["on", "off"] = "on"
+    """try the last active set before piqp"""
     tolerance: Tolerances = Tolerances()
+
+    def features(self) -> Features:
+        """What the QP has beyond the paper's."""
+        corridor = None
+        if self.corridor_m is not None:
+            corridor = Corridor(self.corridor_m, self.beyond_corridor_m)
+        return Features(self.slew_rows, corridor)
+
+    def open_solver(self, program: QuadraticProgram) -> Solver:
+        """The chosen solver, around this program.
+
+        Raises:
+            MissingExtraError: it is not installed.
+            ConfigError: it refuses the program.
+        """
+        return open_solver(program, self.solver, self.warm_start == "on")
 
     def cost(self) -> TrackingCost:
         """The same in SI units, in vector order."""

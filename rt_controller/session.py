@@ -120,7 +120,15 @@ def load_planner(config: ControllerConfig) -> Planner:
         ConfigError: settings that make no QP, or one that is not solved at rest.
     """
     bundle = load_bundle(config.model or shipped_model())
-    mpc = Mpc(bundle, config.mpc.horizon, config.mpc.cost(), INPUT_LIMITS)
+    settings = config.mpc
+    mpc = Mpc(
+        bundle,
+        settings.horizon,
+        settings.cost(),
+        INPUT_LIMITS,
+        settings.features(),
+        settings.open_solver,
+    )
     warm_up(mpc)
     return Planner(bundle, mpc)
 

@@ -23,6 +23,9 @@ WRONG_SIGN = 1e-9
 ACTIVE = 1e-5
 """from a bound, where another solver's solution counts as lying on it"""
 
+DEPENDENT = 1e-10
+"""of the largest pivot, below which one bound is implied by others"""
+
 Places = NDArray[np.int64]
 
 
@@ -52,17 +55,21 @@ class ActiveSetTry:
         while self.rounds < self._most_rounds:
             self.rounds += 1
             active = np.flatnonzero(side)
-            of_active = side[active]
             bounds = np.where(
-                of_active > 0, program.every_upper[active], program.every_lower[active]
+                side[active] > 0, program.every_upper[active], program.every_lower[active]
             )
             point = self._system.solve(active, bounds)
             if point is None:
                 return None
+            if len(point.active) < len(active):  # the others follow from these
+                side = _only(side, point.active)
             better = np.zeros_like(side)
             better[point.values > self._upper] = 1
             better[point.values < self._lower] = -1
-            better[active] = np.where(point.multipliers * of_active > -WRONG_SIGN, of_active, 0)
+            of_active = side[point.active]
+            better[point.active] = np.where(
+                point.multipliers * of_active > -WRONG_SIGN, of_active, 0
+            )
             if np.array_equal(better, side):
                 self._side = side
                 return point.values[: program.size]
@@ -82,8 +89,10 @@ class _Point(NamedTuple):
 
     values: Array
     """(n + r,), of the variables and of the rows"""
+    active: Places
+    """bounds taken as equations: those asked for, without what the others imply"""
     multipliers: Array
-    """of the bounds taken as equations; positive where an upper bound holds the solution back"""
+    """of each of these; positive where an upper bound holds the solution back"""
 
 
 class _System(Protocol):
@@ -115,10 +124,13 @@ class _ConstantSystem:
 
     def solve(self, active: Places, bounds: Array) -> _Point | None:
         reach = self._reach[active]
-        multipliers = _solve_positive(reach[:, active], self._values[active] - bounds)
-        if multipliers is None:
+        found = _solve_positive(reach[:, active], self._values[active] - bounds)
+        if found is None:
             return None
-        return _Point(self._values - multipliers @ reach, multipliers)
+        multipliers, used = found
+        if used is not None:
+            active, reach = active[used], reach[used]
+        return _Point(self._values - multipliers @ reach, active, multipliers)
 
 
 class _RenewedSystem:
@@ -142,17 +154,36 @@ class _RenewedSystem:
 
     def solve(self, active: Places, bounds: Array) -> _Point | None:
         reach, _ = lapack.dtrtrs(self._L, self._rows[active].T, lower=1)  # L^-1 of their rows
-        multipliers = _solve_positive(reach.T @ reach, self._free @ reach - bounds)
-        if multipliers is None:
+        found = _solve_positive(reach.T @ reach, self._free @ reach - bounds)
+        if found is None:
             return None
+        multipliers, used = found
+        if used is not None:
+            active, reach = active[used], reach[:, used]
         solution, _ = lapack.dtrtrs(self._L, self._free - reach @ multipliers, lower=1, trans=1)
         rows = self._rows[len(solution) :] @ solution
-        return _Point(np.concatenate([solution, rows]), multipliers)
+        return _Point(np.concatenate([solution, rows]), active, multipliers)
 
 
-def _solve_positive(matrix: Array, right: Array) -> Array | None:
-    """x of matrix x = right; None if the matrix is not positive definite."""
+def _only(side: NDArray[np.int8], active: Places) -> NDArray[np.int8]:
+    fewer = np.zeros_like(side)
+    fewer[active] = side[active]
+    return fewer
+
+
+def _solve_positive(matrix: Array, right: Array) -> tuple[Array, Places | None] | None:
+    """x of matrix x = right, the matrix being symmetric; None if it is indefinite.
+
+    Where bounds depend on each other, as a ceiling that comes down at the slew rate depends on the
+    slew row, the matrix is singular: then x is of the equations that imply the others, and which
+    these are is said.
+    """
     if right.size == 0:
-        return right
+        return right, None
     _, x, info = lapack.dposv(matrix, right, lower=1)
-    return x if info == 0 else None
+    if info == 0:
+        return x, None
+    _, pivots, rank, _ = lapack.dpstrf(matrix, lower=1, tol=DEPENDENT * matrix.diagonal().max())
+    used = np.sort(pivots[:rank] - 1).astype(np.int64)
+    _, x, info = lapack.dposv(matrix[np.ix_(used, used)], right[used], lower=1)
+    return (x, used) if info == 0 else None

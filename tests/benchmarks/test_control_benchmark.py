@@ -11,7 +11,8 @@ from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
 from rt_controller.control.lift import Encoder
 from rt_controller.control.mpc import Mpc
-from rt_controller.control.qp import assemble
+from rt_controller.control.pedals import PedalChoice
+from rt_controller.control.qp import CondensedQp
 from rt_controller.control.solver import SolveStatus
 from rt_controller.session import shipped_model
 
@@ -47,9 +48,9 @@ def test_lift(benchmark, bundle: Bundle) -> None:
 def test_aim(benchmark, bundle: Bundle) -> None:
     """From the lifted state to the objective: one product, or H built anew."""
     settings = MpcSettings()
-    qp = assemble(bundle, settings.horizon, settings.cost(), INPUT_LIMITS)
-    benchmark(qp.objective.aim, qp.situation)
-    assert np.all(np.isfinite(qp.objective.gradient))
+    qp = CondensedQp(bundle, settings.horizon, settings.cost(), INPUT_LIMITS)
+    benchmark(qp.aim, PedalChoice())
+    assert np.all(np.isfinite(qp.program.q))
 
 
 def test_plan(benchmark, bundle: Bundle) -> None:

@@ -11,15 +11,17 @@ from rt_controller.config import MpcSettings
 from rt_controller.contract.artifact import Array, Bundle, Lift
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.control.objective import Objective
-from rt_controller.control.qp import CondensedQp, assemble
-from rt_controller.control.solver import PiqpWorkspace, SolveStatus
+from rt_controller.control.pedals import PedalChoice
+from rt_controller.control.piqp_solver import PiqpSolver
+from rt_controller.control.qp import CondensedQp
+from rt_controller.control.solver import SolveStatus
 
 HORIZON = 20
 
 
 def build(bundle: Bundle) -> CondensedQp:
     settings = MpcSettings(horizon=HORIZON)
-    return assemble(bundle, HORIZON, settings.cost(), INPUT_LIMITS)
+    return CondensedQp(bundle, HORIZON, settings.cost(), INPUT_LIMITS)
 
 
 def aimed(bundle: Bundle, psi_0: Array) -> Objective:
@@ -130,19 +132,18 @@ def test_aiming_makes_no_matrix_anew() -> None:
 def test_a_lifted_state_that_is_no_number_is_a_status_and_leaves_no_trace(psi_0: float) -> None:
     bundle = make_bundle(Lift(), rank=2)
     qp = build(bundle)
-    workspace = PiqpWorkspace(qp.objective, qp.constraints)
-    slew, upper = qp.constraints.slew, qp.constraints.upper
+    solver, pedals = PiqpSolver(qp.program), PedalChoice()
     typical = qp.situation.psi.copy()
     qp.situation.reference[:] = typical[:6]
-    qp.objective.aim(qp.situation)
-    assert workspace.solve(-slew, slew, upper) is SolveStatus.SOLVED
-    expected = workspace.solution.copy()
+    qp.aim(pedals)
+    assert solver.solve() is SolveStatus.SOLVED
+    expected = solver.solution.copy()
 
     qp.situation.psi[-1] = psi_0
     with np.errstate(all="ignore"):
-        qp.objective.aim(qp.situation)
-    assert workspace.solve(-slew, slew, upper) is SolveStatus.NUMERICS
+        qp.aim(pedals)
+    assert solver.solve() is SolveStatus.NUMERICS
     qp.situation.psi[:] = typical
-    qp.objective.aim(qp.situation)
-    assert workspace.solve(-slew, slew, upper) is SolveStatus.SOLVED
-    np.testing.assert_allclose(workspace.solution, expected, rtol=0.0, atol=1e-6)
+    qp.aim(pedals)
+    assert solver.solve() is SolveStatus.SOLVED
+    np.testing.assert_allclose(solver.solution, expected, rtol=0.0, atol=1e-6)

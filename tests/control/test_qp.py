@@ -9,10 +9,13 @@ from rt_controller.contract.artifact import Array, Bilinear, Bundle, LiftSample
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput, VehicleState
+from rt_controller.control.corridor import Corridor
 from rt_controller.control.cost import TrackingCost, output_weights
+from rt_controller.control.pedals import PedalChoice
+from rt_controller.control.piqp_solver import PiqpSolver
 from rt_controller.control.prediction import forced_response, free_response, impulse_responses
-from rt_controller.control.qp import CondensedQp, assemble
-from rt_controller.control.solver import PiqpWorkspace, SolveStatus
+from rt_controller.control.qp import PAPER, WITH_SLEW, CondensedQp, Features
+from rt_controller.control.solver import SolveStatus
 
 HORIZON = 12
 N_OBSERVABLES = 10
@@ -53,7 +56,7 @@ def random_bundle(rng: np.random.Generator, rank: int = 0) -> Bundle:
 
 
 def optimum(
-    P: Array, c: Array, G: Array, box: tuple[Array, ...], A: Array | None, b: Array | None
+    P: Array, q: Array, G: Array, box: tuple[Array, ...], A: Array | None, b: Array | None
 ) -> Array:
     """The minimiser, to high accuracy; `box` bounds G x from both sides, then x."""
     solver = piqp.DenseSolver()
@@ -62,17 +65,21 @@ def optimum(
     solver.settings.eps_duality_gap_abs = 1e-11
     solver.settings.eps_duality_gap_rel = 0.0
     equality = None if A is None else np.asfortranarray(A)
-    solver.setup(np.asfortranarray(P), c, equality, b, np.asfortranarray(G), *box)
+    rows = (np.asfortranarray(G), *box[:2]) if len(G) else (None, None, None)
+    solver.setup(np.asfortranarray(P), q, equality, b, *rows, *box[2:])
     assert solver.solve() == piqp.PIQP_SOLVED
     return np.array(solver.result.x)
 
 
 def sparse_plan(
-    bundle: Bundle, cost: TrackingCost, psi_0: Array, kappa: float, u_prev: Array, y_r: Array
-) -> Array:
-    """Inputs (N, 3) of eq. (14) with the states kept as variables."""
+    qp: CondensedQp, bundle: Bundle, cost: TrackingCost, features: Features
+) -> tuple[Array, Array]:
+    """Inputs (N, 3) and slacks of eq. (14) with the states kept as variables."""
+    now = qp.situation
+    psi_0, kappa, u_prev, y_r = now.psi, now.road[0], now.previous, now.reference
     n, m, N = bundle.n_observables, 3, HORIZON
     p = y_r.shape[1]
+    slacks = 0 if features.corridor is None else N
     weights = np.zeros((N, n))
     weights[:, :p] = output_weights(cost, n - 6).over(N).reshape(N, p)
     wanted = np.zeros((N, n))
@@ -80,11 +87,16 @@ def sparse_plan(
     r = 1.0 / np.square(np.array(cost.control))
     s = 1.0 / np.square(np.array(cost.control_change))
     D = np.eye(N * m) - np.eye(N * m, k=-m)
-    P = block_diag(np.diag(np.tile(r, N)) + (D.T * np.tile(s, N)) @ D, np.diag(weights.ravel()))
-    c = np.zeros(N * (m + n))
-    c[:m] = -s * u_prev
-    c[N * m :] = -(weights * wanted).ravel()
-    A_eq = np.zeros((N * n, N * (m + n)))
+    beyond = 0.0 if features.corridor is None else features.corridor.weight
+    P = block_diag(
+        np.diag(np.tile(r, N)) + (D.T * np.tile(s, N)) @ D,
+        np.diag(weights.ravel()),
+        beyond * np.eye(slacks),
+    )
+    q = np.zeros(len(P))
+    q[:m] = -s * u_prev
+    q[N * m : N * (m + n)] = -(weights * wanted).ravel()
+    A_eq = np.zeros((N * n, len(P)))
     b_eq = np.tile(bundle.B_uw[:, 0] * kappa + bundle.c, N)
     b_eq[:n] += bundle.A @ psi_0
     follows = bundle.bilinear is not None and bundle.bilinear.along_free_response
@@ -97,64 +109,79 @@ def sparse_plan(
         A_eq[rows, N * m + k * n : N * m + (k + 1) * n] = np.eye(n)
         if k > 0:
             A_eq[rows, N * m + (k - 1) * n : N * m + k * n] = -bundle.A
-    slew = np.tile(np.array(INPUT_LIMITS.rate_per_s) * bundle.schema.dt_s, N)
-    low, high = -slew, slew.copy()
-    low[:m] += u_prev
-    high[:m] += u_prev
-    free = np.full(N * n, np.inf)
-    lower = np.concatenate([np.tile(np.array(INPUT_LIMITS.lower), N), -free])
-    upper = np.concatenate([np.tile(np.array(INPUT_LIMITS.upper), N), free])
-    G = np.hstack([D, np.zeros((N * m, N * n))])
+    G, low, high = np.zeros((0, len(P))), np.zeros(0), np.zeros(0)
+    if features.has_slew_rows:
+        slew = np.tile(np.array(INPUT_LIMITS.rate_per_s) * bundle.schema.dt_s / RANGE, N)
+        G = np.hstack([D, np.zeros((N * m, len(P) - N * m))])
+        low, high = -slew, slew.copy()
+        low[:m] += u_prev / RANGE
+        high[:m] += u_prev / RANGE
+    if features.corridor is not None:
+        ey = np.zeros((N, len(P)))
+        ey[range(N), range(N * m + 4, N * (m + n), n)] = 1.0
+        ey[range(N), range(N * (m + n), len(P))] = 1.0
+        G = np.vstack([G, ey])
+        low = np.append(low, y_r[:, 4] - features.corridor.half_width_m)
+        high = np.append(high, y_r[:, 4] + features.corridor.half_width_m)
+    free = np.full(len(P) - N * m, np.inf)
+    lower = np.concatenate([qp.program.lower[: N * m], -free])
+    upper = np.concatenate([qp.program.upper[: N * m], free])  # the pedals' ceilings among them
     # Solved in units of the ranges: tolerances know no newtons beside radians.
-    unit = np.concatenate([np.tile(RANGE, N), np.ones(N * n)])
-    box = (low / unit[: N * m], high / unit[: N * m], lower / unit, upper / unit)
-    x = optimum(P * unit * unit[:, None], c * unit, G, box, A_eq * unit, b_eq)
-    return (x * unit)[: N * m].reshape(N, m)
+    unit = np.concatenate([np.tile(RANGE, N), np.ones(len(free))])
+    x = optimum(P * unit * unit[:, None], q * unit, G, (low, high, lower, upper), A_eq * unit, b_eq)
+    return (x * unit)[: N * m].reshape(N, m), x[N * (m + n) :]
 
 
-def aim(
-    qp: CondensedQp, psi_0: Array, kappa: float, u_prev: Array, y_r: Array
-) -> tuple[Array, Array]:
-    """The slew bounds of this situation, the objective aimed at it."""
-    qp.situation.psi[:] = psi_0
-    qp.situation.road[:] = kappa
-    qp.situation.previous[:] = u_prev
-    qp.situation.reference[:] = y_r
-    qp.objective.aim(qp.situation)
-    low, high = -qp.constraints.slew, qp.constraints.slew.copy()
-    low[:3] += u_prev / RANGE
-    high[:3] += u_prev / RANGE
-    return low, high
+def aim(qp: CondensedQp, rng: np.random.Generator, size: float = 0.3) -> None:
+    """At any situation."""
+    now = qp.situation
+    now.psi[:] = size * rng.normal(size=now.psi.size)
+    now.road[:] = 0.002
+    now.previous[:] = rng.uniform(INPUT_LIMITS.lower, INPUT_LIMITS.upper)
+    now.reference[:] = size * rng.normal(size=now.reference.shape)
+    qp.aim(PedalChoice())
 
 
+TIERS = {
+    "input box": PAPER,
+    "slew rows": WITH_SLEW,
+    "corridor": Features(corridor=Corridor(0.2, 0.05)),
+    "corridor without slew rows": Features(False, Corridor(0.2, 0.05)),
+}
+
+
+@pytest.mark.parametrize("features", TIERS.values(), ids=TIERS.keys())
 @pytest.mark.parametrize("latent_weight", [0.0, 0.05])
 @pytest.mark.parametrize("rank", [0, 1, 4])
-@pytest.mark.parametrize("seed", range(3))
 def test_condensed_and_sparse_forms_share_their_plan(
-    seed: int, rank: int, latent_weight: float
+    rank: int, latent_weight: float, features: Features
 ) -> None:
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(7 * rank)
     bundle, cost = random_bundle(rng, rank), COST._replace(latent_weight=latent_weight)
-    qp = assemble(bundle, HORIZON, cost, INPUT_LIMITS)
-    workspace = PiqpWorkspace(qp.objective, qp.constraints)
-    for _ in range(3):
-        psi_0 = 0.3 * rng.normal(size=N_OBSERVABLES)
-        y_r = 0.3 * rng.normal(size=qp.situation.reference.shape)
-        u_prev = rng.uniform(INPUT_LIMITS.lower, INPUT_LIMITS.upper)
-        sparse = sparse_plan(bundle, cost, psi_0, 0.002, u_prev, y_r)
-        low, high = aim(qp, psi_0, 0.002, u_prev, y_r)
-        lower, upper = qp.constraints.lower, qp.constraints.upper
-        exact = optimum(
-            qp.objective.H,
-            qp.objective.gradient,
-            qp.constraints.D,
-            (low, high, lower, upper),
-            None,
-            None,
-        )
-        np.testing.assert_allclose(exact.reshape(-1, 3), sparse / RANGE, rtol=0.0, atol=1e-6)
-        assert workspace.solve(low, high, upper) is SolveStatus.SOLVED
-        np.testing.assert_allclose(workspace.solution[:3], sparse[0] / RANGE, rtol=0.0, atol=1e-4)
+    qp = CondensedQp(bundle, HORIZON, cost, INPUT_LIMITS, features)
+    solver, program = PiqpSolver(qp.program), qp.program
+    for _ in range(5):
+        aim(qp, rng)
+        sparse, slacks = sparse_plan(qp, bundle, cost, features)
+        bounds = (program.row_lower, program.row_upper, program.lower, program.upper)
+        exact = optimum(program.P, program.q, program.G, bounds, None, None)
+        nv = qp.scale.size
+        np.testing.assert_allclose(exact[:nv].reshape(-1, 3), sparse / RANGE, rtol=0.0, atol=1e-6)
+        np.testing.assert_allclose(exact[nv:], slacks, rtol=0.0, atol=1e-6)
+        assert solver.solve() is SolveStatus.SOLVED
+        np.testing.assert_allclose(solver.solution[:3], sparse[0] / RANGE, rtol=0.0, atol=1e-4)
+
+
+@pytest.mark.parametrize(("half_width_m", "is_left"), [(0.02, True), (50.0, False)])
+def test_a_corridor_costs_only_where_it_is_left(half_width_m: float, is_left: bool) -> None:
+    """The comparison above would not notice a corridor that never matters."""
+    features = Features(corridor=Corridor(half_width_m, 0.05))
+    qp = CondensedQp(random_bundle(np.random.default_rng(3)), HORIZON, COST, INPUT_LIMITS, features)
+    aim(qp, np.random.default_rng(3))
+    solver = PiqpSolver(qp.program)
+    assert solver.solve() is SolveStatus.SOLVED
+    slacks = solver.solution[qp.scale.size :]
+    assert bool(np.abs(slacks).max() > 1e-3) is is_left
 
 
 def test_the_condensed_prediction_is_the_model_rolled_out() -> None:
@@ -173,7 +200,7 @@ def test_the_condensed_prediction_is_the_model_rolled_out() -> None:
 
 def test_without_latent_weight_only_physical_states_are_tracked() -> None:
     bundle = random_bundle(np.random.default_rng(4))
-    qp = assemble(bundle, HORIZON, COST._replace(latent_weight=0.0), INPUT_LIMITS)
+    qp = CondensedQp(bundle, HORIZON, COST._replace(latent_weight=0.0), INPUT_LIMITS)
     assert qp.situation.reference.shape == (HORIZON, 6)
     assert qp.situation.vector.shape == (N_OBSERVABLES + 2 + 3 + 6 * HORIZON,)
 
@@ -183,7 +210,7 @@ def test_a_model_that_overflows_is_refused(rank: int) -> None:
     bundle = random_bundle(np.random.default_rng(5), rank)
     bundle.A[:] = 1e200
     with np.errstate(all="ignore"), pytest.raises(ArtifactError, match="not finite"):
-        assemble(bundle, HORIZON, COST, INPUT_LIMITS)
+        CondensedQp(bundle, HORIZON, COST, INPUT_LIMITS)
 
 
 def test_gains_that_overflow_are_refused() -> None:
@@ -191,7 +218,7 @@ def test_gains_that_overflow_are_refused() -> None:
     assert bundle.bilinear is not None
     bundle.bilinear.s0[:] = 1e200
     with pytest.raises(ArtifactError, match="not finite"):
-        assemble(bundle, HORIZON, COST, INPUT_LIMITS)
+        CondensedQp(bundle, HORIZON, COST, INPUT_LIMITS)
 
 
 @pytest.mark.parametrize("rank", [0, 2])
@@ -200,4 +227,4 @@ def test_an_input_that_costs_nothing_is_refused(rank: int) -> None:
     bundle.B_uc[:, 1] = 0.0
     free = ControlInput(np.inf, np.inf, np.inf)
     with pytest.raises(ArtifactError, match="convex"):
-        assemble(bundle, HORIZON, COST._replace(control=free, control_change=free), INPUT_LIMITS)
+        CondensedQp(bundle, HORIZON, COST._replace(control=free, control_change=free), INPUT_LIMITS)

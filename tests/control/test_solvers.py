@@ -1,0 +1,228 @@
+"""Every solver keeps the same promise: the same plan in the same words, or no plan at all."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from rt_controller.control.active_set import ActiveSetTry
+from rt_controller.control.daqp_solver import DaqpSolver
+from rt_controller.control.piqp_solver import PiqpSolver
+from rt_controller.control.program import QuadraticProgram
+from rt_controller.control.solver import Solver, SolveStatus
+from rt_controller.control.warm_start import WarmStarted
+
+NV = 30
+SLEW = 0.1
+
+SOLVERS: dict[str, Callable[[QuadraticProgram], Solver]] = {
+    "piqp": PiqpSolver,
+    "daqp": DaqpSolver,
+    "warm": lambda program: WarmStarted(program, PiqpSolver(program)),
+}
+every_solver = pytest.mark.parametrize("open_solver", SOLVERS.values(), ids=SOLVERS.keys())
+REFUSED = {SolveStatus.INFEASIBLE, SolveStatus.ITERATION_LIMIT, SolveStatus.NUMERICS}
+
+
+def convex(rng: np.random.Generator, size: int = NV) -> np.ndarray:
+    M = rng.normal(size=(size, size))
+    return M @ M.T / size + 0.1 * np.eye(size)
+
+
+def make_program(
+    seed: int = 7, renews: bool = False, slewed: bool = True, slacks: int = 0
+) -> QuadraticProgram:
+    """Inputs between 0 and 1 that change by at most a tenth, and rows that slacks soften."""
+    rng = np.random.default_rng(seed)
+    n, slews = NV + slacks, NV if slewed else 0
+    P = np.eye(n)
+    P[:NV, :NV] = convex(rng)
+    D = np.eye(NV) - np.eye(NV, k=-3)
+    G = np.zeros((slews + slacks, n))
+    G[:slews, :NV] = D[:slews]
+    pattern = G != 0.0
+    G[slews:, :NV] = 0.3 * rng.normal(size=(slacks, NV))
+    G[slews:, NV:] = np.eye(slacks)
+    pattern[slews:] = True
+    program = QuadraticProgram(P, rng.normal(size=n), G, pattern, renews, renews and slacks > 0)
+    program.lower[:NV], program.upper[:NV] = 0.0, 1.0
+    program.row_lower[:slews], program.row_upper[:slews] = -SLEW, SLEW
+    program.row_lower[slews:], program.row_upper[slews:] = -0.05, 0.05
+    return program
+
+
+def walk(program: QuadraticProgram, rng: np.random.Generator, size: float = 0.1) -> None:
+    """On to the next tick: a little further."""
+    program.q[:NV] += size * rng.normal(size=NV)
+    if program.renews_hessian:
+        program.P[:NV, :NV] += 0.1 * size * convex(rng)
+    if program.renews_rows:
+        slacks = program.size - NV
+        program.G[-slacks:, :NV] += size * rng.normal(size=(slacks, NV))
+
+
+def assert_optimal(z: np.ndarray, program: QuadraticProgram, atol: float = 2e-5) -> None:
+    """Its KKT conditions: feasible, and what the gradient wants is held back by a bound."""
+    values = np.concatenate([z, program.G @ z])
+    assert np.all(values <= program.every_upper + atol)
+    assert np.all(values >= program.every_lower - atol)
+    gradient = program.P @ z + program.q
+    rows = np.vstack([np.eye(program.size), program.G])
+    near = 30 * atol
+    held_up, held_down = values > program.every_upper - near, values < program.every_lower + near
+    pushes = np.vstack([-rows[held_up], rows[held_down]]).T
+    from scipy.optimize import nnls
+
+    _, left = nnls(pushes, gradient)
+    assert left < 1e-3 * max(1.0, float(np.abs(gradient).max()))
+
+
+PROGRAMS = {
+    "box": {"slewed": False},
+    "slew": {},
+    "slacks": {"slacks": 8},
+    "new matrices": {"renews": True},
+    "new matrices and rows": {"renews": True, "slacks": 8},
+}
+
+
+@every_solver
+@pytest.mark.parametrize("shape", PROGRAMS.values(), ids=PROGRAMS.keys())
+def test_a_solution_meets_the_optimality_conditions_tick_after_tick(open_solver, shape) -> None:
+    program, rng = make_program(**shape), np.random.default_rng(1)
+    solver = open_solver(program)
+    for size in (0.0, 0.01, 0.1, 0.1, 0.1, 3.0, 0.01):
+        walk(program, rng, size)
+        assert solver.solve() is SolveStatus.SOLVED
+        assert solver.iterations > 0
+        assert_optimal(solver.solution, program)
+
+
+@every_solver
+def test_bounds_that_contradict_each_other_are_never_solved(open_solver) -> None:
+    program = make_program()
+    solver = open_solver(program)
+    assert solver.solve() is SolveStatus.SOLVED
+    expected = solver.solution.copy()
+    program.row_lower[:3], program.row_upper[:3] = 0.5, 0.6
+    program.upper[:3] = 0.1
+    assert solver.solve() in REFUSED
+    program.upper[:3], program.row_lower[:3], program.row_upper[:3] = 1.0, -SLEW, SLEW
+    assert solver.solve() is SolveStatus.SOLVED
+    np.testing.assert_allclose(solver.solution, expected, atol=1e-4)
+
+
+@every_solver
+def test_a_lower_bound_above_the_upper_one_is_never_solved(open_solver) -> None:
+    program = make_program()
+    solver = open_solver(program)
+    program.upper[4] = -0.5
+    assert solver.solve() in REFUSED
+    program.upper[4] = 1.0
+    assert solver.solve() is SolveStatus.SOLVED
+    assert_optimal(solver.solution, program)
+
+
+@every_solver
+@pytest.mark.parametrize("poison", [np.nan, np.inf])
+@pytest.mark.parametrize("where", ["q", "P", "G", "upper"])
+def test_what_is_no_number_is_never_solved_and_leaves_no_trace(open_solver, poison, where) -> None:
+    if where == "upper" and poison == np.inf:
+        poison = np.nan  # an infinite bound is none at all
+    program = make_program(renews=True, slacks=4)
+    solver = open_solver(program)
+    assert solver.solve() is SolveStatus.SOLVED
+    expected = solver.solution.copy()
+    array = getattr(program, where)
+    place = (4,) if array.ndim == 1 else (-1, 4)
+    kept = array[place]
+    array[place] = poison
+    if where == "P":
+        program.P[4, -1] = poison
+    assert solver.solve() is SolveStatus.NUMERICS
+    assert solver.iterations == 0
+    array[place] = kept
+    if where == "P":
+        program.P[4, -1] = kept
+    assert solver.solve() is SolveStatus.SOLVED
+    np.testing.assert_allclose(solver.solution, expected, atol=1e-4)
+
+
+@every_solver
+@pytest.mark.parametrize("size", [2.0, 1e3])
+def test_what_is_not_convex_is_never_solved_and_leaves_no_trace(open_solver, size) -> None:
+    program = make_program(renews=True)
+    solver = open_solver(program)
+    assert solver.solve() is SolveStatus.SOLVED
+    expected, P = solver.solution.copy(), program.P.copy()
+    program.P[:] -= size * np.linalg.eigvalsh(P)[-1] * np.eye(NV)
+    assert solver.solve() in REFUSED
+    program.P[:] = P
+    assert solver.solve() is SolveStatus.SOLVED
+    np.testing.assert_allclose(solver.solution, expected, atol=1e-4)
+
+
+@every_solver
+def test_a_new_hessian_is_the_one_that_is_minimised(open_solver) -> None:
+    """Also where it is far from the one that the problem was scaled for at start."""
+    program = make_program(renews=True)
+    solver, rng = open_solver(program), np.random.default_rng(2)
+    ranges = np.geomspace(0.1, 10.0, NV)
+    for _ in range(10):
+        program.P[:] = convex(rng) * ranges * ranges[:, None]
+        ranges = np.roll(ranges, 7)
+        assert solver.solve() is SolveStatus.SOLVED
+        assert_optimal(solver.solution, program)
+
+
+def test_a_solve_cut_short_far_from_the_optimum_is_not_used() -> None:
+    assert PiqpSolver(make_program(), max_iterations=2).solve() is SolveStatus.ITERATION_LIMIT
+    assert DaqpSolver(make_program(), max_iterations=2).solve() is SolveStatus.ITERATION_LIMIT
+
+
+def test_a_solve_cut_short_close_to_the_optimum_is_used() -> None:
+    program = make_program()
+    exact = PiqpSolver(program)
+    exact.solve()
+    short = PiqpSolver(program, max_iterations=exact.iterations - 1)
+    assert short.solve() is SolveStatus.SOLVED
+    np.testing.assert_allclose(short.solution, exact.solution, atol=1e-3)
+
+
+@pytest.mark.parametrize("shape", PROGRAMS.values(), ids=PROGRAMS.keys())
+def test_a_try_that_succeeds_is_exact(shape) -> None:
+    program, rng = make_program(**shape), np.random.default_rng(3)
+    attempt, reference = ActiveSetTry(program), DaqpSolver(program)
+    succeeded = 0
+    for _ in range(60):
+        walk(program, rng, 0.05)
+        assert reference.solve() is SolveStatus.SOLVED
+        found = attempt.attempt()
+        if found is None:
+            attempt.adopt(reference.solution)
+        else:
+            succeeded += 1
+            np.testing.assert_allclose(found, reference.solution, atol=1e-5)
+            assert_optimal(found, program, atol=1e-7)
+    assert succeeded > 20
+
+
+def test_an_unchanged_program_takes_one_round() -> None:
+    program = make_program()
+    solver = WarmStarted(program, PiqpSolver(program))
+    solver.solve()
+    expected = solver.solution.copy()
+    assert solver.solve() is SolveStatus.SOLVED
+    assert solver.iterations == 1
+    np.testing.assert_allclose(solver.solution, expected, atol=1e-5)
+
+
+def test_a_try_gives_up_after_its_rounds_and_the_solver_behind_it_answers() -> None:
+    program, rng = make_program(), np.random.default_rng(4)
+    attempt = ActiveSetTry(program, most_rounds=1)
+    walk(program, rng, 3.0)
+    assert attempt.attempt() is None
+    assert attempt.rounds == 1
+    solver = WarmStarted(program, PiqpSolver(program))
+    assert solver.solve() is SolveStatus.SOLVED
+    assert_optimal(solver.solution, program)
