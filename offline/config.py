@@ -3,7 +3,8 @@
 No torch here: the command line reads it before anything heavy is loaded.
 """
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
@@ -215,6 +216,18 @@ PRESETS = {
         }
     ),
 }
+
+
+def restore_config(fields: Mapping[str, Any]) -> TrainingConfig:
+    """A configuration that was written down before: every field of it, none by default.
+
+    Raises:
+        ValueError: a field is missing, unknown or out of range: it is of another version.
+    """
+    missing = sorted(set(TrainingConfig.model_fields) - set(fields))
+    if missing:
+        raise ValueError(f"the configuration lacks {', '.join(missing)}")
+    return TrainingConfig.model_validate(dict(fields))
 
 
 def resolve(chosen: TrainingConfig | None) -> TrainingConfig:

@@ -83,8 +83,5 @@ def _consistency(model: MdkNet, batch: Batch, times: Tensor) -> Tensor:
     """Single-step loss at these times, each step with the B of its own start."""
     before = model.lift(batch.at(times - 1))
     after = model.lift(batch.at(times))
-    driven = [
-        model.drive(psi, batch.u[t : t + 1], batch.w[t : t + 1])[0]
-        for psi, t in zip(before, (times - 1).tolist(), strict=True)
-    ]
-    return single_step_loss(before, after, model.operator().A, torch.stack(driven))
+    driven = model.drive_each(before, batch.u[times - 1], batch.w[times - 1])
+    return single_step_loss(before, after, model.operator().A, driven)

@@ -152,6 +152,14 @@ class MdkNet(nn.Module):
         columns = self.bilinear_columns().permute(0, 2, 1).flatten(0, 1)
         return driven + scaled @ columns
 
+    def drive_each(self, psi: Tensor, u: Tensor, w: Tensor) -> Tensor:
+        """What inputs add in one step from each psi, all of them (times, batch, ...).
+
+        Unlike in a roll-out, B is at every time that of the state there.
+        """
+        alone = (psi.flatten(0, 1), u.flatten(0, 1)[None], w.flatten(0, 1)[None])
+        return self.drive(*alone)[0].view_as(psi)
+
 
 def _first_operator(config: TrainingConfig, sizes: Sizes, n: int, learned: int) -> Tensor:
     if config.operator_prior == "zero":

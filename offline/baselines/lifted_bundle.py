@@ -14,10 +14,10 @@ from onnx import NodeProto, TensorProto, ValueInfoProto, helper, numpy_helper
 
 from offline.baselines.functions import Family, Functions
 from offline.baselines.lifted_model import Follow, LiftedModel
-from offline.baselines.lti import IR_VERSION, OPSET
+from offline.baselines.onnx_file import IR_VERSION, OPSET
 from offline.dataset import Dataset
 from offline.provenance import describe_training
-from offline.roles import past_columns
+from offline.roles import past_names
 from rt_controller.contract.artifact import Bilinear, Bundle, Lift, LiftSample
 from rt_controller.contract.errors import ArtifactError
 
@@ -78,10 +78,8 @@ def _lift_of(model: LiftedModel, dataset: Dataset) -> Lift:
         shown.append("w")
     if not model.past_steps:
         return Lift(tuple(shown))
-    schema = dataset.schema
-    states, inputs = past_columns(schema, dataset.roles)
-    names = [schema.state_names[i] for i in states] + [schema.input_names[i] for i in inputs]
-    return Lift((*shown, "history"), model.past_steps, tuple(names))
+    fields = past_names(dataset.schema, dataset.roles)
+    return Lift((*shown, "history"), model.past_steps, fields)
 
 
 class _Part(NamedTuple):

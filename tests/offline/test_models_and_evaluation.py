@@ -13,8 +13,9 @@ from made_models import make_bundle as made_bundle
 from offline.baselines import lti as lti_rival
 from offline.card import Fact, describe_model, write_card
 from offline.checkpoint import load_checkpoint
-from offline.comparison import compare, evaluation_figures, print_pooled
+from offline.comparison import compare, print_pooled
 from offline.evaluate import mse
+from offline.evaluation_figures import pooled_figures
 from offline.export import choose_selftest, make_bundle, pass_gate
 from offline.judgement import FAIR_LTI, ratios_to_rivals
 from offline.predictor import BundlePredictor
@@ -116,7 +117,7 @@ def test_a_trained_bundle_passes_the_contract_and_carries_its_origin_and_its_err
     assert FAIR_LTI in ratios_to_rivals(judgement, "mdk-net")
     print_pooled(judgement)
     printed = capsys.readouterr().out
-    for model in evaluation_figures(judgement)["models"].values():
+    for model in pooled_figures(judgement)["models"].values():
         assert in_digits(model["mse"]["ey_m_squared"]["value"]) in printed
 
     save_bundle(tmp_path, bundle, write_card(bundle, gate, judgement, [Fact("preset", "tiny")]))
