@@ -9,7 +9,14 @@ from offline.export import Gate
 from offline.judgement import Judgement
 from offline.sheet import sheet_as_markdown
 from rt_controller.contract.artifact import Bundle
+from rt_controller.contract.bilinear import Follow
 from rt_controller.contract.fitness import find_objection_to_driving
+
+_FOLLOWED = {
+    Follow.PREDICTION: "following the lifted state",
+    Follow.FREE_RESPONSE: "along the free response of the first lifted state",
+    Follow.START: "frozen at the first lifted state",
+}
 
 
 class Fact(NamedTuple):
@@ -32,12 +39,7 @@ def describe_model(bundle: Bundle) -> list[Fact]:
         )
     matrix = "constant"
     if bundle.bilinear is not None:
-        along = bundle.bilinear.along_free_response
-        matrix = f"bilinear of rank {bundle.bilinear.rank}, " + (
-            "along the free response of the first lifted state"
-            if along
-            else "frozen at the first lifted state"
-        )
+        matrix = f"bilinear of rank {bundle.bilinear.rank}, {_FOLLOWED[bundle.bilinear.follows]}"
     return [
         Fact("observables", f"{bundle.n_observables}, lifted from {'; '.join(seen)}"),
         Fact("input matrix", matrix),

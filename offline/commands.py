@@ -124,11 +124,11 @@ def export_rival(
     name: str, data: Path | None, output: Path, run: Path, json_file: Path | None
 ) -> int:
     """Exit code of `offline-export --rival`: a rival fitted to a data set."""
-    if not roster.is_convex(name):
+    if not roster.is_drivable(name):
         raise ConfigError(
-            f"--rival {name}: expected a model that is linear in the inputs to come, so that a "
-            f"convex QP can plan with it, found another kind. Take one of "
-            f"{', '.join(each for each in roster.names() if roster.is_convex(each))}."
+            f"--rival {name}: expected a model that is linear, or bilinear, in what it lifts, so "
+            f"that a convex QP can plan with it, found another kind. Take one of "
+            f"{', '.join(each for each in roster.names() if roster.is_drivable(each))}."
         )
     full = full_folder()
     folder = data or (full if exists(full) else open_run(run).data_folder)

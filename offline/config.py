@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
 from offline.lengths import PAST_STEPS, STEPS
+from rt_controller.contract.bilinear import Follow
 from rt_controller.contract.errors import ConfigError
 
 Weight = Annotated[float, Field(ge=0.0)]
@@ -138,12 +139,12 @@ class TrainingConfig(BaseModel):
         default=4, ge=0, le=PAST_STEPS, description="past periods that the encoder sees"
     )
     bilinear_rank: int = Field(
-        default=4, ge=0, description="R of the bilinear part of B; 0: B is constant"
+        default=8, ge=0, description="R of the bilinear part of B; 0: B is constant"
     )
-    bilinear_along: Literal["free-response", "start"] = Field(
-        default="free-response",
-        description="what the bilinear part is frozen along: the response without inputs, or "
-        "psi_0 alone",
+    bilinear_follows: Follow = Field(
+        default=Follow.PREDICTION,
+        description="what the bilinear part is read from over a roll-out: the lifted state of each "
+        "step, what psi_0 becomes without inputs, or psi_0 alone",
     )
 
     episodes: PositiveInt = Field(default=7_000, description="episodes of 10 s in the data set")

@@ -164,7 +164,7 @@ def fold_scaling(model: MdkNet, scaling: Scaling) -> PhysicalOperator:
             N=N * s[None, :, None] / scaling.u_scale,
             S=S,
             s0=-S @ t,
-            along_free_response=model.along_free_response,
+            follows=model.follows,
         )
     return PhysicalOperator(A_physical, B_physical, t - A_physical @ t, bilinear)
 

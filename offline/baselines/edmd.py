@@ -24,13 +24,14 @@ from offline.baselines.lifted_fit import (
     pick_transitions,
     tune,
 )
-from offline.baselines.lifted_model import Follow, LiftedModel
+from offline.baselines.lifted_model import LiftedModel
 from offline.baselines.monomial_choice import choose_monomials, row_of_power
 from offline.baselines.score import tuning_windows
 from offline.dataset import Dataset
 from offline.lengths import PAST_STEPS
 from offline.roles import Roles
 from offline.scaling import Scaling, fit_scaling
+from rt_controller.contract.bilinear import Follow
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import Schema
 
@@ -182,4 +183,4 @@ def bilinear(follows: tuple[Follow, ...]) -> EdmdSettings:
 
 
 BILINEAR = bilinear((Follow.PREDICTION,))
-BILINEAR_CONVEX = bilinear((Follow.START, Follow.FREE_RESPONSE))
+BILINEAR_FROZEN = bilinear((Follow.START, Follow.FREE_RESPONSE))

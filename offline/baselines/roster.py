@@ -60,19 +60,16 @@ def find_objection(name: str, dataset: Dataset) -> str | None:
     return None
 
 
-def is_convex(name: str) -> bool:
-    """Whether a controller can plan with that rival as a convex QP: linear in the inputs to come.
+def is_drivable(name: str) -> bool:
+    """Whether a controller can plan with that rival: linear, or bilinear, in what it lifts.
 
     Raises:
         ConfigError: there is no such rival.
     """
-    from offline.baselines.edmd import EdmdSettings
+    from offline.baselines.lifted_model import LiftedModel
     from offline.baselines.linear_model import LinearModel
 
-    entry = _entry(name)
-    if isinstance(entry.settings, EdmdSettings):
-        return all(follow.is_linear_in_inputs for follow in entry.settings.follows)
-    return entry.kind is LinearModel
+    return _entry(name).kind in (LinearModel, LiftedModel)
 
 
 def fit(name: str, dataset: Dataset, cache_folder: Path, refit: bool = False) -> FittedRival:
@@ -171,10 +168,10 @@ def _bilinear() -> Entry:
     return _edmd(BILINEAR)
 
 
-def _bilinear_convex() -> Entry:
-    from offline.baselines.edmd import BILINEAR_CONVEX
+def _bilinear_frozen() -> Entry:
+    from offline.baselines.edmd import BILINEAR_FROZEN
 
-    return _edmd(BILINEAR_CONVEX)
+    return _edmd(BILINEAR_FROZEN)
 
 
 def _edmd(settings: "EdmdSettings") -> Entry:
@@ -219,7 +216,7 @@ _ENTRIES: dict[str, Callable[[], Entry]] = {
     "edmd-polynomial": partial(_large, "monomials"),
     "edmd-rbf": partial(_large, "gaussians"),
     "edmd-fourier": partial(_large, "cosines"),
-    "edmd-bilinear-convex": _bilinear_convex,
+    "edmd-bilinear-frozen": _bilinear_frozen,
     "edmd-bilinear": _bilinear,
     "bicycle": _bicycle,
     "gru": _gru,

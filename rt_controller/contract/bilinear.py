@@ -1,5 +1,6 @@
 """An input matrix that depends on where the car is, in few numbers."""
 
+from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -8,15 +9,24 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+class Follow(StrEnum):
+    """What the input matrix of a bilinear model is read from, over a prediction."""
+
+    PREDICTION = "prediction"
+    """the lifted state of each step: the bilinear model itself. A controller plans along the
+    prediction of its last plan"""
+    FREE_RESPONSE = "free-response"
+    """what the first lifted state becomes without inputs"""
+    START = "start"
+    """the first lifted state"""
+
+
 class Bilinear(NamedTuple):
     """What the lifted state adds to each column of the constant input matrix B_uc.
 
     In a bilinear Koopman model input i acts through (b_i + N_i psi) u_i. Here every matrix N_i has
     rank R, N_i psi = sum_r N[r, :, i] (S[r, i] @ psi), with an offset s0[r, i] on each factor:
     B_eff[:, i] = B_uc[:, i] + sum_r N[r, :, i] * (S[r, i] @ psi + s0[r, i]).
-
-    Predictions must stay linear in the inputs to come, so psi is not what these inputs make of it:
-    it is psi_0 throughout, or follows the free response, what psi_0 becomes without inputs.
 
     Paper: conclusion, where bilinear models are named as future work.
     """
@@ -27,8 +37,8 @@ class Bilinear(NamedTuple):
     """(R, m, n), how much of each, read from the lifted state"""
     s0: Array
     """(R, m)"""
-    along_free_response: bool = True
-    """False: psi is frozen at psi_0"""
+    follows: Follow = Follow.PREDICTION
+    """which psi that is"""
 
     @property
     def rank(self) -> int:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rt_controller.contract.bundle import Bundle
+from rt_controller.contract.bundle import Array, Bundle
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.fitness import require_drivable
 from rt_controller.contract.limits import InputLimits
@@ -49,6 +49,7 @@ class Mpc:
         self._ceilings = self._upper.reshape(horizon, N_INPUTS)
         self.inputs = np.zeros((horizon, N_INPUTS))
         """(N, 3), the plan of the last solve that succeeded"""
+        self._has_plan = False
 
     @property
     def iterations(self) -> int:
@@ -67,6 +68,7 @@ class Mpc:
 
     def forget(self) -> None:
         """What was observed is not the past of the next state: a period or more is missing."""
+        self._has_plan = False
         if self._history is not None:
             self._history.forget()
 
@@ -94,16 +96,26 @@ class Mpc:
             if self._tracks_latents
             else reference
         )
+        self._expect(now.expected, previous)
         self._objective.aim(now)
         self._pedals.update(state.vx_mps - path.v_mps, path.a_mps2)
         self._bound(previous)
 
         status = self._workspace.solve(self._slew_lower, self._slew_upper, self._upper)
-        if status is SolveStatus.SOLVED:
+        self._has_plan = status is SolveStatus.SOLVED
+        if self._has_plan:
             np.multiply(
                 self._workspace.solution, self._constraints.scale, out=self.inputs.reshape(-1)
             )
         return status
+
+    def _expect(self, expected: Array, previous: ControlInput) -> None:
+        """What the inputs will be about: the last plan, one period on, or no change at all."""
+        if self._has_plan:
+            expected[:-1] = self.inputs[1:]
+            expected[-1] = self.inputs[-1]
+        else:
+            expected[:] = previous
 
     def _bound(self, previous: ControlInput) -> None:
         constraints = self._constraints

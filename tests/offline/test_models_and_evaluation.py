@@ -23,6 +23,7 @@ from offline.provenance import describe_training
 from offline.sheet import in_digits
 from offline.train import train
 from rt_controller.contract.artifact import Bilinear, Lift, LiftSample, load_bundle, save_bundle
+from rt_controller.contract.bilinear import Follow
 from rt_controller.contract.errors import ArtifactError, DatasetError
 from rt_controller.session import shipped_model
 
@@ -81,7 +82,7 @@ def test_bundle_prediction_is_one_lift_and_a_linear_roll_out(lti):
 def test_a_frozen_bilinear_bundle_predicts_with_the_input_matrix_of_its_first_lifted_state():
     """Which is not read anew along the way, and looks at the last rows of the past."""
     bundle = made_bundle(WITH_PAST, rank=2, bend=0.05)
-    bundle = replace(bundle, bilinear=bundle.bilinear._replace(along_free_response=False))
+    bundle = replace(bundle, bilinear=bundle.bilinear._replace(follows=Follow.START))
     rng = np.random.default_rng(0)
     x0, past = bundle.selftest.x[:3], rng.normal(size=(3, 20, 6))
     U, W = rng.normal(size=(3, 4, 3)), rng.normal(size=(3, 4, 1))
@@ -152,7 +153,7 @@ def test_the_card_says_what_the_lift_is_shown_and_how_the_inputs_act(lti):
     )
     found = dict(describe_model(richer))
     assert "rank 3, along the free response" in found["input matrix"]
-    frozen = replace(richer, bilinear=richer.bilinear._replace(along_free_response=False))
+    frozen = replace(richer, bilinear=richer.bilinear._replace(follows=Follow.START))
     assert "rank 3, frozen at the first" in dict(describe_model(frozen))["input matrix"]
     assert "curvature_per_m" in found["observables"]
     assert "the last 4 periods (100 ms) of vx_mps, steer_rad" in found["observables"]

@@ -27,7 +27,7 @@ def test_all_rivals_that_a_fair_judge_expects_are_there():
         "edmd-polynomial-66",
         "edmd-rbf-66",
         "edmd-fourier-66",
-        "edmd-bilinear-convex",
+        "edmd-bilinear-frozen",
         "edmd-bilinear",
         "bicycle",
         "gru",
