@@ -136,7 +136,7 @@ class TrainingConfig(BaseModel):
         default=True, description="the encoder sees the exogenous signals: curvature"
     )
     history_steps: int = Field(
-        default=4, ge=0, le=PAST_STEPS, description="past periods that the encoder sees"
+        default=8, ge=0, le=PAST_STEPS, description="past periods that the encoder sees"
     )
     bilinear_rank: int = Field(
         default=8, ge=0, description="R of the bilinear part of B; 0: B is constant"
