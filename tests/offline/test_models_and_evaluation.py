@@ -152,7 +152,7 @@ def test_the_card_says_what_the_lift_is_shown_and_how_the_inputs_act(lti):
         bilinear=Bilinear(np.zeros((3, n, 3)), np.zeros((3, 3, n)), np.zeros((3, 3))),
     )
     found = dict(describe_model(richer))
-    assert "rank 3, along the free response" in found["input matrix"]
+    assert "rank 3, following the lifted state" in found["input matrix"]
     frozen = replace(richer, bilinear=richer.bilinear._replace(follows=Follow.START))
     assert "rank 3, frozen at the first" in dict(describe_model(frozen))["input matrix"]
     assert "curvature_per_m" in found["observables"]
