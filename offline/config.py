@@ -209,7 +209,7 @@ PRESETS = {
         update={
             "preset": "quick",
             "threads": 1,  # batches are small: a second thread waits more than it works
-            "steps": 2_000,
+            "steps": 3_000,
             "batch": 128,
             "evaluate_every": 250,
             "episodes": 1_000,
