@@ -336,7 +336,8 @@ def ablate(
     Parameters
     ----------
     variants
-        a list of the file: ladder, leave-one-out; or a preset, which is a list of one
+        a list of the file: ladder, leave-one-out, sizes, paper-readings; or a preset, which is a
+        list of one
     seeds
         seeds of every variant, like 0,1,2
     only
