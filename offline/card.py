@@ -9,8 +9,8 @@ from offline.export import Gate
 from offline.judgement import Judgement
 from offline.sheet import sheet_as_markdown
 from rt_controller.contract.artifact import Bundle
-from rt_controller.contract.bilinear import Follow
 from rt_controller.contract.fitness import find_objection_to_driving
+from rt_controller.contract.follow import Follow
 
 _FOLLOWED = {
     Follow.PREDICTION: "following the lifted state",

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
 from offline.lengths import PAST_STEPS, STEPS
-from rt_controller.contract.bilinear import Follow
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.follow import Follow
 
 Weight = Annotated[float, Field(ge=0.0)]
 

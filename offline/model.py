@@ -16,7 +16,7 @@ from offline.batch import Instants
 from offline.config import TrainingConfig
 from offline.roles import Roles, past_columns
 from offline.rollout import roll_out, roll_out_bilinear
-from rt_controller.contract.bilinear import Follow
+from rt_controller.contract.follow import Follow
 from rt_controller.contract.schema import Schema
 
 # The paper leaves the spread of its Gaussian start open. These keep 80 steps of the roll-out

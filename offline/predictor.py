@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rt_controller.contract.artifact import Bundle, LiftSample
-from rt_controller.contract.bilinear import Follow
 from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.follow import Follow
 
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 import onnxruntime

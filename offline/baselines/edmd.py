@@ -31,8 +31,8 @@ from offline.dataset import Dataset
 from offline.lengths import PAST_STEPS
 from offline.roles import Roles
 from offline.scaling import Scaling, fit_scaling
-from rt_controller.contract.bilinear import Follow
 from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.follow import Follow
 from rt_controller.contract.schema import Schema
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ from offline.dataset import Dataset
 from offline.provenance import describe_training
 from offline.roles import past_names
 from rt_controller.contract.artifact import Bilinear, Bundle, Lift, LiftSample
-from rt_controller.contract.bilinear import Follow
+from rt_controller.contract.follow import Follow
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from offline.baselines.score import log_error
 from offline.roles import Roles, past_columns
 from offline.scaling import Scaling
 from offline.trajectories import Trajectories
-from rt_controller.contract.bilinear import Follow
+from rt_controller.contract.follow import Follow
 from rt_controller.contract.schema import Schema
 
 Array = NDArray[np.float64]

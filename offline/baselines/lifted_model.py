@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from offline.baselines.finding import Finding
 from offline.baselines.functions import Family, Functions
 from offline.baselines.window_shape import WindowShape
-from rt_controller.contract.bilinear import Follow
+from rt_controller.contract.follow import Follow
 
 Array = NDArray[np.float64]
 

@@ -19,10 +19,11 @@ from typing import Any
 
 import numpy as np
 
-from rt_controller.contract.bilinear import Bilinear, Follow
+from rt_controller.contract.bilinear import Bilinear
 from rt_controller.contract.bundle import Array, Bundle
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.fitness import require_fitting_parts
+from rt_controller.contract.follow import Follow
 from rt_controller.contract.koopman_file import KoopmanFile, check_field, read_koopman
 from rt_controller.contract.lift import Lift, LiftSample
 from rt_controller.contract.schema import Schema, Signal

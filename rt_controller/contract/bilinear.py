@@ -1,24 +1,13 @@
 """An input matrix that depends on where the car is, in few numbers."""
 
-from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rt_controller.contract.follow import Follow
+
 Array = NDArray[np.float64]
-
-
-class Follow(StrEnum):
-    """What the input matrix of a bilinear model is read from, over a prediction."""
-
-    PREDICTION = "prediction"
-    """the lifted state of each step: the bilinear model itself. A controller plans along the
-    prediction of its last plan"""
-    FREE_RESPONSE = "free-response"
-    """what the first lifted state becomes without inputs"""
-    START = "start"
-    """the first lifted state"""
 
 
 class Bilinear(NamedTuple):

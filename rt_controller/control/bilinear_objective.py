@@ -13,8 +13,9 @@ that would solve the bilinear problem (quasi-linear MPC; Cisneros and Werner, 20
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
-from rt_controller.contract.bilinear import Bilinear, Follow
+from rt_controller.contract.bilinear import Bilinear
 from rt_controller.contract.bundle import Array, Bundle
+from rt_controller.contract.follow import Follow
 from rt_controller.control.constraints import N_INPUTS
 from rt_controller.control.cost import InputCost, OutputWeights
 from rt_controller.control.objective import Situation, require_convex

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rt_controller.contract.bilinear import Follow
 from rt_controller.contract.bundle import Bundle
+from rt_controller.contract.follow import Follow
 from rt_controller.contract.lift import Lift
 from rt_controller.contract.schema import VEHICLE
 

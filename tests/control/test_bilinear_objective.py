@@ -10,7 +10,7 @@ from made_models import make_bundle
 
 from rt_controller.config import MpcSettings
 from rt_controller.contract.artifact import Array, Bundle, Lift
-from rt_controller.contract.bilinear import Follow
+from rt_controller.contract.follow import Follow
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.control.objective import Objective
 from rt_controller.control.qp import CondensedQp, assemble

@@ -9,8 +9,8 @@ from made_models import WITH_ALL, WITH_PAST, WITH_ROAD, make_bundle
 
 from rt_controller.config import MpcSettings
 from rt_controller.contract.artifact import Array, Bundle, Lift
-from rt_controller.contract.bilinear import Follow
 from rt_controller.contract.errors import ArtifactError, ConfigError
+from rt_controller.contract.follow import Follow
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.schema import VEHICLE
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState

@@ -6,8 +6,8 @@ import pytest
 from scipy.linalg import block_diag
 
 from rt_controller.contract.artifact import Array, Bilinear, Bundle, LiftSample
-from rt_controller.contract.bilinear import Follow
 from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.follow import Follow
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput, VehicleState
 from rt_controller.control.cost import TrackingCost, output_weights

@@ -18,7 +18,7 @@ from offline.model import MdkNet, sizes_of
 from offline.roles import VEHICLE_ROLES
 from offline.scaling import fit_scaling
 from offline.source import SliceSource
-from rt_controller.contract.bilinear import Follow
+from rt_controller.contract.follow import Follow
 from rt_controller.contract.schema import VEHICLE
 
 K, BATCH, HISTORY, STATES = 7, 3, 2, 6

@@ -10,7 +10,7 @@ from offline.batch import Instants
 from offline.config import PRESETS, TrainingConfig
 from offline.model import FADING_S, MdkNet, Sizes, sizes_of
 from offline.roles import VEHICLE_ROLES, Roles
-from rt_controller.contract.bilinear import Follow
+from rt_controller.contract.follow import Follow
 from rt_controller.contract.schema import VEHICLE, Schema, Signal
 
 SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)

@@ -23,8 +23,8 @@ from offline.provenance import describe_training
 from offline.sheet import in_digits
 from offline.train import train
 from rt_controller.contract.artifact import Bilinear, Lift, LiftSample, load_bundle, save_bundle
-from rt_controller.contract.bilinear import Follow
 from rt_controller.contract.errors import ArtifactError, DatasetError
+from rt_controller.contract.follow import Follow
 from rt_controller.session import shipped_model
 
 

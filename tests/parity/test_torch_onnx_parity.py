@@ -22,7 +22,7 @@ from offline.roles import VEHICLE_ROLES
 from offline.scaling import Scaling
 from offline.trajectories import Trajectories
 from rt_controller.contract.artifact import Bundle, Lift, LiftSample
-from rt_controller.contract.bilinear import Follow
+from rt_controller.contract.follow import Follow
 from rt_controller.contract.schema import VEHICLE
 
 STEPS = 80

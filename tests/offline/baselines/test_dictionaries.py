@@ -15,8 +15,8 @@ from offline.export import SELFTEST_STATES
 from offline.lengths import PAST_STEPS
 from offline.predictor import BundlePredictor
 from rt_controller.contract.artifact import LiftSample, load_bundle, save_bundle
-from rt_controller.contract.bilinear import Follow
 from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.follow import Follow
 
 RIDGES = (1e-12, 1e-9, 1e-6)
 
