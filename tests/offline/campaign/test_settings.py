@@ -8,8 +8,8 @@ import pytest
 from offline.campaign.settings import explicit_fields, train_command
 from offline.cli import train_app
 from offline.config import PRESETS, TrainingConfig, resolve
-from rt_controller.contract.bilinear import Follow
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.follow import Follow
 
 
 def test_each_training_has_one_thread_unless_more_are_asked_for():
