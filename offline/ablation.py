@@ -4,24 +4,24 @@ Everything is judged on the validation part. The test part is for the one model 
 the end.
 """
 
-import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rich.markup import escape
-
 from offline.backend import Backend
-from offline.campaign.campaign import run_campaign
+from offline.campaign.attempt import attempt
 from offline.campaign.data import CampaignData, open_data
+from offline.campaign.result import Result
 from offline.campaign.settings import explicit_fields
 from offline.campaign.table import Row, Table, to_figures, to_markdown
-from offline.campaign.trainings import Result, Training
+from offline.campaign.trainings import Training, find_run, run_training
 from offline.campaign.variants import VariantList, read_variants
+from offline.campaign.whole_file import write_json, write_whole
 from offline.config import TrainingConfig
 from offline.interrupt import INTERRUPTED
+from offline.parallel import as_done
 from offline.terminal import CONSOLE, progress_bar
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import write_figures
@@ -48,21 +48,28 @@ class Question:
 def ablate(
     question: Question, folder: Path, data: Path | None, backend: Backend, json_file: Path | None
 ) -> int:
-    """Exit code of `offline-ablate`: 0 with a whole table, 130 where it was stopped before."""
+    """Exit code of `offline-ablate`: 0 with a whole table, 130 where it was stopped before.
+
+    Raises:
+        ConfigError: the question makes no sense, or the folder holds the answer to another one.
+        DatasetError: the data set is none, or not the one that was asked for.
+        WorkersLostError: workers died again and again.
+    """
     variants = read_variants(
         question.variants,
         question.file,
         explicit_fields(question.common, GIVEN_OTHERWISE),
         question.only,
     )
+    _introduce(variants)
     there = open_data(data, variants.variants[0].config, question.common, backend)
+    CONSOLE.print(f"campaign {folder}\ndata {there.folder}", soft_wrap=True)
     begun = [
         (variant, seed, _training(folder, variant.name, variant.config, seed, there))
         for variant in variants.variants
         for seed in question.seeds
     ]
-    CONSOLE.print(f"campaign {folder}\ndata {there.folder}", soft_wrap=True)
-    results = _run(folder, [training for _, _, training in begun], backend)
+    results = _train_all(folder, [training for _, _, training in begun], backend)
     table = Table(
         title=f"{variants.name}: {variants.why}",
         states=there.states,
@@ -82,7 +89,7 @@ def ablate(
     }
     _write(folder, table, figures)
     write_figures(json_file, figures)
-    return _say(folder, variants, table, len(begun) - len(results))
+    return _say(folder, variants.name, table, len(begun) - len(results))
 
 
 def parse_seeds(text: str) -> tuple[int, ...]:
@@ -103,6 +110,14 @@ def parse_names(text: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
+def _introduce(variants: VariantList) -> None:
+    CONSOLE.print(f"{variants.name}: {variants.why}", soft_wrap=True, markup=False)
+    width = max(len(variant.name) for variant in variants.variants)
+    for variant in variants.variants:
+        line = f"  {variant.name:<{width}}  {variant.why}"
+        CONSOLE.print(line, soft_wrap=True, markup=False, highlight=False)
+
+
 def _training(
     folder: Path, name: str, config: TrainingConfig, seed: int, there: CampaignData
 ) -> Training:
@@ -115,17 +130,26 @@ def _training(
     )
 
 
-def _run(folder: Path, trainings: Sequence[Training], backend: Backend) -> dict[int, Result]:
-    with progress_bar("trainings", len(trainings)) as show:
-        ended = 0
+def _train_all(folder: Path, trainings: Sequence[Training], backend: Backend) -> dict[int, Result]:
+    """Results by number of the training; those that were stopped before their end are missing.
 
-        def on_end(number: int, result: Result) -> None:
-            nonlocal ended
-            ended += 1
-            place = trainings[number].folder.relative_to(folder.resolve())
-            show(ended, f"{place}: {describe(result)}")
-
-        return run_campaign(folder, trainings, backend, on_end)
+    What has ended is not done again, what was interrupted goes on from its checkpoint.
+    """
+    for training in trainings:
+        find_run(training)
+    results: dict[int, Result] = {}
+    with (
+        backend.active(),
+        attempt(folder) as current,
+        progress_bar("trainings", len(trainings)) as show,
+    ):
+        tasks = [(training, current, os.getpid()) for training in trainings]
+        for number, result in as_done(run_training, tasks):
+            if result is not None:
+                results[number] = result
+                place = trainings[number].folder.relative_to(folder.resolve())
+                show(len(results), f"{place}: {describe(result)}")
+    return results
 
 
 def describe(result: Result) -> str:
@@ -134,19 +158,14 @@ def describe(result: Result) -> str:
         return f"{result.ending}: {result.reason}"
     return (
         f"{result.score.geometric_mean:.2f} times better than the fair linear model, "
-        f"{result.training_s:.0f} s"
+        f"{result.training_cpu_s:.0f} s of CPU time"
     )
 
 
 def _write(folder: Path, table: Table, figures: dict[str, Any]) -> None:
     try:
-        for name, text in (
-            (TABLE_FILE, to_markdown(table)),
-            (FIGURES_FILE, json.dumps(figures, indent=2) + "\n"),
-        ):
-            part = folder / f".{name}.{os.getpid()}.part"  # two commands may share the folder
-            part.write_text(text, encoding="utf-8")
-            os.replace(part, folder / name)
+        write_whole(folder / TABLE_FILE, to_markdown(table))
+        write_json(folder / FIGURES_FILE, figures)
     except OSError as error:
         raise ConfigError(
             f"--folder {folder}: expected room for the table, found: {error.strerror}. The "
@@ -154,7 +173,7 @@ def _write(folder: Path, table: Table, figures: dict[str, Any]) -> None:
         ) from error
 
 
-def _say(folder: Path, variants: VariantList, table: Table, open_trainings: int) -> int:
+def _say(folder: Path, name: str, table: Table, open_trainings: int) -> int:
     if open_trainings:
         CONSOLE.print(
             f"Stopped with {open_trainings} trainings to go; nothing is lost. Run the same command "
@@ -165,6 +184,7 @@ def _say(folder: Path, variants: VariantList, table: Table, open_trainings: int)
     for row in table.rows:
         result = row.result
         if result is not None and result.score is None:
-            CONSOLE.print(f"{row.variant.name}, seed {row.seed}: {escape(describe(result))}")
-    CONSOLE.print(f"{escape(variants.name)}: {folder / TABLE_FILE}", soft_wrap=True)
+            line = f"{row.variant.name}, seed {row.seed}: {describe(result)}"
+            CONSOLE.print(line, soft_wrap=True, markup=False)
+    CONSOLE.print(f"{name}: {folder / TABLE_FILE}", soft_wrap=True, markup=False)
     return 0

@@ -9,6 +9,14 @@ from offline.export import Gate
 from offline.judgement import Judgement
 from offline.sheet import sheet_as_markdown
 from rt_controller.contract.artifact import Bundle
+from rt_controller.contract.fitness import find_objection_to_driving
+from rt_controller.contract.follow import Follow
+
+_FOLLOWED = {
+    Follow.PREDICTION: "following the lifted state",
+    Follow.FREE_RESPONSE: "along the free response of the first lifted state",
+    Follow.START: "frozen at the first lifted state",
+}
 
 
 class Fact(NamedTuple):
@@ -31,12 +39,7 @@ def describe_model(bundle: Bundle) -> list[Fact]:
         )
     matrix = "constant"
     if bundle.bilinear is not None:
-        along = bundle.bilinear.along_free_response
-        matrix = f"bilinear of rank {bundle.bilinear.rank}, " + (
-            "along the free response of the first lifted state"
-            if along
-            else "frozen at the first lifted state"
-        )
+        matrix = f"bilinear of rank {bundle.bilinear.rank}, {_FOLLOWED[bundle.bilinear.follows]}"
     return [
         Fact("observables", f"{bundle.n_observables}, lifted from {'; '.join(seen)}"),
         Fact("input matrix", matrix),
@@ -48,14 +51,15 @@ def describe_model(bundle: Bundle) -> list[Fact]:
 def write_card(bundle: Bundle, gate: Gate, judgement: Judgement, facts: Sequence[Fact]) -> str:
     """The card in Markdown."""
     library = judgement.sets[0]
+    drives = find_objection_to_driving(bundle) is None
     pooled = mse_sheet(judgement, library)
     lines = [
         f"# {bundle.name}",
         "",
         f"A lifted {'linear' if bundle.bilinear is None else 'bilinear'} model with "
         f"{bundle.n_observables} observables, sampled every {1000 * bundle.schema.dt_s:g} ms, in "
-        "physical units. Load it with `rt_controller.contract.artifact.load_bundle`, drive with "
-        "`rt-controller --bus virtual --model`.",
+        "physical units. Load it with `rt_controller.contract.artifact.load_bundle`"
+        + (", drive with `rt-controller --bus virtual --model`." if drives else "."),
         "",
         "## What it predicts from",
         "",
@@ -73,7 +77,7 @@ def write_card(bundle: Bundle, gate: Gate, judgement: Judgement, facts: Sequence
         f"Spectral radius of A {gate.spectral_radius:.5f}; growth over 20 steps "
         f"{gate.growth_20:.3g}, over 80 steps {gate.growth_80:.3g} (2-norm of the power of A, "
         "observables in units of their spread). "
-        f"Largest difference between ONNX and the trained network {gate.parity:.1e}, "
+        f"Largest difference between the encoder as ONNX and as it was made {gate.parity:.1e}, "
         "in the same units.",
         "",
         f"{pooled.title}, held out by episode. {pooled.note}",

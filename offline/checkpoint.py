@@ -3,6 +3,7 @@
 Written whole or not at all, read without pickles (`weights_only`).
 """
 
+import json
 import os
 import pickle
 import zipfile
@@ -12,9 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from pydantic import ValidationError
 
-from offline.config import TrainingConfig
+from offline.config import TrainingConfig, restore_config
 from offline.scaling import Scaling
 from rt_controller.contract.errors import ArtifactError, RtControllerError
 
@@ -70,7 +70,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
     """
     try:
         fields = torch.load(path, map_location="cpu", weights_only=True)
-        fields["config"] = TrainingConfig.model_validate_json(fields["config"])
+        fields["config"] = restore_config(json.loads(fields["config"]))
         fields["scaling"] = Scaling(
             **{name: tensor.numpy() for name, tensor in fields["scaling"].items()}
         )
@@ -88,7 +88,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
         TypeError,
         pickle.UnpicklingError,
         zipfile.BadZipFile,
-        ValidationError,
+        ValueError,
     ) as error:
         raise ArtifactError(
             f"{path}: expected a checkpoint of this version, found a truncated or foreign file "

@@ -26,7 +26,11 @@ Folders = Annotated[list[Path] | None, Parameter(consume_multiple=True, negative
 Names = Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")]
 
 data_app = App(name="offline-data", help="Make the data set: episodes of the simulated car.")
-import_app = App(name="offline-import", help="Make a data set of recorded logs.")
+import_app = App(
+    name="offline-import",
+    help="Make a data set of recorded logs: CSV, Parquet, MF4, npz, MATLAB, or CAN with a DBC. "
+    "Nothing is written unless every log is found good. docs/own-data.md has the mapping file.",
+)
 train_app = App(
     name="offline-train", help="Train a model; the defaults are those of the preset recommended."
 )
@@ -332,7 +336,8 @@ def ablate(
     Parameters
     ----------
     variants
-        a list of the file: ladder, leave-one-out; or a preset, which is a list of one
+        a list of the file: ladder, leave-one-out, sizes, paper-readings; or a preset, which is a
+        list of one
     seeds
         seeds of every variant, like 0,1,2
     only

@@ -11,6 +11,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 SOURCES = ("rt_controller", "sim_bridge", "offline")
+SUFFIXES = (".py", ".toml")
+"""cars are TOML files"""
 NUMERICS = ("numpy", "numba", "torch")
 
 
@@ -21,16 +23,18 @@ def describe_code() -> str:
     Of the first call: a process that has run for a week still runs the code it has loaded.
     """
     libraries = ", ".join(f"{name} {_version(name)}" for name in NUMERICS)
-    return f"source {_source_digest():.12}, {libraries}, {platform.machine()}"
+    source = digest_sources(Path(__file__).parent.parent)
+    return f"source {source:.12}, {libraries}, {platform.machine()}"
 
 
-def _source_digest() -> str:
-    root = Path(__file__).parent.parent
+def digest_sources(root: Path) -> str:
+    """SHA-256 of the packages' sources below that folder, names included."""
     digest = hashlib.sha256()
     for package in SOURCES:
-        for file in sorted((root / package).rglob("*.py")):
-            digest.update(f"{file.relative_to(root).as_posix()}\n".encode())
-            digest.update(file.read_bytes())
+        for file in sorted((root / package).rglob("*")):
+            if file.suffix in SUFFIXES:
+                digest.update(f"{file.relative_to(root).as_posix()}\n".encode())
+                digest.update(file.read_bytes())
     return digest.hexdigest()
 
 

@@ -13,22 +13,25 @@ from offline.baselines import roster
 from offline.baselines.bundle import bundle_of
 from offline.card import Fact, write_card
 from offline.checkpoint import load_checkpoint
-from offline.comparison import compare, evaluation_figures, print_pooled
+from offline.comparison import compare, print_pooled
 from offline.config import TrainingConfig, resolve
 from offline.dataset import Dataset, exists, load_dataset
+from offline.evaluation_figures import pooled_figures
 from offline.export import Gate, choose_selftest, make_bundle, pass_gate
+from offline.learner import find_device
 from offline.lengths import PAST_STEPS
 from offline.manifest import Imported, Origin
 from offline.revision import source_revision
 from offline.rivals import describe_rival, rival_cache
 from offline.roles import past_names
-from offline.run_folder import create_run, extend_run, open_run
+from offline.run_folder import create_run, open_run, rewrite_config
 from offline.stock import ensure_dataset, full_folder
 from offline.terminal import CONSOLE
 from offline.training_run import run_training
 from rt_controller.contract.artifact import Bundle, Lift, save_bundle
 from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.contract.figures import write_figures
+from rt_controller.contract.fitness import find_objection_to_driving
 
 RESUMABLE_SETTINGS = {"steps", "threads"}
 
@@ -71,6 +74,7 @@ def train_model(
 ) -> int:
     """Exit code of `offline-train`: a new run."""
     config = resolve(chosen)
+    find_device(config.device)
     folder, dataset = ensure_dataset(data, config.episodes, config.data_seed, backend)
     config = _config_of_data(folder, dataset.origin, config, chosen)
     run = create_run(runs, config, folder, dataset.sha256, datetime.now())
@@ -82,8 +86,8 @@ def resume_training(
 ) -> int:
     """Exit code of `offline-train --resume`: an old run goes on."""
     run = open_run(path)
-    run = extend_run(run, _config_to_resume(run.config, chosen))
     checkpoint = load_checkpoint(run.last)
+    config = _config_to_resume(run.config, checkpoint.step, chosen)
     dataset = load_dataset(data or run.data_folder)
     if dataset.sha256 != run.data_sha256:
         raise ConfigError(
@@ -91,7 +95,7 @@ def resume_training(
             f"{dataset.sha256:.16}… in {data or run.data_folder}. Name the right folder with "
             f"--data."
         )
-    return run_training(run, dataset, checkpoint, json_file)
+    return run_training(rewrite_config(run, config), dataset, checkpoint, json_file)
 
 
 def export_run(path: Path, output: Path | None, data: Path | None, json_file: Path | None) -> int:
@@ -120,6 +124,12 @@ def export_rival(
     name: str, data: Path | None, output: Path, run: Path, json_file: Path | None
 ) -> int:
     """Exit code of `offline-export --rival`: a rival fitted to a data set."""
+    if not roster.is_drivable(name):
+        raise ConfigError(
+            f"--rival {name}: expected a model that is linear, or bilinear, in what it lifts, so "
+            f"that a convex QP can plan with it, found another kind. Take one of "
+            f"{', '.join(each for each in roster.names() if roster.is_drivable(each))}."
+        )
     full = full_folder()
     folder = data or (full if exists(full) else open_run(run).data_folder)
     CONSOLE.print(f"data {folder}", soft_wrap=True)
@@ -161,7 +171,13 @@ def _deliver(
         f"torch/ONNX {gate.parity:.1e}"
     )
     print_pooled(evaluation)
-    CONSOLE.print(f"Drive with it:\n  rt-controller --bus virtual --model {target}", soft_wrap=True)
+    objection = find_objection_to_driving(bundle)
+    CONSOLE.print(
+        f"Drive with it:\n  rt-controller --bus virtual --model {target}"
+        if objection is None
+        else objection,
+        soft_wrap=True,
+    )
     write_figures(
         json_file,
         {
@@ -174,7 +190,7 @@ def _deliver(
             "growth_80": gate.growth_80,
             "parity": gate.parity,
             "size_bytes": sum(file.stat().st_size for file in target.iterdir()),
-            **evaluation_figures(evaluation),
+            **pooled_figures(evaluation),
         },
     )
     return 0
@@ -208,7 +224,9 @@ def _config_of_data(
     return config.model_copy(update={"episodes": origin.episodes, "data_seed": origin.seed})
 
 
-def _config_to_resume(before: TrainingConfig, chosen: TrainingConfig | None) -> TrainingConfig:
+def _config_to_resume(
+    before: TrainingConfig, steps_done: int, chosen: TrainingConfig | None
+) -> TrainingConfig:
     if chosen is None:
         return before
     foreign = sorted(chosen.model_fields_set - RESUMABLE_SETTINGS)
@@ -217,11 +235,16 @@ def _config_to_resume(before: TrainingConfig, chosen: TrainingConfig | None) -> 
             f"--resume: expected no other setting than --steps and --threads, found "
             f"{', '.join(foreign)}. Start a new run to change them."
         )
-    is_longer = "steps" in chosen.model_fields_set and chosen.steps != before.steps
-    if is_longer and before.rate_schedule == "cosine":
+    asks_for_steps = "steps" in chosen.model_fields_set and chosen.steps != before.steps
+    if asks_for_steps and before.rate_schedule == "cosine":
         raise ConfigError(
             f"--resume --steps {chosen.steps}: expected the {before.steps} steps that the rate of "
-            f"this run falls over. Start a new run to train longer."
+            f"this run falls over. Start a new run to train for another number."
+        )
+    if asks_for_steps and chosen.steps < steps_done:
+        raise ConfigError(
+            f"--resume --steps {chosen.steps}: expected no fewer than the {steps_done} steps that "
+            f"are done. Export the run as it is, or start a new one."
         )
     explicit = {name: getattr(chosen, name) for name in chosen.model_fields_set}
     return before.model_copy(update=explicit)

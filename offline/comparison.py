@@ -1,9 +1,6 @@
 """A new bundle beside the plain rivals on the test part of its data: for its card, and a table."""
 
-from typing import Any
-
 from offline.dataset import Dataset
-from offline.evaluation_figures import pooled_figures
 from offline.evaluation_sheets import mse_sheet
 from offline.judgement import Judgement, judge
 from offline.predictor import BundlePredictor
@@ -27,8 +24,3 @@ def compare(bundle: Bundle, dataset: Dataset) -> Judgement:
 def print_pooled(judgement: Judgement) -> None:
     """The table over all roads."""
     print_sheet(mse_sheet(judgement, judgement.sets[0]))
-
-
-def evaluation_figures(judgement: Judgement) -> dict[str, Any]:
-    """The same for `--json`."""
-    return pooled_figures(judgement)

@@ -3,12 +3,14 @@
 No torch here: the command line reads it before anything heavy is loaded.
 """
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
 from offline.lengths import PAST_STEPS, STEPS
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.follow import Follow
 
 Weight = Annotated[float, Field(ge=0.0)]
 
@@ -134,15 +136,15 @@ class TrainingConfig(BaseModel):
         default=True, description="the encoder sees the exogenous signals: curvature"
     )
     history_steps: int = Field(
-        default=4, ge=0, le=PAST_STEPS, description="past periods that the encoder sees"
+        default=8, ge=0, le=PAST_STEPS, description="past periods that the encoder sees"
     )
     bilinear_rank: int = Field(
-        default=4, ge=0, description="R of the bilinear part of B; 0: B is constant"
+        default=8, ge=0, description="R of the bilinear part of B; 0: B is constant"
     )
-    bilinear_along: Literal["free-response", "start"] = Field(
-        default="free-response",
-        description="what the bilinear part is frozen along: the response without inputs, or "
-        "psi_0 alone",
+    bilinear_follows: Follow = Field(
+        default=Follow.PREDICTION,
+        description="what the bilinear part is read from over a roll-out: the lifted state of each "
+        "step, what psi_0 becomes without inputs, or psi_0 alone",
     )
 
     episodes: PositiveInt = Field(default=7_000, description="episodes of 10 s in the data set")
@@ -207,7 +209,7 @@ PRESETS = {
         update={
             "preset": "quick",
             "threads": 1,  # batches are small: a second thread waits more than it works
-            "steps": 2_000,
+            "steps": 3_000,
             "batch": 128,
             "evaluate_every": 250,
             "episodes": 1_000,
@@ -215,6 +217,18 @@ PRESETS = {
         }
     ),
 }
+
+
+def restore_config(fields: Mapping[str, Any]) -> TrainingConfig:
+    """A configuration that was written down before: every field of it, none by default.
+
+    Raises:
+        ValueError: a field is missing, unknown or out of range: it is of another version.
+    """
+    missing = sorted(set(TrainingConfig.model_fields) - set(fields))
+    if missing:
+        raise ValueError(f"the configuration lacks {', '.join(missing)}")
+    return TrainingConfig.model_validate(dict(fields))
 
 
 def resolve(chosen: TrainingConfig | None) -> TrainingConfig:

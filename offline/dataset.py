@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
+from uuid import uuid4
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,11 +139,12 @@ def save_dataset(
     )
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        part_file = folder / (RECORDING_FILE + ".part")
+        mark = f".{uuid4().hex}.part"  # two processes may make the same data set at once
+        part_file = folder / (RECORDING_FILE + mark)
         with part_file.open("wb") as file:
             np.savez(file, **arrays)  # type: ignore[arg-type]
         os.replace(part_file, folder / RECORDING_FILE)
-        part_file = folder / (MANIFEST_FILE + ".part")
+        part_file = folder / (MANIFEST_FILE + mark)
         part_file.write_text(manifest.to_json(), encoding="utf-8")
         os.replace(part_file, folder / MANIFEST_FILE)
     except OSError as error:

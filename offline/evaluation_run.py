@@ -21,7 +21,7 @@ from offline.judgement import Judgement, judge
 from offline.manifest import Driven
 from offline.predictor import BundlePredictor, Predictor
 from offline.revision import source_revision
-from offline.rivals import choose_rivals, open_rivals
+from offline.rivals import ALL, choose_rivals, open_rivals
 from offline.robustness import ensure_robustness_data
 from offline.sheet import print_sheet
 from offline.terminal import CONSOLE
@@ -96,7 +96,8 @@ def run_evaluation(
     bundles = tuple(load_bundle(folder) for folder in models)
     dataset = choose_test_set(bundles, data, run)
     tests = open_sets(chosen_sets, dataset, bundles)
-    opened = open_rivals(chosen_rivals, dataset, bundles, insisted=bool(rivals))
+    insists = bool(rivals) and tuple(rivals) != (ALL,)
+    opened = open_rivals(chosen_rivals, dataset, bundles, insists)
     names = label_models(models, taken=opened)
     judged = {name: BundlePredictor(bundle) for name, bundle in zip(names, bundles, strict=True)}
     with CONSOLE.status("judging") as status:

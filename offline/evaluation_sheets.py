@@ -26,7 +26,7 @@ def mse_sheet(judgement: Judgement, test: TestSet) -> Sheet:
     """Mean squared errors with intervals. Paper: Table I."""
     rows = [(name, cells(mse(judgement.scores[test.name][name]))) for name in judgement.names]
     return Sheet(
-        f"MSE over {_steps(judgement)} steps, {size(test)}",
+        f"MSE over {judgement.steps} steps, {size(test)}",
         _state_heads("model", judgement.columns, squared=True),
         tuple(rows),
         _diverged(judgement, test) or INTERVALS,
@@ -37,7 +37,7 @@ def rms_sheet(judgement: Judgement, test: TestSet) -> Sheet:
     """The same in the states' own units."""
     rows = [(name, _bare(rms(judgement.scores[test.name][name]))) for name in judgement.names]
     return Sheet(
-        f"RMS error over {_steps(judgement)} steps, {size(test)}",
+        f"RMS error over {judgement.steps} steps, {size(test)}",
         _state_heads("model", judgement.columns),
         tuple(rows),
     )
@@ -106,11 +106,6 @@ def growth_sheet(judgement: Judgement, test: TestSet) -> Sheet:
 def size(test: TestSet) -> str:
     """How many trajectories of how many episodes."""
     return f"{test.n_trajectories} trajectories of {test.n_episodes} episodes"
-
-
-def _steps(judgement: Judgement) -> int:
-    first = next(iter(judgement.library.values()))
-    return int(first.squared.total.shape[1])
 
 
 def _bare(estimate: Estimate) -> tuple[Cell, ...]:

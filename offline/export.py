@@ -164,7 +164,7 @@ def fold_scaling(model: MdkNet, scaling: Scaling) -> PhysicalOperator:
             N=N * s[None, :, None] / scaling.u_scale,
             S=S,
             s0=-S @ t,
-            along_free_response=model.along_free_response,
+            follows=model.follows,
         )
     return PhysicalOperator(A_physical, B_physical, t - A_physical @ t, bilinear)
 
@@ -274,8 +274,8 @@ def pass_gate(bundle: Bundle, largest_radius: float = LARGEST_RADIUS) -> Gate:
         raise ArtifactError(
             f"export expects a spectral radius of at most {largest_radius}, found "
             f"{bundle.spectral_radius:.4f}: over the horizon its predictions would grow without "
-            f"bound. Train longer, or with a larger --weight-stability; a rival that "
-            f"grows so is none to drive with."
+            f"bound. Train with --stability projection, or longer; a rival that grows so is none "
+            f"to drive with."
         )
     lifted = BundlePredictor(bundle).lift(bundle.selftest)
     parity = bundle.parity_error(lifted)

@@ -128,11 +128,11 @@ def assemble(episodes: list[Episode]) -> Generated:
 
 
 def plant_fingerprint() -> str:
-    """Hash of how the simulated car answers one fixed manoeuvre.
+    """Hash of how the simulated car answers one fixed manoeuvre, and of how it is driven.
 
-    It changes when the physics or the parameters do, not when their code is merely rewritten, so
-    a stored data set is never mistaken for one of another car. Five digits are kept: less than
-    any change of model would leave, more than two compilers would differ by.
+    It changes when the physics, the parameters or the drives do, not when their code is merely
+    rewritten, so a stored data set is never mistaken for one of another car or driver. Five digits
+    are kept: less than any change of model would leave, more than two compilers would differ by.
     """
     k = np.arange(round(3.0 / PERIOD_S))
     inputs = np.zeros((len(k), 3))
@@ -140,7 +140,11 @@ def plant_fingerprint() -> str:
     inputs[:, 1] = np.where(k >= 60, 60.0, 0.0)
     inputs[:, 2] = INPUT_LIMITS.upper.steer_rad * np.sin(2 * np.pi * 0.5 * k * PERIOD_S)
     motion, _ = _drive(20.0, inputs)
-    digits = ",".join(f"{value:.4e}" for value in np.asarray(motion)[::200].ravel())
+    drawn = make_episode(Recipe(), np.random.SeedSequence(0))
+    limits = (LOWEST_SPEED_MPS, LARGEST_SIDESLIP_RAD, LARGEST_ROLL_RAD, FIRST_EY_M, FIRST_EPSI_RAD)
+    numbers = (motion[::200], drawn.motion[::20], drawn.inputs, drawn.first_errors, limits)
+    values = np.concatenate([np.ravel(each) for each in numbers])
+    digits = ",".join(f"{value:.4e}" for value in values)
     return hashlib.sha256(digits.encode()).hexdigest()
 
 

@@ -7,6 +7,7 @@ from offline.dataset import MANIFEST_FILE, Dataset, exists, load_dataset
 from offline.lengths import PAST_STEPS
 from offline.manifest import Driven, Manifest, read_manifest
 from offline.provenance import is_held_out
+from offline.roles import past_names
 from offline.run_folder import open_run
 from offline.stock import find_dataset, full_folder
 from offline.terminal import CONSOLE
@@ -37,8 +38,9 @@ def choose_test_set(bundles: Sequence[Bundle], data: Path | None, run: Path) -> 
         CONSOLE.print(f"not judged on {folder}: {objection}", soft_wrap=True)
     hashes = ", ".join(dict.fromkeys(f"{bundle.data_sha256:.16}…" for bundle in bundles))
     raise DatasetError(
-        f"expected a data set that no model to be judged was trained on, or its own ({hashes}), "
-        f"found none at hand. Make the full one with offline-data, or name one with --data."
+        f"expected a data set that none of the judged models was trained on, or their own "
+        f"({hashes}), found none at hand. Make the full one with offline-data, or name one with "
+        f"--data."
     )
 
 
@@ -57,7 +59,8 @@ def has_signals(bundle: Bundle, manifest: Manifest) -> bool:
     """Whether the data set shows the model all that it predicts from and nothing else."""
     ours, theirs, lift = bundle.schema, manifest.schema, bundle.lift
     is_same_past = not lift.sees_history or (
-        lift.history_fields == manifest.roles.past and lift.history_steps <= PAST_STEPS
+        lift.history_fields == past_names(manifest.schema, manifest.roles)
+        and lift.history_steps <= PAST_STEPS
     )
     return is_same_past and ours == theirs
 

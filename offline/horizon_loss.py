@@ -15,7 +15,6 @@ from offline.batch import Batch
 from offline.config import TrainingConfig
 from offline.losses import Losses, prior_of, regularisation_loss, single_step_loss, stability_loss
 from offline.model import MdkNet
-from offline.rollout import roll_out
 
 LEAST_ERROR = 1e-12
 """keeps the logarithm finite where a state is predicted exactly"""
@@ -75,16 +74,12 @@ def horizon_of_step(step: int, steps: int, config: TrainingConfig, longest: int)
 
 def _roll_out_states(model: MdkNet, batch: Batch) -> Tensor:
     psi0 = model.lift(batch.at(torch.zeros(1, dtype=torch.long, device=batch.x.device)))[0]
-    drive = model.drive(psi0, batch.u, batch.w)
-    return roll_out(psi0, model.operator().A, drive)[..., : model.sizes.states]
+    return model.roll_out(psi0, batch.u, batch.w)[..., : model.sizes.states]
 
 
 def _consistency(model: MdkNet, batch: Batch, times: Tensor) -> Tensor:
     """Single-step loss at these times, each step with the B of its own start."""
     before = model.lift(batch.at(times - 1))
     after = model.lift(batch.at(times))
-    driven = [
-        model.drive(psi, batch.u[t : t + 1], batch.w[t : t + 1])[0]
-        for psi, t in zip(before, (times - 1).tolist(), strict=True)
-    ]
-    return single_step_loss(before, after, model.operator().A, torch.stack(driven))
+    driven = model.drive(before, batch.u[times - 1], batch.w[times - 1])
+    return single_step_loss(before, after, model.operator().A, driven)

@@ -40,6 +40,11 @@ class Judgement:
         return self.judged + self.rivals
 
     @property
+    def steps(self) -> int:
+        """K, of the horizon."""
+        return int(next(iter(self.library.values())).squared.total.shape[1])
+
+    @property
     def library(self) -> Mapping[str, Scores]:
         """By model, on the set that the others are measured against."""
         return self.scores[LIBRARY]

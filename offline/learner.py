@@ -19,8 +19,29 @@ from offline.projection import project
 from offline.scaling import Scaling
 from offline.schedule import cosine_rate, is_evaluated
 from offline.source import Source
+from rt_controller.contract.errors import ConfigError
 
 EVALUATION_CHUNK = 500
+
+
+def find_device(name: str) -> torch.device:
+    """The device of that name, if this machine has it and torch can compute there.
+
+    Raises:
+        ConfigError: it has not, or there is no such name.
+    """
+    try:
+        device = torch.device(name)
+        torch.zeros(1, device=device)
+    except (RuntimeError, AssertionError, NotImplementedError) as error:
+        reason = str(error).splitlines()[0].rstrip(".")
+        raise ConfigError(
+            f"--device {name}: expected a device that torch can compute on here, found none "
+            f"({reason}). Take cpu, or install a torch built for it."
+        ) from error
+    return device
+
+
 PROJECTION_STEPS = 10
 """between two projections of the operator: an eigenvalue does not get far in so few"""
 
@@ -35,7 +56,7 @@ class Learner:
         self.config = config
         self.scaling = scaling
         self.data_sha256 = data_sha256
-        self.device = torch.device(config.device)
+        self.device = find_device(config.device)
         self.model = MdkNet(config, sizes).to(self.device)
         self.optimizer = _adam(self.model, config)
         self.dice = torch.Generator().manual_seed(config.seed)

@@ -15,7 +15,6 @@ from torch import Tensor
 from offline.batch import Batch
 from offline.config import TrainingConfig
 from offline.model import MdkNet
-from offline.rollout import roll_out
 
 GROWTH_DOUBLINGS = 6
 GROWTH_BOUND = 1.035
@@ -113,17 +112,17 @@ def total_loss(
     if times is None:
         psi = model.lift(batch.at(torch.arange(steps + 1, device=batch.x.device)))
         psi0, psi_before, psi_after = psi[0], psi[:-1], psi[1:]
-        drive = model.drive(psi0, batch.u, batch.w)
-        predicted = roll_out(psi0, A, drive)
+        u, w = batch.u, batch.w
+        predicted = model.roll_out(psi0, u, w)
     else:
         m, times = len(times), times.to(batch.x.device)
         psi = model.lift(batch.at(torch.cat([times.new_zeros(1), times - 1, times])))
         psi0, psi_before, psi_after = psi[0], psi[1 : m + 1], psi[m + 1 :]
-        drive = model.drive(psi0, batch.u, batch.w)
-        predicted = roll_out(psi0, A, drive)[times - 1]
-        drive, weights = drive[times - 1], weights[times - 1] * (steps / m)
+        u, w = batch.u[times - 1], batch.w[times - 1]
+        predicted = model.roll_out(psi0, batch.u, batch.w)[times - 1]
+        weights = weights[times - 1] * (steps / m)
 
-    single_step = single_step_loss(psi_before, psi_after, A, drive)
+    single_step = single_step_loss(psi_before, psi_after, A, model.drive(psi_before, u, w))
     multi_step = multi_step_loss(psi_after, predicted, weights)
     stability = stability_loss(A, config)
     regularisation = regularisation_loss(

@@ -15,7 +15,8 @@ from torch import Tensor, nn
 from offline.batch import Instants
 from offline.config import TrainingConfig
 from offline.roles import Roles, past_columns
-from offline.rollout import roll_out
+from offline.rollout import roll_out, roll_out_bilinear
+from rt_controller.contract.follow import Follow
 from rt_controller.contract.schema import Schema
 
 # The paper leaves the spread of its Gaussian start open. These keep 80 steps of the roll-out
@@ -71,10 +72,10 @@ class MdkNet(nn.Module):
     With a constant observable the last entry of psi is 1, and so is its row of A: [0 ... 0 1],
     exactly and for ever, so the constant cannot drift over the horizon.
 
-    With a bilinear rank R, B depends on where the roll-out starts: column i of the inputs' part
-    is B_i + sum_r N_ri (S_ri psi), the bilinear model with inputs' matrices sum_r N_ri S_ri. Its
-    psi is not the one that the inputs make, or the model would not be linear in them, but either
-    psi_0 or what psi_0 becomes without inputs.
+    With a bilinear rank R, B depends on the lifted state: column i of the inputs' part is
+    B_i + sum_r N_ri (S_ri psi), the bilinear model with inputs' matrices sum_r N_ri S_ri. Over a
+    roll-out psi is the lifted state of each step, or, for a model that is linear in all inputs to
+    come, psi_0 or what psi_0 becomes without inputs.
     """
 
     def __init__(self, config: TrainingConfig, sizes: Sizes) -> None:
@@ -85,7 +86,7 @@ class MdkNet(nn.Module):
         # A data set may say that no signal is worth remembering.
         self.history_steps = config.history_steps if sizes.remembered else 0
         self.rank = config.bilinear_rank
-        self.along_free_response = config.bilinear_along == "free-response"
+        self.follows = config.bilinear_follows
         self.n_observables = sizes.states + config.latents
         learned = config.latents - int(self.has_constant)
         rows = self.n_observables - int(self.has_constant)
@@ -134,19 +135,30 @@ class MdkNet(nn.Module):
             parts.append(instants.x.new_ones(*instants.x.shape[:-1], 1))
         return torch.cat(parts, dim=-1)
 
-    def drive(self, psi0: Tensor, u: Tensor, w: Tensor) -> Tensor:
-        """What inputs u (K, batch, m) and w (K, batch, p) add in each step, (K, batch, n).
+    def roll_out(self, psi0: Tensor, u: Tensor, w: Tensor) -> Tensor:
+        """Lifted states (K, batch, n) after 1..K steps from psi0 (batch, n).
 
-        B u, and with a bilinear part what that of psi0 (batch, n) makes of the inputs.
+        u is (K, batch, m) and w (K, batch, p). Paper: the predicted term of eq. (10).
         """
         A, B = self.operator()
+        if self.rank and self.follows is Follow.PREDICTION:
+            return roll_out_bilinear(psi0, A, B, self.S, self.bilinear_columns(), u, w)
+        psi = psi0[None]
+        if self.rank and self.follows is Follow.FREE_RESPONSE:
+            undriven = w @ B[:, self.sizes.inputs :].t()
+            psi = torch.cat([psi, roll_out(psi0, A, undriven)[:-1]])
+        return roll_out(psi0, A, self.drive(psi, u, w))
+
+    def drive(self, psi: Tensor, u: Tensor, w: Tensor) -> Tensor:
+        """What inputs add in one step from each psi, (times, batch, n).
+
+        u is (times, batch, m) and w (times, batch, p), psi (times, batch, n), or (1, batch, n)
+        for all times.
+        """
+        _, B = self.operator()
         driven = torch.cat([u, w], dim=-1) @ B.t()
         if not self.rank:
             return driven
-        psi = psi0[None]
-        if self.along_free_response:
-            undriven = w @ B[:, self.sizes.inputs :].t()
-            psi = torch.cat([psi, roll_out(psi0, A, undriven)[:-1]])
         gains = torch.einsum("rin,kbn->kbri", self.S, psi)
         scaled = (u[:, :, None] * gains).flatten(-2)
         columns = self.bilinear_columns().permute(0, 2, 1).flatten(0, 1)

@@ -1,7 +1,7 @@
 """One protocol for every model: what will the car do under these inputs?
 
 An evaluator, a rival and the shipped model meet here. Predictions are open loop: the lifted
-state is made once, from the first state, and rolled out linearly, because that is what the
+state is made once, from the first state, and never again, because that is what the
 controller does over its horizon.
 """
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rt_controller.contract.artifact import Bundle, LiftSample
 from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.follow import Follow
 
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 import onnxruntime
@@ -81,15 +82,19 @@ class BundlePredictor:
         bundle = self._bundle
         history = past[:, past.shape[1] - bundle.lift.history_steps :]
         psi = self.lift(LiftSample(x0, W[:, 0], history))
-        follows = bundle.bilinear is not None and bundle.bilinear.along_free_response
-        B_eff, free = bundle.input_matrix(psi), psi
+        follows = None if bundle.bilinear is None else bundle.bilinear.follows
+        B_eff, followed = bundle.input_matrix(psi), psi
         states = np.empty((len(x0), U.shape[1] + 1, x0.shape[1]))
         states[:, 0] = x0
         for k in range(U.shape[1]):
             undriven = W[:, k] @ bundle.B_uw.T + bundle.c
             psi = psi @ bundle.A.T + np.einsum("bnm,bm->bn", B_eff, U[:, k]) + undriven
             states[:, k + 1] = psi[:, : x0.shape[1]]
-            if follows:
-                free = free @ bundle.A.T + undriven
-                B_eff = bundle.input_matrix(free)
+            if follows is Follow.PREDICTION:
+                followed = psi
+            elif follows is Follow.FREE_RESPONSE:
+                followed = followed @ bundle.A.T + undriven
+            else:
+                continue
+            B_eff = bundle.input_matrix(followed)
         return states

@@ -2,8 +2,8 @@
 
 yaw rate -> heading error -> lateral error is a Jordan block at 1, where eigenvalues are as
 sensitive as they can be: the gradient of a penalty on them has no bound there, and a bound on the
-norm of A would forbid the true model. In Schur form an eigenvalue can be moved alone, and the
-matrix changes by little more than the eigenvalue did.
+norm of A would forbid the true model. In Schur form an eigenvalue can be moved without touching
+the others.
 """
 
 import numpy as np

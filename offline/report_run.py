@@ -15,8 +15,8 @@ from offline.report.page import Contents, Scene, Subject, page
 from offline.rivals import SHIPPED, describe_rival
 from offline.terminal import CONSOLE
 from rt_controller.contract.artifact import Bundle
-from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.figures import write_figures
+from rt_controller.contract.errors import ConfigError, RtControllerError
+from rt_controller.contract.figures import find_obstacle, write_figures
 
 PACKAGES = ("rt-controller", "numpy", "onnxruntime", "matplotlib")
 
@@ -39,9 +39,15 @@ def write_report(
     evaluation = run_evaluation(models, data, run, rivals, sets)
     with CONSOLE.status("drawing"):
         text = page(_contents(evaluation))
-    output.write_text(text, encoding="utf-8")
-    CONSOLE.print(f"{output}, {len(text.encode()) / 1e6:.1f} MB", soft_wrap=True)
     write_figures(json_file, evaluation_figures(evaluation))
+    try:
+        output.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise RtControllerError(
+            f"--output {output}: expected room for the page, found {error.strerror}. What was "
+            f"fitted and made for it is kept: free some space and give the command again."
+        ) from error
+    CONSOLE.print(f"{output}, {len(text.encode()) / 1e6:.1f} MB", soft_wrap=True)
     return 0
 
 
@@ -51,11 +57,11 @@ def require_writable_page(output: Path) -> None:
     Raises:
         ConfigError: it cannot.
     """
-    if output.is_dir() or not output.parent.is_dir():
+    obstacle = find_obstacle(output)
+    if obstacle is not None:
         raise ConfigError(
-            f"--output {output}: expected a file in a folder that exists, found "
-            f"{'a folder of that name' if output.is_dir() else f'no folder {output.parent}'}. "
-            f"Name another."
+            f"--output {output}: expected a file that can be written, found {obstacle}. Name "
+            f"another file, in a folder that exists."
         )
 
 

@@ -9,14 +9,15 @@ from pathlib import Path
 
 from offline.baselines import roster
 from offline.dataset import Dataset, cache
-from offline.held_out import find_objection
+from offline.held_out import has_signals
 from offline.predictor import BundlePredictor, Predictor
+from offline.provenance import is_held_out
 from offline.terminal import CONSOLE
 from rt_controller.contract.artifact import Bundle, load_bundle
 from rt_controller.contract.errors import ConfigError, DatasetError
 
 SHIPPED = "mdk-net-paper"
-"""the paper's network as printed, a bundle of this package"""
+"""the paper's network and training, a bundle of this package"""
 
 PLAIN_RIVALS = ("lti", "lti-per-curvature", "persistence")
 DEFAULT_RIVALS = (*PLAIN_RIVALS, SHIPPED)
@@ -54,20 +55,22 @@ def open_rivals(
     """The rivals by name, fitted now unless they were before.
 
     One that cannot be a rival on these data is left out with a word, or refused if it was
-    insisted on.
+    insisted on: before any of them is fitted.
 
     Raises:
         DatasetError: as said.
     """
+    objections = {name: _find_objection(name, dataset, judged) for name in names}
+    for name, objection in objections.items():
+        if objection is not None and insisted:
+            raise DatasetError(f"--rivals {name}: expected a rival on these data, but {objection}.")
+        if objection is not None:
+            CONSOLE.print(f"without {name}: {objection}.", soft_wrap=True)
     rivals: dict[str, Predictor] = {}
     for name in names:
-        try:
+        if objections[name] is None:
             with CONSOLE.status(f"rival {name}"):
-                rivals[name] = _open(name, dataset, judged)
-        except DatasetError as error:
-            if insisted:
-                raise DatasetError(f"--rivals {name}: {error}") from error
-            CONSOLE.print(f"without {name}: {error}", soft_wrap=True)
+                rivals[name] = _open(name, dataset)
     return rivals
 
 
@@ -93,13 +96,21 @@ def rival_cache() -> Path:
     return cache().parent / "rivals"
 
 
-def _open(name: str, dataset: Dataset, judged: Sequence[Bundle]) -> Predictor:
+def _open(name: str, dataset: Dataset) -> Predictor:
+    if name == SHIPPED:
+        return BundlePredictor(load_bundle(shipped_folder()))
+    return roster.fit(name, dataset, rival_cache())
+
+
+def _find_objection(name: str, dataset: Dataset, judged: Sequence[Bundle]) -> str | None:
+    """Why it cannot be a rival here, in words; None if it can."""
     if name != SHIPPED:
-        return roster.fit(name, dataset, rival_cache())
+        return roster.find_objection(name, dataset)
     shipped = load_bundle(shipped_folder())
     if any(shipped.sha256 == bundle.sha256 for bundle in judged):
-        raise DatasetError("it is judged itself.")
-    objection = find_objection([shipped], dataset.manifest)
-    if objection is not None:
-        raise DatasetError(f"{objection}.")
-    return BundlePredictor(shipped)
+        return "it is judged itself"
+    if not has_signals(shipped, dataset.manifest):
+        return "it is a model of other signals"
+    if not is_held_out(shipped, dataset.manifest):
+        return "it may have been trained on their test episodes"
+    return None

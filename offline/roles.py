@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.fitness import DRIVABLE_HISTORY
 from rt_controller.contract.schema import Schema
 
 Array = NDArray[np.float64]
@@ -38,7 +39,7 @@ class Roles:
 VEHICLE_ROLES = Roles(
     centred=("vx_mps", "ds_m"),
     odd=("vy_mps", "yaw_rate_radps", "ey_m", "epsi_rad", "steer_rad", "curvature_per_m"),
-    past=("vx_mps", "vy_mps", "yaw_rate_radps", "throttle", "brake_n", "steer_rad"),
+    past=DRIVABLE_HISTORY,
 )
 """of the car in the Frenet frame: what it did to the road is no part of its memory"""
 

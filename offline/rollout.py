@@ -22,6 +22,25 @@ def roll_out(psi0: Tensor, A: Tensor, drive: Tensor) -> Tensor:
     return cast(Tensor, _LinearRollOut.apply(psi0, A, drive))  # type: ignore[no-untyped-call]
 
 
+def roll_out_bilinear(
+    psi0: Tensor, A: Tensor, B: Tensor, S: Tensor, N: Tensor, u: Tensor, w: Tensor
+) -> Tensor:
+    """Lifted states (K, batch, n) of psi+ = A psi + B [u; w] + sum_ri N_ri (S_ri psi) u_i.
+
+    psi0 is (batch, n), A (n, n), B (n, m + p), S (R, m, n), N (R, n, m), u (K, batch, m) and
+    w (K, batch, p).
+    """
+    rank, _, n = S.shape
+    gains = S.reshape(-1, n).t()
+    whole = torch.cat([A.t(), B.t(), N.permute(0, 2, 1).flatten(0, 1)])
+    driven, repeated = torch.cat([u, w], dim=-1), u.repeat(1, 1, rank)
+    states, psi = [], psi0
+    for k in range(len(u)):
+        psi = torch.cat([psi, driven[k], (psi @ gains) * repeated[k]], dim=-1) @ whole
+        states.append(psi)
+    return torch.stack(states)
+
+
 class _LinearRollOut(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, psi0: Tensor, A: Tensor, drive: Tensor) -> Tensor:

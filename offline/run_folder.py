@@ -9,16 +9,14 @@ last.pt        where to resume
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from offline.checkpoint import BEST_FILE, LAST_FILE
-from offline.config import TrainingConfig
+from offline.config import TrainingConfig, restore_config
 from offline.revision import source_revision
 from rt_controller.contract.errors import ArtifactError, ConfigError, RtControllerError
 
@@ -87,7 +85,7 @@ def open_run(path: Path) -> RunFolder:
         fields = json.loads(file.read_text(encoding="utf-8"))
         return RunFolder(
             path=path.resolve(),
-            config=TrainingConfig.model_validate(fields["config"]),
+            config=restore_config(fields["config"]),
             data_folder=Path(fields["data_folder"]),
             data_sha256=str(fields["data_sha256"]),
             versions=dict(fields["versions"]),
@@ -98,20 +96,18 @@ def open_run(path: Path) -> RunFolder:
             f"{file}: expected the configuration of a training run, found nothing readable "
             f"({error.strerror}). Train a model with offline-train, or name the folder of a run."
         ) from error
-    except (ValueError, KeyError, TypeError, ValidationError) as error:
+    except (ValueError, KeyError, TypeError) as error:
         raise ArtifactError(
             f"{file}: expected the configuration of a training run of this version, found "
             f"something else ({error}). Train again with offline-train."
         ) from error
 
 
-def extend_run(run: RunFolder, config: TrainingConfig) -> RunFolder:
+def rewrite_config(run: RunFolder, config: TrainingConfig) -> RunFolder:
     """The same run with another configuration, written down."""
-    extended = RunFolder(
-        run.path, config, run.data_folder, run.data_sha256, run.versions, run.revision
-    )
-    _write_config(extended)
-    return extended
+    rewritten = replace(run, config=config)
+    _write_config(rewritten)
+    return rewritten
 
 
 def append_history(run: RunFolder, line: Mapping[str, Any]) -> None:

@@ -1,6 +1,6 @@
-"""What the offline commands show: bars, tables, and one way to end with an error."""
+"""What the offline commands show: bars, and where to print."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console, Group
@@ -13,7 +13,6 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
-from rich.table import Table
 from rich.text import Text
 
 CONSOLE = Console()
@@ -40,14 +39,3 @@ def progress_bar(title: str, total: int, done: int = 0) -> Iterator[Callable[[in
             remark.plain = lines
 
         yield show
-
-
-def error_table(title: str, rows: Mapping[str, tuple[float, ...]], heads: tuple[str, ...]) -> Table:
-    """One row a model, one column a state."""
-    table = Table(title=title, title_justify="left")
-    table.add_column("model", no_wrap=True)
-    for head in heads:
-        table.add_column(head, justify="right", no_wrap=True)
-    for name, numbers in rows.items():
-        table.add_row(name, *(f"{number:.4g}" for number in numbers))
-    return table

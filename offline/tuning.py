@@ -22,6 +22,7 @@ from offline.campaign.data import CampaignData, open_data
 from offline.campaign.settings import explicit_fields, train_command
 from offline.campaign.space import Space, read_space
 from offline.campaign.study import Plan, Standing, standing, work
+from offline.campaign.whole_file import write_json
 from offline.config import PRESETS, TrainingConfig
 from offline.interrupt import INTERRUPTED
 from offline.parallel import as_done
@@ -99,9 +100,7 @@ def _agree_on(plan: Plan) -> None:
     file = plan.folder / QUESTION_FILE
     with claimed(plan.folder, lambda: False):
         if not file.exists():
-            part = file.with_name(file.name + ".part")
-            part.write_text(json.dumps(ours, indent=2) + "\n", encoding="utf-8")
-            os.replace(part, file)
+            write_json(file, ours)
             return
     try:
         theirs = json.loads(file.read_text(encoding="utf-8"))

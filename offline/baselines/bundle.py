@@ -22,7 +22,6 @@ def bundle_of(name: str, rival: FittedRival, dataset: Dataset, sample: LiftSampl
     if isinstance(rival, LiftedModel):
         return lifted_bundle.as_bundle(name, rival, dataset, sample)
     raise ArtifactError(
-        f"--rival {name}: expected a model that is linear, or bilinear, in what its lift makes of "
-        f"the state, found another kind: it cannot be planned with as a convex QP. Take lti, "
-        f"lti-horizon, dmdc-delays or one of the edmd family."
+        f"{name}: expected a model that is linear, or bilinear, in what its lift makes of the "
+        f"state, found another kind: it cannot be planned with as a convex QP."
     )

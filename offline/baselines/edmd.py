@@ -24,7 +24,7 @@ from offline.baselines.lifted_fit import (
     pick_transitions,
     tune,
 )
-from offline.baselines.lifted_model import Follow, LiftedModel
+from offline.baselines.lifted_model import LiftedModel
 from offline.baselines.monomial_choice import choose_monomials, row_of_power
 from offline.baselines.score import tuning_windows
 from offline.dataset import Dataset
@@ -32,6 +32,7 @@ from offline.lengths import PAST_STEPS
 from offline.roles import Roles
 from offline.scaling import Scaling, fit_scaling
 from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.follow import Follow
 from rt_controller.contract.schema import Schema
 
 Array = NDArray[np.float64]
@@ -55,7 +56,7 @@ class EdmdSettings:
     family: Family
     observables: tuple[int, ...] = ()
     """sizes of psi; without functions it follows from the past"""
-    past_steps: tuple[int, ...] = (0, 2, 4)
+    past_steps: tuple[int, ...] = (0, 2, 4, 8)
     widths: tuple[float, ...] = (1.0,)
     """of the functions, in typical distances (Gaussians) or spreads (cosines)"""
     ridges: tuple[float, ...] = (1e-10, 1e-8, 1e-6, 1e-5, 1e-4, 1e-3)
@@ -141,7 +142,8 @@ def _gain_columns(
             yield (*states, *(first + np.flatnonzero(is_product)).tolist())
         elif roles.centred:
             speed = schema.state_names.index(roles.centred[0])
-            powers = [row_of_power(functions, speed, power) for power in (2, 3)]
+            q = n_x + len(scaling.w_scale)
+            powers = [row_of_power(functions, q, speed, power) for power in (2, 3)]
             yield (speed, *(first + row for row in powers if row is not None))
 
 
@@ -166,7 +168,7 @@ def small(family: Family) -> EdmdSettings:
 
 def large(family: Family) -> EdmdSettings:
     """The best of the larger sizes, of functions as wide as the smaller dictionaries like them."""
-    return EdmdSettings(family, LARGE, past_steps=(4,), widths=_WIDTHS[family][-2:])
+    return EdmdSettings(family, LARGE, past_steps=(4, 12), widths=_WIDTHS[family][-2:])
 
 
 def bilinear(follows: tuple[Follow, ...]) -> EdmdSettings:
@@ -174,11 +176,11 @@ def bilinear(follows: tuple[Follow, ...]) -> EdmdSettings:
     return EdmdSettings(
         Family.MONOMIALS,
         (AS_MANY_AS_THE_NETWORK, *LARGE[:2]),
-        past_steps=(4,),
+        past_steps=(4, 12),
         gains=(Gains.SPEED, Gains.STATES, Gains.PRODUCTS),
         follows=follows,
     )
 
 
 BILINEAR = bilinear((Follow.PREDICTION,))
-BILINEAR_CONVEX = bilinear((Follow.START, Follow.FREE_RESPONSE))
+BILINEAR_FROZEN = bilinear((Follow.START, Follow.FREE_RESPONSE))

@@ -1,7 +1,6 @@
 """A dictionary model as a bundle: its lift written as ONNX, its scaling folded in.
 
-The controller drives with it as with any other model. Not with one whose gains follow the
-prediction: that is no longer linear in the inputs.
+The controller drives with it as with any other model.
 """
 
 from collections.abc import Iterator
@@ -13,28 +12,19 @@ from numpy.typing import NDArray
 from onnx import NodeProto, TensorProto, ValueInfoProto, helper, numpy_helper
 
 from offline.baselines.functions import Family, Functions
-from offline.baselines.lifted_model import Follow, LiftedModel
-from offline.baselines.lti import IR_VERSION, OPSET
+from offline.baselines.lifted_model import LiftedModel
+from offline.baselines.onnx_file import IR_VERSION, OPSET
 from offline.dataset import Dataset
 from offline.provenance import describe_training
-from offline.roles import past_columns
+from offline.roles import past_names
 from rt_controller.contract.artifact import Bilinear, Bundle, Lift, LiftSample
-from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.follow import Follow
 
 Array = NDArray[np.float64]
 
 
 def as_bundle(name: str, model: LiftedModel, dataset: Dataset, selftest: LiftSample) -> Bundle:
-    """The model as a bundle; `selftest` are instants with at least as much history as it needs.
-
-    Raises:
-        ArtifactError: its gains follow the prediction.
-    """
-    if len(model.gains) and not Follow(model.follow).is_linear_in_inputs:
-        raise ArtifactError(
-            "a bundle expects an input matrix that no input changes, found gains that follow the "
-            "prediction. Export edmd-bilinear-convex."
-        )
+    """The model as a bundle; `selftest` are instants with at least as much history as it needs."""
     lift = _lift_of(model, dataset)
     history = selftest.history[:, selftest.history.shape[1] - model.past_steps :]
     if not model.past_steps:
@@ -53,7 +43,7 @@ def as_bundle(name: str, model: LiftedModel, dataset: Dataset, selftest: LiftSam
         S = np.zeros((len(model.gains), m, n))
         S[np.arange(len(model.gains)), :, model.gains] = 1.0 / s[model.gains, None]
         s0 = np.repeat((-t / s)[model.gains, None], m, axis=1)
-        bilinear = Bilinear(N, S, s0, model.follow == Follow.FREE_RESPONSE.value)
+        bilinear = Bilinear(N, S, s0, Follow(model.follow))
     findings = {finding.name: finding.value for finding in model.findings()}
     return Bundle(
         name=name,
@@ -78,10 +68,8 @@ def _lift_of(model: LiftedModel, dataset: Dataset) -> Lift:
         shown.append("w")
     if not model.past_steps:
         return Lift(tuple(shown))
-    schema = dataset.schema
-    states, inputs = past_columns(schema, dataset.roles)
-    names = [schema.state_names[i] for i in states] + [schema.input_names[i] for i in inputs]
-    return Lift((*shown, "history"), model.past_steps, tuple(names))
+    fields = past_names(dataset.schema, dataset.roles)
+    return Lift((*shown, "history"), model.past_steps, fields)
 
 
 class _Part(NamedTuple):

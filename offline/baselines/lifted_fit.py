@@ -13,11 +13,12 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from offline.baselines.functions import Functions
-from offline.baselines.lifted_model import Follow, LiftedModel
+from offline.baselines.lifted_model import LiftedModel
 from offline.baselines.score import log_error
 from offline.roles import Roles, past_columns
 from offline.scaling import Scaling
 from offline.trajectories import Trajectories
+from rt_controller.contract.follow import Follow
 from rt_controller.contract.schema import Schema
 
 Array = NDArray[np.float64]

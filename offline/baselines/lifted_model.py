@@ -9,7 +9,6 @@ of its own (`Follow`). Lifted once, at the start, like every model here.
 """
 
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,24 +16,9 @@ from numpy.typing import NDArray
 from offline.baselines.finding import Finding
 from offline.baselines.functions import Family, Functions
 from offline.baselines.window_shape import WindowShape
+from rt_controller.contract.follow import Follow
 
 Array = NDArray[np.float64]
-
-
-class Follow(StrEnum):
-    """What the factors of a bilinear model are read from, over a prediction."""
-
-    PREDICTION = "prediction"
-    """the lifted state of each step: exact where the model is, and not convex to plan with"""
-    FREE_RESPONSE = "free response"
-    """what the first lifted state becomes without inputs"""
-    START = "start"
-    """the first lifted state"""
-
-    @property
-    def is_linear_in_inputs(self) -> bool:
-        """Whether a convex controller can drive with it."""
-        return self is not Follow.PREDICTION
 
 
 @dataclass(frozen=True, slots=True)

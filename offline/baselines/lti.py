@@ -6,18 +6,13 @@ with it through the same code as with any other model.
 """
 
 import numpy as np
-import onnx
-from onnx import TensorProto, helper
 
 from offline.baselines.least_squares import fit_one_step
 from offline.baselines.linear_model import LinearModel
+from offline.baselines.onnx_file import identity_encoder
 from offline.dataset import Dataset
 from offline.provenance import describe_training
 from rt_controller.contract.artifact import Bundle, Lift, LiftSample
-
-OPSET = 18
-IR_VERSION = 10
-"""of the file format, low enough for every onnxruntime this project admits"""
 
 
 def fit_linear(dataset: Dataset) -> LinearModel:
@@ -43,15 +38,3 @@ def as_bundle(name: str, model: LinearModel, dataset: Dataset, selftest: LiftSam
         training=describe_training({"kind": name, **findings}, dataset.origin),
         data_sha256=dataset.sha256,
     )
-
-
-def identity_encoder(states: int) -> bytes:
-    """An ONNX model that lifts x (batch, states) to psi = x."""
-    x = helper.make_tensor_value_info("x", TensorProto.FLOAT, ["batch", states])
-    psi = helper.make_tensor_value_info("psi", TensorProto.FLOAT, ["batch", states])
-    graph = helper.make_graph([helper.make_node("Identity", ["x"], ["psi"])], "lift", [x], [psi])
-    model = helper.make_model(
-        graph, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR_VERSION
-    )
-    onnx.checker.check_model(model)
-    return bytes(model.SerializeToString())

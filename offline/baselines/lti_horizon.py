@@ -24,6 +24,10 @@ from offline.trajectories import Trajectories
 Array = NDArray[np.float64]
 
 
+_LEAST_SPREAD = 1e-9
+"""of a signal that is constant, beside those of size 1"""
+
+
 @dataclass(frozen=True, slots=True)
 class HorizonSettings:
     """How long, and on how much, the linear model is trained."""
@@ -52,7 +56,8 @@ def fit_on_horizon(dataset: Dataset, settings: HorizonSettings = HorizonSettings
 
 def descend(start: LinearModel, train: Trajectories, iterations: int) -> LinearModel:
     """The model that L-BFGS finds from `start` on these trajectories."""
-    # Signals of very different size make a badly shaped valley: the descent works on scaled ones.
+    # Signals of very different size, and those that go together, make a badly shaped valley: the
+    # descent works on combinations of them that are of one size and do not.
     n, m, p = len(start.A), start.B_uc.shape[1], start.B_uw.shape[1]
     x_scale = np.sqrt(variances(train.x))
     driven = np.concatenate([train.u, train.w], axis=2).astype(np.float64)
@@ -65,16 +70,31 @@ def descend(start: LinearModel, train: Trajectories, iterations: int) -> LinearM
     )
     physical = np.concatenate([start.A, start.B_uc, start.B_uw, start.c[:, None]], axis=1)
     columns = np.concatenate([x_scale, driven_scale])
+    L = _spread(problem)
+    unwhiten = np.linalg.inv(L)
+
+    def lower(whitened: Array) -> tuple[float, Array]:
+        value, gradient = _value_and_gradient(whitened.reshape(n, -1) @ unwhiten, problem)
+        return value, (gradient.reshape(n, -1) @ unwhiten.T).ravel()
+
     found = scipy.optimize.minimize(
-        lambda theta: _value_and_gradient(theta.reshape(n, -1), problem),
-        (physical * columns / x_scale[:, None]).ravel(),
+        lower,
+        (physical * columns / x_scale[:, None] @ L).ravel(),
         method="L-BFGS-B",
         jac=True,
         options={"maxiter": iterations, "maxcor": 30, "gtol": 1e-9, "ftol": 1e-12},
     )
-    theta = found.x.reshape(n, -1) * x_scale[:, None] / columns
+    theta = found.x.reshape(n, -1) @ unwhiten * x_scale[:, None] / columns
     A, B_uc, B_uw, c = np.split(theta, [n, n + m, n + m + p], axis=1)
     return LinearModel(A, B_uc, B_uw, c[:, 0])
+
+
+def _spread(problem: _Problem) -> Array:
+    """L with L L' the mean product of the regressors [x, driven] with themselves."""
+    rows = np.concatenate([problem.x[:-1], problem.driven], axis=2)
+    rows = rows.reshape(-1, rows.shape[-1])
+    moments = rows.T @ rows / len(rows)
+    return np.linalg.cholesky(moments + _LEAST_SPREAD * np.eye(len(moments)))
 
 
 def _value_and_gradient(theta: Array, problem: _Problem) -> tuple[float, Array]:

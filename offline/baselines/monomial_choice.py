@@ -41,12 +41,12 @@ def choose_monomials(data: Transitions, scaling: Scaling, past_steps: int, count
     return chosen
 
 
-def row_of_power(functions: Functions, entry: int, power: int) -> int | None:
-    """Which of the monomials is that entry of v to that power; None: it is not among them."""
+def row_of_power(functions: Functions, q: int, entry: int, power: int) -> int | None:
+    """Which monomial is that entry of v (..., q) to that power; None: it is not among them."""
     if functions.family is not Family.MONOMIALS:
         return None
     is_entry = (functions.rows == entry).sum(axis=1) == power
-    is_one = (functions.rows == functions.rows.max()).sum(axis=1)
+    is_one = (functions.rows == q).sum(axis=1)
     found = np.flatnonzero(is_entry & (is_one + power == functions.rows.shape[1]))
     return int(found[0]) if len(found) else None
 

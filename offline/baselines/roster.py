@@ -51,10 +51,25 @@ def names() -> tuple[str, ...]:
 def find_objection(name: str, dataset: Dataset) -> str | None:
     """Why that rival cannot be fitted to these data, in words; None if it can."""
     if name == "bicycle" and dataset.schema != VEHICLE:
-        return "the data are not of the car's signals."
-    if name == "lti-per-curvature" and dataset.manifest.roads is None:
-        return "the data know no roads."
+        return "the data are not of the car's signals"
+    if name == "lti-per-curvature":
+        if dataset.manifest.roads is None:
+            return "the data know no roads"
+        if len(dataset.schema.exogenous) != 1:
+            return "the data have other exogenous signals than curvature"
     return None
+
+
+def is_drivable(name: str) -> bool:
+    """Whether a controller can plan with that rival: linear, or bilinear, in what it lifts.
+
+    Raises:
+        ConfigError: there is no such rival.
+    """
+    from offline.baselines.lifted_model import LiftedModel
+    from offline.baselines.linear_model import LinearModel
+
+    return _entry(name).kind in (LinearModel, LiftedModel)
 
 
 def fit(name: str, dataset: Dataset, cache_folder: Path, refit: bool = False) -> FittedRival:
@@ -82,9 +97,7 @@ def report(name: str, dataset: Dataset, cache_folder: Path) -> Report:
 
 
 def _ensure(name: str, dataset: Dataset, cache_folder: Path, refit: bool) -> Kept:
-    if name not in _ENTRIES:
-        raise ConfigError(f"rival: expected one of {', '.join(_ENTRIES)}, found {name!r}.")
-    entry = _ENTRIES[name]()
+    entry = _entry(name)
     fitted_by = entry.fit.func if isinstance(entry.fit, partial) else entry.fit
     modules = {entry.kind.__module__, fitted_by.__module__}
     path = place(cache_folder, name, dataset.sha256, entry.settings, modules)
@@ -95,6 +108,12 @@ def _ensure(name: str, dataset: Dataset, cache_folder: Path, refit: bool) -> Kep
     kept = Kept(rival, time.process_time() - begin)
     keep(path, kept)
     return kept
+
+
+def _entry(name: str) -> Entry:
+    if name not in _ENTRIES:
+        raise ConfigError(f"rival: expected one of {', '.join(_ENTRIES)}, found {name!r}.")
+    return _ENTRIES[name]()
 
 
 def _persistence() -> Entry:
@@ -149,10 +168,10 @@ def _bilinear() -> Entry:
     return _edmd(BILINEAR)
 
 
-def _bilinear_convex() -> Entry:
-    from offline.baselines.edmd import BILINEAR_CONVEX
+def _bilinear_frozen() -> Entry:
+    from offline.baselines.edmd import BILINEAR_FROZEN
 
-    return _edmd(BILINEAR_CONVEX)
+    return _edmd(BILINEAR_FROZEN)
 
 
 def _edmd(settings: "EdmdSettings") -> Entry:
@@ -197,7 +216,7 @@ _ENTRIES: dict[str, Callable[[], Entry]] = {
     "edmd-polynomial": partial(_large, "monomials"),
     "edmd-rbf": partial(_large, "gaussians"),
     "edmd-fourier": partial(_large, "cosines"),
-    "edmd-bilinear-convex": _bilinear_convex,
+    "edmd-bilinear-frozen": _bilinear_frozen,
     "edmd-bilinear": _bilinear,
     "bicycle": _bicycle,
     "gru": _gru,

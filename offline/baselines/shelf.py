@@ -2,7 +2,7 @@
 
 A fitted rival is a frozen dataclass of arrays and plain numbers, and so is its file: an npz
 archive without pickles. The file's name holds a digest of everything the fit follows from: the
-numbers of the data set, the settings, and the code of this room that the rival is made by.
+numbers of the data set, the settings, and the code of this package that the rival is made by.
 """
 
 import ast
@@ -14,6 +14,7 @@ from contextlib import suppress
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
+from uuid import uuid4
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ from rt_controller.contract.archive import DamagedArchiveError, read_arrays
 from rt_controller.contract.errors import ArtifactError
 
 _FIT_CPU_S = "_fit_cpu_s"
-_ROOM = __name__.rpartition(".")[0] + "."
+_PACKAGE = Path(__file__).parents[1]
 
 
 class FittedRival(Protocol):
@@ -69,7 +70,7 @@ def keep(path: Path, kept: Kept) -> None:
     arrays: dict[str, NDArray[Any]] = {
         field.name: np.asarray(getattr(rival, field.name)) for field in fields(rival)
     }
-    part = path.with_name(path.name + ".part")
+    part = path.with_name(f"{path.name}.{uuid4().hex}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with part.open("wb") as file:
@@ -108,18 +109,19 @@ def _plain(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
 
 
 def digest_of_modules(names: Iterable[str]) -> str:
-    """Hash of what these modules do, and all of this room that they import."""
+    """Hash of what these modules do, and all of this package that they import."""
     trees: dict[str, ast.Module] = {}
     left = sorted(set(names))
     while left:
         name = left.pop()
-        if name in trees or not name.startswith(_ROOM):
+        path = _PACKAGE.parent.joinpath(*name.split(".")).with_suffix(".py")
+        if name in trees or not (name.startswith(_PACKAGE.name + ".") and path.is_file()):
             continue
-        path = Path(__file__).with_name(name.removeprefix(_ROOM) + ".py")
         trees[name] = ast.parse(path.read_text(encoding="utf-8"))
-        left += [
-            str(node.module) for node in ast.walk(trees[name]) if isinstance(node, ast.ImportFrom)
-        ]
+        for node in ast.walk(trees[name]):
+            if isinstance(node, ast.ImportFrom):
+                left.append(str(node.module))
+                left += [f"{node.module}.{alias.name}" for alias in node.names]
     words = [f"{name} {digest_of_code(trees[name])}" for name in sorted(trees)]
     return hashlib.sha256("\n".join(words).encode()).hexdigest()
 

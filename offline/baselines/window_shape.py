@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from offline.dataset import Dataset
 from rt_controller.contract.errors import DatasetError
 
 Array = NDArray[np.float64]
@@ -46,15 +45,3 @@ class WindowShape:
                 f"{self.exogenous}), found {x0.shape}, {past.shape}, {U.shape} and {W.shape}. "
                 f"Predict on windows of the signals that the rival was fitted to."
             )
-
-
-def shape_of(dataset: Dataset, past_steps: int = 0) -> WindowShape:
-    """The shape of this data set's windows for a rival that needs so much past."""
-    schema = dataset.schema
-    return WindowShape(
-        len(schema.states),
-        len(schema.inputs),
-        len(schema.exogenous),
-        len(dataset.roles.past) if past_steps else 0,
-        past_steps,
-    )

@@ -3,13 +3,21 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from offline.backend import Backend
-from offline.campaign.rival import fair_linear_errors
+from offline.baselines import roster
+from offline.campaign.score import mean_squared_errors
 from offline.config import TrainingConfig
-from offline.dataset import exists, load_dataset
+from offline.dataset import Dataset, exists, load_dataset
+from offline.judgement import LTI_RIVALS
+from offline.rivals import rival_cache
 from offline.stock import ensure_dataset
 from offline.terminal import CONSOLE
 from rt_controller.contract.errors import DatasetError
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,3 +67,18 @@ def open_data(
         episodes=origin.episodes,
         seed=origin.seed,
     )
+
+
+def fair_linear_errors(dataset: Dataset) -> Array:
+    """Mean squared errors (n,) on the validation part: in each state the better linear model's.
+
+    One model for all roads, and one for each where the data know roads, as `offline-evaluate` has
+    it on the test part.
+    """
+    validation = dataset.select("validation")
+    errors = [
+        mean_squared_errors(roster.fit(name, dataset, rival_cache()), validation)
+        for name in LTI_RIVALS
+        if roster.find_objection(name, dataset) is None
+    ]
+    return np.asarray(np.min(errors, axis=0))

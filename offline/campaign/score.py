@@ -57,6 +57,7 @@ class Assessment:
     """(n,) mean squared errors as `mean_squared_errors` has them"""
     spectral_radius: float
     """of A; not a number where A is none"""
+    n_parameters: int
 
 
 def assess(checkpoint: Checkpoint, dataset: Dataset) -> Assessment:
@@ -66,16 +67,17 @@ def assess(checkpoint: Checkpoint, dataset: Dataset) -> Assessment:
     model.load_state_dict(checkpoint.model)
     validation = dataset.select("validation")
     batch = scale(validation, checkpoint.scaling, schema, roles, config.history_steps)
-    count = batch.x.shape[1]
+    n = batch.x.shape[1]
     errors = torch.zeros(model.sizes.states, dtype=torch.float64)
     with torch.no_grad():
-        for first in range(0, count, CHUNK):
+        for first in range(0, n, CHUNK):
             part = Batch(*(series[:, first : first + CHUNK] for series in batch))
-            errors += part.x.shape[1] / count * state_errors(model, part).double()
+            errors += part.x.shape[1] / n * state_errors(model, part).double()
         A = model.operator().A.double().numpy()
     finite = np.all(np.isfinite(A))
     radius = float(np.max(np.abs(np.linalg.eigvals(A)))) if finite else float("nan")
-    return Assessment(_finite(errors.numpy() * checkpoint.scaling.x_scale**2), radius)
+    count = sum(parameter.numel() for parameter in model.parameters())
+    return Assessment(_finite(errors.numpy() * checkpoint.scaling.x_scale**2), radius, count)
 
 
 def score(errors: Array, rivals: Array) -> Score:

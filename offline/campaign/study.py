@@ -21,20 +21,19 @@ from optuna.trial import FrozenTrial, Trial, TrialState
 
 from offline.campaign.attempt import Attempt
 from offline.campaign.claim import claimed
+from offline.campaign.result import Result
 from offline.campaign.score import assess, score
 from offline.campaign.space import Parameter, Space
 from offline.campaign.trainings import (
-    Result,
     Training,
     find_run,
-    is_evaluated,
     leave_ctrl_c_to,
     open_shared,
     run_training,
 )
 from offline.checkpoint import Checkpoint, load_checkpoint
-from offline.config import TrainingConfig
 from offline.run_folder import RunFolder
+from offline.schedule import is_evaluated
 from offline.train import Progress
 
 JOURNAL_FILE = "study.journal"
@@ -174,7 +173,7 @@ def _take_up(plan: Plan, study: optuna.Study, open_trial: FrozenTrial) -> Trial:
 
 def _end(plan: Plan, study: optuna.Study, trial: Trial, attempt: Attempt, leader_pid: int) -> bool:
     """Whether the trial came to its end."""
-    training = training_of(plan, trial.number, trial.params)
+    training = _training(plan, trial)
     known = set(study.get_trials(deepcopy=False)[trial.number].intermediate_values)
 
     def report(checkpoint: Checkpoint) -> None:
@@ -201,7 +200,7 @@ def _end(plan: Plan, study: optuna.Study, trial: Trial, attempt: Attempt, leader
 
 def _tell(study: optuna.Study, trial: Trial, result: Result) -> None:
     trial.set_user_attr("ending", result.ending)
-    trial.set_user_attr("training_s", result.training_s)
+    trial.set_user_attr("training_cpu_s", result.training_cpu_s)
     if result.ending == "pruned":
         study.tell(trial, state=TrialState.PRUNED)
         return
@@ -209,20 +208,14 @@ def _tell(study: optuna.Study, trial: Trial, result: Result) -> None:
     study.tell(trial, result.score.geometric_mean if result.score else 0.0)
 
 
-def training_of(plan: Plan, number: int, params: Mapping[str, Any]) -> Training:
-    """The training of a trial."""
+def _training(plan: Plan, trial: Trial) -> Training:
     return Training(
-        folder=_folder(plan, number) / TRAINING,
-        config=configuration(plan, params),
+        folder=_folder(plan, trial.number) / TRAINING,
+        config=plan.space.configure(_values(plan.space, trial.params)),
         data_folder=plan.data_folder,
         data_sha256=plan.data_sha256,
         rivals=plan.rivals,
     )
-
-
-def configuration(plan: Plan, params: Mapping[str, Any]) -> TrainingConfig:
-    """What a trial with these parameters trains."""
-    return plan.space.configure(_values(plan.space, params))
 
 
 def _suggest(trial: Trial, parameter: Parameter) -> None:

@@ -1,11 +1,12 @@
-"""What a campaign found, as a Markdown table for people and as figures for programs."""
+"""What a campaign found, as Markdown for people and as figures for programs."""
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from offline.campaign.trainings import Result
+from offline.campaign.result import Result
 from offline.campaign.variants import Variant
 
 
@@ -34,38 +35,62 @@ class Table:
         """In the order of the list, each once."""
         return tuple({row.variant.name: row.variant for row in self.rows}.values())
 
-    def geometric_means(self, variant: Variant) -> tuple[float, ...]:
-        """Of the seeds that gave a model, in the order of the seeds."""
-        return tuple(
-            row.result.score.geometric_mean
+    def summarise(self, variant: Variant) -> "Summary":
+        """What the variant's seeds that gave a model have in common."""
+        models = [
+            (row.result, row.result.score)
             for row in self.rows
             if row.variant.name == variant.name and row.result and row.result.score
+        ]
+        by_state = zip(*(score.ratios for _, score in models), strict=True)
+        return Summary(
+            geometric_means=tuple(score.geometric_mean for _, score in models),
+            ratios=tuple(_geometric_mean(ratios) for ratios in by_state),
+            n_parameters=models[0][0].n_parameters if models else None,
+            training_cpu_s=tuple(result.training_cpu_s for result, _ in models),
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """Trainings of one variant, of which each gave a model; nothing in it if none did."""
+
+    geometric_means: tuple[float, ...]
+    """of each seed: over the states"""
+    ratios: tuple[float, ...]
+    """of each state: the geometric mean over the seeds"""
+    n_parameters: int | None
+    training_cpu_s: tuple[float, ...]
+    """of each seed"""
+
+
 def to_markdown(table: Table) -> str:
-    """Two tables: the variants with what their seeds have in common, and every training."""
-    seeds = sorted({row.seed for row in table.rows})
-    heads = ("variant", "changes", "geometric mean", "least … most", "why")
-    summary = [
-        (v.name, _settings(v.changes), *_spread(table.geometric_means(v)), v.why)
-        for v in table.variants
-    ]
-    heads_all = ("variant", "seed", *table.states, "geometric mean", "radius", "step", "time s")
-    every = [
-        (row.variant.name, str(row.seed), *_cells(row, len(table.states))) for row in table.rows
-    ]
+    """Three tables: the variants with what their seeds say, what they are, and every training."""
+    seeds = len({row.seed for row in table.rows})
+    figures = ("geometric mean", "least … most", *table.states, "parameters", "CPU s")
+    every = ("seed", *table.states, "geometric mean", "radius", "step", "CPU s")
     return "\n".join(
         (
             f"# {table.title}",
             "",
-            "How many times less the mean squared error over 80 steps is than that of the fair "
-            "linear model, on the validation part: more is better. The geometric mean is over "
-            f"the states, and here over {len(seeds)} seed{'s' * (len(seeds) > 1)}.",
+            "How many times less the mean squared error over the horizon is than that of the fair "
+            "linear model, on the validation part: more is better. The geometric mean is over the "
+            f"states, and all of this table over {seeds} seed{'s' * (seeds > 1)}. {_budget(table)}",
             "",
-            *_markdown(heads, summary),
+            *_markdown(
+                ("variant", *figures),
+                [(v.name, *_summary_cells(table, v)) for v in table.variants],
+            ),
             "",
-            *_markdown(heads_all, every),
+            *_markdown(
+                ("variant", "changes", "why"),
+                [(v.name, _settings(v.changes), v.why) for v in table.variants],
+            ),
+            "",
+            *_markdown(
+                ("variant", *every),
+                [(row.variant.name, *_cells(row, len(table.states))) for row in table.rows],
+            ),
             "",
         )
     )
@@ -76,24 +101,34 @@ def to_figures(table: Table) -> dict[str, Any]:
     return {
         "title": table.title,
         "rival_mse_si": dict(zip(table.states, table.rival, strict=True)),
-        "variants": [
-            {
-                "name": variant.name,
-                "why": variant.why,
-                "changes": dict(variant.changes),
-                "geometric_mean_ratio": _mean(table.geometric_means(variant)),
-                "trainings": [
-                    _figures(row, table.states)
-                    for row in table.rows
-                    if row.variant.name == variant.name
-                ],
-            }
-            for variant in table.variants
+        "variants": [_variant_figures(table, variant) for variant in table.variants],
+    }
+
+
+def _variant_figures(table: Table, variant: Variant) -> dict[str, Any]:
+    summary = table.summarise(variant)
+    means = summary.geometric_means
+    return {
+        "name": variant.name,
+        "why": variant.why,
+        "changes": dict(variant.changes),
+        "n_steps": variant.config.steps,
+        "n_trajectories_per_step": variant.config.batch,
+        "n_parameters": summary.n_parameters,
+        "geometric_mean_ratio": _geometric_mean(means) if means else None,
+        "least_geometric_mean_ratio": min(means, default=None),
+        "most_geometric_mean_ratio": max(means, default=None),
+        "mse_ratio": dict(zip(table.states, summary.ratios, strict=True)) if means else None,
+        "training_cpu_s": _mean(summary.training_cpu_s) if means else None,
+        "trainings": [
+            _training_figures(row, table.states)
+            for row in table.rows
+            if row.variant.name == variant.name
         ],
     }
 
 
-def _figures(row: Row, states: Sequence[str]) -> dict[str, Any]:
+def _training_figures(row: Row, states: Sequence[str]) -> dict[str, Any]:
     result = row.result
     if result is None:
         return {"seed": row.seed, "ending": None}
@@ -103,42 +138,63 @@ def _figures(row: Row, states: Sequence[str]) -> dict[str, Any]:
         "ending": result.ending,
         "reason": result.reason,
         "step": result.step,
-        "training_s": result.training_s,
+        "training_cpu_s": result.training_cpu_s,
         "spectral_radius": result.spectral_radius,
         "mse_ratio": score and dict(zip(states, score.ratios, strict=True)),
         "geometric_mean_ratio": score and score.geometric_mean,
     }
 
 
+def _summary_cells(table: Table, variant: Variant) -> tuple[str, ...]:
+    summary = table.summarise(variant)
+    means = summary.geometric_means
+    if not means:
+        return tuple("–" for _ in range(len(table.states) + 4))
+    return (
+        f"{_geometric_mean(means):.3g}",
+        f"{min(means):.3g} … {max(means):.3g}",
+        *(f"{ratio:.3g}" for ratio in summary.ratios),
+        str(summary.n_parameters),
+        f"{_mean(summary.training_cpu_s):.0f}",
+    )
+
+
 def _cells(row: Row, states: int) -> tuple[str, ...]:
     result = row.result
     if result is None or result.score is None:
         ending = "not ended" if result is None else result.ending
-        rest = ("", "") if result is None else (str(result.step), f"{result.training_s:.0f}")
-        return (*("–" for _ in range(states)), ending, "", *rest)
+        rest = ("", "") if result is None else (str(result.step), f"{result.training_cpu_s:.0f}")
+        return (str(row.seed), *("–" for _ in range(states)), ending, "", *rest)
     return (
+        str(row.seed),
         *(f"{ratio:.3g}" for ratio in result.score.ratios),
         f"{result.score.geometric_mean:.3g}",
         f"{result.spectral_radius:.5f}",
         str(result.step),
-        f"{result.training_s:.0f}",
+        f"{result.training_cpu_s:.0f}",
     )
 
 
-def _spread(means: Sequence[float]) -> tuple[str, str]:
-    mean = _mean(means)
-    return ("–", "–") if mean is None else (f"{mean:.3g}", f"{min(means):.3g} … {max(means):.3g}")
+def _budget(table: Table) -> str:
+    """Whether the variants were given the same: otherwise the table compares two things."""
+    budgets = {(variant.config.steps, variant.config.batch) for variant in table.variants}
+    if len(budgets) > 1:
+        return "The variants differ in steps or in trajectories a step: see their changes."
+    ((steps, batch),) = budgets
+    return f"Every training has {steps} steps of {batch} trajectories."
 
 
-def _mean(means: Sequence[float]) -> float | None:
-    """Geometric, as ratios ask for; None of nothing."""
-    if not means:
-        return None
-    return math.exp(math.fsum(map(math.log, means)) / len(means)) if min(means) > 0 else 0.0
+def _geometric_mean(ratios: Sequence[float]) -> float:
+    return math.exp(_mean([math.log(ratio) for ratio in ratios])) if min(ratios) > 0 else 0.0
+
+
+def _mean(values: Sequence[float]) -> float:
+    return math.fsum(values) / len(values)
 
 
 def _settings(changes: Mapping[str, Any]) -> str:
-    return ", ".join(f"`{field} = {value}`" for field, value in changes.items()) or "–"
+    said = (f"`{field} = {json.dumps(value)}`" for field, value in changes.items())
+    return ", ".join(said) or "–"
 
 
 def _markdown(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:

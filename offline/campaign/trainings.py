@@ -10,29 +10,28 @@ import signal
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal
 
 import numpy as np
 
 from offline.campaign.attempt import Attempt
 from offline.campaign.claim import claimed
-from offline.campaign.score import Score, assess, score
+from offline.campaign.result import Result, keep_result, read_result
+from offline.campaign.score import assess, score
+from offline.campaign.whole_file import write_json
 from offline.checkpoint import load_checkpoint
 from offline.config import TrainingConfig
 from offline.dataset import Dataset, load_dataset
 from offline.export import largest_radius_of
 from offline.run_folder import LATEST_LINK, RunFolder, create_run, open_run
+from offline.schedule import is_evaluated
 from offline.train import Progress, TrainingDivergedError, train
-from rt_controller.contract.errors import ArtifactError, ConfigError, DatasetError
+from rt_controller.contract.errors import ConfigError, DatasetError
 
-RESULT_FILE = "result.json"
-SECONDS_FILE = "seconds.json"
-
-Ending = Literal["finished", "diverged", "refused", "pruned"]
+CPU_TIME_FILE = "cpu-time.json"
 
 _ONE_AT_A_TIME = threading.Lock()
 """torch's dice and its number of threads belong to the process: trainings would share them"""
@@ -49,24 +48,6 @@ class Training:
     data_sha256: str
     rivals: tuple[float, ...]
     """mean squared errors (n,) of the fair linear model on the validation part"""
-
-
-@dataclass(frozen=True, slots=True)
-class Result:
-    """How a training ended."""
-
-    ending: Ending
-    """diverged: the loss is no number; refused: the best model may not be exported; pruned: not
-    worth going on with"""
-    step: int
-    """of the model that was scored, or that was the last"""
-    training_s: float
-    score: Score | None
-    """on the validation part"""
-    spectral_radius: float | None
-    """of A"""
-    reason: str
-    """why there is no score"""
 
 
 Report = Callable[[Progress, RunFolder], bool]
@@ -100,7 +81,7 @@ def run_training(
         with _ONE_AT_A_TIME:
             result = _train(training, should_stop, on_evaluation)
         if result is not None:
-            _write(training.folder / RESULT_FILE, asdict(result))
+            keep_result(training.folder, result)
         return result
 
 
@@ -129,33 +110,6 @@ def find_run(training: Training) -> RunFolder | None:
     return run
 
 
-def is_evaluated(step: int, config: TrainingConfig) -> bool:
-    """Whether `offline.train.train` evaluates, and keeps, the model after so many steps."""
-    return (step - 1) % config.evaluate_every == 0 or step == config.steps
-
-
-def read_result(folder: Path) -> Result | None:
-    """The result of a training, None if it has not ended.
-
-    Raises:
-        ArtifactError: the file is not one of this program.
-    """
-    file = folder / RESULT_FILE
-    if not file.exists():
-        return None
-    try:
-        fields = json.loads(file.read_text(encoding="utf-8"))
-        found = fields.pop("score")
-        if found is not None:
-            found = Score(tuple(found["ratios"]), found["geometric_mean"])
-        return Result(**fields, score=found)
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise ArtifactError(
-            f"{file}: expected the result of a training, found something else ({error}). Delete "
-            f"it; the training goes on from its checkpoint."
-        ) from error
-
-
 def leave_ctrl_c_to(leader_pid: int) -> None:
     """A worker process does not answer Ctrl-C: the command does, and stops its tasks politely."""
     is_worker = os.getpid() != leader_pid
@@ -172,7 +126,7 @@ def _train(
         now = datetime.now()
         run = create_run(training.folder, config, training.data_folder, training.data_sha256, now)
     checkpoint = load_checkpoint(run.last) if run.last.exists() else None
-    watch = _Stopwatch(run.path / SECONDS_FILE)
+    watch = _Stopwatch(run.path / CPU_TIME_FILE)
     go_on = True
 
     def on_progress(progress: Progress) -> None:
@@ -192,26 +146,29 @@ def _train(
         )
     except TrainingDivergedError as error:
         step = load_checkpoint(run.last).step if run.last.exists() else 0
-        return Result("diverged", step, watch.keep(), None, None, _without_path(error, run))
-    seconds = watch.keep()
+        return Result("diverged", step, watch.keep(), str(error).removeprefix(f"{run.path}: "))
+    cpu_s = watch.keep()
     if outcome.is_finished:
-        return _result(run, dataset, training, seconds)
-    return None if go_on else Result("pruned", outcome.step, seconds, None, None, "")
+        return _judge(run, dataset, training, cpu_s)
+    return None if go_on else Result("pruned", outcome.step, cpu_s)
 
 
-def _result(run: RunFolder, dataset: Dataset, training: Training, seconds: float) -> Result:
+def _judge(run: RunFolder, dataset: Dataset, training: Training, cpu_s: float) -> Result:
     checkpoint = load_checkpoint(run.best)
     found = assess(checkpoint, dataset)
     radius = found.spectral_radius
-    if not radius <= largest_radius_of(checkpoint.config):
-        reason = f"spectral radius {radius:.5f}, which offline-export would not let pass"
-        return Result("refused", checkpoint.step, seconds, None, radius, reason)
-    compared = score(found.errors, np.asarray(training.rivals))
-    return Result("finished", checkpoint.step, seconds, compared, radius, "")
-
-
-def _without_path(error: Exception, run: RunFolder) -> str:
-    return str(error).removeprefix(f"{run.path}: ")
+    may_drive = radius <= largest_radius_of(checkpoint.config)
+    return Result(
+        ending="finished" if may_drive else "refused",
+        step=checkpoint.step,
+        training_cpu_s=cpu_s,
+        reason=""
+        if may_drive
+        else f"spectral radius {radius:.5f}, which offline-export would not let pass",
+        score=score(found.errors, np.asarray(training.rivals)) if may_drive else None,
+        spectral_radius=radius,
+        n_parameters=found.n_parameters,
+    )
 
 
 @lru_cache(maxsize=1)
@@ -231,23 +188,17 @@ def open_shared(folder: Path, sha256: str) -> Dataset:
 
 
 class _Stopwatch:
-    """Time spent on a run since its begin, as of its last checkpoint where it was killed."""
+    """CPU time spent on a run since its begin, as of its last checkpoint where it was killed."""
 
     def __init__(self, file: Path) -> None:
         self._file = file
         self._before_s = 0.0
         if file.exists():
-            self._before_s = float(json.loads(file.read_text(encoding="utf-8"))["training_s"])
-        self._begun_s = time.monotonic()
+            self._before_s = float(json.loads(file.read_text(encoding="utf-8"))["cpu_s"])
+        self._begun_s = time.process_time()
 
     def keep(self) -> float:
         """The time so far, written down."""
-        seconds = self._before_s + time.monotonic() - self._begun_s
-        _write(self._file, {"training_s": seconds})
-        return seconds
-
-
-def _write(file: Path, fields: dict[str, Any]) -> None:
-    part = file.with_name(file.name + ".part")
-    part.write_text(json.dumps(fields, indent=2) + "\n", encoding="utf-8")
-    os.replace(part, file)
+        cpu_s = self._before_s + time.process_time() - self._begun_s
+        write_json(self._file, {"cpu_s": cpu_s})
+        return cpu_s

@@ -17,6 +17,9 @@ from offline.logs.log import Channel, Log, foreign_file, require_columns
 from offline.logs.mapping import CanSettings
 from rt_controller.contract.errors import DatasetError
 
+_READ_BYTES = 4096
+"""from the beginning and the end of a log in text"""
+
 
 class _Place(NamedTuple):
     """Where a column is found on the bus."""
@@ -45,7 +48,7 @@ def read_can(path: Path, wanted: Sequence[str], settings: CanSettings | None) ->
         )
     database = _load_dbc(settings.dbc)
     places = _find(path, database, wanted)
-    _require_whole_blf(path)
+    _require_whole(path)
     frames, samples = _decode(path, database, places, settings.channel)
     channels = []
     for place in places:
@@ -159,10 +162,30 @@ def _frames(path: Path) -> Iterator[can.Message]:
         raise foreign_file(path, "a CAN log", error) from error
 
 
-def _require_whole_blf(path: Path) -> None:
-    """A reader of a cut BLF may simply stop early; its header says how long it should be."""
-    if path.suffix.lower() != ".blf":
+def _require_whole(path: Path) -> None:
+    """Return unless the file ends before it should, where a reader may simply stop early.
+
+    The header of a BLF says how long it is, an ASC has a last line, and every writer of text ends
+    each line.
+    """
+    if path.suffix.lower() == ".blf":
+        _require_whole_blf(path)
         return
+    with path.open("rb") as file:
+        head = file.read(_READ_BYTES).lower()
+        file.seek(max(0, os.path.getsize(path) - _READ_BYTES))
+        tail = file.read().lower()
+    last = tail.splitlines()[-1].decode("utf-8", "replace") if tail else ""
+    is_open = b"begin triggerblock" in head and b"end triggerblock" not in tail
+    if is_open or not (tail.endswith(b"\n") or "end triggerblock" in last):
+        expected = "a last line 'End TriggerBlock'" if is_open else "a last line that is whole"
+        raise DatasetError(
+            f"{path}: expected {expected}, found {last!r}: the log is truncated. Copy or convert "
+            f"it again, or leave it out."
+        )
+
+
+def _require_whole_blf(path: Path) -> None:
     try:
         with can.BLFReader(path) as reader:
             expected = int(reader.file_size)

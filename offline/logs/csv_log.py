@@ -15,7 +15,7 @@ import numpy as np
 
 from offline.logs.log import Log, foreign_file
 from offline.logs.mapping import CsvSettings, TimeMapping
-from offline.logs.table import Table, require_table_columns, stamp
+from offline.logs.table import Table, columns_to_read, require_table_columns, stamp
 from rt_controller.contract.errors import DatasetError
 
 SUFFIXES = (".csv", ".tsv")
@@ -68,6 +68,8 @@ def _read_table(
     head = _head(path, text, style)
     delimiter = style.delimiter or max(_DELIMITERS, key=head[style.header_line - 1].count)
     names = _split(head[style.header_line - 1], delimiter)
+    if not set(names) & set(columns_to_read(wanted, time)):
+        _require_header(path, names, delimiter, style.header_line)
     needed = require_table_columns(path, wanted, time, names)
     units: dict[str, str] = {}
     if style.units_line:
@@ -117,6 +119,30 @@ def _head(path: Path, text: TextIO, style: CsvSettings) -> list[str]:
             f"out, or correct [csv] header_line."
         )
     return head
+
+
+def _require_header(path: Path, names: Sequence[str], delimiter: str, line: int) -> None:
+    """Return unless it is plain why a line that should name columns names none that is wanted."""
+    where = f"{path}, line {line}"
+    if all(_is_number(name) for name in names):
+        raise DatasetError(
+            f"{where}: expected a header that names the columns, found numbers. Write one, or "
+            f"correct [csv] header_line."
+        )
+    others = [other for other in (*_DELIMITERS, " ") if other != delimiter and other in names[0]]
+    if len(names) == 1 and others:
+        raise DatasetError(
+            f"{where}: expected names with {delimiter!r} between them, found one name, "
+            f"{names[0]!r}. Say what is between them: [csv] delimiter = {others[0]!r}."
+        )
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _split(line: str, delimiter: str) -> list[str]:

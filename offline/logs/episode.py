@@ -1,20 +1,19 @@
 """Episodes of a data set: stretches at one period, with their path states, cut to length."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import ceil
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from offline.lengths import PAST_STEPS, STEPS
 from offline.logs.log import Array
 from offline.logs.mapping import Mapping
 from offline.logs.reference_line import ReferenceLine
 from offline.logs.series import Drive
-from offline.logs.stretch import Stretch, find_stretches, grid, resample
+from offline.logs.stretch import Stretch, find_stretches, grid, resample, runs
 from offline.recording import PATH_STATES
 from rt_controller.contract.schema import VEHICLE, Schema, Signal
 
@@ -40,6 +39,17 @@ class Episode:
     """(T, p)"""
     pose: Array
     """(T, 3), or (T, 0) where the mapping asks for none"""
+
+    def piece(self, begin: int, end: int, period_s: float) -> "Episode":
+        """The samples from `begin` to before `end`."""
+        return Episode(
+            self.path,
+            self.begin_s + period_s * begin,
+            self.x[begin:end],
+            self.u[begin:end],
+            self.w[begin:end],
+            self.pose[begin:end],
+        )
 
 
 class Cut(NamedTuple):
@@ -133,26 +143,17 @@ def _along_line(whole: Episode, line: ReferenceLine, mapping: Mapping) -> list[E
     joined = is_fine[:-1] & is_fine[1:] & follows
     path = np.stack([way, at.ey_m[1:], at.epsi_rad[1:]], axis=1)
     parts = []
-    for a, b in _runs(joined):
-        kept = slice(a + 1, b + 1)
+    for a, b in runs(joined):
+        part = whole.piece(a + 1, b + 1, mapping.period_s)
+        curvature_per_m = at.curvature_per_m[a + 1 : b + 1, None]
         parts.append(
-            Episode(
-                whole.path,
-                whole.begin_s + mapping.period_s * (a + 1),
-                np.concatenate([whole.x[kept], path[a:b]], axis=1),
-                whole.u[kept],
-                np.concatenate([whole.w[kept], at.curvature_per_m[kept, None]], axis=1),
-                whole.pose[kept],
+            replace(
+                part,
+                x=np.concatenate([part.x, path[a:b]], axis=1),
+                w=np.concatenate([part.w, curvature_per_m], axis=1),
             )
         )
     return parts
-
-
-def _runs(is_true: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Begin and end of each unbroken run of truths."""
-    edges = np.diff(np.concatenate([[0], is_true.astype(np.int8), [0]]))
-    begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-    return list(zip(begins.tolist(), ends.tolist(), strict=True))
 
 
 def _pieces(part: Episode, mapping: Mapping) -> list[Episode]:
@@ -162,17 +163,7 @@ def _pieces(part: Episode, mapping: Mapping) -> list[Episode]:
         return [part]
     count = ceil(len(part.x) * mapping.period_s / longest_s)
     edges = np.linspace(0, len(part.x), count + 1).astype(int)
-    return [
-        Episode(
-            part.path,
-            part.begin_s + mapping.period_s * int(a),
-            part.x[a:b],
-            part.u[a:b],
-            part.w[a:b],
-            part.pose[a:b],
-        )
-        for a, b in pairwise(edges)
-    ]
+    return [part.piece(int(a), int(b), mapping.period_s) for a, b in pairwise(edges)]
 
 
 def column(episode: Episode, schema: Schema, name: str) -> Array:

@@ -9,6 +9,8 @@ from offline.dataset import PARTS
 from offline.logs.coverage import find_occupancy, find_ranges
 from offline.logs.episode import LEAST_SAMPLES, Cut, Episode
 from offline.logs.finding import Finding
+from offline.logs.gap import find_gaps
+from offline.logs.gap import remarks as remarks_on_gaps
 from offline.logs.mapping import Mapping
 from offline.logs.outliers import find_outliers
 from offline.logs.outliers import remarks as remarks_on_outliers
@@ -72,8 +74,16 @@ def require_episodes(drives: Sequence[Drive], cuts: Sequence[Cut], mapping: Mapp
     needed = f"at least {LEAST_SAMPLES} samples at {1e3 * mapping.period_s:g} ms"
     remedy = (
         "Record longer drives, or correct what cuts them: longest_gap_s in [time], keep and "
-        "steepest_per_s of the signals, delay_s."
+        "steepest_per_s of the signals, delay_s, the unit of time."
     )
+    off_line = sum(cut.off_line for cut in cuts)
+    if longest is None and mapping.pose and off_line:
+        raise DatasetError(
+            f"{drives[0].path}: expected a drive within {mapping.pose.farthest_m:g} m of "
+            f"{mapping.pose.reference_line}, found all {off_line} periods farther away, in "
+            f"{len(drives)} logs. Give the line in the frame of the pose and in m, or correct "
+            f"farthest_m in [pose]."
+        )
     if longest is None:
         raise DatasetError(
             f"{drives[0].path}: expected a stretch without gap of {needed}, found no time at "
@@ -125,9 +135,10 @@ def inspect(
     outliers = find_outliers(drives)
     shifts = find_time_shifts(episodes, mapping, schema)
     in_part = np.bincount(part[slices.episode], minlength=len(PARTS))
+    files = tuple(_file(d, c, mapping) for d, c in zip(drives, cuts, strict=True))
     return ImportReport(
         period_s=mapping.period_s,
-        files=tuple(_file(d, c, mapping) for d, c in zip(drives, cuts, strict=True)),
+        files=files,
         episodes=tuple(
             EpisodeReport(e.path.name, e.begin_s, mapping.period_s * (len(e.x) - 1), PARTS[part[i]])
             for i, e in enumerate(episodes)
@@ -141,6 +152,8 @@ def inspect(
         constant=constant,
         findings=(
             *suspicions,
+            *remarks_on_gaps([file.gaps for file in files]),
+            *_off_line(files),
             *remarks_on_shifts(shifts),
             *remarks_on_outliers(outliers, _pedals(mapping)),
             *(Finding("constant", name, "never moves, as the mapping allows") for name in constant),
@@ -163,21 +176,26 @@ def _file(drive: Drive, cut: Cut, mapping: Mapping) -> FileReport:
         kept_s=mapping.period_s * kept,
         too_short=len(cut.left_out),
         off_line=cut.off_line,
-        first_gap=_first_gap(drive),
+        gaps=find_gaps(drive),
     )
-
-
-def _first_gap(drive: Drive) -> str:
-    for series in drive.all_series:
-        gaps = np.flatnonzero(~series.bridged)
-        if len(gaps):
-            return f"{series.name}, {drive.row_word} {series.row[gaps[0] + 1]}"
-    return ""
 
 
 def _pedals(mapping: Mapping) -> list[str]:
     feet = (Quantity.DRIVE, Quantity.BRAKE)
     return [name for name in mapping.signals if mapping.quantity(name) in feet]
+
+
+def _off_line(files: Sequence[FileReport]) -> list[Finding]:
+    return [
+        Finding(
+            "reference line",
+            file.name,
+            f"{file.off_line} periods are too far from the line or beyond its end, or their "
+            f"nearest point leaps; the drive is cut there. farthest_m in [pose] sets the limit",
+        )
+        for file in files
+        if file.off_line
+    ]
 
 
 def _slow(drives: Sequence[Drive], mapping: Mapping) -> list[Finding]:

@@ -3,14 +3,12 @@
 What a person writes, in TOML; docs/own-data.md explains every field.
 """
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import (
-    BaseModel,
-    ConfigDict,
     Field,
+    NonNegativeInt,
     PositiveFloat,
     PositiveInt,
     field_validator,
@@ -18,8 +16,9 @@ from pydantic import (
 )
 
 from offline.dataset import HELD_BACK
+from offline.logs.column_mapping import ColumnMapping, Settings, SignalMapping
 from offline.logs.quantity import Quantity, quantity_of_name
-from offline.logs.units import near_units, parse_unit, unit_of_name
+from offline.logs.units import parse_unit, unit_of_name
 from offline.recording import PATH_STATES
 from offline.roles import Roles
 from rt_controller.contract.schema import VEHICLE
@@ -28,71 +27,8 @@ from rt_controller.contract.timing import PERIOD_S
 CAR_STATES = VEHICLE.state_names[: -len(PATH_STATES)]
 """what must be known of the car before a road can be laid under it"""
 
-Interval = tuple[float, float]
 
-
-class _Settings(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Sampling(StrEnum):
-    """What a signal does between two samples of the log."""
-
-    SAMPLED = "sampled"
-    """moves on smoothly; the data set has its value at the instant"""
-    MEAN = "mean"
-    """moves on smoothly; the data set has its mean over the coming period"""
-    HELD = "held"
-    """holds the last value, as commands do; the data set has its mean over the coming period"""
-
-
-class ColumnMapping(_Settings):
-    """A column of the logs: SI value = sign * unit(factor * number + offset), `delay_s` earlier."""
-
-    column: str
-    unit: str | None = None
-    """None: as the log itself says"""
-    sign: Literal[1, -1] = 1
-    factor: float = 1.0
-    offset: float = 0.0
-    delay_s: float = 0.0
-    """how long the log is late: what is stamped t happened at t - delay_s"""
-    sampling: Sampling = Sampling.SAMPLED
-    missing: Literal["refuse", "skip"] = "refuse"
-    """rows without a number: an error, or no sample of this signal"""
-    longest_gap_s: PositiveFloat | None = None
-    """between two samples; None: that of [time]"""
-
-    @field_validator("unit")
-    @classmethod
-    def _known(cls, unit: str | None) -> str | None:
-        if unit is not None and parse_unit(unit) is None:
-            raise ValueError(f"expected a known unit, found {unit!r}: {near_units(unit)}")
-        return unit
-
-    @field_validator("factor")
-    @classmethod
-    def _not_zero(cls, factor: float) -> float:
-        if factor == 0.0:
-            raise ValueError("expected a factor that is not zero")
-        return factor
-
-
-class SignalMapping(ColumnMapping):
-    """A column that becomes a signal of the data set."""
-
-    quantity: Quantity | None = None
-    """what it measures; None: told by the signal's name"""
-    keep: Interval | None = None
-    """in SI; where it is outside, the drive is cut and left out"""
-    plausible: Interval | None = None
-    """in SI; a number outside is refused; None: the limits of its quantity"""
-    steepest_per_s: PositiveFloat | None = None
-    """in SI; where it moves faster, the drive is cut; None: the limit of its quantity"""
-    may_be_constant: bool = False
-
-
-class TimeMapping(_Settings):
+class TimeMapping(Settings):
     """When the rows of a table were recorded. MF4 files and CAN logs bring stamps of their own."""
 
     column: str | None = None
@@ -115,7 +51,7 @@ class TimeMapping(_Settings):
         return text
 
 
-class RoadsMapping(_Settings):
+class RoadsMapping(Settings):
     """The roads that may be laid under a recording with poses."""
 
     curvatures_per_m: Annotated[tuple[float, ...], Field(min_length=1)] = (
@@ -129,7 +65,7 @@ class RoadsMapping(_Settings):
     epsi_deg: PositiveFloat = 10.0
 
 
-class PoseMapping(_Settings):
+class PoseMapping(Settings):
     """Where the car is on a plane, and the road that its path states are told against."""
 
     x: ColumnMapping
@@ -147,10 +83,10 @@ class PoseMapping(_Settings):
     roads: RoadsMapping = RoadsMapping()
 
 
-class CsvSettings(_Settings):
+class CsvSettings(Settings):
     """How the CSV files are written."""
 
-    delimiter: str | None = None
+    delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
     """None: what the header suggests"""
     decimal: Literal[".", ","] | None = None
     header_line: PositiveInt = 1
@@ -158,7 +94,7 @@ class CsvSettings(_Settings):
     encoding: str = "utf-8-sig"
 
 
-class CanSettings(_Settings):
+class CanSettings(Settings):
     """How the CAN logs are decoded."""
 
     dbc: Path
@@ -166,11 +102,11 @@ class CanSettings(_Settings):
     """as python-can names it; None: all of them"""
 
 
-class SplitSettings(_Settings):
+class SplitSettings(Settings):
     """Which drives are held back. Named files come first, the rest is drawn."""
 
     by: Literal["episode", "file"] = "episode"
-    seed: int = 0
+    seed: NonNegativeInt = 0
     share: Annotated[float, Field(gt=0.0, lt=0.5)] = HELD_BACK
     """of what is not named, for validation, and the same again for the test"""
     validation: tuple[str, ...] = ()
@@ -180,7 +116,7 @@ class SplitSettings(_Settings):
     """longer stretches are cut into pieces of equal length"""
 
 
-class RolesSettings(_Settings):
+class RolesSettings(Settings):
     """See `offline.roles.Roles`."""
 
     centred: tuple[str, ...] | None = None
@@ -191,19 +127,19 @@ class RolesSettings(_Settings):
     """None: all states but those of the path, and all inputs"""
 
 
-class ChecksSettings(_Settings):
+class ChecksSettings(Settings):
     """What may pass although it looks wrong."""
 
     accept_units: bool = False
     """suspected mix-ups of units are reported and not refused"""
 
 
-class Mapping(_Settings):
+class Mapping(Settings):
     """How logs become a data set."""
 
     states: dict[str, SignalMapping]
     inputs: dict[str, SignalMapping]
-    exogenous: dict[str, SignalMapping] = {}
+    exogenous: dict[str, SignalMapping] = Field(default_factory=dict)
     period_s: PositiveFloat = PERIOD_S
     """of the data set"""
     time: TimeMapping = TimeMapping()

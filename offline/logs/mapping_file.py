@@ -4,6 +4,7 @@ import tomllib
 from pathlib import Path
 
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
 from offline.logs.mapping import Mapping
 from rt_controller.contract.errors import ConfigError
@@ -28,14 +29,23 @@ def read_mapping(path: Path) -> tuple[Mapping, str]:
         raise ConfigError(f"{path}: expected TOML, found a mistake: {error}.") from error
     except ValidationError as error:
         mistakes = "\n".join(
-            f"  {'.'.join(map(str, each['loc'])) or 'the file'}: "
-            f"{each['msg'].removeprefix('Value error, ')}"
+            f"  {'.'.join(map(str, each['loc'])) or 'the file'}: {_words(each)}"
             for each in error.errors()
         )
         raise ConfigError(
             f"{path}: expected a mapping as in docs/own-data.md, found:\n{mistakes}"
         ) from error
     return _relative_to(mapping, path.parent), text
+
+
+def _words(mistake: ErrorDetails) -> str:
+    if mistake["type"] == "extra_forbidden":
+        return "expected a known field, found none of that name"
+    if mistake["type"] == "missing":
+        return "expected that field, found nothing"
+    if mistake["type"] == "value_error":
+        return mistake["msg"].removeprefix("Value error, ")
+    return f"{mistake['msg']}, found {mistake['input']!r}"
 
 
 def _relative_to(mapping: Mapping, folder: Path) -> Mapping:

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from offline.logs.coverage import Occupancy, Range
 from offline.logs.finding import Finding
+from offline.logs.gap import Gaps
 from offline.logs.outliers import Outliers
 from offline.logs.time_shift import TimeShift
 from offline.logs.unit_check import Proportion
@@ -32,8 +33,7 @@ class FileReport:
     """stretches left out, since no window of steps and its past fits"""
     off_line: int
     """periods in which the pose could not be told against the reference line"""
-    first_gap: str
-    """where the first gap is, or '' """
+    gaps: Gaps
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class ImportReport:
             "n_episodes": len(self.episodes),
             "n_too_short": sum(file.too_short for file in self.files),
             "n_slices": dict(zip(("train", "validation", "test"), self.slices, strict=True)),
-            "files": [asdict(file) for file in self.files],
+            "files": [{**asdict(file), "gaps": file.gaps._asdict()} for file in self.files],
             "episodes": [asdict(episode) for episode in self.episodes],
             "ranges": [each._asdict() for each in self.ranges],
             "occupancy": occupancy

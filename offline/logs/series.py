@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from offline.logs.column_mapping import ColumnMapping, Sampling, SignalMapping
 from offline.logs.log import Array, Channel, Log
-from offline.logs.mapping import ColumnMapping, Mapping, Sampling, SignalMapping
+from offline.logs.mapping import Mapping
 from offline.logs.quantity import limits_of
 from offline.logs.units import Unit, near_units, parse_unit, unit_of_name
 from rt_controller.contract.errors import DatasetError
@@ -36,6 +37,8 @@ class Series:
     """(N-1,) whether the signal is known between a sample and the next"""
     jumps: int
     """how often it moved faster than it can"""
+    gaps: tuple[int, ...] = ()
+    """samples after which the next one is too far away to know what was in between"""
 
     @property
     def usual_step_s(self) -> float:
@@ -111,8 +114,9 @@ def _to_series(
     is_known = np.isfinite(channel.values)
     if column.missing == "refuse" and not np.all(is_known):
         missing = np.flatnonzero(~is_known)
+        found = "none" if np.isnan(channel.values[missing[0]]) else "an infinite one"
         raise DatasetError(
-            f"{_place(log, channel, int(missing[0]))}: expected a number, found none "
+            f"{_place(log, channel, int(missing[0]))}: expected a number, found {found} "
             f"({len(missing)} of {len(is_known)} samples). Export the column without holes, or "
             f'write missing = "skip" for {name} where other columns are faster than it.'
         )
@@ -137,7 +141,8 @@ def _to_series(
         channel.row[kept],
         column.sampling,
         steps <= longest_s,
-        0,
+        jumps=0,
+        gaps=tuple(np.flatnonzero(steps > longest_s).tolist()),
     )
 
 

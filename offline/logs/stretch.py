@@ -3,9 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from offline.logs.column_mapping import Sampling
 from offline.logs.log import Array
-from offline.logs.mapping import Sampling
 from offline.logs.series import Drive, Series
 
 MUCH_FASTER = 2.0
@@ -92,13 +93,15 @@ def _cut(series: Series, stretch: Stretch) -> _Part:
     return _Part(series.t_s[first : last + 1], series.values[first : last + 1])
 
 
-def _known(series: Series) -> list[Stretch]:
-    edges = np.diff(np.concatenate([[0], series.bridged.astype(np.int8), [0]]))
+def runs(is_true: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Begin and end of each unbroken run of truths."""
+    edges = np.diff(np.concatenate([[0], is_true.astype(np.int8), [0]]))
     begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-    return [
-        Stretch(float(series.t_s[a]), float(series.t_s[b]))
-        for a, b in zip(begins, ends, strict=True)
-    ]
+    return list(zip(begins.tolist(), ends.tolist(), strict=True))
+
+
+def _known(series: Series) -> list[Stretch]:
+    return [Stretch(float(series.t_s[a]), float(series.t_s[b])) for a, b in runs(series.bridged)]
 
 
 def _intersect(some: list[Stretch], others: list[Stretch]) -> list[Stretch]:

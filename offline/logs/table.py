@@ -58,7 +58,7 @@ def stamp(table: Table, wanted: Sequence[str], time: TimeMapping) -> Log:
 def require_table_columns(
     path: Path, wanted: Sequence[str], time: TimeMapping, available: Sequence[str]
 ) -> list[str]:
-    """The columns to read, all of which are there.
+    """The columns to read, all of which are there once.
 
     Raises:
         DatasetError: one is not, or time is neither a column nor a period.
@@ -71,6 +71,12 @@ def require_table_columns(
         )
     needed = columns_to_read(wanted, time)
     require_columns(path, needed, available)
+    twice = [column for column in needed if list(available).count(column) > 1]
+    if twice:
+        raise DatasetError(
+            f"{path}, column {twice[0]}: expected one column of that name, found "
+            f"{list(available).count(twice[0])}. Rename them in the file."
+        )
     return needed
 
 

@@ -10,19 +10,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from offline.logs.episode import Episode, column
+from offline.logs.episode import Episode
 from offline.logs.finding import Finding
 from offline.logs.log import Array
 from offline.logs.mapping import Mapping
-from offline.logs.quantity import Quantity
+from offline.logs.pair import Tie, find_pairs
 from rt_controller.contract.schema import Schema
 
 LONGEST_S = 1.0
 """lag that is looked for, either way"""
 LEAST_CORRELATION = 0.5
 """below, the two have too little to do with each other to tell"""
-_SMOOTHING_S = 0.1
-"""over which derivatives are taken"""
 
 
 class Lag(NamedTuple):
@@ -42,7 +40,7 @@ class TimeShift(NamedTuple):
     """positive: the response comes later"""
     correlation: float
     """at that lag, 0 to 1"""
-    own: "Lag"
+    own: Lag
     """what the car itself needs"""
 
     @property
@@ -50,18 +48,12 @@ class TimeShift(NamedTuple):
         return self.own.earliest_s <= self.lag_s <= self.own.latest_s
 
 
-STEERED = Lag(0.0, 0.1, 0.2)
-PEDALLED = Lag(-0.05, 0.1, 0.6)
-SAME = Lag(-0.05, 0.0, 0.05)
-"""two measurements of one thing"""
-
-
-class _Pair(NamedTuple):
-    cause: str
-    response: str
-    causes: list[Array]
-    responses: list[Array]
-    own: Lag
+OWN_LAG = {
+    Tie.STEERED: Lag(0.0, 0.1, 0.2),
+    Tie.PEDALLED: Lag(-0.05, 0.1, 0.6),
+    Tie.SAME: Lag(-0.05, 0.0, 0.05),
+}
+"""what the car itself needs"""
 
 
 def find_time_shifts(
@@ -69,10 +61,11 @@ def find_time_shifts(
 ) -> list[TimeShift]:
     """The lag of every pair of cause and response that the logs have, where it can be told."""
     shifts = []
-    for pair in _pairs(episodes, mapping, schema):
+    for pair in find_pairs(episodes, mapping, schema):
         lag_s, correlation = correlate(pair.causes, pair.responses, schema.dt_s)
         if correlation >= LEAST_CORRELATION:
-            shifts.append(TimeShift(pair.cause, pair.response, lag_s, correlation, pair.own))
+            own = OWN_LAG[pair.tie]
+            shifts.append(TimeShift(pair.cause, pair.response, lag_s, correlation, own))
     return shifts
 
 
@@ -127,47 +120,3 @@ def remarks(shifts: Sequence[TimeShift]) -> list[Finding]:
             )
         )
     return findings
-
-
-def _pairs(episodes: Sequence[Episode], mapping: Mapping, schema: Schema) -> list[_Pair]:
-    speed = mapping.name_of(Quantity.SPEED)
-    yaw_rate = mapping.name_of(Quantity.YAW_RATE)
-    steer = mapping.name_of(Quantity.STEERING)
-    dt_s = schema.dt_s
-    pairs = []
-
-    def signals(name: str) -> list[Array]:
-        return [column(episode, schema, name) for episode in episodes]
-
-    turned: list[Array] = []
-    if steer is not None:
-        ways = signals(speed) if speed else [np.ones(len(e.x)) for e in episodes]
-        turned = [way * angle for way, angle in zip(ways, signals(steer), strict=True)]
-    if steer and yaw_rate:
-        pairs.append(_Pair(steer, yaw_rate, turned, signals(yaw_rate), STEERED))
-    if speed:
-        gained = [slope(values, dt_s) for values in signals(speed)]
-        name = f"slope of {speed}"
-        for quantity, sign in ((Quantity.DRIVE, 1.0), (Quantity.BRAKE, -1.0)):
-            pedal = mapping.name_of(quantity)
-            if pedal:
-                pressed = [sign * values for values in signals(pedal)]
-                pairs.append(_Pair(pedal, name, pressed, gained, PEDALLED))
-    if mapping.pose:
-        heading = [slope(e.pose[:, 2], dt_s) for e in episodes]
-        if steer:
-            pairs.append(_Pair(steer, "slope of the pose's yaw", turned, heading, STEERED))
-        if yaw_rate:
-            turning = signals(yaw_rate)
-            pairs.append(_Pair("slope of the pose's yaw", yaw_rate, heading, turning, SAME))
-        if speed:
-            moved = [np.hypot(*(slope(e.pose[:, i], dt_s) for i in (0, 1))) for e in episodes]
-            pairs.append(_Pair("speed of the pose", speed, moved, signals(speed), SAME))
-    return pairs
-
-
-def slope(values: Array, dt_s: float) -> Array:
-    """Derivative (T,), from differences over a tenth of a second around each sample."""
-    reach = max(1, round(0.5 * _SMOOTHING_S / dt_s))
-    inner = (values[2 * reach :] - values[: -2 * reach]) / (2 * reach * dt_s)
-    return np.concatenate([np.repeat(inner[:1], reach), inner, np.repeat(inner[-1:], reach)])

@@ -14,10 +14,9 @@ import numpy as np
 
 from offline.logs.episode import Episode, column
 from offline.logs.finding import Finding
-from offline.logs.log import Array
 from offline.logs.mapping import Mapping
+from offline.logs.pair import Tie, find_pairs
 from offline.logs.quantity import Quantity
-from offline.logs.time_shift import slope
 from rt_controller.contract.schema import Schema
 
 LEAST_CORRELATION = 0.8
@@ -52,6 +51,7 @@ class Proportion(NamedTuple):
     """How much of the response comes with one unit of the cause, in one log."""
 
     file: str
+    tie: Tie
     cause: str
     response: str
     slope: float
@@ -61,12 +61,21 @@ class Proportion(NamedTuple):
 def find_proportions(
     episodes: Sequence[Episode], mapping: Mapping, schema: Schema
 ) -> list[Proportion]:
-    """The proportions that each log has."""
-    files = list(dict.fromkeys(episode.path.name for episode in episodes))
+    """The proportions that each log has while its car rolls; none without a speed."""
+    speed = mapping.name_of(Quantity.SPEED)
+    if speed is None:
+        return []
     found = []
-    for file in files:
+    for file in dict.fromkeys(episode.path.name for episode in episodes):
         own = [episode for episode in episodes if episode.path.name == file]
-        found += _of_file(file, own, mapping, schema)
+        rolls = np.concatenate([column(e, schema, speed) for e in own]) >= LEAST_SPEED_MPS
+        for pair in find_pairs(own, mapping, schema):
+            c, r = (np.concatenate(each)[rolls] for each in (pair.causes, pair.responses))
+            power = float(c @ c * (r @ r))
+            if power > 0.0:
+                size, match = float(c @ r / (c @ c)), float(c @ r) / power**0.5
+                cause = f"{speed} times {pair.cause}" if pair.tie is Tie.STEERED else pair.cause
+                found.append(Proportion(file, pair.tie, cause, pair.response, size, match))
     return found
 
 
@@ -80,43 +89,6 @@ def remarks(
         *_turning_length(proportions, mapping),
         *_accelerations(episodes, mapping, schema),
     ]
-
-
-def _of_file(
-    file: str, episodes: Sequence[Episode], mapping: Mapping, schema: Schema
-) -> list[Proportion]:
-    speed, yaw_rate = mapping.name_of(Quantity.SPEED), mapping.name_of(Quantity.YAW_RATE)
-    steer, drive = mapping.name_of(Quantity.STEERING), mapping.name_of(Quantity.DRIVE)
-    if speed is None:
-        return []
-    dt_s = schema.dt_s
-    vx = [column(e, schema, speed) for e in episodes]
-    found = []
-
-    def add(cause: str, response: str, causes: list[Array], responses: list[Array]) -> None:
-        c, r, v = (np.concatenate(each) for each in (causes, responses, vx))
-        c, r = c[v >= LEAST_SPEED_MPS], r[v >= LEAST_SPEED_MPS]
-        power = float(c @ c * (r @ r))
-        if power > 0.0:
-            match = float(c @ r) / power**0.5
-            found.append(Proportion(file, cause, response, float(c @ r / (c @ c)), match))
-
-    if steer and yaw_rate:
-        angles = [column(e, schema, steer) for e in episodes]
-        turned = [v * angle for v, angle in zip(vx, angles, strict=True)]
-        turning = [column(e, schema, yaw_rate) for e in episodes]
-        add(f"{speed} times {steer}", yaw_rate, turned, turning)
-    if drive:
-        gained = [slope(v, dt_s) for v in vx]
-        add(drive, f"slope of {speed}", [column(e, schema, drive) for e in episodes], gained)
-    if mapping.pose:
-        moved = [np.hypot(*(slope(e.pose[:, i], dt_s) for i in (0, 1))) for e in episodes]
-        add("speed of the pose", speed, moved, vx)
-        if yaw_rate:
-            heading = [slope(e.pose[:, 2], dt_s) for e in episodes]
-            turning = [column(e, schema, yaw_rate) for e in episodes]
-            add("slope of the pose's yaw", yaw_rate, heading, turning)
-    return found
 
 
 def _between_files(proportions: Sequence[Proportion]) -> list[Finding]:
@@ -148,7 +120,7 @@ def _between_files(proportions: Sequence[Proportion]) -> list[Finding]:
 def _against_pose(proportions: Sequence[Proportion]) -> list[Finding]:
     findings = []
     for each in proportions:
-        if "pose" not in each.cause or abs(each.correlation) < LEAST_CORRELATION:
+        if each.tie is not Tie.SAME or abs(each.correlation) < LEAST_CORRELATION:
             continue
         mix_up = known_factor(each.slope)
         if mix_up or each.slope < 0.0:
@@ -168,7 +140,7 @@ def _turning_length(proportions: Sequence[Proportion], mapping: Mapping) -> list
     steer, yaw_rate = mapping.name_of(Quantity.STEERING), mapping.name_of(Quantity.YAW_RATE)
     findings = []
     for each in proportions:
-        if steer is None or each.response != yaw_rate or steer not in each.cause:
+        if each.tie is not Tie.STEERED or each.response != yaw_rate:
             continue
         if abs(each.correlation) < LEAST_CORRELATION:
             continue

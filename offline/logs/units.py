@@ -153,7 +153,8 @@ def parse_unit(text: str) -> Unit | None:
 
 def near_units(text: str) -> str:
     """Known units that look like it, or all of them, to be named in a message."""
-    near = get_close_matches(text, [*_UNITS, *_SPELLINGS], n=3, cutoff=0.5)
+    spellings = [spelling for spelling in (*_UNITS, *_SPELLINGS) if spelling]
+    near = get_close_matches(text, spellings, n=3, cutoff=0.5)
     known = ", ".join(_UNITS)
     return f"did you mean {' or '.join(near)}? Known are {known}" if near else f"known are {known}"
 

@@ -19,6 +19,7 @@ from offline.evaluation_sheets import (
 )
 from offline.judgement import (
     FAIR_LTI,
+    LTI_RIVALS,
     Judgement,
     growth_from_library,
     ratios_to_rivals,
@@ -87,7 +88,7 @@ def page(contents: Contents) -> str:
 
 def _summary(judgement: Judgement) -> str:
     library = judgement.sets[0]
-    seconds = judgement.dt_s * _steps_of(judgement)
+    seconds = judgement.dt_s * judgement.steps
     items = [f"<li>{prose(words)}</li>" for words in _headlines(judgement)]
     names = [column.name for column in judgement.columns]
     known = [f"<i>{name}</i> {_MEANINGS[name]}" for name in names if name in _MEANINGS]
@@ -95,7 +96,7 @@ def _summary(judgement: Judgement) -> str:
     return (
         f"<p>Models are shown one measured state, what happened right before it, and the inputs of "
         f"the next {seconds:g} s; they answer with the states of these {seconds:g} s, without "
-        f"another look. Errors count in all {_steps_of(judgement)} steps of "
+        f"seeing anything in between. Errors count in all {judgement.steps} steps of "
         f"{1000 * judgement.dt_s:g} ms, on {escape(size(library))} that no model was trained on "
         f"({escape(library.words)}).</p>{states}<ul>{''.join(items)}</ul>"
     )
@@ -110,8 +111,8 @@ def _headlines(judgement: Judgement) -> list[str]:
             found = ratios[FAIR_LTI].geometric_mean
             interval = cell(found).interval
             lines.append(
-                f"{model} against the best linear models: their mean squared errors are "
-                f"{in_digits(float(found.value), 3)} times as large"
+                f"{model} against {' and '.join(LTI_RIVALS)}, in each state the better of them: "
+                f"mean squared errors {in_digits(float(found.value), 3)} times as large"
                 f"{f' ({interval})' if interval else ''}, geometric mean over "
                 f"{len(judgement.columns)} states."
             )
@@ -249,8 +250,3 @@ def _described(test: TestSet) -> Fact:
 
 def _joined(fact: Fact) -> str:
     return f"{fact.name} {fact.value}"
-
-
-def _steps_of(judgement: Judgement) -> int:
-    first = next(iter(judgement.library.values()))
-    return int(first.squared.total.shape[1])

@@ -143,8 +143,7 @@ def _stay_near(axes: Axes, judged: np.ndarray) -> None:
 
 
 def _time_s(judgement: Judgement) -> np.ndarray:
-    steps = next(iter(judgement.library.values())).squared.total.shape[1]
-    return judgement.dt_s * np.arange(1, steps + 1)
+    return judgement.dt_s * np.arange(1, judgement.steps + 1)
 
 
 def _drawable(values: np.ndarray) -> np.ndarray:

@@ -23,6 +23,7 @@ from rt_controller.contract.bilinear import Bilinear
 from rt_controller.contract.bundle import Array, Bundle
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.fitness import require_fitting_parts
+from rt_controller.contract.follow import Follow
 from rt_controller.contract.koopman_file import KoopmanFile, check_field, read_koopman
 from rt_controller.contract.lift import Lift, LiftSample
 from rt_controller.contract.schema import Schema, Signal
@@ -41,8 +42,6 @@ FORMAT_VERSION = 2
 ENCODER_FILE = "encoder.onnx"
 KOOPMAN_FILE = "koopman.npz"
 CARD_FILE = "card.md"
-FREE_RESPONSE = "free-response"
-START = "start"
 
 
 def save_bundle(folder: Path, bundle: Bundle, card: str) -> None:
@@ -115,7 +114,7 @@ def _arrays_of(bundle: Bundle) -> dict[str, Any]:
         "bilinear_N": bilinear.N,
         "bilinear_S": bilinear.S,
         "bilinear_s0": bilinear.s0,
-        "bilinear_along": np.str_(FREE_RESPONSE if bilinear.along_free_response else START),
+        "bilinear_follows": np.str_(bilinear.follows),
         "spectral_radius": np.float64(bundle.spectral_radius),
         "growth_20": np.float64(bundle.growth(20)),
         "growth_80": np.float64(bundle.growth(80)),
@@ -167,12 +166,12 @@ def _read_lift(koopman: KoopmanFile) -> Lift:
 def _read_bilinear(koopman: KoopmanFile) -> Bilinear | None:
     N, S = koopman.numbers("bilinear_N", 3), koopman.numbers("bilinear_S", 3)
     s0 = koopman.numbers("bilinear_s0", 2)
-    along = koopman.text("bilinear_along")
-    if along not in (FREE_RESPONSE, START):
-        check_field(koopman.path, "bilinear_along", f"{FREE_RESPONSE} or {START}", along)
+    follows = koopman.text("bilinear_follows")
+    if follows not in list(Follow):
+        check_field(koopman.path, "bilinear_follows", " or ".join(Follow), follows)
     if not max(len(N), len(S), len(s0)):
         return None
-    return Bilinear(N, S, s0, along_free_response=along == FREE_RESPONSE)
+    return Bilinear(N, S, s0, Follow(follows))
 
 
 def _check_hash(path: Path, expected: str, found: str, what: str) -> None:

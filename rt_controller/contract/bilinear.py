@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rt_controller.contract.follow import Follow
+
 Array = NDArray[np.float64]
 
 
@@ -15,9 +17,6 @@ class Bilinear(NamedTuple):
     rank R, N_i psi = sum_r N[r, :, i] (S[r, i] @ psi), with an offset s0[r, i] on each factor:
     B_eff[:, i] = B_uc[:, i] + sum_r N[r, :, i] * (S[r, i] @ psi + s0[r, i]).
 
-    Predictions must stay linear in the inputs to come, so psi is not what these inputs make of it:
-    it is psi_0 throughout, or follows the free response, what psi_0 becomes without inputs.
-
     Paper: conclusion, where bilinear models are named as future work.
     """
 
@@ -27,8 +26,8 @@ class Bilinear(NamedTuple):
     """(R, m, n), how much of each, read from the lifted state"""
     s0: Array
     """(R, m)"""
-    along_free_response: bool = True
-    """False: psi is frozen at psi_0"""
+    follows: Follow = Follow.PREDICTION
+    """which psi that is"""
 
     @property
     def rank(self) -> int:

@@ -74,7 +74,7 @@ class Bundle:
             self.name,
             [schema.states, schema.inputs, schema.exogenous, schema.dt_s],
             [lift.inputs, lift.history_steps, lift.history_fields],
-            bilinear is not None and bilinear.along_free_response,
+            None if bilinear is None else bilinear.follows,
             self.encoder_sha256,
         ]
         digest = hashlib.sha256(json.dumps(words).encode())

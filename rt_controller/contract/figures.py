@@ -18,7 +18,7 @@ def require_writable(path: Path | None) -> None:
     """
     if path is None:
         return
-    obstacle = _obstacle(path)
+    obstacle = find_obstacle(path)
     if obstacle:
         raise ConfigError(
             f"--json {path}: expected a file that can be written, found {obstacle}. Name another "
@@ -46,8 +46,8 @@ def write_figures(path: Path | None, figures: Mapping[str, Any]) -> None:
         ) from error
 
 
-def _obstacle(path: Path) -> str | None:
-    """What stands in the way of a file there, in words."""
+def find_obstacle(path: Path) -> str | None:
+    """What stands in the way of a file there, in words; None if nothing does."""
     try:
         if path.is_dir():
             return "a folder of that name"

@@ -57,6 +57,13 @@ def require_drivable(bundle: Bundle) -> None:
         ArtifactError: it is a model of other signals, of another period, or of a past that the
             controller does not keep.
     """
+    objection = find_objection_to_driving(bundle)
+    if objection is not None:
+        raise ArtifactError(f"{objection} Choose another --model.")
+
+
+def find_objection_to_driving(bundle: Bundle) -> str | None:
+    """Why the controller cannot drive the car with this model, in words; None if it can."""
     found, expected = bundle.schema, VEHICLE
     for what, theirs, ours in (
         ("states", found.states, expected.states),
@@ -65,18 +72,18 @@ def require_drivable(bundle: Bundle) -> None:
         ("period in s", found.dt_s, expected.dt_s),
     ):
         if theirs != ours:
-            raise ArtifactError(
-                f"The model {bundle.name!r} is not one of this car: expected {what} = "
-                f"{_plain(ours)}, found {_plain(theirs)}. It can be evaluated, but not driven "
-                f"with: choose another --model, or learn one from data of these signals."
+            return (
+                f"The model {bundle.name!r} is not a model of this car: expected {what} = "
+                f"{_plain(ours)}, found {_plain(theirs)}. It can be evaluated, but not driven with."
             )
     fields = bundle.lift.history_fields
     if bundle.lift.sees_history and fields != DRIVABLE_HISTORY:
-        raise ArtifactError(
+        return (
             f"The model {bundle.name!r} is shown a past that the controller does not keep: "
-            f"expected history_fields = {DRIVABLE_HISTORY}, found {fields}. Train again with "
-            f"these, or choose another --model."
+            f"expected history_fields = {DRIVABLE_HISTORY}, found {fields}. It can be evaluated, "
+            f"but not driven with."
         )
+    return None
 
 
 def _plain(part: object) -> str:

@@ -1,9 +1,13 @@
 """The objective of a model whose input matrix follows the lifted state: H is built every tick.
 
-Along its free response, or frozen at psi_0, a bilinear model is a linear one whose input matrix
-changes with the stage: B_eff,j = B_uc + sum_r N_r diag(g_r,j), where g_r,j = S_r psi_j + s0_r. The
-condensed QP keeps its size: column j of Gamma_eff is column j of Gamma_0 + sum_r Gamma_r
-diag(g_r,j), and H = Gamma_eff' Q Gamma_eff + R + what changes of the inputs cost.
+Along given lifted states psi_j a bilinear model is a linear one whose input matrix changes with
+the stage: B_eff,j = B_uc + sum_r N_r diag(g_r,j), where g_r,j = S_r psi_j + s0_r. The condensed QP
+keeps its size: column j of Gamma_eff is column j of Gamma_0 + sum_r Gamma_r diag(g_r,j), and
+H = Gamma_eff' Q Gamma_eff + R + what changes of the inputs cost.
+
+The states are those that the last plan leads to. A plan that is repeated predicts itself as the
+model does, and from tick to tick plans change little: one QP a tick is one iteration of a sequence
+that would solve the bilinear problem (quasi-linear MPC; Cisneros and Werner, 2020).
 """
 
 import numpy as np
@@ -11,6 +15,7 @@ from numpy.lib.stride_tricks import as_strided
 
 from rt_controller.contract.bilinear import Bilinear
 from rt_controller.contract.bundle import Array, Bundle
+from rt_controller.contract.follow import Follow
 from rt_controller.control.constraints import N_INPUTS
 from rt_controller.control.cost import InputCost, OutputWeights
 from rt_controller.control.objective import LATERAL, Situation, require_convex
@@ -62,6 +67,11 @@ class BilinearObjective:
         self._gains = np.zeros(len(self._gain_map))
         self._mixture = self._gains.reshape(m, horizon, -1)
         """(m, N, R + 1), of each input's directions at each stage, the constant one first"""
+        self._feedback = (
+            GainFeedback(bundle, bilinear, horizon)
+            if bilinear.follows is Follow.PREDICTION
+            else None
+        )
         padded = np.zeros((m, horizon, 2 * rows))
         self._response = padded[:, :, rows:]
         """(m, N, N p), as if every stage were the first"""
@@ -86,6 +96,8 @@ class BilinearObjective:
 
     def aim(self, situation: Situation) -> None:
         np.dot(self._gain_map, situation.undriven, out=self._gains)
+        if self._feedback is not None:
+            self._feedback.add(self._mixture[:, :, 1:], situation.expected)
         np.matmul(self._mixture, self._responses, out=self._response)
         np.copyto(self._effect_by_stage, self._delayed)
         self._terminal_effect *= self._terminal_unit
@@ -102,10 +114,49 @@ class BilinearObjective:
         self.gradient[:N_INPUTS] += self._inputs.from_previous * situation.previous
 
 
+class GainFeedback:
+    """What inputs do to the gains of later stages, themselves acting by the gains of theirs.
+
+    g_j = its free response + sum over i < j of K_(j-1-i) [u_i; g_i u_i], with
+    K_d = S A^d [B_uc, N_1, …, N_R]: a recursion in the few gains instead of all observables.
+    """
+
+    def __init__(self, bundle: Bundle, bilinear: Bilinear, horizon: int) -> None:
+        rank, m, n = bilinear.S.shape
+        self._m = m
+        columns = np.concatenate([bundle.B_uc[None], bilinear.N]).transpose(1, 2, 0)
+        arrived, steps = columns.reshape(n, -1), []  # (n, m (R + 1)), input by input
+        read = bilinear.S.transpose(1, 0, 2).reshape(-1, n)  # (m R, n)
+        for _ in range(horizon - 1):
+            steps.append(read @ arrived)
+            arrived = bundle.A @ arrived
+        self._K = np.ascontiguousarray(np.reshape(steps, (-1, m * (rank + 1))))
+        """((N - 1) m R, m (R + 1))"""
+        self._forced = np.zeros((horizon, m * rank))
+        """(N, m R), what the stages before add to the gains of each"""
+        self._addition = np.zeros(len(self._K))
+        self._action = np.zeros((m, rank + 1))
+
+    def add(self, gains: Array, inputs: Array) -> None:
+        """Turn gains (m, N, R) of the free response into those along `inputs` (N, m), in place."""
+        forced, action, width = self._forced, self._action, self._forced.shape[1]
+        forced[:] = 0.0
+        for stage, u in enumerate(inputs):
+            gains[:, stage] += forced[stage].reshape(self._m, -1)
+            rows = len(self._K) - stage * width
+            if rows == 0:
+                return
+            action[:, 0] = u
+            np.multiply(gains[:, stage], u[:, None], out=action[:, 1:])
+            addition = self._addition[:rows]
+            np.dot(self._K[:rows], action.reshape(-1), out=addition)
+            forced[stage + 1 :] += addition.reshape(-1, width)
+
+
 def _gain_map(bundle: Bundle, bilinear: Bilinear, horizon: int) -> Array:
     """What makes gains (m, N, R + 1), flat, of [psi_0; kappa; 1]."""
     n, m = bundle.n_observables, N_INPUTS
-    stages = horizon - 1 if bilinear.along_free_response else 0
+    stages = 0 if bilinear.follows is Follow.START else horizon - 1
     free = free_response(bundle, stages, n)
     later = np.column_stack([free.Phi, free.lam, free.mu]).reshape(stages, n, n + 2)
     psi = np.concatenate([np.eye(n, n + 2)[None], later])  # (stages + 1, n, n + 2)

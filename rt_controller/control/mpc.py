@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rt_controller.contract.bundle import Bundle
+from rt_controller.contract.bundle import Array, Bundle
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.fitness import require_drivable
 from rt_controller.contract.limits import InputLimits
@@ -56,6 +56,7 @@ class Mpc:
         """time of the last solve, vectors in to solution out"""
         self.inputs = np.zeros((horizon, N_INPUTS))
         """(N, 3), the plan of the last solve that succeeded"""
+        self._has_plan = False
 
     @property
     def iterations(self) -> int:
@@ -69,6 +70,7 @@ class Mpc:
 
     def forget(self) -> None:
         """What was observed is not the past of the next state: a period or more is missing."""
+        self._has_plan = False
         if self._history is not None:
             self._history.forget()
 
@@ -96,16 +98,26 @@ class Mpc:
             if self._tracks_latents
             else reference
         )
+        self._expect(now.expected, previous)
         self._pedals.update(state.vx_mps - path.v_mps, path.a_mps2)
         self._qp.aim(self._pedals)
 
         begun_ns = time.perf_counter_ns()
         status = self._solver.solve()
         self.solve_ns = time.perf_counter_ns() - begun_ns
-        if status is SolveStatus.SOLVED:
+        self._has_plan = status is SolveStatus.SOLVED
+        if self._has_plan:
             planned = self._solver.solution[: self._qp.scale.size]
             np.multiply(planned, self._qp.scale, out=self.inputs.reshape(-1))
         return status
+
+    def _expect(self, expected: Array, previous: ControlInput) -> None:
+        """What the inputs will be about: the last plan, one period on, or no change at all."""
+        if self._has_plan:
+            expected[:-1] = self.inputs[1:]
+            expected[-1] = self.inputs[-1]
+        else:
+            expected[:] = previous
 
 
 def _require_liftable_reference(bundle: Bundle, cost: TrackingCost) -> None:

@@ -18,9 +18,10 @@ LATERAL = VehicleState._fields.index("ey_m")
 
 
 class Situation:
-    """[psi_0; kappa; 1; u_prev; y_r] in one vector: all that the objective of a tick follows from.
+    """All that the objective of a tick follows from.
 
-    y_r are the reference outputs of stages 1 … N.
+    [psi_0; kappa; 1; u_prev; y_r] in one vector, y_r being the reference outputs of stages 1 … N;
+    and the inputs that the last plan has for the stages.
     """
 
     def __init__(self, n_observables: int, horizon: int, n_outputs: int) -> None:
@@ -34,6 +35,8 @@ class Situation:
         """(1,), curvature in 1/m"""
         self.previous = self.vector[n + 2 : n + 2 + N_INPUTS]
         self.reference = self.vector[n + 2 + N_INPUTS :].reshape(horizon, n_outputs)
+        self.expected = np.zeros((horizon, N_INPUTS))
+        """(N, 3), what a bilinear model is made linear along"""
 
 
 class Objective(Protocol):

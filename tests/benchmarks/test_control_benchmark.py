@@ -1,12 +1,10 @@
 """How long the parts of a step take, back to back."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from rt_controller.config import MpcSettings
-from rt_controller.contract.artifact import Bilinear, Bundle, load_bundle
+from rt_controller.contract.artifact import Bundle, load_bundle
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
 from rt_controller.control.lift import Encoder
@@ -19,25 +17,12 @@ from rt_controller.session import shipped_model
 STATE = VehicleState(22.0, -0.05, 0.06, 0.55, 1.2, 0.07)
 PATH = PathReference(1.3, 0.09, 0.004, -0.0004, 22.2, 0.0)
 PREVIOUS = ControlInput(0.15, 0.0, 0.2)
-RANK = 4
 
 
-@pytest.fixture(params=["mdk-net-paper", "bilinear", "lti"])
+@pytest.fixture(params=["mdk-net", "mdk-net-paper", "lti"])
 def bundle(request: pytest.FixtureRequest) -> Bundle:
-    """The shipped models, and the network with an input matrix that follows psi_0."""
-    if request.param != "bilinear":
-        return load_bundle(shipped_model(request.param))
-    return bent(load_bundle(shipped_model("mdk-net-paper")))
-
-
-def bent(bundle: Bundle) -> Bundle:
-    """With directions a tenth as large as B_uc and gains around one."""
-    rng = np.random.default_rng(0)
-    n, m = bundle.B_uc.shape
-    S = rng.normal(size=(RANK, m, n)) / (bundle.spread * np.sqrt(n))
-    s0 = -S @ bundle.selftest_psi.mean(axis=0)
-    N = 0.1 * bundle.B_uc * rng.normal(size=(RANK, n, m))
-    return replace(bundle, bilinear=Bilinear(N, S, s0))
+    """The shipped models: bilinear, linear with latents, linear."""
+    return load_bundle(shipped_model(request.param))
 
 
 def test_lift(benchmark, bundle: Bundle) -> None:

@@ -17,7 +17,7 @@ from rt_controller.session import shipped_model
 PERIOD_NS = 25_000_000
 
 
-@pytest.fixture(params=["mdk-net-paper", "lti"])
+@pytest.fixture(params=["mdk-net", "mdk-net-paper", "lti"])
 def rig(request: pytest.FixtureRequest) -> Iterator[Rig]:
     settings = MpcSettings()
     bundle = load_bundle(shipped_model(request.param))

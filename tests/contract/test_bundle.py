@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rt_controller.contract.bundle import Bundle
+from rt_controller.contract.follow import Follow
 from rt_controller.contract.lift import Lift
 from rt_controller.contract.schema import VEHICLE
 
@@ -53,7 +54,10 @@ def test_a_model_is_known_by_everything_it_predicts_with(bundle: Bundle) -> None
         bundle.bilinear._replace(**{key: 0.9 * getattr(bundle.bilinear, key)})
         for key in ("N", "S", "s0")
     ]
-    bent.append(bundle.bilinear._replace(along_free_response=False))
+    bent += [
+        bundle.bilinear._replace(follows=follows)
+        for follows in set(Follow) - {bundle.bilinear.follows}
+    ]
     others += [replace(bundle, bilinear=bilinear) for bilinear in bent]
     schemas = [
         replace(VEHICLE, states=VEHICLE.states[::-1]),
@@ -71,8 +75,8 @@ def test_a_model_is_known_by_everything_it_predicts_with(bundle: Bundle) -> None
         replace(bundle, encoder_onnx=b"another"),
         replace(bundle, name="another"),
     ]
-    assert len(others) == 19
-    assert len({bundle.sha256, *(other.sha256 for other in others)}) == 20
+    assert len(others) == 20
+    assert len({bundle.sha256, *(other.sha256 for other in others)}) == 21
 
 
 def test_a_model_is_not_known_by_how_it_was_trained_or_stored(bundle: Bundle) -> None:

@@ -26,9 +26,9 @@ def identity() -> Bundle:
     return load_bundle(shipped_model("lti"))
 
 
-@pytest.fixture
-def learned() -> Bundle:
-    return load_bundle(shipped_model("mdk-net-paper"))
+@pytest.fixture(params=["mdk-net", "mdk-net-paper"])
+def learned(request: pytest.FixtureRequest) -> Bundle:
+    return load_bundle(shipped_model(request.param))
 
 
 def encoder_of_too_many_rows() -> bytes:
@@ -66,9 +66,11 @@ def lifted(bundle: Bundle) -> np.ndarray:
     return np.stack(psi)
 
 
-def test_one_state_and_a_batch_are_lifted_alike(learned: Bundle) -> None:
-    lift = Encoder(learned)
-    states = learned.selftest.x[:5]
+@pytest.mark.parametrize("lift_of", [Lift(), WITH_ROAD])
+def test_one_state_and_a_batch_are_lifted_alike(lift_of: Lift) -> None:
+    bundle = make_bundle(lift_of)
+    lift = Encoder(bundle)
+    states = bundle.selftest.x[:5]
     one_by_one = np.stack([lift.lift(VehicleState(*row), 0.001).copy() for row in states])
     np.testing.assert_allclose(one_by_one, lift.lift_batch(states, 0.001), rtol=1e-4, atol=1e-7)
 
@@ -79,7 +81,7 @@ def test_the_physical_states_pass_the_lift_in_double_precision(learned: Bundle) 
     assert tuple(psi[:WIDTH]) == STATE
 
 
-@pytest.mark.parametrize("name", ["lti", "mdk-net-paper"])
+@pytest.mark.parametrize("name", ["lti", "mdk-net", "mdk-net-paper"])
 def test_shipped_models_agree_with_training_within_1e_5_of_each_spread(name: str) -> None:
     bundle = load_bundle(shipped_model(name))
     assert bundle.parity_error(lifted(bundle)) < 1e-5
@@ -114,8 +116,8 @@ def test_writing_into_the_history_is_showing_it() -> None:
             lift.history[row, column] -= 10.0
 
 
-def test_a_lift_without_a_past_has_no_history(learned: Bundle) -> None:
-    assert Encoder(learned).history is None
+def test_a_lift_without_a_past_has_no_history() -> None:
+    assert Encoder(make_bundle(WITH_ROAD)).history is None
 
 
 @pytest.mark.parametrize("damage", [b"", b"not an encoder", b"\x08\x0a" * 20])
@@ -123,11 +125,10 @@ def test_bytes_that_are_no_onnx_model_are_refused(identity: Bundle, damage: byte
     assert "expected an ONNX model" in refusal(replace(identity, encoder_onnx=damage))
 
 
-def test_an_encoder_of_another_width_than_the_matrices_is_refused(
-    identity: Bundle, learned: Bundle
-) -> None:
-    message = refusal(replace(learned, encoder_onnx=identity.encoder_onnx))
-    assert f"psi: tensor(float) ['batch', {learned.n_observables}]" in message
+def test_an_encoder_of_another_width_than_the_matrices_is_refused(identity: Bundle) -> None:
+    wider = make_bundle(Lift())
+    message = refusal(replace(wider, encoder_onnx=identity.encoder_onnx))
+    assert f"psi: tensor(float) ['batch', {wider.n_observables}]" in message
 
 
 @pytest.mark.parametrize(

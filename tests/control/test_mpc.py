@@ -10,6 +10,7 @@ from made_models import WITH_ALL, WITH_PAST, WITH_ROAD, make_bundle
 from rt_controller.config import MpcSettings
 from rt_controller.contract.artifact import Array, Bundle, Lift
 from rt_controller.contract.errors import ArtifactError, ConfigError
+from rt_controller.contract.follow import Follow
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.schema import VEHICLE
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
@@ -38,7 +39,7 @@ def plan(mpc: Mpc, curvature_per_m: float = CURVATURE_PER_M) -> Array:
 def test_a_bilinear_model_frozen_here_plans_as_the_linear_one_that_it_is() -> None:
     bundle = make_bundle(WITH_ROAD, rank=2)
     assert bundle.bilinear is not None
-    bundle = replace(bundle, bilinear=bundle.bilinear._replace(along_free_response=False))
+    bundle = replace(bundle, bilinear=bundle.bilinear._replace(follows=Follow.START))
     psi_0 = Encoder(bundle).lift(STATE, CURVATURE_PER_M)
     frozen = replace(bundle, B_uc=bundle.input_matrix(psi_0), bilinear=None)
     found = plan(build(bundle))
@@ -50,6 +51,7 @@ def test_a_bilinear_model_frozen_here_plans_as_the_linear_one_that_it_is() -> No
 @pytest.mark.parametrize("lift", [Lift(), WITH_ROAD, WITH_PAST, WITH_ALL])
 def test_the_same_situation_has_the_same_plan_again(lift: Lift) -> None:
     mpc = build(make_bundle(lift, rank=2))
+    mpc.forget()
     first = plan(mpc)
     mpc.forget()
     mpc.plan(STATE._replace(vx_mps=15.0), 0.0, PATH, PREVIOUS)
@@ -104,7 +106,7 @@ def test_a_reference_is_lifted_on_the_road_that_the_car_is_on(
 
 def test_a_model_of_other_signals_is_refused_before_anything_else() -> None:
     schema = replace(VEHICLE, states=VEHICLE.states[::-1])
-    with pytest.raises(ArtifactError, match="not one of this car"):
+    with pytest.raises(ArtifactError, match="not a model of this car"):
         build(replace(make_bundle(Lift()), schema=schema, encoder_onnx=b""))
 
 

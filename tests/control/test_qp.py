@@ -7,6 +7,7 @@ from scipy.linalg import block_diag
 
 from rt_controller.contract.artifact import Array, Bilinear, Bundle, LiftSample
 from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.follow import Follow
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput, VehicleState
 from rt_controller.control.corridor import Corridor
@@ -38,7 +39,7 @@ def random_bundle(rng: np.random.Generator, rank: int = 0) -> Bundle:
         N=rng.normal(size=(rank, n, 3)) * size,
         S=rng.normal(size=(rank, 3, n)),
         s0=rng.normal(size=(rank, 3)),
-        along_free_response=rank % 2 == 0,
+        follows=Follow.START if rank % 2 else Follow.FREE_RESPONSE,
     )
     return Bundle(
         name="random",
@@ -99,12 +100,12 @@ def sparse_plan(
     A_eq = np.zeros((N * n, len(P)))
     b_eq = np.tile(bundle.B_uw[:, 0] * kappa + bundle.c, N)
     b_eq[:n] += bundle.A @ psi_0
-    follows = bundle.bilinear is not None and bundle.bilinear.along_free_response
+    follows = None if bundle.bilinear is None else bundle.bilinear.follows
     frozen = psi_0
     for k in range(N):
         rows = slice(k * n, (k + 1) * n)
         A_eq[rows, k * m : (k + 1) * m] = -bundle.input_matrix(frozen)
-        if follows:
+        if follows is Follow.FREE_RESPONSE:
             frozen = bundle.A @ frozen + bundle.B_uw[:, 0] * kappa + bundle.c
         A_eq[rows, N * m + k * n : N * m + (k + 1) * n] = np.eye(n)
         if k > 0:

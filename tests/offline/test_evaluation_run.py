@@ -11,7 +11,13 @@ from toy_predictors import Hold
 from offline import evaluation_run, rivals
 from offline.baselines import roster
 from offline.baselines.finding import Finding
-from offline.evaluation_run import choose_sets, evaluate_models, label_models, open_sets
+from offline.evaluation_run import (
+    choose_sets,
+    evaluate_models,
+    label_models,
+    open_sets,
+    run_evaluation,
+)
 from offline.predictor import BundlePredictor
 from offline.provenance import describe_training
 from offline.report_run import write_report
@@ -32,8 +38,6 @@ def quick(monkeypatch, tmp_path):
     fitted = []
 
     def fit(name, dataset, cache_folder):
-        if name == "lti-per-curvature" and dataset.manifest.roads is None:
-            raise DatasetError("the data know no roads.")
         fitted.append(name)
         return Hold()
 
@@ -41,7 +45,13 @@ def quick(monkeypatch, tmp_path):
         return roster.Report(name, 0.5, (Finding("what it is", f"a stand-in for {name}"),))
 
     names = ("lti", "lti-per-curvature", "persistence", "gru")
-    stand_in = SimpleNamespace(names=lambda: names, fit=fit, report=report, fitted=fitted)
+    stand_in = SimpleNamespace(
+        names=lambda: names,
+        find_objection=roster.find_objection,
+        fit=fit,
+        report=report,
+        fitted=fitted,
+    )
     monkeypatch.setattr(rivals, "roster", stand_in)
     monkeypatch.setattr(
         evaluation_run, "ensure_robustness_data", lambda: ensure_robustness_data(episodes=3)
@@ -101,8 +111,10 @@ def test_a_rival_that_may_have_met_the_test_episodes_is_left_out_or_refused(
     assert list(opened) == ["lti", "lti-per-curvature", "persistence"]
     assert quick.fitted == list(opened)
     assert f"without {SHIPPED}" in capsys.readouterr().out
+    quick.fitted.clear()
     with pytest.raises(DatasetError, match=SHIPPED):
-        open_rivals([SHIPPED], toy_dataset, [], insisted=True)
+        open_rivals(["lti", SHIPPED], toy_dataset, [], insisted=True)
+    assert quick.fitted == []  # known before anything is fitted
 
 
 def test_the_papers_network_is_no_rival_of_itself_and_one_of_others(
@@ -115,6 +127,13 @@ def test_the_papers_network_is_no_rival_of_itself_and_one_of_others(
     beside_other = open_rivals([SHIPPED], toy_dataset, [other], insisted=False)
     assert isinstance(beside_other[SHIPPED], BundlePredictor)
     assert open_rivals([SHIPPED], toy_dataset, [other, shipped], insisted=False) == {}
+
+
+def test_all_rivals_are_those_that_can_be(toy_dataset, toy_folder, bundle_of):
+    """Whoever asks for all of them insists on none."""
+    model = bundle_of("model")
+    evaluation = run_evaluation([model], toy_folder, NO_RUN, ["all"], ["library"])
+    assert evaluation.judgement.rivals == ("lti", "lti-per-curvature", "persistence", "gru")
 
 
 def test_data_without_roads_have_no_rival_for_each_road(toy_dataset, capsys):

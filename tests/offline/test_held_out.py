@@ -90,7 +90,7 @@ def test_several_models_are_judged_on_data_that_all_of_them_never_met(stock, tmp
     assert choose_test_set(both, None, tmp_path / NO_RUN).sha256 == full.sha256
     small = stock("small", 20)
     with_small = [trained_on(full), trained_on(small)]
-    with pytest.raises(DatasetError, match="no model to be judged was trained on"):
+    with pytest.raises(DatasetError, match="none of the judged models was trained on"):
         choose_test_set(with_small, None, tmp_path / NO_RUN)
 
 

@@ -18,6 +18,7 @@ from offline.model import MdkNet, sizes_of
 from offline.roles import VEHICLE_ROLES
 from offline.scaling import fit_scaling
 from offline.source import SliceSource
+from rt_controller.contract.follow import Follow
 from rt_controller.contract.schema import VEHICLE
 
 K, BATCH, HISTORY, STATES = 7, 3, 2, 6
@@ -67,12 +68,14 @@ def transcribed_errors(model: MdkNet, batch: Batch) -> list[Tensor]:
     A, B = model.operator()
     sums = [torch.zeros(()) for _ in range(STATES)]
     for b in range(BATCH):
-        psi = free = model.lift(first_instant(batch, b))
+        psi = followed = model.lift(first_instant(batch, b))
         for k in range(batch.steps):
             exogenous = B[:, 3:] @ batch.w[k, b]
-            psi = A @ psi + input_matrix(model, free) @ batch.u[k, b] + exogenous
-            if model.along_free_response:
-                free = A @ free + exogenous
+            psi = A @ psi + input_matrix(model, followed) @ batch.u[k, b] + exogenous
+            if model.follows is Follow.PREDICTION:
+                followed = psi
+            elif model.follows is Follow.FREE_RESPONSE:
+                followed = A @ followed + exogenous
             for i in range(STATES):
                 sums[i] = sums[i] + (batch.x[k + 1, b, i] - psi[i]) ** 2
     return [each / (batch.steps * BATCH) for each in sums]
@@ -97,8 +100,7 @@ def transcribed_loss(model: MdkNet, batch: Batch) -> Tensor:
 
 ALONG = [
     {"bilinear_rank": 0},
-    {"bilinear_rank": 2, "bilinear_along": "start"},
-    {"bilinear_rank": 2, "bilinear_along": "free-response"},
+    *({"bilinear_rank": 2, "bilinear_follows": follows} for follows in Follow),
 ]
 
 
@@ -233,7 +235,7 @@ def test_single_step_loss_takes_each_step_with_the_matrix_of_its_own_start():
             torch.cat(
                 [
                     model.drive(
-                        before[j, b][None],
+                        before[j, b][None, None],
                         batch.u[t - 1, b][None, None],
                         batch.w[t - 1, b][None, None],
                     )[0]

@@ -7,7 +7,7 @@ import struct
 import can
 import numpy as np
 import pytest
-from made_logs import MAPPING, make_drive, rounded, write_csv
+from made_logs import MAPPING, POSE, make_drive, rounded, write_csv
 
 from offline.cli import import_app
 from offline.dataset import load_dataset
@@ -136,12 +136,8 @@ yaw_rate_radps = { column = "turn", unit = "rad/s" }
 throttle = { column = "force", unit = "%", factor = 0.005, sampling = "held" }
 brake_n = { column = "side", unit = "N", quantity = "other" }
 steer_rad = { column = "wheel", unit = "rad", factor = 15.0 }
-[pose]
-x = { column = "x", unit = "m" }
-y = { column = "y", unit = "m" }
-yaw = { column = "yaw", unit = "rad" }
 """
-    (place / "map.toml").write_text(text)
+    (place / "map.toml").write_text(text + POSE)
     run(place, "--data", place / "data")
     dataset = load_dataset(place / "data")
     assert dataset.schema == VEHICLE
@@ -165,11 +161,8 @@ def test_a_drive_around_a_track_is_told_against_its_line(place):
             y=lambda y, way=way: 29.0 * np.sin(way),
             yaw=lambda yaw, way=way: way + np.pi / 2,
         )
-    pose = (
-        '[pose]\nx = { column = "x", unit = "m" }\ny = { column = "y", unit = "m" }\n'
-        'yaw = { column = "yaw", unit = "rad" }\nreference_line = "track.csv"\nclosed = true\n'
-    )
-    (place / "map.toml").write_text(MAPPING + pose)
+    line = 'reference_line = "track.csv"\nclosed = true\n'
+    (place / "map.toml").write_text(MAPPING + POSE + line)
     run(place, "--data", place / "data")
     dataset = load_dataset(place / "data")
     assert not dataset.recording.has_poses
@@ -177,6 +170,33 @@ def test_a_drive_around_a_track_is_told_against_its_line(place):
     np.testing.assert_allclose(windows.x[..., 4], 1.0, atol=0.05)
     np.testing.assert_allclose(windows.w, 1 / 30.0, rtol=0.05)
     np.testing.assert_allclose(windows.x[..., 3], 0.025 * windows.x[..., 0] * 30 / 29, rtol=0.02)
+
+
+def test_a_line_in_another_frame_than_the_poses_is_refused(place):
+    angle = np.linspace(0.0, 2 * np.pi, 300, endpoint=False)
+    write_csv(place / "track.csv", {"x": 9e4 + np.cos(angle), "y": np.sin(angle)})
+    (place / "map.toml").write_text(MAPPING + POSE + 'reference_line = "track.csv"\n')
+    with pytest.raises(DatasetError, match=r"within 15 m of .*track\.csv, found all 1800 periods"):
+        run(place)
+
+
+def test_a_drive_that_leaves_the_line_is_cut_there_and_that_is_said(place, capsys):
+    write_csv(place / "track.csv", {"x": np.arange(-50.0, 300.0), "y": np.zeros(350)})
+    for seed in range(3):
+        way = 0.15 * np.arange(1501)
+        spoil(
+            place,
+            seed,
+            x=lambda x, way=way: way,
+            y=lambda y: np.where(np.arange(1501) < 800, 1.0, 60.0),
+            yaw=lambda yaw: 0.0 * yaw,
+        )
+    line = 'reference_line = "track.csv"\n[checks]\naccept_units = true\n'
+    (place / "map.toml").write_text(MAPPING + POSE + line)
+    run(place, "--json", place / "figures.json")
+    figures = json.loads((place / "figures.json").read_text())
+    assert figures["kept_s"] == pytest.approx(3 * 7.9, abs=0.3)
+    assert "reference line" in {finding["about"] for finding in figures["findings"]}
 
 
 def with_nan(values):

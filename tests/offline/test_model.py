@@ -10,7 +10,7 @@ from offline.batch import Instants
 from offline.config import PRESETS, TrainingConfig
 from offline.model import FADING_S, MdkNet, Sizes, sizes_of
 from offline.roles import VEHICLE_ROLES, Roles
-from offline.rollout import roll_out
+from rt_controller.contract.follow import Follow
 from rt_controller.contract.schema import VEHICLE, Schema, Signal
 
 SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
@@ -106,57 +106,57 @@ def test_latents_follow_curvature_and_past_only_where_the_encoder_is_shown_them(
     assert tuple(not torch.equal(model.lift(other), psi) for other in others) == matters
 
 
-def drive_written_out(model: MdkNet, psi0: Tensor, u: Tensor, w: Tensor, along: str) -> Tensor:
-    """Input by input: (B_i + sum_r N_ri (S_ri psi)) u_i, and B_w w.
+def written_out(model: MdkNet, psi0: Tensor, u: Tensor, w: Tensor) -> Tensor:
+    """Step by step and input by input: A psi + (B_i + sum_r N_ri (S_ri psi')) u_i + B_w w.
 
-    psi is psi_0, or what psi_0 has become by then without inputs.
+    psi' is psi, psi_0, or what psi_0 has become by then without inputs.
     """
     A, B = model.operator()
     N = model.bilinear_columns() if model.rank else ()
-    driven = torch.zeros(len(u), BATCH, model.n_observables)
+    states = torch.zeros(len(u), BATCH, model.n_observables)
     for b in range(BATCH):
-        psi = psi0[b]
+        psi = followed = psi0[b]
         for k in range(len(u)):
             exogenous = B[:, 3] * w[k, b, 0]
+            after = A @ psi + exogenous
             for i in range(3):
                 column = B[:, i].clone()
                 for r in range(model.rank):
-                    column += N[r, :, i] * (model.S[r, i] @ psi)
-                driven[k, b] += column * u[k, b, i]
-            driven[k, b] += exogenous
-            if along == "free-response":
-                psi = A @ psi + exogenous
-    return driven
+                    column += N[r, :, i] * (model.S[r, i] @ followed)
+                after = after + column * u[k, b, i]
+            states[k, b] = psi = after
+            if model.follows is Follow.PREDICTION:
+                followed = psi
+            elif model.follows is Follow.FREE_RESPONSE:
+                followed = A @ followed + exogenous
+    return states
 
 
-@pytest.mark.parametrize("along", ["start", "free-response"])
+@pytest.mark.parametrize("follows", Follow)
 @pytest.mark.parametrize("rank", [0, 1, 3])
 @pytest.mark.parametrize("constant", [False, True])
-def test_inputs_act_through_a_matrix_that_no_input_has_changed(rank, constant, along):
-    model = a_model(bilinear_rank=rank, constant_observable=constant, bilinear_along=along)
+def test_a_roll_out_is_that_of_the_equations(rank, constant, follows):
+    model = a_model(bilinear_rank=rank, constant_observable=constant, bilinear_follows=follows)
     with torch.no_grad():
-        model.A_rows += 0.2 * torch.randn_like(model.A_rows)
+        model.A_rows += 0.1 * torch.randn_like(model.A_rows)
     psi0 = torch.randn(BATCH, model.n_observables)
     u, w = torch.randn(6, BATCH, 3), torch.randn(6, BATCH, 1)
     with torch.no_grad():
-        found, expected = model.drive(psi0, u, w), drive_written_out(model, psi0, u, w, along)
-    assert torch.allclose(found, expected, rtol=1e-4, atol=1e-4)
+        found, expected = model.roll_out(psi0, u, w), written_out(model, psi0, u, w)
+    assert torch.allclose(found, expected, rtol=1e-3, atol=1e-4)
 
 
-@pytest.mark.parametrize("along", ["start", "free-response"])
-def test_a_roll_out_stays_linear_in_its_inputs(along):
-    """The controller's problem is convex because of it."""
-    model = a_model(bilinear_along=along)
+@pytest.mark.parametrize("follows", Follow)
+def test_only_what_follows_the_prediction_is_not_linear_in_the_inputs_to_come(follows):
+    """A controller makes it so along its last plan."""
+    model = a_model(bilinear_follows=follows)
     psi0, w = model.lift(instants(BATCH)), torch.randn(20, BATCH, 1)
     one, other = torch.randn(2, 20, BATCH, 3)
-
-    def response(u: Tensor) -> Tensor:
-        return roll_out(psi0, model.operator().A, model.drive(psi0, u, w))
-
     with torch.no_grad():
-        mixed = response(0.3 * one + 0.7 * other)
-        expected = 0.3 * response(one) + 0.7 * response(other)
-    assert torch.allclose(mixed, expected, rtol=1e-4, atol=1e-3)
+        mixed = model.roll_out(psi0, 0.3 * one + 0.7 * other, w)
+        expected = 0.3 * model.roll_out(psi0, one, w) + 0.7 * model.roll_out(psi0, other, w)
+    is_linear = torch.allclose(mixed, expected, rtol=1e-4, atol=1e-3)
+    assert is_linear == (follows is not Follow.PREDICTION)
 
 
 def test_where_a_roll_out_starts_changes_what_inputs_do_only_with_a_bilinear_part():
@@ -164,7 +164,7 @@ def test_where_a_roll_out_starts_changes_what_inputs_do_only_with_a_bilinear_par
     for rank, changes in ((0, False), (RANK, True)):
         model = a_model(bilinear_rank=rank)
         here, there = torch.randn(2, BATCH, model.n_observables)
-        same = torch.equal(model.drive(here, u, w), model.drive(there, u, w))
+        same = torch.equal(model.drive(here[None], u, w), model.drive(there[None], u, w))
         assert same != changes
 
 
@@ -172,17 +172,18 @@ def test_what_is_exogenous_has_no_bilinear_part():
     model = a_model()
     here, there = torch.randn(2, BATCH, model.n_observables)
     u, w = torch.zeros(1, BATCH, 3), torch.randn(1, BATCH, 1)
-    assert torch.equal(model.drive(here, u, w), model.drive(there, u, w))
+    assert torch.equal(model.drive(here[None], u, w), model.drive(there[None], u, w))
 
 
 @pytest.mark.parametrize("rank", [0, RANK])
 def test_the_constant_is_driven_by_nothing_and_stays_exactly_one(rank):
     model = a_model(bilinear_rank=rank)
     psi0 = model.lift(instants(BATCH))
-    drive = model.drive(psi0, torch.randn(80, BATCH, 3), torch.randn(80, BATCH, 1))
+    u, w = 0.1 * torch.randn(80, BATCH, 3), torch.randn(80, BATCH, 1)
+    drive = model.drive(psi0[None], u, w)
     assert torch.equal(drive[..., -1], torch.zeros(80, BATCH))
     assert drive[..., :-1].abs().min() > 0.0
-    psi = roll_out(psi0, model.operator().A, drive)
+    psi = model.roll_out(psi0, u, w)
     assert torch.equal(psi[..., -1], torch.ones(80, BATCH))
 
 
@@ -215,8 +216,7 @@ def test_first_roll_out_of_every_preset_stays_bounded(name):
     )
     with torch.no_grad():
         psi0 = model.lift(now)
-        drive = model.drive(psi0, torch.randn(80, 32, 3), torch.randn(80, 32, 1))
-        psi = roll_out(psi0, model.operator().A, drive)
+        psi = model.roll_out(psi0, torch.randn(80, 32, 3), torch.randn(80, 32, 1))
     assert psi.abs().max() < 100.0
 
 
@@ -224,6 +224,6 @@ def test_a_model_of_signals_without_exogenous_ones_is_driven_by_its_inputs_alone
     model = a_model(Sizes(STATES, 3, 0, 6, 0.1))
     now = instants(BATCH)._replace(w=torch.zeros(BATCH, 0))
     psi0 = model.lift(now)
-    drive = model.drive(psi0, torch.randn(2, BATCH, 3), torch.zeros(2, BATCH, 0))
+    drive = model.drive(psi0[None], torch.randn(2, BATCH, 3), torch.zeros(2, BATCH, 0))
     assert model.operator().B.shape == (STATES + LATENTS, 3)
     assert drive.shape == (2, BATCH, STATES + LATENTS)

@@ -13,8 +13,9 @@ from made_models import make_bundle as made_bundle
 from offline.baselines import lti as lti_rival
 from offline.card import Fact, describe_model, write_card
 from offline.checkpoint import load_checkpoint
-from offline.comparison import compare, evaluation_figures, print_pooled
+from offline.comparison import compare, print_pooled
 from offline.evaluate import mse
+from offline.evaluation_figures import pooled_figures
 from offline.export import choose_selftest, make_bundle, pass_gate
 from offline.judgement import FAIR_LTI, ratios_to_rivals
 from offline.predictor import BundlePredictor
@@ -23,6 +24,7 @@ from offline.sheet import in_digits
 from offline.train import train
 from rt_controller.contract.artifact import Bilinear, Lift, LiftSample, load_bundle, save_bundle
 from rt_controller.contract.errors import ArtifactError, DatasetError
+from rt_controller.contract.follow import Follow
 from rt_controller.session import shipped_model
 
 
@@ -80,7 +82,7 @@ def test_bundle_prediction_is_one_lift_and_a_linear_roll_out(lti):
 def test_a_frozen_bilinear_bundle_predicts_with_the_input_matrix_of_its_first_lifted_state():
     """Which is not read anew along the way, and looks at the last rows of the past."""
     bundle = made_bundle(WITH_PAST, rank=2, bend=0.05)
-    bundle = replace(bundle, bilinear=bundle.bilinear._replace(along_free_response=False))
+    bundle = replace(bundle, bilinear=bundle.bilinear._replace(follows=Follow.START))
     rng = np.random.default_rng(0)
     x0, past = bundle.selftest.x[:3], rng.normal(size=(3, 20, 6))
     U, W = rng.normal(size=(3, 4, 3)), rng.normal(size=(3, 4, 1))
@@ -116,7 +118,7 @@ def test_a_trained_bundle_passes_the_contract_and_carries_its_origin_and_its_err
     assert FAIR_LTI in ratios_to_rivals(judgement, "mdk-net")
     print_pooled(judgement)
     printed = capsys.readouterr().out
-    for model in evaluation_figures(judgement)["models"].values():
+    for model in pooled_figures(judgement)["models"].values():
         assert in_digits(model["mse"]["ey_m_squared"]["value"]) in printed
 
     save_bundle(tmp_path, bundle, write_card(bundle, gate, judgement, [Fact("preset", "tiny")]))
@@ -150,8 +152,8 @@ def test_the_card_says_what_the_lift_is_shown_and_how_the_inputs_act(lti):
         bilinear=Bilinear(np.zeros((3, n, 3)), np.zeros((3, 3, n)), np.zeros((3, 3))),
     )
     found = dict(describe_model(richer))
-    assert "rank 3, along the free response" in found["input matrix"]
-    frozen = replace(richer, bilinear=richer.bilinear._replace(along_free_response=False))
+    assert "rank 3, following the lifted state" in found["input matrix"]
+    frozen = replace(richer, bilinear=richer.bilinear._replace(follows=Follow.START))
     assert "rank 3, frozen at the first" in dict(describe_model(frozen))["input matrix"]
     assert "curvature_per_m" in found["observables"]
     assert "the last 4 periods (100 ms) of vx_mps, steer_rad" in found["observables"]

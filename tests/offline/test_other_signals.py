@@ -160,5 +160,5 @@ def test_a_vehicle_that_remembers_nothing_is_learned_and_exported_without_histor
 
 
 def test_the_car_is_not_driven_with_it(bundle):
-    with pytest.raises(ArtifactError, match="not one of this car"):
+    with pytest.raises(ArtifactError, match="not a model of this car"):
         require_drivable(bundle)

@@ -19,10 +19,10 @@ from offline.lengths import PAST_STEPS
 from offline.model import MdkNet, sizes_of
 from offline.predictor import BundlePredictor
 from offline.roles import VEHICLE_ROLES
-from offline.rollout import roll_out
 from offline.scaling import Scaling
 from offline.trajectories import Trajectories
 from rt_controller.contract.artifact import Bundle, Lift, LiftSample
+from rt_controller.contract.follow import Follow
 from rt_controller.contract.schema import VEHICLE
 
 STEPS = 80
@@ -44,11 +44,12 @@ CONFIGS: dict[str, TrainingConfig] = {
         update={"lift_exogenous": False, "history_steps": 2}
     ),
     "x, w and history": PRESETS["linear"],
+    "bilinear": PRESETS["recommended"],
     "bilinear along the free response": PRESETS["recommended"].model_copy(
-        update={"bilinear_along": "free-response"}
+        update={"bilinear_follows": Follow.FREE_RESPONSE}
     ),
     "bilinear at the start, no constant": PRESETS["recommended"].model_copy(
-        update={"bilinear_along": "start", "constant_observable": False, "latents": 7}
+        update={"bilinear_follows": Follow.START, "constant_observable": False, "latents": 7}
     ),
 }
 
@@ -184,8 +185,7 @@ def roll_out_scaled(model: MdkNet, trajectories: Trajectories) -> NDArray[np.flo
     batch, double = scaled(trajectories, model), precise(model)
     with torch.no_grad():
         psi0 = double.lift(batch.at(torch.tensor([0])))[0]
-        drive = double.drive(psi0, batch.u, batch.w)
-        return roll_out(psi0, double.operator().A, drive).numpy()
+        return double.roll_out(psi0, batch.u, batch.w).numpy()
 
 
 def in_physical_units(psi: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -205,8 +205,8 @@ def test_roll_out_in_physical_units_is_the_scaled_one(exported):
     for k in range(STEPS):
         B_eff = np.broadcast_to(B_uc, (4, *B_uc.shape))
         if bilinear is not None:
-            seen = free if bilinear.along_free_response else first
-            B_eff = B_uc + bilinear.added_columns(seen)
+            seen = {Follow.PREDICTION: psi, Follow.FREE_RESPONSE: free, Follow.START: first}
+            B_eff = B_uc + bilinear.added_columns(seen[bilinear.follows])
             assert np.abs(B_eff - B_uc).max() > 1e-3
         undriven = w[k] @ B_uw.T + operator.c
         psi = psi @ operator.A.T + np.einsum("bnm,bm->bn", B_eff, u[k]) + undriven

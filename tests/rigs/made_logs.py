@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rt_controller.contract.schema import Schema, Signal
+
 WHEELBASE_M = 2.7
 MASS_KG = 1500.0
 
@@ -22,6 +24,14 @@ yaw_rate_radps = { column = "turn", unit = "rad/s" }
 road_wheel_rad = { column = "wheel", unit = "rad" }
 force_n = { column = "force", unit = "N" }
 """
+
+POSE = """
+[pose]
+x = { column = "x", unit = "m" }
+y = { column = "y", unit = "m" }
+yaw = { column = "yaw", unit = "rad" }
+"""
+"""to be added to a mapping"""
 
 
 class Made(NamedTuple):
@@ -69,3 +79,13 @@ def write_csv(path: Path, columns) -> Path:
 def rounded(made: Made) -> dict[str, list]:
     """The columns of a log, which a test may spoil."""
     return {name: np.round(values, 7).tolist() for name, values in made._asdict().items()}
+
+
+def schema_of(mapping, dt_s=0.025) -> Schema:
+    """The signals of a mapping, whatever their units are."""
+    return Schema(
+        tuple(Signal(name, "") for name in mapping.state_names),
+        tuple(Signal(name, "") for name in mapping.inputs),
+        tuple(Signal(name, "") for name in mapping.exogenous_names),
+        dt_s,
+    )

@@ -75,7 +75,7 @@ def sample_of(dataset):
 
 def test_what_is_not_linear_in_its_inputs_is_no_bundle(toy_dataset):
     rival = fit_persistence(toy_dataset)
-    with pytest.raises(ArtifactError, match=r"--rival persistence.*convex QP"):
+    with pytest.raises(ArtifactError, match=r"persistence.*convex QP"):
         bundle_of("persistence", rival, toy_dataset, sample_of(toy_dataset))
 
 

@@ -27,7 +27,7 @@ def test_all_rivals_that_a_fair_judge_expects_are_there():
         "edmd-polynomial-66",
         "edmd-rbf-66",
         "edmd-fourier-66",
-        "edmd-bilinear-convex",
+        "edmd-bilinear-frozen",
         "edmd-bilinear",
         "bicycle",
         "gru",
@@ -137,14 +137,21 @@ def test_the_place_of_a_rival_depends_on_data_settings_and_code(tmp_path, monkey
     assert len(places) == 5
 
 
-def test_the_code_of_a_rival_is_its_module_and_what_that_imports_of_this_room(monkeypatch):
-    """The linear model is fitted by least squares, and no network."""
+def names_in_the_code_of(monkeypatch, modules):
     seen = []
     monkeypatch.setattr(shelf, "digest_of_code", lambda tree: seen.append(tree) or "")
-    shelf.digest_of_modules(LTI)
-    names = {node.name for tree in seen for node in tree.body if hasattr(node, "name")}
-    assert {"fit_linear", "fit_one_step", "LinearModel", "WindowShape"} <= names
-    assert "Network" not in names
+    shelf.digest_of_modules(modules)
+    return {node.name for tree in seen for node in tree.body if hasattr(node, "name")}
+
+
+def test_the_code_of_a_rival_is_its_module_and_what_that_imports_of_this_package(monkeypatch):
+    """The linear model is fitted by least squares, and no network; a network learns from windows
+    of drives, by an objective that others share."""
+    of_lti = names_in_the_code_of(monkeypatch, LTI)
+    assert {"fit_linear", "fit_one_step", "LinearModel", "WindowShape", "fit_scaling"} <= of_lti
+    assert "Network" not in of_lti
+    of_gru = names_in_the_code_of(monkeypatch, ("offline.baselines.gru",))
+    assert {"Network", "WindowSource", "log_error", "TrainingConfig"} <= of_gru
 
 
 def test_comments_and_docstrings_are_no_part_of_the_code():

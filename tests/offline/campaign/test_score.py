@@ -5,7 +5,7 @@ import pytest
 
 from offline.baselines.lti import fit_linear
 from offline.campaign import score as score_module
-from offline.campaign.rival import fair_linear_errors
+from offline.campaign.data import fair_linear_errors
 from offline.campaign.score import assess, mean_squared_errors, score
 from offline.checkpoint import load_checkpoint
 from offline.export import make_bundle
@@ -60,14 +60,27 @@ def test_the_fair_linear_model_is_at_least_as_good_as_plain_least_squares(
     assert np.all(fair_linear_errors(toy_dataset) <= plain * (1 + 1e-9))
 
 
-@pytest.mark.parametrize("preset", ["paper", "recommended"])
+ENCODER = (8 * 8 + 8) + (8 * 3 + 3)
+"""of both, behind the first layer: one of the four latents is the constant"""
+LINEAR = 9 * 10 + 9 * 4
+"""A and B, without the constant's row"""
+BILINEAR = 2 * 9 * 3 + 2 * 3 * 10
+"""N and S of rank 2"""
+
+
+@pytest.mark.parametrize(
+    ("fixture", "n_parameters"),
+    [
+        ("tiny_config", (6 * 8 + 8) + ENCODER + LINEAR),
+        # shown the state, three rows of history, and the curvature
+        ("tiny_recommended", ((6 + 3 * 6 + 1) * 8 + 8) + ENCODER + LINEAR + BILINEAR),
+    ],
+)
 def test_a_checkpoint_scores_as_the_bundle_that_is_made_of_it(
-    preset, request, toy_dataset, new_run, monkeypatch
+    fixture, n_parameters, request, toy_dataset, new_run, monkeypatch
 ):
     monkeypatch.setattr(score_module, "CHUNK", 7)
-    config = request.getfixturevalue(
-        {"paper": "tiny_config", "recommended": "tiny_recommended"}[preset]
-    )
+    config = request.getfixturevalue(fixture)
     run = new_run(config)
     train(config, toy_dataset, run)
     checkpoint = load_checkpoint(run.best)
@@ -75,4 +88,5 @@ def test_a_checkpoint_scores_as_the_bundle_that_is_made_of_it(
     exported = mean_squared_errors(BundlePredictor(bundle), toy_dataset.select("validation"))
     found = assess(checkpoint, toy_dataset)
     assert found.errors == pytest.approx(exported, rel=1e-4)
+    assert found.n_parameters == n_parameters
     assert found.spectral_radius == pytest.approx(gate.spectral_radius, abs=1e-6)

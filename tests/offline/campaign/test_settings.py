@@ -9,6 +9,7 @@ from offline.campaign.settings import explicit_fields, train_command
 from offline.cli import train_app
 from offline.config import PRESETS, TrainingConfig, resolve
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.follow import Follow
 
 
 def test_each_training_has_one_thread_unless_more_are_asked_for():
@@ -28,6 +29,7 @@ def test_an_option_that_is_given_otherwise_is_refused_with_the_other_way():
         ("recommended", {"hidden": (64, 32), "mirror": False, "gradient_clip": None}),
         ("paper", {"mirror": True, "learning_rate": 0.00123456789012345, "windows": "all"}),
         ("recommended", {"weight_regularisation": 1e-7, "horizon_start": None, "seed": 4}),
+        ("recommended", {"bilinear_follows": Follow.FREE_RESPONSE}),
     ],
 )
 def test_the_command_line_of_a_configuration_means_that_configuration(preset, changes):

@@ -14,7 +14,8 @@ def test_the_spaces_that_ship_hold_their_preset(name):
     for parameter in space.parameters:
         value = getattr(PRESETS[space.base.preset], parameter.field)
         if parameter.choices is not None:
-            assert list(value) if isinstance(value, tuple) else value in parameter.choices
+            said = list(value) if isinstance(value, tuple) else value
+            assert said in parameter.choices
         else:
             assert parameter.low <= value <= parameter.high
 

@@ -227,8 +227,8 @@ def test_two_processes_share_a_study_and_no_trial(tmp_path, spaces, toy_folder):
 
 def test_workers_of_a_cluster_share_a_study(tmp_path, ask, toy_folder, cluster):
     backend = Backend("dask", cluster.address)
-    assert tune(ask(6), tmp_path, toy_folder, backend, None) == 0
-    assert len(trials(tmp_path)) == 6
+    assert tune(ask(4), tmp_path, toy_folder, backend, None) == 0
+    assert len(trials(tmp_path)) == 4
     claims = tmp_path.glob(f"trials/*/{CLAIM_FILE}")
     pids = {int(claim.read_text().split()[0]) for claim in claims}
     assert pids <= {worker.pid for worker in cluster.workers}

@@ -1,11 +1,17 @@
 """Lists of variants are data: they resolve, they differ, and mistakes in them are named."""
 
+import tomllib
+from importlib import resources
 from itertools import pairwise
 
 import pytest
 
-from offline.campaign.variants import read_variants
+from offline.campaign.variants import BUDGET, SHIPPED, read_variants
 from offline.config import PRESETS, TrainingConfig
+from offline.learner import Learner
+from offline.model import sizes_of
+from offline.scaling import fit_scaling
+from offline.source import open_source
 from rt_controller.contract.errors import ConfigError
 
 WHO_AND_WHERE = {"preset", "threads"}
@@ -17,12 +23,35 @@ def differences(one: TrainingConfig, other: TrainingConfig) -> set[str]:
     return {name for name in fields if getattr(one, name) != getattr(other, name)}
 
 
-def test_the_ladder_leads_from_the_paper_to_the_recommended_network():
-    """Its first rung is the paper's preset in batches and steps of the recommended one."""
-    rungs = read_variants("ladder", None, {}).variants
-    common = {"steps", "batch", "evaluate_every"}
-    assert differences(rungs[0].config, PRESETS["paper"]) == common
-    assert differences(rungs[-1].config, PRESETS["recommended"]) == set()
+LISTS = tuple(tomllib.loads((resources.files("offline.campaign") / SHIPPED).read_text("utf-8")))
+
+
+@pytest.mark.parametrize(
+    ("name", "variant", "preset"),
+    [
+        ("ladder", "bilinear", "recommended"),
+        ("leave-one-out", "recommended", "recommended"),
+        ("leave-one-out", "without-bilinear", "linear"),
+        ("sizes", "recommended", "recommended"),
+        ("paper-readings", "paper", "paper"),
+        ("paper-readings", "paper-literal", "paper-literal"),
+    ],
+)
+def test_where_a_list_stands_on_a_preset_it_is_that_preset(name, variant, preset):
+    (found,) = read_variants(name, None, {}, [variant]).variants
+    assert differences(found.config, PRESETS[preset]) == set()
+
+
+def test_the_ladder_begins_with_the_paper_at_the_price_of_the_recommended_network():
+    """In batches and steps of the recommended preset: what is left is the method."""
+    first = read_variants("ladder", None, {}).variants[0].config
+    assert differences(first, PRESETS["paper"]) == set(BUDGET)
+    assert all(getattr(first, name) == getattr(PRESETS["recommended"], name) for name in BUDGET)
+
+
+def test_the_ladder_ends_with_the_recommended_network():
+    last = read_variants("ladder", None, {}).variants[-1]
+    assert differences(last.config, PRESETS["recommended"]) == set()
 
 
 def test_each_rung_changes_what_it_says_and_nothing_else():
@@ -31,18 +60,37 @@ def test_each_rung_changes_what_it_says_and_nothing_else():
         assert above.changes
 
 
-def test_leaving_one_out_changes_what_it_says_and_nothing_else():
-    whole, *others = read_variants("leave-one-out", None, {}).variants
-    assert differences(whole.config, PRESETS["recommended"]) == set()
+@pytest.mark.parametrize("name", [name for name in LISTS if name != "ladder"])
+def test_each_variant_differs_from_the_first_in_what_it_says_and_nothing_else(name):
+    whole, *others = read_variants(name, None, {}).variants
     for variant in others:
         assert differences(whole.config, variant.config) == set(variant.changes)
         assert variant.changes
 
 
-def test_every_variant_says_why_it_is_there():
-    for name in ("ladder", "leave-one-out"):
-        found = read_variants(name, None, {})
-        assert all(variant.why for variant in found.variants)
+@pytest.mark.parametrize("name", LISTS)
+def test_all_variants_of_a_list_cost_as_many_steps_and_trajectories(name):
+    budgets = {(v.config.steps, v.config.batch) for v in read_variants(name, None, {}).variants}
+    assert len(budgets) == 1
+
+
+@pytest.mark.parametrize("name", LISTS)
+def test_every_variant_can_be_trained(name, toy_dataset):
+    """A combination may be allowed field by field and still fit no network or loss."""
+    few = {"batch": 4, "threads": 1}
+    for variant in read_variants(name, None, few).variants:
+        scaling = fit_scaling(toy_dataset.select("train"), toy_dataset.schema, toy_dataset.roles)
+        source = open_source(variant.config, toy_dataset, scaling)
+        sizes = sizes_of(toy_dataset.schema, toy_dataset.roles)
+        learner = Learner(variant.config, sizes, scaling, toy_dataset.sha256)
+        assert learner.update(learner.losses_on_random_batch(source)), variant.name
+
+
+@pytest.mark.parametrize("name", LISTS)
+def test_every_variant_says_why_it_is_there(name):
+    reasons = [variant.why for variant in read_variants(name, None, {}).variants]
+    assert all(reasons)
+    assert len(set(reasons)) == len(reasons)
 
 
 def test_a_preset_is_a_list_of_one():

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import numpy as np
-from made_logs import MAPPING
+from made_logs import MAPPING, POSE, schema_of
 
 from offline.lengths import PAST_STEPS, STEPS
 from offline.logs.assembly import assemble, roads_of, slice_windows
@@ -12,13 +12,7 @@ from offline.recording import cut
 from offline.roles import VEHICLE_ROLES
 from rt_controller.contract.schema import VEHICLE
 
-POSE = """
-[pose]
-x = { column = "x", unit = "m" }
-y = { column = "y", unit = "m" }
-yaw = { column = "yaw", unit = "rad" }
-roads = { curvatures_per_m = [0.0, 0.01], ey_m = 1.0, epsi_deg = 5.0 }
-"""
+ROADS = "roads = { curvatures_per_m = [0.0, 0.01], ey_m = 1.0, epsi_deg = 5.0 }\n"
 
 
 def episode(samples, states=3, inputs=2, exogenous=0):
@@ -54,14 +48,7 @@ def test_windows_lie_side_by_side_after_the_past_of_the_first(parse):
 def test_a_window_holds_what_was_measured_and_what_came_before(parse):
     mapping = parse()
     recording = assemble([episode(200)], mapping)
-    from rt_controller.contract.schema import Schema, Signal
-
-    schema = Schema(
-        tuple(Signal(name, "") for name in mapping.states),
-        tuple(Signal(name, "") for name in mapping.inputs),
-        (),
-        0.025,
-    )
+    schema = schema_of(mapping)
     window = cut(recording, slice_windows(recording, None, 0), schema, mapping.resolve_roles())
     np.testing.assert_array_equal(window.x[0], recording.x[20:101])
     np.testing.assert_array_equal(window.past[0, :, :3], recording.x[:20])
@@ -70,7 +57,7 @@ def test_a_window_holds_what_was_measured_and_what_came_before(parse):
 
 
 def test_each_window_with_poses_has_a_road_of_its_own(parse):
-    mapping = parse(MAPPING + POSE)
+    mapping = parse(MAPPING + POSE + ROADS)
     episodes = [episode(PAST_STEPS + 40 * STEPS + 1, 3, 3, 1)]
     recording, roads = assemble(episodes, mapping), roads_of(mapping)
     slices = slice_windows(recording, roads, 0)

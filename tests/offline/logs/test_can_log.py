@@ -107,6 +107,23 @@ def test_a_truncated_blf_is_refused(tmp_path, settings, share):
         read_can(path, ("Speed",), settings)
 
 
+@pytest.mark.parametrize("suffix", [".asc", ".log", ".trc"])
+@pytest.mark.parametrize("share", [0.5, 0.7, 0.93])
+def test_a_truncated_log_in_text_is_refused(tmp_path, settings, suffix, share):
+    path = write_log(tmp_path / f"a{suffix}", frames())
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))].rstrip(b"\r\n"))
+    with pytest.raises(DatasetError, match="truncated"):
+        read_can(path, ("Speed",), settings)
+
+
+def test_an_asc_that_ends_with_a_whole_line_before_its_last_is_refused(tmp_path, settings):
+    path = write_log(tmp_path / "a.asc", frames())
+    path.write_bytes(path.read_bytes().replace(b"End TriggerBlock\n", b""))
+    with pytest.raises(DatasetError, match="a last line 'End TriggerBlock'"):
+        read_can(path, ("Speed",), settings)
+
+
 def test_a_frame_shorter_than_its_message_is_named(tmp_path, settings):
     path = tmp_path / "a.log"
     path.write_text("(1.000000) can0 100#8813E20000000000\n(1.010000) can0 100#88\n")

@@ -4,11 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_logs import MAPPING
+from made_logs import MAPPING, schema_of
 
 from offline.logs.coverage import BINS, find_occupancy, find_ranges
 from offline.logs.episode import Episode
-from rt_controller.contract.schema import Schema, Signal
 
 
 def episodes_and_schema(mapping):
@@ -16,12 +15,7 @@ def episodes_and_schema(mapping):
     turn = np.where(np.arange(801) < 400, 0.0, 0.5)
     x = np.stack([speed, np.zeros(801), turn], axis=1)[:, : len(mapping.states)]
     u = np.stack([np.linspace(-0.1, 0.3, 801), np.zeros(801)], axis=1)
-    schema = Schema(
-        tuple(Signal(name, "") for name in mapping.states),
-        tuple(Signal(name, "") for name in mapping.inputs),
-        (),
-        0.025,
-    )
+    schema = schema_of(mapping)
     halves = [slice(0, 300), slice(300, None)]
     nothing = np.zeros((801, 0))
     return [Episode(Path("a.csv"), 0.0, x[h], u[h], nothing[h], nothing[h]) for h in halves], schema

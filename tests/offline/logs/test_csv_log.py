@@ -39,6 +39,18 @@ def test_delimiters_and_decimals_are_understood(text, tmp_path):
     assert values_of(text, tmp_path) == ([0.0, 0.5], [2.5, 3.5])
 
 
+def test_another_delimiter_may_be_named_and_a_wrong_one_is_said_to_be(tmp_path):
+    assert values_of("t v\n0 1\n1 2\n", tmp_path, delimiter=" ")[1] == [1.0, 2.0]
+    with pytest.raises(DatasetError, match=r"\[csv\] delimiter = ','"):
+        values_of("t,v\n0,1\n1,2\n", tmp_path, delimiter=";")
+
+
+def test_columns_may_be_called_by_numbers(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("1,2\n0.0,5\n0.1,6\n")
+    assert read(path, ("2",), TimeMapping(column="1")).channel("2").values.tolist() == [5.0, 6.0]
+
+
 def test_a_line_of_units_is_read_and_headers_may_come_late(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("Logger 7\nt,v\ns,km/h\n0,36\n1,72\n")
@@ -87,6 +99,9 @@ def test_packed_files_are_read_as_they_are(tmp_path):
         ("t,v\n0,1\n", "at least two rows"),
         ("", "a header in line 1"),
         ("t,Veh\n0,1\n1,2\n", "expected a column 'v', found none"),
+        ("t,v,v\n0,1,5\n1,2,6\n", "column v: expected one column of that name, found 2"),
+        ("0.0,1.0\n1.0,2.0\n", "line 1: expected a header that names the columns, found numbers"),
+        ("t v\n0 1\n1 2\n", "line 1: expected names with ',' between them"),
     ],
 )
 def test_a_bad_table_is_refused_with_its_place(text, complaint, tmp_path):

@@ -4,20 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_logs import MAPPING, make_drive
+from made_logs import MAPPING, POSE, make_drive
 
 from offline.logs.episode import LEAST_SAMPLES, column, cut_episodes, make_schema
 from offline.logs.log import Channel, Log
 from offline.logs.reference_line import make_line
 from offline.logs.series import to_drive
 from rt_controller.contract.schema import VEHICLE
-
-POSE = """
-[pose]
-x = { column = "x", unit = "m" }
-y = { column = "y", unit = "m" }
-yaw = { column = "yaw", unit = "rad" }
-"""
 
 
 def to_log(made, keep=slice(None)):

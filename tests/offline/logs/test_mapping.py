@@ -3,20 +3,13 @@
 from pathlib import Path
 
 import pytest
-from made_logs import MAPPING
+from made_logs import MAPPING, POSE
 
 from offline.logs.mapping_file import read_mapping
 from offline.logs.quantity import Quantity
 from rt_controller.contract.errors import ConfigError
 
 EXAMPLES = sorted((Path(__file__).parents[3] / "examples").glob("import_*.toml"))
-
-POSE = """
-[pose]
-x = { column = "x", unit = "m" }
-y = { column = "y", unit = "m" }
-yaw = { column = "yaw", unit = "rad" }
-"""
 
 
 def test_signals_keep_the_order_they_are_written_in(parse):
@@ -39,6 +32,22 @@ def test_every_mistake_is_named_at_once(parse):
     assert "states.vx_mps.unit" in message
     assert "inputs.road_wheel_rad.colum" in message
     assert "mapping.toml" in message
+
+
+@pytest.mark.parametrize(
+    ("extra", "complaint"),
+    [
+        ("[spilt]\nseed = 1\n", "spilt: expected a known field"),
+        ("[split]\nseed = -1\n", "split.seed: .*found -1"),
+        ('[csv]\ndelimiter = "::"\n', "csv.delimiter: .*found '::'"),
+        ("[inputs.more]\nunit = 'N'\n", "inputs.more.column: expected that field, found nothing"),
+        ("[inputs.more]\ncolumn = 'x'\nkeep = [9, 3]\n", r"keep: expected \[low, high\], found"),
+        ("[inputs.more]\ncolumn = 'x'\ndelay_s = inf\n", "delay_s: .*found inf"),
+    ],
+)
+def test_a_mistake_is_named_with_its_field_and_what_was_found(parse, extra, complaint):
+    with pytest.raises(ConfigError, match=complaint):
+        parse(MAPPING + extra)
 
 
 def test_an_unknown_unit_is_answered_with_near_ones(parse):

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from offline.logs.mapping import Sampling
+from offline.logs.column_mapping import Sampling
 from offline.logs.outliers import find_outliers, remarks, robust_z
 from offline.logs.series import Drive, Series
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from made_logs import write_csv
 
-from offline.logs.mapping import ColumnMapping, PoseMapping
+from offline.logs.column_mapping import ColumnMapping
+from offline.logs.mapping import PoseMapping
 from offline.logs.reference_line import make_line, read_line
 from offline.road_frame import Anchor, onto_road
 from rt_controller.contract.errors import DatasetError

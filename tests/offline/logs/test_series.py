@@ -63,6 +63,11 @@ def test_a_hole_is_refused_with_its_place_or_skipped_where_allowed(parse):
     assert series(parse, [1.0, np.nan, 3.0], ', missing = "skip"').values.tolist() == [1.0, 3.0]
 
 
+def test_an_infinite_number_is_none_that_a_signal_may_have(parse):
+    with pytest.raises(DatasetError, match=r"column v, line 4: expected a number, found an inf"):
+        series(parse, [1.0, 2.0, np.inf, 3.0])
+
+
 def test_the_files_unit_and_the_mappings_must_agree(parse):
     with pytest.raises(DatasetError, match=r"column v: expected numbers in m/s.*says kph"):
         series(parse, [1.0, 2.0], ', unit = "m/s"', unit="kph")

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from offline.logs.mapping import Sampling
+from offline.logs.column_mapping import Sampling
 from offline.logs.series import Drive, Series
 from offline.logs.stretch import Stretch, find_stretches, grid, resample, window_mean
 

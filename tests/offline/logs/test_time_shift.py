@@ -4,19 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_logs import MAPPING, make_drive
+from made_logs import MAPPING, POSE, make_drive, schema_of
 
 from offline.logs.episode import Episode
-from offline.logs.time_shift import correlate, find_time_shifts, remarks, slope
-from rt_controller.contract.schema import Schema, Signal
+from offline.logs.time_shift import correlate, find_time_shifts, remarks
 
 DT_S = 0.02
-POSE = """
-[pose]
-x = { column = "x", unit = "m" }
-y = { column = "y", unit = "m" }
-yaw = { column = "yaw", unit = "rad" }
-"""
 
 
 def shifted(values, by_s):
@@ -36,12 +29,7 @@ def episode(late_s=0.0, wheel_late_s=0.0):
 
 def shifts_of(parse, one, text=MAPPING):
     mapping = parse(text)
-    schema = Schema(
-        tuple(Signal(name, "") for name in mapping.state_names),
-        tuple(Signal(name, "") for name in mapping.inputs),
-        tuple(Signal(name, "") for name in mapping.exogenous_names),
-        DT_S,
-    )
+    schema = schema_of(mapping, DT_S)
     return {(s.cause, s.response): s for s in find_time_shifts([one], mapping, schema)}
 
 
@@ -54,12 +42,6 @@ def test_a_lag_is_measured_between_the_periods(lag_s):
     found_s, correlation = correlate([cause], [response], 0.025)
     assert found_s == pytest.approx(lag_s, abs=2e-3)
     assert correlation > 0.999
-
-
-def test_a_slope_is_that_of_a_line_and_is_not_shifted():
-    t = 0.025 * np.arange(100)
-    assert slope(3.0 * t, 0.025) == pytest.approx(np.full(100, 3.0))
-    assert slope(t**2, 0.025)[50] == pytest.approx(2 * t[50])
 
 
 def test_the_lag_of_the_car_itself_is_no_reason_to_remark(parse):

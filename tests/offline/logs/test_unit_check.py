@@ -4,19 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_logs import MAPPING, make_drive
+from made_logs import MAPPING, POSE, make_drive, schema_of
 
 from offline.logs.episode import Episode
 from offline.logs.unit_check import find_proportions, known_factor, remarks
-from rt_controller.contract.schema import Schema, Signal
 
 DT_S = 0.02
-POSE = """
-[pose]
-x = { column = "x", unit = "m" }
-y = { column = "y", unit = "m" }
-yaw = { column = "yaw", unit = "rad" }
-"""
 
 
 def episode(file="a.csv", seed=0, **factors):
@@ -30,12 +23,7 @@ def episode(file="a.csv", seed=0, **factors):
 
 def remarks_on(parse, episodes, text=MAPPING):
     mapping = parse(text)
-    schema = Schema(
-        tuple(Signal(name, "") for name in mapping.state_names),
-        tuple(Signal(name, "") for name in mapping.inputs),
-        (),
-        DT_S,
-    )
+    schema = schema_of(mapping, DT_S)
     return remarks(find_proportions(episodes, mapping, schema), episodes, mapping, schema)
 
 

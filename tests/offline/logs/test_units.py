@@ -53,6 +53,7 @@ def test_the_size_of_a_letter_is_not_ignored_where_it_is_a_factor():
 def test_an_unknown_unit_is_none_and_near_ones_are_named():
     assert parse_unit("furlong") is None
     assert "km/h" in near_units("km/hh")
+    assert near_units("").startswith("known are 1, %, m")
 
 
 @pytest.mark.parametrize(
