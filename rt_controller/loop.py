@@ -105,11 +105,13 @@ def drive(
     request: StopRequest,
     stays: bool = False,
     end_ns: int | None = None,
+    lead_ns: int | None = None,
 ) -> None:
     """Tick until the mission is over, or a safe stop has come to rest.
 
     A request to stop, or the clock reaching `end_ns`, brings a driving car to rest first. With
-    `stays` missions may follow each other. Whatever happens, the last frame is a safe command.
+    `stays` missions may follow each other. `lead_ns` before a tick its plan is prepared, if that is
+    still to come. Whatever happens, the last frame is a safe command.
     """
     has_driven = False
     silent_ticks = 0
@@ -120,6 +122,8 @@ def drive(
                 if record.outcome.mode is Mode.STANDBY:
                     return
                 step.request_stop()
+            if lead_ns is not None and clock.approach(lead_ns):
+                step.prepare()
             tick = clock.wait()
             begun_ns = time.perf_counter_ns()
             outcome = step.run(tick.skipped, record.deadlines.missed_last)

@@ -107,7 +107,8 @@ class ControllerSession:
             join(self._bus, self.inbox, clock, phase_ns, round(wait_s * 1e9), self._request)
             self.is_joined = True
             end_ns = None if duration_s is None else clock.now_ns() + round(duration_s * 1e9)
-            drive(self._step, clock, self.record, self._request, stays, end_ns)
+            lead_ns = None if realtime.prepare_ms is None else round(realtime.prepare_ms * 1e6)
+            drive(self._step, clock, self.record, self._request, stays, end_ns, lead_ns)
         except BaseException as error:  # nothing may pass the tick unseen: the caller reports it
             self.failure = error
 

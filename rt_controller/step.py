@@ -108,6 +108,10 @@ class ControlStep:
         self.outcome.state, self.outcome.path = state, path
         return self.outcome
 
+    def prepare(self) -> None:
+        """Before the next tick: do what its plan need not wait for."""
+        self._mpc.prepare()
+
     def request_stop(self) -> None:
         """From the next step on, bring the car to rest."""
         self._is_stop_requested = True

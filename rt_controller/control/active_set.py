@@ -6,7 +6,7 @@ the wrong sign. If not, exactly these say which bounds to try next: a primal-dua
 iteration (Hintermüller, Ito and Kunisch, 2003), which need not converge and is given few rounds.
 """
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,73 +15,81 @@ from scipy.linalg import lapack
 from rt_controller.contract.bundle import Array
 from rt_controller.control.program import QuadraticProgram
 
-MOST_ROUNDS = 6
 VIOLATION = 1e-8
 """of a bound, in units of an input's range, that counts as none"""
 WRONG_SIGN = 1e-9
 """of a multiplier that counts as zero"""
-ACTIVE = 1e-5
-"""from a bound, where another solver's solution counts as lying on it"""
-
 DEPENDENT = 1e-10
 """of the largest pivot, below which one bound is implied by others"""
 
 Places = NDArray[np.int64]
 
 
+class ActiveSet(NamedTuple):
+    """Bounds taken as equations."""
+
+    places: Places
+    """(k,), which of the variables and rows"""
+    signs: Array
+    """(k,), +1 where it is the upper bound, -1 where the lower one"""
+
+
 class ActiveSetTry:
     """Rounds of linear algebra on one program, and the active set they left."""
 
-    def __init__(self, program: QuadraticProgram, most_rounds: int = MOST_ROUNDS) -> None:
+    def __init__(self, program: QuadraticProgram) -> None:
         self._program = program
-        self._most_rounds = most_rounds
-        renews = program.renews_hessian or program.renews_rows
-        self._system: _System = _RenewedSystem(program) if renews else _ConstantSystem(program)
-        self._side = np.zeros(program.every_upper.size, dtype=np.int8)
-        """(n + r,), +1 where the upper bound is active, -1 where the lower one is"""
-        self._lower = np.zeros(program.every_lower.size)
-        self._upper = np.zeros(program.every_upper.size)
+        self._equations = _Equations(program)
+        self._of_bounds = program.bounds.reshape(-1)
+        self._beyond = np.zeros(program.bounds.shape)
+        self._set = ActiveSet(np.zeros(0, dtype=np.int64), np.zeros(0))
         self.rounds = 0
         """of the last try"""
 
-    def attempt(self) -> Array | None:
+    def renew(self) -> bool:
+        """Take up new matrices; False if P is not positive definite."""
+        return self._equations.renew()
+
+    def attempt(self, most_rounds: int) -> Array | None:
         """The solution (n,) of the program as it stands; None if it was not found."""
-        program, side = self._program, self._side
+        program, active = self._program, self._set
         self.rounds = 0
-        if not (program.is_finite and self._system.renew()):
+        if not program.has_finite_vectors():
             return None
-        np.subtract(program.every_lower, VIOLATION, out=self._lower)
-        np.add(program.every_upper, VIOLATION, out=self._upper)
-        while self.rounds < self._most_rounds:
+        self._equations.release(program.q)
+        while self.rounds < most_rounds:
             self.rounds += 1
-            active = np.flatnonzero(side)
-            bounds = np.where(
-                side[active] > 0, program.every_upper[active], program.every_lower[active]
+            upper = active.signs > 0.0
+            point = self._equations.solve(
+                active.places, self._of_bounds[active.places + upper * program.bounds.shape[1]]
             )
-            point = self._system.solve(active, bounds)
             if point is None:
                 return None
-            if len(point.active) < len(active):  # the others follow from these
-                side = _only(side, point.active)
-            better = np.zeros_like(side)
-            better[point.values > self._upper] = 1
-            better[point.values < self._lower] = -1
-            of_active = side[point.active]
-            better[point.active] = np.where(
-                point.multipliers * of_active > -WRONG_SIGN, of_active, 0
-            )
-            if np.array_equal(better, side):
-                self._side = side
+            better = self._better(point, active)
+            if better is None:
+                self._set = active
                 return point.values[: program.size]
-            side = better
+            active = better
         return None
 
-    def adopt(self, solution: Array) -> None:
-        """Start next time from what is active at this solution (n,), found elsewhere."""
-        program = self._program
-        values = np.concatenate([solution, program.G @ solution])
-        self._side[:] = values > program.every_upper - ACTIVE
-        self._side[values < program.every_lower + ACTIVE] = -1
+    def adopt(self, above: NDArray[np.bool_], below: NDArray[np.bool_]) -> None:
+        """Start next time from these upper and lower bounds (n + r,), found elsewhere."""
+        self._set = _active_set(above, below)
+
+    def _better(self, point: "_Point", active: ActiveSet) -> ActiveSet | None:
+        """What to try instead; None if nothing is better, which is to say optimal."""
+        under, over = self._beyond
+        np.subtract(point.values, self._program.every_upper, out=over)
+        np.subtract(self._program.every_lower, point.values, out=under)
+        holding = point.multipliers * active.signs > -WRONG_SIGN
+        if not holding.all():  # where both bounds are the same, either may hold
+            holding |= (under + over)[active.places] >= 0.0
+        if self._beyond.max() <= VIOLATION and holding.all():
+            return None
+        above, below = over > VIOLATION, under > VIOLATION
+        above[active.places] = holding & (active.signs > 0.0)
+        below[active.places] = holding & (active.signs < 0.0)
+        return _active_set(above, below)
 
 
 class _Point(NamedTuple):
@@ -89,101 +97,98 @@ class _Point(NamedTuple):
 
     values: Array
     """(n + r,), of the variables and of the rows"""
-    active: Places
-    """bounds taken as equations: those asked for, without what the others imply"""
     multipliers: Array
-    """of each of these; positive where an upper bound holds the solution back"""
+    """(k,), of each; positive where an upper bound holds the solution back, zero where others
+    imply it"""
 
 
-class _System(Protocol):
-    def renew(self) -> bool:
-        """Take up the program as it stands; False if it is not convex."""
-        ...
-
-    def solve(self, active: Places, bounds: Array) -> _Point | None:
-        """The point at which `active` variables and rows equal `bounds`; None if they cannot."""
-        ...
-
-
-class _ConstantSystem:
-    """Of constant matrices: all products of theirs are made once."""
-
-    def __init__(self, program: QuadraticProgram) -> None:
-        self._q = program.q
-        rows = np.vstack([np.eye(program.size), program.G])
-        by_q = np.linalg.solve(program.P, rows.T)  # P^-1 [I, G']
-        self._free = -np.ascontiguousarray(by_q.T)
-        """(n + r, n), values without any bound, of q"""
-        self._reach = rows @ by_q
-        """(n + r, n + r), what a multiplier of each does to the value of each"""
-        self._values = np.zeros(len(rows))
-
-    def renew(self) -> bool:
-        np.dot(self._free, self._q, out=self._values)
-        return True
-
-    def solve(self, active: Places, bounds: Array) -> _Point | None:
-        reach = self._reach[active]
-        found = _solve_positive(reach[:, active], self._values[active] - bounds)
-        if found is None:
-            return None
-        multipliers, used = found
-        if used is not None:
-            active, reach = active[used], reach[used]
-        return _Point(self._values - multipliers @ reach, active, multipliers)
-
-
-class _RenewedSystem:
-    """Of matrices that change from tick to tick: P is factorised at each."""
+class _Equations:
+    """The program with bounds as equations: what does not depend on vectors is made once."""
 
     def __init__(self, program: QuadraticProgram) -> None:
         self._program = program
         self._rows = np.vstack([np.eye(program.size), program.G])
-        self._L = np.zeros_like(program.P)
-        self._free = np.zeros(program.size)
+        """(n + r, n)"""
+        self._free = np.zeros(self._rows.shape)
+        """(n + r, n), values without any bound, of q"""
+        self._reach = np.zeros((len(self._rows), len(self._rows)))
+        """(n + r, n + r), what a multiplier of each does to the value of each"""
+        self._values = np.zeros(len(self._rows))
+        self._factored: _Factored | None = None
+        self.renew()
 
     def renew(self) -> bool:
-        program = self._program
-        self._L, info = lapack.dpotrf(program.P.T, lower=1, clean=0)
+        """Take up the matrices as they are; False if P is not positive definite."""
+        program, self._factored = self._program, None
+        if not program.has_finite_matrices():
+            return False
+        L, info = lapack.dpotrf(program.P.T, lower=1)
         if info != 0:
             return False
+        inverse, _ = lapack.dpotri(L, lower=1, overwrite_c=1)
+        inverse += np.tril(inverse, -1).T  # only the lower half is written
         if program.renews_rows:
             self._rows[program.size :] = program.G
-        self._free, _ = lapack.dtrtrs(self._L, -program.q, lower=1)
+        np.dot(self._rows, inverse, out=self._free)
+        np.dot(self._free, self._rows.T, out=self._reach)
+        np.negative(self._free, out=self._free)
         return True
 
-    def solve(self, active: Places, bounds: Array) -> _Point | None:
-        reach, _ = lapack.dtrtrs(self._L, self._rows[active].T, lower=1)  # L^-1 of their rows
-        found = _solve_positive(reach.T @ reach, self._free @ reach - bounds)
-        if found is None:
+    def release(self, q: Array) -> None:
+        """Where everything would be without bounds."""
+        np.dot(self._free, q, out=self._values)
+
+    def solve(self, places: Places, bounds: Array) -> _Point | None:
+        """The point at which these variables and rows equal `bounds`; None if they cannot."""
+        if self._factored is None or self._factored.places is not places:
+            self._factored = _factorise(self._reach, places)
+        if self._factored is None:
             return None
-        multipliers, used = found
-        if used is not None:
-            active, reach = active[used], reach[:, used]
-        solution, _ = lapack.dtrtrs(self._L, self._free - reach @ multipliers, lower=1, trans=1)
-        rows = self._rows[len(solution) :] @ solution
-        return _Point(np.concatenate([solution, rows]), active, multipliers)
+        _, L, used, reach = self._factored
+        free = self._values
+        if len(places) == 0:
+            return _Point(free, free[:0])
+        short = free[places] - bounds
+        if used is None:
+            multipliers, _ = lapack.dpotrs(L, short, lower=1)
+        else:
+            multipliers = np.zeros(len(places))
+            multipliers[used], _ = lapack.dpotrs(L, short[used], lower=1)
+        return _Point(free - multipliers @ reach, multipliers)
 
 
-def _only(side: NDArray[np.int8], active: Places) -> NDArray[np.int8]:
-    fewer = np.zeros_like(side)
-    fewer[active] = side[active]
-    return fewer
+class _Factored(NamedTuple):
+    """What equations have in common whatever they equal."""
+
+    places: Places
+    L: Array
+    """Cholesky factor of what their multipliers do to them"""
+    used: Places | None
+    """those of them that imply the others, if not all are needed"""
+    reach: Array
+    """(k, n + r), what their multipliers do to everything"""
 
 
-def _solve_positive(matrix: Array, right: Array) -> tuple[Array, Places | None] | None:
-    """x of matrix x = right, the matrix being symmetric; None if it is indefinite.
+def _factorise(reach: Array, places: Places) -> _Factored | None:
+    """Their factor; None if there is none.
 
     Where bounds depend on each other, as a ceiling that comes down at the slew rate depends on the
-    slew row, the matrix is singular: then x is of the equations that imply the others, and which
-    these are is said.
+    slew row, some imply the others and are enough.
     """
-    if right.size == 0:
-        return right, None
-    _, x, info = lapack.dposv(matrix, right, lower=1)
-    if info == 0:
-        return x, None
-    _, pivots, rank, _ = lapack.dpstrf(matrix, lower=1, tol=DEPENDENT * matrix.diagonal().max())
-    used = np.sort(pivots[:rank] - 1).astype(np.int64)
-    _, x, info = lapack.dposv(matrix[np.ix_(used, used)], right[used], lower=1)
-    return (x, used) if info == 0 else None
+    of_places = reach[places]
+    if len(places) == 0:
+        return _Factored(places, np.zeros((0, 0)), None, of_places)
+    among = of_places[:, places]
+    L, info = lapack.dpotrf(among.T, lower=1, clean=0)
+    least = DEPENDENT * among.diagonal().max()
+    if info == 0 and L.diagonal().min() ** 2 > least:
+        return _Factored(places, L, None, of_places)
+    _, order, rank, _ = lapack.dpstrf(among, lower=1, tol=least)
+    used = np.sort(order[:rank] - 1).astype(np.int64)
+    L, info = lapack.dpotrf(among[np.ix_(used, used)].T, lower=1, clean=0)
+    return _Factored(places, L, used, of_places) if info == 0 else None
+
+
+def _active_set(above: NDArray[np.bool_], below: NDArray[np.bool_]) -> ActiveSet:
+    places = np.flatnonzero(above | below)
+    return ActiveSet(places, np.where(above[places], 1.0, -1.0))

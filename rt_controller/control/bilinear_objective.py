@@ -1,4 +1,4 @@
-"""The objective of a model whose input matrix follows the lifted state: H is built every tick.
+"""The objective of a model whose input matrix follows the lifted state: H is built for every tick.
 
 Along given lifted states psi_j a bilinear model is a linear one whose input matrix changes with
 the stage: B_eff,j = B_uc + sum_r N_r diag(g_r,j), where g_r,j = S_r psi_j + s0_r. The condensed QP
@@ -23,7 +23,7 @@ from rt_controller.control.prediction import free_response, impulse_responses
 
 
 class BilinearObjective:
-    """Aimed by a few small products, in memory allocated at start.
+    """Prepared by some small products and aimed by two, in memory allocated at start.
 
     What an input at stage j does is what it would do at stage 0, j stages later, so only the
     impulse responses of B_uc and every N_r are kept; each stage mixes them by its gains.
@@ -94,7 +94,7 @@ class BilinearObjective:
         self.H = np.zeros((nv, nv))
         self.gradient = np.zeros(nv)
 
-    def aim(self, situation: Situation) -> None:
+    def prepare(self, situation: Situation) -> None:
         np.dot(self._gain_map, situation.undriven, out=self._gains)
         if self._feedback is not None:
             self._feedback.add(self._mixture[:, :, 1:], situation.expected)
@@ -107,6 +107,7 @@ class BilinearObjective:
         if self._watches_lateral:
             np.divide(self._lateral_effect, self._lateral_units, out=self.lateral)
 
+    def aim(self, situation: Situation) -> None:
         np.dot(self._free_map, situation.undriven, out=self._error)
         np.multiply(situation.reference.reshape(-1), self._units, out=self._wanted)
         self._error -= self._wanted

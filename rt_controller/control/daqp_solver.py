@@ -37,6 +37,7 @@ class DaqpSolver:
                 'with: pip install -e ".[daqp]"'
             ) from error
         self._program = program
+        self._has_matrices = True
         self._model = daqp.Model()
         self.solution = np.zeros(program.size)
         self.iterations = 0
@@ -51,18 +52,27 @@ class DaqpSolver:
             )
         self._model.settings = {**self._model.settings, "iter_limit": max_iterations}
 
+    def renew(self) -> bool:
+        """As `Solver.renew`."""
+        program = self._program
+        self._has_matrices = program.has_finite_matrices()
+        if self._has_matrices and program.renews:
+            # The workspace factorises P here; it says so if that cannot be done.
+            flag = self._model.update(
+                H=program.P if program.renews_hessian else None,
+                A=program.G if program.renews_rows else None,
+            )
+            self._has_matrices = flag >= 0
+        return self._has_matrices
+
     def solve(self) -> SolveStatus:
         """As `Solver.solve`."""
         program = self._program
         self.iterations = 0
-        if not program.is_finite:
+        if not (self._has_matrices and program.has_finite_vectors()):
             return SolveStatus.NUMERICS
         flag = self._model.update(
-            H=program.P if program.renews_hessian else None,
-            f=program.q,
-            A=program.G if program.renews_rows else None,
-            bupper=program.every_upper,
-            blower=program.every_lower,
+            f=program.q, bupper=program.every_upper, blower=program.every_lower
         )
         if flag < 0:
             # The workspace still holds the problem before: its solution would look like one.

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rt_controller.contract.bundle import Array, Bundle
+from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.fitness import require_drivable
 from rt_controller.contract.limits import InputLimits
@@ -16,6 +16,7 @@ from rt_controller.control.cost import TrackingCost
 from rt_controller.control.history import History
 from rt_controller.control.lift import Encoder
 from rt_controller.control.pedals import PedalChoice
+from rt_controller.control.prediction import one_step
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.qp import WITH_SLEW, CondensedQp, Features
 from rt_controller.control.reference import ReferenceHorizon
@@ -44,6 +45,7 @@ class Mpc:
     ) -> None:
         require_drivable(bundle)
         _require_liftable_reference(bundle, cost)
+        self._bundle = bundle
         self._encoder = Encoder(bundle)
         past = self._encoder.history
         self._history = None if past is None else History(past)
@@ -57,6 +59,7 @@ class Mpc:
         self.inputs = np.zeros((horizon, N_INPUTS))
         """(N, 3), the plan of the last solve that succeeded"""
         self._has_plan = False
+        self._is_prepared = False
 
     @property
     def iterations(self) -> int:
@@ -70,7 +73,7 @@ class Mpc:
 
     def forget(self) -> None:
         """What was observed is not the past of the next state: a period or more is missing."""
-        self._has_plan = False
+        self._has_plan = self._is_prepared = False
         if self._history is not None:
             self._history.forget()
 
@@ -98,26 +101,60 @@ class Mpc:
             if self._tracks_latents
             else reference
         )
-        self._expect(now.expected, previous)
+        if not self._is_prepared:
+            self._expect()
+            self._build()
         self._pedals.update(state.vx_mps - path.v_mps, path.a_mps2)
         self._qp.aim(self._pedals)
 
         begun_ns = time.perf_counter_ns()
         status = self._solver.solve()
         self.solve_ns = time.perf_counter_ns() - begun_ns
+        self._is_prepared = False
         self._has_plan = status is SolveStatus.SOLVED
         if self._has_plan:
             planned = self._solver.solution[: self._qp.scale.size]
             np.multiply(planned, self._qp.scale, out=self.inputs.reshape(-1))
         return status
 
-    def _expect(self, expected: Array, previous: ControlInput) -> None:
+    def prepare(self) -> None:
+        """Plan the next tick as it is expected, between the ticks; after a plan, else nothing.
+
+        The matrices built here serve the next plan, so what it waits for once its state is known
+        is the same for every model (the preparation phase of the real-time iteration: Diehl, Bock
+        and Schlöder, 2005). The solution is thrown away; its active set is where the next one
+        starts, and all code and data have just been touched.
+        """
+        self._is_prepared = False
+        if not self._has_plan:
+            return
+        now = self._qp.situation
+        applied, curvature_per_m = self.inputs[0], float(now.road[0])
+        now.psi[:] = one_step(self._bundle, now.psi, applied, curvature_per_m)
+        now.previous[:] = applied
+        now.reference[:-1] = now.reference[1:]
+        self._encoder.lift(VehicleState(*now.psi[:N_STATES]), curvature_per_m)
+        self._expect()
+        self._is_prepared = self._build()
+        self._has_plan = False  # it serves for one tick
+        self._qp.aim(self._pedals)
+        self._solver.solve()
+
+    def _expect(self) -> None:
         """What the inputs will be about: the last plan, one period on, or no change at all."""
+        now = self._qp.situation
         if self._has_plan:
-            expected[:-1] = self.inputs[1:]
-            expected[-1] = self.inputs[-1]
+            now.expected[:-1] = self.inputs[1:]
+            now.expected[-1] = self.inputs[-1]
         else:
-            expected[:] = previous
+            now.expected[:] = now.previous
+
+    def _build(self) -> bool:
+        """The matrices around the situation as it stands; False if they make no convex QP."""
+        if not self._qp.program.renews:
+            return True
+        self._qp.prepare()
+        return self._solver.renew()
 
 
 def _require_liftable_reference(bundle: Bundle, cost: TrackingCost) -> None:

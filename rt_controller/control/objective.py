@@ -49,10 +49,14 @@ class Objective(Protocol):
     lateral: Array
     """(N, nv), what the inputs add to e_y at stages 1 … N, in metres"""
     renews_hessian: bool
-    """whether `aim` makes a new H, and lateral response, too"""
+    """whether `prepare` makes a new H, and lateral response"""
+
+    def prepare(self, situation: Situation) -> None:
+        """Build what inputs do around this situation, if that is not always the same."""
+        ...
 
     def aim(self, situation: Situation) -> None:
-        """Make it the objective of this situation."""
+        """Make the gradient that of this situation, with inputs doing what was prepared."""
         ...
 
 
@@ -83,6 +87,9 @@ class ConstantObjective:
         self._gradient_map = np.column_stack(
             [GtQ @ free.Phi, GtQ @ free.lam, GtQ @ free.mu, from_previous, -GtQ]
         )
+
+    def prepare(self, situation: Situation) -> None:
+        """Nothing: inputs do the same everywhere."""
 
     def aim(self, situation: Situation) -> None:
         np.dot(self._gradient_map, situation.vector, out=self.gradient)

@@ -44,6 +44,7 @@ class PiqpSolver:
         self._G = _Columns(program.G, program.pattern)
         self._has_rows = len(program.G) > 0
         self._solver = piqp.SparseSolver()
+        self._has_matrices = True
         self.solution = np.zeros(program.size)
         self.iterations = 0
         settings = self._solver.settings
@@ -73,17 +74,26 @@ class PiqpSolver:
         """From now on give up after so many."""
         self._solver.settings.max_iter = most
 
+    def renew(self) -> bool:
+        """As `Solver.renew`."""
+        program = self._program
+        # PIQP would keep what is not a number, and fail on every later problem too.
+        self._has_matrices = program.has_finite_matrices()
+        if self._has_matrices and program.renews:
+            self._solver.update(
+                P=self._P if program.renews_hessian else None,
+                G=self._G.renew() if program.renews_rows else None,
+            )
+        return self._has_matrices
+
     def solve(self) -> SolveStatus:
         """As `Solver.solve`."""
         program = self._program
         self.iterations = 0
-        if not program.is_finite:
-            # PIQP would keep what is not a number, and fail on every later problem too.
+        if not (self._has_matrices and program.has_finite_vectors()):
             return SolveStatus.NUMERICS
         self._solver.update(
-            P=self._P if program.renews_hessian else None,
             c=program.q,
-            G=self._G.renew() if program.renews_rows else None,
             h_l=program.row_lower if self._has_rows else None,
             h_u=program.row_upper if self._has_rows else None,
             x_u=program.upper,
@@ -98,6 +108,16 @@ class PiqpSolver:
                 return SolveStatus.NUMERICS
             self.solution[:] = result.x  # a live view of the solver's memory
         return status
+
+    def active_bounds(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which upper and lower bounds (n + r,) hold the last solution back.
+
+        Those whose multiplier is larger than their slack: on the way to the optimum the product of
+        the two is the same for all, and one of them goes to zero.
+        """
+        r = self._solver.result
+        above = np.concatenate([r.z_bu > r.s_bu, r.z_u > r.s_u])
+        return above, np.concatenate([r.z_bl > r.s_bl, r.z_l > r.s_l])
 
 
 class _Columns:

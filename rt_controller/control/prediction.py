@@ -19,6 +19,16 @@ class FreeResponse:
     mu: Array
 
 
+def one_step(bundle: Bundle, psi: Array, u: Array, curvature_per_m: float) -> Array:
+    """psi⁺ (n,) = A psi + B_eff u + B_w kappa + c.
+
+    Paper: eq. (8).
+    """
+    driven = bundle.A @ psi + bundle.input_matrix(psi) @ u
+    following: Array = driven + bundle.B_uw[:, 0] * curvature_per_m + bundle.c
+    return following
+
+
 def free_response(bundle: Bundle, horizon: int, n_outputs: int) -> FreeResponse:
     """The first `n_outputs` observables over `horizon` steps.
 

@@ -12,7 +12,8 @@ from rt_controller.contract.bundle import Array
 class QuadraticProgram:
     """minimise 1/2 z' P z + q' z subject to lower <= z <= upper, row_lower <= G z <= row_upper.
 
-    Bounds may be infinite. P is symmetric and positive definite.
+    Bounds may be infinite. P is symmetric and positive definite. Vectors change at every solve,
+    matrices only where the program says so, and then their readers are told (`Solver.renew`).
     """
 
     P: Array
@@ -24,26 +25,31 @@ class QuadraticProgram:
     pattern: NDArray[np.bool_]
     """(r, n), where G may ever hold something else than zero"""
     renews_hessian: bool
-    """whether P changes from tick to tick; vectors always do"""
+    """whether P may change"""
     renews_rows: bool
-    every_lower: Array = field(init=False)
-    """(n + r,), of the variables and then of the rows"""
-    every_upper: Array = field(init=False)
+    """whether G may"""
+    bounds: Array = field(init=False)
+    """(2, n + r): lower ones, then upper ones, of the variables and then of the rows"""
 
     def __post_init__(self) -> None:
-        free = np.full(sum(self.G.shape), np.inf)
-        object.__setattr__(self, "every_lower", -free)
-        object.__setattr__(self, "every_upper", free)
+        bounds = np.empty((2, sum(self.G.shape)))
+        bounds[0], bounds[1] = -np.inf, np.inf
+        object.__setattr__(self, "bounds", bounds)
 
     @property
-    def is_finite(self) -> bool:
-        """Whether all that changes from tick to tick is a number; bounds may be infinite."""
-        return bool(
-            np.isfinite(self.q).all()
-            and not np.isnan(self.every_upper).any()
-            and not np.isnan(self.every_lower).any()
-            and not (self.renews_hessian and not np.isfinite(self.P).all())
-            and not (self.renews_rows and not np.isfinite(self.G).all())
+    def renews(self) -> bool:
+        """Whether any matrix may change."""
+        return self.renews_hessian or self.renews_rows
+
+    def has_finite_vectors(self) -> bool:
+        """Whether q is of numbers and no bound is none; bounds may be infinite."""
+        # One addition of everything costs less than one test for each.
+        return bool(np.isfinite(self.q.sum()) and not np.isnan(self.bounds).any())
+
+    def has_finite_matrices(self) -> bool:
+        """Whether those that change are of numbers."""
+        return not (self.renews_hessian and not np.isfinite(self.P.sum())) and not (
+            self.renews_rows and not np.isfinite(self.G.sum())
         )
 
     @property
@@ -52,21 +58,31 @@ class QuadraticProgram:
         return self.q.size
 
     @property
+    def every_lower(self) -> Array:
+        """(n + r,), a view"""
+        return self.bounds[0]
+
+    @property
+    def every_upper(self) -> Array:
+        """(n + r,), a view"""
+        return self.bounds[1]
+
+    @property
     def lower(self) -> Array:
         """(n,), a view"""
-        return self.every_lower[: self.size]
+        return self.bounds[0, : self.size]
 
     @property
     def upper(self) -> Array:
         """(n,), a view"""
-        return self.every_upper[: self.size]
+        return self.bounds[1, : self.size]
 
     @property
     def row_lower(self) -> Array:
         """(r,), a view"""
-        return self.every_lower[self.size :]
+        return self.bounds[0, self.size :]
 
     @property
     def row_upper(self) -> Array:
         """(r,), a view"""
-        return self.every_upper[self.size :]
+        return self.bounds[1, self.size :]

@@ -39,7 +39,8 @@ class CondensedQp:
     """Eq. (14) over z = [v; s]: v the inputs of N stages in units of their ranges, s the slacks.
 
     The states are not among the variables, so the size does not depend on the number of latents.
-    Built once; a tick writes `situation` and calls `aim`.
+    Built once; a tick writes `situation` and calls `aim`. Where the matrices depend on it, they are
+    those that `prepare` found: of this tick, or of what was expected of it the tick before.
 
     Raises:
         ArtifactError: the bundle's model makes the problem non-convex or not finite.
@@ -71,8 +72,17 @@ class CondensedQp:
         )
         self._aim_at_a_typical_state(bundle)
 
+    def prepare(self) -> None:
+        """Build the matrices of `program` around the situation as it stands."""
+        objective, program = self.objective, self.program
+        objective.prepare(self.situation)
+        if self._corridor is not None and objective.renews_hessian:
+            nv, stages = self.scale.size, len(self._ceilings)
+            program.P[:nv, :nv] = objective.H
+            program.G[-stages:, :nv] = objective.lateral
+
     def aim(self, pedals: PedalChoice) -> None:
-        """Make `program` the one of the situation as it stands."""
+        """Make the vectors of `program` those of the situation as it stands."""
         now, program = self.situation, self.program
         self.objective.aim(now)
         start = now.previous / self.scale[:N_INPUTS]
@@ -83,17 +93,14 @@ class CondensedQp:
         if self._corridor is not None:
             stages = slice(-len(self._ceilings), None)
             self._corridor.aim(now, program.row_lower[stages], program.row_upper[stages])
-            nv = self.scale.size
-            program.q[:nv] = self.objective.gradient
-            if self.objective.renews_hessian:
-                program.P[:nv, :nv] = self.objective.H
-                program.G[stages, :nv] = self.objective.lateral
+            program.q[: self.scale.size] = self.objective.gradient
 
     def _aim_at_a_typical_state(self, bundle: Bundle) -> None:
         self.situation.psi[:] = np.mean(bundle.selftest_psi, axis=0)
         with np.errstate(all="ignore"):
+            self.prepare()
             self.aim(PedalChoice())
-        if not self.program.is_finite:
+        if not (np.isfinite(self.program.P).all() and self.program.has_finite_vectors()):
             raise ArtifactError(
                 "The model's prediction over the horizon is not finite: expected a model that "
                 "stays bounded, found one that overflows. Train again, or shorten --mpc.horizon."

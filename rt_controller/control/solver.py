@@ -16,12 +16,19 @@ class SolveStatus(Enum):
 
 
 class Solver(Protocol):
-    """A workspace around one `QuadraticProgram`, whose memory it reads at every solve."""
+    """A workspace around one `QuadraticProgram`, whose vectors it reads at every solve."""
 
     solution: Array
     """(n,), of the last solve that was SOLVED; overwritten by the next"""
     iterations: int
     """of the last solve"""
+
+    def renew(self) -> bool:
+        """Read the matrices again; False if they are seen to make no convex QP.
+
+        Then every solve is NUMERICS, until matrices come that do.
+        """
+        ...
 
     def solve(self) -> SolveStatus:
         """How solving the program as it stands ended."""

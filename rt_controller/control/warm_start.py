@@ -3,8 +3,12 @@
 import numpy as np
 
 from rt_controller.control.active_set import ActiveSetTry
+from rt_controller.control.piqp_solver import PiqpSolver
 from rt_controller.control.program import QuadraticProgram
-from rt_controller.control.solver import Solver, SolveStatus
+from rt_controller.control.solver import SolveStatus
+
+MOST_ROUNDS = 4
+"""a round costs about a tenth of PIQP's solve; most solutions come in the first one"""
 
 
 class WarmStarted:
@@ -14,15 +18,29 @@ class WarmStarted:
     where it fails is bounded by its rounds.
     """
 
-    def __init__(self, program: QuadraticProgram, solver: Solver) -> None:
+    def __init__(
+        self, program: QuadraticProgram, solver: PiqpSolver, most_rounds: int = MOST_ROUNDS
+    ) -> None:
         self._solver = solver
         self._try = ActiveSetTry(program)
+        self._most_rounds = most_rounds
+        self._has_matrices = True
         self.solution = np.zeros(program.size)
         self.iterations = 0
 
+    def renew(self) -> bool:
+        """As `Solver.renew`."""
+        # Both, always: a solver that is not told would go on with the matrices before.
+        is_tried, is_solved = self._try.renew(), self._solver.renew()
+        self._has_matrices = is_tried and is_solved
+        return self._has_matrices
+
     def solve(self) -> SolveStatus:
         """As `Solver.solve`; `iterations` are those of the try and of the solver together."""
-        found = self._try.attempt()
+        self.iterations = 0
+        if not self._has_matrices:
+            return SolveStatus.NUMERICS
+        found = self._try.attempt(self._most_rounds)
         self.iterations = self._try.rounds
         if found is not None:
             self.solution[:] = found
@@ -31,5 +49,5 @@ class WarmStarted:
         self.iterations += self._solver.iterations
         if status is SolveStatus.SOLVED:
             self.solution[:] = self._solver.solution
-            self._try.adopt(self.solution)
+            self._try.adopt(*self._solver.active_bounds())
         return status

@@ -34,6 +34,10 @@ class Clock(Protocol):
         """Set the phase: the next tick is at `first_tick_ns`, or whole periods later."""
         ...
 
+    def approach(self, lead_ns: int) -> bool:
+        """Sleep until `lead_ns` before the next tick; False if it is later than that already."""
+        ...
+
     def wait(self) -> Tick:
         """The next tick, once it is due."""
         ...
@@ -57,6 +61,13 @@ class RealtimeClock:
         behind_ns = time.monotonic_ns() - first_tick_ns
         periods = max(0, -(-behind_ns // self._period_ns))
         self._next_ns = first_tick_ns + periods * self._period_ns
+
+    def approach(self, lead_ns: int) -> bool:
+        early_ns = self._next_ns - lead_ns
+        if time.monotonic_ns() > early_ns:
+            return False
+        sleep_until(early_ns)
+        return True
 
     def wait(self) -> Tick:
         skipped = max(0, (time.monotonic_ns() - self._next_ns) // self._period_ns)
@@ -86,6 +97,9 @@ class LockstepClock:
 
     def align(self, first_tick_ns: int) -> None:
         """Nothing: the peer has always just spoken when a tick is due."""
+
+    def approach(self, lead_ns: int) -> bool:
+        return True
 
     def wait(self) -> Tick:
         self._now_ns += self._period_ns

@@ -35,6 +35,7 @@ def aimed(bundle: Bundle, psi_0: Array) -> Objective:
     qp.situation.previous[:] = (0.2, 10.0, 0.1)
     qp.situation.reference[:] = rng.normal(size=qp.situation.reference.shape)
     qp.situation.expected[:] = SPAN * expected_inputs()
+    qp.objective.prepare(qp.situation)
     qp.objective.aim(qp.situation)
     return qp.objective
 
@@ -156,8 +157,10 @@ def test_aiming_makes_no_matrix_anew() -> None:
     qp = build(make_bundle(Lift(), rank=4))
     objective = qp.objective
     before = (id(objective.H), id(objective.gradient))
+    objective.prepare(qp.situation)
     objective.aim(qp.situation)
     tracemalloc.start()
+    objective.prepare(qp.situation)
     objective.aim(qp.situation)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
@@ -172,15 +175,21 @@ def test_a_lifted_state_that_is_no_number_is_a_status_and_leaves_no_trace(psi_0:
     solver, pedals = PiqpSolver(qp.program), PedalChoice()
     typical = qp.situation.psi.copy()
     qp.situation.reference[:] = typical[:6]
+    qp.prepare()
+    assert solver.renew()
     qp.aim(pedals)
     assert solver.solve() is SolveStatus.SOLVED
     expected = solver.solution.copy()
 
     qp.situation.psi[-1] = psi_0
     with np.errstate(all="ignore"):
+        qp.prepare()
+        assert not solver.renew()
         qp.aim(pedals)
     assert solver.solve() is SolveStatus.NUMERICS
     qp.situation.psi[:] = typical
+    qp.prepare()
+    assert solver.renew()
     qp.aim(pedals)
     assert solver.solve() is SolveStatus.SOLVED
     np.testing.assert_allclose(solver.solution, expected, rtol=0.0, atol=1e-6)

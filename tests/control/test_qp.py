@@ -140,6 +140,7 @@ def aim(qp: CondensedQp, rng: np.random.Generator, size: float = 0.3) -> None:
     now.road[:] = 0.002
     now.previous[:] = rng.uniform(INPUT_LIMITS.lower, INPUT_LIMITS.upper)
     now.reference[:] = size * rng.normal(size=now.reference.shape)
+    qp.prepare()
     qp.aim(PedalChoice())
 
 
@@ -163,6 +164,7 @@ def test_condensed_and_sparse_forms_share_their_plan(
     solver, program = PiqpSolver(qp.program), qp.program
     for _ in range(5):
         aim(qp, rng)
+        assert solver.renew()
         sparse, slacks = sparse_plan(qp, bundle, cost, features)
         bounds = (program.row_lower, program.row_upper, program.lower, program.upper)
         exact = optimum(program.P, program.q, program.G, bounds, None, None)
