@@ -121,7 +121,7 @@ class RealtimeSettings(_Settings):
     phase_ms: Annotated[float, Field(ge=0.0, lt=25.0)] = 2.0
     """how long after the vehicle's frames each tick is scheduled"""
     prepare_ms: Annotated[float, Field(ge=0.0, lt=25.0)] | None = 2.0
-    """how long before each tick its plan is prepared, which also wakes code and data; none: never"""
+    """how long before each tick its plan is prepared, with code and data woken; None: never"""
     deadline_ms: Annotated[float, Field(gt=0.0, le=25.0)] = 10.0
     """the latest moment for the command's frame, counted from the scheduled tick"""
 

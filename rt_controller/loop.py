@@ -13,7 +13,8 @@ from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
 from rt_controller.outcome import StepOutcome, StopCause
 from rt_controller.realtime.accounting import DeadlineAccount, TickTimes
-from rt_controller.realtime.clock import Clock
+from rt_controller.realtime.clock import Clock, Tick
+from rt_controller.realtime.lateness import TickParts, Witness, explain
 from rt_controller.step import STANDING_MPS, ControlStep
 from rt_controller.tracking import TrackingAccount
 
@@ -106,13 +107,16 @@ def drive(
     stays: bool = False,
     end_ns: int | None = None,
     lead_ns: int | None = None,
+    witness: Witness | None = None,
 ) -> None:
     """Tick until the mission is over, or a safe stop has come to rest.
 
     A request to stop, or the clock reaching `end_ns`, brings a driving car to rest first. With
     `stays` missions may follow each other. `lead_ns` before a tick its plan is prepared, if that is
-    still to come. Whatever happens, the last frame is a safe command.
+    still to come. What a `witness` saw explains late ticks. Whatever happens, the last frame is a
+    safe command.
     """
+    journal = _Journal(record.deadlines, witness)
     has_driven = False
     silent_ticks = 0
     try:
@@ -122,25 +126,11 @@ def drive(
                 if record.outcome.mode is Mode.STANDBY:
                     return
                 step.request_stop()
-            if lead_ns is not None and clock.approach(lead_ns):
-                step.prepare()
+            prepare_ns = _prepare(step, clock, lead_ns)
             tick = clock.wait()
-            begun_ns = time.perf_counter_ns()
             outcome = step.run(tick.skipped, record.deadlines.missed_last)
-            done_ns = time.perf_counter_ns()
+            journal.enter(tick, outcome, prepare_ns, clock.now_ns())
 
-            # What was skipped is lateness too: its frames never left.
-            late_ns = tick.skipped * PERIOD_NS
-            record.deadlines.record(
-                TickTimes(
-                    wake_us=(tick.lateness_ns + late_ns) / 1e3,
-                    step_us=(done_ns - begun_ns) / 1e3,
-                    qp_us=outcome.qp_ns / 1e3,
-                    qp_iterations=outcome.qp_iterations,
-                ),
-                tick.skipped,
-                clock.now_ns() - tick.scheduled_ns + late_ns,
-            )
             has_driven = has_driven or outcome.mode is Mode.NOMINAL
             silent_ticks = 0 if outcome.state is not None else silent_ticks + 1
             if outcome.mode is not Mode.STANDBY and outcome.state and outcome.path:
@@ -156,6 +146,51 @@ def drive(
                     return
     finally:
         step.leave()
+
+
+def _prepare(step: ControlStep, clock: Clock, lead_ns: int | None) -> int:
+    """How long it took, in ns; 0 if the tick is too near."""
+    if lead_ns is None or not clock.approach(lead_ns):
+        return 0
+    begun_ns = time.perf_counter_ns()
+    step.prepare()
+    return time.perf_counter_ns() - begun_ns
+
+
+class _Journal:
+    """Enters every tick into the account, with what was seen of it."""
+
+    def __init__(self, account: DeadlineAccount, witness: Witness | None) -> None:
+        self._account = account
+        self._witness = witness
+        self._before = None if witness is None else witness.look()
+
+    def enter(self, tick: Tick, outcome: StepOutcome, prepare_ns: int, done_ns: int) -> None:
+        """One tick, whose frames left at `done_ns` of the loop's clock."""
+        # What was skipped is lateness too: its frames never left.
+        late_ns = tick.skipped * PERIOD_NS
+        step_ns = outcome.hear_ns + outcome.plan_ns + outcome.answer_ns
+        times = TickTimes(
+            wake_us=(tick.lateness_ns + late_ns) / 1e3,
+            hear_us=outcome.hear_ns / 1e3,
+            plan_us=outcome.plan_ns / 1e3,
+            qp_us=outcome.qp_ns / 1e3,
+            answer_us=outcome.answer_ns / 1e3,
+            step_us=step_ns / 1e3,
+            prepare_us=prepare_ns / 1e3,
+            qp_iterations=outcome.qp_iterations,
+        )
+        is_notable = self._account.record(
+            times, tick.skipped, done_ns - tick.scheduled_ns + late_ns
+        )
+        if self._witness is None or self._before is None:
+            return
+        now = self._witness.look()
+        if is_notable:
+            bus_us = times.hear_us + times.answer_us
+            parts = TickParts(times.wake_us, times.step_us, times.qp_us, bus_us)
+            self._account.explain(explain(self._before, now, parts))
+        self._before = now
 
 
 def _is_at_rest(outcome: StepOutcome, silent_ticks: int) -> bool:

@@ -31,8 +31,14 @@ class StepOutcome:
     state: StateSnapshot | None = None
     """None: nothing new, valid and timely this tick"""
     path: PathReference | None = None
+    hear_ns: int = 0
+    """reading and judging what came in"""
+    plan_ns: int = 0
+    """lifting, building and solving; next to nothing where nothing was planned"""
     qp_ns: int = 0
     """0: nothing was solved this tick"""
+    answer_ns: int = 0
+    """judging the plan and handing frames to the bus"""
     qp_iterations: int = 0
     cause: StopCause = StopCause.NONE
     """why the plan is held, or the car stopped"""

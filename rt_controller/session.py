@@ -25,6 +25,7 @@ from rt_controller.control.solver import SolveStatus
 from rt_controller.loop import RunRecord, StopRequest, drive, join
 from rt_controller.realtime.accounting import DeadlineAccount
 from rt_controller.realtime.clock import Clock
+from rt_controller.realtime.lateness import Witness
 from rt_controller.realtime.scheduling import (
     NOTHING_HOLDS,
     Guarantees,
@@ -78,6 +79,7 @@ class ControllerSession:
     _clock: Clock = field(kw_only=True)
     _config: ControllerConfig = field(kw_only=True)
     _conduct: ProcessConduct = field(kw_only=True)
+    _is_lockstep: bool = field(kw_only=True)
     recorder: Recorder | None = field(kw_only=True)
 
     def start(self, duration_s: float | None, stays: bool, wait_s: float) -> Thread:
@@ -108,7 +110,14 @@ class ControllerSession:
             self.is_joined = True
             end_ns = None if duration_s is None else clock.now_ns() + round(duration_s * 1e9)
             lead_ns = None if realtime.prepare_ms is None else round(realtime.prepare_ms * 1e6)
-            drive(self._step, clock, self.record, self._request, stays, end_ns, lead_ns)
+            witness = None if self._is_lockstep else Witness()
+            try:
+                drive(
+                    self._step, clock, self.record, self._request, stays, end_ns, lead_ns, witness
+                )
+            finally:
+                if witness is not None:
+                    witness.close()
         except BaseException as error:  # nothing may pass the tick unseen: the caller reports it
             self.failure = error
 
@@ -191,6 +200,7 @@ def open_session(
         _clock=clock,
         _config=config,
         _conduct=conduct,
+        _is_lockstep=is_lockstep,
     )
 
 

@@ -1,5 +1,7 @@
 """One control step: frames in, frames out. Reads like the paper, from lift to first input."""
 
+import time
+
 import can
 
 from rt_controller.bus.frames import SAMPLE_TIME_WRAP_NS, Fault, Heartbeat
@@ -87,6 +89,7 @@ class ControlStep:
         `skipped_ticks` periods went by unused before this one; `missed_deadline` is news of the
         step before.
         """
+        begun_ns = time.perf_counter_ns()
         now_ns = self._clock.now_ns()
         periods = 1 + skipped_ticks
         self._faults = Fault.DEADLINE_MISSED if missed_deadline else Fault(0)
@@ -97,7 +100,9 @@ class ControlStep:
         path = self._standing_path(now_ns)
         mission = self._standing_mission(now_ns)
 
+        heard_ns = time.perf_counter_ns()
         planned = self._take_plan(state, path, mission, periods)
+        planned_ns = time.perf_counter_ns()
         event, cause = self._judge(state, path, mission, planned, now_ns)
         self._enter(next_mode(self.outcome.mode, event), cause)
         self.outcome.control = confine(
@@ -105,8 +110,11 @@ class ControlStep:
         )
         self._answer(now_ns)
 
-        self.outcome.state, self.outcome.path = state, path
-        return self.outcome
+        outcome = self.outcome
+        outcome.state, outcome.path = state, path
+        outcome.hear_ns, outcome.plan_ns = heard_ns - begun_ns, planned_ns - heard_ns
+        outcome.answer_ns = time.perf_counter_ns() - planned_ns
+        return outcome
 
     def prepare(self) -> None:
         """Before the next tick: do what its plan need not wait for."""

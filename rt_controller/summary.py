@@ -6,7 +6,8 @@ from typing import Any
 from rich.table import Table
 
 from rt_controller.loop import RunRecord
-from rt_controller.realtime.accounting import Percentiles, TickTimes
+from rt_controller.realtime.accounting import TickTimes
+from rt_controller.realtime.histogram import Percentiles
 from rt_controller.session import ControllerSession
 
 
@@ -24,6 +25,10 @@ def to_json(session: ControllerSession) -> dict[str, Any]:
         "scheduler": session.guarantees.scheduler,
         "memory_locked": session.guarantees.process.memory_locked,
         "model": session.model,
+        "misses_by_cause": {cause.name: n for cause, n in deadlines.misses_by_cause.items() if n},
+        "worst_tick": None
+        if deadlines.worst is None
+        else {**deadlines.worst._asdict(), "cause": deadlines.worst.cause.name},
         **{field: deadlines.percentiles(field)._asdict() for field in TickTimes._fields},
         "frames_received": session.inbox.counts._asdict(),
         "frames_sent": session.outbox.sent,
@@ -55,6 +60,12 @@ def to_table(session: ControllerSession) -> Table:
         f"{deadlines.skipped_ticks} skipped",
     )
     table.add_row("step, frames in to out", _line(deadlines.percentiles("step_us"), "us"))
+    if deadlines.worst is not None:
+        worst = deadlines.worst
+        table.add_row(
+            "worst tick",
+            f"{worst.tick}, answered after {worst.late_us:.0f} us: {worst.cause.value}",
+        )
     table.add_row("wake-up lateness", _line(deadlines.percentiles("wake_us"), "us"))
     table.add_row("QP solve", _line(deadlines.percentiles("qp_us"), "us"))
     table.add_row("QP iterations", _line(deadlines.percentiles("qp_iterations"), ""))

@@ -1,18 +1,12 @@
-"""How long everything took: every tick's times in preallocated memory, percentiles at the end."""
+"""How long everything took: every tick counted, the last ones kept, the worst one explained."""
 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-
-class Percentiles(NamedTuple):
-    """Of one quantity over the run; zeros if nothing was recorded."""
-
-    p50: float
-    p99: float
-    p999: float
-    max: float
+from rt_controller.contract.bundle import Array
+from rt_controller.realtime.histogram import Histogram, Percentiles
+from rt_controller.realtime.lateness import Cause
 
 
 class TickTimes(NamedTuple):
@@ -20,16 +14,36 @@ class TickTimes(NamedTuple):
 
     wake_us: float
     """from the scheduled instant to the loop running"""
-    step_us: float
-    """from there to the frames handed to the bus"""
+    hear_us: float
+    """from there until all frames are read and judged"""
+    plan_us: float
+    """lifting, building what depends on the state, and solving"""
     qp_us: float
-    """the planning part of it"""
+    """the solver's part of it"""
+    answer_us: float
+    """from there to the frames handed to the bus"""
+    step_us: float
+    """all three together"""
+    prepare_us: float
+    """before the tick, while it waited for nothing"""
     qp_iterations: float
     """0 where nothing was solved"""
 
 
+OF_SOLVES = frozenset({"plan_us", "qp_us", "qp_iterations"})
+"""counted only for the ticks that solved a QP"""
+
+
+class Worst(NamedTuple):
+    """The tick whose frames left last after their instant."""
+
+    tick: int
+    late_us: float
+    cause: Cause
+
+
 class DeadlineAccount:
-    """Times of the last `capacity` ticks, and counts over all of them.
+    """Percentiles and counts over all ticks, and the times of the last `capacity` ones.
 
     A tick misses its deadline when its frames leave later than `deadline_ns` after the instant it
     was scheduled for. Skipped ticks are counted apart: they sent nothing at all.
@@ -37,36 +51,50 @@ class DeadlineAccount:
 
     def __init__(self, capacity: int, deadline_ns: int) -> None:
         self._times = np.zeros((capacity, len(TickTimes._fields)))
+        self._histograms = [Histogram() for _ in TickTimes._fields]
         self._deadline_ns = deadline_ns
+        self._latest_ns = -1
         self.ticks = 0
         self.deadline_misses = 0
         self.skipped_ticks = 0
         self.missed_last = False
+        self.misses_by_cause = dict.fromkeys(Cause, 0)
+        self.worst: Worst | None = None
 
-    def record(self, times: TickTimes, skipped: int, done_after_ns: int) -> None:
-        """Account for one tick, after its frames have left.
+    def record(self, times: TickTimes, skipped: int, done_after_ns: int) -> bool:
+        """Account for one tick, after its frames have left; whether its cause is to be told.
 
         `done_after_ns` is when that was, after the scheduled instant and on the loop's own clock:
         simulated time knows no lateness.
         """
         self._times[self.ticks % self._times.shape[0]] = times
+        for field, value, histogram in zip(TickTimes._fields, times, self._histograms, strict=True):
+            if times.qp_iterations > 0.0 or field not in OF_SOLVES:
+                histogram.add(value)
         self.ticks += 1
         self.skipped_ticks += skipped
         self.missed_last = done_after_ns > self._deadline_ns
         self.deadline_misses += self.missed_last
+        is_worst = done_after_ns > self._latest_ns
+        if is_worst:
+            self._latest_ns = done_after_ns
+        return is_worst or self.missed_last
+
+    def explain(self, cause: Cause) -> None:
+        """Why the tick recorded last was what it was."""
+        if self.missed_last:
+            self.misses_by_cause[cause] += 1
+        late_us = self._latest_ns / 1e3
+        if self.worst is None or late_us > self.worst.late_us:
+            self.worst = Worst(self.ticks, late_us, cause)
 
     def percentiles(self, field: str) -> Percentiles:
-        """Of one field of `TickTimes`; of the QP's fields only over the ticks that solved one."""
-        recorded = self._times[: min(self.ticks, self._times.shape[0])]
-        column = recorded[:, TickTimes._fields.index(field)]
-        if field.startswith("qp_"):
-            column = column[recorded[:, TickTimes._fields.index("qp_iterations")] > 0]
-        return percentiles(column)
+        """Of one field of `TickTimes`, over all ticks."""
+        return self._histograms[TickTimes._fields.index(field)].percentiles()
 
-
-def percentiles(values: NDArray[np.float64]) -> Percentiles:
-    """Median, p99, p99.9, maximum: each a value that occurred, none interpolated."""
-    if values.size == 0:
-        return Percentiles(0.0, 0.0, 0.0, 0.0)
-    p50, p99, p999 = np.percentile(values, [50.0, 99.0, 99.9], method="higher")
-    return Percentiles(float(p50), float(p99), float(p999), float(values.max()))
+    def last(self) -> Array:
+        """Times of the last ticks, oldest first; columns as `TickTimes`."""
+        kept = self._times.shape[0]
+        if self.ticks <= kept:
+            return self._times[: self.ticks]
+        return np.roll(self._times, -(self.ticks % kept), axis=0)

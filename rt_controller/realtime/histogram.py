@@ -1,0 +1,56 @@
+"""How often a duration came, in memory that does not depend on how long one counts."""
+
+from math import ceil, log
+from typing import NamedTuple
+
+import numpy as np
+
+LEAST = 0.1
+MOST = 1e9
+WIDTH = 1.01
+"""of a bucket: its upper edge over its lower one"""
+_PER_E_FOLD = 1.0 / log(WIDTH)
+
+
+class Percentiles(NamedTuple):
+    """Of one quantity over the run; zeros if nothing was recorded."""
+
+    p50: float
+    p99: float
+    p999: float
+    max: float
+
+
+class Histogram:
+    """Counts in buckets one per cent wide, and the largest value that came in each.
+
+    A percentile is a value that occurred, at most 1 % above the exact one; the maximum is exact.
+    Values below 0.1 share the first bucket.
+    """
+
+    def __init__(self) -> None:
+        buckets = ceil(log(MOST / LEAST) * _PER_E_FOLD) + 2
+        self._counts = np.zeros(buckets, dtype=np.int64)
+        self._largest = np.zeros(buckets)
+
+    def add(self, value: float) -> None:
+        """Count one value; not a number counts as infinite."""
+        if value <= LEAST:
+            bucket = 0
+        elif value < MOST:
+            bucket = 1 + int(log(value / LEAST) * _PER_E_FOLD)
+        else:
+            bucket = len(self._counts) - 1
+        self._counts[bucket] += 1
+        if not value <= self._largest[bucket]:
+            self._largest[bucket] = value
+
+    def percentiles(self) -> Percentiles:
+        """Median, p99, p99.9 and maximum."""
+        upto = np.cumsum(self._counts)
+        total = int(upto[-1])
+        if total == 0:
+            return Percentiles(0.0, 0.0, 0.0, 0.0)
+        # The value with at least this share of all at or below it.
+        buckets = np.searchsorted(upto, [total * share for share in (0.5, 0.99, 0.999, 1.0)])
+        return Percentiles(*self._largest[buckets].tolist())

@@ -1,0 +1,46 @@
+"""Percentiles of any number of values from a fixed number of counts."""
+
+import numpy as np
+import pytest
+
+from rt_controller.realtime.histogram import Histogram
+
+
+def of(values: np.ndarray) -> Histogram:
+    histogram = Histogram()
+    for value in values.tolist():
+        histogram.add(value)
+    return histogram
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_percentile_is_a_value_that_occurred_and_at_most_one_per_cent_above_the_exact_one(
+    seed: int,
+) -> None:
+    values = np.random.default_rng(seed).lognormal(5.0, 1.5, size=20_000)
+    found = of(values).percentiles()
+    exact = np.percentile(values, [50.0, 99.0, 99.9], method="inverted_cdf")
+    for value, expected in zip(found[:3], exact, strict=True):
+        assert value in values
+        assert expected <= value <= 1.01 * expected
+    assert found.max == values.max()
+
+
+def test_small_whole_numbers_are_exact() -> None:
+    assert of(np.repeat([1.0, 2.0, 16.0], [98, 1, 1])).percentiles() == (1.0, 2.0, 16.0, 16.0)
+
+
+def test_without_values_there_is_nothing() -> None:
+    assert Histogram().percentiles() == (0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("value", [0.0, -3.0, 0.05])
+def test_what_is_next_to_nothing_is_below_everything_else(value: float) -> None:
+    found = of(np.array([value, 5.0, 7.0, 9.0])).percentiles()
+    assert found.p50 == 5.0
+    assert found.max == 9.0
+
+
+@pytest.mark.parametrize("value", [1e9, 1e12, float("inf")])
+def test_what_takes_a_quarter_of_an_hour_is_above_everything_else(value: float) -> None:
+    assert of(np.array([5.0, value])).percentiles().max == value
