@@ -51,6 +51,7 @@ class Histogram:
         total = int(upto[-1])
         if total == 0:
             return Percentiles(0.0, 0.0, 0.0, 0.0)
-        # The value with at least this share of all at or below it.
-        buckets = np.searchsorted(upto, [total * share for share in (0.5, 0.99, 0.999, 1.0)])
+        # The value with at least so many in a thousand of all at or below it.
+        ranks = [-(-total * per_mille // 1000) for per_mille in (500, 990, 999, 1000)]
+        buckets = np.searchsorted(upto, ranks)
         return Percentiles(*self._largest[buckets].tolist())
