@@ -19,7 +19,7 @@ def test_a_percentile_is_a_value_that_occurred_and_at_most_one_per_cent_above_th
 ) -> None:
     values = np.random.default_rng(seed).lognormal(5.0, 1.5, size=20_000)
     found = of(values).percentiles()
-    exact = np.percentile(values, [50.0, 99.0, 99.9], method="inverted_cdf")
+    exact = np.sort(values)[[9_999, 19_799, 19_979]]
     for value, expected in zip(found[:3], exact, strict=True):
         assert value in values
         assert expected <= value <= 1.01 * expected

@@ -1,0 +1,1 @@
+"""The same quadratic programs for everybody who can solve them."""

@@ -1,0 +1,1 @@
+"""Other people's solvers behind the controller's protocol: one file each."""
