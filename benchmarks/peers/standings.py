@@ -1,0 +1,92 @@
+"""Everybody through every recording, several times in turn: figures and their spread."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from benchmarks.peers.entrants.roster import COLD, DEFAULT, Entrant
+from benchmarks.peers.exact import exact_first_inputs
+from benchmarks.peers.race import Lap, Mode, drive_lap, find_tolerance, first_input_error
+from benchmarks.peers.recording import Recording
+
+
+class Ratio(NamedTuple):
+    """To somebody else in the same round: the median of the rounds, and the least and most."""
+
+    median: float
+    least: float
+    most: float
+
+
+class Standing(NamedTuple):
+    """One solver on one recording in one mode."""
+
+    name: str
+    tolerance: float | None
+    """None: it has none that is exact enough, or needs none"""
+    is_exact_enough: bool
+    unsolved: int
+    first_input_error: float
+    p50_us: float
+    p99_us: float
+    max_us: float
+    p50_over_cold: Ratio
+    p99_over_cold: Ratio
+    p50_over_default: Ratio
+    p99_over_default: Ratio
+
+
+def compare(
+    recording: Recording,
+    entrants: Sequence[Entrant],
+    mode: Mode,
+    rounds: int,
+    on_progress: Callable[[str], None] = lambda name: None,
+) -> list[Standing]:
+    """Each in the loosest setting that is exact enough, all of them in every round."""
+    exact = exact_first_inputs(recording)
+    tolerances, laps = {}, {entrant.name: [] for entrant in entrants}
+    for entrant in entrants:
+        on_progress(entrant.name)
+        tolerances[entrant.name] = find_tolerance(entrant, recording, exact)
+    order = np.random.default_rng(0)
+    for _ in range(rounds):
+        for at in order.permutation(len(entrants)):
+            entrant = entrants[at]
+            tolerance = tolerances[entrant.name]
+            laps[entrant.name].append(drive_lap(entrant, tolerance or 1e-6, recording, mode))
+    standings = []
+    for entrant in entrants:
+        mine = laps[entrant.name]
+        tolerance = tolerances[entrant.name]
+        standings.append(
+            Standing(
+                name=entrant.name,
+                tolerance=tolerance if entrant.has_tolerance else None,
+                is_exact_enough=tolerance is not None,
+                unsolved=max(lap.unsolved for lap in mine),
+                first_input_error=max(first_input_error(lap, exact) for lap in mine),
+                p50_us=float(np.median([_p50(lap) for lap in mine])),
+                p99_us=float(np.median([_p99(lap) for lap in mine])),
+                max_us=float(np.median([lap.times_us.max() for lap in mine])),
+                p50_over_cold=_ratio(mine, laps[COLD], _p50),
+                p99_over_cold=_ratio(mine, laps[COLD], _p99),
+                p50_over_default=_ratio(mine, laps[DEFAULT], _p50),
+                p99_over_default=_ratio(mine, laps[DEFAULT], _p99),
+            )
+        )
+    return standings
+
+
+def _p50(lap: Lap) -> float:
+    return float(np.median(lap.times_us))
+
+
+def _p99(lap: Lap) -> float:
+    return float(np.percentile(lap.times_us, 99.0, method="higher"))
+
+
+def _ratio(mine: list[Lap], other: list[Lap], figure: Callable[[Lap], float]) -> Ratio:
+    ratios = [figure(a) / figure(b) for a, b in zip(mine, other, strict=True)]
+    return Ratio(float(np.median(ratios)), min(ratios), max(ratios))
