@@ -108,7 +108,7 @@ def make_bundle(checkpoint: Checkpoint, dataset: Dataset) -> tuple[Bundle, Gate]
     selftest_psi[:, : model.sizes.states] = selftest.x
     inputs = model.sizes.inputs
     bundle = Bundle(
-        name="mdk-net",
+        name=_name_of(checkpoint.config),
         schema=schema,
         A=operator.A,
         B_uc=np.ascontiguousarray(operator.B[:, :inputs]),
@@ -208,6 +208,12 @@ def to_onnx(encoder: nn.Module, lift: Lift, sample: LiftSample) -> bytes:
         )
         serialised: bytes = _without_traces(onnx.load(path)).SerializeToString()
     return serialised
+
+
+def _name_of(config: TrainingConfig) -> str:
+    """Two networks that drive one after the other should not share a name in the logs."""
+    is_default = config.preset == TrainingConfig().preset
+    return "mdk-net" if is_default else f"mdk-net-{config.preset}"
 
 
 def _lift_of(model: MdkNet, dataset: Dataset) -> Lift:
