@@ -174,7 +174,7 @@ def test_a_bundle_that_does_not_say_is_judged_on_its_own_data_only(toy_dataset, 
 
 
 def test_the_models_that_ship_may_be_compared_on_the_data_that_all_learned_from():
-    """The paper's network is a rival of the recommended one, so neither may know the other's test."""
+    """One is the other's rival, so neither may know what the other is tested on."""
     shipped = [load_bundle(shipped_model(name)) for name in ("mdk-net", "mdk-net-paper", "lti")]
     sha256s = {bundle.data_sha256 for bundle in shipped}
     assert len(sha256s) == 1
