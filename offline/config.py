@@ -135,6 +135,11 @@ class TrainingConfig(BaseModel):
     lift_exogenous: bool = Field(
         default=True, description="the encoder sees the exogenous signals: curvature"
     )
+    products: bool = Field(
+        default=True,
+        description="the encoder adds a linear layer of all products of two states and, if it "
+        "sees them, exogenous signals",
+    )
     history_steps: int = Field(
         default=8, ge=0, le=PAST_STEPS, description="past periods that the encoder sees"
     )
@@ -181,6 +186,7 @@ PAPER = TrainingConfig(
     latents=60,
     latents_start="identity",
     lift_exogenous=False,
+    products=False,
     history_steps=0,
     bilinear_rank=0,
 )

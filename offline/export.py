@@ -55,30 +55,42 @@ class Gate:
 
 
 class PhysicalEncoder(nn.Module):
-    """The trained encoder, taking physical signals and returning [x; z], scaling folded in.
+    """The trained encoder, taking physical signals and returning [x; z], scaling built in.
 
-    Folding happens in float64; a constant observable becomes an output whose weights are zero and
-    whose bias is 1.
+    Into the first layer it is folded, in float64; a constant observable becomes an output whose
+    weights are zero and whose bias is 1.
     """
 
     def __init__(self, model: MdkNet, scaling: Scaling) -> None:
         super().__init__()
-        self.shows_exogenous = model.shows_exogenous
-        self.shows_history = model.history_steps > 0
-        self.layers = copy.deepcopy(model.encoder)
-        centre, spread = _of_shown_signals(model, scaling)
-        first = _linear(self.layers[0])
-        weight = first.weight.data.double() / torch.from_numpy(spread)
-        bias = first.bias.data.double() - weight @ torch.from_numpy(centre)
+        self.encoder = copy.deepcopy(model.encoder)
+        present = self.encoder.present
+        of_all = _of_shown_signals(model, scaling)
+        centre, spread = (torch.from_numpy(numbers) for numbers in of_all)
+        first = _linear(self.encoder.layers[0])
+        weight = first.weight.data.double() / spread
+        bias = first.bias.data.double() - weight @ centre
         first.weight.data, first.bias.data = weight.float(), bias.float()
+        self.centre: Tensor
+        self.spread: Tensor
+        self.register_buffer("centre", centre[:present].float())
+        self.register_buffer("spread", spread[:present].float())
         if model.has_constant:
-            last = _linear(self.layers[-1])
-            last.weight.data = torch.cat([last.weight.data, torch.zeros_like(last.weight.data[:1])])
+            last = _linear(self.encoder.layers[-1])
+            last.weight.data = _with_zero_row(last.weight.data)
             last.bias.data = torch.cat([last.bias.data, torch.ones(1)])
+            if self.encoder.products is not None:
+                weights = self.encoder.products.weights
+                weights.weight.data = _with_zero_row(weights.weight.data)
 
     def forward(self, x: Tensor, *more: Tensor) -> Tensor:
-        shown = [x, *(signal.flatten(1) for signal in more)]
-        return torch.cat([x, self.layers(torch.cat(shown, dim=-1))], dim=-1)
+        shown = torch.cat([x, *(signal.flatten(1) for signal in more)], dim=-1)
+        z = self.encoder.layers(shown)
+        if self.encoder.products is not None:
+            # Products are of centred signals: a sum of products in one unit each folds badly.
+            present = shown[..., : self.encoder.present]
+            z = z + self.encoder.products((present - self.centre) / self.spread)
+        return torch.cat([x, z], dim=-1)
 
 
 def make_bundle(checkpoint: Checkpoint, dataset: Dataset) -> tuple[Bundle, Gate]:
@@ -108,7 +120,7 @@ def make_bundle(checkpoint: Checkpoint, dataset: Dataset) -> tuple[Bundle, Gate]
     selftest_psi[:, : model.sizes.states] = selftest.x
     inputs = model.sizes.inputs
     bundle = Bundle(
-        name="mdk-net",
+        name=_name_of(checkpoint.config),
         schema=schema,
         A=operator.A,
         B_uc=np.ascontiguousarray(operator.B[:, :inputs]),
@@ -210,6 +222,12 @@ def to_onnx(encoder: nn.Module, lift: Lift, sample: LiftSample) -> bytes:
     return serialised
 
 
+def _name_of(config: TrainingConfig) -> str:
+    """Two networks that drive one after the other should not share a name in the logs."""
+    is_default = config.preset == TrainingConfig().preset
+    return "mdk-net" if is_default else f"mdk-net-{config.preset}"
+
+
 def _lift_of(model: MdkNet, dataset: Dataset) -> Lift:
     shown = ["x"]
     if model.shows_exogenous:
@@ -286,6 +304,10 @@ def pass_gate(bundle: Bundle, largest_radius: float = LARGEST_RADIUS) -> Gate:
             f"onnxscript and onnxruntime."
         )
     return Gate(bundle.spectral_radius, bundle.growth(20), bundle.growth(80), parity)
+
+
+def _with_zero_row(matrix: Tensor) -> Tensor:
+    return torch.cat([matrix, torch.zeros_like(matrix[:1])])
 
 
 def _linear(layer: nn.Module) -> nn.Linear:

@@ -6,7 +6,6 @@ beside the state, and the bilinear part of B, go beyond it.
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import NamedTuple
 
 import torch
@@ -14,6 +13,7 @@ from torch import Tensor, nn
 
 from offline.batch import Instants
 from offline.config import TrainingConfig
+from offline.encoder import Encoder
 from offline.roles import Roles, past_columns
 from offline.rollout import roll_out, roll_out_bilinear
 from rt_controller.contract.follow import Follow
@@ -90,11 +90,16 @@ class MdkNet(nn.Module):
         self.n_observables = sizes.states + config.latents
         learned = config.latents - int(self.has_constant)
         rows = self.n_observables - int(self.has_constant)
-        seen = sizes.states + self.history_steps * sizes.remembered
-        seen += sizes.exogenous if self.shows_exogenous else 0
-        activation = nn.ReLU if config.activation == "relu" else nn.SiLU
-        share = QUIET_SHARE if config.latents_start == "fading" else 1.0
-        self.encoder = _multilayer_perceptron((seen, *config.hidden, learned), activation, share)
+        present = sizes.states + (sizes.exogenous if self.shows_exogenous else 0)
+        self.encoder = Encoder(
+            present + self.history_steps * sizes.remembered,
+            present,
+            config.hidden,
+            learned,
+            activation=nn.ReLU if config.activation == "relu" else nn.SiLU,
+            last_share=QUIET_SHARE if config.latents_start == "fading" else 1.0,
+            has_products=config.products,
+        )
         start = _first_operator(config, sizes, self.n_observables, learned)[:rows]
         self.A_rows = nn.Parameter(start)
         driven = sizes.inputs + sizes.exogenous
@@ -179,21 +184,3 @@ def _first_operator(config: TrainingConfig, sizes: Sizes, n: int, learned: int) 
 
 def _with_zero_row(matrix: Tensor, dim: int = 0) -> Tensor:
     return torch.cat([matrix, torch.zeros_like(matrix.narrow(dim, 0, 1))], dim=dim)
-
-
-def _multilayer_perceptron(
-    widths: tuple[int, ...], activation: type[nn.Module], last_share: float
-) -> nn.Sequential:
-    """`activation` after every hidden layer, none on the output; Gaussian weights, zero biases.
-
-    The spread sqrt(2 / fan_in) keeps the size of the signal through ReLU layers (He et al., 2015);
-    the last layer has `last_share` of it.
-    """
-    layers: list[nn.Module] = []
-    for fan_in, fan_out in pairwise(widths):
-        linear = nn.Linear(fan_in, fan_out)
-        share = last_share if len(layers) == 2 * (len(widths) - 2) else 1.0
-        nn.init.normal_(linear.weight, std=share * (2.0 / fan_in) ** 0.5)
-        nn.init.zeros_(linear.bias)
-        layers += [linear, activation()]
-    return nn.Sequential(*layers[:-1])

@@ -13,6 +13,8 @@ from offline.config import TrainingConfig
 
 WARM_UP_SHARE = 0.05
 """of the steps, until the rate of a cosine schedule is at its top"""
+LEAST_SHARE = 1e-3
+"""of its start, below which a rate that halves changes nothing any more: ten halvings"""
 
 
 class Verdict(NamedTuple):
@@ -82,3 +84,11 @@ def is_evaluated(step: int, config: TrainingConfig) -> bool:
     too, so that no training is lost behind the last multiple.
     """
     return (step - 1) % config.evaluate_every == 0 or step == config.steps
+
+
+def is_spent(rate: float, config: TrainingConfig) -> bool:
+    """Whether a rate that only ever halves has become too low to learn with.
+
+    Algorithm 1 would go on to its last step, and the model would stay what it is.
+    """
+    return config.rate_schedule == "plateau" and rate < LEAST_SHARE * config.learning_rate

@@ -34,9 +34,15 @@ class Sheet:
     note: str = ""
 
 
+PLAIN_BELOW = 1e7
+
+
 def in_digits(number: float, digits: int = 4) -> str:
-    """A number as every table shows it."""
-    return NOTHING if np.isnan(number) else f"{number:.{digits}g}"
+    """A number as every table shows it; large ones without powers of ten."""
+    if np.isnan(number):
+        return NOTHING
+    text = f"{number:.{digits}g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(number) < PLAIN_BELOW else text
 
 
 def cell(estimate: Estimate) -> Cell:

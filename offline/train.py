@@ -22,6 +22,7 @@ from offline.scaling import fit_scaling
 from offline.schedule import (
     Verdict,
     is_evaluated,
+    is_spent,
     judge_as_printed,
     judge_global_minimum,
     loss_of_kept_model,
@@ -98,7 +99,7 @@ def train(
     radius = learner.spectral_radius()
     skipped_in_a_row = 0
 
-    while learner.step < config.steps and not stop_requested():
+    while not _is_over(learner) and not stop_requested():
         learner.set_learning_rate()
         losses = learner.losses_on_random_batch(source)
         _require_finite(run, learner, "the loss", losses.total.item())
@@ -134,10 +135,15 @@ def train(
     save_checkpoint(run.last, learner.to_checkpoint())
     return Outcome(
         step=learner.step,
-        is_finished=learner.step >= config.steps,
+        is_finished=_is_over(learner),
         best_validation_loss=best_loss if math.isfinite(best_loss) else None,
         skipped=learner.skipped,
     )
+
+
+def _is_over(learner: Learner) -> bool:
+    config = learner.config
+    return learner.step >= config.steps or is_spent(learner.learning_rate, config)
 
 
 def _record(

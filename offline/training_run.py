@@ -42,9 +42,10 @@ def run_training(
             soft_wrap=True,
         )
         return INTERRUPTED
+    early = "" if outcome.step >= run.config.steps else ", since the rate became too low to learn"
     CONSOLE.print(
-        f"Done in {wall_s:.0f} s, best validation loss {outcome.best_validation_loss:.4f}. "
-        f"Next:\n  offline-export {run.path}",
+        f"Done after {outcome.step} steps in {wall_s:.0f} s{early}; best validation loss "
+        f"{outcome.best_validation_loss:.4f}. Next:\n  offline-export {run.path}",
         soft_wrap=True,
     )
     return 0

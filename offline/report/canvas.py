@@ -13,6 +13,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLoca
 INK, FAINT = "#1f2933", "#8a97a5"
 _STRONG = ("#2f6fb3", "#d9822b", "#3c9d6b", "#7b5ea7", "#c0392b", "#4b9fb5")
 _MUTED = ("#7b8794", "#c08552", "#4f9d86", "#9b7bb8", "#c9736b", "#5b86a8")
+LABEL_WIDTH_IN, LABEL_HEIGHT_IN = 0.5, 0.25
+"""of a number at an axis, with room around it"""
 _DASHES = ("--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)))
 
 _STYLE: Any = {
@@ -69,11 +71,22 @@ def log_scale(axes: Axes, which: str) -> None:
     axis = axes.xaxis if which == "x" else axes.yaxis
     low, high = axis.get_view_interval()
     is_long = high > 100.0 * low
-    axis.set_major_locator(LogLocator(subs=(1.0,) if is_long else (1.0, 2.0, 5.0), numticks=12))
+    if is_long:
+        locator = LogLocator(numticks=_labels_along(axes, which))
+    else:
+        locator = LogLocator(subs=(1.0, 2.0, 5.0), numticks=12)
+    axis.set_major_locator(locator)
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
     if not is_long:
         axis.set_minor_locator(NullLocator())
+
+
+def _labels_along(axes: Axes, which: str) -> int:
+    """How many numbers of up to five digits have room at an axis."""
+    box = axes.get_window_extent()
+    inches = (box.width if which == "x" else box.height) / axes.figure.dpi
+    return max(2, int(inches / (LABEL_WIDTH_IN if which == "x" else LABEL_HEIGHT_IN)))
 
 
 def as_svg(figure: Figure) -> str:

@@ -111,8 +111,8 @@ def _headlines(judgement: Judgement) -> list[str]:
             found = ratios[FAIR_LTI].geometric_mean
             interval = cell(found).interval
             lines.append(
-                f"{model} against {' and '.join(LTI_RIVALS)}, in each state the better of them: "
-                f"mean squared errors {in_digits(float(found.value), 3)} times as large"
+                f"{' and '.join(LTI_RIVALS)}, in each state the better of them, have mean squared "
+                f"errors {in_digits(float(found.value), 3)} times those of {model}"
                 f"{f' ({interval})' if interval else ''}, geometric mean over "
                 f"{len(judgement.columns)} states."
             )

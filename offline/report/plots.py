@@ -8,6 +8,7 @@ from offline.bootstrap import Estimate
 from offline.evaluate import SHARES, mse, mse_on_road, rms_by_step
 from offline.judgement import Judgement, ratios_to_rivals
 from offline.report.canvas import FAINT, INK, add_legend, blank, log_scale, pens
+from offline.sheet import in_digits
 from offline.test_sets import LIBRARY, NEW_ROADS
 
 _FARTHEST = 1e4
@@ -69,6 +70,7 @@ def ratio_bars(judgement: Judgement, model: str, on: str = LIBRARY) -> Figure:
         axes.axvline(1.0, color=INK, linewidth=0.8)
         axes.set_title(head)
         axes.grid(visible=False, axis="y")
+        axes.set_axisbelow(True)
     low, high = 0.7 * min(drawn), 1.4 * max(drawn)
     for axes in panels:
         axes.set_xlim(low, high * (high / low) ** 0.35)  # room for the numbers
@@ -90,7 +92,7 @@ def _bar(axes: Axes, row: int, estimate: Estimate) -> list[float]:
     drawn = np.clip(ends, 1.0 / _FARTHEST, _FARTHEST)
     axes.barh(row, drawn[0] - 1.0, left=1.0, height=0.62, color=color, alpha=0.75)
     axes.plot(drawn[1:], np.full(len(drawn) - 1, row), color=INK, linewidth=1.1)
-    axes.text(max(1.0, *drawn), row, f" {value:.3g}", va="center", fontsize=7)
+    axes.text(max(1.0, *drawn), row, f" {in_digits(value, 3)}", va="center", fontsize=7)
     return [float(end) for end in drawn]
 
 

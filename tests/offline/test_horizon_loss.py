@@ -160,7 +160,7 @@ def in_tenfold_units(model: MdkNet, batch: Batch, i: int) -> tuple[MdkNet, Batch
     with torch.no_grad():
         for one, source in zip(other.parameters(), model.parameters(), strict=True):
             one.copy_(source)
-        other.encoder[0].weight[:, i] /= 10.0
+        other.encoder.layers[0].weight[:, i] /= 10.0
         other.A_rows[i] *= 10.0
         other.A_rows[:, i] /= 10.0
         other.B_rows[i] *= 10.0
@@ -182,7 +182,7 @@ def test_the_unit_of_a_state_adds_a_constant_and_turns_no_gradient(i):
     assert (there - here).item() == pytest.approx(math.log(100.0) / STATES)
     here.backward()
     there.backward()
-    last, other_last = model.encoder[-1].weight.grad, other.encoder[-1].weight.grad
+    last, other_last = model.encoder.layers[-1].weight.grad, other.encoder.layers[-1].weight.grad
     assert torch.allclose(last, other_last, rtol=1e-8, atol=1e-12)
     latents = slice(STATES, None)
     assert torch.allclose(model.B_rows.grad[latents], other.B_rows.grad[latents], atol=1e-12)

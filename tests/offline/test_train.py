@@ -55,6 +55,23 @@ def test_training_lowers_the_validation_loss(tiny_config, toy_dataset, new_run):
     assert losses[-1] < 0.3 * losses[0]
 
 
+def test_a_rate_that_was_halved_ten_times_ends_a_run(tiny_config, toy_dataset, new_run):
+    """A rate of next to nothing: the loss stays what it is, and every evaluation halves."""
+    still = {"learning_rate": 1e-30, "patience": 1, "evaluate_every": 1, "steps": 50}
+    run = new_run(tiny_config.model_copy(update=still))
+    outcome = train(run.config, toy_dataset, run)
+    assert outcome.is_finished
+    assert outcome.step == 11
+    assert history(run)[-1]["learning_rate"] == pytest.approx(1e-30 / 1024)
+    again = train(run.config, toy_dataset, run, resume_from=load_checkpoint(run.last))
+    assert (again.is_finished, again.step) == (True, 11)
+
+
+def test_a_cosine_has_no_rate_too_low_to_go_on(tiny_recommended, toy_dataset, new_run):
+    run = new_run(tiny_recommended)
+    assert train(run.config, toy_dataset, run).step == run.config.steps
+
+
 def test_training_on_the_horizon_lowers_every_kind_of_error_it_is_about(
     tiny_recommended, toy_dataset, new_run
 ):

@@ -40,9 +40,9 @@ def test_states_are_recovered_by_the_identity_and_zeros(model):
 
 
 def test_encoder_has_the_widths_of_the_table_and_relu_on_hidden_layers_only(model):
-    linear = [layer for layer in model.encoder if isinstance(layer, nn.Linear)]
+    linear = [layer for layer in model.encoder.layers if isinstance(layer, nn.Linear)]
     assert [layer.out_features for layer in linear[:-1]] == [32, 64, 128, 128, 64]
-    assert [type(layer) for layer in model.encoder] == [nn.Linear, nn.ReLU] * 5 + [nn.Linear]
+    assert [type(layer) for layer in model.encoder.layers] == [nn.Linear, nn.ReLU] * 5 + [nn.Linear]
 
 
 def test_matrices_have_the_sizes_of_the_paper(model):
@@ -67,7 +67,7 @@ def test_inputs_are_the_controls_followed_by_curvature(model):
 def test_literal_preset_learns_all_sixty_latents():
     torch.manual_seed(0)
     model = MdkNet(PRESETS["paper-literal"], SIZES)
-    assert model.encoder[-1].out_features == 60
+    assert model.encoder.layers[-1].out_features == 60
     assert model.operator().A is model.A_rows
 
 

@@ -233,8 +233,8 @@ def test_states_share_of_the_multi_step_loss_leaves_the_latents_out():
     model, batch = a_model(config), a_batch()
     losses = total_loss(model, config, batch)
     with torch.no_grad():
-        model.encoder[-1].weight.mul_(0.0)
-        model.encoder[-1].bias.mul_(0.0)
+        model.encoder.layers[-1].weight.mul_(0.0)
+        model.encoder.layers[-1].bias.mul_(0.0)
         model.A_rows[:6, 6:] = 0.0
         model.A_rows[6:] = 0.0
         model.B_rows[6:] = 0.0

@@ -44,6 +44,8 @@ CONFIGS: dict[str, TrainingConfig] = {
         update={"lift_exogenous": False, "history_steps": 2}
     ),
     "x, w and history": PRESETS["linear"],
+    "x, w and history, without products": PRESETS["linear"].model_copy(update={"products": False}),
+    "products of x": PRESETS["paper"].model_copy(update={"products": True}),
     "bilinear": PRESETS["recommended"],
     "bilinear along the free response": PRESETS["recommended"].model_copy(
         update={"bilinear_follows": Follow.FREE_RESPONSE}
@@ -71,7 +73,10 @@ def a_model(config: TrainingConfig) -> MdkNet:
         model.B_rows += 0.02 * torch.randn_like(model.B_rows)
         if model.rank:
             model.N_rows += 0.02 * torch.randn_like(model.N_rows)
-        for layer in model.encoder:
+        if model.encoder.products is not None:
+            weight = model.encoder.products.weights.weight
+            weight += 0.05 * torch.randn_like(weight)
+        for layer in model.encoder.layers:
             if isinstance(layer, torch.nn.Linear):
                 layer.bias += 0.1 * torch.randn_like(layer.bias)
     return model
