@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from rt_controller.config import BusSettings, CarSettings, ControllerConfig, Pace
+from rt_controller.config import BusSettings, CarSettings, ControllerConfig, Pace, RealtimeSettings
 from rt_controller.contract.artifact import load_bundle
 from rt_controller.contract.bundle import Array
 from rt_controller.contract.limits import INPUT_LIMITS
@@ -73,7 +73,9 @@ def copied(program: QuadraticProgram) -> QuadraticProgram:
 
 def record(model: str, scenario: str, features: Features) -> Recording:
     """Drive `scenario` in lockstep with a shipped model; every problem on the way."""
-    config = ControllerConfig(bus=BusSettings(channel="benchmarks"))
+    config = ControllerConfig(
+        bus=BusSettings(channel="benchmarks"), realtime=RealtimeSettings(priority=0)
+    )
     settings, bundle = config.mpc, load_bundle(shipped_model(model))
     solvers: list[_Recorder] = []
 

@@ -1,6 +1,6 @@
 """Who takes part, under which name, and what has to be installed for it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module, metadata
 from typing import NamedTuple
 
@@ -48,10 +48,12 @@ _OTHERS = (
 )
 
 
-def entrants() -> tuple[list[Entrant], list[str]]:
-    """All that are installed, and the names of those that are not."""
+def entrants(only: Sequence[str] = ()) -> tuple[list[Entrant], list[str]]:
+    """Those wanted that are installed, and the names of those that are not."""
     found, missing = list(OWN), []
     for name, package, module, factory, has_tolerance in _OTHERS:
+        if only and name not in only:
+            continue
         try:
             opener = getattr(import_module(f"benchmarks.peers.entrants.{module}"), factory)
         except ModuleNotFoundError:
