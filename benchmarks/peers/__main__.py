@@ -1,11 +1,5 @@
 """`python -m benchmarks.peers`: the controller's QPs through every solver that is installed."""
 
-import os
-
-# One thread: what else the machine could do in parallel is not the question.
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(variable, "1")
-
 import sys
 from pathlib import Path
 from typing import Annotated
