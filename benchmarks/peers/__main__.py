@@ -66,14 +66,8 @@ def main(
                     recording = record(model, SCENARIOS[scenario], TIERS[tier])
                 for mode in modes:
                     title = f"{model}, {scenario}, {tier}, {mode.value}"
-                    with console.status(title) as status:
-                        standings = compare(
-                            recording,
-                            everybody,
-                            mode,
-                            rounds,
-                            lambda name, shown=status, of=title: shown.update(f"{of}: {name}"),
-                        )
+                    with console.status(title):
+                        standings = compare(recording, everybody, mode, rounds)
                     console.print(to_table(title, standings))
                     found.append((model, scenario, tier, mode, standings))
     write_figures(json, to_json(found, everybody, missing, rounds))

@@ -21,7 +21,8 @@ def exact_first_inputs(recording: Recording) -> Array:
     Raises:
         UncertainError: an answer does not meet the optimality conditions to 1e-7.
     """
-    program, answers = recording.copy(), []
+    program = recording.copy()
+    answers: list[Array] = []
     for event in recording.replay(program):
         if isinstance(event, Matrices) or event.is_rehearsal:
             continue

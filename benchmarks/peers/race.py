@@ -41,16 +41,18 @@ def drive_lap(entrant: Entrant, tolerance: float, recording: Recording, mode: Mo
     """Everything once through."""
     program = recording.copy()
     solver = entrant.open(program, tolerance)
-    times_ns, answers, unsolved, owed_ns = [], [], 0, 0
+    times_ns: list[int] = []
+    answers: list[Array] = []
+    unsolved = owed_ns = 0
     for event in recording.replay(program):
-        is_matrices = isinstance(event, Matrices)
-        if mode is Mode.UNPREPARED and not is_matrices and event.is_rehearsal:
-            continue
         begun_ns = time.perf_counter_ns()
-        if is_matrices:
+        if isinstance(event, Matrices):
             solver.renew()
             owed_ns = time.perf_counter_ns() - begun_ns
             continue
+        if event.is_rehearsal and mode is Mode.UNPREPARED:
+            continue
+        begun_ns = time.perf_counter_ns()
         status = solver.solve()
         spent_ns = time.perf_counter_ns() - begun_ns
         if event.is_rehearsal:

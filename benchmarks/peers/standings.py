@@ -42,13 +42,12 @@ def compare(
     entrants: Sequence[Entrant],
     mode: Mode,
     rounds: int,
-    on_progress: Callable[[str], None] = lambda name: None,
 ) -> list[Standing]:
     """Each in the loosest setting that is exact enough, all of them in every round."""
     exact = exact_first_inputs(recording)
-    tolerances, laps = {}, {entrant.name: [] for entrant in entrants}
+    tolerances: dict[str, float | None] = {}
+    laps: dict[str, list[Lap]] = {entrant.name: [] for entrant in entrants}
     for entrant in entrants:
-        on_progress(entrant.name)
         tolerances[entrant.name] = find_tolerance(entrant, recording, exact)
     order = np.random.default_rng(0)
     for _ in range(rounds):
