@@ -60,12 +60,14 @@ class QuadraticProgram:
     @property
     def every_lower(self) -> Array:
         """(n + r,), a view"""
-        return self.bounds[0]
+        view: Array = self.bounds[0]
+        return view
 
     @property
     def every_upper(self) -> Array:
         """(n + r,), a view"""
-        return self.bounds[1]
+        view: Array = self.bounds[1]
+        return view
 
     @property
     def lower(self) -> Array:

@@ -1,5 +1,7 @@
 """qpOASES, an online active-set strategy: Ferreau et al., 2014; as CasADi brings it."""
 
+from typing import Any
+
 import casadi
 import numpy as np
 
@@ -22,7 +24,9 @@ class QpoasesEntrant:
         }
         options = {"printLevel": "none", "sparse": False, "error_on_fail": False}
         self._function = casadi.conic("peer", "qpoases", shape, options)
-        self._buffer, self._run = self._function.buffer()
+        buffer: Any
+        buffer, self._run = self._function.buffer()
+        self._buffer = buffer
         names = self._function.name_in()
         self._G = np.zeros(len(self._taken))
         self._vectors = np.zeros((4, max(n, rows)))

@@ -29,12 +29,14 @@ class Stacked:
     @property
     def low(self) -> Array:
         """(m,), a view"""
-        return self.bounds[0]
+        view: Array = self.bounds[0]
+        return view
 
     @property
     def high(self) -> Array:
         """(m,), a view"""
-        return self.bounds[1]
+        view: Array = self.bounds[1]
+        return view
 
     def renew(self) -> None:
         """Take up the program's matrices."""
