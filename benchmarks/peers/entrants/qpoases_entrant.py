@@ -18,7 +18,7 @@ class QpoasesEntrant:
         pattern = program.pattern
         columns, places = np.nonzero(pattern.T)
         self._taken = places * n + columns
-        shape = {
+        shape: dict[str, Any] = {
             "h": casadi.Sparsity.dense(n, n),
             "a": casadi.Sparsity.triplet(rows, n, places.tolist(), columns.tolist()),
         }
@@ -45,8 +45,8 @@ class QpoasesEntrant:
         }
         for name, memory in given.items():
             if memory.size:
-                self._buffer.set_arg(names.index(name), memoryview(memory))
-        self._buffer.set_res(self._function.name_out().index("x"), memoryview(self.solution))
+                self._buffer.set_arg(names.index(name), memory.data)
+        self._buffer.set_res(self._function.name_out().index("x"), self.solution.data)
         self.renew()
 
     def renew(self) -> bool:
