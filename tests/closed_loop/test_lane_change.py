@@ -36,6 +36,17 @@ def test_a_linear_model_drives_through_the_same_code(tmp_path: Path) -> None:
     assert figures["ey_peak_m"] <= 1.0
 
 
+def test_a_network_that_knows_the_speed_drives_better_far_from_the_middle_of_it(
+    tmp_path: Path,
+) -> None:
+    """What the wheel does depends on the speed; a linear model has one answer for all speeds."""
+    network, linear = (
+        drive(tmp_path, model, "--scenario", "lane_change_120") for model in ("mdk-net", "lti")
+    )
+    assert network["ey_rms_m"] <= 0.10
+    assert network["ey_rms_m"] < 0.5 * linear["ey_rms_m"]
+
+
 def test_a_lifted_reference_drives_too(tmp_path: Path) -> None:
     figures = drive(tmp_path, "mdk-net-paper", "--mpc.latent-weight", "0.001")
     assert figures["ey_peak_m"] <= 0.5
