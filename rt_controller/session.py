@@ -153,9 +153,11 @@ def open_session(
     """Everything else that can fail, done before the first tick.
 
     Raises:
-        ConfigError: a log file that cannot be written.
+        ConfigError: a log file that cannot be written, or this machine is too slow.
         BusError: the bus cannot be opened.
     """
+    if not is_lockstep:  # which shall be the same on every machine
+        planner.mpc.bound(round(config.realtime.solve_budget_ms * 1e6))
     # First of all: the threads that a bus or a log start inherit what the process is granted.
     conduct = prepare_process(config.realtime.priority)
     try:

@@ -52,6 +52,10 @@ class DaqpSolver:
             )
         self._model.settings = {**self._model.settings, "iter_limit": max_iterations}
 
+    def bound(self, budget_ns: int) -> None:
+        """As `Solver.bound`; DAQP looks at the clock itself."""
+        self._model.settings = {**self._model.settings, "time_limit": budget_ns / 1e9}
+
     def renew(self) -> bool:
         """As `Solver.renew`."""
         program = self._program

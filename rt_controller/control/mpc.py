@@ -66,6 +66,14 @@ class Mpc:
         """Iterations of the last solve."""
         return self._solver.iterations
 
+    def bound(self, budget_ns: int) -> None:
+        """Never solve for much longer than this.
+
+        Raises:
+            ConfigError: a usual solve would not be done by then.
+        """
+        self._solver.bound(budget_ns)
+
     def observe(self, state: VehicleState, held: ControlInput) -> None:
         """The car is at `state`, and `held` was in force for the period that ended here."""
         if self._history is not None:

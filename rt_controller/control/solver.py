@@ -23,6 +23,14 @@ class Solver(Protocol):
     iterations: int
     """of the last solve"""
 
+    def bound(self, budget_ns: int) -> None:
+        """Never take much longer than this for a solve; on this machine, so not repeatable.
+
+        Raises:
+            ConfigError: a usual solve would not be done by then.
+        """
+        ...
+
     def renew(self) -> bool:
         """Read the matrices again; False if they are seen to make no convex QP.
 

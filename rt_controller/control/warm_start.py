@@ -28,6 +28,10 @@ class WarmStarted:
         self.solution = np.zeros(program.size)
         self.iterations = 0
 
+    def bound(self, budget_ns: int) -> None:
+        """As `Solver.bound`: of the solver behind; the try is bounded by its rounds."""
+        self._solver.bound(budget_ns)
+
     def renew(self) -> bool:
         """As `Solver.renew`."""
         # Both, always: a solver that is not told would go on with the matrices before.
