@@ -24,7 +24,7 @@ LEAST_ITERATIONS = 12
 """cut shorter than this, the first input may be wrong by more than 1e-4 of its range"""
 MEASURED_SOLVES = 21
 COLD_FACTOR = 2.0
-"""how much longer an iteration takes once in 25 ms than in a row, its data being out of the cache"""
+"""how much longer an iteration takes once in 25 ms than in a row: its data left the cache"""
 USABLE_RESIDUAL = 1e-4
 """of a solve cut short there, in units of an input's range: as exact as a command frame"""
 
