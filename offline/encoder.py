@@ -52,10 +52,12 @@ class Encoder(nn.Module):
 
     def forward(self, shown: Tensor) -> Tensor:
         """As the class says."""
+        return self.latents(shown, shown[..., : self.present])
+
+    def latents(self, shown: Tensor, multiplied: Tensor) -> Tensor:
+        """The same, where layers and products are given their signals in different units."""
         latents: Tensor = self.layers(shown)
-        if self.products is not None:
-            latents = latents + self.products(shown[..., : self.present])
-        return latents
+        return latents if self.products is None else latents + self.products(multiplied)
 
 
 def _multilayer_perceptron(

@@ -24,7 +24,7 @@ from torch import Tensor, nn
 from offline.checkpoint import Checkpoint
 from offline.config import TrainingConfig
 from offline.dataset import Dataset
-from offline.model import MdkNet, sizes_of
+from offline.model import MdkNet, sizes_of, with_zero_row
 from offline.predictor import BundlePredictor
 from offline.provenance import describe_training
 from offline.roles import past_names
@@ -77,20 +77,17 @@ class PhysicalEncoder(nn.Module):
         self.register_buffer("spread", spread[:present].float())
         if model.has_constant:
             last = _linear(self.encoder.layers[-1])
-            last.weight.data = _with_zero_row(last.weight.data)
+            last.weight.data = with_zero_row(last.weight.data)
             last.bias.data = torch.cat([last.bias.data, torch.ones(1)])
             if self.encoder.products is not None:
                 weights = self.encoder.products.weights
-                weights.weight.data = _with_zero_row(weights.weight.data)
+                weights.weight.data = with_zero_row(weights.weight.data)
 
     def forward(self, x: Tensor, *more: Tensor) -> Tensor:
         shown = torch.cat([x, *(signal.flatten(1) for signal in more)], dim=-1)
-        z = self.encoder.layers(shown)
-        if self.encoder.products is not None:
-            # Products are of centred signals: a sum of products in one unit each folds badly.
-            present = shown[..., : self.encoder.present]
-            z = z + self.encoder.products((present - self.centre) / self.spread)
-        return torch.cat([x, z], dim=-1)
+        # Products stay those of scaled signals: folded, they would be sums of large numbers.
+        present = (shown[..., : self.encoder.present] - self.centre) / self.spread
+        return torch.cat([x, self.encoder.latents(shown, present)], dim=-1)
 
 
 def make_bundle(checkpoint: Checkpoint, dataset: Dataset) -> tuple[Bundle, Gate]:
@@ -304,10 +301,6 @@ def pass_gate(bundle: Bundle, largest_radius: float = LARGEST_RADIUS) -> Gate:
             f"onnxscript and onnxruntime."
         )
     return Gate(bundle.spectral_radius, bundle.growth(20), bundle.growth(80), parity)
-
-
-def _with_zero_row(matrix: Tensor) -> Tensor:
-    return torch.cat([matrix, torch.zeros_like(matrix[:1])])
 
 
 def _linear(layer: nn.Module) -> nn.Linear:

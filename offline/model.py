@@ -118,11 +118,11 @@ class MdkNet(nn.Module):
             return Operator(self.A_rows, self.B_rows)
         last_A = torch.zeros_like(self.A_rows[:1])
         last_A[0, -1] = 1.0
-        return Operator(torch.cat([self.A_rows, last_A]), _with_zero_row(self.B_rows))
+        return Operator(torch.cat([self.A_rows, last_A]), with_zero_row(self.B_rows))
 
     def bilinear_columns(self) -> Tensor:
         """N (R, n, m)."""
-        return _with_zero_row(self.N_rows, dim=1) if self.has_constant else self.N_rows
+        return with_zero_row(self.N_rows, dim=1) if self.has_constant else self.N_rows
 
     def show(self, instants: Instants) -> Tensor:
         """What the encoder sees (..., s) of the instants: x, and what else the lift needs."""
@@ -182,5 +182,6 @@ def _first_operator(config: TrainingConfig, sizes: Sizes, n: int, learned: int) 
     return start + NOISE_AROUND_START * torch.randn(n, n)
 
 
-def _with_zero_row(matrix: Tensor, dim: int = 0) -> Tensor:
+def with_zero_row(matrix: Tensor, dim: int = 0) -> Tensor:
+    """The matrix and one more row, or whatever lies along `dim`, of zeros."""
     return torch.cat([matrix, torch.zeros_like(matrix.narrow(dim, 0, 1))], dim=dim)

@@ -77,6 +77,15 @@ def bundle_of(toy_dataset, tmp_path):
     return write
 
 
+@pytest.fixture
+def shipped_met_the_toys(toy_dataset, monkeypatch):
+    """The shipped network is of 7,000 episodes; here it would be judged on 40 of the same seed."""
+    origin = replace(toy_dataset.origin, episodes=7_000)
+    shipped = load_bundle(shipped_model(SHIPPED))
+    shipped = replace(shipped, training=describe_training({}, origin))
+    monkeypatch.setattr(rivals, "load_bundle", lambda folder: shipped)
+
+
 def test_without_a_wish_the_plain_rivals_and_the_papers_network_are_taken():
     assert choose_rivals([]) == DEFAULT_RIVALS
     assert set(DEFAULT_RIVALS) <= set(known_rivals())
@@ -100,13 +109,8 @@ def test_the_library_is_always_judged_on():
 
 
 def test_a_rival_that_may_have_met_the_test_episodes_is_left_out_or_refused(
-    toy_dataset, capsys, monkeypatch, quick
+    toy_dataset, capsys, quick, shipped_met_the_toys
 ):
-    """The shipped network is of 7,000 episodes; here it would be judged on 40 of the same seed."""
-    shipped = load_bundle(shipped_model(SHIPPED))
-    origin = replace(toy_dataset.origin, episodes=7_000)
-    shipped = replace(shipped, training=describe_training({}, origin))
-    monkeypatch.setattr(rivals, "load_bundle", lambda folder: shipped)
     opened = open_rivals(DEFAULT_RIVALS, toy_dataset, [], insisted=False)
     assert list(opened) == ["lti", "lti-per-curvature", "persistence"]
     assert quick.fitted == list(opened)
@@ -129,7 +133,7 @@ def test_the_papers_network_is_no_rival_of_itself_and_one_of_others(
     assert open_rivals([SHIPPED], toy_dataset, [other, shipped], insisted=False) == {}
 
 
-def test_all_rivals_are_those_that_can_be(toy_dataset, toy_folder, bundle_of):
+def test_all_rivals_are_those_that_can_be(toy_folder, bundle_of, shipped_met_the_toys):
     """Whoever asks for all of them insists on none."""
     model = bundle_of("model")
     evaluation = run_evaluation([model], toy_folder, NO_RUN, ["all"], ["library"])

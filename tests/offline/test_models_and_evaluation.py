@@ -114,8 +114,8 @@ def test_a_trained_bundle_passes_the_contract_and_carries_its_origin_and_its_err
     checkpoint = trained(tiny_config, new_run, toy_dataset)
     bundle, gate = make_bundle(checkpoint, toy_dataset)
     judgement = compare(bundle, toy_dataset)
-    assert judgement.names == ("mdk-net", "lti", "lti-per-curvature", "persistence")
-    assert FAIR_LTI in ratios_to_rivals(judgement, "mdk-net")
+    assert judgement.names == ("mdk-net-paper", "lti", "lti-per-curvature", "persistence")
+    assert FAIR_LTI in ratios_to_rivals(judgement, "mdk-net-paper")
     print_pooled(judgement)
     printed = capsys.readouterr().out
     for model in pooled_figures(judgement)["models"].values():
@@ -215,7 +215,8 @@ def test_a_small_latent_that_answers_otherwise_is_not_exported(checkpoint, toy_d
 def with_latents_of(checkpoint, size):
     """The same network with all latents so much smaller."""
     model = {name: tensor.clone() for name, tensor in checkpoint.model.items()}
-    for name in sorted(name for name in model if name.startswith("encoder."))[-2:]:
+    layers = sorted(name for name in model if name.startswith("encoder.layers."))
+    for name in (*layers[-2:], "encoder.products.weights.weight"):
         model[name] *= size
     return replace(checkpoint, model=model)
 

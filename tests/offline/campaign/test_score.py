@@ -66,6 +66,8 @@ LINEAR = 9 * 10 + 9 * 4
 """A and B, without the constant's row"""
 BILINEAR = 2 * 9 * 3 + 2 * 3 * 10
 """N and S of rank 2"""
+PRODUCTS = (7 * 8 // 2) * 3
+"""of every two of the six states and the curvature, for each latent"""
 
 
 @pytest.mark.parametrize(
@@ -73,7 +75,7 @@ BILINEAR = 2 * 9 * 3 + 2 * 3 * 10
     [
         ("tiny_config", (6 * 8 + 8) + ENCODER + LINEAR),
         # shown the state, three rows of history, and the curvature
-        ("tiny_recommended", ((6 + 3 * 6 + 1) * 8 + 8) + ENCODER + LINEAR + BILINEAR),
+        ("tiny_recommended", ((6 + 3 * 6 + 1) * 8 + 8) + ENCODER + LINEAR + BILINEAR + PRODUCTS),
     ],
 )
 def test_a_checkpoint_scores_as_the_bundle_that_is_made_of_it(
