@@ -8,10 +8,12 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat
 
+from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import ControlInput, VehicleState
 from rt_controller.contract.timing import HOLD_PLAN_TICKS
 from rt_controller.control.corridor import Corridor
 from rt_controller.control.cost import TrackingCost
+from rt_controller.control.formulation import Formulation
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.qp import Features
 from rt_controller.control.solver import Solver
@@ -73,6 +75,8 @@ class MpcSettings(_Settings):
     """how far from the path the plan may be before that costs extra; none: as far as it likes"""
     beyond_corridor_m: PositiveFloat = 0.05
     """how far beyond costs as much as any other tolerated deviation"""
+    formulation: Formulation = Formulation.AUTO
+    """inputs only, or with the states too; the faster one unless said otherwise"""
     solver: SolverChoice = SolverChoice.PIQP
     """of the QP; daqp needs the extra [daqp]"""
     warm_start: Literal["on", "off"] = "on"
@@ -85,6 +89,20 @@ class MpcSettings(_Settings):
         if self.corridor_m is not None:
             corridor = Corridor(self.corridor_m, self.beyond_corridor_m)
         return Features(self.slew_rows, corridor)
+
+    def chosen_formulation(self) -> Formulation:
+        """Only PIQP takes stages, so only with it is there a choice.
+
+        Raises:
+            ConfigError: another solver shall take them.
+        """
+        if self.solver is SolverChoice.PIQP:
+            return self.formulation
+        if self.formulation is Formulation.STAGED:
+            raise ConfigError(
+                f"--mpc.formulation staged: expected the solver piqp, found {self.solver.value}."
+            )
+        return Formulation.CONDENSED
 
     def open_solver(self, program: QuadraticProgram) -> Solver:
         """The chosen solver, around this program.

@@ -138,6 +138,7 @@ def load_planner(config: ControllerConfig) -> Planner:
         INPUT_LIMITS,
         settings.features(),
         settings.open_solver,
+        settings.chosen_formulation(),
     )
     warm_up(mpc)
     return Planner(bundle, mpc)

@@ -8,7 +8,7 @@ import cyclopts
 from rich.console import Console
 
 from benchmarks.peers.entrants.roster import entrants
-from benchmarks.peers.figures import to_json, to_table
+from benchmarks.peers.figures import duel_table, to_json, to_table
 from benchmarks.peers.race import Mode
 from benchmarks.peers.recording import record
 from benchmarks.peers.standings import compare
@@ -30,6 +30,7 @@ def main(
     modes: tuple[Mode, ...] = tuple(Mode),
     only: tuple[str, ...] = (),
     rounds: int = 5,
+    nonlinear: bool = True,
     json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
     plot: Path | None = None,
 ) -> int:
@@ -49,6 +50,8 @@ def main(
         Names of solvers, if not all shall take part; the controller's own always do.
     rounds
         How often everybody runs; ratios are taken within a round.
+    nonlinear
+        Whether controllers with a nonlinear model drive too; compiling them takes some minutes.
     json
         The same figures for a program.
     plot
@@ -70,7 +73,19 @@ def main(
                         standings = compare(recording, everybody, mode, rounds)
                     console.print(to_table(title, standings))
                     found.append((model, scenario, tier, mode, standings))
-    write_figures(json, to_json(found, everybody, missing, rounds))
+    duels = []
+    if nonlinear:
+        from benchmarks.peers.nonlinear.duel import Duel
+
+        for model in models:
+            with console.status(f"{model}: compiling the nonlinear controllers"):
+                duel = Duel(model, only)
+            for scenario in scenarios:
+                with console.status(f"{model}, {scenario}: driving with each of them"):
+                    summaries = duel.drive(SCENARIOS[scenario], rounds)
+                console.print(duel_table(f"{model}, {scenario}, closed loop", summaries))
+                duels.append((model, scenario, summaries))
+    write_figures(json, to_json(found, duels, everybody, missing, rounds))
     if plot is not None:
         from benchmarks.peers.plot import draw
 

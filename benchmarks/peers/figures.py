@@ -7,8 +7,10 @@ from typing import Any
 from rich.table import Table
 
 from benchmarks.peers.entrants.roster import Entrant
+from benchmarks.peers.nonlinear.outcome import Summary
 from benchmarks.peers.race import EXACT_ENOUGH, Mode
-from benchmarks.peers.standings import Ratio, Standing
+from benchmarks.peers.ratio import Ratio
+from benchmarks.peers.standings import Standing
 
 Found = tuple[str, str, str, Mode, list[Standing]]
 """model, scenario, tier, mode, standings"""
@@ -26,17 +28,43 @@ def to_table(title: str, standings: Sequence[Standing]) -> Table:
             f"{one.p50_us:.0f}",
             f"{one.p99_us:.0f}",
             f"{one.max_us:.0f}",
-            _spread(one.p50_over_cold),
-            _spread(one.p99_over_cold),
-            _spread(one.p50_over_default),
+            str(one.p50_over_cold),
+            str(one.p99_over_cold),
+            str(one.p50_over_default),
             _error(one),
             "" if one.tolerance is None else f"{one.tolerance:g}",
         )
     return table
 
 
+def duel_table(title: str, summaries: Sequence[Summary]) -> Table:
+    """One drive, the fastest plan first."""
+    table = Table(title=title, title_justify="left")
+    heads = ("controller", "plan p50 us", "p99 us", "max us", "prepare p50 us", "p50 / default")
+    for head in (*heads, "with prepare", "e_y RMS m", "peak m", "v_x RMS m/s"):
+        table.add_column(head, justify="left" if head == "controller" else "right", no_wrap=True)
+    for one in sorted(summaries, key=lambda summary: summary.plan_p50_us):
+        table.add_row(
+            one.name,
+            f"{one.plan_p50_us:.0f}",
+            f"{one.plan_p99_us:.0f}",
+            f"{one.plan_max_us:.0f}",
+            f"{one.prepare_p50_us:.0f}",
+            str(one.plan_p50_over_default),
+            str(one.both_p50_over_default),
+            f"{one.ey_rms_m:.3f}",
+            f"{one.ey_peak_m:.3f}",
+            f"{one.vx_rms_mps:.3f}",
+        )
+    return table
+
+
 def to_json(
-    found: Iterable[Found], everybody: Iterable[Entrant], missing: list[str], rounds: int
+    found: Iterable[Found],
+    duels: Iterable[tuple[str, str, list[Summary]]],
+    everybody: Iterable[Entrant],
+    missing: list[str],
+    rounds: int,
 ) -> dict[str, Any]:
     """All standings; times in microseconds, errors as shares of an input's range."""
     return {
@@ -55,19 +83,23 @@ def to_json(
             }
             for model, scenario, tier, mode, standings in found
         ],
+        "closed_loop": [
+            {
+                "model": model,
+                "scenario": scenario,
+                "controllers": {one.name: _plain(one) for one in summaries},
+            }
+            for model, scenario, summaries in duels
+        ],
     }
 
 
-def _plain(one: Standing) -> dict[str, Any]:
+def _plain(one: Standing | Summary) -> dict[str, Any]:
     return {
         name: value._asdict() if isinstance(value, Ratio) else value
         for name, value in one._asdict().items()
         if name != "name"
     }
-
-
-def _spread(ratio: Ratio) -> str:
-    return f"{ratio.median:.2f} ({ratio.least:.2f}–{ratio.most:.2f})"
 
 
 def _error(one: Standing) -> str:

@@ -3,6 +3,7 @@
 import time
 from dataclasses import dataclass
 from enum import StrEnum
+from math import inf
 
 import numpy as np
 
@@ -37,8 +38,14 @@ class Lap:
     unsolved: int
 
 
-def drive_lap(entrant: Entrant, tolerance: float, recording: Recording, mode: Mode) -> Lap:
-    """Everything once through."""
+def drive_lap(
+    entrant: Entrant,
+    tolerance: float,
+    recording: Recording,
+    mode: Mode,
+    most_unsolved: float = inf,
+) -> Lap:
+    """Everything once through, or until too much is unsolved."""
     program = recording.copy()
     solver = entrant.open(program, tolerance)
     times_ns: list[int] = []
@@ -61,6 +68,8 @@ def drive_lap(entrant: Entrant, tolerance: float, recording: Recording, mode: Mo
         owed_ns = 0
         unsolved += status is not SolveStatus.SOLVED
         answers.append(solver.solution[:N_INPUTS].copy())
+        if unsolved > most_unsolved:
+            break
     return Lap(np.array(times_ns) / 1e3, np.array(answers), unsolved)
 
 
@@ -72,7 +81,7 @@ def first_input_error(lap: Lap, exact: Array) -> float:
 def find_tolerance(entrant: Entrant, recording: Recording, exact: Array) -> float | None:
     """The loosest at which every problem is solved exactly enough; None if there is none."""
     for tolerance in TOLERANCES if entrant.has_tolerance else TOLERANCES[:1]:
-        lap = drive_lap(entrant, tolerance, recording, Mode.PREPARED)
+        lap = drive_lap(entrant, tolerance, recording, Mode.PREPARED, most_unsolved=0)
         if lap.unsolved == 0 and first_input_error(lap, exact) <= EXACT_ENOUGH:
             return tolerance
     return None

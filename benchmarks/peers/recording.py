@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from rt_controller.config import BusSettings, CarSettings, ControllerConfig, Pace, RealtimeSettings
+from benchmarks.peers.lockstep import drive, plain_config
 from rt_controller.contract.artifact import load_bundle
 from rt_controller.contract.bundle import Array
 from rt_controller.contract.limits import INPUT_LIMITS
@@ -14,8 +14,7 @@ from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.qp import Features
 from rt_controller.control.solver import Solver, SolveStatus
 from rt_controller.control.solvers import open_solver
-from rt_controller.session import Planner, open_session, shipped_model, warm_up
-from rt_controller.virtual_car import build_virtual_car
+from rt_controller.session import shipped_model
 
 
 class Matrices(NamedTuple):
@@ -73,10 +72,8 @@ def copied(program: QuadraticProgram) -> QuadraticProgram:
 
 def record(model: str, scenario: str, features: Features) -> Recording:
     """Drive `scenario` in lockstep with a shipped model; every problem on the way."""
-    config = ControllerConfig(
-        bus=BusSettings(channel="benchmarks"), realtime=RealtimeSettings(priority=0)
-    )
-    settings, bundle = config.mpc, load_bundle(shipped_model(model))
+    config, bundle = plain_config(), load_bundle(shipped_model(model))
+    settings = config.mpc
     solvers: list[_Recorder] = []
 
     def recorder(program: QuadraticProgram) -> "_Recorder":
@@ -86,20 +83,9 @@ def record(model: str, scenario: str, features: Features) -> Recording:
     mpc = _Rehearsing(bundle, settings.horizon, settings.cost(), INPUT_LIMITS, features, recorder)
     (solver,) = solvers
     mpc.recorder = solver
-    warm_up(mpc)
     found = Recording(model, Path(scenario).stem, copied(solver.program))
     solver.events = found.events
-    car = build_virtual_car(config.bus, CarSettings(scenario=scenario))
-    try:
-        session = open_session(config, Planner(bundle, mpc), car.clock(Pace.LOCKSTEP), None, True)
-        try:
-            session.start(None, False, 10.0).join()
-        finally:
-            session.close()
-        if session.failure is not None:
-            raise session.failure
-    finally:
-        car.close()
+    drive(config, bundle, mpc, scenario)
     return found
 
 
@@ -124,6 +110,9 @@ class _Recorder:
         self._solver: Solver = open_solver(program)
         self.solution = self._solver.solution
         self.iterations = 0
+
+    def bound(self, budget_ns: int) -> None:
+        self._solver.bound(budget_ns)
 
     def renew(self) -> bool:
         self.events.append(Matrices(self.program.P.copy(), self.program.G.copy()))

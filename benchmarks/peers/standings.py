@@ -1,6 +1,6 @@
 """Everybody through every recording, several times in turn: figures and their spread."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -8,15 +8,8 @@ import numpy as np
 from benchmarks.peers.entrants.roster import COLD, DEFAULT, Entrant
 from benchmarks.peers.exact import exact_first_inputs
 from benchmarks.peers.race import Lap, Mode, drive_lap, find_tolerance, first_input_error
+from benchmarks.peers.ratio import Ratio, p50, p99, ratio_of
 from benchmarks.peers.recording import Recording
-
-
-class Ratio(NamedTuple):
-    """To somebody else in the same round: the median of the rounds, and the least and most."""
-
-    median: float
-    least: float
-    most: float
 
 
 class Standing(NamedTuple):
@@ -55,9 +48,11 @@ def compare(
             entrant = entrants[at]
             tolerance = tolerances[entrant.name]
             laps[entrant.name].append(drive_lap(entrant, tolerance or 1e-6, recording, mode))
+    medians = {name: [p50(lap.times_us) for lap in mine] for name, mine in laps.items()}
+    tails = {name: [p99(lap.times_us) for lap in mine] for name, mine in laps.items()}
     standings = []
     for entrant in entrants:
-        mine = laps[entrant.name]
+        mine, median, tail = laps[entrant.name], medians[entrant.name], tails[entrant.name]
         tolerance = tolerances[entrant.name]
         standings.append(
             Standing(
@@ -66,26 +61,13 @@ def compare(
                 is_exact_enough=tolerance is not None,
                 unsolved=max(lap.unsolved for lap in mine),
                 first_input_error=max(first_input_error(lap, exact) for lap in mine),
-                p50_us=float(np.median([_p50(lap) for lap in mine])),
-                p99_us=float(np.median([_p99(lap) for lap in mine])),
-                max_us=float(np.median([lap.times_us.max() for lap in mine])),
-                p50_over_cold=_ratio(mine, laps[COLD], _p50),
-                p99_over_cold=_ratio(mine, laps[COLD], _p99),
-                p50_over_default=_ratio(mine, laps[DEFAULT], _p50),
-                p99_over_default=_ratio(mine, laps[DEFAULT], _p99),
+                p50_us=p50(median),
+                p99_us=p50(tail),
+                max_us=p50([lap.times_us.max() for lap in mine]),
+                p50_over_cold=ratio_of(median, medians[COLD]),
+                p99_over_cold=ratio_of(tail, tails[COLD]),
+                p50_over_default=ratio_of(median, medians[DEFAULT]),
+                p99_over_default=ratio_of(tail, tails[DEFAULT]),
             )
         )
     return standings
-
-
-def _p50(lap: Lap) -> float:
-    return float(np.median(lap.times_us))
-
-
-def _p99(lap: Lap) -> float:
-    return float(np.percentile(lap.times_us, 99.0, method="higher"))
-
-
-def _ratio(mine: list[Lap], other: list[Lap], figure: Callable[[Lap], float]) -> Ratio:
-    ratios = [figure(a) / figure(b) for a, b in zip(mine, other, strict=True)]
-    return Ratio(float(np.median(ratios)), min(ratios), max(ratios))

@@ -13,12 +13,13 @@ from rt_controller.contract.schema import N_STATES
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
 from rt_controller.control.constraints import N_INPUTS
 from rt_controller.control.cost import TrackingCost
+from rt_controller.control.formulation import Formulation, formulate
 from rt_controller.control.history import History
 from rt_controller.control.lift import Encoder
 from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.prediction import one_step
 from rt_controller.control.program import QuadraticProgram
-from rt_controller.control.qp import WITH_SLEW, CondensedQp, Features
+from rt_controller.control.qp import WITH_SLEW, Features
 from rt_controller.control.reference import ReferenceHorizon
 from rt_controller.control.solver import Solver, SolveStatus
 from rt_controller.control.solvers import open_solver
@@ -42,6 +43,7 @@ class Mpc:
         limits: InputLimits,
         features: Features = WITH_SLEW,
         solver: Callable[[QuadraticProgram], Solver] = open_solver,
+        formulation: Formulation = Formulation.AUTO,
     ) -> None:
         require_drivable(bundle)
         _require_liftable_reference(bundle, cost)
@@ -49,8 +51,9 @@ class Mpc:
         self._encoder = Encoder(bundle)
         past = self._encoder.history
         self._history = None if past is None else History(past)
-        self._qp = CondensedQp(bundle, horizon, cost, limits, features)
-        self._solver = solver(self._qp.program)
+        self._qp, self._solver = formulate(
+            bundle, horizon, cost, limits, features, solver, formulation
+        )
         self._reference = ReferenceHorizon(horizon)
         self._tracks_latents = self._qp.situation.reference.shape[1] > N_STATES
         self._pedals = PedalChoice()
@@ -159,7 +162,7 @@ class Mpc:
 
     def _build(self) -> bool:
         """The matrices around the situation as it stands; False if they make no convex QP."""
-        if not self._qp.program.renews:
+        if not self._qp.renews:
             return True
         self._qp.prepare()
         return self._solver.renew()

@@ -1,46 +1,20 @@
-"""PIQP, an interior-point method: its time depends on the number of iterations and little else.
-
-Schwan, Jiang, Kuhn and Jones, *PIQP: A Proximal Interior-Point Quadratic Programming Solver*, 2023.
-"""
-
-import time
-from statistics import median
+"""PIQP on a condensed program: its time depends on the number of iterations and little else."""
 
 import numpy as np
-import piqp
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from rt_controller.contract.bundle import Array
-from rt_controller.contract.errors import ConfigError
+from rt_controller.control.piqp_workspace import PiqpWorkspace
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.solver import SolveStatus
 
-EPS_ABS = 1e-6
-EPS_DUALITY_GAP_ABS = 2e-9
 MAX_ITERATIONS = 16
-"""PIQP has no time limit: the number of iterations bounds the time"""
-LEAST_ITERATIONS = 12
-"""cut shorter than this, the first input may be wrong by more than 1e-4 of its range"""
-MEASURED_SOLVES = 21
-COLD_FACTOR = 2.0
-"""how much longer an iteration takes once in 25 ms than in a row: its data left the cache"""
-USABLE_RESIDUAL = 1e-4
-"""of a solve cut short there, in units of an input's range: as exact as a command frame"""
-
-_STATUS = {
-    piqp.PIQP_SOLVED: SolveStatus.SOLVED,
-    piqp.PIQP_MAX_ITER_REACHED: SolveStatus.ITERATION_LIMIT,
-    piqp.PIQP_PRIMAL_INFEASIBLE: SolveStatus.INFEASIBLE,
-    piqp.PIQP_DUAL_INFEASIBLE: SolveStatus.INFEASIBLE,
-}
+"""enough for every problem that a drive has brought so far"""
 
 
 class PiqpSolver:
-    """`sparse_multistage` on dense condensed matrices: PIQP's fastest factorisation at this size.
-
-    With a constant P and with a new one every tick. The tolerances keep the first input within
-    1e-4 of its range.
+    """With a constant P and with a new one every tick.
 
     Raises:
         ConfigError: the program is not a convex QP.
@@ -51,17 +25,11 @@ class PiqpSolver:
         self._P = _columns_of_symmetric(program.P)
         self._G = _Columns(program.G, program.pattern)
         self._has_rows = len(program.G) > 0
-        self._solver = piqp.SparseSolver()
+        self._workspace = PiqpWorkspace(max_iterations)
+        self._solver = self._workspace.solver
         self._has_matrices = True
         self.solution = np.zeros(program.size)
         self.iterations = 0
-        settings = self._solver.settings
-        settings.kkt_solver = piqp.KKTSolver.sparse_multistage
-        settings.eps_abs = EPS_ABS
-        settings.eps_duality_gap_abs = EPS_DUALITY_GAP_ABS
-        settings.max_iter = max_iterations
-        # Scaling the problem anew costs more than new matrices change about it.
-        settings.preconditioner_reuse_on_update = True
         rows = (self._G.matrix, program.row_lower, program.row_upper)
         self._solver.setup(
             self._P,
@@ -72,33 +40,11 @@ class PiqpSolver:
             program.lower,
             program.upper,
         )
-        if self._solver.solve() not in _STATUS:
-            raise ConfigError(
-                "PIQP refuses the assembled problem: expected a convex QP, found numerical "
-                "trouble at start. Check the --mpc weights and limits."
-            )
+        self._workspace.try_once()
 
     def bound(self, budget_ns: int) -> None:
-        """As `Solver.bound`: from now on give up after as many iterations as fit into it here."""
-        per_iteration_ns = COLD_FACTOR * self._measure_iteration_ns()
-        most = min(MAX_ITERATIONS, int(budget_ns / per_iteration_ns))
-        if most < LEAST_ITERATIONS:
-            raise ConfigError(
-                f"--realtime.solve-budget-ms {budget_ns / 1e6:g}: expected time for at least "
-                f"{LEAST_ITERATIONS} iterations of PIQP, found {most}, since one takes "
-                f"{per_iteration_ns / 1e3:.0f} us on this machine. Shorten --mpc.horizon, or give "
-                f"the solver more time."
-            )
-        self._solver.settings.max_iter = most
-
-    def _measure_iteration_ns(self) -> float:
-        times_ns = []
-        for _ in range(MEASURED_SOLVES):
-            begun_ns = time.perf_counter_ns()
-            self._solver.solve()
-            spent_ns = time.perf_counter_ns() - begun_ns
-            times_ns.append(spent_ns / max(1, self._solver.result.info.iter))
-        return median(times_ns)
+        """As `Solver.bound`."""
+        self._workspace.bound(budget_ns)
 
     def renew(self) -> bool:
         """As `Solver.renew`."""
@@ -124,15 +70,12 @@ class PiqpSolver:
             h_u=program.row_upper if self._has_rows else None,
             x_u=program.upper,
         )
-        status = _STATUS.get(self._solver.solve(), SolveStatus.NUMERICS)
-        result = self._solver.result
-        self.iterations = result.info.iter
-        if status is SolveStatus.ITERATION_LIMIT and _is_usable(result.info):
-            status = SolveStatus.SOLVED
+        status = self._workspace.run()
+        self.iterations = self._workspace.iterations
         if status is SolveStatus.SOLVED:
-            if not np.isfinite(result.x).all():
+            if not np.isfinite(self._workspace.x).all():
                 return SolveStatus.NUMERICS
-            self.solution[:] = result.x  # a live view of the solver's memory
+            self.solution[:] = self._workspace.x
         return status
 
     def active_bounds(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -172,11 +115,3 @@ def _columns_of_symmetric(P: Array) -> csc_matrix:
     rows = np.tile(np.arange(size, dtype=np.int32), size)
     starts = np.arange(0, size * size + 1, size, dtype=np.int32)
     return csc_matrix((P.reshape(-1), rows, starts), shape=P.shape)
-
-
-def _is_usable(info: piqp.Info) -> bool:
-    return bool(
-        info.primal_res < USABLE_RESIDUAL
-        and info.dual_res < USABLE_RESIDUAL
-        and info.duality_gap < USABLE_RESIDUAL
-    )

@@ -64,6 +64,7 @@ class CondensedQp:
         self.scale = inputs.scale
         """(nv,), the range of each input: u = scale * v"""
         self.program = _lay_out(self.objective, inputs, features)
+        self.renews = self.program.renews
         self._first_slew = inputs.slew[:N_INPUTS]
         self._has_slew_rows = features.has_slew_rows
         self._ceilings = self.program.upper[: inputs.scale.size].reshape(horizon, N_INPUTS)

@@ -1,75 +1,21 @@
 """The condensed QP is the paper's problem: same optimum as the sparse form with states."""
 
 import numpy as np
-import piqp
 import pytest
+from random_problems import COST, HORIZON, N_OBSERVABLES, RANGE, TIERS, aim, optimum, random_bundle
 from scipy.linalg import block_diag
 
-from rt_controller.contract.artifact import Array, Bilinear, Bundle, LiftSample
+from rt_controller.contract.artifact import Array, Bundle
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.follow import Follow
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.signals import ControlInput, VehicleState
+from rt_controller.contract.signals import ControlInput
 from rt_controller.control.corridor import Corridor
 from rt_controller.control.cost import TrackingCost, output_weights
-from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.piqp_solver import PiqpSolver
 from rt_controller.control.prediction import forced_response, free_response, impulse_responses
-from rt_controller.control.qp import PAPER, WITH_SLEW, CondensedQp, Features
+from rt_controller.control.qp import CondensedQp, Features
 from rt_controller.control.solver import SolveStatus
-
-HORIZON = 12
-N_OBSERVABLES = 10
-COST = TrackingCost(
-    state=VehicleState(1.0, 2.0, 0.3, 0.5, 0.2, 0.02),
-    control=ControlInput(0.5, 60.0, 0.5),
-    control_change=ControlInput(0.2, 40.0, 0.1),
-    latent_weight=0.05,
-    terminal_factor=2.0,
-)
-RANGE = np.array(INPUT_LIMITS.upper) - np.array(INPUT_LIMITS.lower)
-
-
-def random_bundle(rng: np.random.Generator, rank: int = 0) -> Bundle:
-    n = N_OBSERVABLES
-    A = rng.normal(size=(n, n))
-    A *= 0.97 / max(abs(np.linalg.eigvals(A)))
-    size = np.array([0.3, 0.003, 0.4])
-    bilinear = Bilinear(
-        N=rng.normal(size=(rank, n, 3)) * size,
-        S=rng.normal(size=(rank, 3, n)),
-        s0=rng.normal(size=(rank, 3)),
-        follows=Follow.START if rank % 2 else Follow.FREE_RESPONSE,
-    )
-    return Bundle(
-        name="random",
-        A=A,
-        B_uc=rng.normal(size=(n, 3)) * size,
-        B_uw=rng.normal(size=(n, 1)),
-        c=0.05 * rng.normal(size=n),
-        bilinear=bilinear if rank > 0 else None,
-        encoder_onnx=b"",
-        selftest=LiftSample(np.zeros((1, 6)), np.zeros((1, 1)), np.zeros((1, 0, 0))),
-        selftest_psi=np.zeros((1, n)),
-        training="{}",
-        data_sha256="",
-    )
-
-
-def optimum(
-    P: Array, q: Array, G: Array, box: tuple[Array, ...], A: Array | None, b: Array | None
-) -> Array:
-    """The minimiser, to high accuracy; `box` bounds G x from both sides, then x."""
-    solver = piqp.DenseSolver()
-    solver.settings.eps_abs = 1e-10
-    solver.settings.eps_rel = 0.0
-    solver.settings.eps_duality_gap_abs = 1e-11
-    solver.settings.eps_duality_gap_rel = 0.0
-    equality = None if A is None else np.asfortranarray(A)
-    rows = (np.asfortranarray(G), *box[:2]) if len(G) else (None, None, None)
-    solver.setup(np.asfortranarray(P), q, equality, b, *rows, *box[2:])
-    assert solver.solve() == piqp.PIQP_SOLVED
-    return np.array(solver.result.x)
 
 
 def sparse_plan(
@@ -131,25 +77,6 @@ def sparse_plan(
     unit = np.concatenate([np.tile(RANGE, N), np.ones(len(free))])
     x = optimum(P * unit * unit[:, None], q * unit, G, (low, high, lower, upper), A_eq * unit, b_eq)
     return (x * unit)[: N * m].reshape(N, m), x[N * (m + n) :]
-
-
-def aim(qp: CondensedQp, rng: np.random.Generator, size: float = 0.3) -> None:
-    """At any situation."""
-    now = qp.situation
-    now.psi[:] = size * rng.normal(size=now.psi.size)
-    now.road[:] = 0.002
-    now.previous[:] = rng.uniform(INPUT_LIMITS.lower, INPUT_LIMITS.upper)
-    now.reference[:] = size * rng.normal(size=now.reference.shape)
-    qp.prepare()
-    qp.aim(PedalChoice())
-
-
-TIERS = {
-    "input box": PAPER,
-    "slew rows": WITH_SLEW,
-    "corridor": Features(corridor=Corridor(0.2, 0.05)),
-    "corridor without slew rows": Features(False, Corridor(0.2, 0.05)),
-}
 
 
 @pytest.mark.parametrize("features", TIERS.values(), ids=TIERS.keys())

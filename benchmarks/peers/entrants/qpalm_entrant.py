@@ -26,7 +26,9 @@ class QpalmEntrant:
 
     def renew(self) -> bool:
         self._rows.renew()
-        self._solver.update_Q_A(csc_matrix(self._program.P).data, self._rows.A.data)
+        # What it keeps of a symmetric matrix is the upper half.
+        upper_half = self._program.P.T[np.tril_indices(self._program.size)]
+        self._solver.update_Q_A(upper_half, self._rows.A.data)
         return True
 
     def solve(self) -> SolveStatus:

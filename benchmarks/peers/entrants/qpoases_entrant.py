@@ -22,7 +22,7 @@ class QpoasesEntrant:
             "h": casadi.Sparsity.dense(n, n),
             "a": casadi.Sparsity.triplet(rows, n, places.tolist(), columns.tolist()),
         }
-        options = {"printLevel": "none", "sparse": False, "error_on_fail": False}
+        options: dict[str, Any] = {"printLevel": "none", "sparse": False, "error_on_fail": False}
         self._function = casadi.conic("peer", "qpoases", shape, options)
         buffer: Any
         buffer, self._run = self._function.buffer()

@@ -2,13 +2,28 @@
 
 from collections.abc import Callable, Sequence
 from importlib import import_module, metadata
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
+from rt_controller.contract.bundle import Array
 from rt_controller.control.program import QuadraticProgram
-from rt_controller.control.solver import Solver
+from rt_controller.control.solver import SolveStatus
 from rt_controller.control.solvers import SolverChoice, open_solver
 
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
+
+
+class Racer(Protocol):
+    """What is asked of a solver here: the controller's protocol without its bound in time."""
+
+    solution: Array
+
+    def renew(self) -> bool:
+        """As `Solver.renew`."""
+        ...
+
+    def solve(self) -> SolveStatus:
+        """As `Solver.solve`."""
+        ...
 
 
 class Entrant(NamedTuple):
@@ -17,7 +32,7 @@ class Entrant(NamedTuple):
     name: str
     package: str
     """whose version is printed"""
-    open: Callable[[QuadraticProgram, float], Solver]
+    open: Callable[[QuadraticProgram, float], Racer]
     """on a program, to a tolerance"""
     has_tolerance: bool
     """whether that changes anything"""
