@@ -2,6 +2,7 @@
 
 import os
 from enum import StrEnum
+from functools import partial
 from math import radians
 from pathlib import Path
 from typing import Annotated, Literal
@@ -13,10 +14,8 @@ from rt_controller.contract.signals import ControlInput, VehicleState
 from rt_controller.contract.timing import HOLD_PLAN_TICKS
 from rt_controller.control.corridor import Corridor
 from rt_controller.control.cost import TrackingCost
-from rt_controller.control.formulation import Formulation
-from rt_controller.control.program import QuadraticProgram
+from rt_controller.control.formulation import Formulation, Solving
 from rt_controller.control.qp import Features
-from rt_controller.control.solver import Solver
 from rt_controller.control.solvers import SolverChoice, open_solver
 
 
@@ -90,28 +89,22 @@ class MpcSettings(_Settings):
             corridor = Corridor(self.corridor_m, self.beyond_corridor_m)
         return Features(self.slew_rows, corridor)
 
-    def chosen_formulation(self) -> Formulation:
-        """Only PIQP takes stages, so only with it is there a choice.
+    def solving(self) -> Solving:
+        """Who solves which form; only PIQP takes stages, so only with it is there a choice.
 
         Raises:
             ConfigError: another solver shall take them.
         """
-        if self.solver is SolverChoice.PIQP:
-            return self.formulation
-        if self.formulation is Formulation.STAGED:
-            raise ConfigError(
-                f"--mpc.formulation staged: expected the solver piqp, found {self.solver.value}."
-            )
-        return Formulation.CONDENSED
-
-    def open_solver(self, program: QuadraticProgram) -> Solver:
-        """The chosen solver, around this program.
-
-        Raises:
-            MissingExtraError: it is not installed.
-            ConfigError: it refuses the program.
-        """
-        return open_solver(program, self.solver, self.warm_start == "on")
+        formulation = self.formulation
+        if self.solver is not SolverChoice.PIQP:
+            if formulation is Formulation.STAGED:
+                raise ConfigError(
+                    f"--mpc.formulation staged: expected the solver piqp, found "
+                    f"{self.solver.value}."
+                )
+            formulation = Formulation.CONDENSED
+        is_warm = self.warm_start == "on"
+        return Solving(formulation, partial(open_solver, choice=self.solver, warm_start=is_warm))
 
     def cost(self) -> TrackingCost:
         """The same in SI units, in vector order."""

@@ -137,8 +137,7 @@ def load_planner(config: ControllerConfig) -> Planner:
         settings.cost(),
         INPUT_LIMITS,
         settings.features(),
-        settings.open_solver,
-        settings.chosen_formulation(),
+        settings.solving(),
     )
     warm_up(mpc)
     return Planner(bundle, mpc)

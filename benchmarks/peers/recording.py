@@ -9,6 +9,7 @@ from benchmarks.peers.lockstep import drive, plain_config
 from rt_controller.contract.artifact import load_bundle
 from rt_controller.contract.bundle import Array
 from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.control.formulation import Formulation, Solving
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.qp import Features
@@ -80,7 +81,8 @@ def record(model: str, scenario: str, features: Features) -> Recording:
         solvers.append(_Recorder(program))
         return solvers[0]
 
-    mpc = _Rehearsing(bundle, settings.horizon, settings.cost(), INPUT_LIMITS, features, recorder)
+    solving = Solving(Formulation.CONDENSED, recorder)
+    mpc = _Rehearsing(bundle, settings.horizon, settings.cost(), INPUT_LIMITS, features, solving)
     (solver,) = solvers
     mpc.recorder = solver
     found = Recording(model, Path(scenario).stem, copied(solver.program))

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from enum import StrEnum
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from rt_controller.contract.bundle import Array, Bundle
 from rt_controller.contract.errors import ConfigError
@@ -14,6 +14,7 @@ from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.qp import CondensedQp, Features
 from rt_controller.control.solver import Solver
+from rt_controller.control.solvers import open_solver
 from rt_controller.control.staged_qp import StagedQp
 from rt_controller.control.staged_solver import StagedSolver
 
@@ -51,21 +52,32 @@ class Problem(Protocol):
         ...
 
 
+class Solving(NamedTuple):
+    """Which form is wanted, and who solves it."""
+
+    formulation: Formulation = Formulation.AUTO
+    condensed: Callable[[QuadraticProgram], Solver] = open_solver
+    staged: Callable[[StagedQp], Solver] = StagedSolver
+
+
+AS_SHIPPED = Solving()
+
+
 def formulate(
     bundle: Bundle,
     horizon: int,
     cost: TrackingCost,
     limits: InputLimits,
     features: Features,
-    solver: Callable[[QuadraticProgram], Solver],
-    wanted: Formulation,
+    solving: Solving,
 ) -> tuple[Problem, Solver]:
-    """The problem and its solver, whose solution begins with the inputs; `solver` is for QPs.
+    """The problem and its solver, whose solution begins with the inputs.
 
     Raises:
         ArtifactError: the bundle's model makes the problem non-convex or not finite.
         ConfigError: stages are wanted for a model whose input matrix changes.
     """
+    wanted = solving.formulation
     if wanted is Formulation.STAGED and bundle.bilinear is not None:
         raise ConfigError(
             f"The model {bundle.name!r} has an input matrix that follows the state: expected "
@@ -75,9 +87,9 @@ def formulate(
         wanted is Formulation.AUTO and prefers_stages(bundle, horizon)
     ):
         staged = StagedQp(bundle, horizon, cost, limits, features)
-        return staged, StagedSolver(staged)
+        return staged, solving.staged(staged)
     condensed = CondensedQp(bundle, horizon, cost, limits, features)
-    return condensed, solver(condensed.program)
+    return condensed, solving.condensed(condensed.program)
 
 
 def prefers_stages(bundle: Bundle, horizon: int) -> bool:

@@ -1,7 +1,6 @@
 """The model predictive controller: where the car is and should be in, a plan of inputs out."""
 
 import time
-from collections.abc import Callable
 
 import numpy as np
 
@@ -13,16 +12,14 @@ from rt_controller.contract.schema import N_STATES
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
 from rt_controller.control.constraints import N_INPUTS
 from rt_controller.control.cost import TrackingCost
-from rt_controller.control.formulation import Formulation, formulate
+from rt_controller.control.formulation import AS_SHIPPED, Solving, formulate
 from rt_controller.control.history import History
 from rt_controller.control.lift import Encoder
 from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.prediction import one_step
-from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.qp import WITH_SLEW, Features
 from rt_controller.control.reference import ReferenceHorizon
-from rt_controller.control.solver import Solver, SolveStatus
-from rt_controller.control.solvers import open_solver
+from rt_controller.control.solver import SolveStatus
 
 
 class Mpc:
@@ -42,8 +39,7 @@ class Mpc:
         cost: TrackingCost,
         limits: InputLimits,
         features: Features = WITH_SLEW,
-        solver: Callable[[QuadraticProgram], Solver] = open_solver,
-        formulation: Formulation = Formulation.AUTO,
+        solving: Solving = AS_SHIPPED,
     ) -> None:
         require_drivable(bundle)
         _require_liftable_reference(bundle, cost)
@@ -51,9 +47,7 @@ class Mpc:
         self._encoder = Encoder(bundle)
         past = self._encoder.history
         self._history = None if past is None else History(past)
-        self._qp, self._solver = formulate(
-            bundle, horizon, cost, limits, features, solver, formulation
-        )
+        self._qp, self._solver = formulate(bundle, horizon, cost, limits, features, solving)
         self._reference = ReferenceHorizon(horizon)
         self._tracks_latents = self._qp.situation.reference.shape[1] > N_STATES
         self._pedals = PedalChoice()

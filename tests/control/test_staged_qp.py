@@ -10,11 +10,11 @@ from rt_controller.config import MpcSettings
 from rt_controller.contract.artifact import load_bundle
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.control.formulation import Formulation, formulate, prefers_stages
+from rt_controller.control.formulation import Formulation, Solving, formulate, prefers_stages
 from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.qp import WITH_SLEW, CondensedQp
 from rt_controller.control.solver import SolveStatus
-from rt_controller.control.solvers import SolverChoice, open_solver
+from rt_controller.control.solvers import SolverChoice
 from rt_controller.control.staged_qp import StagedQp
 from rt_controller.control.staged_solver import StagedSolver
 from rt_controller.session import shipped_model
@@ -58,9 +58,7 @@ def test_a_long_horizon_of_a_small_model_has_stages_and_no_other():
     assert not prefers_stages(lifted, 160)
     assert not prefers_stages(load_bundle(shipped_model("mdk-net")), 160)
     for horizon, kind in ((20, CondensedQp), (80, StagedQp)):
-        problem, _ = formulate(
-            small, horizon, COST, INPUT_LIMITS, WITH_SLEW, open_solver, Formulation.AUTO
-        )
+        problem, _ = formulate(small, horizon, COST, INPUT_LIMITS, WITH_SLEW, Solving())
         assert isinstance(problem, kind)
 
 
@@ -68,10 +66,10 @@ def test_stages_are_refused_where_they_cannot_be():
     lti = load_bundle(shipped_model("lti"))
     bilinear = replace(lti, bilinear=load_bundle(shipped_model("mdk-net")).bilinear)
     with pytest.raises(ConfigError, match="formulation condensed"):
-        formulate(bilinear, 20, COST, INPUT_LIMITS, WITH_SLEW, open_solver, Formulation.STAGED)
+        formulate(bilinear, 20, COST, INPUT_LIMITS, WITH_SLEW, Solving(Formulation.STAGED))
     staged = MpcSettings(formulation=Formulation.STAGED)
-    assert staged.chosen_formulation() is Formulation.STAGED
+    assert staged.solving().formulation is Formulation.STAGED
     daqp = staged.model_copy(update={"solver": SolverChoice.DAQP})
     with pytest.raises(ConfigError, match="the solver piqp"):
-        daqp.chosen_formulation()
-    assert MpcSettings(solver=SolverChoice.DAQP).chosen_formulation() is Formulation.CONDENSED
+        daqp.solving()
+    assert MpcSettings(solver=SolverChoice.DAQP).solving().formulation is Formulation.CONDENSED

@@ -13,11 +13,17 @@ from benchmarks.peers.nonlinear.methods import METHODS, Method
 from benchmarks.peers.nonlinear.nmpc import Nmpc, Planning
 from benchmarks.peers.nonlinear.outcome import Outcome, Summary, summarise
 from benchmarks.peers.nonlinear.shooting import Shooting
+from benchmarks.peers.papers_way import OsqpOnStages
 from rt_controller.contract.artifact import load_bundle
 from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.control.formulation import Formulation, Solving
 from rt_controller.control.mpc import Mpc
+from rt_controller.control.qp import WITH_SLEW
+from rt_controller.control.solver import Solver
 from rt_controller.control.solvers import SolverChoice
+from rt_controller.control.staged_qp import StagedQp
+from rt_controller.control.staged_solver import StagedSolver
 from rt_controller.session import WARM_UP_STEPS, shipped_model
 
 Controller = Mpc | Nmpc
@@ -52,7 +58,7 @@ def _builders(bundle: Bundle) -> dict[str, Callable[[], Controller]]:
 
     def own(choice: SolverChoice) -> Mpc:
         mine = settings.model_copy(update={"solver": choice})
-        return Mpc(bundle, horizon, cost, INPUT_LIMITS, mine.features(), mine.open_solver)
+        return Mpc(bundle, horizon, cost, INPUT_LIMITS, mine.features(), mine.solving())
 
     def nonlinear(planning: Planning) -> Nmpc:
         return Nmpc(planning, horizon, INPUT_LIMITS)
@@ -60,9 +66,18 @@ def _builders(bundle: Bundle) -> dict[str, Callable[[], Controller]]:
     def shooting(method: Method) -> Callable[[], Controller]:
         return lambda: nonlinear(Shooting(method, horizon, cost, INPUT_LIMITS))
 
+    def with_states(solver: Callable[[StagedQp], Solver]) -> Callable[[], Controller]:
+        solving = Solving(Formulation.STAGED, staged=solver)
+        return lambda: Mpc(bundle, horizon, cost, INPUT_LIMITS, WITH_SLEW, solving)
+
+    staged = {
+        "states in the QP, PIQP": with_states(StagedSolver),
+        "states in the QP, OSQP cold": with_states(OsqpOnStages),
+    }
     return {
         DEFAULT: lambda: own(SolverChoice.PIQP),
         FAST: lambda: own(SolverChoice.DAQP),
+        **(staged if bundle.bilinear is None else {}),
         **{method.name: shooting(method) for method in METHODS},
         "do-mpc, IPOPT": lambda: nonlinear(DoMpc(horizon, cost, INPUT_LIMITS)),
     }
