@@ -19,6 +19,7 @@ class Percentiles(NamedTuple):
     p99: float
     p999: float
     max: float
+    mean: float
 
 
 class Histogram:
@@ -32,6 +33,7 @@ class Histogram:
         buckets = ceil(log(MOST / LEAST) * _PER_E_FOLD) + 2
         self._counts = np.zeros(buckets, dtype=np.int64)
         self._largest = np.zeros(buckets)
+        self._total = 0.0
 
     def add(self, value: float) -> None:
         """Count one value; not a number counts as infinite."""
@@ -42,16 +44,18 @@ class Histogram:
         else:
             bucket = len(self._counts) - 1
         self._counts[bucket] += 1
+        self._total += value
         if not value <= self._largest[bucket]:
             self._largest[bucket] = value
 
     def percentiles(self) -> Percentiles:
-        """Median, p99, p99.9 and maximum."""
+        """Median, p99, p99.9, maximum and mean."""
         upto = np.cumsum(self._counts)
         total = int(upto[-1])
         if total == 0:
-            return Percentiles(0.0, 0.0, 0.0, 0.0)
+            return Percentiles(0.0, 0.0, 0.0, 0.0, 0.0)
         # The value with at least so many in a thousand of all at or below it.
         ranks = [-(-total * per_mille // 1000) for per_mille in (500, 990, 999, 1000)]
         buckets = np.searchsorted(upto, ranks)
-        return Percentiles(*self._largest[buckets].tolist())
+        p50, p99, p999, most = self._largest[buckets].tolist()
+        return Percentiles(p50, p99, p999, most, self._total / total)

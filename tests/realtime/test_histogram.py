@@ -24,14 +24,21 @@ def test_a_percentile_is_a_value_that_occurred_and_at_most_one_per_cent_above_th
         assert value in values
         assert expected <= value <= 1.01 * expected
     assert found.max == values.max()
+    assert found.mean == pytest.approx(values.mean())
 
 
 def test_small_whole_numbers_are_exact() -> None:
-    assert of(np.repeat([1.0, 2.0, 16.0], [98, 1, 1])).percentiles() == (1.0, 2.0, 16.0, 16.0)
+    assert of(np.repeat([1.0, 2.0, 16.0], [98, 1, 1])).percentiles() == (
+        1.0,
+        2.0,
+        16.0,
+        16.0,
+        pytest.approx(1.16),
+    )
 
 
 def test_without_values_there_is_nothing() -> None:
-    assert Histogram().percentiles() == (0.0, 0.0, 0.0, 0.0)
+    assert Histogram().percentiles() == (0.0,) * 5
 
 
 @pytest.mark.parametrize("value", [0.0, -3.0, 0.05])
