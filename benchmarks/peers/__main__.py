@@ -18,6 +18,9 @@ from rt_controller.contract.figures import write_figures
 HARD = Path(__file__).parent / "hard_lane_change.toml"
 SCENARIOS = {"mild": "double_lane_change", "hard": str(HARD)}
 
+SHOWN = ("slew", Mode.PREPARED)
+"""what the picture is of: the controller as it ships"""
+
 app = cyclopts.App(name="python -m benchmarks.peers", version_flags=[])
 
 
@@ -55,7 +58,7 @@ def main(
     json
         The same figures for a program.
     plot
-        A picture of them (SVG or PNG).
+        A picture of the first model's (SVG or PNG): the controller's own tier, prepared.
     """
     console = Console()
     everybody, missing = entrants(only)
@@ -89,7 +92,8 @@ def main(
     if plot is not None:
         from benchmarks.peers.plot import draw
 
-        draw(found, plot)
+        shown = [one for one in found if (one[0], one[2], one[3]) == (models[0], *SHOWN)]
+        draw(shown, [one for one in duels if one[0] == models[0]][:1], plot)
         console.print(str(plot))
     return 0
 

@@ -14,6 +14,8 @@ from benchmarks.peers.standings import Standing
 
 Found = tuple[str, str, str, Mode, list[Standing]]
 """model, scenario, tier, mode, standings"""
+Driven = tuple[str, str, list[Summary]]
+"""model, scenario, one summary for each controller"""
 
 
 def to_table(title: str, standings: Sequence[Standing]) -> Table:
@@ -61,7 +63,7 @@ def duel_table(title: str, summaries: Sequence[Summary]) -> Table:
 
 def to_json(
     found: Iterable[Found],
-    duels: Iterable[tuple[str, str, list[Summary]]],
+    duels: Iterable[Driven],
     everybody: Iterable[Entrant],
     missing: list[str],
     rounds: int,
