@@ -30,6 +30,7 @@ from rt_controller.outcome import StopCause
 from rt_controller.realtime.clock import Clock, RealtimeClock
 from rt_controller.session import ControllerSession, load_planner, open_session
 from rt_controller.summary import live_line, to_json, to_table
+from rt_controller.tick_log import write_ticks
 from rt_controller.virtual_car import VirtualCar, build_virtual_car
 
 LIVE_INTERVAL_S = 0.5
@@ -66,6 +67,7 @@ def run(
     realtime: RealtimeSettings = DEFAULT_REALTIME,
     record: Path | None = None,
     json_file: Annotated[Path | None, Parameter(name="--json")] = None,
+    ticks: Path | None = None,
     check: bool = False,
     quiet: bool = False,
 ) -> int:
@@ -101,6 +103,8 @@ def run(
         write all frames to this candump log
     json_file
         write the summary to this file
+    ticks
+        write the times of every tick of the last hour to this CSV file
     check
         open and check everything, then leave without driving
     quiet
@@ -108,6 +112,7 @@ def run(
     """
     console = Console(stderr=True)
     require_writable(json_file)
+    require_writable(ticks, "--ticks")
     config = ControllerConfig(
         bus=BusSettings(interface=bus, channel=channel, bitrate=bitrate, options=bus_option or {}),
         model=model,
@@ -147,6 +152,7 @@ def run(
             virtual.close()
     if virtual is not None and virtual.plant_failure is not None:
         _complain(console, f"the car's plant failed: {virtual.plant_failure}")
+    write_ticks(ticks, session.record.deadlines)
     return _conclude(session, json_file, console)
 
 

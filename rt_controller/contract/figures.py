@@ -10,8 +10,10 @@ from typing import Any
 from rt_controller.contract.errors import ConfigError, RtControllerError
 
 
-def require_writable(path: Path | None) -> None:
-    """Return if figures can be written there later; None asks for no file, and none is made.
+def require_writable(path: Path | None, option: str = "--json") -> None:
+    """Return if a file can be written there later; None asks for no file, and none is made.
+
+    `option` is what the user named it by.
 
     Raises:
         ConfigError: they cannot. Better known before a long run than after it.
@@ -21,7 +23,7 @@ def require_writable(path: Path | None) -> None:
     obstacle = find_obstacle(path)
     if obstacle:
         raise ConfigError(
-            f"--json {path}: expected a file that can be written, found {obstacle}. Name another "
+            f"{option} {path}: expected a file that can be written, found {obstacle}. Name another "
             f"file, in a folder that exists."
         )
 
