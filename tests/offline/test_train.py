@@ -183,7 +183,7 @@ def poison_operator(checkpoint):
 
 
 def poison_encoder(checkpoint):
-    checkpoint.model["encoder.0.weight"].fill_(torch.inf)
+    checkpoint.model["encoder.layers.0.weight"].fill_(torch.inf)
 
 
 def poison_moments_of_operator(checkpoint):
