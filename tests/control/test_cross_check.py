@@ -2,6 +2,9 @@
 
 import numpy as np
 import pytest
+
+pytest.importorskip("daqp", reason="the extra [daqp] is not installed")
+
 from random_problems import COST, HORIZON, TIERS, aim, random_bundle
 
 from benchmarks.peers.recording import Matrices, record
@@ -11,8 +14,6 @@ from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.qp import CondensedQp
 from rt_controller.control.solver import Solver, SolveStatus
 from rt_controller.control.solvers import SolverChoice, open_solver
-
-pytest.importorskip("daqp", reason="the extra [daqp] is not installed")
 
 ENOUGH = 1e-4
 """of its range: how far two answers of the first input may be apart"""
