@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("daqp", reason="the extra [daqp] is not installed")
+pytest.importorskip("benchmarks", reason="this is no checkout")
 
 from random_problems import COST, HORIZON, TIERS, aim, random_bundle
 
