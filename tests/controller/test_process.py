@@ -23,5 +23,5 @@ def threads_after_import(blas_threads: str | None) -> int:
 def test_linear_algebra_has_no_threads_for_the_loop_to_wait_for() -> None:
     single = threads_after_import("1")
     assert threads_after_import(None) == single
-    if (os.cpu_count() or 1) > 1:
+    if len(os.sched_getaffinity(0)) > 1:
         assert threads_after_import("2") > single  # who asks for threads gets them
