@@ -109,7 +109,7 @@ class ControllerSession:
             join(self._bus, self.inbox, clock, phase_ns, round(wait_s * 1e9), self._request)
             self.is_joined = True
             end_ns = None if duration_s is None else clock.now_ns() + round(duration_s * 1e9)
-            lead_ns = None if realtime.prepare_ms is None else round(realtime.prepare_ms * 1e6)
+            lead_ns = round(realtime.prepare_ms * 1e6) or None
             witness = None if self._is_lockstep else Witness()
             try:
                 drive(

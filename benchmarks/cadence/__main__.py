@@ -16,7 +16,7 @@ from rt_controller.session import shipped_model
 VARIANTS = {
     "default": (),
     "fast": ("--mpc.solver", "daqp"),
-    "unprepared": ("--no-realtime.prepare-ms",),
+    "unprepared": ("--realtime.prepare-ms", "0"),
     "paper": ("--model", "mdk-net-paper"),
     "lti": ("--model", "lti"),
 }
