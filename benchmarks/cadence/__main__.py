@@ -8,7 +8,7 @@ import cyclopts
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.cadence.drive import drive
+from benchmarks.cadence.drive import Transport, drive
 from benchmarks.cadence.host import stolen_s
 from rt_controller.contract.figures import write_figures
 from rt_controller.session import shipped_model
@@ -31,6 +31,7 @@ def main(
     variants: tuple[str, ...] = ("default", "fast"),
     ticks: int = 40_000,
     rounds: int = 1,
+    transport: Transport = Transport.LOCAL,
     car_cpu: int = 0,
     controller_cpu: int = 1,
     json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
@@ -45,8 +46,10 @@ def main(
         Of 25 ms, for each drive: 40,000 take 17 minutes.
     rounds
         Drives of each variant, in turn.
+    transport
+        local: datagrams; remote: python-can-remote and its server.
     car_cpu
-        The core of the car and the bus.
+        The core of the car, and of the server.
     controller_cpu
         The core of the controller.
     json
@@ -58,7 +61,7 @@ def main(
         for variant in variants:
             console.print(f"{variant}: {ticks} ticks, {ticks * 0.025:.0f} s")
             before_s = stolen_s()
-            summary = drive(ticks, _options(variant), car_cpu, controller_cpu)
+            summary = drive(ticks, _options(variant), transport, car_cpu, controller_cpu)
             drives.append(
                 {
                     "variant": variant,
@@ -68,7 +71,9 @@ def main(
                 }
             )
             console.print(_table(drives[-1]))
-    write_figures(json, {"ticks": ticks, "rounds": rounds, "drives": drives})
+    write_figures(
+        json, {"ticks": ticks, "rounds": rounds, "transport": transport.value, "drives": drives}
+    )
     return 0
 
 

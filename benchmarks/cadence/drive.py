@@ -1,4 +1,4 @@
-"""One drive: a bus on 127.0.0.1, a car and a controller, each a process of its own."""
+"""One drive: a car and a controller, each a process of its own, and a bus on 127.0.0.1."""
 
 import json
 import socket
@@ -8,6 +8,7 @@ import tempfile
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
@@ -17,28 +18,41 @@ from rt_controller.contract.errors import BusError
 PATIENCE_S = 60.0
 
 
-def drive(ticks: int, options: Sequence[str], car_cpu: int, controller_cpu: int) -> dict[str, Any]:
+class Transport(StrEnum):
+    """Of the frames, from process to process."""
+
+    LOCAL = "local"
+    """a datagram each"""
+    REMOTE = "remote"
+    """python-can-remote: a server in the middle"""
+
+
+def drive(
+    ticks: int, options: Sequence[str], transport: Transport, car_cpu: int, controller_cpu: int
+) -> dict[str, Any]:
     """The controller's own summary of a weave of so many ticks.
 
-    The bus and the car share a core; the other one is the controller's.
+    The car, and a server if there is one, share a core; the other one is the controller's.
 
     Raises:
-        BusError: one of the three ended before its time.
+        BusError: one of them ended before its time.
     """
     with tempfile.TemporaryDirectory() as name, ExitStack() as running:
         folder = Path(name)
         write_weave(folder / "weave.toml", ticks)
         port = _free_port()
-        channel = f"ws://127.0.0.1:{port}/"
-        server = _start(
-            *(sys.executable, "-m", "can_remote", "-H", "127.0.0.1", "-p", str(port)),
-            *("-i", "virtual", "-c", f"cadence-{port}", "-b", "500000"),
-            log=folder / "bus.log",
-            cpu=car_cpu,
-            running=running,
-        )
-        _await_listener(port, server)
-        bus = ("--bus", "remote", "--channel", channel, "--quiet")
+        channel = f"cadence-{port}"
+        if transport is Transport.REMOTE:
+            server = _start(
+                *(sys.executable, "-m", "can_remote", "-H", "127.0.0.1", "-p", str(port)),
+                *("-i", "virtual", "-c", channel, "-b", "500000"),
+                log=folder / "bus.log",
+                cpu=car_cpu,
+                running=running,
+            )
+            _await_listener(port, server)
+            channel = f"ws://127.0.0.1:{port}/"
+        bus = ("--bus", transport.value, "--channel", channel, "--quiet")
         _start(
             *_program("sim_bridge.cli", *bus, "--scenario", str(folder / "weave.toml")),
             log=folder / "car.log",
