@@ -2,9 +2,8 @@
 
 import numpy as np
 import qpalm
-from scipy.sparse import csc_matrix
 
-from benchmarks.peers.entrants.stacked import Stacked
+from benchmarks.peers.entrants.stacked import Stacked, every_entry
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.solver import SolveStatus
 
@@ -15,7 +14,7 @@ class QpalmEntrant:
     def __init__(self, program: QuadraticProgram, tolerance: float) -> None:
         self._program, self._rows = program, Stacked(program)
         data = qpalm.Data(program.size, len(self._rows.low))
-        data.Q, data.q, data.A = csc_matrix(program.P), program.q, self._rows.A
+        data.Q, data.q, data.A = every_entry(program.P), program.q, self._rows.A
         data.bmin, data.bmax = self._rows.low, self._rows.high
         settings = qpalm.Settings()
         settings.eps_abs, settings.eps_rel = tolerance, 0.0

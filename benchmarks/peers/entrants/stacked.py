@@ -48,6 +48,13 @@ class Stacked:
         np.take(self._program.bounds, self.kept, axis=1, out=self.bounds)
 
 
+def every_entry(P: Array) -> csc_matrix:
+    """The symmetric P with its zeros, in compressed columns: a later one may have others there."""
+    n = len(P)
+    rows, starts = np.tile(np.arange(n), n), np.arange(0, n * n + 1, n)
+    return csc_matrix((P.reshape(-1).copy(), rows, starts), shape=P.shape)
+
+
 def upper_triangle(P: Array) -> csc_matrix:
     """Every entry of the upper half of the symmetric P, zeros too, in compressed columns."""
     n = len(P)
