@@ -1,1 +1,8 @@
-"""Measurements that need more than the project itself: other solvers, whole drives."""
+"""Measurements that need more than the project itself: other solvers, whole drives, sizes."""
+
+import os
+
+# One thread each, set before any of them is imported: what a machine could do in parallel is not
+# the question.
+for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")

@@ -152,8 +152,9 @@ def run(
             virtual.close()
     if virtual is not None and virtual.plant_failure is not None:
         _complain(console, f"the car's plant failed: {virtual.plant_failure}")
+    code = _conclude(session, json_file, console)
     write_ticks(ticks, session.record.deadlines)
-    return _conclude(session, json_file, console)
+    return code
 
 
 def main() -> None:

@@ -116,7 +116,7 @@ def drive(
     still to come. What a `witness` saw explains late ticks. Whatever happens, the last frame is a
     safe command.
     """
-    journal = _Journal(record.deadlines, witness)
+    journal = _Journal(record.deadlines, lead_ns or 0, witness)
     has_driven = False
     silent_ticks = 0
     try:
@@ -160,9 +160,11 @@ def _prepare(step: ControlStep, clock: Clock, lead_ns: int | None) -> int:
 class _Journal:
     """Enters every tick into the account, with what was seen of it."""
 
-    def __init__(self, account: DeadlineAccount, witness: Witness | None) -> None:
+    def __init__(self, account: DeadlineAccount, lead_ns: int, witness: Witness | None) -> None:
         self._account = account
+        self._lead_ns = lead_ns
         self._witness = witness
+        self._last_done_ns: int | None = None
         self._before = None if witness is None else witness.look()
 
     def enter(self, tick: Tick, outcome: StepOutcome, prepare_ns: int, done_ns: int) -> None:
@@ -180,6 +182,9 @@ class _Journal:
             prepare_us=prepare_ns / 1e3,
             qp_iterations=outcome.qp_iterations,
         )
+        first_ns = tick.scheduled_ns - late_ns
+        overrun_ns = 0 if self._last_done_ns is None else max(0, self._last_done_ns - first_ns)
+        self._last_done_ns = done_ns
         is_notable = self._account.record(
             times, tick.skipped, done_ns - tick.scheduled_ns + late_ns
         )
@@ -188,7 +193,15 @@ class _Journal:
         now = self._witness.look()
         if is_notable:
             bus_us = times.hear_us + times.answer_us
-            parts = TickParts(times.wake_us, times.step_us, times.qp_us, bus_us)
+            prepared_late_us = max(0.0, (prepare_ns - self._lead_ns) / 1e3)
+            parts = TickParts(
+                times.wake_us,
+                times.step_us,
+                times.qp_us,
+                bus_us,
+                prepared_late_us,
+                overrun_ns / 1e3,
+            )
             self._account.explain(explain(self._before, now, parts))
         self._before = now
 

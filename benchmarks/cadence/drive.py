@@ -70,6 +70,11 @@ def drive(
         if not (folder / "controller.json").exists():
             raise BusError((folder / "controller.log").read_text()[-1000:])
         summary: dict[str, Any] = json.loads((folder / "controller.json").read_text())
+        if summary["ending"] != "MISSION_OVER":
+            raise BusError(
+                f"expected a drive to its end, found {summary['ending']} after "
+                f"{summary['ticks']} ticks.\n{(folder / 'car.log').read_text()[-1000:]}"
+            )
         return summary
 
 

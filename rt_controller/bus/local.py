@@ -26,6 +26,8 @@ IDENTIFIER = 0x1FFF_FFFF
 BUFFER_BYTES = 1 << 20
 REFRESH_NS = 100_000_000
 """a member that joined is sent to after at most so long"""
+FAREWELL_NS = 1_000_000_000
+"""how long one who left is still heard and spoken to: it, or the word of it, may be late"""
 
 
 class LocalBus(can.BusABC):
@@ -52,6 +54,7 @@ class LocalBus(can.BusABC):
         self._mark = self._folder / str(self._address[1])
         self._mark.write_text(str(os.getpid()))
         self._others: list[tuple[str, int]] = []
+        self._known_until_ns: dict[tuple[str, int], int] = {}
         self._refresh_ns = 0
         super().__init__(channel=channel, can_filters=can_filters)
 
@@ -66,39 +69,40 @@ class LocalBus(can.BusABC):
         flags = (EXTENDED * msg.is_extended_id) | (REMOTE * msg.is_remote_frame)
         flags |= ERROR * msg.is_error_frame
         frame = FRAME.pack(msg.arbitration_id | flags, msg.dlc, bytes(msg.data))
-        try:
-            for address in self._members():
+        for address in self._members():
+            try:
                 self._socket.sendto(frame, address)
-        except BlockingIOError:
-            return
-        except OSError as error:
-            raise can.CanOperationError(f"cannot send: {error}", error.errno) from error
+            except BlockingIOError:
+                continue
+            except OSError as error:
+                raise can.CanOperationError(f"cannot send: {error}", error.errno) from error
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         try:
             if timeout != 0.0 and not select.select([self._socket], [], [], timeout)[0]:
                 return None, False
-            frame, sender = self._socket.recvfrom(FRAME.size + 1)
+            # What is no frame of a member must not hide those behind it.
+            while True:
+                frame, sender = self._socket.recvfrom(FRAME.size + 1)
+                if len(frame) == FRAME.size and self._knows(sender):
+                    return self._message(frame), False
         except BlockingIOError:
             return None, False
         except (OSError, ValueError) as error:
             raise can.CanOperationError(f"cannot receive: {error}") from error
-        if len(frame) != FRAME.size or not self._knows(sender):
-            return None, False
+
+    def _message(self, frame: bytes) -> can.Message:
         identifier, length, data = FRAME.unpack(frame)
         is_remote = bool(identifier & REMOTE)
-        return (
-            can.Message(
-                timestamp=time.time(),
-                arbitration_id=identifier & IDENTIFIER,
-                is_extended_id=bool(identifier & EXTENDED),
-                is_remote_frame=is_remote,
-                is_error_frame=bool(identifier & ERROR),
-                dlc=length,
-                data=None if is_remote else data[:length],
-                channel=self._channel,
-            ),
-            False,
+        return can.Message(
+            timestamp=time.time(),
+            arbitration_id=identifier & IDENTIFIER,
+            is_extended_id=bool(identifier & EXTENDED),
+            is_remote_frame=is_remote,
+            is_error_frame=bool(identifier & ERROR),
+            dlc=length,
+            data=None if is_remote else data[:length],
+            channel=self._channel,
         )
 
     def fileno(self) -> int:
@@ -114,20 +118,33 @@ class LocalBus(can.BusABC):
     def _members(self) -> list[tuple[str, int]]:
         now_ns = time.monotonic_ns()
         if now_ns >= self._refresh_ns:
-            self._others = [member for member in _present(self._folder) if member != self._address]
             self._refresh_ns = now_ns + REFRESH_NS
+            self._refresh(now_ns)
         return self._others
 
+    def _refresh(self, now_ns: int) -> None:
+        try:
+            self._mark.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            self._mark.write_text(str(os.getpid()))  # cleaners of old files shall find it new
+            present = list(_present(self._folder))
+        except OSError:
+            return  # whoever was there is spoken to as before
+        for member in present:
+            if member != self._address:
+                self._known_until_ns[member] = now_ns + FAREWELL_NS
+        self._others = [
+            member for member, until_ns in self._known_until_ns.items() if until_ns >= now_ns
+        ]
+
     def _knows(self, sender: tuple[str, int]) -> bool:
-        if sender in self._others:
+        if self._known_until_ns.get(sender, -1) >= time.monotonic_ns():
             return True
-        self._refresh_ns = 0  # it may have joined just now
-        return sender in self._members()
+        self._members()  # it may have joined just now
+        return self._known_until_ns.get(sender, -1) >= time.monotonic_ns()
 
 
 def _folder_of(channel: str) -> Path:
-    root = Path(os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir())
-    home = root / f"rt-controller-can-{os.getuid()}"
+    home = Path(tempfile.gettempdir()) / f"rt-controller-can-{os.getuid()}"
     name = "".join(letter if letter.isalnum() else f"%{ord(letter):x}" for letter in channel)
     folder = home / (name or "%")
     try:

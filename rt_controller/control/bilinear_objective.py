@@ -15,6 +15,7 @@ from numpy.lib.stride_tricks import as_strided
 
 from rt_controller.contract.bilinear import Bilinear
 from rt_controller.contract.bundle import Array, Bundle
+from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.follow import Follow
 from rt_controller.control.constraints import N_INPUTS
 from rt_controller.control.cost import InputCost, OutputWeights
@@ -30,6 +31,7 @@ class BilinearObjective:
 
     Raises:
         ArtifactError: what the inputs cost by themselves does not make the problem convex.
+        ConfigError: e_y is watched and has no weight.
 
     Paper: eq. (14), with the bilinear model that its conclusion names.
     """
@@ -87,6 +89,11 @@ class BilinearObjective:
         self._terminal_unit = np.sqrt(outputs.terminal_factor)
         self._wanted = np.zeros(rows)
         self._error = np.zeros(rows)
+        if watches_lateral and self._units[LATERAL] == 0.0:
+            raise ConfigError(
+                "--mpc.corridor-m with a bilinear model: expected a finite --mpc.tolerance.ey-m, "
+                "found inf. Give e_y a tolerance, however large."
+            )
         self._watches_lateral = watches_lateral
         self._lateral_effect = self._effect[:, LATERAL::p].T
         self._lateral_units = self._units[LATERAL::p, None]

@@ -20,7 +20,7 @@ from rt_controller.control.staged_solver import StagedSolver
 
 EVEN_HORIZON, EVEN_SIZE, GROWTH = 40.0, 9.0, 1.2
 """six states and three inputs are solved equally fast both ways over 40 stages; more states move
-that as this power of the size of a stage. Measured: docs/realtime.md"""
+that as this power of the size of a stage. Decision 018; measured by benchmarks.growth"""
 
 
 class Formulation(StrEnum):
@@ -93,7 +93,7 @@ def formulate(
 
 
 def prefers_stages(bundle: Bundle, horizon: int) -> bool:
-    """Whether PIQP solves the QP faster with the states in it."""
+    """Whether PIQP, from nothing, solves the QP faster with the states in it."""
     size = bundle.n_observables + N_INPUTS
     even = EVEN_HORIZON * (size / EVEN_SIZE) ** GROWTH
     return bundle.bilinear is None and horizon > even

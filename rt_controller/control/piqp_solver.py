@@ -11,6 +11,8 @@ from rt_controller.control.solver import SolveStatus
 
 MAX_ITERATIONS = 16
 """enough for every problem that a drive has brought so far"""
+LEAST_ITERATIONS = 12
+"""cut shorter than this, the first input may be wrong by more than 1e-4 of its range"""
 
 
 class PiqpSolver:
@@ -25,7 +27,7 @@ class PiqpSolver:
         self._P = _columns_of_symmetric(program.P)
         self._G = _Columns(program.G, program.pattern)
         self._has_rows = len(program.G) > 0
-        self._workspace = PiqpWorkspace(max_iterations)
+        self._workspace = PiqpWorkspace(max_iterations, LEAST_ITERATIONS)
         self._solver = self._workspace.solver
         self._has_matrices = True
         self.solution = np.zeros(program.size)

@@ -14,13 +14,14 @@ from rt_controller.control.solver import SolveStatus
 
 EPS_ABS = 1e-6
 EPS_DUALITY_GAP_ABS = 2e-9
-LEAST_ITERATIONS = 12
-"""cut shorter than this, the first input may be wrong by more than 1e-4 of its range"""
 MEASURED_SOLVES = 21
 COLD_FACTOR = 2.0
 """how much longer an iteration takes once in 25 ms than in a row: its data left the cache"""
 USABLE_RESIDUAL = 1e-4
-"""of a solve cut short there, in units of an input's range: as exact as a command frame"""
+"""of the constraints and of stationarity, in a solve that was cut short: of inputs it is a share of
+their range, and as exact as a command frame"""
+USABLE_GAP = 1e-8
+"""of the cost: the inputs' error goes with its root, and changes of an input weigh ten and more"""
 
 _STATUS = {
     piqp.PIQP_SOLVED: SolveStatus.SOLVED,
@@ -36,8 +37,12 @@ class PiqpWorkspace:
     The tolerances keep the first input within 1e-4 of its range.
     """
 
-    def __init__(self, max_iterations: int) -> None:
-        """PIQP has no time limit: the number of iterations bounds the time."""
+    def __init__(self, max_iterations: int, least_iterations: int) -> None:
+        """PIQP has no time limit: the number of iterations bounds the time.
+
+        With fewer than `least_iterations` a usual solve would be cut short too early.
+        """
+        self._least_iterations = least_iterations
         self.solver = piqp.SparseSolver()
         self.iterations = 0
         """of the last run"""
@@ -69,10 +74,10 @@ class PiqpWorkspace:
         """
         per_iteration_ns = COLD_FACTOR * self._measure_iteration_ns()
         most = min(self.solver.settings.max_iter, int(budget_ns / per_iteration_ns))
-        if most < LEAST_ITERATIONS:
+        if most < self._least_iterations:
             raise ConfigError(
                 f"--realtime.solve-budget-ms {budget_ns / 1e6:g}: expected time for at least "
-                f"{LEAST_ITERATIONS} iterations of PIQP, found {most}, since one takes "
+                f"{self._least_iterations} iterations of PIQP, found {most}, since one takes "
                 f"{per_iteration_ns / 1e3:.0f} us on this machine. Shorten --mpc.horizon, or give "
                 f"the solver more time."
             )
@@ -107,5 +112,5 @@ def _is_usable(info: piqp.Info) -> bool:
     return bool(
         info.primal_res < USABLE_RESIDUAL
         and info.dual_res < USABLE_RESIDUAL
-        and info.duality_gap < USABLE_RESIDUAL
+        and info.duality_gap < USABLE_GAP
     )

@@ -16,10 +16,10 @@ class SolveStatus(Enum):
 
 
 class Solver(Protocol):
-    """A workspace around one `QuadraticProgram`, whose vectors it reads at every solve."""
+    """A workspace around one program, whose vectors it reads at every solve."""
 
     solution: Array
-    """(n,), of the last solve that was SOLVED; overwritten by the next"""
+    """Of the last solve that was SOLVED, the inputs first; overwritten by the next."""
     iterations: int
     """of the last solve"""
 

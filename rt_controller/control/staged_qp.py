@@ -7,6 +7,7 @@ import numpy as np
 from scipy.sparse import csc_matrix, diags, identity, kron, vstack
 
 from rt_controller.contract.bundle import Array, Bundle
+from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import InputLimits
 from rt_controller.control.constraints import N_INPUTS, constrain_inputs
 from rt_controller.control.cost import TrackingCost, input_cost, output_weights
@@ -21,6 +22,9 @@ class StagedQp:
     minimise 1/2 z' P z + q' z subject to M z = b, row_lower <= G z <= row_upper and bounds on the
     inputs. Built once; a tick changes vectors only, so the input matrix is a constant one. The
     slacks are there if there is a corridor.
+
+    Raises:
+        ArtifactError: the bundle's matrices are not finite.
 
     Paper: eq. (14).
     """
@@ -80,6 +84,8 @@ class StagedQp:
         self.lower.reshape(horizon, block)[:, :m] = inputs.lower.reshape(horizon, m)
         self._ceilings = self.upper.reshape(horizon, block)[:, :m]
         self._ceilings[:] = inputs.upper.reshape(horizon, m)
+        if not np.isfinite(self.M.data).all():
+            raise ArtifactError("The model's A and B: expected numbers, found some that are none.")
 
     def prepare(self) -> None:
         """Nothing: the matrices are constant."""

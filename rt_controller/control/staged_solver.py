@@ -8,6 +8,7 @@ from rt_controller.control.staged_qp import StagedQp
 
 MAX_ITERATIONS = 30
 """states are of many units and without bounds: that takes more of them than inputs alone"""
+LEAST_ITERATIONS = 20
 
 
 class StagedSolver:
@@ -20,7 +21,7 @@ class StagedSolver:
     def __init__(self, qp: StagedQp, max_iterations: int = MAX_ITERATIONS) -> None:
         self._qp = qp
         self._has_rows = qp.row_upper.size > 0
-        self._workspace = PiqpWorkspace(max_iterations)
+        self._workspace = PiqpWorkspace(max_iterations, LEAST_ITERATIONS)
         self.solution = np.zeros(qp.scale.size)
         self.iterations = 0
         rows = (qp.G, qp.row_lower, qp.row_upper) if self._has_rows else (None, None, None)

@@ -38,6 +38,7 @@ class Worst(NamedTuple):
     """The tick whose frames left last after their instant."""
 
     tick: int
+    """its number, counted from zero"""
     late_us: float
     cause: Cause
 
@@ -86,7 +87,7 @@ class DeadlineAccount:
             self.misses_by_cause[cause] += 1
         late_us = self._latest_ns / 1e3
         if self.worst is None or late_us > self.worst.late_us:
-            self.worst = Worst(self.ticks, late_us, cause)
+            self.worst = Worst(self.ticks - 1, late_us, cause)
 
     def percentiles(self, field: str) -> Percentiles:
         """Of one field of `TickTimes`, over all ticks."""

@@ -20,6 +20,8 @@ class Cause(StrEnum):
     SOLVER = "the QP took long"
     BUS = "reading or sending frames took long"
     COMPUTING = "the rest of the step took long"
+    PREPARING = "the preparation of its plan was not done in time"
+    OVERRUN = "the step before it took too long"
 
 
 class Sight(NamedTuple):
@@ -41,6 +43,10 @@ class TickParts(NamedTuple):
     step_us: float
     qp_us: float
     bus_us: float
+    prepared_late_us: float
+    """what the preparation took beyond its time"""
+    overrun_us: float
+    """what the step before took beyond this one's instant"""
 
 
 class Witness:
@@ -79,8 +85,11 @@ def explain(before: Sight, after: Sight, parts: TickParts) -> Cause:
         return Cause.HOST
     computed_us = min((after.cpu_ns - before.cpu_ns) / 1e3, parts.step_us)
     waited_us = (after.waited_ns - before.waited_ns) / 1e3
+    own_us = computed_us + parts.prepared_late_us + parts.overrun_us
     shares = {
-        Cause.HOST: parts.wake_us + parts.step_us - computed_us - waited_us,
+        Cause.HOST: parts.wake_us + parts.step_us - own_us - waited_us,
+        Cause.PREPARING: parts.prepared_late_us,
+        Cause.OVERRUN: parts.overrun_us,
         Cause.PREEMPTED: waited_us,
         Cause.SOLVER: min(parts.qp_us, computed_us),
         Cause.BUS: min(parts.bus_us, computed_us),

@@ -1,9 +1,11 @@
 """The bus between processes of one machine."""
 
 import os
+import shutil
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 
@@ -17,7 +19,8 @@ from rt_controller.bus.transport import close_bus, open_bus
 
 @pytest.fixture
 def join(tmp_path, monkeypatch) -> Iterator[Callable[..., can.BusABC]]:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", None)
     monkeypatch.setattr(local, "REFRESH_NS", 0)
     buses: list[can.BusABC] = []
 
@@ -85,9 +88,43 @@ def test_nobody_is_heard_who_is_no_member(join):
     assert bus.recv(0.05) is None
 
 
-def test_who_left_or_died_is_not_sent_to(join, tmp_path):
-    one, other = join(), join()
+def test_what_is_no_frame_of_a_member_hides_none_behind_it(join):
+    bus, other = join(), join()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        for _ in range(3):
+            stranger.sendto(FRAME.pack(1, 8, bytes(8)), (HOST, bus._address[1]))
+    other.send(frame(7))
+    time.sleep(0.05)
+    assert bus.recv(0.0).arbitration_id == 7
+
+
+def test_the_last_frames_of_one_who_leaves_are_heard(join):
+    bus, other = join(), join()
+    other.send(frame(1))
+    assert bus.recv(1.0).arbitration_id == 1
+    other.send(frame(2))
     close_bus(other)
+    bus.send(frame(3))  # by now its mark is gone
+    assert bus.recv(1.0).arbitration_id == 2
+
+
+def test_a_folder_that_was_cleaned_away_is_made_again(join):
+    one, other = join(), join()
+    one.send(frame(1))
+    assert other.recv(1.0).arbitration_id == 1
+    shutil.rmtree(one._folder)
+    for bus, number in ((one, 2), (other, 3), (one, 4), (other, 5)):
+        bus.send(frame(number))
+    assert {other.recv(1.0).arbitration_id for _ in range(2)} == {2, 4}
+    assert {one.recv(1.0).arbitration_id for _ in range(2)} == {3, 5}
+
+
+def test_who_left_or_died_is_soon_not_sent_to(join, monkeypatch):
+    monkeypatch.setattr(local, "FAREWELL_NS", 50_000_000)
+    one, other = join(), join()
+    assert len(one._members()) == 1
+    close_bus(other)
+    time.sleep(0.1)
     assert one._members() == []
     dead = subprocess.run(
         [sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, check=True
