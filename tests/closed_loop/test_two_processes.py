@@ -75,11 +75,17 @@ def start(log: Path, module: str, *arguments: str) -> subprocess.Popen:
         )
 
 
-def start_car(channel: str, folder: Path) -> subprocess.Popen:
+def start_car(channel: str, folder: Path, duration_s: float = 60.0) -> subprocess.Popen:
+    """Straight on, for so long that whatever shall happen meanwhile does on a slow machine too."""
+    scenario = folder / "straight.toml"
+    scenario.write_text(
+        f'name = "straight"\nspeed_kmh = 80.0\ncurvature_per_m = 0.0\nduration_s = {duration_s}\n'
+        f"road_friction = 0.85\nmoves = []\n"
+    )
     return start(
         folder / "car.log",
         "sim_bridge.cli",
-        *("--bus", "remote", "--channel", channel, "--scenario", "straight"),
+        *("--bus", "remote", "--channel", channel, "--scenario", str(scenario)),
         *("--json", str(folder / "car.json")),
     )
 
@@ -99,7 +105,10 @@ def says(log: Path, words: str) -> bool:
 
 
 def test_two_processes_drive_a_mission_to_its_end(channel: str, tmp_path: Path) -> None:
-    car, controller = start_car(channel, tmp_path), start_controller(channel, tmp_path)
+    car, controller = (
+        start_car(channel, tmp_path, duration_s=5.0),
+        start_controller(channel, tmp_path),
+    )
     try:
         controller.wait(PATIENCE_S)
         assert car.wait(PATIENCE_S) == 0, (tmp_path / "car.log").read_text()
@@ -180,7 +189,10 @@ def test_a_second_controller_is_turned_away_and_the_first_drives_on(
     channel: str, tmp_path: Path
 ) -> None:
     (tmp_path / "second").mkdir()
-    car, controller = start_car(channel, tmp_path), start_controller(channel, tmp_path)
+    car, controller = (
+        start_car(channel, tmp_path, duration_s=25.0),
+        start_controller(channel, tmp_path),
+    )
     try:
         wait_until(lambda: says(tmp_path / "controller.log", "NOMINAL"), "a driving controller")
         second = start_controller(channel, tmp_path / "second")
