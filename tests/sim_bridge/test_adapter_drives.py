@@ -101,9 +101,12 @@ def test_commonroads_car_is_driven_through_the_lane_change(
 def test_an_fmu_drives_by_the_wall_clock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fmu = make_foreign_car(tmp_path, "WallClock")
     options = ("--duration-s", "1", "--plant", f"fmu:{fmu}", "--realtime.deadline-ms", "25")
-    code, figures = drive(tmp_path, monkeypatch, *options)
-    # A machine that stalls for some periods has the car stopped safely: that is a drive as well.
-    assert code in {0, cli.EXIT_SAFE_STOP}
+    # A shared machine that stalls for some periods has the car stopped safely; it is tried again.
+    for _ in range(3):
+        code, figures = drive(tmp_path, monkeypatch, *options)
+        if code != cli.EXIT_SAFE_STOP:
+            break
+    assert code == 0
     assert figures["ticks"] > 20
 
 
