@@ -131,7 +131,7 @@ class RealtimeSettings(_Settings):
     """bind the loop to this core"""
     phase_ms: Annotated[float, Field(ge=0.0, lt=25.0)] = 2.0
     """how long after the vehicle's frames each tick is scheduled"""
-    prepare_ms: Annotated[float, Field(ge=0.0, lt=25.0)] = 2.0
+    prepare_ms: Annotated[float, Field(ge=0.0, lt=25.0)] = 4.0
     """how long before each tick its plan is prepared, with code and data woken; 0: never"""
     solve_budget_ms: Annotated[float, Field(gt=0.0, le=25.0)] = 5.0
     """the longest that the solver may take, by what an iteration takes on this machine"""

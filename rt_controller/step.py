@@ -8,6 +8,7 @@ from rt_controller.bus.frames import SAMPLE_TIME_WRAP_NS, Fault, Heartbeat
 from rt_controller.bus.identity import dbc_hash
 from rt_controller.bus.inbox import Inbox
 from rt_controller.bus.outbox import ControllerOutbox
+from rt_controller.bus.silent import SilentBus
 from rt_controller.bus.snapshot import MissionSnapshot, StateSnapshot
 from rt_controller.contract.limits import InputLimits
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, PathReference
@@ -65,6 +66,7 @@ class ControlStep:
         self._bus = bus
         self._inbox = inbox
         self._outbox = outbox
+        self._rehearsal = ControllerOutbox(SilentBus())
         self._mpc = mpc
         self._plan = plan
         self._limits = limits
@@ -74,6 +76,7 @@ class ControlStep:
         self._delay = TransportDelay(SAMPLE_TIME_WRAP_NS)
         self._last_state: StateSnapshot | None = None
         self._last_delay_ns = 0
+        self._last_mission: MissionSnapshot | None = None
         self._last_out_of_range = 0
         self._last_send_failures = 0
         self._counter = 0
@@ -103,11 +106,12 @@ class ControlStep:
         heard_ns = time.perf_counter_ns()
         planned = self._take_plan(state, path, mission, periods)
         planned_ns = time.perf_counter_ns()
-        event, cause = self._judge(state, path, mission, planned, now_ns)
+        event, cause = self._judge(state, path, mission, planned)
         self._enter(next_mode(self.outcome.mode, event), cause)
         self.outcome.control = confine(
             self._wanted(planned), self.outcome.control, self._limits, PERIOD_S
         )
+        self._last_mission = mission
         self._answer(now_ns)
 
         outcome = self.outcome
@@ -117,8 +121,16 @@ class ControlStep:
         return outcome
 
     def prepare(self) -> None:
-        """Before the next tick: do what its plan need not wait for."""
+        """Long enough before the next tick: build its QP."""
         self._mpc.prepare()
+
+    def rehearse(self) -> None:
+        """Just before the next tick: read the frames that are there, plan and answer for nobody.
+        """
+        self._mpc.rehearse()
+        now_ns = self._clock.now_ns()
+        self._send(self._rehearsal, now_ns)
+        self._inbox.drain(self._bus, now_ns)
 
     def request_stop(self) -> None:
         """From the next step on, bring the car to rest."""
@@ -211,14 +223,13 @@ class ControlStep:
         path: PathReference | None,
         mission: MissionSnapshot | None,
         planned: ControlInput | None,
-        now_ns: int,
     ) -> tuple[Event, StopCause]:
         cause = self._hard_fault(state)
         if cause is not StopCause.NONE:
             return Event.FAULT, cause
         if mission is None:
             return Event.LOST, StopCause.MISSION_LOST
-        if self._may_reset(state, mission, now_ns):
+        if self._may_reset(state, mission):
             return Event.RESET, StopCause.NONE
         if not mission.is_engaged or (state is not None and state.is_watchdog_braking):
             return Event.IDLE, StopCause.NONE
@@ -265,12 +276,10 @@ class ControlStep:
             self.outcome.cause = cause if is_troubled else StopCause.NONE
         self.outcome.mode = mode
 
-    def _may_reset(
-        self, state: StateSnapshot | None, mission: MissionSnapshot, now_ns: int
-    ) -> bool:
+    def _may_reset(self, state: StateSnapshot | None, mission: MissionSnapshot) -> bool:
         return (
             mission.is_reset_requested
-            and mission.arrival_ns == now_ns  # a request, not the memory of one
+            and mission is not self._last_mission  # a request, not the memory of one
             and self.outcome.mode is Mode.SAFE_STOP
             and state is not None
             and abs(state.state.vx_mps) < STANDING_MPS
@@ -285,10 +294,16 @@ class ControlStep:
         return planned
 
     def _answer(self, now_ns: int) -> None:
-        self._outbox.send_command(self.outcome.control, self.outcome.mode, self._counter, now_ns)
+        self._send(self._outbox, now_ns)
+        if self._ticks % IDENT_PERIOD_TICKS == 0:
+            self._outbox.send_identity(self._model_hash, now_ns)
+        self._ticks += 1
+
+    def _send(self, outbox: ControllerOutbox, now_ns: int) -> None:
+        outbox.send_command(self.outcome.control, self.outcome.mode, self._counter, now_ns)
         seen = self._last_state
         age_ns = None if seen is None else now_ns - seen.arrival_ns + self._last_delay_ns
-        self._outbox.send_heartbeat(
+        outbox.send_heartbeat(
             Heartbeat(
                 mode=self.outcome.mode,
                 faults=self._faults,
@@ -298,9 +313,6 @@ class ControlStep:
             ),
             now_ns,
         )
-        if self._ticks % IDENT_PERIOD_TICKS == 0:
-            self._outbox.send_identity(self._model_hash, now_ns)
-        self._ticks += 1
 
 
 def _round_trip(state: StateSnapshot) -> int:

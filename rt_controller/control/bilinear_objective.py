@@ -57,6 +57,7 @@ class BilinearObjective:
         self._units = np.sqrt(outputs.over(horizon))
         free = free_response(bundle, horizon, p)
         self._free_map = np.column_stack([free.Phi, free.lam, free.mu]) * self._units[:, None]
+        """(N p, n + 2)"""
 
         # B_uc is one more direction, with a gain of one.
         directions = np.concatenate([bundle.B_uc[None], bilinear.N]) * scale[:m]
@@ -87,8 +88,14 @@ class BilinearObjective:
         self._effect_by_stage = self._effect.reshape(horizon, m, rows)
         self._terminal_effect = self._effect[:, -p:]
         self._terminal_unit = np.sqrt(outputs.terminal_factor)
+        undriven = self._free_map.shape[1]
+        self._of_past = np.zeros((nv, undriven + m))
+        """of [psi_0; kappa; 1; u_prev]"""
+        np.fill_diagonal(self._of_past[:, undriven:], inputs.from_previous)
+        self._of_undriven = self._of_past[:, :undriven]
+        self._product = np.zeros((nv, undriven))
         self._wanted = np.zeros(rows)
-        self._error = np.zeros(rows)
+        self._pull = np.zeros(nv)
         if watches_lateral and self._units[LATERAL] == 0.0:
             raise ConfigError(
                 "--mpc.corridor-m with a bilinear model: expected a finite --mpc.tolerance.ey-m, "
@@ -110,16 +117,17 @@ class BilinearObjective:
         self._terminal_effect *= self._terminal_unit
         np.dot(self._effect, self._effect.T, out=self.H)
         self.H += self._inputs.H
+        np.dot(self._effect, self._free_map, out=self._product)
+        np.copyto(self._of_undriven, self._product)
 
         if self._watches_lateral:
             np.divide(self._lateral_effect, self._lateral_units, out=self.lateral)
 
     def aim(self, situation: Situation) -> None:
-        np.dot(self._free_map, situation.undriven, out=self._error)
+        np.dot(self._of_past, situation.past, out=self.gradient)
         np.multiply(situation.reference.reshape(-1), self._units, out=self._wanted)
-        self._error -= self._wanted
-        np.dot(self._effect, self._error, out=self.gradient)
-        self.gradient[:N_INPUTS] += self._inputs.from_previous * situation.previous
+        np.dot(self._effect, self._wanted, out=self._pull)
+        self.gradient -= self._pull
 
 
 class GainFeedback:

@@ -4,6 +4,8 @@ Arnström, Bemporad and Axehill, *A Dual Active-Set Solver for Embedded Quadrati
 Recursive LDL' Updates*, 2022.
 """
 
+from math import isfinite
+
 import numpy as np
 
 from rt_controller.contract.errors import ConfigError, MissingExtraError
@@ -86,6 +88,6 @@ class DaqpSolver:
         status = _STATUS.get(flag, SolveStatus.NUMERICS)
         if status is SolveStatus.SOLVED:
             self.solution[:] = solution
-            if not np.isfinite(self.solution).all():
+            if not isfinite(self.solution.dot(self.solution)):
                 return SolveStatus.NUMERICS
         return status

@@ -96,6 +96,7 @@ class Mpc:
         """
         if self._history is not None and not self._history.is_begun:
             self._history.advance(state, previous)
+        self._path = path
         reference = self._reference.expand(path, state, curvature_per_m)
         now = self._qp.situation
         now.psi[:] = self._encoder.lift(state, curvature_per_m)
@@ -138,10 +139,18 @@ class Mpc:
         now.psi[:] = one_step(self._bundle, now.psi, applied, curvature_per_m)
         now.previous[:] = applied
         now.reference[:-1] = now.reference[1:]
-        self._encoder.lift(VehicleState(*now.psi[:N_STATES]), curvature_per_m)
         self._expect()
         self._is_prepared = self._build()
         self._has_plan = False  # it serves for one tick
+
+    def rehearse(self) -> None:
+        if not self._is_prepared:
+            return
+        now = self._qp.situation
+        state = VehicleState(*now.psi[:N_STATES].tolist())
+        curvature_per_m = float(now.road[0])
+        reference = self._reference.expand(self._path, state, curvature_per_m)
+        self._encoder.lift(state, curvature_per_m)
         self._qp.aim(self._pedals)
         self._solver.solve()
 

@@ -30,6 +30,8 @@ class Situation:
         self.vector[n + 1] = 1.0
         self.undriven = self.vector[: n + 2]
         """(n + 2,), what the response without inputs follows from"""
+        self.past = self.vector[: n + 2 + N_INPUTS]
+        """all but the reference"""
         self.psi = self.vector[:n]
         self.road = self.vector[n : n + 1]
         """(1,), curvature in 1/m"""

@@ -63,9 +63,11 @@ def lower_ceilings(ceilings: Array, choice: PedalChoice, start: Array, slew: Arr
     """
     pressed = choice.pedal
     released = Pedal.BRAKE if pressed is Pedal.THROTTLE else Pedal.THROTTLE
-    periods = np.arange(1, ceilings.shape[0] + 1)
-    ceilings[:, released] = np.maximum(start[released] - slew[released] * periods, 0.0)
     ceilings[:, pressed] = 1.0
+    ceilings[:, released] = 0.0
+    if start[released] > 0.0:  # the foot comes up
+        periods = np.arange(1, ceilings.shape[0] + 1)
+        ceilings[:, released] = np.maximum(start[released] - slew[released] * periods, 0.0)
     if start[pressed] <= 0.0:  # the foot is still on its way
         release_ticks = ceil(start[released] / slew[released] - 1e-9)
         ceilings[: max(release_ticks, choice.ticks_until_pressed), pressed] = 0.0

@@ -1,6 +1,7 @@
 """A quadratic program in memory that does not move: one side writes it, the other solves it."""
 
 from dataclasses import dataclass, field
+from math import isfinite, isnan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,8 +44,8 @@ class QuadraticProgram:
 
     def has_finite_vectors(self) -> bool:
         """Whether q is of numbers and no bound is none; bounds may be infinite."""
-        # One addition of everything costs less than one test for each.
-        return bool(np.isfinite(self.q.sum()) and not np.isnan(self.bounds).any())
+        # One sum or minimum of everything costs less than one test for each.
+        return isfinite(self.q.dot(self.q)) and not isnan(self.bounds.min())
 
     def has_finite_matrices(self) -> bool:
         """Whether those that change are of numbers."""

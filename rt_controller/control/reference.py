@@ -19,26 +19,35 @@ class ReferenceHorizon:
         self.states = np.zeros((horizon, len(VehicleState._fields)))
         """(N, 6), columns as `VehicleState`"""
         self._elapsed_s = PERIOD_S * np.arange(1, horizon + 1)
+        self._powers = np.ones((horizon, 4))
+        """1, sigma, sigma^2, sigma^3 of each stage"""
 
     def expand(self, path: PathReference, state: VehicleState, curvature_per_m: float) -> Array:
         """The reference states (N, 6) along `path`, seen from `state`.
 
         Lateral velocity is wanted to be zero; its weight decides how much that matters.
         """
-        wanted_mps = np.maximum(path.v_mps + path.a_mps2 * self._elapsed_s, 0.0)
+        c0, c1, c2, c3, v_mps, a_mps2 = path
+        wanted_mps = np.maximum(v_mps + a_mps2 * self._elapsed_s, 0.0)
         # The car arrives where its present speed, drifting to the wanted one, will bring it.
         sigma_m = 0.5 * (state.vx_mps + wanted_mps) * self._elapsed_s
-        ey_m = path.c0_m + sigma_m * (
-            path.c1 + sigma_m * (path.c2_per_m + sigma_m * path.c3_per_m2)
+        powers = self._powers
+        powers[:, 1] = sigma_m
+        np.multiply(sigma_m, sigma_m, out=powers[:, 2])
+        np.multiply(powers[:, 2], sigma_m, out=powers[:, 3])
+        ey_m, slope, curvature = np.dot(
+            (
+                (c0, c1, c2, c3),
+                (c1, 2.0 * c2, 3.0 * c3, 0.0),
+                (curvature_per_m + 2.0 * c2, 6.0 * c3, 0.0, 0.0),
+            ),
+            powers.T,
         )
-        slope = path.c1 + sigma_m * (2.0 * path.c2_per_m + 3.0 * path.c3_per_m2 * sigma_m)
-        bend_per_m = 2.0 * path.c2_per_m + 6.0 * path.c3_per_m2 * sigma_m
 
-        x = self.states
+        x = self.states  # of which v_y stays zero
         x[:, 0] = wanted_mps
-        x[:, 1] = 0.0
-        x[:, 2] = wanted_mps * (curvature_per_m + bend_per_m)
-        x[:, 3] = wanted_mps * PERIOD_S
+        np.multiply(wanted_mps, curvature, out=x[:, 2])
+        np.multiply(wanted_mps, PERIOD_S, out=x[:, 3])
         x[:, 4] = ey_m
-        x[:, 5] = np.arctan(slope)
+        np.arctan(slope, out=x[:, 5])
         return x

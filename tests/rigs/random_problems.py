@@ -66,7 +66,7 @@ def optimum(
     solver.settings.eps_abs = 1e-10
     solver.settings.eps_rel = 0.0
     solver.settings.eps_duality_gap_abs = 1e-11
-    solver.settings.eps_duality_gap_rel = 0.0
+    solver.settings.eps_duality_gap_rel = 1e-14  # costs may be of the order of 1e4
     equality = None if A is None else np.asfortranarray(A)
     rows = (np.asfortranarray(G), *box[:2]) if len(G) else (None, None, None)
     solver.setup(np.asfortranarray(P), q, equality, b, *rows, *box[2:])
