@@ -1,8 +1,10 @@
 """The 25 ms loop: join the bus, tick, account; one exit for everything that can happen."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 import can
 
@@ -26,6 +28,14 @@ BEYOND_REPAIR = (
     StopCause.SECOND_CONTROLLER,
 )
 """no waiting on the bus will mend these: the loop ends even where it stays for further missions"""
+
+
+class Leads(NamedTuple):
+    """How long before a tick to do what it need not wait for."""
+
+    prepare_ns: int
+    rehearsals_ns: tuple[int, ...]
+    """each finds more in the caches than the one before"""
 
 
 class Ending(Enum):
@@ -106,17 +116,17 @@ def drive(
     request: StopRequest,
     stays: bool = False,
     end_ns: int | None = None,
-    lead_ns: int | None = None,
+    leads: Leads | None = None,
     witness: Witness | None = None,
 ) -> None:
     """Tick until the mission is over, or a safe stop has come to rest.
 
     A request to stop, or the clock reaching `end_ns`, brings a driving car to rest first. With
-    `stays` missions may follow each other. `lead_ns` before a tick its plan is prepared, if that is
+    `stays` missions may follow each other. A tick is prepared by its `leads`, as far as they are
     still to come. What a `witness` saw explains late ticks. Whatever happens, the last frame is a
     safe command.
     """
-    journal = _Journal(record.deadlines, lead_ns or 0, witness)
+    journal = _Journal(record.deadlines, witness)
     has_driven = False
     silent_ticks = 0
     try:
@@ -126,10 +136,11 @@ def drive(
                 if record.outcome.mode is Mode.STANDBY:
                     return
                 step.request_stop()
-            prepare_ns = _prepare(step, clock, lead_ns)
+            prepare_ns = 0 if leads is None else _prepare(step, clock, leads)
+            prepared_ns = clock.now_ns()
             tick = clock.wait()
             outcome = step.run(tick.skipped, record.deadlines.missed_last)
-            journal.enter(tick, outcome, prepare_ns, clock.now_ns())
+            journal.enter(tick, outcome, prepare_ns, prepared_ns, clock.now_ns())
 
             has_driven = has_driven or outcome.mode is Mode.NOMINAL
             silent_ticks = 0 if outcome.state is not None else silent_ticks + 1
@@ -148,41 +159,50 @@ def drive(
         step.leave()
 
 
-def _prepare(step: ControlStep, clock: Clock, lead_ns: int | None) -> int:
-    """How long it took, in ns; 0 if the tick is too near."""
-    if lead_ns is None or not clock.approach(lead_ns):
+def _prepare(step: ControlStep, clock: Clock, leads: Leads) -> int:
+    """How long it took, in ns, without the pauses."""
+    spent_ns = _spend(step.prepare, clock, leads.prepare_ns)
+    for lead_ns in leads.rehearsals_ns:
+        spent_ns += _spend(step.rehearse, clock, lead_ns)
+    return spent_ns
+
+
+def _spend(action: Callable[[], None], clock: Clock, lead_ns: int) -> int:
+    """Time that an action took, so long before the next tick; 0 if that is nearer already."""
+    if not clock.approach(lead_ns):
         return 0
     begun_ns = time.perf_counter_ns()
-    step.prepare()
-    import os
-    for k in os.environ.get("REH","").split():
-        if clock.approach(int(k)*1000): step.rehearse()
+    action()
     return time.perf_counter_ns() - begun_ns
 
 
 class _Journal:
     """Enters every tick into the account, with what was seen of it."""
 
-    def __init__(self, account: DeadlineAccount, lead_ns: int, witness: Witness | None) -> None:
+    def __init__(self, account: DeadlineAccount, witness: Witness | None) -> None:
         self._account = account
-        self._lead_ns = lead_ns
         self._witness = witness
         self._last_done_ns: int | None = None
         self._before = None if witness is None else witness.look()
 
-    def enter(self, tick: Tick, outcome: StepOutcome, prepare_ns: int, done_ns: int) -> None:
-        """One tick, whose frames left at `done_ns` of the loop's clock."""
+    def enter(
+        self, tick: Tick, outcome: StepOutcome, prepare_ns: int, prepared_ns: int, done_ns: int
+    ) -> None:
+        """One tick, prepared at `prepared_ns` of the loop's clock, its frames gone at `done_ns`."""
         # What was skipped is lateness too: its frames never left.
         late_ns = tick.skipped * PERIOD_NS
         step_ns = outcome.hear_ns + outcome.plan_ns + outcome.answer_ns
         times = TickTimes(
             wake_us=(tick.lateness_ns + late_ns) / 1e3,
+            listen_us=outcome.listen_ns / 1e3,
             hear_us=outcome.hear_ns / 1e3,
             plan_us=outcome.plan_ns / 1e3,
             qp_us=outcome.qp_ns / 1e3,
             answer_us=outcome.answer_ns / 1e3,
             step_us=step_ns / 1e3,
-            prepare_us=prepare_ns / 1e3,
+            cpu_us=outcome.cpu_ns / 1e3,
+            whole_us=(outcome.listen_ns + step_ns) / 1e3,
+            prepare_us=(prepare_ns - outcome.listen_ns) / 1e3,
             qp_iterations=outcome.qp_iterations,
         )
         first_ns = tick.scheduled_ns - late_ns
@@ -196,7 +216,7 @@ class _Journal:
         now = self._witness.look()
         if is_notable:
             bus_us = times.hear_us + times.answer_us
-            prepared_late_us = max(0.0, (prepare_ns - self._lead_ns) / 1e3)
+            prepared_late_us = max(0.0, (prepared_ns - first_ns) / 1e3 - overrun_ns / 1e3)
             parts = TickParts(
                 times.wake_us,
                 times.step_us,

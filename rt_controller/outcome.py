@@ -31,14 +31,18 @@ class StepOutcome:
     state: StateSnapshot | None = None
     """None: nothing new, valid and timely this tick"""
     path: PathReference | None = None
+    listen_ns: int = 0
+    """reading frames before the tick, while it waited for nothing"""
     hear_ns: int = 0
-    """reading and judging what came in"""
+    """reading what came since, and judging it all"""
     plan_ns: int = 0
     """lifting, building and solving; next to nothing where nothing was planned"""
     qp_ns: int = 0
     """0: nothing was solved this tick"""
     answer_ns: int = 0
     """judging the plan and handing frames to the bus"""
+    cpu_ns: int = 0
+    """what this thread computed from the first to the last of these, whatever else ran meanwhile"""
     qp_iterations: int = 0
     cause: StopCause = StopCause.NONE
     """why the plan is held, or the car stopped"""

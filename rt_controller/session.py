@@ -22,7 +22,7 @@ from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.plan import Plan
 from rt_controller.control.solver import SolveStatus
-from rt_controller.loop import RunRecord, StopRequest, drive, join
+from rt_controller.loop import Leads, RunRecord, StopRequest, drive, join
 from rt_controller.realtime.accounting import DeadlineAccount
 from rt_controller.realtime.clock import Clock
 from rt_controller.realtime.lateness import Witness
@@ -41,6 +41,8 @@ SHIPPED_MODEL = "mdk-net"
 RECORDED_TICKS = round(3600.0 / PERIOD_S)
 """times of the last hour are kept"""
 WARM_UP_STEPS = 20
+REHEARSALS_NS = (1_800_000, 900_000, 450_000)
+"""before a tick: the first finds everything cold, the last must be done when the tick comes"""
 
 
 def shipped_model(name: str = SHIPPED_MODEL) -> Path:
@@ -109,11 +111,11 @@ class ControllerSession:
             join(self._bus, self.inbox, clock, phase_ns, round(wait_s * 1e9), self._request)
             self.is_joined = True
             end_ns = None if duration_s is None else clock.now_ns() + round(duration_s * 1e9)
-            lead_ns = round(realtime.prepare_ms * 1e6) or None
+            leads = _leads(realtime.prepare_ms, self._is_lockstep)
             witness = None if self._is_lockstep else Witness()
             try:
                 drive(
-                    self._step, clock, self.record, self._request, stays, end_ns, lead_ns, witness
+                    self._step, clock, self.record, self._request, stays, end_ns, leads, witness
                 )
             finally:
                 if witness is not None:
@@ -204,6 +206,15 @@ def open_session(
         _conduct=conduct,
         _is_lockstep=is_lockstep,
     )
+
+
+def _leads(prepare_ms: float, is_lockstep: bool) -> Leads | None:
+    prepare_ns = round(prepare_ms * 1e6)
+    if prepare_ns == 0:
+        return None
+    # One rehearsal is what the solver starts from; more of them only make real time shorter.
+    rehearsals_ns = REHEARSALS_NS[:1] if is_lockstep else REHEARSALS_NS
+    return Leads(prepare_ns, tuple(min(lead_ns, prepare_ns) for lead_ns in rehearsals_ns))
 
 
 def warm_up(mpc: Mpc) -> None:

@@ -76,6 +76,7 @@ class ControlStep:
         self._delay = TransportDelay(SAMPLE_TIME_WRAP_NS)
         self._last_state: StateSnapshot | None = None
         self._last_delay_ns = 0
+        self._listened_ns = 0
         self._last_mission: MissionSnapshot | None = None
         self._last_out_of_range = 0
         self._last_send_failures = 0
@@ -92,7 +93,7 @@ class ControlStep:
         `skipped_ticks` periods went by unused before this one; `missed_deadline` is news of the
         step before.
         """
-        begun_ns = time.perf_counter_ns()
+        begun_ns, begun_cpu_ns = time.perf_counter_ns(), time.thread_time_ns()
         now_ns = self._clock.now_ns()
         periods = 1 + skipped_ticks
         self._faults = Fault.DEADLINE_MISSED if missed_deadline else Fault(0)
@@ -118,19 +119,27 @@ class ControlStep:
         outcome.state, outcome.path = state, path
         outcome.hear_ns, outcome.plan_ns = heard_ns - begun_ns, planned_ns - heard_ns
         outcome.answer_ns = time.perf_counter_ns() - planned_ns
+        outcome.cpu_ns = time.thread_time_ns() - begun_cpu_ns
+        outcome.listen_ns, self._listened_ns = self._listened_ns, 0
         return outcome
 
     def prepare(self) -> None:
-        """Long enough before the next tick: build its QP."""
+        """Well before the next tick: build its QP as far as it is known."""
         self._mpc.prepare()
 
     def rehearse(self) -> None:
-        """Just before the next tick: read the frames that are there, plan and answer for nobody.
+        """Just before the next tick: read what has come, and go through the rest for nobody.
+
+        Code and data that were not used for a period have left the processor's caches; used a
+        moment ago they make the step several times faster.
         """
-        self._mpc.rehearse()
+        begun_ns = time.perf_counter_ns()
         now_ns = self._clock.now_ns()
-        self._send(self._rehearsal, now_ns)
         self._inbox.drain(self._bus, now_ns)
+        self._listened_ns += time.perf_counter_ns() - begun_ns
+        self._mpc.rehearse()
+        confine(self.outcome.control, self.outcome.control, self._limits, PERIOD_S)
+        self._send(self._rehearsal, now_ns)
 
     def request_stop(self) -> None:
         """From the next step on, bring the car to rest."""

@@ -4,8 +4,7 @@ Each keeps the newest snapshot of every kind for ever. Whether that is fresh eno
 reader to judge: a box knows no clock.
 """
 
-from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import can
 
@@ -32,8 +31,7 @@ MAX_SPREAD_NS = COUNTER_MODULUS // 2 * PERIOD_NS
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, slots=True)
-class _Part(Generic[T]):
+class _Part(NamedTuple, Generic[T]):
     """One frame of a snapshot that needs several."""
 
     content: T

@@ -2,39 +2,37 @@
 
 python-can's own virtual bus does not leave its process, its multicast bus leaves the machine, and
 its remote bus needs a server that costs a control step more than everything else. Here every
-member has a UDP socket on 127.0.0.1 and sends each frame to all others. Who they are is written in
-a folder that belongs to the user; nobody else is listened to.
+member writes its frames into a ring of shared memory, and all others read them there: no system
+call stands between the one and the other. The rings are files in a folder that belongs to the
+user; nobody else can write into them.
 """
 
 import os
-import select
-import socket
-import struct
 import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import can
 
-HOST = "127.0.0.1"
-FRAME = struct.Struct("<IB3x8s")
-"""Linux's struct can_frame: identifier with flags, length, data"""
+from rt_controller.bus.ring import Ring, RingReader
+
 EXTENDED, REMOTE, ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
+"""flags beside the identifier, as in Linux's struct can_frame"""
 IDENTIFIER = 0x1FFF_FFFF
-BUFFER_BYTES = 1 << 20
 REFRESH_NS = 100_000_000
-"""a member that joined is sent to after at most so long"""
-FAREWELL_NS = 1_000_000_000
-"""how long one who left is still heard and spoken to: it, or the word of it, may be late"""
+"""a member that joined is heard after at most so long, from its first frame on"""
+POLL_S = 0.0002
+"""between two looks, for those who wait"""
+SHARED_MEMORY = Path("/dev/shm")
+"""files that no disk stands behind; where there is none, the folder for temporary files"""
 
 
 class LocalBus(can.BusABC):
     """python-can's interface `local`; `channel` is any name, the same for all members.
 
     Raises:
-        can.CanInitializationError: the folder of the members belongs to somebody else, or cannot be
+        can.CanInitializationError: the folder of the rings belongs to somebody else, or cannot be
             made.
     """
 
@@ -46,56 +44,84 @@ class LocalBus(can.BusABC):
         self.channel_info = f"local bus {channel}"
         self._channel = channel
         self._folder = _folder_of(channel)
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
-        self._socket.setblocking(False)
-        self._socket.bind((HOST, 0))
-        self._address: tuple[str, int] = self._socket.getsockname()
-        self._mark = self._folder / str(self._address[1])
-        self._mark.write_text(str(os.getpid()))
-        self._others: list[tuple[str, int]] = []
-        self._known_until_ns: dict[tuple[str, int], int] = {}
+        self._others: dict[str, RingReader] = {}
+        self._folder_ns = -1
         self._refresh_ns = 0
+        self._is_open = True
+        self._refresh(hears_all=False)
+        try:
+            self._ring = Ring(self._folder)
+        except OSError as error:
+            raise can.CanInitializationError(
+                f"cannot write into {self._folder}: {error.strerror}"
+            ) from error
+        self._joined_ns = time.monotonic_ns()
         super().__init__(channel=channel, can_filters=can_filters)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """To all other members; one whose buffer is full loses the frame, as on any bus.
+        """To all other members; one who sleeps through thousands of frames loses the oldest.
 
         Raises:
             can.CanOperationError: it is no classic CAN frame, or the bus is closed.
         """
+        self._require_open()
         if msg.is_fd or msg.dlc > 8:
             raise can.CanOperationError("expected a classic CAN frame, found one of CAN FD")
-        flags = (EXTENDED * msg.is_extended_id) | (REMOTE * msg.is_remote_frame)
-        flags |= ERROR * msg.is_error_frame
-        frame = FRAME.pack(msg.arbitration_id | flags, msg.dlc, bytes(msg.data))
-        for address in self._members():
-            try:
-                self._socket.sendto(frame, address)
-            except BlockingIOError:
-                continue
-            except OSError as error:
-                raise can.CanOperationError(f"cannot send: {error}", error.errno) from error
+        identifier = msg.arbitration_id
+        if msg.is_extended_id:
+            identifier |= EXTENDED
+        if msg.is_remote_frame:
+            identifier |= REMOTE
+        if msg.is_error_frame:
+            identifier |= ERROR
+        self._ring.append(time.time_ns(), identifier, msg.dlc, msg.data)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """As python-can's, but for those who do not wait without its detours."""
+        if timeout != 0:
+            return super().recv(timeout)
+        self._require_open()
+        while (message := self._take()) is not None:
+            if self._matches_filters(message):
+                return message
+        return None
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        try:
-            if timeout != 0.0 and not select.select([self._socket], [], [], timeout)[0]:
-                return None, False
-            # What is no frame of a member must not hide those behind it.
-            while True:
-                frame, sender = self._socket.recvfrom(FRAME.size + 1)
-                if len(frame) == FRAME.size and self._knows(sender):
-                    return self._message(frame), False
-        except BlockingIOError:
-            return None, False
-        except (OSError, ValueError) as error:
-            raise can.CanOperationError(f"cannot receive: {error}") from error
+        self._require_open()
+        until = None if timeout is None else time.monotonic() + timeout
+        while (message := self._take()) is None:
+            if until is not None and time.monotonic() >= until:
+                break
+            time.sleep(POLL_S)
+        return message, False
 
-    def _message(self, frame: bytes) -> can.Message:
-        identifier, length, data = FRAME.unpack(frame)
+    def shutdown(self) -> None:
+        """Leave, as soon as everybody has had time to notice that one was there."""
+        super().shutdown()
+        if not self._is_open:
+            return
+        self._is_open = False
+        unseen_ns = self._joined_ns + 2 * REFRESH_NS - time.monotonic_ns()
+        if unseen_ns > 0 and not self._ring.is_empty:
+            time.sleep(unseen_ns / 1e9)
+        self._ring.remove()
+        for reader in self._others.values():
+            reader.close()
+
+    def _take(self) -> can.Message | None:
+        """The oldest frame that is there."""
+        now_ns = time.monotonic_ns()
+        if now_ns >= self._refresh_ns:
+            self._refresh_ns = now_ns + REFRESH_NS
+            self._refresh(hears_all=True)
+        waiting = [reader for reader in self._others.values() if reader.has_frames()]
+        if not waiting:
+            return None
+        reader = waiting[0] if len(waiting) == 1 else min(waiting, key=RingReader.next_stamp_ns)
+        stamp_ns, identifier, length, data = reader.take()
         is_remote = bool(identifier & REMOTE)
         return can.Message(
-            timestamp=time.time(),
+            timestamp=stamp_ns / 1e9,
             arbitration_id=identifier & IDENTIFIER,
             is_extended_id=bool(identifier & EXTENDED),
             is_remote_frame=is_remote,
@@ -105,46 +131,41 @@ class LocalBus(can.BusABC):
             channel=self._channel,
         )
 
-    def fileno(self) -> int:
-        """Of the socket, to wait for frames with."""
-        return self._socket.fileno()
-
-    def shutdown(self) -> None:
-        """Leave; the others notice within a tenth of a second."""
-        super().shutdown()
-        self._mark.unlink(missing_ok=True)
-        self._socket.close()
-
-    def _members(self) -> list[tuple[str, int]]:
-        now_ns = time.monotonic_ns()
-        if now_ns >= self._refresh_ns:
-            self._refresh_ns = now_ns + REFRESH_NS
-            self._refresh(now_ns)
-        return self._others
-
-    def _refresh(self, now_ns: int) -> None:
+    def _refresh(self, hears_all: bool) -> None:
+        """Look who is there; `hears_all` of what a newcomer has said so far."""
         try:
-            self._mark.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            self._mark.write_text(str(os.getpid()))  # cleaners of old files shall find it new
-            present = list(_present(self._folder))
+            changed_ns = self._folder.stat().st_mtime_ns
+            if changed_ns == self._folder_ns:
+                return
+            present = {path.name: path for path in self._folder.iterdir()}
         except OSError:
-            return  # whoever was there is spoken to as before
-        for member in present:
-            if member != self._address:
-                self._known_until_ns[member] = now_ns + FAREWELL_NS
-        self._others = [
-            member for member, until_ns in self._known_until_ns.items() if until_ns >= now_ns
-        ]
+            return  # whoever was there is heard as before
+        self._folder_ns = changed_ns
+        for name in [*self._others]:
+            if name not in present and not self._others[name].has_frames():
+                self._others.pop(name).close()
+        own = self._ring.path.name if hears_all else None
+        for name, path in present.items():
+            if name != own and name not in self._others:
+                self._listen_to(path, hears_all)
 
-    def _knows(self, sender: tuple[str, int]) -> bool:
-        if self._known_until_ns.get(sender, -1) >= time.monotonic_ns():
-            return True
-        self._members()  # it may have joined just now
-        return self._known_until_ns.get(sender, -1) >= time.monotonic_ns()
+    def _listen_to(self, path: Path, hears_all: bool) -> None:
+        if not _is_alive(path):
+            path.unlink(missing_ok=True)
+            return
+        try:
+            self._others[path.name] = RingReader(path, hears_all)
+        except (OSError, ValueError):
+            return  # it left in this moment, or is nothing of ours
+
+    def _require_open(self) -> None:
+        if not self._is_open:
+            raise can.CanOperationError("expected an open bus, found one that is shut down")
 
 
 def _folder_of(channel: str) -> Path:
-    home = Path(tempfile.gettempdir()) / f"rt-controller-can-{os.getuid()}"
+    base = SHARED_MEMORY if os.access(SHARED_MEMORY, os.W_OK) else Path(tempfile.gettempdir())
+    home = base / f"rt-controller-can-{os.getuid()}"
     name = "".join(letter if letter.isalnum() else f"%{ord(letter):x}" for letter in channel)
     folder = home / (name or "%")
     try:
@@ -158,20 +179,10 @@ def _folder_of(channel: str) -> Path:
     return folder
 
 
-def _present(folder: Path) -> Iterator[tuple[str, int]]:
-    """Addresses of the members; the marks of processes that died without a word are removed."""
-    for mark in folder.iterdir():
-        try:
-            os.kill(int(mark.read_text()), 0)
-        except (OSError, ValueError):
-            if time.time() - _age_begin(mark) > 1.0:  # one that is just being written stays
-                mark.unlink(missing_ok=True)
-            continue
-        yield HOST, int(mark.name)
-
-
-def _age_begin(mark: Path) -> float:
+def _is_alive(path: Path) -> bool:
+    """Whether the process that a ring belongs to is still there."""
     try:
-        return mark.stat().st_mtime
-    except OSError:
-        return 0.0
+        os.kill(int(path.name.split(".")[0]), 0)
+    except (OSError, ValueError):
+        return False
+    return True

@@ -4,14 +4,13 @@
 oldest of them was read from the bus.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from rt_controller.bus.frames import Fault
 from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
 
 
-@dataclass(frozen=True, slots=True)
-class StateSnapshot:
+class StateSnapshot(NamedTuple):
     """The car at one instant: STATE_A, STATE_B and STATE_C of one counter."""
 
     state: VehicleState
@@ -25,8 +24,7 @@ class StateSnapshot:
     arrival_ns: int
 
 
-@dataclass(frozen=True, slots=True)
-class ReferenceSnapshot:
+class ReferenceSnapshot(NamedTuple):
     """The wanted path and speed: REF_PATH and REF_SPEED of one counter."""
 
     path: PathReference
@@ -34,8 +32,7 @@ class ReferenceSnapshot:
     arrival_ns: int
 
 
-@dataclass(frozen=True, slots=True)
-class MissionSnapshot:
+class MissionSnapshot(NamedTuple):
     """What the controller is asked to do."""
 
     is_engaged: bool
@@ -47,8 +44,7 @@ class MissionSnapshot:
     arrival_ns: int
 
 
-@dataclass(frozen=True, slots=True)
-class FeedbackSnapshot:
+class FeedbackSnapshot(NamedTuple):
     """What the actuators do."""
 
     applied: ControlInput
@@ -56,8 +52,7 @@ class FeedbackSnapshot:
     arrival_ns: int
 
 
-@dataclass(frozen=True, slots=True)
-class CommandSnapshot:
+class CommandSnapshot(NamedTuple):
     """What the controller wants."""
 
     control: ControlInput
@@ -66,8 +61,7 @@ class CommandSnapshot:
     arrival_ns: int
 
 
-@dataclass(frozen=True, slots=True)
-class HeartbeatSnapshot:
+class HeartbeatSnapshot(NamedTuple):
     """How the controller is doing."""
 
     mode: Mode
@@ -79,8 +73,7 @@ class HeartbeatSnapshot:
     arrival_ns: int
 
 
-@dataclass(frozen=True, slots=True)
-class PeerIdentity:
+class PeerIdentity(NamedTuple):
     """Who is at the other end."""
 
     dbc_hash: int

@@ -22,6 +22,9 @@ from rt_controller.control.reference import ReferenceHorizon
 from rt_controller.control.solver import SolveStatus
 
 
+STRAIGHT_AHEAD = PathReference(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
 class Mpc:
     """Eq. (14) with one bundle's model, everything allocated at start.
 
@@ -55,6 +58,7 @@ class Mpc:
         """time of the last solve, vectors in to solution out"""
         self.inputs = np.zeros((horizon, N_INPUTS))
         """(N, 3), the plan of the last solve that succeeded"""
+        self._path = STRAIGHT_AHEAD
         self._has_plan = False
         self._is_prepared = False
 
@@ -124,12 +128,11 @@ class Mpc:
         return status
 
     def prepare(self) -> None:
-        """Plan the next tick as it is expected, between the ticks; after a plan, else nothing.
+        """Build the next tick's QP as it is expected, between the ticks; after a plan, else nothing.
 
-        The matrices built here serve the next plan, so what it waits for once its state is known
-        is the same for every model (the preparation phase of the real-time iteration: Diehl, Bock
-        and Schlöder, 2005). The solution is thrown away; its active set is where the next one
-        starts, and all code and data have just been touched.
+        The matrices serve the next plan, so what it waits for once its state is known is the same
+        for every model (the preparation phase of the real-time iteration: Diehl, Bock and
+        Schlöder, 2005).
         """
         self._is_prepared = False
         if not self._has_plan:
@@ -144,12 +147,16 @@ class Mpc:
         self._has_plan = False  # it serves for one tick
 
     def rehearse(self) -> None:
+        """Plan the tick that was prepared, where it is expected; what comes out is thrown away.
+
+        All code and data have just been touched then, and the solver starts from the active set
+        of this solution.
+        """
         if not self._is_prepared:
             return
         now = self._qp.situation
-        state = VehicleState(*now.psi[:N_STATES].tolist())
-        curvature_per_m = float(now.road[0])
-        reference = self._reference.expand(self._path, state, curvature_per_m)
+        state, curvature_per_m = VehicleState(*now.psi[:N_STATES].tolist()), float(now.road[0])
+        self._reference.expand(self._path, state, curvature_per_m)
         self._encoder.lift(state, curvature_per_m)
         self._qp.aim(self._pedals)
         self._solver.solve()

@@ -14,8 +14,10 @@ class TickTimes(NamedTuple):
 
     wake_us: float
     """from the scheduled instant to the loop running"""
+    listen_us: float
+    """before the tick: reading the frames that had come"""
     hear_us: float
-    """from there until all frames are read and judged"""
+    """from the loop running until all frames are read and judged"""
     plan_us: float
     """lifting, building what depends on the state, and solving"""
     qp_us: float
@@ -23,9 +25,13 @@ class TickTimes(NamedTuple):
     answer_us: float
     """from there to the frames handed to the bus"""
     step_us: float
-    """all three together"""
+    """hearing, planning and answering together"""
+    cpu_us: float
+    """what of it was computing: the rest went to others, under the system or beneath it"""
+    whole_us: float
+    """listening and the step: everything between frames that come and frames that go"""
     prepare_us: float
-    """before the tick, while it waited for nothing"""
+    """before the tick: building the QP, and rehearsing; without listening"""
     qp_iterations: float
     """0 where nothing was solved"""
 

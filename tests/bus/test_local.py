@@ -1,11 +1,8 @@
 """The bus between processes of one machine."""
 
 import os
-import shutil
-import socket
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 
@@ -13,14 +10,14 @@ import can
 import pytest
 
 from rt_controller.bus import local
-from rt_controller.bus.local import FRAME, HOST, LocalBus
+from rt_controller.bus.local import LocalBus
+from rt_controller.bus.ring import SLOTS
 from rt_controller.bus.transport import close_bus, open_bus
 
 
 @pytest.fixture
 def join(tmp_path, monkeypatch) -> Iterator[Callable[..., can.BusABC]]:
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
-    monkeypatch.setattr(tempfile, "tempdir", None)
+    monkeypatch.setattr(local, "SHARED_MEMORY", tmp_path)
     monkeypatch.setattr(local, "REFRESH_NS", 0)
     buses: list[can.BusABC] = []
 
@@ -80,22 +77,56 @@ def test_channels_do_not_hear_each_other(join):
     assert elsewhere.recv(0.05) is None
 
 
-def test_nobody_is_heard_who_is_no_member(join):
-    bus = join()
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-        stranger.sendto(FRAME.pack(1, 8, bytes(8)), (HOST, bus._address[1]))
-        stranger.sendto(b"no frame", (HOST, bus._address[1]))
-    assert bus.recv(0.05) is None
+def test_a_newcomer_hears_nothing_of_before_and_is_heard_from_its_first_frame_on(join, monkeypatch):
+    one = join()
+    one.send(frame(1))
+    other = join()
+    assert other.recv(0.0) is None
+    monkeypatch.setattr(local, "REFRESH_NS", 50_000_000)
+    one.recv(0.0)  # has looked, and will not look again for a while
+    late = join()
+    late.send(frame(2))
+    assert one.recv(0.0) is None
+    assert one.recv(1.0).arbitration_id == 2
 
 
-def test_what_is_no_frame_of_a_member_hides_none_behind_it(join):
+def test_frames_of_several_are_heard_in_the_order_they_were_sent(join):
+    listener, one, other = join(), join(), join()
+    for number in range(20):
+        (one if number % 3 else other).send(frame(number))
+    assert [listener.recv(0.0).arbitration_id for _ in range(20)] == list(range(20))
+
+
+def test_who_sleeps_too_long_loses_the_oldest_frames_and_goes_on(join):
+    one, other = join(), join()
+    assert other.recv(0.0) is None
+    for number in range(SLOTS + 100):
+        one.send(frame(number % 0x700))
+    heard = []
+    while (message := other.recv(0.0)) is not None:
+        heard.append(message.arbitration_id)
+    assert len(heard) == SLOTS // 2
+    assert heard[-1] == (SLOTS + 99) % 0x700
+
+
+def test_filters_hold_for_those_who_wait_and_those_who_do_not(join):
+    one, other = join(), join()
+    other.set_filters([{"can_id": 0x10, "can_mask": 0x7FF, "extended": False}])
+    for _ in range(2):
+        one.send(frame(0x11))
+        one.send(frame(0x10))
+    assert other.recv(0.0).arbitration_id == 0x10
+    assert other.recv(1.0).arbitration_id == 0x10
+    assert other.recv(0.0) is None
+
+
+def test_what_is_no_ring_is_passed_over(join):
     bus, other = join(), join()
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-        for _ in range(3):
-            stranger.sendto(FRAME.pack(1, 8, bytes(8)), (HOST, bus._address[1]))
+    (bus._folder / "notes.txt").write_text("gone: no such process")
+    (bus._folder / f"{os.getpid()}.1").write_bytes(bytes(200_000))
     other.send(frame(7))
-    time.sleep(0.05)
     assert bus.recv(0.0).arbitration_id == 7
+    assert not (bus._folder / "notes.txt").exists()
 
 
 def test_the_last_frames_of_one_who_leaves_are_heard(join):
@@ -104,36 +135,42 @@ def test_the_last_frames_of_one_who_leaves_are_heard(join):
     assert bus.recv(1.0).arbitration_id == 1
     other.send(frame(2))
     close_bus(other)
-    bus.send(frame(3))  # by now its mark is gone
+    assert len([*bus._folder.iterdir()]) == 1  # its ring is gone
     assert bus.recv(1.0).arbitration_id == 2
 
 
-def test_a_folder_that_was_cleaned_away_is_made_again(join):
-    one, other = join(), join()
-    one.send(frame(1))
-    assert other.recv(1.0).arbitration_id == 1
-    shutil.rmtree(one._folder)
-    for bus, number in ((one, 2), (other, 3), (one, 4), (other, 5)):
-        bus.send(frame(number))
-    assert {other.recv(1.0).arbitration_id for _ in range(2)} == {2, 4}
-    assert {one.recv(1.0).arbitration_id for _ in range(2)} == {3, 5}
+def test_who_says_something_and_leaves_at_once_is_heard(join, monkeypatch):
+    monkeypatch.setattr(local, "REFRESH_NS", 50_000_000)
+    bus = join()
+    bus.recv(0.0)
+    brief = subprocess.Popen([sys.executable, "-c", BRIEF, str(bus._folder.parents[1])])
+    try:
+        assert bus.recv(30.0).arbitration_id == 0x42
+        assert brief.wait(10.0) == 0
+    finally:
+        brief.kill()
+        brief.wait()
 
 
-def test_who_left_or_died_is_soon_not_sent_to(join, monkeypatch):
-    monkeypatch.setattr(local, "FAREWELL_NS", 50_000_000)
-    one, other = join(), join()
-    assert len(one._members()) == 1
-    close_bus(other)
-    time.sleep(0.1)
-    assert one._members() == []
+BRIEF = """
+import sys, can
+from pathlib import Path
+from rt_controller.bus import local
+local.SHARED_MEMORY = Path(sys.argv[1])
+bus = local.LocalBus("road")
+bus.send(can.Message(arbitration_id=0x42, is_extended_id=False, data=bytes(8)))
+bus.shutdown()
+"""
+
+
+def test_the_ring_of_one_who_died_is_cleared_away(join):
     dead = subprocess.run(
         [sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, check=True
     )
-    mark = one._folder / "12345"
-    mark.write_text(dead.stdout.decode())
-    assert one._members() == []
-    os.utime(mark, (time.time() - 60, time.time() - 60))
-    one._members()
+    one = join()
+    mark = one._folder / f"{dead.stdout.decode().strip()}.99"
+    mark.write_bytes(bytes(10))
+    join()
     assert not mark.exists()
     one.send(frame(1))  # into the void, as on a bus without a listener that does not acknowledge
 
@@ -167,13 +204,17 @@ def test_frames_of_can_fd_and_unknown_options_are_refused(join):
 def test_two_processes_talk(join):
     bus = join()
     program = (
+        "import sys\n"
+        "from pathlib import Path\n"
+        "from rt_controller.bus import local\n"
         "from rt_controller.bus.transport import open_bus\n"
+        "local.SHARED_MEMORY = Path(sys.argv[1])\n"
         "bus = open_bus('local', 'road')\n"
         "heard = bus.recv(20.0)\n"
         "bus.send(heard)\n"
         "bus.shutdown()\n"
     )
-    process = subprocess.Popen([sys.executable, "-c", program], env={**os.environ})
+    process = subprocess.Popen([sys.executable, "-c", program, str(bus._folder.parents[1])])
     try:
         answer = None
         until = time.monotonic() + 30.0

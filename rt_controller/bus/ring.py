@@ -1,0 +1,112 @@
+"""Frames of one member of a local bus, in shared memory: one writer, any number of readers.
+
+Slots are written round and round. A slot is complete when the count of frames says so: the count is
+written after it, in one aligned store. Processors that keep the order of stores (x86) show a reader
+nothing half-written; on others the end-to-end protection of the frames finds what is.
+"""
+
+import mmap
+import os
+import struct
+import time
+from pathlib import Path
+
+SLOTS = 4096
+"""a reader who lags farther behind than this loses frames: about ten seconds of this project's"""
+_SLOT = struct.Struct("@QIB3x8s")
+"""stamp in ns, identifier with flags, length, data"""
+_HEADER = struct.Struct("@8sQ")
+_MAGIC = b"rtc-can1"
+_COUNT = 1
+"""place of the count, in words of eight bytes"""
+_SIZE = _HEADER.size + SLOTS * _SLOT.size
+
+Entry = tuple[int, int, int, bytes]
+
+
+class Ring:
+    """The writer's end; its file is named after the process."""
+
+    def __init__(self, folder: Path) -> None:
+        """Raises OSError where the folder takes no file."""
+        self.path = folder / f"{os.getpid()}.{time.monotonic_ns()}"
+        unfinished = folder.with_name(f".{folder.name}.{self.path.name}")
+        descriptor = os.open(unfinished, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+        try:
+            os.ftruncate(descriptor, _SIZE)
+            self._memory = mmap.mmap(descriptor, _SIZE)
+        finally:
+            os.close(descriptor)
+        _HEADER.pack_into(self._memory, 0, _MAGIC, 0)
+        self._words = memoryview(self._memory).cast("Q")
+        self._count = 0
+        os.rename(unfinished, self.path)  # seen by others from here on
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing was ever written."""
+        return self._count == 0
+
+    def append(self, stamp_ns: int, identifier: int, length: int, data: bytes | bytearray) -> None:
+        """One frame for all readers."""
+        place = _HEADER.size + self._count % SLOTS * _SLOT.size
+        _SLOT.pack_into(self._memory, place, stamp_ns, identifier, length, data)
+        self._count += 1
+        self._words[_COUNT] = self._count
+
+    def remove(self) -> None:
+        """No more frames; readers still find those that were written."""
+        self._words.release()
+        self._memory.close()
+        self.path.unlink(missing_ok=True)
+
+
+class RingReader:
+    """One reader's end of somebody's ring."""
+
+    def __init__(self, path: Path, from_first: bool) -> None:
+        """Read on from the first frame, or from what comes from now on.
+
+        Raises:
+            OSError: it is gone.
+            ValueError: it is no ring.
+        """
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            self._memory = mmap.mmap(descriptor, _SIZE, prot=mmap.PROT_READ)
+        finally:
+            os.close(descriptor)
+        if self._memory[: len(_MAGIC)] != _MAGIC:
+            self._memory.close()
+            raise ValueError(f"{path} is no ring of frames")
+        self._words = memoryview(self._memory).cast("Q")
+        self._read = 0 if from_first else self._words[_COUNT]
+
+    def has_frames(self) -> bool:
+        """Whether some are waiting."""
+        return self._words[_COUNT] != self._read
+
+    def next_stamp_ns(self) -> int:
+        """When the next frame was sent; there is one."""
+        stamp_ns: int = self._entry()[0]
+        return stamp_ns
+
+    def take(self) -> Entry:
+        """The next frame; there is one."""
+        entry = self._entry()
+        self._read += 1
+        return entry
+
+    def close(self) -> None:
+        """Read no more."""
+        self._words.release()
+        self._memory.close()
+
+    def _entry(self) -> Entry:
+        while True:
+            if self._words[_COUNT] - self._read >= SLOTS:
+                self._read = self._words[_COUNT] - SLOTS // 2
+            place = _HEADER.size + self._read % SLOTS * _SLOT.size
+            entry: Entry = _SLOT.unpack_from(self._memory, place)
+            if self._words[_COUNT] - self._read < SLOTS:  # not written over meanwhile
+                return entry
