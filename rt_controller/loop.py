@@ -161,9 +161,12 @@ def drive(
 
 def _prepare(step: ControlStep, clock: Clock, leads: Leads) -> int:
     """How long it took, in ns, without the pauses."""
-    spent_ns = _spend(step.prepare, clock, leads.prepare_ns)
+    spent_ns, last_ns = _spend(step.prepare, clock, leads.prepare_ns), 0
     for lead_ns in leads.rehearsals_ns:
-        spent_ns += _spend(step.rehearse, clock, lead_ns)
+        if last_ns > lead_ns:
+            break  # the next one would be too long as well
+        last_ns = _spend(step.rehearse, clock, lead_ns)
+        spent_ns += last_ns
     return spent_ns
 
 

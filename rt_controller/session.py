@@ -41,7 +41,7 @@ SHIPPED_MODEL = "mdk-net"
 RECORDED_TICKS = round(3600.0 / PERIOD_S)
 """times of the last hour are kept"""
 WARM_UP_STEPS = 20
-REHEARSALS_NS = (1_800_000, 900_000, 450_000)
+REHEARSALS_NS = (2_400_000, 1_500_000, 800_000)
 """before a tick: the first finds everything cold, the last must be done when the tick comes"""
 
 
@@ -114,9 +114,7 @@ class ControllerSession:
             leads = _leads(realtime.prepare_ms, self._is_lockstep)
             witness = None if self._is_lockstep else Witness()
             try:
-                drive(
-                    self._step, clock, self.record, self._request, stays, end_ns, leads, witness
-                )
+                drive(self._step, clock, self.record, self._request, stays, end_ns, leads, witness)
             finally:
                 if witness is not None:
                     witness.close()

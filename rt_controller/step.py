@@ -35,6 +35,7 @@ from rt_controller.safety.freshness import (
 )
 from rt_controller.safety.modes import Event, next_mode
 
+NO_FAULT = Fault(0)
 STANDING_MPS = 0.3
 """slower than this the car stands: a request to leave SAFE_STOP may be granted"""
 
@@ -82,7 +83,7 @@ class ControlStep:
         self._last_send_failures = 0
         self._counter = 0
         self._is_next_state = False
-        self._faults = Fault(0)
+        self._faults = NO_FAULT
         self._ticks = 0
         self._is_stop_requested = False
         self.outcome = StepOutcome()
@@ -96,7 +97,7 @@ class ControlStep:
         begun_ns, begun_cpu_ns = time.perf_counter_ns(), time.thread_time_ns()
         now_ns = self._clock.now_ns()
         periods = 1 + skipped_ticks
-        self._faults = Fault.DEADLINE_MISSED if missed_deadline else Fault(0)
+        self._faults = Fault.DEADLINE_MISSED if missed_deadline else NO_FAULT
 
         self._inbox.drain(self._bus, now_ns)
         state = self._new_state(periods)

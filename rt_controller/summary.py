@@ -59,7 +59,8 @@ def to_table(session: ControllerSession) -> Table:
         f"{deadlines.ticks}, {deadlines.deadline_misses} missed their deadline, "
         f"{deadlines.skipped_ticks} skipped",
     )
-    table.add_row("step, frames in to out", _line(deadlines.percentiles("step_us"), "us"))
+    table.add_row("step, tick to frames out", _line(deadlines.percentiles("step_us"), "us"))
+    table.add_row("with reading ahead of it", _line(deadlines.percentiles("whole_us"), "us"))
     if deadlines.worst is not None:
         worst = deadlines.worst
         table.add_row(

@@ -12,6 +12,9 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from benchmarks.cadence.pool import Ticks
 from benchmarks.cadence.weave import write_weave
 from rt_controller.contract.errors import BusError
 
@@ -29,13 +32,14 @@ class Transport(StrEnum):
 
 def drive(
     ticks: int, options: Sequence[str], transport: Transport, car_cpu: int, controller_cpu: int
-) -> dict[str, Any]:
-    """The controller's own summary of a weave of so many ticks.
+) -> tuple[dict[str, Any], Ticks]:
+    """The controller's own summary of a weave of so many ticks, and the times of each.
 
-    The car, and a server if there is one, share a core; the other one is the controller's.
+    The car, and a server if there is one, share a core; the other one is the controller's. Where
+    the machine stands still for long, the drive ends in a safe stop before its time.
 
     Raises:
-        BusError: one of them ended before its time.
+        BusError: it ended in any other way.
     """
     with tempfile.TemporaryDirectory() as name, ExitStack() as running:
         folder = Path(name)
@@ -61,7 +65,8 @@ def drive(
         )
         controller = _start(
             *_program("rt_controller.cli", *bus, "--realtime.cpu", str(controller_cpu)),
-            *("--json", str(folder / "controller.json"), *options),
+            *("--json", str(folder / "controller.json")),
+            *("--ticks", str(folder / "ticks.csv"), *options),
             log=folder / "controller.log",
             cpu=None,
             running=running,
@@ -70,12 +75,12 @@ def drive(
         if not (folder / "controller.json").exists():
             raise BusError((folder / "controller.log").read_text()[-1000:])
         summary: dict[str, Any] = json.loads((folder / "controller.json").read_text())
-        if summary["ending"] != "MISSION_OVER":
+        if summary["ending"] not in ("MISSION_OVER", "SAFE_STOPPED"):
             raise BusError(
                 f"expected a drive to its end, found {summary['ending']} after "
                 f"{summary['ticks']} ticks.\n{(folder / 'car.log').read_text()[-1000:]}"
             )
-        return summary
+        return summary, np.genfromtxt(folder / "ticks.csv", delimiter=",", names=True)
 
 
 def _program(module: str, *arguments: str) -> list[str]:

@@ -96,9 +96,9 @@ class _Rehearsing(Mpc):
 
     recorder: "_Recorder"
 
-    def prepare(self) -> None:
+    def rehearse(self) -> None:
         self.recorder.is_rehearsing = True
-        super().prepare()
+        super().rehearse()
         self.recorder.is_rehearsing = False
 
 

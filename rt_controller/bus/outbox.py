@@ -4,6 +4,8 @@ Sending never blocks and never raises: a frame that the interface does not take 
 its counter is used up, so that the receiver sees the gap.
 """
 
+from typing import Protocol
+
 import can
 
 from rt_controller.bus import frames
@@ -13,6 +15,12 @@ from rt_controller.bus.identity import dbc_hash
 from rt_controller.bus.recorder import FrameSink
 from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
 from rt_controller.contract.timing import COUNTER_MODULUS
+
+
+class Transmitter(Protocol):
+    """What an out-tray needs of a bus."""
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None: ...
 
 
 class _Sender:
@@ -25,7 +33,7 @@ class _Sender:
     __slots__ = ("_bus", "_messages", "_recorder", "last_failure", "send_failures", "sent")
 
     def __init__(
-        self, bus: can.BusABC, codecs: tuple[MessageCodec, ...], recorder: FrameSink | None
+        self, bus: Transmitter, codecs: tuple[MessageCodec, ...], recorder: FrameSink | None
     ) -> None:
         self.sent = 0
         self.send_failures = 0
@@ -60,7 +68,7 @@ class _Sender:
 class ControllerOutbox:
     """The controller's side: ACT_CMD, CTRL_HB, IDENT_CONTROLLER."""
 
-    def __init__(self, bus: can.BusABC, recorder: FrameSink | None = None) -> None:
+    def __init__(self, bus: Transmitter, recorder: FrameSink | None = None) -> None:
         self._sender = _Sender(
             bus, (frames.ACT_CMD, frames.CTRL_HB, frames.IDENT_CONTROLLER), recorder
         )
@@ -115,7 +123,7 @@ class ControllerOutbox:
 class VehicleOutbox:
     """The vehicle's side: state, feedback, reference, mission, IDENT_VEHICLE."""
 
-    def __init__(self, bus: can.BusABC, recorder: FrameSink | None = None) -> None:
+    def __init__(self, bus: Transmitter, recorder: FrameSink | None = None) -> None:
         self._sender = _Sender(
             bus,
             (

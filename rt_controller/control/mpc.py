@@ -21,7 +21,6 @@ from rt_controller.control.qp import WITH_SLEW, Features
 from rt_controller.control.reference import ReferenceHorizon
 from rt_controller.control.solver import SolveStatus
 
-
 STRAIGHT_AHEAD = PathReference(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -128,7 +127,7 @@ class Mpc:
         return status
 
     def prepare(self) -> None:
-        """Build the next tick's QP as it is expected, between the ticks; after a plan, else nothing.
+        """Build the next tick's QP as it is expected; after a plan, else nothing.
 
         The matrices serve the next plan, so what it waits for once its state is known is the same
         for every model (the preparation phase of the real-time iteration: Diehl, Bock and

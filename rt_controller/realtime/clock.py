@@ -74,11 +74,9 @@ class RealtimeClock:
     def wait(self) -> Tick:
         skipped = max(0, (time.monotonic_ns() - self._next_ns) // self._period_ns)
         scheduled_ns = self._next_ns + skipped * self._period_ns
-        sleep_until(scheduled_ns - WATCH_NS)
-        while (now_ns := time.monotonic_ns()) < scheduled_ns:
-            pass  # watched rather than slept through
+        wake_at(scheduled_ns)
         self._next_ns = scheduled_ns + self._period_ns
-        return Tick(scheduled_ns, now_ns - scheduled_ns, skipped)
+        return Tick(scheduled_ns, time.monotonic_ns() - scheduled_ns, skipped)
 
     def linger(self) -> None:
         time.sleep(LINGER_S)
@@ -129,4 +127,11 @@ def sleep_until(deadline_ns: int) -> None:
         _libc.clock_nanosleep(_CLOCK_MONOTONIC, _TIMER_ABSTIME, ctypes.byref(deadline), None)
         == errno.EINTR
     ):
+        pass
+
+
+def wake_at(deadline_ns: int) -> None:
+    """Sleep until shortly before `deadline_ns` on CLOCK_MONOTONIC, and watch the rest go by."""
+    sleep_until(deadline_ns - WATCH_NS)
+    while time.monotonic_ns() < deadline_ns:
         pass

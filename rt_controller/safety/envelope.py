@@ -19,12 +19,10 @@ def confine(
     throttle that shall close closes at once. Of two pressed pedals the one that was pressed before
     has to come up first; if neither was, the brake wins.
     """
-    throttle, brake_n, steer_rad = (
-        _confine_one(w if isfinite(w) else p, p, low, high, rate * dt_s)
-        for w, p, low, high, rate in zip(
-            wanted, previous, limits.lower, limits.upper, limits.rate_per_s, strict=True
-        )
-    )
+    low, high, rate = limits.lower, limits.upper, limits.rate_per_s
+    throttle = _confine_one(wanted[0], previous[0], low[0], high[0], rate[0] * dt_s)
+    brake_n = _confine_one(wanted[1], previous[1], low[1], high[1], rate[1] * dt_s)
+    steer_rad = _confine_one(wanted[2], previous[2], low[2], high[2], rate[2] * dt_s)
     if wanted.throttle <= limits.lower.throttle:
         throttle = limits.lower.throttle
     throttle = 0.0 if throttle < PEDAL_RELEASED_THROTTLE else throttle
@@ -38,5 +36,7 @@ def confine(
 
 
 def _confine_one(wanted: float, previous: float, low: float, high: float, change: float) -> float:
+    if not isfinite(wanted):
+        wanted = previous
     slewed = min(max(wanted, previous - change), previous + change)
     return min(max(slewed, low), high)

@@ -36,3 +36,4 @@ def step_and_prepare(rig, steps: int) -> None:
     for _ in range(steps):
         rig.tick()
         rig.step.prepare()
+        rig.step.rehearse()

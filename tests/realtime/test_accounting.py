@@ -13,11 +13,14 @@ DEADLINE_NS = 10_000_000
 def times(step_us: float = 900.0, qp_us: float = 80.0, qp_iterations: float = 5) -> TickTimes:
     return TickTimes(
         wake_us=100.0,
+        listen_us=90.0,
         hear_us=50.0,
         plan_us=qp_us + 20.0,
         qp_us=qp_us,
         answer_us=60.0,
         step_us=step_us,
+        cpu_us=0.9 * step_us,
+        whole_us=90.0 + step_us,
         prepare_us=400.0,
         qp_iterations=qp_iterations,
     )

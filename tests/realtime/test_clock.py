@@ -2,11 +2,12 @@
 
 import itertools
 import time
+from collections.abc import Callable
 
 import pytest
 
 from rt_controller.realtime import clock as clock_module
-from rt_controller.realtime.clock import LockstepClock, RealtimeClock, sleep_until
+from rt_controller.realtime.clock import LockstepClock, RealtimeClock, sleep_until, wake_at
 
 PERIOD_NS = 25_000_000
 
@@ -18,6 +19,7 @@ class ScriptedTime:
         self.now_ns = 1_000_000_000
         monkeypatch.setattr(clock_module.time, "monotonic_ns", lambda: self.now_ns)
         monkeypatch.setattr(clock_module, "sleep_until", self.sleep_until)
+        monkeypatch.setattr(clock_module, "wake_at", self.sleep_until)
 
     def sleep_until(self, deadline_ns: int) -> None:
         self.now_ns = max(self.now_ns, deadline_ns)
@@ -72,9 +74,11 @@ def test_aligning_sets_the_phase_and_never_the_past(monkeypatch: pytest.MonkeyPa
     assert tick.skipped == 0
 
 
-def test_sleep_until_does_not_wake_early() -> None:
-    deadline_ns = time.monotonic_ns() + 2_000_000
-    sleep_until(deadline_ns)
+@pytest.mark.parametrize("rest", [sleep_until, wake_at])
+@pytest.mark.parametrize("ahead_ns", [2_000_000, 50_000, -5_000_000])
+def test_nobody_wakes_early(rest: Callable[[int], None], ahead_ns: int) -> None:
+    deadline_ns = time.monotonic_ns() + ahead_ns
+    rest(deadline_ns)
     assert time.monotonic_ns() >= deadline_ns
 
 

@@ -12,7 +12,7 @@ from rt_controller.tick_log import write_ticks
 def account(ticks: int) -> DeadlineAccount:
     found = DeadlineAccount(5, 10_000_000)
     for tick in range(ticks):
-        found.record(TickTimes(*(10.0 * tick + k for k in range(8))), 0, 0)
+        found.record(TickTimes(*(100.0 * tick + k for k in range(len(TickTimes._fields)))), 0, 0)
     return found
 
 
@@ -24,8 +24,8 @@ def test_a_row_for_each_of_the_last_ticks_oldest_first(tmp_path, ticks, first):
     assert [int(row["tick"]) for row in rows] == list(range(first, ticks))
     assert list(rows[0]) == ["tick", *TickTimes._fields]
     for row in rows:
-        assert float(row["wake_us"]) == 10.0 * int(row["tick"])
-        assert float(row["qp_iterations"]) == 10.0 * int(row["tick"]) + 7.0
+        assert float(row["wake_us"]) == 100.0 * int(row["tick"])
+        assert float(row["qp_iterations"]) == 100.0 * int(row["tick"]) + len(TickTimes._fields) - 1
 
 
 def test_without_a_file_nothing_is_written(tmp_path):

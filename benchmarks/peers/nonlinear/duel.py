@@ -111,3 +111,8 @@ class _Timed:
         begun_ns = time.perf_counter_ns()
         self._controller.prepare()
         self.prepare_us.append((time.perf_counter_ns() - begun_ns) / 1e3)
+
+    def rehearse(self) -> None:
+        begun_ns = time.perf_counter_ns()
+        self._controller.rehearse()
+        self.prepare_us[-1] += (time.perf_counter_ns() - begun_ns) / 1e3

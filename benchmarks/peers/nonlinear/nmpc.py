@@ -56,6 +56,9 @@ class Nmpc:
     def prepare(self) -> None:
         """Nothing: all is done when the state is known."""
 
+    def rehearse(self) -> None:
+        """Nothing: it has no linear algebra to repeat that would not move its iterate."""
+
     def observe(self, state: VehicleState, held: ControlInput) -> None:
         """Nothing: it has no memory."""
 
