@@ -38,6 +38,17 @@ class Leads(NamedTuple):
     """each finds more in the caches than the one before"""
 
 
+class Spent(NamedTuple):
+    """Time that something took."""
+
+    wall_ns: int
+    cpu_ns: int
+    """of this thread; the rest went to others"""
+
+
+NOTHING_DONE = Spent(0, 0)
+
+
 class Ending(Enum):
     """Why a run ended."""
 
@@ -136,11 +147,11 @@ def drive(
                 if record.outcome.mode is Mode.STANDBY:
                     return
                 step.request_stop()
-            prepare_ns = 0 if leads is None else _prepare(step, clock, leads)
+            prepared = NOTHING_DONE if leads is None else _prepare(step, clock, leads)
             prepared_ns = clock.now_ns()
             tick = clock.wait()
             outcome = step.run(tick.skipped, record.deadlines.missed_last)
-            journal.enter(tick, outcome, prepare_ns, prepared_ns, clock.now_ns())
+            journal.enter(tick, outcome, prepared, prepared_ns, clock.now_ns())
 
             has_driven = has_driven or outcome.mode is Mode.NOMINAL
             silent_ticks = 0 if outcome.state is not None else silent_ticks + 1
@@ -159,24 +170,25 @@ def drive(
         step.leave()
 
 
-def _prepare(step: ControlStep, clock: Clock, leads: Leads) -> int:
-    """How long it took, in ns, without the pauses."""
-    spent_ns, last_ns = _spend(step.prepare, clock, leads.prepare_ns), 0
+def _prepare(step: ControlStep, clock: Clock, leads: Leads) -> Spent:
+    """What it took, without the pauses."""
+    spent = _spend(step.prepare, clock, leads.prepare_ns)
+    last = NOTHING_DONE
     for lead_ns in leads.rehearsals_ns:
-        if last_ns > lead_ns:
+        if last.wall_ns > lead_ns:
             break  # the next one would be too long as well
-        last_ns = _spend(step.rehearse, clock, lead_ns)
-        spent_ns += last_ns
-    return spent_ns
+        last = _spend(step.rehearse, clock, lead_ns)
+        spent = Spent(spent.wall_ns + last.wall_ns, spent.cpu_ns + last.cpu_ns)
+    return spent
 
 
-def _spend(action: Callable[[], None], clock: Clock, lead_ns: int) -> int:
-    """Time that an action took, so long before the next tick; 0 if that is nearer already."""
+def _spend(action: Callable[[], None], clock: Clock, lead_ns: int) -> Spent:
+    """What an action took, so long before the next tick; nothing if that is nearer already."""
     if not clock.approach(lead_ns):
-        return 0
-    begun_ns = time.perf_counter_ns()
+        return NOTHING_DONE
+    begun_ns, begun_cpu_ns = time.perf_counter_ns(), time.thread_time_ns()
     action()
-    return time.perf_counter_ns() - begun_ns
+    return Spent(time.perf_counter_ns() - begun_ns, time.thread_time_ns() - begun_cpu_ns)
 
 
 class _Journal:
@@ -189,7 +201,7 @@ class _Journal:
         self._before = None if witness is None else witness.look()
 
     def enter(
-        self, tick: Tick, outcome: StepOutcome, prepare_ns: int, prepared_ns: int, done_ns: int
+        self, tick: Tick, outcome: StepOutcome, prepared: Spent, prepared_ns: int, done_ns: int
     ) -> None:
         """One tick, prepared at `prepared_ns` of the loop's clock, its frames gone at `done_ns`."""
         # What was skipped is lateness too: its frames never left.
@@ -205,7 +217,7 @@ class _Journal:
             step_us=step_ns / 1e3,
             cpu_us=outcome.cpu_ns / 1e3,
             whole_us=(outcome.listen_ns + step_ns) / 1e3,
-            prepare_us=(prepare_ns - outcome.listen_ns) / 1e3,
+            prepare_us=(prepared.wall_ns - outcome.listen_ns) / 1e3,
             qp_iterations=outcome.qp_iterations,
         )
         first_ns = tick.scheduled_ns - late_ns
@@ -219,13 +231,15 @@ class _Journal:
         now = self._witness.look()
         if is_notable:
             bus_us = times.hear_us + times.answer_us
-            prepared_late_us = max(0.0, (prepared_ns - first_ns) / 1e3 - overrun_ns / 1e3)
+            # What it computed can have made the tick late; what it waited for has other causes.
+            prepared_late_ns = min(max(0, prepared_ns - first_ns - overrun_ns), prepared.cpu_ns)
             parts = TickParts(
                 times.wake_us,
                 times.step_us,
+                times.cpu_us,
                 times.qp_us,
                 bus_us,
-                prepared_late_us,
+                prepared_late_ns / 1e3,
                 overrun_ns / 1e3,
             )
             self._account.explain(explain(self._before, now, parts))

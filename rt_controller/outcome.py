@@ -42,7 +42,7 @@ class StepOutcome:
     answer_ns: int = 0
     """judging the plan and handing frames to the bus"""
     cpu_ns: int = 0
-    """what this thread computed from the first to the last of these, whatever else ran meanwhile"""
+    """what this thread computed from hearing to answering, whatever else ran meanwhile"""
     qp_iterations: int = 0
     cause: StopCause = StopCause.NONE
     """why the plan is held, or the car stopped"""

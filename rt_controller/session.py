@@ -211,8 +211,9 @@ def _leads(prepare_ms: float, is_lockstep: bool) -> Leads | None:
     if prepare_ns == 0:
         return None
     # One rehearsal is what the solver starts from; more of them only make real time shorter.
-    rehearsals_ns = REHEARSALS_NS[:1] if is_lockstep else REHEARSALS_NS
-    return Leads(prepare_ns, tuple(min(lead_ns, prepare_ns) for lead_ns in rehearsals_ns))
+    if is_lockstep:
+        return Leads(prepare_ns, REHEARSALS_NS[:1])
+    return Leads(prepare_ns, tuple(lead_ns for lead_ns in REHEARSALS_NS if lead_ns < prepare_ns))
 
 
 def warm_up(mpc: Mpc) -> None:

@@ -35,6 +35,8 @@ from rt_controller.safety.freshness import (
 )
 from rt_controller.safety.modes import Event, next_mode
 
+AHEAD_FRAMES = 64
+"""read at most in one rehearsal: a period brings about ten, and a flood must not make a tick late"""
 NO_FAULT = Fault(0)
 STANDING_MPS = 0.3
 """slower than this the car stands: a request to leave SAFE_STOP may be granted"""
@@ -100,7 +102,7 @@ class ControlStep:
         self._faults = Fault.DEADLINE_MISSED if missed_deadline else NO_FAULT
 
         self._inbox.drain(self._bus, now_ns)
-        state = self._new_state(periods)
+        state = self._new_state(periods, now_ns)
         self._observe(state)
         path = self._standing_path(now_ns)
         mission = self._standing_mission(now_ns)
@@ -136,7 +138,7 @@ class ControlStep:
         """
         begun_ns = time.perf_counter_ns()
         now_ns = self._clock.now_ns()
-        self._inbox.drain(self._bus, now_ns)
+        self._inbox.drain(self._bus, now_ns, AHEAD_FRAMES)
         self._listened_ns += time.perf_counter_ns() - begun_ns
         self._mpc.rehearse()
         confine(self.outcome.control, self.outcome.control, self._limits, PERIOD_S)
@@ -154,7 +156,7 @@ class ControlStep:
         )
         self._outbox.send_command(control, Mode.SAFE_STOP, self._counter + 1, now_ns)
 
-    def _new_state(self, periods: int) -> StateSnapshot | None:
+    def _new_state(self, periods: int, now_ns: int) -> StateSnapshot | None:
         # A command carries the counter of the state it answers; without one it counts on.
         self._counter += periods
         newest = self._inbox.state
@@ -171,7 +173,9 @@ class ControlStep:
         if self.outcome.mode is Mode.STANDBY:
             self._delay.forget()  # nothing is driven by it: learn a restarted vehicle anew
         self._last_delay_ns = self._delay.measure(newest.arrival_ns, newest.sample_time_ns)
-        if self._last_delay_ns > STATE_MAX_AGE_NS or _round_trip(newest) > ROUND_TRIP_MAX_TICKS:
+        # It may have been read ahead of this tick, and grown old since.
+        age_ns = now_ns - newest.arrival_ns + self._last_delay_ns
+        if age_ns > STATE_MAX_AGE_NS or _round_trip(newest) > ROUND_TRIP_MAX_TICKS:
             self._faults |= Fault.STATE_STALE
             return None
         return newest

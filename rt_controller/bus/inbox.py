@@ -11,7 +11,7 @@ import can
 from rt_controller.bus import frames
 from rt_controller.bus.codec import Frame
 from rt_controller.bus.frames import PathPart, RoadSample, SpeedPart
-from rt_controller.bus.reception import Reception, ReceptionCounts
+from rt_controller.bus.reception import MAX_FRAMES_PER_DRAIN, Reception, ReceptionCounts
 from rt_controller.bus.recorder import FrameSink
 from rt_controller.bus.snapshot import (
     CommandSnapshot,
@@ -79,9 +79,9 @@ class Inbox:
         """Why the bus could not be read, for people; empty as long as it could."""
         return self._reception.last_failure
 
-    def drain(self, bus: can.BusABC, now_ns: int) -> int:
-        """How many frames were waiting on the bus; they are in the box now, stamped `now_ns`."""
-        return self._reception.drain(bus, now_ns)
+    def drain(self, bus: can.BusABC, now_ns: int, most: int = MAX_FRAMES_PER_DRAIN) -> int:
+        """How many frames were read from the bus; they are in the box now, stamped `now_ns`."""
+        return self._reception.drain(bus, now_ns, most)
 
     def accept(self, message: can.Message, arrival_ns: int) -> None:
         """Put one frame into the box."""

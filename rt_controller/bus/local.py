@@ -10,18 +10,22 @@ user; nobody else can write into them.
 import os
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import can
 
-from rt_controller.bus.ring import Ring, RingReader
+from rt_controller.bus.ring import Ring, RingReader, is_orphaned
 
 EXTENDED, REMOTE, ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
 """flags beside the identifier, as in Linux's struct can_frame"""
 IDENTIFIER = 0x1FFF_FFFF
 REFRESH_NS = 100_000_000
 """a member that joined is heard after at most so long, from its first frame on"""
+SETTLED_NS = 100_000_000
+"""after a change, so long until the next one surely has another time"""
+UNSEEN = -1
 POLL_S = 0.0002
 """between two looks, for those who wait"""
 SHARED_MEMORY = Path("/dev/shm")
@@ -43,18 +47,13 @@ class LocalBus(can.BusABC):
             )
         self.channel_info = f"local bus {channel}"
         self._channel = channel
-        self._folder = _folder_of(channel)
         self._others: dict[str, RingReader] = {}
-        self._folder_ns = -1
+        self._folder_ns = UNSEEN
         self._refresh_ns = 0
         self._is_open = True
-        self._refresh(hears_all=False)
-        try:
-            self._ring = Ring(self._folder)
-        except OSError as error:
-            raise can.CanInitializationError(
-                f"cannot write into {self._folder}: {error.strerror}"
-            ) from error
+        self._folder = _folder_of(channel)
+        _sweep(self._folder.parent)
+        self._join()
         self._joined_ns = time.monotonic_ns()
         super().__init__(channel=channel, can_filters=can_filters)
 
@@ -107,13 +106,15 @@ class LocalBus(can.BusABC):
         self._ring.remove()
         for reader in self._others.values():
             reader.close()
+        with suppress(OSError):  # the last one to leave clears away
+            self._folder.rmdir()
 
     def _take(self) -> can.Message | None:
         """The oldest frame that is there."""
         now_ns = time.monotonic_ns()
         if now_ns >= self._refresh_ns:
             self._refresh_ns = now_ns + REFRESH_NS
-            self._refresh(hears_all=True)
+            self._refresh()
         waiting = [reader for reader in self._others.values() if reader.has_frames()]
         if not waiting:
             return None
@@ -131,32 +132,67 @@ class LocalBus(can.BusABC):
             channel=self._channel,
         )
 
-    def _refresh(self, hears_all: bool) -> None:
-        """Look who is there; `hears_all` of what a newcomer has said so far."""
+    def _join(self) -> None:
+        """Listen to those who are there, and be there too."""
+        for attempts_left in (2, 1, 0):
+            try:
+                _make(self._folder)
+                self._look_around(hears_all=False)
+                self._ring = Ring(self._folder)
+                return
+            except OSError as error:
+                # The folder may have been swept while it was still empty.
+                if attempts_left == 0 or not isinstance(error, FileNotFoundError):
+                    raise can.CanInitializationError(
+                        f"cannot write into {self._folder}: {error.strerror}"
+                    ) from error
+
+    def _refresh(self) -> None:
+        """Look who is there, if anything has changed."""
         try:
             changed_ns = self._folder.stat().st_mtime_ns
             if changed_ns == self._folder_ns:
                 return
-            present = {path.name: path for path in self._folder.iterdir()}
+            is_complete = self._look_around(hears_all=True)
+            if not self._ring.path.exists():  # the folder was cleared away under its members
+                self._ring.remove()
+                self._ring = Ring(self._folder)
+                is_complete = False
+        except FileNotFoundError:
+            with suppress(OSError):
+                _make(self._folder)
+            self._folder_ns = UNSEEN
+            return
         except OSError:
             return  # whoever was there is heard as before
-        self._folder_ns = changed_ns
-        for name in [*self._others]:
-            if name not in present and not self._others[name].has_frames():
-                self._others.pop(name).close()
-        own = self._ring.path.name if hears_all else None
-        for name, path in present.items():
-            if name != own and name not in self._others:
-                self._listen_to(path, hears_all)
+        # A change in the same tick of the file system's clock would look like none.
+        is_settled = time.time_ns() - changed_ns > SETTLED_NS
+        self._folder_ns = changed_ns if is_complete and is_settled else UNSEEN
 
-    def _listen_to(self, path: Path, hears_all: bool) -> None:
-        if not _is_alive(path):
-            path.unlink(missing_ok=True)
-            return
+    def _look_around(self, hears_all: bool) -> bool:
+        """Whether all rings are known now; `hears_all` of what a newcomer has said so far."""
+        present = {path.name: path for path in self._folder.iterdir()}
+        gone = self._others.keys() - present.keys()
+        for name in [name for name in gone if not self._others[name].has_frames()]:
+            self._others.pop(name).close()
+        own = self._ring.path.name if hears_all else None
+        is_complete = not gone & self._others.keys()
+        for name in present.keys() - self._others.keys() - {own}:
+            is_complete &= self._listen_to(present[name], hears_all)
+        return is_complete
+
+    def _listen_to(self, path: Path, hears_all: bool) -> bool:
+        """Whether there is nothing left to do about this file."""
         try:
-            self._others[path.name] = RingReader(path, hears_all)
-        except (OSError, ValueError):
-            return  # it left in this moment, or is nothing of ours
+            if is_orphaned(path):
+                path.unlink(missing_ok=True)
+            else:
+                self._others[path.name] = RingReader(path, hears_all)
+        except OSError:
+            return False  # it left in this moment, or cannot be read yet
+        except ValueError:
+            return True  # nothing of ours
+        return True
 
     def _require_open(self) -> None:
         if not self._is_open:
@@ -167,22 +203,26 @@ def _folder_of(channel: str) -> Path:
     base = SHARED_MEMORY if os.access(SHARED_MEMORY, os.W_OK) else Path(tempfile.gettempdir())
     home = base / f"rt-controller-can-{os.getuid()}"
     name = "".join(letter if letter.isalnum() else f"%{ord(letter):x}" for letter in channel)
-    folder = home / (name or "%")
     try:
         home.mkdir(mode=0o700, exist_ok=True)
         is_ours = home.stat().st_uid == os.getuid() and not home.is_symlink()
-        folder.mkdir(mode=0o700, exist_ok=True)
     except OSError as error:
-        raise can.CanInitializationError(f"cannot make {folder}: {error.strerror}") from error
+        raise can.CanInitializationError(f"cannot make {home}: {error.strerror}") from error
     if not is_ours:
         raise can.CanInitializationError(f"expected a folder {home} of this user, found another's")
-    return folder
+    return home / (name or "%")
 
 
-def _is_alive(path: Path) -> bool:
-    """Whether the process that a ring belongs to is still there."""
-    try:
-        os.kill(int(path.name.split(".")[0]), 0)
-    except (OSError, ValueError):
-        return False
-    return True
+def _make(folder: Path) -> None:
+    folder.parent.mkdir(mode=0o700, exist_ok=True)
+    folder.mkdir(mode=0o700, exist_ok=True)
+
+
+def _sweep(home: Path) -> None:
+    """Clear away what processes that were killed left on other channels."""
+    for folder in home.iterdir():
+        with suppress(OSError):
+            for ring in folder.iterdir():
+                if is_orphaned(ring):
+                    ring.unlink(missing_ok=True)
+            folder.rmdir()

@@ -77,12 +77,12 @@ class Reception:
             self._receive_failures,
         )
 
-    def drain(self, bus: can.BusABC, now_ns: int) -> int:
-        """How many frames were waiting (at most `MAX_FRAMES_PER_DRAIN`); all are stamped `now_ns`.
+    def drain(self, bus: can.BusABC, now_ns: int, most: int = MAX_FRAMES_PER_DRAIN) -> int:
+        """How many frames were read, at most so many; all are stamped `now_ns`.
 
         So an arrival can be late by the time since the previous call, and is never early.
         """
-        for n_frames in range(MAX_FRAMES_PER_DRAIN):
+        for n_frames in range(most):
             try:
                 message = bus.recv(0)
             except Exception as error:  # each backend raises its own kind
@@ -94,7 +94,7 @@ class Reception:
             if self._recorder is not None:
                 self._recorder.record(message, now_ns)
             self.accept(message, now_ns)
-        return MAX_FRAMES_PER_DRAIN
+        return most
 
     def accept(self, message: can.Message, arrival_ns: int) -> None:
         """Check one frame and hand it on; frames of other messages are none of our business."""

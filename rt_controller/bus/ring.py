@@ -5,6 +5,7 @@ written after it, in one aligned store. Processors that keep the order of stores
 nothing half-written; on others the end-to-end protection of the frames finds what is.
 """
 
+import fcntl
 import mmap
 import os
 import struct
@@ -28,19 +29,24 @@ class Ring:
     """The writer's end; its file is named after the process."""
 
     def __init__(self, folder: Path) -> None:
-        """Raises OSError where the folder takes no file."""
+        """Raises OSError where the folder takes no file, or has no room for one."""
         self.path = folder / f"{os.getpid()}.{time.monotonic_ns()}"
         unfinished = folder.with_name(f".{folder.name}.{self.path.name}")
-        descriptor = os.open(unfinished, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+        flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+        self._descriptor = os.open(unfinished, flags, 0o600)
         try:
-            os.ftruncate(descriptor, _SIZE)
-            self._memory = mmap.mmap(descriptor, _SIZE)
-        finally:
-            os.close(descriptor)
-        _HEADER.pack_into(self._memory, 0, _MAGIC, 0)
+            # Room that is only promised would end the process when it is first written to.
+            os.posix_fallocate(self._descriptor, 0, _SIZE)
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX)  # as long as this process lives
+            self._memory = mmap.mmap(self._descriptor, _SIZE)
+            _HEADER.pack_into(self._memory, 0, _MAGIC, 0)
+            os.rename(unfinished, self.path)  # seen by others from here on
+        except OSError:
+            os.close(self._descriptor)
+            unfinished.unlink(missing_ok=True)
+            raise
         self._words = memoryview(self._memory).cast("Q")
         self._count = 0
-        os.rename(unfinished, self.path)  # seen by others from here on
 
     @property
     def is_empty(self) -> bool:
@@ -59,6 +65,22 @@ class Ring:
         self._words.release()
         self._memory.close()
         self.path.unlink(missing_ok=True)
+        os.close(self._descriptor)
+
+
+def is_orphaned(path: Path) -> bool:
+    """Whether the process that wrote this ring is gone, however it ended.
+
+    Raises OSError where there is no such file.
+    """
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    finally:
+        os.close(descriptor)
+    return True
 
 
 class RingReader:

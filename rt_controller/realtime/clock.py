@@ -11,6 +11,8 @@ _TIMER_ABSTIME = 1
 _NS_PER_S = 1_000_000_000
 WATCH_NS = 200_000
 """before a tick: waking up takes some of it, and what was in the caches stays there"""
+OVERSLEPT_NS = 300_000
+"""more than this, and what was to be done before the tick may no longer fit"""
 LINGER_S = 0.0005
 """short against the phase that the loop is set to"""
 
@@ -37,7 +39,7 @@ class Clock(Protocol):
         ...
 
     def approach(self, lead_ns: int) -> bool:
-        """Sleep until `lead_ns` before the next tick; False if it is later than that already."""
+        """Sleep until `lead_ns` before the next tick; False if it was or is later than that."""
         ...
 
     def wait(self) -> Tick:
@@ -69,7 +71,7 @@ class RealtimeClock:
         if time.monotonic_ns() > early_ns:
             return False
         sleep_until(early_ns)
-        return True
+        return time.monotonic_ns() < early_ns + OVERSLEPT_NS
 
     def wait(self) -> Tick:
         skipped = max(0, (time.monotonic_ns() - self._next_ns) // self._period_ns)

@@ -2,7 +2,6 @@
 
 import os
 import resource
-import time
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -27,8 +26,6 @@ class Cause(StrEnum):
 class Sight(NamedTuple):
     """Counters of this thread and machine, all of them growing."""
 
-    cpu_ns: int
-    """this thread's computing"""
     waited_ns: int
     """this thread ready to run, and another one running"""
     major_faults: int
@@ -41,10 +38,12 @@ class TickParts(NamedTuple):
 
     wake_us: float
     step_us: float
+    cpu_us: float
+    """what of the step was this thread's computing"""
     qp_us: float
     bus_us: float
     prepared_late_us: float
-    """what the preparation took beyond its time"""
+    """what the preparation computed beyond its time"""
     overrun_us: float
     """what the step before took beyond this one's instant"""
 
@@ -64,7 +63,6 @@ class Witness:
         schedule = _read(self._schedule)
         machine = _read(self._machine)
         return Sight(
-            cpu_ns=time.thread_time_ns(),
             waited_ns=int(schedule[1]) if len(schedule) > 1 else 0,
             major_faults=resource.getrusage(resource.RUSAGE_THREAD).ru_majflt,
             steal_ticks=int(machine[_STEAL]) if len(machine) > _STEAL else 0,
@@ -83,7 +81,7 @@ def explain(before: Sight, after: Sight, parts: TickParts) -> Cause:
         return Cause.PAGE_FAULT
     if after.steal_ticks > before.steal_ticks:
         return Cause.HOST
-    computed_us = min((after.cpu_ns - before.cpu_ns) / 1e3, parts.step_us)
+    computed_us = min(parts.cpu_us, parts.step_us)
     waited_us = (after.waited_ns - before.waited_ns) / 1e3
     own_us = computed_us + parts.prepared_late_us + parts.overrun_us
     shares = {

@@ -1,6 +1,7 @@
 """The bus between processes of one machine."""
 
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -163,16 +164,65 @@ bus.shutdown()
 """
 
 
-def test_the_ring_of_one_who_died_is_cleared_away(join):
-    dead = subprocess.run(
-        [sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, check=True
-    )
+def test_the_ring_of_one_who_was_killed_is_cleared_away(join):
+    bus = join("lane")
+    killed = subprocess.Popen([sys.executable, "-c", LASTING, str(bus._folder.parents[1])])
+    home = bus._folder.parent
+    try:
+        until = time.monotonic() + 30.0
+        while time.monotonic() < until and not list((home / "road").glob("*")):
+            time.sleep(0.02)
+        join("elsewhere")  # whoever comes sweeps, and takes nothing from the living
+        (ring,) = (home / "road").iterdir()
+        assert ring.name.startswith(f"{killed.pid}.")
+    finally:
+        killed.kill()
+        killed.wait()
+    join("somewhere")
+    assert not (home / "road").exists()
+
+
+LASTING = """
+import sys, time
+from pathlib import Path
+from rt_controller.bus import local
+local.SHARED_MEMORY = Path(sys.argv[1])
+bus = local.LocalBus("road")
+time.sleep(60.0)
+"""
+
+
+def test_nothing_is_left_when_all_have_left(join):
+    one, other = join(), join()
+    folder = one._folder
+    close_bus(one)
+    assert folder.exists()
+    close_bus(other)
+    assert not folder.exists()
+
+
+def test_a_folder_that_was_cleared_away_is_made_again(join):
+    one, other = join(), join()
+    shutil.rmtree(one._folder.parent)
+    for bus in (one, other, one, other):
+        bus.recv(0.0)
+    late = join()
+    for bus, number in ((one, 2), (other, 3), (late, 4)):
+        bus.send(frame(number))
+    for bus, own in ((one, 2), (other, 3), (late, 4)):
+        heard = {bus.recv(1.0).arbitration_id for _ in range(2)}
+        assert heard == {2, 3, 4} - {own}
+
+
+def test_a_change_in_the_same_tick_of_a_coarse_clock_is_seen(join):
+    """Some file systems stamp folders to ten milliseconds."""
     one = join()
-    mark = one._folder / f"{dead.stdout.decode().strip()}.99"
-    mark.write_bytes(bytes(10))
-    join()
-    assert not mark.exists()
-    one.send(frame(1))  # into the void, as on a bus without a listener that does not acknowledge
+    seen = one._folder.stat()
+    assert one.recv(0.0) is None
+    two = join()
+    os.utime(one._folder, ns=(seen.st_atime_ns, seen.st_mtime_ns))
+    two.send(frame(9))
+    assert one.recv(1.0).arbitration_id == 9
 
 
 def test_waiting_ends_with_the_first_frame_or_in_time(join):
