@@ -132,7 +132,7 @@ class RealtimeSettings(_Settings):
     phase_ms: Annotated[float, Field(ge=0.0, lt=25.0)] = 2.0
     """how long after the vehicle's frames each tick is scheduled"""
     prepare_ms: Annotated[float, Field(ge=0.0, lt=25.0)] = 4.0
-    """how long before each tick its QP is built; from 1 ms on the step is rehearsed too; 0: never"""
+    """how long before each tick its QP is built; from 1 ms on it is rehearsed too; 0: never"""
     solve_budget_ms: Annotated[float, Field(gt=0.0, le=25.0)] = 5.0
     """the longest that the solver may take, by what an iteration takes on this machine"""
     deadline_ms: Annotated[float, Field(gt=0.0, le=25.0)] = 10.0

@@ -36,7 +36,7 @@ from rt_controller.safety.freshness import (
 from rt_controller.safety.modes import Event, next_mode
 
 AHEAD_FRAMES = 64
-"""read at most in one rehearsal: a period brings about ten, and a flood must not make a tick late"""
+"""read at most in one rehearsal: a period brings ten, and a flood must not make a tick late"""
 NO_FAULT = Fault(0)
 STANDING_MPS = 0.3
 """slower than this the car stands: a request to leave SAFE_STOP may be granted"""

@@ -1,9 +1,12 @@
 """The reference over the horizon follows the path that the bus carries."""
 
+import math
+
 import numpy as np
 import pytest
 
 from rt_controller.contract.signals import PathReference, VehicleState
+from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.reference import ReferenceHorizon
 
 CRUISING = VehicleState(20.0, 0.0, 0.0, 0.5, 0.0, 0.0)
@@ -43,3 +46,21 @@ def test_a_slower_car_sees_less_of_the_path() -> None:
 def test_a_wanted_acceleration_changes_the_wanted_speed() -> None:
     x = ReferenceHorizon(20).expand(PathReference(0, 0, 0, 0, 20.0, -2.0), CRUISING, 0.0)
     np.testing.assert_allclose(x[:, 0], 20.0 - 2.0 * 0.025 * np.arange(1, 21))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_horizon_is_the_path_written_out(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    path = PathReference(*rng.normal(size=4) * (1.0, 0.1, 1e-2, 1e-3), 4.0, rng.uniform(-9.0, 3.0))
+    state = VehicleState(rng.uniform(5.0, 30.0), 0.1, 0.1, 0.5, 0.1, 0.01)
+    curvature_per_m = rng.normal() * 0.01
+    found = ReferenceHorizon(20).expand(path, state, curvature_per_m)
+    for k, x in enumerate(found, start=1):
+        t = k * PERIOD_S
+        v = max(path.v_mps + path.a_mps2 * t, 0.0)
+        sigma = 0.5 * (state.vx_mps + v) * t
+        ey = path.c0_m + path.c1 * sigma + path.c2_per_m * sigma**2 + path.c3_per_m2 * sigma**3
+        slope = path.c1 + 2 * path.c2_per_m * sigma + 3 * path.c3_per_m2 * sigma**2
+        bend = 2 * path.c2_per_m + 6 * path.c3_per_m2 * sigma
+        wanted = (v, 0.0, v * (curvature_per_m + bend), v * PERIOD_S, ey, math.atan(slope))
+        np.testing.assert_allclose(x, wanted, rtol=1e-12, atol=1e-12)

@@ -6,6 +6,10 @@ from proxsuite import proxqp
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.solver import SolveStatus
 
+MOST_ROUNDS = 100
+"""of its outer loop, of which it needs a dozen; on soft bounds near the limit of grip it may not
+end by itself"""
+
 
 class ProxqpEntrant:
     """Dense, warm from solve to solve."""
@@ -16,6 +20,7 @@ class ProxqpEntrant:
         self._qp = proxqp.dense.QP(program.size, 0, rows, True)
         self._qp.settings.eps_abs = tolerance
         self._qp.settings.eps_rel = 0.0
+        self._qp.settings.max_iter = MOST_ROUNDS
         self._qp.settings.initial_guess = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
         self._qp.init(
             program.P,
