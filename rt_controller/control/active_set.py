@@ -32,6 +32,8 @@ class ActiveSet(NamedTuple):
     """(k,), which of the variables and rows"""
     signs: Array
     """(k,), +1 where it is the upper bound, -1 where the lower one"""
+    bounds: Places
+    """(k,), where in all lower and then all upper bounds its value stands"""
 
 
 class ActiveSetTry:
@@ -42,7 +44,8 @@ class ActiveSetTry:
         self._equations = _Equations(program)
         self._of_bounds = program.bounds.reshape(-1)
         self._beyond = np.zeros(program.bounds.shape)
-        self._set = ActiveSet(np.zeros(0, dtype=np.int64), np.zeros(0))
+        nobody = np.zeros(program.bounds.shape[1], dtype=bool)
+        self._set = _active_set(nobody, nobody)
         self.rounds = 0
         """of the last try"""
 
@@ -59,10 +62,7 @@ class ActiveSetTry:
         self._equations.release(program.q)
         while self.rounds < most_rounds:
             self.rounds += 1
-            upper = active.signs > 0.0
-            point = self._equations.solve(
-                active.places, self._of_bounds[active.places + upper * program.bounds.shape[1]]
-            )
+            point = self._equations.solve(active.places, self._of_bounds[active.bounds])
             if point is None:
                 return None
             better = self._better(point, active)
@@ -81,10 +81,13 @@ class ActiveSetTry:
         under, over = self._beyond
         np.subtract(point.values, self._program.every_upper, out=over)
         np.subtract(self._program.every_lower, point.values, out=under)
-        holding = point.multipliers * active.signs > -WRONG_SIGN
-        if not holding.all():  # where both bounds are the same, either may hold
-            holding |= (under + over)[active.places] >= 0.0
-        if self._beyond.max() <= VIOLATION and holding.all():
+        pressure = point.multipliers * active.signs
+        is_feasible = self._beyond.max() <= VIOLATION
+        if is_feasible and (pressure.size == 0 or pressure.min() > -WRONG_SIGN):
+            return None
+        # Where both bounds are the same, either may hold.
+        holding = (pressure > -WRONG_SIGN) | ((under + over)[active.places] >= 0.0)
+        if is_feasible and holding.all():
             return None
         above, below = over > VIOLATION, under > VIOLATION
         above[active.places] = holding & (active.signs > 0.0)
@@ -191,4 +194,6 @@ def _factorise(reach: Array, places: Places) -> _Factored | None:
 
 def _active_set(above: NDArray[np.bool_], below: NDArray[np.bool_]) -> ActiveSet:
     places = np.flatnonzero(above | below)
-    return ActiveSet(places, np.where(above[places], 1.0, -1.0))
+    is_upper = above[places]
+    signs = np.where(is_upper, 1.0, -1.0)
+    return ActiveSet(places, signs, places + len(above) * is_upper)
