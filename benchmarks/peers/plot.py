@@ -36,7 +36,7 @@ def draw(found: Sequence[Found], duels: Sequence[Driven], file: Path) -> None:
     ]
     panels += [
         (
-            f"whole plan, {model} and nonlinear cars\n{scenario} lane change, closed loop",
+            f"whole plan in closed loop,\n{scenario} lane change",
             [Bar(one.name, one.plan_p50_us, one.plan_p99_us, True) for one in summaries],
         )
         for model, scenario, summaries in duels
