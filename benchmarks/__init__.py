@@ -1,6 +1,8 @@
-"""What everything takes, and what it takes others. Linear algebra in one thread, as in the loop."""
+"""Measurements that need more than the project itself: other solvers, whole drives, sizes."""
 
 import os
 
-# Before anything imports numpy.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# One thread each, set before any of them is imported: what a machine could do in parallel is not
+# the question.
+for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
