@@ -1,0 +1,40 @@
+"""Real-time vehicle control with a Koopman model that is learned from data: the public names.
+
+    from rt_controller import Controller, simulate
+
+Each name is imported when it is first used, so that `import rt_controller` costs nothing.
+"""
+
+from typing import TYPE_CHECKING
+
+from rt_controller.public_names import public_names
+
+if TYPE_CHECKING:
+    from rt_controller.config import ControllerConfig as ControllerConfig
+    from rt_controller.config import MpcSettings as MpcSettings
+    from rt_controller.contract.bundle import Bundle as Bundle
+    from rt_controller.contract.errors import RtControllerError as RtControllerError
+    from rt_controller.contract.signals import ControlInput as ControlInput
+    from rt_controller.contract.signals import PathReference as PathReference
+    from rt_controller.contract.signals import VehicleState as VehicleState
+    from rt_controller.controller import Controller as Controller
+    from rt_controller.controller import Plan as Plan
+    from rt_controller.drive import Drive as Drive
+    from rt_controller.simulation import simulate as simulate
+
+__getattr__, __dir__ = public_names(
+    __name__,
+    {
+        "Bundle": "contract.bundle",
+        "ControlInput": "contract.signals",
+        "Controller": "controller",
+        "ControllerConfig": "config",
+        "Drive": "drive",
+        "MpcSettings": "config",
+        "PathReference": "contract.signals",
+        "Plan": "controller",
+        "RtControllerError": "contract.errors",
+        "VehicleState": "contract.signals",
+        "simulate": "simulation",
+    },
+)

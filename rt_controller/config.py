@@ -2,21 +2,20 @@
 
 import os
 from enum import StrEnum
-from functools import partial
 from math import radians
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat
 
-from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import ControlInput, VehicleState
-from rt_controller.contract.timing import HOLD_PLAN_TICKS
-from rt_controller.control.corridor import Corridor
-from rt_controller.control.cost import TrackingCost
-from rt_controller.control.formulation import Formulation, Solving
-from rt_controller.control.qp import Features
-from rt_controller.control.solvers import SolverChoice, open_solver
+from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_MS
+
+if TYPE_CHECKING:
+    from rt_controller.control.program import QuadraticProgram
+    from rt_controller.control.qp import Features
+    from rt_controller.control.solver import Solver
+    from rt_controller.control.terms import TrackingCost
 
 
 class Pace(StrEnum):
@@ -63,7 +62,7 @@ class MpcSettings(_Settings):
     """The optimal control problem."""
 
     horizon: Annotated[int, Field(ge=HOLD_PLAN_TICKS + 1, le=160)] = 20
-    """stages of 25 ms; the path on the bus is true for the first 24 and extrapolated beyond"""
+    """stages of one period each; beyond 0.6 s the path on the bus is extrapolated"""
     terminal_factor: PositiveFloat = 1.0
     """weight of the last stage, in units of the others"""
     latent_weight: Annotated[float, Field(ge=0.0)] = 0.0
@@ -74,40 +73,37 @@ class MpcSettings(_Settings):
     """how far from the path the plan may be before that costs extra; none: as far as it likes"""
     beyond_corridor_m: PositiveFloat = 0.05
     """how far beyond costs as much as any other tolerated deviation"""
-    formulation: Formulation = Formulation.AUTO
-    """inputs only, or with the states too; the faster one unless said otherwise"""
-    solver: SolverChoice = SolverChoice.PIQP
+    solver: Literal["piqp", "daqp"] = "piqp"
     """of the QP; daqp needs the extra [daqp]"""
     warm_start: Literal["on", "off"] = "on"
     """try the last active set before piqp"""
     tolerance: Tolerances = Tolerances()
 
-    def features(self) -> Features:
+    def features(self) -> "Features":
         """What the QP has beyond the paper's."""
+        from rt_controller.control.qp import Features
+        from rt_controller.control.terms import Corridor
+
         corridor = None
         if self.corridor_m is not None:
             corridor = Corridor(self.corridor_m, self.beyond_corridor_m)
         return Features(self.slew_rows, corridor)
 
-    def solving(self) -> Solving:
-        """Who solves which form; only PIQP takes stages, so only with it is there a choice.
+    def open_solver(self, program: "QuadraticProgram") -> "Solver":
+        """Workspace of the chosen solver on this program.
 
         Raises:
-            ConfigError: another solver shall take them.
+            MissingExtraError: the solver is not installed.
+            ConfigError: the solver refuses the program.
         """
-        formulation = self.formulation
-        if self.solver is not SolverChoice.PIQP:
-            if formulation is Formulation.STAGED:
-                raise ConfigError(
-                    f"--mpc.formulation staged: expected the solver piqp, found "
-                    f"{self.solver.value}."
-                )
-            formulation = Formulation.CONDENSED
-        is_warm = self.warm_start == "on"
-        return Solving(formulation, partial(open_solver, choice=self.solver, warm_start=is_warm))
+        from rt_controller.control.solver import SolverChoice, open_solver
 
-    def cost(self) -> TrackingCost:
+        return open_solver(program, SolverChoice(self.solver), self.warm_start == "on")
+
+    def cost(self) -> "TrackingCost":
         """The same in SI units, in vector order."""
+        from rt_controller.control.terms import TrackingCost
+
         t = self.tolerance
         return TrackingCost(
             state=VehicleState(
@@ -129,13 +125,13 @@ class RealtimeSettings(_Settings):
     """SCHED_FIFO priority, where the system allows it; 0: do not ask"""
     cpu: Annotated[int, Field(ge=0, lt=os.cpu_count() or 1)] | None = None
     """bind the loop to this core"""
-    phase_ms: Annotated[float, Field(ge=0.0, lt=25.0)] = 2.0
+    phase_ms: Annotated[float, Field(ge=0.0, lt=PERIOD_MS)] = 2.0
     """how long after the vehicle's frames each tick is scheduled"""
-    prepare_ms: Annotated[float, Field(ge=0.0, lt=25.0)] = 4.0
+    prepare_ms: Annotated[float, Field(ge=0.0, lt=PERIOD_MS)] = 4.0
     """how long before each tick its QP is built; from 1 ms on it is rehearsed too; 0: never"""
-    solve_budget_ms: Annotated[float, Field(gt=0.0, le=25.0)] = 5.0
+    solve_budget_ms: Annotated[float, Field(gt=0.0, le=PERIOD_MS)] = 5.0
     """the longest that the solver may take, by what an iteration takes on this machine"""
-    deadline_ms: Annotated[float, Field(gt=0.0, le=25.0)] = 10.0
+    deadline_ms: Annotated[float, Field(gt=0.0, le=PERIOD_MS)] = 10.0
     """the latest moment for the command's frame, counted from the scheduled tick"""
 
 
@@ -148,28 +144,11 @@ class BusSettings(_Settings):
     options: dict[str, str] = {}
 
 
-class CarSettings(_Settings):
-    """Which car the virtual bus brings along, and what it drives."""
-
-    scenario: str = "double_lane_change"
-    """a shipped scenario, or the path of a .toml file"""
-    plant: str = "own"
-    """own, fmu:FILE.fmu or commonroad:NUMBER"""
-    plant_mapping: Path | None = None
-    """of an FMU's variables to the contract; default: the file beside the FMU"""
-    car: str | None = None
-    """the own car's parameters: a shipped name, or the path of a .toml file"""
-    friction: float | None = None
-    """of the road, 1 being the road of the tyre's test; default: the scenario's"""
-    friction_right: float | None = None
-    """of the road under the own car's right wheels, where that is another"""
-
-
 class ControllerConfig(_Settings):
     """Everything that one run of the controller depends on."""
 
     bus: BusSettings = BusSettings()
-    model: Path | None = None
-    """folder of a model bundle; None: the one that ships"""
+    model: str | Path | None = None
+    """name of a shipped model or folder of a bundle; None: mdk-net"""
     mpc: MpcSettings = MpcSettings()
     realtime: RealtimeSettings = RealtimeSettings()

@@ -1,4 +1,4 @@
-"""How well the car followed: running sums over the ticks that drove, in constant memory."""
+"""Tracking errors of a run: running sums over the driven ticks, in constant memory."""
 
 from math import atan, sqrt
 from typing import NamedTuple
@@ -18,7 +18,7 @@ class TrackingErrors(NamedTuple):
 
 
 class TrackingAccount:
-    """Sums of squares and peaks, one tick at a time."""
+    """Sums of squares and peaks of the tracking errors, one tick at a time."""
 
     def __init__(self) -> None:
         self._squares = [0.0, 0.0, 0.0]
@@ -26,7 +26,7 @@ class TrackingAccount:
         self.ticks = 0
 
     def record(self, state: VehicleState, path: PathReference) -> None:
-        """Account for one tick: the path at the car is what the car should be on."""
+        """Add one tick; the reference is the path at the position of the car."""
         errors = (
             state.ey_m - path.c0_m,
             state.epsi_rad - atan(path.c1),
@@ -38,13 +38,11 @@ class TrackingAccount:
         self.ticks += 1
 
     def errors(self) -> TrackingErrors:
-        """Over all ticks so far; zeros if there was none."""
-        rms = [sqrt(square / max(self.ticks, 1)) for square in self._squares]
+        """Errors over all ticks so far; zeros if there was none."""
+        ey_rms_m, epsi_rms_rad, vx_rms_mps = (
+            sqrt(square / max(self.ticks, 1)) for square in self._squares
+        )
+        ey_peak_m, epsi_peak_rad, vx_peak_mps = self._peaks
         return TrackingErrors(
-            ey_rms_m=rms[0],
-            ey_peak_m=self._peaks[0],
-            epsi_rms_rad=rms[1],
-            epsi_peak_rad=self._peaks[1],
-            vx_rms_mps=rms[2],
-            vx_peak_mps=self._peaks[2],
+            ey_rms_m, ey_peak_m, epsi_rms_rad, epsi_peak_rad, vx_rms_mps, vx_peak_mps
         )

@@ -1,18 +1,20 @@
-"""The one door from the controller to the simulated car: both in one process, on a virtual bus.
+"""Both ends in one process: the simulated car on a virtual bus, beside the controller.
 
-The simulation is imported only here and only when it is asked for; what runs in a vehicle never
-passes through.
+The only module of the controller that imports the simulation, and only when it is asked for; the
+program in a vehicle does not use it.
 """
 
 import threading
 from typing import TYPE_CHECKING
 
-from rt_controller.config import BusSettings, CarSettings, Pace
-from rt_controller.contract.errors import MissingExtraError
+from rt_controller.car_settings import CAR_PRIORITY, CarSettings
+from rt_controller.config import BusSettings, Pace
+from rt_controller.contract.errors import needs_extra
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.realtime.clock import Clock, LockstepClock, RealtimeClock
 
 if TYPE_CHECKING:
+    from sim_bridge.plant.protocol import Plant
     from sim_bridge.session import BridgeSession
 
 
@@ -33,7 +35,7 @@ class VirtualCar:
     def clock(self, pace: Pace) -> Clock:
         """The clock that the controller shares with this car."""
         if pace is Pace.LOCKSTEP:
-            return LockstepClock(PERIOD_NS, self._session.tick)
+            return LockstepClock(PERIOD_NS, self._session.bridge.tick)
         return RealtimeClock(PERIOD_NS)
 
     def start(self) -> None:
@@ -55,31 +57,21 @@ class VirtualCar:
             raise self._session.failure
 
 
-def build_virtual_car(bus: BusSettings, settings: CarSettings) -> VirtualCar:
+def build_virtual_car(
+    bus: BusSettings, settings: CarSettings, plant: "Plant | None" = None
+) -> VirtualCar:
     """Compile (or fetch from the cache) and settle the car, and open its end of the bus.
+
+    `plant` replaces the one that the settings name.
 
     Raises:
         MissingExtraError: the simulation's or the plant's dependencies are not installed.
         ConfigError: there is no such scenario or plant.
         BusError: the bus cannot be opened.
     """
-    try:
-        from sim_bridge.adapters.plants import PlantChoice
-        from sim_bridge.priority import FIFO_PRIORITY
+    with needs_extra("sim", "--bus virtual brings its own car, which"):
         from sim_bridge.session import open_session
-    except ModuleNotFoundError as error:
-        raise MissingExtraError(
-            f"--bus virtual brings its own car, which needs {error.name}: expected the extra "
-            f'[sim], found it missing. Install it with: pip install -e ".[sim]"'
-        ) from error
-    choice = PlantChoice(
-        plant=settings.plant,
-        mapping=settings.plant_mapping,
-        car=settings.car,
-        friction=settings.friction,
-        friction_right=settings.friction_right,
-    )
     session = open_session(
-        bus.interface, bus.channel, bus.bitrate, {}, settings.scenario, plant=choice
+        bus.interface, bus.channel, bus.bitrate, {}, settings.scenario, plant=plant or settings
     )
-    return VirtualCar(session, FIFO_PRIORITY)
+    return VirtualCar(session, CAR_PRIORITY)

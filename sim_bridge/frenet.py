@@ -1,58 +1,24 @@
-"""The road frame: where a moving body is along and beside a road of given curvature.
+"""The road frame: position and heading of a moving body relative to a road of given curvature.
 
-s runs along the reference line, e_y is the distance to its left, e_psi the heading against its
-tangent. The car's own motion does not depend on them, so they are integrated along it. On the
-fine grid the motion is known at both ends of each step and taken as linear between them; a step
-is one Runge-Kutta step of fourth order.
+s is the arc length along the reference line, e_y the distance to its left, e_psi the heading
+relative to its tangent. The motion of the car does not depend on them; they are integrated from the
+motion, which is linear between the points of the fine grid, with a Runge-Kutta step of fourth order
+for each interval.
 Paper: eq. (2), "set of states and inputs".
 """
 
 from math import cos, sin
 
 import numpy as np
-from numpy import float64
-from numpy.typing import NDArray
 
+from rt_controller.contract.arrays import Array
 from sim_bridge.plant.jit import compiled
 
 S, EY, EPSI = 0, 1, 2
 """columns of a pose on the road: s_m, ey_m, epsi_rad"""
 
 _LEAST_GAP = 0.05
-"""of 1 - curvature * e_y: beyond the centre of the bend the frame ends, and progress is bounded"""
-
-
-@compiled
-def _step(
-    vx0: float,
-    vy0: float,
-    yaw_rate0: float,
-    vx1: float,
-    vy1: float,
-    yaw_rate1: float,
-    curvature_per_m: float,
-    step_s: float,
-    pose: NDArray[float64],
-) -> None:
-    vx_mid = 0.5 * (vx0 + vx1)
-    vy_mid = 0.5 * (vy0 + vy1)
-    yaw_mid = 0.5 * (yaw_rate0 + yaw_rate1)
-    ey = pose[EY]
-    epsi = pose[EPSI]
-    half_s = 0.5 * step_s
-
-    s1, y1, a1 = _rates(vx0, vy0, yaw_rate0, curvature_per_m, ey, epsi)
-    s2, y2, a2 = _rates(
-        vx_mid, vy_mid, yaw_mid, curvature_per_m, ey + half_s * y1, epsi + half_s * a1
-    )
-    s3, y3, a3 = _rates(
-        vx_mid, vy_mid, yaw_mid, curvature_per_m, ey + half_s * y2, epsi + half_s * a2
-    )
-    s4, y4, a4 = _rates(vx1, vy1, yaw_rate1, curvature_per_m, ey + step_s * y3, epsi + step_s * a3)
-    sixth_s = step_s / 6.0
-    pose[S] += sixth_s * (s1 + 2.0 * (s2 + s3) + s4)
-    pose[EY] += sixth_s * (y1 + 2.0 * (y2 + y3) + y4)
-    pose[EPSI] += sixth_s * (a1 + 2.0 * (a2 + a3) + a4)
+"""lower limit of 1 - curvature * e_y; the frame is not defined beyond the centre of the bend"""
 
 
 @compiled
@@ -67,44 +33,51 @@ def _rates(
 
 
 @compiled
-def follow(
-    before: NDArray[float64],
-    motion: NDArray[float64],
-    curvature_per_m: float,
-    step_s: float,
-    pose: NDArray[float64],
+def advance_pose(
+    before: Array, motion: Array, curvature_per_m: float, step_s: float, pose: Array
 ) -> None:
-    """Move `pose` (s_m, ey_m, epsi_rad) on along a piece of motion, in place.
+    """Integrate `pose` (s_m, ey_m, epsi_rad) over a piece of motion, in place.
 
     Args:
         before: (3,), (vx_mps, vy_mps, yaw_rate_radps) at the start.
         motion: (M, 3), the same after each of M steps.
     """
-    if motion.shape[0] == 0:
-        return
-    _step(
-        before[0], before[1], before[2],
-        motion[0, 0], motion[0, 1], motion[0, 2],
-        curvature_per_m, step_s, pose,
-    )  # fmt: skip
-    for i in range(motion.shape[0] - 1):
-        _step(
-            motion[i, 0], motion[i, 1], motion[i, 2],
-            motion[i + 1, 0], motion[i + 1, 1], motion[i + 1, 2],
-            curvature_per_m, step_s, pose,
-        )  # fmt: skip
+    half_s, sixth_s = 0.5 * step_s, step_s / 6.0
+    vx0, vy0, yaw_rate0 = before[0], before[1], before[2]
+    for i in range(motion.shape[0]):
+        vx1, vy1, yaw_rate1 = motion[i, 0], motion[i, 1], motion[i, 2]
+        vx_mid, vy_mid, yaw_mid = (
+            0.5 * (vx0 + vx1),
+            0.5 * (vy0 + vy1),
+            0.5 * (yaw_rate0 + yaw_rate1),
+        )
+        ey, epsi = pose[EY], pose[EPSI]
+        s1, y1, a1 = _rates(vx0, vy0, yaw_rate0, curvature_per_m, ey, epsi)
+        s2, y2, a2 = _rates(
+            vx_mid, vy_mid, yaw_mid, curvature_per_m, ey + half_s * y1, epsi + half_s * a1
+        )
+        s3, y3, a3 = _rates(
+            vx_mid, vy_mid, yaw_mid, curvature_per_m, ey + half_s * y2, epsi + half_s * a2
+        )
+        s4, y4, a4 = _rates(
+            vx1, vy1, yaw_rate1, curvature_per_m, ey + step_s * y3, epsi + step_s * a3
+        )
+        pose[S] += sixth_s * (s1 + 2.0 * (s2 + s3) + s4)
+        pose[EY] += sixth_s * (y1 + 2.0 * (y2 + y3) + y4)
+        pose[EPSI] += sixth_s * (a1 + 2.0 * (a2 + a3) + a4)
+        vx0, vy0, yaw_rate0 = vx1, vy1, yaw_rate1
 
 
 @compiled
-def roll_out(
-    motion: NDArray[float64],
+def integrate_poses(
+    motion: Array,
     curvature_per_m: float,
     ey0_m: float,
     epsi0_rad: float,
     steps_per_period: int,
     step_s: float,
-) -> NDArray[float64]:
-    """(K + 1, 3) poses (s_m, ey_m, epsi_rad) at the periods' ends along a whole motion, s from 0.
+) -> Array:
+    """(K + 1, 3) poses (s_m, ey_m, epsi_rad) at the periods' ends of a whole motion; s starts at 0.
 
     Args:
         motion: (K * steps_per_period + 1, 3), (vx_mps, vy_mps, yaw_rate_radps).
@@ -115,7 +88,7 @@ def roll_out(
     poses[0] = pose
     for k in range(n_periods):
         first = k * steps_per_period
-        follow(
+        advance_pose(
             motion[first],
             motion[first + 1 : first + steps_per_period + 1],
             curvature_per_m,

@@ -1,47 +1,46 @@
-"""One run of the bridge from bus to bus: what the command line and the virtual car both open."""
+"""One run of the bridge: bus, car and log opened for the command line or the virtual car."""
 
 from collections.abc import Callable, Mapping
 
 import can
 
-from rt_controller.bus.inbox import CommandInbox
-from rt_controller.bus.outbox import VehicleOutbox
+from rt_controller.bus.inbox import Inbox
+from rt_controller.bus.message import Node
+from rt_controller.bus.outbox import Outbox
 from rt_controller.bus.recorder import Recorder
 from rt_controller.bus.transport import Option, close_bus, open_bus
+from rt_controller.car_settings import CarSettings
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import NEUTRAL_INPUT
+from rt_controller.contract.timing import PERIOD_S
 from rt_controller.realtime.clock import Clock
-from rt_controller.realtime.scheduling import rank_thread
-from sim_bridge.adapters.plants import PlantChoice, open_plant
+from rt_controller.realtime.scheduling import set_thread_priority
+from sim_bridge.adapters.plants import open_plant
 from sim_bridge.bridge import Bridge
 from sim_bridge.car import Car
+from sim_bridge.plant.protocol import Plant, require_motion, require_plant
 from sim_bridge.scenario import Scenario, load_scenario
 
-OWN_CAR = PlantChoice()
+OWN_CAR = CarSettings()
 
 
 class BridgeSession:
-    """A bus that is open, a car that is settled, and the bridge between them."""
+    """An open bus, a settled car, and the bridge between them."""
 
     def __init__(self, bus: can.BusABC, bridge: Bridge, recorder: Recorder | None) -> None:
         self._bus = bus
         self._recorder = recorder
         self.bridge = bridge
         self.failure: BaseException | None = None
-        """what ended `run` before its time; a thread has nobody to raise it to"""
-
-    def tick(self, now_ns: int) -> None:
-        """One period, in lockstep with whoever calls."""
-        self.bridge.tick(now_ns)
+        """the exception that ended `run` early: a thread cannot raise it to its caller"""
 
     def run(self, clock: Clock, should_stop: Callable[[], bool], priority: int) -> None:
         """Tick on `clock` until the mission is over or `should_stop`.
 
-        The thread asks for SCHED_FIFO at `priority`: a car that comes late is a fault that no real
-        one has.
+        The thread asks for SCHED_FIFO at `priority`: a real car is never late.
         """
         try:
-            rank_thread(priority)
+            set_thread_priority(priority)
             while not should_stop() and not self.bridge.is_over:
                 clock.wait()
                 self.bridge.tick(clock.now_ns())
@@ -49,28 +48,34 @@ class BridgeSession:
             self.failure = error
 
     def close(self) -> None:
-        """Leave the bus, finish the log and let the plant go."""
+        """Leave the bus, finish the log and close the plant."""
         close_bus(self._bus)
         self.bridge.close()
         if self._recorder is not None:
             self._recorder.close()
 
 
-def build_car(scenario: Scenario, choice: PlantChoice = OWN_CAR) -> Car:
-    """The chosen plant at the scenario's speed on its road; compiles what has to be.
+def build_car(scenario: Scenario, choice: CarSettings | Plant = OWN_CAR) -> Car:
+    """The chosen plant at the scenario's speed on its road; its kernels are compiled.
 
     Raises:
         MissingExtraError: the plant's optional dependencies are not installed.
-        ConfigError: the plant is not there, or cannot drive even one period.
+        ConfigError: the plant does not exist, or cannot drive one period.
     """
-    plant = open_plant(choice, scenario.road_friction)
+    plant = choice
+    if isinstance(plant, CarSettings):
+        plant = open_plant(plant, scenario.road_friction)
+    else:
+        require_plant(plant)
+        require_motion(plant.reset(scenario.speed_mps), (3,), "reset")
+        require_motion(plant.step(NEUTRAL_INPUT, PERIOD_S), (None, 3), "step")
     try:
         car = Car(plant, scenario.speed_mps)
-        # One period thrown away: what is not compiled or loaded yet is so here and not in the loop.
+        # One period for nothing: what is not compiled or loaded yet is so here and not in the loop.
         car.advance(NEUTRAL_INPUT, scenario.curvature_per_m)
         if plant.failure is not None:
             raise ConfigError(
-                f"Expected a plant that drives a first period of 25 ms, found a failure of "
+                f"Expected a plant that drives a first control period, found a failure of "
                 f"{plant.failure}. Correct the plant or its mapping."
             )
         car.reset(scenario.speed_mps, 0.0, 0.0)
@@ -87,9 +92,9 @@ def open_session(
     options: Mapping[str, Option],
     scenario: str,
     recorder: Recorder | None = None,
-    plant: PlantChoice = OWN_CAR,
+    plant: CarSettings | Plant = OWN_CAR,
 ) -> BridgeSession:
-    """Everything opened and ready to tick.
+    """A session with everything opened and ready to tick.
 
     Raises:
         MissingExtraError: the plant's optional dependencies are not installed.
@@ -101,12 +106,12 @@ def open_session(
     try:
         bus = open_bus(interface, channel, bitrate, options)
     except BaseException:
-        car.close()
+        car.plant.close()
         raise
     bridge = Bridge(
         bus=bus,
-        inbox=CommandInbox(recorder),
-        outbox=VehicleOutbox(bus, recorder),
+        inbox=Inbox(Node.VEHICLE, recorder),
+        outbox=Outbox(bus, Node.VEHICLE, recorder),
         car=car,
         scenario=manoeuvre,
     )

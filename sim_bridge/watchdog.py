@@ -1,26 +1,22 @@
-"""The actuators' own judgement: a command that is missing or old ends in a braked car."""
+"""The watchdog of the actuators: a command that is missing or old ends in a braked car."""
 
-from rt_controller.bus.snapshot import CommandSnapshot
-from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
-from rt_controller.contract.timing import (
-    COMMAND_TIMEOUT_S,
-    PERIOD_NS,
-    PERIOD_S,
-    counter_lag,
-)
+from rt_controller.bus.catalogue import Command
+from rt_controller.bus.inbox import Received
+from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
+from rt_controller.contract.timing import COMMAND_TIMEOUT_S, PERIOD_NS, PERIOD_S, counter_lag
 
 COMMAND_TIMEOUT_NS = round(COMMAND_TIMEOUT_S * 1e9) - PERIOD_NS // 2
-"""ages are multiples of the period, give or take: the limit lies between two of them"""
+"""ages are about multiples of the period: the limit lies between two of them"""
 BRAKE_N = 100.0
 BRAKE_RATE_N_PER_S = 300.0
-STEER_EASE_RADPS = 0.7
+STEER_RETURN_RADPS = 0.7
 
 
 class ActuatorWatchdog:
-    """What reaches the actuators, tick by tick.
+    """Chooses the input of the actuators, tick by tick.
 
-    It does not ask why the commands stopped. Once it has braked it keeps braking: a controller
-    that comes back in mid-stop does not get the car back, only a new start gives it away.
+    It brakes whatever the reason why the commands stopped. Once it has braked it keeps braking: a
+    controller that returns during the stop does not take over again; only a restart allows that.
     """
 
     def __init__(self) -> None:
@@ -28,36 +24,30 @@ class ActuatorWatchdog:
         self.is_braking = False
 
     def apply(
-        self, command: CommandSnapshot | None, now_ns: int, state_counter: int
+        self, command: Received[Command] | None, now_ns: int, state_counter: int
     ) -> ControlInput:
         """The input for the coming period; `state_counter` is that of the newest state sent.
 
-        A command is as old as its arrival, or as the state that it answers: one that dawdled on
-        the bus arrives young and is old all the same.
+        The age of a command is the larger one of the time since its arrival and the age of the
+        state that it answers, so a command that was delayed on the bus counts as old.
         """
-        if command is None or _age_ns(command, now_ns, state_counter) > COMMAND_TIMEOUT_NS:
+        if command is None:
             self.is_braking = True
+        else:
+            lag = counter_lag(newer=state_counter, older=command.counter)
+            age_ns = max(now_ns - command.arrival_ns, lag * PERIOD_NS)
+            self.is_braking = self.is_braking or age_ns > COMMAND_TIMEOUT_NS
         if self.is_braking or command is None:
             self.applied = self._brake()
         else:
-            self.applied = command.control
+            self.applied = command.content.control
         return self.applied
 
     def _brake(self) -> ControlInput:
-        change_rad = STEER_EASE_RADPS * PERIOD_S
+        change_rad = STEER_RETURN_RADPS * PERIOD_S
         steer_rad = self.applied.steer_rad
         return ControlInput(
             throttle=0.0,
             brake_n=min(self.applied.brake_n + BRAKE_RATE_N_PER_S * PERIOD_S, BRAKE_N),
             steer_rad=steer_rad - min(max(steer_rad, -change_rad), change_rad),
         )
-
-
-def is_driving(command: CommandSnapshot | None) -> bool:
-    """Whether a controller has taken the car."""
-    return command is not None and command.mode is Mode.NOMINAL
-
-
-def _age_ns(command: CommandSnapshot, now_ns: int, state_counter: int) -> int:
-    lag = counter_lag(newer=state_counter, older=command.counter)
-    return max(now_ns - command.arrival_ns, lag * PERIOD_NS)

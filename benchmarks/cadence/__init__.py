@@ -1,1 +1,1 @@
-"""The whole step at its true cadence: car and controller in two processes, every 25 ms."""
+"""The whole step in real time: vehicle and controller in two processes, once a period."""

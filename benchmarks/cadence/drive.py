@@ -1,4 +1,4 @@
-"""One drive: a car and a controller, each a process of its own, and a bus between them."""
+"""Drives with a vehicle and a controller, each in a process of its own, and their figures."""
 
 import json
 import socket
@@ -10,49 +10,124 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from benchmarks.cadence.pool import Ticks
-from benchmarks.cadence.weave import write_weave
 from rt_controller.contract.errors import BusError
-from rt_controller.outcome import StopCause
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.realtime.accounting import Histogram
+from rt_controller.realtime.tick_times import SOLVE_FIELDS
+from rt_controller.safety.modes import StopCause
 
-PATIENCE_S = 60.0
-STANDSTILL = (
+SPEED_KMH = 80.0
+SPACING_M = 400.0
+_HEAD = """\
+name = "slalom"
+speed_kmh = {speed}
+curvature_per_m = 0.001
+duration_s = {duration}
+road_friction = 0.85
+"""
+_MOVE = """
+[[moves]]
+start_m = {start}
+length_m = 60.0
+to_m = {to}
+"""
+
+
+def write_slalom(file: Path, ticks: int) -> None:
+    """Write a scenario of so many ticks: regular lane changes on a constant curve."""
+    duration_s = ticks * PERIOD_S
+    moves = int(duration_s * SPEED_KMH / 3.6 / SPACING_M) + 1
+    text = _HEAD.format(speed=SPEED_KMH, duration=duration_s)
+    for k in range(moves):
+        text += _MOVE.format(start=25.0 + k * SPACING_M, to=0.0 if k % 2 else 3.5)
+    file.write_text(text)
+
+
+Ticks = NDArray[np.void]
+"""(ticks,), structured: the fields of `TickTimes` and the number of the tick"""
+
+
+class CadenceRun(NamedTuple):
+    """One drive."""
+
+    summary: dict[str, Any]
+    """as `rt-controller --json` writes it"""
+    ticks: Ticks
+
+
+def aggregate(drives: Sequence[CadenceRun]) -> dict[str, Any]:
+    """Percentiles of each time over all ticks, counts, and the worst tick of any drive.
+
+    A stall of the host ends a drive, not the count.
+    """
+    summaries = [drive.summary for drive in drives]
+    ticks = np.concatenate([drive.ticks for drive in drives])
+    fields = [name for name in ticks.dtype.names or () if name != "tick"]
+    return {
+        **{key: summaries[0][key] for key in ("model", "scheduler", "memory_locked")},
+        "ticks": len(ticks),
+        "drives": len(drives),
+        "safe_stops": sum(summary["ending"] == "SAFE_STOPPED" for summary in summaries),
+        "deadline_misses": sum(summary["deadline_misses"] for summary in summaries),
+        "skipped_ticks": sum(summary["skipped_ticks"] for summary in summaries),
+        "worst_tick": max(
+            (summary["worst_tick"] for summary in summaries),
+            key=lambda worst: float(worst["late_us"]),
+        ),
+        **{field: _percentiles(ticks, field) for field in fields},
+    }
+
+
+def _percentiles(ticks: Ticks, field: str) -> dict[str, float]:
+    histogram = Histogram()
+    counted = ticks[ticks["qp_iterations"] > 0.0] if field in SOLVE_FIELDS else ticks
+    for value in counted[field].tolist():
+        histogram.add(value)
+    return histogram.percentiles()._asdict()
+
+
+TIMEOUT_S = 60.0
+STALL_CAUSES = (
     StopCause.STATE_LOST.name,
     StopCause.REFERENCE_LOST.name,
     StopCause.MISSION_LOST.name,
     StopCause.VEHICLE_BRAKING.name,
 )
-"""why a drive stops when the machine does not run its processes for a while"""
+"""why a drive stops if the host does not run its processes for some time"""
 
 
 class Transport(StrEnum):
-    """Of the frames, from process to process."""
+    """How frames go from process to process."""
 
     LOCAL = "local"
-    """through shared memory"""
+    """shared memory"""
     REMOTE = "remote"
-    """python-can-remote: a server in the middle"""
+    """python-can-remote, with a server process"""
 
 
-def drive(
+def drive_in_real_time(
     ticks: int, options: Sequence[str], transport: Transport, car_cpu: int, controller_cpu: int
-) -> tuple[dict[str, Any], Ticks]:
-    """The controller's own summary of a weave of so many ticks, and the times of each.
+) -> CadenceRun:
+    """A slalom of so many ticks.
 
-    The car, and a server if there is one, share a core; the other one is the controller's. Where
-    the machine stands still for long, the drive ends in a safe stop before its time.
+    The vehicle, and the server if there is one, run on one core, the controller on the other. If
+    the host stalls for long, the drive ends early in a safe stop.
 
     Raises:
-        BusError: it ended in any other way.
+        BusError: the drive ended early for another reason.
     """
     with tempfile.TemporaryDirectory() as name, ExitStack() as running:
         folder = Path(name)
-        write_weave(folder / "weave.toml", ticks)
-        port = _free_port()
+        scenario = folder / "slalom.toml"
+        write_slalom(scenario, ticks)
+        with socket.socket() as probe:  # the system chooses a free one
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
         channel = f"cadence-{port}"
         if transport is Transport.REMOTE:
             server = _start(
@@ -62,61 +137,56 @@ def drive(
                 cpu=car_cpu,
                 running=running,
             )
-            _await_listener(port, server)
+            _wait_for_port(port, server)
             channel = f"ws://127.0.0.1:{port}/"
         bus = ("--bus", transport.value, "--channel", channel, "--quiet")
+        car_log, controller_log = folder / "car.log", folder / "controller.log"
         _start(
-            *_program("sim_bridge.cli", *bus, "--scenario", str(folder / "weave.toml")),
-            log=folder / "car.log",
+            *_program("sim_bridge.cli", *bus, "--scenario", str(scenario)),
+            log=car_log,
             cpu=car_cpu,
             running=running,
         )
+        summary_file, ticks_file = folder / "controller.json", folder / "ticks.csv"
         controller = _start(
             *_program("rt_controller.cli", *bus, "--realtime.cpu", str(controller_cpu)),
-            *("--json", str(folder / "controller.json")),
-            *("--ticks", str(folder / "ticks.csv"), *options),
-            log=folder / "controller.log",
+            *("--json", str(summary_file), "--ticks", str(ticks_file), *options),
+            log=controller_log,
             cpu=None,
             running=running,
         )
-        controller.wait(ticks * 0.025 + PATIENCE_S)
-        if not (folder / "controller.json").exists():
-            raise BusError((folder / "controller.log").read_text()[-1000:])
-        summary: dict[str, Any] = json.loads((folder / "controller.json").read_text())
-        if summary["ending"] != "MISSION_OVER" and summary["stop_cause"] not in STANDSTILL:
+        controller.wait(ticks * PERIOD_S + TIMEOUT_S)
+        if not summary_file.exists():
+            raise BusError(controller_log.read_text()[-1000:])
+        summary: dict[str, Any] = json.loads(summary_file.read_text())
+        if summary["ending"] != "MISSION_OVER" and summary["stop_cause"] not in STALL_CAUSES:
             raise BusError(
-                f"expected a drive to its end, found {summary['ending']} after "
-                f"{summary['ticks']} ticks.\n{(folder / 'car.log').read_text()[-1000:]}"
+                f"expected a complete drive, found {summary['ending']} after "
+                f"{summary['ticks']} ticks.\n{car_log.read_text()[-1000:]}"
             )
-        ticks_seen = np.genfromtxt(folder / "ticks.csv", delimiter=",", names=True)
-        return summary, np.atleast_1d(ticks_seen)
+        times = np.genfromtxt(ticks_file, delimiter=",", names=True)
+        return CadenceRun(summary, np.atleast_1d(times))
 
 
 def _program(module: str, *arguments: str) -> list[str]:
-    text = f"import sys; from {module} import main; sys.argv[0] = '{module}'; main()"
-    return [sys.executable, "-c", text, *arguments]
+    code = f"import sys; from {module} import main; sys.argv[0] = '{module}'; main()"
+    return [sys.executable, "-c", code, *arguments]
 
 
 def _start(
     *command: str, log: Path, cpu: int | None, running: ExitStack
 ) -> subprocess.Popen[bytes]:
-    where = () if cpu is None else ("taskset", "-c", str(cpu))
+    """The process, which ends with `running`."""
+    pinned = () if cpu is None else ("taskset", "-c", str(cpu))
     output = running.enter_context(log.open("wb"))
-    process = subprocess.Popen([*where, *command], stdout=output, stderr=output)
+    process = subprocess.Popen([*pinned, *command], stdout=output, stderr=output)
     running.callback(process.wait)
     running.callback(process.kill)
     return process
 
 
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
-
-
-def _await_listener(port: int, server: subprocess.Popen[bytes]) -> None:
-    until = time.monotonic() + PATIENCE_S
+def _wait_for_port(port: int, server: subprocess.Popen[bytes]) -> None:
+    until = time.monotonic() + TIMEOUT_S
     while time.monotonic() < until and server.poll() is None:
         with socket.socket() as probe:
             if probe.connect_ex(("127.0.0.1", port)) == 0:

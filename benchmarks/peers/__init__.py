@@ -1,1 +1,1 @@
-"""The same quadratic programs for everybody who can solve them."""
+"""The controller's quadratic programs through other solvers, and other controllers."""

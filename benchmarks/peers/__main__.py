@@ -1,25 +1,24 @@
 """`python -m benchmarks.peers`: the controller's QPs through every solver that is installed."""
 
+import platform
 import sys
+from itertools import product
 from pathlib import Path
 from typing import Annotated
 
 import cyclopts
 from rich.console import Console
 
-from benchmarks.peers.entrants.roster import entrants
-from benchmarks.peers.figures import duel_table, to_json, to_table
-from benchmarks.peers.race import Mode
-from benchmarks.peers.recording import record
-from benchmarks.peers.standings import compare
-from benchmarks.peers.tiers import TIERS
+from benchmarks.peers.recording import TIERS, record
+from benchmarks.peers.solver_comparison import HEADS, Mode, compare
+from benchmarks.peers.solvers.registry import find_solvers
+from benchmarks.tables import to_plain, to_table
 from rt_controller.contract.figures import write_figures
 
 HARD = Path(__file__).parent / "hard_lane_change.toml"
 SCENARIOS = {"mild": "double_lane_change", "hard": str(HARD)}
-
-SHOWN = ("slew", Mode.PREPARED)
-"""what the picture is of: the controller as it ships"""
+PLOTTED = {"tier": "slew", "mode": Mode.PREPARED.value}
+"""the shipped controller"""
 
 app = cyclopts.App(name="python -m benchmarks.peers", version_flags=[])
 
@@ -37,63 +36,81 @@ def main(
     json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
     plot: Path | None = None,
 ) -> int:
-    """Record closed-loop drives, then let every solver answer the same quadratic programs.
+    """Record closed-loop drives, then solve the same quadratic programs with every solver.
 
     Parameters
     ----------
     models
-        Shipped bundles to drive with; mdk-net has a new Hessian every tick.
+        Shipped models to drive with; mdk-net has a new Hessian every period.
     tiers
-        box: the paper's QP; slew: with the controller's rows; corridor: with soft bounds on e_y.
+        box: the paper's QP; slew: with slew rates; corridor: with soft bounds on e_y.
     scenarios
         mild: the shipped double lane change; hard: one near the limit of grip.
     modes
-        What is known before the tick.
+        What a solver is given before the clock starts.
     only
-        Names of solvers, if not all shall take part; the controller's own always do.
+        Names of the solvers to compare; the controller's own are always included.
     rounds
-        How often everybody runs; ratios are taken within a round.
+        Repetitions of all solvers; ratios are taken within a round.
     nonlinear
-        Whether controllers with a nonlinear model drive too; compiling them takes some minutes.
+        Compare controllers with a nonlinear model too; compiling them takes some minutes.
     json
-        The same figures for a program.
+        File for all figures.
     plot
-        A picture of the first model's (SVG or PNG): the controller's own tier, prepared.
+        File (SVG or PNG) for a plot of the first model: slew, prepared.
     """
     console = Console()
-    everybody, missing = entrants(only)
+    entries, missing = find_solvers(only)
     if missing:
         console.print(f"not installed: {', '.join(missing)}", highlight=False)
-    found = []
-    for model in models:
-        for scenario in scenarios:
-            for tier in tiers:
-                with console.status(f"{model}, {scenario}, {tier}: driving"):
-                    recording = record(model, SCENARIOS[scenario], TIERS[tier])
-                for mode in modes:
-                    title = f"{model}, {scenario}, {tier}, {mode.value}"
-                    with console.status(title):
-                        standings = compare(recording, everybody, mode, rounds)
-                    console.print(to_table(title, standings))
-                    found.append((model, scenario, tier, mode, standings))
-    duels = []
+    recordings = []
+    for model, scenario, tier in product(models, scenarios, tiers):
+        with console.status(f"{model}, {scenario}, {tier}: driving"):
+            recording = record(model, SCENARIOS[scenario], TIERS[tier])
+        for mode in modes:
+            names = {"model": model, "scenario": scenario, "tier": tier, "mode": mode.value}
+            title = ", ".join(names.values())
+            with console.status(title):
+                recordings.append((names, compare(recording, entries, mode, rounds)))
+            console.print(to_table(title, recordings[-1][1], HEADS))
+    closed_loop = []
     if nonlinear:
-        from benchmarks.peers.nonlinear.duel import Duel
+        from benchmarks.peers.nonlinear import closed_loop_comparison
 
         for model in models:
             with console.status(f"{model}: compiling the nonlinear controllers"):
-                duel = Duel(model, only)
+                comparison = closed_loop_comparison.ClosedLoopComparison(model, only)
             for scenario in scenarios:
-                with console.status(f"{model}, {scenario}: driving with each of them"):
-                    summaries = duel.drive(SCENARIOS[scenario], rounds)
-                console.print(duel_table(f"{model}, {scenario}, closed loop", summaries))
-                duels.append((model, scenario, summaries))
-    write_figures(json, to_json(found, duels, everybody, missing, rounds))
+                names = {"model": model, "scenario": scenario}
+                title = f"{model}, {scenario}, closed loop"
+                with console.status(title):
+                    closed_loop.append((names, comparison.run(SCENARIOS[scenario], rounds)))
+                heads = closed_loop_comparison.HEADS
+                console.print(to_table(title, closed_loop[-1][1], heads))
+    figures = {
+        "machine": platform.processor() or platform.machine(),
+        "python": platform.python_version(),
+        "rounds": rounds,
+        "versions": {entry.name: entry.version for entry in entries},
+        "not_installed": missing,
+        "recordings": [names | {"solvers": to_plain(one)} for names, one in recordings],
+        "closed_loop": [names | {"controllers": to_plain(one)} for names, one in closed_loop],
+    }
+    write_figures(json, figures)
     if plot is not None:
-        from benchmarks.peers.plot import draw
+        from benchmarks.peers.plot import plot as write_plot
 
-        shown = [one for one in found if (one[0], one[2], one[3]) == (models[0], *SHOWN)]
-        draw(shown, [one for one in duels if one[0] == models[0]][:1], plot)
+        shown = {"model": models[0], **PLOTTED}
+        panels = [
+            ("QP of {model}\n{scenario} lane change, {tier}, {mode}".format(**names), one)
+            for names, one in recordings
+            if shown.items() <= names.items()
+        ]
+        panels += [
+            ("whole plan in closed loop,\n{scenario} lane change".format(**names), one)
+            for names, one in closed_loop[:1]
+        ]
+        write_plot(panels, plot)
         console.print(str(plot))
     return 0
 

@@ -1,14 +1,23 @@
-"""A linear model of the physical states, with offset: what every LTI rival ends as."""
+"""A linear model of the physical states with an offset: its one-step fit and its bundle."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from offline.baselines.finding import Finding
-from offline.baselines.window_shape import WindowShape
+from offline.baselines.window_shape import require_windows
+from offline.data.dataset import Dataset
+from offline.data.provenance import describe_training
+from offline.data.signals import Roles, Scaling, fit_scaling
+from offline.data.trajectories import Trajectories
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.artifact import Bundle, Lift, LiftSample
+from rt_controller.contract.identity_encoder import identity_encoder
+from rt_controller.contract.rollout import Matrices, roll_out
+from rt_controller.contract.schema import Schema
+from rt_controller.report.table import Fact
 
-Array = NDArray[np.float64]
+_CHUNK = 1_000
+"""trajectories whose transitions are factorised at once"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,20 +34,81 @@ class LinearModel:
     """(n,)"""
 
     def predict(self, x0: Array, past: Array, U: Array, W: Array) -> Array:
-        """States (batch, K+1, n); the past is not looked at.
+        """States (batch, K+1, n), as `Predictor.predict`; the past is not used."""
+        signals = (len(self.A), self.B_uc.shape[1], self.B_uw.shape[1])
+        require_windows(x0, past, U, W, signals)
+        return roll_out(Matrices(self.A, self.B_uc, self.B_uw, self.c), x0, U, W, len(self.A))
 
-        Raises:
-            DatasetError: the shapes are not those of the data it was fitted to.
-        """
-        WindowShape(len(self.A), self.B_uc.shape[1], self.B_uw.shape[1]).require(x0, past, U, W)
-        driven = U @ self.B_uc.T + W @ self.B_uw.T + self.c
-        states = np.empty((len(x0), U.shape[1] + 1, len(self.A)))
-        states[:, 0] = x0
-        for k in range(U.shape[1]):
-            states[:, k + 1] = states[:, k] @ self.A.T + driven[:, k]
-        return states
-
-    def findings(self) -> tuple[Finding, ...]:
-        """Largest eigenvalue, which says whether predictions may grow."""
+    def fit_info(self) -> tuple[Fact, ...]:
+        """Largest absolute eigenvalue; above 1 predictions can grow."""
         radius = np.max(np.abs(np.linalg.eigvals(self.A)))
-        return (Finding("spectral radius", f"{radius:.5f}"),)
+        return (Fact("spectral radius", f"{radius:.5f}"),)
+
+
+def to_bundle(name: str, model: LinearModel, dataset: Dataset, sample: LiftSample) -> Bundle:
+    """A bundle whose lift is the identity; `sample` are instants for its self-test."""
+    fit_info = {fact.name: fact.value for fact in model.fit_info()}
+    return Bundle(
+        name=name,
+        schema=dataset.schema,
+        A=model.A,
+        B_uc=model.B_uc,
+        B_uw=model.B_uw,
+        c=model.c,
+        lift=Lift(),
+        encoder_onnx=identity_encoder(len(model.A)),
+        selftest=LiftSample(sample.x, sample.w, np.zeros((len(sample.x), 0, 0))),
+        selftest_psi=sample.x.copy(),
+        training=describe_training({"kind": name, **fit_info}, dataset.origin),
+        data_sha256=dataset.sha256,
+    )
+
+
+def fit_one_step(
+    train: Trajectories, schema: Schema, roles: Roles, sees_exogenous: bool = True
+) -> LinearModel:
+    """x_(k+1) = A x_k + B_uc u_k + B_uw w_k + c, by least squares over all transitions.
+
+    Without `sees_exogenous` B_uw is zero: exogenous signals that never change cannot be told from
+    the offset.
+    """
+    scaling = fit_scaling(train, schema, roles)
+    A, B, offset = _solve(train, scaling, sees_exogenous)
+
+    # From scaled to physical: x = S x_n + m, u = U u_n.
+    S, m = scaling.x_scale, scaling.x_centre
+    driven = np.concatenate([scaling.u_scale, scaling.w_scale])[: B.shape[1]]
+    A_physical = A * S[:, None] / S[None, :]
+    B_physical = B * S[:, None] / driven[None, :]
+    inputs = len(schema.inputs)
+    B_uw = B_physical[:, inputs:] if sees_exogenous else np.zeros((len(A), len(schema.exogenous)))
+    return LinearModel(
+        A=A_physical,
+        B_uc=np.ascontiguousarray(B_physical[:, :inputs]),
+        B_uw=np.ascontiguousarray(B_uw),
+        c=m + S * offset - A_physical @ m,
+    )
+
+
+def _solve(train: Trajectories, scaling: Scaling, sees_exogenous: bool) -> tuple[Array, ...]:
+    """A (n, n), B (n, m + p) and offset (n,) of scaled signals.
+
+    The triangular factor of [regressors, targets] is updated chunk by chunk: the accuracy of a QR
+    factorisation of all transitions, in the memory of one chunk. Speed and progress are nearly
+    proportional, so normal equations would square a large condition number.
+    """
+    n = train.x.shape[2]
+    R = np.zeros((0, 0))
+    for first in range(0, len(train.episode), _CHUNK):
+        chunk = train.take(slice(first, first + _CHUNK))
+        x = scaling.normalise_states(chunk.x)
+        driven = [chunk.u / scaling.u_scale]
+        if sees_exogenous:
+            driven.append(chunk.w / scaling.w_scale)
+        ones = np.ones((*chunk.u.shape[:2], 1))
+        rows = np.concatenate([x[:, :-1], *driven, ones, x[:, 1:]], axis=-1)
+        rows = rows.reshape(-1, rows.shape[-1])
+        _, R = np.linalg.qr(np.vstack([R.reshape(-1, rows.shape[1]), rows]))
+    found, *_ = np.linalg.lstsq(R[:, :-n], R[:, -n:], rcond=None)
+    solution = np.asarray(found.T, dtype=np.float64)
+    return solution[:, :n], solution[:, n:-1], solution[:, -1]

@@ -1,11 +1,11 @@
-"""What a signal measures, where the checks know something about that kind of signal."""
+"""What a signal measures, the limits of that quantity in a road vehicle, and units in names."""
 
 from enum import StrEnum
 from typing import NamedTuple
 
 
 class Quantity(StrEnum):
-    """What a signal measures."""
+    """Physical quantity of a signal, as far as the checks use it."""
 
     SPEED = "speed"
     LATERAL_SPEED = "lateral speed"
@@ -13,21 +13,21 @@ class Quantity(StrEnum):
     STEERING = "steering"
     """of the steering wheel or of the road wheels"""
     DRIVE = "drive"
-    """throttle, force or torque: more of it, more speed"""
+    """throttle, force or torque; positive values accelerate"""
     BRAKE = "brake"
-    """pedal, force or pressure: more of it, less speed"""
+    """pedal, force or pressure; positive values decelerate"""
     OTHER = "other"
 
 
 class Limits(NamedTuple):
-    """What no road vehicle goes beyond."""
+    """Values and rates of change that no road vehicle exceeds, in SI."""
 
     low: float
     high: float
     steepest_per_s: float
 
 
-_ANY = Limits(float("-inf"), float("inf"), float("inf"))
+_NO_LIMITS = Limits(float("-inf"), float("inf"), float("inf"))
 
 _LIMITS = {
     (Quantity.SPEED, "m/s"): Limits(-20.0, 120.0, 60.0),
@@ -40,27 +40,59 @@ _LIMITS = {
     (Quantity.BRAKE, "N"): Limits(-4e5, 4e5, float("inf")),
     (Quantity.BRAKE, "Pa"): Limits(-1e6, 4e7, float("inf")),
 }
-"""Lows below zero leave room for sensors' offsets, and for reversing."""
+"""Lower limits below zero allow for sensor offsets and for reversing."""
 
-_KNOWN_NAMES = {
-    "vx_mps": Quantity.SPEED,
-    "vy_mps": Quantity.LATERAL_SPEED,
-    "yaw_rate_radps": Quantity.YAW_RATE,
-    "steer_rad": Quantity.STEERING,
-    "road_wheel_rad": Quantity.STEERING,
-    "throttle": Quantity.DRIVE,
-    "force_n": Quantity.DRIVE,
-    "brake": Quantity.BRAKE,
-    "brake_n": Quantity.BRAKE,
-    "brake_pa": Quantity.BRAKE,
+_NAMES = {
+    Quantity.SPEED: ("vx_mps",),
+    Quantity.LATERAL_SPEED: ("vy_mps",),
+    Quantity.YAW_RATE: ("yaw_rate_radps",),
+    Quantity.STEERING: ("steer_rad", "road_wheel_rad"),
+    Quantity.DRIVE: ("throttle", "force_n"),
+    Quantity.BRAKE: ("brake", "brake_n", "brake_pa"),
 }
+
+_UNIT_OF_SUFFIX = {
+    "per_m": "1/m",
+    "mps2": "m/s^2",
+    "radps2": "rad/s^2",
+    "mps": "m/s",
+    "radps": "rad/s",
+    "rad": "rad",
+    "nm": "N m",
+    "pa": "Pa",
+    "kg": "kg",
+    "m": "m",
+    "n": "N",
+    "s": "s",
+    "w": "W",
+    "k": "K",
+}
+_SUFFIXES_OUTSIDE_SI = (
+    *("kmh", "kph", "mph", "deg", "degps", "dps", "g", "bar", "percent", "pct", "ms"),
+)
 
 
 def quantity_of_name(name: str) -> Quantity:
-    """What a signal of this name measures, if nobody says otherwise."""
-    return _KNOWN_NAMES.get(name, Quantity.OTHER)
+    """Quantity of a signal with this name, for signals whose mapping does not give one."""
+    fits = (quantity for quantity, names in _NAMES.items() if name in names)
+    return next(fits, Quantity.OTHER)
 
 
 def limits_of(quantity: Quantity, unit: str) -> Limits:
-    """What signals of that kind, in that SI unit, do not go beyond."""
-    return _LIMITS.get((quantity, unit), _ANY)
+    """Limits of the quantity in this SI unit; infinite ones if there are none."""
+    return _LIMITS.get((quantity, unit), _NO_LIMITS)
+
+
+def unit_of_name(name: str) -> str | None:
+    """The SI unit that a name ends in; None if in none; `ValueError` if in one outside SI."""
+    words = name.split("_")
+    if words[-1] in _SUFFIXES_OUTSIDE_SI and len(words) > 1:
+        raise ValueError(
+            f"{name}: expected a name that ends in an SI unit, found {words[-1]!r}. Data sets are "
+            f"in SI: use such a name (for example vx_mps, yaw_rate_radps, steer_rad), and give the "
+            f"log's unit in `unit`"
+        )
+    for suffix, unit in _UNIT_OF_SUFFIX.items():
+        if name.endswith("_" + suffix):
+            return unit
+    return None

@@ -1,39 +1,65 @@
-"""Bits and bytes: a fast codec for every message, compiled from the DBC when the program starts.
+"""Encoding and decoding of single frames, compiled from the DBC when the program starts.
 
 The DBC is the only place where a layout is written down. cantools reads it; what the loop needs
-of it (struct format, scale, range) is kept here in tuples. What a message means is the business
-of `frames`.
+of it (struct format, scale, range) is kept here in tuples. The meaning of the values is defined in
+`catalogue`.
 
-A value that cannot travel (not a number, out of range) becomes the raw value that the DBC names
-NotAvailable instead of being clipped: a clipped value looks like a measurement, a missing one
-does not. The receiver turns NotAvailable, and every raw value outside the declared range, into NaN.
+A value that cannot be sent (not finite, or out of range) becomes the raw value that the DBC calls
+NotAvailable instead of being clipped, because a clipped value looks like a measurement. The
+receiver turns NotAvailable, and every raw value outside the declared range, into NaN.
 """
 
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import nan
+from math import isnan, nan
 from pathlib import Path
+from typing import NamedTuple
 
 from cantools.database.can import Database, Message, Signal
 
-from rt_controller.bus.crc import frame_crc
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.timing import COUNTER_MODULUS
+
+_POLYNOMIAL = 0x2F
+_ALL_ONES = 0xFF
+
+
+def _remainder(byte: int) -> int:
+    for _ in range(8):
+        byte = (byte << 1) ^ (_POLYNOMIAL if byte & 0x80 else 0)
+    return byte & 0xFF
+
+
+_TABLE = tuple(_remainder(byte) for byte in range(256))
+
+
+def frame_crc(frame: bytes | bytearray, data_id: int) -> int:
+    """Byte 0 of an eight-byte frame: the CRC-8 of its other bytes and of the data id.
+
+    The polynomial is 0x2F, start and final value are all ones, without reflection. AUTOSAR calls it
+    CRC8H2F and uses it in profiles 2 and 22. It detects every error of up to three bits outside the
+    counter. The data id, one byte that is not transmitted, depends on frame and counter: an intact
+    frame under the id of another one fails the check. The data ids in the DBC are chosen so that
+    every error of one or two bits anywhere is detected as well.
+    """
+    t = _TABLE
+    _, a, b, c, d, e, f, g = frame  # written out: a loop would take twice as long
+    return t[t[t[t[t[t[t[t[_ALL_ONES ^ a] ^ b] ^ c] ^ d] ^ e] ^ f] ^ g] ^ data_id] ^ _ALL_ONES
+
 
 DBC_PATH = Path(__file__).parents[1] / "contract" / "messages.dbc"
 
 FRAME_LENGTH = 8
+COUNTER_MASK = 0x0F
+"""of byte 1"""
+VALID = 1
+"""high nibble of byte 1, where that is the Valid flag"""
 _HEADER = (("Crc", 0, 8), ("Counter", 8, 4))
 _NIBBLE_PLACE = (12, 4)
-_STRUCT_CODES = {
-    (8, False): "B",
-    (8, True): "b",
-    (16, False): "H",
-    (16, True): "h",
-    (32, False): "I",
-    (32, True): "i",
-}
+_VALID_NIBBLE = "Valid"
+_STRUCT_CODES = {8: "b", 16: "h", 32: "i"}
+"""of signed integers, by bits; unsigned ones have capital letters"""
 _NOT_AVAILABLE = "NotAvailable"
 
 Frame = bytes | bytearray
@@ -41,10 +67,9 @@ Frame = bytes | bytearray
 
 @dataclass(frozen=True, slots=True)
 class SignalLayout:
-    """How one signal is scaled and which raw values count; physical = raw * scale + offset."""
+    """Scaling and valid raw values of one signal; physical = raw * scale + offset."""
 
     name: str
-    unit: str
     scale: float
     offset: float
     raw_min: int
@@ -52,50 +77,53 @@ class SignalLayout:
     raw_not_available: int
 
 
-class MessageCodec:
-    """Encodes and decodes one message of the catalogue."""
+class FrameSpec(NamedTuple):
+    """What the program expects of one frame of the DBC."""
 
-    __slots__ = (
-        "_decode_rules",
-        "_encode_rules",
-        "_struct",
-        "arbitration_id",
-        "cycle_ms",
-        "data_ids",
-        "name",
-        "signals",
-    )
+    name: str
+    nibble: str
+    """signal in the high nibble of byte 1: "Valid", or one that belongs to the content"""
+    signals: tuple[str, ...]
+    """the other signals, in their order in the frame"""
+    optional: tuple[str, ...] = ()
+    """signals that may be not available; if another one is, the frame is not used"""
 
-    def __init__(
-        self,
-        *,
-        name: str,
-        arbitration_id: int,
-        cycle_ms: int,
-        data_ids: bytes,
-        signals: tuple[SignalLayout, ...],
-        struct_format: str,
-    ) -> None:
-        self.name = name
-        self.arbitration_id = arbitration_id
-        self.cycle_ms = cycle_ms
-        self.data_ids = data_ids
-        self.signals = signals
-        self._struct = struct.Struct(struct_format)
-        # Half an LSB of grace: a value that rounds into the range is in it.
+
+class FrameCodec:
+    """Encodes and decodes one frame of the DBC."""
+
+    def __init__(self, database: Database, spec: FrameSpec) -> None:
+        """Compile the layout.
+
+        Raises:
+            ConfigError: the DBC lacks the frame, or has a layout that is not supported here.
+        """
+        message = _find_message(database, spec)
+        body = sorted(message.signals, key=lambda signal: signal.start)[len(_HEADER) + 1 :]
+        self.name: str = message.name
+        self.sender: str = ", ".join(message.senders)
+        self.arbitration_id: int = message.frame_id
+        self.data_ids = _data_ids(message)
+        self.signals = tuple(_signal_layout(self.name, signal) for signal in body)
+        self._has_valid_flag = spec.nibble == _VALID_NIBBLE
+        self.n_values = len(body) + (0 if self._has_valid_flag else 1)
+        """of `read` and `write`"""
+        self._required = [i for i, name in enumerate(spec.signals) if name not in spec.optional]
+        self._struct = struct.Struct(_struct_format(self.name, body))
+        # Half an LSB of tolerance: a value that rounds into the range is in range.
         self._encode_rules = tuple(
             (s.scale, s.offset, s.raw_min - 0.5, s.raw_max + 0.5, s.raw_not_available)
-            for s in signals
+            for s in self.signals
         )
-        self._decode_rules = tuple((s.scale, s.offset, s.raw_min, s.raw_max) for s in signals)
+        self._decode_rules = tuple((s.scale, s.offset, s.raw_min, s.raw_max) for s in self.signals)
 
     def encode(self, values: Sequence[float], counter: int, nibble: int) -> bytes:
         """Protected frame with these physical values, in the order of `signals`.
 
         Args:
-            values: one for each signal; NaN and out of range travel as NotAvailable.
+            values: one for each signal; NaN and out of range are sent as NotAvailable.
             counter: 0..15.
-            nibble: Mode or Valid, whatever this message has in its high nibble.
+            nibble: high nibble of byte 1.
         """
         raws = [
             round(raw) if low < (raw := (value - offset) / scale) < high else not_available
@@ -110,7 +138,7 @@ class MessageCodec:
     def decode(self, frame: Frame) -> tuple[float, ...]:
         """Physical values in the order of `signals`; NaN where not available or out of range.
 
-        The frame has eight bytes; CRC, counter and nibble are not looked at.
+        The frame has eight bytes; CRC, counter and nibble are not checked.
         """
         _, *raws = self._struct.unpack(frame)
         return tuple(
@@ -120,34 +148,43 @@ class MessageCodec:
             ]
         )
 
+    def write(self, values: tuple[float, ...], counter: int, is_valid: bool = True) -> bytes:
+        """Protected frame; without a Valid flag `values` begin with the nibble, an integer."""
+        if self._has_valid_flag:
+            return self.encode(values, counter, is_valid)
+        return self.encode(values[1:], counter, int(values[0]))
+
+    def read(self, frame: Frame) -> tuple[float, ...] | None:
+        """The values of an intact frame, as `write` takes them.
+
+        None if the sender marked the frame as invalid or a signal that is not optional is NaN.
+        """
+        nibble = frame[1] >> 4
+        if self._has_valid_flag and nibble != VALID:
+            return None
+        values = self.decode(frame)
+        if isnan(sum(values)) and any(isnan(values[i]) for i in self._required):
+            return None
+        return values if self._has_valid_flag else (nibble, *values)
+
     def is_intact(self, frame: Frame) -> bool:
-        """Whether the frame is whole and its CRC fits this message and its counter."""
+        """True if the frame has eight bytes and a CRC that fits this message and its counter."""
         return (
             len(frame) == FRAME_LENGTH
-            and frame_crc(frame, self.data_ids[counter_of(frame)]) == frame[0]
+            and frame_crc(frame, self.data_ids[frame[1] & COUNTER_MASK]) == frame[0]
         )
 
 
-def counter_of(frame: Frame) -> int:
-    """The counter of a frame, 0..15."""
-    return frame[1] & 0x0F
-
-
-def nibble_of(frame: Frame) -> int:
-    """The high nibble of byte 1: Mode or Valid."""
-    return frame[1] >> 4
-
-
-def read_catalogue(path: Path) -> Database:
-    """The message catalogue of a DBC file, checked for overlapping signals.
+def read_dbc(path: Path) -> Database:
+    """The database of a DBC file, checked for overlapping signals.
 
     Raises:
-        ConfigError: the file is missing or is no DBC.
+        ConfigError: the file is missing or is not a DBC.
     """
     database = Database(strict=True)
     try:
         database.add_dbc_string(path.read_text(encoding="ascii"))
-    except Exception as error:  # parsing and linking fail in many kinds
+    except Exception as error:  # parsing and linking raise many types
         raise ConfigError(
             f"{path}: expected the message catalogue as a DBC file in ASCII, found {error}. "
             f"Restore the file that came with this version."
@@ -155,47 +192,33 @@ def read_catalogue(path: Path) -> Database:
     return database
 
 
-def compile_codec(
-    catalogue: Database, name: str, nibble: str, signals: tuple[str, ...]
-) -> MessageCodec:
-    """The codec of one message.
-
-    Args:
-        catalogue: from `read_catalogue`.
-        name: of the message in the DBC.
-        nibble: name of the signal in the high nibble of byte 1.
-        signals: the other signals that the caller expects, in their order on the wire.
-
-    Raises:
-        ConfigError: the DBC lacks the message, or lays it out in a way this codec cannot speak.
-    """
+def _find_message(database: Database, spec: FrameSpec) -> Message:
+    name = spec.name
     try:
-        message = catalogue.get_message_by_name(name)
+        message = database.get_message_by_name(name)
     except KeyError as error:
-        raise _misfit(name, "in the catalogue", "no such message") from error
-    by_place = sorted(message.signals, key=lambda signal: signal.start)
-    found = tuple(signal.name for signal in by_place)
-    expected = (*(header for header, _, _ in _HEADER), nibble, *signals)
+        raise misfit(name, "in the catalogue", "no such message") from error
+    signals = sorted(message.signals, key=lambda signal: signal.start)
+    header = (*_HEADER, (spec.nibble, *_NIBBLE_PLACE))
+    found = tuple(signal.name for signal in signals)
+    expected = (*(header_name for header_name, _, _ in header), *spec.signals)
     if found != expected:
-        raise _misfit(name, f"with the signals {', '.join(expected)}", ", ".join(found))
+        raise misfit(name, f"with the signals {', '.join(expected)}", ", ".join(found))
     if message.length != FRAME_LENGTH or message.is_extended_frame or message.is_fd:
         found_frame = f"{message.length} bytes under id {message.frame_id:#x}"
-        raise _misfit(name, "as a classic frame of eight bytes with an 11-bit id", found_frame)
+        raise misfit(name, "as a classic frame of eight bytes with an 11-bit id", found_frame)
     if not message.cycle_time:
-        raise _misfit(name, "with a GenMsgCycleTime", "none")
+        raise misfit(name, "with a GenMsgCycleTime", "none")
+    places = tuple((s.name, s.start, s.length) for s in signals[: len(header)])
+    if places != header:
+        raise misfit(name, f"with the header {header}", str(places))
+    return message
 
-    header, body = by_place[: len(_HEADER) + 1], by_place[len(_HEADER) + 1 :]
-    places = [(signal.name, signal.start, signal.length) for signal in header]
-    expected_places = [*_HEADER, (nibble, *_NIBBLE_PLACE)]
-    if places != expected_places:
-        raise _misfit(name, f"with the header {expected_places}", str(places))
-    return MessageCodec(
-        name=name,
-        arbitration_id=message.frame_id,
-        cycle_ms=message.cycle_time,
-        data_ids=_data_ids(message),
-        signals=tuple(_signal_layout(name, signal) for signal in body),
-        struct_format=_struct_format(name, body),
+
+def misfit(subject: str, expected: str, found: str) -> ConfigError:
+    return ConfigError(
+        f"messages.dbc: expected {subject} {expected}, found {found}. "
+        f"Restore the file that came with this version, or adapt rt_controller.bus to the new one."
     )
 
 
@@ -207,22 +230,21 @@ def _data_ids(message: Message) -> bytes:
     except ValueError:
         data_ids = b""
     if len(data_ids) != COUNTER_MODULUS:
-        raise _misfit(message.name, "with 16 hexadecimal bytes in E2EDataIdList", repr(text))
+        raise misfit(message.name, "with 16 hexadecimal bytes in E2EDataIdList", repr(text))
     return data_ids
 
 
 def _signal_layout(message: str, signal: Signal) -> SignalLayout:
     name = f"{message}.{signal.name}"
     if signal.minimum is None or signal.maximum is None:
-        raise _misfit(name, "with a declared range", "none")
+        raise misfit(name, "with a declared range", "none")
     not_available = [
         raw for raw, text in (signal.choices or {}).items() if str(text) == _NOT_AVAILABLE
     ]
     if len(not_available) != 1:
-        raise _misfit(name, f"with one raw value {_NOT_AVAILABLE}", str(not_available))
+        raise misfit(name, f"with one raw value {_NOT_AVAILABLE}", str(not_available))
     layout = SignalLayout(
         name=signal.name,
-        unit=signal.unit or "",
         scale=signal.scale,
         offset=signal.offset,
         raw_min=round((signal.minimum - signal.offset) / signal.scale),
@@ -230,31 +252,25 @@ def _signal_layout(message: str, signal: Signal) -> SignalLayout:
         raw_not_available=not_available[0],
     )
     if layout.raw_min <= layout.raw_not_available <= layout.raw_max:
-        raise _misfit(name, f"with a range without {_NOT_AVAILABLE}", str(layout))
+        raise misfit(name, f"with a range without {_NOT_AVAILABLE}", str(layout))
     return layout
 
 
 def _struct_format(message: str, body: Sequence[Signal]) -> str:
-    """Format of bytes 1 to 7, with byte 0 left free for the CRC."""
+    """Format of bytes 1 to 7; byte 0 is left for the CRC."""
     parts = ["<xB"]
     bit = 16
     for signal in body:
-        code = _STRUCT_CODES.get((signal.length, signal.is_signed))
+        code = _STRUCT_CODES.get(signal.length)
         is_little_endian = signal.byte_order == "little_endian"
         if code is None or signal.start % 8 or signal.is_float or not is_little_endian:
-            raise _misfit(
+            raise misfit(
                 f"{message}.{signal.name}",
                 "as a little-endian integer of 8, 16 or 32 bits that starts with a byte",
                 f"{signal.start}|{signal.length} {signal.byte_order}",
             )
-        parts.append("x" * ((signal.start - bit) // 8) + code)
+        padding = "x" * ((signal.start - bit) // 8)
+        parts.append(padding + (code if signal.is_signed else code.upper()))
         bit = signal.start + signal.length
     parts.append("x" * ((FRAME_LENGTH * 8 - bit) // 8))
     return "".join(parts)
-
-
-def _misfit(subject: str, expected: str, found: str) -> ConfigError:
-    return ConfigError(
-        f"messages.dbc: expected {subject} {expected}, found {found}. "
-        f"Restore the file that came with this version, or adapt rt_controller.bus to the new one."
-    )

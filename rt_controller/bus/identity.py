@@ -1,20 +1,20 @@
-"""Who speaks on the bus: hashes that two programs compare before they trust each other."""
+"""Identity of the two programs on the bus: hashes by which each checks the other."""
 
 import hashlib
 from functools import cache
 
+from rt_controller.bus.catalogue import Identity
 from rt_controller.bus.codec import DBC_PATH
-from rt_controller.bus.snapshot import PeerIdentity
 from rt_controller.contract.errors import BusError
 
-# All ones means "not available" on the bus, so no hash may come out as that.
+# All ones means "not available" on the bus, so no hash may have that value.
 _DBC_HASHES = 2**32 - 1
 _MODEL_HASHES = 2**16 - 1
 
 
 @cache
 def dbc_hash() -> int:
-    """32-bit hash of the message catalogue this program speaks.
+    """32-bit hash of this program's message catalogue.
 
     SHA-256 of the DBC, read as a big-endian number, modulo 2^32 - 1. Trailing blanks and empty
     lines are left out and every line ends in one line feed, so that a checkout with other line
@@ -36,11 +36,16 @@ def model_hash(sha256_hex: str) -> int:
     return int(sha256_hex, 16) % _MODEL_HASHES
 
 
-def require_same_catalogue(peer: PeerIdentity) -> None:
-    """Return if the other end of the bus speaks this program's message catalogue.
+def own_identity(model: int | None) -> Identity:
+    """Identity of this program with the model of this hash, or without a model."""
+    return Identity(dbc_hash(), model)
+
+
+def require_same_catalogue(peer: Identity) -> None:
+    """Return if the other end of the bus uses the same message catalogue.
 
     Raises:
-        BusError: it speaks another one.
+        BusError: it uses another one.
     """
     expected = dbc_hash()
     if peer.dbc_hash != expected:

@@ -1,230 +1,168 @@
-"""The two letter boxes: what the controller receives, and what the vehicle receives.
+"""Reading a bus: the newest complete content of each message, and counts of what is wrong.
 
-Each keeps the newest snapshot of every kind for ever. Whether that is fresh enough is for the
-reader to judge: a box knows no clock.
+Reading never blocks and never raises. A bus that fails is counted and reported; the rest of the
+program treats it as a bus on which nothing arrives.
 """
 
-from typing import Generic, NamedTuple, TypeVar
+from dataclasses import dataclass
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import can
 
-from rt_controller.bus import frames
-from rt_controller.bus.codec import Frame
-from rt_controller.bus.frames import PathPart, RoadSample, SpeedPart
-from rt_controller.bus.reception import MAX_FRAMES_PER_DRAIN, Reception, ReceptionCounts
-from rt_controller.bus.recorder import FrameSink
-from rt_controller.bus.snapshot import (
-    CommandSnapshot,
-    FeedbackSnapshot,
-    HeartbeatSnapshot,
-    MissionSnapshot,
-    PeerIdentity,
-    ReferenceSnapshot,
-    StateSnapshot,
-)
-from rt_controller.contract.signals import PathReference, VehicleState
+from rt_controller.bus.catalogue import CATALOGUE
+from rt_controller.bus.codec import COUNTER_MASK, FrameCodec
+from rt_controller.bus.message import Catalogue, Message, Node
+from rt_controller.bus.recorder import Recorder
 from rt_controller.contract.timing import COUNTER_MODULUS, PERIOD_NS
 
+MAX_FRAMES_PER_DRAIN = 512
+"""A flooded bus must not delay the step: no physical bus carries more in ten periods."""
 MAX_SPREAD_NS = COUNTER_MODULUS // 2 * PERIOD_NS
-"""Frames of one counter that arrived farther apart may be of different rounds of the counter."""
+"""Frames with one counter that arrived farther apart may be of different cycles of the counter."""
+
+_NO_COUNTER = -1
 
 T = TypeVar("T")
 
 
-class _Part(NamedTuple, Generic[T]):
-    """One frame of a snapshot that needs several."""
+class Received(NamedTuple, Generic[T]):
+    """A complete, checked and valid content."""
 
     content: T
     counter: int
+    """end-to-end counter of its frames"""
     arrival_ns: int
+    """the reader's clock when the oldest of its frames was read from the bus"""
+
+
+@dataclass(slots=True)
+class ReceptionCounts:
+    """What was wrong with the frames of this catalogue, since the start."""
+
+    crc_errors: int = 0
+    """wrong checksum or length; dropped"""
+    repeated: int = 0
+    """same counter as the frame before, so the sender has stopped working; dropped"""
+    lost: int = 0
+    """gaps in the counters"""
+    out_of_range: int = 0
+    """intact frames with values that are missing or outside their range; dropped"""
+    error_frames: int = 0
+    receive_failures: int = 0
+
+
+class _Assembly:
+    """The frames of one message as they arrive, and its newest complete content."""
+
+    __slots__ = ("arrivals_ns", "counters", "message", "newest", "parts")
+
+    def __init__(self, message: Message[Any]) -> None:
+        n_frames = len(message.codecs)
+        self.message = message
+        self.newest: Received[Any] | None = None
+        self.parts: list[tuple[float, ...]] = [()] * n_frames
+        self.counters = [_NO_COUNTER] * n_frames
+        """of the frames in `parts`; `_NO_COUNTER` where the newest one must not be used"""
+        self.arrivals_ns = [0] * n_frames
+
+    def add(self, place: int, part: tuple[float, ...] | None, counter: int, now_ns: int) -> bool:
+        """False if the values must not be used."""
+        if part is None:
+            self.counters[place] = _NO_COUNTER
+            return False
+        self.parts[place] = part
+        self.counters[place] = counter
+        self.arrivals_ns[place] = now_ns
+        if self.counters.count(counter) < len(self.counters):
+            return True
+        arrival_ns = min(self.arrivals_ns)
+        if max(self.arrivals_ns) - arrival_ns > MAX_SPREAD_NS:
+            return True
+        content = self.message.decode(self.parts)
+        if content is None:
+            return False
+        self.newest = Received(content, counter, arrival_ns)
+        return True
+
+
+class _Source:
+    """One frame of the catalogue, and the counter that it had last."""
+
+    __slots__ = ("assembly", "codec", "counter", "place")
+
+    def __init__(self, codec: FrameCodec, assembly: _Assembly | None, place: int) -> None:
+        self.codec = codec
+        self.assembly = assembly
+        self.place = place
+        self.counter = _NO_COUNTER
 
 
 class Inbox:
-    """The controller's side: the newest valid state, reference, mission, feedback and peer."""
+    """Receives for one node: the newest content of each message of the other node."""
 
-    def __init__(self, recorder: FrameSink | None = None) -> None:
-        self.state: StateSnapshot | None = None
-        self.reference: ReferenceSnapshot | None = None
-        self.mission: MissionSnapshot | None = None
-        self.feedback: FeedbackSnapshot | None = None
-        self.peer: PeerIdentity | None = None
-        self.foreign_commands = 0
-        """ACT_CMD frames heard: a bus does not give back what one sent, so another controller's"""
-        self._state_a: _Part[tuple[float, ...]] | None = None
-        self._state_b: _Part[tuple[float, ...]] | None = None
-        self._state_c: _Part[RoadSample] | None = None
-        self._path: _Part[PathPart] | None = None
-        self._speed: _Part[SpeedPart] | None = None
-        self._reception = Reception(
-            {
-                frames.STATE_A: self._take_state_a,
-                frames.STATE_B: self._take_state_b,
-                frames.STATE_C: self._take_state_c,
-                frames.ACT_FB: self._take_feedback,
-                frames.REF_PATH: self._take_path,
-                frames.REF_SPEED: self._take_speed,
-                frames.MISSION: self._take_mission,
-                frames.IDENT_VEHICLE: self._take_identity,
-                frames.ACT_CMD: self._take_foreign_command,
-            },
-            recorder,
-        )
+    def __init__(
+        self, node: Node, recorder: Recorder | None = None, catalogue: Catalogue = CATALOGUE
+    ) -> None:
+        self.counts = ReceptionCounts()
+        self.last_failure = ""
+        """why the bus could not be read, for people; empty if it always could"""
+        self.foreign_frames = 0
+        """frames that only this node sends: a bus does not return what one sent, so these are
+        from a second device in the same role"""
+        self._recorder = recorder
+        self._assemblies = {
+            message: _Assembly(message) for message in catalogue.messages if message.sender != node
+        }
+        self._sources = {
+            codec.arbitration_id: _Source(codec, self._assemblies.get(message), place)
+            for message in catalogue.messages
+            for place, codec in enumerate(message.codecs)
+        }
 
-    @property
-    def counts(self) -> ReceptionCounts:
-        return self._reception.counts
-
-    @property
-    def last_failure(self) -> str:
-        """Why the bus could not be read, for people; empty as long as it could."""
-        return self._reception.last_failure
+    def newest(self, message: Message[T]) -> Received[T] | None:
+        """The newest content of this message, however old it is; None before the first."""
+        return self._assemblies[message].newest
 
     def drain(self, bus: can.BusABC, now_ns: int, most: int = MAX_FRAMES_PER_DRAIN) -> int:
-        """How many frames were read from the bus; they are in the box now, stamped `now_ns`."""
-        return self._reception.drain(bus, now_ns, most)
+        """Number of frames read, at most `most`; all are stamped `now_ns`.
+
+        So an arrival can be late by the time since the previous call, and is never early.
+        """
+        for n_frames in range(most):
+            try:
+                message = bus.recv(0)
+            except Exception as error:  # each backend raises its own type
+                self.counts.receive_failures += 1
+                self.last_failure = f"{type(error).__name__}: {error}"
+                return n_frames
+            if message is None:
+                return n_frames
+            if self._recorder is not None:
+                self._recorder.record(message, now_ns)
+            self.accept(message, now_ns)
+        return most
 
     def accept(self, message: can.Message, arrival_ns: int) -> None:
-        """Put one frame into the box."""
-        self._reception.accept(message, arrival_ns)
-
-    def _take_state_a(self, frame: Frame, counter: int, arrival_ns: int) -> bool:
-        content = frames.decode_state_a(frame)
-        self._state_a = None if content is None else _Part(content, counter, arrival_ns)
-        self._join_state()
-        return content is not None
-
-    def _take_state_b(self, frame: Frame, counter: int, arrival_ns: int) -> bool:
-        content = frames.decode_state_b(frame)
-        self._state_b = None if content is None else _Part(content, counter, arrival_ns)
-        self._join_state()
-        return content is not None
-
-    def _take_state_c(self, frame: Frame, counter: int, arrival_ns: int) -> bool:
-        content = frames.decode_state_c(frame)
-        self._state_c = None if content is None else _Part(content, counter, arrival_ns)
-        self._join_state()
-        return content is not None
-
-    def _join_state(self) -> None:
-        a, b, c = self._state_a, self._state_b, self._state_c
-        if a is None or b is None or c is None:
+        """Check one frame and keep its content; frames of other ids are ignored."""
+        if message.is_error_frame:
+            self.counts.error_frames += 1
             return
-        if not a.counter == b.counter == c.counter:
+        source = self._sources.get(message.arbitration_id)
+        if source is None or message.is_extended_id or message.is_remote_frame:
             return
-        oldest_ns = min(a.arrival_ns, b.arrival_ns, c.arrival_ns)
-        if max(a.arrival_ns, b.arrival_ns, c.arrival_ns) - oldest_ns > MAX_SPREAD_NS:
+        frame, codec = message.data, source.codec
+        if not codec.is_intact(frame):
+            self.counts.crc_errors += 1
             return
-        road = c.content
-        self.state = StateSnapshot(
-            state=VehicleState(*a.content, *b.content),
-            curvature_per_m=road.curvature_per_m,
-            sample_time_ns=road.sample_time_ns,
-            command_echo=road.command_echo,
-            is_watchdog_braking=road.is_watchdog_braking,
-            counter=c.counter,
-            arrival_ns=oldest_ns,
-        )
-
-    def _take_path(self, frame: Frame, counter: int, arrival_ns: int) -> bool:
-        content = frames.decode_reference_path(frame)
-        self._path = None if content is None else _Part(content, counter, arrival_ns)
-        self._join_reference()
-        return content is not None
-
-    def _take_speed(self, frame: Frame, counter: int, arrival_ns: int) -> bool:
-        content = frames.decode_reference_speed(frame)
-        self._speed = None if content is None else _Part(content, counter, arrival_ns)
-        self._join_reference()
-        return content is not None
-
-    def _join_reference(self) -> None:
-        path, speed = self._path, self._speed
-        if path is None or speed is None or path.counter != speed.counter:
-            return
-        if abs(path.arrival_ns - speed.arrival_ns) > MAX_SPREAD_NS:
-            return
-        self.reference = ReferenceSnapshot(
-            path=PathReference(*path.content, *speed.content),
-            counter=path.counter,
-            arrival_ns=min(path.arrival_ns, speed.arrival_ns),
-        )
-
-    def _take_feedback(self, frame: Frame, counter: int, arrival_ns: int) -> bool:
-        applied = frames.decode_feedback(frame)
-        if applied is None:
-            return False
-        self.feedback = FeedbackSnapshot(applied, counter, arrival_ns)
-        return True
-
-    def _take_mission(self, frame: Frame, counter: int, arrival_ns: int) -> bool:
-        mission = frames.decode_mission(frame)
-        if mission is None:
-            return False
-        self.mission = MissionSnapshot(*mission, counter=counter, arrival_ns=arrival_ns)
-        return True
-
-    def _take_identity(self, frame: Frame, counter: int, arrival_ns: int) -> bool:
-        identity = frames.decode_vehicle_identity(frame)
-        if identity is None:
-            return False
-        self.peer = PeerIdentity(*identity, counter=counter, arrival_ns=arrival_ns)
-        return True
-
-    def _take_foreign_command(self, frame: Frame, counter: int, arrival_ns: int) -> bool:
-        self.foreign_commands += 1
-        return True
-
-
-class CommandInbox:
-    """The vehicle's side: the newest valid command, heartbeat and peer."""
-
-    def __init__(self, recorder: FrameSink | None = None) -> None:
-        self.command: CommandSnapshot | None = None
-        self.heartbeat: HeartbeatSnapshot | None = None
-        self.peer: PeerIdentity | None = None
-        self._reception = Reception(
-            {
-                frames.ACT_CMD: self._take_command,
-                frames.CTRL_HB: self._take_heartbeat,
-                frames.IDENT_CONTROLLER: self._take_identity,
-            },
-            recorder,
-        )
-
-    @property
-    def counts(self) -> ReceptionCounts:
-        return self._reception.counts
-
-    @property
-    def last_failure(self) -> str:
-        """Why the bus could not be read, for people; empty as long as it could."""
-        return self._reception.last_failure
-
-    def drain(self, bus: can.BusABC, now_ns: int) -> int:
-        """How many frames were waiting on the bus; they are in the box now, stamped `now_ns`."""
-        return self._reception.drain(bus, now_ns)
-
-    def accept(self, message: can.Message, arrival_ns: int) -> None:
-        """Put one frame into the box."""
-        self._reception.accept(message, arrival_ns)
-
-    def _take_command(self, frame: Frame, counter: int, arrival_ns: int) -> bool:
-        command = frames.decode_command(frame)
-        if command is None:
-            return False
-        self.command = CommandSnapshot(command.control, command.mode, counter, arrival_ns)
-        return True
-
-    def _take_heartbeat(self, frame: Frame, counter: int, arrival_ns: int) -> bool:
-        heartbeat = frames.decode_heartbeat(frame)
-        if heartbeat is None:
-            return False
-        self.heartbeat = HeartbeatSnapshot(*heartbeat, counter=counter, arrival_ns=arrival_ns)
-        return True
-
-    def _take_identity(self, frame: Frame, counter: int, arrival_ns: int) -> bool:
-        identity = frames.decode_controller_identity(frame)
-        if identity is None:
-            return False
-        self.peer = PeerIdentity(*identity, counter=counter, arrival_ns=arrival_ns)
-        return True
+        counter = frame[1] & COUNTER_MASK
+        step = (counter - source.counter) % COUNTER_MODULUS
+        if step != 1 and source.counter != _NO_COUNTER:
+            if step == 0:
+                self.counts.repeated += 1
+                return
+            self.counts.lost += step - 1
+        source.counter = counter
+        if source.assembly is None:
+            self.foreign_frames += 1
+        elif not source.assembly.add(source.place, codec.read(frame), counter, arrival_ns):
+            self.counts.out_of_range += 1

@@ -1,10 +1,9 @@
 """A CAN bus between the processes of one machine, for kernels without CAN and without a server.
 
-python-can's own virtual bus does not leave its process, its multicast bus leaves the machine, and
-its remote bus needs a server that costs a control step more than everything else. Here every
-member writes its frames into a ring of shared memory, and all others read them there: no system
-call stands between the one and the other. The rings are files in a folder that belongs to the
-user; nobody else can write into them.
+python-can's own virtual bus is limited to one process, its multicast bus uses the network, and
+its remote bus needs a server that costs more time than a control step. Here every member writes its
+frames into a ring of shared memory, from which all others read them without a system call. The
+rings are files in a folder that belongs to the user; other users cannot write into them.
 """
 
 import os
@@ -22,46 +21,47 @@ EXTENDED, REMOTE, ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
 """flags beside the identifier, as in Linux's struct can_frame"""
 IDENTIFIER = 0x1FFF_FFFF
 REFRESH_NS = 100_000_000
-"""a member that joined is heard after at most so long, from its first frame on"""
-SETTLED_NS = 100_000_000
-"""after a change, so long until the next one surely has another time"""
-UNSEEN = -1
+"""the ring of a new member is read after at most this time, from its first frame on"""
 POLL_S = 0.0002
-"""between two looks, for those who wait"""
+"""between two checks for frames in a blocking `recv`"""
 SHARED_MEMORY = Path("/dev/shm")
-"""files that no disk stands behind; where there is none, the folder for temporary files"""
+"""a file system in memory; where there is none, the folder for temporary files is used"""
+IGNORED_OPTIONS = frozenset(
+    {"single_handle", "bitrate", "data_bitrate", "fd", "timing", "receive_own_messages"}
+)
+"""options that python-can's tools and cantools pass to every interface; they have no effect here"""
 
 
 class LocalBus(can.BusABC):
     """python-can's interface `local`; `channel` is any name, the same for all members.
 
     Raises:
-        can.CanInitializationError: the folder of the rings belongs to somebody else, or cannot be
-            made.
+        can.CanInitializationError: an unknown option, or the folder of the rings belongs to another
+            user or cannot be made.
     """
 
     def __init__(self, channel: str = "local", can_filters: Any = None, **options: object) -> None:
-        if options:
+        unknown = options.keys() - IGNORED_OPTIONS
+        if unknown:
             raise can.CanInitializationError(
-                f"expected no further options, found {', '.join(options)}"
+                f"expected no further options, found {', '.join(sorted(unknown))}"
             )
         self.channel_info = f"local bus {channel}"
         self._channel = channel
         self._others: dict[str, RingReader] = {}
-        self._folder_ns = UNSEEN
         self._refresh_ns = 0
         self._is_open = True
         self._folder = _folder_of(channel)
-        _sweep(self._folder.parent)
+        _remove_orphans(self._folder.parent)
         self._join()
         self._joined_ns = time.monotonic_ns()
         super().__init__(channel=channel, can_filters=can_filters)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """To all other members; one who sleeps through thousands of frames loses the oldest.
+        """Send to all other members; one that does not read for thousands of frames loses some.
 
         Raises:
-            can.CanOperationError: it is no classic CAN frame, or the bus is closed.
+            can.CanOperationError: it is not a classic CAN frame, or the bus is closed.
         """
         self._require_open()
         if msg.is_fd or msg.dlc > 8:
@@ -76,7 +76,7 @@ class LocalBus(can.BusABC):
         self._ring.append(time.time_ns(), identifier, msg.dlc, msg.data)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """As python-can's, but for those who do not wait without its detours."""
+        """As python-can's `recv`; faster where `timeout` is 0."""
         if timeout != 0:
             return super().recv(timeout)
         self._require_open()
@@ -95,22 +95,22 @@ class LocalBus(can.BusABC):
         return message, False
 
     def shutdown(self) -> None:
-        """Leave, as soon as everybody has had time to notice that one was there."""
+        """Leave the bus, not before the others have had time to read this member's frames."""
         super().shutdown()
         if not self._is_open:
             return
         self._is_open = False
-        unseen_ns = self._joined_ns + 2 * REFRESH_NS - time.monotonic_ns()
-        if unseen_ns > 0 and not self._ring.is_empty:
-            time.sleep(unseen_ns / 1e9)
+        unread_ns = self._joined_ns + 2 * REFRESH_NS - time.monotonic_ns()
+        if unread_ns > 0 and self._ring.count > 0:
+            time.sleep(unread_ns / 1e9)
         self._ring.remove()
         for reader in self._others.values():
             reader.close()
-        with suppress(OSError):  # the last one to leave clears away
+        with suppress(OSError):  # the last member removes the folder
             self._folder.rmdir()
 
     def _take(self) -> can.Message | None:
-        """The oldest frame that is there."""
+        """The oldest unread frame."""
         now_ns = time.monotonic_ns()
         if now_ns >= self._refresh_ns:
             self._refresh_ns = now_ns + REFRESH_NS
@@ -133,66 +133,43 @@ class LocalBus(can.BusABC):
         )
 
     def _join(self) -> None:
-        """Listen to those who are there, and be there too."""
+        """Open the rings of the members, then make one's own."""
         for attempts_left in (2, 1, 0):
             try:
                 _make(self._folder)
-                self._look_around(hears_all=False)
+                self._update_members(set(os.listdir(self._folder)), from_first=False)
                 self._ring = Ring(self._folder)
                 return
             except OSError as error:
-                # The folder may have been swept while it was still empty.
+                # Another member may have removed the folder while it was still empty.
                 if attempts_left == 0 or not isinstance(error, FileNotFoundError):
                     raise can.CanInitializationError(
                         f"cannot write into {self._folder}: {error.strerror}"
                     ) from error
 
     def _refresh(self) -> None:
-        """Look who is there, if anything has changed."""
-        try:
-            changed_ns = self._folder.stat().st_mtime_ns
-            if changed_ns == self._folder_ns:
-                return
-            is_complete = self._look_around(hears_all=True)
-            if not self._ring.path.exists():  # the folder was cleared away under its members
+        """Open the rings of new members; after an error the known members are read as before."""
+        with suppress(OSError):
+            _make(self._folder)
+            names = set(os.listdir(self._folder))
+            if self._ring.path.name not in names:  # the folder was removed while in use
                 self._ring.remove()
                 self._ring = Ring(self._folder)
-                is_complete = False
-        except FileNotFoundError:
-            with suppress(OSError):
-                _make(self._folder)
-            self._folder_ns = UNSEEN
-            return
-        except OSError:
-            return  # whoever was there is heard as before
-        # A change in the same tick of the file system's clock would look like none.
-        is_settled = time.time_ns() - changed_ns > SETTLED_NS
-        self._folder_ns = changed_ns if is_complete and is_settled else UNSEEN
+            self._update_members(names - {self._ring.path.name}, from_first=True)
 
-    def _look_around(self, hears_all: bool) -> bool:
-        """Whether all rings are known now; `hears_all` of what a newcomer has said so far."""
-        present = {path.name: path for path in self._folder.iterdir()}
-        gone = self._others.keys() - present.keys()
-        for name in [name for name in gone if not self._others[name].has_frames()]:
-            self._others.pop(name).close()
-        own = self._ring.path.name if hears_all else None
-        is_complete = not gone & self._others.keys()
-        for name in present.keys() - self._others.keys() - {own}:
-            is_complete &= self._listen_to(present[name], hears_all)
-        return is_complete
-
-    def _listen_to(self, path: Path, hears_all: bool) -> bool:
-        """Whether there is nothing left to do about this file."""
-        try:
-            if is_orphaned(path):
-                path.unlink(missing_ok=True)
-            else:
-                self._others[path.name] = RingReader(path, hears_all)
-        except OSError:
-            return False  # it left in this moment, or cannot be read yet
-        except ValueError:
-            return True  # nothing of ours
-        return True
+    def _update_members(self, names: set[str], from_first: bool) -> None:
+        """Open new rings, to be read `from_first` frame or from now on; close those that left."""
+        for name in self._others.keys() - names:
+            if not self._others[name].has_frames():
+                self._others.pop(name).close()
+        for name in names - self._others.keys():
+            path = self._folder / name
+            # It may have been removed in this moment, or may not be a ring.
+            with suppress(OSError, ValueError):
+                if is_orphaned(path):
+                    path.unlink(missing_ok=True)
+                else:
+                    self._others[name] = RingReader(path, from_first)
 
     def _require_open(self) -> None:
         if not self._is_open:
@@ -218,8 +195,8 @@ def _make(folder: Path) -> None:
     folder.mkdir(mode=0o700, exist_ok=True)
 
 
-def _sweep(home: Path) -> None:
-    """Clear away what processes that were killed left on other channels."""
+def _remove_orphans(home: Path) -> None:
+    """Remove the files that killed processes left on any channel."""
     for folder in home.iterdir():
         with suppress(OSError):
             for ring in folder.iterdir():

@@ -1,43 +1,34 @@
-"""The log of a drive: every frame in the format of candump, readable by python-can and SavvyCAN.
+"""The log of a drive: every frame as `candump -L` writes it, readable by python-can and SavvyCAN.
 
-In real time the loop only drops frames into a bounded ring; a thread of its own writes them. What
-does not fit is dropped and counted. In lockstep frames are written at once and stamps come from
-the caller, so the same drive gives the same bytes.
+In real time the loop only appends frames to a bounded queue; a separate thread writes them. Frames
+that do not fit are dropped and counted. In lockstep frames are written at once and stamps come
+from the caller, so the same drive gives the same bytes.
+
+python-can's CanutilsLogWriter is not used: it appends the direction to every line, rounds stamps
+through floats, and replaces the class of error frames.
 """
 
 import threading
 from collections import deque
+from contextlib import AbstractContextManager
 from pathlib import Path
-from types import TracebackType
-from typing import Protocol, Self, TextIO
+from typing import TextIO
 
 import can
 
 from rt_controller.contract.errors import ConfigError
 
-RING_FRAMES = 65_536
-"""Two minutes of this project's frames, should the disk stall for so long."""
+QUEUE_FRAMES = 65_536
+"""two minutes of this project's frames, in case the disk blocks for that long"""
 _OTHER_FORMATS = (".asc", ".blf", ".mf4", ".trc", ".csv", ".db")
-"""which python-can converts a candump log into, and which this would not be"""
+"""formats that python-can converts a candump log into"""
 _WRITE_INTERVAL_S = 0.2
-
-# The flags that SocketCAN keeps above the 29 bits of an id.
-_EXTENDED_FLAG = 0x8000_0000
-_REMOTE_FLAG = 0x4000_0000
-_ERROR_FLAG = 0x2000_0000
-
-_Entry = tuple[int, int, str, bytes]
-"""stamp in ns, id with flags, separator, data"""
+_Kind = tuple[int, bool, bool, bool, bool]
+"""id, is extended, is remote, is error, is CAN FD"""
 
 
-class FrameSink(Protocol):
-    """Takes a copy of every frame that was read or sent."""
-
-    def record(self, message: can.Message, timestamp_ns: int) -> None: ...
-
-
-class Recorder:
-    """A candump log being written. Close it, or use it as a context manager."""
+class Recorder(AbstractContextManager["Recorder"]):
+    """A candump log being written; leaving the context closes it."""
 
     def __init__(
         self,
@@ -45,7 +36,7 @@ class Recorder:
         channel: str,
         *,
         is_threaded: bool,
-        capacity: int = RING_FRAMES,
+        capacity: int = QUEUE_FRAMES,
         epoch_offset_ns: int = 0,
     ) -> None:
         """Open the log.
@@ -54,7 +45,7 @@ class Recorder:
             path: of the log; replaced if it exists.
             channel: name of the bus in every line.
             is_threaded: a thread writes (real time), or `record` itself (lockstep).
-            capacity: of the ring, in frames.
+            capacity: of the queue, in frames.
             epoch_offset_ns: added to every stamp, to turn monotonic into calendar time.
 
         Raises:
@@ -68,28 +59,34 @@ class Recorder:
         self._capacity = capacity
         self._epoch_offset_ns = epoch_offset_ns
         self._file = _open(path)
-        self._ring: deque[_Entry] = deque()
+        self._queue: deque[tuple[int, _Kind, bytes]] = deque()
+        """stamp in ns, kind of frame, data"""
         self._is_closing = threading.Event()
         self._writer: threading.Thread | None = None
         if is_threaded:
-            self._writer = threading.Thread(target=self._write_on, name="recorder", daemon=True)
+            self._writer = threading.Thread(target=self._run, name="recorder", daemon=True)
             self._writer.start()
 
     @property
     def dropped(self) -> int:
-        """Frames that are missing in the log: the ring was full, or the disk."""
+        """Frames that are missing in the log because the queue or the disk was full."""
         return self._overflowed + self._unwritable
 
     def record(self, message: can.Message, timestamp_ns: int) -> None:
         """Keep a copy of this frame; the message may be changed afterwards."""
-        if len(self._ring) >= self._capacity:
+        if len(self._queue) >= self._capacity:
             self._overflowed += 1
             return
-        separator = "##0" if message.is_fd else "#"
-        entry = (timestamp_ns, _flagged_id(message), separator, bytes(message.data))
-        self._ring.append(entry)
+        kind = (
+            message.arbitration_id,
+            message.is_extended_id,
+            message.is_remote_frame,
+            message.is_error_frame,
+            message.is_fd,
+        )
+        self._queue.append((timestamp_ns, kind, bytes(message.data)))
         if self._writer is None:
-            self._write_ring()
+            self._write_queue()
 
     def close(self) -> None:
         """Write what is left and close the file."""
@@ -98,44 +95,36 @@ class Recorder:
         if self._writer is not None:
             self._is_closing.set()
             self._writer.join()
-        self._write_ring()
+        self._write_queue()
         try:
             self._file.close()
         except OSError as error:
             self.last_failure = str(error)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _write_on(self) -> None:
+    def _run(self) -> None:
         while not self._is_closing.wait(_WRITE_INTERVAL_S):
-            self._write_ring()
-            self._flush()
-
-    def _write_ring(self) -> None:
-        # A full disk must not end the drive, nor this thread.
-        while self._ring:
-            entry = self._ring.popleft()
+            self._write_queue()
             try:
-                self._file.write(_line(entry, self._channel, self._epoch_offset_ns))
+                self._file.flush()
+            except OSError as error:
+                self.last_failure = str(error)
+
+    def _write_queue(self) -> None:
+        # A full disk must end neither the drive nor this thread.
+        while self._queue:
+            timestamp_ns, kind, data = self._queue.popleft()
+            seconds, rest_ns = divmod(timestamp_ns + self._epoch_offset_ns, 1_000_000_000)
+            stamp = f"({seconds}.{rest_ns // 1000:06d})"
+            content = f"{_identifier(*kind)}{data.hex().upper()}"
+            try:
+                self._file.write(f"{stamp} {self._channel} {content}\n")
                 self.written += 1
             except OSError as error:
                 self._unwritable += 1
                 self.last_failure = str(error)
-
-    def _flush(self) -> None:
-        try:
-            self._file.flush()
-        except OSError as error:
-            self.last_failure = str(error)
 
 
 def _open(path: Path) -> TextIO:
@@ -153,22 +142,13 @@ def _open(path: Path) -> TextIO:
         ) from error
 
 
-def _flagged_id(message: can.Message) -> int:
-    flagged_id = message.arbitration_id
-    if message.is_error_frame:
-        return flagged_id | _ERROR_FLAG
-    if message.is_extended_id:
-        flagged_id |= _EXTENDED_FLAG
-    if message.is_remote_frame:
-        flagged_id |= _REMOTE_FLAG
-    return flagged_id
-
-
-def _line(entry: _Entry, channel: str, epoch_offset_ns: int) -> str:
-    timestamp_ns, flagged_id, separator, data = entry
-    seconds, rest_ns = divmod(timestamp_ns + epoch_offset_ns, 1_000_000_000)
-    is_long = flagged_id & (_EXTENDED_FLAG | _ERROR_FLAG)
-    shown_id = flagged_id & ~(_EXTENDED_FLAG | _REMOTE_FLAG)
-    digits = f"{shown_id:08X}" if is_long else f"{shown_id:03X}"
-    content = "R" if flagged_id & _REMOTE_FLAG else data.hex().upper()
-    return f"({seconds}.{rest_ns // 1000:06d}) {channel} {digits}{separator}{content}\n"
+def _identifier(
+    number: int, is_extended: bool, is_remote: bool, is_error: bool, is_fd: bool
+) -> str:
+    """The id in candump's form, with what stands between it and the data."""
+    if is_error:
+        return f"{number | 0x2000_0000:08X}#"
+    digits = f"{number:0{8 if is_extended else 3}X}"
+    if is_remote:
+        return f"{digits}#R"
+    return f"{digits}##0" if is_fd else f"{digits}#"

@@ -1,8 +1,8 @@
 """Frames of one member of a local bus, in shared memory: one writer, any number of readers.
 
-Slots are written round and round. A slot is complete when the count of frames says so: the count is
-written after it, in one aligned store. Processors that keep the order of stores (x86) show a reader
-nothing half-written; on others the end-to-end protection of the frames finds what is.
+Slots are written in turn. A slot is complete when the count of frames includes it: the count is
+written after it, in one aligned store. On processors that keep the order of stores (x86) a reader
+never finds a partly written slot; on others the end-to-end protection of the frames detects it.
 """
 
 import fcntl
@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 
 SLOTS = 4096
-"""a reader who lags farther behind than this loses frames: about ten seconds of this project's"""
+"""a reader that is farther behind loses frames: about ten seconds of this project's"""
 _SLOT = struct.Struct("@QIB3x8s")
 """stamp in ns, identifier with flags, length, data"""
 _HEADER = struct.Struct("@8sQ")
@@ -29,39 +29,34 @@ class Ring:
     """The writer's end; its file is named after the process."""
 
     def __init__(self, folder: Path) -> None:
-        """Raises OSError where the folder takes no file, or has no room for one."""
+        """Raises OSError if the file cannot be made, or there is no room for it."""
         self.path = folder / f"{os.getpid()}.{time.monotonic_ns()}"
         unfinished = folder.with_name(f".{folder.name}.{self.path.name}")
         flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
         self._descriptor = os.open(unfinished, flags, 0o600)
         try:
-            # Room that is only promised would end the process when it is first written to.
+            # Without allocated room the first write to it would end the process.
             os.posix_fallocate(self._descriptor, 0, _SIZE)
             fcntl.flock(self._descriptor, fcntl.LOCK_EX)  # as long as this process lives
             self._memory = mmap.mmap(self._descriptor, _SIZE)
             _HEADER.pack_into(self._memory, 0, _MAGIC, 0)
-            os.rename(unfinished, self.path)  # seen by others from here on
+            os.rename(unfinished, self.path)  # others find it from here on
         except OSError:
             os.close(self._descriptor)
             unfinished.unlink(missing_ok=True)
             raise
         self._words = memoryview(self._memory).cast("Q")
-        self._count = 0
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether nothing was ever written."""
-        return self._count == 0
+        self.count = 0
+        """frames written so far"""
 
     def append(self, stamp_ns: int, identifier: int, length: int, data: bytes | bytearray) -> None:
-        """One frame for all readers."""
-        place = _HEADER.size + self._count % SLOTS * _SLOT.size
+        place = _HEADER.size + self.count % SLOTS * _SLOT.size
         _SLOT.pack_into(self._memory, place, stamp_ns, identifier, length, data)
-        self._count += 1
-        self._words[_COUNT] = self._count
+        self.count += 1
+        self._words[_COUNT] = self.count
 
     def remove(self) -> None:
-        """No more frames; readers still find those that were written."""
+        """Remove the file; readers that have it open still find the frames that were written."""
         self._words.release()
         self._memory.close()
         self.path.unlink(missing_ok=True)
@@ -69,9 +64,9 @@ class Ring:
 
 
 def is_orphaned(path: Path) -> bool:
-    """Whether the process that wrote this ring is gone, however it ended.
+    """True if the process that wrote this ring has ended, in whatever way.
 
-    Raises OSError where there is no such file.
+    Raises OSError if there is no such file.
     """
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
@@ -84,14 +79,14 @@ def is_orphaned(path: Path) -> bool:
 
 
 class RingReader:
-    """One reader's end of somebody's ring."""
+    """One reader's end of the ring of another member."""
 
     def __init__(self, path: Path, from_first: bool) -> None:
-        """Read on from the first frame, or from what comes from now on.
+        """Read from the first frame on, or only frames written from now on.
 
         Raises:
-            OSError: it is gone.
-            ValueError: it is no ring.
+            OSError: the file is gone.
+            ValueError: the file is not a ring.
         """
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
         try:
@@ -100,27 +95,25 @@ class RingReader:
             os.close(descriptor)
         if self._memory[: len(_MAGIC)] != _MAGIC:
             self._memory.close()
-            raise ValueError(f"{path} is no ring of frames")
+            raise ValueError(f"{path} is not a ring of frames")
         self._words = memoryview(self._memory).cast("Q")
         self._read = 0 if from_first else self._words[_COUNT]
 
     def has_frames(self) -> bool:
-        """Whether some are waiting."""
         return self._words[_COUNT] != self._read
 
     def next_stamp_ns(self) -> int:
-        """When the next frame was sent; there is one."""
+        """Time at which the next unread frame was sent; there must be one."""
         stamp_ns: int = self._entry()[0]
         return stamp_ns
 
     def take(self) -> Entry:
-        """The next frame; there is one."""
+        """The next unread frame; there must be one."""
         entry = self._entry()
         self._read += 1
         return entry
 
     def close(self) -> None:
-        """Read no more."""
         self._words.release()
         self._memory.close()
 
@@ -130,5 +123,5 @@ class RingReader:
                 self._read = self._words[_COUNT] - SLOTS // 2
             place = _HEADER.size + self._read % SLOTS * _SLOT.size
             entry: Entry = _SLOT.unpack_from(self._memory, place)
-            if self._words[_COUNT] - self._read < SLOTS:  # not written over meanwhile
+            if self._words[_COUNT] - self._read < SLOTS:  # not overwritten meanwhile
                 return entry

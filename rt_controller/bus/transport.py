@@ -1,7 +1,7 @@
-"""Opening a CAN bus through python-can: everything explicit, every failure with its remedy.
+"""Opening a CAN bus through python-can, with a remedy for every failure.
 
-python-can would merge settings from files and variables of the environment; here only what the
-caller passes counts.
+python-can would merge settings from files and variables of the environment; here only the caller's
+settings count.
 """
 
 import errno
@@ -14,7 +14,12 @@ from typing import Any
 import can
 from can.interfaces.socketcan import SocketcanBus
 
-from rt_controller.contract.errors import BusError, MissingExtraError, RtControllerError
+from rt_controller.contract.errors import (
+    BusError,
+    MissingExtraError,
+    RtControllerError,
+    install_command,
+)
 
 Option = str | int | float | bool
 
@@ -24,9 +29,9 @@ _REMOTE = "remote"
 _WITHOUT_BITRATE = (_VIRTUAL, _SOCKETCAN)
 
 VIRTUAL_QUEUE_FRAMES = 1024
-"""A virtual bus that nobody reads refuses frames after this many, instead of filling the memory."""
+"""A virtual bus that is not read refuses frames after this many, instead of filling the memory."""
 SOCKET_BUFFER_BYTES = 1 << 20
-"""Asked of the kernel, which may grant less; its default silently loses the 279th unread frame."""
+"""Asked of the kernel, which may grant less; by default the 279th unread frame is lost silently."""
 
 
 def open_bus(
@@ -40,7 +45,7 @@ def open_bus(
     Args:
         interface: python-can's name: "virtual", "socketcan", "slcan", "remote"...
         channel: "vcan0", "/dev/ttyACM0", "ws://127.0.0.1:54701"...
-        bitrate: in bit/s, for adapters that are told by the program.
+        bitrate: in bit/s, for adapters that the program has to set.
         options: further arguments of the interface, as python-can documents them.
 
     Raises:
@@ -63,7 +68,7 @@ def open_bus(
         settings["bitrate"] = bitrate
     try:
         bus = can.Bus(channel=channel, interface=interface, ignore_config=True, **settings)
-    except Exception as error:  # each backend raises its own kind
+    except Exception as error:  # each backend raises its own type
         raise explain_failure(interface, channel, error) from error
     if isinstance(bus, SocketcanBus):
         bus.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, SOCKET_BUFFER_BYTES)
@@ -71,17 +76,17 @@ def open_bus(
 
 
 def close_bus(bus: can.BusABC) -> None:
-    """Leave a bus; one that is already gone is left all the same."""
+    """Leave a bus, also one that has failed."""
     try:
         bus.shutdown()
     except Exception:
-        # Each backend raises its own kind, and whatever is wrong has shown while the bus was in
-        # use. The base class only notes that the bus is closed: else it tries again when collected.
+        # Each backend raises its own type, and the cause was reported while the bus was in use.
+        # The base class only marks the bus as closed: else it tries again at garbage collection.
         can.BusABC.shutdown(bus)
 
 
 def parse_options(written: Mapping[str, str]) -> dict[str, Option]:
-    """Options as a person writes them, each with the type it looks like (as in TOML)."""
+    """Options as written on the command line, each with the type it would have in TOML."""
     return {name: _parse_option(value) for name, value in written.items()}
 
 
@@ -99,7 +104,7 @@ def _check_interface(interface: str) -> None:
     if interface == _REMOTE:
         raise MissingExtraError(
             "remote: expected the package python-can-remote, found none. "
-            'Run: pip install -e ".[remote]"'
+            f"Run: {install_command('remote')}"
         )
     names = sorted(can.VALID_INTERFACES)
     near = get_close_matches(interface, names, n=1)
@@ -122,8 +127,8 @@ def explain_failure(interface: str, channel: str, error: Exception) -> RtControl
     if interface == _SOCKETCAN and number == errno.EAFNOSUPPORT:
         return BusError(
             f"{place}: expected a kernel with CAN, found one without AF_CAN. Load its module "
-            f"(modprobe can can-raw vcan), or choose an interface that needs none: virtual, "
-            f"remote, slcan."
+            f"(modprobe can can-raw vcan), or choose an interface that needs none: local "
+            f"(between the processes of this machine), remote, slcan."
         )
     if interface == _SOCKETCAN and number == errno.ENODEV:
         return BusError(

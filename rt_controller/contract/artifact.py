@@ -1,47 +1,95 @@
 """A model bundle on disk: a folder of three files.
 
-- `encoder.onnx`: what `Lift` says the encoder is shown -> psi (batch, n) float32, named "psi",
-  whose first entries are the states themselves;
+- `encoder.onnx`: from the inputs that `Lift` names to "psi" (batch, n) float32, whose first entries
+  are the states themselves;
 - `koopman.npz`: psi+ = A psi + B_uc u_c + B_uw w + c, all in physical units, with the names, units
-  and period they hold for, what the input matrix adds where it follows psi_0, what the lift needs,
-  how the model grows, how it was trained, the SHA-256 of the encoder and of the whole model, and a
-  few pairs (x, w, history; psi) for a self-test;
+  and period of the signals, the bilinear part, the inputs of the lift, the growth of the model, its
+  training configuration, the SHA-256 of the encoder and of the whole model, and a few pairs
+  (x, w, history; psi) for a self-test;
 - `card.md`: for people.
 
-Only numpy and the standard library: a bundle can be made and read anywhere.
 Paper: eqs. (6)-(8) and (14).
 """
 
-import os
-from collections.abc import Callable
+from difflib import get_close_matches
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rt_controller.contract.bilinear import Bilinear
-from rt_controller.contract.bundle import Array, Bundle
+from rt_controller.contract.bundle import Bundle, Lift, LiftSample
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.fitness import require_fitting_parts
+from rt_controller.contract.files import DamagedArchiveError, atomic_write, read_arrays
 from rt_controller.contract.follow import Follow
-from rt_controller.contract.koopman_file import KoopmanFile, check_field, read_koopman
-from rt_controller.contract.lift import Lift, LiftSample
 from rt_controller.contract.schema import Schema, Signal
+from rt_controller.contract.validation import check_field, require_fitting_parts
 
 __all__ = [
-    "Array",
     "Bilinear",
     "Bundle",
     "Lift",
     "LiftSample",
+    "find_model",
     "load_bundle",
     "save_bundle",
+    "shipped_model",
 ]
+
+SHIPPED_MODEL = "mdk-net"
+"""the model that drives if none is chosen"""
 
 FORMAT_VERSION = 2
 ENCODER_FILE = "encoder.onnx"
 KOOPMAN_FILE = "koopman.npz"
 CARD_FILE = "card.md"
+
+TEXT, WHOLE, FLOAT = "U", "i", "f"
+UNCHANGED = ("name", "A", "B_uc", "B_uw", "c", "selftest_psi", "training", "data_sha256")
+"""fields of `koopman.npz` that are attributes of `Bundle` of the same name"""
+FIELDS = {
+    **dict.fromkeys(("name", "training", "data_sha256"), (TEXT, 0)),
+    **dict.fromkeys(("encoder_sha256", "bundle_sha256", "bilinear_follows"), (TEXT, 0)),
+    **dict.fromkeys(("state_fields", "input_fields", "exogenous_fields"), (TEXT, 1)),
+    **dict.fromkeys(("state_units", "input_units", "exogenous_units"), (TEXT, 1)),
+    **dict.fromkeys(("lift_inputs", "history_fields"), (TEXT, 1)),
+    "history_steps": (WHOLE, 0),
+    "dt_s": (FLOAT, 0),
+    "c": (FLOAT, 1),
+    **dict.fromkeys(("A", "B_uc", "B_uw", "bilinear_s0"), (FLOAT, 2)),
+    **dict.fromkeys(("selftest_x", "selftest_w", "selftest_psi"), (FLOAT, 2)),
+    **dict.fromkeys(("bilinear_N", "bilinear_S", "selftest_history"), (FLOAT, 3)),
+}
+"""type and number of dimensions of each field that is read"""
+
+
+def shipped_model(name: str = SHIPPED_MODEL) -> Path:
+    """The folder of a bundle that ships with the package: "mdk-net", "mdk-net-paper" or "lti"."""
+    return Path(str(resources.files("rt_controller") / "models" / name))
+
+
+def find_model(model: str | Path | None) -> Path:
+    """The folder of a model: the shipped one of that name, otherwise the path itself.
+
+    Raises:
+        ArtifactError: a plain name that is neither a shipped model nor a folder.
+    """
+    if model is None:
+        return shipped_model()
+    is_name = Path(model).name == str(model)
+    shipped = shipped_model(str(model))
+    if is_name and shipped.is_dir():
+        return shipped
+    if is_name and not Path(model).exists():
+        names = sorted(folder.name for folder in shipped_model().parent.iterdir())
+        near = get_close_matches(str(model), names, n=1)
+        raise ArtifactError(
+            f"model {str(model)!r}: expected one of {', '.join(names)}, or a folder that "
+            f"offline-export wrote.{f' Did you mean {near[0]}?' if near else ''}"
+        )
+    return Path(model)
 
 
 def save_bundle(folder: Path, bundle: Bundle, card: str) -> None:
@@ -52,9 +100,12 @@ def save_bundle(folder: Path, bundle: Bundle, card: str) -> None:
     """
     require_fitting_parts(bundle, folder / KOOPMAN_FILE)
     folder.mkdir(parents=True, exist_ok=True)
-    _replace(folder / ENCODER_FILE, lambda path: path.write_bytes(bundle.encoder_onnx))
-    _replace(folder / KOOPMAN_FILE, lambda path: _write_npz(path, _arrays_of(bundle)))
-    _replace(folder / CARD_FILE, lambda path: path.write_text(card, encoding="utf-8"))
+    with atomic_write(folder / ENCODER_FILE) as file:
+        file.write(bundle.encoder_onnx)
+    with atomic_write(folder / KOOPMAN_FILE) as file:
+        np.savez_compressed(file, **_arrays_of(bundle))
+    with atomic_write(folder / CARD_FILE) as file:
+        file.write(card.encode())
 
 
 def load_bundle(folder: Path) -> Bundle:
@@ -64,32 +115,24 @@ def load_bundle(folder: Path) -> Bundle:
         ArtifactError: a file is missing, truncated or altered, of another format, or its parts do
             not fit each other.
     """
-    koopman = read_koopman(folder / KOOPMAN_FILE)
-    koopman.require("format_version", FORMAT_VERSION)
+    path, encoder_path = folder / KOOPMAN_FILE, folder / ENCODER_FILE
+    found = _read_fields(path)
     bundle = Bundle(
-        name=koopman.text("name"),
-        schema=_read_schema(koopman),
-        A=koopman.numbers("A", 2),
-        B_uc=koopman.numbers("B_uc", 2),
-        B_uw=koopman.numbers("B_uw", 2),
-        c=koopman.numbers("c", 1),
-        bilinear=_read_bilinear(koopman),
-        lift=_read_lift(koopman),
-        encoder_onnx=_read_encoder(folder / ENCODER_FILE),
-        selftest=LiftSample(
-            x=koopman.numbers("selftest_x", 2),
-            w=koopman.numbers("selftest_w", 2),
-            history=koopman.numbers("selftest_history", 3),
+        schema=Schema(
+            states=_signals(path, found, "state"),
+            inputs=_signals(path, found, "input"),
+            exogenous=_signals(path, found, "exogenous"),
+            dt_s=found["dt_s"],
         ),
-        selftest_psi=koopman.numbers("selftest_psi", 2),
-        training=koopman.text("training"),
-        data_sha256=koopman.text("data_sha256"),
+        bilinear=_bilinear(path, found),
+        lift=Lift(found["lift_inputs"], found["history_steps"], found["history_fields"]),
+        encoder_onnx=_read_encoder(encoder_path),
+        selftest=LiftSample(*(found[f"selftest_{name}"] for name in LiftSample._fields)),
+        **{name: found[name] for name in UNCHANGED},
     )
-    require_fitting_parts(bundle, koopman.path)
-    _check_hash(
-        folder / ENCODER_FILE, koopman.text("encoder_sha256"), bundle.encoder_sha256, "encoder"
-    )
-    _check_hash(koopman.path, koopman.text("bundle_sha256"), bundle.sha256, "model")
+    require_fitting_parts(bundle, path)
+    _check_hash(encoder_path, found["encoder_sha256"], bundle.encoder_sha256, "encoder")
+    _check_hash(path, found["bundle_sha256"], bundle.sha256, "model")
     return bundle
 
 
@@ -111,10 +154,7 @@ def _arrays_of(bundle: Bundle) -> dict[str, Any]:
         "B_uc": bundle.B_uc,
         "B_uw": bundle.B_uw,
         "c": bundle.c,
-        "bilinear_N": bilinear.N,
-        "bilinear_S": bilinear.S,
-        "bilinear_s0": bilinear.s0,
-        "bilinear_follows": np.str_(bilinear.follows),
+        **{f"bilinear_{name}": part for name, part in bilinear._asdict().items()},
         "spectral_radius": np.float64(bundle.spectral_radius),
         "growth_20": np.float64(bundle.growth(20)),
         "growth_80": np.float64(bundle.growth(80)),
@@ -122,9 +162,7 @@ def _arrays_of(bundle: Bundle) -> dict[str, Any]:
         "data_sha256": np.str_(bundle.data_sha256),
         "encoder_sha256": np.str_(bundle.encoder_sha256),
         "bundle_sha256": np.str_(bundle.sha256),
-        "selftest_x": bundle.selftest.x,
-        "selftest_w": bundle.selftest.w,
-        "selftest_history": bundle.selftest.history,
+        **{f"selftest_{name}": part for name, part in bundle.selftest._asdict().items()},
         "selftest_psi": bundle.selftest_psi,
     }
 
@@ -140,35 +178,16 @@ def _words(words: tuple[str, ...]) -> Any:
     return np.array(words, dtype=np.str_)
 
 
-def _read_schema(koopman: KoopmanFile) -> Schema:
-    return Schema(
-        states=_read_signals(koopman, "state"),
-        inputs=_read_signals(koopman, "input"),
-        exogenous=_read_signals(koopman, "exogenous"),
-        dt_s=koopman.number("dt_s"),
-    )
-
-
-def _read_signals(koopman: KoopmanFile, kind: str) -> tuple[Signal, ...]:
-    names, units = koopman.words(f"{kind}_fields"), koopman.words(f"{kind}_units")
-    check_field(koopman.path, f"number of {kind}_units", len(names), len(units))
+def _signals(path: Path, found: dict[str, Any], kind: str) -> tuple[Signal, ...]:
+    names, units = found[f"{kind}_fields"], found[f"{kind}_units"]
+    check_field(path, f"number of {kind}_units", len(names), len(units))
     return tuple(map(Signal, names, units))
 
 
-def _read_lift(koopman: KoopmanFile) -> Lift:
-    return Lift(
-        inputs=koopman.words("lift_inputs"),
-        history_steps=koopman.count("history_steps"),
-        history_fields=koopman.words("history_fields"),
-    )
-
-
-def _read_bilinear(koopman: KoopmanFile) -> Bilinear | None:
-    N, S = koopman.numbers("bilinear_N", 3), koopman.numbers("bilinear_S", 3)
-    s0 = koopman.numbers("bilinear_s0", 2)
-    follows = koopman.text("bilinear_follows")
+def _bilinear(path: Path, found: dict[str, Any]) -> Bilinear | None:
+    N, S, s0, follows = (found[f"bilinear_{name}"] for name in Bilinear._fields)
     if follows not in list(Follow):
-        check_field(koopman.path, "bilinear_follows", " or ".join(Follow), follows)
+        check_field(path, "bilinear_follows", " or ".join(Follow), follows)
     if not max(len(N), len(S), len(s0)):
         return None
     return Bilinear(N, S, s0, Follow(follows))
@@ -186,19 +205,60 @@ def _read_encoder(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
+        raise _unreadable(path, "the encoder", error) from error
+
+
+def _unreadable(path: Path, what: str, error: OSError) -> ArtifactError:
+    return ArtifactError(
+        f"{path}: expected {what} of a model bundle, found nothing readable ({error.strerror}). "
+        f"Point --model at a folder that offline-export wrote."
+    )
+
+
+def _read_fields(path: Path) -> dict[str, Any]:
+    """The fields of `koopman.npz` as the texts, numbers, tuples and arrays that `FIELDS` lists.
+
+    Raises:
+        ArtifactError: the file is missing, truncated, altered, or not an npz archive without
+            pickles; or a field is missing or of another type, shape or format.
+    """
+    try:
+        arrays = read_arrays(path)
+    except OSError as error:
+        raise _unreadable(path, "the matrices", error) from error
+    except DamagedArchiveError as error:
         raise ArtifactError(
-            f"{path}: expected the encoder of a model bundle, found nothing readable "
-            f"({error.strerror}). Point --model at a folder that offline-export wrote."
+            f"{path}: expected an npz archive without pickles, found something else, or a "
+            f"truncated or altered file ({error}). Run offline-export again."
         ) from error
+    for key in ("format_version", *FIELDS):
+        if key not in arrays:
+            raise ArtifactError(
+                f"{path}: expected a field {key!r}, found {sorted(arrays)}. "
+                f"Run offline-export again."
+            )
+    check_field(path, "format_version", FORMAT_VERSION, arrays["format_version"].tolist())
+    return {key: _checked(path, key, arrays[key], *FIELDS[key]) for key in FIELDS}
 
 
-def _write_npz(path: Path, arrays: dict[str, Any]) -> None:
-    with path.open("wb") as file:
-        np.savez_compressed(file, **arrays)
-
-
-def _replace(path: Path, write: Callable[[Path], object]) -> None:
-    """A reader sees the old file or the new one, never half of one."""
-    part = path.with_name(path.name + ".part")
-    write(part)
-    os.replace(part, path)
+def _checked(path: Path, key: str, found: NDArray[Any], kind: str, dimensions: int) -> Any:
+    """The content of one field; numbers have eight bytes and are finite, arrays in C order."""
+    is_wide = kind == TEXT or found.dtype in (np.float64, np.int64)
+    if found.dtype.kind != kind or found.ndim != dimensions or not is_wide:
+        expected = {
+            (TEXT, 0): "one text",
+            (TEXT, 1): "a list of texts",
+            (WHOLE, 0): "one whole number",
+        }.get((kind, dimensions), f"float64 numbers in {dimensions} dimensions")
+        raise ArtifactError(
+            f"{path}: expected {expected} in {key}, found {found.dtype} of shape {found.shape}. "
+            f"Run offline-export again."
+        )
+    if kind == FLOAT and not np.all(np.isfinite(found)):
+        raise ArtifactError(
+            f"{path}: expected finite numbers in {key}, found "
+            f"{np.count_nonzero(~np.isfinite(found))} that are not. Run offline-export again."
+        )
+    if dimensions == 0:
+        return found.item()
+    return tuple(found.tolist()) if kind == TEXT else np.asarray(found, order="C")

@@ -1,17 +1,15 @@
-"""An input matrix that depends on where the car is, in few numbers."""
+"""An input matrix that depends on the lifted state, with few parameters."""
 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rt_controller.contract.arrays import Array
 from rt_controller.contract.follow import Follow
-
-Array = NDArray[np.float64]
 
 
 class Bilinear(NamedTuple):
-    """What the lifted state adds to each column of the constant input matrix B_uc.
+    """The part of each column of the input matrix that depends on the lifted state.
 
     In a bilinear Koopman model input i acts through (b_i + N_i psi) u_i. Here every matrix N_i has
     rank R, N_i psi = sum_r N[r, :, i] (S[r, i] @ psi), with an offset s0[r, i] on each factor:
@@ -23,20 +21,20 @@ class Bilinear(NamedTuple):
     N: Array
     """(R, n, m), the directions in which input i acts"""
     S: Array
-    """(R, m, n), how much of each, read from the lifted state"""
+    """(R, m, n), the share of each direction, linear in the lifted state"""
     s0: Array
     """(R, m)"""
     follows: Follow = Follow.PREDICTION
-    """which psi that is"""
+    """the psi that is used in a prediction"""
 
     @property
     def rank(self) -> int:
         return int(self.s0.shape[0])
 
     def gains(self, psi: Array) -> Array:
-        """How much of each direction there is at psi (..., n): (..., R, m)."""
-        gains: Array = np.einsum("rin,...n->...ri", self.S, psi) + self.s0
-        return gains
+        """The share of each direction at psi (..., n): (..., R, m)."""
+        flat: Array = psi @ self.S.reshape(-1, self.S.shape[2]).T
+        return flat.reshape(*psi.shape[:-1], *self.s0.shape) + self.s0
 
     def added_columns(self, psi: Array) -> Array:
         """B_eff - B_uc at psi (..., n): (..., n, m)."""

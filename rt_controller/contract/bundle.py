@@ -1,25 +1,91 @@
-"""The model bundle: the one thing that training hands to the vehicle.
+"""The model bundle: everything that training passes to the vehicle.
 
 psi_(k+1) = A psi_k + B_eff u_k + B_uw w_k + c in physical units, where psi = [x; latents] is what
-the encoder makes of what it is shown, and B_eff is constant or follows the first lifted state.
+the encoder computes, and B_eff is constant or depends on the lifted state.
 Paper: eqs. (6)-(8) and (14).
 """
 
 import hashlib
 import json
 from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rt_controller.contract.arrays import Array
 from rt_controller.contract.bilinear import Bilinear
-from rt_controller.contract.lift import STATES_ONLY, Lift, LiftSample
+from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.identity_encoder import identity_encoder
 from rt_controller.contract.schema import VEHICLE, Schema
 
-Array = NDArray[np.float64]
+POSSIBLE_INPUTS = ("x", "w", "history")
+
+
+@dataclass(frozen=True, slots=True)
+class Lift:
+    """The encoder's ONNX inputs, by name and in this order, all float32.
+
+    - "x" (batch, n_x): the states now;
+    - "w" (batch, p): the exogenous signals now; for the car the curvature of its road;
+    - "history" (batch, H, h): the last H instants, oldest first. Row i holds the named states at
+      instant k - H + i, and the named inputs held from that instant to the next one.
+
+    Raises:
+        ArtifactError: inputs out of order or unknown, or a history without rows or fields.
+    """
+
+    inputs: tuple[str, ...] = ("x",)
+    """an ordered part of ("x", "w", "history") that begins with "x" """
+    history_steps: int = 0
+    """H"""
+    history_fields: tuple[str, ...] = ()
+    """h names of states and inputs, in their order"""
+
+    def __post_init__(self) -> None:
+        in_order = tuple(name for name in POSSIBLE_INPUTS if name in self.inputs)
+        if self.inputs != in_order or "x" not in self.inputs:
+            raise ArtifactError(
+                f"lift_inputs: expected an ordered part of {POSSIBLE_INPUTS} that begins with "
+                f"'x', found {self.inputs}. Run offline-export again."
+            )
+        used = ("history" in self.inputs, self.history_steps > 0, len(self.history_fields) > 0)
+        if self.history_steps < 0 or len(set(used)) > 1:
+            raise ArtifactError(
+                f"lift: expected a history with steps and fields, or neither of the three, found "
+                f"inputs {self.inputs}, history_steps {self.history_steps} and history_fields "
+                f"{self.history_fields}. Run offline-export again."
+            )
+
+    @property
+    def sees_exogenous(self) -> bool:
+        return "w" in self.inputs
+
+    @property
+    def sees_history(self) -> bool:
+        return "history" in self.inputs
+
+
+STATES_ONLY = Lift()
+"""Paper: eq. (7)"""
+
+
+class LiftSample(NamedTuple):
+    """Encoder inputs for several instants; float64, in physical units.
+
+    All three are present, whatever the encoder uses; without a history H and h are 0.
+    """
+
+    x: Array
+    """(b, n_x)"""
+    w: Array
+    """(b, p)"""
+    history: Array
+    """(b, H, h)"""
+
 
 SMALLEST_SPREAD = 1e-6
-"""of an observable, as a share of its size: below, float32 cannot tell it from a constant"""
+"""of an observable, relative to its size: with less, float32 cannot tell it from a constant"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +96,7 @@ class Bundle:
     """
 
     name: str
-    """what kind of model, for summaries: "mdk-net", "lti" """
+    """kind of model, for summaries: "mdk-net", "lti" """
     schema: Schema = VEHICLE
     A: Array
     """(n, n)"""
@@ -39,7 +105,7 @@ class Bundle:
     B_uw: Array
     """(n, p)"""
     c: Array
-    """(n,), the constant that centring left behind"""
+    """(n,), the offset that remains from centring"""
     bilinear: Bilinear | None = None
     """None: B_uc is the whole input matrix"""
     lift: Lift = STATES_ONLY
@@ -47,11 +113,93 @@ class Bundle:
     selftest: LiftSample
     """of b instants"""
     selftest_psi: Array
-    """(b, n) what the encoder made of them where it was trained"""
-    training: str
+    """(b, n), the encoder's output for them where it was trained"""
+    training: str = "{}"
     """resolved training configuration, JSON"""
-    data_sha256: str
-    """hash of the data set it was trained on"""
+    data_sha256: str = ""
+    """hash of the data set it was trained on; empty if there was none"""
+
+    @classmethod
+    def load(cls, model: str | Path | None = None) -> "Bundle":
+        """The bundle in a folder, or the shipped one of that name.
+
+        Args:
+            model: "mdk-net", "mdk-net-paper", "lti", or a folder that `save` or offline-export
+                wrote; None: "mdk-net".
+
+        Raises:
+            ArtifactError: a file is missing, damaged or of another format, or its parts do not fit
+                each other.
+        """
+        from rt_controller.contract.artifact import find_model, load_bundle
+
+        return load_bundle(find_model(model))
+
+    @classmethod
+    def linear(
+        cls,
+        A: Array,
+        B_uc: Array,
+        B_uw: Array,
+        offset: Array | None = None,
+        *,
+        name: str = "linear",
+        schema: Schema = VEHICLE,
+    ) -> "Bundle":
+        """A linear model of the states themselves: x_(k+1) = A x_k + B_uc u_k + B_uw w_k + offset.
+
+        All in the units of `schema`, over one of its periods. For the car, x is a `VehicleState`
+        (n_x = 6), u a `ControlInput` (m = 3) and w the curvature of the road in 1/m (p = 1).
+
+        Args:
+            A: (n_x, n_x).
+            B_uc: (n_x, m).
+            B_uw: (n_x, p).
+            offset: (n_x,); None: zeros.
+            name: kind of model, for summaries.
+            schema: names, units and period of the signals; default: those of the car.
+
+        Raises:
+            ArtifactError: a matrix has another shape, or an entry that is not a finite real number.
+        """
+        from rt_controller.contract.validation import require_fitting_parts
+
+        n_x = len(schema.states)
+        offset = np.zeros(n_x) if offset is None else offset
+        _require_matrix("A", A, (n_x, n_x))
+        _require_matrix("B_uc", B_uc, (n_x, len(schema.inputs)))
+        _require_matrix("B_uw", B_uw, (n_x, len(schema.exogenous)))
+        _require_matrix("offset", offset, (n_x,))
+        x = np.vstack([np.zeros(n_x), np.ones(n_x)])
+        bundle = cls(
+            name=name,
+            schema=schema,
+            A=np.array(A, dtype=np.float64),
+            B_uc=np.array(B_uc, dtype=np.float64),
+            B_uw=np.array(B_uw, dtype=np.float64),
+            c=np.array(offset, dtype=np.float64),
+            encoder_onnx=identity_encoder(n_x),
+            selftest=LiftSample(x, np.zeros((2, len(schema.exogenous))), np.zeros((2, 0, 0))),
+            selftest_psi=x.copy(),
+            training=json.dumps({"kind": name}),
+        )
+        require_fitting_parts(bundle, f"the linear model {name!r}")
+        return bundle
+
+    def save(self, folder: str | Path, card: str = "") -> Self:
+        """Write the bundle to a folder, from which `load` and --model read it; returns itself.
+
+        Args:
+            folder: is made if needed; an existing bundle is replaced file by file, each atomically.
+            card: text of the model card, in Markdown.
+
+        Raises:
+            ArtifactError: the parts of the bundle do not fit each other; nothing is written.
+        """
+        from rt_controller.contract.artifact import save_bundle
+
+        save_bundle(Path(folder), self, card or f"# {self.name}\n")
+        return self
 
     @property
     def n_observables(self) -> int:
@@ -63,10 +211,9 @@ class Bundle:
 
     @property
     def sha256(self) -> str:
-        """What the model is known by: it changes with everything that a prediction follows from.
+        """Identity of the model: it changes with everything that a prediction depends on.
 
-        Over name, signals, period, lift, encoder and matrices; not over how the model was trained
-        and is tested.
+        Over name, signals, period, lift, encoder and matrices; not over training and self-test.
         """
         schema, lift = self.schema, self.lift
         bilinear = self.bilinear
@@ -88,7 +235,7 @@ class Bundle:
         return digest.hexdigest()
 
     def input_matrix(self, psi: Array) -> Array:
-        """B_eff (..., n, m) at the lifted states psi (..., n) that `Bilinear` speaks of."""
+        """B_eff (..., n, m) at the lifted states psi (..., n), those of `Bilinear.follows`."""
         if self.bilinear is None:
             return np.broadcast_to(self.B_uc, (*psi.shape[:-1], *self.B_uc.shape))
         return self.B_uc + self.bilinear.added_columns(psi)
@@ -101,15 +248,15 @@ class Bundle:
     def spread(self) -> Array:
         """(n,) standard deviation of each observable over the self-test instants.
 
-        What counts as much or little of an observable, since metres, radians and latents share no
-        unit. A constant is measured by its size instead, and by 1 if it is zero.
+        It scales the observables, since metres, radians and latents share no unit. A constant one
+        has its size instead, and 1 if it is zero.
         """
         spread = self.selftest_psi.std(axis=0)
         size = np.abs(self.selftest_psi).max(axis=0)
         return np.where(spread > SMALLEST_SPREAD * size, spread, np.where(size > 0.0, size, 1.0))
 
     def growth(self, steps: int) -> float:
-        """||A^steps||_2: how much an error may have grown, in units of `spread`, after `steps`."""
+        """||A^steps||_2: largest growth of an error after `steps`, in units of `spread`."""
         scale = self.spread
         scaled = self.A * scale[None, :] / scale[:, None]
         return float(np.linalg.norm(np.linalg.matrix_power(scaled, steps), 2))
@@ -117,6 +264,14 @@ class Bundle:
     def parity_error(self, psi: Array) -> float:
         """Largest difference between psi (b, n), lifted from the self-test, and the stored one.
 
-        In units of `spread`; not a number if one of psi is none.
+        In units of `spread`; NaN if an entry of psi is NaN.
         """
         return float(np.max(np.abs(psi - self.selftest_psi) / self.spread))
+
+
+def _require_matrix(name: str, matrix: Array, shape: tuple[int, ...]) -> None:
+    array = np.asarray(matrix)
+    if array.shape != shape:
+        raise ArtifactError(f"{name}: expected the shape {shape}, found {array.shape}.")
+    if not (np.isrealobj(array) and np.isfinite(array.astype(np.float64)).all()):
+        raise ArtifactError(f"{name}: expected finite real numbers, found others.")

@@ -1,8 +1,12 @@
 """The one error tree of the project, each leaf with its exit code.
 
 Start-up raises these; inside the loop nothing raises: failures there are statuses.
-A message says what was expected, what was found, and the remedy.
+A message states what was expected, what was found, and the remedy.
 """
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 
 class RtControllerError(Exception):
@@ -12,7 +16,7 @@ class RtControllerError(Exception):
 
 
 class ConfigError(RtControllerError):
-    """A setting, file or command line that does not make sense."""
+    """A setting, file or command line that is not valid."""
 
     exit_code = 2
 
@@ -24,7 +28,7 @@ class ArtifactError(RtControllerError):
 
 
 class DatasetError(RtControllerError):
-    """A data set that is missing, damaged, or made by another recipe."""
+    """A data set that is missing, damaged, or generated with other settings."""
 
     exit_code = 2
 
@@ -35,13 +39,39 @@ class MissingExtraError(RtControllerError):
     exit_code = 3
 
 
+def install_command(extras: str) -> str:
+    """The pip command that installs these extras, such as "offline,report".
+
+    Editable if this package runs from a source checkout, otherwise by the name of the distribution.
+    """
+    is_checkout = (Path(__file__).parents[2] / "pyproject.toml").is_file()
+    target = '-e ".' if is_checkout else '"rt-controller'
+    return f'pip install {target}[{extras}]"'
+
+
+@contextmanager
+def needs_extra(extra: str, needed_by: str) -> Iterator[None]:
+    """Turn an import that fails in this context into an error that names the extra.
+
+    Raises:
+        MissingExtraError: a package is not installed.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise MissingExtraError(
+            f"{needed_by} needs {error.name}: expected the extra [{extra}], found it missing. "
+            f"Install it with: {install_command(extra)}"
+        ) from error
+
+
 class BusError(RtControllerError):
-    """A CAN bus that cannot be opened, or a peer that speaks another message catalogue."""
+    """A CAN bus that cannot be opened, or a peer with another message catalogue."""
 
     exit_code = 5
 
 
 class PlantError(RtControllerError):
-    """A simulated car that stopped giving numbers in the middle of a run."""
+    """A simulated car whose motion stopped being finite during a run."""
 
     exit_code = 7

@@ -1,4 +1,4 @@
-"""The file behind every `--json`: the figures that a command claims, for a program to check."""
+"""The file of every `--json`: the figures of a command, for programs."""
 
 import json
 import math
@@ -11,12 +11,12 @@ from rt_controller.contract.errors import ConfigError, RtControllerError
 
 
 def require_writable(path: Path | None, option: str = "--json") -> None:
-    """Return if a file can be written there later; None asks for no file, and none is made.
+    """Return if a file can be written there later; no file is made. None asks for no file.
 
-    `option` is what the user named it by.
+    `option` is the option that named it. A long run must not end without its file.
 
     Raises:
-        ConfigError: they cannot. Better known before a long run than after it.
+        ConfigError: it cannot.
     """
     if path is None:
         return
@@ -31,10 +31,10 @@ def require_writable(path: Path | None, option: str = "--json") -> None:
 def write_figures(path: Path | None, figures: Mapping[str, Any]) -> None:
     """Write the figures as JSON; None writes nothing.
 
-    JSON knows no infinity: a number that is not finite becomes null.
+    A number that is not finite becomes null, since JSON has no infinity.
 
     Raises:
-        RtControllerError: the place that was there before the run is not there any more.
+        RtControllerError: the file can no longer be written.
     """
     if path is None:
         return
@@ -49,7 +49,7 @@ def write_figures(path: Path | None, figures: Mapping[str, Any]) -> None:
 
 
 def find_obstacle(path: Path) -> str | None:
-    """What stands in the way of a file there, in words; None if nothing does."""
+    """The reason why no file can be written there; None if it can."""
     try:
         if path.is_dir():
             return "a folder of that name"

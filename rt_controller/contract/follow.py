@@ -1,15 +1,15 @@
-"""What a bilinear model is read from, as a word that people may choose by; needs no numbers."""
+"""The lifted state that the input matrix of a bilinear model follows."""
 
 from enum import StrEnum
 
 
 class Follow(StrEnum):
-    """What the input matrix of a bilinear model is read from, over a prediction."""
+    """From which lifted state the input matrix is computed in each step of a prediction."""
 
     PREDICTION = "prediction"
-    """the lifted state of each step: the bilinear model itself. A controller plans along the
-    prediction of its last plan"""
+    """that of the step itself: the bilinear model proper. The controller uses the states that
+    its last plan predicted"""
     FREE_RESPONSE = "free-response"
     """what the first lifted state becomes without inputs"""
     START = "start"
-    """the first lifted state"""
+    """the first lifted state, in all steps"""

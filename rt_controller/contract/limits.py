@@ -1,4 +1,4 @@
-"""Bounds and slew rates of the control inputs: the box that data, plan and envelope share."""
+"""Bounds and slew rates of the control inputs, for data, plan and envelope alike."""
 
 from math import radians
 from typing import NamedTuple
@@ -7,7 +7,7 @@ from rt_controller.contract.signals import ControlInput
 
 
 class InputLimits(NamedTuple):
-    """Lowest and highest input, and how fast each may change, per second."""
+    """Lowest and highest input, and the largest change of each per second."""
 
     lower: ControlInput
     upper: ControlInput
@@ -19,7 +19,7 @@ INPUT_LIMITS = InputLimits(
     upper=ControlInput(throttle=1.0, brake_n=150.0, steer_rad=radians(40.0)),
     rate_per_s=ControlInput(throttle=2.5, brake_n=500.0, steer_rad=radians(200.0)),
 )
-"""The paper's box; the rates are this project's reading of "limited to realistic driving"."""
+"""The paper's bounds; the rates are this project's choice for "limited to realistic driving"."""
 
 PEDAL_CHANGE_S = 0.15
-"""how long a foot needs from one pedal to the other"""
+"""time to move the foot from one pedal to the other"""

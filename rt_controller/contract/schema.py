@@ -1,7 +1,7 @@
 """The signals of a model: which states, inputs and exogenous signals, in which order and unit.
 
-A data set and the model learned from it may be of any signals; the controller drives with
-`VEHICLE` and no other.
+A data set and the model learned from it may have any signals; the controller drives only with
+`VEHICLE`.
 Paper: eq. (2), "set of states and inputs".
 """
 
@@ -29,12 +29,12 @@ class Signal(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Schema:
-    """Names, order, units and period of everything a model works on."""
+    """Names, order, units and period of the signals of a model."""
 
     states: tuple[Signal, ...]
     inputs: tuple[Signal, ...]
     exogenous: tuple[Signal, ...]
-    """measured ahead but not chosen by the controller"""
+    """known ahead but not chosen by the controller"""
     dt_s: float
 
     @property
@@ -58,3 +58,5 @@ VEHICLE = Schema(
 )
 """of the car in the Frenet frame of its road"""
 N_STATES = len(VEHICLE.states)
+N_INPUTS = len(VEHICLE.inputs)
+N_EXOGENOUS = len(VEHICLE.exogenous)

@@ -1,7 +1,8 @@
-"""What flows between the packages: order, names and units of every vector.
+"""Order, names and units of every vector that the packages exchange.
 
-The `_fields` of these tuples are the vector order everywhere: in arrays, in the model
-bundle and on the bus. SI units; the unit is the end of each name.
+The `_fields` of these tuples are the vector order everywhere: in arrays and in the model
+bundle. An array's column is named by `StateColumn` or `InputColumn`, never by its number. SI
+units; the unit is the end of each name.
 Paper: eq. (2), "set of states and inputs".
 """
 
@@ -10,43 +11,76 @@ from typing import NamedTuple
 
 
 class VehicleState(NamedTuple):
-    """The car in the Frenet frame of its road, sampled once a period."""
+    """The car in the Frenet frame of its road, sampled once a period.
+
+    vx_mps: longitudinal velocity of the centre of gravity, body axes.
+    vy_mps: lateral velocity of the centre of gravity, body axes, positive to the left.
+    yaw_rate_radps: yaw rate, positive counter-clockwise.
+    ds_m: progress along the road in the last period, s_k - s_(k-1).
+    ey_m: lateral deviation from the road's reference line, positive to the left.
+    epsi_rad: heading relative to the tangent of the reference line, positive counter-clockwise.
+    """
 
     vx_mps: float
-    """longitudinal velocity of the centre of gravity, body axes"""
     vy_mps: float
-    """lateral velocity of the centre of gravity, body axes, positive to the left"""
     yaw_rate_radps: float
-    """yaw rate, positive counter-clockwise"""
     ds_m: float
-    """backward progress along the road, s_k - s_(k-1)"""
     ey_m: float
-    """lateral deviation from the road's reference line, positive to the left"""
     epsi_rad: float
-    """heading relative to the tangent of the reference line"""
+
+
+AT_REST = VehicleState(*[0.0] * len(VehicleState._fields))
+"""a standing car on its reference line"""
+
+
+class StateColumn(IntEnum):
+    """Column of each state in an array (..., n_x) in the order of `VehicleState`."""
+
+    vx_mps = 0
+    vy_mps = 1
+    yaw_rate_radps = 2
+    ds_m = 3
+    ey_m = 4
+    epsi_rad = 5
+
+
+MOTION = slice(StateColumn.vx_mps, StateColumn.yaw_rate_radps + 1)
+"""columns of the states that the car's own motion consists of"""
+PATH_STATES = slice(StateColumn.ds_m, StateColumn.epsi_rad + 1)
+"""columns of the states that describe the car's place on its road"""
 
 
 class ControlInput(NamedTuple):
-    """What the driver's hands and feet do: held constant over one period."""
+    """Pedals and steering wheel: held constant over one period.
+
+    throttle: accelerator pedal, 0 to 1.
+    brake_n: force on the brake pedal, 0 to 150 N.
+    steer_rad: angle of the steering *wheel*, positive to the left, up to 40 deg.
+    """
 
     throttle: float
-    """accelerator pedal, 0..1"""
     brake_n: float
-    """brake pedal force"""
     steer_rad: float
-    """steering *wheel* angle, positive to the left"""
+
+
+class InputColumn(IntEnum):
+    """Column of each input in an array (..., m) in the order of `ControlInput`."""
+
+    throttle = 0
+    brake_n = 1
+    steer_rad = 2
 
 
 NEUTRAL_INPUT = ControlInput(throttle=0.0, brake_n=0.0, steer_rad=0.0)
-"""feet off, wheel straight"""
+"""both pedals released, wheel straight"""
 
 
 class PathReference(NamedTuple):
     """The path ahead, as the lane polynomial of a camera, in road coordinates.
 
-    The wanted lateral deviation at arc length sigma ahead of the car is
-    e_y(sigma) = c0 + c1 sigma + c2 sigma^2 + c3 sigma^3; the wanted speed t seconds ahead
-    is v + a t.
+    The reference lateral deviation at arc length sigma ahead of the car is
+    e_y(sigma) = c0 + c1 sigma + c2 sigma^2 + c3 sigma^3, in metres and positive to the left; the
+    reference speed t seconds ahead is v + a t.
     """
 
     c0_m: float
@@ -58,14 +92,14 @@ class PathReference(NamedTuple):
 
 
 class Mode(IntEnum):
-    """What the controller is doing; travels in ACT_CMD and CTRL_HB."""
+    """Mode of the controller; sent in ACT_CMD and CTRL_HB."""
 
     STANDBY = 0
-    """no mission: pedals released, wheel eased to the middle"""
+    """no mission: pedals released, wheel returned to the middle"""
     NOMINAL = 1
-    """the plan of this tick drives"""
+    """the first input of this tick's plan is sent"""
     HOLD_PLAN = 2
-    """the next input of the last good plan drives"""
+    """the next input of the last good plan is sent"""
     SAFE_STOP = 3
     """throttle closed, brake ramped; left only on an explicit request"""
 

@@ -1,28 +1,35 @@
-"""Periods and time-outs that both ends of the bus agree on."""
+"""The control period and the times that both ends of the bus agree on.
 
-PERIOD_S = 0.025
-"""the control period, and the model's sampling time. Paper: table of hyperparameters"""
+`PERIOD_NS` is the one place where the period is written; everything else that depends on it is
+computed from it, here and in the other packages. After a change of it run
+`python -m rt_controller.bus.cycle_times` to write the new cycle times into `messages.dbc`.
+"""
+
 PERIOD_NS = 25_000_000
+"""the control period, and the model's sampling time. Paper: table of hyperparameters"""
+PERIOD_S = PERIOD_NS / 1e9
+PERIOD_MS = PERIOD_NS / 1e6
 
 COMMAND_TIMEOUT_S = 0.100
-"""a command older than this is no command: the vehicle's side brakes"""
+"""a command older than this is ignored and the vehicle brakes"""
+COMMAND_TIMEOUT_TICKS = round(COMMAND_TIMEOUT_S / PERIOD_S)
 
 COUNTER_MODULUS = 16
-"""counters of frames come round after so many periods"""
+"""number of values of a frame's counter, 0..15"""
 
 HOLD_PLAN_TICKS = 2
-"""how many ticks in a row the last good plan may stand in for a missing one"""
+"""how many ticks in a row the last good plan may replace a missing one"""
 
-MISSION_PERIOD_TICKS = 4
-"""MISSION goes out every 100 ms"""
-IDENT_PERIOD_TICKS = 40
-"""IDENT goes out every second"""
+MISSION_PERIOD_TICKS = round(0.1 / PERIOD_S)
+"""MISSION is sent every 100 ms"""
+IDENT_PERIOD_TICKS = round(1.0 / PERIOD_S)
+"""IDENT_CONTROLLER and IDENT_VEHICLE are sent every second"""
 
 COUNTER_AHEAD_TICKS = 4
-"""one end counts on while it hears nothing from the other, and may be ahead by so much"""
+"""an end that receives nothing goes on counting, and may be ahead by this much"""
 
 
 def counter_lag(newer: int, older: int) -> int:
-    """Periods by which the counter `older` lies behind `newer`; 0 where it is ahead."""
+    """Periods by which the counter `older` is behind `newer`; 0 if it is ahead."""
     lag = (newer - older) % COUNTER_MODULUS
     return 0 if lag >= COUNTER_MODULUS - COUNTER_AHEAD_TICKS else lag

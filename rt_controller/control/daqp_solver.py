@@ -1,4 +1,4 @@
-"""DAQP, a dual active-set method: starts from the last active set and mostly finds it right.
+"""DAQP, a dual active-set method, which starts from the last active set.
 
 Arnström, Bemporad and Axehill, *A Dual Active-Set Solver for Embedded Quadratic Programming Using
 Recursive LDL' Updates*, 2022.
@@ -8,22 +8,18 @@ from math import isfinite
 
 import numpy as np
 
-from rt_controller.contract.errors import ConfigError, MissingExtraError
+from rt_controller.contract.errors import ConfigError, MissingExtraError, install_command
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.solver import SolveStatus
 
 MAX_ITERATIONS = 200
-"""each adds or drops one constraint; an iterate before the last is not feasible"""
+"""each adds or drops one constraint; only the last iterate is feasible"""
 
-_STATUS = {
-    1: SolveStatus.SOLVED,
-    -1: SolveStatus.INFEASIBLE,
-    -4: SolveStatus.ITERATION_LIMIT,
-}
+_STATUS = {1: SolveStatus.SOLVED, -1: SolveStatus.INFEASIBLE, -4: SolveStatus.ITERATION_LIMIT}
 
 
 class DaqpSolver:
-    """One DAQP workspace, warm from solve to solve.
+    """`Solver` by DAQP, warm-started from solve to solve.
 
     Raises:
         MissingExtraError: DAQP is not installed.
@@ -36,16 +32,16 @@ class DaqpSolver:
         except ModuleNotFoundError as error:
             raise MissingExtraError(
                 "--mpc.solver daqp: expected the extra [daqp], found it missing. Install it "
-                'with: pip install -e ".[daqp]"'
+                f"with: {install_command('daqp')}"
             ) from error
         self._program = program
-        self._has_matrices = True
+        self._has_valid_matrices = True
         self._model = daqp.Model()
         self.solution = np.zeros(program.size)
         self.iterations = 0
-        sense = np.zeros(program.every_upper.size, dtype=np.intc)
+        sense = np.zeros(program.all_upper.size, dtype=np.intc)
         flag, _ = self._model.setup(
-            program.P, program.q, program.G, program.every_upper, program.every_lower, sense
+            program.P, program.q, program.G, program.all_upper, program.all_lower, sense
         )
         if flag < 0:
             raise ConfigError(
@@ -55,33 +51,29 @@ class DaqpSolver:
         self._model.settings = {**self._model.settings, "iter_limit": max_iterations}
 
     def bound(self, budget_ns: int) -> None:
-        """As `Solver.bound`; DAQP looks at the clock itself."""
+        """As `Solver.bound`; DAQP measures its time itself."""
         self._model.settings = {**self._model.settings, "time_limit": budget_ns / 1e9}
 
-    def renew(self) -> bool:
-        """As `Solver.renew`."""
+    def update_matrices(self) -> bool:
         program = self._program
-        self._has_matrices = program.has_finite_matrices()
-        if self._has_matrices and program.renews:
-            # The workspace factorises P here; it says so if that cannot be done.
+        self._has_valid_matrices = program.has_finite_matrices()
+        if self._has_valid_matrices and program.matrices_vary:
+            # DAQP factorises P here; the flag is negative if P is not positive definite.
             flag = self._model.update(
-                H=program.P if program.renews_hessian else None,
-                A=program.G if program.renews_rows else None,
+                H=program.P if program.hessian_varies else None,
+                A=program.G if program.rows_vary else None,
             )
-            self._has_matrices = flag >= 0
-        return self._has_matrices
+            self._has_valid_matrices = flag >= 0
+        return self._has_valid_matrices
 
     def solve(self) -> SolveStatus:
-        """As `Solver.solve`."""
         program = self._program
         self.iterations = 0
-        if not (self._has_matrices and program.has_finite_vectors()):
+        if not (self._has_valid_matrices and program.has_finite_vectors()):
             return SolveStatus.NUMERICS
-        flag = self._model.update(
-            f=program.q, bupper=program.every_upper, blower=program.every_lower
-        )
+        flag = self._model.update(f=program.q, bupper=program.all_upper, blower=program.all_lower)
         if flag < 0:
-            # The workspace still holds the problem before: its solution would look like one.
+            # The workspace still holds the last problem, and would return its solution.
             return _STATUS.get(flag, SolveStatus.NUMERICS)
         solution, _, flag, info = self._model.solve()
         self.iterations = info["iterations"]

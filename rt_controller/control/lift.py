@@ -1,61 +1,62 @@
-"""psi = [x; phi(x, w, history)]: the encoder of a bundle, run by onnxruntime in fixed memory."""
+"""Lifted state psi = [x; phi(x, w, history)], by the encoder of a bundle and onnxruntime."""
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rt_controller.contract.bundle import Array, Bundle
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.schema import N_STATES
-from rt_controller.contract.signals import VehicleState
-from rt_controller.control.history import Rows
+from rt_controller.contract.signals import ControlInput, VehicleState
 
 # onnxruntime starts a telemetry thread on import unless it is told not to.
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 
 import onnxruntime as ort
 
+Rows = NDArray[np.float32]
 SELFTEST_TOLERANCE = 1e-4
-"""in units of each observable's spread. Export asks for 1e-5 on one machine; here another
-processor may sum in another order, which is no fault of the model"""
+"""in units of each observable's spread. Export requires 1e-5 on one machine; another processor may
+sum in another order"""
 
 
 class Encoder:
-    """The lift of one bundle, for one instant a tick or a batch of states.
+    """The lift of one bundle, of one state or a batch of states, in preallocated memory.
 
     Raises:
-        ArtifactError: the file is not an ONNX model, takes or gives other tensors than the bundle
-            says, or does not reproduce its self-test pairs.
+        ArtifactError: the file is not an ONNX model, has other tensors than the bundle says, or
+            does not reproduce its self-test pairs.
 
     Paper: eq. (7).
     """
 
     def __init__(self, bundle: Bundle) -> None:
-        """`bundle` is one of the car's signals (`fitness.require_drivable`)."""
-        shapes = _shapes_shown(bundle)
-        self._session = _open(bundle, shapes)
-        self._shown = {
+        """`bundle` has the signals of the car (`validation.require_drivable`)."""
+        shapes = _input_shapes(bundle)
+        self._session = _open_session(bundle, shapes)
+        self._inputs = {
             name: np.zeros((1, *shape), dtype=np.float32) for name, shape in shapes.items()
         }
-        self._x = self._shown["x"]
-        self._w = self._shown.get("w", np.zeros((1, 1), dtype=np.float32))
-        self.history: Rows | None = self._shown["history"][0] if "history" in shapes else None
-        """(H, h), what `lift` shows of the past: to be written in place"""
+        self._x = self._inputs["x"]
+        self._w = self._inputs.get("w", np.zeros((1, 1), dtype=np.float32))
+        self.history: Rows | None = self._inputs["history"][0] if "history" in shapes else None
+        """(H, h), the history that `lift` reads: to be written in place"""
         n = bundle.n_observables
         self._psi = np.zeros((1, n), dtype=np.float32)
         self.psi = np.zeros(n)
         """(n,), the last lifted state; overwritten by the next"""
-        # An OrtValue made from a numpy array aliases its memory: writing in place is feeding it.
+        # An OrtValue made from a numpy array shares its memory, so inputs are written in place.
         self._binding = self._session.io_binding()
-        for name, memory in self._shown.items():
-            self._binding.bind_ortvalue_input(name, ort.OrtValue.ortvalue_from_numpy(memory))
+        for name, array in self._inputs.items():
+            self._binding.bind_ortvalue_input(name, ort.OrtValue.ortvalue_from_numpy(array))
         self._binding.bind_ortvalue_output("psi", ort.OrtValue.ortvalue_from_numpy(self._psi))
         self._check(bundle)
 
     def lift(self, state: VehicleState, curvature_per_m: float) -> Array:
-        """psi (n,) now, with `history` as it stands; the states keep their double precision."""
+        """psi (n,) of a state, with the present `history`; the states keep double precision."""
         self._x[0] = state
         self._w[0, 0] = curvature_per_m
         self._session.run_with_iobinding(self._binding)
@@ -64,20 +65,20 @@ class Encoder:
         return self.psi
 
     def lift_batch(self, states: Array, curvature_per_m: float) -> Array:
-        """psi (batch, n) of states (batch, 6), all on one road; for a lift without history."""
-        shown = {"x": states.astype(np.float32)}
-        if "w" in self._shown:
-            shown["w"] = np.full((len(states), 1), curvature_per_m, dtype=np.float32)
-        (psi,) = self._session.run(["psi"], shown)
+        """psi (batch, n) of states (batch, 6), all at one curvature; for a lift without history."""
+        inputs = {"x": states.astype(np.float32)}
+        if "w" in self._inputs:
+            inputs["w"] = np.full((len(states), 1), curvature_per_m, dtype=np.float32)
+        (psi,) = self._session.run(["psi"], inputs)
         lifted: Array = psi.astype(np.float64)
         lifted[:, :N_STATES] = states
         return lifted
 
     def _check(self, bundle: Bundle) -> None:
         try:
-            instants = zip(*bundle.selftest, strict=True)
-            found = np.stack([self._lift_instant(*instant) for instant in instants])
-        except Exception as error:  # onnxruntime raises many types, none of them public
+            samples = zip(*bundle.selftest, strict=True)
+            found = np.stack([self._lift_sample(*sample) for sample in samples])
+        except Exception as error:  # onnxruntime raises many types, none public
             raise ArtifactError(
                 f"encoder.onnx: expected an encoder that lifts one state, found that it cannot "
                 f"({_first_line(error)}). Run offline-export again."
@@ -91,14 +92,14 @@ class Encoder:
                 f"computes it with less than float32: run offline-export again."
             )
 
-    def _lift_instant(self, x: Array, w: Array, history: Array) -> Array:
+    def _lift_sample(self, x: Array, w: Array, history: Array) -> Array:
         if self.history is not None:
             self.history[:] = history
         return self.lift(VehicleState(*x), w[0]).copy()
 
 
-def _shapes_shown(bundle: Bundle) -> dict[str, tuple[int, ...]]:
-    """The shape of each input of the encoder, without the batch."""
+def _input_shapes(bundle: Bundle) -> dict[str, tuple[int, ...]]:
+    """Shape of each input of the encoder, without the batch."""
     lift, schema = bundle.lift, bundle.schema
     shapes = {
         "x": (len(schema.states),),
@@ -108,7 +109,7 @@ def _shapes_shown(bundle: Bundle) -> dict[str, tuple[int, ...]]:
     return {name: shapes[name] for name in lift.inputs}
 
 
-def _open(bundle: Bundle, shapes: Mapping[str, tuple[int, ...]]) -> ort.InferenceSession:
+def _open_session(bundle: Bundle, shapes: Mapping[str, tuple[int, ...]]) -> ort.InferenceSession:
     options = ort.SessionOptions()
     options.intra_op_num_threads = 1
     options.inter_op_num_threads = 1
@@ -117,7 +118,7 @@ def _open(bundle: Bundle, shapes: Mapping[str, tuple[int, ...]]) -> ort.Inferenc
         session = ort.InferenceSession(
             bundle.encoder_onnx, options, providers=["CPUExecutionProvider"]
         )
-    except Exception as error:  # onnxruntime raises many types, none of them public
+    except Exception as error:  # onnxruntime raises many types, none public
         raise ArtifactError(
             f"encoder.onnx: expected an ONNX model, found something onnxruntime cannot load "
             f"({_first_line(error)}). Run offline-export again."
@@ -130,32 +131,66 @@ def _open(bundle: Bundle, shapes: Mapping[str, tuple[int, ...]]) -> ort.Inferenc
 def _check_tensors(
     what: str, found: Sequence[ort.NodeArg], expected: Mapping[str, tuple[int, ...]]
 ) -> None:
-    """Return if there are these tensors and no others: float (any batch, *shape)."""
-    if len(found) == len(expected) and all(
-        tensor.name in expected and _is_float_batch(tensor, expected[tensor.name])
+    """Return if `found` are the expected tensors and no others: float (any batch, *shape)."""
+    if {tensor.name for tensor in found} == expected.keys() and all(
+        tensor.type == "tensor(float)"
+        and len(tensor.shape) > 0
+        and not isinstance(tensor.shape[0], int)
+        and tuple(tensor.shape[1:]) == expected[tensor.name]
         for tensor in found
     ):
         return
-    wanted = ", ".join(
+    required = ", ".join(
         f"{name}: tensor(float) {['batch', *shape]}" for name, shape in expected.items()
     )
     listed = ", ".join(f"{tensor.name}: {tensor.type} {tensor.shape}" for tensor in found)
     raise ArtifactError(
-        f"encoder.onnx: expected {len(expected)} {what} {wanted} for any batch, found "
+        f"encoder.onnx: expected {len(expected)} {what} {required} for any batch, found "
         f"{listed or 'none'}. The encoder is not the one this bundle describes: run "
         f"offline-export of the same version."
     )
 
 
-def _is_float_batch(tensor: ort.NodeArg, shape: tuple[int, ...]) -> bool:
-    found: list[Any] = tensor.shape
-    return (
-        tensor.type == "tensor(float)"
-        and len(found) == 1 + len(shape)
-        and not isinstance(found[0], int)
-        and tuple(found[1:]) == shape
-    )
-
-
 def _first_line(error: Exception) -> str:
     return next(iter(str(error).splitlines()), type(error).__name__)
+
+
+class History:
+    """The last H pairs of a state and the input that acted from it to the next, oldest first.
+
+    Before the oldest observed state the car is assumed to have been in that state all the time,
+    under the input that was in force when it was observed. So the first tick is defined, and after
+    H periods no row depends on the assumption.
+    """
+
+    def __init__(self, rows: Rows) -> None:
+        """`rows` (H, 6), columns as `validation.DRIVABLE_HISTORY`: the encoder's memory."""
+        self._rows = rows
+        # Every row is stored twice, H apart: so the last H are always contiguous.
+        self._ring = np.zeros((2 * rows.shape[0], rows.shape[1]), dtype=np.float32)
+        self._next = 0
+        self._present: VehicleState | None = None
+
+    @property
+    def is_begun(self) -> bool:
+        """True if a state was observed since the start or the last `forget`."""
+        return self._present is not None
+
+    def advance(self, state: VehicleState, held: ControlInput) -> None:
+        """Add the present `state`; `held` was in force for the period that ended here."""
+        if self._present is None:
+            self._ring[:] = _row(state, held)
+        else:
+            steps = self._rows.shape[0]
+            self._ring[self._next :: steps] = _row(self._present, held)
+            self._next = (self._next + 1) % steps
+        self._rows[:] = self._ring[self._next : self._next + self._rows.shape[0]]
+        self._present = state
+
+    def forget(self) -> None:
+        """Discard all rows: the next state does not follow on the last one."""
+        self._present = None
+
+
+def _row(state: VehicleState, held: ControlInput) -> tuple[float, ...]:
+    return (state.vx_mps, state.vy_mps, state.yaw_rate_radps, *held)

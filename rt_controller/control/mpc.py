@@ -1,35 +1,37 @@
-"""The model predictive controller: where the car is and should be in, a plan of inputs out."""
+"""Model predictive control of eq. (14): state and path in, planned inputs out."""
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 
+from rt_controller.contract.arrays import Array
 from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.fitness import require_drivable
 from rt_controller.contract.limits import InputLimits
-from rt_controller.contract.schema import N_STATES
+from rt_controller.contract.rollout import one_step, roll_out
+from rt_controller.contract.schema import N_INPUTS, N_STATES
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
-from rt_controller.control.constraints import N_INPUTS
-from rt_controller.control.cost import TrackingCost
-from rt_controller.control.formulation import AS_SHIPPED, Solving, formulate
-from rt_controller.control.history import History
-from rt_controller.control.lift import Encoder
+from rt_controller.contract.validation import require_drivable
+from rt_controller.control.lift import Encoder, History
 from rt_controller.control.pedals import PedalChoice
-from rt_controller.control.prediction import one_step
-from rt_controller.control.qp import WITH_SLEW, Features
+from rt_controller.control.program import QuadraticProgram
+from rt_controller.control.qp import WITH_SLEW, CondensedQp, Features
 from rt_controller.control.reference import ReferenceHorizon
-from rt_controller.control.solver import SolveStatus
+from rt_controller.control.solver import Solver, SolveStatus, open_solver
+from rt_controller.control.terms import TrackingCost
 
-STRAIGHT_AHEAD = PathReference(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+STRAIGHT_PATH = PathReference(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Mpc:
-    """Eq. (14) with one bundle's model, everything allocated at start.
+    """The MPC of eq. (14) with the model of one bundle, everything allocated at start.
+
+    A period is `observe`, `plan`, and, in the time until the next one, `prepare` and `warm_up`.
 
     Raises:
-        ArtifactError: the bundle is not of this car, or cannot be lifted with or planned with.
-        ConfigError: latents shall be tracked whose reference is not defined.
+        ArtifactError: the bundle is not of this car, or its encoder or QP cannot be used.
+        ConfigError: latents have a weight, and the lift needs a history that a reference has not.
 
     Paper: eq. (14).
     """
@@ -41,49 +43,32 @@ class Mpc:
         cost: TrackingCost,
         limits: InputLimits,
         features: Features = WITH_SLEW,
-        solving: Solving = AS_SHIPPED,
+        open_solver: Callable[[QuadraticProgram], Solver] = open_solver,
     ) -> None:
         require_drivable(bundle)
-        _require_liftable_reference(bundle, cost)
+        if cost.latent_weight > 0.0 and bundle.lift.sees_history:
+            raise ConfigError(
+                f"The model {bundle.name!r} lifts a state together with its history, and a "
+                f"reference state has none: expected --mpc.latent-weight 0, found "
+                f"{cost.latent_weight:g}. Leave the weight at 0, or choose a --model whose lift "
+                f"has no history."
+            )
         self._bundle = bundle
         self._encoder = Encoder(bundle)
-        past = self._encoder.history
-        self._history = None if past is None else History(past)
-        self._qp, self._solver = formulate(bundle, horizon, cost, limits, features, solving)
+        rows = self._encoder.history
+        self._history = None if rows is None else History(rows)
         self._reference = ReferenceHorizon(horizon)
-        self._tracks_latents = self._qp.situation.reference.shape[1] > N_STATES
         self._pedals = PedalChoice()
+        self._qp = CondensedQp(bundle, horizon, cost, limits, features)
+        self._solver = open_solver(self._qp.program)
+        self._tracks_latents = self._qp.parameters.reference.shape[1] > N_STATES
         self.solve_ns = 0
-        """time of the last solve, vectors in to solution out"""
+        """time of the last solve"""
         self.inputs = np.zeros((horizon, N_INPUTS))
         """(N, 3), the plan of the last solve that succeeded"""
-        self._path = STRAIGHT_AHEAD
+        self._path = STRAIGHT_PATH
         self._has_plan = False
         self._is_prepared = False
-
-    @property
-    def iterations(self) -> int:
-        """Iterations of the last solve."""
-        return self._solver.iterations
-
-    def bound(self, budget_ns: int) -> None:
-        """Never solve for much longer than this.
-
-        Raises:
-            ConfigError: a usual solve would not be done by then.
-        """
-        self._solver.bound(budget_ns)
-
-    def observe(self, state: VehicleState, held: ControlInput) -> None:
-        """The car is at `state`, and `held` was in force for the period that ended here."""
-        if self._history is not None:
-            self._history.advance(state, held)
-
-    def forget(self) -> None:
-        """What was observed is not the past of the next state: a period or more is missing."""
-        self._has_plan = self._is_prepared = False
-        if self._history is not None:
-            self._history.forget()
 
     def plan(
         self,
@@ -92,95 +77,117 @@ class Mpc:
         path: PathReference,
         previous: ControlInput,
     ) -> SolveStatus:
-        """How planning from here ended; on SOLVED, `inputs` holds the plan.
+        """Status of planning from `state`; on SOLVED, `inputs` holds the plan.
 
         `state` is the one observed last, if any was. `previous` is the input of the last period:
-        slew rates and the cost of change start there.
+        slew rates and the cost of change start from it.
         """
         if self._history is not None and not self._history.is_begun:
             self._history.advance(state, previous)
         self._path = path
-        reference = self._reference.expand(path, state, curvature_per_m)
-        now = self._qp.situation
-        now.psi[:] = self._encoder.lift(state, curvature_per_m)
-        now.road[:] = curvature_per_m
-        now.previous[:] = previous
-        now.reference[:] = (
-            self._encoder.lift_batch(reference, curvature_per_m)
-            if self._tracks_latents
-            else reference
-        )
-        if not self._is_prepared:
-            self._expect()
-            self._build()
-        self._pedals.update(state.vx_mps - path.v_mps, path.a_mps2)
-        self._qp.aim(self._pedals)
 
+        psi = self._encoder.lift(state, curvature_per_m)
+        reference = self._reference.expand(path, state, curvature_per_m)
+        if self._tracks_latents:
+            reference = self._encoder.lift_batch(reference, curvature_per_m)
+        parameters = self._qp.parameters
+        parameters.psi[:] = psi
+        parameters.curvature_per_m[:] = curvature_per_m
+        parameters.previous[:] = previous
+        parameters.reference[:] = reference
+        if not self._is_prepared:
+            self._update_matrices()
+        self._pedals.update(state.vx_mps - path.v_mps, path.a_mps2)
+        self._qp.update_vectors(self._pedals)
         begun_ns = time.perf_counter_ns()
         status = self._solver.solve()
         self.solve_ns = time.perf_counter_ns() - begun_ns
+
         self._is_prepared = False
         self._has_plan = status is SolveStatus.SOLVED
         if self._has_plan:
-            planned = self._solver.solution[: self._qp.scale.size]
-            np.multiply(planned, self._qp.scale, out=self.inputs.reshape(-1))
+            v = self._solver.solution[: self._qp.scale.size]
+            np.multiply(v, self._qp.scale, out=self.inputs.reshape(-1))
         return status
 
     def prepare(self) -> None:
-        """Build the next tick's QP as it is expected; after a plan, else nothing.
+        """Build the matrices of the next period's QP, around its predicted state.
 
-        The matrices serve the next plan, so what it waits for once its state is known is the same
-        for every model (the preparation phase of the real-time iteration: Diehl, Bock and
-        Schlöder, 2005).
+        Does nothing unless the last `plan` succeeded. The next plan then needs the same time with
+        every model (the preparation phase of the real-time iteration: Diehl, Bock and Schlöder,
+        2005).
         """
         self._is_prepared = False
         if not self._has_plan:
             return
-        now = self._qp.situation
-        applied, curvature_per_m = self.inputs[0], float(now.road[0])
-        now.psi[:] = one_step(self._bundle, now.psi, applied, curvature_per_m)
-        now.previous[:] = applied
-        now.reference[:-1] = now.reference[1:]
-        self._expect()
-        self._is_prepared = self._build()
-        self._has_plan = False  # it serves for one tick
+        parameters, psi = self._qp.parameters, self._qp.parameters.psi
+        psi[:] = one_step(self._bundle, psi, psi, self.inputs[0], parameters.curvature_per_m)
+        parameters.previous[:] = self.inputs[0]
+        parameters.reference[:-1] = parameters.reference[1:]
+        self._is_prepared = self._update_matrices()
+        self._has_plan = False  # a plan is the nominal trajectory of one period only
 
-    def rehearse(self) -> None:
-        """Plan the tick that was prepared, where it is expected; what comes out is thrown away.
+    def warm_up(self) -> None:
+        """Plan the prepared period at its predicted state, and discard the result.
 
-        All code and data have just been touched then, and the solver starts from the active set
-        of this solution.
+        Afterwards all code and data are in the processor's caches, and the solver starts from the
+        active set of this solution.
         """
         if not self._is_prepared:
             return
-        now = self._qp.situation
-        state, curvature_per_m = VehicleState(*now.psi[:N_STATES].tolist()), float(now.road[0])
+        parameters = self._qp.parameters
+        state = VehicleState(*parameters.psi[:N_STATES].tolist())
+        curvature_per_m = float(parameters.curvature_per_m[0])
         self._reference.expand(self._path, state, curvature_per_m)
         self._encoder.lift(state, curvature_per_m)
-        self._qp.aim(self._pedals)
+        self._qp.update_vectors(self._pedals)
         self._solver.solve()
 
-    def _expect(self) -> None:
-        """What the inputs will be about: the last plan, one period on, or no change at all."""
-        now = self._qp.situation
-        if self._has_plan:
-            now.expected[:-1] = self.inputs[1:]
-            now.expected[-1] = self.inputs[-1]
+    def observe(self, state: VehicleState, held: ControlInput) -> None:
+        """Add `state` to the history; `held` was in force for the period that ended here."""
+        if self._history is not None:
+            self._history.advance(state, held)
+
+    def forget(self) -> None:
+        """Discard the history and the plan: a period or more is missing before the next state."""
+        self._has_plan = self._is_prepared = False
+        if self._history is not None:
+            self._history.forget()
+
+    def bound(self, budget_ns: int) -> None:
+        """Limit the time of a solve.
+
+        Raises:
+            ConfigError: a typical solve needs more time than that.
+        """
+        self._solver.bound(budget_ns)
+
+    @property
+    def iterations(self) -> int:
+        return self._solver.iterations
+
+    def predicted_states(self) -> Array | None:
+        """States (N + 1, 6) that the model predicts under `inputs`, the present one first.
+
+        Allocates memory, so the control loop does not call it. None unless the last call was a
+        `plan` that succeeded: `prepare` and `forget` discard what the prediction starts from.
+        """
+        if not self._has_plan:
+            return None
+        psi, curvature_per_m = self._qp.parameters.psi, self._qp.parameters.curvature_per_m
+        W = np.broadcast_to(curvature_per_m, (1, len(self.inputs), 1))
+        (states,) = roll_out(self._bundle, psi[None], self.inputs[None], W, N_STATES)
+        return np.asarray(states)
+
+    def _update_matrices(self) -> bool:
+        """True if the matrices at the present parameters make a convex QP."""
+        nominal, parameters = self._qp.parameters.nominal_inputs, self._qp.parameters
+        if self._has_plan:  # shifted by one period
+            nominal[:-1] = self.inputs[1:]
+            nominal[-1] = self.inputs[-1]
         else:
-            now.expected[:] = now.previous
-
-    def _build(self) -> bool:
-        """The matrices around the situation as it stands; False if they make no convex QP."""
-        if not self._qp.renews:
+            nominal[:] = parameters.previous
+        if not self._qp.matrices_vary:
             return True
-        self._qp.prepare()
-        return self._solver.renew()
-
-
-def _require_liftable_reference(bundle: Bundle, cost: TrackingCost) -> None:
-    if cost.latent_weight > 0.0 and bundle.lift.sees_history:
-        raise ConfigError(
-            f"The model {bundle.name!r} lifts a state together with its past, and a reference "
-            f"state has none: expected --mpc.latent-weight 0, found {cost.latent_weight:g}. Leave "
-            f"the weight at 0, or choose a --model whose lift sees no history."
-        )
+        self._qp.update_matrices()
+        return self._solver.update_matrices()

@@ -1,39 +1,64 @@
-"""PIQP on a condensed program: its time depends on the number of iterations and little else."""
+"""PIQP, a proximal interior-point method, on a condensed program.
+
+Schwan, Jiang, Kuhn and Jones, *PIQP: A Proximal Interior-Point Quadratic Programming Solver*, 2023.
+"""
+
+import time
+from statistics import median
 
 import numpy as np
+import piqp
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from rt_controller.contract.bundle import Array
-from rt_controller.control.piqp_workspace import PiqpWorkspace
+from rt_controller.contract.errors import ConfigError
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.solver import SolveStatus
 
 MAX_ITERATIONS = 16
-"""enough for every problem that a drive has brought so far"""
-LEAST_ITERATIONS = 12
-"""cut shorter than this, the first input may be wrong by more than 1e-4 of its range"""
+"""more than any problem recorded in a drive needed"""
+MIN_ITERATIONS = 12
+"""with a lower limit the first input may be wrong by more than 1e-4 of its range"""
+EPS_ABS = 1e-6
+EPS_DUALITY_GAP_ABS = 2e-9
+MEASURED_SOLVES = 21
+COLD_FACTOR = 2.0
+"""time of an iteration once a period, relative to repeated solves: its data has left the cache"""
+USABLE_RESIDUAL = 1e-4
+"""primal and dual residual accepted at the iteration limit: for inputs a share of their range, and
+as exact as a command frame"""
+USABLE_GAP = 1e-8
+"""duality gap accepted at the iteration limit: the error of the inputs goes with its square root,
+and changes of an input have weights of ten and more"""
+
+_STATUS = {
+    piqp.PIQP_SOLVED: SolveStatus.SOLVED,
+    piqp.PIQP_MAX_ITER_REACHED: SolveStatus.ITERATION_LIMIT,
+    piqp.PIQP_PRIMAL_INFEASIBLE: SolveStatus.INFEASIBLE,
+    piqp.PIQP_DUAL_INFEASIBLE: SolveStatus.INFEASIBLE,
+}
 
 
 class PiqpSolver:
-    """With a constant P and with a new one every tick.
+    """`Solver` by PIQP from a cold start: the time depends on little but the iterations.
 
     Raises:
-        ConfigError: the program is not a convex QP.
+        ConfigError: PIQP fails on the program for another reason than infeasibility.
     """
 
     def __init__(self, program: QuadraticProgram, max_iterations: int = MAX_ITERATIONS) -> None:
         self._program = program
-        self._P = _columns_of_symmetric(program.P)
-        self._G = _Columns(program.G, program.pattern)
+        # P with all its entries, G without those that are always zero.
+        self._P = csc_matrix(np.ones_like(program.P))
+        self._G = csc_matrix(program.pattern, dtype=float)
+        self._read_matrices()
         self._has_rows = len(program.G) > 0
-        self._workspace = PiqpWorkspace(max_iterations, LEAST_ITERATIONS)
-        self._solver = self._workspace.solver
-        self._has_matrices = True
+        self._workspace = open_workspace(max_iterations)
+        self._has_valid_matrices = True
         self.solution = np.zeros(program.size)
         self.iterations = 0
-        rows = (self._G.matrix, program.row_lower, program.row_upper)
-        self._solver.setup(
+        rows = (self._G, program.row_lower, program.row_upper)
+        self._workspace.setup(
             self._P,
             program.q,
             None,
@@ -42,78 +67,106 @@ class PiqpSolver:
             program.lower,
             program.upper,
         )
-        self._workspace.try_once()
+        if self._workspace.solve() not in _STATUS:
+            raise ConfigError(
+                "PIQP refuses the assembled problem: expected a convex QP, found numerical "
+                "trouble at start. Check the --mpc weights and limits."
+            )
 
     def bound(self, budget_ns: int) -> None:
-        """As `Solver.bound`."""
-        self._workspace.bound(budget_ns)
-
-    def renew(self) -> bool:
-        """As `Solver.renew`."""
-        program = self._program
-        # PIQP would keep what is not a number, and fail on every later problem too.
-        self._has_matrices = program.has_finite_matrices()
-        if self._has_matrices and program.renews:
-            self._solver.update(
-                P=self._P if program.renews_hessian else None,
-                G=self._G.renew() if program.renews_rows else None,
+        """As `Solver.bound`: PIQP has no time limit, so the iterations are limited."""
+        iteration_ns = COLD_FACTOR * self._measure_iteration_ns()
+        settings = self._workspace.settings
+        iterations = min(settings.max_iter, int(budget_ns / iteration_ns))
+        if iterations < MIN_ITERATIONS:
+            raise ConfigError(
+                f"--realtime.solve-budget-ms {budget_ns / 1e6:g}: expected time for at least "
+                f"{MIN_ITERATIONS} iterations of PIQP, found {iterations}, since one takes "
+                f"{iteration_ns / 1e3:.0f} us on this machine. Shorten --mpc.horizon, give the "
+                f"solver more time, or choose --mpc.solver daqp."
             )
-        return self._has_matrices
+        settings.max_iter = iterations
+
+    def update_matrices(self) -> bool:
+        program = self._program
+        # PIQP would keep NaN in its workspace, and fail on every later problem too.
+        self._has_valid_matrices = program.has_finite_matrices()
+        if self._has_valid_matrices and program.matrices_vary:
+            self._read_matrices()
+            self._workspace.update(
+                P=self._P if program.hessian_varies else None,
+                G=self._G if program.rows_vary else None,
+            )
+        return self._has_valid_matrices
 
     def solve(self) -> SolveStatus:
-        """As `Solver.solve`."""
         program = self._program
         self.iterations = 0
-        if not (self._has_matrices and program.has_finite_vectors()):
+        if not (self._has_valid_matrices and program.has_finite_vectors()):
             return SolveStatus.NUMERICS
-        self._solver.update(
+        self._workspace.update(
             c=program.q,
             h_l=program.row_lower if self._has_rows else None,
             h_u=program.row_upper if self._has_rows else None,
             x_u=program.upper,
         )
-        status = self._workspace.run()
-        self.iterations = self._workspace.iterations
+        status = solve_workspace(self._workspace)
+        result = self._workspace.result
+        self.iterations = result.info.iter
         if status is SolveStatus.SOLVED:
-            if not np.isfinite(self._workspace.x).all():
-                return SolveStatus.NUMERICS
-            self.solution[:] = self._workspace.x
+            self.solution[:] = result.x
         return status
 
     def active_bounds(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Which upper and lower bounds (n + r,) hold the last solution back.
+        """Flags (n + r,) of the upper and of the lower bounds that are active in the last solution.
 
-        Those whose multiplier is larger than their slack: on the way to the optimum the product of
-        the two is the same for all, and one of them goes to zero.
+        A bound is active if its multiplier exceeds its slack: their product is the same for all
+        bounds on the central path, and one of the two goes to zero.
         """
-        r = self._solver.result
-        above = np.concatenate([r.z_bu > r.s_bu, r.z_u > r.s_u])
-        return above, np.concatenate([r.z_bl > r.s_bl, r.z_l > r.s_l])
+        r = self._workspace.result
+        upper = np.concatenate([r.z_bu > r.s_bu, r.z_u > r.s_u])
+        return upper, np.concatenate([r.z_bl > r.s_bl, r.z_l > r.s_l])
+
+    def _read_matrices(self) -> None:
+        """Copy P and G, column by column; the columns of P are its rows."""
+        program = self._program
+        self._P.data[:] = program.P.reshape(-1)
+        self._G.data[:] = program.G.T[program.pattern.T]
+
+    def _measure_iteration_ns(self) -> float:
+        times_ns: list[float] = []
+        for _ in range(MEASURED_SOLVES):
+            begun_ns = time.perf_counter_ns()
+            self._workspace.solve()
+            spent_ns = time.perf_counter_ns() - begun_ns
+            times_ns.append(spent_ns / max(1, self._workspace.result.info.iter))
+        return median(times_ns)
 
 
-class _Columns:
-    """G as PIQP takes it: column by column, without what is always zero."""
+def open_workspace(max_iterations: int) -> piqp.SparseSolver:
+    """PIQP with tolerances that keep the first input within 1e-4 of its range.
 
-    def __init__(self, G: Array, pattern: NDArray[np.bool_]) -> None:
-        columns, rows = np.nonzero(pattern.T)
-        self._entries = G.reshape(-1)
-        self._places = rows * G.shape[1] + columns
-        starts = np.searchsorted(columns, np.arange(G.shape[1] + 1)).astype(np.int32)
-        values = self._entries[self._places]
-        self.matrix = csc_matrix((values, rows.astype(np.int32), starts), shape=G.shape)
-
-    def renew(self) -> csc_matrix:
-        """The matrix as G is now."""
-        np.take(self._entries, self._places, out=self.matrix.data)
-        return self.matrix
-
-
-def _columns_of_symmetric(P: Array) -> csc_matrix:
-    """The symmetric P as PIQP takes it, in the same memory: its rows are its columns.
-
-    Zeros are entries like any others: a later P may have something there.
+    `sparse_multistage` is its fastest factorisation here, of dense matrices too.
     """
-    size = P.shape[0]
-    rows = np.tile(np.arange(size, dtype=np.int32), size)
-    starts = np.arange(0, size * size + 1, size, dtype=np.int32)
-    return csc_matrix((P.reshape(-1), rows, starts), shape=P.shape)
+    workspace = piqp.SparseSolver()
+    settings = workspace.settings
+    settings.kkt_solver = piqp.KKTSolver.sparse_multistage
+    settings.eps_abs = EPS_ABS
+    settings.eps_duality_gap_abs = EPS_DUALITY_GAP_ABS
+    settings.max_iter = max_iterations
+    # Scaling the problem again costs more than it gains for matrices that change little.
+    settings.preconditioner_reuse_on_update = True
+    return workspace
+
+
+def solve_workspace(workspace: piqp.SparseSolver) -> SolveStatus:
+    """Status of a solve; SOLVED at the iteration limit too if the residuals are small enough."""
+    status = _STATUS.get(workspace.solve(), SolveStatus.NUMERICS)
+    result, info = workspace.result, workspace.result.info
+    if status is SolveStatus.ITERATION_LIMIT:
+        has_small_residuals = info.primal_res < USABLE_RESIDUAL and info.dual_res < USABLE_RESIDUAL
+        if has_small_residuals and info.duality_gap < USABLE_GAP:
+            status = SolveStatus.SOLVED
+    if status is SolveStatus.SOLVED and not np.isfinite(result.x).all():
+        return SolveStatus.NUMERICS
+    return status

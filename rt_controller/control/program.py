@@ -1,91 +1,93 @@
-"""A quadratic program in memory that does not move: one side writes it, the other solves it."""
+"""A quadratic program in preallocated memory: the controller writes it, a solver reads it."""
 
-from dataclasses import dataclass, field
 from math import isfinite, isnan
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rt_controller.contract.bundle import Array
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.schema import N_INPUTS
 
 
-@dataclass(frozen=True, slots=True)
 class QuadraticProgram:
     """minimise 1/2 z' P z + q' z subject to lower <= z <= upper, row_lower <= G z <= row_upper.
 
-    Bounds may be infinite. P is symmetric and positive definite. Vectors change at every solve,
-    matrices only where the program says so, and then their readers are told (`Solver.renew`).
+    P (n, n) is symmetric and positive definite, q (n,), G (r, n). Bounds may be infinite. Vectors
+    change at every solve; matrices only where `hessian_varies` or `rows_vary`, and then the solver
+    is told by `Solver.update_matrices`.
     """
 
-    P: Array
-    """(n, n)"""
-    q: Array
-    """(n,)"""
-    G: Array
-    """(r, n)"""
-    pattern: NDArray[np.bool_]
-    """(r, n), where G may ever hold something else than zero"""
-    renews_hessian: bool
-    """whether P may change"""
-    renews_rows: bool
-    """whether G may"""
-    bounds: Array = field(init=False)
-    """(2, n + r): lower ones, then upper ones, of the variables and then of the rows"""
-
-    def __post_init__(self) -> None:
-        bounds = np.empty((2, sum(self.G.shape)))
-        bounds[0], bounds[1] = -np.inf, np.inf
-        object.__setattr__(self, "bounds", bounds)
+    def __init__(
+        self,
+        P: Array,
+        q: Array,
+        G: Array,
+        pattern: NDArray[np.bool_],
+        hessian_varies: bool = False,
+        rows_vary: bool = False,
+    ) -> None:
+        """`pattern` (r, n) is True where an entry of G may be other than zero."""
+        self.P, self.q, self.G, self.pattern = P, q, G, pattern
+        self.hessian_varies, self.rows_vary = hessian_varies, rows_vary
+        self.size = n = q.size
+        self.bounds: Array = np.empty((2, n + len(G)))
+        """(2, n + r), lower then upper bounds, of the variables and then of the rows"""
+        self.bounds[0], self.bounds[1] = -np.inf, np.inf
+        # Views of `bounds`:
+        self.all_lower: Array = self.bounds[0]
+        self.all_upper: Array = self.bounds[1]
+        self.lower, self.row_lower = self.all_lower[:n], self.all_lower[n:]
+        self.upper, self.row_upper = self.all_upper[:n], self.all_upper[n:]
 
     @property
-    def renews(self) -> bool:
-        """Whether any matrix may change."""
-        return self.renews_hessian or self.renews_rows
+    def matrices_vary(self) -> bool:
+        return self.hessian_varies or self.rows_vary
 
     def has_finite_vectors(self) -> bool:
-        """Whether q is of numbers and no bound is none; bounds may be infinite."""
-        # One sum or minimum of everything costs less than one test for each.
+        """True if q is finite and no bound is NaN."""
+        # One sum and one minimum are cheaper than a test of every element.
         return isfinite(self.q.dot(self.q)) and not isnan(self.bounds.min())
 
     def has_finite_matrices(self) -> bool:
-        """Whether those that change are of numbers."""
-        return not (self.renews_hessian and not np.isfinite(self.P.sum())) and not (
-            self.renews_rows and not np.isfinite(self.G.sum())
+        """True if the matrices that may change are finite."""
+        return not (self.hessian_varies and not np.isfinite(self.P.sum())) and not (
+            self.rows_vary and not np.isfinite(self.G.sum())
         )
 
-    @property
-    def size(self) -> int:
-        """n, variables."""
-        return self.q.size
+    def copy(self) -> "QuadraticProgram":
+        program = QuadraticProgram(
+            self.P.copy(),
+            self.q.copy(),
+            self.G.copy(),
+            self.pattern.copy(),
+            self.hessian_varies,
+            self.rows_vary,
+        )
+        program.bounds[:] = self.bounds
+        return program
 
-    @property
-    def every_lower(self) -> Array:
-        """(n + r,), a view"""
-        view: Array = self.bounds[0]
-        return view
 
-    @property
-    def every_upper(self) -> Array:
-        """(n + r,), a view"""
-        view: Array = self.bounds[1]
-        return view
+class QpParameters:
+    """What changes from one period to the next: [psi_0; kappa; 1; u_prev; y_r] in one vector.
 
-    @property
-    def lower(self) -> Array:
-        """(n,), a view"""
-        return self.bounds[0, : self.size]
+    y_r are the reference outputs of stages 1 … N. All names below are views of `vector`.
+    """
 
-    @property
-    def upper(self) -> Array:
-        """(n,), a view"""
-        return self.bounds[1, : self.size]
-
-    @property
-    def row_lower(self) -> Array:
-        """(r,), a view"""
-        return self.bounds[0, self.size :]
-
-    @property
-    def row_upper(self) -> Array:
-        """(r,), a view"""
-        return self.bounds[1, self.size :]
+    def __init__(self, n_observables: int, horizon: int, n_outputs: int) -> None:
+        n = n_observables
+        self.vector = np.zeros(n + 2 + N_INPUTS + horizon * n_outputs)
+        self.vector[n + 1] = 1.0
+        self.initial = self.vector[: n + 2]
+        """(n + 2,), [psi_0; kappa; 1]: the free response is a linear map of it"""
+        self.initial_and_previous = self.vector[: n + 2 + N_INPUTS]
+        """(n + 5,), [psi_0; kappa; 1; u_prev]"""
+        self.psi = self.vector[:n]
+        """(n,), psi_0"""
+        self.curvature_per_m = self.vector[n : n + 1]
+        """(1,), kappa, constant over the horizon"""
+        self.previous = self.vector[n + 2 : n + 2 + N_INPUTS]
+        """(3,), the input of the last period"""
+        self.reference = self.vector[n + 2 + N_INPUTS :].reshape(horizon, n_outputs)
+        """(N, p), y_r"""
+        self.nominal_inputs = np.zeros((horizon, N_INPUTS))
+        """(N, 3), the inputs along which a bilinear model is linearised"""

@@ -1,28 +1,36 @@
-"""The paper's MPC as a condensed QP: objective and constraints over the inputs of the horizon."""
+"""The MPC problem of eq. (14) as a condensed QP, over the inputs of the horizon."""
 
 from typing import NamedTuple
 
 import numpy as np
 
+from rt_controller.contract.arrays import Array
 from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import InputLimits
-from rt_controller.control.bilinear_objective import BilinearObjective
-from rt_controller.control.constraints import N_INPUTS, InputConstraints, constrain_inputs
-from rt_controller.control.corridor import Corridor, CorridorRows
-from rt_controller.control.cost import OutputWeights, TrackingCost, input_cost, output_weights
+from rt_controller.contract.schema import N_INPUTS, N_STATES
+from rt_controller.contract.signals import StateColumn
 from rt_controller.control.objective import (
+    BilinearObjective,
     ConstantObjective,
-    Objective,
-    Situation,
+    free_response,
     require_convex,
 )
-from rt_controller.control.pedals import PedalChoice, lower_ceilings
-from rt_controller.control.program import QuadraticProgram
+from rt_controller.control.pedals import PedalChoice, limit_pedals
+from rt_controller.control.program import QpParameters, QuadraticProgram
+from rt_controller.control.terms import (
+    Corridor,
+    InputConstraints,
+    TrackingCost,
+    constrain_inputs,
+    cost_terms,
+)
+
+Objective = ConstantObjective | BilinearObjective
 
 
 class Features(NamedTuple):
-    """What the QP has beyond the paper's, which only bounds the inputs."""
+    """Constraints beyond those of the paper, which bounds the inputs only."""
 
     has_slew_rows: bool = True
     """changes of the inputs are bounded too"""
@@ -38,12 +46,13 @@ WITH_SLEW = Features()
 class CondensedQp:
     """Eq. (14) over z = [v; s]: v the inputs of N stages in units of their ranges, s the slacks.
 
-    The states are not among the variables, so the size does not depend on the number of latents.
-    Built once; a tick writes `situation` and calls `aim`. Where the matrices depend on it, they are
-    those that `prepare` found: of this tick, or of what was expected of it the tick before.
+    The states are eliminated, so the size does not depend on the number of latents. Allocated
+    once; a period writes `parameters` and calls `update_vectors`. With a bilinear model the
+    matrices depend on the parameters too, and are those of the last `update_matrices`.
 
     Raises:
         ArtifactError: the bundle's model makes the problem non-convex or not finite.
+        ConfigError: a corridor with a bilinear model, and no tolerance of e_y.
 
     Paper: eq. (14).
     """
@@ -57,50 +66,57 @@ class CondensedQp:
         features: Features = WITH_SLEW,
     ) -> None:
         inputs = constrain_inputs(horizon, limits)
-        outputs = output_weights(cost, bundle.n_observables - len(bundle.schema.states))
-        self.objective = _objective(bundle, outputs, inputs, cost, features)
-        self.situation = Situation(bundle.n_observables, horizon, outputs.stage.size)
-        """the memory that the QP is aimed from"""
+        terms = cost_terms(cost, inputs, bundle.n_observables - N_STATES)
+        has_corridor = features.corridor is not None
+        self.objective: Objective = (
+            ConstantObjective(bundle, terms)
+            if bundle.bilinear is None
+            else BilinearObjective(bundle, bundle.bilinear, terms, has_corridor)
+        )
+        self.parameters = QpParameters(bundle.n_observables, horizon, terms.stage.size)
         self.scale = inputs.scale
         """(nv,), the range of each input: u = scale * v"""
-        self.program = _lay_out(self.objective, inputs, features)
-        self.renews = self.program.renews
-        self._first_slew = inputs.slew[:N_INPUTS]
+        self.program = _assemble(self.objective, inputs, features)
+        self.matrices_vary = self.program.matrices_vary
+        self._horizon = horizon
+        self._slew = inputs.slew[:N_INPUTS]
         self._has_slew_rows = features.has_slew_rows
-        self._ceilings = self.program.upper[: inputs.scale.size].reshape(horizon, N_INPUTS)
+        self._upper = self.program.upper[: self.scale.size].reshape(horizon, N_INPUTS)
         self._corridor = (
             None if features.corridor is None else CorridorRows(bundle, horizon, features.corridor)
         )
-        self._aim_at_a_typical_state(bundle)
+        self._check_at_typical_state(bundle)
 
-    def prepare(self) -> None:
-        """Build the matrices of `program` around the situation as it stands."""
+    def update_matrices(self) -> None:
+        """Update P and G of `program` for the present parameters."""
         objective, program = self.objective, self.program
-        objective.prepare(self.situation)
-        if self._corridor is not None and objective.renews_hessian:
-            nv, stages = self.scale.size, len(self._ceilings)
+        objective.update_matrices(self.parameters)
+        if self._corridor is not None and objective.hessian_varies:
+            nv = self.scale.size
             program.P[:nv, :nv] = objective.H
-            program.G[-stages:, :nv] = objective.lateral
+            program.G[-self._horizon :, :nv] = objective.ey_response
 
-    def aim(self, pedals: PedalChoice) -> None:
-        """Make the vectors of `program` those of the situation as it stands."""
-        now, program = self.situation, self.program
-        self.objective.aim(now)
-        start = now.previous / self.scale[:N_INPUTS]
+    def update_vectors(self, pedals: PedalChoice) -> None:
+        """Update q and the bounds of `program` for the present parameters."""
+        parameters, program = self.parameters, self.program
+        self.objective.update_vectors(parameters)
+        v_prev = parameters.previous / self.scale[:N_INPUTS]
         if self._has_slew_rows:
-            np.subtract(start, self._first_slew, out=program.row_lower[:N_INPUTS])
-            np.add(start, self._first_slew, out=program.row_upper[:N_INPUTS])
-        lower_ceilings(self._ceilings, pedals, start, self._first_slew)
+            np.subtract(v_prev, self._slew, out=program.row_lower[:N_INPUTS])
+            np.add(v_prev, self._slew, out=program.row_upper[:N_INPUTS])
+        limit_pedals(self._upper, pedals, v_prev, self._slew)
         if self._corridor is not None:
-            stages = slice(-len(self._ceilings), None)
-            self._corridor.aim(now, program.row_lower[stages], program.row_upper[stages])
+            stages = slice(-self._horizon, None)
+            self._corridor.update_vectors(
+                parameters, program.row_lower[stages], program.row_upper[stages]
+            )
             program.q[: self.scale.size] = self.objective.gradient
 
-    def _aim_at_a_typical_state(self, bundle: Bundle) -> None:
-        self.situation.psi[:] = np.mean(bundle.selftest_psi, axis=0)
+    def _check_at_typical_state(self, bundle: Bundle) -> None:
+        self.parameters.psi[:] = np.mean(bundle.selftest_psi, axis=0)
         with np.errstate(all="ignore"):
-            self.prepare()
-            self.aim(PedalChoice())
+            self.update_matrices()
+            self.update_vectors(PedalChoice())
         if not (np.isfinite(self.program.P).all() and self.program.has_finite_vectors()):
             raise ArtifactError(
                 "The model's prediction over the horizon is not finite: expected a model that "
@@ -109,26 +125,32 @@ class CondensedQp:
         require_convex(self.program.P)
 
 
-def _objective(
-    bundle: Bundle,
-    outputs: OutputWeights,
-    inputs: InputConstraints,
-    cost: TrackingCost,
-    features: Features,
-) -> Objective:
-    on_inputs = input_cost(cost, inputs)
-    if bundle.bilinear is None:
-        return ConstantObjective(bundle, outputs, inputs.scale, on_inputs)
-    watches_lateral = features.corridor is not None
-    return BilinearObjective(
-        bundle, bundle.bilinear, outputs, inputs.scale, on_inputs, watches_lateral
-    )
+class CorridorRows:
+    """-half <= e_y,k - e_y,r,k + s_k <= half for the stages k of a horizon.
+
+    The slacks s_k are unbounded: one for each stage serves both sides, and is zero where the row
+    holds without it.
+    """
+
+    def __init__(self, bundle: Bundle, horizon: int, corridor: Corridor) -> None:
+        n_outputs = StateColumn.ey_m + 1
+        free = free_response(bundle, horizon, n_outputs)
+        self._free_response_map = np.ascontiguousarray(free[StateColumn.ey_m :: n_outputs])
+        self._free_response_m = np.zeros(horizon)
+        self._half_width_m = corridor.half_width_m
+
+    def update_vectors(self, parameters: QpParameters, lower: Array, upper: Array) -> None:
+        """Write the bounds (N,) of the rows: metres that the inputs may add to e_y."""
+        np.dot(self._free_response_map, parameters.initial, out=self._free_response_m)
+        np.subtract(parameters.reference[:, StateColumn.ey_m], self._free_response_m, out=upper)
+        np.subtract(upper, self._half_width_m, out=lower)
+        upper += self._half_width_m
 
 
-def _lay_out(
+def _assemble(
     objective: Objective, inputs: InputConstraints, features: Features
 ) -> QuadraticProgram:
-    """The program with everything in place that no tick changes."""
+    """The program with everything that stays constant written."""
     nv, horizon = inputs.scale.size, inputs.scale.size // N_INPUTS
     slacks = 0 if features.corridor is None else horizon
     slews = nv if features.has_slew_rows else 0
@@ -140,12 +162,12 @@ def _lay_out(
     pattern = np.zeros(G.shape, dtype=bool)
     G[:slews, :nv] = inputs.D[:slews]
     pattern[:slews, :nv] = inputs.D[:slews] != 0.0
-    G[slews:, :nv] = objective.lateral[:slacks]
+    G[slews:, :nv] = objective.ey_response[:slacks]
     pattern[slews:, :nv] = np.arange(nv) // N_INPUTS <= np.arange(slacks)[:, None]
     G[slews:, nv:] = np.eye(slacks)
     pattern[slews:, nv:] = np.eye(slacks, dtype=bool)
-    renews = objective.renews_hessian
-    program = QuadraticProgram(P, q, G, pattern, renews, renews and slacks > 0)
+    varies = objective.hessian_varies
+    program = QuadraticProgram(P, q, G, pattern, varies, varies and slacks > 0)
     program.lower[:nv], program.upper[:nv] = inputs.lower, inputs.upper
     program.row_lower[:slews], program.row_upper[:slews] = -inputs.slew[:slews], inputs.slew[:slews]
     return program

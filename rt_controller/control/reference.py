@@ -1,18 +1,18 @@
-"""From the path polynomial on the bus to the states the car should have over the horizon."""
+"""Reference states over the horizon, from the path polynomial on the bus."""
 
 import numpy as np
 
-from rt_controller.contract.bundle import Array
-from rt_controller.contract.signals import PathReference, VehicleState
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.signals import PathReference, StateColumn, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 
 
 class ReferenceHorizon:
     """Reference states x_r of stages 1 … N, in preallocated memory.
 
-    The path is previewed: stage k is where the car will be after k periods. Heading and yaw rate
-    follow the path's slope and curvature; holding the present reference over the horizon would
-    cost several times the lateral error.
+    Stage k is where the car will be after k periods. Heading and yaw rate follow the path's slope
+    and curvature. Holding the present reference over the horizon would give several times the
+    lateral error.
     """
 
     def __init__(self, horizon: int) -> None:
@@ -23,14 +23,14 @@ class ReferenceHorizon:
         """1, sigma, sigma^2, sigma^3 of each stage"""
 
     def expand(self, path: PathReference, state: VehicleState, curvature_per_m: float) -> Array:
-        """The reference states (N, 6) along `path`, seen from `state`.
+        """Reference states (N, 6) along `path`, seen from `state`.
 
-        Lateral velocity is wanted to be zero; its weight decides how much that matters.
+        The reference of the lateral velocity is zero.
         """
         c0, c1, c2, c3, v_mps, a_mps2 = path
-        wanted_mps = np.maximum(v_mps + a_mps2 * self._elapsed_s, 0.0)
-        # The car arrives where its present speed, drifting to the wanted one, will bring it.
-        sigma_m = 0.5 * (state.vx_mps + wanted_mps) * self._elapsed_s
+        speed_mps = np.maximum(v_mps + a_mps2 * self._elapsed_s, 0.0)
+        # Arc length at the mean of the present speed and the reference speed of the stage.
+        sigma_m = 0.5 * (state.vx_mps + speed_mps) * self._elapsed_s
         powers = self._powers
         powers[:, 1] = sigma_m
         np.multiply(sigma_m, sigma_m, out=powers[:, 2])
@@ -44,10 +44,10 @@ class ReferenceHorizon:
             powers.T,
         )
 
-        x = self.states  # of which v_y stays zero
-        x[:, 0] = wanted_mps
-        np.multiply(wanted_mps, curvature, out=x[:, 2])
-        np.multiply(wanted_mps, PERIOD_S, out=x[:, 3])
-        x[:, 4] = ey_m
-        np.arctan(slope, out=x[:, 5])
+        x = self.states
+        x[:, StateColumn.vx_mps] = speed_mps
+        np.multiply(speed_mps, curvature, out=x[:, StateColumn.yaw_rate_radps])
+        np.multiply(speed_mps, PERIOD_S, out=x[:, StateColumn.ds_m])
+        x[:, StateColumn.ey_m] = ey_m
+        np.arctan(slope, out=x[:, StateColumn.epsi_rad])
         return x

@@ -1,13 +1,14 @@
-"""What a QP solver is to the controller: set up once, then vectors in and a solution out."""
+"""QP solver as the controller uses it: set up once on a program, then vectors in, solution out."""
 
-from enum import Enum
+from enum import Enum, StrEnum
 from typing import Protocol
 
-from rt_controller.contract.bundle import Array
+from rt_controller.contract.arrays import Array
+from rt_controller.control.program import QuadraticProgram
 
 
 class SolveStatus(Enum):
-    """How a solve ended; only SOLVED may be driven."""
+    """How a solve ended. Only a plan that is SOLVED is sent to the vehicle."""
 
     SOLVED = 0
     ITERATION_LIMIT = 1
@@ -16,28 +17,58 @@ class SolveStatus(Enum):
 
 
 class Solver(Protocol):
-    """A workspace around one program, whose vectors it reads at every solve."""
+    """Workspace on one `QuadraticProgram`, whose vectors are read at every solve."""
 
     solution: Array
-    """Of the last solve that was SOLVED, the inputs first; overwritten by the next."""
+    """(n,), of the last solve that was SOLVED, the inputs first; overwritten by the next one"""
     iterations: int
     """of the last solve"""
 
     def bound(self, budget_ns: int) -> None:
-        """Never take much longer than this for a solve; on this machine, so not repeatable.
+        """Limit the time of a solve, from what an iteration takes on this machine.
 
         Raises:
-            ConfigError: a usual solve would not be done by then.
+            ConfigError: a typical solve needs more time than that.
         """
-        ...
 
-    def renew(self) -> bool:
-        """Read the matrices again; False if they are seen to make no convex QP.
+    def update_matrices(self) -> bool:
+        """Read the matrices again; False if they are not finite or not seen to be convex.
 
-        Then every solve is NUMERICS, until matrices come that do.
+        After False every solve returns NUMERICS until valid matrices are read.
         """
-        ...
 
     def solve(self) -> SolveStatus:
-        """How solving the program as it stands ended."""
-        ...
+        """Status of solving the program with its present vectors."""
+
+
+class SolverChoice(StrEnum):
+    """Name of a solver on the command line."""
+
+    PIQP = "piqp"
+    """interior point"""
+    DAQP = "daqp"
+    """dual active set; needs the extra [daqp]"""
+
+
+def open_solver(
+    program: QuadraticProgram, choice: SolverChoice = SolverChoice.PIQP, warm_start: bool = True
+) -> Solver:
+    """Workspace of the chosen solver on this program.
+
+    With `warm_start` the last active set is tried before PIQP. DAQP always starts from its last
+    active set.
+
+    Raises:
+        MissingExtraError: the solver is not installed.
+        ConfigError: the solver refuses the program.
+    """
+    # Imported here: the command line needs the names of the solvers, not their libraries.
+    if choice is SolverChoice.DAQP:
+        from rt_controller.control.daqp_solver import DaqpSolver
+
+        return DaqpSolver(program)
+    from rt_controller.control.piqp_solver import PiqpSolver
+    from rt_controller.control.warm_start import WarmStartedSolver
+
+    solver = PiqpSolver(program)
+    return WarmStartedSolver(program, solver) if warm_start else solver

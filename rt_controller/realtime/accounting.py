@@ -1,59 +1,84 @@
-"""How long everything took: every tick counted, the last ones kept, the worst one explained."""
+"""Statistics of all ticks: percentiles, missed deadlines, the worst tick and the last times."""
 
+from math import ceil, log
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from rt_controller.contract.bundle import Array
-from rt_controller.realtime.histogram import Histogram, Percentiles
-from rt_controller.realtime.lateness import Cause
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.errors import RtControllerError
+from rt_controller.realtime.kernel_counters import LateCause
+from rt_controller.realtime.tick_times import SOLVE_FIELDS, TickTimes
+
+LOWEST = 0.1
+HIGHEST = 1e9
+BUCKET_RATIO = 1.01
+"""upper edge of a bucket divided by its lower edge"""
+_BUCKETS_PER_E_FOLD = 1.0 / log(BUCKET_RATIO)
 
 
-class TickTimes(NamedTuple):
-    """What is kept of one tick."""
+class Percentiles(NamedTuple):
+    """Percentiles of one quantity over the run; zeros if nothing was recorded."""
 
-    wake_us: float
-    """from the scheduled instant to the loop running"""
-    listen_us: float
-    """before the tick: reading the frames that had come"""
-    hear_us: float
-    """from the loop running until all frames are read and judged"""
-    plan_us: float
-    """lifting, building what depends on the state, and solving"""
-    qp_us: float
-    """the solver's part of it"""
-    answer_us: float
-    """from there to the frames handed to the bus"""
-    step_us: float
-    """hearing, planning and answering together"""
-    cpu_us: float
-    """what of it was computing: the rest went to others, under the system or beneath it"""
-    whole_us: float
-    """listening and the step: everything between frames that come and frames that go"""
-    prepare_us: float
-    """before the tick: building the QP, and rehearsing; without listening"""
-    qp_iterations: float
-    """0 where nothing was solved"""
+    p50: float
+    p99: float
+    p999: float
+    max: float
+    mean: float
 
 
-OF_SOLVES = frozenset({"plan_us", "qp_us", "qp_iterations"})
-"""counted only for the ticks that solved a QP"""
+class Histogram:
+    """Counts of values in buckets one per cent wide, and the largest value of each bucket.
+
+    A percentile is a value that was recorded, at most 1 % above the exact one; the maximum is
+    exact. Values below `LOWEST` share the first bucket.
+    """
+
+    def __init__(self) -> None:
+        buckets = ceil(log(HIGHEST / LOWEST) * _BUCKETS_PER_E_FOLD) + 2
+        self._counts = np.zeros(buckets, dtype=np.int64)
+        self._largest = np.zeros(buckets)
+        self._total = 0.0
+
+    def add(self, value: float) -> None:
+        """Count one value; NaN counts as infinite."""
+        if value <= LOWEST:
+            bucket = 0
+        elif value < HIGHEST:
+            bucket = 1 + int(log(value / LOWEST) * _BUCKETS_PER_E_FOLD)
+        else:
+            bucket = len(self._counts) - 1
+        self._counts[bucket] += 1
+        self._total += value
+        if not value <= self._largest[bucket]:
+            self._largest[bucket] = value
+
+    def percentiles(self) -> Percentiles:
+        cumulative = np.cumsum(self._counts)
+        total = int(cumulative[-1])
+        if total == 0:
+            return Percentiles(0.0, 0.0, 0.0, 0.0, 0.0)
+        # The smallest value with at least so many per mille of all values at or below it.
+        ranks = [-(-total * per_mille // 1000) for per_mille in (500, 990, 999, 1000)]
+        p50, p99, p999, most = self._largest[np.searchsorted(cumulative, ranks)].tolist()
+        return Percentiles(p50, p99, p999, most, self._total / total)
 
 
-class Worst(NamedTuple):
-    """The tick whose frames left last after their instant."""
+class WorstTick(NamedTuple):
+    """The tick whose frames were sent last after its scheduled instant."""
 
     tick: int
-    """its number, counted from zero"""
+    """counted from zero"""
     late_us: float
-    cause: Cause
+    cause: LateCause
 
 
 class DeadlineAccount:
-    """Percentiles and counts over all ticks, and the times of the last `capacity` ones.
+    """Percentiles and counts over all ticks, and the times of the last `capacity` ticks.
 
-    A tick misses its deadline when its frames leave later than `deadline_ns` after the instant it
-    was scheduled for. Skipped ticks are counted apart: they sent nothing at all.
+    A tick misses its deadline if its frames are sent later than `deadline_ns` after its scheduled
+    instant. Skipped ticks are counted separately: they sent no frames.
     """
 
     def __init__(self, capacity: int, deadline_ns: int) -> None:
@@ -65,43 +90,65 @@ class DeadlineAccount:
         self.deadline_misses = 0
         self.skipped_ticks = 0
         self.missed_last = False
-        self.misses_by_cause = dict.fromkeys(Cause, 0)
-        self.worst: Worst | None = None
+        self.misses_by_cause = dict.fromkeys(LateCause, 0)
+        self.worst: WorstTick | None = None
 
-    def record(self, times: TickTimes, skipped: int, done_after_ns: int) -> bool:
-        """Account for one tick, after its frames have left; whether its cause is to be told.
+    def record(self, times: TickTimes, skipped: int, sent_after_ns: int) -> bool:
+        """Count one tick whose frames have been sent; True if `set_cause` should follow.
 
-        `done_after_ns` is when that was, after the scheduled instant and on the loop's own clock:
-        simulated time knows no lateness.
+        `sent_after_ns` is the time from the scheduled instant until the frames were sent, on the
+        loop's clock: simulated time has no lateness.
         """
         self._times[self.ticks % self._times.shape[0]] = times
         for field, value, histogram in zip(TickTimes._fields, times, self._histograms, strict=True):
-            if times.qp_iterations > 0.0 or field not in OF_SOLVES:
+            if times.qp_iterations > 0.0 or field not in SOLVE_FIELDS:
                 histogram.add(value)
         self.ticks += 1
         self.skipped_ticks += skipped
-        self.missed_last = done_after_ns > self._deadline_ns
+        self.missed_last = sent_after_ns > self._deadline_ns
         self.deadline_misses += self.missed_last
-        is_worst = done_after_ns > self._latest_ns
-        if is_worst:
-            self._latest_ns = done_after_ns
+        is_worst = sent_after_ns > self._latest_ns
+        self._latest_ns = max(sent_after_ns, self._latest_ns)
         return is_worst or self.missed_last
 
-    def explain(self, cause: Cause) -> None:
-        """Why the tick recorded last was what it was."""
+    def set_cause(self, cause: LateCause) -> None:
+        """Why the tick recorded last was late."""
         if self.missed_last:
             self.misses_by_cause[cause] += 1
         late_us = self._latest_ns / 1e3
         if self.worst is None or late_us > self.worst.late_us:
-            self.worst = Worst(self.ticks - 1, late_us, cause)
+            self.worst = WorstTick(self.ticks - 1, late_us, cause)
 
     def percentiles(self, field: str) -> Percentiles:
-        """Of one field of `TickTimes`, over all ticks."""
         return self._histograms[TickTimes._fields.index(field)].percentiles()
 
     def last(self) -> Array:
-        """Times of the last ticks, oldest first; columns as `TickTimes`."""
-        kept = self._times.shape[0]
-        if self.ticks <= kept:
+        """(ticks, fields) times of the last ticks, oldest first; columns as `TickTimes`."""
+        capacity = self._times.shape[0]
+        if self.ticks <= capacity:
             return self._times[: self.ticks]
-        return np.roll(self._times, -(self.ticks % kept), axis=0)
+        return np.roll(self._times, -(self.ticks % capacity), axis=0)
+
+
+def write_ticks(path: Path | None, deadlines: DeadlineAccount) -> None:
+    """Write a CSV row for each of the last ticks, oldest first; None writes nothing.
+
+    Columns: the number of the tick in the run, then the fields of `TickTimes`.
+
+    Raises:
+        RtControllerError: the file cannot be written any more.
+    """
+    if path is None:
+        return
+    times = deadlines.last()
+    numbers = np.arange(deadlines.ticks - len(times), deadlines.ticks)
+    rows = np.column_stack([numbers, times])
+    header = ",".join(("tick", *TickTimes._fields))
+    formats = ["%d", *["%.1f"] * times.shape[1]]
+    try:
+        np.savetxt(path, rows, fmt=formats, delimiter=",", header=header, comments="")
+    except OSError as error:
+        raise RtControllerError(
+            f"--ticks {path}: expected a file that can be written, found {error.strerror}. The run "
+            f"itself is complete; only this file is missing."
+        ) from error

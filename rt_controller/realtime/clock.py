@@ -1,20 +1,20 @@
-"""When the next tick is: an absolute clock that keeps its phase, and one that needs no time."""
+"""The clocks of the loop: absolute real time that keeps its phase, and simulated time."""
 
 import ctypes
 import errno
 import time
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 _CLOCK_MONOTONIC = 1
 _TIMER_ABSTIME = 1
 _NS_PER_S = 1_000_000_000
-WATCH_NS = 200_000
-"""before a tick: waking up takes some of it, and what was in the caches stays there"""
-OVERSLEPT_NS = 300_000
-"""more than this, and what was to be done before the tick may no longer fit"""
-LINGER_S = 0.0005
-"""short against the phase that the loop is set to"""
+BUSY_WAIT_NS = 200_000
+"""before a tick the thread does not sleep: waking up takes time, and the caches stay warm"""
+MAX_OVERSLEEP_NS = 300_000
+"""after a longer one there may not be enough time before the tick any more"""
+POLL_INTERVAL_S = 0.0005
+"""short compared with the phase that the loop is set to"""
 
 
 class Tick(NamedTuple):
@@ -22,33 +22,9 @@ class Tick(NamedTuple):
 
     scheduled_ns: int
     lateness_ns: int
-    """how long after that the loop woke up"""
+    """from the scheduled instant until the loop was woken"""
     skipped: int
-    """whole periods that went by unused before this one"""
-
-
-class Clock(Protocol):
-    """What a loop needs of time."""
-
-    def now_ns(self) -> int:
-        """The present on this clock, monotonic."""
-        ...
-
-    def align(self, first_tick_ns: int) -> None:
-        """Set the phase: the next tick is at `first_tick_ns`, or whole periods later."""
-        ...
-
-    def approach(self, lead_ns: int) -> bool:
-        """Sleep until `lead_ns` before the next tick; False if it was or is later than that."""
-        ...
-
-    def wait(self) -> Tick:
-        """The next tick, once it is due."""
-        ...
-
-    def linger(self) -> None:
-        """Let a little time go by while nothing is scheduled yet."""
-        ...
+    """whole periods that were skipped before this tick"""
 
 
 class RealtimeClock:
@@ -59,36 +35,41 @@ class RealtimeClock:
         self._next_ns = time.monotonic_ns() + period_ns
 
     def now_ns(self) -> int:
+        """The time on this clock, monotonic."""
         return time.monotonic_ns()
 
     def align(self, first_tick_ns: int) -> None:
+        """Set the phase: the next tick is at `first_tick_ns`, or whole periods later."""
         behind_ns = time.monotonic_ns() - first_tick_ns
         periods = max(0, -(-behind_ns // self._period_ns))
         self._next_ns = first_tick_ns + periods * self._period_ns
 
-    def approach(self, lead_ns: int) -> bool:
-        early_ns = self._next_ns - lead_ns
-        if time.monotonic_ns() > early_ns:
+    def sleep_until_before_tick(self, lead_ns: int) -> bool:
+        """Sleep until `lead_ns` before the next tick; False if it is later than that."""
+        deadline_ns = self._next_ns - lead_ns
+        if time.monotonic_ns() > deadline_ns:
             return False
-        sleep_until(early_ns)
-        return time.monotonic_ns() < early_ns + OVERSLEPT_NS
+        sleep_until(deadline_ns)
+        return time.monotonic_ns() < deadline_ns + MAX_OVERSLEEP_NS
 
     def wait(self) -> Tick:
+        """The next tick, at its instant."""
         skipped = max(0, (time.monotonic_ns() - self._next_ns) // self._period_ns)
         scheduled_ns = self._next_ns + skipped * self._period_ns
-        wake_at(scheduled_ns)
+        busy_wait_until(scheduled_ns)
         self._next_ns = scheduled_ns + self._period_ns
         return Tick(scheduled_ns, time.monotonic_ns() - scheduled_ns, skipped)
 
-    def linger(self) -> None:
-        time.sleep(LINGER_S)
+    def poll(self) -> None:
+        """Wait for a short time while no tick is scheduled yet."""
+        time.sleep(POLL_INTERVAL_S)
 
 
 class LockstepClock:
-    """As fast as possible: time moves by one period a tick, and the peer acts before each.
+    """Simulated time, as fast as possible: one period a tick, and the peer acts before each.
 
-    `peer(now_ns)` is everything else that happens in a period, so a run depends on nothing but
-    its inputs: the same seed gives the same frames.
+    `peer(now_ns)` does all that happens in a period outside the loop. A run then depends on its
+    inputs only: the same seed gives the same frames.
     """
 
     def __init__(self, period_ns: int, peer: Callable[[int], None]) -> None:
@@ -100,9 +81,9 @@ class LockstepClock:
         return self._now_ns
 
     def align(self, first_tick_ns: int) -> None:
-        """Nothing: the peer has always just spoken when a tick is due."""
+        """No effect: the peer has always just sent its frames when a tick is due."""
 
-    def approach(self, lead_ns: int) -> bool:
+    def sleep_until_before_tick(self, lead_ns: int) -> bool:
         return True
 
     def wait(self) -> Tick:
@@ -110,8 +91,12 @@ class LockstepClock:
         self._peer(self._now_ns)
         return Tick(self._now_ns, 0, 0)
 
-    def linger(self) -> None:
+    def poll(self) -> None:
         self.wait()
+
+
+Clock = RealtimeClock | LockstepClock
+"""the clock of a loop with a fixed period"""
 
 
 class _Timespec(ctypes.Structure):
@@ -124,7 +109,7 @@ _libc = ctypes.CDLL(None)
 def sleep_until(deadline_ns: int) -> None:
     """Sleep until `deadline_ns` on CLOCK_MONOTONIC, without the drift of a relative sleep."""
     deadline = _Timespec(deadline_ns // _NS_PER_S, deadline_ns % _NS_PER_S)
-    # A signal ends the sleep early; its Python handler has run by then, and the rest is slept.
+    # A signal interrupts the sleep. Its Python handler has run by then; sleep the rest.
     while (
         _libc.clock_nanosleep(_CLOCK_MONOTONIC, _TIMER_ABSTIME, ctypes.byref(deadline), None)
         == errno.EINTR
@@ -132,8 +117,8 @@ def sleep_until(deadline_ns: int) -> None:
         pass
 
 
-def wake_at(deadline_ns: int) -> None:
-    """Sleep until shortly before `deadline_ns` on CLOCK_MONOTONIC, and watch the rest go by."""
-    sleep_until(deadline_ns - WATCH_NS)
+def busy_wait_until(deadline_ns: int) -> None:
+    """Sleep until shortly before `deadline_ns` on CLOCK_MONOTONIC, and busy-wait the rest."""
+    sleep_until(deadline_ns - BUSY_WAIT_NS)
     while time.monotonic_ns() < deadline_ns:
         pass

@@ -1,7 +1,8 @@
-"""Asking the operating system for real-time conduct, and saying what it granted.
+"""Real-time scheduling: requests to the operating system, and what it granted.
 
-The process asks once, in its main thread and before it starts others (`prepare_process`); each
-thread with a rank of its own asks for itself (`rank_thread`). Nothing here is fatal.
+The process asks once, in its main thread and before it starts others (`prepare_process`); a
+thread with a priority of its own asks for itself (`set_thread_priority`). A request that is
+refused is no error.
 """
 
 import ctypes
@@ -12,19 +13,19 @@ from typing import NamedTuple
 
 _MCL_CURRENT = 1
 _MCL_FUTURE = 2
-_ATTENDANT_PRIORITY = 1
+_LOWEST_FIFO_PRIORITY = 1
 SWITCH_INTERVAL_S = 0.0005
-"""how long another Python thread may keep the interpreter from the loop"""
+"""longest time that another Python thread may hold the interpreter lock that the loop waits for"""
 
 
-class ProcessConduct(NamedTuple):
+class ProcessSettings(NamedTuple):
     """What holds for the whole process until `release_process`."""
 
     memory_locked: bool
     collector_off: bool
 
 
-class ThreadRank(NamedTuple):
+class ThreadPriority(NamedTuple):
     """What holds for one thread, until it ends."""
 
     fifo_priority: int
@@ -34,10 +35,10 @@ class ThreadRank(NamedTuple):
 
 
 class Guarantees(NamedTuple):
-    """What holds for the loop: its process's conduct and its thread's rank."""
+    """What holds for the loop: settings of its process, priority of its thread."""
 
-    process: ProcessConduct
-    thread: ThreadRank
+    process: ProcessSettings
+    thread: ThreadPriority
 
     @property
     def scheduler(self) -> str:
@@ -52,35 +53,36 @@ class Guarantees(NamedTuple):
         return f"{self.scheduler}, {memory}, {collector}, {core}"
 
 
-NOTHING_HOLDS = Guarantees(ProcessConduct(False, False), ThreadRank(0, None))
+NO_GUARANTEES = Guarantees(ProcessSettings(False, False), ThreadPriority(0, None))
 
 
-def prepare_process(priority: int) -> ProcessConduct:
-    """Lock memory, freeze and stop the collector, rank the calling thread as an attendant.
+def prepare_process(priority: int) -> ProcessSettings:
+    """Lock memory, switch the garbage collector off, give the calling thread the lowest priority.
 
-    `priority` is the loop's; at 0 nothing is ranked. An attendant has the lowest real-time
-    priority, and so has every thread it starts: one of them may hold the interpreter's lock when
-    the loop wakes up, and must not be kept from giving it back by programs that matter less.
+    `priority` is the loop's; 0: no thread gets a real-time priority. The calling thread and all
+    that it starts get the lowest one: one of them may hold the interpreter lock when the loop
+    wakes up, and other programs must not keep it from releasing the lock.
     """
     gc.collect()
     gc.freeze()
     gc.disable()
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     if priority > 0:
-        _set_fifo(_ATTENDANT_PRIORITY)
-    return ProcessConduct(memory_locked=_lock_memory(), collector_off=not gc.isenabled())
+        _set_fifo(_LOWEST_FIFO_PRIORITY)
+    is_locked = ctypes.CDLL(None).mlockall(_MCL_CURRENT | _MCL_FUTURE) == 0
+    return ProcessSettings(memory_locked=is_locked, collector_off=not gc.isenabled())
 
 
-def rank_thread(priority: int, cpu: int | None = None) -> ThreadRank:
-    """Put the calling thread at `priority`, and on one core."""
-    return ThreadRank(
+def set_thread_priority(priority: int, cpu: int | None = None) -> ThreadPriority:
+    """Give the calling thread a SCHED_FIFO priority, and bind it to one core; what was granted."""
+    return ThreadPriority(
         fifo_priority=priority if priority > 0 and _set_fifo(priority) else 0,
         cpu=cpu if cpu is not None and _bind(cpu) else None,
     )
 
 
 def release_process() -> None:
-    """Give back what other code in this process would miss; for the thread that prepared it."""
+    """Undo `prepare_process`; call it in the same thread."""
     gc.enable()
     gc.unfreeze()
     if os.sched_getscheduler(0) != os.SCHED_OTHER:
@@ -94,10 +96,6 @@ def _set_fifo(priority: int) -> bool:
     except (OSError, ValueError):
         return False
     return os.sched_getscheduler(0) == os.SCHED_FIFO
-
-
-def _lock_memory() -> bool:
-    return bool(ctypes.CDLL(None).mlockall(_MCL_CURRENT | _MCL_FUTURE) == 0)
 
 
 def _bind(cpu: int) -> bool:

@@ -1,4 +1,4 @@
-"""The last word before the frames: finite, in the box, slew-limited, one pedal at a time."""
+"""The last check before a command is sent: finite, within bounds, slew-limited, one pedal."""
 
 from math import isfinite
 
@@ -7,22 +7,28 @@ from rt_controller.contract.signals import ControlInput
 
 PEDAL_RELEASED_THROTTLE = 1e-3
 PEDAL_RELEASED_BRAKE_N = 0.15
-"""below these a pedal counts as untouched: a thousandth of its travel"""
+"""below these a pedal counts as released: one thousandth of its travel"""
 
 
-def confine(
+def limit(
     wanted: ControlInput, previous: ControlInput, limits: InputLimits, dt_s: float
 ) -> ControlInput:
     """The input nearest to `wanted` that may follow `previous` one period later.
 
-    An entry that is not finite becomes the previous one. Rates hold in both directions, but a
-    throttle that shall close closes at once. Of two pressed pedals the one that was pressed before
-    has to come up first; if neither was, the brake wins.
+    A value that is not finite is replaced by the previous one. Rates hold in both directions, but
+    a wanted throttle of 0 closes the throttle at once. If both pedals are wanted, the one that was
+    pressed before must be released first; if neither was pressed, the brake has priority.
     """
     low, high, rate = limits.lower, limits.upper, limits.rate_per_s
-    throttle = _confine_one(wanted[0], previous[0], low[0], high[0], rate[0] * dt_s)
-    brake_n = _confine_one(wanted[1], previous[1], low[1], high[1], rate[1] * dt_s)
-    steer_rad = _confine_one(wanted[2], previous[2], low[2], high[2], rate[2] * dt_s)
+    throttle = _limit_one(
+        wanted.throttle, previous.throttle, low.throttle, high.throttle, rate.throttle * dt_s
+    )
+    brake_n = _limit_one(
+        wanted.brake_n, previous.brake_n, low.brake_n, high.brake_n, rate.brake_n * dt_s
+    )
+    steer_rad = _limit_one(
+        wanted.steer_rad, previous.steer_rad, low.steer_rad, high.steer_rad, rate.steer_rad * dt_s
+    )
     if wanted.throttle <= limits.lower.throttle:
         throttle = limits.lower.throttle
     throttle = 0.0 if throttle < PEDAL_RELEASED_THROTTLE else throttle
@@ -35,7 +41,7 @@ def confine(
     return ControlInput(throttle=throttle, brake_n=brake_n, steer_rad=steer_rad)
 
 
-def _confine_one(wanted: float, previous: float, low: float, high: float, change: float) -> float:
+def _limit_one(wanted: float, previous: float, low: float, high: float, change: float) -> float:
     if not isfinite(wanted):
         wanted = previous
     slewed = min(max(wanted, previous - change), previous + change)

@@ -1,33 +1,43 @@
-"""What is sent when the plan may not drive: standing by, and the safe stop."""
+"""The input of each mode: the plan, or what is sent when no plan may be followed."""
 
-from rt_controller.contract.signals import ControlInput
+from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
 
 SAFE_STOP_BRAKE_N = 75.0
-"""about 0.4 g on a dry road: firm, and within grip while the wheel is still turned"""
+"""about 0.4 g on a dry road: within the grip of the tyres while the wheel is still turned"""
 SAFE_STOP_BRAKE_RATE_N_PER_S = 150.0
-STEER_EASE_RADPS = 0.7
-"""40 deg/s of wheel angle towards the middle"""
+STEER_RETURN_RADPS = 0.7
+"""40 deg/s of steering-wheel angle towards zero"""
+
+
+def input_for(mode: Mode, planned: ControlInput | None, previous: ControlInput) -> ControlInput:
+    """The input that `mode` wants; `planned` is that of the last good plan, if it has one."""
+    if mode is Mode.STANDBY:
+        return stand_by(previous)
+    if mode is Mode.SAFE_STOP or planned is None:
+        return safe_stop(previous, None if planned is None else planned.steer_rad)
+    return planned
 
 
 def stand_by(previous: ControlInput) -> ControlInput:
-    """Pedals released, the wheel eased to the middle."""
-    return ControlInput(throttle=0.0, brake_n=0.0, steer_rad=_ease(previous.steer_rad))
+    """Input of one period of standby: pedals released, steering returning to zero."""
+    return ControlInput(throttle=0.0, brake_n=0.0, steer_rad=_towards_zero(previous.steer_rad))
 
 
 def safe_stop(previous: ControlInput, planned_steer_rad: float | None) -> ControlInput:
-    """One period of the safe stop: throttle closed at once, brake ramped, wheel along the path.
+    """Input of one period of the safe stop: throttle closed, brake ramped, steering on the path.
 
-    The wheel follows what is left of the last good plan (`planned_steer_rad`), since a hand that
-    freezes in the middle of a lane change leaves the road; after that it eases to the middle.
+    The steering follows the rest of the last good plan (`planned_steer_rad`): a constant wheel
+    angle in the middle of a lane change would leave the road. Without a plan it returns to zero.
     """
     brake_n = min(
         max(previous.brake_n, 0.0) + SAFE_STOP_BRAKE_RATE_N_PER_S * PERIOD_S, SAFE_STOP_BRAKE_N
     )
-    steer_rad = _ease(previous.steer_rad) if planned_steer_rad is None else planned_steer_rad
-    return ControlInput(throttle=0.0, brake_n=brake_n, steer_rad=steer_rad)
+    if planned_steer_rad is None:
+        planned_steer_rad = _towards_zero(previous.steer_rad)
+    return ControlInput(throttle=0.0, brake_n=brake_n, steer_rad=planned_steer_rad)
 
 
-def _ease(steer_rad: float) -> float:
-    change = STEER_EASE_RADPS * PERIOD_S
+def _towards_zero(steer_rad: float) -> float:
+    change = STEER_RETURN_RADPS * PERIOD_S
     return steer_rad - min(max(steer_rad, -change), change)

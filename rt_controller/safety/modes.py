@@ -1,18 +1,20 @@
-"""The mode machine: one table, state x event, nothing else decides."""
+"""The mode machine: the facts of a tick give an event, and one table gives the next mode."""
 
-from enum import Enum
+from enum import Enum, StrEnum
+from typing import NamedTuple
 
 from rt_controller.contract.signals import Mode
+from rt_controller.contract.timing import HOLD_PLAN_TICKS
 
 
 class Event(Enum):
-    """What one tick amounts to."""
+    """The result of one tick, as far as the mode depends on it."""
 
     IDLE = "no mission is engaged"
-    PLANNED = "a fresh state was seen and a plan was found"
-    UNPLANNED = "no plan this tick, but the last good one may still stand in"
-    LOST = "no plan, and none left to hold"
-    FAULT = "something that no waiting will mend"
+    PLANNED = "a fresh state was received and a plan was found"
+    HOLDING = "no plan in this tick, but the last good plan may still be followed"
+    PLAN_LOST = "no plan in this tick, and no last good plan that may be followed"
+    FAULT = "a fault that does not clear by itself"
     RESET = "an explicit request to leave SAFE_STOP"
 
 
@@ -20,32 +22,32 @@ TRANSITIONS: dict[Mode, dict[Event, Mode]] = {
     Mode.STANDBY: {
         Event.IDLE: Mode.STANDBY,
         Event.PLANNED: Mode.NOMINAL,
-        Event.UNPLANNED: Mode.STANDBY,  # never engaged: there is nothing to hold
-        Event.LOST: Mode.STANDBY,
+        Event.HOLDING: Mode.STANDBY,  # not engaged yet: there is no plan to hold
+        Event.PLAN_LOST: Mode.STANDBY,
         Event.FAULT: Mode.SAFE_STOP,
         Event.RESET: Mode.STANDBY,
     },
     Mode.NOMINAL: {
         Event.IDLE: Mode.STANDBY,
         Event.PLANNED: Mode.NOMINAL,
-        Event.UNPLANNED: Mode.HOLD_PLAN,
-        Event.LOST: Mode.SAFE_STOP,
+        Event.HOLDING: Mode.HOLD_PLAN,
+        Event.PLAN_LOST: Mode.SAFE_STOP,
         Event.FAULT: Mode.SAFE_STOP,
         Event.RESET: Mode.NOMINAL,
     },
     Mode.HOLD_PLAN: {
         Event.IDLE: Mode.STANDBY,
         Event.PLANNED: Mode.NOMINAL,
-        Event.UNPLANNED: Mode.HOLD_PLAN,
-        Event.LOST: Mode.SAFE_STOP,
+        Event.HOLDING: Mode.HOLD_PLAN,
+        Event.PLAN_LOST: Mode.SAFE_STOP,
         Event.FAULT: Mode.SAFE_STOP,
         Event.RESET: Mode.HOLD_PLAN,
     },
     Mode.SAFE_STOP: {
         Event.IDLE: Mode.SAFE_STOP,
         Event.PLANNED: Mode.SAFE_STOP,
-        Event.UNPLANNED: Mode.SAFE_STOP,
-        Event.LOST: Mode.SAFE_STOP,
+        Event.HOLDING: Mode.SAFE_STOP,
+        Event.PLAN_LOST: Mode.SAFE_STOP,
         Event.FAULT: Mode.SAFE_STOP,
         Event.RESET: Mode.STANDBY,
     },
@@ -53,5 +55,88 @@ TRANSITIONS: dict[Mode, dict[Event, Mode]] = {
 
 
 def next_mode(mode: Mode, event: Event) -> Mode:
-    """The mode after `event`."""
+    """The mode after `event`; no other code changes the mode."""
     return TRANSITIONS[mode][event]
+
+
+class StopCause(StrEnum):
+    """Why the plan is held, or the car is stopped."""
+
+    NONE = "none"
+    STATE_LOST = "no new valid vehicle state"
+    REFERENCE_LOST = "no fresh path reference"
+    MISSION_LOST = "the mission is no longer valid"
+    SOLVER_FAILED = "the QP was not solved"
+    BUS_FAILED = "the bus cannot be read"
+    SECOND_CONTROLLER = "another controller sends commands on this bus"
+    PEER_MISMATCH = "the vehicle uses another message catalogue"
+    VEHICLE_BRAKING = "the vehicle's own watchdog is braking"
+    STOP_REQUESTED = "stop requested"
+
+
+BUS_CAUSES = (StopCause.BUS_FAILED, StopCause.PEER_MISMATCH, StopCause.SECOND_CONTROLLER)
+"""faults of the bus: they do not clear by waiting"""
+_MODES_WITH_CAUSE = (Mode.HOLD_PLAN, Mode.SAFE_STOP)
+
+
+class TickFacts(NamedTuple):
+    """What one tick received and planned, as far as the mode depends on it."""
+
+    bus_fault: StopCause
+    """one of `BUS_CAUSES`, or NONE"""
+    has_state: bool
+    has_path: bool
+    has_mission: bool
+    is_engaged: bool
+    is_reset_requested: bool
+    """by a mission message that is new in this tick"""
+    is_stop_requested: bool
+    is_vehicle_braking: bool
+    is_standing: bool
+    periods_held: int
+    """periods since the plan was made; 0: in this tick"""
+    has_input: bool
+    """the last good plan has an input for this tick"""
+
+
+def decide(facts: TickFacts, mode: Mode, cause: StopCause) -> tuple[Mode, StopCause]:
+    """The next mode and its cause, after `mode` and its `cause`.
+
+    A safe stop keeps the cause that it began with; STANDBY and NOMINAL have none.
+    """
+    event, new_cause = classify(facts, mode)
+    following = next_mode(mode, event)
+    if following is Mode.SAFE_STOP and mode is Mode.SAFE_STOP:
+        return following, cause
+    return following, new_cause if following in _MODES_WITH_CAUSE else StopCause.NONE
+
+
+def classify(facts: TickFacts, mode: Mode) -> tuple[Event, StopCause]:
+    """The event of a tick that began in `mode`, and its cause; NONE where nothing is wrong."""
+    fault = _fault(facts, mode)
+    if fault is not StopCause.NONE:
+        return Event.FAULT, fault
+    if not facts.has_mission:
+        return Event.PLAN_LOST, StopCause.MISSION_LOST
+    if facts.is_reset_requested and mode is Mode.SAFE_STOP and facts.is_standing:
+        return Event.RESET, StopCause.NONE
+    if not facts.is_engaged or facts.is_vehicle_braking:
+        return Event.IDLE, StopCause.NONE
+    if facts.periods_held == 0:
+        return Event.PLANNED, StopCause.NONE
+    may_hold = facts.has_input and facts.periods_held <= HOLD_PLAN_TICKS
+    return Event.HOLDING if may_hold else Event.PLAN_LOST, _missing_part(facts)
+
+
+def _fault(facts: TickFacts, mode: Mode) -> StopCause:
+    if facts.bus_fault is not StopCause.NONE or mode is Mode.STANDBY:
+        return facts.bus_fault  # in STANDBY the controller does not drive: no other fault counts
+    if facts.is_stop_requested:
+        return StopCause.STOP_REQUESTED
+    return StopCause.VEHICLE_BRAKING if facts.is_vehicle_braking else StopCause.NONE
+
+
+def _missing_part(facts: TickFacts) -> StopCause:
+    if not facts.has_state:
+        return StopCause.STATE_LOST
+    return StopCause.SOLVER_FAILED if facts.has_path else StopCause.REFERENCE_LOST

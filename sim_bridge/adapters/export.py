@@ -1,33 +1,29 @@
-"""`sim-bridge export-fmu`: the own car as an FMU, for other people's tools."""
+"""`sim-bridge export-fmu`: the own car as an FMU for other tools."""
 
 import shutil
 import tempfile
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 
-from rt_controller.contract.errors import ConfigError, MissingExtraError
+from rt_controller.contract.errors import ConfigError, needs_extra
 from rt_controller.contract.signals import ControlInput
-from sim_bridge.adapters.fmu_mapping import mapping_beside
 from sim_bridge.adapters.plants import DEFAULT_CAR
 from sim_bridge.plant.integrate import STEP_S
-from sim_bridge.plant.parameters import load_parameters, shipped_cars
-from sim_bridge.plant.protocol import PlantOutputs
+from sim_bridge.plant.parameters import CARS_FOLDER, load_parameters, shipped_cars
+from sim_bridge.plant.protocol import MOTION_FIELDS, PlantOutputs
+from sim_bridge.toml_file import read_shipped_or_own
 
 _SCRIPT = "rt_controller_car.py"
-"""the module's name inside the FMU; it shares a Python with whatever loads it"""
+"""name of the module inside the FMU; it runs in the Python of the process that loads the FMU"""
 
 
-def export_fmu(
-    file: Path = Path("car.fmu"),
-    *,
-    car: str = DEFAULT_CAR,
-) -> None:
+def export_fmu(file: Path = Path("car.fmu"), *, car: str = DEFAULT_CAR) -> None:
     """Build an FMU of the own car (FMI 2 co-simulation), with its mapping file beside it.
 
-    Whoever loads the FMU needs a Python with rt-controller[sim]; the car's parameters are inside.
+    A process that loads the FMU needs a Python with rt-controller[sim]; the car's parameters are
+    inside.
 
     Parameters
     ----------
@@ -45,30 +41,31 @@ def export_fmu(
 
 
 def build_fmu(file: Path, car: str = DEFAULT_CAR) -> Path:
-    """Write the FMU and return where its mapping file lies.
+    """Write the FMU; returns the path of its mapping file.
 
     Raises:
         MissingExtraError: pythonfmu is not installed.
         ConfigError: there is no such car, or the file cannot be written.
     """
-    builder = _builder()
+    with needs_extra("fmu", "export-fmu"):
+        from pythonfmu import FmuBuilder
     if file.suffix != ".fmu":
         raise ConfigError(f"{file}: expected a name that ends in .fmu. Choose one, as in car.fmu.")
     load_parameters(car)
-    mapping = mapping_beside(file)
+    mapping = file.with_suffix(".toml")
     if car not in shipped_cars() and mapping.resolve() == Path(car).resolve():
         raise ConfigError(
-            f"{file}: expected room for its mapping in {mapping}, found the car file there. Choose "
-            f"another name for the FMU."
+            f"{file}: expected that its mapping can be written to {mapping}, found the car file "
+            f"there. Choose another name for the FMU."
         )
     with tempfile.TemporaryDirectory(prefix="export-fmu-") as folder:
         script = Path(folder) / _SCRIPT
         source = resources.files("sim_bridge") / "adapters" / "fmu_slave.py"
         script.write_text(source.read_text(encoding="utf-8"), encoding="utf-8")
         inside = Path(folder) / "car.toml"
-        inside.write_text(_car_text(car), encoding="utf-8")
+        inside.write_text(read_shipped_or_own(car, CARS_FOLDER, "car"), encoding="utf-8")
         built = Path(folder) / "built.fmu"
-        builder.build_FMU(script, dest=built, project_files=[inside], needsExecutionTool="true")
+        FmuBuilder.build_FMU(script, dest=built, project_files=[inside], needsExecutionTool="true")
         try:
             shutil.copy(built, file)
             mapping.write_text(mapping_text(), encoding="utf-8")
@@ -90,28 +87,11 @@ def mapping_text() -> str:
         *(f'{name} = "{name}"' for name in ControlInput._fields),
         "",
         "[outputs]",
-        *(f'{name} = "{name}"' for name in ("vx_mps", "vy_mps", "yaw_rate_radps")),
-        *(f'{name} = "seen_{name}"' for name in PlantOutputs._fields),
+        *(f'{name} = "{name}"' for name in MOTION_FIELDS),
+        *(f'{name} = "out_{name}"' for name in PlantOutputs._fields),
         "",
         "[start]",
         'vx_mps = "v0_mps"',
         'road_friction = "road_friction"',
     ]
     return "\n".join(lines) + "\n"
-
-
-def _car_text(car: str) -> str:
-    if car in shipped_cars():
-        return (resources.files("sim_bridge") / "cars" / f"{car}.toml").read_text("utf-8")
-    return Path(car).read_text("utf-8")
-
-
-def _builder() -> Any:
-    try:
-        from pythonfmu import FmuBuilder
-    except ModuleNotFoundError as error:
-        raise MissingExtraError(
-            f"export-fmu needs {error.name}: expected the extra [fmu], found it missing. Install "
-            f'it with: pip install -e ".[fmu]"'
-        ) from error
-    return FmuBuilder

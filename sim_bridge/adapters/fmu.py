@@ -1,176 +1,161 @@
-"""Another tool's car as a plant: an FMU for co-simulation, FMI 2 or FMI 3."""
+"""`FmuPlant`: an FMU for co-simulation (FMI 2 or FMI 3) as a plant."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from math import isfinite, nan
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
-from numpy import float64
-from numpy.typing import NDArray
 
+from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
-from sim_bridge.adapters.fmu_instance import FmuInstance, RealBlock, open_fmu
-from sim_bridge.adapters.fmu_links import (
-    REAL_TYPES,
-    Link,
-    require_internal_step,
-    resolve_inputs,
-    resolve_outputs,
-    resolve_start,
-)
-from sim_bridge.adapters.fmu_mapping import FmuMapping, load_mapping, mapping_beside
-from sim_bridge.plant.protocol import PlantOutputs
+from sim_bridge.adapters.fmu_file import FmuFile, FmuInstance
+from sim_bridge.adapters.fmu_links import REAL_TYPES, Link, require_internal_step, resolve_links
+from sim_bridge.adapters.fmu_mapping import FmuMapping, load_mapping
+from sim_bridge.plant.protocol import MOTION_FIELDS, PlantOutputs
 
 START_TOLERANCE_MPS = 0.5
-"""how far the FMU's first speed may be from the one asked for"""
+"""largest difference between the initial speed of the FMU and the wanted one"""
 _STEP_TOLERANCE_S = 1e-9
-_MOTION = ("vx_mps", "vy_mps", "yaw_rate_radps")
+
+
+class _Group(NamedTuple):
+    """Links to variables of one type, which are read or written in one call."""
+
+    kind: str
+    references: list[int]
+    links: tuple[Link, ...]
 
 
 class FmuPlant:
-    """An FMU behind its mapping; see `Plant` for what its methods promise."""
+    """An FMU with its mapping; see `Plant` for the methods."""
 
-    def __init__(self, path: Path, mapping: FmuMapping, road_friction: float) -> None:
-        self.name = f"fmu:{path.name}"
+    def __init__(self, file: FmuFile, mapping: FmuMapping, road_friction: float) -> None:
+        self.name = f"fmu:{file.path.name}"
         self.failure: str | None = None
         self._mapping = mapping
         self._road_friction = road_friction
-        self._file = open_fmu(path)
+        self._file = file
         self._instance: FmuInstance | None = None
-        try:
-            self._inputs = resolve_inputs(self._file, mapping)
-            self._outputs = resolve_outputs(self._file, mapping)
-            self._start = resolve_start(self._file, mapping)
-            self._parameters = [(self._file.variable(k), v) for k, v in mapping.parameters.items()]
-            require_internal_step(self._file, mapping)
-        except ConfigError:
-            self._file.close()
-            raise
-        self._write: list[tuple[RealBlock, tuple[Link, ...]]] = []
-        self._read: list[tuple[RealBlock, tuple[Link, ...]]] = []
-        self._read_once: list[tuple[RealBlock, tuple[Link, ...]]] = []
-        self._seen: dict[str, float] = {}
+        inputs, outputs, self._start = resolve_links(self._file, mapping)
+        self._inputs = _grouped(inputs)
+        self._motion_groups = _grouped(link for link in outputs if link.field in MOTION_FIELDS)
+        self._other_groups = _grouped(link for link in outputs if link.field not in MOTION_FIELDS)
+        self._parameters = [(self._file.variable(k), v) for k, v in mapping.parameters.items()]
+        require_internal_step(self._file, mapping)
+        self._values: dict[str, float] = {}
         self._steps = 0
-        self._motion = np.empty((mapping.steps_per_period, 3))
+        self._motion = np.empty((0, len(MOTION_FIELDS)))
 
     @property
     def takes_road_friction(self) -> bool:
-        """Whether the mapping names a parameter for it."""
+        """True if the mapping names a parameter for it."""
         return any(link.field == "road_friction" for link in self._start)
 
-    def reset(self, v0_mps: float) -> NDArray[float64]:
+    def reset(self, v0_mps: float) -> Array:
         """(vx_mps, vy_mps, yaw_rate_radps) of a new instance.
 
         Raises:
             ConfigError: the FMU refuses its start values, or starts at another speed.
         """
         self._free()
-        instance = self._instance = self._file.instantiate()
+        instance = self._instance = FmuInstance(self._file)
         self._steps = 0
         self.failure = None
-        self._write = _blocks(instance, self._inputs)
-        self._read = _blocks(instance, [link for link in self._outputs if link.field in _MOTION])
-        self._read_once = _blocks(
-            instance, [link for link in self._outputs if link.field not in _MOTION]
-        )
         try:
             for variable, value in self._parameters:
                 instance.set(variable, value)
             wanted = {"vx_mps": v0_mps, "road_friction": self._road_friction}
             for link in self._start:
                 instance.set(link.variable, link.gain * wanted[link.field] + link.bias)
-            instance.enter()
-            self._send(NEUTRAL_INPUT)
+            instance.enter_initialization()
+            self._write_inputs(instance, NEUTRAL_INPUT)
             instance.start()
-            self._look(self._read)
-            self._look(self._read_once)
-        except Exception as error:  # each tool's FMU fails in its own way
+            self._read(instance, self._motion_groups)
+            self._read(instance, self._other_groups)
+        except Exception as error:  # the FMUs of each tool fail differently
             raise ConfigError(
                 f"{self.name}: expected an FMU that starts with the parameters of its mapping, "
-                f"found {error} {instance.complaint()}. Correct [start] or [parameters]."
+                f"found {error} {instance.messages()}. Correct [start] or [parameters]."
             ) from error
-        first = np.array([self._seen[field] for field in _MOTION])
-        if not np.isfinite(first).all():
+        first = {field: self._values[field] for field in MOTION_FIELDS}
+        if not all(map(isfinite, first.values())):
             raise ConfigError(
-                f"{self.name}: expected a car that starts with a motion, found "
-                f"{dict(zip(_MOTION, first.tolist(), strict=True))}. Correct [start] or "
-                f"[parameters] in the mapping file."
+                f"{self.name}: expected a car that starts with a motion, found {first}. Correct "
+                f"[start] or [parameters] in the mapping file."
             )
-        if not abs(first[0] - v0_mps) <= START_TOLERANCE_MPS:
+        if not abs(first["vx_mps"] - v0_mps) <= START_TOLERANCE_MPS:
             raise ConfigError(
                 f"{self.name}: expected a car that starts at {v0_mps:.2f} m/s, found "
-                f"{first[0]:.2f} m/s. Name the parameter for its first speed as start.vx_mps in "
-                f"the mapping file, or choose a scenario with the FMU's own first speed."
+                f"{first['vx_mps']:.2f} m/s. Name the parameter for its initial speed as "
+                f"start.vx_mps in the mapping file, or choose a scenario with the FMU's own speed."
             )
-        return first
+        return np.array(list(first.values()))
 
-    def step(self, control: ControlInput, dt_s: float) -> NDArray[float64]:
+    def step(self, control: ControlInput, dt_s: float) -> Array:
         """(n, 3) motion after each communication step of the mapping."""
         step_s = self._mapping.communication_step_s
         n_steps = max(round(dt_s / step_s), 1)
         if n_steps != self._motion.shape[0]:
-            self._motion = np.empty((n_steps, 3))
+            self._motion = np.empty((n_steps, len(MOTION_FIELDS)))
         if abs(n_steps * step_s - dt_s) > _STEP_TOLERANCE_S:
             self._fail(f"{dt_s} s are no whole number of its steps of {step_s} s")
-        if self.failure is None:
+        elif self._instance is None:
+            self._fail("it was closed")
+        elif self.failure is None:
             try:
-                self._drive(control, n_steps, step_s)
-            except Exception as error:  # each tool's FMU fails in its own way
-                complaint = "" if self._instance is None else self._instance.complaint()
-                self._fail(f"{error} {complaint}".rstrip())
+                self._advance(self._instance, control, n_steps, step_s)
+            except Exception as error:  # the FMUs of each tool fail differently
+                self._fail(f"{error} {self._instance.messages()}".rstrip())
         if self.failure is not None:
             self._motion[:] = nan
         return self._motion
 
     def outputs(self) -> PlantOutputs:
-        """What the last step ended with; NaN where the mapping names no variable."""
+        """Values at the end of the last step; NaN where the mapping names no variable."""
         if self.failure is not None:
             return PlantOutputs()
-        known = {k: v for k, v in self._seen.items() if k in PlantOutputs._fields}
+        known = {k: v for k, v in self._values.items() if k in PlantOutputs._fields}
         return PlantOutputs(**known)
 
     def close(self) -> None:
-        """Free the instance, unload its library, remove what was unpacked."""
+        """Free the instance, unload its library, remove the unpacked files."""
         self._free()
         self._file.close()
 
-    def _drive(self, control: ControlInput, n_steps: int, step_s: float) -> None:
-        instance = self._instance
-        if instance is None:
-            self._fail("it was closed")
-            return
-        self._send(control)
+    def _advance(
+        self, instance: FmuInstance, control: ControlInput, n_steps: int, step_s: float
+    ) -> None:
+        self._write_inputs(instance, control)
         for i in range(n_steps):
             if not instance.step(self._steps * step_s, step_s):
                 self._fail("it ended the simulation")
                 return
             self._steps += 1
-            self._look(self._read)
-            for column, field in enumerate(_MOTION):
-                value = self._seen[field]
+            self._read(instance, self._motion_groups)
+            for column, field in enumerate(MOTION_FIELDS):
+                value = self._values[field]
                 self._motion[i, column] = value
                 if not isfinite(value):
                     self._fail(f"{field} is {value}")
                     return
-        self._look(self._read_once)
+        self._read(instance, self._other_groups)
 
-    def _fail(self, why: str) -> None:
+    def _fail(self, reason: str) -> None:
         time_s = self._steps * self._mapping.communication_step_s
-        self.failure = f"{self.name}: at {time_s:.3f} s: {why}"
+        self.failure = f"{self.name}: at {time_s:.3f} s: {reason}"
 
-    def _send(self, control: ControlInput) -> None:
-        asked = control._asdict()
-        for block, links in self._write:
-            for i, link in enumerate(links):
-                block.values[i] = link.gain * asked[link.field] + link.bias
-            block.write()
+    def _write_inputs(self, instance: FmuInstance, control: ControlInput) -> None:
+        inputs = control._asdict()
+        for kind, references, links in self._inputs:
+            values = [link.gain * inputs[link.field] + link.bias for link in links]
+            instance.write(kind, references, values)
 
-    def _look(self, blocks: list[tuple[RealBlock, tuple[Link, ...]]]) -> None:
-        for block, links in blocks:
-            block.read()
-            for i, link in enumerate(links):
-                self._seen[link.field] = link.gain * block.values[i] + link.bias
+    def _read(self, instance: FmuInstance, groups: list[_Group]) -> None:
+        for kind, references, links in groups:
+            for link, value in zip(links, instance.read(kind, references), strict=True):
+                self._values[link.field] = link.gain * value + link.bias
 
     def _free(self) -> None:
         if self._instance is not None:
@@ -179,23 +164,25 @@ class FmuPlant:
 
 
 def open_fmu_plant(path: Path, mapping: Path | None, road_friction: float) -> FmuPlant:
-    """The plant in an FMU, with the mapping named or the one beside it.
+    """The plant in an FMU, with the given mapping file or the one beside the FMU.
 
     Raises:
         MissingExtraError: fmpy is not installed.
         ConfigError: FMU or mapping are missing or do not fit each other.
     """
-    if not path.is_file():
-        open_fmu(path)  # says so
-    return FmuPlant(path, load_mapping(mapping or mapping_beside(path)), road_friction)
+    file = FmuFile(path)
+    try:
+        return FmuPlant(file, load_mapping(mapping or path.with_suffix(".toml")), road_friction)
+    except ConfigError:
+        file.close()
+        raise
 
 
-def _blocks(
-    instance: FmuInstance, links: Sequence[Link]
-) -> list[tuple[RealBlock, tuple[Link, ...]]]:
-    blocks = []
-    for kind in REAL_TYPES:
-        alike = tuple(link for link in links if link.variable.type == kind)
-        if alike:
-            blocks.append((instance.reals([link.variable for link in alike]), alike))
-    return blocks
+def _grouped(links: Iterable[Link]) -> list[_Group]:
+    links = tuple(links)
+    alike = ((kind, tuple(k for k in links if k.variable.type == kind)) for kind in REAL_TYPES)
+    return [
+        _Group(kind, [link.variable.valueReference for link in some], some)
+        for kind, some in alike
+        if some
+    ]

@@ -1,38 +1,31 @@
-"""Channels of a mapping, resolved against the variables of an FMU: who, which factor, which way."""
+"""`Link`: a channel of a mapping, resolved against the variables of an FMU and converted to SI."""
 
+from collections import Counter
 from dataclasses import dataclass
 from math import isclose
 from typing import Any
 
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.signals import ControlInput
-from sim_bridge.adapters.fmu_instance import FmuFile
+from sim_bridge.adapters.fmu_file import FmuFile
 from sim_bridge.adapters.fmu_mapping import Channel, FmuMapping
-from sim_bridge.adapters.units import Unit, find_unit, require_unit, unit_of_exponents
+from sim_bridge.units import Unit, find_unit, require_unit, unit_of_exponents
 
 REAL_TYPES = ("Real", "Float64", "Float32")
-_FIELD_UNITS = {
-    "throttle": "1",
-    "brake_n": "N",
-    "steer_rad": "rad",
-    "vx_mps": "m/s",
-    "vy_mps": "m/s",
-    "yaw_rate_radps": "rad/s",
-    "ax_mps2": "m/s2",
-    "ay_mps2": "m/s2",
-    "roll_rad": "rad",
-    "pitch_rad": "rad",
-    "road_wheel_rad": "rad",
-    "brake_mpa": "MPa",
-    "gear": "1",
-    "engine_rpm": "rpm",
-    "road_friction": "1",
+_UNIT_OF_ENDING = {
+    "mps": "m/s",
+    "mps2": "m/s2",
+    "radps": "rad/s",
+    "rad": "rad",
+    "n": "N",
+    "mpa": "MPa",
+    "rpm": "rpm",
 }
+"""units of the contract's signals by the end of their names; other names have no dimension"""
 
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """One channel, resolved: target = gain * source + bias, whichever way it points."""
+    """A resolved channel: target = gain * source + bias, in either direction."""
 
     field: str
     variable: Any
@@ -40,51 +33,53 @@ class Link:
     bias: float
 
 
-def resolve_inputs(file: FmuFile, mapping: FmuMapping) -> tuple[Link, ...]:
-    """From the contract's inputs to the FMU's.
+def resolve_links(file: FmuFile, mapping: FmuMapping) -> tuple[list[Link], list[Link], list[Link]]:
+    """Links of the mapping's inputs, outputs and start values with the FMU's variables.
 
     Raises:
-        ConfigError: a variable is missing, cannot be set, or is meant twice.
+        ConfigError: a variable is missing, cannot be set, has a unit of another quantity, or is
+            named for two inputs.
     """
-    links = []
-    for field in ControlInput._fields:
-        channel = getattr(mapping.inputs, field)
-        if channel is not False:
-            links.append(_link_into(file, field, channel, ("input", "parameter")))
-    names = [link.variable.name for link in links]
-    for name in names:
-        if names.count(name) > 1:
+    inputs = [
+        _link_into(file, field, channel, ("input", "parameter"))
+        for field, channel in mapping.inputs
+        if channel is not None
+    ]
+    for name, number in Counter(link.variable.name for link in inputs).items():
+        if number > 1:
             raise ConfigError(
                 f"{file.path.name}: expected a variable of its own for each input, found {name!r} "
                 f"twice. One would overwrite the other; correct the mapping file."
             )
-    return tuple(links)
-
-
-def resolve_start(file: FmuFile, mapping: FmuMapping) -> tuple[Link, ...]:
-    """From what a run decides to the FMU's parameters.
-
-    Raises:
-        ConfigError: a variable is missing or cannot be set.
-    """
-    return tuple(
-        _link_into(file, field, channel, ("parameter", "input", "local", "output"))
-        for field in type(mapping.start).model_fields
-        if (channel := getattr(mapping.start, field)) is not None
-    )
-
-
-def resolve_outputs(file: FmuFile, mapping: FmuMapping) -> tuple[Link, ...]:
-    """From the FMU's variables to motion and outputs.
-
-    Raises:
-        ConfigError: a variable is missing or counts in something else.
-    """
-    return tuple(
+    outputs = [
         _link_out_of(file, field, channel)
-        for field in type(mapping.outputs).model_fields
-        if (channel := getattr(mapping.outputs, field)) is not None
-    )
+        for field, channel in mapping.outputs
+        if channel is not None
+    ]
+    start = [
+        _link_into(file, field, channel, ("parameter", "input", "local", "output"))
+        for field, channel in mapping.start
+        if channel is not None
+    ]
+    return inputs, outputs, start
+
+
+def require_internal_step(file: FmuFile, mapping: FmuMapping) -> None:
+    """Return if the FMU can compute steps of the mapping's size.
+
+    Raises:
+        ConfigError: they are no multiple of its own fixed step.
+    """
+    fixed_s = getattr(file.description.coSimulation, "fixedInternalStepSize", None)
+    if fixed_s is None:
+        return
+    ratio = mapping.communication_step_s / float(fixed_s)
+    if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6:
+        raise ConfigError(
+            f"{file.path.name}: communication_step_s: expected a multiple of the FMU's own step "
+            f"of {float(fixed_s):g} s, found {mapping.communication_step_s:g} s. Correct the "
+            f"mapping file."
+        )
 
 
 def _link_into(file: FmuFile, field: str, channel: Channel, causalities: tuple[str, ...]) -> Link:
@@ -95,20 +90,17 @@ def _link_into(file: FmuFile, field: str, channel: Channel, causalities: tuple[s
             f"({' or '.join(causalities[:2])}), found {channel.variable!r}, which is "
             f"{variable.causality}. Name another in the mapping file."
         )
-    unit = _unit_of(file, field, channel, variable)
-    scale = _scale(file, field, channel, unit)
-    return Link(
-        field, variable, channel.sign * scale * _si(field) / unit.to_si, channel.offset / unit.to_si
-    )
+    unit, signal = _units(file, field, channel, variable)
+    gain = channel.sign * (channel.scale or 1.0) * signal.factor / unit.factor
+    return Link(field, variable, gain, (channel.offset - unit.offset) / unit.factor)
 
 
 def _link_out_of(file: FmuFile, field: str, channel: Channel) -> Link:
     variable = _require_real(file, field, channel)
-    unit = _unit_of(file, field, channel, variable)
-    scale = _scale(file, field, channel, unit)
-    return Link(
-        field, variable, channel.sign * scale * unit.to_si / _si(field), channel.offset / _si(field)
-    )
+    unit, signal = _units(file, field, channel, variable)
+    scale = channel.sign * (channel.scale or 1.0)
+    bias = (channel.offset + scale * unit.offset) / signal.factor
+    return Link(field, variable, scale * unit.factor / signal.factor, bias)
 
 
 def _require_real(file: FmuFile, field: str, channel: Channel) -> Any:
@@ -122,29 +114,42 @@ def _require_real(file: FmuFile, field: str, channel: Channel) -> Any:
     return variable
 
 
-def _unit_of(file: FmuFile, field: str, channel: Channel, variable: Any) -> Unit:
-    """What the mapping says, else what the FMU says, else the contract's own unit."""
+def _units(file: FmuFile, field: str, channel: Channel, variable: Any) -> tuple[Unit, Unit]:
+    """Units of the variable and of the contract's signal, which must be of one quantity.
+
+    The unit of the variable is that of the mapping, else that of the FMU, else that of the signal.
+    """
     where = f"{file.path.name}: {field}: {channel.variable!r}"
+    ending = field.rpartition("_")[2]
+    signal_name = _UNIT_OF_ENDING.get(ending, "1")
+    signal = require_unit(signal_name, field)
     declared = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
     known = _declared_unit(file, declared) if declared else None
     if channel.unit is None:
-        return known or require_unit(declared or _field_unit(field), where)
-    unit = require_unit(channel.unit, where)
-    if known is not None and not _is_same(known, unit):
+        unit = known or require_unit(declared or signal_name, where)
+    else:
+        unit = require_unit(channel.unit, where)
+        if known is not None and not _is_same(known, unit):
+            raise ConfigError(
+                f"{where}: expected the FMU's own unit {declared!r}, found {channel.unit!r} in the "
+                f"mapping file. Leave the unit out or correct it; a factor belongs into scale."
+            )
+    if unit.quantity != signal.quantity and channel.scale is None:
         raise ConfigError(
-            f"{where}: expected the FMU's own unit {declared!r}, found {channel.unit!r} in the "
-            f"mapping file. Leave the unit out or correct it; a factor goes into scale."
+            f"{file.path.name}: {field}: expected {channel.variable!r} to measure "
+            f"{signal.quantity}, found {unit.quantity}. Give with scale how much "
+            f"{unit.quantity} is one unit of {signal.quantity}, both in SI."
         )
-    return unit
+    return unit, signal
 
 
 def _is_same(one: Unit, other: Unit) -> bool:
-    # Tools round the factors that they write down.
-    return one.dimension == other.dimension and isclose(one.to_si, other.to_si, rel_tol=1e-4)
+    # Tools write rounded factors.
+    return one.quantity == other.quantity and isclose(one.factor, other.factor, rel_tol=1e-4)
 
 
 def _declared_unit(file: FmuFile, declared: str) -> Unit | None:
-    """By the base units that the model description gives, else by the spelling."""
+    """The unit from the base units in the model description, else from its name."""
     for definition in file.description.unitDefinitions:
         base = definition.baseUnit
         if definition.name == declared and base is not None:
@@ -152,40 +157,3 @@ def _declared_unit(file: FmuFile, declared: str) -> Unit | None:
                 return None
             return unit_of_exponents(base.kg, base.m, base.s, base.rad, base.factor)
     return find_unit(declared)
-
-
-def _scale(file: FmuFile, field: str, channel: Channel, unit: Unit) -> float:
-    wanted = require_unit(_field_unit(field), field)
-    if unit.dimension != wanted.dimension and channel.scale is None:
-        raise ConfigError(
-            f"{file.path.name}: {field}: expected {channel.variable!r} to measure "
-            f"{wanted.dimension}, found {unit.dimension}. Say with scale how much "
-            f"{unit.dimension} is one unit of {wanted.dimension}, both in SI."
-        )
-    return 1.0 if channel.scale is None else channel.scale
-
-
-def _field_unit(field: str) -> str:
-    return _FIELD_UNITS.get(field, "N")
-
-
-def _si(field: str) -> float:
-    return require_unit(_field_unit(field), field).to_si
-
-
-def require_internal_step(file: FmuFile, mapping: FmuMapping) -> None:
-    """Return if the FMU can make steps of the mapping's size.
-
-    Raises:
-        ConfigError: its own fixed step does not fit into them.
-    """
-    fixed_s = getattr(file.description.coSimulation, "fixedInternalStepSize", None)
-    if fixed_s is None:
-        return
-    ratio = mapping.communication_step_s / float(fixed_s)
-    if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6:
-        raise ConfigError(
-            f"{file.path.name}: communication_step_s: expected a multiple of the FMU's own step "
-            f"of {float(fixed_s):g} s, found {mapping.communication_step_s:g} s. Correct the "
-            f"mapping file."
-        )

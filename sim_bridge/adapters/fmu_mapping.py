@@ -1,16 +1,18 @@
 """The mapping file: which variable of an FMU is which signal of the contract.
 
-It is TOML, and by default lies beside the FMU under the same name: `car.fmu`, `car.toml`.
+It is TOML, by default beside the FMU under the same name: `car.fmu`, `car.toml`.
 """
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.timing import PERIOD_S
+from sim_bridge.toml_file import parse
+
+_Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class _Strict(BaseModel):
@@ -18,33 +20,46 @@ class _Strict(BaseModel):
 
 
 class Channel(_Strict):
-    """One variable, and how its numbers become those of the contract.
+    """One variable, and the conversion between its values and those of the contract.
 
     Towards the FMU: variable = sign * scale * contract + offset.
     From the FMU: contract = sign * scale * variable + offset.
-    The variable counts in its unit, the contract in SI; scale and offset are in SI on both sides.
+    The variable has its own unit, the contract SI units; scale and offset are in SI on both sides.
     """
 
     variable: str
     unit: str | None = None
-    scale: float | None = Field(default=None, gt=0.0, allow_inf_nan=False)
-    """needed where the unit measures something else than the contract: pressure per force"""
-    offset: float = Field(default=0.0, allow_inf_nan=False)
+    scale: Annotated[_Finite, Field(gt=0)] | None = None
+    """needed if the unit is of another quantity than the signal: pressure per force"""
+    offset: _Finite = 0.0
     sign: Literal[1, -1] = 1
 
 
-def _named(raw: object) -> object:
+def _expand_name(raw: object) -> object:
     return {"variable": raw} if isinstance(raw, str) else raw
 
 
-NamedChannel = Annotated[Channel, BeforeValidator(_named)]
-"""a channel, or just the variable's name"""
-Input = NamedChannel | Literal[False]
-"""false: this plant has no such input, and what is asked of it is lost"""
+def _none_if_false(raw: object) -> object:
+    return None if raw is False else raw
+
+
+def _require_whole_steps(step_s: float) -> float:
+    n_steps = round(PERIOD_S / step_s)
+    if n_steps < 1 or abs(n_steps * step_s - PERIOD_S) > 1e-9:
+        raise ValueError(
+            f"expected a whole number of steps in {PERIOD_S} s, as with {PERIOD_S}, 0.005 or 0.001"
+        )
+    return step_s
+
+
+NamedChannel = Annotated[Channel, BeforeValidator(_expand_name)]
+"""a channel, or only the variable's name"""
+Input = Annotated[NamedChannel | None, BeforeValidator(_none_if_false)]
+"""None, `false` in the file: the plant has no such input, and its value is not used"""
 
 
 class InputMapping(_Strict):
-    """Where the driver's hands and feet go; `ControlInput`."""
+    """Variables of the inputs: the fields of `ControlInput`."""
 
     throttle: Input
     brake_n: Input
@@ -52,7 +67,7 @@ class InputMapping(_Strict):
 
 
 class OutputMapping(_Strict):
-    """Where the motion comes from, and what else the plant knows; `PlantOutputs`."""
+    """Variables of the motion and of further outputs: the fields of `PlantOutputs`."""
 
     vx_mps: NamedChannel
     vy_mps: NamedChannel
@@ -73,7 +88,7 @@ class OutputMapping(_Strict):
 
 
 class StartMapping(_Strict):
-    """Parameters that the run decides; what is not named is the FMU's own business."""
+    """Parameters of the FMU that a run sets; the others keep the values of the FMU."""
 
     vx_mps: NamedChannel | None = None
     road_friction: NamedChannel | None = None
@@ -82,54 +97,29 @@ class StartMapping(_Strict):
 class FmuMapping(_Strict):
     """A whole mapping file."""
 
-    communication_step_s: float = Field(gt=0.0, allow_inf_nan=False)
-    """how long the FMU computes between two looks at it; a whole number of them is 25 ms"""
+    communication_step_s: Annotated[_Finite, Field(gt=0), AfterValidator(_require_whole_steps)]
+    """time between two exchanges of values; a whole number of them is a control period"""
     inputs: InputMapping
     outputs: OutputMapping
     start: StartMapping = StartMapping()
     parameters: dict[str, bool | int | float | str] = {}
     """start values of further variables, by name, in the FMU's own units"""
 
-    @property
-    def steps_per_period(self) -> int:
-        """Communication steps in a control period."""
-        return round(PERIOD_S / self.communication_step_s)
 
-
-def mapping_beside(fmu: Path) -> Path:
-    """Where the mapping of an FMU lies unless another is named."""
-    return fmu.with_suffix(".toml")
+_SCHEMA = TypeAdapter(FmuMapping)
 
 
 def load_mapping(path: Path) -> FmuMapping:
     """The mapping in a TOML file.
 
     Raises:
-        ConfigError: there is none, or a name or value in it makes no sense.
+        ConfigError: there is no file, or fields are missing, unknown or out of their limits.
     """
     try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(
-            f"{path}: expected the mapping from the FMU's variables to the contract, found "
-            f"nothing readable ({error.strerror}). Write one (docs/plants.md shows how) or name "
-            f"it with --plant-mapping."
+            f"{path}: expected the mapping from the FMU's variables to the contract, found an "
+            f"error: {error}. Write one (docs/plants.md shows how) or name it with --plant-mapping."
         ) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: expected a TOML file, found {error}. Correct it.") from error
-    try:
-        mapping = FmuMapping.model_validate(raw)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        field = ".".join(str(part) for part in first["loc"])
-        raise ConfigError(
-            f"{path}: {field}: {first['msg']}, found {first['input']!r}. docs/plants.md lists "
-            f"what a mapping may say."
-        ) from error
-    n = mapping.steps_per_period
-    if n < 1 or abs(n * mapping.communication_step_s - PERIOD_S) > 1e-9:
-        raise ConfigError(
-            f"{path}: communication_step_s: expected a whole number of steps in {PERIOD_S} s, "
-            f"found {mapping.communication_step_s} s. Use 0.025, 0.005, 0.001 or the like."
-        )
-    return mapping
+    return parse(text, _SCHEMA, str(path))

@@ -1,8 +1,8 @@
-"""What runs inside an exported FMU: the own car behind pythonfmu's FMI 2 interface.
+"""The code inside an exported FMU: the own car behind pythonfmu's FMI 2 interface.
 
-This file is copied into the FMU and loaded from there by itself, so it names its imports in full.
-The car's parameters lie beside it as `car.toml`. The Python that loads the FMU needs
-`rt-controller[sim]`.
+This file is copied into the FMU and loaded from there as a single file, so it imports all names by
+their full path. The car's parameters are beside it as `car.toml`. The Python that loads the FMU
+needs `rt-controller[sim]`.
 """
 
 from math import isfinite, nan
@@ -17,9 +17,7 @@ from rt_controller.contract.signals import ControlInput
 from sim_bridge.adapters.own_car import OwnCar
 from sim_bridge.adapters.plants import own_parameters
 from sim_bridge.plant.integrate import STEP_S
-from sim_bridge.plant.protocol import PlantOutputs
-
-MOTION = ("vx_mps", "vy_mps", "yaw_rate_radps")
+from sim_bridge.plant.protocol import MOTION_FIELDS, PlantOutputs
 
 
 class Car(Fmi2Slave):
@@ -35,22 +33,22 @@ class Car(Fmi2Slave):
         self.road_friction = 0.85
         self.road_friction_right = 0.0
         self.vx_mps = self.vy_mps = self.yaw_rate_radps = nan
-        self._seen: PlantOutputs | None = PlantOutputs()
+        self._outputs: PlantOutputs | None = PlantOutputs()
         self.car: OwnCar | None = None
         self.default_experiment = DefaultExperiment(start_time=0.0, step_size=STEP_S)
         for name in ControlInput._fields:
             self._declare(name, Fmi2Causality.input, Fmi2Variability.continuous)
         for name in ("v0_mps", "road_friction", "road_friction_right"):
             self._declare(name, Fmi2Causality.parameter, Fmi2Variability.fixed)
-        for name in MOTION:
+        for name in MOTION_FIELDS:
             self._declare(name, Fmi2Causality.output, Fmi2Variability.continuous)
         for name in PlantOutputs._fields:
             self.register_variable(
                 Real(
-                    f"seen_{name}",
+                    f"out_{name}",
                     causality=Fmi2Causality.output,
                     variability=Fmi2Variability.continuous,
-                    getter=lambda name=name: getattr(self._look(), name),
+                    getter=lambda name=name: getattr(self._current_outputs(), name),
                 )
             )
 
@@ -63,10 +61,10 @@ class Car(Fmi2Slave):
         )
         self.car = OwnCar(parameters)
         self.vx_mps, self.vy_mps, self.yaw_rate_radps = self.car.reset(self.v0_mps).tolist()
-        self._seen = None
+        self._outputs = None
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """Drive on; refuse what is no whole number of the car's own steps."""
+        """Compute a step; False if it is no whole number of the car's own steps, or fails."""
         if self.car is None:
             return False
         control = ControlInput(self.throttle, self.brake_n, self.steer_rad)
@@ -76,14 +74,14 @@ class Car(Fmi2Slave):
             self.log(str(error), Fmi2Status.error)
             return False
         self.vx_mps, self.vy_mps, self.yaw_rate_radps = motion[-1].tolist()
-        self._seen = None
+        self._outputs = None
         return isfinite(self.vx_mps + self.vy_mps + self.yaw_rate_radps)
 
-    def _look(self) -> PlantOutputs:
-        """Computed when somebody asks, once a step."""
-        if self._seen is None and self.car is not None:
-            self._seen = self.car.outputs()
-        return self._seen or PlantOutputs()
+    def _current_outputs(self) -> PlantOutputs:
+        """Computed at the first access after a step."""
+        if self._outputs is None and self.car is not None:
+            self._outputs = self.car.outputs()
+        return self._outputs or PlantOutputs()
 
     def _declare(self, name: str, causality: Fmi2Causality, variability: Fmi2Variability) -> None:
         self.register_variable(Real(name, causality=causality, variability=variability))

@@ -1,30 +1,17 @@
-"""The rigid body: planar motion of the whole car, and heave, roll and pitch of the sprung mass.
+"""The rigid body: planar motion of the whole car; heave, roll and pitch of the sprung mass; air.
 
-Momentum is written for the centre of gravity of the whole car, so that the planar equations stay
-free of roll and pitch accelerations; the running gear moves a little faster than that point while
-the sprung mass sways over it (`running_gear_velocity`).
+The planar equations hold for the centre of gravity of the whole car, so that they contain no roll
+or pitch accelerations. The wheels move relative to that point while the sprung mass rolls and
+pitches (`running_gear_velocity`).
 """
 
-from typing import NamedTuple
-
-from sim_bridge.plant.car_parts import GRAVITY_MPS2, BodyParameters, SuspensionParameters
+from sim_bridge.plant.car_parts import (
+    GRAVITY_MPS2,
+    AeroParameters,
+    BodyParameters,
+    SuspensionParameters,
+)
 from sim_bridge.plant.jit import compiled
-from sim_bridge.plant.suspension import WheelValues
-
-
-class PlanarVelocity(NamedTuple):
-    """Velocity of a point in the ground plane, body axes."""
-
-    forward_mps: float
-    left_mps: float
-
-
-class SprungAcceleration(NamedTuple):
-    """How the sprung mass is accelerated against the ground."""
-
-    heave_mps2: float
-    roll_radps2: float
-    pitch_radps2: float
 
 
 @compiled
@@ -52,13 +39,15 @@ def running_gear_velocity(
     pitch_rate_radps: float,
     body: BodyParameters,
     suspension: SuspensionParameters,
-) -> PlanarVelocity:
-    """Velocity of the wheels' frame below the centre of gravity, without yaw."""
+) -> tuple[float, float]:
+    """Velocity of the wheels' frame below the centre of gravity, without the part from yaw.
+
+    Returns:
+        forward and to the left in m/s, body axes.
+    """
     share = body.sprung_mass_kg / body.mass_kg
-    return PlanarVelocity(
-        vx_mps - share * pitch_arm_m(body, suspension) * pitch_rate_radps,
-        vy_mps + share * roll_arm_m(body, suspension) * roll_rate_radps,
-    )
+    forward_mps = vx_mps - share * pitch_arm_m(body, suspension) * pitch_rate_radps
+    return forward_mps, vy_mps + share * roll_arm_m(body, suspension) * roll_rate_radps
 
 
 @compiled
@@ -70,32 +59,34 @@ def sprung_acceleration(
     ax_mps2: float,
     ay_mps2: float,
     lift_n: float,
-    corners: WheelValues,
+    corners_n: tuple[float, float, float, float],
     body: BodyParameters,
     suspension: SuspensionParameters,
-) -> SprungAcceleration:
-    """Heave, roll and pitch of the sprung mass.
+) -> tuple[float, float, float]:
+    """Heave (m/s^2), roll and pitch acceleration (rad/s^2) of the sprung mass.
 
-    The wheels hand the horizontal force of the road on, less what accelerates themselves; it works
-    at the road, their inertia at their own height. The weight works over the arms that lean.
+    The wheels transfer the horizontal force of the road, less what accelerates the wheels
+    themselves: the first acts at the road, the second at the height of the wheel centres. Gravity
+    acts on the arms of roll and pitch.
 
     Args:
-        corners: upward force of springs and arms on the body at each wheel, beyond the weight.
+        corners_n: upward force of springs and arms on the body at each wheel, beyond the weight.
     """
+    front_left_n, front_right_n, rear_left_n, rear_right_n = corners_n
     mass_kg = body.sprung_mass_kg
     unsprung_kg = body.mass_kg - mass_kg
-    beyond_share = unsprung_kg / body.mass_kg
+    unsprung_share = unsprung_kg / body.mass_kg
     roll_m = roll_arm_m(body, suspension)
     pitch_m = pitch_arm_m(body, suspension)
     below_m = body.sprung_height_m - body.unsprung_height_m
-    front_n = corners.front_left + corners.front_right
-    rear_n = corners.rear_left + corners.rear_right
+    front_n = front_left_n + front_right_n
+    rear_n = rear_left_n + rear_right_n
     roll_nm = (
         body.sprung_height_m * road_left_n
         - unsprung_kg * ay_mps2 * below_m
         + mass_kg * GRAVITY_MPS2 * roll_m * roll_rad
-        + 0.5 * body.track_front_m * (corners.front_left - corners.front_right)
-        + 0.5 * body.track_rear_m * (corners.rear_left - corners.rear_right)
+        + 0.5 * body.track_front_m * (front_left_n - front_right_n)
+        + 0.5 * body.track_rear_m * (rear_left_n - rear_right_n)
     )
     pitch_nm = (
         -body.sprung_height_m * road_forward_n
@@ -104,8 +95,16 @@ def sprung_acceleration(
         - body.sprung_front_axle_m * front_n
         + body.sprung_rear_axle_m * rear_n
     )
-    return SprungAcceleration(
+    return (
         (front_n + rear_n + lift_n) / mass_kg,
-        roll_nm / (body.sprung_roll_inertia_kgm2 + mass_kg * roll_m * roll_m * beyond_share),
-        pitch_nm / (body.sprung_pitch_inertia_kgm2 + mass_kg * pitch_m * pitch_m * beyond_share),
+        roll_nm / (body.sprung_roll_inertia_kgm2 + mass_kg * roll_m * roll_m * unsprung_share),
+        pitch_nm / (body.sprung_pitch_inertia_kgm2 + mass_kg * pitch_m * pitch_m * unsprung_share),
     )
+
+
+@compiled
+def air_force(vx_mps: float, aero: AeroParameters) -> tuple[float, float]:
+    """Force of still air on a car that moves straight ahead: forward and up, in N."""
+    pressure_n = 0.5 * aero.air_density_kgpm3 * aero.area_m2 * vx_mps * vx_mps
+    drag_n = aero.drag * pressure_n
+    return (-drag_n if vx_mps > 0.0 else drag_n), aero.lift * pressure_n

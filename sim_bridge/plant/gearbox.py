@@ -1,10 +1,8 @@
-"""The automatic gearbox: six ratios, a shift map over throttle, and the hand-over of a shift."""
+"""The automatic gearbox: six ratios, a shift map over the throttle, and the course of a shift."""
 
 from math import sqrt
 
-from numpy import float64
-from numpy.typing import NDArray
-
+from rt_controller.contract.arrays import Array
 from sim_bridge.plant.car_parts import GearboxParameters
 from sim_bridge.plant.engine import RPM_OF_RADPS
 from sim_bridge.plant.jit import compiled
@@ -17,7 +15,7 @@ N_GEARS = 6
 def ratio(
     gear: float, gear_before: float, since_shift_s: float, gearbox: GearboxParameters
 ) -> float:
-    """Speed ratio; during a shift it passes smoothly from the old gear's to the new one's."""
+    """Speed ratio; during a shift a smooth transition from the old to the new gear."""
     after = gearbox.ratios[int(gear) - 1]
     if since_shift_s >= gearbox.shift_time_s:
         return after
@@ -27,12 +25,12 @@ def ratio(
 
 
 @compiled
-def handed_over(
+def kept_torque(
     gear: float, gear_before: float, since_shift_s: float, gearbox: GearboxParameters
 ) -> float:
-    """Share of the fired torque that the engine keeps: it dips while an up-shift brakes it down.
+    """Share of the combustion torque that the engine keeps: reduced during an up-shift.
 
-    A down-shift leaves the engine its torque, which has to bring it up.
+    It is not reduced during a down-shift, in which the engine has to accelerate.
     """
     if since_shift_s >= gearbox.shift_time_s or gear < gear_before:
         return 1.0
@@ -41,26 +39,20 @@ def handed_over(
 
 
 @compiled
-def efficiency(gear: float, gearbox: GearboxParameters) -> float:
-    """Share of the power that leaves the gearbox."""
-    return gearbox.efficiencies[int(gear) - 1]
-
-
-@compiled
 def up_shift_rpm(throttle: float, gearbox: GearboxParameters) -> float:
-    """Turbine speed above which the next gear is engaged."""
+    """Turbine speed above which the next higher gear is engaged."""
     return gearbox.up_rpm + (gearbox.up_rpm_full - gearbox.up_rpm) * throttle * sqrt(throttle)
 
 
 @compiled
 def down_shift_rpm(throttle: float, gearbox: GearboxParameters) -> float:
-    """Turbine speed below which the gear before is engaged."""
+    """Turbine speed below which the next lower gear is engaged."""
     return gearbox.down_rpm + (gearbox.down_rpm_full - gearbox.down_rpm) * throttle * sqrt(throttle)
 
 
 @compiled
 def highest_gear(output_radps: float, throttle: float, gearbox: GearboxParameters) -> float:
-    """The gear a car rolls along in: the highest one clear of its down-shift."""
+    """The highest gear with a margin of 10 % above its down-shift speed."""
     for gear in range(N_GEARS, 1, -1):
         turbine_rpm = output_radps * gearbox.ratios[gear - 1] * RPM_OF_RADPS
         if turbine_rpm > 1.1 * down_shift_rpm(throttle, gearbox):
@@ -70,11 +62,11 @@ def highest_gear(output_radps: float, throttle: float, gearbox: GearboxParameter
 
 @compiled
 def choose_gear(
-    state: NDArray[float64], output_radps: float, gearbox: GearboxParameters, step_s: float
+    state: Array, output_radps: float, gearbox: GearboxParameters, step_s: float
 ) -> None:
-    """Decide on a shift and let its clock run; changes only the gear entries of the state.
+    """Start a shift if it is due, and advance the shift timer; writes only the gear states.
 
-    Called once between steps, so that a step never sees the gear change.
+    Called between steps: the gear is constant within a step.
     """
     elapsed_s = state[AT.since_shift_s] + step_s
     if elapsed_s >= gearbox.dwell_s:

@@ -1,9 +1,8 @@
-"""The one door to the compiler: every numeric kernel of the car is decorated here.
+"""`compiled`: the numba decorator of all numeric kernels of the car.
 
-Kernels release the interpreter lock and are cached on disk. The compiler checks only a kernel's
-own file when it looks into its cache, yet kernels are compiled together with what they call; so
-the cache lives in a folder named after the text of all files that hold kernels, and a change in
-one of them is never answered with old machine code.
+Kernels release the interpreter lock and are cached on disk. numba compares only a kernel's own file
+with its cache, but compiles a kernel together with the kernels that it calls. Therefore the cache
+folder is named after the content of all files with kernels: a change in any of them recompiles all.
 """
 
 import hashlib
@@ -16,12 +15,12 @@ import numba
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
-_ROOM = Path(__file__).parent
+_FOLDER = Path(__file__).parent
 _CONFIG: Any = numba.config
 
 
 def compiled(function: Kernel) -> Kernel:
-    """The same function as machine code, compiled at its first call and then kept on disk."""
+    """The function as machine code, compiled at its first call and cached on disk."""
     outer = _CONFIG.CACHE_DIR
     _CONFIG.CACHE_DIR = str(_cache_folder(outer) / f"kernels-{_SOURCES_DIGEST}")
     try:
@@ -31,17 +30,17 @@ def compiled(function: Kernel) -> Kernel:
     return cast(Kernel, kernel)
 
 
-def _cache_folder(chosen: str) -> Path:
-    """Where the user wants it, else beside the sources, else (installed read-only) at home."""
-    if chosen:
-        return Path(chosen)
-    if os.access(_ROOM, os.W_OK):
-        return _ROOM / "__pycache__"
+def _cache_folder(configured: str) -> Path:
+    """NUMBA_CACHE_DIR, else beside the sources, else (read-only installation) the user's cache."""
+    if configured:
+        return Path(configured)
+    if os.access(_FOLDER, os.W_OK):
+        return _FOLDER / "__pycache__"
     return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "rt-controller"
 
 
 def _digest_of_sources() -> str:
-    sources = [*sorted(_ROOM.glob("*.py")), _ROOM.parent / "frenet.py"]
+    sources = [*sorted(_FOLDER.glob("*.py")), _FOLDER.parent / "frenet.py"]
     return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
 
 

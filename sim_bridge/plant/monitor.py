@@ -1,21 +1,21 @@
-"""What can be seen of the car beside its motion: for logs, plots and the rejection of episodes."""
+"""`Monitor`: quantities of the car besides its motion, for logs, plots and rejecting episodes."""
 
 from math import atan2
 from typing import NamedTuple
 
-from numpy import float64
-from numpy.typing import NDArray
-
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.signals import ControlInput
+from sim_bridge.plant.axles import front_axle, rear_axle
 from sim_bridge.plant.engine import RPM_OF_RADPS
 from sim_bridge.plant.jit import compiled
 from sim_bridge.plant.parameters import Parameters
 from sim_bridge.plant.states import AT
-from sim_bridge.plant.suspension import travels_m
+from sim_bridge.plant.suspension import travel_m, tyre_load_n
 from sim_bridge.plant.vehicle import Derivative, evaluate
 
 
 class Monitor(NamedTuple):
-    """One instant of the car; its `_fields` are the columns of a monitor array."""
+    """The car at one instant; its `_fields` are the columns of a monitor array."""
 
     ax_mps2: float
     """acceleration of the centre of gravity, body axes"""
@@ -26,7 +26,7 @@ class Monitor(NamedTuple):
     gear: float
     engine_rpm: float
     throttle: float
-    """as opened, behind the actuator's lag"""
+    """opening, after the actuator lag"""
     brake_mpa: float
     """of the front circuit"""
     road_wheel_rad: float
@@ -54,21 +54,16 @@ _LEAST_SPEED_MPS = 0.5
 
 
 @compiled
-def observe(
-    state: NDArray[float64],
-    throttle: float,
-    brake_n: float,
-    steer_rad: float,
-    p: Parameters,
-    scratch: Derivative,
-) -> Monitor:
-    """What an instant looks like under the inputs that hold in it; below walking pace the sideslip
-    is measured against walking pace, since the direction of rest means nothing."""
-    loads = evaluate(state, throttle, brake_n, steer_rad, p, scratch)
+def monitor_of(state: Array, control: ControlInput, p: Parameters, scratch: Derivative) -> Monitor:
+    """The monitor of a state under constant inputs.
+
+    Below 0.5 m/s the sideslip is computed with 0.5 m/s: at rest it is not defined.
+    """
+    evaluate(state, control, p, scratch)
+    front, rear = front_axle(p), rear_axle(p)
     vx_mps = state[AT.vx_mps]
     vy_mps = state[AT.vy_mps]
     yaw_rate = state[AT.yaw_rate_radps]
-    travels = travels_m(state, p.body)
     return Monitor(
         scratch.rate[AT.vx_mps] - yaw_rate * vy_mps,
         scratch.rate[AT.vy_mps] + yaw_rate * vx_mps,
@@ -82,14 +77,14 @@ def observe(
         state[AT.road_wheel_rad],
         state[AT.turbine_radps] * RPM_OF_RADPS,
         state[AT.wind_up_rad],
-        travels.front_left,
-        travels.front_right,
-        travels.rear_left,
-        travels.rear_right,
-        loads.front_left,
-        loads.front_right,
-        loads.rear_left,
-        loads.rear_right,
+        travel_m(state, 0, front),
+        travel_m(state, 1, front),
+        travel_m(state, 2, rear),
+        travel_m(state, 3, rear),
+        tyre_load_n(state, 0, front, p.tyre),
+        tyre_load_n(state, 1, front, p.tyre),
+        tyre_load_n(state, 2, rear, p.tyre),
+        tyre_load_n(state, 3, rear, p.tyre),
         state[AT.spin_radps],
         state[AT.spin_radps + 1],
         state[AT.spin_radps + 2],

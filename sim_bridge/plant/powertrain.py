@@ -1,52 +1,119 @@
-"""Engine, converter, gearbox and shafts in a row: how they move and what they leave the wheels."""
+"""From the crankshaft to the wheels: torque converter, shafts that twist, differentials.
 
-from numpy import float64
-from numpy.typing import NDArray
+The centre differential is viscous, both axle differentials are open.
+"""
 
-from sim_bridge.plant import converter, driveline, engine, gearbox
+from typing import NamedTuple
+
+from rt_controller.contract.arrays import Array
+from sim_bridge.plant import engine, gearbox
+from sim_bridge.plant.car_parts import ConverterParameters, DrivelineParameters
+from sim_bridge.plant.engine import RPM_OF_RADPS
 from sim_bridge.plant.jit import compiled
 from sim_bridge.plant.parameters import Parameters
 from sim_bridge.plant.states import AT
 
 
+class ConverterTorque(NamedTuple):
+    """Torque taken from the engine and torque delivered to the gearbox."""
+
+    impeller_nm: float
+    turbine_nm: float
+
+
+class AxleTorque(NamedTuple):
+    """Drive torque of each wheel of an axle."""
+
+    front_wheel_nm: float
+    rear_wheel_nm: float
+
+
 @compiled
-def axle_speeds_radps(state: NDArray[float64]) -> tuple[float, float]:
+def converter_torque(
+    engine_radps: float, turbine_radps: float, converter: ConverterParameters
+) -> ConverterTorque:
+    """Torques at both ends of the converter; a turbine faster than the engine drives the engine.
+
+    The capacity is largest at stall and decreases with a power of the speed ratio. Both branches
+    meet at equal speeds with the same slope.
+    """
+    engine_rpm = max(1.0, engine_radps * RPM_OF_RADPS)
+    turbine_rpm = turbine_radps * RPM_OF_RADPS
+    if turbine_rpm > engine_rpm:
+        overrun_nm = _capacity_nm(turbine_rpm, engine_rpm / turbine_rpm, converter)
+        return ConverterTorque(-overrun_nm, -overrun_nm)
+    ratio = max(0.0, turbine_rpm / engine_rpm)
+    impeller_nm = _capacity_nm(engine_rpm, ratio, converter)
+    gain = (
+        converter.stall_torque_ratio
+        - (converter.stall_torque_ratio - 1.0) * ratio / converter.coupling_speed_ratio
+    )
+    return ConverterTorque(impeller_nm, impeller_nm * max(1.0, gain))
+
+
+@compiled
+def _capacity_nm(faster_rpm: float, ratio: float, converter: ConverterParameters) -> float:
+    full_nm = converter.capacity_nm_per_rpm2 * faster_rpm * faster_rpm
+    return full_nm * (1.0 - float(ratio**converter.capacity_fade))
+
+
+@compiled
+def driven_speed_radps(
+    front_radps: float, rear_radps: float, driveline: DrivelineParameters
+) -> float:
+    """Speed at the input of the centre differential, from the mean wheel speeds of the axles."""
+    return driveline.front_share * front_radps + (1.0 - driveline.front_share) * rear_radps
+
+
+@compiled
+def axle_torque(
+    shafts_nm: float, front_radps: float, rear_radps: float, driveline: DrivelineParameters
+) -> AxleTorque:
+    """Torque split of the centre differential; its viscous coupling drives the slower axle."""
+    ratio = driveline.final_ratio
+    coupled_nm = driveline.viscous_nms * ratio * ratio * (rear_radps - front_radps)
+    lossy_nm = shafts_nm * driveline.final_efficiency
+    if shafts_nm < 0.0:
+        lossy_nm = shafts_nm / driveline.final_efficiency
+    return AxleTorque(
+        0.5 * (driveline.front_share * lossy_nm + coupled_nm),
+        0.5 * ((1.0 - driveline.front_share) * lossy_nm - coupled_nm),
+    )
+
+
+@compiled
+def axle_speeds_radps(state: Array) -> tuple[float, float]:
     """Mean wheel speed of the front and of the rear axle."""
     first = AT.spin_radps
     return 0.5 * (state[first] + state[first + 1]), 0.5 * (state[first + 2] + state[first + 3])
 
 
 @compiled
-def output_speed_radps(state: NDArray[float64], p: Parameters) -> float:
-    """Speed of the gearbox's output shaft as the wheels turn it, without its wind-up."""
+def output_speed_radps(state: Array, p: Parameters) -> float:
+    """Speed of the gearbox's output shaft that follows from the wheel speeds, without its twist."""
     front, rear = axle_speeds_radps(state)
-    return p.driveline.final_ratio * driveline.driven_speed_radps(front, rear, p.driveline)
+    return p.driveline.final_ratio * driven_speed_radps(front, rear, p.driveline)
 
 
 @compiled
-def drive(
-    state: NDArray[float64],
-    throttle: float,
-    p: Parameters,
-    rate: NDArray[float64],
-    decay: NDArray[float64],
-) -> driveline.AxleTorque:
+def wheel_torque(
+    state: Array, throttle: float, p: Parameters, rate: Array, decay: Array
+) -> AxleTorque:
     """Torque at the wheels; throttle, engine, turbine and wind-up go into `rate` and `decay`."""
     front, rear = axle_speeds_radps(state)
     ratio = p.driveline.final_ratio * gearbox.ratio(
         state[AT.gear], state[AT.gear_before], state[AT.since_shift_s], p.gearbox
     )
-    wind_up_radps = state[AT.turbine_radps] / ratio - driveline.driven_speed_radps(
-        front, rear, p.driveline
+    wind_up_radps = state[AT.turbine_radps] / ratio - driven_speed_radps(front, rear, p.driveline)
+    shafts_nm = (
+        p.driveline.shaft_stiffness_nmprad * state[AT.wind_up_rad]
+        + p.driveline.shaft_damping_nms * wind_up_radps
     )
-    shafts_nm = driveline.shaft_nm(state[AT.wind_up_rad], wind_up_radps, p.driveline)
-    efficiency = gearbox.efficiency(state[AT.gear], p.gearbox)
+    efficiency = p.gearbox.efficiencies[int(state[AT.gear]) - 1]
     load_nm = shafts_nm * efficiency if shafts_nm < 0.0 else shafts_nm / efficiency
 
-    hydraulic = converter.converter_torque(
-        state[AT.engine_radps], state[AT.turbine_radps], p.converter
-    )
-    kept = gearbox.handed_over(
+    hydraulic = converter_torque(state[AT.engine_radps], state[AT.turbine_radps], p.converter)
+    kept = gearbox.kept_torque(
         state[AT.gear], state[AT.gear_before], state[AT.since_shift_s], p.gearbox
     )
     engine_nm = engine.torque_nm(state[AT.engine_radps], state[AT.throttle], kept, p.engine)
@@ -57,4 +124,4 @@ def drive(
         hydraulic.turbine_nm - load_nm / ratio
     ) / p.converter.turbine_inertia_kgm2
     rate[AT.wind_up_rad] = wind_up_radps
-    return driveline.axle_torque(shafts_nm, front, rear, p.driveline)
+    return axle_torque(shafts_nm, front, rear, p.driveline)

@@ -1,20 +1,22 @@
-"""What every plant offers, whoever wrote it: start at a speed, drive a while, be looked at.
+"""`Plant`: the methods of every simulated car behind the bridge.
 
-A plant is the car alone, without a road: it answers held inputs with the motion of its centre of
-gravity. `sim_bridge.car` puts it on a road; `sim_bridge.adapters` has the plants.
+A plant is the car alone, without a road: its step returns the motion of its centre of gravity.
+`sim_bridge.car` places it on a road; `sim_bridge.adapters` holds the implementations.
 """
 
 from math import nan
 from typing import NamedTuple, Protocol
 
-from numpy import float64
-from numpy.typing import NDArray
-
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import ControlInput
+
+MOTION_FIELDS = ("vx_mps", "vy_mps", "yaw_rate_radps")
+"""columns of a motion array"""
 
 
 class PlantOutputs(NamedTuple):
-    """What can be seen of a car beside its motion; NaN where a plant does not know.
+    """Further quantities of a car; NaN where a plant does not compute them.
 
     Positive roll lowers the right side, positive pitch the nose.
     """
@@ -27,7 +29,7 @@ class PlantOutputs(NamedTuple):
     road_wheel_rad: float = nan
     """mean of the front wheels, positive to the left"""
     throttle: float = nan
-    """as opened, behind whatever delays it"""
+    """throttle opening, after actuator lags"""
     brake_mpa: float = nan
     gear: float = nan
     engine_rpm: float = nan
@@ -40,40 +42,73 @@ class PlantOutputs(NamedTuple):
 class Plant(Protocol):
     """A car without a road.
 
-    A plant whose computation fails does not raise: it keeps answering with NaN and says why in
-    `failure`, so that the loop around it can tell the other end of the bus.
+    A plant whose computation fails does not raise: it returns NaN from then on and states the
+    reason in `failure`, so that the bridge can report the failure on the bus.
     """
 
     @property
     def name(self) -> str:
-        """Which plant this is, for people."""
+        """Name of the plant for messages."""
         ...
 
     @property
     def failure(self) -> str | None:
-        """Why there are no numbers any more; None as long as there are."""
+        """Reason of the failure; None if the plant has not failed."""
         ...
 
-    def reset(self, v0_mps: float) -> NDArray[float64]:
-        """(vx_mps, vy_mps, yaw_rate_radps) of a car that starts anew, straight ahead and settled.
+    def reset(self, v0_mps: float) -> Array:
+        """(vx_mps, vy_mps, yaw_rate_radps) at the start, driving straight ahead, settled.
 
         Raises:
             ConfigError: the plant cannot start at this speed.
         """
         ...
 
-    def step(self, control: ControlInput, dt_s: float) -> NDArray[float64]:
+    def step(self, control: ControlInput, dt_s: float) -> Array:
         """(n, 3) motion (vx_mps, vy_mps, yaw_rate_radps) after each of n equal parts of `dt_s`.
 
-        The inputs hold over `dt_s`; n is the plant's own choice. The array is contiguous and good
+        The inputs are constant over `dt_s`; the plant chooses n. The array is contiguous and valid
         until the next step.
         """
         ...
 
     def outputs(self) -> PlantOutputs:
-        """What the last step ended with."""
+        """Values at the end of the last step."""
         ...
 
     def close(self) -> None:
-        """Give back what the plant holds: libraries, folders, licences."""
+        """Release libraries, folders and licences."""
         ...
+
+
+def require_plant(plant: object) -> None:
+    """Return if the object has all that a plant needs.
+
+    Raises:
+        ConfigError: names are missing, or it is a class and not an instance of one.
+    """
+    names = ("name", "failure", "reset", "step", "outputs", "close")
+    missing = [name for name in names if not hasattr(plant, name)]
+    if missing or isinstance(plant, type):
+        found = f"no {', '.join(missing)}" if missing else "a class"
+        raise ConfigError(
+            f"plant: expected an instance of a class with {', '.join(names)}, found {found}. See "
+            f"sim_bridge.Plant."
+        )
+
+
+def require_motion(motion: object, shape: tuple[int | None, ...], call: str) -> None:
+    """Return if a plant answered with a float array of that shape; None stands for any length.
+
+    Raises:
+        ConfigError: it answered with something else.
+    """
+    found = getattr(motion, "shape", None)
+    fits = found is not None and len(found) == len(shape)
+    if not (fits and all(n in (None, m) for n, m in zip(shape, found or (), strict=True))):
+        wanted = ", ".join("n" if n is None else str(n) for n in shape)
+        what = type(motion).__name__ if found is None else f"the shape {found}"
+        raise ConfigError(
+            f"plant.{call}: expected an array ({wanted}) of vx_mps, vy_mps, yaw_rate_radps, found "
+            f"{what}."
+        )

@@ -1,12 +1,13 @@
-"""The car's state vector: which number stands where.
+"""The car's state vector: names and positions of its entries.
 
-A state is a flat float64 array of `N_STATES` entries; code reaches into it by name through `AT`,
-never by number. Wheels are always ordered front left, front right, rear left, rear right; an
-entry that exists once per wheel names the first of four neighbours.
+A state is a flat float64 array of `N_STATES` entries. Code addresses entries by name through `AT`,
+never by number. Wheels are always ordered front left, front right, rear left, rear right; a state
+that exists once per wheel takes four consecutive entries, and its name gives the first of them.
 Axes: x forward, y left, z up; positive roll lowers the right side, positive pitch the nose.
-Where the car is on its road is no part of this vector, see `sim_bridge.frenet`.
+The position on the road is not part of this vector, see `sim_bridge.frenet`.
 """
 
+from itertools import accumulate
 from typing import NamedTuple
 
 
@@ -18,32 +19,32 @@ class StateIndex(NamedTuple):
     vy_mps: int
     yaw_rate_radps: int
     heave_m: int
-    """rise of the sprung mass above its place at rest"""
+    """rise of the sprung mass above its position at rest"""
     heave_rate_mps: int
     roll_rad: int
     roll_rate_radps: int
     pitch_rad: int
     pitch_rate_radps: int
     rise_m: int
-    """first of four rises of the wheels above their places at rest"""
+    """four wheels: rise above the position at rest"""
     rise_rate_mps: int
-    """first of four"""
+    """four wheels"""
     spin_radps: int
-    """first of four wheel speeds"""
+    """four wheels: rotational speed"""
     lateral_slip: int
-    """first of four lagged tangents of the slip angle, positive when the force points left"""
+    """four wheels: lagged tangent of the slip angle, positive if the force points left"""
     longitudinal_slip: int
-    """first of four lagged slip ratios, positive when the wheel drives"""
+    """four wheels: lagged slip ratio, positive if the wheel drives"""
     road_wheel_rad: int
-    """front road-wheel angle as the steering has it, without roll steer"""
+    """front road-wheel angle at the steering, without roll steer"""
     road_wheel_rate_radps: int
     throttle: int
-    """throttle opening behind its actuator"""
+    """throttle opening after the actuator lag"""
     brake_mpa: int
-    """first of four pressures at the wheels"""
+    """four wheels: brake pressure"""
     engine_radps: int
     turbine_radps: int
-    """converter's turbine, with the gear sets behind it"""
+    """turbine of the converter, with the gear sets behind it"""
     wind_up_rad: int
     """twist of the drive shafts, at the wheels"""
     gear: int
@@ -54,7 +55,7 @@ class StateIndex(NamedTuple):
 
 N_WHEELS = 4
 N_FRONT = 2
-"""of the four, the first ones"""
+"""number of front wheels; they come first"""
 WHEEL_STATES = (
     "rise_m",
     "rise_rate_mps",
@@ -64,15 +65,6 @@ WHEEL_STATES = (
     "brake_mpa",
 )
 """states that exist once per wheel"""
-
-
-def _index() -> tuple[StateIndex, int]:
-    positions: list[int] = []
-    end = 0
-    for name in StateIndex._fields:
-        positions.append(end)
-        end += N_WHEELS if name in WHEEL_STATES else 1
-    return StateIndex(*positions), end
-
-
-AT, N_STATES = _index()
+_SIZES = [N_WHEELS if name in WHEEL_STATES else 1 for name in StateIndex._fields]
+*_POSITIONS, N_STATES = accumulate(_SIZES, initial=0)
+AT = StateIndex(*_POSITIONS)

@@ -1,8 +1,8 @@
-"""The steering: a column with ratio and give, and road wheels that swing behind it.
+"""The steering: a column with ratio and compliance, and the road wheels as an inertia behind it.
 
-The steering wheel's angle is given. Behind the ratio a spring carries the moment of the front
-tyres around the kingpins, so the wheels give way under side force; dry friction in rack and
-joints holds them where they are for small moments.
+The steering wheel angle is given. A spring behind the ratio carries the moment of the front tyres
+around the kingpins, so side force turns the road wheels back. Dry friction in rack and joints holds
+them against small moments.
 """
 
 from sim_bridge.plant.car_parts import SteeringParameters
@@ -11,9 +11,9 @@ from sim_bridge.plant.jit import compiled
 
 @compiled
 def kingpin_nm(aligning_nm: float, left_n: float, steering: SteeringParameters) -> float:
-    """Moment of both front tyres that turns the wheels to the left.
+    """Moment of a front tyre around its kingpin, positive to the left.
 
-    The caster lets the side force, in the wheels' own axes, turn them out of the bend.
+    The side force, in the axes of the wheel, acts behind the kingpin by the caster trail.
     """
     return aligning_nm - steering.caster_trail_m * left_n
 
@@ -26,7 +26,7 @@ def steering_radps2(
     tyres_nm: float,
     steering: SteeringParameters,
 ) -> float:
-    """Angular acceleration of the road wheels, dry friction apart."""
+    """Angular acceleration of the road wheels without dry friction."""
     wound_rad = steer_rad / steering.ratio - road_wheel_rad
     return (
         steering.stiffness_nmprad * wound_rad

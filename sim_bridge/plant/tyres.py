@@ -1,7 +1,8 @@
-"""Tyres: slip behind its relaxation length, and the friction force that slip makes.
+"""Tyres: lagged slip (relaxation length), and the friction force from the lagged slip.
 
-Each direction has its Magic Formula of pure slip; under combined slip each is weighted by the slip
-across it. The aligning moment is side force times a trail that ends where the contact slides.
+Each direction has its Magic Formula of pure slip; under combined slip each force is weighted by the
+slip in the other direction. The aligning moment is side force times a trail that becomes zero where
+the contact slides.
 Pacejka, Tyre and Vehicle Dynamics, 2012: ch. 4 (formula, weights, similarity), ch. 7 (relaxation).
 """
 
@@ -13,8 +14,8 @@ from sim_bridge.plant.jit import compiled
 
 _LEAST_LATERAL_RELAXATION = 0.1
 _LEAST_LONGITUDINAL_RELAXATION = 0.2
-_LEAST_FRICTION_LEFT = 0.3
-"""under whatever load"""
+_LEAST_LOAD_FACTOR = 0.3
+"""lower limit of the influence of the load on friction"""
 
 
 class SlipRates(NamedTuple):
@@ -23,7 +24,7 @@ class SlipRates(NamedTuple):
     rate: float
     decay: float
     damping: float
-    """what the tyre's material damping adds to the slip that makes force"""
+    """added to the slip for the force: material damping of the tyre"""
 
 
 class TyreForce(NamedTuple):
@@ -35,28 +36,13 @@ class TyreForce(NamedTuple):
 
 
 @compiled
-def _damping(at_rest_s: float, forward_mps: float, tyre: TyreParameters) -> float:
-    """Material damping; a rolling tyre loses it as fresh rubber enters the contact."""
-    return at_rest_s * tyre.damping_end_mps / (tyre.damping_end_mps + abs(forward_mps))
-
-
-@compiled
 def lateral_relaxation(
     slip: float, forward_mps: float, left_mps: float, load_n: float, tyre: TyreParameters
 ) -> SlipRates:
-    """Lag of the tangent of the slip angle, over a length that fades as the tyre starts to slide.
-
-    Written with the sliding velocity instead of the slip, it needs no division by the speed.
-    """
+    """Lag of the tangent of the slip angle; its length decreases as the tyre starts to slide."""
     length_m = tyre.lateral_relaxation_m * max(load_n, 500.0) / tyre.relaxation_load_n
     left = max(_LEAST_LATERAL_RELAXATION, 1.0 - abs(slip) / tyre.lateral_relaxation_end_slip)
-    change = -left_mps - abs(forward_mps) * slip
-    faded_m = length_m * left
-    return SlipRates(
-        -left_mps / faded_m,
-        abs(forward_mps) / faded_m,
-        _damping(tyre.lateral_damping_s, forward_mps, tyre) * change / length_m,
-    )
+    return _relaxation(slip, forward_mps, -left_mps, length_m, left, tyre.lateral_damping_s, tyre)
 
 
 @compiled
@@ -68,36 +54,57 @@ def longitudinal_relaxation(
     left = max(
         _LEAST_LONGITUDINAL_RELAXATION, 1.0 - abs(slip) / tyre.longitudinal_relaxation_end_slip
     )
-    change = rim_mps - forward_mps - abs(forward_mps) * slip
-    faded_m = length_m * left
-    return SlipRates(
-        (rim_mps - forward_mps) / faded_m,
-        abs(forward_mps) / faded_m,
-        _damping(tyre.longitudinal_damping_s, forward_mps, tyre) * change / length_m,
-    )
+    sliding_mps, damping_s = rim_mps - forward_mps, tyre.longitudinal_damping_s
+    return _relaxation(slip, forward_mps, sliding_mps, length_m, left, damping_s, tyre)
+
+
+@compiled
+def _relaxation(
+    slip: float,
+    forward_mps: float,
+    sliding_mps: float,
+    length_m: float,
+    left: float,
+    damping_s: float,
+    tyre: TyreParameters,
+) -> SlipRates:
+    """Lag of a slip over a length of which the share `left` remains.
+
+    Written with the sliding velocity instead of the slip: there is no division by the speed. The
+    material damping decreases with the rolling speed.
+    """
+    speed_mps = abs(forward_mps)
+    change = sliding_mps - speed_mps * slip
+    end_mps = tyre.damping_end_mps
+    damping = damping_s * end_mps / (end_mps + speed_mps) * change / length_m
+    return SlipRates(sliding_mps / (length_m * left), speed_mps / (length_m * left), damping)
 
 
 @compiled
 def cornering_stiffness_npr(load_n: float, tyre: TyreParameters) -> float:
-    """Lateral force per radian of small slip angle: grows ever more slowly with the load."""
+    """Lateral force per radian of small slip angle: degressive in the load."""
     relative = load_n / tyre.cornering_stiffness_load_n
     return tyre.cornering_stiffness_npr * 2.0 * relative / (1.0 + relative * relative)
 
 
 @compiled
+def _limit_n(
+    load_n: float, friction: float, friction_per_load: float, tyre: TyreParameters
+) -> float:
+    excess = load_n / tyre.reference_load_n - 1.0
+    return friction * max(_LEAST_LOAD_FACTOR, 1.0 + friction_per_load * excess) * load_n
+
+
+@compiled
 def lateral_limit_n(load_n: float, tyre: TyreParameters) -> float:
     """Largest lateral force on the reference road."""
-    excess = load_n / tyre.reference_load_n - 1.0
-    gain = max(_LEAST_FRICTION_LEFT, 1.0 + tyre.lateral_friction_per_load * excess)
-    return tyre.lateral_friction * gain * load_n
+    return _limit_n(load_n, tyre.lateral_friction, tyre.lateral_friction_per_load, tyre)
 
 
 @compiled
 def longitudinal_limit_n(load_n: float, tyre: TyreParameters) -> float:
     """Largest longitudinal force on the reference road."""
-    excess = load_n / tyre.reference_load_n - 1.0
-    gain = max(_LEAST_FRICTION_LEFT, 1.0 + tyre.longitudinal_friction_per_load * excess)
-    return tyre.longitudinal_friction * gain * load_n
+    return _limit_n(load_n, tyre.longitudinal_friction, tyre.longitudinal_friction_per_load, tyre)
 
 
 @compiled
@@ -111,10 +118,10 @@ def magic_formula_n(
 
 @compiled
 def weight(slip: float, other_slip: float, steepness: float) -> float:
-    """Share of a force that is left under slip across it: cos(atan(B s)).
+    """Share of a force that remains under slip across it: cos(atan(B s)).
 
-    B itself fades with the slip along the force, cos(atan(B s')) alike. With the same steepness
-    in both places a sliding tyre is pulled exactly against its sliding.
+    B itself decreases with the slip along the force, by cos(atan(B s')). With the same steepness
+    in both places the force of a sliding tyre is exactly opposite to its sliding velocity.
     """
     along = steepness * slip
     across = steepness * other_slip
@@ -132,8 +139,8 @@ def force(
 ) -> TyreForce:
     """Force of one tyre; `lean_rad` is the wheel's lean to the right against the ground.
 
-    Friction by similarity: a road of friction mu takes mu f(slip / mu), so the stiffness of the
-    tyre stays what it is. Pacejka 2012, sec. 4.2.
+    Friction by similarity: the force on a road of friction mu is mu f(slip / mu), so the stiffness
+    of the tyre does not change. Pacejka 2012, sec. 4.2.
     """
     if load_n <= 0.0:
         return TyreForce(0.0, 0.0, 0.0)
@@ -155,7 +162,7 @@ def force(
     )
     left_n *= road_friction * weight(sideways, along, tyre.lateral_weight)
     forward_n *= road_friction * weight(along, sideways, tyre.longitudinal_weight)
-    # The trail ends where the whole contact slides, by whatever slip.
+    # The trail ends where the whole contact slides, so it depends on the combined slip.
     trail_m = tyre.trail_m * cos(
         tyre.trail_shape * atan(tyre.trail_stiffness * hypot(sideways, along))
     )
@@ -164,7 +171,7 @@ def force(
 
 @compiled
 def rolling_resistance_nm(spin_radps: float, load_n: float, tyre: TyreParameters) -> float:
-    """Torque that opposes the rolling of a loaded tyre, like dry friction in its bearing."""
+    """Torque against the rolling of a loaded tyre, applied as dry friction."""
     speed_mps = abs(spin_radps) * tyre.rolling_radius_m
     coefficient = tyre.rolling_resistance + tyre.rolling_resistance_spm * speed_mps
     return coefficient * load_n * tyre.rolling_radius_m

@@ -1,100 +1,64 @@
-"""What a line of the acceptance table is, and how it is judged."""
+"""A line of the acceptance table: what was measured, its goal, and the result of the comparison."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite, nan
-from typing import Generic, Protocol, TypeVar
 
-Evidence = TypeVar("Evidence")
-
-
-class Tolerance(Protocol):
-    """How far from its target a number may lie."""
-
-    def bounds(self, target: float) -> tuple[float, float]:
-        """Lowest and highest number that passes."""
-        ...
-
-    def text(self, unit: str) -> str:
-        """For people."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class Relative:
-    """On both sides, a share of the target."""
-
-    share: float
-
-    def bounds(self, target: float) -> tuple[float, float]:
-        width = abs(target) * self.share
-        return target - width, target + width
-
-    def text(self, unit: str) -> str:
-        return f"±{100.0 * self.share:g} %"
-
-
-@dataclass(frozen=True, slots=True)
-class Absolute:
-    """On both sides, in the line's unit."""
-
-    width: float
-
-    def bounds(self, target: float) -> tuple[float, float]:
-        return target - self.width, target + self.width
-
-    def text(self, unit: str) -> str:
-        return f"±{self.width:g} {unit}".rstrip()
-
-
-@dataclass(frozen=True, slots=True)
-class AtMost:
-    """The target is an upper bound."""
-
-    def bounds(self, target: float) -> tuple[float, float]:
-        return -inf, target
-
-    def text(self, unit: str) -> str:
-        return "at most"
-
-
-@dataclass(frozen=True, slots=True)
-class AtLeast:
-    """The target is a lower bound."""
-
-    def bounds(self, target: float) -> tuple[float, float]:
-        return target, inf
-
-    def text(self, unit: str) -> str:
-        return "at least"
+# The cars that the targets belong to, by the names of their files.
+ALL_WHEEL = "c_class_150kw_awd"
+FRONT_WHEEL = "c_class_125kw_fwd"
+COMMONROAD = "commonroad_vehicle_2"
 
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """A target and what still counts as reaching it."""
+    """A target and the range that passes."""
 
     target: float
-    tolerance: Tolerance
+    low: float
+    high: float
+    tolerance: str
+    """in words"""
+
+
+def within(target: float, share: float) -> Goal:
+    """A goal with a tolerance on both sides, relative to the target."""
+    width = abs(target) * share
+    return Goal(target, target - width, target + width, f"±{100.0 * share:g} %")
+
+
+def near(target: float, width: float, unit: str) -> Goal:
+    """A goal with a tolerance on both sides, in the unit of the line."""
+    return Goal(target, target - width, target + width, f"±{width:g} {unit}")
+
+
+def at_most(target: float) -> Goal:
+    """A goal whose target is the upper bound."""
+    return Goal(target, -inf, target, "at most")
+
+
+def at_least(target: float) -> Goal:
+    """A goal whose target is the lower bound."""
+    return Goal(target, target, inf, "at least")
 
 
 @dataclass(frozen=True, slots=True)
-class Line(Generic[Evidence]):
-    """A line of the table: what is measured, and the goal it is held against."""
+class Line:
+    """A measured line of the table."""
 
-    test: int
     name: str
     unit: str
-    reached: Callable[[Evidence], float]
-    goal: Goal | Callable[[Evidence], Goal] | None = None
-    """None: only reported. A function: the goal is itself measured"""
+    reached: float
+    goal: Goal | None = None
+    """None: reported only"""
     car: str | None = None
-    """whose goal it is; None: every car's"""
+    """the car that the goal is for; None: every car"""
     is_judged: bool = True
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
-    """A line after the run."""
+class LineResult:
+    """A line of the table, compared with its goal."""
 
     test: int
     car: str
@@ -104,48 +68,57 @@ class Verdict:
     reached: float
     tolerance: str | None
     low: float | None
-    """lowest number that passes, None: no bound"""
+    """smallest number that passes; None: no bound"""
     high: float | None
     ok: bool | None
     """None: reported, not judged"""
 
 
-def judge(line: Line[Evidence], evidence: Evidence, car: str) -> Verdict:
-    """The verdict on `car`; a goal that belongs to another car is shown and not held against it.
+def check(test: int, lines: Iterable[Line], car: str) -> list[LineResult]:
+    """The results of a test with `car`; goals for another car are shown but not judged.
 
     What could not be measured (NaN) fails.
     """
-    reached = float(line.reached(evidence))
-    goal = line.goal(evidence) if callable(line.goal) else line.goal
+    return [_check(test, line, car) for line in lines]
+
+
+def _check(test: int, line: Line, car: str) -> LineResult:
+    goal, reached = line.goal, float(line.reached)
     if goal is None:
-        return Verdict(line.test, car, line.name, line.unit, None, reached, None, None, None, None)
-    low, high = goal.tolerance.bounds(goal.target)
+        return LineResult(test, car, line.name, line.unit, None, reached, None, None, None, None)
     is_judged = line.is_judged and line.car in (None, car)
-    return Verdict(
-        test=line.test,
+    return LineResult(
+        test=test,
         car=car,
         name=line.name,
         unit=line.unit,
         target=goal.target,
         reached=reached,
-        tolerance=goal.tolerance.text(line.unit),
-        low=low if isfinite(low) else None,
-        high=high if isfinite(high) else None,
-        ok=bool(low <= reached <= high) if is_judged else None,
+        tolerance=goal.tolerance,
+        low=goal.low if isfinite(goal.low) else None,
+        high=goal.high if isfinite(goal.high) else None,
+        ok=bool(goal.low <= reached <= goal.high) if is_judged else None,
     )
 
 
-def has_failed(verdicts: Sequence[Verdict]) -> bool:
-    """Whether a judged line missed its goal."""
-    return any(verdict.ok is False for verdict in verdicts)
+def has_failed(results: Sequence[LineResult]) -> bool:
+    """True if a judged line missed its goal."""
+    return any(result.ok is False for result in results)
 
 
-def line_of(verdicts: Sequence[Verdict], name: str) -> Verdict:
-    """The verdict of this name."""
-    return next(verdict for verdict in verdicts if verdict.name == name)
+def count_sentence(results: Sequence[LineResult]) -> str:
+    """How many lines pass and how many are only reported."""
+    passed = sum(line.ok is True for line in results)
+    judged = sum(line.ok is not None for line in results)
+    return f"{passed} of {judged} lines pass, {len(results) - judged} reported"
 
 
-def target_of(verdicts: Sequence[Verdict], name: str) -> float:
-    """What the line of this name aims at; NaN if it is only reported."""
-    target = line_of(verdicts, name).target
+def result_of(results: Sequence[LineResult], name: str) -> LineResult:
+    """The result of the line with this name."""
+    return next(result for result in results if result.name == name)
+
+
+def target_of(results: Sequence[LineResult], name: str) -> float:
+    """The target of the line with this name; NaN if it is only reported."""
+    target = result_of(results, name).target
     return nan if target is None else target

@@ -1,53 +1,41 @@
 """Test 3: a lane change at the limit, 120 km/h on a road of friction 0.85."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from rt_controller.contract.arrays import Array
 from sim_bridge.plant.parameters import Parameters, with_road_friction
-from sim_bridge.validation.measures import peak
-from sim_bridge.validation.preview import PERIOD_S, PreviewDriver, get_familiar
-from sim_bridge.validation.run import Array, Run, drive
+from sim_bridge.validation.acceptance import FRONT_WHEEL, Line, within
+from sim_bridge.validation.driver_model import DRIVER_PERIOD_S, PreviewDriver, fit_driver_model
+from sim_bridge.validation.run import Run, run_driver
+from sim_bridge.validation.signal_metrics import peak
 
 SPEED_MPS = 120.0 / 3.6
 FRICTION = 0.85
 PREVIEW_S = 0.55
 CORNERS_M = np.array(((70.0, 0.0), (95.0, 3.5), (120.0, 3.5), (145.0, 0.0)))
-"""of the path, x and y: over to the left and back along straight pieces"""
+"""corners of the path, x and y: to the left and back in straight sections"""
 _DURATION_S = 7.0
 
 
-@dataclass(frozen=True, slots=True)
-class LaneChange:
-    """The run and the peaks of test 3."""
-
-    run: Run
-    lateral_g: float
-    yaw_rate_degps: float
-    sideslip_deg: float
-    roll_deg: float
-    rightmost_deg: float
-    """steering wheel angle, negative"""
-    leftmost_deg: float
-
-
-def measure(parameters: Parameters) -> LaneChange:
-    """Over and back with a preview driver who holds the speed."""
+def measure(parameters: Parameters) -> tuple[Run, tuple[Line, ...]]:
+    """To the left and back with a preview driver at constant speed."""
     car = with_road_friction(parameters, FRICTION)
-    driver = PreviewDriver(path_m, PREVIEW_S, get_familiar(car, SPEED_MPS))
-    run = drive(car, SPEED_MPS, driver, _DURATION_S, PERIOD_S)
-    return LaneChange(
-        run=run,
-        lateral_g=peak(run.lateral_g),
-        yaw_rate_degps=peak(run.yaw_rate_degps),
-        sideslip_deg=peak(run.sideslip_deg),
-        roll_deg=peak(run.roll_deg),
-        rightmost_deg=float(run.steer_deg.min()),
-        leftmost_deg=float(run.steer_deg.max()),
-    )
+    driver = PreviewDriver(path_m, PREVIEW_S, fit_driver_model(car, SPEED_MPS))
+    run = run_driver(car, SPEED_MPS, driver, _DURATION_S, DRIVER_PERIOD_S)
+    return run, (
+        Line("peak lateral acceleration", "g", peak(run.lateral_g), within(0.787, 0.1),
+             FRONT_WHEEL),
+        Line("peak yaw rate", "deg/s", peak(run.yaw_rate_degps), within(25.6, 0.1), FRONT_WHEEL),
+        Line("peak sideslip", "deg", peak(run.sideslip_deg), within(3.7, 0.1), FRONT_WHEEL),
+        Line("peak roll", "deg", peak(run.roll_deg), within(3.3, 0.1), FRONT_WHEEL),
+        Line("largest steering wheel angle to the right", "deg", float(run.steer_deg.min()),
+             within(-105.0, 0.1), FRONT_WHEEL, is_judged=False),
+        Line("largest steering wheel angle to the left", "deg", float(run.steer_deg.max()),
+             within(84.0, 0.1), FRONT_WHEEL, is_judged=False),
+    )  # fmt: skip
 
 
 def path_m(x_m: Array) -> Array:
-    """The path's way to the left at ways ahead `x_m`, same shape."""
-    way_m: Array = np.interp(x_m, CORNERS_M[:, 0], CORNERS_M[:, 1])
-    return way_m
+    """Lateral position of the path at distances ahead `x_m`, same shape."""
+    y_m: Array = np.interp(x_m, CORNERS_M[:, 0], CORNERS_M[:, 1])
+    return y_m

@@ -1,117 +1,93 @@
-"""The page: the table of the tests and their figures in one file that opens without a network."""
+"""The acceptance table for the terminal and the HTML page with its figures."""
 
-from dataclasses import dataclass
-from html import escape
 from itertools import groupby
 
-import plotly.graph_objects as go
+from rt_controller.report.page import Page, Part, Plot, Section, render_page
+from rt_controller.report.table import Cell, Column, Row, Table
+from sim_bridge.validation.acceptance import LineResult, count_sentence
+from sim_bridge.validation.measurements import Measurements
 
-from sim_bridge.validation import figures
-from sim_bridge.validation.acceptance import Verdict
-from sim_bridge.validation.findings import Findings
-
-_STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; color: #1f2933; background: #fff;
-       max-width: 1080px; margin: 2rem auto; padding: 0 1.5rem; }
-h1 { font-size: 1.6rem; margin-bottom: .2rem; }
-h2 { font-size: 1.15rem; margin: 2.6rem 0 .6rem; border-top: 1px solid #d9e0e7; padding-top: 1rem; }
-p { max-width: 46rem; color: #52606d; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .9rem; }
-th, td { padding: .22rem .8rem .22rem 0; text-align: right; border-bottom: 1px solid #edf1f5; }
-th { color: #52606d; font-weight: 600; }
-th:first-child, td:first-child { text-align: left; min-width: 19rem; }
-th.unit, td.unit, td.verdict { text-align: left; }
-td.car { padding-top: .7rem; font: .82rem ui-monospace, monospace; color: #52606d; }
-.ok { color: #18794e; } .missed { color: #c02b2b; font-weight: 700; } .reported { color: #8a97a5; }
-"""
-
-
-@dataclass(frozen=True, slots=True)
-class _Chapter:
-    test: int
-    title: str
-    words: str
-
-
-_CHAPTERS = (
-    _Chapter(1, "1 · Laws", "What has to hold for any car: loads at rest, a mirrored run, half the "
-             "integration step, and coasting without a gain of energy."),
-    _Chapter(2, "2 · Steady-state cornering", "80 km/h, the steering wheel turning at 2 deg/s. "
-             "Slopes are taken up to 0.3 g; the dashed lines have the target's slope."),
-    _Chapter(3, "3 · Lane change at the limit", "120 km/h, 3.5 m aside within 25 m and back, road "
-             "friction 0.85, a driver with preview. Dashed: the peaks of the reference car."),
-    _Chapter(4, "4 · Cross-check", "The multi-body car of commonroad-vehicle-models against this "
-             "plant with the same parameters: 22.2 m/s, ramps of the road wheel."),
-    _Chapter(5, "5 · Step steer and frequency response", "Steps to 4 m/s² and sines of 15 deg at "
-             "the steering wheel."),
-    _Chapter(6, "6 · Sine with dwell", "80 km/h, 0.7 Hz, 0.5 s of rest in the second peak. The car "
-             "has no stability control, so this is reported and not judged."),
-    _Chapter(7, "7 · Braking and driving off", "150 N at the pedal from 100 km/h; full throttle "
-             "from rest."),
-)  # fmt: skip
-
-
-def page(findings: Findings, verdicts: list[Verdict]) -> str:
-    """The whole page as HTML; plotly's script is part of it, so it opens without a network."""
-    drawn = {
-        2: [figures.cornering(findings.cornering, verdicts)],
-        3: [figures.lane_change(findings.lane_change, verdicts)],
-        4: [figures.cross_check(findings.pairs)] if findings.pairs else [],
-        5: [
-            figures.steps(findings.transients, verdicts),
-            figures.frequency(findings.transients),
-        ],
-        6: [figures.dwell(findings.dwell, verdicts)],
-        7: [
-            figures.braking(findings.longitudinal, verdicts),
-            figures.driving_off(findings.longitudinal, verdicts),
-        ],
-    }
-    chapters = [c for c in _CHAPTERS if any(v.test == c.test for v in verdicts)]
-    body = "\n".join(
-        _chapter(c, [v for v in verdicts if v.test == c.test], drawn.get(c.test, []))
-        for c in chapters
-    )
-    missed = sum(v.ok is False for v in verdicts)
-    judged = sum(v.ok is not None for v in verdicts)
-    summary = f"{judged - missed} of {judged} lines hold; {len(verdicts) - judged} are reported."
-    return (
-        "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>"
-        f"<title>Acceptance of the car</title><style>{_STYLE}</style>"
-        f"<script>{_script()}</script></head><body>\n"
-        f"<h1>Acceptance of the car</h1><p>{summary}</p>\n{body}\n</body></html>\n"
-    )
+_COLUMNS = (
+    Column("line", is_text=True),
+    Column("target"),
+    Column("reached"),
+    Column("tolerance"),
+    Column("unit", is_text=True),
+    Column("", is_text=True),
+)
+_MARKS = {
+    True: Cell("ok", status="good"),
+    False: Cell("MISSED", status="bad"),
+    None: Cell("reported", status="faint"),
+}
+_CHAPTERS = {
+    1: (
+        "Numerics",
+        "Checks that hold for any car: wheel loads at rest, a mirrored run, half the integration "
+        "step, and no gain of energy while coasting.",
+    ),
+    2: (
+        "Steady-state cornering",
+        "80 km/h, the steering wheel turns at 2 deg/s. Slopes are taken up to 0.3 g; the dashed "
+        "lines have the target's slope.",
+    ),
+    3: (
+        "Lane change at the limit",
+        "120 km/h, 3.5 m to the left within 25 m and back, road friction 0.85, a driver with "
+        "preview. Dashed: the peaks of the reference car.",
+    ),
+    4: (
+        "Cross-check",
+        "The multi-body model of commonroad-vehicle-models against this plant with the same "
+        "parameters: 22.2 m/s, ramps of the road wheel.",
+    ),
+    5: (
+        "Step steer and frequency response",
+        "Steps to 4 m/s² and sines of 15 deg at the steering wheel.",
+    ),
+    6: (
+        "Sine with dwell",
+        "80 km/h, 0.7 Hz, 0.5 s of constant angle in the second peak. The car has no stability "
+        "control, so this is reported and not judged.",
+    ),
+    7: ("Braking and acceleration", "150 N at the pedal from 100 km/h; full throttle from rest."),
+}
+"""title and text by test"""
 
 
-def _script() -> str:
-    from plotly.offline import get_plotlyjs
-
-    return str(get_plotlyjs())
-
-
-def _chapter(chapter: _Chapter, verdicts: list[Verdict], drawn: list[go.Figure]) -> str:
-    rows = "\n".join(
-        f"<tr><td class='car' colspan='6'>{escape(car)}</td></tr>\n" + "\n".join(map(_row, lines))
-        for car, lines in groupby(verdicts, key=lambda line: line.car)
-    )
-    plots = "\n".join(
-        f.to_html(full_html=False, include_plotlyjs=False, config={"displayModeBar": False})
-        for f in drawn
-    )
-    return (
-        f"<section id='test-{chapter.test}'><h2>{escape(chapter.title)}</h2>"
-        f"<p>{escape(chapter.words)}</p>"
-        "<table><tr><th>line</th><th>target</th><th>reached</th><th>tolerance</th>"
-        f"<th class='unit'>unit</th><th></th></tr>\n{rows}</table>\n{plots}</section>"
-    )
+def acceptance_table(results: list[LineResult]) -> Table:
+    """The lines with a heading for each test and car."""
+    rows: list[Row] = []
+    for (test, car), lines in groupby(results, key=lambda line: (line.test, line.car)):
+        rows.append((f"test {test}, {car}",))
+        rows += [
+            (
+                line.name,
+                "" if line.target is None else f"{line.target:.4g}",
+                f"{line.reached:.4g}",
+                line.tolerance or "",
+                line.unit,
+                _MARKS[line.ok],
+            )
+            for line in lines
+        ]
+    return Table("", _COLUMNS, tuple(rows))
 
 
-def _row(line: Verdict) -> str:
-    mark = {True: "ok", False: "missed", None: "reported"}[line.ok]
-    target = "" if line.target is None else f"{line.target:.4g}"
-    cells = (line.name, target, f"{line.reached:.4g}", line.tolerance or "")
-    return (
-        "<tr>"
-        + "".join(f"<td>{escape(cell)}</td>" for cell in cells)
-        + f"<td class='unit'>{escape(line.unit)}</td><td class='verdict {mark}'>{mark}</td></tr>"
-    )
+def acceptance_page(measured: Measurements) -> str:
+    """The whole page as HTML, with a section for each test.
+
+    Raises:
+        MissingExtraError: the extra `report` is not installed.
+    """
+    from sim_bridge.validation.figures import figures_of
+
+    sections = []
+    for test, (title, text) in _CHAPTERS.items():
+        lines = [line for line in measured.results if line.test == test]
+        if lines:
+            plots = (Plot(figure) for figure in figures_of(test, measured))
+            parts: tuple[Part, ...] = (text, acceptance_table(lines), *plots)
+            sections.append(Section(f"{test} · {title}", parts))
+    introduction = (f"{count_sentence(measured.results)}.",)
+    return render_page(Page("Acceptance of the car", tuple(sections), introduction))

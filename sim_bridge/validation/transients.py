@@ -1,20 +1,25 @@
 """Test 5: step steer and frequency response, after ISO 7401."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import radians
 
 import numpy as np
+from numpy import float64
 
+from rt_controller.contract.arrays import Array
 from sim_bridge.plant.parameters import Parameters
+from sim_bridge.validation.acceptance import Line, at_most, within
 from sim_bridge.validation.cornering import steer_per_mps2
-from sim_bridge.validation.measures import (
+from sim_bridge.validation.run import Run, cruising_throttle, input_table, replay
+from sim_bridge.validation.signal_metrics import (
     FrequencyResponse,
     StepResponse,
     frequency_response,
+    largest_jump,
     sine_in,
     step_response,
 )
-from sim_bridge.validation.run import Array, Run, cruising_throttle, replay
 
 STEP_SPEEDS_MPS = (80.0 / 3.6, 100.0 / 3.6)
 WANTED_MPS2 = 4.0
@@ -23,7 +28,7 @@ SWEEP_SPEED_MPS = 80.0 / 3.6
 SWEEP_STEER_RAD = radians(15.0)
 _STEP_AT_S = 0.5
 _STEP_DURATION_S = 4.0
-_PERIOD_S = 0.005
+_INPUT_PERIOD_S = 0.005
 _SETTLING_PERIODS = 2
 _RECORDED_PERIODS = 3
 
@@ -34,7 +39,7 @@ class Step:
 
     run: Run
     step_s: float
-    """when the steering wheel is halfway"""
+    """time at which the steering wheel has half of its final angle"""
     yaw_rate: StepResponse
     lateral: StepResponse
 
@@ -51,50 +56,67 @@ class Transients:
 
 
 def measure(parameters: Parameters, frequency_hz: Array) -> Transients:
-    """Steps at both speeds, and sines at the frequencies."""
+    """Steps at both speeds, and sines at the given frequencies."""
     yaw_rate, lateral = sweep(parameters, frequency_hz)
     return Transients(
         tuple(_step(parameters, speed_mps) for speed_mps in STEP_SPEEDS_MPS), yaw_rate, lateral
     )
 
 
+def lines_of(measured: Transients) -> Iterator[Line]:
+    """The lines of test 5."""
+    for speed_mps, step in zip(STEP_SPEEDS_MPS, measured.steps, strict=True):
+        at = f"{3.6 * speed_mps:.0f} km/h"
+        yield Line(f"t90 of yaw rate, {at}", "s", step.yaw_rate.t90_s)
+        yield Line(f"overshoot of yaw rate, {at}", "%", 100.0 * step.yaw_rate.overshoot)
+        yield Line(f"t90 of lateral acceleration, {at}", "s", step.lateral.t90_s)
+        goal = within(WANTED_MPS2, 0.02)
+        yield Line(f"steady lateral acceleration, {at}", "m/s²", step.lateral.steady, goal)
+    yaw_rate = measured.yaw_rate
+    for name, unit, y in (("gain", "1/s", yaw_rate.gain), ("phase", "deg", yaw_rate.phase_deg)):
+        yield Line(f"yaw {name} at 1 Hz", unit, float(np.interp(1.0, yaw_rate.frequency_hz, y)))
+    for name, response in (("yaw", yaw_rate), ("lateral", measured.lateral)):
+        jump = largest_jump(response.frequency_hz, np.log(response.gain))
+        yield Line(f"largest jump of the {name} gain", "%", 100.0 * jump, at_most(2.0))
+        jump_deg = largest_jump(response.frequency_hz, response.phase_deg)
+        yield Line(f"largest jump of the {name} phase", "deg", jump_deg, at_most(2.0))
+
+
 def _step(parameters: Parameters, speed_mps: float) -> Step:
-    """The angle is found by trial: what 4 m/s^2 takes near the limit, no small angle tells."""
+    """The step whose steady lateral acceleration is 4 m/s^2; the angle is found by iteration."""
     throttle = cruising_throttle(parameters, speed_mps)
     angle_rad = WANTED_MPS2 * steer_per_mps2(parameters, speed_mps)
+    time_s = _middles_s(_STEP_DURATION_S)
     for _ in range(6):
-        run = _step_run(parameters, speed_mps, throttle, angle_rad)
-        reached_mps2 = step_response(run.time_s, run.seen("ay_mps2"), _STEP_AT_S).steady
+        steer_rad = np.clip(STEER_RATE_RADPS * (time_s - _STEP_AT_S), 0.0, angle_rad)
+        inputs = input_table(len(time_s), throttle, steer_rad=steer_rad)
+        run = replay(parameters, speed_mps, inputs, _INPUT_PERIOD_S)
+        reached_mps2 = step_response(run.time_s, run.column("ay_mps2"), _STEP_AT_S).steady
         angle_rad *= WANTED_MPS2 / reached_mps2
     step_s = _STEP_AT_S + 0.5 * angle_rad / STEER_RATE_RADPS
     return Step(
         run,
         step_s,
         step_response(run.time_s, run.yaw_rate_degps, step_s),
-        step_response(run.time_s, run.seen("ay_mps2"), step_s),
+        step_response(run.time_s, run.column("ay_mps2"), step_s),
     )
-
-
-def _step_run(parameters: Parameters, speed_mps: float, throttle: float, angle_rad: float) -> Run:
-    time_s = (np.arange(round(_STEP_DURATION_S / _PERIOD_S)) + 0.5) * _PERIOD_S
-    steer_rad = np.clip(STEER_RATE_RADPS * (time_s - _STEP_AT_S), 0.0, angle_rad)
-    held = np.full_like(time_s, throttle)
-    inputs = np.stack((held, np.zeros_like(time_s), steer_rad), axis=1)
-    return replay(parameters, speed_mps, inputs, _PERIOD_S)
 
 
 def sweep(
     parameters: Parameters, frequency_hz: Array
 ) -> tuple[FrequencyResponse, FrequencyResponse]:
-    """Yaw rate and lateral acceleration against the steering wheel angle, a sine at a time."""
+    """Responses of yaw rate and lateral acceleration to the steering wheel angle."""
     throttle = cruising_throttle(parameters, SWEEP_SPEED_MPS)
     steer, yaw_rate, lateral = [], [], []
     for frequency in frequency_hz.tolist():
-        run = _sine_run(parameters, throttle, frequency)
+        middles_s = _middles_s((_SETTLING_PERIODS + _RECORDED_PERIODS) / frequency)
+        steer_rad = SWEEP_STEER_RAD * np.sin(2.0 * np.pi * frequency * middles_s)
+        inputs = input_table(len(middles_s), throttle, steer_rad=steer_rad)
+        run = replay(parameters, SWEEP_SPEED_MPS, inputs, _INPUT_PERIOD_S)
         recorded = run.time_s >= _SETTLING_PERIODS / frequency
         time_s = run.time_s[recorded]
-        # an input stands for the middle of its period, the answers for its end
-        steer.append(sine_in(time_s - 0.5 * _PERIOD_S, run.steer_deg[recorded], frequency))
+        # An input belongs to the middle of its period, the response to its end.
+        steer.append(sine_in(time_s - 0.5 * _INPUT_PERIOD_S, run.steer_deg[recorded], frequency))
         yaw_rate.append(sine_in(time_s, run.yaw_rate_degps[recorded], frequency))
         lateral.append(sine_in(time_s, 100.0 * run.lateral_g[recorded], frequency))
     return (
@@ -103,15 +125,7 @@ def sweep(
     )
 
 
-def _sine_run(parameters: Parameters, throttle: float, frequency_hz: float) -> Run:
-    duration_s = (_SETTLING_PERIODS + _RECORDED_PERIODS) / frequency_hz
-    time_s = (np.arange(round(duration_s / _PERIOD_S)) + 0.5) * _PERIOD_S
-    inputs = np.stack(
-        (
-            np.full_like(time_s, throttle),
-            np.zeros_like(time_s),
-            SWEEP_STEER_RAD * np.sin(2.0 * np.pi * frequency_hz * time_s),
-        ),
-        axis=1,
-    )
-    return replay(parameters, SWEEP_SPEED_MPS, inputs, _PERIOD_S)
+def _middles_s(duration_s: float) -> Array:
+    """Times of the middles of the input periods."""
+    index = np.arange(round(duration_s / _INPUT_PERIOD_S), dtype=float64)
+    return (index + 0.5) * _INPUT_PERIOD_S

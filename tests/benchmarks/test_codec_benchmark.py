@@ -1,78 +1,46 @@
-"""What coding costs: every message, a whole snapshot in, a command out."""
+"""Cost of coding: every frame, the frames of a whole state and path, a command."""
 
-import can
 import pytest
+from made_frames import CONTROL, PATH, SAMPLE, can_frames
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from rt_controller.bus import frames
-from rt_controller.bus.codec import MessageCodec
-from rt_controller.bus.frames import RoadSample
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.outbox import ControllerOutbox
+from rt_controller.bus.catalogue import CATALOGUE, COMMAND, REFERENCE, STATE, Command
+from rt_controller.bus.codec import FrameCodec
+from rt_controller.bus.inbox import Inbox, ReceptionCounts
+from rt_controller.bus.message import Node
+from rt_controller.bus.outbox import Outbox
 from rt_controller.bus.transport import open_bus
-from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
+from rt_controller.contract.signals import Mode
 
-STATE = VehicleState(22.2, 0.3, 0.1, 0.555, -0.2, 0.01)
-ROAD = RoadSample(0.001, 123_400_000, 3, False)
-PATH = PathReference(1.0, 0.02, 0.001, 2e-5, 22.0, 0.5)
-CONTROL = ControlInput(0.3, 0.0, 0.1)
-
-every_message = pytest.mark.parametrize("codec", frames.CODECS, ids=lambda codec: codec.name)
+CODECS = [codec for message in CATALOGUE.messages for codec in message.codecs]
+every_frame = pytest.mark.parametrize("codec", CODECS, ids=lambda codec: codec.name)
 
 
-def _middle(codec: MessageCodec) -> tuple[float, ...]:
+def _middle(codec: FrameCodec) -> tuple[float, ...]:
     return tuple((s.raw_min + s.raw_max) // 2 * s.scale for s in codec.signals)
 
 
-@every_message
-def test_encode(benchmark: BenchmarkFixture, codec: MessageCodec) -> None:
-    values = _middle(codec)
-    frame = benchmark(codec.encode, values, 3, 1)
+@every_frame
+def test_encode(benchmark: BenchmarkFixture, codec: FrameCodec) -> None:
+    frame = benchmark(codec.encode, _middle(codec), 3, 1)
     assert codec.is_intact(frame)
 
 
-@every_message
-def test_check_and_decode(benchmark: BenchmarkFixture, codec: MessageCodec) -> None:
+@every_frame
+def test_check_and_decode(benchmark: BenchmarkFixture, codec: FrameCodec) -> None:
     values = _middle(codec)
     frame = codec.encode(values, 3, 1)
     decoded = benchmark(lambda: codec.decode(frame) if codec.is_intact(frame) else None)
     assert decoded == pytest.approx(values)
 
 
-def test_encode_command(benchmark: BenchmarkFixture) -> None:
-    frame = benchmark(frames.encode_command, CONTROL, Mode.NOMINAL, 3)
-    assert frames.ACT_CMD.is_intact(frame)
-
-
-def test_decode_three_state_frames(benchmark: BenchmarkFixture) -> None:
-    a = frames.encode_state_a(STATE, 3)
-    b = frames.encode_state_b(STATE, 3)
-    c = frames.encode_state_c(ROAD, 3)
-    first, _, third = benchmark(
-        lambda: (frames.decode_state_a(a), frames.decode_state_b(b), frames.decode_state_c(c))
-    )
-    assert first == pytest.approx(STATE[:3])
-    assert third == ROAD
-
-
-def test_snapshot_in(benchmark: BenchmarkFixture) -> None:
-    """Five frames of state and reference, checked and assembled; without the bus."""
+def test_receive_state_and_path(benchmark: BenchmarkFixture) -> None:
+    """Five frames, checked and assembled; without the bus."""
     rounds = [
-        [
-            can.Message(
-                arbitration_id=codec.arbitration_id, is_extended_id=False, data=frame, check=True
-            )
-            for codec, frame in (
-                (frames.STATE_A, frames.encode_state_a(STATE, counter)),
-                (frames.STATE_B, frames.encode_state_b(STATE, counter)),
-                (frames.STATE_C, frames.encode_state_c(ROAD, counter)),
-                (frames.REF_PATH, frames.encode_reference_path(PATH, counter)),
-                (frames.REF_SPEED, frames.encode_reference_speed(PATH, counter)),
-            )
-        ]
+        can_frames(STATE, SAMPLE, counter) + can_frames(REFERENCE, PATH, counter)
         for counter in range(16)
     ]
-    inbox = Inbox()
+    inbox = Inbox(Node.CONTROLLER)
     tick = 0
 
     def receive() -> None:
@@ -82,15 +50,16 @@ def test_snapshot_in(benchmark: BenchmarkFixture) -> None:
         tick += 1
 
     benchmark(receive)
-    assert inbox.state is not None
-    assert inbox.state.counter == (tick - 1) % 16
-    assert sum(inbox.counts) == 0
+    newest = inbox.newest(STATE)
+    assert newest is not None
+    assert newest.counter == (tick - 1) % 16
+    assert inbox.counts == ReceptionCounts()
 
 
-def test_command_out(benchmark: BenchmarkFixture) -> None:
-    """Encoded and handed to a virtual bus on which nobody else listens."""
+def test_send_command(benchmark: BenchmarkFixture) -> None:
+    """Encoded and sent to a virtual bus without another member."""
     with open_bus("virtual", "benchmark") as bus:
-        outbox = ControllerOutbox(bus)
-        benchmark(outbox.send_command, CONTROL, Mode.NOMINAL, 0, 0)
+        outbox = Outbox(bus, Node.CONTROLLER)
+        benchmark(lambda: outbox.send(COMMAND, Command(CONTROL, Mode.NOMINAL), 0, counter=0))
         assert outbox.sent > 0
         assert outbox.send_failures == 0

@@ -1,10 +1,10 @@
-"""How long the parts of a step take, back to back."""
+"""Time of the parts of a plan, called in a row."""
 
 import numpy as np
 import pytest
 
 from rt_controller.config import MpcSettings
-from rt_controller.contract.artifact import Bundle, load_bundle
+from rt_controller.contract.artifact import Bundle, load_bundle, shipped_model
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
 from rt_controller.control.lift import Encoder
@@ -12,7 +12,6 @@ from rt_controller.control.mpc import Mpc
 from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.qp import CondensedQp
 from rt_controller.control.solver import SolveStatus
-from rt_controller.session import shipped_model
 
 STATE = VehicleState(22.0, -0.05, 0.06, 0.55, 1.2, 0.07)
 PATH = PathReference(1.3, 0.09, 0.004, -0.0004, 22.2, 0.0)
@@ -30,16 +29,16 @@ def test_lift(benchmark, bundle: Bundle) -> None:
     assert benchmark(encoder.lift, STATE, 0.001).shape == (bundle.n_observables,)
 
 
-def test_aim(benchmark, bundle: Bundle) -> None:
-    """From the lifted state to the objective: one product, or H built anew."""
+def test_update_vectors(benchmark, bundle: Bundle) -> None:
+    """From the parameters to the vectors of the QP."""
     settings = MpcSettings()
     qp = CondensedQp(bundle, settings.horizon, settings.cost(), INPUT_LIMITS)
-    benchmark(qp.aim, PedalChoice())
+    benchmark(qp.update_vectors, PedalChoice())
     assert np.all(np.isfinite(qp.program.q))
 
 
 def test_plan(benchmark, bundle: Bundle) -> None:
-    """Lift, reference, gradient and QP; the QP's own time is in `extra_info`."""
+    """Lift, reference, matrices, vectors and solve; the time of the solve is in `extra_info`."""
     settings = MpcSettings()
     mpc = Mpc(bundle, settings.horizon, settings.cost(), INPUT_LIMITS)
     solve_us: list[float] = []
@@ -57,6 +56,6 @@ def test_plan(benchmark, bundle: Bundle) -> None:
 
 
 def test_assembly(benchmark, bundle: Bundle) -> None:
-    """What start-up pays so that no tick has to."""
+    """Assembly of the controller at start."""
     settings = MpcSettings()
     benchmark(Mpc, bundle, settings.horizon, settings.cost(), INPUT_LIMITS)

@@ -1,6 +1,6 @@
-"""The car's own cost: a control period of it, and the settling before a run.
+"""Cost of the plant: one control period, and settling before a run.
 
-A period of 25 ms is meant to cost at most 300 us on one core of a desktop machine.
+One period is meant to cost at most 300 us on one core of a desktop machine.
 """
 
 from math import radians
@@ -8,6 +8,7 @@ from math import radians
 import numpy as np
 import pytest
 
+from rt_controller.contract.signals import ControlInput
 from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, advance, settle
 from sim_bridge.plant.parameters import load_parameters, shipped_cars
 from sim_bridge.plant.states import AT
@@ -18,7 +19,8 @@ def test_period_of_driving_through_a_bend(benchmark, name: str) -> None:
     car = load_parameters(name)
     state = settle(22.0, car)
     motion = np.empty((STEPS_PER_PERIOD, 3))
-    benchmark(advance, state, 0.15, 0.0, radians(15.0), car, STEPS_PER_PERIOD, STEP_S, motion)
+    control = ControlInput(0.15, 0.0, radians(15.0))
+    benchmark(advance, state, control, car, STEPS_PER_PERIOD, STEP_S, motion)
     assert state[AT.yaw_rate_radps] > 0.0
 
 

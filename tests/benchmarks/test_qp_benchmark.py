@@ -1,46 +1,47 @@
-"""The QPs of a recorded lane change, as they came, through the controller's own solvers."""
+"""Time of the controller's solvers on the QPs of a recorded lane change."""
 
 from functools import cache
+from pathlib import Path
 
 import pytest
+import random_problems
 
-from benchmarks.peers.recording import Matrices, Recording, record
-from benchmarks.peers.tiers import TIERS
-from rt_controller.control.solver import SolveStatus
-from rt_controller.control.solvers import SolverChoice, open_solver
+from benchmarks.peers.recording import TIERS, Matrices, Recording, record
+from rt_controller.control.solver import SolverChoice, SolveStatus, open_solver
 
 SOLVERS = {
     "piqp-cold": {"warm_start": False},
     "piqp-warm": {},
     "daqp": {"choice": SolverChoice.DAQP},
 }
+SHORT = Path(random_problems.__file__).parent / "short_lane_change.toml"
 
 
 @cache
 def recorded(tier: str) -> Recording:
-    return record("mdk-net-paper", "double_lane_change", TIERS[tier])
+    return record("mdk-net-paper", str(SHORT), TIERS[tier])
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("tier", TIERS)
 def test_solve(benchmark, tier: str, solver: str) -> None:
     recording = recorded(tier)
-    program = recording.copy()
+    program = recording.program.copy()
     workspace = open_solver(program, **SOLVERS[solver])
     events = recording.replay(program)
 
-    def until_the_next_tick() -> None:
+    def go_to_next_tick() -> None:
         nonlocal events
         while True:
             event = next(events, None)
             if event is None:
                 events = recording.replay(program)
             elif isinstance(event, Matrices):
-                workspace.renew()
-            elif event.is_rehearsal:
+                workspace.update_matrices()
+            elif event.is_warm_up:
                 workspace.solve()
             else:
                 return
 
-    status = benchmark.pedantic(workspace.solve, setup=until_the_next_tick, rounds=400)
+    status = benchmark.pedantic(workspace.solve, setup=go_to_next_tick, rounds=400)
     assert status is SolveStatus.SOLVED

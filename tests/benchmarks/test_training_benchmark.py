@@ -9,11 +9,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from offline.batch import Batch
 from offline.config import PRESETS, TrainingConfig
-from offline.horizon_loss import horizon_loss
-from offline.losses import draw_times, growth_excess, total_loss
-from offline.model import MdkNet, Sizes
+from offline.data.sampling import Batch
+from offline.model.losses import draw_times, growth_excess, total_loss
+from offline.model.network import MdkNet, Sizes
 
 SIZES = Sizes(states=6, inputs=3, exogenous=1, remembered=6, dt_s=0.025)
 BATCH, STEPS = 128, 80
@@ -101,10 +100,10 @@ def test_preset_paper_every_target_encoded(benchmark):
 
 def test_preset_paper_with_sampled_targets(benchmark):
     model, config = a_model("paper")
-    batch, dice = a_batch(0), torch.Generator().manual_seed(0)
+    batch, rng = a_batch(0), torch.Generator().manual_seed(0)
 
     def loss() -> Tensor:
-        return total_loss(model, config, batch, draw_times(STEPS, SAMPLED_TARGETS, dice)).total
+        return total_loss(model, config, batch, draw_times(STEPS, SAMPLED_TARGETS, rng)).total
 
     benchmark(step_of(model, loss))
 
@@ -114,4 +113,4 @@ def test_horizon_objective(benchmark, preset):
     """The recommended preset's own batch is twice as large; here all have 128 trajectories."""
     model, config = a_model(preset)
     batch = a_batch(config.history_steps)
-    benchmark(step_of(model, lambda: horizon_loss(model, config, batch).total))
+    benchmark(step_of(model, lambda: total_loss(model, config, batch).total))

@@ -1,9 +1,10 @@
-"""Two programs trust each other only when they speak the same catalogue."""
+"""Controller and vehicle accept each other only with the same message catalogue."""
 
 import hashlib
 
 import pytest
 
+from rt_controller.bus.catalogue import Identity
 from rt_controller.bus.codec import DBC_PATH
 from rt_controller.bus.identity import (
     dbc_hash,
@@ -11,7 +12,6 @@ from rt_controller.bus.identity import (
     model_hash,
     require_same_catalogue,
 )
-from rt_controller.bus.snapshot import PeerIdentity
 from rt_controller.contract.errors import BusError
 
 TEXT = DBC_PATH.read_text(encoding="ascii")
@@ -34,17 +34,17 @@ def test_the_hash_is_sha_256_of_the_normal_text() -> None:
     assert hash_of_catalogue("A  \n\n B") == int(digest, 16) % (2**32 - 1)
 
 
-def test_hashes_never_look_like_not_available() -> None:
+def test_hashes_never_have_the_value_of_not_available() -> None:
     assert dbc_hash() < 0xFFFF_FFFF
     assert model_hash("ffff") == 0
     assert model_hash(hashlib.sha256(b"model").hexdigest()) < 0xFFFF
 
 
 def test_a_peer_with_the_same_catalogue_is_accepted() -> None:
-    require_same_catalogue(PeerIdentity(dbc_hash(), None, counter=0, arrival_ns=0))
+    require_same_catalogue(Identity(dbc_hash(), None))
 
 
 def test_a_peer_with_another_catalogue_is_refused() -> None:
-    peer = PeerIdentity(dbc_hash() ^ 1, None, counter=0, arrival_ns=0)
+    peer = Identity(dbc_hash() ^ 1, None)
     with pytest.raises(BusError, match=r"expected .* found .*one version"):
         require_same_catalogue(peer)

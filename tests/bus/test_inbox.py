@@ -1,273 +1,289 @@
-"""Both letter boxes: what becomes a snapshot, and what never does."""
+"""Which frames become the newest content of a message, and that every other frame is counted."""
 
 from itertools import permutations
 from math import nan
 
 import can
 import pytest
+from made_frames import CONTROL, ENGAGED, HOLDING, PATH, SAMPLE, can_frame, can_frames
 
-from rt_controller.bus import frames
-from rt_controller.bus.codec import MessageCodec
-from rt_controller.bus.frames import Fault, Heartbeat, Identity, Mission, RoadSample
-from rt_controller.bus.inbox import MAX_SPREAD_NS, CommandInbox, Inbox
-from rt_controller.bus.snapshot import (
-    CommandSnapshot,
-    FeedbackSnapshot,
-    HeartbeatSnapshot,
-    MissionSnapshot,
-    PeerIdentity,
+from rt_controller.bus.catalogue import (
+    CATALOGUE,
+    COMMAND,
+    CONTROLLER_IDENTITY,
+    FEEDBACK,
+    HEARTBEAT,
+    MISSION,
+    REFERENCE,
+    STATE,
+    VEHICLE_IDENTITY,
+    Command,
+    Identity,
 )
+from rt_controller.bus.inbox import (
+    MAX_FRAMES_PER_DRAIN,
+    MAX_SPREAD_NS,
+    Inbox,
+    Received,
+    ReceptionCounts,
+)
+from rt_controller.bus.message import Message, Node
 from rt_controller.bus.transport import open_bus
-from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
-from rt_controller.contract.timing import PERIOD_NS
+from rt_controller.contract.signals import Mode, PathReference, VehicleState
+from rt_controller.contract.timing import COUNTER_MODULUS, PERIOD_NS
 
-STATE = VehicleState(20.0, 0.5, -0.1, 0.5, 0.25, 0.01)
-ROAD = RoadSample(0.001, 25_000_000, 6, False)
-PATH = PathReference(1.0, 0.02, 0.001, 2e-5, 22.0, 0.5)
-CONTROL = ControlInput(0.5, 0.0, 0.0)
+NOMINAL = Command(CONTROL, Mode.NOMINAL)
+NO_TROUBLE = ReceptionCounts()
 
 
-def message(codec: MessageCodec, frame: bytes) -> can.Message:
-    return can.Message(
-        arbitration_id=codec.arbitration_id, is_extended_id=False, data=frame, check=True
-    )
-
-
-def state_messages(counter: int, state: VehicleState = STATE) -> tuple[can.Message, ...]:
-    return (
-        message(frames.STATE_A, frames.encode_state_a(state, counter)),
-        message(frames.STATE_B, frames.encode_state_b(state, counter)),
-        message(frames.STATE_C, frames.encode_state_c(ROAD, counter)),
-    )
-
-
-def reference_messages(counter: int, path: PathReference = PATH) -> tuple[can.Message, ...]:
-    return (
-        message(frames.REF_PATH, frames.encode_reference_path(path, counter)),
-        message(frames.REF_SPEED, frames.encode_reference_speed(path, counter)),
-    )
-
-
-def filled(*messages: can.Message, arrival_ns: int = 0) -> Inbox:
-    inbox = Inbox()
-    for each in messages:
-        inbox.accept(each, arrival_ns)
+def controller_inbox(*frames: can.Message, arrival_ns: int = 0) -> Inbox:
+    inbox = Inbox(Node.CONTROLLER)
+    for frame in frames:
+        inbox.accept(frame, arrival_ns)
     return inbox
 
 
-def snapshots(inbox: Inbox | CommandInbox) -> list[object]:
-    counted = {"foreign_commands"}
-    public = {name: value for name, value in vars(inbox).items() if not name.startswith("_")}
-    return [value for name, value in public.items() if name not in counted]
+def command(counter: int, content: Command = NOMINAL) -> can.Message:
+    (frame,) = can_frames(COMMAND, content, counter)
+    return frame
 
 
-def test_an_empty_box_holds_nothing() -> None:
-    inbox, command_inbox = Inbox(), CommandInbox()
-    assert snapshots(inbox) == [None] * 5
-    assert snapshots(command_inbox) == [None] * 3
-    assert sum(inbox.counts) == sum(command_inbox.counts) == inbox.foreign_commands == 0
+def vehicle_inbox(*frames: can.Message) -> Inbox:
+    """An inbox that has read these frames at 0, 1, 2 ... ns."""
+    inbox = Inbox(Node.VEHICLE)
+    for arrival_ns, frame in enumerate(frames):
+        inbox.accept(frame, arrival_ns)
+    return inbox
+
+
+def newest_counter(inbox: Inbox, message: Message) -> int | None:
+    newest = inbox.newest(message)
+    return None if newest is None else newest.counter
+
+
+@pytest.mark.parametrize("node", Node)
+def test_a_new_inbox_is_empty(node: Node) -> None:
+    inbox = Inbox(node)
+    for message in CATALOGUE.messages:
+        if message.sender != node:
+            assert inbox.newest(message) is None
+    assert inbox.counts == NO_TROUBLE
+    assert inbox.foreign_frames == 0
 
 
 @pytest.mark.parametrize("order", list(permutations(range(3))))
-def test_three_frames_of_one_counter_make_a_state_in_any_order(order: tuple[int, ...]) -> None:
-    inbox = Inbox()
-    messages = state_messages(5)
+def test_three_frames_with_one_counter_make_a_state_in_any_order(order: tuple[int, ...]) -> None:
+    inbox = Inbox(Node.CONTROLLER)
+    frames = can_frames(STATE, SAMPLE, 5)
     for position, index in enumerate(order):
-        assert inbox.state is None
-        inbox.accept(messages[index], 100 + position)
-    assert inbox.state is not None
-    assert inbox.state.state == pytest.approx(STATE)
-    assert inbox.state.curvature_per_m == pytest.approx(0.001)
-    assert inbox.state.sample_time_ns == 25_000_000
-    assert inbox.state.command_echo == 6
-    assert not inbox.state.is_watchdog_braking
-    assert inbox.state.counter == 5
-    assert inbox.state.arrival_ns == 100
+        assert inbox.newest(STATE) is None
+        inbox.accept(frames[index], 100 + position)
+    newest = inbox.newest(STATE)
+    assert newest is not None
+    assert newest.content.state == pytest.approx(SAMPLE.state)
+    assert newest.content[1:] == pytest.approx(SAMPLE[1:])
+    assert (newest.counter, newest.arrival_ns) == (5, 100)
 
 
 @pytest.mark.parametrize("late", range(3))
-def test_frames_of_different_counters_make_no_state(late: int) -> None:
-    older, newer = state_messages(5), state_messages(6)
+def test_frames_with_different_counters_make_no_state(late: int) -> None:
+    older, newer = can_frames(STATE, SAMPLE, 5), can_frames(STATE, SAMPLE, 6)
     mixed = [older[index] if index == late else newer[index] for index in range(3)]
-    assert filled(*mixed).state is None
+    assert controller_inbox(*mixed).newest(STATE) is None
 
 
 def test_an_incomplete_newer_state_leaves_the_complete_older_one() -> None:
-    newer = state_messages(6, STATE._replace(vx_mps=10.0))
-    inbox = filled(*state_messages(5), *newer[:2])
-    assert inbox.state is not None
-    assert inbox.state.counter == 5
+    newer = can_frames(STATE, SAMPLE, 6)
+    inbox = controller_inbox(*can_frames(STATE, SAMPLE, 5), *newer[:2])
+    assert newest_counter(inbox, STATE) == 5
     inbox.accept(newer[2], 1)
-    assert inbox.state.counter == 6
-    assert inbox.state.state.vx_mps == pytest.approx(10.0)
+    assert newest_counter(inbox, STATE) == 6
 
 
 @pytest.mark.parametrize("field", VehicleState._fields)
 def test_a_nan_in_any_state_frame_makes_no_state(field: str) -> None:
-    inbox = filled(*state_messages(5))
-    before = inbox.state
-    for bad in state_messages(6, STATE._replace(**{field: nan})):
-        inbox.accept(bad, 1)
-    assert inbox.state is before
+    bad = SAMPLE._replace(state=SAMPLE.state._replace(**{field: nan}))
+    inbox = controller_inbox(*can_frames(STATE, SAMPLE, 5), *can_frames(STATE, bad, 6))
+    assert newest_counter(inbox, STATE) == 5
     assert inbox.counts.out_of_range == 1
 
 
 def test_a_state_with_a_damaged_frame_is_skipped() -> None:
-    a, b, c = state_messages(5)
+    a, b, c = can_frames(STATE, SAMPLE, 5)
     b.data[3] ^= 0x10
-    inbox = filled(*state_messages(4), a, b, c)
-    assert inbox.state is not None
-    assert inbox.state.counter == 4
+    inbox = controller_inbox(*can_frames(STATE, SAMPLE, 4), a, b, c)
+    assert newest_counter(inbox, STATE) == 4
     assert inbox.counts.crc_errors == 1
-    for each in state_messages(6):
-        inbox.accept(each, 1)
-    assert inbox.state.counter == 6
+    for frame in can_frames(STATE, SAMPLE, 6):
+        inbox.accept(frame, 1)
+    assert newest_counter(inbox, STATE) == 6
     assert inbox.counts.lost == 1
 
 
-def test_frames_of_one_counter_from_different_rounds_make_no_state() -> None:
-    """A four-bit counter comes round every 16 periods: 400 ms later it is another sample."""
-    inbox = Inbox()
-    a, _, _ = state_messages(5)
-    _, b, c = state_messages(5)
-    inbox.accept(a, 0)
-    inbox.accept(b, 16 * PERIOD_NS)
-    inbox.accept(c, 16 * PERIOD_NS)
-    assert inbox.state is None
+@pytest.mark.parametrize(("message", "content"), [(STATE, SAMPLE), (REFERENCE, PATH)])
+def test_frames_of_different_cycles_of_the_counter_make_no_content(message, content) -> None:
+    """A four-bit counter repeats every 16 periods: later it is another sample."""
+    inbox = Inbox(Node.CONTROLLER)
+    first, *others = can_frames(message, content, 5)
+    inbox.accept(first, 0)
+    for frame in others:
+        inbox.accept(frame, COUNTER_MODULUS * PERIOD_NS)
+    assert inbox.newest(message) is None
 
 
-def test_the_spread_that_is_allowed_is_within_one_round_of_the_counter() -> None:
-    assert PERIOD_NS < MAX_SPREAD_NS < 15 * PERIOD_NS
-    inbox = Inbox()
-    for each, arrival_ns in zip(state_messages(5), (0, 1, MAX_SPREAD_NS), strict=True):
-        inbox.accept(each, arrival_ns)
-    assert inbox.state is not None
+def test_the_allowed_spread_is_within_one_cycle_of_the_counter() -> None:
+    assert PERIOD_NS < MAX_SPREAD_NS < (COUNTER_MODULUS - 1) * PERIOD_NS
+    inbox = Inbox(Node.CONTROLLER)
+    for frame, arrival_ns in zip(can_frames(STATE, SAMPLE, 5), (0, 1, MAX_SPREAD_NS), strict=True):
+        inbox.accept(frame, arrival_ns)
+    assert inbox.newest(STATE) is not None
 
 
 @pytest.mark.parametrize("order", list(permutations(range(2))))
-def test_two_frames_of_one_counter_make_a_reference(order: tuple[int, ...]) -> None:
-    inbox = Inbox()
-    messages = reference_messages(9)
+def test_two_frames_with_one_counter_make_a_reference(order: tuple[int, ...]) -> None:
+    inbox = Inbox(Node.CONTROLLER)
+    frames = can_frames(REFERENCE, PATH, 9)
     for position, index in enumerate(order):
-        assert inbox.reference is None
-        inbox.accept(messages[index], 50 + position)
-    assert inbox.reference is not None
-    assert inbox.reference.path == pytest.approx(PATH)
-    assert (inbox.reference.counter, inbox.reference.arrival_ns) == (9, 50)
-
-
-def test_half_references_of_different_counters_make_none() -> None:
-    inbox = filled(reference_messages(8)[0], reference_messages(9)[1])
-    assert inbox.reference is None
+        assert inbox.newest(REFERENCE) is None
+        inbox.accept(frames[index], 50 + position)
+    newest = inbox.newest(REFERENCE)
+    assert newest is not None
+    assert newest.content == pytest.approx(PATH)
+    assert (newest.counter, newest.arrival_ns) == (9, 50)
 
 
 @pytest.mark.parametrize("field", PathReference._fields)
 def test_a_nan_in_the_reference_makes_none(field: str) -> None:
-    inbox = filled(*reference_messages(8, PATH._replace(**{field: nan})))
-    assert inbox.reference is None
-    assert inbox.counts.out_of_range == 1
-
-
-def test_half_references_from_different_rounds_make_none() -> None:
-    inbox = Inbox()
-    path, speed = reference_messages(9)
-    inbox.accept(path, 0)
-    inbox.accept(speed, 16 * PERIOD_NS)
-    assert inbox.reference is None
-
-
-def test_mission_feedback_and_vehicle_arrive_at_the_controller() -> None:
-    inbox = filled(
-        message(
-            frames.MISSION, frames.encode_mission(Mission(True, False, 4, 300_000_000), counter=2)
-        ),
-        message(frames.ACT_FB, frames.encode_feedback(CONTROL, counter=3)),
-        message(
-            frames.IDENT_VEHICLE, frames.encode_vehicle_identity(Identity(77, None), counter=1)
-        ),
-        arrival_ns=10,
-    )
-    assert inbox.mission == MissionSnapshot(True, False, 4, 300_000_000, counter=2, arrival_ns=10)
-    assert inbox.feedback == FeedbackSnapshot(CONTROL, counter=3, arrival_ns=10)
-    assert inbox.peer == PeerIdentity(77, None, counter=1, arrival_ns=10)
-
-
-def test_command_heartbeat_and_controller_arrive_at_the_vehicle() -> None:
-    inbox = CommandInbox()
-    heartbeat = Heartbeat(Mode.HOLD_PLAN, Fault.SOLVER_FAILED, 500_000, 1_000_000, 30)
-    for each in (
-        message(frames.ACT_CMD, frames.encode_command(CONTROL, Mode.NOMINAL, counter=15)),
-        message(frames.CTRL_HB, frames.encode_heartbeat(heartbeat, counter=4)),
-        message(
-            frames.IDENT_CONTROLLER, frames.encode_controller_identity(Identity(77, 5), counter=0)
-        ),
-    ):
-        inbox.accept(each, 20)
-    assert inbox.command == CommandSnapshot(CONTROL, Mode.NOMINAL, counter=15, arrival_ns=20)
-    assert inbox.heartbeat == HeartbeatSnapshot(*heartbeat, counter=4, arrival_ns=20)
-    assert inbox.peer == PeerIdentity(77, 5, counter=0, arrival_ns=20)
-    assert sum(inbox.counts) == 0
-
-
-def test_a_controller_that_repeats_itself_leaves_the_old_arrival() -> None:
-    """So a stuck controller looks as silent as a dead one, and the vehicle brakes."""
-    inbox = CommandInbox()
-    frame = frames.encode_command(CONTROL, Mode.NOMINAL, 3)
-    for tick in range(10):
-        inbox.accept(message(frames.ACT_CMD, frame), tick * PERIOD_NS)
-    assert inbox.command is not None
-    assert inbox.command.arrival_ns == 0
-    assert inbox.counts.repeated == 9
-
-
-def test_a_command_with_nan_leaves_the_old_command() -> None:
-    inbox = CommandInbox()
-    inbox.accept(message(frames.ACT_CMD, frames.encode_command(CONTROL, Mode.NOMINAL, 3)), 0)
-    broken = CONTROL._replace(steer_rad=nan)
-    inbox.accept(message(frames.ACT_CMD, frames.encode_command(broken, Mode.NOMINAL, 4)), 1)
-    assert inbox.command is not None
-    assert inbox.command.arrival_ns == 0
+    inbox = controller_inbox(*can_frames(REFERENCE, PATH._replace(**{field: nan}), 8))
+    assert inbox.newest(REFERENCE) is None
     assert inbox.counts.out_of_range == 1
 
 
 @pytest.mark.parametrize(
-    ("codec", "box"),
+    ("message", "content"),
     [
-        (frames.ACT_FB, Inbox),
-        (frames.MISSION, Inbox),
-        (frames.IDENT_VEHICLE, Inbox),
-        (frames.CTRL_HB, CommandInbox),
-        (frames.IDENT_CONTROLLER, CommandInbox),
+        (MISSION, ENGAGED),
+        (FEEDBACK, CONTROL),
+        (VEHICLE_IDENTITY, Identity(77, None)),
+        (COMMAND, NOMINAL),
+        (HEARTBEAT, HOLDING),
+        (CONTROLLER_IDENTITY, Identity(77, 5)),
     ],
-    ids=lambda value: getattr(value, "name", None) or value.__name__,
 )
-def test_a_frame_without_values_is_counted_and_changes_nothing(
-    codec: MessageCodec, box: type[Inbox | CommandInbox]
-) -> None:
-    inbox = box()
-    inbox.accept(message(codec, codec.encode([nan] * len(codec.signals), 0, 1)), 0)
-    assert inbox.counts.out_of_range == 1
-    assert set(snapshots(inbox)) == {None}
+def test_a_message_of_one_frame_arrives_with_counter_and_arrival(message, content) -> None:
+    node = Node.VEHICLE if message.sender is Node.CONTROLLER else Node.CONTROLLER
+    inbox = Inbox(node)
+    for frame in can_frames(message, content, 15):
+        inbox.accept(frame, 20)
+    assert inbox.newest(message) == Received(content, counter=15, arrival_ns=20)
+    assert inbox.counts == NO_TROUBLE
 
 
-def test_neither_box_listens_to_its_own_side() -> None:
-    inbox, command_inbox = Inbox(), CommandInbox()
-    command = message(frames.ACT_CMD, frames.encode_command(CONTROL, Mode.NOMINAL, 3))
-    inbox.accept(command, 0)
-    for each in state_messages(5):
-        command_inbox.accept(each, 0)
-    assert sum(inbox.counts) == sum(command_inbox.counts) == 0
-    assert command_inbox.command is None
+@pytest.mark.parametrize("message", CATALOGUE.messages)
+def test_a_frame_without_values_is_counted_and_changes_nothing(message) -> None:
+    inbox = Inbox(Node.VEHICLE if message.sender is Node.CONTROLLER else Node.CONTROLLER)
+    for codec in message.codecs:
+        inbox.accept(can_frame(codec, codec.encode([nan] * len(codec.signals), 0, 1)), 0)
+    assert inbox.counts == ReceptionCounts(out_of_range=len(message.codecs))
+    assert inbox.newest(message) is None
 
 
-@pytest.mark.parametrize("box", [Inbox, CommandInbox])
-def test_a_bus_that_fails_is_explained_and_leaves_the_box_as_it_was(
-    box: type[Inbox | CommandInbox],
-) -> None:
-    inbox = box()
-    bus = open_bus("virtual", "failing")
+def test_frames_of_the_own_role_are_counted_as_foreign() -> None:
+    assert controller_inbox(command(3)).foreign_frames == 1
+    inbox = vehicle_inbox(*can_frames(STATE, SAMPLE, 5))
+    assert inbox.foreign_frames == 3
+    assert inbox.counts == NO_TROUBLE
+
+
+def test_counters_may_start_anywhere_and_wrap() -> None:
+    inbox = vehicle_inbox(*(command((11 + tick) % COUNTER_MODULUS) for tick in range(40)))
+    assert inbox.newest(COMMAND) == Received(NOMINAL, (11 + 39) % COUNTER_MODULUS, 39)
+    assert inbox.counts == NO_TROUBLE
+
+
+@pytest.mark.parametrize("bit", [0, 7, 12, 20, 63])
+def test_a_damaged_frame_is_dropped_and_does_not_move_the_counter(bit: int) -> None:
+    damaged = command(9)
+    damaged.data[bit // 8] ^= 1 << bit % 8
+    inbox = vehicle_inbox(command(3), damaged, command(4))
+    assert newest_counter(inbox, COMMAND) == 4
+    assert inbox.counts == ReceptionCounts(crc_errors=1)
+
+
+@pytest.mark.parametrize("length", [0, 1, 7])
+def test_a_short_frame_is_dropped_and_counted(length: int) -> None:
+    short = command(0)
+    del short.data[length:]
+    inbox = vehicle_inbox(short)
+    assert inbox.newest(COMMAND) is None
+    assert inbox.counts == ReceptionCounts(crc_errors=1)
+
+
+def test_a_repeated_counter_is_dropped_and_the_old_arrival_stays() -> None:
+    """So a stuck controller looks as silent as a dead one, and the vehicle brakes."""
+    other = Command(CONTROL._replace(throttle=0.9), Mode.NOMINAL)
+    inbox = vehicle_inbox(command(3), command(3), command(3, other))
+    assert inbox.newest(COMMAND) == Received(NOMINAL, 3, 0)
+    assert inbox.counts == ReceptionCounts(repeated=2)
+
+
+@pytest.mark.parametrize(("counter", "lost"), [(4, 0), (5, 1), (7, 3), (2, 14)])
+def test_gaps_in_the_counters_are_counted_as_lost_frames(counter: int, lost: int) -> None:
+    inbox = vehicle_inbox(command(3), command(counter))
+    assert newest_counter(inbox, COMMAND) == counter
+    assert inbox.counts == ReceptionCounts(lost=lost)
+
+
+def test_a_command_with_nan_leaves_the_old_command() -> None:
+    broken = Command(CONTROL._replace(steer_rad=nan), Mode.NOMINAL)
+    inbox = vehicle_inbox(command(3), command(4, broken))
+    assert inbox.newest(COMMAND) == Received(NOMINAL, 3, 0)
+    assert inbox.counts == ReceptionCounts(out_of_range=1)
+
+
+def test_frames_of_another_kind_or_id_are_ignored() -> None:
+    extended, remote, other = command(0), command(0), command(0)
+    extended.is_extended_id = True
+    remote.is_remote_frame = True
+    other.arbitration_id = 0x555
+    inbox = vehicle_inbox(extended, remote, other)
+    assert inbox.newest(COMMAND) is None
+    assert inbox.counts == NO_TROUBLE
+
+
+def test_error_frames_are_counted() -> None:
+    error = command(0)
+    error.is_error_frame = True
+    inbox = vehicle_inbox(error)
+    assert inbox.newest(COMMAND) is None
+    assert inbox.counts == ReceptionCounts(error_frames=1)
+
+
+def test_draining_reads_all_waiting_frames_and_stamps_them_with_the_given_time() -> None:
+    inbox = Inbox(Node.VEHICLE)
+    with open_bus("virtual", "drain") as near, open_bus("virtual", "drain") as far:
+        for counter in range(5):
+            far.send(command(counter), timeout=0)
+        assert inbox.drain(near, 777) == 5
+        assert inbox.drain(near, 888) == 0
+    assert inbox.newest(COMMAND) == Received(NOMINAL, 4, 777)
+
+
+def test_a_flooded_bus_does_not_delay_the_step() -> None:
+    inbox = Inbox(Node.VEHICLE)
+    with open_bus("virtual", "flood") as near, open_bus("virtual", "flood") as far:
+        for tick in range(MAX_FRAMES_PER_DRAIN + 10):
+            far.send(command(tick % COUNTER_MODULUS), timeout=0)
+        assert inbox.drain(near, 0) == MAX_FRAMES_PER_DRAIN
+        assert inbox.drain(near, 1) == 10
+
+
+def test_a_bus_that_fails_is_counted_and_explained_but_raises_nothing() -> None:
+    inbox = Inbox(Node.VEHICLE)
+    bus = open_bus("virtual", "closed")
     bus.shutdown()
     assert inbox.last_failure == ""
     assert inbox.drain(bus, 0) == 0
+    assert inbox.drain(bus, 1) == 0
+    assert inbox.counts == ReceptionCounts(receive_failures=2)
     assert "closed" in inbox.last_failure
-    assert inbox.counts.receive_failures == 1

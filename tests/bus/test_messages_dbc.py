@@ -1,4 +1,4 @@
-"""The message catalogue says everything, and says the same as the contract."""
+"""The DBC is complete and agrees with the contract."""
 
 from math import degrees
 from pathlib import Path
@@ -7,15 +7,16 @@ import cantools
 import pytest
 from cantools.database.can import Message, Signal
 
-from rt_controller.bus import frames
-from rt_controller.bus.codec import DBC_PATH, compile_codec, read_catalogue
+from rt_controller.bus.catalogue import CATALOGUE, COMMAND, REFERENCE, Fault
+from rt_controller.bus.codec import DBC_PATH, FrameCodec, FrameSpec, read_dbc
+from rt_controller.bus.cycle_times import with_cycle_times
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import Mode
-from rt_controller.contract.timing import IDENT_PERIOD_TICKS, MISSION_PERIOD_TICKS, PERIOD_S
 
-CATALOGUE = cantools.database.load_file(DBC_PATH, strict=True)
-MESSAGES: list[Message] = CATALOGUE.messages
+DATABASE = cantools.database.load_file(DBC_PATH, strict=True)
+CODECS = [codec for message in CATALOGUE.messages for codec in message.codecs]
+MESSAGES: list[Message] = DATABASE.messages
 SIGNALS = [(message, signal) for message in MESSAGES for signal in message.signals]
 BODY = [(message, signal) for message, signal in SIGNALS if signal.start >= 16]
 DIMENSIONLESS = {
@@ -38,9 +39,9 @@ def _name(value: object) -> str:
     return value.name if isinstance(value, Message | Signal) else str(value)
 
 
-def test_the_program_speaks_exactly_the_messages_of_the_catalogue() -> None:
-    spoken = {(codec.name, codec.arbitration_id) for codec in frames.CODECS}
-    assert spoken == {(message.name, message.frame_id) for message in MESSAGES}
+def test_the_program_defines_exactly_the_messages_of_the_dbc() -> None:
+    defined = {(codec.name, codec.arbitration_id) for codec in CODECS}
+    assert defined == {(message.name, message.frame_id) for message in MESSAGES}
 
 
 @pytest.mark.parametrize("message", MESSAGES, ids=_name)
@@ -65,10 +66,10 @@ def test_every_quantity_has_a_unit(message: Message, signal: Signal) -> None:
 
 
 @pytest.mark.parametrize(("message", "signal"), BODY, ids=_name)
-def test_every_range_leaves_raw_values_that_cannot_be_meant(
+def test_every_range_leaves_raw_values_that_are_never_valid(
     message: Message, signal: Signal
 ) -> None:
-    codec = next(codec for codec in frames.CODECS if codec.name == message.name)
+    codec = next(codec for codec in CODECS if codec.name == message.name)
     layout = next(layout for layout in codec.signals if layout.name == signal.name)
     lowest, highest = (
         (-(2 ** (signal.length - 1)), 2 ** (signal.length - 1) - 1)
@@ -80,38 +81,40 @@ def test_every_range_leaves_raw_values_that_cannot_be_meant(
     assert not layout.raw_min <= layout.raw_not_available <= layout.raw_max
 
 
-def test_cycle_times_are_those_of_the_contract() -> None:
-    mission_ms = round(PERIOD_S * MISSION_PERIOD_TICKS * 1000)
-    identity_ms = round(PERIOD_S * IDENT_PERIOD_TICKS * 1000)
-    slower = {
-        "MISSION": mission_ms,
-        "IDENT_CONTROLLER": identity_ms,
-        "IDENT_VEHICLE": identity_ms,
-    }
-    period_ms = round(PERIOD_S * 1000)
-    for message in MESSAGES:
-        assert message.cycle_time == slower.get(message.name, period_ms), message.name
+def test_cycle_times_follow_from_the_control_period() -> None:
+    """After a change of the period: python -m rt_controller.bus.cycle_times"""
+    for definition in CATALOGUE.messages:
+        for codec in definition.codecs:
+            message = DATABASE.get_message_by_name(codec.name)
+            assert message.cycle_time == definition.cycle_ms, codec.name
+
+
+def test_cycle_times_in_the_dbc_are_replaced_by_those_of_the_period() -> None:
+    text = DBC_PATH.read_text(encoding="ascii")
+    outdated = text.replace('"GenMsgCycleTime" BO_ 312 100;', '"GenMsgCycleTime" BO_ 312 7;')
+    assert outdated != text
+    assert with_cycle_times(outdated) == text
 
 
 @pytest.mark.parametrize("name", ["ACT_CMD", "CTRL_HB"])
 def test_modes_have_the_names_of_the_contract(name: str) -> None:
-    choices = CATALOGUE.get_message_by_name(name).get_signal_by_name("Mode").choices
+    choices = DATABASE.get_message_by_name(name).get_signal_by_name("Mode").choices
     assert {raw: str(text) for raw, text in choices.items()} == {int(m): m.name for m in Mode}
 
 
 def test_every_fault_bit_is_within_the_range() -> None:
-    faults = CATALOGUE.get_message_by_name("CTRL_HB").get_signal_by_name("Faults")
-    assert int(~frames.Fault(0)) == faults.maximum
+    faults = DATABASE.get_message_by_name("CTRL_HB").get_signal_by_name("Faults")
+    assert int(~Fault(0)) == faults.maximum
 
 
 def test_the_command_has_the_highest_priority() -> None:
-    assert min(message.frame_id for message in MESSAGES) == frames.ACT_CMD.arbitration_id
+    assert min(message.frame_id for message in MESSAGES) == COMMAND.codecs[0].arbitration_id
 
 
-def test_every_input_that_the_limits_allow_can_travel() -> None:
+def test_every_input_that_the_limits_allow_can_be_sent() -> None:
     for control in (INPUT_LIMITS.lower, INPUT_LIMITS.upper):
         values = (control.throttle, control.brake_n, degrees(control.steer_rad))
-        for layout, value in zip(frames.ACT_CMD.signals, values, strict=True):
+        for layout, value in zip(COMMAND.codecs[0].signals, values, strict=True):
             low, high = layout.raw_min * layout.scale, layout.raw_max * layout.scale
             assert low <= value <= high, layout.name
 
@@ -120,7 +123,7 @@ def test_every_input_that_the_limits_allow_can_travel() -> None:
 def test_rounding_a_path_coefficient_moves_the_path_by_less_than_2_mm_at_20_m(
     power: int, name: str
 ) -> None:
-    layouts = (*frames.REF_PATH.signals, *frames.REF_SPEED.signals)
+    layouts = [layout for codec in REFERENCE.codecs for layout in codec.signals]
     layout = next(layout for layout in layouts if layout.name == name)
     assert layout.scale / 2 * 20.0**power < 0.002
 
@@ -128,8 +131,8 @@ def test_rounding_a_path_coefficient_moves_the_path_by_less_than_2_mm_at_20_m(
 @pytest.mark.parametrize(
     ("name", "largest"), [("C0", 3.5), ("C1", 0.5), ("C2", 0.02), ("C3", 0.005)]
 )
-def test_a_lane_change_of_3_5_m_over_40_m_can_travel(name: str, largest: float) -> None:
-    layouts = (*frames.REF_PATH.signals, *frames.REF_SPEED.signals)
+def test_a_lane_change_of_3_5_m_over_40_m_can_be_sent(name: str, largest: float) -> None:
+    layouts = [layout for codec in REFERENCE.codecs for layout in codec.signals]
     layout = next(layout for layout in layouts if layout.name == name)
     assert layout.raw_min * layout.scale <= -largest
     assert layout.raw_max * layout.scale >= largest
@@ -158,7 +161,7 @@ def test_a_lane_change_of_3_5_m_over_40_m_can_travel(name: str, largest: float) 
         ("NS_ :", "NONSENSE"),
     ],
 )
-def test_a_catalogue_that_the_codec_cannot_speak_is_refused(
+def test_a_dbc_that_the_codec_does_not_support_is_refused(
     tmp_path: Path, line: str, replacement: str
 ) -> None:
     text = DBC_PATH.read_text(encoding="ascii")
@@ -166,14 +169,12 @@ def test_a_catalogue_that_the_codec_cannot_speak_is_refused(
     path = tmp_path / "messages.dbc"
     path.write_text(text.replace(line, replacement), encoding="ascii")
     with pytest.raises(ConfigError, match=r"(?s)expected .* found .*Restore"):
-        compile_codec(
-            read_catalogue(path),
-            "ACT_CMD",
-            "Mode",
-            ("Throttle", "BrakeForce", "SteeringWheelAngle"),
+        FrameCodec(
+            read_dbc(path),
+            FrameSpec("ACT_CMD", "Mode", ("Throttle", "BrakeForce", "SteeringWheelAngle")),
         )
 
 
 def test_a_missing_catalogue_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="expected the message catalogue"):
-        read_catalogue(tmp_path / "messages.dbc")
+        read_dbc(tmp_path / "messages.dbc")

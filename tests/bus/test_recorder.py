@@ -1,4 +1,4 @@
-"""The log: readable by others, the same bytes for the same drive, never in the way."""
+"""The log: readable by python-can, the same bytes for the same drive, never blocking."""
 
 import hashlib
 import re
@@ -42,7 +42,7 @@ def test_python_can_reads_back_what_was_recorded(tmp_path: Path, is_threaded: bo
 
 
 def test_the_writer_writes_while_the_drive_goes_on(tmp_path: Path) -> None:
-    """What a killed controller has seen is on the disk, but for the last moments."""
+    """So the log of a killed controller lacks only the last frames."""
     path = tmp_path / "drive.log"
     with Recorder(path, "can0", is_threaded=True) as recorder:
         recorder.record(message(0x100, b"\x01"), 0)
@@ -51,7 +51,7 @@ def test_the_writer_writes_while_the_drive_goes_on(tmp_path: Path) -> None:
         assert path.read_text() == "(0.000000) can0 100#01\n"
 
 
-def test_frames_of_other_kinds_keep_their_kind(tmp_path: Path) -> None:
+def test_extended_remote_error_and_fd_frames_are_recorded_as_such(tmp_path: Path) -> None:
     path = tmp_path / "drive.log"
     with Recorder(path, "can0", is_threaded=False) as recorder:
         recorder.record(can.Message(arbitration_id=0x12345, data=b"\x01"), 0)
@@ -96,7 +96,7 @@ def test_the_same_drive_gives_the_same_bytes(tmp_path: Path) -> None:
     assert len(digests) == 1
 
 
-def test_a_full_ring_drops_and_counts_but_never_blocks(tmp_path: Path) -> None:
+def test_a_full_queue_drops_and_counts_but_never_blocks(tmp_path: Path) -> None:
     path = tmp_path / "drive.log"
     with Recorder(path, "can0", is_threaded=True, capacity=0) as recorder:
         for _ in range(10):

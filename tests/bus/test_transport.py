@@ -43,7 +43,7 @@ def test_an_unread_virtual_bus_is_bounded() -> None:
             near.send(message(b""), timeout=0)
 
 
-def test_settings_of_the_environment_do_not_count(
+def test_settings_of_the_environment_are_ignored(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """python-can would read receive_own_messages from can.ini in the working directory."""
@@ -116,7 +116,7 @@ def test_the_interface_remote_without_its_package_names_the_extra(
 ) -> None:
     without = frozenset(can.VALID_INTERFACES) - {"remote"}
     monkeypatch.setattr(can, "VALID_INTERFACES", without)
-    with pytest.raises(MissingExtraError, match=r"pip install -e \".\[remote\]\""):
+    with pytest.raises(MissingExtraError, match=r"pip install .*\[remote\]"):
         open_bus("remote", "ws://127.0.0.1:54701")
 
 
@@ -156,7 +156,7 @@ def test_a_remote_bus_without_server_is_refused() -> None:
         open_bus("remote", f"ws://127.0.0.1:{port}/")
 
 
-def test_options_as_written_get_the_type_they_look_like() -> None:
+def test_written_options_get_their_toml_type() -> None:
     written = {"fd": "true", "loopback": "false", "ttyBaudrate": "115200", "host": "127.0.0.1"}
     parsed = parse_options({**written, "ratio": "0.5", "day": "2026-01-01"})
     assert parsed == {
@@ -169,7 +169,7 @@ def test_options_as_written_get_the_type_they_look_like() -> None:
     }
 
 
-def test_a_bus_that_is_gone_is_left_without_a_word(
+def test_closing_a_bus_that_has_failed_raises_nothing(
     monkeypatch: pytest.MonkeyPatch, recwarn: pytest.WarningsRecorder
 ) -> None:
     class Gone(VirtualBus):

@@ -1,4 +1,4 @@
-"""Controller and car in processes of their own, on a bus between them (127.0.0.1)."""
+"""Controller and car in two processes, on a bus of this machine, in real time."""
 
 import json
 import os
@@ -7,49 +7,110 @@ import socket
 import subprocess
 import sys
 import time
+import uuid
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-pytest.importorskip("can_remote", reason="the extra [remote] is not installed")
+from rt_controller.contract.artifact import shipped_model
 
 PATIENCE_S = 90.0
 
 
-@dataclass(frozen=True, slots=True)
-class Road:
-    """A CAN bus between processes: python-can's virtual bus behind a local server."""
+@dataclass(slots=True)
+class Drive:
+    """A car and a controller on one bus; the files of each process are in its own folder."""
 
+    bus: str
     channel: str
-    server: subprocess.Popen
+    folder: Path
+    processes: list[subprocess.Popen[bytes]] = field(default_factory=list)
+
+    def start_car(self, duration_s: float = 60.0) -> subprocess.Popen[bytes]:
+        """Straight on and slowly, so that a stop takes two seconds."""
+        scenario = self.folder / "straight.toml"
+        scenario.write_text(
+            f'name = "straight"\nspeed_kmh = 30.0\ncurvature_per_m = 0.0\n'
+            f"duration_s = {duration_s}\nroad_friction = 0.85\nmoves = []\n"
+        )
+        return self.start_program("car", "sim_bridge.cli", "--scenario", str(scenario))
+
+    def start_controller(self, name: str = "controller") -> subprocess.Popen[bytes]:
+        # Deadlines are not tested here: a shared machine may stall longer than a vehicle's.
+        options = ("--realtime.deadline-ms", "25", "--wait-s", "60")
+        model = str(shipped_model("lti"))
+        return self.start_program(name, "rt_controller.cli", "--model", model, *options)
+
+    def start_program(self, name: str, module: str, *options: str) -> subprocess.Popen[bytes]:
+        (self.folder / name).mkdir()
+        program = f"import sys; from {module} import main; sys.argv[0] = '{module}'; main()"
+        return self.start(
+            *(name, sys.executable, "-c", program, "--bus", self.bus, "--channel", self.channel),
+            *("--json", str(self.folder / name / "summary.json"), *options),
+        )
+
+    def start(self, name: str, *command: str) -> subprocess.Popen[bytes]:
+        environment = {**os.environ, "COLUMNS": "200"}
+        with (self.folder / f"{name}.log").open("wb") as log:
+            process = subprocess.Popen(command, stdout=log, stderr=log, env=environment)
+        self.processes.append(process)
+        return process
+
+    def log(self, name: str) -> str:
+        return (self.folder / f"{name}.log").read_text(errors="replace")
+
+    def summary(self, name: str) -> dict[str, Any]:
+        found: dict[str, Any] = json.loads((self.folder / name / "summary.json").read_text())
+        return found
+
+    def wait_for_nominal(self) -> None:
+        wait_until(lambda: "NOMINAL" in self.log("controller"), "a driving controller")
+
+    def expect_exit(self, process: subprocess.Popen[bytes], name: str, *codes: int) -> None:
+        assert process.wait(PATIENCE_S) in codes, self.log(name)
+
+
+def wait_until(condition: Callable[[], bool], what: str) -> None:
+    give_up = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < give_up, f"expected {what} within {PATIENCE_S:g} s"
+        time.sleep(0.02)
+
+
+def kill_all(drive: Drive) -> None:
+    for process in drive.processes:
+        process.kill()
+        process.wait()
 
 
 @pytest.fixture
-def road() -> Iterator[Road]:
+def local(tmp_path: Path) -> Iterator[Drive]:
+    """On the bus in shared memory."""
+    drive = Drive("local", f"test-{uuid.uuid4().hex}", tmp_path)
+    yield drive
+    kill_all(drive)
+
+
+@pytest.fixture
+def remote(tmp_path: Path) -> Iterator[Drive]:
+    """On python-can's virtual bus behind a local server, the first of the processes."""
+    pytest.importorskip("can_remote", reason="the extra [remote] is not installed")
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    server = subprocess.Popen(
-        [
-            *(sys.executable, "-m", "can_remote", "-H", "127.0.0.1", "-p", str(port)),
-            *("-i", "virtual", "-c", f"test-{port}", "-b", "500000"),
-        ],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
+        port: int = probe.getsockname()[1]
+    drive = Drive("remote", f"ws://127.0.0.1:{port}/", tmp_path)
+    drive.start(
+        *("server", sys.executable, "-m", "can_remote", "-H", "127.0.0.1", "-p", str(port)),
+        *("-i", "virtual", "-c", f"test-{port}", "-b", "500000"),
     )
     try:
         wait_until(lambda: is_listening(port), "the server of the bus")
-        yield Road(f"ws://127.0.0.1:{port}/", server)
+        yield drive
     finally:
-        server.kill()
-        server.wait()
-
-
-@pytest.fixture
-def channel(road: Road) -> str:
-    return road.channel
+        kill_all(drive)
 
 
 def is_listening(port: int) -> bool:
@@ -57,148 +118,75 @@ def is_listening(port: int) -> bool:
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
-def wait_until(condition: Callable[[], bool], what: str) -> None:
-    give_up = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < give_up, f"waited in vain for {what}"
-        time.sleep(0.05)
+@pytest.mark.parametrize("bus", ["local", pytest.param("remote", marks=pytest.mark.nightly)])
+def test_two_processes_drive_a_mission_to_its_end(bus: str, request: pytest.FixtureRequest) -> None:
+    drive: Drive = request.getfixturevalue(bus)
+    car, controller = drive.start_car(duration_s=2.0), drive.start_controller()
+    controller.wait(PATIENCE_S)
+    drive.expect_exit(car, "car", 0)
+    by_car, by_controller = drive.summary("car"), drive.summary("controller")
+    assert not by_car["watchdog_braked"]
+    assert by_controller["final_mode"] == "STANDBY"
+    # Both ends measure the same drive, except for the quantisation of the frames.
+    assert by_controller["ey_rms_m"] == pytest.approx(by_car["ey_rms_m"], abs=2e-3)
 
 
-def start(log: Path, module: str, *arguments: str) -> subprocess.Popen:
-    program = f"import sys; from {module} import main; sys.argv[0] = '{module}'; main()"
-    with log.open("wb") as output:
-        return subprocess.Popen(
-            [sys.executable, "-c", program, *arguments],
-            stdout=output,
-            stderr=output,
-            env={**os.environ, "COLUMNS": "200"},
-        )
-
-
-def start_car(channel: str, folder: Path, duration_s: float = 60.0) -> subprocess.Popen:
-    """Straight on, for so long that whatever shall happen meanwhile does on a slow machine too."""
-    scenario = folder / "straight.toml"
-    scenario.write_text(
-        f'name = "straight"\nspeed_kmh = 80.0\ncurvature_per_m = 0.0\nduration_s = {duration_s}\n'
-        f"road_friction = 0.85\nmoves = []\n"
-    )
-    return start(
-        folder / "car.log",
-        "sim_bridge.cli",
-        *("--bus", "remote", "--channel", channel, "--scenario", str(scenario)),
-        *("--json", str(folder / "car.json")),
-    )
-
-
-def start_controller(channel: str, folder: Path) -> subprocess.Popen:
-    return start(
-        folder / "controller.log",
-        "rt_controller.cli",
-        *("--bus", "remote", "--channel", channel, "--json", str(folder / "controller.json")),
-        # A shared machine may stall longer than a vehicle's: lateness is not what is tested here.
-        *("--realtime.deadline-ms", "25", "--wait-s", "60"),
-    )
-
-
-def says(log: Path, words: str) -> bool:
-    return log.exists() and words in log.read_text(errors="replace")
-
-
-def test_two_processes_drive_a_mission_to_its_end(channel: str, tmp_path: Path) -> None:
-    car, controller = (
-        start_car(channel, tmp_path, duration_s=5.0),
-        start_controller(channel, tmp_path),
-    )
-    try:
-        controller.wait(PATIENCE_S)
-        assert car.wait(PATIENCE_S) == 0, (tmp_path / "car.log").read_text()
-    finally:
-        car.kill()
-        controller.kill()
-    seen_by_car = json.loads((tmp_path / "car.json").read_text())
-    seen_by_controller = json.loads((tmp_path / "controller.json").read_text())
-    assert not seen_by_car["watchdog_braked"]
-    assert seen_by_controller["final_mode"] == "STANDBY"
-    # Both ends tell the same story, but for the quantisation of the frames.
-    assert seen_by_controller["ey_rms_m"] == pytest.approx(seen_by_car["ey_rms_m"], abs=2e-3)
-
-
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
-def test_a_controller_that_dies_or_freezes_leaves_a_braked_car(
-    channel: str, tmp_path: Path, how: signal.Signals
+@pytest.mark.parametrize(
+    "how", [signal.SIGKILL, pytest.param(signal.SIGSTOP, marks=pytest.mark.nightly)]
+)
+def test_the_car_brakes_to_a_stop_when_its_controller_is_killed_or_frozen(
+    local: Drive, how: signal.Signals
 ) -> None:
-    car, controller = start_car(channel, tmp_path), start_controller(channel, tmp_path)
-    try:
-        wait_until(lambda: says(tmp_path / "controller.log", "NOMINAL"), "a driving controller")
-        controller.send_signal(how)
-        assert car.wait(PATIENCE_S) == 5, (tmp_path / "car.log").read_text()
-    finally:
-        car.kill()
-        controller.kill()
-    summary = json.loads((tmp_path / "car.json").read_text())
-    assert summary["watchdog_braked"]
-    assert summary["final_speed_mps"] < 0.5
-    assert "fell silent" in (tmp_path / "car.log").read_text()
+    car, controller = local.start_car(), local.start_controller()
+    local.wait_for_nominal()
+    controller.send_signal(how)
+    local.expect_exit(car, "car", 5)
+    assert "stopped sending" in local.log("car")
+    assert local.summary("car")["watchdog_braked"]
+    assert local.summary("car")["final_speed_mps"] < 0.5
 
 
-def test_a_car_that_dies_leaves_a_controller_in_a_safe_stop(channel: str, tmp_path: Path) -> None:
-    car, controller = start_car(channel, tmp_path), start_controller(channel, tmp_path)
-    try:
-        wait_until(lambda: says(tmp_path / "controller.log", "NOMINAL"), "a driving controller")
-        car.kill()
-        assert controller.wait(PATIENCE_S) == 6, (tmp_path / "controller.log").read_text()
-    finally:
-        car.kill()
-        controller.kill()
-    summary = json.loads((tmp_path / "controller.json").read_text())
+def test_ctrl_c_stops_the_car_and_ends_both_programs(local: Drive) -> None:
+    car, controller = local.start_car(), local.start_controller()
+    local.wait_for_nominal()
+    controller.send_signal(signal.SIGINT)
+    local.expect_exit(controller, "controller", 0, 4)
+    local.expect_exit(car, "car", 5)
+    assert local.summary("controller")["ending"] == "STOPPED"
+    assert local.summary("car")["final_speed_mps"] < 0.5
+
+
+@pytest.mark.nightly
+def test_a_controller_whose_car_is_killed_ends_in_a_safe_stop(local: Drive) -> None:
+    car, controller = local.start_car(), local.start_controller()
+    local.wait_for_nominal()
+    car.kill()
+    local.expect_exit(controller, "controller", 6)
+    summary = local.summary("controller")
     assert summary["final_mode"] == "SAFE_STOP"
     assert summary["stop_cause"] in {"STATE_LOST", "MISSION_LOST"}
 
 
-def test_ctrl_c_ends_a_drive_in_good_order(channel: str, tmp_path: Path) -> None:
-    car, controller = start_car(channel, tmp_path), start_controller(channel, tmp_path)
-    try:
-        wait_until(lambda: says(tmp_path / "controller.log", "NOMINAL"), "a driving controller")
-        controller.send_signal(signal.SIGINT)
-        assert controller.wait(PATIENCE_S) in {0, 4}
-        assert car.wait(PATIENCE_S) == 5
-    finally:
-        car.kill()
-        controller.kill()
-    summary = json.loads((tmp_path / "controller.json").read_text())
-    assert summary["ending"] == "STOPPED"
-    assert json.loads((tmp_path / "car.json").read_text())["final_speed_mps"] < 0.5
+@pytest.mark.nightly
+def test_a_bus_that_fails_ends_both_programs_with_a_message(remote: Drive) -> None:
+    car, controller = remote.start_car(), remote.start_controller()
+    remote.wait_for_nominal()
+    remote.processes[0].kill()
+    remote.expect_exit(car, "car", 5)
+    remote.expect_exit(controller, "controller", 5)
+    for name in ("car", "controller"):
+        assert "cannot be read" in remote.log(name)
+        assert "Traceback" not in remote.log(name)
 
 
-def test_a_bus_that_dies_ends_both_with_a_word_and_no_traceback(road: Road, tmp_path: Path) -> None:
-    car, controller = start_car(road.channel, tmp_path), start_controller(road.channel, tmp_path)
-    try:
-        wait_until(lambda: says(tmp_path / "controller.log", "NOMINAL"), "a driving controller")
-        road.server.kill()
-        assert car.wait(PATIENCE_S) == 5
-        assert controller.wait(PATIENCE_S) == 5
-    finally:
-        car.kill()
-        controller.kill()
-    for name in ("car.log", "controller.log"):
-        assert "cannot be read" in (tmp_path / name).read_text()
-        assert "Traceback" not in (tmp_path / name).read_text()
-
-
-def test_a_second_controller_is_turned_away_and_the_first_drives_on(
-    channel: str, tmp_path: Path
-) -> None:
-    (tmp_path / "second").mkdir()
-    car, controller = (
-        start_car(channel, tmp_path, duration_s=25.0),
-        start_controller(channel, tmp_path),
-    )
-    try:
-        wait_until(lambda: says(tmp_path / "controller.log", "NOMINAL"), "a driving controller")
-        second = start_controller(channel, tmp_path / "second")
-        assert second.wait(PATIENCE_S) == 5
-        assert car.wait(PATIENCE_S) == 0
-    finally:
-        for process in (car, controller, second):
-            process.kill()
-    assert "another one" in (tmp_path / "second" / "controller.log").read_text()
+@pytest.mark.nightly
+def test_a_second_controller_is_refused_and_does_not_disturb_the_first(local: Drive) -> None:
+    local.start_car()
+    controller = local.start_controller()
+    local.wait_for_nominal()
+    second = local.start_controller("second")
+    local.expect_exit(second, "second", 5)
+    assert "another one" in local.log("second")
+    controller.send_signal(signal.SIGINT)
+    controller.wait(PATIENCE_S)
+    assert local.summary("controller")["stop_cause"] != "SECOND_CONTROLLER"

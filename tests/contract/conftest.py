@@ -1,13 +1,12 @@
-"""A bundle that says everything a bundle can say, and one of other signals than the car's."""
+"""A bundle with every optional part, and one of other signals than the car's."""
 
 import numpy as np
 import pytest
 
 from rt_controller.contract.bilinear import Bilinear
-from rt_controller.contract.bundle import Bundle
-from rt_controller.contract.fitness import DRIVABLE_HISTORY
-from rt_controller.contract.lift import Lift, LiftSample
+from rt_controller.contract.bundle import Bundle, Lift, LiftSample
 from rt_controller.contract.schema import Schema, Signal
+from rt_controller.contract.validation import DRIVABLE_HISTORY
 
 PLANAR = Schema(
     states=(Signal("vx_mps", "m/s"), Signal("vy_mps", "m/s"), Signal("yaw_rate_radps", "rad/s")),
@@ -19,7 +18,7 @@ PLANAR = Schema(
 
 @pytest.fixture
 def bundle() -> Bundle:
-    """Of the car: bilinear of rank 2, shown the road and four instants of the past."""
+    """A model of the car: bilinear of rank 2, with curvature and four instants of history."""
     rng = np.random.default_rng(1)
     n, rank = 9, 2
     return Bundle(
@@ -46,7 +45,7 @@ def bundle() -> Bundle:
 
 @pytest.fixture
 def planar() -> Bundle:
-    """Of three states and two inputs, every 10 ms, on no road: a model, but not one to drive."""
+    """A model of three states and two inputs at 10 ms, without curvature: not drivable."""
     rng = np.random.default_rng(2)
     n = 5
     return Bundle(

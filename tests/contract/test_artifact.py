@@ -1,4 +1,4 @@
-"""A bundle is what it says it is, or it is refused with expected, found, remedy."""
+"""A bundle is loaded as it was saved, or it is refused with expected, found, remedy."""
 
 import random
 from dataclasses import fields, replace
@@ -76,7 +76,7 @@ def test_parts_that_do_not_fit_are_not_written(bundle: Bundle, tmp_path: Path) -
     assert not (tmp_path / "model").exists()
 
 
-def test_growth_and_radius_are_written_for_others_to_read(bundle: Bundle, folder: Path) -> None:
+def test_growth_and_radius_are_stored_in_the_file(bundle: Bundle, folder: Path) -> None:
     with np.load(folder / "koopman.npz") as archive:
         assert float(archive["spectral_radius"]) == pytest.approx(
             max(abs(np.linalg.eigvals(bundle.A)))
@@ -108,10 +108,10 @@ def test_an_altered_encoder_is_refused(folder: Path) -> None:
 
 
 def with_a_flipped_bit(whole: bytes, seed: int) -> bytes:
-    dice = random.Random(seed)
-    place = dice.randrange(len(whole))
+    rng = random.Random(seed)
+    place = rng.randrange(len(whole))
     flipped = bytearray(whole)
-    flipped[place] ^= 1 << dice.randrange(8)
+    flipped[place] ^= 1 << rng.randrange(8)
     return bytes(flipped)
 
 
@@ -156,7 +156,7 @@ def test_an_altered_matrix_is_refused(folder: Path, key: str) -> None:
         load_bundle(folder)
 
 
-def test_a_hash_is_stored_for_others_to_read(bundle: Bundle, folder: Path) -> None:
+def test_the_hash_is_stored_in_the_file(bundle: Bundle, folder: Path) -> None:
     with np.load(folder / "koopman.npz") as archive:
         assert str(archive["bundle_sha256"]) == bundle.sha256
 
@@ -180,9 +180,13 @@ HISTORY = ("vx_mps", "vy_mps", "yaw_rate_radps", "throttle", "brake_n", "steer_r
         ("dt_s", np.float64(0.024), "SHA-256"),
         ("state_fields", np.array(["vx_mps", "vy_mps"]), "number of state_units = 2, found 6"),
         ("state_units", np.array(["m/s"]), "number of state_units = 6, found 1"),
-        ("state_fields", np.array(["vx_mps"] * 6), "a name for each signal alone"),
-        ("input_fields", np.array(["throttle", "brake_n", "ey_m"]), "a name for each signal alone"),
-        ("exogenous_fields", np.array(["throttle"]), "a name for each signal alone"),
+        ("state_fields", np.array(["vx_mps"] * 6), "different names for all signals"),
+        (
+            "input_fields",
+            np.array(["throttle", "brake_n", "ey_m"]),
+            "different names for all signals",
+        ),
+        ("exogenous_fields", np.array(["throttle"]), "different names for all signals"),
         ("state_fields", np.str_("vx_mps"), "list of texts in state_fields"),
         ("input_fields", np.arange(3.0), "list of texts in input_fields"),
         ("exogenous_units", None, "'exogenous_units'"),
@@ -239,7 +243,7 @@ HISTORY = ("vx_mps", "vy_mps", "yaw_rate_radps", "throttle", "brake_n", "steer_r
         ("bundle_sha256", None, "'bundle_sha256'"),
     ],
 )
-def test_what_does_not_fit_together_is_refused(
+def test_fields_that_do_not_fit_are_refused(
     folder: Path, field: str, value: NDArray[np.generic] | None, message: str
 ) -> None:
     rewrite(folder, **{field: value})
@@ -272,7 +276,7 @@ def test_fewer_observables_than_states_are_refused(bundle: Bundle, tmp_path: Pat
         save_bundle(tmp_path, small, "card")
 
 
-def test_pickles_are_never_opened(folder: Path) -> None:
+def test_pickles_are_never_loaded(folder: Path) -> None:
     rewrite(folder, c=np.array([{"a": "pickle"}], dtype=object))
     with pytest.raises(ArtifactError, match="pickles"):
         load_bundle(folder)
@@ -281,7 +285,7 @@ def test_pickles_are_never_opened(folder: Path) -> None:
 @pytest.mark.parametrize(
     "content", [b"PK\x03\x04", b"\x93NUMPY", b"text", b"PK\x05\x06" + bytes(18)]
 )
-def test_what_is_no_bundle_is_refused(folder: Path, content: bytes) -> None:
+def test_files_that_are_not_a_bundle_are_refused(folder: Path, content: bytes) -> None:
     (folder / "koopman.npz").write_bytes(content)
     with pytest.raises(ArtifactError, match="expected"):
         load_bundle(folder)

@@ -1,4 +1,4 @@
-"""The input matrix at a lifted state is what the bilinear model's formula says."""
+"""The input matrix at a lifted state against the formula of the bilinear model."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import numpy as np
 from rt_controller.contract.bundle import Bundle
 
 
-def test_the_input_matrix_is_the_sum_written_out(bundle: Bundle) -> None:
+def test_the_input_matrix_equals_the_sum_in_the_formula(bundle: Bundle) -> None:
     assert bundle.bilinear is not None
     N, S, s0, _ = bundle.bilinear
     psi_0 = np.random.default_rng(3).normal(size=9)
@@ -18,7 +18,7 @@ def test_the_input_matrix_is_the_sum_written_out(bundle: Bundle) -> None:
     np.testing.assert_allclose(bundle.input_matrix(psi_0), expected, rtol=1e-12)
 
 
-def test_it_is_the_bilinear_model_frozen_at_psi_0(bundle: Bundle) -> None:
+def test_it_equals_the_bilinear_model_at_psi_0(bundle: Bundle) -> None:
     """sum_i u_i (b_i + N_i psi_0) with the matrices N_i = sum_r N[r, :, i] S[r, i]', if s0 = 0."""
     assert bundle.bilinear is not None
     bilinear = bundle.bilinear._replace(s0=np.zeros((2, 3)))
@@ -31,14 +31,14 @@ def test_it_is_the_bilinear_model_frozen_at_psi_0(bundle: Bundle) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
-def test_many_lifted_states_have_many_input_matrices(bundle: Bundle) -> None:
+def test_a_batch_of_lifted_states_has_a_batch_of_input_matrices(bundle: Bundle) -> None:
     psi = np.random.default_rng(5).normal(size=(4, 2, 9))
     matrices = bundle.input_matrix(psi)
     assert matrices.shape == (4, 2, 9, 3)
     np.testing.assert_allclose(matrices[3, 1], bundle.input_matrix(psi[3, 1]), rtol=1e-12)
 
 
-def test_without_a_bilinear_part_the_input_matrix_is_b_uc_everywhere(planar: Bundle) -> None:
+def test_without_a_bilinear_part_the_input_matrix_is_b_uc(planar: Bundle) -> None:
     matrices = planar.input_matrix(np.ones((7, 5)))
     assert matrices.shape == (7, 5, 2)
     assert np.all(matrices == planar.B_uc)

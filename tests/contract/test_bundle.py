@@ -1,13 +1,12 @@
-"""What a bundle is known by, and in which units its errors count."""
+"""The hash of a bundle, and the scaling of its errors."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from rt_controller.contract.bundle import Bundle
+from rt_controller.contract.bundle import Bundle, Lift
 from rt_controller.contract.follow import Follow
-from rt_controller.contract.lift import Lift
 from rt_controller.contract.schema import VEHICLE
 
 
@@ -21,7 +20,7 @@ def test_growth_does_not_depend_on_the_units_of_an_observable(bundle: Bundle) ->
     assert other.growth(20) == pytest.approx(bundle.growth(20))
 
 
-def test_an_observable_is_measured_by_its_spread_and_a_constant_by_its_size(
+def test_spread_is_the_standard_deviation_or_the_size_of_a_constant(
     bundle: Bundle,
 ) -> None:
     psi = bundle.selftest_psi.copy()
@@ -33,7 +32,7 @@ def test_an_observable_is_measured_by_its_spread_and_a_constant_by_its_size(
     np.testing.assert_array_equal(spread[7:], [3.0, 1.0])
 
 
-def test_parity_counts_a_small_latent_like_any_other(bundle: Bundle) -> None:
+def test_parity_error_is_relative_to_the_spread_of_each_observable(bundle: Bundle) -> None:
     psi = bundle.selftest_psi.copy()
     psi[:, 8] *= 1e-4
     small = replace(bundle, selftest_psi=psi)
@@ -45,7 +44,7 @@ def test_parity_counts_a_small_latent_like_any_other(bundle: Bundle) -> None:
     assert np.isnan(small.parity_error(lifted))
 
 
-def test_a_model_is_known_by_everything_it_predicts_with(bundle: Bundle) -> None:
+def test_the_hash_changes_with_everything_that_affects_a_prediction(bundle: Bundle) -> None:
     assert bundle.bilinear is not None
     others = [
         replace(bundle, **{key: 0.9 * getattr(bundle, key)}) for key in ("A", "B_uc", "B_uw", "c")
@@ -79,7 +78,7 @@ def test_a_model_is_known_by_everything_it_predicts_with(bundle: Bundle) -> None
     assert len({bundle.sha256, *(other.sha256 for other in others)}) == 21
 
 
-def test_a_model_is_not_known_by_how_it_was_trained_or_stored(bundle: Bundle) -> None:
+def test_the_hash_does_not_depend_on_training_or_storage(bundle: Bundle) -> None:
     stored = np.asfortranarray(bundle.A)
     other = replace(
         bundle,

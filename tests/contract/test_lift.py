@@ -1,13 +1,13 @@
-"""What an encoder is shown is said in one order, and a history is whole or not there at all."""
+"""The inputs of an encoder have one order; a history has steps and fields, or is absent."""
 
 import pytest
 
+from rt_controller.contract.bundle import Lift
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.lift import Lift
 
 
 @pytest.mark.parametrize("inputs", [("x",), ("x", "w"), ("x", "history"), ("x", "w", "history")])
-def test_every_ordered_part_that_begins_with_the_states_is_a_lift(inputs: tuple[str, ...]) -> None:
+def test_every_ordered_subset_with_the_states_is_a_lift(inputs: tuple[str, ...]) -> None:
     sees_history = "history" in inputs
     lift = Lift(inputs, 3 * sees_history, ("vx_mps",) * sees_history)
     assert (lift.sees_exogenous, lift.sees_history) == ("w" in inputs, sees_history)
@@ -30,7 +30,7 @@ def test_every_ordered_part_that_begins_with_the_states_is_a_lift(inputs: tuple[
         (("x",), 0, ("vx_mps",)),
     ],
 )
-def test_anything_else_is_refused(
+def test_other_inputs_and_incomplete_histories_are_refused(
     inputs: tuple[str, ...], steps: int, fields: tuple[str, ...]
 ) -> None:
     with pytest.raises(ArtifactError, match=r"expected .* found .* offline-export"):

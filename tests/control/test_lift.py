@@ -1,4 +1,4 @@
-"""The encoder of a bundle lifts what it was exported to lift, or the controller does not start."""
+"""An encoder reproduces its self-test, or is refused at start."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,11 +8,10 @@ import onnx_bytes
 import pytest
 from made_models import WITH_ALL, WITH_PAST, WITH_ROAD, make_bundle
 
-from rt_controller.contract.artifact import Bundle, Lift, load_bundle
+from rt_controller.contract.artifact import Bundle, Lift, load_bundle, shipped_model
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.signals import VehicleState
 from rt_controller.control.lift import Encoder
-from rt_controller.session import shipped_model
 
 STATE = VehicleState(22.0, 0.1, 0.05, 0.55, -0.3, 0.02)
 WIDTH = 6
@@ -32,7 +31,7 @@ def learned(request: pytest.FixtureRequest) -> Bundle:
 
 
 def encoder_of_too_many_rows() -> bytes:
-    """Looks right from outside, and answers one state with a row for each of its numbers."""
+    """Encoder with the right tensors, which returns one row for each number of a state."""
     return onnx_bytes.model(
         [
             onnx_bytes.node("NonZero", ["x"], "places"),
@@ -56,7 +55,7 @@ def refusal(bundle: Bundle) -> str:
 
 
 def lifted(bundle: Bundle) -> np.ndarray:
-    """psi (b, n) of the self-test, one instant after the other."""
+    """psi (b, n) of the self-test samples, one by one."""
     lift = Encoder(bundle)
     psi = []
     for x, w, history in zip(*bundle.selftest, strict=True):
@@ -67,7 +66,7 @@ def lifted(bundle: Bundle) -> np.ndarray:
 
 
 @pytest.mark.parametrize("lift_of", [Lift(), WITH_ROAD])
-def test_one_state_and_a_batch_are_lifted_alike(lift_of: Lift) -> None:
+def test_one_state_and_a_batch_have_the_same_lift(lift_of: Lift) -> None:
     bundle = make_bundle(lift_of)
     lift = Encoder(bundle)
     states = bundle.selftest.x[:5]
@@ -75,28 +74,28 @@ def test_one_state_and_a_batch_are_lifted_alike(lift_of: Lift) -> None:
     np.testing.assert_allclose(one_by_one, lift.lift_batch(states, 0.001), rtol=1e-4, atol=1e-7)
 
 
-def test_the_physical_states_pass_the_lift_in_double_precision(learned: Bundle) -> None:
+def test_the_physical_states_keep_double_precision(learned: Bundle) -> None:
     psi = Encoder(learned).lift(STATE, 0.0)
     assert psi.shape == (learned.n_observables,)
     assert tuple(psi[:WIDTH]) == STATE
 
 
 @pytest.mark.parametrize("name", ["lti", "mdk-net", "mdk-net-paper"])
-def test_shipped_models_agree_with_training_within_1e_5_of_each_spread(name: str) -> None:
+def test_shipped_models_reproduce_training_within_1e_5_of_each_spread(name: str) -> None:
     bundle = load_bundle(shipped_model(name))
     assert bundle.parity_error(lifted(bundle)) < 1e-5
 
 
 @pytest.mark.parametrize("lift", [Lift(), WITH_ROAD, WITH_PAST, WITH_ALL])
-def test_an_encoder_is_shown_what_its_bundle_names(lift: Lift) -> None:
-    """In the order of the bundle, each in its own place: the latents lean on every number."""
+def test_an_encoder_gets_the_inputs_that_its_bundle_names(lift: Lift) -> None:
+    """The latents depend on every number of every input, so a wrong order would show."""
     bundle = make_bundle(lift)
     assert bundle.parity_error(lifted(bundle)) < 1e-5
 
 
-def test_a_latent_that_sees_the_road_changes_with_it_and_another_does_not() -> None:
-    seeing, blind = Encoder(make_bundle(WITH_ROAD)), Encoder(make_bundle(Lift()))
-    for lift, changes in ((seeing, True), (blind, False)):
+def test_only_a_lift_with_curvature_depends_on_the_curvature() -> None:
+    with_curvature, without = Encoder(make_bundle(WITH_ROAD)), Encoder(make_bundle(Lift()))
+    for lift, changes in ((with_curvature, True), (without, False)):
         straight = lift.lift(STATE, 0.0)[WIDTH:].copy()
         bend = lift.lift(STATE, 0.004)[WIDTH:]
         assert np.array_equal(straight, bend) is not changes
@@ -104,7 +103,7 @@ def test_a_latent_that_sees_the_road_changes_with_it_and_another_does_not() -> N
         np.testing.assert_allclose(by_batch[WIDTH:], bend, rtol=1e-5)
 
 
-def test_writing_into_the_history_is_showing_it() -> None:
+def test_the_lift_depends_on_every_entry_of_the_history() -> None:
     lift = Encoder(make_bundle(WITH_PAST))
     assert lift.history is not None
     before = lift.lift(STATE, 0.0).copy()
@@ -116,12 +115,12 @@ def test_writing_into_the_history_is_showing_it() -> None:
             lift.history[row, column] -= 10.0
 
 
-def test_a_lift_without_a_past_has_no_history() -> None:
+def test_a_lift_of_states_and_curvature_has_no_history() -> None:
     assert Encoder(make_bundle(WITH_ROAD)).history is None
 
 
 @pytest.mark.parametrize("damage", [b"", b"not an encoder", b"\x08\x0a" * 20])
-def test_bytes_that_are_no_onnx_model_are_refused(identity: Bundle, damage: bytes) -> None:
+def test_invalid_onnx_bytes_are_refused(identity: Bundle, damage: bytes) -> None:
     assert "expected an ONNX model" in refusal(replace(identity, encoder_onnx=damage))
 
 
@@ -146,33 +145,33 @@ def test_an_encoder_of_another_width_than_the_matrices_is_refused(identity: Bund
         ([("x", (1, 6))], [("psi", (1, 6))], "any batch"),
     ],
 )
-def test_other_tensors_than_the_controllers_are_refused(
+def test_an_encoder_with_other_tensors_than_the_controller_needs_is_refused(
     identity: Bundle, inputs: Tensors, outputs: Tensors, complaint: str
 ) -> None:
     encoder = onnx_bytes.passes_on(inputs, outputs)
     assert complaint in refusal(replace(identity, encoder_onnx=encoder))
 
 
-X, ROAD, PAST = ("x", ("batch", 6)), ("w", ("batch", 1)), ("history", ("batch", 4, 6))
+X, CURVATURE, HISTORY = ("x", ("batch", 6)), ("w", ("batch", 1)), ("history", ("batch", 4, 6))
 
 
 @pytest.mark.parametrize(
     "inputs",
     [
-        [X, ROAD],
-        [X, PAST],
-        [X, ROAD, ("past", ("batch", 4, 6))],
-        [X, ROAD, ("history", ("batch", 3, 6))],
-        [X, ROAD, ("history", ("batch", 6, 4))],
-        [X, ROAD, ("history", ("batch", 24))],
-        [X, ROAD, ("history", (4, 6))],
-        [X, ("w", ("batch",)), PAST],
-        [X, ("w", ("batch", 2)), PAST],
-        [X, ("w", (1, 1)), PAST],
-        [X, ROAD, PAST, ("u", ("batch", 3))],
+        [X, CURVATURE],
+        [X, HISTORY],
+        [X, CURVATURE, ("past", ("batch", 4, 6))],
+        [X, CURVATURE, ("history", ("batch", 3, 6))],
+        [X, CURVATURE, ("history", ("batch", 6, 4))],
+        [X, CURVATURE, ("history", ("batch", 24))],
+        [X, CURVATURE, ("history", (4, 6))],
+        [X, ("w", ("batch",)), HISTORY],
+        [X, ("w", ("batch", 2)), HISTORY],
+        [X, ("w", (1, 1)), HISTORY],
+        [X, CURVATURE, HISTORY, ("u", ("batch", 3))],
     ],
 )
-def test_an_encoder_that_is_shown_something_else_than_its_bundle_says_is_refused(
+def test_an_encoder_with_other_inputs_than_its_bundle_is_refused(
     inputs: Tensors,
 ) -> None:
     bundle = make_bundle(WITH_ALL, latents=0)
@@ -182,7 +181,7 @@ def test_an_encoder_that_is_shown_something_else_than_its_bundle_says_is_refused
 
 def test_the_order_of_tensors_in_the_file_does_not_matter() -> None:
     bundle = make_bundle(WITH_ALL, latents=0)
-    Encoder(replace(bundle, encoder_onnx=onnx_bytes.passes_on([X, PAST, ROAD])))
+    Encoder(replace(bundle, encoder_onnx=onnx_bytes.passes_on([X, HISTORY, CURVATURE])))
 
 
 def test_an_encoder_in_double_precision_is_refused(identity: Bundle) -> None:
@@ -196,22 +195,22 @@ def test_an_encoder_that_cannot_lift_one_state_is_refused(identity: Bundle) -> N
 
 
 def test_a_latent_wrong_by_a_thousandth_of_its_spread_is_refused(learned: Bundle) -> None:
-    """However small its numbers are: latents of some thousandths count like metres."""
+    """Also for the latent with the smallest values."""
     column = WIDTH + int(np.argmin(learned.spread[WIDTH:-1]))
     psi = learned.selftest_psi.copy()
     psi[3, column] += 1e-3 * learned.spread[column]
     assert "self-test" in refusal(replace(learned, selftest_psi=psi))
 
 
-def test_an_encoder_that_answers_with_something_else_is_refused(learned: Bundle) -> None:
+def test_an_encoder_with_latents_of_other_samples_is_refused(learned: Bundle) -> None:
     psi = learned.selftest_psi.copy()
     psi[:, WIDTH:] = np.roll(psi[:, WIDTH:], 1, axis=0)
     assert "self-test" in refusal(replace(learned, selftest_psi=psi))
 
 
-@pytest.mark.parametrize("shown", ["w", "history"])
-def test_the_self_test_shows_road_and_past_too(shown: str) -> None:
+@pytest.mark.parametrize("name", ["w", "history"])
+def test_the_self_test_includes_curvature_and_history(name: str) -> None:
     bundle = make_bundle(WITH_ALL)
-    wrong = np.roll(getattr(bundle.selftest, shown), 1, axis=0)
-    other = replace(bundle, selftest=bundle.selftest._replace(**{shown: wrong}))
+    wrong = np.roll(getattr(bundle.selftest, name), 1, axis=0)
+    other = replace(bundle, selftest=bundle.selftest._replace(**{name: wrong}))
     assert "self-test" in refusal(other)

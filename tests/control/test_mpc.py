@@ -1,4 +1,4 @@
-"""A plan follows from what the lift is shown, and a lift that cannot be planned with is refused."""
+"""A plan depends on state, curvature and history; bundles that cannot be used are refused."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,7 +8,8 @@ import pytest
 from made_models import WITH_ALL, WITH_PAST, WITH_ROAD, make_bundle
 
 from rt_controller.config import MpcSettings
-from rt_controller.contract.artifact import Array, Bundle, Lift
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.artifact import Bundle, Lift
 from rt_controller.contract.errors import ArtifactError, ConfigError
 from rt_controller.contract.follow import Follow
 from rt_controller.contract.limits import INPUT_LIMITS
@@ -24,7 +25,7 @@ PATH = PathReference(0.0, 0.01, 0.0, 0.0, 20.0, 0.0)
 PREVIOUS = ControlInput(0.2, 0.0, 0.05)
 CURVATURE_PER_M = 0.003
 SAME = 1e-4
-"""of an input's range: as exact as the solver is asked to be"""
+"""of an input's range: the tolerance of the solver"""
 RANGE = np.array(INPUT_LIMITS.upper) - np.array(INPUT_LIMITS.lower)
 
 
@@ -38,7 +39,7 @@ def plan(mpc: Mpc, curvature_per_m: float = CURVATURE_PER_M) -> Array:
     return mpc.inputs / RANGE
 
 
-def test_a_bilinear_model_frozen_here_plans_as_the_linear_one_that_it_is() -> None:
+def test_a_frozen_bilinear_model_has_the_plan_of_its_linear_model() -> None:
     bundle = make_bundle(WITH_ROAD, rank=2)
     assert bundle.bilinear is not None
     bundle = replace(bundle, bilinear=bundle.bilinear._replace(follows=Follow.START))
@@ -51,7 +52,7 @@ def test_a_bilinear_model_frozen_here_plans_as_the_linear_one_that_it_is() -> No
 
 
 @pytest.mark.parametrize("lift", [Lift(), WITH_ROAD, WITH_PAST, WITH_ALL])
-def test_the_same_situation_has_the_same_plan_again(lift: Lift) -> None:
+def test_the_same_parameters_have_the_same_plan_again(lift: Lift) -> None:
     mpc = build(make_bundle(lift, rank=2))
     mpc.forget()
     first = plan(mpc)
@@ -61,33 +62,33 @@ def test_the_same_situation_has_the_same_plan_again(lift: Lift) -> None:
     np.testing.assert_allclose(plan(mpc), first, rtol=0.0, atol=SAME)
 
 
-def test_without_anything_observed_the_state_is_taken_to_have_lasted() -> None:
+def test_without_a_history_the_state_is_assumed_to_have_been_constant() -> None:
     bundle = make_bundle(WITH_PAST, rank=2, bend=1.0)
-    told = build(bundle)
+    observed = build(bundle)
     for _ in range(WITH_PAST.history_steps + 1):
-        told.observe(STATE, PREVIOUS)
-    np.testing.assert_allclose(plan(build(bundle)), plan(told), rtol=0.0, atol=SAME)
+        observed.observe(STATE, PREVIOUS)
+    np.testing.assert_allclose(plan(build(bundle)), plan(observed), rtol=0.0, atol=SAME)
 
 
-def test_another_past_has_another_plan_until_it_is_forgotten() -> None:
+def test_another_history_has_another_plan_until_it_is_forgotten() -> None:
     mpc = build(make_bundle(WITH_PAST, rank=2, bend=1.0))
-    lasting = plan(mpc)
+    constant = plan(mpc)
     mpc.forget()
     for speed_mps in (12.0, 15.0, 18.0):
         mpc.observe(STATE._replace(vx_mps=speed_mps), PREVIOUS._replace(steer_rad=-0.5))
     mpc.observe(STATE, PREVIOUS)
-    assert np.abs(plan(mpc) - lasting).max() > 0.01
+    assert np.abs(plan(mpc) - constant).max() > 0.01
     mpc.forget()
-    np.testing.assert_allclose(plan(mpc), lasting, rtol=0.0, atol=SAME)
+    np.testing.assert_allclose(plan(mpc), constant, rtol=0.0, atol=SAME)
 
 
 @pytest.mark.parametrize("lift", [WITH_PAST, WITH_ALL])
-def test_latents_that_see_the_past_have_no_reference_to_be_held_to(lift: Lift) -> None:
+def test_a_latent_weight_is_refused_where_the_lift_needs_a_history(lift: Lift) -> None:
     with pytest.raises(ConfigError, match=r"expected --mpc.latent-weight 0, found 0.001"):
         build(make_bundle(lift), latent_weight=0.001)
 
 
-def test_a_reference_is_lifted_on_the_road_that_the_car_is_on(
+def test_a_reference_is_lifted_with_the_present_curvature(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     lifted: list[tuple[Array, float]] = []
@@ -106,14 +107,14 @@ def test_a_reference_is_lifted_on_the_road_that_the_car_is_on(
     np.testing.assert_array_equal(states, horizon.expand(PATH, STATE, CURVATURE_PER_M))
 
 
-def test_a_model_of_other_signals_is_refused_before_anything_else() -> None:
+def test_a_model_of_other_signals_is_refused_before_its_encoder_is_opened() -> None:
     schema = replace(VEHICLE, states=VEHICLE.states[::-1])
     with pytest.raises(ArtifactError, match="not a model of this car"):
         build(replace(make_bundle(Lift()), schema=schema, encoder_onnx=b""))
 
 
 @pytest.mark.parametrize("rank", [0, 2])
-def test_a_state_that_is_no_number_is_a_status_and_the_next_one_is_planned(rank: int) -> None:
+def test_a_nan_state_is_a_status_and_the_next_state_is_planned(rank: int) -> None:
     mpc = build(make_bundle(WITH_PAST, rank=rank))
     first = plan(mpc).copy()
     mpc.forget()
@@ -122,3 +123,22 @@ def test_a_state_that_is_no_number_is_a_status_and_the_next_one_is_planned(rank:
         assert mpc.plan(broken, 0.0, PATH, PREVIOUS) is SolveStatus.NUMERICS
     mpc.forget()
     np.testing.assert_allclose(plan(mpc), first, rtol=0.0, atol=SAME)
+
+
+@pytest.mark.parametrize("rank", [0, 2])
+def test_predicted_states_are_the_model_rolled_out_under_the_plan(rank: int) -> None:
+    bundle = make_bundle(WITH_ROAD, rank=rank)
+    mpc = build(bundle)
+    assert mpc.predicted_states() is None
+    plan(mpc)
+    states = mpc.predicted_states()
+    assert states is not None
+    psi = Encoder(bundle).lift(STATE, CURVATURE_PER_M)
+    expected = [psi[:6]]
+    for u in mpc.inputs:
+        driven = bundle.A @ psi + bundle.input_matrix(psi) @ u
+        psi = driven + bundle.B_uw[:, 0] * CURVATURE_PER_M + bundle.c
+        expected.append(psi[:6])
+    np.testing.assert_allclose(states, expected, rtol=1e-9, atol=1e-9)
+    mpc.prepare()
+    assert mpc.predicted_states() is None

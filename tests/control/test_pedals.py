@@ -1,38 +1,40 @@
-"""One foot, two pedals."""
+"""Only one pedal is pressed, and changing pedals takes time."""
 
 import numpy as np
 import pytest
 
-from rt_controller.control.pedals import Pedal, PedalChoice, lower_ceilings
+from rt_controller.contract.limits import PEDAL_CHANGE_S
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.pedals import Pedal, PedalChoice, limit_pedals
 
 SLEW = np.array([0.0625, 0.0833, 0.1])
 
 
 def ceilings(choice: PedalChoice, throttle: float, brake: float) -> np.ndarray:
     upper = np.ones((20, 3))
-    lower_ceilings(upper, choice, np.array([throttle, brake, 0.0]), SLEW)
+    limit_pedals(upper, choice, np.array([throttle, brake, 0.0]), SLEW)
     return upper
 
 
-def test_the_throttle_is_the_pedal_of_cruising() -> None:
+def test_at_constant_speed_the_throttle_is_chosen() -> None:
     choice = PedalChoice()
-    choice.update(speed_error_mps=0.5, wanted_mps2=0.0)
+    choice.update(speed_error_mps=0.5, reference_mps2=0.0)
     assert choice.pedal is Pedal.THROTTLE
     upper = ceilings(choice, throttle=0.2, brake=0.0)
     assert np.all(upper[:, Pedal.THROTTLE] == 1.0)
     assert np.all(upper[:, Pedal.BRAKE] == 0.0)
 
 
-@pytest.mark.parametrize(("speed_error_mps", "wanted_mps2"), [(1.5, 0.0), (0.0, -2.0)])
-def test_too_fast_or_told_to_slow_down_means_brake(
-    speed_error_mps: float, wanted_mps2: float
+@pytest.mark.parametrize(("speed_error_mps", "reference_mps2"), [(1.5, 0.0), (0.0, -2.0)])
+def test_the_brake_is_chosen_if_too_fast_or_if_the_reference_decelerates(
+    speed_error_mps: float, reference_mps2: float
 ) -> None:
     choice = PedalChoice()
-    choice.update(speed_error_mps, wanted_mps2)
+    choice.update(speed_error_mps, reference_mps2)
     assert choice.pedal is Pedal.BRAKE
 
 
-def test_the_choice_does_not_chatter_between_its_thresholds() -> None:
+def test_between_its_thresholds_the_choice_does_not_change() -> None:
     choice = PedalChoice()
     choice.update(1.5, 0.0)
     choice.update(0.6, 0.0)
@@ -43,7 +45,7 @@ def test_the_choice_does_not_chatter_between_its_thresholds() -> None:
     assert choice.pedal is Pedal.THROTTLE
 
 
-def test_the_brake_waits_until_the_throttle_is_up_and_the_foot_is_there() -> None:
+def test_the_brake_is_released_for_use_after_the_throttle_is_closed() -> None:
     choice = PedalChoice()
     choice.update(2.0, 0.0)
     upper = ceilings(choice, throttle=0.5, brake=0.0)
@@ -54,15 +56,16 @@ def test_the_brake_waits_until_the_throttle_is_up_and_the_foot_is_there() -> Non
     assert np.all(np.diff(upper[: throttle_up + 1, Pedal.THROTTLE]) >= -SLEW[0] - 1e-12)
 
 
-def test_an_untouched_throttle_still_costs_the_foot_its_way() -> None:
+def test_with_the_throttle_closed_the_brake_still_waits_for_the_change_of_pedal() -> None:
     choice = PedalChoice()
     choice.update(2.0, 0.0)
     upper = ceilings(choice, throttle=0.0, brake=0.0)
-    assert np.all(upper[:6, Pedal.BRAKE] == 0.0)  # 0.15 s
-    assert np.all(upper[6:, Pedal.BRAKE] == 1.0)
+    ticks = round(PEDAL_CHANGE_S / PERIOD_S)
+    assert np.all(upper[:ticks, Pedal.BRAKE] == 0.0)
+    assert np.all(upper[ticks:, Pedal.BRAKE] == 1.0)
 
 
-def test_a_pressed_pedal_is_never_taken_away_from_under_the_foot() -> None:
+def test_the_upper_bound_of_the_pedal_in_use_stays() -> None:
     choice = PedalChoice()
     choice.update(2.0, 0.0)
     choice.update(0.0, 0.0)

@@ -1,48 +1,58 @@
-"""The condensed QP is the paper's problem: same optimum as the sparse form with states."""
+"""The condensed QP has the optimum of eq. (14) written with its states."""
 
 import numpy as np
 import pytest
-from random_problems import COST, HORIZON, N_OBSERVABLES, RANGE, TIERS, aim, optimum, random_bundle
+from random_problems import (
+    COST,
+    HORIZON,
+    N_OBSERVABLES,
+    RANGE,
+    TIERS,
+    optimum,
+    random_bundle,
+    update_vectors,
+)
 from scipy.linalg import block_diag
 
-from rt_controller.contract.artifact import Array, Bundle
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.artifact import Bundle
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.follow import Follow
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput
-from rt_controller.control.corridor import Corridor
-from rt_controller.control.cost import TrackingCost, output_weights
+from rt_controller.control.objective import forced_response, free_response, impulse_responses
 from rt_controller.control.piqp_solver import PiqpSolver
-from rt_controller.control.prediction import forced_response, free_response, impulse_responses
 from rt_controller.control.qp import CondensedQp, Features
 from rt_controller.control.solver import SolveStatus
+from rt_controller.control.terms import Corridor, TrackingCost
 
 
 def sparse_plan(
     qp: CondensedQp, bundle: Bundle, cost: TrackingCost, features: Features
 ) -> tuple[Array, Array]:
-    """Inputs (N, 3) and slacks of eq. (14) with the states kept as variables."""
-    now = qp.situation
-    psi_0, kappa, u_prev, y_r = now.psi, now.road[0], now.previous, now.reference
-    n, m, N = bundle.n_observables, 3, HORIZON
-    p = y_r.shape[1]
+    """Inputs (N, 3) and slacks of eq. (14) with the states as variables."""
+    now = qp.parameters
+    psi_0, kappa, u_prev, y_r = now.psi, now.curvature_per_m[0], now.previous, now.reference
+    n, m, N, p = bundle.n_observables, 3, HORIZON, y_r.shape[1]
     slacks = 0 if features.corridor is None else N
     weights = np.zeros((N, n))
-    weights[:, :p] = output_weights(cost, n - 6).over(N).reshape(N, p)
-    wanted = np.zeros((N, n))
-    wanted[:, :p] = y_r
+    weights[:, :6] = 1.0 / np.square(np.array(cost.state))
+    weights[:, 6:p] = cost.latent_weight
+    weights[-1] *= cost.terminal_factor
+    reference = np.zeros((N, n))
+    reference[:, :p] = y_r
     r = 1.0 / np.square(np.array(cost.control))
     s = 1.0 / np.square(np.array(cost.control_change))
     D = np.eye(N * m) - np.eye(N * m, k=-m)
-    beyond = 0.0 if features.corridor is None else features.corridor.weight
+    slack_weight = 0.0 if features.corridor is None else features.corridor.weight
     P = block_diag(
         np.diag(np.tile(r, N)) + (D.T * np.tile(s, N)) @ D,
         np.diag(weights.ravel()),
-        beyond * np.eye(slacks),
+        slack_weight * np.eye(slacks),
     )
     q = np.zeros(len(P))
     q[:m] = -s * u_prev
-    q[N * m : N * (m + n)] = -(weights * wanted).ravel()
+    q[N * m : N * (m + n)] = -(weights * reference).ravel()
     A_eq = np.zeros((N * n, len(P)))
     b_eq = np.tile(bundle.B_uw[:, 0] * kappa + bundle.c, N)
     b_eq[:n] += bundle.A @ psi_0
@@ -72,8 +82,8 @@ def sparse_plan(
         high = np.append(high, y_r[:, 4] + features.corridor.half_width_m)
     free = np.full(len(P) - N * m, np.inf)
     lower = np.concatenate([qp.program.lower[: N * m], -free])
-    upper = np.concatenate([qp.program.upper[: N * m], free])  # the pedals' ceilings among them
-    # Solved in units of the ranges: tolerances know no newtons beside radians.
+    upper = np.concatenate([qp.program.upper[: N * m], free])  # with the bounds of the pedals
+    # Scaled by the ranges, so that one tolerance serves newtons and radians.
     unit = np.concatenate([np.tile(RANGE, N), np.ones(len(free))])
     x = optimum(P * unit * unit[:, None], q * unit, G, (low, high, lower, upper), A_eq * unit, b_eq)
     return (x * unit)[: N * m].reshape(N, m), x[N * (m + n) :]
@@ -82,7 +92,7 @@ def sparse_plan(
 @pytest.mark.parametrize("features", TIERS.values(), ids=TIERS.keys())
 @pytest.mark.parametrize("latent_weight", [0.0, 0.05])
 @pytest.mark.parametrize("rank", [0, 1, 4])
-def test_condensed_and_sparse_forms_share_their_plan(
+def test_condensed_and_sparse_forms_have_the_same_plan(
     rank: int, latent_weight: float, features: Features
 ) -> None:
     rng = np.random.default_rng(7 * rank)
@@ -90,8 +100,8 @@ def test_condensed_and_sparse_forms_share_their_plan(
     qp = CondensedQp(bundle, HORIZON, cost, INPUT_LIMITS, features)
     solver, program = PiqpSolver(qp.program), qp.program
     for _ in range(5):
-        aim(qp, rng)
-        assert solver.renew()
+        update_vectors(qp, rng)
+        assert solver.update_matrices()
         sparse, slacks = sparse_plan(qp, bundle, cost, features)
         bounds = (program.row_lower, program.row_upper, program.lower, program.upper)
         exact = optimum(program.P, program.q, program.G, bounds, None, None)
@@ -103,36 +113,36 @@ def test_condensed_and_sparse_forms_share_their_plan(
 
 
 @pytest.mark.parametrize(("half_width_m", "is_left"), [(0.02, True), (50.0, False)])
-def test_a_corridor_costs_only_where_it_is_left(half_width_m: float, is_left: bool) -> None:
-    """The comparison above would not notice a corridor that never matters."""
+def test_slacks_are_nonzero_only_outside_the_corridor(half_width_m: float, is_left: bool) -> None:
+    """A corridor that is never left would pass the comparison above."""
     features = Features(corridor=Corridor(half_width_m, 0.05))
     qp = CondensedQp(random_bundle(np.random.default_rng(3)), HORIZON, COST, INPUT_LIMITS, features)
-    aim(qp, np.random.default_rng(3))
+    update_vectors(qp, np.random.default_rng(3))
     solver = PiqpSolver(qp.program)
     assert solver.solve() is SolveStatus.SOLVED
     slacks = solver.solution[qp.scale.size :]
     assert bool(np.abs(slacks).max() > 1e-3) is is_left
 
 
-def test_the_condensed_prediction_is_the_model_rolled_out() -> None:
+def test_free_and_forced_response_are_the_model_rolled_out() -> None:
     rng = np.random.default_rng(3)
     bundle = random_bundle(rng)
-    free = free_response(bundle, HORIZON, 6)
+    free_map = free_response(bundle, HORIZON, 6)
     Gamma = forced_response(impulse_responses(bundle.A, bundle.B_uc, HORIZON, 6))
     psi_0, U, kappa = rng.normal(size=N_OBSERVABLES), rng.normal(size=(HORIZON, 3)), 0.004
     psi, rolled = psi_0, []
     for u in U:
         psi = bundle.A @ psi + bundle.B_uc @ u + bundle.B_uw[:, 0] * kappa + bundle.c
         rolled.append(psi[:6])
-    predicted = free.Phi @ psi_0 + Gamma @ U.ravel() + free.lam * kappa + free.mu
+    predicted = free_map @ np.array([*psi_0, kappa, 1.0]) + Gamma @ U.ravel()
     np.testing.assert_allclose(predicted, np.concatenate(rolled), rtol=1e-10, atol=1e-10)
 
 
 def test_without_latent_weight_only_physical_states_are_tracked() -> None:
     bundle = random_bundle(np.random.default_rng(4))
     qp = CondensedQp(bundle, HORIZON, COST._replace(latent_weight=0.0), INPUT_LIMITS)
-    assert qp.situation.reference.shape == (HORIZON, 6)
-    assert qp.situation.vector.shape == (N_OBSERVABLES + 2 + 3 + 6 * HORIZON,)
+    assert qp.parameters.reference.shape == (HORIZON, 6)
+    assert qp.parameters.vector.shape == (N_OBSERVABLES + 2 + 3 + 6 * HORIZON,)
 
 
 @pytest.mark.parametrize("rank", [0, 2])
@@ -152,7 +162,7 @@ def test_gains_that_overflow_are_refused() -> None:
 
 
 @pytest.mark.parametrize("rank", [0, 2])
-def test_an_input_that_costs_nothing_is_refused(rank: int) -> None:
+def test_an_input_without_cost_is_refused(rank: int) -> None:
     bundle = random_bundle(np.random.default_rng(6), rank)
     bundle.B_uc[:, 1] = 0.0
     free = ControlInput(np.inf, np.inf, np.inf)

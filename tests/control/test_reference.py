@@ -1,4 +1,4 @@
-"""The reference over the horizon follows the path that the bus carries."""
+"""Reference states are the path polynomial evaluated over the horizon."""
 
 import math
 
@@ -9,47 +9,47 @@ from rt_controller.contract.signals import PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.reference import ReferenceHorizon
 
-CRUISING = VehicleState(20.0, 0.0, 0.0, 0.5, 0.0, 0.0)
+CRUISING = VehicleState(20.0, 0.0, 0.0, 20.0 * PERIOD_S, 0.0, 0.0)
 
 
-def test_a_straight_path_asks_for_nothing_but_speed() -> None:
+def test_on_a_straight_path_only_speed_and_progress_are_nonzero() -> None:
     x = ReferenceHorizon(20).expand(PathReference(1.0, 0, 0, 0, 20.0, 0.0), CRUISING, 0.0)
     np.testing.assert_allclose(x[:, 0], 20.0)
-    np.testing.assert_allclose(x[:, 3], 0.5)
+    np.testing.assert_allclose(x[:, 3], 20.0 * PERIOD_S)
     np.testing.assert_allclose(x[:, 4], 1.0)
     assert not x[:, [1, 2, 5]].any()
 
 
-def test_stage_k_lies_k_periods_ahead() -> None:
+def test_stage_k_is_k_periods_ahead() -> None:
     path = PathReference(0.5, 0.1, 0.01, -0.0005, 20.0, 0.0)
     x = ReferenceHorizon(20).expand(path, CRUISING, 0.0)
-    sigma = 20.0 * 0.025 * np.arange(1, 21)
+    sigma = 20.0 * PERIOD_S * np.arange(1, 21)
     np.testing.assert_allclose(x[:, 4], 0.5 + 0.1 * sigma + 0.01 * sigma**2 - 0.0005 * sigma**3)
     np.testing.assert_allclose(np.tan(x[:, 5]), 0.1 + 0.02 * sigma - 0.0015 * sigma**2)
 
 
-def test_heading_turns_at_the_yaw_rate_less_the_roads() -> None:
+def test_the_heading_error_changes_at_the_yaw_rate_minus_that_of_the_road() -> None:
     path = PathReference(0.0, 0.0, 0.002, 0.0, 20.0, 0.0)
     x = ReferenceHorizon(20).expand(path, CRUISING, 0.001)
     assert x[0, 2] == pytest.approx(20.0 * (0.001 + 0.004))
-    turned = (x[-1, 2] - 20.0 * 0.001) * 19 * 0.025
+    turned = (x[-1, 2] - 20.0 * 0.001) * 19 * PERIOD_S
     assert x[-1, 5] - x[0, 5] == pytest.approx(turned, rel=0.01)
 
 
-def test_a_slower_car_sees_less_of_the_path() -> None:
+def test_a_slower_car_has_a_shorter_preview() -> None:
     path = PathReference(0.0, 0.1, 0.0, 0.0, 20.0, 0.0)
     fast = ReferenceHorizon(20).expand(path, CRUISING, 0.0)[-1, 4]
     slow = ReferenceHorizon(20).expand(path, CRUISING._replace(vx_mps=10.0), 0.0)[-1, 4]
     assert slow == pytest.approx(0.75 * fast)
 
 
-def test_a_wanted_acceleration_changes_the_wanted_speed() -> None:
+def test_the_reference_speed_follows_the_reference_acceleration() -> None:
     x = ReferenceHorizon(20).expand(PathReference(0, 0, 0, 0, 20.0, -2.0), CRUISING, 0.0)
-    np.testing.assert_allclose(x[:, 0], 20.0 - 2.0 * 0.025 * np.arange(1, 21))
+    np.testing.assert_allclose(x[:, 0], 20.0 - 2.0 * PERIOD_S * np.arange(1, 21))
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_horizon_is_the_path_written_out(seed: int) -> None:
+def test_every_stage_is_the_path_evaluated_at_its_arc_length(seed: int) -> None:
     rng = np.random.default_rng(seed)
     path = PathReference(*rng.normal(size=4) * (1.0, 0.1, 1e-2, 1e-3), 4.0, rng.uniform(-9.0, 3.0))
     state = VehicleState(rng.uniform(5.0, 30.0), 0.1, 0.1, 0.5, 0.1, 0.01)
@@ -61,6 +61,13 @@ def test_the_horizon_is_the_path_written_out(seed: int) -> None:
         sigma = 0.5 * (state.vx_mps + v) * t
         ey = path.c0_m + path.c1 * sigma + path.c2_per_m * sigma**2 + path.c3_per_m2 * sigma**3
         slope = path.c1 + 2 * path.c2_per_m * sigma + 3 * path.c3_per_m2 * sigma**2
-        bend = 2 * path.c2_per_m + 6 * path.c3_per_m2 * sigma
-        wanted = (v, 0.0, v * (curvature_per_m + bend), v * PERIOD_S, ey, math.atan(slope))
-        np.testing.assert_allclose(x, wanted, rtol=1e-12, atol=1e-12)
+        path_curvature = 2 * path.c2_per_m + 6 * path.c3_per_m2 * sigma
+        expected = (
+            v,
+            0.0,
+            v * (curvature_per_m + path_curvature),
+            v * PERIOD_S,
+            ey,
+            math.atan(slope),
+        )
+        np.testing.assert_allclose(x, expected, rtol=1e-12, atol=1e-12)

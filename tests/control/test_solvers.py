@@ -1,4 +1,4 @@
-"""Every solver keeps the same promise: the same plan in the same words, or no plan at all."""
+"""Every solver returns an optimal solution, or a status other than SOLVED."""
 
 from collections.abc import Callable
 
@@ -6,12 +6,11 @@ import numpy as np
 import piqp
 import pytest
 
-from rt_controller.control.active_set import ActiveSetTry
 from rt_controller.control.daqp_solver import DaqpSolver
 from rt_controller.control.piqp_solver import PiqpSolver
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.solver import Solver, SolveStatus
-from rt_controller.control.warm_start import WarmStarted
+from rt_controller.control.warm_start import ActiveSetIteration, WarmStartedSolver
 
 NV = 30
 SLEW = 0.1
@@ -19,7 +18,7 @@ SLEW = 0.1
 SOLVERS: dict[str, Callable[[QuadraticProgram], Solver]] = {
     "piqp": PiqpSolver,
     "daqp": DaqpSolver,
-    "warm": lambda program: WarmStarted(program, PiqpSolver(program)),
+    "warm": lambda program: WarmStartedSolver(program, PiqpSolver(program)),
 }
 every_solver = pytest.mark.parametrize("open_solver", SOLVERS.values(), ids=SOLVERS.keys())
 REFUSED = {SolveStatus.INFEASIBLE, SolveStatus.ITERATION_LIMIT, SolveStatus.NUMERICS}
@@ -31,9 +30,9 @@ def convex(rng: np.random.Generator, size: int = NV) -> np.ndarray:
 
 
 def make_program(
-    seed: int = 7, renews: bool = False, slewed: bool = True, slacks: int = 0
+    seed: int = 7, varies: bool = False, slewed: bool = True, slacks: int = 0
 ) -> QuadraticProgram:
-    """Inputs between 0 and 1 that change by at most a tenth, and rows that slacks soften."""
+    """Inputs between 0 and 1 that change by at most 0.1, and rows with slacks."""
     rng = np.random.default_rng(seed)
     n, slews = NV + slacks, NV if slewed else 0
     P = np.eye(n)
@@ -45,36 +44,36 @@ def make_program(
     G[slews:, :NV] = 0.3 * rng.normal(size=(slacks, NV))
     G[slews:, NV:] = np.eye(slacks)
     pattern[slews:] = True
-    program = QuadraticProgram(P, rng.normal(size=n), G, pattern, renews, renews and slacks > 0)
+    program = QuadraticProgram(P, rng.normal(size=n), G, pattern, varies, varies and slacks > 0)
     program.lower[:NV], program.upper[:NV] = 0.0, 1.0
     program.row_lower[:slews], program.row_upper[:slews] = -SLEW, SLEW
     program.row_lower[slews:], program.row_upper[slews:] = -0.05, 0.05
     return program
 
 
-def walk(program: QuadraticProgram, rng: np.random.Generator, size: float = 0.1) -> None:
-    """On to the next tick: a little further."""
+def change(program: QuadraticProgram, rng: np.random.Generator, size: float = 0.1) -> None:
+    """Change the program a little, as from one period to the next."""
     program.q[:NV] += size * rng.normal(size=NV)
-    if program.renews_hessian:
+    if program.hessian_varies:
         program.P[:NV, :NV] += 0.1 * size * convex(rng)
-    if program.renews_rows:
+    if program.rows_vary:
         slacks = program.size - NV
         program.G[-slacks:, :NV] += size * rng.normal(size=(slacks, NV))
 
 
 def assert_optimal(z: np.ndarray, program: QuadraticProgram, atol: float = 2e-5) -> None:
-    """Its KKT conditions: feasible, and what the gradient wants is held back by a bound."""
+    """KKT conditions: z is feasible, and the gradient is a sum of normals of active bounds."""
     values = np.concatenate([z, program.G @ z])
-    assert np.all(values <= program.every_upper + atol)
-    assert np.all(values >= program.every_lower - atol)
+    assert np.all(values <= program.all_upper + atol)
+    assert np.all(values >= program.all_lower - atol)
     gradient = program.P @ z + program.q
     rows = np.vstack([np.eye(program.size), program.G])
     near = 30 * atol
-    held_up, held_down = values > program.every_upper - near, values < program.every_lower + near
-    pushes = np.vstack([-rows[held_up], rows[held_down]]).T
+    at_upper, at_lower = values > program.all_upper - near, values < program.all_lower + near
+    normals = np.vstack([-rows[at_upper], rows[at_lower]]).T
     from scipy.optimize import nnls
 
-    _, left = nnls(pushes, gradient)
+    _, left = nnls(normals, gradient)
     assert left < 1e-3 * max(1.0, float(np.abs(gradient).max()))
 
 
@@ -82,26 +81,26 @@ PROGRAMS = {
     "box": {"slewed": False},
     "slew": {},
     "slacks": {"slacks": 8},
-    "new matrices": {"renews": True},
-    "new matrices and rows": {"renews": True, "slacks": 8},
+    "new matrices": {"varies": True},
+    "new matrices and rows": {"varies": True, "slacks": 8},
 }
 
 
 @every_solver
 @pytest.mark.parametrize("shape", PROGRAMS.values(), ids=PROGRAMS.keys())
-def test_a_solution_meets_the_optimality_conditions_tick_after_tick(open_solver, shape) -> None:
+def test_solutions_of_changing_programs_meet_the_optimality_conditions(open_solver, shape) -> None:
     program, rng = make_program(**shape), np.random.default_rng(1)
     solver = open_solver(program)
     for size in (0.0, 0.01, 0.1, 0.1, 0.1, 3.0, 0.01):
-        walk(program, rng, size)
-        assert solver.renew()
+        change(program, rng, size)
+        assert solver.update_matrices()
         assert solver.solve() is SolveStatus.SOLVED
         assert solver.iterations > 0
         assert_optimal(solver.solution, program)
 
 
 @every_solver
-def test_bounds_that_contradict_each_other_are_never_solved(open_solver) -> None:
+def test_contradictory_bounds_are_not_solved(open_solver) -> None:
     program = make_program()
     solver = open_solver(program)
     assert solver.solve() is SolveStatus.SOLVED
@@ -115,7 +114,7 @@ def test_bounds_that_contradict_each_other_are_never_solved(open_solver) -> None
 
 
 @every_solver
-def test_a_lower_bound_above_the_upper_one_is_never_solved(open_solver) -> None:
+def test_a_lower_bound_above_the_upper_one_is_not_solved(open_solver) -> None:
     program = make_program()
     solver = open_solver(program)
     program.upper[4] = -0.5
@@ -126,97 +125,101 @@ def test_a_lower_bound_above_the_upper_one_is_never_solved(open_solver) -> None:
 
 
 @every_solver
-@pytest.mark.parametrize("poison", [np.nan, np.inf])
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
 @pytest.mark.parametrize("where", ["q", "P", "G", "upper"])
-def test_what_is_no_number_is_never_solved_and_leaves_no_trace(open_solver, poison, where) -> None:
-    if where == "upper" and poison == np.inf:
-        poison = np.nan  # an infinite bound is none at all
-    program = make_program(renews=True, slacks=4)
+def test_non_finite_values_are_not_solved_and_do_not_affect_the_next_solve(
+    open_solver, bad, where
+) -> None:
+    if where == "upper" and bad == np.inf:
+        bad = np.nan  # infinite bounds are valid
+    program = make_program(varies=True, slacks=4)
     solver = open_solver(program)
     assert solver.solve() is SolveStatus.SOLVED
     expected = solver.solution.copy()
     array = getattr(program, where)
     place = (4,) if array.ndim == 1 else (-1, 4)
     kept = array[place]
-    array[place] = poison
+    array[place] = bad
     if where == "P":
-        program.P[4, -1] = poison
-    assert solver.renew() is (where not in ("P", "G"))
+        program.P[4, -1] = bad
+    assert solver.update_matrices() is (where not in ("P", "G"))
     assert solver.solve() is SolveStatus.NUMERICS
     assert solver.iterations == 0
     array[place] = kept
     if where == "P":
         program.P[4, -1] = kept
-    assert solver.renew()
+    assert solver.update_matrices()
     assert solver.solve() is SolveStatus.SOLVED
     np.testing.assert_allclose(solver.solution, expected, atol=1e-4)
 
 
 @every_solver
 @pytest.mark.parametrize("size", [2.0, 1e3])
-def test_what_is_not_convex_is_never_solved_and_leaves_no_trace(open_solver, size) -> None:
-    program = make_program(renews=True)
+def test_a_non_convex_program_is_not_solved_and_does_not_affect_the_next_solve(
+    open_solver, size
+) -> None:
+    program = make_program(varies=True)
     solver = open_solver(program)
     assert solver.solve() is SolveStatus.SOLVED
     expected, P = solver.solution.copy(), program.P.copy()
     program.P[:] -= size * np.linalg.eigvalsh(P)[-1] * np.eye(NV)
-    solver.renew()
+    solver.update_matrices()
     assert solver.solve() in REFUSED
     program.P[:] = P
-    assert solver.renew()
+    assert solver.update_matrices()
     assert solver.solve() is SolveStatus.SOLVED
     np.testing.assert_allclose(solver.solution, expected, atol=1e-4)
 
 
 @every_solver
-def test_a_new_hessian_is_the_one_that_is_minimised(open_solver) -> None:
-    """Also where it is far from the one that the problem was scaled for at start."""
-    program = make_program(renews=True)
+def test_a_new_hessian_replaces_the_last_one(open_solver) -> None:
+    """Also where it is far from the Hessian that PIQP computed its scaling from."""
+    program = make_program(varies=True)
     solver, rng = open_solver(program), np.random.default_rng(2)
     ranges = np.geomspace(0.1, 10.0, NV)
     for _ in range(10):
         program.P[:] = convex(rng) * ranges * ranges[:, None]
         ranges = np.roll(ranges, 7)
-        assert solver.renew()
+        assert solver.update_matrices()
         assert solver.solve() is SolveStatus.SOLVED
         assert_optimal(solver.solution, program)
 
 
-def test_a_solve_cut_short_far_from_the_optimum_is_not_used() -> None:
+def test_a_solve_stopped_far_from_the_optimum_is_not_solved() -> None:
     assert PiqpSolver(make_program(), max_iterations=2).solve() is SolveStatus.ITERATION_LIMIT
     assert DaqpSolver(make_program(), max_iterations=2).solve() is SolveStatus.ITERATION_LIMIT
 
 
-def test_a_solve_cut_short_close_to_the_optimum_is_used() -> None:
+def test_a_solve_stopped_close_to_the_optimum_is_solved() -> None:
     program = make_program()
     exact = PiqpSolver(program)
     exact.solve()
     short = PiqpSolver(program, max_iterations=exact.iterations)
-    settings = short._solver.settings
-    settings.eps_abs = settings.eps_duality_gap_abs = 1e-14  # never reached: it is cut short
-    assert short._solver.solve() == piqp.PIQP_MAX_ITER_REACHED
+    settings = short._workspace.settings
+    settings.eps_abs = settings.eps_duality_gap_abs = 1e-14  # never reached
+    assert short._workspace.solve() == piqp.PIQP_MAX_ITER_REACHED
     assert short.solve() is SolveStatus.SOLVED
     np.testing.assert_allclose(short.solution, exact.solution, atol=1e-4)
 
 
 def active_bounds(z: np.ndarray, program: QuadraticProgram) -> tuple[np.ndarray, np.ndarray]:
     values = np.concatenate([z, program.G @ z])
-    return values > program.every_upper - 1e-9, values < program.every_lower + 1e-9
+    return values > program.all_upper - 1e-9, values < program.all_lower + 1e-9
 
 
 @pytest.mark.parametrize("shape", PROGRAMS.values(), ids=PROGRAMS.keys())
-def test_a_try_that_succeeds_is_exact(shape) -> None:
+def test_a_solution_of_the_active_set_iteration_is_exact(shape) -> None:
     program, rng = make_program(**shape), np.random.default_rng(3)
-    attempt, reference = ActiveSetTry(program), DaqpSolver(program)
+    iteration, reference = ActiveSetIteration(program), DaqpSolver(program)
     succeeded = 0
     for _ in range(60):
-        walk(program, rng, 0.05)
-        assert reference.renew()
-        assert attempt.renew()
+        change(program, rng, 0.05)
+        assert reference.update_matrices()
+        assert iteration.update_matrices()
         assert reference.solve() is SolveStatus.SOLVED
-        found = attempt.attempt(8)
+        found = iteration.solve(8)
         if found is None:
-            attempt.adopt(*active_bounds(reference.solution, program))
+            iteration.start_from(*active_bounds(reference.solution, program))
         else:
             succeeded += 1
             np.testing.assert_allclose(found, reference.solution, atol=1e-5)
@@ -224,9 +227,9 @@ def test_a_try_that_succeeds_is_exact(shape) -> None:
     assert succeeded > 20
 
 
-def test_an_unchanged_program_takes_one_round() -> None:
+def test_an_unchanged_program_is_solved_in_one_round() -> None:
     program = make_program()
-    solver = WarmStarted(program, PiqpSolver(program))
+    solver = WarmStartedSolver(program, PiqpSolver(program))
     solver.solve()  # by PIQP
     assert solver.solve() is SolveStatus.SOLVED  # from the bounds that PIQP found active
     expected = solver.solution.copy()
@@ -235,12 +238,12 @@ def test_an_unchanged_program_takes_one_round() -> None:
     np.testing.assert_allclose(solver.solution, expected, atol=1e-5)
 
 
-def test_a_try_gives_up_after_its_rounds_and_the_solver_behind_it_answers() -> None:
+def test_piqp_solves_what_the_active_set_iteration_does_not_solve_in_its_rounds() -> None:
     program, rng = make_program(), np.random.default_rng(4)
-    attempt = ActiveSetTry(program)
-    walk(program, rng, 3.0)
-    assert attempt.attempt(1) is None
-    assert attempt.rounds == 1
-    solver = WarmStarted(program, PiqpSolver(program))
+    iteration = ActiveSetIteration(program)
+    change(program, rng, 3.0)
+    assert iteration.solve(1) is None
+    assert iteration.rounds == 1
+    solver = WarmStartedSolver(program, PiqpSolver(program))
     assert solver.solve() is SolveStatus.SOLVED
     assert_optimal(solver.solution, program)

@@ -1,4 +1,4 @@
-"""The rig of the controller's own tests."""
+"""A controller with the shipped linear model, and its scripted vehicle."""
 
 from collections.abc import Iterator
 
@@ -6,10 +6,9 @@ import pytest
 from scripted_vehicle import Rig, build_rig
 
 from rt_controller.config import MpcSettings
-from rt_controller.contract.artifact import load_bundle
+from rt_controller.contract.artifact import load_bundle, shipped_model
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.control.mpc import Mpc
-from rt_controller.session import shipped_model
 
 
 @pytest.fixture(scope="session")

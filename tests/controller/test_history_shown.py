@@ -1,4 +1,4 @@
-"""What the encoder is shown of the past is what the car did under our commands, or begun anew."""
+"""The history that the encoder gets: states with the inputs applied from them, or restarted."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,61 +10,62 @@ from hypothesis import strategies as st
 from made_models import WITH_PAST, make_bundle
 from scripted_vehicle import CRUISING, ENGAGED, STRAIGHT, Rig, build_rig
 
-from rt_controller.bus.frames import RoadSample
-from rt_controller.bus.snapshot import CommandSnapshot
+from rt_controller.bus.catalogue import STATE, Command, StateSample
+from rt_controller.bus.inbox import Received
 from rt_controller.config import MpcSettings
-from rt_controller.contract.fitness import DRIVABLE_HISTORY
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, VehicleState
+from rt_controller.contract.validation import DRIVABLE_HISTORY
 from rt_controller.control.lift import Encoder
 from rt_controller.control.mpc import Mpc
-from rt_controller.outcome import StepOutcome
+from rt_controller.step import StepResult
 
 STEPS = WITH_PAST.history_steps
 RESOLUTION = np.array([0.0, 0.0, 0.0, 1.1e-5, 1.3e-3, 3.6e-5])
-"""of a row as the vehicle knows it: its own states, and commands as frames can say them"""
+"""resolution of a row: exact states, and commands as the frames quantise them"""
 
 Row = tuple[float, ...]
 
 
 class Watched:
-    """A rig whose encoder is watched: `shown` is what the last tick lifted with, None if nothing.
+    """A rig that copies the history of each lift: `shown` is that of the last tick, or None.
 
-    The vehicle echoes each command as soon as it has it, or `echo_lag` ticks later.
+    The vehicle echoes each command `echo_lag` ticks after it was sent.
     """
 
     def __init__(self, rig: Rig) -> None:
         self.rig = rig
         self.shown: np.ndarray | None = None
         self.echo_lag = 1
-        self._accepted: list[CommandSnapshot] = []
+        self._accepted: list[Received[Command]] = []
 
     @property
-    def in_force(self) -> CommandSnapshot | None:
-        """The command in the period before the state that the vehicle tells next, if any was."""
+    def applied(self) -> Received[Command] | None:
+        """The command applied before the next state; None: none was."""
         known = len(self._accepted) >= self.echo_lag
         return self._accepted[-self.echo_lag] if known else None
 
-    def tick(self, skipped: int = 0, **vehicle: object) -> StepOutcome:
-        """One tick; the keywords are what the vehicle says in it and from then on."""
-        command = self.in_force
+    def tick(self, skipped: int = 0, **vehicle: object) -> StepResult:
+        """One tick; the keywords change what the vehicle sends from now on."""
+        command = self.applied
         self.rig.vehicle.command_echo = None if command is None else command.counter
         for name, value in vehicle.items():
             setattr(self.rig.vehicle, name, value)
         self.shown = None
-        outcome = self.rig.tick(skipped=skipped)
+        result = self.rig.tick(skipped=skipped)
         self._accepted.append(self.rig.command)
-        return outcome
+        return result
 
-    def heard(self) -> VehicleState:
-        """The newest state, as it came over the bus."""
-        assert self.rig.inbox.state is not None
-        return self.rig.inbox.state.state
+    def received(self) -> VehicleState:
+        """The newest state, as received over the bus."""
+        newest = self.rig.inbox.newest(STATE)
+        assert newest is not None
+        return newest.content.state
 
 
 @contextmanager
 def watch(mpc: Mpc) -> Iterator[Watched]:
-    """A watched rig, for as long as the context lasts."""
+    """A watched rig; the encoder is restored at the end of the context."""
     lift: Callable[[Encoder, VehicleState, float], np.ndarray] = Encoder.lift
     with build_rig(mpc) as rig, pytest.MonkeyPatch.context() as patch:
         watched = Watched(rig)
@@ -92,7 +93,7 @@ def watched(mpc: Mpc) -> Iterator[Watched]:
 
 
 def moving(k: int) -> VehicleState:
-    """Another state for every instant."""
+    """A different state for every k."""
     return CRUISING._replace(vx_mps=20.0 + 0.1 * k, vy_mps=0.01 * k, yaw_rate_radps=-0.002 * k)
 
 
@@ -106,137 +107,136 @@ def assert_shown(watched: Watched, rows: list[Row]) -> None:
     np.testing.assert_array_equal(watched.shown, np.array(rows, dtype=np.float32))
 
 
-def assert_begun_anew(watched: Watched, held: ControlInput) -> None:
-    assert_shown(watched, [row(watched.heard(), held)] * STEPS)
+def assert_restarted(watched: Watched, held: ControlInput) -> None:
+    assert_shown(watched, [row(watched.received(), held)] * STEPS)
 
 
-def drive(watched: Watched, ticks: int, first: int = 0) -> list[Row]:
-    """Rows as driven: each state with the command that answered it."""
+def drive_ticks(watched: Watched, ticks: int, first: int = 0) -> list[Row]:
+    """The rows expected: each state with the command that was sent for it."""
     driven = []
     for k in range(first, first + ticks):
-        outcome = watched.tick(state=moving(k))
-        driven.append(row(watched.heard(), outcome.control))
+        result = watched.tick(state=moving(k))
+        driven.append(row(watched.received(), result.control))
     return driven
 
 
-def test_rows_are_states_with_the_commands_that_answered_them(watched: Watched) -> None:
-    driven = drive(watched, 1)
+def test_rows_are_states_with_the_commands_sent_for_them(watched: Watched) -> None:
+    driven = drive_ticks(watched, 1)
     before = (*driven[0][:3], *NEUTRAL_INPUT)
     for k in range(1, 3 * STEPS):
-        driven += drive(watched, 1, first=k)
+        driven += drive_ticks(watched, 1, first=k)
         assert_shown(watched, ([before] * STEPS + driven[:k])[-STEPS:])
     assert len(set(driven)) == len(driven)
 
 
-def test_at_the_first_tick_the_car_has_always_been_there_with_its_pedals_up(
+def test_at_the_first_tick_all_rows_are_the_first_state_with_neutral_input(
     watched: Watched,
 ) -> None:
     watched.tick(state=moving(3))
-    assert_begun_anew(watched, NEUTRAL_INPUT)
+    assert_restarted(watched, NEUTRAL_INPUT)
 
 
-def test_a_command_that_comes_late_acts_a_period_later(watched: Watched) -> None:
-    """The vehicle echoes the one before: that one was still in force."""
-    driven = drive(watched, 6)
+def test_with_a_delayed_command_a_row_has_the_command_before(watched: Watched) -> None:
+    driven = drive_ticks(watched, 6)
     watched.echo_lag = 2
     for k in range(6, 12):
-        driven += drive(watched, 1, first=k)
+        driven += drive_ticks(watched, 1, first=k)
     assert len(set(driven)) == len(driven)
     assert_shown(watched, [(*driven[j][:3], *driven[j - 1][3:]) for j in range(7, 11)])
 
 
-def test_a_missed_state_begins_the_history_anew(watched: Watched) -> None:
-    drive(watched, 6)
-    outcome = watched.tick(state=None)
-    assert outcome.mode is Mode.HOLD_PLAN
-    held = outcome.control
+def test_a_missing_state_restarts_the_history(watched: Watched) -> None:
+    drive_ticks(watched, 6)
+    result = watched.tick(state=None)
+    assert result.mode is Mode.HOLD_PLAN
+    held = result.control
     assert watched.tick(state=moving(8)).mode is Mode.NOMINAL
-    assert_begun_anew(watched, held)
-    first = row(watched.heard(), held)
-    # Two commands answered under one counter, and a vehicle takes the first of them.
+    assert_restarted(watched, held)
+    first = row(watched.received(), held)
+    # Two commands were sent with one counter; the vehicle accepts only the first.
     watched.tick(state=moving(9))
     assert_shown(watched, [first] * STEPS)
-    known = row(watched.heard(), watched.rig.step.outcome.control)
+    known = row(watched.received(), watched.rig.step.result.control)
     watched.tick(state=moving(10))
     assert_shown(watched, [first] * (STEPS - 1) + [known])
 
 
-def tell_another_state(watched: Watched, k: int) -> None:
-    """The vehicle speaks once more before the controller looks."""
+def send_one_more_state(watched: Watched, k: int) -> None:
+    """The vehicle sends a second state before the controller reads the first."""
     rig = watched.rig
-    road = RoadSample(0.0, rig.clock.now_ns(), rig.command.counter, False)
-    rig.vehicle.outbox.send_state(moving(k), road, rig.clock.now_ns())
+    sample = StateSample(moving(k), 0.0, rig.clock.now_ns(), rig.command.counter, False)
+    rig.vehicle.outbox.send(STATE, sample, rig.clock.now_ns())
 
 
-def test_a_state_that_was_overtaken_leaves_a_hole_and_begins_the_history_anew(
+def test_a_state_that_was_not_planned_from_restarts_the_history(
     watched: Watched,
 ) -> None:
-    drive(watched, 6)
-    sent = watched.rig.step.outcome.control
-    tell_another_state(watched, 6)
+    drive_ticks(watched, 6)
+    sent = watched.rig.step.result.control
+    send_one_more_state(watched, 6)
     watched.tick(state=moving(7))
-    assert_begun_anew(watched, sent)
+    assert_restarted(watched, sent)
 
 
 @pytest.mark.parametrize("vehicle_stalls_too", [True, False])
-def test_skipped_ticks_begin_the_history_anew(watched: Watched, vehicle_stalls_too: bool) -> None:
-    drive(watched, 6)
-    sent = watched.rig.step.outcome.control
+def test_skipped_ticks_restart_the_history(watched: Watched, vehicle_stalls_too: bool) -> None:
+    drive_ticks(watched, 6)
+    sent = watched.rig.step.result.control
     if not vehicle_stalls_too:
-        tell_another_state(watched, 6)
+        send_one_more_state(watched, 6)
     watched.tick(skipped=1, state=moving(7))
-    assert_begun_anew(watched, sent)
+    assert_restarted(watched, sent)
 
 
-def test_a_state_that_dawdled_is_a_hole(watched: Watched) -> None:
-    drive(watched, 6)
-    outcome = watched.tick(state=moving(6), stamped_late_ns=60_000_000)
-    assert outcome.mode is Mode.HOLD_PLAN
-    held = outcome.control
+def test_a_delayed_state_restarts_the_history(watched: Watched) -> None:
+    drive_ticks(watched, 6)
+    result = watched.tick(state=moving(6), stamped_late_ns=60_000_000)
+    assert result.mode is Mode.HOLD_PLAN
+    held = result.control
     watched.tick(state=moving(7), stamped_late_ns=0)
-    assert_begun_anew(watched, held)
+    assert_restarted(watched, held)
 
 
-def test_standing_by_is_no_past(watched: Watched) -> None:
-    drive(watched, 6)
+def test_standby_restarts_the_history(watched: Watched) -> None:
+    drive_ticks(watched, 6)
     for k in range(6, 9):
-        outcome = watched.tick(state=moving(k), mission=ENGAGED._replace(is_engaged=False))
-    assert outcome.mode is Mode.STANDBY
-    sent = outcome.control
+        result = watched.tick(state=moving(k), mission=ENGAGED._replace(is_engaged=False))
+    assert result.mode is Mode.STANDBY
+    sent = result.control
     watched.tick(state=moving(9), mission=ENGAGED)
-    assert_begun_anew(watched, sent)
+    assert_restarted(watched, sent)
 
 
-def test_a_car_that_brakes_by_itself_does_not_follow_our_commands(watched: Watched) -> None:
-    drive(watched, 6)
+def test_a_braking_watchdog_restarts_the_history(watched: Watched) -> None:
+    drive_ticks(watched, 6)
     for k in range(6, 9):
-        sent = watched.rig.step.outcome.control
-        outcome = watched.tick(state=moving(k), is_watchdog_braking=True)
-        assert outcome.mode is Mode.SAFE_STOP
-    assert_begun_anew(watched, sent)
+        sent = watched.rig.step.result.control
+        result = watched.tick(state=moving(k), is_watchdog_braking=True)
+        assert result.mode is Mode.SAFE_STOP
+    assert_restarted(watched, sent)
 
 
 @pytest.mark.parametrize("echo_ahead", [None, 2])
-def test_as_long_as_no_command_of_ours_is_in_force_there_is_no_past(
+def test_without_an_accepted_command_the_history_restarts_in_each_tick(
     watched: Watched, echo_ahead: int | None
 ) -> None:
-    """The vehicle has taken none yet, or still echoes the controller that drove before."""
+    """The vehicle has accepted none yet, or still echoes those of an earlier controller."""
     watched.echo_lag = 10**9
     for k in range(3):
         watched.tick(state=moving(k), command_echo=echo_ahead and k + echo_ahead)
-        assert_begun_anew(watched, NEUTRAL_INPUT)
+        assert_restarted(watched, NEUTRAL_INPUT)
 
 
-def test_a_plan_that_is_held_for_want_of_a_path_is_a_past_like_any_other(
+def test_the_history_goes_on_while_the_plan_is_held_for_a_missing_path(
     watched: Watched,
 ) -> None:
-    driven = drive(watched, 6)
+    driven = drive_ticks(watched, 6)
     watched.rig.vehicle.path = None
     modes = []
     for k in range(6, 11):
-        outcome = watched.tick(state=moving(k))
-        driven.append(row(watched.heard(), outcome.control))
-        modes.append(outcome.mode)
+        result = watched.tick(state=moving(k))
+        driven.append(row(watched.received(), result.control))
+        modes.append(result.mode)
     assert modes[-1] is Mode.HOLD_PLAN
     watched.tick(state=moving(11), path=STRAIGHT)
     assert_shown(watched, driven[-STEPS:])
@@ -247,15 +247,17 @@ events = st.sampled_from(["state", "state", "state", "none", "skip", "standby", 
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(events, min_size=1, max_size=40))
-def test_no_history_has_a_hole_whatever_happens(mpc: Mpc, script: list[str]) -> None:
-    """Each row is a state and what the vehicle did from there on, each the one before the next."""
+def test_consecutive_rows_are_one_period_apart_for_any_sequence_of_events(
+    mpc: Mpc, script: list[str]
+) -> None:
+    """Each row is a state and the input applied from it, in the period before the next row."""
     with watch(mpc) as watched:
         past: list[Row] = []
         last: VehicleState | None = None
         for k, event in enumerate(script):
-            is_standing_by = watched.rig.step.outcome.mode is Mode.STANDBY
+            is_standby = watched.rig.step.result.mode is Mode.STANDBY
             watched.echo_lag = 2 if event == "late" else 1
-            command = watched.in_force
+            command = watched.applied
             watched.tick(
                 skipped=int(event == "skip"),
                 state=None if event == "none" else moving(k),
@@ -265,13 +267,13 @@ def test_no_history_has_a_hole_whatever_happens(mpc: Mpc, script: list[str]) -> 
             if event == "none":
                 last = None
                 continue
-            held = NEUTRAL_INPUT if command is None else command.control
-            obeys = command is not None and not is_standing_by and event != "brakes"
-            if last is None or event == "skip" or not obeys:
-                past = [row(watched.heard(), held)] * STEPS
+            held = NEUTRAL_INPUT if command is None else command.content.control
+            is_driven = command is not None and not is_standby and event != "brakes"
+            if last is None or event == "skip" or not is_driven:
+                past = [row(watched.received(), held)] * STEPS
             else:
                 past.append(row(last, held))
-            last = watched.heard()
+            last = watched.received()
             if watched.shown is not None:
                 difference = np.abs(watched.shown - np.array(past[-STEPS:], dtype=np.float32))
                 assert np.all(difference <= RESOLUTION)

@@ -1,4 +1,4 @@
-"""What the program does to its process, seen from a new one."""
+"""Settings of the program that only a new process shows."""
 
 import os
 import subprocess
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-COUNT_THREADS = "import rt_controller.cli, os; print(len(os.listdir('/proc/self/task')))"
+COUNT_THREADS = "import rt_controller.cli, numpy, os; print(len(os.listdir('/proc/self/task')))"
 
 
 def threads_after_import(blas_threads: str | None) -> int:
@@ -20,8 +20,8 @@ def threads_after_import(blas_threads: str | None) -> int:
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="threads are counted on Linux")
-def test_linear_algebra_has_no_threads_for_the_loop_to_wait_for() -> None:
+def test_linear_algebra_runs_in_one_thread_unless_the_user_sets_more() -> None:
     single = threads_after_import("1")
     assert threads_after_import(None) == single
     if len(os.sched_getaffinity(0)) > 1:
-        assert threads_after_import("2") > single  # who asks for threads gets them
+        assert threads_after_import("2") > single

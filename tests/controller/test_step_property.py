@@ -1,4 +1,4 @@
-"""Whatever happens on the bus, every command is one that a car may be given."""
+"""For any sequence of received data, every command is within its limits."""
 
 import math
 
@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scripted_vehicle import CRUISING, STRAIGHT, VALID_NS, build_rig
 
-from rt_controller.bus.frames import Mission
+from rt_controller.bus.catalogue import Mission
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_S
@@ -25,31 +25,31 @@ missions = st.one_of(
 
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.tuples(states, paths, missions), min_size=1, max_size=30))
-def test_every_command_is_in_the_box_slew_limited_and_on_one_pedal(
+def test_every_command_is_within_bounds_slew_limited_and_on_one_pedal(
     mpc_of_session: Mpc, script: list
 ) -> None:
     with build_rig(mpc_of_session) as rig:
         held = 0
         for rig.vehicle.state, rig.vehicle.path, rig.vehicle.mission in script:
-            previous, was = rig.step.outcome.control, rig.step.outcome.mode
-            outcome = rig.tick()
-            assert_may_be_given(outcome.control, previous)
-            held = held + 1 if outcome.mode is Mode.HOLD_PLAN else 0
+            previous, was = rig.step.result.control, rig.step.result.mode
+            result = rig.tick()
+            assert_within_limits(result.control, previous)
+            held = held + 1 if result.mode is Mode.HOLD_PLAN else 0
             assert held <= HOLD_PLAN_TICKS
-            if outcome.mode is Mode.SAFE_STOP:
-                assert outcome.control.throttle == 0.0
-            if was is Mode.SAFE_STOP and outcome.mode is not Mode.SAFE_STOP:
+            if result.mode is Mode.SAFE_STOP:
+                assert result.control.throttle == 0.0
+            if was is Mode.SAFE_STOP and result.mode is not Mode.SAFE_STOP:
                 assert rig.vehicle.mission is not None
                 assert rig.vehicle.mission.is_reset_requested
 
 
-def assert_may_be_given(control: ControlInput, previous: ControlInput) -> None:
+def assert_within_limits(control: ControlInput, previous: ControlInput) -> None:
     rate = INPUT_LIMITS.rate_per_s
     for value, low, high in zip(control, INPUT_LIMITS.lower, INPUT_LIMITS.upper, strict=True):
         assert math.isfinite(value)
         assert low <= value <= high
     assert control.throttle == 0.0 or control.brake_n == 0.0
     assert control.throttle - previous.throttle <= rate.throttle * PERIOD_S + 1e-9
-    # A touch of the brake below the pedal's first thousandth counts as none.
+    # A brake force below one thousandth of the pedal's travel is sent as 0.
     assert abs(control.brake_n - previous.brake_n) <= rate.brake_n * PERIOD_S + 0.15
     assert abs(control.steer_rad - previous.steer_rad) <= rate.steer_rad * PERIOD_S + 1e-9

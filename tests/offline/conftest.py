@@ -1,4 +1,4 @@
-"""A toy car whose drives are made in milliseconds."""
+"""A toy car whose episodes are simulated in milliseconds."""
 
 import itertools
 from datetime import datetime
@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from offline.config import PRESETS, TrainingConfig
-from offline.dataset import Dataset, load_dataset, save_dataset, split_episodes
-from offline.excitation import Recipe
-from offline.generate import EPISODE_STEPS, SLICES, Episode, Generated, assemble
-from offline.manifest import Driven, Roads
-from offline.roles import VEHICLE_ROLES
-from offline.run_folder import RunFolder, create_run
+from offline.data.dataset import Dataset, load_dataset, save_dataset, split_episodes
+from offline.data.excitation import Recipe
+from offline.data.generate import EPISODE_STEPS, SLICES, Episode, Generated, assemble
+from offline.data.manifest import Roads, Simulated
+from offline.data.signals import VEHICLE_ROLES
+from offline.training.run_folder import RunFolder, create_run
 from rt_controller.contract.schema import VEHICLE
 
 EPISODES = 40
@@ -22,7 +22,7 @@ DT_S = 0.025
 
 
 def toy_drives(episodes: int = EPISODES) -> Generated:
-    """A point with drag and first-order yaw on a plane; five slices an episode."""
+    """A point with drag and first-order yaw on a plane; five slices per episode."""
     rng = np.random.default_rng(7)
     steps = EPISODE_STEPS
     u = np.zeros((steps, episodes, 3))
@@ -53,7 +53,7 @@ def toy_drives(episodes: int = EPISODES) -> Generated:
 
 
 def save_toy(folder: Path, drives: Generated, episodes: int = EPISODES) -> Dataset:
-    """The drives as a data set of seed 3, ten tries of which were rejected."""
+    """The episodes as a data set of seed 3 with ten rejected episodes."""
     return save_dataset(
         folder,
         drives.recording,
@@ -62,7 +62,7 @@ def save_toy(folder: Path, drives: Generated, episodes: int = EPISODES) -> Datas
         schema=VEHICLE,
         roles=VEHICLE_ROLES,
         roads=Roads(CURVATURES, 2.0, 0.15),
-        origin=Driven(Recipe(curvatures_per_m=CURVATURES), episodes, 3, "toy"),
+        origin=Simulated(Recipe(curvatures_per_m=CURVATURES), episodes, 3, "toy"),
         rejected=drives.rejected,
     )
 
@@ -81,7 +81,7 @@ def toy_dataset(toy_folder) -> Dataset:
 
 @pytest.fixture
 def tiny_config() -> TrainingConfig:
-    """The paper's preset, small enough for a test, with everything that a real run has."""
+    """The preset paper, reduced to the size of a test."""
     return PRESETS["paper"].model_copy(
         update={
             "steps": 12,
@@ -97,7 +97,7 @@ def tiny_config() -> TrainingConfig:
 
 @pytest.fixture
 def tiny_recommended() -> TrainingConfig:
-    """Everything that goes beyond the paper, small enough for a test."""
+    """The preset recommended, reduced to the size of a test."""
     return PRESETS["recommended"].model_copy(
         update={
             "steps": 12,
@@ -114,7 +114,7 @@ def tiny_recommended() -> TrainingConfig:
 
 @pytest.fixture
 def new_run(tmp_path, toy_folder, toy_dataset):
-    """Makes folders for training runs on the toy's drives."""
+    """Returns a function that makes folders for runs on the toy data set."""
     numbers = itertools.count()
 
     def create(config: TrainingConfig) -> RunFolder:

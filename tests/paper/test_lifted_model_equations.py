@@ -4,11 +4,11 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from offline.batch import Instants
 from offline.config import PRESETS
-from offline.model import MdkNet, sizes_of
-from offline.roles import VEHICLE_ROLES
-from offline.rollout import roll_out
+from offline.data.sampling import Instants
+from offline.data.signals import VEHICLE_ROLES
+from offline.model.network import MdkNet, sizes_of
+from offline.model.rollout import roll_out
 from rt_controller.contract.schema import VEHICLE
 
 SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
@@ -21,7 +21,7 @@ def model() -> MdkNet:
 
 
 def lift(model: MdkNet, x: Tensor) -> Tensor:
-    """psi(x): the paper's encoder is shown nothing but the states."""
+    """psi(x): the paper's encoder reads only the states."""
     return model.lift(Instants(x, torch.randn(len(x), 1), torch.randn(len(x), 0, 6)))
 
 
@@ -61,10 +61,10 @@ def test_inputs_are_the_controls_followed_by_curvature(model):
     u, w = torch.randn(7, 5, 3), torch.randn(7, 5, 1)
     _, B = model.operator()
     expected = u @ B[:, :3].t() + w @ B[:, 3:].t()
-    assert torch.allclose(model.drive(torch.randn(1, 5, 66), u, w), expected, atol=1e-7)
+    assert torch.allclose(model.forcing(torch.randn(1, 5, 66), u, w), expected, atol=1e-7)
 
 
-def test_literal_preset_learns_all_sixty_latents():
+def test_the_preset_paper_literal_trains_all_sixty_latents():
     torch.manual_seed(0)
     model = MdkNet(PRESETS["paper-literal"], SIZES)
     assert model.encoder.layers[-1].out_features == 60
@@ -74,15 +74,15 @@ def test_literal_preset_learns_all_sixty_latents():
 def test_roll_out_is_the_recursion_of_equation_6():
     torch.manual_seed(1)
     A, psi0 = 0.5 * torch.randn(4, 4), torch.randn(3, 4)
-    drive = torch.randn(6, 3, 4)
+    forcing = torch.randn(6, 3, 4)
     psi, expected = psi0, []
     for k in range(6):
-        psi = psi @ A.t() + drive[k]
+        psi = psi @ A.t() + forcing[k]
         expected.append(psi)
-    assert torch.allclose(roll_out(psi0, A, drive), torch.stack(expected))
+    assert torch.allclose(roll_out(psi0, A, forcing), torch.stack(expected))
 
 
-def test_gradient_of_the_roll_out_is_the_numerical_one():
+def test_the_gradient_of_the_roll_out_equals_the_numerical_one():
     torch.manual_seed(2)
     arguments = (
         torch.randn(2, 3, dtype=torch.float64, requires_grad=True),

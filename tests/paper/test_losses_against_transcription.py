@@ -4,9 +4,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from offline.batch import Batch, Instants
 from offline.config import PRESETS, TrainingConfig
-from offline.losses import (
+from offline.data.sampling import Batch, Instants
+from offline.data.signals import VEHICLE_ROLES
+from offline.model.losses import (
     GROWTH_BOUND,
     draw_times,
     eigenvalue_excess,
@@ -15,8 +16,7 @@ from offline.losses import (
     regularisation_loss,
     total_loss,
 )
-from offline.model import MdkNet, sizes_of
-from offline.roles import VEHICLE_ROLES
+from offline.model.network import MdkNet, sizes_of
 from rt_controller.contract.schema import VEHICLE
 
 K, BATCH = 7, 3
@@ -56,7 +56,7 @@ def inputs(batch: Batch) -> Tensor:
 
 
 def lift(model: MdkNet, x: Tensor) -> Tensor:
-    """psi(x) of one state: the paper's encoder is shown nothing else."""
+    """psi(x) of one state; the paper's encoder reads nothing else."""
     return model.lift(Instants(x, torch.empty(0), torch.empty(0)))
 
 
@@ -129,7 +129,7 @@ def test_eigenvalue_excess_is_equation_11():
     assert torch.isclose(eigenvalue_excess(A), torch.tensor(0.75))
 
 
-def test_eigenvalue_excess_counts_both_of_a_complex_pair():
+def test_eigenvalue_excess_counts_both_eigenvalues_of_a_complex_pair():
     radius, angle = 1.2, torch.tensor(0.7)
     turn = torch.stack(
         [
@@ -147,8 +147,8 @@ def test_growth_excess_is_the_root_of_the_64th_power():
     assert torch.isclose(growth_excess(A), norm ** (1 / 64) - GROWTH_BOUND)
 
 
-def test_growth_bound_admits_the_chain_from_yaw_rate_to_lateral_error():
-    """Strict stability would forbid the true kinematics: integrators have eigenvalue 1.
+def test_the_growth_bound_allows_the_chain_from_yaw_rate_to_lateral_error():
+    """Strict stability would exclude the true kinematics: integrators have eigenvalue 1.
 
     In scaled numbers, at 20 m/s, beside 63 observables that merely persist.
     """
@@ -160,8 +160,8 @@ def test_growth_bound_admits_the_chain_from_yaw_rate_to_lateral_error():
     assert growth_excess(1.02 * chain) > 0.0
 
 
-def test_growth_excess_keeps_a_small_gradient_where_eigenvalues_meet():
-    """A chain of three integrators, 1e-12 away from defective: eq. (11) blows up there."""
+def test_growth_excess_has_a_small_gradient_where_eigenvalues_coincide():
+    """Three integrators, 1e-12 away from defective, where eq. (11) has a huge gradient."""
     torch.manual_seed(3)
     start = torch.eye(3) + 0.3 * torch.diag(torch.ones(2), 1) + 1e-12 * torch.randn(3, 3)
     bounded = start.clone().requires_grad_()
@@ -201,7 +201,7 @@ def test_total_loss_is_equation_13_with_the_weights_of_the_table(preset):
     assert torch.isclose(losses.total, expected)
 
 
-def test_forgetting_weights_sum_to_one_and_favour_the_near_future():
+def test_forgetting_weights_sum_to_one_and_decay():
     weights = forgetting_weights(80, 0.9, through_last_step=True)
     assert weights.sum().item() == pytest.approx(1.0)
     assert weights[:29].sum().item() == pytest.approx(0.95, abs=0.01)
@@ -210,8 +210,8 @@ def test_forgetting_weights_sum_to_one_and_favour_the_near_future():
 
 @pytest.mark.parametrize("samples", [1, 3, 7])
 def test_every_target_time_is_drawn_equally_often(samples):
-    dice = torch.Generator().manual_seed(4)
-    drawn = torch.cat([draw_times(K, samples, dice) for _ in range(20_000 // samples)])
+    rng = torch.Generator().manual_seed(4)
+    drawn = torch.cat([draw_times(K, samples, rng) for _ in range(20_000 // samples)])
     frequency = torch.bincount(drawn, minlength=K + 1)[1:] / len(drawn)
     assert drawn.min() >= 1
     assert drawn.max() <= K
@@ -228,7 +228,7 @@ def test_sampled_targets_estimate_the_full_sums_without_bias():
         assert torch.isclose(mean, getattr(full, name)), name
 
 
-def test_states_share_of_the_multi_step_loss_leaves_the_latents_out():
+def test_the_states_share_of_the_multi_step_loss_excludes_the_latents():
     config = a_config("paper")
     model, batch = a_model(config), a_batch()
     losses = total_loss(model, config, batch)

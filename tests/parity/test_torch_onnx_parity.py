@@ -1,4 +1,4 @@
-"""The exported bundle answers like the network it came from, in physical units."""
+"""The exported bundle equals the trained network, in physical units."""
 
 import copy
 import getpass
@@ -12,15 +12,14 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from offline.batch import Batch, scale
-from offline.config import PRESETS, TrainingConfig
-from offline.export import PhysicalEncoder, fold_scaling, to_onnx
-from offline.lengths import PAST_STEPS
-from offline.model import MdkNet, sizes_of
-from offline.predictor import BundlePredictor
-from offline.roles import VEHICLE_ROLES
-from offline.scaling import Scaling
-from offline.trajectories import Trajectories
+from offline.config import PAST_STEPS, PRESETS, TrainingConfig
+from offline.data.sampling import Batch, scale
+from offline.data.signals import VEHICLE_ROLES, Scaling
+from offline.data.trajectories import Trajectories
+from offline.model.bundle_export import to_onnx
+from offline.model.bundle_predictor import BundlePredictor
+from offline.model.network import MdkNet, sizes_of
+from offline.model.physical_units import PhysicalEncoder, fold_scaling
 from rt_controller.contract.artifact import Bundle, Lift, LiftSample
 from rt_controller.contract.follow import Follow
 from rt_controller.contract.schema import VEHICLE
@@ -57,7 +56,7 @@ CONFIGS: dict[str, TrainingConfig] = {
 
 
 class Exported(NamedTuple):
-    """A network, and what went to the vehicle."""
+    """A network and its exported encoder."""
 
     model: MdkNet
     lift: Lift
@@ -65,7 +64,7 @@ class Exported(NamedTuple):
 
 
 def a_model(config: TrainingConfig) -> MdkNet:
-    """Not trained, but away from its tidy start in every parameter."""
+    """Untrained, but with every parameter changed from its initial value."""
     torch.manual_seed(0)
     model = MdkNet(config, sizes_of(VEHICLE, VEHICLE_ROLES))
     with torch.no_grad():
@@ -103,7 +102,7 @@ def session(exported) -> onnxruntime.InferenceSession:
 
 
 def drives(n: int) -> Trajectories:
-    """Numbers of the size of a car's, in physical units and single precision."""
+    """Random trajectories of a car's magnitude, in physical units and single precision."""
     rng = np.random.default_rng(1)
     s = SCALING
     return Trajectories(
@@ -125,7 +124,7 @@ def sample(trajectories: Trajectories, lift: Lift) -> LiftSample:
 
 
 def scaled(trajectories: Trajectories, model: MdkNet) -> Batch:
-    """As the network sees them, in double precision."""
+    """Scaled as for the network, in double precision."""
     batch = scale(trajectories, SCALING, VEHICLE, VEHICLE_ROLES, model.history_steps)
     return Batch(*(series.double() for series in batch))
 
@@ -152,7 +151,7 @@ def run(session, lift: Lift, trajectories: Trajectories):
     return psi
 
 
-def test_onnx_asks_for_what_the_lift_names_and_nothing_else(exported, session):
+def test_the_onnx_inputs_are_those_that_the_lift_names(exported, session):
     lift = exported.lift
     shapes = {"x": [6], "w": [1], "history": [lift.history_steps, 6]}
     assert tuple(each.name for each in session.get_inputs()) == lift.inputs
@@ -165,7 +164,7 @@ def test_onnx_asks_for_what_the_lift_names_and_nothing_else(exported, session):
 
 
 @pytest.mark.parametrize("batch", [1, 2, 33])
-def test_onnx_agrees_with_the_scaled_network_for_any_batch(exported, session, batch):
+def test_onnx_equals_the_scaled_network_for_any_batch_size(exported, session, batch):
     model = exported.model
     psi = run(session, exported.lift, drives(batch))
     expected = lift_precisely(model, drives(batch))
@@ -174,13 +173,13 @@ def test_onnx_agrees_with_the_scaled_network_for_any_batch(exported, session, ba
     assert np.max(error) < 1e-5
 
 
-def test_physical_states_pass_the_encoder_bit_by_bit(exported, session):
+def test_physical_states_pass_through_the_encoder_unchanged(exported, session):
     trajectories = drives(16)
     psi = run(session, exported.lift, trajectories)
     assert np.array_equal(psi[:, :6], trajectories.x[:, 0])
 
 
-def test_a_constant_leaves_the_encoder_as_exactly_one(exported, session):
+def test_the_constant_observable_is_exactly_one(exported, session):
     psi = run(session, exported.lift, drives(16))
     assert np.array_equal(psi[:, -1], np.ones(16)) == exported.model.has_constant
 
@@ -198,7 +197,7 @@ def in_physical_units(psi: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([states, psi[..., 6:]], axis=-1)
 
 
-def test_roll_out_in_physical_units_is_the_scaled_one(exported):
+def test_the_roll_out_in_physical_units_equals_the_scaled_one(exported):
     """The folded operator, with its offset and its bilinear part, in double precision."""
     model, trajectories = exported.model, drives(4)
     operator, bilinear = fold_scaling(model, SCALING), fold_scaling(model, SCALING).bilinear
@@ -220,8 +219,8 @@ def test_roll_out_in_physical_units_is_the_scaled_one(exported):
     assert np.allclose(psi, expected, rtol=1e-9, atol=1e-9)
 
 
-def test_a_bundle_predicts_what_the_network_rolls_out(exported):
-    """What the vehicle loads against what was trained; units are the spreads of the states."""
+def test_the_bundle_predicts_the_same_as_the_network(exported):
+    """In units of the spread of each state."""
     model, lift, trajectories = exported.model, exported.lift, drives(5)
     operator = fold_scaling(model, SCALING)
     shown = sample(trajectories, lift)
@@ -250,10 +249,10 @@ def test_a_bundle_predicts_what_the_network_rolls_out(exported):
     assert np.max(error) < 1e-5
 
 
-def test_the_encoder_tells_nothing_of_the_machine_it_was_exported_on(exported):
+def test_the_exported_encoder_contains_no_path_or_name_of_the_machine(exported):
     places = {Path.cwd(), Path.home(), Path(tempfile.gettempdir()), Path(torch.__file__).parent}
     words = ["site-packages", "export.py", "File ", *(str(place) for place in places)]
-    if getpass.getuser() != "root":  # as in a tree's root
+    if getpass.getuser() != "root":  # "root" also occurs in other words
         words.append(getpass.getuser())
     for word in words:
         assert word.encode() not in exported.onnx, word

@@ -1,4 +1,4 @@
-"""The clock keeps its phase, counts what it skips, and never catches up."""
+"""The clock keeps its phase, counts skipped periods, and makes up for none of them."""
 
 import itertools
 import time
@@ -6,42 +6,48 @@ from collections.abc import Callable
 
 import pytest
 
+from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.realtime import clock as clock_module
-from rt_controller.realtime.clock import LockstepClock, RealtimeClock, sleep_until, wake_at
-
-PERIOD_NS = 25_000_000
+from rt_controller.realtime.clock import (
+    MAX_OVERSLEEP_NS,
+    LockstepClock,
+    RealtimeClock,
+    busy_wait_until,
+    sleep_until,
+)
 
 
 class ScriptedTime:
-    """A monotonic clock that only moves when somebody sleeps or stalls."""
+    """A monotonic clock that moves only in sleeps and stalls."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_ns = 1_000_000_000
+        self.oversleep_ns = 0
         monkeypatch.setattr(clock_module.time, "monotonic_ns", lambda: self.now_ns)
         monkeypatch.setattr(clock_module, "sleep_until", self.sleep_until)
-        monkeypatch.setattr(clock_module, "wake_at", self.sleep_until)
+        monkeypatch.setattr(clock_module, "busy_wait_until", self.sleep_until)
 
     def sleep_until(self, deadline_ns: int) -> None:
-        self.now_ns = max(self.now_ns, deadline_ns)
+        self.now_ns = max(self.now_ns, deadline_ns + self.oversleep_ns)
 
 
-def test_ticks_are_whole_periods_apart_whatever_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    world = ScriptedTime(monkeypatch)
+def test_ticks_are_one_period_apart_for_any_work_within_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    scripted = ScriptedTime(monkeypatch)
     clock = RealtimeClock(PERIOD_NS)
     ticks = []
     for work_ns in (0, 3_000_000, 24_999_999, 10):
         ticks.append(clock.wait())
-        world.now_ns += work_ns
+        scripted.now_ns += work_ns
     scheduled = [tick.scheduled_ns for tick in ticks]
     assert [b - a for a, b in itertools.pairwise(scheduled)] == [PERIOD_NS] * 3
     assert all(tick.skipped == 0 and tick.lateness_ns == 0 for tick in ticks)
 
 
 def test_a_late_tick_is_late_but_not_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
-    world = ScriptedTime(monkeypatch)
+    scripted = ScriptedTime(monkeypatch)
     clock = RealtimeClock(PERIOD_NS)
     first = clock.wait()
-    world.now_ns += PERIOD_NS + 4_000_000
+    scripted.now_ns += PERIOD_NS + 4_000_000
     second = clock.wait()
     assert second.scheduled_ns == first.scheduled_ns + PERIOD_NS
     assert second.lateness_ns == 4_000_000
@@ -51,10 +57,10 @@ def test_a_late_tick_is_late_but_not_skipped(monkeypatch: pytest.MonkeyPatch) ->
 def test_after_a_stall_whole_periods_are_skipped_and_the_phase_is_kept(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    world = ScriptedTime(monkeypatch)
+    scripted = ScriptedTime(monkeypatch)
     clock = RealtimeClock(PERIOD_NS)
     first = clock.wait()
-    world.now_ns += 4 * PERIOD_NS + 1_000_000
+    scripted.now_ns += 4 * PERIOD_NS + 1_000_000
     after = clock.wait()
     assert after.skipped == 3
     assert (after.scheduled_ns - first.scheduled_ns) % PERIOD_NS == 0
@@ -64,30 +70,47 @@ def test_after_a_stall_whole_periods_are_skipped_and_the_phase_is_kept(
 
 
 def test_aligning_sets_the_phase_and_never_the_past(monkeypatch: pytest.MonkeyPatch) -> None:
-    world = ScriptedTime(monkeypatch)
+    scripted = ScriptedTime(monkeypatch)
     clock = RealtimeClock(PERIOD_NS)
-    wanted_ns = world.now_ns - 3 * PERIOD_NS + 7
+    wanted_ns = scripted.now_ns - 3 * PERIOD_NS + 7
     clock.align(wanted_ns)
     tick = clock.wait()
-    assert tick.scheduled_ns >= world.now_ns - PERIOD_NS
+    assert tick.scheduled_ns >= scripted.now_ns - PERIOD_NS
     assert (tick.scheduled_ns - wanted_ns) % PERIOD_NS == 0
     assert tick.skipped == 0
 
 
-@pytest.mark.parametrize("rest", [sleep_until, wake_at])
+@pytest.mark.parametrize(("oversleep_ns", "is_in_time"), [(0, True), (MAX_OVERSLEEP_NS, False)])
+def test_a_sleep_before_a_tick_reports_whether_it_ended_in_time(
+    monkeypatch: pytest.MonkeyPatch, oversleep_ns: int, is_in_time: bool
+) -> None:
+    scripted = ScriptedTime(monkeypatch)
+    clock = RealtimeClock(PERIOD_NS)
+    lead_ns = 4_000_000
+    wake_up_ns = scripted.now_ns + PERIOD_NS - lead_ns
+    scripted.oversleep_ns = oversleep_ns
+    assert clock.sleep_until_before_tick(lead_ns) is is_in_time
+    assert scripted.now_ns == wake_up_ns + oversleep_ns
+    scripted.now_ns += 1
+    assert not clock.sleep_until_before_tick(lead_ns)  # that instant is over
+    scripted.oversleep_ns = 0
+    assert clock.wait().scheduled_ns == wake_up_ns + lead_ns
+
+
+@pytest.mark.parametrize("sleep", [sleep_until, busy_wait_until])
 @pytest.mark.parametrize("ahead_ns", [2_000_000, 50_000, -5_000_000])
-def test_nobody_wakes_early(rest: Callable[[int], None], ahead_ns: int) -> None:
+def test_a_sleep_never_ends_early(sleep: Callable[[int], None], ahead_ns: int) -> None:
     deadline_ns = time.monotonic_ns() + ahead_ns
-    rest(deadline_ns)
+    sleep(deadline_ns)
     assert time.monotonic_ns() >= deadline_ns
 
 
-def test_lockstep_lets_the_peer_act_before_every_tick() -> None:
-    heard: list[int] = []
-    clock = LockstepClock(PERIOD_NS, heard.append)
+def test_in_lockstep_the_peer_acts_before_every_tick() -> None:
+    calls: list[int] = []
+    clock = LockstepClock(PERIOD_NS, calls.append)
     for n in range(1, 4):
         tick = clock.wait()
         assert tick.scheduled_ns == clock.now_ns() == n * PERIOD_NS
-        assert heard[-1] == n * PERIOD_NS
-    clock.linger()
-    assert heard == [n * PERIOD_NS for n in range(1, 5)]
+        assert calls[-1] == n * PERIOD_NS
+    clock.poll()
+    assert calls == [n * PERIOD_NS for n in range(1, 5)]

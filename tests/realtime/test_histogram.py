@@ -1,9 +1,9 @@
-"""Percentiles of any number of values from a fixed number of counts."""
+"""Percentiles of any number of values, from a fixed number of buckets."""
 
 import numpy as np
 import pytest
 
-from rt_controller.realtime.histogram import Histogram
+from rt_controller.realtime.accounting import Histogram
 
 
 def of(values: np.ndarray) -> Histogram:
@@ -14,7 +14,7 @@ def of(values: np.ndarray) -> Histogram:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_percentile_is_a_value_that_occurred_and_at_most_one_per_cent_above_the_exact_one(
+def test_a_percentile_is_a_recorded_value_at_most_one_per_cent_above_the_exact_one(
     seed: int,
 ) -> None:
     values = np.random.default_rng(seed).lognormal(5.0, 1.5, size=20_000)
@@ -37,17 +37,17 @@ def test_small_whole_numbers_are_exact() -> None:
     )
 
 
-def test_without_values_there_is_nothing() -> None:
+def test_without_values_all_percentiles_are_zero() -> None:
     assert Histogram().percentiles() == (0.0,) * 5
 
 
 @pytest.mark.parametrize("value", [0.0, -3.0, 0.05])
-def test_what_is_next_to_nothing_is_below_everything_else(value: float) -> None:
+def test_values_below_the_lowest_bucket_count_as_the_smallest(value: float) -> None:
     found = of(np.array([value, 5.0, 7.0, 9.0])).percentiles()
     assert found.p50 == 5.0
     assert found.max == 9.0
 
 
 @pytest.mark.parametrize("value", [1e9, 1e12, float("inf")])
-def test_what_takes_a_quarter_of_an_hour_is_above_everything_else(value: float) -> None:
+def test_values_above_the_highest_bucket_count_as_the_largest(value: float) -> None:
     assert of(np.array([5.0, value])).percentiles().max == value

@@ -1,4 +1,4 @@
-"""What the system grants is asked for, said truthfully, and given back."""
+"""Real-time settings are requested, reported as granted, and undone."""
 
 import gc
 import os
@@ -10,18 +10,18 @@ import pytest
 
 from rt_controller.realtime import scheduling
 from rt_controller.realtime.scheduling import (
-    NOTHING_HOLDS,
+    NO_GUARANTEES,
     Guarantees,
-    ProcessConduct,
-    ThreadRank,
+    ProcessSettings,
+    ThreadPriority,
     prepare_process,
-    rank_thread,
     release_process,
+    set_thread_priority,
 )
 
 
 @pytest.fixture
-def prepared() -> Iterator[ProcessConduct]:
+def prepared() -> Iterator[ProcessSettings]:
     interval_s = sys.getswitchinterval()
     yield prepare_process(priority=50)
     release_process()
@@ -36,47 +36,47 @@ def in_a_thread(work: object) -> object:
     return results[0]
 
 
-def test_the_collector_is_off_for_the_run_and_on_again_after_it() -> None:
-    conduct = prepare_process(priority=0)
-    assert conduct.collector_off
+def test_the_garbage_collector_is_off_until_the_process_is_released() -> None:
+    process = prepare_process(priority=0)
+    assert process.collector_off
     assert not gc.isenabled()
     release_process()
     assert gc.isenabled()
 
 
-def test_a_thread_that_ends_takes_nothing_from_the_process(prepared: ProcessConduct) -> None:
-    in_a_thread(lambda: rank_thread(40))
+def test_the_settings_of_the_process_outlive_a_thread(prepared: ProcessSettings) -> None:
+    in_a_thread(lambda: set_thread_priority(40))
     assert not gc.isenabled()
     assert in_a_thread(gc.isenabled) is False
 
 
-def test_threads_beside_the_loop_inherit_the_lowest_real_time_rank(
-    prepared: ProcessConduct,
+def test_other_threads_inherit_the_lowest_real_time_priority(
+    prepared: ProcessSettings,
 ) -> None:
     if os.sched_getscheduler(0) != os.SCHED_FIFO:
         pytest.skip("this system grants no real-time scheduling")
     assert os.sched_getparam(0).sched_priority == 1
     assert in_a_thread(lambda: os.sched_getparam(0).sched_priority) == 1
-    assert in_a_thread(lambda: rank_thread(50)) == ThreadRank(50, None)
+    assert in_a_thread(lambda: set_thread_priority(50)) == ThreadPriority(50, None)
     release_process()
     assert os.sched_getscheduler(0) == os.SCHED_OTHER
 
 
-def test_a_rank_that_is_not_granted_is_not_claimed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_refused_priority_is_not_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         raise PermissionError
 
     monkeypatch.setattr(scheduling.os, "sched_setscheduler", refuse)
     monkeypatch.setattr(scheduling.os, "sched_setaffinity", refuse)
-    assert in_a_thread(lambda: rank_thread(50, cpu=0)) == ThreadRank(0, None)
+    assert in_a_thread(lambda: set_thread_priority(50, cpu=0)) == ThreadPriority(0, None)
 
 
 @pytest.mark.parametrize("cpu", [10**6, 10**30])
-def test_a_core_that_does_not_exist_is_not_claimed(cpu: int) -> None:
-    assert in_a_thread(lambda: rank_thread(0, cpu)) == ThreadRank(0, None)
+def test_a_core_that_does_not_exist_is_not_reported(cpu: int) -> None:
+    assert in_a_thread(lambda: set_thread_priority(0, cpu)) == ThreadPriority(0, None)
 
 
-def test_the_line_says_which_of_them_hold() -> None:
-    assert NOTHING_HOLDS.sentence() == ("SCHED_OTHER, memory NOT locked, collector ON, any core")
-    all_hold = Guarantees(ProcessConduct(True, True), ThreadRank(50, 1))
+def test_the_sentence_names_all_guarantees() -> None:
+    assert NO_GUARANTEES.sentence() == ("SCHED_OTHER, memory NOT locked, collector ON, any core")
+    all_hold = Guarantees(ProcessSettings(True, True), ThreadPriority(50, 1))
     assert all_hold.sentence() == "SCHED_FIFO 50, memory locked, collector off, core 1"

@@ -1,12 +1,12 @@
-"""The CSV file of the last ticks."""
+"""The CSV file with the times of the last ticks."""
 
 import csv
 
 import pytest
 
 from rt_controller.contract.errors import RtControllerError
-from rt_controller.realtime.accounting import DeadlineAccount, TickTimes
-from rt_controller.tick_log import write_ticks
+from rt_controller.realtime.accounting import DeadlineAccount, write_ticks
+from rt_controller.realtime.tick_times import TickTimes
 
 
 def account(ticks: int) -> DeadlineAccount:
@@ -17,7 +17,7 @@ def account(ticks: int) -> DeadlineAccount:
 
 
 @pytest.mark.parametrize(("ticks", "first"), [(3, 0), (12, 7)])
-def test_a_row_for_each_of_the_last_ticks_oldest_first(tmp_path, ticks, first):
+def test_the_file_has_one_row_for_each_of_the_last_ticks_oldest_first(tmp_path, ticks, first):
     write_ticks(tmp_path / "ticks.csv", account(ticks))
     with (tmp_path / "ticks.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -33,6 +33,6 @@ def test_without_a_file_nothing_is_written(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_place_that_is_gone_is_told(tmp_path):
+def test_a_folder_that_no_longer_exists_is_an_error(tmp_path):
     with pytest.raises(RtControllerError, match="--ticks"):
         write_ticks(tmp_path / "gone" / "ticks.csv", account(3))

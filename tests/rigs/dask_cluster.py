@@ -1,4 +1,4 @@
-"""A Dask cluster of real processes on the loopback interface, to lean on and to shoot at."""
+"""A Dask cluster of real processes on the loopback interface; tests may kill any of them."""
 
 import os
 import subprocess
@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 RIGS = Path(__file__).parent
-PATIENCE_S = 60.0
+START_TIMEOUT_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
 class DaskCluster:
-    """A scheduler and its workers, each a process without a guardian that would restart it."""
+    """A scheduler and its workers. No nanny restarts a worker."""
 
     address: str
     """HOST:PORT"""
@@ -34,28 +34,20 @@ def dask_cluster(
     started: list[subprocess.Popen[bytes]] = []
 
     def start(command: str, *arguments: str) -> subprocess.Popen[bytes]:
-        log = (folder / f"{command}-{len(started)}.log").open("wb")
         line = [sys.executable, "-m", f"distributed.cli.dask_{command}", *arguments]
-        process = subprocess.Popen(line, stdout=log, stderr=subprocess.STDOUT, env=env, cwd=folder)
-        log.close()
+        line += ["--scheduler-file", str(file), "--host", "127.0.0.1", "--no-dashboard"]
+        with (folder / f"{command}-{len(started)}.log").open("wb") as log:
+            process = subprocess.Popen(
+                line, stdout=log, stderr=subprocess.STDOUT, env=env, cwd=folder
+            )
         started.append(process)
         return process
 
     try:
-        scheduler = start(
-            "scheduler",
-            *("--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(file)),
-            "--no-dashboard",
-        )
-        hands = tuple(
-            start(
-                "worker",
-                *("--scheduler-file", str(file), "--host", "127.0.0.1", "--nthreads", "1"),
-                *("--no-nanny", "--no-dashboard", "--local-directory", str(folder)),
-            )
-            for _ in range(workers)
-        )
-        yield DaskCluster(_address(file, scheduler, workers), scheduler, hands)
+        scheduler = start("scheduler", "--port", "0")
+        options = ("--nthreads", "1", "--no-nanny", "--local-directory", str(folder))
+        processes = tuple(start("worker", *options) for _ in range(workers))
+        yield DaskCluster(_address(file, scheduler, workers), scheduler, processes)
     finally:
         for process in reversed(started):
             process.kill()
@@ -63,15 +55,15 @@ def dask_cluster(
 
 
 def _address(file: Path, scheduler: subprocess.Popen[bytes], workers: int) -> str:
-    """HOST:PORT of the scheduler, once all its workers are there."""
+    """HOST:PORT of the scheduler, when all its workers are connected."""
     from distributed import Client
 
-    deadline_s = time.monotonic() + PATIENCE_S
+    deadline_s = time.monotonic() + START_TIMEOUT_S
     while not file.exists() or not file.stat().st_size:
         if scheduler.poll() is not None or time.monotonic() > deadline_s:
-            raise RuntimeError(f"no scheduler came up, see {file.parent}")
+            raise RuntimeError(f"no scheduler started, see {file.parent}")
         time.sleep(0.05)
     with Client(scheduler_file=str(file), set_as_default=False) as client:
         if workers:
-            client.wait_for_workers(workers, timeout=PATIENCE_S)
+            client.wait_for_workers(workers, timeout=START_TIMEOUT_S)
         return str(client.scheduler.address).removeprefix("tcp://")

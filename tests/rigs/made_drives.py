@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from offline.dataset import Dataset, split_episodes
-from offline.lengths import PAST_STEPS, STEPS
-from offline.manifest import Imported, Manifest
-from offline.recording import Recording, Starts
-from offline.roles import Roles
+from offline.config import PAST_STEPS, STEPS
+from offline.data.dataset import Dataset, split_episodes
+from offline.data.manifest import Imported, Manifest
+from offline.data.recording import Recording, Starts
+from offline.data.signals import Roles
 from rt_controller.contract.schema import Schema, Signal
 
 SCHEMA = Schema(
@@ -60,14 +60,14 @@ def dataset_of(x, u, w, schema=SCHEMA, roles=ROLES):
     return Dataset(recording, slices, split_episodes(episodes, 0), manifest)
 
 
-def predict(rival, windows):
-    """What the rival predicts for these trajectories, and what happened, steps 1..K."""
+def predict(baseline, windows):
+    """What the baseline predicts for these trajectories, and what happened, steps 1..K."""
     x, u, w, past = (series.astype(np.float64) for series in windows[:4])
-    return rival.predict(x[:, 0], past, u, w)[:, 1:], x[:, 1:]
+    return baseline.predict(x[:, 0], past, u, w)[:, 1:], x[:, 1:]
 
 
-def relative_error(rival, windows):
+def relative_error(baseline, windows):
     """(n,) root mean square error of each state in its own spread."""
-    predicted, happened = predict(rival, windows)
+    predicted, happened = predict(baseline, windows)
     spread = happened.reshape(-1, happened.shape[-1]).std(axis=0)
     return np.sqrt(np.square(predicted - happened).mean(axis=(0, 1))) / spread

@@ -1,4 +1,4 @@
-"""FMUs made while a test runs: a small car with habits of its own, and other people's wrappers."""
+"""FMUs built during a test: a small car with its own units and signs, and FMI 3 containers."""
 
 import shutil
 import sys
@@ -45,7 +45,7 @@ class {name}(Fmi2Slave):
 
     def do_step(self, current_time, step_size):
         if current_time >= self.fails_at_s:
-            self.log("the fuel ran out", Fmi2Status.error)
+            self.log("no fuel left", Fmi2Status.error)
             return False
         pull_mps2 = (4.0 * self.pedal - 0.2 * self.pressure_bar) * self.mu
         self.speed_kmh += 3.6 * step_size * pull_mps2 / (1 + self.trailers)
@@ -54,7 +54,7 @@ class {name}(Fmi2Slave):
             self.turn_degps = nan
         return True
 """
-"""Counts in km/h, bar and degrees, and calls the right positive."""
+"""Its units are km/h, bar and degrees, and angles are positive to the right."""
 
 FOREIGN_MAPPING = """
 communication_step_s = 0.005
@@ -82,21 +82,21 @@ def make_fmu(folder: Path, name: str, source: str = FOREIGN_CAR) -> Path:
 
 
 def make_foreign_car(folder: Path, name: str, mapping: str = FOREIGN_MAPPING) -> Path:
-    """The foreign car with its mapping beside it."""
+    """An FMU of the small car with its mapping file beside it."""
     fmu = make_fmu(folder, name)
     fmu.with_suffix(".toml").write_text(mapping)
     return fmu
 
 
 def make_from_library(folder: Path, script: Path, name: str) -> Path:
-    """An FMI 2 FMU of a slave that lies in somebody's package."""
+    """An FMI 2 FMU of a slave from another package."""
     copy = folder / f"{name.lower()}_copy.py"
     shutil.copy(script, copy)
     return _build(copy, folder / f"{name}.fmu")
 
 
 def wrap_as_fmi3(fmu: Path, outer: Path, step_s: float) -> Path:
-    """An FMI 3 container around an FMU, its variables under the same names."""
+    """An FMI 3 container around an FMU, with the same variable names."""
     inner = fmpy.read_model_description(str(fmu))
     component = Component(name="inner", filename=fmu, modelDescription=inner)
     description = ModelDescription(
@@ -154,7 +154,7 @@ def rewrite_description(fmu: Path, old: str, new: str) -> None:
 
 
 def _build(script: Path, fmu: Path) -> Path:
-    # The builder puts the script's folder on the path of this process and leaves it there.
+    # The builder adds the script's folder to the path of this process.
     path = list(sys.path)
     try:
         FmuBuilder.build_FMU(script, dest=fmu)

@@ -1,12 +1,13 @@
-"""A car that is nobody's: drives made in milliseconds, and logs of them."""
+"""Drives of a simple simulated car, made in milliseconds, and logs of them."""
 
 import csv
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
-from rt_controller.contract.schema import Schema, Signal
+from offline.logs.episode import LogEpisode
 
 WHEELBASE_M = 2.7
 MASS_KG = 1500.0
@@ -31,7 +32,7 @@ x = { column = "x", unit = "m" }
 y = { column = "y", unit = "m" }
 yaw = { column = "yaw", unit = "rad" }
 """
-"""to be added to a mapping"""
+"""appended to a mapping"""
 
 
 class Made(NamedTuple):
@@ -49,14 +50,14 @@ class Made(NamedTuple):
 
 
 def make_drive(duration_s=30.0, dt_s=0.01, seed=0) -> Made:
-    """Yaw that follows the wheel with a lag of 0.1 s, speed that follows the force."""
-    dice = np.random.default_rng(seed)
+    """A drive whose yaw rate follows the wheel with a lag of 0.1 s, and speed the force."""
+    rng = np.random.default_rng(seed)
     t = dt_s * np.arange(round(duration_s / dt_s) + 1)
-    hz, phase = (0.15, 0.4, 0.9), dice.uniform(0, 2 * np.pi, (2, 3))
+    hz, phase = (0.15, 0.4, 0.9), rng.uniform(0, 2 * np.pi, (2, 3))
     wheel = 0.02 * sum(np.sin(2 * np.pi * f * t + p) for f, p in zip(hz, phase[0], strict=True))
     force = 700 * sum(np.sin(2 * np.pi * f * t + p) for f, p in zip(hz, phase[1], strict=True))
     made = np.zeros((len(t), 6))
-    v, r, x, y, yaw = 15.0 + dice.uniform(-2, 2), 0.0, 0.0, 0.0, 0.0
+    v, r, x, y, yaw = 15.0 + rng.uniform(-2, 2), 0.0, 0.0, 0.0, 0.0
     for k in range(len(t)):
         made[k] = v, 0.4 * r, r, x, y, yaw
         x += dt_s * (v * np.cos(yaw) - 0.4 * r * np.sin(yaw))
@@ -77,15 +78,23 @@ def write_csv(path: Path, columns) -> Path:
 
 
 def rounded(made: Made) -> dict[str, list]:
-    """The columns of a log, which a test may spoil."""
+    """The columns of a log as lists that a test may change."""
     return {name: np.round(values, 7).tolist() for name, values in made._asdict().items()}
 
 
-def schema_of(mapping, dt_s=0.025) -> Schema:
-    """The signals of a mapping, whatever their units are."""
-    return Schema(
-        tuple(Signal(name, "") for name in mapping.state_names),
-        tuple(Signal(name, "") for name in mapping.inputs),
-        tuple(Signal(name, "") for name in mapping.exogenous_names),
-        dt_s,
-    )
+def episode_of(made: Made, file="a.csv") -> LogEpisode:
+    """The drive as one episode with the signals of `MAPPING` and poses."""
+    signals = {
+        "vx_mps": made.speed,
+        "vy_mps": made.side,
+        "yaw_rate_radps": made.turn,
+        "road_wheel_rad": made.wheel,
+        "force_n": made.force,
+    }
+    pose = np.stack([made.x, made.y, made.yaw], axis=1)
+    return LogEpisode(Path(file), 0.0, pd.DataFrame(signals), pose)
+
+
+def series_of(drive, name):
+    """The series of that name."""
+    return next(series for series in drive.all_series if series.name == name)

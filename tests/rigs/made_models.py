@@ -9,9 +9,15 @@ from dataclasses import replace
 import numpy as np
 import onnx_bytes
 
-from rt_controller.contract.artifact import Bilinear, Bundle, Lift, LiftSample, load_bundle
-from rt_controller.contract.fitness import DRIVABLE_HISTORY
-from rt_controller.session import shipped_model
+from rt_controller.contract.artifact import (
+    Bilinear,
+    Bundle,
+    Lift,
+    LiftSample,
+    load_bundle,
+    shipped_model,
+)
+from rt_controller.contract.validation import DRIVABLE_HISTORY
 
 N_LATENTS = 5
 SHOWN_TYPICALLY = {

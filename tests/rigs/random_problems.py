@@ -1,16 +1,16 @@
-"""Any condensed problem, and its solution to high accuracy."""
+"""Random condensed problems, and their solutions to high accuracy."""
 
 import numpy as np
 import piqp
 
-from rt_controller.contract.artifact import Array, Bilinear, Bundle, LiftSample
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.artifact import Bilinear, Bundle, LiftSample
 from rt_controller.contract.follow import Follow
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput, VehicleState
-from rt_controller.control.corridor import Corridor
-from rt_controller.control.cost import TrackingCost
 from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.qp import PAPER, WITH_SLEW, CondensedQp, Features
+from rt_controller.control.terms import Corridor, TrackingCost
 
 HORIZON = 12
 N_OBSERVABLES = 10
@@ -74,12 +74,12 @@ def optimum(
     return np.array(solver.result.x)
 
 
-def aim(qp: CondensedQp, rng: np.random.Generator, size: float = 0.3) -> None:
-    """At any situation."""
-    now = qp.situation
-    now.psi[:] = size * rng.normal(size=now.psi.size)
-    now.road[:] = 0.002
-    now.previous[:] = rng.uniform(INPUT_LIMITS.lower, INPUT_LIMITS.upper)
-    now.reference[:] = size * rng.normal(size=now.reference.shape)
-    qp.prepare()
-    qp.aim(PedalChoice())
+def update_vectors(qp: CondensedQp, rng: np.random.Generator, size: float = 0.3) -> None:
+    """Random parameters, and the matrices and vectors that follow."""
+    parameters = qp.parameters
+    parameters.psi[:] = size * rng.normal(size=parameters.psi.size)
+    parameters.curvature_per_m[:] = 0.002
+    parameters.previous[:] = rng.uniform(INPUT_LIMITS.lower, INPUT_LIMITS.upper)
+    parameters.reference[:] = size * rng.normal(size=parameters.reference.shape)
+    qp.update_matrices()
+    qp.update_vectors(PedalChoice())

@@ -1,4 +1,4 @@
-"""A scripted vehicle at the other end of a virtual bus: what the controller's own tests drive."""
+"""A scripted vehicle at the other end of a virtual bus, for the tests of the controller."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -7,19 +7,28 @@ from itertools import count
 
 import can
 
-from rt_controller.bus.frames import Mission, RoadSample
-from rt_controller.bus.inbox import CommandInbox, Inbox
-from rt_controller.bus.outbox import ControllerOutbox, VehicleOutbox
-from rt_controller.bus.snapshot import CommandSnapshot
+from rt_controller.bus.catalogue import (
+    COMMAND,
+    HEARTBEAT,
+    MISSION,
+    REFERENCE,
+    STATE,
+    Command,
+    Heartbeat,
+    Mission,
+    StateSample,
+)
+from rt_controller.bus.inbox import Inbox, Received
+from rt_controller.bus.message import Node
+from rt_controller.bus.outbox import Outbox
 from rt_controller.bus.transport import open_bus
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.control.mpc import Mpc
-from rt_controller.control.plan import Plan
-from rt_controller.outcome import StepOutcome
+from rt_controller.control.plan_buffer import PlanBuffer
 from rt_controller.realtime.clock import LockstepClock
-from rt_controller.step import ControlStep
+from rt_controller.step import ControlStep, StepResult
 
 CRUISING = VehicleState(20.0, 0.0, 0.0, 0.5, 0.2, 0.01)
 STRAIGHT = PathReference(0.0, 0.0, 0.0, 0.0, 20.0, 0.0)
@@ -31,9 +40,9 @@ _channels = count()
 
 @dataclass(slots=True)
 class Vehicle:
-    """What the scripted vehicle says before each tick; change a field to change what it says."""
+    """What the scripted vehicle sends before each tick; change a field to change what is sent."""
 
-    outbox: VehicleOutbox
+    outbox: Outbox
     state: VehicleState | None = CRUISING
     is_valid: bool = True
     path: PathReference | None = STRAIGHT
@@ -42,18 +51,20 @@ class Vehicle:
     stamped_late_ns: int = 0
     """how old a state is when it is sent"""
     command_echo: int | None = None
-    also: Callable[[int], None] = field(default=lambda now_ns: None)
+    after_sending: Callable[[int], None] = field(default=lambda now_ns: None)
 
-    def speak(self, now_ns: int) -> None:
+    def send(self, now_ns: int) -> None:
         if self.state is not None:
             stamp_ns = now_ns - self.stamped_late_ns
-            road = RoadSample(0.0, stamp_ns, self.command_echo, self.is_watchdog_braking)
-            self.outbox.send_state(self.state, road, now_ns, self.is_valid)
+            sample = StateSample(
+                self.state, 0.0, stamp_ns, self.command_echo, self.is_watchdog_braking
+            )
+            self.outbox.send(STATE, sample, now_ns, is_valid=self.is_valid)
         if self.path is not None:
-            self.outbox.send_reference(self.path, now_ns)
+            self.outbox.send(REFERENCE, self.path, now_ns)
         if self.mission is not None:
-            self.outbox.send_mission(self.mission, now_ns)
-        self.also(now_ns)
+            self.outbox.send(MISSION, self.mission, now_ns)
+        self.after_sending(now_ns)
 
 
 @dataclass(slots=True)
@@ -67,20 +78,28 @@ class Rig:
     controller_bus: can.BusABC
     vehicle_bus: can.BusABC
     inbox: Inbox
-    heard: CommandInbox
+    received: Inbox
 
-    def tick(self, times: int = 1, skipped: int = 0) -> StepOutcome:
+    def tick(self, times: int = 1, skipped: int = 0) -> StepResult:
         for _ in range(times):
             self.clock.wait()
-            outcome = self.step.run(skipped)
-            self.heard.drain(self.vehicle_bus, self.clock.now_ns())
-        return outcome
+            result = self.step.run(skipped)
+            self.received.drain(self.vehicle_bus, self.clock.now_ns())
+        return result
 
     @property
-    def command(self) -> CommandSnapshot:
+    def command(self) -> Received[Command]:
         """The newest command as the vehicle received it."""
-        assert self.heard.command is not None
-        return self.heard.command
+        command = self.received.newest(COMMAND)
+        assert command is not None
+        return command
+
+    @property
+    def heartbeat(self) -> Heartbeat:
+        """The newest heartbeat as the vehicle received it."""
+        heartbeat = self.received.newest(HEARTBEAT)
+        assert heartbeat is not None
+        return heartbeat.content
 
 
 @contextmanager
@@ -88,17 +107,17 @@ def build_rig(mpc: Mpc) -> Iterator[Rig]:
     """A controller with this planner, its scripted vehicle, and the virtual bus between them."""
     channel = f"scripted-vehicle-{next(_channels)}"
     with open_bus("virtual", channel) as vehicle_bus, open_bus("virtual", channel) as bus:
-        vehicle = Vehicle(VehicleOutbox(vehicle_bus))
-        clock = LockstepClock(PERIOD_NS, vehicle.speak)
-        inbox = Inbox()
+        vehicle = Vehicle(Outbox(vehicle_bus, Node.VEHICLE))
+        clock = LockstepClock(PERIOD_NS, vehicle.send)
+        inbox = Inbox(Node.CONTROLLER)
         step = ControlStep(
             bus=bus,
             inbox=inbox,
-            outbox=ControllerOutbox(bus),
+            outbox=Outbox(bus, Node.CONTROLLER),
             mpc=mpc,
-            plan=Plan(mpc.inputs.shape[0]),
+            plan=PlanBuffer(mpc.inputs.shape[0]),
             limits=INPUT_LIMITS,
             clock=clock,
             model_hash=7,
         )
-        yield Rig(vehicle, clock, step, mpc, bus, vehicle_bus, inbox, CommandInbox())
+        yield Rig(vehicle, clock, step, mpc, bus, vehicle_bus, inbox, Inbox(Node.VEHICLE))

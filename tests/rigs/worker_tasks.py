@@ -1,9 +1,15 @@
-"""Tasks that leave a trace of who did them, and wait or die when told to."""
+"""Tasks for workers: they leave a trace, wait, or kill their own process when a file says so."""
 
 import os
 import signal
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+from offline.experiments.running_command import RunningCommand, running_command
+
+DIE_FILE = "die"
 
 
 def square(number: int) -> int:
@@ -11,7 +17,7 @@ def square(number: int) -> int:
 
 
 def square_with_trace(number: int, folder: Path) -> int:
-    """Writes NUMBER.PID, then waits as long as there is a file hold-NUMBER."""
+    """Writes NUMBER.PID, then waits while the file hold-NUMBER exists."""
     (folder / f"{number}.{os.getpid()}").touch()
     while (folder / f"hold-{number}").exists():
         time.sleep(0.01)
@@ -19,14 +25,38 @@ def square_with_trace(number: int, folder: Path) -> int:
 
 
 def square_or_die(number: int, folder: Path) -> int:
-    """Dies of SIGKILL where there is a die-NUMBER: once if it is a file, always if a folder."""
-    omen = folder / f"die-{number}"
-    if omen.exists():
-        if omen.is_file():
-            omen.unlink()
-        os.kill(os.getpid(), signal.SIGKILL)
+    """Kills its process if die-NUMBER exists: once if it is a file, always if it is a folder."""
+    kill_own_process_if(folder / f"die-{number}")
     return number * number
 
 
 def fail(number: int) -> int:
     raise ValueError(f"{number} is too much")
+
+
+def kill_own_process_if(told: Path) -> None:
+    if told.is_file():
+        try:
+            told.unlink()
+        except FileNotFoundError:  # another worker was faster
+            return
+    elif not told.is_dir():
+        return
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+class DeadlyCommand(RunningCommand):
+    """Kills one worker, between two steps after the first checkpoint, if the folder has `die`."""
+
+    def is_stopped(self) -> bool:
+        folder = self.file.parent.parent
+        if any(folder.rglob("last.pt")):
+            kill_own_process_if(folder / DIE_FILE)
+        return super().is_stopped()
+
+
+@contextmanager
+def deadly_command(folder: Path) -> Iterator[RunningCommand]:
+    with running_command(folder) as command:
+        (folder / DIE_FILE).touch()
+        yield DeadlyCommand(command.file, command.pid)

@@ -1,4 +1,4 @@
-"""Whatever is wanted, what leaves is finite, in the box, slew-limited, one pedal at a time."""
+"""For any wanted input, the limited one is finite, within bounds, slew-limited, on one pedal."""
 
 import math
 
@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.safety.envelope import confine
+from rt_controller.safety.envelope import limit
 
 anything = st.floats(allow_nan=True, allow_infinity=True)
 wanted_inputs = st.builds(ControlInput, anything, anything, anything)
@@ -22,54 +22,54 @@ previous_inputs = st.builds(
 )
 
 
-def confined(wanted: ControlInput, previous: ControlInput) -> ControlInput:
-    return confine(wanted, previous, INPUT_LIMITS, PERIOD_S)
+def limited(wanted: ControlInput, previous: ControlInput) -> ControlInput:
+    return limit(wanted, previous, INPUT_LIMITS, PERIOD_S)
 
 
 @given(wanted_inputs, previous_inputs)
 @example(ControlInput(math.nan, math.nan, math.nan), ControlInput(0.5, 0.0, 0.3))
 @example(ControlInput(1.0, 150.0, 9.0), NEUTRAL_INPUT)
-def test_every_command_is_finite_inside_the_box_and_on_one_pedal(
+def test_every_command_is_finite_within_bounds_and_on_one_pedal(
     wanted: ControlInput, previous: ControlInput
 ) -> None:
-    out = confined(wanted, previous)
+    out = limited(wanted, previous)
     for value, low, high in zip(out, INPUT_LIMITS.lower, INPUT_LIMITS.upper, strict=True):
         assert low <= value <= high
     assert out.throttle == 0.0 or out.brake_n == 0.0
 
 
 @given(wanted_inputs, previous_inputs)
-def test_no_input_is_applied_faster_than_its_rate(
+def test_no_input_changes_faster_than_its_rate(
     wanted: ControlInput, previous: ControlInput
 ) -> None:
-    out = confined(wanted, previous)
+    out = limited(wanted, previous)
     rate = INPUT_LIMITS.rate_per_s
     assert out.throttle - previous.throttle <= rate.throttle * PERIOD_S + 1e-9
     assert out.brake_n - previous.brake_n <= rate.brake_n * PERIOD_S + 1e-9
     assert abs(out.steer_rad - previous.steer_rad) <= rate.steer_rad * PERIOD_S + 1e-9
 
 
-def test_a_wish_within_reach_passes_unchanged() -> None:
-    wish = ControlInput(0.21, 0.0, 0.05)
-    assert confined(wish, ControlInput(0.2, 0.0, 0.04)) == wish
+def test_an_input_within_all_limits_is_unchanged() -> None:
+    wanted = ControlInput(0.21, 0.0, 0.05)
+    assert limited(wanted, ControlInput(0.2, 0.0, 0.04)) == wanted
 
 
-def test_the_throttle_closes_at_once_when_it_shall_be_closed() -> None:
-    assert confined(NEUTRAL_INPUT, ControlInput(0.8, 0.0, 0.0)).throttle == 0.0
+def test_a_wanted_throttle_of_zero_closes_it_at_once() -> None:
+    assert limited(NEUTRAL_INPUT, ControlInput(0.8, 0.0, 0.0)).throttle == 0.0
 
 
-def test_the_brake_waits_for_a_throttle_that_is_still_pressed() -> None:
-    out = confined(ControlInput(0.5, 50.0, 0.0), ControlInput(0.6, 0.0, 0.0))
+def test_the_brake_stays_released_while_the_throttle_is_pressed() -> None:
+    out = limited(ControlInput(0.5, 50.0, 0.0), ControlInput(0.6, 0.0, 0.0))
     assert out.throttle > 0.0
     assert out.brake_n == 0.0
 
 
-def test_the_brake_wins_when_neither_pedal_was_pressed() -> None:
-    out = confined(ControlInput(0.5, 50.0, 0.0), NEUTRAL_INPUT)
+def test_the_brake_has_priority_if_neither_pedal_was_pressed() -> None:
+    out = limited(ControlInput(0.5, 50.0, 0.0), NEUTRAL_INPUT)
     assert out.throttle == 0.0
     assert out.brake_n > 0.0
 
 
-def test_a_command_that_is_not_a_number_repeats_the_last() -> None:
+def test_values_that_are_not_finite_repeat_the_last_command() -> None:
     previous = ControlInput(0.3, 0.0, 0.2)
-    assert confined(ControlInput(math.nan, math.inf, -math.inf), previous) == previous
+    assert limited(ControlInput(math.nan, math.inf, -math.inf), previous) == previous

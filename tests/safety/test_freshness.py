@@ -1,11 +1,11 @@
-"""Old news, and news from the future, are no news."""
+"""Ages of received data, and transport delays measured without a common clock."""
 
 import pytest
 
+from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.safety.freshness import TIMING_SLACK_NS, TransportDelay, is_fresh
 
 WRAP_NS = 6_553_600_000
-PERIOD_NS = 25_000_000
 
 
 @pytest.mark.parametrize(
@@ -18,7 +18,7 @@ PERIOD_NS = 25_000_000
         (-1, False),
     ],
 )
-def test_freshness_ends_with_the_age_and_never_begins_in_the_future(
+def test_data_is_fresh_up_to_its_maximum_age_and_not_before_its_arrival(
     age_ns: int, fresh: bool
 ) -> None:
     now_ns = 10**9
@@ -26,18 +26,18 @@ def test_freshness_ends_with_the_age_and_never_begins_in_the_future(
 
 
 def stamp(sent_ns: int, clock_offset_ns: int = 123_456_789) -> int:
-    """What the sender's own clock shows, as far as the frame carries it."""
+    """The sender's own clock, with the resolution and the range of the frame."""
     return (sent_ns + clock_offset_ns) % WRAP_NS // 100_000 * 100_000
 
 
-def test_an_unchanging_delay_cannot_be_seen() -> None:
+def test_a_constant_delay_is_not_measured() -> None:
     delay = TransportDelay(WRAP_NS)
-    for k in range(1000):  # the stamp comes round several times
+    for k in range(1000):  # the stamp wraps around several times
         sent_ns = k * PERIOD_NS
         assert delay.measure(sent_ns + 7_000_000, stamp(sent_ns)) < 300_000
 
 
-def test_a_delay_beyond_the_fastest_is_seen_in_full() -> None:
+def test_a_delay_beyond_the_fastest_message_is_measured_in_full() -> None:
     delay = TransportDelay(WRAP_NS)
     for k in range(100):
         delay.measure(k * PERIOD_NS + 2_000_000, stamp(k * PERIOD_NS))
@@ -46,7 +46,7 @@ def test_a_delay_beyond_the_fastest_is_seen_in_full() -> None:
         assert extra_ns == pytest.approx(late_ns - 2_000_000, abs=2_000_000)  # fades by 1 ms/s
 
 
-def test_a_faster_transport_becomes_the_measure() -> None:
+def test_a_faster_message_becomes_the_fastest() -> None:
     delay = TransportDelay(WRAP_NS)
     delay.measure(30_000_000, stamp(0))
     assert delay.measure(PERIOD_NS + 1_000_000, stamp(PERIOD_NS)) == 0
@@ -55,14 +55,14 @@ def test_a_faster_transport_becomes_the_measure() -> None:
 
 
 @pytest.mark.parametrize("drift", [-500e-6, -100e-6, 100e-6, 500e-6])
-def test_clocks_that_drift_apart_do_not_look_like_a_delay(drift: float) -> None:
+def test_clock_drift_is_not_measured_as_a_delay(drift: float) -> None:
     delay = TransportDelay(WRAP_NS)
     for k in range(40 * 600):  # ten minutes
         sent_ns = k * PERIOD_NS
         assert delay.measure(sent_ns + 2_000_000, stamp(round(sent_ns * (1 + drift)))) < 1_000_000
 
 
-def test_after_a_gap_a_sender_with_another_origin_is_learnt_anew() -> None:
+def test_after_a_gap_the_delay_is_measured_from_zero_again() -> None:
     delay = TransportDelay(WRAP_NS)
     for k in range(100):
         delay.measure(k * PERIOD_NS, stamp(k * PERIOD_NS))

@@ -1,4 +1,4 @@
-"""The door for FMUs: numbers cross it in the right units, and whatever fails says so."""
+"""FMUs as plants: units and signs of the mapping, FMI 2 and 3, failures, refusals."""
 
 import zipfile
 from math import isnan, radians
@@ -21,10 +21,9 @@ from made_fmus import (
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
+from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.adapters.fmu import open_fmu_plant
 from sim_bridge.car import Car
-
-PERIOD_S = 0.025
 
 
 @pytest.fixture
@@ -39,25 +38,25 @@ def remap(fmu: Path, old: str, new: str) -> Path:
     return fmu
 
 
-def test_numbers_cross_the_door_in_the_units_and_signs_of_the_mapping(foreign_car: Path) -> None:
+def test_values_are_converted_with_the_units_and_signs_of_the_mapping(foreign_car: Path) -> None:
     plant = open_fmu_plant(foreign_car, None, 0.5)
     start = plant.reset(20.0)
     np.testing.assert_allclose(start, [20.0, 0.0, 0.0], atol=1e-12)
 
     motion = plant.step(ControlInput(throttle=0.5, brake_n=0.0, steer_rad=0.1), PERIOD_S)
-    # full pedal pulls with 4 m/s^2 times friction over two, since a trailer hangs on
+    # Full throttle accelerates with 4 m/s^2 times friction, over two because of the trailer.
     speeds = 20.0 + 0.5 * np.arange(1, 6) * 0.005
     np.testing.assert_allclose(motion[:, 0], speeds, rtol=1e-12)
     np.testing.assert_allclose(motion[:, 2], 0.1 * speeds / 50.0, rtol=1e-12)
 
-    # 100 N are 40 bar, which brake with 8 m/s^2 times friction over two
+    # 100 N are 40 bar, which decelerate with 8 m/s^2 times friction over two.
     motion = plant.step(ControlInput(throttle=0.0, brake_n=100.0, steer_rad=0.0), PERIOD_S)
     assert motion[-1, 0] == pytest.approx(speeds[-1] - 2.0 * PERIOD_S)
     plant.close()
 
 
-def test_the_same_car_drives_through_the_door_of_fmi_3(foreign_car: Path, tmp_path: Path) -> None:
-    """fmpy's container library speaks FMI 3 and has the FMI 2 car inside."""
+def test_an_fmi_3_container_of_a_car_drives_as_the_car(foreign_car: Path, tmp_path: Path) -> None:
+    """fmpy's container library is an FMI 3 FMU with the FMI 2 car inside."""
     container = wrap_as_fmi3(foreign_car, tmp_path / "container.fmu", 0.005)
     mapping = FOREIGN_MAPPING.replace("[parameters]\ntrailers = 1\n", "")
     for fmu in (foreign_car, container):
@@ -69,65 +68,30 @@ def test_the_same_car_drives_through_the_door_of_fmi_3(foreign_car: Path, tmp_pa
         np.testing.assert_allclose(states[0], states[1], rtol=0.0, atol=1e-9)
     assert states[1].vx_mps > 15.0
     for car in cars:
-        car.close()
+        car.plant.close()
 
 
-def test_a_model_from_somebody_elses_package_drives_the_car_frame(tmp_path: Path) -> None:
-    """pythonfmu ships a slave whose output is its own clock."""
-    script = Path(pythonfmu.__file__).parent / "tests" / "slaves" / "pythonslave.py"
-    fmu = make_from_library(tmp_path, script, "Library")
-    fmu.with_suffix(".toml").write_text(
-        """
-        communication_step_s = 0.0125
-        [inputs]
-        throttle = "realIn"
-        brake_n = false
-        steer_rad = false
-        [outputs]
-        vx_mps = {variable = "realOut", offset = 7.0}
-        vy_mps = "realIn"
-        yaw_rate_radps = "container.someReal"
-        [parameters]
-        "container.someReal" = 0.25
-        intParam = 7
-        booleanParameter = true
-        stringParameter = "cat"
-        """
-    )
-    plant = open_fmu_plant(fmu, None, 0.85)
-    assert plant.reset(10.0)[0] == 10.0
-    motion = plant.step(ControlInput(0.4, 0.0, 0.0), PERIOD_S)
-    np.testing.assert_allclose(motion, [[7.0125, 0.4, 0.25], [7.025, 0.4, 0.25]])
-    plant.close()
+SAMPLE_MAPPING = """
+communication_step_s = 0.0125
+[inputs]
+throttle = "realIn"
+brake_n = false
+steer_rad = false
+[outputs]
+vx_mps = {variable = "realOut", offset = 7.0}
+vy_mps = "realIn"
+yaw_rate_radps = "container.someReal"
+[parameters]
+"container.someReal" = 0.25
+intParam = 7
+booleanParameter = true
+stringParameter = "cat"
+"""
 
 
-def test_fmi_3_from_another_tool_drives_the_car_frame(tmp_path: Path) -> None:
-    """pythonfmu3 brings its own library and a model of its authors."""
-    pythonfmu3 = pytest.importorskip("pythonfmu3")
-    from pythonfmu3.builder import FmuBuilder
-
-    script = tmp_path / "library3_copy.py"
-    slaves = Path(pythonfmu3.__file__).parent / "tests" / "slaves"
-    script.write_text((slaves / "pythonslave.py").read_text())
-    fmu = Path(FmuBuilder.build_FMU(script, dest=str(tmp_path)))
-    fmu.with_suffix(".toml").write_text(
-        """
-        communication_step_s = 0.0125
-        [inputs]
-        throttle = "realIn"
-        brake_n = false
-        steer_rad = false
-        [outputs]
-        vx_mps = {variable = "realOut", offset = 7.0}
-        vy_mps = "realIn"
-        yaw_rate_radps = "container.someReal"
-        [parameters]
-        "container.someReal" = 0.25
-        intParam = 7
-        booleanParameter = true
-        stringParameter = "cat"
-        """
-    )
+def assert_sample_model_is_a_plant(fmu: Path) -> None:
+    """Inputs, outputs and parameters of four types are used as the mapping states."""
+    fmu.with_suffix(".toml").write_text(SAMPLE_MAPPING)
     plant = open_fmu_plant(fmu, None, 0.85)
     plant.reset(10.0)
     motion = plant.step(ControlInput(0.4, 0.0, 0.0), PERIOD_S)
@@ -135,17 +99,36 @@ def test_fmi_3_from_another_tool_drives_the_car_frame(tmp_path: Path) -> None:
     plant.close()
 
 
-def test_a_reset_starts_the_same_run_again(foreign_car: Path) -> None:
+def test_a_sample_model_of_pythonfmu_is_a_plant(tmp_path: Path) -> None:
+    """pythonfmu ships a slave whose output is its own time."""
+    script = Path(pythonfmu.__file__).parent / "tests" / "slaves" / "pythonslave.py"
+    fmu = make_from_library(tmp_path, script, "Library")
+    assert_sample_model_is_a_plant(fmu)
+
+
+def test_a_sample_model_of_pythonfmu3_is_a_plant(tmp_path: Path) -> None:
+    """pythonfmu3 has its own FMI 3 library."""
+    pythonfmu3 = pytest.importorskip("pythonfmu3")
+    from pythonfmu3.builder import FmuBuilder
+
+    script = tmp_path / "library3_copy.py"
+    slaves = Path(pythonfmu3.__file__).parent / "tests" / "slaves"
+    script.write_text((slaves / "pythonslave.py").read_text())
+    fmu = Path(FmuBuilder.build_FMU(script, dest=str(tmp_path)))
+    assert_sample_model_is_a_plant(fmu)
+
+
+def test_runs_after_a_reset_are_equal(foreign_car: Path) -> None:
     car = Car(open_fmu_plant(foreign_car, None, 0.9), 10.0)
     runs = []
     for _ in range(2):
         car.reset(12.0)
         runs.append([car.advance(ControlInput(0.5, 0.0, 0.2), 0.0) for _ in range(20)])
     assert runs[0] == runs[1]
-    car.close()
+    car.plant.close()
 
 
-def test_outputs_that_the_mapping_does_not_name_are_unknown(foreign_car: Path) -> None:
+def test_outputs_without_a_variable_in_the_mapping_are_nan(foreign_car: Path) -> None:
     remap(foreign_car, "[start]", 'ay_mps2 = {variable = "slide_mps", unit = "m/s2"}\n[start]')
     plant = open_fmu_plant(foreign_car, None, 0.9)
     plant.reset(10.0)
@@ -157,9 +140,9 @@ def test_outputs_that_the_mapping_does_not_name_are_unknown(foreign_car: Path) -
 
 @pytest.mark.parametrize(
     ("parameter", "words"),
-    [("fails_at_s", "the fuel ran out"), ("loses_itself_at_s", "yaw_rate_radps is nan")],
+    [("fails_at_s", "no fuel left"), ("loses_itself_at_s", "yaw_rate_radps is nan")],
 )
-def test_a_step_that_fails_ends_in_no_numbers_and_a_reason(
+def test_a_failed_step_gives_nan_and_the_reason(
     foreign_car: Path, parameter: str, words: str
 ) -> None:
     remap(foreign_car, "trailers = 1", f"trailers = 1\n{parameter} = 0.06")
@@ -172,17 +155,17 @@ def test_a_step_that_fails_ends_in_no_numbers_and_a_reason(
     assert car.plant.failure is not None
     assert words in car.plant.failure
     assert "0.06" in car.plant.failure
-    assert all(isnan(value) for value in car.outputs)
+    assert all(isnan(value) for value in car.plant.outputs())
     car.reset(10.0)
     assert car.is_sound
-    car.close()
+    car.plant.close()
 
 
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
         ('"pedal"', '"pedals"', "expected a variable 'pedals', found none of that name (pedal"),
-        ('unit = "bar"', 'unit = "psi"', "found 'psi'"),
+        ('unit = "bar"', 'unit = "furlong"', "found 'furlong'"),
         (", scale = 40000.0", "", "to measure force, found pressure"),
         ('throttle = "pedal"\n', "", "inputs.throttle"),
         ('throttle = "pedal"', 'throttle = "speed_kmh"', "which is output"),
@@ -193,6 +176,7 @@ def test_a_step_that_fails_ends_in_no_numbers_and_a_reason(
         ("0.005", "0.004", "communication_step_s"),
         ("trailers = 1", "trailer = 1", "expected a variable 'trailer'"),
         ("[outputs]", "[outputs", "expected a TOML file"),
+        ('unit = "bar", scale = 40000.0', "scale = 0, offset = nan", "inputs.brake_n.offset"),
     ],
 )
 def test_a_mapping_that_does_not_fit_is_refused(
@@ -209,7 +193,7 @@ def test_a_unit_that_the_fmu_contradicts_is_refused(foreign_car: Path) -> None:
         open_fmu_plant(foreign_car, None, 0.85)
 
 
-def test_the_fmus_own_unit_counts_where_the_mapping_has_none(foreign_car: Path) -> None:
+def test_the_unit_of_the_fmu_is_used_if_the_mapping_has_none(foreign_car: Path) -> None:
     rewrite_description(foreign_car, "<Real/>", '<Real unit="km/h"/>')
     remap(foreign_car, '"turn_degps", unit = "deg/s"', '"turn_degps", scale = 1.0')
     remap(foreign_car, 'yaw_rate_radps = {variable = "turn_degps", unit = "deg/s", sign = -1}',
@@ -219,8 +203,8 @@ def test_the_fmus_own_unit_counts_where_the_mapping_has_none(foreign_car: Path) 
     plant.close()
 
 
-def test_a_unit_spelled_out_in_base_units_is_understood(foreign_car: Path) -> None:
-    """Some tools write m.s-1, or a name of their own, and say what it is made of."""
+def test_a_unit_defined_by_base_units_is_converted(foreign_car: Path) -> None:
+    """Some tools write m.s-1 or a name of their own, with a definition by base units."""
     rewrite_description(
         foreign_car,
         "<ModelVariables>",
@@ -240,7 +224,7 @@ def test_a_unit_spelled_out_in_base_units_is_understood(foreign_car: Path) -> No
     plant.close()
 
 
-def test_a_first_speed_that_the_fmu_does_not_take_is_refused(foreign_car: Path) -> None:
+def test_an_initial_speed_that_the_fmu_does_not_take_is_refused(foreign_car: Path) -> None:
     remap(foreign_car, 'vx_mps = {variable = "v0_kmh", unit = "km/h"}\n', "")
     plant = open_fmu_plant(foreign_car, None, 0.85)
     with pytest.raises(ConfigError, match=r"starts at 25.00 m/s, found 10.00 m/s"):
@@ -248,7 +232,7 @@ def test_a_first_speed_that_the_fmu_does_not_take_is_refused(foreign_car: Path) 
     plant.close()
 
 
-def test_a_first_motion_that_is_no_number_is_refused(foreign_car: Path) -> None:
+def test_an_initial_motion_that_is_nan_is_refused(foreign_car: Path) -> None:
     mapping = FOREIGN_MAPPING.replace('"slide_mps"', '"mu"').replace('road_friction = "mu"\n', "")
     foreign_car.with_suffix(".toml").write_text(mapping + "mu = nan\n")
     plant = open_fmu_plant(foreign_car, None, 0.85)
@@ -257,19 +241,19 @@ def test_a_first_motion_that_is_no_number_is_refused(foreign_car: Path) -> None:
     plant.close()
 
 
-def test_a_missing_mapping_is_named(foreign_car: Path) -> None:
+def test_a_missing_mapping_file_is_refused_by_name(foreign_car: Path) -> None:
     foreign_car.with_suffix(".toml").unlink()
     with pytest.raises(ConfigError, match=r"Foreign\.toml.*--plant-mapping"):
         open_fmu_plant(foreign_car, None, 0.85)
 
 
-def test_a_missing_fmu_is_named_before_its_mapping(tmp_path: Path) -> None:
+def test_a_missing_fmu_is_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"car\.fmu: expected an FMU, found no such file"):
         open_fmu_plant(tmp_path / "car.fmu", None, 0.85)
 
 
-def test_what_is_no_fmu_is_refused(foreign_car: Path) -> None:
-    foreign_car.write_text("an essay about FMUs")
+def test_a_file_that_is_no_fmu_is_refused(foreign_car: Path) -> None:
+    foreign_car.write_text("no FMU")
     with pytest.raises(ConfigError, match="expected an FMU"):
         open_fmu_plant(foreign_car, None, 0.85)
 
@@ -289,7 +273,7 @@ def test_an_fmu_of_another_kind_is_refused(
         open_fmu_plant(foreign_car, None, 0.85)
 
 
-def test_an_fmu_without_a_library_for_this_machine_is_refused(
+def test_an_fmu_without_a_library_for_this_platform_is_refused(
     foreign_car: Path, tmp_path: Path
 ) -> None:
     bare = tmp_path / "bare.fmu"
@@ -299,7 +283,7 @@ def test_an_fmu_without_a_library_for_this_machine_is_refused(
         open_fmu_plant(bare, foreign_car.with_suffix(".toml"), 0.85)
 
 
-def test_a_communication_step_inside_the_fmus_own_is_refused(
+def test_a_communication_step_below_the_fixed_step_of_the_fmu_is_refused(
     foreign_car: Path, tmp_path: Path
 ) -> None:
     container = wrap_as_fmi3(foreign_car, tmp_path / "container.fmu", 0.01)

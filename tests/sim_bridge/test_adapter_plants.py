@@ -1,4 +1,4 @@
-"""Choosing a plant: what a person may write, and what they read when it does not fit."""
+"""The choice of a plant by options: what is accepted, and the messages of refusals."""
 
 import subprocess
 import sys
@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from rt_controller.car_settings import CarSettings
 from rt_controller.contract.errors import ConfigError, MissingExtraError
 from rt_controller.contract.signals import ControlInput
 from sim_bridge import cli
 from sim_bridge.adapters.own_car import OwnCar
-from sim_bridge.adapters.plants import PlantChoice, open_plant
+from sim_bridge.adapters.plants import open_plant
 from sim_bridge.car import Car
 
 
@@ -29,30 +30,30 @@ def command_line(monkeypatch: pytest.MonkeyPatch) -> Iterator[object]:
 @pytest.mark.parametrize(
     ("choice", "words"),
     [
-        (PlantChoice(plant="mine"), "expected own, fmu:FILE.fmu or commonroad:NUMBER"),
-        (PlantChoice(plant="own:2"), "expected own, fmu:FILE.fmu or commonroad:NUMBER"),
-        (PlantChoice(plant="fmu"), "expected own, fmu:FILE.fmu or commonroad:NUMBER"),
-        (PlantChoice(plant="commonroad:two"), "number of a CommonRoad vehicle, found 'two'"),
-        (PlantChoice(mapping=Path("car.toml")), "--plant-mapping: expected --plant fmu"),
-        (PlantChoice(plant="commonroad:2", car="mine"), "--car: expected --plant own"),
-        (PlantChoice(plant="fmu:car.fmu", friction_right=0.3), "--friction-right: expected"),
-        (PlantChoice(friction=0.0), "--friction: expected 0.05..1.5"),
-        (PlantChoice(friction_right=float("nan")), "--friction-right: expected 0.05..1.5"),
-        (PlantChoice(car="lorry"), "car 'lorry'"),
+        (CarSettings(plant="mine"), "expected own, fmu:FILE.fmu or commonroad:NUMBER"),
+        (CarSettings(plant="own:2"), "expected own, fmu:FILE.fmu or commonroad:NUMBER"),
+        (CarSettings(plant="fmu"), "expected own, fmu:FILE.fmu or commonroad:NUMBER"),
+        (CarSettings(plant="commonroad:two"), "1, 2, 3, found 'two'"),
+        (CarSettings(plant_mapping=Path("car.toml")), "--plant-mapping: expected --plant fmu"),
+        (CarSettings(plant="commonroad:2", car="mine"), "--car: expected --plant own"),
+        (CarSettings(plant="fmu:car.fmu", friction_right=0.3), "--friction-right: expected"),
+        (CarSettings(friction=0.0), "--friction: expected 0.05..1.5"),
+        (CarSettings(friction_right=float("nan")), "--friction-right: expected 0.05..1.5"),
+        (CarSettings(car="lorry"), "car 'lorry'"),
     ],
 )
-def test_a_choice_that_makes_no_sense_is_refused(choice: PlantChoice, words: str) -> None:
+def test_an_option_that_does_not_fit_the_plant_is_refused(choice: CarSettings, words: str) -> None:
     with pytest.raises(ConfigError) as refused:
         open_plant(choice, 0.85)
     assert words in str(refused.value)
 
 
-def test_friction_of_the_command_line_goes_over_the_scenarios() -> None:
+def test_friction_of_the_command_line_overrides_the_scenario() -> None:
     for choice, wanted in (
-        (PlantChoice(), (0.85, 0.85)),
-        (PlantChoice(friction=0.4), (0.4, 0.4)),
-        (PlantChoice(friction_right=0.2), (0.85, 0.2)),
-        (PlantChoice(friction=0.9, friction_right=0.3), (0.9, 0.3)),
+        (CarSettings(), (0.85, 0.85)),
+        (CarSettings(friction=0.4), (0.4, 0.4)),
+        (CarSettings(friction_right=0.2), (0.85, 0.2)),
+        (CarSettings(friction=0.9, friction_right=0.3), (0.9, 0.3)),
     ):
         plant = open_plant(choice, 0.85)
         assert isinstance(plant, OwnCar)
@@ -60,15 +61,15 @@ def test_friction_of_the_command_line_goes_over_the_scenarios() -> None:
 
 
 def test_a_slippery_right_side_pulls_a_braking_car_to_the_left() -> None:
-    car = Car(open_plant(PlantChoice(friction_right=0.2), 0.9), 25.0)
+    car = Car(open_plant(CarSettings(friction_right=0.2), 0.9), 25.0)
     for _ in range(20):
         car.advance(ControlInput(0.0, 120.0, 0.0), 0.0)
     assert car.state.yaw_rate_radps > 0.02
 
 
-def test_the_named_car_is_the_one_that_drives() -> None:
+def test_the_named_car_is_simulated() -> None:
     cars = [
-        Car(open_plant(PlantChoice(car=name), 0.85), 20.0)
+        Car(open_plant(CarSettings(car=name), 0.85), 20.0)
         for name in ("c_class_150kw_awd", "c_class_125kw_fwd")
     ]
     for car in cars:
@@ -80,21 +81,21 @@ def test_the_named_car_is_the_one_that_drives() -> None:
 @pytest.mark.parametrize(
     ("module", "plant", "extra"),
     [
-        ("fmpy", "fmu:car.fmu", ".[fmu]"),
-        ("vehiclemodels", "commonroad:2", ".[commonroad]"),
+        ("fmpy", "fmu:car.fmu", "[fmu]"),
+        ("vehiclemodels", "commonroad:2", "[commonroad]"),
     ],
 )
-def test_a_missing_extra_is_named(
+def test_a_missing_extra_is_refused_by_name(
     monkeypatch: pytest.MonkeyPatch, module: str, plant: str, extra: str
 ) -> None:
     for name in list(sys.modules):
         if name == module or name.startswith(f"{module}."):
             monkeypatch.delitem(sys.modules, name)
-    # None in the table of modules is Python's own way to say: not installed.
+    # For Python, None in sys.modules means: not installed.
     for name in (module, "vehiclemodels.init_mb"):
         monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(MissingExtraError) as refused:
-        open_plant(PlantChoice(plant=plant), 0.85)
+        open_plant(CarSettings(plant=plant), 0.85)
     assert extra in str(refused.value)
 
 
@@ -102,7 +103,7 @@ def test_a_missing_extra_is_named(
     ("arguments", "code", "words"),
     [
         (("--bus", "virtual", "--plant", "fmu:nowhere.fmu"), 2, "nowhere.fmu: expected an FMU"),
-        (("--bus", "virtual", "--plant", "commonroad:9"), 2, "found 9"),
+        (("--bus", "virtual", "--plant", "commonroad:9"), 2, "found '9'"),
         (("--bus", "virtual", "--friction", "7"), 2, "--friction: expected"),
         (("--bus", "virtual", "--car", "lorry"), 2, "car 'lorry'"),
         (("export-fmu", "car.zip"), 2, "ends in .fmu"),
@@ -117,7 +118,7 @@ def test_the_command_line_says_what_it_expected(
     assert words in " ".join(capsys.readouterr().err.split())
 
 
-def test_help_names_the_commands_without_loading_compiler_and_tools() -> None:
+def test_help_lists_the_commands_without_importing_compiler_and_tools() -> None:
     program = (
         "import atexit, sys; from sim_bridge.cli import main; sys.argv = ['sim-bridge', '--help'];"
         "atexit.register(lambda: print(*sys.modules)); main()"

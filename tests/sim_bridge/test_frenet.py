@@ -1,9 +1,9 @@
-"""The road frame against geometry that can be written down."""
+"""The road frame against closed-form geometry."""
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from rt_controller.contract.arrays import Array
 from sim_bridge import frenet
 
 STEP_S = 0.001
@@ -11,18 +11,16 @@ STEPS = 25
 START = np.array((20.0, 0.0, 0.0))
 
 
-def constant_motion(vx: float, vy: float, yaw_rate: float, n_steps: int) -> NDArray[np.float64]:
+def constant_motion(vx: float, vy: float, yaw_rate: float, n_steps: int) -> Array:
     return np.tile((vx, vy, yaw_rate), (n_steps + 1, 1))
 
 
-def wandering_motion(seed: int, n_steps: int) -> NDArray[np.float64]:
+def wandering_motion(seed: int, n_steps: int) -> Array:
     steps = np.random.default_rng(seed).normal(0.0, (0.02, 0.02, 0.003), (n_steps + 1, 3))
     return START + np.cumsum(steps, axis=0)
 
 
-def plane_track(
-    vx: float, vy: float, yaw_rate: float, heading: float, t: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def plane_track(vx: float, vy: float, yaw_rate: float, heading: float, t: Array) -> Array:
     """(x, y, heading) of a body from the origin under constant velocities in its own axes."""
     yaw = heading + yaw_rate * t
     if yaw_rate == 0.0:
@@ -35,9 +33,9 @@ def plane_track(
 
 
 @pytest.mark.parametrize("yaw_rate", [0.0, 0.2, -0.35])
-def test_on_a_straight_road_the_frame_is_the_plane(yaw_rate: float) -> None:
+def test_on_a_straight_road_the_pose_is_the_position_in_the_plane(yaw_rate: float) -> None:
     motion = constant_motion(22.0, -0.6, yaw_rate, 4000)
-    poses = frenet.roll_out(motion, 0.0, 1.5, 0.1, STEPS, STEP_S)
+    poses = frenet.integrate_poses(motion, 0.0, 1.5, 0.1, STEPS, STEP_S)
     expected = plane_track(22.0, -0.6, yaw_rate, 0.1, np.arange(161) * STEPS * STEP_S)
     expected[:, 1] += 1.5
     np.testing.assert_allclose(poses, expected, atol=1e-9)
@@ -45,10 +43,11 @@ def test_on_a_straight_road_the_frame_is_the_plane(yaw_rate: float) -> None:
 
 @pytest.mark.parametrize("curvature", [0.004, -0.004, 0.02])
 @pytest.mark.parametrize("yaw_rate", [0.0, 0.15])
-def test_on_a_circular_road_the_frame_is_polar(curvature: float, yaw_rate: float) -> None:
-    """Position and heading in the plane, turned into arc length, distance and heading error."""
+def test_on_a_circular_road_the_pose_is_in_polar_coordinates(
+    curvature: float, yaw_rate: float
+) -> None:
     ey0, epsi0, t = -1.2, 0.05, np.arange(81) * STEPS * STEP_S
-    poses = frenet.roll_out(
+    poses = frenet.integrate_poses(
         constant_motion(18.0, 0.4, yaw_rate, 2000), curvature, ey0, epsi0, STEPS, STEP_S
     )
 
@@ -63,10 +62,10 @@ def test_on_a_circular_road_the_frame_is_polar(curvature: float, yaw_rate: float
 
 
 @pytest.mark.parametrize("ey0", [0.0, 2.0, -3.0])
-def test_a_car_that_turns_with_the_road_keeps_its_distance(ey0: float) -> None:
+def test_a_car_that_turns_with_the_road_has_constant_lateral_error(ey0: float) -> None:
     curvature, vx = 0.01, 25.0
     yaw_rate = curvature * vx / (1.0 - curvature * ey0)
-    poses = frenet.roll_out(
+    poses = frenet.integrate_poses(
         constant_motion(vx, 0.0, yaw_rate, 10_000), curvature, ey0, 0.0, STEPS, STEP_S
     )
     np.testing.assert_allclose(poses[:, frenet.EY], ey0, atol=1e-9)
@@ -76,21 +75,23 @@ def test_a_car_that_turns_with_the_road_keeps_its_distance(ey0: float) -> None:
 
 def test_mirrored_motion_on_a_mirrored_road_is_mirrored() -> None:
     motion = wandering_motion(seed=3, n_steps=1000)
-    poses = frenet.roll_out(motion, 0.003, 0.8, -0.06, STEPS, STEP_S)
-    mirrored = frenet.roll_out(motion * (1, -1, -1), -0.003, -0.8, 0.06, STEPS, STEP_S)
+    poses = frenet.integrate_poses(motion, 0.003, 0.8, -0.06, STEPS, STEP_S)
+    mirrored = frenet.integrate_poses(motion * (1, -1, -1), -0.003, -0.8, 0.06, STEPS, STEP_S)
     np.testing.assert_array_equal(mirrored, poses * (1, -1, -1))
 
 
-def test_following_period_by_period_is_rolling_out_at_once() -> None:
+def test_poses_advanced_by_periods_equal_poses_integrated_at_once() -> None:
     motion = wandering_motion(seed=4, n_steps=250)
-    poses = frenet.roll_out(motion, -0.002, 0.3, 0.02, STEPS, STEP_S)
+    poses = frenet.integrate_poses(motion, -0.002, 0.3, 0.02, STEPS, STEP_S)
     pose = np.array((0.0, 0.3, 0.02))
     for k in range(10):
         piece = motion[k * STEPS : (k + 1) * STEPS + 1]
-        frenet.follow(piece[0], piece[1:], -0.002, STEP_S, pose)
+        frenet.advance_pose(piece[0], piece[1:], -0.002, STEP_S, pose)
         np.testing.assert_array_equal(pose, poses[k + 1])
 
 
 def test_progress_stays_finite_beyond_the_centre_of_the_bend() -> None:
-    poses = frenet.roll_out(constant_motion(20.0, 0.0, 0.0, 1000), 0.1, 9.9, 1.5, STEPS, STEP_S)
+    poses = frenet.integrate_poses(
+        constant_motion(20.0, 0.0, 0.0, 1000), 0.1, 9.9, 1.5, STEPS, STEP_S
+    )
     assert np.all(np.isfinite(poses))

@@ -1,4 +1,4 @@
-"""The compiler's cache must never answer with the machine code of yesterday's text."""
+"""The cache of compiled kernels is renewed when a source file changes."""
 
 import shutil
 import subprocess
@@ -15,7 +15,7 @@ CALLER = (
 
 
 def run_whole(folder: Path) -> str:
-    """What a fresh interpreter gets from the caller, and how many kernels came from the cache."""
+    """Result of the caller in a new interpreter, and the number of kernels from the cache."""
     program = (
         "from room.whole import whole; print(whole(1.0), sum(whole.stats.cache_hits.values()))"
     )

@@ -1,4 +1,4 @@
-"""The whole car in motion: what holds for any car, whatever its numbers."""
+"""The whole car in motion: properties that hold for any parameters."""
 
 from dataclasses import dataclass
 
@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.signals import ControlInput
 from sim_bridge import frenet
+from sim_bridge.plant.car_parts import GRAVITY_MPS2
 from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, advance, settle, simulate
 from sim_bridge.plant.monitor import Monitor
 from sim_bridge.plant.parameters import C_CLASS_150KW_AWD as CAR
 from sim_bridge.plant.parameters import (
-    GRAVITY_MPS2,
     Parameters,
     load_parameters,
     shipped_cars,
@@ -22,11 +23,10 @@ from sim_bridge.plant.parameters import (
 )
 from sim_bridge.plant.states import AT, N_STATES, WHEEL_STATES, StateIndex
 
-Array = NDArray[np.float64]
 MIRROR = np.array((1.0, -1.0, -1.0))
 CARS = tuple(load_parameters(name) for name in shipped_cars())
 TOP_HEAVY = CARS[shipped_cars().index("commonroad_vehicle_2")]
-"""narrow, high, on tyres that grip enough to tip it over"""
+"""narrow, high, with tyres whose grip is sufficient to roll it over"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ def lane_change(amplitude_deg: float) -> Array:
 
 
 def random_inputs(rng: np.random.Generator, seconds: float, steer_deg: float) -> Array:
-    """Pedals and wheel thrown about in steps, both pedals at once included."""
+    """Random steps of pedals and steering wheel, also both pedals at once."""
     inputs = held(seconds)
     hold = int(rng.integers(1, 60))
     for k in range(0, len(inputs), hold):
@@ -73,8 +73,7 @@ def random_inputs(rng: np.random.Generator, seconds: float, steer_deg: float) ->
     return inputs
 
 
-def test_state_names_count_through_the_vector() -> None:
-    """Every entry has one name, states of the wheels four neighbouring entries."""
+def test_state_names_cover_the_vector_without_gaps() -> None:
     covered = [
         getattr(AT, name) + wheel
         for name in StateIndex._fields
@@ -83,14 +82,14 @@ def test_state_names_count_through_the_vector() -> None:
     assert sorted(covered) == list(range(N_STATES))
 
 
-def test_wheels_carry_the_weight_as_the_car_was_weighed() -> None:
+def test_wheel_loads_at_rest_are_the_published_ones() -> None:
     loads = drive(0.0, held(0.5, brake_n=60.0)).loads()[-1]
     assert loads.sum() == pytest.approx(CAR.body.mass_kg * GRAVITY_MPS2, rel=1e-6)
     np.testing.assert_allclose(loads, (4705.0, 4705.0, 2655.0, 2655.0), rtol=0.005)
 
 
-def test_loads_keep_their_sum_in_a_steady_turn() -> None:
-    """Springs shift load across and along the car; only lift takes some away."""
+def test_the_sum_of_wheel_loads_is_the_weight_in_a_steady_turn() -> None:
+    """Less the aerodynamic lift; the lateral load transfer balances the moments."""
     run = drive(80.0, held(6.0, throttle=0.13, steer_deg=30.0))
     speed_mps = run.motion[-1, 0]
     lift_n = 0.5 * CAR.aero.air_density_kgpm3 * CAR.aero.area_m2 * CAR.aero.lift * speed_mps**2
@@ -113,23 +112,23 @@ def test_mirrored_steering_gives_the_mirrored_run(v0_kmh: float, amplitude_deg: 
 @pytest.mark.parametrize(
     ("v0_kmh", "amplitude_deg"), [(80.0, 40.0), (120.0, 40.0), (60.0, 120.0), (120.0, 100.0)]
 )
-def test_halving_the_step_hardly_changes_a_lane_change(v0_kmh: float, amplitude_deg: float) -> None:
-    """Less than 0.1 deg/s of yaw rate and 5 mm of way aside, also where the tyres saturate."""
+def test_half_the_step_gives_the_same_lane_change(v0_kmh: float, amplitude_deg: float) -> None:
+    """Within 0.1 deg/s of yaw rate and 5 mm of lateral position, also with saturated tyres."""
     inputs = lane_change(amplitude_deg)
     coarse = drive(v0_kmh, inputs)
     fine = drive(v0_kmh, inputs, steps=50)
     assert np.degrees(np.abs(coarse.motion[:, 2]).max()) > 5.0
     change = np.degrees(np.abs(fine.motion[::2, 2] - coarse.motion[:, 2]).max())
     assert change < 0.1
-    aside_m = frenet.roll_out(coarse.motion, 0.0, 0.0, 0.0, 25, 0.001)[:, frenet.EY]
-    finer_m = frenet.roll_out(fine.motion, 0.0, 0.0, 0.0, 50, 0.0005)[:, frenet.EY]
-    assert np.abs(aside_m).max() > 1.0
-    assert np.abs(aside_m - finer_m).max() < 0.005
+    lateral_m = frenet.integrate_poses(coarse.motion, 0.0, 0.0, 0.0, 25, 0.001)[:, frenet.EY]
+    fine_lateral_m = frenet.integrate_poses(fine.motion, 0.0, 0.0, 0.0, 50, 0.0005)[:, frenet.EY]
+    assert np.abs(lateral_m).max() > 1.0
+    assert np.abs(lateral_m - fine_lateral_m).max() < 0.005
 
 
 @pytest.mark.parametrize("v0_kmh", [50.0, 90.0, 130.0])
 def test_coasting_straight_never_gains_energy(v0_kmh: float) -> None:
-    """Once the throttle has closed, in gear, through whatever down-shifts come."""
+    """With the throttle closed, in gear, including down-shifts."""
     run = drive(v0_kmh, held(30.0))
     closed = run.column("throttle") < 1e-3
     spin = run.monitor[closed, -4:]
@@ -141,7 +140,7 @@ def test_coasting_straight_never_gains_energy(v0_kmh: float) -> None:
     assert np.all(np.diff(energy_j)[rolling] < 0.0)
 
 
-def test_coasting_through_bends_never_gains_energy_over_a_second() -> None:
+def test_coasting_in_turns_never_gains_energy_over_a_second() -> None:
     inputs = held(12.0)
     inputs[:, 2] = np.radians(35.0) * np.sin(np.arange(len(inputs)) * 0.025 * 2.0)
     motion = drive(110.0, inputs).motion[::1000]
@@ -151,21 +150,21 @@ def test_coasting_through_bends_never_gains_energy_over_a_second() -> None:
 
 
 @pytest.mark.parametrize("steer_deg", [0.0, 40.0, -120.0])
-def test_standing_on_the_brake_it_stays_still(steer_deg: float) -> None:
+def test_a_car_at_rest_with_brake_does_not_move(steer_deg: float) -> None:
     run = drive(0.0, held(20.0, brake_n=60.0, steer_deg=steer_deg))
     assert np.abs(run.motion).max() < 1e-9
     assert np.abs(run.column("roll_rad")).max() < 1e-9
 
 
-def test_with_the_brake_released_it_creeps_at_walking_pace() -> None:
-    """A converter at idle pushes; it must not push beyond a brisk walk."""
+def test_without_brake_the_car_creeps_at_walking_pace() -> None:
+    """The converter drives the car at idle speed."""
     final_kmh = drive(0.0, held(15.0)).motion[-1, 0] * 3.6
     assert 4.0 < final_kmh < 8.0
 
 
 @pytest.mark.parametrize("road", [0.3, 0.85, 1.0])
-def test_full_brake_ends_standing(road: float) -> None:
-    """Locked or not, the car comes to rest and its rocking on the tyres dies away."""
+def test_full_braking_ends_at_rest(road: float) -> None:
+    """Also with locked wheels; the oscillation on the tyres decays."""
     run = drive(60.0, held(10.0, brake_n=150.0), with_road_friction(CAR, road))
     assert run.motion[:, 0].min() > -0.3
     assert np.abs(run.motion[-1000:]).max() < 0.01
@@ -180,7 +179,7 @@ def test_full_brake_ends_standing(road: float) -> None:
     friction_right=st.one_of(st.none(), st.floats(0.2, 1.1)),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_random_driving_never_leaves_the_numbers(
+def test_random_driving_stays_finite(
     car: Parameters, v0_kmh: float, friction_left: float, friction_right: float | None, seed: int
 ) -> None:
     """From rest to 200 km/h, on ice, asphalt or half on each, both pedals and +-120 deg."""
@@ -200,7 +199,7 @@ def test_random_driving_never_leaves_the_numbers(
 )
 @pytest.mark.parametrize("steer_deg", [0.0, 120.0, -120.0])
 @pytest.mark.parametrize("road", [0.2, 1.1])
-def test_a_floored_pedal_with_the_wheel_thrown_over_stays_finite(
+def test_full_pedal_and_full_steering_stay_finite(
     v0_kmh: float, throttle: float, brake_n: float, steer_deg: float, road: float
 ) -> None:
     run = drive(v0_kmh, held(12.0, throttle, brake_n, steer_deg), with_road_friction(CAR, road))
@@ -208,16 +207,15 @@ def test_a_floored_pedal_with_the_wheel_thrown_over_stays_finite(
     assert np.all(np.isfinite(run.monitor))
 
 
-def test_a_car_that_rolls_over_stays_on_its_side() -> None:
-    """A tall narrow car on a sticky road tips over; its numbers end at a right angle."""
+def test_the_roll_angle_of_a_car_that_rolls_over_ends_at_90_degrees() -> None:
     tall = TOP_HEAVY._replace(body=TOP_HEAVY.body._replace(sprung_height_m=1.2))
     run = drive(120.0, held(8.0, steer_deg=120.0), with_road_friction(tall, 1.1))
     assert np.all(np.isfinite(run.monitor))
     assert np.degrees(run.column("roll_rad")).max() == pytest.approx(90.0, abs=0.1)
 
 
-def test_braking_on_one_slippery_side_pulls_to_the_other() -> None:
-    """Ice on the left: the right wheels brake, the car turns right; mirrored it turns left."""
+def test_braking_with_one_slippery_side_yaws_to_the_other_side() -> None:
+    """With ice on the left the car turns right, with ice on the right it turns left."""
     ice_left = drive(60.0, held(1.0, brake_n=60.0), with_road_friction(CAR, 0.2, 0.9))
     ice_right = drive(60.0, held(1.0, brake_n=60.0), with_road_friction(CAR, 0.9, 0.2))
     assert np.degrees(ice_left.motion[-1, 2]) < -2.0
@@ -225,7 +223,7 @@ def test_braking_on_one_slippery_side_pulls_to_the_other() -> None:
 
 
 @pytest.mark.parametrize("v0_kmh", [30.0, 55.0, 80.0, 105.0, 130.0])
-def test_settled_car_goes_on_as_it_starts(v0_kmh: float) -> None:
+def test_a_settled_car_keeps_its_speed_gear_and_engine_speed(v0_kmh: float) -> None:
     state = settle(v0_kmh / 3.6, CAR)
     assert state[AT.vx_mps] == v0_kmh / 3.6
     run = drive(v0_kmh, held(0.5, throttle=float(state[AT.throttle])))
@@ -235,12 +233,12 @@ def test_settled_car_goes_on_as_it_starts(v0_kmh: float) -> None:
 
 
 @pytest.mark.parametrize("v0_mps", [-1.0, float("nan")])
-def test_impossible_first_speed_is_refused(v0_mps: float) -> None:
+def test_an_initial_speed_that_is_negative_or_nan_is_refused(v0_mps: float) -> None:
     with pytest.raises(ConfigError, match="initial speed: expected"):
         settle(v0_mps, CAR)
 
 
-def test_episode_is_its_periods_one_after_the_other() -> None:
+def test_an_episode_equals_its_periods_in_sequence() -> None:
     inputs = random_inputs(np.random.default_rng(5), 3.0, 40.0)
     state = settle(25.0, CAR)
     untouched = state.copy()
@@ -248,12 +246,14 @@ def test_episode_is_its_periods_one_after_the_other() -> None:
     np.testing.assert_array_equal(state, untouched)
     piece = np.empty((STEPS_PER_PERIOD, 3))
     for k, (throttle, brake_n, steer_rad) in enumerate(inputs):
-        advance(state, throttle, brake_n, steer_rad, CAR, STEPS_PER_PERIOD, STEP_S, piece)
+        advance(
+            state, ControlInput(throttle, brake_n, steer_rad), CAR, STEPS_PER_PERIOD, STEP_S, piece
+        )
         first = k * STEPS_PER_PERIOD + 1
         np.testing.assert_array_equal(piece, motion[first : first + STEPS_PER_PERIOD])
 
 
-def test_monitor_shows_the_accelerations_of_the_motion() -> None:
+def test_monitored_accelerations_are_those_of_the_motion() -> None:
     run = drive(90.0, lane_change(30.0))
     middle = slice(25, -25, 25)
     slope = np.gradient(run.motion, STEP_S, axis=0)

@@ -1,4 +1,4 @@
-"""The parts of the car by themselves, against the points that their numbers were chosen to hit."""
+"""The parts of the car alone, against the published points of their parameters."""
 
 from itertools import pairwise
 from math import degrees, hypot, pi, radians, tan
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rt_controller.contract.errors import ConfigError
-from sim_bridge.plant import aero, brakes, converter, driveline, engine, gearbox, steering, tyres
+from sim_bridge.plant import body, brakes, engine, gearbox, powertrain, steering, tyres
 from sim_bridge.plant.parameters import C_CLASS_150KW_AWD as CAR
 from sim_bridge.plant.parameters import with_road_friction
 
@@ -18,7 +18,7 @@ def lateral_n(angle_deg: float, load_n: float, road: float = 1.0) -> float:
     return tyres.force(tan(radians(angle_deg)), 0.0, 0.0, load_n, road, CAR.tyre).left_n
 
 
-def test_tyre_friction_peaks_where_it_was_measured() -> None:
+def test_tyre_friction_has_the_published_peaks() -> None:
     load_n = CAR.tyre.reference_load_n
     angles = np.arange(0.5, 30.0, 0.05)
     friction = np.array([lateral_n(a, load_n) / load_n for a in angles])
@@ -38,7 +38,7 @@ def test_axles_have_the_stated_cornering_stiffness(load_n: float, axle_npr: floa
     assert secant == pytest.approx(axle_npr, rel=0.03)
 
 
-def test_friction_falls_with_load_and_stiffness_grows_ever_more_slowly() -> None:
+def test_friction_decreases_with_load_and_stiffness_is_degressive() -> None:
     loads = np.linspace(1000.0, 9000.0, 9)
     across = np.array([tyres.lateral_limit_n(n, CAR.tyre) / n for n in loads])
     along = np.array([tyres.longitudinal_limit_n(n, CAR.tyre) / n for n in loads])
@@ -50,8 +50,8 @@ def test_friction_falls_with_load_and_stiffness_grows_ever_more_slowly() -> None
 
 
 @pytest.mark.parametrize("road", [0.3, 0.5, 0.85])
-def test_slippery_road_takes_the_similar_curve(road: float) -> None:
-    """F = mu f(slip / mu): the stiffness stays, peak and its slip shrink together."""
+def test_a_slippery_road_scales_the_curve_by_similarity(road: float) -> None:
+    """F = mu f(slip / mu): the stiffness is constant, peak and its slip decrease together."""
     for slip in (0.001, 0.02, 0.1, 0.3):
         here = tyres.force(slip, -0.5 * slip, 0.0, 4000.0, road, CAR.tyre)
         there = tyres.force(slip / road, -0.5 * slip / road, 0.0, 4000.0, 1.0, CAR.tyre)
@@ -60,7 +60,7 @@ def test_slippery_road_takes_the_similar_curve(road: float) -> None:
 
 
 def test_combined_force_stays_within_friction() -> None:
-    """The weights let a diagonal force exceed the ellipse of the pure ones by a few percent."""
+    """With the weights a diagonal force exceeds the ellipse of the pure ones by a few percent."""
     rng = np.random.default_rng(7)
     for _ in range(2000):
         load_n, road = rng.uniform(100.0, 9000.0), rng.uniform(0.2, 1.1)
@@ -73,7 +73,7 @@ def test_combined_force_stays_within_friction() -> None:
         assert share <= 1.06 * road
 
 
-def test_each_slip_takes_force_from_the_other_direction() -> None:
+def test_each_slip_reduces_the_force_in_the_other_direction() -> None:
     for slip in (0.02, 0.05, 0.1, 0.3):
         pure = tyres.force(0.05, 0.0, 0.0, 4000.0, 1.0, CAR.tyre).left_n
         mixed = tyres.force(0.05, slip, 0.0, 4000.0, 1.0, CAR.tyre).left_n
@@ -84,15 +84,15 @@ def test_each_slip_takes_force_from_the_other_direction() -> None:
 
 
 @pytest.mark.parametrize("angle_deg", [5.0, 20.0, 45.0, 70.0])
-def test_sliding_locked_wheel_is_pulled_against_its_sliding(angle_deg: float) -> None:
-    """Locked: slip -1 and the tangent of the angle; the force opposes the sliding velocity."""
+def test_the_force_of_a_locked_wheel_is_opposite_to_its_sliding(angle_deg: float) -> None:
+    """A locked wheel has slip -1 and the tangent of the angle."""
     force = tyres.force(-tan(radians(angle_deg)), -1.0, 0.0, 4500.0, 1.0, CAR.tyre)
     against = degrees(np.arctan2(-force.left_n, -force.forward_n))
     assert against == pytest.approx(angle_deg, abs=2.0)
 
 
-def test_aligning_moment_fades_before_the_side_force_does() -> None:
-    """A trail of 31 mm at small slip, none at 6 deg, hardly any moment where the tyre slides."""
+def test_the_aligning_moment_ends_before_the_side_force() -> None:
+    """A trail of 31 mm at small slip, zero at 6 deg, nearly zero where the tyre slides."""
 
     def trail_m(angle_deg: float) -> float:
         force = tyres.force(tan(radians(angle_deg)), 0.0, 0.0, 4500.0, 1.0, CAR.tyre)
@@ -103,17 +103,17 @@ def test_aligning_moment_fades_before_the_side_force_does() -> None:
     assert -0.01 < trail_m(15.0) < 0.0
 
 
-def test_lifted_tyre_makes_no_force() -> None:
+def test_a_tyre_without_load_has_no_force() -> None:
     assert tyres.force(0.1, 0.1, 0.1, 0.0, 1.0, CAR.tyre) == (0.0, 0.0, 0.0)
 
 
-def test_leaning_wheel_is_pushed_to_the_side_it_leans_to() -> None:
+def test_camber_thrust_acts_to_the_side_of_the_lean() -> None:
     """0.008 of the load per degree."""
     force = tyres.force(0.0, 0.0, radians(1.0), 4000.0, 1.0, CAR.tyre)
     assert force.left_n == pytest.approx(-0.008 * 4000.0, rel=0.05)
 
 
-def test_relaxation_ends_at_the_steady_slip() -> None:
+def test_the_lagged_slip_converges_to_the_steady_slip() -> None:
     forward_mps, left_mps = 20.0, -0.3
     lag = tyres.lateral_relaxation(0.0, forward_mps, left_mps, 4000.0, CAR.tyre)
     assert lag.rate / lag.decay == pytest.approx(-left_mps / forward_mps)
@@ -126,7 +126,7 @@ def full_throttle_nm(speed_rpm: float) -> float:
     return engine.torque_nm(speed_rpm / engine.RPM_OF_RADPS, 1.0, 1.0, CAR.engine)
 
 
-def test_engine_goes_through_its_stated_points() -> None:
+def test_the_engine_has_its_published_torque_and_power() -> None:
     speeds = np.arange(800.0, 6200.0, 1.0)
     torque = np.array(
         [engine.torque_nm(n / engine.RPM_OF_RADPS, 1.0, 1.0, CAR.engine) for n in speeds]
@@ -138,7 +138,7 @@ def test_engine_goes_through_its_stated_points() -> None:
     assert speeds[power_kw.argmax()] == pytest.approx(5030.0, abs=30.0)
 
 
-def test_closed_throttle_drags_and_idle_is_held() -> None:
+def test_the_closed_throttle_brakes_and_the_governor_keeps_idle_speed() -> None:
     def closed_nm(speed_rpm: float) -> float:
         return engine.torque_nm(speed_rpm / engine.RPM_OF_RADPS, 0.0, 1.0, CAR.engine)
 
@@ -148,36 +148,36 @@ def test_closed_throttle_drags_and_idle_is_held() -> None:
     assert full_throttle_nm(6500.0) < 0.0
 
 
-def test_more_throttle_is_more_torque() -> None:
+def test_torque_increases_with_throttle() -> None:
     for speed in (80.0, 200.0, 400.0, 600.0):
         torques = [engine.torque_nm(speed, th, 1.0, CAR.engine) for th in np.linspace(0.0, 1.0, 21)]
         assert np.all(np.diff(torques) > 0.0)
 
 
-def test_converter_multiplies_at_stall_and_couples_at_its_ratio() -> None:
-    stall = converter.converter_torque(200.0, 0.0, CAR.converter)
+def test_the_converter_has_its_published_stall_and_coupling_points() -> None:
+    stall = powertrain.converter_torque(200.0, 0.0, CAR.converter)
     assert stall.turbine_nm / stall.impeller_nm == pytest.approx(1.864)
     assert stall.impeller_nm == pytest.approx((0.00704 * 200.0 * 30.0 / pi) ** 2)
-    coupled = converter.converter_torque(200.0, 0.881 * 200.0, CAR.converter)
+    coupled = powertrain.converter_torque(200.0, 0.881 * 200.0, CAR.converter)
     assert coupled.turbine_nm == pytest.approx(coupled.impeller_nm)
 
 
-def test_converter_never_makes_power() -> None:
+def test_the_converter_has_no_power_gain() -> None:
     for turbine in np.linspace(0.0, 700.0, 71):
-        torque = converter.converter_torque(300.0, turbine, CAR.converter)
+        torque = powertrain.converter_torque(300.0, turbine, CAR.converter)
         assert torque.turbine_nm * turbine <= torque.impeller_nm * 300.0 + 1e-9
 
 
-def test_converter_changes_sides_smoothly() -> None:
+def test_the_converter_torque_is_smooth_at_equal_speeds() -> None:
     below, at, above = (
-        converter.converter_torque(300.0, 300.0 + d, CAR.converter).turbine_nm
+        powertrain.converter_torque(300.0, 300.0 + d, CAR.converter).turbine_nm
         for d in (-1e-3, 0.0, 1e-3)
     )
     assert at == 0.0
     assert below == pytest.approx(-above, rel=1e-4)
 
 
-def test_no_gear_has_its_up_shift_answered_by_a_down_shift() -> None:
+def test_no_up_shift_is_followed_by_a_down_shift() -> None:
     ratios = CAR.gearbox.ratios
     for throttle in np.linspace(0.0, 1.0, 41):
         up = gearbox.up_shift_rpm(throttle, CAR.gearbox)
@@ -186,7 +186,7 @@ def test_no_gear_has_its_up_shift_answered_by_a_down_shift() -> None:
             assert up * high / low > 1.05 * down
 
 
-def test_shift_hands_over_from_ratio_to_ratio() -> None:
+def test_the_ratio_changes_monotonically_during_a_shift() -> None:
     times = np.linspace(0.0, CAR.gearbox.shift_time_s, 26)
     ratios = [gearbox.ratio(3.0, 2.0, t, CAR.gearbox) for t in times]
     assert ratios[0] == pytest.approx(2.06)
@@ -194,81 +194,81 @@ def test_shift_hands_over_from_ratio_to_ratio() -> None:
     assert np.all(np.diff(ratios) <= 0.0)
 
 
-def test_an_up_shift_takes_the_torque_back_and_returns_it() -> None:
+def test_an_up_shift_reduces_the_torque_temporarily() -> None:
     span_s = CAR.gearbox.shift_time_s
-    kept = [gearbox.handed_over(3.0, 2.0, t, CAR.gearbox) for t in np.linspace(0.0, span_s, 26)]
+    kept = [gearbox.kept_torque(3.0, 2.0, t, CAR.gearbox) for t in np.linspace(0.0, span_s, 26)]
     assert kept[0] == 1.0
     assert kept[-1] == 1.0
     assert min(kept) < 0.05
-    down = [gearbox.handed_over(2.0, 3.0, t, CAR.gearbox) for t in np.linspace(0.0, span_s, 26)]
+    down = [gearbox.kept_torque(2.0, 3.0, t, CAR.gearbox) for t in np.linspace(0.0, span_s, 26)]
     assert down == [1.0] * 26
 
 
-def test_centre_differential_splits_evenly_and_helps_the_slower_axle() -> None:
-    even = driveline.axle_torque(100.0, 50.0, 50.0, CAR.driveline)
+def test_the_centre_differential_splits_evenly_and_drives_the_slower_axle() -> None:
+    even = powertrain.axle_torque(100.0, 50.0, 50.0, CAR.driveline)
     assert even.front_wheel_nm == pytest.approx(even.rear_wheel_nm)
     assert 2.0 * (even.front_wheel_nm + even.rear_wheel_nm) == pytest.approx(100.0 * 0.93)
-    spinning = driveline.axle_torque(100.0, 60.0, 50.0, CAR.driveline)
+    spinning = powertrain.axle_torque(100.0, 60.0, 50.0, CAR.driveline)
     assert spinning.front_wheel_nm < even.front_wheel_nm
     assert spinning.rear_wheel_nm - even.rear_wheel_nm == pytest.approx(
         even.front_wheel_nm - spinning.front_wheel_nm
     )
 
 
-def test_drive_shafts_lose_on_the_side_that_is_driven() -> None:
-    """What comes through is less than what went in, whichever way the power flows."""
-    pulled = driveline.axle_torque(100.0, 50.0, 50.0, CAR.driveline)
-    dragged = driveline.axle_torque(-100.0, 50.0, 50.0, CAR.driveline)
+def test_the_axle_drives_lose_power_in_both_directions() -> None:
+    pulled = powertrain.axle_torque(100.0, 50.0, 50.0, CAR.driveline)
+    dragged = powertrain.axle_torque(-100.0, 50.0, 50.0, CAR.driveline)
     assert 2.0 * (pulled.front_wheel_nm + pulled.rear_wheel_nm) < 100.0
     assert 2.0 * (dragged.front_wheel_nm + dragged.rear_wheel_nm) < -100.0
 
 
-def test_rear_brake_yields_above_its_knee() -> None:
-    assert brakes.rear_pressure_mpa(1.5, CAR.brakes) == 1.5
-    assert brakes.rear_pressure_mpa(6.0, CAR.brakes) == pytest.approx(1.5 + 0.3 * 4.5)
-    assert brakes.front_pressure_mpa(150.0, CAR.brakes) == pytest.approx(6.0)
-    assert brakes.front_pressure_mpa(-1.0, CAR.brakes) == 0.0
+def test_the_rear_brake_pressure_is_reduced_above_its_knee() -> None:
+    assert brakes.steady_pressures_mpa(37.5, CAR.brakes) == pytest.approx((1.5, 1.5))
+    assert brakes.steady_pressures_mpa(150.0, CAR.brakes) == pytest.approx((6.0, 1.5 + 0.3 * 4.5))
+    assert brakes.steady_pressures_mpa(-1.0, CAR.brakes) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(
     ("speed", "change", "left"),
     [(3.0, 1.0, 2.0), (-3.0, 1.0, -2.0), (0.5, 1.0, 0.0), (0.0, 9.0, 0.0)],
 )
-def test_dry_friction_stops_but_never_turns_round(speed: float, change: float, left: float) -> None:
+def test_dry_friction_stops_a_motion_and_never_reverses_it(
+    speed: float, change: float, left: float
+) -> None:
     assert brakes.after_friction(speed, change) == left
 
 
 def steady_road_wheel_rad(steer_rad: float, front_n: float) -> float:
-    """Where the road wheels come to rest under a small side force of the front axle."""
+    """Steady road-wheel angle under a small side force of the front axle."""
     tyres_nm = steering.kingpin_nm(-CAR.tyre.trail_m * front_n, front_n, CAR.steering)
     free = steering.steering_radps2(steer_rad, 0.0, 0.0, tyres_nm, CAR.steering)
     per_rad = CAR.steering.stiffness_nmprad / CAR.steering.inertia_kgm2
     return free / per_rad
 
 
-def test_steering_gives_way_to_the_front_axle() -> None:
-    """About 3.2e-5 deg per N at everyday slip, where the trail is already a little shorter."""
+def test_the_steering_has_its_published_compliance() -> None:
+    """About 3.2e-5 deg per N at small slip angles, where the trail is a little shorter."""
     free = steady_road_wheel_rad(radians(37.0), 0.0)
     loaded = steady_road_wheel_rad(radians(37.0), 1000.0)
     assert degrees(free) == pytest.approx(2.0)
     assert degrees(free - loaded) == pytest.approx(0.032, rel=0.15)
 
 
-def test_steering_swings_back_to_rest() -> None:
+def test_the_steering_returns_to_the_centre_and_is_damped() -> None:
     away = steering.steering_radps2(0.0, 0.1, 0.0, 0.0, CAR.steering)
     moving = steering.steering_radps2(0.0, 0.0, 1.0, 0.0, CAR.steering)
     assert away < 0.0
     assert moving < 0.0
 
 
-def test_air_opposes_the_motion() -> None:
-    ahead, back = (aero.air_force(v, CAR.aero) for v in (30.0, -30.0))
-    assert ahead.forward_n == pytest.approx(-0.5 * 1.206 * 2.2 * 0.30 * 900.0)
-    assert back.forward_n == -ahead.forward_n
-    assert ahead.up_n > 0.0
+def test_drag_is_opposite_to_the_motion() -> None:
+    ahead, back = (body.air_force(v, CAR.aero) for v in (30.0, -30.0))
+    assert ahead[0] == pytest.approx(-0.5 * 1.206 * 2.2 * 0.30 * 900.0)
+    assert back[0] == -ahead[0]
+    assert ahead[1] > 0.0
 
 
 @pytest.mark.parametrize("friction", [0.0, -0.5, float("nan"), float("inf")])
-def test_impossible_road_is_refused(friction: float) -> None:
+def test_a_road_friction_that_is_not_positive_is_refused(friction: float) -> None:
     with pytest.raises(ConfigError, match="road friction: expected a positive number"):
         with_road_friction(CAR, friction)

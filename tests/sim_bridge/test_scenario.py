@@ -1,4 +1,4 @@
-"""Manoeuvres are data: what the file says is what the bus carries."""
+"""Scenario files: their meaning, and what is refused with the names of the fields."""
 
 from pathlib import Path
 
@@ -27,7 +27,7 @@ def write(tmp_path: Path, text: str) -> str:
     return str(path)
 
 
-def test_the_lane_change_is_the_papers() -> None:
+def test_the_double_lane_change_is_that_of_the_paper() -> None:
     scenario = load_scenario("double_lane_change")
     assert scenario.speed_mps == pytest.approx(80 / 3.6)
     assert scenario.curvature_per_m == 0.001
@@ -54,7 +54,7 @@ def test_the_cubic_is_exact_at_the_car_and_close_over_the_preview() -> None:
         np.testing.assert_allclose(cubic, scenario.lateral_m(s_m + sigma), atol=0.005)
 
 
-def test_a_file_is_read_as_it_stands(tmp_path: Path) -> None:
+def test_the_values_of_a_file_are_those_of_the_scenario(tmp_path: Path) -> None:
     scenario = load_scenario(write(tmp_path, GOOD))
     assert scenario.name == "one move"
     assert scenario.moves[0].to_m == 2.0
@@ -64,7 +64,10 @@ def test_a_file_is_read_as_it_stands(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("speed_kmh = 72.0", "speed_kmh = -1.0", "speed_kmh"),
+        ("speed_kmh = 72.0", "speed_kmh = -1.0", "speed_kmh: expected more than 0.0, found -1.0"),
+        ("speed_kmh = 72.0", "speed_kmh = 0", "speed_kmh: expected more than 0.0, found 0"),
+        ("speed_kmh = 72.0", "speed_kmh = 251.0", "speed_kmh: expected at most 250.0"),
+        ("speed_kmh = 72.0", "speed_kmh = nan", "speed_kmh: expected"),
         ("speed_kmh = 72.0", "speed_mph = 45.0", "speed_mph"),
         ("duration_s = 4.0", "duration_s = 0.0", "duration_s"),
         ("duration_s = 4.0", "", "duration_s"),
@@ -75,7 +78,7 @@ def test_a_file_is_read_as_it_stands(tmp_path: Path) -> None:
         ("name =", "name", "scenario"),
     ],
 )
-def test_a_scenario_that_makes_no_sense_is_refused_by_field(
+def test_a_field_out_of_its_limits_is_refused_by_name(
     tmp_path: Path, old: str, new: str, message: str
 ) -> None:
     with pytest.raises(ConfigError, match=message):
@@ -88,6 +91,19 @@ def test_moves_must_not_overlap(tmp_path: Path) -> None:
         load_scenario(write(tmp_path, GOOD + second))
 
 
-def test_an_unknown_name_lists_the_known_ones() -> None:
+def test_all_errors_of_a_file_are_reported_at_once(tmp_path: Path) -> None:
+    text = GOOD.replace("72.0", "0.0").replace("length_m = 40.0", "length_m = 0.0")
+    with pytest.raises(ConfigError) as refused:
+        load_scenario(write(tmp_path, text))
+    assert "speed_kmh: expected more than 0.0, found 0.0" in str(refused.value)
+    assert "moves[0].length_m: expected more than 0.0, found 0.0" in str(refused.value)
+
+
+def test_moves_beyond_the_grip_of_the_road_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"moves: expected a lateral acceleration below the grip"):
+        load_scenario(write(tmp_path, GOOD.replace("road_friction = 0.85", "road_friction = 0.1")))
+
+
+def test_an_unknown_scenario_is_refused_with_the_list_of_shipped_ones() -> None:
     with pytest.raises(ConfigError, match="double_lane_change"):
         load_scenario("tripple_lane_change")

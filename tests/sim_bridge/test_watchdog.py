@@ -2,20 +2,16 @@
 
 import pytest
 
-from rt_controller.bus.snapshot import CommandSnapshot
+from rt_controller.bus.catalogue import Command
+from rt_controller.bus.inbox import Received
 from rt_controller.contract.signals import ControlInput, Mode
+from rt_controller.contract.timing import PERIOD_NS
 from sim_bridge.watchdog import BRAKE_N, ActuatorWatchdog
 
-PERIOD_NS = 25_000_000
 
-
-def command(arrival_ns: int, counter: int = 0) -> CommandSnapshot:
-    return CommandSnapshot(
-        control=ControlInput(0.4, 0.0, 0.3),
-        mode=Mode.NOMINAL,
-        counter=counter,
-        arrival_ns=arrival_ns,
-    )
+def command(arrival_ns: int, counter: int = 0) -> Received[Command]:
+    content = Command(ControlInput(0.4, 0.0, 0.3), Mode.NOMINAL)
+    return Received(content, counter, arrival_ns)
 
 
 def test_a_fresh_command_reaches_the_actuators_unchanged() -> None:

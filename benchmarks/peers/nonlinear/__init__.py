@@ -1,1 +1,1 @@
-"""The same task given to controllers with a nonlinear model: what a linear one is for."""
+"""Controllers with a nonlinear vehicle model, on the same task as the linear and bilinear ones."""

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from made_drives import drive, relative_error
 
-from offline.baselines.edmd import EdmdSettings, Gains, fit_edmd
-from offline.baselines.functions import Family, cosines, gaussians, monomials
-from offline.baselines.lifted_bundle import as_bundle
-from offline.export import SELFTEST_STATES
-from offline.lengths import PAST_STEPS
-from offline.predictor import BundlePredictor
+from offline.baselines.dictionary.bundle import to_bundle
+from offline.baselines.dictionary.functions import Family, cosines, gaussians, monomials
+from offline.baselines.dictionary.search import EdmdSettings, Gains, fit_edmd
+from offline.config import PAST_STEPS
+from offline.model.bundle_export import SELFTEST_STATES
+from offline.model.bundle_predictor import BundlePredictor
 from rt_controller.contract.artifact import LiftSample, load_bundle, save_bundle
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.follow import Follow
@@ -22,19 +22,19 @@ RIDGES = (1e-12, 1e-9, 1e-6)
 
 
 def delayed_step(x, u, w, u_before):
-    """The push of the step before acts, and that of now does not."""
+    """The input of the step before acts, and the present one does not."""
     return 0.95 * x + np.stack([0.1 * u_before[:, 0], 0.1 * u_before[:, 1], 0.05 * x[:, 0]], axis=1)
 
 
 def slow_manifold_step(x, u, w, u_before):
-    """Linear in x and the square of the first state, which is linear itself while nobody pushes."""
+    """Linear in x and the square of the first state, which has no input."""
     first = 0.97 * x[:, 0]
     second = 0.9 * x[:, 1] + 0.3 * x[:, 0] ** 2 + 0.1 * u[:, 1] + 0.05 * w[:, 0]
     return np.stack([first, second, 0.95 * x[:, 2] + 0.02 * w[:, 0]], axis=1)
 
 
 def bilinear_step(x, u, w, u_before):
-    """The turn acts the more the faster it is, and the speed follows from nobody's input."""
+    """The effect of the second input grows with the first state, which has no input."""
     turned = 0.95 * x[:, 1] + (0.02 + 0.2 * x[:, 0]) * u[:, 1] + 0.05 * u[:, 0]
     return np.stack([0.98 * x[:, 0] + 0.02 * w[:, 0], turned, 0.9 * x[:, 2]], axis=1)
 
@@ -43,24 +43,24 @@ def settings_of(family, **changes):
     return EdmdSettings(family, ridges=RIDGES, **changes)
 
 
-def test_delays_find_an_input_that_acts_late():
-    """A row of the past holds the turn but not the push: the level follows, the speed does not."""
+def test_delays_explain_an_input_that_acts_one_step_late():
+    """The past has the second input but not the first: only the level can be predicted."""
     late = drive(delayed_step)
     test = late.select("test")
     found = fit_edmd(late, settings_of(Family.NONE, past_steps=(0, 1)))
     error = relative_error(found, test)
-    assert found.past_steps == 1
+    assert found.dictionary.past_steps == 1
     assert error[1] < 1e-4
     assert error[0] > 1e-3
 
 
 def test_without_delays_or_functions_the_dictionary_is_the_linear_model(toy_dataset):
     found = fit_edmd(toy_dataset, settings_of(Family.NONE, past_steps=(0,)))
-    assert len(found.A) == 7
-    assert np.allclose(found.A[-1], np.eye(7)[-1])
+    assert len(found.matrices.A) == 7
+    assert np.allclose(found.matrices.A[-1], np.eye(7)[-1])
 
 
-def test_monomials_find_a_system_that_is_linear_in_them():
+def test_monomials_fit_a_system_that_is_linear_in_them():
     manifold = drive(slow_manifold_step)
     # 3 states, 10 products of two of (x, w), the constant
     found = fit_edmd(manifold, settings_of(Family.MONOMIALS, observables=(14,), past_steps=(0,)))
@@ -68,8 +68,8 @@ def test_monomials_find_a_system_that_is_linear_in_them():
 
 
 @pytest.mark.parametrize("follow", Follow)
-def test_products_with_the_inputs_find_a_bilinear_system(follow):
-    """The speed moves without inputs: to read it from the free response is as good."""
+def test_products_with_the_inputs_fit_a_bilinear_system(follow):
+    """The gain has no input, so the free response is as good as the prediction."""
     made = drive(bilinear_step)
     settings = settings_of(
         Family.MONOMIALS,
@@ -80,7 +80,7 @@ def test_products_with_the_inputs_find_a_bilinear_system(follow):
     )
     found = fit_edmd(made, settings)
     error = relative_error(found, made.select("test"))
-    assert found.gains.tolist() == [0, 1, 2]
+    assert found.dictionary.gains == (0, 1, 2)
     assert error[1] > 0.05 if follow is Follow.START else error[1] < 1e-4
 
 
@@ -93,37 +93,40 @@ def test_what_the_gains_follow_is_chosen_on_the_validation_part():
         follows=(Follow.START, Follow.FREE_RESPONSE),
     )
     found = fit_edmd(drive(bilinear_step), settings)
-    assert (found.follow, len(found.gains)) == (Follow.FREE_RESPONSE, 3)
+    assert (found.matrices.bilinear.follows, found.matrices.bilinear.rank) == (
+        Follow.FREE_RESPONSE,
+        3,
+    )
 
 
 @pytest.mark.parametrize("family", [Family.GAUSSIANS, Family.COSINES])
-def test_other_functions_come_closer_than_a_linear_model(family):
+def test_other_functions_have_smaller_errors_than_a_linear_model(family):
     manifold = drive(slow_manifold_step)
     test = manifold.select("test")
     linear = fit_edmd(manifold, settings_of(Family.NONE, past_steps=(0,)))
     found = fit_edmd(
         manifold, settings_of(family, observables=(30,), past_steps=(0,), widths=(2.0, 4.0))
     )
-    assert len(found.A) == 30
+    assert len(found.matrices.A) == 30
     assert relative_error(found, test)[1] < 0.3 * relative_error(linear, test)[1]
 
 
-def test_a_dictionary_of_given_size_keeps_the_monomials_that_matter():
-    """Of 10 products one moves the system: a dictionary with room for one has it."""
+def test_a_dictionary_of_given_size_has_the_most_relevant_monomials():
+    """One of 10 products is part of the system; the dictionary has one product."""
     manifold = drive(slow_manifold_step)
     found = fit_edmd(manifold, settings_of(Family.MONOMIALS, observables=(5,), past_steps=(0,)))
-    assert found.rows.tolist() == [[0, 0]]
+    assert found.dictionary.functions.rows.tolist() == [[0, 0]]
 
 
 def test_the_search_is_repeatable():
     made = drive(bilinear_step)
     settings = settings_of(Family.GAUSSIANS, observables=(12,), past_steps=(0, 1))
     one, other = fit_edmd(made, settings), fit_edmd(made, settings)
-    assert np.array_equal(one.A, other.A)
-    assert np.array_equal(one.rows, other.rows)
+    assert np.array_equal(one.matrices.A, other.matrices.A)
+    assert np.array_equal(one.dictionary.functions.rows, other.dictionary.functions.rows)
 
 
-def test_a_dictionary_too_small_for_its_own_states_is_refused():
+def test_a_dictionary_smaller_than_the_states_is_refused():
     with pytest.raises(DatasetError, match="monomials"):
         fit_edmd(drive(bilinear_step), settings_of(Family.MONOMIALS, observables=(3,)))
 
@@ -147,7 +150,7 @@ def test_monomials_are_all_products_of_their_degree():
     assert np.allclose(found, np.stack(expected, axis=1))
 
 
-def test_a_gaussian_is_one_at_its_centre_and_falls_with_the_squared_distance():
+def test_a_gaussian_is_one_at_its_centre_and_decreases_with_the_squared_distance():
     v = np.random.default_rng(0).normal(size=(500, 2))
     functions = gaussians(v, 4, 1.5, seed=0)
     at_centres = functions.evaluate(functions.rows)
@@ -156,7 +159,7 @@ def test_a_gaussian_is_one_at_its_centre_and_falls_with_the_squared_distance():
     assert at_centres[0, 1] == pytest.approx(np.exp(-apart @ apart / (2 * functions.width**2)))
 
 
-def test_cosines_approximate_the_kernel_they_are_drawn_from():
+def test_products_of_cosines_approximate_a_gaussian_kernel():
     """2/F times the product of two rows tends to exp(-|a - b|^2 / (2 length^2))."""
     a, b = np.array([0.3, -0.2]), np.array([-0.5, 0.4])
     functions = cosines(2, 20_000, 0.8, seed=0)
@@ -201,10 +204,10 @@ def dictionary(family, *size, **choices):
     ids=lambda settings: f"{settings.family}, {settings.follows[0]}",
 )
 def test_the_bundle_of_a_dictionary_predicts_what_the_model_predicts(settings, tmp_path):
-    """As far as float32 lets it, in which the encoder works."""
+    """Up to the float32 precision of the encoder."""
     made = drive(bilinear_step)
     model = fit_edmd(made, replace(settings, ridges=(1e-6,)))
-    bundle = as_bundle("edmd", model, made, selftest_of(made))
+    bundle = to_bundle("edmd", model, made, selftest_of(made))
     save_bundle(tmp_path, bundle, "card")
     predictor = BundlePredictor(load_bundle(tmp_path))
     assert bundle.parity_error(predictor.lift(bundle.selftest)) < 1e-5
@@ -221,7 +224,8 @@ def test_speed_gains_are_the_first_centred_state_and_its_powers(toy_dataset):
     model = fit_edmd(toy_dataset, settings)
     windows = toy_dataset.select("test")
     x, w, past = (windows[i].astype(np.float64) for i in (0, 2, 3))
-    psi = model.lift(x[:, 0], w[:, 0], past)
+    psi = model.dictionary.lift(x[:, 0], w[:, 0], past)
     assert past.shape[1] == PAST_STEPS
     speed = psi[:, 0]
-    assert np.allclose(psi[:, model.gains], np.stack([speed, speed**2, speed**3], axis=1))
+    powers = np.stack([speed, speed**2, speed**3], axis=1)
+    assert np.allclose(psi[:, model.dictionary.gains], powers)

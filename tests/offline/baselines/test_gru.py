@@ -1,4 +1,4 @@
-"""The recurrent network: an upper bound of what can be known about the next two seconds."""
+"""The recurrent network."""
 
 from dataclasses import replace
 
@@ -7,8 +7,8 @@ import pytest
 import torch
 from made_drives import drive, predict
 
-from offline.baselines.gru import GruSettings, fit_gru
-from offline.baselines.persistence import PersistencePredictor
+from offline.baselines.catalogue.gru import GruSettings, fit_gru
+from offline.baselines.catalogue.persistence import Persistence
 from offline.baselines.road_path import path_states
 from offline.baselines.score import log_error
 from rt_controller.contract.errors import DatasetError
@@ -21,9 +21,9 @@ def fitted(toy_dataset):
     return fit_gru(toy_dataset, QUICK)
 
 
-def test_it_learns_to_predict_better_than_that_nothing_changes(fitted, toy_dataset):
+def test_errors_are_smaller_than_those_of_persistence(fitted, toy_dataset):
     test = toy_dataset.select("test")
-    assert log_error(fitted, test) < log_error(PersistencePredictor(), test) - 2.0
+    assert log_error(fitted, test) < log_error(Persistence(), test) - 2.0
 
 
 def test_the_path_of_the_car_is_integrated_from_its_motion(fitted, toy_dataset):
@@ -34,27 +34,30 @@ def test_the_path_of_the_car_is_integrated_from_its_motion(fitted, toy_dataset):
     assert np.allclose(states[:, 1:, 3:], path, atol=1e-4)
 
 
-def test_other_signals_are_learned_whole():
-    """A damped level that is pushed, and nothing about a car."""
+def test_for_other_signals_than_the_cars_all_states_are_learned():
     made = drive(lambda x, u, w, b: 0.95 * x + 0.1 * np.stack([u[:, 0], u[:, 1], w[:, 0]], axis=1))
-    rival, test = fit_gru(made, QUICK), made.select("test")
-    assert not rival.knows_road
-    assert log_error(rival, test) < log_error(PersistencePredictor(), test) - 0.5
+    baseline, test = fit_gru(made, QUICK), made.select("test")
+    assert not baseline.is_car
+    assert log_error(baseline, test) < log_error(Persistence(), test) - 0.5
 
 
-def test_its_training_is_repeatable_and_leaves_the_random_numbers_of_others_alone(toy_dataset):
+def weights_of(model):
+    return torch.nn.utils.parameters_to_vector(model.network.parameters())
+
+
+def test_training_is_repeatable_and_keeps_the_global_random_state(toy_dataset):
     settings = replace(QUICK, steps=3)
     torch.manual_seed(5)
     expected = torch.rand(1)
     torch.manual_seed(5)
     one, other = fit_gru(toy_dataset, settings), fit_gru(toy_dataset, settings)
     assert torch.equal(torch.rand(1), expected)
-    assert np.array_equal(one.weights, other.weights)
+    assert torch.equal(weights_of(one), weights_of(other))
     another = fit_gru(toy_dataset, replace(settings, seed=1))
-    assert not np.array_equal(one.weights, another.weights)
+    assert not torch.equal(weights_of(one), weights_of(another))
 
 
-def test_the_threads_of_others_are_left_alone(toy_dataset):
+def test_training_restores_the_number_of_threads(toy_dataset):
     before = torch.get_num_threads()
     torch.set_num_threads(2)
     try:
@@ -64,7 +67,7 @@ def test_the_threads_of_others_are_left_alone(toy_dataset):
         torch.set_num_threads(before)
 
 
-def test_it_takes_the_last_rows_of_a_longer_past(fitted, toy_dataset):
+def test_only_the_last_rows_of_a_longer_past_are_used(fitted, toy_dataset):
     windows = toy_dataset.select("test")
     short, _ = predict(fitted, windows._replace(past=windows.past[:, -4:]))
     long, _ = predict(fitted, windows)

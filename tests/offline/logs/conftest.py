@@ -1,10 +1,9 @@
-"""Drives of the made car, and mappings from text."""
+"""Drives of the made car, and mappings parsed from text."""
 
 import pytest
-from made_logs import MAPPING, Made, make_drive, rounded
+from made_logs import MAPPING, Made, make_drive
 
-from offline.logs.mapping import Mapping
-from offline.logs.mapping_file import read_mapping
+from offline.logs.mapping import LogMapping, read_mapping
 
 
 @pytest.fixture(scope="session")
@@ -13,16 +12,10 @@ def made_drive() -> Made:
 
 
 @pytest.fixture
-def columns(made_drive) -> dict[str, list]:
-    """The drive as a log that a test may spoil, 10 ms a row."""
-    return rounded(made_drive)
-
-
-@pytest.fixture
 def parse(tmp_path):
-    """Reads a mapping from its text."""
+    """Function that reads a mapping from its text."""
 
-    def parse(text: str = MAPPING) -> Mapping:
+    def parse(text: str = MAPPING) -> LogMapping:
         path = tmp_path / "mapping.toml"
         path.write_text(text)
         return read_mapping(path)[0]

@@ -1,54 +1,57 @@
-"""Episodes become a recording, and windows of it that every model is judged on."""
+"""Episodes are joined to a recording with windows, and assigned to three parts."""
 
 from pathlib import Path
 
 import numpy as np
-from made_logs import MAPPING, POSE, schema_of
+import pandas as pd
+import pytest
+from made_logs import MAPPING, POSE
 
-from offline.lengths import PAST_STEPS, STEPS
-from offline.logs.assembly import assemble, roads_of, slice_windows
-from offline.logs.episode import Episode
-from offline.recording import cut
-from offline.roles import VEHICLE_ROLES
-from rt_controller.contract.schema import VEHICLE
+from offline.config import PAST_STEPS, STEPS
+from offline.data.recording import cut
+from offline.data.signals import VEHICLE_ROLES
+from offline.logs.assembly import assign_parts, join_episodes, roads_of, slice_windows
+from offline.logs.episode import LogEpisode
+from offline.logs.mapping_tables import SplitSettings
+from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.contract.schema import VEHICLE, Schema, Signal
 
+SIGNALS = ["vx_mps", "vy_mps", "yaw_rate_radps", "road_wheel_rad", "force_n", "brake_n"]
+BRAKE = 'brake_n = { column = "side", unit = "N" }\n'
 ROADS = "roads = { curvatures_per_m = [0.0, 0.01], ey_m = 1.0, epsi_deg = 5.0 }\n"
 
 
-def episode(samples, states=3, inputs=2, exogenous=0):
-    dice = np.random.default_rng(samples)
-    pose = np.cumsum(dice.uniform(0.0, 0.5, (samples, 3)), axis=0) * (1.0, 0.1, 0.01)
-    return Episode(
-        Path("a.csv"),
-        0.0,
-        dice.normal(size=(samples, states)),
-        dice.normal(size=(samples, inputs)),
-        np.zeros((samples, exogenous)),
-        pose,
-    )
+def episode(samples):
+    rng = np.random.default_rng(samples)
+    pose = np.cumsum(rng.uniform(0.0, 0.5, (samples, 3)), axis=0) * (1.0, 0.1, 0.01)
+    signals = pd.DataFrame(rng.normal(size=(samples, 6)), columns=SIGNALS)
+    return LogEpisode(Path("a.csv"), 0.0, signals, pose)
 
 
-def test_episodes_follow_each_other_without_poses_where_none_are_asked_for(parse):
-    recording = assemble([episode(101), episode(300)], parse())
+def test_episodes_are_joined_in_order_and_without_poses_if_the_mapping_has_none(parse):
+    recording = join_episodes([episode(101), episode(300)], parse())
     assert recording.first.tolist() == [0, 101]
     assert recording.lengths.tolist() == [101, 300]
     assert not recording.has_poses
-    np.testing.assert_array_equal(recording.x[101:], episode(300).x.astype(np.float32))
+    np.testing.assert_array_equal(
+        recording.x[101:], episode(300).signals[SIGNALS[:3]].astype(np.float32)
+    )
 
 
-def test_windows_lie_side_by_side_after_the_past_of_the_first(parse):
-    recording = assemble([episode(101), episode(180), episode(181)], parse())
+def test_windows_are_placed_side_by_side_after_the_past_of_the_first(parse):
+    recording = join_episodes([episode(101), episode(180), episode(181)], parse())
     slices = slice_windows(recording, None, 0)
     assert slices.row.tolist() == [20, 121, 301, 381]
     assert slices.episode.tolist() == [0, 1, 2, 2]
     ends = slices.row + STEPS
-    assert ends[-1] == len(recording.x) - 1, "a whole episode is used where it fits"
+    assert ends[-1] == len(recording.x) - 1, "an episode that fits exactly is used to its end"
 
 
-def test_a_window_holds_what_was_measured_and_what_came_before(parse):
+def test_a_window_has_the_measured_signals_and_their_past(parse):
     mapping = parse()
-    recording = assemble([episode(200)], mapping)
-    schema = schema_of(mapping)
+    recording = join_episodes([episode(200)], mapping)
+    signals = [Signal(name, "") for name in SIGNALS]
+    schema = Schema(tuple(signals[:3]), tuple(signals[3:5]), (), 0.025)
     window = cut(recording, slice_windows(recording, None, 0), schema, mapping.resolve_roles())
     np.testing.assert_array_equal(window.x[0], recording.x[20:101])
     np.testing.assert_array_equal(window.past[0, :, :3], recording.x[:20])
@@ -56,10 +59,10 @@ def test_a_window_holds_what_was_measured_and_what_came_before(parse):
     assert window.w.shape == (2, STEPS, 0)
 
 
-def test_each_window_with_poses_has_a_road_of_its_own(parse):
-    mapping = parse(MAPPING + POSE + ROADS)
-    episodes = [episode(PAST_STEPS + 40 * STEPS + 1, 3, 3, 1)]
-    recording, roads = assemble(episodes, mapping), roads_of(mapping)
+def test_each_window_with_poses_gets_a_random_road(parse):
+    mapping = parse(MAPPING + BRAKE + POSE + ROADS)
+    episodes = [episode(PAST_STEPS + 40 * STEPS + 1)]
+    recording, roads = join_episodes(episodes, mapping), roads_of(mapping)
     slices = slice_windows(recording, roads, 0)
     assert set(slices.anchor.curvature_per_m) == {0.0, 0.01}
     assert np.max(np.abs(slices.anchor.ey_m)) <= 1.0
@@ -68,3 +71,61 @@ def test_each_window_with_poses_has_a_road_of_its_own(parse):
     assert windows.x.shape == (40, 81, 6)
     assert np.isfinite(windows.x).all()
     assert np.std(windows.x[:, 0, 4]) > 0.3
+
+
+FILES = [f"run_{k // 4}.csv" for k in range(40)]
+
+
+def parts_of(files, part):
+    return {file: set(part[[f == file for f in files]].tolist()) for file in files}
+
+
+def test_a_tenth_of_the_episodes_is_held_back_for_each_part():
+    part = assign_parts(FILES, SplitSettings())
+    assert np.bincount(part).tolist() == [32, 4, 4]
+    assert not np.array_equal(part, assign_parts(FILES, SplitSettings(seed=1)))
+    assert np.array_equal(part, assign_parts(FILES, SplitSettings()))
+
+
+def test_the_share_can_be_set():
+    assert np.bincount(assign_parts(FILES, SplitSettings(share=0.2))).tolist() == [24, 8, 8]
+
+
+def test_by_file_no_file_is_in_two_parts():
+    part = assign_parts(FILES, SplitSettings(by="file"))
+    assert np.bincount(part).tolist() == [32, 4, 4]
+    assert all(len(parts) == 1 for parts in parts_of(FILES, part).values())
+
+
+def test_named_files_are_the_only_ones_in_their_part():
+    settings = SplitSettings(validation=("run_1.csv",), test=("run_[23].csv",))
+    assert parts_of(FILES, assign_parts(FILES, settings)) == {
+        f"run_{k}.csv": {{1: 1, 2: 2, 3: 2}.get(k, 0)} for k in range(10)
+    }
+
+
+def test_a_part_without_names_is_drawn_from_the_other_files():
+    part = assign_parts(FILES, SplitSettings(by="file", test=("run_0.csv",)))
+    assert parts_of(FILES, part)["run_0.csv"] == {2}
+    assert np.bincount(part).tolist() == [32, 4, 4]
+
+
+def test_three_drives_give_one_to_each_part():
+    assert sorted(assign_parts(["a", "b", "c"], SplitSettings()).tolist()) == [0, 1, 2]
+
+
+def test_too_few_drives_are_refused_with_the_remedy():
+    with pytest.raises(DatasetError, match="longest_episode_s"):
+        assign_parts(["a", "b"], SplitSettings())
+    with pytest.raises(DatasetError, match="none for train"):
+        assign_parts(["a", "b"], SplitSettings(validation=("a",), test=("b",)))
+
+
+def test_a_pattern_that_fits_no_file_is_refused():
+    with pytest.raises(ConfigError, match=r"'run_99\.csv', which fits none"):
+        assign_parts(FILES, SplitSettings(test=("run_99.csv",)))
+
+
+def test_a_file_in_two_parts_is_refused():
+    with pytest.raises(ConfigError, match=r"in validation and in test: run_1\.csv"):
+        assign_parts(FILES, SplitSettings(validation=("run_1.csv",), test=("run_1*",)))

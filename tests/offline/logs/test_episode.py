@@ -1,4 +1,4 @@
-"""A drive becomes episodes: cut at gaps, long enough, with the states of the path."""
+"""Drives are cut into episodes without gaps, with the states of the path."""
 
 from pathlib import Path
 
@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from made_logs import MAPPING, POSE, make_drive
 
-from offline.logs.episode import LEAST_SAMPLES, column, cut_episodes, make_schema
-from offline.logs.log import Channel, Log
+from offline.logs.episode import LEAST_SAMPLES, cut_drive, make_schema
+from offline.logs.readers.log import Channel, Log
 from offline.logs.reference_line import make_line
 from offline.logs.series import to_drive
 from rt_controller.contract.schema import VEHICLE
@@ -29,23 +29,30 @@ def to_log(made, keep=slice(None)):
 def cut(parse, made, text=MAPPING, line=None, keep=slice(None)):
     mapping = parse(text)
     drive = to_drive(to_log(made, keep), mapping)
-    return cut_episodes(drive, mapping, line), make_schema(mapping, drive)
+    return cut_drive(drive, mapping, line)
 
 
-def test_a_drive_without_gap_is_one_episode_at_the_data_sets_period(parse, made_drive):
-    found, schema = cut(parse, made_drive)
+def test_a_drive_without_gap_is_one_episode_at_the_period_of_the_data_set(parse, made_drive):
+    found = cut(parse, made_drive)
     (episode,) = found.episodes
-    assert episode.x.shape == (1201, 3)
-    assert episode.u.shape == (1201, 2)
+    assert episode.signals.shape == (1201, 5)
     at = np.interp(0.025 * np.arange(1201), made_drive.time, made_drive.turn)
-    np.testing.assert_allclose(column(episode, schema, "yaw_rate_radps"), at, atol=3e-4)
+    np.testing.assert_allclose(episode.signals["yaw_rate_radps"], at, atol=3e-4)
+
+
+def test_the_schema_has_the_units_of_the_signals_and_with_poses_the_path_states(parse, made_drive):
+    drive = to_drive(to_log(made_drive), parse(MAPPING))
+    schema = make_schema(parse(MAPPING), [drive])
     assert [signal.unit for signal in schema.states] == ["m/s", "m/s", "rad/s"]
+    schema = make_schema(parse(MAPPING + POSE), [drive])
+    assert schema.state_names == VEHICLE.state_names
+    assert schema.exogenous == VEHICLE.exogenous
 
 
-def test_gaps_cut_and_what_is_too_short_is_left_out_and_known(parse, made_drive):
+def test_a_drive_is_cut_at_gaps_and_short_stretches_are_listed_as_left_out(parse, made_drive):
     t = made_drive.time
     keep = (t < 10.0) | ((t > 12.0) & (t < 12.1)) | (t > 13.0)
-    found, _ = cut(parse, made_drive, keep=keep)
+    found = cut(parse, made_drive, keep=keep)
     assert found.stretches == 3
     assert [e.begin_s for e in found.episodes] == pytest.approx([0.0, 13.01])
     ((begin_s, end_s),) = found.left_out
@@ -55,26 +62,24 @@ def test_gaps_cut_and_what_is_too_short_is_left_out_and_known(parse, made_drive)
 @pytest.mark.parametrize(
     ("samples", "is_kept"), [(LEAST_SAMPLES, True), (LEAST_SAMPLES - 1, False)]
 )
-def test_an_episode_has_room_for_one_window_and_its_past(parse, samples, is_kept):
-    found, _ = cut(parse, make_drive((samples - 1) * 0.025, 0.005))
+def test_an_episode_is_long_enough_for_one_window_and_its_past(parse, samples, is_kept):
+    found = cut(parse, make_drive((samples - 1) * 0.025, 0.005))
     assert (len(found.episodes), len(found.left_out)) == ((1, 0) if is_kept else (0, 1))
 
 
 def test_long_stretches_are_cut_into_equal_pieces_that_share_no_sample(parse, made_drive):
-    found, _ = cut(parse, made_drive, MAPPING + "[split]\nlongest_episode_s = 8.0\n")
-    lengths = [len(episode.x) for episode in found.episodes]
+    found = cut(parse, made_drive, MAPPING + "[split]\nlongest_episode_s = 8.0\n")
+    lengths = [len(episode) for episode in found.episodes]
     assert sum(lengths) == 1201
     assert max(lengths) - min(lengths) <= 1
-    ends = [e.begin_s + 0.025 * len(e.x) for e in found.episodes[:-1]]
+    ends = [e.begin_s + 0.025 * len(e) for e in found.episodes[:-1]]
     assert ends == pytest.approx([e.begin_s for e in found.episodes[1:]])
 
 
-def test_poses_are_kept_for_roads_to_be_laid(parse, made_drive):
-    found, schema = cut(parse, made_drive, MAPPING + POSE)
+def test_poses_are_kept_so_that_roads_can_be_placed(parse, made_drive):
+    found = cut(parse, made_drive, MAPPING + POSE)
     (episode,) = found.episodes
-    assert episode.x.shape == (1201, 3)
-    assert schema.state_names == VEHICLE.state_names
-    assert schema.exogenous == VEHICLE.exogenous
+    assert episode.pose.shape == (1201, 3)
     np.testing.assert_allclose(
         episode.pose[40], [made_drive.x[100], made_drive.y[100], made_drive.yaw[100]], atol=2e-3
     )
@@ -99,50 +104,50 @@ def circle_line(radius_m=40.0):
 LINE = POSE + 'reference_line = "l.csv"\nclosed = true\n'
 
 
-def test_along_a_line_the_states_of_the_path_are_measured(parse):
-    found, schema = cut(parse, circle_drive(), MAPPING + LINE, circle_line())
+def test_path_states_are_relative_to_the_reference_line(parse):
+    found = cut(parse, circle_drive(), MAPPING + LINE, circle_line())
     (episode,) = found.episodes
-    assert len(episode.x) == 800, "the first sample is given up for the progress of the second"
-    np.testing.assert_allclose(column(episode, schema, "ds_m"), 0.25, atol=1e-4)
-    np.testing.assert_allclose(column(episode, schema, "ey_m"), 1.5, atol=1e-3)
-    np.testing.assert_allclose(column(episode, schema, "epsi_rad"), 0.0, atol=1e-4)
-    np.testing.assert_allclose(column(episode, schema, "curvature_per_m"), 1 / 40.0, rtol=1e-3)
+    assert len(episode) == 800, "the first sample has no progress and is left out"
+    np.testing.assert_allclose(episode.signals["ds_m"], 0.25, atol=1e-4)
+    np.testing.assert_allclose(episode.signals["ey_m"], 1.5, atol=1e-3)
+    np.testing.assert_allclose(episode.signals["epsi_rad"], 0.0, atol=1e-4)
+    np.testing.assert_allclose(episode.signals["curvature_per_m"], 1 / 40.0, rtol=1e-3)
 
 
-def test_the_states_of_the_path_belong_to_the_instant_of_the_others(parse):
+def test_path_states_belong_to_the_same_instant_as_the_other_states(parse):
     made = make_drive(20.0)
     beside = 2.0 * np.sin(made.time)
     made = made._replace(x=10.0 * made.time, y=beside, yaw=np.arctan2(2.0 * np.cos(made.time), 10))
     points = np.stack([np.linspace(-20.0, 230.0, 60), np.zeros(60)])
     line = make_line(points, False, 0.0, Path("l.csv"))
-    found, schema = cut(parse, made, MAPPING + LINE.replace("true", "false"), line)
+    found = cut(parse, made, MAPPING + LINE.replace("true", "false"), line)
     (episode,) = found.episodes
-    t = episode.begin_s + 0.025 * np.arange(len(episode.x))
-    np.testing.assert_allclose(column(episode, schema, "ey_m"), 2.0 * np.sin(t), atol=1e-3)
+    t = episode.begin_s + 0.025 * np.arange(len(episode))
+    np.testing.assert_allclose(episode.signals["ey_m"], 2.0 * np.sin(t), atol=1e-3)
     heading = np.arctan2(2.0 * np.cos(t), 10)
-    np.testing.assert_allclose(column(episode, schema, "epsi_rad"), heading, atol=1e-3)
+    np.testing.assert_allclose(episode.signals["epsi_rad"], heading, atol=1e-3)
     at = np.interp(t, made.time, made.turn)
-    np.testing.assert_allclose(column(episode, schema, "yaw_rate_radps"), at, atol=3e-4)
+    np.testing.assert_allclose(episode.signals["yaw_rate_radps"], at, atol=3e-4)
 
 
-def test_where_the_car_leaves_the_line_the_drive_is_cut(parse):
+def test_a_drive_is_cut_where_the_car_leaves_the_line(parse):
     made = circle_drive()
     away = (made.time > 8.0) & (made.time < 9.0)
     made.x[away] *= 1.6
     made.y[away] *= 1.6
-    found, schema = cut(parse, made, MAPPING + LINE, circle_line())
+    found = cut(parse, made, MAPPING + LINE, circle_line())
     assert len(found.episodes) == 2
     for episode in found.episodes:
-        assert np.max(np.abs(column(episode, schema, "ey_m"))) < 2.0
+        assert np.max(np.abs(episode.signals["ey_m"])) < 2.0
 
 
-def test_beyond_the_ends_of_an_open_line_there_is_no_road(parse):
+def test_samples_beyond_the_ends_of_an_open_line_are_left_out(parse):
     made = make_drive(20.0)
     made = made._replace(x=10.0 * made.time, y=0.0 * made.time, yaw=0.0 * made.time)
     points = np.stack([np.linspace(30.0, 130.0, 30), np.zeros(30)])
     line = make_line(points, False, 0.0, Path("l.csv"))
-    found, _ = cut(parse, made, MAPPING + LINE.replace("true", "false"), line)
+    found = cut(parse, made, MAPPING + LINE.replace("true", "false"), line)
     (episode,) = found.episodes
     assert episode.begin_s == pytest.approx(3.05, abs=0.03)
-    assert episode.begin_s + 0.025 * len(episode.x) == pytest.approx(13.0, abs=0.05)
+    assert episode.begin_s + 0.025 * len(episode) == pytest.approx(13.0, abs=0.05)
     assert found.off_line == pytest.approx(400, abs=5)

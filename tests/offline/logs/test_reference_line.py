@@ -1,4 +1,4 @@
-"""Along and beside a line: circles and straights have answers known by hand."""
+"""Poses are located relative to lines for which the result is known by hand."""
 
 from pathlib import Path
 
@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from made_logs import write_csv
 
-from offline.logs.column_mapping import ColumnMapping
-from offline.logs.mapping import PoseMapping
+from offline.data.road_frame import Anchor, onto_road
+from offline.logs.mapping_tables import ColumnMapping, PoseMapping
 from offline.logs.reference_line import make_line, read_line
-from offline.road_frame import Anchor, onto_road
 from rt_controller.contract.errors import DatasetError
 
 RADIUS_M = 50.0
@@ -27,12 +26,12 @@ def pose_beside_circle(angle, ey_m, epsi_rad):
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), heading + epsi_rad], axis=1)
 
 
-def test_beside_a_circle_everything_is_known():
+def test_poses_beside_a_circle_are_located_exactly():
     line = make_line(circle(), True, 0.0, HERE)
     assert line.length_m == pytest.approx(2 * np.pi * RADIUS_M, rel=1e-5)
-    dice = np.random.default_rng(0)
-    angle, ey = dice.uniform(0.0, 2 * np.pi, 200), dice.uniform(-8.0, 8.0, 200)
-    epsi = dice.uniform(-0.5, 0.5, 200)
+    rng = np.random.default_rng(0)
+    angle, ey = rng.uniform(0.0, 2 * np.pi, 200), rng.uniform(-8.0, 8.0, 200)
+    epsi = rng.uniform(-0.5, 0.5, 200)
     at = line.locate(pose_beside_circle(angle, ey, epsi))
     np.testing.assert_allclose(at.s_m, RADIUS_M * angle, atol=2e-3)
     np.testing.assert_allclose(at.ey_m, ey, atol=1e-5)
@@ -40,7 +39,7 @@ def test_beside_a_circle_everything_is_known():
     np.testing.assert_allclose(at.curvature_per_m, 1.0 / RADIUS_M, rtol=1e-3)
 
 
-def test_progress_goes_on_over_the_end_of_a_closed_line():
+def test_progress_continues_over_the_end_of_a_closed_line():
     line = make_line(circle(), True, 0.0, HERE)
     angle = np.radians([358.0, 359.0, 0.0, 1.0])
     at = line.locate(pose_beside_circle(angle, np.zeros(4), np.zeros(4)))
@@ -56,7 +55,7 @@ def test_a_straight_line_has_no_curvature_and_left_is_positive():
     assert at.curvature_per_m == pytest.approx([0.0], abs=1e-9)
 
 
-def test_smoothing_takes_the_noise_of_the_points_out_of_the_curvature():
+def test_smoothing_removes_the_noise_of_the_points_from_the_curvature():
     noise = 0.03 * np.random.default_rng(0).normal(size=(2, 400))
     pose = pose_beside_circle(np.radians(np.arange(5.0, 355.0)), np.zeros(350), np.zeros(350))
     rough = make_line(circle() + noise, True, 0.0, HERE).locate(pose).curvature_per_m
@@ -65,8 +64,8 @@ def test_smoothing_takes_the_noise_of_the_points_out_of_the_curvature():
     assert np.max(np.abs(rough - 1.0 / RADIUS_M)) > 1.0 / RADIUS_M
 
 
-def test_path_states_agree_with_those_of_a_laid_road():
-    """Two ways to the same numbers: a given line, and a circle laid under the first pose."""
+def test_path_states_equal_those_of_a_placed_road():
+    """A given circle, and the same circle placed under the first pose."""
     s = np.linspace(0.0, 60.0, 601)
     pose = np.stack([s, 1.0 + 0.5 * np.sin(0.1 * s), 0.05 * np.cos(0.1 * s)], axis=1)
     line = make_line(circle() + np.array([[0.0], [RADIUS_M]]), True, 0.0, HERE)
@@ -90,13 +89,13 @@ def test_a_line_is_read_from_points(tmp_path):
     assert read_line(settings(path)).length_m == pytest.approx(2 * np.pi * RADIUS_M, rel=1e-3)
 
 
-def test_too_few_points_make_no_line(tmp_path):
+def test_too_few_points_are_refused(tmp_path):
     path = write_csv(tmp_path / "track.csv", {"x": [0, 1, 1, 2], "y": [0, 0, 0, 1]})
     with pytest.raises(DatasetError, match=r"track\.csv: expected at least 8 different points"):
         read_line(settings(path))
 
 
-def test_a_hole_in_the_line_is_named(tmp_path):
+def test_a_missing_number_in_the_line_is_refused_with_its_line_number(tmp_path):
     path = write_csv(tmp_path / "track.csv", {"x": [0, 1, ""], "y": [0, 0, 0]})
     with pytest.raises(DatasetError, match=r"track\.csv, line 4: expected x and y"):
         read_line(settings(path))

@@ -1,12 +1,12 @@
-"""A column becomes a signal: in SI, in time, and without a number that cannot be."""
+"""A column is converted to a signal in SI, with its delay subtracted and its values checked."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
-from made_logs import MAPPING
+from made_logs import MAPPING, series_of
 
-from offline.logs.log import Channel, Log
+from offline.logs.readers.log import Channel, Log
 from offline.logs.series import to_drive
 from rt_controller.contract.errors import DatasetError
 
@@ -35,7 +35,7 @@ def log_of(values, unit=None, dt_s=0.1):
 
 def series(parse, values, state="", unit="m/s", extra=""):
     mapping = parse(ONE_OF_EACH.format(state=state) + extra)
-    return to_drive(log_of(values, unit), mapping).series("vx_mps")
+    return series_of(to_drive(log_of(values, unit), mapping), "vx_mps")
 
 
 def test_factor_offset_unit_and_sign_apply_in_this_order(parse):
@@ -44,59 +44,59 @@ def test_factor_offset_unit_and_sign_apply_in_this_order(parse):
     assert found.values == pytest.approx([-(2 * 10 - 1) / 3.6, -(2 * 19 - 1) / 3.6])
 
 
-def test_an_offset_of_the_unit_is_part_of_it(parse):
+def test_the_offset_of_a_unit_is_applied(parse):
     mapping = parse(
         '[states]\nheat_k = { column = "v", unit = "degC" }\n'
         '[inputs]\nsteer_rad = { column = "d", unit = "rad" }\n'
     )
-    assert to_drive(log_of([20.0, 30.0]), mapping).series("heat_k").values[0] == 293.15
+    assert series_of(to_drive(log_of([20.0, 30.0]), mapping), "heat_k").values[0] == 293.15
 
 
-def test_a_late_signal_is_put_back_to_when_it_happened(parse):
+def test_the_delay_is_subtracted_from_the_time_stamps(parse):
     found = series(parse, [1.0, 2.0, 3.0], ", delay_s = 0.32")
     assert found.t_s == pytest.approx([-0.32, -0.22, -0.12])
 
 
-def test_a_hole_is_refused_with_its_place_or_skipped_where_allowed(parse):
+def test_a_missing_number_is_refused_with_its_place_or_skipped_if_allowed(parse):
     with pytest.raises(DatasetError, match=r"a\.csv, column v, line 3: expected a number"):
         series(parse, [1.0, np.nan, 3.0])
     assert series(parse, [1.0, np.nan, 3.0], ', missing = "skip"').values.tolist() == [1.0, 3.0]
 
 
-def test_an_infinite_number_is_none_that_a_signal_may_have(parse):
+def test_an_infinite_number_is_refused(parse):
     with pytest.raises(DatasetError, match=r"column v, line 4: expected a number, found an inf"):
         series(parse, [1.0, 2.0, np.inf, 3.0])
 
 
-def test_the_files_unit_and_the_mappings_must_agree(parse):
+def test_a_unit_of_the_file_that_differs_from_the_mapping_is_refused(parse):
     with pytest.raises(DatasetError, match=r"column v: expected numbers in m/s.*says kph"):
         series(parse, [1.0, 2.0], ', unit = "m/s"', unit="kph")
     assert series(parse, [1.0, 2.0], ', unit = "kph"', unit="km/h").unit == "m/s"
 
 
-def test_a_unit_has_to_be_told_by_someone(parse):
+def test_a_signal_without_any_unit_is_refused(parse):
     with pytest.raises(DatasetError, match=r"column v: expected a unit, found no unit"):
         series(parse, [1.0, 2.0], unit=None)
 
 
-def test_an_unknown_word_of_the_file_is_no_unit_but_does_not_overrule_the_mapping(parse):
+def test_an_unknown_unit_of_the_file_is_ignored_if_the_mapping_has_one(parse):
     with pytest.raises(DatasetError, match="found 'blah'"):
         series(parse, [1.0, 2.0], unit="blah")
     assert series(parse, [1.0, 2.0], ', unit = "m/s"', unit="blah").values[1] == 2.0
 
 
-def test_a_unit_of_another_kind_than_the_name_is_refused(parse):
-    with pytest.raises(DatasetError, match="becomes m/s, as the name vx_mps says"):
+def test_a_unit_of_another_quantity_than_the_name_is_refused(parse):
+    with pytest.raises(DatasetError, match="converted to m/s as in the name vx_mps"):
         series(parse, [1.0, 2.0], unit="deg/s")
 
 
-def test_a_number_that_no_car_reaches_is_refused_with_its_place(parse):
+def test_a_number_outside_the_limits_is_refused_with_its_place(parse):
     with pytest.raises(DatasetError, match=r"column v, line 4: .*between -20 and 120 m/s.*180"):
         series(parse, [90.0, 100.0, 180.0])
     assert series(parse, [90.0, 100.0, 180.0], ", plausible = [0.0, 200.0]").values[2] == 180.0
 
 
-def test_time_that_runs_back_is_refused_with_its_place(parse):
+def test_time_that_runs_backwards_is_refused_with_its_place(parse):
     mapping = parse(ONE_OF_EACH.format(state=', unit = "m/s"'))
     log = log_of([1.0, 2.0, 3.0])
     log.channels[0].t_s[2] = 0.05
@@ -104,41 +104,41 @@ def test_time_that_runs_back_is_refused_with_its_place(parse):
         to_drive(log, mapping)
 
 
-def test_the_drive_is_cut_where_a_signal_moves_faster_than_it_can(parse):
+def test_the_drive_is_cut_where_a_signal_changes_faster_than_possible(parse):
     found = series(parse, [10.0, 10.1, 40.0, 40.1])
-    assert found.bridged.tolist() == [True, False, True]
+    assert found.connected.tolist() == [True, False, True]
     assert found.jumps == 1
 
 
-def test_the_noise_of_fast_samples_is_no_jump(parse):
+def test_noise_of_fast_samples_is_not_a_jump(parse):
     mapping = parse(ONE_OF_EACH.format(state=', unit = "m/s"'))
     noisy = 10.0 + 0.3 * np.random.default_rng(0).choice([-1.0, 1.0], 1000)
-    found = to_drive(log_of(noisy, dt_s=0.001), mapping).series("vx_mps")
+    found = series_of(to_drive(log_of(noisy, dt_s=0.001), mapping), "vx_mps")
     assert found.jumps == 0
 
 
-def test_the_drive_is_cut_where_a_signal_leaves_what_is_kept(parse):
+def test_the_drive_is_cut_where_a_signal_leaves_its_keep_interval(parse):
     found = series(parse, [1.0, 3.5, 4.0, 4.5, 2.0], ", keep = [3.0, 60.0]")
-    assert found.bridged.tolist() == [False, True, True, False]
+    assert found.connected.tolist() == [False, True, True, False]
 
 
-def test_the_first_seconds_may_be_skipped(parse):
+def test_the_first_seconds_can_be_skipped(parse):
     found = series(parse, [1.0, 2.0, 3.0, 4.0], extra="[time]\nskip_first_s = 0.15\n")
     assert found.values.tolist() == [3.0, 4.0]
     assert found.row.tolist() == [4, 5]
 
 
-@pytest.mark.parametrize(("setting", "is_bridged"), [("", False), ("longest_gap_s = 0.6", True)])
-def test_two_lost_samples_are_bridged_and_more_are_a_gap(parse, setting, is_bridged):
+@pytest.mark.parametrize(("setting", "is_connected"), [("", False), ("longest_gap_s = 0.6", True)])
+def test_two_lost_samples_are_bridged_and_three_are_a_gap(parse, setting, is_connected):
     mapping = parse(ONE_OF_EACH.format(state=', unit = "m/s"') + f"[time]\n{setting}\n")
     log = log_of(np.arange(12.0))
     lost = [np.delete(each, [2, 3, 6, 7, 8]) for each in log.channels[0][1:4]]
     channels = (Channel("v", *lost, None), log.channels[1])
-    found = to_drive(Log(log.path, channels, "line", 12), mapping).series("vx_mps")
-    assert found.bridged.tolist() == [True, True, True, is_bridged, True, True]
+    found = series_of(to_drive(Log(log.path, channels, "line", 12), mapping), "vx_mps")
+    assert found.connected.tolist() == [True, True, True, is_connected, True, True]
 
 
-def test_yaw_is_followed_through_whole_turns(parse):
+def test_yaw_is_continuous_over_full_turns(parse):
     pose = "".join(f'{name} = {{ column = "{name}", unit = "m" }}\n' for name in "xy")
     mapping = parse(MAPPING + "[pose]\n" + pose + 'yaw = { column = "yaw", unit = "deg" }\n')
     t_s = 0.1 * np.arange(100)
@@ -146,4 +146,4 @@ def test_yaw_is_followed_through_whole_turns(parse):
     columns = dict.fromkeys(mapping.columns, 0.01 * t_s) | {"yaw": (40 * t_s + 180) % 360 - 180}
     channels = tuple(Channel(name, t_s, each, rows, None) for name, each in columns.items())
     drive = to_drive(Log(Path("a.csv"), channels, "line", 100), mapping)
-    assert drive.series("yaw").values == pytest.approx(np.radians(40 * t_s))
+    assert series_of(drive, "yaw").values == pytest.approx(np.radians(40 * t_s))

@@ -1,1 +1,0 @@
-"""Other people's solvers behind the controller's protocol: one file each."""

@@ -1,0 +1,187 @@
+"""The same closed-loop drives with this controller and with nonlinear ones."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, cast
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.lockstep import default_config, drive_in_lockstep
+from benchmarks.peers.nonlinear.formulations import TRACKED, NmpcParameters
+from benchmarks.peers.nonlinear.solvers import METHODS, CasadiSolver, DompcSolver, Method
+from benchmarks.peers.solvers.registry import DEFAULT, FAST
+from benchmarks.staged import StagedOsqp, StagedPiqp, StagedQp, use_staged_qp
+from benchmarks.tables import percentiles, summarise, timed
+from rt_controller.contract.artifact import load_bundle, shipped_model
+from rt_controller.contract.bundle import Bundle
+from rt_controller.contract.limits import INPUT_LIMITS, InputLimits
+from rt_controller.contract.schema import N_INPUTS
+from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
+from rt_controller.control.mpc import Mpc
+from rt_controller.control.pedals import PedalChoice, limit_pedals
+from rt_controller.control.reference import ReferenceHorizon
+from rt_controller.control.solver import Solver, SolverChoice, SolveStatus
+from rt_controller.control.terms import constrain_inputs
+from rt_controller.planner import WARM_UP_STEPS
+
+
+class Nmpc:
+    """References, pedals and limits of the controller, with another model and solver."""
+
+    iterations = 0
+    solve_ns = 0
+
+    def __init__(
+        self, solver: CasadiSolver | DompcSolver, horizon: int, limits: InputLimits
+    ) -> None:
+        self._solver = solver
+        self._bounds = constrain_inputs(1, limits)
+        self._upper = np.tile(self._bounds.upper, (horizon, 1))
+        self._reference = ReferenceHorizon(horizon)
+        self._pedals = PedalChoice()
+        self.inputs = np.zeros((horizon, N_INPUTS))
+
+    def plan(
+        self,
+        state: VehicleState,
+        curvature_per_m: float,
+        path: PathReference,
+        previous: ControlInput,
+    ) -> SolveStatus:
+        reference = self._reference.expand(path, state, curvature_per_m)
+        self._pedals.update(state.vx_mps - path.v_mps, path.a_mps2)
+        v_prev = np.array(previous) / self._bounds.scale
+        limit_pedals(self._upper, self._pedals, v_prev, self._bounds.slew)
+        parameters = NmpcParameters(
+            np.array(state)[TRACKED], v_prev, self._upper, reference[:, TRACKED], curvature_per_m
+        )
+        is_usable = self._solver.solve(parameters, self.inputs)
+        return SolveStatus.SOLVED if is_usable else SolveStatus.NUMERICS
+
+    def prepare(self) -> None:
+        """Do nothing: the whole problem is solved in `plan`."""
+
+    def warm_up(self) -> None:
+        """Do nothing: a solve would move the iterate."""
+
+    def observe(self, state: VehicleState, held: ControlInput) -> None:
+        """Do nothing: the model has no history."""
+
+    def forget(self) -> None:
+        """Do nothing: the model has no history."""
+
+    def bound(self, budget_ns: int) -> None:
+        """Do nothing: the iterations are limited already."""
+
+
+Controller = Mpc | Nmpc
+HEADS = {
+    "plan_p50_us": "plan p50 us",
+    "plan_p99_us": "p99 us",
+    "plan_max_us": "max us",
+    "prepare_p50_us": "prepare p50 us",
+    "plan_p50_us_over_default": "p50 / default",
+    "both_p50_us_over_default": "with prepare",
+    "ey_rms_m": "e_y RMS m",
+    "ey_peak_m": "peak m",
+    "vx_rms_mps": "v_x RMS m/s",
+}
+
+
+class ClosedLoopComparison:
+    """All controllers for one model; compiling the nonlinear ones takes minutes."""
+
+    def __init__(self, model: str, only: Sequence[str] = ()) -> None:
+        self._bundle = load_bundle(shipped_model(model))
+        self._controllers = {
+            name: build()
+            for name, build in _builders(self._bundle).items()
+            if not only or name in (DEFAULT, *only)
+        }
+
+    def run(self, scenario: str, rounds: int) -> pd.DataFrame:
+        """A row for each controller after driving the scenario in every round; columns as `HEADS`.
+
+        Times of a plan are from the state to the inputs. The fastest plan is first.
+        """
+        names, rng = list(self._controllers), np.random.default_rng(0)
+        rows = []
+        for round_ in range(rounds):
+            for index in rng.permutation(len(names)):
+                controller = self._controllers[names[index]]
+                figures = _drive(controller, self._bundle, scenario)
+                rows.append({"round": round_, "name": names[index], **figures})
+        ratios_of = ("plan_p50_us", "plan_p99_us", "both_p50_us")
+        summary = summarise(pd.DataFrame(rows), ratios_of, {"default": DEFAULT})
+        return summary.sort_values("plan_p50_us")
+
+
+def _builders(bundle: Bundle) -> dict[str, Callable[[], Controller]]:
+    settings = default_config().mpc
+    horizon, cost = settings.horizon, settings.cost()
+
+    def own(choice: SolverChoice) -> Mpc:
+        chosen = settings.model_copy(update={"solver": choice})
+        return Mpc(bundle, horizon, cost, INPUT_LIMITS, open_solver=chosen.open_solver)
+
+    def staged(open_solver: Callable[[StagedQp], Solver]) -> Mpc:
+        qp = StagedQp(bundle, horizon, cost, INPUT_LIMITS)
+        return use_staged_qp(own(SolverChoice.PIQP), qp, open_solver(qp))
+
+    def casadi(method: Method) -> Nmpc:
+        return Nmpc(CasadiSolver(method, horizon, cost, INPUT_LIMITS), horizon, INPUT_LIMITS)
+
+    def dompc() -> Nmpc:
+        return Nmpc(DompcSolver(horizon, cost, INPUT_LIMITS), horizon, INPUT_LIMITS)
+
+    with_states = {
+        "states in the QP, PIQP": partial(staged, StagedPiqp),
+        "states in the QP, OSQP cold": partial(staged, StagedOsqp),
+    }
+    return {
+        DEFAULT: partial(own, SolverChoice.PIQP),
+        FAST: partial(own, SolverChoice.DAQP),
+        **(with_states if bundle.bilinear is None else {}),
+        **{method.name: partial(casadi, method) for method in METHODS},
+        "do-mpc, IPOPT": dompc,
+    }
+
+
+def _drive(controller: Controller, bundle: Bundle, scenario: str) -> dict[str, float]:
+    timed = _Timed(controller)
+    # The loop calls nothing but what `_Timed` forwards.
+    errors = drive_in_lockstep(default_config(), bundle, cast("Mpc", timed), scenario)
+    plan = percentiles(timed.plan_us[WARM_UP_STEPS:], "plan_")
+    prepare_p50_us = percentiles(timed.prepare_us)["p50_us"]
+    return {
+        **plan,
+        "prepare_p50_us": prepare_p50_us,
+        "both_p50_us": plan["plan_p50_us"] + prepare_p50_us,
+        "ey_rms_m": errors.ey_rms_m,
+        "ey_peak_m": errors.ey_peak_m,
+        "vx_rms_mps": errors.vx_rms_mps,
+    }
+
+
+class _Timed:
+    """A controller whose calls are timed."""
+
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
+        self.plan_us: list[float] = []
+        self.prepare_us: list[float] = []
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._controller, name)
+
+    def plan(self, *arguments: Any) -> Any:
+        status, took_us = timed(self._controller.plan, *arguments)
+        self.plan_us.append(took_us)
+        return status
+
+    def prepare(self) -> None:
+        self.prepare_us.append(timed(self._controller.prepare)[1])
+
+    def warm_up(self) -> None:
+        self.prepare_us[-1] += timed(self._controller.warm_up)[1]

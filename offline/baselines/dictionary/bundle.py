@@ -1,0 +1,133 @@
+"""A dictionary model as a bundle: its lift in ONNX, the scaling folded into the matrices."""
+
+import numpy as np
+import onnx
+from numpy.typing import NDArray
+from onnx import helper, numpy_helper, parser
+
+from offline.baselines.dictionary.functions import Family, Functions
+from offline.baselines.dictionary.model import Dictionary, LiftedModel
+from offline.data.dataset import Dataset
+from offline.data.provenance import describe_training
+from offline.data.signals import past_names
+from rt_controller.contract.artifact import Bilinear, Bundle, Lift, LiftSample
+from rt_controller.contract.identity_encoder import IR_VERSION, OPSET
+
+Constants = dict[str, NDArray[np.generic]]
+
+
+def to_bundle(name: str, model: LiftedModel, dataset: Dataset, sample: LiftSample) -> Bundle:
+    """The model as a bundle; `sample` are instants with at least the past that it needs."""
+    dictionary, matrices = model.dictionary, model.matrices
+    scaling, past_steps = dictionary.scaling, dictionary.past_steps
+    inputs = ("x",) if dictionary.functions.family is Family.NONE else ("x", "w")
+    lift, history = Lift(inputs), np.zeros((len(sample.x), 0, 0))
+    if past_steps:
+        fields = past_names(dataset.schema, dataset.roles)
+        lift = Lift((*inputs, "history"), past_steps, fields)
+        history = sample.history[:, -past_steps:]
+    sample = LiftSample(sample.x, sample.w, history)
+    psi = dictionary.lift(sample.x, sample.w, sample.history)
+    n, n_x = len(matrices.A), len(scaling.x_scale)
+    # physical = s * scaled + t; only the states among psi become physical.
+    s, t = np.ones(n), np.zeros(n)
+    s[:n_x], t[:n_x] = scaling.x_scale, scaling.x_centre
+    psi[:, :n_x] = sample.x
+    A = matrices.A * s[:, None] / s[None, :]
+    bilinear = None
+    if matrices.bilinear is not None:
+        N, S, s0, follows = matrices.bilinear
+        bilinear = Bilinear(N * s[:, None] / scaling.u_scale, S / s, s0 - S @ (t / s), follows)
+    fit_info = {fact.name: fact.value for fact in model.fit_info()}
+    return Bundle(
+        name=name,
+        schema=dataset.schema,
+        A=A,
+        B_uc=matrices.B_uc * s[:, None] / scaling.u_scale,
+        B_uw=matrices.B_uw * s[:, None] / scaling.w_scale,
+        c=t - A @ t,
+        bilinear=bilinear,
+        lift=lift,
+        encoder_onnx=_encoder(dictionary, lift, n),
+        selftest=sample,
+        selftest_psi=psi,
+        training=describe_training({"kind": name, **fit_info}, dataset.origin),
+        data_sha256=dataset.sha256,
+    )
+
+
+def _encoder(dictionary: Dictionary, lift: Lift, n: int) -> bytes:
+    """The lift in ONNX: psi = [x, scaled history, functions of scaled x and w, 1]."""
+    scaling = dictionary.scaling
+    constants: Constants = {"one_width": np.array([1])}
+    nodes = [
+        "rows = Shape <start = 0, end = 1> (x)",
+        "one_shape = Concat <axis = 0> (rows, one_width)",
+        "one = ConstantOfShape <value = float[1] {1.0}> (one_shape)",
+    ]
+    inputs, psi = [f"float[batch, {len(scaling.x_scale)}] x"], ["x"]
+    if lift.sees_exogenous:
+        inputs.append(f"float[batch, {len(scaling.w_scale)}] w")
+    if lift.sees_history:
+        inputs.append(f"float[batch, {dictionary.past_steps}, {len(scaling.past_scale)}] history")
+        constants |= {"p_centre": scaling.past_centre, "p_scale": scaling.past_scale}
+        nodes += [
+            "p_centred = Sub (history, p_centre)",
+            "p_scaled = Div (p_centred, p_scale)",
+            "past = Flatten (p_scaled)",
+        ]
+        psi.append("past")
+    if lift.sees_exogenous:
+        for constant in ("x_centre", "x_scale", "w_scale"):
+            constants[constant] = getattr(scaling, constant)
+        nodes += [
+            "x_centred = Sub (x, x_centre)",
+            "x_scaled = Div (x_centred, x_scale)",
+            "w_scaled = Div (w, w_scale)",
+            "v = Concat <axis = 1> (x_scaled, w_scaled)",
+            *_evaluation(dictionary.functions, constants),
+        ]
+        psi.append("values")
+    nodes.append(f"psi = Concat <axis = 1> ({', '.join(psi)}, one)")
+    signature = f"lift ({', '.join(inputs)}) => (float[batch, {n}] psi)"
+    graph = parser.parse_graph("\n".join([signature, "{", *nodes, "}"]))
+    for name, value in constants.items():
+        kind = value.dtype if value.dtype == np.int64 else np.float32
+        graph.initializer.append(
+            numpy_helper.from_array(np.ascontiguousarray(value, dtype=kind), name)
+        )
+    opset = [helper.make_opsetid("", OPSET)]
+    encoder = helper.make_model(graph, opset_imports=opset, ir_version=IR_VERSION)
+    onnx.checker.check_model(encoder)
+    return bytes(encoder.SerializeToString())
+
+
+def _evaluation(functions: Functions, constants: Constants) -> list[str]:
+    """Nodes that compute `values` from `v`; what they need is added to the constants."""
+    if functions.family is Family.MONOMIALS:
+        columns = functions.rows.T.astype(np.int64)
+        constants |= {f"column_{i}": column for i, column in enumerate(columns)}
+        nodes = ["factors = Concat <axis = 1> (v, one)"]
+        nodes += [f"f_{i} = Gather <axis = 1> (factors, column_{i})" for i in range(len(columns))]
+        product = "f_0"
+        for i in range(1, len(columns)):
+            nodes.append(f"product_{i} = Mul ({product}, f_{i})")
+            product = f"product_{i}"
+        return [*nodes, f"values = Identity ({product})"]
+    if functions.family is Family.GAUSSIANS:
+        constants |= {"middle": np.array([1]), "last": np.array([2])}
+        constants |= {"centres": functions.rows[None], "minus": np.array(-0.5 / functions.width**2)}
+        return [
+            "v_each = Unsqueeze (v, middle)",
+            "difference = Sub (v_each, centres)",
+            "squares = Mul (difference, difference)",
+            "distance = ReduceSum <keepdims = 0> (squares, last)",
+            "exponent = Mul (distance, minus)",
+            "values = Exp (exponent)",
+        ]
+    constants |= {"frequencies": functions.rows.T, "phases": functions.shifts}
+    return [
+        "products = MatMul (v, frequencies)",
+        "angles = Add (products, phases)",
+        "values = Cos (angles)",
+    ]

@@ -1,0 +1,111 @@
+"""Baselines by name: found, fitted, and kept in a cache once fitted.
+
+The baselines are the modules in `offline.baselines.catalogue`; a module, with all that it imports,
+is imported only when its baseline is used.
+"""
+
+import pkgutil
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+from offline.baselines import catalogue
+from offline.baselines.code_digest import digest_of_code
+from offline.data.dataset import Dataset
+from offline.evaluation.predictor import Predictor
+from rt_controller.contract.artifact import Bundle, LiftSample
+from rt_controller.contract.errors import ConfigError
+from rt_controller.report.table import Fact
+
+
+class FittedBaseline(Predictor, Protocol):
+    """A baseline after its fit: a predictor that can be pickled."""
+
+    def fit_info(self) -> tuple[Fact, ...]:
+        """What the fit chose and found."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Baseline:
+    """How a baseline is made; each module of the catalogue has one as `BASELINE`."""
+
+    fit: Callable[[Dataset], FittedBaseline]
+    """fits to the training part, and chooses settings on the validation part"""
+    find_objection: Callable[[Dataset], str | None] = lambda dataset: None
+    """why it cannot be fitted to these data, as the end of a sentence; None if it can"""
+    to_bundle: Callable[[str, Any, Dataset, LiftSample], Bundle] | None = None
+    """name, fitted baseline, data, self-test instants → bundle; None if no controller can use it"""
+
+
+class Fitted(NamedTuple):
+    """A fitted baseline and how long the fit took."""
+
+    baseline: FittedBaseline
+    fit_cpu_s: float
+    """CPU time of all threads, also if the baseline comes from the cache"""
+
+
+def names() -> tuple[str, ...]:
+    """All baselines, in alphabetical order; imports none of them."""
+    modules = pkgutil.iter_modules(catalogue.__path__)
+    return tuple(sorted(module.name.replace("_", "-") for module in modules))
+
+
+def find_baseline(name: str) -> Baseline:
+    """The baseline of that name.
+
+    Raises:
+        ConfigError: there is none.
+    """
+    if name not in names():
+        raise ConfigError(f"baseline: expected one of {', '.join(names())}, found {name!r}.")
+    baseline: Baseline = import_module(_module_of(name)).BASELINE
+    return baseline
+
+
+def find_objection(name: str, dataset: Dataset) -> str | None:
+    """Why that baseline cannot be fitted to these data; None if it can."""
+    return find_baseline(name).find_objection(dataset)
+
+
+def fit(name: str, dataset: Dataset, cache_folder: Path) -> FittedBaseline:
+    """The baseline fitted to these data, from the cache as in `fit_timed`."""
+    return fit_timed(name, dataset, cache_folder).baseline
+
+
+def fit_timed(name: str, dataset: Dataset, cache_folder: Path) -> Fitted:
+    """The baseline fitted to these data, from the cache if data and code are unchanged.
+
+    A file of the cache that cannot be read is replaced by a new fit.
+
+    Raises:
+        ConfigError: there is no such baseline, or the folder cannot be written.
+        DatasetError: it cannot be fitted to these data.
+    """
+    from joblib import Memory
+
+    find_baseline(name)
+    try:
+        cached = Memory(cache_folder, verbose=0).cache(_fit, ignore=["dataset"])
+    except OSError as error:
+        raise ConfigError(
+            f"{cache_folder}: expected a folder for fitted baselines, found: {error.strerror}. Set "
+            f"XDG_CACHE_HOME to a folder that can be written."
+        ) from error
+    fitted: Fitted = cached(name, dataset.sha256, digest_of_code(_module_of(name)), dataset)
+    return fitted
+
+
+def _fit(name: str, data_sha256: str, code_digest: str, dataset: Dataset) -> Fitted:
+    """The key of the cache is all arguments but the last."""
+    begin = time.process_time()
+    fitted = find_baseline(name).fit(dataset)
+    return Fitted(fitted, time.process_time() - begin)
+
+
+def _module_of(name: str) -> str:
+    return f"{catalogue.__name__}.{name.replace('-', '_')}"

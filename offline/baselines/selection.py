@@ -1,0 +1,122 @@
+"""Baselines of an evaluation: those of the registry, and the paper's network that ships."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from offline.baselines import registry
+from offline.data.cache import cache
+from offline.data.dataset import Dataset
+from offline.data.provenance import is_held_out
+from offline.evaluation.comparison import Comparison, compare_models
+from offline.evaluation.held_out import has_signals
+from offline.evaluation.predictor import Predictor
+from offline.evaluation.test_sets import library_set
+from offline.model.bundle_predictor import BundlePredictor
+from rt_controller.contract.artifact import Bundle, load_bundle, shipped_model
+from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.report.table import Fact
+
+SHIPPED = "mdk-net-paper"
+"""the paper's network and training, a bundle of this package"""
+
+PLAIN_BASELINES = ("lti", "lti-per-curvature", "persistence")
+DEFAULT_BASELINES = (*PLAIN_BASELINES, SHIPPED)
+
+ALL, NONE = "all", "none"
+
+
+def all_baselines() -> tuple[str, ...]:
+    """Names of all baselines."""
+    return (*registry.names(), SHIPPED)
+
+
+def choose_baselines(names: Sequence[str]) -> tuple[str, ...]:
+    """The baselines of these names, each once; `DEFAULT_BASELINES` if there are none.
+
+    Raises:
+        ConfigError: a name is unknown.
+    """
+    if not names:
+        return DEFAULT_BASELINES
+    if tuple(names) in ((ALL,), (NONE,)):
+        return all_baselines() if names[0] == ALL else ()
+    unknown = [name for name in names if name not in all_baselines()]
+    if unknown:
+        raise ConfigError(
+            f"--baselines: expected {ALL}, {NONE}, or some of {', '.join(all_baselines())}, found "
+            f"{', '.join(unknown)}."
+        )
+    return tuple(dict.fromkeys(names))
+
+
+def open_baselines(
+    names: Sequence[str],
+    dataset: Dataset,
+    models: Sequence[Bundle],
+    is_required: bool,
+    notify: Callable[[str], None] = lambda text: None,
+) -> dict[str, Predictor]:
+    """The baselines by name, fitted now or taken from the cache.
+
+    One that these data or models do not allow is left out, and `notify` gets the reason.
+
+    Raises:
+        DatasetError: one is not allowed and `is_required`; raised before any is fitted.
+    """
+    objections = {name: _find_objection(name, dataset, models) for name in names}
+    for name, objection in objections.items():
+        if objection is not None and is_required:
+            raise DatasetError(
+                f"--baselines {name}: expected a baseline for these data, but {objection}."
+            )
+        if objection is not None:
+            notify(f"without {name}: {objection}.")
+    return {name: _open(name, dataset) for name in names if objections[name] is None}
+
+
+def compare_with_plain_baselines(bundle: Bundle, dataset: Dataset) -> Comparison:
+    """Errors of a new bundle, linear models and persistence on the test part of the data set.
+
+    A bundle with the name of a baseline replaces it.
+    """
+    names = tuple(name for name in PLAIN_BASELINES if name != bundle.name)
+    baselines = open_baselines(names, dataset, [bundle], is_required=False)
+    models = {bundle.name: BundlePredictor(bundle)}
+    return compare_models(models, baselines, [library_set(dataset)], dataset.schema)
+
+
+def baseline_facts(name: str, dataset: Dataset) -> list[Fact]:
+    """What is to be reported of a baseline that was opened."""
+    if name == SHIPPED:
+        shipped = load_bundle(shipped_model(SHIPPED))
+        return [
+            Fact("model, SHA-256", shipped.sha256),
+            Fact("trained on data set, SHA-256", shipped.data_sha256),
+        ]
+    fitted = registry.fit_timed(name, dataset, baseline_cache())
+    return [*fitted.baseline.fit_info(), Fact("CPU time of the fit", f"{fitted.fit_cpu_s:.3g} s")]
+
+
+def baseline_cache() -> Path:
+    """Folder of fitted baselines."""
+    return cache().parent / "baselines"
+
+
+def _open(name: str, dataset: Dataset) -> Predictor:
+    if name == SHIPPED:
+        return BundlePredictor(load_bundle(shipped_model(SHIPPED)))
+    return registry.fit(name, dataset, baseline_cache())
+
+
+def _find_objection(name: str, dataset: Dataset, models: Sequence[Bundle]) -> str | None:
+    """Why it cannot be a baseline here, as the end of a sentence; None if it can."""
+    if name != SHIPPED:
+        return registry.find_objection(name, dataset)
+    shipped = load_bundle(shipped_model(SHIPPED))
+    if any(shipped.sha256 == bundle.sha256 for bundle in models):
+        return "it is one of the evaluated models"
+    if not has_signals(shipped, dataset.manifest):
+        return "it is a model of other signals"
+    if not is_held_out(shipped, dataset.manifest):
+        return "it may have been trained on their test episodes"
+    return None

@@ -1,0 +1,134 @@
+"""The work of `offline-export`: check a model, compare it with baselines, write the bundle."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from offline.baselines import registry
+from offline.baselines.selection import (
+    baseline_cache,
+    baseline_facts,
+    compare_with_plain_baselines,
+)
+from offline.commands.terminal import STDERR, STDOUT
+from offline.config import PAST_STEPS
+from offline.data.cache import full_folder
+from offline.data.code_identity import source_revision
+from offline.data.dataset import Dataset, exists, load_dataset
+from offline.data.signals import past_names
+from offline.evaluation.figures import library_figures
+from offline.evaluation.model_card import write_card
+from offline.evaluation.tables import mse_table
+from offline.model.bundle_export import choose_selftest
+from offline.model.export_checks import check_export
+from offline.training.checkpoint import load_checkpoint
+from offline.training.export import export_checkpoint
+from offline.training.run_folder import open_run
+from rt_controller.contract.artifact import Bundle, Lift, save_bundle
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.figures import write_figures
+from rt_controller.contract.validation import find_objection_to_driving
+from rt_controller.report.table import Fact, print_table
+
+
+def export_run(path: Path, output: Path | None, data: Path | None, json_file: Path | None) -> int:
+    """Exit code of `offline-export` for the best model of a run."""
+    run = open_run(path)
+    checkpoint = load_checkpoint(run.best)
+    dataset = load_dataset(data or run.data_folder)
+    bundle, parity = export_checkpoint(checkpoint, dataset)
+    facts = [
+        Fact("preset", checkpoint.config.preset),
+        Fact(
+            "steps",
+            f"{load_checkpoint(run.last).step} of {run.config.steps} trained; the best model is "
+            f"that after step {checkpoint.step}",
+        ),
+        # The best checkpoint is written right after its evaluation.
+        Fact("validation loss", f"{checkpoint.validation_losses[-1]:.5f}"),
+        Fact("seed", str(checkpoint.config.seed)),
+        Fact("revision, trained", run.revision),
+        *(Fact(f"version of {name}", number) for name, number in run.versions.items()),
+    ]
+    return _deliver(bundle, parity, facts, dataset, output or run.bundle, json_file)
+
+
+def export_baseline(
+    name: str, data: Path | None, output: Path, run: Path, json_file: Path | None
+) -> int:
+    """Exit code of `offline-export --baseline`.
+
+    Raises:
+        ConfigError: no controller can plan with that baseline.
+    """
+    to_bundle = registry.find_baseline(name).to_bundle
+    if to_bundle is None:
+        drivable = [each for each in registry.names() if registry.find_baseline(each).to_bundle]
+        raise ConfigError(
+            f"--baseline {name}: expected a model that is linear or bilinear in the lifted state, "
+            f"so that a convex QP can plan with it, found another kind. Take one of "
+            f"{', '.join(drivable)}."
+        )
+    full = full_folder()
+    folder = data or (full if exists(full) else open_run(run).data_folder)
+    STDERR.print(f"data {folder}", soft_wrap=True)
+    dataset = load_dataset(folder)
+    whole_past = Lift(("x", "w", "history"), PAST_STEPS, past_names(dataset.schema, dataset.roles))
+    with STDERR.status(f"baseline {name}"):
+        baseline = registry.fit(name, dataset, baseline_cache())
+    bundle = to_bundle(name, baseline, dataset, choose_selftest(dataset, whole_past))
+    facts = baseline_facts(name, dataset)
+    return _deliver(bundle, check_export(bundle), facts, dataset, output, json_file)
+
+
+def _deliver(
+    bundle: Bundle,
+    parity: float,
+    facts: Sequence[Fact],
+    dataset: Dataset,
+    target: Path,
+    json_file: Path | None,
+) -> int:
+    """Evaluate a bundle, write it with its card, and print how to drive with it."""
+    revision = source_revision()
+    origin = dataset.origin
+    data = (
+        f"{origin.episodes} episodes, {dataset.manifest.trajectories} trajectories, "
+        f"seed {origin.seed}"
+    )
+    facts = [*facts, Fact("revision, exported", revision), Fact("data set", data)]
+    comparison = compare_with_plain_baselines(bundle, dataset)
+    try:
+        save_bundle(target, bundle, write_card(bundle, parity, comparison, facts))
+    except OSError as error:
+        raise ConfigError(
+            f"--output: expected a folder with room for a bundle, found {target}: {error.strerror}."
+        ) from error
+    STDOUT.print(
+        f"{bundle.name}: spectral radius {bundle.spectral_radius:.5f}, "
+        f"||A^20|| {bundle.growth(20):.3g}, ||A^80|| {bundle.growth(80):.3g}, "
+        f"torch/ONNX {parity:.1e}"
+    )
+    print_table(mse_table(comparison, comparison.sets[0]), STDOUT)
+    objection = find_objection_to_driving(bundle)
+    STDOUT.print(
+        f"Drive with it:\n  rt-controller --bus virtual --model {target}"
+        if objection is None
+        else objection,
+        soft_wrap=True,
+    )
+    write_figures(
+        json_file,
+        {
+            "bundle": str(target),
+            "model": bundle.name,
+            "model_sha256": bundle.sha256,
+            "revision": revision,
+            "spectral_radius": bundle.spectral_radius,
+            "growth_20": bundle.growth(20),
+            "growth_80": bundle.growth(80),
+            "parity": parity,
+            "size_bytes": sum(file.stat().st_size for file in target.iterdir()),
+            **library_figures(comparison),
+        },
+    )
+    return 0

@@ -1,0 +1,117 @@
+"""The data set of a command: loaded from its folder, or made now with a progress bar."""
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from offline.commands.terminal import STDERR, STDOUT, progress_bar
+from offline.config import TrainingConfig, explicit_fields
+from offline.data.cache import cache_folder, make_dataset, simulated_origin
+from offline.data.dataset import Dataset, exists, load_dataset
+from offline.data.manifest import Imported, Origin
+from offline.experiments.backend import Backend
+from offline.experiments.error_ratios import linear_mse
+from offline.experiments.training_task import CampaignData
+from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.figures import write_figures
+
+
+def make_data(
+    episodes: int, seed: int, data: Path | None, backend: Backend, json_file: Path | None
+) -> int:
+    """Exit code of `offline-data`."""
+    begun = time.monotonic()
+    folder, dataset = ensure_dataset(data, episodes, seed, backend)
+    wall_s = time.monotonic() - begun
+    require_origin(folder, dataset.origin, episodes, seed)
+    manifest = dataset.manifest
+    STDOUT.print(
+        f"{manifest.trajectories} trajectories of {episodes} episodes, "
+        f"{100 * manifest.rejected_fraction:.1f} % of the drawn episodes rejected, "
+        f"SHA-256 {dataset.sha256:.16}…, {wall_s:.1f} s\n{folder}",
+        soft_wrap=True,
+    )
+    write_figures(
+        json_file,
+        {
+            "folder": str(folder),
+            "n_episodes": episodes,
+            "n_trajectories": manifest.trajectories,
+            "rejected_fraction": manifest.rejected_fraction,
+            "sha256": dataset.sha256,
+            "wall_s": wall_s,
+        },
+    )
+    return 0
+
+
+def ensure_dataset(
+    data: Path | None, episodes: int, seed: int, backend: Backend
+) -> tuple[Path, Dataset]:
+    """Folder and content of a data set, which that backend makes if it does not exist.
+
+    An existing folder is loaded whatever its number of episodes.
+    """
+    if data is not None and exists(data):
+        return data, load_dataset(data)
+    with STDERR.status("compiling the vehicle model"):
+        origin = simulated_origin(episodes, seed)
+    folder = data or cache_folder(origin)
+    if exists(folder):
+        return folder, load_dataset(folder)
+    STDERR.print(f"making a data set of {episodes} episodes in {folder}", soft_wrap=True)
+    with backend.active(), progress_bar("simulating", episodes) as show:
+        dataset = make_dataset(folder, origin, on_progress=lambda done: show(done, ""))
+    return folder, dataset
+
+
+def require_origin(folder: Path, origin: Origin, episodes: int, seed: int) -> None:
+    """Return if a simulated data set has that many episodes of that seed; imports always pass.
+
+    Raises:
+        DatasetError: it has not.
+    """
+    if isinstance(origin, Imported):
+        return
+    if (origin.episodes, origin.seed) != (episodes, seed):
+        raise DatasetError(
+            f"{folder}: expected {episodes} episodes of seed {seed}, found a data set of "
+            f"{origin.episodes} episodes of seed {origin.seed}. Choose another --data."
+        )
+
+
+def config_of_data(
+    folder: Path, origin: Origin, config: TrainingConfig, chosen: TrainingConfig | None
+) -> TrainingConfig:
+    """The configuration with the episodes and the seed of the data set in that folder.
+
+    Raises:
+        DatasetError: the options explicitly chose other values.
+    """
+    explicit = explicit_fields(chosen)
+    of_data = {"episodes": origin.episodes, "data_seed": origin.seed}
+    asked = {**of_data, **{name: explicit[name] for name in of_data if name in explicit}}
+    require_origin(folder, origin, asked["episodes"], asked["data_seed"])
+    return config.model_copy(update=of_data)
+
+
+def open_campaign_data(
+    data: Path | None,
+    configs: Sequence[TrainingConfig],
+    chosen: TrainingConfig | None,
+    backend: Backend,
+) -> tuple[CampaignData, list[TrainingConfig]]:
+    """The data set of a comparison or a study, and the configurations for it.
+
+    It is made if it does not exist, and comes with the errors of the linear model on it.
+
+    Raises:
+        DatasetError: the folder holds other data than the options explicitly chose.
+    """
+    first = configs[0]
+    folder, dataset = ensure_dataset(data, first.episodes, first.data_seed, backend)
+    configs = [config_of_data(folder, dataset.origin, each, chosen) for each in configs]
+    with STDERR.status("fair linear model"):
+        mse = linear_mse(dataset)
+    states = dataset.schema.state_names
+    return CampaignData(folder.resolve(), dataset.sha256, states, tuple(map(float, mse))), configs

@@ -1,0 +1,145 @@
+"""The work of `offline-evaluate`: load models, compare them with baselines, print, write."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from offline.baselines.selection import ALL, choose_baselines, open_baselines
+from offline.commands.options import LATEST_RUN, EvaluationOptions
+from offline.commands.terminal import STDERR, STDOUT
+from offline.data.code_identity import source_revision
+from offline.data.dataset import Dataset
+from offline.data.manifest import Simulated
+from offline.evaluation.comparison import Comparison, compare_models
+from offline.evaluation.figures import comparison_figures
+from offline.evaluation.held_out import choose_test_data, find_objection
+from offline.evaluation.predictor import Predictor
+from offline.evaluation.tables import comparison_tables, set_size
+from offline.evaluation.test_sets import (
+    NEW_ROADS,
+    ROBUSTNESS,
+    TestSet,
+    choose_sets,
+    library_set,
+    new_roads_set,
+    robustness_set,
+)
+from offline.model.bundle_predictor import BundlePredictor
+from rt_controller.contract.artifact import Bundle, find_model, load_bundle
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.figures import write_figures
+from rt_controller.report.table import print_table
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """A comparison, and everything it was made from."""
+
+    comparison: Comparison
+    bundles: tuple[Bundle, ...]
+    """of the evaluated models, in their order"""
+    predictors: dict[str, Predictor]
+    """models and baselines by name"""
+    dataset: Dataset
+    revision: str
+
+
+def evaluate_models(options: EvaluationOptions, json_file: Path | None) -> int:
+    """Exit code of `offline-evaluate`."""
+    evaluation = run_evaluation(options)
+    print_comparison(evaluation.comparison)
+    write_figures(json_file, evaluation_figures(evaluation))
+    return 0
+
+
+def evaluation_figures(evaluation: Evaluation) -> dict[str, Any]:
+    """All results and what they were made from, for `--json`."""
+    names = evaluation.comparison.models
+    hashes = [bundle.sha256 for bundle in evaluation.bundles]
+    return {
+        "revision": evaluation.revision,
+        "model_sha256": dict(zip(names, hashes, strict=True)),
+        "data_sha256": evaluation.dataset.sha256,
+        **comparison_figures(evaluation.comparison),
+    }
+
+
+def run_evaluation(options: EvaluationOptions) -> Evaluation:
+    """The bundles in these folders, evaluated on a data set that none of them was trained on.
+
+    Raises:
+        ConfigError, ArtifactError, DatasetError: an argument, bundle or data set does not fit.
+    """
+    revision = source_revision()
+    baselines = options.baselines or []
+    baseline_names, set_names = choose_baselines(baselines), choose_sets(options.sets or [])
+    folders = [find_model(model) for model in options.model or [LATEST_RUN / "bundle"]]
+    bundles = tuple(load_bundle(folder) for folder in folders)
+    dataset = choose_test_data(bundles, options.data, LATEST_RUN, _notify)
+    tests = open_sets(set_names, dataset, bundles)
+    is_required = bool(baselines) and tuple(baselines) != (ALL,)
+    with STDERR.status("fitting baselines"):
+        opened = open_baselines(baseline_names, dataset, bundles, is_required, _notify)
+    names = label_models(folders, taken=opened)
+    named = {name: BundlePredictor(bundle) for name, bundle in zip(names, bundles, strict=True)}
+    with STDERR.status("evaluating") as status:
+        comparison = compare_models(
+            named,
+            opened,
+            tests,
+            dataset.schema,
+            lambda model, test: status.update(f"evaluating {model} on {test}"),
+        )
+    return Evaluation(comparison, bundles, {**named, **opened}, dataset, revision)
+
+
+def open_sets(names: Sequence[str], dataset: Dataset, bundles: Sequence[Bundle]) -> list[TestSet]:
+    """The test sets of these names; why one is left out is printed."""
+    tests = [library_set(dataset)]
+    if NEW_ROADS in names:
+        new_roads = new_roads_set(dataset)
+        if new_roads is None:
+            _notify(f"without {NEW_ROADS}: the data have no roads, or all of the new ones.")
+        else:
+            tests.append(new_roads)
+    if ROBUSTNESS in names:
+        objection: str | None = "the data are not of the simulated car"
+        if isinstance(dataset.origin, Simulated):
+            with STDERR.status("simulating other cars"):
+                others, test = robustness_set()
+            objection = find_objection(bundles, others.manifest)
+            if objection is None:
+                tests.append(test)
+        if objection is not None:
+            _notify(f"without {ROBUSTNESS}: {objection}.")
+    return tests
+
+
+def label_models(folders: Sequence[Path], taken: Collection[str] = ()) -> tuple[str, ...]:
+    """A name for each bundle: its folder, with as many parent folders as make it unique.
+
+    The folder `bundle` of a run gets the name of the run.
+    """
+    paths = [folder.resolve() for folder in folders]
+    paths = [path.parent if path.name == "bundle" else path for path in paths]
+    for depth in range(1, max(len(path.parts) for path in paths) + 1):
+        names = ["/".join(path.parts[-depth:]) for path in paths]
+        if len({*names, *taken}) == len(names) + len(taken):
+            return tuple(names)
+    raise ConfigError(
+        f"--model: expected different bundles, found one of them twice among "
+        f"{', '.join(map(str, folders))}."
+    )
+
+
+def print_comparison(comparison: Comparison) -> None:
+    """Print all tables."""
+    for test in comparison.sets:
+        STDOUT.print(f"{test.name}: {test.description}; {set_size(test)}", soft_wrap=True)
+    for table in comparison_tables(comparison):
+        print_table(table, STDOUT)
+
+
+def _notify(text: str) -> None:
+    STDERR.print(text, soft_wrap=True, markup=False)

@@ -1,0 +1,115 @@
+"""The work of `offline-import`: read logs, check them, write them as a data set.
+
+Nothing is written before all logs were read and passed the checks.
+"""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from offline.commands.terminal import STDERR, STDOUT
+from offline.data.dataset import exists, save_dataset
+from offline.data.manifest import Imported
+from offline.logs.assembly import assign_parts, join_episodes, roads_of, slice_windows
+from offline.logs.checks.inspection import inspect_drives, require_episodes
+from offline.logs.episode import cut_drive, make_schema
+from offline.logs.mapping import LogMapping, read_mapping
+from offline.logs.readers.source import find_logs, read_log, source_file
+from offline.logs.reference_line import read_line
+from offline.logs.series import to_drive
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.figures import write_figures
+from rt_controller.contract.schema import VEHICLE, Schema
+from rt_controller.report.table import print_table
+
+
+def import_logs(
+    mapping_file: Path,
+    places: Sequence[Path],
+    folder: Path | None,
+    *,
+    replace: bool,
+    json_file: Path | None,
+) -> int:
+    """Exit code of `offline-import`; without a folder the logs are only checked.
+
+    Raises:
+        ConfigError: the mapping is wrong, or the folder has a data set already.
+        DatasetError: a log is damaged, or fails a check.
+    """
+    if folder is not None and exists(folder) and not replace:
+        raise ConfigError(
+            f"--data {folder}: expected a folder without a data set, found one. Name another, or "
+            f"add --replace."
+        )
+    mapping, text = read_mapping(mapping_file)
+    paths = find_logs(places, mapping)
+    with STDERR.status("reading") as status:
+        drives = []
+        for path in paths:
+            status.update(f"reading {path.name}")
+            drives.append(to_drive(read_log(path, mapping), mapping))
+        status.update("cutting into episodes")
+        line = read_line(mapping.pose) if mapping.pose else None
+        cuts = [cut_drive(drive, mapping, line) for drive in drives]
+        require_episodes(drives, cuts, mapping)
+        schema = make_schema(mapping, drives)
+        episodes = [episode for cut in cuts for episode in cut.episodes]
+        part = assign_parts([episode.path.name for episode in episodes], mapping.split)
+        recording, roads = join_episodes(episodes, mapping), roads_of(mapping)
+        slices = slice_windows(recording, roads, mapping.split.seed)
+        status.update("checking")
+        report = inspect_drives(drives, cuts, slices, part, mapping, schema)
+    for table in report.tables():
+        print_table(table, STDOUT)
+    for sentence in (report.summary(), *_limits_of_use(schema)):
+        STDOUT.print(sentence)
+    figures = {"folder": None, "sha256": None, **report.figures()}
+    if folder is not None:
+        dataset = save_dataset(
+            folder,
+            recording,
+            slices,
+            part,
+            schema=schema,
+            roles=mapping.resolve_roles(),
+            roads=roads,
+            origin=Imported(
+                tuple(source_file(path) for path in (*paths, *_other_files(mapping))),
+                text,
+                len(episodes),
+                mapping.split.seed,
+            ),
+            rejected=sum(len(cut.left_out) for cut in cuts),
+        )
+        figures |= {"folder": str(folder), "sha256": dataset.sha256}
+        STDOUT.print(
+            f"SHA-256 {dataset.sha256:.16}…\n{folder}\nNext:\n  offline-train --data {folder}",
+            soft_wrap=True,
+        )
+    write_figures(json_file, figures)
+    return 0
+
+
+def _other_files(mapping: LogMapping) -> Iterator[Path]:
+    """Files besides the logs that the data set depends on."""
+    if mapping.pose and mapping.pose.reference_line:
+        yield mapping.pose.reference_line
+    if mapping.can:
+        yield mapping.can.dbc
+
+
+def _limits_of_use(schema: Schema) -> Iterator[str]:
+    """A sentence if the controller cannot drive with models of these signals."""
+    if not np.isclose(schema.dt_s, VEHICLE.dt_s, rtol=1e-9):
+        yield (
+            f"The period is {1e3 * schema.dt_s:g} ms: models of this data set predict and are "
+            f"compared, but the controller drives every {1e3 * VEHICLE.dt_s:g} ms only."
+        )
+    elif schema != VEHICLE:
+        yield (
+            f"These are not the signals that the controller drives with "
+            f"({', '.join((*VEHICLE.state_names, *VEHICLE.input_names))}): models of this data set "
+            f"predict and are compared, but do not drive."
+        )

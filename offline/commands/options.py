@@ -1,0 +1,58 @@
+"""Options that several commands have, with their help texts."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from offline.config import TrainingConfig
+from offline.experiments.backend import Backend
+
+RUNS = Path("runs")
+LATEST_RUN = RUNS / "latest"
+
+Config = Annotated[TrainingConfig | None, Parameter(name="*", negative_none="no-")]
+Names = Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")]
+JsonFile = Annotated[Path | None, Parameter(name="--json", help="write the figures to this file")]
+DataFolder = Annotated[
+    Path | None,
+    Parameter(help="folder of the data set; default: a cache folder, which is printed"),
+]
+
+
+THIS_MACHINE = Backend()
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True)
+class EvaluationOptions:
+    """Models, data, baselines and test sets of an evaluation."""
+
+    model: Annotated[
+        list[Path] | None,
+        Parameter(
+            consume_multiple=True,
+            negative="",
+            help="shipped models by name, or folders of bundles (./lti if a folder has the name of "
+            "a shipped model); default: that of the latest run",
+        ),
+    ] = None
+    data: Annotated[
+        Path | None,
+        Parameter(
+            help="folder of a data set; default: the full one if it is in the cache, otherwise one "
+            "that a model, or the latest run, was trained on. A data set whose test episodes a "
+            "model may have been trained on is refused"
+        ),
+    ] = None
+    baselines: Annotated[
+        Names,
+        Parameter(
+            help='names of baselines, "all" or "none"; default: linear models, persistence, and '
+            "the paper's network. A baseline that is not in the cache is fitted first",
+        ),
+    ] = None
+    sets: Annotated[
+        Names, Parameter(help="library, new-roads, robustness; default: all of them")
+    ] = None

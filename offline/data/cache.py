@@ -1,0 +1,84 @@
+"""The cache of data sets of the simulated car, in folders named after what they follow from."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from offline.config import PRESETS
+from offline.data.dataset import MANIFEST_FILE, Dataset, save_dataset, split_episodes
+from offline.data.excitation import Recipe
+from offline.data.generate import FIRST_EPSI_RAD, FIRST_EY_M, generate, plant_fingerprint
+from offline.data.manifest import Roads, Simulated, read_manifest
+from offline.data.signals import VEHICLE_ROLES
+from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.schema import VEHICLE
+
+
+def cache() -> Path:
+    """The folder of all data sets: below $XDG_CACHE_HOME, otherwise below ~/.cache."""
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return base / "rt-controller" / "datasets"
+
+
+def cache_folder(origin: Simulated) -> Path:
+    """The folder of the data set of that origin."""
+    return cache() / origin.name
+
+
+def simulated_origin(episodes: int, seed: int) -> Simulated:
+    """The origin of a data set made now; compiles the vehicle model."""
+    return Simulated(Recipe(), episodes, seed, plant_fingerprint())
+
+
+def full_folder() -> Path:
+    """The folder of the paper's data set, of the current recipe and car."""
+    paper = PRESETS["paper"]
+    return cache_folder(simulated_origin(paper.episodes, paper.data_seed))
+
+
+def find_dataset(sha256: str) -> Path | None:
+    """The folder in the cache whose data set has this digest; None if there is none."""
+    for manifest in sorted(cache().glob(f"*/{MANIFEST_FILE}")):
+        try:
+            if read_manifest(manifest).sha256 == sha256:
+                return manifest.parent
+        except DatasetError:
+            continue  # damaged, or of another version
+    return None
+
+
+def make_dataset(
+    folder: Path,
+    origin: Simulated,
+    part: NDArray[np.int8] | None = None,
+    jobs: int | None = None,
+    on_progress: Callable[[int], None] = lambda done: None,
+) -> Dataset:
+    """A new data set of simulated episodes in that folder.
+
+    Args:
+        folder: where it is written.
+        origin: what it is made from.
+        part: (E,) part of each episode, as in `Dataset`; None: drawn at random.
+        jobs: number of processes; None: the active joblib backend.
+        on_progress: called with the number of episodes made so far.
+
+    Raises:
+        DatasetError: the folder has no room.
+    """
+    recipe, episodes, seed = origin.recipe, origin.episodes, origin.seed
+    made = generate(recipe, episodes, seed, jobs, on_progress)
+    return save_dataset(
+        folder,
+        made.recording,
+        made.slices,
+        split_episodes(episodes, seed) if part is None else part,
+        schema=VEHICLE,
+        roles=VEHICLE_ROLES,
+        roads=Roads(recipe.curvatures_per_m, FIRST_EY_M, FIRST_EPSI_RAD),
+        origin=origin,
+        rejected=made.rejected,
+    )

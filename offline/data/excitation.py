@@ -1,0 +1,138 @@
+"""Random driver inputs after the paper's recipe, as pure functions of a random generator.
+
+Bounds and rates are those of the controller (`rt_controller.contract.limits`), so that the model is
+trained on the inputs that the controller can plan. Paper: section III-A, data acquisition.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.limits import INPUT_LIMITS, PEDAL_CHANGE_S, InputLimits
+from rt_controller.contract.timing import PERIOD_S
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """The values that an episode is drawn from."""
+
+    curvatures_per_m: tuple[float, ...] = (-4e-3, -2e-3, 0.0, 2e-3, 4e-3)
+    first_speed_mps: tuple[float, float] = (30.0 / 3.6, 130.0 / 3.6)
+    segment_s: tuple[float, ...] = (0.5, 1.0, 2.0)
+    throttles: tuple[float, ...] = (0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
+    brakes_n: tuple[float, ...] = (0.0, 15.0, 30.0, 50.0, 75.0, 100.0, 150.0)
+    drive_brake_coast: tuple[float, float, float] = (0.55, 0.25, 0.20)
+    steering_knots: tuple[int, ...] = (4, 5, 6)
+    steering_window_s: float = 2.0
+    """duration over which the knots above are spread"""
+    road_friction: tuple[float, float] | None = None
+    """range of the friction of an episode, 1 as in the tyre test; None: the car's own"""
+    mass_factor: tuple[float, float] | None = None
+    """range of the mass relative to the car file; None: 1"""
+
+
+class Pedals(NamedTuple):
+    """Target pedal positions of one segment."""
+
+    throttle: float
+    brake_n: float
+
+
+def draw_inputs(rng: np.random.Generator, recipe: Recipe, periods: int) -> Array:
+    """Inputs of one episode, (periods, 3) as `ControlInput`, within bounds and rates.
+
+    At the start pedals are released and the steering is straight.
+    """
+    pedals = follow_pedals(draw_pedal_targets(rng, recipe, periods), INPUT_LIMITS)
+    steering = limit_rate(draw_steering(rng, recipe, periods), INPUT_LIMITS.rate_per_s.steer_rad)
+    return np.column_stack([pedals, steering])
+
+
+def draw_pedal_targets(rng: np.random.Generator, recipe: Recipe, periods: int) -> list[Pedals]:
+    """Target of each period, constant over segments of one random length."""
+    length = round(float(rng.choice(recipe.segment_s)) / PERIOD_S)
+    targets: list[Pedals] = []
+    while len(targets) < periods:
+        intent = rng.choice(3, p=recipe.drive_brake_coast)
+        throttle, brake_n = rng.choice(recipe.throttles), rng.choice(recipe.brakes_n)
+        target = Pedals(
+            throttle=float(throttle) if intent == 0 else 0.0,
+            brake_n=float(brake_n) if intent == 1 else 0.0,
+        )
+        targets += [target] * length
+    return targets[:periods]
+
+
+def follow_pedals(targets: list[Pedals], limits: InputLimits) -> Array:
+    """Pedals (periods, 2) that follow their targets at limited rates.
+
+    A pedal is pressed only if the other has been released for `PEDAL_CHANGE_S`.
+    """
+    change = round(PEDAL_CHANGE_S / PERIOD_S)
+    throttle_step = limits.rate_per_s.throttle * PERIOD_S
+    brake_step = limits.rate_per_s.brake_n * PERIOD_S
+    throttle = brake_n = 0.0
+    throttle_released = brake_released = change
+    pedals = np.empty((len(targets), 2))
+    for k, target in enumerate(targets):
+        target_throttle = target.throttle if brake_released >= change else 0.0
+        target_brake_n = target.brake_n if throttle_released >= change else 0.0
+        throttle += min(max(target_throttle - throttle, -throttle_step), throttle_step)
+        brake_n += min(max(target_brake_n - brake_n, -brake_step), brake_step)
+        throttle_released = throttle_released + 1 if throttle == 0.0 else 0
+        brake_released = brake_released + 1 if brake_n == 0.0 else 0
+        pedals[k] = throttle, brake_n
+    return pedals
+
+
+def draw_steering(rng: np.random.Generator, recipe: Recipe, periods: int) -> Array:
+    """Steering wheel angle (periods,) through random knots, continuous with its slope."""
+    lock = INPUT_LIMITS.upper.steer_rad
+    knots_per_window = int(rng.choice(recipe.steering_knots))
+    spacing_s = recipe.steering_window_s / knots_per_window
+    n_knots = int(np.ceil(periods * PERIOD_S / spacing_s)) + 1
+    knots = rng.uniform(-lock, lock, size=n_knots)
+    knot_t = spacing_s * np.arange(n_knots, dtype=np.float64)
+    angle = monotone_cubic(knot_t, knots, PERIOD_S * np.arange(periods, dtype=np.float64))
+    return np.clip(angle, -lock, lock)
+
+
+def monotone_cubic(knot_t: Array, knot_y: Array, t: Array) -> Array:
+    """Values at t of the cubic Hermite spline through the knots that does not overshoot them.
+
+    Slopes are weighted harmonic means of the neighbouring secants, zero where these change sign
+    (Fritsch and Butland, 1984). Written out, because scipy rounds differently and the digests of
+    the data sets that the shipped models were trained on depend on the last bit.
+    """
+    width = np.diff(knot_t)
+    secant = np.diff(knot_y) / width
+    left, right = secant[:-1], secant[1:]
+    w_left, w_right = 2 * width[1:] + width[:-1], width[1:] + 2 * width[:-1]
+    same_sign = left * right > 0
+    safe_left, safe_right = np.where(same_sign, left, 1.0), np.where(same_sign, right, 1.0)
+    harmonic = (w_left + w_right) / (w_left / safe_left + w_right / safe_right)
+    inner = np.where(same_sign, harmonic, 0.0)
+    slope = np.concatenate([secant[:1], inner, secant[-1:]])
+
+    i = np.clip(np.searchsorted(knot_t, t, side="right") - 1, 0, len(width) - 1)
+    h = width[i]
+    s = (t - knot_t[i]) / h
+    return np.asarray(
+        (1 + 2 * s) * (1 - s) ** 2 * knot_y[i]
+        + s * (1 - s) ** 2 * h * slope[i]
+        + s**2 * (3 - 2 * s) * knot_y[i + 1]
+        + s**2 * (s - 1) * h * slope[i + 1]
+    )
+
+
+def limit_rate(signal: Array, rate_per_s: float) -> Array:
+    """The signal (periods,), followed from zero at most at `rate_per_s`."""
+    step = rate_per_s * PERIOD_S
+    limited = np.empty_like(signal)
+    value = 0.0
+    for k, target in enumerate(signal):
+        value += min(max(target - value, -step), step)
+        limited[k] = value
+    return limited

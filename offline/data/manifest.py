@@ -1,0 +1,133 @@
+"""manifest.json: signals, origin and digest of a data set."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from pydantic import TypeAdapter, ValidationError
+
+from offline.data.excitation import Recipe
+from offline.data.signals import Roles
+from offline.files import digest_json
+from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.schema import Schema
+
+FORMAT_VERSION = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Simulated:
+    """What a data set of the simulated car was made from; it determines every number."""
+
+    recipe: Recipe
+    episodes: int
+    seed: int
+    """of the random streams and of the split into parts"""
+    plant_fingerprint: str
+    """as from `offline.data.generate.plant_fingerprint`"""
+
+    @property
+    def name(self) -> str:
+        """Folder name of such a data set in the cache."""
+        return f"{self.episodes}-episodes-{digest_json(asdict(self)):.16}"
+
+
+@dataclass(frozen=True, slots=True)
+class SourceFile:
+    """A log that a data set was made from."""
+
+    name: str
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """Logs of a real car or another simulator, and how they were read."""
+
+    files: tuple[SourceFile, ...]
+    mapping: str
+    """the text of the mapping file"""
+    episodes: int
+    """stretches without a gap"""
+    seed: int
+    """of the split into parts"""
+
+
+Origin = Simulated | Imported
+
+
+@dataclass(frozen=True, slots=True)
+class Roads:
+    """The roads on which windows of a recording with poses may be placed."""
+
+    curvatures_per_m: tuple[float, ...]
+    ey_m: float
+    """largest lateral error at the start of a window"""
+    epsi_rad: float
+    """largest heading error there"""
+
+
+@dataclass(frozen=True, slots=True)
+class Manifest:
+    """The contents of manifest.json."""
+
+    schema: Schema
+    roles: Roles
+    roads: Roads | None
+    """None: the recording has no poses and stays on the road where it was made"""
+    sha256: str
+    """of all numbers, and of schema, roles and roads above"""
+    trajectories: int
+    """number of slices"""
+    rejected_episodes: int
+    versions: Mapping[str, str]
+    """by package"""
+    origin: Origin
+    format_version: int = FORMAT_VERSION
+
+    @property
+    def rejected_fraction(self) -> float:
+        """Share of the drawn episodes that were rejected."""
+        return self.rejected_episodes / (self.rejected_episodes + self.origin.episodes)
+
+    def to_json(self) -> str:
+        """The text of the file; `read_manifest` is the inverse."""
+        return json.dumps(asdict(self), indent=2) + "\n"
+
+
+_MANIFEST = TypeAdapter(Manifest)
+
+
+def read_manifest(path: Path) -> Manifest:
+    """The manifest of a data set.
+
+    Raises:
+        DatasetError: it is missing, damaged or of another format.
+    """
+    remedy = "Delete the folder and run offline-data again."
+    try:
+        fields = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise DatasetError(
+            f"{path}: expected the manifest of a data set, found no such file. Make one with "
+            f"offline-data, or point --data at its folder."
+        ) from error
+    except (OSError, ValueError) as error:
+        raise DatasetError(
+            f"{path}: expected a manifest in JSON, found something unreadable ({error}). {remedy}"
+        ) from error
+    found = fields.get("format_version") if isinstance(fields, dict) else type(fields).__name__
+    if found != FORMAT_VERSION:
+        raise DatasetError(
+            f"{path}: expected a JSON object with format_version = {FORMAT_VERSION}, found "
+            f"{found}. {remedy}"
+        )
+    try:
+        return _MANIFEST.validate_python(fields)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise DatasetError(
+            f"{path}: expected a complete manifest, found for {place}: {first['msg']}. {remedy}"
+        ) from error

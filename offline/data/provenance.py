@@ -1,0 +1,43 @@
+"""Which episodes a bundle was trained on, and whether a data set is held out from it.
+
+Two simulated data sets of one seed but different lengths share episodes and split them
+differently, so one may train on what the other tests on. With equal seed and length the split is
+the same; with different seeds no episode is shared.
+"""
+
+import json
+from collections.abc import Mapping
+
+from offline.data.manifest import Manifest, Origin, Simulated
+from rt_controller.contract.artifact import Bundle
+
+
+def describe_training(settings: Mapping[str, object], origin: Origin) -> str:
+    """The field `training` of a bundle as JSON: the settings, and the origin of the episodes."""
+    return json.dumps(
+        {
+            **settings,
+            "data": "driven" if isinstance(origin, Simulated) else "imported",
+            "episodes": origin.episodes,
+            "data_seed": origin.seed,
+        }
+    )
+
+
+def is_held_out(bundle: Bundle, manifest: Manifest) -> bool:
+    """True if no test episode of that data set was used to train the model.
+
+    Two imports may share a log, so a model trained on one import is not held out from another.
+    """
+    if bundle.data_sha256 == manifest.sha256:
+        return True
+    try:
+        training = json.loads(bundle.training)
+        is_of_drives = bool(training["data"] == "driven")
+        seed, episodes = int(training["data_seed"]), int(training["episodes"])
+    except (ValueError, KeyError, TypeError):
+        return False
+    origin = manifest.origin
+    if not (is_of_drives and isinstance(origin, Simulated)):
+        return is_of_drives != isinstance(origin, Simulated)
+    return seed != origin.seed or episodes == origin.episodes

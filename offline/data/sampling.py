@@ -1,0 +1,171 @@
+"""Batches of scaled trajectories, time first, and the sources they are drawn from."""
+
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from offline.config import STEPS, TrainingConfig
+from offline.data.dataset import Dataset
+from offline.data.manifest import Roads
+from offline.data.recording import Starts, cut, possible_starts
+from offline.data.road_frame import Anchor
+from offline.data.signals import Roles, Scaling, mirror_signs, past_columns, past_names
+from offline.data.trajectories import Trajectories
+from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.schema import Schema
+
+
+class Instants(NamedTuple):
+    """What the encoder may read at some instants; the last axis holds the signals."""
+
+    x: Tensor
+    """(..., n) states"""
+    w: Tensor
+    """(..., p) exogenous signals"""
+    past: Tensor
+    """(..., H, h) history, oldest row first"""
+
+
+class Batch(NamedTuple):
+    """Scaled trajectories of K steps."""
+
+    x: Tensor
+    """(K+1, batch, n)"""
+    u: Tensor
+    """(K, batch, m)"""
+    w: Tensor
+    """(K, batch, p)"""
+    memory: Tensor
+    """(H+K, batch, h) rows of the history, from H steps before the start to the end"""
+
+    @property
+    def steps(self) -> int:
+        return len(self.u)
+
+    def shorten(self, steps: int) -> "Batch":
+        """The first `steps` steps of every trajectory."""
+        past = len(self.memory) - len(self.u)
+        return Batch(
+            self.x[: steps + 1], self.u[:steps], self.w[:steps], self.memory[: past + steps]
+        )
+
+    def at(self, times: Tensor) -> Instants:
+        """The instants (M,) in 0..K; the exogenous signals at K are those of step K-1."""
+        past = len(self.memory) - len(self.u)
+        rows = times[:, None] + torch.arange(past, device=times.device)
+        history = self.memory[rows]
+        return Instants(
+            self.x[times],
+            self.w[times.clamp(max=self.steps - 1)],
+            history.permute(0, 2, 1, 3),
+        )
+
+    def to(self, device: torch.device) -> "Batch":
+        """The same trajectories on another device."""
+        return Batch(*(tensor.to(device, non_blocking=True) for tensor in self))
+
+
+def scale(
+    trajectories: Trajectories, scaling: Scaling, schema: Schema, roles: Roles, past_steps: int
+) -> Batch:
+    """Trajectories in float32, scaled, with `past_steps` rows of history."""
+    states, inputs = past_columns(schema, roles)
+    x, u, past, steps = trajectories.x, trajectories.u, trajectories.past, trajectories.u.shape[1]
+    current = np.concatenate([x[:, :steps, states], u[..., inputs]], axis=-1)
+    memory = np.concatenate([past[:, past.shape[1] - past_steps :], current], axis=1)
+    return Batch(
+        _time_first((x - scaling.x_centre) / scaling.x_scale),
+        _time_first(u / scaling.u_scale),
+        _time_first(trajectories.w / scaling.w_scale),
+        _time_first((memory - scaling.past_centre) / scaling.past_scale),
+    )
+
+
+class SliceSource:
+    """The slices of the training part. Paper: section III-A, "non-overlapping trajectories".
+
+    `draw` of every source returns `size` trajectories, drawn with replacement.
+    """
+
+    def __init__(self, dataset: Dataset, scaling: Scaling, past_steps: int) -> None:
+        slices = dataset.select("train")
+        self._all = scale(slices, scaling, dataset.schema, dataset.roles, past_steps)
+
+    def draw(self, size: int, rng: torch.Generator) -> Batch:
+        chosen = torch.randint(self._all.x.shape[1], (size,), generator=rng)
+        return Batch(*(series[:, chosen] for series in self._all))
+
+
+class WindowSource:
+    """Any window of any training episode; episodes with poses get a random road in each draw.
+
+    Raises:
+        DatasetError: no episode is long enough.
+    """
+
+    def __init__(self, dataset: Dataset, scaling: Scaling, past_steps: int) -> None:
+        self._dataset, self._scaling, self._past_steps = dataset, scaling, past_steps
+        self._roads = dataset.manifest.roads
+        self._starts = possible_starts(dataset.recording, dataset.episodes("train"), past_steps)
+        if not len(self._starts):
+            raise DatasetError(
+                f"expected episodes of at least {past_steps} periods of history and {STEPS} steps "
+                f"in the training part, found none. Record longer episodes."
+            )
+
+    def draw(self, size: int, rng: torch.Generator) -> Batch:
+        chosen = torch.randint(len(self._starts), (size,), generator=rng).numpy()
+        anchor = None if self._roads is None else _draw_roads(self._roads, size, rng)
+        starts = Starts(self._starts[chosen], np.zeros(size, dtype=np.int32), anchor)
+        data = self._dataset
+        windows = cut(data.recording, starts, data.schema, data.roles, past_steps=self._past_steps)
+        return scale(windows, self._scaling, data.schema, data.roles, self._past_steps)
+
+
+class MirroringSource:
+    """Another source, with left and right exchanged in half of its trajectories."""
+
+    def __init__(self, source: SliceSource | WindowSource, dataset: Dataset) -> None:
+        schema, roles = dataset.schema, dataset.roles
+        names = (
+            schema.state_names,
+            schema.input_names,
+            schema.exogenous_names,
+            past_names(schema, roles),
+        )
+        self._source = source
+        self._signs = [torch.from_numpy(mirror_signs(each, roles)).float() for each in names]
+
+    def draw(self, size: int, rng: torch.Generator) -> Batch:
+        batch = self._source.draw(size, rng)
+        is_mirrored = torch.rand(size, generator=rng)[:, None] < 0.5
+        return Batch(
+            *(
+                series * torch.where(is_mirrored, signs, torch.ones(()))
+                for series, signs in zip(batch, self._signs, strict=True)
+            )
+        )
+
+
+def open_source(
+    config: TrainingConfig, dataset: Dataset, scaling: Scaling
+) -> SliceSource | WindowSource | MirroringSource:
+    """The source that the configuration selects; mirrored only if the roles name odd signals."""
+    kind = WindowSource if config.windows == "all" else SliceSource
+    source = kind(dataset, scaling, config.history_steps)
+    is_mirrored = config.mirror and dataset.roles.odd is not None
+    return MirroringSource(source, dataset) if is_mirrored else source
+
+
+def _draw_roads(roads: Roads, size: int, rng: torch.Generator) -> Anchor:
+    curvatures = np.array(roads.curvatures_per_m)
+    chosen = torch.randint(len(curvatures), (size,), generator=rng).numpy()
+    uniform = torch.rand((2, size), generator=rng, dtype=torch.float64)
+    ey, epsi = 2.0 * uniform.numpy() - 1.0
+    return Anchor(curvatures[chosen], roads.ey_m * ey, roads.epsi_rad * epsi)
+
+
+def _time_first(series: np.ndarray) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(series.swapaxes(0, 1), dtype=np.float32))

@@ -1,0 +1,126 @@
+"""Signals: the role of each in the learning, and its scale.
+
+The schema of a data set (`rt_controller.contract.schema`) names the signals. `Roles` says which of
+them are centred, change sign when left and right are exchanged, and belong to the history.
+`Scaling` is fitted once, on the training trajectories.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from offline.data.trajectories import Trajectories
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.schema import Schema
+from rt_controller.contract.validation import DRIVABLE_HISTORY
+
+CONSTANT_SIGNAL = 1e-12
+"""root mean square below which a signal counts as constant"""
+
+
+@dataclass(frozen=True, slots=True)
+class Roles:
+    """Names of the signals that the learning treats specially.
+
+    Raises:
+        DatasetError: a signal is centred and changes sign: a mirror image is measured from zero.
+    """
+
+    centred: tuple[str, ...]
+    """states that are never near zero; their mean is subtracted before scaling"""
+    odd: tuple[str, ...] | None
+    """change sign when left and right are exchanged; None: the car has no such symmetry"""
+    past: tuple[str, ...]
+    """states and inputs in one row of the history"""
+
+    def __post_init__(self) -> None:
+        both = sorted(set(self.centred) & set(self.odd or ()))
+        if both:
+            raise DatasetError(
+                f"roles: expected each signal either centred or odd, found both for "
+                f"{', '.join(both)}. Remove the signal from one of the lists."
+            )
+
+
+VEHICLE_ROLES = Roles(
+    centred=("vx_mps", "ds_m"),
+    odd=("vy_mps", "yaw_rate_radps", "ey_m", "epsi_rad", "steer_rad", "curvature_per_m"),
+    past=DRIVABLE_HISTORY,
+)
+"""of the car in the Frenet frame; its history leaves out the position relative to the road"""
+
+
+def mirror_signs(names: tuple[str, ...], roles: Roles) -> Array:
+    """-1 for each named signal that changes sign in a mirror image, otherwise +1."""
+    odd = roles.odd or ()
+    return np.array([-1.0 if name in odd else 1.0 for name in names])
+
+
+def past_columns(schema: Schema, roles: Roles) -> tuple[list[int], list[int]]:
+    """Columns of the states and of the inputs in one row of the history."""
+    return (
+        [i for i, name in enumerate(schema.state_names) if name in roles.past],
+        [i for i, name in enumerate(schema.input_names) if name in roles.past],
+    )
+
+
+def past_names(schema: Schema, roles: Roles) -> tuple[str, ...]:
+    """Names of the signals in one row of the history, in the order of its columns."""
+    names = schema.state_names + schema.input_names
+    return tuple(name for name in names if name in roles.past)
+
+
+@dataclass(frozen=True, slots=True)
+class Scaling:
+    """Centre and scale of every signal, in physical units."""
+
+    x_centre: Array
+    """(n,) states"""
+    x_scale: Array
+    """(n,)"""
+    u_scale: Array
+    """(m,) inputs"""
+    w_scale: Array
+    """(p,) exogenous signals"""
+    past_centre: Array
+    """(h,) one row of the history"""
+    past_scale: Array
+    """(h,)"""
+
+    def normalise_states(self, x: NDArray[np.floating]) -> Array:
+        """Scaled states (..., n)."""
+        return np.asarray((x - self.x_centre) / self.x_scale, dtype=np.float64)
+
+
+def fit_scaling(trajectories: Trajectories, schema: Schema, roles: Roles) -> Scaling:
+    """Scaling by the root mean square of these trajectories; 1 for a constant signal.
+
+    Only centred signals are shifted. Elsewhere zero has a meaning (straight ahead, pedal
+    released), which scaling keeps, and with it the symmetry of left and right.
+    """
+    states = _rows(trajectories.x)
+    is_centred = np.array([name in roles.centred for name in schema.state_names])
+    x_centre = np.where(is_centred, states.mean(axis=0), 0.0)
+    x_scale = _root_mean_square(states - x_centre)
+    u_scale = _root_mean_square(_rows(trajectories.u))
+    past_states, past_inputs = past_columns(schema, roles)
+    return Scaling(
+        x_centre=x_centre,
+        x_scale=x_scale,
+        u_scale=u_scale,
+        w_scale=_root_mean_square(_rows(trajectories.w)),
+        past_centre=np.concatenate([x_centre[past_states], np.zeros(len(past_inputs))]),
+        past_scale=np.concatenate([x_scale[past_states], u_scale[past_inputs]]),
+    )
+
+
+def _rows(series: NDArray[np.floating]) -> Array:
+    count = int(np.prod(series.shape[:-1]))
+    return np.asarray(series, dtype=np.float64).reshape(count, series.shape[-1])
+
+
+def _root_mean_square(rows: Array) -> Array:
+    rms = np.sqrt(np.mean(np.square(rows), axis=0))
+    return np.where(rms > CONSTANT_SIGNAL, rms, 1.0)

@@ -1,0 +1,133 @@
+"""Bootstrap confidence intervals of averages over trajectories, resampled by whole episodes.
+
+Trajectories cut from one episode share its speed, road and driver, so they are not independent.
+Therefore whole episodes are drawn with replacement, each with all its trajectories. All models are
+averaged under the same draws, and so are ratios of two models.
+Efron and Tibshirani, An Introduction to the Bootstrap (1993), chapters 6 and 13.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rt_controller.contract.arrays import Array
+
+RESAMPLES = 2_000
+CONFIDENCE = 0.95
+SEED = 46
+
+
+class EpisodeSums(NamedTuple):
+    """Sums over the trajectories of each of E episodes."""
+
+    total: Array
+    """(E, ...)"""
+    summands: Array
+    """(E,) number of trajectories"""
+
+
+class Estimate(NamedTuple):
+    """A value and its confidence interval; arrays of one shape, or numbers."""
+
+    value: Array
+    low: Array
+    """NaN if there is only one episode"""
+    high: Array
+
+    def at(self, *index: int) -> "Estimate":
+        """One entry."""
+        return Estimate(*(np.asarray(part[index]) for part in self))
+
+
+def sum_by_episode(values: Array, episode: NDArray[np.integer]) -> EpisodeSums:
+    """Sums of values (N, ...) within each episode, in the order of the episode numbers (N,)."""
+    order = np.argsort(episode, kind="stable")
+    _, first, count = np.unique(episode[order], return_index=True, return_counts=True)
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = np.add.reduceat(values[order], first, axis=0)
+    return EpisodeSums(total, count.astype(np.float64))
+
+
+def mean_draws(sums: EpisodeSums) -> Array:
+    """Means (1 + R, ...): of the sample itself, then of each of R resamples.
+
+    Any statistic of means is computed row by row from these, which gives its interval. A mean over
+    a value that is not finite is infinite in every row.
+    """
+    weights = _weights(len(sums.summands))
+    flat = sums.total.reshape(len(sums.summands), -1)
+    finite = np.isfinite(flat)
+    means = weights @ np.where(finite, flat, 0.0) / (weights @ sums.summands)[:, None]
+    means[:, ~finite.all(axis=0)] = np.inf
+    return means.reshape(len(weights), *sums.total.shape[1:])
+
+
+def estimate(draws: Array) -> Estimate:
+    """Value and percentile interval of draws (1 + R, ...), the first of which is the sample."""
+    tail = (1.0 - CONFIDENCE) / 2.0
+    if len(draws) == 1:
+        no_interval = np.full(draws.shape[1:], np.nan)
+        return Estimate(draws[0], no_interval, no_interval)
+    with np.errstate(invalid="ignore"):
+        low, high = np.quantile(draws[1:], [tail, 1.0 - tail], axis=0)
+    return Estimate(draws[0], low, high)
+
+
+def quantile_draws(values: Array, episode: NDArray[np.integer], shares: tuple[float, ...]) -> Array:
+    """Quantiles (1 + R, S, ...) of values (N, ...): of the sample, then of each resample.
+
+    The quantile of a share is the smallest value with at least that share at or below it.
+    """
+    _, member = np.unique(episode, return_inverse=True)
+    weights = _weights(int(member.max()) + 1)
+    flat = values.reshape(len(values), -1)
+    found = np.empty((len(weights), len(shares), flat.shape[1]))
+    for column in range(flat.shape[1]):
+        order = np.argsort(flat[:, column])
+        found[:, :, column] = flat[order[_ranks(weights, member[order], shares)], column]
+    return found.reshape(len(weights), len(shares), *values.shape[1:])
+
+
+def _ranks(
+    weights: Array, member: NDArray[np.integer], shares: tuple[float, ...]
+) -> NDArray[np.int64]:
+    """Ranks (1 + R, S) of the quantiles among sorted values, whose episodes are `member` (N,).
+
+    Values are counted in blocks by one matrix product, then one by one only within the block that
+    holds the quantile: adding up thousands of values for thousands of resamples takes seconds.
+    """
+    episodes, length = weights.shape[1], int(np.ceil(np.sqrt(len(member))))
+    blocks = np.arange(len(member)) // length
+    members_of_block = np.zeros((episodes, blocks[-1] + 1))
+    np.add.at(members_of_block, (member, blocks), 1.0)
+    upto = np.cumsum(weights @ members_of_block, axis=1)
+    before = np.hstack([np.zeros((len(weights), 1)), upto])
+    # Entries beyond the last value belong to an extra episode with weight zero.
+    padded = np.pad(member, (0, len(before[0]) * length - len(member)), constant_values=episodes)
+    drawn = np.hstack([weights, np.zeros((len(weights), 1))])
+    rows = np.arange(len(weights))
+    ranks = np.empty((len(weights), len(shares)), dtype=np.int64)
+    for i, share in enumerate(shares):
+        # 0.9 * 10 is slightly above 9 in binary; the tolerance keeps the rank at 9.
+        wanted = np.ceil(share * upto[:, -1] - 1e-9)
+        block = np.count_nonzero(upto < wanted[:, None], axis=1)
+        inside = padded[block[:, None] * length + np.arange(length)]
+        counted = before[rows, block][:, None] + np.cumsum(drawn[rows[:, None], inside], axis=1)
+        ranks[:, i] = block * length + np.count_nonzero(counted < wanted[:, None], axis=1)
+    return ranks
+
+
+@lru_cache(maxsize=8)
+def _weights(episodes: int) -> Array:
+    """How often each episode counts (1 + R, E): once in the first row, then as drawn.
+
+    One episode alone cannot be resampled: there is only the first row.
+    """
+    rng = np.random.default_rng([SEED, episodes])
+    resamples = RESAMPLES if episodes > 1 else 0
+    drawn = rng.multinomial(episodes, np.full(episodes, 1.0 / episodes), size=resamples)
+    weights = np.vstack([np.ones((1, episodes)), drawn])
+    weights.setflags(write=False)
+    return weights

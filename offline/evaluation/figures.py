@@ -1,0 +1,129 @@
+"""Results of an evaluation as a tree for `--json`: all printed numbers, and those of each step."""
+
+from typing import Any
+
+from offline.evaluation.bootstrap import CONFIDENCE, RESAMPLES, SEED, Estimate
+from offline.evaluation.comparison import LARGEST_RATIO_ON_NEW_ROADS, Comparison, Ratio
+from offline.evaluation.metrics import SHARES, Scores
+from offline.evaluation.state_units import StateUnit
+from offline.evaluation.test_sets import LIBRARY, NEW_ROADS, TestSet
+
+Figures = dict[str, Any]
+Columns = tuple[StateUnit, ...]
+
+
+def comparison_figures(comparison: Comparison) -> Figures:
+    """All results; a value with an interval is {value, low, high}."""
+    bootstrap = {"by": "episode", "resamples": RESAMPLES, "confidence": CONFIDENCE, "seed": SEED}
+    return {
+        "models": list(comparison.models),
+        "baselines": list(comparison.baselines),
+        "dt_s": comparison.dt_s,
+        "bootstrap": bootstrap,
+        "sets": {test.name: _set_figures(comparison, test) for test in comparison.sets},
+    }
+
+
+def library_figures(comparison: Comparison) -> Figures:
+    """The MSE table over all roads of the library."""
+    library = comparison.sets[0]
+    return {
+        "n_trajectories": library.n_trajectories,
+        "n_episodes": library.n_episodes,
+        "models": {
+            name: {"mse": _squared(scores.mse(), comparison.columns)}
+            for name, scores in comparison.library.items()
+        },
+    }
+
+
+def _set_figures(comparison: Comparison, test: TestSet) -> Figures:
+    columns, scores = comparison.columns, comparison.scores[test.name]
+    figures: Figures = {
+        "description": test.description,
+        "data_sha256": test.data_sha256,
+        "n_trajectories": test.n_trajectories,
+        "n_episodes": test.n_episodes,
+        "models": {name: _model_figures(scores[name], columns) for name in comparison.names},
+        "baseline_mse_over_model_mse": {
+            model: _ratio_figures(comparison.ratios_to_baselines(model, test.name), columns)
+            for model in comparison.models
+        },
+    }
+    if test.name == LIBRARY:
+        figures["absolute_error_quantiles"] = {
+            model: _quantile_figures(scores[model], comparison) for model in comparison.models
+        }
+        figures["by_step"] = {
+            name: _step_figures(scores[name], columns) for name in comparison.names
+        }
+        return figures
+    ratios = {name: comparison.ratio_to_library(name, test.name) for name in comparison.names}
+    figures["mse_over_library_mse"] = _ratio_figures(ratios, columns)
+    if test.name == NEW_ROADS:
+        figures["goal"] = LARGEST_RATIO_ON_NEW_ROADS
+        figures["is_within_goal"] = {name: ratio.is_within_goal for name, ratio in ratios.items()}
+    return figures
+
+
+def _model_figures(scores: Scores, columns: Columns) -> Figures:
+    return {
+        "mse": _squared(scores.mse(), columns),
+        "rms": _by_state(scores.rms(), [column.key for column in columns]),
+        "mse_by_curvature_per_m": {
+            f"{curvature:g}": _squared(scores.mse_on_road(curvature), columns)
+            for curvature in scores.squared_on_road
+        },
+        "trajectories_without_finite_prediction": scores.diverged,
+    }
+
+
+def _step_figures(scores: Scores, columns: Columns) -> Figures:
+    """Lists with one number for each step."""
+    by_step = scores.rms_by_step()._asdict()
+    return {
+        "rms": {
+            column.key: {name: part[:, i].tolist() for name, part in by_step.items()}
+            for i, column in enumerate(columns)
+        },
+        "absolute_error": {
+            f"p{100 * share:g}": {
+                column.key: quantile[:, i].tolist() for i, column in enumerate(columns)
+            }
+            for share, quantile in zip(SHARES, scores.quantiles, strict=True)
+        },
+    }
+
+
+def _quantile_figures(scores: Scores, comparison: Comparison) -> Figures:
+    at_marks, keys = scores.quantiles_at_marks(), [column.key for column in comparison.columns]
+    return {
+        f"after_{step * comparison.dt_s:g}_s": {
+            f"p{100 * share:g}": _by_state(at_marks.at(q, m), keys)
+            for q, share in enumerate(SHARES)
+        }
+        for m, step in enumerate(scores.marked_steps)
+    }
+
+
+def _ratio_figures(ratios: dict[str, Ratio], columns: Columns) -> Figures:
+    names = [column.name for column in columns]
+    return {
+        name: {
+            **_by_state(ratio.by_state, names),
+            "geometric_mean": _numbers(ratio.geometric_mean),
+        }
+        for name, ratio in ratios.items()
+    }
+
+
+def _squared(estimate: Estimate, columns: Columns) -> Figures:
+    return _by_state(estimate, [column.squared_key for column in columns])
+
+
+def _by_state(estimate: Estimate, keys: list[str]) -> Figures:
+    return {key: _numbers(estimate.at(i)) for i, key in enumerate(keys)}
+
+
+def _numbers(estimate: Estimate) -> Figures:
+    return {name: float(part) for name, part in estimate._asdict().items()}

@@ -1,0 +1,83 @@
+"""Choice of the data set for an evaluation: no model may have been trained on its test part."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from offline.config import PAST_STEPS
+from offline.data.cache import find_dataset, full_folder
+from offline.data.dataset import MANIFEST_FILE, Dataset, exists, load_dataset
+from offline.data.manifest import Manifest, Simulated, read_manifest
+from offline.data.provenance import is_held_out
+from offline.data.signals import past_names
+from offline.training.run_folder import open_run
+from rt_controller.contract.artifact import Bundle
+from rt_controller.contract.errors import ArtifactError, DatasetError
+
+
+def choose_test_data(
+    bundles: Sequence[Bundle], data: Path | None, run: Path, notify: Callable[[str], None]
+) -> Dataset:
+    """The data set to evaluate these bundles on.
+
+    It is the one in `data`; if that is None, the first that fits of: the full one, those that the
+    bundles were trained on, that of the run. `notify` gets a sentence for each data set looked at.
+
+    Raises:
+        DatasetError: none fits, or the one in `data` does not.
+    """
+    hashes = ", ".join(dict.fromkeys(f"{bundle.data_sha256:.16}…" for bundle in bundles))
+    if data is not None:
+        manifest = read_manifest(data / MANIFEST_FILE)
+        objection = find_objection(bundles, manifest)
+        if objection is None:
+            return load_dataset(data)
+        origin = manifest.origin
+        is_simulated = isinstance(origin, Simulated)
+        kind = "episodes of seed" if is_simulated else "imported stretches, split by seed"
+        raise DatasetError(
+            f"--data {data}: expected the data set that every model was trained on ({hashes}), or "
+            f"one that shares no episode with it, found {origin.episodes} {kind} {origin.seed} "
+            f"({manifest.sha256:.16}…): {objection}. Leave out --data, or make a data set of "
+            f"another seed with offline-data --seed."
+        )
+    own = [find_dataset(bundle.data_sha256) for bundle in bundles]
+    for folder in dict.fromkeys((full_folder(), *own, _data_folder(run))):
+        if folder is None or not exists(folder):
+            continue
+        objection = find_objection(bundles, read_manifest(folder / MANIFEST_FILE))
+        if objection is None:
+            notify(f"data {folder}")
+            return load_dataset(folder)
+        notify(f"not evaluated on {folder}: {objection}")
+    raise DatasetError(
+        f"expected a data set that none of the models was trained on, or their own "
+        f"({hashes}), found none. Make the full one with offline-data, or name one with --data."
+    )
+
+
+def find_objection(bundles: Sequence[Bundle], manifest: Manifest) -> str | None:
+    """Why the bundles cannot be evaluated on the test part of that data set; None if they can."""
+    for bundle in bundles:
+        if not has_signals(bundle, manifest):
+            return f"{bundle.name} is a model of other signals, or of another past"
+    for bundle in bundles:
+        if not is_held_out(bundle, manifest):
+            return f"{bundle.name} may have been trained on its test episodes"
+    return None
+
+
+def has_signals(bundle: Bundle, manifest: Manifest) -> bool:
+    """True if the data set has the signals of the bundle and the past that it needs."""
+    lift = bundle.lift
+    has_past = not lift.sees_history or (
+        lift.history_fields == past_names(manifest.schema, manifest.roles)
+        and lift.history_steps <= PAST_STEPS
+    )
+    return has_past and bundle.schema == manifest.schema
+
+
+def _data_folder(run: Path) -> Path | None:
+    try:
+        return open_run(run).data_folder
+    except ArtifactError:
+        return None

@@ -1,0 +1,119 @@
+"""Errors of two-second open-loop predictions, in the units of the paper's Table I.
+
+The state is lifted once, at the first instant, and the errors of steps 1..K count; the first state
+is measured and does not count. Squared errors are averaged over steps and trajectories.
+Paper: section IV, Table I.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from offline.data.trajectories import Trajectories
+from offline.evaluation.bootstrap import (
+    EpisodeSums,
+    Estimate,
+    estimate,
+    mean_draws,
+    quantile_draws,
+    sum_by_episode,
+)
+from offline.evaluation.predictor import Predictor, predict_trajectories
+from offline.evaluation.state_units import StateUnit
+from offline.evaluation.test_sets import TestSet
+from rt_controller.contract.arrays import Array
+
+SHARES = (0.5, 0.9, 0.99)
+"""quantiles of the absolute error"""
+
+MARKED_STEPS = (20, 40, 80)
+"""steps at which quantiles get an interval; 20 is the controller's horizon"""
+
+_BATCH = 8_000
+"""trajectories predicted at once, which limits the memory"""
+
+
+@dataclass(frozen=True, slots=True)
+class Scores:
+    """Errors of one model on one test set; n states in the units of Table I."""
+
+    squared: EpisodeSums
+    """(E, K, n) squared errors of each step"""
+    squared_on_road: Mapping[float, EpisodeSums]
+    """by curvature in 1/m: (E, n) squared errors, averaged over the steps"""
+    quantiles: Array
+    """(S, K, n) of the absolute error at each step, S as `SHARES`"""
+    marked_steps: tuple[int, ...]
+    """M, those of `MARKED_STEPS` within the horizon"""
+    marked: NDArray[np.float32]
+    """(N, M, n) absolute errors at the marked steps"""
+    episode: NDArray[np.int32]
+    """(N,)"""
+    diverged: int
+    """number of trajectories with a prediction that is not finite"""
+
+    def mse_draws(self) -> Array:
+        """Mean squared errors (1 + R, n) over steps and trajectories: sample, then resamples."""
+        with np.errstate(invalid="ignore"):
+            over_steps = self.squared._replace(total=self.squared.total.mean(axis=1))
+        return mean_draws(over_steps)
+
+    def mse(self) -> Estimate:
+        """Mean squared error (n,) of each state. Paper: Table I."""
+        return estimate(self.mse_draws())
+
+    def rms(self) -> Estimate:
+        """Root mean square error (n,)."""
+        return estimate(np.sqrt(self.mse_draws()))
+
+    def rms_by_step(self) -> Estimate:
+        """Root mean square error (K, n) of each step."""
+        return estimate(np.sqrt(mean_draws(self.squared)))
+
+    def mse_on_road(self, curvature_per_m: float) -> Estimate:
+        """Mean squared error (n,) on the roads of one curvature."""
+        return estimate(mean_draws(self.squared_on_road[curvature_per_m]))
+
+    def quantiles_at_marks(self) -> Estimate:
+        """Quantiles (S, M, n) of the absolute error at the marked steps, S as `SHARES`."""
+        return estimate(quantile_draws(self.marked.astype(np.float64), self.episode, SHARES))
+
+
+def score(model: Predictor, test: TestSet, columns: tuple[StateUnit, ...]) -> Scores:
+    """Errors of the model on the test set."""
+    errors = prediction_errors(model, test.trajectories, columns)
+    episode = test.trajectories.episode
+    marked = tuple(step for step in MARKED_STEPS if step <= errors.shape[1])
+    magnitude = np.where(np.isnan(errors), np.inf, np.abs(errors))
+    with np.errstate(over="ignore"):
+        squared = np.square(errors)
+        at_marks = magnitude[:, [step - 1 for step in marked]].astype(np.float32)
+    return Scores(
+        squared=sum_by_episode(squared, episode),
+        squared_on_road={
+            kappa: sum_by_episode(squared[on_it].mean(axis=1), episode[on_it])
+            for kappa in test.curvatures_per_m
+            for on_it in [test.curvature_per_m == kappa]
+        },
+        quantiles=np.quantile(magnitude, SHARES, axis=0, method="inverted_cdf"),
+        marked_steps=marked,
+        marked=at_marks,
+        episode=episode,
+        diverged=int(np.count_nonzero(~np.isfinite(errors).all(axis=(1, 2)))),
+    )
+
+
+def prediction_errors(
+    model: Predictor, trajectories: Trajectories, columns: tuple[StateUnit, ...]
+) -> Array:
+    """Errors (N, K, n) of steps 1..K, predicted minus measured, in the units of the columns."""
+    factors = np.array([column.per_si for column in columns])
+    parts = []
+    for first in range(0, len(trajectories.episode), _BATCH):
+        part = trajectories.take(slice(first, first + _BATCH))
+        predicted = predict_trajectories(model, part)
+        with np.errstate(over="ignore", invalid="ignore"):
+            parts.append((predicted - part.x)[:, 1:] * factors)
+    return np.concatenate(parts)

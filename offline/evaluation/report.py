@@ -1,0 +1,214 @@
+"""The evaluation as one HTML page."""
+
+from collections.abc import Mapping, Sequence
+
+from offline.evaluation import plots
+from offline.evaluation.bootstrap import CONFIDENCE, RESAMPLES, SEED
+from offline.evaluation.comparison import FAIR_LTI, LTI_BASELINES, Comparison
+from offline.evaluation.lane_change import LaneChange
+from offline.evaluation.tables import (
+    interval_cell,
+    library_ratio_table,
+    mse_table,
+    quantile_table,
+    ratio_table,
+    rms_table,
+    road_tables,
+    set_size,
+)
+from offline.evaluation.test_sets import NEW_ROADS, ROBUSTNESS
+from rt_controller.contract.arrays import Array
+from rt_controller.report.page import Bullets, Details, Page, Part, Plot, Section
+from rt_controller.report.table import Fact, facts_table, format_number
+
+_MEANINGS = {
+    "vx": "longitudinal speed",
+    "vy": "lateral speed, positive to the left",
+    "yaw_rate": "yaw rate, positive to the left",
+    "ds": "progress along the road in one period",
+    "ey": "lateral distance from the road's line, positive to the left",
+    "epsi": "heading relative to the road's line",
+}
+
+
+def evaluation_page(
+    comparison: Comparison,
+    models: Mapping[str, Sequence[Fact]],
+    baselines: Mapping[str, Sequence[Fact]],
+    sources: Sequence[Fact],
+    lane_change: Section | None,
+) -> Page:
+    """The whole page, with facts about each model, each baseline, data and software.
+
+    `lane_change` is as from `lane_change_section`; None if the data are not of the simulated car.
+    """
+    sections = (
+        _errors(comparison),
+        _ratios(comparison),
+        _steps(comparison),
+        _roads(comparison),
+        _robustness(comparison),
+        lane_change,
+        _sources(comparison, models, baselines, sources),
+    )
+    names = comparison.models
+    listed = " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+    return Page(
+        f"Prediction errors of {listed}",
+        tuple(section for section in sections if section is not None),
+        _introduction(comparison),
+    )
+
+
+def _introduction(comparison: Comparison) -> tuple[Part, ...]:
+    library = comparison.sets[0]
+    seconds = comparison.dt_s * comparison.steps
+    task = (
+        f"Each model gets one measured state, the past before it, and the inputs of the next "
+        f"{seconds:g} s; it predicts the states of these {seconds:g} s without further "
+        f"measurements. Errors are averaged over all {comparison.steps} steps of "
+        f"{1000 * comparison.dt_s:g} ms, on {set_size(library)} that no model was trained on "
+        f"({library.description})."
+    )
+    names = [column.name for column in comparison.columns]
+    states = "; ".join(f"{name}: {_MEANINGS[name]}" for name in names if name in _MEANINGS)
+    described = (f"States: {states}.",) if states else ()
+    return (task, *described, Bullets(tuple(_main_results(comparison))))
+
+
+def _main_results(comparison: Comparison) -> list[str]:
+    """A sentence for each model and question."""
+    lines = []
+    for model in comparison.models:
+        ratios = comparison.ratios_to_baselines(model)
+        if FAIR_LTI in ratios:
+            mean = ratios[FAIR_LTI].geometric_mean
+            value, detail = format_number(float(mean.value), 3), interval_cell(mean).detail
+            lines.append(
+                f"For each state the better of {' and '.join(LTI_BASELINES)} has {value} times the "
+                f"mean squared error of {model}{f' ({detail})' if detail else ''}, "
+                f"geometric mean over {len(comparison.columns)} states."
+            )
+        for test in comparison.sets[1:]:
+            ratio = comparison.ratio_to_library(model, test.name)
+            worst = ratio.worst_state
+            lines.append(
+                f"{model} on {test.name}: {float(ratio.geometric_mean.value):.2f} times the mean "
+                f"squared error on the library, {float(ratio.by_state.value[worst]):.2f} times in "
+                f"the worst state, {comparison.columns[worst].name}."
+            )
+    return lines
+
+
+def _errors(comparison: Comparison) -> Section:
+    library = comparison.sets[0]
+    text = (
+        "Mean squared errors in squared units, as in the paper's Table I, and their roots. "
+        f"Intervals: {100 * CONFIDENCE:g} %, from {RESAMPLES} bootstrap resamples of whole "
+        "episodes, because trajectories of one episode are not independent."
+    )
+    roads = tuple(road_tables(comparison, library))
+    tables = (mse_table(comparison, library), rms_table(comparison, library))
+    details = (Details("By curvature", roads),) if roads else ()
+    return Section("Errors", (text, *tables, *details))
+
+
+def _ratios(comparison: Comparison) -> Section:
+    text = (
+        "A ratio of 2 means that the baseline's mean squared error is twice the model's. Both "
+        "errors of a ratio are averaged over the same drawn episodes, so an interval above 1 is a "
+        f"difference that these data show. “{FAIR_LTI}” combines two baselines: one linear model "
+        "with an offset for all roads and one for each road, the better of them for each state."
+    )
+    parts: list[Part] = [text]
+    for model in comparison.models:
+        bars = plots.ratio_bars(comparison, model)
+        parts.append(Plot(bars, f"Errors of the baselines over {model}."))
+        parts.append(ratio_table(comparison, model, comparison.sets[0]))
+    return Section("Comparison with baselines", tuple(parts))
+
+
+def _steps(comparison: Comparison) -> Section:
+    caption = (
+        "RMS error over the time since the measured state; the bands are intervals. The "
+        "controller plans 20 steps ahead."
+    )
+    parts: list[Part] = [Plot(plots.rms_over_time(comparison), caption)]
+    for model in comparison.models:
+        caption = f"Absolute error of {model}: median, 90 % and 99 % quantile of the trajectories."
+        parts.append(Plot(plots.quantiles_over_time(comparison, model), caption))
+        parts.append(quantile_table(comparison, model))
+    return Section("Error over the horizon", tuple(parts))
+
+
+def _roads(comparison: Comparison) -> Section | None:
+    if not comparison.sets[0].curvatures_per_m:
+        return None
+    new = comparison.find_set(NEW_ROADS)
+    text = "Errors by the curvature of the road."
+    if new is not None:
+        text += (
+            f" Roads with a star are not in the training data of this library ({new.description}). "
+            "The road does not act on the car, so laying another road under a drive is exact."
+        )
+    parts: list[Part] = [text]
+    for model in comparison.models:
+        caption = f"RMS error of {model} on each road, over that on all roads of the library."
+        parts.append(Plot(plots.road_heat_map(comparison, model), caption))
+    if new is not None:
+        parts.append(library_ratio_table(comparison, new))
+    return Section("Roads", tuple(parts))
+
+
+def _robustness(comparison: Comparison) -> Section | None:
+    test = comparison.find_set(ROBUSTNESS)
+    if test is None:
+        return None
+    text = (
+        f"The same models on cars and roads that differ from the training data "
+        f"({test.description}). These are other drives than the library's, so the intervals "
+        "contain the random variation of both sets."
+    )
+    ratios = (ratio_table(comparison, model, test) for model in comparison.models)
+    parts: tuple[Part, ...] = (text, library_ratio_table(comparison, test), *ratios)
+    return Section("Other cars and road friction", parts)
+
+
+def lane_change_section(
+    driven: LaneChange, predicted: Mapping[str, Array], comparison: Comparison
+) -> Section:
+    """`predicted` has the states (W, K+1, n) of each window that each model predicts."""
+    text = (
+        f"The paper's manoeuvre: {driven.description}. A preview driver steers the simulated car; "
+        "the models get its inputs. They start from the measured state every 2 s, at the dotted "
+        "lines, and predict without measurements in between. The panels are scaled to the car and "
+        "the models; curves of baselines may leave them. Of the baselines, the linear models and "
+        "the paper's network are shown."
+    )
+    plot = Plot(plots.lane_change_plot(driven, predicted, comparison))
+    return Section("Double lane change, open loop", (text, plot))
+
+
+def _sources(
+    comparison: Comparison,
+    models: Mapping[str, Sequence[Fact]],
+    baselines: Mapping[str, Sequence[Fact]],
+    sources: Sequence[Fact],
+) -> Section:
+    tables = [facts_table(facts, name) for name, facts in models.items()]
+    if baselines:
+        lines = [
+            Fact(name, "; ".join(f"{fact.name} {fact.value}" for fact in facts))
+            for name, facts in baselines.items()
+        ]
+        tables.append(facts_table(lines, "Baselines"))
+    sets = [
+        Fact(test.name, f"{test.description}; {set_size(test)}; data set {test.data_sha256}")
+        for test in comparison.sets
+    ]
+    bootstrap = Fact("bootstrap", f"{RESAMPLES} resamples of episodes, seed {SEED}, percentiles")
+    tables += [
+        facts_table(sets, "Test sets"),
+        facts_table([*sources, bootstrap], "Data and software"),
+    ]
+    return Section("Models, test sets and software", tuple(tables))

@@ -1,0 +1,164 @@
+"""The trajectories that models are evaluated on.
+
+- library: slices of the test episodes, 480 for each curvature that models may be trained on;
+- new-roads: the same drives on curvatures that the library leaves out. The road does not act on
+  the car, so another road can be laid under a drive exactly (`offline.data.road_frame`);
+- robustness: simulated cars of other mass on roads of other friction, made on first use.
+
+Paper: section IV, 2,400 open-loop test trajectories.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from offline.data.cache import cache_folder, make_dataset
+from offline.data.dataset import PARTS, Dataset, exists, load_dataset
+from offline.data.excitation import Recipe
+from offline.data.generate import plant_fingerprint
+from offline.data.manifest import Imported, Origin, Simulated
+from offline.data.recording import Starts, cut
+from offline.data.trajectories import Trajectories
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.errors import ConfigError, DatasetError
+
+LIBRARY, NEW_ROADS, ROBUSTNESS = "library", "new-roads", "robustness"
+SET_NAMES = (LIBRARY, NEW_ROADS, ROBUSTNESS)
+
+TRAJECTORIES_PER_CURVATURE = 480
+"""times five curvatures: the paper's 2,400 test trajectories"""
+
+NEW_CURVATURES_PER_M = (-1e-3, 1e-3, 3e-3)
+"""within the range of the library's curvatures, but not among them"""
+
+ROAD_FRICTION = (0.5, 1.0)
+MASS_FACTOR = (0.85, 1.15)
+ROBUSTNESS_RECIPE = Recipe(road_friction=ROAD_FRICTION, mass_factor=MASS_FACTOR)
+ROBUSTNESS_EPISODES = 96
+"""of five slices: 480 trajectories"""
+ROBUSTNESS_SEED = 46_046
+"""no preset trains with this seed"""
+
+
+@dataclass(frozen=True, slots=True)
+class TestSet:
+    """Trajectories that models are evaluated on."""
+
+    name: str
+    description: str
+    trajectories: Trajectories
+    curvature_per_m: Array | None
+    """(N,) of the road of each; None if the data have no roads"""
+    data_sha256: str
+    """hash of the data set that they are from"""
+
+    @property
+    def n_trajectories(self) -> int:
+        return len(self.trajectories.episode)
+
+    @property
+    def n_episodes(self) -> int:
+        return len(np.unique(self.trajectories.episode))
+
+    @property
+    def curvatures_per_m(self) -> tuple[float, ...]:
+        """The different curvatures, ascending."""
+        if self.curvature_per_m is None:
+            return ()
+        return tuple(float(kappa) for kappa in np.unique(self.curvature_per_m))
+
+
+def choose_sets(names: Sequence[str]) -> tuple[str, ...]:
+    """The test sets of these names, all if there are none; the library is always among them.
+
+    Raises:
+        ConfigError: a name is unknown.
+    """
+    unknown = [name for name in names if name not in SET_NAMES]
+    if unknown:
+        raise ConfigError(
+            f"--sets: expected some of {', '.join(SET_NAMES)}, found {', '.join(unknown)}."
+        )
+    return tuple(name for name in SET_NAMES if not names or name in names or name == LIBRARY)
+
+
+def library_set(dataset: Dataset, per_curvature: int = TRAJECTORIES_PER_CURVATURE) -> TestSet:
+    """The first slices of each curvature of the test part, or all if the data have no roads.
+
+    Raises:
+        DatasetError: the data set has no test part.
+    """
+    description = f"test part of {_source(dataset.origin)}"
+    return _cut_set(dataset, LIBRARY, description, _test_slices(dataset, per_curvature))
+
+
+def new_roads_set(
+    dataset: Dataset, per_curvature: int = TRAJECTORIES_PER_CURVATURE
+) -> TestSet | None:
+    """The drives of `library_set`, each on every new curvature.
+
+    None if the data have no roads, or have all of these curvatures.
+    """
+    starts, roads = _test_slices(dataset, per_curvature), dataset.manifest.roads
+    if starts.anchor is None or roads is None:
+        return None
+    curvatures = tuple(
+        kappa
+        for kappa in NEW_CURVATURES_PER_M
+        if not np.any(np.isclose(kappa, roads.curvatures_per_m, atol=1e-9))
+    )
+    if not curvatures:
+        return None
+    listed = ", ".join(f"{1e3 * kappa:+g}e-3" for kappa in curvatures)
+    description = f"the same drives on roads of {listed} 1/m, which are not in the library"
+    count = len(starts.row)
+    starts = starts.take(np.tile(np.arange(count), len(curvatures)))
+    anchor = starts.anchor and starts.anchor._replace(curvature_per_m=np.repeat(curvatures, count))
+    return _cut_set(dataset, NEW_ROADS, description, starts._replace(anchor=anchor))
+
+
+def robustness_set(episodes: int = ROBUSTNESS_EPISODES) -> tuple[Dataset, TestSet]:
+    """All drives of the robustness data set, and the data set itself.
+
+    The data set is taken from the cache, or made in this process within seconds.
+    """
+    origin = Simulated(ROBUSTNESS_RECIPE, episodes, ROBUSTNESS_SEED, plant_fingerprint())
+    folder = cache_folder(origin)
+    if exists(folder):
+        dataset = load_dataset(folder)
+    else:
+        part = np.full(episodes, PARTS.index("test"), dtype=np.int8)
+        dataset = make_dataset(folder, origin, part, jobs=1)
+    description = (
+        f"{_source(origin)}, road friction {ROAD_FRICTION[0]:g} to {ROAD_FRICTION[1]:g}, "
+        f"mass times {MASS_FACTOR[0]:g} to {MASS_FACTOR[1]:g}"
+    )
+    return dataset, _cut_set(dataset, ROBUSTNESS, description, _test_slices(dataset, None))
+
+
+def _test_slices(dataset: Dataset, per_curvature: int | None) -> Starts:
+    """Slices of the test part in stored order, at most `per_curvature` of each curvature."""
+    starts = dataset.slices.take(np.isin(dataset.slices.episode, dataset.episodes("test")))
+    if not len(starts.row):
+        raise DatasetError(
+            f"expected a data set with test trajectories, found none among its "
+            f"{dataset.manifest.trajectories} ({dataset.sha256:.16}…). Make a longer one."
+        )
+    if starts.anchor is None:
+        return starts
+    curvature = starts.anchor.curvature_per_m
+    chosen = [np.flatnonzero(curvature == kappa)[:per_curvature] for kappa in np.unique(curvature)]
+    return starts.take(np.sort(np.concatenate(chosen)))
+
+
+def _cut_set(dataset: Dataset, name: str, description: str, starts: Starts) -> TestSet:
+    trajectories = cut(dataset.recording, starts, dataset.schema, dataset.roles)
+    curvature_per_m = starts.anchor and starts.anchor.curvature_per_m
+    return TestSet(name, description, trajectories, curvature_per_m, dataset.sha256)
+
+
+def _source(origin: Origin) -> str:
+    if isinstance(origin, Imported):
+        return f"{len(origin.files)} imported logs in {origin.episodes} stretches"
+    return f"{origin.episodes} episodes of seed {origin.seed}"

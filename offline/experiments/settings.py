@@ -1,0 +1,95 @@
+"""Training configurations that a TOML file or a command line changes; every change is checked."""
+
+import shlex
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, Field, TypeAdapter, ValidationError
+
+from offline.config import PRESETS, TrainingConfig, explicit_fields
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.settings_errors import dotted, explain, option
+from sim_bridge.toml_file import T, parse
+
+NONE = "none"
+"""stands for None in TOML files"""
+OF_THE_DATA = ("episodes", "data_seed")
+"""fields that follow from the data set"""
+
+
+def _require_preset(name: str) -> str:
+    if name not in PRESETS:
+        raise ValueError(f"expected one of the presets {', '.join(PRESETS)}")
+    return name
+
+
+Preset = Annotated[str, AfterValidator(_require_preset)]
+FolderName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9.-]*$")]
+
+
+def changed(base: TrainingConfig, changes: Mapping[str, Any], where: str) -> TrainingConfig:
+    """The configuration with these fields changed; "none" stands for None.
+
+    A field that does not exist or accept the value is a `ConfigError` that begins with `where`.
+    """
+    new = {field: None if value == NONE else value for field, value in changes.items()}
+    try:
+        return TrainingConfig.model_validate({**base.model_dump(), **new})
+    except ValidationError as error:
+        known = TrainingConfig.model_fields
+        raise ConfigError(f"{where}: {explain(error, dotted, lambda parent: known)}") from error
+
+
+def common_fields(common: TrainingConfig | None, instead: Mapping[str, str]) -> dict[str, Any]:
+    """Fields that the options set for all trainings; one thread each unless an option says more.
+
+    `instead` has the fields that are no option of this command, and what to use in their place;
+    one of them in `common` is a `ConfigError`.
+    """
+    fields = explicit_fields(common)
+    for name, place in instead.items():
+        if name in fields:
+            raise ConfigError(f"--{name}: expected {place} in its place, found {fields[name]!r}.")
+    # There are as many trainings as cores: a second thread would wait for another training.
+    return {"threads": 1, **fields}
+
+
+def read_toml(file: Path | None, shipped: str, option: str, form: TypeAdapter[T]) -> T:
+    """The checked content of a TOML file; None: of the file `shipped` in this package.
+
+    Raises:
+        ConfigError: the file cannot be read, or its content has another form.
+    """
+    where = file if file is not None else resources.files("offline.experiments") / shipped
+    try:
+        text = where.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{option} {where}: expected a readable file, found: {error}.") from error
+    return parse(text, form, str(where))
+
+
+def require_unique(names: Sequence[str], where: str) -> None:
+    """Raise a `ConfigError` if a name occurs twice."""
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise ConfigError(f"{where}: expected every name once, found {', '.join(repeated)} again.")
+
+
+def train_command(config: TrainingConfig, data: Path) -> str:
+    """The `offline-train` command of this configuration, on the data set in that folder."""
+    preset = PRESETS[config.preset]
+    options = [f"--preset {config.preset}"]
+    for field in TrainingConfig.model_fields:
+        value, name = getattr(config, field), option((field,))
+        if field in OF_THE_DATA or value == getattr(preset, field):
+            continue
+        if value is None or value is False:
+            options.append(name.replace("--", "--no-", 1))
+        elif value is True:
+            options.append(name)
+        else:
+            values = value if isinstance(value, tuple) else (value,)
+            options += [f"{name} {part}" for part in values]
+    return " ".join(("offline-train", *options, f"--data {shlex.quote(str(data))}"))

@@ -1,0 +1,143 @@
+"""Logs of a CAN bus, read by python-can and decoded with a DBC by cantools.
+
+The only module of `offline` that imports them: it reads files and opens no bus.
+"""
+
+import os
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import cast
+
+import can
+import cantools
+import numpy as np
+from cantools.database.can import Database, Message, Signal
+
+from offline.logs.mapping_tables import CanSettings
+from offline.logs.readers.log import Channel, Log, readable, require_columns
+from rt_controller.contract.errors import DatasetError
+
+_READ_BYTES = 4096
+"""from the beginning and from the end of a log in text"""
+_Source = tuple[Message, Signal]
+_Samples = dict[tuple[str, str], list[tuple[int, float, float]]]
+"""frame number, time in s and value, by message and signal"""
+
+
+def read_can(path: Path, wanted: Sequence[str], settings: CanSettings | None) -> Log:
+    """The wanted signals of a CAN log, each with the time stamps of its frames.
+
+    A column is a signal's name, or "Message.Signal" if several messages have a signal of that name.
+    """
+    if settings is None:
+        raise DatasetError(
+            f"{path}: expected a DBC to decode the log with, found none in the mapping. Write "
+            f'[can] dbc = "car.dbc".'
+        )
+    database = _load_dbc(settings.dbc)
+    sources = {column: _find(path, database, column) for column in wanted}
+    _require_complete(path)
+    frames, samples = _decode(path, sources, settings.channel)
+    channels = []
+    for column, (message, signal) in sources.items():
+        if (message.name, signal.name) not in samples:
+            where = "" if settings.channel is None else f" on channel {settings.channel}"
+            raise DatasetError(
+                f"{path}, column {column}: expected frames of {message.name} "
+                f"({message.frame_id:#x}), found none among {frames} frames{where}. Check the DBC "
+                f"and [can] channel, or leave the file out."
+            )
+        rows, t_s, values = map(np.array, zip(*samples[message.name, signal.name], strict=True))
+        channels.append(Channel(column, t_s, values, rows, signal.unit or None))
+    return Log(path, tuple(channels), "frame", frames)
+
+
+def _load_dbc(path: Path) -> Database:
+    found = "a database of another kind"
+    try:
+        database = cantools.database.load_file(path)
+        if isinstance(database, Database):
+            return database
+    except OSError as error:
+        found = f"nothing readable ({error.strerror})"
+    except (cantools.Error, ValueError) as error:
+        found = f"a file that cannot be parsed ({error})"
+    raise DatasetError(f"{path}: expected a DBC, found {found}. Correct [can] dbc.")
+
+
+def _find(path: Path, database: Database, column: str) -> _Source:
+    known = {
+        f"{message.name}.{signal.name}": (message, signal)
+        for message in database.messages
+        for signal in message.signals
+    }
+    require_columns(path, [column], [*known, *(signal.name for _, signal in known.values())])
+    fits = [name for name, (_, signal) in known.items() if column in (name, signal.name)]
+    if len(fits) > 1:
+        raise DatasetError(
+            f"{path}, column {column}: expected a signal of one message, found it in {len(fits)}. "
+            f"Write one of {', '.join(fits)} in the mapping."
+        )
+    return known[fits[0]]
+
+
+def _decode(
+    path: Path, sources: Mapping[str, _Source], channel: int | str | None
+) -> tuple[int, _Samples]:
+    """Number of frames in the log, and the samples of all signals of the messages."""
+    columns = {message.name: column for column, (message, _) in sources.items()}
+    by_id = {(each.frame_id, each.is_extended_frame): each for each, _ in sources.values()}
+    samples: _Samples = defaultdict(list)
+    count = 0
+    for count, frame in enumerate(_frames(path), start=1):
+        message = by_id.get((frame.arbitration_id, frame.is_extended_id))
+        is_elsewhere = channel is not None and str(frame.channel) != str(channel)
+        if message is None or is_elsewhere or frame.is_error_frame or frame.is_remote_frame:
+            continue
+        try:
+            decoded = message.decode_simple(bytes(frame.data), decode_choices=False)
+        except (cantools.Error, ValueError) as error:
+            raise DatasetError(
+                f"{path}, column {columns[message.name]}, frame {count}: expected "
+                f"{message.length} bytes of {message.name}, found {len(frame.data)} that do not "
+                f"decode ({error}). The log may be truncated, or the DBC is of another car."
+            ) from error
+        for signal, value in decoded.items():
+            sample = (count, frame.timestamp, float(cast(float, value)))
+            samples[message.name, signal].append(sample)
+    return count, samples
+
+
+def _frames(path: Path) -> Iterator[can.Message]:
+    """The frames of the log; every exception of python-can becomes a `DatasetError`."""
+    with readable(path, "a CAN log"), can.LogReader(path) as reader:
+        yield from reader
+
+
+def _require_complete(path: Path) -> None:
+    """Return unless the file was cut off; the readers of python-can may stop early in silence.
+
+    The header of a BLF has its length, an ASC has a last line, and all logs in text end every line.
+    """
+    if path.suffix.lower() == ".blf":
+        with readable(path, "a BLF log"), can.BLFReader(path) as reader:
+            size = int(reader.file_size)
+        if os.path.getsize(path) >= size:
+            return
+        expected, found = f"{size} bytes as its header says", str(os.path.getsize(path))
+    else:
+        with path.open("rb") as file:
+            head = file.read(_READ_BYTES).lower()
+            file.seek(max(0, os.path.getsize(path) - _READ_BYTES))
+            tail = file.read().lower()
+        last = tail.splitlines()[-1].decode("utf-8", "replace") if tail else ""
+        has_no_end = b"begin triggerblock" in head and b"end triggerblock" not in tail
+        if not has_no_end and (tail.endswith(b"\n") or "end triggerblock" in last):
+            return
+        expected = "a last line 'End TriggerBlock'" if has_no_end else "a complete last line"
+        found = repr(last)
+    raise DatasetError(
+        f"{path}: expected {expected}, found {found}: the log is truncated. Copy or convert it "
+        f"again, or leave it out."
+    )

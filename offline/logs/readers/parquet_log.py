@@ -1,0 +1,35 @@
+"""Logs in Parquet, read by pyarrow."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from offline.logs.mapping_tables import TimeMapping
+from offline.logs.readers.log import Log, readable, require_package
+from offline.logs.readers.table import columns_to_read, to_log
+from rt_controller.contract.errors import DatasetError
+
+
+def read_parquet(path: Path, wanted: Sequence[str], time: TimeMapping) -> Log:
+    """The wanted columns of a Parquet file; a field's metadata may give its `unit`."""
+    require_package(path, "Parquet", "pyarrow")
+    import pyarrow as pa
+    from pyarrow import parquet, types
+
+    with readable(path, "a Parquet file", (OSError, pa.ArrowException)):
+        needed = columns_to_read(path, wanted, time, parquet.read_schema(path).names)
+        content = parquet.read_table(path, columns=needed)
+    numeric = (types.is_floating, types.is_integer, types.is_boolean, types.is_decimal)
+    units = {}
+    for field in content.schema:
+        is_date = field.name == time.column and types.is_timestamp(field.type)
+        if not is_date and not any(is_kind(field.type) for is_kind in numeric):
+            raise DatasetError(
+                f"{path}, column {field.name}: expected numbers, found {field.type}. Export the "
+                f"column as numbers."
+            )
+        unit = (field.metadata or {}).get(b"unit")
+        if unit is not None:
+            units[field.name] = unit.decode("utf-8", "replace")
+    frame = content.to_pandas(ignore_metadata=True)
+    frame.index += 1
+    return to_log(path, frame, wanted, time, "row", units)

@@ -1,0 +1,233 @@
+"""The training loss: the paper's terms, eqs. (9)-(13), and the log error over the horizon.
+
+Time comes first in every array: psi is (times, batch, n). Sums over the batch are means, and norms
+are taken over all n observables.
+"""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from offline.config import TrainingConfig
+from offline.data.sampling import Batch
+from offline.model.network import MdkNet
+
+GROWTH_DOUBLINGS = 6
+GROWTH_BOUND = 1.035
+"""slightly above the value for the chain yaw rate -> heading error -> lateral error: a Jordan
+block at 1, whose powers grow although no eigenvalue exceeds 1"""
+LEAST_ERROR = 1e-12
+"""keeps the logarithm finite if a state is predicted exactly"""
+
+
+class Losses(NamedTuple):
+    """The terms of eq. (13) and their weighted sum, each a scalar tensor."""
+
+    total: Tensor
+    single_step: Tensor
+    multi_step: Tensor
+    """eq. (10), or the log error of the states over the horizon"""
+    stability: Tensor
+    regularisation: Tensor
+    states: Tensor
+    """the physical states' share of the multi-step error, which scaling latents cannot reduce"""
+
+
+def total_loss(
+    model: MdkNet, config: TrainingConfig, batch: Batch, times: Tensor | None = None
+) -> Losses:
+    """Every term on one batch of scaled trajectories. Paper: eq. (13), eq:total loss.
+
+    `times` (M,) in 1..K, as from `draw_times`, limits the targets that are encoded; sums over time
+    are then unbiased estimates.
+    """
+    A, B = model.operator()
+    if config.objective == "horizon":
+        single_step, multi_step, states = _horizon_terms(model, config, batch, times)
+    else:
+        single_step, multi_step, states = _paper_terms(model, A, config, batch, times)
+    stability = stability_loss(A, config)
+    regularisation = regularisation_loss(
+        model.encoder.parameters(), A, B, operator_prior(A, config), config
+    )
+    total = (
+        config.weight_single_step * single_step
+        + config.weight_multi_step * multi_step
+        + config.weight_stability * stability
+        + config.weight_regularisation * regularisation
+    )
+    return Losses(total, single_step, multi_step, stability, regularisation, states)
+
+
+def single_step_loss(psi_before: Tensor, psi_after: Tensor, A: Tensor, forcing: Tensor) -> Tensor:
+    """Squared error of one step of the linear model.
+
+    psi_before, psi_after and forcing (= B u) are (times, batch, n). Paper: eq. (9), eq:ssl loss.
+    """
+    return _squared_norm(psi_after - psi_before @ A.t() - forcing).mean()
+
+
+def multi_step_loss(psi: Tensor, predicted: Tensor, weights: Tensor) -> Tensor:
+    """Weighted squared error of the roll-out from x_0.
+
+    psi and predicted are (times, batch, n), weights (times,) as from `forgetting_weights`.
+    Paper: eq. (10), eq:msl loss.
+    """
+    return weights @ _squared_norm(psi - predicted).mean(dim=1)
+
+
+def forgetting_weights(steps: int, forgetting: float, through_last_step: bool) -> Tensor:
+    """Weights beta^i / sum(beta^i) of the steps i = 1..K, (K,).
+
+    Eq. (10) stops at K-1; without `through_last_step` the last weight is zero.
+    """
+    weights = forgetting ** torch.arange(1, steps + 1, dtype=torch.float64)
+    if not through_last_step:
+        weights[-1] = 0.0
+    return (weights / weights.sum()).to(torch.get_default_dtype())
+
+
+def state_errors(model: MdkNet, batch: Batch) -> Tensor:
+    """Mean squared error of each scaled state over steps 1..K and the batch, (n_x,).
+
+    Only x_0 is encoded.
+    """
+    psi0 = model.lift(batch.at(torch.zeros(1, dtype=torch.long, device=batch.x.device)))[0]
+    predicted = model.roll_out(psi0, batch.u, batch.w)[..., : model.sizes.states]
+    return (batch.x[1:] - predicted).square().mean(dim=(0, 1))
+
+
+def log_error(errors: Tensor) -> Tensor:
+    """Mean logarithm of the errors (n_x,), that is, the logarithm of their geometric mean.
+
+    A tenth less error counts the same in every state, whatever its unit and size. No latent is a
+    target, so shrinking latents does not reduce it.
+    """
+    return (errors + LEAST_ERROR).log().mean()
+
+
+def stability_loss(A: Tensor, config: TrainingConfig) -> Tensor:
+    """Eq. (11) or its substitute; zero if A is projected instead."""
+    if config.stability == "eigenvalue":
+        return eigenvalue_excess(A)
+    if config.stability == "gelfand":
+        return growth_excess(A)
+    return A.new_zeros(())
+
+
+def eigenvalue_excess(A: Tensor) -> Tensor:
+    """Sum over the eigenvalues of the magnitude above 1. Paper: eq. (11), eq:sl loss.
+
+    In float64. The gradient is unbounded where eigenvalues coincide, which they do at 1; the
+    training skips steps whose gradient is not finite.
+    """
+    magnitudes = torch.linalg.eigvals(A.double()).abs()
+    return torch.relu(magnitudes - 1.0).sum().to(A.dtype)
+
+
+def growth_excess(A: Tensor) -> Tensor:
+    """||A^64||_F^(1/64) above its bound.
+
+    A substitute for eq. (11): by Gelfand's formula the root tends to the spectral radius, and its
+    gradient stays near 1 where eigenvalues coincide.
+    """
+    power = A
+    for _ in range(GROWTH_DOUBLINGS):
+        power = power @ power
+    return torch.relu(torch.linalg.matrix_norm(power) ** (0.5**GROWTH_DOUBLINGS) - GROWTH_BOUND)
+
+
+def regularisation_loss(
+    encoder: Iterable[Tensor], A: Tensor, B: Tensor, prior: Tensor, config: TrainingConfig
+) -> Tensor:
+    """Squared size of the encoder's parameters, of A - prior (n, n), and of B.
+
+    Paper: eq. (12), eq:reg loss.
+    """
+    theta = torch.stack([parameter.square().sum() for parameter in encoder]).sum()
+    operator = (A - prior).square().sum() + B.square().sum()
+    return config.decay_encoder * theta + config.decay_operator * operator
+
+
+def operator_prior(A: Tensor, config: TrainingConfig) -> Tensor:
+    """What eq. (12) measures A from, (n, n): zero as printed, or the identity.
+
+    The identity does not pull the integrators of the model below 1.
+    """
+    if config.operator_prior == "zero":
+        return torch.zeros_like(A)
+    return torch.eye(A.shape[0], device=A.device, dtype=A.dtype)
+
+
+def horizon_of_step(step: int, config: TrainingConfig, longest: int) -> int:
+    """Number of steps of the roll-outs at this training step.
+
+    Grows from `config.horizon_start` to `longest`; a random operator is useless far ahead.
+    """
+    if config.objective == "paper" or config.horizon_start is None:
+        return longest
+    first = min(config.horizon_start, longest)
+    grown = step / max(config.horizon_growth * config.steps, 1.0)
+    return min(longest, first + int((longest - first) * grown))
+
+
+def draw_times(steps: int, samples: int | None, rng: torch.Generator) -> Tensor | None:
+    """Target times in 1..K, (samples,), one from each of `samples` equal parts of the horizon.
+
+    Every time is drawn with the same mean frequency, samples / K. None: no limit, all of them.
+    """
+    if samples is None:
+        return None
+    parts = torch.arange(samples, dtype=torch.float64)
+    offsets = torch.rand(samples, generator=rng, dtype=torch.float64)
+    return ((parts + offsets) * (steps / samples)).long().clamp_(max=steps - 1) + 1
+
+
+def _paper_terms(
+    model: MdkNet, A: Tensor, config: TrainingConfig, batch: Batch, times: Tensor | None
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Single-step loss, multi-step loss, and the states' share of the latter."""
+    steps = batch.steps
+    weights = forgetting_weights(steps, config.forgetting, config.through_last_step)
+    weights = weights.to(batch.x.device)
+    if times is None:
+        psi = model.lift(batch.at(torch.arange(steps + 1, device=batch.x.device)))
+        psi0, psi_before, psi_after = psi[0], psi[:-1], psi[1:]
+        u, w = batch.u, batch.w
+        predicted = model.roll_out(psi0, u, w)
+    else:
+        m, times = len(times), times.to(batch.x.device)
+        psi = model.lift(batch.at(torch.cat([times.new_zeros(1), times - 1, times])))
+        psi0, psi_before, psi_after = psi[0], psi[1 : m + 1], psi[m + 1 :]
+        u, w = batch.u[times - 1], batch.w[times - 1]
+        predicted = model.roll_out(psi0, batch.u, batch.w)[times - 1]
+        weights = weights[times - 1] * (steps / m)
+    single_step = single_step_loss(psi_before, psi_after, A, model.forcing(psi_before, u, w))
+    multi_step = multi_step_loss(psi_after, predicted, weights)
+    with torch.no_grad():
+        n = model.sizes.states
+        states = multi_step_loss(psi_after[..., :n], predicted[..., :n], weights)
+    return single_step, multi_step, states
+
+
+def _horizon_terms(
+    model: MdkNet, config: TrainingConfig, batch: Batch, times: Tensor | None
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Single-step loss if it has a weight, log error of the states, and their mean error."""
+    errors = state_errors(model, batch)
+    multi_step = log_error(errors)
+    single_step = multi_step.new_zeros(())
+    if config.weight_single_step:
+        if times is None:
+            times = torch.arange(1, batch.steps + 1)
+        times = times.to(batch.x.device)
+        before, after = model.lift(batch.at(times - 1)), model.lift(batch.at(times))
+        forcing = model.forcing(before, batch.u[times - 1], batch.w[times - 1])
+        single_step = single_step_loss(before, after, model.operator().A, forcing)
+    return single_step, multi_step, errors.detach().mean()
+
+
+def _squared_norm(error: Tensor) -> Tensor:
+    return error.square().sum(dim=-1)

@@ -1,0 +1,75 @@
+"""From a checkpoint to a checked bundle in physical units."""
+
+import numpy as np
+import torch
+
+from offline.config import TrainingConfig
+from offline.data.dataset import Dataset
+from offline.data.provenance import describe_training
+from offline.data.signals import Roles, past_names
+from offline.model.bundle_export import choose_selftest, tensors_of, to_onnx
+from offline.model.export_checks import check_export, largest_radius_of
+from offline.model.network import MdkNet, sizes_of
+from offline.model.physical_units import PhysicalEncoder, fold_scaling
+from offline.training.checkpoint import Checkpoint
+from rt_controller.contract.artifact import Bundle, Lift
+from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.schema import Schema
+
+
+def restore_model(checkpoint: Checkpoint, schema: Schema, roles: Roles) -> MdkNet:
+    """The model of a checkpoint, in evaluation mode."""
+    model = MdkNet(checkpoint.config, sizes_of(schema, roles))
+    model.load_state_dict(checkpoint.model)
+    return model.eval()
+
+
+def export_checkpoint(checkpoint: Checkpoint, dataset: Dataset) -> tuple[Bundle, float]:
+    """The bundle of a checkpoint, and the largest difference torch / ONNX from its checks.
+
+    Raises:
+        ArtifactError: the model grows without bound, is not finite, or ONNX and torch disagree.
+        DatasetError: the model was trained on another data set.
+    """
+    if dataset.sha256 != checkpoint.data_sha256:
+        raise DatasetError(
+            f"export expects the data set that the model was trained on, "
+            f"{checkpoint.data_sha256:.16}…, found {dataset.sha256:.16}…. Name its folder with "
+            f"--data."
+        )
+    config, scaling = checkpoint.config, checkpoint.scaling
+    model = restore_model(checkpoint, dataset.schema, dataset.roles)
+    encoder = PhysicalEncoder(model, scaling).eval()
+    lift = _lift_of(model, dataset)
+    operator = fold_scaling(model, scaling)
+    selftest = choose_selftest(dataset, lift)
+    with torch.no_grad():
+        selftest_psi = encoder(*tensors_of(selftest, lift)).double().numpy()
+    selftest_psi[:, : model.sizes.states] = selftest.x
+    inputs = model.sizes.inputs
+    settings = {**config.model_dump(mode="json"), "step": checkpoint.step}
+    is_default = config.preset == TrainingConfig().preset
+    bundle = Bundle(
+        name="mdk-net" if is_default else f"mdk-net-{config.preset}",
+        schema=dataset.schema,
+        A=operator.A,
+        B_uc=np.ascontiguousarray(operator.B[:, :inputs]),
+        B_uw=np.ascontiguousarray(operator.B[:, inputs:]),
+        c=operator.c,
+        bilinear=operator.bilinear,
+        lift=lift,
+        encoder_onnx=to_onnx(encoder, lift, selftest),
+        selftest=selftest,
+        selftest_psi=selftest_psi,
+        training=describe_training(settings, dataset.origin),
+        data_sha256=dataset.sha256,
+    )
+    return bundle, check_export(bundle, largest_radius_of(config))
+
+
+def _lift_of(model: MdkNet, dataset: Dataset) -> Lift:
+    inputs = ("x", "w") if model.reads_exogenous else ("x",)
+    if not model.history_steps:
+        return Lift(inputs)
+    fields = past_names(dataset.schema, dataset.roles)
+    return Lift((*inputs, "history"), model.history_steps, fields)

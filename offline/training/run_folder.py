@@ -1,0 +1,158 @@
+"""The folder of one training run.
+
+config.json    resolved configuration, versions, revision, data set
+history.jsonl  one line for each evaluation, without times, so that equal runs write equal files
+best.pt        checkpoint of the model to export
+last.pt        checkpoint to resume from
+"""
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from datetime import datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from offline.config import TrainingConfig, restore_config
+from offline.data.code_identity import source_revision
+from offline.files import write_json, write_text
+from rt_controller.contract.errors import ArtifactError, ConfigError, RtControllerError
+
+CONFIG_FILE = "config.json"
+HISTORY_FILE = "history.jsonl"
+LATEST_LINK = "latest"
+
+
+@dataclass(frozen=True, slots=True)
+class RunFolder:
+    """Paths of a run and the contents of its config.json."""
+
+    path: Path
+    config: TrainingConfig
+    data_folder: Path
+    data_sha256: str
+    versions: Mapping[str, str]
+    revision: str
+
+    @property
+    def best(self) -> Path:
+        return self.path / "best.pt"
+
+    @property
+    def last(self) -> Path:
+        return self.path / "last.pt"
+
+    @property
+    def history(self) -> Path:
+        return self.path / HISTORY_FILE
+
+    @property
+    def bundle(self) -> Path:
+        return self.path / "bundle"
+
+
+def create_run(
+    base: Path, config: TrainingConfig, data_folder: Path, data_sha256: str, now: datetime
+) -> RunFolder:
+    """A new folder below `base`; the link `base/latest` is set to it.
+
+    Raises:
+        ConfigError: the folder cannot be made.
+    """
+    path = base / f"{now:%Y%m%d-%H%M%S}-{config.preset}"
+    try:
+        path.mkdir(parents=True)
+    except OSError as error:
+        raise ConfigError(
+            f"{path}: expected to make a new folder for the run, found: {error.strerror}. Choose "
+            f"another --runs."
+        ) from error
+    versions = {name: version(name) for name in ("rt-controller", "torch", "numpy")}
+    run = RunFolder(path, config, data_folder.resolve(), data_sha256, versions, source_revision())
+    _write_config(run)
+    link = base / f".{LATEST_LINK}.{os.getpid()}"
+    link.symlink_to(path.name)
+    os.replace(link, base / LATEST_LINK)
+    return run
+
+
+def open_run(path: Path) -> RunFolder:
+    """The run in an existing folder.
+
+    Raises:
+        ArtifactError: there is no run, or its config.json is damaged.
+    """
+    file = path / CONFIG_FILE
+    try:
+        fields = json.loads(file.read_text(encoding="utf-8"))
+        return RunFolder(
+            path=path.resolve(),
+            config=restore_config(fields["config"]),
+            data_folder=Path(fields["data_folder"]),
+            data_sha256=str(fields["data_sha256"]),
+            versions=dict(fields["versions"]),
+            revision=str(fields["revision"]),
+        )
+    except OSError as error:
+        raise ArtifactError(
+            f"{file}: expected the configuration of a training run, found nothing readable "
+            f"({error.strerror}). Train a model with offline-train, or name the folder of a run."
+        ) from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise ArtifactError(
+            f"{file}: expected the configuration of a training run of this version, found "
+            f"something else ({error}). Train again with offline-train."
+        ) from error
+
+
+def rewrite_config(run: RunFolder, config: TrainingConfig) -> RunFolder:
+    """The same run with another configuration, which replaces config.json."""
+    run = replace(run, config=config)
+    _write_config(run)
+    return run
+
+
+def append_history(run: RunFolder, line: Mapping[str, Any]) -> None:
+    """Write the line of one more evaluation.
+
+    Raises:
+        RtControllerError: there is no room.
+    """
+    try:
+        with run.history.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(line) + "\n")
+    except OSError as error:
+        raise RtControllerError(
+            f"{run.history}: expected room for another line, found: {error.strerror}. Free some "
+            f"space and continue with: offline-train --resume {run.path}"
+        ) from error
+
+
+def cut_history(run: RunFolder, step: int) -> None:
+    """Remove the lines of evaluations at or after `step`, which a resumed run writes again."""
+    if not run.history.exists():
+        return
+    lines = run.history.read_text(encoding="utf-8").splitlines()
+    kept = [line for line in lines if (at := _step_of(line)) is not None and at < step]
+    write_text(run.history, "".join(line + "\n" for line in kept))
+
+
+def _step_of(line: str) -> int | None:
+    """Step of a line; None if the line is incomplete."""
+    try:
+        return int(json.loads(line)["step"])
+    except (ValueError, KeyError, TypeError):
+        return None
+
+
+def _write_config(run: RunFolder) -> None:
+    fields = {
+        "config": run.config.model_dump(mode="json"),
+        "data_folder": str(run.data_folder),
+        "data_sha256": run.data_sha256,
+        "versions": dict(run.versions),
+        "revision": run.revision,
+    }
+    write_json(run.path / CONFIG_FILE, fields)

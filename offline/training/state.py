@@ -1,0 +1,123 @@
+"""The state of a training: everything that changes from step to step, and its checkpoint."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import torch
+
+from offline.config import TrainingConfig
+from offline.data.signals import Scaling
+from offline.model.losses import Losses
+from offline.model.network import MdkNet, Sizes
+from offline.training.checkpoint import Checkpoint
+from rt_controller.contract.errors import ConfigError
+
+
+def _no_losses() -> torch.Tensor:
+    return torch.zeros(len(Losses._fields), dtype=torch.float64)
+
+
+@dataclass(slots=True)
+class TrainingState:
+    """Model, optimiser, random generator and losses after `step` steps."""
+
+    model: MdkNet
+    optimizer: torch.optim.Adam
+    rng: torch.Generator
+    """of the batches"""
+    step: int = 0
+    skipped: int = 0
+    """steps that were not taken because the gradient was not finite"""
+    skipped_in_a_row: int = 0
+    validation_losses: list[float] = field(default_factory=list)
+    """of all evaluations so far, newest last"""
+    loss_sums: torch.Tensor = field(default_factory=_no_losses)
+    """of the training losses since the last evaluation, in the order of `Losses`"""
+    loss_count: int = 0
+
+    @property
+    def learning_rate(self) -> float:
+        return float(self.optimizer.param_groups[0]["lr"])
+
+    @learning_rate.setter
+    def learning_rate(self, rate: float) -> None:
+        for group in self.optimizer.param_groups:
+            group["lr"] = group["share"] * rate
+
+    def count_step(self, losses: Losses, is_taken: bool) -> None:
+        """Count a step, taken or skipped, and include its losses in the mean."""
+        self.step += 1
+        self.skipped += not is_taken
+        self.skipped_in_a_row = 0 if is_taken else self.skipped_in_a_row + 1
+        self.loss_sums += torch.stack(losses).detach().cpu().double()
+        self.loss_count += 1
+
+    def take_mean_losses(self) -> list[float]:
+        """Mean training losses since the last call, in the order of `Losses`."""
+        means = (self.loss_sums / max(self.loss_count, 1)).tolist()
+        self.loss_sums, self.loss_count = _no_losses(), 0
+        return [float(mean) for mean in means]
+
+    def to_checkpoint(
+        self, config: TrainingConfig, scaling: Scaling, data_sha256: str
+    ) -> Checkpoint:
+        """Everything that `restore` needs to continue bit by bit."""
+        return Checkpoint(
+            step=self.step,
+            config=config,
+            scaling=scaling,
+            data_sha256=data_sha256,
+            model=self.model.state_dict(),
+            optimizer=self.optimizer.state_dict(),
+            batch_rng=self.rng.get_state(),
+            torch_rng=torch.get_rng_state(),
+            validation_losses=self.validation_losses,
+            running_sums=self.loss_sums.tolist(),
+            running_count=self.loss_count,
+            skipped=self.skipped,
+        )
+
+    def restore(self, checkpoint: Checkpoint) -> None:
+        """Continue from a checkpoint."""
+        self.model.load_state_dict(checkpoint.model)
+        self.optimizer.load_state_dict(dict(checkpoint.optimizer))
+        self.rng.set_state(checkpoint.batch_rng)
+        torch.set_rng_state(checkpoint.torch_rng)
+        self.step = checkpoint.step
+        self.skipped = checkpoint.skipped
+        self.validation_losses = list(checkpoint.validation_losses)
+        self.loss_sums = torch.tensor(checkpoint.running_sums, dtype=torch.float64)
+        self.loss_count = checkpoint.running_count
+
+
+def initialise(config: TrainingConfig, sizes: Sizes, device: torch.device) -> TrainingState:
+    """The state before the first step; the seed determines weights and batches."""
+    torch.manual_seed(config.seed)
+    model = MdkNet(config, sizes).to(device)
+    rest = [p for name, p in model.named_parameters() if name != "A_rows"]
+    groups: list[dict[str, Any]] = [
+        {"params": rest, "share": 1.0},
+        {"params": [model.A_rows], "share": config.operator_rate},
+    ]
+    for group in groups:
+        group["lr"] = group["share"] * config.learning_rate
+    rng = torch.Generator().manual_seed(config.seed)
+    return TrainingState(model, torch.optim.Adam(groups), rng)
+
+
+def find_device(name: str) -> torch.device:
+    """The torch device of that name.
+
+    Raises:
+        ConfigError: this machine does not have it, or there is no such name.
+    """
+    try:
+        device = torch.device(name)
+        torch.zeros(1, device=device)
+    except (RuntimeError, AssertionError, NotImplementedError) as error:
+        reason = str(error).splitlines()[0].rstrip(".")
+        raise ConfigError(
+            f"--device {name}: expected a device that torch can compute on here, found none "
+            f"({reason}). Take cpu, or install a torch built for it."
+        ) from error
+    return device

@@ -1,0 +1,41 @@
+"""Losses of a model on all trajectories of a part."""
+
+import torch
+
+from offline.config import TrainingConfig
+from offline.data.sampling import Batch
+from offline.model.losses import Losses, log_error, state_errors, total_loss
+from offline.model.network import MdkNet
+
+CHUNK = 500
+"""trajectories evaluated at once, which bounds the memory"""
+
+
+def evaluate(
+    model: MdkNet, config: TrainingConfig, batch: Batch, device: torch.device
+) -> list[float]:
+    """Losses over all trajectories, with every target encoded, in the order of `Losses`.
+
+    Paper: Algorithm 1, "Evaluate total loss".
+    """
+    count = batch.x.shape[1]
+    sums = torch.zeros(len(Losses._fields), dtype=torch.float64)
+    errors = torch.zeros(model.sizes.states, dtype=torch.float64)
+    is_horizon = config.objective == "horizon"
+    model.eval()
+    with torch.no_grad():
+        for first in range(0, count, CHUNK):
+            rows = slice(first, first + CHUNK)
+            part = Batch(*(series[:, rows] for series in batch)).to(device)
+            share = part.x.shape[1] / count
+            sums += share * torch.stack(total_loss(model, config, part)).cpu().double()
+            if is_horizon:
+                errors += share * state_errors(model, part).cpu().double()
+    model.train()
+    means = [float(mean) for mean in sums]
+    if is_horizon:  # the logarithm of the mean error, not the mean of the chunks' logarithms
+        total, multi_step = (Losses._fields.index(name) for name in ("total", "multi_step"))
+        exact = float(log_error(errors))
+        means[total] += config.weight_multi_step * (exact - means[multi_step])
+        means[multi_step] = exact
+    return means

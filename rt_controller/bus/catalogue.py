@@ -1,0 +1,232 @@
+"""The messages of the bus: what each contains and how its signals are computed.
+
+The bus uses degrees for the steering wheel and milliseconds; the program uses radians and
+nanoseconds. Layouts, units and ranges are in `messages.dbc`.
+"""
+
+from enum import IntFlag
+from math import degrees, isnan, nan, radians
+from typing import NamedTuple
+
+from rt_controller.bus.codec import DBC_PATH, FrameSpec
+from rt_controller.bus.message import Catalogue
+from rt_controller.contract.schema import N_STATES
+from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
+from rt_controller.contract.timing import IDENT_PERIOD_TICKS, MISSION_PERIOD_TICKS
+
+CATALOGUE = Catalogue(DBC_PATH)
+
+_NS_PER_MS = 1_000_000
+_MODES = {int(mode): mode for mode in Mode}
+
+
+class Fault(IntFlag):
+    """The fault bits of CTRL_HB."""
+
+    STATE_STALE = 1
+    STATE_INVALID = 2
+    SOLVER_FAILED = 4
+    DEADLINE_MISSED = 8
+    MISSION_MISSING = 16
+    BUS_FAULT = 32
+    PEER_MISMATCH = 64
+
+
+class Command(NamedTuple):
+    """Content of ACT_CMD."""
+
+    control: ControlInput
+    mode: Mode
+
+
+class StateSample(NamedTuple):
+    """Content of STATE_A, STATE_B and STATE_C: the car at one instant."""
+
+    state: VehicleState
+    curvature_per_m: float
+    sample_time_ns: int
+    """on the vehicle's clock; from the bus: modulo `SAMPLE_TIME_WRAP_NS`, to 0.1 ms"""
+    command_echo: int | None
+    """counter of the newest accepted command, None before the first"""
+    is_watchdog_braking: bool
+    """the vehicle brakes because commands stopped"""
+
+
+class Mission(NamedTuple):
+    """Content of MISSION: what the controller is asked to do."""
+
+    is_engaged: bool
+    is_reset_requested: bool
+    """explicit request to leave SAFE_STOP"""
+    mission_id: int
+    """0..254"""
+    valid_for_ns: int
+    """counted from the arrival; at most 60 s, to the millisecond"""
+
+
+class Heartbeat(NamedTuple):
+    """Content of CTRL_HB: state of the controller."""
+
+    mode: Mode
+    faults: Fault
+    compute_time_ns: int | None
+    state_age_ns: int | None
+    """None: no state yet, or older than the signal can express"""
+    qp_iterations: int | None
+    """None: no QP was solved"""
+
+
+class Identity(NamedTuple):
+    """Content of IDENT_CONTROLLER and IDENT_VEHICLE."""
+
+    dbc_hash: int
+    model_hash: int | None
+
+
+def _encode_input(control: ControlInput) -> tuple[float, ...]:
+    return control.throttle, control.brake_n, degrees(control.steer_rad)
+
+
+def _decode_input(throttle: float, brake_n: float, steer_deg: float) -> ControlInput:
+    return ControlInput(throttle, brake_n, radians(steer_deg))
+
+
+def _decode_command(mode: int, throttle: float, brake_n: float, steer_deg: float) -> Command | None:
+    if mode not in _MODES:
+        return None
+    return Command(_decode_input(throttle, brake_n, steer_deg), _MODES[mode])
+
+
+COMMAND = CATALOGUE.define(
+    FrameSpec("ACT_CMD", "Mode", ("Throttle", "BrakeForce", "SteeringWheelAngle")),
+    cycle_ticks=1,
+    encode=lambda command: (command.mode, *_encode_input(command.control)),
+    decode=_decode_command,
+)
+FEEDBACK = CATALOGUE.define(
+    FrameSpec(
+        "ACT_FB", "Valid", ("AppliedThrottle", "AppliedBrakeForce", "AppliedSteeringWheelAngle")
+    ),
+    cycle_ticks=1,
+    encode=_encode_input,
+    decode=_decode_input,
+)
+
+
+def _encode_state(sample: StateSample) -> tuple[float, ...]:
+    return (
+        *sample.state,
+        sample.curvature_per_m,
+        sample.sample_time_ns % SAMPLE_TIME_WRAP_NS // _SAMPLE_TIME_LSB_NS * _SAMPLE_TIME.scale,
+        nan if sample.command_echo is None else sample.command_echo,
+        sample.is_watchdog_braking,
+    )
+
+
+def _decode_state(*values: float) -> StateSample:
+    curvature_per_m, sample_time_ms, echo, watchdog = values[N_STATES:]
+    return StateSample(
+        VehicleState(*values[:N_STATES]),
+        curvature_per_m,
+        round(sample_time_ms / _SAMPLE_TIME.scale) * _SAMPLE_TIME_LSB_NS,
+        None if isnan(echo) else int(echo),
+        watchdog == 1,
+    )
+
+
+STATE = CATALOGUE.define(
+    FrameSpec("STATE_A", "Valid", ("VelocityX", "VelocityY", "YawRate")),
+    FrameSpec("STATE_B", "Valid", ("DeltaS", "LateralError", "HeadingError")),
+    FrameSpec(
+        "STATE_C",
+        "Valid",
+        ("Curvature", "SampleTime", "CommandEcho", "Watchdog"),
+        optional=("CommandEcho",),
+    ),
+    cycle_ticks=1,
+    encode=_encode_state,
+    decode=_decode_state,
+)
+_SAMPLE_TIME = STATE.codecs[2].signals[1]
+_SAMPLE_TIME_LSB_NS = round(_SAMPLE_TIME.scale * _NS_PER_MS)
+SAMPLE_TIME_WRAP_NS = (_SAMPLE_TIME.raw_max + 1) * _SAMPLE_TIME_LSB_NS
+"""the vehicle's sample time restarts at 0 after this time"""
+
+REFERENCE = CATALOGUE.define(
+    FrameSpec("REF_PATH", "Valid", ("C0", "C1", "C2")),
+    FrameSpec("REF_SPEED", "Valid", ("C3", "SpeedRef", "AccelerationRef")),
+    cycle_ticks=1,
+    encode=tuple,
+    decode=PathReference,
+)
+
+
+def _decode_mission(
+    engage: float, acknowledge: float, mission_id: float, valid_for_ms: float
+) -> Mission:
+    return Mission(engage == 1, acknowledge == 1, int(mission_id), round(valid_for_ms * _NS_PER_MS))
+
+
+MISSION = CATALOGUE.define(
+    FrameSpec("MISSION", "Valid", ("Engage", "Acknowledge", "MissionId", "ValidFor")),
+    cycle_ticks=MISSION_PERIOD_TICKS,
+    encode=lambda mission: (*mission[:3], mission.valid_for_ns / _NS_PER_MS),
+    decode=_decode_mission,
+)
+
+
+def _encode_heartbeat(heartbeat: Heartbeat) -> tuple[float, ...]:
+    mode, faults, compute_time_ns, state_age_ns, qp_iterations = heartbeat
+    return (
+        mode,
+        faults,
+        nan if compute_time_ns is None else compute_time_ns / _NS_PER_MS,
+        nan if state_age_ns is None else state_age_ns / _NS_PER_MS,
+        nan if qp_iterations is None else qp_iterations,
+    )
+
+
+def _decode_heartbeat(
+    mode: int, faults: float, compute_time_ms: float, state_age_ms: float, qp_iterations: float
+) -> Heartbeat | None:
+    if mode not in _MODES:
+        return None
+    return Heartbeat(
+        _MODES[mode],
+        Fault(int(faults)),
+        None if isnan(compute_time_ms) else round(compute_time_ms * _NS_PER_MS),
+        None if isnan(state_age_ms) else round(state_age_ms * _NS_PER_MS),
+        None if isnan(qp_iterations) else int(qp_iterations),
+    )
+
+
+HEARTBEAT = CATALOGUE.define(
+    FrameSpec(
+        "CTRL_HB",
+        "Mode",
+        ("Faults", "ComputeTime", "StateAge", "QpIterations"),
+        optional=("ComputeTime", "StateAge", "QpIterations"),
+    ),
+    cycle_ticks=1,
+    encode=_encode_heartbeat,
+    decode=_decode_heartbeat,
+)
+
+
+def _encode_identity(identity: Identity) -> tuple[float, ...]:
+    return identity.dbc_hash, nan if identity.model_hash is None else identity.model_hash
+
+
+def _decode_identity(dbc_hash: float, model_hash: float) -> Identity:
+    return Identity(int(dbc_hash), None if isnan(model_hash) else int(model_hash))
+
+
+CONTROLLER_IDENTITY, VEHICLE_IDENTITY = (
+    CATALOGUE.define(
+        FrameSpec(name, "Valid", ("DbcHash", "ModelHash"), optional=("ModelHash",)),
+        cycle_ticks=IDENT_PERIOD_TICKS,
+        encode=_encode_identity,
+        decode=_decode_identity,
+    )
+    for name in ("IDENT_CONTROLLER", "IDENT_VEHICLE")
+)

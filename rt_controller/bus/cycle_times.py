@@ -1,0 +1,22 @@
+"""Write the cycle times that follow from the control period into `messages.dbc`.
+
+Run `python -m rt_controller.bus.cycle_times` after a change of `PERIOD_NS`.
+"""
+
+import re
+
+from rt_controller.bus.catalogue import CATALOGUE
+from rt_controller.bus.codec import DBC_PATH
+
+
+def with_cycle_times(dbc: str) -> str:
+    """The text of the DBC with the GenMsgCycleTime of every message of the catalogue."""
+    for message in CATALOGUE.messages:
+        for codec in message.codecs:
+            attribute = f'BA_ "GenMsgCycleTime" BO_ {codec.arbitration_id} '
+            dbc = re.sub(f"{attribute}[0-9]+;", f"{attribute}{round(message.cycle_ms)};", dbc)
+    return dbc
+
+
+if __name__ == "__main__":
+    DBC_PATH.write_text(with_cycle_times(DBC_PATH.read_text(encoding="ascii")), encoding="ascii")

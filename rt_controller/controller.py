@@ -1,0 +1,134 @@
+"""The controller as a function of state and path: no bus, no loop, no safety modes."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import ThreadpoolController
+
+from rt_controller.config import ControllerConfig
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.bundle import Bundle
+from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, PathReference, VehicleState
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.solver import SolveStatus
+from rt_controller.planner import Planner, build_planner
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Inputs over the horizon and the states that the model predicts under them."""
+
+    status: SolveStatus
+    """SOLVED, or why there is no plan; then all numbers are NaN"""
+    inputs: Array
+    """(N, 3), columns as `ControlInput`: held over one period each"""
+    states: Array
+    """(N + 1, 6), columns as `VehicleState`: the predicted trajectory, the measured state first"""
+    iterations: int
+    """of the QP solver"""
+    solve_time_s: float
+
+    @property
+    def is_solved(self) -> bool:
+        """True if the plan may be driven."""
+        return self.status is SolveStatus.SOLVED
+
+    @property
+    def control(self) -> ControlInput:
+        """The first input: the one to apply now. NaN where the plan is not solved."""
+        return ControlInput(*self.inputs[0].tolist())
+
+    @property
+    def time_s(self) -> Array:
+        """(N + 1,) time of each predicted state, from now."""
+        return np.arange(len(self.states), dtype=np.float64) * PERIOD_S
+
+
+class Controller:
+    """Model predictive control with a learned model, one call a period.
+
+        controller = Controller.load("mdk-net")
+        plan = controller.step(state, path, curvature_per_m=0.0)
+        apply(plan.control)
+
+    It plans and nothing else. Frames, time-outs, the safe stop and the limits of what is sent are
+    those of the program `rt-controller`; a caller that drives a vehicle needs its own.
+
+    Paper: eqs. (7) and (14).
+    """
+
+    def __init__(self, planner: Planner) -> None:
+        """`planner` is used by this controller only; see `load`."""
+        self._mpc = planner.mpc
+        # The products are small: threads of the linear algebra make them slower, and on a busy
+        # machine a hundred times slower. The programs set this before numpy is imported.
+        self._threads = ThreadpoolController()
+        self.reset()
+        self.bundle = planner.bundle
+        """the model"""
+
+    @classmethod
+    def load(
+        cls, model: str | Path | Bundle = "mdk-net", config: ControllerConfig | None = None
+    ) -> "Controller":
+        """A controller with this model, its QP assembled and solved once.
+
+        Args:
+            model: name of a shipped model, folder of a bundle, or a `Bundle`.
+            config: settings; of them `mpc` is used. Default: those of `rt-controller`.
+
+        Raises:
+            ArtifactError: there is no such model, it is damaged, or it is of another vehicle.
+            ConfigError: the settings give no QP that can be solved.
+        """
+        bundle = model if isinstance(model, Bundle) else Bundle.load(model)
+        return cls(build_planner(bundle, (config or ControllerConfig()).mpc))
+
+    def reset(self, previous: ControlInput = NEUTRAL_INPUT) -> None:
+        """Forget the past; `previous` is the input that is applied at present."""
+        self._mpc.forget()
+        self._previous = previous
+
+    def step(
+        self,
+        state: VehicleState,
+        path: PathReference,
+        curvature_per_m: float,
+        applied: ControlInput | None = None,
+    ) -> Plan:
+        """The plan from `state`, one period after the last call.
+
+        Call `reset` where a period is missing: the history that some encoders receive, and the
+        slew rates, assume one call a period. Check `is_solved` before you apply `control`: a state
+        that is not finite, or an infeasible problem, gives a plan of NaN, and the history starts
+        again.
+
+        Args:
+            state: measured now, SI units.
+            path: as `PathReference`, seen from the car.
+            curvature_per_m: of the road's reference line at the car.
+            applied: input that acted in the last period; default: `control` of the last plan.
+        """
+        # An array or a list of the right length is taken too; another length is refused here,
+        # before anything is stored.
+        state, path = VehicleState(*state), PathReference(*path)
+        if applied is not None:
+            self._previous = ControlInput(*applied)
+        with self._threads.limit(limits=1, user_api="blas"):
+            return self._plan(state, path, curvature_per_m)
+
+    def _plan(self, state: VehicleState, path: PathReference, curvature_per_m: float) -> Plan:
+        self._mpc.observe(state, self._previous)
+        status = self._mpc.plan(state, curvature_per_m, path, self._previous)
+        states = self._mpc.predicted_states()
+        inputs = self._mpc.inputs.copy()
+        if states is None:
+            self._mpc.forget()  # a state that is not finite must not stay in the history
+            inputs[:] = np.nan
+            states = np.full((len(inputs) + 1, len(VehicleState._fields)), np.nan)
+        else:
+            self._previous = ControlInput(*inputs[0].tolist())
+        plan = Plan(status, inputs, states, self._mpc.iterations, self._mpc.solve_ns * 1e-9)
+        self._mpc.prepare()
+        return plan

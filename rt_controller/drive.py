@@ -1,0 +1,121 @@
+"""A finished drive as a table: one row for each tick, columns with names and units."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.schema import VEHICLE, Signal
+from rt_controller.contract.signals import Mode
+from rt_controller.tracking import TrackingErrors
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TIME = Signal("time_s", "s")
+REFERENCE = (
+    Signal("path_ey_m", "m"),
+    Signal("path_epsi_rad", "rad"),
+    Signal("path_vx_mps", "m/s"),
+)
+MODE = Signal("mode", "1")
+COLUMNS = (TIME, *VEHICLE.states, *VEHICLE.exogenous, *REFERENCE, *VEHICLE.inputs, MODE)
+"""of a drive: time, measured states and curvature, reference at the car, input sent, `Mode`"""
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Drive:
+    """What happened in one drive, tick by tick, in SI units.
+
+        drive = simulate("double_lane_change")
+        drive["ey_m"].max(), drive.errors.ey_rms_m
+        drive.plot("drive.svg")
+
+    NaN where a tick received no new state or path.
+    """
+
+    values: Array
+    """(ticks, columns), see `COLUMNS`"""
+    errors: TrackingErrors
+    """RMS and peak deviations from the reference over the ticks that drove"""
+    model: str
+    """name of the model and first digits of its hash"""
+    ending: str
+    """why the drive ended"""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns; each ends in its unit."""
+        return tuple(signal.name for signal in COLUMNS)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each column."""
+        return {signal.name: signal.unit for signal in COLUMNS}
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """Mode of the controller in each tick."""
+        return tuple(Mode(round(number)) for number in self["mode"])
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Drive of {len(self)} ticks with {self.model}, {self.ending}: "
+            f"e_y RMS {self.errors.ey_rms_m:.3f} m, peak {self.errors.ey_peak_m:.3f} m>"
+        )
+
+    def __getitem__(self, column: str) -> Array:
+        """One column (ticks,).
+
+        Raises:
+            KeyError: no such column.
+        """
+        if column not in self.columns:
+            raise KeyError(f"expected one of {', '.join(self.columns)}, found {column!r}")
+        values: Array = self.values[:, self.columns.index(column)]
+        return values
+
+    def to_csv(self, file: Path | str) -> None:
+        """Write the table as CSV, one column for each name.
+
+        Raises:
+            ConfigError: the file cannot be written.
+        """
+        try:
+            np.savetxt(file, self.values, "%.9g", ",", header=",".join(self.columns), comments="")
+        except OSError as error:
+            raise ConfigError(
+                f"{file}: expected a file that can be written, found {error.strerror}."
+            ) from error
+
+    def to_pandas(self) -> Any:
+        """The table as a `pandas.DataFrame`, its units in `attrs["units"]`; needs pandas."""
+        import pandas as pd
+
+        frame = pd.DataFrame(self.values, columns=list(self.columns))
+        frame.attrs["units"] = self.units
+        return frame
+
+    def plot(self, file: Path | str | None = None) -> "Figure":
+        """Path, lateral error, steering wheel, pedals and speed over time, as a matplotlib figure.
+
+        Args:
+            file: also write the figure there; the suffix chooses the format (.png, .svg, .pdf).
+
+        Raises:
+            MissingExtraError: matplotlib is not installed.
+            ConfigError: the file cannot be written, or its format is unknown.
+        """
+        from rt_controller.report.drive_figure import draw_drive
+
+        return draw_drive(self, None if file is None else Path(file))

@@ -1,0 +1,63 @@
+"""From a model bundle to a controller that plans with it; needs no bus."""
+
+from dataclasses import dataclass
+
+from rt_controller.config import MpcSettings
+from rt_controller.contract.bundle import Bundle
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, PathReference
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.mpc import Mpc
+from rt_controller.control.solver import SolveStatus
+
+WARM_UP_STEPS = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Planner:
+    """A loaded model and the controller that plans with it; needs no bus."""
+
+    bundle: Bundle
+    mpc: Mpc
+
+    @property
+    def model(self) -> str:
+        """Name of the model, and the first digits of its hash."""
+        return f"{self.bundle.name} {self.bundle.sha256[:8]}"
+
+
+def build_planner(bundle: Bundle, settings: MpcSettings) -> Planner:
+    """The controller of a loaded model, its QP assembled and solved once.
+
+    Raises:
+        ArtifactError: the model is not one of this vehicle, or gives no convex QP.
+        ConfigError: settings that give no QP, or one that is not solved at a constant speed.
+    """
+    mpc = Mpc(
+        bundle,
+        settings.horizon,
+        settings.cost(),
+        INPUT_LIMITS,
+        settings.features(),
+        settings.open_solver,
+    )
+    warm_up(mpc)
+    return Planner(bundle, mpc)
+
+
+def warm_up(mpc: Mpc) -> None:
+    """Plan several times at a constant speed, so that all code and data is loaded before tick 0.
+
+    Raises:
+        ConfigError: the QP of a constant speed on a straight path is not solved.
+    """
+    state = AT_REST._replace(vx_mps=20.0, ds_m=20.0 * PERIOD_S)
+    path = PathReference(0.0, 0.0, 0.0, 0.0, v_mps=20.0, a_mps2=0.0)
+    for _ in range(WARM_UP_STEPS):
+        status = mpc.plan(state, 0.0, path, NEUTRAL_INPUT)
+    if status is not SolveStatus.SOLVED:
+        raise ConfigError(
+            f"The QP of a constant 20 m/s on a straight path: expected it to be solved, found "
+            f"{status.name}. Check the model and the --mpc settings."
+        )

@@ -1,0 +1,152 @@
+"""One table type for all reports, and its forms: terminal, Markdown; the page renders it as HTML.
+
+A program builds a `Table` of finished texts and passes it to `print_table`, `to_markdown` or
+`rt_controller.report.page.render_page`. Figures for `--json` come from the results themselves,
+not from the rounded texts of a table.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.measure import Measurement
+from rich.segment import Segments
+from rich.table import Table as RichTable
+from rich.text import Text
+
+NO_VALUE = "–"
+PLAIN_BELOW = 1e7
+"""larger numbers are written with a power of ten"""
+
+Status = Literal["", "good", "bad", "faint"]
+_COLORS: dict[Status, str] = {"": "", "good": "green", "bad": "bold red", "faint": "dim"}
+
+
+class Column(NamedTuple):
+    """Head of a column."""
+
+    title: str
+    unit: str = ""
+    is_text: bool = False
+    """True: aligned left, long cells are wrapped. False: aligned right, never wrapped"""
+
+
+class Cell(NamedTuple):
+    """Text of one cell."""
+
+    text: str
+    detail: str = ""
+    """second line in smaller type, for instance the confidence interval"""
+    status: Status = ""
+    """colour of the text"""
+
+
+class Fact(NamedTuple):
+    """A name and its value, both as text."""
+
+    name: str
+    """with the unit where there is one"""
+    value: str
+
+
+Row = tuple[Cell | str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table of finished texts.
+
+    A row has one cell for each column; a row with a single cell is a heading of the rows below it.
+    """
+
+    title: str
+    columns: tuple[Column, ...]
+    rows: tuple[Row, ...]
+    footnotes: tuple[str, ...] = ()
+
+    @property
+    def has_heads(self) -> bool:
+        """True if a column has a title."""
+        return any(column.title for column in self.columns)
+
+
+def facts_table(facts: Iterable[Fact], title: str = "") -> Table:
+    """Two columns of text without heads: name and value."""
+    columns = (Column("", is_text=True), Column("", is_text=True))
+    return Table(title, columns, tuple(tuple(fact) for fact in facts))
+
+
+def format_number(number: float, digits: int = 4) -> str:
+    """The number with so many significant digits; "–" for NaN.
+
+    Below 1e7 it has no power of ten.
+    """
+    if np.isnan(number):
+        return NO_VALUE
+    text = f"{number:.{digits}g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(number) < PLAIN_BELOW else text
+
+
+def print_table(table: Table, console: Console) -> None:
+    """Print the table; if the terminal is too narrow, its lines break, but no number is cut."""
+    shown = to_rich(table)
+    needed = Measurement.get(console, console.options.update(max_width=1_000), shown).minimum
+    options = console.options.update(width=max(console.width, needed))
+    console.print(Segments(console.render(shown, options)), crop=False, end="")
+
+
+def to_rich(table: Table) -> RichTable:
+    """The table as a renderable of rich; texts are printed literally, without markup."""
+    shown = RichTable(
+        title=Text(table.title) if table.title else None,
+        caption=Text("\n".join(table.footnotes)) if table.footnotes else None,
+        box=box.SIMPLE_HEAD,
+        show_header=table.has_heads,
+        title_justify="left",
+        caption_justify="left",
+    )
+    full_rows = [row for row in table.rows if len(row) == len(table.columns)]
+    for i, column in enumerate(table.columns):
+        texts = [_lines(row[i]).plain for row in full_rows] + [column.title, column.unit]
+        width = max(len(line) for text in texts for line in text.split("\n"))
+        shown.add_column(
+            Text("\n".join(filter(None, (column.title, column.unit)))),
+            justify="left" if column.is_text else "right",
+            no_wrap=not column.is_text,
+            min_width=min(width, 20) if column.is_text else width,
+            overflow="fold",
+        )
+    for row in table.rows:
+        if len(row) == len(table.columns):
+            shown.add_row(*map(_lines, row))
+        else:
+            shown.add_section()
+            shown.add_row(_lines(row[0]), style="bold")
+    return shown
+
+
+def to_markdown(table: Table) -> str:
+    """Columns and rows in Markdown, without title and footnotes."""
+    heads = [", ".join(filter(None, (column.title, column.unit))) for column in table.columns]
+    lines = [_markdown_row(heads), "|---" * len(heads) + "|"]
+    for row in table.rows:
+        cells = [_as_cell(cell) for cell in row]
+        texts = [f"{each.text} ({each.detail})" if each.detail else each.text for each in cells]
+        lines.append(_markdown_row(texts + [""] * (len(heads) - len(texts))))
+    return "\n".join(lines)
+
+
+def _as_cell(cell: Cell | str) -> Cell:
+    return Cell(cell) if isinstance(cell, str) else cell
+
+
+def _lines(cell: Cell | str) -> Text:
+    text, detail, status = _as_cell(cell)
+    return Text("\n".join(filter(None, (text, detail))), style=_COLORS[status])
+
+
+def _markdown_row(texts: list[str]) -> str:
+    return "| " + " | ".join(text.replace("|", "\\|") for text in texts) + " |"

@@ -1,0 +1,78 @@
+"""Parameters of the front and the rear axle in one form, so that both use the same equations."""
+
+from typing import NamedTuple
+
+from sim_bridge.plant.car_parts import GRAVITY_MPS2
+from sim_bridge.plant.jit import compiled
+from sim_bridge.plant.parameters import Parameters
+
+
+class Axle(NamedTuple):
+    """One axle; lengths forward of a centre of gravity are negative for the rear axle."""
+
+    ahead_m: float
+    """forward of the centre of gravity of the whole car"""
+    sprung_ahead_m: float
+    """forward of the centre of gravity of the sprung mass"""
+    half_track_m: float
+    track_m: float
+    wheel_kg: float
+    rest_load_n: float
+    """load of one tyre of the car at rest"""
+    spring_npm: float
+    bar_nmprad: float
+    jounce_nspm: float
+    rebound_nspm: float
+    roll_centre_m: float
+    roll_steer: float
+    camber_gain: float
+    brake_nm_per_mpa: float
+
+
+@compiled
+def front_axle(p: Parameters) -> Axle:
+    """The front axle of the car."""
+    body, suspension = p.body, p.suspension
+    wheelbase_m = body.sprung_front_axle_m + body.sprung_rear_axle_m
+    sprung_kg = body.sprung_mass_kg * body.sprung_rear_axle_m / wheelbase_m
+    return Axle(
+        body.front_axle_m,
+        body.sprung_front_axle_m,
+        0.5 * body.track_front_m,
+        body.track_front_m,
+        0.5 * body.unsprung_front_kg,
+        0.5 * GRAVITY_MPS2 * (sprung_kg + body.unsprung_front_kg),
+        suspension.spring_front_npm,
+        suspension.bar_front_nmprad,
+        suspension.jounce_front_nspm,
+        suspension.rebound_front_nspm,
+        suspension.roll_centre_front_m,
+        suspension.roll_steer_front,
+        suspension.camber_gain_front,
+        p.brakes.front_nm_per_mpa,
+    )
+
+
+@compiled
+def rear_axle(p: Parameters) -> Axle:
+    """The rear axle of the car."""
+    body, suspension = p.body, p.suspension
+    wheelbase_m = body.sprung_front_axle_m + body.sprung_rear_axle_m
+    front_kg = body.sprung_mass_kg * body.sprung_rear_axle_m / wheelbase_m
+    sprung_kg = body.sprung_mass_kg - front_kg
+    return Axle(
+        -body.rear_axle_m,
+        -body.sprung_rear_axle_m,
+        0.5 * body.track_rear_m,
+        body.track_rear_m,
+        0.5 * body.unsprung_rear_kg,
+        0.5 * GRAVITY_MPS2 * (sprung_kg + body.unsprung_rear_kg),
+        suspension.spring_rear_npm,
+        suspension.bar_rear_nmprad,
+        suspension.jounce_rear_nspm,
+        suspension.rebound_rear_nspm,
+        suspension.roll_centre_rear_m,
+        suspension.roll_steer_rear,
+        suspension.camber_gain_rear,
+        p.brakes.rear_nm_per_mpa,
+    )

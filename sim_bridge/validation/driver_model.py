@@ -1,0 +1,116 @@
+"""Drivers of the test manoeuvres: speed control, open-loop steering, and path preview.
+
+The preview driver is optimal preview control: of all steering wheel angles that could be kept over
+the preview time, it takes the one that keeps the predicted path closest to the wanted path, and
+repeats this in every period. It predicts with a linear single-track model, fitted to the response
+of the plant to small steps. The model does not include tyre saturation: near the limit the driver
+increases the steering angle.
+MacAdam, IEEE Trans. Systems, Man, and Cybernetics 11 (1981), pp. 393-399.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import radians
+
+import numpy as np
+from numpy import float64
+
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.signals import ControlInput, StateColumn
+from sim_bridge.plant.parameters import Parameters
+from sim_bridge.validation.run import Observation, cruising_throttle, input_table, replay
+
+DRIVER_PERIOD_S = 0.01
+_THROTTLE_PER_MPS = 0.5
+_THROTTLE_PER_M = 0.3
+_TRIAL_S = 8.0
+_TRIAL_STEER_RAD = radians(8.0)
+_TRIAL_HZ = 0.35
+
+Path = Callable[[Array], Array]
+"""from distances ahead in m to lateral positions in m, positive to the left"""
+
+
+class SpeedControl:
+    """Proportional-integral control of the speed with the throttle alone."""
+
+    def __init__(self, speed_mps: float, throttle: float, period_s: float) -> None:
+        self._speed_mps = speed_mps
+        self._integral = throttle
+        self._period_s = period_s
+
+    def throttle(self, vx_mps: float) -> float:
+        """The throttle of the next period; call once per period."""
+        slower_mps = self._speed_mps - vx_mps
+        step = _THROTTLE_PER_M * slower_mps * self._period_s
+        self._integral = min(1.0, max(0.0, self._integral + step))
+        return min(1.0, max(0.0, self._integral + _THROTTLE_PER_MPS * slower_mps))
+
+
+@dataclass(frozen=True, slots=True)
+class OpenLoopDriver:
+    """Steers as a function of time and keeps the speed."""
+
+    steer_rad: Callable[[float], float]
+    speed: SpeedControl
+
+    def __call__(self, now: Observation) -> ControlInput:
+        return ControlInput(self.speed.throttle(now.vx_mps), 0.0, self.steer_rad(now.time_s))
+
+
+@dataclass(frozen=True, slots=True)
+class DriverModel:
+    """Linear model of a car at one speed: next = A @ now + b * steer_rad, one driver period on."""
+
+    speed_mps: float
+    throttle: float
+    """that keeps the speed"""
+    A: Array
+    """(2, 2), of vy_mps and yaw_rate_radps"""
+    b: Array
+    """(2,)"""
+
+
+def fit_driver_model(parameters: Parameters, speed_mps: float) -> DriverModel:
+    """The least-squares model of the response to small steps of the steering wheel."""
+    throttle = cruising_throttle(parameters, speed_mps)
+    time_s = DRIVER_PERIOD_S * np.arange(round(_TRIAL_S / DRIVER_PERIOD_S), dtype=float64)
+    steer_rad = _TRIAL_STEER_RAD * np.sign(np.sin(2.0 * np.pi * _TRIAL_HZ * time_s))
+    inputs = input_table(len(time_s), throttle, steer_rad=steer_rad)
+    run = replay(parameters, speed_mps, inputs, DRIVER_PERIOD_S)
+    response = run.motion[:, StateColumn.vy_mps :]
+    known = np.column_stack((response[:-1], steer_rad))
+    solution = np.linalg.lstsq(known, response[1:], rcond=None)[0].astype(float64)
+    return DriverModel(speed_mps, throttle, solution[:2].T, solution[2])
+
+
+class PreviewDriver:
+    """Steers along a path and keeps the speed."""
+
+    def __init__(self, path_m: Path, preview_s: float, model: DriverModel) -> None:
+        self._path_m = path_m
+        n_periods = round(preview_s / DRIVER_PERIOD_S)
+        self._ahead_s = DRIVER_PERIOD_S * np.arange(1, n_periods + 1, dtype=float64)
+        self._speed = SpeedControl(model.speed_mps, model.throttle, DRIVER_PERIOD_S)
+        self._free = np.empty((n_periods, 4))
+        """lateral position after each period by the state (vy, yaw rate, yaw, y)"""
+        self._forced = np.empty(n_periods)
+        """the same per radian of a constant steering wheel angle"""
+        step = np.eye(4)
+        step[:2, :2] = model.A
+        step[2, 1] = DRIVER_PERIOD_S
+        step[3, 0] = DRIVER_PERIOD_S
+        step[3, 2] = DRIVER_PERIOD_S * model.speed_mps
+        steering = np.array((*model.b, 0.0, 0.0))
+        power, response = np.eye(4), np.zeros(4)
+        for k in range(n_periods):
+            power = step @ power
+            response = step @ response + steering
+            self._free[k] = power[3]
+            self._forced[k] = response[3]
+
+    def __call__(self, now: Observation) -> ControlInput:
+        here = np.array((now.vy_mps, now.yaw_rate_radps, now.yaw_rad, now.y_m))
+        gap_m = self._path_m(now.x_m + now.vx_mps * self._ahead_s) - self._free @ here
+        steer_rad = float(gap_m @ self._forced / (self._forced @ self._forced))
+        return ControlInput(self._speed.throttle(now.vx_mps), 0.0, steer_rad)

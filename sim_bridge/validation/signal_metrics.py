@@ -1,0 +1,157 @@
+"""Scalar quantities of recorded signals: the definitions behind the acceptance table.
+
+A quantity that a record does not contain, such as the time to a speed that is not reached, is NaN;
+NaN fails every goal.
+"""
+
+from cmath import phase
+from dataclasses import dataclass
+from math import nan
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+
+from rt_controller.contract.arrays import Array
+
+
+def crossing(x: Array, y: Array, level: float) -> float:
+    """x where y first reaches `level` from below, linear between samples; NaN if not reached."""
+    above = y >= level
+    if not above.any():
+        return nan
+    k = int(np.argmax(above))
+    if k == 0:
+        return float(x[0])
+    share = (level - y[k - 1]) / (y[k] - y[k - 1])
+    return float(x[k - 1] + share * (x[k] - x[k - 1]))
+
+
+def slope(x: Array, y: Array, among: NDArray[np.bool_]) -> float:
+    """Slope of y over x in the samples `among`, least squares with a free offset."""
+    if np.count_nonzero(among) < 2:
+        return nan
+    return float(np.polyfit(x[among], y[among], 1)[0])
+
+
+def peak(y: Array) -> float:
+    """Largest absolute value."""
+    return float(np.max(np.abs(y)))
+
+
+@dataclass(frozen=True, slots=True)
+class StepResponse:
+    """Characteristics of the response of a signal to a step."""
+
+    steady: float
+    """mean of the last tenth of the record"""
+    t90_s: float
+    """from the step to 90 % of the steady value"""
+    overshoot: float
+    """of the largest value over the steady one, a share of it"""
+
+
+def step_response(time_s: Array, y: Array, step_s: float) -> StepResponse:
+    """The response of `y` to a step at `step_s`: the time of half the input, after ISO 7401."""
+    steady = float(np.mean(y[-max(1, len(y) // 10) :]))
+    after = time_s >= step_s
+    since_s = time_s[after] - step_s
+    share = y[after] / steady
+    return StepResponse(
+        steady=steady,
+        t90_s=crossing(since_s, share, 0.9),
+        overshoot=max(0.0, float(np.max(share)) - 1.0),
+    )
+
+
+def sine_in(time_s: Array, y: Array, frequency_hz: float) -> complex:
+    """The component of `y` at one frequency, least squares with a free offset and drift.
+
+    Its absolute value is the amplitude, its angle the phase relative to time zero. If the record
+    holds whole periods, harmonics have no influence.
+    """
+    angle = 2.0 * np.pi * frequency_hz * time_s
+    basis = np.stack((np.sin(angle), np.cos(angle), np.ones_like(time_s), time_s), axis=1)
+    in_phase, quadrature = np.linalg.lstsq(basis, y, rcond=None)[0][:2]
+    return complex(in_phase, quadrature)
+
+
+@dataclass(frozen=True, slots=True)
+class FrequencyResponse:
+    """Gain and phase of an output relative to an input, by frequency."""
+
+    frequency_hz: Array
+    gain: Array
+    phase_deg: Array
+    """unwrapped; negative when the output lags"""
+
+
+def frequency_response(
+    frequency_hz: Array, inputs: list[complex], outputs: list[complex]
+) -> FrequencyResponse:
+    """Gain and phase from one sine of input and output for each frequency."""
+    gain = np.array([abs(o) / abs(i) for i, o in zip(inputs, outputs, strict=True)])
+    angle = np.array([phase(o) - phase(i) for i, o in zip(inputs, outputs, strict=True)])
+    first = np.angle(np.exp(1j * angle[:1]))
+    unwrapped = np.unwrap(np.concatenate((first, angle[1:])))
+    return FrequencyResponse(frequency_hz, gain, np.degrees(unwrapped))
+
+
+def largest_jump(x: Array, y: Array) -> float:
+    """Largest distance of a point from the line between its neighbours.
+
+    It is small for a smooth curve, also for a steep one, and large at a wrong point.
+    """
+    if len(y) < 3:
+        return nan
+    share = (x[1:-1] - x[:-2]) / (x[2:] - x[:-2])
+    between = y[:-2] + share * (y[2:] - y[:-2])
+    return float(np.max(np.abs(y[1:-1] - between)))
+
+
+def mean_deceleration(time_s: Array, speed_mps: Array, v0_mps: float) -> float:
+    """Mean fully developed deceleration, m/s^2: between 80 % and 10 % of `v0_mps`.
+
+    UN Regulation 13-H, annex 3: (v_b^2 - v_e^2) / (2 (s_e - s_b)).
+    """
+    travelled_m = distance(time_s, speed_mps)
+    begin_mps, end_mps = 0.8 * v0_mps, 0.1 * v0_mps
+    begin_m = crossing(travelled_m, -speed_mps, -begin_mps)
+    end_m = crossing(travelled_m, -speed_mps, -end_mps)
+    return (begin_mps**2 - end_mps**2) / (2.0 * (end_m - begin_m))
+
+
+def distance(time_s: Array, speed_mps: Array) -> Array:
+    """(K + 1,) distance travelled, trapezoidal rule."""
+    travelled_m: Array = cumulative_trapezoid(speed_mps, time_s, initial=0)
+    return travelled_m
+
+
+def rear_locked_first(rim_mps: Array, speed_mps: Array, still_mps: float = 3.0) -> bool:
+    """True if a rear wheel locked while the front wheel on its side still turned.
+
+    Args:
+        rim_mps: (K, 4), wheel speeds times rolling radius, front left, front right, rear ones.
+        speed_mps: (K,), of the car; below `still_mps` locking is ignored.
+    """
+    rolling = speed_mps > still_mps
+    locked = rim_mps[rolling] < 0.2 * speed_mps[rolling, None]
+    never = len(locked)
+    first = [int(np.argmax(wheel)) if wheel.any() else never for wheel in locked.T]
+    return first[2] < first[0] or first[3] < first[1]
+
+
+def reversals(gear: Array) -> int:
+    """Number of shifts with the opposite direction of the shift before."""
+    shifts = np.sign(np.diff(gear))
+    shifts = shifts[shifts != 0.0]
+    return int(np.count_nonzero(np.diff(shifts)))
+
+
+def largest_gain(energy_j: Array) -> float:
+    """Largest increase of the energy from one sample to a later one, as a share of the first.
+
+    Zero if the energy never increases.
+    """
+    lowest_before = np.minimum.accumulate(energy_j)
+    return float(np.max(energy_j - lowest_before) / energy_j[0])

@@ -1,0 +1,179 @@
+"""Every content survives the bus; frames that must not be used are decoded as None."""
+
+from math import inf, nan, radians
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_frames import CONTROL, PATH, SAMPLE, round_trip
+
+from rt_controller.bus.catalogue import (
+    COMMAND,
+    CONTROLLER_IDENTITY,
+    FEEDBACK,
+    HEARTBEAT,
+    MISSION,
+    REFERENCE,
+    SAMPLE_TIME_WRAP_NS,
+    STATE,
+    VEHICLE_IDENTITY,
+    Command,
+    Fault,
+    Heartbeat,
+    Identity,
+    Mission,
+)
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
+
+seeded = settings(derandomize=True, deadline=None)
+
+
+def _bounds(name: str) -> tuple[float, float]:
+    return getattr(INPUT_LIMITS.lower, name), getattr(INPUT_LIMITS.upper, name)
+
+
+@seeded
+@given(
+    throttle=st.floats(*_bounds("throttle")),
+    brake_n=st.floats(*_bounds("brake_n")),
+    steer_rad=st.floats(*_bounds("steer_rad")),
+    mode=st.sampled_from(Mode),
+)
+def test_every_allowed_command_arrives_within_half_an_lsb(
+    throttle: float, brake_n: float, steer_rad: float, mode: Mode
+) -> None:
+    command = round_trip(COMMAND, Command(ControlInput(throttle, brake_n, steer_rad), mode))
+    assert command is not None
+    assert command.mode is mode
+    assert command.control.throttle == pytest.approx(throttle, abs=1.0001e-5)
+    assert command.control.brake_n == pytest.approx(brake_n, abs=0.0012501)
+    assert command.control.steer_rad == pytest.approx(steer_rad, abs=radians(0.0020001))
+
+
+@pytest.mark.parametrize("bad", [nan, inf, -inf, 999.0])
+@pytest.mark.parametrize("field", ControlInput._fields)
+def test_a_command_with_an_impossible_value_is_not_decoded(field: str, bad: float) -> None:
+    control = CONTROL._replace(**{field: bad})
+    assert round_trip(COMMAND, Command(control, Mode.NOMINAL)) is None
+    assert round_trip(FEEDBACK, control) is None
+
+
+@pytest.mark.parametrize("nibble", range(len(Mode), 16))
+@pytest.mark.parametrize("message", [COMMAND, HEARTBEAT])
+def test_an_unknown_mode_is_not_decoded(message, nibble: int) -> None:
+    (codec,) = message.codecs
+    assert message.decode_frames(codec.encode([0.0] * len(codec.signals), 0, nibble)) is None
+
+
+def test_the_state_arrives_within_half_an_lsb_and_in_the_order_of_the_contract() -> None:
+    sample = round_trip(STATE, SAMPLE)
+    assert sample is not None
+    half_lsb = VehicleState(0.0025, 0.0005, 0.5e-4, 0.5e-4, 0.0005, 0.5e-4)
+    for sent, received, tolerance in zip(SAMPLE.state, sample.state, half_lsb, strict=True):
+        assert abs(sent - received) <= tolerance * 1.0001
+    assert sample[1:] == pytest.approx(SAMPLE[1:])
+
+
+@pytest.mark.parametrize("bad", [nan, inf, 1000.0])
+@pytest.mark.parametrize("field", VehicleState._fields)
+def test_only_the_frame_with_an_impossible_value_is_refused(field: str, bad: float) -> None:
+    sample = SAMPLE._replace(state=SAMPLE.state._replace(**{field: bad}))
+    frames = STATE.encode(sample, 0)
+    refused = [codec.read(frame) is None for codec, frame in zip(STATE.codecs, frames, strict=True)]
+    is_in_first = field in VehicleState._fields[:3]
+    assert refused == [is_in_first, not is_in_first, False]
+
+
+def test_a_state_without_curvature_is_not_decoded() -> None:
+    assert round_trip(STATE, SAMPLE._replace(curvature_per_m=nan)) is None
+
+
+def test_every_frame_that_its_sender_marks_as_invalid_is_refused() -> None:
+    for codec, frame in zip(STATE.codecs, STATE.encode(SAMPLE, 0, is_valid=False), strict=True):
+        assert codec.is_intact(frame)
+        assert codec.read(frame) is None
+
+
+@pytest.mark.parametrize("echo", [None, 0, 15])
+@pytest.mark.parametrize("is_braking", [False, True])
+def test_command_echo_and_watchdog_arrive(echo: int | None, is_braking: bool) -> None:
+    sent = SAMPLE._replace(command_echo=echo, is_watchdog_braking=is_braking)
+    sample = round_trip(STATE, sent)
+    assert sample is not None
+    assert (sample.command_echo, sample.is_watchdog_braking) == (echo, is_braking)
+
+
+@seeded
+@given(st.integers(0, 2**63))
+def test_the_sample_time_wraps_and_keeps_a_tenth_of_a_millisecond(sample_time_ns: int) -> None:
+    sample = round_trip(STATE, SAMPLE._replace(sample_time_ns=sample_time_ns))
+    assert sample is not None
+    assert 0 <= sample_time_ns % SAMPLE_TIME_WRAP_NS - sample.sample_time_ns < 100_000
+
+
+def test_sample_time_wraps_at_6553_5_ms() -> None:
+    """One less than the raw field holds: its last value means "not available"."""
+    assert SAMPLE_TIME_WRAP_NS == 6_553_500_000
+
+
+def test_the_decoded_path_is_within_2_mm_of_the_path_sent_over_20_m() -> None:
+    sent = PathReference(1.25, -0.04, 0.0012, -3.4e-5, 22.222, -0.5)
+    received = round_trip(REFERENCE, sent)
+    assert received is not None
+    for distance_m in (0.0, 5.0, 10.0, 20.0):
+        deviation_m = sum((received[power] - sent[power]) * distance_m**power for power in range(4))
+        assert abs(deviation_m) < 0.002
+    assert received.v_mps == pytest.approx(sent.v_mps, abs=0.001001)
+    assert received.a_mps2 == pytest.approx(sent.a_mps2, abs=0.0005001)
+
+
+@pytest.mark.parametrize("field", PathReference._fields)
+def test_a_reference_with_an_impossible_value_is_not_decoded(field: str) -> None:
+    assert round_trip(REFERENCE, PATH._replace(**{field: 500.0})) is None
+
+
+@pytest.mark.parametrize("is_engaged", [False, True])
+@pytest.mark.parametrize("is_reset_requested", [False, True])
+def test_the_mission_arrives(is_engaged: bool, is_reset_requested: bool) -> None:
+    mission = Mission(is_engaged, is_reset_requested, 17, 500_000_000)
+    assert round_trip(MISSION, mission) == mission
+
+
+def test_a_mission_that_is_valid_for_too_long_is_not_decoded() -> None:
+    assert round_trip(MISSION, Mission(True, False, 1, 61_000_000_000)) is None
+
+
+@pytest.mark.parametrize("raw", [2, 37, 254, 255])
+def test_an_engage_byte_that_is_neither_on_nor_off_is_not_decoded(raw: int) -> None:
+    frame = bytearray(MISSION.encode(Mission(True, False, 1, 0), 3)[0])
+    frame[2] = raw
+    assert MISSION.decode_frames(frame) is None
+
+
+def test_the_feedback_arrives() -> None:
+    assert round_trip(FEEDBACK, CONTROL) == pytest.approx(CONTROL, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    "heartbeat",
+    [
+        Heartbeat(Mode.NOMINAL, Fault(0), 730_000, 24_900_000, 11),
+        Heartbeat(Mode.SAFE_STOP, Fault.STATE_STALE | Fault.BUS_FAULT, None, None, None),
+        Heartbeat(Mode.STANDBY, ~Fault(0), 0, 0, 0),
+    ],
+)
+def test_the_heartbeat_arrives(heartbeat: Heartbeat) -> None:
+    assert round_trip(HEARTBEAT, heartbeat) == heartbeat
+
+
+def test_a_time_too_long_for_the_heartbeat_arrives_as_missing() -> None:
+    heartbeat = Heartbeat(Mode.NOMINAL, Fault(0), 10**9, 10**10, 3)
+    assert round_trip(HEARTBEAT, heartbeat) == Heartbeat(Mode.NOMINAL, Fault(0), None, None, 3)
+
+
+@pytest.mark.parametrize("model_hash", [None, 0, 65_534])
+@pytest.mark.parametrize("message", [CONTROLLER_IDENTITY, VEHICLE_IDENTITY])
+def test_identities_arrive(message, model_hash: int | None) -> None:
+    identity = Identity(0xDEADBEEF, model_hash)
+    assert round_trip(message, identity) == identity

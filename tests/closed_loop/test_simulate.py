@@ -1,0 +1,168 @@
+"""`simulate`: the same drive as the program, as a table with units."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rt_controller import Bundle, Drive, cli, simulate
+from rt_controller.contract.artifact import load_bundle, shipped_model
+from rt_controller.contract.errors import ConfigError, PlantError
+from rt_controller.contract.signals import ControlInput, Mode
+from sim_bridge import PlantOutputs
+
+
+class KinematicCar:
+    """A plant that is not a subclass of anything in this project."""
+
+    name = "kinematic"
+    failure: str | None = None
+
+    def __init__(self, fails_after_s: float = np.inf) -> None:
+        self._fails_after_s = fails_after_s
+        self._time_s = 0.0
+
+    def reset(self, v0_mps: float) -> np.ndarray:
+        self._v_mps, self._time_s = v0_mps, 0.0
+        return np.array([v0_mps, 0.0, 0.0])
+
+    def step(self, control: ControlInput, dt_s: float) -> np.ndarray:
+        self._time_s += dt_s
+        if self._time_s > self._fails_after_s:
+            self.failure = "the test"
+            return np.full((1, 3), np.nan)
+        self._v_mps += dt_s * (4.0 * control.throttle - 0.02 * control.brake_n - 0.3)
+        return np.array([[self._v_mps, 0.0, self._v_mps * control.steer_rad / 43.0]])
+
+    def outputs(self) -> PlantOutputs:
+        return PlantOutputs()
+
+    def close(self) -> None: ...
+
+
+@pytest.fixture(scope="module")
+def lti() -> Bundle:
+    return load_bundle(shipped_model("lti"))
+
+
+@pytest.fixture(scope="module")
+def drive(lti: Bundle) -> Drive:
+    return simulate("straight", model=lti, plant=KinematicCar(), duration_s=2.0)
+
+
+def test_a_plant_of_any_class_can_be_driven(drive: Drive) -> None:
+    nominal = np.array(drive.modes) == Mode.NOMINAL
+    assert nominal.sum() >= 60
+    assert np.abs(drive["ey_m"][nominal]).max() < 0.05
+
+
+def test_the_same_arguments_give_the_same_drive(drive: Drive, lti: Bundle) -> None:
+    again = simulate("straight", model=lti, plant=KinematicCar(), duration_s=2.0)
+    np.testing.assert_array_equal(again.values, drive.values)
+
+
+def test_columns_have_names_and_units(drive: Drive) -> None:
+    assert drive.values.shape == (len(drive), len(drive.columns))
+    assert drive.units["steer_rad"] == "rad"
+    np.testing.assert_allclose(np.diff(drive["time_s"]), 0.025, atol=1e-9)
+    with pytest.raises(KeyError, match="expected one of time_s"):
+        drive["speed"]
+
+
+def test_a_drive_is_iterated_by_columns_and_described_in_one_line(drive: Drive) -> None:
+    assert "ey_m" in drive
+    assert tuple(drive) == drive.columns
+    assert "e_y RMS" in repr(drive)
+    assert "\n" not in repr(drive)
+
+
+@pytest.mark.parametrize("duration_s", [0.0, -1.0, np.nan, np.inf])
+def test_a_duration_that_is_no_time_is_refused(lti: Bundle, duration_s: float) -> None:
+    with pytest.raises(ConfigError, match="duration_s"):
+        simulate("straight", model=lti, plant=KinematicCar(), duration_s=duration_s)
+
+
+def test_a_drive_is_written_as_csv(drive: Drive, tmp_path: Path) -> None:
+    drive.to_csv(tmp_path / "drive.csv")
+    with (tmp_path / "drive.csv").open(encoding="utf-8") as file:
+        rows = list(csv.reader(file))
+    assert tuple(rows[0]) == drive.columns
+    assert len(rows) == 1 + len(drive)
+    with pytest.raises(ConfigError, match="expected a file that can be written"):
+        drive.to_csv(tmp_path / "missing" / "drive.csv")
+
+
+def test_a_drive_becomes_a_data_frame_with_units(drive: Drive) -> None:
+    pytest.importorskip("pandas")
+    frame = drive.to_pandas()
+    assert list(frame.columns) == list(drive.columns)
+    assert frame.attrs["units"]["ey_m"] == "m"
+
+
+def test_a_drive_is_drawn(drive: Drive, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    figure = drive.plot(tmp_path / "drive.svg")
+    assert (tmp_path / "drive.svg").read_text().count("steering wheel / deg") >= 1
+    assert len(figure.axes) == 5
+    assert figure._repr_png_().startswith(b"\x89PNG")  # what a notebook shows
+    with pytest.raises(ConfigError, match=r"\.png, \.svg, \.pdf"):
+        drive.plot(tmp_path / "drive.xyz")
+
+
+def test_a_plant_that_fails_is_an_error(lti: Bundle) -> None:
+    with pytest.raises(PlantError, match="the test"):
+        simulate("straight", model=lti, plant=KinematicCar(fails_after_s=1.0))
+
+
+class WithoutClose:
+    """A plant that lacks two names."""
+
+    name, failure = "incomplete", None
+
+    def reset(self, v0_mps: float) -> np.ndarray:
+        return np.array([v0_mps, 0.0, 0.0])
+
+    def step(self, control: ControlInput, dt_s: float) -> np.ndarray:
+        return np.zeros((1, 3))
+
+
+class FlatMotion(KinematicCar):
+    """A plant whose motion has one dimension only."""
+
+    def step(self, control: ControlInput, dt_s: float) -> np.ndarray:
+        return np.zeros(3)
+
+
+@pytest.mark.parametrize(
+    ("plant", "message"),
+    [
+        (WithoutClose(), "found no outputs, close"),
+        (KinematicCar, "found a class"),
+        (FlatMotion(), r"plant\.step: expected an array \(n, 3\) .* found the shape \(3,\)"),
+    ],
+)
+def test_a_plant_with_a_mistake_is_refused_before_the_drive(lti: Bundle, plant, message) -> None:
+    with pytest.raises(ConfigError, match=message):
+        simulate("straight", model=lti, plant=plant)
+
+
+def test_an_unknown_scenario_is_refused(lti: Bundle) -> None:
+    with pytest.raises(ConfigError, match="double_lane_change"):
+        simulate("no_such_scenario", model=lti, plant=KinematicCar())
+
+
+def test_the_program_writes_the_same_figures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("matplotlib")
+    options = "--bus virtual --pace lockstep --quiet --scenario lane_change_60 --model lti"
+    files = ("--json", str(tmp_path / "drive.json"), "--plot", str(tmp_path / "drive.png"))
+    monkeypatch.setattr("sys.argv", ["rt-controller", *options.split(), *files])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 0
+    figures = json.loads((tmp_path / "drive.json").read_text())
+    assert figures["ey_rms_m"] == simulate("lane_change_60", model="lti").errors.ey_rms_m
+    assert (tmp_path / "drive.png").stat().st_size > 10_000

@@ -1,0 +1,62 @@
+"""The controller waits for a vehicle that fits, and refuses a bus on which it must not drive."""
+
+import pytest
+from scripted_vehicle import Rig
+
+from rt_controller.bus.catalogue import COMMAND, STATE, VEHICLE_IDENTITY, Command, Identity
+from rt_controller.bus.identity import own_identity
+from rt_controller.bus.message import Node
+from rt_controller.bus.outbox import Outbox
+from rt_controller.contract.errors import BusError
+from rt_controller.contract.signals import NEUTRAL_INPUT, Mode
+from rt_controller.handshake import wait_for_vehicle
+from rt_controller.loop import StopRequest
+
+
+def wait(rig: Rig) -> None:
+    wait_for_vehicle(rig.controller_bus, rig.inbox, rig.clock, 0, 2_000_000_000, StopRequest())
+
+
+def test_it_waits_for_state_path_and_the_identity_of_the_vehicle(rig: Rig) -> None:
+    rig.vehicle.after_sending = lambda now_ns: (
+        rig.vehicle.outbox.send(VEHICLE_IDENTITY, own_identity(None), now_ns)
+        if now_ns > 10**9
+        else None
+    )
+    wait(rig)
+    assert rig.clock.now_ns() > 10**9
+    assert rig.inbox.newest(STATE) is not None
+
+
+def test_commands_of_another_controller_on_the_bus_are_an_error(rig: Rig) -> None:
+    other = Outbox(rig.vehicle_bus, Node.CONTROLLER)
+    rig.vehicle.after_sending = lambda now_ns: other.send(
+        COMMAND, Command(NEUTRAL_INPUT, Mode.STANDBY), now_ns
+    )
+    with pytest.raises(BusError, match="another one"):
+        wait(rig)
+
+
+def test_the_error_after_the_wait_names_the_missing_frames_and_a_remedy(rig: Rig) -> None:
+    rig.vehicle.state = None
+    with pytest.raises(BusError, match="STATE_A/B/C") as error:
+        wait(rig)
+    assert "Start sim-bridge" in str(error.value)
+
+
+def test_another_message_catalogue_is_an_error(rig: Rig) -> None:
+    rig.vehicle.after_sending = lambda now_ns: rig.vehicle.outbox.send(
+        VEHICLE_IDENTITY, Identity(0xABCD, None), now_ns
+    )
+    with pytest.raises(BusError, match="0000abcd") as error:
+        wait(rig)
+    assert "expected" in str(error.value)
+    rig.received.drain(rig.vehicle_bus, rig.clock.now_ns())
+    assert rig.received.newest(COMMAND) is None
+
+
+def test_a_stop_request_ends_the_wait(rig: Rig) -> None:
+    request = StopRequest()
+    rig.vehicle.after_sending = lambda now_ns: request.request()
+    wait_for_vehicle(rig.controller_bus, rig.inbox, rig.clock, 0, 2_000_000_000, request)
+    assert rig.clock.now_ns() < 10**9

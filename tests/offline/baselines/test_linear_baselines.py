@@ -1,0 +1,155 @@
+"""Linear models: for all roads, for each road, and trained on the whole horizon."""
+
+import json
+
+import made_drives
+import numpy as np
+import pytest
+from made_drives import drive, relative_error
+
+from offline.baselines.catalogue.lti import fit_linear
+from offline.baselines.catalogue.lti_horizon import (
+    _value_and_gradient,
+    descend,
+)
+from offline.baselines.catalogue.lti_per_curvature import LinearPerCurvature, fit_per_curvature
+from offline.baselines.linear_model import fit_one_step, to_bundle
+from offline.baselines.score import log_error
+from offline.config import PAST_STEPS
+from offline.data.signals import past_names
+from offline.model.bundle_export import choose_selftest
+from offline.model.bundle_predictor import BundlePredictor
+from rt_controller.contract.artifact import Lift, load_bundle, save_bundle
+from rt_controller.contract.errors import DatasetError
+
+A = np.array([[0.97, 0.01, 0.0], [0.05, 1.0, 0.0], [0.0, 0.02, 0.9]])
+B = np.array([[0.1, 0.0], [0.0, 0.02], [-0.05, 0.1]])
+B_W = np.array([[0.02], [0.0], [0.01]])
+C = np.array([0.03, -0.01, 0.0])
+
+
+def linear_step(x, u, w, u_before):
+    return x @ A.T + u @ B.T + w @ B_W.T + C
+
+
+@pytest.fixture(scope="module")
+def linear():
+    return drive(linear_step)
+
+
+@pytest.fixture(scope="module")
+def curved():
+    """A system with quadratic drag."""
+    return drive(lambda x, u, w, b: linear_step(x, u, w, b) - 0.03 * x[:, :1] * np.abs(x))
+
+
+def test_least_squares_finds_the_matrices_and_offset_of_a_linear_system(linear):
+    found = fit_linear(linear)
+    assert np.allclose(found.A, A, atol=1e-5)
+    assert np.allclose(found.B_uc, B, atol=1e-5)
+    assert np.allclose(found.B_uw, B_W, atol=1e-5)
+    assert np.allclose(found.c, C, atol=1e-5)
+
+
+def test_least_squares_is_the_solution_of_all_transitions_at_once(toy_dataset):
+    """Against numpy's solver on the whole problem in physical units."""
+    train = toy_dataset.select("train")
+    x, u, w = (series.astype(float) for series in train[:3])
+    regressors = np.concatenate([x[:, :-1], u, w, np.ones((*u.shape[:2], 1))], axis=-1)
+    regressors, targets = regressors.reshape(-1, 11), x[:, 1:].reshape(-1, 6)
+    expected, *_ = np.linalg.lstsq(regressors, targets, rcond=None)
+    lti = fit_linear(toy_dataset)
+    found = np.vstack([lti.A.T, lti.B_uc.T, lti.B_uw.T, lti.c])
+    assert np.allclose(regressors @ found, regressors @ expected, atol=1e-5)
+
+
+def sample_of(dataset):
+    """Instants with states, exogenous signals and the whole past."""
+    names = past_names(dataset.schema, dataset.roles)
+    return choose_selftest(dataset, Lift(("x", "w", "history"), PAST_STEPS, names))
+
+
+def test_the_bundle_predicts_what_the_model_predicts(toy_dataset, tmp_path):
+    bundle = to_bundle("lti", fit_linear(toy_dataset), toy_dataset, sample_of(toy_dataset))
+    save_bundle(tmp_path, bundle, "card")
+    by_bundle, _ = made_drives.predict(
+        BundlePredictor(load_bundle(tmp_path)), toy_dataset.select("test")
+    )
+    by_model, _ = made_drives.predict(fit_linear(toy_dataset), toy_dataset.select("test"))
+    assert np.allclose(by_bundle, by_model, rtol=1e-6, atol=1e-8)
+
+
+def test_a_linear_bundle_has_its_kind_and_data_set(toy_dataset):
+    bundle = to_bundle("lti", fit_linear(toy_dataset), toy_dataset, sample_of(toy_dataset))
+    training = json.loads(bundle.training)
+    assert bundle.name == "lti"
+    assert bundle.data_sha256 == toy_dataset.sha256
+    assert (training["kind"], training["episodes"], training["data_seed"]) == ("lti", 40, 3)
+
+
+def test_windows_of_other_signals_are_refused(linear, toy_dataset):
+    with pytest.raises(DatasetError, match=r"expected x0 \(batch, 3\)"):
+        made_drives.predict(fit_linear(linear), toy_dataset.select("test"))
+
+
+def test_the_model_of_a_road_is_fitted_to_its_trajectories(toy_dataset):
+    model = fit_per_curvature(toy_dataset)
+    assert model.curvature_per_m.tolist() == [-4e-3, 0.0, 4e-3]
+    train = toy_dataset.select("train")
+    on_it = train.take(train.w[:, 0, 0] == np.float32(4e-3))
+    alone = fit_one_step(on_it, toy_dataset.schema, toy_dataset.roles, sees_exogenous=False)
+    among, _ = made_drives.predict(model, on_it)
+    expected, _ = made_drives.predict(alone, on_it)
+    assert np.allclose(among, expected)
+
+
+def test_models_are_interpolated_between_roads_and_constant_beyond_them():
+    model = LinearPerCurvature(
+        curvature_per_m=np.array([0.0, 2e-3]),
+        A=np.array([[[0.0]], [[0.0]]]),
+        B_uc=np.zeros((2, 1, 1)),
+        c=np.array([[1.0], [3.0]]),
+    )
+    kappa = np.array([0.0, 5e-4, 1e-3, 2e-3, 9e-3, -1.0])
+    W = np.repeat(kappa[:, None, None], 2, axis=1)
+    found = model.predict(np.zeros((6, 1)), np.zeros((6, 0, 1)), np.zeros((6, 2, 1)), W)
+    assert np.allclose(found[:, 2, 0], [1.0, 1.5, 2.0, 3.0, 3.0, 1.0])
+
+
+def test_data_without_roads_are_refused_for_a_model_per_road(linear):
+    with pytest.raises(DatasetError, match="lti-per-curvature"):
+        fit_per_curvature(linear)
+
+
+def test_gradient_over_the_horizon_agrees_with_finite_differences():
+    rng = np.random.default_rng(0)
+    problem = (rng.normal(size=(7, 5, 2)), rng.normal(size=(6, 5, 3)))
+    theta = np.concatenate([0.9 * np.eye(2), 0.1 * rng.normal(size=(2, 3))], axis=1)
+    _, gradient = _value_and_gradient(theta, *problem)
+    for i in range(theta.size):
+        step = np.zeros(theta.shape)
+        step.flat[i] = 1e-6
+        ahead, _ = _value_and_gradient(theta + step, *problem)
+        behind, _ = _value_and_gradient(theta - step, *problem)
+        assert gradient[i] == pytest.approx((ahead - behind) / 2e-6, rel=1e-5, abs=1e-8)
+
+
+def fit_on_horizon(dataset, iterations):
+    return descend(fit_linear(dataset), dataset.select("train"), iterations)
+
+
+def test_training_on_the_horizon_keeps_a_linear_system(linear):
+    found = fit_on_horizon(linear, 50)
+    assert np.all(relative_error(found, linear.select("test")) < 1e-4)
+
+
+def test_training_on_the_horizon_reduces_the_error_of_a_nonlinear_system(curved):
+    test = curved.select("test")
+    trained = fit_on_horizon(curved, 60)
+    assert log_error(trained, test) < log_error(fit_linear(curved), test) - 0.1
+
+
+def test_training_on_the_horizon_is_repeatable(curved):
+    one, other = fit_on_horizon(curved, 5), fit_on_horizon(curved, 5)
+    assert np.array_equal(one.A, other.A)
+    assert np.array_equal(one.c, other.c)

@@ -1,0 +1,120 @@
+"""Persistence, constant acceleration, the path from motion, and the validation score."""
+
+import numpy as np
+import pytest
+import torch
+from made_drives import drive, predict
+
+from offline.baselines.catalogue.constant_acceleration import (
+    ConstantAcceleration,
+    fit_acceleration,
+)
+from offline.baselines.catalogue.persistence import Persistence
+from offline.baselines.road_path import path_states
+from offline.baselines.score import log_error
+from rt_controller.contract.errors import DatasetError
+
+
+def test_persistence_predicts_the_first_state():
+    x0 = np.arange(12.0).reshape(2, 6)
+    predicted = Persistence().predict(
+        x0, np.zeros((2, 20, 6)), np.zeros((2, 3, 3)), np.zeros((2, 3, 1))
+    )
+    assert predicted.shape == (2, 4, 6)
+    assert np.array_equal(predicted, np.repeat(x0[:, None], 4, axis=1))
+
+
+def test_constant_acceleration_is_exact_for_constant_slopes_of_states_in_the_past():
+    """Speed and swing are in the past; level is not, and stays constant."""
+    ramps = drive(lambda x, u, w, b: x + np.array([0.01, 0.02, -0.03]))
+    baseline = fit_acceleration(ramps)
+    assert baseline.decay_s == np.inf
+    predicted, happened = predict(baseline, ramps.select("test"))
+    assert np.allclose(predicted[..., [0, 2]], happened[..., [0, 2]], atol=1e-4)
+    assert np.allclose(predicted[..., 1], predicted[:, :1, 1])
+
+
+def test_time_constant_of_the_slopes_is_chosen_on_the_validation_part():
+    """The states decay with a time constant of one second."""
+    settling = drive(lambda x, u, w, b: 0.95 * x)
+    baseline = fit_acceleration(settling)
+    assert baseline.decay_s == 1.0
+
+
+def test_path_of_the_car_follows_from_its_motion():
+    """With the yaw rate of the curve the car stays on it, and leaves a straight road."""
+    baseline = ConstantAcceleration(np.arange(3), 6, 1, np.inf, is_car=True, dt_s=0.025)
+    x0 = np.repeat([[20.0, 0.0, 0.1, 0.5, 0.0, 0.0]], 2, axis=0)
+    past = np.zeros((2, 1, 6))
+    past[:, 0, :3] = x0[:, :3]
+    W = np.repeat([[[5e-3]], [[0.0]]], 80, axis=1)
+    states = baseline.predict(x0, past, np.zeros((2, 80, 3)), W)
+    assert np.allclose(states[0], x0[0], atol=1e-9)
+    assert states[1, -1, 4] == pytest.approx(200.0 * (1.0 - np.cos(0.2)), rel=1e-3)
+
+
+def test_without_a_past_there_is_no_slope(toy_dataset):
+    baseline = fit_acceleration(toy_dataset)
+    with pytest.raises(DatasetError, match="past"):
+        baseline.predict(
+            np.zeros((2, 6)), np.zeros((2, 0, 6)), np.zeros((2, 3, 3)), np.zeros((2, 3, 1))
+        )
+
+
+def test_path_agrees_with_integration_in_small_steps():
+    rng = np.random.default_rng(0)
+    steps, dt_s = 80, 0.025
+    motion = np.empty((4, steps + 1, 3))
+    motion[..., 0] = 20 + np.cumsum(rng.normal(0, 0.05, (4, steps + 1)), axis=1)
+    motion[..., 1] = 0.3 * np.sin(0.1 * np.arange(steps + 1))
+    motion[..., 2] = 0.2 * np.sin(0.05 * np.arange(steps + 1) + rng.uniform(0, 6, (4, 1)))
+    x0 = np.zeros((4, 6))
+    x0[:, 4:] = rng.uniform(-1, 1, (4, 2)) * (2.0, 0.17)
+    kappa = np.repeat(np.array([[-1e-2], [0.0], [4e-3], [1e-2]]), steps, axis=1)
+    found = path_states(np, motion, x0, kappa, dt_s)
+    assert np.allclose(found, fine_path(motion, x0, kappa, dt_s), atol=1e-3)
+
+
+def fine_path(motion, x0, kappa, dt_s, substeps=200):
+    """Explicit Euler in small steps."""
+    (ey, epsi), s = x0[:, 4:].T.copy(), np.zeros(len(x0))
+    path = []
+    for k in range(motion.shape[1] - 1):
+        before = s.copy()
+        for i in range(substeps):
+            share = (i + 0.5) / substeps
+            vx, vy, yaw_rate = ((1 - share) * motion[:, k] + share * motion[:, k + 1]).T
+            ds = (vx * np.cos(epsi) - vy * np.sin(epsi)) / (1 - kappa[:, k] * ey)
+            dey = vx * np.sin(epsi) + vy * np.cos(epsi)
+            h = dt_s / substeps
+            s, ey, epsi = s + h * ds, ey + h * dey, epsi + h * (yaw_rate - kappa[:, k] * ds)
+        path.append(np.stack([s - before, ey, epsi], axis=1))
+    return np.stack(path, axis=1)
+
+
+def test_path_is_the_same_in_numpy_and_torch(toy_dataset):
+    x, _, w = (series.astype(np.float64) for series in toy_dataset.select("test")[:3])
+    args = x[..., :3], x[:, 0], w[..., 0]
+    by_numpy = path_states(np, *args, 0.025)
+    by_torch = path_states(torch, *(torch.from_numpy(each) for each in args), 0.025)
+    assert np.allclose(by_numpy, by_torch.numpy(), rtol=1e-12)
+
+
+def test_score_is_infinite_if_a_prediction_is_not_finite(toy_dataset):
+    class Off:
+        def predict(self, x0, past, U, W):
+            return np.full((len(x0), U.shape[1] + 1, 6), np.nan)
+
+    assert log_error(Off(), toy_dataset.select("test")) == np.inf
+
+
+def test_score_of_the_mean_is_zero(toy_dataset):
+    """Its error is the variance, so the logarithm of their ratio is zero."""
+    test = toy_dataset.select("test")
+
+    class Mean:
+        def predict(self, x0, past, U, W):
+            mean = test.x.reshape(-1, 6).astype(float).mean(axis=0)
+            return np.broadcast_to(mean, (len(x0), U.shape[1] + 1, 6))
+
+    assert log_error(Mean(), test) == pytest.approx(0.0, abs=0.02)

@@ -1,0 +1,135 @@
+"""Baselines by name: found by file name, fitted once, and kept in the cache."""
+
+import ast
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_drives import drive, predict
+
+from offline.baselines import catalogue, code_digest, registry
+from rt_controller.contract.errors import ConfigError, DatasetError
+
+
+def test_the_catalogue_has_all_baselines():
+    assert set(registry.names()) >= {
+        "persistence", "constant-acceleration", "lti", "lti-per-curvature", "lti-horizon",
+        "dmdc-delays", "edmd-polynomial-66", "edmd-rbf-66", "edmd-fourier-66", "edmd-polynomial",
+        "edmd-rbf", "edmd-fourier", "edmd-bilinear-frozen", "edmd-bilinear", "bicycle", "gru",
+    }  # fmt: skip
+
+
+def test_the_new_baseline_of_the_guide_is_one_new_file(toy_dataset, tmp_path, monkeypatch):
+    guide = Path(__file__).parents[3] / "docs" / "baselines.md"
+    code = guide.read_text("utf-8").split("```python\n")[1].split("```")[0]
+    (tmp_path / "mean_state.py").write_text(code)
+    monkeypatch.setattr(catalogue, "__path__", [*catalogue.__path__, str(tmp_path)])
+    assert "mean-state" in registry.names()
+    assert registry.find_objection("mean-state", toy_dataset) is None
+    fitted = registry.fit("mean-state", toy_dataset, tmp_path / "cache")
+    predicted, _ = predict(fitted, toy_dataset.select("test"))
+    mean = toy_dataset.select("train").x.astype(float).mean(axis=(0, 1))
+    assert np.allclose(predicted, mean)
+
+
+def test_an_unknown_baseline_is_refused_with_all_names(toy_dataset, tmp_path):
+    with pytest.raises(ConfigError, match=r"expected one of bicycle, .*persistence"):
+        registry.fit("crystal-ball", toy_dataset, tmp_path)
+
+
+@pytest.mark.parametrize("name", ["persistence", "constant-acceleration", "lti", "dmdc-delays"])
+def test_a_baseline_from_the_cache_predicts_the_same(name, toy_dataset, tmp_path):
+    windows = toy_dataset.select("test")
+    first = registry.fit_timed(name, toy_dataset, tmp_path)
+    again = registry.fit_timed(name, toy_dataset, tmp_path)
+    assert np.array_equal(predict(first.baseline, windows)[0], predict(again.baseline, windows)[0])
+    assert again.fit_cpu_s == first.fit_cpu_s
+    assert again.baseline.fit_info() == first.baseline.fit_info()
+
+
+def with_other_drives(dataset):
+    """Other numbers with the same hash, so that a new fit differs from one of the cache."""
+    recording = dataset.recording
+    return replace(dataset, recording=recording._replace(x=0.5 * recording.x))
+
+
+def test_a_baseline_is_fitted_once_for_the_same_data_and_code(toy_dataset, tmp_path, monkeypatch):
+    first = registry.fit("lti", toy_dataset, tmp_path)
+    altered = with_other_drives(toy_dataset)
+    assert np.array_equal(registry.fit("lti", altered, tmp_path).c, first.c)
+    monkeypatch.setattr(registry, "digest_of_code", lambda module: "other code")
+    assert not np.array_equal(registry.fit("lti", altered, tmp_path).c, first.c)
+
+
+def test_other_data_are_fitted_anew(toy_dataset, tmp_path):
+    first = registry.fit("lti", toy_dataset, tmp_path)
+    other = registry.fit("lti", drive(lambda x, u, w, b: 0.9 * x), tmp_path)
+    assert first.A.shape != other.A.shape
+
+
+@pytest.mark.filterwarnings("ignore:.*:UserWarning")
+def test_a_damaged_file_of_the_cache_is_replaced_by_a_new_fit(toy_dataset, tmp_path):
+    first = registry.fit("lti", toy_dataset, tmp_path)
+    (file,) = tmp_path.rglob("output.pkl")
+    file.write_bytes(file.read_bytes()[:-30])
+    assert np.array_equal(registry.fit("lti", toy_dataset, tmp_path).c, first.c)
+    altered = with_other_drives(toy_dataset)
+    assert np.array_equal(registry.fit("lti", altered, tmp_path).c, first.c)
+
+
+def test_a_cache_that_cannot_be_written_is_named(toy_dataset, tmp_path):
+    (tmp_path / "file").write_text("not a folder")
+    with pytest.raises(ConfigError, match="XDG_CACHE_HOME"):
+        registry.fit("lti", toy_dataset, tmp_path / "file" / "cache")
+
+
+def test_a_baseline_that_does_not_fit_the_data_is_refused_and_not_cached(tmp_path):
+    with pytest.raises(DatasetError, match="lti-per-curvature"):
+        registry.fit("lti-per-curvature", drive(lambda x, u, w, b: 0.9 * x), tmp_path)
+    assert not list(tmp_path.rglob("output.pkl"))
+
+
+def test_objections_to_data_are_found_without_a_fit(toy_dataset):
+    other = drive(lambda x, u, w, b: 0.9 * x)
+    refused = {name for name in registry.names() if registry.find_objection(name, other)}
+    assert refused >= {"bicycle", "lti-per-curvature"}
+    assert not any(registry.find_objection(name, toy_dataset) for name in registry.names())
+
+
+def names_in_the_code_of(monkeypatch, module):
+    seen = []
+    code_digest._digest_and_imports.cache_clear()
+    monkeypatch.setattr(code_digest, "digest_of_tree", lambda tree: seen.append(tree) or "")
+    code_digest.digest_of_code(module)
+    code_digest._digest_and_imports.cache_clear()
+    return {node.name for tree in seen for node in tree.body if hasattr(node, "name")}
+
+
+def test_the_code_of_a_baseline_is_its_module_and_all_that_it_imports(monkeypatch):
+    of_lti = names_in_the_code_of(monkeypatch, "offline.baselines.catalogue.lti")
+    assert {"fit_linear", "fit_one_step", "LinearModel", "fit_scaling", "roll_out"} <= of_lti
+    assert "Network" not in of_lti
+    of_gru = names_in_the_code_of(monkeypatch, "offline.baselines.catalogue.gru")
+    assert {"Network", "WindowSource", "log_error", "TrainingConfig"} <= of_gru
+
+
+def test_comments_and_docstrings_do_not_change_the_digest():
+    bare = "def f(x):\n    return x\n"
+    documented = '"""Room."""\ndef f(x):\n    """What."""\n    return (x)  # why\n'
+    texts = (bare, documented, bare.replace("x\n", "-x\n"))
+    digests = [code_digest.digest_of_tree(ast.parse(text)) for text in texts]
+    assert digests[0] == digests[1] != digests[2]
+
+
+def test_names_are_listed_and_plain_baselines_imported_without_torch():
+    """In a fresh process, since other tests import torch."""
+    code = (
+        "import sys; from offline.baselines import registry; registry.names(); "
+        "[registry.find_baseline(name) for name in ('bicycle', 'edmd-rbf', 'lti', 'lti-horizon', "
+        "'constant-acceleration')]; "
+        "sys.exit('torch' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False, timeout=120).returncode == 0

@@ -1,0 +1,268 @@
+"""The offline commands: output, files and exit codes."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import nullcontext
+from dataclasses import replace
+from importlib.metadata import version
+
+import pytest
+
+from offline import cli
+from offline.commands import training_run
+from offline.config import TrainingConfig
+from offline.training.checkpoint import load_checkpoint, save_checkpoint
+
+ENTRY_POINTS = (
+    cli.data_main,
+    cli.import_main,
+    cli.train_main,
+    cli.export_main,
+    cli.evaluate_main,
+    cli.report_main,
+    cli.ablate_main,
+    cli.tune_main,
+)
+SMALL = ("--hidden", "8", "--latents", "4", "--batch", "16", "--threads", "1")
+
+
+@pytest.fixture
+def command(monkeypatch, tmp_path, capsys):
+    """Run a command in an empty folder; return exit code, stdout and stderr."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+    def run(main, *arguments):
+        monkeypatch.setattr(sys, "argv", ["offline", *map(str, arguments)])
+        with pytest.raises(SystemExit) as exit_info:
+            main()
+        printed = capsys.readouterr()
+        return exit_info.value.code, " ".join(printed.out.split()), " ".join(printed.err.split())
+
+    return run
+
+
+def test_the_commands_make_data_train_export_and_evaluate(command, tmp_path):
+    code, out, _ = command(cli.data_main, "--episodes", 20, "--jobs", 1, "--json", "data.json")
+    assert code in (0, None)
+    data = json.loads((tmp_path / "data.json").read_text())
+    assert data["n_trajectories"] == 100
+    assert str(tmp_path / "cache") in data["folder"]
+
+    train = ("--steps", 30, "--evaluate-every", 10, "--episodes", 20, *SMALL)
+    code, out, _ = command(cli.train_main, *train, "--json", "train.json")
+    assert code in (0, None)
+    assert "offline-export" in out
+    assert json.loads((tmp_path / "train.json").read_text())["step"] == 30
+
+    code, out, _ = command(cli.export_main, "--json", "export.json")
+    assert code in (0, None)
+    assert "rt-controller --bus virtual --model" in out
+    exported = json.loads((tmp_path / "export.json").read_text())
+    assert exported["size_bytes"] < 300_000
+
+    code, out, _ = command(cli.evaluate_main, "--sets", "library", "--json", "table.json")
+    assert code in (0, None)
+    table = json.loads((tmp_path / "table.json").read_text())
+    library = table["sets"]["library"]
+    assert library["n_trajectories"] == 10
+    assert {"lti", "lti-per-curvature", "persistence"} < set(library["models"])
+    for model in library["models"].values():
+        assert len(model["mse"]) == 6
+        assert "yaw_rate_degps_squared" in model["mse"]
+    assert list(table["model_sha256"].values()) == [exported["model_sha256"]]
+    assert table["revision"] == exported["revision"]
+
+    code, out, _ = command(cli.export_main, "--baseline", "lti", "--output", "fitted")
+    assert code in (0, None)
+    few = ("--sets", "library", "--baselines", "none")
+    code, out, _ = command(cli.evaluate_main, "--model", "fitted", *few)
+    assert code in (0, None)
+
+
+def test_a_run_is_resumed_and_refuses_another_configuration(command, toy_folder):
+    train = ("--steps", 6, "--evaluate-every", 3, "--data", toy_folder, "--runs", "r", *SMALL)
+    assert command(cli.train_main, *train, "--rate-schedule", "plateau")[0] in (0, None)
+    resume = ("--resume", "r/latest", "--steps", 9, "--json", "train.json")
+    code, _, _ = command(cli.train_main, *resume)
+    assert code in (0, None)
+    with open("train.json", encoding="utf-8") as file:
+        assert json.load(file)["step"] == 9
+    code, _, err = command(cli.train_main, "--resume", "r/latest", "--batch", 8)
+    assert code == 2
+    assert "batch" in err
+
+
+def test_an_unwritable_folder_is_found_before_the_work(command, toy_folder, tmp_path):
+    (tmp_path / "file").touch()
+    train = ("--steps", 3, "--data", toy_folder, "--runs", "file/runs", *SMALL)
+    code, _, err = command(cli.train_main, *train)
+    assert code == 2
+    assert "--runs" in err
+
+
+@pytest.mark.parametrize(
+    ("main", "arguments"),
+    [
+        (cli.export_main, ("nowhere",)),
+        (cli.evaluate_main, ("--model", "nowhere")),
+        (cli.train_main, ("--resume", "nowhere")),
+        (cli.train_main, ("--preset", "papre")),
+        (cli.data_main, ("--data", "file/data", "--episodes", "10", "--jobs", "1")),
+    ],
+)
+def test_a_command_that_fails_writes_no_figures(command, tmp_path, main, arguments):
+    (tmp_path / "file").touch()
+    code, _, _ = command(main, *arguments, "--json", "figures.json")
+    assert code == 2
+    assert not (tmp_path / "figures.json").exists()
+
+
+def test_the_figures_of_a_run_without_evaluation_are_valid_json(
+    command, toy_folder, monkeypatch, tmp_path
+):
+    """Stopped before its first step, a run has an infinite best loss, which JSON cannot express."""
+    monkeypatch.setattr(training_run, "stop_on_signals", lambda: nullcontext(lambda: True))
+    train = ("--steps", 3, "--data", toy_folder, *SMALL, "--json", "train.json")
+    assert command(cli.train_main, *train)[0] == 130
+    assert json.loads((tmp_path / "train.json").read_text())["best_validation_loss"] is None
+
+
+def test_the_card_shows_the_validation_loss_of_the_exported_model(command, toy_folder, tmp_path):
+    """It need not be the lowest of the run."""
+    train = ("--steps", 3, "--evaluate-every", 3, "--data", toy_folder, *SMALL)
+    assert command(cli.train_main, *train)[0] in (0, None)
+    best = tmp_path / "runs" / "latest" / "best.pt"
+    save_checkpoint(best, replace(load_checkpoint(best), validation_losses=[0.125, 0.5, 0.25]))
+    assert command(cli.export_main)[0] in (0, None)
+    card = (tmp_path / "runs" / "latest" / "bundle" / "card.md").read_text()
+    assert "| validation loss | 0.25000 |" in card
+
+
+def test_the_configuration_takes_episodes_and_seed_from_the_given_data_set(
+    command, toy_folder, tmp_path
+):
+    train = ("--steps", 3, "--evaluate-every", 3, "--data", toy_folder, *SMALL)
+    assert command(cli.train_main, *train)[0] in (0, None)
+    config = json.loads((tmp_path / "runs" / "latest" / "config.json").read_text())["config"]
+    assert (config["episodes"], config["data_seed"]) == (40, 3)
+    code, _, err = command(cli.train_main, *train, "--data-seed", 4)
+    assert code == 2
+    assert "40 episodes of seed 3" in err
+
+
+def test_a_model_is_not_evaluated_on_data_it_may_have_been_trained_on(
+    command, toy_folder, tmp_path
+):
+    train = ("--steps", 3, "--evaluate-every", 3, "--data", toy_folder, *SMALL)
+    assert command(cli.train_main, *train)[0] in (0, None)
+    assert command(cli.export_main)[0] in (0, None)
+    library = ("--sets", "library", "--baselines", "none")
+    code, _, _ = command(cli.evaluate_main, "--data", toy_folder, *library)
+    assert code in (0, None)
+    few = ("--episodes", 10, "--seed", 3, "--jobs", 1, "--data", "few")
+    assert command(cli.data_main, *few)[0] in (0, None)
+    code, _, err = command(cli.evaluate_main, "--data", "few", *library)
+    assert code == 2
+    assert "10 episodes of seed 3" in err
+    code, _, err = command(cli.export_main, "--data", "few")
+    assert code == 2
+    assert "trained on" in err
+
+
+def test_a_run_refuses_to_resume_with_another_data_set(command, toy_folder):
+    train = ("--steps", 3, "--evaluate-every", 3, "--data", toy_folder, *SMALL)
+    assert command(cli.train_main, *train)[0] in (0, None)
+    other = ("--episodes", 10, "--jobs", 1, "--data", "other")
+    assert command(cli.data_main, *other)[0] in (0, None)
+    code, _, err = command(cli.train_main, "--resume", "runs/latest", "--data", "other")
+    assert code == 2
+    assert "expected the data set" in err
+
+
+@pytest.mark.parametrize(
+    ("main", "arguments", "complaint"),
+    [
+        (cli.export_main, ("nowhere",), "offline-train"),
+        (cli.evaluate_main, ("--model", "nowhere"), "offline-export"),
+        (cli.train_main, ("--preset", "papre"), "paper, paper-literal, quick"),
+        (cli.train_main, ("--resume", "nowhere"), "offline-train"),
+        (cli.data_main, ("--episodes", "3"), "--episodes"),
+        (cli.data_main, ("--json", "no/such/folder.json"), "--json"),
+    ],
+)
+def test_a_usage_error_exits_2_with_its_remedy(command, main, arguments, complaint):
+    code, _, err = command(main, *arguments)
+    assert code == 2
+    assert complaint in err
+
+
+def test_options_that_contradict_an_existing_data_set_are_refused(command, toy_folder):
+    code, _, err = command(cli.data_main, "--episodes", 50, "--data", toy_folder)
+    assert code == 2
+    assert "40 episodes of seed 3" in err
+
+
+@pytest.mark.parametrize("package", ["torch", "numba", "onnx", "joblib"])
+def test_a_missing_package_exits_3_with_its_install_command(command, monkeypatch, package):
+    monkeypatch.setitem(sys.modules, package, None)
+    code, _, err = command(cli.train_main)
+    assert code == 3
+    assert package in err
+    assert 'pip install -e ".[offline]"' in err
+
+
+def test_the_options_of_the_commands_import_no_heavy_package():
+    script = (
+        "import sys, offline.cli; "
+        "print([m for m in ('torch', 'numba', 'onnx', 'onnxruntime', 'numpy') if m in sys.modules])"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert answer.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("main", ENTRY_POINTS)
+def test_every_command_prints_the_version_of_the_distribution(command, main):
+    code, out, _ = command(main, "--version")
+    assert code in (0, None)
+    assert out == version("rt-controller")
+
+
+def test_all_refused_options_are_named_at_once(command):
+    code, _, err = command(cli.train_main, "--steps", 0, "--patience", -1)
+    assert code == 2
+    assert "--steps" in err
+    assert "--patience" in err
+
+
+def test_every_field_of_the_configuration_is_an_option(command):
+    code, out, _ = command(cli.train_main, "--help")
+    assert code in (0, None)
+    for name in TrainingConfig.model_fields:
+        assert f"--{name.replace('_', '-')}" in out
+
+
+def test_ctrl_c_ends_a_run_with_a_checkpoint_and_the_command_to_resume(toy_folder, tmp_path):
+    script = "from offline.cli import train_main; train_main()"
+    steps = ("--steps", "1000000", "--evaluate-every", "5")
+    process = subprocess.Popen(
+        [sys.executable, "-c", script, *steps, "--data", str(toy_folder), *SMALL],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "COLUMNS": "200"},
+    )
+    history = tmp_path / "runs" / "latest" / "history.jsonl"
+    while process.poll() is None and not (history.exists() and history.stat().st_size):
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "offline-train --resume" in out
+    assert (tmp_path / "runs" / "latest" / "last.pt").exists()

@@ -1,0 +1,153 @@
+"""The work of offline-evaluate and offline-report."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from toy_predictors import Hold, made_test_set, made_trajectories, with_random_error
+
+from offline.baselines import registry, selection
+from offline.baselines.selection import SHIPPED
+from offline.commands import evaluation as work
+from offline.commands import report_page
+from offline.commands.evaluation import (
+    evaluate_models,
+    label_models,
+    open_sets,
+    print_comparison,
+    run_evaluation,
+)
+from offline.commands.options import EvaluationOptions
+from offline.commands.report_page import write_report
+from offline.data.provenance import describe_training
+from offline.evaluation import lane_change
+from offline.evaluation.comparison import compare_models
+from offline.evaluation.tables import comparison_tables
+from offline.evaluation.test_sets import SET_NAMES, robustness_set
+from rt_controller.contract.artifact import load_bundle, save_bundle, shipped_model
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.schema import VEHICLE
+from rt_controller.report.table import Fact
+from sim_bridge.scenario import load_scenario
+
+
+class Fitted(Hold):
+    def fit_info(self):
+        return (Fact("kind", "not fitted"),)
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch, tmp_path):
+    """An empty cache, baselines that need no fit, and three robustness episodes."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(work, "LATEST_RUN", Path("no/such/run"))
+    fitted = registry.Fitted(Fitted(), 0.5)
+    monkeypatch.setattr(selection.registry, "fit_timed", lambda *arguments: fitted)
+    monkeypatch.setattr(work, "robustness_set", lambda: robustness_set(episodes=3))
+
+
+@pytest.fixture
+def bundle_of(toy_dataset, tmp_path):
+    """Writes a linear bundle of the toy data to a folder of that name."""
+
+    def write(name, **changes):
+        bundle = replace(
+            load_bundle(shipped_model("lti")),
+            training=describe_training({}, toy_dataset.origin),
+            data_sha256=toy_dataset.sha256,
+            **changes,
+        )
+        save_bundle(tmp_path / name, bundle, "card")
+        return tmp_path / name
+
+    return write
+
+
+def test_all_baselines_are_those_that_these_data_allow(toy_folder, bundle_of):
+    evaluation = run_evaluation(
+        EvaluationOptions([bundle_of("m")], toy_folder, ["all"], ["library"])
+    )
+    assert evaluation.comparison.baselines[:-1] == registry.names()
+    assert evaluation.comparison.baselines[-1] == SHIPPED
+
+
+def test_robustness_is_left_out_for_a_model_trained_on_its_episodes(toy_dataset, bundle_of, capsys):
+    others, _ = robustness_set(episodes=3)
+    trained = replace(
+        load_bundle(bundle_of("a")),
+        training=describe_training({}, replace(others.origin, episodes=50)),
+    )
+    tests = open_sets(SET_NAMES, toy_dataset, [trained])
+    assert [test.name for test in tests] == ["library", "new-roads"]
+    assert "without robustness" in capsys.readouterr().err
+
+
+def test_models_are_named_by_their_folder_and_bundles_of_runs_by_the_run(tmp_path):
+    folders = [tmp_path / "runs/a/bundle", tmp_path / "runs/b/bundle", tmp_path / "lti"]
+    assert label_models(folders) == ("a", "b", "lti")
+    twins = [tmp_path / "x/net", tmp_path / "y/net"]
+    assert label_models(twins) == ("x/net", "y/net")
+    assert label_models([tmp_path / "x/lti"], taken=["lti"]) == ("x/lti",)
+    with pytest.raises(ConfigError, match="twice"):
+        label_models([tmp_path / "a", tmp_path / "a"])
+
+
+def test_all_tables_are_printed_in_full_on_a_narrow_terminal(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "40")
+    made = made_trajectories(60)
+    models, baselines = {"m": with_random_error(made)}, {"lti": with_random_error(made, 2.0)}
+    comparison = compare_models(models, baselines, [made_test_set(made)], VEHICLE)
+    print_comparison(comparison)
+    printed = capsys.readouterr().out
+    assert "…" not in printed
+    for table in comparison_tables(comparison):
+        for row in table.rows:
+            for cell in row:
+                for text in (cell,) if isinstance(cell, str) else cell[:2]:
+                    assert text in printed
+
+
+def test_several_models_are_evaluated_on_every_set(bundle_of, toy_folder, tmp_path, capsys):
+    models = [bundle_of("good"), bundle_of("bad", c=load_bundle(shipped_model("lti")).c + 0.01)]
+    baselines = ["persistence", "lti"]
+    json_file = tmp_path / "table.json"
+    options = EvaluationOptions(models, toy_folder, baselines)
+    assert evaluate_models(options, json_file) == 0
+    figures = json.loads(json_file.read_text())
+    assert figures["models"] == ["good", "bad"]
+    assert figures["baselines"] == baselines
+    assert figures["data_sha256"]
+    assert figures["model_sha256"]["good"] != figures["model_sha256"]["bad"]
+    assert set(figures["sets"]) == set(SET_NAMES)
+    errors = {
+        name: model["mse"]["ey_m_squared"]["value"]
+        for name, model in figures["sets"]["library"]["models"].items()
+    }
+    assert errors["good"] < errors["bad"]
+    assert errors["persistence"] == errors["lti"]
+    printed = capsys.readouterr().out
+    assert "good" in printed
+    assert "fair lti" in printed
+
+
+def test_the_report_is_a_page_of_the_same_evaluation(bundle_of, toy_folder, tmp_path, monkeypatch):
+    windows = made_trajectories(lane_change.WINDOWS)
+    driven = lane_change.LaneChange(
+        load_scenario(lane_change.SCENARIO), windows, windows.x[..., 4].astype(float)
+    )
+    monkeypatch.setattr(report_page, "drive_lane_change", lambda: driven)
+    output, json_file = tmp_path / "report.html", tmp_path / "report.json"
+    options = EvaluationOptions([bundle_of("good")], toy_folder, ["lti"], ["library"])
+    assert write_report(output, options, json_file) == 0
+    assert json.loads(json_file.read_text())["models"] == ["good"]
+    html = output.read_text()
+    assert load_bundle(tmp_path / "good").sha256 in html
+    assert "Double lane change" in html
+    assert "not fitted" in html
+
+
+@pytest.mark.parametrize("output", [".", "no/such/folder/report.html"])
+def test_an_output_that_cannot_be_written_is_refused_before_the_evaluation(output, tmp_path):
+    with pytest.raises(ConfigError, match="--output"):
+        write_report(tmp_path / output, EvaluationOptions(), None)

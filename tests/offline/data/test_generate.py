@@ -1,0 +1,205 @@
+"""Episodes of the simulated car and their slices."""
+
+import numpy as np
+import pytest
+
+from offline.config import PAST_STEPS, STEPS
+from offline.data.excitation import Recipe
+from offline.data.generate import (
+    EPISODE_STEPS,
+    FIRST_EPSI_RAD,
+    FIRST_EY_M,
+    LARGEST_SIDESLIP_RAD,
+    LOWEST_SPEED_MPS,
+    SLICES,
+    assemble,
+    generate,
+    is_kept,
+    make_episode,
+    plant_fingerprint,
+)
+from offline.data.recording import cut
+from offline.data.signals import VEHICLE_ROLES
+from rt_controller.contract.schema import VEHICLE
+from sim_bridge.plant.monitor import Monitor
+
+
+@pytest.fixture(scope="module")
+def episode():
+    return make_episode(Recipe(), np.random.SeedSequence(11))
+
+
+@pytest.fixture(scope="module")
+def slices(episode):
+    """The slices of one episode on a curved road."""
+    made = assemble([episode._replace(curvature_per_m=4e-3)])
+    return cut(made.recording, made.slices, VEHICLE, VEHICLE_ROLES)
+
+
+def a_calm_log() -> tuple[np.ndarray, np.ndarray]:
+    motion = np.zeros((101, 3))
+    motion[:, 0] = 20.0
+    return motion, np.zeros((5, len(Monitor._fields)))
+
+
+def test_an_episode_has_half_a_second_of_past_and_five_slices_of_two_seconds(episode):
+    assert EPISODE_STEPS == 420
+    assert episode.motion.shape == episode.pose.shape == (421, 3)
+    assert episode.inputs.shape == (420, 3)
+    assert episode.first_errors.shape == (5, 2)
+
+
+def test_a_slice_has_81_states_80_inputs_and_20_rows_of_past(slices):
+    assert slices.x.shape == (5, 81, 6)
+    assert slices.u.shape == (5, 80, 3)
+    assert slices.w.shape == (5, 80, 1)
+    assert slices.past.shape == (5, 20, 6)
+    assert np.all(slices.w == np.float32(4e-3))
+
+
+def test_neighbouring_slices_share_their_boundary_state(slices):
+    assert np.array_equal(slices.x[:-1, -1, :3], slices.x[1:, 0, :3])
+    assert not np.any(np.isclose(slices.x[:-1, -1, 4], slices.x[1:, 0, 4]))
+
+
+def test_progress_is_the_distance_since_the_previous_state_also_at_the_first(slices):
+    """s_k - s_(k-1) is the mean speed along the road over the past period."""
+    vx, vy, ds, ey, epsi = (slices.x[:, :, i].astype(float) for i in (0, 1, 3, 4, 5))
+    along = (vx * np.cos(epsi) - vy * np.sin(epsi)) / (1 - slices.w[:, :1, 0] * ey)
+    over_period = 0.025 * 0.5 * (along[:, 1:] + along[:, :-1])
+    assert np.allclose(ds[:, 1:], over_period, atol=2e-3)
+    assert np.allclose(ds[:, 0], 0.025 * along[:, 0], rtol=0.02)
+
+
+def test_inputs_of_a_slice_are_those_held_after_each_state(episode, slices):
+    assert np.array_equal(slices.u.reshape(-1, 3), np.float32(episode.inputs[PAST_STEPS:]))
+    motion = np.float32(episode.motion[PAST_STEPS:])
+    assert np.array_equal(slices.x[:, :-1, :3].reshape(-1, 3), motion[:-1])
+    assert np.array_equal(slices.x[-1, -1, :3], motion[-1])
+
+
+def test_the_past_of_a_slice_is_the_end_of_the_slice_before(slices):
+    before = np.concatenate([slices.x[:-1, :-1, :3], slices.u[:-1]], axis=-1)
+    assert np.array_equal(slices.past[1:], before[:, STEPS - PAST_STEPS :])
+
+
+def test_the_past_of_the_first_slice_is_the_first_half_second(episode, slices):
+    rows = np.concatenate([episode.motion[:PAST_STEPS], episode.inputs[:PAST_STEPS]], axis=-1)
+    assert np.array_equal(slices.past[0], np.float32(rows))
+
+
+def test_each_slice_starts_with_its_own_lateral_and_heading_error(episode):
+    first_errors = np.array([[2.0, 0.1], [-2.0, 0.0], [0.0, -0.1], [1.0, 0.05], [-1.0, 0.0]])
+    made = assemble([episode._replace(curvature_per_m=0.0, first_errors=first_errors)])
+    x = cut(made.recording, made.slices, VEHICLE, VEHICLE_ROLES).x
+    # one period later, at up to 40 m/s and 0.1 rad: at most 0.1 m further
+    assert np.allclose(x[:, 0, 4], first_errors[:, 0], atol=0.15)
+    assert np.allclose(x[:, 0, 5], first_errors[:, 1], atol=0.015)
+
+
+def test_errors_at_the_start_cover_their_whole_range():
+    made = generate(Recipe(), 30, seed=2, jobs=1)
+    for errors, bound in (
+        (made.slices.anchor.ey_m, FIRST_EY_M),
+        (made.slices.anchor.epsi_rad, FIRST_EPSI_RAD),
+    ):
+        assert np.abs(errors).max() <= bound
+        assert errors.max() > 0.9 * bound
+        assert errors.min() < -0.9 * bound
+
+
+def test_poses_are_the_integral_of_the_motion(episode):
+    """Distance and turn of each period, from the velocities at its ends."""
+    moved = np.hypot(*np.diff(episode.pose[:, :2], axis=0).T)
+    speed = np.hypot(episode.motion[:, 0], episode.motion[:, 1])
+    assert np.allclose(moved, 0.025 * 0.5 * (speed[1:] + speed[:-1]), atol=1e-3)
+    yaw_rate = episode.motion[:, 2]
+    turned = np.diff(episode.pose[:, 2])
+    assert np.allclose(turned, 0.025 * 0.5 * (yaw_rate[1:] + yaw_rate[:-1]), atol=1e-3)
+    assert np.all(episode.pose[0] == 0.0)
+
+
+def test_data_do_not_depend_on_the_number_of_processes():
+    alone, together = (generate(Recipe(), 24, seed=5, jobs=jobs) for jobs in (1, 2))
+    assert alone.rejected == together.rejected
+    for one, other in zip(alone.recording, together.recording, strict=True):
+        assert np.array_equal(one, other)
+    for one, other in zip(alone.slices.anchor, together.slices.anchor, strict=True):
+        assert np.array_equal(one, other)
+
+
+def test_episodes_are_concatenated_with_five_slices_each():
+    made = generate(Recipe(), 4, seed=5, jobs=1)
+    assert made.recording.first.tolist() == [0, 421, 842, 1263]
+    assert len(made.recording.x) == len(made.recording.u) == len(made.recording.w) == 4 * 421
+    rows = made.slices.row.reshape(4, SLICES) - made.recording.first[:, None]
+    assert rows.tolist() == [[20, 100, 180, 260, 340]] * 4
+    assert made.slices.episode.tolist() == np.repeat(np.arange(4), 5).tolist()
+    meant_for = made.recording.w[made.slices.row, 0]
+    assert np.array_equal(np.float32(made.slices.anchor.curvature_per_m), meant_for)
+
+
+def test_progress_is_the_number_of_episodes_made_so_far():
+    reported = []
+    generate(Recipe(), 24, seed=5, jobs=1, on_progress=reported.append)
+    assert reported == [20, 24]
+
+
+CALM = {"first_speed_mps": (25.0, 25.0), "throttles": (0.3,), "drive_brake_coast": (1.0, 0.0, 0.0)}
+
+
+@pytest.mark.parametrize("change", [{"mass_factor": (1.4, 1.4)}, {"road_friction": (0.6, 0.6)}])
+def test_another_mass_or_friction_changes_the_motion_and_not_the_inputs(change):
+    seed = np.random.SeedSequence(3)
+    usual, other = (make_episode(Recipe(**CALM, **each), seed) for each in ({}, change))
+    assert usual.rejected == other.rejected == 0
+    assert np.array_equal(usual.inputs, other.inputs)
+    assert np.array_equal(usual.first_errors, other.first_errors)
+    assert np.abs(usual.motion - other.motion).max() > 1e-2
+
+
+def test_masses_of_a_range_lie_on_both_sides_of_the_nominal_one():
+    seeds = np.random.SeedSequence(1).spawn(6)
+    usual, ranging = (
+        [make_episode(Recipe(**CALM, mass_factor=factors), seed).motion[-1, 0] for seed in seeds]
+        for factors in (None, (0.8, 1.2))
+    )
+    faster = np.array(ranging) - np.array(usual)
+    assert faster.max() > 0.1
+    assert faster.min() < -0.1
+
+
+def test_calm_driving_is_not_rejected():
+    assert is_kept(*a_calm_log())
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [("sideslip_rad", -1.01 * LARGEST_SIDESLIP_RAD), ("roll_rad", 0.3)],
+)
+def test_episodes_with_large_sideslip_or_roll_are_rejected(column, value):
+    motion, monitor = a_calm_log()
+    monitor[2, Monitor._fields.index(column)] = value
+    assert not is_kept(motion, monitor)
+
+
+@pytest.mark.parametrize("speed_mps", [0.99 * LOWEST_SPEED_MPS, np.nan])
+def test_episodes_with_low_or_infinite_speed_are_rejected(speed_mps):
+    motion, monitor = a_calm_log()
+    motion[50, 0] = speed_mps
+    assert not is_kept(motion, monitor)
+
+
+def test_kept_episodes_stay_above_the_lowest_speed(episode):
+    assert episode.motion[:, 0].min() >= LOWEST_SPEED_MPS
+
+
+def test_rejected_episodes_are_counted_and_drawn_again():
+    slow = Recipe(first_speed_mps=(4.0, 9.0), drive_brake_coast=(0.5, 0.5, 0.0))
+    made = generate(slow, 6, seed=1, jobs=1)
+    assert made.rejected > 0
+    assert len(made.slices.row) == 30
+
+
+def test_fingerprint_of_the_car_is_reproducible():
+    assert plant_fingerprint() == plant_fingerprint()

@@ -1,0 +1,238 @@
+"""Sources of batches: episodes, windows, roads and mirroring."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from offline.config import PRESETS, STEPS
+from offline.data import sampling as source_module
+from offline.data.dataset import Dataset
+from offline.data.manifest import Roads
+from offline.data.recording import cut, possible_starts
+from offline.data.sampling import (
+    Batch,
+    MirroringSource,
+    SliceSource,
+    WindowSource,
+    open_source,
+    scale,
+)
+from offline.data.signals import VEHICLE_ROLES, Scaling, fit_scaling, mirror_signs
+from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.schema import VEHICLE
+
+HISTORY = 3
+
+
+@pytest.fixture(scope="module")
+def scaling(toy_dataset) -> Scaling:
+    return fit_scaling(toy_dataset.select("train"), VEHICLE, VEHICLE_ROLES)
+
+
+def rng(seed: int = 0) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+def a_config(windows: str, mirror: bool):
+    changes = {"windows": windows, "mirror": mirror, "history_steps": HISTORY}
+    return PRESETS["recommended"].model_copy(update=changes)
+
+
+def columns(batch: Batch) -> list[Batch]:
+    """The trajectories of a batch as a list."""
+    return [Batch(*(series[:, i] for series in batch)) for i in range(batch.x.shape[1])]
+
+
+def equal(one: Batch, other: Batch) -> bool:
+    return all(torch.equal(a, b) for a, b in zip(one, other, strict=True))
+
+
+@pytest.fixture
+def cuts(monkeypatch):
+    """The starts of every call of `cut`."""
+    seen = []
+
+    def listen(recording, starts, *rest, **options):
+        seen.append(starts)
+        return cut(recording, starts, *rest, **options)
+
+    monkeypatch.setattr(source_module, "cut", listen)
+    return seen
+
+
+def only(part: str, dataset: Dataset) -> set[int]:
+    return set(dataset.episodes(part).tolist())
+
+
+def test_every_slice_of_the_training_part_is_drawn_and_no_other(toy_dataset, scaling):
+    train = toy_dataset.select("train")
+    stored = scale(train, scaling, VEHICLE, VEHICLE_ROLES, HISTORY)
+    known = {each.x.numpy().tobytes(): each for each in columns(stored)}
+    drawn = columns(SliceSource(toy_dataset, scaling, HISTORY).draw(1500, rng()))
+    assert all(equal(each, known[each.x.numpy().tobytes()]) for each in drawn)
+    assert {each.x.numpy().tobytes() for each in drawn} == set(known)
+
+
+def test_windows_start_anywhere_in_the_training_episodes(toy_dataset, scaling, cuts):
+    WindowSource(toy_dataset, scaling, HISTORY).draw(4000, rng())
+    rows = cuts[0].row
+    possible = possible_starts(toy_dataset.recording, toy_dataset.episodes("train"), HISTORY)
+    assert np.isin(rows, possible).all()
+    drives = np.searchsorted(toy_dataset.recording.first, rows, side="right") - 1
+    assert set(drives.tolist()) == only("train", toy_dataset)
+    into = rows - toy_dataset.recording.first[drives]
+    assert into.min() == HISTORY
+    assert len(set(into.tolist())) > 300
+
+
+def test_no_window_exceeds_its_episode(toy_dataset, scaling, cuts):
+    WindowSource(toy_dataset, scaling, HISTORY).draw(4000, rng())
+    recording, rows = toy_dataset.recording, cuts[0].row
+    drives = np.searchsorted(recording.first, rows, side="right") - 1
+    last_rows = recording.first[drives] + recording.lengths[drives] - 1
+    assert np.all(rows - max(HISTORY, 1) >= recording.first[drives])
+    assert np.all(rows + STEPS <= last_rows)
+
+
+def test_a_drawn_window_equals_the_cut_at_its_start(toy_dataset, scaling, cuts):
+    batch = WindowSource(toy_dataset, scaling, HISTORY).draw(7, rng())
+    windows = cut(toy_dataset.recording, cuts[0], VEHICLE, VEHICLE_ROLES)
+    assert equal(batch, scale(windows, scaling, VEHICLE, VEHICLE_ROLES, HISTORY))
+
+
+def test_roads_have_a_curvature_of_the_library_and_errors_of_the_whole_range(
+    toy_dataset, scaling, cuts
+):
+    WindowSource(toy_dataset, scaling, HISTORY).draw(3000, rng())
+    roads, anchor = toy_dataset.manifest.roads, cuts[0].anchor
+    assert set(anchor.curvature_per_m.tolist()) == set(roads.curvatures_per_m)
+    for errors, bound in ((anchor.ey_m, roads.ey_m), (anchor.epsi_rad, roads.epsi_rad)):
+        assert 0.99 * bound < errors.max() <= bound
+        assert -bound <= errors.min() < -0.99 * bound
+        assert abs(errors.mean()) < 0.1 * bound
+    assert abs(np.corrcoef(anchor.ey_m, anchor.epsi_rad)[0, 1]) < 0.1
+
+
+def test_one_window_is_drawn_on_several_roads(toy_dataset, scaling):
+    """An episode with a single possible start."""
+    recording = toy_dataset.recording
+    length = 1 + STEPS + 1
+    short = recording._replace(
+        x=recording.x[:length],
+        u=recording.u[:length],
+        w=recording.w[:length],
+        pose=recording.pose[:length],
+        first=recording.first[:1],
+    )
+    one_start = replace(toy_dataset, recording=short, part=np.zeros(1, dtype=np.int8))
+    x = WindowSource(one_start, scaling, 0).draw(50, rng()).x
+    assert torch.equal(x[..., :3], x[:, :1, :3].expand(-1, 50, -1))
+    assert len(set(x[0, :, 4].tolist())) == 50
+
+
+def without_poses(dataset: Dataset) -> Dataset:
+    """The episodes as a log without poses."""
+    recording = dataset.recording
+    states = np.column_stack([recording.x, np.arange(3 * len(recording.x)).reshape(-1, 3)])
+    return replace(
+        dataset,
+        recording=recording._replace(x=states.astype(np.float32), pose=np.zeros((0, 3))),
+        slices=dataset.slices._replace(anchor=None),
+        manifest=replace(dataset.manifest, roads=None),
+    )
+
+
+def test_without_poses_windows_keep_their_recorded_road(toy_dataset, scaling, cuts):
+    logs = without_poses(toy_dataset)
+    batch = WindowSource(logs, scaling, HISTORY).draw(200, rng())
+    assert cuts[0].anchor is None
+    ahead = cuts[0].row[:, None] + np.arange(STEPS + 1)
+    expected = scaling.normalise_states(logs.recording.x[ahead]).swapaxes(0, 1)
+    np.testing.assert_allclose(batch.x.numpy(), expected, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("windows", ["slices", "all"])
+@pytest.mark.parametrize("mirror", [False, True])
+def test_batches_depend_only_on_the_rng_and_differ_between_draws(
+    toy_dataset, scaling, windows, mirror
+):
+    opened = open_source(a_config(windows, mirror), toy_dataset, scaling)
+    again = open_source(a_config(windows, mirror), toy_dataset, scaling)
+    one, other = rng(4), rng(4)
+    first, second = opened.draw(8, one), opened.draw(8, one)
+    assert equal(first, again.draw(8, other))
+    assert equal(second, again.draw(8, other))
+    assert not equal(first, second)
+    assert not equal(first, opened.draw(8, rng(5)))
+
+
+def test_episodes_without_any_window_are_refused(toy_dataset, scaling):
+    few = toy_dataset.recording._replace(first=np.arange(0, len(toy_dataset.recording.x), 60))
+    short = replace(toy_dataset, recording=few, part=np.zeros(len(few.first), dtype=np.int8))
+    with pytest.raises(DatasetError, match="Record longer episodes"):
+        WindowSource(short, scaling, HISTORY)
+
+
+class Prepared:
+    """A source that always returns the same trajectories."""
+
+    def __init__(self, batch: Batch) -> None:
+        self.batch = batch
+
+    def draw(self, size: int, rng: torch.Generator) -> Batch:
+        assert size == self.batch.x.shape[1]
+        return self.batch
+
+
+def signs_of(names: tuple[str, ...]) -> torch.Tensor:
+    return torch.from_numpy(mirror_signs(names, VEHICLE_ROLES)).float()
+
+
+def test_half_of_the_trajectories_are_mirrored_each_as_a_whole(toy_dataset, scaling):
+    plain = SliceSource(toy_dataset, scaling, HISTORY).draw(400, rng())
+    found = MirroringSource(Prepared(plain), toy_dataset).draw(400, rng(1))
+    signs = [
+        signs_of(names)
+        for names in (
+            VEHICLE.state_names,
+            VEHICLE.input_names,
+            VEHICLE.exogenous_names,
+            VEHICLE_ROLES.past,
+        )
+    ]
+    in_mirror = Batch(*(series * each for series, each in zip(plain, signs, strict=True)))
+    kinds = [
+        (equal(one, original), equal(one, turned))
+        for one, original, turned in zip(
+            columns(found), columns(plain), columns(in_mirror), strict=True
+        )
+    ]
+    assert set(kinds) == {(True, False), (False, True)}
+    assert 150 < sum(is_mirrored for _, is_mirrored in kinds) < 250
+
+
+def test_signs_of_the_past_follow_its_columns_and_not_the_order_in_the_roles(toy_dataset, scaling):
+    """Roles may list signals in any order; columns have the order of the schema."""
+    reordered = replace(VEHICLE_ROLES, past=tuple(reversed(VEHICLE_ROLES.past)))
+    data = replace(toy_dataset, manifest=replace(toy_dataset.manifest, roles=reordered))
+    plain = SliceSource(toy_dataset, scaling, HISTORY).draw(64, rng())
+    as_named, as_ever = (
+        MirroringSource(Prepared(plain), each).draw(64, rng(1)) for each in (data, toy_dataset)
+    )
+    assert equal(as_named, as_ever)
+
+
+def test_without_odd_signals_nothing_is_mirrored(toy_dataset, scaling):
+    lopsided = replace(VEHICLE_ROLES, odd=None)
+    data = replace(toy_dataset, manifest=replace(toy_dataset.manifest, roles=lopsided))
+    opened = open_source(a_config("slices", mirror=True), data, scaling)
+    plain = SliceSource(toy_dataset, scaling, HISTORY)
+    assert equal(opened.draw(64, rng()), plain.draw(64, rng()))
+
+
+def test_a_library_of_one_curvature_is_used(toy_dataset, scaling, cuts):
+    manifest = replace(toy_dataset.manifest, roads=Roads((1e-3,), 0.0, 0.0))
+    WindowSource(replace(toy_dataset, manifest=manifest), scaling, HISTORY).draw(20, rng())
+    assert [np.unique(column).tolist() for column in cuts[0].anchor] == [[1e-3], [0.0], [0.0]]

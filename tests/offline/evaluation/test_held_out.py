@@ -1,0 +1,183 @@
+"""No model is evaluated on episodes that it may have been trained on."""
+
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from offline.data.cache import cache
+from offline.data.dataset import save_dataset, split_episodes
+from offline.data.excitation import Recipe
+from offline.data.generate import generate
+from offline.data.manifest import Imported
+from offline.data.provenance import describe_training, is_held_out
+from offline.data.recording import Recording
+from offline.evaluation import held_out
+from offline.evaluation.held_out import choose_test_data, find_objection
+from rt_controller.contract.artifact import Lift, load_bundle, shipped_model
+from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.schema import VEHICLE, Signal
+
+NO_RUN = "no/such/run"
+
+
+def choose(bundles, data, run, notify=lambda text: None):
+    return choose_test_data(bundles, data, run, notify)
+
+
+@pytest.fixture
+def save(monkeypatch, tmp_path, toy_dataset):
+    """Saves data sets in an empty cache; the full one has 40 episodes of seed 3."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(held_out, "full_folder", lambda: cache() / "full")
+
+    def save_as(name, episodes, seed=3, **changes):
+        recording, slices = first_episodes(toy_dataset, episodes)
+        manifest = replace(toy_dataset.manifest, **changes)
+        return save_dataset(
+            cache() / name,
+            recording,
+            slices,
+            split_episodes(episodes, seed),
+            schema=manifest.schema,
+            roles=manifest.roles,
+            roads=manifest.roads,
+            origin=replace(toy_dataset.origin, episodes=episodes, seed=seed),
+        )
+
+    return save_as
+
+
+def first_episodes(dataset, episodes):
+    samples = int(dataset.recording.lengths[:episodes].sum())
+    *arrays, first = dataset.recording
+    slices = dataset.slices.take(dataset.slices.episode < episodes)
+    return Recording(*(array[:samples] for array in arrays), first[:episodes]), slices
+
+
+def trained_on(dataset):
+    """A bundle that was trained on this data set."""
+    return replace(
+        load_bundle(shipped_model("lti")),
+        training=describe_training({}, dataset.origin),
+        data_sha256=dataset.sha256,
+    )
+
+
+def test_data_sets_of_one_seed_begin_with_the_same_episodes():
+    few, more = (generate(Recipe(), episodes, seed=5, jobs=1) for episodes in (2, 3))
+    assert np.array_equal(few.recording.x, more.recording.x[: len(few.recording.x)])
+
+
+def test_a_model_of_the_full_data_set_is_evaluated_on_it(save, tmp_path):
+    full = save("full", 40)
+    assert choose([trained_on(full)], None, tmp_path / NO_RUN).sha256 == full.sha256
+
+
+def test_a_model_of_the_first_episodes_is_evaluated_on_its_own_test_part(save, tmp_path):
+    save("full", 40)
+    small, said = save("small", 20), []
+    assert choose([trained_on(small)], None, tmp_path / NO_RUN, said.append).sha256 == small.sha256
+    assert "may have been trained on" in said[0]
+
+
+def test_a_model_of_another_seed_is_evaluated_on_the_full_data_set(save, tmp_path):
+    full, other = save("full", 40), save("other", 20, seed=4)
+    assert choose([trained_on(other)], None, tmp_path / NO_RUN).sha256 == full.sha256
+
+
+def test_several_models_are_evaluated_on_data_held_out_from_all_of_them(save, tmp_path):
+    full, other = save("full", 40), save("other", 20, seed=4)
+    both = [trained_on(other), trained_on(full)]
+    assert choose(both, None, tmp_path / NO_RUN).sha256 == full.sha256
+    small = save("small", 20)
+    with_small = [trained_on(full), trained_on(small)]
+    with pytest.raises(DatasetError, match="none of the models was trained on"):
+        choose(with_small, None, tmp_path / NO_RUN)
+
+
+def test_naming_a_data_set_that_a_model_may_have_been_trained_on_is_refused(save, tmp_path):
+    full, small = save("full", 40), save("small", 20)
+    models = [trained_on(full), trained_on(small)]
+    with pytest.raises(DatasetError, match="trained on its test episodes") as error:
+        choose(models, cache() / "full", tmp_path / NO_RUN)
+    assert "40 episodes of seed 3" in str(error.value)
+    assert small.sha256[:16] in str(error.value)
+
+
+def test_without_a_held_out_data_set_the_evaluation_is_refused(save, tmp_path):
+    full, small = save("full", 40), save("small", 20)
+    for file in (cache() / "small").iterdir():
+        file.unlink()
+    assert full.sha256 != small.sha256
+    with pytest.raises(DatasetError, match="offline-data"):
+        choose([trained_on(small)], None, tmp_path / NO_RUN)
+
+
+def test_a_model_is_not_evaluated_on_data_of_other_signals(save, tmp_path):
+    states = (Signal("speed_mps", "m/s"), *VEHICLE.states[1:])
+    other = save("other", 20, seed=4, schema=replace(VEHICLE, states=states))
+    stranger = replace(trained_on(other), data_sha256="0" * 64)
+    with pytest.raises(DatasetError, match="other signals"):
+        choose([stranger], cache() / "other", tmp_path / NO_RUN)
+    full = save("full", 40, seed=5)
+    assert choose([stranger], None, tmp_path / NO_RUN).sha256 == full.sha256
+
+
+def test_a_model_is_not_evaluated_on_data_without_its_past(toy_dataset):
+    manifest = toy_dataset.manifest
+    fitting = Lift(("x", "history"), 4, manifest.roles.past)
+    long = replace(fitting, history_steps=21)
+    other = replace(fitting, history_fields=("ey_m",))
+    for lift, is_fine in ((fitting, True), (long, False), (other, False)):
+        bundle = replace(trained_on(toy_dataset), lift=lift)
+        assert (find_objection([bundle], manifest) is None) is is_fine
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({}, True),
+        ({"sha256": "other digits, from another processor"}, True),
+        ({"sha256": "other", "seed": 4}, True),
+        ({"sha256": "other", "seed": 4, "episodes": 50}, True),
+        ({"sha256": "other", "episodes": 50}, False),
+    ],
+)
+def test_only_the_same_seed_with_another_length_is_not_held_out(toy_dataset, changes, expected):
+    manifest = toy_dataset.manifest
+    origin = replace(
+        manifest.origin, episodes=changes.get("episodes", 40), seed=changes.get("seed", 3)
+    )
+    other = replace(manifest, sha256=changes.get("sha256", manifest.sha256), origin=origin)
+    assert is_held_out(trained_on(toy_dataset), other) is expected
+
+
+def test_a_model_of_logs_is_held_out_from_drives_and_not_from_other_logs(toy_dataset):
+    manifest = toy_dataset.manifest
+    logs = replace(manifest, sha256="logs", origin=Imported((), "", 3, 9))
+    more_logs = replace(manifest, sha256="more", origin=Imported((), "", 5, 8))
+    of_logs = replace(
+        trained_on(toy_dataset), training=describe_training({}, logs.origin), data_sha256="logs"
+    )
+    assert is_held_out(of_logs, logs)
+    assert is_held_out(of_logs, manifest)
+    assert is_held_out(trained_on(toy_dataset), logs)
+    assert not is_held_out(of_logs, more_logs)
+
+
+@pytest.mark.parametrize("training", ["{}", "no JSON", "[]", json.dumps({"data_seed": None})])
+def test_a_bundle_of_unknown_origin_is_evaluated_on_its_own_data_only(toy_dataset, training):
+    unknown = replace(trained_on(toy_dataset), training=training)
+    assert is_held_out(unknown, toy_dataset.manifest)
+    assert not is_held_out(unknown, replace(toy_dataset.manifest, sha256="other"))
+
+
+def test_all_shipped_models_are_of_one_data_set_so_that_they_can_be_compared():
+    shipped = [load_bundle(shipped_model(name)) for name in ("mdk-net", "mdk-net-paper", "lti")]
+    sha256s = {bundle.data_sha256 for bundle in shipped}
+    assert len(sha256s) == 1
+    manifest = SimpleNamespace(sha256=sha256s.pop(), origin=None)
+    assert all(is_held_out(bundle, manifest) for bundle in shipped)

@@ -1,0 +1,124 @@
+"""Printed tables of an evaluation, and the same numbers in JSON."""
+
+import json
+
+import numpy as np
+import pytest
+from toy_predictors import WithError, made_test_set, made_trajectories, with_random_error
+
+from offline.evaluation.comparison import compare_models
+from offline.evaluation.figures import comparison_figures, library_figures
+from offline.evaluation.tables import comparison_tables, library_ratio_table, mse_table
+from rt_controller.contract.figures import write_figures
+from rt_controller.contract.schema import VEHICLE
+from rt_controller.report.table import format_number
+
+MADE = made_trajectories(60)
+CURVATURE = np.repeat([-4e-3, 0.0, 4e-3], 20)
+
+
+@pytest.fixture(scope="module")
+def comparison():
+    """Two models and three baselines on three sets."""
+    sets = [
+        made_test_set(MADE, CURVATURE),
+        made_test_set(MADE.take(slice(0, 40)), CURVATURE[:40] + 1e-3, "new-roads"),
+        made_test_set(MADE.take(slice(20, 60)), CURVATURE[20:], "robustness"),
+    ]
+    models = {
+        "mdk-net": with_random_error(MADE),
+        "linear/mdk-net": with_random_error(MADE, 1.3, seed=1),
+    }
+    baselines = {
+        "lti": with_random_error(MADE, 2.0, seed=2),
+        "lti-per-curvature": with_random_error(MADE, 1.7, seed=3),
+        "persistence": with_random_error(MADE, 1e-4, seed=4),
+    }
+    return compare_models(models, baselines, sets, VEHICLE)
+
+
+@pytest.fixture(scope="module")
+def figures(comparison):
+    return comparison_figures(comparison)
+
+
+def numbers_in(figures):
+    """Every number of a JSON tree, formatted as in tables."""
+    if isinstance(figures, dict | list):
+        items = figures.values() if isinstance(figures, dict) else figures
+        return set().union(*map(numbers_in, items))
+    if isinstance(figures, float):
+        return {format_number(figures), format_number(figures, 3)}
+    return set()
+
+
+def test_every_number_of_the_tables_is_in_the_json(comparison, figures):
+    written = numbers_in(figures)
+    tables = comparison_tables(comparison)
+    assert len(tables) == 2 + 3 + 2 * 2 + 2
+    for table in tables:
+        for _, *cells in table.rows:
+            for cell in cells:
+                text, detail = (cell, "") if isinstance(cell, str) else cell[:2]
+                assert {text, *filter(None, detail.split("–"))} <= written, (table.title, cell)
+
+
+def test_json_is_indexed_by_model_state_and_unit(figures):
+    library = figures["sets"]["library"]
+    assert (library["n_trajectories"], library["n_episodes"]) == (60, 12)
+    model = library["models"]["linear/mdk-net"]
+    assert set(model["mse"]["vx_kmh_squared"]) == {"value", "low", "high"}
+    assert model["rms"]["vx_kmh"]["value"] ** 2 == pytest.approx(
+        model["mse"]["vx_kmh_squared"]["value"]
+    )
+    assert set(model["mse_by_curvature_per_m"]) == {"-0.004", "0", "0.004"}
+    ratio = library["baseline_mse_over_model_mse"]["mdk-net"]["lti"]
+    assert ratio["vx"]["value"] == pytest.approx(
+        library["models"]["lti"]["mse"]["vx_kmh_squared"]["value"]
+        / library["models"]["mdk-net"]["mse"]["vx_kmh_squared"]["value"]
+    )
+    assert "geometric_mean" in ratio
+    steps = library["by_step"]["mdk-net"]["rms"]["yaw_rate_degps"]
+    assert {len(steps[part]) for part in ("value", "low", "high")} == {80}
+    assert set(library["absolute_error_quantiles"]["mdk-net"]) == {
+        "after_0.5_s", "after_1_s", "after_2_s",
+    }  # fmt: skip
+
+
+def test_errors_on_new_roads_are_compared_with_the_goal(comparison, figures):
+    new_roads = figures["sets"]["new-roads"]
+    assert new_roads["goal"] == 1.5
+    ratios = new_roads["mse_over_library_mse"]["mdk-net"]
+    worst = max(ratio["value"] for state, ratio in ratios.items() if state != "geometric_mean")
+    assert new_roads["is_within_goal"]["mdk-net"] is (worst <= 1.5)
+    (note,) = library_ratio_table(comparison, comparison.find_set("new-roads")).footnotes
+    assert format_number(worst, 3) in note
+    assert note.count("reached") == 2
+
+
+def test_errors_of_a_diverging_model_are_null_in_json_and_named_below_the_table(tmp_path):
+    error = np.zeros(MADE.x.shape)
+    error[0, 3:] = np.inf
+    broken = {"broken": WithError(MADE, error)}
+    comparison = compare_models(broken, {}, [made_test_set(MADE)], VEHICLE)
+    write_figures(tmp_path / "figures.json", comparison_figures(comparison))
+    figures = json.loads((tmp_path / "figures.json").read_text())
+    model = figures["sets"]["library"]["models"]["broken"]
+    assert model["mse"]["vx_kmh_squared"]["value"] is None
+    assert model["trajectories_without_finite_prediction"] == 1
+    assert "broken on 1" in mse_table(comparison, comparison.sets[0]).footnotes[0]
+
+
+def test_figures_of_the_library_are_part_of_all_figures(comparison, figures):
+    found = library_figures(comparison)
+    assert found["n_trajectories"] == 60
+    for name in comparison.names:
+        model = figures["sets"]["library"]["models"][name]
+        assert found["models"][name]["mse"] == model["mse"]
+
+
+def test_errors_of_a_single_episode_have_no_interval():
+    one_episode = made_test_set(MADE.take(slice(0, 5)))
+    comparison = compare_models({"m": with_random_error(MADE)}, {}, [one_episode], VEHICLE)
+    ((_, *cells),) = mse_table(comparison, one_episode).rows
+    assert all(cell.detail == "" for cell in cells)

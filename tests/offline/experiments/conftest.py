@@ -1,0 +1,130 @@
+"""Small lists of variants and search spaces, a Dask cluster, and the environment of Ray."""
+
+import os
+import secrets
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+from dask_cluster import RIGS, DaskCluster, dask_cluster
+
+from offline.experiments.backend import Backend
+from offline.experiments.error_ratios import linear_mse
+from offline.experiments.training_task import CampaignData
+
+LISTS = """
+[tiny]
+why = "small enough for a test"
+base = "recommended"
+common = { steps = 12, batch = 8, evaluate_every = 5, hidden = [8], latents = 4, history_steps = 3 }
+
+[[tiny.variant]]
+name = "whole"
+why = "nothing left out"
+
+[[tiny.variant]]
+name = "without-bilinear"
+why = "a constant B"
+changes = { bilinear_rank = 0 }
+
+[wild]
+why = "one that diverges, and one that does not"
+base = "recommended"
+common = { steps = 12, batch = 8, evaluate_every = 5, hidden = [8], latents = 4 }
+
+[[wild.variant]]
+name = "too-fast"
+why = "a learning rate that diverges"
+changes = { learning_rate = 1e30, gradient_clip = "none" }
+
+[[wild.variant]]
+name = "sane"
+why = "the usual learning rate"
+"""
+
+SPACES = """
+[tiny]
+why = "small enough for a test"
+base = "recommended"
+common = { steps = 12, batch = 8, evaluate_every = 3, latents = 4, history_steps = 3 }
+
+[[tiny.parameter]]
+field = "learning_rate"
+low = 1e-4
+high = 1e-1
+scale = "log"
+
+[[tiny.parameter]]
+field = "hidden"
+choices = [[4], [8], [8, 8]]
+
+[[tiny.parameter]]
+field = "bilinear_rank"
+low = 0
+high = 3
+
+[wild]
+why = "learning rates that diverge"
+base = "recommended"
+common = { steps = 12, batch = 8, hidden = [4], latents = 4, gradient_clip = "none" }
+
+[[wild.parameter]]
+field = "learning_rate"
+low = 1e29
+high = 1e30
+"""
+
+
+@pytest.fixture(scope="session", autouse=True)
+def empty_cache(tmp_path_factory) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp() / "cache"))
+        yield
+
+
+@pytest.fixture(scope="session")
+def lists(tmp_path_factory) -> Path:
+    file = tmp_path_factory.mktemp("lists") / "lists.toml"
+    file.write_text(LISTS)
+    return file
+
+
+@pytest.fixture(scope="session")
+def spaces(tmp_path_factory) -> Path:
+    file = tmp_path_factory.mktemp("spaces") / "spaces.toml"
+    file.write_text(SPACES)
+    return file
+
+
+@pytest.fixture(scope="session")
+def shared(toy_folder, toy_dataset, empty_cache) -> CampaignData:
+    """The toy data set and its linear model, as all trainings of a command share them."""
+    errors = tuple(float(error) for error in linear_mse(toy_dataset))
+    return CampaignData(toy_folder, toy_dataset.sha256, toy_dataset.schema.state_names, errors)
+
+
+@pytest.fixture(scope="session")
+def one_process() -> Backend:
+    return Backend(jobs=1)
+
+
+@pytest.fixture(scope="session")
+def cluster(tmp_path_factory) -> Iterator[DaskCluster]:
+    with dask_cluster(tmp_path_factory.mktemp("dask")) as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
+def ray_environment() -> Iterator[None]:
+    """Ray's workers can import the rigs; its clusters have a password of their own.
+
+    Ray reads this when it is first imported, so no test may import it before.
+    """
+    if find_spec("ray") is None:
+        pytest.skip("Ray is not installed")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", str(RIGS), prepend=os.pathsep)
+        patch.setenv("RAY_AUTH_MODE", "token")
+        patch.setenv("RAY_AUTH_TOKEN", secrets.token_hex(32))
+        yield

@@ -1,0 +1,165 @@
+"""A comparison of variants is repeatable, continues after an interruption and a killed worker."""
+
+import json
+import os
+import signal
+import sys
+from pathlib import Path
+
+import pytest
+from tiny_comparison import compare, histories
+
+from offline import cli
+from offline.commands.ablation import ablate, parse_seeds
+from offline.experiments.backend import Backend
+from offline.experiments.running_command import RunningCommand, running_command
+from offline.training.checkpoint import load_checkpoint
+from rt_controller.contract.errors import ConfigError
+
+ENCODER = ((6 + 3 * 6 + 1) * 8 + 8) + (8 * 3 + 3)
+"""the state, three rows of history and the curvature; one of the four latents is the constant"""
+PRODUCTS = (7 * 8 // 2) * 3
+"""of every two of the six states and the curvature, for each latent"""
+LINEAR = ENCODER + PRODUCTS + 9 * 10 + 9 * 4
+"""with A and B, without the row of the constant"""
+BILINEAR = 8 * 9 * 3 + 8 * 3 * 10
+"""N and S of rank 8"""
+
+
+@pytest.fixture(scope="session")
+def run_ablate(lists, toy_folder, one_process):
+    """Runs the command `offline-ablate` on the toy data set, in this process."""
+
+    def run(folder: Path, name="tiny", seeds="0", json_file=None) -> int:
+        return ablate(name, seeds, "", lists, None, folder, toy_folder, one_process, json_file)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory, run_ablate) -> Path:
+    """Two variants and two seeds, trained by one process without interruption."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    assert run_ablate(folder, seeds="0,1", json_file=folder / "out.json") == 0
+    return folder
+
+
+def test_table_has_every_training_and_the_pooled_seeds(undisturbed, toy_dataset):
+    figures = json.loads((undisturbed / "out.json").read_text())
+    assert figures == json.loads((undisturbed / "table.json").read_text())
+    assert figures["is_finished"] is True
+    assert figures["data_sha256"] == toy_dataset.sha256
+    assert set(figures["baseline_mse_si"]) == set(toy_dataset.schema.state_names)
+    assert [v["name"] for v in figures["variants"]] == ["whole", "without-bilinear"]
+    for variant in figures["variants"]:
+        assert [training["seed"] for training in variant["trainings"]] == [0, 1]
+        means = [training["geometric_mean_ratio"] for training in variant["trainings"]]
+        assert variant["geometric_mean_ratio"] == pytest.approx((means[0] * means[1]) ** 0.5)
+        for training in variant["trainings"]:
+            assert training["ending"] == "finished"
+            assert training["training_cpu_s"] > 0
+            assert training["spectral_radius"] <= 1.0005
+    assert [v["n_parameters"] for v in figures["variants"]] == [LINEAR + BILINEAR, LINEAR]
+    text = (undisturbed / "table.md").read_text()
+    assert "| without-bilinear | `bilinear_rank = 0` |" in text
+    assert "Every training has 12 steps of 8 trajectories." in text
+
+
+def test_each_seed_and_each_variant_trains_another_model(undisturbed):
+    assert len(set(histories(undisturbed).values())) == 4
+
+
+def test_threads_write_the_same_histories_as_one_process(tmp_path, lists, shared, undisturbed):
+    assert compare(lists, shared, tmp_path, Backend("threading", jobs=2))
+    assert histories(tmp_path) == histories(undisturbed)
+
+
+def test_interrupted_comparison_says_how_to_continue_and_the_same_command_does(
+    tmp_path, run_ablate, undisturbed, monkeypatch, capfd
+):
+    """Ctrl-C after the 7th of 12 steps of the second training."""
+    asked = []
+    is_stopped = RunningCommand.is_stopped
+
+    def interrupt_later(command: RunningCommand) -> bool:
+        asked.append(None)
+        if len(asked) == 12 + 3 + 7:
+            os.kill(os.getpid(), signal.SIGINT)
+        return is_stopped(command)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(RunningCommand, "is_stopped", interrupt_later)
+        assert run_ablate(tmp_path) == 130
+    assert "Run the same command again" in capfd.readouterr().out
+    assert not list((tmp_path / "commands").iterdir())
+    last = tmp_path / "without-bilinear" / "seed-0" / "latest" / "last.pt"
+    assert 0 < load_checkpoint(last).step < 12
+    assert json.loads((tmp_path / "table.json").read_text())["is_finished"] is False
+    assert "| not ended |" in (tmp_path / "table.md").read_text()
+    finished = {file: file.stat().st_mtime_ns for file in tmp_path.glob("whole/seed-0/latest/*")}
+
+    assert run_ablate(tmp_path, seeds="0,1") == 0
+    assert len(finished) > 4
+    assert finished == {file: file.stat().st_mtime_ns for file in finished}, "trained again"
+    assert histories(tmp_path) == histories(undisturbed)
+
+
+def test_diverged_training_is_a_row_of_the_table(tmp_path, run_ablate):
+    assert run_ablate(tmp_path, "wild") == 0
+    wild, sane = json.loads((tmp_path / "table.json").read_text())["variants"]
+    assert wild["trainings"][0]["ending"] == "diverged"
+    assert "--learning-rate" in wild["trainings"][0]["reason"]
+    assert wild["geometric_mean_ratio"] is None
+    assert sane["trainings"][0]["ending"] == "finished"
+
+
+def test_folder_of_other_settings_is_refused_before_any_training(
+    undisturbed, lists, shared, one_process
+):
+    before = histories(undisturbed)
+    with pytest.raises(ConfigError, match=r"differs in steps\. Choose another --folder"):
+        compare(lists, shared, undisturbed, one_process, seeds=(2, 0), steps=9)
+    assert histories(undisturbed) == before
+
+
+def test_worker_that_does_not_see_the_folder_is_an_error(tmp_path):
+    elsewhere = RunningCommand(tmp_path / "not-mounted" / "commands" / "id", os.getpid())
+    with pytest.raises(ConfigError, match="a folder that every worker sees"):
+        elsewhere.is_stopped()
+
+
+def test_tasks_are_stopped_when_the_command_ends_or_gets_sigterm(tmp_path):
+    with running_command(tmp_path) as command:
+        assert not command.is_stopped()
+    assert command.is_stopped()
+    with running_command(tmp_path) as command:
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert command.is_stopped()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("ladderr",), "ladder, leave-one-out"),
+        (("--seeds", "one"), "--seeds"),
+        (("--only", "papre"), "--only"),
+        (("--seed", "3"), "--seeds in its place"),
+        (("--preset", "paper"), "the name of the list in its place"),
+        (("--address", "127.0.0.1:1"), "--backend dask or ray"),
+        (("--lists", "nowhere.toml"), "nowhere.toml"),
+    ],
+)
+def test_wrong_option_is_refused_with_its_remedy(
+    tmp_path, monkeypatch, capsys, toy_folder, arguments, complaint
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["offline-ablate", "--data", str(toy_folder), *arguments])
+    with pytest.raises(SystemExit) as exit_info:
+        cli.ablate_main()
+    assert exit_info.value.code == 2
+    assert complaint in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "runs").exists()
+
+
+def test_seeds_are_integers_each_once():
+    assert parse_seeds("2,0,2") == (2, 0)

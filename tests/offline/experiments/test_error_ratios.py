@@ -1,0 +1,72 @@
+"""Errors of a model are compared with those of the fair linear model on the validation part."""
+
+import numpy as np
+import pytest
+
+from offline.baselines.catalogue.lti import fit_linear
+from offline.experiments import error_ratios as error_ratios_module
+from offline.experiments.error_ratios import (
+    checkpoint_mse,
+    error_ratios,
+    linear_mse,
+    mean_squared_errors,
+)
+from offline.model.bundle_predictor import BundlePredictor
+from offline.training.checkpoint import load_checkpoint
+from offline.training.export import export_checkpoint
+from offline.training.train import train
+
+
+class ShiftedTruth:
+    """Predicts the true states plus a constant in each state."""
+
+    def __init__(self, truth, shift):
+        self.truth, self.shift, self.next = truth, np.asarray(shift), 0
+
+    def predict(self, x0, past, U, W):
+        rows = slice(self.next, self.next + len(x0))
+        self.next += len(x0)
+        return self.truth[rows] + self.shift
+
+
+def test_errors_are_mean_squares_over_steps_and_trajectories(toy_dataset, monkeypatch):
+    monkeypatch.setattr(error_ratios_module, "CHUNK", 7)
+    shift = np.array([1.0, 2.0, 0.5, 0.0, 3.0, 0.1])
+    model = ShiftedTruth(toy_dataset.select("validation").x.astype(np.float64), shift)
+    assert mean_squared_errors(model, toy_dataset) == pytest.approx(shift**2, abs=1e-12)
+
+
+def test_error_of_a_prediction_that_is_not_finite_is_infinite(toy_dataset):
+    truth = toy_dataset.select("validation").x.astype(np.float64)
+    model = ShiftedTruth(truth, [np.nan, 0.0, np.inf, 0.0, 0.0, 1.0])
+    errors = mean_squared_errors(model, toy_dataset)
+    assert np.isinf(errors[[0, 2]]).all()
+    assert np.isfinite(errors[[1, 3, 4, 5]]).all()
+
+
+def test_ratio_is_the_error_of_the_linear_model_over_that_of_the_model():
+    found = error_ratios(np.array([1.0, 2.0, 8.0]), np.array([2.0, 2.0, 4.0]))
+    assert found.by_state == (2.0, 1.0, 0.5)
+    assert found.geometric_mean == pytest.approx(1.0)
+
+
+def test_geometric_mean_is_zero_if_the_error_of_a_state_is_infinite():
+    found = error_ratios(np.array([1.0, np.inf]), np.array([2.0, 2.0]))
+    assert found.geometric_mean == 0.0
+
+
+def test_fair_linear_model_is_at_least_as_good_as_least_squares(toy_dataset):
+    plain = mean_squared_errors(fit_linear(toy_dataset), toy_dataset)
+    assert np.all(linear_mse(toy_dataset) <= plain * (1 + 1e-9))
+
+
+def test_checkpoint_has_the_errors_of_the_bundle_that_is_exported_from_it(
+    tiny_recommended, toy_dataset, new_run, monkeypatch
+):
+    monkeypatch.setattr(error_ratios_module, "CHUNK", 7)
+    run = new_run(tiny_recommended)
+    train(tiny_recommended, toy_dataset, run)
+    checkpoint = load_checkpoint(run.best)
+    bundle, _ = export_checkpoint(checkpoint, toy_dataset)
+    exported = mean_squared_errors(BundlePredictor(bundle), toy_dataset)
+    assert checkpoint_mse(checkpoint, toy_dataset) == pytest.approx(exported, rel=1e-4)

@@ -1,0 +1,70 @@
+"""Named arrays of npz archives and MATLAB files are columns of a log."""
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from offline.logs.mapping_tables import TimeMapping
+from offline.logs.readers.array_log import read_mat, read_npz
+from rt_controller.contract.errors import DatasetError
+
+EVERY_10_MS = TimeMapping(period_s=0.01)
+
+
+def test_rows_without_time_are_one_period_apart(tmp_path):
+    path = tmp_path / "a.npz"
+    np.savez(path, ux=np.arange(5.0), r=np.arange(5)[:, None])
+    log = read_npz(path, ("r", "ux"), EVERY_10_MS)
+    assert log.rows == 5
+    assert log.channel("r").values.tolist() == [0, 1, 2, 3, 4]
+    assert log.channel("ux").t_s[-1] == pytest.approx(0.04)
+    assert log.channel("ux").row.tolist() == [1, 2, 3, 4, 5]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
+def test_a_truncated_archive_is_refused(tmp_path, share):
+    path = tmp_path / "a.npz"
+    np.savez(path, ux=np.arange(500.0))
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(DatasetError, match=r"a\.npz.*truncated"):
+        read_npz(path, ("ux",), EVERY_10_MS)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"ux": np.zeros(5), "r": np.zeros(6)}, "arrays of one length, found ux of 5, r of 6"),
+        ({"ux": np.zeros((5, 2)), "r": np.zeros(5)}, "column ux: expected a vector of numbers"),
+        ({"ux": np.array(["a", "b"]), "r": np.zeros(2)}, "column ux: expected a vector"),
+        ({"ux": np.zeros(5)}, "expected a column 'r'"),
+    ],
+)
+def test_arrays_that_are_not_columns_of_numbers_are_refused(tmp_path, arrays, message):
+    path = tmp_path / "a.npz"
+    np.savez(path, **arrays)
+    with pytest.raises(DatasetError) as caught:
+        read_npz(path, ("ux", "r"), EVERY_10_MS)
+    assert message in str(caught.value)
+
+
+def test_matlab_variables_and_fields_of_structs_are_columns(tmp_path):
+    path = tmp_path / "a.mat"
+    savemat(path, {"t": np.arange(4) * 0.02, "run": {"vx": np.arange(4.0), "note": "wet"}})
+    log = read_mat(path, ("run.vx",), TimeMapping(column="t", period_s=0.02))
+    assert log.channel("run.vx").values.tolist() == [0, 1, 2, 3]
+
+
+def test_a_truncated_matlab_file_is_refused(tmp_path):
+    path = tmp_path / "a.mat"
+    savemat(path, {"ux": np.arange(1000.0)})
+    path.write_bytes(path.read_bytes()[:2000])
+    with pytest.raises(DatasetError, match="truncated"):
+        read_mat(path, ("ux",), EVERY_10_MS)
+
+
+def test_version_7_3_of_matlab_is_refused_with_the_remedy(tmp_path):
+    path = tmp_path / "a.mat"
+    path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n")
+    with pytest.raises(DatasetError, match="-v7"):
+        read_mat(path, ("ux",), EVERY_10_MS)

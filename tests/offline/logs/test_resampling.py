@@ -1,0 +1,112 @@
+"""Stretches end at gaps, and within them every signal is resampled to one period."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from offline.logs.mapping_tables import Sampling
+from offline.logs.resampling import Stretch, find_stretches, grid, resample, window_mean
+from offline.logs.series import LoggedDrive, Series
+
+PERIOD_S = 0.025
+
+
+def series(t_s, values, sampling=Sampling.SAMPLED, longest_s=0.1):
+    t_s, values = np.asarray(t_s, dtype=float), np.asarray(values, dtype=float)
+    connected = np.diff(t_s) <= longest_s
+    rows = np.arange(len(t_s))
+    return Series("v", "m/s", "v", t_s, values, rows, sampling, connected, 0)
+
+
+def whole(one):
+    return Stretch(float(one.t_s[0]), float(one.t_s[-1]))
+
+
+def test_stretches_are_where_all_signals_are_known():
+    fast = series([0.0, 0.05, 0.1, 0.5, 0.55, 0.6], range(6))
+    late = series([0.02, 0.08, 0.14, 0.2, 0.28, 0.36, 0.44, 0.52, 0.58], range(9))
+    drive = LoggedDrive(Path("a.csv"), "line", 6, (fast, late), ())
+    assert find_stretches(drive) == [Stretch(0.02, 0.1), Stretch(0.5, 0.58)]
+
+
+def test_stretches_use_times_with_delays_subtracted():
+    on_time, late = series([0.0, 0.05, 0.1], range(3)), series([-0.03, 0.02, 0.07], range(3))
+    drive = LoggedDrive(Path("a.csv"), "line", 3, (on_time, late), ())
+    assert find_stretches(drive) == [Stretch(0.0, 0.07)]
+
+
+def test_the_grid_loses_no_sample_to_rounding():
+    assert len(grid(Stretch(0.1, 0.1 + 80 * PERIOD_S), PERIOD_S)) == 81
+    assert len(grid(Stretch(0.1, 0.1 + 79.9 * PERIOD_S), PERIOD_S)) == 80
+
+
+def test_samples_at_the_period_are_unchanged():
+    values = np.random.default_rng(0).normal(size=50)
+    one = series(3.0 + PERIOD_S * np.arange(50), values)
+    t_s = grid(whole(one), PERIOD_S)
+    np.testing.assert_allclose(resample(one, whole(one), t_s, PERIOD_S), values, atol=1e-9)
+
+
+def test_slow_samples_are_interpolated_linearly():
+    one = series([0.0, 0.04, 0.08], [0.0, 4.0, 0.0])
+    t_s = grid(whole(one), PERIOD_S)
+    assert resample(one, whole(one), t_s, PERIOD_S) == pytest.approx([0.0, 2.5, 3.0, 0.5])
+
+
+def test_fast_samples_are_averaged_so_that_no_frequency_is_aliased():
+    """40 Hz sampled every 25 ms would appear as a constant."""
+    t = 0.001 * np.arange(2001)
+    slow, fast = np.sin(2 * np.pi * 1.0 * t), np.cos(2 * np.pi * 40.0 * t)
+    one = series(t, slow + fast)
+    t_s = grid(whole(one), PERIOD_S)
+    found = resample(one, whole(one), t_s, PERIOD_S)
+    expected = np.sin(2 * np.pi * t_s)
+    assert np.max(np.abs(found - expected)[1:-1]) < 0.01
+
+
+def test_averaging_does_not_shift_a_ramp_at_its_ends():
+    one = series(0.01 * np.arange(101), 7.0 * 0.01 * np.arange(101))
+    t_s = grid(whole(one), PERIOD_S)
+    assert resample(one, whole(one), t_s, PERIOD_S) == pytest.approx(7.0 * t_s)
+
+
+def test_a_held_command_is_weighted_by_its_duration():
+    one = series([0.0, 0.01, 0.04, 0.1], [1.0, 2.0, 4.0, 8.0], Sampling.HELD)
+    t_s = grid(whole(one), PERIOD_S)
+    found = resample(one, whole(one), t_s, PERIOD_S)
+    assert found == pytest.approx([(0.01 * 1 + 0.015 * 2) / 0.025, 2.8, 4.0, 4.0, 8.0])
+
+
+def test_the_mean_of_a_ramp_over_the_period_is_its_value_half_a_period_later():
+    one = series(0.005 * np.arange(101), 0.005 * np.arange(101), Sampling.MEAN)
+    t_s = grid(whole(one), PERIOD_S)
+    found = resample(one, whole(one), t_s, PERIOD_S)
+    assert found[:-1] == pytest.approx(t_s[:-1] + 0.5 * PERIOD_S)
+
+
+def test_samples_beyond_a_gap_do_not_influence_a_stretch():
+    t = np.concatenate([0.005 * np.arange(41), 1.0 + 0.005 * np.arange(41)])
+    one = series(t, np.where(t < 0.5, 1.0, 100.0))
+    drive = LoggedDrive(Path("a.csv"), "line", 82, (one,), ())
+    for stretch, value in zip(find_stretches(drive), (1.0, 100.0), strict=True):
+        for sampling in Sampling:
+            held = Series(*(getattr(one, f) for f in one.__slots__[:6]), sampling, one.connected, 0)
+            found = resample(held, stretch, grid(stretch, PERIOD_S), PERIOD_S)
+            assert found == pytest.approx(np.full(len(found), value))
+
+
+@pytest.mark.parametrize("is_held", [False, True])
+def test_window_means_equal_a_fine_sum(is_held):
+    rng = np.random.default_rng(1)
+    t = np.cumsum(rng.uniform(0.01, 0.1, 40))
+    values = rng.normal(size=40)
+    low = np.sort(rng.uniform(t[0], t[-2], 15))
+    high = low + 0.08
+    fine = np.linspace(0.0, 1.0, 20001)
+    expected = []
+    for a, b in zip(low, np.minimum(high, t[-1]), strict=True):
+        at = a + (b - a) * fine
+        held = values[np.clip(np.searchsorted(t, at, side="right") - 1, 0, 39)]
+        expected.append(np.mean(held if is_held else np.interp(at, t, values)))
+    assert window_mean(t, values, low, high, is_held) == pytest.approx(expected, abs=1e-3)

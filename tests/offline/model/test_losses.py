@@ -1,0 +1,299 @@
+"""The horizon loss against a transcription with loops, in float64."""
+
+import math
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from offline.config import PRESETS, STEPS, TrainingConfig
+from offline.data.sampling import Batch, Instants
+from offline.data.signals import VEHICLE_ROLES
+from offline.model.losses import (
+    horizon_of_step,
+    log_error,
+    single_step_loss,
+    state_errors,
+    total_loss,
+)
+from offline.model.network import MdkNet, sizes_of
+from rt_controller.contract.follow import Follow
+from rt_controller.contract.schema import VEHICLE
+
+K, BATCH, HISTORY, STATES = 7, 3, 2, 6
+SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
+
+
+@pytest.fixture(autouse=True)
+def _double_precision():
+    torch.set_default_dtype(torch.float64)
+    yield
+    torch.set_default_dtype(torch.float32)
+
+
+def a_config(**changes: object) -> TrainingConfig:
+    small = {"hidden": (8, 8), "latents": 5, "history_steps": HISTORY, "bilinear_rank": 2}
+    return PRESETS["recommended"].model_copy(update={**small, **changes})
+
+
+def a_model(config: TrainingConfig) -> MdkNet:
+    torch.manual_seed(1)
+    model = MdkNet(config, SIZES)
+    with torch.no_grad():
+        model.A_rows += 0.1 * torch.randn_like(model.A_rows)
+        model.B_rows += 0.1 * torch.randn_like(model.B_rows)
+        if model.rank:
+            model.N_rows += 0.3 * torch.randn_like(model.N_rows)
+            model.S += 0.3 * torch.randn_like(model.S)
+    return model
+
+
+def a_batch() -> Batch:
+    torch.manual_seed(2)
+    return Batch(
+        torch.randn(K + 1, BATCH, STATES),
+        torch.randn(K, BATCH, 3),
+        torch.randn(K, BATCH, 1),
+        torch.randn(HISTORY + K, BATCH, 6),
+    )
+
+
+def first_instant(batch: Batch, b: int) -> Instants:
+    return Instants(batch.x[0, b], batch.w[0, b], batch.memory[:HISTORY, b])
+
+
+def transcribed_errors(model: MdkNet, batch: Batch) -> list[Tensor]:
+    """Mean squared error of each state, computed with loops."""
+    A, B = model.operator()
+    sums = [torch.zeros(()) for _ in range(STATES)]
+    for b in range(BATCH):
+        psi = followed = model.lift(first_instant(batch, b))
+        for k in range(batch.steps):
+            exogenous = B[:, 3:] @ batch.w[k, b]
+            psi = A @ psi + input_matrix(model, followed) @ batch.u[k, b] + exogenous
+            if model.follows is Follow.PREDICTION:
+                followed = psi
+            elif model.follows is Follow.FREE_RESPONSE:
+                followed = A @ followed + exogenous
+            for i in range(STATES):
+                sums[i] = sums[i] + (batch.x[k + 1, b, i] - psi[i]) ** 2
+    return [each / (batch.steps * BATCH) for each in sums]
+
+
+def input_matrix(model: MdkNet, psi: Tensor) -> Tensor:
+    """B_i + sum_r N_ri (S_ri psi), column by column."""
+    _, B = model.operator()
+    if not model.rank:
+        return B[:, :3]
+    N = model.bilinear_columns()
+    columns = [
+        B[:, i] + sum(N[r, :, i] * (model.S[r, i] @ psi) for r in range(model.rank))
+        for i in range(3)
+    ]
+    return torch.stack(columns, dim=1)
+
+
+def transcribed_loss(model: MdkNet, batch: Batch) -> Tensor:
+    return sum(torch.log(error) for error in transcribed_errors(model, batch)) / STATES
+
+
+ALONG = [
+    {"bilinear_rank": 0},
+    *({"bilinear_rank": 2, "bilinear_follows": follows} for follows in Follow),
+]
+
+
+@pytest.mark.parametrize("changes", ALONG)
+def test_the_horizon_loss_is_the_mean_log_of_the_mean_squared_errors(changes):
+    config = a_config(**changes)
+    model, batch = a_model(config), a_batch()
+    found = total_loss(model, config, batch)
+    assert found.multi_step.item() == pytest.approx(transcribed_loss(model, batch).item())
+    expected = torch.stack(transcribed_errors(model, batch))
+    assert torch.allclose(state_errors(model, batch), expected)
+    assert found.states.item() == pytest.approx(expected.mean().item())
+
+
+@pytest.mark.parametrize("changes", ALONG)
+def test_the_gradient_equals_that_of_the_transcription(changes):
+    config = a_config(**changes)
+    ours, naive, batch = a_model(config), a_model(config), a_batch()
+    total_loss(ours, config, batch).multi_step.backward()
+    transcribed_loss(naive, batch).backward()
+    for one, other in zip(ours.parameters(), naive.parameters(), strict=True):
+        assert torch.any(one.grad != 0.0)
+        assert torch.allclose(one.grad, other.grad, rtol=1e-8, atol=1e-12)
+
+
+def test_total_loss_is_the_weighted_sum_of_its_terms():
+    config = a_config(
+        weight_single_step=0.7, weight_stability=1.6, stability="gelfand", decay_operator=0.5
+    )
+    model, batch = a_model(config), a_batch()
+    with torch.no_grad():
+        model.A_rows += 0.1
+    losses = total_loss(model, config, batch, torch.tensor([2, 5]))
+    terms = (losses.single_step, losses.multi_step, losses.stability, losses.regularisation)
+    assert all(term != 0.0 for term in terms)
+    weights = (0.7, 1.0, 1.6, 1e-4)
+    expected = sum(weight * term for weight, term in zip(weights, terms, strict=True))
+    assert torch.isclose(losses.total, expected)
+
+
+@pytest.mark.parametrize("prior", ["zero", "identity"])
+def test_regularisation_measures_the_operator_from_its_prior(prior):
+    config = a_config(operator_prior=prior, decay_operator=0.5, decay_encoder=0.0)
+    model = a_model(config)
+    A, B = model.operator()
+    towards = torch.eye(len(A)) if prior == "identity" else torch.zeros_like(A)
+    expected = 0.5 * ((A - towards).square().sum() + B.square().sum())
+    assert torch.isclose(total_loss(model, config, a_batch()).regularisation, expected)
+
+
+def in_tenfold_units(model: MdkNet, batch: Batch, i: int) -> tuple[MdkNet, Batch]:
+    """The same model and data with state i in a unit ten times smaller."""
+    config = a_config(history_steps=0)
+    other = a_model(config)
+    x = batch.x.clone()
+    x[..., i] *= 10.0
+    with torch.no_grad():
+        for one, source in zip(other.parameters(), model.parameters(), strict=True):
+            one.copy_(source)
+        other.encoder.layers[0].weight[:, i] /= 10.0
+        other.A_rows[i] *= 10.0
+        other.A_rows[:, i] /= 10.0
+        other.B_rows[i] *= 10.0
+        other.N_rows[:, i] *= 10.0
+        other.S[..., i] /= 10.0
+    return other, batch._replace(x=x)
+
+
+@pytest.mark.parametrize("i", range(STATES))
+def test_the_unit_of_a_state_adds_a_constant_and_changes_no_gradient(i):
+    config = a_config(history_steps=0)
+    model = a_model(config)
+    batch = a_batch()._replace(memory=torch.zeros(K, BATCH, 6))
+    other, rescaled = in_tenfold_units(model, batch, i)
+    here, there = (
+        total_loss(*arguments).multi_step
+        for arguments in ((model, config, batch), (other, config, rescaled))
+    )
+    assert (there - here).item() == pytest.approx(math.log(100.0) / STATES)
+    here.backward()
+    there.backward()
+    last, other_last = model.encoder.layers[-1].weight.grad, other.encoder.layers[-1].weight.grad
+    assert torch.allclose(last, other_last, rtol=1e-8, atol=1e-12)
+    latents = slice(STATES, None)
+    assert torch.allclose(model.B_rows.grad[latents], other.B_rows.grad[latents], atol=1e-12)
+
+
+def test_a_tenth_less_error_counts_the_same_in_every_state():
+    errors = torch.tensor([1e-4, 3.0, 200.0])
+    gains = [log_error(errors) - log_error(errors * (1 - 0.1 * torch.eye(3)[i])) for i in range(3)]
+    assert torch.stack(gains).tolist() == pytest.approx([-math.log(0.9) / 3] * 3)
+
+
+def test_the_loss_is_finite_if_a_state_is_predicted_exactly():
+    errors = torch.tensor([0.0, 1.0], requires_grad=True)
+    loss = log_error(errors)
+    loss.backward()
+    assert torch.isfinite(loss)
+    assert torch.all(torch.isfinite(errors.grad))
+
+
+def test_only_the_first_instant_is_encoded():
+    """Latents of later steps are not targets."""
+    config = a_config()
+    model, batch = a_model(config), a_batch()
+    errors = state_errors(model, batch)
+    memory = batch.memory.clone()
+    memory[HISTORY:] += 1.0
+    assert torch.equal(state_errors(model, batch._replace(memory=memory)), errors)
+    memory[:HISTORY] += 1.0
+    assert not torch.equal(state_errors(model, batch._replace(memory=memory)), errors)
+
+
+def test_the_errors_of_a_shortened_batch_are_those_of_its_first_steps():
+    config = a_config()
+    model, batch = a_model(config), a_batch()
+    late = batch._replace(x=batch.x.clone())
+    late.x[5:] += 10.0
+    short = state_errors(model, batch.shorten(4))
+    assert torch.equal(state_errors(model, late.shorten(4)), short)
+    assert torch.allclose(short, torch.stack(transcribed_errors(model, batch.shorten(4))))
+
+
+def test_single_step_loss_uses_the_input_matrix_at_the_start_of_each_step():
+    config = a_config(weight_single_step=1.0)
+    model, batch = a_model(config), a_batch()
+    times = torch.tensor([1, 4, K])
+    A, _ = model.operator()
+    before, after = model.lift(batch.at(times - 1)), model.lift(batch.at(times))
+    forcing = torch.stack(
+        [
+            torch.cat(
+                [
+                    model.forcing(
+                        before[j, b][None, None],
+                        batch.u[t - 1, b][None, None],
+                        batch.w[t - 1, b][None, None],
+                    )[0]
+                    for b in range(BATCH)
+                ]
+            )
+            for j, t in enumerate(times.tolist())
+        ]
+    )
+    found = total_loss(model, config, batch, times).single_step
+    assert torch.isclose(found, single_step_loss(before, after, A, forcing))
+
+
+def test_single_step_loss_is_not_computed_without_weight():
+    config = a_config(weight_single_step=0.0)
+    losses = total_loss(a_model(config), config, a_batch(), torch.tensor([1, 4]))
+    assert losses.single_step == 0.0
+
+
+def test_single_step_loss_uses_all_targets_without_sampling():
+    """Without `target_samples` all targets are encoded."""
+    config = a_config(weight_single_step=1.0, target_samples=None)
+    model, batch = a_model(config), a_batch()
+    every = torch.arange(1, K + 1)
+    expected = total_loss(model, config, batch, every).single_step
+    assert torch.isclose(total_loss(model, config, batch).single_step, expected)
+
+
+seeded = settings(derandomize=True, deadline=None)
+growths = st.floats(0.01, 1.0)
+starts = st.integers(1, STEPS)
+
+
+@seeded
+@given(st.integers(1, 400), growths, starts)
+def test_the_horizon_grows_monotonically_from_its_start_to_all_steps(steps, growth, start):
+    config = a_config(horizon_start=start, horizon_growth=growth, steps=steps)
+    lengths = [horizon_of_step(step, config, STEPS) for step in range(steps)]
+    assert lengths == sorted(lengths)
+    assert lengths[0] == start
+    whole_from = math.ceil(max(growth * steps, 1.0))
+    assert all(length == STEPS for length in lengths[whole_from:])
+
+
+@seeded
+@given(st.integers(1, 400), growths, st.integers(1, 3 * STEPS))
+def test_the_horizon_is_between_one_step_and_all_steps(steps, growth, start):
+    config = a_config(horizon_start=start, horizon_growth=growth, steps=steps)
+    lengths = [horizon_of_step(step, config, STEPS) for step in range(steps)]
+    assert min(lengths) >= 1
+    assert max(lengths) <= STEPS
+
+
+def test_the_horizon_grows_linearly():
+    config = a_config(horizon_start=8, horizon_growth=0.3, steps=10_000)
+    assert horizon_of_step(1500, config, 80) == 44
+
+
+def test_without_a_start_the_horizon_has_all_steps_at_once():
+    assert horizon_of_step(0, a_config(horizon_start=None), STEPS) == STEPS

@@ -1,0 +1,100 @@
+"""The folder of a run, and what is refused on resume."""
+
+import json
+from datetime import datetime
+
+import pytest
+import torch
+
+from offline.training.checkpoint import load_checkpoint, save_checkpoint
+from offline.training.run_folder import create_run, cut_history, open_run
+from offline.training.train import train
+from rt_controller.contract.errors import ArtifactError, RtControllerError
+
+
+@pytest.fixture(params=["paper", "recommended"])
+def config(request, tiny_config, tiny_recommended):
+    return {"paper": tiny_config, "recommended": tiny_recommended}[request.param]
+
+
+def weights_equal(one, other) -> bool:
+    return all(torch.equal(one[name], other[name]) for name in one)
+
+
+def history(run):
+    return [json.loads(line) for line in run.history.read_text().splitlines()]
+
+
+def test_the_link_latest_points_to_the_newest_run(tiny_config, tmp_path, toy_folder, toy_dataset):
+    for second in (5, 6):
+        now = datetime(2026, 1, 2, 3, 4, second)
+        newest = create_run(tmp_path, tiny_config, toy_folder, toy_dataset.sha256, now)
+    opened = open_run(tmp_path / "latest")
+    assert opened.path == newest.path.resolve()
+    assert opened.config == tiny_config
+    assert opened.data_sha256 == toy_dataset.sha256
+    assert "torch" in opened.versions
+
+
+@pytest.mark.parametrize("content", [None, "{", '{"config": {}}', '{"config": {"steps": -1}}'])
+def test_a_folder_without_a_run_is_refused(tmp_path, content):
+    if content is not None:
+        (tmp_path / "config.json").write_text(content)
+    with pytest.raises(ArtifactError, match="offline-train"):
+        open_run(tmp_path)
+
+
+def test_resuming_removes_history_lines_after_the_checkpoint(tiny_config, toy_dataset, new_run):
+    """A crash may leave history lines later than the last checkpoint."""
+    run = new_run(tiny_config)
+    train(tiny_config, toy_dataset, run)
+    cut_history(run, 6)
+    assert [line["step"] for line in history(run)] == [0, 5]
+
+
+def test_resuming_removes_an_incomplete_history_line(tiny_config, toy_dataset, new_run):
+    run = new_run(tiny_config)
+    train(tiny_config, toy_dataset, run)
+    whole = run.history.read_text()
+    run.history.write_text(whole + '{"step": 15, "tra')
+    cut_history(run, 12)
+    assert run.history.read_text() == whole
+
+
+def test_a_checkpoint_is_saved_and_loaded_unchanged(config, toy_dataset, new_run):
+    run = new_run(config)
+    train(config, toy_dataset, run)
+    written = load_checkpoint(run.last)
+    save_checkpoint(run.last, written)
+    read = load_checkpoint(run.last)
+    assert read.config == config
+    assert weights_equal(read.model, written.model)
+    assert read.validation_losses == written.validation_losses
+
+
+@pytest.mark.parametrize("keep", [None, 0, 1000])
+def test_a_damaged_checkpoint_is_refused(keep, tiny_config, toy_dataset, new_run):
+    run = new_run(tiny_config)
+    train(tiny_config, toy_dataset, run)
+    whole = run.last.read_bytes()
+    run.last.unlink()
+    if keep is not None:
+        run.last.write_bytes(whole[:keep])
+    with pytest.raises(ArtifactError, match="expected a checkpoint"):
+        load_checkpoint(run.last)
+
+
+def test_a_full_disk_leaves_the_previous_checkpoint(tiny_config, toy_dataset, new_run, monkeypatch):
+    run = new_run(tiny_config)
+    train(tiny_config, toy_dataset, run)
+    before = run.last.read_bytes()
+
+    def full_disk(fields, stream):
+        stream.write(b"half of it")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("offline.training.checkpoint.torch.save", full_disk)
+    with pytest.raises(RtControllerError, match="No space left"):
+        save_checkpoint(run.last, load_checkpoint(run.last))
+    assert run.last.read_bytes() == before
+    assert sorted(path.suffix for path in run.path.iterdir()) == [".json", ".jsonl", ".pt", ".pt"]

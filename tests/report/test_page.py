@@ -1,0 +1,96 @@
+"""The page: complete, escaped, and without any access to the network."""
+
+from html.parser import HTMLParser
+
+import plotly.graph_objects as go
+import pytest
+
+from rt_controller.contract.errors import MissingExtraError
+from rt_controller.report import page as page_module
+from rt_controller.report.canvas import empty_figure
+from rt_controller.report.page import (
+    Bullets,
+    Details,
+    Page,
+    Plot,
+    Section,
+    render_page,
+    require_report_extra,
+)
+from rt_controller.report.table import Cell, Column, Table
+
+TABLE = Table(
+    "Title <t>",
+    (Column("model", is_text=True), Column("vx", "km/h")),
+    (("car <x>",), ("lti", Cell("1.2", "1–3", "bad"))),
+    ("note <n>",),
+)
+
+
+class Tags(HTMLParser):
+    """Collects the addresses that a browser would load, and checks that all elements are closed."""
+
+    VOID = ("meta", "br", "path", "use", "image", "rect", "line", "circle", "clippath")
+
+    def __init__(self):
+        super().__init__()
+        self.loaded, self.open = [], []
+
+    def handle_starttag(self, tag, attributes):
+        for name, value in attributes:
+            if name in ("src", "href", "xlink:href", "srcset", "data") and value[:1] != "#":
+                self.loaded.append(value)
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        if tag not in self.VOID:
+            assert self.open.pop() == tag
+
+
+def made_page(figure):
+    parts = ("5 % of <b>", Plot(figure, "caption"), Details("more", (TABLE,)))
+    return Page("Report <r>", (Section("One", parts),), (Bullets(("first", "second")),))
+
+
+def test_page_with_static_plots_loads_nothing_and_runs_no_script():
+    figure, _ = empty_figure(1, 1, 1.0)
+    html = render_page(made_page(figure))
+    tags = Tags()
+    tags.feed(html)
+    assert tags.loaded == []
+    assert tags.open == []
+    for word in ("<script", "@import", "url(http", "<link", "<iframe"):
+        assert word not in html
+
+
+def test_page_shows_all_parts_and_escapes_their_texts():
+    figure, _ = empty_figure(1, 1, 1.0)
+    html = render_page(made_page(figure))
+    for text in ("Report &lt;r&gt;", "<h2>One</h2>", "5\u00a0% of &lt;b&gt;", "<svg", "caption",
+                 "<summary>more</summary>", "Title &lt;t&gt;", "car &lt;x&gt;", "<i>km/h</i>",
+                 '<td><span class="bad">1.2</span><br><small>1–3</small></td>',
+                 "note &lt;n&gt;", "<li>second</li>"):  # fmt: skip
+        assert text in html
+
+
+def test_same_content_gives_the_same_page():
+    pages = [render_page(made_page(empty_figure(1, 2, 1.0)[0])) for _ in range(2)]
+    assert pages[0] == pages[1]
+
+
+def test_plotly_script_is_in_the_page_once_and_is_loaded_from_nowhere():
+    figure = go.Figure(go.Scatter(x=[0.0, 1.0], y=[1.0, 2.0]))
+    html = render_page(Page("Two plots", (Section("One", (Plot(figure), Plot(figure))),)))
+    assert html.count("plotly.js v") == 1
+    assert "<script src" not in html
+    assert 'id="plot-0"' in html
+    assert html == render_page(Page("Two plots", (Section("One", (Plot(figure), Plot(figure))),)))
+
+
+def test_missing_package_is_named_with_the_command_that_installs_it(monkeypatch):
+    monkeypatch.setattr(page_module, "find_spec", lambda name: None if name == "jinja2" else name)
+    with pytest.raises(
+        MissingExtraError, match=r"--html needs .* found no jinja2.*pip install .*\[report\]"
+    ):
+        require_report_extra("--html")

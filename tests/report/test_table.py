@@ -1,0 +1,68 @@
+"""Tables on the terminal and in Markdown."""
+
+from io import StringIO
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from rt_controller.report.table import (
+    Cell,
+    Column,
+    Fact,
+    Table,
+    facts_table,
+    format_number,
+    print_table,
+    to_markdown,
+)
+
+TABLE = Table(
+    "Errors [red] of all models",
+    (Column("model", is_text=True), Column("vx", "km/h"), Column("verdict")),
+    (
+        ("first car",),
+        ("lti [bold]", Cell("0.1234", "0.101–0.149"), Cell("missed", status="bad")),
+        ("mdk|net", "12345", Cell("ok", status="good")),
+    ),
+    ("a note",),
+)
+
+
+def printed(table, width):
+    file = StringIO()
+    print_table(table, Console(file=file, width=width))
+    return file.getvalue()
+
+
+@pytest.mark.parametrize("width", [10, 80])
+def test_terminal_shows_every_text_in_full_however_narrow_it_is(width):
+    text = printed(TABLE, width)
+    for shown in ("Errors [red] of all models", "0.1234", "0.101–0.149", "first car",
+                  "lti [bold]", "12345", "missed", "a note", "km/h"):  # fmt: skip
+        assert shown in text
+
+
+def test_long_text_wraps_inside_the_terminal():
+    text = printed(facts_table([Fact("name", "words " * 40)]), 60)
+    assert max(map(len, text.splitlines())) <= 60
+    assert text.count("words") == 40
+
+
+def test_markdown_has_the_detail_in_brackets_and_escapes_bars():
+    assert to_markdown(TABLE).splitlines() == [
+        "| model | vx, km/h | verdict |",
+        "|---|---|---|",
+        "| first car |  |  |",
+        "| lti [bold] | 0.1234 (0.101–0.149) | missed |",
+        "| mdk\\|net | 12345 | ok |",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("number", "text"),
+    [(0.0012345, "0.001234"), (123456.0, "123500"), (1.5e9, "1.5e+09"), (np.nan, "–"),
+     (np.inf, "inf")],
+)  # fmt: skip
+def test_numbers_have_four_digits_and_powers_of_ten_only_when_large(number, text):
+    assert format_number(number) == text

@@ -1,0 +1,40 @@
+"""Contents for the messages of the bus, and the CAN frames that carry them."""
+
+from typing import TypeVar
+
+import can
+
+from rt_controller.bus.catalogue import Fault, Heartbeat, Mission, StateSample
+from rt_controller.bus.codec import FrameCodec
+from rt_controller.bus.message import Message
+from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
+
+T = TypeVar("T")
+
+SAMPLE = StateSample(
+    VehicleState(20.0, 0.5, -0.1, 0.5, 0.25, 0.01), 0.001, 25_000_000, 6, is_watchdog_braking=False
+)
+PATH = PathReference(1.0, 0.02, 0.001, 2e-5, 22.0, 0.5)
+CONTROL = ControlInput(0.5, 0.0, 0.0)
+ENGAGED = Mission(True, False, 4, 300_000_000)
+HOLDING = Heartbeat(Mode.HOLD_PLAN, Fault.SOLVER_FAILED, 500_000, 1_000_000, 30)
+
+
+def can_frame(codec: FrameCodec, data: bytes) -> can.Message:
+    """One frame as it comes from the bus."""
+    return can.Message(
+        arbitration_id=codec.arbitration_id, is_extended_id=False, data=data, check=True
+    )
+
+
+def can_frames(
+    message: Message[T], content: T, counter: int = 0, is_valid: bool = True
+) -> list[can.Message]:
+    """All frames of one message."""
+    encoded = message.encode(content, counter, is_valid)
+    return [can_frame(codec, data) for codec, data in zip(message.codecs, encoded, strict=True)]
+
+
+def round_trip(message: Message[T], content: T, is_valid: bool = True) -> T | None:
+    """The content after encoding and decoding."""
+    return message.decode_frames(*message.encode(content, 3, is_valid))

@@ -1,0 +1,49 @@
+"""A comparison of two small variants without a command line, and what its folder shows."""
+
+from pathlib import Path
+
+from offline.config import TrainingConfig
+from offline.experiments import ablation
+from offline.experiments.backend import Backend
+from offline.experiments.settings import common_fields
+from offline.experiments.training_task import CampaignData, Training
+from offline.experiments.variants import Variant, read_variants
+
+OF_THE_TOY = {"episodes": 40, "data_seed": 3}
+
+
+def tiny_variants(lists: Path, **changes: object) -> tuple[Variant, ...]:
+    """The list `tiny` for the toy data set."""
+    common = common_fields(TrainingConfig.model_validate({**OF_THE_TOY, **changes}), {})
+    return read_variants("tiny", lists, common)[1]
+
+
+def tiny_training(lists: Path, shared: CampaignData, folder: Path) -> Training:
+    """The first variant with seed 0, in the folder of a comparison."""
+    variant = tiny_variants(lists)[0]
+    return Training(folder / variant.name / "seed-0", variant.config, shared)
+
+
+def compare(
+    lists: Path,
+    shared: CampaignData,
+    folder: Path,
+    backend: Backend,
+    seeds: tuple[int, ...] = (0, 1),
+    **changes: object,
+) -> bool:
+    """True if all trainings have ended."""
+    variants = tiny_variants(lists, **changes)
+    rows = ablation.compare(variants, seeds, shared, folder, backend, lambda *ended: None)
+    return all(row.result for row in rows)
+
+
+def histories(folder: Path) -> dict[str, bytes]:
+    """History file of each training, by its path."""
+    found = folder.glob("*/seed-*/latest/history.jsonl")
+    return {str(file.relative_to(folder)): file.read_bytes() for file in found}
+
+
+def runs(folder: Path) -> list[int]:
+    """Number of runs that were started in the folder of each training."""
+    return [len(list(training.glob("*-recommended"))) for training in folder.glob("*/seed-*")]

@@ -1,0 +1,78 @@
+"""Units as loggers and FMUs write them are converted to SI, or refused with similar spellings."""
+
+from importlib import util
+
+import pytest
+
+from rt_controller.contract.errors import ConfigError, MissingExtraError
+from sim_bridge import units
+from sim_bridge.units import find_unit, near_units, require_unit, unit_of_exponents
+
+
+@pytest.mark.parametrize(
+    ("text", "number", "si", "value"),
+    [
+        ("km/h", 36.0, "m/s", 10.0),
+        ("kn", 3600.0, "m/s", 1852.0),
+        ("deg", 180.0, "rad", 3.14159265),
+        ("deg/s", 90.0, "rad/s", 1.57079633),
+        ("g", 1.0, "m/s^2", 9.80665),
+        ("bar", 2.0, "Pa", 2e5),
+        ("%", 40.0, "1", 0.4),
+        ("rpm", 60.0, "rad/s", 6.28318531),
+        ("degC", 20.0, "K", 293.15),
+        ("ms", 25.0, "s", 0.025),
+        ("kN", 1.5, "N", 1500.0),
+    ],
+)
+def test_a_number_in_an_allowed_unit_is_converted_to_si(text, number, si, value):
+    unit = find_unit(text)
+    assert unit.si == si
+    assert unit.factor * number + unit.offset == pytest.approx(value, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("spelling", "plain"),
+    [
+        ("KM/H", "km/h"),
+        ("kph", "km/h"),
+        ("[m/s²]", "m/s^2"),
+        ("m/s2", "m/s^2"),
+        ("m/s**2", "m/s^2"),
+        ("°/s", "deg/s"),
+        (" Degrees ", "deg"),
+        ("Nm", "N m"),
+        ("rev/min", "rpm"),
+        ("", "1"),
+        ("-", "1"),
+    ],
+)
+def test_other_spellings_are_accepted(spelling, plain):
+    assert find_unit(spelling) == find_unit(plain) is not None
+
+
+def test_upper_and_lower_case_differ_where_case_changes_the_factor():
+    assert find_unit("MPa").factor == 1e6
+    assert find_unit("mPa") is None
+
+
+def test_an_unknown_unit_is_refused_with_similar_spellings():
+    assert find_unit("furlong") is None
+    assert near_units("").startswith("the allowed units are 1, %, m")
+    with pytest.raises(ConfigError, match=r"car\.toml: expected .* did you mean km/h .*scale"):
+        require_unit("km/hh", "car.toml")
+
+
+def test_a_unit_written_in_base_units_is_recognised_by_its_exponents():
+    assert unit_of_exponents(1, 1, -2, 0, 1e3).quantity == "force"
+    assert unit_of_exponents(0, 0, -1, 0, 1.0).si == "rad/s"
+    assert unit_of_exponents(0, 0, 0, 3, 1.0) is None
+
+
+def test_without_pint_the_message_has_the_install_line(monkeypatch):
+    monkeypatch.setattr(util, "find_spec", lambda _: None)
+    monkeypatch.setattr(units, "find_spec", util.find_spec)
+    units._registry.cache_clear()
+    units._to_si.cache_clear()
+    with pytest.raises(MissingExtraError, match=r"pip install .*\[logs\]"):
+        find_unit("km/h")
