@@ -50,7 +50,7 @@ class Fitted(NamedTuple):
 
 
 def names() -> tuple[str, ...]:
-    """All baselines, in alphabetical order; imports none of them."""
+    """Names of all baselines in alphabetical order; no baseline is imported."""
     modules = pkgutil.iter_modules(catalogue.__path__)
     return tuple(sorted(module.name.replace("_", "-") for module in modules))
 

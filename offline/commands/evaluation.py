@@ -66,7 +66,7 @@ def evaluation_figures(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def run_evaluation(options: EvaluationOptions) -> Evaluation:
-    """The bundles in these folders, evaluated on a data set that none of them was trained on.
+    """The bundles in these folders, evaluated on data that no bundle was trained on.
 
     Raises:
         ConfigError, ArtifactError, DatasetError: an argument, bundle or data set does not fit.

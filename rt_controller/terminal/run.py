@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 PROGRAM = "rt-controller"
 LIVE_INTERVAL_S = 0.5
 VIRTUAL_MISS_SHARE = 0.02
-"""of the ticks: on a virtual bus nothing is controlled but a simulation, on a shared machine"""
+"""of the ticks that may be late on the virtual bus, where only a simulated car depends on them"""
 EXIT_DEADLINE = 4
 EXIT_SAFE_STOP = 6
 

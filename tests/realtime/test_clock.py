@@ -1,4 +1,4 @@
-"""The clock keeps its phase, counts skipped periods, and makes up for none of them."""
+"""The clock keeps its phase and counts skipped periods; a skipped tick is never made up later."""
 
 import itertools
 import time
