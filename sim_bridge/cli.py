@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from pydantic import BaseModel, Field, PositiveInt
+from pydantic import Field
 
 from rt_controller.car_settings import CAR_PRIORITY, CarSettings
+from rt_controller.terminal.bus_options import BusOptions
 from rt_controller.terminal.command_line import new_app, run_command
 
 app = new_app(
@@ -31,18 +32,7 @@ app.command(
 )
 
 
-class _BusOptions(BaseModel):
-    bus: str
-    """python-can interface: socketcan, local, vector, …"""
-    channel: str = "rt-controller"
-    """the interface's channel, e.g. can0 or ws://127.0.0.1:54701/"""
-    bitrate: PositiveInt | None = None
-    """bit/s, where the interface sets it"""
-    bus_option: Annotated[dict[str, str], Parameter(show_default=False)] = {}
-    """further options of the interface, as --bus-option.KEY VALUE"""
-
-
-class BridgeOptions(CarSettings, _BusOptions):
+class BridgeOptions(CarSettings, BusOptions):
     """Options of one run of the bridge."""
 
     wait_s: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 60.0

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 from cyclopts.config import Toml
-from pydantic import BaseModel, Field, PositiveInt, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from rt_controller.car_settings import CarSettings
 from rt_controller.config import (
@@ -19,28 +19,18 @@ from rt_controller.config import (
 )
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.settings_errors import Location, dotted, explain
+from rt_controller.terminal.bus_options import BusOptions
 
 VIRTUAL = "virtual"
 _Duration = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
-class _BusOptions(BaseModel):
-    bus: str
-    """python-can interface: socketcan, local, vector, …; virtual simulates the car too"""
-    channel: str = "rt-controller"
-    """the interface's channel, e.g. can0 or ws://127.0.0.1:54701/"""
-    bitrate: PositiveInt | None = None
-    """bit/s, where the interface sets it"""
-    bus_option: dict[str, str] = {}
-    """further options of the interface, as --bus-option.KEY VALUE"""
+class RunOptions(CarSettings, BusOptions):
+    """Options of one run; those of `CarSettings` are for `--bus virtual` only."""
+
     model: str | None = None
     """shipped model (mdk-net, mdk-net-paper, lti) or folder of a bundle, ./lti for a folder with
     the name of a shipped one; default: mdk-net"""
-
-
-class RunOptions(CarSettings, _BusOptions):
-    """Options of one run; those of `CarSettings` are for `--bus virtual` only."""
-
     pace: Pace = Pace.REALTIME
     """realtime, or lockstep: as fast as possible and the same frames every time (virtual only)"""
     duration_s: _Duration | None = None
@@ -67,7 +57,7 @@ class RunOptions(CarSettings, _BusOptions):
     quiet: bool = False
     """no live line"""
 
-    model_config = {"populate_by_name": True}
+    model_config = ConfigDict(populate_by_name=True)
 
     @property
     def is_virtual(self) -> bool:
