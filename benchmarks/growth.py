@@ -1,7 +1,7 @@
 """`python -m benchmarks.growth`: time of a solve against horizon and latents."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -11,18 +11,18 @@ import numpy as np
 from rich.console import Console
 
 from benchmarks.staged import StagedPiqp, StagedQp
-from benchmarks.tables import percentiles, table, timed
+from benchmarks.tables import percentiles, timed
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.artifact import load_bundle, shipped_model
 from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.figures import write_figures
-from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.program import QpParameters
 from rt_controller.control.qp import CondensedQp
-from rt_controller.control.solver import Solver, SolverChoice, SolveStatus, open_solver
+from rt_controller.control.solver import Solver, SolveStatus, open_solver
+from rt_controller.report.table import Column, Table, print_table
 
 HORIZONS = (10, 20, 40, 80, 160)
 LATENTS = (0, 8, 20, 60, 120, 240)
@@ -89,15 +89,15 @@ class Size(NamedTuple):
 def measure(bundle: Bundle, latents: int, horizon: int, ticks: int) -> Size:
     """Times of every form and solver on the same problems."""
     cost = ControllerConfig().mpc.cost()
-    condensed = CondensedQp(bundle, horizon, cost, INPUT_LIMITS)
+    condensed = CondensedQp(bundle, horizon, cost)
     program = condensed.program
     forms: dict[str, tuple[CondensedQp | StagedQp, Callable[[], Solver]]] = {
         CONDENSED: (condensed, lambda: open_solver(program, warm_start=False)),
         WARM: (condensed, lambda: open_solver(program)),
-        DAQP: (condensed, lambda: open_solver(program, SolverChoice.DAQP)),
+        DAQP: (condensed, lambda: open_solver(program, "daqp")),
     }
     if horizon * bundle.n_observables**2 <= MAX_STAGED_ENTRIES:
-        staged = StagedQp(bundle, horizon, cost, INPUT_LIMITS)
+        staged = StagedQp(bundle, horizon, cost)
         forms[STAGED] = (staged, lambda: StagedPiqp(staged))
     size = Size(horizon, latents, {}, {}, {})
     for name, (qp, open_form) in forms.items():
@@ -118,8 +118,6 @@ def _time(qp: CondensedQp | StagedQp, solver: Solver, ticks: int) -> tuple[list[
         unsolved += status is not SolveStatus.SOLVED
     return times_us, unsolved
 
-
-COLUMNS = (CONDENSED, WARM, DAQP, STAGED)
 
 app = cyclopts.App(name="python -m benchmarks.growth", version_flags=[])
 
@@ -153,18 +151,23 @@ def main(
         for horizon in horizons:
             with console.status(f"{horizon} stages, {count} latents"):
                 sizes.append(measure(bundle, count, horizon, ticks))
-    title = "median / p99 of a solve in us"
-    console.print(table(title, ("stages", "latents", *COLUMNS), map(_row, sizes)))
+    print_table(_table(sizes), console)
     write_figures(json, {"ticks": ticks, "sizes": [size._asdict() for size in sizes]})
     return 0
 
 
-def _row(size: Size) -> list[str]:
-    times = [
-        f"{size.p50_us[name]:.0f}/{size.p99_us[name]:.0f}" if name in size.p50_us else ""
-        for name in COLUMNS
-    ]
-    return [str(size.horizon), str(size.latents), *times]
+def _table(sizes: Sequence[Size]) -> Table:
+    names = (CONDENSED, WARM, DAQP, STAGED)
+    heads = [Column(form, solver) for form, _, solver in (name.partition(", ") for name in names)]
+    rows = []
+    for size in sizes:
+        times = (
+            f"{size.p50_us[name]:.0f}/{size.p99_us[name]:.0f}" if name in size.p50_us else ""
+            for name in names
+        )
+        rows.append((str(size.horizon), str(size.latents), *times))
+    columns = (Column("stages"), Column("latents"), *heads)
+    return Table("median / p99 of a solve in us", columns, tuple(rows))
 
 
 if __name__ == "__main__":

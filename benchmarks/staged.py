@@ -11,7 +11,6 @@ from scipy.sparse import csc_matrix, diags, identity, kron, triu, vstack
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.bundle import Bundle
-from rt_controller.contract.limits import InputLimits
 from rt_controller.contract.schema import N_INPUTS, N_STATES
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.pedals import PedalChoice, limit_pedals
@@ -33,10 +32,8 @@ class StagedQp:
 
     matrices_vary = False
 
-    def __init__(
-        self, bundle: Bundle, horizon: int, cost: TrackingCost, limits: InputLimits
-    ) -> None:
-        inputs = constrain_inputs(horizon, limits)
+    def __init__(self, bundle: Bundle, horizon: int, cost: TrackingCost) -> None:
+        inputs = constrain_inputs(horizon)
         terms = cost_terms(cost, inputs, bundle.n_observables - N_STATES)
         self.parameters = QpParameters(bundle.n_observables, horizon, terms.stage.size)
         self.scale = inputs.scale
@@ -106,7 +103,7 @@ class _StagedSolver:
         self.solution = np.zeros(qp.scale.size)
         self.iterations = 0
 
-    def bound(self, budget_ns: int) -> None:
+    def limit_solve_time(self, budget_ns: int) -> None:
         """Do nothing: the time is measured, not limited."""
 
     def update_matrices(self) -> bool:

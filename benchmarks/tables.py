@@ -1,11 +1,12 @@
 """Figures of several rounds in one table: medians, and ratios within a round."""
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import pandas as pd
-from rich.table import Table
+
+from rt_controller.report.table import Cell, Column, Table, format_number
 
 T = TypeVar("T")
 
@@ -16,9 +17,6 @@ class Ratio(NamedTuple):
     median: float
     least: float
     most: float
-
-    def __str__(self) -> str:
-        return f"{self.median:.2f} ({self.least:.2f}–{self.most:.2f})"
 
 
 def timed(action: Callable[..., T], *arguments: Any) -> tuple[T, float]:
@@ -61,22 +59,17 @@ def summarise(
     return summary
 
 
-def to_table(title: str, figures: pd.DataFrame, heads: Mapping[str, str]) -> Table:
-    """The columns of `heads` with these headings; the index first, numbers with 3 digits."""
-    rows = zip(figures.index, *(figures[column] for column in heads), strict=True)
-    return table(
-        title, (figures.index.name, *heads.values()), [[_text(x) for x in row] for row in rows]
-    )
+def to_tables(
+    title: str, figures: pd.DataFrame, heads: Mapping[str, Mapping[str, Column]]
+) -> Iterator[Table]:
+    """A table for each of `heads`: the index, then its columns of `figures` with their heads.
 
-
-def table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
-    """A table whose first column is left-aligned and all others right-aligned."""
-    made = Table(title=title, title_justify="left")
-    for index, head in enumerate(heads):
-        made.add_column(head, justify="right" if index else "left", no_wrap=True)
-    for row in rows:
-        made.add_row(*row)
-    return made
+    Several narrow tables fit into a terminal; one with all columns does not.
+    """
+    index = Column(str(figures.index.name), is_text=True)
+    for subject, columns in heads.items():
+        rows = zip(figures.index, *(map(_cell, figures[name]) for name in columns), strict=True)
+        yield Table(f"{title}: {subject}", (index, *columns.values()), tuple(rows))
 
 
 def to_plain(figures: pd.DataFrame) -> dict[str, dict[str, Any]]:
@@ -86,7 +79,11 @@ def to_plain(figures: pd.DataFrame) -> dict[str, dict[str, Any]]:
     }
 
 
-def _text(x: Any) -> str:
-    if not isinstance(x, float):
-        return str(x)
-    return f"{x:.0f}" if abs(x) >= 100.0 else f"{x:.3g}"
+def _cell(x: Any) -> Cell:
+    if isinstance(x, Ratio):
+        return Cell(_ratio(x.median), f"{_ratio(x.least)}–{_ratio(x.most)}")
+    return Cell(format_number(x, 3) if isinstance(x, float) else str(x))
+
+
+def _ratio(x: float) -> str:
+    return f"{x:.2f}" if x < 10.0 else format_number(x, 3)

@@ -14,7 +14,7 @@ import cantools
 import matplotlib.pyplot as plt
 import numpy as np
 
-from rt_controller.bus.codec import DBC_PATH
+from rt_controller.bus.dbc import DBC_PATH
 
 CATALOGUE = cantools.database.load_file(DBC_PATH)
 
@@ -46,7 +46,7 @@ def draw(picture: str, logs: list[str]) -> None:
         axes[1].plot(t[:n], lateral[:n] - path[:n])
         axes[2].plot(*signals["ACT_CMD.SteeringWheelAngle"])
         axes[3].plot(*signals["STATE_A.VelocityX"] * np.array([[1.0], [3.6]]))
-    names = ("e_y [m]", "e_y - path [m]", "steering wheel [deg]", "v_x [km/h]")
+    names = ("e_y [m]", "lateral error [m]", "steering wheel [deg]", "v_x [km/h]")
     for axis, name in zip(axes, names, strict=True):
         axis.set_ylabel(name)
         axis.grid(alpha=0.3)

@@ -11,7 +11,7 @@ for model in ("mdk-net", "lti"):
     drive = simulate("double_lane_change", model=model)
     largest_deg = degrees(abs(drive["steer_rad"]).max())
     print(
-        f"{model:8s} e_y RMS {drive.errors.ey_rms_m:.3f} m, peak {drive.errors.ey_peak_m:.3f} m, "
-        f"steering wheel up to {largest_deg:.0f} deg"
+        f"{model:8s} lateral error RMS {drive.errors.ey_rms_m:.3f} m, "
+        f"peak {drive.errors.ey_peak_m:.3f} m, steering wheel up to {largest_deg:.0f} deg"
     )
     drive.plot(f"{model}.svg")

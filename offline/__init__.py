@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from offline.data.dataset import load_dataset as load_dataset
     from offline.evaluation.predictor import Predictor as Predictor
 
-__getattr__, __dir__ = public_names(
+__all__, __getattr__, __dir__ = public_names(
     __name__,
     {
         "Dataset": "data.dataset",

@@ -19,14 +19,14 @@ from offline.commands.options import (
     EvaluationOptions,
     JsonFile,
 )
-from offline.commands.requirements import require_extra, require_ready
 from offline.config import PRESETS
 from offline.experiments.backend import Backend
-from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.figures import require_writable
+from rt_controller.contract.errors import ConfigError, require_packages
+from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.terminal.command_line import new_app, run_command
 
 LEAST_EPISODES = 10
+OFFLINE_PACKAGES = ("torch", "numba", "onnx", "onnxscript", "joblib", "onnxruntime")
 HELD_OUT = EvaluationOptions()
 
 data_app = new_app("offline-data", "Make the data set: episodes of the simulated car.")
@@ -34,11 +34,12 @@ import_app = new_app(
     "offline-import",
     "Make a data set of recorded logs: CSV, Parquet, MF4, npz, MATLAB, or CAN with a DBC. "
     "Nothing is written unless every log passes the checks. docs/own-data.md has the mapping file.",
+    "MAPPING LOGS",
 )
 train_app = new_app(
     "offline-train", "Train a model; the defaults are those of the preset recommended."
 )
-export_app = new_app("offline-export", "Make the bundle that rt-controller drives with.")
+export_app = new_app("offline-export", "Make the bundle that rt-controller drives with.", "[RUN]")
 evaluate_app = new_app(
     "offline-evaluate", "Predict two seconds ahead on held-out data, beside the baselines."
 )
@@ -46,11 +47,26 @@ report_app = new_app(
     "offline-report", "The evaluation with its plots, as one page that needs no network."
 )
 ablate_app = new_app(
-    "offline-ablate", "Train variants of a model on the same data, and compare them."
+    "offline-ablate",
+    "Train variants of a model on the same data, and compare them.",
+    "[VARIANTS]",
 )
 tune_app = new_app(
-    "offline-tune", "Search for the settings of a training; several processes may join."
+    "offline-tune",
+    "Search for the settings of a training; several processes may join.",
+    "[SPACE]",
 )
+
+
+def require_ready(json_file: Path | None) -> None:
+    """Raise before the work starts what would otherwise be raised after it.
+
+    Raises:
+        MissingExtraError: a package of the extra `offline` is not installed.
+        ConfigError: the JSON file cannot be written.
+    """
+    require_packages("offline", OFFLINE_PACKAGES, "learning")
+    require_writable(json_file)
 
 
 @data_app.default
@@ -61,7 +77,7 @@ def make_data(
     data: DataFolder = None,
     backend: Backend = THIS_MACHINE,
     json_file: JsonFile = None,
-) -> int:
+) -> None:
     """Make the data set of the paper's recipe, or check an existing one.
 
     Args:
@@ -76,7 +92,7 @@ def make_data(
     require_ready(json_file)
     from offline.commands import dataset
 
-    return dataset.make_data(episodes, seed, data, backend, json_file)
+    write_figures(json_file, dataset.make_data(episodes, seed, data, backend))
 
 
 @import_app.default
@@ -87,7 +103,7 @@ def import_logs(
     data: Path | None = None,
     replace: bool = False,
     json_file: JsonFile = None,
-) -> int:
+) -> None:
     """Convert logs of a real car into a data set to train on, and report what they contain.
 
     Args:
@@ -96,11 +112,11 @@ def import_logs(
         data: folder for the data set; default: none, the logs are only checked
         replace: overwrite an existing data set
     """
-    require_extra("offline,logs", "pandas", "pint")
+    require_packages("offline,logs", ("pandas", "pint"), "offline-import")
     require_writable(json_file)
     from offline.commands import log_import
 
-    return log_import.import_logs(mapping, logs, data, replace=replace, json_file=json_file)
+    write_figures(json_file, log_import.import_logs(mapping, logs, data, replace=replace))
 
 
 @train_app.default
@@ -125,8 +141,11 @@ def train(
     from offline.commands import training_run
 
     if resume is not None:
-        return training_run.resume_run(resume, config, data, json_file)
-    return training_run.start_run(config, runs, data, backend, json_file)
+        figures, exit_code = training_run.resume_run(resume, config, data)
+    else:
+        figures, exit_code = training_run.start_run(config, runs, data, backend)
+    write_figures(json_file, figures)
+    return exit_code
 
 
 @export_app.default
@@ -137,7 +156,7 @@ def export(
     baseline: str | None = None,
     data: Path | None = None,
     json_file: JsonFile = None,
-) -> int:
+) -> None:
     """Export the best model of a run, or a baseline fitted to a data set.
 
     Args:
@@ -151,23 +170,25 @@ def export(
     from offline.commands import bundle
 
     if baseline is not None:
-        return bundle.export_baseline(baseline, data, output or RUNS / baseline, run, json_file)
-    return bundle.export_run(run, output, data, json_file)
+        figures = bundle.export_baseline(baseline, data, output or RUNS / baseline, run)
+    else:
+        figures = bundle.export_run(run, output, data)
+    write_figures(json_file, figures)
 
 
 @evaluate_app.default
-def evaluate(*, options: EvaluationOptions = HELD_OUT, json_file: JsonFile = None) -> int:
+def evaluate(*, options: EvaluationOptions = HELD_OUT, json_file: JsonFile = None) -> None:
     """Errors over 80 open-loop steps on the test trajectories, as in the paper's Table I."""
     require_ready(json_file)
     from offline.commands import evaluation
 
-    return evaluation.evaluate_models(options, json_file)
+    write_figures(json_file, evaluation.evaluate_models(options))
 
 
 @report_app.default
 def report(
     *, output: Path, options: EvaluationOptions = HELD_OUT, json_file: JsonFile = None
-) -> int:
+) -> None:
     """The evaluation as a page with tables, plots and the paper's double lane change.
 
     Args:
@@ -179,7 +200,7 @@ def report(
     require_report_extra("offline-report")
     from offline.commands import report_page
 
-    return report_page.write_report(output, options, json_file)
+    write_figures(json_file, report_page.write_report(output, options))
 
 
 @ablate_app.default
@@ -213,7 +234,11 @@ def ablate(
     from offline.commands import ablation
 
     campaign = folder or RUNS / f"ablation-{variants}"
-    return ablation.ablate(variants, seeds, only, lists, config, campaign, data, backend, json_file)
+    figures, exit_code = ablation.ablate(
+        variants, seeds, only, lists, config, campaign, data, backend
+    )
+    write_figures(json_file, figures)
+    return exit_code
 
 
 @tune_app.default
@@ -243,11 +268,15 @@ def tune(
         folder: folder of the study; default: runs/tuning-SPACE
     """
     require_ready(json_file)
-    require_extra("offline,tune", "optuna")
+    require_packages("offline,tune", ("optuna",), "offline-tune")
     from offline.commands import tuning
 
     study = folder or RUNS / f"tuning-{space}"
-    return tuning.tune(space, spaces, search_seed, trials, config, study, data, backend, json_file)
+    figures, exit_code = tuning.tune(
+        space, spaces, search_seed, trials, config, study, data, backend
+    )
+    write_figures(json_file, figures)
+    return exit_code
 
 
 data_main = partial(run_command, data_app)

@@ -3,14 +3,14 @@
 Imports neither numpy nor torch, so that command lines load quickly.
 """
 
-from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+from pydantic import Field, PositiveFloat, PositiveInt
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.follow import Follow
 from rt_controller.contract.timing import PERIOD_S
+from rt_controller.settings_table import Settings
 
 TRAJECTORY_S = 2.0
 """the paper's horizon"""
@@ -22,14 +22,12 @@ PAST_STEPS = round(LONGEST_PAST_S / PERIOD_S)
 Weight = Annotated[float, Field(ge=0.0)]
 
 
-class TrainingConfig(BaseModel):
+class TrainingConfig(Settings):
     """All settings of a training run; the defaults are the preset `recommended`.
 
     An epoch of the paper is one mini-batch step here. The forgetting factor gamma of the paper's
     table is the beta of its eq. (10).
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
     preset: str = "recommended"
     """starting point: recommended, linear, paper, paper-literal or quick"""
@@ -199,16 +197,10 @@ PRESETS = {
 }
 
 
-def restore_config(fields: Mapping[str, Any]) -> TrainingConfig:
-    """A configuration that was written to a file, which must contain every field.
-
-    Raises:
-        ValueError: a field is missing, unknown or out of range: the file is of another version.
-    """
-    missing = sorted(set(TrainingConfig.model_fields) - set(fields))
-    if missing:
-        raise ValueError(f"the configuration lacks {', '.join(missing)}")
-    return TrainingConfig.model_validate(dict(fields))
+def assumed_fields(stored: TrainingConfig) -> dict[str, Any]:
+    """The fields that the file of a stored configuration lacks, with the defaults they have got."""
+    fields = stored.model_dump()
+    return {name: fields[name] for name in fields if name not in stored.model_fields_set}
 
 
 def explicit_fields(chosen: TrainingConfig | None) -> dict[str, Any]:

@@ -1,6 +1,5 @@
-"""Files that are replaced as a whole, and digests."""
+"""Files that are replaced as a whole."""
 
-import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,8 +17,3 @@ def write_text(file: Path, text: str) -> None:
 def write_json(file: Path, fields: Mapping[str, Any]) -> None:
     """Replace the file by these fields as JSON."""
     write_text(file, json.dumps(dict(fields), indent=2) + "\n")
-
-
-def digest_json(value: Any) -> str:
-    """SHA-256 of a value as JSON with sorted keys, hexadecimal."""
-    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()

@@ -1,8 +1,16 @@
 """Real-time vehicle control with a Koopman model that is learned from data: the public names.
 
-    from rt_controller import Controller, simulate
+    simulate            drive a scenario with a simulated car; returns a Drive
+    Drive               a finished drive as a table with units, errors and a plot
+    Controller          model predictive control without a bus: state and path in, Plan out
+    Plan                inputs over the horizon and the predicted states
+    ControllerConfig    settings of a controller
+    MpcSettings         those of its optimal control problem
+    Bundle              a model: load a shipped or trained one, or make one of matrices
+    VehicleState, PathReference, ControlInput    what a controller receives and returns
+    RtControllerError   base of the errors that this package raises
 
-Each name is imported when it is first used, so that `import rt_controller` costs nothing.
+Each is imported when it is first used, so that `import rt_controller` costs nothing.
 """
 
 from typing import TYPE_CHECKING
@@ -22,7 +30,7 @@ if TYPE_CHECKING:
     from rt_controller.drive import Drive as Drive
     from rt_controller.simulation import simulate as simulate
 
-__getattr__, __dir__ = public_names(
+__all__, __getattr__, __dir__ = public_names(
     __name__,
     {
         "Bundle": "contract.bundle",

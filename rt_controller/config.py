@@ -1,64 +1,53 @@
 """What a person may set, with units and bounds; on the command line, in TOML, or not at all."""
 
 import os
-from enum import StrEnum
 from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat
+from pydantic import Field, PositiveFloat
 
 from rt_controller.contract.signals import ControlInput, VehicleState
 from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_MS
+from rt_controller.settings_table import Settings
 
 if TYPE_CHECKING:
-    from rt_controller.control.program import QuadraticProgram
-    from rt_controller.control.qp import Features
-    from rt_controller.control.solver import Solver
     from rt_controller.control.terms import TrackingCost
 
 
-class Pace(StrEnum):
-    """How fast time goes by."""
-
-    REALTIME = "realtime"
-    LOCKSTEP = "lockstep"
+ShippedModel = Literal["mdk-net", "mdk-net-paper", "lti"]
 
 
-class _Settings(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Tolerances(_Settings):
-    """Deviations from the reference that cost one unit each; smaller is stricter."""
+class Tolerances(Settings):
+    """Deviations from the reference that cost one unit each: a smaller one has a larger weight."""
 
     vx_mps: PositiveFloat = 1.0
     """longitudinal speed"""
     vy_mps: PositiveFloat = float("inf")
-    """lateral speed; inf: do not care"""
+    """lateral speed; inf: no weight"""
     yaw_rate_radps: PositiveFloat = float("inf")
-    """yaw rate; inf: do not care"""
+    """yaw rate; inf: no weight"""
     ds_m: PositiveFloat = float("inf")
-    """progress in one period; inf: the speed says the same"""
+    """progress in one period; inf: no weight, since the speed has one"""
     ey_m: PositiveFloat = 0.15
-    """lateral deviation"""
+    """lateral error"""
     epsi_deg: PositiveFloat = 1.0
     """heading error"""
     throttle: PositiveFloat = float("inf")
-    """size of the throttle input; inf: speed may cost what it costs"""
+    """size of the throttle input; inf: no weight"""
     brake_n: PositiveFloat = float("inf")
     """size of the brake force"""
     steer_deg: PositiveFloat = float("inf")
-    """size of the wheel angle"""
+    """size of the steering-wheel angle"""
     throttle_change: PositiveFloat = 0.3
     """change of throttle in one period"""
     brake_change_n: PositiveFloat = 45.0
     """change of brake force in one period"""
     steer_change_deg: PositiveFloat = 12.0
-    """change of wheel angle in one period"""
+    """change of the steering-wheel angle in one period"""
 
 
-class MpcSettings(_Settings):
+class MpcSettings(Settings):
     """The optimal control problem."""
 
     horizon: Annotated[int, Field(ge=HOLD_PLAN_TICKS + 1, le=160)] = 20
@@ -66,39 +55,18 @@ class MpcSettings(_Settings):
     terminal_factor: PositiveFloat = 1.0
     """weight of the last stage, in units of the others"""
     latent_weight: Annotated[float, Field(ge=0.0)] = 0.0
-    """weight on each latent's distance from the lifted reference"""
+    """weight of the distance of each latent from the lifted reference"""
     slew_rows: bool = True
-    """bound the inputs' changes in the plan too, not just in what is sent"""
+    """limit changes of the inputs in the plan too, not only in the commands"""
     corridor_m: PositiveFloat | None = None
-    """how far from the path the plan may be before that costs extra; none: as far as it likes"""
+    """distance from the path beyond which the plan has an additional cost; none: no such cost"""
     beyond_corridor_m: PositiveFloat = 0.05
-    """how far beyond costs as much as any other tolerated deviation"""
+    """distance beyond the corridor that costs as much as a tolerated deviation of a state"""
     solver: Literal["piqp", "daqp"] = "piqp"
-    """of the QP; daqp needs the extra [daqp]"""
+    """of the QP: piqp, interior point, or daqp, active set, which needs the extra [daqp]"""
     warm_start: Literal["on", "off"] = "on"
     """try the last active set before piqp"""
     tolerance: Tolerances = Tolerances()
-
-    def features(self) -> "Features":
-        """What the QP has beyond the paper's."""
-        from rt_controller.control.qp import Features
-        from rt_controller.control.terms import Corridor
-
-        corridor = None
-        if self.corridor_m is not None:
-            corridor = Corridor(self.corridor_m, self.beyond_corridor_m)
-        return Features(self.slew_rows, corridor)
-
-    def open_solver(self, program: "QuadraticProgram") -> "Solver":
-        """Workspace of the chosen solver on this program.
-
-        Raises:
-            MissingExtraError: the solver is not installed.
-            ConfigError: the solver refuses the program.
-        """
-        from rt_controller.control.solver import SolverChoice, open_solver
-
-        return open_solver(program, SolverChoice(self.solver), self.warm_start == "on")
 
     def cost(self) -> "TrackingCost":
         """The same in SI units, in vector order."""
@@ -118,7 +86,7 @@ class MpcSettings(_Settings):
         )
 
 
-class RealtimeSettings(_Settings):
+class RealtimeSettings(Settings):
     """How the loop runs on this machine."""
 
     priority: Annotated[int, Field(ge=0, le=99)] = 50
@@ -128,27 +96,34 @@ class RealtimeSettings(_Settings):
     phase_ms: Annotated[float, Field(ge=0.0, lt=PERIOD_MS)] = 2.0
     """how long after the vehicle's frames each tick is scheduled"""
     prepare_ms: Annotated[float, Field(ge=0.0, lt=PERIOD_MS)] = 4.0
-    """how long before each tick its QP is built; from 1 ms on it is rehearsed too; 0: never"""
+    """how long before each tick its QP is built; from 1 ms on a dry run follows; 0: neither"""
     solve_budget_ms: Annotated[float, Field(gt=0.0, le=PERIOD_MS)] = 5.0
-    """the longest that the solver may take, by what an iteration takes on this machine"""
+    """time for a solve; PIQP may do as many iterations as fit at start, DAQP stops after it"""
     deadline_ms: Annotated[float, Field(gt=0.0, le=PERIOD_MS)] = 10.0
-    """the latest moment for the command's frame, counted from the scheduled tick"""
+    """time from the scheduled tick until the command has been sent; a later one is a miss"""
 
 
-class BusSettings(_Settings):
-    """Which CAN bus, in python-can's words."""
+class ControllerConfig(Settings):
+    """Everything that the controller is built from."""
 
-    interface: str = "virtual"
-    channel: str = "rt-controller"
-    bitrate: int | None = None
-    options: dict[str, str] = {}
-
-
-class ControllerConfig(_Settings):
-    """Everything that one run of the controller depends on."""
-
-    bus: BusSettings = BusSettings()
-    model: str | Path | None = None
-    """name of a shipped model or folder of a bundle; None: mdk-net"""
+    model: ShippedModel | str | Path | None = None
+    """a shipped model, or folder of a bundle, ./lti for a folder with the name of a shipped one;
+    default: mdk-net"""
     mpc: MpcSettings = MpcSettings()
     realtime: RealtimeSettings = RealtimeSettings()
+
+
+def require_config(config: ControllerConfig | None) -> ControllerConfig:
+    """The same settings; the default ones for None.
+
+    Raises:
+        TypeError: something else, such as a dict.
+    """
+    if config is None:
+        return ControllerConfig()
+    if not isinstance(config, ControllerConfig):
+        raise TypeError(
+            f"config: expected a ControllerConfig, found {type(config).__name__}. Write it like "
+            f"ControllerConfig(mpc=MpcSettings(horizon=10))."
+        )
+    return config

@@ -1,18 +1,22 @@
 """The controller as a function of state and path: no bus, no loop, no safety modes."""
 
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from rt_controller.config import ControllerConfig
+from rt_controller.config import ControllerConfig, require_config
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.solver import SolveStatus
-from rt_controller.planner import Planner, build_planner
+from rt_controller.planner import build_mpc
+
+Vector = TypeVar("Vector", VehicleState, PathReference, ControlInput)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,35 +62,44 @@ class Controller:
     Paper: eqs. (7) and (14).
     """
 
-    def __init__(self, planner: Planner) -> None:
-        """`planner` is used by this controller only; see `load`."""
-        self._mpc = planner.mpc
-        # The products are small: threads of the linear algebra make them slower, and on a busy
-        # machine a hundred times slower. The programs set this before numpy is imported.
-        self._threads = ThreadpoolController()
-        self.reset()
-        self.bundle = planner.bundle
-        """the model"""
-
-    @classmethod
-    def load(
-        cls, model: str | Path | Bundle = "mdk-net", config: ControllerConfig | None = None
-    ) -> "Controller":
-        """A controller with this model, its QP assembled and solved once.
+    def __init__(
+        self, model: str | Path | Bundle | None = None, config: ControllerConfig | None = None
+    ) -> None:
+        """Load the model, assemble its QP and solve it once.
 
         Args:
-            model: name of a shipped model, folder of a bundle, or a `Bundle`.
-            config: settings; of them `mpc` is used. Default: those of `rt-controller`.
+            model: name of a shipped model, folder of a bundle, or a `Bundle`; default: that of
+                `config`, mdk-net.
+            config: settings; of them `mpc` and `model` are used. Default: those of `rt-controller`.
 
         Raises:
             ArtifactError: there is no such model, it is damaged, or it is of another vehicle.
             ConfigError: the settings give no QP that can be solved.
+            TypeError: model or settings are of another type.
         """
-        bundle = model if isinstance(model, Bundle) else Bundle.load(model)
-        return cls(build_planner(bundle, (config or ControllerConfig()).mpc))
+        config = require_config(config)
+        self.bundle = Bundle.load(config.model if model is None else model)
+        """the model"""
+        self._mpc = build_mpc(self.bundle, config.mpc)
+        # The products are small: threads of the linear algebra make them slower, and on a busy
+        # machine a hundred times slower. The programs set this before numpy is imported.
+        self._threads = ThreadpoolController()
+        self.reset()
+
+    @classmethod
+    def load(
+        cls, model: str | Path | Bundle | None = None, config: ControllerConfig | None = None
+    ) -> "Controller":
+        """The same as `Controller(model, config)`."""
+        return cls(model, config)
 
     def reset(self, previous: ControlInput = NEUTRAL_INPUT) -> None:
-        """Forget the past; `previous` is the input that is applied at present."""
+        """Forget the past; `previous` is the input that is applied at present.
+
+        Raises:
+            TypeError, ValueError: `previous` is not three finite numbers.
+        """
+        previous = _input("previous", previous)
         self._mpc.forget()
         self._previous = previous
 
@@ -109,12 +122,20 @@ class Controller:
             path: as `PathReference`, seen from the car.
             curvature_per_m: of the road's reference line at the car.
             applied: input that acted in the last period; default: `control` of the last plan.
+
+        Raises:
+            TypeError: something else, or of another length; arrays and lists are taken too.
+            ValueError: `applied` is not finite.
         """
-        # An array or a list of the right length is taken too; another length is refused here,
-        # before anything is stored.
-        state, path = VehicleState(*state), PathReference(*path)
+        # All is checked before anything is stored.
+        state = _vector("state", state, VehicleState)
+        path = _vector("path", path, PathReference)
+        if isinstance(curvature_per_m, np.ndarray) and curvature_per_m.ndim == 0:
+            curvature_per_m = curvature_per_m.item()
+        if not isinstance(curvature_per_m, Real):
+            raise TypeError(f"curvature_per_m: expected one number, found {curvature_per_m!r:.60}.")
         if applied is not None:
-            self._previous = ControlInput(*applied)
+            self._previous = _input("applied", applied)
         with self._threads.limit(limits=1, user_api="blas"):
             return self._plan(state, path, curvature_per_m)
 
@@ -132,3 +153,22 @@ class Controller:
         plan = Plan(status, inputs, states, self._mpc.iterations, self._mpc.solve_ns * 1e-9)
         self._mpc.prepare()
         return plan
+
+
+def _vector(name: str, found: Any, kind: type[Vector]) -> Vector:
+    numbers = np.asarray(found, dtype=object)
+    is_another_kind = isinstance(found, tuple) and type(found) not in (tuple, kind)
+    is_numeric = all(isinstance(number, Real) for number in numbers.flat)
+    if is_another_kind or numbers.shape != (len(kind._fields),) or not is_numeric:
+        raise TypeError(
+            f"{name}: expected {len(kind._fields)} numbers ({', '.join(kind._fields)}), found "
+            f"{found!r:.80}."
+        )
+    return kind(*map(float, numbers))
+
+
+def _input(name: str, found: Any) -> ControlInput:
+    control = _vector(name, found, ControlInput)
+    if not np.isfinite(control).all():
+        raise ValueError(f"{name}: expected finite numbers, found {control}.")
+    return control

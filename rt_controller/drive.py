@@ -3,15 +3,14 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.errors import ConfigError, needs_extra
 from rt_controller.contract.schema import VEHICLE, Signal
 from rt_controller.contract.signals import Mode
-from rt_controller.tracking import TrackingErrors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,6 +24,17 @@ REFERENCE = (
 MODE = Signal("mode", "1")
 COLUMNS = (TIME, *VEHICLE.states, *VEHICLE.exogenous, *REFERENCE, *VEHICLE.inputs, MODE)
 """of a drive: time, measured states and curvature, reference at the car, input sent, `Mode`"""
+
+
+class TrackingErrors(NamedTuple):
+    """The car minus its reference over the ticks that drove, braking to rest included."""
+
+    ey_rms_m: float
+    ey_peak_m: float
+    epsi_rms_rad: float
+    epsi_peak_rad: float
+    vx_rms_mps: float
+    vx_peak_mps: float
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -41,7 +51,6 @@ class Drive:
     values: Array
     """(ticks, columns), see `COLUMNS`"""
     errors: TrackingErrors
-    """RMS and peak deviations from the reference over the ticks that drove"""
     model: str
     """name of the model and first digits of its hash"""
     ending: str
@@ -71,7 +80,7 @@ class Drive:
     def __repr__(self) -> str:
         return (
             f"<Drive of {len(self)} ticks with {self.model}, {self.ending}: "
-            f"e_y RMS {self.errors.ey_rms_m:.3f} m, peak {self.errors.ey_peak_m:.3f} m>"
+            f"lateral error RMS {self.errors.ey_rms_m:.3f} m, peak {self.errors.ey_peak_m:.3f} m>"
         )
 
     def __getitem__(self, column: str) -> Array:
@@ -90,7 +99,9 @@ class Drive:
 
         Raises:
             ConfigError: the file cannot be written.
+            TypeError: `file` is no path.
         """
+        _require_path(file)
         try:
             np.savetxt(file, self.values, "%.9g", ",", header=",".join(self.columns), comments="")
         except OSError as error:
@@ -99,8 +110,13 @@ class Drive:
             ) from error
 
     def to_pandas(self) -> Any:
-        """The table as a `pandas.DataFrame`, its units in `attrs["units"]`; needs pandas."""
-        import pandas as pd
+        """The table as a `pandas.DataFrame`, its units in `attrs["units"]`.
+
+        Raises:
+            MissingExtraError: pandas is not installed.
+        """
+        with needs_extra("logs", "A data frame"):
+            import pandas as pd
 
         frame = pd.DataFrame(self.values, columns=list(self.columns))
         frame.attrs["units"] = self.units
@@ -115,7 +131,15 @@ class Drive:
         Raises:
             MissingExtraError: matplotlib is not installed.
             ConfigError: the file cannot be written, or its format is unknown.
+            TypeError: `file` is no path.
         """
+        if file is not None:
+            _require_path(file)
         from rt_controller.report.drive_figure import draw_drive
 
         return draw_drive(self, None if file is None else Path(file))
+
+
+def _require_path(file: object) -> None:
+    if not isinstance(file, str | Path):
+        raise TypeError(f"file: expected the path of a file, found {file!r:.60}.")

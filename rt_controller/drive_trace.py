@@ -1,13 +1,12 @@
-"""Recorder of a drive in memory: the last ticks, one row each, allocated before the drive."""
+"""Recorder of a drive in memory: the last ticks, and the tracking errors of all of them."""
 
 from math import atan, nan
 
 import numpy as np
 
-from rt_controller.contract.arrays import Array
 from rt_controller.contract.schema import N_STATES
-from rt_controller.contract.signals import EXOGENOUS_FIELDS
-from rt_controller.drive import COLUMNS, REFERENCE
+from rt_controller.contract.signals import EXOGENOUS_FIELDS, Mode
+from rt_controller.drive import COLUMNS, REFERENCE, Drive, TrackingErrors
 from rt_controller.step import StepResult
 
 _NO_STATE = (nan,) * (N_STATES + len(EXOGENOUS_FIELDS))
@@ -15,30 +14,49 @@ _NO_PATH = (nan,) * len(REFERENCE)
 
 
 class DriveTrace:
-    """Rows of the last `capacity` ticks, columns as `drive.COLUMNS`."""
+    """Rows of the last `capacity` ticks, columns as `drive.COLUMNS`; allocated before the drive."""
 
     def __init__(self, capacity: int) -> None:
         self._rows = np.zeros((capacity, len(COLUMNS)))
         self._start_ns: int | None = None
         self._ticks = 0
+        self._driven_ticks = 0
+        self._squares = [0.0, 0.0, 0.0]
+        self._peaks = [0.0, 0.0, 0.0]
 
     def record(self, result: StepResult, now_ns: int) -> None:
-        """Append the row of one tick at `now_ns` on the clock of the loop."""
+        """Add one tick at `now_ns` on the clock of the loop."""
         if self._start_ns is None:
             self._start_ns = now_ns
         state, path = result.state, result.path
+        reference = _NO_PATH if path is None else (path.c0_m, atan(path.c1), path.v_mps)
         self._rows[self._ticks % len(self._rows)] = (
             (now_ns - self._start_ns) * 1e-9,
             *(_NO_STATE if state is None else (*state.state, state.curvature_per_m)),
-            *(_NO_PATH if path is None else (path.c0_m, atan(path.c1), path.v_mps)),
+            *reference,
             *result.control,
             result.mode,
         )
         self._ticks += 1
+        if result.mode is Mode.STANDBY or state is None or path is None:
+            return
+        self._driven_ticks += 1
+        car = (state.state.ey_m, state.state.epsi_rad, state.state.vx_mps)
+        for i, (found, wanted) in enumerate(zip(car, reference, strict=True)):
+            error = found - wanted
+            self._squares[i] += error * error
+            self._peaks[i] = max(self._peaks[i], abs(error))
 
-    def rows(self) -> Array:
-        """(ticks, columns), oldest first."""
+    def errors(self) -> TrackingErrors:
+        """Over all ticks that drove; zeros if there was none."""
+        rms = (np.sqrt(np.array(self._squares) / max(self._driven_ticks, 1))).tolist()
+        pairs = zip(rms, self._peaks, strict=True)
+        return TrackingErrors(*(number for pair in pairs for number in pair))
+
+    def drive(self, model: str, ending: str) -> Drive:
+        """The ticks that are kept, oldest first."""
         kept = len(self._rows)
-        if self._ticks <= kept:
-            return self._rows[: self._ticks].copy()
-        return np.roll(self._rows, -(self._ticks % kept), axis=0)
+        rows = self._rows[: self._ticks].copy()
+        if self._ticks > kept:
+            rows = np.roll(self._rows, -(self._ticks % kept), axis=0)
+        return Drive(rows, self.errors(), model, ending)

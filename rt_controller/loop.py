@@ -11,9 +11,8 @@ from rt_controller.realtime.accounting import DeadlineAccount
 from rt_controller.realtime.clock import Clock
 from rt_controller.realtime.kernel_counters import KernelCounters
 from rt_controller.realtime.tick_timer import TickTimer
-from rt_controller.safety.modes import BUS_CAUSES, StopCause
-from rt_controller.step import STANDING_MPS, ControlStep, StepResult
-from rt_controller.tracking import TrackingAccount
+from rt_controller.safety.modes import BUS_CAUSES, STANDING_MPS, StopCause
+from rt_controller.step import ControlStep, StepResult
 
 MAX_TICKS_WITHOUT_STATE = round(10.0 / PERIOD_S)
 """after so long a safe stop without any state the car is taken to be at rest"""
@@ -24,11 +23,12 @@ class Ending(Enum):
 
     MISSION_OVER = "the mission is over"
     STOPPED = "stopped on request"
+    ENDED_AT_ONCE = "ended at once by a second request; the last frame was a safe command"
     SAFE_STOPPED = "ended in a safe stop"
 
 
 class StopRequest:
-    """Counts requests to end: the first stops the car, the second ends the loop at once."""
+    """Requests to end the run: the first stops the car, the second ends the loop at once."""
 
     def __init__(self) -> None:
         self._times = 0
@@ -51,7 +51,6 @@ class RunRecord:
     """The figures of a run, during the run and after it; preallocated."""
 
     deadlines: DeadlineAccount
-    tracking: TrackingAccount
     trace: DriveTrace
     result: StepResult = field(default_factory=StepResult)
     """of the last step"""
@@ -61,8 +60,6 @@ class RunRecord:
         """Add the result of one tick."""
         self.result = result
         self.trace.record(result, scheduled_ns)
-        if result.mode is not Mode.STANDBY and result.state and result.path:
-            self.tracking.record(result.state.state, result.path)
 
 
 def run_loop(
@@ -70,7 +67,7 @@ def run_loop(
     clock: Clock,
     record: RunRecord,
     request: StopRequest,
-    stays: bool = False,
+    waits_for_missions: bool = False,
     end_ns: int | None = None,
     schedule: Schedule | None = None,
     kernel_counters: KernelCounters | None = None,
@@ -82,7 +79,7 @@ def run_loop(
         clock: gives the ticks.
         record: is updated after each step.
         request: stops the car and then ends the loop; an urgent one ends it at once.
-        stays: do not end with the mission; wait for the next one.
+        waits_for_missions: at the end of a mission, wait for the next one.
         end_ns: time on `clock` at which the stop is requested; None: never.
         schedule: of the preparation before each tick; None: no preparation.
         kernel_counters: explain late ticks; None: no explanation.
@@ -90,7 +87,7 @@ def run_loop(
     Whatever happens, the last frame that is sent is a safe command.
     """
     timer = TickTimer(clock, record.deadlines, kernel_counters)
-    end = _EndConditions(stays)
+    end = _EndConditions(record, waits_for_missions)
     try:
         while not request.is_urgent:
             is_stopping = request.is_requested or (end_ns is not None and clock.now_ns() >= end_ns)
@@ -105,20 +102,19 @@ def run_loop(
             timer.record(result.qp_ns, result.qp_iterations)
 
             record.add(result, tick.scheduled_ns)
-            is_over = end.are_met(result, is_stopping)
-            record.ending = end.ending
-            if is_over:
+            if end.are_met(result, is_stopping):
                 return
+        record.ending = Ending.ENDED_AT_ONCE
     finally:
         step.send_safe_command()
 
 
 class _EndConditions:
-    """Decides after each step whether the run is over, and how it ended."""
+    """Decides after each step whether the run is over, and writes into the record how it ended."""
 
-    def __init__(self, stays: bool) -> None:
-        self.ending = Ending.STOPPED
-        self._stays = stays
+    def __init__(self, record: RunRecord, waits_for_missions: bool) -> None:
+        self._record = record
+        self._waits_for_missions = waits_for_missions
         self._has_driven = False
         self._ticks_without_state = 0
 
@@ -126,14 +122,14 @@ class _EndConditions:
         """True if the mission is over, or the car is at rest in a safe stop that ends the run."""
         self._has_driven = self._has_driven or result.mode is Mode.NOMINAL
         self._ticks_without_state = 0 if result.state else self._ticks_without_state + 1
-        if result.mode is Mode.STANDBY and self._has_driven and not self._stays:
-            self.ending = Ending.MISSION_OVER
+        if result.mode is Mode.STANDBY and self._has_driven and not self._waits_for_missions:
+            self._record.ending = Ending.MISSION_OVER
             return True
         if result.mode is not Mode.SAFE_STOP or not self._is_at_rest(result):
             return False
         if result.cause is not StopCause.STOP_REQUESTED:
-            self.ending = Ending.SAFE_STOPPED
-        return is_stopping or not self._stays or result.cause in BUS_CAUSES
+            self._record.ending = Ending.SAFE_STOPPED
+        return is_stopping or not self._waits_for_missions or result.cause in BUS_CAUSES
 
     def _is_at_rest(self, result: StepResult) -> bool:
         if result.state is None:

@@ -1,52 +1,42 @@
 """From a model bundle to a controller that plans with it; needs no bus."""
 
-from dataclasses import dataclass
+from functools import partial
 
 from rt_controller.config import MpcSettings
 from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, PathReference
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.mpc import Mpc
-from rt_controller.control.solver import SolveStatus
+from rt_controller.control.qp import Features
+from rt_controller.control.solver import SolveStatus, open_solver
+from rt_controller.control.terms import Corridor
 
 WARM_UP_STEPS = 20
 
 
-@dataclass(frozen=True, slots=True)
-class Planner:
-    """A loaded model and the controller that plans with it; needs no bus."""
-
-    bundle: Bundle
-    mpc: Mpc
-
-    @property
-    def model(self) -> str:
-        """Name of the model, and the first digits of its hash."""
-        return f"{self.bundle.name} {self.bundle.sha256[:8]}"
-
-
-def build_planner(bundle: Bundle, settings: MpcSettings) -> Planner:
-    """The controller of a loaded model, its QP assembled and solved once.
+def build_mpc(bundle: Bundle, settings: MpcSettings) -> Mpc:
+    """The planner of a loaded model, its QP assembled and solved.
 
     Raises:
         ArtifactError: the model is not one of this vehicle, or gives no convex QP.
         ConfigError: settings that give no QP, or one that is not solved at a constant speed.
     """
+    corridor = None
+    if settings.corridor_m is not None:
+        corridor = Corridor(settings.corridor_m, settings.beyond_corridor_m)
     mpc = Mpc(
         bundle,
         settings.horizon,
         settings.cost(),
-        INPUT_LIMITS,
-        settings.features(),
-        settings.open_solver,
+        Features(settings.slew_rows, corridor),
+        partial(open_solver, name=settings.solver, warm_start=settings.warm_start == "on"),
     )
-    warm_up(mpc)
-    return Planner(bundle, mpc)
+    plan_at_constant_speed(mpc)
+    return mpc
 
 
-def warm_up(mpc: Mpc) -> None:
+def plan_at_constant_speed(mpc: Mpc) -> None:
     """Plan several times at a constant speed, so that all code and data is loaded before tick 0.
 
     Raises:
@@ -59,5 +49,5 @@ def warm_up(mpc: Mpc) -> None:
     if status is not SolveStatus.SOLVED:
         raise ConfigError(
             f"The QP of a constant 20 m/s on a straight path: expected it to be solved, found "
-            f"{status.name}. Check the model and the --mpc settings."
+            f"{status.name}. Check the model and `mpc.tolerance`."
         )

@@ -7,8 +7,8 @@ from typing import Any
 
 def public_names(
     package: str, modules: Mapping[str, str]
-) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """`__getattr__` and `__dir__` of a package.
+) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
+    """`__all__`, `__getattr__` and `__dir__` of a package; `__version__` is among its attributes.
 
     Args:
         package: its `__name__`.
@@ -16,11 +16,14 @@ def public_names(
     """
 
     def get(name: str) -> Any:
-        if name not in modules:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(import_module(f"{package}.{modules[name]}"), name)
+        if name in modules:
+            return getattr(import_module(f"{package}.{modules[name]}"), name)
+        if name == "__version__":
+            return import_module("importlib.metadata").version("rt-controller")
+        raise AttributeError(
+            f"module {package!r} has no attribute {name!r}; its public names are "
+            f"{', '.join(sorted(modules))}"
+        )
 
-    def names() -> list[str]:
-        return sorted(modules)
-
-    return get, names
+    names = sorted(modules)
+    return names, get, lambda: [*names, "__version__"]

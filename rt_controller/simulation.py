@@ -1,20 +1,27 @@
 """A simulated drive as a function: scenario, plant and model in, table of the drive out."""
 
+from contextlib import closing
 from itertools import count
 from math import inf
+from numbers import Real
 from pathlib import Path
+from types import UnionType
 from typing import TYPE_CHECKING
 
+from pydantic import ValidationError
 from threadpoolctl import threadpool_limits
 
-from rt_controller.car_settings import CarSettings
-from rt_controller.config import BusSettings, ControllerConfig, Pace
+from rt_controller.config import ControllerConfig, require_config
 from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ConfigError, PlantError
+from rt_controller.contract.settings_errors import dotted, explain
+from rt_controller.control.mpc import Mpc
 from rt_controller.drive import Drive
-from rt_controller.planner import build_planner
-from rt_controller.session import open_session
-from rt_controller.virtual_car import build_virtual_car
+from rt_controller.planner import build_mpc
+from rt_controller.realtime.clock import LockstepClock
+from rt_controller.session import ControllerSession
+from rt_controller.settings import OWN, VIRTUAL, BusSettings, CarSettings
+from rt_controller.virtual_car import open_virtual_car
 
 if TYPE_CHECKING:
     from sim_bridge.plant.protocol import Plant
@@ -36,7 +43,8 @@ def simulate(
     """Drive a scenario with a simulated car, in simulated time, over a virtual CAN bus.
 
     The controller is the one of `rt-controller`, with its frames, checks and modes. The same
-    arguments give the same drive on every machine.
+    arguments give the same drive on every machine. The first call on a machine compiles the car:
+    up to a minute.
 
     Args:
         scenario: name of a shipped scenario, or path of a .toml file.
@@ -45,44 +53,64 @@ def simulate(
         car: parameters of the own car: a shipped name, or path of a .toml file.
         friction: of the road; default: the scenario's.
         config: settings of the controller; `model` overrides its model.
-        duration_s: bring the car to rest after this time; default: the scenario's end.
+        duration_s: request the stop after this time; braking to rest follows and is part of the
+            drive and of its errors. Default: the scenario's end.
 
     Raises:
         ConfigError: scenario, plant, car or settings are refused.
         ArtifactError: the model does not fit.
         MissingExtraError: the extra `sim`, or one that the plant needs, is not installed.
-        PlantError: the plant failed during the drive.
+        PlantError: the plant failed during the drive, or raised an exception: then its cause.
+        TypeError: an argument is of another type.
     """
+    _require_type("scenario", scenario, str | Path, "the name or path of a scenario")
+    _require_type("car", car, str | Path | None, "the name or path of a car")
+    _require_type("friction", friction, Real | None, "one number")
+    _require_type("duration_s", duration_s, Real | None, "one number")
     if duration_s is not None and not 0.0 < duration_s < inf:
         raise ConfigError(f"duration_s: expected a finite time above 0 s, found {duration_s}.")
-    settings = (config or ControllerConfig()).model_copy(
-        update={"bus": BusSettings(channel=f"simulate-{next(_numbers)}")}
-    )
-    settings = settings.model_copy(
-        update={"realtime": settings.realtime.model_copy(update={"priority": 0})}
-    )
-    bundle = model if isinstance(model, Bundle) else Bundle.load(model or settings.model)
-    planner = build_planner(bundle, settings.mpc)
-    car_settings = CarSettings(
-        scenario=str(scenario),
-        plant=plant if isinstance(plant, str) else "own",
-        car=None if car is None else str(car),
-        friction=friction,
-    )
-    virtual = build_virtual_car(
-        settings.bus, car_settings, None if isinstance(plant, str) else plant
-    )
+    settings = require_config(config)
+    bundle = Bundle.load(settings.model if model is None else model)
+    mpc = build_mpc(bundle, settings.mpc)
+    choices = {
+        "scenario": str(scenario),
+        "plant": plant if isinstance(plant, str) else OWN,
+        "car": None if car is None else str(car),
+        "friction": friction,
+    }
     try:
-        session = open_session(settings, planner, virtual.clock(Pace.LOCKSTEP), None, True)
-        try:
-            with threadpool_limits(1, user_api="blas"):
-                session.start(duration_s, False, _LONGEST_WAIT_S).join()
-        finally:
-            session.close()
-    finally:
-        virtual.close()
+        car_settings = CarSettings.model_validate(choices)
+    except ValidationError as refused:
+        raise ConfigError(explain(refused, dotted, CarSettings)) from None
+    own_plant = None if isinstance(plant, str) else plant
+    return drive_in_lockstep(settings, bundle, mpc, car_settings, own_plant, duration_s)
+
+
+def drive_in_lockstep(
+    config: ControllerConfig,
+    bundle: Bundle,
+    mpc: Mpc,
+    car: CarSettings,
+    plant: "Plant | None" = None,
+    duration_s: float | None = None,
+) -> Drive:
+    """A drive in simulated time with `mpc`, which plans with `bundle`, over a bus of its own.
+
+    `plant` replaces the one that `car` names; otherwise as `simulate`.
+    """
+    bus = BusSettings(bus=VIRTUAL, channel=f"simulate-{next(_numbers)}")
+    with closing(open_virtual_car(bus, car, plant)) as virtual, threadpool_limits(1, "blas"):
+        clock = LockstepClock(virtual.bridge.tick)
+        with closing(ControllerSession(bus, config, bundle, mpc, clock)) as session:
+            session.start(duration_s, False, _LONGEST_WAIT_S).join()
     if session.failure is not None:
         raise session.failure
-    if virtual.plant_failure is not None:
-        raise PlantError(f"The plant failed during the drive: {virtual.plant_failure}.")
+    plant_failure = virtual.bridge.summary().plant_failure
+    if plant_failure is not None:
+        raise PlantError(f"The plant failed during the drive: {plant_failure}.")
     return session.drive()
+
+
+def _require_type(name: str, found: object, kind: type | UnionType, expected: str) -> None:
+    if not isinstance(found, kind):
+        raise TypeError(f"{name}: expected {expected}, found {found!r:.60}.")

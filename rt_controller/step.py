@@ -1,4 +1,4 @@
-"""One control step: frames in, frames out. It reads like the paper, from lift to first input."""
+"""One control step: from received frames to the command frames, by the equations of the paper."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -18,20 +18,17 @@ from rt_controller.bus.identity import own_identity
 from rt_controller.bus.inbox import Inbox
 from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import DiscardBus, Outbox
-from rt_controller.contract.limits import InputLimits
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, PathReference
-from rt_controller.contract.timing import IDENT_PERIOD_TICKS, PERIOD_S
+from rt_controller.contract.timing import IDENT_PERIOD_TICKS
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.plan_buffer import PlanBuffer
 from rt_controller.control.solver import SolveStatus
 from rt_controller.realtime.clock import Clock
 from rt_controller.receiver import FreshData, Receiver
 from rt_controller.safety.envelope import limit
-from rt_controller.safety.fallback import input_for, safe_stop
-from rt_controller.safety.modes import StopCause, TickFacts, decide
+from rt_controller.safety.fallback import input_for
+from rt_controller.safety.modes import STANDING_MPS, StopCause, TickFacts, decide
 
-STANDING_MPS = 0.3
-"""below this speed the car counts as standing: a request to leave SAFE_STOP may be granted"""
 MIN_PLANNED_MPS = 3.0
 """no model is trained below this speed: a safe stop ends without planning its steering"""
 NO_FAULT = Fault(0)
@@ -75,8 +72,6 @@ class ControlStep:
         inbox: Inbox,
         outbox: Outbox,
         mpc: Mpc,
-        plan: PlanBuffer,
-        limits: InputLimits,
         clock: Clock,
         model_hash: int,
     ) -> None:
@@ -86,8 +81,7 @@ class ControlStep:
         self._outbox = outbox
         self._dry_run_outbox = Outbox(DiscardBus(), Node.CONTROLLER)
         self._mpc = mpc
-        self._plan = plan
-        self._limits = limits
+        self._plan = PlanBuffer(len(mpc.inputs))
         self._clock = clock
         self._identity = own_identity(model_hash)
         self._send_failures = 0
@@ -101,7 +95,7 @@ class ControlStep:
         missed_deadline: bool = False,
         end_stage: Callable[[], None] = lambda: None,
     ) -> StepResult:
-        """The result of one tick: receive, plan, choose the mode, limit, send.
+        """Receive, plan, choose the mode, limit, send; the result of this tick.
 
         Args:
             skipped_ticks: periods that were skipped before this one.
@@ -119,7 +113,7 @@ class ControlStep:
         facts = self._facts(data, planned)
         mode, cause = decide(facts, last.mode, last.cause)
         wanted = input_for(mode, planned.control, last.control)
-        control = limit(wanted, last.control, self._limits, PERIOD_S)
+        control = limit(wanted, last.control)
 
         self.result = StepResult(
             mode, cause, control, data.state, data.path, planned.qp_iterations, planned.qp_ns
@@ -154,12 +148,12 @@ class ControlStep:
     def warm_up(self) -> None:
         """Just before the next tick: dry-run the step to warm the caches; nothing is sent.
 
-        Code and data that were not used for a period have left the processor's caches; with warm
-        caches the step is several times faster.
+        Code and data that were not used for a period have left the processor's caches; while they
+        are in the caches, the step is several times faster.
         """
         now_ns = self._clock.now_ns()
         self._mpc.warm_up()
-        limit(self.result.control, self.result.control, self._limits, PERIOD_S)
+        limit(self.result.control, self.result.control)
         self._send(self._dry_run_outbox, now_ns)
 
     def request_stop(self) -> None:
@@ -169,7 +163,7 @@ class ControlStep:
     def send_safe_command(self) -> None:
         """Send one last command before the loop ends: that of a safe stop, without planning."""
         last = self.result.control
-        control = limit(safe_stop(last, None), last, self._limits, PERIOD_S)
+        control = limit(input_for(Mode.SAFE_STOP, None, last), last)
         counter = self._receiver.counter + 1
         command = Command(control, Mode.SAFE_STOP)
         self._outbox.send(COMMAND, command, self._clock.now_ns(), counter=counter)

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from sim_bridge.scenario import Scenario as Scenario
     from sim_bridge.scenario import load_scenario as load_scenario
 
-__getattr__, __dir__ = public_names(
+__all__, __getattr__, __dir__ = public_names(
     __name__,
     {
         "Plant": "plant.protocol",

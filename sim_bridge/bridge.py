@@ -18,7 +18,9 @@ from rt_controller.bus.catalogue import (
 )
 from rt_controller.bus.identity import own_identity, require_same_catalogue
 from rt_controller.bus.inbox import Inbox
+from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import Outbox
+from rt_controller.bus.recorder import Recorder
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.signals import NEUTRAL_INPUT, Mode, VehicleState
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS, MISSION_PERIOD_TICKS
@@ -43,6 +45,8 @@ class BridgeSummary:
     ey_rms_m: float
     ey_peak_m: float
     watchdog_braked: bool
+    controller_ended: bool
+    """the watchdog braked after a safe stop of the controller, and not while it drove"""
     plant_failure: str | None
     """why the plant stopped returning finite numbers; the figures are those before it"""
 
@@ -56,11 +60,11 @@ class Bridge:
     """
 
     def __init__(
-        self, *, bus: can.BusABC, inbox: Inbox, outbox: Outbox, car: Car, scenario: Scenario
+        self, bus: can.BusABC, car: Car, scenario: Scenario, recorder: Recorder | None = None
     ) -> None:
         self._bus = bus
-        self._inbox = inbox
-        self._outbox = outbox
+        self._inbox = Inbox(Node.VEHICLE, recorder)
+        self._outbox = Outbox(bus, Node.VEHICLE, recorder)
         self._car = car
         self._scenario = scenario
         self._watchdog = ActuatorWatchdog()
@@ -90,15 +94,26 @@ class Bridge:
         """True if the plant stopped returning finite numbers; its states are sent as invalid."""
         return not self._car.is_sound
 
+    def listen(self, now_ns: int) -> None:
+        """Read the bus and send nothing: frames of a vehicle are those of another one.
+
+        Raises:
+            BusError: the bus cannot be read, or another vehicle is on it.
+        """
+        self._read(now_ns)
+        if self._inbox.foreign_frames > 0:
+            raise BusError(
+                "Expected to be the only vehicle on this bus, found frames of another one. Stop it "
+                "first, or choose another channel."
+            )
+
     def tick(self, now_ns: int) -> None:
         """Read the newest command, advance the car by one period with it, send its state.
 
         Raises:
             BusError: the bus cannot be read, or the controller uses another message catalogue.
         """
-        self._inbox.drain(self._bus, now_ns)
-        if self._inbox.last_failure:
-            raise BusError(f"The bus cannot be read: {self._inbox.last_failure}")
+        self._read(now_ns)
         peer = self._inbox.newest(CONTROLLER_IDENTITY)
         if peer is not None:
             require_same_catalogue(peer.content)
@@ -117,11 +132,12 @@ class Bridge:
         failure = plant.failure or f"{plant.name}: its motion left all bounds"
         return BridgeSummary(
             ticks=self.driven_ticks,
-            final_speed_mps=hypot(self._state.vx_mps, self._state.vy_mps),
+            final_speed_mps=self._speed_mps(),
             travelled_m=self._s_m,
             ey_rms_m=(self._ey_square_m2 / ticks) ** 0.5,
             ey_peak_m=self._ey_peak_m,
             watchdog_braked=self._watchdog.is_braking,
+            controller_ended=self._watchdog.has_controller_ended,
             plant_failure=failure if self.has_failed else None,
         )
 
@@ -129,12 +145,20 @@ class Bridge:
         """Close the car's plant."""
         self._car.plant.close()
 
+    def _read(self, now_ns: int) -> None:
+        self._inbox.drain(self._bus, now_ns)
+        if self._inbox.last_failure:
+            raise BusError(f"The bus cannot be read: {self._inbox.last_failure}")
+
     def _advance(self, now_ns: int) -> None:
         if self._end_ticks > 0 and not self._watchdog.is_braking:
             self._applied = NEUTRAL_INPUT  # the mission is over: a driver has taken the car
         else:
             self._applied = self._watchdog.apply(
-                self._inbox.newest(COMMAND), now_ns, self._outbox.last_counter(STATE)
+                self._inbox.newest(COMMAND),
+                now_ns,
+                self._outbox.last_counter(STATE),
+                self._speed_mps(),
             )
         state = self._car.advance(self._applied, self._scenario.curvature_per_m)
         if self.has_failed:
@@ -148,10 +172,19 @@ class Bridge:
         else:
             self._end_ticks += 1
 
+    def _speed_mps(self) -> float:
+        return hypot(self._state.vx_mps, self._state.vy_mps)
+
     def _is_mission_on(self) -> bool:
+        """True during the scenario, and after it until a safe stop has brought the car to rest."""
+        if self._end_ticks > 0:
+            return False
+        is_moving = self._state.vx_mps > STANDING_MPS
         if self._watchdog.is_braking:
-            return self._state.vx_mps > STANDING_MPS
-        return self.driven_ticks < self._scenario.ticks
+            return is_moving
+        command = self._inbox.newest(COMMAND)
+        is_safe_stop = command is not None and command.content.mode is Mode.SAFE_STOP
+        return self.driven_ticks < self._scenario.ticks or (is_safe_stop and is_moving)
 
     def _send(self, now_ns: int) -> None:
         command = self._inbox.newest(COMMAND)

@@ -1,9 +1,10 @@
-"""A car on its road: any plant and the road frame, advanced together by the control period."""
+"""A car on its road: any plant and the road frame, advanced together."""
 
 from math import cos, isfinite
 
 import numpy as np
 
+from rt_controller.contract.errors import PlantError, RtControllerError
 from rt_controller.contract.signals import AT_REST, ControlInput, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge import frenet
@@ -11,7 +12,7 @@ from sim_bridge.plant.protocol import Plant
 
 
 class Car:
-    """A simulated car in the Frenet frame of a road; inputs are held over each period."""
+    """A simulated car in the Frenet frame of a road; inputs are held over each step."""
 
     def __init__(self, plant: Plant, v0_mps: float) -> None:
         self.plant = plant
@@ -28,18 +29,34 @@ class Car:
         """
         self._before[:] = self.plant.reset(v0_mps)
         self._pose[:] = (0.0, ey_m, epsi_rad)
+        self._steps = 0
         vx_mps, vy_mps, yaw_rate_radps = self._before.tolist()
         ds_m = vx_mps * cos(epsi_rad) * PERIOD_S
         self.state = VehicleState(vx_mps, vy_mps, yaw_rate_radps, ds_m, ey_m, epsi_rad)
         return self.state
 
-    def advance(self, control: ControlInput, curvature_per_m: float) -> VehicleState:
-        """The state one control period later; all NaN once the plant has failed."""
+    def advance(
+        self, control: ControlInput, curvature_per_m: float, dt_s: float = PERIOD_S
+    ) -> VehicleState:
+        """The state `dt_s` later; all NaN once the plant has failed.
+
+        Raises:
+            PlantError: the plant raised an exception.
+        """
         s_before_m = float(self._pose[frenet.S])
-        motion = self.plant.step(control, PERIOD_S)
-        frenet.advance_pose(
-            self._before, motion, curvature_per_m, PERIOD_S / motion.shape[0], self._pose
-        )
+        self._steps += 1
+        try:
+            motion = self.plant.step(control, dt_s)
+        except RtControllerError:
+            raise
+        except Exception as error:
+            raise PlantError(
+                f"plant {self.plant.name}: expected a motion from step {self._steps} after the "
+                f"start, found {type(error).__name__}: {error}. A plant that fails returns NaN and "
+                f"states the reason in `failure`."
+            ) from error
+        step_s = dt_s / motion.shape[0]
+        frenet.advance_pose(self._before, motion, curvature_per_m, step_s, self._pose)
         self._before[:] = motion[-1]
         vx_mps, vy_mps, yaw_rate_radps = self._before.tolist()
         s_m, ey_m, epsi_rad = self._pose.tolist()

@@ -9,16 +9,17 @@ from typing import Annotated
 from cyclopts import Parameter
 from pydantic import Field
 
-from rt_controller.car_settings import CAR_PRIORITY, CarSettings
-from rt_controller.terminal.bus_options import BusOptions
+from rt_controller.settings import CAR_PRIORITY, BusSettings, CarSettings, SharedInterface
 from rt_controller.terminal.command_line import new_app, run_command
 
 app = new_app(
     "sim-bridge",
     "Simulate a car on a CAN bus: the project's own, an FMU, or CommonRoad's. The summary "
     "goes to stdout, progress and messages to stderr. Exit codes: 0 ok, 1 a validation target was "
-    "missed, 2 usage or configuration, 3 an optional package is missing, 5 the bus failed or the "
-    "controller stopped sending, 7 the plant failed.",
+    "missed, 2 usage or configuration, 3 an optional package is missing, 5 the bus failed, "
+    "another vehicle is on it, or the controller stopped sending while it drove, 7 the plant "
+    "failed, 130 ended by Ctrl-C while it was loading.",
+    "--bus NAME",
 )
 app.command(
     "sim_bridge.adapters.export:export_fmu",
@@ -32,8 +33,11 @@ app.command(
 )
 
 
-class BridgeOptions(CarSettings, BusOptions):
+class BridgeOptions(CarSettings, BusSettings):
     """Options of one run of the bridge."""
+
+    bus: SharedInterface | str
+    """python-can interface, these or another that other processes reach"""
 
     wait_s: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 60.0
     """longest wait for a controller"""
@@ -44,7 +48,7 @@ class BridgeOptions(CarSettings, BusOptions):
     json_file: Annotated[Path | None, Parameter(name="--json")] = None
     """write the summary to this JSON file"""
     quiet: bool = False
-    """no live line"""
+    """no progress on stderr; errors and the result remain"""
 
 
 @app.default

@@ -84,16 +84,16 @@ def integrate_poses(
     """
     n_periods = (motion.shape[0] - 1) // steps_per_period
     poses = np.empty((n_periods + 1, 3))
-    pose = np.array((0.0, ey0_m, epsi0_rad))
-    poses[0] = pose
+    poses[0, S], poses[0, EY], poses[0, EPSI] = 0.0, ey0_m, epsi0_rad
     for k in range(n_periods):
+        for i in range(3):  # assigning a row takes the compiler two seconds
+            poses[k + 1, i] = poses[k, i]
         first = k * steps_per_period
         advance_pose(
             motion[first],
             motion[first + 1 : first + steps_per_period + 1],
             curvature_per_m,
             step_s,
-            pose,
+            poses[k + 1],
         )
-        poses[k + 1] = pose
     return poses

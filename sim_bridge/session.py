@@ -1,20 +1,18 @@
 """One run of the bridge: bus, car and log opened for the command line or the virtual car."""
 
-from collections.abc import Callable, Mapping
+from math import inf
+from threading import Event, Thread
 
 import can
 
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Node
-from rt_controller.bus.outbox import Outbox
 from rt_controller.bus.recorder import Recorder
-from rt_controller.bus.transport import Option, close_bus, open_bus
-from rt_controller.car_settings import CarSettings
+from rt_controller.bus.transport import close_bus
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import NEUTRAL_INPUT
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.realtime.clock import Clock
+from rt_controller.realtime.clock import RealtimeClock
 from rt_controller.realtime.scheduling import set_thread_priority
+from rt_controller.settings import BusSettings, CarSettings
 from sim_bridge.adapters.plants import open_plant
 from sim_bridge.bridge import Bridge
 from sim_bridge.car import Car
@@ -27,32 +25,67 @@ OWN_CAR = CarSettings()
 class BridgeSession:
     """An open bus, a settled car, and the bridge between them."""
 
-    def __init__(self, bus: can.BusABC, bridge: Bridge, recorder: Recorder | None) -> None:
+    def __init__(self, bus: can.BusABC, bridge: Bridge) -> None:
         self._bus = bus
-        self._recorder = recorder
+        self._stop_request = Event()
+        self._thread: Thread | None = None
         self.bridge = bridge
         self.failure: BaseException | None = None
-        """the exception that ended `run` early: a thread cannot raise it to its caller"""
+        """the exception that ended the thread early: it cannot raise it to its caller"""
 
-    def run(self, clock: Clock, should_stop: Callable[[], bool], priority: int) -> None:
-        """Tick on `clock` until the mission is over or `should_stop`.
+    def start(self, priority: int, listening_ticks: int = 0, wait_s: float = inf) -> Thread:
+        """Tick in real time until the mission is over or a stop is requested, in a thread.
 
-        The thread asks for SCHED_FIFO at `priority`: a real car is never late.
+        Args:
+            priority: SCHED_FIFO priority that the thread asks for: a real car is never late.
+            listening_ticks: before its first frame; it fails if another vehicle is on the bus.
+            wait_s: longest wait for a controller.
         """
-        try:
-            set_thread_priority(priority)
-            while not should_stop() and not self.bridge.is_over:
-                clock.wait()
-                self.bridge.tick(clock.now_ns())
-        except BaseException as error:
-            self.failure = error
+        self._thread = Thread(
+            target=self._run, args=(priority, listening_ticks, wait_s), name="car"
+        )
+        self._thread.start()
+        return self._thread
+
+    @property
+    def is_stop_requested(self) -> bool:
+        """True if the thread was requested to end."""
+        return self._stop_request.is_set()
+
+    def request_stop(self) -> None:
+        """Request the thread to end after its tick."""
+        self._stop_request.set()
 
     def close(self) -> None:
-        """Leave the bus, finish the log and close the plant."""
+        """End the thread and close bus and plant.
+
+        Raises:
+            BaseException: the one that ended the thread.
+        """
+        self.request_stop()
+        if self._thread is not None:
+            self._thread.join()
         close_bus(self._bus)
         self.bridge.close()
-        if self._recorder is not None:
-            self._recorder.close()
+        if self.failure is not None:
+            raise self.failure
+
+    def _run(self, priority: int, listening_ticks: int, wait_s: float) -> None:
+        clock = RealtimeClock()
+        wait_until_s = clock.now_ns() * 1e-9 + wait_s
+        try:
+            set_thread_priority(priority)
+            for _ in range(listening_ticks):
+                clock.wait()
+                self.bridge.listen(clock.now_ns())
+            while not self.is_stop_requested and not self.bridge.is_over:
+                clock.wait()
+                now_ns = clock.now_ns()
+                if self.bridge.is_waiting and now_ns * 1e-9 > wait_until_s:
+                    return
+                self.bridge.tick(now_ns)
+        except BaseException as error:
+            self.failure = error
 
 
 def build_car(scenario: Scenario, choice: CarSettings | Plant = OWN_CAR) -> Car:
@@ -67,8 +100,8 @@ def build_car(scenario: Scenario, choice: CarSettings | Plant = OWN_CAR) -> Car:
         plant = open_plant(plant, scenario.road_friction)
     else:
         require_plant(plant)
-        require_motion(plant.reset(scenario.speed_mps), (3,), "reset")
-        require_motion(plant.step(NEUTRAL_INPUT, PERIOD_S), (None, 3), "step")
+        require_motion(plant.reset(scenario.speed_mps), 1, "reset")
+        require_motion(plant.step(NEUTRAL_INPUT, PERIOD_S), 2, "step")
     try:
         car = Car(plant, scenario.speed_mps)
         # One period for nothing: what is not compiled or loaded yet is so here and not in the loop.
@@ -86,15 +119,14 @@ def build_car(scenario: Scenario, choice: CarSettings | Plant = OWN_CAR) -> Car:
 
 
 def open_session(
-    interface: str,
-    channel: str,
-    bitrate: int | None,
-    options: Mapping[str, Option],
+    bus_settings: BusSettings,
     scenario: str,
     recorder: Recorder | None = None,
     plant: CarSettings | Plant = OWN_CAR,
 ) -> BridgeSession:
     """A session with everything opened and ready to tick.
+
+    The caller closes the recorder, after the session.
 
     Raises:
         MissingExtraError: the plant's optional dependencies are not installed.
@@ -104,15 +136,8 @@ def open_session(
     manoeuvre = load_scenario(scenario)
     car = build_car(manoeuvre, plant)
     try:
-        bus = open_bus(interface, channel, bitrate, options)
+        bus = bus_settings.open_bus()
     except BaseException:
         car.plant.close()
         raise
-    bridge = Bridge(
-        bus=bus,
-        inbox=Inbox(Node.VEHICLE, recorder),
-        outbox=Outbox(bus, Node.VEHICLE, recorder),
-        car=car,
-        scenario=manoeuvre,
-    )
-    return BridgeSession(bus, bridge, recorder)
+    return BridgeSession(bus, Bridge(bus, car, manoeuvre, recorder))

@@ -42,15 +42,17 @@ _PINT_NAMES = {"1": "dimensionless", "%": "percent", "g": "standard_gravity", "k
 _SPELLINGS = {
     "1": ("", "-"),
     "%": ("percent", "pct"),
+    "1/m": ("per_m",),
     "m/s": ("mps", "meter per second"),
     "km/h": ("kmh", "kph", "km/hr", "kmph"),
     "mph": ("mi/h",),
     "kn": ("knots",),
     "m/s^2": ("mps2", "m/ss"),
     "deg": ("degree", "degrees", "°", "º"),
-    "deg/s": ("°/s", "º/s", "deg/sec", "degree/s", "dps"),
+    "deg/s": ("°/s", "º/s", "deg/sec", "degree/s", "degps", "dps"),
     "rad": ("radian", "radians"),
     "rad/s": ("rad/sec", "radps"),
+    "rad/s^2": ("radps2",),
     "rpm": ("1/min", "r/min", "rev/min"),
     "N": ("newton",),
     "N m": ("nm", "n*m", "n.m", "n·m"),
@@ -60,6 +62,12 @@ _SPELLINGS = {
     "degC": ("°c", "celsius"),
 }
 _NAME_OF_SPELLING = {text: name for name, texts in _SPELLINGS.items() for text in texts}
+
+_NAME_ENDINGS = (
+    *("per_m", "m", "mps", "mps2", "rad", "radps", "radps2", "n", "nm", "pa", "w", "kg", "k", "s"),
+    *("kmh", "kph", "mph", "deg", "degps", "dps", "g", "bar", "rpm", "percent", "pct", "ms"),
+)
+"""of signal names; those of the first row are in SI"""
 
 _SI_OF_EXPONENTS = {
     (0, 0, 0, 0): "1",
@@ -114,6 +122,19 @@ def require_unit(text: str, where: str) -> Unit:
             f"them and put the remaining factor into scale."
         )
     return unit
+
+
+def unit_of_name(name: str) -> str | None:
+    """The allowed unit that the name of a signal ends in: "m/s" of vx_mps; None: in none."""
+    if name.endswith("_mpa"):  # as a unit this spelling is ambiguous
+        return "MPa"
+    found = [ending for ending in _NAME_ENDINGS if name.endswith(f"_{ending}")]
+    return _find_name(found[0]) if found else None
+
+
+def is_si(name: str) -> bool:
+    """True for an allowed unit that is an SI unit."""
+    return name in _ALLOWED
 
 
 def unit_of_exponents(kg: int, m: int, s: int, rad: int, to_si: float) -> Unit | None:

@@ -6,14 +6,13 @@ from typing import Annotated, Any
 
 import cyclopts
 from rich.console import Console
-from rich.table import Table
 
 from benchmarks.cadence.drive import CadenceRun, Transport, aggregate, drive_in_real_time
-from benchmarks.tables import table
 from rt_controller.contract.artifact import shipped_model
 from rt_controller.contract.figures import write_figures
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.realtime.tick_times import TickTimes
+from rt_controller.report.table import Column, Fact, Table, facts_table, print_table
 
 VARIANTS: dict[str, tuple[str, ...]] = {
     "default": (),
@@ -23,6 +22,8 @@ VARIANTS: dict[str, tuple[str, ...]] = {
     "lti": ("--model", str(shipped_model("lti"))),
 }
 TIMES = [field for field in TickTimes._fields if field.endswith("_us")]
+QUANTILES = {"p50": "p50", "p99": "p99", "p999": "p99.9", "max": "max"}
+"""their keys among the figures, and their heads"""
 MIN_TICKS = 100
 """fewer missing ticks than this do not need another drive"""
 MAX_DRIVES = 50
@@ -85,7 +86,8 @@ def main(
         for variant, driven in drives.items()
     ]
     for one in figures:
-        console.print(_table(one))
+        for table in _tables(one):
+            print_table(table, console)
     write_figures(
         json, {"ticks": ticks, "rounds": rounds, "transport": transport.value, "variants": figures}
     )
@@ -108,26 +110,23 @@ def _with_sums(drives: list[CadenceRun]) -> dict[str, Any]:
     }
 
 
-def _table(found: dict[str, Any]) -> Table:
-    rows = [
-        [
-            name.removesuffix("_us"),
-            *(f"{found[name][q]:.0f}" for q in ("p50", "p99", "p999", "max")),
-        ]
+def _tables(found: dict[str, Any]) -> tuple[Table, Table]:
+    times = tuple(
+        (name.removesuffix("_us"), *(f"{found[name][key]:.0f}" for key in QUANTILES))
         for name in TIMES
-    ]
-    worst = found["worst_tick"]
-    rows += [
-        ["missed", str(found["deadline_misses"]), f"of {found['ticks']}"],
-        ["skipped", str(found["skipped_ticks"]), f"{found['safe_stops']} safe stops"],
-        ["worst", f"{worst['late_us']:.0f}", worst["cause"]],
-        ["400 steps, ms", f"{1e3 * found['computed_s_in_400_steps']:.0f}", "total"],
-        ["400 ticks, ms", f"{1e3 * found['computed_s_in_400_ticks']:.0f}", "with preparation"],
-        ["steal, s", f"{found['stolen_s_all_cores']:.2f}"],
-    ]
-    return table(
-        f"{found['variant']}, {found['model']}", ("us", "p50", "p99", "p99.9", "max"), rows
     )
+    columns = (Column("us", is_text=True), *map(Column, QUANTILES.values()))
+    worst = found["worst_tick"]
+    facts = (
+        Fact("missed deadlines", f"{found['deadline_misses']} of {found['ticks']}"),
+        Fact("skipped ticks", str(found["skipped_ticks"])),
+        Fact("safe stops", str(found["safe_stops"])),
+        Fact("worst tick", f"{worst['late_us']:.0f} us late, {worst['cause']}"),
+        Fact("400 steps", f"{1e3 * found['computed_s_in_400_steps']:.0f} ms"),
+        Fact("400 steps with preparation", f"{1e3 * found['computed_s_in_400_ticks']:.0f} ms"),
+        Fact("stolen by the host", f"{found['stolen_s_all_cores']:.2f} s"),
+    )
+    return Table(f"{found['variant']}, {found['model']}", columns, times), facts_table(facts)
 
 
 if __name__ == "__main__":

@@ -12,8 +12,9 @@ from rich.console import Console
 from benchmarks.peers.recording import TIERS, record
 from benchmarks.peers.solver_comparison import HEADS, Mode, compare
 from benchmarks.peers.solvers.registry import find_solvers
-from benchmarks.tables import to_plain, to_table
+from benchmarks.tables import to_plain, to_tables
 from rt_controller.contract.figures import write_figures
+from rt_controller.report.table import print_table
 
 HARD = Path(__file__).parent / "hard_lane_change.toml"
 SCENARIOS = {"mild": "double_lane_change", "hard": str(HARD)}
@@ -72,7 +73,8 @@ def main(
             title = ", ".join(names.values())
             with console.status(title):
                 recordings.append((names, compare(recording, entries, mode, rounds)))
-            console.print(to_table(title, recordings[-1][1], HEADS))
+            for table in to_tables(title, recordings[-1][1], HEADS):
+                print_table(table, console)
     closed_loop = []
     if nonlinear:
         from benchmarks.peers.nonlinear import closed_loop_comparison
@@ -85,8 +87,8 @@ def main(
                 title = f"{model}, {scenario}, closed loop"
                 with console.status(title):
                     closed_loop.append((names, comparison.run(SCENARIOS[scenario], rounds)))
-                heads = closed_loop_comparison.HEADS
-                console.print(to_table(title, closed_loop[-1][1], heads))
+                for table in to_tables(title, closed_loop[-1][1], closed_loop_comparison.HEADS):
+                    print_table(table, console)
     figures = {
         "machine": platform.processor() or platform.machine(),
         "python": platform.python_version(),

@@ -5,19 +5,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.lockstep import default_config, drive_in_lockstep
+from benchmarks.lockstep import drive_scenario
+from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.artifact import load_bundle, shipped_model
-from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.program import QuadraticProgram
-from rt_controller.control.qp import PAPER, WITH_SLEW, Features
+from rt_controller.control.qp import Features
 from rt_controller.control.solver import SolveStatus, open_solver
 from rt_controller.control.terms import Corridor
 
 TIERS = {
-    "box": PAPER,
-    "slew": WITH_SLEW,
+    "box": Features(has_slew_rows=False),
+    "slew": Features(),
     "corridor": Features(corridor=Corridor(half_width_m=0.1, beyond_m=0.05)),
 }
 """60 bounded variables; with 60 rows; with 80 rows and 20 more variables"""
@@ -61,14 +61,11 @@ class Recording:
 
 def record(model: str, scenario: str, features: Features) -> Recording:
     """All problems of driving `scenario` in lockstep with a shipped model."""
-    config, bundle = default_config(), load_bundle(shipped_model(model))
-    settings = config.mpc
-    mpc = _RecordingMpc(
-        bundle, settings.horizon, settings.cost(), INPUT_LIMITS, features, _RecordingSolver
-    )
+    settings, bundle = MpcSettings(), load_bundle(shipped_model(model))
+    mpc = _RecordingMpc(bundle, settings.horizon, settings.cost(), features, _RecordingSolver)
     solver = mpc.recording_solver
     recording = Recording(model, Path(scenario).stem, solver.program.copy(), solver.events)
-    drive_in_lockstep(config, bundle, mpc, scenario)
+    drive_scenario(bundle, mpc, scenario)
     return recording
 
 
@@ -83,8 +80,8 @@ class _RecordingSolver:
         self.solution = self._solver.solution
         self.iterations = 0
 
-    def bound(self, budget_ns: int) -> None:
-        self._solver.bound(budget_ns)
+    def limit_solve_time(self, budget_ns: int) -> None:
+        self._solver.limit_solve_time(budget_ns)
 
     def update_matrices(self) -> bool:
         self.events.append(Matrices(self.program.P.copy(), self.program.G.copy()))

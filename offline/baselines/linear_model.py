@@ -24,24 +24,17 @@ _CHUNK = 1_000
 class LinearModel:
     """x_(k+1) = A x_k + B_uc u_k + B_uw w_k + c in physical units."""
 
-    A: Array
-    """(n, n)"""
-    B_uc: Array
-    """(n, m)"""
-    B_uw: Array
-    """(n, p)"""
-    c: Array
-    """(n,)"""
+    matrices: Matrices
 
     def predict(self, x0: Array, past: Array, U: Array, W: Array) -> Array:
         """States (batch, K+1, n), as `Predictor.predict`; the past is not used."""
-        signals = (len(self.A), self.B_uc.shape[1], self.B_uw.shape[1])
-        require_windows(x0, past, U, W, signals)
-        return roll_out(Matrices(self.A, self.B_uc, self.B_uw, self.c), x0, U, W, len(self.A))
+        n, m, p = len(self.matrices.A), self.matrices.B_uc.shape[1], self.matrices.B_uw.shape[1]
+        require_windows(x0, past, U, W, (n, m, p))
+        return roll_out(self.matrices, x0, U, W, n)
 
     def fit_info(self) -> tuple[Fact, ...]:
         """Largest absolute eigenvalue; above 1 predictions can grow."""
-        radius = np.max(np.abs(np.linalg.eigvals(self.A)))
+        radius = np.max(np.abs(np.linalg.eigvals(self.matrices.A)))
         return (Fact("spectral radius", f"{radius:.5f}"),)
 
 
@@ -51,12 +44,9 @@ def to_bundle(name: str, model: LinearModel, dataset: Dataset, sample: LiftSampl
     return Bundle(
         name=name,
         schema=dataset.schema,
-        A=model.A,
-        B_uc=model.B_uc,
-        B_uw=model.B_uw,
-        c=model.c,
+        **model.matrices._asdict(),
         lift=Lift(),
-        encoder_onnx=identity_encoder(len(model.A)),
+        encoder_onnx=identity_encoder(sample.x.shape[1]),
         selftest=LiftSample(sample.x, sample.w, np.zeros((len(sample.x), 0, 0))),
         selftest_psi=sample.x.copy(),
         training=describe_training({"kind": name, **fit_info}, dataset.origin),
@@ -66,32 +56,18 @@ def to_bundle(name: str, model: LinearModel, dataset: Dataset, sample: LiftSampl
 
 def fit_one_step(
     train: Trajectories, schema: Schema, roles: Roles, sees_exogenous: bool = True
-) -> LinearModel:
-    """x_(k+1) = A x_k + B_uc u_k + B_uw w_k + c, by least squares over all transitions.
+) -> Matrices:
+    """The matrices in physical units, by least squares over all transitions.
 
     Without `sees_exogenous` B_uw is zero: exogenous signals that never change cannot be told from
     the offset.
     """
     scaling = fit_scaling(train, schema, roles)
-    A, B, offset = _solve(train, scaling, sees_exogenous)
-
-    # From scaled to physical: x = S x_n + m, u = U u_n.
-    S, m = scaling.x_scale, scaling.x_centre
-    driven = np.concatenate([scaling.u_scale, scaling.w_scale])[: B.shape[1]]
-    A_physical = A * S[:, None] / S[None, :]
-    B_physical = B * S[:, None] / driven[None, :]
-    inputs = len(schema.inputs)
-    B_uw = B_physical[:, inputs:] if sees_exogenous else np.zeros((len(A), len(schema.exogenous)))
-    return LinearModel(
-        A=A_physical,
-        B_uc=np.ascontiguousarray(B_physical[:, :inputs]),
-        B_uw=np.ascontiguousarray(B_uw),
-        c=m + S * offset - A_physical @ m,
-    )
+    return scaling.to_physical(_solve(train, scaling, sees_exogenous))
 
 
-def _solve(train: Trajectories, scaling: Scaling, sees_exogenous: bool) -> tuple[Array, ...]:
-    """A (n, n), B (n, m + p) and offset (n,) of scaled signals.
+def _solve(train: Trajectories, scaling: Scaling, sees_exogenous: bool) -> Matrices:
+    """The matrices of scaled signals.
 
     The triangular factor of [regressors, targets] is updated chunk by chunk: the accuracy of a QR
     factorisation of all transitions, in the memory of one chunk. Speed and progress are nearly
@@ -110,5 +86,6 @@ def _solve(train: Trajectories, scaling: Scaling, sees_exogenous: bool) -> tuple
         rows = rows.reshape(-1, rows.shape[-1])
         _, R = np.linalg.qr(np.vstack([R.reshape(-1, rows.shape[1]), rows]))
     found, *_ = np.linalg.lstsq(R[:, :-n], R[:, -n:], rcond=None)
-    solution = np.asarray(found.T, dtype=np.float64)
-    return solution[:, :n], solution[:, n:-1], solution[:, -1]
+    m, p = len(scaling.u_scale), len(scaling.w_scale)
+    A, B_uc, B_uw, c = np.split(found.T, [n, n + m, found.shape[0] - 1], axis=1)
+    return Matrices(A, B_uc, B_uw if sees_exogenous else np.zeros((n, p)), c[:, 0])

@@ -9,15 +9,15 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
-from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from offline.baselines import catalogue
 from offline.baselines.code_digest import digest_of_code
+from offline.data.cache import cache
 from offline.data.dataset import Dataset
 from offline.evaluation.predictor import Predictor
 from rt_controller.contract.artifact import Bundle, LiftSample
-from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.report.table import Fact
 
 
@@ -67,17 +67,7 @@ def find_baseline(name: str) -> Baseline:
     return baseline
 
 
-def find_objection(name: str, dataset: Dataset) -> str | None:
-    """Why that baseline cannot be fitted to these data; None if it can."""
-    return find_baseline(name).find_objection(dataset)
-
-
-def fit(name: str, dataset: Dataset, cache_folder: Path) -> FittedBaseline:
-    """The baseline fitted to these data, from the cache as in `fit_timed`."""
-    return fit_timed(name, dataset, cache_folder).baseline
-
-
-def fit_timed(name: str, dataset: Dataset, cache_folder: Path) -> Fitted:
+def fit(name: str, dataset: Dataset) -> Fitted:
     """The baseline fitted to these data, from the cache if data and code are unchanged.
 
     A file of the cache that cannot be read is replaced by a new fit.
@@ -88,12 +78,18 @@ def fit_timed(name: str, dataset: Dataset, cache_folder: Path) -> Fitted:
     """
     from joblib import Memory
 
-    find_baseline(name)
+    objection = find_baseline(name).find_objection(dataset)
+    if objection is not None:
+        raise DatasetError(
+            f"baseline {name}: expected data that it can be fitted to, found that {objection}. "
+            f"Leave out this baseline."
+        )
+    folder = cache().parent / "baselines"
     try:
-        cached = Memory(cache_folder, verbose=0).cache(_fit, ignore=["dataset"])
+        cached = Memory(folder, verbose=0).cache(_fit, ignore=["dataset"])
     except OSError as error:
         raise ConfigError(
-            f"{cache_folder}: expected a folder for fitted baselines, found: {error.strerror}. Set "
+            f"{folder}: expected a folder for fitted baselines, found: {error.strerror}. Set "
             f"XDG_CACHE_HOME to a folder that can be written."
         ) from error
     fitted: Fitted = cached(name, dataset.sha256, digest_of_code(_module_of(name)), dataset)

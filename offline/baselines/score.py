@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from offline.data.dataset import Dataset
 from offline.data.trajectories import Trajectories
-from offline.evaluation.predictor import Predictor, predict_trajectories
+from offline.evaluation.predictor import Predictor, prediction_errors
 from rt_controller.contract.arrays import Array
 
 _SMALLEST_SHARE = 1e-15
@@ -19,9 +19,9 @@ _SMALLEST_SHARE = 1e-15
 
 def log_error(predictor: Predictor, windows: Trajectories) -> float:
     """Mean log error of the states over steps 1..K; infinite if a prediction is not finite."""
-    predicted = predict_trajectories(predictor, windows)
     with np.errstate(over="ignore", invalid="ignore"):
-        errors = np.square(predicted - windows.x)[:, 1:].mean(axis=(0, 1)) / variances(windows.x)
+        squares = np.square(prediction_errors(predictor, windows))
+        errors = squares.mean(axis=(0, 1)) / variances(windows.x)
     return float(np.log(errors + _SMALLEST_SHARE).mean()) if np.all(np.isfinite(errors)) else np.inf
 
 

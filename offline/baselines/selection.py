@@ -1,14 +1,12 @@
 """Baselines of an evaluation: those of the registry, and the paper's network that ships."""
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 from offline.baselines import registry
-from offline.data.cache import cache
 from offline.data.dataset import Dataset
-from offline.data.provenance import is_held_out
 from offline.evaluation.comparison import Comparison, compare_models
-from offline.evaluation.held_out import has_signals
+from offline.evaluation.held_out import find_objection
+from offline.evaluation.model_card import identity_facts
 from offline.evaluation.predictor import Predictor
 from offline.evaluation.test_sets import library_set
 from offline.model.bundle_predictor import BundlePredictor
@@ -88,35 +86,22 @@ def compare_with_plain_baselines(bundle: Bundle, dataset: Dataset) -> Comparison
 def baseline_facts(name: str, dataset: Dataset) -> list[Fact]:
     """What is to be reported of a baseline that was opened."""
     if name == SHIPPED:
-        shipped = load_bundle(shipped_model(SHIPPED))
-        return [
-            Fact("model, SHA-256", shipped.sha256),
-            Fact("trained on data set, SHA-256", shipped.data_sha256),
-        ]
-    fitted = registry.fit_timed(name, dataset, baseline_cache())
+        return identity_facts(load_bundle(shipped_model(SHIPPED)))
+    fitted = registry.fit(name, dataset)
     return [*fitted.baseline.fit_info(), Fact("CPU time of the fit", f"{fitted.fit_cpu_s:.3g} s")]
-
-
-def baseline_cache() -> Path:
-    """Folder of fitted baselines."""
-    return cache().parent / "baselines"
 
 
 def _open(name: str, dataset: Dataset) -> Predictor:
     if name == SHIPPED:
         return BundlePredictor(load_bundle(shipped_model(SHIPPED)))
-    return registry.fit(name, dataset, baseline_cache())
+    return registry.fit(name, dataset).baseline
 
 
 def _find_objection(name: str, dataset: Dataset, models: Sequence[Bundle]) -> str | None:
     """Why it cannot be a baseline here, as the end of a sentence; None if it can."""
     if name != SHIPPED:
-        return registry.find_objection(name, dataset)
+        return registry.find_baseline(name).find_objection(dataset)
     shipped = load_bundle(shipped_model(SHIPPED))
     if any(shipped.sha256 == bundle.sha256 for bundle in models):
         return "it is one of the evaluated models"
-    if not has_signals(shipped, dataset.manifest):
-        return "it is a model of other signals"
-    if not is_held_out(shipped, dataset.manifest):
-        return "it may have been trained on their test episodes"
-    return None
+    return find_objection([shipped], dataset.manifest)

@@ -5,6 +5,7 @@ All figures are of the validation part; the test part is for the model that is f
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from offline.commands.dataset import open_campaign_data
 from offline.commands.terminal import STDERR, STDOUT, progress_bar
@@ -17,7 +18,6 @@ from offline.experiments.training_task import Result
 from offline.experiments.variants import read_variants
 from offline.files import write_json, write_text
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.figures import write_figures
 from rt_controller.terminal.command_line import INTERRUPTED
 
 TABLE_FILE = "table.md"
@@ -34,9 +34,8 @@ def ablate(
     folder: Path,
     data: Path | None,
     backend: Backend,
-    json_file: Path | None,
-) -> int:
-    """Exit code of `offline-ablate`: 0 with a complete table, 130 if it was stopped."""
+) -> tuple[dict[str, Any], int]:
+    """Figures and exit code of `offline-ablate`: 0 with a complete table, 130 if stopped."""
     numbers = parse_seeds(seeds)
     names = [part.strip() for part in only.split(",") if part.strip()]
     title, chosen = read_variants(name, lists, common_fields(common, NO_OPTIONS), names)
@@ -76,19 +75,18 @@ def ablate(
             f"--folder {folder}: expected room for the table, found: {error.strerror}. The "
             f"trainings are done: free some space and run the command again."
         ) from error
-    write_figures(json_file, figures)
     if n_open:
         STDOUT.print(
             f"Stopped with {n_open} trainings to go; nothing is lost. Run the same command again "
             f"to continue.",
             soft_wrap=True,
         )
-        return INTERRUPTED
+        return figures, INTERRUPTED
     for row in rows:
         if row.result is not None and row.result.ratios is None:
             STDOUT.print(_result_line(row, row.result), soft_wrap=True, markup=False)
     STDOUT.print(f"{name}: {folder / TABLE_FILE}", soft_wrap=True, markup=False)
-    return 0
+    return figures, 0
 
 
 def parse_seeds(text: str) -> tuple[int, ...]:

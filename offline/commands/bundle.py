@@ -2,21 +2,18 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from offline.baselines import registry
-from offline.baselines.selection import (
-    baseline_cache,
-    baseline_facts,
-    compare_with_plain_baselines,
-)
-from offline.commands.terminal import STDERR, STDOUT
+from offline.baselines.selection import baseline_facts, compare_with_plain_baselines
+from offline.commands.terminal import STDERR, STDOUT, print_assumed
 from offline.config import PAST_STEPS
 from offline.data.cache import full_folder
 from offline.data.code_identity import source_revision
 from offline.data.dataset import Dataset, exists, load_dataset
 from offline.data.signals import past_names
 from offline.evaluation.figures import library_figures
-from offline.evaluation.model_card import write_card
+from offline.evaluation.model_card import stability_text, write_card
 from offline.evaluation.tables import mse_table
 from offline.model.bundle_export import choose_selftest
 from offline.model.export_checks import check_export
@@ -25,14 +22,14 @@ from offline.training.export import export_checkpoint
 from offline.training.run_folder import open_run
 from rt_controller.contract.artifact import Bundle, Lift, save_bundle
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.figures import write_figures
 from rt_controller.contract.validation import find_objection_to_driving
 from rt_controller.report.table import Fact, print_table
 
 
-def export_run(path: Path, output: Path | None, data: Path | None, json_file: Path | None) -> int:
-    """Exit code of `offline-export` for the best model of a run."""
+def export_run(path: Path, output: Path | None, data: Path | None) -> dict[str, Any]:
+    """Figures of `offline-export` for the best model of a run."""
     run = open_run(path)
+    print_assumed(run.config)
     checkpoint = load_checkpoint(run.best)
     dataset = load_dataset(data or run.data_folder)
     bundle, parity = export_checkpoint(checkpoint, dataset)
@@ -49,13 +46,11 @@ def export_run(path: Path, output: Path | None, data: Path | None, json_file: Pa
         Fact("revision, trained", run.revision),
         *(Fact(f"version of {name}", number) for name, number in run.versions.items()),
     ]
-    return _deliver(bundle, parity, facts, dataset, output or run.bundle, json_file)
+    return _deliver(bundle, parity, facts, dataset, output or run.bundle)
 
 
-def export_baseline(
-    name: str, data: Path | None, output: Path, run: Path, json_file: Path | None
-) -> int:
-    """Exit code of `offline-export --baseline`.
+def export_baseline(name: str, data: Path | None, output: Path, run: Path) -> dict[str, Any]:
+    """Figures of `offline-export --baseline`.
 
     Raises:
         ConfigError: no controller can plan with that baseline.
@@ -72,12 +67,12 @@ def export_baseline(
     folder = data or (full if exists(full) else open_run(run).data_folder)
     STDERR.print(f"data {folder}", soft_wrap=True)
     dataset = load_dataset(folder)
-    whole_past = Lift(("x", "w", "history"), PAST_STEPS, past_names(dataset.schema, dataset.roles))
+    whole_past = Lift(True, PAST_STEPS, past_names(dataset.schema, dataset.roles))
     with STDERR.status(f"baseline {name}"):
-        baseline = registry.fit(name, dataset, baseline_cache())
+        baseline = registry.fit(name, dataset).baseline
     bundle = to_bundle(name, baseline, dataset, choose_selftest(dataset, whole_past))
     facts = baseline_facts(name, dataset)
-    return _deliver(bundle, check_export(bundle), facts, dataset, output, json_file)
+    return _deliver(bundle, check_export(bundle), facts, dataset, output)
 
 
 def _deliver(
@@ -86,8 +81,7 @@ def _deliver(
     facts: Sequence[Fact],
     dataset: Dataset,
     target: Path,
-    json_file: Path | None,
-) -> int:
+) -> dict[str, Any]:
     """Evaluate a bundle, write it with its card, and print how to drive with it."""
     revision = source_revision()
     origin = dataset.origin
@@ -104,9 +98,7 @@ def _deliver(
             f"--output: expected a folder with room for a bundle, found {target}: {error.strerror}."
         ) from error
     STDOUT.print(
-        f"{bundle.name}: spectral radius {bundle.spectral_radius:.5f}, "
-        f"||A^20|| {bundle.growth(20):.3g}, ||A^80|| {bundle.growth(80):.3g}, "
-        f"torch/ONNX {parity:.1e}"
+        f"{bundle.name}: {stability_text(bundle)}, torch/ONNX {parity:.1e}", soft_wrap=True
     )
     print_table(mse_table(comparison, comparison.sets[0]), STDOUT)
     objection = find_objection_to_driving(bundle)
@@ -116,19 +108,15 @@ def _deliver(
         else objection,
         soft_wrap=True,
     )
-    write_figures(
-        json_file,
-        {
-            "bundle": str(target),
-            "model": bundle.name,
-            "model_sha256": bundle.sha256,
-            "revision": revision,
-            "spectral_radius": bundle.spectral_radius,
-            "growth_20": bundle.growth(20),
-            "growth_80": bundle.growth(80),
-            "parity": parity,
-            "size_bytes": sum(file.stat().st_size for file in target.iterdir()),
-            **library_figures(comparison),
-        },
-    )
-    return 0
+    return {
+        "bundle": str(target),
+        "model": bundle.name,
+        "model_sha256": bundle.sha256,
+        "revision": revision,
+        "spectral_radius": bundle.spectral_radius,
+        "growth_20": bundle.growth(20),
+        "growth_80": bundle.growth(80),
+        "parity": parity,
+        "size_bytes": sum(file.stat().st_size for file in target.iterdir()),
+        **library_figures(comparison),
+    }

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from offline.commands.terminal import STDERR, STDOUT, progress_bar
 from offline.config import TrainingConfig, explicit_fields
@@ -13,13 +14,10 @@ from offline.experiments.backend import Backend
 from offline.experiments.error_ratios import linear_mse
 from offline.experiments.training_task import CampaignData
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.figures import write_figures
 
 
-def make_data(
-    episodes: int, seed: int, data: Path | None, backend: Backend, json_file: Path | None
-) -> int:
-    """Exit code of `offline-data`."""
+def make_data(episodes: int, seed: int, data: Path | None, backend: Backend) -> dict[str, Any]:
+    """Figures of `offline-data`."""
     begun = time.monotonic()
     folder, dataset = ensure_dataset(data, episodes, seed, backend)
     wall_s = time.monotonic() - begun
@@ -31,18 +29,14 @@ def make_data(
         f"SHA-256 {dataset.sha256:.16}…, {wall_s:.1f} s\n{folder}",
         soft_wrap=True,
     )
-    write_figures(
-        json_file,
-        {
-            "folder": str(folder),
-            "n_episodes": episodes,
-            "n_trajectories": manifest.trajectories,
-            "rejected_fraction": manifest.rejected_fraction,
-            "sha256": dataset.sha256,
-            "wall_s": wall_s,
-        },
-    )
-    return 0
+    return {
+        "folder": str(folder),
+        "n_episodes": episodes,
+        "n_trajectories": manifest.trajectories,
+        "rejected_fraction": manifest.rejected_fraction,
+        "sha256": dataset.sha256,
+        "wall_s": wall_s,
+    }
 
 
 def ensure_dataset(

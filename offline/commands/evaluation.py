@@ -28,7 +28,6 @@ from offline.evaluation.test_sets import (
 from offline.model.bundle_predictor import BundlePredictor
 from rt_controller.contract.artifact import Bundle, find_model, load_bundle
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.figures import write_figures
 from rt_controller.report.table import print_table
 
 
@@ -45,12 +44,11 @@ class Evaluation:
     revision: str
 
 
-def evaluate_models(options: EvaluationOptions, json_file: Path | None) -> int:
-    """Exit code of `offline-evaluate`."""
+def evaluate_models(options: EvaluationOptions) -> dict[str, Any]:
+    """Figures of `offline-evaluate`."""
     evaluation = run_evaluation(options)
     print_comparison(evaluation.comparison)
-    write_figures(json_file, evaluation_figures(evaluation))
-    return 0
+    return evaluation_figures(evaluation)
 
 
 def evaluation_figures(evaluation: Evaluation) -> dict[str, Any]:
@@ -74,7 +72,7 @@ def run_evaluation(options: EvaluationOptions) -> Evaluation:
     revision = source_revision()
     baselines = options.baselines or []
     baseline_names, set_names = choose_baselines(baselines), choose_sets(options.sets or [])
-    folders = [find_model(model) for model in options.model or [LATEST_RUN / "bundle"]]
+    folders = [find_model(model) for model in options.model or [_bundle_of_latest_run()]]
     bundles = tuple(load_bundle(folder) for folder in folders)
     dataset = choose_test_data(bundles, options.data, LATEST_RUN, _notify)
     tests = open_sets(set_names, dataset, bundles)
@@ -92,6 +90,18 @@ def run_evaluation(options: EvaluationOptions) -> Evaluation:
             lambda model, test: status.update(f"evaluating {model} on {test}"),
         )
     return Evaluation(comparison, bundles, {**named, **opened}, dataset, revision)
+
+
+def _bundle_of_latest_run() -> Path:
+    bundle = LATEST_RUN / "bundle"
+    if not bundle.is_dir():
+        command = "offline-export" if LATEST_RUN.is_dir() else "offline-train, then offline-export"
+        raise ConfigError(
+            f"--model: none is given, so the bundle of the latest run is expected in {bundle}, "
+            f"found no such folder. Make it with {command}, or name models, such as --model "
+            f"mdk-net."
+        )
+    return bundle
 
 
 def open_sets(names: Sequence[str], dataset: Dataset, bundles: Sequence[Bundle]) -> list[TestSet]:

@@ -5,6 +5,7 @@ Nothing is written before all logs were read and passed the checks.
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,6 @@ from offline.logs.readers.source import find_logs, read_log, source_file
 from offline.logs.reference_line import read_line
 from offline.logs.series import to_drive
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.figures import write_figures
 from rt_controller.contract.schema import VEHICLE, Schema
 from rt_controller.report.table import print_table
 
@@ -30,9 +30,8 @@ def import_logs(
     folder: Path | None,
     *,
     replace: bool,
-    json_file: Path | None,
-) -> int:
-    """Exit code of `offline-import`; without a folder the logs are only checked.
+) -> dict[str, Any]:
+    """Figures of `offline-import`; without a folder the logs are only checked.
 
     Raises:
         ConfigError: the mapping is wrong, or the folder has a data set already.
@@ -88,8 +87,7 @@ def import_logs(
             f"SHA-256 {dataset.sha256:.16}…\n{folder}\nNext:\n  offline-train --data {folder}",
             soft_wrap=True,
         )
-    write_figures(json_file, figures)
-    return 0
+    return figures
 
 
 def _other_files(mapping: LogMapping) -> Iterator[Path]:

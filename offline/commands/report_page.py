@@ -2,6 +2,7 @@
 
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from offline.baselines.selection import SHIPPED, baseline_facts
 from offline.commands.evaluation import Evaluation, evaluation_figures, run_evaluation
@@ -10,20 +11,20 @@ from offline.commands.terminal import STDERR, STDOUT
 from offline.data.manifest import Imported, Manifest, Simulated
 from offline.evaluation.comparison import LTI_BASELINES
 from offline.evaluation.lane_change import drive_lane_change
-from offline.evaluation.model_card import model_facts
+from offline.evaluation.model_card import identity_facts, model_facts, stability_text
 from offline.evaluation.predictor import predict_trajectories
 from offline.evaluation.report import evaluation_page, lane_change_section
 from rt_controller.contract.artifact import Bundle
 from rt_controller.contract.errors import RtControllerError
-from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.figures import require_writable
 from rt_controller.report.page import Page, Section, render_page
-from rt_controller.report.table import Fact
+from rt_controller.report.table import Fact, facts_table
 
 PACKAGES = ("rt-controller", "numpy", "onnxruntime", "matplotlib")
 
 
-def write_report(output: Path, options: EvaluationOptions, json_file: Path | None) -> int:
-    """Exit code of `offline-report`.
+def write_report(output: Path, options: EvaluationOptions) -> dict[str, Any]:
+    """Figures of `offline-report`.
 
     Raises:
         ConfigError: the page cannot be written there; raised before the evaluation.
@@ -32,7 +33,6 @@ def write_report(output: Path, options: EvaluationOptions, json_file: Path | Non
     evaluation = run_evaluation(options)
     with STDERR.status("drawing"):
         text = render_page(_page(evaluation))
-    write_figures(json_file, evaluation_figures(evaluation))
     try:
         output.write_text(text, encoding="utf-8")
     except OSError as error:
@@ -41,23 +41,28 @@ def write_report(output: Path, options: EvaluationOptions, json_file: Path | Non
             f"baselines are in the cache: free some space and give the command again."
         ) from error
     STDOUT.print(f"{output}, {len(text.encode()) / 1e6:.1f} MB", soft_wrap=True)
-    return 0
+    return evaluation_figures(evaluation)
 
 
 def _page(evaluation: Evaluation) -> Page:
     comparison, dataset = evaluation.comparison, evaluation.dataset
     models = zip(comparison.models, evaluation.bundles, strict=True)
-    return evaluation_page(
-        comparison,
-        {name: _facts_of_model(bundle) for name, bundle in models},
-        {name: baseline_facts(name, dataset) for name in comparison.baselines},
-        [
-            *_facts_of_data(dataset.manifest),
-            Fact("revision", evaluation.revision),
-            *(Fact(f"evaluated with {name}", version(name)) for name in PACKAGES),
-        ],
-        _lane_change(evaluation) if isinstance(dataset.origin, Simulated) else None,
-    )
+    sources = [facts_table(_facts_of_model(bundle), name) for name, bundle in models]
+    found = {name: baseline_facts(name, dataset) for name in comparison.baselines}
+    if found:
+        lines = (
+            Fact(name, "; ".join(f"{fact.name} {fact.value}" for fact in facts))
+            for name, facts in found.items()
+        )
+        sources.append(facts_table(lines, "Baselines"))
+    software = [
+        *_facts_of_data(dataset.manifest),
+        Fact("revision", evaluation.revision),
+        *(Fact(f"evaluated with {name}", version(name)) for name in PACKAGES),
+    ]
+    sources.append(facts_table(software, "Data and software"))
+    lane_change = _lane_change(evaluation) if isinstance(dataset.origin, Simulated) else None
+    return evaluation_page(comparison, sources, lane_change)
 
 
 def _lane_change(evaluation: Evaluation) -> Section:
@@ -76,13 +81,8 @@ def _facts_of_model(bundle: Bundle) -> list[Fact]:
     return [
         Fact("kind", bundle.name),
         *model_facts(bundle),
-        Fact(
-            "growth",
-            f"spectral radius {bundle.spectral_radius:.5f}, ||A^20|| {bundle.growth(20):.3g}, "
-            f"||A^80|| {bundle.growth(80):.3g}, observables in units of their spread",
-        ),
-        Fact("model, SHA-256", bundle.sha256),
-        Fact("trained on data set, SHA-256", bundle.data_sha256),
+        Fact("growth", f"{stability_text(bundle)}, observables in units of their spread"),
+        *identity_facts(bundle),
     ]
 
 

@@ -5,8 +5,21 @@ from contextlib import contextmanager
 
 from rich.console import Console
 
+from offline.config import TrainingConfig, assumed_fields
+
 STDOUT = Console()
 STDERR = Console(stderr=True)
+
+
+def print_assumed(stored: TrainingConfig) -> None:
+    """Say which settings a stored configuration lacks, because they are newer than it."""
+    assumed = ", ".join(f"{name} = {value}" for name, value in assumed_fields(stored).items())
+    if assumed:
+        STDERR.print(
+            f"The configuration of this run is of an older version; the defaults are assumed for "
+            f"what it does not say: {assumed}.",
+            soft_wrap=True,
+        )
 
 
 @contextmanager
@@ -41,3 +54,5 @@ def progress_bar(title: str, total: int, done: int = 0) -> Iterator[Callable[[in
             below.plain = text
 
         yield show
+    if not STDERR.is_terminal:
+        STDERR.line()  # rich ends the last line only on a terminal

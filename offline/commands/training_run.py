@@ -3,19 +3,19 @@
 import time
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 from offline.commands.dataset import config_of_data, ensure_dataset
-from offline.commands.terminal import STDERR, STDOUT, progress_bar
+from offline.commands.terminal import STDERR, STDOUT, print_assumed, progress_bar
 from offline.config import TrainingConfig, explicit_fields, resolve
 from offline.data.dataset import Dataset, load_dataset
 from offline.experiments.backend import Backend
 from offline.training.checkpoint import Checkpoint, load_checkpoint
 from offline.training.interrupt import stop_on_signals
 from offline.training.run_folder import RunFolder, create_run, open_run, rewrite_config
-from offline.training.state import find_device
-from offline.training.train import Progress, TrainingResult, train
+from offline.training.state import TrainingState, find_device
+from offline.training.train import train
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.figures import write_figures
 from rt_controller.terminal.command_line import INTERRUPTED
 
 REFRESH_S = 0.25
@@ -27,26 +27,26 @@ def start_run(
     runs: Path,
     data: Path | None,
     backend: Backend,
-    json_file: Path | None,
-) -> int:
-    """Exit code of `offline-train` for a new run."""
+) -> tuple[dict[str, Any], int]:
+    """Figures and exit code of `offline-train` for a new run."""
     config = resolve(chosen)
     find_device(config.device)
     folder, dataset = ensure_dataset(data, config.episodes, config.data_seed, backend)
     config = config_of_data(folder, dataset.origin, config, chosen)
     run = create_run(runs, config, folder, dataset.sha256, datetime.now())
-    return _run(run, dataset, None, json_file)
+    return _run(run, dataset, None)
 
 
 def resume_run(
-    path: Path, chosen: TrainingConfig | None, data: Path | None, json_file: Path | None
-) -> int:
-    """Exit code of `offline-train --resume`.
+    path: Path, chosen: TrainingConfig | None, data: Path | None
+) -> tuple[dict[str, Any], int]:
+    """Figures and exit code of `offline-train --resume`.
 
     Raises:
         ConfigError: a setting or the data set differs from that of the run.
     """
     run = open_run(path)
+    print_assumed(run.config)
     checkpoint = load_checkpoint(run.last)
     config = _config_to_resume(run.config, checkpoint.step, chosen)
     folder = data or run.data_folder
@@ -56,7 +56,7 @@ def resume_run(
             f"--resume: expected the data set {run.data_sha256:.16}… of that run, found "
             f"{dataset.sha256:.16}… in {folder}. Name the right folder with --data."
         )
-    return _run(rewrite_config(run, config), dataset, checkpoint, json_file)
+    return _run(rewrite_config(run, config), dataset, checkpoint)
 
 
 def _config_to_resume(
@@ -84,57 +84,54 @@ def _config_to_resume(
 
 
 def _run(
-    run: RunFolder, dataset: Dataset, checkpoint: Checkpoint | None, json_file: Path | None
-) -> int:
-    """Exit code: 0 at the last step, 130 if stopped before."""
+    run: RunFolder, dataset: Dataset, checkpoint: Checkpoint | None
+) -> tuple[dict[str, Any], int]:
+    """Figures, and the exit code: 0 at the last step, 130 if stopped before."""
     STDERR.print(f"run {run.path}\ndata {run.data_folder}", soft_wrap=True)
     first_step = checkpoint.step if checkpoint else 0
     begun = time.monotonic()
     result = _train(run, dataset, checkpoint, first_step)
     wall_s = time.monotonic() - begun
-    write_figures(
-        json_file,
-        {
-            "run": str(run.path),
-            "is_finished": result.is_finished,
-            "step": result.step,
-            "best_validation_loss": result.best_validation_loss,
-            "skipped_steps": result.skipped,
-            "wall_s": wall_s,
-            "steps_per_s": (result.step - first_step) / max(wall_s, 1e-9),
-        },
-    )
+    figures = {
+        "run": str(run.path),
+        "is_finished": result.is_finished,
+        "step": result.step,
+        "best_validation_loss": result.best_validation_loss,
+        "skipped_steps": result.skipped,
+        "wall_s": wall_s,
+        "steps_per_s": (result.step - first_step) / max(wall_s, 1e-9),
+    }
     if not result.is_finished:
         STDOUT.print(
             f"Stopped after step {result.step} of {run.config.steps}; a checkpoint was written. "
             f"Continue with:\n  offline-train --resume {run.path}",
             soft_wrap=True,
         )
-        return INTERRUPTED
+        return figures, INTERRUPTED
     early = "" if result.step >= run.config.steps else ", because the learning rate is too low"
     STDOUT.print(
         f"Done after {result.step} steps in {wall_s:.0f} s{early}; best validation loss "
         f"{result.best_validation_loss:.4f}. Next:\n  offline-export {run.path}",
         soft_wrap=True,
     )
-    return 0
+    return figures, 0
 
 
 def _train(
     run: RunFolder, dataset: Dataset, checkpoint: Checkpoint | None, first_step: int
-) -> TrainingResult:
+) -> TrainingState:
     with (
         progress_bar("training", run.config.steps, first_step) as show,
         stop_on_signals() as stop_requested,
     ):
         shown_s = 0.0
 
-        def on_progress(progress: Progress) -> None:
+        def on_progress(state: TrainingState) -> None:
             nonlocal shown_s
             now_s = time.monotonic()
-            if now_s - shown_s >= REFRESH_S or progress.step == run.config.steps:
+            if now_s - shown_s >= REFRESH_S or state.step == run.config.steps:
                 shown_s = now_s
-                show(progress.step, _to_text(progress))
+                show(state.step, _to_text(state))
 
         return train(
             run.config,
@@ -146,13 +143,13 @@ def _train(
         )
 
 
-def _to_text(progress: Progress) -> str:
-    losses = progress.losses
+def _to_text(state: TrainingState) -> str:
+    losses = state.losses
     return (
         f"loss {losses.total.item():.4f}: single step {losses.single_step.item():.4f}, "
         f"multi step {losses.multi_step.item():.4f} (states {losses.states.item():.4f}), "
         f"stability {losses.stability.item():.1e}, "
         f"regularisation {losses.regularisation.item():.4g}\n"
-        f"validation {progress.validation_loss:.4f}, best {progress.best_validation_loss:.4f}, "
-        f"spectral radius {progress.spectral_radius:.4f}, rate {progress.learning_rate:.1e}"
+        f"validation {state.validation_losses[-1]:.4f}, best {state.best_validation_loss:.4f}, "
+        f"spectral radius {state.spectral_radius:.4f}, rate {state.learning_rate:.1e}"
     )

@@ -5,6 +5,7 @@ All figures are of the validation part; the test part is for the model that is f
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from offline.commands.dataset import open_campaign_data
 from offline.commands.terminal import STDERR, STDOUT, progress_bar
@@ -14,7 +15,6 @@ from offline.experiments.settings import common_fields, train_command
 from offline.experiments.space import read_space
 from offline.experiments.tuning import StudyPlan, StudyStatus, search
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.figures import write_figures
 from rt_controller.terminal.command_line import INTERRUPTED
 
 
@@ -27,9 +27,8 @@ def tune(
     folder: Path,
     data: Path | None,
     backend: Backend,
-    json_file: Path | None,
-) -> int:
-    """Exit code of `offline-tune`: 0 if no trial is left to run, 130 if it was stopped."""
+) -> tuple[dict[str, Any], int]:
+    """Figures and exit code of `offline-tune`: 0 if no trial is left, 130 if it was stopped."""
     if n_trials < 1:
         raise ConfigError(f"--trials: expected at least 1, found {n_trials}.")
     fields = common_fields(common, {"preset": "a space with another base"})
@@ -45,21 +44,18 @@ def tune(
     command = None
     if status.best is not None:
         command = train_command(space.configure(status.values), shared.folder)
-    write_figures(
-        json_file,
-        {
-            "space": space.name,
-            "folder": str(plan.folder),
-            "data_sha256": shared.sha256,
-            "n_trials": status.ended,
-            "n_pruned": status.pruned,
-            "is_finished": status.ended >= plan.n_trials,
-            "best_trial": status.best,
-            "geometric_mean_ratio": status.value,
-            "values": dict(status.values),
-            "command": command,
-        },
-    )
+    figures = {
+        "space": space.name,
+        "folder": str(plan.folder),
+        "data_sha256": shared.sha256,
+        "n_trials": status.ended,
+        "n_pruned": status.pruned,
+        "is_finished": status.ended >= plan.n_trials,
+        "best_trial": status.best,
+        "geometric_mean_ratio": status.value,
+        "values": dict(status.values),
+        "command": command,
+    }
     STDOUT.print(
         f"{status.ended} of {plan.n_trials} trials. {_status_line(status)}", soft_wrap=True
     )
@@ -67,12 +63,12 @@ def tune(
         STDOUT.print("Train with these settings:", style="dim")
         STDOUT.print(f"  {command}", soft_wrap=True, markup=False, highlight=False)
     if status.ended >= plan.n_trials:
-        return 0
+        return figures, 0
     if is_stopped:
         STDOUT.print("Stopped; nothing is lost. Run the same command again to continue.")
-        return INTERRUPTED
+        return figures, INTERRUPTED
     STDOUT.print("Other processes that work on this study run the remaining trials.")
-    return 0
+    return figures, 0
 
 
 def _status_line(status: StudyStatus) -> str:

@@ -28,13 +28,13 @@ from rt_controller.contract.signals import InputColumn, StateColumn
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.frenet import integrate_poses
 from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, settle, simulate
-from sim_bridge.plant.monitor import Monitor
 from sim_bridge.plant.parameters import (
     C_CLASS_150KW_AWD,
     Parameters,
     with_mass_factor,
     with_road_friction,
 )
+from sim_bridge.plant.protocol import PlantOutputs
 
 SLICES = 5
 EPISODE_STEPS = PAST_STEPS + SLICES * STEPS
@@ -146,10 +146,10 @@ def plant_fingerprint() -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def is_kept(motion: Array, monitor: Array) -> bool:
+def is_kept(motion: Array, outputs: Array) -> bool:
     """True if the car kept moving, did not skid, and did not roll over."""
-    sideslip_rad = monitor[:, Monitor._fields.index("sideslip_rad")]
-    roll_rad = monitor[:, Monitor._fields.index("roll_rad")]
+    sideslip_rad = outputs[:, PlantOutputs._fields.index("sideslip_rad")]
+    roll_rad = outputs[:, PlantOutputs._fields.index("roll_rad")]
     return bool(
         np.all(np.isfinite(motion))
         and np.all(motion[:, StateColumn.vx_mps] >= LOWEST_SPEED_MPS)
@@ -161,7 +161,7 @@ def is_kept(motion: Array, monitor: Array) -> bool:
 def _drive(
     first_speed_mps: float, inputs: Array, car: Parameters = C_CLASS_150KW_AWD
 ) -> tuple[Array, Array]:
-    """Motion (periods * STEPS_PER_PERIOD + 1, 3) and monitor (periods + 1, columns)."""
+    """Motion (periods * STEPS_PER_PERIOD + 1, 3) and outputs (periods + 1, columns)."""
     return simulate(settle(first_speed_mps, car), inputs, car, STEPS_PER_PERIOD, STEP_S)
 
 
@@ -170,8 +170,8 @@ def _try_episode(rng: np.random.Generator, recipe: Recipe, rejected: int) -> Epi
     first_speed_mps = float(rng.uniform(*recipe.first_speed_mps))
     inputs = draw_inputs(rng, recipe, EPISODE_STEPS)
     first_errors = rng.uniform(-1.0, 1.0, (SLICES, 2)) * (FIRST_EY_M, FIRST_EPSI_RAD)
-    motion, monitor = _drive(first_speed_mps, inputs, _draw_car(rng, recipe))
-    if not is_kept(motion, monitor):
+    motion, outputs = _drive(first_speed_mps, inputs, _draw_car(rng, recipe))
+    if not is_kept(motion, outputs):
         return None
     # On a straight road along X, path coordinates are plane coordinates.
     pose = integrate_poses(motion, 0.0, 0.0, 0.0, STEPS_PER_PERIOD, STEP_S)

@@ -1,5 +1,6 @@
 """manifest.json: signals, origin and digest of a data set."""
 
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -9,7 +10,6 @@ from pydantic import TypeAdapter, ValidationError
 
 from offline.data.excitation import Recipe
 from offline.data.signals import Roles
-from offline.files import digest_json
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import Schema
 
@@ -30,7 +30,8 @@ class Simulated:
     @property
     def name(self) -> str:
         """Folder name of such a data set in the cache."""
-        return f"{self.episodes}-episodes-{digest_json(asdict(self)):.16}"
+        digest = hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode())
+        return f"{self.episodes}-episodes-{digest.hexdigest():.16}"
 
 
 @dataclass(frozen=True, slots=True)

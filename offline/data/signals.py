@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from offline.data.trajectories import Trajectories
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.bilinear import Bilinear
 from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.rollout import Matrices
 from rt_controller.contract.schema import Schema
 from rt_controller.contract.validation import DRIVABLE_HISTORY
 
@@ -92,6 +94,29 @@ class Scaling:
     def normalise_states(self, x: NDArray[np.floating]) -> Array:
         """Scaled states (..., n)."""
         return np.asarray((x - self.x_centre) / self.x_scale, dtype=np.float64)
+
+    def to_physical(self, scaled: Matrices) -> Matrices:
+        """The model of scaled signals in physical units, for psi = [x; the other observables].
+
+        With psi_n = (psi - t) / s of the scaled model, psi+ = S A S^-1 psi + S B U^-1 u + S c +
+        (I - S A S^-1) t, where s and t scale and centre the states and leave the others unchanged.
+        The gains S_ri psi_n become (S_ri / s) psi - (S_ri / s) t.
+        """
+        s, t = np.ones(len(scaled.A)), np.zeros(len(scaled.A))
+        s[: len(self.x_scale)], t[: len(self.x_scale)] = self.x_scale, self.x_centre
+        A = scaled.A * s[:, None] / s[None, :]
+        bilinear = None
+        if scaled.bilinear is not None:
+            N, S, s0, follows = scaled.bilinear
+            S = S / s
+            bilinear = Bilinear(N * s[:, None] / self.u_scale, S, s0 - S @ t, follows)
+        return Matrices(
+            A,
+            np.ascontiguousarray(scaled.B_uc * s[:, None] / self.u_scale),
+            np.ascontiguousarray(scaled.B_uw * s[:, None] / self.w_scale),
+            t + s * scaled.c - A @ t,
+            bilinear,
+        )
 
 
 def fit_scaling(trajectories: Trajectories, schema: Schema, roles: Roles) -> Scaling:

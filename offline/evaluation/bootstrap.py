@@ -86,37 +86,13 @@ def quantile_draws(values: Array, episode: NDArray[np.integer], shares: tuple[fl
     found = np.empty((len(weights), len(shares), flat.shape[1]))
     for column in range(flat.shape[1]):
         order = np.argsort(flat[:, column])
-        found[:, :, column] = flat[order[_ranks(weights, member[order], shares)], column]
+        ordered, member_of_each = flat[order, column], member[order]
+        for k, drawn in enumerate(weights):
+            counted = np.cumsum(drawn[member_of_each])
+            # 0.9 * 10 is slightly above 9 in binary; the tolerance keeps the rank at 9.
+            wanted = np.ceil(np.multiply(shares, counted[-1]) - 1e-9)
+            found[k, :, column] = ordered[np.searchsorted(counted, wanted)]
     return found.reshape(len(weights), len(shares), *values.shape[1:])
-
-
-def _ranks(
-    weights: Array, member: NDArray[np.integer], shares: tuple[float, ...]
-) -> NDArray[np.int64]:
-    """Ranks (1 + R, S) of the quantiles among sorted values, whose episodes are `member` (N,).
-
-    Values are counted in blocks by one matrix product, then one by one only within the block that
-    holds the quantile: adding up thousands of values for thousands of resamples takes seconds.
-    """
-    episodes, length = weights.shape[1], int(np.ceil(np.sqrt(len(member))))
-    blocks = np.arange(len(member)) // length
-    members_of_block = np.zeros((episodes, blocks[-1] + 1))
-    np.add.at(members_of_block, (member, blocks), 1.0)
-    upto = np.cumsum(weights @ members_of_block, axis=1)
-    before = np.hstack([np.zeros((len(weights), 1)), upto])
-    # Entries beyond the last value belong to an extra episode with weight zero.
-    padded = np.pad(member, (0, len(before[0]) * length - len(member)), constant_values=episodes)
-    drawn = np.hstack([weights, np.zeros((len(weights), 1))])
-    rows = np.arange(len(weights))
-    ranks = np.empty((len(weights), len(shares)), dtype=np.int64)
-    for i, share in enumerate(shares):
-        # 0.9 * 10 is slightly above 9 in binary; the tolerance keeps the rank at 9.
-        wanted = np.ceil(share * upto[:, -1] - 1e-9)
-        block = np.count_nonzero(upto < wanted[:, None], axis=1)
-        inside = padded[block[:, None] * length + np.arange(length)]
-        counted = before[rows, block][:, None] + np.cumsum(drawn[rows[:, None], inside], axis=1)
-        ranks[:, i] = block * length + np.count_nonzero(counted < wanted[:, None], axis=1)
-    return ranks
 
 
 @lru_cache(maxsize=8)

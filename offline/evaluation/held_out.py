@@ -57,23 +57,16 @@ def choose_test_data(
 
 def find_objection(bundles: Sequence[Bundle], manifest: Manifest) -> str | None:
     """Why the bundles cannot be evaluated on the test part of that data set; None if they can."""
+    fields = past_names(manifest.schema, manifest.roles)
     for bundle in bundles:
-        if not has_signals(bundle, manifest):
+        lift = bundle.lift
+        has_past = lift.history_fields in ((), fields) and lift.history_steps <= PAST_STEPS
+        if bundle.schema != manifest.schema or not has_past:
             return f"{bundle.name} is a model of other signals, or of another past"
     for bundle in bundles:
         if not is_held_out(bundle, manifest):
             return f"{bundle.name} may have been trained on its test episodes"
     return None
-
-
-def has_signals(bundle: Bundle, manifest: Manifest) -> bool:
-    """True if the data set has the signals of the bundle and the past that it needs."""
-    lift = bundle.lift
-    has_past = not lift.sees_history or (
-        lift.history_fields == past_names(manifest.schema, manifest.roles)
-        and lift.history_steps <= PAST_STEPS
-    )
-    return has_past and bundle.schema == manifest.schema
 
 
 def _data_folder(run: Path) -> Path | None:

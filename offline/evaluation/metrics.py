@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from offline.data.trajectories import Trajectories
 from offline.evaluation.bootstrap import (
     EpisodeSums,
     Estimate,
@@ -20,7 +19,7 @@ from offline.evaluation.bootstrap import (
     quantile_draws,
     sum_by_episode,
 )
-from offline.evaluation.predictor import Predictor, predict_trajectories
+from offline.evaluation.predictor import Predictor, prediction_errors
 from offline.evaluation.state_units import StateUnit
 from offline.evaluation.test_sets import TestSet
 from rt_controller.contract.arrays import Array
@@ -30,9 +29,6 @@ SHARES = (0.5, 0.9, 0.99)
 
 MARKED_STEPS = (20, 40, 80)
 """steps at which quantiles get an interval; 20 is the controller's horizon"""
-
-_BATCH = 8_000
-"""trajectories predicted at once, which limits the memory"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +79,9 @@ class Scores:
 
 def score(model: Predictor, test: TestSet, columns: tuple[StateUnit, ...]) -> Scores:
     """Errors of the model on the test set."""
-    errors = prediction_errors(model, test.trajectories, columns)
+    errors = prediction_errors(model, test.trajectories)
+    with np.errstate(over="ignore"):
+        errors *= [column.per_si for column in columns]
     episode = test.trajectories.episode
     marked = tuple(step for step in MARKED_STEPS if step <= errors.shape[1])
     magnitude = np.where(np.isnan(errors), np.inf, np.abs(errors))
@@ -103,17 +101,3 @@ def score(model: Predictor, test: TestSet, columns: tuple[StateUnit, ...]) -> Sc
         episode=episode,
         diverged=int(np.count_nonzero(~np.isfinite(errors).all(axis=(1, 2)))),
     )
-
-
-def prediction_errors(
-    model: Predictor, trajectories: Trajectories, columns: tuple[StateUnit, ...]
-) -> Array:
-    """Errors (N, K, n) of steps 1..K, predicted minus measured, in the units of the columns."""
-    factors = np.array([column.per_si for column in columns])
-    parts = []
-    for first in range(0, len(trajectories.episode), _BATCH):
-        part = trajectories.take(slice(first, first + _BATCH))
-        predicted = predict_trajectories(model, part)
-        with np.errstate(over="ignore", invalid="ignore"):
-            parts.append((predicted - part.x)[:, 1:] * factors)
-    return np.concatenate(parts)

@@ -39,15 +39,27 @@ def model_facts(bundle: Bundle) -> list[Fact]:
     ]
 
 
+def identity_facts(bundle: Bundle) -> list[Fact]:
+    """Digests of the model and of its training data."""
+    return [
+        Fact("model, SHA-256", bundle.sha256),
+        Fact("trained on data set, SHA-256", bundle.data_sha256),
+    ]
+
+
+def stability_text(bundle: Bundle) -> str:
+    """Spectral radius and growth over 20 and 80 steps, observables in units of their spread."""
+    return (
+        f"spectral radius {bundle.spectral_radius:.5f}, ||A^20|| {bundle.growth(20):.3g}, "
+        f"||A^80|| {bundle.growth(80):.3g}"
+    )
+
+
 def write_card(bundle: Bundle, parity: float, comparison: Comparison, facts: Sequence[Fact]) -> str:
     """The card in Markdown; `parity` as from `check_export`, `facts` say how the model was made."""
     is_drivable = find_objection_to_driving(bundle) is None
     errors = mse_table(comparison, comparison.sets[0])
-    hashes = [
-        Fact("data set, SHA-256", f"`{bundle.data_sha256}`"),
-        Fact("encoder, SHA-256", f"`{bundle.encoder_sha256}`"),
-        Fact("model, SHA-256", f"`{bundle.sha256}`"),
-    ]
+    hashes = [*identity_facts(bundle), Fact("encoder, SHA-256", bundle.encoder_sha256)]
     configuration = json.dumps(json.loads(bundle.training), indent=2)
     return f"""# {bundle.name}
 
@@ -66,10 +78,8 @@ observables, sampled every {1000 * bundle.schema.dt_s:g} ms, in physical units. 
 
 ## Stability and errors
 
-Spectral radius of A {bundle.spectral_radius:.5f}; growth over 20 steps {bundle.growth(20):.3g}, \
-over 80 steps {bundle.growth(80):.3g} (2-norm of the power of A, observables in units of their \
-spread). Largest difference between the encoder in ONNX and as trained: {parity:.1e}, in \
-these units.
+Of A: {stability_text(bundle)} (2-norm, observables in units of their spread). Largest difference \
+between the encoder in ONNX and as trained: {parity:.1e}, in these units.
 
 {errors.title}, held out by episode. {" ".join(errors.footnotes)}
 

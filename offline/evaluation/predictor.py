@@ -7,6 +7,9 @@ import numpy as np
 from offline.data.trajectories import Trajectories
 from rt_controller.contract.arrays import Array
 
+_BATCH = 8_000
+"""trajectories predicted at once, which limits the memory"""
+
 
 class Predictor(Protocol):
     """Predicts the states of the car over a horizon, open loop and in physical units.
@@ -46,3 +49,13 @@ def predict_trajectories(model: Predictor, trajectories: Trajectories) -> Array:
     x, u, w, past = (array.astype(np.float64) for array in trajectories[:4])
     with np.errstate(over="ignore", invalid="ignore"):
         return model.predict(x[:, 0], past, u, w)
+
+
+def prediction_errors(model: Predictor, trajectories: Trajectories) -> Array:
+    """Errors (N, K, n) of steps 1..K in double precision, predicted minus measured."""
+    parts = []
+    for first in range(0, len(trajectories.episode), _BATCH):
+        part = trajectories.take(slice(first, first + _BATCH))
+        with np.errstate(over="ignore", invalid="ignore"):
+            parts.append((predict_trajectories(model, part) - part.x)[:, 1:])
+    return np.concatenate(parts)

@@ -19,7 +19,7 @@ from offline.evaluation.tables import (
 from offline.evaluation.test_sets import NEW_ROADS, ROBUSTNESS
 from rt_controller.contract.arrays import Array
 from rt_controller.report.page import Bullets, Details, Page, Part, Plot, Section
-from rt_controller.report.table import Fact, facts_table, format_number
+from rt_controller.report.table import Fact, Table, facts_table, format_number
 
 _MEANINGS = {
     "vx": "longitudinal speed",
@@ -32,13 +32,9 @@ _MEANINGS = {
 
 
 def evaluation_page(
-    comparison: Comparison,
-    models: Mapping[str, Sequence[Fact]],
-    baselines: Mapping[str, Sequence[Fact]],
-    sources: Sequence[Fact],
-    lane_change: Section | None,
+    comparison: Comparison, sources: Sequence[Table], lane_change: Section | None
 ) -> Page:
-    """The whole page, with facts about each model, each baseline, data and software.
+    """The whole page; `sources` are tables of the models, the baselines, data and software.
 
     `lane_change` is as from `lane_change_section`; None if the data are not of the simulated car.
     """
@@ -49,7 +45,7 @@ def evaluation_page(
         _roads(comparison),
         _robustness(comparison),
         lane_change,
-        _sources(comparison, models, baselines, sources),
+        _sources(comparison, sources),
     )
     names = comparison.models
     listed = " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
@@ -189,26 +185,11 @@ def lane_change_section(
     return Section("Double lane change, open loop", (text, plot))
 
 
-def _sources(
-    comparison: Comparison,
-    models: Mapping[str, Sequence[Fact]],
-    baselines: Mapping[str, Sequence[Fact]],
-    sources: Sequence[Fact],
-) -> Section:
-    tables = [facts_table(facts, name) for name, facts in models.items()]
-    if baselines:
-        lines = [
-            Fact(name, "; ".join(f"{fact.name} {fact.value}" for fact in facts))
-            for name, facts in baselines.items()
-        ]
-        tables.append(facts_table(lines, "Baselines"))
+def _sources(comparison: Comparison, sources: Sequence[Table]) -> Section:
     sets = [
         Fact(test.name, f"{test.description}; {set_size(test)}; data set {test.data_sha256}")
         for test in comparison.sets
     ]
     bootstrap = Fact("bootstrap", f"{RESAMPLES} resamples of episodes, seed {SEED}, percentiles")
-    tables += [
-        facts_table(sets, "Test sets"),
-        facts_table([*sources, bootstrap], "Data and software"),
-    ]
-    return Section("Models, test sets and software", tuple(tables))
+    tables = (*sources, facts_table([*sets, bootstrap], "Test sets"))
+    return Section("Models, test sets and software", tables)

@@ -5,13 +5,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
-from importlib.util import find_spec
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
 
 from cyclopts import Parameter
 
-from rt_controller.contract.errors import ConfigError, MissingExtraError, install_command
+from rt_controller.contract.errors import ConfigError, require_packages
 
 BackendName = Literal["loky", "threading", "dask", "ray"]
 
@@ -67,11 +66,8 @@ class Backend:
         import joblib
 
         package = CLUSTERS.get(self.name)
-        if package is not None and find_spec(package) is None:
-            raise MissingExtraError(
-                f"--backend {self.name} expects the extra {self.name!r}, found no {package}. "
-                f"Run: {install_command(self.name)}"
-            )
+        if package is not None:
+            require_packages(self.name, (package,), f"--backend {self.name}")
         if self.address is not None:
             try:  # the clients of the clusters would try for a minute
                 socket.create_connection(host_and_port(self.address), CONNECT_S).close()

@@ -10,11 +10,10 @@ import numpy as np
 import torch
 
 from offline.baselines import registry
-from offline.baselines.selection import baseline_cache
 from offline.data.dataset import Dataset
 from offline.data.sampling import Batch, scale
 from offline.evaluation.comparison import LTI_BASELINES
-from offline.evaluation.predictor import Predictor, predict_trajectories
+from offline.evaluation.predictor import Predictor, prediction_errors
 from offline.model.losses import state_errors
 from offline.training.checkpoint import Checkpoint
 from offline.training.export import restore_model
@@ -60,15 +59,9 @@ def mean_squared_errors(model: Predictor, dataset: Dataset) -> Array:
 
     Infinite for a state with a prediction that is not finite.
     """
-    validation = dataset.select("validation")
-    n = len(validation.episode)
-    total = 0.0
-    for first in range(0, n, CHUNK):
-        part = validation.take(slice(first, first + CHUNK))
-        with np.errstate(over="ignore", invalid="ignore"):
-            errors = (predict_trajectories(model, part) - part.x)[:, 1:]
-            total = total + np.square(errors).mean(axis=1).sum(axis=0)
-    return _finite(np.asarray(total / n))
+    errors = prediction_errors(model, dataset.select("validation"))
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _finite(np.square(errors).mean(axis=(0, 1)))
 
 
 def linear_mse(dataset: Dataset) -> Array:
@@ -76,9 +69,12 @@ def linear_mse(dataset: Dataset) -> Array:
 
     In each state, those of the better of one model for all roads and one for each curvature.
     """
-    fitting = [name for name in LTI_BASELINES if registry.find_objection(name, dataset) is None]
-    models = (registry.fit(name, dataset, baseline_cache()) for name in fitting)
-    return np.asarray(np.min([mean_squared_errors(model, dataset) for model in models], axis=0))
+    fitted = (
+        registry.fit(name, dataset).baseline
+        for name in LTI_BASELINES
+        if registry.find_baseline(name).find_objection(dataset) is None
+    )
+    return np.asarray(np.min([mean_squared_errors(model, dataset) for model in fitted], axis=0))
 
 
 def _finite(errors: Array) -> Array:

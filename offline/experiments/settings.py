@@ -38,8 +38,7 @@ def changed(base: TrainingConfig, changes: Mapping[str, Any], where: str) -> Tra
     try:
         return TrainingConfig.model_validate({**base.model_dump(), **new})
     except ValidationError as error:
-        known = TrainingConfig.model_fields
-        raise ConfigError(f"{where}: {explain(error, dotted, lambda parent: known)}") from error
+        raise ConfigError(f"{where}: {explain(error, dotted, TrainingConfig)}") from error
 
 
 def common_fields(common: TrainingConfig | None, instead: Mapping[str, str]) -> dict[str, Any]:

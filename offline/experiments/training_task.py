@@ -17,7 +17,7 @@ from typing import Literal
 from filelock import FileLock
 from pydantic import TypeAdapter
 
-from offline.config import TrainingConfig
+from offline.config import TrainingConfig, assumed_fields
 from offline.data.dataset import Dataset, load_dataset
 from offline.experiments.error_ratios import ErrorRatios, checkpoint_mse, error_ratios
 from offline.experiments.running_command import RunningCommand
@@ -28,7 +28,8 @@ from offline.training.checkpoint import Checkpoint, load_checkpoint
 from offline.training.export import restore_model
 from offline.training.run_folder import LATEST_LINK, RunFolder, create_run, open_run
 from offline.training.schedule import is_evaluated
-from offline.training.train import Progress, TrainingDivergedError, train
+from offline.training.state import TrainingState
+from offline.training.train import TrainingDivergedError, train
 from rt_controller.contract.errors import ArtifactError, ConfigError, DatasetError
 
 CPU_TIME_FILE = "cpu-time.json"
@@ -92,7 +93,8 @@ def find_run(training: Training) -> RunFolder | None:
         return None
     run = open_run(latest)
     found, expected = run.config.model_dump(), training.config.model_dump()
-    different = [name for name in expected if found[name] != expected[name]]
+    assumed = assumed_fields(run.config)
+    different = [name for name in expected if found[name] != expected[name] or name in assumed]
     if run.data_sha256 != training.data.sha256:
         different.append("data set")
     if different:
@@ -149,9 +151,9 @@ def _train(
     count_cpu_s = _cpu_time(run.path / CPU_TIME_FILE)
     is_pruned = False
 
-    def on_progress(progress: Progress) -> None:
+    def on_progress(state: TrainingState) -> None:
         nonlocal is_pruned
-        if is_evaluated(progress.step, config):
+        if is_evaluated(state.step, config):
             count_cpu_s()
             is_pruned = not on_evaluation(run)
 

@@ -9,7 +9,7 @@ from offline.data.recording import PATH_STATES
 from offline.data.signals import Roles
 from offline.logs import mapping_tables as tables
 from offline.logs.mapping_tables import ColumnMapping, MappingTable, SignalMapping
-from offline.logs.quantity import Quantity, quantity_of_name, unit_of_name
+from offline.logs.quantity import Quantity, quantity_of_name, si_unit_of_name
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.schema import VEHICLE
 from rt_controller.contract.timing import PERIOD_S
@@ -94,7 +94,7 @@ class LogMapping(MappingTable):
         repeated = sorted({name for name in names if names.count(name) > 1})
         mistakes = [f"{name}: expected each name once, found it twice" for name in repeated]
         for name, signal in self.signals.items():
-            expected, unit = unit_of_name(name), find_unit(signal.unit) if signal.unit else None
+            expected, unit = si_unit_of_name(name), find_unit(signal.unit) if signal.unit else None
             if expected and unit and unit.si != expected:
                 mistakes.append(
                     f"{name}: expected a unit that is converted to {expected}, as in the name, "

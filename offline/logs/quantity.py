@@ -3,6 +3,8 @@
 from enum import StrEnum
 from typing import NamedTuple
 
+from sim_bridge.units import is_si, unit_of_name
+
 
 class Quantity(StrEnum):
     """Physical quantity of a signal, as far as the checks use it."""
@@ -51,26 +53,6 @@ _NAMES = {
     Quantity.BRAKE: ("brake", "brake_n", "brake_pa"),
 }
 
-_UNIT_OF_SUFFIX = {
-    "per_m": "1/m",
-    "mps2": "m/s^2",
-    "radps2": "rad/s^2",
-    "mps": "m/s",
-    "radps": "rad/s",
-    "rad": "rad",
-    "nm": "N m",
-    "pa": "Pa",
-    "kg": "kg",
-    "m": "m",
-    "n": "N",
-    "s": "s",
-    "w": "W",
-    "k": "K",
-}
-_SUFFIXES_OUTSIDE_SI = (
-    *("kmh", "kph", "mph", "deg", "degps", "dps", "g", "bar", "percent", "pct", "ms"),
-)
-
 
 def quantity_of_name(name: str) -> Quantity:
     """Quantity of a signal with this name, for signals whose mapping does not give one."""
@@ -83,16 +65,13 @@ def limits_of(quantity: Quantity, unit: str) -> Limits:
     return _LIMITS.get((quantity, unit), _NO_LIMITS)
 
 
-def unit_of_name(name: str) -> str | None:
+def si_unit_of_name(name: str) -> str | None:
     """The SI unit that a name ends in; None if in none; `ValueError` if in one outside SI."""
-    words = name.split("_")
-    if words[-1] in _SUFFIXES_OUTSIDE_SI and len(words) > 1:
+    unit = unit_of_name(name)
+    if unit is not None and not is_si(unit):
         raise ValueError(
-            f"{name}: expected a name that ends in an SI unit, found {words[-1]!r}. Data sets are "
-            f"in SI: use such a name (for example vx_mps, yaw_rate_radps, steer_rad), and give the "
-            f"log's unit in `unit`"
+            f"{name}: expected a name that ends in an SI unit, found {name.rpartition('_')[2]!r}. "
+            f"Data sets are in SI: use such a name (for example vx_mps, yaw_rate_radps, "
+            f"steer_rad), and give the log's unit in `unit`"
         )
-    for suffix, unit in _UNIT_OF_SUFFIX.items():
-        if name.endswith("_" + suffix):
-            return unit
-    return None
+    return unit

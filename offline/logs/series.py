@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from offline.logs.mapping import LogMapping
 from offline.logs.mapping_tables import ColumnMapping, Sampling, SignalMapping
-from offline.logs.quantity import limits_of, unit_of_name
+from offline.logs.quantity import limits_of, si_unit_of_name
 from offline.logs.readers.log import Log
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
@@ -83,7 +83,7 @@ def to_drive(log: Log, mapping: LogMapping) -> LoggedDrive:
     gap_s = mapping.time.longest_gap_s
     signals = []
     for name, column in mapping.signals.items():
-        series = _to_series(log, name, unit_of_name(name), column, first_s, gap_s)
+        series = _to_series(log, name, si_unit_of_name(name), column, first_s, gap_s)
         signals.append(_within_limits(log, mapping, series, column))
     poses = []
     for (name, unit, steepest), pose in zip(POSE_SIGNALS, mapping.pose_columns, strict=False):

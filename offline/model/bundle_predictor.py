@@ -1,16 +1,12 @@
 """A model bundle as a predictor: lifted by its encoder, rolled out in physical units."""
 
-import os
-
 import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.artifact import Bundle, LiftSample
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.rollout import roll_out
-
-os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
-import onnxruntime
+from rt_controller.control.lift import open_encoder
 
 
 class BundlePredictor:
@@ -21,19 +17,7 @@ class BundlePredictor:
     """
 
     def __init__(self, bundle: Bundle) -> None:
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = 1
-        options.log_severity_level = 3
-        self._bundle = bundle
-        try:
-            self._session = onnxruntime.InferenceSession(
-                bundle.encoder_onnx, sess_options=options, providers=["CPUExecutionProvider"]
-            )
-        except Exception as error:  # onnxruntime raises many types, none of them public
-            raise ArtifactError(
-                f"encoder.onnx: expected an ONNX model, found something onnxruntime cannot load "
-                f"({error}). Run offline-export again."
-            ) from error
+        self._bundle, self._session = bundle, open_encoder(bundle)
 
     def lift(self, sample: LiftSample) -> Array:
         """Observables (batch, n) of these instants; the states among them in double precision."""

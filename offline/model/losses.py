@@ -5,7 +5,7 @@ are taken over all n observables.
 """
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import torch
 from torch import Tensor
@@ -22,22 +22,25 @@ LEAST_ERROR = 1e-12
 """keeps the logarithm finite if a state is predicted exactly"""
 
 
-class Losses(NamedTuple):
-    """The terms of eq. (13) and their weighted sum, each a scalar tensor."""
+Scalar = TypeVar("Scalar", Tensor, float)
 
-    total: Tensor
-    single_step: Tensor
-    multi_step: Tensor
+
+class Losses(NamedTuple, Generic[Scalar]):
+    """The terms of eq. (13) and their weighted sum: scalar tensors of a batch, or mean values."""
+
+    total: Scalar
+    single_step: Scalar
+    multi_step: Scalar
     """eq. (10), or the log error of the states over the horizon"""
-    stability: Tensor
-    regularisation: Tensor
-    states: Tensor
+    stability: Scalar
+    regularisation: Scalar
+    states: Scalar
     """the physical states' share of the multi-step error, which scaling latents cannot reduce"""
 
 
 def total_loss(
     model: MdkNet, config: TrainingConfig, batch: Batch, times: Tensor | None = None
-) -> Losses:
+) -> Losses[Tensor]:
     """Every term on one batch of scaled trajectories. Paper: eq. (13), eq:total loss.
 
     `times` (M,) in 1..K, as from `draw_times`, limits the targets that are encoded; sums over time

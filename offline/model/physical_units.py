@@ -1,7 +1,6 @@
 """The trained model in physical units: scaling folded into the encoder and the operator."""
 
 import copy
-from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -10,7 +9,8 @@ from torch import Tensor, nn
 from offline.data.signals import Scaling
 from offline.model.network import MdkNet, with_zero_row
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.artifact import Bilinear
+from rt_controller.contract.bilinear import Bilinear
+from rt_controller.contract.rollout import Matrices
 
 
 class PhysicalEncoder(nn.Module):
@@ -49,41 +49,15 @@ class PhysicalEncoder(nn.Module):
         return torch.cat([x, self.encoder.latents(inputs, present)], dim=-1)
 
 
-class PhysicalOperator(NamedTuple):
-    """psi+ = A psi + B [u; w] + c, and the bilinear part of B, in physical units."""
-
-    A: Array
-    B: Array
-    c: Array
-    bilinear: Bilinear | None
-
-
-def fold_scaling(model: MdkNet, scaling: Scaling) -> PhysicalOperator:
-    """The model's operator for psi = [x physical; z].
-
-    With psi_n = (psi - t) / s of the scaled model, psi+ = S A S^-1 psi + S B U^-1 u + (I - S A
-    S^-1) t, where s and t scale and centre the physical states and leave the latents unchanged.
-    The gains S_ri psi_n become (S_ri / s) psi - (S_ri / s) t.
-    """
-    scaled = model.operator()
-    A, B = scaled.A.detach().double().cpu().numpy(), scaled.B.detach().double().cpu().numpy()
-    n, states = A.shape[0], model.sizes.states
-    s, t = np.ones(n), np.zeros(n)
-    s[:states], t[:states] = scaling.x_scale, scaling.x_centre
-    columns = np.concatenate([scaling.u_scale, scaling.w_scale])
-    A_physical = A * s[:, None] / s[None, :]
-    B_physical = B * s[:, None] / columns[None, :]
+def physical_matrices(model: MdkNet, scaling: Scaling) -> Matrices:
+    """The trained matrices in physical units and double precision."""
+    A, B = (_numbers(matrix) for matrix in model.operator())
+    B_uc, B_uw = np.split(B, [model.sizes.inputs], axis=1)
     bilinear = None
     if model.rank:
-        N = model.bilinear_columns().detach().double().cpu().numpy()
-        S = model.S.detach().double().cpu().numpy() / s
-        bilinear = Bilinear(
-            N=N * s[None, :, None] / scaling.u_scale,
-            S=S,
-            s0=-S @ t,
-            follows=model.follows,
-        )
-    return PhysicalOperator(A_physical, B_physical, t - A_physical @ t, bilinear)
+        N, S = _numbers(model.bilinear_columns()), _numbers(model.S)
+        bilinear = Bilinear(N, S, np.zeros(S.shape[:2]), model.follows)
+    return scaling.to_physical(Matrices(A, B_uc, B_uw, np.zeros(len(A)), bilinear))
 
 
 def _scaling_of_inputs(model: MdkNet, scaling: Scaling) -> tuple[Array, Array]:
@@ -95,6 +69,10 @@ def _scaling_of_inputs(model: MdkNet, scaling: Scaling) -> tuple[Array, Array]:
     centre += [scaling.past_centre] * model.history_steps
     spread += [scaling.past_scale] * model.history_steps
     return np.concatenate(centre), np.concatenate(spread)
+
+
+def _numbers(tensor: Tensor) -> Array:
+    return np.asarray(tensor.detach().double().cpu().numpy())
 
 
 def _linear(layer: nn.Module) -> nn.Linear:

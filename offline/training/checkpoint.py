@@ -1,6 +1,5 @@
 """Checkpoints: all that a resumed run needs to continue bit by bit. Read without pickles."""
 
-import json
 import pickle
 import zipfile
 from collections.abc import Mapping
@@ -10,7 +9,7 @@ from typing import Any
 
 import torch
 
-from offline.config import TrainingConfig, restore_config
+from offline.config import TrainingConfig
 from offline.data.signals import Scaling
 from rt_controller.contract.errors import ArtifactError, RtControllerError
 from rt_controller.contract.files import atomic_write
@@ -66,7 +65,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
     """
     try:
         fields = torch.load(path, map_location="cpu", weights_only=True)
-        fields["config"] = restore_config(json.loads(fields["config"]))
+        fields["config"] = TrainingConfig.model_validate_json(fields["config"])
         fields["scaling"] = Scaling(
             **{name: tensor.numpy() for name, tensor in fields["scaling"].items()}
         )
@@ -89,4 +88,20 @@ def load_checkpoint(path: Path) -> Checkpoint:
         raise ArtifactError(
             f"{path}: expected a checkpoint of this version, found a truncated file or "
             f"another format ({error}). Use the other checkpoint of the run, or train again."
+        ) from error
+
+
+def load_weights(model: torch.nn.Module, checkpoint: Checkpoint) -> None:
+    """Give the weights of the checkpoint to a model of its configuration.
+
+    Raises:
+        ArtifactError: they do not fit, because another version made another model of it.
+    """
+    try:
+        model.load_state_dict(checkpoint.model)
+    except RuntimeError as error:
+        raise ArtifactError(
+            f"checkpoint of step {checkpoint.step}: expected the weights of a model of its "
+            f"configuration, found others ({error}). Use the version that trained it, which "
+            f"config.json of the run names as revision, or train again."
         ) from error

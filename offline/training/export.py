@@ -1,6 +1,5 @@
 """From a checkpoint to a checked bundle in physical units."""
 
-import numpy as np
 import torch
 
 from offline.config import TrainingConfig
@@ -10,8 +9,8 @@ from offline.data.signals import Roles, past_names
 from offline.model.bundle_export import choose_selftest, tensors_of, to_onnx
 from offline.model.export_checks import check_export, largest_radius_of
 from offline.model.network import MdkNet, sizes_of
-from offline.model.physical_units import PhysicalEncoder, fold_scaling
-from offline.training.checkpoint import Checkpoint
+from offline.model.physical_units import PhysicalEncoder, physical_matrices
+from offline.training.checkpoint import Checkpoint, load_weights
 from rt_controller.contract.artifact import Bundle, Lift
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import Schema
@@ -20,7 +19,7 @@ from rt_controller.contract.schema import Schema
 def restore_model(checkpoint: Checkpoint, schema: Schema, roles: Roles) -> MdkNet:
     """The model of a checkpoint, in evaluation mode."""
     model = MdkNet(checkpoint.config, sizes_of(schema, roles))
-    model.load_state_dict(checkpoint.model)
+    load_weights(model, checkpoint)
     return model.eval()
 
 
@@ -41,22 +40,16 @@ def export_checkpoint(checkpoint: Checkpoint, dataset: Dataset) -> tuple[Bundle,
     model = restore_model(checkpoint, dataset.schema, dataset.roles)
     encoder = PhysicalEncoder(model, scaling).eval()
     lift = _lift_of(model, dataset)
-    operator = fold_scaling(model, scaling)
     selftest = choose_selftest(dataset, lift)
     with torch.no_grad():
         selftest_psi = encoder(*tensors_of(selftest, lift)).double().numpy()
     selftest_psi[:, : model.sizes.states] = selftest.x
-    inputs = model.sizes.inputs
     settings = {**config.model_dump(mode="json"), "step": checkpoint.step}
     is_default = config.preset == TrainingConfig().preset
     bundle = Bundle(
         name="mdk-net" if is_default else f"mdk-net-{config.preset}",
         schema=dataset.schema,
-        A=operator.A,
-        B_uc=np.ascontiguousarray(operator.B[:, :inputs]),
-        B_uw=np.ascontiguousarray(operator.B[:, inputs:]),
-        c=operator.c,
-        bilinear=operator.bilinear,
+        **physical_matrices(model, scaling)._asdict(),
         lift=lift,
         encoder_onnx=to_onnx(encoder, lift, selftest),
         selftest=selftest,
@@ -68,8 +61,5 @@ def export_checkpoint(checkpoint: Checkpoint, dataset: Dataset) -> tuple[Bundle,
 
 
 def _lift_of(model: MdkNet, dataset: Dataset) -> Lift:
-    inputs = ("x", "w") if model.reads_exogenous else ("x",)
-    if not model.history_steps:
-        return Lift(inputs)
-    fields = past_names(dataset.schema, dataset.roles)
-    return Lift((*inputs, "history"), model.history_steps, fields)
+    fields = past_names(dataset.schema, dataset.roles) if model.history_steps else ()
+    return Lift(model.reads_exogenous, model.history_steps, fields)

@@ -15,10 +15,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from offline.config import TrainingConfig, restore_config
+from pydantic import TypeAdapter, ValidationError
+
+from offline.config import TrainingConfig
 from offline.data.code_identity import source_revision
 from offline.files import write_json, write_text
 from rt_controller.contract.errors import ArtifactError, ConfigError, RtControllerError
+from rt_controller.contract.settings_errors import dotted, explain
 
 CONFIG_FILE = "config.json"
 HISTORY_FILE = "history.jsonl"
@@ -51,6 +54,9 @@ class RunFolder:
     @property
     def bundle(self) -> Path:
         return self.path / "bundle"
+
+
+_RUN = TypeAdapter(RunFolder)
 
 
 def create_run(
@@ -87,23 +93,19 @@ def open_run(path: Path) -> RunFolder:
     file = path / CONFIG_FILE
     try:
         fields = json.loads(file.read_text(encoding="utf-8"))
-        return RunFolder(
-            path=path.resolve(),
-            config=restore_config(fields["config"]),
-            data_folder=Path(fields["data_folder"]),
-            data_sha256=str(fields["data_sha256"]),
-            versions=dict(fields["versions"]),
-            revision=str(fields["revision"]),
-        )
+        return _RUN.validate_python({**fields, "path": path.resolve()})
     except OSError as error:
         raise ArtifactError(
             f"{file}: expected the configuration of a training run, found nothing readable "
             f"({error.strerror}). Train a model with offline-train, or name the folder of a run."
         ) from error
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, TypeError) as error:
+        is_refused = isinstance(error, ValidationError)
+        reason = explain(error, dotted).rstrip(".") if is_refused else error
         raise ArtifactError(
             f"{file}: expected the configuration of a training run of this version, found "
-            f"something else ({error}). Train again with offline-train."
+            f"something else ({reason}). Use the version that the file names as revision, or train "
+            f"again with offline-train."
         ) from error
 
 
@@ -148,11 +150,4 @@ def _step_of(line: str) -> int | None:
 
 
 def _write_config(run: RunFolder) -> None:
-    fields = {
-        "config": run.config.model_dump(mode="json"),
-        "data_folder": str(run.data_folder),
-        "data_sha256": run.data_sha256,
-        "versions": dict(run.versions),
-        "revision": run.revision,
-    }
-    write_json(run.path / CONFIG_FILE, fields)
+    write_json(run.path / CONFIG_FILE, _RUN.dump_python(run, mode="json", exclude={"path"}))

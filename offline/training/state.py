@@ -1,5 +1,6 @@
 """The state of a training: everything that changes from step to step, and its checkpoint."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -9,7 +10,8 @@ from offline.config import TrainingConfig
 from offline.data.signals import Scaling
 from offline.model.losses import Losses
 from offline.model.network import MdkNet, Sizes
-from offline.training.checkpoint import Checkpoint
+from offline.model.projection import spectral_radius
+from offline.training.checkpoint import Checkpoint, load_weights
 from rt_controller.contract.errors import ConfigError
 
 
@@ -34,6 +36,14 @@ class TrainingState:
     loss_sums: torch.Tensor = field(default_factory=_no_losses)
     """of the training losses since the last evaluation, in the order of `Losses`"""
     loss_count: int = 0
+    losses: Losses[torch.Tensor] = field(default_factory=lambda: Losses(*_no_losses()))
+    """of the newest batch"""
+    best_validation_loss: float = math.inf
+    """of the model that is kept, which is the lowest unless `best_rule` says otherwise"""
+    spectral_radius: float = math.nan
+    """of A at the newest evaluation"""
+    is_finished: bool = False
+    """True after the last step, or once the rate is too low to change the model"""
 
     @property
     def learning_rate(self) -> float:
@@ -44,19 +54,20 @@ class TrainingState:
         for group in self.optimizer.param_groups:
             group["lr"] = group["share"] * rate
 
-    def count_step(self, losses: Losses, is_taken: bool) -> None:
-        """Count a step, taken or skipped, and include its losses in the mean."""
+    def count_step(self, losses: Losses[torch.Tensor], is_taken: bool) -> None:
+        """Count a step, taken or skipped, with its losses."""
         self.step += 1
         self.skipped += not is_taken
         self.skipped_in_a_row = 0 if is_taken else self.skipped_in_a_row + 1
+        self.losses = losses
         self.loss_sums += torch.stack(losses).detach().cpu().double()
         self.loss_count += 1
 
-    def take_mean_losses(self) -> list[float]:
-        """Mean training losses since the last call, in the order of `Losses`."""
+    def take_mean_losses(self) -> Losses[float]:
+        """Mean training losses since the last call."""
         means = (self.loss_sums / max(self.loss_count, 1)).tolist()
         self.loss_sums, self.loss_count = _no_losses(), 0
-        return [float(mean) for mean in means]
+        return Losses(*means)
 
     def to_checkpoint(
         self, config: TrainingConfig, scaling: Scaling, data_sha256: str
@@ -79,7 +90,7 @@ class TrainingState:
 
     def restore(self, checkpoint: Checkpoint) -> None:
         """Continue from a checkpoint."""
-        self.model.load_state_dict(checkpoint.model)
+        load_weights(self.model, checkpoint)
         self.optimizer.load_state_dict(dict(checkpoint.optimizer))
         self.rng.set_state(checkpoint.batch_rng)
         torch.set_rng_state(checkpoint.torch_rng)
@@ -88,6 +99,7 @@ class TrainingState:
         self.validation_losses = list(checkpoint.validation_losses)
         self.loss_sums = torch.tensor(checkpoint.running_sums, dtype=torch.float64)
         self.loss_count = checkpoint.running_count
+        self.spectral_radius = spectral_radius(self.model)
 
 
 def initialise(config: TrainingConfig, sizes: Sizes, device: torch.device) -> TrainingState:

@@ -2,16 +2,15 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import torch
 from torch.nn.utils import clip_grad_norm_
 
 from offline.config import TrainingConfig
-from offline.data.dataset import PARTS, Dataset
+from offline.data.dataset import Dataset, Part
 from offline.data.sampling import open_source, scale
 from offline.data.signals import fit_scaling
-from offline.model.losses import Losses, draw_times, horizon_of_step, total_loss
+from offline.model.losses import draw_times, horizon_of_step, total_loss
 from offline.model.network import sizes_of
 from offline.model.projection import project, spectral_radius
 from offline.training.checkpoint import Checkpoint, save_checkpoint
@@ -25,7 +24,7 @@ from offline.training.schedule import (
     keep_lowest,
     loss_of_kept_model,
 )
-from offline.training.state import find_device, initialise
+from offline.training.state import TrainingState, find_device, initialise
 from offline.training.validation import evaluate
 from rt_controller.contract.errors import DatasetError, RtControllerError
 
@@ -36,46 +35,19 @@ class TrainingDivergedError(RtControllerError):
     """The loss or its gradient is no longer finite."""
 
 
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """State of a run after a step."""
-
-    step: int
-    losses: Losses
-    """of the newest batch"""
-    learning_rate: float
-    validation_loss: float
-    """of the newest evaluation"""
-    best_validation_loss: float
-    """of the model that is kept, which is the lowest unless `best_rule` says otherwise"""
-    spectral_radius: float
-    """of A at the newest evaluation"""
-
-
-@dataclass(frozen=True, slots=True)
-class TrainingResult:
-    """State of a run at its end."""
-
-    step: int
-    is_finished: bool
-    best_validation_loss: float | None
-    """of the model that is kept; None before the first evaluation"""
-    skipped: int
-    """steps whose gradient was not finite"""
-
-
 def train(
     config: TrainingConfig,
     dataset: Dataset,
     run: RunFolder,
     *,
     resume_from: Checkpoint | None = None,
-    on_progress: Callable[[Progress], None] = lambda progress: None,
+    on_progress: Callable[[TrainingState], None] = lambda state: None,
     stop_requested: Callable[[], bool] = lambda: False,
-) -> TrainingResult:
-    """Train to the last step, or to the step at which a stop is requested.
+) -> TrainingState:
+    """The state after the last step, or after the step at which a stop is requested.
 
-    The best and the last model are written to the run folder. Paper: Algorithm 1.
+    The best and the last model are written to the run folder. `on_progress` is called after each
+    step, with the same object. Paper: Algorithm 1.
 
     Raises:
         TrainingDivergedError: the loss is not finite; the best checkpoint is kept.
@@ -97,8 +69,7 @@ def train(
         state.restore(resume_from)
     cut_history(run, state.step)
     rule = keep_as_printed if config.best_rule == "as-printed" else keep_lowest
-    best_loss = loss_of_kept_model(state.validation_losses, config.patience, rule)
-    radius = spectral_radius(model)
+    state.best_validation_loss = loss_of_kept_model(state.validation_losses, config.patience, rule)
 
     # 3: until the last step.
     while not is_over(state.step, state.learning_rate, config) and not stop_requested():
@@ -112,7 +83,7 @@ def train(
 
         # 5, 6: encode, compute the loss and its gradient.
         losses = total_loss(model, config, batch, times)
-        _require_finite(run, config, state.step, "the loss", losses.total.item())
+        _require_finite(losses.total.item(), "the loss", run, state.step)
         optimizer.zero_grad()
         losses.total.backward()  # type: ignore[no-untyped-call]
         gradient_norm = clip_grad_norm_(model.parameters(), config.gradient_clip or math.inf)
@@ -126,23 +97,23 @@ def train(
         # 17: count the step.
         state.count_step(losses, is_taken)
         if state.skipped_in_a_row > MOST_SKIPPED_IN_A_ROW:
-            _require_finite(run, config, state.step, "the gradient", math.nan)
+            raise _diverged("the gradient", run, state.step)
 
         # 8-10: evaluate.
         if is_evaluated(state.step, config):
             validation = evaluate(model, config, validation_part, device)
-            _require_finite(run, config, state.step, "the validation loss", validation[0])
-            state.validation_losses.append(validation[0])
-            radius = spectral_radius(model)
+            _require_finite(validation.total, "the validation loss", run, state.step)
+            state.validation_losses.append(validation.total)
+            state.spectral_radius = spectral_radius(model)
             decision = rule(state.validation_losses, config.patience)
             append_history(
                 run,
                 {
                     "step": state.step - 1,
-                    "train": dict(zip(Losses._fields, state.take_mean_losses(), strict=True)),
-                    "validation": dict(zip(Losses._fields, validation, strict=True)),
+                    "train": state.take_mean_losses()._asdict(),
+                    "validation": validation._asdict(),
                     "learning_rate": state.learning_rate,
-                    "spectral_radius": radius,
+                    "spectral_radius": state.spectral_radius,
                     "is_best": decision.is_best,
                     "skipped": state.skipped,
                 },
@@ -152,33 +123,21 @@ def train(
                 state.learning_rate *= 0.5
             checkpoint = state.to_checkpoint(config, scaling, dataset.sha256)
             if decision.is_best:
-                best_loss = validation[0]
+                state.best_validation_loss = validation.total
                 save_checkpoint(run.best, checkpoint)
             save_checkpoint(run.last, checkpoint)
 
-        on_progress(
-            Progress(
-                step=state.step,
-                losses=losses,
-                learning_rate=state.learning_rate,
-                validation_loss=state.validation_losses[-1],
-                best_validation_loss=best_loss,
-                spectral_radius=radius,
-            )
-        )
+        on_progress(state)
 
     # 19: the best model is in run.best.
+    state.is_finished = is_over(state.step, state.learning_rate, config)
     save_checkpoint(run.last, state.to_checkpoint(config, scaling, dataset.sha256))
-    return TrainingResult(
-        step=state.step,
-        is_finished=is_over(state.step, state.learning_rate, config),
-        best_validation_loss=best_loss if math.isfinite(best_loss) else None,
-        skipped=state.skipped,
-    )
+    return state
 
 
 def _require_parts(dataset: Dataset) -> None:
-    for part in PARTS[:2]:
+    needed: tuple[Part, ...] = ("train", "validation")
+    for part in needed:
         if not len(dataset.select(part).episode):
             raise DatasetError(
                 f"expected slices in the {part} part of the data set, found none: it has "
@@ -186,12 +145,14 @@ def _require_parts(dataset: Dataset) -> None:
             )
 
 
-def _require_finite(
-    run: RunFolder, config: TrainingConfig, step: int, what: str, value: float
-) -> None:
+def _require_finite(value: float, what: str, run: RunFolder, step: int) -> None:
     if not math.isfinite(value):
-        raise TrainingDivergedError(
-            f"{run.path}: expected {what} to be finite, found that it is not at step {step}. The "
-            f"best checkpoint so far is kept. Train again with a smaller --learning-rate than "
-            f"{config.learning_rate:g}, or with --gradient-clip."
-        )
+        raise _diverged(what, run, step)
+
+
+def _diverged(what: str, run: RunFolder, step: int) -> TrainingDivergedError:
+    return TrainingDivergedError(
+        f"{run.path}: expected {what} to be finite, found that it is not at step {step}. The best "
+        f"checkpoint so far is kept. Train again with a smaller --learning-rate than "
+        f"{run.config.learning_rate:g}, or with --gradient-clip."
+    )

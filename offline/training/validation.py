@@ -13,8 +13,8 @@ CHUNK = 500
 
 def evaluate(
     model: MdkNet, config: TrainingConfig, batch: Batch, device: torch.device
-) -> list[float]:
-    """Losses over all trajectories, with every target encoded, in the order of `Losses`.
+) -> Losses[float]:
+    """Losses over all trajectories, with every target encoded.
 
     Paper: Algorithm 1, "Evaluate total loss".
     """
@@ -32,10 +32,10 @@ def evaluate(
             if is_horizon:
                 errors += share * state_errors(model, part).cpu().double()
     model.train()
-    means = [float(mean) for mean in sums]
-    if is_horizon:  # the logarithm of the mean error, not the mean of the chunks' logarithms
-        total, multi_step = (Losses._fields.index(name) for name in ("total", "multi_step"))
-        exact = float(log_error(errors))
-        means[total] += config.weight_multi_step * (exact - means[multi_step])
-        means[multi_step] = exact
-    return means
+    means = Losses(*sums.tolist())
+    if not is_horizon:
+        return means
+    # The logarithm of the mean error, not the mean of the chunks' logarithms.
+    exact = float(log_error(errors))
+    total = means.total + config.weight_multi_step * (exact - means.multi_step)
+    return means._replace(total=total, multi_step=exact)

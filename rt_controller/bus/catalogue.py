@@ -8,7 +8,8 @@ from enum import IntFlag
 from math import degrees, isnan, nan, radians
 from typing import NamedTuple
 
-from rt_controller.bus.codec import DBC_PATH, FrameSpec
+from rt_controller.bus.codec import FrameSpec
+from rt_controller.bus.dbc import DBC_PATH
 from rt_controller.bus.message import Catalogue
 from rt_controller.contract.schema import N_STATES
 from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
@@ -53,7 +54,7 @@ class StateSample(NamedTuple):
 
 
 class Mission(NamedTuple):
-    """Content of MISSION: what the controller is asked to do."""
+    """Content of MISSION: the request to the controller."""
 
     is_engaged: bool
     is_reset_requested: bool
@@ -91,17 +92,11 @@ def _decode_input(throttle: float, brake_n: float, steer_deg: float) -> ControlI
     return ControlInput(throttle, brake_n, radians(steer_deg))
 
 
-def _decode_command(mode: int, throttle: float, brake_n: float, steer_deg: float) -> Command | None:
-    if mode not in _MODES:
-        return None
-    return Command(_decode_input(throttle, brake_n, steer_deg), _MODES[mode])
-
-
 COMMAND = CATALOGUE.define(
     FrameSpec("ACT_CMD", "Mode", ("Throttle", "BrakeForce", "SteeringWheelAngle")),
     cycle_ticks=1,
     encode=lambda command: (command.mode, *_encode_input(command.control)),
-    decode=_decode_command,
+    decode=lambda mode, *values: Command(_decode_input(*values), _MODES[mode]),
 )
 FEEDBACK = CATALOGUE.define(
     FrameSpec(
@@ -188,9 +183,7 @@ def _encode_heartbeat(heartbeat: Heartbeat) -> tuple[float, ...]:
 
 def _decode_heartbeat(
     mode: int, faults: float, compute_time_ms: float, state_age_ms: float, qp_iterations: float
-) -> Heartbeat | None:
-    if mode not in _MODES:
-        return None
+) -> Heartbeat:
     return Heartbeat(
         _MODES[mode],
         Fault(int(faults)),

@@ -13,13 +13,11 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isnan, nan
-from pathlib import Path
 from typing import NamedTuple
 
 from cantools.database.can import Database, Message, Signal
 
-from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.timing import COUNTER_MODULUS
+from rt_controller.bus.dbc import data_ids_of, misfit
 
 _POLYNOMIAL = 0x2F
 _ALL_ONES = 0xFF
@@ -47,8 +45,6 @@ def frame_crc(frame: bytes | bytearray, data_id: int) -> int:
     _, a, b, c, d, e, f, g = frame  # written out: a loop would take twice as long
     return t[t[t[t[t[t[t[t[_ALL_ONES ^ a] ^ b] ^ c] ^ d] ^ e] ^ f] ^ g] ^ data_id] ^ _ALL_ONES
 
-
-DBC_PATH = Path(__file__).parents[1] / "contract" / "messages.dbc"
 
 FRAME_LENGTH = 8
 COUNTER_MASK = 0x0F
@@ -86,7 +82,8 @@ class FrameSpec(NamedTuple):
     signals: tuple[str, ...]
     """the other signals, in their order in the frame"""
     optional: tuple[str, ...] = ()
-    """signals that may be not available; if another one is, the frame is not used"""
+    """signals that may be not available, NaN for `decode`; if another one is, the frame is not
+    used"""
 
 
 class FrameCodec:
@@ -103,12 +100,15 @@ class FrameCodec:
         self.name: str = message.name
         self.sender: str = ", ".join(message.senders)
         self.arbitration_id: int = message.frame_id
-        self.data_ids = _data_ids(message)
+        self.data_ids = data_ids_of(message)
         self.signals = tuple(_signal_layout(self.name, signal) for signal in body)
         self._has_valid_flag = spec.nibble == _VALID_NIBBLE
+        self._usable_nibbles = _usable_nibbles(message, spec.nibble)
         self.n_values = len(body) + (0 if self._has_valid_flag else 1)
         """of `read` and `write`"""
-        self._required = [i for i, name in enumerate(spec.signals) if name not in spec.optional]
+        self.required = tuple(name for name in spec.signals if name not in spec.optional)
+        """signals without which the frame is not used"""
+        self._required_places = [spec.signals.index(name) for name in self.required]
         self._struct = struct.Struct(_struct_format(self.name, body))
         # Half an LSB of tolerance: a value that rounds into the range is in range.
         self._encode_rules = tuple(
@@ -157,13 +157,14 @@ class FrameCodec:
     def read(self, frame: Frame) -> tuple[float, ...] | None:
         """The values of an intact frame, as `write` takes them.
 
-        None if the sender marked the frame as invalid or a signal that is not optional is NaN.
+        None if the sender marked the frame as invalid, the nibble is out of range, or a signal that
+        is not optional is NaN.
         """
         nibble = frame[1] >> 4
-        if self._has_valid_flag and nibble != VALID:
+        if nibble not in self._usable_nibbles:
             return None
         values = self.decode(frame)
-        if isnan(sum(values)) and any(isnan(values[i]) for i in self._required):
+        if isnan(sum(values)) and any(isnan(values[i]) for i in self._required_places):
             return None
         return values if self._has_valid_flag else (nibble, *values)
 
@@ -173,23 +174,6 @@ class FrameCodec:
             len(frame) == FRAME_LENGTH
             and frame_crc(frame, self.data_ids[frame[1] & COUNTER_MASK]) == frame[0]
         )
-
-
-def read_dbc(path: Path) -> Database:
-    """The database of a DBC file, checked for overlapping signals.
-
-    Raises:
-        ConfigError: the file is missing or is not a DBC.
-    """
-    database = Database(strict=True)
-    try:
-        database.add_dbc_string(path.read_text(encoding="ascii"))
-    except Exception as error:  # parsing and linking raise many types
-        raise ConfigError(
-            f"{path}: expected the message catalogue as a DBC file in ASCII, found {error}. "
-            f"Restore the file that came with this version."
-        ) from error
-    return database
 
 
 def _find_message(database: Database, spec: FrameSpec) -> Message:
@@ -215,23 +199,13 @@ def _find_message(database: Database, spec: FrameSpec) -> Message:
     return message
 
 
-def misfit(subject: str, expected: str, found: str) -> ConfigError:
-    return ConfigError(
-        f"messages.dbc: expected {subject} {expected}, found {found}. "
-        f"Restore the file that came with this version, or adapt rt_controller.bus to the new one."
-    )
-
-
-def _data_ids(message: Message) -> bytes:
-    attributes = message.dbc.attributes if message.dbc is not None else {}
-    text = str(attributes["E2EDataIdList"].value) if "E2EDataIdList" in attributes else ""
-    try:
-        data_ids = bytes.fromhex(text)
-    except ValueError:
-        data_ids = b""
-    if len(data_ids) != COUNTER_MODULUS:
-        raise misfit(message.name, "with 16 hexadecimal bytes in E2EDataIdList", repr(text))
-    return data_ids
+def _usable_nibbles(message: Message, name: str) -> frozenset[int]:
+    if name == _VALID_NIBBLE:
+        return frozenset([VALID])
+    signal = message.get_signal_by_name(name)
+    if signal.minimum is None or signal.maximum is None:
+        raise misfit(f"{message.name}.{name}", "with a declared range", "none")
+    return frozenset(range(round(signal.minimum), round(signal.maximum) + 1))
 
 
 def _signal_layout(message: str, signal: Signal) -> SignalLayout:

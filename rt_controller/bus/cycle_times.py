@@ -6,7 +6,7 @@ Run `python -m rt_controller.bus.cycle_times` after a change of `PERIOD_NS`.
 import re
 
 from rt_controller.bus.catalogue import CATALOGUE
-from rt_controller.bus.codec import DBC_PATH
+from rt_controller.bus.dbc import DBC_PATH
 
 
 def with_cycle_times(dbc: str) -> str:

@@ -4,36 +4,41 @@ import hashlib
 from functools import cache
 
 from rt_controller.bus.catalogue import Identity
-from rt_controller.bus.codec import DBC_PATH
+from rt_controller.bus.dbc import DBC_PATH
 from rt_controller.contract.errors import BusError
 
-# All ones means "not available" on the bus, so no hash may have that value.
-_DBC_HASHES = 2**32 - 1
-_MODEL_HASHES = 2**16 - 1
+DBC_HASH_DIGITS = 8
+MODEL_HASH_DIGITS = 4
+
+
+def leading_digits(sha256_hex: str, digits: int) -> int:
+    """The number that the first hexadecimal digits form, as the bus carries it.
+
+    One less if all are f, because that number means "not available" on the bus.
+    """
+    return min(int(sha256_hex[:digits], 16), (1 << 4 * digits) - 2)
 
 
 @cache
 def dbc_hash() -> int:
-    """32-bit hash of this program's message catalogue.
-
-    SHA-256 of the DBC, read as a big-endian number, modulo 2^32 - 1. Trailing blanks and empty
-    lines are left out and every line ends in one line feed, so that a checkout with other line
-    ends keeps its hash.
-    """
+    """32-bit hash of this program's message catalogue."""
     return hash_of_catalogue(DBC_PATH.read_text(encoding="ascii"))
 
 
 def hash_of_catalogue(text: str) -> int:
-    """32-bit hash of a DBC's text, see `dbc_hash`."""
+    """32-bit hash of a DBC's text: the first digits of its SHA-256.
+
+    Trailing blanks and empty lines are left out and every line ends in one line feed, so that a
+    checkout with other line ends keeps its hash.
+    """
     lines = (line.rstrip() for line in text.splitlines())
     normal = "".join(f"{line}\n" for line in lines if line)
-    digest = hashlib.sha256(normal.encode("ascii")).digest()
-    return int.from_bytes(digest, "big") % _DBC_HASHES
+    return leading_digits(hashlib.sha256(normal.encode("ascii")).hexdigest(), DBC_HASH_DIGITS)
 
 
 def model_hash(sha256_hex: str) -> int:
-    """16-bit hash of a model for IDENT_CONTROLLER: its SHA-256 modulo 2^16 - 1."""
-    return int(sha256_hex, 16) % _MODEL_HASHES
+    """16-bit hash of a model for IDENT_CONTROLLER: the first digits of its SHA-256."""
+    return leading_digits(sha256_hex, MODEL_HASH_DIGITS)
 
 
 def own_identity(model: int | None) -> Identity:

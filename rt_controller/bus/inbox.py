@@ -10,7 +10,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import can
 
 from rt_controller.bus.catalogue import CATALOGUE
-from rt_controller.bus.codec import COUNTER_MASK, FrameCodec
+from rt_controller.bus.codec import COUNTER_MASK
 from rt_controller.bus.message import Catalogue, Message, Node
 from rt_controller.bus.recorder import Recorder
 from rt_controller.contract.timing import COUNTER_MODULUS, PERIOD_NS
@@ -43,8 +43,8 @@ class ReceptionCounts:
     """wrong checksum or length; dropped"""
     repeated: int = 0
     """same counter as the frame before, so the sender has stopped working; dropped"""
-    lost: int = 0
-    """gaps in the counters"""
+    counter_gap_frames: int = 0
+    """frames that are missing between two counters of one sender"""
     out_of_range: int = 0
     """intact frames with values that are missing or outside their range; dropped"""
     error_frames: int = 0
@@ -54,47 +54,28 @@ class ReceptionCounts:
 class _Assembly:
     """The frames of one message as they arrive, and its newest complete content."""
 
-    __slots__ = ("arrivals_ns", "counters", "message", "newest", "parts")
+    __slots__ = ("arrivals_ns", "counters", "last_counters", "message", "newest", "parts")
 
     def __init__(self, message: Message[Any]) -> None:
         n_frames = len(message.codecs)
         self.message = message
         self.newest: Received[Any] | None = None
+        self.last_counters = [_NO_COUNTER] * n_frames
+        """of the intact frames, whether their values may be used or not"""
         self.parts: list[tuple[float, ...]] = [()] * n_frames
         self.counters = [_NO_COUNTER] * n_frames
         """of the frames in `parts`; `_NO_COUNTER` where the newest one must not be used"""
         self.arrivals_ns = [0] * n_frames
 
-    def add(self, place: int, part: tuple[float, ...] | None, counter: int, now_ns: int) -> bool:
-        """False if the values must not be used."""
-        if part is None:
-            self.counters[place] = _NO_COUNTER
-            return False
+    def add(self, place: int, part: tuple[float, ...], counter: int, now_ns: int) -> None:
         self.parts[place] = part
         self.counters[place] = counter
         self.arrivals_ns[place] = now_ns
         if self.counters.count(counter) < len(self.counters):
-            return True
+            return
         arrival_ns = min(self.arrivals_ns)
-        if max(self.arrivals_ns) - arrival_ns > MAX_SPREAD_NS:
-            return True
-        content = self.message.decode(self.parts)
-        if content is None:
-            return False
-        self.newest = Received(content, counter, arrival_ns)
-        return True
-
-
-class _Source:
-    """One frame of the catalogue, and the counter that it had last."""
-
-    __slots__ = ("assembly", "codec", "counter", "place")
-
-    def __init__(self, codec: FrameCodec, assembly: _Assembly | None, place: int) -> None:
-        self.codec = codec
-        self.assembly = assembly
-        self.place = place
-        self.counter = _NO_COUNTER
+        if max(self.arrivals_ns) - arrival_ns <= MAX_SPREAD_NS:
+            self.newest = Received(self.message.decode(self.parts), counter, arrival_ns)
 
 
 class Inbox:
@@ -110,13 +91,14 @@ class Inbox:
         """frames that only this node sends: a bus does not return what one sent, so these are
         from a second device in the same role"""
         self._recorder = recorder
+        assemblies = [_Assembly(message) for message in catalogue.messages]
         self._assemblies = {
-            message: _Assembly(message) for message in catalogue.messages if message.sender != node
+            each.message: each for each in assemblies if each.message.sender != node
         }
-        self._sources = {
-            codec.arbitration_id: _Source(codec, self._assemblies.get(message), place)
-            for message in catalogue.messages
-            for place, codec in enumerate(message.codecs)
+        self._frames = {
+            codec.arbitration_id: (assembly, place, codec, assembly.message.sender == node)
+            for assembly in assemblies
+            for place, codec in enumerate(assembly.message.codecs)
         }
 
     def newest(self, message: Message[T]) -> Received[T] | None:
@@ -147,22 +129,27 @@ class Inbox:
         if message.is_error_frame:
             self.counts.error_frames += 1
             return
-        source = self._sources.get(message.arbitration_id)
-        if source is None or message.is_extended_id or message.is_remote_frame:
+        known = self._frames.get(message.arbitration_id)
+        if known is None or message.is_extended_id or message.is_remote_frame:
             return
-        frame, codec = message.data, source.codec
+        assembly, place, codec, is_own = known
+        frame = message.data
         if not codec.is_intact(frame):
             self.counts.crc_errors += 1
             return
         counter = frame[1] & COUNTER_MASK
-        step = (counter - source.counter) % COUNTER_MODULUS
-        if step != 1 and source.counter != _NO_COUNTER:
+        last_counter = assembly.last_counters[place]
+        step = (counter - last_counter) % COUNTER_MODULUS
+        if step != 1 and last_counter != _NO_COUNTER:
             if step == 0:
                 self.counts.repeated += 1
                 return
-            self.counts.lost += step - 1
-        source.counter = counter
-        if source.assembly is None:
+            self.counts.counter_gap_frames += step - 1
+        assembly.last_counters[place] = counter
+        if is_own:
             self.foreign_frames += 1
-        elif not source.assembly.add(source.place, codec.read(frame), counter, arrival_ns):
+        elif (part := codec.read(frame)) is None:
+            assembly.counters[place] = _NO_COUNTER
             self.counts.out_of_range += 1
+        else:
+            assembly.add(place, part, counter, arrival_ns)

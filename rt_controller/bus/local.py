@@ -95,7 +95,7 @@ class LocalBus(can.BusABC):
         return message, False
 
     def shutdown(self) -> None:
-        """Leave the bus, not before the others have had time to read this member's frames."""
+        """Close this member's end, not before the others have had time to read its frames."""
         super().shutdown()
         if not self._is_open:
             return
@@ -158,7 +158,7 @@ class LocalBus(can.BusABC):
             self._update_members(names - {self._ring.path.name}, from_first=True)
 
     def _update_members(self, names: set[str], from_first: bool) -> None:
-        """Open new rings, to be read `from_first` frame or from now on; close those that left."""
+        """Open new rings, to be read `from_first` frame or from now on; close those that ended."""
         for name in self._others.keys() - names:
             if not self._others[name].has_frames():
                 self._others.pop(name).close()

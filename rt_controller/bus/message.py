@@ -6,11 +6,12 @@ call: `Outbox.send(MESSAGE, content, now_ns)` or `Inbox.newest(MESSAGE)`.
 
 from collections.abc import Callable, Iterable
 from enum import StrEnum
-from itertools import chain
+from itertools import accumulate, chain
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from rt_controller.bus.codec import Frame, FrameCodec, FrameSpec, misfit, read_dbc
+from rt_controller.bus.codec import FrameCodec, FrameSpec
+from rt_controller.bus.dbc import misfit, read_dbc
 from rt_controller.contract.timing import PERIOD_MS
 
 T = TypeVar("T")
@@ -32,14 +33,14 @@ class Message(Generic[T]):
         codecs: tuple[FrameCodec, ...],
         cycle_ticks: int,
         encode: Callable[[T], tuple[float, ...]],
-        decode: Callable[..., T | None],
+        decode: Callable[..., T],
     ) -> None:
         self.sender = sender
         self.codecs = codecs
         self.cycle_ticks = cycle_ticks
         self._encode = encode
         self._decode = decode
-        ends = [sum(codec.n_values for codec in codecs[: i + 1]) for i in range(len(codecs))]
+        ends = accumulate(codec.n_values for codec in codecs)
         self._parts = tuple(
             (codec, slice(end - codec.n_values, end))
             for codec, end in zip(codecs, ends, strict=True)
@@ -56,15 +57,9 @@ class Message(Generic[T]):
             return [self.codecs[0].write(values, counter, is_valid)]
         return [codec.write(values[part], counter, is_valid) for codec, part in self._parts]
 
-    def decode(self, parts: Iterable[tuple[float, ...]]) -> T | None:
-        """The content of what `FrameCodec.read` returned for each frame; None if it is refused."""
+    def decode(self, parts: Iterable[tuple[float, ...]]) -> T:
+        """The content of what `FrameCodec.read` returned for each frame."""
         return self._decode(*chain.from_iterable(parts))
-
-    def decode_frames(self, *frames: Frame) -> T | None:
-        """The content of intact frames, one for each codec; None if one must not be used."""
-        parts = [codec.read(frame) for codec, frame in zip(self.codecs, frames, strict=True)]
-        usable = [part for part in parts if part is not None]
-        return self.decode(usable) if len(usable) == len(parts) else None
 
 
 class Catalogue:
@@ -79,7 +74,7 @@ class Catalogue:
         *frames: FrameSpec,
         cycle_ticks: int,
         encode: Callable[[T], tuple[float, ...]],
-        decode: Callable[..., T | None],
+        decode: Callable[..., T],
     ) -> Message[T]:
         """A message of the catalogue; its sender and the layout of its frames come from the DBC.
 
@@ -88,7 +83,7 @@ class Catalogue:
             cycle_ticks: control periods from one sending to the next.
             encode: physical values of all frames, flat, from the content; a nibble other than
                 "Valid" comes before the other signals of its frame. NaN means not available.
-            decode: the content from the same values, or None if they make no sense.
+            decode: the content from the same values, which are within their ranges.
 
         Raises:
             ConfigError: the DBC lacks a frame, or has a layout that the codec does not support.

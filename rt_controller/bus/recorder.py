@@ -9,6 +9,7 @@ through floats, and replaces the class of error frames.
 """
 
 import threading
+import time
 from collections import deque
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -28,7 +29,7 @@ _Kind = tuple[int, bool, bool, bool, bool]
 
 
 class Recorder(AbstractContextManager["Recorder"]):
-    """A candump log being written; leaving the context closes it."""
+    """A candump log that is being written; the end of the context closes it."""
 
     def __init__(
         self,
@@ -125,6 +126,19 @@ class Recorder(AbstractContextManager["Recorder"]):
             except OSError as error:
                 self._unwritable += 1
                 self.last_failure = str(error)
+
+
+def open_recorder(path: Path | None, channel: str, is_lockstep: bool = False) -> Recorder | None:
+    """A recorder with calendar time in its stamps; None if no file is named.
+
+    Raises:
+        ConfigError: the file cannot be written.
+    """
+    if path is None:
+        return None
+    # In lockstep the stamps are simulated time: the same run gives the same bytes.
+    offset_ns = 0 if is_lockstep else time.time_ns() - time.monotonic_ns()
+    return Recorder(path, channel, is_threaded=not is_lockstep, epoch_offset_ns=offset_ns)
 
 
 def _open(path: Path) -> TextIO:

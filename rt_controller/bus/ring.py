@@ -37,7 +37,7 @@ class Ring:
         try:
             # Without allocated room the first write to it would end the process.
             os.posix_fallocate(self._descriptor, 0, _SIZE)
-            fcntl.flock(self._descriptor, fcntl.LOCK_EX)  # as long as this process lives
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX)  # until this process ends
             self._memory = mmap.mmap(self._descriptor, _SIZE)
             _HEADER.pack_into(self._memory, 0, _MAGIC, 0)
             os.rename(unfinished, self.path)  # others find it from here on

@@ -16,6 +16,7 @@ from can.interfaces.socketcan import SocketcanBus
 
 from rt_controller.contract.errors import (
     BusError,
+    ConfigError,
     MissingExtraError,
     RtControllerError,
     install_command,
@@ -26,6 +27,8 @@ Option = str | int | float | bool
 _VIRTUAL = "virtual"
 _SOCKETCAN = "socketcan"
 _REMOTE = "remote"
+COMMON = (_VIRTUAL, "local", _SOCKETCAN, _REMOTE, "slcan", "pcan", "kvaser", "vector")
+"""interfaces that a message names; the rest of python-can's are accepted too"""
 _WITHOUT_BITRATE = (_VIRTUAL, _SOCKETCAN)
 
 VIRTUAL_QUEUE_FRAMES = 1024
@@ -49,20 +52,19 @@ def open_bus(
         options: further arguments of the interface, as python-can documents them.
 
     Raises:
-        BusError: no such interface or channel, or it refuses these settings.
+        ConfigError: no such interface, or one that sets no bitrate.
+        BusError: no such channel, or the interface refuses these settings.
         MissingExtraError: the interface needs a package that is not installed.
     """
-    _check_interface(interface)
+    require_interface(interface)
     settings: dict[str, Any] = dict(options or {})
-    if interface in (_VIRTUAL, _SOCKETCAN):
-        settings.setdefault("receive_own_messages", False)
     if interface == _VIRTUAL:
         settings.setdefault("rx_queue_size", VIRTUAL_QUEUE_FRAMES)
     if bitrate is not None:
         if interface in _WITHOUT_BITRATE:
-            raise BusError(
-                f"{interface}: expected no bitrate, found {bitrate}: this interface does not set "
-                f"one. Leave it out (for socketcan: ip link set {channel} type can "
+            raise ConfigError(
+                f"`bitrate` of {interface}: expected no bitrate, found {bitrate}: this interface "
+                f"does not set one. Leave it out (for socketcan: ip link set {channel} type can "
                 f"bitrate {bitrate})."
             )
         settings["bitrate"] = bitrate
@@ -76,7 +78,7 @@ def open_bus(
 
 
 def close_bus(bus: can.BusABC) -> None:
-    """Leave a bus, also one that has failed."""
+    """Shut down a bus, also one that has failed."""
     try:
         bus.shutdown()
     except Exception:
@@ -98,7 +100,13 @@ def _parse_option(value: str) -> Option:
     return parsed if isinstance(parsed, bool | int | float | str) else value
 
 
-def _check_interface(interface: str) -> None:
+def require_interface(interface: str) -> None:
+    """Return if python-can has an interface of this name.
+
+    Raises:
+        ConfigError: it has not.
+        MissingExtraError: its package is not installed.
+    """
     if interface in can.VALID_INTERFACES:
         return
     if interface == _REMOTE:
@@ -106,12 +114,11 @@ def _check_interface(interface: str) -> None:
             "remote: expected the package python-can-remote, found none. "
             f"Run: {install_command('remote')}"
         )
-    names = sorted(can.VALID_INTERFACES)
-    near = get_close_matches(interface, names, n=1)
-    hint = f"Did you mean {near[0]}? " if near else ""
-    raise BusError(
-        f"{interface!r}: expected an interface of python-can, found no such name. {hint}"
-        f"Choose one of: {', '.join(names)}."
+    near = get_close_matches(interface, {*can.VALID_INTERFACES, _REMOTE}, n=1)
+    hint = f" Did you mean {near[0]}?" if near else ""
+    raise ConfigError(
+        f"`bus` {interface!r}: expected {', '.join(COMMON)} or another interface of "
+        f"python-can, found no such name.{hint}"
     )
 
 

@@ -49,6 +49,8 @@ CARD_FILE = "card.md"
 TEXT, WHOLE, FLOAT = "U", "i", "f"
 UNCHANGED = ("name", "A", "B_uc", "B_uw", "c", "selftest_psi", "training", "data_sha256")
 """fields of `koopman.npz` that are attributes of `Bundle` of the same name"""
+SIGNALS = {"state": "states", "input": "inputs", "exogenous": "exogenous"}
+"""beginning of the fields that describe signals, and the attribute of `Schema`"""
 FIELDS = {
     **dict.fromkeys(("name", "training", "data_sha256"), (TEXT, 0)),
     **dict.fromkeys(("encoder_sha256", "bundle_sha256", "bilinear_follows"), (TEXT, 0)),
@@ -74,7 +76,7 @@ def find_model(model: str | Path | None) -> Path:
     """The folder of a model: the shipped one of that name, otherwise the path itself.
 
     Raises:
-        ArtifactError: a plain name that is neither a shipped model nor a folder.
+        ArtifactError: neither a shipped model nor an existing path.
     """
     if model is None:
         return shipped_model()
@@ -82,9 +84,9 @@ def find_model(model: str | Path | None) -> Path:
     shipped = shipped_model(str(model))
     if is_name and shipped.is_dir():
         return shipped
-    if is_name and not Path(model).exists():
+    if not Path(model).exists():
         names = sorted(folder.name for folder in shipped_model().parent.iterdir())
-        near = get_close_matches(str(model), names, n=1)
+        near = get_close_matches(Path(model).name, names, n=1)
         raise ArtifactError(
             f"model {str(model)!r}: expected one of {', '.join(names)}, or a folder that "
             f"offline-export wrote.{f' Did you mean {near[0]}?' if near else ''}"
@@ -103,7 +105,7 @@ def save_bundle(folder: Path, bundle: Bundle, card: str) -> None:
     with atomic_write(folder / ENCODER_FILE) as file:
         file.write(bundle.encoder_onnx)
     with atomic_write(folder / KOOPMAN_FILE) as file:
-        np.savez_compressed(file, **_arrays_of(bundle))
+        np.savez_compressed(file, **_fields_of(bundle))
     with atomic_write(folder / CARD_FILE) as file:
         file.write(card.encode())
 
@@ -117,15 +119,13 @@ def load_bundle(folder: Path) -> Bundle:
     """
     path, encoder_path = folder / KOOPMAN_FILE, folder / ENCODER_FILE
     found = _read_fields(path)
+    lift = Lift("w" in found["lift_inputs"], found["history_steps"], found["history_fields"])
+    check_field(path, "lift_inputs", lift.inputs, found["lift_inputs"])
+    states, inputs, exogenous = (_signals(path, found, kind) for kind in SIGNALS)
     bundle = Bundle(
-        schema=Schema(
-            states=_signals(path, found, "state"),
-            inputs=_signals(path, found, "input"),
-            exogenous=_signals(path, found, "exogenous"),
-            dt_s=found["dt_s"],
-        ),
+        schema=Schema(states, inputs, exogenous, found["dt_s"]),
         bilinear=_bilinear(path, found),
-        lift=Lift(found["lift_inputs"], found["history_steps"], found["history_fields"]),
+        lift=lift,
         encoder_onnx=_read_encoder(encoder_path),
         selftest=LiftSample(*(found[f"selftest_{name}"] for name in LiftSample._fields)),
         **{name: found[name] for name in UNCHANGED},
@@ -136,46 +136,34 @@ def load_bundle(folder: Path) -> Bundle:
     return bundle
 
 
-def _arrays_of(bundle: Bundle) -> dict[str, Any]:
+def _fields_of(bundle: Bundle) -> dict[str, Any]:
+    """The fields of `koopman.npz` by name, as numpy takes them."""
     n, m = bundle.n_observables, bundle.B_uc.shape[1]
     nothing = Bilinear(np.zeros((0, n, m)), np.zeros((0, m, n)), np.zeros((0, m)))
-    bilinear = bundle.bilinear or nothing
+    signals = {kind: getattr(bundle.schema, name) for kind, name in SIGNALS.items()}
+    texts = {
+        **{f"{kind}_fields": [signal.name for signal in each] for kind, each in signals.items()},
+        **{f"{kind}_units": [signal.unit for signal in each] for kind, each in signals.items()},
+        "lift_inputs": bundle.lift.inputs,
+        "history_fields": bundle.lift.history_fields,
+    }
     return {
-        "format_version": np.int64(FORMAT_VERSION),
-        "name": np.str_(bundle.name),
-        **_signal_arrays("state", bundle.schema.states),
-        **_signal_arrays("input", bundle.schema.inputs),
-        **_signal_arrays("exogenous", bundle.schema.exogenous),
-        "dt_s": np.float64(bundle.schema.dt_s),
-        "lift_inputs": _words(bundle.lift.inputs),
-        "history_steps": np.int64(bundle.lift.history_steps),
-        "history_fields": _words(bundle.lift.history_fields),
-        "A": bundle.A,
-        "B_uc": bundle.B_uc,
-        "B_uw": bundle.B_uw,
-        "c": bundle.c,
-        **{f"bilinear_{name}": part for name, part in bilinear._asdict().items()},
-        "spectral_radius": np.float64(bundle.spectral_radius),
-        "growth_20": np.float64(bundle.growth(20)),
-        "growth_80": np.float64(bundle.growth(80)),
-        "training": np.str_(bundle.training),
-        "data_sha256": np.str_(bundle.data_sha256),
-        "encoder_sha256": np.str_(bundle.encoder_sha256),
-        "bundle_sha256": np.str_(bundle.sha256),
+        "format_version": FORMAT_VERSION,
+        **{name: getattr(bundle, name) for name in UNCHANGED},
+        **{name: np.array(listed, dtype=np.str_) for name, listed in texts.items()},
+        "dt_s": bundle.schema.dt_s,
+        "history_steps": bundle.lift.history_steps,
+        **{
+            f"bilinear_{name}": part
+            for name, part in (bundle.bilinear or nothing)._asdict().items()
+        },
+        "spectral_radius": bundle.spectral_radius,
+        "growth_20": bundle.growth(20),
+        "growth_80": bundle.growth(80),
+        "encoder_sha256": bundle.encoder_sha256,
+        "bundle_sha256": bundle.sha256,
         **{f"selftest_{name}": part for name, part in bundle.selftest._asdict().items()},
-        "selftest_psi": bundle.selftest_psi,
     }
-
-
-def _signal_arrays(kind: str, signals: tuple[Signal, ...]) -> dict[str, Any]:
-    return {
-        f"{kind}_fields": _words(tuple(signal.name for signal in signals)),
-        f"{kind}_units": _words(tuple(signal.unit for signal in signals)),
-    }
-
-
-def _words(words: tuple[str, ...]) -> Any:
-    return np.array(words, dtype=np.str_)
 
 
 def _signals(path: Path, found: dict[str, Any], kind: str) -> tuple[Signal, ...]:
@@ -211,7 +199,7 @@ def _read_encoder(path: Path) -> bytes:
 def _unreadable(path: Path, what: str, error: OSError) -> ArtifactError:
     return ArtifactError(
         f"{path}: expected {what} of a model bundle, found nothing readable ({error.strerror}). "
-        f"Point --model at a folder that offline-export wrote."
+        f"Point `model` at a folder that offline-export wrote."
     )
 
 

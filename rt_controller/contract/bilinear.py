@@ -2,8 +2,6 @@
 
 from typing import NamedTuple
 
-import numpy as np
-
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.follow import Follow
 
@@ -35,8 +33,3 @@ class Bilinear(NamedTuple):
         """The share of each direction at psi (..., n): (..., R, m)."""
         flat: Array = psi @ self.S.reshape(-1, self.S.shape[2]).T
         return flat.reshape(*psi.shape[:-1], *self.s0.shape) + self.s0
-
-    def added_columns(self, psi: Array) -> Array:
-        """B_eff - B_uc at psi (..., n): (..., n, m)."""
-        columns: Array = np.einsum("rni,...ri->...ni", self.N, self.gains(psi))
-        return columns

@@ -19,12 +19,12 @@ from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.identity_encoder import identity_encoder
 from rt_controller.contract.schema import VEHICLE, Schema
 
-POSSIBLE_INPUTS = ("x", "w", "history")
-
 
 @dataclass(frozen=True, slots=True)
 class Lift:
-    """The encoder's ONNX inputs, by name and in this order, all float32.
+    """What the encoder sees besides the states.
+
+    Its ONNX inputs, all float32, are `inputs` in this order:
 
     - "x" (batch, n_x): the states now;
     - "w" (batch, p): the exogenous signals now; for the car the curvature of its road;
@@ -32,38 +32,30 @@ class Lift:
       instant k - H + i, and the named inputs held from that instant to the next one.
 
     Raises:
-        ArtifactError: inputs out of order or unknown, or a history without rows or fields.
+        ArtifactError: a history without steps or without fields.
     """
 
-    inputs: tuple[str, ...] = ("x",)
-    """an ordered part of ("x", "w", "history") that begins with "x" """
+    sees_exogenous: bool = False
     history_steps: int = 0
-    """H"""
+    """H; 0: no history"""
     history_fields: tuple[str, ...] = ()
     """h names of states and inputs, in their order"""
 
     def __post_init__(self) -> None:
-        in_order = tuple(name for name in POSSIBLE_INPUTS if name in self.inputs)
-        if self.inputs != in_order or "x" not in self.inputs:
+        if self.history_steps < 0 or (self.history_steps > 0) != bool(self.history_fields):
             raise ArtifactError(
-                f"lift_inputs: expected an ordered part of {POSSIBLE_INPUTS} that begins with "
-                f"'x', found {self.inputs}. Run offline-export again."
+                f"lift: expected a history with steps and fields, or neither, found history_steps "
+                f"{self.history_steps} and history_fields {self.history_fields}. "
+                f"Run offline-export again."
             )
-        used = ("history" in self.inputs, self.history_steps > 0, len(self.history_fields) > 0)
-        if self.history_steps < 0 or len(set(used)) > 1:
-            raise ArtifactError(
-                f"lift: expected a history with steps and fields, or neither of the three, found "
-                f"inputs {self.inputs}, history_steps {self.history_steps} and history_fields "
-                f"{self.history_fields}. Run offline-export again."
-            )
-
-    @property
-    def sees_exogenous(self) -> bool:
-        return "w" in self.inputs
 
     @property
     def sees_history(self) -> bool:
-        return "history" in self.inputs
+        return self.history_steps > 0
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        return ("x", *("w",) * self.sees_exogenous, *("history",) * self.sees_history)
 
 
 STATES_ONLY = Lift()
@@ -120,17 +112,25 @@ class Bundle:
     """hash of the data set it was trained on; empty if there was none"""
 
     @classmethod
-    def load(cls, model: str | Path | None = None) -> "Bundle":
+    def load(cls, model: "str | Path | Bundle | None" = None) -> "Bundle":
         """The bundle in a folder, or the shipped one of that name.
 
         Args:
             model: "mdk-net", "mdk-net-paper", "lti", or a folder that `save` or offline-export
-                wrote; None: "mdk-net".
+                wrote; None: "mdk-net". A `Bundle` is returned as it is.
 
         Raises:
             ArtifactError: a file is missing, damaged or of another format, or its parts do not fit
                 each other.
+            TypeError: `model` is of another type.
         """
+        if isinstance(model, Bundle):
+            return model
+        if not isinstance(model, str | Path | None):
+            raise TypeError(
+                f"model: expected the name of a shipped model, the folder of a bundle, or a "
+                f"Bundle, found {type(model).__name__}."
+            )
         from rt_controller.contract.artifact import find_model, load_bundle
 
         return load_bundle(find_model(model))
@@ -233,12 +233,6 @@ class Bundle:
             digest.update(f"{key} {array.shape}\n".encode())
             digest.update(array.tobytes())
         return digest.hexdigest()
-
-    def input_matrix(self, psi: Array) -> Array:
-        """B_eff (..., n, m) at the lifted states psi (..., n), those of `Bilinear.follows`."""
-        if self.bilinear is None:
-            return np.broadcast_to(self.B_uc, (*psi.shape[:-1], *self.B_uc.shape))
-        return self.B_uc + self.bilinear.added_columns(psi)
 
     @property
     def spectral_radius(self) -> float:

@@ -4,8 +4,9 @@ Start-up raises these; inside the loop nothing raises: failures there are status
 A message states what was expected, what was found, and the remedy.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 
 
@@ -63,6 +64,18 @@ def needs_extra(extra: str, needed_by: str) -> Iterator[None]:
             f"{needed_by} needs {error.name}: expected the extra [{extra}], found it missing. "
             f"Install it with: {install_command(extra)}"
         ) from error
+
+
+def require_packages(extra: str, packages: Iterable[str], needed_by: str) -> None:
+    """Return if these packages of an extra are installed; none of them is imported.
+
+    Raises:
+        MissingExtraError: one is missing.
+    """
+    with needs_extra(extra, needed_by):
+        for name in packages:
+            if find_spec(name) is None:
+                raise ModuleNotFoundError(name=name)
 
 
 class BusError(RtControllerError):

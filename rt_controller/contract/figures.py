@@ -1,9 +1,8 @@
 """The file of every `--json`: the figures of a command, for programs."""
 
 import json
-import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ def require_writable(path: Path | None, option: str = "--json") -> None:
     """
     if path is None:
         return
-    obstacle = find_obstacle(path)
+    obstacle = _obstacle(path)
     if obstacle:
         raise ConfigError(
             f"{option} {path}: expected a file that can be written, found {obstacle}. Name another "
@@ -28,7 +27,7 @@ def require_writable(path: Path | None, option: str = "--json") -> None:
         )
 
 
-def write_figures(path: Path | None, figures: Mapping[str, Any]) -> None:
+def write_figures(path: Path | None, figures: Mapping[str, Any] | Sequence[Any]) -> None:
     """Write the figures as JSON; None writes nothing.
 
     A number that is not finite becomes null, since JSON has no infinity.
@@ -38,7 +37,8 @@ def write_figures(path: Path | None, figures: Mapping[str, Any]) -> None:
     """
     if path is None:
         return
-    text = json.dumps(_finite(figures), indent=2, allow_nan=False) + "\n"
+    finite = json.loads(json.dumps(figures), parse_constant=lambda infinite: None)
+    text = json.dumps(finite, indent=2, allow_nan=False) + "\n"
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
@@ -48,7 +48,7 @@ def write_figures(path: Path | None, figures: Mapping[str, Any]) -> None:
         ) from error
 
 
-def find_obstacle(path: Path) -> str | None:
+def _obstacle(path: Path) -> str | None:
     """The reason why no file can be written there; None if it can."""
     try:
         if path.is_dir():
@@ -60,13 +60,3 @@ def find_obstacle(path: Path) -> str | None:
     except OSError as error:
         return error.strerror
     return None if os.access(path.parent, os.W_OK | os.X_OK) else "a folder closed to writing"
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -7,8 +7,8 @@ class Follow(StrEnum):
     """From which lifted state the input matrix is computed in each step of a prediction."""
 
     PREDICTION = "prediction"
-    """that of the step itself: the bilinear model proper. The controller uses the states that
-    its last plan predicted"""
+    """that of the step itself, as in a bilinear model. The controller uses the states that its last
+    plan predicted"""
     FREE_RESPONSE = "free-response"
     """what the first lifted state becomes without inputs"""
     START = "start"

@@ -3,41 +3,30 @@
 Everything that runs a finished model uses these: controller, evaluation and linear baselines.
 """
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.bilinear import Bilinear
+from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.follow import Follow
 
 
-class Dynamics(Protocol):
-    """psi_(k+1) = A psi_k + B_eff u_k + B_uw w_k + c, for instance a `Bundle`.
+class Matrices(NamedTuple):
+    """psi_(k+1) = A psi_k + B_eff u_k + B_uw w_k + c, without encoder and signals.
 
     A (n, n), B_uc (n, m), B_uw (n, p), c (n,); B_eff = B_uc without a bilinear part.
     """
-
-    @property
-    def A(self) -> Array: ...
-    @property
-    def B_uc(self) -> Array: ...
-    @property
-    def B_uw(self) -> Array: ...
-    @property
-    def c(self) -> Array: ...
-    @property
-    def bilinear(self) -> Bilinear | None: ...
-
-
-class Matrices(NamedTuple):
-    """The dynamics alone, without encoder and signals."""
 
     A: Array
     B_uc: Array
     B_uw: Array
     c: Array
     bilinear: Bilinear | None = None
+
+
+Dynamics = Bundle | Matrices
 
 
 def one_step(model: Dynamics, psi: Array, followed: Array, u: Array, w: Array) -> Array:

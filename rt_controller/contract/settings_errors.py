@@ -1,8 +1,10 @@
 """Messages for settings that pydantic refused: each field by its name, all of them at once."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import re
+from collections.abc import Callable, Container, Mapping, Sequence
 from difflib import get_close_matches
-from typing import Any
+from types import NoneType, UnionType
+from typing import Any, Union, get_args, get_origin
 
 Location = tuple[str | int, ...]
 """path of a field inside the settings: ("mpc", "tolerance", "ey_m")"""
@@ -26,21 +28,26 @@ _EXPECTED = {
     **dict.fromkeys(("dict_type", "model_type", "model_attributes_type"), "a table"),
     **dict.fromkeys(("list_type", "tuple_type"), "a list"),
 }
-_LISTED_CHARACTERS = 60
+_LISTED_CHARACTERS, _TEXT_CHARACTERS = 60, 400
+"""of a value that was found, and of one that is a text: a long path is shown whole"""
 
 
-def explain(
-    refused: Any,
-    name_of: Callable[[Location], str],
-    known: Callable[[Location], Iterable[str]] = lambda parent: (),
-) -> str:
+def explain(refused: Any, name_of: Callable[[Location], str], table: Any = None) -> str:
     """One line "NAME: expected …, found …" for each refused field.
 
-    `refused` is a `pydantic.ValidationError`. `name_of` turns the place of a field into the name
-    that the user wrote. `known` lists the fields that exist in a place, for a hint where a name is
-    misspelt.
+    Args:
+        refused: a `pydantic.ValidationError`.
+        name_of: the name that the user wrote for a field at this place.
+        table: the pydantic model that refused; knows which fields exist, for a hint where a name
+            is misspelt, and for one line where each type of a union was tried.
     """
-    return "\n".join(_line(error, name_of, known) for error in refused.errors())
+    errors: dict[Location, list[Mapping[str, Any]]] = {}
+    known: dict[Location, list[str]] = {}
+    for error in refused.errors():
+        place, known_here = _locate(tuple(error["loc"]), table)
+        errors.setdefault(place, []).append(error)
+        known[place] = known_here
+    return "\n".join(_line(errors[place], name_of(place), known[place]) for place in errors)
 
 
 def dotted(location: Location) -> str:
@@ -56,32 +63,57 @@ def option(location: Location) -> str:
     return "--" + dotted(location).replace("_", "-")
 
 
-def _line(
-    error: Mapping[str, Any],
-    name_of: Callable[[Location], str],
-    known: Callable[[Location], Iterable[str]],
-) -> str:
-    kind, location = error["type"], tuple(error["loc"])
-    name = name_of(location)
+def with_options(message: str, options: Container[str]) -> str:
+    """The message with `mpc.horizon` as --mpc.horizon, if that is one of the options."""
+
+    def as_option(found: re.Match[str]) -> str:
+        name = option((found[1],))
+        return name if name in options else found[0]
+
+    return re.sub(r"`([a-z_.]+)`", as_option, message)
+
+
+def _locate(place: Location, table: Any) -> tuple[Location, list[str]]:
+    """The place without the types of a union at its end, and the fields known beside it."""
+    fields: dict[str, Any] = {}
+    for depth, part in enumerate(place, 1):
+        known = getattr(table, "model_fields", {})
+        fields = {field.alias or name: field for name, field in known.items()}
+        if part not in fields:
+            break
+        table = fields[part].annotation
+        if get_origin(table) in (Union, UnionType):
+            table, *others = (member for member in get_args(table) if member is not NoneType)
+            if others:
+                return place[:depth], sorted(fields)
+    return place, sorted(fields)
+
+
+def _line(errors: Sequence[Mapping[str, Any]], name: str, known: list[str]) -> str:
+    """The line of a field; several errors are those of the types of a union."""
+    texts = [_expected(error) for error in errors]
+    # What is wrong with a value of the right type says more than the types themselves.
+    error = errors[texts.index(None) if None in texts else 0]
+    kind = error["type"]
     if kind == "extra_forbidden":
-        return f"{name}: no such setting.{_hint(location, known)}"
+        near = get_close_matches(str(error["loc"][-1]), known, n=1)
+        hint = f" Did you mean {near[0]}?" if near else known and f" Known: {', '.join(known)}."
+        return f"{name}: no such setting.{hint or ''}"
     if kind == "missing":
         return f"{name}: expected a value, found none."
     found = repr(error["input"])
-    if len(found) > _LISTED_CHARACTERS:
-        found = found[:_LISTED_CHARACTERS] + "…"
+    longest = _TEXT_CHARACTERS if isinstance(error["input"], str) else _LISTED_CHARACTERS
+    if len(found) > longest:
+        found = found[:longest] + "…"
     if kind in ("value_error", "assertion_error"):
         reason = str(error["ctx"]["error"]).rstrip(".")
         return f"{name}: {reason}, found {found}."
-    expected = _EXPECTED.get(kind)
-    if expected is None:
+    if None in texts:
         return f"{name}: {error['msg']}, found {found}."
-    return f"{name}: expected {expected.format(**error.get('ctx', {}))}, found {found}."
+    expected = ", or ".join(dict.fromkeys(filter(None, texts)))
+    return f"{name}: expected {expected}, found {found}."
 
 
-def _hint(location: Location, known: Callable[[Location], Iterable[str]]) -> str:
-    names: Sequence[str] = sorted(known(location[:-1]))
-    if not names:
-        return ""
-    near = get_close_matches(str(location[-1]), names, n=1)
-    return f" Did you mean {near[0]}?" if near else f" Known: {', '.join(names)}."
+def _expected(error: Mapping[str, Any]) -> str | None:
+    text = _EXPECTED.get(error["type"])
+    return text and text.format(**error.get("ctx", {}))

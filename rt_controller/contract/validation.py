@@ -67,7 +67,7 @@ def require_drivable(bundle: Bundle) -> None:
     """
     objection = find_objection_to_driving(bundle)
     if objection is not None:
-        raise ArtifactError(f"{objection} Choose another --model.")
+        raise ArtifactError(f"{objection} Choose another `model`.")
 
 
 def find_objection_to_driving(bundle: Bundle) -> str | None:

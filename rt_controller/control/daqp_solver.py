@@ -8,7 +8,7 @@ from math import isfinite
 
 import numpy as np
 
-from rt_controller.contract.errors import ConfigError, MissingExtraError, install_command
+from rt_controller.contract.errors import ConfigError, needs_extra
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.solver import SolveStatus
 
@@ -27,13 +27,8 @@ class DaqpSolver:
     """
 
     def __init__(self, program: QuadraticProgram, max_iterations: int = MAX_ITERATIONS) -> None:
-        try:
+        with needs_extra("daqp", "`mpc.solver` daqp"):
             import daqp
-        except ModuleNotFoundError as error:
-            raise MissingExtraError(
-                "--mpc.solver daqp: expected the extra [daqp], found it missing. Install it "
-                f"with: {install_command('daqp')}"
-            ) from error
         self._program = program
         self._has_valid_matrices = True
         self._model = daqp.Model()
@@ -46,21 +41,21 @@ class DaqpSolver:
         if flag < 0:
             raise ConfigError(
                 "DAQP refuses the assembled problem: expected a convex QP, found exit flag "
-                f"{flag} at start. Check the --mpc weights and limits."
+                f"{flag} at start. Check `mpc.tolerance` and the other weights."
             )
         self._model.settings = {**self._model.settings, "iter_limit": max_iterations}
 
-    def bound(self, budget_ns: int) -> None:
-        """As `Solver.bound`; DAQP measures its time itself."""
+    def limit_solve_time(self, budget_ns: int) -> None:
+        """As `Solver.limit_solve_time`; DAQP measures its time itself."""
         self._model.settings = {**self._model.settings, "time_limit": budget_ns / 1e9}
 
     def update_matrices(self) -> bool:
         program = self._program
         self._has_valid_matrices = program.has_finite_matrices()
-        if self._has_valid_matrices and program.matrices_vary:
+        if self._has_valid_matrices and program.hessian_varies:
             # DAQP factorises P here; the flag is negative if P is not positive definite.
             flag = self._model.update(
-                H=program.P if program.hessian_varies else None,
+                H=program.P,
                 A=program.G if program.rows_vary else None,
             )
             self._has_valid_matrices = flag >= 0

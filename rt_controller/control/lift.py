@@ -36,7 +36,7 @@ class Encoder:
     def __init__(self, bundle: Bundle) -> None:
         """`bundle` has the signals of the car (`validation.require_drivable`)."""
         shapes = _input_shapes(bundle)
-        self._session = _open_session(bundle, shapes)
+        self._session = open_encoder(bundle)
         self._inputs = {
             name: np.zeros((1, *shape), dtype=np.float32) for name, shape in shapes.items()
         }
@@ -109,7 +109,12 @@ def _input_shapes(bundle: Bundle) -> dict[str, tuple[int, ...]]:
     return {name: shapes[name] for name in lift.inputs}
 
 
-def _open_session(bundle: Bundle, shapes: Mapping[str, tuple[int, ...]]) -> ort.InferenceSession:
+def open_encoder(bundle: Bundle) -> ort.InferenceSession:
+    """The encoder of a bundle of any signals, on one thread.
+
+    Raises:
+        ArtifactError: it is not an ONNX model, or has other tensors than the bundle says.
+    """
     options = ort.SessionOptions()
     options.intra_op_num_threads = 1
     options.inter_op_num_threads = 1
@@ -123,7 +128,7 @@ def _open_session(bundle: Bundle, shapes: Mapping[str, tuple[int, ...]]) -> ort.
             f"encoder.onnx: expected an ONNX model, found something onnxruntime cannot load "
             f"({_first_line(error)}). Run offline-export again."
         ) from error
-    _check_tensors("input", session.get_inputs(), shapes)
+    _check_tensors("input", session.get_inputs(), _input_shapes(bundle))
     _check_tensors("output", session.get_outputs(), {"psi": (bundle.n_observables,)})
     return session
 
@@ -159,16 +164,13 @@ class History:
     """The last H pairs of a state and the input that acted from it to the next, oldest first.
 
     Before the oldest observed state the car is assumed to have been in that state all the time,
-    under the input that was in force when it was observed. So the first tick is defined, and after
+    under the input that was applied when it was observed. So the first tick is defined, and after
     H periods no row depends on the assumption.
     """
 
     def __init__(self, rows: Rows) -> None:
         """`rows` (H, 6), columns as `validation.DRIVABLE_HISTORY`: the encoder's memory."""
         self._rows = rows
-        # Every row is stored twice, H apart: so the last H are always contiguous.
-        self._ring = np.zeros((2 * rows.shape[0], rows.shape[1]), dtype=np.float32)
-        self._next = 0
         self._present: VehicleState | None = None
 
     @property
@@ -177,14 +179,12 @@ class History:
         return self._present is not None
 
     def advance(self, state: VehicleState, held: ControlInput) -> None:
-        """Add the present `state`; `held` was in force for the period that ended here."""
+        """Add the present `state`; `held` was applied in the period that ended here."""
         if self._present is None:
-            self._ring[:] = _row(state, held)
+            self._rows[:] = _row(state, held)
         else:
-            steps = self._rows.shape[0]
-            self._ring[self._next :: steps] = _row(self._present, held)
-            self._next = (self._next + 1) % steps
-        self._rows[:] = self._ring[self._next : self._next + self._rows.shape[0]]
+            self._rows[:-1] = self._rows[1:]
+            self._rows[-1] = _row(self._present, held)
         self._present = state
 
     def forget(self) -> None:

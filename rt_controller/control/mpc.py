@@ -8,7 +8,6 @@ import numpy as np
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.limits import InputLimits
 from rt_controller.contract.rollout import one_step, roll_out
 from rt_controller.contract.schema import N_INPUTS, N_STATES
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
@@ -41,7 +40,6 @@ class Mpc:
         bundle: Bundle,
         horizon: int,
         cost: TrackingCost,
-        limits: InputLimits,
         features: Features = WITH_SLEW,
         open_solver: Callable[[QuadraticProgram], Solver] = open_solver,
     ) -> None:
@@ -49,8 +47,8 @@ class Mpc:
         if cost.latent_weight > 0.0 and bundle.lift.sees_history:
             raise ConfigError(
                 f"The model {bundle.name!r} lifts a state together with its history, and a "
-                f"reference state has none: expected --mpc.latent-weight 0, found "
-                f"{cost.latent_weight:g}. Leave the weight at 0, or choose a --model whose lift "
+                f"reference state has none: expected `mpc.latent_weight` 0, found "
+                f"{cost.latent_weight:g}. Leave the weight at 0, or choose a model whose lift "
                 f"has no history."
             )
         self._bundle = bundle
@@ -59,7 +57,7 @@ class Mpc:
         self._history = None if rows is None else History(rows)
         self._reference = ReferenceHorizon(horizon)
         self._pedals = PedalChoice()
-        self._qp = CondensedQp(bundle, horizon, cost, limits, features)
+        self._qp = CondensedQp(bundle, horizon, cost, features)
         self._solver = open_solver(self._qp.program)
         self._tracks_latents = self._qp.parameters.reference.shape[1] > N_STATES
         self.solve_ns = 0
@@ -144,7 +142,7 @@ class Mpc:
         self._solver.solve()
 
     def observe(self, state: VehicleState, held: ControlInput) -> None:
-        """Add `state` to the history; `held` was in force for the period that ended here."""
+        """Add `state` to the history; `held` was applied in the period that ended here."""
         if self._history is not None:
             self._history.advance(state, held)
 
@@ -154,13 +152,13 @@ class Mpc:
         if self._history is not None:
             self._history.forget()
 
-    def bound(self, budget_ns: int) -> None:
+    def limit_solve_time(self, budget_ns: int) -> None:
         """Limit the time of a solve.
 
         Raises:
             ConfigError: a typical solve needs more time than that.
         """
-        self._solver.bound(budget_ns)
+        self._solver.limit_solve_time(budget_ns)
 
     @property
     def iterations(self) -> int:

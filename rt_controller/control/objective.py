@@ -1,4 +1,4 @@
-"""Objective of the condensed QP where the input matrix is constant, and where it is not.
+"""Objective of the condensed QP, where the input matrix is constant and where it is not.
 
 minimise 1/2 v' H v + f' v over v, the inputs of the horizon in units of their ranges.
 """
@@ -9,7 +9,7 @@ from numpy.lib.stride_tricks import as_strided
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.bilinear import Bilinear
 from rt_controller.contract.bundle import Bundle
-from rt_controller.contract.errors import ArtifactError, ConfigError
+from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.follow import Follow
 from rt_controller.contract.schema import N_INPUTS
 from rt_controller.contract.signals import StateColumn
@@ -47,53 +47,6 @@ def impulse_responses(A: Array, B: Array, horizon: int, n_outputs: int) -> Array
     return responses
 
 
-def forced_response(responses: Array) -> Array:
-    """Gamma (N p, N m), the outputs of all stages per input of all stages.
-
-    `responses` (N, p, m) are impulse responses. The size of Gamma does not depend on the number of
-    latents, so the condensed QP of a lifted model is as small as that of a linear one.
-
-    Paper: eq. (14), its equality constraints.
-    """
-    horizon, p, m = responses.shape
-    Gamma = np.zeros((horizon, p, horizon, m))
-    for j in range(horizon):
-        Gamma[j:, :, j, :] = responses[: horizon - j]
-    return Gamma.reshape(horizon * p, horizon * m)
-
-
-class ConstantObjective:
-    """Objective with a constant H (nv, nv); the gradient f (nv,) is one matrix-vector product.
-
-    Paper: eq. (14).
-    """
-
-    hessian_varies = False
-
-    def __init__(self, bundle: Bundle, cost: CostTerms) -> None:
-        horizon, n_outputs = cost.horizon, cost.stage.size
-        responses = impulse_responses(bundle.A, bundle.B_uc, horizon, n_outputs)
-        Gamma = forced_response(responses) * cost.scale
-        gamma_q = Gamma.T * cost.output_weights()
-        H = gamma_q @ Gamma + cost.H
-        from_previous = np.zeros((cost.scale.size, N_INPUTS))
-        np.fill_diagonal(from_previous, cost.from_previous)
-        self.H = 0.5 * (H + H.T)
-        self.gradient = np.zeros(cost.scale.size)
-        self.ey_response = Gamma[StateColumn.ey_m :: n_outputs].copy()
-        """(N, nv), what the inputs add to e_y at stages 1 … N, in metres"""
-        self._gradient_map = np.column_stack(
-            [gamma_q @ free_response(bundle, horizon, n_outputs), from_previous, -gamma_q]
-        )
-
-    def update_matrices(self, parameters: QpParameters) -> None:
-        """Do nothing: H is constant."""
-
-    def update_vectors(self, parameters: QpParameters) -> None:
-        """Update the gradient."""
-        np.dot(self._gradient_map, parameters.vector, out=self.gradient)
-
-
 def require_convex(H: Array) -> None:
     """Return if H is positive definite.
 
@@ -104,17 +57,19 @@ def require_convex(H: Array) -> None:
     if smallest <= 0.0:
         raise ArtifactError(
             f"The QP is not strictly convex: expected a positive smallest eigenvalue of its "
-            f"Hessian, found {smallest:.3g}. Give every input a finite --mpc tolerance of change."
+            f"Hessian, found {smallest:.3g}. Give every input a finite tolerance of change in "
+            f"`mpc.tolerance`."
         )
 
 
-class BilinearObjective:
-    """Objective with a new H (nv, nv) every period, computed in preallocated memory.
+class Objective:
+    """The objective, computed in preallocated memory: H (nv, nv) and the gradient f (nv,).
 
-    Along given lifted states psi_j a bilinear model is a linear one whose input matrix changes with
-    the stage: B_eff,j = B_uc + sum_r N_r diag(g_r,j), where g_r,j = S_r psi_j + s0_r. The condensed
-    QP keeps its size: column j of Gamma_eff is column j of Gamma_0 + sum_r Gamma_r diag(g_r,j), and
-    H = Gamma_eff' Q Gamma_eff + R + the cost of changes of the inputs.
+    A bilinear model has a new H every period. Along given lifted states psi_j it is a linear one
+    whose input matrix changes with the stage: B_eff,j = B_uc + sum_r N_r diag(g_r,j), where
+    g_r,j = S_r psi_j + s0_r. The condensed QP keeps its size: column j of Gamma_eff is column j of
+    Gamma_0 + sum_r Gamma_r diag(g_r,j), and H = Gamma_eff' Q Gamma_eff + R + the cost of changes of
+    the inputs. A linear model is one without gains.
 
     The states are those that the nominal inputs (the last plan, shifted) lead to. One QP a period
     is one iteration of a sequence that would solve the bilinear problem (quasi-linear MPC; Cisneros
@@ -122,34 +77,32 @@ class BilinearObjective:
 
     The response to an input at stage j is the response to that input at stage 0, j stages later.
     So only the impulse responses of B_uc and of every N_r are stored; each stage is their sum
-    weighted by the gains of that stage.
+    weighted by the gains of that stage. The size of Gamma does not depend on the number of latents.
 
     Raises:
-        ArtifactError: the cost of the inputs alone is not strictly convex.
-        ConfigError: the response of e_y is needed and e_y has no weight.
+        ArtifactError: the model is bilinear, and the cost of the inputs alone not strictly convex.
 
     Paper: eq. (14), with the bilinear model that its conclusion names.
     """
 
-    hessian_varies = True
-
-    def __init__(
-        self, bundle: Bundle, bilinear: Bilinear, cost: CostTerms, needs_ey_response: bool = False
-    ) -> None:
-        """`ey_response` is updated only if needed."""
-        require_convex(cost.H)  # then H is convex for every state
+    def __init__(self, bundle: Bundle, cost: CostTerms) -> None:
         nv, m, p, horizon = cost.scale.size, N_INPUTS, cost.stage.size, cost.horizon
-        rows = horizon * p
+        n, rows = bundle.n_observables, horizon * p
+        self.hessian_varies = bundle.bilinear is not None
+        bilinear = bundle.bilinear or Bilinear(
+            np.zeros((0, n, m)), np.zeros((0, m, n)), np.zeros((0, m)), Follow.START
+        )
+        if self.hessian_varies:
+            require_convex(cost.H)  # then H is convex for every state
         self._H_inputs = cost.H
         # Outputs are counted in units in which each has weight one: H = gamma_q gamma_q' + R.
-        self._sqrt_q = np.sqrt(cost.output_weights())
-        self._free_response_map = free_response(bundle, horizon, p) * self._sqrt_q[:, None]
+        sqrt_q = np.sqrt(cost.output_weights())
+        self._free_response_map = free_response(bundle, horizon, p) * sqrt_q[:, None]
         """(N p, n + 2)"""
 
         # B_uc is one more direction, with a gain of one.
         directions = np.concatenate([bundle.B_uc[None], bilinear.N]) * cost.scale[:m]
         responses = np.stack([impulse_responses(bundle.A, B, horizon, p) for B in directions])
-        responses *= np.sqrt(cost.stage)[:, None]
         self._responses = np.ascontiguousarray(responses.reshape(-1, rows, m).transpose(2, 0, 1))
         """(m, R + 1, N p)"""
         self._gain_map = _gain_map(bundle, bilinear, horizon)
@@ -169,30 +122,23 @@ class BilinearObjective:
         self._delayed_response = as_strided(
             self._response, (horizon, m, rows), (of_stage - p * of_row, of_input, of_row)
         )
-        """(N, m, N p), a view that begins j stages earlier, in the zeros"""
+        """(N, m, N p), Gamma_eff', a view that begins j stages earlier, in the zeros"""
         self._gamma_q = np.zeros((nv, rows))
         """Gamma_eff' Q^(1/2)"""
         self._gamma_q_by_stage = self._gamma_q.reshape(horizon, m, rows)
-        self._terminal_gamma_q = self._gamma_q[:, -p:]
-        self._sqrt_terminal_factor = np.sqrt(cost.terminal_factor)
-        n_initial = self._free_response_map.shape[1]
-        self._gradient_map = np.zeros((nv, n_initial + m))
-        """of [psi_0; kappa; 1; u_prev]"""
-        np.fill_diagonal(self._gradient_map[:, n_initial:], cost.from_previous)
-        self._gradient_map_of_initial = self._gradient_map[:, :n_initial]
-        self._product = np.zeros((nv, n_initial))
-        self._weighted_reference = np.zeros(rows)
-        self._gamma_q_reference = np.zeros(nv)
-        if needs_ey_response and self._sqrt_q[StateColumn.ey_m] == 0.0:
-            raise ConfigError(
-                "--mpc.corridor-m with a bilinear model: expected a finite --mpc.tolerance.ey-m, "
-                "found inf. Give e_y a tolerance, however large."
-            )
-        self._needs_ey_response = needs_ey_response
-        self._ey_gamma_q = self._gamma_q[:, StateColumn.ey_m :: p].T
-        self._ey_sqrt_q = self._sqrt_q[StateColumn.ey_m :: p, None]
+        self._sqrt_q = np.tile(sqrt_q, (nv, 1))
+        """as large as gamma_q: numpy would allocate memory for a product with one row"""
+        self._minus_sqrt_q = -self._sqrt_q
+        self._gradient_map = np.zeros((nv, n + 2 + m + rows))
+        """of `QpParameters.vector`"""
+        self._map_of_initial = self._gradient_map[:, : n + 2]
+        np.fill_diagonal(self._gradient_map[:, n + 2 : n + 2 + m], cost.from_previous)
+        self._map_of_reference = self._gradient_map[:, n + 2 + m :]
+        self._product = np.zeros((nv, n + 2))
         self.ey_response = np.zeros((horizon, nv))
         """(N, nv), what the inputs add to e_y at stages 1 … N, in metres"""
+        self._ey_response_by_stage = self.ey_response.reshape(horizon, horizon, m)
+        self._delayed_ey_response = self._delayed_response[:, :, StateColumn.ey_m :: p]
         self.H = np.zeros((nv, nv))
         self.gradient = np.zeros(nv)
 
@@ -203,21 +149,18 @@ class BilinearObjective:
             self._feedback.add(self._gains_by_stage[:, :, 1:], parameters.nominal_inputs)
         np.matmul(self._gains_by_stage, self._responses, out=self._response)
         np.copyto(self._gamma_q_by_stage, self._delayed_response)
-        self._terminal_gamma_q *= self._sqrt_terminal_factor
+        self._gamma_q *= self._sqrt_q
         np.dot(self._gamma_q, self._gamma_q.T, out=self.H)
         self.H += self._H_inputs
         np.dot(self._gamma_q, self._free_response_map, out=self._product)
-        np.copyto(self._gradient_map_of_initial, self._product)
-        if self._needs_ey_response:
-            np.divide(self._ey_gamma_q, self._ey_sqrt_q, out=self.ey_response)
+        np.copyto(self._map_of_initial, self._product)
+        self._gamma_q *= self._minus_sqrt_q  # from here on -Gamma_eff' Q
+        np.copyto(self._map_of_reference, self._gamma_q)
+        np.copyto(self._ey_response_by_stage, self._delayed_ey_response.transpose(2, 0, 1))
 
     def update_vectors(self, parameters: QpParameters) -> None:
         """Update the gradient, with the maps of the last `update_matrices`."""
-        np.dot(self._gradient_map, parameters.initial_and_previous, out=self.gradient)
-        reference = parameters.reference.reshape(-1)
-        np.multiply(reference, self._sqrt_q, out=self._weighted_reference)
-        np.dot(self._gamma_q, self._weighted_reference, out=self._gamma_q_reference)
-        self.gradient -= self._gamma_q_reference
+        np.dot(self._gradient_map, parameters.vector, out=self.gradient)
 
 
 class GainFeedback:

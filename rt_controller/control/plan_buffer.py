@@ -11,21 +11,19 @@ class PlanBuffer:
 
     def __init__(self, horizon: int) -> None:
         self._inputs = np.zeros((horizon, len(ControlInput._fields)))
-        self._stage = horizon
         self.periods_held = horizon
         """periods since the plan was made; at least the horizon if there was none yet"""
 
     def store(self, inputs: Array) -> ControlInput:
         """First input of a new plan (N, 3), which is copied."""
         self._inputs[:] = inputs
-        self._stage = self.periods_held = 0
+        self.periods_held = 0
         return self._input()
 
     def next(self, periods: int = 1) -> ControlInput | None:
         """Input of the plan `periods` later; None after its last stage."""
         self.periods_held += periods
-        self._stage = min(self._stage + periods, self._inputs.shape[0])
-        return self._input() if self._stage < self._inputs.shape[0] else None
+        return self._input() if self.periods_held < len(self._inputs) else None
 
     def _input(self) -> ControlInput:
-        return ControlInput(*self._inputs[self._stage].tolist())
+        return ControlInput(*self._inputs[self.periods_held].tolist())

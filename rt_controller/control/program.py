@@ -13,8 +13,8 @@ class QuadraticProgram:
     """minimise 1/2 z' P z + q' z subject to lower <= z <= upper, row_lower <= G z <= row_upper.
 
     P (n, n) is symmetric and positive definite, q (n,), G (r, n). Bounds may be infinite. Vectors
-    change at every solve; matrices only where `hessian_varies` or `rows_vary`, and then the solver
-    is told by `Solver.update_matrices`.
+    change at every solve, P only where `hessian_varies`, and G only where `rows_vary` too; the
+    solver is told by `Solver.update_matrices`.
     """
 
     def __init__(
@@ -39,10 +39,6 @@ class QuadraticProgram:
         self.lower, self.row_lower = self.all_lower[:n], self.all_lower[n:]
         self.upper, self.row_upper = self.all_upper[:n], self.all_upper[n:]
 
-    @property
-    def matrices_vary(self) -> bool:
-        return self.hessian_varies or self.rows_vary
-
     def has_finite_vectors(self) -> bool:
         """True if q is finite and no bound is NaN."""
         # One sum and one minimum are cheaper than a test of every element.
@@ -50,16 +46,14 @@ class QuadraticProgram:
 
     def has_finite_matrices(self) -> bool:
         """True if the matrices that may change are finite."""
-        return not (self.hessian_varies and not np.isfinite(self.P.sum())) and not (
-            self.rows_vary and not np.isfinite(self.G.sum())
-        )
+        return isfinite(self.P.sum()) and (not self.rows_vary or isfinite(self.G.sum()))
 
     def copy(self) -> "QuadraticProgram":
         program = QuadraticProgram(
             self.P.copy(),
             self.q.copy(),
             self.G.copy(),
-            self.pattern.copy(),
+            self.pattern,
             self.hessian_varies,
             self.rows_vary,
         )
@@ -79,8 +73,6 @@ class QpParameters:
         self.vector[n + 1] = 1.0
         self.initial = self.vector[: n + 2]
         """(n + 2,), [psi_0; kappa; 1]: the free response is a linear map of it"""
-        self.initial_and_previous = self.vector[: n + 2 + N_INPUTS]
-        """(n + 5,), [psi_0; kappa; 1; u_prev]"""
         self.psi = self.vector[:n]
         """(n,), psi_0"""
         self.curvature_per_m = self.vector[n : n + 1]

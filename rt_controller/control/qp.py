@@ -7,15 +7,9 @@ import numpy as np
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.limits import InputLimits
 from rt_controller.contract.schema import N_INPUTS, N_STATES
 from rt_controller.contract.signals import StateColumn
-from rt_controller.control.objective import (
-    BilinearObjective,
-    ConstantObjective,
-    free_response,
-    require_convex,
-)
+from rt_controller.control.objective import Objective, free_response, require_convex
 from rt_controller.control.pedals import PedalChoice, limit_pedals
 from rt_controller.control.program import QpParameters, QuadraticProgram
 from rt_controller.control.terms import (
@@ -25,8 +19,6 @@ from rt_controller.control.terms import (
     constrain_inputs,
     cost_terms,
 )
-
-Objective = ConstantObjective | BilinearObjective
 
 
 class Features(NamedTuple):
@@ -38,8 +30,6 @@ class Features(NamedTuple):
     """soft bounds on e_y"""
 
 
-PAPER = Features(has_slew_rows=False)
-"""eq. (14) as printed"""
 WITH_SLEW = Features()
 
 
@@ -52,7 +42,6 @@ class CondensedQp:
 
     Raises:
         ArtifactError: the bundle's model makes the problem non-convex or not finite.
-        ConfigError: a corridor with a bilinear model, and no tolerance of e_y.
 
     Paper: eq. (14).
     """
@@ -62,22 +51,16 @@ class CondensedQp:
         bundle: Bundle,
         horizon: int,
         cost: TrackingCost,
-        limits: InputLimits,
         features: Features = WITH_SLEW,
     ) -> None:
-        inputs = constrain_inputs(horizon, limits)
+        inputs = constrain_inputs(horizon)
         terms = cost_terms(cost, inputs, bundle.n_observables - N_STATES)
-        has_corridor = features.corridor is not None
-        self.objective: Objective = (
-            ConstantObjective(bundle, terms)
-            if bundle.bilinear is None
-            else BilinearObjective(bundle, bundle.bilinear, terms, has_corridor)
-        )
+        self.objective = Objective(bundle, terms)
         self.parameters = QpParameters(bundle.n_observables, horizon, terms.stage.size)
         self.scale = inputs.scale
         """(nv,), the range of each input: u = scale * v"""
         self.program = _assemble(self.objective, inputs, features)
-        self.matrices_vary = self.program.matrices_vary
+        self.matrices_vary = self.objective.hessian_varies
         self._horizon = horizon
         self._slew = inputs.slew[:N_INPUTS]
         self._has_slew_rows = features.has_slew_rows
@@ -91,7 +74,7 @@ class CondensedQp:
         """Update P and G of `program` for the present parameters."""
         objective, program = self.objective, self.program
         objective.update_matrices(self.parameters)
-        if self._corridor is not None and objective.hessian_varies:
+        if self._corridor is not None:
             nv = self.scale.size
             program.P[:nv, :nv] = objective.H
             program.G[-self._horizon :, :nv] = objective.ey_response
@@ -120,7 +103,7 @@ class CondensedQp:
         if not (np.isfinite(self.program.P).all() and self.program.has_finite_vectors()):
             raise ArtifactError(
                 "The model's prediction over the horizon is not finite: expected a model that "
-                "stays bounded, found one that overflows. Train again, or shorten --mpc.horizon."
+                "stays bounded, found one that overflows. Train again, or shorten `mpc.horizon`."
             )
         require_convex(self.program.P)
 
@@ -150,22 +133,18 @@ class CorridorRows:
 def _assemble(
     objective: Objective, inputs: InputConstraints, features: Features
 ) -> QuadraticProgram:
-    """The program with everything that stays constant written."""
+    """The program, with everything written that `CondensedQp` does not update."""
     nv, horizon = inputs.scale.size, inputs.scale.size // N_INPUTS
     slacks = 0 if features.corridor is None else horizon
     slews = nv if features.has_slew_rows else 0
     P, q = objective.H, objective.gradient
     if features.corridor is not None:
         P, q = np.diag(np.full(nv + slacks, features.corridor.weight)), np.zeros(nv + slacks)
-        P[:nv, :nv] = objective.H
     G = np.zeros((slews + slacks, nv + slacks))
-    pattern = np.zeros(G.shape, dtype=bool)
     G[:slews, :nv] = inputs.D[:slews]
-    pattern[:slews, :nv] = inputs.D[:slews] != 0.0
-    G[slews:, :nv] = objective.ey_response[:slacks]
-    pattern[slews:, :nv] = np.arange(nv) // N_INPUTS <= np.arange(slacks)[:, None]
     G[slews:, nv:] = np.eye(slacks)
-    pattern[slews:, nv:] = np.eye(slacks, dtype=bool)
+    pattern = G != 0.0
+    pattern[slews:, :nv] = np.arange(nv) // N_INPUTS <= np.arange(slacks)[:, None]
     varies = objective.hessian_varies
     program = QuadraticProgram(P, q, G, pattern, varies, varies and slacks > 0)
     program.lower[:nv], program.upper[:nv] = inputs.lower, inputs.upper

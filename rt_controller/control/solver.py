@@ -1,7 +1,7 @@
 """QP solver as the controller uses it: set up once on a program, then vectors in, solution out."""
 
-from enum import Enum, StrEnum
-from typing import Protocol
+from enum import Enum
+from typing import Literal, Protocol
 
 from rt_controller.contract.arrays import Array
 from rt_controller.control.program import QuadraticProgram
@@ -24,7 +24,7 @@ class Solver(Protocol):
     iterations: int
     """of the last solve"""
 
-    def bound(self, budget_ns: int) -> None:
+    def limit_solve_time(self, budget_ns: int) -> None:
         """Limit the time of a solve, from what an iteration takes on this machine.
 
         Raises:
@@ -41,19 +41,10 @@ class Solver(Protocol):
         """Status of solving the program with its present vectors."""
 
 
-class SolverChoice(StrEnum):
-    """Name of a solver on the command line."""
-
-    PIQP = "piqp"
-    """interior point"""
-    DAQP = "daqp"
-    """dual active set; needs the extra [daqp]"""
-
-
 def open_solver(
-    program: QuadraticProgram, choice: SolverChoice = SolverChoice.PIQP, warm_start: bool = True
+    program: QuadraticProgram, name: Literal["piqp", "daqp"] = "piqp", warm_start: bool = True
 ) -> Solver:
-    """Workspace of the chosen solver on this program.
+    """Workspace of a solver on this program: PIQP, interior point, or DAQP, dual active set.
 
     With `warm_start` the last active set is tried before PIQP. DAQP always starts from its last
     active set.
@@ -62,8 +53,8 @@ def open_solver(
         MissingExtraError: the solver is not installed.
         ConfigError: the solver refuses the program.
     """
-    # Imported here: the command line needs the names of the solvers, not their libraries.
-    if choice is SolverChoice.DAQP:
+    # Imported here: these modules import the types above.
+    if name == "daqp":
         from rt_controller.control.daqp_solver import DaqpSolver
 
         return DaqpSolver(program)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.limits import InputLimits
+from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.schema import N_INPUTS
 from rt_controller.contract.signals import ControlInput, VehicleState
 from rt_controller.contract.timing import PERIOD_S
@@ -32,14 +32,14 @@ class InputConstraints:
     """(nv,)"""
 
 
-def constrain_inputs(horizon: int, limits: InputLimits) -> InputConstraints:
+def constrain_inputs(horizon: int) -> InputConstraints:
     """Input bounds of eq. (14) with slew rates added. Paper: eq. (14)."""
-    lower, upper = np.array(limits.lower), np.array(limits.upper)
+    lower, upper = np.array(INPUT_LIMITS.lower), np.array(INPUT_LIMITS.upper)
     range_ = upper - lower
     nv = horizon * N_INPUTS
     return InputConstraints(
         D=np.eye(nv) - np.eye(nv, k=-N_INPUTS),
-        slew=np.tile(np.array(limits.rate_per_s) * PERIOD_S / range_, horizon),
+        slew=np.tile(np.array(INPUT_LIMITS.rate_per_s) * PERIOD_S / range_, horizon),
         scale=np.tile(range_, horizon),
         lower=np.tile(lower / range_, horizon),
         upper=np.tile(upper / range_, horizon),

@@ -95,12 +95,12 @@ class ActiveSetIteration:
         if is_feasible and (multipliers.size == 0 or multipliers.min() > -WRONG_SIGN):
             return None
         # Where both bounds are equal, either may be active.
-        stays = (multipliers > -WRONG_SIGN) | ((below + above)[active.indices] >= 0.0)
-        if is_feasible and stays.all():
+        remains = (multipliers > -WRONG_SIGN) | ((below + above)[active.indices] >= 0.0)
+        if is_feasible and remains.all():
             return None
         upper_active, lower_active = above > VIOLATION, below > VIOLATION
-        upper_active[active.indices] = stays & (active.signs > 0.0)
-        lower_active[active.indices] = stays & (active.signs < 0.0)
+        upper_active[active.indices] = remains & (active.signs > 0.0)
+        lower_active[active.indices] = remains & (active.signs < 0.0)
         return _active_set(upper_active, lower_active)
 
 
@@ -220,9 +220,9 @@ class WarmStartedSolver:
         self.solution = np.zeros(program.size)
         self.iterations = 0
 
-    def bound(self, budget_ns: int) -> None:
-        """As `Solver.bound`, for PIQP; the active-set iteration is limited by its rounds."""
-        self._solver.bound(budget_ns)
+    def limit_solve_time(self, budget_ns: int) -> None:
+        """Limit PIQP; the active-set iteration is limited by its rounds."""
+        self._solver.limit_solve_time(budget_ns)
 
     def update_matrices(self) -> bool:
         # Both are always updated: otherwise one would continue with the old matrices.

@@ -85,7 +85,6 @@ class DeadlineAccount:
         self._times = np.zeros((capacity, len(TickTimes._fields)))
         self._histograms = [Histogram() for _ in TickTimes._fields]
         self._deadline_ns = deadline_ns
-        self._latest_ns = -1
         self.ticks = 0
         self.deadline_misses = 0
         self.skipped_ticks = 0
@@ -93,8 +92,10 @@ class DeadlineAccount:
         self.misses_by_cause = dict.fromkeys(LateCause, 0)
         self.worst: WorstTick | None = None
 
-    def record(self, times: TickTimes, skipped: int, sent_after_ns: int) -> bool:
-        """Count one tick whose frames have been sent; True if `set_cause` should follow.
+    def record(
+        self, times: TickTimes, skipped: int, sent_after_ns: int, cause: LateCause | None = None
+    ) -> None:
+        """Count one tick, with the reason if it was late, and the periods skipped before it.
 
         `sent_after_ns` is the time from the scheduled instant until the frames were sent, on the
         loop's clock: simulated time has no lateness.
@@ -107,15 +108,11 @@ class DeadlineAccount:
         self.skipped_ticks += skipped
         self.missed_last = sent_after_ns > self._deadline_ns
         self.deadline_misses += self.missed_last
-        is_worst = sent_after_ns > self._latest_ns
-        self._latest_ns = max(sent_after_ns, self._latest_ns)
-        return is_worst or self.missed_last
-
-    def set_cause(self, cause: LateCause) -> None:
-        """Why the tick recorded last was late."""
+        if cause is None:
+            return
         if self.missed_last:
             self.misses_by_cause[cause] += 1
-        late_us = self._latest_ns / 1e3
+        late_us = sent_after_ns / 1e3
         if self.worst is None or late_us > self.worst.late_us:
             self.worst = WorstTick(self.ticks - 1, late_us, cause)
 

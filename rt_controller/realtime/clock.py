@@ -6,15 +6,17 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
+from rt_controller.contract.timing import PERIOD_NS
+
 _CLOCK_MONOTONIC = 1
 _TIMER_ABSTIME = 1
 _NS_PER_S = 1_000_000_000
 BUSY_WAIT_NS = 200_000
 """before a tick the thread does not sleep: waking up takes time, and the caches stay warm"""
 MAX_OVERSLEEP_NS = 300_000
-"""after a longer one there may not be enough time before the tick any more"""
+"""after a longer one, too little time may be left before the tick"""
 POLL_INTERVAL_S = 0.0005
-"""short compared with the phase that the loop is set to"""
+"""between two looks at the bus; short compared with the phase of the loop"""
 
 
 class Tick(NamedTuple):
@@ -30,9 +32,8 @@ class Tick(NamedTuple):
 class RealtimeClock:
     """next += period on CLOCK_MONOTONIC; after a stall whole periods are skipped, in phase."""
 
-    def __init__(self, period_ns: int) -> None:
-        self._period_ns = period_ns
-        self._next_ns = time.monotonic_ns() + period_ns
+    def __init__(self) -> None:
+        self._next_ns = time.monotonic_ns() + PERIOD_NS
 
     def now_ns(self) -> int:
         """The time on this clock, monotonic."""
@@ -41,8 +42,8 @@ class RealtimeClock:
     def align(self, first_tick_ns: int) -> None:
         """Set the phase: the next tick is at `first_tick_ns`, or whole periods later."""
         behind_ns = time.monotonic_ns() - first_tick_ns
-        periods = max(0, -(-behind_ns // self._period_ns))
-        self._next_ns = first_tick_ns + periods * self._period_ns
+        periods = max(0, -(-behind_ns // PERIOD_NS))
+        self._next_ns = first_tick_ns + periods * PERIOD_NS
 
     def sleep_until_before_tick(self, lead_ns: int) -> bool:
         """Sleep until `lead_ns` before the next tick; False if it is later than that."""
@@ -54,10 +55,10 @@ class RealtimeClock:
 
     def wait(self) -> Tick:
         """The next tick, at its instant."""
-        skipped = max(0, (time.monotonic_ns() - self._next_ns) // self._period_ns)
-        scheduled_ns = self._next_ns + skipped * self._period_ns
+        skipped = max(0, (time.monotonic_ns() - self._next_ns) // PERIOD_NS)
+        scheduled_ns = self._next_ns + skipped * PERIOD_NS
         busy_wait_until(scheduled_ns)
-        self._next_ns = scheduled_ns + self._period_ns
+        self._next_ns = scheduled_ns + PERIOD_NS
         return Tick(scheduled_ns, time.monotonic_ns() - scheduled_ns, skipped)
 
     def poll(self) -> None:
@@ -72,8 +73,7 @@ class LockstepClock:
     inputs only: the same seed gives the same frames.
     """
 
-    def __init__(self, period_ns: int, peer: Callable[[int], None]) -> None:
-        self._period_ns = period_ns
+    def __init__(self, peer: Callable[[int], None]) -> None:
         self._peer = peer
         self._now_ns = 0
 
@@ -87,7 +87,7 @@ class LockstepClock:
         return True
 
     def wait(self) -> Tick:
-        self._now_ns += self._period_ns
+        self._now_ns += PERIOD_NS
         self._peer(self._now_ns)
         return Tick(self._now_ns, 0, 0)
 

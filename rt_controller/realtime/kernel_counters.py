@@ -1,4 +1,4 @@
-"""Why a tick was late: its times, and what the kernel counted during it."""
+"""The cause of a late tick, from its times and from what the kernel counted during it."""
 
 import os
 import resource
@@ -26,13 +26,13 @@ class LateCause(StrEnum):
 
 
 class Counts(NamedTuple):
-    """Kernel counters of one thread and its machine; all of them only grow."""
+    """What the kernel counted for one thread and its machine between two readings."""
 
     waited_ns: int
-    """time in which the thread was ready to run and another one ran"""
+    """time in which the thread was ready to run, but another one ran"""
     major_faults: int
     steal_ticks: int
-    """of the machine, since it was started"""
+    """of the machine"""
 
 
 class KernelCounters:
@@ -44,8 +44,14 @@ class KernelCounters:
     def __init__(self) -> None:
         self._schedstat = _open("/proc/thread-self/schedstat")
         self._stat = _open("/proc/stat")
+        self._last = self._read()
 
-    def read(self) -> Counts:
+    def since_last(self) -> Counts:
+        """The counts since the last call, or since the start."""
+        last, self._last = self._last, self._read()
+        return Counts(*(new - old for new, old in zip(self._last, last, strict=True)))
+
+    def _read(self) -> Counts:
         schedstat, stat = _first_line(self._schedstat), _first_line(self._stat)
         return Counts(
             waited_ns=int(schedstat[1]) if len(schedstat) > 1 else 0,
@@ -59,14 +65,14 @@ class KernelCounters:
                 os.close(file)
 
 
-def late_cause(before: Counts, after: Counts, times: TickTimes) -> LateCause:
-    """What took most of a tick's time, with the counters read before and after it."""
-    if after.major_faults > before.major_faults:
+def late_cause(counts: Counts, times: TickTimes) -> LateCause:
+    """What took most of a tick's time; `counts` are those of the tick."""
+    if counts.major_faults > 0:
         return LateCause.PAGE_FAULT
-    if after.steal_ticks > before.steal_ticks:
+    if counts.steal_ticks > 0:
         return LateCause.HOST
     computed_us = min(times.cpu_us, times.step_us)
-    waited_us = (after.waited_ns - before.waited_ns) / 1e3
+    waited_us = counts.waited_ns / 1e3
     own_us = computed_us + times.preparation_late_us + times.overrun_us
     bus_us = times.receive_us + times.send_us
     shares_us = {

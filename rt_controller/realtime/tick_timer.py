@@ -22,7 +22,6 @@ class TickTimer:
         self._clock = clock
         self._account = account
         self._kernel_counters = kernel_counters
-        self._counts = None if kernel_counters is None else kernel_counters.read()
         self._tick = Tick(0, 0, 0)
         self._read_ahead_ns = self._preparation_ns = self._preparation_cpu_ns = 0
         self._prepared_at_ns = 0
@@ -84,12 +83,9 @@ class TickTimer:
         )
         self._last_sent_at_ns = sent_at_ns
         self._read_ahead_ns = self._preparation_ns = self._preparation_cpu_ns = 0
-        needs_cause = self._account.record(times, tick.skipped, sent_at_ns - due_ns)
-        if self._kernel_counters is None or self._counts is None:
-            return
-        before, self._counts = self._counts, self._kernel_counters.read()
-        if needs_cause:
-            self._account.set_cause(late_cause(before, self._counts, times))
+        counters = self._kernel_counters
+        cause = None if counters is None else late_cause(counters.since_last(), times)
+        self._account.record(times, tick.skipped, sent_at_ns - due_ns, cause)
 
     def _measure(self, action: Callable[[], None]) -> int:
         began_ns, began_cpu_ns = time.perf_counter_ns(), time.thread_time_ns()

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rt_controller.contract.errors import ConfigError, MissingExtraError, install_command
+from rt_controller.contract.errors import ConfigError, needs_extra
 from rt_controller.contract.signals import Mode
 from rt_controller.drive import Drive
 
@@ -28,7 +28,8 @@ def require_figure_file(file: Path) -> None:
             f"{file}: expected a figure as one of {', '.join(FORMATS)}, found "
             f"{file.suffix or 'no suffix'}."
         )
-    _require_matplotlib()
+    with needs_extra("report", "A figure"):
+        import matplotlib  # noqa: F401
 
 
 def draw_drive(drive: Drive, file: Path | None = None) -> "Figure":
@@ -40,11 +41,10 @@ def draw_drive(drive: Drive, file: Path | None = None) -> "Figure":
         MissingExtraError: matplotlib is not installed.
         ConfigError: `file` cannot be written, or its format is unknown.
     """
-    if file is None:
-        _require_matplotlib()
-    else:
+    if file is not None:
         require_figure_file(file)
-    from rt_controller.report.canvas import FAINT, empty_figure
+    with needs_extra("report", "A figure"):
+        from rt_controller.report.canvas import FAINT, empty_figure
 
     figure, axes = empty_figure(5, 1, 9.0, sharex=True)
     position, error, wheel, pedals, speed = axes
@@ -58,7 +58,7 @@ def draw_drive(drive: Drive, file: Path | None = None) -> "Figure":
     speed.plot(t, KMH_PER_MPS * drive["path_vx_mps"], color=FAINT, linestyle="--", label="wanted")
     speed.plot(t, KMH_PER_MPS * drive["vx_mps"], label="car")
     is_degraded = [mode in (Mode.HOLD_PLAN, Mode.SAFE_STOP) for mode in drive.modes]
-    names = ("e_y / m", "e_y - path / m", "steering wheel / deg", "pedals", "v_x / km/h")
+    names = ("e_y / m", "lateral error / m", "steering wheel / deg", "pedals", "v_x / km/h")
     for axis, name in zip(axes, names, strict=True):
         axis.set_ylabel(name)
         whole_height = axis.get_xaxis_transform()
@@ -69,7 +69,7 @@ def draw_drive(drive: Drive, file: Path | None = None) -> "Figure":
         axis.legend(loc="upper right")
     speed.set_xlabel("time / s")
     position.set_title(
-        f"{drive.model}: {drive.ending}; e_y RMS {drive.errors.ey_rms_m:.3f} m, "
+        f"{drive.model}: {drive.ending}; lateral error RMS {drive.errors.ey_rms_m:.3f} m, "
         f"peak {drive.errors.ey_peak_m:.3f} m",
         loc="left",
     )
@@ -81,12 +81,3 @@ def draw_drive(drive: Drive, file: Path | None = None) -> "Figure":
                 f"{file}: expected a file that can be written, found {error.strerror}."
             ) from error
     return figure
-
-
-def _require_matplotlib() -> None:
-    try:
-        import matplotlib  # noqa: F401
-    except ModuleNotFoundError as error:
-        raise MissingExtraError(
-            f"A figure needs matplotlib, found none. Run: {install_command('report')}"
-        ) from error

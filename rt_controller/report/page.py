@@ -9,11 +9,10 @@ script; if a plot is of plotly, plotly.js is part of the page once.
     file.write_text(render_page(page), encoding="utf-8")
 """
 
-from importlib.util import find_spec
 from itertools import count
 from typing import Any, NamedTuple
 
-from rt_controller.contract.errors import MissingExtraError, install_command
+from rt_controller.contract.errors import require_packages
 from rt_controller.report.table import Table
 
 NEEDED = ("jinja2", "matplotlib", "plotly")
@@ -70,12 +69,7 @@ def require_report_extra(option: str) -> None:
     Raises:
         MissingExtraError: one is missing.
     """
-    missing = [name for name in NEEDED if find_spec(name) is None]
-    if missing:
-        raise MissingExtraError(
-            f"{option} needs the extra 'report': expected {', '.join(NEEDED)}, found no "
-            f"{', '.join(missing)}. Install it with: {install_command('report')}"
-        )
+    require_packages("report", NEEDED, option)
 
 
 def render_page(page: Page) -> str:

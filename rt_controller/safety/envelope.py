@@ -2,35 +2,28 @@
 
 from math import isfinite
 
-from rt_controller.contract.limits import InputLimits
+from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput
+from rt_controller.contract.timing import PERIOD_S
 
 PEDAL_RELEASED_THROTTLE = 1e-3
 PEDAL_RELEASED_BRAKE_N = 0.15
 """below these a pedal counts as released: one thousandth of its travel"""
+_LARGEST_CHANGE = ControlInput(*(rate * PERIOD_S for rate in INPUT_LIMITS.rate_per_s))
+"""in one period"""
 
 
-def limit(
-    wanted: ControlInput, previous: ControlInput, limits: InputLimits, dt_s: float
-) -> ControlInput:
+def limit(wanted: ControlInput, previous: ControlInput) -> ControlInput:
     """The input nearest to `wanted` that may follow `previous` one period later.
 
     A value that is not finite is replaced by the previous one. Rates hold in both directions, but
     a wanted throttle of 0 closes the throttle at once. If both pedals are wanted, the one that was
     pressed before must be released first; if neither was pressed, the brake has priority.
     """
-    low, high, rate = limits.lower, limits.upper, limits.rate_per_s
-    throttle = _limit_one(
-        wanted.throttle, previous.throttle, low.throttle, high.throttle, rate.throttle * dt_s
-    )
-    brake_n = _limit_one(
-        wanted.brake_n, previous.brake_n, low.brake_n, high.brake_n, rate.brake_n * dt_s
-    )
-    steer_rad = _limit_one(
-        wanted.steer_rad, previous.steer_rad, low.steer_rad, high.steer_rad, rate.steer_rad * dt_s
-    )
-    if wanted.throttle <= limits.lower.throttle:
-        throttle = limits.lower.throttle
+    lower, upper, _ = INPUT_LIMITS
+    throttle, brake_n, steer_rad = map(_limit_one, wanted, previous, lower, upper, _LARGEST_CHANGE)
+    if wanted.throttle <= lower.throttle:
+        throttle = lower.throttle
     throttle = 0.0 if throttle < PEDAL_RELEASED_THROTTLE else throttle
     brake_n = 0.0 if brake_n < PEDAL_RELEASED_BRAKE_N else brake_n
     if throttle > 0.0 and brake_n > 0.0:

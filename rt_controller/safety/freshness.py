@@ -1,4 +1,4 @@
-"""Is received data still valid? Decided on the monotonic clock and by the vehicle's own stamps.
+"""Checks of the age of received data, by the monotonic clock and the stamps of the vehicle.
 
 A state is valid only for the tick that receives it, and only if it was not delayed on its way;
 paths and missions are valid for longer.

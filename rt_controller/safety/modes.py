@@ -74,6 +74,8 @@ class StopCause(StrEnum):
     STOP_REQUESTED = "stop requested"
 
 
+STANDING_MPS = 0.3
+"""below this speed the car counts as standing: a request to leave SAFE_STOP may be granted"""
 BUS_CAUSES = (StopCause.BUS_FAILED, StopCause.PEER_MISMATCH, StopCause.SECOND_CONTROLLER)
 """faults of the bus: they do not clear by waiting"""
 _MODES_WITH_CAUSE = (Mode.HOLD_PLAN, Mode.SAFE_STOP)

@@ -1,46 +1,33 @@
 """The options of `rt-controller`, as one model: what is refused is refused all at once."""
 
 import tomllib
-from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, get_args
 
 from cyclopts import Parameter
 from cyclopts.config import Toml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import ConfigDict, Field, ValidationError, field_validator
 
-from rt_controller.car_settings import CarSettings
-from rt_controller.config import (
-    BusSettings,
-    ControllerConfig,
-    MpcSettings,
-    Pace,
-    RealtimeSettings,
-)
+from rt_controller.config import ControllerConfig, ShippedModel
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.settings_errors import Location, dotted, explain
-from rt_controller.terminal.bus_options import BusOptions
+from rt_controller.contract.settings_errors import dotted, explain
+from rt_controller.settings import VIRTUAL, BusSettings, CarSettings, require_shipped
 
-VIRTUAL = "virtual"
 _Duration = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
-class RunOptions(CarSettings, BusOptions):
+class RunOptions(ControllerConfig, CarSettings, BusSettings):
     """Options of one run; those of `CarSettings` are for `--bus virtual` only."""
 
-    model: str | None = None
-    """shipped model (mdk-net, mdk-net-paper, lti) or folder of a bundle, ./lti for a folder with
-    the name of a shipped one; default: mdk-net"""
-    pace: Pace = Pace.REALTIME
+    pace: Literal["realtime", "lockstep"] = "realtime"
     """realtime, or lockstep: as fast as possible and the same frames every time (virtual only)"""
     duration_s: _Duration | None = None
-    """bring the car to rest and leave after this time"""
+    """request the stop after this time; braking to rest follows and is part of the drive and of its
+    figures"""
     stay: bool = False
     """stay on the bus when a mission ends, and wait for the next"""
     wait_s: _Duration = 30.0
     """longest wait for the vehicle"""
-    mpc: MpcSettings = MpcSettings()
-    realtime: RealtimeSettings = RealtimeSettings()
     max_misses: Annotated[int, Field(ge=0)] | None = None
     """deadline misses that still end with exit code 0; default: 2 % of the ticks on the virtual
     bus, none on any other"""
@@ -53,33 +40,29 @@ class RunOptions(CarSettings, BusOptions):
     ticks: Path | None = None
     """write the times of every tick of the last hour to this CSV file"""
     check: bool = False
-    """open and check everything, then leave without driving"""
+    """open and check everything, then end without driving"""
     quiet: bool = False
-    """no live line"""
+    """no progress on stderr; errors and the result remain"""
 
     model_config = ConfigDict(populate_by_name=True)
+
+    @field_validator("model")
+    @classmethod
+    def _require_model(cls, found: str | Path | None) -> str | Path | None:
+        if found is not None and not Path(found).exists():
+            shipped = get_args(ShippedModel)
+            require_shipped(str(found), shipped, "a folder that offline-export wrote")
+        return found
 
     @property
     def is_virtual(self) -> bool:
         """True if the simulated car drives in this process."""
         return self.bus == VIRTUAL
 
-    def controller(self) -> ControllerConfig:
-        """The part that the controller is built from."""
-        # Simulated time needs no rank among the threads of this machine.
-        is_lockstep = self.pace is Pace.LOCKSTEP
-        realtime = self.realtime.model_copy(update={"priority": 0} if is_lockstep else {})
-        return ControllerConfig(
-            bus=BusSettings(
-                interface=self.bus,
-                channel=self.channel,
-                bitrate=self.bitrate,
-                options=self.bus_option,
-            ),
-            model=self.model,
-            mpc=self.mpc,
-            realtime=realtime,
-        )
+    @property
+    def is_lockstep(self) -> bool:
+        """True if time is simulated."""
+        return self.pace == "lockstep"
 
     def require_consistent(self) -> None:
         """Return if the options fit each other.
@@ -89,7 +72,7 @@ class RunOptions(CarSettings, BusOptions):
         """
         if self.is_virtual:
             return
-        if self.pace is Pace.LOCKSTEP:
+        if self.is_lockstep:
             raise ConfigError(
                 f"--pace lockstep: expected --bus virtual, found {self.bus!r}. Only a car in this "
                 f"process can wait for the controller."
@@ -122,7 +105,7 @@ def read_config_file(path: Path) -> Toml:
     try:
         RunOptions.model_validate({"bus": VIRTUAL, **settings})
     except ValidationError as error:
-        raise ConfigError(f"--config {path}:\n{explain(error, dotted, _fields_in)}") from error
+        raise ConfigError(f"--config {path}:\n{explain(error, dotted, RunOptions)}") from error
     return Toml(path, must_exist=True)
 
 
@@ -131,13 +114,3 @@ def _with_underscores(table: Any) -> Any:
     if not isinstance(table, dict):
         return table
     return {name.replace("-", "_"): _with_underscores(value) for name, value in table.items()}
-
-
-def _fields_in(place: Location) -> Iterable[str]:
-    model: type[BaseModel] = RunOptions
-    for part in place:
-        annotation = model.model_fields[str(part)].annotation
-        if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
-            return ()
-        model = annotation
-    return tuple(field.alias or name for name, field in model.model_fields.items())

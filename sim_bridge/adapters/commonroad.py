@@ -1,16 +1,9 @@
 """`CommonRoadPlant`: CommonRoad's multi-body car as a plant, with a model of the actuators.
 
 The model (Althoff, Wuersching: "CommonRoad: Vehicle Models", 2020) has 29 states and takes the
-rate of the road wheels and an acceleration. The actuators between it and the contract:
-
-- the steering wheel turns the road wheels by a fixed ratio, limited to the model's own rate;
-- the throttle is a share of the available drive: a constant force up to a speed, constant power
-  above it;
-- the brake pedal gives a deceleration in proportion to its force; it stops the car and does not
-  move it backwards;
-- the model has no resistance to rolling, so rolling and air resistance are added.
-
-Friction of the road scales the peaks of the tyre's two Magic Formulas, not the stiffness.
+rate of the road wheels and an acceleration; it has no resistance to rolling. docs/plants.md lists
+the actuators and resistances that are added here. Friction of the road scales the peaks of the
+tyre's two Magic Formulas, not the stiffness.
 """
 
 from math import isfinite, nan, tan
@@ -81,7 +74,7 @@ class CommonRoadPlant:
     def __init__(self, vehicle: int, road_friction: float) -> None:
         self.name = f"commonroad:{vehicle}"
         self.failure: str | None = None
-        self._model = MultiBodyModel(vehicle, "--plant commonroad")
+        self._model = MultiBodyModel(vehicle, "`plant` commonroad")
         self._model.parameters.tire.p_dx1 *= road_friction
         self._model.parameters.tire.p_dy1 *= road_friction
         self._state = np.empty(0)

@@ -3,7 +3,6 @@
 from collections.abc import Iterable
 from math import isfinite, nan
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
 from sim_bridge.adapters.fmu_file import FmuFile, FmuInstance
-from sim_bridge.adapters.fmu_links import REAL_TYPES, Link, require_internal_step, resolve_links
+from sim_bridge.adapters.fmu_links import Link, require_internal_step, resolve_links
 from sim_bridge.adapters.fmu_mapping import FmuMapping, load_mapping
 from sim_bridge.plant.protocol import MOTION_FIELDS, PlantOutputs
 
@@ -20,12 +19,8 @@ START_TOLERANCE_MPS = 0.5
 _STEP_TOLERANCE_S = 1e-9
 
 
-class _Group(NamedTuple):
-    """Links to variables of one type, which are read or written in one call."""
-
-    kind: str
-    references: list[int]
-    links: tuple[Link, ...]
+_Groups = dict[str, list[Link]]
+"""links by the type of their variables: those of one type are read or written in one call"""
 
 
 class FmuPlant:
@@ -148,13 +143,14 @@ class FmuPlant:
 
     def _write_inputs(self, instance: FmuInstance, control: ControlInput) -> None:
         inputs = control._asdict()
-        for kind, references, links in self._inputs:
+        for kind, links in self._inputs.items():
             values = [link.gain * inputs[link.field] + link.bias for link in links]
-            instance.write(kind, references, values)
+            instance.write(kind, [link.variable.valueReference for link in links], values)
 
-    def _read(self, instance: FmuInstance, groups: list[_Group]) -> None:
-        for kind, references, links in groups:
-            for link, value in zip(links, instance.read(kind, references), strict=True):
+    def _read(self, instance: FmuInstance, groups: _Groups) -> None:
+        for kind, links in groups.items():
+            values = instance.read(kind, [link.variable.valueReference for link in links])
+            for link, value in zip(links, values, strict=True):
                 self._values[link.field] = link.gain * value + link.bias
 
     def _free(self) -> None:
@@ -178,11 +174,8 @@ def open_fmu_plant(path: Path, mapping: Path | None, road_friction: float) -> Fm
         raise
 
 
-def _grouped(links: Iterable[Link]) -> list[_Group]:
-    links = tuple(links)
-    alike = ((kind, tuple(k for k in links if k.variable.type == kind)) for kind in REAL_TYPES)
-    return [
-        _Group(kind, [link.variable.valueReference for link in some], some)
-        for kind, some in alike
-        if some
-    ]
+def _grouped(links: Iterable[Link]) -> _Groups:
+    groups: _Groups = {}
+    for link in links:
+        groups.setdefault(link.variable.type, []).append(link)
+    return groups

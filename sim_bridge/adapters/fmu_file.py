@@ -23,7 +23,7 @@ class FmuFile:
     """
 
     def __init__(self, path: Path) -> None:
-        with needs_extra("fmu", "--plant fmu"):
+        with needs_extra("fmu", "`plant` fmu"):
             import fmpy
         if not path.is_file():
             raise ConfigError(

@@ -8,19 +8,9 @@ from typing import Any
 from rt_controller.contract.errors import ConfigError
 from sim_bridge.adapters.fmu_file import FmuFile
 from sim_bridge.adapters.fmu_mapping import Channel, FmuMapping
-from sim_bridge.units import Unit, find_unit, require_unit, unit_of_exponents
+from sim_bridge.units import Unit, find_unit, require_unit, unit_of_exponents, unit_of_name
 
 REAL_TYPES = ("Real", "Float64", "Float32")
-_UNIT_OF_ENDING = {
-    "mps": "m/s",
-    "mps2": "m/s2",
-    "radps": "rad/s",
-    "rad": "rad",
-    "n": "N",
-    "mpa": "MPa",
-    "rpm": "rpm",
-}
-"""units of the contract's signals by the end of their names; other names have no dimension"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,8 +110,7 @@ def _units(file: FmuFile, field: str, channel: Channel, variable: Any) -> tuple[
     The unit of the variable is that of the mapping, else that of the FMU, else that of the signal.
     """
     where = f"{file.path.name}: {field}: {channel.variable!r}"
-    ending = field.rpartition("_")[2]
-    signal_name = _UNIT_OF_ENDING.get(ending, "1")
+    signal_name = unit_of_name(field) or "1"
     signal = require_unit(signal_name, field)
     declared = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
     known = _declared_unit(file, declared) if declared else None

@@ -4,12 +4,22 @@ It is TOML, by default beside the FMU under the same name: `car.fmu`, `car.toml`
 """
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    TypeAdapter,
+    create_model,
+)
 
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.signals import ControlInput
 from rt_controller.contract.timing import PERIOD_S
+from sim_bridge.plant.protocol import MOTION_FIELDS, PlantOutputs
 from sim_bridge.toml_file import parse
 
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -58,40 +68,25 @@ Input = Annotated[NamedChannel | None, BeforeValidator(_none_if_false)]
 """None, `false` in the file: the plant has no such input, and its value is not used"""
 
 
-class InputMapping(_Strict):
-    """Variables of the inputs: the fields of `ControlInput`."""
-
-    throttle: Input
-    brake_n: Input
-    steer_rad: Input
-
-
-class OutputMapping(_Strict):
-    """Variables of the motion and of further outputs: the fields of `PlantOutputs`."""
-
-    vx_mps: NamedChannel
-    vy_mps: NamedChannel
-    yaw_rate_radps: NamedChannel
-    ax_mps2: NamedChannel | None = None
-    ay_mps2: NamedChannel | None = None
-    roll_rad: NamedChannel | None = None
-    pitch_rad: NamedChannel | None = None
-    road_wheel_rad: NamedChannel | None = None
-    throttle: NamedChannel | None = None
-    brake_mpa: NamedChannel | None = None
-    gear: NamedChannel | None = None
-    engine_rpm: NamedChannel | None = None
-    load_front_left_n: NamedChannel | None = None
-    load_front_right_n: NamedChannel | None = None
-    load_rear_left_n: NamedChannel | None = None
-    load_rear_right_n: NamedChannel | None = None
-
-
-class StartMapping(_Strict):
-    """Parameters of the FMU that a run sets; the others keep the values of the FMU."""
-
-    vx_mps: NamedChannel | None = None
-    road_friction: NamedChannel | None = None
+if TYPE_CHECKING:
+    InputMapping = _Strict
+    OutputMapping = _Strict
+    StartMapping = _Strict
+else:
+    _Optional = (NamedChannel | None, None)
+    # All inputs and the motion must be named, further outputs and start values may be.
+    InputMapping = create_model(
+        "InputMapping", __base__=_Strict, **dict.fromkeys(ControlInput._fields, (Input, ...))
+    )
+    OutputMapping = create_model(
+        "OutputMapping",
+        __base__=_Strict,
+        **dict.fromkeys(MOTION_FIELDS, (NamedChannel, ...)),
+        **dict.fromkeys(PlantOutputs._fields, _Optional),
+    )
+    StartMapping = create_model(
+        "StartMapping", __base__=_Strict, vx_mps=_Optional, road_friction=_Optional
+    )
 
 
 class FmuMapping(_Strict):
@@ -102,6 +97,7 @@ class FmuMapping(_Strict):
     inputs: InputMapping
     outputs: OutputMapping
     start: StartMapping = StartMapping()
+    """parameters of the FMU that a run sets; the others keep the values of the FMU"""
     parameters: dict[str, bool | int | float | str] = {}
     """start values of further variables, by name, in the FMU's own units"""
 
@@ -120,6 +116,6 @@ def load_mapping(path: Path) -> FmuMapping:
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(
             f"{path}: expected the mapping from the FMU's variables to the contract, found an "
-            f"error: {error}. Write one (docs/plants.md shows how) or name it with --plant-mapping."
+            f"error: {error}. Write one (docs/plants.md shows how) or name it in `plant_mapping`."
         ) from error
     return parse(text, _SCHEMA, str(path))

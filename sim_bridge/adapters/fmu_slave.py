@@ -15,8 +15,8 @@ from pythonfmu.enums import Fmi2Status
 from rt_controller.contract.errors import RtControllerError
 from rt_controller.contract.signals import ControlInput
 from sim_bridge.adapters.own_car import OwnCar
-from sim_bridge.adapters.plants import own_parameters
 from sim_bridge.plant.integrate import STEP_S
+from sim_bridge.plant.parameters import load_parameters, with_road_friction
 from sim_bridge.plant.protocol import MOTION_FIELDS, PlantOutputs
 
 
@@ -36,12 +36,15 @@ class Car(Fmi2Slave):
         self._outputs: PlantOutputs | None = PlantOutputs()
         self.car: OwnCar | None = None
         self.default_experiment = DefaultExperiment(start_time=0.0, step_size=STEP_S)
-        for name in ControlInput._fields:
-            self._declare(name, Fmi2Causality.input, Fmi2Variability.continuous)
-        for name in ("v0_mps", "road_friction", "road_friction_right"):
-            self._declare(name, Fmi2Causality.parameter, Fmi2Variability.fixed)
-        for name in MOTION_FIELDS:
-            self._declare(name, Fmi2Causality.output, Fmi2Variability.continuous)
+        parameters = ("v0_mps", "road_friction", "road_friction_right")
+        for names, causality, variability in (
+            (ControlInput._fields, Fmi2Causality.input, Fmi2Variability.continuous),
+            (parameters, Fmi2Causality.parameter, Fmi2Variability.fixed),
+            (MOTION_FIELDS, Fmi2Causality.output, Fmi2Variability.continuous),
+        ):
+            for name in names:
+                variable = Real(name, causality=causality, variability=variability)
+                self.register_variable(variable)
         for name in PlantOutputs._fields:
             self.register_variable(
                 Real(
@@ -54,12 +57,9 @@ class Car(Fmi2Slave):
 
     def exit_initialization_mode(self) -> None:
         """Settle the car with the parameters that were set."""
-        parameters = own_parameters(
-            str(Path(self.resources) / "car.toml"),
-            self.road_friction,
-            self.road_friction_right or None,
-        )
-        self.car = OwnCar(parameters)
+        parameters = load_parameters(Path(self.resources) / "car.toml")
+        right = self.road_friction_right or None
+        self.car = OwnCar(with_road_friction(parameters, self.road_friction, right))
         self.vx_mps, self.vy_mps, self.yaw_rate_radps = self.car.reset(self.v0_mps).tolist()
         self._outputs = None
 
@@ -82,6 +82,3 @@ class Car(Fmi2Slave):
         if self._outputs is None and self.car is not None:
             self._outputs = self.car.outputs()
         return self._outputs or PlantOutputs()
-
-    def _declare(self, name: str, causality: Fmi2Causality, variability: Fmi2Variability) -> None:
-        self.register_variable(Real(name, causality=causality, variability=variability))

@@ -5,8 +5,8 @@ import numpy as np
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
-from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, advance, settle, write_monitor
-from sim_bridge.plant.monitor import N_MONITOR, Monitor
+from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, advance, settle
+from sim_bridge.plant.outputs import N_OUTPUTS, write_outputs
 from sim_bridge.plant.parameters import Parameters
 from sim_bridge.plant.protocol import PlantOutputs
 from sim_bridge.plant.states import AT
@@ -21,7 +21,7 @@ class OwnCar:
         self.parameters = parameters
         self._state = np.empty(0)
         self._motion = np.empty((STEPS_PER_PERIOD, 3))
-        self._monitor = np.empty(N_MONITOR)
+        self._outputs = np.empty(N_OUTPUTS)
         self._input = NEUTRAL_INPUT
 
     def reset(self, v0_mps: float) -> Array:
@@ -50,9 +50,8 @@ class OwnCar:
 
     def outputs(self) -> PlantOutputs:
         """Values at the end of the last step."""
-        write_monitor(self._state, self._input, self.parameters, self._monitor)
-        monitor = Monitor(*self._monitor.tolist())
-        return PlantOutputs(*(getattr(monitor, name) for name in PlantOutputs._fields))
+        write_outputs(self._state, self._input, self.parameters, self._outputs)
+        return PlantOutputs(*self._outputs.tolist())
 
     def close(self) -> None:
         """Do nothing: there are no resources."""

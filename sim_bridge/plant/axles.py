@@ -30,18 +30,19 @@ class Axle(NamedTuple):
 
 
 @compiled
-def front_axle(p: Parameters) -> Axle:
-    """The front axle of the car."""
+def axles(p: Parameters) -> tuple[Axle, Axle]:
+    """The front and the rear axle of the car."""
     body, suspension = p.body, p.suspension
     wheelbase_m = body.sprung_front_axle_m + body.sprung_rear_axle_m
-    sprung_kg = body.sprung_mass_kg * body.sprung_rear_axle_m / wheelbase_m
-    return Axle(
+    sprung_front_kg = body.sprung_mass_kg * body.sprung_rear_axle_m / wheelbase_m
+    sprung_rear_kg = body.sprung_mass_kg - sprung_front_kg
+    front = Axle(
         body.front_axle_m,
         body.sprung_front_axle_m,
         0.5 * body.track_front_m,
         body.track_front_m,
         0.5 * body.unsprung_front_kg,
-        0.5 * GRAVITY_MPS2 * (sprung_kg + body.unsprung_front_kg),
+        0.5 * GRAVITY_MPS2 * (sprung_front_kg + body.unsprung_front_kg),
         suspension.spring_front_npm,
         suspension.bar_front_nmprad,
         suspension.jounce_front_nspm,
@@ -51,22 +52,13 @@ def front_axle(p: Parameters) -> Axle:
         suspension.camber_gain_front,
         p.brakes.front_nm_per_mpa,
     )
-
-
-@compiled
-def rear_axle(p: Parameters) -> Axle:
-    """The rear axle of the car."""
-    body, suspension = p.body, p.suspension
-    wheelbase_m = body.sprung_front_axle_m + body.sprung_rear_axle_m
-    front_kg = body.sprung_mass_kg * body.sprung_rear_axle_m / wheelbase_m
-    sprung_kg = body.sprung_mass_kg - front_kg
-    return Axle(
+    rear = Axle(
         -body.rear_axle_m,
         -body.sprung_rear_axle_m,
         0.5 * body.track_rear_m,
         body.track_rear_m,
         0.5 * body.unsprung_rear_kg,
-        0.5 * GRAVITY_MPS2 * (sprung_kg + body.unsprung_rear_kg),
+        0.5 * GRAVITY_MPS2 * (sprung_rear_kg + body.unsprung_rear_kg),
         suspension.spring_rear_npm,
         suspension.bar_rear_nmprad,
         suspension.jounce_rear_nspm,
@@ -76,3 +68,4 @@ def rear_axle(p: Parameters) -> Axle:
         suspension.camber_gain_rear,
         p.brakes.rear_nm_per_mpa,
     )
+    return front, rear

@@ -17,11 +17,11 @@ from sim_bridge.plant.brakes import after_friction, steady_pressures_mpa
 from sim_bridge.plant.engine import RPM_OF_RADPS
 from sim_bridge.plant.gearbox import choose_gear, highest_gear
 from sim_bridge.plant.jit import compiled
-from sim_bridge.plant.monitor import N_MONITOR, monitor_of
+from sim_bridge.plant.outputs import N_OUTPUTS, write_outputs
 from sim_bridge.plant.parameters import Parameters
 from sim_bridge.plant.powertrain import output_speed_radps
 from sim_bridge.plant.states import AT, N_FRONT, N_STATES, N_WHEELS
-from sim_bridge.plant.vehicle import Derivative, bound, evaluate
+from sim_bridge.plant.vehicle import Derivative, bound, evaluate, new_derivative
 
 LARGEST_STEP_S = 0.001
 STEPS_PER_PERIOD = ceil(PERIOD_S / LARGEST_STEP_S - 1e-9)
@@ -45,7 +45,7 @@ def advance(
             gravity after each step.
     """
     middle = np.empty(N_STATES)
-    derivative = _derivative()
+    derivative = new_derivative()
     for i in range(n_steps):
         choose_gear(state, output_speed_radps(state, p), p.gearbox, step_s)
         evaluate(state, control, p, derivative)
@@ -59,42 +59,29 @@ def advance(
 def simulate(
     state0: Array, inputs: Array, p: Parameters, steps_per_period: int, step_s: float
 ) -> tuple[Array, Array]:
-    """Motion and monitor of a whole episode; `state0` is not changed.
+    """Motion and outputs of a whole episode; `state0` is not changed.
 
     Args:
         inputs: (K, 3), columns as `ControlInput`, each row constant over a period.
 
     Returns:
         motion: (K * steps_per_period + 1, 3), (vx_mps, vy_mps, yaw_rate_radps) on the fine grid.
-        monitor: (K + 1, N_MONITOR), at the periods' ends, columns as `Monitor._fields`.
+        outputs: (K + 1, N_OUTPUTS), at the periods' ends, columns as `PlantOutputs._fields`.
     """
     n_periods = inputs.shape[0]
     state = state0.copy()
     motion = np.empty((n_periods * steps_per_period + 1, 3))
-    monitor = np.empty((n_periods + 1, N_MONITOR))
+    outputs = np.empty((n_periods + 1, N_OUTPUTS))
     _write_motion(state, motion[0])
     for k in range(n_periods):
         control = ControlInput(inputs[k, 0], inputs[k, 1], inputs[k, 2])
         if k == 0:
-            write_monitor(state, control, p, monitor[0])
+            write_outputs(state, control, p, outputs[0])
         first = k * steps_per_period + 1
         piece = motion[first : first + steps_per_period]
         advance(state, control, p, steps_per_period, step_s, piece)
-        write_monitor(state, control, p, monitor[k + 1])
-    return motion, monitor
-
-
-@compiled
-def write_monitor(state: Array, control: ControlInput, p: Parameters, monitor_out: Array) -> None:
-    """Fill `monitor_out` (N_MONITOR,) with the monitor of `state` under the given inputs."""
-    monitor = monitor_of(state, control, p, _derivative())
-    for i in range(N_MONITOR):
-        monitor_out[i] = monitor[i]
-
-
-@compiled
-def _derivative() -> Derivative:
-    return Derivative(np.zeros(N_STATES), np.zeros(N_STATES), np.zeros(N_STATES))
+        write_outputs(state, control, p, outputs[k + 1])
+    return motion, outputs
 
 
 @compiled
@@ -166,7 +153,8 @@ def _settle(v0_mps: float, p: Parameters) -> Array:
     motion = np.empty((1, 3))
     throttle = state[AT.throttle]
     for _ in range(_SETTLING_STEPS):
-        advance(state, ControlInput(throttle, brake_n, 0.0), p, 1, STEP_S, motion)
+        # A literal number of steps would be compiled as a type of its own.
+        advance(state, ControlInput(throttle, brake_n, 0.0), p, len(motion), STEP_S, motion)
         if v0_mps > 0.0:
             slower_mps = v0_mps - state[AT.vx_mps]
             throttle = min(1.0, max(0.0, throttle + _THROTTLE_PER_MPS * slower_mps))

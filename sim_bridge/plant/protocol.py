@@ -24,19 +24,33 @@ class PlantOutputs(NamedTuple):
     ax_mps2: float = nan
     """acceleration of the centre of gravity, body axes"""
     ay_mps2: float = nan
+    sideslip_rad: float = nan
     roll_rad: float = nan
     pitch_rad: float = nan
-    road_wheel_rad: float = nan
-    """mean of the front wheels, positive to the left"""
+    gear: float = nan
+    engine_rpm: float = nan
     throttle: float = nan
     """throttle opening, after actuator lags"""
     brake_mpa: float = nan
-    gear: float = nan
-    engine_rpm: float = nan
+    """of the front circuit"""
+    road_wheel_rad: float = nan
+    """mean of the front wheels, positive to the left"""
+    turbine_rpm: float = nan
+    wind_up_rad: float = nan
+    """twist of the drive shafts"""
+    travel_front_left_m: float = nan
+    """of each wheel towards the body"""
+    travel_front_right_m: float = nan
+    travel_rear_left_m: float = nan
+    travel_rear_right_m: float = nan
     load_front_left_n: float = nan
     load_front_right_n: float = nan
     load_rear_left_n: float = nan
     load_rear_right_n: float = nan
+    spin_front_left_radps: float = nan
+    spin_front_right_radps: float = nan
+    spin_rear_left_radps: float = nan
+    spin_rear_right_radps: float = nan
 
 
 class Plant(Protocol):
@@ -97,18 +111,17 @@ def require_plant(plant: object) -> None:
         )
 
 
-def require_motion(motion: object, shape: tuple[int | None, ...], call: str) -> None:
-    """Return if a plant answered with a float array of that shape; None stands for any length.
+def require_motion(motion: object, n_dimensions: int, call: str) -> None:
+    """Return if a plant answered with an array (3,) or (n, 3).
 
     Raises:
         ConfigError: it answered with something else.
     """
-    found = getattr(motion, "shape", None)
-    fits = found is not None and len(found) == len(shape)
-    if not (fits and all(n in (None, m) for n, m in zip(shape, found or (), strict=True))):
-        wanted = ", ".join("n" if n is None else str(n) for n in shape)
-        what = type(motion).__name__ if found is None else f"the shape {found}"
+    shape = getattr(motion, "shape", None)
+    if shape is None or len(shape) != n_dimensions or shape[-1] != len(MOTION_FIELDS):
+        wanted = "(3)" if n_dimensions == 1 else "(n, 3)"
+        found = type(motion).__name__ if shape is None else f"the shape {shape}"
         raise ConfigError(
-            f"plant.{call}: expected an array ({wanted}) of vx_mps, vy_mps, yaw_rate_radps, found "
-            f"{what}."
+            f"plant.{call}: expected an array {wanted} of {', '.join(MOTION_FIELDS)}, found "
+            f"{found}."
         )

@@ -8,13 +8,15 @@ friction have it separately, so that friction can stop a motion but not reverse 
 from math import cos, pi, sin
 from typing import NamedTuple
 
+import numpy as np
+
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import ControlInput
 from sim_bridge.plant import body, brakes, powertrain, steering, suspension, tyres
-from sim_bridge.plant.axles import Axle, front_axle, rear_axle
+from sim_bridge.plant.axles import Axle, axles
 from sim_bridge.plant.jit import compiled
 from sim_bridge.plant.parameters import Parameters
-from sim_bridge.plant.states import AT, N_FRONT, N_WHEELS
+from sim_bridge.plant.states import AT, N_FRONT, N_STATES, N_WHEELS
 from sim_bridge.plant.suspension import LEFT
 
 _LARGEST_SLIP = 3.0
@@ -32,6 +34,12 @@ class Derivative(NamedTuple):
     friction: Array
 
 
+@compiled
+def new_derivative() -> Derivative:
+    """A derivative of zeros, for `evaluate` to write to."""
+    return Derivative(np.zeros(N_STATES), np.zeros(N_STATES), np.zeros(N_STATES))
+
+
 class WheelForce(NamedTuple):
     """Force of the road on one wheel in body axes, and its moments around the vertical."""
 
@@ -45,7 +53,7 @@ class WheelForce(NamedTuple):
 def evaluate(state: Array, control: ControlInput, p: Parameters, out: Derivative) -> None:
     """Write the derivative of `state` under constant inputs to `out`."""
     yaw_rate = state[AT.yaw_rate_radps]
-    front, rear = front_axle(p), rear_axle(p)
+    front, rear = axles(p)
     front_roll_rad = suspension.axle_roll_rad(state, 0, front)
     rear_roll_rad = suspension.axle_roll_rad(state, N_FRONT, rear)
     _brake(control.brake_n, p, out)

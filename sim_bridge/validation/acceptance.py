@@ -1,64 +1,51 @@
-"""A line of the acceptance table: what was measured, its goal, and the result of the comparison."""
+"""The acceptance table of `acceptance.toml`, and the comparison of measured values with it."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, isfinite, nan
+from importlib import resources
+from math import nan
+from typing import Literal
 
-# The cars that the targets belong to, by the names of their files.
-ALL_WHEEL = "c_class_150kw_awd"
-FRONT_WHEEL = "c_class_125kw_fwd"
-COMMONROAD = "commonroad_vehicle_2"
+from pydantic import BaseModel, ConfigDict, TypeAdapter
 
+from sim_bridge.toml_file import parse
 
-@dataclass(frozen=True, slots=True)
-class Goal:
-    """A target and the range that passes."""
-
-    target: float
-    low: float
-    high: float
-    tolerance: str
-    """in words"""
+_TABLE = "acceptance.toml"
 
 
-def within(target: float, share: float) -> Goal:
-    """A goal with a tolerance on both sides, relative to the target."""
-    width = abs(target) * share
-    return Goal(target, target - width, target + width, f"±{100.0 * share:g} %")
+class Line(BaseModel):
+    """A line of the table; without a target it is reported only."""
 
-
-def near(target: float, width: float, unit: str) -> Goal:
-    """A goal with a tolerance on both sides, in the unit of the line."""
-    return Goal(target, target - width, target + width, f"±{width:g} {unit}")
-
-
-def at_most(target: float) -> Goal:
-    """A goal whose target is the upper bound."""
-    return Goal(target, -inf, target, "at most")
-
-
-def at_least(target: float) -> Goal:
-    """A goal whose target is the lower bound."""
-    return Goal(target, target, inf, "at least")
-
-
-@dataclass(frozen=True, slots=True)
-class Line:
-    """A measured line of the table."""
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: str
-    unit: str
-    reached: float
-    goal: Goal | None = None
-    """None: reported only"""
+    unit: str = ""
+    target: float | Literal["reference"] | None = None
+    """"reference": measured with the reference model"""
+    share: float | None = None
+    """tolerance on both sides, relative to the target"""
+    width: float | None = None
+    """tolerance on both sides, in the unit of the line"""
+    bound: Literal["at most", "at least"] | None = None
+    """the target is the largest or the smallest value that passes"""
     car: str | None = None
-    """the car that the goal is for; None: every car"""
+    """the car that the target is for; None: every car"""
     is_judged: bool = True
+
+
+class AcceptanceTest(BaseModel):
+    """One test of the table."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    title: str
+    text: str
+    lines: tuple[Line, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class LineResult:
-    """A line of the table, compared with its goal."""
+    """A line of the table, compared with its target."""
 
     test: int
     car: str
@@ -67,6 +54,7 @@ class LineResult:
     target: float | None
     reached: float
     tolerance: str | None
+    """in words"""
     low: float | None
     """smallest number that passes; None: no bound"""
     high: float | None
@@ -74,35 +62,70 @@ class LineResult:
     """None: reported, not judged"""
 
 
-def check(test: int, lines: Iterable[Line], car: str) -> list[LineResult]:
-    """The results of a test with `car`; goals for another car are shown but not judged.
+def _load_table() -> dict[int, AcceptanceTest]:
+    text = (resources.files("sim_bridge") / "validation" / _TABLE).read_text("utf-8")
+    tests = parse(text, TypeAdapter(dict[str, tuple[AcceptanceTest, ...]]), _TABLE)["tests"]
+    return dict(enumerate(tests, 1))
+
+
+TESTS = _load_table()
+"""by the number of the test"""
+
+
+def check(
+    test: int,
+    reached: Mapping[str, float],
+    car: str,
+    reference: Mapping[str, float] | None = None,
+    is_main: bool = True,
+) -> list[LineResult]:
+    """The results of a test with `car`; targets for another car are shown but not judged.
 
     What could not be measured (NaN) fails.
+
+    Args:
+        reached: measured values by the names of the lines.
+        reference: values of the reference model, by the same names.
+        is_main: False leaves out the lines whose targets are for one car.
     """
-    return [_check(test, line, car) for line in lines]
+    return [
+        check_line(test, line, reached[line.name], car, (reference or {}).get(line.name, nan))
+        for line in TESTS[test].lines
+        if is_main or line.car is None
+    ]
 
 
-def _check(test: int, line: Line, car: str) -> LineResult:
-    goal, reached = line.goal, float(line.reached)
-    if goal is None:
+def check_line(
+    test: int, line: Line, reached: float, car: str, reference: float = nan
+) -> LineResult:
+    """The result of one line."""
+    reached = float(reached)
+    target = reference if line.target == "reference" else line.target
+    if target is None:
         return LineResult(test, car, line.name, line.unit, None, reached, None, None, None, None)
-    is_judged = line.is_judged and line.car in (None, car)
-    return LineResult(
-        test=test,
-        car=car,
-        name=line.name,
-        unit=line.unit,
-        target=goal.target,
-        reached=reached,
-        tolerance=goal.tolerance,
-        low=goal.low if isfinite(goal.low) else None,
-        high=goal.high if isfinite(goal.high) else None,
-        ok=bool(goal.low <= reached <= goal.high) if is_judged else None,
-    )
+    low, high, tolerance = _range(line, target)
+    ok = None
+    if line.is_judged and line.car in (None, car):
+        ok = (low is None or low <= reached) and (high is None or reached <= high)
+    return LineResult(test, car, line.name, line.unit, target, reached, tolerance, low, high, ok)
+
+
+def _range(line: Line, target: float) -> tuple[float | None, float | None, str]:
+    """Smallest and largest value that pass, and the tolerance in words."""
+    if line.bound == "at most":
+        return None, target, line.bound
+    if line.bound == "at least":
+        return target, None, line.bound
+    if line.share is not None:
+        width, tolerance = abs(target) * line.share, f"±{100.0 * line.share:g} %"
+    else:
+        width = line.width or 0.0
+        tolerance = f"±{width:g} {line.unit}"
+    return target - width, target + width, tolerance
 
 
 def has_failed(results: Sequence[LineResult]) -> bool:
-    """True if a judged line missed its goal."""
+    """True if a judged line missed its target."""
     return any(result.ok is False for result in results)
 
 

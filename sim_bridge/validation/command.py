@@ -1,19 +1,18 @@
 """`sim-bridge validate`: the acceptance table from the command line."""
 
-import json
 from dataclasses import asdict
-from math import isfinite
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 from rich.console import Console
 
-from rt_controller.contract.figures import require_writable
+from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.report.page import require_report_extra
 from rt_controller.report.table import print_table
+from rt_controller.terminal.progress import announce
 from sim_bridge.validation.acceptance import count_sentence, has_failed
-from sim_bridge.validation.measurements import cars_of_tests, measure_all
+from sim_bridge.validation.measurements import measure_all
 from sim_bridge.validation.report import acceptance_page, acceptance_table
 
 _LEAST_WIDTH = 100
@@ -44,19 +43,14 @@ def validate(
     if html is not None:
         require_writable(html, "--html")
         require_report_extra("--html")
-    with Console(stderr=True).status("driving (the first start compiles: about a minute)"):
-        measured = measure_all(cars_of_tests(car), quick)
+    with announce("driving (the first start compiles the car: up to a minute)"):
+        measured = measure_all(car, quick)
     results = measured.results
     console = Console()
     console.width = max(console.width, _LEAST_WIDTH)
     print_table(acceptance_table(results), console)
     if json_file is not None:
-        # A number that could not be measured is null.
-        lines = [
-            {**asdict(line), "reached": line.reached if isfinite(line.reached) else None}
-            for line in results
-        ]
-        json_file.write_text(json.dumps(lines, indent=2) + "\n", encoding="utf-8")
+        write_figures(json_file, [asdict(line) for line in results])
     if html is not None:
         html.write_text(acceptance_page(measured), encoding="utf-8")
     console.print(count_sentence(results))

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from rt_controller.contract.arrays import Array
 from sim_bridge.plant.car_parts import GRAVITY_MPS2
 from sim_bridge.plant.parameters import Parameters
-from sim_bridge.validation.acceptance import ALL_WHEEL, Line, within
-from sim_bridge.validation.driver_model import OpenLoopDriver, SpeedControl
-from sim_bridge.validation.run import Run, cruising_throttle, input_table, replay, run_driver
+from sim_bridge.validation.driver_model import steer_open_loop
+from sim_bridge.validation.run import Run, cruising_throttle, input_table, replay
 from sim_bridge.validation.signal_metrics import crossing, slope
 
 WHEEL_ANGLE = "steering wheel angle at 0.3 g"
@@ -21,29 +20,24 @@ _DRIVER_PERIOD_S = 0.025
 _LINEAR_G = (0.02, 0.3)
 
 
-def measure(parameters: Parameters) -> tuple[Run, tuple[Line, ...]]:
+def measure(parameters: Parameters) -> tuple[Run, dict[str, float]]:
     """2 deg/s at the steering wheel at 80 km/h, up to the limit of adhesion."""
-    throttle = cruising_throttle(parameters, SPEED_MPS)
-    speed = SpeedControl(SPEED_MPS, throttle, _DRIVER_PERIOD_S)
-    driver = OpenLoopDriver(lambda time_s: RATE_RADPS * time_s, speed)
-    run = run_driver(parameters, SPEED_MPS, driver, _DURATION_S, _DRIVER_PERIOD_S)
+    run = steer_open_loop(
+        parameters, SPEED_MPS, lambda time_s: RATE_RADPS * time_s, _DURATION_S, _DRIVER_PERIOD_S
+    )
     body = parameters.body
     bend_degpg = np.degrees((body.front_axle_m + body.rear_axle_m) * GRAVITY_MPS2 / SPEED_MPS**2)
     effort_degpg = _per_g(run, run.steer_deg)
-    return run, (
-        Line(WHEEL_ANGLE, "deg", crossing(run.steer_deg, run.lateral_g, 0.3),
-             within(26.95, 0.05), ALL_WHEEL),
-        Line("steering effort", "deg/g", effort_degpg, within(88.0, 0.05), ALL_WHEEL),
-        Line("understeer, road wheel", "deg/g",
-             _per_g(run, np.degrees(run.column("road_wheel_rad"))) - bend_degpg,
-             within(1.15, 0.05), ALL_WHEEL),
-        Line("understeer with compliance", "deg/g",
-             effort_degpg / parameters.steering.ratio - bend_degpg, within(1.43, 0.05), ALL_WHEEL),
-        Line("yaw gain", "1/s", slope(run.steer_deg, run.yaw_rate_degps, is_linear(run)),
-             within(0.289, 0.05), ALL_WHEEL),
-        Line("roll", "deg/g", _per_g(run, run.roll_deg), within(4.45, 0.1), ALL_WHEEL),
-        Line("sideslip", "deg/g", _per_g(run, run.sideslip_deg), within(-0.59, 0.1), ALL_WHEEL),
-    )  # fmt: skip
+    road_wheel_degpg = _per_g(run, np.degrees(run.column("road_wheel_rad")))
+    return run, {
+        WHEEL_ANGLE: crossing(run.steer_deg, run.lateral_g, 0.3),
+        "steering effort": effort_degpg,
+        "understeer, road wheel": road_wheel_degpg - bend_degpg,
+        "understeer with compliance": effort_degpg / parameters.steering.ratio - bend_degpg,
+        "yaw gain": slope(run.steer_deg, run.yaw_rate_degps, is_linear(run)),
+        "roll": _per_g(run, run.roll_deg),
+        "sideslip": _per_g(run, run.sideslip_deg),
+    }
 
 
 def is_linear(run: Run) -> NDArray[np.bool_]:

@@ -18,7 +18,14 @@ from numpy import float64
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import ControlInput, StateColumn
 from sim_bridge.plant.parameters import Parameters
-from sim_bridge.validation.run import Observation, cruising_throttle, input_table, replay
+from sim_bridge.validation.run import (
+    Observation,
+    Run,
+    cruising_throttle,
+    input_table,
+    replay,
+    run_driver,
+)
 
 DRIVER_PERIOD_S = 0.01
 _THROTTLE_PER_MPS = 0.5
@@ -47,15 +54,20 @@ class SpeedControl:
         return min(1.0, max(0.0, self._integral + _THROTTLE_PER_MPS * slower_mps))
 
 
-@dataclass(frozen=True, slots=True)
-class OpenLoopDriver:
-    """Steers as a function of time and keeps the speed."""
+def steer_open_loop(
+    parameters: Parameters,
+    speed_mps: float,
+    steer_rad: Callable[[float], float],
+    duration_s: float,
+    period_s: float,
+) -> Run:
+    """A drive at constant speed, with the steering wheel angle as a function of time."""
+    speed = SpeedControl(speed_mps, cruising_throttle(parameters, speed_mps), period_s)
 
-    steer_rad: Callable[[float], float]
-    speed: SpeedControl
+    def driver(now: Observation) -> ControlInput:
+        return ControlInput(speed.throttle(now.vx_mps), 0.0, steer_rad(now.time_s))
 
-    def __call__(self, now: Observation) -> ControlInput:
-        return ControlInput(self.speed.throttle(now.vx_mps), 0.0, self.steer_rad(now.time_s))
+    return run_driver(parameters, speed_mps, driver, duration_s, period_s)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,6 @@
 """The plotly figures of the acceptance page, with the targets of the lines in them."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,25 +19,6 @@ INK, BLUE, ORANGE, GREEN, GREY = "#1f2933", "#2f6fb3", "#d9822b", "#3c9d6b", "#8
 _SERIES = (BLUE, ORANGE, GREEN, "#7b5ea7", "#c0392b", "#4b9fb5", "#a0713b")
 _TIME = "time / s"
 Points = Sequence[float] | Array
-
-
-def figures_of(test: int, measured: Measurements) -> Iterable[go.Figure]:
-    """The figures of one test of the table."""
-    match test:
-        case 2:
-            yield _cornering(measured)
-        case 3:
-            yield _lane_change(measured)
-        case 4:
-            yield _cross_check(measured)
-        case 5:
-            yield _steps(measured)
-            yield _frequency_response(measured)
-        case 6:
-            yield _dwell(measured)
-        case 7:
-            yield _braking(measured)
-            yield _acceleration(measured)
 
 
 class _Panels:
@@ -241,3 +222,14 @@ def _acceleration(measured: Measurements) -> go.Figure:
     panels.select(1, 3, _TIME, "engine speed / rpm")
     panels.line(run.time_s, run.column("engine_rpm"))
     return panels.figure
+
+
+FIGURES = {
+    2: (_cornering,),
+    3: (_lane_change,),
+    4: (_cross_check,),
+    5: (_steps, _frequency_response),
+    6: (_dwell,),
+    7: (_braking, _acceleration),
+}
+"""the functions that draw the figures of a test, by its number"""

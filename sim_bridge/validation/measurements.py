@@ -1,7 +1,6 @@
 """All tests driven and measured, with the lines of the acceptance table."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,39 +14,16 @@ from sim_bridge.validation import (
     numerics,
     transients,
 )
-from sim_bridge.validation.acceptance import (
-    ALL_WHEEL,
-    COMMONROAD,
-    FRONT_WHEEL,
-    Line,
-    LineResult,
-    check,
-)
+from sim_bridge.validation.acceptance import LineResult, check
 from sim_bridge.validation.run import Run
 
+# The cars that the targets belong to, by the names of their files.
+ALL_WHEEL = "c_class_150kw_awd"
+FRONT_WHEEL = "c_class_125kw_fwd"
+COMMONROAD = "commonroad_vehicle_2"
 _FREQUENCIES_HZ = np.linspace(0.2, 2.0, 19)
 _QUICK_FROM = 4
 """slow sines take long: the quick sweep begins at 0.6 Hz"""
-
-
-class CarsOfTests(NamedTuple):
-    """The car for each group of tests, by name; None leaves the group out."""
-
-    main: str
-    lane_change: str
-    cross_check: str | None
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Each car once."""
-        return tuple(dict.fromkeys(name for name in self if name is not None))
-
-
-def cars_of_tests(car: str | None) -> CarsOfTests:
-    """The cars that the targets belong to, or one car for all tests that it can drive."""
-    if car is None:
-        return CarsOfTests(ALL_WHEEL, FRONT_WHEEL, COMMONROAD)
-    return CarsOfTests(car, car, car if car == COMMONROAD else None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,33 +42,36 @@ class Measurements:
     """from rest"""
 
 
-def measure_all(cars: CarsOfTests, quick: bool = False) -> Measurements:
-    """Drive all tests; `quick` leaves out the slowest sines, all lines of the table remain.
+def measure_all(car: str | None = None, quick: bool = False) -> Measurements:
+    """Drive all tests with `car`, or each with the car that its targets belong to.
+
+    Only its own car can drive test 4. `quick` leaves out the slowest sines; all lines remain.
 
     Raises:
         ConfigError: there is no such car.
         MissingExtraError: the reference model of test 4 is not installed.
     """
-    main = load_parameters(cars.main)
+    main_car, lane_change_car = car or ALL_WHEEL, car or FRONT_WHEEL
+    cars = [main_car, lane_change_car]
     turns: tuple[tuple[cross_check.Turn, cross_check.Turn], ...] = ()
-    turn_lines: tuple[Line, ...] = ()
-    if cars.cross_check is not None:
-        turns, turn_lines = cross_check.measure(load_parameters(cars.cross_check))
-    cornered, cornering_lines = cornering.measure(main)
-    changed, change_lines = lane_change.measure(load_parameters(cars.lane_change))
-    transient = transients.measure(main, _FREQUENCIES_HZ[_QUICK_FROM if quick else 0 :])
-    angle_deg = next(line.reached for line in cornering_lines if line.name == cornering.WHEEL_ANGLE)
-    dwelt, dwell_lines = dwell.measure(main, angle_deg)
-    braking, full_throttle, longitudinal_lines = longitudinal.measure(main)
+    if car in (None, COMMONROAD):
+        cars.append(COMMONROAD)
+        turns, turn_values, reference_values = cross_check.measure(load_parameters(COMMONROAD))
+    main = load_parameters(main_car)
+    cornered, cornering_values = cornering.measure(main)
+    changed, change_values = lane_change.measure(load_parameters(lane_change_car))
+    frequency_hz = _FREQUENCIES_HZ[_QUICK_FROM if quick else 0 :]
+    transient, transient_values = transients.measure(main, frequency_hz)
+    dwelt, dwell_values = dwell.measure(main, cornering_values[cornering.WHEEL_ANGLE])
+    braking, full_throttle, longitudinal_values = longitudinal.measure(main)
     results: list[LineResult] = []
-    for car in cars.names:
-        lines = numerics.measure(load_parameters(car))
-        of_car = [line for line in lines if line.car is None or car == cars.main]
-        results += check(1, of_car, car)
-    results += check(2, cornering_lines, cars.main)
-    results += check(3, change_lines, cars.lane_change)
-    results += check(4, turn_lines, cars.cross_check or "")
-    results += check(5, transients.lines_of(transient), cars.main)
-    results += check(6, dwell_lines, cars.main)
-    results += check(7, longitudinal_lines, cars.main)
+    for one in dict.fromkeys(cars):
+        results += check(1, numerics.measure(load_parameters(one)), one, is_main=one == main_car)
+    results += check(2, cornering_values, main_car)
+    results += check(3, change_values, lane_change_car)
+    if turns:
+        results += check(4, turn_values, COMMONROAD, reference_values)
+    results += check(5, transient_values, main_car)
+    results += check(6, dwell_values, main_car)
+    results += check(7, longitudinal_values, main_car)
     return Measurements(results, cornered, changed, turns, transient, dwelt, braking, full_throttle)

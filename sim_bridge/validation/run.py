@@ -14,10 +14,12 @@ from numpy import float64
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, InputColumn, StateColumn
 from sim_bridge import frenet
+from sim_bridge.adapters.own_car import OwnCar
+from sim_bridge.car import Car
 from sim_bridge.plant.car_parts import GRAVITY_MPS2
-from sim_bridge.plant.integrate import STEP_S, advance, settle, simulate, write_monitor
-from sim_bridge.plant.monitor import N_MONITOR, Monitor
+from sim_bridge.plant.integrate import STEP_S, settle, simulate
 from sim_bridge.plant.parameters import Parameters
+from sim_bridge.plant.protocol import PlantOutputs
 
 _WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 
@@ -49,8 +51,8 @@ class Run:
     """(K + 1, 3), vx_mps, vy_mps, yaw_rate_radps"""
     pose: Array
     """(K + 1, 3), x_m, y_m, yaw_rad over ground"""
-    monitor: Array
-    """(K + 1, N_MONITOR), columns as `Monitor._fields`"""
+    outputs: Array
+    """(K + 1, N_OUTPUTS), columns as `PlantOutputs._fields`"""
 
     @property
     def time_s(self) -> Array:
@@ -99,8 +101,8 @@ class Run:
         return np.stack([self.column(f"spin_{wheel}_radps") for wheel in _WHEELS], axis=1)
 
     def column(self, name: str) -> Array:
-        """(K + 1,) a column of the monitor by its name."""
-        return self.monitor[:, Monitor._fields.index(name)]
+        """(K + 1,) one of the outputs by its name."""
+        return self.outputs[:, PlantOutputs._fields.index(name)]
 
 
 def input_table(
@@ -122,46 +124,36 @@ def replay(
 ) -> Run:
     """The drive of a settled car with `inputs` (K, 3), each row constant over a period."""
     steps = round(period_s / step_s)
-    motion, monitor = simulate(settle(v0_mps, parameters), inputs, parameters, steps, step_s)
+    motion, outputs = simulate(settle(v0_mps, parameters), inputs, parameters, steps, step_s)
     pose = frenet.integrate_poses(motion, 0.0, 0.0, 0.0, steps, step_s)
     first = inputs[:1].copy()
     first[:, InputColumn.steer_rad] = 0.0
-    return Run(period_s, np.vstack((first, inputs)), motion[::steps], pose, monitor)
+    return Run(period_s, np.vstack((first, inputs)), motion[::steps], pose, outputs)
 
 
 def run_driver(
     parameters: Parameters, v0_mps: float, driver: Driver, duration_s: float, period_s: float = 0.01
 ) -> Run:
     """The drive of a settled car with a driver."""
-    n_periods = round(duration_s / period_s)
-    steps = round(period_s / STEP_S)
-    state = settle(v0_mps, parameters)
-    piece = np.empty((steps, 3))
-    run = Run(
-        period_s,
-        np.zeros((n_periods + 1, 3)),
-        np.empty((n_periods + 1, 3)),
-        np.empty((n_periods + 1, 3)),
-        np.empty((n_periods + 1, N_MONITOR)),
-    )
-    pose = np.zeros(3)
-    run.motion[0] = (v0_mps, 0.0, 0.0)
-    run.pose[0] = pose
-    write_monitor(state, NEUTRAL_INPUT, parameters, run.monitor[0])
-    for k in range(n_periods):
-        now = Observation(k * period_s, *run.pose[k].tolist(), *run.motion[k].tolist())
-        control = driver(now)
-        advance(state, control, parameters, steps, STEP_S, piece)
-        frenet.advance_pose(run.motion[k], piece, 0.0, STEP_S, pose)
-        run.inputs[k + 1] = control
-        run.motion[k + 1] = piece[-1]
-        run.pose[k + 1] = pose
-        write_monitor(state, control, parameters, run.monitor[k + 1])
-    return run
+    car = Car(OwnCar(parameters), v0_mps)
+    rows = [_row(NEUTRAL_INPUT, car)]
+    for k in range(round(duration_s / period_s)):
+        _, motion, pose, _ = rows[-1]
+        control = driver(Observation(k * period_s, *pose, *motion))
+        car.advance(control, 0.0, period_s)
+        rows.append(_row(control, car))
+    return Run(period_s, *(np.array(part) for part in zip(*rows, strict=True)))
+
+
+def _row(control: ControlInput, car: Car) -> tuple[tuple[float, ...], ...]:
+    """Inputs, motion, pose and outputs; the pose on a straight road is that over ground."""
+    vx_mps, vy_mps, yaw_rate_radps, _, ey_m, epsi_rad = car.state
+    motion, pose = (vx_mps, vy_mps, yaw_rate_radps), (car.s_m, ey_m, epsi_rad)
+    return control, motion, pose, car.plant.outputs()
 
 
 def cruising_throttle(parameters: Parameters, v0_mps: float) -> float:
     """The throttle that keeps the speed on a straight road."""
-    row = np.empty(N_MONITOR)
-    write_monitor(settle(v0_mps, parameters), NEUTRAL_INPUT, parameters, row)
-    return float(row[Monitor._fields.index("throttle")])
+    car = OwnCar(parameters)
+    car.reset(v0_mps)
+    return car.outputs().throttle

@@ -17,7 +17,7 @@ every_frame = pytest.mark.parametrize("codec", CODECS, ids=lambda codec: codec.n
 
 
 def _middle(codec: FrameCodec) -> tuple[float, ...]:
-    return tuple((s.raw_min + s.raw_max) // 2 * s.scale for s in codec.signals)
+    return tuple((s.raw_min + s.raw_max) // 2 * s.scale + s.offset for s in codec.signals)
 
 
 @every_frame

@@ -5,7 +5,6 @@ import pytest
 
 from rt_controller.config import MpcSettings
 from rt_controller.contract.artifact import Bundle, load_bundle, shipped_model
-from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
 from rt_controller.control.lift import Encoder
 from rt_controller.control.mpc import Mpc
@@ -32,7 +31,7 @@ def test_lift(benchmark, bundle: Bundle) -> None:
 def test_update_vectors(benchmark, bundle: Bundle) -> None:
     """From the parameters to the vectors of the QP."""
     settings = MpcSettings()
-    qp = CondensedQp(bundle, settings.horizon, settings.cost(), INPUT_LIMITS)
+    qp = CondensedQp(bundle, settings.horizon, settings.cost())
     benchmark(qp.update_vectors, PedalChoice())
     assert np.all(np.isfinite(qp.program.q))
 
@@ -40,7 +39,7 @@ def test_update_vectors(benchmark, bundle: Bundle) -> None:
 def test_plan(benchmark, bundle: Bundle) -> None:
     """Lift, reference, matrices, vectors and solve; the time of the solve is in `extra_info`."""
     settings = MpcSettings()
-    mpc = Mpc(bundle, settings.horizon, settings.cost(), INPUT_LIMITS)
+    mpc = Mpc(bundle, settings.horizon, settings.cost())
     solve_us: list[float] = []
 
     def plan() -> SolveStatus:
@@ -58,4 +57,4 @@ def test_plan(benchmark, bundle: Bundle) -> None:
 def test_assembly(benchmark, bundle: Bundle) -> None:
     """Assembly of the controller at start."""
     settings = MpcSettings()
-    benchmark(Mpc, bundle, settings.horizon, settings.cost(), INPUT_LIMITS)
+    benchmark(Mpc, bundle, settings.horizon, settings.cost())

@@ -7,12 +7,12 @@ import pytest
 import random_problems
 
 from benchmarks.peers.recording import TIERS, Matrices, Recording, record
-from rt_controller.control.solver import SolverChoice, SolveStatus, open_solver
+from rt_controller.control.solver import SolveStatus, open_solver
 
 SOLVERS = {
     "piqp-cold": {"warm_start": False},
     "piqp-warm": {},
-    "daqp": {"choice": SolverChoice.DAQP},
+    "daqp": {"name": "daqp"},
 }
 SHORT = Path(random_problems.__file__).parent / "short_lane_change.toml"
 

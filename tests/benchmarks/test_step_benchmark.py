@@ -8,7 +8,6 @@ from scripted_vehicle import Rig, build_rig
 
 from rt_controller.config import MpcSettings
 from rt_controller.contract.artifact import load_bundle, shipped_model
-from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.control.mpc import Mpc
@@ -19,7 +18,7 @@ from rt_controller.realtime.clock import sleep_until
 def rig(request: pytest.FixtureRequest) -> Iterator[Rig]:
     settings = MpcSettings()
     bundle = load_bundle(shipped_model(request.param))
-    with build_rig(Mpc(bundle, settings.horizon, settings.cost(), INPUT_LIMITS)) as built:
+    with build_rig(Mpc(bundle, settings.horizon, settings.cost())) as built:
         built.tick(20)
         yield built
 

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rt_controller.bus.catalogue import CATALOGUE, COMMAND
-from rt_controller.bus.codec import COUNTER_MASK, DBC_PATH, FrameCodec
+from rt_controller.bus.codec import COUNTER_MASK, FrameCodec
+from rt_controller.bus.dbc import DBC_PATH
 
 DATABASE = cantools.database.load_file(DBC_PATH, strict=True)
 CODECS = [codec for message in CATALOGUE.messages for codec in message.codecs]
@@ -90,15 +91,16 @@ def test_any_eight_bytes_decode_to_values_in_range_or_to_nan(
 @pytest.mark.parametrize("bad", [nan, inf, -inf, 1e300, -1e300])
 def test_a_value_that_cannot_be_sent_becomes_not_available(codec: FrameCodec, bad: float) -> None:
     """It is not clipped: a clipped value would look like a measurement."""
+    lowest = [layout.raw_min * layout.scale + layout.offset for layout in codec.signals]
     for place, layout in enumerate(codec.signals):
-        values = [0.0] * len(codec.signals)
+        values = lowest.copy()
         values[place] = bad
         frame = codec.encode(values, 3, 1)
         decoded = _oracle(codec).decode(frame)
         assert str(decoded[layout.name]) == "NotAvailable"
         assert codec.is_intact(frame)
         assert isnan(codec.decode(frame)[place])
-        assert codec.decode(frame)[:place] == (0.0,) * place
+        assert codec.decode(frame)[:place] == tuple(lowest[:place])
 
 
 @every_frame

@@ -12,6 +12,7 @@ from rt_controller.bus.catalogue import CATALOGUE, COMMAND
 from rt_controller.bus.codec import FrameCodec, frame_crc
 
 COUNTER_BITS = range(8, 12)
+REMEDY = "new data ids: python -m rt_controller.bus.data_ids"
 CODECS = [codec for message in CATALOGUE.messages for codec in message.codecs]
 
 
@@ -59,7 +60,7 @@ def test_every_error_of_one_or_two_bits_is_detected(codec: FrameCodec) -> None:
         frame = codec.encode([1.0] * len(codec.signals), counter, 1)
         for n_bits in (1, 2):
             for bits in combinations(range(64), n_bits):
-                assert not codec.is_intact(_flipped(frame, bits)), (counter, bits)
+                assert not codec.is_intact(_flipped(frame, bits)), (counter, bits, REMEDY)
 
 
 def test_every_error_of_three_bits_outside_the_counter_is_detected() -> None:
@@ -77,7 +78,7 @@ def test_an_intact_frame_under_the_id_of_another_message_is_refused() -> None:
     """For every counter no two messages share a data id."""
     for counter in range(16):
         ids = [codec.data_ids[counter] for codec in CODECS]
-        assert len(set(ids)) == len(CODECS), counter
+        assert len(set(ids)) == len(CODECS), (counter, REMEDY)
 
 
 @pytest.mark.parametrize("byte", [b"\x00", b"\xff"])

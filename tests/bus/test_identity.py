@@ -5,14 +5,21 @@ import hashlib
 import pytest
 
 from rt_controller.bus.catalogue import Identity
-from rt_controller.bus.codec import DBC_PATH
+from rt_controller.bus.dbc import DBC_PATH
 from rt_controller.bus.identity import (
     dbc_hash,
     hash_of_catalogue,
+    leading_digits,
     model_hash,
     require_same_catalogue,
 )
+from rt_controller.config import ControllerConfig
+from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import BusError
+from rt_controller.planner import build_mpc
+from rt_controller.realtime.clock import LockstepClock
+from rt_controller.session import ControllerSession
+from rt_controller.settings import BusSettings
 
 TEXT = DBC_PATH.read_text(encoding="ascii")
 
@@ -28,16 +35,25 @@ def test_the_hash_changes_with_any_scale() -> None:
     assert hash_of_catalogue(TEXT.replace("(0.005,0)", "(0.0050001,0)")) != dbc_hash()
 
 
-def test_the_hash_is_sha_256_of_the_normal_text() -> None:
+def test_the_hash_is_the_beginning_of_the_sha_256_of_the_normal_text() -> None:
     """So that any other program can compute it."""
     digest = hashlib.sha256(b"A\n B\n").hexdigest()
-    assert hash_of_catalogue("A  \n\n B") == int(digest, 16) % (2**32 - 1)
+    assert f"{hash_of_catalogue('A  ' + chr(10) * 2 + ' B'):08x}" == digest[:8]
+
+
+def test_the_model_hash_has_the_digits_that_the_summary_prints() -> None:
+    bundle, config, bus = Bundle.load("lti"), ControllerConfig(), BusSettings(bus="virtual")
+    clock = LockstepClock(lambda now_ns: None)
+    session = ControllerSession(bus, config, bundle, build_mpc(bundle, config.mpc), clock)
+    session.close()
+    assert f"{model_hash(bundle.sha256):04x}" == session.model.split()[-1][:4]
 
 
 def test_hashes_never_have_the_value_of_not_available() -> None:
-    assert dbc_hash() < 0xFFFF_FFFF
-    assert model_hash("ffff") == 0
-    assert model_hash(hashlib.sha256(b"model").hexdigest()) < 0xFFFF
+    assert model_hash("ffff0") == 0xFFFE
+    assert model_hash("fffe0") == 0xFFFE
+    assert model_hash("00010") == 1
+    assert leading_digits("f" * 64, 8) == 0xFFFF_FFFE
 
 
 def test_a_peer_with_the_same_catalogue_is_accepted() -> None:

@@ -15,7 +15,7 @@ import can
 from made_frames import SAMPLE
 
 from rt_controller.bus.catalogue import STATE
-from rt_controller.bus.codec import DBC_PATH
+from rt_controller.bus.dbc import DBC_PATH
 from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import Outbox
 from rt_controller.bus.transport import open_bus

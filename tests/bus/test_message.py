@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from rt_controller.bus.codec import DBC_PATH, FrameSpec
+from rt_controller.bus.codec import FrameSpec
+from rt_controller.bus.dbc import DBC_PATH
 from rt_controller.bus.inbox import Inbox
 from rt_controller.bus.message import Catalogue, Message, Node
 from rt_controller.bus.outbox import Outbox
@@ -12,8 +13,8 @@ from rt_controller.bus.transport import open_bus
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.timing import PERIOD_MS
 
-BATTERY_DBC = """
-BO_ 400 BATTERY: 8 VEHICLE
+TRIAL_DBC = """
+BO_ 2047 TRIAL: 8 VEHICLE
  SG_ Crc : 0|8@1+ (1,0) [0|255] "" CONTROLLER
  SG_ Counter : 8|4@1+ (1,0) [0|15] "" CONTROLLER
  SG_ Valid : 12|4@1+ (1,0) [0|1] "" CONTROLLER
@@ -21,14 +22,14 @@ BO_ 400 BATTERY: 8 VEHICLE
  SG_ Temperature : 32|8@1- (1,0) [-40|120] "degC" CONTROLLER
 
 CM_ "The bus"""
-BATTERY_ATTRIBUTES = """
-BA_ "GenMsgCycleTime" BO_ 400 250;
-BA_ "E2EDataIdList" BO_ 400 "00 01 02 03 04 05 06 07 08 09 0A 0B 0C 0D 0E 0F";
+TRIAL_ATTRIBUTES = """
+BA_ "GenMsgCycleTime" BO_ 2047 250;
+BA_ "E2EDataIdList" BO_ 2047 "00 01 02 03 04 05 06 07 08 09 0A 0B 0C 0D 0E 0F";
 
-VAL_ 400 Voltage 65535 "NotAvailable" ;
-VAL_ 400 Temperature -128 "NotAvailable" ;
+VAL_ 2047 Voltage 65535 "NotAvailable" ;
+VAL_ 2047 Temperature -128 "NotAvailable" ;
 VAL_ 256 Mode"""
-BATTERY_FRAME = FrameSpec("BATTERY", "Valid", ("Voltage", "Temperature"))
+TRIAL_FRAME = FrameSpec("TRIAL", "Valid", ("Voltage", "Temperature"))
 
 
 @pytest.fixture
@@ -36,17 +37,17 @@ def catalogue(tmp_path: Path) -> Catalogue:
     text = DBC_PATH.read_text(encoding="ascii")
     path = tmp_path / "messages.dbc"
     path.write_text(
-        text.replace('\nCM_ "The bus', BATTERY_DBC, 1).replace(
-            "\nVAL_ 256 Mode", BATTERY_ATTRIBUTES, 1
+        text.replace('\nCM_ "The bus', TRIAL_DBC, 1).replace(
+            "\nVAL_ 256 Mode", TRIAL_ATTRIBUTES, 1
         ),
         encoding="ascii",
     )
     return Catalogue(path)
 
 
-def define_battery(catalogue: Catalogue) -> Message[tuple[float, float]]:
+def define_trial(catalogue: Catalogue) -> Message[tuple[float, float]]:
     return catalogue.define(
-        BATTERY_FRAME,
+        TRIAL_FRAME,
         cycle_ticks=10,
         encode=lambda content: content,
         decode=lambda voltage_v, temperature_degc: (voltage_v, temperature_degc),
@@ -54,30 +55,30 @@ def define_battery(catalogue: Catalogue) -> Message[tuple[float, float]]:
 
 
 def test_a_message_of_an_extended_dbc_is_sent_and_received(catalogue: Catalogue) -> None:
-    battery = define_battery(catalogue)
+    trial = define_trial(catalogue)
     inbox = Inbox(Node.CONTROLLER, catalogue=catalogue)
-    with open_bus("virtual", "battery") as near, open_bus("virtual", "battery") as far:
+    with open_bus("virtual", "trial") as near, open_bus("virtual", "trial") as far:
         outbox = Outbox(far, Node.VEHICLE, catalogue=catalogue)
         for now_ns in range(3):
-            outbox.send(battery, (398.5, 21.0 + now_ns), now_ns)
+            outbox.send(trial, (398.5, 21.0 + now_ns), now_ns)
         inbox.drain(near, 7)
-    newest = inbox.newest(battery)
+    newest = inbox.newest(trial)
     assert newest is not None
     assert newest.content == pytest.approx((398.5, 23.0))
     assert (newest.counter, newest.arrival_ns) == (2, 7)
-    assert battery.sender is Node.VEHICLE
-    assert battery.cycle_ms == 10 * PERIOD_MS
+    assert trial.sender is Node.VEHICLE
+    assert trial.cycle_ms == 10 * PERIOD_MS
 
 
 def test_an_end_can_only_send_its_own_messages(catalogue: Catalogue) -> None:
-    battery = define_battery(catalogue)
-    with open_bus("virtual", "battery") as bus:
+    trial = define_trial(catalogue)
+    with open_bus("virtual", "trial") as bus:
         outbox = Outbox(bus, Node.CONTROLLER, catalogue=catalogue)
         with pytest.raises(KeyError):
-            outbox.send(battery, (400.0, 20.0), 0)
+            outbox.send(trial, (400.0, 20.0), 0)
 
 
 def test_frames_of_different_senders_make_no_message(catalogue: Catalogue) -> None:
     command = FrameSpec("ACT_CMD", "Mode", ("Throttle", "BrakeForce", "SteeringWheelAngle"))
-    with pytest.raises(ConfigError, match="ACT_CMD, BATTERY with one sender"):
-        catalogue.define(command, BATTERY_FRAME, cycle_ticks=1, encode=tuple, decode=tuple)
+    with pytest.raises(ConfigError, match="ACT_CMD, TRIAL with one sender"):
+        catalogue.define(command, TRIAL_FRAME, cycle_ticks=1, encode=tuple, decode=tuple)

@@ -8,8 +8,9 @@ import pytest
 from cantools.database.can import Message, Signal
 
 from rt_controller.bus.catalogue import CATALOGUE, COMMAND, REFERENCE, Fault
-from rt_controller.bus.codec import DBC_PATH, FrameCodec, FrameSpec, read_dbc
+from rt_controller.bus.codec import FrameCodec, FrameSpec
 from rt_controller.bus.cycle_times import with_cycle_times
+from rt_controller.bus.dbc import DBC_PATH, read_dbc
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import Mode
@@ -19,20 +20,6 @@ CODECS = [codec for message in CATALOGUE.messages for codec in message.codecs]
 MESSAGES: list[Message] = DATABASE.messages
 SIGNALS = [(message, signal) for message in MESSAGES for signal in message.signals]
 BODY = [(message, signal) for message, signal in SIGNALS if signal.start >= 16]
-DIMENSIONLESS = {
-    "Throttle",
-    "AppliedThrottle",
-    "C1",
-    "CommandEcho",
-    "Watchdog",
-    "Engage",
-    "Acknowledge",
-    "MissionId",
-    "Faults",
-    "QpIterations",
-    "DbcHash",
-    "ModelHash",
-}
 
 
 def _name(value: object) -> str:
@@ -46,7 +33,7 @@ def test_the_program_defines_exactly_the_messages_of_the_dbc() -> None:
 
 @pytest.mark.parametrize("message", MESSAGES, ids=_name)
 def test_every_message_has_comment_sender_receiver_and_protection(message: Message) -> None:
-    assert message.comment
+    assert message.comment, f"expected a comment: CM_ BO_ {message.frame_id}"
     assert message.length == 8
     assert not message.is_extended_frame
     assert len(message.senders) == 1
@@ -57,12 +44,17 @@ def test_every_message_has_comment_sender_receiver_and_protection(message: Messa
 
 @pytest.mark.parametrize(("message", "signal"), SIGNALS, ids=_name)
 def test_every_signal_has_a_comment(message: Message, signal: Signal) -> None:
-    assert signal.comment
+    assert signal.comment, f"expected a comment: CM_ SG_ {message.frame_id} {signal.name}"
 
 
 @pytest.mark.parametrize(("message", "signal"), BODY, ids=_name)
 def test_every_quantity_has_a_unit(message: Message, signal: Signal) -> None:
-    assert bool(signal.unit) != (signal.name in DIMENSIONLESS)
+    is_coded = len(signal.choices or {}) > 1  # has other names than NotAvailable
+    is_dimensionless = "dimensionless" in str(signal.comment).lower()
+    assert [bool(signal.unit), is_coded, is_dimensionless].count(True) == 1, (
+        f"{message.name}.{signal.name}: expected a unit, or names for its values (VAL_), or the "
+        f"word Dimensionless in its comment (CM_), and only one of the three"
+    )
 
 
 @pytest.mark.parametrize(("message", "signal"), BODY, ids=_name)
@@ -77,7 +69,11 @@ def test_every_range_leaves_raw_values_that_are_never_valid(
         else (0, 2**signal.length - 1)
     )
     assert lowest <= layout.raw_min < layout.raw_max <= highest
-    assert layout.raw_not_available == (lowest if signal.is_signed else highest)
+    reserved = lowest if signal.is_signed else highest
+    assert layout.raw_not_available == reserved, (
+        f'expected VAL_ {message.frame_id} {signal.name} {reserved} "NotAvailable": the lowest raw '
+        f"value of a signed signal, the highest of an unsigned one"
+    )
     assert not layout.raw_min <= layout.raw_not_available <= layout.raw_max
 
 
@@ -98,13 +94,19 @@ def test_cycle_times_in_the_dbc_are_replaced_by_those_of_the_period() -> None:
 
 @pytest.mark.parametrize("name", ["ACT_CMD", "CTRL_HB"])
 def test_modes_have_the_names_of_the_contract(name: str) -> None:
-    choices = DATABASE.get_message_by_name(name).get_signal_by_name("Mode").choices
-    assert {raw: str(text) for raw, text in choices.items()} == {int(m): m.name for m in Mode}
+    signal = DATABASE.get_message_by_name(name).get_signal_by_name("Mode")
+    assert {raw: str(text) for raw, text in signal.choices.items()} == {
+        int(m): m.name for m in Mode
+    }
+    assert (signal.minimum, signal.maximum) == (min(Mode), max(Mode))
 
 
-def test_every_fault_bit_is_within_the_range() -> None:
+def test_every_fault_bit_has_its_name_in_the_value_table() -> None:
     faults = DATABASE.get_message_by_name("CTRL_HB").get_signal_by_name("Faults")
-    assert int(~Fault(0)) == faults.maximum
+    names = {raw: str(text) for raw, text in faults.choices.items()}
+    bits = {int(fault): fault.name for fault in Fault}
+    assert names == {0: "NONE", **bits, 255: "NotAvailable"}
+    assert faults.maximum == sum(bits)
 
 
 def test_the_command_has_the_highest_priority() -> None:

@@ -2,7 +2,7 @@
 
 import can
 import pytest
-from made_frames import CONTROL, ENGAGED, HOLDING, PATH, SAMPLE
+from made_frames import CONTROL, ENGAGED, HOLDING, PATH, SAMPLE, decode_frames
 
 from rt_controller.bus.catalogue import (
     COMMAND,
@@ -92,7 +92,7 @@ def test_frames_that_wait_on_the_bus_do_not_change_when_the_next_is_sent() -> No
         for value in (0.1, 0.2, 0.3):
             outbox.send(COMMAND, throttle(value), 0)
         waiting = [far.recv(0) for _ in range(3)]
-    decoded = [COMMAND.decode_frames(each.data) for each in waiting if each is not None]
+    decoded = [decode_frames(COMMAND, each.data) for each in waiting if each is not None]
     assert [each.control.throttle for each in decoded if each is not None] == pytest.approx(
         [0.1, 0.2, 0.3]
     )
@@ -112,7 +112,7 @@ def test_a_full_queue_is_counted_and_appears_as_a_gap() -> None:
         inbox.drain(far, 0)
         outbox.send(COMMAND, throttle(0.1), 5)
         inbox.drain(far, 1)
-    assert inbox.counts.lost == 3
+    assert inbox.counts.counter_gap_frames == 3
     newest = inbox.newest(COMMAND)
     assert newest is not None
     assert newest.counter == 5

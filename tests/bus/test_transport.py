@@ -19,7 +19,7 @@ from rt_controller.bus.transport import (
     open_bus,
     parse_options,
 )
-from rt_controller.contract.errors import BusError, MissingExtraError
+from rt_controller.contract.errors import BusError, ConfigError, MissingExtraError
 
 
 def message(data: bytes) -> can.Message:
@@ -65,7 +65,7 @@ def test_options_reach_the_interface() -> None:
 
 
 def test_an_unknown_interface_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(BusError, match=r"'soketcan'.*Did you mean socketcan\?.*virtual"):
+    with pytest.raises(ConfigError, match=r"'soketcan'.*virtual, local.*Did you mean socketcan\?"):
         open_bus("soketcan", "vcan0")
 
 
@@ -77,7 +77,7 @@ def test_a_channel_that_does_not_exist_is_refused() -> None:
 
 @pytest.mark.parametrize("interface", ["virtual", "socketcan"])
 def test_a_bitrate_where_none_can_be_set_is_refused(interface: str) -> None:
-    with pytest.raises(BusError, match=r"expected no bitrate, found 500000"):
+    with pytest.raises(ConfigError, match=r"expected no bitrate, found 500000"):
         open_bus(interface, "can0", bitrate=500_000)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import can
 import numpy as np
 import pytest
+from made_frames import decode_frames
 from made_models import WITH_ALL, make_bundle
 
 from rt_controller.bus.catalogue import FEEDBACK, STATE
@@ -84,7 +85,7 @@ def rows_of(log: Path) -> np.ndarray:
             states.append(state)
             applied.append((np.nan,) * 3)
         elif frame.arbitration_id == FEEDBACK.codecs[0].arbitration_id:
-            feedback = FEEDBACK.decode_frames(frame.data)
+            feedback = decode_frames(FEEDBACK, frame.data)
             assert feedback is not None
             applied[-2] = feedback  # sent together with the state at the end of its period
     return np.hstack([np.array(states), np.array(applied)])

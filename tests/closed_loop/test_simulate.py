@@ -2,6 +2,7 @@
 
 import csv
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from rt_controller import Bundle, Drive, cli, simulate
 from rt_controller.contract.artifact import load_bundle, shipped_model
-from rt_controller.contract.errors import ConfigError, PlantError
+from rt_controller.contract.errors import ConfigError, MissingExtraError, PlantError
 from rt_controller.contract.signals import ControlInput, Mode
 from sim_bridge import PlantOutputs
 
@@ -74,7 +75,7 @@ def test_columns_have_names_and_units(drive: Drive) -> None:
 def test_a_drive_is_iterated_by_columns_and_described_in_one_line(drive: Drive) -> None:
     assert "ey_m" in drive
     assert tuple(drive) == drive.columns
-    assert "e_y RMS" in repr(drive)
+    assert "lateral error RMS" in repr(drive)
     assert "\n" not in repr(drive)
 
 
@@ -101,6 +102,35 @@ def test_a_drive_becomes_a_data_frame_with_units(drive: Drive) -> None:
     assert frame.attrs["units"]["ey_m"] == "m"
 
 
+def test_a_data_frame_without_pandas_names_the_extra(
+    drive: Drive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(MissingExtraError, match=r"\[logs\]"):
+        drive.to_pandas()
+
+
+@pytest.mark.parametrize("write", ["plot", "to_csv"])
+def test_a_file_that_is_no_path_is_refused_by_name(drive: Drive, write: str) -> None:
+    with pytest.raises(TypeError, match="file: expected the path of a file, found 3"):
+        getattr(drive, write)(3)
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong"), [("scenario", None), ("car", 3), ("friction", "wet"), ("duration_s", "long")]
+)
+def test_an_argument_of_another_type_is_refused_by_its_name(name: str, wrong: object) -> None:
+    with pytest.raises(TypeError, match=f"^{name}: expected .*, found {wrong!r}"):
+        simulate(**{"scenario": "straight", name: wrong})
+
+
+def test_refused_choices_are_named_all_at_once_as_arguments() -> None:
+    with pytest.raises(ConfigError) as refused:
+        simulate("strait", model="lti", car="lorry", friction=7.0)
+    starts = [line.split(":")[0] for line in str(refused.value).splitlines()]
+    assert starts == ["scenario", "car", "friction"]
+
+
 def test_a_drive_is_drawn(drive: Drive, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     figure = drive.plot(tmp_path / "drive.svg")
@@ -114,6 +144,19 @@ def test_a_drive_is_drawn(drive: Drive, tmp_path: Path) -> None:
 def test_a_plant_that_fails_is_an_error(lti: Bundle) -> None:
     with pytest.raises(PlantError, match="the test"):
         simulate("straight", model=lti, plant=KinematicCar(fails_after_s=1.0))
+
+
+def test_a_plant_that_raises_is_an_error_that_names_plant_and_step(lti: Bundle) -> None:
+    class RaisingCar(KinematicCar):
+        def step(self, control: ControlInput, dt_s: float) -> np.ndarray:
+            if self._time_s > 0.2:
+                raise ZeroDivisionError("no tyre")
+            return super().step(control, dt_s)
+
+    expected = r"plant kinematic: .* step \d+ .* ZeroDivisionError: no tyre"
+    with pytest.raises(PlantError, match=expected) as raised:
+        simulate("straight", model=lti, plant=RaisingCar())
+    assert isinstance(raised.value.__cause__, ZeroDivisionError)
 
 
 class WithoutClose:
@@ -164,5 +207,6 @@ def test_the_program_writes_the_same_figures(
         cli.main()
     assert ended.value.code == 0
     figures = json.loads((tmp_path / "drive.json").read_text())
+    assert not figures["memory_locked"]  # simulated time does not need it
     assert figures["ey_rms_m"] == simulate("lane_change_60", model="lti").errors.ey_rms_m
     assert (tmp_path / "drive.png").stat().st_size > 10_000

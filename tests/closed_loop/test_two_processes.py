@@ -151,7 +151,8 @@ def test_ctrl_c_stops_the_car_and_ends_both_programs(local: Drive) -> None:
     local.wait_for_nominal()
     controller.send_signal(signal.SIGINT)
     local.expect_exit(controller, "controller", 0, 4)
-    local.expect_exit(car, "car", 5)
+    local.expect_exit(car, "car", 0)
+    assert "the controller ended its drive" in local.log("car")
     assert local.summary("controller")["ending"] == "STOPPED"
     assert local.summary("car")["final_speed_mps"] < 0.5
 
@@ -177,6 +178,18 @@ def test_a_bus_that_fails_ends_both_programs_with_a_message(remote: Drive) -> No
     for name in ("car", "controller"):
         assert "cannot be read" in remote.log(name)
         assert "Traceback" not in remote.log(name)
+
+
+@pytest.mark.nightly
+def test_a_second_vehicle_is_refused_and_does_not_disturb_the_first(local: Drive) -> None:
+    car, controller = local.start_car(), local.start_controller()
+    local.wait_for_nominal()
+    second = local.start_program("second", "sim_bridge.cli")
+    local.expect_exit(second, "second", 5)
+    assert "another one" in local.log("second")
+    controller.send_signal(signal.SIGINT)
+    local.expect_exit(controller, "controller", 0, 4)
+    local.expect_exit(car, "car", 0)
 
 
 @pytest.mark.nightly

@@ -32,7 +32,7 @@ def bundle() -> Bundle:
             S=rng.normal(size=(rank, 3, n)),
             s0=rng.normal(size=(rank, 3)),
         ),
-        lift=Lift(("x", "w", "history"), history_steps=4, history_fields=DRIVABLE_HISTORY),
+        lift=Lift(True, history_steps=4, history_fields=DRIVABLE_HISTORY),
         encoder_onnx=b"not run here",
         selftest=LiftSample(
             x=rng.normal(size=(5, 6)), w=rng.normal(size=(5, 1)), history=rng.normal(size=(5, 4, 6))
@@ -55,7 +55,7 @@ def planar() -> Bundle:
         B_uc=rng.normal(size=(n, 2)),
         B_uw=np.zeros((n, 0)),
         c=np.zeros(n),
-        lift=Lift(("x", "history"), history_steps=2, history_fields=("yaw_rate_radps", "force_n")),
+        lift=Lift(history_steps=2, history_fields=("yaw_rate_radps", "force_n")),
         encoder_onnx=b"not run here",
         selftest=LiftSample(
             x=rng.normal(size=(4, 3)), w=np.zeros((4, 0)), history=rng.normal(size=(4, 2, 2))

@@ -1,21 +1,32 @@
-"""The input matrix at a lifted state against the formula of the bilinear model."""
+"""The effect of the inputs at a lifted state against the formula of the bilinear model."""
 
 from dataclasses import replace
 
 import numpy as np
+from made_models import input_matrix
 
+from rt_controller.contract.arrays import Array
 from rt_controller.contract.bundle import Bundle
+from rt_controller.contract.rollout import one_step
 
 
-def test_the_input_matrix_equals_the_sum_in_the_formula(bundle: Bundle) -> None:
+def effect_of(bundle: Bundle, u: Array, psi: Array) -> Array:
+    """What the inputs u add to the next lifted state."""
+    w = np.zeros((*psi.shape[:-1], bundle.B_uw.shape[1]))
+    return one_step(bundle, psi, psi, u, w) - one_step(bundle, psi, psi, 0.0 * u, w)
+
+
+def test_the_effect_equals_the_sum_in_the_formula(bundle: Bundle) -> None:
     assert bundle.bilinear is not None
     N, S, s0, _ = bundle.bilinear
-    psi_0 = np.random.default_rng(3).normal(size=9)
-    expected = bundle.B_uc.copy()
+    rng = np.random.default_rng(3)
+    psi_0, u = rng.normal(size=9), rng.normal(size=3)
+    B_eff = bundle.B_uc.copy()
     for i in range(3):
         for r in range(2):
-            expected[:, i] += N[r, :, i] * (S[r, i] @ psi_0 + s0[r, i])
-    np.testing.assert_allclose(bundle.input_matrix(psi_0), expected, rtol=1e-12)
+            B_eff[:, i] += N[r, :, i] * (S[r, i] @ psi_0 + s0[r, i])
+    np.testing.assert_allclose(effect_of(bundle, u, psi_0), B_eff @ u, rtol=1e-9)
+    np.testing.assert_allclose(input_matrix(bundle, psi_0), B_eff, rtol=1e-12)
 
 
 def test_it_equals_the_bilinear_model_at_psi_0(bundle: Bundle) -> None:
@@ -27,18 +38,19 @@ def test_it_equals_the_bilinear_model_at_psi_0(bundle: Bundle) -> None:
     matrices = [bilinear.N[:, :, i].T @ bilinear.S[:, i] for i in range(3)]
     assert {np.linalg.matrix_rank(matrix) for matrix in matrices} == {2}
     expected = sum(u[i] * (bundle.B_uc[:, i] + matrices[i] @ psi_0) for i in range(3))
-    found = replace(bundle, bilinear=bilinear).input_matrix(psi_0) @ u
-    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    found = effect_of(replace(bundle, bilinear=bilinear), u, psi_0)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
-def test_a_batch_of_lifted_states_has_a_batch_of_input_matrices(bundle: Bundle) -> None:
-    psi = np.random.default_rng(5).normal(size=(4, 2, 9))
-    matrices = bundle.input_matrix(psi)
-    assert matrices.shape == (4, 2, 9, 3)
-    np.testing.assert_allclose(matrices[3, 1], bundle.input_matrix(psi[3, 1]), rtol=1e-12)
+def test_each_lifted_state_of_a_batch_has_its_own_effect(bundle: Bundle) -> None:
+    rng = np.random.default_rng(5)
+    psi, u = rng.normal(size=(4, 2, 9)), rng.normal(size=(4, 2, 3))
+    effects = effect_of(bundle, u, psi)
+    assert effects.shape == psi.shape
+    np.testing.assert_allclose(effects[3, 1], effect_of(bundle, u[3, 1], psi[3, 1]), rtol=1e-9)
 
 
-def test_without_a_bilinear_part_the_input_matrix_is_b_uc(planar: Bundle) -> None:
-    matrices = planar.input_matrix(np.ones((7, 5)))
-    assert matrices.shape == (7, 5, 2)
-    assert np.all(matrices == planar.B_uc)
+def test_without_a_bilinear_part_the_effect_is_that_of_b_uc(planar: Bundle) -> None:
+    u = np.random.default_rng(6).normal(size=(7, 2))
+    effects = effect_of(planar, u, np.ones((7, 5)))
+    np.testing.assert_allclose(effects, u @ planar.B_uc.T, rtol=1e-9)

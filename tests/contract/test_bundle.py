@@ -66,8 +66,8 @@ def test_the_hash_changes_with_everything_that_affects_a_prediction(bundle: Bund
     ]
     others += [replace(bundle, schema=schema) for schema in schemas]
     fields = bundle.lift.history_fields
-    lifts = [Lift(), Lift(("x", "history"), 4, fields), Lift(("x", "w", "history"), 5, fields)]
-    lifts.append(Lift(("x", "w", "history"), 4, fields[1:]))
+    lifts = [Lift(), Lift(False, 4, fields), Lift(True, 5, fields)]
+    lifts.append(Lift(True, 4, fields[1:]))
     others += [replace(bundle, lift=lift) for lift in lifts]
     others += [
         replace(bundle, bilinear=None),

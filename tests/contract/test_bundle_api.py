@@ -12,7 +12,7 @@ from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.identity_encoder import identity_encoder
 from rt_controller.contract.schema import Schema, Signal
 from rt_controller.contract.signals import Mode
-from rt_controller.planner import build_planner
+from rt_controller.planner import build_mpc
 
 
 @pytest.fixture(scope="module")
@@ -35,8 +35,14 @@ def test_the_default_is_the_shipped_network() -> None:
 
 
 def test_a_missing_folder_is_refused_with_a_remedy(tmp_path: Path) -> None:
-    with pytest.raises(ArtifactError, match=r"expected the matrices .* found .*Point --model"):
+    remedy = r"none': expected one of lti, .*, or a folder that offline-export wrote"
+    with pytest.raises(ArtifactError, match=remedy):
         Bundle.load(tmp_path / "none")
+
+
+def test_a_folder_without_a_model_is_refused_with_a_remedy(tmp_path: Path) -> None:
+    with pytest.raises(ArtifactError, match=r"expected the matrices .* found .*Point `model`"):
+        Bundle.load(tmp_path)
 
 
 def test_a_linear_bundle_has_the_matrices_and_the_identity_as_its_lift(lti: Bundle) -> None:
@@ -58,9 +64,9 @@ def test_a_saved_linear_bundle_is_loaded_as_the_same_model(lti: Bundle, tmp_path
 
 def test_the_controller_drives_with_a_linear_bundle(lti: Bundle) -> None:
     settings = MpcSettings()
-    with build_rig(build_planner(as_linear(lti), settings).mpc) as mine:
+    with build_rig(build_mpc(as_linear(lti), settings)) as mine:
         own = mine.tick(10)
-    with build_rig(build_planner(lti, settings).mpc) as shipped:
+    with build_rig(build_mpc(lti, settings)) as shipped:
         expected = shipped.tick(10)
     assert own.mode is Mode.NOMINAL
     assert own.control == expected.control

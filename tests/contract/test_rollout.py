@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_models import input_matrix
 
 from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.follow import Follow
@@ -24,7 +25,7 @@ def test_rollout_of_a_bilinear_model_is_the_recursion_written_out(
         for k in range(5):
             seen = {Follow.PREDICTION: psi, Follow.FREE_RESPONSE: free, Follow.START: psi0[b]}
             undriven = bundle.B_uw @ W[b, k] + bundle.c
-            psi = bundle.A @ psi + bundle.input_matrix(seen[follow]) @ U[b, k] + undriven
+            psi = bundle.A @ psi + input_matrix(bundle, seen[follow]) @ U[b, k] + undriven
             free = bundle.A @ free + undriven
             np.testing.assert_allclose(found[b, k + 1], psi[:6], rtol=1e-10)
     np.testing.assert_array_equal(found[:, 0], psi0[:, :6])

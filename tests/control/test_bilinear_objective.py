@@ -6,16 +6,17 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from made_models import make_bundle
+from made_models import input_matrix, make_bundle
 
 from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.artifact import Bundle, Lift
 from rt_controller.contract.follow import Follow
 from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.control.objective import Objective
 from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.piqp_solver import PiqpSolver
-from rt_controller.control.qp import CondensedQp, Objective
+from rt_controller.control.qp import CondensedQp
 from rt_controller.control.solver import SolveStatus
 
 HORIZON = 20
@@ -24,7 +25,7 @@ SPAN = np.subtract(INPUT_LIMITS.upper, INPUT_LIMITS.lower)
 
 def build(bundle: Bundle) -> CondensedQp:
     settings = MpcSettings(horizon=HORIZON)
-    return CondensedQp(bundle, HORIZON, settings.cost(), INPUT_LIMITS)
+    return CondensedQp(bundle, HORIZON, settings.cost())
 
 
 def objective_at(bundle: Bundle, psi_0: Array) -> Objective:
@@ -62,7 +63,7 @@ def test_frozen_at_psi_0_the_objective_is_that_of_the_linear_model_with_b_eff(
 ) -> None:
     bundle = following(make_bundle(Lift(), rank=rank), Follow.START)
     for psi_0 in bundle.selftest_psi[:4]:
-        frozen = replace(bundle, B_uc=bundle.input_matrix(psi_0), bilinear=None)
+        frozen = replace(bundle, B_uc=input_matrix(bundle, psi_0), bilinear=None)
         assert not np.allclose(frozen.B_uc, bundle.B_uc, rtol=0.01)
         assert_same(objective_at(bundle, psi_0), objective_at(frozen, psi_0))
 
@@ -82,7 +83,7 @@ def rolled_out_cost(bundle: Bundle, psi_0: Array, V: Array, expected: Array) -> 
     for k, v in enumerate(V):
         u = SPAN * v
         free = 0.002 * bundle.B_uw[:, 0] + bundle.c
-        matrix = bundle.input_matrix(followed)
+        matrix = input_matrix(bundle, followed)
         psi = bundle.A @ psi + matrix @ u + free
         if bundle.bilinear.follows is not Follow.START:
             followed = bundle.A @ followed + free
@@ -120,7 +121,7 @@ def test_the_nominal_inputs_are_predicted_as_by_the_bilinear_model() -> None:
     psi, rolled = psi_0, []
     for v in V:
         free = 0.002 * bundle.B_uw[:, 0] + bundle.c
-        psi = bundle.A @ psi + bundle.input_matrix(psi) @ (SPAN * v) + free
+        psi = bundle.A @ psi + input_matrix(bundle, psi) @ (SPAN * v) + free
         rolled.append(psi[:6])
     settings = MpcSettings(horizon=HORIZON)
     cost, reference = settings.cost(), np.random.default_rng(1).normal(size=(HORIZON, 6))

@@ -13,11 +13,10 @@ from random_problems import COST, HORIZON, TIERS, random_bundle, update_vectors
 
 from benchmarks.peers.recording import TIERS as RECORDED_TIERS
 from benchmarks.peers.recording import Matrices, record
-from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.control.piqp_solver import PiqpSolver
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.qp import CondensedQp
-from rt_controller.control.solver import Solver, SolverChoice, SolveStatus, open_solver
+from rt_controller.control.solver import Solver, SolveStatus, open_solver
 from rt_controller.control.warm_start import WarmStartedSolver
 
 MAX_DIFFERENCE = 1e-4
@@ -30,14 +29,14 @@ def open_all(program: QuadraticProgram) -> list[Solver]:
     return [
         open_solver(program),
         open_solver(program, warm_start=False),
-        open_solver(program, SolverChoice.DAQP),
+        open_solver(program, "daqp"),
     ]
 
 
 def open_patient(program: QuadraticProgram) -> list[Solver]:
     """The same with more iterations for PIQP, whose limit keeps a control period."""
     piqp, cold = (PiqpSolver(program, PATIENT_ITERATIONS) for _ in range(2))
-    return [WarmStartedSolver(program, piqp), cold, open_solver(program, SolverChoice.DAQP)]
+    return [WarmStartedSolver(program, piqp), cold, open_solver(program, "daqp")]
 
 
 def assert_same_first_input(solvers: list[Solver]) -> None:
@@ -58,7 +57,7 @@ def test_all_solvers_agree_on_random_problems(problems: int) -> None:
         rng = np.random.default_rng(25 * number)
         bundle = random_bundle(rng, rank=(0, 1, 4)[number % 3])
         features = tiers[number // 3 % len(tiers)]
-        qp = CondensedQp(bundle, HORIZON, COST, INPUT_LIMITS, features)
+        qp = CondensedQp(bundle, HORIZON, COST, features)
         solvers = open_patient(qp.program)
         for _ in range(25):
             update_vectors(qp, rng)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_models import WITH_ALL, WITH_PAST, WITH_ROAD, make_bundle
+from made_models import WITH_ALL, WITH_PAST, WITH_ROAD, input_matrix, make_bundle
 
 from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
@@ -31,7 +31,7 @@ RANGE = np.array(INPUT_LIMITS.upper) - np.array(INPUT_LIMITS.lower)
 
 def build(bundle: Bundle, latent_weight: float = 0.0) -> Mpc:
     settings = MpcSettings(latent_weight=latent_weight)
-    return Mpc(bundle, settings.horizon, settings.cost(), INPUT_LIMITS)
+    return Mpc(bundle, settings.horizon, settings.cost())
 
 
 def plan(mpc: Mpc, curvature_per_m: float = CURVATURE_PER_M) -> Array:
@@ -44,7 +44,7 @@ def test_a_frozen_bilinear_model_has_the_plan_of_its_linear_model() -> None:
     assert bundle.bilinear is not None
     bundle = replace(bundle, bilinear=bundle.bilinear._replace(follows=Follow.START))
     psi_0 = Encoder(bundle).lift(STATE, CURVATURE_PER_M)
-    frozen = replace(bundle, B_uc=bundle.input_matrix(psi_0), bilinear=None)
+    frozen = replace(bundle, B_uc=input_matrix(bundle, psi_0), bilinear=None)
     found = plan(build(bundle))
     np.testing.assert_allclose(found, plan(build(frozen)), rtol=0.0, atol=1e-3)
     constant = plan(build(replace(bundle, bilinear=None)))
@@ -84,7 +84,7 @@ def test_another_history_has_another_plan_until_it_is_forgotten() -> None:
 
 @pytest.mark.parametrize("lift", [WITH_PAST, WITH_ALL])
 def test_a_latent_weight_is_refused_where_the_lift_needs_a_history(lift: Lift) -> None:
-    with pytest.raises(ConfigError, match=r"expected --mpc.latent-weight 0, found 0.001"):
+    with pytest.raises(ConfigError, match=r"expected `mpc.latent_weight` 0, found 0.001"):
         build(make_bundle(lift), latent_weight=0.001)
 
 
@@ -136,7 +136,7 @@ def test_predicted_states_are_the_model_rolled_out_under_the_plan(rank: int) -> 
     psi = Encoder(bundle).lift(STATE, CURVATURE_PER_M)
     expected = [psi[:6]]
     for u in mpc.inputs:
-        driven = bundle.A @ psi + bundle.input_matrix(psi) @ u
+        driven = bundle.A @ psi + input_matrix(bundle, psi) @ u
         psi = driven + bundle.B_uw[:, 0] * CURVATURE_PER_M + bundle.c
         expected.append(psi[:6])
     np.testing.assert_allclose(states, expected, rtol=1e-9, atol=1e-9)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from made_models import input_matrix
 from random_problems import (
     COST,
     HORIZON,
@@ -20,7 +21,7 @@ from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.follow import Follow
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput
-from rt_controller.control.objective import forced_response, free_response, impulse_responses
+from rt_controller.control.objective import free_response
 from rt_controller.control.piqp_solver import PiqpSolver
 from rt_controller.control.qp import CondensedQp, Features
 from rt_controller.control.solver import SolveStatus
@@ -60,7 +61,7 @@ def sparse_plan(
     frozen = psi_0
     for k in range(N):
         rows = slice(k * n, (k + 1) * n)
-        A_eq[rows, k * m : (k + 1) * m] = -bundle.input_matrix(frozen)
+        A_eq[rows, k * m : (k + 1) * m] = -input_matrix(bundle, frozen)
         if follows is Follow.FREE_RESPONSE:
             frozen = bundle.A @ frozen + bundle.B_uw[:, 0] * kappa + bundle.c
         A_eq[rows, N * m + k * n : N * m + (k + 1) * n] = np.eye(n)
@@ -97,7 +98,7 @@ def test_condensed_and_sparse_forms_have_the_same_plan(
 ) -> None:
     rng = np.random.default_rng(7 * rank)
     bundle, cost = random_bundle(rng, rank), COST._replace(latent_weight=latent_weight)
-    qp = CondensedQp(bundle, HORIZON, cost, INPUT_LIMITS, features)
+    qp = CondensedQp(bundle, HORIZON, cost, features)
     solver, program = PiqpSolver(qp.program), qp.program
     for _ in range(5):
         update_vectors(qp, rng)
@@ -116,7 +117,7 @@ def test_condensed_and_sparse_forms_have_the_same_plan(
 def test_slacks_are_nonzero_only_outside_the_corridor(half_width_m: float, is_left: bool) -> None:
     """A corridor that is never left would pass the comparison above."""
     features = Features(corridor=Corridor(half_width_m, 0.05))
-    qp = CondensedQp(random_bundle(np.random.default_rng(3)), HORIZON, COST, INPUT_LIMITS, features)
+    qp = CondensedQp(random_bundle(np.random.default_rng(3)), HORIZON, COST, features)
     update_vectors(qp, np.random.default_rng(3))
     solver = PiqpSolver(qp.program)
     assert solver.solve() is SolveStatus.SOLVED
@@ -124,23 +125,32 @@ def test_slacks_are_nonzero_only_outside_the_corridor(half_width_m: float, is_le
     assert bool(np.abs(slacks).max() > 1e-3) is is_left
 
 
-def test_free_and_forced_response_are_the_model_rolled_out() -> None:
+@pytest.mark.parametrize("rank", [0, 2])
+def test_a_corridor_needs_no_tolerance_of_the_lateral_deviation(rank: int) -> None:
+    bundle, features = random_bundle(np.random.default_rng(8), rank), TIERS["corridor"]
+    without = COST._replace(state=COST.state._replace(ey_m=np.inf))
+    qps = [CondensedQp(bundle, HORIZON, cost, features) for cost in (COST, without)]
+    for qp in qps:
+        update_vectors(qp, np.random.default_rng(8))
+    np.testing.assert_allclose(qps[0].program.G, qps[1].program.G, rtol=1e-12)
+    assert PiqpSolver(qps[1].program).solve() is SolveStatus.SOLVED
+
+
+def test_the_free_response_is_the_model_rolled_out_without_inputs() -> None:
     rng = np.random.default_rng(3)
     bundle = random_bundle(rng)
-    free_map = free_response(bundle, HORIZON, 6)
-    Gamma = forced_response(impulse_responses(bundle.A, bundle.B_uc, HORIZON, 6))
-    psi_0, U, kappa = rng.normal(size=N_OBSERVABLES), rng.normal(size=(HORIZON, 3)), 0.004
+    psi_0, kappa = rng.normal(size=N_OBSERVABLES), 0.004
     psi, rolled = psi_0, []
-    for u in U:
-        psi = bundle.A @ psi + bundle.B_uc @ u + bundle.B_uw[:, 0] * kappa + bundle.c
+    for _ in range(HORIZON):
+        psi = bundle.A @ psi + bundle.B_uw[:, 0] * kappa + bundle.c
         rolled.append(psi[:6])
-    predicted = free_map @ np.array([*psi_0, kappa, 1.0]) + Gamma @ U.ravel()
+    predicted = free_response(bundle, HORIZON, 6) @ np.array([*psi_0, kappa, 1.0])
     np.testing.assert_allclose(predicted, np.concatenate(rolled), rtol=1e-10, atol=1e-10)
 
 
 def test_without_latent_weight_only_physical_states_are_tracked() -> None:
     bundle = random_bundle(np.random.default_rng(4))
-    qp = CondensedQp(bundle, HORIZON, COST._replace(latent_weight=0.0), INPUT_LIMITS)
+    qp = CondensedQp(bundle, HORIZON, COST._replace(latent_weight=0.0))
     assert qp.parameters.reference.shape == (HORIZON, 6)
     assert qp.parameters.vector.shape == (N_OBSERVABLES + 2 + 3 + 6 * HORIZON,)
 
@@ -150,7 +160,7 @@ def test_a_model_that_overflows_is_refused(rank: int) -> None:
     bundle = random_bundle(np.random.default_rng(5), rank)
     bundle.A[:] = 1e200
     with np.errstate(all="ignore"), pytest.raises(ArtifactError, match="not finite"):
-        CondensedQp(bundle, HORIZON, COST, INPUT_LIMITS)
+        CondensedQp(bundle, HORIZON, COST)
 
 
 def test_gains_that_overflow_are_refused() -> None:
@@ -158,7 +168,7 @@ def test_gains_that_overflow_are_refused() -> None:
     assert bundle.bilinear is not None
     bundle.bilinear.s0[:] = 1e200
     with pytest.raises(ArtifactError, match="not finite"):
-        CondensedQp(bundle, HORIZON, COST, INPUT_LIMITS)
+        CondensedQp(bundle, HORIZON, COST)
 
 
 @pytest.mark.parametrize("rank", [0, 2])
@@ -167,4 +177,4 @@ def test_an_input_without_cost_is_refused(rank: int) -> None:
     bundle.B_uc[:, 1] = 0.0
     free = ControlInput(np.inf, np.inf, np.inf)
     with pytest.raises(ArtifactError, match="convex"):
-        CondensedQp(bundle, HORIZON, COST._replace(control=free, control_change=free), INPUT_LIMITS)
+        CondensedQp(bundle, HORIZON, COST._replace(control=free, control_change=free))

@@ -6,6 +6,7 @@ import numpy as np
 import piqp
 import pytest
 
+from rt_controller.contract.errors import ConfigError
 from rt_controller.control.daqp_solver import DaqpSolver
 from rt_controller.control.piqp_solver import PiqpSolver
 from rt_controller.control.program import QuadraticProgram
@@ -188,6 +189,35 @@ def test_a_new_hessian_replaces_the_last_one(open_solver) -> None:
 def test_a_solve_stopped_far_from_the_optimum_is_not_solved() -> None:
     assert PiqpSolver(make_program(), max_iterations=2).solve() is SolveStatus.ITERATION_LIMIT
     assert DaqpSolver(make_program(), max_iterations=2).solve() is SolveStatus.ITERATION_LIMIT
+
+
+@pytest.mark.parametrize(("fast_ns", "is_accepted"), [(50_000, True), (5_000_000, False)])
+def test_the_budget_is_judged_by_the_fastest_solve(
+    monkeypatch: pytest.MonkeyPatch, fast_ns: int, is_accepted: bool
+) -> None:
+    """On a busy machine the other solves say how busy it is."""
+    solver = PiqpSolver(make_program())
+    durations_ns = [fast_ns if i == 17 else 80_000_000 for i in range(21)]
+    times_ns = iter([t for d in durations_ns for t in (0, d)])
+    monkeypatch.setattr("time.perf_counter_ns", lambda: next(times_ns))
+    if is_accepted:
+        solver.limit_solve_time(5_000_000)
+        assert solver._workspace.settings.max_iter == 12
+    else:
+        with pytest.raises(ConfigError, match=r"at least 12 iterations of PIQP.*may be busy"):
+            solver.limit_solve_time(5_000_000)
+
+
+def test_the_iterations_that_fit_are_those_of_the_median_solve(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    solver = PiqpSolver(make_program())
+    solver.solve()
+    usual_ns = round(5e6 / 2.0 / 14.5 * solver.iterations)
+    times_ns = iter([t for i in range(21) for t in (0, usual_ns // 10 if i == 17 else usual_ns)])
+    monkeypatch.setattr("time.perf_counter_ns", lambda: next(times_ns))
+    solver.limit_solve_time(5_000_000)
+    assert solver._workspace.settings.max_iter == 14
 
 
 def test_a_solve_stopped_close_to_the_optimum_is_solved() -> None:

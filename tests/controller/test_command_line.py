@@ -1,107 +1,54 @@
 """`rt-controller` refuses what does not fit, with a message that names it and an exit code."""
 
-import shutil
+import inspect
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
+from threading import Thread
+from types import SimpleNamespace
+from typing import Any
 
-import numpy as np
+import docstring_parser
 import pytest
-from made_models import WITH_PAST, make_bundle
+from pydantic import BaseModel
 
 from rt_controller import cli
-from rt_controller.contract.artifact import (
-    Lift,
-    find_model,
-    load_bundle,
-    save_bundle,
-    shipped_model,
-)
-from rt_controller.contract.schema import VEHICLE
-from rt_controller.realtime.clock import LockstepClock
+from rt_controller.config import MpcSettings
+from rt_controller.contract.errors import RtControllerError
+from rt_controller.contract.signals import Mode
+from rt_controller.loop import Ending
+from rt_controller.safety.modes import StopCause
+from rt_controller.session import ControllerSession
+from rt_controller.step import StepResult
 from rt_controller.terminal import run as terminal_run
+from rt_controller.terminal.command_line import new_app, run_command
 
 Run = Callable[..., tuple[int, str]]
 ON_SOCKETCAN = ("--bus", "socketcan", "--channel", "can0")
 
 
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    """Call the program in this process; its exit code and what it wrote on stderr."""
-
-    def call(*arguments: str | Path) -> tuple[int, str]:
-        monkeypatch.setattr("sys.argv", ["rt-controller", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        return int(ended.value.code or 0), capsys.readouterr().err
-
-    return call
-
-
-def test_a_folder_without_a_bundle_is_refused(run: Run, tmp_path: Path) -> None:
-    code, message = run(*ON_SOCKETCAN, "--model", tmp_path)
-    assert code == 2
-    assert "koopman.npz" in message
-
-
-def test_a_shipped_model_is_found_by_its_name() -> None:
-    assert find_model("lti") == shipped_model("lti")
-    assert find_model(None) == shipped_model("mdk-net")
-
-
-def test_a_misspelt_model_is_refused_with_the_shipped_ones(run: Run) -> None:
-    code, message = run(*ON_SOCKETCAN, "--model", "mdknet")
-    assert code == 2
-    assert "expected one of lti, mdk-net, mdk-net-paper" in message
-    assert "Did you mean mdk-net?" in message
-
-
-def test_a_path_is_never_taken_for_a_shipped_name() -> None:
-    assert find_model("./lti") == Path("lti")
-    assert find_model(Path("runs/lti")) == Path("runs/lti")
-
-
-def test_an_encoder_of_another_export_is_refused(run: Run, tmp_path: Path) -> None:
-    folder = tmp_path / "mixed"
-    shutil.copytree(shipped_model("mdk-net-paper"), folder)
-    shutil.copy(shipped_model("lti") / "encoder.onnx", folder / "encoder.onnx")
-    code, message = run(*ON_SOCKETCAN, "--model", folder)
-    assert code == 2
-    assert "SHA-256" in message
-
-
-def test_a_bundle_of_another_format_is_refused(run: Run, tmp_path: Path) -> None:
-    save_bundle(tmp_path, load_bundle(shipped_model("lti")), "card")
-    with np.load(tmp_path / "koopman.npz") as archive:
-        arrays = dict(archive)
-    np.savez(tmp_path / "koopman.npz", **{**arrays, "format_version": np.int64(1)})
-    code, message = run(*ON_SOCKETCAN, "--model", tmp_path)
-    assert code == 2
-    assert "expected format_version = 2, found 1" in message
-    assert "run offline-export" in message
-
-
-def test_a_model_with_another_period_is_refused(run: Run, tmp_path: Path) -> None:
-    slower = replace(make_bundle(Lift()), schema=replace(VEHICLE, dt_s=2.0 * VEHICLE.dt_s))
-    save_bundle(tmp_path, slower, "card")
-    code, message = run(*ON_SOCKETCAN, "--model", tmp_path)
-    assert code == 2
-    assert f"expected period in s = {VEHICLE.dt_s:g}, found {2.0 * VEHICLE.dt_s:g}" in message
-
-
-def test_a_latent_weight_is_refused_for_an_encoder_with_history(run: Run, tmp_path: Path) -> None:
-    save_bundle(tmp_path, make_bundle(WITH_PAST), "card")
-    code, message = run(*ON_SOCKETCAN, "--model", tmp_path, "--mpc.latent-weight", "0.001")
-    assert code == 2
-    assert "latent-weight 0" in message
-
-
 def test_an_unknown_interface_is_refused_with_the_known_ones(run: Run) -> None:
     code, message = run("--bus", "sockketcan")
-    assert code == 5
+    assert code == 2
+    assert "--bus 'sockketcan': expected virtual, local, socketcan" in message
     assert "socketcan" in message
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (("--bus",), "--bus: expected a value, such as virtual, local, socketcan"),
+        (("--bus", "virtual", "--duration-s"), "--duration-s: expected a value, found none."),
+        (("--bus", "virtual", "--bus-option", "fd"), "written --bus-option.KEY VALUE, found 'fd'"),
+    ],
+)
+def test_an_option_without_its_value_is_refused_with_how_to_write_it(
+    run: Run, arguments: tuple[str, ...], expected: str
+) -> None:
+    code, message = run(*arguments)
+    assert code == 2
+    assert expected in message
 
 
 def test_a_missing_network_interface_is_named(run: Run) -> None:
@@ -155,10 +102,10 @@ def test_the_command_line_overrides_a_settings_file(run: Run, tmp_path: Path) ->
     file = tmp_path / "controller.toml"
     file.write_text('bus = "sockketcan"\n[mpc]\nhorizon = 10\n')
     code, message = run("--config", file)
-    assert code == 5
+    assert code == 2
     assert "sockketcan" in message
     code, message = run("--config", file, "--bus", "nosuchbus")
-    assert code == 5
+    assert code == 2
     assert "nosuchbus" in message
 
 
@@ -202,8 +149,9 @@ def test_an_output_file_without_a_folder_is_refused_before_the_drive(
 class NoCar:
     """A virtual car that is never asked to drive."""
 
-    def clock(self, pace: object) -> LockstepClock:
-        return LockstepClock(round(VEHICLE.dt_s * 1e9), lambda now_ns: None)
+    bridge = SimpleNamespace(
+        tick=lambda now_ns: None, summary=lambda: SimpleNamespace(plant_failure=None)
+    )
 
     def close(self) -> None:
         pass
@@ -214,11 +162,51 @@ def test_a_log_in_another_format_is_refused_with_the_command_that_converts(
     run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, suffix: str
 ) -> None:
     log = tmp_path / f"drive{suffix}"
-    monkeypatch.setattr(terminal_run, "build_virtual_car", lambda *_: NoCar())
+    monkeypatch.setattr(terminal_run, "open_virtual_car", lambda *_: NoCar())
     code, message = run("--bus", "virtual", "--pace", "lockstep", "--record", log)
     assert code == 2
     assert "logconvert" in message
     assert not log.exists()
+
+
+@pytest.mark.parametrize(
+    ("ending", "expected"),
+    [(Ending.STOPPED, 0), (Ending.SAFE_STOPPED, 6), (Ending.ENDED_AT_ONCE, 130)],
+)
+def test_a_request_that_came_too_late_to_end_the_loop_does_not_change_the_exit_code(
+    run: Run, monkeypatch: pytest.MonkeyPatch, ending: Ending, expected: int
+) -> None:
+    def start(session: ControllerSession, *_: object) -> Thread:
+        for _ in range(3):
+            session.request_stop()
+        session.record.ending = ending
+        ended = Thread()
+        ended.start()
+        return ended
+
+    monkeypatch.setattr(terminal_run, "open_virtual_car", lambda *_: NoCar())
+    monkeypatch.setattr(ControllerSession, "start", start)
+    code, message = run("--bus", "virtual", "--pace", "lockstep", "--quiet")
+    assert code == expected
+    assert ("ended at once" in message) == (expected == 130)
+    assert message.startswith("ended before the first tick: nothing was driven\n")
+
+
+def test_a_safe_stop_without_a_state_says_what_to_check(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def start(session: ControllerSession, *_: object) -> Thread:
+        session.record.ending = Ending.SAFE_STOPPED
+        session.record.result = StepResult(mode=Mode.SAFE_STOP, cause=StopCause.STATE_LOST)
+        ended = Thread()
+        ended.start()
+        return ended
+
+    monkeypatch.setattr(terminal_run, "open_virtual_car", lambda *_: NoCar())
+    monkeypatch.setattr(ControllerSession, "start", start)
+    code, message = run("--bus", "virtual", "--pace", "lockstep")
+    assert code == 6
+    assert "no new valid vehicle state. Check that the vehicle (sim-bridge) runs" in message
 
 
 def test_a_message_is_neither_wrapped_nor_read_as_markup(run: Run) -> None:
@@ -242,6 +230,44 @@ def test_help_and_version_import_neither_python_can_nor_numpy(module: str) -> No
     )
     assert found.returncode == 0, found.stderr
     assert "Exit codes" in found.stdout
+
+
+def test_help_has_a_usage_line_without_commands_and_reads_only_this_projects_source(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    read: list[object] = []
+    getsource = inspect.getsource
+
+    def record(found: Any) -> str:
+        read.append(found)
+        return getsource(found)
+
+    monkeypatch.setattr(inspect, "getsource", record)
+    monkeypatch.setattr("sys.argv", ["rt-controller", "--help"])
+    parse = docstring_parser.parse_from_object
+    with pytest.raises(SystemExit):
+        cli.main()
+    assert docstring_parser.parse_from_object is parse
+    shown = capsys.readouterr().out
+    assert shown.startswith("Usage: rt-controller --bus NAME [OPTIONS]\n")
+    assert "double_lane_change," in shown
+    assert "lateral error" in shown
+    assert MpcSettings in read
+    assert BaseModel not in read
+
+
+def test_a_message_names_options_of_the_chosen_command_only(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    app = new_app("tool", "A tool.")
+
+    @app.command
+    def show(*, model: str = "") -> None:
+        raise RtControllerError("Choose another `model`, or give the log's unit in `unit`.")
+
+    with pytest.raises(SystemExit):
+        run_command(app, ["show"])
+    assert "another --model, or give the log's unit in `unit`." in capsys.readouterr().err
 
 
 def test_python_can_is_imported_without_asammdf() -> None:

@@ -13,7 +13,6 @@ from scripted_vehicle import CRUISING, ENGAGED, STRAIGHT, Rig, build_rig
 from rt_controller.bus.catalogue import STATE, Command, StateSample
 from rt_controller.bus.inbox import Received
 from rt_controller.config import MpcSettings
-from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, VehicleState
 from rt_controller.contract.validation import DRIVABLE_HISTORY
 from rt_controller.control.lift import Encoder
@@ -83,7 +82,7 @@ def watch(mpc: Mpc) -> Iterator[Watched]:
 def mpc() -> Mpc:
     settings = MpcSettings()
     bundle = make_bundle(WITH_PAST, rank=1)
-    return Mpc(bundle, settings.horizon, settings.cost(), INPUT_LIMITS)
+    return Mpc(bundle, settings.horizon, settings.cost())
 
 
 @pytest.fixture

@@ -13,7 +13,6 @@ from rt_controller.preparation import schedule_preparation
 from rt_controller.realtime.accounting import DeadlineAccount
 from rt_controller.realtime.clock import Tick
 from rt_controller.safety.modes import StopCause
-from rt_controller.tracking import TrackingAccount
 
 SECOND_NS = 10**9
 TICKS_PER_S = SECOND_NS // PERIOD_NS
@@ -22,7 +21,7 @@ STANDING = CRUISING._replace(vx_mps=0.0, ds_m=0.0)
 
 @pytest.fixture
 def record() -> RunRecord:
-    return RunRecord(DeadlineAccount(1000, 10_000_000), TrackingAccount(), DriveTrace(1000))
+    return RunRecord(DeadlineAccount(1000, 10_000_000), DriveTrace(1000))
 
 
 class UrgentAt(StopRequest):
@@ -60,7 +59,7 @@ def test_the_loop_ends_with_the_mission(rig: Rig, record: RunRecord) -> None:
     assert record.ending is Ending.MISSION_OVER
     assert record.result.mode is Mode.STANDBY
     assert record.deadlines.ticks == pytest.approx(TICKS_PER_S, abs=2)
-    assert record.tracking.errors().ey_rms_m == pytest.approx(CRUISING.ey_m, abs=1e-3)
+    assert record.trace.errors().ey_rms_m == pytest.approx(CRUISING.ey_m, abs=1e-3)
 
 
 def test_a_safe_stop_ends_when_no_state_was_received_for_long(rig: Rig, record: RunRecord) -> None:
@@ -118,6 +117,7 @@ def test_a_second_request_ends_the_loop_at_once_with_a_safe_command(
     rig.vehicle.after_sending = lambda now_ns: request.request() if now_ns >= SECOND_NS else None
     run_loop(rig.step, rig.clock, record, request)
     rig.received.drain(rig.vehicle_bus, rig.clock.now_ns())
+    assert record.ending is Ending.ENDED_AT_ONCE
     assert record.deadlines.ticks < TICKS_PER_S + 5
     assert rig.command.content.mode is Mode.SAFE_STOP
     assert rig.command.content.control.throttle == 0.0
@@ -126,7 +126,7 @@ def test_a_second_request_ends_the_loop_at_once_with_a_safe_command(
 def test_a_request_to_stop_in_standby_ends_the_loop_at_once(rig: Rig, record: RunRecord) -> None:
     request = StopRequest()
     request.request()
-    run_loop(rig.step, rig.clock, record, request, stays=True)
+    run_loop(rig.step, rig.clock, record, request, waits_for_missions=True)
     assert record.deadlines.ticks == 0
 
 
@@ -138,7 +138,7 @@ def test_a_loop_that_stays_ends_when_the_bus_cannot_be_read(
             monkeypatch.setattr(rig.controller_bus, "recv", fail)
 
     rig.vehicle.after_sending = unplug
-    run_loop(rig.step, rig.clock, record, StopRequest(), stays=True)
+    run_loop(rig.step, rig.clock, record, StopRequest(), waits_for_missions=True)
     assert record.ending is Ending.SAFE_STOPPED
     assert record.result.cause is StopCause.BUS_FAILED
 
@@ -156,7 +156,7 @@ def test_a_loop_that_stays_in_a_safe_stop_ends_with_one_request(
             request.request()
 
     rig.vehicle.after_sending = stop_then_request
-    run_loop(rig.step, rig.clock, record, request, stays=True)
+    run_loop(rig.step, rig.clock, record, request, waits_for_missions=True)
     assert record.ending is Ending.SAFE_STOPPED
     assert record.deadlines.ticks == pytest.approx(3 * TICKS_PER_S, abs=2)
 
@@ -166,7 +166,7 @@ def test_a_loop_that_stays_waits_for_the_next_mission(rig: Rig, record: RunRecor
         rig.vehicle.mission = Mission(now_ns % SECOND_NS < SECOND_NS // 2, False, 1, VALID_NS)
 
     rig.vehicle.after_sending = alternate_missions
-    run_loop(rig.step, rig.clock, record, UrgentAt(rig, 4 * SECOND_NS), stays=True)
+    run_loop(rig.step, rig.clock, record, UrgentAt(rig, 4 * SECOND_NS), waits_for_missions=True)
     assert record.deadlines.ticks > 4 * TICKS_PER_S - 5
 
 

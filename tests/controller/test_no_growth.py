@@ -2,34 +2,39 @@
 
 import gc
 import sys
+from itertools import pairwise
+from statistics import median
 
 import pytest
 from scripted_vehicle import Rig, build_rig
 
 from rt_controller.config import MpcSettings
 from rt_controller.contract.artifact import load_bundle, shipped_model
-from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import Mode
 from rt_controller.control.mpc import Mpc
 
 WARM_UP_STEPS = 500
 """until the caches of the interpreter have filled"""
-MAX_GROWN_BLOCKS = 200
+WINDOWS = 5
 
 
-@pytest.mark.parametrize("steps", [3_000, pytest.param(20_000, marks=pytest.mark.nightly)])
-def test_steps_keep_no_memory(steps: int) -> None:
+@pytest.mark.parametrize(
+    ("steps", "max_grown_blocks"),
+    [(200, 13), pytest.param(4_000, 40, marks=pytest.mark.nightly)],
+)
+def test_steps_keep_no_memory(steps: int, max_grown_blocks: int) -> None:
+    """The median of several windows: a cache that something else fills grows in one of them."""
     settings = MpcSettings()
     bundle = load_bundle(shipped_model())
-    with build_rig(Mpc(bundle, settings.horizon, settings.cost(), INPUT_LIMITS)) as rig:
+    blocks = []
+    with build_rig(Mpc(bundle, settings.horizon, settings.cost())) as rig:
         run_steps(rig, WARM_UP_STEPS)
-        gc.collect()
-        before = sys.getallocatedblocks()
-        run_steps(rig, steps)
-        gc.collect()
-        grown_blocks = sys.getallocatedblocks() - before
+        for _ in range(WINDOWS + 1):
+            gc.collect()
+            blocks.append(sys.getallocatedblocks())
+            run_steps(rig, steps)
         assert rig.step.result.mode is Mode.NOMINAL
-    assert grown_blocks < MAX_GROWN_BLOCKS
+    assert median(after - before for before, after in pairwise(blocks)) < max_grown_blocks
 
 
 def run_steps(rig: Rig, steps: int) -> None:

@@ -1,13 +1,17 @@
 """The public names: light to import, and a controller that plans like the program."""
 
+import pydoc
+import re
 import subprocess
 import sys
+from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 import pytest
 
 import rt_controller
-from rt_controller import Bundle, Controller, MpcSettings, PathReference, VehicleState
+from rt_controller import Bundle, ControlInput, Controller, MpcSettings, PathReference, VehicleState
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.artifact import load_bundle, shipped_model
 from rt_controller.contract.errors import ArtifactError
@@ -32,8 +36,18 @@ def test_the_package_imports_nothing_heavy() -> None:
 
 def test_every_public_name_can_be_imported() -> None:
     assert all(getattr(rt_controller, name) is not None for name in dir(rt_controller))
+    assert set(rt_controller.__all__) < set(dir(rt_controller))
+    assert rt_controller.__version__ == version("rt-controller")
     with pytest.raises(AttributeError, match="no attribute 'Nothing'"):
         _ = rt_controller.Nothing
+
+
+def test_help_describes_every_public_name() -> None:
+    shown = pydoc.plain(pydoc.render_doc(rt_controller))
+    lines = shown.split("DESCRIPTION")[1].split("Each is imported")[0].splitlines()
+    first_columns = ", ".join(re.split(r"\s{2,}", line.strip())[0] for line in lines)
+    assert set(rt_controller.__all__) <= set(first_columns.split(", "))
+    assert "class Controller(builtins.object)" in shown
 
 
 def test_a_plan_has_inputs_and_predicted_states_over_the_horizon(controller: Controller) -> None:
@@ -80,9 +94,53 @@ def test_arrays_are_taken_and_other_lengths_refused(controller: Controller) -> N
     controller.reset()
     again = controller.step(np.array(STATE), list(LANE), 0.0)  # type: ignore[arg-type]
     np.testing.assert_allclose(again.inputs, first.inputs, atol=1e-6)
-    with pytest.raises(TypeError, match="epsi_rad"):
-        controller.step(STATE[:5], LANE, 0.0)  # type: ignore[arg-type]
     assert controller.step(STATE, LANE, 0.0).is_solved
+
+
+def test_an_array_without_dimensions_is_one_number(controller: Controller) -> None:
+    first = controller.step(STATE, LANE, 0.001)
+    controller.reset()
+    again = controller.step(STATE, LANE, np.array(0.001))  # type: ignore[arg-type]
+    np.testing.assert_allclose(again.inputs, first.inputs, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        ((STATE[:5], LANE, 0.0), r"state: expected 6 numbers \(vx_mps, .* found \(20"),
+        ((np.zeros((1, 6)), LANE, 0.0), "state: expected 6 numbers"),
+        ((LANE, STATE, 0.0), "state: expected 6 numbers .* found PathReference"),
+        ((STATE, None, 0.0), "path: expected 6 numbers .* found None"),
+        ((STATE, LANE, np.zeros(20)), "curvature_per_m: expected one number"),
+        ((STATE, LANE, np.array("0")), "curvature_per_m: expected one number"),
+        ((STATE, LANE, 0.0, (0.1, 0.0)), "applied: expected 3 numbers"),
+    ],
+)
+def test_arguments_of_another_kind_are_refused_by_name(
+    controller: Controller, arguments: tuple[Any, ...], expected: str
+) -> None:
+    with pytest.raises(TypeError, match=expected):
+        controller.step(*arguments)
+    assert controller.step(STATE, LANE, 0.0).is_solved
+
+
+def test_an_applied_input_that_is_not_finite_is_refused_and_not_remembered(
+    controller: Controller,
+) -> None:
+    with pytest.raises(ValueError, match="applied: expected finite numbers"):
+        controller.step(STATE, LANE, 0.0, ControlInput(float("nan"), 0.0, 0.0))
+    assert controller.step(STATE, LANE, 0.0).is_solved
+
+
+def test_a_controller_is_made_of_a_model_and_settings_and_refuses_others() -> None:
+    make: Any = Controller
+    assert make("lti").bundle.name == "lti"
+    with pytest.raises(TypeError, match="expected a ControllerConfig, found dict"):
+        make.load("lti", {"mpc": {"horizon": 9}})
+    with pytest.raises(TypeError, match="model: expected the name of a shipped model"):
+        make.load(5)
+    config = ControllerConfig(model="lti")
+    assert Controller.load(config=config).bundle.name == "lti"
 
 
 @pytest.mark.parametrize("A", [np.full((6, 6), np.nan), np.eye(5), np.eye(6) * 1j])

@@ -126,7 +126,7 @@ def test_the_vehicle_receives_the_result_of_the_step(rig: Rig) -> None:
     identity = rig.received.newest(CONTROLLER_IDENTITY)
     assert identity is not None
     assert identity.content.model_hash == 7
-    assert rig.received.counts.lost == rig.received.counts.crc_errors == 0
+    assert rig.received.counts.counter_gap_frames == rig.received.counts.crc_errors == 0
 
 
 def test_a_delayed_state_counts_as_missing(rig: Rig) -> None:

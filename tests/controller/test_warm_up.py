@@ -60,7 +60,7 @@ def test_a_warm_up_sends_nothing_and_uses_no_counter(rig: Rig) -> None:
     assert rig.vehicle_bus.recv(0.0) is None
     rig.tick()
     assert (rig.command.counter - counter) % 16 == 1
-    assert rig.received.counts.lost == rig.received.counts.repeated == 0
+    assert rig.received.counts.counter_gap_frames == rig.received.counts.repeated == 0
 
 
 def test_the_plan_is_the_same_with_and_without_warm_ups(rig: Rig) -> None:

@@ -1,7 +1,6 @@
 """Every example of the public names is short and runs as it is written."""
 
-import subprocess
-import sys
+import runpy
 from pathlib import Path
 
 import pytest
@@ -11,12 +10,15 @@ PROGRAMS = sorted(file for file in EXAMPLES.glob("*.py") if file.name != "plot_l
 
 
 @pytest.mark.parametrize("program", PROGRAMS, ids=lambda file: file.stem)
-def test_an_example_runs(program: Path, tmp_path: Path) -> None:
-    found = subprocess.run(
-        [sys.executable, str(program)], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert found.returncode == 0, found.stderr
-    assert found.stdout
+def test_an_example_runs(
+    program: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path(str(program), run_name="__main__")
+    assert capsys.readouterr().out
 
 
 @pytest.mark.parametrize("program", PROGRAMS, ids=lambda file: file.stem)

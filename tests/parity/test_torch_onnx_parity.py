@@ -10,6 +10,7 @@ import numpy as np
 import onnxruntime
 import pytest
 import torch
+from made_models import added_columns
 from numpy.typing import NDArray
 
 from offline.config import PAST_STEPS, PRESETS, TrainingConfig
@@ -19,7 +20,7 @@ from offline.data.trajectories import Trajectories
 from offline.model.bundle_export import to_onnx
 from offline.model.bundle_predictor import BundlePredictor
 from offline.model.network import MdkNet, sizes_of
-from offline.model.physical_units import PhysicalEncoder, fold_scaling
+from offline.model.physical_units import PhysicalEncoder, physical_matrices
 from rt_controller.contract.artifact import Bundle, Lift, LiftSample
 from rt_controller.contract.follow import Follow
 from rt_controller.contract.schema import VEHICLE
@@ -82,13 +83,26 @@ def a_model(config: TrainingConfig) -> MdkNet:
 
 
 def lift_of(config: TrainingConfig) -> Lift:
-    shown = ["x", *(["w"] if config.lift_exogenous else [])]
-    if not config.history_steps:
-        return Lift(tuple(shown))
-    return Lift((*shown, "history"), config.history_steps, VEHICLE_ROLES.past)
+    fields = VEHICLE_ROLES.past if config.history_steps else ()
+    return Lift(config.lift_exogenous, config.history_steps, fields)
 
 
-@pytest.fixture(params=CONFIGS, scope="module")
+BY_NIGHT = {
+    "x and w",
+    "x, w and history, without products",
+    "products of x",
+    "bilinear along the free response",
+}
+"""each part of them is in another one: an export takes a second"""
+
+
+@pytest.fixture(
+    params=[
+        pytest.param(name, marks=[pytest.mark.nightly] if name in BY_NIGHT else [])
+        for name in CONFIGS
+    ],
+    scope="module",
+)
 def exported(request) -> Exported:
     config = CONFIGS[request.param]
     model, lift = a_model(config), lift_of(config)
@@ -200,21 +214,20 @@ def in_physical_units(psi: NDArray[np.float64]) -> NDArray[np.float64]:
 def test_the_roll_out_in_physical_units_equals_the_scaled_one(exported):
     """The folded operator, with its offset and its bilinear part, in double precision."""
     model, trajectories = exported.model, drives(4)
-    operator, bilinear = fold_scaling(model, SCALING), fold_scaling(model, SCALING).bilinear
+    A, B_uc, B_uw, c, bilinear = physical_matrices(model, SCALING)
     batch = scaled(trajectories, model)
     u, w = batch.u.numpy() * SCALING.u_scale, batch.w.numpy() * SCALING.w_scale
-    B_uc, B_uw = operator.B[:, :3], operator.B[:, 3:]
     assert (bilinear is None) == (model.rank == 0)
     first = psi = free = in_physical_units(lift_precisely(model, trajectories))
     for k in range(STEPS):
         B_eff = np.broadcast_to(B_uc, (4, *B_uc.shape))
         if bilinear is not None:
             seen = {Follow.PREDICTION: psi, Follow.FREE_RESPONSE: free, Follow.START: first}
-            B_eff = B_uc + bilinear.added_columns(seen[bilinear.follows])
+            B_eff = B_uc + added_columns(bilinear, seen[bilinear.follows])
             assert np.abs(B_eff - B_uc).max() > 1e-3
-        undriven = w[k] @ B_uw.T + operator.c
-        psi = psi @ operator.A.T + np.einsum("bnm,bm->bn", B_eff, u[k]) + undriven
-        free = free @ operator.A.T + undriven
+        undriven = w[k] @ B_uw.T + c
+        psi = psi @ A.T + np.einsum("bnm,bm->bn", B_eff, u[k]) + undriven
+        free = free @ A.T + undriven
     expected = in_physical_units(roll_out_scaled(model, trajectories)[-1])
     assert np.allclose(psi, expected, rtol=1e-9, atol=1e-9)
 
@@ -222,15 +235,10 @@ def test_the_roll_out_in_physical_units_equals_the_scaled_one(exported):
 def test_the_bundle_predicts_the_same_as_the_network(exported):
     """In units of the spread of each state."""
     model, lift, trajectories = exported.model, exported.lift, drives(5)
-    operator = fold_scaling(model, SCALING)
     shown = sample(trajectories, lift)
     bundle = Bundle(
         name="mdk-net",
-        A=operator.A,
-        B_uc=operator.B[:, :3],
-        B_uw=operator.B[:, 3:],
-        c=operator.c,
-        bilinear=operator.bilinear,
+        **physical_matrices(model, SCALING)._asdict(),
         lift=lift,
         encoder_onnx=exported.onnx,
         selftest=shown,

@@ -14,14 +14,13 @@ from benchmarks.peers.nonlinear.formulations import (
     period_function,
 )
 from rt_controller.config import MpcSettings
-from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.control.terms import constrain_inputs
 
 HORIZON = 8
 QUIET = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False}
 
 
-LIMITS = constrain_inputs(1, INPUT_LIMITS)
+LIMITS = constrain_inputs(1)
 
 
 def parameters() -> NmpcParameters:
@@ -52,7 +51,7 @@ def test_both_formulations_have_the_same_plan():
     plans = []
     for formulation in (Stagewise, Condensed):
         settings = MpcSettings()
-        program = formulation(HORIZON, settings.cost(), INPUT_LIMITS)
+        program = formulation(HORIZON, settings.cost())
         program.update_vectors(parameters())
         solver = ca.nlpsol("test", "ipopt", program.functions, QUIET)
         found = solver(
@@ -75,7 +74,7 @@ def test_both_formulations_have_the_same_plan():
 
 def test_the_last_solution_is_shifted_by_one_period():
     for formulation in (Stagewise, Condensed):
-        program = formulation(HORIZON, MpcSettings().cost(), INPUT_LIMITS)
+        program = formulation(HORIZON, MpcSettings().cost())
         program.z[:] = np.arange(program.z.size)
         plan, later = np.zeros((HORIZON, 3)), np.zeros((HORIZON, 3))
         program.read_inputs(plan)

@@ -8,7 +8,6 @@ pytest.importorskip("osqp", reason="the extra [peers] is not installed")
 from random_problems import COST, HORIZON, optimum, random_bundle, update_vectors
 
 from benchmarks.staged import StagedOsqp, StagedPiqp, StagedQp
-from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.qp import CondensedQp
 from rt_controller.control.solver import SolveStatus
@@ -18,8 +17,8 @@ from rt_controller.control.solver import SolveStatus
 def test_staged_and_condensed_qp_have_the_same_first_input(latent_weight):
     rng = np.random.default_rng(3)
     bundle, cost = random_bundle(rng), COST._replace(latent_weight=latent_weight)
-    condensed = CondensedQp(bundle, HORIZON, cost, INPUT_LIMITS)
-    staged = StagedQp(bundle, HORIZON, cost, INPUT_LIMITS)
+    condensed = CondensedQp(bundle, HORIZON, cost)
+    staged = StagedQp(bundle, HORIZON, cost)
     program = condensed.program
     solvers = {StagedPiqp(staged): 1e-4, StagedOsqp(staged): 1e-2}
     for _ in range(3):

@@ -64,13 +64,10 @@ def test_percentiles_of_solves_leave_out_ticks_without_a_solve() -> None:
 
 def test_the_worst_tick_and_every_missed_deadline_have_a_cause() -> None:
     account = make_account()
-    assert account.record(times(), 0, sent_after_ns=900_000)
-    account.set_cause(LateCause.COMPUTING)
-    assert not account.record(times(), 0, sent_after_ns=800_000)
-    assert account.record(times(), 0, sent_after_ns=DEADLINE_NS + 5_000)
-    account.set_cause(LateCause.HOST)
-    assert account.record(times(), 0, sent_after_ns=DEADLINE_NS + 4_000)
-    account.set_cause(LateCause.PREEMPTED)
+    account.record(times(), 0, 900_000, LateCause.COMPUTING)
+    account.record(times(), 0, 800_000, LateCause.BUS)
+    account.record(times(), 0, DEADLINE_NS + 5_000, LateCause.HOST)
+    account.record(times(), 0, DEADLINE_NS + 4_000, LateCause.PREEMPTED)
     assert account.worst == (2, DEADLINE_NS / 1e3 + 5.0, LateCause.HOST)
     assert account.misses_by_cause[LateCause.HOST] == 1
     assert account.misses_by_cause[LateCause.PREEMPTED] == 1

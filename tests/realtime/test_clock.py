@@ -33,7 +33,7 @@ class ScriptedTime:
 
 def test_ticks_are_one_period_apart_for_any_work_within_it(monkeypatch: pytest.MonkeyPatch) -> None:
     scripted = ScriptedTime(monkeypatch)
-    clock = RealtimeClock(PERIOD_NS)
+    clock = RealtimeClock()
     ticks = []
     for work_ns in (0, 3_000_000, 24_999_999, 10):
         ticks.append(clock.wait())
@@ -45,7 +45,7 @@ def test_ticks_are_one_period_apart_for_any_work_within_it(monkeypatch: pytest.M
 
 def test_a_late_tick_is_late_but_not_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
     scripted = ScriptedTime(monkeypatch)
-    clock = RealtimeClock(PERIOD_NS)
+    clock = RealtimeClock()
     first = clock.wait()
     scripted.now_ns += PERIOD_NS + 4_000_000
     second = clock.wait()
@@ -58,7 +58,7 @@ def test_after_a_stall_whole_periods_are_skipped_and_the_phase_is_kept(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     scripted = ScriptedTime(monkeypatch)
-    clock = RealtimeClock(PERIOD_NS)
+    clock = RealtimeClock()
     first = clock.wait()
     scripted.now_ns += 4 * PERIOD_NS + 1_000_000
     after = clock.wait()
@@ -71,7 +71,7 @@ def test_after_a_stall_whole_periods_are_skipped_and_the_phase_is_kept(
 
 def test_aligning_sets_the_phase_and_never_the_past(monkeypatch: pytest.MonkeyPatch) -> None:
     scripted = ScriptedTime(monkeypatch)
-    clock = RealtimeClock(PERIOD_NS)
+    clock = RealtimeClock()
     wanted_ns = scripted.now_ns - 3 * PERIOD_NS + 7
     clock.align(wanted_ns)
     tick = clock.wait()
@@ -85,7 +85,7 @@ def test_a_sleep_before_a_tick_reports_whether_it_ended_in_time(
     monkeypatch: pytest.MonkeyPatch, oversleep_ns: int, is_in_time: bool
 ) -> None:
     scripted = ScriptedTime(monkeypatch)
-    clock = RealtimeClock(PERIOD_NS)
+    clock = RealtimeClock()
     lead_ns = 4_000_000
     wake_up_ns = scripted.now_ns + PERIOD_NS - lead_ns
     scripted.oversleep_ns = oversleep_ns
@@ -107,7 +107,7 @@ def test_a_sleep_never_ends_early(sleep: Callable[[int], None], ahead_ns: int) -
 
 def test_in_lockstep_the_peer_acts_before_every_tick() -> None:
     calls: list[int] = []
-    clock = LockstepClock(PERIOD_NS, calls.append)
+    clock = LockstepClock(calls.append)
     for n in range(1, 4):
         tick = clock.wait()
         assert tick.scheduled_ns == clock.now_ns() == n * PERIOD_NS

@@ -42,7 +42,7 @@ class ScriptedTime:
 class ScriptedCounters:
     """Kernel counters that do not change: nothing but the loop itself takes time."""
 
-    def read(self) -> Counts:
+    def since_last(self) -> Counts:
         return Counts(0, 0, 0)
 
 

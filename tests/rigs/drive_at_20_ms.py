@@ -52,15 +52,15 @@ def fit_linear_model(folder: Path) -> Path:
         origin=Simulated(recipe, EPISODES, 1, "20 ms"),
         rejected=drives.rejected,
     )
-    model = fit_linear(load_dataset(folder / "data"))
+    model = fit_linear(load_dataset(folder / "data")).matrices
     Bundle.linear(model.A, model.B_uc, model.B_uw, model.c).save(folder / "model")
     return folder / "model"
 
 
 def drive(folder: Path, model: Path) -> None:
     """Write summary.json and drive.log of a lane change, and the DBC for this period."""
-    from rt_controller.bus.codec import DBC_PATH
     from rt_controller.bus.cycle_times import with_cycle_times
+    from rt_controller.bus.dbc import DBC_PATH
     from rt_controller.cli import app
 
     (folder / "messages.dbc").write_text(with_cycle_times(DBC_PATH.read_text()))

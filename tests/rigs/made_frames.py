@@ -5,7 +5,7 @@ from typing import TypeVar
 import can
 
 from rt_controller.bus.catalogue import Fault, Heartbeat, Mission, StateSample
-from rt_controller.bus.codec import FrameCodec
+from rt_controller.bus.codec import Frame, FrameCodec
 from rt_controller.bus.message import Message
 from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
 
@@ -35,6 +35,13 @@ def can_frames(
     return [can_frame(codec, data) for codec, data in zip(message.codecs, encoded, strict=True)]
 
 
+def decode_frames(message: Message[T], *frames: Frame) -> T | None:
+    """The content of intact frames, one for each codec; None if one must not be used."""
+    parts = [codec.read(frame) for codec, frame in zip(message.codecs, frames, strict=True)]
+    usable = [part for part in parts if part is not None]
+    return message.decode(usable) if len(usable) == len(parts) else None
+
+
 def round_trip(message: Message[T], content: T, is_valid: bool = True) -> T | None:
     """The content after encoding and decoding."""
-    return message.decode_frames(*message.encode(content, 3, is_valid))
+    return decode_frames(message, *message.encode(content, 3, is_valid))

@@ -31,4 +31,4 @@ def change_log(place, seed=1, **changes):
 def run_import(place, *options):
     """Exit code of the command with the mapping and the logs of the folder."""
     tokens = [str(place / "map.toml"), str(place / "logs"), *map(str, options)]
-    return import_app(tokens, result_action="return_value")
+    return import_app(tokens, result_action="return_value") or 0

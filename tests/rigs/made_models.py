@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import onnx_bytes
 
+from rt_controller.contract.arrays import Array
 from rt_controller.contract.artifact import (
     Bilinear,
     Bundle,
@@ -26,9 +27,9 @@ SHOWN_TYPICALLY = {
     "history": np.array([20.0, 0.2, 0.1, 0.3, 30.0, 0.3]),
 }
 
-WITH_ROAD = Lift(inputs=("x", "w"))
-WITH_PAST = Lift(inputs=("x", "history"), history_steps=4, history_fields=DRIVABLE_HISTORY)
-WITH_ALL = replace(WITH_PAST, inputs=("x", "w", "history"))
+WITH_ROAD = Lift(sees_exogenous=True)
+WITH_PAST = Lift(history_steps=4, history_fields=DRIVABLE_HISTORY)
+WITH_ALL = replace(WITH_PAST, sees_exogenous=True)
 
 
 def make_bundle(
@@ -126,3 +127,16 @@ def _bend(
     s0 = rng.normal(size=(rank, m)) - np.einsum("rin,n->ri", S, psi.mean(axis=0))
     N = bend * B_uc * rng.normal(size=(rank, n, m)) / np.sqrt(rank)
     return Bilinear(N, S, s0)
+
+
+def added_columns(bilinear: Bilinear, psi: Array) -> Array:
+    """B_eff - B_uc at the lifted states psi (..., n): (..., n, m)."""
+    columns: Array = np.einsum("rni,...ri->...ni", bilinear.N, bilinear.gains(psi))
+    return columns
+
+
+def input_matrix(bundle: Bundle, psi: Array) -> Array:
+    """B_eff (..., n, m) at the lifted states psi (..., n), those of `Bilinear.follows`."""
+    if bundle.bilinear is None:
+        return np.broadcast_to(bundle.B_uc, (*psi.shape[:-1], *bundle.B_uc.shape))
+    return bundle.B_uc + added_columns(bundle.bilinear, psi)

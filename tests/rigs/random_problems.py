@@ -9,7 +9,7 @@ from rt_controller.contract.follow import Follow
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput, VehicleState
 from rt_controller.control.pedals import PedalChoice
-from rt_controller.control.qp import PAPER, WITH_SLEW, CondensedQp, Features
+from rt_controller.control.qp import CondensedQp, Features
 from rt_controller.control.terms import Corridor, TrackingCost
 
 HORIZON = 12
@@ -25,8 +25,8 @@ RANGE = np.array(INPUT_LIMITS.upper) - np.array(INPUT_LIMITS.lower)
 
 
 TIERS = {
-    "input box": PAPER,
-    "slew rows": WITH_SLEW,
+    "input box": Features(has_slew_rows=False),
+    "slew rows": Features(),
     "corridor": Features(corridor=Corridor(0.2, 0.05)),
     "corridor without slew rows": Features(False, Corridor(0.2, 0.05)),
 }

@@ -22,11 +22,8 @@ from rt_controller.bus.inbox import Inbox, Received
 from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import Outbox
 from rt_controller.bus.transport import open_bus
-from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import PathReference, VehicleState
-from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.control.mpc import Mpc
-from rt_controller.control.plan_buffer import PlanBuffer
 from rt_controller.realtime.clock import LockstepClock
 from rt_controller.step import ControlStep, StepResult
 
@@ -108,15 +105,13 @@ def build_rig(mpc: Mpc) -> Iterator[Rig]:
     channel = f"scripted-vehicle-{next(_channels)}"
     with open_bus("virtual", channel) as vehicle_bus, open_bus("virtual", channel) as bus:
         vehicle = Vehicle(Outbox(vehicle_bus, Node.VEHICLE))
-        clock = LockstepClock(PERIOD_NS, vehicle.send)
+        clock = LockstepClock(vehicle.send)
         inbox = Inbox(Node.CONTROLLER)
         step = ControlStep(
             bus=bus,
             inbox=inbox,
             outbox=Outbox(bus, Node.CONTROLLER),
             mpc=mpc,
-            plan=PlanBuffer(mpc.inputs.shape[0]),
-            limits=INPUT_LIMITS,
             clock=clock,
             model_hash=7,
         )

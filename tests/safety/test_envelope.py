@@ -23,7 +23,7 @@ previous_inputs = st.builds(
 
 
 def limited(wanted: ControlInput, previous: ControlInput) -> ControlInput:
-    return limit(wanted, previous, INPUT_LIMITS, PERIOD_S)
+    return limit(wanted, previous)
 
 
 @given(wanted_inputs, previous_inputs)

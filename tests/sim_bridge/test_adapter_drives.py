@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 import threading
+import uuid
 from math import isnan
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import pytest
 pytest.importorskip("fmpy", reason="the extra [fmu] is not installed")
 pytest.importorskip("pythonfmu", reason="the extra [fmu] is not installed")
 
+import made_fmus
 from made_fmus import FOREIGN_MAPPING, make_foreign_car
 
 from rt_controller import cli
@@ -22,10 +24,10 @@ from rt_controller.bus.inbox import Inbox
 from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import Outbox
 from rt_controller.bus.transport import open_bus
-from rt_controller.car_settings import CarSettings
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_NS
+from rt_controller.settings import CarSettings
 from rt_controller.terminal.run import EXIT_DEADLINE, EXIT_SAFE_STOP
 from sim_bridge import cli as bridge_cli
 from sim_bridge.adapters.export import build_fmu
@@ -35,6 +37,7 @@ from sim_bridge.scenario import load_scenario
 from sim_bridge.session import build_car
 
 CRUISE = ControlInput(0.1, 0.0, 0.0)
+SHORT = Path(made_fmus.__file__).parent / "short_lane_change.toml"
 
 
 @pytest.mark.parametrize(
@@ -83,7 +86,7 @@ def test_the_exported_car_and_the_own_car_drive_the_same_lane_change(
 ) -> None:
     build_fmu(tmp_path / "car.fmu")
     runs = [
-        drive(tmp_path, monkeypatch, "--plant", plant)
+        drive(tmp_path, monkeypatch, "--scenario", str(SHORT), "--plant", plant)
         for plant in ("own", f"fmu:{tmp_path / 'car.fmu'}")
     ]
     assert [code for code, _ in runs] == [0, 0]
@@ -149,13 +152,7 @@ def test_a_failed_plant_is_sent_as_an_invalid_state_until_the_bridge_ends(
     channel = tmp_path.name
     recorder = FrameList()
     with open_bus("virtual", channel) as bus, open_bus("virtual", channel) as far_end:
-        bridge = Bridge(
-            bus=bus,
-            inbox=Inbox(Node.VEHICLE),
-            outbox=Outbox(bus, Node.VEHICLE, recorder),
-            car=car,
-            scenario=scenario,
-        )
+        bridge = Bridge(bus, car, scenario, recorder)
         controller = Outbox(far_end, Node.CONTROLLER)
         received = Inbox(Node.CONTROLLER)
         now_ns, ticks = 0, 0
@@ -189,11 +186,11 @@ def test_sim_bridge_ends_with_the_reason_of_a_failed_plant(
     fmu = make_foreign_car(
         tmp_path, "FailsLater", FOREIGN_MAPPING.replace("trailers = 1", "fails_at_s = 0.2")
     )
-    figures = tmp_path / "car.json"
-    base = ("--bus", "virtual", "--quiet", "--channel", tmp_path.name, "--json", str(figures))
+    figures, channel = tmp_path / "car.json", f"test-{uuid.uuid4().hex}"
+    base = ("--bus", "local", "--quiet", "--channel", channel, "--json", str(figures))
     monkeypatch.setattr("sys.argv", ["sim-bridge", *base, "--plant", f"fmu:{fmu}"])
     over = threading.Event()
-    controller = threading.Thread(target=command, args=(tmp_path.name, over))
+    controller = threading.Thread(target=command, args=(channel, over))
     controller.start()
     try:
         with pytest.raises(SystemExit) as ended:
@@ -210,7 +207,7 @@ def test_sim_bridge_ends_with_the_reason_of_a_failed_plant(
 
 def command(channel: str, over: threading.Event) -> None:
     """A controller that sends the same command in response to every state."""
-    with open_bus("virtual", channel) as bus:
+    with open_bus("local", channel) as bus:
         outbox, inbox = Outbox(bus, Node.CONTROLLER), Inbox(Node.CONTROLLER)
         answered = None
         while not over.wait(0.005):
@@ -225,7 +222,7 @@ def test_a_friction_without_a_parameter_in_the_fmu_is_refused(tmp_path: Path) ->
     fmu = make_foreign_car(
         tmp_path, "NoFriction", FOREIGN_MAPPING.replace('road_friction = "mu"\n', "")
     )
-    with pytest.raises(ConfigError, match="--friction: expected an FMU whose mapping"):
+    with pytest.raises(ConfigError, match="`friction`: expected an FMU whose mapping"):
         open_plant(CarSettings(plant=f"fmu:{fmu}", friction=0.4), 0.85)
 
 

@@ -11,9 +11,9 @@ pytest.importorskip("pythonfmu", reason="the extra [fmu] is not installed")
 
 from made_fmus import wrap_as_fmi3
 
-from rt_controller.car_settings import CarSettings
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import ControlInput
+from rt_controller.settings import CarSettings
 from sim_bridge.adapters.export import build_fmu, mapping_text
 from sim_bridge.adapters.fmu_mapping import load_mapping
 from sim_bridge.adapters.plants import open_plant

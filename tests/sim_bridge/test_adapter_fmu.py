@@ -243,7 +243,7 @@ def test_an_initial_motion_that_is_nan_is_refused(foreign_car: Path) -> None:
 
 def test_a_missing_mapping_file_is_refused_by_name(foreign_car: Path) -> None:
     foreign_car.with_suffix(".toml").unlink()
-    with pytest.raises(ConfigError, match=r"Foreign\.toml.*--plant-mapping"):
+    with pytest.raises(ConfigError, match=r"Foreign\.toml.*plant_mapping"):
         open_fmu_plant(foreign_car, None, 0.85)
 
 

@@ -4,12 +4,13 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from rt_controller.car_settings import CarSettings
 from rt_controller.contract.errors import ConfigError, MissingExtraError
 from rt_controller.contract.signals import ControlInput
+from rt_controller.settings import CarSettings
 from sim_bridge import cli
 from sim_bridge.adapters.own_car import OwnCar
 from sim_bridge.adapters.plants import open_plant
@@ -30,21 +31,23 @@ def command_line(monkeypatch: pytest.MonkeyPatch) -> Iterator[object]:
 @pytest.mark.parametrize(
     ("choice", "words"),
     [
-        (CarSettings(plant="mine"), "expected own, fmu:FILE.fmu or commonroad:NUMBER"),
-        (CarSettings(plant="own:2"), "expected own, fmu:FILE.fmu or commonroad:NUMBER"),
-        (CarSettings(plant="fmu"), "expected own, fmu:FILE.fmu or commonroad:NUMBER"),
-        (CarSettings(plant="commonroad:two"), "1, 2, 3, found 'two'"),
-        (CarSettings(plant_mapping=Path("car.toml")), "--plant-mapping: expected --plant fmu"),
-        (CarSettings(plant="commonroad:2", car="mine"), "--car: expected --plant own"),
-        (CarSettings(plant="fmu:car.fmu", friction_right=0.3), "--friction-right: expected"),
-        (CarSettings(friction=0.0), "--friction: expected 0.05..1.5"),
-        (CarSettings(friction_right=float("nan")), "--friction-right: expected 0.05..1.5"),
-        (CarSettings(car="lorry"), "car 'lorry'"),
+        ({"plant": "mine"}, "expected own, fmu:FILE.fmu or commonroad:NUMBER"),
+        ({"plant": "own:2"}, "expected own, fmu:FILE.fmu or commonroad:NUMBER"),
+        ({"plant": "fmu"}, "expected own, fmu:FILE.fmu or commonroad:NUMBER"),
+        ({"plant": "commonroad:two"}, "1, 2, 3, found 'two'"),
+        ({"plant_mapping": Path("car.toml")}, "`plant_mapping`: expected `plant` fmu"),
+        ({"plant": "commonroad:2", "car": "c_class_125kw_fwd"}, "`car`: expected `plant` own"),
+        ({"plant": "fmu:car.fmu", "friction_right": 0.3}, "`friction_right`: expected"),
+        ({"friction": 0.0}, "friction: expected 0.05 to 1.5"),
+        ({"friction_right": float("nan")}, "friction_right: expected 0.05 to 1.5"),
+        ({"car": "lorry"}, "CarSettings.car: expected one of c_class_150kw_awd"),
     ],
 )
-def test_an_option_that_does_not_fit_the_plant_is_refused(choice: CarSettings, words: str) -> None:
+def test_an_option_that_does_not_fit_the_plant_is_refused(
+    choice: dict[str, Any], words: str
+) -> None:
     with pytest.raises(ConfigError) as refused:
-        open_plant(choice, 0.85)
+        open_plant(CarSettings(**choice), 0.85)
     assert words in str(refused.value)
 
 
@@ -102,10 +105,12 @@ def test_a_missing_extra_is_refused_by_name(
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        (("--bus", "virtual", "--plant", "fmu:nowhere.fmu"), 2, "nowhere.fmu: expected an FMU"),
-        (("--bus", "virtual", "--plant", "commonroad:9"), 2, "found '9'"),
-        (("--bus", "virtual", "--friction", "7"), 2, "--friction: expected"),
-        (("--bus", "virtual", "--car", "lorry"), 2, "car 'lorry'"),
+        (("--bus", "virtual"), 2, "Use --bus local for both programs"),
+        (("--bus", "soketcan"), 2, "--bus 'soketcan': expected virtual, local,"),
+        (("--bus", "local", "--plant", "fmu:nowhere.fmu"), 2, "nowhere.fmu: expected an FMU"),
+        (("--bus", "local", "--plant", "commonroad:9"), 2, "found '9'"),
+        (("--bus", "local", "--friction", "7"), 2, "--friction: expected"),
+        (("--bus", "local", "--car", "lorry"), 2, "--car: expected one of"),
         (("export-fmu", "car.zip"), 2, "ends in .fmu"),
         (("export-fmu", "car.fmu", "--car", "lorry"), 2, "car 'lorry'"),
     ],

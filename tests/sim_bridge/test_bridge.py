@@ -28,7 +28,7 @@ from rt_controller.bus.transport import open_bus
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
-from sim_bridge.bridge import END_TICKS, Bridge
+from sim_bridge.bridge import END_TICKS, STANDING_MPS, Bridge
 from sim_bridge.scenario import load_scenario
 from sim_bridge.session import build_car
 from sim_bridge.watchdog import BRAKE_N
@@ -74,13 +74,7 @@ def rig() -> Iterator[Rig]:
     channel = f"bridge-test-{next(_channels)}"
     scenario = load_scenario("straight")
     with open_bus("virtual", channel) as bus, open_bus("virtual", channel) as controller_bus:
-        bridge = Bridge(
-            bus=bus,
-            inbox=Inbox(Node.VEHICLE),
-            outbox=Outbox(bus, Node.VEHICLE),
-            car=build_car(scenario),
-            scenario=scenario,
-        )
+        bridge = Bridge(bus, build_car(scenario), scenario)
         controller = Outbox(controller_bus, Node.CONTROLLER)
         yield Rig(bridge, controller, controller_bus, bus, Inbox(Node.CONTROLLER))
 
@@ -125,6 +119,30 @@ def test_a_silent_controller_ends_in_a_standing_car(rig: Rig) -> None:
     assert rig.newest(FEEDBACK).brake_n == pytest.approx(BRAKE_N, abs=0.01)
 
 
+@pytest.mark.parametrize("is_crash", [True, False])
+def test_silence_after_a_stopped_car_is_the_end_of_a_drive_and_not_after_a_crash(
+    rig: Rig, is_crash: bool
+) -> None:
+    """A controller that crashes sends one last command with the mode SAFE_STOP too."""
+    stop = ControlInput(0.0, 100.0, 0.0)
+    sample = rig.tick()
+    rig.tick(stop, Mode.SAFE_STOP)
+    while not is_crash and sample.state.vx_mps > STANDING_MPS:
+        sample = rig.tick(stop, Mode.SAFE_STOP)
+    while not rig.bridge.is_over:
+        rig.tick(control=None)
+    assert rig.bridge.summary().watchdog_braked
+    assert rig.bridge.summary().controller_ended is not is_crash
+
+
+def test_a_second_vehicle_is_recognised_before_anything_is_sent(rig: Rig) -> None:
+    rig.bridge.listen(0)
+    assert rig.controller_bus.recv(0) is None
+    Outbox(rig.controller_bus, Node.VEHICLE).send(VEHICLE_IDENTITY, Identity(1, None), 0)
+    with pytest.raises(BusError, match="only vehicle on this bus"):
+        rig.bridge.listen(0)
+
+
 def test_a_frozen_counter_counts_as_no_command(rig: Rig) -> None:
     rig.tick()
     stuck = can.Message(arbitration_id=0x100, is_extended_id=False)
@@ -148,6 +166,22 @@ def test_a_controller_of_another_catalogue_is_refused(rig: Rig) -> None:
     rig.controller.send(CONTROLLER_IDENTITY, Identity(0xABCD, None), 0)
     with pytest.raises(BusError, match="0000abcd"):
         rig.tick()
+
+
+def test_a_safe_stop_that_outlasts_the_scenario_brings_the_car_to_rest(rig: Rig) -> None:
+    ticks = load_scenario("straight").ticks
+    braking = ControlInput(0.0, 75.0, 0.0)
+    for _ in range(ticks - 20):
+        rig.tick()
+    for _ in range(20 * round(1 / PERIOD_S)):
+        rig.tick(braking, Mode.SAFE_STOP)
+        if rig.bridge.is_over:
+            break
+        if rig.newest(MISSION).is_engaged:
+            assert rig.newest(FEEDBACK).brake_n == braking.brake_n
+    assert rig.bridge.is_over
+    assert rig.bridge.driven_ticks > ticks + END_TICKS
+    assert rig.bridge.summary().final_speed_mps < STANDING_MPS
 
 
 def test_the_end_of_the_mission_is_sent_before_the_bridge_leaves(rig: Rig) -> None:

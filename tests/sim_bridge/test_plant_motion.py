@@ -13,7 +13,6 @@ from rt_controller.contract.signals import ControlInput
 from sim_bridge import frenet
 from sim_bridge.plant.car_parts import GRAVITY_MPS2
 from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, advance, settle, simulate
-from sim_bridge.plant.monitor import Monitor
 from sim_bridge.plant.parameters import C_CLASS_150KW_AWD as CAR
 from sim_bridge.plant.parameters import (
     Parameters,
@@ -21,6 +20,7 @@ from sim_bridge.plant.parameters import (
     shipped_cars,
     with_road_friction,
 )
+from sim_bridge.plant.protocol import PlantOutputs
 from sim_bridge.plant.states import AT, N_STATES, WHEEL_STATES, StateIndex
 
 MIRROR = np.array((1.0, -1.0, -1.0))
@@ -32,14 +32,14 @@ TOP_HEAVY = CARS[shipped_cars().index("commonroad_vehicle_2")]
 @dataclass(frozen=True, slots=True)
 class Run:
     motion: Array
-    monitor: Array
+    outputs: Array
 
     def column(self, name: str) -> Array:
-        return self.monitor[:, Monitor._fields.index(name)]
+        return self.outputs[:, PlantOutputs._fields.index(name)]
 
     def loads(self) -> Array:
-        first = Monitor._fields.index("load_front_left_n")
-        return self.monitor[:, first : first + 4]
+        first = PlantOutputs._fields.index("load_front_left_n")
+        return self.outputs[:, first : first + 4]
 
 
 def drive(v0_kmh: float, inputs: Array, car: Parameters = CAR, steps: int = 25) -> Run:
@@ -131,7 +131,7 @@ def test_coasting_straight_never_gains_energy(v0_kmh: float) -> None:
     """With the throttle closed, in gear, including down-shifts."""
     run = drive(v0_kmh, held(30.0))
     closed = run.column("throttle") < 1e-3
-    spin = run.monitor[closed, -4:]
+    spin = run.outputs[closed, -4:]
     speed = run.motion[::25, 0][closed]
     energy_j = 0.5 * CAR.body.mass_kg * speed**2
     energy_j += 0.5 * CAR.tyre.spin_inertia_kgm2 * (spin**2).sum(axis=1)
@@ -168,7 +168,7 @@ def test_full_braking_ends_at_rest(road: float) -> None:
     run = drive(60.0, held(10.0, brake_n=150.0), with_road_friction(CAR, road))
     assert run.motion[:, 0].min() > -0.3
     assert np.abs(run.motion[-1000:]).max() < 0.01
-    assert np.abs(run.monitor[-40:, -4:]).max() < 0.05
+    assert np.abs(run.outputs[-40:, -4:]).max() < 0.05
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
@@ -187,10 +187,10 @@ def test_random_driving_stays_finite(
     inputs = random_inputs(np.random.default_rng(seed), 8.0, 120.0)
     run = drive(v0_kmh, inputs, road)
     assert np.all(np.isfinite(run.motion))
-    assert np.all(np.isfinite(run.monitor))
+    assert np.all(np.isfinite(run.outputs))
     assert np.all(run.loads() >= 0.0)
     if car is not TOP_HEAVY:
-        assert np.abs(run.monitor[:, :2]).max() < 1.3 * GRAVITY_MPS2
+        assert np.abs(run.outputs[:, :2]).max() < 1.3 * GRAVITY_MPS2
         assert np.degrees(np.abs(run.column("roll_rad")).max()) < 8.0
 
 
@@ -204,13 +204,13 @@ def test_full_pedal_and_full_steering_stay_finite(
 ) -> None:
     run = drive(v0_kmh, held(12.0, throttle, brake_n, steer_deg), with_road_friction(CAR, road))
     assert np.all(np.isfinite(run.motion))
-    assert np.all(np.isfinite(run.monitor))
+    assert np.all(np.isfinite(run.outputs))
 
 
 def test_the_roll_angle_of_a_car_that_rolls_over_ends_at_90_degrees() -> None:
     tall = TOP_HEAVY._replace(body=TOP_HEAVY.body._replace(sprung_height_m=1.2))
     run = drive(120.0, held(8.0, steer_deg=120.0), with_road_friction(tall, 1.1))
-    assert np.all(np.isfinite(run.monitor))
+    assert np.all(np.isfinite(run.outputs))
     assert np.degrees(run.column("roll_rad")).max() == pytest.approx(90.0, abs=0.1)
 
 
@@ -253,7 +253,7 @@ def test_an_episode_equals_its_periods_in_sequence() -> None:
         np.testing.assert_array_equal(piece, motion[first : first + STEPS_PER_PERIOD])
 
 
-def test_monitored_accelerations_are_those_of_the_motion() -> None:
+def test_accelerations_of_the_outputs_are_those_of_the_motion() -> None:
     run = drive(90.0, lane_change(30.0))
     middle = slice(25, -25, 25)
     slope = np.gradient(run.motion, STEP_S, axis=0)

@@ -7,23 +7,24 @@ from typing import Any, cast
 import numpy as np
 import pandas as pd
 
-from benchmarks.lockstep import default_config, drive_in_lockstep
+from benchmarks.lockstep import drive_scenario
 from benchmarks.peers.nonlinear.formulations import TRACKED, NmpcParameters
 from benchmarks.peers.nonlinear.solvers import METHODS, CasadiSolver, DompcSolver, Method
 from benchmarks.peers.solvers.registry import DEFAULT, FAST
 from benchmarks.staged import StagedOsqp, StagedPiqp, StagedQp, use_staged_qp
 from benchmarks.tables import percentiles, summarise, timed
+from rt_controller.config import MpcSettings
 from rt_controller.contract.artifact import load_bundle, shipped_model
 from rt_controller.contract.bundle import Bundle
-from rt_controller.contract.limits import INPUT_LIMITS, InputLimits
 from rt_controller.contract.schema import N_INPUTS
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.pedals import PedalChoice, limit_pedals
 from rt_controller.control.reference import ReferenceHorizon
-from rt_controller.control.solver import Solver, SolverChoice, SolveStatus
+from rt_controller.control.solver import Solver, SolveStatus
 from rt_controller.control.terms import constrain_inputs
-from rt_controller.planner import WARM_UP_STEPS
+from rt_controller.planner import WARM_UP_STEPS, build_mpc
+from rt_controller.report.table import Column
 
 
 class Nmpc:
@@ -32,11 +33,9 @@ class Nmpc:
     iterations = 0
     solve_ns = 0
 
-    def __init__(
-        self, solver: CasadiSolver | DompcSolver, horizon: int, limits: InputLimits
-    ) -> None:
+    def __init__(self, solver: CasadiSolver | DompcSolver, horizon: int) -> None:
         self._solver = solver
-        self._bounds = constrain_inputs(1, limits)
+        self._bounds = constrain_inputs(1)
         self._upper = np.tile(self._bounds.upper, (horizon, 1))
         self._reference = ReferenceHorizon(horizon)
         self._pedals = PedalChoice()
@@ -71,21 +70,25 @@ class Nmpc:
     def forget(self) -> None:
         """Do nothing: the model has no history."""
 
-    def bound(self, budget_ns: int) -> None:
+    def limit_solve_time(self, budget_ns: int) -> None:
         """Do nothing: the iterations are limited already."""
 
 
 Controller = Mpc | Nmpc
 HEADS = {
-    "plan_p50_us": "plan p50 us",
-    "plan_p99_us": "p99 us",
-    "plan_max_us": "max us",
-    "prepare_p50_us": "prepare p50 us",
-    "plan_p50_us_over_default": "p50 / default",
-    "both_p50_us_over_default": "with prepare",
-    "ey_rms_m": "e_y RMS m",
-    "ey_peak_m": "peak m",
-    "vx_rms_mps": "v_x RMS m/s",
+    "times of a plan": {
+        "plan_p50_us": Column("p50", "us"),
+        "plan_p99_us": Column("p99", "us"),
+        "plan_max_us": Column("max", "us"),
+        "plan_p50_us_over_default": Column("p50", "/ default"),
+        "both_p50_us_over_default": Column("with prepare", "/ default"),
+    },
+    "preparation and tracking errors": {
+        "prepare_p50_us": Column("prepare", "p50 us"),
+        "ey_rms_m": Column("e_y RMS", "m"),
+        "ey_peak_m": Column("e_y peak", "m"),
+        "vx_rms_mps": Column("v_x RMS", "m/s"),
+    },
 }
 
 
@@ -118,30 +121,29 @@ class ClosedLoopComparison:
 
 
 def _builders(bundle: Bundle) -> dict[str, Callable[[], Controller]]:
-    settings = default_config().mpc
+    settings = MpcSettings()
     horizon, cost = settings.horizon, settings.cost()
 
-    def own(choice: SolverChoice) -> Mpc:
-        chosen = settings.model_copy(update={"solver": choice})
-        return Mpc(bundle, horizon, cost, INPUT_LIMITS, open_solver=chosen.open_solver)
+    def own(name: str) -> Mpc:
+        return build_mpc(bundle, settings.model_copy(update={"solver": name}))
 
     def staged(open_solver: Callable[[StagedQp], Solver]) -> Mpc:
-        qp = StagedQp(bundle, horizon, cost, INPUT_LIMITS)
-        return use_staged_qp(own(SolverChoice.PIQP), qp, open_solver(qp))
+        qp = StagedQp(bundle, horizon, cost)
+        return use_staged_qp(own("piqp"), qp, open_solver(qp))
 
     def casadi(method: Method) -> Nmpc:
-        return Nmpc(CasadiSolver(method, horizon, cost, INPUT_LIMITS), horizon, INPUT_LIMITS)
+        return Nmpc(CasadiSolver(method, horizon, cost), horizon)
 
     def dompc() -> Nmpc:
-        return Nmpc(DompcSolver(horizon, cost, INPUT_LIMITS), horizon, INPUT_LIMITS)
+        return Nmpc(DompcSolver(horizon, cost), horizon)
 
     with_states = {
         "states in the QP, PIQP": partial(staged, StagedPiqp),
         "states in the QP, OSQP cold": partial(staged, StagedOsqp),
     }
     return {
-        DEFAULT: partial(own, SolverChoice.PIQP),
-        FAST: partial(own, SolverChoice.DAQP),
+        DEFAULT: partial(own, "piqp"),
+        FAST: partial(own, "daqp"),
         **(with_states if bundle.bilinear is None else {}),
         **{method.name: partial(casadi, method) for method in METHODS},
         "do-mpc, IPOPT": dompc,
@@ -151,7 +153,7 @@ def _builders(bundle: Bundle) -> dict[str, Callable[[], Controller]]:
 def _drive(controller: Controller, bundle: Bundle, scenario: str) -> dict[str, float]:
     timed = _Timed(controller)
     # The loop calls nothing but what `_Timed` forwards.
-    errors = drive_in_lockstep(default_config(), bundle, cast("Mpc", timed), scenario)
+    errors = drive_scenario(bundle, cast("Mpc", timed), scenario)
     plan = percentiles(timed.plan_us[WARM_UP_STEPS:], "plan_")
     prepare_p50_us = percentiles(timed.prepare_us)["p50_us"]
     return {

@@ -12,7 +12,6 @@ import casadi as ca
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.limits import InputLimits
 from rt_controller.contract.schema import N_INPUTS
 from rt_controller.contract.signals import VehicleState
 from rt_controller.contract.timing import PERIOD_S
@@ -137,8 +136,8 @@ class Condensed:
     model. No array moves: solvers keep pointers to them.
     """
 
-    def __init__(self, horizon: int, cost: TrackingCost, limits: InputLimits) -> None:
-        bounds = constrain_inputs(horizon, limits)
+    def __init__(self, horizon: int, cost: TrackingCost) -> None:
+        bounds = constrain_inputs(horizon)
         self._scale = bounds.scale[:N_INPUTS]
         weights = weights_of(cost, horizon, self._scale)
         period = period_function(self._scale)
@@ -198,9 +197,9 @@ class Stagewise:
     stages, p = [kappa; x_r of stages 1 … N].
     """
 
-    def __init__(self, horizon: int, cost: TrackingCost, limits: InputLimits) -> None:
+    def __init__(self, horizon: int, cost: TrackingCost) -> None:
         self._horizon = horizon
-        bounds = constrain_inputs(1, limits)
+        bounds = constrain_inputs(1)
         self._scale = bounds.scale
         weights = weights_of(cost, horizon, bounds.scale)
         period = period_function(bounds.scale)

@@ -17,7 +17,6 @@ from benchmarks.peers.nonlinear.formulations import (
     weights_of,
 )
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.limits import InputLimits
 from rt_controller.contract.schema import N_INPUTS
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.terms import TrackingCost, constrain_inputs
@@ -45,7 +44,7 @@ class Method(NamedTuple):
     """A formulation and a solver with its options."""
 
     name: str
-    formulation: Callable[[int, TrackingCost, InputLimits], NonlinearProgram]
+    formulation: Callable[[int, TrackingCost], NonlinearProgram]
     plugin: str
     options: dict[str, Any]
     is_gauss_newton: bool = True
@@ -90,10 +89,8 @@ ACCEPTED_GAP = 1e-2
 class CasadiSolver:
     """One of the methods, which starts from the last plan and its multipliers."""
 
-    def __init__(
-        self, method: Method, horizon: int, cost: TrackingCost, limits: InputLimits
-    ) -> None:
-        self._program = program = method.formulation(horizon, cost, limits)
+    def __init__(self, method: Method, horizon: int, cost: TrackingCost) -> None:
+        self._program = program = method.formulation(horizon, cost)
         function = method.compile(program)
         size, rows = program.z.size, program.row_lower.size
         self._bound_multipliers, self._row_multipliers = np.zeros(size), np.zeros(rows)
@@ -138,10 +135,10 @@ class CasadiSolver:
 class DompcSolver:
     """`CasadiSolver` by do-mpc: compiled IPOPT, started from the last solution."""
 
-    def __init__(self, horizon: int, cost: TrackingCost, limits: InputLimits) -> None:
+    def __init__(self, horizon: int, cost: TrackingCost) -> None:
         import do_mpc  # slow, and warns about optional parts
 
-        bounds = constrain_inputs(1, limits)
+        bounds = constrain_inputs(1)
         self._scale, self._horizon = bounds.scale, horizon
         weights = weights_of(cost, horizon, bounds.scale)
         if not np.array_equal(weights.motion[0], weights.motion[-1]):

@@ -12,7 +12,7 @@ from benchmarks.peers.solvers import warm_solvers
 from benchmarks.peers.solvers.rows import OneSidedRows
 from rt_controller.contract.arrays import Array
 from rt_controller.control.program import QuadraticProgram
-from rt_controller.control.solver import SolverChoice, SolveStatus, open_solver
+from rt_controller.control.solver import SolveStatus, open_solver
 
 
 class ColdSolver:
@@ -74,13 +74,9 @@ class PeerSolver(Protocol):
 
     solution: Array
 
-    def update_matrices(self) -> bool:
-        """As `Solver.update_matrices`."""
-        ...
+    def update_matrices(self) -> bool: ...
 
-    def solve(self) -> SolveStatus:
-        """As `Solver.solve`."""
-        ...
+    def solve(self) -> SolveStatus: ...
 
 
 class SolverEntry(NamedTuple):
@@ -102,7 +98,7 @@ class SolverEntry(NamedTuple):
 OWN = (
     SolverEntry(DEFAULT, "piqp", lambda program, _: open_solver(program), False),
     SolverEntry(COLD, "piqp", lambda program, _: open_solver(program, warm_start=False), False),
-    SolverEntry(FAST, "daqp", lambda program, _: open_solver(program, SolverChoice.DAQP), False),
+    SolverEntry(FAST, "daqp", lambda program, _: open_solver(program, "daqp"), False),
 )
 PEERS = (
     SolverEntry("OSQP", "osqp", warm_solvers.OsqpSolver),

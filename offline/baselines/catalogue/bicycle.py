@@ -21,7 +21,6 @@ from offline.config import PAST_STEPS
 from offline.data.dataset import Dataset
 from offline.data.trajectories import Trajectories
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import N_EXOGENOUS, N_INPUTS, N_STATES, VEHICLE
 from rt_controller.contract.validation import DRIVABLE_HISTORY
 from rt_controller.report.table import Fact
@@ -97,17 +96,7 @@ def find_objection(dataset: Dataset) -> str | None:
 
 
 def fit_bicycle(dataset: Dataset, settings: BicycleSettings = BicycleSettings()) -> BicycleModel:
-    """The car with the smallest two-second errors on the training part.
-
-    Raises:
-        DatasetError: the data are not of the car's signals.
-    """
-    if find_objection(dataset):
-        raise DatasetError(
-            f"expected data of the car's signals, {', '.join(VEHICLE.state_names)}, to fit a "
-            f"single-track car to, found {', '.join(dataset.schema.state_names)}. Leave out the "
-            f"baseline bicycle."
-        )
+    """The car with the smallest two-second errors on the training part."""
     return descend(guessed_model(), dataset.select("train"), settings)
 
 

@@ -8,7 +8,6 @@ the past keeps its value.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from offline.baselines.registry import Baseline
 from offline.baselines.road_path import path_states
@@ -16,9 +15,9 @@ from offline.baselines.score import log_error, tuning_windows
 from offline.baselines.window_shape import require_windows
 from offline.config import PAST_STEPS
 from offline.data.dataset import Dataset
-from offline.data.signals import past_columns
+from offline.data.signals import Roles, past_columns
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.schema import VEHICLE, Schema
 from rt_controller.contract.signals import MOTION, PATH_STATES
 from rt_controller.report.table import Fact
 
@@ -30,35 +29,31 @@ TRIED_DECAY_S = (np.inf, 2.0, 1.0, 0.5, 0.25, 0.1, 0.05)
 class ConstantAcceleration:
     """Straight or exponentially fading lines through the last points."""
 
-    columns: NDArray[np.int64]
-    """(h_x,) the states in the past, in its order"""
-    past_signals: int
-    """signals in a row of the past"""
+    schema: Schema
+    roles: Roles
     past_steps: int
     """rows of the past that a line is fitted to, together with the first state"""
     decay_s: float
     """time constant of the slopes; infinite: constant slopes"""
-    is_car: bool
-    """True if the path is computed from the motion on the road"""
-    dt_s: float
 
     def predict(self, x0: Array, past: Array, U: Array, W: Array) -> Array:
         """States (batch, K+1, n), as `Predictor.predict`."""
+        columns, inputs = past_columns(self.schema, self.roles)
         signals = (x0.shape[-1], U.shape[-1], W.shape[-1])
-        require_windows(x0, past, U, W, signals, self.past_signals, self.past_steps)
+        require_windows(x0, past, U, W, signals, len(columns) + len(inputs), self.past_steps)
         steps = np.arange(U.shape[1] + 1)
         states = np.repeat(x0[:, None], len(steps), axis=1)
-        measured = past[:, past.shape[1] - self.past_steps :, : len(self.columns)]
-        measured = np.concatenate([measured, x0[:, None, self.columns]], axis=1)
-        decay = np.exp(-self.dt_s / self.decay_s)
+        measured = past[:, past.shape[1] - self.past_steps :, : len(columns)]
+        measured = np.concatenate([measured, x0[:, None, columns]], axis=1)
+        decay = np.exp(-self.schema.dt_s / self.decay_s)
         factor = steps if np.isinf(self.decay_s) else (1.0 - decay**steps) / (1.0 - decay)
         # the slope per step (batch, h) of the least-squares line through (batch, T, h)
         time = np.arange(measured.shape[1]) - 0.5 * (measured.shape[1] - 1)
         slope = np.tensordot(time, measured, (0, 1)) / np.square(time).sum()
-        states[:, :, self.columns] += slope[:, None] * factor[:, None]
-        if self.is_car:
+        states[:, :, columns] += slope[:, None] * factor[:, None]
+        if self.schema == VEHICLE:
             motion = states[:, :, MOTION]
-            states[:, 1:, PATH_STATES] = path_states(np, motion, x0, W[:, :, 0], self.dt_s)
+            states[:, 1:, PATH_STATES] = path_states(np, motion, x0, W[:, :, 0], self.schema.dt_s)
         return states
 
     def fit_info(self) -> tuple[Fact, ...]:
@@ -71,17 +66,9 @@ class ConstantAcceleration:
 
 def fit_acceleration(dataset: Dataset) -> ConstantAcceleration:
     """The settings with the smallest log error on the validation part."""
-    columns, inputs = past_columns(dataset.schema, dataset.roles)
     validation = tuning_windows(dataset)
     tried = [
-        ConstantAcceleration(
-            columns=np.array(columns, dtype=np.int64),
-            past_signals=len(columns) + len(inputs),
-            past_steps=past_steps,
-            decay_s=decay_s,
-            is_car=dataset.schema == VEHICLE,
-            dt_s=dataset.schema.dt_s,
-        )
+        ConstantAcceleration(dataset.schema, dataset.roles, past_steps, decay_s)
         for past_steps in TRIED_PAST_STEPS
         for decay_s in TRIED_DECAY_S
     ]

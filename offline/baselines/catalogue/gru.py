@@ -82,7 +82,6 @@ class GruModel:
     past_steps: int
     is_car: bool
     """True if the path is computed from the motion, False if it is learned"""
-    dt_s: float
     change_scale: Array
     """(n,) spread of each state's change over a step, in units of `x_scale`"""
     scaling: Scaling
@@ -99,7 +98,7 @@ class GruModel:
             last = past[rows, past.shape[1] - self.past_steps :]
             with torch.no_grad():
                 predicted = self.predict_scaled(
-                    _tensor((x0[rows] - scaling.x_centre) / scaling.x_scale),
+                    _tensor(scaling.normalise_states(x0[rows])),
                     _tensor((last - scaling.past_centre) / scaling.past_scale),
                     _tensor(U[rows] / scaling.u_scale).transpose(0, 1),
                     _tensor(W[rows] / scaling.w_scale).transpose(0, 1),
@@ -122,7 +121,7 @@ class GruModel:
         motion = motion * scale[:learned] + centre[:learned]
         kappa = w[..., 0] * float(self.scaling.w_scale[0])
         path = path_states(
-            torch, motion.transpose(0, 1), x0 * scale + centre, kappa.transpose(0, 1), self.dt_s
+            torch, motion.transpose(0, 1), x0 * scale + centre, kappa.transpose(0, 1), VEHICLE.dt_s
         )
         path = (path - centre[learned:]) / scale[learned:]
         return torch.cat([states, path.transpose(0, 1)], dim=-1)
@@ -175,7 +174,6 @@ def _untrained(
         network=Network(seen, driven, learned, settings.encoder, settings.hidden),
         past_steps=settings.past_steps,
         is_car=is_car,
-        dt_s=schema.dt_s,
         change_scale=np.sqrt(np.square(changes).mean(axis=(0, 1))),
         scaling=scaling,
     )

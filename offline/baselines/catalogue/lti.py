@@ -10,7 +10,7 @@ from offline.data.dataset import Dataset
 
 def fit_linear(dataset: Dataset) -> LinearModel:
     """The one-step least-squares model of the training part."""
-    return fit_one_step(dataset.select("train"), dataset.schema, dataset.roles)
+    return LinearModel(fit_one_step(dataset.select("train"), dataset.schema, dataset.roles))
 
 
 BASELINE = Baseline(fit=fit_linear, to_bundle=to_bundle)

@@ -15,6 +15,7 @@ from offline.baselines.score import variances
 from offline.data.dataset import Dataset
 from offline.data.trajectories import Trajectories
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.rollout import Matrices
 
 MOST_TRAJECTORIES = 12_000
 """evenly spread over the training part"""
@@ -29,11 +30,12 @@ def fit_on_horizon(dataset: Dataset) -> LinearModel:
     train = dataset.select("train")
     start = fit_one_step(train, dataset.schema, dataset.roles)
     every = -(-len(train.episode) // MOST_TRAJECTORIES)
-    return descend(start, train.take(slice(None, None, every)), ITERATIONS)
+    train = train.take(slice(None, None, every))
+    return LinearModel(descend(start, train, ITERATIONS))
 
 
-def descend(start: LinearModel, train: Trajectories, iterations: int) -> LinearModel:
-    """The model that L-BFGS reaches from `start` on these trajectories."""
+def descend(start: Matrices, train: Trajectories, iterations: int) -> Matrices:
+    """The matrices that L-BFGS reaches from `start` on these trajectories."""
     # The regressors are whitened: differences in size and correlations slow the descent down.
     n, m, p = len(start.A), start.B_uc.shape[1], start.B_uw.shape[1]
     x_scale = np.sqrt(variances(train.x))
@@ -64,7 +66,7 @@ def descend(start: LinearModel, train: Trajectories, iterations: int) -> LinearM
     )
     theta = found.x.reshape(n, -1) @ unwhiten * x_scale[:, None] / columns
     A, B_uc, B_uw, c = np.split(theta, [n, n + m, n + m + p], axis=1)
-    return LinearModel(A, B_uc, B_uw, c[:, 0])
+    return Matrices(A, B_uc, B_uw, c[:, 0])
 
 
 def _value_and_gradient(theta: Array, x: Array, driven: Array) -> tuple[float, Array]:

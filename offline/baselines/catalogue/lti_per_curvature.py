@@ -9,7 +9,7 @@ from offline.baselines.registry import Baseline
 from offline.baselines.window_shape import require_windows
 from offline.data.dataset import Dataset
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.rollout import Matrices
 from rt_controller.report.table import Fact
 
 _SAME_ROAD_PER_M = 1e-9
@@ -49,7 +49,7 @@ class LinearPerCurvature:
     def _model_at(self, kappa: float) -> LinearModel:
         weights = [np.interp(kappa, self.curvature_per_m, row) for row in np.eye(len(self.A))]
         A, B, c = (np.tensordot(weights, each, 1) for each in (self.A, self.B_uc, self.c))
-        return LinearModel(A, B, np.zeros((len(c), 1)), c)
+        return LinearModel(Matrices(A, B, np.zeros((len(c), 1)), c))
 
 
 def find_objection(dataset: Dataset) -> str | None:
@@ -62,29 +62,19 @@ def find_objection(dataset: Dataset) -> str | None:
 
 
 def fit_per_curvature(dataset: Dataset) -> LinearPerCurvature:
-    """One least-squares model for each curvature of the training part.
-
-    Raises:
-        DatasetError: the data have no roads.
-    """
+    """One least-squares model for each curvature of the training part."""
     roads = dataset.manifest.roads
-    if roads is None or find_objection(dataset):
-        raise DatasetError(
-            "expected data whose only exogenous signal is the curvature of known roads, to fit a "
-            f"model to each road, found {', '.join(dataset.schema.exogenous_names) or 'none'} and "
-            f"roads {roads}. Leave out the baseline lti-per-curvature."
-        )
     train = dataset.select("train")
     curvature = train.w[:, 0, 0].astype(np.float64)
-    curvatures = np.array(sorted(set(roads.curvatures_per_m)))
+    curvatures = np.unique(roads.curvatures_per_m if roads else ())
     is_on = np.abs(curvature[:, None] - curvatures) < _SAME_ROAD_PER_M
     curvatures, is_on = curvatures[is_on.any(axis=0)], is_on[:, is_on.any(axis=0)]
     models = [
         fit_one_step(train.take(rows), dataset.schema, dataset.roles, sees_exogenous=False)
         for rows in is_on.T
     ]
-    A, B_uc, c = (np.stack([getattr(m, name) for m in models]) for name in ("A", "B_uc", "c"))
-    return LinearPerCurvature(curvatures, A, B_uc, c)
+    A, B_uc, _, c, _ = zip(*models, strict=True)
+    return LinearPerCurvature(curvatures, np.stack(A), np.stack(B_uc), np.stack(c))
 
 
 BASELINE = Baseline(fit=fit_per_curvature, find_objection=find_objection)

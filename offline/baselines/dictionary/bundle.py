@@ -10,7 +10,7 @@ from offline.baselines.dictionary.model import Dictionary, LiftedModel
 from offline.data.dataset import Dataset
 from offline.data.provenance import describe_training
 from offline.data.signals import past_names
-from rt_controller.contract.artifact import Bilinear, Bundle, Lift, LiftSample
+from rt_controller.contract.artifact import Bundle, Lift, LiftSample
 from rt_controller.contract.identity_encoder import IR_VERSION, OPSET
 
 Constants = dict[str, NDArray[np.generic]]
@@ -18,37 +18,23 @@ Constants = dict[str, NDArray[np.generic]]
 
 def to_bundle(name: str, model: LiftedModel, dataset: Dataset, sample: LiftSample) -> Bundle:
     """The model as a bundle; `sample` are instants with at least the past that it needs."""
-    dictionary, matrices = model.dictionary, model.matrices
-    scaling, past_steps = dictionary.scaling, dictionary.past_steps
-    inputs = ("x",) if dictionary.functions.family is Family.NONE else ("x", "w")
-    lift, history = Lift(inputs), np.zeros((len(sample.x), 0, 0))
+    dictionary, scaling = model.dictionary, model.dictionary.scaling
+    past_steps = dictionary.past_steps
+    fields = past_names(dataset.schema, dataset.roles) if past_steps else ()
+    lift = Lift(dictionary.functions.family is not Family.NONE, past_steps, fields)
+    history = np.zeros((len(sample.x), 0, 0))
     if past_steps:
-        fields = past_names(dataset.schema, dataset.roles)
-        lift = Lift((*inputs, "history"), past_steps, fields)
         history = sample.history[:, -past_steps:]
     sample = LiftSample(sample.x, sample.w, history)
     psi = dictionary.lift(sample.x, sample.w, sample.history)
-    n, n_x = len(matrices.A), len(scaling.x_scale)
-    # physical = s * scaled + t; only the states among psi become physical.
-    s, t = np.ones(n), np.zeros(n)
-    s[:n_x], t[:n_x] = scaling.x_scale, scaling.x_centre
-    psi[:, :n_x] = sample.x
-    A = matrices.A * s[:, None] / s[None, :]
-    bilinear = None
-    if matrices.bilinear is not None:
-        N, S, s0, follows = matrices.bilinear
-        bilinear = Bilinear(N * s[:, None] / scaling.u_scale, S / s, s0 - S @ (t / s), follows)
+    psi[:, : len(scaling.x_scale)] = sample.x
     fit_info = {fact.name: fact.value for fact in model.fit_info()}
     return Bundle(
         name=name,
         schema=dataset.schema,
-        A=A,
-        B_uc=matrices.B_uc * s[:, None] / scaling.u_scale,
-        B_uw=matrices.B_uw * s[:, None] / scaling.w_scale,
-        c=t - A @ t,
-        bilinear=bilinear,
+        **scaling.to_physical(model.matrices)._asdict(),
         lift=lift,
-        encoder_onnx=_encoder(dictionary, lift, n),
+        encoder_onnx=_encoder(dictionary, lift, psi.shape[1]),
         selftest=sample,
         selftest_psi=psi,
         training=describe_training({"kind": name, **fit_info}, dataset.origin),

@@ -33,7 +33,7 @@ class Dictionary(NamedTuple):
     def lift(self, x: Array, w: Array, past: Array) -> Array:
         """psi (..., n) of states (..., n_x), w (..., p) and past (..., H, h), H >= past_steps."""
         scaling = self.scaling
-        x = (x - scaling.x_centre) / scaling.x_scale
+        x = scaling.normalise_states(x)
         parts = [x]
         if self.past_steps:
             last = past[..., past.shape[-2] - self.past_steps :, :]

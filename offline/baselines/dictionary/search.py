@@ -125,8 +125,8 @@ def _functions(
         if settings.family is Family.MONOMIALS:
             yield _choose_monomials(data, scaling, past_steps, count)
         elif settings.family is Family.GAUSSIANS:
-            x = (data.x[:, 0] - scaling.x_centre) / scaling.x_scale
-            v = np.concatenate([x, data.w / scaling.w_scale], axis=1)
+            x, w = scaling.normalise_states(data.x[:, 0]), data.w / scaling.w_scale
+            v = np.concatenate([x, w], axis=1)
             unit = gaussians(v, count, 1.0, settings.seed)
             yield from (unit._replace(width=width * unit.width) for width in settings.widths)
         else:

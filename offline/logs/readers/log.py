@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
-from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import DatasetError, MissingExtraError, install_command
+from rt_controller.contract.errors import DatasetError
 
 _SHOWN_COLUMNS = 40
 
@@ -63,15 +62,6 @@ def require_columns(path: Path, wanted: Sequence[str], available: Sequence[str])
         f"{path}: expected a column {column!r}, found none of that name. {hint}The file has: "
         f"{shown}. Name the column in the mapping as the file does."
     )
-
-
-def require_package(path: Path, kind: str, package: str) -> None:
-    """Raise a `MissingExtraError` if the package that reads files of this kind is missing."""
-    if find_spec(package) is None:
-        raise MissingExtraError(
-            f"{path}: {kind} files need the extra [logs], found no {package}. Run: "
-            f"{install_command('logs')}"
-        )
 
 
 @contextmanager

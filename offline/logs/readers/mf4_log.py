@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from offline.logs.readers.log import Channel, Log, readable, require_columns, require_package
-from rt_controller.contract.errors import DatasetError
+from offline.logs.readers.log import Channel, Log, readable, require_columns
+from rt_controller.contract.errors import DatasetError, require_packages
 
 _TIME_CHANNELS = ("t", "time")
 
@@ -21,7 +21,7 @@ def read_mf4(path: Path, wanted: Sequence[str]) -> Log:
 
     A name that occurs in several groups needs the number of the group: "VehicleSpeed@3".
     """
-    require_package(path, "MDF", "asammdf")
+    require_packages("logs", ("asammdf",), f"{path}: an MDF file")
     with _opened(path) as mdf:
         names = [name for name in mdf.channels_db if name not in _TIME_CHANNELS]
         require_columns(path, [column.partition("@")[0] for column in wanted], names)

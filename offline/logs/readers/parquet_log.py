@@ -4,14 +4,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from offline.logs.mapping_tables import TimeMapping
-from offline.logs.readers.log import Log, readable, require_package
+from offline.logs.readers.log import Log, readable
 from offline.logs.readers.table import columns_to_read, to_log
-from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.errors import DatasetError, require_packages
 
 
 def read_parquet(path: Path, wanted: Sequence[str], time: TimeMapping) -> Log:
     """The wanted columns of a Parquet file; a field's metadata may give its `unit`."""
-    require_package(path, "Parquet", "pyarrow")
+    require_packages("logs", ("pyarrow",), f"{path}: a Parquet file")
     import pyarrow as pa
     from pyarrow import parquet, types
 

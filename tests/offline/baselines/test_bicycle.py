@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_drives import dataset_of, drive, relative_error
+from made_drives import dataset_of, relative_error
 
 from offline.baselines.catalogue.bicycle import (
     BicycleSettings,
@@ -152,11 +152,6 @@ def test_fit_info_has_all_parameters_with_their_units():
     assert named["steering_ratio"] == "16"
     assert named["drag_per_m"] == "0.0005"
     assert "at 10 m/s" in named["drive in m/s^2, throttle 0.5"]
-
-
-def test_data_of_other_signals_are_refused():
-    with pytest.raises(DatasetError, match="bicycle"):
-        fit_bicycle(drive(lambda x, u, w, b: x))
 
 
 def test_windows_without_a_past_are_refused():

@@ -12,7 +12,9 @@ from offline.baselines.catalogue.constant_acceleration import (
 from offline.baselines.catalogue.persistence import Persistence
 from offline.baselines.road_path import path_states
 from offline.baselines.score import log_error
+from offline.data.signals import VEHICLE_ROLES
 from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.schema import VEHICLE
 
 
 def test_persistence_predicts_the_first_state():
@@ -43,7 +45,7 @@ def test_time_constant_of_the_slopes_is_chosen_on_the_validation_part():
 
 def test_path_of_the_car_follows_from_its_motion():
     """With the yaw rate of the curve the car stays on it, and leaves a straight road."""
-    baseline = ConstantAcceleration(np.arange(3), 6, 1, np.inf, is_car=True, dt_s=0.025)
+    baseline = ConstantAcceleration(VEHICLE, VEHICLE_ROLES, 1, np.inf)
     x0 = np.repeat([[20.0, 0.0, 0.1, 0.5, 0.0, 0.0]], 2, axis=0)
     past = np.zeros((2, 1, 6))
     past[:, 0, :3] = x0[:, :3]

@@ -6,6 +6,7 @@ import pytest
 from toy_predictors import Hold
 
 from offline.baselines import selection
+from offline.baselines.registry import Fitted
 from offline.baselines.selection import (
     DEFAULT_BASELINES,
     SHIPPED,
@@ -31,7 +32,7 @@ def fitted(monkeypatch):
     """Names of the fitted baselines; all of them are replaced by one that needs no fit."""
     names = []
     monkeypatch.setattr(
-        selection.registry, "fit", lambda name, dataset, folder: names.append(name) or Hold()
+        selection.registry, "fit", lambda name, dataset: names.append(name) or Fitted(Hold(), 0.5)
     )
     return names
 
@@ -65,7 +66,7 @@ def test_a_baseline_that_may_have_been_trained_on_test_episodes_is_left_out_or_r
     said = []
     opened = open_baselines(DEFAULT_BASELINES, toy_dataset, [], False, said.append)
     assert list(opened) == ["lti", "lti-per-curvature", "persistence"] == fitted
-    assert said == [f"without {SHIPPED}: it may have been trained on their test episodes."]
+    assert said == [f"without {SHIPPED}: {SHIPPED} may have been trained on its test episodes."]
     fitted.clear()
     with pytest.raises(DatasetError, match=SHIPPED):
         open_baselines(["lti", SHIPPED], toy_dataset, [], is_required=True)

@@ -13,7 +13,7 @@ from importlib.metadata import version
 import pytest
 
 from offline import cli
-from offline.commands import training_run
+from offline.commands import terminal, training_run
 from offline.config import TrainingConfig
 from offline.training.checkpoint import load_checkpoint, save_checkpoint
 
@@ -182,6 +182,20 @@ def test_a_run_refuses_to_resume_with_another_data_set(command, toy_folder):
     code, _, err = command(cli.train_main, "--resume", "runs/latest", "--data", "other")
     assert code == 2
     assert "expected the data set" in err
+
+
+def test_an_evaluation_without_a_bundle_says_where_it_looked_and_what_makes_one(command, tmp_path):
+    (tmp_path / "runs" / "latest").mkdir(parents=True)
+    code, _, err = command(cli.evaluate_main)
+    assert code == 2
+    assert "runs/latest/bundle" in err
+    assert "Make it with offline-export, or name models" in err
+
+
+def test_the_progress_ends_with_a_new_line_when_it_is_written_to_a_file(capfd):
+    with terminal.progress_bar("training", 3) as show:
+        show(3, "loss 0.5")
+    assert capfd.readouterr().err.endswith("loss 0.5\n")
 
 
 @pytest.mark.parametrize(

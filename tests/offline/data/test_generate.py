@@ -21,7 +21,7 @@ from offline.data.generate import (
 from offline.data.recording import cut
 from offline.data.signals import VEHICLE_ROLES
 from rt_controller.contract.schema import VEHICLE
-from sim_bridge.plant.monitor import Monitor
+from sim_bridge.plant.protocol import PlantOutputs
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def slices(episode):
 def a_calm_log() -> tuple[np.ndarray, np.ndarray]:
     motion = np.zeros((101, 3))
     motion[:, 0] = 20.0
-    return motion, np.zeros((5, len(Monitor._fields)))
+    return motion, np.zeros((5, len(PlantOutputs._fields)))
 
 
 def test_an_episode_has_half_a_second_of_past_and_five_slices_of_two_seconds(episode):
@@ -178,16 +178,16 @@ def test_calm_driving_is_not_rejected():
     [("sideslip_rad", -1.01 * LARGEST_SIDESLIP_RAD), ("roll_rad", 0.3)],
 )
 def test_episodes_with_large_sideslip_or_roll_are_rejected(column, value):
-    motion, monitor = a_calm_log()
-    monitor[2, Monitor._fields.index(column)] = value
-    assert not is_kept(motion, monitor)
+    motion, outputs = a_calm_log()
+    outputs[2, PlantOutputs._fields.index(column)] = value
+    assert not is_kept(motion, outputs)
 
 
 @pytest.mark.parametrize("speed_mps", [0.99 * LOWEST_SPEED_MPS, np.nan])
 def test_episodes_with_low_or_infinite_speed_are_rejected(speed_mps):
-    motion, monitor = a_calm_log()
+    motion, outputs = a_calm_log()
     motion[50, 0] = speed_mps
-    assert not is_kept(motion, monitor)
+    assert not is_kept(motion, outputs)
 
 
 def test_kept_episodes_stay_above_the_lowest_speed(episode):

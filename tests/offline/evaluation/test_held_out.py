@@ -128,7 +128,7 @@ def test_a_model_is_not_evaluated_on_data_of_other_signals(save, tmp_path):
 
 def test_a_model_is_not_evaluated_on_data_without_its_past(toy_dataset):
     manifest = toy_dataset.manifest
-    fitting = Lift(("x", "history"), 4, manifest.roles.past)
+    fitting = Lift(False, 4, manifest.roles.past)
     long = replace(fitting, history_steps=21)
     other = replace(fitting, history_fields=("ey_m",))
     for lift, is_fine in ((fitting, True), (long, False), (other, False)):

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from toy_predictors import WithError, made_test_set, made_trajectories, with_random_error
 
-from offline.evaluation import metrics as evaluate
-from offline.evaluation.metrics import SHARES, prediction_errors, score
+from offline.evaluation import predictor
+from offline.evaluation.metrics import SHARES, score
+from offline.evaluation.predictor import prediction_errors
 from offline.evaluation.state_units import state_units
 from rt_controller.contract.schema import VEHICLE, Schema, Signal
 
@@ -101,9 +102,9 @@ def test_diverging_predictions_have_infinite_errors_and_are_counted():
 def test_batches_of_a_long_test_set_give_the_same_errors(monkeypatch):
     made = made_trajectories(23)
     model = with_random_error(made)
-    at_once = prediction_errors(model, made, CAR)
-    monkeypatch.setattr(evaluate, "_BATCH", 10)
-    assert np.array_equal(prediction_errors(model, made, CAR), at_once)
+    at_once = prediction_errors(model, made)
+    monkeypatch.setattr(predictor, "_BATCH", 10)
+    assert np.array_equal(prediction_errors(model, made), at_once)
     assert at_once.shape == (23, 80, 6)
 
 

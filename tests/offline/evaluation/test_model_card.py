@@ -42,7 +42,7 @@ def test_card_says_what_the_lift_uses_and_how_the_inputs_act(lti):
     n = lti.n_observables
     richer = replace(
         lti,
-        lift=Lift(("x", "w", "history"), 4, ("vx_mps", "steer_rad")),
+        lift=Lift(True, 4, ("vx_mps", "steer_rad")),
         bilinear=Bilinear(np.zeros((3, n, 3)), np.zeros((3, 3, n)), np.zeros((3, 3))),
     )
     found = dict(model_facts(richer))

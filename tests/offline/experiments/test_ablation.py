@@ -15,6 +15,7 @@ from offline.experiments.backend import Backend
 from offline.experiments.running_command import RunningCommand, running_command
 from offline.training.checkpoint import load_checkpoint
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.figures import write_figures
 
 ENCODER = ((6 + 3 * 6 + 1) * 8 + 8) + (8 * 3 + 3)
 """the state, three rows of history and the curvature; one of the four latents is the constant"""
@@ -31,7 +32,9 @@ def run_ablate(lists, toy_folder, one_process):
     """Runs the command `offline-ablate` on the toy data set, in this process."""
 
     def run(folder: Path, name="tiny", seeds="0", json_file=None) -> int:
-        return ablate(name, seeds, "", lists, None, folder, toy_folder, one_process, json_file)
+        figures, exit_code = ablate(name, seeds, "", lists, None, folder, toy_folder, one_process)
+        write_figures(json_file, figures)
+        return exit_code
 
     return run
 

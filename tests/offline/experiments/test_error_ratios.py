@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from offline.baselines.catalogue.lti import fit_linear
+from offline.evaluation import predictor
 from offline.experiments import error_ratios as error_ratios_module
 from offline.experiments.error_ratios import (
     checkpoint_mse,
@@ -30,7 +31,7 @@ class ShiftedTruth:
 
 
 def test_errors_are_mean_squares_over_steps_and_trajectories(toy_dataset, monkeypatch):
-    monkeypatch.setattr(error_ratios_module, "CHUNK", 7)
+    monkeypatch.setattr(predictor, "_BATCH", 7)
     shift = np.array([1.0, 2.0, 0.5, 0.0, 3.0, 0.1])
     model = ShiftedTruth(toy_dataset.select("validation").x.astype(np.float64), shift)
     assert mean_squared_errors(model, toy_dataset) == pytest.approx(shift**2, abs=1e-12)

@@ -20,6 +20,7 @@ from offline.experiments.backend import Backend
 from offline.experiments.running_command import RunningCommand
 from offline.training.checkpoint import load_checkpoint
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.figures import write_figures
 
 optuna = pytest.importorskip("optuna")
 COMPLETE, PRUNED = optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.PRUNED
@@ -40,7 +41,9 @@ def run_tune(spaces, toy_folder):
         backend=Backend(jobs=1),  # noqa: B008
         json_file=None,
     ) -> int:
-        return tune(name, spaces, seed, n_trials, common, folder, toy_folder, backend, json_file)
+        figures, exit_code = tune(name, spaces, seed, n_trials, common, folder, toy_folder, backend)
+        write_figures(json_file, figures)
+        return exit_code
 
     return run
 

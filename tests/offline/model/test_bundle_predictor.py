@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from made_models import WITH_PAST, make_bundle
+from made_models import WITH_PAST, input_matrix, make_bundle
 
 from offline.model.bundle_predictor import BundlePredictor
 from rt_controller.contract.artifact import LiftSample, load_bundle, shipped_model
@@ -35,7 +35,7 @@ def test_a_frozen_bilinear_bundle_keeps_the_input_matrix_of_its_first_lifted_sta
     U, W = rng.normal(size=(3, 4, 3)), rng.normal(size=(3, 4, 1))
     model = BundlePredictor(bundle)
     psi = model.lift(LiftSample(x0, W[:, 0], past[:, -4:]))
-    B = bundle.input_matrix(psi)
+    B = input_matrix(bundle, psi)
     assert np.ptp(B, axis=0).max() > 1e-3
     for k in range(4):
         psi = psi @ bundle.A.T + np.einsum("bnm,bm->bn", B, U[:, k]) + bundle.c

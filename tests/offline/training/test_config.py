@@ -1,7 +1,6 @@
 """Explicit settings and presets of the training configuration."""
 
 import pytest
-from pydantic import ValidationError
 
 from offline.config import PAST_STEPS, PRESETS, STEPS, TrainingConfig, resolve
 from rt_controller.contract.errors import ConfigError
@@ -59,7 +58,8 @@ def test_an_unknown_preset_is_refused_with_the_list_of_presets():
     ],
 )
 def test_a_setting_out_of_range_is_refused(wrong):
-    with pytest.raises(ValidationError):
+    (name,) = wrong
+    with pytest.raises(ConfigError, match=rf"TrainingConfig\.{name}: "):
         TrainingConfig(**wrong)
 
 

@@ -1,12 +1,16 @@
 """The folder of a run, and what is refused on resume."""
 
 import json
+from dataclasses import replace
 from datetime import datetime
 
 import pytest
 import torch
 
+from offline.commands.terminal import print_assumed
+from offline.config import TrainingConfig
 from offline.training.checkpoint import load_checkpoint, save_checkpoint
+from offline.training.export import export_checkpoint
 from offline.training.run_folder import create_run, cut_history, open_run
 from offline.training.train import train
 from rt_controller.contract.errors import ArtifactError, RtControllerError
@@ -98,3 +102,37 @@ def test_a_full_disk_leaves_the_previous_checkpoint(tiny_config, toy_dataset, ne
         save_checkpoint(run.last, load_checkpoint(run.last))
     assert run.last.read_bytes() == before
     assert sorted(path.suffix for path in run.path.iterdir()) == [".json", ".jsonl", ".pt", ".pt"]
+
+
+def without(config, name):
+    return {key: value for key, value in config.model_dump(mode="json").items() if key != name}
+
+
+def test_a_setting_newer_than_the_run_gets_its_default_which_is_said(tiny_config, new_run, capsys):
+    run = new_run(tiny_config)
+    fields = json.loads((run.path / "config.json").read_text())
+    fields["config"] = without(tiny_config, "operator_rate")
+    (run.path / "config.json").write_text(json.dumps(fields))
+    opened = open_run(run.path).config
+    assert opened.operator_rate == TrainingConfig().operator_rate
+    print_assumed(opened)
+    assert "operator_rate = 0.1" in capsys.readouterr().err
+
+
+def test_weights_that_do_not_fit_the_assumed_settings_are_refused_with_a_remedy(
+    tiny_config, toy_dataset, new_run
+):
+    run = new_run(tiny_config)
+    train(tiny_config, toy_dataset, run)
+    checkpoint = load_checkpoint(run.last)
+    newer = TrainingConfig.model_validate(without(checkpoint.config, "hidden"))
+    with pytest.raises(ArtifactError, match="revision, or train again"):
+        export_checkpoint(replace(checkpoint, config=newer), toy_dataset)
+
+
+def test_a_setting_that_this_version_does_not_have_is_named(tiny_config, new_run):
+    run = new_run(tiny_config)
+    whole = (run.path / "config.json").read_text()
+    (run.path / "config.json").write_text(whole.replace('"mirror"', '"mirorr"'))
+    with pytest.raises(ArtifactError, match=r"config\.mirorr: no such setting\)"):
+        open_run(run.path)

@@ -12,10 +12,9 @@ from sim_bridge.validation import dwell
 from sim_bridge.validation.driver_model import (
     DRIVER_PERIOD_S,
     DriverModel,
-    OpenLoopDriver,
     PreviewDriver,
-    SpeedControl,
     fit_driver_model,
+    steer_open_loop,
 )
 from sim_bridge.validation.run import Observation, Run, cruising_throttle, replay, run_driver
 
@@ -31,7 +30,7 @@ def test_the_replay_of_a_drive_s_inputs_equals_the_drive() -> None:
     again = replay(CAR, SPEED_MPS, driven.inputs[1:], driven.period_s)
     np.testing.assert_allclose(again.motion, driven.motion, atol=1e-12)
     np.testing.assert_allclose(again.pose, driven.pose, atol=1e-12)
-    np.testing.assert_allclose(again.monitor[1:], driven.monitor[1:], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(again.outputs[1:], driven.outputs[1:], rtol=1e-9, atol=1e-9)
 
 
 def test_columns_of_a_run_are_accessed_by_name() -> None:
@@ -51,10 +50,7 @@ def test_the_cruising_throttle_keeps_the_speed() -> None:
 
 
 def test_speed_control_keeps_the_speed_in_a_tightening_turn() -> None:
-    speed = SpeedControl(SPEED_MPS, cruising_throttle(CAR, SPEED_MPS), 0.025)
-    run = run_driver(
-        CAR, SPEED_MPS, OpenLoopDriver(lambda time_s: 0.06 * time_s, speed), 12.0, 0.025
-    )
+    run = steer_open_loop(CAR, SPEED_MPS, lambda time_s: 0.06 * time_s, 12.0, 0.025)
     assert run.lateral_g[-1] > 0.3
     np.testing.assert_allclose(run.speed_mps, SPEED_MPS, atol=0.1)
 
@@ -118,6 +114,6 @@ def test_the_preview_driver_begins_to_steer_within_its_preview(
 
 
 def test_a_car_that_does_not_reach_0_3_g_has_nan_for_the_sine_with_dwell() -> None:
-    runs, lines = dwell.measure(CAR, nan)
+    runs, values = dwell.measure(CAR, nan)
     assert runs == ()
-    assert all(isnan(line.reached) for line in lines)
+    assert all(isnan(value) for value in values.values())

@@ -3,12 +3,16 @@
 import json
 from dataclasses import dataclass
 from importlib import resources
+from math import nan
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from rt_controller.contract.errors import ConfigError
+from sim_bridge.validation import command
+from sim_bridge.validation.acceptance import Line, check_line
 from sim_bridge.validation.command import validate
 
 
@@ -113,6 +117,18 @@ def test_another_car_is_not_judged_by_the_targets_of_the_table(strong_rear: Vali
     assert by_name["steering effort"]["ok"] is None
     assert by_name["largest difference of the mirrored run"]["ok"] is True
     assert 4 not in {line["test"] for line in strong_rear.lines}
+
+
+def test_numbers_that_could_not_be_measured_are_null(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    line = Line(name="yaw rate", target="reference", share=0.1)
+    results = [check_line(4, line, nan, "c_class_150kw_awd", reference=nan)]
+    monkeypatch.setattr(command, "measure_all", lambda *_: SimpleNamespace(results=results))
+    figures = tmp_path / "figures.json"
+    assert validate(json_file=figures) == 1
+    (written,) = json.loads(figures.read_text("utf-8"))
+    assert [written[name] for name in ("reached", "target", "low", "high")] == [None] * 4
 
 
 def test_an_unknown_car_is_refused_by_name() -> None:

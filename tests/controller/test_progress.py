@@ -1,0 +1,127 @@
+"""What a command shows while it runs."""
+
+from collections.abc import Callable
+from itertools import count
+from math import inf
+from threading import Semaphore, Thread
+from types import SimpleNamespace
+from typing import cast
+
+import pytest
+
+from rt_controller.contract.signals import Mode
+from rt_controller.drive_trace import DriveTrace
+from rt_controller.loop import RunRecord
+from rt_controller.realtime.accounting import DeadlineAccount
+from rt_controller.realtime.scheduling import NO_GUARANTEES
+from rt_controller.session import ControllerSession
+from rt_controller.step import StepResult
+from rt_controller.terminal import progress
+from rt_controller.terminal.progress import Line
+from rt_controller.terminal.summary import STOPPING, live_lines
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress, "LIVE_INTERVAL_S", 0.001)
+    monkeypatch.setattr(progress, "LOG_INTERVAL_S", inf)
+
+
+def started(work: Callable[[], None]) -> Thread:
+    thread = Thread(target=work)
+    thread.start()
+    return thread
+
+
+def test_a_log_shows_a_line_when_what_happens_has_changed_and_at_the_end(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    calls = Semaphore(0)
+    numbers = count()
+
+    def line() -> Line:
+        calls.release()
+        number = next(numbers)
+        return Line("waiting") if number < 5 else Line("driving", f"tick {number}")
+
+    def work() -> None:
+        for _ in range(20):
+            calls.acquire()
+
+    progress.watch(started(work), line, False)
+    shown = capsys.readouterr().err.splitlines()
+    assert shown[:2] == ["waiting", "driving  tick 5"]
+    assert len(shown) == 3  # the last one at the end
+
+
+def test_the_lines_of_a_run_show_each_mode_once_and_what_the_system_granted(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    calls = Semaphore(0)
+    session = SimpleNamespace(
+        is_joined=False,
+        is_stop_requested=False,
+        guarantees=NO_GUARANTEES,
+        record=RunRecord(DeadlineAccount(10, 1), DriveTrace(10)),
+    )
+    lines = live_lines(cast("ControllerSession", session))
+
+    def line() -> Line:
+        calls.release()
+        return next(lines)
+
+    def work() -> None:
+        for _ in range(5):
+            calls.acquire()
+        session.is_joined = True
+        for _ in range(10):
+            calls.acquire()
+        session.record.result = StepResult(mode=Mode.NOMINAL)
+        for _ in range(10):
+            calls.acquire()
+        session.is_stop_requested = True
+        for _ in range(10):
+            calls.acquire()
+
+    progress.watch(started(work), line, False)
+    shown = capsys.readouterr().err.splitlines()
+    assert shown.count(STOPPING) == 1
+    shown.remove(STOPPING)
+    assert shown[:2] == ["waiting for the vehicle", NO_GUARANTEES.sentence()]
+    assert [text.split()[0] for text in shown[2:]] == ["STANDBY", "NOMINAL"]
+
+
+def test_a_quiet_command_shows_neither_lines_nor_messages(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with progress.announce(progress.COMPILING, is_quiet=True):
+        progress.watch(started(lambda: None), lambda: Line("driving", note="granted"), True)
+    assert capsys.readouterr().err == ""
+
+
+def test_a_long_step_is_announced_in_a_log_too(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress.announce(progress.COMPILING):
+        assert "first start takes" in capsys.readouterr().err
+
+
+def test_a_live_line_fits_into_the_terminal_and_replaces_all_that_stood_there(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in {"FORCE_COLOR": "1", "TERM": "xterm", "COLUMNS": "40"}.items():
+        monkeypatch.setenv(name, value)
+    calls = Semaphore(0)
+
+    def line() -> Line:
+        calls.release()
+        return Line("driving", "figure " * 20)
+
+    def work() -> None:
+        for _ in range(3):
+            calls.acquire()
+
+    progress.watch(started(work), line, False)
+    shown = capsys.readouterr().err
+    assert shown.startswith("\r\x1b[2K")
+    last = shown.split("\x1b[2K")[-1]
+    assert len(last) == 40  # 39 characters and the end of the line
+    assert last.endswith("…\n")

@@ -1,0 +1,83 @@
+"""Settings made in Python: every refused field is named as Python names it."""
+
+import re
+from typing import Any, get_args
+
+import can
+import pytest
+
+from rt_controller import Controller, ControllerConfig, MpcSettings
+from rt_controller.bus import transport
+from rt_controller.config import ShippedModel
+from rt_controller.contract.artifact import shipped_model
+from rt_controller.contract.errors import ConfigError, RtControllerError
+from rt_controller.settings import (
+    BusSettings,
+    CarSettings,
+    CommonInterface,
+    ShippedCar,
+    ShippedScenario,
+)
+from rt_controller.settings_table import Settings
+from sim_bridge.toml_file import shipped_names
+
+
+@pytest.mark.parametrize(
+    ("table", "values", "expected"),
+    [
+        (MpcSettings, {"horizon": 1}, "MpcSettings.horizon: expected at least 3, found 1."),
+        (MpcSettings, {"horizont": 9}, "horizont: no such setting. Did you mean horizon?"),
+        (MpcSettings, {"solver": "osqp"}, "solver: expected 'piqp' or 'daqp', found 'osqp'."),
+        (
+            ControllerConfig,
+            {"mpc": {"tolerance": {"ey_m": 0}}},
+            "mpc.tolerance.ey_m: expected more",
+        ),
+        (
+            CarSettings,
+            {"scenario": 4},
+            "CarSettings.scenario: expected 'double_lane_change', 'lane_change_60', "
+            "'lane_change_120' or 'straight', or a text, found 4.",
+        ),
+        (
+            ControllerConfig,
+            {"model": 5},
+            "expected 'mdk-net', 'mdk-net-paper' or 'lti', or a text, or a path, found 5.",
+        ),
+        (
+            BusSettings,
+            {"bus": "socketcan", "bus_option": {"fd": True}},
+            "BusSettings.bus_option.fd: expected a text, found True.",
+        ),
+    ],
+)
+def test_a_refused_field_is_named_with_what_was_expected_and_found(
+    table: type[Settings], values: dict[str, Any], expected: str
+) -> None:
+    with pytest.raises(ConfigError, match=re.escape(expected)):
+        table(**values)
+
+
+def test_all_refused_fields_are_named_at_once_each_in_one_line() -> None:
+    with pytest.raises(ConfigError) as refused:
+        ControllerConfig(model=5, mpc={"horizon": 1, "slew_rows": "x"})  # type: ignore[arg-type]
+    lines = str(refused.value).splitlines()
+    names = ["ControllerConfig.model", "ControllerConfig.mpc.horizon", "ControllerConfig.mpc.slew"]
+    assert len(lines) == 3
+    assert all(line.startswith(name) for line, name in zip(lines, names, strict=True))
+
+
+def test_an_error_raised_in_python_names_no_option() -> None:
+    settings = MpcSettings(latent_weight=0.1)
+    with pytest.raises(RtControllerError, match=r"`mpc\.latent_weight` 0") as refused:
+        Controller.load("mdk-net", ControllerConfig(mpc=settings))
+    assert "--" not in str(refused.value)
+
+
+def test_the_choices_in_the_help_are_what_is_shipped() -> None:
+    models = {folder.name for folder in shipped_model().parent.iterdir()}
+    assert set(get_args(ShippedModel)) == models
+    assert set(get_args(ShippedScenario)) == set(shipped_names("scenarios"))
+    assert set(get_args(ShippedCar)) == set(shipped_names("cars"))
+    assert get_args(CommonInterface) == transport.COMMON
+    assert set(transport.COMMON) <= {*can.VALID_INTERFACES, "remote"}
