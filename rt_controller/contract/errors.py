@@ -67,7 +67,7 @@ def needs_extra(extra: str, needed_by: str) -> Iterator[None]:
 
 
 def require_packages(extra: str, packages: Iterable[str], needed_by: str) -> None:
-    """Return if these packages of an extra are installed; none of them is imported.
+    """Check that the packages of an extra are installed, without importing them.
 
     Raises:
         MissingExtraError: one is missing.
