@@ -1,6 +1,5 @@
 """`python -m benchmarks.growth`: time of a solve against horizon and latents."""
 
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +14,7 @@ from benchmarks.tables import percentiles, timed
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.artifact import load_bundle, shipped_model
 from rt_controller.contract.bundle import Bundle
-from rt_controller.contract.figures import write_figures
+from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.signals import VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.pedals import PedalChoice
@@ -23,6 +22,7 @@ from rt_controller.control.program import QpParameters
 from rt_controller.control.qp import CondensedQp
 from rt_controller.control.solver import Solver, SolveStatus, open_solver
 from rt_controller.report.table import Column, Table, print_table
+from rt_controller.terminal.command_line import run_command
 
 HORIZONS = (10, 20, 40, 80, 160)
 LATENTS = (0, 8, 20, 60, 120, 240)
@@ -143,6 +143,7 @@ def main(
     json
         File for all figures.
     """
+    require_writable(json)
     console = Console()
     linear = load_bundle(shipped_model("lti"))
     sizes = []
@@ -171,4 +172,4 @@ def _table(sizes: Sequence[Size]) -> Table:
 
 
 if __name__ == "__main__":
-    sys.exit(app())
+    run_command(app)

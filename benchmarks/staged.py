@@ -6,7 +6,6 @@ Compared with the controller's condensed QP in `benchmarks.growth`; decision 018
 from typing import cast
 
 import numpy as np
-import osqp
 from scipy.sparse import csc_matrix, diags, identity, kron, triu, vstack
 
 from rt_controller.contract.arrays import Array
@@ -92,7 +91,8 @@ def _dynamics(bundle: Bundle, scale: Array, horizon: int) -> csc_matrix:
 
 MAX_ITERATIONS = 30
 """more than with inputs only: states have many units and no bounds"""
-OSQP_TOLERANCE = 1e-5
+OSQP_TOLERANCE = 1e-6
+"""the loosest power of ten with which first inputs are exact to 1e-4 of their range"""
 
 
 class _StagedSolver:
@@ -133,6 +133,8 @@ class StagedOsqp(_StagedSolver):
     """OSQP without a warm start."""
 
     def __init__(self, qp: StagedQp) -> None:
+        import osqp
+
         super().__init__(qp)
         self._solver = osqp.OSQP()
         self._solver.setup(

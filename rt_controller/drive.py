@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import ConfigError, needs_extra
+from rt_controller.contract.errors import ConfigError, needs_extra, require_type
 from rt_controller.contract.schema import VEHICLE, Signal
 from rt_controller.contract.signals import Mode
 
@@ -101,7 +101,7 @@ class Drive:
             ConfigError: the file cannot be written.
             TypeError: `file` is no path.
         """
-        _require_path(file)
+        require_type("file", file, str | Path, "the path of a file")
         try:
             np.savetxt(file, self.values, "%.9g", ",", header=",".join(self.columns), comments="")
         except OSError as error:
@@ -133,13 +133,7 @@ class Drive:
             ConfigError: the file cannot be written, or its format is unknown.
             TypeError: `file` is no path.
         """
-        if file is not None:
-            _require_path(file)
+        require_type("file", file, str | Path | None, "the path of a file")
         from rt_controller.report.drive_figure import draw_drive
 
         return draw_drive(self, None if file is None else Path(file))
-
-
-def _require_path(file: object) -> None:
-    if not isinstance(file, str | Path):
-        raise TypeError(f"file: expected the path of a file, found {file!r:.60}.")

@@ -24,8 +24,7 @@ def wait_for_vehicle(
     began_ns = clock.now_ns()
     while not request.is_requested:
         inbox.drain(bus, clock.now_ns())
-        if inbox.last_failure:
-            raise BusError(f"The bus cannot be read: {inbox.last_failure}")
+        inbox.require_readable()
         if inbox.foreign_frames > 0:
             raise BusError(
                 "Expected to be the only controller on this bus, found frames of "

@@ -127,9 +127,10 @@ class _EndConditions:
             return True
         if result.mode is not Mode.SAFE_STOP or not self._is_at_rest(result):
             return False
-        if result.cause is not StopCause.STOP_REQUESTED:
+        is_over = is_stopping or not self._waits_for_missions or result.cause in BUS_CAUSES
+        if is_over and result.cause is not StopCause.STOP_REQUESTED:
             self._record.ending = Ending.SAFE_STOPPED
-        return is_stopping or not self._waits_for_missions or result.cause in BUS_CAUSES
+        return is_over
 
     def _is_at_rest(self, result: StepResult) -> bool:
         if result.state is None:

@@ -1,12 +1,13 @@
 """Settings of bus and car, which both programs share."""
 
-from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
 from pydantic import PositiveInt, ValidationInfo, field_validator
 
+from rt_controller.contract.limits import LEAST_FRICTION, MOST_FRICTION
+from rt_controller.contract.names import name_or
 from rt_controller.settings_table import Settings
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ CommonInterface = Literal["virtual", SharedInterface]
 ShippedScenario = Literal["double_lane_change", "lane_change_60", "lane_change_120", "straight"]
 ShippedCar = Literal["c_class_150kw_awd", "c_class_125kw_fwd", "commonroad_vehicle_2"]
 OWN, FMU, COMMONROAD = "own", "fmu", "commonroad"
-_LEAST_FRICTION, _MOST_FRICTION = 0.05, 1.5
 CAR_PRIORITY = 40
 """SCHED_FIFO priority of the car's thread, below the controller's"""
 
@@ -75,8 +75,10 @@ class CarSettings(Settings):
     @classmethod
     def _require_shipped_or_file(cls, found: str | None, info: ValidationInfo) -> str | None:
         shipped = get_args(ShippedScenario if info.field_name == "scenario" else ShippedCar)
-        if found is not None and not (found.endswith(".toml") and Path(found).is_file()):
-            require_shipped(found, shipped, "the path of a .toml file that exists")
+        if found is None or found in shipped:
+            return found
+        if not (found.endswith(".toml") and Path(found).is_file()):
+            raise ValueError(name_or(found, shipped, "the path of a .toml file that exists"))
         return found
 
     @field_validator("plant")
@@ -90,21 +92,9 @@ class CarSettings(Settings):
     @field_validator("friction", "friction_right")
     @classmethod
     def _require_friction(cls, found: float | None) -> float | None:
-        if found is not None and not _LEAST_FRICTION <= found <= _MOST_FRICTION:
+        if found is not None and not LEAST_FRICTION <= found <= MOST_FRICTION:
             raise ValueError(
-                f"expected {_LEAST_FRICTION} to {_MOST_FRICTION}, 1 being the road of the tyre "
+                f"expected {LEAST_FRICTION} to {MOST_FRICTION}, 1 being the road of the tyre "
                 f"test (dry asphalt is about 0.85, packed snow 0.3)"
             )
         return found
-
-
-def require_shipped(found: str, shipped: Sequence[str], otherwise: str) -> None:
-    """Return if this is a shipped name; `otherwise` is what it may be instead.
-
-    Raises:
-        ValueError: it is not; the message does not say what was found.
-    """
-    if found not in shipped:
-        near = get_close_matches(found, shipped, n=1)
-        hint = f" (did you mean {near[0]}?)" if near else ""
-        raise ValueError(f"expected one of {', '.join(shipped)}{hint}, or {otherwise}")

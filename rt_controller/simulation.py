@@ -5,7 +5,6 @@ from itertools import count
 from math import inf
 from numbers import Real
 from pathlib import Path
-from types import UnionType
 from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
@@ -13,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from rt_controller.config import ControllerConfig, require_config
 from rt_controller.contract.bundle import Bundle
-from rt_controller.contract.errors import ConfigError, PlantError
+from rt_controller.contract.errors import ConfigError, PlantError, require_type
 from rt_controller.contract.settings_errors import dotted, explain
 from rt_controller.control.mpc import Mpc
 from rt_controller.drive import Drive
@@ -63,10 +62,10 @@ def simulate(
         PlantError: the plant failed during the drive, or raised an exception: then its cause.
         TypeError: an argument is of another type.
     """
-    _require_type("scenario", scenario, str | Path, "the name or path of a scenario")
-    _require_type("car", car, str | Path | None, "the name or path of a car")
-    _require_type("friction", friction, Real | None, "one number")
-    _require_type("duration_s", duration_s, Real | None, "one number")
+    require_type("scenario", scenario, str | Path, "the name or path of a scenario")
+    require_type("car", car, str | Path | None, "the name or path of a car")
+    require_type("friction", friction, Real | None, "one number")
+    require_type("duration_s", duration_s, Real | None, "one number")
     if duration_s is not None and not 0.0 < duration_s < inf:
         raise ConfigError(f"duration_s: expected a finite time above 0 s, found {duration_s}.")
     settings = require_config(config)
@@ -109,8 +108,3 @@ def drive_in_lockstep(
     if plant_failure is not None:
         raise PlantError(f"The plant failed during the drive: {plant_failure}.")
     return session.drive()
-
-
-def _require_type(name: str, found: object, kind: type | UnionType, expected: str) -> None:
-    if not isinstance(found, kind):
-        raise TypeError(f"{name}: expected {expected}, found {found!r:.60}.")

@@ -24,6 +24,7 @@ def open_virtual_car(
     Raises:
         MissingExtraError: the simulation's or the plant's dependencies are not installed.
         ConfigError: there is no such scenario or plant.
+        PlantError: the plant raised an exception in its reset or first step.
         BusError: the bus cannot be opened.
     """
     with needs_extra("sim", "The simulated car"):

@@ -1,6 +1,7 @@
 """A car on its road: any plant and the road frame, advanced together."""
 
 from math import cos, isfinite
+from typing import NoReturn
 
 import numpy as np
 
@@ -8,7 +9,7 @@ from rt_controller.contract.errors import PlantError, RtControllerError
 from rt_controller.contract.signals import AT_REST, ControlInput, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge import frenet
-from sim_bridge.plant.protocol import Plant
+from sim_bridge.plant.protocol import Plant, require_motion
 
 
 class Car:
@@ -26,8 +27,17 @@ class Car:
         """The state after a restart: driving straight ahead with everything settled.
 
         Its progress is that of a period before the start, driven equally on a straight road.
+
+        Raises:
+            PlantError: the plant raised an exception.
+            ConfigError: the plant cannot start at this speed, or did not return an array (3).
         """
-        self._before[:] = self.plant.reset(v0_mps)
+        try:
+            motion = self.plant.reset(v0_mps)
+            require_motion(motion, 1, "reset")
+        except Exception as error:
+            self._raise_named(f"the reset to {v0_mps:.2f} m/s", error)
+        self._before[:] = motion
         self._pose[:] = (0.0, ey_m, epsi_rad)
         self._steps = 0
         vx_mps, vy_mps, yaw_rate_radps = self._before.tolist()
@@ -42,19 +52,16 @@ class Car:
 
         Raises:
             PlantError: the plant raised an exception.
+            ConfigError: the first step did not return an array (n, 3).
         """
         s_before_m = float(self._pose[frenet.S])
         self._steps += 1
         try:
             motion = self.plant.step(control, dt_s)
-        except RtControllerError:
-            raise
+            if self._steps == 1:
+                require_motion(motion, 2, "step")
         except Exception as error:
-            raise PlantError(
-                f"plant {self.plant.name}: expected a motion from step {self._steps} after the "
-                f"start, found {type(error).__name__}: {error}. A plant that fails returns NaN and "
-                f"states the reason in `failure`."
-            ) from error
+            self._raise_named(f"step {self._steps} after the start", error)
         step_s = dt_s / motion.shape[0]
         frenet.advance_pose(self._before, motion, curvature_per_m, step_s, self._pose)
         self._before[:] = motion[-1]
@@ -67,6 +74,15 @@ class Car:
     def is_sound(self) -> bool:
         """True if the state is finite."""
         return isfinite(sum(self.state))
+
+    def _raise_named(self, call: str, error: Exception) -> NoReturn:
+        if isinstance(error, RtControllerError):
+            raise error
+        raise PlantError(
+            f"plant {self.plant.name}: expected a motion from {call}, found "
+            f"{type(error).__name__}: {error}. A plant that fails returns NaN and states the "
+            f"reason in `failure`."
+        ) from error
 
     @property
     def s_m(self) -> float:

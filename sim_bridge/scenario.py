@@ -11,6 +11,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
 
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.limits import LEAST_FRICTION, MOST_FRICTION
+from rt_controller.contract.physics import GRAVITY_MPS2
 from rt_controller.contract.signals import PathReference
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.toml_file import parse, read_shipped_or_own, shipped_names
@@ -22,7 +24,6 @@ MAX_SLOPE = 0.5
 """of the path against the road; limited by the value range of the frames, with a margin"""
 STEEPEST_MIN_JERK = 1.875
 """peak slope of a minimum-jerk move, in units of height over length"""
-GRAVITY_MPS2 = 9.81
 _KMH_PER_MPS = 3.6
 _FASTEST_KMH = 250.0
 _SCENARIOS_FOLDER = "scenarios"
@@ -52,7 +53,7 @@ class Scenario(BaseModel):
     speed_kmh: Annotated[float, Field(gt=0, le=_FASTEST_KMH)]
     curvature_per_m: Annotated[float, Field(ge=-0.02, le=0.02)]
     duration_s: Annotated[_Finite, Field(gt=0)]
-    road_friction: Annotated[float, Field(ge=0.05, le=1.5)]
+    road_friction: Annotated[float, Field(ge=LEAST_FRICTION, le=MOST_FRICTION)]
     """1 is the road of the tyre test"""
     moves: tuple[LateralMove, ...]
 

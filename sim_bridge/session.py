@@ -9,14 +9,13 @@ from rt_controller.bus.recorder import Recorder
 from rt_controller.bus.transport import close_bus
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import NEUTRAL_INPUT
-from rt_controller.contract.timing import PERIOD_S
 from rt_controller.realtime.clock import RealtimeClock
 from rt_controller.realtime.scheduling import set_thread_priority
 from rt_controller.settings import BusSettings, CarSettings
 from sim_bridge.adapters.plants import open_plant
 from sim_bridge.bridge import Bridge
 from sim_bridge.car import Car
-from sim_bridge.plant.protocol import Plant, require_motion, require_plant
+from sim_bridge.plant.protocol import Plant, require_plant
 from sim_bridge.scenario import Scenario, load_scenario
 
 OWN_CAR = CarSettings()
@@ -94,14 +93,13 @@ def build_car(scenario: Scenario, choice: CarSettings | Plant = OWN_CAR) -> Car:
     Raises:
         MissingExtraError: the plant's optional dependencies are not installed.
         ConfigError: the plant does not exist, or cannot drive one period.
+        PlantError: the plant raised an exception in its reset or first step.
     """
     plant = choice
     if isinstance(plant, CarSettings):
         plant = open_plant(plant, scenario.road_friction)
     else:
         require_plant(plant)
-        require_motion(plant.reset(scenario.speed_mps), 1, "reset")
-        require_motion(plant.step(NEUTRAL_INPUT, PERIOD_S), 2, "step")
     try:
         car = Car(plant, scenario.speed_mps)
         # One period for nothing: what is not compiled or loaded yet is so here and not in the loop.
@@ -111,7 +109,7 @@ def build_car(scenario: Scenario, choice: CarSettings | Plant = OWN_CAR) -> Car:
                 f"Expected a plant that drives a first control period, found a failure of "
                 f"{plant.failure}. Correct the plant or its mapping."
             )
-        car.reset(scenario.speed_mps, 0.0, 0.0)
+        car.reset(scenario.speed_mps)
     except BaseException:
         plant.close()
         raise
@@ -130,7 +128,8 @@ def open_session(
 
     Raises:
         MissingExtraError: the plant's optional dependencies are not installed.
-        ConfigError: there is no such scenario or plant.
+        ConfigError: there is no such scenario or plant, or the plant cannot drive one period.
+        PlantError: the plant raised an exception in its reset or first step.
         BusError: the bus cannot be opened.
     """
     manoeuvre = load_scenario(scenario)

@@ -1,20 +1,21 @@
 """`python -m benchmarks.cadence`: the step from frames in to frames out, once a period."""
 
-import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import cyclopts
 from rich.console import Console
 
 from benchmarks.cadence.drive import CadenceRun, Transport, aggregate, drive_in_real_time
 from rt_controller.contract.artifact import shipped_model
-from rt_controller.contract.figures import write_figures
+from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.realtime.tick_times import TickTimes
 from rt_controller.report.table import Column, Fact, Table, facts_table, print_table
+from rt_controller.terminal.command_line import run_command
 
-VARIANTS: dict[str, tuple[str, ...]] = {
+Variant = Literal["default", "fast", "unprepared", "paper", "lti"]
+VARIANTS: dict[Variant, tuple[str, ...]] = {
     "default": (),
     "fast": ("--mpc.solver", "daqp"),
     "unprepared": ("--realtime.prepare-ms", "0"),
@@ -37,7 +38,7 @@ app = cyclopts.App(name="python -m benchmarks.cadence", version_flags=[])
 @app.default
 def main(
     *,
-    variants: tuple[str, ...] = ("default", "fast"),
+    variants: tuple[Variant, ...] = ("default", "fast"),
     ticks: int = 40_000,
     rounds: int = 1,
     transport: Transport = Transport.LOCAL,
@@ -65,8 +66,9 @@ def main(
     json
         File for all figures.
     """
+    require_writable(json)
     console = Console()
-    drives: dict[str, list[CadenceRun]] = {variant: [] for variant in variants}
+    drives: dict[Variant, list[CadenceRun]] = {variant: [] for variant in variants}
     stolen_s = dict.fromkeys(variants, 0.0)
     for round_ in range(rounds):
         for variant, driven in drives.items():
@@ -130,4 +132,4 @@ def _tables(found: dict[str, Any]) -> tuple[Table, Table]:
 
 
 if __name__ == "__main__":
-    sys.exit(app())
+    run_command(app)

@@ -1,11 +1,7 @@
 """Drives with a vehicle and a controller, each in a process of its own, and their figures."""
 
 import json
-import socket
-import subprocess
-import sys
 import tempfile
-import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from enum import StrEnum
@@ -15,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.processes import program, start, start_bus_server
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.realtime.accounting import Histogram
@@ -125,34 +122,22 @@ def drive_in_real_time(
         folder = Path(name)
         scenario = folder / "slalom.toml"
         write_slalom(scenario, ticks)
-        with socket.socket() as probe:  # the system chooses a free one
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
-        channel = f"cadence-{port}"
+        channel = f"cadence-{folder.name}"
         if transport is Transport.REMOTE:
-            server = _start(
-                *(sys.executable, "-m", "can_remote", "-H", "127.0.0.1", "-p", str(port)),
-                *("-i", "virtual", "-c", channel, "-b", "500000"),
-                log=folder / "bus.log",
-                cpu=car_cpu,
-                running=running,
-            )
-            _wait_for_port(port, server)
-            channel = f"ws://127.0.0.1:{port}/"
+            _, channel = start_bus_server(folder / "bus.log", running, car_cpu)
         bus = ("--bus", transport.value, "--channel", channel, "--quiet")
         car_log, controller_log = folder / "car.log", folder / "controller.log"
-        _start(
-            *_program("sim_bridge.cli", *bus, "--scenario", str(scenario)),
+        start(
+            *program("sim_bridge.cli", *bus, "--scenario", str(scenario)),
             log=car_log,
             cpu=car_cpu,
             running=running,
         )
         summary_file, ticks_file = folder / "controller.json", folder / "ticks.csv"
-        controller = _start(
-            *_program("rt_controller.cli", *bus, "--realtime.cpu", str(controller_cpu)),
+        controller = start(
+            *program("rt_controller.cli", *bus, "--realtime.cpu", str(controller_cpu)),
             *("--json", str(summary_file), "--ticks", str(ticks_file), *options),
             log=controller_log,
-            cpu=None,
             running=running,
         )
         controller.wait(ticks * PERIOD_S + TIMEOUT_S)
@@ -166,30 +151,3 @@ def drive_in_real_time(
             )
         times = np.genfromtxt(ticks_file, delimiter=",", names=True)
         return CadenceRun(summary, np.atleast_1d(times))
-
-
-def _program(module: str, *arguments: str) -> list[str]:
-    code = f"import sys; from {module} import main; sys.argv[0] = '{module}'; main()"
-    return [sys.executable, "-c", code, *arguments]
-
-
-def _start(
-    *command: str, log: Path, cpu: int | None, running: ExitStack
-) -> subprocess.Popen[bytes]:
-    """The process, which ends with `running`."""
-    pinned = () if cpu is None else ("taskset", "-c", str(cpu))
-    output = running.enter_context(log.open("wb"))
-    process = subprocess.Popen([*pinned, *command], stdout=output, stderr=output)
-    running.callback(process.wait)
-    running.callback(process.kill)
-    return process
-
-
-def _wait_for_port(port: int, server: subprocess.Popen[bytes]) -> None:
-    until = time.monotonic() + TIMEOUT_S
-    while time.monotonic() < until and server.poll() is None:
-        with socket.socket() as probe:
-            if probe.connect_ex(("127.0.0.1", port)) == 0:
-                return
-        time.sleep(0.05)
-    raise BusError(f"expected a bus server on 127.0.0.1:{port}, found none.")

@@ -1,23 +1,27 @@
 """`python -m benchmarks.peers`: the controller's QPs through every solver that is installed."""
 
 import platform
-import sys
 from itertools import product
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal, get_args
 
 import cyclopts
 from rich.console import Console
 
-from benchmarks.peers.recording import TIERS, record
+from benchmarks.peers.recording import TIERS, Tier, record
 from benchmarks.peers.solver_comparison import HEADS, Mode, compare
-from benchmarks.peers.solvers.registry import find_solvers
+from benchmarks.peers.solvers.registry import find_solvers, require_names
 from benchmarks.tables import to_plain, to_tables
-from rt_controller.contract.figures import write_figures
+from rt_controller.config import ShippedModel
+from rt_controller.contract.errors import needs_extra
+from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.report.drive_figure import require_figure_file
 from rt_controller.report.table import print_table
+from rt_controller.terminal.command_line import run_command
 
 HARD = Path(__file__).parent / "hard_lane_change.toml"
-SCENARIOS = {"mild": "double_lane_change", "hard": str(HARD)}
+Scenario = Literal["mild", "hard"]
+SCENARIOS: dict[Scenario, str] = {"mild": "double_lane_change", "hard": str(HARD)}
 PLOTTED = {"tier": "slew", "mode": Mode.PREPARED.value}
 """the shipped controller"""
 
@@ -27,9 +31,9 @@ app = cyclopts.App(name="python -m benchmarks.peers", version_flags=[])
 @app.default
 def main(
     *,
-    models: tuple[str, ...] = ("mdk-net", "mdk-net-paper"),
-    tiers: tuple[str, ...] = tuple(TIERS),
-    scenarios: tuple[str, ...] = tuple(SCENARIOS),
+    models: tuple[ShippedModel, ...] = ("mdk-net", "mdk-net-paper"),
+    tiers: tuple[Tier, ...] = get_args(Tier),
+    scenarios: tuple[Scenario, ...] = get_args(Scenario),
     modes: tuple[Mode, ...] = tuple(Mode),
     only: tuple[str, ...] = (),
     rounds: int = 5,
@@ -50,7 +54,7 @@ def main(
     modes
         What a solver is given before the clock starts.
     only
-        Names of the solvers to compare; the controller's own are always included.
+        Names of the solvers and controllers to compare; the controller's own are always included.
     rounds
         Repetitions of all solvers; ratios are taken within a round.
     nonlinear
@@ -60,6 +64,14 @@ def main(
     plot
         File (SVG or PNG) for a plot of the first model: slew, prepared.
     """
+    require_writable(json)
+    if plot is not None:
+        require_writable(plot, "--plot")
+        require_figure_file(plot)
+    if nonlinear:
+        with needs_extra("peers", "The comparison with nonlinear controllers"):
+            from benchmarks.peers.nonlinear import closed_loop_comparison
+    require_names(only, closed_loop_comparison.NAMES if nonlinear else ())
     console = Console()
     entries, missing = find_solvers(only)
     if missing:
@@ -77,8 +89,6 @@ def main(
                 print_table(table, console)
     closed_loop = []
     if nonlinear:
-        from benchmarks.peers.nonlinear import closed_loop_comparison
-
         for model in models:
             with console.status(f"{model}: compiling the nonlinear controllers"):
                 comparison = closed_loop_comparison.ClosedLoopComparison(model, only)
@@ -118,4 +128,4 @@ def main(
 
 
 if __name__ == "__main__":
-    sys.exit(app())
+    run_command(app)

@@ -3,19 +3,21 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from benchmarks.lockstep import drive_scenario
 from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.artifact import load_bundle, shipped_model
+from rt_controller.contract.bundle import Bundle
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.qp import Features
 from rt_controller.control.solver import SolveStatus, open_solver
-from rt_controller.control.terms import Corridor
+from rt_controller.control.terms import Corridor, TrackingCost
 
-TIERS = {
+Tier = Literal["box", "slew", "corridor"]
+TIERS: dict[Tier, Features] = {
     "box": Features(has_slew_rows=False),
     "slew": Features(),
     "corridor": Features(corridor=Corridor(half_width_m=0.1, beyond_m=0.05)),
@@ -62,8 +64,8 @@ class Recording:
 def record(model: str, scenario: str, features: Features) -> Recording:
     """All problems of driving `scenario` in lockstep with a shipped model."""
     settings, bundle = MpcSettings(), load_bundle(shipped_model(model))
-    mpc = _RecordingMpc(bundle, settings.horizon, settings.cost(), features, _RecordingSolver)
-    solver = mpc.recording_solver
+    mpc = _RecordingMpc(bundle, settings.horizon, settings.cost(), features)
+    solver = mpc.recorder
     recording = Recording(model, Path(scenario).stem, solver.program.copy(), solver.events)
     drive_scenario(bundle, mpc, scenario)
     return recording
@@ -98,12 +100,18 @@ class _RecordingSolver:
 class _RecordingMpc(Mpc):
     """Marks the problems that are solved in `warm_up`."""
 
-    @property
-    def recording_solver(self) -> _RecordingSolver:
-        assert isinstance(self._solver, _RecordingSolver)
-        return self._solver
+    recorder: _RecordingSolver
+
+    def __init__(
+        self, bundle: Bundle, horizon: int, cost: TrackingCost, features: Features
+    ) -> None:
+        super().__init__(bundle, horizon, cost, features, self._open_recorder)
+
+    def _open_recorder(self, program: QuadraticProgram) -> _RecordingSolver:
+        self.recorder = _RecordingSolver(program)
+        return self.recorder
 
     def warm_up(self) -> None:
-        self.recording_solver.is_warm_up = True
+        self.recorder.is_warm_up = True
         super().warm_up()
-        self.recording_solver.is_warm_up = False
+        self.recorder.is_warm_up = False

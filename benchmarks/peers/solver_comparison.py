@@ -70,8 +70,6 @@ class SolverRun:
 
     times_us: Array
     """(ticks,)"""
-    overhead_us: Array
-    """(ticks,), the part of `times_us` spent in the interface of qpsolvers and in its set-up"""
     first_inputs: Array
     """(ticks, 3), in units of their ranges"""
     unsolved: int
@@ -88,7 +86,6 @@ def run_solver(
     program = recording.program.copy()
     solver = entry.open(program, tolerance)
     times_us: list[float] = []
-    overhead_us: list[float] = []
     first_inputs: list[Array] = []
     unsolved, matrices_us = 0, 0.0
     for event in recording.replay(program):
@@ -101,13 +98,12 @@ def run_solver(
         if event.is_warm_up:
             continue
         times_us.append(spent_us + (matrices_us if mode is Mode.UNPREPARED else 0.0))
-        overhead_us.append(spent_us - 1e6 * getattr(solver, "solve_s", spent_us / 1e6))
         matrices_us = 0.0
         unsolved += status is not SolveStatus.SOLVED
         first_inputs.append(solver.solution[:N_INPUTS].copy())
         if unsolved > max_unsolved:
             break
-    return SolverRun(np.array(times_us), np.array(overhead_us), np.array(first_inputs), unsolved)
+    return SolverRun(np.array(times_us), np.array(first_inputs), unsolved)
 
 
 def first_input_error(run: SolverRun, exact: Array) -> float:
@@ -132,12 +128,11 @@ HEADS = {
         "p99_us_over_cold": Column("p99", "/ cold"),
         "p50_us_over_default": Column("p50", "/ default"),
     },
-    "accuracy, longest time and overhead": {
+    "accuracy and longest time": {
         "first_input_error": Column("u_0 error"),
         "unsolved": Column("unsolved"),
         "tolerance": Column("tolerance"),
         "max_us": Column("max", "us"),
-        "overhead_p50_us": Column("overhead", "us"),
     },
 }
 
@@ -147,7 +142,6 @@ def compare(
 ) -> pd.DataFrame:
     """A row for each solver, with the loosest tolerance that is accurate; columns as `HEADS`.
 
-    `overhead_p50_us` is the part of `p50_us` spent outside the solver, in qpsolvers and its set-up.
     A solver is accurate if with some tolerance it solves every problem with a first input within
     1e-4 of its range. The fastest is first.
     """
@@ -164,7 +158,6 @@ def compare(
                     "round": round_,
                     "name": entry.name,
                     **percentiles(run.times_us),
-                    "overhead_p50_us": float(np.median(run.overhead_us)),
                     "first_input_error": first_input_error(run, exact),
                     "unsolved": run.unsolved,
                 }

@@ -6,7 +6,7 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-PACKAGES = ("offline", "rt_controller", "sim_bridge")
+from offline.data.code_identity import PACKAGES
 
 
 def digest_of_code(module: str) -> str:

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from offline.baselines.baseline import describe_fit
 from offline.baselines.window_shape import require_windows
 from offline.data.dataset import Dataset
-from offline.data.provenance import describe_training
 from offline.data.signals import Roles, Scaling, fit_scaling
 from offline.data.trajectories import Trajectories
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.artifact import Bundle, Lift, LiftSample
+from rt_controller.contract.bundle import Bundle, Lift, LiftSample, spectral_radius_of
 from rt_controller.contract.identity_encoder import identity_encoder
 from rt_controller.contract.rollout import Matrices, roll_out
 from rt_controller.contract.schema import Schema
@@ -34,13 +34,12 @@ class LinearModel:
 
     def fit_info(self) -> tuple[Fact, ...]:
         """Largest absolute eigenvalue; above 1 predictions can grow."""
-        radius = np.max(np.abs(np.linalg.eigvals(self.matrices.A)))
+        radius = spectral_radius_of(self.matrices.A)
         return (Fact("spectral radius", f"{radius:.5f}"),)
 
 
 def to_bundle(name: str, model: LinearModel, dataset: Dataset, sample: LiftSample) -> Bundle:
     """A bundle whose lift is the identity; `sample` are instants for its self-test."""
-    fit_info = {fact.name: fact.value for fact in model.fit_info()}
     return Bundle(
         name=name,
         schema=dataset.schema,
@@ -49,7 +48,7 @@ def to_bundle(name: str, model: LinearModel, dataset: Dataset, sample: LiftSampl
         encoder_onnx=identity_encoder(sample.x.shape[1]),
         selftest=LiftSample(sample.x, sample.w, np.zeros((len(sample.x), 0, 0))),
         selftest_psi=sample.x.copy(),
-        training=describe_training({"kind": name, **fit_info}, dataset.origin),
+        training=describe_fit(name, model, dataset),
         data_sha256=dataset.sha256,
     )
 

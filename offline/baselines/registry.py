@@ -6,39 +6,15 @@ is imported only when its baseline is used.
 
 import pkgutil
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
 from importlib import import_module
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple
 
 from offline.baselines import catalogue
+from offline.baselines.baseline import Baseline, FittedBaseline
 from offline.baselines.code_digest import digest_of_code
 from offline.data.cache import cache
 from offline.data.dataset import Dataset
-from offline.evaluation.predictor import Predictor
-from rt_controller.contract.artifact import Bundle, LiftSample
 from rt_controller.contract.errors import ConfigError, DatasetError
-from rt_controller.report.table import Fact
-
-
-class FittedBaseline(Predictor, Protocol):
-    """A baseline after its fit: a predictor that can be pickled."""
-
-    def fit_info(self) -> tuple[Fact, ...]:
-        """What the fit chose and found."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class Baseline:
-    """How a baseline is made; each module of the catalogue has one as `BASELINE`."""
-
-    fit: Callable[[Dataset], FittedBaseline]
-    """fits to the training part, and chooses settings on the validation part"""
-    find_objection: Callable[[Dataset], str | None] = lambda dataset: None
-    """why it cannot be fitted to these data, as the end of a sentence; None if it can"""
-    to_bundle: Callable[[str, Any, Dataset, LiftSample], Bundle] | None = None
-    """name, fitted baseline, data, self-test instants → bundle; None if no controller can use it"""
 
 
 class Fitted(NamedTuple):

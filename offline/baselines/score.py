@@ -19,10 +19,18 @@ _SMALLEST_SHARE = 1e-15
 
 def log_error(predictor: Predictor, windows: Trajectories) -> float:
     """Mean log error of the states over steps 1..K; infinite if a prediction is not finite."""
+    errors = prediction_errors(predictor, windows)
+    return log_mean_square(errors, variances(windows.x), _SMALLEST_SHARE)
+
+
+def log_mean_square(errors: Array, unit: Array | float = 1.0, added: float = 0.0) -> float:
+    """Mean over the states of log(mean square / unit + added) of errors (N, K, n).
+
+    Infinite if an error is not finite.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
-        squares = np.square(prediction_errors(predictor, windows))
-        errors = squares.mean(axis=(0, 1)) / variances(windows.x)
-    return float(np.log(errors + _SMALLEST_SHARE).mean()) if np.all(np.isfinite(errors)) else np.inf
+        squares = np.square(errors).mean(axis=(0, 1)) / unit
+    return float(np.log(squares + added).mean()) if np.all(np.isfinite(squares)) else np.inf
 
 
 def variances(x: NDArray[np.floating]) -> Array:

@@ -10,7 +10,8 @@ from offline.evaluation.model_card import identity_facts
 from offline.evaluation.predictor import Predictor
 from offline.evaluation.test_sets import library_set
 from offline.model.bundle_predictor import BundlePredictor
-from rt_controller.contract.artifact import Bundle, load_bundle, shipped_model
+from rt_controller.contract.artifact import load_bundle, shipped_model
+from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.report.table import Fact
 

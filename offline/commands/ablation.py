@@ -13,7 +13,7 @@ from offline.config import TrainingConfig
 from offline.experiments.ablation import compare
 from offline.experiments.backend import Backend
 from offline.experiments.settings import common_fields
-from offline.experiments.table import Row, comparison_figures, comparison_markdown
+from offline.experiments.table import Row, comparison_figures, comparison_markdown, pool_seeds
 from offline.experiments.training_task import Result
 from offline.experiments.variants import read_variants
 from offline.files import write_json, write_text
@@ -59,16 +59,17 @@ def ablate(
             lambda done, row, result: show(done, _result_line(row, result)),
         )
     n_open = sum(row.result is None for row in rows)
+    results = pool_seeds(rows)
     figures = {
         "list": name,
         "folder": str(folder),
         "data_sha256": shared.sha256,
         "seeds": list(numbers),
         "is_finished": not n_open,
-        **comparison_figures(title, shared, rows),
+        **comparison_figures(title, shared, results),
     }
     try:
-        write_text(folder / TABLE_FILE, comparison_markdown(title, shared, rows))
+        write_text(folder / TABLE_FILE, comparison_markdown(title, shared, results))
         write_json(folder / FIGURES_FILE, figures)
     except OSError as error:
         raise ConfigError(

@@ -20,7 +20,8 @@ from offline.model.export_checks import check_export
 from offline.training.checkpoint import load_checkpoint
 from offline.training.export import export_checkpoint
 from offline.training.run_folder import open_run
-from rt_controller.contract.artifact import Bundle, Lift, save_bundle
+from rt_controller.contract.artifact import save_bundle
+from rt_controller.contract.bundle import Bundle, Lift
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.validation import find_objection_to_driving
 from rt_controller.report.table import Fact, print_table

@@ -14,7 +14,7 @@ from offline.evaluation.lane_change import drive_lane_change
 from offline.evaluation.model_card import identity_facts, model_facts, stability_text
 from offline.evaluation.predictor import predict_trajectories
 from offline.evaluation.report import evaluation_page, lane_change_section
-from rt_controller.contract.artifact import Bundle
+from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import RtControllerError
 from rt_controller.contract.figures import require_writable
 from rt_controller.report.page import Page, Section, render_page

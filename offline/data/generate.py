@@ -29,8 +29,8 @@ from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.frenet import integrate_poses
 from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, settle, simulate
 from sim_bridge.plant.parameters import (
-    C_CLASS_150KW_AWD,
     Parameters,
+    default_car,
     with_mass_factor,
     with_road_friction,
 )
@@ -137,7 +137,7 @@ def plant_fingerprint() -> str:
     inputs[:, InputColumn.steer_rad] = INPUT_LIMITS.upper.steer_rad * np.sin(
         2 * np.pi * 0.5 * k * PERIOD_S
     )
-    motion, _ = _drive(20.0, inputs)
+    motion, _ = _drive(20.0, inputs, default_car())
     drawn = make_episode(Recipe(), np.random.SeedSequence(0))
     limits = (LOWEST_SPEED_MPS, LARGEST_SIDESLIP_RAD, LARGEST_ROLL_RAD, FIRST_EY_M, FIRST_EPSI_RAD)
     numbers = (motion[::200], drawn.motion[::20], drawn.inputs, drawn.first_errors, limits)
@@ -158,9 +158,7 @@ def is_kept(motion: Array, outputs: Array) -> bool:
     )
 
 
-def _drive(
-    first_speed_mps: float, inputs: Array, car: Parameters = C_CLASS_150KW_AWD
-) -> tuple[Array, Array]:
+def _drive(first_speed_mps: float, inputs: Array, car: Parameters) -> tuple[Array, Array]:
     """Motion (periods * STEPS_PER_PERIOD + 1, 3) and outputs (periods + 1, columns)."""
     return simulate(settle(first_speed_mps, car), inputs, car, STEPS_PER_PERIOD, STEP_S)
 
@@ -180,7 +178,7 @@ def _try_episode(rng: np.random.Generator, recipe: Recipe, rejected: int) -> Epi
 
 
 def _draw_car(rng: np.random.Generator, recipe: Recipe) -> Parameters:
-    car = C_CLASS_150KW_AWD
+    car = default_car()
     if recipe.road_friction is not None:
         car = with_road_friction(car, float(rng.uniform(*recipe.road_friction)))
     if recipe.mass_factor is not None:

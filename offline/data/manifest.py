@@ -106,7 +106,7 @@ def read_manifest(path: Path) -> Manifest:
     Raises:
         DatasetError: it is missing, damaged or of another format.
     """
-    remedy = "Delete the folder and run offline-data again."
+    remedy = "Delete the folder and make the data set again with offline-data or offline-import."
     try:
         fields = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:

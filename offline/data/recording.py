@@ -13,11 +13,9 @@ from numpy.typing import NDArray
 from offline.config import PAST_STEPS, STEPS
 from offline.data.road_frame import Anchor, onto_road
 from offline.data.signals import Roles, past_columns
-from offline.data.trajectories import Trajectories
+from offline.data.trajectories import Array32, Rows, Trajectories
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.schema import Schema
-
-Array32 = NDArray[np.float32]
 
 PATH_STATES = ("ds_m", "ey_m", "epsi_rad")
 """the last states of the car's schema, which a recording with poses does not contain"""
@@ -57,7 +55,7 @@ class Starts(NamedTuple):
     anchor: Anchor | None
     """pose on the road one period before the first state; None without poses"""
 
-    def take(self, rows: NDArray[np.integer] | NDArray[np.bool_] | slice) -> "Starts":
+    def take(self, rows: Rows) -> "Starts":
         """The starts of these rows."""
         anchor = self.anchor and Anchor(*(column[rows] for column in self.anchor))
         return Starts(self.row[rows], self.episode[rows], anchor)

@@ -1,5 +1,6 @@
 """Batches of scaled trajectories, time first, and the sources they are drawn from."""
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from offline.data.dataset import Dataset
 from offline.data.manifest import Roads
 from offline.data.recording import Starts, cut, possible_starts
 from offline.data.road_frame import Anchor
-from offline.data.signals import Roles, Scaling, mirror_signs, past_columns, past_names
+from offline.data.signals import Roles, Scaling, history_rows, mirror_signs, past_names
 from offline.data.trajectories import Trajectories
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import Schema
@@ -62,6 +63,13 @@ class Batch(NamedTuple):
             history.permute(0, 2, 1, 3),
         )
 
+    def chunks(self, size: int) -> "Iterator[tuple[float, Batch]]":
+        """Batches of at most `size` trajectories, each with its share of all trajectories."""
+        count = self.x.shape[1]
+        for first in range(0, count, size):
+            part = Batch(*(series[:, first : first + size] for series in self))
+            yield part.x.shape[1] / count, part
+
     def to(self, device: torch.device) -> "Batch":
         """The same trajectories on another device."""
         return Batch(*(tensor.to(device, non_blocking=True) for tensor in self))
@@ -71,13 +79,10 @@ def scale(
     trajectories: Trajectories, scaling: Scaling, schema: Schema, roles: Roles, past_steps: int
 ) -> Batch:
     """Trajectories in float32, scaled, with `past_steps` rows of history."""
-    states, inputs = past_columns(schema, roles)
-    x, u, past, steps = trajectories.x, trajectories.u, trajectories.past, trajectories.u.shape[1]
-    current = np.concatenate([x[:, :steps, states], u[..., inputs]], axis=-1)
-    memory = np.concatenate([past[:, past.shape[1] - past_steps :], current], axis=1)
+    memory = history_rows(trajectories, schema, roles, past_steps)
     return Batch(
-        _time_first((x - scaling.x_centre) / scaling.x_scale),
-        _time_first(u / scaling.u_scale),
+        _time_first((trajectories.x - scaling.x_centre) / scaling.x_scale),
+        _time_first(trajectories.u / scaling.u_scale),
         _time_first(trajectories.w / scaling.w_scale),
         _time_first((memory - scaling.past_centre) / scaling.past_scale),
     )

@@ -6,6 +6,7 @@ them are centred, change sign when left and right are exchanged, and belong to t
 """
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.rollout import Matrices
 from rt_controller.contract.schema import Schema
 from rt_controller.contract.validation import DRIVABLE_HISTORY
+
+Float = TypeVar("Float", bound=np.floating)
 
 CONSTANT_SIGNAL = 1e-12
 """root mean square below which a signal counts as constant"""
@@ -72,6 +75,20 @@ def past_names(schema: Schema, roles: Roles) -> tuple[str, ...]:
     """Names of the signals in one row of the history, in the order of its columns."""
     names = schema.state_names + schema.input_names
     return tuple(name for name in names if name in roles.past)
+
+
+def last_rows(past: NDArray[Float], steps: int) -> NDArray[Float]:
+    """The newest `steps` rows (..., steps, h) of a history (..., H, h), H >= steps."""
+    return past[..., past.shape[-2] - steps :, :]
+
+
+def history_rows(
+    windows: Trajectories, schema: Schema, roles: Roles, past_steps: int
+) -> NDArray[np.float32]:
+    """Rows of the history (N, past_steps + K, h), from `past_steps` before the start to the end."""
+    states, inputs = past_columns(schema, roles)
+    current = np.concatenate([windows.x[:, :-1, states], windows.u[..., inputs]], axis=-1)
+    return np.concatenate([last_rows(windows.past, past_steps), current], axis=1)
 
 
 @dataclass(frozen=True, slots=True)

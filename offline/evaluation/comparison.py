@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from offline.evaluation.bootstrap import Estimate, estimate
-from offline.evaluation.metrics import Scores, score
+from offline.evaluation.metrics import Scores, geometric_mean, score
 from offline.evaluation.predictor import Predictor
 from offline.evaluation.state_units import StateUnit, state_units
 from offline.evaluation.test_sets import LIBRARY, TestSet
@@ -121,5 +121,4 @@ def _ratio(above: Array, below: Array) -> Ratio:
     """Ratio of two sets of draws (1 + R, n) of the same episodes, as from `Scores.mse_draws`."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = above / below
-        geometric = np.exp(np.log(ratios).mean(axis=-1))
-    return Ratio(estimate(ratios), estimate(geometric))
+    return Ratio(estimate(ratios), estimate(geometric_mean(ratios)))

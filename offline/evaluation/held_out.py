@@ -10,8 +10,9 @@ from offline.data.manifest import Manifest, Simulated, read_manifest
 from offline.data.provenance import is_held_out
 from offline.data.signals import past_names
 from offline.training.run_folder import open_run
-from rt_controller.contract.artifact import Bundle
+from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ArtifactError, DatasetError
+from rt_controller.contract.schema import Schema
 
 
 def choose_test_data(
@@ -60,13 +61,36 @@ def find_objection(bundles: Sequence[Bundle], manifest: Manifest) -> str | None:
     fields = past_names(manifest.schema, manifest.roles)
     for bundle in bundles:
         lift = bundle.lift
-        has_past = lift.history_fields in ((), fields) and lift.history_steps <= PAST_STEPS
-        if bundle.schema != manifest.schema or not has_past:
-            return f"{bundle.name} is a model of other signals, or of another past"
+        if bundle.schema != manifest.schema:
+            return (
+                f"{bundle.name} is a model of other signals: "
+                f"{_difference(bundle.schema, manifest.schema)}"
+            )
+        if lift.history_fields not in ((), fields) or lift.history_steps > PAST_STEPS:
+            return (
+                f"{bundle.name} reads {lift.history_steps} periods of "
+                f"{', '.join(lift.history_fields)}, the data have {PAST_STEPS} of "
+                f"{', '.join(fields)}"
+            )
     for bundle in bundles:
         if not is_held_out(bundle, manifest):
             return f"{bundle.name} may have been trained on its test episodes"
     return None
+
+
+def _difference(of_model: Schema, of_data: Schema) -> str:
+    """The signals that only one of two schemas has; the period counts as one of them."""
+    model, data = _signals(of_model), _signals(of_data)
+    only_model = ", ".join(each for each in model if each not in data)
+    only_data = ", ".join(each for each in data if each not in model)
+    if not only_model and not only_data:
+        return "those of the data in another order"
+    return f"in the model only: {only_model or 'none'}, in the data only: {only_data or 'none'}"
+
+
+def _signals(schema: Schema) -> list[str]:
+    signals = schema.states + schema.inputs + schema.exogenous
+    return [*(f"{name} in {unit}" for name, unit in signals), f"a period of {schema.dt_s:g} s"]
 
 
 def _data_folder(run: Path) -> Path | None:

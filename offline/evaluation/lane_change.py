@@ -20,7 +20,7 @@ from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.schema import VEHICLE
 from rt_controller.contract.signals import ControlInput
 from rt_controller.contract.timing import PERIOD_S
-from sim_bridge.plant.parameters import C_CLASS_150KW_AWD, with_road_friction
+from sim_bridge.plant.parameters import default_car, with_road_friction
 from sim_bridge.scenario import Scenario, load_scenario
 from sim_bridge.validation.driver_model import PreviewDriver, fit_driver_model
 from sim_bridge.validation.run import Observation, run_driver
@@ -59,7 +59,7 @@ class LaneChange(NamedTuple):
 def drive_lane_change() -> LaneChange:
     """The shipped scenario, driven by a preview driver in the car of the training data."""
     scenario = load_scenario(SCENARIO)
-    car = with_road_friction(C_CLASS_150KW_AWD, scenario.road_friction)
+    car = with_road_friction(default_car(), scenario.road_friction)
     driver_model = fit_driver_model(car, scenario.speed_mps)
     driver = PreviewDriver(lambda x_m: _path_y_m(scenario, x_m), PREVIEW_S, driver_model)
     change = PERIOD_S * np.array(INPUT_LIMITS.rate_per_s)

@@ -77,6 +77,12 @@ class Scores:
         return estimate(quantile_draws(self.marked.astype(np.float64), self.episode, SHARES))
 
 
+def geometric_mean(ratios: Array) -> Array:
+    """Geometric mean over the last axis, the states; 0 if one of the ratios is 0."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.exp(np.log(ratios).mean(axis=-1)))
+
+
 def score(model: Predictor, test: TestSet, columns: tuple[StateUnit, ...]) -> Scores:
     """Errors of the model on the test set."""
     errors = prediction_errors(model, test.trajectories)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from offline.evaluation.comparison import Comparison
 from offline.evaluation.tables import mse_table
-from rt_controller.contract.artifact import Bundle
+from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.follow import Follow
 from rt_controller.contract.validation import find_objection_to_driving
 from rt_controller.report.table import Fact, facts_table, to_markdown

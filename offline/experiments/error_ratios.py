@@ -11,8 +11,9 @@ import torch
 
 from offline.baselines import registry
 from offline.data.dataset import Dataset
-from offline.data.sampling import Batch, scale
+from offline.data.sampling import scale
 from offline.evaluation.comparison import LTI_BASELINES
+from offline.evaluation.metrics import geometric_mean
 from offline.evaluation.predictor import Predictor, prediction_errors
 from offline.model.losses import state_errors
 from offline.training.checkpoint import Checkpoint
@@ -34,9 +35,7 @@ class ErrorRatios:
 def error_ratios(mse: Array, linear_mse: Sequence[float]) -> ErrorRatios:
     """Ratios of two mean squared errors (n,)."""
     ratios = np.asarray(linear_mse) / mse
-    with np.errstate(divide="ignore"):
-        mean = float(np.exp(np.log(ratios).mean()))
-    return ErrorRatios(tuple(map(float, ratios)), mean)
+    return ErrorRatios(tuple(map(float, ratios)), float(geometric_mean(ratios)))
 
 
 def checkpoint_mse(checkpoint: Checkpoint, dataset: Dataset) -> Array:
@@ -45,12 +44,10 @@ def checkpoint_mse(checkpoint: Checkpoint, dataset: Dataset) -> Array:
     model = restore_model(checkpoint, schema, roles)
     validation = dataset.select("validation")
     batch = scale(validation, checkpoint.scaling, schema, roles, config.history_steps)
-    n = batch.x.shape[1]
     errors = torch.zeros(model.sizes.states, dtype=torch.float64)
     with torch.no_grad():
-        for first in range(0, n, CHUNK):
-            part = Batch(*(series[:, first : first + CHUNK] for series in batch))
-            errors += part.x.shape[1] / n * state_errors(model, part).double()
+        for share, part in batch.chunks(CHUNK):
+            errors += share * state_errors(model, part).double()
     return _finite(errors.numpy() * checkpoint.scaling.x_scale**2)
 
 

@@ -13,7 +13,8 @@ import torch
 from torch import nn
 
 from offline.data.dataset import Dataset
-from rt_controller.contract.artifact import Lift, LiftSample
+from offline.data.signals import last_rows
+from rt_controller.contract.bundle import Lift, LiftSample
 
 SELFTEST_STATES = 32
 
@@ -23,9 +24,7 @@ def choose_selftest(dataset: Dataset, lift: Lift) -> LiftSample:
     test = dataset.select("test")
     rows = np.linspace(0, len(test.episode) - 1, SELFTEST_STATES).astype(int)
     chosen = test.take(rows)
-    history = chosen.past[:, chosen.past.shape[1] - lift.history_steps :]
-    if not lift.sees_history:
-        history = history[..., :0]
+    history = last_rows(chosen.past, lift.history_steps)[..., : len(lift.history_fields)]
     return LiftSample(
         chosen.x[:, 0].astype(np.float64),
         chosen.w[:, 0].astype(np.float64),

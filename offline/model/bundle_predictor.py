@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from offline.data.signals import last_rows
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.artifact import Bundle, LiftSample
+from rt_controller.contract.bundle import Bundle, LiftSample
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.rollout import roll_out
 from rt_controller.control.lift import open_encoder
@@ -28,11 +29,12 @@ class BundlePredictor:
         }
         try:
             (psi,) = self._session.run(["psi"], inputs)
-        except Exception as error:  # as above
+        except Exception as error:  # onnxruntime raises many types, none public
             raise ArtifactError(
                 f"encoder.onnx: expected an encoder that lifts states {x.shape}, found that it "
                 f"cannot ({error}). Run offline-export again."
             ) from error
+        # The number of rows is open in the file, so it is known only now.
         if psi.shape != expected:
             raise ArtifactError(
                 f"encoder.onnx: expected observables {expected}, found {psi.shape}. Run "
@@ -42,6 +44,6 @@ class BundlePredictor:
 
     def predict(self, x0: Array, past: Array, U: Array, W: Array) -> Array:
         """States (batch, K+1, n_x): lifted once, at x0, then rolled out. Paper: eqs. (6)-(8)."""
-        history = past[:, past.shape[1] - self._bundle.lift.history_steps :]
+        history = last_rows(past, self._bundle.lift.history_steps)
         psi0 = self.lift(LiftSample(x0, W[:, 0], history))
         return roll_out(self._bundle, psi0, U, W, x0.shape[1])

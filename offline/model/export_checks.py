@@ -4,7 +4,7 @@ import numpy as np
 
 from offline.config import TrainingConfig
 from offline.model.bundle_predictor import BundlePredictor
-from rt_controller.contract.artifact import Bundle
+from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ArtifactError
 
 LARGEST_PROJECTED_RADIUS = 1.0005

@@ -11,6 +11,7 @@ import torch
 
 from offline.model.network import MdkNet
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.bundle import spectral_radius_of
 
 _NO_COUPLING = 1e-12
 
@@ -23,7 +24,7 @@ def with_bounded_spectrum(A: Array, bound: float = 1.0) -> Array:
     while i < n:
         is_pair = i + 1 < n and abs(T[i + 1, i]) > _NO_COUPLING
         block = T[i : i + 1 + is_pair, i : i + 1 + is_pair]
-        magnitude = float(np.max(np.abs(np.linalg.eigvals(block))))
+        magnitude = spectral_radius_of(block)
         if magnitude > bound:
             block *= bound / magnitude
             moved = True
@@ -49,4 +50,4 @@ def spectral_radius(model: MdkNet) -> float:
     A = model.operator().A.detach().double().cpu().numpy()
     if not np.all(np.isfinite(A)):
         return float("nan")
-    return float(np.abs(np.linalg.eigvals(A)).max())
+    return spectral_radius_of(A)

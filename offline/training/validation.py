@@ -18,16 +18,13 @@ def evaluate(
 
     Paper: Algorithm 1, "Evaluate total loss".
     """
-    count = batch.x.shape[1]
     sums = torch.zeros(len(Losses._fields), dtype=torch.float64)
     errors = torch.zeros(model.sizes.states, dtype=torch.float64)
     is_horizon = config.objective == "horizon"
     model.eval()
     with torch.no_grad():
-        for first in range(0, count, CHUNK):
-            rows = slice(first, first + CHUNK)
-            part = Batch(*(series[:, rows] for series in batch)).to(device)
-            share = part.x.shape[1] / count
+        for share, chunk in batch.chunks(CHUNK):
+            part = chunk.to(device)
             sums += share * torch.stack(total_loss(model, config, part)).cpu().double()
             if is_horizon:
                 errors += share * state_errors(model, part).cpu().double()

@@ -1,6 +1,6 @@
 """Reading a bus: the newest complete content of each message, and counts of what is wrong.
 
-Reading never blocks and never raises. A bus that fails is counted and reported; the rest of the
+`drain` never blocks and never raises. A bus that fails is counted and reported; the rest of the
 program treats it as a bus on which nothing arrives.
 """
 
@@ -13,10 +13,12 @@ from rt_controller.bus.catalogue import CATALOGUE
 from rt_controller.bus.codec import COUNTER_MASK
 from rt_controller.bus.message import Catalogue, Message, Node
 from rt_controller.bus.recorder import Recorder
+from rt_controller.contract.errors import BusError
 from rt_controller.contract.timing import COUNTER_MODULUS, PERIOD_NS
 
-MAX_FRAMES_PER_DRAIN = 512
-"""A flooded bus must not delay the step: no physical bus carries more in ten periods."""
+MAX_FRAMES_PER_DRAIN = 1024
+"""It bounds the time of one drain if a bus is flooded. In one period a full bus of 1 Mbit/s carries
+225 frames of 8 bytes or 530 empty ones, so that a backlog is read within a few periods."""
 MAX_SPREAD_NS = COUNTER_MODULUS // 2 * PERIOD_NS
 """Frames with one counter that arrived farther apart may be of different cycles of the counter."""
 
@@ -100,6 +102,18 @@ class Inbox:
             for assembly in assemblies
             for place, codec in enumerate(assembly.message.codecs)
         }
+
+    def require_readable(self) -> None:
+        """Return if the bus could be read so far.
+
+        Raises:
+            BusError: it could not.
+        """
+        if self.last_failure:
+            raise BusError(
+                f"The bus cannot be read: expected frames or silence, found {self.last_failure}. "
+                f"Check the interface and its connection, then start again."
+            )
 
     def newest(self, message: Message[T]) -> Received[T] | None:
         """The newest content of this message, however old it is; None before the first."""

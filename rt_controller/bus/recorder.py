@@ -20,7 +20,7 @@ import can
 from rt_controller.contract.errors import ConfigError
 
 QUEUE_FRAMES = 65_536
-"""two minutes of this project's frames, in case the disk blocks for that long"""
+"""three minutes of this project's frames, in case the disk blocks for that long"""
 _OTHER_FORMATS = (".asc", ".blf", ".mf4", ".trc", ".csv", ".db")
 """formats that python-can converts a candump log into"""
 _WRITE_INTERVAL_S = 0.2

@@ -8,7 +8,6 @@ import errno
 import socket
 import tomllib
 from collections.abc import Mapping
-from difflib import get_close_matches
 from typing import Any
 
 import can
@@ -21,6 +20,7 @@ from rt_controller.contract.errors import (
     RtControllerError,
     install_command,
 )
+from rt_controller.contract.names import hint
 
 Option = str | int | float | bool
 
@@ -114,11 +114,10 @@ def require_interface(interface: str) -> None:
             "remote: expected the package python-can-remote, found none. "
             f"Run: {install_command('remote')}"
         )
-    near = get_close_matches(interface, {*can.VALID_INTERFACES, _REMOTE}, n=1)
-    hint = f" Did you mean {near[0]}?" if near else ""
+    near = hint(interface, {*can.VALID_INTERFACES, _REMOTE})
     raise ConfigError(
         f"`bus` {interface!r}: expected {', '.join(COMMON)} or another interface of "
-        f"python-can, found no such name.{hint}"
+        f"python-can, found no such name{near}."
     )
 
 

@@ -11,7 +11,6 @@
 Paper: eqs. (6)-(8) and (14).
 """
 
-from difflib import get_close_matches
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -24,19 +23,9 @@ from rt_controller.contract.bundle import Bundle, Lift, LiftSample
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.files import DamagedArchiveError, atomic_write, read_arrays
 from rt_controller.contract.follow import Follow
+from rt_controller.contract.names import MODEL_FOLDER, name_or
 from rt_controller.contract.schema import Schema, Signal
 from rt_controller.contract.validation import check_field, require_fitting_parts
-
-__all__ = [
-    "Bilinear",
-    "Bundle",
-    "Lift",
-    "LiftSample",
-    "find_model",
-    "load_bundle",
-    "save_bundle",
-    "shipped_model",
-]
 
 SHIPPED_MODEL = "mdk-net"
 """the model that drives if none is chosen"""
@@ -86,10 +75,8 @@ def find_model(model: str | Path | None) -> Path:
         return shipped
     if not Path(model).exists():
         names = sorted(folder.name for folder in shipped_model().parent.iterdir())
-        near = get_close_matches(Path(model).name, names, n=1)
         raise ArtifactError(
-            f"model {str(model)!r}: expected one of {', '.join(names)}, or a folder that "
-            f"offline-export wrote.{f' Did you mean {near[0]}?' if near else ''}"
+            f"model {str(model)!r}: {name_or(Path(model).name, names, MODEL_FOLDER)}."
         )
     return Path(model)
 

@@ -236,7 +236,7 @@ class Bundle:
 
     @property
     def spectral_radius(self) -> float:
-        return float(np.max(np.abs(np.linalg.eigvals(self.A))))
+        return spectral_radius_of(self.A)
 
     @property
     def spread(self) -> Array:
@@ -261,6 +261,11 @@ class Bundle:
         In units of `spread`; NaN if an entry of psi is NaN.
         """
         return float(np.max(np.abs(psi - self.selftest_psi) / self.spread))
+
+
+def spectral_radius_of(A: Array) -> float:
+    """Largest magnitude of an eigenvalue of A (n, n)."""
+    return float(np.max(np.abs(np.linalg.eigvals(A))))
 
 
 def _require_matrix(name: str, matrix: Array, shape: tuple[int, ...]) -> None:

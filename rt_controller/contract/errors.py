@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
+from types import UnionType
 
 
 class RtControllerError(Exception):
@@ -85,6 +86,16 @@ class BusError(RtControllerError):
 
 
 class PlantError(RtControllerError):
-    """A simulated car whose motion stopped being finite during a run."""
+    """A simulated car that raised an exception, or whose motion stopped being finite."""
 
     exit_code = 7
+
+
+def require_type(name: str, found: object, kind: type | UnionType, expected: str) -> None:
+    """Return if an argument is of this type.
+
+    Raises:
+        TypeError: it is not.
+    """
+    if not isinstance(found, kind):
+        raise TypeError(f"{name}: expected {expected}, found {found!r:.60}.")

@@ -1,4 +1,4 @@
-"""Bounds and slew rates of the control inputs, for data, plan and envelope alike."""
+"""Bounds and slew rates of the control inputs, for data, plan and envelope; range of friction."""
 
 from math import radians
 from typing import NamedTuple
@@ -20,6 +20,9 @@ INPUT_LIMITS = InputLimits(
     rate_per_s=ControlInput(throttle=2.5, brake_n=500.0, steer_rad=radians(200.0)),
 )
 """The paper's bounds; the rates are this project's choice for "limited to realistic driving"."""
+
+LEAST_FRICTION, MOST_FRICTION = 0.05, 1.5
+"""of a road; 1 is the road of the tyre test"""
 
 PEDAL_CHANGE_S = 0.15
 """time to move the foot from one pedal to the other"""

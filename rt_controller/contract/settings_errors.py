@@ -2,9 +2,10 @@
 
 import re
 from collections.abc import Callable, Container, Mapping, Sequence
-from difflib import get_close_matches
 from types import NoneType, UnionType
 from typing import Any, Union, get_args, get_origin
+
+from rt_controller.contract.names import hint
 
 Location = tuple[str | int, ...]
 """path of a field inside the settings: ("mpc", "tolerance", "ey_m")"""
@@ -96,9 +97,9 @@ def _line(errors: Sequence[Mapping[str, Any]], name: str, known: list[str]) -> s
     error = errors[texts.index(None) if None in texts else 0]
     kind = error["type"]
     if kind == "extra_forbidden":
-        near = get_close_matches(str(error["loc"][-1]), known, n=1)
-        hint = f" Did you mean {near[0]}?" if near else known and f" Known: {', '.join(known)}."
-        return f"{name}: no such setting.{hint or ''}"
+        near = hint(str(error["loc"][-1]), known)
+        listed = f" Known: {', '.join(known)}." if known and not near else ""
+        return f"{name}: no such setting{near}.{listed}"
     if kind == "missing":
         return f"{name}: expected a value, found none."
     found = repr(error["input"])

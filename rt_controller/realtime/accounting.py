@@ -1,13 +1,11 @@
 """Statistics of all ticks: percentiles, missed deadlines, the worst tick and the last times."""
 
 from math import ceil, log
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import RtControllerError
 from rt_controller.realtime.kernel_counters import LateCause
 from rt_controller.realtime.tick_times import SOLVE_FIELDS, TickTimes
 
@@ -42,7 +40,7 @@ class Histogram:
         self._total = 0.0
 
     def add(self, value: float) -> None:
-        """Count one value; NaN counts as infinite."""
+        """Count one value."""
         if value <= LOWEST:
             bucket = 0
         elif value < HIGHEST:
@@ -51,8 +49,7 @@ class Histogram:
             bucket = len(self._counts) - 1
         self._counts[bucket] += 1
         self._total += value
-        if not value <= self._largest[bucket]:
-            self._largest[bucket] = value
+        self._largest[bucket] = max(self._largest[bucket], value)
 
     def percentiles(self) -> Percentiles:
         cumulative = np.cumsum(self._counts)
@@ -125,27 +122,3 @@ class DeadlineAccount:
         if self.ticks <= capacity:
             return self._times[: self.ticks]
         return np.roll(self._times, -(self.ticks % capacity), axis=0)
-
-
-def write_ticks(path: Path | None, deadlines: DeadlineAccount) -> None:
-    """Write a CSV row for each of the last ticks, oldest first; None writes nothing.
-
-    Columns: the number of the tick in the run, then the fields of `TickTimes`.
-
-    Raises:
-        RtControllerError: the file cannot be written any more.
-    """
-    if path is None:
-        return
-    times = deadlines.last()
-    numbers = np.arange(deadlines.ticks - len(times), deadlines.ticks)
-    rows = np.column_stack([numbers, times])
-    header = ",".join(("tick", *TickTimes._fields))
-    formats = ["%d", *["%.1f"] * times.shape[1]]
-    try:
-        np.savetxt(path, rows, fmt=formats, delimiter=",", header=header, comments="")
-    except OSError as error:
-        raise RtControllerError(
-            f"--ticks {path}: expected a file that can be written, found {error.strerror}. The run "
-            f"itself is complete; only this file is missing."
-        ) from error

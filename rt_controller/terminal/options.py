@@ -10,8 +10,9 @@ from pydantic import ConfigDict, Field, ValidationError, field_validator
 
 from rt_controller.config import ControllerConfig, ShippedModel
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.names import MODEL_FOLDER, name_or
 from rt_controller.contract.settings_errors import dotted, explain
-from rt_controller.settings import VIRTUAL, BusSettings, CarSettings, require_shipped
+from rt_controller.settings import VIRTUAL, BusSettings, CarSettings
 
 _Duration = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
@@ -49,9 +50,9 @@ class RunOptions(ControllerConfig, CarSettings, BusSettings):
     @field_validator("model")
     @classmethod
     def _require_model(cls, found: str | Path | None) -> str | Path | None:
-        if found is not None and not Path(found).exists():
-            shipped = get_args(ShippedModel)
-            require_shipped(str(found), shipped, "a folder that offline-export wrote")
+        shipped = get_args(ShippedModel)
+        if found is not None and found not in shipped and not Path(found).exists():
+            raise ValueError(name_or(str(found), shipped, MODEL_FOLDER))
         return found
 
     @property

@@ -12,7 +12,6 @@ from rt_controller.contract.errors import BusError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.loop import Ending
 from rt_controller.planner import build_mpc
-from rt_controller.realtime.accounting import write_ticks
 from rt_controller.realtime.clock import Clock, LockstepClock, RealtimeClock
 from rt_controller.report.table import print_table
 from rt_controller.safety.modes import BUS_CAUSES, StopCause
@@ -22,6 +21,7 @@ from rt_controller.terminal.command_line import INTERRUPTED, print_error
 from rt_controller.terminal.progress import COMPILING, announce, show, watch
 from rt_controller.terminal.stop_signals import stop_on_signals
 from rt_controller.terminal.summary import live_lines, to_json, to_table, why_late
+from rt_controller.terminal.tick_file import write_ticks
 from rt_controller.virtual_car import open_virtual_car
 
 if TYPE_CHECKING:

@@ -9,9 +9,8 @@ from rich.console import Console
 
 from rt_controller.contract.errors import ConfigError, needs_extra
 from rt_controller.contract.signals import ControlInput
-from sim_bridge.adapters.plants import DEFAULT_CAR
 from sim_bridge.plant.integrate import STEP_S
-from sim_bridge.plant.parameters import CARS_FOLDER, load_parameters, shipped_cars
+from sim_bridge.plant.parameters import CARS_FOLDER, DEFAULT_CAR, load_parameters, shipped_cars
 from sim_bridge.plant.protocol import MOTION_FIELDS, PlantOutputs
 from sim_bridge.toml_file import read_shipped_or_own
 
@@ -19,19 +18,8 @@ _SCRIPT = "rt_controller_car.py"
 """name of the module inside the FMU; it runs in the Python of the process that loads the FMU"""
 
 
-def export_fmu(file: Path = Path("car.fmu"), *, car: str = DEFAULT_CAR) -> None:
-    """Build an FMU of the own car (FMI 2 co-simulation), with its mapping file beside it.
-
-    A process that loads the FMU needs a Python with rt-controller[sim]; the car's parameters are
-    inside.
-
-    Parameters
-    ----------
-    file
-        where to write the FMU
-    car
-        the car's parameters: a shipped name, or the path of a .toml file
-    """
+def export_fmu(file: Path, car: str) -> None:
+    """Write the FMU and say on stderr how to drive it."""
     mapping = build_fmu(file, car)
     Console(stderr=True).print(
         f"{file} and {mapping} written. Try: sim-bridge --bus … --plant fmu:{file}",

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.errors import ConfigError, RtControllerError
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
 from sim_bridge.adapters.fmu_file import FmuFile, FmuInstance
 from sim_bridge.adapters.fmu_links import Link, require_internal_step, resolve_links
@@ -169,7 +169,7 @@ def open_fmu_plant(path: Path, mapping: Path | None, road_friction: float) -> Fm
     file = FmuFile(path)
     try:
         return FmuPlant(file, load_mapping(mapping or path.with_suffix(".toml")), road_friction)
-    except ConfigError:
+    except RtControllerError:
         file.close()
         raise
 

@@ -6,8 +6,6 @@ from rt_controller.contract.errors import ConfigError
 from rt_controller.settings import COMMONROAD, FMU, OWN, CarSettings
 from sim_bridge.plant.protocol import Plant
 
-DEFAULT_CAR = "c_class_150kw_awd"
-
 
 def open_plant(settings: CarSettings, road_friction: float) -> Plant:
     """The chosen plant; its options are checked, it has not been reset.
@@ -43,7 +41,7 @@ def open_plant(settings: CarSettings, road_friction: float) -> Plant:
             )
         return CommonRoadPlant(int(what), friction)
     from sim_bridge.adapters.own_car import OwnCar
-    from sim_bridge.plant.parameters import load_parameters, with_road_friction
+    from sim_bridge.plant.parameters import DEFAULT_CAR, load_parameters, with_road_friction
 
     car = settings.car or DEFAULT_CAR
     return OwnCar(with_road_friction(load_parameters(car), friction, settings.friction_right), car)

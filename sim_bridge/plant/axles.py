@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from sim_bridge.plant.car_parts import GRAVITY_MPS2
+from rt_controller.contract.physics import GRAVITY_MPS2
 from sim_bridge.plant.jit import compiled
 from sim_bridge.plant.parameters import Parameters
 

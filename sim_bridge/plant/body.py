@@ -5,8 +5,8 @@ or pitch accelerations. The wheels move relative to that point while the sprung 
 pitches (`running_gear_velocity`).
 """
 
+from rt_controller.contract.physics import GRAVITY_MPS2
 from sim_bridge.plant.car_parts import (
-    GRAVITY_MPS2,
     AeroParameters,
     BodyParameters,
     SuspensionParameters,

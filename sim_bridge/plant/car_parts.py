@@ -9,8 +9,6 @@ from typing import Annotated, Any, NamedTuple
 
 from pydantic import BeforeValidator, Field
 
-GRAVITY_MPS2 = 9.80665
-
 
 def _value_with_source(entry: Any) -> Any:
     """The value of an entry `{ value, source }` of a car file."""

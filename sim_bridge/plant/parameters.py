@@ -6,6 +6,7 @@ the number comes from. The shipped files are in `cars/`.
 """
 
 from collections.abc import Iterator
+from functools import cache
 from itertools import pairwise
 from math import isfinite
 from pathlib import Path
@@ -18,6 +19,8 @@ from sim_bridge.plant import car_parts as parts
 from sim_bridge.toml_file import parse, read_shipped_or_own, shipped_names
 
 CARS_FOLDER = "cars"
+DEFAULT_CAR = "c_class_150kw_awd"
+"""the car of the training data"""
 
 
 class Parameters(NamedTuple):
@@ -50,6 +53,12 @@ def load_parameters(name_or_path: str | Path) -> Parameters:
     """
     text = read_shipped_or_own(name_or_path, CARS_FOLDER, "car")
     return parse(text, _SCHEMA, f"car {name_or_path}")
+
+
+@cache
+def default_car() -> Parameters:
+    """The parameters of `DEFAULT_CAR`, read once."""
+    return load_parameters(DEFAULT_CAR)
 
 
 def with_road_friction(
@@ -138,4 +147,3 @@ def _contradictions(car: Parameters) -> Iterator[str]:
 _SCHEMA: TypeAdapter[Parameters] = TypeAdapter(
     Annotated[Parameters, AfterValidator(_require_consistent)]
 )
-C_CLASS_150KW_AWD = load_parameters("c_class_150kw_awd")

@@ -2,9 +2,7 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
 from rich.console import Console
 
 from rt_controller.contract.figures import require_writable, write_figures
@@ -20,25 +18,12 @@ _LEAST_WIDTH = 100
 
 
 def validate(
-    *,
     car: str | None = None,
     html: Path | None = None,
-    json_file: Annotated[Path | None, Parameter(name="--json")] = None,
+    json_file: Path | None = None,
     quick: bool = False,
 ) -> int:
-    """Drive the acceptance tests and compare the car with its targets; 1 if a line missed.
-
-    Parameters
-    ----------
-    car
-        drive all tests with this car; default: each test with the car that its targets belong to
-    html
-        write tables and plots to this page
-    json_file
-        write the lines to this file: test, name, car, target, reached, tolerance, ok
-    quick
-        leave out the slowest sines of the frequency response; all lines are judged
-    """
+    """Drive the acceptance tests and print the table; 1 if a line missed its target."""
     require_writable(json_file)
     if html is not None:
         require_writable(html, "--html")

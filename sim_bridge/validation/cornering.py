@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
-from sim_bridge.plant.car_parts import GRAVITY_MPS2
+from rt_controller.contract.physics import GRAVITY_MPS2
 from sim_bridge.plant.parameters import Parameters
 from sim_bridge.validation.driver_model import steer_open_loop
 from sim_bridge.validation.run import Run, cruising_throttle, input_table, replay

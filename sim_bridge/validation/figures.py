@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from rt_controller.contract.arrays import Array
-from sim_bridge.plant.car_parts import GRAVITY_MPS2
+from rt_controller.contract.physics import GRAVITY_MPS2
 from sim_bridge.validation import dwell as dwell_test
 from sim_bridge.validation.acceptance import result_of, target_of
 from sim_bridge.validation.lane_change import CORNERS_M

@@ -3,7 +3,7 @@
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from sim_bridge.plant.car_parts import GRAVITY_MPS2
+from rt_controller.contract.physics import GRAVITY_MPS2
 from sim_bridge.plant.parameters import Parameters, with_road_friction
 from sim_bridge.validation.run import Run, input_table, replay
 from sim_bridge.validation.signal_metrics import (

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_bridge.plant.parameters import load_parameters
+from sim_bridge.plant.parameters import DEFAULT_CAR, load_parameters
 from sim_bridge.validation import (
     cornering,
     cross_check,
@@ -17,8 +17,7 @@ from sim_bridge.validation import (
 from sim_bridge.validation.acceptance import LineResult, check
 from sim_bridge.validation.run import Run
 
-# The cars that the targets belong to, by the names of their files.
-ALL_WHEEL = "c_class_150kw_awd"
+# The cars that the targets of tests 3 and 4 belong to; the others belong to the default car.
 FRONT_WHEEL = "c_class_125kw_fwd"
 COMMONROAD = "commonroad_vehicle_2"
 _FREQUENCIES_HZ = np.linspace(0.2, 2.0, 19)
@@ -51,7 +50,7 @@ def measure_all(car: str | None = None, quick: bool = False) -> Measurements:
         ConfigError: there is no such car.
         MissingExtraError: the reference model of test 4 is not installed.
     """
-    main_car, lane_change_car = car or ALL_WHEEL, car or FRONT_WHEEL
+    main_car, lane_change_car = car or DEFAULT_CAR, car or FRONT_WHEEL
     cars = [main_car, lane_change_car]
     turns: tuple[tuple[cross_check.Turn, cross_check.Turn], ...] = ()
     if car in (None, COMMONROAD):

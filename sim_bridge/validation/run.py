@@ -12,11 +12,11 @@ import numpy as np
 from numpy import float64
 
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.physics import GRAVITY_MPS2
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, InputColumn, StateColumn
 from sim_bridge import frenet
 from sim_bridge.adapters.own_car import OwnCar
 from sim_bridge.car import Car
-from sim_bridge.plant.car_parts import GRAVITY_MPS2
 from sim_bridge.plant.integrate import STEP_S, settle, simulate
 from sim_bridge.plant.parameters import Parameters
 from sim_bridge.plant.protocol import PlantOutputs
@@ -132,7 +132,7 @@ def replay(
 
 
 def run_driver(
-    parameters: Parameters, v0_mps: float, driver: Driver, duration_s: float, period_s: float = 0.01
+    parameters: Parameters, v0_mps: float, driver: Driver, duration_s: float, period_s: float
 ) -> Run:
     """The drive of a settled car with a driver."""
     car = Car(OwnCar(parameters), v0_mps)

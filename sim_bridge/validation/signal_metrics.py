@@ -1,7 +1,7 @@
 """Scalar quantities of recorded signals: the definitions behind the acceptance table.
 
 A quantity that a record does not contain, such as the time to a speed that is not reached, is NaN;
-NaN fails every goal.
+NaN meets no target.
 """
 
 from cmath import phase

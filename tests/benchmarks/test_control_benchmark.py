@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from benchmarks.tables import percentiles
 from rt_controller.config import MpcSettings
-from rt_controller.contract.artifact import Bundle, load_bundle, shipped_model
+from rt_controller.contract.artifact import load_bundle, shipped_model
+from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
 from rt_controller.control.lift import Encoder
 from rt_controller.control.mpc import Mpc
@@ -48,9 +50,7 @@ def test_plan(benchmark, bundle: Bundle) -> None:
         return status
 
     assert benchmark(plan) is SolveStatus.SOLVED
-    solve_us.sort()
-    benchmark.extra_info["qp_us_p50"] = solve_us[len(solve_us) // 2]
-    benchmark.extra_info["qp_us_p99"] = solve_us[int(len(solve_us) * 0.99)]
+    benchmark.extra_info.update(percentiles(solve_us, "qp_"))
     benchmark.extra_info["qp_iterations"] = mpc.iterations
 
 

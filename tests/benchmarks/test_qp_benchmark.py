@@ -1,10 +1,9 @@
 """Time of the controller's solvers on the QPs of a recorded lane change."""
 
 from functools import cache
-from pathlib import Path
 
 import pytest
-import random_problems
+from virtual_drive import SHORT_LANE_CHANGE
 
 from benchmarks.peers.recording import TIERS, Matrices, Recording, record
 from rt_controller.control.solver import SolveStatus, open_solver
@@ -14,12 +13,11 @@ SOLVERS = {
     "piqp-warm": {},
     "daqp": {"name": "daqp"},
 }
-SHORT = Path(random_problems.__file__).parent / "short_lane_change.toml"
 
 
 @cache
 def recorded(tier: str) -> Recording:
-    return record("mdk-net-paper", str(SHORT), TIERS[tier])
+    return record("mdk-net-paper", SHORT_LANE_CHANGE, TIERS[tier])
 
 
 @pytest.mark.parametrize("solver", SOLVERS)

@@ -1,8 +1,8 @@
 """What is sent: frames that the other side decodes, counters without gaps, no blocking."""
 
-import can
 import pytest
 from made_frames import CONTROL, ENGAGED, HOLDING, PATH, SAMPLE, decode_frames
+from recorded_frames import RecordedFrames
 
 from rt_controller.bus.catalogue import (
     COMMAND,
@@ -38,16 +38,6 @@ CONTROLLER_SENDS = {
 
 def throttle(value: float) -> Command:
     return Command(CONTROL._replace(throttle=value), Mode.NOMINAL)
-
-
-class Sink:
-    """Remembers what was recorded, by copy."""
-
-    def __init__(self) -> None:
-        self.frames: list[tuple[int, int, bytes]] = []
-
-    def record(self, message: can.Message, timestamp_ns: int) -> None:
-        self.frames.append((timestamp_ns, message.arbitration_id, bytes(message.data)))
 
 
 @pytest.mark.parametrize(
@@ -127,7 +117,7 @@ def test_a_closed_bus_is_counted_and_raises_nothing() -> None:
 
 
 def test_sent_and_received_frames_are_recorded() -> None:
-    sent, read = Sink(), Sink()
+    sent, read = RecordedFrames(), RecordedFrames()
     inbox = Inbox(Node.CONTROLLER, read)
     with open_bus("virtual", "recorded") as near, open_bus("virtual", "recorded") as far:
         Outbox(far, Node.VEHICLE, sent).send(STATE, SAMPLE, 1)

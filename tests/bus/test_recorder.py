@@ -3,6 +3,7 @@
 import hashlib
 import re
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import can
@@ -41,13 +42,27 @@ def test_python_can_reads_back_what_was_recorded(tmp_path: Path, is_threaded: bo
     )
 
 
-def test_the_writer_writes_while_the_drive_goes_on(tmp_path: Path) -> None:
+def write_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rt_controller.bus.recorder._WRITE_INTERVAL_S", 0.001)
+
+
+def wait_until(condition: Callable[[], object]) -> None:
+    for _ in range(10_000):
+        if condition():
+            return
+        time.sleep(0.001)
+    pytest.fail("expected the writer to have written")
+
+
+def test_the_writer_writes_while_the_drive_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """So the log of a killed controller lacks only the last frames."""
+    write_often(monkeypatch)
     path = tmp_path / "drive.log"
     with Recorder(path, "can0", is_threaded=True) as recorder:
         recorder.record(message(0x100, b"\x01"), 0)
-        while not path.read_text():
-            time.sleep(0.01)
+        wait_until(path.read_text)
         assert path.read_text() == "(0.000000) can0 100#01\n"
 
 
@@ -121,15 +136,17 @@ def test_blanks_in_the_name_of_a_channel_do_not_break_the_line(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("is_threaded", [False, True])
-def test_a_full_disk_does_not_end_the_drive(is_threaded: bool) -> None:
+def test_a_full_disk_does_not_end_the_drive(
+    is_threaded: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_often(monkeypatch)
     full = Path("/dev/full")
     if not full.exists():
         pytest.skip("no /dev/full on this system")
     with Recorder(full, "can0", is_threaded=is_threaded) as recorder:
         for _ in range(2000):
             recorder.record(message(0x100, bytes(8)), 0)
-        while is_threaded and not recorder.last_failure:
-            time.sleep(0.01)
+        wait_until(lambda: recorder.last_failure or not is_threaded)
     assert "No space left" in recorder.last_failure
     recorder.close()
 

@@ -65,7 +65,7 @@ def test_options_reach_the_interface() -> None:
 
 
 def test_an_unknown_interface_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(ConfigError, match=r"'soketcan'.*virtual, local.*Did you mean socketcan\?"):
+    with pytest.raises(ConfigError, match=r"'soketcan'.*virtual, local.*did you mean socketcan\?"):
         open_bus("soketcan", "vcan0")
 
 

@@ -3,7 +3,6 @@
 The history that it gets is that of the log: each state, with the input applied from it.
 """
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,9 +11,9 @@ import numpy as np
 import pytest
 from made_frames import decode_frames
 from made_models import WITH_ALL, make_bundle
+from virtual_drive import drive
 
 from rt_controller.bus.catalogue import FEEDBACK, STATE
-from rt_controller.cli import app
 from rt_controller.contract.artifact import save_bundle
 from rt_controller.contract.signals import VehicleState
 from rt_controller.control.lift import Encoder
@@ -29,18 +28,8 @@ def model(tmp_path: Path) -> Path:
     return tmp_path / "model"
 
 
-def drive(model: Path, *options: str) -> int:
-    command = f"--bus virtual --pace lockstep --quiet --channel {model.parent.name}"
-    with pytest.raises(SystemExit) as ended:
-        app.meta([*command.split(), "--model", str(model), *options])
-    assert isinstance(ended.value.code, int)
-    return ended.value.code
-
-
 def test_the_model_stays_on_its_path(model: Path) -> None:
-    summary = model.parent / "summary.json"
-    assert drive(model, "--json", str(summary)) == 0
-    figures = json.loads(summary.read_text())
+    figures = drive(model.parent, model)
     assert figures["ey_peak_m"] <= 1.0
     assert figures["final_mode"] == "STANDBY"
     assert figures["model"].startswith("made")
@@ -59,7 +48,7 @@ def test_every_history_equals_the_rows_of_the_log(
 
     monkeypatch.setattr(Encoder, "lift", recorded_lift)
     log = model.parent / "drive.log"
-    assert drive(model, "--record", str(log)) == 0
+    drive(model.parent, model, "--record", str(log))
 
     driven = rows_of(log)
     begun, over = span_of_the_mission(driven)

@@ -1,28 +1,9 @@
 """The shipped models drive the paper's double lane change, over a virtual bus, in lockstep."""
 
-import json
 from pathlib import Path
-from typing import Any
 
 import pytest
-
-from rt_controller.cli import app
-from rt_controller.contract.artifact import shipped_model
-
-Figures = dict[str, Any]
-
-
-def drive(
-    folder: Path, model: str, *options: str, pace: str = "lockstep", channel: str = ""
-) -> Figures:
-    summary = folder / "summary.json"
-    command = f"--bus virtual --pace {pace} --quiet --channel {channel or folder.name}"
-    files = ["--model", str(shipped_model(model)), "--json", str(summary)]
-    with pytest.raises(SystemExit) as ended:
-        app.meta([*command.split(), *files, *options])
-    assert ended.value.code == 0
-    figures: Figures = json.loads(summary.read_text())
-    return figures
+from virtual_drive import Figures, drive
 
 
 @pytest.fixture(scope="module")

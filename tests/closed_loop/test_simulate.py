@@ -146,17 +146,38 @@ def test_a_plant_that_fails_is_an_error(lti: Bundle) -> None:
         simulate("straight", model=lti, plant=KinematicCar(fails_after_s=1.0))
 
 
-def test_a_plant_that_raises_is_an_error_that_names_plant_and_step(lti: Bundle) -> None:
+@pytest.mark.parametrize(
+    ("first_bad_call", "named"),
+    [(1, "the reset to 16.67 m/s"), (2, "step 1 after the start"), (5, r"step \d+ after")],
+)
+def test_a_plant_that_raises_is_closed_and_named_with_the_call(
+    lti: Bundle, first_bad_call: int, named: str
+) -> None:
     class RaisingCar(KinematicCar):
-        def step(self, control: ControlInput, dt_s: float) -> np.ndarray:
-            if self._time_s > 0.2:
+        calls, is_closed = 0, False
+
+        def count(self) -> None:
+            self.calls += 1
+            if self.calls >= first_bad_call:
                 raise ZeroDivisionError("no tyre")
+
+        def reset(self, v0_mps: float) -> np.ndarray:
+            self.count()
+            return super().reset(v0_mps)
+
+        def step(self, control: ControlInput, dt_s: float) -> np.ndarray:
+            self.count()
             return super().step(control, dt_s)
 
-    expected = r"plant kinematic: .* step \d+ .* ZeroDivisionError: no tyre"
+        def close(self) -> None:
+            self.is_closed = True
+
+    plant = RaisingCar()
+    expected = rf"plant kinematic: .* {named}.* ZeroDivisionError: no tyre"
     with pytest.raises(PlantError, match=expected) as raised:
-        simulate("straight", model=lti, plant=RaisingCar())
+        simulate("straight", model=lti, plant=plant)
     assert isinstance(raised.value.__cause__, ZeroDivisionError)
+    assert plant.is_closed
 
 
 class WithoutClose:

@@ -1,20 +1,19 @@
 """Controller and car in two processes, on a bus of this machine, in real time."""
 
 import json
-import os
 import signal
-import socket
 import subprocess
-import sys
 import time
 import uuid
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from benchmarks.processes import program, start, start_bus_server
 from rt_controller.contract.artifact import shipped_model
 
 PATIENCE_S = 90.0
@@ -27,7 +26,8 @@ class Drive:
     bus: str
     channel: str
     folder: Path
-    processes: list[subprocess.Popen[bytes]] = field(default_factory=list)
+    running: ExitStack
+    server: subprocess.Popen[bytes] | None = None
 
     def start_car(self, duration_s: float = 60.0) -> subprocess.Popen[bytes]:
         """Straight on and slowly, so that a stop takes two seconds."""
@@ -46,18 +46,10 @@ class Drive:
 
     def start_program(self, name: str, module: str, *options: str) -> subprocess.Popen[bytes]:
         (self.folder / name).mkdir()
-        program = f"import sys; from {module} import main; sys.argv[0] = '{module}'; main()"
-        return self.start(
-            *(name, sys.executable, "-c", program, "--bus", self.bus, "--channel", self.channel),
-            *("--json", str(self.folder / name / "summary.json"), *options),
-        )
-
-    def start(self, name: str, *command: str) -> subprocess.Popen[bytes]:
-        environment = {**os.environ, "COLUMNS": "200"}
-        with (self.folder / f"{name}.log").open("wb") as log:
-            process = subprocess.Popen(command, stdout=log, stderr=log, env=environment)
-        self.processes.append(process)
-        return process
+        bus = ("--bus", self.bus, "--channel", self.channel)
+        summary = ("--json", str(self.folder / name / "summary.json"))
+        command = program(module, *bus, *summary, *options)
+        return start(*command, log=self.folder / f"{name}.log", running=self.running)
 
     def log(self, name: str) -> str:
         return (self.folder / f"{name}.log").read_text(errors="replace")
@@ -80,42 +72,20 @@ def wait_until(condition: Callable[[], bool], what: str) -> None:
         time.sleep(0.02)
 
 
-def kill_all(drive: Drive) -> None:
-    for process in drive.processes:
-        process.kill()
-        process.wait()
-
-
 @pytest.fixture
 def local(tmp_path: Path) -> Iterator[Drive]:
     """On the bus in shared memory."""
-    drive = Drive("local", f"test-{uuid.uuid4().hex}", tmp_path)
-    yield drive
-    kill_all(drive)
+    with ExitStack() as running:
+        yield Drive("local", f"test-{uuid.uuid4().hex}", tmp_path, running)
 
 
 @pytest.fixture
 def remote(tmp_path: Path) -> Iterator[Drive]:
-    """On python-can's virtual bus behind a local server, the first of the processes."""
+    """On python-can's virtual bus behind a local server."""
     pytest.importorskip("can_remote", reason="the extra [remote] is not installed")
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-    drive = Drive("remote", f"ws://127.0.0.1:{port}/", tmp_path)
-    drive.start(
-        *("server", sys.executable, "-m", "can_remote", "-H", "127.0.0.1", "-p", str(port)),
-        *("-i", "virtual", "-c", f"test-{port}", "-b", "500000"),
-    )
-    try:
-        wait_until(lambda: is_listening(port), "the server of the bus")
-        yield drive
-    finally:
-        kill_all(drive)
-
-
-def is_listening(port: int) -> bool:
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0
+    with ExitStack() as running:
+        server, channel = start_bus_server(tmp_path / "server.log", running)
+        yield Drive("remote", channel, tmp_path, running, server)
 
 
 @pytest.mark.parametrize("bus", ["local", pytest.param("remote", marks=pytest.mark.nightly)])
@@ -172,7 +142,8 @@ def test_a_controller_whose_car_is_killed_ends_in_a_safe_stop(local: Drive) -> N
 def test_a_bus_that_fails_ends_both_programs_with_a_message(remote: Drive) -> None:
     car, controller = remote.start_car(), remote.start_controller()
     remote.wait_for_nominal()
-    remote.processes[0].kill()
+    assert remote.server is not None
+    remote.server.kill()
     remote.expect_exit(car, "car", 5)
     remote.expect_exit(controller, "controller", 5)
     for name in ("car", "controller"):

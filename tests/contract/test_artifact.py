@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rt_controller.contract.artifact import Bundle, LiftSample, load_bundle, save_bundle
+from rt_controller.contract.artifact import load_bundle, save_bundle
+from rt_controller.contract.bundle import Bundle, LiftSample
 from rt_controller.contract.errors import ArtifactError
 
 

@@ -10,7 +10,7 @@ from made_models import input_matrix, make_bundle
 
 from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.artifact import Bundle, Lift
+from rt_controller.contract.bundle import Bundle, Lift
 from rt_controller.contract.follow import Follow
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.control.objective import Objective

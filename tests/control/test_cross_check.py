@@ -1,15 +1,13 @@
 """PIQP, with and without warm start, and DAQP find the same solutions."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 pytest.importorskip("daqp", reason="the extra [daqp] is not installed")
 pytest.importorskip("benchmarks", reason="the benchmarks are not part of the installed package")
 
-import random_problems
 from random_problems import COST, HORIZON, TIERS, random_bundle, update_vectors
+from virtual_drive import SHORT_LANE_CHANGE
 
 from benchmarks.peers.recording import TIERS as RECORDED_TIERS
 from benchmarks.peers.recording import Matrices, record
@@ -22,7 +20,6 @@ from rt_controller.control.warm_start import WarmStartedSolver
 MAX_DIFFERENCE = 1e-4
 """of two solutions' first inputs, as a share of the range"""
 PATIENT_ITERATIONS = 50
-SHORT = Path(random_problems.__file__).parent / "short_lane_change.toml"
 
 
 def open_all(program: QuadraticProgram) -> list[Solver]:
@@ -67,7 +64,7 @@ def test_all_solvers_agree_on_random_problems(problems: int) -> None:
 
 @pytest.mark.parametrize(
     "scenario",
-    [str(SHORT), pytest.param("double_lane_change", marks=pytest.mark.nightly)],
+    [SHORT_LANE_CHANGE, pytest.param("double_lane_change", marks=pytest.mark.nightly)],
     ids=["short", "whole"],
 )
 @pytest.mark.parametrize("features", RECORDED_TIERS.values(), ids=RECORDED_TIERS.keys())

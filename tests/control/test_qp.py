@@ -16,7 +16,7 @@ from random_problems import (
 from scipy.linalg import block_diag
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.artifact import Bundle
+from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.follow import Follow
 from rt_controller.contract.limits import INPUT_LIMITS

@@ -25,14 +25,12 @@ from rt_controller.terminal import run as terminal_run
 from rt_controller.terminal.command_line import new_app, run_command
 
 Run = Callable[..., tuple[int, str]]
-ON_SOCKETCAN = ("--bus", "socketcan", "--channel", "can0")
 
 
 def test_an_unknown_interface_is_refused_with_the_known_ones(run: Run) -> None:
     code, message = run("--bus", "sockketcan")
     assert code == 2
     assert "--bus 'sockketcan': expected virtual, local, socketcan" in message
-    assert "socketcan" in message
 
 
 @pytest.mark.parametrize(
@@ -115,7 +113,7 @@ def test_all_mistakes_of_a_settings_file_are_named_at_once(run: Run, tmp_path: P
     code, message = run("--config", file, "--bus", "socketcan")
     assert code == 2
     assert "mpc.horizont: no such setting" in message
-    assert "Did you mean horizon?" in message
+    assert "did you mean horizon?" in message
     assert "mpc.tolerance.ey_m: expected more than 0.0, found -3" in message
     assert "realtime.phase_ms" in message
 
@@ -157,6 +155,19 @@ class NoCar:
         pass
 
 
+def end_at_start(monkeypatch: pytest.MonkeyPatch, end: Callable[[ControllerSession], None]) -> None:
+    """Replace the loop of each session by a thread that has ended, after a call of `end`."""
+
+    def start(session: ControllerSession, *_: object) -> Thread:
+        end(session)
+        ended = Thread()
+        ended.start()
+        return ended
+
+    monkeypatch.setattr(terminal_run, "open_virtual_car", lambda *_: NoCar())
+    monkeypatch.setattr(ControllerSession, "start", start)
+
+
 @pytest.mark.parametrize("suffix", [".blf", ".asc", ".MF4"])
 def test_a_log_in_another_format_is_refused_with_the_command_that_converts(
     run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, suffix: str
@@ -176,16 +187,12 @@ def test_a_log_in_another_format_is_refused_with_the_command_that_converts(
 def test_a_request_that_came_too_late_to_end_the_loop_does_not_change_the_exit_code(
     run: Run, monkeypatch: pytest.MonkeyPatch, ending: Ending, expected: int
 ) -> None:
-    def start(session: ControllerSession, *_: object) -> Thread:
+    def end(session: ControllerSession) -> None:
         for _ in range(3):
             session.request_stop()
         session.record.ending = ending
-        ended = Thread()
-        ended.start()
-        return ended
 
-    monkeypatch.setattr(terminal_run, "open_virtual_car", lambda *_: NoCar())
-    monkeypatch.setattr(ControllerSession, "start", start)
+    end_at_start(monkeypatch, end)
     code, message = run("--bus", "virtual", "--pace", "lockstep", "--quiet")
     assert code == expected
     assert ("ended at once" in message) == (expected == 130)
@@ -195,15 +202,11 @@ def test_a_request_that_came_too_late_to_end_the_loop_does_not_change_the_exit_c
 def test_a_safe_stop_without_a_state_says_what_to_check(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def start(session: ControllerSession, *_: object) -> Thread:
+    def end(session: ControllerSession) -> None:
         session.record.ending = Ending.SAFE_STOPPED
         session.record.result = StepResult(mode=Mode.SAFE_STOP, cause=StopCause.STATE_LOST)
-        ended = Thread()
-        ended.start()
-        return ended
 
-    monkeypatch.setattr(terminal_run, "open_virtual_car", lambda *_: NoCar())
-    monkeypatch.setattr(ControllerSession, "start", start)
+    end_at_start(monkeypatch, end)
     code, message = run("--bus", "virtual", "--pace", "lockstep")
     assert code == 6
     assert "no new valid vehicle state. Check that the vehicle (sim-bridge) runs" in message

@@ -1,7 +1,7 @@
 """The controller waits for a vehicle that fits, and refuses a bus on which it must not drive."""
 
 import pytest
-from scripted_vehicle import Rig
+from scripted_vehicle import Rig, fail
 
 from rt_controller.bus.catalogue import COMMAND, STATE, VEHICLE_IDENTITY, Command, Identity
 from rt_controller.bus.identity import own_identity
@@ -42,6 +42,14 @@ def test_the_error_after_the_wait_names_the_missing_frames_and_a_remedy(rig: Rig
     with pytest.raises(BusError, match="STATE_A/B/C") as error:
         wait(rig)
     assert "Start sim-bridge" in str(error.value)
+
+
+def test_a_bus_that_cannot_be_read_is_an_error_with_what_to_check(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rig.controller_bus, "recv", fail)
+    with pytest.raises(BusError, match=r"expected .*, found .*unplugged\. Check the interface"):
+        wait(rig)
 
 
 def test_another_message_catalogue_is_an_error(rig: Rig) -> None:

@@ -1,8 +1,7 @@
 """How the loop ends, and what it sends and records until then."""
 
-import can
 import pytest
-from scripted_vehicle import CRUISING, VALID_NS, Rig
+from scripted_vehicle import CRUISING, STANDING, VALID_NS, Rig, fail
 
 from rt_controller.bus.catalogue import COMMAND, Mission
 from rt_controller.contract.signals import Mode
@@ -16,7 +15,6 @@ from rt_controller.safety.modes import StopCause
 
 SECOND_NS = 10**9
 TICKS_PER_S = SECOND_NS // PERIOD_NS
-STANDING = CRUISING._replace(vx_mps=0.0, ds_m=0.0)
 
 
 @pytest.fixture
@@ -44,10 +42,6 @@ def brake_as_commanded(rig: Rig) -> None:
     if command is not None and command.content.control.brake_n > 50.0 and state is not None:
         vx_mps = max(state.vx_mps - 4.0 * PERIOD_S, 0.0)
         rig.vehicle.state = state._replace(vx_mps=vx_mps, ds_m=vx_mps * PERIOD_S)
-
-
-def fail(*_: object, **__: object) -> None:
-    raise can.CanOperationError("unplugged")
 
 
 def test_the_loop_ends_with_the_mission(rig: Rig, record: RunRecord) -> None:
@@ -159,6 +153,26 @@ def test_a_loop_that_stays_in_a_safe_stop_ends_with_one_request(
     run_loop(rig.step, rig.clock, record, request, waits_for_missions=True)
     assert record.ending is Ending.SAFE_STOPPED
     assert record.deadlines.ticks == pytest.approx(3 * TICKS_PER_S, abs=2)
+
+
+def test_a_safe_stop_that_was_reset_does_not_decide_how_a_later_run_ends(
+    rig: Rig, record: RunRecord
+) -> None:
+    request = StopRequest()
+
+    def stop_reset_drive_request(now_ns: int) -> None:
+        second = now_ns // SECOND_NS
+        rig.vehicle.is_watchdog_braking = second == 1
+        rig.vehicle.state = STANDING if second in (2, 3) else CRUISING
+        rig.vehicle.mission = Mission(second < 5, second == 3, 1, VALID_NS)
+        if now_ns == 6 * SECOND_NS:
+            assert record.result.mode is Mode.STANDBY
+            request.request()
+
+    rig.vehicle.after_sending = stop_reset_drive_request
+    run_loop(rig.step, rig.clock, record, request, waits_for_missions=True)
+    assert record.ending is Ending.STOPPED
+    assert record.deadlines.ticks == pytest.approx(6 * TICKS_PER_S, abs=2)
 
 
 def test_a_loop_that_stays_waits_for_the_next_mission(rig: Rig, record: RunRecord) -> None:

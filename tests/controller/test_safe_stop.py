@@ -1,37 +1,25 @@
 """Faults that cause a safe stop, how it is driven, and how it ends."""
 
-import can
 import pytest
-from scripted_vehicle import CRUISING, ENGAGED, STRAIGHT, Rig
+from scripted_vehicle import CRUISING, ENGAGED, STANDING, STRAIGHT, Rig, fail, mode_and_cause
 
 from rt_controller.bus.catalogue import COMMAND, VEHICLE_IDENTITY, Command, Fault, Identity
 from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import Outbox
 from rt_controller.contract.signals import NEUTRAL_INPUT, Mode
 from rt_controller.safety.modes import StopCause
-from rt_controller.step import StepResult
-
-STANDING = CRUISING._replace(vx_mps=0.0, ds_m=0.0)
-
-
-def fail(*_: object, **__: object) -> None:
-    raise can.CanOperationError("unplugged")
-
-
-def end(result: StepResult) -> tuple[Mode, StopCause]:
-    return result.mode, result.cause
 
 
 def test_a_vehicle_whose_watchdog_brakes_causes_a_safe_stop(rig: Rig) -> None:
     rig.tick(3)
     rig.vehicle.is_watchdog_braking = True
-    assert end(rig.tick()) == (Mode.SAFE_STOP, StopCause.VEHICLE_BRAKING)
+    assert mode_and_cause(rig.tick()) == (Mode.SAFE_STOP, StopCause.VEHICLE_BRAKING)
 
 
 def test_another_message_catalogue_causes_a_safe_stop(rig: Rig) -> None:
     rig.tick(3)
     rig.vehicle.outbox.send(VEHICLE_IDENTITY, Identity(1, None), rig.clock.now_ns())
-    assert end(rig.tick()) == (Mode.SAFE_STOP, StopCause.PEER_MISMATCH)
+    assert mode_and_cause(rig.tick()) == (Mode.SAFE_STOP, StopCause.PEER_MISMATCH)
 
 
 def test_a_safe_stop_goes_on_when_states_are_received_again(rig: Rig) -> None:
@@ -103,11 +91,11 @@ def test_a_bus_that_cannot_be_read_causes_a_safe_stop(
 ) -> None:
     rig.tick(2)
     monkeypatch.setattr(rig.controller_bus, "recv", fail)
-    assert end(rig.tick()) == (Mode.SAFE_STOP, StopCause.BUS_FAILED)
+    assert mode_and_cause(rig.tick()) == (Mode.SAFE_STOP, StopCause.BUS_FAILED)
 
 
 def test_a_second_controller_on_the_bus_causes_a_safe_stop(rig: Rig) -> None:
     rig.tick(3)
     other = Outbox(rig.vehicle_bus, Node.CONTROLLER)
     other.send(COMMAND, Command(NEUTRAL_INPUT, Mode.NOMINAL), 0)
-    assert end(rig.tick()) == (Mode.SAFE_STOP, StopCause.SECOND_CONTROLLER)
+    assert mode_and_cause(rig.tick()) == (Mode.SAFE_STOP, StopCause.SECOND_CONTROLLER)

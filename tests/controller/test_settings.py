@@ -26,7 +26,7 @@ from sim_bridge.toml_file import shipped_names
     ("table", "values", "expected"),
     [
         (MpcSettings, {"horizon": 1}, "MpcSettings.horizon: expected at least 3, found 1."),
-        (MpcSettings, {"horizont": 9}, "horizont: no such setting. Did you mean horizon?"),
+        (MpcSettings, {"horizont": 9}, "horizont: no such setting (did you mean horizon?)."),
         (MpcSettings, {"solver": "osqp"}, "solver: expected 'piqp' or 'daqp', found 'osqp'."),
         (
             ControllerConfig,

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from scripted_vehicle import CRUISING, ENGAGED, VALID_NS, Rig, build_rig
+from scripted_vehicle import CRUISING, ENGAGED, VALID_NS, Rig, build_rig, mode_and_cause
 
 from rt_controller.bus.catalogue import CONTROLLER_IDENTITY, STATE
 from rt_controller.contract.signals import Mode, PathReference
@@ -11,13 +11,8 @@ from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_NS
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.solver import SolveStatus
 from rt_controller.safety.modes import StopCause
-from rt_controller.step import StepResult
 
 NOT_ENGAGED = ENGAGED._replace(is_engaged=False)
-
-
-def end(result: StepResult) -> tuple[Mode, StopCause]:
-    return result.mode, result.cause
 
 
 def test_an_engaged_mission_and_a_fresh_state_give_mode_nominal(rig: Rig) -> None:
@@ -82,14 +77,14 @@ def test_a_path_is_valid_for_three_periods(rig: Rig) -> None:
     rig.vehicle.path = None
     assert rig.tick(3).mode is Mode.NOMINAL
     assert rig.tick(2).mode is Mode.HOLD_PLAN
-    assert end(rig.tick()) == (Mode.SAFE_STOP, StopCause.REFERENCE_LOST)
+    assert mode_and_cause(rig.tick()) == (Mode.SAFE_STOP, StopCause.REFERENCE_LOST)
 
 
 def test_a_mission_that_is_no_longer_valid_stops_the_car(rig: Rig) -> None:
     rig.tick(3)
     rig.vehicle.mission = None
     assert rig.tick(VALID_NS // PERIOD_NS).mode is Mode.NOMINAL
-    assert end(rig.tick()) == (Mode.SAFE_STOP, StopCause.MISSION_LOST)
+    assert mode_and_cause(rig.tick()) == (Mode.SAFE_STOP, StopCause.MISSION_LOST)
 
 
 @pytest.mark.parametrize("status", [s for s in SolveStatus if s is not SolveStatus.SOLVED])
@@ -102,7 +97,7 @@ def test_a_failed_solve_holds_the_plan_and_then_stops(
     result = rig.tick()
     assert result.mode is Mode.HOLD_PLAN
     assert result.control == pytest.approx(plan[1], abs=1e-3)
-    assert end(rig.tick(2)) == (Mode.SAFE_STOP, StopCause.SOLVER_FAILED)
+    assert mode_and_cause(rig.tick(2)) == (Mode.SAFE_STOP, StopCause.SOLVER_FAILED)
 
 
 def test_a_path_with_nan_stops_the_car(rig: Rig) -> None:
@@ -134,7 +129,7 @@ def test_a_delayed_state_counts_as_missing(rig: Rig) -> None:
     rig.vehicle.stamped_late_ns = 60_000_000
     assert rig.tick().mode is Mode.HOLD_PLAN
     assert rig.heartbeat.state_age_ns == pytest.approx(60_000_000, abs=100_000)
-    assert end(rig.tick(2)) == (Mode.SAFE_STOP, StopCause.STATE_LOST)
+    assert mode_and_cause(rig.tick(2)) == (Mode.SAFE_STOP, StopCause.STATE_LOST)
 
 
 def test_a_round_trip_of_too_many_periods_stops_the_car(rig: Rig) -> None:

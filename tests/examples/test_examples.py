@@ -1,12 +1,23 @@
-"""Every example of the public names is short and runs as it is written."""
+"""Every example is short and runs as it is written."""
 
 import runpy
 from pathlib import Path
 
 import pytest
 
+import offline.cli
+import rt_controller.cli
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
-PROGRAMS = sorted(file for file in EXAMPLES.glob("*.py") if file.name != "plot_log.py")
+PROGRAMS = sorted(EXAMPLES.glob("*.py"))
+ARGUMENTS = {"plot_log": ("drive.svg", "drive.log")}
+PREPARATIONS = {
+    "own_predictor": (offline.cli.data_main, "--episodes 10 --data small --jobs 1"),
+    "plot_log": (
+        rt_controller.cli.main,
+        "--bus virtual --pace lockstep --quiet --scenario straight --model lti --record drive.log",
+    ),
+}
 
 
 @pytest.mark.parametrize("program", PROGRAMS, ids=lambda file: file.stem)
@@ -17,6 +28,14 @@ def test_an_example_runs(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    if program.stem in PREPARATIONS:
+        command, options = PREPARATIONS[program.stem]
+        monkeypatch.setattr("sys.argv", ["prepare", *options.split()])
+        with pytest.raises(SystemExit) as ended:
+            command()
+        assert not ended.value.code
+        capsys.readouterr()
+    monkeypatch.setattr("sys.argv", [str(program), *ARGUMENTS.get(program.stem, ())])
     runpy.run_path(str(program), run_name="__main__")
     assert capsys.readouterr().out
 

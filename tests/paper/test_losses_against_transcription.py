@@ -19,16 +19,11 @@ from offline.model.losses import (
 from offline.model.network import MdkNet, sizes_of
 from rt_controller.contract.schema import VEHICLE
 
+pytestmark = pytest.mark.usefixtures("double_precision")
+
 K, BATCH = 7, 3
 SMALL = {"hidden": (8, 8), "latents": 5}
 SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
-
-
-@pytest.fixture(autouse=True)
-def _double_precision():
-    torch.set_default_dtype(torch.float64)
-    yield
-    torch.set_default_dtype(torch.float32)
 
 
 def a_model(config: TrainingConfig) -> MdkNet:

@@ -2,7 +2,6 @@
 
 from functools import cache
 from io import StringIO
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,7 +10,7 @@ from rich.console import Console
 
 pytest.importorskip("qpsolvers", reason="the extra [peers] is not installed")
 
-import random_problems
+from virtual_drive import SHORT_LANE_CHANGE
 
 from benchmarks.peers import solver_comparison
 from benchmarks.peers.nonlinear import closed_loop_comparison
@@ -30,17 +29,15 @@ from benchmarks.tables import Ratio, percentiles, summarise, to_tables
 from rt_controller.control.solver import SolveStatus, open_solver
 from rt_controller.report.table import print_table
 
-SHORT = Path(random_problems.__file__).parent / "short_lane_change.toml"
-
 
 @pytest.fixture(scope="module", params=["mdk-net", "mdk-net-paper"])
 def recording(request) -> Recording:
-    return record(request.param, str(SHORT), TIERS["slew"])
+    return record(request.param, SHORT_LANE_CHANGE, TIERS["slew"])
 
 
 @cache
 def first_problems(tier: str) -> Recording:
-    whole = record("mdk-net", str(SHORT), TIERS[tier])
+    whole = record("mdk-net", SHORT_LANE_CHANGE, TIERS[tier])
     return Recording(whole.model, whole.scenario, whole.program, whole.events[:20])
 
 

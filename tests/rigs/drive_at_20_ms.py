@@ -57,20 +57,18 @@ def fit_linear_model(folder: Path) -> Path:
     return folder / "model"
 
 
-def drive(folder: Path, model: Path) -> None:
+def drive_lane_change(folder: Path, model: Path) -> None:
     """Write summary.json and drive.log of a lane change, and the DBC for this period."""
+    from virtual_drive import drive
+
     from rt_controller.bus.cycle_times import with_cycle_times
     from rt_controller.bus.dbc import DBC_PATH
-    from rt_controller.cli import app
 
     (folder / "messages.dbc").write_text(with_cycle_times(DBC_PATH.read_text()))
-    files = ["--model", str(model), "--json", str(folder / "summary.json")]
-    files += ["--record", str(folder / "drive.log")]
-    bus = ["--bus", "virtual", "--pace", "lockstep", "--quiet", "--channel", "period"]
-    app.meta([*bus, *files, "--scenario", "lane_change_60"])
+    drive(folder, model, "--record", str(folder / "drive.log"), "--scenario", "lane_change_60")
 
 
 if __name__ == "__main__":
     target = Path(sys.argv[1])
     import_timing_of_20_ms()
-    drive(target, fit_linear_model(target))
+    drive_lane_change(target, fit_linear_model(target))

@@ -88,6 +88,13 @@ def make_foreign_car(folder: Path, name: str, mapping: str = FOREIGN_MAPPING) ->
     return fmu
 
 
+def remap(fmu: Path, old: str, new: str) -> Path:
+    """The FMU's mapping, with one passage changed."""
+    assert old in FOREIGN_MAPPING
+    fmu.with_suffix(".toml").write_text(FOREIGN_MAPPING.replace(old, new))
+    return fmu
+
+
 def make_from_library(folder: Path, script: Path, name: str) -> Path:
     """An FMI 2 FMU of a slave from another package."""
     copy = folder / f"{name.lower()}_copy.py"

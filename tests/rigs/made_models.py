@@ -10,14 +10,9 @@ import numpy as np
 import onnx_bytes
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.artifact import (
-    Bilinear,
-    Bundle,
-    Lift,
-    LiftSample,
-    load_bundle,
-    shipped_model,
-)
+from rt_controller.contract.artifact import load_bundle, shipped_model
+from rt_controller.contract.bilinear import Bilinear
+from rt_controller.contract.bundle import Bundle, Lift, LiftSample
 from rt_controller.contract.validation import DRIVABLE_HISTORY
 
 N_LATENTS = 5

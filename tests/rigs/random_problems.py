@@ -4,7 +4,8 @@ import numpy as np
 import piqp
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.artifact import Bilinear, Bundle, LiftSample
+from rt_controller.contract.bilinear import Bilinear
+from rt_controller.contract.bundle import Bundle, LiftSample
 from rt_controller.contract.follow import Follow
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput, VehicleState

@@ -22,17 +22,28 @@ from rt_controller.bus.inbox import Inbox, Received
 from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import Outbox
 from rt_controller.bus.transport import open_bus
-from rt_controller.contract.signals import PathReference, VehicleState
+from rt_controller.contract.signals import Mode, PathReference, VehicleState
 from rt_controller.control.mpc import Mpc
 from rt_controller.realtime.clock import LockstepClock
+from rt_controller.safety.modes import StopCause
 from rt_controller.step import ControlStep, StepResult
 
 CRUISING = VehicleState(20.0, 0.0, 0.0, 0.5, 0.2, 0.01)
+STANDING = CRUISING._replace(vx_mps=0.0, ds_m=0.0)
 STRAIGHT = PathReference(0.0, 0.0, 0.0, 0.0, 20.0, 0.0)
 VALID_NS = 500_000_000
 ENGAGED = Mission(is_engaged=True, is_reset_requested=False, mission_id=1, valid_for_ns=VALID_NS)
 
 _channels = count()
+
+
+def fail(*_: object, **__: object) -> None:
+    """A `send` or `recv` of a bus that is unplugged."""
+    raise can.CanOperationError("unplugged")
+
+
+def mode_and_cause(result: StepResult) -> tuple[Mode, StopCause]:
+    return result.mode, result.cause
 
 
 @dataclass(slots=True)

@@ -41,10 +41,3 @@ def with_random_error(trajectories, factor=1.0, seed=0):
     """Predictor with normally distributed errors of this standard deviation."""
     rng = np.random.default_rng(seed)
     return WithError(trajectories, factor * rng.normal(size=trajectories.x.shape))
-
-
-class Hold:
-    """Predicts the first state for all steps."""
-
-    def predict(self, x0, past, U, W):
-        return np.repeat(x0[:, None], U.shape[1] + 1, axis=1)

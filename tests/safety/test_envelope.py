@@ -22,17 +22,13 @@ previous_inputs = st.builds(
 )
 
 
-def limited(wanted: ControlInput, previous: ControlInput) -> ControlInput:
-    return limit(wanted, previous)
-
-
 @given(wanted_inputs, previous_inputs)
 @example(ControlInput(math.nan, math.nan, math.nan), ControlInput(0.5, 0.0, 0.3))
 @example(ControlInput(1.0, 150.0, 9.0), NEUTRAL_INPUT)
 def test_every_command_is_finite_within_bounds_and_on_one_pedal(
     wanted: ControlInput, previous: ControlInput
 ) -> None:
-    out = limited(wanted, previous)
+    out = limit(wanted, previous)
     for value, low, high in zip(out, INPUT_LIMITS.lower, INPUT_LIMITS.upper, strict=True):
         assert low <= value <= high
     assert out.throttle == 0.0 or out.brake_n == 0.0
@@ -42,7 +38,7 @@ def test_every_command_is_finite_within_bounds_and_on_one_pedal(
 def test_no_input_changes_faster_than_its_rate(
     wanted: ControlInput, previous: ControlInput
 ) -> None:
-    out = limited(wanted, previous)
+    out = limit(wanted, previous)
     rate = INPUT_LIMITS.rate_per_s
     assert out.throttle - previous.throttle <= rate.throttle * PERIOD_S + 1e-9
     assert out.brake_n - previous.brake_n <= rate.brake_n * PERIOD_S + 1e-9
@@ -51,25 +47,25 @@ def test_no_input_changes_faster_than_its_rate(
 
 def test_an_input_within_all_limits_is_unchanged() -> None:
     wanted = ControlInput(0.21, 0.0, 0.05)
-    assert limited(wanted, ControlInput(0.2, 0.0, 0.04)) == wanted
+    assert limit(wanted, ControlInput(0.2, 0.0, 0.04)) == wanted
 
 
 def test_a_wanted_throttle_of_zero_closes_it_at_once() -> None:
-    assert limited(NEUTRAL_INPUT, ControlInput(0.8, 0.0, 0.0)).throttle == 0.0
+    assert limit(NEUTRAL_INPUT, ControlInput(0.8, 0.0, 0.0)).throttle == 0.0
 
 
 def test_the_brake_stays_released_while_the_throttle_is_pressed() -> None:
-    out = limited(ControlInput(0.5, 50.0, 0.0), ControlInput(0.6, 0.0, 0.0))
+    out = limit(ControlInput(0.5, 50.0, 0.0), ControlInput(0.6, 0.0, 0.0))
     assert out.throttle > 0.0
     assert out.brake_n == 0.0
 
 
 def test_the_brake_has_priority_if_neither_pedal_was_pressed() -> None:
-    out = limited(ControlInput(0.5, 50.0, 0.0), NEUTRAL_INPUT)
+    out = limit(ControlInput(0.5, 50.0, 0.0), NEUTRAL_INPUT)
     assert out.throttle == 0.0
     assert out.brake_n > 0.0
 
 
 def test_values_that_are_not_finite_repeat_the_last_command() -> None:
     previous = ControlInput(0.3, 0.0, 0.2)
-    assert limited(ControlInput(math.nan, math.inf, -math.inf), previous) == previous
+    assert limit(ControlInput(math.nan, math.inf, -math.inf), previous) == previous

@@ -8,18 +8,17 @@ import uuid
 from math import isnan
 from pathlib import Path
 
-import can
 import pytest
 
 pytest.importorskip("fmpy", reason="the extra [fmu] is not installed")
 pytest.importorskip("pythonfmu", reason="the extra [fmu] is not installed")
 
-import made_fmus
 from made_fmus import FOREIGN_MAPPING, make_foreign_car
+from recorded_frames import RecordedFrames
+from virtual_drive import SHORT_LANE_CHANGE
 
 from rt_controller import cli
 from rt_controller.bus.catalogue import COMMAND, MISSION, STATE, Command
-from rt_controller.bus.codec import FrameCodec
 from rt_controller.bus.inbox import Inbox
 from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import Outbox
@@ -37,7 +36,6 @@ from sim_bridge.scenario import load_scenario
 from sim_bridge.session import build_car
 
 CRUISE = ControlInput(0.1, 0.0, 0.0)
-SHORT = Path(made_fmus.__file__).parent / "short_lane_change.toml"
 
 
 @pytest.mark.parametrize(
@@ -53,20 +51,6 @@ def test_options_of_the_plant_are_refused_on_a_real_bus(
         cli.main()
     assert ended.value.code == 2
     assert f"{option}: expected --bus virtual" in " ".join(capsys.readouterr().err.split())
-
-
-class FrameList:
-    """A recorder that keeps all frames in memory."""
-
-    def __init__(self) -> None:
-        self._frames: list[tuple[int, bytes]] = []
-
-    def record(self, message: can.Message, timestamp_ns: int) -> None:
-        self._frames.append((message.arbitration_id, bytes(message.data)))
-
-    def of(self, codec: FrameCodec) -> list[bytes]:
-        """The frames of one message, in order."""
-        return [data for number, data in self._frames if number == codec.arbitration_id]
 
 
 def drive(folder: Path, monkeypatch: pytest.MonkeyPatch, *options: str) -> tuple[int, dict]:
@@ -86,7 +70,7 @@ def test_the_exported_car_and_the_own_car_drive_the_same_lane_change(
 ) -> None:
     build_fmu(tmp_path / "car.fmu")
     runs = [
-        drive(tmp_path, monkeypatch, "--scenario", str(SHORT), "--plant", plant)
+        drive(tmp_path, monkeypatch, "--scenario", SHORT_LANE_CHANGE, "--plant", plant)
         for plant in ("own", f"fmu:{tmp_path / 'car.fmu'}")
     ]
     assert [code for code, _ in runs] == [0, 0]
@@ -150,7 +134,7 @@ def test_a_failed_plant_is_sent_as_an_invalid_state_until_the_bridge_ends(
     scenario = load_scenario("straight")
     car = build_car(scenario, CarSettings(plant=f"fmu:{fmu}"))
     channel = tmp_path.name
-    recorder = FrameList()
+    recorder = RecordedFrames()
     with open_bus("virtual", channel) as bus, open_bus("virtual", channel) as far_end:
         bridge = Bridge(bus, car, scenario, recorder)
         controller = Outbox(far_end, Node.CONTROLLER)

@@ -3,13 +3,13 @@
 from importlib import resources
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 pytest.importorskip("fmpy", reason="the extra [fmu] is not installed")
 pytest.importorskip("pythonfmu", reason="the extra [fmu] is not installed")
 
 from made_fmus import wrap_as_fmi3
+from wandering_inputs import wandering_inputs
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import ControlInput
@@ -22,19 +22,10 @@ from sim_bridge.car import Car
 CURVATURE_PER_M = 0.002
 
 
-def busy_inputs(n_periods: int) -> list[ControlInput]:
-    t = np.arange(n_periods) * 0.025
-    steer_rad = 0.6 * np.sin(1.7 * t)
-    return [
-        ControlInput(max(0.0, np.sin(x)), 60.0 * max(0.0, -np.sin(x)), float(s))
-        for x, s in zip(t, steer_rad, strict=True)
-    ]
-
-
 def worst_difference(one: Car, other: Car) -> float:
     """The largest relative difference of states and outputs in 5 s of driving."""
     worst = 0.0
-    for control in busy_inputs(200):
+    for control in wandering_inputs(200):
         pairs = zip(
             (*one.advance(control, CURVATURE_PER_M), *one.plant.outputs()),
             (*other.advance(control, CURVATURE_PER_M), *other.plant.outputs()),

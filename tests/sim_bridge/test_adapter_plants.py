@@ -123,18 +123,42 @@ def test_the_command_line_says_what_it_expected(
     assert words in " ".join(capsys.readouterr().err.split())
 
 
-def test_help_lists_the_commands_without_importing_compiler_and_tools() -> None:
+@pytest.mark.parametrize(
+    "arguments", [("--bus", "local"), ("validate",), ("export-fmu", "car.fmu")]
+)
+def test_without_the_compiler_the_command_names_its_extra(
+    command_line, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+    arguments: tuple[str, ...],
+) -> None:  # fmt: skip
+    monkeypatch.setitem(sys.modules, "numba", None)  # for Python: not installed
+    assert command_line(*arguments) == MissingExtraError.exit_code
+    assert "sim-bridge needs numba: expected the extra [sim]" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ((), ("export-fmu", "validate", "--plant-mapping", "commonroad:NUMBER")),
+        (("validate",), ("--quick", "--html")),
+        (("export-fmu",), ("--car", "c_class_150kw_awd")),
+    ],
+)
+def test_help_lists_options_without_importing_compiler_and_tools(
+    command: tuple[str, ...], words: tuple[str, ...]
+) -> None:
     program = (
-        "import atexit, sys; from sim_bridge.cli import main; sys.argv = ['sim-bridge', '--help'];"
+        "import atexit, sys; from sim_bridge.cli import main;"
+        f"sys.argv = {['sim-bridge', *command, '--help']};"
         "atexit.register(lambda: print(*sys.modules)); main()"
     )
     ended = subprocess.run(
         [sys.executable, "-c", program], check=True, capture_output=True, text=True
     )
     text, _, modules = ended.stdout.rstrip().rpartition("\n")
-    for word in ("export-fmu", "validate", "--plant-mapping", "commonroad:NUMBER"):
+    for word in words:
         assert word in text
-    assert not {"numba", "fmpy", "pythonfmu", "vehiclemodels", "plotly"} & set(modules.split())
+    tools = {"numba", "scipy", "fmpy", "pythonfmu", "vehiclemodels", "plotly"}
+    assert not tools & set(modules.split())
     assert "sim_bridge.cli" in modules.split()
 
 

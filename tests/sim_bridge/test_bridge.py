@@ -8,6 +8,7 @@ from typing import Any
 
 import can
 import pytest
+from recorded_frames import RecordedFrames
 
 from rt_controller.bus.catalogue import (
     COMMAND,
@@ -146,16 +147,11 @@ def test_a_second_vehicle_is_recognised_before_anything_is_sent(rig: Rig) -> Non
 def test_a_frozen_counter_counts_as_no_command(rig: Rig) -> None:
     rig.tick()
     stuck = can.Message(arbitration_id=0x100, is_extended_id=False)
-    recorded: list[bytes] = []
-
-    class Tap:
-        def record(self, message: can.Message, timestamp_ns: int) -> None:
-            recorded.append(bytes(message.data))
-
-    tapped = Outbox(rig.controller_bus, Node.CONTROLLER, Tap())
+    recorder = RecordedFrames()
+    tapped = Outbox(rig.controller_bus, Node.CONTROLLER, recorder)
     tapped.send(COMMAND, Command(CRUISE, Mode.NOMINAL), rig.now_ns, counter=rig.counter)
-    stuck.data = bytearray(recorded[0])
-    stuck.dlc = len(recorded[0])
+    first = recorder.frames[0][2]
+    stuck.data, stuck.dlc = bytearray(first), len(first)
     for _ in range(8):
         rig.controller_bus.send(stuck)
         sample = rig.tick(control=None)

@@ -2,23 +2,17 @@
 
 import numpy as np
 import pytest
+from wandering_inputs import wandering_inputs
 
 from rt_controller.contract.signals import ControlInput
 from sim_bridge import frenet
 from sim_bridge.adapters.own_car import OwnCar
 from sim_bridge.car import Car
 from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, settle, simulate
-from sim_bridge.plant.parameters import C_CLASS_150KW_AWD as PARAMETERS
+from sim_bridge.plant.parameters import default_car
 
+PARAMETERS = default_car()
 CURVATURE_PER_M = 0.002
-
-
-def wandering_inputs(n_periods: int) -> list[ControlInput]:
-    t = np.arange(n_periods) * 0.025
-    return [
-        ControlInput(throttle=max(0.0, np.sin(x)), brake_n=40.0 * max(0.0, -np.sin(x)), steer_rad=s)
-        for x, s in zip(t, 0.5 * np.sin(1.7 * t), strict=True)
-    ]
 
 
 def test_a_car_stepped_by_periods_equals_the_simulated_episode() -> None:

@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.physics import GRAVITY_MPS2
 from rt_controller.contract.signals import ControlInput
 from sim_bridge import frenet
-from sim_bridge.plant.car_parts import GRAVITY_MPS2
 from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, advance, settle, simulate
-from sim_bridge.plant.parameters import C_CLASS_150KW_AWD as CAR
 from sim_bridge.plant.parameters import (
     Parameters,
+    default_car,
     load_parameters,
     shipped_cars,
     with_road_friction,
@@ -23,6 +23,7 @@ from sim_bridge.plant.parameters import (
 from sim_bridge.plant.protocol import PlantOutputs
 from sim_bridge.plant.states import AT, N_STATES, WHEEL_STATES, StateIndex
 
+CAR = default_car()
 MIRROR = np.array((1.0, -1.0, -1.0))
 CARS = tuple(load_parameters(name) for name in shipped_cars())
 TOP_HEAVY = CARS[shipped_cars().index("commonroad_vehicle_2")]

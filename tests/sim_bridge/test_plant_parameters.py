@@ -10,8 +10,8 @@ import pytest
 
 from rt_controller.contract.errors import ConfigError
 from sim_bridge.plant.parameters import (
-    C_CLASS_150KW_AWD,
     Parameters,
+    default_car,
     load_parameters,
     shipped_cars,
     with_road_friction,
@@ -41,13 +41,13 @@ def load(text: str, folder: Path) -> Parameters:
 def test_shipped_cars_load_by_name() -> None:
     assert shipped_cars() == ["c_class_125kw_fwd", "c_class_150kw_awd", "commonroad_vehicle_2"]
     cars = {name: load_parameters(name) for name in shipped_cars()}
-    assert cars["c_class_150kw_awd"] == C_CLASS_150KW_AWD
+    assert cars["c_class_150kw_awd"] == default_car()
     assert cars["c_class_125kw_fwd"].driveline.front_share == 1.0
     assert cars["commonroad_vehicle_2"].body.mass_kg == pytest.approx(1093.3, abs=0.01)
 
 
 def test_a_car_file_outside_the_package_loads_by_path(tmp_path: Path) -> None:
-    assert load(TEXT, tmp_path) == C_CLASS_150KW_AWD
+    assert load(TEXT, tmp_path) == default_car()
 
 
 @pytest.mark.parametrize("name", shipped_cars())
@@ -83,7 +83,7 @@ def test_the_commonroad_car_has_the_parameters_of_the_library() -> None:
 
 
 def test_all_shipped_cars_have_one_type_for_compiled_kernels() -> None:
-    kind = numba.typeof(C_CLASS_150KW_AWD)
+    kind = numba.typeof(default_car())
     assert all(numba.typeof(load_parameters(name)) == kind for name in shipped_cars())
 
 
@@ -173,7 +173,7 @@ def test_an_unknown_car_is_refused_with_the_list_of_shipped_cars() -> None:
 
 
 def test_road_friction_is_set_for_both_sides_or_for_each_side() -> None:
-    assert with_road_friction(C_CLASS_150KW_AWD, 0.5).road == (0.5, 0.5)
-    assert with_road_friction(C_CLASS_150KW_AWD, 0.5, 0.9).road == (0.5, 0.9)
+    assert with_road_friction(default_car(), 0.5).road == (0.5, 0.5)
+    assert with_road_friction(default_car(), 0.5, 0.9).road == (0.5, 0.9)
     with pytest.raises(ConfigError, match="road friction: expected a positive number"):
-        with_road_friction(C_CLASS_150KW_AWD, 0.5, -0.9)
+        with_road_friction(default_car(), 0.5, -0.9)

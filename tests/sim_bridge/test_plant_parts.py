@@ -8,9 +8,9 @@ import pytest
 
 from rt_controller.contract.errors import ConfigError
 from sim_bridge.plant import body, brakes, engine, gearbox, powertrain, steering, tyres
-from sim_bridge.plant.parameters import C_CLASS_150KW_AWD as CAR
-from sim_bridge.plant.parameters import with_road_friction
+from sim_bridge.plant.parameters import default_car, with_road_friction
 
+CAR = default_car()
 FRONT_LOAD_N, REAR_LOAD_N = 4705.0, 2655.0
 
 

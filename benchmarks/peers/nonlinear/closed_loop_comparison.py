@@ -75,6 +75,10 @@ class Nmpc:
 
 
 Controller = Mpc | Nmpc
+STAGED_PIQP, STAGED_OSQP = "states in the QP, PIQP", "states in the QP, OSQP cold"
+DOMPC = "do-mpc, IPOPT"
+NAMES = (DEFAULT, FAST, STAGED_PIQP, STAGED_OSQP, *(method.name for method in METHODS), DOMPC)
+"""of all controllers; those with states in the QP are for a constant input matrix"""
 HEADS = {
     "times of a plan": {
         "plan_p50_us": Column("p50", "us"),
@@ -138,15 +142,15 @@ def _builders(bundle: Bundle) -> dict[str, Callable[[], Controller]]:
         return Nmpc(DompcSolver(horizon, cost), horizon)
 
     with_states = {
-        "states in the QP, PIQP": partial(staged, StagedPiqp),
-        "states in the QP, OSQP cold": partial(staged, StagedOsqp),
+        STAGED_PIQP: partial(staged, StagedPiqp),
+        STAGED_OSQP: partial(staged, StagedOsqp),
     }
     return {
         DEFAULT: partial(own, "piqp"),
         FAST: partial(own, "daqp"),
         **(with_states if bundle.bilinear is None else {}),
         **{method.name: partial(casadi, method) for method in METHODS},
-        "do-mpc, IPOPT": dompc,
+        DOMPC: dompc,
     }
 
 

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.physics import GRAVITY_MPS2
 from rt_controller.contract.schema import N_INPUTS
 from rt_controller.contract.signals import VehicleState
 from rt_controller.contract.timing import PERIOD_S
@@ -28,7 +29,6 @@ REAR = (16.2, 1.03, 0.944, -0.46)
 DRIVE_MPS2, POWER_W_PER_KG = 4.5, 48.0
 BRAKE_MPS2_PER_N = 0.055
 ROLLING_MPS2, DRAG_PER_M = 0.25, 2.3e-4
-GRAVITY_MPS2 = 9.81
 MIN_SPEED_MPS = 1.0
 
 

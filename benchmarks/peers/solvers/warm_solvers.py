@@ -1,4 +1,4 @@
-"""Solvers that keep their workspace, and start from the last solution where they can.
+"""Solvers that keep their workspace and start from the last solution.
 
 Each class imports its library when it is opened, so that any of them may be missing.
 """
@@ -157,44 +157,6 @@ class ScsSolver:
         if result["info"]["status_val"] != 1:
             return SolveStatus.ITERATION_LIMIT
         self.solution[:] = result["x"]
-        return SolveStatus.SOLVED
-
-
-class QocoSolver:
-    """QOCO, an interior-point method without warm start: Chari and Açıkmeşe, 2025.
-
-    qpsolvers does not include it.
-    """
-
-    def __init__(self, program: QuadraticProgram, tolerance: float) -> None:
-        import qoco
-
-        self._program, self._rows = program, OneSidedRows(program)
-        n, rows = program.size, len(self._rows.d)
-        self.solution = np.zeros(n)
-        objective = (upper_triangle(program.P), program.q)
-        no_equalities = (None, None)
-        inequalities = (self._rows.C, self._rows.d, rows)
-        no_cones = (0, None)
-        problem = (n, rows, 0, *objective, *no_equalities, *inequalities, *no_cones)
-        self._solver = qoco.QOCO()
-        self._solver.setup(*problem, abstol=tolerance, reltol=tolerance)
-
-    def update_matrices(self) -> bool:
-        if self._program.hessian_varies:
-            self._solver.update_matrix_data(P=upper_triangle(self._program.P).data)
-        if self._program.rows_vary:
-            self._rows.update_matrices()
-            self._solver.update_matrix_data(G=self._rows.C.data)
-        return True
-
-    def solve(self) -> SolveStatus:
-        self._rows.update_vectors()
-        self._solver.update_vector_data(c=self._program.q, h=self._rows.d)
-        result = self._solver.solve()
-        if result.status not in ("QOCO_SOLVED", "QOCO_SOLVED_INACCURATE"):
-            return SolveStatus.NUMERICS
-        self.solution[:] = result.x
         return SolveStatus.SOLVED
 
 

@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from offline.baselines.registry import Baseline
+from offline.baselines.baseline import Baseline
 from offline.baselines.single_track.gauss_newton import begin, step
 from offline.baselines.single_track.kernel import Bicycle, DriveMap, simulate
 from offline.baselines.window_shape import require_windows

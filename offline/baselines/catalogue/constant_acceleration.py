@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from offline.baselines.registry import Baseline
+from offline.baselines.baseline import Baseline
 from offline.baselines.road_path import path_states
 from offline.baselines.score import log_error, tuning_windows
 from offline.baselines.window_shape import require_windows
 from offline.config import PAST_STEPS
 from offline.data.dataset import Dataset
-from offline.data.signals import Roles, past_columns
+from offline.data.signals import Roles, last_rows, past_columns
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.schema import VEHICLE, Schema
 from rt_controller.contract.signals import MOTION, PATH_STATES
@@ -43,7 +43,7 @@ class ConstantAcceleration:
         require_windows(x0, past, U, W, signals, len(columns) + len(inputs), self.past_steps)
         steps = np.arange(U.shape[1] + 1)
         states = np.repeat(x0[:, None], len(steps), axis=1)
-        measured = past[:, past.shape[1] - self.past_steps :, : len(columns)]
+        measured = last_rows(past, self.past_steps)[..., : len(columns)]
         measured = np.concatenate([measured, x0[:, None, columns]], axis=1)
         decay = np.exp(-self.schema.dt_s / self.decay_s)
         factor = steps if np.isinf(self.decay_s) else (1.0 - decay**steps) / (1.0 - decay)

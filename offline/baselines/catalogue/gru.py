@@ -17,13 +17,13 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from offline.baselines.registry import Baseline
+from offline.baselines.baseline import Baseline
 from offline.baselines.road_path import path_states
 from offline.baselines.window_shape import require_windows
 from offline.config import PAST_STEPS, PRESETS
 from offline.data.dataset import Dataset
 from offline.data.sampling import Batch, open_source
-from offline.data.signals import Scaling, fit_scaling
+from offline.data.signals import Scaling, fit_scaling, last_rows
 from offline.data.trajectories import Trajectories
 from offline.model.losses import log_error
 from rt_controller.contract.arrays import Array
@@ -95,7 +95,7 @@ class GruModel:
         states[:, 0] = x0
         for first in range(0, len(x0), _BATCH):
             rows = slice(first, first + _BATCH)
-            last = past[rows, past.shape[1] - self.past_steps :]
+            last = last_rows(past[rows], self.past_steps)
             with torch.no_grad():
                 predicted = self.predict_scaled(
                     _tensor(scaling.normalise_states(x0[rows])),

@@ -3,8 +3,8 @@
 It starts from the measured state and is fitted to all transitions of the training part at once.
 """
 
+from offline.baselines.baseline import Baseline
 from offline.baselines.linear_model import LinearModel, fit_one_step, to_bundle
-from offline.baselines.registry import Baseline
 from offline.data.dataset import Dataset
 
 

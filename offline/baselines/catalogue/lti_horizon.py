@@ -9,8 +9,8 @@ l_k = g_k + A' l_(k+1), in double precision.
 import numpy as np
 import scipy.optimize
 
+from offline.baselines.baseline import Baseline
 from offline.baselines.linear_model import LinearModel, fit_one_step, to_bundle
-from offline.baselines.registry import Baseline
 from offline.baselines.score import variances
 from offline.data.dataset import Dataset
 from offline.data.trajectories import Trajectories

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from offline.baselines.baseline import Baseline
 from offline.baselines.linear_model import LinearModel, fit_one_step
-from offline.baselines.registry import Baseline
 from offline.baselines.window_shape import require_windows
 from offline.data.dataset import Dataset
 from rt_controller.contract.arrays import Array

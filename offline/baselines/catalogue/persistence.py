@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from offline.baselines.registry import Baseline
+from offline.baselines.baseline import Baseline
 from rt_controller.contract.arrays import Array
 from rt_controller.report.table import Fact
 

@@ -5,12 +5,12 @@ import onnx
 from numpy.typing import NDArray
 from onnx import helper, numpy_helper, parser
 
+from offline.baselines.baseline import describe_fit
 from offline.baselines.dictionary.functions import Family, Functions
 from offline.baselines.dictionary.model import Dictionary, LiftedModel
 from offline.data.dataset import Dataset
-from offline.data.provenance import describe_training
-from offline.data.signals import past_names
-from rt_controller.contract.artifact import Bundle, Lift, LiftSample
+from offline.data.signals import last_rows, past_names
+from rt_controller.contract.bundle import Bundle, Lift, LiftSample
 from rt_controller.contract.identity_encoder import IR_VERSION, OPSET
 
 Constants = dict[str, NDArray[np.generic]]
@@ -22,13 +22,10 @@ def to_bundle(name: str, model: LiftedModel, dataset: Dataset, sample: LiftSampl
     past_steps = dictionary.past_steps
     fields = past_names(dataset.schema, dataset.roles) if past_steps else ()
     lift = Lift(dictionary.functions.family is not Family.NONE, past_steps, fields)
-    history = np.zeros((len(sample.x), 0, 0))
-    if past_steps:
-        history = sample.history[:, -past_steps:]
+    history = last_rows(sample.history, past_steps)[..., : len(fields)]
     sample = LiftSample(sample.x, sample.w, history)
     psi = dictionary.lift(sample.x, sample.w, sample.history)
     psi[:, : len(scaling.x_scale)] = sample.x
-    fit_info = {fact.name: fact.value for fact in model.fit_info()}
     return Bundle(
         name=name,
         schema=dataset.schema,
@@ -37,7 +34,7 @@ def to_bundle(name: str, model: LiftedModel, dataset: Dataset, sample: LiftSampl
         encoder_onnx=_encoder(dictionary, lift, psi.shape[1]),
         selftest=sample,
         selftest_psi=psi,
-        training=describe_training({"kind": name, **fit_info}, dataset.origin),
+        training=describe_fit(name, model, dataset),
         data_sha256=dataset.sha256,
     )
 

@@ -12,7 +12,7 @@ import scipy.linalg
 
 from offline.baselines.dictionary.model import Dictionary, LiftedModel
 from offline.baselines.score import log_error
-from offline.data.signals import Roles, past_columns
+from offline.data.signals import Roles, history_rows
 from offline.data.trajectories import Trajectories
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.bilinear import Bilinear
@@ -45,9 +45,7 @@ def pick_transitions(
     row, time = np.divmod(np.arange(count * steps), steps)
     chosen = (time + row) % every == 0
     row, time = row[chosen], time[chosen]
-    states, inputs = past_columns(schema, roles)
-    driven = np.concatenate([windows.x[:, :-1, states], windows.u[..., inputs]], axis=-1)
-    rows = np.concatenate([windows.past[:, windows.past.shape[1] - past_steps :], driven], axis=1)
+    rows = history_rows(windows, schema, roles, past_steps)
     both = time[:, None] + np.arange(2)
     past = both[..., None] + np.arange(past_steps)
     return Transitions(

@@ -14,8 +14,9 @@ import numpy as np
 
 from offline.baselines.dictionary.functions import Family, Functions
 from offline.baselines.window_shape import require_windows
-from offline.data.signals import Scaling
+from offline.data.signals import Scaling, last_rows
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.bundle import spectral_radius_of
 from rt_controller.contract.rollout import Matrices, roll_out
 from rt_controller.report.table import Fact
 
@@ -36,8 +37,7 @@ class Dictionary(NamedTuple):
         x = scaling.normalise_states(x)
         parts = [x]
         if self.past_steps:
-            last = past[..., past.shape[-2] - self.past_steps :, :]
-            last = (last - scaling.past_centre) / scaling.past_scale
+            last = (last_rows(past, self.past_steps) - scaling.past_centre) / scaling.past_scale
             parts.append(last.reshape(*x.shape[:-1], -1))
         parts.append(self.functions.evaluate(np.concatenate([x, w / scaling.w_scale], axis=-1)))
         return np.concatenate([*parts, np.ones((*x.shape[:-1], 1))], axis=-1)
@@ -74,7 +74,7 @@ class LiftedModel:
     def fit_info(self) -> tuple[Fact, ...]:
         """Size and kind of the dictionary, and the ridge."""
         functions, bilinear = self.dictionary.functions, self.matrices.bilinear
-        radius = np.max(np.abs(np.linalg.eigvals(self.matrices.A)))
+        radius = spectral_radius_of(self.matrices.A)
         facts = [
             Fact("observables", str(len(self.matrices.A))),
             Fact("past periods", str(self.dictionary.past_steps)),

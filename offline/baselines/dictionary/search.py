@@ -16,6 +16,7 @@ from functools import partial
 
 import numpy as np
 
+from offline.baselines.baseline import Baseline
 from offline.baselines.dictionary.bundle import to_bundle
 from offline.baselines.dictionary.fit import Transitions, moments, pick_transitions, solve, tune
 from offline.baselines.dictionary.functions import (
@@ -27,7 +28,6 @@ from offline.baselines.dictionary.functions import (
     no_functions,
 )
 from offline.baselines.dictionary.model import Dictionary, LiftedModel
-from offline.baselines.registry import Baseline
 from offline.baselines.score import tuning_windows
 from offline.data.dataset import Dataset
 from offline.data.signals import Scaling, fit_scaling

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg
 
+from offline.baselines.score import log_mean_square
 from rt_controller.contract.arrays import Array
 
 Residuals = Callable[[Array], Array]
@@ -40,13 +41,6 @@ class Trust(NamedTuple):
     """(P, P) products of all Jacobians so far, with exponentially smaller weights"""
 
 
-def log_error_of(errors: Array) -> float:
-    """Mean over the states of log(mean squared error); infinite where an error is not finite."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        squares = np.mean(np.square(errors), axis=(0, 1))
-    return float(np.log(squares).mean()) if np.all(np.isfinite(squares)) else np.inf
-
-
 def begin(parameters: int) -> Trust:
     """The state before the first step."""
     return Trust(_FIRST_DAMPING, np.zeros((parameters, parameters)))
@@ -71,11 +65,11 @@ def step(
     J = np.where(np.isfinite(J), J, 0.0)
     curvature, gradient = _MEMORY * trust.curvature + J @ J.T, J @ weighted
     diagonal = np.diag(curvature) + _ADDED_CURVATURE * np.trace(curvature) / len(theta)
-    before, damping = log_error_of(test_residuals(theta)), trust.damping
+    before, damping = log_mean_square(test_residuals(theta)), trust.damping
     for _ in range(_TRIES):
         matrix = curvature + np.diag(damping * diagonal)
         candidate = theta - scipy.linalg.solve(matrix, gradient, assume_a="pos")
-        if log_error_of(test_residuals(candidate)) < before:
+        if log_mean_square(test_residuals(candidate)) < before:
             return candidate, Trust(max(damping / _EASE, _LEAST_DAMPING), curvature)
         damping *= _STIFFEN
     return theta, Trust(_STIFFEN * trust.damping, curvature)

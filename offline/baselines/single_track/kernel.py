@@ -15,7 +15,8 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import MOTION, InputColumn, StateColumn
 from sim_bridge.plant.jit import compiled
 
-GRAVITY_MPS2 = 9.81
+_GRAVITY_MPS2 = 9.81
+"""rounded, as in the published fit; the fitted stiffness per load compensates the difference"""
 _THROTTLE, _BRAKE, _STEER = (int(column) for column in InputColumn)
 _DS, _EY, _EPSI = int(StateColumn.ds_m), int(StateColumn.ey_m), int(StateColumn.epsi_rad)
 _MOTION_END: int = MOTION.stop
@@ -199,8 +200,8 @@ def _rate(
         pedal_n - (1.0 - car.brake_above_knee) * max(pedal_n - car.brake_knee_n, 0.0)
     )
     along = drive - brake - car.rolling_mps2 - car.drag_per_m * vx * vx
-    load_front = (GRAVITY_MPS2 * car.rear_axle_m - car.height_m * along) / wheelbase_m
-    load_rear = (GRAVITY_MPS2 * car.front_axle_m + car.height_m * along) / wheelbase_m
+    load_front = (_GRAVITY_MPS2 * car.rear_axle_m - car.height_m * along) / wheelbase_m
+    load_rear = (_GRAVITY_MPS2 * car.front_axle_m + car.height_m * along) / wheelbase_m
     load_front = max(load_front - car.lift_front_per_m * vx * vx, 0.1)
     load_rear = max(load_rear - car.lift_rear_per_m * vx * vx, 0.1)
     along_front = drive * car.drive_share_front - brake * car.brake_share_front

@@ -12,8 +12,8 @@ from offline.baselines.catalogue.bicycle import (
     fit_bicycle,
     guessed_model,
 )
-from offline.baselines.score import log_error
-from offline.baselines.single_track.gauss_newton import begin, log_error_of, step
+from offline.baselines.score import log_error, log_mean_square
+from offline.baselines.single_track.gauss_newton import begin, step
 from offline.baselines.single_track.kernel import Bicycle
 from offline.data.signals import VEHICLE_ROLES, mirror_signs
 from rt_controller.contract.errors import DatasetError
@@ -184,5 +184,5 @@ def test_a_step_that_increases_the_objective_is_not_taken():
 
 
 def test_log_error_is_infinite_if_an_error_is_not_finite():
-    assert log_error_of(np.array([[[1.0], [np.nan]]])) == np.inf
-    assert log_error_of(np.array([[[1.0, 2.0]]])) == pytest.approx(np.log(2.0))
+    assert log_mean_square(np.array([[[1.0], [np.nan]]])) == np.inf
+    assert log_mean_square(np.array([[[1.0, 2.0]]])) == pytest.approx(np.log(2.0))

@@ -19,7 +19,8 @@ from offline.config import PAST_STEPS
 from offline.data.signals import past_names
 from offline.model.bundle_export import choose_selftest
 from offline.model.bundle_predictor import BundlePredictor
-from rt_controller.contract.artifact import Lift, load_bundle, save_bundle
+from rt_controller.contract.artifact import load_bundle, save_bundle
+from rt_controller.contract.bundle import Lift
 from rt_controller.contract.errors import DatasetError
 
 A = np.array([[0.97, 0.01, 0.0], [0.05, 1.0, 0.0], [0.0, 0.02, 0.9]])

@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import pytest
-from toy_predictors import Hold
 
 from offline.baselines import selection
+from offline.baselines.catalogue.persistence import Persistence
 from offline.baselines.registry import Fitted
 from offline.baselines.selection import (
     DEFAULT_BASELINES,
@@ -22,17 +22,14 @@ from rt_controller.contract.artifact import load_bundle, shipped_model
 from rt_controller.contract.errors import ConfigError, DatasetError
 
 
-@pytest.fixture(autouse=True)
-def empty_cache(monkeypatch, tmp_path):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-
-
 @pytest.fixture
 def fitted(monkeypatch):
     """Names of the fitted baselines; all of them are replaced by one that needs no fit."""
     names = []
     monkeypatch.setattr(
-        selection.registry, "fit", lambda name, dataset: names.append(name) or Fitted(Hold(), 0.5)
+        selection.registry,
+        "fit",
+        lambda name, dataset: names.append(name) or Fitted(Persistence(), 0.5),
     )
     return names
 

@@ -105,23 +105,6 @@ def test_an_unwritable_folder_is_found_before_the_work(command, toy_folder, tmp_
     assert "--runs" in err
 
 
-@pytest.mark.parametrize(
-    ("main", "arguments"),
-    [
-        (cli.export_main, ("nowhere",)),
-        (cli.evaluate_main, ("--model", "nowhere")),
-        (cli.train_main, ("--resume", "nowhere")),
-        (cli.train_main, ("--preset", "papre")),
-        (cli.data_main, ("--data", "file/data", "--episodes", "10", "--jobs", "1")),
-    ],
-)
-def test_a_command_that_fails_writes_no_figures(command, tmp_path, main, arguments):
-    (tmp_path / "file").touch()
-    code, _, _ = command(main, *arguments, "--json", "figures.json")
-    assert code == 2
-    assert not (tmp_path / "figures.json").exists()
-
-
 def test_the_figures_of_a_run_without_evaluation_are_valid_json(
     command, toy_folder, monkeypatch, tmp_path
 ):
@@ -206,13 +189,23 @@ def test_the_progress_ends_with_a_new_line_when_it_is_written_to_a_file(capfd):
         (cli.train_main, ("--preset", "papre"), "paper, paper-literal, quick"),
         (cli.train_main, ("--resume", "nowhere"), "offline-train"),
         (cli.data_main, ("--episodes", "3"), "--episodes"),
-        (cli.data_main, ("--json", "no/such/folder.json"), "--json"),
+        (cli.data_main, ("--data", "file/data", "--episodes", "10", "--jobs", "1"), "--data"),
     ],
 )
-def test_a_usage_error_exits_2_with_its_remedy(command, main, arguments, complaint):
-    code, _, err = command(main, *arguments)
+def test_a_usage_error_exits_2_with_its_remedy_and_no_figures(
+    command, tmp_path, main, arguments, complaint
+):
+    (tmp_path / "file").touch()
+    code, _, err = command(main, *arguments, "--json", "figures.json")
     assert code == 2
     assert complaint in err
+    assert not (tmp_path / "figures.json").exists()
+
+
+def test_figures_in_a_missing_folder_are_refused(command):
+    code, _, err = command(cli.data_main, "--json", "no/such/folder.json")
+    assert code == 2
+    assert "--json" in err
 
 
 def test_options_that_contradict_an_existing_data_set_are_refused(command, toy_folder):

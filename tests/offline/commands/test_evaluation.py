@@ -4,9 +4,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from toy_predictors import Hold, made_test_set, made_trajectories, with_random_error
+from toy_predictors import made_test_set, made_trajectories, with_random_error
 
 from offline.baselines import registry, selection
+from offline.baselines.catalogue.persistence import Persistence
 from offline.baselines.selection import SHIPPED
 from offline.commands import evaluation as work
 from offline.commands import report_page
@@ -31,7 +32,7 @@ from rt_controller.report.table import Fact
 from sim_bridge.scenario import load_scenario
 
 
-class Fitted(Hold):
+class Fitted(Persistence):
     def fit_info(self):
         return (Fact("kind", "not fitted"),)
 

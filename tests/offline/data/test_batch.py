@@ -7,16 +7,11 @@ import torch
 from offline.config import PAST_STEPS
 from offline.data.recording import Starts, cut
 from offline.data.sampling import Batch, scale
-from offline.data.signals import VEHICLE_ROLES, Scaling, fit_scaling
+from offline.data.signals import VEHICLE_ROLES, Scaling
 from offline.data.trajectories import Trajectories
 from rt_controller.contract.schema import VEHICLE
 
 STEPS, HISTORY = 12, 4
-
-
-@pytest.fixture(scope="module")
-def scaling(toy_dataset) -> Scaling:
-    return fit_scaling(toy_dataset.select("train"), VEHICLE, VEHICLE_ROLES)
 
 
 @pytest.fixture(scope="module")

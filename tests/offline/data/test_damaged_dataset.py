@@ -6,18 +6,10 @@ import shutil
 
 import numpy as np
 import pytest
+from dataset_numbers import same_numbers
 
 from offline.data.dataset import MANIFEST_FILE, RECORDING_FILE, exists, load_dataset
 from rt_controller.contract.errors import DatasetError
-
-
-def numbers_of(dataset):
-    return [*dataset.recording, dataset.part, *dataset.slices[:2], *(dataset.slices.anchor or ())]
-
-
-def same_numbers(one, other) -> bool:
-    pairs = zip(numbers_of(one), numbers_of(other), strict=True)
-    return all(a.dtype == b.dtype and np.array_equal(a, b) for a, b in pairs)
 
 
 @pytest.fixture
@@ -98,7 +90,8 @@ def test_a_missing_array_is_refused(folder):
 
 def test_a_data_set_of_another_format_is_refused(folder):
     edit_manifest(folder, lambda fields: fields.update(format_version=1))
-    with pytest.raises(DatasetError, match="format_version = 2, found 1"):
+    remedy = "Delete the folder and make the data set again with offline-data or offline-import"
+    with pytest.raises(DatasetError, match=rf"format_version = 2, found 1\. {remedy}"):
         load_dataset(folder)
 
 

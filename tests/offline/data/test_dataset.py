@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from dataset_numbers import same_numbers
 
 from offline.config import PAST_STEPS, STEPS
 from offline.data.cache import cache
@@ -35,15 +36,6 @@ def save_again(folder, dataset, **changes):
         **changes,
     }
     return save_dataset(folder, schema=dataset.schema, roles=dataset.roles, **parts)
-
-
-def numbers_of(dataset):
-    return [*dataset.recording, dataset.part, *dataset.slices[:2], *(dataset.slices.anchor or ())]
-
-
-def same_numbers(one, other) -> bool:
-    pairs = zip(numbers_of(one), numbers_of(other), strict=True)
-    return all(a.dtype == b.dtype and np.array_equal(a, b) for a, b in pairs)
 
 
 def test_a_saved_data_set_is_loaded_unchanged(toy_dataset, tmp_path):

@@ -12,7 +12,7 @@ from offline.data.signals import VEHICLE_ROLES, Roles, mirror_signs
 from rt_controller.contract.schema import VEHICLE, Schema, Signal
 from sim_bridge.frenet import integrate_poses
 from sim_bridge.plant.integrate import settle, simulate
-from sim_bridge.plant.parameters import C_CLASS_150KW_AWD
+from sim_bridge.plant.parameters import default_car
 
 PLAIN = Schema(
     states=(Signal("depth_m", "m"), Signal("speed_mps", "m/s")),
@@ -122,7 +122,7 @@ def test_path_states_equal_those_integrated_along_the_road(curvature):
     """Integration on a fine grid, compared with the poses of each period."""
     k = np.arange(PAST_STEPS + STEPS)
     inputs = np.column_stack([np.full(len(k), 0.3), 0.0 * k, 0.4 * np.sin(0.08 * k)])
-    car = C_CLASS_150KW_AWD
+    car = default_car()
     motion, _ = simulate(settle(25.0, car), inputs, car, 25, 1e-3)
     drive = Recording(
         x=motion[::25].astype(np.float32),

@@ -19,16 +19,11 @@ from offline.data.sampling import (
     open_source,
     scale,
 )
-from offline.data.signals import VEHICLE_ROLES, Scaling, fit_scaling, mirror_signs
+from offline.data.signals import VEHICLE_ROLES, mirror_signs
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import VEHICLE
 
 HISTORY = 3
-
-
-@pytest.fixture(scope="module")
-def scaling(toy_dataset) -> Scaling:
-    return fit_scaling(toy_dataset.select("train"), VEHICLE, VEHICLE_ROLES)
 
 
 def rng(seed: int = 0) -> torch.Generator:

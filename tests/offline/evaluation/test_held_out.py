@@ -16,7 +16,8 @@ from offline.data.provenance import describe_training, is_held_out
 from offline.data.recording import Recording
 from offline.evaluation import held_out
 from offline.evaluation.held_out import choose_test_data, find_objection
-from rt_controller.contract.artifact import Lift, load_bundle, shipped_model
+from rt_controller.contract.artifact import load_bundle, shipped_model
+from rt_controller.contract.bundle import Lift
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import VEHICLE, Signal
 
@@ -120,7 +121,8 @@ def test_a_model_is_not_evaluated_on_data_of_other_signals(save, tmp_path):
     states = (Signal("speed_mps", "m/s"), *VEHICLE.states[1:])
     other = save("other", 20, seed=4, schema=replace(VEHICLE, states=states))
     stranger = replace(trained_on(other), data_sha256="0" * 64)
-    with pytest.raises(DatasetError, match="other signals"):
+    only = r"model only: vx_mps in m/s, in the data only: speed_mps in m/s\."
+    with pytest.raises(DatasetError, match=f"other signals: in the {only}"):
         choose([stranger], cache() / "other", tmp_path / NO_RUN)
     full = save("full", 40, seed=5)
     assert choose([stranger], None, tmp_path / NO_RUN).sha256 == full.sha256
@@ -133,7 +135,18 @@ def test_a_model_is_not_evaluated_on_data_without_its_past(toy_dataset):
     other = replace(fitting, history_fields=("ey_m",))
     for lift, is_fine in ((fitting, True), (long, False), (other, False)):
         bundle = replace(trained_on(toy_dataset), lift=lift)
-        assert (find_objection([bundle], manifest) is None) is is_fine
+        objection = find_objection([bundle], manifest)
+        assert (objection is None) is is_fine
+        read = f"reads {lift.history_steps} periods of {', '.join(lift.history_fields)}, the data"
+        assert is_fine or f"{read} have 20 of vx_mps, vy_mps" in str(objection)
+
+
+def test_the_objection_to_another_period_or_order_of_the_signals_names_it(toy_dataset):
+    model = trained_on(toy_dataset)
+    slower = replace(model, schema=replace(VEHICLE, dt_s=0.05))
+    assert "in the model only: a period of 0.05 s" in find_objection([slower], toy_dataset.manifest)
+    turned = replace(model, schema=replace(VEHICLE, states=VEHICLE.states[::-1]))
+    assert "in another order" in find_objection([turned], toy_dataset.manifest)
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from toy_predictors import Hold
 
+from offline.baselines.catalogue.persistence import Persistence
 from offline.config import STEPS
 from offline.evaluation.lane_change import WINDOWS, drive_lane_change
 from offline.evaluation.predictor import predict_trajectories
@@ -70,5 +70,5 @@ def test_yaw_rate_follows_the_steering_wheel(driven):
 
 
 def test_predictions_start_from_the_measured_state_of_each_window(driven):
-    predicted = predict_trajectories(Hold(), driven.windows)
+    predicted = predict_trajectories(Persistence(), driven.windows)
     assert np.array_equal(predicted, np.repeat(driven.windows.x[:, :1], STEPS + 1, axis=1))

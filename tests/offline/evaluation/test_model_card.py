@@ -9,7 +9,9 @@ from toy_predictors import made_test_set, made_trajectories, with_random_error
 from offline.evaluation.comparison import compare_models
 from offline.evaluation.model_card import model_facts, write_card
 from offline.model.export_checks import check_export
-from rt_controller.contract.artifact import Bilinear, Lift, load_bundle, shipped_model
+from rt_controller.contract.artifact import load_bundle, shipped_model
+from rt_controller.contract.bilinear import Bilinear
+from rt_controller.contract.bundle import Lift
 from rt_controller.contract.follow import Follow
 from rt_controller.contract.schema import VEHICLE
 from rt_controller.report.table import Fact, format_number

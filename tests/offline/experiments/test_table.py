@@ -6,7 +6,7 @@ import pytest
 
 from offline.config import TrainingConfig
 from offline.experiments.error_ratios import ErrorRatios
-from offline.experiments.table import Row, comparison_figures, comparison_markdown
+from offline.experiments.table import Row, comparison_figures, comparison_markdown, pool_seeds
 from offline.experiments.training_task import CampaignData, Result
 from offline.experiments.variants import Variant
 
@@ -24,11 +24,11 @@ DATA = CampaignData(Path("data"), "0" * 64, ("vx_mps", "ey_m"), (2.0, 0.5))
 
 
 def figures(*rows: Row) -> list[dict[str, object]]:
-    return comparison_figures("mine: a question", DATA, rows)["variants"]
+    return comparison_figures("mine: a question", DATA, pool_seeds(rows))["variants"]
 
 
 def markdown(*rows: Row) -> str:
-    return comparison_markdown("mine: a question", DATA, rows)
+    return comparison_markdown("mine: a question", DATA, pool_seeds(rows))
 
 
 TWO_SEEDS = (

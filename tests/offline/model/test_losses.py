@@ -22,15 +22,10 @@ from offline.model.network import MdkNet, sizes_of
 from rt_controller.contract.follow import Follow
 from rt_controller.contract.schema import VEHICLE
 
+pytestmark = pytest.mark.usefixtures("double_precision")
+
 K, BATCH, HISTORY, STATES = 7, 3, 2, 6
 SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
-
-
-@pytest.fixture(autouse=True)
-def _double_precision():
-    torch.set_default_dtype(torch.float64)
-    yield
-    torch.set_default_dtype(torch.float32)
 
 
 def a_config(**changes: object) -> TrainingConfig:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from datetime import datetime
 
 import pytest
-import torch
+from run_contents import history, weights_equal
 
 from offline.commands.terminal import print_assumed
 from offline.config import TrainingConfig
@@ -14,19 +14,6 @@ from offline.training.export import export_checkpoint
 from offline.training.run_folder import create_run, cut_history, open_run
 from offline.training.train import train
 from rt_controller.contract.errors import ArtifactError, RtControllerError
-
-
-@pytest.fixture(params=["paper", "recommended"])
-def config(request, tiny_config, tiny_recommended):
-    return {"paper": tiny_config, "recommended": tiny_recommended}[request.param]
-
-
-def weights_equal(one, other) -> bool:
-    return all(torch.equal(one[name], other[name]) for name in one)
-
-
-def history(run):
-    return [json.loads(line) for line in run.history.read_text().splitlines()]
 
 
 def test_the_link_latest_points_to_the_newest_run(tiny_config, tmp_path, toy_folder, toy_dataset):

@@ -1,12 +1,12 @@
 """Training: repeatable, resumable, and the best model is kept."""
 
 import itertools
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
+from run_contents import history, weights_equal
 
 from offline.config import PRESETS
 from offline.data.dataset import PARTS
@@ -19,19 +19,6 @@ from offline.training.schedule import cosine_rate
 from offline.training.train import TrainingDivergedError, train
 from offline.training.validation import evaluate
 from rt_controller.contract.errors import DatasetError
-
-
-@pytest.fixture(params=["paper", "recommended"])
-def config(request, tiny_config, tiny_recommended):
-    return {"paper": tiny_config, "recommended": tiny_recommended}[request.param]
-
-
-def weights_equal(one, other) -> bool:
-    return all(torch.equal(one[name], other[name]) for name in one)
-
-
-def history(run):
-    return [json.loads(line) for line in run.history.read_text().splitlines()]
 
 
 def stop_after(steps):

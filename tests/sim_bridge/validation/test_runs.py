@@ -7,7 +7,7 @@ import pytest
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import ControlInput
-from sim_bridge.plant.parameters import C_CLASS_150KW_AWD
+from sim_bridge.plant.parameters import default_car
 from sim_bridge.validation import dwell
 from sim_bridge.validation.driver_model import (
     DRIVER_PERIOD_S,
@@ -18,7 +18,7 @@ from sim_bridge.validation.driver_model import (
 )
 from sim_bridge.validation.run import Observation, Run, cruising_throttle, replay, run_driver
 
-CAR = C_CLASS_150KW_AWD
+CAR = default_car()
 SPEED_MPS = 80.0 / 3.6
 
 
@@ -26,7 +26,7 @@ def test_the_replay_of_a_drive_s_inputs_equals_the_drive() -> None:
     def driver(now: Observation) -> ControlInput:
         return ControlInput(0.2, 0.0, 0.5 * float(np.sin(2.0 * now.time_s)))
 
-    driven = run_driver(CAR, SPEED_MPS, driver, 2.0)
+    driven = run_driver(CAR, SPEED_MPS, driver, 2.0, DRIVER_PERIOD_S)
     again = replay(CAR, SPEED_MPS, driven.inputs[1:], driven.period_s)
     np.testing.assert_allclose(again.motion, driven.motion, atol=1e-12)
     np.testing.assert_allclose(again.pose, driven.pose, atol=1e-12)

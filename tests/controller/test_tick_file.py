@@ -5,8 +5,9 @@ import csv
 import pytest
 
 from rt_controller.contract.errors import RtControllerError
-from rt_controller.realtime.accounting import DeadlineAccount, write_ticks
+from rt_controller.realtime.accounting import DeadlineAccount
 from rt_controller.realtime.tick_times import TickTimes
+from rt_controller.terminal.tick_file import write_ticks
 
 
 def account(ticks: int) -> DeadlineAccount:

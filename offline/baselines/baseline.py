@@ -1,0 +1,41 @@
+"""What a baseline consists of.
+
+The modules of the catalogue import it, so it imports neither the registry nor what simulates the
+data: the cache of fitted baselines depends on all that a baseline imports.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from offline.data.dataset import Dataset
+from offline.data.provenance import describe_training
+from offline.evaluation.predictor import Predictor
+from rt_controller.contract.bundle import Bundle, LiftSample
+from rt_controller.report.table import Fact
+
+
+class FittedBaseline(Predictor, Protocol):
+    """A baseline after its fit: a predictor that can be pickled."""
+
+    def fit_info(self) -> tuple[Fact, ...]:
+        """What the fit chose and found."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Baseline:
+    """How a baseline is made; each module of the catalogue has one as `BASELINE`."""
+
+    fit: Callable[[Dataset], FittedBaseline]
+    """fits to the training part, and chooses settings on the validation part"""
+    find_objection: Callable[[Dataset], str | None] = lambda dataset: None
+    """why it cannot be fitted to these data, as the end of a sentence; None if it can"""
+    to_bundle: Callable[[str, Any, Dataset, LiftSample], Bundle] | None = None
+    """name, fitted baseline, data, self-test instants → bundle; None if no controller can use it"""
+
+
+def describe_fit(name: str, baseline: FittedBaseline, dataset: Dataset) -> str:
+    """The field `training` of the bundle of a fitted baseline, as JSON."""
+    facts = {fact.name: fact.value for fact in baseline.fit_info()}
+    return describe_training({"kind": name, **facts}, dataset.origin)

@@ -1,0 +1,4 @@
+"""Physical constants."""
+
+GRAVITY_MPS2 = 9.80665
+"""standard gravity"""
