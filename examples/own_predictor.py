@@ -1,7 +1,9 @@
 """A predictor of your own, constant yaw rate, on the test part of a data set, beside `mdk-net`.
 
-pip install -e ".[offline]" && offline-data --episodes 20 --data small
+pip install -e ".[offline]" && offline-data --episodes 20 --seed 1 --data small
 python examples/own_predictor.py
+
+Seed 1, because episodes of seed 0 are the training data of `mdk-net`.
 """
 
 from pathlib import Path
