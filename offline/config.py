@@ -32,27 +32,30 @@ class TrainingConfig(Settings):
     preset: str = "recommended"
     """starting point: recommended, linear, paper, paper-literal or quick"""
 
-    steps: PositiveInt = 50_000
+    steps: PositiveInt = 100_000
     """mini-batch steps"""
     batch: PositiveInt = 256
     """trajectories in a mini-batch"""
     seed: int = 0
     """seed of the initial weights and of the batches"""
-    threads: PositiveInt = 2
-    """CPU threads of torch"""
+    threads: PositiveInt = 1
+    """CPU threads of torch; with these small batches a second one does not pay"""
     device: str = "cpu"
     """torch device: cpu, cuda, cuda:1, …"""
 
     windows: Literal["all", "slices"] = "all"
     """train on any window of any episode, each on a random road if it has poses, or on the paper's
     slices"""
+    rare_share: float = Field(default=0.5, ge=0.0, lt=1.0)
+    """share of the draws that prefers windows with rare motion; the loss weights them accordingly;
+    for windows all and objective horizon"""
     mirror: bool = True
     """exchange left and right in half of the trajectories, if the data set says which signals
     change sign"""
 
-    learning_rate: PositiveFloat = 2e-3
+    learning_rate: PositiveFloat = 4e-3
     """initial rate of Adam, or the highest of the cosine schedule"""
-    operator_rate: float = Field(default=0.1, gt=0.0)
+    operator_rate: float = Field(default=0.2, gt=0.0)
     """learning rate of A as a share of the others: over 80 steps a small change of A changes the
     prediction much"""
     rate_schedule: Literal["cosine", "plateau"] = "cosine"
@@ -79,7 +82,7 @@ class TrainingConfig(Settings):
     """alpha_1 of eq. (13)"""
     weight_multi_step: Weight = 1.0
     """alpha_2 of eq. (13)"""
-    weight_stability: Weight = 0.0
+    weight_stability: Weight = 1.6
     """alpha_3 of eq. (13)"""
     weight_regularisation: Weight = 1e-4
     """alpha_4 of eq. (13)"""
@@ -89,7 +92,7 @@ class TrainingConfig(Settings):
     """lambda_K of eq. (12)"""
     operator_prior: Literal["identity", "zero"] = "identity"
     """initial value of A, from which eq. (12) measures it; zero as printed"""
-    stability: Literal["projection", "gelfand", "eigenvalue"] = "projection"
+    stability: Literal["projection", "gelfand", "eigenvalue"] = "gelfand"
     """projection: move eigenvalues back to the unit circle every ten steps; gelfand: penalty on the
     growth of A^64; eigenvalue: eq. (11) as printed"""
     through_last_step: bool = True
@@ -100,7 +103,7 @@ class TrainingConfig(Settings):
 
     activation: Literal["silu", "relu"] = "silu"
     """activation of the hidden layers of the encoder"""
-    hidden: tuple[PositiveInt, ...] = (128, 128)
+    hidden: tuple[PositiveInt, ...] = (144, 144)
     """widths of the encoder's hidden layers"""
     latents: PositiveInt = 60
     """P, number of observables besides the physical states"""
@@ -114,9 +117,9 @@ class TrainingConfig(Settings):
     products: bool = True
     """the encoder adds a linear layer of all products of two states and, if it reads them,
     exogenous signals"""
-    history_steps: int = Field(default=8, ge=0, le=PAST_STEPS)
+    history_steps: int = Field(default=20, ge=0, le=PAST_STEPS)
     """past periods that the encoder reads"""
-    bilinear_rank: int = Field(default=8, ge=0)
+    bilinear_rank: int = Field(default=10, ge=0)
     """rank R of the bilinear part of B; 0: B is constant"""
     bilinear_follows: Follow = Follow.PREDICTION
     """lifted state that determines the bilinear part over a roll-out: the predicted one of each
@@ -137,6 +140,7 @@ PAPER = TrainingConfig(
     steps=60_000,
     batch=128,
     windows="slices",
+    rare_share=0.0,
     mirror=False,
     learning_rate=1e-3,
     operator_rate=1.0,
@@ -186,7 +190,6 @@ PRESETS = {
     "quick": RECOMMENDED.model_copy(
         update={
             "preset": "quick",
-            "threads": 1,  # for these small batches a second thread does not pay
             "steps": 3_000,
             "batch": 128,
             "evaluate_every": 250,

@@ -7,7 +7,9 @@
     ControllerConfig    settings of a controller
     MpcSettings         those of its optimal control problem
     Bundle              a model: load a shipped or trained one, or make one of matrices
-    VehicleState, PathReference, ControlInput    what a controller receives and returns
+    VehicleState, PathReference, CurvaturePreview, ControlInput
+                        what a controller receives and returns
+    fit_preview         a CurvaturePreview from the curvature of a map
     RtControllerError   base of the errors that this package raises
 
 Each is imported when it is first used, so that `import rt_controller` costs nothing.
@@ -22,7 +24,9 @@ if TYPE_CHECKING:
     from rt_controller.config import MpcSettings as MpcSettings
     from rt_controller.contract.bundle import Bundle as Bundle
     from rt_controller.contract.errors import RtControllerError as RtControllerError
+    from rt_controller.contract.preview import fit_preview as fit_preview
     from rt_controller.contract.signals import ControlInput as ControlInput
+    from rt_controller.contract.signals import CurvaturePreview as CurvaturePreview
     from rt_controller.contract.signals import PathReference as PathReference
     from rt_controller.contract.signals import VehicleState as VehicleState
     from rt_controller.controller import Controller as Controller
@@ -37,12 +41,14 @@ __all__, __getattr__, __dir__ = public_names(
         "ControlInput": "contract.signals",
         "Controller": "controller",
         "ControllerConfig": "config",
+        "CurvaturePreview": "contract.signals",
         "Drive": "drive",
         "MpcSettings": "config",
         "PathReference": "contract.signals",
         "Plan": "controller",
         "RtControllerError": "contract.errors",
         "VehicleState": "contract.signals",
+        "fit_preview": "contract.preview",
         "simulate": "simulation",
     },
 )

@@ -18,8 +18,8 @@ app = new_app(
     "Drive a car over CAN, once a control period, with a model learned from data. The summary "
     "goes to stdout, progress and messages to stderr. Exit codes: 0 ok, 1 internal error, 2 usage, "
     "configuration or model, 3 an optional package is missing, 4 deadlines missed, 5 bus, 6 ended "
-    "in a safe stop, 7 the simulated plant failed, 130 ended at once by a second Ctrl-C, or by one "
-    "while it was loading.",
+    "in a safe stop, 7 the simulated plant failed, 8 the simulated drive missed a limit of its "
+    "scenario, 130 ended at once by a second Ctrl-C, or by one while it was loading.",
     "--bus NAME",
 )
 

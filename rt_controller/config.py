@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import Field, PositiveFloat
 
 from rt_controller.contract.signals import ControlInput, VehicleState
+from rt_controller.contract.steering_geometry import LARGEST, SMALLEST
 from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_MS
 from rt_controller.settings_table import Settings
 
@@ -51,7 +52,8 @@ class MpcSettings(Settings):
     """The optimal control problem."""
 
     horizon: Annotated[int, Field(ge=HOLD_PLAN_TICKS + 1, le=160)] = 20
-    """stages of one period each; beyond 0.6 s the path on the bus is extrapolated"""
+    """stages of one period each; beyond 0.6 s the path on the bus is extrapolated, and the road's
+    curvature constant"""
     terminal_factor: PositiveFloat = 1.0
     """weight of the last stage, in units of the others"""
     latent_weight: Annotated[float, Field(ge=0.0)] = 0.0
@@ -86,6 +88,31 @@ class MpcSettings(Settings):
         )
 
 
+_Wheelbase = Annotated[float, Field(ge=SMALLEST.wheelbase_m, le=LARGEST.wheelbase_m)]
+_RearAxle = Annotated[float, Field(ge=SMALLEST.rear_axle_m, le=LARGEST.rear_axle_m)]
+_SteeringRatio = Annotated[float, Field(ge=SMALLEST.steering_ratio, le=LARGEST.steering_ratio)]
+
+
+class LowSpeedSettings(Settings):
+    """The car below the speed that the model is trained for: start, stop and hold."""
+
+    below_mps: Annotated[float, Field(ge=0.5, le=10.0)] | None = None
+    """the model stops driving below this speed, and drives again 1 m/s above it; none: 3, and 8 for
+    a model that predicts the same throttle gain at low as at high speed"""
+    wheelbase_m: _Wheelbase | None = None
+    """front axle to rear axle; none: that of the model's car, 2.910 if the model does not say"""
+    rear_axle_m: _RearAxle | None = None
+    """centre of gravity to rear axle; none: that of the model's car, otherwise 1.860"""
+    steering_ratio: _SteeringRatio | None = None
+    """wheel angle over front wheel angle; none: that of the model's car, otherwise 18.5"""
+    throttle_mps2: Annotated[float, Field(ge=0.5, le=15.0)] | None = None
+    """acceleration of the full throttle at low speed; none: as the model predicts"""
+    brake_mps2_per_n: Annotated[float, Field(ge=0.005, le=0.5)] | None = None
+    """deceleration per newton on the brake pedal; none: as the model predicts"""
+    hold_mps2: Annotated[float, Field(ge=0.5, le=8.0)] = 4.0
+    """the brake holds a standing car like one that decelerates so: 4 for slopes up to 40 %"""
+
+
 class RealtimeSettings(Settings):
     """How the loop runs on this machine."""
 
@@ -111,6 +138,7 @@ class ControllerConfig(Settings):
     """a shipped model, or folder of a bundle, ./lti for a folder with the name of a shipped one;
     default: mdk-net"""
     mpc: MpcSettings = MpcSettings()
+    low_speed: LowSpeedSettings = LowSpeedSettings()
     realtime: RealtimeSettings = RealtimeSettings()
 
 

@@ -11,12 +11,26 @@ from threadpoolctl import ThreadpoolController
 from rt_controller.config import ControllerConfig, require_config
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.bundle import Bundle
-from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, PathReference, VehicleState
+from rt_controller.contract.preview import require_curvature, require_range
+from rt_controller.contract.signal_ranges import (
+    LARGEST_PATH,
+    LARGEST_STATE,
+    SMALLEST_PATH,
+    SMALLEST_STATE,
+    require_in_range,
+)
+from rt_controller.contract.signals import (
+    NEUTRAL_INPUT,
+    ControlInput,
+    CurvaturePreview,
+    PathReference,
+    VehicleState,
+)
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.solver import SolveStatus
 from rt_controller.planner import build_mpc
 
-Vector = TypeVar("Vector", VehicleState, PathReference, ControlInput)
+Vector = TypeVar("Vector", VehicleState, PathReference, CurvaturePreview, ControlInput)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +71,8 @@ class Controller:
         apply(plan.control)
 
     It plans and nothing else. Frames, time-outs, the safe stop and the limits of what is sent are
-    those of the program `rt-controller`; a caller that drives a vehicle needs its own.
+    those of the program `rt-controller`; a caller that drives a vehicle needs its own. So does one
+    that starts and stops: at low speed `rt-controller` drives by another law, which holds the car.
 
     Paper: eqs. (7) and (14).
     """
@@ -107,45 +122,52 @@ class Controller:
         self,
         state: VehicleState,
         path: PathReference,
-        curvature_per_m: float,
+        curvature_per_m: float | CurvaturePreview,
         applied: ControlInput | None = None,
     ) -> Plan:
         """The plan from `state`, one period after the last call.
 
         Call `reset` where a period is missing: the history that some encoders receive, and the
-        slew rates, assume one call a period. Check `is_solved` before you apply `control`: a state
-        that is not finite, or an infeasible problem, gives a plan of NaN, and the history starts
-        again.
+        slew rates, assume one call a period. Check `is_solved` before you apply `control`: an
+        infeasible problem gives a plan of NaN, and the history starts again. A measurement that is
+        NaN is refused: the caller decides how to drive without it, and calls `reset` afterwards.
 
         Args:
             state: measured now, SI units.
             path: as `PathReference`, seen from the car.
-            curvature_per_m: of the road's reference line at the car.
+            curvature_per_m: of the road's reference line: a number, which is taken as constant, or
+                a preview of the road ahead.
             applied: input that acted in the last period; default: `control` of the last plan.
 
         Raises:
             TypeError: something else, or of another length; arrays and lists are taken too.
-            ValueError: `applied` is not finite.
+            ValueError: `applied` is not finite, or state, path or curvature is NaN or beyond the
+                range of its signal on the bus (`contract/messages.dbc`).
         """
         # All is checked before anything is stored.
         state = _vector("state", state, VehicleState)
         path = _vector("path", path, PathReference)
-        if isinstance(curvature_per_m, np.ndarray) and curvature_per_m.ndim == 0:
-            curvature_per_m = curvature_per_m.item()
-        if not isinstance(curvature_per_m, Real):
-            raise TypeError(f"curvature_per_m: expected one number, found {curvature_per_m!r:.60}.")
+        require_in_range("state", state, SMALLEST_STATE, LARGEST_STATE)
+        require_in_range("path", path, SMALLEST_PATH, LARGEST_PATH)
+        here_per_m, preview = _curvature(curvature_per_m)
         if applied is not None:
             self._previous = _input("applied", applied)
         with self._threads.limit(limits=1, user_api="blas"):
-            return self._plan(state, path, curvature_per_m)
+            return self._plan(state, path, here_per_m, preview)
 
-    def _plan(self, state: VehicleState, path: PathReference, curvature_per_m: float) -> Plan:
+    def _plan(
+        self,
+        state: VehicleState,
+        path: PathReference,
+        curvature_per_m: float,
+        preview: CurvaturePreview | None,
+    ) -> Plan:
         self._mpc.observe(state, self._previous)
-        status = self._mpc.plan(state, curvature_per_m, path, self._previous)
+        status = self._mpc.plan(state, curvature_per_m, path, self._previous, preview)
         states = self._mpc.predicted_states()
         inputs = self._mpc.inputs.copy()
         if states is None:
-            self._mpc.forget()  # a state that is not finite must not stay in the history
+            self._mpc.forget()  # what gave no plan must not stay in the history
             inputs[:] = np.nan
             states = np.full((len(inputs) + 1, len(VehicleState._fields)), np.nan)
         else:
@@ -165,6 +187,24 @@ def _vector(name: str, found: Any, kind: type[Vector]) -> Vector:
             f"{found!r:.80}."
         )
     return kind(*map(float, numbers))
+
+
+def _curvature(found: Any) -> tuple[float, CurvaturePreview | None]:
+    """The curvature at the car in 1/m, and the preview if there is one."""
+    if isinstance(found, np.ndarray) and found.ndim == 0:
+        found = found.item()
+    if isinstance(found, Real):
+        require_curvature("curvature_per_m", float(found))
+        return float(found), None
+    try:
+        preview = _vector("curvature_per_m", found, CurvaturePreview)
+    except TypeError:
+        raise TypeError(
+            f"curvature_per_m: expected one number, or a CurvaturePreview "
+            f"({', '.join(CurvaturePreview._fields)}), found {found!r:.60}."
+        ) from None
+    require_range("curvature_per_m", preview.spacing_m, preview[1:])
+    return preview.k0_per_m, preview
 
 
 def _input(name: str, found: Any) -> ControlInput:

@@ -1,16 +1,18 @@
 """A finished drive as a table: one row for each tick, columns with names and units."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from rt_controller.car_figures import CarFigure
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, needs_extra, require_type
 from rt_controller.contract.schema import VEHICLE, Signal
-from rt_controller.contract.signals import Mode
+from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
+from rt_controller.driven_scenario import DrivenScenario
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,8 +24,11 @@ REFERENCE = (
     Signal("path_vx_mps", "m/s"),
 )
 MODE = Signal("mode", "1")
-COLUMNS = (TIME, *VEHICLE.states, *VEHICLE.exogenous, *REFERENCE, *VEHICLE.inputs, MODE)
-"""of a drive: time, measured states and curvature, reference at the car, input sent, `Mode`"""
+PLACE = Signal("s_m", "m")
+COLUMNS = (TIME, *VEHICLE.states, *VEHICLE.exogenous, *REFERENCE, *VEHICLE.inputs, MODE, PLACE)
+"""of a drive: time, measured states and curvature, reference at the car, input sent, `Mode`, and
+arc length: the sum of `ds_m` since the car was first driven, of a simulated car from its start on
+(a period without a new state counts as the one before)"""
 
 
 class TrackingErrors(NamedTuple):
@@ -55,6 +60,12 @@ class Drive:
     """name of the model and first digits of its hash"""
     ending: str
     """why the drive ended"""
+    car_figures: tuple[CarFigure, ...] = ()
+    """of a simulated drive: the figures that its scenario names or limits"""
+    at_limit_s: ControlInput = NEUTRAL_INPUT
+    """for how long each input was at its upper bound, the steering wheel at either, in s"""
+    scenario: DrivenScenario | None = None
+    """of a simulated drive"""
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -94,6 +105,12 @@ class Drive:
         values: Array = self.values[:, self.columns.index(column)]
         return values
 
+    def of_scenario(self, scenario: DrivenScenario, car_figures: tuple[CarFigure, ...]) -> "Drive":
+        """The drive with its scenario and figures; its arc length begins at the start of it."""
+        values = self.values.copy()
+        values[:, self.columns.index(PLACE.name)] += scenario.start_s_m
+        return replace(self, values=values, car_figures=car_figures, scenario=scenario)
+
     def to_csv(self, file: Path | str) -> None:
         """Write the table as CSV, one column for each name.
 
@@ -123,7 +140,7 @@ class Drive:
         return frame
 
     def plot(self, file: Path | str | None = None) -> "Figure":
-        """Path, lateral error, steering wheel, pedals and speed over time, as a matplotlib figure.
+        """Position, lateral error, steering wheel, pedals, speed over time: a matplotlib figure.
 
         Args:
             file: also write the figure there; the suffix chooses the format (.png, .svg, .pdf).

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from enum import Enum
 
+from rt_controller.bus.catalogue import Fault
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive_trace import DriveTrace
@@ -55,11 +56,15 @@ class RunRecord:
     result: StepResult = field(default_factory=StepResult)
     """of the last step"""
     ending: Ending = Ending.STOPPED
+    ticks_by_fault: dict[Fault, int] = field(default_factory=lambda: dict.fromkeys(Fault, 0))
+    """ticks whose heartbeat had the fault"""
 
     def add(self, result: StepResult, scheduled_ns: int) -> None:
         """Add the result of one tick."""
         self.result = result
         self.trace.record(result, scheduled_ns)
+        for fault in result.faults:
+            self.ticks_by_fault[fault] += 1
 
 
 def run_loop(
@@ -120,7 +125,7 @@ class _EndConditions:
 
     def are_met(self, result: StepResult, is_stopping: bool) -> bool:
         """True if the mission is over, or the car is at rest in a safe stop that ends the run."""
-        self._has_driven = self._has_driven or result.mode is Mode.NOMINAL
+        self._has_driven = self._has_driven or result.mode.drives
         self._ticks_without_state = 0 if result.state else self._ticks_without_state + 1
         if result.mode is Mode.STANDBY and self._has_driven and not self._waits_for_missions:
             self._record.ending = Ending.MISSION_OVER

@@ -2,17 +2,25 @@
 
 from functools import partial
 
-from rt_controller.config import MpcSettings
+from rt_controller.config import LowSpeedSettings, MpcSettings
 from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, PathReference
+from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY, SteeringGeometry
 from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.low_speed.handover import SpeedRange
+from rt_controller.control.low_speed.identification import identify_gains, slowest_speed_mps
+from rt_controller.control.low_speed.law import LowSpeedCar
+from rt_controller.control.low_speed.speed import PedalGains
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.qp import Features
 from rt_controller.control.solver import SolveStatus, open_solver
 from rt_controller.control.terms import Corridor
 
 WARM_UP_STEPS = 20
+RESUME_ABOVE_MPS = 1.0
+"""hysteresis between the low-speed law and the model"""
 
 
 def build_mpc(bundle: Bundle, settings: MpcSettings) -> Mpc:
@@ -34,6 +42,33 @@ def build_mpc(bundle: Bundle, settings: MpcSettings) -> Mpc:
     )
     plan_at_constant_speed(mpc)
     return mpc
+
+
+def choose_low_speed_car(bundle: Bundle, settings: LowSpeedSettings) -> LowSpeedCar:
+    """Numbers for the law below the model's speeds: of the settings, else of the model.
+
+    Raises:
+        ArtifactError: the model's encoder cannot be used.
+    """
+    below_mps = _first(settings.below_mps, slowest_speed_mps(bundle))
+    speeds = SpeedRange(below_mps, below_mps + RESUME_ABOVE_MPS)
+    found = identify_gains(bundle, speeds.resume_mps)
+    gains = PedalGains(
+        _first(settings.throttle_mps2, found.throttle_mps2),
+        _first(settings.brake_mps2_per_n, found.brake_mps2_per_n),
+    )
+    own = bundle.geometry or DEFAULT_GEOMETRY
+    geometry = SteeringGeometry(
+        _first(settings.wheelbase_m, own.wheelbase_m),
+        _first(settings.rear_axle_m, own.rear_axle_m),
+        _first(settings.steering_ratio, own.steering_ratio),
+    )
+    hold_n = min(settings.hold_mps2 / gains.brake_mps2_per_n, INPUT_LIMITS.upper.brake_n)
+    return LowSpeedCar(geometry, gains, speeds, hold_n)
+
+
+def _first(chosen: float | None, otherwise: float) -> float:
+    return otherwise if chosen is None else chosen
 
 
 def plan_at_constant_speed(mpc: Mpc) -> None:

@@ -1,11 +1,12 @@
 """The receiving half of a control step: the newest data from the bus, where fresh and valid."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import can
 
 from rt_controller.bus.catalogue import (
     MISSION,
+    PREVIEW,
     REFERENCE,
     SAMPLE_TIME_WRAP_NS,
     STATE,
@@ -15,7 +16,9 @@ from rt_controller.bus.catalogue import (
 )
 from rt_controller.bus.identity import dbc_hash
 from rt_controller.bus.inbox import Inbox, Received
-from rt_controller.contract.signals import PathReference
+from rt_controller.bus.message import Message
+from rt_controller.contract.preview import is_plausible
+from rt_controller.contract.signals import CurvaturePreview, PathReference
 from rt_controller.contract.timing import COUNTER_MODULUS, counter_lag
 from rt_controller.safety.freshness import (
     REFERENCE_MAX_AGE_NS,
@@ -27,7 +30,7 @@ from rt_controller.safety.freshness import (
 from rt_controller.safety.modes import StopCause
 
 READ_AHEAD_FRAMES = 64
-"""most frames read at a time before a tick: a period brings ten, and a flooded bus must not make
+"""most frames read at a time before a tick: a period brings twelve, and a flooded bus must not make
 the tick late"""
 
 
@@ -36,12 +39,18 @@ class FreshData(NamedTuple):
 
     state: StateSample | None
     path: PathReference | None
+    preview: CurvaturePreview | None
+    """None: the curvature of the road ahead is taken as constant"""
     mission: Mission | None
     is_new_mission: bool
     is_next_state: bool
     """no period lies between the last state and this one"""
     has_invalid_state: bool
-    """frames with values out of range were received"""
+    """frames of the state with values that may not be used were received"""
+    has_invalid_path: bool
+    """the same of the path"""
+    has_implausible_preview: bool
+    """a preview was dropped because it contradicts the state"""
 
 
 class Receiver:
@@ -58,7 +67,7 @@ class Receiver:
         self._last_state: Received[StateSample] | None = None
         self._last_delay_ns = 0
         self._last_mission: Received[Mission] | None = None
-        self._last_out_of_range = 0
+        self._last_out_of_range = {STATE: 0, REFERENCE: 0}
 
     def read_ahead(self, now_ns: int) -> None:
         """Read the frames that have arrived before the tick."""
@@ -69,9 +78,6 @@ class Receiver:
         inbox = self._inbox
         inbox.drain(self._bus, now_ns)
         self.counter += periods
-        out_of_range = inbox.counts.out_of_range
-        has_invalid_state = out_of_range > self._last_out_of_range
-        self._last_out_of_range = out_of_range
 
         state, is_next = inbox.newest(STATE), False
         if state is self._last_state:
@@ -88,11 +94,20 @@ class Receiver:
             if not self._is_in_time(state, now_ns):
                 state = None
 
-        reference, mission = inbox.newest(REFERENCE), inbox.newest(MISSION)
+        reference, preview = inbox.newest(REFERENCE), inbox.newest(PREVIEW)
         if reference is not None and not is_fresh(
             reference.arrival_ns, now_ns, REFERENCE_MAX_AGE_NS
         ):
             reference = None
+        if preview is not None and not is_fresh(preview.arrival_ns, now_ns, REFERENCE_MAX_AGE_NS):
+            preview = None
+        is_implausible = (
+            state is not None
+            and preview is not None
+            and preview.content is not None
+            and not is_plausible(preview.content, state.content.curvature_per_m)
+        )
+        mission = inbox.newest(MISSION)
         if mission is not None and not is_fresh(
             mission.arrival_ns, now_ns, mission.content.valid_for_ns
         ):
@@ -102,10 +117,13 @@ class Receiver:
         return FreshData(
             None if state is None else state.content,
             None if reference is None else reference.content,
+            None if preview is None or is_implausible else preview.content,
             None if mission is None else mission.content,
             is_new_mission,
             is_next,
-            has_invalid_state,
+            self._is_invalid(STATE),
+            self._is_invalid(REFERENCE),
+            is_implausible,
         )
 
     def state_age_ns(self, now_ns: int) -> int | None:
@@ -125,6 +143,12 @@ class Receiver:
         if inbox.foreign_frames > 0:
             return StopCause.SECOND_CONTROLLER
         return StopCause.NONE
+
+    def _is_invalid(self, message: Message[Any]) -> bool:
+        """True if frames of this message that may not be used were received since the last call."""
+        before = self._last_out_of_range[message]
+        self._last_out_of_range[message] = self._inbox.out_of_range(message)
+        return self._last_out_of_range[message] > before
 
     def _is_in_time(self, state: Received[StateSample], now_ns: int) -> bool:
         # Its age counts from its arrival, also if it was read before the tick.

@@ -13,11 +13,13 @@ from rt_controller.bus.transport import close_bus
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.low_speed.law import LowSpeedLaw
 from rt_controller.control.mpc import Mpc
 from rt_controller.drive import Drive
 from rt_controller.drive_trace import DriveTrace
 from rt_controller.handshake import wait_for_vehicle
 from rt_controller.loop import RunRecord, StopRequest, run_loop
+from rt_controller.planner import choose_low_speed_car
 from rt_controller.preparation import schedule_preparation
 from rt_controller.realtime.accounting import DeadlineAccount
 from rt_controller.realtime.clock import Clock, LockstepClock
@@ -90,6 +92,7 @@ class ControllerSession:
                 inbox=self.inbox,
                 outbox=self.outbox,
                 mpc=mpc,
+                low_speed=LowSpeedLaw(choose_low_speed_car(bundle, config.low_speed)),
                 clock=clock,
                 model_hash=model_hash(bundle.sha256),
             )

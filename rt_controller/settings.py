@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
-from pydantic import PositiveInt, ValidationInfo, field_validator
+from pydantic import PositiveInt, field_validator
 
 from rt_controller.contract.limits import LEAST_FRICTION, MOST_FRICTION
 from rt_controller.contract.names import name_or
@@ -17,11 +17,36 @@ VIRTUAL = "virtual"
 SharedInterface = Literal["local", "socketcan", "remote", "slcan", "pcan", "kvaser", "vector"]
 """interfaces that join processes"""
 CommonInterface = Literal["virtual", SharedInterface]
-ShippedScenario = Literal["double_lane_change", "lane_change_60", "lane_change_120", "straight"]
-ShippedCar = Literal["c_class_150kw_awd", "c_class_125kw_fwd", "commonroad_vehicle_2"]
+ShippedScenario = Literal[
+    "curvature_step",
+    "double_lane_change",
+    "iso_3888_1",
+    "iso_3888_2",
+    "lane_change_60",
+    "lane_change_120",
+    "launch_50",
+    "road_course",
+    "sine_60",
+    "sine_110",
+    "slalom",
+    "split_friction",
+    "stop_and_go",
+    "stop_and_hold",
+    "straight",
+]
+ShippedCar = Literal[
+    "c_class_150kw_awd", "c_class_125kw_fwd", "c_class_150kw_bev", "commonroad_vehicle_2"
+]
 OWN, FMU, COMMONROAD = "own", "fmu", "commonroad"
+SCENARIO_SUFFIXES = (".toml", ".xodr", ".xml")
+"""of scenarios of this project, OpenDRIVE maps and CommonRoad scenarios"""
 CAR_PRIORITY = 40
 """SCHED_FIFO priority of the car's thread, below the controller's"""
+
+
+def _require_shipped(found: str, shipped: tuple[str, ...], otherwise: str) -> None:
+    if found not in shipped:
+        raise ValueError(name_or(found, shipped, otherwise))
 
 
 class BusSettings(Settings):
@@ -59,7 +84,8 @@ class CarSettings(Settings):
     """The car at the other end of the bus and its manoeuvre."""
 
     scenario: ShippedScenario | str = "double_lane_change"
-    """a shipped manoeuvre, or the path of a .toml file"""
+    """a shipped manoeuvre, or the path of a .toml file, an OpenDRIVE map (map.xodr#ROAD,ROAD) or a
+    CommonRoad scenario (.xml)"""
     plant: str = "own"
     """own, fmu:FILE.fmu (FMI 2 or 3 co-simulation) or commonroad:NUMBER"""
     plant_mapping: Path | None = None
@@ -69,16 +95,22 @@ class CarSettings(Settings):
     friction: float | None = None
     """of the road, 1 being the road of the tyre test; default: the scenario's"""
     friction_right: float | None = None
-    """of the road under the own car's right wheels; default: as under the left ones"""
+    """of the road under the right wheels (own car, or an FMU); default: as under the left ones"""
 
-    @field_validator("scenario", "car")
+    @field_validator("scenario")
     @classmethod
-    def _require_shipped_or_file(cls, found: str | None, info: ValidationInfo) -> str | None:
-        shipped = get_args(ShippedScenario if info.field_name == "scenario" else ShippedCar)
-        if found is None or found in shipped:
-            return found
-        if not (found.endswith(".toml") and Path(found).is_file()):
-            raise ValueError(name_or(found, shipped, "the path of a .toml file that exists"))
+    def _require_scenario(cls, found: str) -> str:
+        path = Path(found.partition("#")[0])  # map.xodr#ROAD names a road of a map
+        if not (path.suffix in SCENARIO_SUFFIXES and path.is_file()):
+            otherwise = f"the path of a {', '.join(SCENARIO_SUFFIXES)} file that exists"
+            _require_shipped(found, get_args(ShippedScenario), otherwise)
+        return found
+
+    @field_validator("car")
+    @classmethod
+    def _require_car(cls, found: str | None) -> str | None:
+        if found is not None and not (found.endswith(".toml") and Path(found).is_file()):
+            _require_shipped(found, get_args(ShippedCar), "the path of a .toml file that exists")
         return found
 
     @field_validator("plant")

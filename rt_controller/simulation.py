@@ -20,17 +20,18 @@ from rt_controller.planner import build_mpc
 from rt_controller.realtime.clock import LockstepClock
 from rt_controller.session import ControllerSession
 from rt_controller.settings import OWN, VIRTUAL, BusSettings, CarSettings
-from rt_controller.virtual_car import open_virtual_car
+from rt_controller.virtual_car import driven_scenario, open_virtual_car, require_scenario
 
 if TYPE_CHECKING:
     from sim_bridge.plant.protocol import Plant
+    from sim_bridge.scenario import Scenario
 
 _LONGEST_WAIT_S = 10.0
 _numbers = count()
 
 
 def simulate(
-    scenario: str | Path = "double_lane_change",
+    scenario: "str | Path | Scenario" = "double_lane_change",
     *,
     model: str | Path | Bundle | None = None,
     plant: "str | Plant" = "own",
@@ -46,7 +47,8 @@ def simulate(
     up to a minute.
 
     Args:
-        scenario: name of a shipped scenario, or path of a .toml file.
+        scenario: name of a shipped scenario, path of a .toml, .xodr or .xml file, or a
+            `sim_bridge.Scenario`.
         model: name of a shipped model, folder of a bundle, or a `Bundle`; default: mdk-net.
         plant: "own", "fmu:FILE.fmu", "commonroad:NUMBER", or an object that implements `Plant`.
         car: parameters of the own car: a shipped name, or path of a .toml file.
@@ -62,7 +64,8 @@ def simulate(
         PlantError: the plant failed during the drive, or raised an exception: then its cause.
         TypeError: an argument is of another type.
     """
-    require_type("scenario", scenario, str | Path, "the name or path of a scenario")
+    if not isinstance(scenario, str | Path):
+        require_scenario(scenario)
     require_type("car", car, str | Path | None, "the name or path of a car")
     require_type("friction", friction, Real | None, "one number")
     require_type("duration_s", duration_s, Real | None, "one number")
@@ -72,7 +75,7 @@ def simulate(
     bundle = Bundle.load(settings.model if model is None else model)
     mpc = build_mpc(bundle, settings.mpc)
     choices = {
-        "scenario": str(scenario),
+        **({"scenario": str(scenario)} if isinstance(scenario, str | Path) else {}),
         "plant": plant if isinstance(plant, str) else OWN,
         "car": None if car is None else str(car),
         "friction": friction,
@@ -82,7 +85,10 @@ def simulate(
     except ValidationError as refused:
         raise ConfigError(explain(refused, dotted, CarSettings)) from None
     own_plant = None if isinstance(plant, str) else plant
-    return drive_in_lockstep(settings, bundle, mpc, car_settings, own_plant, duration_s)
+    own_scenario = None if isinstance(scenario, str | Path) else scenario
+    return drive_in_lockstep(
+        settings, bundle, mpc, car_settings, own_plant, duration_s, own_scenario
+    )
 
 
 def drive_in_lockstep(
@@ -92,14 +98,18 @@ def drive_in_lockstep(
     car: CarSettings,
     plant: "Plant | None" = None,
     duration_s: float | None = None,
+    scenario: "Scenario | None" = None,
 ) -> Drive:
     """A drive in simulated time with `mpc`, which plans with `bundle`, over a bus of its own.
 
-    `plant` replaces the one that `car` names; otherwise as `simulate`.
+    `plant` and `scenario` replace those that `car` names; otherwise as `simulate`.
     """
     bus = BusSettings(bus=VIRTUAL, channel=f"simulate-{next(_numbers)}")
-    with closing(open_virtual_car(bus, car, plant)) as virtual, threadpool_limits(1, "blas"):
-        clock = LockstepClock(virtual.bridge.tick)
+    with (
+        closing(open_virtual_car(bus, car, plant, scenario)) as virtual,
+        threadpool_limits(1, "blas"),
+    ):
+        clock = LockstepClock(virtual.tick)
         with closing(ControllerSession(bus, config, bundle, mpc, clock)) as session:
             session.start(duration_s, False, _LONGEST_WAIT_S).join()
     if session.failure is not None:
@@ -107,4 +117,4 @@ def drive_in_lockstep(
     plant_failure = virtual.bridge.summary().plant_failure
     if plant_failure is not None:
         raise PlantError(f"The plant failed during the drive: {plant_failure}.")
-    return session.drive()
+    return session.drive().of_scenario(driven_scenario(virtual), virtual.bridge.figures())

@@ -20,6 +20,7 @@ from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import DiscardBus, Outbox
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, PathReference
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS
+from rt_controller.control.low_speed.law import LowSpeedLaw
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.plan_buffer import PlanBuffer
 from rt_controller.control.solver import SolveStatus
@@ -29,8 +30,6 @@ from rt_controller.safety.envelope import limit
 from rt_controller.safety.fallback import input_for
 from rt_controller.safety.modes import STANDING_MPS, StopCause, TickFacts, decide
 
-MIN_PLANNED_MPS = 3.0
-"""no model is trained below this speed: a safe stop ends without planning its steering"""
 NO_FAULT = Fault(0)
 
 
@@ -47,6 +46,8 @@ class StepResult(NamedTuple):
     qp_iterations: int = 0
     qp_ns: int = 0
     """time of the solve; 0: no QP was solved"""
+    faults: Fault = NO_FAULT
+    """as in the heartbeat"""
 
 
 class _Planned(NamedTuple):
@@ -72,6 +73,7 @@ class ControlStep:
         inbox: Inbox,
         outbox: Outbox,
         mpc: Mpc,
+        low_speed: LowSpeedLaw,
         clock: Clock,
         model_hash: int,
     ) -> None:
@@ -81,11 +83,11 @@ class ControlStep:
         self._outbox = outbox
         self._dry_run_outbox = Outbox(DiscardBus(), Node.CONTROLLER)
         self._mpc = mpc
+        self._low_speed = low_speed
         self._plan = PlanBuffer(len(mpc.inputs))
         self._clock = clock
         self._identity = own_identity(model_hash)
         self._send_failures = 0
-        self._faults = NO_FAULT
         self._ticks = 0
         self._is_stop_requested = False
 
@@ -112,13 +114,20 @@ class ControlStep:
         end_stage()
         facts = self._facts(data, planned)
         mode, cause = decide(facts, last.mode, last.cause)
-        wanted = input_for(mode, planned.control, last.control)
+        wanted = input_for(mode, planned.control, last.control, self._is_held)
         control = limit(wanted, last.control)
 
+        faults = self._heartbeat_faults(data, planned, facts.bus_fault, missed_deadline)
         self.result = StepResult(
-            mode, cause, control, data.state, data.path, planned.qp_iterations, planned.qp_ns
+            mode,
+            cause,
+            control,
+            data.state,
+            data.path,
+            planned.qp_iterations,
+            planned.qp_ns,
+            faults,
         )
-        self._faults = self._heartbeat_faults(data, planned, facts.bus_fault, missed_deadline)
         self._send(self._outbox, now_ns)
         if self._ticks % IDENT_PERIOD_TICKS == 0:
             self._outbox.send(CONTROLLER_IDENTITY, self._identity, now_ns)
@@ -126,16 +135,34 @@ class ControlStep:
         return self.result
 
     def _plan_input(self, data: FreshData, periods: int, last: StepResult) -> _Planned:
-        """Lift the state, expand the reference, update the QP's vectors, solve; else hold."""
+        """Lift the state, expand the reference, solve; or low-speed law; or hold the last plan.
+
+        A safe stop is planned too, with or without a mission: it is steered along the path.
+        """
         state, path, mission = data.state, data.path, data.mission
-        if state is None or path is None or mission is None or not mission.is_engaged:
+        is_stopping = last.mode is Mode.SAFE_STOP
+        is_planned = is_stopping or (mission is not None and mission.is_engaged)
+        if state is None or path is None or not is_planned:
             return _Planned(self._plan.next(periods))
-        if last.mode is Mode.SAFE_STOP and state.state.vx_mps < MIN_PLANNED_MPS:
-            return _Planned(self._plan.next(periods))
-        status = self._mpc.plan(state.state, state.curvature_per_m, path, last.control)
+        previous_law = self._low_speed.law
+        slow_path = path._replace(v_mps=0.0, a_mps2=0.0) if is_stopping else path
+        if self._low_speed.choose(state.state.vx_mps, slow_path) is not Mode.NOMINAL:
+            slow = self._low_speed.control(
+                state.state, state.curvature_per_m, slow_path, last.control
+            )
+            return _Planned(self._plan.store_constant(slow))
+        if previous_law is not Mode.NOMINAL:
+            self._mpc.resume(last.control)
+        status = self._mpc.plan(
+            state.state, state.curvature_per_m, path, last.control, data.preview
+        )
         is_solved = status is SolveStatus.SOLVED
         control = self._plan.store(self._mpc.inputs) if is_solved else self._plan.next(periods)
         return _Planned(control, not is_solved, self._mpc.iterations, self._mpc.solve_ns)
+
+    @property
+    def _is_held(self) -> bool:
+        return self._low_speed.law is Mode.STANDSTILL
 
     def update_matrices(self) -> None:
         """Before the next tick: update the QP's matrices for the state that is predicted."""
@@ -163,7 +190,7 @@ class ControlStep:
     def send_safe_command(self) -> None:
         """Send one last command before the loop ends: that of a safe stop, without planning."""
         last = self.result.control
-        control = limit(input_for(Mode.SAFE_STOP, None, last), last)
+        control = limit(input_for(Mode.SAFE_STOP, None, last, self._is_held), last)
         counter = self._receiver.counter + 1
         command = Command(control, Mode.SAFE_STOP)
         self._outbox.send(COMMAND, command, self._clock.now_ns(), counter=counter)
@@ -176,15 +203,23 @@ class ControlStep:
         state = data.state
         if state is None:
             self._mpc.forget()
+            self._low_speed.forget()
             return
         # The echo names the command that was applied, also where a command arrived late. Before the
         # vehicle has accepted a command there is no echo.
         echo = state.command_echo
         applied = None if echo is None else self._outbox.content_under(COMMAND, echo)
         is_driven = mode is not Mode.STANDBY and not state.is_watchdog_braking
+        held = NEUTRAL_INPUT if applied is None else applied.control
         if applied is None or not (is_driven and data.is_next_state):
             self._mpc.forget()
-        self._mpc.observe(state.state, NEUTRAL_INPUT if applied is None else applied.control)
+            self._low_speed.forget()
+        if not is_driven:
+            self._low_speed.reset()
+        if self._low_speed.law is not Mode.NOMINAL:
+            self._mpc.forget()  # the model has seen no car so slow
+        self._mpc.observe(state.state, held)
+        self._low_speed.observe(state.state.vx_mps, held)
 
     def _facts(self, data: FreshData, planned: _Planned) -> TickFacts:
         state, mission = data.state, data.mission
@@ -192,6 +227,8 @@ class ControlStep:
             bus_fault=self._receiver.bus_fault(),
             has_state=state is not None,
             has_path=data.path is not None,
+            has_invalid_state=data.has_invalid_state,
+            has_invalid_path=data.has_invalid_path,
             has_mission=mission is not None,
             is_engaged=mission is not None and mission.is_engaged,
             is_reset_requested=mission is not None
@@ -201,6 +238,7 @@ class ControlStep:
             is_vehicle_braking=state is not None and state.is_watchdog_braking,
             is_standing=state is not None and abs(state.state.vx_mps) < STANDING_MPS,
             periods_held=self._plan.periods_held,
+            law=self._low_speed.law,
             has_input=planned.control is not None,
         )
 
@@ -210,6 +248,8 @@ class ControlStep:
         faults = Fault.DEADLINE_MISSED if missed_deadline else NO_FAULT
         if data.has_invalid_state:
             faults |= Fault.STATE_INVALID
+        if data.has_implausible_preview:
+            faults |= Fault.PREVIEW_IMPLAUSIBLE
         if data.state is None:
             faults |= Fault.STATE_STALE
         if data.mission is None:
@@ -233,7 +273,7 @@ class ControlStep:
             HEARTBEAT,
             Heartbeat(
                 mode=result.mode,
-                faults=self._faults,
+                faults=result.faults,
                 compute_time_ns=self._clock.now_ns() - now_ns,
                 state_age_ns=self._receiver.state_age_ns(now_ns),
                 qp_iterations=result.qp_iterations or None,

@@ -6,20 +6,26 @@ program in a vehicle does not use it.
 
 from typing import TYPE_CHECKING
 
-from rt_controller.contract.errors import needs_extra
+from rt_controller.contract.errors import needs_extra, require_type
+from rt_controller.contract.steering_geometry import SteeringGeometry
+from rt_controller.driven_scenario import ConeAt, DrivenScenario, LaneAt
 from rt_controller.settings import BusSettings, CarSettings
 
 if TYPE_CHECKING:
     from sim_bridge.plant.protocol import Plant
+    from sim_bridge.scenario import Scenario
     from sim_bridge.session import BridgeSession
 
 
 def open_virtual_car(
-    bus: BusSettings, settings: CarSettings, plant: "Plant | None" = None
+    bus: BusSettings,
+    settings: CarSettings,
+    plant: "Plant | None" = None,
+    scenario: "Scenario | None" = None,
 ) -> "BridgeSession":
     """Compile (or fetch from the cache) and settle the car, and open its end of the bus.
 
-    `plant` replaces the one that the settings name.
+    `plant` and `scenario` replace those that the settings name.
 
     Raises:
         MissingExtraError: the simulation's or the plant's dependencies are not installed.
@@ -29,4 +35,37 @@ def open_virtual_car(
     """
     with needs_extra("sim", "The simulated car"):
         from sim_bridge.session import open_session
-    return open_session(bus, settings.scenario, plant=plant or settings)
+    return open_session(bus, scenario or settings.scenario, plant=plant or settings)
+
+
+def driven_scenario(car: "BridgeSession") -> DrivenScenario:
+    """What the car of a session drives."""
+    scenario, course = car.bridge.scenario, car.bridge.scenario.course
+    return DrivenScenario(
+        name=scenario.name,
+        plant=car.bridge.plant_name,
+        friction=scenario.road.uniform_friction,
+        start_s_m=scenario.start.s_m,
+        cones=tuple(ConeAt(*cone) for cone in course.cones),
+        lanes=tuple(LaneAt(*lane) for lane in course.lanes),
+    )
+
+
+def steering_note(car: "BridgeSession", geometry: SteeringGeometry) -> str | None:
+    """A sentence if the scenario needs more steering than the controller may command."""
+    from sim_bridge.steering_needs import steering_note as note
+
+    return note(car.bridge.scenario, geometry)
+
+
+def require_scenario(found: object) -> None:
+    """Return if an argument is a `Scenario`.
+
+    Raises:
+        MissingExtraError: the simulation's dependencies are not installed.
+        TypeError: it is not.
+    """
+    with needs_extra("sim", "The simulated car"):
+        from sim_bridge.scenario import Scenario
+    expected = "the name or path of a scenario, or a sim_bridge.Scenario"
+    require_type("scenario", found, Scenario, expected)

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from sim_bridge.plant.protocol import PlantOutputs as PlantOutputs
     from sim_bridge.scenario import Scenario as Scenario
     from sim_bridge.scenario import load_scenario as load_scenario
+    from sim_bridge.scenario import parse_scenario as parse_scenario
 
 __all__, __getattr__, __dir__ = public_names(
     __name__,
@@ -17,5 +18,6 @@ __all__, __getattr__, __dir__ = public_names(
         "PlantOutputs": "plant.protocol",
         "Scenario": "scenario",
         "load_scenario": "scenario",
+        "parse_scenario": "scenario",
     },
 )

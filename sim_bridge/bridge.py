@@ -1,7 +1,7 @@
 """The vehicle's end of the bus: commands in, one period of the car, state frames out."""
 
 from dataclasses import dataclass
-from math import hypot
+from math import atan, hypot
 
 import can
 
@@ -10,29 +10,37 @@ from rt_controller.bus.catalogue import (
     CONTROLLER_IDENTITY,
     FEEDBACK,
     MISSION,
+    PREVIEW,
     REFERENCE,
     STATE,
     VEHICLE_IDENTITY,
+    Command,
     Mission,
     StateSample,
 )
 from rt_controller.bus.identity import own_identity, require_same_catalogue
-from rt_controller.bus.inbox import Inbox
+from rt_controller.bus.inbox import Inbox, Received
 from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import Outbox
 from rt_controller.bus.recorder import Recorder
+from rt_controller.car_figures import CarFigure
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.signals import NEUTRAL_INPUT, Mode, VehicleState
-from rt_controller.contract.timing import IDENT_PERIOD_TICKS, MISSION_PERIOD_TICKS
-from sim_bridge.car import Car
+from rt_controller.contract.timing import IDENT_PERIOD_TICKS, MISSION_PERIOD_TICKS, PERIOD_S
+from sim_bridge.car import FASTEST_MPS, Car
+from sim_bridge.faults import FaultInjector
 from sim_bridge.scenario import Scenario
+from sim_bridge.scenario.faults import FaultKind
+from sim_bridge.scenario.metrics import DriveLog, LogRow, judged, measure, peak, rms
+from sim_bridge.scenario.speed import next_progress
 from sim_bridge.watchdog import ActuatorWatchdog
 
 MISSION_ID = 1
 MISSION_VALID_NS = 500_000_000
 END_TICKS = 2 * MISSION_PERIOD_TICKS
 """the end of the mission is sent more than once"""
-STANDING_MPS = 0.3
+AT_REST_MPS = 0.3
+"""speed below which a safe stop has brought the car to rest, as for the controller"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,13 +56,14 @@ class BridgeSummary:
     controller_ended: bool
     """the watchdog braked after a safe stop of the controller, and not while it drove"""
     plant_failure: str | None
-    """why the plant stopped returning finite numbers; the figures are those before it"""
+    """why the motion is not finite or too fast; the figures are those before it"""
 
 
 class Bridge:
     """One car in one scenario on one bus; `tick` is called once a period.
 
-    The car waits at the start of the scenario, at its wanted speed, until a controller drives.
+    The car waits at the start of the scenario, at its initial speed, until a controller drives.
+    Faults act once it is driven.
     A command computed from the state of one tick acts from that tick on: the delay of
     transport and computing, two to three milliseconds of the 25, is not simulated.
     """
@@ -66,17 +75,23 @@ class Bridge:
         self._inbox = Inbox(Node.VEHICLE, recorder)
         self._outbox = Outbox(bus, Node.VEHICLE, recorder)
         self._car = car
-        self._scenario = scenario
+        self.scenario = scenario
+        self._faults = FaultInjector(scenario.faults)
+        self._curvature = scenario.road.frame()
+        self._progress = scenario.first_progress
+        self._log = DriveLog()
+        self._command: Received[Command] | None = None
+        """the newest command that reached the vehicle"""
         self._watchdog = ActuatorWatchdog()
         self._applied = NEUTRAL_INPUT
         self._state: VehicleState = car.state
         self._s_m = car.s_m
+        self._path = scenario.path_ahead(car.s_m, car.state.vx_mps)
+        """what a path planner sends from where the car is"""
         self._sent_ticks = 0
         self._end_ticks = 0
         """ticks since the end of the mission"""
         self._failed_ticks = 0
-        self._ey_square_m2 = 0.0
-        self._ey_peak_m = 0.0
         self.driven_ticks = 0
 
     @property
@@ -91,8 +106,13 @@ class Bridge:
 
     @property
     def has_failed(self) -> bool:
-        """True if the plant stopped returning finite numbers; its states are sent as invalid."""
+        """True if the motion is not finite or too fast; its states are sent as invalid."""
         return not self._car.is_sound
+
+    @property
+    def plant_name(self) -> str:
+        """Name of the plant; of the own car that of its parameters."""
+        return self._car.plant.name
 
     def listen(self, now_ns: int) -> None:
         """Read the bus and send nothing: frames of a vehicle are those of another one.
@@ -117,25 +137,46 @@ class Bridge:
         peer = self._inbox.newest(CONTROLLER_IDENTITY)
         if peer is not None:
             require_same_catalogue(peer.content)
-        command = self._inbox.newest(COMMAND)
-        is_driven = command is not None and command.content.mode is Mode.NOMINAL
+        if not self._faults.acts(FaultKind.COMMAND_LOST, self.driven_ticks):
+            self._command = self._inbox.newest(COMMAND)
+        command = self._command
+        is_driven = command is not None and command.content.mode.drives
         if self.has_failed:
             self._failed_ticks += 1
         elif self.driven_ticks > 0 or is_driven:
             self._advance(now_ns)
         self._send(now_ns)
 
+    @property
+    def time_s(self) -> float:
+        """Time since the car was first driven."""
+        return self.driven_ticks * PERIOD_S
+
+    def figures(self) -> tuple[CarFigure, ...]:
+        """The figures that the scenario names or limits, so far."""
+        found = measure(
+            self._log, self.scenario.stops, self.scenario.course, self.scenario.road.width_m
+        )
+        return judged(found, self.scenario.metrics, self.scenario.limits)
+
+    def faults_so_far(self) -> tuple[str, ...]:
+        """Kind and begin of each fault of the scenario that has acted."""
+        return self._faults.acted(self.driven_ticks)
+
     def summary(self) -> BridgeSummary:
         """The figures so far."""
-        ticks = max(self.driven_ticks, 1)
+        ey_error_m = self._log.ey_error_m()
         plant = self._car.plant
-        failure = plant.failure or f"{plant.name}: its motion left all bounds"
+        failure = plant.failure or (
+            f"{plant.name}: expected a finite motion of at most {FASTEST_MPS:g} m/s, found "
+            f"{self._car.state.vx_mps:.4g} m/s"
+        )
         return BridgeSummary(
             ticks=self.driven_ticks,
             final_speed_mps=self._speed_mps(),
             travelled_m=self._s_m,
-            ey_rms_m=(self._ey_square_m2 / ticks) ** 0.5,
-            ey_peak_m=self._ey_peak_m,
+            ey_rms_m=rms(ey_error_m),
+            ey_peak_m=peak(ey_error_m),
             watchdog_braked=self._watchdog.is_braking,
             controller_ended=self._watchdog.has_controller_ended,
             plant_failure=failure if self.has_failed else None,
@@ -154,20 +195,23 @@ class Bridge:
             self._applied = NEUTRAL_INPUT  # the mission is over: a driver has taken the car
         else:
             self._applied = self._watchdog.apply(
-                self._inbox.newest(COMMAND),
+                self._command,
                 now_ns,
-                self._outbox.last_counter(STATE),
+                self._sent_ticks - 1,
                 self._speed_mps(),
             )
-        state = self._car.advance(self._applied, self._scenario.curvature_per_m)
+        self._car.set_road(self.scenario.road_at(self._s_m, self.time_s))
+        state = self._car.advance(self._applied, self._curvature)
         if self.has_failed:
             return
         self._state, self._s_m = state, self._car.s_m
         self.driven_ticks += 1
+        self._progress = next_progress(
+            self._progress, self.scenario.stops, self._s_m, state.vx_mps, self.time_s
+        )
+        self._path = self.scenario.path_ahead(self._s_m, state.vx_mps, self.time_s, self._progress)
         if self._is_mission_on():
-            error_m = self._state.ey_m - self._scenario.path_ahead(self._s_m, 0.0).c0_m
-            self._ey_square_m2 += error_m**2
-            self._ey_peak_m = max(self._ey_peak_m, abs(error_m))
+            self._judge(state)
         else:
             self._end_ticks += 1
 
@@ -178,28 +222,60 @@ class Bridge:
         """True during the scenario, and after it until a safe stop has brought the car to rest."""
         if self._end_ticks > 0:
             return False
-        is_moving = self._state.vx_mps > STANDING_MPS
+        is_moving = self._state.vx_mps > AT_REST_MPS
         if self._watchdog.is_braking:
             return is_moving
-        command = self._inbox.newest(COMMAND)
+        command = self._command
         is_safe_stop = command is not None and command.content.mode is Mode.SAFE_STOP
-        return self.driven_ticks < self._scenario.ticks or (is_safe_stop and is_moving)
+        is_on = self.driven_ticks < self.scenario.ticks and self._s_m < self.scenario.end_m
+        return is_on or (is_safe_stop and is_moving)
+
+    def _judge(self, state: VehicleState) -> None:
+        """Add one period to the figures."""
+        path = self._path
+        self._log.add(
+            LogRow(
+                time_s=self.time_s,
+                s_m=self._s_m,
+                ey_m=state.ey_m,
+                epsi_rad=state.epsi_rad,
+                curvature_per_m=self.scenario.road.curvature_per_m.at(self._s_m),
+                vx_mps=state.vx_mps,
+                vy_mps=state.vy_mps,
+                yaw_rate_radps=state.yaw_rate_radps,
+                steer_rad=self._applied.steer_rad,
+                wanted_ey_m=path.c0_m,
+                wanted_epsi_rad=atan(path.c1),
+                wanted_mps=path.v_mps,
+                stop=self._progress.stops_done if self._progress.is_holding else -1,
+            )
+        )
 
     def _send(self, now_ns: int) -> None:
-        command = self._inbox.newest(COMMAND)
+        command = self._command
         sample = StateSample(
             state=self._car.state,
-            curvature_per_m=self._scenario.curvature_per_m,
+            curvature_per_m=self.scenario.road.curvature_per_m.at(self._s_m),
             sample_time_ns=now_ns,
             command_echo=None if command is None else command.counter,
             is_watchdog_braking=self._watchdog.is_braking,
         )
-        send = self._outbox.send
-        send(STATE, sample, now_ns, is_valid=not self.has_failed)
-        send(REFERENCE, self._scenario.path_ahead(self._s_m, self._state.vx_mps), now_ns)
+        send, acts, tick = self._outbox.send, self._faults.acts, self.driven_ticks
+        counter = self._sent_ticks  # counts on while frames are lost
+        sample = self._faults.sample(sample, tick)
+        if not acts(FaultKind.STATE_LOST, tick):
+            is_valid = not (self.has_failed or acts(FaultKind.STATE_INVALID, tick))
+            send(STATE, sample, now_ns, counter=counter, is_valid=is_valid)
+        if not acts(FaultKind.REFERENCE_LOST, tick):
+            send(REFERENCE, self._path, now_ns, counter=counter)
+        if not acts(FaultKind.PREVIEW_LOST, tick):
+            vx_mps = self._state.vx_mps
+            preview = self.scenario.preview_ahead(self._s_m, vx_mps, self._path.v_mps)
+            send(PREVIEW, preview, now_ns, counter=counter)
         if self.driven_ticks > 0:
             send(FEEDBACK, self._applied, now_ns)
-        if self._sent_ticks % MISSION_PERIOD_TICKS == 0:
+        is_mission_due = self._sent_ticks % MISSION_PERIOD_TICKS == 0
+        if is_mission_due and not acts(FaultKind.MISSION_LOST, tick):
             mission = Mission(
                 is_engaged=self._end_ticks == 0,
                 is_reset_requested=False,

@@ -1,6 +1,6 @@
 """A car on its road: any plant and the road frame, advanced together."""
 
-from math import cos, isfinite
+from math import cos, isfinite, sin
 from typing import NoReturn
 
 import numpy as np
@@ -9,7 +9,10 @@ from rt_controller.contract.errors import PlantError, RtControllerError
 from rt_controller.contract.signals import AT_REST, ControlInput, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge import frenet
-from sim_bridge.plant.protocol import Plant, require_motion
+from sim_bridge.plant.protocol import Plant, RoadAt, RoadTakingPlant, require_motion
+
+FASTEST_MPS = 100.0
+"""end of the range of VelocityX in `messages.dbc`"""
 
 
 class Car:
@@ -23,7 +26,9 @@ class Car:
         """at the end of the last period"""
         self.reset(v0_mps)
 
-    def reset(self, v0_mps: float, ey_m: float = 0.0, epsi_rad: float = 0.0) -> VehicleState:
+    def reset(
+        self, v0_mps: float, ey_m: float = 0.0, epsi_rad: float = 0.0, s_m: float = 0.0
+    ) -> VehicleState:
         """The state after a restart: driving straight ahead with everything settled.
 
         Its progress is that of a period before the start, driven equally on a straight road.
@@ -38,22 +43,47 @@ class Car:
         except Exception as error:
             self._raise_named(f"the reset to {v0_mps:.2f} m/s", error)
         self._before[:] = motion
-        self._pose[:] = (0.0, ey_m, epsi_rad)
+        self._pose[:] = (s_m, ey_m, epsi_rad)
         self._steps = 0
         vx_mps, vy_mps, yaw_rate_radps = self._before.tolist()
         ds_m = vx_mps * cos(epsi_rad) * PERIOD_S
         self.state = VehicleState(vx_mps, vy_mps, yaw_rate_radps, ds_m, ey_m, epsi_rad)
         return self.state
 
+    def set_road(self, road: RoadAt) -> None:
+        """Tell the plant the ground and the air of the coming period, if it takes them.
+
+        `road` is that of a car parallel to the road; the wind is turned into the axes of this one.
+        """
+        if isinstance(self.plant, RoadTakingPlant):
+            c, s = cos(self.state.epsi_rad), sin(self.state.epsi_rad)
+            forward_mps, left_mps = road.wind_forward_mps, road.wind_left_mps
+            self.plant.set_road(
+                road._replace(
+                    wind_forward_mps=c * forward_mps + s * left_mps,
+                    wind_left_mps=c * left_mps - s * forward_mps,
+                )
+            )
+
     def advance(
-        self, control: ControlInput, curvature_per_m: float, dt_s: float = PERIOD_S
+        self,
+        control: ControlInput,
+        curvature: float | frenet.CurvatureTable,
+        dt_s: float = PERIOD_S,
     ) -> VehicleState:
         """The state `dt_s` later; all NaN once the plant has failed.
+
+        Args:
+            control: constant over this time.
+            curvature: of the reference line in 1/m, a constant or a table over arc length.
+            dt_s: of the step.
 
         Raises:
             PlantError: the plant raised an exception.
             ConfigError: the first step did not return an array (n, 3).
         """
+        if isinstance(curvature, float):
+            curvature = frenet.constant_curvature(curvature)
         s_before_m = float(self._pose[frenet.S])
         self._steps += 1
         try:
@@ -63,7 +93,7 @@ class Car:
         except Exception as error:
             self._raise_named(f"step {self._steps} after the start", error)
         step_s = dt_s / motion.shape[0]
-        frenet.advance_pose(self._before, motion, curvature_per_m, step_s, self._pose)
+        frenet.advance_along(self._before, motion, curvature, step_s, self._pose)
         self._before[:] = motion[-1]
         vx_mps, vy_mps, yaw_rate_radps = self._before.tolist()
         s_m, ey_m, epsi_rad = self._pose.tolist()
@@ -72,8 +102,8 @@ class Car:
 
     @property
     def is_sound(self) -> bool:
-        """True if the state is finite."""
-        return isfinite(sum(self.state))
+        """True if the state is finite, and the speed one that `messages.dbc` can carry."""
+        return isfinite(sum(self.state)) and self.state.vx_mps <= FASTEST_MPS
 
     def _raise_named(self, call: str, error: Exception) -> NoReturn:
         if isinstance(error, RtControllerError):
@@ -86,5 +116,5 @@ class Car:
 
     @property
     def s_m(self) -> float:
-        """Progress along the road since the last reset."""
+        """Arc length of the road at the car."""
         return float(self._pose[frenet.S])

@@ -4,7 +4,7 @@ Options and help only; compiler, FMU tools and plots are imported when a command
 """
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 from pydantic import Field
@@ -12,15 +12,17 @@ from pydantic import Field
 from rt_controller.contract.errors import require_packages
 from rt_controller.settings import CAR_PRIORITY, BusSettings, CarSettings, SharedInterface
 from rt_controller.terminal.command_line import new_app, run_command
-from sim_bridge.plant.parameters import DEFAULT_CAR
+from sim_bridge.plant.shipped_cars import DEFAULT_CAR
+from sim_bridge.validation.recording.options import RecordingOptions
 
 app = new_app(
     "sim-bridge",
     "Simulate a car on a CAN bus: the project's own, an FMU, or CommonRoad's. The summary "
     "goes to stdout, progress and messages to stderr. Exit codes: 0 ok, 1 a validation target was "
-    "missed, 2 usage or configuration, 3 an optional package is missing, 5 the bus failed, "
-    "another vehicle is on it, or the controller stopped sending while it drove, 7 the plant "
-    "failed, 130 ended by Ctrl-C while it was loading.",
+    "missed, 2 usage or configuration, 3 an optional package or the C compiler is missing, 5 the "
+    "bus failed, another vehicle is on it, or the controller stopped sending while it drove, 7 the "
+    "plant failed, 8 the drive missed a limit of its scenario, 130 ended by Ctrl-C while it was "
+    "loading.",
     "--bus NAME",
 )
 
@@ -44,20 +46,21 @@ class BridgeOptions(CarSettings, BusSettings):
 
 
 @app.default
-def run(*, options: Annotated[BridgeOptions, Parameter(name="*")]) -> None:
+def run(*, options: Annotated[BridgeOptions, Parameter(name="*")]) -> int:
     """Wait for a controller, simulate the scenario, brake if the controller stops sending."""
     _require_compiler()
     from sim_bridge.terminal_run import run_at_terminal
 
-    run_at_terminal(options)
+    return run_at_terminal(options)
 
 
 @app.command
-def export_fmu(file: Path = Path("car.fmu"), *, car: str = DEFAULT_CAR) -> None:
-    """Build an FMU of the own car (FMI 2 co-simulation), with its mapping file beside it.
+def export_fmu(
+    file: Path = Path("car.fmu"), *, car: str = DEFAULT_CAR, fmi: Literal[2, 3] = 2
+) -> None:
+    """Build an FMU of the own car for co-simulation, with its mapping file beside it.
 
-    A process that loads the FMU needs a Python with rt-controller[sim]; the
-    car's parameters are inside.
+    The FMU is compiled C: it needs neither Python nor this package. Its sources are inside.
 
     Parameters
     ----------
@@ -65,11 +68,13 @@ def export_fmu(file: Path = Path("car.fmu"), *, car: str = DEFAULT_CAR) -> None:
         where to write the FMU
     car
         the car's parameters: a shipped name, or the path of a .toml file
+    fmi
+        version of FMI: 2 (FMI 2.0) or 3 (FMI 3.0)
     """
     _require_compiler()
     from sim_bridge.adapters import export
 
-    export.export_fmu(file, car)
+    export.export_fmu(file, car, fmi)
 
 
 @app.command
@@ -79,8 +84,11 @@ def validate(
     html: Path | None = None,
     json_file: Annotated[Path | None, Parameter(name="--json")] = None,
     quick: bool = False,
+    recorded: Annotated[RecordingOptions, Parameter(name="*")] = RecordingOptions(),  # noqa: B008
 ) -> int:
     """Compare the own car with published measurements; 1 if a line missed its target.
+
+    With --recording, compare it with recorded drives instead; nothing is judged then.
 
     Parameters
     ----------
@@ -89,14 +97,16 @@ def validate(
     html
         write tables and plots to this page
     json_file
-        write the lines to this file: test, name, car, target, reached, tolerance, ok
+        write the lines to this file: test, name, car, target, reached, tolerance, ok, source
     quick
-        leave out the slowest sines of the frequency response; all lines are judged
+        leave out slow sines of the frequency response; all lines are judged
+    recorded
+        recorded drives
     """
     _require_compiler()
     from sim_bridge.validation import command
 
-    return command.validate(car, html, json_file, quick)
+    return command.validate(car, html, json_file, quick, recorded)
 
 
 def _require_compiler() -> None:

@@ -8,6 +8,7 @@ Paper: eq. (2), "set of states and inputs".
 """
 
 from math import cos, sin
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +20,41 @@ S, EY, EPSI = 0, 1, 2
 
 _LEAST_GAP = 0.05
 """lower limit of 1 - curvature * e_y; the frame is not defined beyond the centre of the bend"""
+
+
+class CurvatureTable(NamedTuple):
+    """Curvature over arc length, as polynomials of third order; constant outside of the knots."""
+
+    starts_m: Array
+    """(n,), increasing"""
+    coefficients: Array
+    """(n, 4), ascending powers of the distance from the start of the piece"""
+
+
+@compiled
+def constant_curvature(curvature_per_m: float) -> CurvatureTable:
+    """The table of a circle."""
+    coefficients = np.zeros((1, 4))
+    coefficients[0, 0] = curvature_per_m
+    return CurvatureTable(np.zeros(1), coefficients)
+
+
+@compiled
+def curvature_at(s_m: float, table: CurvatureTable) -> float:
+    """Curvature in 1/m at one arc length."""
+    piece = 0
+    after = len(table.starts_m)
+    while after - piece > 1:
+        middle = (piece + after) // 2
+        if table.starts_m[middle] <= s_m:
+            piece = middle
+        else:
+            after = middle
+    d = max(0.0, s_m - table.starts_m[piece])
+    c = table.coefficients[piece]
+    c0, c1, c2, c3 = c[0], c[1], c[2], c[3]
+    value: float = c0 + d * (c1 + d * (c2 + d * c3))
+    return value
 
 
 @compiled
@@ -33,39 +69,59 @@ def _rates(
 
 
 @compiled
-def advance_pose(
-    before: Array, motion: Array, curvature_per_m: float, step_s: float, pose: Array
+def advance_interval(
+    before: Array, after: Array, curvature_per_m: float, step_s: float, pose: Array
+) -> None:
+    """Integrate `pose` (s_m, ey_m, epsi_rad) over one step of linear motion, in place.
+
+    Args:
+        before: (3,), (vx_mps, vy_mps, yaw_rate_radps) at the start.
+        after: (3,), the same at the end.
+    """
+    half_s, sixth_s = 0.5 * step_s, step_s / 6.0
+    vx_mid, vy_mid = 0.5 * (before[0] + after[0]), 0.5 * (before[1] + after[1])
+    yaw_mid = 0.5 * (before[2] + after[2])
+    ey, epsi = pose[EY], pose[EPSI]
+    s1, y1, a1 = _rates(before[0], before[1], before[2], curvature_per_m, ey, epsi)
+    s2, y2, a2 = _rates(
+        vx_mid, vy_mid, yaw_mid, curvature_per_m, ey + half_s * y1, epsi + half_s * a1
+    )
+    s3, y3, a3 = _rates(
+        vx_mid, vy_mid, yaw_mid, curvature_per_m, ey + half_s * y2, epsi + half_s * a2
+    )
+    s4, y4, a4 = _rates(
+        after[0], after[1], after[2], curvature_per_m, ey + step_s * y3, epsi + step_s * a3
+    )
+    pose[S] += sixth_s * (s1 + 2.0 * (s2 + s3) + s4)
+    pose[EY] += sixth_s * (y1 + 2.0 * (y2 + y3) + y4)
+    pose[EPSI] += sixth_s * (a1 + 2.0 * (a2 + a3) + a4)
+
+
+@compiled
+def advance_along(
+    before: Array, motion: Array, curvature: CurvatureTable, step_s: float, pose: Array
 ) -> None:
     """Integrate `pose` (s_m, ey_m, epsi_rad) over a piece of motion, in place.
+
+    The curvature of each step is that at its middle, estimated from the progress at its start; an
+    end of a table piece is thus passed with an error of at most half a step of distance.
 
     Args:
         before: (3,), (vx_mps, vy_mps, yaw_rate_radps) at the start.
         motion: (M, 3), the same after each of M steps.
+        curvature: of the reference line.
     """
-    half_s, sixth_s = 0.5 * step_s, step_s / 6.0
-    vx0, vy0, yaw_rate0 = before[0], before[1], before[2]
-    for i in range(motion.shape[0]):
-        vx1, vy1, yaw_rate1 = motion[i, 0], motion[i, 1], motion[i, 2]
-        vx_mid, vy_mid, yaw_mid = (
-            0.5 * (vx0 + vx1),
-            0.5 * (vy0 + vy1),
-            0.5 * (yaw_rate0 + yaw_rate1),
-        )
-        ey, epsi = pose[EY], pose[EPSI]
-        s1, y1, a1 = _rates(vx0, vy0, yaw_rate0, curvature_per_m, ey, epsi)
-        s2, y2, a2 = _rates(
-            vx_mid, vy_mid, yaw_mid, curvature_per_m, ey + half_s * y1, epsi + half_s * a1
-        )
-        s3, y3, a3 = _rates(
-            vx_mid, vy_mid, yaw_mid, curvature_per_m, ey + half_s * y2, epsi + half_s * a2
-        )
-        s4, y4, a4 = _rates(
-            vx1, vy1, yaw_rate1, curvature_per_m, ey + step_s * y3, epsi + step_s * a3
-        )
-        pose[S] += sixth_s * (s1 + 2.0 * (s2 + s3) + s4)
-        pose[EY] += sixth_s * (y1 + 2.0 * (y2 + y3) + y4)
-        pose[EPSI] += sixth_s * (a1 + 2.0 * (a2 + a3) + a4)
-        vx0, vy0, yaw_rate0 = vx1, vy1, yaw_rate1
+    _advance_with(before, motion[0], curvature, step_s, pose)
+    for i in range(1, len(motion)):
+        _advance_with(motion[i - 1], motion[i], curvature, step_s, pose)
+
+
+@compiled
+def _advance_with(
+    before: Array, after: Array, curvature: CurvatureTable, step_s: float, pose: Array
+) -> None:
+    middle_m = pose[S] + 0.5 * step_s * (0.5 * (before[0] + after[0])) * cos(pose[EPSI])
+    advance_interval(before, after, curvature_at(middle_m, curvature), step_s, pose)
 
 
 @compiled
@@ -83,16 +139,17 @@ def integrate_poses(
         motion: (K * steps_per_period + 1, 3), (vx_mps, vy_mps, yaw_rate_radps).
     """
     n_periods = (motion.shape[0] - 1) // steps_per_period
+    curvature = constant_curvature(curvature_per_m)
     poses = np.empty((n_periods + 1, 3))
     poses[0, S], poses[0, EY], poses[0, EPSI] = 0.0, ey0_m, epsi0_rad
     for k in range(n_periods):
         for i in range(3):  # assigning a row takes the compiler two seconds
             poses[k + 1, i] = poses[k, i]
         first = k * steps_per_period
-        advance_pose(
+        advance_along(
             motion[first],
             motion[first + 1 : first + steps_per_period + 1],
-            curvature_per_m,
+            curvature,
             step_s,
             poses[k + 1],
         )

@@ -7,7 +7,7 @@ import can
 
 from rt_controller.bus.recorder import Recorder
 from rt_controller.bus.transport import close_bus
-from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.errors import BusError, ConfigError
 from rt_controller.contract.signals import NEUTRAL_INPUT
 from rt_controller.realtime.clock import RealtimeClock
 from rt_controller.realtime.scheduling import set_thread_priority
@@ -16,9 +16,12 @@ from sim_bridge.adapters.plants import open_plant
 from sim_bridge.bridge import Bridge
 from sim_bridge.car import Car
 from sim_bridge.plant.protocol import Plant, require_plant
+from sim_bridge.road_needs import require_road
 from sim_bridge.scenario import Scenario, load_scenario
 
 OWN_CAR = CarSettings()
+LONGEST_STANDBY_S = 10.0
+"""of a controller that simulated time waits for"""
 
 
 class BridgeSession:
@@ -45,6 +48,20 @@ class BridgeSession:
         )
         self._thread.start()
         return self._thread
+
+    def tick(self, now_ns: int) -> None:
+        """Tick in simulated time, which starts at 0.
+
+        Raises:
+            BusError: see `Bridge.tick`; or no controller drove the car for `LONGEST_STANDBY_S`.
+        """
+        self.bridge.tick(now_ns)
+        if self.bridge.is_waiting and now_ns > LONGEST_STANDBY_S * 1e9:
+            raise BusError(
+                f"Expected a controller that drives the car within {LONGEST_STANDBY_S:g} s of "
+                f"simulated time, found one that stays in STANDBY. The initial pose and speed of "
+                f"the scenario have to be such that the controller finds a plan."
+            )
 
     @property
     def is_stop_requested(self) -> bool:
@@ -95,21 +112,25 @@ def build_car(scenario: Scenario, choice: CarSettings | Plant = OWN_CAR) -> Car:
         ConfigError: the plant does not exist, or cannot drive one period.
         PlantError: the plant raised an exception in its reset or first step.
     """
-    plant = choice
+    plant, start = choice, scenario.start
     if isinstance(plant, CarSettings):
-        plant = open_plant(plant, scenario.road_friction)
+        friction = scenario.road.friction_left.at(start.s_m)
+        ground = scenario.road_at(start.s_m, 0.0)
+        plant = open_plant(plant, friction, scenario.payload, ground)
     else:
         require_plant(plant)
     try:
-        car = Car(plant, scenario.speed_mps)
+        require_road(plant, scenario)
+        car = Car(plant, start.speed_mps)
         # One period for nothing: what is not compiled or loaded yet is so here and not in the loop.
-        car.advance(NEUTRAL_INPUT, scenario.curvature_per_m)
+        car.set_road(scenario.road_at(start.s_m, 0.0))
+        car.advance(NEUTRAL_INPUT, scenario.road.frame())
         if plant.failure is not None:
             raise ConfigError(
                 f"Expected a plant that drives a first control period, found a failure of "
                 f"{plant.failure}. Correct the plant or its mapping."
             )
-        car.reset(scenario.speed_mps)
+        car.reset(start.speed_mps, start.ey_m, start.epsi_rad, start.s_m)
     except BaseException:
         plant.close()
         raise
@@ -118,7 +139,7 @@ def build_car(scenario: Scenario, choice: CarSettings | Plant = OWN_CAR) -> Car:
 
 def open_session(
     bus_settings: BusSettings,
-    scenario: str,
+    scenario: str | Scenario,
     recorder: Recorder | None = None,
     plant: CarSettings | Plant = OWN_CAR,
 ) -> BridgeSession:
@@ -132,7 +153,9 @@ def open_session(
         PlantError: the plant raised an exception in its reset or first step.
         BusError: the bus cannot be opened.
     """
-    manoeuvre = load_scenario(scenario)
+    manoeuvre = load_scenario(scenario) if isinstance(scenario, str) else scenario
+    if isinstance(plant, CarSettings):
+        manoeuvre = manoeuvre.with_friction(plant.friction, plant.friction_right)
     car = build_car(manoeuvre, plant)
     try:
         bus = bus_settings.open_bus()

@@ -8,15 +8,23 @@ from rich.console import Console
 
 from rt_controller.bus.recorder import open_recorder
 from rt_controller.bus.transport import require_interface
+from rt_controller.car_figures import (
+    EXIT_LIMIT,
+    explain_missed,
+    figures_to_json,
+    limits_missed,
+)
 from rt_controller.contract.errors import BusError, ConfigError, PlantError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.timing import COMMAND_TIMEOUT_S, PERIOD_MS
 from rt_controller.realtime.scheduling import real_time_process
 from rt_controller.settings import VIRTUAL
-from rt_controller.terminal.progress import COMPILING, Line, announce, watch
+from rt_controller.terminal.command_line import print_error
+from rt_controller.terminal.progress import COMPILING, Line, announce, show, watch
 from rt_controller.terminal.stop_signals import stop_on_signals
 from sim_bridge.bridge import Bridge, BridgeSummary
 from sim_bridge.session import open_session
+from sim_bridge.steering_needs import steering_note
 
 if TYPE_CHECKING:
     from sim_bridge.cli import BridgeOptions
@@ -25,8 +33,8 @@ LISTENING_TICKS = 8
 """before the first frame; another vehicle would send in each of them"""
 
 
-def run_at_terminal(options: "BridgeOptions") -> None:
-    """Simulate one mission and print its summary.
+def run_at_terminal(options: "BridgeOptions") -> int:
+    """Simulate one mission and print its summary; the exit code of the program.
 
     Raises:
         ConfigError, MissingExtraError: bus, scenario, plant or log file do not fit.
@@ -51,6 +59,9 @@ def run_at_terminal(options: "BridgeOptions") -> None:
                 opened.callback(recorder.close)
             with announce(COMPILING, options.quiet):
                 session = open_session(options, options.scenario, recorder, options)
+            note = steering_note(session.bridge.scenario)
+            if note is not None:
+                show(f"note: {note}", options.quiet)
             opened.enter_context(closing(session))
             signals.enter_context(stop_on_signals(session.request_stop))
             thread = session.start(options.priority, LISTENING_TICKS, options.wait_s)
@@ -59,8 +70,16 @@ def run_at_terminal(options: "BridgeOptions") -> None:
         summary = session.bridge.summary()
         if summary.ticks > 0 or is_stopped:
             Console().print(_sentence(summary, is_stopped), highlight=False, soft_wrap=True)
-        write_figures(options.json_file, asdict(summary))
+        figures = session.bridge.figures()
+        for figure in figures:
+            Console().print(f"{figure.name}: {figure.text}", highlight=False)
+        write_figures(options.json_file, {**asdict(summary), **figures_to_json(figures)})
         _require_success(summary, is_stopped, options)
+        missed = limits_missed(figures)
+        if not missed or is_stopped or summary.watchdog_braked:
+            return 0
+        print_error("sim-bridge", explain_missed(missed))
+        return EXIT_LIMIT
 
 
 def _require_success(summary: BridgeSummary, is_stopped: bool, options: "BridgeOptions") -> None:

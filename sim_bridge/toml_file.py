@@ -3,9 +3,12 @@
 All errors of a file are reported at once, each with the name of its field.
 """
 
+import re
 import tomllib
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
@@ -48,8 +51,16 @@ def read_shipped_or_own(name_or_path: str | Path, folder: str, kind: str) -> str
         ) from error
 
 
-def parse(text: str, schema: TypeAdapter[T], where: str, context: object = None) -> T:
+def parse(
+    text: str,
+    schema: TypeAdapter[T],
+    where: str,
+    context: object = None,
+    remedies: Mapping[str, str] = MappingProxyType({}),
+) -> T:
     """The content of a TOML file, checked against `schema`; `context` is for its validators.
+
+    `remedies` has sentences by the names of fields that may be in a wrong section.
 
     Raises:
         ConfigError: the text is no TOML, or fields are missing, unknown or out of their limits; the
@@ -62,7 +73,11 @@ def parse(text: str, schema: TypeAdapter[T], where: str, context: object = None)
     try:
         return schema.validate_python(raw, context=context)
     except ValidationError as error:
-        lines = _explain(error).splitlines()
+        explained = _explain(error)
+        for name, remedy in remedies.items():
+            misplaced = rf"^(\S+\.{name}: no such setting\.)$"
+            explained = re.sub(misplaced, rf"\1 {remedy}", explained, flags=re.MULTILINE)
+        lines = explained.splitlines()
         listed = f" {lines[0]}" if len(lines) == 1 else "".join(f"\n  {line}" for line in lines)
         raise ConfigError(f"{where}:{listed}") from error
 

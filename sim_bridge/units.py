@@ -20,6 +20,7 @@ _ALLOWED = {
     "1": ("ratio", ("1", "%")),
     "m": ("length", ("m", "km", "cm", "mm", "ft")),
     "1/m": ("curvature", ("1/m", "1/km")),
+    "1/m^2": ("change of curvature", ("1/m^2",)),
     "m/s": ("speed", ("m/s", "km/h", "mph", "kn")),
     "m/s^2": ("acceleration", ("m/s^2", "g")),
     "rad": ("angle", ("rad", "mrad", "deg")),
@@ -43,6 +44,7 @@ _SPELLINGS = {
     "1": ("", "-"),
     "%": ("percent", "pct"),
     "1/m": ("per_m",),
+    "1/m^2": ("per_m2",),
     "m/s": ("mps", "meter per second"),
     "km/h": ("kmh", "kph", "km/hr", "kmph"),
     "mph": ("mi/h",),
@@ -64,14 +66,17 @@ _SPELLINGS = {
 _NAME_OF_SPELLING = {text: name for name, texts in _SPELLINGS.items() for text in texts}
 
 _NAME_ENDINGS = (
-    *("per_m", "m", "mps", "mps2", "rad", "radps", "radps2", "n", "nm", "pa", "w", "kg", "k", "s"),
+    *("per_m", "per_m2", "m", "mps", "mps2", "rad", "radps", "radps2"),
+    *("n", "nm", "pa", "w", "kg", "k", "s"),
     *("kmh", "kph", "mph", "deg", "degps", "dps", "g", "bar", "rpm", "percent", "pct", "ms"),
 )
-"""of signal names; those of the first row are in SI"""
+"""of signal names; those of the first two rows are in SI"""
 
 _SI_OF_EXPONENTS = {
     (0, 0, 0, 0): "1",
     (0, 1, 0, 0): "m",
+    (0, -1, 0, 0): "1/m",
+    (0, -2, 0, 0): "1/m^2",
     (0, 1, -1, 0): "m/s",
     (0, 1, -2, 0): "m/s^2",
     (0, 0, 0, 1): "rad",
@@ -155,7 +160,7 @@ def _find_name(text: str) -> str | None:
     plain = text.strip().removeprefix("[").removesuffix("]").strip()
     for power in ("²", "**2"):
         plain = plain.replace(power, "^2")
-    if plain.endswith("/s2"):
+    if plain.endswith(("/s2", "/m2")):
         plain = plain[:-1] + "^2"
     if plain in _SI:
         return plain

@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 from offline.config import PRESETS
 from offline.data.dataset import MANIFEST_FILE, Dataset, save_dataset, split_episodes
 from offline.data.excitation import Recipe
-from offline.data.generate import FIRST_EPSI_RAD, FIRST_EY_M, generate, plant_fingerprint
+from offline.data.generate import (
+    FIRST_EPSI_RAD,
+    FIRST_EY_M,
+    generate,
+    plant_fingerprint,
+    steering_geometry,
+)
 from offline.data.manifest import Roads, Simulated, read_manifest
 from offline.data.signals import VEHICLE_ROLES
 from rt_controller.contract.errors import DatasetError
@@ -80,5 +86,6 @@ def make_dataset(
         roles=VEHICLE_ROLES,
         roads=Roads(recipe.curvatures_per_m, FIRST_EY_M, FIRST_EPSI_RAD),
         origin=origin,
+        geometry=steering_geometry(),
         rejected=made.rejected,
     )

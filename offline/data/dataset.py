@@ -26,6 +26,7 @@ from offline.files import write_text
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.files import DamagedArchiveError, atomic_write, read_arrays
 from rt_controller.contract.schema import Schema
+from rt_controller.contract.steering_geometry import SteeringGeometry
 
 Part = Literal["train", "validation", "test"]
 
@@ -58,6 +59,11 @@ class Dataset:
     @property
     def origin(self) -> Origin:
         return self.manifest.origin
+
+    @property
+    def geometry(self) -> SteeringGeometry | None:
+        """Of the car's steering; None: not known."""
+        return self.manifest.geometry
 
     @property
     def schema(self) -> Schema:
@@ -97,6 +103,7 @@ def save_dataset(
     roles: Roles,
     roads: Roads | None,
     origin: Origin,
+    geometry: SteeringGeometry | None = None,
     rejected: int = 0,
 ) -> Dataset:
     """Write a data set; the manifest is written last and makes it valid.
@@ -120,6 +127,7 @@ def save_dataset(
         rejected_episodes=rejected,
         versions={name: version(name) for name in ("rt-controller", "numpy")},
         origin=origin,
+        geometry=geometry,
     )
     dataset = Dataset(recording, slices, part, manifest)
     _require_valid(folder / RECORDING_FILE, dataset)

@@ -19,9 +19,10 @@ class Recipe:
     """The values that an episode is drawn from."""
 
     curvatures_per_m: tuple[float, ...] = (-4e-3, -2e-3, 0.0, 2e-3, 4e-3)
-    first_speed_mps: tuple[float, float] = (30.0 / 3.6, 130.0 / 3.6)
+    first_speed_mps: tuple[float, float] = (15.0 / 3.6, 130.0 / 3.6)
     segment_s: tuple[float, ...] = (0.5, 1.0, 2.0)
-    throttles: tuple[float, ...] = (0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
+    throttles: tuple[float, ...] = (0.0, 0.03, 0.06, 0.1, 0.15, 0.25, 0.4, 0.7, 1.0)
+    """dense where a car is driven at constant speed: it holds 120 km/h at 0.15"""
     brakes_n: tuple[float, ...] = (0.0, 15.0, 30.0, 50.0, 75.0, 100.0, 150.0)
     drive_brake_coast: tuple[float, float, float] = (0.55, 0.25, 0.20)
     steering_knots: tuple[int, ...] = (4, 5, 6)

@@ -25,6 +25,7 @@ from offline.data.tasks import run_tasks
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import InputColumn, StateColumn
+from rt_controller.contract.steering_geometry import SteeringGeometry
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.frenet import integrate_poses
 from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, settle, simulate
@@ -68,6 +69,16 @@ class Generated(NamedTuple):
     recording: Recording
     slices: Starts
     rejected: int
+
+
+def steering_geometry() -> SteeringGeometry:
+    """Of the car that drives the episodes."""
+    body, steering = default_car().body, default_car().steering
+    return SteeringGeometry(
+        wheelbase_m=body.front_axle_m + body.rear_axle_m,
+        rear_axle_m=body.rear_axle_m,
+        steering_ratio=steering.ratio,
+    )
 
 
 def generate(

@@ -12,6 +12,7 @@ from offline.data.excitation import Recipe
 from offline.data.signals import Roles
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import Schema
+from rt_controller.contract.steering_geometry import SteeringGeometry
 
 FORMAT_VERSION = 2
 
@@ -85,6 +86,8 @@ class Manifest:
     versions: Mapping[str, str]
     """by package"""
     origin: Origin
+    geometry: SteeringGeometry | None = None
+    """of the car; None: not known"""
     format_version: int = FORMAT_VERSION
 
     @property

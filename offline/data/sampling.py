@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
+from scipy.ndimage import maximum_filter1d
 from torch import Tensor
 
 from offline.config import STEPS, TrainingConfig
@@ -14,6 +15,7 @@ from offline.data.recording import Starts, cut, possible_starts
 from offline.data.road_frame import Anchor
 from offline.data.signals import Roles, Scaling, history_rows, mirror_signs, past_names
 from offline.data.trajectories import Trajectories
+from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import Schema
 
@@ -40,6 +42,8 @@ class Batch(NamedTuple):
     """(K, batch, p)"""
     memory: Tensor
     """(H+K, batch, h) rows of the history, from H steps before the start to the end"""
+    weight: Tensor
+    """(1, batch, 1) weight of each trajectory in a mean: below 1 if it was drawn more often"""
 
     @property
     def steps(self) -> int:
@@ -48,8 +52,11 @@ class Batch(NamedTuple):
     def shorten(self, steps: int) -> "Batch":
         """The first `steps` steps of every trajectory."""
         past = len(self.memory) - len(self.u)
-        return Batch(
-            self.x[: steps + 1], self.u[:steps], self.w[:steps], self.memory[: past + steps]
+        return self._replace(
+            x=self.x[: steps + 1],
+            u=self.u[:steps],
+            w=self.w[:steps],
+            memory=self.memory[: past + steps],
         )
 
     def at(self, times: Tensor) -> Instants:
@@ -85,6 +92,7 @@ def scale(
         _time_first(trajectories.u / scaling.u_scale),
         _time_first(trajectories.w / scaling.w_scale),
         _time_first((memory - scaling.past_centre) / scaling.past_scale),
+        torch.ones((1, len(trajectories.x), 1)),
     )
 
 
@@ -110,7 +118,10 @@ class WindowSource:
         DatasetError: no episode is long enough.
     """
 
-    def __init__(self, dataset: Dataset, scaling: Scaling, past_steps: int) -> None:
+    def __init__(
+        self, dataset: Dataset, scaling: Scaling, past_steps: int, rare_share: float = 0.0
+    ) -> None:
+        """The share `rare_share` of the draws prefers windows with rare motion (`rarity`)."""
         self._dataset, self._scaling, self._past_steps = dataset, scaling, past_steps
         self._roads = dataset.manifest.roads
         self._starts = possible_starts(dataset.recording, dataset.episodes("train"), past_steps)
@@ -119,14 +130,42 @@ class WindowSource:
                 f"expected episodes of at least {past_steps} periods of history and {STEPS} steps "
                 f"in the training part, found none. Record longer episodes."
             )
+        self._frequency = frequencies(rarity(dataset, scaling)[self._starts], rare_share)
+        self._cumulative = np.cumsum(self._frequency / len(self._starts))
 
     def draw(self, size: int, rng: torch.Generator) -> Batch:
-        chosen = torch.randint(len(self._starts), (size,), generator=rng).numpy()
+        uniform = self._cumulative[-1] * torch.rand(size, generator=rng, dtype=torch.float64)
+        chosen = np.searchsorted(self._cumulative, uniform.numpy(), side="right")
         anchor = None if self._roads is None else _draw_roads(self._roads, size, rng)
         starts = Starts(self._starts[chosen], np.zeros(size, dtype=np.int32), anchor)
         data = self._dataset
         windows = cut(data.recording, starts, data.schema, data.roles, past_steps=self._past_steps)
-        return scale(windows, self._scaling, data.schema, data.roles, self._past_steps)
+        batch = scale(windows, self._scaling, data.schema, data.roles, self._past_steps)
+        weight = torch.from_numpy(1.0 / self._frequency[chosen]).float()
+        return batch._replace(weight=weight[None, :, None])
+
+
+def rarity(dataset: Dataset, scaling: Scaling) -> Array:
+    """(T,) largest magnitude of a scaled state within the window that begins at each row.
+
+    A few sliding cars carry most of the squared error of lateral velocity, and they are the windows
+    with the largest states.
+    """
+    x = dataset.recording.x
+    states = x.shape[1]
+    largest = np.abs((x - scaling.x_centre[:states]) / scaling.x_scale[:states]).max(axis=1)
+    return np.asarray(maximum_filter1d(largest, STEPS + 1, origin=-(STEPS // 2)))
+
+
+def frequencies(rarity: Array, rare_share: float) -> Array:
+    """(M,) how often each window is drawn, relative to drawing all windows alike.
+
+    The share `rare_share` is drawn in proportion to the square of the rarity (M,), the rest
+    uniformly. Weighted by 1 / frequency, means over the draws are means over all windows; no weight
+    exceeds 1 / (1 - rare_share).
+    """
+    importance = rarity**2
+    return np.asarray(1.0 - rare_share + rare_share * importance / importance.mean())
 
 
 class MirroringSource:
@@ -146,20 +185,24 @@ class MirroringSource:
     def draw(self, size: int, rng: torch.Generator) -> Batch:
         batch = self._source.draw(size, rng)
         is_mirrored = torch.rand(size, generator=rng)[:, None] < 0.5
-        return Batch(
-            *(
-                series * torch.where(is_mirrored, signs, torch.ones(()))
-                for series, signs in zip(batch, self._signs, strict=True)
-            )
+        x, u, w, memory = (
+            series * torch.where(is_mirrored, signs, torch.ones(()))
+            for series, signs in zip(batch[:-1], self._signs, strict=True)
         )
+        return Batch(x, u, w, memory, batch.weight)
 
 
 def open_source(
     config: TrainingConfig, dataset: Dataset, scaling: Scaling
 ) -> SliceSource | WindowSource | MirroringSource:
     """The source that the configuration selects; mirrored only if the roles name odd signals."""
-    kind = WindowSource if config.windows == "all" else SliceSource
-    source = kind(dataset, scaling, config.history_steps)
+    source: SliceSource | WindowSource
+    if config.windows == "slices":
+        source = SliceSource(dataset, scaling, config.history_steps)
+    else:
+        # The paper's terms know no weights.
+        rare_share = config.rare_share if config.objective == "horizon" else 0.0
+        source = WindowSource(dataset, scaling, config.history_steps, rare_share)
     is_mirrored = config.mirror and dataset.roles.odd is not None
     return MirroringSource(source, dataset) if is_mirrored else source
 

@@ -43,10 +43,12 @@ class LaneChange(NamedTuple):
     def description(self) -> str:
         """Speed, road and lateral displacement, as text."""
         road = self.scenario
-        lateral_m = max(abs(move.to_m) for move in road.moves)
+        ground = road.road_at(0.0, 0.0)
+        lateral_m = float(np.abs(self.desired_ey_m).max())
         return (
-            f"{3.6 * road.speed_mps:g} km/h on a road of curvature {road.curvature_per_m:g} 1/m "
-            f"and friction {road.road_friction:g}, {lateral_m:g} m to the side and back"
+            f"{3.6 * road.start.speed_mps:g} km/h on a road of curvature "
+            f"{ground.curvature_per_m:g} 1/m and friction {ground.friction_left:g}, "
+            f"{lateral_m:.2g} m to the side and back"
         )
 
     @property
@@ -59,8 +61,10 @@ class LaneChange(NamedTuple):
 def drive_lane_change() -> LaneChange:
     """The shipped scenario, driven by a preview driver in the car of the training data."""
     scenario = load_scenario(SCENARIO)
-    car = with_road_friction(default_car(), scenario.road_friction)
-    driver_model = fit_driver_model(car, scenario.speed_mps)
+    ground, speed_mps = scenario.road_at(0.0, 0.0), scenario.start.speed_mps
+    curvature_per_m = ground.curvature_per_m
+    car = with_road_friction(default_car(), ground.friction_left)
+    driver_model = fit_driver_model(car, speed_mps)
     driver = PreviewDriver(lambda x_m: _path_y_m(scenario, x_m), PREVIEW_S, driver_model)
     change = PERIOD_S * np.array(INPUT_LIMITS.rate_per_s)
     last: Array | None = None
@@ -73,32 +77,32 @@ def drive_lane_change() -> LaneChange:
         return ControlInput(*last.tolist())
 
     periods = PAST_STEPS + WINDOWS * STEPS
-    run = run_driver(car, scenario.speed_mps, limited, periods * PERIOD_S, PERIOD_S)
+    run = run_driver(car, speed_mps, limited, periods * PERIOD_S, PERIOD_S)
 
     # An input row of a run holds for the period that ends there, that of a recording for the
     # period that begins there.
     recording = Recording(
         x=run.motion.astype(np.float32),
         u=np.vstack([run.inputs[1:], run.inputs[-1:]]).astype(np.float32),
-        w=np.full((periods + 1, 1), scenario.curvature_per_m, dtype=np.float32),
+        w=np.full((periods + 1, 1), curvature_per_m, dtype=np.float32),
         pose=run.pose,
         first=np.zeros(1, dtype=np.int64),
     )
     row = PAST_STEPS + STEPS * np.arange(WINDOWS)
-    start = Anchor(np.array([scenario.curvature_per_m]), np.zeros(1), np.zeros(1))
+    start = Anchor(np.array([curvature_per_m]), np.zeros(1), np.zeros(1))
     s_m, ey_m, epsi_rad = (part[0] for part in onto_road(run.pose[None], start))
-    anchor = Anchor(np.full(WINDOWS, scenario.curvature_per_m), ey_m[row - 1], epsi_rad[row - 1])
+    anchor = Anchor(np.full(WINDOWS, curvature_per_m), ey_m[row - 1], epsi_rad[row - 1])
     starts = Starts(row, np.zeros(WINDOWS, dtype=np.int32), anchor)
     ahead = row[:, None] + np.arange(STEPS + 1)
     windows = cut(recording, starts, VEHICLE, VEHICLE_ROLES)
-    return LaneChange(scenario, windows, scenario.lateral_m(s_m[ahead]))
+    return LaneChange(scenario, windows, scenario.ey_m(s_m[ahead]))
 
 
 def _path_y_m(scenario: Scenario, x_m: Array) -> Array:
     """y (N,) of the scenario's path at x (N,); the road is a circle that starts along x."""
-    radius_m = 1.0 / scenario.curvature_per_m
+    radius_m = 1.0 / scenario.road_at(0.0, 0.0).curvature_per_m
     beside: Array | float = radius_m
     # One fixed-point iteration from the road to the path beside it is exact to millimetres.
     for _ in range(2):
-        beside = radius_m - scenario.lateral_m(radius_m * np.arcsin(x_m / beside))
+        beside = radius_m - scenario.ey_m(radius_m * np.arcsin(x_m / beside))
     return np.asarray(radius_m - np.sqrt(beside**2 - x_m**2))

@@ -23,7 +23,7 @@ from rt_controller.report.canvas import (
     line_styles,
     set_log_scale,
 )
-from rt_controller.report.table import format_number
+from rt_controller.report.table import NO_VALUE, format_number
 
 LARGEST_DRAWN = 1e4
 """ratio, and multiple of the models' errors, at which bars and axes end"""
@@ -115,7 +115,8 @@ def road_heat_map(comparison: Comparison, model: str) -> Figure:
         cmap="RdBu_r", vmin=-1.0, vmax=1.0, aspect="auto",
     )  # fmt: skip
     for (i, j), value in np.ndenumerate(share):
-        axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=8,
+        text = NO_VALUE if np.isnan(value) else f"{value:.2f}"
+        axes.text(j, i, text, ha="center", va="center", fontsize=8,
                   color="white" if abs(np.log2(max(value, 1e-9))) > 0.7 else INK)  # fmt: skip
     stars = [f"{1e3 * road:g}" + ("*" if found[road][1] == NEW_ROADS else "") for road in roads]
     axes.set_xticks(range(len(roads)), stars)

@@ -88,10 +88,13 @@ def _main_results(comparison: Comparison) -> list[str]:
         for test in comparison.sets[1:]:
             ratio = comparison.ratio_to_library(model, test.name)
             worst = ratio.worst_state
+            average, largest = (
+                format_number(float(part), 3)
+                for part in (ratio.geometric_mean.value, ratio.by_state.value[worst])
+            )
             lines.append(
-                f"{model} on {test.name}: {float(ratio.geometric_mean.value):.2f} times the mean "
-                f"squared error on the library, {float(ratio.by_state.value[worst]):.2f} times in "
-                f"the worst state, {comparison.columns[worst].name}."
+                f"{model} on {test.name}: {average} times the mean squared error on the library, "
+                f"{largest} times in the worst state, {comparison.columns[worst].name}."
             )
     return lines
 

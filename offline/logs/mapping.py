@@ -33,6 +33,7 @@ class LogMapping(MappingTable):
     csv: tables.CsvSettings = tables.CsvSettings()
     can: tables.CanSettings | None = None
     split: tables.SplitSettings = tables.SplitSettings()
+    car: tables.CarData | None = None
     roles: tables.RolesSettings = tables.RolesSettings()
     checks: tables.ChecksSettings = tables.ChecksSettings()
 

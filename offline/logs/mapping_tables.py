@@ -19,6 +19,7 @@ from pydantic import (
 
 from offline.data.dataset import HELD_BACK
 from offline.logs.quantity import Quantity
+from rt_controller.contract.steering_geometry import LARGEST, SMALLEST, SteeringGeometry
 from sim_bridge.units import find_unit, near_units
 
 
@@ -116,6 +117,21 @@ class TimeMapping(MappingTable):
     longest_gap_s: PositiveFloat | None = None
     """None: 3.5 times the usual time between two samples"""
     skip_first_s: NonNegativeFloat = 0.0
+
+
+class CarData(MappingTable):
+    """The car of the logs: the controller steers with it below the speeds of the model."""
+
+    wheelbase_m: Annotated[float, Field(ge=SMALLEST.wheelbase_m, le=LARGEST.wheelbase_m)]
+    rear_axle_m: Annotated[float, Field(ge=SMALLEST.rear_axle_m, le=LARGEST.rear_axle_m)]
+    """centre of gravity to rear axle"""
+    steering_ratio: Annotated[float, Field(ge=SMALLEST.steering_ratio, le=LARGEST.steering_ratio)]
+    """angle of the steering wheel over the angle of the front wheels"""
+
+    @property
+    def geometry(self) -> SteeringGeometry:
+        """The same numbers as the model bundle carries them."""
+        return SteeringGeometry(self.wheelbase_m, self.rear_axle_m, self.steering_ratio)
 
 
 class RoadsMapping(MappingTable):

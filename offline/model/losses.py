@@ -93,13 +93,13 @@ def forgetting_weights(steps: int, forgetting: float, through_last_step: bool) -
 
 
 def state_errors(model: MdkNet, batch: Batch) -> Tensor:
-    """Mean squared error of each scaled state over steps 1..K and the batch, (n_x,).
+    """Mean squared error of each scaled state over steps 1..K and the weighted batch, (n_x,).
 
     Only x_0 is encoded.
     """
     psi0 = model.lift(batch.at(torch.zeros(1, dtype=torch.long, device=batch.x.device)))[0]
     predicted = model.roll_out(psi0, batch.u, batch.w)[..., : model.sizes.states]
-    return (batch.x[1:] - predicted).square().mean(dim=(0, 1))
+    return (batch.weight * (batch.x[1:] - predicted).square()).mean(dim=(0, 1))
 
 
 def log_error(errors: Tensor) -> Tensor:

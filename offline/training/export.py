@@ -49,6 +49,7 @@ def export_checkpoint(checkpoint: Checkpoint, dataset: Dataset) -> tuple[Bundle,
     bundle = Bundle(
         name="mdk-net" if is_default else f"mdk-net-{config.preset}",
         schema=dataset.schema,
+        geometry=dataset.geometry,
         **physical_matrices(model, scaling)._asdict(),
         lift=lift,
         encoder_onnx=to_onnx(encoder, lift, selftest),

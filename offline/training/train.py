@@ -24,7 +24,7 @@ from offline.training.schedule import (
     keep_lowest,
     loss_of_kept_model,
 )
-from offline.training.state import TrainingState, find_device, initialise
+from offline.training.state import TrainingState, denormals_as_zero, find_device, initialise
 from offline.training.validation import evaluate
 from rt_controller.contract.errors import DatasetError, RtControllerError
 
@@ -35,6 +35,7 @@ class TrainingDivergedError(RtControllerError):
     """The loss or its gradient is no longer finite."""
 
 
+@denormals_as_zero()
 def train(
     config: TrainingConfig,
     dataset: Dataset,

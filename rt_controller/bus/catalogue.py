@@ -5,6 +5,7 @@ nanoseconds. Layouts, units and ranges are in `messages.dbc`.
 """
 
 from enum import IntFlag
+from itertools import takewhile
 from math import degrees, isnan, nan, radians
 from typing import NamedTuple
 
@@ -12,7 +13,13 @@ from rt_controller.bus.codec import FrameSpec
 from rt_controller.bus.dbc import DBC_PATH
 from rt_controller.bus.message import Catalogue
 from rt_controller.contract.schema import N_STATES
-from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
+from rt_controller.contract.signals import (
+    ControlInput,
+    CurvaturePreview,
+    Mode,
+    PathReference,
+    VehicleState,
+)
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS, MISSION_PERIOD_TICKS
 
 CATALOGUE = Catalogue(DBC_PATH)
@@ -31,6 +38,7 @@ class Fault(IntFlag):
     MISSION_MISSING = 16
     BUS_FAULT = 32
     PEER_MISMATCH = 64
+    PREVIEW_IMPLAUSIBLE = 128
 
 
 class Command(NamedTuple):
@@ -154,6 +162,28 @@ REFERENCE = CATALOGUE.define(
     encode=tuple,
     decode=PathReference,
 )
+
+
+def _decode_preview(spacing_m: float, *curvature_per_m: float) -> CurvaturePreview | None:
+    if not isnan(sum(curvature_per_m, spacing_m)):
+        return CurvaturePreview(spacing_m, *curvature_per_m)
+    known = list(takewhile(lambda value: not isnan(value), curvature_per_m))
+    if isnan(spacing_m) or not known:
+        return None
+    known += known[-1:] * (len(curvature_per_m) - len(known))
+    return CurvaturePreview(spacing_m, *known)
+
+
+_NO_PREVIEW = (nan,) * len(CurvaturePreview._fields)
+_PREVIEW_A, _PREVIEW_B = ("Spacing", "K0", "K1"), ("K2", "K3", "K4")
+PREVIEW = CATALOGUE.define(
+    FrameSpec("REF_CURVATURE_A", "Valid", _PREVIEW_A, optional=_PREVIEW_A),
+    FrameSpec("REF_CURVATURE_B", "Valid", _PREVIEW_B, optional=_PREVIEW_B),
+    cycle_ticks=1,
+    encode=lambda preview: tuple(_NO_PREVIEW if preview is None else preview),
+    decode=_decode_preview,
+)
+"""None: the vehicle does not know the road ahead; a value that is missing is the one before it"""
 
 
 def _decode_mission(

@@ -71,6 +71,18 @@ class SignalLayout:
     raw_min: int
     raw_max: int
     raw_not_available: int
+    unit: str
+
+    def objection(self, raw: int) -> str | None:
+        """Why this raw value may not be used; None if it may."""
+        if self.raw_min <= raw <= self.raw_max:
+            return None
+        ends = (self.raw_min, self.raw_max, raw)
+        low, high, value = (each * self.scale + self.offset for each in ends)
+        is_missing = raw == self.raw_not_available  # a sender cannot send a value beyond the range
+        found = "none or one beyond it" if is_missing else f"{value:g}"
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{self.name}: expected a value of {low:g} to {high:g}{unit}, found {found}"
 
 
 class FrameSpec(NamedTuple):
@@ -102,6 +114,7 @@ class FrameCodec:
         self.arbitration_id: int = message.frame_id
         self.data_ids = data_ids_of(message)
         self.signals = tuple(_signal_layout(self.name, signal) for signal in body)
+        self._nibble = spec.nibble
         self._has_valid_flag = spec.nibble == _VALID_NIBBLE
         self._usable_nibbles = _usable_nibbles(message, spec.nibble)
         self.n_values = len(body) + (0 if self._has_valid_flag else 1)
@@ -168,6 +181,16 @@ class FrameCodec:
             return None
         return values if self._has_valid_flag else (nibble, *values)
 
+    def objections(self, frame: Frame) -> str:
+        """Why `read` does not return the values of this intact frame, for people."""
+        nibble = frame[1] >> 4
+        _, *raws = self._struct.unpack(frame)
+        found = [self.signals[i].objection(raws[i]) for i in self._required_places]
+        if nibble not in self._usable_nibbles:
+            usable = ", ".join(map(str, sorted(self._usable_nibbles)))
+            found = [f"{self._nibble}: expected {usable}, found {nibble}"]
+        return f"{self.name}: {'; '.join(each for each in found if each)}"
+
     def is_intact(self, frame: Frame) -> bool:
         """True if the frame has eight bytes and a CRC that fits this message and its counter."""
         return (
@@ -224,6 +247,7 @@ def _signal_layout(message: str, signal: Signal) -> SignalLayout:
         raw_min=round((signal.minimum - signal.offset) / signal.scale),
         raw_max=round((signal.maximum - signal.offset) / signal.scale),
         raw_not_available=not_available[0],
+        unit=signal.unit or "",
     )
     if layout.raw_min <= layout.raw_not_available <= layout.raw_max:
         raise misfit(name, f"with a range without {_NOT_AVAILABLE}", str(layout))

@@ -10,7 +10,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import can
 
 from rt_controller.bus.catalogue import CATALOGUE
-from rt_controller.bus.codec import COUNTER_MASK
+from rt_controller.bus.codec import COUNTER_MASK, FrameCodec
 from rt_controller.bus.message import Catalogue, Message, Node
 from rt_controller.bus.recorder import Recorder
 from rt_controller.contract.errors import BusError
@@ -56,18 +56,37 @@ class ReceptionCounts:
 class _Assembly:
     """The frames of one message as they arrive, and its newest complete content."""
 
-    __slots__ = ("arrivals_ns", "counters", "last_counters", "message", "newest", "parts")
+    __slots__ = (
+        "arrivals_ns",
+        "counters",
+        "last_counters",
+        "message",
+        "newest",
+        "out_of_range",
+        "parts",
+        "refused",
+    )
 
     def __init__(self, message: Message[Any]) -> None:
         n_frames = len(message.codecs)
         self.message = message
         self.newest: Received[Any] | None = None
+        self.out_of_range = 0
+        """intact frames that were dropped for their values"""
+        self.refused: tuple[FrameCodec, bytes, Received[Any] | None] | None = None
+        """the first of those frames since the newest content, and that content"""
         self.last_counters = [_NO_COUNTER] * n_frames
         """of the intact frames, whether their values may be used or not"""
         self.parts: list[tuple[float, ...]] = [()] * n_frames
         self.counters = [_NO_COUNTER] * n_frames
         """of the frames in `parts`; `_NO_COUNTER` where the newest one must not be used"""
         self.arrivals_ns = [0] * n_frames
+
+    def refuse(self, place: int, codec: FrameCodec, frame: bytearray) -> None:
+        self.counters[place] = _NO_COUNTER
+        self.out_of_range += 1
+        if self.refused is None or self.refused[2] is not self.newest:
+            self.refused = codec, bytes(frame), self.newest
 
     def add(self, place: int, part: tuple[float, ...], counter: int, now_ns: int) -> None:
         self.parts[place] = part
@@ -119,6 +138,18 @@ class Inbox:
         """The newest content of this message, however old it is; None before the first."""
         return self._assemblies[message].newest
 
+    def out_of_range(self, message: Message[Any]) -> int:
+        """Number of intact frames of this message with values that may not be used."""
+        return self._assemblies[message].out_of_range
+
+    def explain_out_of_range(self, message: Message[Any]) -> str:
+        """What of this message may not be used, for people; empty if all could.
+
+        Of its frames that is the first one after the content before.
+        """
+        refused = self._assemblies[message].refused
+        return "" if refused is None else refused[0].objections(refused[1])
+
     def drain(self, bus: can.BusABC, now_ns: int, most: int = MAX_FRAMES_PER_DRAIN) -> int:
         """Number of frames read, at most `most`; all are stamped `now_ns`.
 
@@ -163,7 +194,7 @@ class Inbox:
         if is_own:
             self.foreign_frames += 1
         elif (part := codec.read(frame)) is None:
-            assembly.counters[place] = _NO_COUNTER
+            assembly.refuse(place, codec, frame)
             self.counts.out_of_range += 1
         else:
             assembly.add(place, part, counter, arrival_ns)

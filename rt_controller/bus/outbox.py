@@ -104,10 +104,6 @@ class Outbox:
             if self._recorder is not None:
                 self._recorder.record(frame, now_ns)
 
-    def last_counter(self, message: Message[Any]) -> int:
-        """Counter of the last sending of this message; -1 before the first."""
-        return self._outgoing[message].counter
-
     def content_under(self, message: Message[T], counter: int) -> T | None:
         """The content last sent under this counter and not repeated; None if there is none."""
         content: T | None = self._outgoing[message].contents[counter % COUNTER_MODULUS]

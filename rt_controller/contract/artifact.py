@@ -4,8 +4,8 @@
   are the states themselves;
 - `koopman.npz`: psi+ = A psi + B_uc u_c + B_uw w + c, all in physical units, with the names, units
   and period of the signals, the bilinear part, the inputs of the lift, the growth of the model, its
-  training configuration, the SHA-256 of the encoder and of the whole model, and a few pairs
-  (x, w, history; psi) for a self-test;
+  training configuration, the SHA-256 of the encoder and of the whole model, a few pairs
+  (x, w, history; psi) for a self-test, and the geometry of the car's steering where it is known;
 - `card.md`: for people.
 
 Paper: eqs. (6)-(8) and (14).
@@ -25,6 +25,7 @@ from rt_controller.contract.files import DamagedArchiveError, atomic_write, read
 from rt_controller.contract.follow import Follow
 from rt_controller.contract.names import MODEL_FOLDER, name_or
 from rt_controller.contract.schema import Schema, Signal
+from rt_controller.contract.steering_geometry import SteeringGeometry
 from rt_controller.contract.validation import check_field, require_fitting_parts
 
 SHIPPED_MODEL = "mdk-net"
@@ -54,6 +55,8 @@ FIELDS = {
     **dict.fromkeys(("bilinear_N", "bilinear_S", "selftest_history"), (FLOAT, 3)),
 }
 """type and number of dimensions of each field that is read"""
+OPTIONAL = dict.fromkeys(SteeringGeometry._fields, (FLOAT, 0))
+"""the same, of fields that older bundles do not have"""
 
 
 def shipped_model(name: str = SHIPPED_MODEL) -> Path:
@@ -113,6 +116,7 @@ def load_bundle(folder: Path) -> Bundle:
         schema=Schema(states, inputs, exogenous, found["dt_s"]),
         bilinear=_bilinear(path, found),
         lift=lift,
+        geometry=_geometry(path, found),
         encoder_onnx=_read_encoder(encoder_path),
         selftest=LiftSample(*(found[f"selftest_{name}"] for name in LiftSample._fields)),
         **{name: found[name] for name in UNCHANGED},
@@ -150,6 +154,7 @@ def _fields_of(bundle: Bundle) -> dict[str, Any]:
         "encoder_sha256": bundle.encoder_sha256,
         "bundle_sha256": bundle.sha256,
         **{f"selftest_{name}": part for name, part in bundle.selftest._asdict().items()},
+        **(bundle.geometry._asdict() if bundle.geometry else {}),
     }
 
 
@@ -166,6 +171,14 @@ def _bilinear(path: Path, found: dict[str, Any]) -> Bilinear | None:
     if not max(len(N), len(S), len(s0)):
         return None
     return Bilinear(N, S, s0, Follow(follows))
+
+
+def _geometry(path: Path, found: dict[str, Any]) -> SteeringGeometry | None:
+    present = [name for name in SteeringGeometry._fields if name in found]
+    if not present:
+        return None
+    check_field(path, "fields of the car", SteeringGeometry._fields, tuple(present))
+    return SteeringGeometry(*(found[name] for name in present))
 
 
 def _check_hash(path: Path, expected: str, found: str, what: str) -> None:
@@ -213,7 +226,8 @@ def _read_fields(path: Path) -> dict[str, Any]:
                 f"Run offline-export again."
             )
     check_field(path, "format_version", FORMAT_VERSION, arrays["format_version"].tolist())
-    return {key: _checked(path, key, arrays[key], *FIELDS[key]) for key in FIELDS}
+    present = FIELDS | {key: kind for key, kind in OPTIONAL.items() if key in arrays}
+    return {key: _checked(path, key, arrays[key], *kind) for key, kind in present.items()}
 
 
 def _checked(path: Path, key: str, found: NDArray[Any], kind: str, dimensions: int) -> Any:

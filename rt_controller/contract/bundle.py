@@ -18,6 +18,7 @@ from rt_controller.contract.bilinear import Bilinear
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.identity_encoder import identity_encoder
 from rt_controller.contract.schema import VEHICLE, Schema
+from rt_controller.contract.steering_geometry import SteeringGeometry
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +109,8 @@ class Bundle:
     """(b, n), the encoder's output for them where it was trained"""
     training: str = "{}"
     """resolved training configuration, JSON"""
+    geometry: SteeringGeometry | None = None
+    """of the steering of the car that the model is of; None: not known"""
     data_sha256: str = ""
     """hash of the data set it was trained on; empty if there was none"""
 
@@ -213,7 +216,8 @@ class Bundle:
     def sha256(self) -> str:
         """Identity of the model: it changes with everything that a prediction depends on.
 
-        Over name, signals, period, lift, encoder and matrices; not over training and self-test.
+        Over name, signals, period, lift, encoder, matrices and the geometry of the car where it is
+        known; not over training and self-test.
         """
         schema, lift = self.schema, self.lift
         bilinear = self.bilinear
@@ -223,6 +227,7 @@ class Bundle:
             [lift.inputs, lift.history_steps, lift.history_fields],
             None if bilinear is None else bilinear.follows,
             self.encoder_sha256,
+            *(() if self.geometry is None else [self.geometry]),
         ]
         digest = hashlib.sha256(json.dumps(words).encode())
         matrices = {"A": self.A, "B_uc": self.B_uc, "B_uw": self.B_uw, "c": self.c}

@@ -48,7 +48,7 @@ def explain(refused: Any, name_of: Callable[[Location], str], table: Any = None)
         place, known_here = _locate(tuple(error["loc"]), table)
         errors.setdefault(place, []).append(error)
         known[place] = known_here
-    return "\n".join(_line(errors[place], name_of(place), known[place]) for place in errors)
+    return "\n".join(explain_field(errors[place], name_of(place), known[place]) for place in errors)
 
 
 def dotted(location: Location) -> str:
@@ -90,7 +90,7 @@ def _locate(place: Location, table: Any) -> tuple[Location, list[str]]:
     return place, sorted(fields)
 
 
-def _line(errors: Sequence[Mapping[str, Any]], name: str, known: list[str]) -> str:
+def explain_field(errors: Sequence[Mapping[str, Any]], name: str, known: list[str]) -> str:
     """The line of a field; several errors are those of the types of a union."""
     texts = [_expected(error) for error in errors]
     # What is wrong with a value of the right type says more than the types themselves.
@@ -108,7 +108,8 @@ def _line(errors: Sequence[Mapping[str, Any]], name: str, known: list[str]) -> s
         found = found[:longest] + "…"
     if kind in ("value_error", "assertion_error"):
         reason = str(error["ctx"]["error"]).rstrip(".")
-        return f"{name}: {reason}, found {found}."
+        # A check that states itself what it found knows more than the whole input.
+        return f"{name}: {reason}." if "found" in reason else f"{name}: {reason}, found {found}."
     if None in texts:
         return f"{name}: {error['msg']}, found {found}."
     expected = ", or ".join(dict.fromkeys(filter(None, texts)))

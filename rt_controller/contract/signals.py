@@ -91,6 +91,23 @@ class PathReference(NamedTuple):
     a_mps2: float
 
 
+class CurvaturePreview(NamedTuple):
+    """Curvature of the road's reference line ahead of the car, positive to the left.
+
+    k0 to k4 are its values 0, 1, … 4 spacings ahead, along the line. Between them it is linear, as
+    in a clothoid; behind the last it is constant. `preview.fit_preview` makes one from a map.
+    """
+
+    spacing_m: float
+    """above 0"""
+    k0_per_m: float
+    """at the car"""
+    k1_per_m: float
+    k2_per_m: float
+    k3_per_m: float
+    k4_per_m: float
+
+
 class Mode(IntEnum):
     """Mode of the controller; sent in ACT_CMD and CTRL_HB."""
 
@@ -102,6 +119,15 @@ class Mode(IntEnum):
     """the next input of the last good plan is sent"""
     SAFE_STOP = 3
     """throttle closed, brake ramped; left only on an explicit request"""
+    LOW_SPEED = 4
+    """the low-speed law drives: the model is not trained for this speed"""
+    STANDSTILL = 5
+    """the brake holds the car, the wheel stays where it is"""
+
+    @property
+    def drives(self) -> bool:
+        """True if the input of this tick was made from this tick's state and path."""
+        return self in (Mode.NOMINAL, Mode.LOW_SPEED, Mode.STANDSTILL)
 
 
 STATE_UNITS = ("m/s", "m/s", "rad/s", "m", "m", "rad")

@@ -5,6 +5,7 @@ from pathlib import Path
 from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.steering_geometry import LARGEST, SMALLEST, SteeringGeometry
 
 DRIVABLE_HISTORY = ("vx_mps", "vy_mps", "yaw_rate_radps", "throttle", "brake_n", "steer_rad")
 """the history that the controller keeps: motion and inputs of the car, not its place on the road"""
@@ -51,11 +52,25 @@ def require_fitting_parts(bundle: Bundle, path: Path | str) -> None:
         shapes["bilinear_s0"] = (bundle.bilinear.s0, (R, m))
     for key, (array, shape) in shapes.items():
         check_field(path, f"shape of {key}", shape, array.shape)
+    if bundle.geometry is not None and find_objection_to_geometry(bundle.geometry):
+        raise ArtifactError(f"{path}: {find_objection_to_geometry(bundle.geometry)}")
     if n < n_x or b < 1:
         raise ArtifactError(
             f"{path}: expected at least {n_x} observables and one self-test instant, found {n} "
             f"and {b}. Run offline-export again."
         )
+
+
+def find_objection_to_geometry(geometry: SteeringGeometry) -> str | None:
+    """The numbers of the car that are no road vehicle's; None if there are none."""
+    wrong = [
+        f"{name}: expected {low:g} to {high:g}, found {value:g}"
+        for name, value, low, high in zip(
+            SteeringGeometry._fields, geometry, SMALLEST, LARGEST, strict=True
+        )
+        if not low <= value <= high
+    ]
+    return "; ".join(wrong) + "." if wrong else None
 
 
 def require_drivable(bundle: Bundle) -> None:

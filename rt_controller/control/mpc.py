@@ -10,7 +10,12 @@ from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.rollout import one_step, roll_out
 from rt_controller.contract.schema import N_INPUTS, N_STATES
-from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
+from rt_controller.contract.signals import (
+    ControlInput,
+    CurvaturePreview,
+    PathReference,
+    VehicleState,
+)
 from rt_controller.contract.validation import require_drivable
 from rt_controller.control.lift import Encoder, History
 from rt_controller.control.pedals import PedalChoice
@@ -65,6 +70,7 @@ class Mpc:
         self.inputs = np.zeros((horizon, N_INPUTS))
         """(N, 3), the plan of the last solve that succeeded"""
         self._path = STRAIGHT_PATH
+        self._preview: CurvaturePreview | None = None
         self._has_plan = False
         self._is_prepared = False
 
@@ -74,18 +80,23 @@ class Mpc:
         curvature_per_m: float,
         path: PathReference,
         previous: ControlInput,
+        preview: CurvaturePreview | None = None,
     ) -> SolveStatus:
         """Status of planning from `state`; on SOLVED, `inputs` holds the plan.
 
-        `state` is the one observed last, if any was. `previous` is the input of the last period:
-        slew rates and the cost of change start from it.
+        Args:
+            state: the one observed last, if any was.
+            curvature_per_m: of the road at the car.
+            path: as seen from the car.
+            previous: the input of the last period: slew rates and the cost of change start from it.
+            preview: of the road ahead; None: its curvature is constant.
         """
         if self._history is not None and not self._history.is_begun:
             self._history.advance(state, previous)
-        self._path = path
+        self._path, self._preview = path, preview
 
         psi = self._encoder.lift(state, curvature_per_m)
-        reference = self._reference.expand(path, state, curvature_per_m)
+        reference = self._reference.expand(path, state, curvature_per_m, preview)
         if self._tracks_latents:
             reference = self._encoder.lift_batch(reference, curvature_per_m)
         parameters = self._qp.parameters
@@ -136,7 +147,7 @@ class Mpc:
         parameters = self._qp.parameters
         state = VehicleState(*parameters.psi[:N_STATES].tolist())
         curvature_per_m = float(parameters.curvature_per_m[0])
-        self._reference.expand(self._path, state, curvature_per_m)
+        self._reference.expand(self._path, state, curvature_per_m, self._preview)
         self._encoder.lift(state, curvature_per_m)
         self._qp.update_vectors(self._pedals)
         self._solver.solve()
@@ -151,6 +162,10 @@ class Mpc:
         self._has_plan = self._is_prepared = False
         if self._history is not None:
             self._history.forget()
+
+    def resume(self, previous: ControlInput) -> None:
+        """Before the first plan after another law made the inputs, the last one `previous`."""
+        self._pedals.resume(previous)
 
     def limit_solve_time(self, budget_ns: int) -> None:
         """Limit the time of a solve.
@@ -175,7 +190,7 @@ class Mpc:
         psi, curvature_per_m = self._qp.parameters.psi, self._qp.parameters.curvature_per_m
         W = np.broadcast_to(curvature_per_m, (1, len(self.inputs), 1))
         (states,) = roll_out(self._bundle, psi[None], self.inputs[None], W, N_STATES)
-        return np.asarray(states)
+        return self._reference.counted_from_road(states)
 
     def _update_matrices(self) -> bool:
         """True if the matrices at the present parameters make a convex QP."""

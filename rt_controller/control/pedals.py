@@ -11,7 +11,7 @@ import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import PEDAL_CHANGE_S
-from rt_controller.contract.signals import InputColumn
+from rt_controller.contract.signals import ControlInput, InputColumn
 from rt_controller.contract.timing import PERIOD_S
 
 
@@ -49,6 +49,11 @@ class PedalChoice:
             self._change_to(Pedal.BRAKE)
         elif self.pedal is Pedal.BRAKE and throttle:
             self._change_to(Pedal.THROTTLE)
+
+    def resume(self, previous: ControlInput) -> None:
+        """Continue after another law, with the pedal that is pressed in `previous`."""
+        self.pedal = Pedal.BRAKE if previous.brake_n > 0.0 else Pedal.THROTTLE
+        self.ticks_until_pressed = 0
 
     def _change_to(self, pedal: Pedal) -> None:
         self.pedal = pedal

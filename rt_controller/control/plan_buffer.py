@@ -20,6 +20,12 @@ class PlanBuffer:
         self.periods_held = 0
         return self._input()
 
+    def store_constant(self, control: ControlInput) -> ControlInput:
+        """The same input as a new plan: it is held over the horizon."""
+        self._inputs[:] = control
+        self.periods_held = 0
+        return control
+
     def next(self, periods: int = 1) -> ControlInput | None:
         """Input of the plan `periods` later; None after its last stage."""
         self.periods_held += periods

@@ -8,11 +8,15 @@ import numpy as np
 from rt_controller.contract.errors import ConfigError, needs_extra
 from rt_controller.contract.signals import Mode
 from rt_controller.drive import Drive
+from rt_controller.driven_scenario import DrivenScenario
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 KMH_PER_MPS = 3.6
+CONE, LANE = "#d9822b", "#1f2933"
+"""colours"""
 FORMATS = (".png", ".svg", ".pdf")
 
 
@@ -46,33 +50,41 @@ def draw_drive(drive: Drive, file: Path | None = None) -> "Figure":
     with needs_extra("report", "A figure"):
         from rt_controller.report.canvas import FAINT, empty_figure
 
-    figure, axes = empty_figure(5, 1, 9.0, sharex=True)
-    position, error, wheel, pedals, speed = axes
+    figure, axes = empty_figure(6, 1, 10.0, sharex=True)
+    position, error, wheel, throttle, brake, speed = axes
     t = drive["time_s"]
+    if drive.scenario is not None:
+        _draw_course(position, drive, drive.scenario)
     position.plot(t, drive["path_ey_m"], color=FAINT, linestyle="--", label="path")
     position.plot(t, drive["ey_m"], label="car")
     error.plot(t, drive["ey_m"] - drive["path_ey_m"])
     wheel.plot(t, np.degrees(drive["steer_rad"]))
-    pedals.plot(t, drive["throttle"], label="throttle, 1")
-    pedals.plot(t, drive["brake_n"] / 100.0, label="brake, 100 N")
+    throttle.plot(t, drive["throttle"])
+    brake.plot(t, drive["brake_n"])
+    brake.set_ylim(-2.0, max(10.0, 1.05 * float(np.max(drive["brake_n"], initial=0.0))))
     speed.plot(t, KMH_PER_MPS * drive["path_vx_mps"], color=FAINT, linestyle="--", label="wanted")
     speed.plot(t, KMH_PER_MPS * drive["vx_mps"], label="car")
     is_degraded = [mode in (Mode.HOLD_PLAN, Mode.SAFE_STOP) for mode in drive.modes]
-    names = ("e_y / m", "lateral error / m", "steering wheel / deg", "pedals", "v_x / km/h")
+    names = (
+        "e_y / m", "lateral error / m", "steering wheel / deg", "throttle / 1", "brake / N",
+        "v_x / km/h",
+    )  # fmt: skip
     for axis, name in zip(axes, names, strict=True):
         axis.set_ylabel(name)
         whole_height = axis.get_xaxis_transform()
         axis.fill_between(
             t, 0.0, 1.0, where=is_degraded, transform=whole_height, alpha=0.15, color="red"
         )
-    for axis in (position, pedals, speed):
-        axis.legend(loc="upper right")
+    for axis in (position, speed):  # above the panel, where no curve is
+        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4, borderaxespad=0.0)
+    figure.align_ylabels(axes)
     speed.set_xlabel("time / s")
-    position.set_title(
-        f"{drive.model}: {drive.ending}; lateral error RMS {drive.errors.ey_rms_m:.3f} m, "
+    name = "" if drive.scenario is None else f"{drive.scenario.name}, "
+    figure.suptitle(
+        f"{name}{drive.model}: {drive.ending}; lateral error RMS {drive.errors.ey_rms_m:.3f} m, "
         f"peak {drive.errors.ey_peak_m:.3f} m",
-        loc="left",
-    )
+        x=0.01, ha="left", fontsize="medium",
+    )  # fmt: skip
     if file is not None:
         try:
             figure.savefig(file)
@@ -81,3 +93,25 @@ def draw_drive(drive: Drive, file: Path | None = None) -> "Figure":
                 f"{file}: expected a file that can be written, found {error.strerror}."
             ) from error
     return figure
+
+
+def _draw_course(axis: "Axes", drive: Drive, scenario: DrivenScenario) -> None:
+    """Draw cones and edges of lanes at the times at which the car passed them."""
+    s_m, first = np.unique(drive["s_m"], return_index=True)
+    time_s = drive["time_s"][first]
+    edges = [
+        (lane, ey_m)
+        for lane in scenario.lanes
+        if lane.start_m < s_m[-1]
+        for ey_m in (lane.right_m, lane.left_m)
+    ]
+    for k, (lane, ey_m) in enumerate(edges):
+        ends = np.interp((lane.start_m, lane.end_m), s_m, time_s)
+        label = "" if k else "lanes"
+        axis.plot(ends, (ey_m, ey_m), color=LANE, linewidth=0.8, linestyle=":", label=label)
+    cones = [cone for cone in scenario.cones if s_m[0] <= cone.s_m <= s_m[-1]]
+    if cones:
+        at_s = np.interp([cone.s_m for cone in cones], s_m, time_s)
+        axis.plot(
+            at_s, [cone.ey_m for cone in cones], "^", color=CONE, markersize=4.0, label="cones"
+        )

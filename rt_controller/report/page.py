@@ -9,6 +9,7 @@ script; if a plot is of plotly, plotly.js is part of the page once.
     file.write_text(render_page(page), encoding="utf-8")
 """
 
+import re
 from itertools import count
 from typing import Any, NamedTuple
 
@@ -22,6 +23,14 @@ class Bullets(NamedTuple):
     """A list of sentences."""
 
     items: tuple[str, ...]
+
+
+class Links(NamedTuple):
+    """A sentence that ends with links to sections."""
+
+    text: str
+    targets: tuple[tuple[str, str], ...]
+    """text of the link, title of the section"""
 
 
 class Plot(NamedTuple):
@@ -44,7 +53,7 @@ class Details(NamedTuple):
     parts: tuple[Table, ...]
 
 
-Part = str | Bullets | Table | Plot | Details
+Part = str | Bullets | Links | Table | Plot | Details
 """a string is a paragraph of plain text; all texts are escaped"""
 
 
@@ -91,6 +100,7 @@ def render_page(page: Page) -> str:
         lstrip_blocks=True,
     )
     environment.filters["keep_percent"] = lambda text: text.replace(" %", "\u00a0%")
+    environment.filters["anchor"] = lambda title: re.sub(r"[^a-z0-9]+", "-", title.lower())
     environment.filters["kind"] = lambda part: type(part).__name__
     numbers = count()
 
@@ -102,8 +112,13 @@ def render_page(page: Page) -> str:
             full_html=False,
             include_plotlyjs=number == 0,
             div_id=f"plot-{number}",
-            config={"displayModeBar": False},
+            config={"displayModeBar": False, "responsive": True},
         )
         return html
 
-    return environment.get_template("page.html.j2").render(page=page, draw=draw)
+    def has_plotly() -> bool:
+        return next(numbers) > 0
+
+    return environment.get_template("page.html.j2").render(
+        page=page, draw=draw, has_plotly=has_plotly
+    )

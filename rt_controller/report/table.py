@@ -32,6 +32,8 @@ class Column(NamedTuple):
     unit: str = ""
     is_text: bool = False
     """True: aligned left, long cells are wrapped. False: aligned right, never wrapped"""
+    width: Literal["", "short", "long"] = ""
+    """of a text on the page: never wrapped, or sentences in a wide column"""
 
 
 class Cell(NamedTuple):

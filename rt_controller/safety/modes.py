@@ -12,6 +12,8 @@ class Event(Enum):
 
     IDLE = "no mission is engaged"
     PLANNED = "a fresh state was received and a plan was found"
+    LOW_SPEED = "a fresh state was received, and the car is too slow for the model"
+    STANDSTILL = "a fresh state was received, and the car is held at a standstill"
     HOLDING = "no plan in this tick, but the last good plan may still be followed"
     PLAN_LOST = "no plan in this tick, and no last good plan that may be followed"
     FAULT = "a fault that does not clear by itself"
@@ -22,6 +24,8 @@ TRANSITIONS: dict[Mode, dict[Event, Mode]] = {
     Mode.STANDBY: {
         Event.IDLE: Mode.STANDBY,
         Event.PLANNED: Mode.NOMINAL,
+        Event.LOW_SPEED: Mode.LOW_SPEED,
+        Event.STANDSTILL: Mode.STANDSTILL,
         Event.HOLDING: Mode.STANDBY,  # not engaged yet: there is no plan to hold
         Event.PLAN_LOST: Mode.STANDBY,
         Event.FAULT: Mode.SAFE_STOP,
@@ -30,14 +34,38 @@ TRANSITIONS: dict[Mode, dict[Event, Mode]] = {
     Mode.NOMINAL: {
         Event.IDLE: Mode.STANDBY,
         Event.PLANNED: Mode.NOMINAL,
+        Event.LOW_SPEED: Mode.LOW_SPEED,
+        Event.STANDSTILL: Mode.STANDSTILL,
         Event.HOLDING: Mode.HOLD_PLAN,
         Event.PLAN_LOST: Mode.SAFE_STOP,
         Event.FAULT: Mode.SAFE_STOP,
         Event.RESET: Mode.NOMINAL,
     },
+    Mode.LOW_SPEED: {
+        Event.IDLE: Mode.STANDBY,
+        Event.PLANNED: Mode.NOMINAL,
+        Event.LOW_SPEED: Mode.LOW_SPEED,
+        Event.STANDSTILL: Mode.STANDSTILL,
+        Event.HOLDING: Mode.HOLD_PLAN,
+        Event.PLAN_LOST: Mode.SAFE_STOP,
+        Event.FAULT: Mode.SAFE_STOP,
+        Event.RESET: Mode.LOW_SPEED,
+    },
+    Mode.STANDSTILL: {
+        Event.IDLE: Mode.STANDBY,
+        Event.PLANNED: Mode.NOMINAL,
+        Event.LOW_SPEED: Mode.LOW_SPEED,
+        Event.STANDSTILL: Mode.STANDSTILL,
+        Event.HOLDING: Mode.HOLD_PLAN,
+        Event.PLAN_LOST: Mode.SAFE_STOP,
+        Event.FAULT: Mode.SAFE_STOP,
+        Event.RESET: Mode.STANDSTILL,
+    },
     Mode.HOLD_PLAN: {
         Event.IDLE: Mode.STANDBY,
         Event.PLANNED: Mode.NOMINAL,
+        Event.LOW_SPEED: Mode.LOW_SPEED,
+        Event.STANDSTILL: Mode.STANDSTILL,
         Event.HOLDING: Mode.HOLD_PLAN,
         Event.PLAN_LOST: Mode.SAFE_STOP,
         Event.FAULT: Mode.SAFE_STOP,
@@ -46,6 +74,8 @@ TRANSITIONS: dict[Mode, dict[Event, Mode]] = {
     Mode.SAFE_STOP: {
         Event.IDLE: Mode.SAFE_STOP,
         Event.PLANNED: Mode.SAFE_STOP,
+        Event.LOW_SPEED: Mode.SAFE_STOP,
+        Event.STANDSTILL: Mode.SAFE_STOP,
         Event.HOLDING: Mode.SAFE_STOP,
         Event.PLAN_LOST: Mode.SAFE_STOP,
         Event.FAULT: Mode.SAFE_STOP,
@@ -63,8 +93,10 @@ class StopCause(StrEnum):
     """Why the plan is held, or the car is stopped."""
 
     NONE = "none"
-    STATE_LOST = "no new valid vehicle state"
+    STATE_LOST = "no new vehicle state arrived in time"
+    STATE_INVALID = "the vehicle state arrives with values that may not be used"
     REFERENCE_LOST = "no fresh path reference"
+    REFERENCE_INVALID = "the path reference arrives with values that may not be used"
     MISSION_LOST = "the mission is no longer valid"
     SOLVER_FAILED = "the QP was not solved"
     BUS_FAILED = "the bus cannot be read"
@@ -78,6 +110,11 @@ STANDING_MPS = 0.3
 """below this speed the car counts as standing: a request to leave SAFE_STOP may be granted"""
 BUS_CAUSES = (StopCause.BUS_FAILED, StopCause.PEER_MISMATCH, StopCause.SECOND_CONTROLLER)
 """faults of the bus: they do not clear by waiting"""
+_EVENT_OF_LAW = {
+    Mode.NOMINAL: Event.PLANNED,
+    Mode.LOW_SPEED: Event.LOW_SPEED,
+    Mode.STANDSTILL: Event.STANDSTILL,
+}
 _MODES_WITH_CAUSE = (Mode.HOLD_PLAN, Mode.SAFE_STOP)
 
 
@@ -88,6 +125,10 @@ class TickFacts(NamedTuple):
     """one of `BUS_CAUSES`, or NONE"""
     has_state: bool
     has_path: bool
+    has_invalid_state: bool
+    """frames of the state with values that may not be used were received"""
+    has_invalid_path: bool
+    """the same of the path"""
     has_mission: bool
     is_engaged: bool
     is_reset_requested: bool
@@ -97,6 +138,8 @@ class TickFacts(NamedTuple):
     is_standing: bool
     periods_held: int
     """periods since the plan was made; 0: in this tick"""
+    law: Mode
+    """what made the plan: NOMINAL the model, LOW_SPEED or STANDSTILL the low-speed law"""
     has_input: bool
     """the last good plan has an input for this tick"""
 
@@ -104,7 +147,7 @@ class TickFacts(NamedTuple):
 def decide(facts: TickFacts, mode: Mode, cause: StopCause) -> tuple[Mode, StopCause]:
     """The next mode and its cause, after `mode` and its `cause`.
 
-    A safe stop keeps the cause that it began with; STANDBY and NOMINAL have none.
+    A safe stop keeps the cause that it began with; only HOLD_PLAN and SAFE_STOP have one.
     """
     event, new_cause = classify(facts, mode)
     following = next_mode(mode, event)
@@ -125,7 +168,7 @@ def classify(facts: TickFacts, mode: Mode) -> tuple[Event, StopCause]:
     if not facts.is_engaged or facts.is_vehicle_braking:
         return Event.IDLE, StopCause.NONE
     if facts.periods_held == 0:
-        return Event.PLANNED, StopCause.NONE
+        return _EVENT_OF_LAW[facts.law], StopCause.NONE
     may_hold = facts.has_input and facts.periods_held <= HOLD_PLAN_TICKS
     return Event.HOLDING if may_hold else Event.PLAN_LOST, _missing_part(facts)
 
@@ -140,5 +183,7 @@ def _fault(facts: TickFacts, mode: Mode) -> StopCause:
 
 def _missing_part(facts: TickFacts) -> StopCause:
     if not facts.has_state:
-        return StopCause.STATE_LOST
-    return StopCause.SOLVER_FAILED if facts.has_path else StopCause.REFERENCE_LOST
+        return StopCause.STATE_INVALID if facts.has_invalid_state else StopCause.STATE_LOST
+    if facts.has_path:
+        return StopCause.SOLVER_FAILED
+    return StopCause.REFERENCE_INVALID if facts.has_invalid_path else StopCause.REFERENCE_LOST

@@ -2,17 +2,40 @@
 
 from collections.abc import Iterator
 from dataclasses import asdict
+from importlib.metadata import version
 from math import degrees
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.driven_scenario import DrivenScenario
 from rt_controller.loop import RunRecord
 from rt_controller.realtime.accounting import DeadlineAccount, Percentiles
 from rt_controller.realtime.tick_times import TickTimes
 from rt_controller.report.table import Fact, Table, facts_table
 from rt_controller.session import ControllerSession
+from rt_controller.settings import OWN
 from rt_controller.terminal.progress import Line
 
+if TYPE_CHECKING:
+    from rt_controller.terminal.options import RunOptions
+
 STOPPING = "stopping: braking to rest; press Ctrl-C again to end at once"
+
+
+def driven_to_json(options: "RunOptions", scenario: DrivenScenario | None) -> dict[str, Any]:
+    """What was driven; null where only the other end of the bus knows it."""
+    is_own = scenario is not None and options.plant == OWN
+    return {
+        "version": version("rt-controller"),
+        "bus": options.bus,
+        "channel": options.channel,
+        "pace": options.pace,
+        "scenario": scenario and scenario.name,
+        "scenario_file": scenario and options.scenario,
+        "plant": scenario and options.plant,
+        "car": scenario.plant if scenario is not None and is_own else None,
+        "friction": scenario and scenario.friction,
+    }
 
 
 def to_json(session: ControllerSession) -> dict[str, Any]:
@@ -20,6 +43,7 @@ def to_json(session: ControllerSession) -> dict[str, Any]:
     record, deadlines = session.record, session.record.deadlines
     return {
         **record.trace.errors()._asdict(),
+        "at_limit_s": record.trace.at_limit_s()._asdict(),
         "ticks": deadlines.ticks,
         "deadline_misses": deadlines.deadline_misses,
         "skipped_ticks": deadlines.skipped_ticks,
@@ -34,6 +58,7 @@ def to_json(session: ControllerSession) -> dict[str, Any]:
         if deadlines.worst is None
         else {**deadlines.worst._asdict(), "cause": deadlines.worst.cause.name},
         **{field: deadlines.percentiles(field)._asdict() for field in TickTimes._fields},
+        "ticks_by_fault": {fault.name: n for fault, n in record.ticks_by_fault.items() if n},
         "frames_received": asdict(session.inbox.counts),
         "frames_sent": session.outbox.sent,
         "send_failures": session.outbox.send_failures,
@@ -51,6 +76,7 @@ def to_table(session: ControllerSession) -> Table:
         "heading error": f"RMS {degrees(e.epsi_rms_rad):.2f} deg, "
         f"peak {degrees(e.epsi_peak_rad):.2f} deg",
         "speed error": f"RMS {e.vx_rms_mps:.3f} m/s, peak {e.vx_peak_mps:.3f} m/s",
+        "inputs at their limit": _limited(record) or None,
         "ticks": f"{deadlines.ticks}, {deadlines.deadline_misses} missed their deadline, "
         f"{deadlines.skipped_ticks} skipped",
         "control step": _line(deadlines.percentiles("step_us"), "us"),
@@ -62,11 +88,27 @@ def to_table(session: ControllerSession) -> Table:
         "QP iterations": _line(deadlines.percentiles("qp_iterations"), ""),
         "frames": f"{session.outbox.sent} sent, {session.outbox.send_failures} send errors; "
         f"{dropped} received ones dropped, {counts.counter_gap_frames} missing (counter gaps)",
+        "ticks with faults": ", ".join(
+            f"{n} {fault.name}" for fault, n in record.ticks_by_fault.items() if n
+        )
+        or None,
         "final mode": record.result.mode.name,
         "real-time settings": session.guarantees.sentence(),
     }
     rows = (Fact(name, value) for name, value in facts.items() if value is not None)
     return facts_table(rows, f"{session.model}: {record.ending.value}")
+
+
+def _limited(record: RunRecord) -> str:
+    """Which inputs were at their limit, and for how long."""
+    upper = INPUT_LIMITS.upper
+    names = (
+        f"throttle ({upper.throttle:g})",
+        f"brake ({upper.brake_n:g} N)",
+        f"steering wheel ({degrees(upper.steer_rad):.0f} deg)",
+    )
+    times = zip(names, record.trace.at_limit_s(), strict=True)
+    return ", ".join(f"{name} for {time_s:.1f} s" for name, time_s in times if time_s > 0.0)
 
 
 def why_late(deadlines: DeadlineAccount) -> str:
@@ -109,4 +151,4 @@ def _live_line(record: RunRecord) -> Line:
         f"{deadlines.ticks:6d}  missed {deadlines.deadline_misses}  "
         f"{where}wheel {degrees(result.control.steer_rad):+5.1f} deg"
     )
-    return Line(f"{result.mode.name:9s}", figures)
+    return Line(f"{result.mode.name:10s}", figures)

@@ -6,16 +6,16 @@ the actuators and resistances that are added here. Friction of the road scales t
 tyre's two Magic Formulas, not the stiffness.
 """
 
-from math import isfinite, nan, tan
+from math import nan, tan
 from typing import Any
 
 import numpy as np
 from numpy import float64
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import ConfigError, needs_extra
+from rt_controller.contract.errors import needs_extra
 from rt_controller.contract.signals import ControlInput
-from sim_bridge.plant.protocol import PlantOutputs
+from sim_bridge.plant.protocol import PlantOutputs, require_start_speed
 
 STEERING_RATIO = 18.5
 FULL_THROTTLE_MPS2 = 4.5
@@ -86,13 +86,9 @@ class CommonRoadPlant:
         """(vx_mps, vy_mps, yaw_rate_radps) of a car in equilibrium.
 
         Raises:
-            ConfigError: the speed is negative or not a number.
+            ConfigError: the speed is negative, too large or not a number.
         """
-        if not (isfinite(v0_mps) and v0_mps >= 0.0):
-            raise ConfigError(
-                f"{self.name}: expected an initial speed that is not negative, found {v0_mps} m/s. "
-                f"The car starts at rest or driving forward."
-            )
+        require_start_speed(self.name, v0_mps)
         self._state = self._model.initial_state(v0_mps)
         self._rates = np.zeros_like(self._state)
         self._steps = 0

@@ -6,20 +6,11 @@ It is TOML, by default beside the FMU under the same name: `car.fmu`, `car.toml`
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    TypeAdapter,
-    create_model,
-)
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, create_model
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import ControlInput
-from rt_controller.contract.timing import PERIOD_S
-from sim_bridge.plant.protocol import MOTION_FIELDS, PlantOutputs
+from sim_bridge.plant.protocol import MOTION_FIELDS, PlantOutputs, RoadAt
 from sim_bridge.toml_file import parse
 
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -53,15 +44,6 @@ def _none_if_false(raw: object) -> object:
     return None if raw is False else raw
 
 
-def _require_whole_steps(step_s: float) -> float:
-    n_steps = round(PERIOD_S / step_s)
-    if n_steps < 1 or abs(n_steps * step_s - PERIOD_S) > 1e-9:
-        raise ValueError(
-            f"expected a whole number of steps in {PERIOD_S} s, as with {PERIOD_S}, 0.005 or 0.001"
-        )
-    return step_s
-
-
 NamedChannel = Annotated[Channel, BeforeValidator(_expand_name)]
 """a channel, or only the variable's name"""
 Input = Annotated[NamedChannel | None, BeforeValidator(_none_if_false)]
@@ -72,6 +54,7 @@ if TYPE_CHECKING:
     InputMapping = _Strict
     OutputMapping = _Strict
     StartMapping = _Strict
+    RoadMapping = _Strict
 else:
     _Optional = (NamedChannel | None, None)
     # All inputs and the motion must be named, further outputs and start values may be.
@@ -84,20 +67,29 @@ else:
         **dict.fromkeys(MOTION_FIELDS, (NamedChannel, ...)),
         **dict.fromkeys(PlantOutputs._fields, _Optional),
     )
+    # With `road_friction_right`, `road_friction` is that under the left wheels.
     StartMapping = create_model(
-        "StartMapping", __base__=_Strict, vx_mps=_Optional, road_friction=_Optional
+        "StartMapping",
+        __base__=_Strict,
+        **dict.fromkeys(("vx_mps", "road_friction", "road_friction_right"), _Optional),
+    )
+    # What of a road that changes on the way acts on the FMU: inputs or tunable parameters.
+    RoadMapping = create_model(
+        "RoadMapping", __base__=_Strict, **dict.fromkeys(RoadAt._fields, _Optional)
     )
 
 
 class FmuMapping(_Strict):
     """A whole mapping file."""
 
-    communication_step_s: Annotated[_Finite, Field(gt=0), AfterValidator(_require_whole_steps)]
-    """time between two exchanges of values; a whole number of them is a control period"""
+    communication_step_s: Annotated[_Finite, Field(ge=1e-5, le=1.0)]
+    """time between two exchanges of values; usually a part of the control period, see `FmuClock`"""
     inputs: InputMapping
     outputs: OutputMapping
     start: StartMapping = StartMapping()
     """parameters of the FMU that a run sets; the others keep the values of the FMU"""
+    road: RoadMapping = RoadMapping()
+    """inputs or tunable parameters that follow the road in every period"""
     parameters: dict[str, bool | int | float | str] = {}
     """start values of further variables, by name, in the FMU's own units"""
 

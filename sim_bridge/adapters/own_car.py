@@ -5,30 +5,52 @@ import numpy as np
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
+from sim_bridge.plant.car_parts import RoadParameters
+from sim_bridge.plant.car_record import car_record, set_road
 from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, advance, settle
 from sim_bridge.plant.outputs import N_OUTPUTS, write_outputs
-from sim_bridge.plant.parameters import Parameters
-from sim_bridge.plant.protocol import PlantOutputs
+from sim_bridge.plant.parameters import Parameters, with_road
+from sim_bridge.plant.protocol import PlantOutputs, RoadAt
 from sim_bridge.plant.states import AT
+
+
+def ground_at(road: RoadAt) -> RoadParameters:
+    """What the own car takes of a road."""
+    return RoadParameters(*(getattr(road, name) for name in RoadParameters._fields))
 
 
 class OwnCar:
     """The nonlinear car of `sim_bridge.plant`; see `Plant` for the methods."""
 
+    road_inputs = frozenset(RoadParameters._fields)
+    """fields of `RoadAt` that act on this car"""
+
     def __init__(self, parameters: Parameters, name: str = "own car") -> None:
         self.name = name
         self.failure: str | None = None
         self.parameters = parameters
+        self._first_road = parameters.road
+        self._record = car_record(parameters)
         self._state = np.empty(0)
         self._motion = np.empty((STEPS_PER_PERIOD, 3))
         self._outputs = np.empty(N_OUTPUTS)
         self._input = NEUTRAL_INPUT
 
     def reset(self, v0_mps: float) -> Array:
-        """(vx_mps, vy_mps, yaw_rate_radps) of the settled car."""
+        """(vx_mps, vy_mps, yaw_rate_radps) of the car settled on the road of its construction."""
+        self._drive_on(self._first_road)
         self._state = settle(v0_mps, self.parameters)
         self._input = NEUTRAL_INPUT
         return self._state[[AT.vx_mps, AT.vy_mps, AT.yaw_rate_radps]]
+
+    def set_road(self, road: RoadAt) -> None:
+        """Drive on this ground from now on."""
+        self._drive_on(ground_at(road))
+
+    def _drive_on(self, ground: RoadParameters) -> None:
+        if ground != self.parameters.road:
+            self.parameters = with_road(self.parameters, ground)
+            set_road(self._record, ground)
 
     def step(self, control: ControlInput, dt_s: float) -> Array:
         """(n, 3) motion on the grid of `STEP_S`.
@@ -45,12 +67,12 @@ class OwnCar:
                 )
             self._motion = np.empty((n_steps, 3))
         self._input = control
-        advance(self._state, control, self.parameters, n_steps, STEP_S, self._motion)
+        advance(self._state, control, self._record, n_steps, STEP_S, self._motion)
         return self._motion
 
     def outputs(self) -> PlantOutputs:
         """Values at the end of the last step."""
-        write_outputs(self._state, self._input, self.parameters, self._outputs)
+        write_outputs(self._state, self._input, self._record, self._outputs)
         return PlantOutputs(*self._outputs.tolist())
 
     def close(self) -> None:

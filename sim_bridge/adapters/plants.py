@@ -4,14 +4,23 @@ from pathlib import Path
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.settings import COMMONROAD, FMU, OWN, CarSettings
-from sim_bridge.plant.protocol import Plant
+from sim_bridge.plant.payload import NO_PAYLOAD, Payload, with_payload
+from sim_bridge.plant.protocol import Plant, RoadAt
 
 
-def open_plant(settings: CarSettings, road_friction: float) -> Plant:
+def open_plant(
+    settings: CarSettings,
+    road_friction: float,
+    payload: Payload = NO_PAYLOAD,
+    start: RoadAt | None = None,
+) -> Plant:
     """The chosen plant; its options are checked, it has not been reset.
 
     Args:
+        settings: the choice.
         road_friction: of the scenario; 1 is the road of the tyre test.
+        payload: of the scenario; only the own car takes one.
+        start: ground and air on which the own car settles in a reset; None: level, without wind.
 
     Raises:
         MissingExtraError: its optional dependencies are not installed.
@@ -19,17 +28,26 @@ def open_plant(settings: CarSettings, road_friction: float) -> Plant:
     """
     kind, _, what = settings.plant.partition(":")
     _require_options_apply(settings, kind)
+    if payload.mass_kg > 0.0 and kind != OWN:
+        raise ConfigError(
+            f"payload: expected --plant {OWN} for a scenario with a payload, found --plant "
+            f"{settings.plant}. Leave the payload out of the scenario."
+        )
     friction = road_friction if settings.friction is None else settings.friction
     if kind == FMU:
         from sim_bridge.adapters.fmu import open_fmu_plant
 
-        fmu = open_fmu_plant(Path(what), settings.plant_mapping, friction)
-        if settings.friction is not None and not fmu.takes_road_friction:
-            fmu.close()
-            raise ConfigError(
-                f"`friction`: expected an FMU whose mapping names start.road_friction, found "
-                f"{settings.plant} without. Leave it out: the FMU has its own road."
-            )
+        fmu = open_fmu_plant(Path(what), settings.plant_mapping, friction, settings.friction_right)
+        for setting, value, field in (
+            ("friction", settings.friction, "road_friction"),
+            ("friction_right", settings.friction_right, "road_friction_right"),
+        ):
+            if value is not None and not fmu.takes(field):
+                fmu.close()
+                raise ConfigError(
+                    f"`{setting}`: expected an FMU whose mapping names start.{field}, found "
+                    f"{settings.plant} without. Leave it out: the FMU has its own road."
+                )
         return fmu
     if kind == COMMONROAD:
         from sim_bridge.adapters.commonroad import VEHICLES, CommonRoadPlant
@@ -40,21 +58,27 @@ def open_plant(settings: CarSettings, road_friction: float) -> Plant:
                 f"{', '.join(VEHICLES)}, found {what!r}. Try commonroad:2."
             )
         return CommonRoadPlant(int(what), friction)
-    from sim_bridge.adapters.own_car import OwnCar
-    from sim_bridge.plant.parameters import DEFAULT_CAR, load_parameters, with_road_friction
+    from sim_bridge.adapters.own_car import OwnCar, ground_at
+    from sim_bridge.plant import parameters as cars
+    from sim_bridge.plant.shipped_cars import DEFAULT_CAR
 
     car = settings.car or DEFAULT_CAR
-    return OwnCar(with_road_friction(load_parameters(car), friction, settings.friction_right), car)
+    parameters = with_payload(cars.load_parameters(car), payload)
+    if start is not None:
+        parameters = cars.with_road(parameters, ground_at(start))
+    else:
+        parameters = cars.with_road_friction(parameters, friction, settings.friction_right)
+    return OwnCar(parameters, car)
 
 
 def _require_options_apply(settings: CarSettings, kind: str) -> None:
-    for setting, value, owner in (
-        ("plant_mapping", settings.plant_mapping, FMU),
-        ("car", settings.car, OWN),
-        ("friction_right", settings.friction_right, OWN),
+    for setting, value, owners in (
+        ("plant_mapping", settings.plant_mapping, (FMU,)),
+        ("car", settings.car, (OWN,)),
+        ("friction_right", settings.friction_right, (OWN, FMU)),
     ):
-        if value is not None and kind != owner:
+        if value is not None and kind not in owners:
             raise ConfigError(
-                f"`{setting}`: expected `plant` {owner}, found {settings.plant}. It "
-                f"applies to that plant only; leave it out."
+                f"`{setting}`: expected `plant` {' or '.join(owners)}, found {settings.plant}. "
+                f"It does not apply to that plant; leave it out."
             )

@@ -23,8 +23,19 @@ class Axle(NamedTuple):
     bar_nmprad: float
     jounce_nspm: float
     rebound_nspm: float
+    jounce_fast_nspm: float
+    rebound_fast_nspm: float
+    damper_knee_mps: float
+    stop_gap_m: float
+    stop_npm2: float
     roll_centre_m: float
+    arm_slope: float
+    """upward force of the arms on the body per forward force at the road"""
+    centre_slope: float
+    """the same per forward force at the wheel centre"""
     roll_steer: float
+    lateral_steer_radpn: float
+    aligning_steer_radpnm: float
     camber_gain: float
     brake_nm_per_mpa: float
 
@@ -47,8 +58,17 @@ def axles(p: Parameters) -> tuple[Axle, Axle]:
         suspension.bar_front_nmprad,
         suspension.jounce_front_nspm,
         suspension.rebound_front_nspm,
+        suspension.jounce_front_fast_nspm,
+        suspension.rebound_front_fast_nspm,
+        suspension.damper_knee_front_mps,
+        suspension.stop_gap_front_m,
+        suspension.stop_front_npm2,
         suspension.roll_centre_front_m,
+        -suspension.arm_slope_front,
+        -suspension.centre_slope_front,
         suspension.roll_steer_front,
+        suspension.lateral_steer_front_radpn,
+        suspension.aligning_steer_front_radpnm,
         suspension.camber_gain_front,
         p.brakes.front_nm_per_mpa,
     )
@@ -63,8 +83,17 @@ def axles(p: Parameters) -> tuple[Axle, Axle]:
         suspension.bar_rear_nmprad,
         suspension.jounce_rear_nspm,
         suspension.rebound_rear_nspm,
+        suspension.jounce_rear_fast_nspm,
+        suspension.rebound_rear_fast_nspm,
+        suspension.damper_knee_rear_mps,
+        suspension.stop_gap_rear_m,
+        suspension.stop_rear_npm2,
         suspension.roll_centre_rear_m,
+        suspension.arm_slope_rear,
+        suspension.centre_slope_rear,
         suspension.roll_steer_rear,
+        suspension.lateral_steer_rear_radpn,
+        suspension.aligning_steer_rear_radpnm,
         suspension.camber_gain_rear,
         p.brakes.rear_nm_per_mpa,
     )

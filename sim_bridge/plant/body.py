@@ -5,10 +5,14 @@ or pitch accelerations. The wheels move relative to that point while the sprung 
 pitches (`running_gear_velocity`).
 """
 
+from math import cos, hypot, sin
+from typing import NamedTuple
+
 from rt_controller.contract.physics import GRAVITY_MPS2
 from sim_bridge.plant.car_parts import (
     AeroParameters,
     BodyParameters,
+    RoadParameters,
     SuspensionParameters,
 )
 from sim_bridge.plant.jit import compiled
@@ -27,8 +31,13 @@ def roll_arm_m(body: BodyParameters, suspension: SuspensionParameters) -> float:
 
 @compiled
 def pitch_arm_m(body: BodyParameters, suspension: SuspensionParameters) -> float:
-    """Height of the sprung mass above its pitch axis."""
-    return body.sprung_height_m - suspension.pitch_centre_m
+    """Height of the sprung mass above its pitch axis.
+
+    The axis is where the slopes of the arms of both axles, seen from the side, meet.
+    """
+    front_m, rear_m = body.sprung_front_axle_m, body.sprung_rear_axle_m
+    slopes = suspension.arm_slope_front + suspension.arm_slope_rear
+    return body.sprung_height_m - slopes * front_m * rear_m / (front_m + rear_m)
 
 
 @compiled
@@ -70,6 +79,7 @@ def sprung_acceleration(
     acts on the arms of roll and pitch.
 
     Args:
+        ax_mps2: acceleration less the part that gravity gives on a slope; `ay_mps2` alike.
         corners_n: upward force of springs and arms on the body at each wheel, beyond the weight.
     """
     front_left_n, front_right_n, rear_left_n, rear_right_n = corners_n
@@ -102,9 +112,50 @@ def sprung_acceleration(
     )
 
 
+class RoadGravity(NamedTuple):
+    """What a slope makes of gravity in the axes of the road; all zero on a flat road."""
+
+    forward_mps2: float
+    left_mps2: float
+    lighter_mps2: float
+    """by which gravity against the road is smaller than on a flat road"""
+
+
 @compiled
-def air_force(vx_mps: float, aero: AeroParameters) -> tuple[float, float]:
-    """Force of still air on a car that moves straight ahead: forward and up, in N."""
-    pressure_n = 0.5 * aero.air_density_kgpm3 * aero.area_m2 * vx_mps * vx_mps
-    drag_n = aero.drag * pressure_n
-    return (-drag_n if vx_mps > 0.0 else drag_n), aero.lift * pressure_n
+def gravity_in_road_axes(road: RoadParameters) -> RoadGravity:
+    """Gravity along a car that follows the road."""
+    level = cos(road.grade_rad)
+    return RoadGravity(
+        -GRAVITY_MPS2 * sin(road.grade_rad),
+        -GRAVITY_MPS2 * level * sin(road.bank_rad),
+        GRAVITY_MPS2 * (1.0 - level * cos(road.bank_rad)),
+    )
+
+
+class AirForce(NamedTuple):
+    """Force of the air on the body in its axes, and its moment around the vertical."""
+
+    forward_n: float
+    left_n: float
+    up_n: float
+    yaw_nm: float
+
+
+@compiled
+def air_force(vx_mps: float, vy_mps: float, road: RoadParameters, aero: AeroParameters) -> AirForce:
+    """Forces from the velocity of the car against the air, which moves with the wind.
+
+    Drag acts along the car, the side force in proportion to the direction of the flow: both grow
+    with the whole speed of the flow.
+    """
+    forward_mps = vx_mps - road.wind_forward_mps
+    left_mps = vy_mps - road.wind_left_mps
+    speed_mps = hypot(forward_mps, left_mps)
+    per_mps2 = 0.5 * aero.air_density_kgpm3 * aero.area_m2
+    side_n = -per_mps2 * aero.side_force_slope * left_mps * speed_mps
+    return AirForce(
+        -per_mps2 * aero.drag * forward_mps * speed_mps,
+        side_n,
+        per_mps2 * aero.lift * forward_mps * forward_mps,
+        side_n * aero.side_force_ahead_m,
+    )

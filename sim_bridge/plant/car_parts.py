@@ -1,37 +1,14 @@
-"""The parts of a car as named tuples of numbers, with the limits of each number.
+"""The chassis of a car as named tuples of numbers, with the limits of each number.
 
 Compiled kernels take these tuples directly. Each name ends in its unit, a name without one is a
 dimensionless number; a pair of front and rear values is two fields. The values, each with its
-source, are in the files under `cars/`. The types state which values a car file may have.
+source, are in the files under `cars/`. The types state which values a car file may have. Engine,
+gearbox and brakes are in `drive_parts`.
 """
 
-from typing import Annotated, Any, NamedTuple
+from typing import NamedTuple
 
-from pydantic import BeforeValidator, Field
-
-
-def _value_with_source(entry: Any) -> Any:
-    """The value of an entry `{ value, source }` of a car file."""
-    if not isinstance(entry, dict) or set(entry) != {"value", "source"}:
-        raise ValueError("expected { value, source }")
-    if not isinstance(entry["source"], str) or not entry["source"].strip():
-        raise ValueError("expected a source in words")
-    return entry["value"]
-
-
-_IsNumber = Field(strict=True, allow_inf_nan=False)
-_PositiveShare = Annotated[float, Field(strict=True, gt=0, le=1)]
-_Ratio = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
-_HasSource = BeforeValidator(_value_with_source)
-
-Number = Annotated[float, _IsNumber, _HasSource]
-NonNegative = Annotated[float, _IsNumber, Field(ge=0), _HasSource]
-Positive = Annotated[float, _IsNumber, Field(gt=0), _HasSource]
-Share = Annotated[float, _IsNumber, Field(ge=0, le=1), _HasSource]
-PositiveShare = Annotated[_PositiveShare, _HasSource]
-_PerGear = Field(min_length=6, max_length=6)
-Ratios = Annotated[tuple[_Ratio, ...], _PerGear, _HasSource]
-Efficiencies = Annotated[tuple[_PositiveShare, ...], _PerGear, _HasSource]
+from sim_bridge.plant.car_values import NonNegative, Number, Positive, Share, Slope
 
 
 class BodyParameters(NamedTuple):
@@ -68,16 +45,45 @@ class SuspensionParameters(NamedTuple):
     bar_front_nmprad: Number
     bar_rear_nmprad: Number
     jounce_front_nspm: NonNegative
+    """damping of slow motion at the wheel, while the wheel moves towards the body"""
     jounce_rear_nspm: NonNegative
     rebound_front_nspm: NonNegative
+    """the same while it moves away"""
     rebound_rear_nspm: NonNegative
+    jounce_front_fast_nspm: NonNegative
+    """slope far above the knee; equal to the slow one: a linear damper"""
+    jounce_rear_fast_nspm: NonNegative
+    rebound_front_fast_nspm: NonNegative
+    rebound_rear_fast_nspm: NonNegative
+    damper_knee_front_mps: Positive
+    """speed of the wheel against the body around which the slope changes"""
+    damper_knee_rear_mps: Positive
+    stop_gap_front_m: Positive
+    """travel from rest in either direction at which the wheel meets bump or rebound stop"""
+    stop_gap_rear_m: Positive
+    stop_front_npm2: NonNegative
+    """force of a stop at the wheel per square of its compression; 0: no stops"""
+    stop_rear_npm2: NonNegative
     roll_centre_front_m: Number
     roll_centre_rear_m: Number
-    pitch_centre_m: Number
-    """height of the axis of pitch, which the slopes of the arms in side view add up to"""
+    arm_slope_front: Number
+    """upward force on the body per force of a brake at the wheel: against the dive"""
+    arm_slope_rear: Number
+    """downward force on the body per force of a brake at the wheel: against the lift"""
+    centre_slope_front: Number
+    """as `arm_slope_front`, for forces at the wheel centre: drive torque, which the body carries"""
+    centre_slope_rear: Number
     roll_steer_front: Number
     """road-wheel angle per roll angle against the wheels, positive into the turn"""
     roll_steer_rear: Number
+    lateral_steer_front_radpn: Number
+    """wheel angle per lateral force of the axle, positive into the turn (with the force)"""
+    lateral_steer_rear_radpn: Number
+    aligning_steer_front_radpnm: Number
+    """wheel angle per aligning moment of the axle, positive in the direction of the moment"""
+    aligning_steer_rear_radpnm: Number
+    compliance_lag_s: Positive
+    """of the wheel angles behind force and moment"""
     camber_gain_front: Number
     """wheel lean against the ground per roll angle"""
     camber_gain_rear: Number
@@ -122,93 +128,26 @@ class TyreParameters(NamedTuple):
     longitudinal_relaxation_m: Positive
     relaxation_load_n: Positive
     """load for which the two relaxation lengths hold"""
+    lateral_relaxation_start_slip: NonNegative
+    """slip from which the relaxation length fades"""
     lateral_relaxation_end_slip: Positive
-    """slip at which the relaxation length has faded"""
+    """slip at which it has faded"""
     longitudinal_relaxation_end_slip: Positive
     damping_end_mps: Positive
     """speed at which the material damping of the tyre has lost half its effect"""
     lateral_damping_s: NonNegative
     longitudinal_damping_s: NonNegative
+    """limited for light wheels, see `wheels.longitudinal_damping_share`"""
+    parking_torque_nm: NonNegative
+    """largest moment of a standing tyre against turning about the vertical, at the reference load
+    and on the road of the tyre test"""
+    parking_twist_rad: Positive
+    """turning angle over which the moment builds up"""
+    parking_length_m: Positive
+    """rolling distance over which it decays"""
     rolling_resistance: NonNegative
     rolling_resistance_spm: NonNegative
     """growth with speed, per m/s"""
-
-
-class EngineParameters(NamedTuple):
-    """Full-load torque around its peak, drag, idle; see `engine`."""
-
-    inertia_kgm2: Positive
-    peak_torque_nm: Positive
-    peak_speed_rpm: Positive
-    fall_below_nm: NonNegative
-    """torque lost a thousand rpm below the peak, square and fourth power"""
-    fall_below_quartic_nm: Number
-    fall_above_nm: NonNegative
-    """the same above the peak"""
-    fall_above_quartic_nm: NonNegative
-    drag_nm: Number
-    drag_nm_per_krpm: Number
-    idle_speed_rpm: Positive
-    idle_gain_nm_per_rpm: Positive
-    idle_torque_limit_nm: Positive
-    speed_limit_rpm: Positive
-    pedal_shape: Positive
-    """smaller: more of the torque in the first part of the pedal's way"""
-    throttle_lag_s: Positive
-
-
-class ConverterParameters(NamedTuple):
-    """Hydrodynamic torque converter; see `converter`."""
-
-    stall_torque_ratio: Positive
-    coupling_speed_ratio: PositiveShare
-    capacity_nm_per_rpm2: Positive
-    """torque at stall over engine speed squared"""
-    capacity_fade: Positive
-    """power of the speed ratio with which the capacity fades"""
-    turbine_inertia_kgm2: Positive
-    """of everything between the converter and the shafts' give, at turbine speed"""
-
-
-class GearboxParameters(NamedTuple):
-    """Ratios, efficiencies and the shift map; see `gearbox`."""
-
-    ratios: Ratios
-    efficiencies: Efficiencies
-    shift_time_s: Positive
-    shift_dip: Share
-    """share of the engine's torque taken back in the middle of an up-shift"""
-    dwell_s: Positive
-    """shortest time from one shift's start to the next"""
-    up_rpm: Positive
-    """turbine speed of an up-shift with the throttle closed; then open, then down-shifts alike"""
-    up_rpm_full: Positive
-    down_rpm: Positive
-    down_rpm_full: Positive
-
-
-class DrivelineParameters(NamedTuple):
-    """From the gearbox to the wheels; see `driveline`."""
-
-    final_ratio: Positive
-    final_efficiency: PositiveShare
-    front_share: Share
-    viscous_nms: NonNegative
-    """torque at the propeller shafts per difference of their speeds"""
-    shaft_stiffness_nmprad: Positive
-    """of all shafts together, at the wheels"""
-    shaft_damping_nms: NonNegative
-
-
-class BrakeParameters(NamedTuple):
-    """From the pedal to the discs; see `brakes`."""
-
-    pedal_mpa_per_n: Positive
-    lag_s: Positive
-    knee_mpa: Positive
-    slope_above_knee: Share
-    front_nm_per_mpa: Positive
-    rear_nm_per_mpa: Positive
 
 
 class SteeringParameters(NamedTuple):
@@ -220,6 +159,8 @@ class SteeringParameters(NamedTuple):
     inertia_kgm2: Positive
     friction_nm: NonNegative
     caster_trail_m: Number
+    ackermann: Share
+    """share of the difference of the wheel angles with which all wheels roll freely"""
 
 
 class AeroParameters(NamedTuple):
@@ -229,10 +170,25 @@ class AeroParameters(NamedTuple):
     area_m2: Positive
     drag: NonNegative
     lift: Number
+    side_force_slope: NonNegative
+    """coefficient of side force per radian of the direction of the air flow"""
+    side_force_ahead_m: Number
+    """of the centre of gravity of the whole car: where the side force acts"""
 
 
 class RoadParameters(NamedTuple):
-    """The ground under the tyres of each side, against the road on which the tyre was measured."""
+    """The ground under the car and the wind, constant over a control period.
+
+    Friction is relative to the road on which the tyre was measured. A car file gives the friction;
+    slopes and wind are zero until a road sets them.
+    """
 
     friction_left: Positive
     friction_right: Positive
+    bank_rad: Slope = 0.0
+    """cross slope, positive if the left side is higher"""
+    grade_rad: Slope = 0.0
+    """positive uphill"""
+    wind_forward_mps: Number = 0.0
+    """speed of the air over ground in the axes of the car: a tail wind is positive"""
+    wind_left_mps: Number = 0.0

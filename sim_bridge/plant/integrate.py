@@ -5,25 +5,26 @@ midpoint), dry friction by projection; gears change between steps. The road is n
 module.
 """
 
-from math import ceil, exp, isfinite
+from math import ceil, exp
 
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import ControlInput
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.plant.brakes import after_friction, steady_pressures_mpa
-from sim_bridge.plant.engine import RPM_OF_RADPS
-from sim_bridge.plant.gearbox import choose_gear, highest_gear
+from sim_bridge.plant.car_record import car_record
+from sim_bridge.plant.drive.engine import RPM_OF_RADPS
+from sim_bridge.plant.drive.gearbox import choose_gear, highest_gear
+from sim_bridge.plant.drive.powertrain import output_speed_radps
 from sim_bridge.plant.jit import compiled
 from sim_bridge.plant.outputs import N_OUTPUTS, write_outputs
 from sim_bridge.plant.parameters import Parameters
-from sim_bridge.plant.powertrain import output_speed_radps
+from sim_bridge.plant.protocol import require_start_speed
 from sim_bridge.plant.states import AT, N_FRONT, N_STATES, N_WHEELS
-from sim_bridge.plant.vehicle import Derivative, bound, evaluate, new_derivative
+from sim_bridge.plant.vehicle import bound, evaluate
+from sim_bridge.plant.wheels import LARGEST_STEP_S, Derivative, new_derivative
 
-LARGEST_STEP_S = 0.001
 STEPS_PER_PERIOD = ceil(PERIOD_S / LARGEST_STEP_S - 1e-9)
 """integration steps in a control period"""
 STEP_S = PERIOD_S / STEPS_PER_PERIOD
@@ -49,13 +50,12 @@ def advance(
     for i in range(n_steps):
         choose_gear(state, output_speed_radps(state, p), p.gearbox, step_s)
         evaluate(state, control, p, derivative)
-        _step(state, derivative, 0.5 * step_s, middle)
+        _step(state, derivative, p, 0.5 * step_s, middle)
         evaluate(middle, control, p, derivative)
-        _step(state, derivative, step_s, state)
+        _step(state, derivative, p, step_s, state)
         _write_motion(state, motion_out[i])
 
 
-@compiled
 def simulate(
     state0: Array, inputs: Array, p: Parameters, steps_per_period: int, step_s: float
 ) -> tuple[Array, Array]:
@@ -68,6 +68,13 @@ def simulate(
         motion: (K * steps_per_period + 1, 3), (vx_mps, vy_mps, yaw_rate_radps) on the fine grid.
         outputs: (K + 1, N_OUTPUTS), at the periods' ends, columns as `PlantOutputs._fields`.
     """
+    return _simulate(state0, inputs, car_record(p), steps_per_period, step_s)
+
+
+@compiled
+def _simulate(
+    state0: Array, inputs: Array, p: Parameters, steps_per_period: int, step_s: float
+) -> tuple[Array, Array]:
     n_periods = inputs.shape[0]
     state = state0.copy()
     motion = np.empty((n_periods * steps_per_period + 1, 3))
@@ -92,7 +99,7 @@ def _write_motion(state: Array, row: Array) -> None:
 
 
 @compiled
-def _step(state: Array, derivative: Derivative, step_s: float, out: Array) -> None:
+def _step(state: Array, derivative: Derivative, p: Parameters, step_s: float, out: Array) -> None:
     """Write `state` after `step_s` under constant rate, decay and dry friction to `out`."""
     for i in range(N_STATES):
         exponent = derivative.decay[i] * step_s
@@ -105,10 +112,12 @@ def _step(state: Array, derivative: Derivative, step_s: float, out: Array) -> No
         out[i] = after_friction(out[i], derivative.friction[i] * step_s)
     i = AT.road_wheel_rate_radps
     out[i] = after_friction(out[i], derivative.friction[i] * step_s)
-    bound(out)
+    bound(out, p)
 
 
 _SETTLING_STEPS = round(2.0 / STEP_S)
+_STANDING_STEPS = round(6.0 / STEP_S)
+"""at rest longer, until the pitch by the torque of the idling engine has settled"""
 _FIRST_THROTTLE = 0.12
 _THROTTLE_PER_MPS = 1.2
 _HOLDING_BRAKE_N = 60.0
@@ -119,17 +128,13 @@ def settle(v0_mps: float, p: Parameters) -> Array:
 
     Gear, engine, converter, slips, pitch and the throttle that keeps the speed result from 2 s of
     simulation in which the speed is kept constant. With `v0_mps` = 0 the brake is applied, because
-    the converter would move the car.
+    the converter would move the car, and the simulation lasts 6 s.
 
     Raises:
-        ConfigError: the speed is negative or not a number.
+        ConfigError: the speed is negative, too large or not a number.
     """
-    if not (isfinite(v0_mps) and v0_mps >= 0.0):
-        raise ConfigError(
-            f"initial speed: expected a number of m/s that is not negative, found {v0_mps}. "
-            f"The car starts at rest or driving forward."
-        )
-    return _settle(v0_mps, p)
+    require_start_speed("own car", v0_mps)
+    return _settle(v0_mps, car_record(p))
 
 
 @compiled
@@ -149,18 +154,23 @@ def _settle(v0_mps: float, p: Parameters) -> Array:
     state[AT.since_shift_s] = p.gearbox.dwell_s
     turbine = output * p.gearbox.ratios[int(gear) - 1]
     state[AT.turbine_radps] = turbine
-    state[AT.engine_radps] = max(p.engine.idle_speed_rpm / RPM_OF_RADPS, 1.03 * turbine)
+    state[AT.engine_radps] = turbine
+    if p.motor.inertia_kgm2 == 0.0:
+        state[AT.engine_radps] = max(p.engine.idle_speed_rpm / RPM_OF_RADPS, 1.03 * turbine)
     motion = np.empty((1, 3))
     throttle = state[AT.throttle]
-    for _ in range(_SETTLING_STEPS):
+    for _ in range(_SETTLING_STEPS if v0_mps > 0.0 else _STANDING_STEPS):
         # A literal number of steps would be compiled as a type of its own.
         advance(state, ControlInput(throttle, brake_n, 0.0), p, len(motion), STEP_S, motion)
         if v0_mps > 0.0:
             slower_mps = v0_mps - state[AT.vx_mps]
             throttle = min(1.0, max(0.0, throttle + _THROTTLE_PER_MPS * slower_mps))
             state[AT.vx_mps] = v0_mps
-    for wheel in range(N_WHEELS):
-        state[AT.lateral_slip + wheel] = 0.0
-    state[AT.vy_mps] = 0.0
-    state[AT.yaw_rate_radps] = 0.0
+            state[AT.throttle] = throttle  # without the lag of the actuator
+    if v0_mps > 0.0:
+        # A bank or a cross-wind has pushed the car aside; at rest its tyres carry that force.
+        for wheel in range(N_WHEELS):
+            state[AT.lateral_slip + wheel] = 0.0
+        state[AT.vy_mps] = 0.0
+        state[AT.yaw_rate_radps] = 0.0
     return state

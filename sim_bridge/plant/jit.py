@@ -30,6 +30,11 @@ def compiled(function: Kernel) -> Kernel:
     return cast(Kernel, kernel)
 
 
+def uncompiled(kernel: Kernel) -> Kernel:
+    """The Python function behind a kernel, for a single call that is not worth compiling."""
+    return cast(Kernel, cast(Any, kernel).py_func)
+
+
 def _cache_folder(configured: str) -> Path:
     """NUMBA_CACHE_DIR, else beside the sources, else (read-only installation) the user's cache."""
     if configured:
@@ -40,7 +45,7 @@ def _cache_folder(configured: str) -> Path:
 
 
 def _digest_of_sources() -> str:
-    sources = [*sorted(_FOLDER.glob("*.py")), _FOLDER.parent / "frenet.py"]
+    sources = [*sorted(_FOLDER.rglob("*.py")), _FOLDER.parent / "frenet.py"]
     return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
 
 

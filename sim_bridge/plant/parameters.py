@@ -5,22 +5,37 @@ A car file is TOML: one table for each part of the car, and in it for each field
 the number comes from. The shipped files are in `cars/`.
 """
 
-from collections.abc import Iterator
 from functools import cache
-from itertools import pairwise
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-from pydantic import AfterValidator, TypeAdapter
+from pydantic import AfterValidator, PlainValidator, TypeAdapter, ValidationInfo
 
 from rt_controller.contract.errors import ConfigError
 from sim_bridge.plant import car_parts as parts
-from sim_bridge.toml_file import parse, read_shipped_or_own, shipped_names
+from sim_bridge.plant.car_values import STEEPEST_RAD, value_with_source
+from sim_bridge.plant.contradictions import contradictions
+from sim_bridge.plant.drive import drive_parts as drive
+from sim_bridge.plant.shipped_cars import CARS_FOLDER, DEFAULT_CAR
+from sim_bridge.plant.tyre.tyre_coefficients import NO_TYRE_FILE, TyreFileParameters
+from sim_bridge.plant.tyre.tyre_file import read_tyre_file
+from sim_bridge.toml_file import parse, read_shipped_or_own
 
-CARS_FOLDER = "cars"
-DEFAULT_CAR = "c_class_150kw_awd"
-"""the car of the training data"""
+
+def _read_tyre_file(entry: Any, info: ValidationInfo) -> TyreFileParameters:
+    """The tyre file that an entry `{ value = "name.tir", source }` names beside the car file."""
+    name = value_with_source(entry)
+    if not isinstance(name, str) or not name.endswith(".tir"):
+        raise ValueError(f"expected the path of a .tir file, found {name!r}")
+    folder = info.context if isinstance(info.context, Path) else Path()
+    try:
+        return read_tyre_file(folder / name).parameters
+    except ConfigError as error:
+        raise ValueError(str(error)) from error
+
+
+_FromTyreFile = Annotated[TyreFileParameters, PlainValidator(_read_tyre_file)]
 
 
 class Parameters(NamedTuple):
@@ -29,19 +44,20 @@ class Parameters(NamedTuple):
     body: parts.BodyParameters
     suspension: parts.SuspensionParameters
     tyre: parts.TyreParameters
-    engine: parts.EngineParameters
-    converter: parts.ConverterParameters
-    gearbox: parts.GearboxParameters
-    driveline: parts.DrivelineParameters
-    brakes: parts.BrakeParameters
+    driveline: drive.DrivelineParameters
+    brakes: drive.BrakeParameters
     steering: parts.SteeringParameters
     aero: parts.AeroParameters
     road: parts.RoadParameters
-
-
-def shipped_cars() -> list[str]:
-    """Names of the cars that come with the package."""
-    return shipped_names(CARS_FOLDER)
+    engine: drive.EngineParameters = drive.NO_ENGINE
+    converter: drive.ConverterParameters = drive.NO_CONVERTER
+    gearbox: drive.GearboxParameters = drive.ONE_GEAR
+    motor: drive.MotorParameters = drive.NO_MOTOR
+    """an electric motor, in place of engine, converter and gearbox"""
+    anti_lock: drive.AntiLockParameters = drive.NO_ANTI_LOCK
+    traction_control: drive.TractionControlParameters = drive.NO_TRACTION_CONTROL
+    tyre_file: _FromTyreFile = NO_TYRE_FILE
+    """coefficients that take the place of the forces of `tyre`"""
 
 
 def load_parameters(name_or_path: str | Path) -> Parameters:
@@ -52,7 +68,8 @@ def load_parameters(name_or_path: str | Path) -> Parameters:
             limits; or fields contradict each other. The message names all such fields.
     """
     text = read_shipped_or_own(name_or_path, CARS_FOLDER, "car")
-    return parse(text, _SCHEMA, f"car {name_or_path}")
+    remedies = {"tyre_file": "Move it above the first section of the file; keep [tyre]."}
+    return parse(text, _SCHEMA, f"car {name_or_path}", Path(name_or_path).parent, remedies)
 
 
 @cache
@@ -78,7 +95,36 @@ def with_road_friction(
                 f"road friction: expected a positive number, 1 for the road of the tyre test, "
                 f"found {value}. Dry asphalt is about 0.85, packed snow 0.3."
             )
-    return parameters._replace(road=parts.RoadParameters(friction, right))
+    road = parameters.road._replace(friction_left=friction, friction_right=right)
+    return parameters._replace(road=road)
+
+
+def with_road(parameters: Parameters, road: parts.RoadParameters) -> Parameters:
+    """The same car on another ground, in another wind; takes effect from the next step on.
+
+    Raises:
+        ConfigError: a friction is not positive, a slope is above 0.7 rad, or the wind is not a
+            number. The message names all such fields.
+    """
+    problems = [
+        f"road.{name}: expected a positive number, found {getattr(road, name)}."
+        for name in ("friction_left", "friction_right")
+        if not (isfinite(getattr(road, name)) and getattr(road, name) > 0.0)
+    ]
+    problems += [
+        f"road.{name}: expected a slope between -{STEEPEST_RAD} and {STEEPEST_RAD} rad, found "
+        f"{getattr(road, name)}."
+        for name in ("bank_rad", "grade_rad")
+        if not abs(getattr(road, name)) <= STEEPEST_RAD
+    ]
+    problems += [
+        f"road.{name}: expected a finite number, found {getattr(road, name)}."
+        for name in ("wind_forward_mps", "wind_left_mps")
+        if not isfinite(getattr(road, name))
+    ]
+    if problems:
+        raise ConfigError("\n".join(problems))
+    return parameters._replace(road=road)
 
 
 def with_mass_factor(parameters: Parameters, factor: float) -> Parameters:
@@ -99,49 +145,14 @@ def with_mass_factor(parameters: Parameters, factor: float) -> Parameters:
 
 
 def _require_consistent(car: Parameters) -> Parameters:
-    problems = "\n".join(_contradictions(car))
+    problems = "\n".join(
+        contradictions(
+            car.body, car.tyre, car.engine, car.converter, car.gearbox, car.motor, car.tyre_file
+        )
+    )
     if problems:
         raise ValueError(problems)
     return car
-
-
-def _contradictions(car: Parameters) -> Iterator[str]:
-    body, engine, gearbox = car.body, car.engine, car.gearbox
-    parts_kg = body.sprung_mass_kg + body.unsprung_front_kg + body.unsprung_rear_kg
-    if abs(parts_kg - body.mass_kg) >= 1e-3 * body.mass_kg:
-        yield (
-            f"body.mass_kg: expected the sum of sprung and unsprung masses, {parts_kg:.1f}, found "
-            f"{body.mass_kg}."
-        )
-    sprung_m = body.sprung_front_axle_m + body.sprung_rear_axle_m
-    wheelbase_m = body.front_axle_m + body.rear_axle_m
-    if abs(sprung_m - wheelbase_m) >= 1e-3 * wheelbase_m:
-        yield (
-            f"body.rear_axle_m: expected the wheelbase of the sprung mass, {sprung_m:.3f}, with "
-            f"front_axle_m, found {wheelbase_m}."
-        )
-    front_kgm = body.sprung_mass_kg * body.sprung_front_axle_m + body.unsprung_rear_kg * wheelbase_m
-    front_axle_m = front_kgm / body.mass_kg
-    if abs(front_axle_m - body.front_axle_m) >= 0.01 * wheelbase_m:
-        yield (
-            f"body.front_axle_m: expected the centre of gravity of the masses, {front_axle_m:.3f}, "
-            f"found {body.front_axle_m}."
-        )
-    if not all(low > high for low, high in pairwise(gearbox.ratios)):
-        yield (
-            f"gearbox.ratios: expected ratios that decrease from gear to gear, found "
-            f"{gearbox.ratios}."
-        )
-    if gearbox.up_rpm <= gearbox.down_rpm or gearbox.up_rpm_full <= gearbox.down_rpm_full:
-        yield (
-            f"gearbox.up_rpm: expected up-shifts above the down-shifts, found "
-            f"{(gearbox.up_rpm, gearbox.up_rpm_full)}."
-        )
-    if not engine.idle_speed_rpm < engine.peak_speed_rpm < engine.speed_limit_rpm:
-        yield (
-            f"engine.peak_speed_rpm: expected a speed between idle and limit, found "
-            f"{engine.peak_speed_rpm}."
-        )
 
 
 _SCHEMA: TypeAdapter[Parameters] = TypeAdapter(

@@ -5,14 +5,36 @@ A plant is the car alone, without a road: its step returns the motion of its cen
 """
 
 from math import nan
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import ControlInput
 
+FASTEST_START_MPS = 70.0
+"""faster than any car that is meant here; a speed in km/h by mistake is refused"""
 MOTION_FIELDS = ("vx_mps", "vy_mps", "yaw_rate_radps")
 """columns of a motion array"""
+
+
+class RoadAt(NamedTuple):
+    """The ground and the air at the place of the car, constant over one period."""
+
+    curvature_per_m: float
+    """of the reference line, positive to the left"""
+    curvature_change_per_m2: float
+    """derivative of the curvature with respect to arc length"""
+    friction_left: float
+    """under the left wheels; 1 is the road of the tyre test"""
+    friction_right: float
+    bank_rad: float
+    """cross slope, positive if the left side of the road is higher"""
+    grade_rad: float
+    """positive uphill"""
+    wind_forward_mps: float
+    """speed of the air over ground along the car, positive: tail wind"""
+    wind_left_mps: float
+    """speed of the air over ground across the car, positive towards the left"""
 
 
 class PlantOutputs(NamedTuple):
@@ -34,7 +56,7 @@ class PlantOutputs(NamedTuple):
     brake_mpa: float = nan
     """of the front circuit"""
     road_wheel_rad: float = nan
-    """mean of the front wheels, positive to the left"""
+    """angle of the front wheels against the body with roll steer and compliance, their mean"""
     turbine_rpm: float = nan
     wind_up_rad: float = nan
     """twist of the drive shafts"""
@@ -51,6 +73,15 @@ class PlantOutputs(NamedTuple):
     spin_front_right_radps: float = nan
     spin_rear_left_radps: float = nan
     spin_rear_right_radps: float = nan
+    accelerometer_forward_mps2: float = nan
+    """reading of an accelerometer at the centre of gravity of the body, fixed to it: it contains
+    gravity along its axis if the body pitches or the road has a grade"""
+    accelerometer_left_mps2: float = nan
+    """the same to the left, with roll and bank"""
+    steering_wheel_nm: float = nan
+    """torque at the steering wheel without power assistance, positive to the left"""
+    engine_nm: float = nan
+    """torque at the crankshaft of the engine or the shaft of the electric motor"""
 
 
 class Plant(Protocol):
@@ -95,6 +126,20 @@ class Plant(Protocol):
         ...
 
 
+@runtime_checkable
+class RoadTakingPlant(Protocol):
+    """A plant that is told where its road changes; one without these names has a uniform road."""
+
+    @property
+    def road_inputs(self) -> frozenset[str]:
+        """Names of the fields of `RoadAt` that act on this plant."""
+        ...
+
+    def set_road(self, road: RoadAt) -> None:
+        """Take the ground of the coming period; called before each `step`."""
+        ...
+
+
 def require_plant(plant: object) -> None:
     """Return if the object has all that a plant needs.
 
@@ -108,6 +153,19 @@ def require_plant(plant: object) -> None:
         raise ConfigError(
             f"plant: expected an instance of a class with {', '.join(names)}, found {found}. See "
             f"sim_bridge.Plant."
+        )
+
+
+def require_start_speed(name: str, v0_mps: float) -> None:
+    """Return if a car can start at this speed.
+
+    Raises:
+        ConfigError: it cannot; `name` is that of the plant.
+    """
+    if not 0.0 <= v0_mps <= FASTEST_START_MPS:
+        raise ConfigError(
+            f"{name}: initial speed: expected 0..{FASTEST_START_MPS:g} m/s, found {v0_mps:g}. The "
+            f"car starts at rest or driving forward; a speed in km/h is divided by 3.6."
         )
 
 

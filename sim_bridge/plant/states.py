@@ -36,15 +36,24 @@ class StateIndex(NamedTuple):
     longitudinal_slip: int
     """four wheels: lagged slip ratio, positive if the wheel drives"""
     road_wheel_rad: int
-    """front road-wheel angle at the steering, without roll steer"""
+    """front road-wheel angle at the steering, without roll steer and give of the bushings"""
     road_wheel_rate_radps: int
+    front_compliance_rad: int
+    """angle of the front wheels from the give of the bushings, positive to the left"""
+    rear_compliance_rad: int
+    contact_twist_rad: int
+    """twist of the contact patches of the front tyres against the ground"""
     throttle: int
     """throttle opening after the actuator lag"""
     brake_mpa: int
-    """four wheels: brake pressure"""
+    """four wheels: brake pressure before the anti-lock valves"""
+    brake_release: int
+    """four wheels: share of the pressure that the anti-lock system takes away, 0..1"""
+    torque_cut: int
+    """share of the drive torque that the traction control takes away, 0..1"""
     engine_radps: int
     turbine_radps: int
-    """turbine of the converter, with the gear sets behind it"""
+    """turbine of the converter, with the gear sets behind it; an electric motor"""
     wind_up_rad: int
     """twist of the drive shafts, at the wheels"""
     gear: int
@@ -63,6 +72,7 @@ WHEEL_STATES = (
     "lateral_slip",
     "longitudinal_slip",
     "brake_mpa",
+    "brake_release",
 )
 """states that exist once per wheel"""
 _SIZES = [N_WHEELS if name in WHEEL_STATES else 1 for name in StateIndex._fields]

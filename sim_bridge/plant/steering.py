@@ -5,7 +5,9 @@ around the kingpins, so side force turns the road wheels back. Dry friction in r
 them against small moments.
 """
 
-from sim_bridge.plant.car_parts import SteeringParameters
+from math import atan, sqrt, tan
+
+from sim_bridge.plant.car_parts import SteeringParameters, TyreParameters
 from sim_bridge.plant.jit import compiled
 
 
@@ -16,6 +18,49 @@ def kingpin_nm(aligning_nm: float, left_n: float, steering: SteeringParameters) 
     The side force, in the axes of the wheel, acts behind the kingpin by the caster trail.
     """
     return aligning_nm - steering.caster_trail_m * left_n
+
+
+@compiled
+def ackermann_rad(
+    road_wheel_rad: float, side: float, half_track_m: float, wheelbase_m: float, share: float
+) -> float:
+    """Angle of the left or right front wheel from the mean angle.
+
+    With a share of 1 the axes of all wheels meet in one point; with 0 both wheels are parallel.
+    """
+    t = tan(road_wheel_rad)
+    return atan(t / (1.0 - share * side * half_track_m / wheelbase_m * t))
+
+
+@compiled
+def parking_nm(
+    twist_rad: float, load_n: float, road_friction: float, tyre: TyreParameters
+) -> float:
+    """Moment of one tyre against turning on the spot, from the twist of its contact patch.
+
+    At full twist it grows with the friction, and with load to the power of 1.5, since the contact
+    grows with the load.
+    """
+    share = twist_rad / tyre.parking_twist_rad
+    relative = max(0.0, load_n) / tyre.reference_load_n
+    return -road_friction * tyre.parking_torque_nm * share * relative * sqrt(relative)
+
+
+@compiled
+def twist_decay_per_s(turn_radps: float, forward_mps: float, tyre: TyreParameters) -> float:
+    """How fast a contact patch untwists: it slides at full twist, and rolling renews it.
+
+    With this decay and the turning rate as input the twist never exceeds `parking_twist_rad`.
+    """
+    sliding = abs(turn_radps) / tyre.parking_twist_rad
+    return sliding + abs(forward_mps) / tyre.parking_length_m
+
+
+@compiled
+def hand_torque_nm(steer_rad: float, road_wheel_rad: float, steering: SteeringParameters) -> float:
+    """Torque at the steering wheel without power assistance, positive to the left."""
+    wound_rad = steer_rad / steering.ratio - road_wheel_rad
+    return steering.stiffness_nmprad * wound_rad / steering.ratio
 
 
 @compiled

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from math import nan
-from typing import Literal
+from typing import Literal, Self
 
-from pydantic import BaseModel, ConfigDict, TypeAdapter
+from pydantic import BaseModel, ConfigDict, TypeAdapter, model_validator
 
 from sim_bridge.toml_file import parse
 
@@ -31,6 +31,12 @@ class Line(BaseModel):
     car: str | None = None
     """the car that the target is for; None: every car"""
     is_judged: bool = True
+    is_judged_with_tyre_file: bool = True
+    """False: the formula of a tyre file need not meet it; for such a car it is reported"""
+    source: str | None = None
+    """where the target comes from, in words; None: that of the test"""
+    fitted: bool = False
+    """a number of the car file, or of the test driver, was chosen with regard to this target"""
 
 
 class AcceptanceTest(BaseModel):
@@ -40,7 +46,19 @@ class AcceptanceTest(BaseModel):
 
     title: str
     text: str
+    source: str | None = None
+    """of the targets of all lines that state none of their own"""
     lines: tuple[Line, ...]
+
+    @model_validator(mode="after")
+    def _has_a_source_for_each_target(self) -> Self:
+        without = [line.name for line in self.lines if line.target is not None and not line.source]
+        if without and not self.source:
+            raise ValueError(
+                f"test {self.title!r}: expected a source for each line with a target, found none "
+                f"for {', '.join(without)}. Add it to the line, or to the test."
+            )
+        return self
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +78,12 @@ class LineResult:
     high: float | None
     ok: bool | None
     """None: reported, not judged"""
+    is_within: bool | None
+    """within the bounds, judged or not; None without a target, or if it is for another car"""
+    source: str | None
+    """of the target, in words; None without a target"""
+    fitted: bool
+    """the car was fitted to this target"""
 
 
 def _load_table() -> dict[int, AcceptanceTest]:
@@ -78,6 +102,7 @@ def check(
     car: str,
     reference: Mapping[str, float] | None = None,
     is_main: bool = True,
+    has_tyre_file: bool = False,
 ) -> list[LineResult]:
     """The results of a test with `car`; targets for another car are shown but not judged.
 
@@ -87,27 +112,58 @@ def check(
         reached: measured values by the names of the lines.
         reference: values of the reference model, by the same names.
         is_main: False leaves out the lines whose targets are for one car.
+        has_tyre_file: True if the forces of the tyres are from a `.tir` file.
     """
     return [
-        check_line(test, line, reached[line.name], car, (reference or {}).get(line.name, nan))
+        check_line(
+            test,
+            line,
+            reached[line.name],
+            car,
+            (reference or {}).get(line.name, nan),
+            TESTS[test].source,
+            has_tyre_file,
+        )
         for line in TESTS[test].lines
         if is_main or line.car is None
     ]
 
 
 def check_line(
-    test: int, line: Line, reached: float, car: str, reference: float = nan
+    test: int,
+    line: Line,
+    reached: float,
+    car: str,
+    reference: float = nan,
+    test_source: str | None = None,
+    has_tyre_file: bool = False,
 ) -> LineResult:
-    """The result of one line."""
+    """The result of one line; `test_source` is the source of a line that states none."""
     reached = float(reached)
     target = reference if line.target == "reference" else line.target
-    if target is None:
-        return LineResult(test, car, line.name, line.unit, None, reached, None, None, None, None)
-    low, high, tolerance = _range(line, target)
-    ok = None
-    if line.is_judged and line.car in (None, car):
-        ok = (low is None or low <= reached) and (high is None or reached <= high)
-    return LineResult(test, car, line.name, line.unit, target, reached, tolerance, low, high, ok)
+    low = high = tolerance = source = ok = is_within = None
+    if target is not None:
+        source = line.source or test_source
+        low, high, tolerance = _range(line, target)
+        if line.car in (None, car):
+            is_within = (low is None or low <= reached) and (high is None or reached <= high)
+            is_judged = line.is_judged and (line.is_judged_with_tyre_file or not has_tyre_file)
+            ok = is_within if is_judged else None
+    return LineResult(
+        test=test,
+        car=car,
+        name=line.name,
+        unit=line.unit,
+        target=target,
+        reached=reached,
+        tolerance=tolerance,
+        low=low,
+        high=high,
+        ok=ok,
+        is_within=is_within,
+        source=source,
+        fitted=line.fitted,
+    )
 
 
 def _range(line: Line, target: float) -> tuple[float | None, float | None, str]:
@@ -130,10 +186,18 @@ def has_failed(results: Sequence[LineResult]) -> bool:
 
 
 def count_sentence(results: Sequence[LineResult]) -> str:
-    """How many lines pass and how many are only reported."""
-    passed = sum(line.ok is True for line in results)
-    judged = sum(line.ok is not None for line in results)
-    return f"{passed} of {judged} lines pass, {len(results) - judged} reported"
+    """How many judged lines pass, how many were not fitted, and how many are only reported."""
+    judged = [line for line in results if line.ok is not None]
+    passed = sum(line.ok is True for line in judged)
+    free = [line for line in judged if not line.fitted]
+    free_passed = sum(line.ok is True for line in free)
+    reported = [line for line in results if line.ok is None]
+    missed = sum(line.is_within is False for line in reported)
+    return (
+        f"{passed} of {len(judged)} judged lines pass. {len(free)} of {len(judged)} judged lines "
+        f"were not fitted; {free_passed} of these pass. {len(reported)} lines are reported only; "
+        f"{missed} of these miss a target"
+    )
 
 
 def result_of(results: Sequence[LineResult], name: str) -> LineResult:

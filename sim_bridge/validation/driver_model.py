@@ -10,7 +10,7 @@ MacAdam, IEEE Trans. Systems, Man, and Cybernetics 11 (1981), pp. 393-399.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import radians
+from math import nan, radians
 
 import numpy as np
 from numpy import float64
@@ -30,6 +30,7 @@ from sim_bridge.validation.run import (
 DRIVER_PERIOD_S = 0.01
 _THROTTLE_PER_MPS = 0.5
 _THROTTLE_PER_M = 0.3
+_LEAD_LAG_S = 0.03
 _TRIAL_S = 8.0
 _TRIAL_STEER_RAD = radians(8.0)
 _TRIAL_HZ = 0.35
@@ -84,7 +85,7 @@ class DriverModel:
 
 
 def fit_driver_model(parameters: Parameters, speed_mps: float) -> DriverModel:
-    """The least-squares model of the response to small steps of the steering wheel."""
+    """The least-squares model of the response to small steps; NaN for a car that failed."""
     throttle = cruising_throttle(parameters, speed_mps)
     time_s = DRIVER_PERIOD_S * np.arange(round(_TRIAL_S / DRIVER_PERIOD_S), dtype=float64)
     steer_rad = _TRIAL_STEER_RAD * np.sign(np.sin(2.0 * np.pi * _TRIAL_HZ * time_s))
@@ -92,15 +93,25 @@ def fit_driver_model(parameters: Parameters, speed_mps: float) -> DriverModel:
     run = replay(parameters, speed_mps, inputs, DRIVER_PERIOD_S)
     response = run.motion[:, StateColumn.vy_mps :]
     known = np.column_stack((response[:-1], steer_rad))
-    solution = np.linalg.lstsq(known, response[1:], rcond=None)[0].astype(float64)
+    solution = np.full((known.shape[1], response.shape[1]), nan)
+    if run.is_finite:
+        solution = np.linalg.lstsq(known, response[1:], rcond=None)[0].astype(float64)
     return DriverModel(speed_mps, throttle, solution[:2].T, solution[2])
 
 
 class PreviewDriver:
-    """Steers along a path and keeps the speed."""
+    """Steers along a path and keeps the speed.
 
-    def __init__(self, path_m: Path, preview_s: float, model: DriverModel) -> None:
+    With a lead time it compensates the lag of the car, as trained drivers do: McRuer and Jex, IEEE
+    Trans. Human Factors in Electronics 8 (1967), pp. 231-249.
+    """
+
+    def __init__(
+        self, path_m: Path, preview_s: float, model: DriverModel, lead_s: float = 0.0
+    ) -> None:
         self._path_m = path_m
+        self._lead_s = lead_s
+        self._lagged_rad = 0.0
         n_periods = round(preview_s / DRIVER_PERIOD_S)
         self._ahead_s = DRIVER_PERIOD_S * np.arange(1, n_periods + 1, dtype=float64)
         self._speed = SpeedControl(model.speed_mps, model.throttle, DRIVER_PERIOD_S)
@@ -125,4 +136,12 @@ class PreviewDriver:
         here = np.array((now.vy_mps, now.yaw_rate_radps, now.yaw_rad, now.y_m))
         gap_m = self._path_m(now.x_m + now.vx_mps * self._ahead_s) - self._free @ here
         steer_rad = float(gap_m @ self._forced / (self._forced @ self._forced))
-        return ControlInput(self._speed.throttle(now.vx_mps), 0.0, steer_rad)
+        return ControlInput(self._speed.throttle(now.vx_mps), 0.0, self._led_rad(steer_rad))
+
+    def _led_rad(self, steer_rad: float) -> float:
+        """The angle advanced by the lead time, from its rate smoothed over `_LEAD_LAG_S`."""
+        if self._lead_s == 0.0:
+            return steer_rad
+        rate_radps = (steer_rad - self._lagged_rad) / _LEAD_LAG_S
+        self._lagged_rad += rate_radps * DRIVER_PERIOD_S
+        return steer_rad + self._lead_s * rate_radps

@@ -10,7 +10,8 @@ from sim_bridge.validation.signal_metrics import peak
 
 SPEED_MPS = 120.0 / 3.6
 FRICTION = 0.85
-PREVIEW_S = 0.55
+PREVIEW_S = 0.46
+LEAD_S = 0.32
 CORNERS_M = np.array(((70.0, 0.0), (95.0, 3.5), (120.0, 3.5), (145.0, 0.0)))
 """corners of the path, x and y: to the left and back in straight sections"""
 _DURATION_S = 7.0
@@ -19,7 +20,7 @@ _DURATION_S = 7.0
 def measure(parameters: Parameters) -> tuple[Run, dict[str, float]]:
     """To the left and back with a preview driver at constant speed."""
     car = with_road_friction(parameters, FRICTION)
-    driver = PreviewDriver(path_m, PREVIEW_S, fit_driver_model(car, SPEED_MPS))
+    driver = PreviewDriver(path_m, PREVIEW_S, fit_driver_model(car, SPEED_MPS), LEAD_S)
     run = run_driver(car, SPEED_MPS, driver, _DURATION_S, DRIVER_PERIOD_S)
     return run, {
         "peak lateral acceleration": peak(run.lateral_g),

@@ -1,5 +1,7 @@
 """Test 7: braking, acceleration from rest, and the gearbox."""
 
+from math import nan
+
 import numpy as np
 
 from rt_controller.contract.arrays import Array
@@ -30,10 +32,12 @@ def measure(parameters: Parameters) -> tuple[Run, Run, dict[str, float]]:
     """
     braking = _constant_inputs(parameters, HUNDRED_MPS, 6.0, brake_n=FULL_BRAKE_N)
     full_throttle = _constant_inputs(parameters, 0.0, 30.0, throttle=1.0)
-    gears = [
-        _constant_inputs(parameters, 0.0, 60.0, throttle=throttle, period_s=0.05).column("gear")
+    runs = [
+        _constant_inputs(parameters, 0.0, 60.0, throttle=throttle, period_s=0.05)
         for throttle in THROTTLES
     ]
+    gears = [run.column("gear") for run in runs if run.is_finite]
+    has_gears = len(gears) == len(runs)
     rear_first = sum(
         _rear_locks_first(with_road_friction(parameters, friction), pedal_n)
         for friction in FRICTIONS
@@ -47,9 +51,13 @@ def measure(parameters: Parameters) -> tuple[Run, Run, dict[str, float]]:
             "deceleration with 150 N": deceleration_mps2 / GRAVITY_MPS2,
             "stopping distance from 100 km/h": distance(braking.time_s, braking.speed_mps)[-1],
             "brakings in which a rear wheel locks first": rear_first,
+            "pitch while braking with 150 N": _pitch_deg_per_g(braking),
+            "pitch at full throttle": _pitch_deg_per_g(full_throttle),
             "0-100 km/h": crossing(full_throttle.time_s, full_throttle.speed_mps, HUNDRED_MPS),
-            "highest gear reached": max(gear.max() for gear in gears),
-            "shift reversals at a constant pedal": sum(reversals(gear) for gear in gears),
+            "highest gear reached": max(gear.max() for gear in gears) if has_gears else nan,
+            "shift reversals at a constant pedal": (
+                sum(reversals(gear) for gear in gears) if has_gears else nan
+            ),
         },
     )
 
@@ -60,9 +68,17 @@ def rim_mps(run: Run) -> Array:
     return radius_m * run.spins_radps
 
 
-def _rear_locks_first(parameters: Parameters, pedal_n: float) -> bool:
+def _pitch_deg_per_g(run: Run) -> float:
+    """Pitch over deceleration, means over the second second."""
+    second = (run.time_s >= 1.0) & (run.time_s < 2.0)
+    pitch_deg = np.degrees(run.column("pitch_rad")[second].mean())
+    return float(-pitch_deg * GRAVITY_MPS2 / run.column("ax_mps2")[second].mean())
+
+
+def _rear_locks_first(parameters: Parameters, pedal_n: float) -> float:
+    """1 if a rear wheel locks first, else 0; NaN if the car failed."""
     run = _constant_inputs(parameters, HUNDRED_MPS, 4.0, brake_n=pedal_n)
-    return rear_locked_first(rim_mps(run), run.speed_mps)
+    return float(rear_locked_first(rim_mps(run), run.speed_mps)) if run.is_finite else nan
 
 
 def _constant_inputs(

@@ -4,25 +4,31 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_bridge.plant.parameters import DEFAULT_CAR, load_parameters
+from sim_bridge.plant.parameters import load_parameters
+from sim_bridge.plant.shipped_cars import DEFAULT_CAR
+from sim_bridge.plant.tyre.tyre_coefficients import NO_TYRE_FILE
 from sim_bridge.validation import (
     cornering,
     cross_check,
     dwell,
+    frequency,
     lane_change,
     longitudinal,
     numerics,
+    part_throttle,
+    ride,
+    standstill,
     transients,
 )
 from sim_bridge.validation.acceptance import LineResult, check
 from sim_bridge.validation.run import Run
 
-# The cars that the targets of tests 3 and 4 belong to; the others belong to the default car.
+# The cars that the targets of tests 3, 4, 9 and 10 belong to; the others are for the default car.
 FRONT_WHEEL = "c_class_125kw_fwd"
 COMMONROAD = "commonroad_vehicle_2"
 _FREQUENCIES_HZ = np.linspace(0.2, 2.0, 19)
-_QUICK_FROM = 4
-"""slow sines take long: the quick sweep begins at 0.6 Hz"""
+_QUICK_HZ = np.delete(_FREQUENCIES_HZ, (1, 2, 3))
+"""slow sines take long: of those below 0.6 Hz one is left"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +40,19 @@ class Measurements:
     lane_change: Run
     turns: tuple[tuple[cross_check.Turn, cross_check.Turn], ...]
     """of the plant and of the reference model; empty without test 4"""
-    transients: transients.Transients
+    steps: tuple[transients.Step, ...]
     dwell: tuple[dwell.Dwell, ...]
     braking: Run
     full_throttle: Run
     """from rest"""
+    responses: tuple[frequency.Responses, frequency.Responses]
+    """at 80 and 50 km/h"""
+    launch: Run
+    coasting: Run
+    swings: tuple[ride.Swing, ride.Swing]
+    """heave and roll"""
+    stop: Run
+    """with locked wheels"""
 
 
 def measure_all(car: str | None = None, quick: bool = False) -> Measurements:
@@ -50,27 +64,51 @@ def measure_all(car: str | None = None, quick: bool = False) -> Measurements:
         ConfigError: there is no such car.
         MissingExtraError: the reference model of test 4 is not installed.
     """
-    main_car, lane_change_car = car or DEFAULT_CAR, car or FRONT_WHEEL
-    cars = [main_car, lane_change_car]
+    main_car, front_car = car or DEFAULT_CAR, car or FRONT_WHEEL
+    cars = [main_car, front_car]
     turns: tuple[tuple[cross_check.Turn, cross_check.Turn], ...] = ()
     if car in (None, COMMONROAD):
         cars.append(COMMONROAD)
         turns, turn_values, reference_values = cross_check.measure(load_parameters(COMMONROAD))
     main = load_parameters(main_car)
     cornered, cornering_values = cornering.measure(main)
-    changed, change_values = lane_change.measure(load_parameters(lane_change_car))
-    frequency_hz = _FREQUENCIES_HZ[_QUICK_FROM if quick else 0 :]
-    transient, transient_values = transients.measure(main, frequency_hz)
+    front = load_parameters(front_car)
+    changed, change_values = lane_change.measure(front)
+    steps, step_values = transients.measure(main)
     dwelt, dwell_values = dwell.measure(main, cornering_values[cornering.WHEEL_ANGLE])
     braking, full_throttle, longitudinal_values = longitudinal.measure(main)
+    responses, frequency_values = frequency.measure(main, _QUICK_HZ if quick else _FREQUENCIES_HZ)
+    launch, coasting, throttle_values = part_throttle.measure(front)
+    front_cornered = cornered if main_car == front_car else cornering.measure(front)[0]
+    swings, ride_values = ride.measure(front, front_cornered)
+    stop, standstill_values = standstill.measure(main)
     results: list[LineResult] = []
     for one in dict.fromkeys(cars):
         results += check(1, numerics.measure(load_parameters(one)), one, is_main=one == main_car)
     results += check(2, cornering_values, main_car)
-    results += check(3, change_values, lane_change_car)
+    results += check(3, change_values, front_car)
     if turns:
         results += check(4, turn_values, COMMONROAD, reference_values)
-    results += check(5, transient_values, main_car)
+    results += check(5, step_values, main_car)
     results += check(6, dwell_values, main_car)
     results += check(7, longitudinal_values, main_car)
-    return Measurements(results, cornered, changed, turns, transient, dwelt, braking, full_throttle)
+    results += check(8, frequency_values, main_car)
+    results += check(9, throttle_values, front_car)
+    results += check(10, ride_values, front_car)
+    has_tyre_file = main.tyre_file != NO_TYRE_FILE
+    results += check(11, standstill_values, main_car, has_tyre_file=has_tyre_file)
+    return Measurements(
+        results,
+        cornered,
+        changed,
+        turns,
+        steps,
+        dwelt,
+        braking,
+        full_throttle,
+        responses,
+        launch,
+        coasting,
+        swings,
+        stop,
+    )

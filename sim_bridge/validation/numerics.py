@@ -6,7 +6,7 @@ import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import StateColumn
-from sim_bridge.plant.engine import RPM_OF_RADPS
+from sim_bridge.plant.drive.engine import RPM_OF_RADPS
 from sim_bridge.plant.integrate import STEP_S
 from sim_bridge.plant.parameters import Parameters
 from sim_bridge.scenario import load_scenario
@@ -59,13 +59,13 @@ def _halving(parameters: Parameters) -> tuple[float, float]:
     """Change of yaw rate (deg/s) and lateral position (m) with half the step in a lane change."""
     scenario = load_scenario("double_lane_change")
     driver = PreviewDriver(
-        scenario.lateral_m, _PREVIEW_S, fit_driver_model(parameters, scenario.speed_mps)
+        scenario.ey_m, _PREVIEW_S, fit_driver_model(parameters, scenario.start.speed_mps)
     )
     driven = run_driver(
-        parameters, scenario.speed_mps, driver, scenario.duration_s, DRIVER_PERIOD_S
+        parameters, scenario.start.speed_mps, driver, scenario.duration_s, DRIVER_PERIOD_S
     )
     coarse, fine = (
-        replay(parameters, scenario.speed_mps, driven.inputs[1:], DRIVER_PERIOD_S, step_s)
+        replay(parameters, scenario.start.speed_mps, driven.inputs[1:], DRIVER_PERIOD_S, step_s)
         for step_s in (STEP_S, 0.5 * STEP_S)
     )
     return (peak(coarse.yaw_rate_degps - fine.yaw_rate_degps), peak(coarse.y_m - fine.y_m))

@@ -55,6 +55,11 @@ class Run:
     """(K + 1, N_OUTPUTS), columns as `PlantOutputs._fields`"""
 
     @property
+    def is_finite(self) -> bool:
+        """False if the car failed: its motion or outputs are not finite."""
+        return bool(np.isfinite(self.motion).all() and np.isfinite(self.outputs).all())
+
+    @property
     def time_s(self) -> Array:
         return self.period_s * np.arange(len(self.motion), dtype=float64)
 

@@ -29,7 +29,7 @@ def crossing(x: Array, y: Array, level: float) -> float:
 
 def slope(x: Array, y: Array, among: NDArray[np.bool_]) -> float:
     """Slope of y over x in the samples `among`, least squares with a free offset."""
-    if np.count_nonzero(among) < 2:
+    if np.count_nonzero(among) < 2 or not np.isfinite(x[among] + y[among]).all():
         return nan
     return float(np.polyfit(x[among], y[among], 1)[0])
 
@@ -55,6 +55,8 @@ def step_response(time_s: Array, y: Array, step_s: float) -> StepResponse:
     """The response of `y` to a step at `step_s`: the time of half the input, after ISO 7401."""
     steady = float(np.mean(y[-max(1, len(y) // 10) :]))
     after = time_s >= step_s
+    if not after.any() or steady == 0.0 or not np.isfinite(y).all():
+        return StepResponse(nan, nan, nan)
     since_s = time_s[after] - step_s
     share = y[after] / steady
     return StepResponse(
@@ -68,8 +70,10 @@ def sine_in(time_s: Array, y: Array, frequency_hz: float) -> complex:
     """The component of `y` at one frequency, least squares with a free offset and drift.
 
     Its absolute value is the amplitude, its angle the phase relative to time zero. If the record
-    holds whole periods, harmonics have no influence.
+    holds whole periods, harmonics have no influence. NaN if `y` is not finite.
     """
+    if not np.isfinite(y).all():
+        return complex(nan, nan)
     angle = 2.0 * np.pi * frequency_hz * time_s
     basis = np.stack((np.sin(angle), np.cos(angle), np.ones_like(time_s), time_s), axis=1)
     in_phase, quadrature = np.linalg.lstsq(basis, y, rcond=None)[0][:2]
@@ -90,23 +94,23 @@ def frequency_response(
     frequency_hz: Array, inputs: list[complex], outputs: list[complex]
 ) -> FrequencyResponse:
     """Gain and phase from one sine of input and output for each frequency."""
-    gain = np.array([abs(o) / abs(i) for i, o in zip(inputs, outputs, strict=True)])
+    gain = np.array([abs(o) / abs(i) if i else nan for i, o in zip(inputs, outputs, strict=True)])
     angle = np.array([phase(o) - phase(i) for i, o in zip(inputs, outputs, strict=True)])
     first = np.angle(np.exp(1j * angle[:1]))
     unwrapped = np.unwrap(np.concatenate((first, angle[1:])))
     return FrequencyResponse(frequency_hz, gain, np.degrees(unwrapped))
 
 
-def largest_jump(x: Array, y: Array) -> float:
-    """Largest distance of a point from the line between its neighbours.
+def largest_jump(y: Array) -> float:
+    """Largest distance of a point from the cubic through two neighbours on each side.
 
-    It is small for a smooth curve, also for a steep one, and large at a wrong point.
+    `y` is evenly spaced. The distance is small for a smooth curve, also for a steep or curved one,
+    and large at a wrong point. NaN for fewer than five points.
     """
-    if len(y) < 3:
+    if len(y) < 5:
         return nan
-    share = (x[1:-1] - x[:-2]) / (x[2:] - x[:-2])
-    between = y[:-2] + share * (y[2:] - y[:-2])
-    return float(np.max(np.abs(y[1:-1] - between)))
+    between = (4.0 * (y[1:-3] + y[3:-1]) - y[:-4] - y[4:]) / 6.0
+    return float(np.max(np.abs(y[2:-2] - between)))
 
 
 def mean_deceleration(time_s: Array, speed_mps: Array, v0_mps: float) -> float:

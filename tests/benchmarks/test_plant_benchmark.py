@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from rt_controller.contract.signals import ControlInput
+from sim_bridge.plant.car_record import car_record
 from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, advance, settle
-from sim_bridge.plant.parameters import load_parameters, shipped_cars
+from sim_bridge.plant.parameters import load_parameters
+from sim_bridge.plant.shipped_cars import shipped_cars
 from sim_bridge.plant.states import AT
 
 
@@ -20,7 +22,7 @@ def test_period_of_driving_through_a_bend(benchmark, name: str) -> None:
     state = settle(22.0, car)
     motion = np.empty((STEPS_PER_PERIOD, 3))
     control = ControlInput(0.15, 0.0, radians(15.0))
-    benchmark(advance, state, control, car, STEPS_PER_PERIOD, STEP_S, motion)
+    benchmark(advance, state, control, car_record(car), STEPS_PER_PERIOD, STEP_S, motion)
     assert state[AT.yaw_rate_radps] > 0.0
 
 

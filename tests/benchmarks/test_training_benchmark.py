@@ -40,6 +40,7 @@ def a_batch(history: int) -> Batch:
         (STEPS, BATCH, 3),
         (STEPS, BATCH, 1),
         (history + STEPS, BATCH, 6),
+        (1, BATCH, 1),
     )
     return Batch(*(torch.from_numpy(rng.normal(size=shape)).float() for shape in shapes))
 

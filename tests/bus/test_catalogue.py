@@ -5,7 +5,7 @@ from math import inf, nan, radians
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_frames import CONTROL, PATH, SAMPLE, decode_frames, round_trip
+from made_frames import BEND, CONTROL, PATH, SAMPLE, decode_frames, round_trip
 
 from rt_controller.bus.catalogue import (
     COMMAND,
@@ -13,6 +13,7 @@ from rt_controller.bus.catalogue import (
     FEEDBACK,
     HEARTBEAT,
     MISSION,
+    PREVIEW,
     REFERENCE,
     SAMPLE_TIME_WRAP_NS,
     STATE,
@@ -24,7 +25,13 @@ from rt_controller.bus.catalogue import (
     Mission,
 )
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
+from rt_controller.contract.signals import (
+    ControlInput,
+    CurvaturePreview,
+    Mode,
+    PathReference,
+    VehicleState,
+)
 
 seeded = settings(derandomize=True, deadline=None)
 
@@ -133,6 +140,52 @@ def test_a_reference_with_an_impossible_value_is_not_decoded(field: str) -> None
     assert round_trip(REFERENCE, PATH._replace(**{field: 500.0})) is None
 
 
+@seeded
+@given(
+    spacing_m=st.floats(0.05, 65.5),
+    values=st.lists(st.floats(-0.032, 0.032), min_size=5, max_size=5),
+)
+def test_the_road_ahead_arrives_within_half_an_lsb(spacing_m: float, values: list[float]) -> None:
+    received = round_trip(PREVIEW, CurvaturePreview(spacing_m, *values))
+    assert received is not None
+    assert received.spacing_m == pytest.approx(spacing_m, abs=0.00050001)
+    assert received[1:] == pytest.approx(values, abs=0.50001e-6)
+
+
+@seeded
+@given(st.floats(-0.032, 0.032))
+def test_the_curvature_of_a_circle_is_that_of_the_state(curvature_per_m: float) -> None:
+    sample = round_trip(STATE, SAMPLE._replace(curvature_per_m=curvature_per_m))
+    preview = round_trip(PREVIEW, CurvaturePreview(3.0, *[curvature_per_m] * 5))
+    assert sample is not None
+    assert preview is not None
+    assert set(preview[1:]) == {sample.curvature_per_m}
+
+
+@pytest.mark.parametrize("bad", [nan, inf, 0.04])
+@pytest.mark.parametrize("first_missing", range(2, 6))
+def test_from_a_missing_value_on_the_curvature_ahead_is_the_last_one(
+    first_missing: int, bad: float
+) -> None:
+    sent = CurvaturePreview(*BEND[:first_missing], bad, *BEND[first_missing + 1 :])
+    known = BEND[:first_missing]
+    assert round_trip(PREVIEW, sent) == pytest.approx(known + known[-1:] * (6 - first_missing))
+
+
+@pytest.mark.parametrize("field", ["spacing_m", "k0_per_m"])
+def test_without_spacing_or_first_value_nothing_is_known(field: str) -> None:
+    assert round_trip(PREVIEW, BEND._replace(**{field: nan})) is None
+
+
+def test_a_vehicle_that_knows_no_road_ahead_can_say_so() -> None:
+    """With values that are not available, or all zero as before a first calculation."""
+    for frame, codec in zip(PREVIEW.encode(None, 3), PREVIEW.codecs, strict=True):
+        assert codec.read(frame) is not None  # no fault: the frame says that nothing is known
+    assert round_trip(PREVIEW, None) is None
+    zeros = [codec.encode([0.0] * 3, 3, 1) for codec in PREVIEW.codecs]
+    assert decode_frames(PREVIEW, *zeros) is None
+
+
 @pytest.mark.parametrize("is_engaged", [False, True])
 @pytest.mark.parametrize("is_reset_requested", [False, True])
 def test_the_mission_arrives(is_engaged: bool, is_reset_requested: bool) -> None:
@@ -160,7 +213,7 @@ def test_the_feedback_arrives() -> None:
     [
         Heartbeat(Mode.NOMINAL, Fault(0), 730_000, 24_900_000, 11),
         Heartbeat(Mode.SAFE_STOP, Fault.STATE_STALE | Fault.BUS_FAULT, None, None, None),
-        Heartbeat(Mode.STANDBY, ~Fault(0), 0, 0, 0),
+        Heartbeat(Mode.STANDBY, ~Fault.STATE_STALE, 0, 0, 0),
     ],
 )
 def test_the_heartbeat_arrives(heartbeat: Heartbeat) -> None:

@@ -106,6 +106,7 @@ def test_a_nan_in_any_state_frame_makes_no_state(field: str) -> None:
     inbox = controller_inbox(*can_frames(STATE, SAMPLE, 5), *can_frames(STATE, bad, 6))
     assert newest_counter(inbox, STATE) == 5
     assert inbox.counts.out_of_range == 1
+    assert (inbox.out_of_range(STATE), inbox.out_of_range(REFERENCE)) == (1, 0)
 
 
 def test_a_state_with_a_damaged_frame_is_skipped() -> None:

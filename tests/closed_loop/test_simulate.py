@@ -7,40 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kinematic_car import KinematicCar
 
 from rt_controller import Bundle, Drive, cli, simulate
 from rt_controller.contract.artifact import load_bundle, shipped_model
 from rt_controller.contract.errors import ConfigError, MissingExtraError, PlantError
 from rt_controller.contract.signals import ControlInput, Mode
-from sim_bridge import PlantOutputs
-
-
-class KinematicCar:
-    """A plant that is not a subclass of anything in this project."""
-
-    name = "kinematic"
-    failure: str | None = None
-
-    def __init__(self, fails_after_s: float = np.inf) -> None:
-        self._fails_after_s = fails_after_s
-        self._time_s = 0.0
-
-    def reset(self, v0_mps: float) -> np.ndarray:
-        self._v_mps, self._time_s = v0_mps, 0.0
-        return np.array([v0_mps, 0.0, 0.0])
-
-    def step(self, control: ControlInput, dt_s: float) -> np.ndarray:
-        self._time_s += dt_s
-        if self._time_s > self._fails_after_s:
-            self.failure = "the test"
-            return np.full((1, 3), np.nan)
-        self._v_mps += dt_s * (4.0 * control.throttle - 0.02 * control.brake_n - 0.3)
-        return np.array([[self._v_mps, 0.0, self._v_mps * control.steer_rad / 43.0]])
-
-    def outputs(self) -> PlantOutputs:
-        return PlantOutputs()
-
-    def close(self) -> None: ...
 
 
 @pytest.fixture(scope="module")
@@ -135,7 +107,8 @@ def test_a_drive_is_drawn(drive: Drive, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     figure = drive.plot(tmp_path / "drive.svg")
     assert (tmp_path / "drive.svg").read_text().count("steering wheel / deg") >= 1
-    assert len(figure.axes) == 5
+    assert len(figure.axes) == 6
+    assert figure.get_suptitle().startswith("straight, lti")
     assert figure._repr_png_().startswith(b"\x89PNG")  # what a notebook shows
     with pytest.raises(ConfigError, match=r"\.png, \.svg, \.pdf"):
         drive.plot(tmp_path / "drive.xyz")
@@ -229,5 +202,10 @@ def test_the_program_writes_the_same_figures(
     assert ended.value.code == 0
     figures = json.loads((tmp_path / "drive.json").read_text())
     assert not figures["memory_locked"]  # simulated time does not need it
+    driven = figures["driven"]
+    assert (driven["scenario_file"], driven["plant"], driven["pace"], driven["friction"]) == (
+        "lane_change_60", "own", "lockstep", 0.85
+    )  # fmt: skip
+    assert driven["car"] == "c_class_150kw_awd"
     assert figures["ey_rms_m"] == simulate("lane_change_60", model="lti").errors.ey_rms_m
     assert (tmp_path / "drive.png").stat().st_size > 10_000

@@ -1,8 +1,11 @@
 """A bundle with every optional part, and one of other signals than the car's."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from rt_controller.contract.artifact import save_bundle
 from rt_controller.contract.bilinear import Bilinear
 from rt_controller.contract.bundle import Bundle, Lift, LiftSample
 from rt_controller.contract.schema import Schema, Signal
@@ -41,6 +44,12 @@ def bundle() -> Bundle:
         training="{}",
         data_sha256="0" * 64,
     )
+
+
+@pytest.fixture
+def folder(bundle: Bundle, tmp_path: Path) -> Path:
+    save_bundle(tmp_path, bundle, "# a card\n")
+    return tmp_path
 
 
 @pytest.fixture

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from rt_controller.contract.signals import PathReference, VehicleState
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.signals import CurvaturePreview, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.reference import ReferenceHorizon
 
@@ -71,3 +72,62 @@ def test_every_stage_is_the_path_evaluated_at_its_arc_length(seed: int) -> None:
             math.atan(slope),
         )
         np.testing.assert_allclose(x, expected, rtol=1e-12, atol=1e-12)
+
+
+PATH = PathReference(0.2, 0.01, 0.001, -2e-4, 21.0, 1.0)
+SIGMA_M = 0.5 * (20.0 + 21.0 + PERIOD_S * np.arange(1, 21)) * PERIOD_S * np.arange(1, 21)
+"""arc length of the stages on this path"""
+
+
+def integrated(preview: CurvaturePreview, curvature_per_m: float) -> tuple[Array, Array, Array]:
+    """Curvature, slope and lateral place of the road against a circle, by fine sums."""
+    s = np.linspace(0.0, SIGMA_M[-1], 200_001)
+    knots = preview.spacing_m * np.arange(5)
+    bend = np.interp(s, knots, preview[1:]) - curvature_per_m
+    slope = np.concatenate([[0.0], np.cumsum(0.5 * (bend[1:] + bend[:-1]) * s[1])])
+    lateral = np.concatenate([[0.0], np.cumsum(0.5 * (slope[1:] + slope[:-1]) * s[1])])
+    at_stages = [np.interp(SIGMA_M, s, values) for values in (bend, slope, lateral)]
+    return at_stages[0], at_stages[1], at_stages[2]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_road_ahead_is_added_to_the_path(seed: int) -> None:
+    """Also of a preview that ends within the horizon, or begins with another curvature."""
+    rng = np.random.default_rng(seed)
+    preview = CurvaturePreview(rng.uniform(1.0, 6.0), *(rng.normal(size=5) * 0.01).tolist())
+    curvature_per_m = preview.k0_per_m if seed % 2 else 0.002
+    horizon = ReferenceHorizon(20)
+    plain = horizon.expand(PATH, CRUISING, curvature_per_m).copy()
+    found = horizon.expand(PATH, CRUISING, curvature_per_m, preview)
+    bend, slope, lateral = integrated(preview, curvature_per_m)
+    np.testing.assert_array_equal(found[:, [0, 1, 3]], plain[:, [0, 1, 3]])
+    np.testing.assert_allclose(found[:, 2], plain[:, 2] + found[:, 0] * bend, atol=1e-7)
+    np.testing.assert_allclose(found[:, 4], plain[:, 4] + lateral, atol=1e-7)
+    np.testing.assert_allclose(np.tan(found[:, 5]), np.tan(plain[:, 5]) + slope, atol=1e-7)
+
+
+@pytest.mark.parametrize("curvature_per_m", [0.0, 0.001, -0.0123])
+def test_a_constant_preview_changes_no_bit(curvature_per_m: float) -> None:
+    horizon, other = ReferenceHorizon(20), ReferenceHorizon(20)
+    turning = CurvaturePreview(2.0, 0.0, 0.001, 0.002, 0.003, 0.004)
+    horizon.expand(PATH, CRUISING, curvature_per_m, turning)  # leaves nothing behind
+    constant = CurvaturePreview(2.0, *[curvature_per_m] * 5)
+    expected = other.expand(PATH, CRUISING, curvature_per_m)
+    np.testing.assert_array_equal(
+        horizon.expand(PATH, CRUISING, curvature_per_m, constant), expected
+    )
+
+
+@pytest.mark.parametrize("curvature_per_m", [0.004, 0.001])
+def test_predicted_states_are_counted_from_the_road(curvature_per_m: float) -> None:
+    """A car that is predicted on its reference has the errors of the path against the road."""
+    preview = CurvaturePreview(2.5, 0.004, 0.003, 0.0, -0.003, -0.001)
+    horizon = ReferenceHorizon(20)
+    path = PATH._replace(c1=0.0, c2_per_m=0.0, c3_per_m2=0.0)
+    on_path = horizon.expand(path, CRUISING, curvature_per_m, preview)
+    states = np.vstack([CRUISING, on_path])
+    found = horizon.counted_from_road(states)
+    np.testing.assert_array_equal(found[0], CRUISING)
+    np.testing.assert_allclose(found[1:, 4], path.c0_m, atol=1e-12)
+    np.testing.assert_allclose(found[1:, 5], 0.0, atol=1e-12)
+    np.testing.assert_array_equal(found[:, :4], states[:, :4])

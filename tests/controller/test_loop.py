@@ -3,8 +3,8 @@
 import pytest
 from scripted_vehicle import CRUISING, STANDING, VALID_NS, Rig, fail
 
-from rt_controller.bus.catalogue import COMMAND, Mission
-from rt_controller.contract.signals import Mode
+from rt_controller.bus.catalogue import COMMAND, Fault, Mission
+from rt_controller.contract.signals import CurvaturePreview, Mode
 from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
 from rt_controller.drive_trace import DriveTrace
 from rt_controller.loop import MAX_TICKS_WITHOUT_STATE, Ending, RunRecord, StopRequest, run_loop
@@ -54,6 +54,18 @@ def test_the_loop_ends_with_the_mission(rig: Rig, record: RunRecord) -> None:
     assert record.result.mode is Mode.STANDBY
     assert record.deadlines.ticks == pytest.approx(TICKS_PER_S, abs=2)
     assert record.trace.errors().ey_rms_m == pytest.approx(CRUISING.ey_m, abs=1e-3)
+
+
+def test_ticks_with_each_fault_are_counted(rig: Rig, record: RunRecord) -> None:
+    def end_after_a_second(now_ns: int) -> None:
+        rig.vehicle.mission = Mission(now_ns < SECOND_NS, False, 1, VALID_NS)
+        is_wrong = now_ns < SECOND_NS // 2
+        rig.vehicle.preview = CurvaturePreview(3.0, *[0.01 if is_wrong else 0.0] * 5)
+
+    rig.vehicle.after_sending = end_after_a_second
+    run_loop(rig.step, rig.clock, record, StopRequest())
+    counted = {fault: ticks for fault, ticks in record.ticks_by_fault.items() if ticks}
+    assert counted == {Fault.PREVIEW_IMPLAUSIBLE: pytest.approx(TICKS_PER_S / 2, abs=2)}
 
 
 def test_a_safe_stop_ends_when_no_state_was_received_for_long(rig: Rig, record: RunRecord) -> None:

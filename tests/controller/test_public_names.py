@@ -1,5 +1,6 @@
 """The public names: light to import, and a controller that plans like the program."""
 
+import math
 import pydoc
 import re
 import subprocess
@@ -11,7 +12,16 @@ import numpy as np
 import pytest
 
 import rt_controller
-from rt_controller import Bundle, ControlInput, Controller, MpcSettings, PathReference, VehicleState
+from rt_controller import (
+    Bundle,
+    ControlInput,
+    Controller,
+    CurvaturePreview,
+    MpcSettings,
+    PathReference,
+    VehicleState,
+    fit_preview,
+)
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.artifact import load_bundle, shipped_model
 from rt_controller.contract.errors import ArtifactError
@@ -80,12 +90,40 @@ def test_a_reset_controller_plans_as_a_new_one(controller: Controller) -> None:
     np.testing.assert_allclose(controller.step(STATE, LANE, 0.0).inputs, first.inputs, atol=1e-9)
 
 
-def test_a_state_that_is_no_number_gives_no_plan(controller: Controller) -> None:
-    plan = controller.step(STATE._replace(vy_mps=float("nan")), LANE, 0.0)
-    assert plan.status is not SolveStatus.SOLVED
+def test_a_problem_without_a_solution_gives_no_plan(
+    controller: Controller, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as broken:
+        broken.setattr(controller._mpc, "plan", lambda *_: SolveStatus.INFEASIBLE)
+        broken.setattr(controller._mpc, "predicted_states", lambda: None)
+        plan = controller.step(STATE, LANE, 0.0)
     assert not plan.is_solved
     assert np.isnan(plan.inputs).all()
     assert np.isnan(plan.states).all()
+    assert controller.step(STATE, LANE, 0.0).is_solved
+
+
+@pytest.mark.parametrize(
+    ("state", "path", "curvature_per_m", "expected"),
+    [
+        ({"vx_mps": math.nan}, {}, 0.0, r"state.vx_mps: expected -20 to 100, found nan"),
+        ({"epsi_rad": 90.0}, {}, 0.0, r"state.epsi_rad: expected -3.2 to 3.2, found 90"),
+        ({"ey_m": -100.0}, {}, 0.0, r"state.ey_m: expected -30 to 30, found -100"),
+        ({}, {"v_mps": 120.0}, 0.0, r"path.v_mps: expected 0 to 100, found 120"),
+        ({}, {"c1": math.nan}, 0.0, r"path.c1: expected -0.6 to 0.6, found nan"),
+        ({}, {}, 5.0, "curvature_per_m: expected curvatures of at most 0.032 1/m, found 5"),
+        ({}, {}, math.nan, "curvature_per_m: expected .*, found nan"),
+    ],
+)
+def test_values_that_the_bus_cannot_carry_are_refused_by_name(
+    controller: Controller,
+    state: dict[str, float],
+    path: dict[str, float],
+    curvature_per_m: float,
+    expected: str,
+) -> None:
+    with pytest.raises(ValueError, match=f"^{expected}"):
+        controller.step(STATE._replace(**state), LANE._replace(**path), curvature_per_m)
     assert controller.step(STATE, LANE, 0.0).is_solved
 
 
@@ -121,6 +159,41 @@ def test_arguments_of_another_kind_are_refused_by_name(
 ) -> None:
     with pytest.raises(TypeError, match=expected):
         controller.step(*arguments)
+    assert controller.step(STATE, LANE, 0.0).is_solved
+
+
+def test_a_preview_stands_in_place_of_the_curvature(controller: Controller) -> None:
+    straight = controller.step(STATE, LANE, 0.0)
+    controller.reset()
+    same = controller.step(STATE, LANE, CurvaturePreview(3.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    np.testing.assert_allclose(same.inputs, straight.inputs, atol=1e-6)
+    controller.reset()
+    bend = fit_preview(np.where(np.arange(33) < 16, 0.0, 0.005), 12.0)
+    turning = controller.step(STATE, LANE, bend)
+    assert turning.inputs[:8, 2].mean() > straight.inputs[:8, 2].mean() + 0.01
+    controller.reset()
+    again = controller.step(STATE, LANE, list(bend))  # type: ignore[arg-type]
+    np.testing.assert_allclose(again.inputs, turning.inputs, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "expected"),
+    [
+        *[("spacing_m", value, "a spacing of 0.05 to 65.5 m") for value in (0.0, -1.0, 1e-300)],
+        *[("spacing_m", value, "a spacing of 0.05 to 65.5 m") for value in (math.inf, math.nan)],
+        *[("k1_per_m", value, "at most 0.032 1/m") for value in (1e6, -0.04, math.nan)],
+        ("k4_per_m", math.inf, "at most 0.032 1/m"),
+    ],
+)
+def test_a_preview_that_the_bus_cannot_carry_is_refused(
+    controller: Controller, field: str, value: float, expected: str
+) -> None:
+    preview = CurvaturePreview(3.0, 0.0, 0.0, 0.0, 0.0, 0.0)._replace(**{field: value})
+    with pytest.raises(
+        ValueError,
+        match=rf"^curvature_per_m: expected .*{expected}.*, found {re.escape(f'{value:g}')} ",
+    ):
+        controller.step(STATE, LANE, preview)
     assert controller.step(STATE, LANE, 0.0).is_solved
 
 

@@ -1,12 +1,22 @@
 """Faults that cause a safe stop, how it is driven, and how it ends."""
 
+import numpy as np
 import pytest
 from scripted_vehicle import CRUISING, ENGAGED, STANDING, STRAIGHT, Rig, fail, mode_and_cause
 
-from rt_controller.bus.catalogue import COMMAND, VEHICLE_IDENTITY, Command, Fault, Identity
+from rt_controller.bus.catalogue import (
+    COMMAND,
+    VEHICLE_IDENTITY,
+    Command,
+    Fault,
+    Identity,
+    Mission,
+)
 from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import Outbox
-from rt_controller.contract.signals import NEUTRAL_INPUT, Mode
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, Mode
+from rt_controller.safety.fallback import SAFE_STOP_BRAKE_N
 from rt_controller.safety.modes import StopCause
 
 
@@ -40,7 +50,7 @@ def test_a_reset_is_granted_only_when_the_car_stands(rig: Rig) -> None:
     rig.vehicle.state = STANDING
     assert rig.tick().mode is Mode.STANDBY
     rig.vehicle.mission = ENGAGED
-    assert rig.tick().mode is Mode.NOMINAL
+    assert rig.tick().mode is Mode.LOW_SPEED
 
 
 def test_the_last_command_is_that_of_a_safe_stop(rig: Rig) -> None:
@@ -59,7 +69,7 @@ def test_a_controller_started_while_the_watchdog_brakes_stands_by(rig: Rig) -> N
     assert rig.tick().mode is Mode.NOMINAL
 
 
-def test_a_safe_stop_is_steered_along_the_path_until_the_car_is_slow(rig: Rig) -> None:
+def test_a_safe_stop_is_steered_along_the_path_until_the_car_stands(rig: Rig) -> None:
     rig.tick(3)
     rig.vehicle.is_watchdog_braking = True
     rig.tick()
@@ -70,7 +80,58 @@ def test_a_safe_stop_is_steered_along_the_path_until_the_car_is_slow(rig: Rig) -
     rig.vehicle.state = CRUISING._replace(vx_mps=2.0, ds_m=0.05)
     result = rig.tick(60)
     assert result.qp_iterations == 0
-    assert result.control.steer_rad == 0.0
+    assert result.control.steer_rad > 0.02
+    rig.vehicle.path = STRAIGHT._replace(c0_m=-1.5)
+    rig.vehicle.state = STANDING
+    standing = rig.tick(60)
+    assert standing.mode is Mode.SAFE_STOP
+    assert standing.control.steer_rad == result.control.steer_rad
+
+
+@pytest.mark.parametrize("vx_mps", [0.2, -0.2])
+def test_a_safe_stop_keeps_the_brake_of_a_held_car_and_presses_it_if_the_car_rolls(
+    rig: Rig, vx_mps: float
+) -> None:
+    rig.vehicle.state, rig.vehicle.path = AT_REST, STRAIGHT._replace(v_mps=0.0)
+    rig.tick(40)
+    rig.vehicle.state = AT_REST._replace(vx_mps=vx_mps)
+    held_n = rig.tick(10).control.brake_n
+    assert held_n > SAFE_STOP_BRAKE_N
+    rig.step.request_stop()
+    forces = [rig.tick().control.brake_n for _ in range(10)]
+    assert rig.step.result.mode is Mode.SAFE_STOP
+    assert [held_n, *forces] == sorted([held_n, *forces])
+    rig.vehicle.state, rig.vehicle.path = None, STRAIGHT
+    assert rig.tick(60).control.brake_n == forces[-1]
+    rig.vehicle.state = AT_REST._replace(vx_mps=vx_mps)
+    assert rig.tick(40).control.brake_n == INPUT_LIMITS.upper.brake_n
+
+
+def test_the_wheel_of_a_car_that_a_safe_stop_holds_does_not_turn_with_noise(rig: Rig) -> None:
+    rng = np.random.default_rng(0)
+    rig.vehicle.state, rig.vehicle.path = AT_REST, STRAIGHT._replace(c0_m=0.5)
+    rig.tick(3)
+    rig.step.request_stop()
+    before = rig.tick(2).control.steer_rad
+    for _ in range(200):
+        rig.vehicle.state = AT_REST._replace(vx_mps=rng.normal(0.0, 0.05))
+        assert rig.tick().control.steer_rad == before
+
+
+@pytest.mark.parametrize("mission", [None, ENGAGED._replace(is_engaged=False)])
+def test_a_safe_stop_without_a_mission_is_steered_along_the_path(
+    rig: Rig, mission: Mission | None
+) -> None:
+    rig.vehicle.state = CRUISING._replace(vx_mps=2.5, ds_m=0.0625, ey_m=0.0, epsi_rad=0.0)
+    rig.vehicle.path = STRAIGHT._replace(v_mps=2.5, c2_per_m=0.01)
+    before = rig.tick(60).control.steer_rad
+    if mission is not None:
+        rig.step.request_stop()
+    rig.vehicle.mission = None
+    assert rig.tick(60).mode is Mode.SAFE_STOP
+    rig.vehicle.mission = mission
+    assert rig.tick(60).control.steer_rad == pytest.approx(before)
+    assert rig.step.result.mode is Mode.SAFE_STOP
 
 
 def test_a_failed_send_sets_the_bus_fault_of_the_next_heartbeat(

@@ -1,6 +1,7 @@
 """Settings made in Python: every refused field is named as Python names it."""
 
 import re
+from pathlib import Path
 from typing import Any, get_args
 
 import can
@@ -35,9 +36,9 @@ from sim_bridge.toml_file import shipped_names
         ),
         (
             CarSettings,
-            {"scenario": 4},
-            "CarSettings.scenario: expected 'double_lane_change', 'lane_change_60', "
-            "'lane_change_120' or 'straight', or a text, found 4.",
+            {"car": 4},
+            "CarSettings.car: expected 'c_class_150kw_awd', 'c_class_125kw_fwd', "
+            "'c_class_150kw_bev' or 'commonroad_vehicle_2', or a text, found 4.",
         ),
         (
             ControllerConfig,
@@ -81,3 +82,9 @@ def test_the_choices_in_the_help_are_what_is_shipped() -> None:
     assert set(get_args(ShippedCar)) == set(shipped_names("cars"))
     assert get_args(CommonInterface) == transport.COMMON
     assert set(transport.COMMON) <= {*can.VALID_INTERFACES, "remote"}
+
+
+@pytest.mark.parametrize("name", ["road.xodr", "road.xodr#5,-7", "traffic.xml", "drive.toml"])
+def test_scenario_files_of_all_kinds_are_accepted(tmp_path: Path, name: str) -> None:
+    (tmp_path / name.partition("#")[0]).touch()
+    assert CarSettings(scenario=str(tmp_path / name)).scenario.endswith(name)

@@ -5,7 +5,7 @@ import math
 import pytest
 from scripted_vehicle import CRUISING, ENGAGED, VALID_NS, Rig, build_rig, mode_and_cause
 
-from rt_controller.bus.catalogue import CONTROLLER_IDENTITY, STATE
+from rt_controller.bus.catalogue import CONTROLLER_IDENTITY, STATE, Fault
 from rt_controller.contract.signals import Mode, PathReference
 from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_NS
 from rt_controller.control.mpc import Mpc
@@ -70,6 +70,9 @@ def test_a_state_marked_invalid_counts_as_missing(rig: Rig) -> None:
     rig.tick(3)
     rig.vehicle.is_valid = False
     assert rig.tick(3).mode is Mode.SAFE_STOP
+    assert rig.heartbeat.faults == Fault.STATE_STALE | Fault.STATE_INVALID
+    assert rig.step.result.cause is StopCause.STATE_INVALID
+    assert rig.inbox.explain_out_of_range(STATE) == "STATE_A: Valid: expected 1, found 0"
 
 
 def test_a_path_is_valid_for_three_periods(rig: Rig) -> None:
@@ -103,7 +106,7 @@ def test_a_failed_solve_holds_the_plan_and_then_stops(
 def test_a_path_with_nan_stops_the_car(rig: Rig) -> None:
     rig.tick(3)
     rig.vehicle.path = PathReference(math.nan, 0.0, 0.0, 0.0, 20.0, 0.0)
-    assert rig.tick(6).mode is Mode.SAFE_STOP
+    assert mode_and_cause(rig.tick(6)) == (Mode.SAFE_STOP, StopCause.REFERENCE_INVALID)
 
 
 def test_the_end_of_a_mission_releases_the_pedals(rig: Rig) -> None:

@@ -42,6 +42,7 @@ def a_batch() -> Batch:
         torch.randn(K, BATCH, 3),
         torch.randn(K, BATCH, 1),
         torch.randn(K, BATCH, 6),
+        torch.ones(1, BATCH, 1),
     )
 
 

@@ -11,6 +11,7 @@ from rt_controller.report.canvas import empty_figure
 from rt_controller.report.page import (
     Bullets,
     Details,
+    Links,
     Page,
     Plot,
     Section,
@@ -72,6 +73,17 @@ def test_page_shows_all_parts_and_escapes_their_texts():
                  '<td><span class="bad">1.2</span><br><small>1–3</small></td>',
                  "note &lt;n&gt;", "<li>second</li>"):  # fmt: skip
         assert text in html
+
+
+def test_a_link_leads_to_its_section_and_short_texts_are_marked():
+    columns = (Column("line", is_text=True), Column("unit", is_text=True, width="short"))
+    table = Table("", columns, (("roll", "deg/g"),))
+    links = Links("Missed:", (("roll", "2 · Steady-state"),))
+    html = render_page(Page("Page", (Section("2 · Steady-state", (table,)),), (links,)))
+    assert 'Missed: <a href="#2-steady-state">roll</a>' in html
+    assert '<section id="2-steady-state">' in html
+    assert '<td class="text short">deg/g</td>' in html
+    assert "<script" not in html
 
 
 def test_same_content_gives_the_same_page():

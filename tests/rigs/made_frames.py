@@ -7,7 +7,13 @@ import can
 from rt_controller.bus.catalogue import Fault, Heartbeat, Mission, StateSample
 from rt_controller.bus.codec import Frame, FrameCodec
 from rt_controller.bus.message import Message
-from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
+from rt_controller.contract.signals import (
+    ControlInput,
+    CurvaturePreview,
+    Mode,
+    PathReference,
+    VehicleState,
+)
 
 T = TypeVar("T")
 
@@ -15,6 +21,7 @@ SAMPLE = StateSample(
     VehicleState(20.0, 0.5, -0.1, 0.5, 0.25, 0.01), 0.001, 25_000_000, 6, is_watchdog_braking=False
 )
 PATH = PathReference(1.0, 0.02, 0.001, 2e-5, 22.0, 0.5)
+BEND = CurvaturePreview(3.0, 0.001, 0.002, 0.003, 0.004, 0.005)
 CONTROL = ControlInput(0.5, 0.0, 0.0)
 ENGAGED = Mission(True, False, 4, 300_000_000)
 HOLDING = Heartbeat(Mode.HOLD_PLAN, Fault.SOLVER_FAILED, 500_000, 1_000_000, 30)

@@ -6,11 +6,13 @@ from dataclasses import dataclass, field
 from itertools import count
 
 import can
+from rolling_car import ASSUMED
 
 from rt_controller.bus.catalogue import (
     COMMAND,
     HEARTBEAT,
     MISSION,
+    PREVIEW,
     REFERENCE,
     STATE,
     Command,
@@ -22,7 +24,8 @@ from rt_controller.bus.inbox import Inbox, Received
 from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import Outbox
 from rt_controller.bus.transport import open_bus
-from rt_controller.contract.signals import Mode, PathReference, VehicleState
+from rt_controller.contract.signals import CurvaturePreview, Mode, PathReference, VehicleState
+from rt_controller.control.low_speed.law import LowSpeedLaw
 from rt_controller.control.mpc import Mpc
 from rt_controller.realtime.clock import LockstepClock
 from rt_controller.safety.modes import StopCause
@@ -54,6 +57,8 @@ class Vehicle:
     state: VehicleState | None = CRUISING
     is_valid: bool = True
     path: PathReference | None = STRAIGHT
+    preview: CurvaturePreview | None = None
+    """None: not sent"""
     mission: Mission | None = ENGAGED
     is_watchdog_braking: bool = False
     stamped_late_ns: int = 0
@@ -70,6 +75,8 @@ class Vehicle:
             self.outbox.send(STATE, sample, now_ns, is_valid=self.is_valid)
         if self.path is not None:
             self.outbox.send(REFERENCE, self.path, now_ns)
+        if self.preview is not None:
+            self.outbox.send(PREVIEW, self.preview, now_ns)
         if self.mission is not None:
             self.outbox.send(MISSION, self.mission, now_ns)
         self.after_sending(now_ns)
@@ -123,6 +130,7 @@ def build_rig(mpc: Mpc) -> Iterator[Rig]:
             inbox=inbox,
             outbox=Outbox(bus, Node.CONTROLLER),
             mpc=mpc,
+            low_speed=LowSpeedLaw(ASSUMED),
             clock=clock,
             model_hash=7,
         )

@@ -18,11 +18,18 @@ from rt_controller.safety.modes import (
 )
 
 ALL = list(itertools.product(Mode, Event))
-DRIVING = [Mode.NOMINAL, Mode.HOLD_PLAN]
+DRIVING = [Mode.NOMINAL, Mode.LOW_SPEED, Mode.STANDSTILL, Mode.HOLD_PLAN]
+LAWS = [
+    (Event.PLANNED, Mode.NOMINAL),
+    (Event.LOW_SPEED, Mode.LOW_SPEED),
+    (Event.STANDSTILL, Mode.STANDSTILL),
+]
 ALL_WELL = TickFacts(
     bus_fault=StopCause.NONE,
     has_state=True,
     has_path=True,
+    has_invalid_state=False,
+    has_invalid_path=False,
     has_mission=True,
     is_engaged=True,
     is_reset_requested=False,
@@ -30,6 +37,7 @@ ALL_WELL = TickFacts(
     is_vehicle_braking=False,
     is_standing=False,
     periods_held=0,
+    law=Mode.NOMINAL,
     has_input=True,
 )
 HELD = ALL_WELL._replace(periods_held=1)
@@ -55,6 +63,14 @@ def test_only_an_explicit_reset_leaves_safe_stop(event: Event) -> None:
 def test_only_a_new_plan_leads_to_nominal(mode: Mode, event: Event) -> None:
     if mode is not Mode.NOMINAL:
         assert next_mode(mode, event) is not Mode.NOMINAL
+
+
+@pytest.mark.parametrize(("event", "law"), LAWS)
+@pytest.mark.parametrize("mode", [*DRIVING, Mode.STANDBY])
+def test_the_mode_follows_the_law_that_made_the_input(mode: Mode, event: Event, law: Mode) -> None:
+    assert next_mode(mode, event) is law
+    assert classify(ALL_WELL._replace(law=law), mode) == (event, StopCause.NONE)
+    assert law.drives
 
 
 @pytest.mark.parametrize("mode", DRIVING)
@@ -98,6 +114,14 @@ def test_a_stop_request_and_a_braking_vehicle_are_faults_except_in_standby(
         (HELD, Event.HOLDING, StopCause.SOLVER_FAILED),
         (HELD._replace(has_path=False), Event.HOLDING, StopCause.REFERENCE_LOST),
         (HELD._replace(has_state=False), Event.HOLDING, StopCause.STATE_LOST),
+        (
+            HELD._replace(has_path=False, has_invalid_path=True),
+            *(Event.HOLDING, StopCause.REFERENCE_INVALID),
+        ),
+        (
+            HELD._replace(has_state=False, has_invalid_state=True),
+            *(Event.HOLDING, StopCause.STATE_INVALID),
+        ),
         (HELD._replace(has_input=False), Event.PLAN_LOST, StopCause.SOLVER_FAILED),
         (
             HELD._replace(periods_held=HOLD_PLAN_TICKS + 1),

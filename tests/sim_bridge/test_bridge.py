@@ -7,6 +7,7 @@ from itertools import count
 from typing import Any
 
 import can
+import numpy as np
 import pytest
 from recorded_frames import RecordedFrames
 
@@ -29,7 +30,7 @@ from rt_controller.bus.transport import open_bus
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
-from sim_bridge.bridge import END_TICKS, STANDING_MPS, Bridge
+from sim_bridge.bridge import AT_REST_MPS, END_TICKS, Bridge
 from sim_bridge.scenario import load_scenario
 from sim_bridge.session import build_car
 from sim_bridge.watchdog import BRAKE_N
@@ -128,12 +129,31 @@ def test_silence_after_a_stopped_car_is_the_end_of_a_drive_and_not_after_a_crash
     stop = ControlInput(0.0, 100.0, 0.0)
     sample = rig.tick()
     rig.tick(stop, Mode.SAFE_STOP)
-    while not is_crash and sample.state.vx_mps > STANDING_MPS:
+    while not is_crash and sample.state.vx_mps > AT_REST_MPS:
         sample = rig.tick(stop, Mode.SAFE_STOP)
     while not rig.bridge.is_over:
         rig.tick(control=None)
     assert rig.bridge.summary().watchdog_braked
     assert rig.bridge.summary().controller_ended is not is_crash
+
+
+def test_a_car_that_is_driven_slowly_has_left_its_start(rig: Rig) -> None:
+    rig.tick(CRUISE, Mode.LOW_SPEED)
+    assert not rig.bridge.is_waiting
+
+
+def test_a_car_beyond_the_speeds_of_the_bus_is_a_failed_plant(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig.tick()
+    runaway = np.array(((650.0, 0.0, 0.0),))
+    monkeypatch.setattr(rig.bridge._car.plant, "step", lambda control, dt_s: runaway)
+    for _ in range(3):
+        rig.tick()
+    assert rig.bridge.has_failed
+    failure = rig.bridge.summary().plant_failure
+    assert failure is not None
+    assert "expected a finite motion of at most 100 m/s, found 650 m/s" in failure
 
 
 def test_a_second_vehicle_is_recognised_before_anything_is_sent(rig: Rig) -> None:
@@ -177,7 +197,7 @@ def test_a_safe_stop_that_outlasts_the_scenario_brings_the_car_to_rest(rig: Rig)
             assert rig.newest(FEEDBACK).brake_n == braking.brake_n
     assert rig.bridge.is_over
     assert rig.bridge.driven_ticks > ticks + END_TICKS
-    assert rig.bridge.summary().final_speed_mps < STANDING_MPS
+    assert rig.bridge.summary().final_speed_mps < AT_REST_MPS
 
 
 def test_the_end_of_the_mission_is_sent_before_the_bridge_leaves(rig: Rig) -> None:

@@ -84,9 +84,10 @@ def test_poses_advanced_by_periods_equal_poses_integrated_at_once() -> None:
     motion = wandering_motion(seed=4, n_steps=250)
     poses = frenet.integrate_poses(motion, -0.002, 0.3, 0.02, STEPS, STEP_S)
     pose = np.array((0.0, 0.3, 0.02))
+    circle = frenet.constant_curvature(-0.002)
     for k in range(10):
         piece = motion[k * STEPS : (k + 1) * STEPS + 1]
-        frenet.advance_pose(piece[0], piece[1:], -0.002, STEP_S, pose)
+        frenet.advance_along(piece[0], piece[1:], circle, STEP_S, pose)
         np.testing.assert_array_equal(pose, poses[k + 1])
 
 

@@ -6,7 +6,8 @@ import pytest
 
 from rt_controller.contract.errors import ConfigError, MissingExtraError
 from sim_bridge import units
-from sim_bridge.units import find_unit, near_units, require_unit, unit_of_exponents
+from sim_bridge.plant.protocol import RoadAt
+from sim_bridge.units import find_unit, near_units, require_unit, unit_of_exponents, unit_of_name
 
 
 @pytest.mark.parametrize(
@@ -54,6 +55,23 @@ def test_other_spellings_are_accepted(spelling, plain):
 def test_upper_and_lower_case_differ_where_case_changes_the_factor():
     assert find_unit("MPa").factor == 1e6
     assert find_unit("mPa") is None
+
+
+def test_every_dimension_of_a_road_is_read_from_its_name():
+    units = {name: unit_of_name(name) for name in RoadAt._fields}
+    assert units == {
+        "curvature_per_m": "1/m",
+        "curvature_change_per_m2": "1/m^2",
+        "friction_left": None,
+        "friction_right": None,
+        "bank_rad": "rad",
+        "grade_rad": "rad",
+        "wind_forward_mps": "m/s",
+        "wind_left_mps": "m/s",
+    }
+    assert find_unit("1/m2") == find_unit("1/m^2") == unit_of_exponents(0, -2, 0, 0, 1.0)
+    assert find_unit("1/m^2").quantity == "change of curvature"
+    assert unit_of_exponents(0, -1, 0, 0, 1e-3) == find_unit("1/km")
 
 
 def test_an_unknown_unit_is_refused_with_similar_spellings():

@@ -29,6 +29,7 @@ def to_bundle(name: str, model: LiftedModel, dataset: Dataset, sample: LiftSampl
     return Bundle(
         name=name,
         schema=dataset.schema,
+        geometry=dataset.geometry,
         **scaling.to_physical(model.matrices)._asdict(),
         lift=lift,
         encoder_onnx=_encoder(dictionary, lift, psi.shape[1]),

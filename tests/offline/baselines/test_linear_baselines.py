@@ -1,6 +1,7 @@
 """Linear models: for all roads, for each road, and trained on the whole horizon."""
 
 import json
+from dataclasses import replace
 
 import made_drives
 import numpy as np
@@ -16,6 +17,7 @@ from offline.baselines.catalogue.lti_per_curvature import LinearPerCurvature, fi
 from offline.baselines.linear_model import LinearModel, fit_one_step, to_bundle
 from offline.baselines.score import log_error
 from offline.config import PAST_STEPS
+from offline.data.generate import steering_geometry
 from offline.data.signals import past_names
 from offline.model.bundle_export import choose_selftest
 from offline.model.bundle_predictor import BundlePredictor
@@ -84,6 +86,13 @@ def test_a_linear_bundle_has_its_kind_and_data_set(toy_dataset):
     bundle = to_bundle("lti", fit_linear(toy_dataset), toy_dataset, sample_of(toy_dataset))
     training = json.loads(bundle.training)
     assert bundle.name == "lti"
+    assert bundle.geometry is toy_dataset.geometry is None
+    known = replace(
+        toy_dataset, manifest=replace(toy_dataset.manifest, geometry=steering_geometry())
+    )
+    assert (
+        to_bundle("lti", fit_linear(known), known, sample_of(known)).geometry == steering_geometry()
+    )
     assert bundle.data_sha256 == toy_dataset.sha256
     assert (training["kind"], training["episodes"], training["data_seed"]) == ("lti", 40, 3)
 

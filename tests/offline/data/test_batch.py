@@ -37,6 +37,7 @@ def test_arrays_are_time_first_and_in_single_precision(toy_dataset, starts, scal
         (STEPS, 2, 3),
         (STEPS, 2, 1),
         (HISTORY + STEPS, 2, 6),
+        (1, 2, 1),
     ]
     assert all(series.dtype == torch.float32 for series in batch)
     assert batch.steps == STEPS

@@ -18,11 +18,13 @@ from offline.data.dataset import (
     split_episodes,
 )
 from offline.data.excitation import Recipe
+from offline.data.generate import steering_geometry
 from offline.data.manifest import Imported, Simulated, SourceFile, read_manifest
 from offline.data.recording import cut
 from offline.data.signals import VEHICLE_ROLES
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY
 
 
 def save_again(folder, dataset, **changes):
@@ -77,6 +79,15 @@ def test_the_manifest_of_imported_logs_contains_their_names_and_the_mapping(toy_
     origin = Imported(logs, mapping='[states]\nspeed = "v"\n', episodes=40, seed=3)
     save_again(tmp_path, toy_dataset, origin=origin)
     assert load_dataset(tmp_path).origin == origin
+
+
+def test_the_geometry_of_the_car_is_kept_and_may_be_missing(toy_dataset, tmp_path):
+    assert toy_dataset.geometry is None
+    save_again(tmp_path, toy_dataset, geometry=steering_geometry())
+    loaded = load_dataset(tmp_path)
+    assert loaded.geometry == steering_geometry()
+    assert steering_geometry() == DEFAULT_GEOMETRY
+    assert loaded.sha256 == toy_dataset.sha256
 
 
 def test_no_episode_is_in_two_parts(toy_dataset):

@@ -16,7 +16,9 @@ from offline.data.sampling import (
     MirroringSource,
     SliceSource,
     WindowSource,
+    frequencies,
     open_source,
+    rarity,
     scale,
 )
 from offline.data.signals import VEHICLE_ROLES, mirror_signs
@@ -95,6 +97,57 @@ def test_a_drawn_window_equals_the_cut_at_its_start(toy_dataset, scaling, cuts):
     batch = WindowSource(toy_dataset, scaling, HISTORY).draw(7, rng())
     windows = cut(toy_dataset.recording, cuts[0], VEHICLE, VEHICLE_ROLES)
     assert equal(batch, scale(windows, scaling, VEHICLE, VEHICLE_ROLES, HISTORY))
+
+
+def with_a_slide(dataset: Dataset) -> tuple[Dataset, int]:
+    """The data with one row of extreme lateral velocity in the first training episode."""
+    row = int(dataset.recording.first[dataset.episodes("train")[0]]) + 150
+    x = dataset.recording.x.copy()
+    x[row, 1] = 50.0 * np.abs(x[:, 1]).max()
+    return replace(dataset, recording=dataset.recording._replace(x=x)), row
+
+
+def test_windows_around_rare_motion_are_drawn_more_often(toy_dataset, scaling, cuts):
+    data, row = with_a_slide(toy_dataset)
+    for share in (0.0, 0.5):
+        WindowSource(data, scaling, HISTORY, share).draw(4000, rng())
+    alike, preferred = ((each.row <= row) & (row <= each.row + STEPS) for each in cuts)
+    possible = len(possible_starts(data.recording, data.episodes("train"), HISTORY))
+    assert alike.mean() == pytest.approx((STEPS + 1) / possible, abs=0.01)
+    assert 0.3 < preferred.mean() < 0.55
+
+
+def test_rarity_is_that_of_the_window_ahead_and_of_no_other(toy_dataset, scaling):
+    data, row = with_a_slide(toy_dataset)
+    found, before = rarity(data, scaling), rarity(toy_dataset, scaling)
+    assert set(np.flatnonzero(found != before)) == set(range(row - STEPS, row + 1))
+
+
+def test_weighted_means_over_the_draws_are_means_over_all_windows(toy_dataset, scaling):
+    data, _ = with_a_slide(toy_dataset)
+    possible = possible_starts(data.recording, data.episodes("train"), HISTORY)
+    vx = (data.recording.x[possible, 0] - scaling.x_centre[0]) / scaling.x_scale[0]
+    truth = vx.mean()
+    batch = WindowSource(data, scaling, HISTORY, 0.5).draw(20_000, rng())
+    drawn, weight = batch.x[0, :, 0].numpy(), batch.weight[0, :, 0].numpy()
+    assert weight.mean() == pytest.approx(1.0, abs=0.02)
+    assert (drawn * weight).mean() == pytest.approx(truth, abs=0.04)
+    assert abs(drawn.mean() - truth) > 0.1
+    assert weight.max() <= 2.0 + 1e-6
+
+
+def test_frequencies_have_mean_one_and_are_equal_without_a_share():
+    rare = np.array([1.0, 1.0, 2.0, 8.0])
+    assert frequencies(rare, 0.5).mean() == pytest.approx(1.0)
+    np.testing.assert_allclose(frequencies(rare, 0.0), 1.0)
+    found = frequencies(rare, 0.3)
+    np.testing.assert_allclose((found - 0.7) / (found[0] - 0.7), [1.0, 1.0, 4.0, 64.0])
+
+
+def test_the_paper_s_objective_draws_all_windows_alike(toy_dataset, scaling):
+    config = a_config("all", mirror=False).model_copy(update={"objective": "paper"})
+    batch = open_source(config, toy_dataset, scaling).draw(50, rng())
+    assert torch.equal(batch.weight, torch.ones(1, 50, 1))
 
 
 def test_roads_have_a_curvature_of_the_library_and_errors_of_the_whole_range(
@@ -197,7 +250,8 @@ def test_half_of_the_trajectories_are_mirrored_each_as_a_whole(toy_dataset, scal
             VEHICLE_ROLES.past,
         )
     ]
-    in_mirror = Batch(*(series * each for series, each in zip(plain, signs, strict=True)))
+    series = (each * sign for each, sign in zip(plain[:-1], signs, strict=True))
+    in_mirror = Batch(*series, plain.weight)
     kinds = [
         (equal(one, original), equal(one, turned))
         for one, original, turned in zip(

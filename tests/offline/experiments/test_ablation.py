@@ -23,8 +23,8 @@ PRODUCTS = (7 * 8 // 2) * 3
 """of every two of the six states and the curvature, for each latent"""
 LINEAR = ENCODER + PRODUCTS + 9 * 10 + 9 * 4
 """with A and B, without the row of the constant"""
-BILINEAR = 8 * 9 * 3 + 8 * 3 * 10
-"""N and S of rank 8"""
+BILINEAR = 10 * 9 * 3 + 10 * 3 * 10
+"""N and S of rank 10"""
 
 
 @pytest.fixture(scope="session")
@@ -61,7 +61,7 @@ def test_table_has_every_training_and_the_pooled_seeds(undisturbed, toy_dataset)
         for training in variant["trainings"]:
             assert training["ending"] == "finished"
             assert training["training_cpu_s"] > 0
-            assert training["spectral_radius"] <= 1.0005
+            assert training["spectral_radius"] <= 1.05
     assert [v["n_parameters"] for v in figures["variants"]] == [LINEAR + BILINEAR, LINEAR]
     text = (undisturbed / "table.md").read_text()
     assert "| without-bilinear | `bilinear_rank = 0` |" in text

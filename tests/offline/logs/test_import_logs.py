@@ -57,6 +57,15 @@ def test_the_data_set_records_its_logs_and_its_mapping(place):
     assert origin.mapping == MAPPING
 
 
+def test_the_car_of_the_mapping_goes_into_the_data_set(place):
+    run_import(place, "--data", place / "unknown")
+    assert load_dataset(place / "unknown").geometry is None
+    car = "[car]\nwheelbase_m = 3.2\nrear_axle_m = 1.5\nsteering_ratio = 16.0\n"
+    (place / "map.toml").write_text(MAPPING + car)
+    run_import(place, "--data", place / "known")
+    assert load_dataset(place / "known").geometry == (3.2, 1.5, 16.0)
+
+
 def test_the_same_logs_give_the_same_numbers(place):
     run_import(place, "--data", place / "one")
     run_import(place, "--data", place / "two")

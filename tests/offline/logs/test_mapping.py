@@ -39,6 +39,10 @@ def test_all_wrong_fields_are_named_at_once(parse):
     [
         ("[spilt]\nseed = 1\n", "spilt: no such setting"),
         ("[split]\nseed = -1\n", "split.seed: .*found -1"),
+        (
+            "[car]\nwheelbase_m = 2910.0\nrear_axle_m = 1.8\nsteering_ratio = 18.5\n",
+            "car.wheelbase_m: .*at most 10.*found 2910",
+        ),
         ('[csv]\ndelimiter = "::"\n', "csv.delimiter: .*found '::'"),
         ("[inputs.more]\nunit = 'N'\n", "inputs.more.column: expected a value, found none"),
         ("[inputs.more]\ncolumn = 'x'\nkeep = [9, 3]\n", r"keep: expected \[low, high\], found"),

@@ -52,6 +52,7 @@ def a_batch() -> Batch:
         torch.randn(K, BATCH, 3),
         torch.randn(K, BATCH, 1),
         torch.randn(HISTORY + K, BATCH, 6),
+        torch.ones(1, BATCH, 1),
     )
 
 
@@ -109,6 +110,15 @@ def test_the_horizon_loss_is_the_mean_log_of_the_mean_squared_errors(changes):
     expected = torch.stack(transcribed_errors(model, batch))
     assert torch.allclose(state_errors(model, batch), expected)
     assert found.states.item() == pytest.approx(expected.mean().item())
+
+
+def test_a_trajectory_of_weight_two_counts_twice():
+    model, batch = a_model(a_config()), a_batch()
+    once = [state_errors(model, Batch(*(series[:, [b]] for series in batch))) for b in range(BATCH)]
+    weight = torch.ones(1, BATCH, 1)
+    weight[0, 0, 0] = 2.0
+    expected = (torch.stack(once).sum(dim=0) + once[0]) / BATCH
+    assert torch.allclose(state_errors(model, batch._replace(weight=weight)), expected)
 
 
 @pytest.mark.parametrize("changes", ALONG)

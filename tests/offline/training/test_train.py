@@ -212,6 +212,23 @@ def test_the_preset_paper_literal_trains(tiny_config, toy_dataset, new_run):
     assert result.best_validation_loss < history(run)[0]["validation"]["total"]
 
 
+def test_denormal_numbers_are_zero_during_a_training_and_not_after_it(
+    tiny_recommended, toy_dataset, new_run
+):
+    seen = []
+
+    def halve_the_smallest_normal(state):
+        seen.append((torch.tensor(torch.finfo(torch.float32).tiny) * 0.5).item())
+
+    config = tiny_recommended.model_copy(update={"steps": 1})
+    train(config, toy_dataset, new_run(config), on_progress=halve_the_smallest_normal)
+    assert seen == [0.0]
+    assert (torch.tensor(torch.finfo(torch.float32).tiny) * 0.5).item() > 0.0
+
+
+PROJECTED = {"stability": "projection", "weight_stability": 0.0}
+
+
 def radii(config, dataset, run) -> list[float]:
     train(config, dataset, run)
     return [line["spectral_radius"] for line in history(run)]
@@ -221,7 +238,7 @@ def test_projection_keeps_the_spectral_radius_at_one_where_it_would_exceed_it(
     tiny_recommended, toy_dataset, new_run
 ):
     """The evaluated steps are projected."""
-    projected = tiny_recommended.model_copy(update={"steps": 31, "evaluate_every": 10})
+    projected = tiny_recommended.model_copy(update=PROJECTED | {"steps": 31, "evaluate_every": 10})
     free = projected.model_copy(update={"stability": "gelfand"})
     run = new_run(projected)
     assert max(radii(projected, toy_dataset, run)) <= 1.0 + 1e-5
@@ -235,7 +252,7 @@ def test_projection_limits_the_spectral_radius_at_a_high_learning_rate(
 ):
     """Single precision separates eigenvalues that were moved to 1."""
     wild = {"learning_rate": 0.05, "operator_rate": 1.0, "steps": 31, "evaluate_every": 10}
-    projected = tiny_recommended.model_copy(update=wild)
+    projected = tiny_recommended.model_copy(update=PROJECTED | wild)
     free = projected.model_copy(update={"stability": "gelfand"})
     assert max(radii(projected, toy_dataset, new_run(projected))) <= 1.0 + 1e-3
     assert max(radii(free, toy_dataset, new_run(free))) > 1.0 + 1e-2

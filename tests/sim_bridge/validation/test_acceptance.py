@@ -4,8 +4,17 @@ from math import nan
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
-from sim_bridge.validation.acceptance import TESTS, Line, LineResult, check_line, has_failed
+from sim_bridge.validation.acceptance import (
+    TESTS,
+    AcceptanceTest,
+    Line,
+    LineResult,
+    check_line,
+    count_sentence,
+    has_failed,
+)
 
 
 def result(reached: float, **line: Any) -> LineResult:
@@ -51,6 +60,15 @@ def test_a_target_for_another_car_is_not_judged() -> None:
     assert result(0.0, **NEAR, car="this car").ok is False
 
 
+def test_a_line_that_tyre_files_need_not_meet_is_reported_for_them() -> None:
+    line = Line(
+        name="a line", unit="s", is_judged_with_tyre_file=False, target=0.1, bound="at most"
+    )
+    assert check_line(11, line, 0.2, "this car").ok is False
+    result = check_line(11, line, 0.2, "this car", has_tyre_file=True)
+    assert (result.ok, result.is_within) == (None, False)
+
+
 def test_a_target_can_be_the_value_of_the_reference_model() -> None:
     line = Line(name="yaw rate", target="reference", share=0.1)
     assert check_line(4, line, 5.4, "this car", reference=5.0).ok is True
@@ -70,6 +88,33 @@ def test_a_result_has_the_bounds_of_its_target() -> None:
     assert (two_sided.low, two_sided.high, two_sided.tolerance) == (8.0, 9.0, "±0.5 s")
     one_sided = result(1.0, target=5.0, bound="at most")
     assert (one_sided.low, one_sided.high) == (None, 5.0)
+
+
+def test_a_line_takes_the_source_of_its_test_unless_it_has_one() -> None:
+    own = Line(name="a line", source="a paper", **NEAR)
+    assert check_line(1, own, 8.5, "this car", test_source="a book").source == "a paper"
+    none = Line(name="a line", **NEAR)
+    assert check_line(1, none, 8.5, "this car", test_source="a book").source == "a book"
+    assert check_line(1, Line(name="a line"), 8.5, "this car", test_source="a book").source is None
+
+
+def test_a_target_without_a_source_is_refused_by_the_name_of_its_line() -> None:
+    lines = ({"name": "yaw rate", "target": 3.0, "share": 0.1}, {"name": "roll"})
+    with pytest.raises(ValidationError, match="yaw rate"):
+        AcceptanceTest.model_validate({"title": "A test", "text": "", "lines": lines})
+
+
+def test_a_miss_that_is_not_judged_is_counted() -> None:
+    """Of another car's target it is not known whether it should be met."""
+    missed = result(5.0, **NEAR, is_judged=False)
+    other = result(5.0, **NEAR, car="another car")
+    fitted = result(8.5, **NEAR, fitted=True)
+    free = result(5.0, **NEAR)
+    assert (missed.ok, missed.is_within, other.is_within) == (None, False, None)
+    assert count_sentence([missed, other, fitted, free, result(1.0)]) == (
+        "1 of 2 judged lines pass. 1 of 2 judged lines were not fitted; 0 of these pass. 3 lines "
+        "are reported only; 1 of these miss a target"
+    )
 
 
 def test_every_target_of_the_table_has_one_tolerance() -> None:

@@ -96,12 +96,21 @@ def test_a_lag_has_its_known_gain_and_phase_at_every_frequency() -> None:
     assert found.phase_deg[-1] < -180.0
 
 
-def test_a_line_has_no_jump_and_a_wrong_point_has_its_deviation() -> None:
-    x = np.array([0.0, 1.0, 3.0, 4.0, 6.0])
-    steep = 100.0 * x
-    assert largest_jump(x, steep) == pytest.approx(0.0, abs=1e-9)
-    steep[2] += 7.0
-    assert largest_jump(x, steep) == pytest.approx(7.0)
+def test_a_smooth_curve_has_no_jump_and_a_wrong_point_has_its_deviation() -> None:
+    x = np.arange(9.0)
+    bent = 100.0 * x - 30.0 * x**2 + x**3
+    assert largest_jump(bent) == pytest.approx(0.0, abs=1e-9)
+    bent[4] += 7.0
+    assert largest_jump(bent) == pytest.approx(7.0)
+    assert isnan(largest_jump(bent[:4]))
+
+
+def test_signals_that_are_not_finite_have_no_component_slope_or_step_response() -> None:
+    unknown = np.full_like(TIME_S, np.nan)
+    assert isnan(abs(sine_in(TIME_S, unknown, 1.0)))
+    assert isnan(slope(TIME_S, unknown, TIME_S > 0.0))
+    for y in (unknown, 0.0 * TIME_S):
+        assert isnan(step_response(TIME_S, y, 1.0).overshoot)
 
 
 def test_the_mean_of_a_constant_deceleration_ignores_the_time_before() -> None:

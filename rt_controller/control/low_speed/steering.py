@@ -1,0 +1,65 @@
+"""Steering of a slowly rolling car along its path, by the geometry of the single-track model."""
+
+from math import atan, copysign, sqrt, tan
+
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.signals import PathReference, VehicleState
+from rt_controller.contract.steering_geometry import SteeringGeometry
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.low_speed.handover import AT_REST_MPS
+
+DECAY_M = 4.0
+"""arc length in which a lateral deviation decays by a factor e"""
+DAMPING = 1.0
+"""damping ratio of the lateral deviation over arc length"""
+STEER_PER_M = 0.5
+"""largest change of the wheel angle over the distance rolled, rad/m"""
+STEER_RATE_RADPS = 1.0
+"""largest rate of the wheel angle at any speed"""
+APPROACH_SHARE = 0.5
+"""share of the largest curvature that the return from a large deviation may need"""
+
+
+def path_curvature_per_m(
+    state: VehicleState, path: PathReference, curvature_per_m: float, geometry: SteeringGeometry
+) -> float:
+    """Curvature that leads the centre of gravity back to the path and then along it.
+
+    With the deviation e and the course error chi of the centre of gravity over arc length s,
+    e'' + 2 zeta / l e' + e / l^2 = 0 for the decay length l = `DECAY_M`. On a bend the centre of
+    gravity moves at the angle rear_axle_m * curvature to the car's heading, so this is part of the
+    wanted heading; the feedback of the heading acts through it on itself, hence the denominator.
+    The course towards the path is at most sqrt(kappa |e|): from a larger one the car could not turn
+    onto the path with the curvature kappa without crossing it.
+    """
+    wanted_per_m = curvature_per_m + 2.0 * path.c2_per_m
+    deviation_m = state.ey_m - path.c0_m
+    course_rad = state.epsi_rad + geometry.rear_axle_m * wanted_per_m - atan(path.c1)
+    per_m = 2.0 * DAMPING / DECAY_M
+    steepest = sqrt(APPROACH_SHARE * largest_curvature_per_m(geometry) * abs(deviation_m))
+    approach_rad = min(abs(deviation_m) / (per_m * DECAY_M**2), steepest)
+    feedback = per_m * (course_rad + copysign(approach_rad, deviation_m))
+    return wanted_per_m - feedback / (1.0 + per_m * geometry.rear_axle_m)
+
+
+def wheel_angle_rad(curvature_per_m: float, geometry: SteeringGeometry) -> float:
+    """Angle of the steering wheel for a curvature, without sideslip of the tyres, in its bounds."""
+    wheel_rad = geometry.steering_ratio * atan(geometry.wheelbase_m * curvature_per_m)
+    return min(max(wheel_rad, INPUT_LIMITS.lower.steer_rad), INPUT_LIMITS.upper.steer_rad)
+
+
+def largest_curvature_per_m(geometry: SteeringGeometry) -> float:
+    """Curvature at the bound of the wheel angle."""
+    return tan(INPUT_LIMITS.upper.steer_rad / geometry.steering_ratio) / geometry.wheelbase_m
+
+
+def roll_towards(wanted_rad: float, previous_rad: float, vx_mps: float) -> float:
+    """The wheel angle of the next period: `wanted_rad` as far as the rolled distance allows.
+
+    The wheel of a car that stands or rolls back stays where it is: noise of the speed does not turn
+    it, and backwards the angle for the way forwards would lead away from the path.
+    """
+    if vx_mps < AT_REST_MPS:
+        return previous_rad
+    change_rad = min(STEER_PER_M * vx_mps, STEER_RATE_RADPS) * PERIOD_S
+    return previous_rad + min(max(wanted_rad - previous_rad, -change_rad), change_rad)

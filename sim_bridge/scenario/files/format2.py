@@ -1,0 +1,218 @@
+"""Scenario files of format 2: a road, a wanted speed and path, and how the drive is judged."""
+
+from math import inf, radians
+from operator import attrgetter
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, Field, field_validator, model_validator
+
+from rt_controller.contract.signals import VehicleState
+from rt_controller.contract.timing import PERIOD_MS, PERIOD_S
+from sim_bridge.plant.payload import Payload
+from sim_bridge.scenario.faults import (
+    DELAYS,
+    DISTORTIONS,
+    LEAST_TICKS,
+    Fault,
+    FaultKind,
+    ticks_between,
+)
+from sim_bridge.scenario.files.fields import (
+    FileTable,
+    NotNegative,
+    Number,
+    Positive,
+    TimeValue,
+    require_within,
+    table_of,
+)
+from sim_bridge.scenario.files.lateral_fields import LateralValue, wanted_lateral
+from sim_bridge.scenario.files.road_fields import RoadFields
+from sim_bridge.scenario.files.speed_fields import SpeedValue, StopFields, wanted_speed
+from sim_bridge.scenario.lanes import Body
+from sim_bridge.scenario.limits import (
+    FASTEST_KMH,
+    KMH_PER_MPS,
+    LARGEST_START_EPSI_DEG,
+    LARGEST_START_EY_M,
+    LONGEST_DELAY_S,
+    LONGEST_S,
+    STRONGEST_WIND_MPS,
+)
+from sim_bridge.scenario.metrics import HIGHER_IS_BETTER, Limit, Metrics
+from sim_bridge.scenario.scenario import Scenario, Start
+
+
+class InitialFields(FileTable):
+    """`[initial]`: the car when the drive begins."""
+
+    speed_kmh: Annotated[Number, Field(ge=0.0, le=FASTEST_KMH)] | None = None
+    """None: the wanted speed"""
+    s_m: NotNegative = 0.0
+    ey_m: Annotated[Number, Field(ge=-LARGEST_START_EY_M, le=LARGEST_START_EY_M)] = 0.0
+    epsi_deg: Annotated[Number, Field(ge=-LARGEST_START_EPSI_DEG, le=LARGEST_START_EPSI_DEG)] = 0.0
+
+
+class ReferenceFields(FileTable):
+    """`[reference]`: what the car is asked for."""
+
+    speed_kmh: SpeedValue
+    ey_m: LateralValue = 0.0
+
+
+class BodyFields(FileTable):
+    """`[body]`: outline of the car, for lanes and cones."""
+
+    width_m: Annotated[Number, Field(ge=0.5, le=4.0)] = Body().width_m
+    front_m: Annotated[Number, Field(ge=0.3, le=10.0)] = Body().front_m
+    rear_m: Annotated[Number, Field(ge=0.3, le=10.0)] = Body().rear_m
+
+
+class PayloadFields(FileTable):
+    """`[payload]`: a load in the car."""
+
+    mass_kg: Annotated[Number, Field(ge=0.0, le=1000.0)]
+    ahead_m: Annotated[Number, Field(ge=-2.0, le=2.0)] = Payload().ahead_m
+    height_m: Annotated[Number, Field(ge=0.0, le=3.0)] = Payload().height_m
+
+
+def _known_signal(name: str) -> str:
+    if name not in VehicleState._fields:
+        raise ValueError(f"expected one of {', '.join(VehicleState._fields)}, found {name!r}")
+    return name
+
+
+class FaultFields(FileTable):
+    """`[[faults]]`: what is wrong on the bus."""
+
+    kind: FaultKind
+    start_s: Annotated[Number, Field(ge=0.0, le=LONGEST_S)]
+    duration_s: Annotated[Number, Field(gt=0.0, le=LONGEST_S)]
+    signal: Annotated[str, AfterValidator(_known_signal)] | None = None
+    value: Number | None = None
+    delay_s: Annotated[Number, Field(ge=PERIOD_S, le=LONGEST_DELAY_S)] | None = None
+    seed: Annotated[int, Field(ge=0, strict=True)] = 0
+
+    @model_validator(mode="after")
+    def _require_fields_of_kind(self) -> Self:
+        wants_signal, wants_delay = self.kind in DISTORTIONS, self.kind in DELAYS
+        problems = [
+            f"{name}: expected {'a value' if wanted else 'none'} for {self.kind.value}, found "
+            f"{found if found is not None else 'none'}"
+            for name, wanted, found in (
+                ("signal", wants_signal, self.signal),
+                ("value", wants_signal, self.value),
+                ("delay_s", wants_delay, self.delay_s),
+            )
+            if wanted != (found is not None)
+        ]
+        least = LEAST_TICKS.get(self.kind, 1)
+        found = len(ticks_between(self.start_s, self.duration_s))
+        if found < least:
+            problems.append(
+                f"duration_s: expected at least {least} control periods of {PERIOD_MS:g} ms for "
+                f"{self.kind.value}, found {found} between start_s and its end"
+            )
+        if problems:
+            raise ValueError("\n".join(problems))
+        return self
+
+    @property
+    def fault(self) -> Fault:
+        """The fault."""
+        return Fault(
+            self.kind,
+            ticks_between(self.start_s, self.duration_s),
+            self.signal or "",
+            self.value or 0.0,
+            round((self.delay_s or 0.0) / PERIOD_S),
+            self.seed,
+        )
+
+
+def _known_metric(name: str) -> str:
+    if name not in Metrics._fields:
+        raise ValueError(f"expected one of {', '.join(Metrics._fields)}, found {name!r}")
+    return name
+
+
+def _real_wind(value: TimeValue) -> TimeValue:
+    require_within(table_of(value), -STRONGEST_WIND_MPS, STRONGEST_WIND_MPS, " m/s")
+    return value
+
+
+_MetricName = Annotated[str, AfterValidator(_known_metric)]
+
+
+class Format2(FileTable):
+    """A whole file."""
+
+    format: Literal[2]
+    name: Annotated[str, Field(min_length=1)]
+    duration_s: Annotated[Number, Field(gt=0.0, le=LONGEST_S)]
+    distance_m: Positive | None = None
+    initial: InitialFields = InitialFields()
+    road: RoadFields = RoadFields()
+    reference: ReferenceFields
+    stops: Annotated[tuple[StopFields, ...], Field(max_length=1000)] = ()
+    cross_wind_mps: Annotated[TimeValue, AfterValidator(_real_wind)] = 0.0
+    tail_wind_mps: Annotated[TimeValue, AfterValidator(_real_wind)] = 0.0
+    payload: PayloadFields | None = None
+    body: BodyFields = BodyFields()
+    faults: Annotated[tuple[FaultFields, ...], Field(max_length=100)] = ()
+    metrics: tuple[_MetricName, ...] = ()
+    limits: dict[_MetricName, Number] = Field(default_factory=dict)
+
+    @field_validator("limits")
+    @classmethod
+    def _reachable(cls, limits: dict[str, float]) -> dict[str, float]:
+        problems = [
+            f"{name}: expected at least 0, found {value:g}"
+            for name, value in limits.items()
+            if value < 0.0 and name not in HIGHER_IS_BETTER
+        ]
+        if problems:
+            raise ValueError("\n".join(problems))
+        return limits
+
+    def scenario(self, folder: Path) -> Scenario:
+        """The scenario; `folder` is that of the file.
+
+        Raises:
+            ConfigError: a file that it names cannot be used.
+            ValueError: fields do not fit each other; the message names them.
+        """
+        road = self.road.road(folder)
+        distance_m = inf if self.distance_m is None else self.distance_m
+        start_m = self.initial.s_m
+        end_m = min(road.length_m, start_m + distance_m)
+        fastest_m = start_m + self.duration_s * FASTEST_KMH / KMH_PER_MPS
+        wanted = wanted_speed(self.reference.speed_kmh, road.curvature_per_m, min(end_m, fastest_m))
+        named = (fields.stop._replace(entry=f"stops[{k}]") for k, fields in enumerate(self.stops))
+        stops = tuple(sorted((*wanted.stops, *named), key=attrgetter("at_s_m", "entry")))
+        body = Body(self.body.width_m, self.body.front_m, self.body.rear_m)
+        try:
+            cones = wanted_lateral(self.reference.ey_m, body)
+        except ValueError as error:
+            raise ValueError(f"reference.ey_m.{error}") from error
+        speed_mps = wanted.profile.at(start_m, 0.0)
+        if self.initial.speed_kmh is not None:
+            speed_mps = self.initial.speed_kmh / KMH_PER_MPS
+        return Scenario(
+            name=self.name,
+            duration_s=self.duration_s,
+            start=Start(speed_mps, start_m, self.initial.ey_m, radians(self.initial.epsi_deg)),
+            road=road,
+            speed=wanted.profile,
+            lateral=cones.lateral,
+            stops=stops,
+            cross_wind_mps=table_of(self.cross_wind_mps),
+            tail_wind_mps=table_of(self.tail_wind_mps),
+            distance_m=distance_m,
+            payload=Payload() if self.payload is None else Payload(**self.payload.model_dump()),
+            course=cones.course,
+            faults=tuple(fields.fault for fields in self.faults),
+            metrics=self.metrics,
+            limits=tuple(Limit(name, value) for name, value in self.limits.items()),
+        )

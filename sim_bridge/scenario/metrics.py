@@ -1,0 +1,203 @@
+"""Figures of a drive, measured at the car, and the limits that they are judged by."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import inf, nan
+from typing import NamedTuple
+
+import numpy as np
+
+from rt_controller.car_figures import CarFigure
+from rt_controller.contract.arrays import Array
+from sim_bridge.scenario.lanes import (
+    Course,
+    Poses,
+    cone_hits,
+    lane_margin_m,
+    road_margin_m,
+)
+from sim_bridge.scenario.speed import STOP_WINDOW_M, Stop
+from sim_bridge.scenario.table import Table
+
+
+class Metrics(NamedTuple):
+    """Figures of one drive; NaN where a figure does not apply."""
+
+    ey_rms_m: float = nan
+    """lateral deviation from the wanted position"""
+    ey_peak_m: float = nan
+    epsi_rms_rad: float = nan
+    """heading against the wanted path"""
+    epsi_peak_rad: float = nan
+    speed_rms_mps: float = nan
+    """speed against the wanted one"""
+    speed_peak_mps: float = nan
+    lateral_peak_mps2: float = nan
+    """speed times yaw rate"""
+    sideslip_peak_rad: float = nan
+    """above `SLIDING_MPS`"""
+    steer_peak_rad: float = nan
+    """of the steering wheel, as commanded and applied"""
+    stop_error_m: float = nan
+    """largest distance of a stop from its target; inf if the car was not held for a stop"""
+    creep_m: float = nan
+    """largest change of arc length while the car was held"""
+    hold_steer_rad: float = nan
+    """largest change of the steering wheel, as commanded and applied, while the car was held"""
+    stops_missed: float = nan
+    """stops whose target was passed by more than `STOP_WINDOW_M`, or not reached"""
+    cone_hits: float = nan
+    lane_margin_m: float = nan
+    """smallest distance of the body to an edge of a lane of the course; negative: outside"""
+    road_margin_m: float = nan
+    """smallest distance of the body to an edge of the road, where its width is given"""
+
+
+SLIDING_MPS = 5.0
+"""speed above which sideslip is measured"""
+OF_STOPS = ("stop_error_m", "creep_m", "hold_steer_rad", "stops_missed")
+"""figures that apply to drives with stops"""
+HIGHER_IS_BETTER = frozenset({"lane_margin_m", "road_margin_m"})
+
+
+class Limit(NamedTuple):
+    """The worst value of a figure with which a drive passes."""
+
+    metric: str
+    value: float
+
+    def holds(self, metrics: Metrics) -> bool:
+        """True if the drive keeps the limit; a figure that does not apply does not."""
+        found = float(getattr(metrics, self.metric))
+        if self.metric in HIGHER_IS_BETTER:
+            return found >= self.value
+        return found <= self.value
+
+
+def judged(
+    metrics: Metrics, names: Sequence[str], limits: Sequence[Limit]
+) -> tuple[CarFigure, ...]:
+    """The named figures and those with a limit, in the order of `Metrics`."""
+    limit_of = {limit.metric: limit for limit in limits}
+    figures = []
+    for name, value in zip(Metrics._fields, metrics, strict=True):
+        limit = limit_of.get(name)
+        if name in names or limit is not None:
+            is_kept = limit is None or limit.holds(metrics)
+            figures.append(CarFigure(name, value, None if limit is None else limit.value, is_kept))
+    return tuple(figures)
+
+
+class LogRow(NamedTuple):
+    """One period of a drive, for the figures."""
+
+    time_s: float
+    s_m: float
+    ey_m: float
+    epsi_rad: float
+    curvature_per_m: float
+    vx_mps: float
+    vy_mps: float
+    yaw_rate_radps: float
+    steer_rad: float
+    wanted_ey_m: float
+    wanted_epsi_rad: float
+    wanted_mps: float
+    stop: float
+    """number of the stop where the car is held; -1: none"""
+
+
+@dataclass(slots=True)
+class DriveLog:
+    """The rows of a drive, in memory that grows by doubling."""
+
+    _rows: Array = field(default_factory=lambda: np.empty((1024, len(LogRow._fields))))
+    _count: int = 0
+
+    def add(self, row: LogRow) -> None:
+        """Append one period."""
+        if self._count == len(self._rows):
+            self._rows = np.concatenate((self._rows, np.empty_like(self._rows)))
+        self._rows[self._count] = row
+        self._count += 1
+
+    def column(self, name: str) -> Array:
+        """(n,) values of one field of `LogRow`."""
+        return self._rows[: self._count, LogRow._fields.index(name)]
+
+    def __len__(self) -> int:
+        return self._count
+
+    def ey_error_m(self) -> Array:
+        """(n,) lateral deviation from the wanted position."""
+        return self.column("ey_m") - self.column("wanted_ey_m")
+
+
+def measure(
+    log: DriveLog, stops: Sequence[Stop], course: Course, road_width_m: Table | None = None
+) -> Metrics:
+    """The figures of a drive."""
+    if len(log) == 0:
+        return Metrics()
+    vx, ey = log.column("vx_mps"), log.column("ey_m")
+    epsi, curvature = log.column("epsi_rad"), log.column("curvature_per_m")
+    ey_error = log.ey_error_m()
+    epsi_error = epsi - log.column("wanted_epsi_rad")
+    speed_error = vx - log.column("wanted_mps")
+    fast = vx > SLIDING_MPS
+    slip = np.abs(np.arctan2(log.column("vy_mps")[fast], vx[fast]))
+    poses = Poses(log.column("s_m"), ey, epsi, curvature)
+    held = _Held(log, stops)
+    margin_m = lane_margin_m(course, poses)
+    return Metrics(
+        ey_rms_m=rms(ey_error),
+        ey_peak_m=peak(ey_error),
+        epsi_rms_rad=rms(epsi_error),
+        epsi_peak_rad=peak(epsi_error),
+        speed_rms_mps=rms(speed_error),
+        speed_peak_mps=peak(speed_error),
+        lateral_peak_mps2=peak(vx * log.column("yaw_rate_radps")),
+        sideslip_peak_rad=float(slip.max()) if len(slip) else nan,
+        steer_peak_rad=peak(log.column("steer_rad")),
+        stop_error_m=held.stop_error_m,
+        creep_m=held.largest_span("s_m"),
+        hold_steer_rad=held.largest_span("steer_rad"),
+        stops_missed=held.missed,
+        cone_hits=float(cone_hits(course, poses)) if course.cones else nan,
+        lane_margin_m=nan if margin_m == inf else margin_m,
+        road_margin_m=nan
+        if road_width_m is None
+        else road_margin_m(course.body, poses, road_width_m),
+    )
+
+
+class _Held:
+    """The periods in which the car was held at each stop."""
+
+    def __init__(self, log: DriveLog, stops: Sequence[Stop]) -> None:
+        self._log = log
+        number = log.column("stop")
+        self._pieces = [np.flatnonzero(number == k) for k in range(len(stops))]
+        s_m = log.column("s_m")
+        errors_m = [
+            abs(float(s_m[piece[0]]) - stop.at_s_m) if len(piece) else inf
+            for piece, stop in zip(self._pieces, stops, strict=True)
+        ]
+        self.stop_error_m = max(errors_m, default=nan)
+        missed = sum(error_m > STOP_WINDOW_M for error_m in errors_m)
+        self.missed = float(missed) if stops else nan
+
+    def largest_span(self, column: str) -> float:
+        """Largest range of a column over one hold; NaN if there was none."""
+        values = self._log.column(column)
+        return max((float(np.ptp(values[p])) for p in self._pieces if len(p)), default=nan)
+
+
+def rms(values: Array) -> float:
+    """Root of the mean square; 0 of no values."""
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+
+
+def peak(values: Array) -> float:
+    """Largest magnitude; 0 of no values."""
+    return float(np.max(np.abs(values), initial=0.0))

@@ -1,0 +1,53 @@
+"""Does a scenario need more steering than the controller may command? An estimate beforehand."""
+
+from math import degrees, radians
+
+import numpy as np
+
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.physics import GRAVITY_MPS2
+from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY, SteeringGeometry
+from sim_bridge.scenario import Scenario
+from sim_bridge.scenario.limits import KMH_PER_MPS
+from sim_bridge.scenario.nominal_drive import drive_nominally
+
+UNDERSTEER_RAD_PER_MPS2 = radians(1.43) / GRAVITY_MPS2
+"""of the front wheels with compliance, per lateral acceleration: target of the default car"""
+SHORT_S = 1.0
+
+
+def steering_note(scenario: Scenario, geometry: SteeringGeometry = DEFAULT_GEOMETRY) -> str | None:
+    """A sentence if the reference needs more than the limit of the steering wheel; else None.
+
+    Only what is needed for longer than `SHORT_S` counts: a car averages shorter peaks. The estimate
+    is the steady state on the curvature of the wanted path: wheelbase times curvature
+    plus understeer times lateral acceleration, times the steering ratio.
+
+    Args:
+        scenario: to be driven.
+        geometry: of the car.
+    """
+    drive = drive_nominally(scenario)
+    bend = np.gradient(np.gradient(drive.ey_m, drive.s_m), drive.s_m)
+    turn = bend + scenario.road.curvature_per_m(drive.s_m)
+    per_turn = geometry.wheelbase_m + UNDERSTEER_RAD_PER_MPS2 * drive.speed_mps**2
+    wheel_rad = geometry.steering_ratio * np.abs(turn) * per_turn
+    limit_rad = INPUT_LIMITS.upper.steer_rad
+    edges = np.diff((wheel_rad > limit_rad).astype(int), prepend=0, append=0)
+    firsts, lasts = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
+    long = [
+        (first, last)
+        for first, last in zip(firsts.tolist(), lasts.tolist(), strict=True)
+        if drive.time_s[last] - drive.time_s[first] > SHORT_S
+    ]
+    if not long:
+        return None
+    worst = (first + int(np.argmax(wheel_rad[first : last + 1])) for first, last in long)
+    i = max(worst, key=wheel_rad.__getitem__)
+    return (
+        f"scenario {scenario.name!r}: a steady state needs about "
+        f"{degrees(wheel_rad[i]):.0f} deg at the steering wheel at s = {drive.s_m[i]:.0f} m "
+        f"(radius {1.0 / abs(turn[i]):.0f} m, "
+        f"{KMH_PER_MPS * drive.speed_mps[i]:.0f} km/h); the controller is limited to "
+        f"{degrees(limit_rad):.0f} deg, so the car cannot follow the path there"
+    )

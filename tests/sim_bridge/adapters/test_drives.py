@@ -1,0 +1,220 @@
+"""Whole drives over the bus with FMUs and CommonRoad's car behind the bridge."""
+
+import json
+import subprocess
+import sys
+import threading
+import uuid
+from math import isnan
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("fmpy", reason="the extra [fmu] is not installed")
+pytest.importorskip("pythonfmu", reason="the extra [test] is not installed")
+
+from c_compiler import needs_c_compiler
+from made_fmus import FOREIGN_MAPPING, make_foreign_car
+from recorded_frames import RecordedFrames
+from virtual_drive import SHORT_LANE_CHANGE
+
+from rt_controller import cli
+from rt_controller.bus.catalogue import COMMAND, MISSION, STATE, Command
+from rt_controller.bus.inbox import Inbox
+from rt_controller.bus.message import Node
+from rt_controller.bus.outbox import Outbox
+from rt_controller.bus.transport import open_bus
+from rt_controller.contract.errors import ConfigError, PlantError
+from rt_controller.contract.signals import ControlInput, Mode
+from rt_controller.contract.timing import PERIOD_NS
+from rt_controller.settings import CarSettings
+from rt_controller.terminal.run import EXIT_DEADLINE, EXIT_SAFE_STOP
+from sim_bridge import cli as bridge_cli
+from sim_bridge.adapters.export import build_fmu
+from sim_bridge.adapters.plants import open_plant
+from sim_bridge.bridge import END_TICKS, Bridge
+from sim_bridge.scenario import load_scenario
+from sim_bridge.session import build_car
+
+CRUISE = ControlInput(0.1, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [("--plant", "commonroad:2"), ("--plant-mapping", "x.toml"), ("--friction", "0.5")],
+)
+def test_options_of_the_plant_are_refused_on_a_real_bus(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], option: str, value: str
+) -> None:
+    arguments = ("--bus", "socketcan", "--channel", "can0", option, value)
+    monkeypatch.setattr("sys.argv", ["rt-controller", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 2
+    assert f"{option}: expected --bus virtual" in " ".join(capsys.readouterr().err.split())
+
+
+def drive(folder: Path, monkeypatch: pytest.MonkeyPatch, *options: str) -> tuple[int, dict]:
+    """Exit code and figures of a run of the controller in lockstep with its own car."""
+    figures = folder / "summary.json"
+    base = ("--bus", "virtual", "--pace", "lockstep", "--quiet", "--channel", folder.name)
+    # The time that a tick takes on this machine is not tested here.
+    common = ("--max-misses", "1000000", "--json", str(figures))
+    monkeypatch.setattr("sys.argv", ["rt-controller", *base, *common, *options])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    return ended.value.code or 0, json.loads(figures.read_text())
+
+
+@needs_c_compiler
+def test_the_exported_car_and_the_own_car_drive_the_same_lane_change(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    build_fmu(tmp_path / "car.fmu")
+    runs = [
+        drive(tmp_path, monkeypatch, "--scenario", SHORT_LANE_CHANGE, "--plant", plant)
+        for plant in ("own", f"fmu:{tmp_path / 'car.fmu'}")
+    ]
+    assert [code for code, _ in runs] == [0, 0]
+    for figure in ("ey_rms_m", "ey_peak_m", "epsi_rms_rad", "vx_rms_mps", "ticks"):
+        assert runs[0][1][figure] == runs[1][1][figure]
+
+
+def test_commonroads_car_is_driven_through_the_lane_change(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The controller's model was not learned from this car."""
+    pytest.importorskip("vehiclemodels", reason="the extra [commonroad] is not installed")
+    code, figures = drive(tmp_path, monkeypatch, "--plant", "commonroad:2")
+    assert code == 0
+    assert figures["final_mode"] == "STANDBY"
+    assert figures["ey_peak_m"] <= 0.5
+
+
+def test_an_fmu_with_other_units_is_driven_in_lockstep(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fmu = make_foreign_car(tmp_path, "Lockstep")
+    code, figures = drive(tmp_path, monkeypatch, "--duration-s", "1", "--plant", f"fmu:{fmu}")
+    assert code == 0
+    assert figures["ticks"] > 20
+
+
+@pytest.mark.nightly
+def test_an_fmu_is_driven_in_real_time(tmp_path: Path) -> None:
+    """On a machine that stalls, a late end or a safe stop is a correct end of the run."""
+    fmu, figures = make_foreign_car(tmp_path, "RealTime"), tmp_path / "summary.json"
+    program = (sys.executable, "-c", "from rt_controller.cli import main; main()")
+    options = ("--bus", "virtual", "--quiet", "--channel", tmp_path.name, "--json", str(figures))
+    command = [*program, *options, "--duration-s", "1", "--plant", f"fmu:{fmu}"]
+    ended = subprocess.run(command, check=False, capture_output=True, timeout=120.0)
+    assert ended.returncode in (0, EXIT_DEADLINE, EXIT_SAFE_STOP), ended.stderr.decode()
+    assert json.loads(figures.read_text())["ticks"] > 0
+
+
+def test_an_fmu_that_fails_in_mid_drive_ends_in_a_safe_stop_and_a_message(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fmu = make_foreign_car(
+        tmp_path, "Failing", FOREIGN_MAPPING.replace("trailers = 1", "fails_at_s = 1.0")
+    )
+    code, figures = drive(tmp_path, monkeypatch, "--plant", f"fmu:{fmu}")
+    assert code == PlantError.exit_code == 7
+    assert figures["final_mode"] == "SAFE_STOP"
+    received = " ".join(capsys.readouterr().err.split())
+    assert "the car's plant failed" in received
+    assert "no fuel left" in received
+
+
+@pytest.mark.parametrize("parameter", ["fails_at_s", "loses_itself_at_s"])
+def test_a_failed_plant_is_sent_as_an_invalid_state_until_the_bridge_ends(
+    tmp_path: Path, parameter: str
+) -> None:
+    fmu = make_foreign_car(
+        tmp_path, "Broken", FOREIGN_MAPPING.replace("trailers = 1", f"{parameter} = 0.2")
+    )
+    scenario = load_scenario("straight")
+    car = build_car(scenario, CarSettings(plant=f"fmu:{fmu}"))
+    channel = tmp_path.name
+    recorder = RecordedFrames()
+    with open_bus("virtual", channel) as bus, open_bus("virtual", channel) as far_end:
+        bridge = Bridge(bus, car, scenario, recorder)
+        controller = Outbox(far_end, Node.CONTROLLER)
+        received = Inbox(Node.CONTROLLER)
+        now_ns, ticks = 0, 0
+        while not bridge.is_over:
+            now_ns += PERIOD_NS
+            ticks += 1
+            controller.send(COMMAND, Command(CRUISE, Mode.NOMINAL), now_ns, counter=ticks - 2)
+            bridge.tick(now_ns)
+            received.drain(far_end, now_ns)
+    assert ticks == 8 + 1 + END_TICKS
+    for codec in STATE.codecs[:2]:
+        assert [frame[1] >> 4 for frame in recorder.of(codec)] == [1] * 8 + [0] * (ticks - 8)
+    for frame in recorder.of(STATE.codecs[1])[8:]:
+        assert any(isnan(value) for value in STATE.codecs[1].decode(frame))
+    # The controller keeps the last valid state, whose age grows.
+    state, mission = received.newest(STATE), received.newest(MISSION)
+    assert state is not None
+    assert state.arrival_ns == 8 * PERIOD_NS
+    assert mission is not None
+    assert mission.content.is_engaged
+    summary = bridge.summary()
+    assert summary.ticks == 8
+    assert summary.plant_failure is not None
+    assert summary.final_speed_mps == pytest.approx(state.content.state.vx_mps, abs=0.01)
+    bridge.close()
+
+
+def test_sim_bridge_ends_with_the_reason_of_a_failed_plant(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fmu = make_foreign_car(
+        tmp_path, "FailsLater", FOREIGN_MAPPING.replace("trailers = 1", "fails_at_s = 0.2")
+    )
+    figures, channel = tmp_path / "car.json", f"test-{uuid.uuid4().hex}"
+    base = ("--bus", "local", "--quiet", "--channel", channel, "--json", str(figures))
+    monkeypatch.setattr("sys.argv", ["sim-bridge", *base, "--plant", f"fmu:{fmu}"])
+    over = threading.Event()
+    controller = threading.Thread(target=command, args=(channel, over))
+    controller.start()
+    try:
+        with pytest.raises(SystemExit) as ended:
+            bridge_cli.main()
+    finally:
+        over.set()
+        controller.join()
+    assert ended.value.code == 7
+    assert "no fuel left" in " ".join(capsys.readouterr().err.split())
+    summary = json.loads(figures.read_text())
+    assert summary["ticks"] == 8
+    assert "no fuel left" in summary["plant_failure"]
+
+
+def command(channel: str, over: threading.Event) -> None:
+    """A controller that sends the same command in response to every state."""
+    with open_bus("local", channel) as bus:
+        outbox, inbox = Outbox(bus, Node.CONTROLLER), Inbox(Node.CONTROLLER)
+        answered = None
+        while not over.wait(0.005):
+            inbox.drain(bus, 0)
+            state = inbox.newest(STATE)
+            if state is not None and state is not answered:
+                answered = state
+                outbox.send(COMMAND, Command(CRUISE, Mode.NOMINAL), 0, counter=state.counter)
+
+
+def test_a_friction_without_a_parameter_in_the_fmu_is_refused(tmp_path: Path) -> None:
+    fmu = make_foreign_car(
+        tmp_path, "NoFriction", FOREIGN_MAPPING.replace('road_friction = "mu"\n', "")
+    )
+    with pytest.raises(ConfigError, match="`friction`: expected an FMU whose mapping"):
+        open_plant(CarSettings(plant=f"fmu:{fmu}", friction=0.4), 0.85)
+
+
+def test_a_plant_that_fails_in_its_first_period_is_refused_before_the_drive(tmp_path: Path) -> None:
+    fmu = make_foreign_car(
+        tmp_path, "FailsAtStart", FOREIGN_MAPPING.replace("trailers = 1", "fails_at_s = 0.0")
+    )
+    with pytest.raises(ConfigError, match="drives a first control period"):
+        build_car(load_scenario("straight"), CarSettings(plant=f"fmu:{fmu}"))

@@ -1,0 +1,229 @@
+"""FMUs as plants: units and signs of the mapping, FMI 2 and 3, failures, refusals."""
+
+from math import isnan, radians
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("fmpy", reason="the extra [fmu] is not installed")
+pytest.importorskip("pythonfmu", reason="the extra [test] is not installed")
+
+import pythonfmu
+from made_fmus import (
+    FOREIGN_MAPPING,
+    make_from_library,
+    remap,
+    rewrite_description,
+    wrap_as_fmi3,
+)
+
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
+from rt_controller.contract.timing import PERIOD_S
+from sim_bridge.adapters.fmu import open_fmu_plant
+from sim_bridge.car import Car
+
+
+def test_values_are_converted_with_the_units_and_signs_of_the_mapping(foreign_car: Path) -> None:
+    plant = open_fmu_plant(foreign_car, None, 0.5)
+    start = plant.reset(20.0)
+    np.testing.assert_allclose(start, [20.0, 0.0, 0.0], atol=1e-12)
+
+    motion = plant.step(ControlInput(throttle=0.5, brake_n=0.0, steer_rad=0.1), PERIOD_S)
+    # Full throttle accelerates with 4 m/s^2 times friction, over two because of the trailer.
+    speeds = 20.0 + 0.5 * np.arange(1, 6) * 0.005
+    np.testing.assert_allclose(motion[:, 0], speeds, rtol=1e-12)
+    np.testing.assert_allclose(motion[:, 2], 0.1 * speeds / 50.0, rtol=1e-12)
+
+    # 100 N are 40 bar, which decelerate with 8 m/s^2 times friction over two.
+    motion = plant.step(ControlInput(throttle=0.0, brake_n=100.0, steer_rad=0.0), PERIOD_S)
+    assert motion[-1, 0] == pytest.approx(speeds[-1] - 2.0 * PERIOD_S)
+    plant.close()
+
+
+def test_an_fmi_3_container_of_a_car_drives_as_the_car(foreign_car: Path, tmp_path: Path) -> None:
+    """fmpy's container library is an FMI 3 FMU with the FMI 2 car inside."""
+    container = wrap_as_fmi3(foreign_car, tmp_path / "container.fmu", 0.005)
+    mapping = FOREIGN_MAPPING.replace("[parameters]\ntrailers = 1\n", "")
+    for fmu in (foreign_car, container):
+        fmu.with_suffix(".toml").write_text(mapping)
+    cars = [Car(open_fmu_plant(fmu, None, 0.8), 15.0) for fmu in (foreign_car, container)]
+    for k in range(40):
+        control = ControlInput(0.3, 5.0 * (k > 20), radians(k - 10.0))
+        states = [car.advance(control, 0.002) for car in cars]
+        np.testing.assert_allclose(states[0], states[1], rtol=0.0, atol=1e-9)
+    assert states[1].vx_mps > 15.0
+    for car in cars:
+        car.plant.close()
+
+
+SAMPLE_MAPPING = """
+communication_step_s = 0.0125
+[inputs]
+throttle = "realIn"
+brake_n = false
+steer_rad = false
+[outputs]
+vx_mps = {variable = "realOut", offset = 7.0}
+vy_mps = "realIn"
+yaw_rate_radps = "container.someReal"
+[parameters]
+"container.someReal" = 0.25
+intParam = 7
+booleanParameter = true
+stringParameter = "cat"
+"""
+
+
+def assert_sample_model_is_a_plant(fmu: Path) -> None:
+    """Inputs, outputs and parameters of four types are used as the mapping states."""
+    fmu.with_suffix(".toml").write_text(SAMPLE_MAPPING)
+    plant = open_fmu_plant(fmu, None, 0.85)
+    plant.reset(10.0)
+    motion = plant.step(ControlInput(0.4, 0.0, 0.0), PERIOD_S)
+    np.testing.assert_allclose(motion, [[7.0125, 0.4, 0.25], [7.025, 0.4, 0.25]])
+    plant.close()
+
+
+def test_a_sample_model_of_pythonfmu_is_a_plant(tmp_path: Path) -> None:
+    """pythonfmu ships a slave whose output is its own time."""
+    script = Path(pythonfmu.__file__).parent / "tests" / "slaves" / "pythonslave.py"
+    fmu = make_from_library(tmp_path, script, "Library")
+    assert_sample_model_is_a_plant(fmu)
+
+
+def test_a_sample_model_of_pythonfmu3_is_a_plant(tmp_path: Path) -> None:
+    """pythonfmu3 has its own FMI 3 library."""
+    pythonfmu3 = pytest.importorskip("pythonfmu3")
+    from pythonfmu3.builder import FmuBuilder
+
+    script = tmp_path / "library3_copy.py"
+    slaves = Path(pythonfmu3.__file__).parent / "tests" / "slaves"
+    script.write_text((slaves / "pythonslave.py").read_text())
+    fmu = Path(FmuBuilder.build_FMU(script, dest=str(tmp_path)))
+    assert_sample_model_is_a_plant(fmu)
+
+
+def test_runs_after_a_reset_are_equal(foreign_car: Path) -> None:
+    car = Car(open_fmu_plant(foreign_car, None, 0.9), 10.0)
+    runs = []
+    for _ in range(2):
+        car.reset(12.0)
+        runs.append([car.advance(ControlInput(0.5, 0.0, 0.2), 0.0) for _ in range(20)])
+    assert runs[0] == runs[1]
+    car.plant.close()
+
+
+def test_outputs_without_a_variable_in_the_mapping_are_nan(foreign_car: Path) -> None:
+    remap(foreign_car, "[start]", 'ay_mps2 = {variable = "slide_mps", unit = "m/s2"}\n[start]')
+    plant = open_fmu_plant(foreign_car, None, 0.9)
+    plant.reset(10.0)
+    plant.step(NEUTRAL_INPUT, PERIOD_S)
+    assert plant.outputs().ay_mps2 == 0.0
+    assert isnan(plant.outputs().roll_rad)
+    plant.close()
+
+
+@pytest.mark.parametrize(
+    ("parameter", "words"),
+    [("fails_at_s", "no fuel left"), ("loses_itself_at_s", "yaw_rate_radps is nan")],
+)
+def test_a_failed_step_gives_nan_and_the_reason(
+    foreign_car: Path, parameter: str, words: str
+) -> None:
+    remap(foreign_car, "trailers = 1", f"trailers = 1\n{parameter} = 0.06")
+    car = Car(open_fmu_plant(foreign_car, None, 0.9), 10.0)
+    for _ in range(2):
+        assert np.isfinite(car.advance(NEUTRAL_INPUT, 0.0)).all()
+    for _ in range(3):
+        assert np.isnan(car.advance(NEUTRAL_INPUT, 0.0)).any()
+        assert not car.is_sound
+    assert car.plant.failure is not None
+    assert words in car.plant.failure
+    assert "0.06" in car.plant.failure
+    assert all(isnan(value) for value in car.plant.outputs())
+    car.reset(10.0)
+    assert car.is_sound
+    car.plant.close()
+
+
+def test_all_errors_of_a_mapping_are_reported_at_once(foreign_car: Path) -> None:
+    mapping = FOREIGN_MAPPING.replace('"pedal"', '"pedals"').replace('"slide_mps"', '"trailers"')
+    mapping = mapping.replace('"mu"', '"turn_degps"').replace("trailers = 1", "trailer = 1")
+    foreign_car.with_suffix(".toml").write_text(mapping)
+    with pytest.raises(ConfigError) as refused:
+        open_fmu_plant(foreign_car, None, 0.85)
+    lines = str(refused.value).splitlines()
+    for line, words in zip(
+        lines,
+        ("variable 'pedals'", "of type Integer", "computed by the FMU", "variable 'trailer'"),
+        strict=True,
+    ):
+        assert words in line
+
+
+def test_the_unit_of_the_fmu_is_used_if_the_mapping_has_none(foreign_car: Path) -> None:
+    rewrite_description(foreign_car, "<Real/>", '<Real unit="km/h"/>')
+    remap(foreign_car, '"turn_degps", unit = "deg/s"', '"turn_degps", scale = 1.0')
+    remap(foreign_car, 'yaw_rate_radps = {variable = "turn_degps", unit = "deg/s", sign = -1}',
+          'yaw_rate_radps = {variable = "slide_mps", scale = 1.0}')  # fmt: skip
+    plant = open_fmu_plant(foreign_car, None, 0.85)
+    assert plant.reset(20.0)[0] == pytest.approx(20.0)
+    plant.close()
+
+
+def test_a_unit_defined_by_base_units_is_converted(foreign_car: Path) -> None:
+    """Some tools write m.s-1 or a name of their own, with a definition by base units."""
+    rewrite_description(
+        foreign_car,
+        "<ModelVariables>",
+        '<UnitDefinitions><Unit name="Tempo"><BaseUnit m="1" s="-1" factor="0.2777777778"/>'
+        "</Unit></UnitDefinitions><ModelVariables>",
+    )
+    rewrite_description(foreign_car, "<Real/>", '<Real unit="Tempo"/>')
+    remap(foreign_car, ', unit = "km/h"}\nvy_mps = "slide_mps"', '}\nvy_mps = "slide_mps"')
+    with pytest.raises(ConfigError, match="FMU's own unit 'Tempo', found 'deg/s'"):
+        open_fmu_plant(foreign_car, None, 0.85)
+    mapping = foreign_car.with_suffix(".toml")
+    mapping.write_text(
+        mapping.read_text().replace('unit = "deg/s", sign = -1', "scale = 1.0, sign = -1")
+    )
+    plant = open_fmu_plant(foreign_car, None, 0.85)
+    assert plant.reset(20.0)[0] == pytest.approx(20.0)
+    plant.close()
+
+
+def test_the_remedy_for_a_fixed_step_that_is_no_part_of_the_period_works(
+    foreign_car: Path, tmp_path: Path
+) -> None:
+    """The container computes whole steps of 10 ms only; the control period is 25 ms."""
+    container = wrap_as_fmi3(foreign_car, tmp_path / "container.fmu", 0.01)
+    mapping = FOREIGN_MAPPING.replace("[parameters]\ntrailers = 1\n", "")
+    file = tmp_path / "container.toml"
+    for step_s in ("0.025", "0.005"):
+        file.write_text(mapping.replace("0.005", step_s))
+        with pytest.raises(ConfigError, match=r"Write communication_step_s = 0\.01 in"):
+            open_fmu_plant(container, None, 0.85)
+    file.write_text(mapping.replace("0.005", "0.01"))
+    plant = open_fmu_plant(container, None, 1.0)
+    plant.reset(20.0)
+    # 4 m/s^2 from the start; the second period's input counts from the point at 30 ms.
+    first = plant.step(ControlInput(1.0, 0.0, 0.0), PERIOD_S).copy()
+    np.testing.assert_allclose(first[:, 0], 20.0 + 4.0 * np.arange(1, 26) * 1e-3, rtol=1e-12)
+    second = plant.step(ControlInput(0.0, 0.0, 0.0), PERIOD_S)
+    t = 0.025 + np.arange(1, 26) * 1e-3
+    np.testing.assert_allclose(second[:, 0], 20.0 + 4.0 * np.minimum(t, 0.03), rtol=1e-12)
+    plant.close()
+
+
+def test_a_communication_step_longer_than_the_period_takes_inputs_at_its_own_points(
+    foreign_car: Path,
+) -> None:
+    plant = open_fmu_plant(remap(foreign_car, "0.005", "0.1"), None, 1.0)
+    plant.reset(10.0)
+    throttles = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+    ends = [plant.step(ControlInput(x, 0.0, 0.0), PERIOD_S)[-1, 0] for x in throttles]
+    # The pull of 2 m/s^2 at 0 s lasts to 0.1 s; the one at 0.125 s comes between two points.
+    np.testing.assert_allclose(ends, [10.05, 10.1, 10.15, 10.2, 10.2, 10.2], rtol=1e-12)
+    plant.close()

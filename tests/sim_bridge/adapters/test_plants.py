@@ -1,0 +1,176 @@
+"""The choice of a plant by options: what is accepted, and the messages of refusals."""
+
+import subprocess
+import sys
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from c_compiler import needs_c_compiler
+
+from rt_controller.contract.errors import ConfigError, MissingExtraError
+from rt_controller.contract.signals import ControlInput
+from rt_controller.settings import CarSettings
+from sim_bridge import cli
+from sim_bridge.adapters.own_car import OwnCar
+from sim_bridge.adapters.plants import open_plant
+from sim_bridge.car import Car
+
+
+@pytest.fixture
+def command_line(monkeypatch: pytest.MonkeyPatch) -> Iterator[object]:
+    def run(*arguments: str) -> int:
+        monkeypatch.setattr("sys.argv", ["sim-bridge", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        return ended.value.code or 0
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("choice", "words"),
+    [
+        ({"plant": "mine"}, "expected own, fmu:FILE.fmu or commonroad:NUMBER"),
+        ({"plant": "own:2"}, "expected own, fmu:FILE.fmu or commonroad:NUMBER"),
+        ({"plant": "fmu"}, "expected own, fmu:FILE.fmu or commonroad:NUMBER"),
+        ({"plant": "commonroad:two"}, "1, 2, 3, found 'two'"),
+        ({"plant_mapping": Path("car.toml")}, "`plant_mapping`: expected `plant` fmu"),
+        ({"plant": "commonroad:2", "car": "c_class_125kw_fwd"}, "`car`: expected `plant` own"),
+        ({"plant": "commonroad:2", "friction_right": 0.3}, "`friction_right`: expected"),
+        ({"friction": 0.0}, "friction: expected 0.05 to 1.5"),
+        ({"friction_right": float("nan")}, "friction_right: expected 0.05 to 1.5"),
+        ({"car": "lorry"}, "CarSettings.car: expected one of c_class_150kw_awd"),
+    ],
+)
+def test_an_option_that_does_not_fit_the_plant_is_refused(
+    choice: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(ConfigError) as refused:
+        open_plant(CarSettings(**choice), 0.85)
+    assert words in str(refused.value)
+
+
+def test_friction_of_the_command_line_overrides_the_scenario() -> None:
+    for choice, wanted in (
+        (CarSettings(), (0.85, 0.85)),
+        (CarSettings(friction=0.4), (0.4, 0.4)),
+        (CarSettings(friction_right=0.2), (0.85, 0.2)),
+        (CarSettings(friction=0.9, friction_right=0.3), (0.9, 0.3)),
+    ):
+        plant = open_plant(choice, 0.85)
+        assert isinstance(plant, OwnCar)
+        assert tuple(plant.parameters.road[:2]) == wanted
+
+
+def test_a_slippery_right_side_pulls_a_braking_car_to_the_left() -> None:
+    car = Car(open_plant(CarSettings(friction_right=0.2), 0.9), 25.0)
+    for _ in range(20):
+        car.advance(ControlInput(0.0, 120.0, 0.0), 0.0)
+    assert car.state.yaw_rate_radps > 0.02
+
+
+def test_the_named_car_is_simulated() -> None:
+    cars = [
+        Car(open_plant(CarSettings(car=name), 0.85), 20.0)
+        for name in ("c_class_150kw_awd", "c_class_125kw_fwd")
+    ]
+    for car in cars:
+        for _ in range(40):
+            car.advance(ControlInput(1.0, 0.0, 0.0), 0.0)
+    assert cars[0].state.vx_mps > cars[1].state.vx_mps + 0.1
+
+
+@pytest.mark.parametrize(
+    ("module", "plant", "extra"),
+    [
+        ("fmpy", "fmu:car.fmu", "[fmu]"),
+        ("vehiclemodels", "commonroad:2", "[commonroad]"),
+    ],
+)
+def test_a_missing_extra_is_refused_by_name(
+    monkeypatch: pytest.MonkeyPatch, module: str, plant: str, extra: str
+) -> None:
+    for name in list(sys.modules):
+        if name == module or name.startswith(f"{module}."):
+            monkeypatch.delitem(sys.modules, name)
+    # For Python, None in sys.modules means: not installed.
+    for name in (module, "vehiclemodels.init_mb"):
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(MissingExtraError) as refused:
+        open_plant(CarSettings(plant=plant), 0.85)
+    assert extra in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (("--bus", "virtual"), 2, "Use --bus local for both programs"),
+        (("--bus", "soketcan"), 2, "--bus 'soketcan': expected virtual, local,"),
+        (("--bus", "local", "--plant", "fmu:nowhere.fmu"), 2, "nowhere.fmu: expected an FMU"),
+        (("--bus", "local", "--plant", "commonroad:9"), 2, "found '9'"),
+        (("--bus", "local", "--friction", "7"), 2, "--friction: expected"),
+        (("--bus", "local", "--car", "lorry"), 2, "--car: expected one of"),
+        (("export-fmu", "car.zip"), 2, "ends in .fmu"),
+        (("export-fmu", "car.fmu", "--fmi", "1"), 2, "--fmi"),
+        (("export-fmu", "car.fmu", "--car", "lorry"), 2, "car 'lorry'"),
+    ],
+)
+def test_the_command_line_says_what_it_expected(
+    command_line, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], code: int,
+    words: str,
+) -> None:  # fmt: skip
+    assert command_line(*arguments) == code
+    assert words in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.parametrize(
+    "arguments", [("--bus", "local"), ("validate",), ("export-fmu", "car.fmu")]
+)
+def test_without_the_compiler_the_command_names_its_extra(
+    command_line, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+    arguments: tuple[str, ...],
+) -> None:  # fmt: skip
+    monkeypatch.setitem(sys.modules, "numba", None)  # for Python: not installed
+    assert command_line(*arguments) == MissingExtraError.exit_code
+    assert "sim-bridge needs numba: expected the extra [sim]" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ((), ("export-fmu", "validate", "--plant-mapping", "commonroad:NUMBER")),
+        (("validate",), ("--quick", "--html")),
+        (("export-fmu",), ("--car", "c_class_150kw_awd")),
+    ],
+)
+def test_help_lists_options_without_importing_compiler_and_tools(
+    command: tuple[str, ...], words: tuple[str, ...]
+) -> None:
+    program = (
+        "import atexit, sys; from sim_bridge.cli import main;"
+        f"sys.argv = {['sim-bridge', *command, '--help']};"
+        "atexit.register(lambda: print(*sys.modules)); main()"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", program], check=True, capture_output=True, text=True
+    )
+    text, _, modules = ended.stdout.rstrip().rpartition("\n")
+    for word in words:
+        assert word in text
+    tools = {"numba", "scipy", "fmpy", "vehiclemodels", "plotly"}
+    assert not tools & set(modules.split())
+    assert "sim_bridge.cli" in modules.split()
+
+
+@needs_c_compiler
+@pytest.mark.parametrize(("options", "version"), [((), "2.0"), (("--fmi", "3"), "3.0")])
+def test_the_command_line_writes_an_fmu_and_its_mapping(
+    command_line, tmp_path: Path, options: tuple[str, ...], version: str
+) -> None:
+    assert command_line("export-fmu", str(tmp_path / "mine.fmu"), *options) == 0
+    with zipfile.ZipFile(tmp_path / "mine.fmu") as archive:
+        assert f'fmiVersion="{version}"' in archive.read("modelDescription.xml").decode()
+    assert "communication_step_s" in (tmp_path / "mine.toml").read_text()

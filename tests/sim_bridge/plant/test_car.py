@@ -1,0 +1,67 @@
+"""`Car`: the own car on a road, stepped by the control period."""
+
+import numpy as np
+import pytest
+from wandering_inputs import wandering_inputs
+
+from rt_controller.contract.signals import ControlInput
+from sim_bridge import frenet
+from sim_bridge.adapters.own_car import OwnCar
+from sim_bridge.car import Car
+from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, settle, simulate
+from sim_bridge.plant.parameters import default_car
+
+PARAMETERS = default_car()
+CURVATURE_PER_M = 0.002
+
+
+def test_a_car_stepped_by_periods_equals_the_simulated_episode() -> None:
+    """To the last bit."""
+    inputs = wandering_inputs(120)
+    car = Car(OwnCar(PARAMETERS), 22.0)
+    car.reset(22.0, ey_m=-0.7, epsi_rad=0.03)
+    states = [car.advance(control, CURVATURE_PER_M) for control in inputs]
+
+    motion, _ = simulate(
+        settle(22.0, PARAMETERS), np.array(inputs), PARAMETERS, STEPS_PER_PERIOD, STEP_S
+    )
+    poses = frenet.integrate_poses(motion, CURVATURE_PER_M, -0.7, 0.03, STEPS_PER_PERIOD, STEP_S)
+    seen = np.array(states)
+    np.testing.assert_array_equal(seen[:, :3], motion[STEPS_PER_PERIOD::STEPS_PER_PERIOD])
+    np.testing.assert_array_equal(seen[:, 3], np.diff(poses[:, frenet.S]))
+    np.testing.assert_array_equal(seen[:, 4:], poses[1:, 1:])
+
+
+def test_the_progress_of_a_state_is_that_of_the_period_before_it() -> None:
+    car = Car(OwnCar(PARAMETERS), 20.0)
+    assert car.state.ds_m == pytest.approx(20.0 * 0.025)
+    total_m = sum(car.advance(c, CURVATURE_PER_M).ds_m for c in wandering_inputs(40))
+    assert total_m == pytest.approx(car.s_m)
+    assert total_m == pytest.approx(20.0, rel=0.1)
+
+
+def test_runs_after_a_reset_are_equal() -> None:
+    inputs = wandering_inputs(30)
+    car = Car(OwnCar(PARAMETERS), 25.0)
+    first = [car.advance(control, 0.0) for control in inputs]
+    assert car.reset(25.0) == (25.0, 0.0, 0.0, 25.0 * 0.025, 0.0, 0.0)
+    assert [car.advance(control, 0.0) for control in inputs] == first
+
+
+def test_two_cars_have_no_common_state() -> None:
+    one, other = Car(OwnCar(PARAMETERS), 25.0), Car(OwnCar(PARAMETERS), 25.0)
+    before = other.plant.outputs()
+    one.advance(ControlInput(1.0, 0.0, 0.5), 0.0)
+    np.testing.assert_array_equal(other.plant.outputs(), before)
+
+
+def test_outputs_belong_to_the_current_state() -> None:
+    car = Car(OwnCar(PARAMETERS), 25.0)
+    for _ in range(40):
+        state = car.advance(ControlInput(0.2, 0.0, np.radians(20.0)), 0.0)
+    outputs = car.plant.outputs()
+    assert outputs.ay_mps2 == pytest.approx(state.yaw_rate_radps * state.vx_mps, rel=0.05)
+    assert outputs.roll_rad > 0.0
+    assert outputs.throttle == pytest.approx(0.2, abs=0.01)
+    assert outputs.gear == 6.0
+    assert outputs == car.plant.outputs()

@@ -1,0 +1,243 @@
+"""OpenDRIVE maps: geometry as curvature, elevation, chains of roads, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_maps import ARC, LINE, SPIRAL, end_of, road, write_map
+
+from rt_controller.contract.errors import ConfigError
+from sim_bridge.scenario import load_scenario, parse_scenario
+from sim_bridge.scenario.maps.opendrive import read_reference_line
+
+ELEVATION = (
+    '<elevationProfile><elevation s="0" a="0" b="0.05" c="0" d="0"/>'
+    '<elevation s="60" a="3" b="0.05" c="0.001" d="0"/></elevationProfile>'
+    '<lateralProfile><superelevation s="0" a="0.03" b="0" c="0" d="0"/></lateralProfile>'
+    '<type s="0" type="rural"><speed max="72" unit="km/h"/></type>'
+)
+
+
+@pytest.fixture
+def simple(tmp_path: Path) -> Path:
+    return write_map(tmp_path / "map.xodr", road([(100.0, LINE), (50.0, SPIRAL), (80.0, ARC)]))
+
+
+def test_lines_spirals_and_arcs_are_curvature(simple: Path) -> None:
+    line = read_reference_line(simple)
+    found = line.curvature_per_m(np.array([50.0, 125.0, 150.0, 229.0]))
+    assert found == pytest.approx([0.0, 0.005, 0.01, 0.01])
+    assert line.length_m == 230.0
+
+
+def circle_as_polynomial(radius: float, turn: float) -> str:
+    """A paramPoly3 close to an arc: the Taylor polynomial of sine and cosine."""
+    return (
+        f'<paramPoly3 pRange="normalized" aU="0" bU="{radius * turn}" cU="0" '
+        f'dU="{-radius * turn**3 / 6}" aV="0" bV="0" cV="{radius * turn**2 / 2}" dV="0"/>'
+    )
+
+
+def test_polynomials_are_sampled(tmp_path: Path) -> None:
+    path = write_map(
+        tmp_path / "a.xodr",
+        road([(30.0, circle_as_polynomial(100.0, 0.3))]),
+        road([(20.0, '<poly3 a="0" b="0" c="0.005" d="0"/>')], "2"),
+    )
+    line = read_reference_line(path, ["1"])
+    s_m = np.linspace(0.0, 30.0, 50)
+    np.testing.assert_allclose(line.curvature_per_m(s_m), 0.01, rtol=0.12)
+    assert read_reference_line(path, ["2"]).curvature_per_m.at(0.0) == pytest.approx(0.01)
+
+
+def test_elevation_superelevation_and_speed_limit_are_read(tmp_path: Path) -> None:
+    line = read_reference_line(write_map(tmp_path / "a.xodr", road([(100, LINE)], "1", ELEVATION)))
+    assert line.grade.at(30.0) == pytest.approx(0.05)
+    assert line.grade.at(80.0) == pytest.approx(0.05 + 0.002 * 20.0)
+    assert line.bank_rad.at(10.0) == pytest.approx(0.03)
+    assert line.speed_limit_mps.at(10.0) == pytest.approx(20.0)
+
+
+def test_a_road_against_its_direction_is_mirrored(tmp_path: Path) -> None:
+    path = write_map(
+        tmp_path / "a.xodr", road([(100, LINE), (80, ARC)], "7", ELEVATION), road([(9, LINE)])
+    )
+    line = read_reference_line(path, ["-7"])
+    assert line.curvature_per_m(np.array([40.0, 120.0])) == pytest.approx([-0.01, 0.0])
+    assert line.grade.at(150.0) == pytest.approx(-0.05)
+    assert line.bank_rad.at(150.0) == pytest.approx(-0.03)
+
+
+def test_roads_in_a_row_are_one_line(tmp_path: Path) -> None:
+    corner = end_of([(100, LINE), (80, ARC)])
+    x, y, yaw = end_of([(60, LINE)], corner)
+    path = write_map(
+        tmp_path / "a.xodr",
+        road([(100, LINE)], "a"),
+        road([(80, ARC)], "b", start=end_of([(100, LINE)])),
+        road([(60, LINE)], "c", start=(x, y, yaw + np.pi)),
+    )
+    line = read_reference_line(path, ["a", "b", "-c"])
+    assert line.length_m == 240.0
+    assert line.curvature_per_m(np.array([99.0, 101.0, 179.0, 181.0])) == pytest.approx(
+        [0.0, 0.01, 0.01, 0.0]
+    )
+    assert line.end[:2] == pytest.approx((x, y), abs=0.01)
+    assert (line.end.yaw_rad - yaw) % (2.0 * np.pi) == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("start", "found"),
+    [
+        ((112.0, 5.0, 0.0), "found 13.00 m and 0.0 deg"),
+        ((100.0, 0.0, 0.5), "found 0.00 m and 28.6 deg"),
+    ],
+)
+def test_roads_that_do_not_join_are_refused(
+    tmp_path: Path, start: tuple[float, float, float], found: str
+) -> None:
+    parts = road([(100, LINE)], "a"), road([(80, ARC)], "b", start=start)
+    path = write_map(tmp_path / "a.xodr", *parts)
+    with pytest.raises(ConfigError, match=f"roads a and b: .*{found}"):
+        read_reference_line(path, ["a", "b"])
+
+
+def test_geometry_with_a_gap_is_refused(tmp_path: Path) -> None:
+    path = write_map(tmp_path / "a.xodr", road([(100, LINE), (80, ARC)]).replace('"100.0"', '"90"'))
+    with pytest.raises(ConfigError, match=r"road 1: .*found 10.00 m and 0.0 deg"):
+        read_reference_line(path)
+
+
+@pytest.mark.parametrize(("p_range", "last"), [("arcLength", 30.0), ("normalized", 1.0)])
+def test_a_polynomial_has_the_range_and_the_end_of_its_file(
+    tmp_path: Path, p_range: str, last: float
+) -> None:
+    k = 30.0 / last
+    shape = (
+        f'<paramPoly3 pRange="{p_range}" aU="0" bU="{k}" cU="0" dU="0" '
+        f'aV="0" bV="0" cV="{0.0005 * k**2}" dV="0"/>'
+    )
+    line = read_reference_line(write_map(tmp_path / "a.xodr", road([(30.0, shape)])))
+    assert line.curvature_per_m.at(0.0) == pytest.approx(0.001)
+    assert line.end == pytest.approx((30.0, 0.45, 0.03), abs=0.01)
+    other = shape.replace(p_range, "normalized" if last > 1.0 else "arcLength")
+    path = write_map(tmp_path / "b.xodr", road([(30.0, other)]))
+    with pytest.raises(ConfigError, match="as long as its geometry, 30 m, expected, found"):
+        read_reference_line(path)
+
+
+def test_grade_and_bank_are_zero_before_their_first_record(tmp_path: Path) -> None:
+    late = ELEVATION.replace('s="0"', 's="20"')
+    first, last = road([(100, LINE)], "a", ELEVATION), road([(100, LINE)], "b", late, (100, 0, 0))
+    path = write_map(tmp_path / "a.xodr", first, last)
+    line = read_reference_line(path, ["a", "b"])
+    at_m = np.array([99.0, 110.0, 130.0, 199.0])
+    assert line.grade(at_m) == pytest.approx([0.05 + 0.002 * 39.0, 0.0, 0.05, 0.05 + 0.002 * 39.0])
+    assert line.bank_rad(at_m) == pytest.approx([0.03, 0.0, 0.03, 0.03])
+    assert line.speed_limit_mps(at_m) == pytest.approx([20.0, np.inf, 20.0, 20.0])
+    against = read_reference_line(write_map(tmp_path / "b.xodr", last), ["-b"])
+    at_m = np.array([10.0, 70.0, 90.0])
+    assert against.grade(at_m) == pytest.approx([-0.05 - 0.002 * 30.0, -0.05, 0.0])
+    assert against.bank_rad(at_m) == pytest.approx([-0.03, -0.03, 0.0])
+    assert against.speed_limit_mps(at_m) == pytest.approx([20.0, 20.0, np.inf])
+
+
+@pytest.mark.parametrize(
+    ("speed", "limit_mps"),
+    [
+        ('max="10"', 10.0),
+        ('max="36" unit="km/h"', 10.0),
+        ('max="10" unit="mph"', 4.4704),
+        ('max="no limit"', np.inf),
+        ('max="undefined" unit="km/h"', np.inf),
+    ],
+)
+def test_speed_limits_have_units(tmp_path: Path, speed: str, limit_mps: float) -> None:
+    extra = f'<type s="0" type="town"><speed {speed}/></type>'
+    line = read_reference_line(write_map(tmp_path / "a.xodr", road([(9, LINE)], "1", extra)))
+    assert line.speed_limit_mps.at(5.0) == pytest.approx(limit_mps)
+
+
+def test_connecting_roads_of_junctions_need_not_be_named(tmp_path: Path) -> None:
+    parts = road([(100, LINE)], "5"), road([(9, LINE)], "6", junction="1")
+    path = write_map(tmp_path / "a.xodr", *parts)
+    assert read_reference_line(path).length_m == 100.0
+    assert read_reference_line(path, ["6"]).length_m == 9.0
+
+
+def test_a_map_is_a_scenario(simple: Path) -> None:
+    scenario = load_scenario(f"{simple}#1")
+    assert scenario.road.length_m == 230.0
+    assert scenario.start.speed_mps == pytest.approx(50.0 / 3.6)
+    assert scenario.duration_s * scenario.start.speed_mps > 230.0
+
+
+def test_a_file_of_format_2_takes_its_road_from_a_map(simple: Path) -> None:
+    content = {
+        "format": 2, "name": "x", "duration_s": 20.0, "reference": {"speed_kmh": 40.0},
+        "road": {"opendrive": {"file": "map.xodr"}, "friction": 0.5},
+    }  # fmt: skip
+    scenario = parse_scenario(content, "test", simple.parent)
+    assert scenario.road.curvature_per_m.at(200.0) == pytest.approx(0.01)
+    assert scenario.road.friction_left.at(0.0) == 0.5
+
+
+@pytest.mark.parametrize(
+    ("roads", "name", "message"),
+    [
+        ([road([(9, LINE)]), road([(8, LINE)], "2")], "a.xodr", r"Name some of 1 \(9 m\), 2 \(8"),
+        ([road([(9, LINE)])], "a.xodr#5", r"expected a road of 1 \(9 m\), found '5'"),
+        ([road([(9, LINE)]), road([(9, LINE)])], "a.xodr#1", "found '1' 2 times"),
+        ([road([(9, "<nurbs/>")])], "a.xodr", "road 1: expected a road that can be"),
+        (
+            [road([(9, LINE), (8, LINE)]).replace('s="9.0" x="', 's="9.0" x="1')],
+            "a.xodr",
+            r"geometry at s = 9 m: at most 0.5 m and 2.9 deg .*compare s, x, y and hdg of both",
+        ),
+        ([road([(9, "<arc/>")])], "a.xodr", "as attribute curvature of <arc>, found none"),
+        ([road([(9, '<arc curvature="nan"/>')])], "a.xodr", "curvature of <arc>, found 'nan'"),
+        ([road([(9, LINE)]).replace('"9"', '"inf"')], "a.xodr", "attribute length of <geometry>"),
+        ([road([(9, LINE)]).replace('"9"', '"1e9"')], "a.xodr", "length of 0..250000 m expected"),
+        ([road([(9, LINE)], "1", ELEVATION.replace("72", "0"))], "a.xodr", "max above 0, no limit"),
+        ([road([(9, LINE)], "1", ELEVATION.replace("72", "-9"))], "a.xodr", "max above 0, no limi"),
+        (
+            [road([(9, LINE)], "1", ELEVATION.replace("km/h", "kmh"))],
+            "a.xodr",
+            "road that can be read, found an error: unit m/s, km/h, mph expected in <speed>, found",
+        ),
+        ([road([(9e4, LINE)])], "a.xodr", "expected a drive of at most 3600 s"),
+        ([road([])], "a.xodr", "no geometry in planView"),
+        ([], "a.xodr", "expected an OpenDRIVE file with roads"),
+    ],
+)
+def test_a_map_that_cannot_be_driven_is_refused(
+    tmp_path: Path, roads: list[str], name: str, message: str
+) -> None:
+    write_map(tmp_path / "a.xodr", *roads)
+    with pytest.raises(ConfigError, match=message):
+        load_scenario(str(tmp_path / name))
+
+
+STEEP, TILTED = ELEVATION.replace("0.05", "0.25"), ELEVATION.replace("0.03", "0.3")
+
+
+@pytest.mark.parametrize(
+    ("parts", "message"),
+    [
+        (road([(9, '<arc curvature="0.1"/>')]), "road.curvature_per_m: expected -0.03..0.03 1/m"),
+        (road([(9, LINE)], "1", STEEP), "road.grade_percent: expected -20..20 %, found 25"),
+        (road([(9, LINE)], "1", TILTED), "road.bank_deg: expected -12..12 deg, found 17"),
+    ],
+)
+def test_a_road_out_of_its_limits_is_refused_from_every_file(
+    tmp_path: Path, parts: str, message: str
+) -> None:
+    path = write_map(tmp_path / "a.xodr", parts)
+    with pytest.raises(ConfigError, match=message):
+        load_scenario(str(path))
+    content = {
+        "format": 2, "name": "x", "duration_s": 1.0, "reference": {"speed_kmh": 20.0},
+        "road": {"opendrive": {"file": "a.xodr"}},
+    }  # fmt: skip
+    with pytest.raises(ConfigError, match=message):
+        parse_scenario(content, "test", tmp_path)

@@ -1,0 +1,110 @@
+"""Cones, lanes and bodies: hits and margins against plain geometry."""
+
+import numpy as np
+import pytest
+
+from sim_bridge.scenario.cone_courses import ConeCourse, iso_3888_1, iso_3888_2, slalom
+from sim_bridge.scenario.lanes import (
+    CONE_RADIUS_M,
+    Body,
+    Cone,
+    Course,
+    Lane,
+    Poses,
+    cone_hits,
+    lane_margin_m,
+    road_margin_m,
+)
+from sim_bridge.scenario.table import through
+
+BODY = Body(1.8, 2.0, 2.5)
+
+
+def drive_past(ey_m: float, curvature: float = 0.0, epsi_rad: float = 0.0) -> Poses:
+    s_m = np.arange(0.0, 60.0, 0.5)
+    same = np.ones_like(s_m)
+    return Poses(s_m, ey_m * same, epsi_rad * same, curvature * same)
+
+
+def along(course: ConeCourse) -> Poses:
+    s_m = np.arange(0.0, 400.0, 0.2)
+    ey_m = course.lateral.ey_m(s_m, s_m)
+    return Poses(s_m, ey_m, np.arctan(np.gradient(ey_m, s_m)), 0.0 * s_m)
+
+
+@pytest.mark.parametrize("curvature", [0.0, 0.02, -0.02])
+@pytest.mark.parametrize(("gap_m", "hits"), [(0.01, 0), (-0.01, 1)])
+def test_a_cone_is_hit_if_its_base_overlaps_the_body(
+    curvature: float, gap_m: float, hits: int
+) -> None:
+    beside_m = 0.5 * BODY.width_m + CONE_RADIUS_M
+    # On a bend the front and rear of the body are farther out than its middle.
+    inner = 1.0 if curvature >= 0.0 else -1.0
+    course = Course(BODY, (Cone(30.0, inner * (beside_m + gap_m)),))
+    assert cone_hits(course, drive_past(0.0, curvature)) == hits
+
+
+def test_a_cone_between_two_periods_is_not_missed() -> None:
+    course = Course(BODY, (Cone(30.25, 0.0),))
+    fast = Poses(*(part[::8] for part in drive_past(0.0)))
+    assert cone_hits(course, fast) == 1
+
+
+def test_the_margin_to_a_lane_is_that_of_the_nearest_corner() -> None:
+    course = Course(BODY, lanes=(Lane(20.0, 40.0, -1.5, 1.2),))
+    assert lane_margin_m(course, drive_past(0.0)) == pytest.approx(0.3)
+    turned = lane_margin_m(course, drive_past(0.0, epsi_rad=0.1))
+    assert turned == pytest.approx(1.2 - 0.9 * np.cos(0.1) - 2.0 * np.sin(0.1), abs=1e-6)
+    assert lane_margin_m(course, drive_past(1.0)) == pytest.approx(-0.7)
+
+
+def test_the_margin_to_the_road_follows_its_width() -> None:
+    width_m = through((0.0, 60.0), (4.0, 3.0))
+    assert road_margin_m(BODY, drive_past(0.2), width_m) == pytest.approx(1.5 - 1.1, abs=0.02)
+    assert road_margin_m(BODY, drive_past(1.0), width_m) < 0.0
+
+
+def test_without_lanes_there_is_no_margin() -> None:
+    assert lane_margin_m(Course(BODY), drive_past(0.0)) == np.inf
+
+
+def test_the_sections_of_iso_3888_1_have_their_lengths_and_widths() -> None:
+    course = iso_3888_1(40.0, BODY, 0.1).course
+    lengths = [lane.end_m - lane.start_m for lane in course.lanes]
+    widths = [lane.left_m - lane.right_m for lane in course.lanes]
+    assert lengths == pytest.approx([15.0, 25.0, 15.0, 15.0])
+    assert widths == pytest.approx([2.23, 2.41, 2.59, 2.59])
+    assert [lane.start_m for lane in course.lanes] == pytest.approx([40.0, 85.0, 135.0, 150.0])
+    assert course.lanes[1].right_m - course.lanes[0].right_m == pytest.approx(3.5)
+
+
+def test_the_sections_of_iso_3888_2_have_their_lengths_and_widths() -> None:
+    course = iso_3888_2(30.0, BODY, 0.1).course
+    lengths = [lane.end_m - lane.start_m for lane in course.lanes]
+    widths = [lane.left_m - lane.right_m for lane in course.lanes]
+    assert lengths == pytest.approx([12.0, 11.0, 12.0])
+    assert widths == pytest.approx([2.23, 2.80, 3.0])
+    assert course.lanes[1].right_m - course.lanes[0].left_m == pytest.approx(1.0)
+    assert course.lanes[1].start_m - course.lanes[0].end_m == pytest.approx(13.5)
+
+
+@pytest.mark.parametrize("generator", [iso_3888_1, iso_3888_2])
+@pytest.mark.parametrize("width_m", [1.6, 1.8, 2.1])
+def test_the_path_through_an_iso_course_hits_no_cone(generator, width_m: float) -> None:
+    course = generator(40.0, BODY._replace(width_m=width_m), 0.1)
+    assert cone_hits(course.course, along(course)) == 0
+    assert lane_margin_m(course.course, along(course)) > 0.02
+
+
+def test_a_body_that_does_not_fit_is_refused() -> None:
+    with pytest.raises(ValueError, match="clearance_m: expected lanes"):
+        iso_3888_1(40.0, BODY, 0.3)
+
+
+def test_the_path_of_a_slalom_passes_its_cones_in_turn_with_its_clearance() -> None:
+    course = slalom(10.0, 36.0, 5, BODY, 0.3)
+    sides = [float(course.lateral.ey_m(np.array([c.s_m]), np.zeros(1))[0])
+             for c in course.course.cones]  # fmt: skip
+    assert np.sign(sides).tolist() == [1.0, -1.0, 1.0, -1.0, 1.0]
+    assert np.abs(sides) == pytest.approx(0.9 + CONE_RADIUS_M + 0.3, abs=1e-6)
+    assert cone_hits(course.course, along(course)) == 0

@@ -1,0 +1,41 @@
+"""The wanted lateral position: sines, tables, and the cubic that is sent."""
+
+import numpy as np
+import pytest
+
+from sim_bridge.scenario import load_scenario
+from sim_bridge.scenario.lateral import Sine
+from sim_bridge.scenario.scenario import PREVIEW_S
+
+
+def test_a_sine_begins_and_ends_without_a_step_of_heading() -> None:
+    sine = Sine(0.5, 2.0, is_over_time=True, start=1.0, periods=6.0)
+    time_s = np.arange(0.0, 16.0, 1e-3)
+    ey_m = sine.ey_m(0.0 * time_s, time_s)
+    slope = np.gradient(ey_m, time_s)
+    assert np.abs(ey_m[(time_s < 1.0) | (time_s > 13.0)]).max() == 0.0
+    assert np.abs(np.diff(slope)).max() < 0.01
+    assert ey_m.max() == pytest.approx(0.5, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["sine_60", "sine_110"])
+def test_the_shipped_sines_are_half_a_metre_at_half_a_hertz(name: str) -> None:
+    drive = load_scenario(name)
+    time_s = np.arange(4.0, 14.0, 1e-3)
+    ey_m = drive.ey_m(drive.start.speed_mps * time_s, time_s)
+    np.testing.assert_allclose(ey_m, 0.5 * np.sin(np.pi * (time_s - 1.0)), atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["sine_60", "sine_110", "iso_3888_1", "slalom"])
+def test_the_cubic_is_exact_at_the_car_and_close_over_the_preview(name: str) -> None:
+    drive = load_scenario(name)
+    speed_mps = drive.start.speed_mps
+    ahead_s = np.linspace(0.0, PREVIEW_S, 30)
+    for time_s in np.arange(0.0, 10.0, 0.13):
+        s_m = speed_mps * time_s
+        path = drive.path_ahead(s_m, speed_mps, time_s)
+        sigma = speed_mps * ahead_s
+        cubic = path.c0_m + sigma * (path.c1 + sigma * (path.c2_per_m + sigma * path.c3_per_m2))
+        wanted = drive.ey_m(s_m + sigma, time_s + ahead_s)
+        assert path.c0_m == pytest.approx(wanted[0])
+        np.testing.assert_allclose(cubic, wanted, atol=0.02)

@@ -1,0 +1,116 @@
+"""Random scenarios are driven without a fault, or refused with the names of fields.
+
+A part of the drives is over the bus with the controller and the shipped linear model. They may
+end early only where the scenario itself draws a fault.
+"""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, assume, given, settings
+from random_scenarios import CONTENTS, Content, spoilt_contents, write_random_map
+from reference_driver import drive
+
+from rt_controller import Bundle, simulate
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.signals import Mode
+from rt_controller.loop import Ending
+from sim_bridge.scenario import Scenario, parse_scenario
+
+FIELD = re.compile(
+    r"(reference|initial|stops|road|duration_s|limits|faults)[\w.\[\]]*: expected .*, found "
+)
+LINE = re.compile(r"[a-z_0-9.\[\]]+: (expected .*, found |no such setting)", re.IGNORECASE)
+DRIVEN_TICKS = 120
+BUS_S = 3.0
+"""part of a scenario that is driven over the bus"""
+
+
+@pytest.fixture(scope="module")
+def maps(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_random_map(tmp_path_factory.mktemp("maps"))
+
+
+@pytest.fixture(scope="module")
+def lti() -> Bundle:
+    return Bundle.load("lti")
+
+
+def load(content: Content, folder: Path) -> Scenario:
+    """Leaves the example where the content is refused; the refusal names a field."""
+    try:
+        return parse_scenario(content, "random", folder)
+    except ConfigError as error:
+        refusal = str(error)
+    assert FIELD.search(refusal), refusal
+    assume(False)
+    raise AssertionError
+
+
+def check_over_the_bus(scenario: Scenario, lti: Bundle) -> None:
+    driven = simulate(replace(scenario, duration_s=min(scenario.duration_s, BUS_S)), model=lti)
+    if driven.ending != Ending.MISSION_OVER.value:
+        assert driven.ending == Ending.SAFE_STOPPED.value
+        stopped = driven.modes.index(Mode.SAFE_STOP)
+        assert any(fault.ticks.start <= stopped for fault in scenario.faults), "without a fault"
+
+
+@settings(max_examples=20, deadline=None, derandomize=True)
+@given(content=CONTENTS)
+def test_a_random_valid_scenario_is_driven_without_a_fault(content: Content, maps: Path) -> None:
+    assert drive(load(content, maps), DRIVEN_TICKS).ticks > 0
+
+
+@settings(max_examples=6, deadline=None, derandomize=True)
+@given(content=CONTENTS)
+def test_a_random_valid_scenario_is_driven_over_the_bus_to_its_end(
+    content: Content, maps: Path, lti: Bundle
+) -> None:
+    check_over_the_bus(load(content, maps), lti)
+
+
+@pytest.mark.nightly
+@settings(max_examples=1000, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@given(content=CONTENTS)
+def test_a_thousand_random_valid_scenarios_are_driven_without_a_fault(
+    content: Content, maps: Path
+) -> None:
+    assert drive(load(content, maps), DRIVEN_TICKS).ticks > 0
+
+
+@pytest.mark.nightly
+@settings(max_examples=1000, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@given(content=CONTENTS)
+def test_a_thousand_random_valid_scenarios_are_driven_over_the_bus_to_their_end(
+    content: Content, maps: Path, lti: Bundle
+) -> None:
+    check_over_the_bus(load(content, maps), lti)
+
+
+def check_refusal(content: Content, folder: Path) -> None:
+    """A content with junk is refused by a line for a field, or it is valid all the same."""
+    try:
+        parse_scenario(content, "random", folder)
+    except ConfigError as error:
+        lines = str(error).removeprefix("random:").strip().splitlines()
+    else:
+        return
+    for line in lines:
+        assert LINE.match(line.strip().removeprefix(f"{folder}/")), line
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(content=spoilt_contents())
+def test_a_spoilt_scenario_is_refused_with_the_names_of_its_fields(
+    content: Content, maps: Path
+) -> None:
+    check_refusal(content, maps)
+
+
+@pytest.mark.nightly
+@settings(max_examples=3000, deadline=None)
+@given(content=spoilt_contents())
+def test_thousands_of_spoilt_scenarios_are_refused_with_names(content: Content, maps: Path) -> None:
+    check_refusal(content, maps)

@@ -1,0 +1,89 @@
+"""Roads: what the car is told of them, and the road frame on a road that bends."""
+
+import numpy as np
+import pytest
+
+from sim_bridge import frenet
+from sim_bridge.scenario import load_scenario
+from sim_bridge.scenario.courses import Bend, course_of_bends, ramp_of_curvature
+from sim_bridge.scenario.road import Road
+from sim_bridge.scenario.scenario import PREVIEW_S
+from sim_bridge.scenario.table import Interpolation, constant, through
+
+STEP_S = 0.001
+
+
+def drive_along(road: Road, speed_mps: float, seconds: float) -> np.ndarray:
+    """(n, 3) poses of a body that turns exactly as the road does."""
+    pose, poses, s_m = np.zeros(3), [], 0.0
+    for _ in range(round(seconds / STEP_S)):
+        before = road.curvature_per_m.at(s_m)
+        after = road.curvature_per_m.at(s_m + speed_mps * STEP_S)
+        frenet.advance_along(
+            np.array([speed_mps, 0.0, speed_mps * before]),
+            np.array([[speed_mps, 0.0, speed_mps * after]]),
+            road.frame(),
+            STEP_S,
+            pose,
+        )
+        s_m += speed_mps * STEP_S
+        poses.append(pose.copy())
+    return np.array(poses)
+
+
+def road(curvature) -> Road:
+    return Road(curvature, constant(0.85), constant(0.85))
+
+
+@pytest.mark.parametrize("interpolation", list(Interpolation))
+def test_a_body_that_turns_with_the_road_stays_on_it(interpolation: Interpolation) -> None:
+    curvature = through((0.0, 20.0, 50.0, 70.0), (0.0, 0.01, -0.008, 0.0), interpolation)
+    poses = drive_along(road(curvature), 20.0, 4.0)
+    assert poses[-1, frenet.S] == pytest.approx(80.0, abs=0.01)
+    assert np.abs(poses[:, frenet.EY]).max() < 0.02
+    assert np.abs(poses[:, frenet.EPSI]).max() < 2e-3
+
+
+def test_the_compiled_curvature_is_that_of_the_table() -> None:
+    curvature = through((3.0, 20.0, 50.0), (0.002, 0.01, -0.008), Interpolation.SPLINE)
+    table = road(curvature).frame()
+    for s_m in (-1.0, 3.0, 11.7, 20.0, 49.999, 50.0, 200.0):
+        assert frenet.curvature_at(s_m, table) == pytest.approx(curvature.at(s_m), abs=1e-15)
+
+
+def test_the_ground_at_the_car_has_all_quantities() -> None:
+    ground = Road(
+        curvature_per_m=through((0.0, 100.0), (0.0, 0.01)),
+        friction_left=constant(0.9),
+        friction_right=through((0.0, 10.0), (0.9, 0.3), Interpolation.STEP),
+        bank_rad=constant(0.02),
+        grade=constant(0.05),
+    ).at(50.0, tail_wind_mps=-2.0, cross_wind_mps=4.0)
+    assert ground == pytest.approx((0.005, 0.0001, 0.9, 0.3, 0.02, np.arctan(0.05), -2.0, 4.0))
+
+
+def test_curvature_ahead_is_that_of_the_road_at_equal_distances() -> None:
+    ahead = road(ramp_of_curvature(60.0, 0.0, 0.0, 0.003)).curvature_ahead(50.0, 20.0, 5)
+    assert ahead.tolist() == [0.0, 0.0, 0.003, 0.003, 0.003]
+
+
+def test_a_bend_of_a_course_turns_by_its_angle() -> None:
+    table = course_of_bends([Bend(50.0, 80.0, -1.5, 30.0), Bend(20.0, 100.0, 0.7, 0.0)])
+    s_m = np.linspace(0.0, 400.0, 400_001)
+    turned = np.cumsum(table(s_m)) * (s_m[1] - s_m[0])
+    assert turned[-1] == pytest.approx(-0.8, abs=1e-3)
+    assert table.lowest().value == pytest.approx(-1.0 / 80.0)
+    assert table.at(49.0) == table.at(399.0) == 0.0
+
+
+def test_the_curvature_ahead_is_sent_as_far_as_the_path() -> None:
+    scenario = load_scenario("curvature_step")
+    speed_mps = 80.0 / 3.6
+    straight = scenario.preview_ahead(40.0, speed_mps, speed_mps)
+    assert straight == pytest.approx((PREVIEW_S * speed_mps / 4.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    half_way = scenario.preview_ahead(60.0 - 2.0 * straight.spacing_m, speed_mps, speed_mps)
+    assert half_way[1:] == pytest.approx((0.0, 0.0, 0.0015, 0.003, 0.003), abs=8e-4)
+    beyond = scenario.preview_ahead(60.1, speed_mps, speed_mps)
+    assert beyond[1:] == pytest.approx([0.003] * 5)
+    assert scenario.preview_ahead(0.0, 0.0, 0.0).spacing_m == 1.0
+    assert scenario.preview_ahead(0.0, 10.0, 0.0) == scenario.preview_ahead(0.0, 0.0, 10.0)
