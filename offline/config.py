@@ -53,7 +53,7 @@ class TrainingConfig(Settings):
     """exchange left and right in half of the trajectories, if the data set says which signals
     change sign"""
 
-    learning_rate: PositiveFloat = 4e-3
+    learning_rate: PositiveFloat = 2e-3
     """initial rate of Adam, or the highest of the cosine schedule"""
     operator_rate: float = Field(default=0.2, gt=0.0)
     """learning rate of A as a share of the others: over 80 steps a small change of A changes the
