@@ -22,7 +22,7 @@ MODELS = ("mdk-net", "lti")
 DECELERATIONS_MPS2 = {0.85: (1.0, 1.8, 2.5), 0.3: (1.0, 1.4, 1.8)}
 """of the stops, by road friction"""
 CRUISE_MPS = 60.0 / 3.6
-CONSTANT_KMH = (15.0, 18.0, 20.0, 25.0)
+CONSTANT_KMH = (15.0, 20.0, 25.0, 32.0, 36.0)
 """in the lowest gears, around the speeds at which the law changes"""
 SLOW_MPS = 10.0
 """the changes of the pedal below this speed are counted"""

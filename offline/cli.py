@@ -134,7 +134,8 @@ def train(
     Ctrl-C ends the run after a checkpoint and prints the command that resumes it.
 
     Args:
-        resume: continue this run; only --steps and --threads may differ from its configuration
+        resume: continue this run; only --threads may differ from its configuration, and --steps if
+            its learning rate follows no cosine
         runs: folder that gets a new folder for each run
     """
     require_ready(json_file)

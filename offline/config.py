@@ -39,7 +39,7 @@ class TrainingConfig(Settings):
     seed: int = 0
     """seed of the initial weights and of the batches"""
     threads: PositiveInt = 1
-    """CPU threads of torch; with these small batches a second one does not pay"""
+    """CPU threads of torch; for these small batches a second one saves no time"""
     device: str = "cpu"
     """torch device: cpu, cuda, cuda:1, …"""
 
@@ -47,8 +47,8 @@ class TrainingConfig(Settings):
     """train on any window of any episode, each on a random road if it has poses, or on the paper's
     slices"""
     rare_share: float = Field(default=0.5, ge=0.0, lt=1.0)
-    """share of the draws that prefers windows with rare motion; the loss weights them accordingly;
-    for windows all and objective horizon"""
+    """share of the draws that prefers windows with rare motion, which weights in the loss
+    compensate for; without effect on windows slices and objective paper"""
     mirror: bool = True
     """exchange left and right in half of the trajectories, if the data set says which signals
     change sign"""

@@ -94,11 +94,10 @@ _SteeringRatio = Annotated[float, Field(ge=SMALLEST.steering_ratio, le=LARGEST.s
 
 
 class LowSpeedSettings(Settings):
-    """The car below the speed that the model is trained for: start, stop and hold."""
+    """The car below the speed at which the model drives: start, stop and hold."""
 
-    below_mps: Annotated[float, Field(ge=0.5, le=10.0)] | None = None
-    """the model stops driving below this speed, and drives again 1 m/s above it; none: 3, and 8 for
-    a model that predicts the same throttle gain at low as at high speed"""
+    below_mps: Annotated[float, Field(ge=0.5, le=10.0)] = 8.0
+    """the model stops driving below this speed, and drives again 1 m/s above it"""
     wheelbase_m: _Wheelbase | None = None
     """front axle to rear axle; none: that of the model's car, 2.910 if the model does not say"""
     rear_axle_m: _RearAxle | None = None

@@ -10,7 +10,7 @@ from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, PathReference
 from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY, SteeringGeometry
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.low_speed.handover import SpeedRange
-from rt_controller.control.low_speed.identification import identify_gains, slowest_speed_mps
+from rt_controller.control.low_speed.identification import identify_gains
 from rt_controller.control.low_speed.law import LowSpeedCar
 from rt_controller.control.low_speed.speed import PedalGains
 from rt_controller.control.mpc import Mpc
@@ -50,8 +50,7 @@ def choose_low_speed_car(bundle: Bundle, settings: LowSpeedSettings) -> LowSpeed
     Raises:
         ArtifactError: the model's encoder cannot be used.
     """
-    below_mps = _first(settings.below_mps, slowest_speed_mps(bundle))
-    speeds = SpeedRange(below_mps, below_mps + RESUME_ABOVE_MPS)
+    speeds = SpeedRange(settings.below_mps, settings.below_mps + RESUME_ABOVE_MPS)
     found = identify_gains(bundle, speeds.resume_mps)
     gains = PedalGains(
         _first(settings.throttle_mps2, found.throttle_mps2),

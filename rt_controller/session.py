@@ -24,7 +24,11 @@ from rt_controller.preparation import schedule_preparation
 from rt_controller.realtime.accounting import DeadlineAccount
 from rt_controller.realtime.clock import Clock, LockstepClock
 from rt_controller.realtime.kernel_counters import KernelCounters
-from rt_controller.realtime.scheduling import real_time_process, set_thread_priority
+from rt_controller.realtime.scheduling import (
+    NO_GUARANTEES,
+    real_time_process,
+    set_thread_priority,
+)
 from rt_controller.settings import BusSettings
 from rt_controller.step import ControlStep
 
@@ -60,7 +64,8 @@ class ControllerSession:
         """
         self._settings, self._clock = config.realtime, clock
         self._is_lockstep = isinstance(clock, LockstepClock)
-        # Simulated time needs no rank among the threads of this machine, and no locked memory.
+        # Simulated time needs no rank among the threads of this machine, no locked memory, and no
+        # interpreter without a garbage collector: to prepare that takes longer than a short drive.
         self._priority = 0 if self._is_lockstep else config.realtime.priority
         if not self._is_lockstep:  # a time limit would make the result depend on the machine
             mpc.limit_solve_time(round(config.realtime.solve_budget_ms * 1e6))
@@ -76,10 +81,10 @@ class ControllerSession:
         """True after the vehicle was found"""
         self._request = StopRequest()
         with ExitStack() as opened:
-            # First: the threads that a bus or a log starts inherit the settings of the process.
-            self.guarantees = opened.enter_context(
-                real_time_process(self._priority, lock_memory=not self._is_lockstep)
-            )
+            self.guarantees = NO_GUARANTEES
+            if not self._is_lockstep:
+                # First: the threads that a bus or a log starts inherit the settings of the process.
+                self.guarantees = opened.enter_context(real_time_process(self._priority))
             self._bus = bus_settings.open_bus()
             opened.callback(close_bus, self._bus)
             self.recorder = open_recorder(record_file, bus_settings.channel, self._is_lockstep)

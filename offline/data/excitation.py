@@ -22,7 +22,7 @@ class Recipe:
     first_speed_mps: tuple[float, float] = (15.0 / 3.6, 130.0 / 3.6)
     segment_s: tuple[float, ...] = (0.5, 1.0, 2.0)
     throttles: tuple[float, ...] = (0.0, 0.03, 0.06, 0.1, 0.15, 0.25, 0.4, 0.7, 1.0)
-    """dense where a car is driven at constant speed: it holds 120 km/h at 0.15"""
+    """dense where a car is driven at constant speed; c_class_125kw_fwd holds 120 km/h at 0.15"""
     brakes_n: tuple[float, ...] = (0.0, 15.0, 30.0, 50.0, 75.0, 100.0, 150.0)
     drive_brake_coast: tuple[float, float, float] = (0.55, 0.25, 0.20)
     steering_knots: tuple[int, ...] = (4, 5, 6)

@@ -70,6 +70,13 @@ class Batch(NamedTuple):
             history.permute(0, 2, 1, 3),
         )
 
+    def errors_of(self, predicted: Tensor) -> Tensor:
+        """Mean squared error of each state over steps 1..K and the weighted trajectories, (n,).
+
+        predicted is (K, batch, n).
+        """
+        return (self.weight * (self.x[1:] - predicted).square()).mean(dim=(0, 1))
+
     def chunks(self, size: int) -> "Iterator[tuple[float, Batch]]":
         """Batches of at most `size` trajectories, each with its share of all trajectories."""
         count = self.x.shape[1]
@@ -121,7 +128,7 @@ class WindowSource:
     def __init__(
         self, dataset: Dataset, scaling: Scaling, past_steps: int, rare_share: float = 0.0
     ) -> None:
-        """The share `rare_share` of the draws prefers windows with rare motion (`rarity`)."""
+        """The share `rare_share` of the draws prefers windows with rare motion: `frequencies`."""
         self._dataset, self._scaling, self._past_steps = dataset, scaling, past_steps
         self._roads = dataset.manifest.roads
         self._starts = possible_starts(dataset.recording, dataset.episodes("train"), past_steps)
@@ -148,8 +155,9 @@ class WindowSource:
 def rarity(dataset: Dataset, scaling: Scaling) -> Array:
     """(T,) largest magnitude of a scaled state within the window that begins at each row.
 
-    A few sliding cars carry most of the squared error of lateral velocity, and they are the windows
-    with the largest states.
+    The states are those of the recording: with poses, without the path states, which depend on the
+    road. The windows of sliding cars, which carry most of the squared error of lateral velocity,
+    have the largest ones.
     """
     x = dataset.recording.x
     states = x.shape[1]
@@ -161,8 +169,8 @@ def frequencies(rarity: Array, rare_share: float) -> Array:
     """(M,) how often each window is drawn, relative to drawing all windows alike.
 
     The share `rare_share` is drawn in proportion to the square of the rarity (M,), the rest
-    uniformly. Weighted by 1 / frequency, means over the draws are means over all windows; no weight
-    exceeds 1 / (1 - rare_share).
+    uniformly. Weighted by 1 / frequency, means over the draws are unbiased estimates of means over
+    all windows; no weight exceeds 1 / (1 - rare_share).
     """
     importance = rarity**2
     return np.asarray(1.0 - rare_share + rare_share * importance / importance.mean())
@@ -200,7 +208,7 @@ def open_source(
     if config.windows == "slices":
         source = SliceSource(dataset, scaling, config.history_steps)
     else:
-        # The paper's terms know no weights.
+        # The paper's terms have no weights.
         rare_share = config.rare_share if config.objective == "horizon" else 0.0
         source = WindowSource(dataset, scaling, config.history_steps, rare_share)
     is_mirrored = config.mirror and dataset.roles.odd is not None

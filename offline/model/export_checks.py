@@ -38,7 +38,8 @@ def check_export(bundle: Bundle, largest_radius: float = LARGEST_RADIUS) -> floa
         raise ArtifactError(
             f"export expects a spectral radius of at most {largest_radius}, found "
             f"{bundle.spectral_radius:.4f}: predictions would grow without bound over the horizon. "
-            f"Train with --stability projection, or longer; such a baseline cannot be driven with."
+            f"Train longer or with a larger --weight-stability; a baseline of this radius cannot "
+            f"drive."
         )
     parity = bundle.parity_error(BundlePredictor(bundle).lift(bundle.selftest))
     if not parity < LARGEST_PARITY_ERROR:

@@ -64,12 +64,19 @@ def total_loss(
     return Losses(total, single_step, multi_step, stability, regularisation, states)
 
 
-def single_step_loss(psi_before: Tensor, psi_after: Tensor, A: Tensor, forcing: Tensor) -> Tensor:
+def single_step_loss(
+    psi_before: Tensor,
+    psi_after: Tensor,
+    A: Tensor,
+    forcing: Tensor,
+    weight: Tensor | float = 1.0,
+) -> Tensor:
     """Squared error of one step of the linear model.
 
-    psi_before, psi_after and forcing (= B u) are (times, batch, n). Paper: eq. (9), eq:ssl loss.
+    psi_before, psi_after and forcing (= B u) are (times, batch, n), the weight of each trajectory
+    (1, batch). Paper: eq. (9), eq:ssl loss, which has no weights.
     """
-    return _squared_norm(psi_after - psi_before @ A.t() - forcing).mean()
+    return (weight * _squared_norm(psi_after - psi_before @ A.t() - forcing)).mean()
 
 
 def multi_step_loss(psi: Tensor, predicted: Tensor, weights: Tensor) -> Tensor:
@@ -99,7 +106,7 @@ def state_errors(model: MdkNet, batch: Batch) -> Tensor:
     """
     psi0 = model.lift(batch.at(torch.zeros(1, dtype=torch.long, device=batch.x.device)))[0]
     predicted = model.roll_out(psi0, batch.u, batch.w)[..., : model.sizes.states]
-    return (batch.weight * (batch.x[1:] - predicted).square()).mean(dim=(0, 1))
+    return batch.errors_of(predicted)
 
 
 def log_error(errors: Tensor) -> Tensor:
@@ -228,7 +235,8 @@ def _horizon_terms(
         times = times.to(batch.x.device)
         before, after = model.lift(batch.at(times - 1)), model.lift(batch.at(times))
         forcing = model.forcing(before, batch.u[times - 1], batch.w[times - 1])
-        single_step = single_step_loss(before, after, model.operator().A, forcing)
+        weight = batch.weight[..., 0]
+        single_step = single_step_loss(before, after, model.operator().A, forcing, weight)
     return single_step, multi_step, errors.detach().mean()
 
 

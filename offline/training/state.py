@@ -121,7 +121,7 @@ def initialise(config: TrainingConfig, sizes: Sizes, device: torch.device) -> Tr
 
 @contextmanager
 def denormals_as_zero() -> Iterator[None]:
-    """Within it, this process takes denormal numbers for zero.
+    """Within it, the calling thread takes denormal numbers for zero; after it, no longer.
 
     The penalty on the weights makes those of unused units denormal; the processor then multiplies
     several times more slowly.

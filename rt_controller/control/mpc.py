@@ -18,7 +18,7 @@ from rt_controller.contract.signals import (
 )
 from rt_controller.contract.validation import require_drivable
 from rt_controller.control.lift import Encoder, History
-from rt_controller.control.pedals import PedalChoice
+from rt_controller.control.pedals import PedalChoice, open_throttle
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.qp import WITH_SLEW, CondensedQp, Features
 from rt_controller.control.reference import ReferenceHorizon
@@ -202,5 +202,6 @@ class Mpc:
             nominal[:] = parameters.previous
         if not self._qp.matrices_vary:
             return True
+        open_throttle(nominal, self._pedals)
         self._qp.update_matrices()
         return self._solver.update_matrices()

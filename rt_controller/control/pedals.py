@@ -29,6 +29,9 @@ BRAKE_BELOW_MPS2 = -0.6
 """reference deceleration stronger than that of a closed throttle"""
 THROTTLE_ABOVE_MPS2 = -0.3
 
+OPENED_THROTTLE = 0.15
+"""throttle from which a plan counts as one with an opened throttle"""
+
 _CHANGE_TICKS = round(PEDAL_CHANGE_S / PERIOD_S)
 
 
@@ -58,6 +61,17 @@ class PedalChoice:
     def _change_to(self, pedal: Pedal) -> None:
         self.pedal = pedal
         self.ticks_until_pressed = _CHANGE_TICKS
+
+
+def open_throttle(nominal: Array, choice: PedalChoice) -> None:
+    """Raise the nominal inputs (N, 3) to an opened throttle, in place, unless the brake is in use.
+
+    Near a closed throttle an engine hardly responds, so the gain there is about zero. A plan along
+    which the throttle is closed would keep it closed, at any speed error.
+    """
+    if choice.pedal is Pedal.THROTTLE:
+        throttle = nominal[:, InputColumn.throttle]
+        np.maximum(throttle, OPENED_THROTTLE, out=throttle)
 
 
 def limit_pedals(upper: Array, choice: PedalChoice, previous: Array, slew: Array) -> None:

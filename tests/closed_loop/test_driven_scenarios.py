@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kinematic_car import KinematicCar
+from kinematic_plant import KinematicCar
 
 from rt_controller import Bundle, cli, simulate
 from rt_controller.car_figures import EXIT_LIMIT, limits_missed

@@ -5,6 +5,9 @@ from pathlib import Path
 import pytest
 from virtual_drive import Figures, drive
 
+from rt_controller.control.piqp_solver import MAX_ITERATIONS
+from rt_controller.control.warm_start import MAX_ROUNDS
+
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Figures, Path]:
@@ -20,7 +23,8 @@ def assert_on_path(figures: Figures) -> None:
     assert figures["vx_rms_mps"] <= 0.5
     assert figures["ticks"] >= 400
     assert figures["final_mode"] == "STANDBY"
-    assert figures["qp_iterations"]["max"] <= 16
+    assert figures["qp_iterations"]["max"] <= MAX_ROUNDS + MAX_ITERATIONS
+    assert figures["ticks_by_fault"] == {}
 
 
 def test_the_shipped_network_stays_on_its_path(recorded: tuple[Figures, Path]) -> None:

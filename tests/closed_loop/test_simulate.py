@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kinematic_car import KinematicCar
+from kinematic_plant import KinematicCar
 
 from rt_controller import Bundle, Drive, cli, simulate
 from rt_controller.contract.artifact import load_bundle, shipped_model

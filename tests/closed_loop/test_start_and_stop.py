@@ -54,23 +54,20 @@ def pedal_changes(drive: Drive, after_s: float) -> int:
     return int(np.count_nonzero(np.diff(pressed)))
 
 
-@pytest.mark.parametrize(
-    ("model", "expected"),
-    [("mdk-net", [Mode.NOMINAL, *SLOW, Mode.NOMINAL]), ("lti", SLOW)],
-)
+@pytest.mark.parametrize("model", ["mdk-net", "lti"])
 @pytest.mark.parametrize(
     ("braking_mps2", "friction", "curvature"),
     [(2.5, 0.85, 0.0), (1.0, 0.85, 0.005), (1.5, 0.3, -0.005)],
 )
 def test_a_stop_is_at_its_target_held_and_left(
-    model: str, expected: list[Mode], braking_mps2: float, friction: float, curvature: float
+    model: str, braking_mps2: float, friction: float, curvature: float
 ) -> None:
     drive = simulate(stop_and_go(braking_mps2, friction, curvature), model=model)
     found = {figure.name: figure.value for figure in drive.car_figures}
     assert found["stop_error_m"] < 0.1
     assert found["creep_m"] < 0.02
     assert found["hold_steer_rad"] == 0.0
-    assert laws(drive) == expected
+    assert laws(drive) == SLOW
     assert np.abs(drive["vx_mps"] - drive["path_vx_mps"])[drive["vx_mps"] > 4.0].max() < 1.0
 
 
@@ -87,7 +84,7 @@ def test_a_car_stops_from_60_km_per_h_is_held_for_ten_seconds_and_drives_on(mode
 
 
 @pytest.mark.parametrize("model", ["mdk-net", "mdk-net-paper", "lti"])
-@pytest.mark.parametrize("speed_kmh", [18.0, 25.0, 32.0])
+@pytest.mark.parametrize("speed_kmh", [18.0, 25.0, 32.0, 36.0])
 def test_a_constant_speed_near_the_handover_needs_no_change_of_the_pedal(
     model: str, speed_kmh: float
 ) -> None:
@@ -106,9 +103,9 @@ def test_a_constant_speed_near_the_handover_needs_no_change_of_the_pedal(
 
 
 def test_a_car_that_stands_at_the_start_drives_off() -> None:
-    speed = {"t_s": [0.0, 1.0, 6.0], "value": [0.0, 0.0, 25.0]}
+    speed = {"t_s": [0.0, 1.0, 9.0], "value": [0.0, 0.0, 45.0]}
     scenario = parse_scenario(
-        {"format": 2, "name": "start", "duration_s": 6.0, "reference": {"speed_kmh": speed}},
+        {"format": 2, "name": "start", "duration_s": 9.0, "reference": {"speed_kmh": speed}},
         "a test",
     )
     drive = simulate(scenario)

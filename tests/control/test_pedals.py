@@ -5,7 +5,13 @@ import pytest
 
 from rt_controller.contract.limits import PEDAL_CHANGE_S
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.control.pedals import Pedal, PedalChoice, limit_pedals
+from rt_controller.control.pedals import (
+    OPENED_THROTTLE,
+    Pedal,
+    PedalChoice,
+    limit_pedals,
+    open_throttle,
+)
 
 SLEW = np.array([0.0625, 0.0833, 0.1])
 
@@ -32,6 +38,19 @@ def test_the_brake_is_chosen_if_too_fast_or_if_the_reference_decelerates(
     choice = PedalChoice()
     choice.update(speed_error_mps, reference_mps2)
     assert choice.pedal is Pedal.BRAKE
+
+
+def test_gains_are_those_of_an_opened_throttle_unless_the_brake_is_in_use() -> None:
+    choice = PedalChoice()
+    plan = np.array([[0.0, 0.0, 0.3], [0.1, 0.0, -0.3], [0.6, 0.0, 0.0]])
+    nominal = plan.copy()
+    open_throttle(nominal, choice)
+    assert nominal[:, Pedal.THROTTLE].tolist() == [OPENED_THROTTLE, OPENED_THROTTLE, 0.6]
+    assert np.array_equal(nominal[:, 1:], plan[:, 1:])
+    choice.update(speed_error_mps=2.0, reference_mps2=0.0)
+    nominal = plan.copy()
+    open_throttle(nominal, choice)
+    assert np.array_equal(nominal, plan)
 
 
 def test_between_its_thresholds_the_choice_does_not_change() -> None:

@@ -1,5 +1,7 @@
 """The nonlinear programs model a vehicle, and both formulations have the same solution."""
 
+import inspect
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ pytest.importorskip("casadi", reason="the extra [peers] is not installed")
 
 import casadi as ca
 
+from benchmarks.peers.nonlinear.closed_loop_comparison import Nmpc
 from benchmarks.peers.nonlinear.formulations import (
     Condensed,
     NmpcParameters,
@@ -14,6 +17,7 @@ from benchmarks.peers.nonlinear.formulations import (
     period_function,
 )
 from rt_controller.config import MpcSettings
+from rt_controller.control.mpc import Mpc
 from rt_controller.control.terms import constrain_inputs
 
 HORIZON = 8
@@ -30,6 +34,14 @@ def parameters() -> NmpcParameters:
     reference[:, 0] = 21.0
     motion = np.array([20.0, 0.05, 0.02, 0.2, 0.01])
     return NmpcParameters(motion, np.array([0.2, 0.0, 0.05]), upper, reference, 0.001)
+
+
+@pytest.mark.parametrize(
+    "name", ["plan", "prepare", "warm_up", "observe", "forget", "resume", "limit_solve_time"]
+)
+def test_a_nonlinear_controller_is_called_like_the_own_one(name):
+    expected = inspect.signature(getattr(Mpc, name)).parameters
+    assert list(inspect.signature(getattr(Nmpc, name)).parameters) == list(expected)
 
 
 def test_without_inputs_a_car_on_a_straight_road_only_slows_down():

@@ -17,7 +17,12 @@ from rt_controller.config import MpcSettings
 from rt_controller.contract.artifact import load_bundle, shipped_model
 from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.schema import N_INPUTS
-from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
+from rt_controller.contract.signals import (
+    ControlInput,
+    CurvaturePreview,
+    PathReference,
+    VehicleState,
+)
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.pedals import PedalChoice, limit_pedals
 from rt_controller.control.reference import ReferenceHorizon
@@ -47,8 +52,9 @@ class Nmpc:
         curvature_per_m: float,
         path: PathReference,
         previous: ControlInput,
+        preview: CurvaturePreview | None = None,
     ) -> SolveStatus:
-        reference = self._reference.expand(path, state, curvature_per_m)
+        reference = self._reference.expand(path, state, curvature_per_m, preview)
         self._pedals.update(state.vx_mps - path.v_mps, path.a_mps2)
         v_prev = np.array(previous) / self._bounds.scale
         limit_pedals(self._upper, self._pedals, v_prev, self._bounds.slew)
@@ -69,6 +75,9 @@ class Nmpc:
 
     def forget(self) -> None:
         """Do nothing: the model has no history."""
+
+    def resume(self, previous: ControlInput) -> None:
+        self._pedals.resume(previous)
 
     def limit_solve_time(self, budget_ns: int) -> None:
         """Do nothing: the iterations are limited already."""

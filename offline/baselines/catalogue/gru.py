@@ -182,8 +182,7 @@ def _untrained(
 def _errors(model: GruModel, batch: Batch) -> Tensor:
     """(n,) mean squared errors of the scaled states over the horizon."""
     past = batch.memory[: model.past_steps].transpose(0, 1)
-    predicted = model.predict_scaled(batch.x[0], past, batch.u, batch.w)
-    return (predicted - batch.x[1:]).square().mean(dim=(0, 1))
+    return batch.errors_of(model.predict_scaled(batch.x[0], past, batch.u, batch.w))
 
 
 def _tensor(array: Array) -> Tensor:

@@ -1,4 +1,4 @@
-"""What the model that drives above low speed knows: gains of the pedals, and from which speed."""
+"""What the model that drives above low speed knows: the gains of the pedals."""
 
 import numpy as np
 
@@ -11,13 +11,6 @@ from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.lift import Encoder, History
 from rt_controller.control.low_speed.speed import PedalGains
 
-SLOWEST_MPS = 3.0
-"""lowest speed at which a model drives: just inside of what it is trained for"""
-ONE_GAIN_MPS = 8.0
-"""the same for a model that predicts one throttle gain for all speeds, the mean of all gears"""
-CRUISE_MPS = 22.0
-LEAST_GAIN_RATIO = 1.5
-"""of the throttle gain at low speed to that at cruise, with different gears or constant power"""
 STEP_S = 1.0
 """longer than the lags of engine and brakes, shorter than the change of speed matters"""
 THROTTLE_STEP = 0.2
@@ -25,19 +18,6 @@ BRAKE_STEP_N = 30.0
 THROTTLE_LIMITS_MPS2 = (6.0, 15.0)
 """a car in its lowest gear gains at least so much; linear models know the mean of all gears"""
 BRAKE_LIMITS_MPS2_PER_N = (0.005, 0.5)
-
-
-def slowest_speed_mps(bundle: Bundle) -> float:
-    """Speed below which the model does not know the car well enough to drive it.
-
-    In a low gear a car gains several times the acceleration that a model with one gain expects:
-    its controller then changes between full throttle and full brake.
-
-    Raises:
-        ArtifactError: the model predicts no finite speeds.
-    """
-    slow, fast = (predict_gains(bundle, speed).throttle_mps2 for speed in (SLOWEST_MPS, CRUISE_MPS))
-    return SLOWEST_MPS if slow > LEAST_GAIN_RATIO * max(fast, 0.0) else ONE_GAIN_MPS
 
 
 def identify_gains(bundle: Bundle, speed_mps: float) -> PedalGains:

@@ -119,7 +119,8 @@ def test_a_car_that_is_not_known_well_stops_at_its_target_holds_and_starts(
     planner = StopThenGo(target_m, braking_mps2, car.vx_mps, hold_s=3.0)
     ticks = drive(car, planner, 25.0, np.random.default_rng(seed))
     held = [tick for tick in ticks if tick.law is Mode.STANDSTILL]
-    assert abs(held[0].s_m - target_m) < 0.2
+    is_late = car.lag_s > 0.15 and braking_mps2 > 2.0  # decision 019
+    assert abs(held[0].s_m - target_m) < (0.5 if is_late else 0.25)
     assert np.ptp([tick.s_m for tick in held]) < 0.02
     assert np.ptp([tick.control.steer_rad for tick in held]) == 0.0
     assert changes(ticks) == 4  # model, low speed, standstill, low speed, model

@@ -7,6 +7,7 @@ import pytest
 import torch
 from made_drives import drive, predict
 
+from offline.baselines.catalogue import gru
 from offline.baselines.catalogue.gru import GruSettings, fit_gru
 from offline.baselines.catalogue.persistence import Persistence
 from offline.baselines.road_path import path_states
@@ -55,6 +56,32 @@ def test_training_is_repeatable_and_keeps_the_global_random_state(toy_dataset):
     assert torch.equal(weights_of(one), weights_of(other))
     another = fit_gru(toy_dataset, replace(settings, seed=1))
     assert not torch.equal(weights_of(one), weights_of(another))
+
+
+def test_a_window_counts_with_its_weight(toy_dataset, monkeypatch):
+    """One of weight zero has no effect, whatever its states are."""
+    open_source = gru.open_source
+
+    class Weighted:
+        def __init__(self, weight, shift):
+            self.weight, self.shift = weight, shift
+
+        def draw(self, size, rng):
+            batch = self.source.draw(size, rng)
+            batch.weight[0, 0, 0] = self.weight
+            batch.x[1:, 0] += self.shift
+            return batch
+
+        def open(self, *arguments):
+            self.source = open_source(*arguments)
+            return self
+
+    def trained(weight, shift):
+        monkeypatch.setattr(gru, "open_source", Weighted(weight, shift).open)
+        return weights_of(fit_gru(toy_dataset, replace(QUICK, steps=2)))
+
+    assert torch.equal(trained(0.0, 0.0), trained(0.0, 3.0))
+    assert not torch.equal(trained(1.0, 0.0), trained(1.0, 3.0))
 
 
 def test_training_restores_the_number_of_threads(toy_dataset):

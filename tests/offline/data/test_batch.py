@@ -41,6 +41,7 @@ def test_arrays_are_time_first_and_in_single_precision(toy_dataset, starts, scal
     ]
     assert all(series.dtype == torch.float32 for series in batch)
     assert batch.steps == STEPS
+    assert torch.equal(batch.weight, torch.ones(1, 2, 1))
 
 
 def test_signals_are_centred_and_scaled(toy_dataset, starts, scaling):

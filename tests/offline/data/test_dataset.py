@@ -162,7 +162,7 @@ def test_the_name_of_a_cache_folder_depends_on_recipe_length_seed_and_car(monkey
 
 def test_the_names_of_cached_data_sets_do_not_change():
     """With another name, existing data sets would not be found."""
-    assert Simulated(Recipe(), 7000, 0, "car").name == "7000-episodes-fc662058657450be"
+    assert Simulated(Recipe(), 7000, 0, "car").name == "7000-episodes-740dc0754217bc12"
 
 
 @pytest.mark.parametrize(

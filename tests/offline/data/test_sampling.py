@@ -144,10 +144,19 @@ def test_frequencies_have_mean_one_and_are_equal_without_a_share():
     np.testing.assert_allclose((found - 0.7) / (found[0] - 0.7), [1.0, 1.0, 4.0, 64.0])
 
 
-def test_the_paper_s_objective_draws_all_windows_alike(toy_dataset, scaling):
-    config = a_config("all", mirror=False).model_copy(update={"objective": "paper"})
-    batch = open_source(config, toy_dataset, scaling).draw(50, rng())
-    assert torch.equal(batch.weight, torch.ones(1, 50, 1))
+@pytest.mark.parametrize("mirror", [False, True])
+@pytest.mark.parametrize(
+    ("windows", "objective", "is_weighted"),
+    [("all", "horizon", True), ("all", "paper", False), ("slices", "horizon", False)],
+)
+def test_only_windows_for_the_horizon_objective_are_weighted(
+    toy_dataset, scaling, windows, objective, is_weighted, mirror
+):
+    config = a_config(windows, mirror).model_copy(update={"objective": objective})
+    weight = open_source(config, toy_dataset, scaling).draw(50, rng()).weight
+    assert weight.shape == (1, 50, 1)
+    assert (weight.std().item() > 0.01) == is_weighted
+    assert is_weighted or torch.equal(weight, torch.ones(1, 50, 1))
 
 
 def test_roads_have_a_curvature_of_the_library_and_errors_of_the_whole_range(

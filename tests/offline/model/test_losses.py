@@ -121,6 +121,17 @@ def test_a_trajectory_of_weight_two_counts_twice():
     assert torch.allclose(state_errors(model, batch._replace(weight=weight)), expected)
 
 
+def test_a_trajectory_of_weight_two_counts_twice_in_the_single_step_loss():
+    config = a_config(weight_single_step=0.5)
+    model, batch = a_model(config), a_batch()
+    parts = (Batch(*(series[:, [b]] for series in batch)) for b in range(BATCH))
+    once = [total_loss(model, config, part).single_step for part in parts]
+    weight = torch.ones(1, BATCH, 1)
+    weight[0, 0, 0] = 2.0
+    found = total_loss(model, config, batch._replace(weight=weight)).single_step
+    assert torch.isclose(found, (torch.stack(once).sum() + once[0]) / BATCH)
+
+
 @pytest.mark.parametrize("changes", ALONG)
 def test_the_gradient_equals_that_of_the_transcription(changes):
     config = a_config(**changes)

@@ -32,8 +32,7 @@ def lti(toy_dataset):
 def checkpoint(tiny_recommended, new_run, toy_dataset):
     run = new_run(tiny_recommended)
     train(tiny_recommended, toy_dataset, run)
-    # After a few steps A is still at the unit circle; rounding decides on which side.
-    return with_operator(load_checkpoint(run.best), lambda A: A.mul_(0.98))
+    return load_checkpoint(run.best)
 
 
 def test_a_stable_bundle_passes_and_can_be_loaded(lti, tmp_path):
@@ -69,7 +68,7 @@ def test_a_model_is_not_exported_with_other_data_than_it_was_trained_on(checkpoi
 
 
 def test_a_model_with_a_large_spectral_radius_is_not_exported(checkpoint, toy_dataset):
-    growing = with_operator(checkpoint, lambda A: A.mul_(1.2))
+    growing = with_operator(checkpoint, lambda A: A.mul_(1.06))
     with pytest.raises(ArtifactError, match="spectral radius"):
         export_checkpoint(growing, toy_dataset)
 

@@ -103,7 +103,7 @@ def test_a_setting_newer_than_the_run_gets_its_default_which_is_said(tiny_config
     opened = open_run(run.path).config
     assert opened.operator_rate == TrainingConfig().operator_rate
     print_assumed(opened)
-    assert "operator_rate = 0.1" in capsys.readouterr().err
+    assert "operator_rate = 0.2" in capsys.readouterr().err
 
 
 def test_weights_that_do_not_fit_the_assumed_settings_are_refused_with_a_remedy(

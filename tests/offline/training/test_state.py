@@ -21,7 +21,7 @@ def test_every_parameter_is_optimised_once_and_a_has_its_own_rate(tiny_recommend
     assert operator["params"] == [state.model.A_rows]
     assert len(rest["params"]) + 1 == len(list(state.model.parameters()))
     state.learning_rate = 0.02
-    assert (rest["lr"], operator["lr"]) == (0.02, pytest.approx(0.002))
+    assert (rest["lr"], operator["lr"]) == (0.02, pytest.approx(0.004))
 
 
 def test_halving_the_rate_halves_it_for_every_parameter(tiny_config, sizes):

@@ -226,7 +226,7 @@ def test_denormal_numbers_are_zero_during_a_training_and_not_after_it(
     assert (torch.tensor(torch.finfo(torch.float32).tiny) * 0.5).item() > 0.0
 
 
-PROJECTED = {"stability": "projection", "weight_stability": 0.0}
+PROJECTED = {"stability": "projection"}
 
 
 def radii(config, dataset, run) -> list[float]:
