@@ -52,7 +52,7 @@ def fit_preview(curvature_per_m: Array, reach_m: float) -> CurvaturePreview:
 
 
 def require_range(name: str, spacing_m: float, curvature_per_m: Sequence[float]) -> None:
-    """Return if the signals on the bus can have these values; NaN is none of them.
+    """Return if the signals on the bus can have these values; NaN is refused.
 
     Raises:
         ValueError: they cannot; `name` is that of the argument.
@@ -67,7 +67,7 @@ def require_range(name: str, spacing_m: float, curvature_per_m: Sequence[float])
 
 
 def require_curvature(name: str, curvature_per_m: float) -> None:
-    """Return if the signals on the bus can have this curvature; NaN is none of them.
+    """Return if the signals on the bus can have this curvature; NaN is refused.
 
     Raises:
         ValueError: they cannot; `name` is that of the argument.

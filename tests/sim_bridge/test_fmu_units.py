@@ -10,7 +10,7 @@ from sim_bridge.plant.parameters import load_parameters
 from sim_bridge.plant.shipped_cars import shipped_cars
 
 _LIKE_A_UNIT = re.compile(r"(kg|k?n|m|s|rad|deg|m?pa|k?rpm|k?w|j|h|p|\d)+")
-"""the end of a name that nobody would give to a number without unit"""
+"""ends of names that belong to quantities with a unit"""
 
 
 @pytest.mark.parametrize(
