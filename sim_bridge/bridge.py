@@ -191,7 +191,7 @@ class Bridge:
         self._inbox.require_readable()
 
     def _advance(self, now_ns: int) -> None:
-        if self._end_ticks > 0 and not self._watchdog.is_braking:
+        if self._end_ticks > 0 and not (self._watchdog.is_braking or self._is_safe_stop()):
             self._applied = NEUTRAL_INPUT  # the mission is over: a driver has taken the car
         else:
             self._applied = self._watchdog.apply(
@@ -225,10 +225,12 @@ class Bridge:
         is_moving = self._state.vx_mps > AT_REST_MPS
         if self._watchdog.is_braking:
             return is_moving
-        command = self._command
-        is_safe_stop = command is not None and command.content.mode is Mode.SAFE_STOP
         is_on = self.driven_ticks < self.scenario.ticks and self._s_m < self.scenario.end_m
-        return is_on or (is_safe_stop and is_moving)
+        return is_on or (self._is_safe_stop() and is_moving)
+
+    def _is_safe_stop(self) -> bool:
+        command = self._command
+        return command is not None and command.content.mode is Mode.SAFE_STOP
 
     def _judge(self, state: VehicleState) -> None:
         """Add one period to the figures."""

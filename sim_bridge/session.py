@@ -7,7 +7,7 @@ import can
 
 from rt_controller.bus.recorder import Recorder
 from rt_controller.bus.transport import close_bus
-from rt_controller.contract.errors import BusError, ConfigError
+from rt_controller.contract.errors import BusError, ConfigError, PlantError
 from rt_controller.contract.signals import NEUTRAL_INPUT
 from rt_controller.realtime.clock import RealtimeClock
 from rt_controller.realtime.scheduling import set_thread_priority
@@ -22,6 +22,8 @@ from sim_bridge.scenario import Scenario, load_scenario
 OWN_CAR = CarSettings()
 LONGEST_STANDBY_S = 10.0
 """of a controller that simulated time waits for"""
+LONGEST_STOP_S = 120.0
+"""after the end of the scenario, of a car that simulated time waits for"""
 
 
 class BridgeSession:
@@ -54,9 +56,17 @@ class BridgeSession:
 
         Raises:
             BusError: see `Bridge.tick`; or no controller drove the car for `LONGEST_STANDBY_S`.
+            PlantError: the car still moves `LONGEST_STOP_S` after the end of the scenario.
         """
-        self.bridge.tick(now_ns)
-        if self.bridge.is_waiting and now_ns > LONGEST_STANDBY_S * 1e9:
+        bridge = self.bridge
+        bridge.tick(now_ns)
+        if bridge.time_s > bridge.scenario.duration_s + LONGEST_STOP_S:
+            raise PlantError(
+                f"Expected a car at rest within {LONGEST_STOP_S:g} s after the end of the "
+                f"scenario, found {bridge.summary().final_speed_mps:.2g} m/s with the brake of a "
+                f"safe stop. Check the brake of the plant and the grade of the road."
+            )
+        if bridge.is_waiting and now_ns > LONGEST_STANDBY_S * 1e9:
             raise BusError(
                 f"Expected a controller that drives the car within {LONGEST_STANDBY_S:g} s of "
                 f"simulated time, found one that stays in STANDBY. The initial pose and speed of "

@@ -11,8 +11,10 @@ from kinematic_plant import KinematicCar
 from rt_controller import Bundle, cli, simulate
 from rt_controller.car_figures import EXIT_LIMIT, limits_missed
 from rt_controller.contract.artifact import load_bundle, shipped_model
-from rt_controller.contract.signals import Mode
-from sim_bridge import parse_scenario
+from rt_controller.contract.errors import PlantError
+from rt_controller.contract.signals import ControlInput, Mode
+from rt_controller.loop import Ending
+from sim_bridge import parse_scenario, session
 from sim_bridge.scenario import load_scenario, shipped_scenarios
 
 EXPECTED_MISSES = {
@@ -100,3 +102,35 @@ def test_a_drive_ends_where_its_road_ends(lti: Bundle) -> None:
     }  # fmt: skip
     driven = simulate(parse_scenario(content, "short"), model=lti, plant=KinematicCar())
     assert driven["time_s"][-1] == pytest.approx(30.0 / (60.0 / 3.6), abs=0.3)
+
+
+def test_a_safe_stop_that_begins_after_the_end_of_the_scenario_brakes_to_rest(lti: Bundle) -> None:
+    content = {
+        "format": 2, "name": "late", "duration_s": 10.0, "distance_m": 20.0,
+        "reference": {"speed_kmh": 42.0},
+        "faults": [{"kind": "mission_lost", "start_s": 1.45, "duration_s": 1.5}],
+    }  # fmt: skip
+    driven = simulate(parse_scenario(content, "late"), model=lti)
+    assert np.interp(20.0, driven["s_m"], driven["time_s"]) < 1.9  # the stop begins after it
+    assert driven.ending == Ending.SAFE_STOPPED.value
+    assert driven.modes[-1] is Mode.SAFE_STOP
+    assert abs(driven["vx_mps"][-1]) < 0.3
+    assert driven["time_s"][-1] < 15.0
+
+
+def test_a_car_that_its_brake_cannot_stop_is_an_error(
+    lti: Bundle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(session, "LONGEST_STOP_S", 4.0)
+
+    class NoBrake(KinematicCar):
+        def step(self, control: ControlInput, dt_s: float) -> np.ndarray:
+            return super().step(control._replace(throttle=0.1, brake_n=0.0), dt_s)
+
+    faults = [{"kind": "state_lost", "start_s": 1.0, "duration_s": 1.0}]
+    content = {
+        "format": 2, "name": "on", "duration_s": 3.0, "reference": {"speed_kmh": 42.0},
+        "faults": faults,
+    }  # fmt: skip
+    with pytest.raises(PlantError, match="at rest within 4 s"):
+        simulate(parse_scenario(content, "on"), model=lti, plant=NoBrake())
