@@ -6,10 +6,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 # Before anything imports numpy: in the thread that asks for it, as the programs do. More threads
 # make small products ten times slower.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# A change is judged by its own merits: the same cases each time. `--hypothesis-profile=explore`
+# draws new ones.
+settings.register_profile("repeatable", derandomize=True)
+settings.register_profile("explore", derandomize=False)
+settings.load_profile("repeatable")
 
 WITH_THE_CAR = (
     *("benchmarks", "closed_loop", "examples", "sim_bridge", "peers"),

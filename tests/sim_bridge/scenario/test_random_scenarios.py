@@ -81,9 +81,9 @@ def test_a_thousand_random_valid_scenarios_are_driven_without_a_fault(
 
 
 @pytest.mark.nightly
-@settings(max_examples=1000, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
 @given(content=CONTENTS)
-def test_a_thousand_random_valid_scenarios_are_driven_over_the_bus_to_their_end(
+def test_hundreds_of_random_valid_scenarios_are_driven_over_the_bus_to_their_end(
     content: Content, maps: Path, lti: Bundle
 ) -> None:
     check_over_the_bus(load(content, maps), lti)
