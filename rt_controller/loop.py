@@ -89,10 +89,11 @@ def run_loop(
         schedule: of the preparation before each tick; None: no preparation.
         kernel_counters: explain late ticks; None: no explanation.
 
-    Whatever happens, the last frame that is sent is a safe command.
+    Whatever happens, the last frame that is sent is a safe command, or has released the car.
     """
     timer = TickTimer(clock, record.deadlines, kernel_counters)
     end = _EndConditions(record, waits_for_missions)
+    is_released = False
     try:
         while not request.is_urgent:
             is_stopping = request.is_requested or (end_ns is not None and clock.now_ns() >= end_ns)
@@ -108,10 +109,12 @@ def run_loop(
 
             record.add(result, tick.scheduled_ns)
             if end.are_met(result, is_stopping):
+                is_released = result.mode is Mode.STANDBY
                 return
         record.ending = Ending.ENDED_AT_ONCE
     finally:
-        step.send_safe_command()
+        if not is_released:
+            step.send_safe_command()
 
 
 class _EndConditions:

@@ -91,6 +91,8 @@ class Bridge:
         self._sent_ticks = 0
         self._end_ticks = 0
         """ticks since the end of the mission"""
+        self._has_driver = False
+        """the mission is over, and the controller has released the car: a driver has taken it"""
         self._failed_ticks = 0
         self.driven_ticks = 0
 
@@ -191,8 +193,10 @@ class Bridge:
         self._inbox.require_readable()
 
     def _advance(self, now_ns: int) -> None:
-        if self._end_ticks > 0 and not (self._watchdog.is_braking or self._is_safe_stop()):
-            self._applied = NEUTRAL_INPUT  # the mission is over: a driver has taken the car
+        if self._end_ticks > 0 and self._mode is Mode.STANDBY:
+            self._has_driver = True
+        if self._has_driver and not self._watchdog.is_braking:
+            self._applied = NEUTRAL_INPUT
         else:
             self._applied = self._watchdog.apply(
                 self._command,
@@ -226,11 +230,12 @@ class Bridge:
         if self._watchdog.is_braking:
             return is_moving
         is_on = self.driven_ticks < self.scenario.ticks and self._s_m < self.scenario.end_m
-        return is_on or (self._is_safe_stop() and is_moving)
+        return is_on or (self._mode is Mode.SAFE_STOP and is_moving)
 
-    def _is_safe_stop(self) -> bool:
-        command = self._command
-        return command is not None and command.content.mode is Mode.SAFE_STOP
+    @property
+    def _mode(self) -> Mode | None:
+        """Of the newest command; None: there was none."""
+        return None if self._command is None else self._command.content.mode
 
     def _judge(self, state: VehicleState) -> None:
         """Add one period to the figures."""
