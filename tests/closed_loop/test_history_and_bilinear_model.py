@@ -81,7 +81,6 @@ def rows_of(log: Path) -> np.ndarray:
 
 
 def span_of_the_mission(driven: np.ndarray) -> tuple[int, int]:
-    """First row with an applied command, and the first after the end of the mission."""
-    begun = int(np.flatnonzero(np.isfinite(driven[:, 3]))[0])
-    is_released = np.all(driven[begun:, 3:] == 0.0, axis=1)
-    return begun, begun + int(np.flatnonzero(is_released)[0])
+    """First row with an applied command, and the last one: the log ends with the mission."""
+    begun, over = np.flatnonzero(np.isfinite(driven[:, 3]))[[0, -1]]
+    return int(begun), int(over)
