@@ -12,8 +12,8 @@ from hypothesis import settings
 # make small products ten times slower.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# A change is judged by its own merits: the same cases each time. `--hypothesis-profile=explore`
-# draws new ones.
+# Property tests try the same cases in every run, so that a failure is caused by the change.
+# `--hypothesis-profile=explore` draws new cases.
 settings.register_profile("repeatable", derandomize=True)
 settings.register_profile("explore", derandomize=False)
 settings.load_profile("repeatable")
