@@ -6,6 +6,7 @@ best.pt        checkpoint of the model to export
 last.pt        checkpoint to resume from
 """
 
+import errno
 import json
 import os
 from collections.abc import Mapping
@@ -68,20 +69,31 @@ def create_run(
         ConfigError: the folder cannot be made.
     """
     path = base / f"{now:%Y%m%d-%H%M%S}-{config.preset}"
+    versions = {name: version(name) for name in ("rt-controller", "torch", "numpy")}
+    run = RunFolder(path, config, data_folder.resolve(), data_sha256, versions, source_revision())
     try:
-        path.mkdir(parents=True)
+        _make_folder(run)
     except OSError as error:
         raise ConfigError(
             f"{path}: expected to make a new folder for the run, found: {error.strerror}. Choose "
             f"another --runs."
         ) from error
-    versions = {name: version(name) for name in ("rt-controller", "torch", "numpy")}
-    run = RunFolder(path, config, data_folder.resolve(), data_sha256, versions, source_revision())
-    _write_config(run)
-    link = base / f".{LATEST_LINK}.{os.getpid()}"
-    link.symlink_to(path.name)
-    os.replace(link, base / LATEST_LINK)
     return run
+
+
+def _make_folder(run: RunFolder) -> None:
+    """Make the folder and the link in such an order that a killed process leaves no half a run."""
+    base, name = run.path.parent, run.path.name
+    if run.path.exists():
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST))
+    prepared = replace(run, path=base / f".{name}.{os.getpid()}")
+    prepared.path.mkdir(parents=True)
+    _write_config(prepared)
+    link = base / f".{LATEST_LINK}.{os.getpid()}"
+    link.unlink(missing_ok=True)
+    link.symlink_to(name)
+    os.replace(link, base / LATEST_LINK)
+    prepared.path.rename(run.path)
 
 
 def open_run(path: Path) -> RunFolder:
