@@ -7,13 +7,17 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from hypothesis.internal.conjecture import providers
 
 # Before anything imports numpy: in the thread that asks for it, as the programs do. More threads
 # make small products ten times slower.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # Property tests try the same cases in every run, so that a failure is caused by the change.
-# `--hypothesis-profile=explore` draws new cases.
+# `--hypothesis-profile=explore` draws new cases. Hypothesis would also try constants of the modules
+# that are loaded, which depend on the tests that ran before.
+if hasattr(providers, "_get_local_constants"):
+    setattr(providers, "_get_local_constants", providers.Constants)  # noqa: B010
 settings.register_profile("repeatable", derandomize=True)
 settings.register_profile("explore", derandomize=False)
 settings.load_profile("repeatable")

@@ -92,7 +92,7 @@ def _lateral_problems(scenario: Scenario, drive: NominalDrive, names: FieldNames
     least_m = shortest.parts * GRID_M
     if shortest.length < least_m:
         yield (
-            f"{names.path}: {shortest.name}: expected at least {least_m:g} m, found "
+            f"{names.path}: expected {shortest.name} of at least {least_m:g} m, found "
             f"{shortest.length:.3g} m."
         )
         return

@@ -140,9 +140,8 @@ class Sine:
 
     def shortest_piece(self) -> Piece:
         """See `Lateral`."""
-        return Piece(
-            "frequency_hz: a wavelength" if self.is_over_time else "wavelength_m", self.period, 8
-        )
+        name = "frequency_hz with a wavelength" if self.is_over_time else "wavelength_m"
+        return Piece(name, self.period, 8)
 
 
 def overlaps(moves: Sequence[Move]) -> list[str]:

@@ -70,7 +70,7 @@ def scenario(**parts: Any) -> Scenario:
          "reference.ey_m: expected a lateral acceleration below the grip of 8.3 m/s^2"),
         ({"reference": {"speed_kmh": 15.0, "ey_m": {
             "kind": "sine", "amplitude_m": 0.001, "frequency_hz": 5.0}}},
-         "reference.ey_m: frequency_hz: a wavelength: expected at least 2 m, found 0.833 m"),
+         "reference.ey_m: expected frequency_hz with a wavelength of at least 2 m, found 0.833 m"),
     ],
 )  # fmt: skip
 def test_what_the_road_cannot_carry_is_refused_by_its_field(
