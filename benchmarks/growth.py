@@ -12,9 +12,9 @@ from rich.console import Console
 from benchmarks.staged import StagedPiqp, StagedQp
 from benchmarks.tables import percentiles, timed
 from rt_controller.config import ControllerConfig
-from rt_controller.contract.artifact import load_bundle, shipped_model
-from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.model.artifact import load_bundle, shipped_model
+from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.signals import VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.pedals import PedalChoice

@@ -14,12 +14,11 @@ from rt_controller import simulate
 from rt_controller.contract.figures import write_figures
 from rt_controller.report.table import Column, Table, to_markdown
 from sim_bridge.scenario import load_scenario
-from sim_bridge.scenario.faults import Fault, FaultKind, ticks_between
-from sim_bridge.scenario.limits import LONGEST_S
+from sim_bridge.scenario.files.fault_fields import FaultFields
 
 MODELS = ("mdk-net", "mdk-net-paper", "lti")
 SCENARIOS = ("curvature_step", "road_course")
-_NEVER_SENT = (Fault(FaultKind.PREVIEW_LOST, ticks_between(0.0, LONGEST_S)),)
+_NEVER_SENT = (FaultFields(kind="preview_lost").fault,)
 
 
 class Tracking(NamedTuple):

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import csc_matrix, diags, identity, kron, triu, vstack
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.bundle import Bundle
+from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.schema import N_INPUTS, N_STATES
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.pedals import PedalChoice, limit_pedals
@@ -103,8 +103,9 @@ class _StagedSolver:
         self.solution = np.zeros(qp.scale.size)
         self.iterations = 0
 
-    def limit_solve_time(self, budget_ns: int) -> None:
+    def limit_solve_time(self, budget_ns: int) -> int:
         """Do nothing: the time is measured, not limited."""
+        return 0
 
     def update_matrices(self) -> bool:
         return True

@@ -13,7 +13,7 @@ import numpy as np
 from rt_controller.contract.figures import write_figures
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.drive import Drive
+from rt_controller.drive.table import Drive
 from rt_controller.report.table import NO_VALUE, Column, Table, to_markdown
 from rt_controller.simulation import simulate
 from sim_bridge.scenario import Scenario, parse_scenario

@@ -21,5 +21,5 @@ F[4, [1, 5]], F[5, [2, 9]] = [1, V], [1, -V]
 D = expm(DT * F)[:6]
 D[3] = DT * np.eye(11)[0]  # progress is v_x over one period
 bundle = Bundle.linear(D[:, :6], D[:, 6:9], D[:, 9:10], offset=D[:, 10], name="single-track")
-bundle.save("single-track-bundle")
-print(simulate("double_lane_change", model="single-track-bundle").errors)
+bundle.save("single-track-bundle")  # offline-export --bundle single-track-bundle stores its plans
+print(simulate("double_lane_change", model=bundle).errors)

@@ -156,24 +156,37 @@ def export(
     output: Path | None = None,
     baseline: str | None = None,
     data: Path | None = None,
+    bundle: Path | None = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Export the best model of a run, or a baseline fitted to a data set.
+    """Export the best model of a run, or a baseline, or an existing bundle in the present format.
 
     Args:
         run: folder of the run
-        output: folder of the bundle; default: bundle in the run, or runs/BASELINE
+        output: folder of the bundle; default: bundle in the run, runs/BASELINE, or --bundle
         baseline: export this baseline of the data set instead, for instance lti or
             edmd-polynomial-66; docs/baselines.md lists them
         data: folder of the data set; default: the one the run was trained on
+        bundle: store plans in this bundle, a folder or a shipped name; needs neither run nor data
     """
+    if bundle is not None:
+        if baseline is not None or data is not None or run != LATEST_RUN:
+            raise ConfigError(
+                "--bundle: expected no run, --baseline or --data beside it, found one of them. "
+                "Leave it out, or leave out --bundle."
+            )
+        require_writable(json_file)
+        from offline.commands.stored_plans import store_plans
+
+        write_figures(json_file, store_plans(bundle, output))
+        return
     require_ready(json_file)
-    from offline.commands import bundle
+    from offline.commands.bundle import export_baseline, export_run
 
     if baseline is not None:
-        figures = bundle.export_baseline(baseline, data, output or RUNS / baseline, run)
+        figures = export_baseline(baseline, data, output or RUNS / baseline, run)
     else:
-        figures = bundle.export_run(run, output, data)
+        figures = export_run(run, output, data)
     write_figures(json_file, figures)
 
 

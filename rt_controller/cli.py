@@ -8,18 +8,23 @@ from typing import Annotated
 # wait for those at their rank. It reads this when numpy is imported: before everything below.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from cyclopts import Parameter
+from cyclopts import App, Parameter
+from pydantic import Field
 
+from rt_controller.contract.timing import LONGEST_S
 from rt_controller.terminal.command_line import new_app, run_command
 from rt_controller.terminal.options import RunOptions, read_config_file
+
+_Bitrate = Annotated[int, Field(gt=0)]
 
 app = new_app(
     "rt-controller",
     "Drive a car over CAN, once a control period, with a model learned from data. The summary "
     "goes to stdout, progress and messages to stderr. Exit codes: 0 ok, 1 internal error, 2 usage, "
     "configuration or model, 3 an optional package is missing, 4 deadlines missed, 5 bus, 6 ended "
-    "in a safe stop, 7 the simulated plant failed, 8 the simulated drive missed a limit of its "
-    "scenario, 130 ended at once by a second Ctrl-C, or by one while it was loading.",
+    "in a safe stop, or the vehicle braked by itself, 7 the simulated plant failed, 8 the "
+    "simulated drive missed a limit of its scenario, 9 a log, a result file or an output stream is "
+    "incomplete, 130 ended at once by a third Ctrl-C, or by one while it was loading.",
     "--bus NAME",
 )
 
@@ -30,6 +35,164 @@ def run(*, options: Annotated[RunOptions, Parameter(name="*")]) -> int:
     from rt_controller.terminal.run import run_at_terminal
 
     return run_at_terminal(options)
+
+
+signals = App(
+    name="signals", help="A car with its own messages: check its mapping file, or translate."
+)
+app.command(signals)
+
+
+@signals.command
+def check(
+    file: Path,
+    log: Path | None = None,
+    *,
+    bus: str | None = None,
+    channel: str = "rt-controller",
+    bitrate: _Bitrate | None = None,
+    listen_s: Annotated[float, Field(gt=0.0, le=LONGEST_S, allow_inf_nan=False)] = 10.0,
+    json_file: Annotated[Path | None, Parameter(name="--json")] = None,
+    quiet: bool = False,
+) -> int:
+    """Say which mapped signals arrive, how often and in which range; 8 if something is wrong.
+
+    Parameters
+    ----------
+    file
+        mapping file, see docs/own-car.md
+    log
+        CAN log to read: .blf, .asc, .log (candump), .trc
+    bus
+        or the python-can interface to listen to
+    channel
+        of the interface
+    bitrate
+        in bit/s, where the interface sets it
+    listen_s
+        how long to listen
+    json_file
+        write the report to this JSON file
+    quiet
+        no progress on stderr
+    """
+    from rt_controller.settings import BusSettings
+    from rt_controller.terminal.signals import check_at_terminal
+
+    settings = bus and BusSettings(bus=bus, channel=channel, bitrate=bitrate)
+    return check_at_terminal(file, log, settings or None, listen_s, json_file, quiet)
+
+
+@signals.command
+def gateway(
+    file: Path,
+    *,
+    bus: str,
+    channel: str = "rt-controller",
+    bitrate: _Bitrate | None = None,
+    fd: bool = False,
+    car_bus: str,
+    car_channel: str,
+    car_bitrate: _Bitrate | None = None,
+    model: str | None = None,
+    priority: Annotated[int, Field(ge=0, le=99)] = 50,
+    json_file: Annotated[Path | None, Parameter(name="--json")] = None,
+) -> int:
+    """Translate between a car with its own messages and a bus of rt-controller, until Ctrl-C.
+
+    It limits the commands once more, and brakes the car along its path if they stop for 100 ms.
+
+    Parameters
+    ----------
+    file
+        mapping file, see docs/own-car.md
+    bus
+        python-can interface on which rt-controller is
+    channel
+        of that interface
+    bitrate
+        of that interface, in bit/s
+    fd
+        frames of CAN FD between gateway and rt-controller; the car's own are classic ones
+    car_bus
+        python-can interface on which the car is
+    car_channel
+        of that interface
+    car_bitrate
+        of that interface, in bit/s
+    model
+        name or folder of a model, for the estimate of a lateral speed that is not measured
+    priority
+        SCHED_FIFO priority, where the system allows it; 0: none
+    json_file
+        write the counts to this JSON file
+    """
+    from rt_controller.settings import BusSettings
+    from rt_controller.terminal.signals import gateway_at_terminal
+
+    contract = BusSettings(bus=bus, channel=channel, bitrate=bitrate, fd=fd)
+    car = BusSettings(bus=car_bus, channel=car_channel, bitrate=car_bitrate)
+    return gateway_at_terminal(file, contract, car, model, priority, json_file)
+
+
+@app.command
+def replay(
+    log: Path,
+    *,
+    model: str | Path | None = None,
+    json_file: Annotated[Path | None, Parameter(name="--json")] = None,
+    quiet: bool = False,
+) -> int:
+    """Compute the commands of a recorded drive again, from its frames, and list the differences.
+
+    Exit codes: 0 every command is identical, 8 some differ or frames are missing in the log.
+
+    Parameters
+    ----------
+    log
+        log that --record wrote (.log, .blf, .asc, .mf4), with its .journal beside it
+    model
+        another model, to see what it would have commanded; default: the recorded one
+    json_file
+        write the result to this JSON file
+    quiet
+        no progress on stderr
+    """
+    from rt_controller.terminal.replay import replay_at_terminal
+
+    return replay_at_terminal(log, model, json_file, quiet)
+
+
+@app.command
+def explain(
+    log: Path,
+    *,
+    tick: Annotated[int, Field(ge=0)] | None = None,
+    model: str | Path | None = None,
+    json_file: Annotated[Path | None, Parameter(name="--json")] = None,
+    quiet: bool = False,
+) -> int:
+    """Show what one tick of a recorded drive received, computed and sent, and why.
+
+    Frames, state, path, the QP with its active bounds and cost shares, the predicted trajectory,
+    the checks with their margins, the times of the stages, why it was late or degraded.
+
+    Parameters
+    ----------
+    log
+        log that --record wrote (.log, .blf, .asc, .mf4), with its .journal beside it
+    tick
+        number of the tick, from 0; default: the one in which the last safe stop began
+    model
+        another model; default: the recorded one
+    json_file
+        write the explanation to this JSON file
+    quiet
+        no progress on stderr
+    """
+    from rt_controller.terminal.explain import explain_at_terminal
+
+    return explain_at_terminal(log, tick, model, json_file, quiet)
 
 
 @app.meta.default

@@ -5,7 +5,7 @@ from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import Field, PositiveFloat
+from pydantic import Field
 
 from rt_controller.contract.signals import ControlInput, VehicleState
 from rt_controller.contract.steering_geometry import LARGEST, SMALLEST
@@ -19,32 +19,36 @@ if TYPE_CHECKING:
 ShippedModel = Literal["mdk-net", "mdk-net-paper", "lti"]
 
 
+_Tolerance = Annotated[float, Field(ge=1e-6)]
+"""a smaller one would be a weight that rounding cannot tell from infinity"""
+
+
 class Tolerances(Settings):
     """Deviations from the reference that cost one unit each: a smaller one has a larger weight."""
 
-    vx_mps: PositiveFloat = 1.0
+    vx_mps: _Tolerance = 1.0
     """longitudinal speed"""
-    vy_mps: PositiveFloat = float("inf")
+    vy_mps: _Tolerance = float("inf")
     """lateral speed; inf: no weight"""
-    yaw_rate_radps: PositiveFloat = float("inf")
+    yaw_rate_radps: _Tolerance = float("inf")
     """yaw rate; inf: no weight"""
-    ds_m: PositiveFloat = float("inf")
+    ds_m: _Tolerance = float("inf")
     """progress in one period; inf: no weight, since the speed has one"""
-    ey_m: PositiveFloat = 0.15
+    ey_m: _Tolerance = 0.15
     """lateral error"""
-    epsi_deg: PositiveFloat = 1.0
+    epsi_deg: _Tolerance = 1.0
     """heading error"""
-    throttle: PositiveFloat = float("inf")
+    throttle: _Tolerance = float("inf")
     """size of the throttle input; inf: no weight"""
-    brake_n: PositiveFloat = float("inf")
+    brake_n: _Tolerance = float("inf")
     """size of the brake force"""
-    steer_deg: PositiveFloat = float("inf")
+    steer_deg: _Tolerance = float("inf")
     """size of the steering-wheel angle"""
-    throttle_change: PositiveFloat = 0.3
+    throttle_change: _Tolerance = 0.3
     """change of throttle in one period"""
-    brake_change_n: PositiveFloat = 45.0
+    brake_change_n: _Tolerance = 45.0
     """change of brake force in one period"""
-    steer_change_deg: PositiveFloat = 12.0
+    steer_change_deg: _Tolerance = 12.0
     """change of the steering-wheel angle in one period"""
 
 
@@ -54,15 +58,15 @@ class MpcSettings(Settings):
     horizon: Annotated[int, Field(ge=HOLD_PLAN_TICKS + 1, le=160)] = 20
     """stages of one period each; beyond 0.6 s the path on the bus is extrapolated, and the road's
     curvature constant"""
-    terminal_factor: PositiveFloat = 1.0
+    terminal_factor: Annotated[float, Field(gt=0.0, le=1e6)] = 1.0
     """weight of the last stage, in units of the others"""
-    latent_weight: Annotated[float, Field(ge=0.0)] = 0.0
+    latent_weight: Annotated[float, Field(ge=0.0, le=1e6)] = 0.0
     """weight of the distance of each latent from the lifted reference"""
     slew_rows: bool = True
     """limit changes of the inputs in the plan too, not only in the commands"""
-    corridor_m: PositiveFloat | None = None
+    corridor_m: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
     """distance from the path beyond which the plan has an additional cost; none: no such cost"""
-    beyond_corridor_m: PositiveFloat = 0.05
+    beyond_corridor_m: Annotated[float, Field(ge=1e-6, le=100.0)] = 0.05
     """distance beyond the corridor that costs as much as a tolerated deviation of a state"""
     solver: Literal["piqp", "daqp"] = "piqp"
     """of the QP: piqp, interior point, or daqp, active set, which needs the extra [daqp]"""
@@ -116,7 +120,7 @@ class RealtimeSettings(Settings):
     """How the loop runs on this machine."""
 
     priority: Annotated[int, Field(ge=0, le=99)] = 50
-    """SCHED_FIFO priority, where the system allows it; 0: do not ask"""
+    """SCHED_FIFO priority, where the system allows it; 0: none"""
     cpu: Annotated[int, Field(ge=0, lt=os.cpu_count() or 1)] | None = None
     """bind the loop to this core"""
     phase_ms: Annotated[float, Field(ge=0.0, lt=PERIOD_MS)] = 2.0

@@ -10,7 +10,7 @@ from threadpoolctl import ThreadpoolController
 
 from rt_controller.config import ControllerConfig, require_config
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.bundle import Bundle
+from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.preview import require_curvature, require_range
 from rt_controller.contract.signal_ranges import (
     LARGEST_PATH,

@@ -1,22 +1,31 @@
 """The loop: one control step every period, until the run is over."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import NamedTuple
 
-from rt_controller.bus.catalogue import Fault
+from rt_controller.bus.contents import Fault
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.drive_trace import DriveTrace
+from rt_controller.drive.trace import DriveTrace
 from rt_controller.preparation import Schedule, prepare_tick
 from rt_controller.realtime.accounting import DeadlineAccount
 from rt_controller.realtime.clock import Clock
 from rt_controller.realtime.kernel_counters import KernelCounters
-from rt_controller.realtime.tick_timer import TickTimer
+from rt_controller.realtime.tick_timer import MeasuredTick, TickTimer
 from rt_controller.safety.modes import BUS_CAUSES, STANDING_MPS, StopCause
 from rt_controller.step import ControlStep, StepResult
 
+RELEASE_TICKS = 4
+"""of STANDBY at the end of a mission: one frame may be lost, and a car with messages of its own may
+send them less often"""
 MAX_TICKS_WITHOUT_STATE = round(10.0 / PERIOD_S)
-"""after so long a safe stop without any state the car is taken to be at rest"""
+"""after so long in a safe stop without a known speed the car is assumed to be at rest"""
+MAX_TICKS_REFUSED = round(5.0 / PERIOD_S)
+"""after so long outside the engagement window the run ends"""
+URGENT_REQUEST = 3
+"""number of the request that ends a drive at once: a supervisor may send two for one stop"""
 
 
 class Ending(Enum):
@@ -24,12 +33,13 @@ class Ending(Enum):
 
     MISSION_OVER = "the mission is over"
     STOPPED = "stopped on request"
-    ENDED_AT_ONCE = "ended at once by a second request; the last frame was a safe command"
+    ENDED_AT_ONCE = "ended at once by a third request"
     SAFE_STOPPED = "ended in a safe stop"
+    REFUSED = "the car was not taken over"
 
 
 class StopRequest:
-    """Requests to end the run: the first stops the car, the second ends the loop at once."""
+    """Requests to end the run: the first stops the car, the third ends the loop at once."""
 
     def __init__(self) -> None:
         self._times = 0
@@ -39,12 +49,17 @@ class StopRequest:
         self._times += 1
 
     @property
+    def times(self) -> int:
+        """Number of requests."""
+        return self._times
+
+    @property
     def is_requested(self) -> bool:
         return self._times > 0
 
     @property
     def is_urgent(self) -> bool:
-        return self._times > 1
+        return self._times >= URGENT_REQUEST
 
 
 @dataclass(slots=True)
@@ -58,13 +73,33 @@ class RunRecord:
     ending: Ending = Ending.STOPPED
     ticks_by_fault: dict[Fault, int] = field(default_factory=lambda: dict.fromkeys(Fault, 0))
     """ticks whose heartbeat had the fault"""
+    stop_tick: int | None = None
+    """in which the last safe stop began, counted from zero; None: there was none"""
+    stop_s: float | None = None
+    """time of that tick since the first one"""
 
     def add(self, result: StepResult, scheduled_ns: int) -> None:
         """Add the result of one tick."""
+        is_new_stop = result.mode is Mode.SAFE_STOP and self.result.mode is not Mode.SAFE_STOP
         self.result = result
         self.trace.record(result, scheduled_ns)
+        if is_new_stop:
+            self.stop_tick, self.stop_s = self.trace.last_tick, self.trace.last_s
         for fault in result.faults:
             self.ticks_by_fault[fault] += 1
+
+
+class FinishedTick(NamedTuple):
+    """One tick as the loop ran it: with the calls before it, all that its result depends on."""
+
+    number: int
+    """counted from zero"""
+    began_ns: int
+    """on the clock of the loop"""
+    missed_last: bool
+    """True if the tick before missed its deadline"""
+    result: StepResult
+    measured: MeasuredTick
 
 
 def run_loop(
@@ -76,6 +111,7 @@ def run_loop(
     end_ns: int | None = None,
     schedule: Schedule | None = None,
     kernel_counters: KernelCounters | None = None,
+    after_tick: Callable[[FinishedTick], None] = lambda tick: None,
 ) -> None:
     """Run a step every tick until the mission is over, or a safe stop has brought the car to rest.
 
@@ -88,6 +124,7 @@ def run_loop(
         end_ns: time on `clock` at which the stop is requested; None: never.
         schedule: of the preparation before each tick; None: no preparation.
         kernel_counters: explain late ticks; None: no explanation.
+        after_tick: is called after each tick, when its frames have been sent.
 
     Whatever happens, the last frame that is sent is a safe command, or has released the car.
     """
@@ -104,10 +141,13 @@ def run_loop(
             if schedule is not None:
                 prepare_tick(step, clock, schedule, timer)
             tick = timer.wait()
-            result = step.run(tick.skipped, record.deadlines.missed_last, timer.end_stage)
-            timer.record(result.qp_ns, result.qp_iterations)
+            missed_last = record.deadlines.missed_last
+            result = step.run(tick.skipped, missed_last, timer.end_stage)
+            measured = timer.record(result.qp_ns, result.qp_iterations)
 
             record.add(result, tick.scheduled_ns)
+            number = record.deadlines.ticks - 1
+            after_tick(FinishedTick(number, step.began_ns, missed_last, result, measured))
             if end.are_met(result, is_stopping):
                 is_released = result.mode is Mode.STANDBY
                 return
@@ -125,22 +165,32 @@ class _EndConditions:
         self._waits_for_missions = waits_for_missions
         self._has_driven = False
         self._ticks_without_state = 0
+        self._ticks_refused = 0
+        self._ticks_released = 0
 
     def are_met(self, result: StepResult, is_stopping: bool) -> bool:
         """True if the mission is over, or the car is at rest in a safe stop that ends the run."""
         self._has_driven = self._has_driven or result.mode.drives
-        self._ticks_without_state = 0 if result.state else self._ticks_without_state + 1
-        if result.mode is Mode.STANDBY and self._has_driven and not self._waits_for_missions:
+        is_known = result.speed_mps is not None
+        self._ticks_without_state = 0 if is_known else self._ticks_without_state + 1
+        is_released = result.mode is Mode.STANDBY and self._has_driven
+        self._ticks_released = self._ticks_released + 1 if is_released else 0
+        if self._ticks_released >= RELEASE_TICKS and not self._waits_for_missions:
             self._record.ending = Ending.MISSION_OVER
+            return True
+        is_refused = result.cause is StopCause.NOT_ENGAGED
+        self._ticks_refused = self._ticks_refused + 1 if is_refused else 0
+        if self._ticks_refused > MAX_TICKS_REFUSED and not self._waits_for_missions:
+            self._record.ending = Ending.REFUSED
             return True
         if result.mode is not Mode.SAFE_STOP or not self._is_at_rest(result):
             return False
-        is_over = is_stopping or not self._waits_for_missions or result.cause in BUS_CAUSES
+        is_over = is_stopping or not self._waits_for_missions or result.bus_fault in BUS_CAUSES
         if is_over and result.cause is not StopCause.STOP_REQUESTED:
             self._record.ending = Ending.SAFE_STOPPED
         return is_over
 
     def _is_at_rest(self, result: StepResult) -> bool:
-        if result.state is None:
+        if result.speed_mps is None:
             return self._ticks_without_state > MAX_TICKS_WITHOUT_STATE
-        return abs(result.state.state.vx_mps) < STANDING_MPS
+        return abs(result.speed_mps) < STANDING_MPS

@@ -2,10 +2,13 @@
 
 from functools import partial
 
+from rt_controller.bundle_checks.encoder_trial import require_bounded
+from rt_controller.bundle_checks.plan_check import require_stored_plans
 from rt_controller.config import LowSpeedSettings, MpcSettings
-from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.validation import require_drivable
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, PathReference
 from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY, SteeringGeometry
 from rt_controller.contract.timing import PERIOD_S
@@ -23,13 +26,19 @@ RESUME_ABOVE_MPS = 1.0
 """hysteresis between the low-speed law and the model"""
 
 
-def build_mpc(bundle: Bundle, settings: MpcSettings) -> Mpc:
-    """The planner of a loaded model, its QP assembled and solved.
+def build_mpc(bundle: Bundle, settings: MpcSettings, max_iterations: int | None = None) -> Mpc:
+    """The planner of a loaded model, checked, its QP assembled and solved.
+
+    `max_iterations` of a solve; None: those of the solver.
 
     Raises:
-        ArtifactError: the model is not one of this vehicle, or gives no convex QP.
+        ArtifactError: the model is not one of this vehicle, gives no convex QP, does not plan as
+            where it was exported, or has an encoder that needs too much time or memory.
         ConfigError: settings that give no QP, or one that is not solved at a constant speed.
     """
+    require_drivable(bundle)
+    require_bounded(bundle)
+    require_stored_plans(bundle)
     corridor = None
     if settings.corridor_m is not None:
         corridor = Corridor(settings.corridor_m, settings.beyond_corridor_m)
@@ -38,7 +47,12 @@ def build_mpc(bundle: Bundle, settings: MpcSettings) -> Mpc:
         settings.horizon,
         settings.cost(),
         Features(settings.slew_rows, corridor),
-        partial(open_solver, name=settings.solver, warm_start=settings.warm_start == "on"),
+        partial(
+            open_solver,
+            name=settings.solver,
+            warm_start=settings.warm_start == "on",
+            max_iterations=max_iterations,
+        ),
     )
     plan_at_constant_speed(mpc)
     return mpc

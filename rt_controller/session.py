@@ -1,25 +1,22 @@
 """One run of the controller: everything opened and checked first, then the loop in its thread."""
 
 from contextlib import ExitStack, closing
-from pathlib import Path
+from dataclasses import replace
+from itertools import chain
 from threading import Thread
 
-from rt_controller.bus.identity import model_hash
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Node
-from rt_controller.bus.outbox import Outbox
-from rt_controller.bus.recorder import open_recorder
+from rt_controller.bus.bus_load import CLASSIC_BITRATE, bus_load
+from rt_controller.bus.log.recorder import LoopEvent
 from rt_controller.bus.transport import close_bus
 from rt_controller.config import ControllerConfig
-from rt_controller.contract.bundle import Bundle
+from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.control.low_speed.law import LowSpeedLaw
 from rt_controller.control.mpc import Mpc
-from rt_controller.drive import Drive
-from rt_controller.drive_trace import DriveTrace
-from rt_controller.handshake import wait_for_vehicle
-from rt_controller.loop import RunRecord, StopRequest, run_loop
-from rt_controller.planner import choose_low_speed_car
+from rt_controller.drive.table import Drive
+from rt_controller.drive.trace import DriveTrace
+from rt_controller.handshake import nothing_missing, wait_for_vehicle
+from rt_controller.loop import FinishedTick, RunRecord, StopRequest, run_loop
+from rt_controller.node import build_node
 from rt_controller.preparation import schedule_preparation
 from rt_controller.realtime.accounting import DeadlineAccount
 from rt_controller.realtime.clock import Clock, LockstepClock
@@ -29,8 +26,16 @@ from rt_controller.realtime.scheduling import (
     real_time_process,
     set_thread_priority,
 )
+from rt_controller.recording.files import NO_FILES, RecordingFiles, open_recording
+from rt_controller.recording.journal import (
+    BUS_FAILURE,
+    CALL,
+    PLAN,
+    TICK,
+    JournalEntry,
+    PlannedTrajectory,
+)
 from rt_controller.settings import BusSettings
-from rt_controller.step import ControlStep
 
 RECORDED_TICKS = round(3600.0 / PERIOD_S)
 """times and states of the last hour are kept"""
@@ -46,7 +51,7 @@ class ControllerSession:
         bundle: Bundle,
         mpc: Mpc,
         clock: Clock,
-        record_file: Path | None = None,
+        files: RecordingFiles = NO_FILES,
     ) -> None:
         """Open bus and log, and check that the solver is fast enough; nothing is sent yet.
 
@@ -56,10 +61,11 @@ class ControllerSession:
             bundle: the model that `mpc` plans with.
             mpc: used by this session only.
             clock: of the loop; a `LockstepClock` makes the run independent of the machine.
-            record_file: log of all frames; None: no log.
+            files: what the drive is recorded to.
 
         Raises:
-            ConfigError: the log file cannot be written, or this machine is too slow.
+            ConfigError: the log file cannot be written or exists already, or this machine is too
+                slow.
             BusError: the bus cannot be opened.
         """
         self._settings, self._clock = config.realtime, clock
@@ -79,27 +85,50 @@ class ControllerSession:
         """the exception that ended the loop, for the main thread to raise"""
         self.is_joined = False
         """True after the vehicle was found"""
+        self.stop_values: tuple[float, ...] = ()
+        """of the checks, by `Quantity`, in the tick in which the last safe stop began"""
         self._request = StopRequest()
+        self._thread: Thread | None = None
+        self._receive_failures = 0
+        self._explain_missing = nothing_missing
         with ExitStack() as opened:
             self.guarantees = NO_GUARANTEES
             if not self._is_lockstep:
                 # First: the threads that a bus or a log starts inherit the settings of the process.
                 self.guarantees = opened.enter_context(real_time_process(self._priority))
-            self._bus = bus_settings.open_bus()
-            opened.callback(close_bus, self._bus)
-            self.recorder = open_recorder(record_file, bus_settings.channel, self._is_lockstep)
+            bus = bus_settings.open_bus()
+            opened.callback(close_bus, bus)
+            if bus_settings.signals is not None:
+                from rt_controller.gateway.joining import join_car  # scipy, for such cars only
+
+                is_timed = not self._is_lockstep
+                bus = joined = join_car(
+                    bus, bus_settings.signals, bundle, clock.now_ns, has_wall_clock=is_timed
+                )
+                self._explain_missing = joined.explain_missing
+                opened.callback(close_bus, bus)
+            self._bus = bus
+            self.recorder = open_recording(
+                files,
+                bus_settings.channel,
+                self._is_lockstep,
+                config,
+                bundle,
+                mpc.max_iterations,
+                bus_settings.fd,
+            )
             if self.recorder is not None:
                 opened.callback(self.recorder.close)
-            self.inbox = Inbox(Node.CONTROLLER, self.recorder)
-            self.outbox = Outbox(self._bus, Node.CONTROLLER, self.recorder)
-            self._step = ControlStep(
-                bus=self._bus,
-                inbox=self.inbox,
-                outbox=self.outbox,
-                mpc=mpc,
-                low_speed=LowSpeedLaw(choose_low_speed_car(bundle, config.low_speed)),
-                clock=clock,
-                model_hash=model_hash(bundle.sha256),
+            self._mpc, self._keeps_plans = mpc, files.has_plans
+            self.inbox, self.outbox, self._step, self._supervisor = build_node(
+                self._bus,
+                config,
+                bundle,
+                mpc,
+                clock,
+                self.recorder,
+                bus_settings.fd,
+                self._record_call,
             )
             self._opened = opened.pop_all()
 
@@ -111,35 +140,79 @@ class ControllerSession:
             waits_for_missions: at the end of a mission, wait for the next one.
             wait_s: longest wait for the vehicle.
         """
-        thread = Thread(
+        self._thread = Thread(
             target=self._run, args=(duration_s, waits_for_missions, wait_s), name="control"
         )
-        thread.start()
-        return thread
+        self._thread.start()
+        return self._thread
 
     @property
-    def is_stop_requested(self) -> bool:
-        """True after the first request to end."""
-        return self._request.is_requested
+    def stop_requests(self) -> int:
+        """Number of requests to end."""
+        return self._request.times
 
     def request_stop(self) -> None:
-        """Request the loop to end: the first request stops the car, the second ends at once."""
+        """Request the loop to end: the first request stops the car, the third ends at once."""
         self._request.request()
+
+    def bus_load(self) -> float:
+        """Share of the time, 0 to 1, that the frames of both ends occupy a bus of 500 kbit/s."""
+        frames = chain(self.outbox.cyclic_frames(), self.inbox.cyclic_frames())
+        return bus_load(frames, CLASSIC_BITRATE, self.outbox.is_fd)
 
     def drive(self) -> Drive:
         """The drive so far as a table; at most the last hour of it."""
-        return self.record.trace.drive(self.model, self.record.ending.value)
+        record = self.record
+        return replace(
+            record.trace.drive(self.model, record.ending.value),
+            stop_cause=record.result.cause.name,
+            stop_tick=record.stop_tick,
+            stop_s=record.stop_s,
+        )
 
     def close(self) -> None:
-        """Close the log and the bus, and undo the settings of the process."""
+        """Close the log and the bus, and undo the settings of the process.
+
+        A loop that still runs, after an exception in the main thread, brings the car to rest first.
+        """
+        if self._thread is not None and self._thread.is_alive():
+            self.request_stop()
+            self._thread.join()
         self._opened.close()
+
+    def _record_call(self, name: str) -> None:
+        if self.recorder is not None:
+            self.recorder.record_event(LoopEvent(CALL, name))
+
+    def _after_tick(self, tick: FinishedTick) -> None:
+        if tick.number == self.record.stop_tick:
+            self.stop_values = tuple(self._supervisor.values)
+        recorder, failures = self.recorder, self.inbox.counts.receive_failures
+        if recorder is None:
+            return
+        if failures > self._receive_failures:
+            recorder.record_event(LoopEvent(BUS_FAILURE))
+        self._receive_failures = failures
+        recorder.record_event(LoopEvent(TICK, JournalEntry(tick, recorder.dropped)))
+        states = self._mpc.predicted_states() if self._keeps_plans else None
+        if states is not None:
+            plan = PlannedTrajectory(tick.began_ns, self._mpc.inputs.copy(), states)
+            recorder.record_event(LoopEvent(PLAN, plan))
 
     def _run(self, duration_s: float | None, waits_for_missions: bool, wait_s: float) -> None:
         settings, clock = self._settings, self._clock
         try:
             self.guarantees = set_thread_priority(self._priority, settings.cpu, self.guarantees)
             phase_ns, wait_ns = round(settings.phase_ms * 1e6), round(wait_s * 1e9)
-            wait_for_vehicle(self._bus, self.inbox, clock, phase_ns, wait_ns, self._request)
+            wait_for_vehicle(
+                self._bus,
+                self.inbox,
+                clock,
+                phase_ns,
+                wait_ns,
+                self._request,
+                self._explain_missing,
+            )
             self.is_joined = True
             end_ns = None if duration_s is None else clock.now_ns() + round(duration_s * 1e9)
             schedule = schedule_preparation(settings.prepare_ms, self._is_lockstep)
@@ -156,6 +229,7 @@ class ControllerSession:
                     end_ns=end_ns,
                     schedule=schedule,
                     kernel_counters=counters,
+                    after_tick=self._after_tick,
                 )
         except BaseException as error:
             self.failure = error

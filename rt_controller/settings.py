@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
-from pydantic import PositiveInt, field_validator
+from pydantic import PositiveInt, ValidationInfo, field_validator
 
 from rt_controller.contract.limits import LEAST_FRICTION, MOST_FRICTION
 from rt_controller.contract.names import name_or
@@ -59,8 +59,20 @@ class BusSettings(Settings):
     """the interface's channel, e.g. can0 or ws://127.0.0.1:54701/"""
     bitrate: PositiveInt | None = None
     """bit/s, where the interface sets it"""
+    fd: bool = False
+    """frames of CAN FD, protected by E2E profile 5, instead of classic ones; at both ends"""
     bus_option: dict[str, str] | None = None
     """further options of the interface, as --bus-option.KEY VALUE"""
+    signals: Path | None = None
+    """mapping file of a car that has its own messages on this bus: it assigns their signals to
+    those of the contract"""
+
+    @field_validator("signals")
+    @classmethod
+    def _require_classic_frames(cls, found: Path | None, info: ValidationInfo) -> Path | None:
+        if found is not None and info.data.get("fd"):
+            raise ValueError("expected a bus of classic CAN, where a car has its own messages")
+        return found
 
     @field_validator("bus_option", mode="before")
     @classmethod
@@ -77,7 +89,8 @@ class BusSettings(Settings):
         """
         from rt_controller.bus.transport import open_bus, parse_options
 
-        return open_bus(self.bus, self.channel, self.bitrate, parse_options(self.bus_option or {}))
+        options = parse_options(self.bus_option or {})
+        return open_bus(self.bus, self.channel, self.bitrate, options, is_fd=self.fd)
 
 
 class CarSettings(Settings):
@@ -96,6 +109,8 @@ class CarSettings(Settings):
     """of the road, 1 being the road of the tyre test; default: the scenario's"""
     friction_right: float | None = None
     """of the road under the right wheels (own car, or an FMU); default: as under the left ones"""
+    faults: Path | None = None
+    """faults of bus and actuators, a .toml file; added to those of the scenario"""
 
     @field_validator("scenario")
     @classmethod

@@ -11,11 +11,11 @@ from pydantic import ValidationError
 from threadpoolctl import threadpool_limits
 
 from rt_controller.config import ControllerConfig, require_config
-from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ConfigError, PlantError, require_type
+from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.settings_errors import dotted, explain
 from rt_controller.control.mpc import Mpc
-from rt_controller.drive import Drive
+from rt_controller.drive.table import Drive
 from rt_controller.planner import build_mpc
 from rt_controller.realtime.clock import LockstepClock
 from rt_controller.session import ControllerSession
@@ -37,6 +37,7 @@ def simulate(
     plant: "str | Plant" = "own",
     car: str | Path | None = None,
     friction: float | None = None,
+    faults: str | Path | None = None,
     config: ControllerConfig | None = None,
     duration_s: float | None = None,
 ) -> Drive:
@@ -53,6 +54,7 @@ def simulate(
         plant: "own", "fmu:FILE.fmu", "commonroad:NUMBER", or an object that implements `Plant`.
         car: parameters of the own car: a shipped name, or path of a .toml file.
         friction: of the road; default: the scenario's.
+        faults: path of a .toml file with faults of bus and actuators; added to the scenario's.
         config: settings of the controller; `model` overrides its model.
         duration_s: request the stop after this time; braking to rest follows and is part of the
             drive and of its errors. Default: the scenario's end.
@@ -67,6 +69,7 @@ def simulate(
     if not isinstance(scenario, str | Path):
         require_scenario(scenario)
     require_type("car", car, str | Path | None, "the name or path of a car")
+    require_type("faults", faults, str | Path | None, "the path of a file of faults")
     require_type("friction", friction, Real | None, "one number")
     require_type("duration_s", duration_s, Real | None, "one number")
     if duration_s is not None and not 0.0 < duration_s < inf:
@@ -79,6 +82,7 @@ def simulate(
         "plant": plant if isinstance(plant, str) else OWN,
         "car": None if car is None else str(car),
         "friction": friction,
+        "faults": faults,
     }
     try:
         car_settings = CarSettings.model_validate(choices)

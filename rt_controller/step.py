@@ -5,32 +5,26 @@ from typing import NamedTuple
 
 import can
 
-from rt_controller.bus.catalogue import (
-    COMMAND,
-    CONTROLLER_IDENTITY,
-    HEARTBEAT,
-    Command,
-    Fault,
-    Heartbeat,
-    StateSample,
-)
+from rt_controller.bus.catalogue import COMMAND, CONTROLLER_IDENTITY, HEARTBEAT
+from rt_controller.bus.contents import NO_FAULT, Command, Fault, Heartbeat, StateSample
 from rt_controller.bus.identity import own_identity
 from rt_controller.bus.inbox import Inbox
 from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import DiscardBus, Outbox
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, PathReference
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS
+from rt_controller.control.input_planner import InputPlanner, PlannedInput
 from rt_controller.control.low_speed.law import LowSpeedLaw
 from rt_controller.control.mpc import Mpc
-from rt_controller.control.plan_buffer import PlanBuffer
-from rt_controller.control.solver import SolveStatus
-from rt_controller.realtime.clock import Clock
+from rt_controller.realtime.clock import TimeSource
 from rt_controller.receiver import FreshData, Receiver
 from rt_controller.safety.envelope import limit
-from rt_controller.safety.fallback import input_for
-from rt_controller.safety.modes import STANDING_MPS, StopCause, TickFacts, decide
-
-NO_FAULT = Fault(0)
+from rt_controller.safety.fallback import braking_for, input_for
+from rt_controller.safety.freshness import ROUND_TRIP_MAX_TICKS
+from rt_controller.safety.inputs import QualifiedInputs
+from rt_controller.safety.modes import StopCause, decide
+from rt_controller.safety.supervisor import Supervisor
+from rt_controller.supervision import command_in_force, facts_of, faults_of, received_in
 
 
 class StepResult(NamedTuple):
@@ -48,14 +42,10 @@ class StepResult(NamedTuple):
     """time of the solve; 0: no QP was solved"""
     faults: Fault = NO_FAULT
     """as in the heartbeat"""
-
-
-class _Planned(NamedTuple):
-    control: ControlInput | None
-    """the plan's input for this tick: of a new plan, else of the last good one; None: none left"""
-    has_solver_failed: bool = False
-    qp_iterations: int = 0
-    qp_ns: int = 0
+    speed_mps: float | None = None
+    """as far as it is measured and plausible; None: not known"""
+    bus_fault: StopCause = StopCause.NONE
+    """one of `BUS_CAUSES`, also in a safe stop that began for another reason"""
 
 
 class ControlStep:
@@ -74,22 +64,28 @@ class ControlStep:
         outbox: Outbox,
         mpc: Mpc,
         low_speed: LowSpeedLaw,
-        clock: Clock,
+        clock: TimeSource,
         model_hash: int,
+        supervisor: Supervisor,
+        note_call: Callable[[str], None] = lambda name: None,
     ) -> None:
+        """`note_call` gets the name of every call that changes what later steps compute."""
         self.result = StepResult()
         """of the last tick"""
+        self.began_ns = 0
+        """time on the clock that the last tick took as its own"""
+        self._note_call = note_call
         self._receiver = Receiver(bus, inbox)
         self._outbox = outbox
-        self._dry_run_outbox = Outbox(DiscardBus(), Node.CONTROLLER)
-        self._mpc = mpc
-        self._low_speed = low_speed
-        self._plan = PlanBuffer(len(mpc.inputs))
+        self._dry_run_outbox = Outbox(DiscardBus(), Node.CONTROLLER, is_fd=outbox.is_fd)
+        self._planner = InputPlanner(mpc, low_speed)
         self._clock = clock
-        self._identity = own_identity(model_hash)
+        self._identity = own_identity(model_hash, outbox.is_fd)
+        self._supervisor = supervisor
         self._send_failures = 0
         self._ticks = 0
         self._is_stop_requested = False
+        self._is_history_estimated = False
 
     def run(
         self,
@@ -104,20 +100,37 @@ class ControlStep:
             missed_deadline: True if the last step missed its deadline; sent in the heartbeat.
             end_stage: called after receiving and after planning, to measure both.
         """
-        now_ns, last = self._clock.now_ns(), self.result
+        now_ns = self.began_ns = self._clock.now_ns()
+        last = self.result
         periods = 1 + skipped_ticks
 
         data = self._receiver.receive(now_ns, periods, last.mode is Mode.STANDBY)
-        self._update_history(data, last.mode)
+        applied = command_in_force(self._outbox, data)
+        qualified = self._supervisor.judge(received_in(data, applied, periods, last.mode))
+        self._update_history(data, qualified, applied, last)
         end_stage()
-        planned = self._plan_input(data, periods, last)
+        planned = self._plan_input(data, qualified, periods, last)
         end_stage()
-        facts = self._facts(data, planned)
+        facts = facts_of(data, qualified, self._receiver.bus_fault())._replace(
+            state_loss=self._receiver.state_loss(),
+            is_stop_requested=self._is_stop_requested,
+            periods_held=self._planner.periods_held,
+            law=self._planner.law,
+            has_input=planned.control is not None,
+        )
         mode, cause = decide(facts, last.mode, last.cause)
-        wanted = input_for(mode, planned.control, last.control, self._is_held)
+        braking = braking_for(
+            qualified.alarm,
+            qualified.is_measured,
+            qualified.is_path_received,
+            self._supervisor.counter_steering_rad(last.control),
+            qualified.state.vx_mps * qualified.state.yaw_rate_radps if qualified.state else 0.0,
+        )
+        wanted = input_for(mode, planned.control, last.control, self._is_held, braking)
         control = limit(wanted, last.control)
+        self._supervisor.note(control, planned.lifted)
 
-        faults = self._heartbeat_faults(data, planned, facts.bus_fault, missed_deadline)
+        faults = self._heartbeat_faults(data, qualified, planned, facts.bus_fault, missed_deadline)
         self.result = StepResult(
             mode,
             cause,
@@ -127,6 +140,8 @@ class ControlStep:
             planned.qp_iterations,
             planned.qp_ns,
             faults,
+            qualified.speed_mps,
+            facts.bus_fault,
         )
         self._send(self._outbox, now_ns)
         if self._ticks % IDENT_PERIOD_TICKS == 0:
@@ -134,39 +149,39 @@ class ControlStep:
         self._ticks += 1
         return self.result
 
-    def _plan_input(self, data: FreshData, periods: int, last: StepResult) -> _Planned:
-        """Lift the state, expand the reference, solve; or low-speed law; or hold the last plan.
+    def _plan_input(
+        self, data: FreshData, qualified: QualifiedInputs, periods: int, last: StepResult
+    ) -> PlannedInput:
+        """Plan from the state and the path that the supervisor accepts, or hold the last plan.
 
-        A safe stop is planned too, with or without a mission: it is steered along the path.
+        A safe stop is planned too, with or without a mission: it is steered along the path, from
+        the estimated state and along the last known path where they are not received.
         """
-        state, path, mission = data.state, data.path, data.mission
-        is_stopping = last.mode is Mode.SAFE_STOP
-        is_planned = is_stopping or (mission is not None and mission.is_engaged)
-        if state is None or path is None or not is_planned:
-            return _Planned(self._plan.next(periods))
-        previous_law = self._low_speed.law
-        slow_path = path._replace(v_mps=0.0, a_mps2=0.0) if is_stopping else path
-        if self._low_speed.choose(state.state.vx_mps, slow_path) is not Mode.NOMINAL:
-            slow = self._low_speed.control(
-                state.state, state.curvature_per_m, slow_path, last.control
-            )
-            return _Planned(self._plan.store_constant(slow))
-        if previous_law is not Mode.NOMINAL:
-            self._mpc.resume(last.control)
-        status = self._mpc.plan(
-            state.state, state.curvature_per_m, path, last.control, data.preview
+        state, path, mission = qualified.state, qualified.path, data.mission
+        is_stopping = last.mode is Mode.SAFE_STOP or qualified.alarm is not StopCause.NONE
+        is_received = qualified.is_measured and qualified.is_path_received
+        is_engaged = mission is not None and mission.is_engaged
+        if state is None or path is None or not (is_stopping or (is_engaged and is_received)):
+            return self._planner.hold(periods)
+        preview = qualified.preview if data.state is None or is_stopping else data.preview
+        return self._planner.plan(
+            state,
+            qualified.curvature_per_m,
+            path,
+            preview,
+            last.control,
+            periods,
+            stops=is_stopping,
         )
-        is_solved = status is SolveStatus.SOLVED
-        control = self._plan.store(self._mpc.inputs) if is_solved else self._plan.next(periods)
-        return _Planned(control, not is_solved, self._mpc.iterations, self._mpc.solve_ns)
 
     @property
     def _is_held(self) -> bool:
-        return self._low_speed.law is Mode.STANDSTILL
+        return self._planner.law is Mode.STANDSTILL
 
     def update_matrices(self) -> None:
         """Before the next tick: update the QP's matrices for the state that is predicted."""
-        self._mpc.prepare()
+        self._note_call("update_matrices")
+        self._planner.prepare()
 
     def read_ahead(self) -> None:
         """Just before the next tick: read the frames that have arrived."""
@@ -178,105 +193,96 @@ class ControlStep:
         Code and data that were not used for a period have left the processor's caches; while they
         are in the caches, the step is several times faster.
         """
+        self._note_call("warm_up")
         now_ns = self._clock.now_ns()
-        self._mpc.warm_up()
+        self._planner.warm_up()
         limit(self.result.control, self.result.control)
         self._send(self._dry_run_outbox, now_ns)
 
     def request_stop(self) -> None:
         """From the next step on, bring the car to rest."""
+        if not self._is_stop_requested:
+            self._note_call("request_stop")
         self._is_stop_requested = True
 
     def send_safe_command(self) -> None:
         """Send one last command before the loop ends: that of a safe stop, without planning."""
+        self._note_call("send_safe_command")
         last = self.result.control
         control = limit(input_for(Mode.SAFE_STOP, None, last, self._is_held), last)
-        counter = self._receiver.counter + 1
-        command = Command(control, Mode.SAFE_STOP)
-        self._outbox.send(COMMAND, command, self._clock.now_ns(), counter=counter)
+        self._receiver.counter += 1
+        self.result = self.result._replace(mode=Mode.SAFE_STOP, control=control)
+        self._send(self._outbox, self._clock.now_ns())
 
-    def _update_history(self, data: FreshData, mode: Mode) -> None:
+    def _update_history(
+        self,
+        data: FreshData,
+        qualified: QualifiedInputs,
+        applied: ControlInput | None,
+        last: StepResult,
+    ) -> None:
         """Pass the new state to the planner, with the input that was applied until now.
 
-        The history goes on only if no state is missing and the car applied our commands.
+        The history goes on only if no state is missing and the car applied our commands. While none
+        is measured it goes on with estimates, for a stop; the next measured state restarts it.
         """
-        state = data.state
-        if state is None:
-            self._mpc.forget()
-            self._low_speed.forget()
+        sample, state = data.state, qualified.state
+        was_estimated = self._is_history_estimated
+        self._is_history_estimated = last.mode is not Mode.STANDBY and not qualified.is_measured
+        if self._is_history_estimated and state is not None:
+            self._planner.observe_estimate(state, last.control if applied is None else applied)
             return
-        # The echo names the command that was applied, also where a command arrived late. Before the
-        # vehicle has accepted a command there is no echo.
-        echo = state.command_echo
-        applied = None if echo is None else self._outbox.content_under(COMMAND, echo)
-        is_driven = mode is not Mode.STANDBY and not state.is_watchdog_braking
-        held = NEUTRAL_INPUT if applied is None else applied.control
-        if applied is None or not (is_driven and data.is_next_state):
-            self._mpc.forget()
-            self._low_speed.forget()
-        if not is_driven:
-            self._low_speed.reset()
-        if self._low_speed.law is not Mode.NOMINAL:
-            self._mpc.forget()  # the model has seen no car so slow
-        self._mpc.observe(state.state, held)
-        self._low_speed.observe(state.state.vx_mps, held)
-
-    def _facts(self, data: FreshData, planned: _Planned) -> TickFacts:
-        state, mission = data.state, data.mission
-        return TickFacts(
-            bus_fault=self._receiver.bus_fault(),
-            has_state=state is not None,
-            has_path=data.path is not None,
-            has_invalid_state=data.has_invalid_state,
-            has_invalid_path=data.has_invalid_path,
-            has_mission=mission is not None,
-            is_engaged=mission is not None and mission.is_engaged,
-            is_reset_requested=mission is not None
-            and mission.is_reset_requested
-            and data.is_new_mission,
-            is_stop_requested=self._is_stop_requested,
-            is_vehicle_braking=state is not None and state.is_watchdog_braking,
-            is_standing=state is not None and abs(state.state.vx_mps) < STANDING_MPS,
-            periods_held=self._plan.periods_held,
-            law=self._low_speed.law,
-            has_input=planned.control is not None,
+        if sample is None or state is None:
+            self._planner.forget()
+            return
+        is_driven = last.mode is not Mode.STANDBY and not sample.is_watchdog_braking
+        is_known = applied is not None and not was_estimated
+        self._planner.observe(
+            state,
+            NEUTRAL_INPUT if applied is None else applied,
+            is_driven=is_driven,
+            continues=is_known and is_driven and data.is_next_state,
         )
 
+    def state_age_ns(self, now_ns: int) -> int | None:
+        """Age of the newest state, its extra transport delay included; None before the first."""
+        return self._receiver.state_age_ns(now_ns)
+
     def _heartbeat_faults(
-        self, data: FreshData, planned: _Planned, bus_fault: StopCause, missed_deadline: bool
+        self,
+        data: FreshData,
+        qualified: QualifiedInputs,
+        planned: PlannedInput,
+        bus_fault: StopCause,
+        missed_deadline: bool,
     ) -> Fault:
-        faults = Fault.DEADLINE_MISSED if missed_deadline else NO_FAULT
-        if data.has_invalid_state:
-            faults |= Fault.STATE_INVALID
-        if data.has_implausible_preview:
-            faults |= Fault.PREVIEW_IMPLAUSIBLE
-        if data.state is None:
-            faults |= Fault.STATE_STALE
-        if data.mission is None:
-            faults |= Fault.MISSION_MISSING
+        is_due = self._ticks > ROUND_TRIP_MAX_TICKS
+        faults = faults_of(data, qualified, bus_fault, is_due)
+        if missed_deadline:
+            faults |= Fault.DEADLINE_MISSED
         if planned.has_solver_failed:
             faults |= Fault.SOLVER_FAILED
-        if bus_fault is StopCause.PEER_MISMATCH:
-            faults |= Fault.PEER_MISMATCH
-        elif bus_fault is not StopCause.NONE:
-            faults |= Fault.BUS_FAULT
         if self._outbox.send_failures > self._send_failures:
             faults |= Fault.BUS_FAULT  # no stop: the vehicle's watchdog acts on missing commands
         self._send_failures = self._outbox.send_failures
+        if self._receiver.bus_state.is_disturbed:
+            faults |= Fault.BUS_FAULT
         return faults
 
     def _send(self, outbox: Outbox, now_ns: int) -> None:
         result = self.result
-        command = Command(result.control, result.mode)
-        outbox.send(COMMAND, command, now_ns, counter=self._receiver.counter)
+        command, counter = Command(result.control, result.mode), self._receiver.counter
+        outbox.send(COMMAND, command, now_ns, counter=counter)
         outbox.send(
             HEARTBEAT,
             Heartbeat(
                 mode=result.mode,
                 faults=result.faults,
+                state_counter=counter,
                 compute_time_ns=self._clock.now_ns() - now_ns,
                 state_age_ns=self._receiver.state_age_ns(now_ns),
                 qp_iterations=result.qp_iterations or None,
             ),
             now_ns,
+            counter=counter,
         )

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from rt_controller.contract.errors import needs_extra, require_type
 from rt_controller.contract.steering_geometry import SteeringGeometry
-from rt_controller.driven_scenario import ConeAt, DrivenScenario, LaneAt
+from rt_controller.drive.car_figures import LateralError
+from rt_controller.drive.scenario import ConeAt, DrivenScenario, LaneAt
 from rt_controller.settings import BusSettings, CarSettings
 
 if TYPE_CHECKING:
@@ -35,7 +36,9 @@ def open_virtual_car(
     """
     with needs_extra("sim", "The simulated car"):
         from sim_bridge.session import open_session
-    return open_session(bus, scenario or settings.scenario, plant=plant or settings)
+    return open_session(
+        bus, scenario or settings.scenario, plant=plant or settings, faults=settings.faults
+    )
 
 
 def driven_scenario(car: "BridgeSession") -> DrivenScenario:
@@ -51,11 +54,26 @@ def driven_scenario(car: "BridgeSession") -> DrivenScenario:
     )
 
 
+def car_error(car: "BridgeSession") -> LateralError:
+    """Lateral error of the car of a session so far, as the simulation has it."""
+    summary = car.bridge.summary()
+    return LateralError(summary.ey_rms_m, summary.ey_peak_m)
+
+
 def steering_note(car: "BridgeSession", geometry: SteeringGeometry) -> str | None:
     """A sentence if the scenario needs more steering than the controller may command."""
     from sim_bridge.steering_needs import steering_note as note
 
     return note(car.bridge.scenario, geometry)
+
+
+def grip_note(car: "BridgeSession", friction: float | None) -> str | None:
+    """A sentence if the scenario needs more grip than this friction gives, if one is set."""
+    if friction is None:
+        return None
+    from sim_bridge.grip_needs import grip_note as note
+
+    return note(car.bridge.scenario)
 
 
 def require_scenario(found: object) -> None:

@@ -1,12 +1,12 @@
 """The vehicle's end of the bus: commands in, one period of the car, state frames out."""
 
-from dataclasses import dataclass
-from math import atan, hypot
+from dataclasses import asdict
+from itertools import chain
 
 import can
 
+from rt_controller.bus.bus_load import CLASSIC_BITRATE, bus_load
 from rt_controller.bus.catalogue import (
-    COMMAND,
     CONTROLLER_IDENTITY,
     FEEDBACK,
     MISSION,
@@ -14,49 +14,38 @@ from rt_controller.bus.catalogue import (
     REFERENCE,
     STATE,
     VEHICLE_IDENTITY,
-    Command,
-    Mission,
-    StateSample,
 )
+from rt_controller.bus.contents import NO_REFUSAL, Mission, StateSample
+from rt_controller.bus.end_to_end.confirmation import DISENGAGED_FRAMES
 from rt_controller.bus.identity import own_identity, require_same_catalogue
-from rt_controller.bus.inbox import Inbox, Received
+from rt_controller.bus.inbox import Inbox
+from rt_controller.bus.log.recorder import Recorder
 from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import Outbox
-from rt_controller.bus.recorder import Recorder
-from rt_controller.car_figures import CarFigure
 from rt_controller.contract.errors import BusError
-from rt_controller.contract.signals import NEUTRAL_INPUT, Mode, VehicleState
-from rt_controller.contract.timing import IDENT_PERIOD_TICKS, MISSION_PERIOD_TICKS, PERIOD_S
+from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
+from rt_controller.contract.timing import (
+    IDENT_PERIOD_TICKS,
+    MISSION_PERIOD_TICKS,
+    MISSION_VALID_NS,
+)
+from rt_controller.drive.car_figures import CarFigure
+from rt_controller.gateway.path_steering import largest_brake_n, steer_along
+from rt_controller.gateway.vehicle_envelope import STANDING
+from sim_bridge.bridge_summary import BridgeSummary, Truth
 from sim_bridge.car import FASTEST_MPS, Car
-from sim_bridge.faults import FaultInjector
+from sim_bridge.command_check import CommandCheck
+from sim_bridge.failed_actuators import FailedActuators
+from sim_bridge.faults.bus import FaultyActuators, FaultyBus, acted
 from sim_bridge.scenario import Scenario
-from sim_bridge.scenario.faults import FaultKind
-from sim_bridge.scenario.metrics import DriveLog, LogRow, judged, measure, peak, rms
-from sim_bridge.scenario.speed import next_progress
+from sim_bridge.scenario_run import ScenarioRun
 from sim_bridge.watchdog import ActuatorWatchdog
 
 MISSION_ID = 1
-MISSION_VALID_NS = 500_000_000
-END_TICKS = 2 * MISSION_PERIOD_TICKS
-"""the end of the mission is sent more than once"""
-AT_REST_MPS = 0.3
-"""speed below which a safe stop has brought the car to rest, as for the controller"""
-
-
-@dataclass(frozen=True, slots=True)
-class BridgeSummary:
-    """Figures of the run from the car itself, not from the bus."""
-
-    ticks: int
-    final_speed_mps: float
-    travelled_m: float
-    ey_rms_m: float
-    ey_peak_m: float
-    watchdog_braked: bool
-    controller_ended: bool
-    """the watchdog braked after a safe stop of the controller, and not while it drove"""
-    plant_failure: str | None
-    """why the motion is not finite or too fast; the figures are those before it"""
+END_TICKS = (DISENGAGED_FRAMES + 1) * MISSION_PERIOD_TICKS
+"""the end of the mission counts when it was received several times"""
+LONGEST_END_TICKS = 2 * END_TICKS
+"""the same of a controller that drives on, because the mission takes longer on its way"""
 
 
 class Bridge:
@@ -69,37 +58,75 @@ class Bridge:
     """
 
     def __init__(
-        self, bus: can.BusABC, car: Car, scenario: Scenario, recorder: Recorder | None = None
+        self,
+        bus: can.BusABC,
+        car: Car,
+        scenario: Scenario,
+        recorder: Recorder | None = None,
+        is_fd: bool = False,
     ) -> None:
-        self._bus = bus
-        self._inbox = Inbox(Node.VEHICLE, recorder)
-        self._outbox = Outbox(bus, Node.VEHICLE, recorder)
+        """Join a bus; `is_fd`: it has frames of CAN FD."""
+        self._bus = FaultyBus(bus, scenario.faults, recorder)
+        self._actuators = FaultyActuators(scenario.faults)
+        self._inbox = Inbox(Node.VEHICLE, recorder, is_fd=is_fd)
+        self._outbox = Outbox(self._bus, Node.VEHICLE, is_fd=is_fd)
         self._car = car
         self.scenario = scenario
-        self._faults = FaultInjector(scenario.faults)
+        self._run = ScenarioRun(scenario, car.state, car.s_m)
         self._curvature = scenario.road.frame()
-        self._progress = scenario.first_progress
-        self._log = DriveLog()
-        self._command: Received[Command] | None = None
-        """the newest command that reached the vehicle"""
+        self._check = CommandCheck(is_fd)
         self._watchdog = ActuatorWatchdog()
+        self._failed_actuators = FailedActuators()
         self._applied = NEUTRAL_INPUT
-        self._state: VehicleState = car.state
-        self._s_m = car.s_m
-        self._path = scenario.path_ahead(car.s_m, car.state.vx_mps)
-        """what a path planner sends from where the car is"""
         self._sent_ticks = 0
-        self._end_ticks = 0
-        """ticks since the end of the mission"""
         self._has_driver = False
         """the mission is over, and the controller has released the car: a driver has taken it"""
         self._failed_ticks = 0
-        self.driven_ticks = 0
 
     @property
     def is_over(self) -> bool:
-        """True if the end of the mission, or of the plant, was sent often enough."""
-        return max(self._end_ticks, self._failed_ticks) >= END_TICKS
+        """True if the end of the mission, or of the plant, was sent often enough.
+
+        A stop that began meanwhile is finished before.
+        """
+        if self._failed_ticks >= END_TICKS:
+            return True
+        is_braking = self._watchdog.is_braking
+        is_driven = self._mode is not None and self._mode.drives and not is_braking
+        is_stopping = is_braking or self._mode is Mode.SAFE_STOP
+        ticks = LONGEST_END_TICKS if is_driven else END_TICKS
+        return self._run.end_ticks >= ticks and not (is_stopping and self._run.is_moving)
+
+    @property
+    def applied(self) -> ControlInput:
+        """What pedals and steering wheel did in the last period."""
+        return self._applied
+
+    @property
+    def is_mission_over(self) -> bool:
+        """True from the end of the scenario on: a driver has taken the car."""
+        return self._run.end_ticks > 0
+
+    @property
+    def driven_ticks(self) -> int:
+        """Periods in which a controller drove the car."""
+        return self._run.ticks
+
+    @property
+    def time_s(self) -> float:
+        """Time since the car was first driven."""
+        return self._run.time_s
+
+    @property
+    def truth(self) -> Truth:
+        """The car at the end of the last period."""
+        return Truth(
+            self._run.ey_error_m,
+            self._run.speed_mps,
+            self._run.path.v_mps,
+            self._watchdog.is_braking,
+            self._check.refusals != NO_REFUSAL,
+        )
 
     @property
     def is_waiting(self) -> bool:
@@ -132,16 +159,20 @@ class Bridge:
     def tick(self, now_ns: int) -> None:
         """Read the newest command, advance the car by one period with it, send its state.
 
+        A bus that fails while the car is driven is one on which nothing arrives: the car is braked.
+
         Raises:
-            BusError: the bus cannot be read, or the controller uses another message catalogue.
+            BusError: before the drive: the bus cannot be read, or the controller uses another
+                message catalogue.
         """
         self._read(now_ns)
         peer = self._inbox.newest(CONTROLLER_IDENTITY)
-        if peer is not None:
-            require_same_catalogue(peer.content)
-        if not self._faults.acts(FaultKind.COMMAND_LOST, self.driven_ticks):
-            self._command = self._inbox.newest(COMMAND)
-        command = self._command
+        if peer is not None and self.is_waiting:
+            require_same_catalogue(peer.content, self._inbox.is_fd)
+        motion = STANDING if self.is_waiting else self._run.motion
+        self._check.take(self._inbox, now_ns, self._sent_ticks - 1, motion)
+        self._inbox.end_period(now_ns)
+        command = self._check.accepted
         is_driven = command is not None and command.content.mode.drives
         if self.has_failed:
             self._failed_ticks += 1
@@ -149,39 +180,47 @@ class Bridge:
             self._advance(now_ns)
         self._send(now_ns)
 
-    @property
-    def time_s(self) -> float:
-        """Time since the car was first driven."""
-        return self.driven_ticks * PERIOD_S
+    def require_readable_bus(self) -> None:
+        """Raise a BusError if the bus could not be read."""
+        self._inbox.require_readable()
+
+    def end_mission(self) -> None:
+        """End the mission with the next tick, as at the end of the scenario."""
+        self._run.end_mission()
 
     def figures(self) -> tuple[CarFigure, ...]:
         """The figures that the scenario names or limits, so far."""
-        found = measure(
-            self._log, self.scenario.stops, self.scenario.course, self.scenario.road.width_m
-        )
-        return judged(found, self.scenario.metrics, self.scenario.limits)
+        return self._run.figures()
 
     def faults_so_far(self) -> tuple[str, ...]:
-        """Kind and begin of each fault of the scenario that has acted."""
-        return self._faults.acted(self.driven_ticks)
+        """What each fault of the scenario that has acted does, and when."""
+        return acted(self.scenario.faults, self.driven_ticks)
 
     def summary(self) -> BridgeSummary:
         """The figures so far."""
-        ey_error_m = self._log.ey_error_m()
-        plant = self._car.plant
+        ey_rms_m, ey_peak_m = self._run.ey_error_rms_and_peak_m()
+        plant, cause = self._car.plant, self._watchdog.braking_cause
+        frames = chain(self._outbox.cyclic_frames(), self._inbox.cyclic_frames())
         failure = plant.failure or (
             f"{plant.name}: expected a finite motion of at most {FASTEST_MPS:g} m/s, found "
             f"{self._car.state.vx_mps:.4g} m/s"
         )
         return BridgeSummary(
             ticks=self.driven_ticks,
-            final_speed_mps=self._speed_mps(),
-            travelled_m=self._s_m,
-            ey_rms_m=rms(ey_error_m),
-            ey_peak_m=peak(ey_error_m),
+            final_speed_mps=self._run.speed_mps,
+            travelled_m=self._run.s_m,
+            ey_rms_m=ey_rms_m,
+            ey_peak_m=ey_peak_m,
             watchdog_braked=self._watchdog.is_braking,
             controller_ended=self._watchdog.has_controller_ended,
+            refused_ticks=dict(self._check.named()),
+            foreign_frames=self._inbox.foreign_frames,
+            bus_load_at_500_kbps=bus_load(frames, CLASSIC_BITRATE, self._outbox.is_fd),
+            frames_received=asdict(self._inbox.counts),
             plant_failure=failure if self.has_failed else None,
+            braking_cause=None if cause is None else cause.name,
+            failed_actuators=tuple(each.name for each in self._failed_actuators.failed),
+            released=self._has_driver and cause is None,
         )
 
     def close(self) -> None:
@@ -189,107 +228,70 @@ class Bridge:
         self._car.plant.close()
 
     def _read(self, now_ns: int) -> None:
+        self._bus.begin_reading(self.driven_ticks)
         self._inbox.drain(self._bus, now_ns)
-        self._inbox.require_readable()
+        if self.is_waiting:
+            self.require_readable_bus()
+
+    @property
+    def _mode(self) -> Mode | None:
+        """Of the command that is followed; None: there was none."""
+        command = self._check.accepted
+        return None if command is None else command.content.mode
 
     def _advance(self, now_ns: int) -> None:
-        if self._end_ticks > 0 and self._mode is Mode.STANDBY:
+        command, run = self._check.accepted, self._run
+        if run.end_ticks > 0 and self._mode is Mode.STANDBY:
             self._has_driver = True
         if self._has_driver and not self._watchdog.is_braking:
             self._applied = NEUTRAL_INPUT
         else:
+            before_rad = self._watchdog.applied.steer_rad  # commanded: a late wheel is behind it
             self._applied = self._watchdog.apply(
-                self._command,
+                command,
                 now_ns,
                 self._sent_ticks - 1,
-                self._speed_mps(),
+                run.motion,
+                steer_along(run.path, run.state, run.curvature_per_m, before_rad),
+                largest_brake_n(run.state, run.ey_error_m),
+                self._failed_actuators.are_failed,
             )
-        self._car.set_road(self.scenario.road_at(self._s_m, self.time_s))
+        commanded_rad = self._failed_actuators.steering.command_for(self._applied.steer_rad)
+        commanded = self._applied._replace(steer_rad=commanded_rad)
+        self._applied = self._actuators.apply(commanded, self.driven_ticks + 1)
+        self._failed_actuators.note(commanded, self._applied)
+        self._car.set_road(self.scenario.road_at(run.s_m, self.time_s))
         state = self._car.advance(self._applied, self._curvature)
-        if self.has_failed:
-            return
-        self._state, self._s_m = state, self._car.s_m
-        self.driven_ticks += 1
-        self._progress = next_progress(
-            self._progress, self.scenario.stops, self._s_m, state.vx_mps, self.time_s
-        )
-        self._path = self.scenario.path_ahead(self._s_m, state.vx_mps, self.time_s, self._progress)
-        if self._is_mission_on():
-            self._judge(state)
-        else:
-            self._end_ticks += 1
-
-    def _speed_mps(self) -> float:
-        return hypot(self._state.vx_mps, self._state.vy_mps)
-
-    def _is_mission_on(self) -> bool:
-        """True during the scenario, and after it until a safe stop has brought the car to rest."""
-        if self._end_ticks > 0:
-            return False
-        is_moving = self._state.vx_mps > AT_REST_MPS
-        if self._watchdog.is_braking:
-            return is_moving
-        is_on = self.driven_ticks < self.scenario.ticks and self._s_m < self.scenario.end_m
-        return is_on or (self._mode is Mode.SAFE_STOP and is_moving)
-
-    @property
-    def _mode(self) -> Mode | None:
-        """Of the newest command; None: there was none."""
-        return None if self._command is None else self._command.content.mode
-
-    def _judge(self, state: VehicleState) -> None:
-        """Add one period to the figures."""
-        path = self._path
-        self._log.add(
-            LogRow(
-                time_s=self.time_s,
-                s_m=self._s_m,
-                ey_m=state.ey_m,
-                epsi_rad=state.epsi_rad,
-                curvature_per_m=self.scenario.road.curvature_per_m.at(self._s_m),
-                vx_mps=state.vx_mps,
-                vy_mps=state.vy_mps,
-                yaw_rate_radps=state.yaw_rate_radps,
-                steer_rad=self._applied.steer_rad,
-                wanted_ey_m=path.c0_m,
-                wanted_epsi_rad=atan(path.c1),
-                wanted_mps=path.v_mps,
-                stop=self._progress.stops_done if self._progress.is_holding else -1,
-            )
-        )
+        if not self.has_failed:
+            run.advance(state, self._car.s_m, self._applied, self._mode, self._watchdog.is_braking)
 
     def _send(self, now_ns: int) -> None:
-        command = self._command
+        command, run = self._check.accepted, self._run
         sample = StateSample(
             state=self._car.state,
-            curvature_per_m=self.scenario.road.curvature_per_m.at(self._s_m),
+            curvature_per_m=run.curvature_per_m,
             sample_time_ns=now_ns,
             command_echo=None if command is None else command.counter,
             is_watchdog_braking=self._watchdog.is_braking,
+            refusals=self._check.refusals,
         )
-        send, acts, tick = self._outbox.send, self._faults.acts, self.driven_ticks
+        send = self._outbox.send
         counter = self._sent_ticks  # counts on while frames are lost
-        sample = self._faults.sample(sample, tick)
-        if not acts(FaultKind.STATE_LOST, tick):
-            is_valid = not (self.has_failed or acts(FaultKind.STATE_INVALID, tick))
-            send(STATE, sample, now_ns, counter=counter, is_valid=is_valid)
-        if not acts(FaultKind.REFERENCE_LOST, tick):
-            send(REFERENCE, self._path, now_ns, counter=counter)
-        if not acts(FaultKind.PREVIEW_LOST, tick):
-            vx_mps = self._state.vx_mps
-            preview = self.scenario.preview_ahead(self._s_m, vx_mps, self._path.v_mps)
-            send(PREVIEW, preview, now_ns, counter=counter)
+        self._bus.begin_sending(self.driven_ticks, now_ns)
+        send(STATE, sample, now_ns, counter=counter, is_valid=not self.has_failed)
+        send(REFERENCE, run.path, now_ns, counter=counter)
+        send(PREVIEW, run.preview(), now_ns, counter=counter)
         if self.driven_ticks > 0:
             send(FEEDBACK, self._applied, now_ns)
-        is_mission_due = self._sent_ticks % MISSION_PERIOD_TICKS == 0
-        if is_mission_due and not acts(FaultKind.MISSION_LOST, tick):
+        if self._sent_ticks % MISSION_PERIOD_TICKS == 0:
             mission = Mission(
-                is_engaged=self._end_ticks == 0,
+                is_engaged=run.end_ticks == 0,
                 is_reset_requested=False,
                 mission_id=MISSION_ID,
                 valid_for_ns=MISSION_VALID_NS,
             )
             send(MISSION, mission, now_ns)
         if self._sent_ticks % IDENT_PERIOD_TICKS == 0:
-            send(VEHICLE_IDENTITY, own_identity(None), now_ns)
+            send(VEHICLE_IDENTITY, own_identity(None, self._outbox.is_fd), now_ns)
+        self._bus.end_sending()
         self._sent_ticks += 1

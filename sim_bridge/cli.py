@@ -10,19 +10,23 @@ from cyclopts import Parameter
 from pydantic import Field
 
 from rt_controller.contract.errors import require_packages
+from rt_controller.contract.timing import LONGEST_S
 from rt_controller.settings import CAR_PRIORITY, BusSettings, CarSettings, SharedInterface
 from rt_controller.terminal.command_line import new_app, run_command
 from sim_bridge.plant.shipped_cars import DEFAULT_CAR
 from sim_bridge.validation.recording.options import RecordingOptions
 
+_Speed = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+
 app = new_app(
     "sim-bridge",
     "Simulate a car on a CAN bus: the project's own, an FMU, or CommonRoad's. The summary "
     "goes to stdout, progress and messages to stderr. Exit codes: 0 ok, 1 a validation target was "
-    "missed, 2 usage or configuration, 3 an optional package or the C compiler is missing, 5 the "
-    "bus failed, another vehicle is on it, or the controller stopped sending while it drove, 7 the "
-    "plant failed, 8 the drive missed a limit of its scenario, 130 ended by Ctrl-C while it was "
-    "loading.",
+    "missed, or a drive of the fault matrix is not ok, 2 usage or configuration, 3 an optional "
+    "package or the C compiler is missing, 5 the bus failed, another vehicle is on it, or the "
+    "vehicle's watchdog braked the car while it was driven, 7 the plant failed, 8 the drive missed "
+    "a limit of its scenario, 9 a log, a result file or an output stream is incomplete, 130 ended "
+    "by Ctrl-C while it was loading.",
     "--bus NAME",
 )
 
@@ -33,12 +37,15 @@ class BridgeOptions(CarSettings, BusSettings):
     bus: SharedInterface | str
     """python-can interface, these or another that other processes reach"""
 
-    wait_s: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 60.0
+    wait_s: Annotated[float, Field(gt=0.0, le=LONGEST_S, allow_inf_nan=False)] = 60.0
     """longest wait for a controller"""
     priority: Annotated[int, Field(ge=0, le=99)] = CAR_PRIORITY
-    """SCHED_FIFO priority, where the system allows it; 0: do not ask"""
+    """SCHED_FIFO priority, where the system allows it; 0: none"""
     record: Path | None = None
-    """write all frames to this candump log"""
+    """write all frames to this log: .log (candump), .blf, .asc or .mf4, or to a new one in this
+    folder"""
+    overwrite: bool = False
+    """replace an existing log of --record, which otherwise is refused"""
     json_file: Annotated[Path | None, Parameter(name="--json")] = None
     """write the summary to this JSON file"""
     quiet: bool = False
@@ -107,6 +114,43 @@ def validate(
     from sim_bridge.validation import command
 
     return command.validate(car, html, json_file, quick, recorded)
+
+
+@app.command
+def fault_matrix(
+    *,
+    model: str | None = None,
+    only: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
+    speed_kmh: Annotated[tuple[_Speed, ...], Parameter(consume_multiple=True)] = (),
+    jobs: Annotated[int, Field(ge=1)] | None = None,
+    cases: Path | None = None,
+    json_file: Annotated[Path | None, Parameter(name="--json")] = None,
+) -> int:
+    """Drive every fault of the matrix at three speeds, in simulated time; 1 if one is not ok.
+
+    A drive is ok if the fault is detected within 0.5 s or is harmless, the car stays within 1.75 m
+    of its true path or stands on it, and the controller does not drive on normally for longer than
+    0.3 s at more than 1 m from the path.
+
+    Parameters
+    ----------
+    model
+        that the controller plans with: a shipped name, or folder of a bundle; default: mdk-net
+    only
+        names of the faults to drive; default: all
+    speed_kmh
+        speeds to drive at; default: 60, 80 and 120
+    jobs
+        processes that drive at the same time; default: one for each core
+    cases
+        TOML file with other faults, such as sim_bridge/fault_matrix/variants.toml
+    json_file
+        write the rows to this file: fault, speed_mps, mode, detect_ms, max_ey_m, ok, ...
+    """
+    _require_compiler()
+    from sim_bridge.fault_matrix import command
+
+    return command.fault_matrix(model, only, speed_kmh, jobs, json_file, cases)
 
 
 def _require_compiler() -> None:

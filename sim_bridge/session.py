@@ -1,11 +1,12 @@
 """One run of the bridge: bus, car and log opened for the command line or the virtual car."""
 
 from math import inf
+from pathlib import Path
 from threading import Event, Thread
 
 import can
 
-from rt_controller.bus.recorder import Recorder
+from rt_controller.bus.log.recorder import Recorder
 from rt_controller.bus.transport import close_bus
 from rt_controller.contract.errors import BusError, ConfigError, PlantError
 from rt_controller.contract.signals import NEUTRAL_INPUT
@@ -18,6 +19,7 @@ from sim_bridge.car import Car
 from sim_bridge.plant.protocol import Plant, require_plant
 from sim_bridge.road_needs import require_road
 from sim_bridge.scenario import Scenario, load_scenario
+from sim_bridge.scenario.files.loading import add_faults
 
 OWN_CAR = CarSettings()
 LONGEST_STANDBY_S = 10.0
@@ -31,7 +33,7 @@ class BridgeSession:
 
     def __init__(self, bus: can.BusABC, bridge: Bridge) -> None:
         self._bus = bus
-        self._stop_request = Event()
+        self._end_request, self._stop_request = Event(), Event()
         self._thread: Thread | None = None
         self.bridge = bridge
         self.failure: BaseException | None = None
@@ -75,12 +77,18 @@ class BridgeSession:
 
     @property
     def is_stop_requested(self) -> bool:
-        """True if the thread was requested to end."""
-        return self._stop_request.is_set()
+        """True if the mission was requested to end."""
+        return self._end_request.is_set()
 
     def request_stop(self) -> None:
-        """Request the thread to end after its tick."""
-        self._stop_request.set()
+        """Request the end of the mission; the second time, the end of the thread after its tick.
+
+        The controller receives the end of the mission and releases the car. Without one there is
+        no mission, and the first request ends the thread.
+        """
+        if self._end_request.is_set() or self.bridge.is_waiting:
+            self._stop_request.set()
+        self._end_request.set()
 
     def close(self) -> None:
         """End the thread and close bus and plant.
@@ -88,7 +96,7 @@ class BridgeSession:
         Raises:
             BaseException: the one that ended the thread.
         """
-        self.request_stop()
+        self._stop_request.set()
         if self._thread is not None:
             self._thread.join()
         close_bus(self._bus)
@@ -104,8 +112,10 @@ class BridgeSession:
             for _ in range(listening_ticks):
                 clock.wait()
                 self.bridge.listen(clock.now_ns())
-            while not self.is_stop_requested and not self.bridge.is_over:
+            while not self._stop_request.is_set() and not self.bridge.is_over:
                 clock.wait()
+                if self.is_stop_requested:
+                    self.bridge.end_mission()
                 now_ns = clock.now_ns()
                 if self.bridge.is_waiting and now_ns * 1e-9 > wait_until_s:
                     return
@@ -152,24 +162,49 @@ def open_session(
     scenario: str | Scenario,
     recorder: Recorder | None = None,
     plant: CarSettings | Plant = OWN_CAR,
+    faults: Path | None = None,
 ) -> BridgeSession:
-    """A session with everything opened and ready to tick.
+    """A session with everything opened and ready to tick; `faults` is a file of them.
 
     The caller closes the recorder, after the session.
 
     Raises:
         MissingExtraError: the plant's optional dependencies are not installed.
-        ConfigError: there is no such scenario or plant, or the plant cannot drive one period.
+        ConfigError: there is no such scenario, plant or file of faults, or the plant cannot drive
+            one period.
         PlantError: the plant raised an exception in its reset or first step.
         BusError: the bus cannot be opened.
     """
     manoeuvre = load_scenario(scenario) if isinstance(scenario, str) else scenario
     if isinstance(plant, CarSettings):
         manoeuvre = manoeuvre.with_friction(plant.friction, plant.friction_right)
+    if faults is not None:
+        manoeuvre = add_faults(manoeuvre, faults)
+    if bus_settings.fd and manoeuvre.faults:
+        raise ConfigError(
+            "faults: expected a drive without --fd, since faults name the frames of classic CAN, "
+            "found one with it. Leave out --fd or the faults."
+        )
     car = build_car(manoeuvre, plant)
     try:
         bus = bus_settings.open_bus()
+        if bus_settings.signals is not None:
+            bus = _join_foreign_bus(bus, bus_settings.signals, manoeuvre, car)
     except BaseException:
         car.plant.close()
         raise
-    return BridgeSession(bus, Bridge(bus, car, manoeuvre, recorder))
+    return BridgeSession(bus, Bridge(bus, car, manoeuvre, recorder, bus_settings.fd))
+
+
+def _join_foreign_bus(bus: can.BusABC, signals: Path, scenario: Scenario, car: Car) -> can.BusABC:
+    """The bus on which the car has the messages of a mapping file."""
+    from rt_controller.mapping.car_file import read_car
+    from sim_bridge.foreign_bus import ForeignBus, require_same_road
+
+    try:
+        foreign = read_car(signals)
+        require_same_road(foreign, scenario)
+        return ForeignBus(bus, foreign, lambda: car.s_m)
+    except BaseException:
+        close_bus(bus)
+        raise

@@ -1,18 +1,19 @@
 """Does a scenario need more steering than the controller may command? An estimate beforehand."""
 
-from math import degrees, radians
+from math import degrees
 
 import numpy as np
 
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.physics import GRAVITY_MPS2
-from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY, SteeringGeometry
+from rt_controller.contract.steering_geometry import (
+    DEFAULT_GEOMETRY,
+    UNDERSTEER_RAD_PER_MPS2,
+    SteeringGeometry,
+)
 from sim_bridge.scenario import Scenario
 from sim_bridge.scenario.limits import KMH_PER_MPS
 from sim_bridge.scenario.nominal_drive import drive_nominally
 
-UNDERSTEER_RAD_PER_MPS2 = radians(1.43) / GRAVITY_MPS2
-"""of the front wheels with compliance, per lateral acceleration: target of the default car"""
 SHORT_S = 1.0
 
 

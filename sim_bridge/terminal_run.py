@@ -2,27 +2,36 @@
 
 from contextlib import ExitStack, closing
 from dataclasses import asdict
+from functools import partial
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from rt_controller.bus.recorder import open_recorder
+from rt_controller.bus.log.recorder import Recorder, open_recorder, require_recordable
 from rt_controller.bus.transport import require_interface
-from rt_controller.car_figures import (
+from rt_controller.contract.errors import BusError, ConfigError, OutputError, PlantError
+from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.timing import PERIOD_MS
+from rt_controller.drive.car_figures import (
     EXIT_LIMIT,
     explain_missed,
     figures_to_json,
     limits_missed,
 )
-from rt_controller.contract.errors import BusError, ConfigError, PlantError
-from rt_controller.contract.figures import require_writable, write_figures
-from rt_controller.contract.timing import COMMAND_TIMEOUT_S, PERIOD_MS
+from rt_controller.gateway.braking_cause import BrakingCause
+from rt_controller.gateway.vehicle_envelope import FARTHEST_DRIVEN_M, FARTHEST_OFF_PATH_M
 from rt_controller.realtime.scheduling import real_time_process
+from rt_controller.report.table import Fact, facts_table, print_table
 from rt_controller.settings import VIRTUAL
 from rt_controller.terminal.command_line import print_error
+from rt_controller.terminal.log_summary import log_to_json
 from rt_controller.terminal.progress import COMPILING, Line, announce, show, watch
 from rt_controller.terminal.stop_signals import stop_on_signals
-from sim_bridge.bridge import Bridge, BridgeSummary
+from rt_controller.terminal.streams import lost_output
+from sim_bridge.bridge import Bridge
+from sim_bridge.bridge_summary import BridgeSummary
+from sim_bridge.grip_needs import grip_note
+from sim_bridge.scenario_run import AT_REST_MPS
 from sim_bridge.session import open_session
 from sim_bridge.steering_needs import steering_note
 
@@ -39,7 +48,7 @@ def run_at_terminal(options: "BridgeOptions") -> int:
     Raises:
         ConfigError, MissingExtraError: bus, scenario, plant or log file do not fit.
         BusError: the bus cannot be opened, another vehicle is on it, no controller took the car,
-            or the controller stopped sending while it drove.
+            or while it drove the watchdog braked the car or the bus failed.
         PlantError: the plant failed during the drive.
     """
     if options.bus == VIRTUAL:
@@ -50,34 +59,50 @@ def run_at_terminal(options: "BridgeOptions") -> int:
         )
     require_interface(options.bus)
     require_writable(options.json_file)
+    require_recordable(options.record, options.overwrite)
     with ExitStack() as signals:
         with ExitStack() as opened:
             # First: the threads that a bus or a log starts inherit the settings of the process.
             opened.enter_context(real_time_process(options.priority))
-            recorder = open_recorder(options.record, options.channel)
+            recorder = open_recorder(options.record, options.channel, replaces=options.overwrite)
             if recorder is not None:
                 opened.callback(recorder.close)
             with announce(COMPILING, options.quiet):
-                session = open_session(options, options.scenario, recorder, options)
-            note = steering_note(session.bridge.scenario)
-            if note is not None:
+                session = open_session(options, options.scenario, recorder, options, options.faults)
+            scenario = session.bridge.scenario
+            replaced = None if options.friction is None else grip_note(scenario)
+            for note in filter(None, (steering_note(scenario), replaced)):
                 show(f"note: {note}", options.quiet)
             opened.enter_context(closing(session))
             signals.enter_context(stop_on_signals(session.request_stop))
             thread = session.start(options.priority, LISTENING_TICKS, options.wait_s)
-            watch(thread, lambda: _line(session.bridge), options.quiet)
+            watch(thread, partial(_line, session.bridge, recorder), options.quiet)
             is_stopped = session.is_stop_requested
         summary = session.bridge.summary()
         if summary.ticks > 0 or is_stopped:
             Console().print(_sentence(summary, is_stopped), highlight=False, soft_wrap=True)
         figures = session.bridge.figures()
-        for figure in figures:
-            Console().print(f"{figure.name}: {figure.text}", highlight=False)
-        write_figures(options.json_file, {**asdict(summary), **figures_to_json(figures)})
+        if figures:
+            facts = (Fact(figure.name, figure.text) for figure in figures)
+            print_table(facts_table(facts, "figures of the scenario"), Console())
+        failures = [] if recorder is None else [recorder.explain_failure()]
+        output = {
+            **asdict(summary),
+            **figures_to_json(figures),
+            **log_to_json(recorder),
+            "lost_output": lost_output(),
+        }
+        try:
+            write_figures(options.json_file, output)
+        except OutputError as error:  # what the drive ended with is said all the same
+            failures.append(str(error))
+        for failure in filter(None, failures):
+            print_error("sim-bridge", failure)
+        session.bridge.require_readable_bus()
         _require_success(summary, is_stopped, options)
         missed = limits_missed(figures)
         if not missed or is_stopped or summary.watchdog_braked:
-            return 0
+            return OutputError.exit_code if any(failures) else 0
         print_error("sim-bridge", explain_missed(missed))
         return EXIT_LIMIT
 
@@ -96,29 +121,62 @@ def _require_success(summary: BridgeSummary, is_stopped: bool, options: "BridgeO
         )
     if summary.watchdog_braked and not summary.controller_ended:
         raise BusError(
-            f"Expected a command every {PERIOD_MS:g} ms, found none for "
-            f"{1e3 * COMMAND_TIMEOUT_S:g} ms: the controller stopped sending while it drove. The "
-            f"car was braked to {summary.final_speed_mps:.1f} m/s."
+            f"{_explain_braking(summary)}. The car was braked to {summary.final_speed_mps:.1f} m/s."
         )
 
 
-def _line(bridge: Bridge) -> Line:
+def _explain_braking(summary: BridgeSummary) -> str:
+    """What the watchdog expected and found."""
+    found = summary.braking_text
+    if summary.braking_cause == BrakingCause.ACTUATOR_FAILED.name:
+        return (
+            f"Expected actuators that follow their commands, found that {found}. Check them, or "
+            f"the faults of this drive"
+        )
+    if summary.braking_cause == BrakingCause.LEAVING_PATH.name:
+        return (
+            f"Expected a car that stays within {FARTHEST_DRIVEN_M:g} m of its path "
+            f"({FARTHEST_OFF_PATH_M:g} m in a safe stop), found that {found}. Check the "
+            f"controller and its model, the scenario, or the faults of this drive"
+        )
+    failed = f". Besides, {summary.failed_text}" if summary.failed_actuators else ""
+    return (
+        f"Expected a command every {PERIOD_MS:g} ms, found {BrakingCause.NO_COMMAND.value} while "
+        f"the car was driven{_refused(summary)}{failed}"
+    )
+
+
+def _refused(summary: BridgeSummary) -> str:
+    """Which commands were refused, and how often; empty if none were."""
+    if not summary.refused_ticks:
+        return ": the controller stopped sending"
+    listed = ", ".join(f"{ticks} {name}" for name, ticks in summary.refused_ticks.items())
+    return f" (ticks with refused commands: {listed})"
+
+
+def _line(bridge: Bridge, recorder: Recorder | None) -> Line:
+    failure = "" if recorder is None else recorder.new_failure()
     if bridge.is_waiting:
-        return Line("waiting for a controller")
-    return Line("driving", _figures(bridge.summary()))
+        return Line("waiting for a controller", warning=failure)
+    return Line("driving", _figures(bridge.summary()), warning=failure)
 
 
 def _sentence(summary: BridgeSummary, is_stopped: bool) -> str:
     if summary.ticks == 0:
         return "ended before a controller took the car: nothing was driven"
-    braked = "  BRAKED BY THE WATCHDOG"
+    braked = f"  BRAKED BY THE WATCHDOG: {summary.braking_text}"
     if summary.controller_ended:
         braked = "  the controller ended its drive with a safe stop"
+    refused = ", ".join(f"{ticks} {name}" for name, ticks in summary.refused_ticks.items())
+    is_released = summary.released and summary.final_speed_mps > AT_REST_MPS
     return (
         _figures(summary)
+        + f"  bus load {100.0 * summary.bus_load_at_500_kbps:.1f} % at 500 kbit/s"
+        + (f"  ticks with refused commands: {refused}" if refused else "")
         + (braked if summary.watchdog_braked else "")
         + ("  THE PLANT FAILED" if summary.plant_failure else "")
         + ("  stopped on request before the end" if is_stopped else "")
+        + (f"  released at {summary.final_speed_mps * 3.6:.0f} km/h" if is_released else "")
     )
 
 

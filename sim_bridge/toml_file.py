@@ -1,22 +1,9 @@
-"""TOML files that a person writes (cars, scenarios, FMU mappings): reading and checking.
+"""TOML files of the package, and a person's own ones beside them: names and texts."""
 
-All errors of a file are reported at once, each with the name of its field.
-"""
-
-import re
-import tomllib
-from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, TypeVar
-
-from pydantic import TypeAdapter, ValidationError
 
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.settings_errors import dotted, explain
-
-T = TypeVar("T")
 
 
 def shipped_names(folder: str) -> list[str]:
@@ -43,48 +30,12 @@ def read_shipped_or_own(name_or_path: str | Path, folder: str, kind: str) -> str
             f"{kind} {name!r}: expected one of {', '.join(shipped_names(folder))} or the path of a "
             f".toml file."
         )
+    from rt_controller.contract.files import read_text  # numpy, which --help does without
+
     try:
-        return Path(name).read_text("utf-8")
+        return read_text(Path(name))
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(
-            f"{name}: expected a {kind} file that can be read, found an error: {error}."
+            f"{name}: expected a {kind} file in UTF-8 that can be read, found an error: {error}. "
+            f"Correct the file, or name another one."
         ) from error
-
-
-def parse(
-    text: str,
-    schema: TypeAdapter[T],
-    where: str,
-    context: object = None,
-    remedies: Mapping[str, str] = MappingProxyType({}),
-) -> T:
-    """The content of a TOML file, checked against `schema`; `context` is for its validators.
-
-    `remedies` has sentences by the names of fields that may be in a wrong section.
-
-    Raises:
-        ConfigError: the text is no TOML, or fields are missing, unknown or out of their limits; the
-            message starts with `where` and has one line for each error.
-    """
-    try:
-        raw: dict[str, Any] = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{where}: expected a TOML file, found an error: {error}.") from error
-    try:
-        return schema.validate_python(raw, context=context)
-    except ValidationError as error:
-        explained = _explain(error)
-        for name, remedy in remedies.items():
-            misplaced = rf"^(\S+\.{name}: no such setting\.)$"
-            explained = re.sub(misplaced, rf"\1 {remedy}", explained, flags=re.MULTILINE)
-        lines = explained.splitlines()
-        listed = f" {lines[0]}" if len(lines) == 1 else "".join(f"\n  {line}" for line in lines)
-        raise ConfigError(f"{where}:{listed}") from error
-
-
-def _explain(refused: ValidationError) -> str:
-    """A check of several fields together names them in its own message."""
-    errors = refused.errors()
-    if not errors[0]["loc"] and "error" in errors[0].get("ctx", {}):
-        return str(errors[0]["ctx"]["error"])
-    return explain(refused, dotted)

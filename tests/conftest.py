@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,11 +16,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # Property tests try the same cases in every run, so that a failure is caused by the change.
 # `--hypothesis-profile=explore` draws new cases. Hypothesis would also try constants of the modules
-# that are loaded, which depend on the tests that ran before.
+# that are loaded, which depend on the tests that ran before. No deadline: the machine may be busy.
 if hasattr(providers, "_get_local_constants"):
     setattr(providers, "_get_local_constants", providers.Constants)  # noqa: B010
-settings.register_profile("repeatable", derandomize=True)
-settings.register_profile("explore", derandomize=False)
+settings.register_profile("repeatable", derandomize=True, deadline=None)
+settings.register_profile("explore", derandomize=False, deadline=None)
 settings.load_profile("repeatable")
 
 WITH_THE_CAR = (
@@ -56,3 +57,11 @@ def double_precision() -> Iterator[None]:
     torch.set_default_dtype(torch.float64)
     yield
     torch.set_default_dtype(torch.float32)
+
+
+@pytest.fixture
+def default_hang_up() -> Iterator[None]:
+    """SIGHUP as in a terminal: a suite that is started by `nohup` ignores it."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)

@@ -136,6 +136,7 @@ def drive_in_real_time(
         summary_file, ticks_file = folder / "controller.json", folder / "ticks.csv"
         controller = start(
             *program("rt_controller.cli", *bus, "--realtime.cpu", str(controller_cpu)),
+            *("--model-trial", "off"),
             *("--json", str(summary_file), "--ticks", str(ticks_file), *options),
             log=controller_log,
             running=running,

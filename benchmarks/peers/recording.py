@@ -8,8 +8,8 @@ from typing import Literal, NamedTuple
 from benchmarks.lockstep import drive_scenario
 from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.artifact import load_bundle, shipped_model
-from rt_controller.contract.bundle import Bundle
+from rt_controller.contract.model.artifact import load_bundle, shipped_model
+from rt_controller.contract.model.bundle import Bundle
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.qp import Features
@@ -82,8 +82,8 @@ class _RecordingSolver:
         self.solution = self._solver.solution
         self.iterations = 0
 
-    def limit_solve_time(self, budget_ns: int) -> None:
-        self._solver.limit_solve_time(budget_ns)
+    def limit_solve_time(self, budget_ns: int) -> int:
+        return self._solver.limit_solve_time(budget_ns)
 
     def update_matrices(self) -> bool:
         self.events.append(Matrices(self.program.P.copy(), self.program.G.copy()))

@@ -11,7 +11,8 @@ from typing import Any, Protocol
 from offline.data.dataset import Dataset
 from offline.data.provenance import describe_training
 from offline.evaluation.predictor import Predictor
-from rt_controller.contract.bundle import Bundle, LiftSample
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.lift import LiftSample
 from rt_controller.report.table import Fact
 
 

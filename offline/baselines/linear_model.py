@@ -10,9 +10,10 @@ from offline.data.dataset import Dataset
 from offline.data.signals import Roles, Scaling, fit_scaling
 from offline.data.trajectories import Trajectories
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.bundle import Bundle, Lift, LiftSample, spectral_radius_of
-from rt_controller.contract.identity_encoder import identity_encoder
-from rt_controller.contract.rollout import Matrices, roll_out
+from rt_controller.contract.model.bundle import Bundle, spectral_radius_of
+from rt_controller.contract.model.identity_encoder import identity_encoder
+from rt_controller.contract.model.lift import Lift, LiftSample
+from rt_controller.contract.model.rollout import Matrices, roll_out
 from rt_controller.contract.schema import Schema
 from rt_controller.report.table import Fact
 

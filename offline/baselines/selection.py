@@ -10,9 +10,9 @@ from offline.evaluation.model_card import identity_facts
 from offline.evaluation.predictor import Predictor
 from offline.evaluation.test_sets import library_set
 from offline.model.bundle_predictor import BundlePredictor
-from rt_controller.contract.artifact import load_bundle, shipped_model
-from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.contract.model.artifact import load_bundle, shipped_model
+from rt_controller.contract.model.bundle import Bundle
 from rt_controller.report.table import Fact
 
 SHIPPED = "mdk-net-paper"

@@ -16,9 +16,10 @@ from offline.experiments.settings import common_fields
 from offline.experiments.table import Row, comparison_figures, comparison_markdown, pool_seeds
 from offline.experiments.training_task import Result
 from offline.experiments.variants import read_variants
-from offline.files import write_json, write_text
+from offline.files import write_json
 from rt_controller.contract.errors import ConfigError
-from rt_controller.terminal.command_line import INTERRUPTED
+from rt_controller.contract.files import write_text
+from rt_controller.terminal.entry import INTERRUPTED
 
 TABLE_FILE = "table.md"
 FIGURES_FILE = "table.json"

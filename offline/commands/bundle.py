@@ -20,10 +20,12 @@ from offline.model.export_checks import check_export
 from offline.training.checkpoint import load_checkpoint
 from offline.training.export import export_checkpoint
 from offline.training.run_folder import open_run
-from rt_controller.contract.artifact import save_bundle
-from rt_controller.contract.bundle import Bundle, Lift
+from rt_controller.bundle_checks.plan_check import with_plans
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.validation import find_objection_to_driving
+from rt_controller.contract.model.artifact import save_bundle
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.lift import Lift
+from rt_controller.contract.model.validation import find_objection_to_driving
 from rt_controller.report.table import Fact, print_table
 
 
@@ -92,6 +94,7 @@ def _deliver(
     )
     facts = [*facts, Fact("revision, exported", revision), Fact("data set", data)]
     comparison = compare_with_plain_baselines(bundle, dataset)
+    bundle = with_plans(bundle)
     try:
         save_bundle(target, bundle, write_card(bundle, parity, comparison, facts))
     except OSError as error:

@@ -17,10 +17,10 @@ from offline.logs.checks.inspection import inspect_drives, require_episodes
 from offline.logs.episode import cut_drive, make_schema
 from offline.logs.mapping import LogMapping, read_mapping
 from offline.logs.readers.source import find_logs, read_log, source_file
-from offline.logs.reference_line import read_line
 from offline.logs.series import to_drive
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.schema import VEHICLE, Schema
+from rt_controller.mapping.reference_line import read_line
 from rt_controller.report.table import print_table
 
 

@@ -14,9 +14,10 @@ from offline.evaluation.lane_change import drive_lane_change
 from offline.evaluation.model_card import identity_facts, model_facts, stability_text
 from offline.evaluation.predictor import predict_trajectories
 from offline.evaluation.report import evaluation_page, lane_change_section
-from rt_controller.contract.bundle import Bundle
-from rt_controller.contract.errors import RtControllerError
+from rt_controller.contract.errors import OutputError
 from rt_controller.contract.figures import require_writable
+from rt_controller.contract.files import write_text
+from rt_controller.contract.model.bundle import Bundle
 from rt_controller.report.page import Page, Section, render_page
 from rt_controller.report.table import Fact, facts_table
 
@@ -34,9 +35,9 @@ def write_report(output: Path, options: EvaluationOptions) -> dict[str, Any]:
     with STDERR.status("drawing"):
         text = render_page(_page(evaluation))
     try:
-        output.write_text(text, encoding="utf-8")
+        write_text(output, text)
     except OSError as error:
-        raise RtControllerError(
+        raise OutputError(
             f"--output {output}: expected room for the page, found {error.strerror}. The fitted "
             f"baselines are in the cache: free some space and give the command again."
         ) from error

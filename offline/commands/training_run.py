@@ -16,7 +16,7 @@ from offline.training.run_folder import RunFolder, create_run, open_run, rewrite
 from offline.training.state import TrainingState, find_device
 from offline.training.train import train
 from rt_controller.contract.errors import ConfigError
-from rt_controller.terminal.command_line import INTERRUPTED
+from rt_controller.terminal.entry import INTERRUPTED
 
 REFRESH_S = 0.25
 RESUMABLE_SETTINGS = {"steps", "threads"}

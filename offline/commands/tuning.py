@@ -15,7 +15,7 @@ from offline.experiments.settings import common_fields, train_command
 from offline.experiments.space import read_space
 from offline.experiments.tuning import StudyPlan, StudyStatus, search
 from rt_controller.contract.errors import ConfigError
-from rt_controller.terminal.command_line import INTERRUPTED
+from rt_controller.terminal.entry import INTERRUPTED
 
 
 def tune(

@@ -1,8 +1,10 @@
 """The cache of data sets of the simulated car, in folders named after what they follow from."""
 
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +24,23 @@ from offline.data.signals import VEHICLE_ROLES
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import VEHICLE
 
+EPISODE_BYTES = 22_100
+"""on disk, of an episode of 10 s"""
+
 
 def cache() -> Path:
-    """The folder of all data sets: below $XDG_CACHE_HOME, otherwise below ~/.cache."""
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    """The folder of all data sets: below $XDG_CACHE_HOME, otherwise below ~/.cache.
+
+    Raises:
+        DatasetError: there is neither.
+    """
+    try:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    except RuntimeError as error:
+        raise DatasetError(
+            "Expected a folder for data sets, found neither XDG_CACHE_HOME nor a home of this "
+            "user. Set one of them, or name a folder with --data."
+        ) from error
     return base / "rt-controller" / "datasets"
 
 
@@ -56,6 +71,29 @@ def find_dataset(sha256: str) -> Path | None:
     return None
 
 
+def require_room(folder: Path, needed_bytes: int) -> None:
+    """Return if files of this size can be written to a folder, which is made.
+
+    Raises:
+        DatasetError: they cannot.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=folder):
+            pass
+        free_bytes = shutil.disk_usage(folder).free
+    except OSError as error:
+        found = str(error.strerror)
+    else:
+        if free_bytes >= needed_bytes:
+            return
+        found = f"{free_bytes / 1e6:.1f} MB where {needed_bytes / 1e6:.1f} MB are needed"
+    raise DatasetError(
+        f"{folder}: expected a folder with room for a data set, found: {found}. Choose another "
+        f"with --data."
+    )
+
+
 def make_dataset(
     folder: Path,
     origin: Simulated,
@@ -73,9 +111,10 @@ def make_dataset(
         on_progress: called with the number of episodes made so far.
 
     Raises:
-        DatasetError: the folder has no room.
+        DatasetError: the folder has no room; as far as possible raised before the simulation.
     """
     recipe, episodes, seed = origin.recipe, origin.episodes, origin.seed
+    require_room(folder, episodes * EPISODE_BYTES)
     made = generate(recipe, episodes, seed, jobs, on_progress)
     return save_dataset(
         folder,

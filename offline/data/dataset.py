@@ -22,9 +22,8 @@ from offline.data.recording import PATH_STATES, Recording, Starts, cut
 from offline.data.road_frame import Anchor
 from offline.data.signals import Roles
 from offline.data.trajectories import Trajectories
-from offline.files import write_text
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.files import DamagedArchiveError, atomic_write, read_arrays
+from rt_controller.contract.files import DamagedArchiveError, atomic_write, read_arrays, write_text
 from rt_controller.contract.schema import Schema
 from rt_controller.contract.steering_geometry import SteeringGeometry
 

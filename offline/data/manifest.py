@@ -11,6 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 from offline.data.excitation import Recipe
 from offline.data.signals import Roles
 from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.files import read_text
 from rt_controller.contract.schema import Schema
 from rt_controller.contract.steering_geometry import SteeringGeometry
 
@@ -111,13 +112,13 @@ def read_manifest(path: Path) -> Manifest:
     """
     remedy = "Delete the folder and make the data set again with offline-data or offline-import."
     try:
-        fields = json.loads(path.read_text(encoding="utf-8"))
+        fields = json.loads(read_text(path))
     except FileNotFoundError as error:
         raise DatasetError(
             f"{path}: expected the manifest of a data set, found no such file. Make one with "
             f"offline-data, or point --data at its folder."
         ) from error
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise DatasetError(
             f"{path}: expected a manifest in JSON, found something unreadable ({error}). {remedy}"
         ) from error

@@ -9,7 +9,7 @@ import json
 from collections.abc import Mapping
 
 from offline.data.manifest import Manifest, Origin, Simulated
-from rt_controller.contract.bundle import Bundle
+from rt_controller.contract.model.bundle import Bundle
 
 
 def describe_training(settings: Mapping[str, object], origin: Origin) -> str:

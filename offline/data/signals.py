@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from offline.data.trajectories import Trajectories
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.bilinear import Bilinear
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.rollout import Matrices
+from rt_controller.contract.model.bilinear import Bilinear
+from rt_controller.contract.model.rollout import Matrices
+from rt_controller.contract.model.validation import DRIVABLE_HISTORY
 from rt_controller.contract.schema import Schema
-from rt_controller.contract.validation import DRIVABLE_HISTORY
 
 Float = TypeVar("Float", bound=np.floating)
 

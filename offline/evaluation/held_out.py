@@ -10,8 +10,8 @@ from offline.data.manifest import Manifest, Simulated, read_manifest
 from offline.data.provenance import is_held_out
 from offline.data.signals import past_names
 from offline.training.run_folder import open_run
-from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ArtifactError, DatasetError
+from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.schema import Schema
 
 

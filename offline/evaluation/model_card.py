@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 from offline.evaluation.comparison import Comparison
 from offline.evaluation.tables import mse_table
-from rt_controller.contract.bundle import Bundle
-from rt_controller.contract.follow import Follow
-from rt_controller.contract.validation import find_objection_to_driving
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.follow import Follow
+from rt_controller.contract.model.validation import find_objection_to_driving
 from rt_controller.report.table import Fact, facts_table, to_markdown
 
 _FOLLOWED = {
@@ -65,7 +65,7 @@ def write_card(bundle: Bundle, parity: float, comparison: Comparison, facts: Seq
 
 A lifted {"linear" if bundle.bilinear is None else "bilinear"} model with {bundle.n_observables} \
 observables, sampled every {1000 * bundle.schema.dt_s:g} ms, in physical units. Load it with \
-`rt_controller.contract.artifact.load_bundle`\
+`rt_controller.Bundle.load`\
 {", drive with `rt-controller --bus virtual --model`" if is_drivable else ""}.
 
 ## What it predicts from

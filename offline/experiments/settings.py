@@ -10,8 +10,9 @@ from pydantic import AfterValidator, Field, TypeAdapter, ValidationError
 
 from offline.config import PRESETS, TrainingConfig, explicit_fields
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.files import read_text
 from rt_controller.contract.settings_errors import dotted, explain, option
-from sim_bridge.toml_file import T, parse
+from rt_controller.mapping.toml_file import T, parse
 
 NONE = "none"
 """stands for None in TOML files"""
@@ -63,7 +64,7 @@ def read_toml(file: Path | None, shipped: str, option: str, form: TypeAdapter[T]
     """
     where = file if file is not None else resources.files("offline.experiments") / shipped
     try:
-        text = where.read_text(encoding="utf-8")
+        text = where.read_text(encoding="utf-8") if file is None else read_text(file)
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{option} {where}: expected a readable file, found: {error}.") from error
     return parse(text, form, str(where))

@@ -90,7 +90,8 @@ def read_space(name: str, file: Path | None, common: Mapping[str, Any]) -> Space
     """
     spaces = read_toml(file, SHIPPED, "--spaces", _SPACES)
     if name not in spaces:
-        raise ConfigError(f"space: expected one of {', '.join(spaces)}, found {name!r}.")
+        known = ", ".join(spaces) or "the spaces of the file, which has none"
+        raise ConfigError(f"space: expected one of {known}, found {name!r}.")
     found = spaces[name]
     base = changed(changed(PRESETS[found.base], found.common, name), common, name)
     require_unique([parameter.field for parameter in found.parameter], name)

@@ -71,8 +71,9 @@ def read_variants(
         purpose = f"the preset {name}, once for each seed"
         entries = _List(why=purpose, base=name, variant=[_Entry(name=name, why="the preset alone")])
     else:
+        known = ", ".join(lists) or "of the file, which has none,"
         raise ConfigError(
-            f"variants: expected one of the lists {', '.join(lists)} or of the presets "
+            f"variants: expected one of the lists {known} or of the presets "
             f"{', '.join(PRESETS)}, found {name!r}."
         )
     names = [entry.name for entry in entries.variant]

@@ -12,12 +12,12 @@ import pandas as pd
 
 from offline.config import PAST_STEPS, STEPS
 from offline.logs.mapping import LogMapping
-from offline.logs.reference_line import ReferenceLine
 from offline.logs.resampling import Stretch, find_stretches, grid, resample, runs
 from offline.logs.series import LoggedDrive
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import VEHICLE, Schema, Signal
+from rt_controller.mapping.reference_line import ReferenceLine
 
 LEAST_SAMPLES = PAST_STEPS + STEPS + 1
 """of an episode: the past of a window, its steps, and its last state"""

@@ -3,49 +3,33 @@
 from pathlib import Path
 from typing import Self
 
-from pydantic import Field, PositiveFloat, TypeAdapter, model_validator
+from pydantic import PositiveFloat, TypeAdapter, model_validator
 
 from offline.data.recording import PATH_STATES
 from offline.data.signals import Roles
 from offline.logs import mapping_tables as tables
-from offline.logs.mapping_tables import ColumnMapping, MappingTable, SignalMapping
-from offline.logs.quantity import Quantity, quantity_of_name, si_unit_of_name
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.files import read_text
 from rt_controller.contract.schema import VEHICLE
 from rt_controller.contract.timing import PERIOD_S
-from sim_bridge.toml_file import parse
-from sim_bridge.units import find_unit
+from rt_controller.mapping.car_signals import CarSignals
+from rt_controller.mapping.quantity import Quantity
+from rt_controller.mapping.toml_file import parse
 
 CAR_STATES = VEHICLE.state_names[: -len(PATH_STATES)]
 """states that a log must have so that a road can be placed under the drive"""
 
 
-class LogMapping(MappingTable):
+class LogMapping(CarSignals):
     """The whole file: how logs become a data set."""
 
-    states: dict[str, SignalMapping]
-    inputs: dict[str, SignalMapping]
-    exogenous: dict[str, SignalMapping] = Field(default_factory=dict)
     period_s: PositiveFloat = PERIOD_S
     """of the data set"""
     time: tables.TimeMapping = tables.TimeMapping()
-    pose: tables.PoseMapping | None = None
     csv: tables.CsvSettings = tables.CsvSettings()
-    can: tables.CanSettings | None = None
     split: tables.SplitSettings = tables.SplitSettings()
-    car: tables.CarData | None = None
     roles: tables.RolesSettings = tables.RolesSettings()
     checks: tables.ChecksSettings = tables.ChecksSettings()
-
-    @property
-    def signals(self) -> dict[str, SignalMapping]:
-        """States, inputs, exogenous signals, in this order, by name."""
-        return {**self.states, **self.inputs, **self.exogenous}
-
-    @property
-    def pose_columns(self) -> tuple[ColumnMapping, ...]:
-        """x, y and yaw; empty without [pose]."""
-        return (self.pose.x, self.pose.y, self.pose.yaw) if self.pose else ()
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -67,10 +51,6 @@ class LogMapping(MappingTable):
     def exogenous_names(self) -> tuple[str, ...]:
         """Exogenous signals of the data set."""
         return (*self.exogenous, *(VEHICLE.exogenous_names if self.pose else ()))
-
-    def quantity(self, name: str) -> Quantity:
-        """What a signal of the logs measures."""
-        return self.signals[name].quantity or quantity_of_name(name)
 
     def name_of(self, quantity: Quantity) -> str | None:
         """The first signal that measures this; None if there is none."""
@@ -94,13 +74,7 @@ class LogMapping(MappingTable):
         names = [*self.state_names, *self.inputs, *self.exogenous_names]
         repeated = sorted({name for name in names if names.count(name) > 1})
         mistakes = [f"{name}: expected each name once, found it twice" for name in repeated]
-        for name, signal in self.signals.items():
-            expected, unit = si_unit_of_name(name), find_unit(signal.unit) if signal.unit else None
-            if expected and unit and unit.si != expected:
-                mistakes.append(
-                    f"{name}: expected a unit that is converted to {expected}, as in the name, "
-                    f"found {signal.unit!r}, which is converted to {unit.si}"
-                )
+        mistakes += self.unit_mistakes()
         for role, chosen in self.roles.model_dump(exclude_none=True).items():
             known = [*self.states, *self.inputs] if role == "past" else names
             unknown = [name for name in chosen if name not in known]
@@ -130,7 +104,7 @@ def read_mapping(path: Path) -> tuple[LogMapping, str]:
             fields are named at once.
     """
     try:
-        text = path.read_text("utf-8")
+        text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(
             f"{path}: expected a mapping file in TOML, found nothing readable ({error}). "

@@ -1,38 +1,22 @@
-"""The tables of the mapping file; docs/own-data.md explains every field."""
+"""The tables of the mapping file that are for logs only; docs/own-data.md explains every field.
 
-from enum import StrEnum
-from pathlib import Path
+Those of the signals are in `rt_controller.mapping.tables`.
+"""
+
 from typing import Annotated, Literal
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
-    ConfigDict,
     Field,
-    FiniteFloat,
     NonNegativeFloat,
     NonNegativeInt,
     PositiveFloat,
     PositiveInt,
-    ValidationInfo,
 )
 
 from offline.data.dataset import HELD_BACK
-from offline.logs.quantity import Quantity
-from rt_controller.contract.steering_geometry import LARGEST, SMALLEST, SteeringGeometry
-from sim_bridge.units import find_unit, near_units
-
-
-def _in_order(interval: tuple[float, float]) -> tuple[float, float]:
-    if not interval[0] < interval[1]:
-        raise ValueError("expected [low, high]")
-    return interval
-
-
-def _allowed(unit: str) -> str:
-    if find_unit(unit) is None:
-        raise ValueError(f"expected an allowed unit ({near_units(unit)})")
-    return unit
+from rt_controller.mapping.tables import MappingTable
+from rt_controller.mapping.units import find_unit
 
 
 def _of_time(unit: str) -> str:
@@ -40,70 +24,6 @@ def _of_time(unit: str) -> str:
     if unit != "iso8601" and (found is None or found.si != "s"):
         raise ValueError("expected a unit of time or 'iso8601'")
     return unit
-
-
-def _not_zero(factor: float) -> float:
-    if factor == 0.0:
-        raise ValueError("expected a factor other than zero")
-    return factor
-
-
-def _in_folder(path: Path, info: ValidationInfo) -> Path:
-    """The path, relative to the folder of the mapping file."""
-    return info.context / path if info.context else path
-
-
-Interval = Annotated[tuple[float, float], AfterValidator(_in_order)]
-UnitName = Annotated[str, AfterValidator(_allowed)]
-RelativePath = Annotated[Path, AfterValidator(_in_folder)]
-
-
-class MappingTable(BaseModel):
-    """A table of the file; unknown fields are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Sampling(StrEnum):
-    """What a signal does between two samples of the log."""
-
-    SAMPLED = "sampled"
-    """changes continuously; the data set has its value at each instant"""
-    MEAN = "mean"
-    """changes continuously; the data set has its mean over the following period"""
-    HELD = "held"
-    """keeps the last value, as commands do; the data set has its mean over the following period"""
-
-
-class ColumnMapping(MappingTable):
-    """A column of the logs: SI value = sign * unit(factor * number + offset), `delay_s` earlier."""
-
-    column: str
-    unit: UnitName | None = None
-    """None: the unit that the log itself gives"""
-    sign: Literal[1, -1] = 1
-    factor: Annotated[FiniteFloat, AfterValidator(_not_zero)] = 1.0
-    offset: FiniteFloat = 0.0
-    delay_s: FiniteFloat = 0.0
-    """delay of the log: a sample stamped t was measured at t - delay_s"""
-    sampling: Sampling = Sampling.SAMPLED
-    missing: Literal["refuse", "skip"] = "refuse"
-    longest_gap_s: PositiveFloat | None = None
-    """between two samples; None: that of [time]"""
-
-
-class SignalMapping(ColumnMapping):
-    """A column that becomes a signal of the data set."""
-
-    quantity: Quantity | None = None
-    """None: derived from the signal's name"""
-    keep: Interval | None = None
-    """in SI; the drive is cut where the signal is outside"""
-    plausible: Interval | None = None
-    """in SI; a number outside is refused; None: the limits of the quantity"""
-    steepest_per_s: PositiveFloat | None = None
-    """in SI; the drive is cut where the signal changes faster; None: the limit of the quantity"""
-    may_be_constant: bool = False
 
 
 class TimeMapping(MappingTable):
@@ -119,47 +39,6 @@ class TimeMapping(MappingTable):
     skip_first_s: NonNegativeFloat = 0.0
 
 
-class CarData(MappingTable):
-    """The car of the logs: the controller steers with it below the speeds of the model."""
-
-    wheelbase_m: Annotated[float, Field(ge=SMALLEST.wheelbase_m, le=LARGEST.wheelbase_m)]
-    rear_axle_m: Annotated[float, Field(ge=SMALLEST.rear_axle_m, le=LARGEST.rear_axle_m)]
-    """centre of gravity to rear axle"""
-    steering_ratio: Annotated[float, Field(ge=SMALLEST.steering_ratio, le=LARGEST.steering_ratio)]
-    """angle of the steering wheel over the angle of the front wheels"""
-
-    @property
-    def geometry(self) -> SteeringGeometry:
-        """The same numbers as the model bundle carries them."""
-        return SteeringGeometry(self.wheelbase_m, self.rear_axle_m, self.steering_ratio)
-
-
-class RoadsMapping(MappingTable):
-    """The roads that may be placed under a recording with poses."""
-
-    curvatures_per_m: Annotated[tuple[float, ...], Field(min_length=1)] = (
-        *(-4e-3, -2e-3, 0.0, 2e-3, 4e-3),
-    )
-    ey_m: PositiveFloat = 2.0
-    epsi_deg: PositiveFloat = 10.0
-
-
-class PoseMapping(MappingTable):
-    """Position and heading of the car, and the road to which the path states are relative."""
-
-    x: ColumnMapping
-    y: ColumnMapping
-    yaw: ColumnMapping
-    reference_line: RelativePath | None = None
-    """CSV of x and y in m along the road, in the pose's frame; None: roads are placed under the
-    drives as for simulated ones"""
-    closed: bool = False
-    smoothing_m: NonNegativeFloat = 0.02
-    """root mean square distance between the smoothed line and its points"""
-    farthest_m: PositiveFloat = 15.0
-    roads: RoadsMapping = RoadsMapping()
-
-
 class CsvSettings(MappingTable):
     """Format of the CSV files."""
 
@@ -168,14 +47,6 @@ class CsvSettings(MappingTable):
     header_line: PositiveInt = 1
     units_line: PositiveInt | None = None
     encoding: str = "utf-8-sig"
-
-
-class CanSettings(MappingTable):
-    """How the CAN logs are decoded."""
-
-    dbc: RelativePath
-    channel: int | str | None = None
-    """as python-can names it; None: all channels"""
 
 
 class SplitSettings(MappingTable):

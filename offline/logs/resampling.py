@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from offline.logs.mapping_tables import Sampling
 from offline.logs.series import LoggedDrive, Series
 from rt_controller.contract.arrays import Array
+from rt_controller.mapping.tables import Sampling
 
 AVERAGED_FROM = 2.0
 """samples per period from which a signal is averaged instead of interpolated"""

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from offline.logs.mapping import LogMapping
-from offline.logs.mapping_tables import ColumnMapping, Sampling, SignalMapping
-from offline.logs.quantity import limits_of, si_unit_of_name
 from offline.logs.readers.log import Log
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
-from sim_bridge.units import Unit, find_unit, near_units
+from rt_controller.mapping.quantity import limits_of, si_unit_of_name
+from rt_controller.mapping.scaling import scaling_of
+from rt_controller.mapping.tables import ColumnMapping, Sampling, SignalMapping
 
 LONGEST_GAP_PERIODS = 3.5
 """longest gap in usual sampling periods: two lost samples are bridged"""
@@ -99,7 +99,7 @@ def _to_series(
 ) -> Series:
     channel = log.channel(column.column)
     place = f"{log.path}, column {channel.column}"
-    unit = _unit(place, channel.unit, column, name, si)
+    scaling = scaling_of(place, channel.unit, column, name, si)
     is_known = np.isfinite(channel.values)
     missing = np.flatnonzero(~is_known)
     if column.missing == "refuse" and len(missing):
@@ -124,12 +124,13 @@ def _to_series(
             f"starts again, or choose one channel of the bus."
         )
     t_s, rows = channel.t_s[kept] - column.delay_s, channel.row[kept]
-    values = column.sign * (unit.factor * (column.factor * channel.values[kept] + column.offset))
-    values = values + column.sign * unit.offset
+    values = scaling.factor * channel.values[kept] + scaling.offset
     steps = np.diff(channel.t_s[kept])
     longest_s = column.longest_gap_s or gap_s or LONGEST_GAP_PERIODS * np.median(steps)
     known, gaps = steps <= longest_s, tuple(np.flatnonzero(steps > longest_s).tolist())
-    return Series(name, unit.si, column.column, t_s, values, rows, column.sampling, known, 0, gaps)
+    return Series(
+        name, scaling.si, column.column, t_s, values, rows, column.sampling, known, 0, gaps
+    )
 
 
 def _within_limits(log: Log, mapping: LogMapping, series: Series, column: SignalMapping) -> Series:
@@ -158,29 +159,3 @@ def _without_jumps(series: Series, steepest_per_s: float) -> Series:
     steps = np.maximum(np.diff(series.t_s), SHORTEST_STEP_S)
     jumps = series.connected & (np.abs(np.diff(series.values)) > steepest_per_s * steps)
     return replace(series, connected=series.connected & ~jumps, jumps=int(np.count_nonzero(jumps)))
-
-
-def _unit(where: str, own: str | None, column: ColumnMapping, name: str, si: str | None) -> Unit:
-    """The unit of the mapping, or else that of the file, `own`."""
-    of_file = find_unit(own) if own is not None else None
-    of_mapping = find_unit(column.unit) if column.unit is not None else None
-    if of_mapping and of_file and of_mapping != of_file:
-        raise DatasetError(
-            f"{where}: expected numbers in {column.unit} as the mapping says of {name}, found a "
-            f"file that says {own}. Correct the unit in the mapping, or convert that "
-            f"file; all logs of one import need the same units."
-        )
-    unit = of_mapping or of_file
-    if unit is None:
-        found = repr(own) if own else "no unit in the file"
-        raise DatasetError(
-            f"{where}: expected a unit, found {found} and none in the mapping. Write unit for "
-            f"{name}; {near_units(own or '')}."
-        )
-    if si and unit.si != si:
-        raise DatasetError(
-            f"{where}: expected a unit that is converted to {si} as in the name {name}, found "
-            f"{own or column.unit}, which is converted to {unit.si}. Name another column, "
-            f"or write the unit in the mapping."
-        )
-    return unit

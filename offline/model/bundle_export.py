@@ -14,7 +14,7 @@ from torch import nn
 
 from offline.data.dataset import Dataset
 from offline.data.signals import last_rows
-from rt_controller.contract.bundle import Lift, LiftSample
+from rt_controller.contract.model.lift import Lift, LiftSample
 
 SELFTEST_STATES = 32
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from offline.config import TrainingConfig
 from offline.model.bundle_predictor import BundlePredictor
-from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.model.bundle import Bundle
 
 LARGEST_PROJECTED_RADIUS = 1.0005
 """of a model whose A was projected; above 1 only by rounding to float32"""

@@ -16,7 +16,7 @@ from offline.config import TrainingConfig
 from offline.data.sampling import Instants
 from offline.data.signals import Roles, past_columns
 from offline.model.rollout import roll_out, roll_out_bilinear
-from rt_controller.contract.follow import Follow
+from rt_controller.contract.model.follow import Follow
 from rt_controller.contract.schema import Schema
 
 # Standard deviations of the Gaussian start, which the paper leaves open. With these, roll-outs of

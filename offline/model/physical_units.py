@@ -9,8 +9,8 @@ from torch import Tensor, nn
 from offline.data.signals import Scaling
 from offline.model.network import MdkNet, with_zero_row
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.bilinear import Bilinear
-from rt_controller.contract.rollout import Matrices
+from rt_controller.contract.model.bilinear import Bilinear
+from rt_controller.contract.model.rollout import Matrices
 
 
 class PhysicalEncoder(nn.Module):

@@ -11,7 +11,7 @@ import torch
 
 from offline.model.network import MdkNet
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.bundle import spectral_radius_of
+from rt_controller.contract.model.bundle import spectral_radius_of
 
 _NO_COUPLING = 1e-12
 

@@ -11,7 +11,7 @@ import torch
 
 from offline.config import TrainingConfig
 from offline.data.signals import Scaling
-from rt_controller.contract.errors import ArtifactError, RtControllerError
+from rt_controller.contract.errors import ArtifactError, OutputError
 from rt_controller.contract.files import atomic_write
 
 
@@ -40,7 +40,7 @@ def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     """Replace the file as a whole; a crash leaves the previous checkpoint.
 
     Raises:
-        RtControllerError: there is no room.
+        OutputError: there is no room.
     """
     fields = {name: getattr(checkpoint, name) for name in Checkpoint.__dataclass_fields__}
     fields["config"] = checkpoint.config.model_dump_json()
@@ -51,7 +51,7 @@ def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         with atomic_write(path) as stream:
             torch.save(fields, stream)
     except (OSError, RuntimeError) as error:
-        raise RtControllerError(
+        raise OutputError(
             f"{path}: expected room for a checkpoint, found: {error}. The previous checkpoint is "
             f"untouched: free some space and resume the run."
         ) from error

@@ -11,8 +11,9 @@ from offline.model.export_checks import check_export, largest_radius_of
 from offline.model.network import MdkNet, sizes_of
 from offline.model.physical_units import PhysicalEncoder, physical_matrices
 from offline.training.checkpoint import Checkpoint, load_weights
-from rt_controller.contract.bundle import Bundle, Lift
 from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.lift import Lift
 from rt_controller.contract.schema import Schema
 
 

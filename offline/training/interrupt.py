@@ -11,9 +11,10 @@ from typing import Any
 def stop_on_signals(
     on_request: Callable[[], None] = lambda: None,
 ) -> Iterator[Callable[[], bool]]:
-    """Yields a function that is true once SIGINT (Ctrl-C) or SIGTERM was received.
+    """Yields a function that is true once SIGINT (Ctrl-C), SIGTERM or SIGHUP was received.
 
-    `on_request` is called when the first signal is received; a second one has its usual effect.
+    `on_request` is called when the first signal is received; a second one has its usual effect. A
+    hang-up that the program was started to ignore (nohup) stays ignored.
     """
     requested = False
     previous: dict[signal.Signals, Any] = {}
@@ -28,8 +29,9 @@ def stop_on_signals(
         restore()
         on_request()
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        previous[number] = signal.signal(number, request)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number is not signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
+            previous[number] = signal.signal(number, request)
     try:
         yield lambda: requested
     finally:

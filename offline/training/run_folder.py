@@ -9,6 +9,7 @@ last.pt        checkpoint to resume from
 import errno
 import json
 import os
+import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -20,8 +21,9 @@ from pydantic import TypeAdapter, ValidationError
 
 from offline.config import TrainingConfig
 from offline.data.code_identity import source_revision
-from offline.files import write_json, write_text
-from rt_controller.contract.errors import ArtifactError, ConfigError, RtControllerError
+from offline.files import write_json
+from rt_controller.contract.errors import ArtifactError, ConfigError, OutputError
+from rt_controller.contract.files import read_text, write_text
 from rt_controller.contract.settings_errors import dotted, explain
 
 CONFIG_FILE = "config.json"
@@ -75,8 +77,8 @@ def create_run(
         _make_folder(run)
     except OSError as error:
         raise ConfigError(
-            f"{path}: expected to make a new folder for the run, found: {error.strerror}. Choose "
-            f"another --runs."
+            f"{path}: expected to make a new folder for the run, with room for its files, found: "
+            f"{error.strerror}. Free some space, or choose another --runs."
         ) from error
     return run
 
@@ -88,12 +90,15 @@ def _make_folder(run: RunFolder) -> None:
         raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST))
     prepared = replace(run, path=base / f".{name}.{os.getpid()}")
     prepared.path.mkdir(parents=True)
-    _write_config(prepared)
-    link = base / f".{LATEST_LINK}.{os.getpid()}"
-    link.unlink(missing_ok=True)
-    link.symlink_to(name)
-    os.replace(link, base / LATEST_LINK)
-    prepared.path.rename(run.path)
+    try:
+        _write_config(prepared)
+        link = base / f".{LATEST_LINK}.{os.getpid()}"
+        link.unlink(missing_ok=True)
+        link.symlink_to(name)
+        os.replace(link, base / LATEST_LINK)
+        prepared.path.rename(run.path)
+    finally:
+        shutil.rmtree(prepared.path, ignore_errors=True)
 
 
 def open_run(path: Path) -> RunFolder:
@@ -104,14 +109,14 @@ def open_run(path: Path) -> RunFolder:
     """
     file = path / CONFIG_FILE
     try:
-        fields = json.loads(file.read_text(encoding="utf-8"))
+        fields = json.loads(read_text(file))
         return _RUN.validate_python({**fields, "path": path.resolve()})
     except OSError as error:
         raise ArtifactError(
             f"{file}: expected the configuration of a training run, found nothing readable "
             f"({error.strerror}). Train a model with offline-train, or name the folder of a run."
         ) from error
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, RecursionError) as error:
         is_refused = isinstance(error, ValidationError)
         reason = explain(error, dotted).rstrip(".") if is_refused else error
         raise ArtifactError(
@@ -132,13 +137,13 @@ def append_history(run: RunFolder, line: Mapping[str, Any]) -> None:
     """Write the line of one more evaluation.
 
     Raises:
-        RtControllerError: there is no room.
+        OutputError: there is no room.
     """
     try:
         with run.history.open("a", encoding="utf-8") as file:
             file.write(json.dumps(line) + "\n")
     except OSError as error:
-        raise RtControllerError(
+        raise OutputError(
             f"{run.history}: expected room for another line, found: {error.strerror}. Free some "
             f"space and continue with: offline-train --resume {run.path}"
         ) from error

@@ -1,16 +1,24 @@
 """The messages of the bus: what each contains and how its signals are computed.
 
 The bus uses degrees for the steering wheel and milliseconds; the program uses radians and
-nanoseconds. Layouts, units and ranges are in `messages.dbc`.
+nanoseconds. Layouts, units and ranges are in `messages.dbc` and `messages_fd.dbc`.
 """
 
-from enum import IntFlag
 from itertools import takewhile
 from math import degrees, isnan, nan, radians
-from typing import NamedTuple
 
 from rt_controller.bus.codec import FrameSpec
-from rt_controller.bus.dbc import DBC_PATH
+from rt_controller.bus.contents import (
+    NO_REFUSAL,
+    Command,
+    Fault,
+    Heartbeat,
+    Identity,
+    Mission,
+    Refusal,
+    StateSample,
+)
+from rt_controller.bus.dbc import DBC_PATH, FD_DBC_PATH
 from rt_controller.bus.message import Catalogue
 from rt_controller.contract.schema import N_STATES
 from rt_controller.contract.signals import (
@@ -20,76 +28,16 @@ from rt_controller.contract.signals import (
     PathReference,
     VehicleState,
 )
-from rt_controller.contract.timing import IDENT_PERIOD_TICKS, MISSION_PERIOD_TICKS
+from rt_controller.contract.timing import (
+    IDENT_PERIOD_TICKS,
+    LONG_COUNTER_MODULUS,
+    MISSION_PERIOD_TICKS,
+)
 
-CATALOGUE = Catalogue(DBC_PATH)
+CATALOGUE = Catalogue(DBC_PATH, FD_DBC_PATH)
 
 _NS_PER_MS = 1_000_000
 _MODES = {int(mode): mode for mode in Mode}
-
-
-class Fault(IntFlag):
-    """The fault bits of CTRL_HB."""
-
-    STATE_STALE = 1
-    STATE_INVALID = 2
-    SOLVER_FAILED = 4
-    DEADLINE_MISSED = 8
-    MISSION_MISSING = 16
-    BUS_FAULT = 32
-    PEER_MISMATCH = 64
-    PREVIEW_IMPLAUSIBLE = 128
-
-
-class Command(NamedTuple):
-    """Content of ACT_CMD."""
-
-    control: ControlInput
-    mode: Mode
-
-
-class StateSample(NamedTuple):
-    """Content of STATE_A, STATE_B and STATE_C: the car at one instant."""
-
-    state: VehicleState
-    curvature_per_m: float
-    sample_time_ns: int
-    """on the vehicle's clock; from the bus: modulo `SAMPLE_TIME_WRAP_NS`, to 0.1 ms"""
-    command_echo: int | None
-    """counter of the newest accepted command, None before the first"""
-    is_watchdog_braking: bool
-    """the vehicle brakes because commands stopped"""
-
-
-class Mission(NamedTuple):
-    """Content of MISSION: the request to the controller."""
-
-    is_engaged: bool
-    is_reset_requested: bool
-    """explicit request to leave SAFE_STOP"""
-    mission_id: int
-    """0..254"""
-    valid_for_ns: int
-    """counted from the arrival; at most 60 s, to the millisecond"""
-
-
-class Heartbeat(NamedTuple):
-    """Content of CTRL_HB: state of the controller."""
-
-    mode: Mode
-    faults: Fault
-    compute_time_ns: int | None
-    state_age_ns: int | None
-    """None: no state yet, or older than the signal can express"""
-    qp_iterations: int | None
-    """None: no QP was solved"""
-
-
-class Identity(NamedTuple):
-    """Content of IDENT_CONTROLLER and IDENT_VEHICLE."""
-
-    dbc_hash: int
-    model_hash: int | None
 
 
 def _encode_input(control: ControlInput) -> tuple[float, ...]:
@@ -122,18 +70,20 @@ def _encode_state(sample: StateSample) -> tuple[float, ...]:
         sample.curvature_per_m,
         sample.sample_time_ns % SAMPLE_TIME_WRAP_NS // _SAMPLE_TIME_LSB_NS * _SAMPLE_TIME.scale,
         nan if sample.command_echo is None else sample.command_echo,
-        sample.is_watchdog_braking,
+        sample.refusals | (Refusal.BRAKING if sample.is_watchdog_braking else NO_REFUSAL),
     )
 
 
 def _decode_state(*values: float) -> StateSample:
-    curvature_per_m, sample_time_ms, echo, watchdog = values[N_STATES:]
+    curvature_per_m, sample_time_ms, echo, vehicle_faults = values[N_STATES:]
+    refusals = Refusal(int(vehicle_faults))
     return StateSample(
         VehicleState(*values[:N_STATES]),
         curvature_per_m,
         round(sample_time_ms / _SAMPLE_TIME.scale) * _SAMPLE_TIME_LSB_NS,
         None if isnan(echo) else int(echo),
-        watchdog == 1,
+        Refusal.BRAKING in refusals,
+        refusals & ~Refusal.BRAKING,
     )
 
 
@@ -143,9 +93,10 @@ STATE = CATALOGUE.define(
     FrameSpec(
         "STATE_C",
         "Valid",
-        ("Curvature", "SampleTime", "CommandEcho", "Watchdog"),
+        ("Curvature", "SampleTime", "CommandEcho", "VehicleFaults"),
         optional=("CommandEcho",),
     ),
+    fd_name="STATE",
     cycle_ticks=1,
     encode=_encode_state,
     decode=_decode_state,
@@ -158,6 +109,7 @@ SAMPLE_TIME_WRAP_NS = (_SAMPLE_TIME.raw_max + 1) * _SAMPLE_TIME_LSB_NS
 REFERENCE = CATALOGUE.define(
     FrameSpec("REF_PATH", "Valid", ("C0", "C1", "C2")),
     FrameSpec("REF_SPEED", "Valid", ("C3", "SpeedRef", "AccelerationRef")),
+    fd_name="REF",
     cycle_ticks=1,
     encode=tuple,
     decode=PathReference,
@@ -179,11 +131,12 @@ _PREVIEW_A, _PREVIEW_B = ("Spacing", "K0", "K1"), ("K2", "K3", "K4")
 PREVIEW = CATALOGUE.define(
     FrameSpec("REF_CURVATURE_A", "Valid", _PREVIEW_A, optional=_PREVIEW_A),
     FrameSpec("REF_CURVATURE_B", "Valid", _PREVIEW_B, optional=_PREVIEW_B),
+    fd_name="REF_CURVATURE",
     cycle_ticks=1,
     encode=lambda preview: tuple(_NO_PREVIEW if preview is None else preview),
     decode=_decode_preview,
 )
-"""None: the vehicle does not know the road ahead; a value that is missing is the one before it"""
+"""None: the vehicle has no road ahead; a value that is missing is the one before it"""
 
 
 def _decode_mission(
@@ -201,10 +154,11 @@ MISSION = CATALOGUE.define(
 
 
 def _encode_heartbeat(heartbeat: Heartbeat) -> tuple[float, ...]:
-    mode, faults, compute_time_ns, state_age_ns, qp_iterations = heartbeat
+    mode, faults, state_counter, compute_time_ns, state_age_ns, qp_iterations = heartbeat
     return (
         mode,
         faults,
+        state_counter % LONG_COUNTER_MODULUS,
         nan if compute_time_ns is None else compute_time_ns / _NS_PER_MS,
         nan if state_age_ns is None else state_age_ns / _NS_PER_MS,
         nan if qp_iterations is None else qp_iterations,
@@ -212,11 +166,17 @@ def _encode_heartbeat(heartbeat: Heartbeat) -> tuple[float, ...]:
 
 
 def _decode_heartbeat(
-    mode: int, faults: float, compute_time_ms: float, state_age_ms: float, qp_iterations: float
+    mode: int,
+    faults: float,
+    state_counter: float,
+    compute_time_ms: float,
+    state_age_ms: float,
+    qp_iterations: float,
 ) -> Heartbeat:
     return Heartbeat(
         _MODES[mode],
         Fault(int(faults)),
+        int(state_counter),
         None if isnan(compute_time_ms) else round(compute_time_ms * _NS_PER_MS),
         None if isnan(state_age_ms) else round(state_age_ms * _NS_PER_MS),
         None if isnan(qp_iterations) else int(qp_iterations),
@@ -227,7 +187,7 @@ HEARTBEAT = CATALOGUE.define(
     FrameSpec(
         "CTRL_HB",
         "Mode",
-        ("Faults", "ComputeTime", "StateAge", "QpIterations"),
+        ("Faults", "StateCounter", "ComputeTime", "StateAge", "QpIterations"),
         optional=("ComputeTime", "StateAge", "QpIterations"),
     ),
     cycle_ticks=1,

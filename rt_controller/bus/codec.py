@@ -11,86 +11,29 @@ receiver turns NotAvailable, and every raw value outside the declared range, int
 
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import isnan, nan
 from typing import NamedTuple
 
-from cantools.database.can import Database, Message, Signal
+from cantools.database.can import Database, Message
 
-from rt_controller.bus.dbc import data_ids_of, misfit
+from rt_controller.bus.dbc import data_id_of, data_ids_of, misfit
+from rt_controller.bus.end_to_end.profile_5 import Profile5
+from rt_controller.bus.end_to_end.profile_22 import FRAME_LENGTH, Profile22
+from rt_controller.bus.end_to_end.protection import Frame, Place, Protection
+from rt_controller.bus.signal_layout import signal_layout, struct_format
+from rt_controller.contract.timing import LONG_COUNTER_MODULUS
 
-_POLYNOMIAL = 0x2F
-_ALL_ONES = 0xFF
-
-
-def _remainder(byte: int) -> int:
-    for _ in range(8):
-        byte = (byte << 1) ^ (_POLYNOMIAL if byte & 0x80 else 0)
-    return byte & 0xFF
-
-
-_TABLE = tuple(_remainder(byte) for byte in range(256))
-
-
-def frame_crc(frame: bytes | bytearray, data_id: int) -> int:
-    """Byte 0 of an eight-byte frame: the CRC-8 of its other bytes and of the data id.
-
-    The polynomial is 0x2F, start and final value are all ones, without reflection. AUTOSAR calls it
-    CRC8H2F and uses it in profiles 2 and 22. It detects every error of up to three bits outside the
-    counter. The data id, one byte that is not transmitted, depends on frame and counter: an intact
-    frame under the id of another one fails the check. The data ids in the DBC are chosen so that
-    every error of one or two bits anywhere is detected as well.
-    """
-    t = _TABLE
-    _, a, b, c, d, e, f, g = frame  # written out: a loop would take twice as long
-    return t[t[t[t[t[t[t[t[_ALL_ONES ^ a] ^ b] ^ c] ^ d] ^ e] ^ f] ^ g] ^ data_id] ^ _ALL_ONES
-
-
-FRAME_LENGTH = 8
-COUNTER_MASK = 0x0F
-"""of byte 1"""
 VALID = 1
-"""high nibble of byte 1, where that is the Valid flag"""
-_HEADER = (("Crc", 0, 8), ("Counter", 8, 4))
-_NIBBLE_PLACE = (12, 4)
-_VALID_NIBBLE = "Valid"
-_STRUCT_CODES = {8: "b", 16: "h", 32: "i"}
-"""of signed integers, by bits; unsigned ones have capital letters"""
-_NOT_AVAILABLE = "NotAvailable"
-
-Frame = bytes | bytearray
-
-
-@dataclass(frozen=True, slots=True)
-class SignalLayout:
-    """Scaling and valid raw values of one signal; physical = raw * scale + offset."""
-
-    name: str
-    scale: float
-    offset: float
-    raw_min: int
-    raw_max: int
-    raw_not_available: int
-    unit: str
-
-    def objection(self, raw: int) -> str | None:
-        """Why this raw value may not be used; None if it may."""
-        if self.raw_min <= raw <= self.raw_max:
-            return None
-        ends = (self.raw_min, self.raw_max, raw)
-        low, high, value = (each * self.scale + self.offset for each in ends)
-        is_missing = raw == self.raw_not_available  # a sender cannot send a value beyond the range
-        found = "none or one beyond it" if is_missing else f"{value:g}"
-        unit = f" {self.unit}" if self.unit else ""
-        return f"{self.name}: expected a value of {low:g} to {high:g}{unit}, found {found}"
+"""lowest bit of the flags, where that is the Valid flag"""
+_VALID_FLAG = "Valid"
 
 
 class FrameSpec(NamedTuple):
     """What the program expects of one frame of the DBC."""
 
     name: str
-    nibble: str
-    """signal in the high nibble of byte 1: "Valid", or one that belongs to the content"""
+    flag: str
+    """signal beside the counter: "Valid", or one that belongs to the content"""
     signals: tuple[str, ...]
     """the other signals, in their order in the frame"""
     optional: tuple[str, ...] = ()
@@ -99,7 +42,7 @@ class FrameSpec(NamedTuple):
 
 
 class FrameCodec:
-    """Encodes and decodes one frame of the DBC."""
+    """Encodes and decodes one frame of the DBC: of classic CAN, or of CAN FD."""
 
     def __init__(self, database: Database, spec: FrameSpec) -> None:
         """Compile the layout.
@@ -107,22 +50,38 @@ class FrameCodec:
         Raises:
             ConfigError: the DBC lacks the frame, or has a layout that is not supported here.
         """
-        message = _find_message(database, spec)
-        body = sorted(message.signals, key=lambda signal: signal.start)[len(_HEADER) + 1 :]
+        message = _find_message(database, spec.name)
         self.name: str = message.name
         self.sender: str = ", ".join(message.senders)
         self.arbitration_id: int = message.frame_id
-        self.data_ids = data_ids_of(message)
-        self.signals = tuple(_signal_layout(self.name, signal) for signal in body)
-        self._nibble = spec.nibble
-        self._has_valid_flag = spec.nibble == _VALID_NIBBLE
-        self._usable_nibbles = _usable_nibbles(message, spec.nibble)
+        self.is_fd: bool = message.is_fd
+        self.length: int = message.length
+        """bytes of a frame"""
+        self.protection: Protection = (
+            Profile5(data_id_of(message), message.length)
+            if message.is_fd
+            else Profile22(data_ids_of(message))
+        )
+        self.is_intact = self.protection.is_intact
+        self._flag = spec.flag
+        self._has_valid_flag = spec.flag == _VALID_FLAG
+        _require_layout(message, spec, self.protection.places(self._has_valid_flag))
+        body = sorted(message.signals, key=lambda signal: signal.start)[-len(spec.signals) :]
+        self.signals = tuple(signal_layout(self.name, signal) for signal in body)
+        self._has_cycle = self._has_valid_flag and not message.is_fd
+        self.counter_modulus = LONG_COUNTER_MODULUS if self._has_cycle else self.protection.modulus
+        """number of counters that `counter_of` distinguishes"""
+        self._usable_flags = self._find_usable_flags(message)
         self.n_values = len(body) + (0 if self._has_valid_flag else 1)
         """of `read` and `write`"""
         self.required = tuple(name for name in spec.signals if name not in spec.optional)
         """signals without which the frame is not used"""
         self._required_places = [spec.signals.index(name) for name in self.required]
-        self._struct = struct.Struct(_struct_format(self.name, body))
+        first_bit, n_bits = self.protection.head_bits, 8 * self.length
+        self._struct = struct.Struct(
+            self.protection.head_format + struct_format(self.name, body, first_bit, n_bits)
+        )
+        self._head_values = len(self.protection.head(0, 0))
         # Half an LSB of tolerance: a value that rounds into the range is in range.
         self._encode_rules = tuple(
             (s.scale, s.offset, s.raw_min - 0.5, s.raw_max + 0.5, s.raw_not_available)
@@ -130,13 +89,13 @@ class FrameCodec:
         )
         self._decode_rules = tuple((s.scale, s.offset, s.raw_min, s.raw_max) for s in self.signals)
 
-    def encode(self, values: Sequence[float], counter: int, nibble: int) -> bytes:
+    def encode(self, values: Sequence[float], counter: int, flags: int) -> bytes:
         """Protected frame with these physical values, in the order of `signals`.
 
         Args:
             values: one for each signal; NaN and out of range are sent as NotAvailable.
-            counter: 0..15.
-            nibble: high nibble of byte 1.
+            counter: of the protection, below its modulus.
+            flags: beside the counter.
         """
         raws = [
             round(raw) if low < (raw := (value - offset) / scale) < high else not_available
@@ -144,16 +103,16 @@ class FrameCodec:
                 values, self._encode_rules, strict=True
             )
         ]
-        frame = bytearray(self._struct.pack(nibble << 4 | counter, *raws))
-        frame[0] = frame_crc(frame, self.data_ids[counter])
+        frame = bytearray(self._struct.pack(*self.protection.head(counter, flags), *raws))
+        self.protection.protect(frame)
         return bytes(frame)
 
     def decode(self, frame: Frame) -> tuple[float, ...]:
         """Physical values in the order of `signals`; NaN where not available or out of range.
 
-        The frame has eight bytes; CRC, counter and nibble are not checked.
+        The frame has the length of the message; CRC, counter and flags are not checked.
         """
-        _, *raws = self._struct.unpack(frame)
+        raws = self._struct.unpack(frame)[self._head_values :]
         return tuple(
             [
                 raw * scale + offset if low <= raw <= high else nan
@@ -162,113 +121,80 @@ class FrameCodec:
         )
 
     def write(self, values: tuple[float, ...], counter: int, is_valid: bool = True) -> bytes:
-        """Protected frame; without a Valid flag `values` begin with the nibble, an integer."""
+        """Protected frame; without a Valid flag `values` begin with the flags, an integer.
+
+        The counter is taken modulo `counter_modulus`.
+        """
+        cycle, counter = divmod(counter % self.counter_modulus, self.protection.modulus)
         if self._has_valid_flag:
-            return self.encode(values, counter, is_valid)
+            return self.encode(values, counter, is_valid | cycle << 1)
         return self.encode(values[1:], counter, int(values[0]))
+
+    def counter_of(self, frame: Frame) -> int:
+        """Counter of an intact frame, with the cycle where it has one: below `counter_modulus`."""
+        counter = self.protection.counter_of(frame)
+        if not self._has_cycle:
+            return counter
+        return counter | (self.protection.flags_of(frame) >> 1) * self.protection.modulus
+
+    def flag_of(self, frame: Frame) -> int:
+        """Valid or Mode of an intact frame."""
+        flags = self.protection.flags_of(frame)
+        return flags & VALID if self._has_cycle else flags
 
     def read(self, frame: Frame) -> tuple[float, ...] | None:
         """The values of an intact frame, as `write` takes them.
 
-        None if the sender marked the frame as invalid, the nibble is out of range, or a signal that
+        None if the sender marked the frame as invalid, the flags are out of range, or a signal that
         is not optional is NaN.
         """
-        nibble = frame[1] >> 4
-        if nibble not in self._usable_nibbles:
+        flag = self.flag_of(frame)
+        if flag not in self._usable_flags:
             return None
         values = self.decode(frame)
         if isnan(sum(values)) and any(isnan(values[i]) for i in self._required_places):
             return None
-        return values if self._has_valid_flag else (nibble, *values)
+        return values if self._has_valid_flag else (flag, *values)
 
     def objections(self, frame: Frame) -> str:
         """Why `read` does not return the values of this intact frame, for people."""
-        nibble = frame[1] >> 4
-        _, *raws = self._struct.unpack(frame)
+        flag = self.flag_of(frame)
+        raws = self._struct.unpack(frame)[self._head_values :]
         found = [self.signals[i].objection(raws[i]) for i in self._required_places]
-        if nibble not in self._usable_nibbles:
-            usable = ", ".join(map(str, sorted(self._usable_nibbles)))
-            found = [f"{self._nibble}: expected {usable}, found {nibble}"]
+        if flag not in self._usable_flags:
+            usable = ", ".join(map(str, sorted(self._usable_flags)))
+            found = [f"{self._flag}: expected {usable}, found {flag}"]
         return f"{self.name}: {'; '.join(each for each in found if each)}"
 
-    def is_intact(self, frame: Frame) -> bool:
-        """True if the frame has eight bytes and a CRC that fits this message and its counter."""
-        return (
-            len(frame) == FRAME_LENGTH
-            and frame_crc(frame, self.data_ids[frame[1] & COUNTER_MASK]) == frame[0]
-        )
+    def _find_usable_flags(self, message: Message) -> frozenset[int]:
+        if self._has_valid_flag:
+            return frozenset({VALID})
+        signal = message.get_signal_by_name(self._flag)
+        if signal.minimum is None or signal.maximum is None:
+            raise misfit(f"{message.name}.{self._flag}", "with a declared range", "none")
+        return frozenset(range(round(signal.minimum), round(signal.maximum) + 1))
 
 
-def _find_message(database: Database, spec: FrameSpec) -> Message:
-    name = spec.name
+def _find_message(database: Database, name: str) -> Message:
     try:
         message = database.get_message_by_name(name)
     except KeyError as error:
         raise misfit(name, "in the catalogue", "no such message") from error
-    signals = sorted(message.signals, key=lambda signal: signal.start)
-    header = (*_HEADER, (spec.nibble, *_NIBBLE_PLACE))
-    found = tuple(signal.name for signal in signals)
-    expected = (*(header_name for header_name, _, _ in header), *spec.signals)
-    if found != expected:
-        raise misfit(name, f"with the signals {', '.join(expected)}", ", ".join(found))
-    if message.length != FRAME_LENGTH or message.is_extended_frame or message.is_fd:
-        found_frame = f"{message.length} bytes under id {message.frame_id:#x}"
-        raise misfit(name, "as a classic frame of eight bytes with an 11-bit id", found_frame)
+    if message.is_extended_frame or not (message.is_fd or message.length == FRAME_LENGTH):
+        found = f"{message.length} bytes under id {message.frame_id:#x}"
+        expected = "of CAN FD, or as a classic frame of eight bytes, with an 11-bit id"
+        raise misfit(name, expected, found)
     if not message.cycle_time:
         raise misfit(name, "with a GenMsgCycleTime", "none")
-    places = tuple((s.name, s.start, s.length) for s in signals[: len(header)])
-    if places != header:
-        raise misfit(name, f"with the header {header}", str(places))
     return message
 
 
-def _usable_nibbles(message: Message, name: str) -> frozenset[int]:
-    if name == _VALID_NIBBLE:
-        return frozenset([VALID])
-    signal = message.get_signal_by_name(name)
-    if signal.minimum is None or signal.maximum is None:
-        raise misfit(f"{message.name}.{name}", "with a declared range", "none")
-    return frozenset(range(round(signal.minimum), round(signal.maximum) + 1))
-
-
-def _signal_layout(message: str, signal: Signal) -> SignalLayout:
-    name = f"{message}.{signal.name}"
-    if signal.minimum is None or signal.maximum is None:
-        raise misfit(name, "with a declared range", "none")
-    not_available = [
-        raw for raw, text in (signal.choices or {}).items() if str(text) == _NOT_AVAILABLE
-    ]
-    if len(not_available) != 1:
-        raise misfit(name, f"with one raw value {_NOT_AVAILABLE}", str(not_available))
-    layout = SignalLayout(
-        name=signal.name,
-        scale=signal.scale,
-        offset=signal.offset,
-        raw_min=round((signal.minimum - signal.offset) / signal.scale),
-        raw_max=round((signal.maximum - signal.offset) / signal.scale),
-        raw_not_available=not_available[0],
-        unit=signal.unit or "",
-    )
-    if layout.raw_min <= layout.raw_not_available <= layout.raw_max:
-        raise misfit(name, f"with a range without {_NOT_AVAILABLE}", str(layout))
-    return layout
-
-
-def _struct_format(message: str, body: Sequence[Signal]) -> str:
-    """Format of bytes 1 to 7; byte 0 is left for the CRC."""
-    parts = ["<xB"]
-    bit = 16
-    for signal in body:
-        code = _STRUCT_CODES.get(signal.length)
-        is_little_endian = signal.byte_order == "little_endian"
-        if code is None or signal.start % 8 or signal.is_float or not is_little_endian:
-            raise misfit(
-                f"{message}.{signal.name}",
-                "as a little-endian integer of 8, 16 or 32 bits that starts with a byte",
-                f"{signal.start}|{signal.length} {signal.byte_order}",
-            )
-        padding = "x" * ((signal.start - bit) // 8)
-        parts.append(padding + (code if signal.is_signed else code.upper()))
-        bit = signal.start + signal.length
-    parts.append("x" * ((FRAME_LENGTH * 8 - bit) // 8))
-    return "".join(parts)
+def _require_layout(message: Message, spec: FrameSpec, head: tuple[Place, ...]) -> None:
+    signals = sorted(message.signals, key=lambda signal: signal.start)
+    found = tuple(signal.name for signal in signals)
+    expected = (*(place.name for place in head), *spec.signals)
+    if found != expected:
+        raise misfit(spec.name, f"with the signals {', '.join(expected)}", ", ".join(found))
+    places = tuple((s.name, s.start, s.length) for s in signals[: len(head)])
+    if places != head:
+        raise misfit(spec.name, f"with the header {head}", str(places))

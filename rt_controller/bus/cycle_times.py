@@ -1,4 +1,4 @@
-"""Write the cycle times that follow from the control period into `messages.dbc`.
+"""Write the cycle times that follow from the control period into both message catalogues.
 
 Run `python -m rt_controller.bus.cycle_times` after a change of `PERIOD_NS`.
 """
@@ -6,11 +6,14 @@ Run `python -m rt_controller.bus.cycle_times` after a change of `PERIOD_NS`.
 import re
 
 from rt_controller.bus.catalogue import CATALOGUE
-from rt_controller.bus.dbc import DBC_PATH
+from rt_controller.bus.dbc import DBC_PATH, FD_DBC_PATH
 
 
 def with_cycle_times(dbc: str) -> str:
-    """The text of the DBC with the GenMsgCycleTime of every message of the catalogue."""
+    """The text of a DBC with the GenMsgCycleTime of every message of the catalogue.
+
+    A frame of CAN FD has the identifier of the first classic frame of its message.
+    """
     for message in CATALOGUE.messages:
         for codec in message.codecs:
             attribute = f'BA_ "GenMsgCycleTime" BO_ {codec.arbitration_id} '
@@ -19,4 +22,5 @@ def with_cycle_times(dbc: str) -> str:
 
 
 if __name__ == "__main__":
-    DBC_PATH.write_text(with_cycle_times(DBC_PATH.read_text(encoding="ascii")), encoding="ascii")
+    for path in (DBC_PATH, FD_DBC_PATH):
+        path.write_text(with_cycle_times(path.read_text(encoding="ascii")), encoding="ascii")

@@ -20,8 +20,8 @@ from random import Random
 
 from cantools.database.can import Message
 
-from rt_controller.bus.codec import COUNTER_MASK, FRAME_LENGTH, frame_crc
 from rt_controller.bus.dbc import DATA_IDS_ATTRIBUTE, DBC_PATH, data_ids_of, read_dbc
+from rt_controller.bus.end_to_end.profile_22 import COUNTER_MASK, FRAME_LENGTH, frame_crc
 from rt_controller.contract.errors import ConfigError, RtControllerError
 from rt_controller.contract.timing import COUNTER_MODULUS
 

@@ -8,8 +8,17 @@ from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.timing import COUNTER_MODULUS
 
 DBC_PATH = Path(__file__).parents[1] / "contract" / "messages.dbc"
+FD_DBC_PATH = DBC_PATH.with_name("messages_fd.dbc")
+"""the same messages in frames of CAN FD"""
 DATA_IDS_ATTRIBUTE = "E2EDataIdList"
-"""attribute of a message in the DBC"""
+"""attribute of a message in the DBC: profile 22"""
+DATA_ID_ATTRIBUTE = "E2EDataId"
+"""the same of profile 5"""
+
+
+def dbc_path(is_fd: bool) -> Path:
+    """The message catalogue of CAN FD, or of classic CAN."""
+    return FD_DBC_PATH if is_fd else DBC_PATH
 
 
 def read_dbc(
@@ -38,7 +47,7 @@ def read_dbc(
 def misfit(subject: str, expected: str, found: str) -> ConfigError:
     """The error for a part of the message catalogue that is not as this version needs it."""
     return ConfigError(
-        f"messages.dbc: expected {subject} {expected}, found {found}. "
+        f"message catalogue: expected {subject} {expected}, found {found}. "
         f"Restore the file that came with this version, or adapt rt_controller.bus to the new one."
     )
 
@@ -63,3 +72,17 @@ def data_ids_of(message: Message) -> bytes:
             repr(text),
         )
     return data_ids
+
+
+def data_id_of(message: Message) -> int:
+    """The data id of a message of CAN FD.
+
+    Raises:
+        ConfigError: it is not a number of 16 bits above 0.
+    """
+    attributes = message.dbc.attributes if message.dbc is not None else {}
+    attribute = attributes.get(DATA_ID_ATTRIBUTE)
+    found = 0 if attribute is None else int(attribute.value)
+    if not 0 < found <= 0xFFFF:
+        raise misfit(message.name, f"with a {DATA_ID_ATTRIBUTE} of 1 to 65535", str(found))
+    return found

@@ -3,8 +3,8 @@
 import hashlib
 from functools import cache
 
-from rt_controller.bus.catalogue import Identity
-from rt_controller.bus.dbc import DBC_PATH
+from rt_controller.bus.contents import Identity
+from rt_controller.bus.dbc import dbc_path
 from rt_controller.contract.errors import BusError
 
 DBC_HASH_DIGITS = 8
@@ -20,9 +20,9 @@ def leading_digits(sha256_hex: str, digits: int) -> int:
 
 
 @cache
-def dbc_hash() -> int:
-    """32-bit hash of this program's message catalogue."""
-    return hash_of_catalogue(DBC_PATH.read_text(encoding="ascii"))
+def dbc_hash(is_fd: bool = False) -> int:
+    """32-bit hash of this program's message catalogue: of classic CAN, or of CAN FD."""
+    return hash_of_catalogue(dbc_path(is_fd).read_text(encoding="ascii"))
 
 
 def hash_of_catalogue(text: str) -> int:
@@ -41,21 +41,21 @@ def model_hash(sha256_hex: str) -> int:
     return leading_digits(sha256_hex, MODEL_HASH_DIGITS)
 
 
-def own_identity(model: int | None) -> Identity:
+def own_identity(model: int | None, is_fd: bool = False) -> Identity:
     """Identity of this program with the model of this hash, or without a model."""
-    return Identity(dbc_hash(), model)
+    return Identity(dbc_hash(is_fd), model)
 
 
-def require_same_catalogue(peer: Identity) -> None:
+def require_same_catalogue(peer: Identity, is_fd: bool = False) -> None:
     """Return if the other end of the bus uses the same message catalogue.
 
     Raises:
         BusError: it uses another one.
     """
-    expected = dbc_hash()
+    expected = dbc_hash(is_fd)
     if peer.dbc_hash != expected:
         raise BusError(
             f"the other end of the bus: expected the message catalogue {expected:08x}, found "
             f"{peer.dbc_hash:08x}. Run controller and vehicle from one version (their "
-            f"messages.dbc must be the same file)."
+            f"messages.dbc and messages_fd.dbc must be the same files)."
         )

@@ -2,8 +2,8 @@
 
 python-can's own virtual bus is limited to one process, its multicast bus uses the network, and
 its remote bus needs a server that costs more time than a control step. Here every member writes its
-frames into a ring of shared memory, from which all others read them without a system call. The
-rings are files in a folder that belongs to the user; other users cannot write into them.
+frames into a ring in shared memory, from which all others read them. The rings are files in a
+folder that belongs to the user; other users cannot write into them.
 """
 
 import os
@@ -20,6 +20,10 @@ from rt_controller.bus.ring import Ring, RingReader, is_orphaned
 EXTENDED, REMOTE, ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
 """flags beside the identifier, as in Linux's struct can_frame"""
 IDENTIFIER = 0x1FFF_FFFF
+FD, BIT_RATE_SWITCH, ERROR_STATE = 0x04, 0x01, 0x02
+"""flags of frames of CAN FD, as in Linux's struct canfd_frame"""
+LONGEST_CLASSIC, LONGEST_FD = 8, 64
+"""bytes of data"""
 REFRESH_NS = 100_000_000
 """the ring of a new member is read after at most this time, from its first frame on"""
 POLL_S = 0.0002
@@ -61,11 +65,19 @@ class LocalBus(can.BusABC):
         """Send to all other members; one that does not read for thousands of frames loses some.
 
         Raises:
-            can.CanOperationError: it is not a classic CAN frame, or the bus is closed.
+            can.CanOperationError: it has more data than its format allows, or the bus is closed.
         """
         self._require_open()
-        if msg.is_fd or msg.dlc > 8:
-            raise can.CanOperationError("expected a classic CAN frame, found one of CAN FD")
+        longest = LONGEST_FD if msg.is_fd else LONGEST_CLASSIC
+        if msg.dlc > longest:
+            raise can.CanOperationError(f"expected {longest} bytes at most, found {msg.dlc}")
+        flags = 0
+        if msg.is_fd:
+            flags = (
+                FD
+                | BIT_RATE_SWITCH * msg.bitrate_switch
+                | ERROR_STATE * (msg.error_state_indicator)
+            )
         identifier = msg.arbitration_id
         if msg.is_extended_id:
             identifier |= EXTENDED
@@ -73,7 +85,7 @@ class LocalBus(can.BusABC):
             identifier |= REMOTE
         if msg.is_error_frame:
             identifier |= ERROR
-        self._ring.append(time.time_ns(), identifier, msg.dlc, msg.data)
+        self._ring.append(time.time_ns(), identifier, msg.dlc, flags, msg.data)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """As python-can's `recv`; faster where `timeout` is 0."""
@@ -119,7 +131,7 @@ class LocalBus(can.BusABC):
         if not waiting:
             return None
         reader = waiting[0] if len(waiting) == 1 else min(waiting, key=RingReader.next_stamp_ns)
-        stamp_ns, identifier, length, data = reader.take()
+        stamp_ns, identifier, length, flags, data = reader.take()
         is_remote = bool(identifier & REMOTE)
         return can.Message(
             timestamp=stamp_ns / 1e9,
@@ -127,6 +139,9 @@ class LocalBus(can.BusABC):
             is_extended_id=bool(identifier & EXTENDED),
             is_remote_frame=is_remote,
             is_error_frame=bool(identifier & ERROR),
+            is_fd=bool(flags & FD),
+            bitrate_switch=bool(flags & BIT_RATE_SWITCH),
+            error_state_indicator=bool(flags & ERROR_STATE),
             dlc=length,
             data=None if is_remote else data[:length],
             channel=self._channel,
@@ -200,6 +215,7 @@ def _remove_orphans(home: Path) -> None:
     for folder in home.iterdir():
         with suppress(OSError):
             for ring in folder.iterdir():
-                if is_orphaned(ring):
-                    ring.unlink(missing_ok=True)
+                with suppress(OSError, ValueError):
+                    if is_orphaned(ring):
+                        ring.unlink(missing_ok=True)
             folder.rmdir()

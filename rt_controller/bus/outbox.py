@@ -4,17 +4,27 @@ Sending never blocks and never raises: a frame that the interface does not take 
 its counter is used up, so that the receiver detects the gap.
 """
 
-from typing import Any, TypeVar
+from collections.abc import Iterator
+from typing import Any, Protocol, TypeVar
 
 import can
 
+from rt_controller.bus.bus_load import CyclicFrame
 from rt_controller.bus.catalogue import CATALOGUE
-from rt_controller.bus.codec import FRAME_LENGTH
+from rt_controller.bus.condition import is_queue_full
+from rt_controller.bus.log.recorder import Recorder
 from rt_controller.bus.message import Catalogue, Message, Node
-from rt_controller.bus.recorder import Recorder
-from rt_controller.contract.timing import COUNTER_MODULUS
+from rt_controller.contract.timing import LONG_COUNTER_MODULUS
 
 T = TypeVar("T")
+
+
+class SendingBus(Protocol):
+    """What an outbox needs of a bus; `can.BusABC` has it."""
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a frame, or raise."""
+        ...
 
 
 class DiscardBus:
@@ -31,20 +41,22 @@ class _Outgoing:
     a frame when `send` returns.
     """
 
-    __slots__ = ("contents", "counter", "frames")
+    __slots__ = ("contents", "counter", "frames", "modulus")
 
-    def __init__(self, message: Message[Any]) -> None:
+    def __init__(self, message: Message[Any], is_fd: bool) -> None:
         self.counter = -1
-        self.contents: list[Any] = [None] * COUNTER_MODULUS
+        self.modulus = max(LONG_COUNTER_MODULUS, message.codecs_of(is_fd)[0].counter_modulus)
+        self.contents: list[Any] = [None] * LONG_COUNTER_MODULUS
         self.frames = [
             can.Message(
                 arbitration_id=codec.arbitration_id,
                 is_extended_id=False,
                 is_rx=False,
-                data=bytes(FRAME_LENGTH),
+                is_fd=codec.is_fd,
+                data=bytes(codec.length),
                 check=True,
             )
-            for codec in message.codecs
+            for codec in message.codecs_of(is_fd)
         ]
 
 
@@ -53,19 +65,26 @@ class Outbox:
 
     def __init__(
         self,
-        bus: can.BusABC | DiscardBus,
+        bus: SendingBus,
         node: Node,
         recorder: Recorder | None = None,
         catalogue: Catalogue = CATALOGUE,
+        is_fd: bool = False,
     ) -> None:
+        """`is_fd`: the frames of CAN FD instead of the classic ones."""
+        self.is_fd = is_fd
         self.sent = 0  # frames
         self.send_failures = 0
+        self.queue_full = 0
+        """of these failures: the queue of frames to be sent was full"""
         self.last_failure = ""
         """why a frame was not taken, for people; empty if all were"""
         self._bus = bus
         self._recorder = recorder
         self._outgoing = {
-            message: _Outgoing(message) for message in catalogue.messages if message.sender == node
+            message: _Outgoing(message, is_fd)
+            for message in catalogue.messages
+            if message.sender == node
         }
 
     def send(
@@ -83,28 +102,36 @@ class Outbox:
             message: one that this node sends.
             content: its content.
             now_ns: stamp for the recorder.
-            counter: modulo 16; None: one more than that of the last sending.
+            counter: taken modulo that of the frames; None: one more than that of the last sending.
             is_valid: False tells the receiver not to use the values.
         """
         outgoing = self._outgoing[message]
-        counter = (outgoing.counter + 1 if counter is None else counter) % COUNTER_MODULUS
+        counter = (outgoing.counter + 1 if counter is None else counter) % outgoing.modulus
         if counter != outgoing.counter:  # the receiver drops a repeated one
-            outgoing.contents[counter] = content
+            outgoing.contents[counter % LONG_COUNTER_MODULUS] = content
         outgoing.counter = counter
-        encoded = message.encode(content, counter, is_valid)
+        encoded = message.encode(content, counter, is_valid, self.is_fd)
         for frame, data in zip(outgoing.frames, encoded, strict=True):
             frame.data[:] = data
             try:
                 self._bus.send(frame, timeout=0)
             except Exception as error:  # each backend raises its own type
                 self.send_failures += 1
+                self.queue_full += is_queue_full(error)
                 self.last_failure = f"{type(error).__name__}: {error}"
                 continue
             self.sent += 1
             if self._recorder is not None:
-                self._recorder.record(frame, now_ns)
+                self._recorder.record(frame, now_ns, is_sent=True)
+
+    def cyclic_frames(self) -> Iterator[CyclicFrame]:
+        """The last frame of each identifier that was sent."""
+        for message, outgoing in self._outgoing.items():
+            if outgoing.counter >= 0:
+                for frame in outgoing.frames:
+                    yield frame.arbitration_id, frame.data, message.cycle_ticks
 
     def content_under(self, message: Message[T], counter: int) -> T | None:
         """The content last sent under this counter and not repeated; None if there is none."""
-        content: T | None = self._outgoing[message].contents[counter % COUNTER_MODULUS]
+        content: T | None = self._outgoing[message].contents[counter % LONG_COUNTER_MODULUS]
         return content

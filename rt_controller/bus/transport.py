@@ -6,8 +6,11 @@ settings count.
 
 import errno
 import socket
+import struct
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from threading import Thread
 from typing import Any
 
 import can
@@ -27,14 +30,28 @@ Option = str | int | float | bool
 _VIRTUAL = "virtual"
 _SOCKETCAN = "socketcan"
 _REMOTE = "remote"
-COMMON = (_VIRTUAL, "local", _SOCKETCAN, _REMOTE, "slcan", "pcan", "kvaser", "vector")
+_MULTICAST = "udp_multicast"
+_SLCAN = "slcan"
+COMMON = (_VIRTUAL, "local", _SOCKETCAN, _REMOTE, _SLCAN, "pcan", "kvaser", "vector")
 """interfaces that a message names; the rest of python-can's are accepted too"""
 _WITHOUT_BITRATE = (_VIRTUAL, _SOCKETCAN)
+_WITHOUT_FD = (_SLCAN,)
+_ALWAYS_FD = (_VIRTUAL, "local", _MULTICAST)
+"""interfaces that carry frames of CAN FD without an option"""
 
 VIRTUAL_QUEUE_FRAMES = 1024
 """A virtual bus that is not read refuses frames after this many, instead of filling the memory."""
+CONNECTION_TIMEOUT_S = 10.0
+"""of a server that does not answer when the bus is opened"""
+REMOTE_TIMEOUT_S = 0.01
+"""of a server that stops answering in the middle of a frame"""
+LONGEST_CLOSE_S = 2.0
+"""for the other end to answer when a bus is closed; python-can-remote waits without end"""
 SOCKET_BUFFER_BYTES = 1 << 20
 """Asked of the kernel, which may grant less; by default the 279th unread frame is lost silently."""
+_SO_RCVBUFFORCE, _SO_MEMINFO = 33, 55
+_MEMINFO = struct.Struct("9I")
+"""the last number: frames that found no room in the buffer"""
 
 
 def open_bus(
@@ -42,6 +59,7 @@ def open_bus(
     channel: str,
     bitrate: int | None = None,
     options: Mapping[str, Option] | None = None,
+    is_fd: bool = False,
 ) -> can.BusABC:
     """An open bus; the caller shuts it down.
 
@@ -50,14 +68,28 @@ def open_bus(
         channel: "vcan0", "/dev/ttyACM0", "ws://127.0.0.1:54701"...
         bitrate: in bit/s, for adapters that the program has to set.
         options: further arguments of the interface, as python-can documents them.
+        is_fd: for frames of CAN FD too.
 
     Raises:
-        ConfigError: no such interface, or one that sets no bitrate.
+        ConfigError: no such interface, or one that sets no bitrate; or a channel with a null
+            character.
         BusError: no such channel, or the interface refuses these settings.
         MissingExtraError: the interface needs a package that is not installed.
     """
     require_interface(interface)
+    if "\0" in channel:  # a settings file can write one
+        raise ConfigError(
+            f"`channel`: expected the name of a channel, found {channel!r}, with a null character. "
+            f"Correct the settings file."
+        )
     settings: dict[str, Any] = dict(options or {})
+    if is_fd and interface in _WITHOUT_FD:
+        raise ConfigError(
+            f"`fd`: expected an interface with CAN FD, found {interface}. Leave out --fd, or "
+            f"choose virtual, local, socketcan, remote, pcan, kvaser or vector."
+        )
+    if is_fd and interface not in _ALWAYS_FD:
+        settings["fd"] = True
     if interface == _VIRTUAL:
         settings.setdefault("rx_queue_size", VIRTUAL_QUEUE_FRAMES)
     if bitrate is not None:
@@ -69,16 +101,71 @@ def open_bus(
             )
         settings["bitrate"] = bitrate
     try:
-        bus = can.Bus(channel=channel, interface=interface, ignore_config=True, **settings)
+        with _connection_limit(interface):
+            bus = _open(interface, channel, settings)
     except Exception as error:  # each backend raises its own type
         raise explain_failure(interface, channel, error) from error
     if isinstance(bus, SocketcanBus):
-        bus.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, SOCKET_BUFFER_BYTES)
+        _enlarge_buffer(bus.socket)
+    if interface == _REMOTE:
+        # A server that has stopped in the middle of a frame must not delay the loop.
+        bus.socket.settimeout(REMOTE_TIMEOUT_S)  # type: ignore[attr-defined]
     return bus
 
 
+def _open(interface: str, channel: str, settings: dict[str, Any]) -> can.BusABC:
+    if interface == _MULTICAST:
+        from rt_controller.bus.multicast import EchoFreeMulticastBus
+
+        return EchoFreeMulticastBus(channel=channel, **settings)
+    if interface == _SLCAN:
+        from rt_controller.bus.slcan import BoundedSlcanBus
+
+        return BoundedSlcanBus(channel=channel, **settings)
+    return can.Bus(channel=channel, interface=interface, ignore_config=True, **settings)
+
+
+@contextmanager
+def _connection_limit(interface: str) -> Iterator[None]:
+    """A limit for connections that are made in this context; python-can-remote has none."""
+    before = socket.getdefaulttimeout()
+    if interface == _REMOTE:
+        socket.setdefaulttimeout(CONNECTION_TIMEOUT_S)
+    try:
+        yield
+    finally:
+        socket.setdefaulttimeout(before)
+
+
+def overflowed_frames(bus: object) -> int:
+    """Frames lost since this bus was opened because its buffer was full; 0 if unknown."""
+    if not isinstance(bus, SocketcanBus):
+        return 0
+    try:
+        numbers = bus.socket.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO.size)
+    except OSError:  # a kernel before 4.12
+        return 0
+    return int(_MEMINFO.unpack(numbers)[-1])
+
+
+def _enlarge_buffer(opened: socket.socket) -> None:
+    """Ask for the buffer beyond the limit of the system, which root may, or up to it."""
+    try:
+        opened.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, SOCKET_BUFFER_BYTES)
+    except OSError:
+        opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, SOCKET_BUFFER_BYTES)
+
+
 def close_bus(bus: can.BusABC) -> None:
-    """Shut down a bus, also one that has failed."""
+    """Shut down a bus, also one that has failed, or whose other end does not answer."""
+    closing = Thread(target=_shut_down, args=(bus,), name="closing", daemon=True)
+    closing.start()
+    closing.join(LONGEST_CLOSE_S)
+    if closing.is_alive():
+        can.BusABC.shutdown(bus)
+
+
+def _shut_down(bus: can.BusABC) -> None:
     try:
         bus.shutdown()
     except Exception:
@@ -95,7 +182,7 @@ def parse_options(written: Mapping[str, str]) -> dict[str, Option]:
 def _parse_option(value: str) -> Option:
     try:
         parsed = tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):  # no TOML, or a number without end
         return value
     return parsed if isinstance(parsed, bool | int | float | str) else value
 
@@ -141,6 +228,11 @@ def explain_failure(interface: str, channel: str, error: Exception) -> RtControl
             f"{place}: expected a network interface {channel}, found no such device. See "
             f"ip -brief link; for a virtual one: ip link add {channel} type vcan && "
             f"ip link set {channel} up."
+        )
+    if isinstance(error, TimeoutError):
+        return BusError(
+            f"{place}: expected a server that answers within {CONNECTION_TIMEOUT_S:g} s, found "
+            f"none. Restart it, or correct the address."
         )
     if number == errno.ECONNREFUSED:
         return BusError(

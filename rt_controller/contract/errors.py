@@ -35,6 +35,12 @@ class DatasetError(RtControllerError):
     exit_code = 2
 
 
+class OutputError(RtControllerError):
+    """A file or a stream of results that is incomplete; the work itself is done."""
+
+    exit_code = 9
+
+
 class MissingExtraError(RtControllerError):
     """A part of the program whose optional dependencies are not installed."""
 

@@ -3,14 +3,15 @@
 import json
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from rt_controller.contract.errors import ConfigError, RtControllerError
+from rt_controller.contract.errors import ConfigError, OutputError
 
 
 def require_writable(path: Path | None, option: str = "--json") -> None:
-    """Return if a file can be written there later; no file is made. None asks for no file.
+    """Return if a file can be written there later; no file is made. With None there is no file.
 
     `option` is the option that named it. A long run must not end without its file.
 
@@ -28,29 +29,34 @@ def require_writable(path: Path | None, option: str = "--json") -> None:
 
 
 def write_figures(path: Path | None, figures: Mapping[str, Any] | Sequence[Any]) -> None:
-    """Write the figures as JSON; None writes nothing.
+    """Write the figures as JSON, in place of a file that exists; None writes nothing.
 
     A number that is not finite becomes null, since JSON has no infinity.
 
     Raises:
-        RtControllerError: the file can no longer be written.
+        OutputError: the file can no longer be written; an existing one is left as it was.
     """
     if path is None:
         return
     finite = json.loads(json.dumps(figures), parse_constant=lambda infinite: None)
     text = json.dumps(finite, indent=2, allow_nan=False) + "\n"
+    from rt_controller.contract.files import atomic_write  # numpy, which --help does without
+
     try:
-        path.write_text(text, encoding="utf-8")
+        with atomic_write(path) as file:
+            file.write(text.encode())
     except OSError as error:
-        raise RtControllerError(
+        raise OutputError(
             f"--json {path}: expected room for the figures, found {error.strerror}. The run itself "
-            f"is done; only this file is missing."
+            f"is done; only this file is missing. Free some space before the next one."
         ) from error
 
 
 def _obstacle(path: Path) -> str | None:
     """The reason why no file can be written there; None if it can."""
     try:
+        with suppress(FileNotFoundError, NotADirectoryError):
+            path.stat()  # a link that leads to itself neither exists nor can be made
         if path.is_dir():
             return "a folder of that name"
         if path.exists():

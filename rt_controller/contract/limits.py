@@ -21,6 +21,9 @@ INPUT_LIMITS = InputLimits(
 )
 """The paper's bounds; the rates are this project's choice for "limited to realistic driving"."""
 
+RELEASED_THROTTLE, RELEASED_BRAKE_N = 1e-3, 0.15
+"""below these a pedal counts as released: one thousandth of its travel"""
+
 LEAST_FRICTION, MOST_FRICTION = 0.05, 1.5
 """of a road; 1 is the road of the tyre test"""
 

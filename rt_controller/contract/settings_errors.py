@@ -1,7 +1,8 @@
 """Messages for settings that pydantic refused: each field by its name, all of them at once."""
 
 import re
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from itertools import islice
 from types import NoneType, UnionType
 from typing import Any, Union, get_args, get_origin
 
@@ -31,10 +32,12 @@ _EXPECTED = {
 }
 _LISTED_CHARACTERS, _TEXT_CHARACTERS = 60, 400
 """of a value that was found, and of one that is a text: a long path is shown whole"""
+LISTED_ERRORS = 20
+"""the first ones, which is enough of thousands: the hints take milliseconds each"""
 
 
 def explain(refused: Any, name_of: Callable[[Location], str], table: Any = None) -> str:
-    """One line "NAME: expected …, found …" for each refused field.
+    """One line "NAME: expected …, found …" for each refused field, at most `LISTED_ERRORS`.
 
     Args:
         refused: a `pydantic.ValidationError`.
@@ -48,7 +51,17 @@ def explain(refused: Any, name_of: Callable[[Location], str], table: Any = None)
         place, known_here = _locate(tuple(error["loc"]), table)
         errors.setdefault(place, []).append(error)
         known[place] = known_here
-    return "\n".join(explain_field(errors[place], name_of(place), known[place]) for place in errors)
+    lines = [
+        explain_field(errors[place], name_of(place), known[place])
+        for place in islice(errors, LISTED_ERRORS)
+    ]
+    return "\n".join((*lines, *unlisted(len(errors))))
+
+
+def unlisted(errors: int) -> Iterator[str]:
+    """The line after the listed ones, if a file has more errors than are listed."""
+    if errors > LISTED_ERRORS:
+        yield f"… and {errors - LISTED_ERRORS} more. Correct these first."
 
 
 def dotted(location: Location) -> str:

@@ -129,6 +129,11 @@ class Mode(IntEnum):
         """True if the input of this tick was made from this tick's state and path."""
         return self in (Mode.NOMINAL, Mode.LOW_SPEED, Mode.STANDSTILL)
 
+    @property
+    def closes_throttle(self) -> bool:
+        """True if every command of this mode has a closed throttle."""
+        return self in (Mode.STANDBY, Mode.SAFE_STOP, Mode.STANDSTILL)
+
 
 STATE_UNITS = ("m/s", "m/s", "rad/s", "m", "m", "rad")
 INPUT_UNITS = ("1", "N", "rad")

@@ -1,6 +1,9 @@
 """Geometry of the car that steering without a learned model needs: the single-track model."""
 
+from math import atan, radians
 from typing import NamedTuple
+
+from rt_controller.contract.physics import GRAVITY_MPS2
 
 
 class SteeringGeometry(NamedTuple):
@@ -13,6 +16,13 @@ class SteeringGeometry(NamedTuple):
     steering_ratio: float
     """angle of the steering wheel over the angle of the front wheels"""
 
+    def steady_wheel_rad(self, vx_mps: float, yaw_rate_radps: float) -> float:
+        """Steering-wheel angle of a steady turn, with the understeer of the default car."""
+        rolling_rad = atan(self.wheelbase_m * yaw_rate_radps / vx_mps)
+        return self.steering_ratio * (
+            rolling_rad + UNDERSTEER_RAD_PER_MPS2 * yaw_rate_radps * vx_mps
+        )
+
 
 SMALLEST = SteeringGeometry(wheelbase_m=0.5, rear_axle_m=0.0, steering_ratio=1.0)
 LARGEST = SteeringGeometry(wheelbase_m=10.0, rear_axle_m=10.0, steering_ratio=100.0)
@@ -20,3 +30,5 @@ LARGEST = SteeringGeometry(wheelbase_m=10.0, rear_axle_m=10.0, steering_ratio=10
 
 DEFAULT_GEOMETRY = SteeringGeometry(wheelbase_m=2.910, rear_axle_m=1.8604, steering_ratio=18.5)
 """of the default car (`sim_bridge/cars/c_class_150kw_awd.toml`), for models of an unnamed car"""
+UNDERSTEER_RAD_PER_MPS2 = radians(1.43) / GRAVITY_MPS2
+"""of the front wheels with compliance, per lateral acceleration: target of the default car"""

@@ -45,9 +45,10 @@ class DaqpSolver:
             )
         self._model.settings = {**self._model.settings, "iter_limit": max_iterations}
 
-    def limit_solve_time(self, budget_ns: int) -> None:
+    def limit_solve_time(self, budget_ns: int) -> int:
         """As `Solver.limit_solve_time`; DAQP measures its time itself."""
         self._model.settings = {**self._model.settings, "time_limit": budget_ns / 1e9}
+        return int(self._model.settings["iter_limit"])
 
     def update_matrices(self) -> bool:
         program = self._program

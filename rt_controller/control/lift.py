@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.schema import N_STATES
 from rt_controller.contract.signals import ControlInput, VehicleState
+from rt_controller.control.encoder_file import require_self_contained
 
 # onnxruntime starts a telemetry thread on import unless it is told not to.
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
@@ -113,8 +114,10 @@ def open_encoder(bundle: Bundle) -> ort.InferenceSession:
     """The encoder of a bundle of any signals, on one thread.
 
     Raises:
-        ArtifactError: it is not an ONNX model, or has other tensors than the bundle says.
+        ArtifactError: it is not an ONNX model that contains its data, or has other tensors than
+            the bundle says.
     """
+    require_self_contained(bundle.encoder_onnx)
     options = ort.SessionOptions()
     options.intra_op_num_threads = 1
     options.inter_op_num_threads = 1

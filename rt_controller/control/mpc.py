@@ -6,9 +6,10 @@ from collections.abc import Callable
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.rollout import one_step, roll_out
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.rollout import one_step, roll_out
+from rt_controller.contract.model.validation import require_drivable
 from rt_controller.contract.schema import N_INPUTS, N_STATES
 from rt_controller.contract.signals import (
     ControlInput,
@@ -16,7 +17,12 @@ from rt_controller.contract.signals import (
     PathReference,
     VehicleState,
 )
-from rt_controller.contract.validation import require_drivable
+from rt_controller.control.explanation import (
+    PlanExplanation,
+    active_bounds,
+    cost_shares,
+    solve_again,
+)
 from rt_controller.control.lift import Encoder, History
 from rt_controller.control.pedals import PedalChoice, open_throttle
 from rt_controller.control.program import QuadraticProgram
@@ -57,6 +63,7 @@ class Mpc:
                 f"has no history."
             )
         self._bundle = bundle
+        self._cost, self._corridor = cost, features.corridor
         self._encoder = Encoder(bundle)
         rows = self._encoder.history
         self._history = None if rows is None else History(rows)
@@ -67,6 +74,8 @@ class Mpc:
         self._tracks_latents = self._qp.parameters.reference.shape[1] > N_STATES
         self.solve_ns = 0
         """time of the last solve"""
+        self.max_iterations: int | None = None
+        """of a solve, where its time is limited"""
         self.inputs = np.zeros((horizon, N_INPUTS))
         """(N, 3), the plan of the last solve that succeeded"""
         self._path = STRAIGHT_PATH
@@ -104,9 +113,9 @@ class Mpc:
         parameters.curvature_per_m[:] = curvature_per_m
         parameters.previous[:] = previous
         parameters.reference[:] = reference
+        self._pedals.update(state.vx_mps - path.v_mps, path.a_mps2)
         if not self._is_prepared:
             self._update_matrices()
-        self._pedals.update(state.vx_mps - path.v_mps, path.a_mps2)
         self._qp.update_vectors(self._pedals)
         begun_ns = time.perf_counter_ns()
         status = self._solver.solve()
@@ -173,11 +182,16 @@ class Mpc:
         Raises:
             ConfigError: a typical solve needs more time than that.
         """
-        self._solver.limit_solve_time(budget_ns)
+        self.max_iterations = self._solver.limit_solve_time(budget_ns)
 
     @property
     def iterations(self) -> int:
         return self._solver.iterations
+
+    @property
+    def lifted(self) -> Array:
+        """psi (n,) that the last plan started from; `prepare` overwrites it."""
+        return self._qp.parameters.psi
 
     def predicted_states(self) -> Array | None:
         """States (N + 1, 6) that the model predicts under `inputs`, the present one first.
@@ -191,6 +205,35 @@ class Mpc:
         W = np.broadcast_to(curvature_per_m, (1, len(self.inputs), 1))
         (states,) = roll_out(self._bundle, psi[None], self.inputs[None], W, N_STATES)
         return self._reference.counted_from_road(states)
+
+    def explain_plan(self) -> PlanExplanation:
+        """The last plan explained, for people; its QP is solved once more from a cold start.
+
+        Right after a `plan`. Without a solution its numbers are NaN, and the second one says why.
+        """
+        program, parameters, n_inputs = self._qp.program, self._qp.parameters, self._qp.scale.size
+        horizon, width = parameters.reference.shape
+        if not self._has_plan:
+            nothing = np.full((horizon + 1, N_STATES), np.nan)
+            second = solve_again(program, None, n_inputs)
+            inputs = np.full((horizon, N_INPUTS), np.nan)
+            return PlanExplanation(inputs, nothing, nothing[1:], (), (), second)
+        z = self._solver.solution.copy()
+        W = np.broadcast_to(parameters.curvature_per_m, (1, horizon, 1))
+        (outputs,) = roll_out(self._bundle, parameters.psi[None], self.inputs[None], W, width)
+        corridor = self._corridor and (self._corridor.half_width_m, self._corridor.weight)
+        reference = parameters.reference.copy()
+        costs = cost_shares(
+            self._cost, outputs[1:], reference, self.inputs, parameters.previous, corridor
+        )
+        return PlanExplanation(
+            self.inputs.copy(),
+            self._reference.counted_from_road(outputs[:, :N_STATES]),
+            reference[:, :N_STATES],
+            active_bounds(program, z, n_inputs),
+            costs,
+            solve_again(program, z, n_inputs),
+        )
 
     def _update_matrices(self) -> bool:
         """True if the matrices at the present parameters make a convex QP."""

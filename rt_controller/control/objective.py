@@ -7,10 +7,10 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.bilinear import Bilinear
-from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.follow import Follow
+from rt_controller.contract.model.bilinear import Bilinear
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.follow import Follow
 from rt_controller.contract.schema import N_INPUTS
 from rt_controller.contract.signals import StateColumn
 from rt_controller.control.program import QpParameters

@@ -73,7 +73,7 @@ class PiqpSolver:
                 "trouble at start. Check `mpc.tolerance` and the other weights."
             )
 
-    def limit_solve_time(self, budget_ns: int) -> None:
+    def limit_solve_time(self, budget_ns: int) -> int:
         """As `Solver.limit_solve_time`: PIQP has no time limit, so the iterations are limited.
 
         The fastest of several solves tells what the processor can do, and whether the budget is
@@ -94,6 +94,7 @@ class PiqpSolver:
         settings = self._workspace.settings
         usual = max(MIN_ITERATIONS, int(budget_ns / median(times_ns)))
         settings.max_iter = min(settings.max_iter, usual)
+        return int(settings.max_iter)
 
     def update_matrices(self) -> bool:
         program = self._program

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.schema import N_INPUTS, N_STATES
 from rt_controller.contract.signals import StateColumn
 from rt_controller.control.objective import Objective, free_response, require_convex

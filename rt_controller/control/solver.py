@@ -24,8 +24,10 @@ class Solver(Protocol):
     iterations: int
     """of the last solve"""
 
-    def limit_solve_time(self, budget_ns: int) -> None:
+    def limit_solve_time(self, budget_ns: int) -> int:
         """Limit the time of a solve, from what an iteration takes on this machine.
+
+        Returns the most iterations of a solve from now on.
 
         Raises:
             ConfigError: a typical solve needs more time than that.
@@ -42,12 +44,15 @@ class Solver(Protocol):
 
 
 def open_solver(
-    program: QuadraticProgram, name: Literal["piqp", "daqp"] = "piqp", warm_start: bool = True
+    program: QuadraticProgram,
+    name: Literal["piqp", "daqp"] = "piqp",
+    warm_start: bool = True,
+    max_iterations: int | None = None,
 ) -> Solver:
     """Workspace of a solver on this program: PIQP, interior point, or DAQP, dual active set.
 
     With `warm_start` the last active set is tried before PIQP. DAQP always starts from its last
-    active set.
+    active set. `max_iterations` of a solve; None: those of the solver's module.
 
     Raises:
         MissingExtraError: the solver is not installed.
@@ -55,11 +60,11 @@ def open_solver(
     """
     # Imported here: these modules import the types above.
     if name == "daqp":
-        from rt_controller.control.daqp_solver import DaqpSolver
+        from rt_controller.control import daqp_solver
 
-        return DaqpSolver(program)
-    from rt_controller.control.piqp_solver import PiqpSolver
+        return daqp_solver.DaqpSolver(program, max_iterations or daqp_solver.MAX_ITERATIONS)
+    from rt_controller.control import piqp_solver
     from rt_controller.control.warm_start import WarmStartedSolver
 
-    solver = PiqpSolver(program)
+    solver = piqp_solver.PiqpSolver(program, max_iterations or piqp_solver.MAX_ITERATIONS)
     return WarmStartedSolver(program, solver) if warm_start else solver

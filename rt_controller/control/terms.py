@@ -108,7 +108,8 @@ def cost_terms(cost: TrackingCost, constraints: InputConstraints, n_latents: int
 
     Paper: eq. (14), with the cost of changes added.
     """
-    stage = 1.0 / np.square(np.array(cost.state, dtype=float))
+    with np.errstate(over="ignore"):  # no weight, as an infinite tolerance
+        stage = 1.0 / np.square(np.array(cost.state, dtype=float))
     if cost.latent_weight > 0.0:
         stage = np.concatenate([stage, np.full(n_latents, cost.latent_weight)])
     D, scale = constraints.D, constraints.scale

@@ -220,9 +220,9 @@ class WarmStartedSolver:
         self.solution = np.zeros(program.size)
         self.iterations = 0
 
-    def limit_solve_time(self, budget_ns: int) -> None:
+    def limit_solve_time(self, budget_ns: int) -> int:
         """Limit PIQP; the active-set iteration is limited by its rounds."""
-        self._solver.limit_solve_time(budget_ns)
+        return self._solver.limit_solve_time(budget_ns)
 
     def update_matrices(self) -> bool:
         # Both are always updated: otherwise one would continue with the old matrices.

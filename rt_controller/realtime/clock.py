@@ -4,7 +4,7 @@ import ctypes
 import errno
 import time
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from rt_controller.contract.timing import PERIOD_NS
 
@@ -93,6 +93,13 @@ class LockstepClock:
 
     def poll(self) -> None:
         self.wait()
+
+
+class TimeSource(Protocol):
+    """What a step needs of a clock."""
+
+    def now_ns(self) -> int:
+        """The time on this clock, monotonic."""
 
 
 Clock = RealtimeClock | LockstepClock

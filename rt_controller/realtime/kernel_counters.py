@@ -15,7 +15,10 @@ _STEAL_COLUMN = 8
 class LateCause(StrEnum):
     """What took most of a late tick's time."""
 
-    HOST = "this machine did not run: the host ran others (steal), or a deep sleep state"
+    HOST = (
+        "this process was stopped, or this machine did not run: the host ran others (steal), or a "
+        "deep sleep state"
+    )
     PREEMPTED = "another thread had the core"
     PAGE_FAULT = "memory had to be read from disk"
     SOLVER = "the QP took long"

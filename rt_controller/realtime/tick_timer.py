@@ -2,12 +2,25 @@
 
 import time
 from collections.abc import Callable
+from typing import NamedTuple
 
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.realtime.accounting import DeadlineAccount
 from rt_controller.realtime.clock import Clock, Tick
-from rt_controller.realtime.kernel_counters import KernelCounters, late_cause
+from rt_controller.realtime.kernel_counters import KernelCounters, LateCause, late_cause
 from rt_controller.realtime.tick_times import TickTimes
+
+
+class MeasuredTick(NamedTuple):
+    """One tick as the timer recorded it."""
+
+    scheduled_ns: int
+    skipped: int
+    sent_after_ns: int
+    """from the scheduled instant until the frames were sent, skipped periods included"""
+    times: TickTimes
+    cause: LateCause | None
+    """what took the most time, whether the tick was late or not; None without kernel counters"""
 
 
 class TickTimer:
@@ -54,7 +67,7 @@ class TickTimer:
         """The step received, planned or sent."""
         self._stage_ends_ns.append(time.perf_counter_ns())
 
-    def record(self, qp_ns: int, qp_iterations: int) -> None:
+    def record(self, qp_ns: int, qp_iterations: int) -> MeasuredTick:
         """The step has sent its frames: record the tick in the account."""
         began_ns, received_ns, planned_ns, sent_ns = (*self._stage_ends_ns, time.perf_counter_ns())
         cpu_ns = time.thread_time_ns() - self._began_cpu_ns
@@ -86,6 +99,7 @@ class TickTimer:
         counters = self._kernel_counters
         cause = None if counters is None else late_cause(counters.since_last(), times)
         self._account.record(times, tick.skipped, sent_at_ns - due_ns, cause)
+        return MeasuredTick(tick.scheduled_ns, tick.skipped, sent_at_ns - due_ns, times, cause)
 
     def _measure(self, action: Callable[[], None]) -> int:
         began_ns, began_cpu_ns = time.perf_counter_ns(), time.thread_time_ns()

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rt_controller.contract.errors import ConfigError, needs_extra
+from rt_controller.contract.files import atomic_write
 from rt_controller.contract.signals import Mode
-from rt_controller.drive import Drive
-from rt_controller.driven_scenario import DrivenScenario
+from rt_controller.drive.scenario import DrivenScenario
+from rt_controller.drive.table import Drive
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -87,10 +88,12 @@ def draw_drive(drive: Drive, file: Path | None = None) -> "Figure":
     )  # fmt: skip
     if file is not None:
         try:
-            figure.savefig(file)
+            with atomic_write(file) as out:
+                figure.savefig(out, format=file.suffix[1:].lower())
         except OSError as error:
             raise ConfigError(
-                f"{file}: expected a file that can be written, found {error.strerror}."
+                f"{file}: expected a file that can be written, found {error.strerror}. Free some "
+                f"space, or name another file."
             ) from error
     return figure
 

@@ -6,7 +6,7 @@ script; if a plot is of plotly, plotly.js is part of the page once.
     page = Page("Acceptance of the car", (
         Section("Braking", ("150 N at the pedal.", table, Plot(figure, "Speed."))),
     ))
-    file.write_text(render_page(page), encoding="utf-8")
+    write_text(file, render_page(page))
 """
 
 import re

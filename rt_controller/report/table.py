@@ -88,7 +88,7 @@ def format_number(number: float, digits: int = 4) -> str:
     """
     if np.isnan(number):
         return NO_VALUE
-    text = f"{number:.{digits}g}"
+    text = f"{number + 0.0:.{digits}g}"  # not "-0"
     return f"{float(text):.0f}" if "e+" in text and abs(number) < PLAIN_BELOW else text
 
 

@@ -2,13 +2,10 @@
 
 from math import isfinite
 
-from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.limits import INPUT_LIMITS, RELEASED_BRAKE_N, RELEASED_THROTTLE
 from rt_controller.contract.signals import ControlInput
 from rt_controller.contract.timing import PERIOD_S
 
-PEDAL_RELEASED_THROTTLE = 1e-3
-PEDAL_RELEASED_BRAKE_N = 0.15
-"""below these a pedal counts as released: one thousandth of its travel"""
 _LARGEST_CHANGE = ControlInput(*(rate * PERIOD_S for rate in INPUT_LIMITS.rate_per_s))
 """in one period"""
 
@@ -24,8 +21,8 @@ def limit(wanted: ControlInput, previous: ControlInput) -> ControlInput:
     throttle, brake_n, steer_rad = map(_limit_one, wanted, previous, lower, upper, _LARGEST_CHANGE)
     if wanted.throttle <= lower.throttle:
         throttle = lower.throttle
-    throttle = 0.0 if throttle < PEDAL_RELEASED_THROTTLE else throttle
-    brake_n = 0.0 if brake_n < PEDAL_RELEASED_BRAKE_N else brake_n
+    throttle = 0.0 if throttle < RELEASED_THROTTLE else throttle
+    brake_n = 0.0 if brake_n < RELEASED_BRAKE_N else brake_n
     if throttle > 0.0 and brake_n > 0.0:
         if previous.throttle > 0.0:
             brake_n = 0.0

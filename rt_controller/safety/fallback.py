@@ -1,30 +1,92 @@
 """The input of each mode: the plan, or what is sent when no plan may be followed."""
 
+from math import radians
+from typing import NamedTuple
+
+from rt_controller.contract.grip import brake_beside_n
+from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
+from rt_controller.safety.modes import StopCause
 
 SAFE_STOP_BRAKE_N = 75.0
 """about 0.4 g on a dry road: within the grip of the tyres while the wheel is still turned"""
 SAFE_STOP_BRAKE_RATE_N_PER_S = 150.0
+
+
+class Braking(NamedTuple):
+    """How a safe stop brakes."""
+
+    most_n: float
+    rate_n_per_s: float
+
+
+ALONG_PATH = Braking(SAFE_STOP_BRAKE_N, SAFE_STOP_BRAKE_RATE_N_PER_S)
+ESTIMATED = Braking(100.0, 300.0)
+"""as the watchdog of the vehicle: the last known path is only some metres long, and the error of an
+estimated heading grows with the distance"""
+FULL = Braking(INPUT_LIMITS.upper.brake_n, INPUT_LIMITS.rate_per_s.brake_n)
+"""with a stuck wheel or an open throttle: only the brake still acts"""
+COUNTER_STEERING = Braking(20.0, 150.0)
+"""of a car that turns less or more than its wheel: its tyres need their grip for the path, with ice
+under one side for example"""
+COUNTER_STEERING_RAD = radians(10.0)
+"""difference of the wheel from that of a steady turn, from which on this holds"""
 STEER_RETURN_RADPS = 0.7
 """40 deg/s of steering-wheel angle towards zero"""
 
 
+def braking_for(
+    alarm: StopCause,
+    is_state_measured: bool,
+    is_path_received: bool,
+    counter_steering_rad: float,
+    lateral_mps2: float,
+) -> Braking:
+    """How a safe stop brakes in this tick.
+
+    A wheel that has an offset, but moves, is corrected by the vehicle: from then on the tyres need
+    their grip for the path again. With an estimated state only a short stop keeps the car near its
+    path.
+
+    Args:
+        alarm: of this tick; not the cause that the stop began with.
+        is_state_measured: the state arrives and is accepted.
+        is_path_received: the same for the path.
+        counter_steering_rad: steering-wheel angle minus that of a steady turn with this yaw rate.
+        lateral_mps2: speed times yaw rate.
+    """
+    if alarm in (StopCause.STEERING_MISMATCH, StopCause.THROTTLE_MISMATCH):
+        return FULL
+    if not is_state_measured:
+        return ESTIMATED
+    if abs(counter_steering_rad) > COUNTER_STEERING_RAD:
+        return COUNTER_STEERING
+    if is_path_received:
+        return ALONG_PATH
+    return ESTIMATED._replace(most_n=brake_beside_n(ESTIMATED.most_n, lateral_mps2))
+
+
 def input_for(
-    mode: Mode, planned: ControlInput | None, previous: ControlInput, is_held: bool
+    mode: Mode,
+    planned: ControlInput | None,
+    previous: ControlInput,
+    is_held: bool,
+    braking: Braking = ALONG_PATH,
 ) -> ControlInput:
-    """The input that `mode` wants.
+    """The input that is sent in `mode`.
 
     Args:
         mode: of this tick.
         planned: that of the last good plan, if it has one.
         previous: input of the last period.
         is_held: True if the brake holds a standing car, by the last law that was chosen.
+        braking: of a safe stop.
     """
     if mode is Mode.STANDBY:
         return stand_by(previous)
     if mode is Mode.SAFE_STOP or planned is None:
-        return safe_stop(previous, planned, is_held)
+        return safe_stop(previous, planned, is_held, braking)
     return planned
 
 
@@ -33,18 +95,23 @@ def stand_by(previous: ControlInput) -> ControlInput:
     return ControlInput(throttle=0.0, brake_n=0.0, steer_rad=_towards_zero(previous.steer_rad))
 
 
-def safe_stop(previous: ControlInput, planned: ControlInput | None, is_held: bool) -> ControlInput:
+def safe_stop(
+    previous: ControlInput,
+    planned: ControlInput | None,
+    is_held: bool,
+    braking: Braking = ALONG_PATH,
+) -> ControlInput:
     """Input of one period of the safe stop: throttle closed, brake ramped, steering on the path.
 
     The steering follows the last good plan: a constant wheel angle in the middle of a lane change
     would leave the road. Without a plan it returns to zero. The brake of a car that is held may be
     pressed further than that of a stopping car, and is not released.
     """
-    brake_n = min(
-        max(previous.brake_n, 0.0) + SAFE_STOP_BRAKE_RATE_N_PER_S * PERIOD_S, SAFE_STOP_BRAKE_N
-    )
     if is_held:
-        brake_n = max(brake_n, previous.brake_n, 0.0 if planned is None else planned.brake_n)
+        braking = ALONG_PATH
+    brake_n = min(previous.brake_n + braking.rate_n_per_s * PERIOD_S, braking.most_n)
+    if is_held:
+        brake_n = max(brake_n, previous.brake_n, brake_n if planned is None else planned.brake_n)
     steer_rad = _towards_zero(previous.steer_rad) if planned is None else planned.steer_rad
     return ControlInput(throttle=0.0, brake_n=brake_n, steer_rad=steer_rad)
 

@@ -10,7 +10,8 @@ STATE_MAX_AGE_NS = 2 * PERIOD_NS
 """oldest state that is planned from, counted beyond the fastest transport"""
 ROUND_TRIP_MAX_TICKS = COMMAND_TIMEOUT_TICKS
 """most periods from a command to the state that shows its effect"""
-REFERENCE_MAX_AGE_NS = 3 * PERIOD_NS
+REFERENCE_MAX_TICKS = 3
+REFERENCE_MAX_AGE_NS = REFERENCE_MAX_TICKS * PERIOD_NS
 """oldest path that is planned with: it does not move while the car moves along it"""
 TIMING_SLACK_NS = PERIOD_NS // 2
 """ages are multiples of the period, so each limit lies between two of them"""
@@ -32,11 +33,16 @@ class TransportDelay:
 
     Sender and receiver share no clock, so only a delay beyond the smallest difference between
     arrival and stamp can be measured. The stamp wraps around after `wrap_ns`.
+
+    Two messages in a row have to be faster before they count: a reader that is stopped between its
+    clock and its bus reads a message that was sent after the arrival it notes.
     """
 
     def __init__(self, wrap_ns: int) -> None:
         self._wrap_ns = wrap_ns
         self._fastest_ns: float | None = None
+        self._early_ns = 0.0
+        """by how much the last message was faster than the fastest"""
         self._last_arrival_ns = 0
 
     def reset(self) -> None:
@@ -53,6 +59,10 @@ class TransportDelay:
         self._last_arrival_ns = arrival_ns
         extra_ns = (difference_ns - self._fastest_ns) % self._wrap_ns
         if extra_ns > self._wrap_ns / 2:  # negative modulo the wrap: faster than the fastest
-            self._fastest_ns = difference_ns
+            early_ns = self._wrap_ns - extra_ns
+            confirmed_ns = min(early_ns, self._early_ns)
+            self._fastest_ns -= confirmed_ns
+            self._early_ns = early_ns - confirmed_ns
             return 0
+        self._early_ns = 0.0
         return int(extra_ns)

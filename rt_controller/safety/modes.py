@@ -94,22 +94,47 @@ class StopCause(StrEnum):
 
     NONE = "none"
     STATE_LOST = "no new vehicle state arrived in time"
+    STATE_CONFLICT = "states of a second vehicle, or old ones, arrive among those of the vehicle"
+    COMMANDS_UNANSWERED = "the vehicle does not accept the commands in time"
     STATE_INVALID = "the vehicle state arrives with values that may not be used"
     REFERENCE_LOST = "no fresh path reference"
     REFERENCE_INVALID = "the path reference arrives with values that may not be used"
     MISSION_LOST = "the mission is no longer valid"
     SOLVER_FAILED = "the QP was not solved"
     BUS_FAILED = "the bus cannot be read"
+    BUS_OFF = "no new vehicle state arrives: the CAN controller is bus-off"
+    INTERFACE_DOWN = "no new vehicle state arrives: the CAN interface is down"
     SECOND_CONTROLLER = "another controller sends commands on this bus"
     PEER_MISMATCH = "the vehicle uses another message catalogue"
     VEHICLE_BRAKING = "the vehicle's own watchdog is braking"
     STOP_REQUESTED = "stop requested"
+    SPEED_IMPLAUSIBLE = "v_x contradicts the progress along the road, or the model"
+    PROGRESS_IMPLAUSIBLE = "the progress along the road contradicts v_x"
+    LATERAL_SPEED_IMPLAUSIBLE = "v_y contradicts the change of the lateral error, or the model"
+    YAW_RATE_IMPLAUSIBLE = "the yaw rate contradicts the change of the heading, or the model"
+    HEADING_IMPLAUSIBLE = "the heading error contradicts the yaw rate and the curvature"
+    LATERAL_ERROR_IMPLAUSIBLE = "the lateral error contradicts speed and heading"
+    CURVATURE_IMPLAUSIBLE = "the curvature contradicts yaw rate and heading"
+    STATE_FROZEN = "the vehicle state does not change while the car moves"
+    STATE_OLD = "old values of the vehicle state arrive in new frames"
+    STEERING_MISMATCH = "the steering wheel does not follow the commands"
+    THROTTLE_MISMATCH = "the accelerator does not follow the commands"
+    BRAKE_MISMATCH = "the brake does not follow the commands"
+    TRACKING_LOST = "the car is too far from its path"
+    PATH_JUMP = "the path jumps"
+    PATH_INCONSISTENT = "the path does not continue the path that was sent before"
+    PATH_SPEED_JUMP = "the wanted speed jumps"
+    PREVIEW_JUMP = "the curvature ahead does not continue the one that was sent before"
+    PATH_TOO_SHARP = "the path needs more lateral acceleration or jerk than is allowed"
+    NOT_ENGAGED = "the car is outside of the window in which the controller may begin to drive"
 
 
 STANDING_MPS = 0.3
 """below this speed the car counts as standing: a request to leave SAFE_STOP may be granted"""
 BUS_CAUSES = (StopCause.BUS_FAILED, StopCause.PEER_MISMATCH, StopCause.SECOND_CONTROLLER)
 """faults of the bus: they do not clear by waiting"""
+RECOVERABLE_BUS_CAUSES = (StopCause.BUS_OFF, StopCause.INTERFACE_DOWN)
+"""faults of the bus that may clear by themselves: its driver restarts it, or the link comes up"""
 _EVENT_OF_LAW = {
     Mode.NOMINAL: Event.PLANNED,
     Mode.LOW_SPEED: Event.LOW_SPEED,
@@ -142,17 +167,29 @@ class TickFacts(NamedTuple):
     """what made the plan: NOMINAL the model, LOW_SPEED or STANDSTILL the low-speed law"""
     has_input: bool
     """the last good plan has an input for this tick"""
+    is_answered: bool = True
+    """the vehicle accepts the commands"""
+    has_conflict: bool = False
+    """states contradict each other"""
+    alarm: StopCause = StopCause.NONE
+    """of a plausibility check that stops the car"""
+    rejection: StopCause = StopCause.NONE
+    """why a check refuses the state or the path of this tick, or the car in STANDBY"""
+    state_loss: StopCause = StopCause.STATE_LOST
+    """STATE_LOST or one of `RECOVERABLE_BUS_CAUSES`: the cause if no state arrives"""
 
 
 def decide(facts: TickFacts, mode: Mode, cause: StopCause) -> tuple[Mode, StopCause]:
     """The next mode and its cause, after `mode` and its `cause`.
 
-    A safe stop keeps the cause that it began with; only HOLD_PLAN and SAFE_STOP have one.
+    A safe stop keeps the cause that it began with. STANDBY has one only while a car is refused.
     """
     event, new_cause = classify(facts, mode)
     following = next_mode(mode, event)
     if following is Mode.SAFE_STOP and mode is Mode.SAFE_STOP:
         return following, cause
+    if new_cause is StopCause.NOT_ENGAGED:
+        return following, new_cause
     return following, new_cause if following in _MODES_WITH_CAUSE else StopCause.NONE
 
 
@@ -165,8 +202,9 @@ def classify(facts: TickFacts, mode: Mode) -> tuple[Event, StopCause]:
         return Event.PLAN_LOST, StopCause.MISSION_LOST
     if facts.is_reset_requested and mode is Mode.SAFE_STOP and facts.is_standing:
         return Event.RESET, StopCause.NONE
-    if not facts.is_engaged or facts.is_vehicle_braking:
-        return Event.IDLE, StopCause.NONE
+    is_ready = facts.is_answered or mode is not Mode.STANDBY
+    if not facts.is_engaged or facts.is_vehicle_braking or not is_ready:
+        return Event.IDLE, StopCause.NONE  # a drive begins after the vehicle accepts commands
     if facts.periods_held == 0:
         return _EVENT_OF_LAW[facts.law], StopCause.NONE
     may_hold = facts.has_input and facts.periods_held <= HOLD_PLAN_TICKS
@@ -178,12 +216,18 @@ def _fault(facts: TickFacts, mode: Mode) -> StopCause:
         return facts.bus_fault  # in STANDBY the controller does not drive: no other fault counts
     if facts.is_stop_requested:
         return StopCause.STOP_REQUESTED
-    return StopCause.VEHICLE_BRAKING if facts.is_vehicle_braking else StopCause.NONE
+    return StopCause.VEHICLE_BRAKING if facts.is_vehicle_braking else facts.alarm
 
 
 def _missing_part(facts: TickFacts) -> StopCause:
+    if facts.rejection is not StopCause.NONE:
+        return facts.rejection
     if not facts.has_state:
-        return StopCause.STATE_INVALID if facts.has_invalid_state else StopCause.STATE_LOST
+        if facts.has_conflict:
+            return StopCause.STATE_CONFLICT
+        if not facts.is_answered:
+            return StopCause.COMMANDS_UNANSWERED
+        return StopCause.STATE_INVALID if facts.has_invalid_state else facts.state_loss
     if facts.has_path:
         return StopCause.SOLVER_FAILED
     return StopCause.REFERENCE_INVALID if facts.has_invalid_path else StopCause.REFERENCE_LOST

@@ -4,7 +4,7 @@ Imported before anything heavy, so that `--help` and a mistyped option answer at
 """
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from importlib.metadata import version
 from typing import Any
@@ -13,11 +13,18 @@ from cyclopts import App, CycloptsError, MissingArgumentError
 from pydantic import BaseModel
 from rich.console import Console
 
-from rt_controller.contract.errors import ConfigError, RtControllerError
-from rt_controller.contract.settings_errors import explain, option, with_options
-
-INTERRUPTED = 130
-"""exit code after Ctrl-C, as a shell expects it"""
+from rt_controller.contract.errors import ConfigError, OutputError, RtControllerError
+from rt_controller.contract.settings_errors import (
+    Location,
+    dotted,
+    explain,
+    option,
+    with_options,
+)
+from rt_controller.terminal.entry import INTERRUPTED, SENTENCE
+from rt_controller.terminal.file_errors import explain_file_error
+from rt_controller.terminal.streams import lost_output, protect_streams
+from rt_controller.terminal.surroundings import explain_lack_of_memory, require_surroundings
 
 
 def new_app(name: str, help_text: str, arguments: str = "") -> App:
@@ -41,15 +48,23 @@ def run_command(app: App, arguments: Sequence[str] | None = None) -> None:
     """Parse the arguments, run the command, and end the process with its exit code.
 
     An error ends with one message on stderr and its own exit code: 2 for options that are refused,
-    all of them named at once, otherwise the one of the `RtControllerError`.
+    all of them named at once, otherwise the one of the `RtControllerError`. A command without an
+    error, whose output is incomplete, ends with that of `OutputError`.
     """
     program = app.name[0]
     tokens = sys.argv[1:] if arguments is None else arguments
+    protect_streams()
     try:
-        sys.exit(_call(app, tokens))
-    except RtControllerError as error:
-        print_error(program, with_options(str(error), _options_of(app, tokens)))
-        sys.exit(error.exit_code)
+        require_surroundings()
+        code = _call(app, tokens)
+    except (RtControllerError, OSError, ImportError, MemoryError) as error:
+        explained = error if isinstance(error, RtControllerError) else _explain(error)
+        print_error(program, with_options(str(explained), _options_of(app, tokens)))
+        code = explained.exit_code
+    except KeyboardInterrupt:
+        print_error(program, SENTENCE)
+        code = INTERRUPTED
+    sys.exit(code or (OutputError.exit_code if lost_output() else 0))
 
 
 def print_error(program: str, message: str) -> None:
@@ -62,9 +77,19 @@ def print_error(program: str, message: str) -> None:
     )
 
 
+def _explain(error: Exception) -> RtControllerError:
+    explained = explain_lack_of_memory(error)
+    if explained is not None:
+        return explained
+    if isinstance(error, OSError):
+        return explain_file_error(error)
+    raise error
+
+
 def _call(app: App, arguments: Sequence[str]) -> int:
     asks_for_help = bool({"--help", "-h"} & set(arguments))
-    entry: Callable[..., Any] = app.meta if app.meta.default_command is not None else app
+    entry = app.meta if app.meta.default_command is not None else app
+    app.suppress_keyboard_interrupt = entry.suppress_keyboard_interrupt = False
     try:
         with _short_search_for_help() if asks_for_help else nullcontext():
             code = entry(
@@ -78,7 +103,17 @@ def _call(app: App, arguments: Sequence[str]) -> int:
 def _explain_usage(error: CycloptsError) -> str:
     refused = error.__cause__
     if refused is not None and hasattr(refused, "errors"):
-        return explain(refused, option)
+        written = "" if error.argument is None else error.argument.name
+
+        def name_of(place: Location) -> str:
+            """A field of a table of options, or an option of its own, or a part of that."""
+            return (
+                option(place)
+                if place[:1] and isinstance(place[0], str)
+                else written + dotted(place)
+            )
+
+        return explain(refused, name_of)
     if isinstance(error, MissingArgumentError) and error.argument is not None:
         choices = error.argument.get_choices()
         such_as = f", such as {', '.join(choices)}" if choices else ""

@@ -1,20 +1,22 @@
 """The options of `rt-controller`, as one model: what is refused is refused all at once."""
 
+import os
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 from cyclopts import Parameter
-from cyclopts.config import Toml
+from cyclopts.config import Dict
 from pydantic import ConfigDict, Field, ValidationError, field_validator
 
 from rt_controller.config import ControllerConfig, ShippedModel
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.names import MODEL_FOLDER, name_or
 from rt_controller.contract.settings_errors import dotted, explain
+from rt_controller.contract.timing import LONGEST_S
 from rt_controller.settings import VIRTUAL, BusSettings, CarSettings
 
-_Duration = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+_Duration = Annotated[float, Field(gt=0.0, le=LONGEST_S, allow_inf_nan=False)]
 
 
 class RunOptions(ControllerConfig, CarSettings, BusSettings):
@@ -33,7 +35,14 @@ class RunOptions(ControllerConfig, CarSettings, BusSettings):
     """deadline misses that still end with exit code 0; default: 2 % of the ticks on the virtual
     bus, none on any other"""
     record: Path | None = None
-    """write all frames to this candump log"""
+    """write all frames to this log: .log (candump), .blf, .asc or .mf4, or to a new one in this
+    folder; `replay` and `explain` read it with the .journal beside it"""
+    mcap: Path | None = None
+    """write decoded signals, plan and cause of every tick to this MCAP file"""
+    foxglove: Annotated[int, Field(ge=0, le=65535)] | None = None
+    """the same live for Foxglove, on this port of 127.0.0.1"""
+    overwrite: bool = False
+    """replace existing files of --record and --mcap, which otherwise are refused"""
     json_file: Annotated[Path | None, Parameter(name="--json")] = Field(None, alias="json")
     """write the summary to this JSON file"""
     plot: Path | None = None
@@ -41,7 +50,10 @@ class RunOptions(ControllerConfig, CarSettings, BusSettings):
     ticks: Path | None = None
     """write the times of every tick of the last hour to this CSV file"""
     check: bool = False
-    """open and check everything, then end without driving"""
+    """open and check everything, drive the simulated car with the model, then end"""
+    model_trial: Literal["auto", "off"] = "auto"
+    """auto: drive the simulated car with a model before its first drive on another bus than
+    virtual; off: never, for a car that differs much from the simulated one"""
     quiet: bool = False
     """no progress on stderr; errors and the result remain"""
 
@@ -69,8 +81,10 @@ class RunOptions(ControllerConfig, CarSettings, BusSettings):
         """Return if the options fit each other.
 
         Raises:
-            ConfigError: an option of the simulated car without `--bus virtual`.
+            ConfigError: an option of the simulated car without `--bus virtual`, or one file for two
+                outputs.
         """
+        self._require_different_files()
         if self.is_virtual:
             return
         if self.is_lockstep:
@@ -85,29 +99,57 @@ class RunOptions(ControllerConfig, CarSettings, BusSettings):
                 f"another bus the car is chosen where sim-bridge is started."
             )
 
+    def _require_different_files(self) -> None:
+        named = {
+            "--record": self.record,
+            "--mcap": self.mcap,
+            "--json": self.json_file,
+            "--ticks": self.ticks,
+            "--plot": self.plot,
+        }
+        options: dict[str, str] = {}
+        for option, path in named.items():
+            if path is None or (path.exists() and not path.is_file()):  # a folder, a device
+                continue
+            if "\0" in str(path):  # a settings file can write one
+                raise ConfigError(
+                    f"{option}: expected a path, found {str(path)!r}, with a null character. "
+                    f"Correct the settings file."
+                )
+            other = options.setdefault(os.path.realpath(path), option)
+            if other != option:
+                raise ConfigError(
+                    f"{option} {path}: expected a file of its own, found that of {other}. Name "
+                    f"another one."
+                )
 
-def read_config_file(path: Path) -> Toml:
+
+def read_config_file(path: Path) -> Dict:
     """The settings of a TOML file, as a source for cyclopts.
 
     Raises:
         ConfigError: no such file, no TOML, or settings that are refused: each by its name.
     """
+    from rt_controller.contract.files import read_text  # numpy, which --help does without
+
     try:
-        settings = tomllib.loads(path.read_text(encoding="utf-8"))
+        settings = tomllib.loads(read_text(path))
     except OSError as error:
         raise ConfigError(
-            f"--config {path}: expected a TOML file, found {error.strerror}."
+            f"--config {path}: expected a TOML file, found {error.strerror}. Name another one; a "
+            f"pipe cannot be used."
         ) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # no UTF-8, no TOML, a number without end
         raise ConfigError(
-            f"--config {path}: expected a TOML file in UTF-8, found: {error}."
+            f"--config {path}: expected a TOML file in UTF-8, found: {error}. Correct the file."
         ) from error
-    settings = _with_underscores(settings)
     try:
-        RunOptions.model_validate({"bus": VIRTUAL, **settings})
+        RunOptions.model_validate({"bus": VIRTUAL, **_with_underscores(settings)})
     except ValidationError as error:
         raise ConfigError(f"--config {path}:\n{explain(error, dotted, RunOptions)}") from error
-    return Toml(path, must_exist=True)
+    source = Dict(settings)
+    source.source = str(path)
+    return source
 
 
 def _with_underscores(table: Any) -> Any:

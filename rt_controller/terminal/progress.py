@@ -25,6 +25,8 @@ class Line(NamedTuple):
     figures: str = ""
     note: str = ""
     """is shown in a line of its own, each time that it is given"""
+    warning: str = ""
+    """the same for what has gone wrong; a quiet command shows it too"""
 
 
 def announce(text: str, is_quiet: bool = False) -> AbstractContextManager[object]:
@@ -62,19 +64,21 @@ def watch(thread: Thread, line: Callable[[], Line], is_quiet: bool) -> None:
     the end, and every ten seconds if it has figures.
     """
     is_terminal = Console(stderr=True).is_terminal
-    shown, next_s = Line("", ""), 0.0
-    while thread.is_alive():
+    shown, next_s, is_over = Line("", ""), 0.0, False
+    while not is_over:
         thread.join(LIVE_INTERVAL_S)
+        is_over = not thread.is_alive()
         now = line()
-        if now.note:
-            if is_terminal:
-                Console(stderr=True, quiet=is_quiet).control(_EMPTY_LINE)
-            show(now.note, is_quiet)
-            now = now._replace(note="")
-        is_due = not thread.is_alive() or (now.figures and time.monotonic() >= next_s)
+        for text, is_hidden in ((now.warning, False), (now.note, is_quiet)):
+            if text and is_terminal:
+                Console(stderr=True, quiet=is_hidden).control(_EMPTY_LINE)
+            if text:
+                show(text, is_hidden)
+        now = now._replace(note="", warning="")
+        is_due = is_over or (now.figures and time.monotonic() >= next_s)
         text = "  ".join(filter(None, now))
         if is_terminal:
-            _replace(text, is_quiet, is_last=not thread.is_alive())
+            _replace(text, is_quiet, is_last=is_over)
         elif now.state != shown.state or (is_due and now != shown):
             show(text, is_quiet)
             shown, next_s = now, time.monotonic() + LOG_INTERVAL_S

@@ -3,34 +3,47 @@
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from rt_controller.bus.catalogue import REFERENCE, STATE
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Message
-from rt_controller.bus.transport import require_interface
-from rt_controller.car_figures import (
+from rt_controller.bundle_checks.model_trial import has_passed, try_model
+from rt_controller.bus.catalogue import STATE
+from rt_controller.bus.log.recorder import require_recordable
+from rt_controller.bus.transport import close_bus, require_interface
+from rt_controller.contract.errors import BusError, OutputError, PlantError, RtControllerError
+from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.model.artifact import find_model, load_bundle
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.validation import explain_missing_plans
+from rt_controller.drive.car_figures import (
     EXIT_LIMIT,
     CarFigure,
     explain_missed,
     figures_to_json,
     limits_missed,
 )
-from rt_controller.contract.bundle import Bundle
-from rt_controller.contract.errors import BusError, PlantError
-from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.loop import Ending
+from rt_controller.mapping.car_file import require_unit_conversion
 from rt_controller.planner import build_mpc, choose_low_speed_car
 from rt_controller.realtime.clock import Clock, LockstepClock, RealtimeClock
+from rt_controller.recording.files import NO_FILES, RecordingFiles
 from rt_controller.report.table import Fact, facts_table, print_table
-from rt_controller.safety.modes import BUS_CAUSES, StopCause
+from rt_controller.safety.modes import BUS_CAUSES, RECOVERABLE_BUS_CAUSES, StopCause
 from rt_controller.session import ControllerSession
 from rt_controller.settings import CAR_PRIORITY
-from rt_controller.terminal.command_line import INTERRUPTED, print_error
+from rt_controller.terminal.command_line import print_error
+from rt_controller.terminal.entry import INTERRUPTED
 from rt_controller.terminal.progress import COMPILING, announce, show, watch
+from rt_controller.terminal.stop_message import (
+    VEHICLE_KNOWS,
+    begin_of_stop,
+    explain_braking,
+    explain_stop,
+    failed_checks,
+)
 from rt_controller.terminal.stop_signals import stop_on_signals
+from rt_controller.terminal.streams import lost_output
 from rt_controller.terminal.summary import (
     driven_to_json,
     live_lines,
@@ -39,7 +52,13 @@ from rt_controller.terminal.summary import (
     why_late,
 )
 from rt_controller.terminal.tick_file import write_ticks
-from rt_controller.virtual_car import driven_scenario, open_virtual_car, steering_note
+from rt_controller.virtual_car import (
+    car_error,
+    driven_scenario,
+    grip_note,
+    open_virtual_car,
+    steering_note,
+)
 
 if TYPE_CHECKING:
     from rt_controller.terminal.options import RunOptions
@@ -48,16 +67,13 @@ if TYPE_CHECKING:
 PROGRAM = "rt-controller"
 VIRTUAL_MISS_SHARE = 0.02
 """of the ticks that may be late on the virtual bus, where only a simulated car depends on them"""
+TRYING = "trying the model on the simulated car (the first time takes up to a minute)"
 EXIT_DEADLINE = 4
+NOT_ENGAGED = (
+    f"{StopCause.NOT_ENGAGED.value}: expected it within 1 m of the path and 0.15 rad of its "
+    f"heading, and a path that can be driven; found otherwise for 5 s. Start closer to the path."
+)
 EXIT_SAFE_STOP = 6
-_SENDERS = {
-    StopCause.STATE_LOST: "the vehicle",
-    StopCause.REFERENCE_LOST: "the path planner",
-}
-_MESSAGES: dict[StopCause, Message[Any]] = {
-    StopCause.STATE_INVALID: STATE,
-    StopCause.REFERENCE_INVALID: REFERENCE,
-}
 
 
 def run_at_terminal(options: "RunOptions") -> int:
@@ -68,6 +84,8 @@ def run_at_terminal(options: "RunOptions") -> int:
     """
     options.require_consistent()
     require_interface(options.bus)
+    if options.signals is not None:
+        require_unit_conversion(options.signals)
     require_writable(options.json_file)
     require_writable(options.ticks, "--ticks")
     if options.plot is not None:
@@ -75,9 +93,15 @@ def run_at_terminal(options: "RunOptions") -> int:
         from rt_controller.report.drive_figure import require_figure_file
 
         require_figure_file(options.plot)
+    require_recordable(options.record, options.overwrite)
     with announce("loading the model, assembling the QP", options.quiet):
-        bundle = Bundle.load(options.model)
+        folder = find_model(options.model)
+        bundle = load_bundle(folder)
         mpc = build_mpc(bundle, options.mpc)
+    missing = explain_missing_plans(bundle, folder)
+    if missing:
+        show(f"note: {missing}", options.quiet)
+    _try_model(bundle, options)
     with ExitStack() as signals:
         with ExitStack() as opened:
             car: BridgeSession | None = None
@@ -86,13 +110,19 @@ def run_at_terminal(options: "RunOptions") -> int:
                 with announce(COMPILING, options.quiet):
                     car = opened.enter_context(closing(open_virtual_car(options, options)))
                 clock = LockstepClock(car.tick) if options.is_lockstep else clock
-                note = steering_note(car, choose_low_speed_car(bundle, options.low_speed).geometry)
-                if note is not None:
-                    show(f"note: {note}", options.quiet)
-            session = ControllerSession(options, options, bundle, mpc, clock, options.record)
+                geometry = choose_low_speed_car(bundle, options.low_speed).geometry
+                for note in (steering_note(car, geometry), grip_note(car, options.friction)):
+                    if note is not None:
+                        show(f"note: {note}", options.quiet)
+            files = RecordingFiles(
+                options.record, options.mcap, options.foxglove, options.overwrite
+            )
+            session = ControllerSession(
+                options, options, bundle, mpc, clock, NO_FILES if options.check else files
+            )
             opened.callback(session.close)
             if options.check:
-                Console(stderr=True).print(f"{session.model}: no error found", highlight=False)
+                show(f"{session.model}: no error found")
                 return 0
             signals.enter_context(stop_on_signals(session.request_stop))
             if car is not None and not options.is_lockstep:
@@ -102,11 +132,31 @@ def run_at_terminal(options: "RunOptions") -> int:
             if session.failure is not None:
                 raise session.failure
         figures = () if car is None else car.bridge.figures()
-        _write(session, car, figures, options)
+        is_complete = _write(session, car, figures, options)
         code = _exit_code(session, car, figures, options)
-        # A safe stop is the right answer to a failed plant; the failure is what a person looks for.
+        code = code if code or is_complete else OutputError.exit_code
+        # After a failed plant the controller ends in a safe stop; the exit code names the plant.
         is_failed = car is not None and car.bridge.summary().plant_failure is not None
         return PlantError.exit_code if is_failed and code != INTERRUPTED else code
+
+
+def _try_model(bundle: Bundle, options: "RunOptions") -> None:
+    """Return if the model holds the simulated car, or needs no trial before this drive.
+
+    Raises:
+        ArtifactError: it does not.
+        ConfigError, MissingExtraError, BusError: the bus of the drive cannot be opened.
+    """
+    if options.model_trial == "off" or (options.is_virtual and not options.check):
+        return
+    if has_passed(bundle, options) and not options.check:
+        return
+    if not options.is_virtual:
+        close_bus(options.open_bus())  # a wrong channel is said before the drive, not after it
+    with announce(TRYING, options.quiet):
+        note = try_model(bundle, options)
+    if note is not None:
+        show(f"note: {note}")
 
 
 def _write(
@@ -114,32 +164,61 @@ def _write(
     car: "BridgeSession | None",
     figures: Sequence[CarFigure],
     options: "RunOptions",
-) -> None:
-    """Print the summary and write the files that the options name."""
+) -> bool:
+    """Print the summary and write the files that the options name; False if one is incomplete."""
     plant_failure = None if car is None else car.bridge.summary().plant_failure
     if plant_failure is not None:
         print_error(PROGRAM, f"the car's plant failed: {plant_failure}")
     if session.record.deadlines.ticks == 0:
         show("ended before the first tick: nothing was driven")
-    print_table(to_table(session), Console())
+    error = None if car is None else car_error(car)
+    print_table(to_table(session, error, _vehicle_braking(session, car)), Console())
     if figures:
         facts = (Fact(figure.name, figure.text) for figure in figures)
         print_table(facts_table(facts, "figures of the scenario"), Console())
     scenario = None if car is None else driven_scenario(car)
-    write_figures(
-        options.json_file,
-        {
-            "driven": driven_to_json(options, scenario),
-            **to_json(session),
-            **figures_to_json(figures),
-        },
-    )
-    write_ticks(options.ticks, session.record.deadlines)
-    if options.plot is not None:
-        drive = session.drive()
-        if scenario is not None:
-            drive = drive.of_scenario(scenario, tuple(figures))
-        drive.plot(options.plot)
+    output = {
+        "driven": driven_to_json(options, scenario),
+        **to_json(session, error),
+        **figures_to_json(figures),
+        "vehicle_braking_cause": None if car is None else _braking_cause(car),
+        "lost_output": lost_output(),
+    }
+
+    def plot() -> None:
+        if options.plot is not None:
+            drive = session.drive()
+            if scenario is not None:
+                drive = drive.of_scenario(scenario, tuple(figures))
+            drive.plot(options.plot)
+
+    failures = [] if session.recorder is None else [session.recorder.explain_failure()]
+    for write in (
+        partial(write_figures, options.json_file, output),
+        partial(write_ticks, options.ticks, session.record.deadlines),
+        plot,
+    ):
+        try:
+            write()
+        except RtControllerError as error:
+            failures.append(str(error))
+    for failure in filter(None, failures):
+        print_error(PROGRAM, failure)
+    return not any(failures)
+
+
+def _braking_cause(car: "BridgeSession") -> str | None:
+    """Name of the cause; None also if the car brakes because the controller ended its stop."""
+    summary = car.bridge.summary()
+    return None if summary.controller_ended else summary.braking_cause
+
+
+def _vehicle_braking(session: ControllerSession, car: "BridgeSession | None") -> str:
+    """Why the vehicle brakes by itself, for people; empty if it does not."""
+    if car is not None:
+        return car.bridge.summary().braking_text if _braking_cause(car) else ""
+    state = session.inbox.newest(STATE)
+    return VEHICLE_KNOWS if state is not None and state.content.is_watchdog_braking else ""
 
 
 def _exit_code(
@@ -152,13 +231,23 @@ def _exit_code(
     record, deadlines = session.record, session.record.deadlines
     late = f"{why_late(deadlines)}; " if deadlines.deadline_misses else ""
     if record.ending is Ending.ENDED_AT_ONCE:
-        print_error(PROGRAM, record.ending.value)
+        print_error(PROGRAM, _explain_end_at_once(record.result.speed_mps))
         return INTERRUPTED
-    if record.ending is Ending.SAFE_STOPPED:
-        cause = record.result.cause
+    if record.ending is Ending.REFUSED:
+        print_error(PROGRAM, NOT_ENGAGED)
+        return EXIT_SAFE_STOP
+    cause, bus_fault = record.result.cause, record.result.bus_fault
+    braking = _vehicle_braking(session, car)
+    if record.ending is Ending.SAFE_STOPPED or bus_fault in BUS_CAUSES:
         faults = () if car is None else car.bridge.faults_so_far()
-        print_error(PROGRAM, f"{late}safe stop: {explain_stop(cause, session.inbox, faults)}")
-        return BusError.exit_code if cause in BUS_CAUSES else EXIT_SAFE_STOP
+        failed = failed_checks(session)
+        stop = explain_stop(cause, session.inbox, faults, bus_fault, failed, braking)
+        print_error(PROGRAM, f"{late}{begin_of_stop(session)}: {stop}")
+        is_bus = {cause, bus_fault} & {*BUS_CAUSES, *RECOVERABLE_BUS_CAUSES}
+        return BusError.exit_code if is_bus else EXIT_SAFE_STOP
+    if braking:
+        print_error(PROGRAM, f"{late}{record.ending.value}; {explain_braking(braking)}")
+        return EXIT_SAFE_STOP
     if deadlines.deadline_misses > _allowed_misses(options, deadlines.ticks):
         print_error(
             PROGRAM,
@@ -166,26 +255,15 @@ def _exit_code(
             f"grant the loop; --max-misses sets how many are allowed.",
         )
         return EXIT_DEADLINE
-    missed = limits_missed(figures)
-    if missed and record.ending is Ending.MISSION_OVER:
+    missed = limits_missed(figures) if record.ending is Ending.MISSION_OVER else ()
+    if missed:
         print_error(PROGRAM, explain_missed(missed))
-        return EXIT_LIMIT
-    return 0
+    return EXIT_LIMIT if missed else 0
 
 
-def explain_stop(cause: StopCause, inbox: Inbox, faults: Sequence[str]) -> str:
-    """Why the car was stopped, with what to check; `faults` are those the scenario asked for."""
-    text = cause.value
-    if cause in _MESSAGES:
-        text = f"{text}. {inbox.explain_out_of_range(_MESSAGES[cause])}."
-    if faults:
-        return f"{text.rstrip('.')}. The scenario asked for {', '.join(faults)}."
-    if cause in _SENDERS:
-        return (
-            f"{text}. Check that {_SENDERS[cause]} (sim-bridge) runs and its frames arrive; the "
-            f"summary counts dropped and missing ones."
-        )
-    return text
+def _explain_end_at_once(speed_mps: float | None) -> str:
+    at = "an unknown speed" if speed_mps is None else f"{3.6 * speed_mps:.0f} km/h"
+    return f"ended at once at {at}: the last frame was a safe command, the vehicle brakes the car"
 
 
 def _allowed_misses(options: "RunOptions", ticks: int) -> int:

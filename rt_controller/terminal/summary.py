@@ -1,4 +1,4 @@
-"""What a run amounts to: for people a table, for programs JSON with the same figures."""
+"""Summary of a run: for people a table, for programs JSON with the same figures."""
 
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -6,24 +6,32 @@ from importlib.metadata import version
 from math import degrees
 from typing import TYPE_CHECKING, Any
 
+from rt_controller.bus.contents import Fault
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.driven_scenario import DrivenScenario
-from rt_controller.loop import RunRecord
+from rt_controller.drive.car_figures import LateralError
+from rt_controller.drive.scenario import DrivenScenario
+from rt_controller.loop import Ending, RunRecord
 from rt_controller.realtime.accounting import DeadlineAccount, Percentiles
 from rt_controller.realtime.tick_times import TickTimes
 from rt_controller.report.table import Fact, Table, facts_table
+from rt_controller.safety.modes import STANDING_MPS
 from rt_controller.session import ControllerSession
 from rt_controller.settings import OWN
+from rt_controller.terminal.log_summary import log_sentence, log_to_json
 from rt_controller.terminal.progress import Line
+from rt_controller.terminal.stop_message import failed_checks
 
 if TYPE_CHECKING:
     from rt_controller.terminal.options import RunOptions
 
-STOPPING = "stopping: braking to rest; press Ctrl-C again to end at once"
+AS_RECEIVED = ", as received"
+"""of errors with states that a check refused"""
+STOPPING = "stopping: braking to rest; press Ctrl-C twice more to end at once"
+STILL_STOPPING = "stopping: braking to rest; press Ctrl-C once more to end at once"
 
 
 def driven_to_json(options: "RunOptions", scenario: DrivenScenario | None) -> dict[str, Any]:
-    """What was driven; null where only the other end of the bus knows it."""
+    """What was driven; null where only the other end of the bus has it."""
     is_own = scenario is not None and options.plant == OWN
     return {
         "version": version("rt-controller"),
@@ -38,11 +46,18 @@ def driven_to_json(options: "RunOptions", scenario: DrivenScenario | None) -> di
     }
 
 
-def to_json(session: ControllerSession) -> dict[str, Any]:
-    """The summary with units in its keys; angles in rad, times in microseconds."""
+def to_json(session: ControllerSession, car: LateralError | None = None) -> dict[str, Any]:
+    """The summary with units in its keys; angles in rad, times in microseconds.
+
+    `car` is the true lateral error, of a simulated car in this process.
+    """
     record, deadlines = session.record, session.record.deadlines
+    condition = session.inbox.condition
     return {
         **record.trace.errors()._asdict(),
+        "errors_as_received": has_rejected_states(record),
+        "car_ey_rms_m": car and car.rms_m,
+        "car_ey_peak_m": car and car.peak_m,
         "at_limit_s": record.trace.at_limit_s()._asdict(),
         "ticks": deadlines.ticks,
         "deadline_misses": deadlines.deadline_misses,
@@ -50,6 +65,9 @@ def to_json(session: ControllerSession) -> dict[str, Any]:
         "final_mode": record.result.mode.name,
         "ending": record.ending.name,
         "stop_cause": record.result.cause.name,
+        "stop_tick": record.stop_tick,
+        "stop_s": record.stop_s,
+        "stop_checks": [each._asdict() for each in failed_checks(session)],
         "scheduler": session.guarantees.scheduler,
         "memory_locked": session.guarantees.memory_locked,
         "model": session.model,
@@ -61,21 +79,31 @@ def to_json(session: ControllerSession) -> dict[str, Any]:
         "ticks_by_fault": {fault.name: n for fault, n in record.ticks_by_fault.items() if n},
         "frames_received": asdict(session.inbox.counts),
         "frames_sent": session.outbox.sent,
+        "bus_load_at_500_kbps": session.bus_load(),
         "send_failures": session.outbox.send_failures,
-        "log_frames_dropped": 0 if session.recorder is None else session.recorder.dropped,
+        **log_to_json(session.recorder),
+        "send_queue_full": session.outbox.queue_full,
+        "bus_condition": {**asdict(session.inbox.condition), "state": condition.state.name},
     }
 
 
-def to_table(session: ControllerSession) -> Table:
-    """The same figures for a terminal."""
+def to_table(
+    session: ControllerSession, car: LateralError | None = None, braking: str = ""
+) -> Table:
+    """The same figures for a terminal; `braking` says why the vehicle brakes by itself."""
     record, deadlines = session.record, session.record.deadlines
     e, worst, counts = record.trace.errors(), deadlines.worst, session.inbox.counts
     dropped = counts.crc_errors + counts.repeated + counts.out_of_range
+    is_rejected = has_rejected_states(record)
+    received = AS_RECEIVED if is_rejected else ""
     facts = {
-        "lateral error": f"RMS {e.ey_rms_m:.3f} m, peak {e.ey_peak_m:.3f} m",
-        "heading error": f"RMS {degrees(e.epsi_rms_rad):.2f} deg, "
+        f"lateral error{received}": f"RMS {e.ey_rms_m:.3f} m, peak {e.ey_peak_m:.3f} m",
+        "true lateral error": f"RMS {car.rms_m:.3f} m, peak {car.peak_m:.3f} m"
+        if is_rejected and car is not None
+        else None,
+        f"heading error{received}": f"RMS {degrees(e.epsi_rms_rad):.2f} deg, "
         f"peak {degrees(e.epsi_peak_rad):.2f} deg",
-        "speed error": f"RMS {e.vx_rms_mps:.3f} m/s, peak {e.vx_peak_mps:.3f} m/s",
+        f"speed error{received}": f"RMS {e.vx_rms_mps:.3f} m/s, peak {e.vx_peak_mps:.3f} m/s",
         "inputs at their limit": _limited(record) or None,
         "ticks": f"{deadlines.ticks}, {deadlines.deadline_misses} missed their deadline, "
         f"{deadlines.skipped_ticks} skipped",
@@ -88,15 +116,52 @@ def to_table(session: ControllerSession) -> Table:
         "QP iterations": _line(deadlines.percentiles("qp_iterations"), ""),
         "frames": f"{session.outbox.sent} sent, {session.outbox.send_failures} send errors; "
         f"{dropped} received ones dropped, {counts.counter_gap_frames} missing (counter gaps)",
+        "bus": _bus_line(session) or None,
         "ticks with faults": ", ".join(
             f"{n} {fault.name}" for fault, n in record.ticks_by_fault.items() if n
         )
         or None,
+        "bus load at 500 kbit/s": f"{100.0 * session.bus_load():.1f} %",
         "final mode": record.result.mode.name,
+        "safe stop": (
+            record.stop_s is not None and f"from {record.stop_s:.3f} s on (tick {record.stop_tick})"
+        )
+        or None,
+        "vehicle brakes by itself": braking or None,
+        "log": log_sentence(session.recorder),
         "real-time settings": session.guarantees.sentence(),
     }
     rows = (Fact(name, value) for name, value in facts.items() if value is not None)
-    return facts_table(rows, f"{session.model}: {record.ending.value}")
+    return facts_table(rows, f"{session.model}: {record.ending.value}{_released(record)}")
+
+
+def _released(record: RunRecord) -> str:
+    """At which speed a driver took over a car that moves; empty if it stands."""
+    speed_mps = record.result.speed_mps
+    if record.ending is not Ending.MISSION_OVER or speed_mps is None or speed_mps <= STANDING_MPS:
+        return ""
+    return f"; the car was released at {speed_mps * 3.6:.0f} km/h"
+
+
+def has_rejected_states(record: RunRecord) -> bool:
+    """True if a check refused states that were received; they are part of the errors."""
+    return record.ticks_by_fault[Fault.STATE_IMPLAUSIBLE] > 0
+
+
+def _bus_line(session: ControllerSession) -> str:
+    """What kernel and CAN controller reported; empty if nothing."""
+    condition, counts = session.inbox.condition, session.inbox.counts
+    parts = (
+        (condition.error_frames, "error frames"),
+        (condition.bus_off, "times bus-off"),
+        (condition.restarts, "times restarted"),
+        (condition.link_downs, "times down"),
+        (condition.controller_overflows, "overflows of the CAN controller"),
+        (counts.overflowed, "frames lost in the receive buffer"),
+        (session.outbox.queue_full, "frames refused by a full queue"),
+    )
+    listed = ", ".join(f"{count} {words}" for count, words in parts if count)
+    return f"{listed}; at last {condition.state.value}" if listed else ""
 
 
 def _limited(record: RunRecord) -> str:
@@ -126,14 +191,22 @@ def _line(p: Percentiles, unit: str) -> str:
 def live_lines(session: ControllerSession) -> Iterator[Line]:
     """Endless lines about the present; one has what the system granted to the loop as its note.
 
-    The first one after a request to stop says how to end at once.
+    The first one after each of two requests to stop says how to end at once. The first one after
+    frames were lost in the log warns of it.
     """
+    for line in _plain_lines(session):
+        failure = "" if session.recorder is None else session.recorder.new_failure()
+        yield line._replace(warning=failure)
+
+
+def _plain_lines(session: ControllerSession) -> Iterator[Line]:
     while not session.is_joined:
         yield Line("waiting for the vehicle")
     yield _live_line(session.record)._replace(note=session.guarantees.sentence())
-    while not session.is_stop_requested:
-        yield _live_line(session.record)
-    yield _live_line(session.record)._replace(note=STOPPING)
+    for requests, note in enumerate((STOPPING, STILL_STOPPING)):
+        while session.stop_requests <= requests:
+            yield _live_line(session.record)
+        yield _live_line(session.record)._replace(note=note)
     while True:
         yield _live_line(session.record)
 

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rt_controller.contract.errors import RtControllerError
+from rt_controller.contract.errors import OutputError
+from rt_controller.contract.files import atomic_write
 from rt_controller.realtime.accounting import DeadlineAccount
 from rt_controller.realtime.tick_times import TickTimes
 
@@ -15,7 +16,7 @@ def write_ticks(path: Path | None, deadlines: DeadlineAccount) -> None:
     Columns: the number of the tick in the run, then the fields of `TickTimes`.
 
     Raises:
-        RtControllerError: the file cannot be written any more.
+        OutputError: the file cannot be written any more.
     """
     if path is None:
         return
@@ -25,9 +26,10 @@ def write_ticks(path: Path | None, deadlines: DeadlineAccount) -> None:
     header = ",".join(("tick", *TickTimes._fields))
     formats = ["%d", *["%.1f"] * times.shape[1]]
     try:
-        np.savetxt(path, rows, fmt=formats, delimiter=",", header=header, comments="")
+        with atomic_write(path) as file:
+            np.savetxt(file, rows, fmt=formats, delimiter=",", header=header, comments="")
     except OSError as error:
-        raise RtControllerError(
+        raise OutputError(
             f"--ticks {path}: expected a file that can be written, found {error.strerror}. The run "
-            f"itself is complete; only this file is missing."
+            f"itself is complete; only this file is missing. Free some space before the next one."
         ) from error

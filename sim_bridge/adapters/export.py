@@ -6,6 +6,7 @@ from typing import Literal
 from rich.console import Console
 
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.files import write_text
 from sim_bridge.plant.shipped_cars import DEFAULT_CAR, shipped_cars
 
 
@@ -38,5 +39,5 @@ def build_fmu(file: Path, car: str = DEFAULT_CAR, fmi: Literal[2, 3] = 2) -> Pat
             f"there. Choose another name for the FMU."
         )
     write_fmu(file, car, FmiVersion(fmi))
-    mapping.write_text(mapping_text(), encoding="utf-8")
+    write_text(mapping, mapping_text())
     return mapping

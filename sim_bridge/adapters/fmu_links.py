@@ -8,9 +8,15 @@ from math import isclose
 from typing import Any, TypeVar
 
 from rt_controller.contract.errors import ConfigError
+from rt_controller.mapping.units import (
+    Unit,
+    find_unit,
+    require_unit,
+    unit_of_exponents,
+    unit_of_name,
+)
 from sim_bridge.adapters.fmu_file import FmuFile, Value
 from sim_bridge.adapters.fmu_mapping import Channel, FmuMapping
-from sim_bridge.units import Unit, find_unit, require_unit, unit_of_exponents, unit_of_name
 
 _Made = TypeVar("_Made")
 _Require = Callable[[FmuFile, str, Any], None]

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, create_model
 
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.files import read_text
 from rt_controller.contract.signals import ControlInput
+from rt_controller.mapping.toml_file import parse
 from sim_bridge.plant.protocol import MOTION_FIELDS, PlantOutputs, RoadAt
-from sim_bridge.toml_file import parse
 
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -104,7 +105,7 @@ def load_mapping(path: Path) -> FmuMapping:
         ConfigError: there is no file, or fields are missing, unknown or out of their limits.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(
             f"{path}: expected the mapping from the FMU's variables to the contract, found an "

@@ -7,6 +7,7 @@ import zipfile
 from pathlib import Path
 
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.files import atomic_write
 from rt_controller.contract.signals import ControlInput
 from sim_bridge.fmu_export.car_sources import car_sources
 from sim_bridge.fmu_export.compiler import compile_library
@@ -105,7 +106,7 @@ def _sources_of_values(text: str) -> dict[str, str]:
 
 def _write_archive(file: Path, content: dict[str, bytes]) -> None:
     try:
-        with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        with atomic_write(file) as out, zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
             for name in sorted(content):
                 entry = zipfile.ZipInfo(name, _TIME_STAMP)
                 entry.compress_type = zipfile.ZIP_DEFLATED

@@ -6,12 +6,15 @@ folder is named after the content of all files with kernels: a change in any of 
 """
 
 import hashlib
-import os
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any, TypeVar, cast
 
 import numba
+
+from rt_controller.contract.user_cache import user_cache_folder
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
@@ -20,11 +23,13 @@ _CONFIG: Any = numba.config
 
 
 def compiled(function: Kernel) -> Kernel:
-    """The function as machine code, compiled at its first call and cached on disk."""
+    """The function as machine code, compiled at its first call and cached on disk if possible."""
     outer = _CONFIG.CACHE_DIR
-    _CONFIG.CACHE_DIR = str(_cache_folder(outer) / f"kernels-{_SOURCES_DIGEST}")
+    folder = _cache_folder(outer)
+    if folder is not None:
+        _CONFIG.CACHE_DIR = str(folder / f"kernels-{_SOURCES_DIGEST}")
     try:
-        kernel = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+        kernel = numba.njit(cache=folder is not None, nogil=True, error_model="numpy")(function)
     finally:
         _CONFIG.CACHE_DIR = outer
     return cast(Kernel, kernel)
@@ -35,13 +40,22 @@ def uncompiled(kernel: Kernel) -> Kernel:
     return cast(Kernel, cast(Any, kernel).py_func)
 
 
-def _cache_folder(configured: str) -> Path:
-    """NUMBA_CACHE_DIR, else beside the sources, else (read-only installation) the user's cache."""
-    if configured:
-        return Path(configured)
-    if os.access(_FOLDER, os.W_OK):
-        return _FOLDER / "__pycache__"
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "rt-controller"
+@cache
+def _cache_folder(configured: str) -> Path | None:
+    """NUMBA_CACHE_DIR, else beside the sources, else (read-only installation) the user's cache.
+
+    None if no file can be written in any of them: then every process compiles for itself.
+    """
+    folders = [Path(configured)] if configured else [_FOLDER / "__pycache__"]
+    for folder in filter(None, (*folders, user_cache_folder())):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with TemporaryFile(dir=folder) as file:  # a full disk too is found only by writing
+                file.write(bytes(1))
+        except OSError:
+            continue
+        return folder
+    return None
 
 
 def _digest_of_sources() -> str:

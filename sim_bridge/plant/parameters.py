@@ -13,6 +13,7 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import AfterValidator, PlainValidator, TypeAdapter, ValidationInfo
 
 from rt_controller.contract.errors import ConfigError
+from rt_controller.mapping.toml_file import parse
 from sim_bridge.plant import car_parts as parts
 from sim_bridge.plant.car_values import STEEPEST_RAD, value_with_source
 from sim_bridge.plant.contradictions import contradictions
@@ -20,7 +21,7 @@ from sim_bridge.plant.drive import drive_parts as drive
 from sim_bridge.plant.shipped_cars import CARS_FOLDER, DEFAULT_CAR
 from sim_bridge.plant.tyre.tyre_coefficients import NO_TYRE_FILE, TyreFileParameters
 from sim_bridge.plant.tyre.tyre_file import read_tyre_file
-from sim_bridge.toml_file import parse, read_shipped_or_own
+from sim_bridge.toml_file import read_shipped_or_own
 
 
 def _read_tyre_file(entry: Any, info: ValidationInfo) -> TyreFileParameters:

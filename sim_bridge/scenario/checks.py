@@ -1,9 +1,9 @@
-"""Can the drive of a scenario be asked for? Checks of several fields together.
+"""Checks of several fields of a scenario together: whether it can be driven.
 
 The scenario is driven once as a point that follows the reference exactly.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import cos, sqrt
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.physics import GRAVITY_MPS2
 from rt_controller.contract.timing import PERIOD_S
+from sim_bridge.scenario.faults import Fault
 from sim_bridge.scenario.field_names import FORMAT_2, FieldNames
 from sim_bridge.scenario.lanes import Poses, road_margin_m
 from sim_bridge.scenario.lateral import Moves, overlaps
@@ -36,7 +37,7 @@ _COURSES = "reference.ey_m of kind iso_3888_1, iso_3888_2"
 
 
 def problems(scenario: Scenario, names: FieldNames = FORMAT_2) -> list[str]:
-    """A line for each reason why the drive cannot be asked for; empty if it can."""
+    """A line for each reason why the scenario cannot be driven; empty if it can."""
     if isinstance(scenario.lateral, Moves):
         found = overlaps(scenario.lateral.moves)
         if found:
@@ -51,7 +52,7 @@ def problems(scenario: Scenario, names: FieldNames = FORMAT_2) -> list[str]:
         ]
     drive = drive_nominally(scenario)
     return [
-        *_fault_problems(scenario),
+        *fault_problems(scenario.faults, scenario.duration_s),
         *_limit_problems(scenario, drive),
         *_pose_problems(scenario),
         *_lateral_problems(scenario, drive, names),
@@ -170,12 +171,14 @@ def _grip_problems(
     )
 
 
-def _fault_problems(scenario: Scenario) -> Iterator[str]:
-    for k, fault in enumerate(scenario.faults):
-        if fault.ticks.start >= scenario.ticks:
+def fault_problems(faults: Sequence[Fault], duration_s: float) -> Iterator[str]:
+    """Faults that begin after the end of the drive."""
+    for k, fault in enumerate(faults):
+        start_s = fault.ticks.start * PERIOD_S
+        if start_s >= duration_s:
             yield (
-                f"faults[{k}].start_s: expected less than duration_s, {scenario.duration_s:g} s, "
-                f"found {fault.ticks.start * PERIOD_S:g}. Let it start earlier."
+                f"faults[{k}].start_s: expected less than duration_s, {duration_s:g} s, found "
+                f"{start_s:g}. Let it start earlier."
             )
 
 
@@ -225,11 +228,3 @@ def _pose_problems(scenario: Scenario) -> Iterator[str]:
             f"within {allowed_m:.1f} m of its middle, found {reached_m:.1f} m at "
             f"{start.speed_mps * 3.6:.0f} km/h. Reduce it, or initial.speed_kmh."
         )
-
-
-def peak_lateral_mps2(scenario: Scenario) -> float:
-    """The largest lateral acceleration of the drive if it follows the reference exactly."""
-    drive = drive_nominally(scenario)
-    bend = np.gradient(np.gradient(drive.ey_m, drive.s_m), drive.s_m)
-    curvature = scenario.road.curvature_per_m(drive.s_m)
-    return float(np.max(np.abs(bend + curvature) * drive.speed_mps**2))

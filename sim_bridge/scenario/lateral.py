@@ -10,9 +10,6 @@ import numpy as np
 from rt_controller.contract.arrays import Array
 from sim_bridge.scenario.table import Table
 
-STEEPEST_MIN_JERK = 1.875
-"""peak slope of a minimum-jerk move, in units of height over length"""
-
 
 class Lateral(Protocol):
     """A wanted lateral deviation from the reference line, positive to the left."""
@@ -142,6 +139,36 @@ class Sine:
         """See `Lateral`."""
         name = "frequency_hz with a wavelength" if self.is_over_time else "wavelength_m"
         return Piece(name, self.period, 8)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LateralOfDrive:
+    """A law over time, at the times at which a drive at the wanted speed reaches each place.
+
+    The path is fixed to the road by this: a car that is slower, in a stop for example, can follow
+    it, too.
+    """
+
+    over_time: Lateral
+    s_m: Array
+    """(n,), increasing"""
+    time_s: Array
+    """(n,)"""
+    is_over_time: bool = False
+
+    def ey_m(self, s_m: Array, time_s: Array) -> Array:
+        """See `Lateral`."""
+        return self.over_time.ey_m(s_m, np.interp(s_m, self.s_m, self.time_s))
+
+    def knots(self) -> list[float]:
+        """See `Lateral`."""
+        return [float(s) for s in np.interp(self.over_time.knots(), self.time_s, self.s_m)]
+
+    def shortest_piece(self) -> Piece:
+        """See `Lateral`."""
+        slowest_mps = float(np.min(np.diff(self.s_m) / np.diff(self.time_s)))
+        piece = self.over_time.shortest_piece()
+        return piece._replace(length=piece.length * slowest_mps)
 
 
 def overlaps(moves: Sequence[Move]) -> list[str]:

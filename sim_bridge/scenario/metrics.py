@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rt_controller.car_figures import CarFigure
 from rt_controller.contract.arrays import Array
+from rt_controller.drive.car_figures import CarFigure
 from sim_bridge.scenario.lanes import (
     Course,
     Poses,

@@ -1,11 +1,13 @@
 """The drive that a scenario asks for: a point that follows its reference exactly."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.timing import PERIOD_S
+from sim_bridge.scenario.lateral import LateralOfDrive
 from sim_bridge.scenario.limits import LONGEST_ROAD_M
 from sim_bridge.scenario.scenario import Scenario
 from sim_bridge.scenario.speed import braking_speed, next_progress
@@ -61,6 +63,20 @@ def drive_nominally(scenario: Scenario) -> NominalDrive:
     speed_mps = np.interp(grid_m, place, motion.speed_mps[moving])
     ey_m = scenario.ey_m(grid_m, time_s)
     return NominalDrive(grid_m, time_s, speed_mps, ey_m, motion, reached)
+
+
+def fix_path(scenario: Scenario) -> Scenario:
+    """The scenario with a path that depends on the place only; see `LateralOfDrive`.
+
+    Beyond the end of the drive the path continues with the last speed.
+    """
+    if not scenario.lateral.is_over_time:
+        return scenario
+    drive = drive_nominally(scenario)
+    beyond_m = max(drive.speed_mps[-1], 1.0) * scenario.duration_s
+    s_m = np.append(drive.s_m, drive.s_m[-1] + beyond_m)
+    time_s = np.append(drive.time_s, drive.time_s[-1] + scenario.duration_s)
+    return replace(scenario, lateral=LateralOfDrive(scenario.lateral, s_m, time_s))
 
 
 def _at_constant_speed(scenario: Scenario) -> Motion:

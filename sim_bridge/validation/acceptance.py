@@ -8,7 +8,7 @@ from typing import Literal, Self
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, model_validator
 
-from sim_bridge.toml_file import parse
+from rt_controller.mapping.toml_file import parse
 
 _TABLE = "acceptance.toml"
 

@@ -8,6 +8,7 @@ from rich.console import Console
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.files import write_text
 from rt_controller.report.page import require_report_extra
 from rt_controller.report.table import Table, print_table
 from rt_controller.terminal.progress import announce
@@ -53,7 +54,7 @@ def validate(
     write_figures(json_file, [asdict(line) for line in results])
     if html is not None:
         title = _dated(f"Acceptance of {Path(car).name if car else 'the shipped cars'}")
-        html.write_text(acceptance_page(measured, title), encoding="utf-8")
+        write_text(html, acceptance_page(measured, title))
     console.print(count_sentence(results))
     return int(has_failed(results))
 
@@ -79,10 +80,8 @@ def _validate_recordings(
     ]
     write_figures(json_file, figures)
     if html is not None:
-        html.write_text(
-            comparison_page(replays, _dated(f"{Path(car).name} against recorded drives")),
-            encoding="utf-8",
-        )
+        title = _dated(f"{Path(car).name} against recorded drives")
+        write_text(html, comparison_page(replays, title))
     return 0
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from benchmarks.tables import percentiles
 from rt_controller.config import MpcSettings
-from rt_controller.contract.artifact import load_bundle, shipped_model
-from rt_controller.contract.bundle import Bundle
+from rt_controller.contract.model.artifact import load_bundle, shipped_model
+from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
 from rt_controller.control.lift import Encoder
 from rt_controller.control.mpc import Mpc

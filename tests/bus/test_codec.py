@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rt_controller.bus.catalogue import CATALOGUE, COMMAND
-from rt_controller.bus.codec import COUNTER_MASK, FrameCodec
+from rt_controller.bus.codec import FrameCodec
 from rt_controller.bus.dbc import DBC_PATH
+from rt_controller.bus.end_to_end.profile_22 import COUNTER_MASK
 
 DATABASE = cantools.database.load_file(DBC_PATH, strict=True)
 CODECS = [codec for message in CATALOGUE.messages for codec in message.codecs]
@@ -21,9 +22,10 @@ def _oracle(codec: FrameCodec) -> cantools.database.can.Message:
     return DATABASE.get_message_by_name(codec.name)
 
 
-def _nibble_name(codec: FrameCodec) -> str:
-    (name,) = (signal.name for signal in _oracle(codec).signals if signal.start == 12)
-    return name
+def _nibble(codec: FrameCodec, nibble: int) -> dict[str, int]:
+    """The signals in the high nibble of byte 1, by name."""
+    names = {signal.name for signal in _oracle(codec).signals if 12 <= signal.start < 16}
+    return {"Valid": nibble & 1, "Cycle": nibble >> 1} if "Valid" in names else {"Mode": nibble}
 
 
 @every_frame
@@ -34,7 +36,7 @@ def test_values_in_range_encode_to_the_bits_of_cantools(
 ) -> None:
     oracle = _oracle(codec)
     counter = data.draw(st.integers(0, 15))
-    nibble = data.draw(st.integers(0, 1))
+    nibble = data.draw(st.integers(0, 5))
     values = [
         data.draw(
             st.floats(float(signal.minimum), float(signal.maximum)),
@@ -44,8 +46,8 @@ def test_values_in_range_encode_to_the_bits_of_cantools(
         for signal in [oracle.get_signal_by_name(layout.name)]
     ]
     by_name = dict(zip((layout.name for layout in codec.signals), values, strict=True))
-    plain = oracle.encode({"Crc": 0, "Counter": counter, _nibble_name(codec): nibble, **by_name})
-    expected = apply_profile2_crc(plain, codec.data_ids[counter])
+    plain = oracle.encode({"Crc": 0, "Counter": counter, **_nibble(codec, nibble), **by_name})
+    expected = apply_profile2_crc(plain, codec.protection.data_ids[counter])
 
     frame = codec.encode(values, counter, nibble)
 
@@ -67,7 +69,7 @@ def test_raw_values_in_range_decode_to_the_floats_of_cantools(
         for layout in codec.signals
     }
     frame = oracle.encode(
-        {"Crc": 0, "Counter": 0, _nibble_name(codec): 1, **raws}, scaling=False, strict=False
+        {"Crc": 0, "Counter": 0, **_nibble(codec, 1), **raws}, scaling=False, strict=False
     )
     decoded = oracle.decode(frame, decode_choices=False)
     assert codec.decode(frame) == tuple(decoded[layout.name] for layout in codec.signals)
@@ -114,6 +116,17 @@ def test_a_range_ends_half_an_lsb_outside_its_bounds(codec: FrameCodec) -> None:
             assert codec.decode(codec.encode(values, 0, 1))[place] == at_bound
             values[place] = (raw + 0.6 * outwards) * layout.scale + layout.offset
             assert isnan(codec.decode(codec.encode(values, 0, 1))[place])
+
+
+@every_frame
+def test_a_counter_is_read_with_its_cycle_as_it_was_written(codec: FrameCodec) -> None:
+    values = (1,) * codec.n_values
+    assert codec.counter_modulus == (16 if codec.name in ("ACT_CMD", "CTRL_HB") else 128)
+    for counter in range(128):
+        frame = codec.write(values, counter)
+        assert codec.is_intact(frame)
+        assert codec.counter_of(frame) == counter % codec.counter_modulus
+        assert frame[1] & COUNTER_MASK == counter % 16
 
 
 @pytest.mark.parametrize("length", [0, 1, 7, 9, 64])

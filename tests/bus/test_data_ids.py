@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from rt_controller.bus.codec import frame_crc
 from rt_controller.bus.data_ids import choose, find_objections, main, read_data_ids
 from rt_controller.bus.dbc import DBC_PATH
+from rt_controller.bus.end_to_end.profile_22 import frame_crc
 from rt_controller.contract.errors import ConfigError
 
 TEXT = DBC_PATH.read_text(encoding="ascii")

@@ -4,7 +4,7 @@ import hashlib
 
 import pytest
 
-from rt_controller.bus.catalogue import Identity
+from rt_controller.bus.contents import Identity
 from rt_controller.bus.dbc import DBC_PATH
 from rt_controller.bus.identity import (
     dbc_hash,
@@ -14,8 +14,8 @@ from rt_controller.bus.identity import (
     require_same_catalogue,
 )
 from rt_controller.config import ControllerConfig
-from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import BusError
+from rt_controller.contract.model.bundle import Bundle
 from rt_controller.planner import build_mpc
 from rt_controller.realtime.clock import LockstepClock
 from rt_controller.session import ControllerSession

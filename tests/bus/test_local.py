@@ -1,11 +1,9 @@
 """The bus between processes of one machine."""
 
-import os
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
 
 import can
 import pytest
@@ -13,22 +11,7 @@ import pytest
 from rt_controller.bus import local
 from rt_controller.bus.local import LocalBus
 from rt_controller.bus.ring import SLOTS
-from rt_controller.bus.transport import close_bus, open_bus
-
-
-@pytest.fixture
-def join(tmp_path, monkeypatch) -> Iterator[Callable[..., can.BusABC]]:
-    monkeypatch.setattr(local, "SHARED_MEMORY", tmp_path)
-    monkeypatch.setattr(local, "REFRESH_NS", 0)
-    buses: list[can.BusABC] = []
-
-    def open_one(channel: str = "road") -> can.BusABC:
-        buses.append(open_bus("local", channel))
-        return buses[-1]
-
-    yield open_one
-    for bus in buses:
-        close_bus(bus)
+from rt_controller.bus.transport import close_bus
 
 
 def frame(number: int, length: int = 8, **kind: bool) -> can.Message:
@@ -45,6 +28,8 @@ def frame(number: int, length: int = 8, **kind: bool) -> can.Message:
         frame(0x7FF, 0),
         frame(0x1ABCDEF0, 3, is_extended_id=True),
         frame(0x20, 4, is_remote_frame=True),
+        frame(0x111, 64, is_fd=True),
+        frame(0x112, 12, is_fd=True, bitrate_switch=True, error_state_indicator=True),
     ],
 )
 def test_a_frame_arrives_as_it_was_sent(join, sent):
@@ -121,15 +106,6 @@ def test_filters_apply_to_blocking_and_non_blocking_reads(join):
     assert other.recv(0.0) is None
 
 
-def test_files_that_are_not_rings_are_ignored(join):
-    bus, other = join(), join()
-    (bus._folder / "notes.txt").write_text("gone: no such process")
-    (bus._folder / f"{os.getpid()}.1").write_bytes(bytes(200_000))
-    other.send(frame(7))
-    assert bus.recv(0.0).arbitration_id == 7
-    assert not (bus._folder / "notes.txt").exists()
-
-
 def test_the_last_frames_of_a_member_that_leaves_arrive(join):
     bus, other = join(), join()
     other.send(frame(1))
@@ -146,7 +122,7 @@ def test_frames_of_a_member_that_leaves_at_once_arrive(join, monkeypatch):
     bus.recv(0.0)
     brief = subprocess.Popen([sys.executable, "-c", BRIEF, str(bus._folder.parents[1])])
     try:
-        assert bus.recv(30.0).arbitration_id == 0x42
+        assert bus.recv(90.0).arbitration_id == 0x42
         assert brief.wait(10.0) == 0
     finally:
         brief.kill()
@@ -234,9 +210,10 @@ def test_a_closed_bus_raises(join):
         bus.send(frame(1))
 
 
-def test_frames_of_can_fd_and_unknown_options_are_refused(join):
-    with pytest.raises(can.CanOperationError, match="classic"):
-        join().send(can.Message(arbitration_id=1, is_fd=True, data=bytes(12)))
+def test_frames_that_are_too_long_and_unknown_options_are_refused(join):
+    for longest, is_fd in ((8, False), (64, True)):
+        with pytest.raises(can.CanOperationError, match=f"expected {longest} bytes at most"):
+            join().send(can.Message(arbitration_id=1, is_fd=is_fd, data=bytes(longest + 1)))
     with pytest.raises(can.CanInitializationError, match="speed"):
         LocalBus("road", speed=3)
 

@@ -1,18 +1,19 @@
 """Tools of python-can and cantools read a local bus beside a drive."""
 
-import fcntl
 import os
-import pty
 import signal
-import struct
 import subprocess
 import sys
-import termios
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import can
+import pytest
 from made_frames import SAMPLE
+from terminal_tool import TerminalTool
 
 from rt_controller.bus.catalogue import STATE
 from rt_controller.bus.dbc import DBC_PATH
@@ -23,6 +24,7 @@ from rt_controller.bus.transport import open_bus
 CHANNEL = f"tools-{os.getpid()}"
 BUS_OPTIONS = ("-i", "local", "-c", CHANNEL)
 TIMEOUT_S = 60.0
+PYTHON = sys.executable
 CAN_LOGGER = (
     "import signal, can.logger\n"
     "# A shell lets the programs that it starts in the background ignore Ctrl-C.\n"
@@ -31,48 +33,46 @@ CAN_LOGGER = (
 )
 
 
-def test_can_logger_and_cantools_monitor_read_along(tmp_path: Path) -> None:
-    log = tmp_path / "drive.log"
-    terminal, tools_end = pty.openpty()
-    fcntl.ioctl(tools_end, termios.TIOCSWINSZ, struct.pack("HHHH", 50, 120, 0, 0))
-    os.set_blocking(terminal, False)
-    tool = [sys.executable, "-m"]
-    logger = subprocess.Popen(
-        [sys.executable, "-c", CAN_LOGGER, *BUS_OPTIONS, "--filter", "110:7FF", "-f", log]
-    )
-    monitor = subprocess.Popen(
-        [*tool, "cantools", "monitor", *BUS_OPTIONS, DBC_PATH],
-        stdin=tools_end,
-        stdout=tools_end,
-        env={**os.environ, "TERM": "xterm"},
-    )
-    shown = b""
-    try:
+@pytest.fixture
+def _sent_states() -> Iterator[None]:
+    """A vehicle that sends its state all the time."""
+    is_ending = threading.Event()
+
+    def send() -> None:
         with open_bus("local", CHANNEL) as bus:
             outbox = Outbox(bus, Node.VEHICLE)
-            until = time.monotonic() + TIMEOUT_S
-            while time.monotonic() < until:
+            while not is_ending.wait(0.01):
                 outbox.send(STATE, SAMPLE, 0)
-                shown += _read(terminal)
-                if b"VelocityX: 20.0 m/s" in shown and log.exists() and log.stat().st_size > 0:
-                    break
-                time.sleep(0.01)
-        os.write(terminal, b"q")
+
+    vehicle = threading.Thread(target=send)
+    vehicle.start()
+    yield
+    is_ending.set()
+    vehicle.join()
+
+
+@pytest.mark.usefixtures("_sent_states")
+def test_can_logger_can_viewer_and_cantools_monitor_read_along(tmp_path: Path) -> None:
+    log = tmp_path / "drive.log"
+    with ExitStack() as running:
+        logger = subprocess.Popen(
+            [PYTHON, "-c", CAN_LOGGER, *BUS_OPTIONS, "--filter", "110:7FF", "-f", log]
+        )
+        running.callback(logger.wait)
+        running.callback(logger.kill)
+        viewer = running.enter_context(TerminalTool(PYTHON, "-m", "can.viewer", *BUS_OPTIONS))
+        monitor = running.enter_context(
+            TerminalTool(PYTHON, "-m", "cantools", "monitor", *BUS_OPTIONS, DBC_PATH)
+        )
+        viewer.wait_for(b"0x110", b"0x111", b"0x112")
+        monitor.wait_for(b"VelocityX: 20.0 m/s")
+        assert viewer.press(b"q") == 0
+        assert monitor.press(b"q") == 0
+        give_up = time.monotonic() + TIMEOUT_S
+        while not (log.exists() and log.stat().st_size > 0) and time.monotonic() < give_up:
+            time.sleep(0.02)
         logger.send_signal(signal.SIGINT)
-        assert monitor.wait(TIMEOUT_S) == 0
         assert logger.wait(TIMEOUT_S) == 0
-    finally:
-        for process in (logger, monitor):
-            process.kill()
-            process.wait()
-    assert b"VelocityX: 20.0 m/s" in shown
     logged = list(can.CanutilsLogReader(log))
     assert {message.arbitration_id for message in logged} == {0x110}
     assert all(STATE.codecs[0].is_intact(message.data) for message in logged)
-
-
-def _read(terminal: int) -> bytes:
-    try:
-        return os.read(terminal, 65_536)
-    except BlockingIOError:
-        return b""

@@ -17,7 +17,8 @@ TRIAL_DBC = """
 BO_ 2047 TRIAL: 8 VEHICLE
  SG_ Crc : 0|8@1+ (1,0) [0|255] "" CONTROLLER
  SG_ Counter : 8|4@1+ (1,0) [0|15] "" CONTROLLER
- SG_ Valid : 12|4@1+ (1,0) [0|1] "" CONTROLLER
+ SG_ Valid : 12|1@1+ (1,0) [0|1] "" CONTROLLER
+ SG_ Cycle : 13|3@1+ (1,0) [0|7] "" CONTROLLER
  SG_ Voltage : 16|16@1+ (0.01,0) [0|600] "V" CONTROLLER
  SG_ Temperature : 32|8@1- (1,0) [-40|120] "degC" CONTROLLER
 

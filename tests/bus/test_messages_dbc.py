@@ -7,10 +7,11 @@ import cantools
 import pytest
 from cantools.database.can import Message, Signal
 
-from rt_controller.bus.catalogue import CATALOGUE, COMMAND, REFERENCE, Fault
+from rt_controller.bus.catalogue import CATALOGUE, COMMAND, REFERENCE
 from rt_controller.bus.codec import FrameCodec, FrameSpec
+from rt_controller.bus.contents import Fault, Refusal
 from rt_controller.bus.cycle_times import with_cycle_times
-from rt_controller.bus.dbc import DBC_PATH, read_dbc
+from rt_controller.bus.dbc import DBC_PATH, dbc_path, read_dbc
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import Mode
@@ -85,8 +86,9 @@ def test_cycle_times_follow_from_the_control_period() -> None:
             assert message.cycle_time == definition.cycle_ms, codec.name
 
 
-def test_cycle_times_in_the_dbc_are_replaced_by_those_of_the_period() -> None:
-    text = DBC_PATH.read_text(encoding="ascii")
+@pytest.mark.parametrize("is_fd", [False, True])
+def test_cycle_times_in_the_dbc_are_replaced_by_those_of_the_period(is_fd: bool) -> None:
+    text = dbc_path(is_fd).read_text(encoding="ascii")
     outdated = text.replace('"GenMsgCycleTime" BO_ 312 100;', '"GenMsgCycleTime" BO_ 312 7;')
     assert outdated != text
     assert with_cycle_times(outdated) == text
@@ -105,8 +107,16 @@ def test_every_fault_bit_has_its_name_in_the_value_table() -> None:
     faults = DATABASE.get_message_by_name("CTRL_HB").get_signal_by_name("Faults")
     names = {raw: str(text) for raw, text in faults.choices.items()}
     bits = {int(fault): fault.name for fault in Fault}
+    assert names == {0: "NONE", **bits, 65535: "NotAvailable"}
+    assert sum(bits) <= faults.maximum
+
+
+def test_every_bit_of_the_vehicle_has_its_name_in_the_value_table() -> None:
+    faults = DATABASE.get_message_by_name("STATE_C").get_signal_by_name("VehicleFaults")
+    names = {raw: str(text) for raw, text in faults.choices.items()}
+    bits = {int(refusal): refusal.name for refusal in Refusal}
     assert names == {0: "NONE", **bits, 255: "NotAvailable"}
-    assert faults.maximum == sum(bits) - Fault.STATE_STALE  # without a state nothing is compared
+    assert faults.maximum == sum(bits) - 1  # a command of two sources is not looked into
 
 
 def test_the_command_has_the_highest_priority() -> None:
@@ -169,6 +179,54 @@ def test_a_dbc_that_the_codec_does_not_support_is_refused(
     text = DBC_PATH.read_text(encoding="ascii")
     assert line in text
     path = tmp_path / "messages.dbc"
+    path.write_text(text.replace(line, replacement), encoding="ascii")
+    with pytest.raises(ConfigError, match=r"(?s)expected .* found .*Restore"):
+        FrameCodec(
+            read_dbc(path),
+            FrameSpec("ACT_CMD", "Mode", ("Throttle", "BrakeForce", "SteeringWheelAngle")),
+        )
+
+
+def test_the_frames_of_can_fd_have_the_signals_of_the_classic_ones() -> None:
+    """Scaling, range, unit and names of values are those of messages.dbc."""
+    fast = cantools.database.load_file(dbc_path(is_fd=True), strict=True)
+    assert {message.name for message in fast.messages} == {
+        codec.name for each in CATALOGUE.messages for codec in each.fd_codecs
+    }
+    for definition in CATALOGUE.messages:
+        (codec,) = definition.fd_codecs
+        message = fast.get_message_by_name(codec.name)
+        assert message.frame_id == definition.codecs[0].arbitration_id
+        assert message.cycle_time == definition.cycle_ms
+        assert message.senders == [definition.sender]
+        assert message.is_fd
+        assert message.comment
+        assert all(signal.comment for signal in message.signals)
+        for classic in definition.codecs:
+            for signal in DATABASE.get_message_by_name(classic.name).signals:
+                if signal.name in ("Crc", "Counter", "Cycle"):
+                    continue
+                other = message.get_signal_by_name(signal.name)
+                for name in ("scale", "offset", "minimum", "maximum", "unit", "is_signed"):
+                    assert getattr(other, name) == getattr(signal, name), signal.name
+                assert (other.choices or {}) == (signal.choices or {}), signal.name
+
+
+@pytest.mark.parametrize(
+    ("line", "replacement"),
+    [
+        ('BA_ "E2EDataId" BO_ 256 256;', ""),
+        ("SG_ Crc : 0|16@1+", "SG_ Crc : 0|8@1+"),
+        ("SG_ Counter : 16|8@1+", "SG_ Counter : 16|4@1+"),
+        (" Throttle ", " Pedal "),
+    ],
+)
+def test_a_dbc_of_can_fd_that_the_codec_does_not_support_is_refused(
+    tmp_path: Path, line: str, replacement: str
+) -> None:
+    text = dbc_path(is_fd=True).read_text(encoding="ascii")
+    assert line in text
+    path = tmp_path / "messages_fd.dbc"
     path.write_text(text.replace(line, replacement), encoding="ascii")
     with pytest.raises(ConfigError, match=r"(?s)expected .* found .*Restore"):
         FrameCodec(

@@ -13,10 +13,11 @@ from rt_controller.bus.catalogue import (
     REFERENCE,
     STATE,
     VEHICLE_IDENTITY,
-    Command,
 )
+from rt_controller.bus.contents import Command
+from rt_controller.bus.end_to_end.assembly import ReceptionCounts
 from rt_controller.bus.identity import own_identity
-from rt_controller.bus.inbox import Inbox, ReceptionCounts
+from rt_controller.bus.inbox import Inbox
 from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import DiscardBus, Outbox
 from rt_controller.bus.transport import open_bus
@@ -62,7 +63,7 @@ def test_all_that_one_end_sends_arrives_at_the_other(sender, receiver, contents)
         newest = inbox.newest(message)
         assert newest is not None
         assert message.encode(newest.content, 0) == message.encode(content, 0)
-        assert (newest.counter, newest.arrival_ns) == (19 % 16, 19)
+        assert (newest.counter, newest.arrival_ns) == (19 % message.codecs[0].counter_modulus, 19)
 
 
 def test_a_state_marked_as_invalid_is_not_received() -> None:
@@ -132,10 +133,10 @@ def test_a_content_is_found_under_the_counter_it_was_sent_with() -> None:
     assert outbox.content_under(COMMAND, 15) is None
     outbox.send(COMMAND, throttle(0.5), 0, counter=15)
     assert outbox.content_under(COMMAND, 15) == throttle(0.5)
-    for counter in range(3, 3 + 20):
-        outbox.send(COMMAND, throttle(0.01 * counter), 0, counter=counter)
-    for counter in range(7, 7 + 16):
-        assert outbox.content_under(COMMAND, counter % 16) == throttle(0.01 * counter)
+    for counter in range(3, 3 + 140):
+        outbox.send(COMMAND, throttle(0.005 * counter), 0, counter=counter)
+    for counter in range(15, 15 + 128):
+        assert outbox.content_under(COMMAND, counter % 128) == throttle(0.005 * counter)
 
 
 def test_of_two_commands_under_one_counter_the_first_is_the_one_that_counts() -> None:

@@ -12,6 +12,7 @@ import can
 import pytest
 from can.interfaces.virtual import VirtualBus
 
+from rt_controller.bus import transport
 from rt_controller.bus.transport import (
     VIRTUAL_QUEUE_FRAMES,
     close_bus,
@@ -67,6 +68,11 @@ def test_options_reach_the_interface() -> None:
 def test_an_unknown_interface_is_refused_with_the_known_ones() -> None:
     with pytest.raises(ConfigError, match=r"'soketcan'.*virtual, local.*did you mean socketcan\?"):
         open_bus("soketcan", "vcan0")
+
+
+def test_a_channel_with_a_null_character_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"`channel`: expected .*, found 'a\\x00b'"):
+        open_bus("virtual", "a\0b")
 
 
 def test_a_channel_that_does_not_exist_is_refused() -> None:
@@ -185,3 +191,29 @@ def test_closing_a_bus_that_has_failed_raises_nothing(
     gc.collect()
     assert Gone.attempts == 1
     assert not [each for each in recwarn if "unraisable" in str(each.message).lower()]
+
+
+def test_closing_a_bus_whose_other_end_does_not_answer_is_given_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    answered = threading.Event()
+
+    class Frozen(VirtualBus):
+        def shutdown(self) -> None:
+            answered.wait()
+
+    monkeypatch.setattr(transport, "LONGEST_CLOSE_S", 0.01)
+    bus = Frozen(channel="frozen")
+    close_bus(bus)
+    assert bus._is_shutdown
+    answered.set()
+
+
+def test_a_server_that_accepts_and_says_nothing_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("can_remote")
+    monkeypatch.setattr(transport, "CONNECTION_TIMEOUT_S", 0.05)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        port = silent.getsockname()[1]
+        with pytest.raises(BusError, match=r"expected a server that answers .* found none"):
+            open_bus("remote", f"ws://127.0.0.1:{port}/")
+    assert socket.getdefaulttimeout() is None

@@ -14,7 +14,7 @@ from made_models import WITH_ALL, make_bundle
 from virtual_drive import drive
 
 from rt_controller.bus.catalogue import FEEDBACK, STATE
-from rt_controller.contract.artifact import save_bundle
+from rt_controller.contract.model.artifact import save_bundle
 from rt_controller.contract.signals import VehicleState
 from rt_controller.control.lift import Encoder
 
@@ -24,7 +24,7 @@ HALF_A_STEP_OF_THE_FRAMES = np.array([1e-6, 1e-6, 1e-6, 1.01e-5, 1.26e-3, 3.5e-5
 
 @pytest.fixture
 def model(tmp_path: Path) -> Path:
-    save_bundle(tmp_path / "model", make_bundle(WITH_ALL, rank=2, bend=0.1), "# made for a test\n")
+    save_bundle(tmp_path / "model", make_bundle(WITH_ALL, rank=2, bend=0.02), "# made for a test\n")
     return tmp_path / "model"
 
 

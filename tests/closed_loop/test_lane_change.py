@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from virtual_drive import Figures, drive
+from virtual_drive import SHORT_LANE_CHANGE, Figures, drive
 
 from rt_controller.control.piqp_solver import MAX_ITERATIONS
 from rt_controller.control.warm_start import MAX_ROUNDS
@@ -90,3 +90,19 @@ def test_in_real_time_the_car_runs_beside_the_controller(tmp_path: Path) -> None
     assert figures["ticks"] + figures["skipped_ticks"] >= 60
     assert figures["ey_peak_m"] <= 0.3
     assert figures["wake_us"]["max"] > 0.0
+
+
+def test_a_drive_over_can_fd_is_that_over_classic_can(tmp_path: Path) -> None:
+    """Up to the one tick by which the first frames differ, the same contents: the same drive."""
+    found = []
+    for name, options in (("classic", ()), ("fd", ("--fd",))):
+        folder = tmp_path / name
+        folder.mkdir()
+        log = str(folder / "drive.log")
+        scenario = ("--scenario", SHORT_LANE_CHANGE, "--record", log)
+        found.append(drive(folder, "lti", *scenario, *options))
+    classic, fast = found
+    for key in ("ticks", "ey_rms_m", "ey_peak_m", "vx_rms_mps", "ending", "ticks_by_fault"):
+        assert fast[key] == classic[key], key
+    assert fast["bus_load_at_500_kbps"] <= 0.105
+    assert "##0" in (tmp_path / "fd" / "drive.log").read_text()

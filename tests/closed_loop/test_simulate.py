@@ -10,8 +10,8 @@ import pytest
 from kinematic_plant import KinematicCar
 
 from rt_controller import Bundle, Drive, cli, simulate
-from rt_controller.contract.artifact import load_bundle, shipped_model
 from rt_controller.contract.errors import ConfigError, MissingExtraError, PlantError
+from rt_controller.contract.model.artifact import load_bundle, shipped_model
 from rt_controller.contract.signals import ControlInput, Mode
 
 
@@ -49,6 +49,12 @@ def test_a_drive_is_iterated_by_columns_and_described_in_one_line(drive: Drive) 
     assert tuple(drive) == drive.columns
     assert "lateral error RMS" in repr(drive)
     assert "\n" not in repr(drive)
+
+
+def test_a_drive_says_why_and_in_which_tick_its_safe_stop_began(drive: Drive) -> None:
+    assert drive.stop_cause == "STOP_REQUESTED"
+    assert drive.stop_tick == drive.modes.index(Mode.SAFE_STOP)
+    assert drive.stop_s == pytest.approx(drive["time_s"][drive.stop_tick])
 
 
 @pytest.mark.parametrize("duration_s", [0.0, -1.0, np.nan, np.inf])

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from benchmarks.processes import program, start, start_bus_server
-from rt_controller.contract.artifact import shipped_model
+from rt_controller.contract.model.artifact import shipped_model
 
 PATIENCE_S = 90.0
 
@@ -40,7 +40,7 @@ class Drive:
 
     def start_controller(self, name: str = "controller") -> subprocess.Popen[bytes]:
         # Deadlines are not tested here: a shared machine may stall longer than a vehicle's.
-        options = ("--realtime.deadline-ms", "25", "--wait-s", "60")
+        options = ("--realtime.deadline-ms", "25", "--wait-s", "60", "--model-trial", "off")
         model = str(shipped_model("lti"))
         return self.start_program(name, "rt_controller.cli", "--model", model, *options)
 
@@ -128,6 +128,17 @@ def test_ctrl_c_stops_the_car_and_ends_both_programs(local: Drive) -> None:
 
 
 @pytest.mark.nightly
+def test_ctrl_c_at_the_car_ends_the_mission_and_both_programs(local: Drive) -> None:
+    car, controller = local.start_car(), local.start_controller()
+    local.wait_for_nominal()
+    car.send_signal(signal.SIGINT)
+    local.expect_exit(car, "car", 0)
+    local.expect_exit(controller, "controller", 0, 4)
+    assert local.summary("controller")["ending"] == "MISSION_OVER"
+    assert not local.summary("car")["watchdog_braked"]
+
+
+@pytest.mark.nightly
 def test_a_controller_whose_car_is_killed_ends_in_a_safe_stop(local: Drive) -> None:
     car, controller = local.start_car(), local.start_controller()
     local.wait_for_nominal()
@@ -136,6 +147,31 @@ def test_a_controller_whose_car_is_killed_ends_in_a_safe_stop(local: Drive) -> N
     summary = local.summary("controller")
     assert summary["final_mode"] == "SAFE_STOP"
     assert summary["stop_cause"] in {"STATE_LOST", "MISSION_LOST"}
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("signals", [0, 1])
+def test_a_server_that_freezes_holds_up_neither_end(remote: Drive, signals: int) -> None:
+    car, controller = remote.start_car(), remote.start_controller()
+    remote.wait_for_nominal()
+    assert remote.server is not None
+    remote.server.send_signal(signal.SIGSTOP)
+    for process in (car, controller) if signals else ():
+        process.send_signal(signal.SIGTERM)
+    remote.expect_exit(car, "car", 0, 5)
+    remote.expect_exit(controller, "controller", 0, 5, 6)
+    remote.server.send_signal(signal.SIGCONT)
+
+
+def test_a_second_ctrl_c_still_stops_the_car_first(local: Drive) -> None:
+    car, controller = local.start_car(), local.start_controller()
+    local.wait_for_nominal()
+    controller.send_signal(signal.SIGINT)
+    controller.send_signal(signal.SIGHUP)
+    local.expect_exit(controller, "controller", 0, 4)
+    local.expect_exit(car, "car", 0)
+    assert local.summary("controller")["ending"] == "STOPPED"
+    assert local.summary("car")["final_speed_mps"] < 0.5
 
 
 @pytest.mark.nightly

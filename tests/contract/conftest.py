@@ -5,11 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rt_controller.contract.artifact import save_bundle
-from rt_controller.contract.bilinear import Bilinear
-from rt_controller.contract.bundle import Bundle, Lift, LiftSample
+from rt_controller.contract.model.artifact import save_bundle
+from rt_controller.contract.model.bilinear import Bilinear
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.lift import Lift, LiftSample
+from rt_controller.contract.model.validation import DRIVABLE_HISTORY
 from rt_controller.contract.schema import Schema, Signal
-from rt_controller.contract.validation import DRIVABLE_HISTORY
 
 PLANAR = Schema(
     states=(Signal("vx_mps", "m/s"), Signal("vy_mps", "m/s"), Signal("yaw_rate_radps", "rad/s")),

@@ -35,12 +35,14 @@ def test_without_a_path_nothing_is_written() -> None:
         (".", "a folder of that name"),
         ("file/figures.json", "no folder"),
         ("x" * 300, "name too long"),
+        ("loop", "symbolic links"),
     ],
 )
 def test_a_path_that_cannot_be_written_is_refused_with_the_reason(
     tmp_path: Path, name: str, obstacle: str
 ) -> None:
     (tmp_path / "file").touch()
+    (tmp_path / "loop").symlink_to("loop")
     with pytest.raises(ConfigError, match="--json") as error:
         require_writable(tmp_path / name)
     assert obstacle in str(error.value)

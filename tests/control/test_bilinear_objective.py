@@ -10,9 +10,10 @@ from made_models import input_matrix, make_bundle
 
 from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.bundle import Bundle, Lift
-from rt_controller.contract.follow import Follow
 from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.follow import Follow
+from rt_controller.contract.model.lift import Lift
 from rt_controller.control.objective import Objective
 from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.piqp_solver import PiqpSolver

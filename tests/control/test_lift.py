@@ -8,9 +8,10 @@ import onnx_bytes
 import pytest
 from made_models import WITH_ALL, WITH_PAST, WITH_ROAD, make_bundle
 
-from rt_controller.contract.artifact import load_bundle, shipped_model
-from rt_controller.contract.bundle import Bundle, Lift
 from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.model.artifact import load_bundle, shipped_model
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.lift import Lift
 from rt_controller.contract.signals import VehicleState
 from rt_controller.control.lift import Encoder
 

@@ -9,11 +9,12 @@ from made_models import WITH_ALL, WITH_PAST, WITH_ROAD, input_matrix, make_bundl
 
 from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.artifact import load_bundle, shipped_model
-from rt_controller.contract.bundle import Bundle, Lift
 from rt_controller.contract.errors import ArtifactError, ConfigError
-from rt_controller.contract.follow import Follow
 from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.model.artifact import load_bundle, shipped_model
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.follow import Follow
+from rt_controller.contract.model.lift import Lift
 from rt_controller.contract.schema import VEHICLE
 from rt_controller.contract.signals import (
     ControlInput,

@@ -16,10 +16,10 @@ from random_problems import (
 from scipy.linalg import block_diag
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.follow import Follow
 from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.follow import Follow
 from rt_controller.contract.signals import ControlInput
 from rt_controller.control.objective import free_response
 from rt_controller.control.piqp_solver import PiqpSolver

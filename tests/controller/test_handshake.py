@@ -1,16 +1,27 @@
 """The controller waits for a vehicle that fits, and refuses a bus on which it must not drive."""
 
-import pytest
-from scripted_vehicle import Rig, fail
+from collections.abc import Iterator
 
-from rt_controller.bus.catalogue import COMMAND, STATE, VEHICLE_IDENTITY, Command, Identity
+import pytest
+from scripted_vehicle import Rig, build_rig, fail
+
+from rt_controller.bus.catalogue import COMMAND, STATE, VEHICLE_IDENTITY
+from rt_controller.bus.contents import Command, Identity
 from rt_controller.bus.identity import own_identity
 from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import Outbox
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.signals import NEUTRAL_INPUT, Mode
+from rt_controller.control.mpc import Mpc
 from rt_controller.handshake import wait_for_vehicle
 from rt_controller.loop import StopRequest
+
+
+@pytest.fixture
+def rig(mpc_of_session: Mpc) -> Iterator[Rig]:
+    """Nothing was sent or received yet."""
+    with build_rig(mpc_of_session, standby_ticks=0) as built:
+        yield built
 
 
 def wait(rig: Rig) -> None:
@@ -42,6 +53,18 @@ def test_the_error_after_the_wait_names_the_missing_frames_and_a_remedy(rig: Rig
     with pytest.raises(BusError, match="STATE_A/B/C") as error:
         wait(rig)
     assert "Start sim-bridge" in str(error.value)
+
+
+def test_the_error_after_the_wait_names_the_option_of_the_other_format(
+    rig: Rig, mpc_of_session: Mpc
+) -> None:
+    fast = Outbox(rig.vehicle_bus, Node.VEHICLE, is_fd=True)
+    rig.vehicle.state = None
+    rig.vehicle.after_sending = lambda now_ns: fast.send(
+        VEHICLE_IDENTITY, own_identity(None, is_fd=True), now_ns
+    )
+    with pytest.raises(BusError, match=r"classic CAN within 2 s, found \d+ of CAN FD.*--fd"):
+        wait(rig)
 
 
 def test_a_bus_that_cannot_be_read_is_an_error_with_what_to_check(

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from made_models import WITH_PAST, make_bundle
 from scripted_vehicle import CRUISING, ENGAGED, STRAIGHT, Rig, build_rig
 
-from rt_controller.bus.catalogue import STATE, Command, StateSample
-from rt_controller.bus.inbox import Received
+from rt_controller.bus.catalogue import STATE
+from rt_controller.bus.contents import Command, Fault, StateSample
 from rt_controller.config import MpcSettings
+from rt_controller.contract.model.validation import DRIVABLE_HISTORY
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, VehicleState
-from rt_controller.contract.validation import DRIVABLE_HISTORY
 from rt_controller.control.lift import Encoder
 from rt_controller.control.mpc import Mpc
 from rt_controller.step import StepResult
@@ -36,10 +36,11 @@ class Watched:
         self.rig = rig
         self.shown: np.ndarray | None = None
         self.echo_lag = 1
-        self._accepted: list[Received[Command]] = []
+        self._accepted = [(rig.heartbeat.state_counter, rig.command.content)]
+        """state counters and contents of the commands"""
 
     @property
-    def applied(self) -> Received[Command] | None:
+    def applied(self) -> tuple[int, Command] | None:
         """The command applied before the next state; None: none was."""
         known = len(self._accepted) >= self.echo_lag
         return self._accepted[-self.echo_lag] if known else None
@@ -47,12 +48,12 @@ class Watched:
     def tick(self, skipped: int = 0, **vehicle: object) -> StepResult:
         """One tick; the keywords change what the vehicle sends from now on."""
         command = self.applied
-        self.rig.vehicle.command_echo = None if command is None else command.counter
+        self.rig.vehicle.command_echo = None if command is None else command[0]
         for name, value in vehicle.items():
             setattr(self.rig.vehicle, name, value)
         self.shown = None
         result = self.rig.tick(skipped=skipped)
-        self._accepted.append(self.rig.command)
+        self._accepted.append((self.rig.heartbeat.state_counter, self.rig.command.content))
         return result
 
     def received(self) -> VehicleState:
@@ -152,19 +153,18 @@ def test_a_missing_state_restarts_the_history(watched: Watched) -> None:
     assert watched.tick(state=moving(8)).mode is Mode.NOMINAL
     assert_restarted(watched, held)
     first = row(watched.received(), held)
-    # Two commands were sent with one counter; the vehicle accepts only the first.
-    watched.tick(state=moving(9))
-    assert_shown(watched, [first] * STEPS)
     known = row(watched.received(), watched.rig.step.result.control)
-    watched.tick(state=moving(10))
+    watched.tick(state=moving(9))
     assert_shown(watched, [first] * (STEPS - 1) + [known])
 
 
 def send_one_more_state(watched: Watched, k: int) -> None:
     """The vehicle sends a second state before the controller reads the first."""
     rig = watched.rig
-    sample = StateSample(moving(k), 0.0, rig.clock.now_ns(), rig.command.counter, False)
-    rig.vehicle.outbox.send(STATE, sample, rig.clock.now_ns())
+    echo = rig.heartbeat.state_counter
+    sample = StateSample(moving(k), 0.0, rig.clock.now_ns(), echo, False)
+    rig.vehicle.counter += 1
+    rig.vehicle.outbox.send(STATE, sample, rig.clock.now_ns(), counter=rig.vehicle.counter)
 
 
 def test_a_state_that_was_not_planned_from_restarts_the_history(
@@ -215,15 +215,22 @@ def test_a_braking_watchdog_restarts_the_history(watched: Watched) -> None:
     assert_restarted(watched, sent)
 
 
-@pytest.mark.parametrize("echo_ahead", [None, 2])
-def test_without_an_accepted_command_the_history_restarts_in_each_tick(
-    watched: Watched, echo_ahead: int | None
-) -> None:
-    """The vehicle has accepted none yet, or still echoes those of an earlier controller."""
+def test_without_a_known_command_the_history_restarts_in_each_tick(watched: Watched) -> None:
+    """The vehicle still echoes the commands of an earlier controller."""
+    for k in range(3):
+        ahead = watched.rig.vehicle.counter + 3
+        watched.tick(state=moving(k), command_echo=ahead)
+        assert watched.rig.step.result.mode is Mode.NOMINAL
+        assert_restarted(watched, NEUTRAL_INPUT)
+
+
+def test_a_vehicle_that_echoes_no_command_is_not_driven(watched: Watched) -> None:
     watched.echo_lag = 10**9
     for k in range(3):
-        watched.tick(state=moving(k), command_echo=echo_ahead and k + echo_ahead)
-        assert_restarted(watched, NEUTRAL_INPUT)
+        assert watched.tick(state=moving(k)).mode is Mode.STANDBY
+    assert watched.rig.heartbeat.faults == Fault.COMMANDS_UNANSWERED
+    watched.echo_lag = 1
+    assert watched.tick(state=moving(3)).mode is Mode.NOMINAL
 
 
 def test_the_history_goes_on_while_the_plan_is_held_for_a_missing_path(
@@ -266,7 +273,7 @@ def test_consecutive_rows_are_one_period_apart_for_any_sequence_of_events(
             if event == "none":
                 last = None
                 continue
-            held = NEUTRAL_INPUT if command is None else command.content.control
+            held = NEUTRAL_INPUT if command is None else command[1].control
             is_driven = command is not None and not is_standby and event != "brakes"
             if last is None or event == "skip" or not is_driven:
                 past = [row(watched.received(), held)] * STEPS

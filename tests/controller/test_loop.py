@@ -1,13 +1,21 @@
 """How the loop ends, and what it sends and records until then."""
 
 import pytest
-from scripted_vehicle import CRUISING, STANDING, VALID_NS, Rig, fail
+from scripted_vehicle import CRUISING, STANDBY_TICKS, STANDING, VALID_NS, Rig, fail
 
-from rt_controller.bus.catalogue import COMMAND, Fault, Mission
+from rt_controller.bus.catalogue import COMMAND
+from rt_controller.bus.contents import Fault, Mission
 from rt_controller.contract.signals import CurvaturePreview, Mode
 from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
-from rt_controller.drive_trace import DriveTrace
-from rt_controller.loop import MAX_TICKS_WITHOUT_STATE, Ending, RunRecord, StopRequest, run_loop
+from rt_controller.drive.trace import DriveTrace
+from rt_controller.loop import (
+    MAX_TICKS_WITHOUT_STATE,
+    RELEASE_TICKS,
+    Ending,
+    RunRecord,
+    StopRequest,
+    run_loop,
+)
 from rt_controller.preparation import schedule_preparation
 from rt_controller.realtime.accounting import DeadlineAccount
 from rt_controller.realtime.clock import Tick
@@ -36,11 +44,12 @@ class UrgentAt(StopRequest):
 
 
 def brake_as_commanded(rig: Rig) -> None:
-    """The scripted vehicle brakes when commanded, at about 0.4 g."""
+    """The scripted vehicle brakes in proportion to the command: about 0.4 g at 75 N."""
     rig.received.drain(rig.vehicle_bus, rig.clock.now_ns())
     command, state = rig.received.newest(COMMAND), rig.vehicle.state
-    if command is not None and command.content.control.brake_n > 50.0 and state is not None:
-        vx_mps = max(state.vx_mps - 4.0 * PERIOD_S, 0.0)
+    if command is not None and state is not None:
+        deceleration_mps2 = 4.0 * command.content.control.brake_n / 75.0
+        vx_mps = max(state.vx_mps - deceleration_mps2 * PERIOD_S, 0.0)
         rig.vehicle.state = state._replace(vx_mps=vx_mps, ds_m=vx_mps * PERIOD_S)
 
 
@@ -52,7 +61,7 @@ def test_the_loop_ends_with_the_mission(rig: Rig, record: RunRecord) -> None:
     run_loop(rig.step, rig.clock, record, StopRequest())
     assert record.ending is Ending.MISSION_OVER
     assert record.result.mode is Mode.STANDBY
-    assert record.deadlines.ticks == pytest.approx(TICKS_PER_S, abs=2)
+    assert record.deadlines.ticks == pytest.approx(TICKS_PER_S + RELEASE_TICKS, abs=2)
     assert record.trace.errors().ey_rms_m == pytest.approx(CRUISING.ey_m, abs=1e-3)
 
 
@@ -65,7 +74,8 @@ def test_ticks_with_each_fault_are_counted(rig: Rig, record: RunRecord) -> None:
     rig.vehicle.after_sending = end_after_a_second
     run_loop(rig.step, rig.clock, record, StopRequest())
     counted = {fault: ticks for fault, ticks in record.ticks_by_fault.items() if ticks}
-    assert counted == {Fault.PREVIEW_IMPLAUSIBLE: pytest.approx(TICKS_PER_S / 2, abs=2)}
+    ticks = TICKS_PER_S / 2 - STANDBY_TICKS
+    assert counted == {Fault.PREVIEW_IMPLAUSIBLE: pytest.approx(ticks, abs=2)}
 
 
 def test_a_safe_stop_ends_when_no_state_was_received_for_long(rig: Rig, record: RunRecord) -> None:
@@ -116,7 +126,23 @@ def test_the_end_of_the_duration_brings_the_car_to_rest_too(rig: Rig, record: Ru
     assert rig.vehicle.state.vx_mps < 0.3
 
 
-def test_a_second_request_ends_the_loop_at_once_with_a_safe_command(
+def test_a_second_request_still_brings_the_car_to_rest(rig: Rig, record: RunRecord) -> None:
+    request = StopRequest()
+
+    def request_twice(now_ns: int) -> None:
+        if now_ns in (SECOND_NS, SECOND_NS + 4 * PERIOD_NS):
+            request.request()
+        brake_as_commanded(rig)
+
+    rig.vehicle.after_sending = request_twice
+    run_loop(rig.step, rig.clock, record, request)
+    assert request.times == 2
+    assert record.ending is Ending.STOPPED
+    assert rig.vehicle.state is not None
+    assert rig.vehicle.state.vx_mps < 0.3
+
+
+def test_a_third_request_ends_the_loop_at_once_with_a_safe_command(
     rig: Rig, record: RunRecord
 ) -> None:
     request = StopRequest()
@@ -147,6 +173,26 @@ def test_a_loop_that_stays_ends_when_the_bus_cannot_be_read(
     run_loop(rig.step, rig.clock, record, StopRequest(), waits_for_missions=True)
     assert record.ending is Ending.SAFE_STOPPED
     assert record.result.cause is StopCause.BUS_FAILED
+
+
+@pytest.mark.parametrize("is_requested", [False, True])
+def test_a_bus_that_fails_in_a_safe_stop_ends_a_loop_that_stays(
+    rig: Rig, record: RunRecord, monkeypatch: pytest.MonkeyPatch, is_requested: bool
+) -> None:
+    request = StopRequest()
+
+    def unplug_later(now_ns: int) -> None:
+        rig.vehicle.is_watchdog_braking = now_ns > SECOND_NS and not is_requested
+        if now_ns == SECOND_NS and is_requested:
+            request.request()
+        if now_ns > SECOND_NS + 10 * PERIOD_NS:
+            monkeypatch.setattr(rig.controller_bus, "recv", fail)
+
+    rig.vehicle.after_sending = unplug_later
+    run_loop(rig.step, rig.clock, record, request, waits_for_missions=True)
+    first = StopCause.STOP_REQUESTED if is_requested else StopCause.VEHICLE_BRAKING
+    assert record.result.cause is first
+    assert record.result.bus_fault is StopCause.BUS_FAILED
 
 
 def test_a_loop_that_stays_in_a_safe_stop_ends_with_one_request(
@@ -184,7 +230,7 @@ def test_a_safe_stop_that_was_reset_does_not_decide_how_a_later_run_ends(
     rig.vehicle.after_sending = stop_reset_drive_request
     run_loop(rig.step, rig.clock, record, request, waits_for_missions=True)
     assert record.ending is Ending.STOPPED
-    assert record.deadlines.ticks == pytest.approx(6 * TICKS_PER_S, abs=2)
+    assert record.deadlines.ticks == pytest.approx(6 * TICKS_PER_S - STANDBY_TICKS, abs=2)
 
 
 def test_a_loop_that_stays_waits_for_the_next_mission(rig: Rig, record: RunRecord) -> None:

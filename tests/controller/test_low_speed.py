@@ -3,6 +3,7 @@
 import pytest
 from scripted_vehicle import CRUISING, STRAIGHT, Rig
 
+from rt_controller.bus.end_to_end.confirmation import DISENGAGED_FRAMES
 from rt_controller.contract.signals import AT_REST, Mode
 from rt_controller.contract.timing import HOLD_PLAN_TICKS
 
@@ -95,7 +96,7 @@ def test_the_end_of_a_mission_at_a_standstill_hands_the_car_over(rig: Rig) -> No
     rig.tick(10)
     assert rig.vehicle.mission is not None
     rig.vehicle.mission = rig.vehicle.mission._replace(is_engaged=False)
-    result = rig.tick()
+    result = rig.tick(DISENGAGED_FRAMES)
     assert result.mode is Mode.STANDBY
     assert result.control.throttle == 0.0
 

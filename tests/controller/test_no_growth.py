@@ -8,27 +8,26 @@ import pytest
 from scripted_vehicle import Rig, build_rig
 
 from rt_controller.config import MpcSettings
-from rt_controller.contract.artifact import load_bundle, shipped_model
+from rt_controller.contract.model.artifact import load_bundle, shipped_model
 from rt_controller.contract.signals import Mode
 from rt_controller.control.mpc import Mpc
 
 WARM_UP_STEPS = 500
 """in which most of the caches of the interpreter fill"""
-WINDOWS = 5
 
 
 @pytest.mark.parametrize(
-    ("steps", "max_grown_blocks"),
-    [(200, 13), pytest.param(4_000, 40, marks=pytest.mark.nightly)],
+    ("windows", "steps", "max_grown_blocks"),
+    [(12, 200, 13), pytest.param(5, 4_000, 40, marks=pytest.mark.nightly)],
 )
-def test_steps_keep_no_memory(steps: int, max_grown_blocks: int) -> None:
+def test_steps_keep_no_memory(windows: int, steps: int, max_grown_blocks: int) -> None:
     """Memory that each step keeps grows in every window; a cache grows in some of them only."""
     settings = MpcSettings()
     bundle = load_bundle(shipped_model())
     blocks = []
     with build_rig(Mpc(bundle, settings.horizon, settings.cost())) as rig:
         run_steps(rig, WARM_UP_STEPS)
-        for _ in range(WINDOWS + 1):
+        for _ in range(windows + 1):
             gc.collect()
             blocks.append(sys.getallocatedblocks())
             run_steps(rig, steps)

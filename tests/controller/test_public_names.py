@@ -23,8 +23,8 @@ from rt_controller import (
     fit_preview,
 )
 from rt_controller.config import ControllerConfig
-from rt_controller.contract.artifact import load_bundle, shipped_model
 from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.model.artifact import load_bundle, shipped_model
 from rt_controller.control.solver import SolveStatus
 
 STATE = VehicleState(20.0, 0.0, 0.0, 0.5, 0.3, 0.0)
@@ -205,7 +205,7 @@ def test_a_preview_that_the_bus_cannot_carry_is_refused(
     assert controller.step(STATE, LANE, 0.0).is_solved
 
 
-def test_an_applied_input_that_is_not_finite_is_refused_and_not_remembered(
+def test_an_applied_input_that_is_not_finite_is_refused_and_not_stored(
     controller: Controller,
 ) -> None:
     with pytest.raises(ValueError, match="applied: expected finite numbers"):

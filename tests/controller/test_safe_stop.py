@@ -1,17 +1,16 @@
 """Faults that cause a safe stop, how it is driven, and how it ends."""
 
+import errno
+from unittest.mock import Mock
+
+import can
 import numpy as np
 import pytest
 from scripted_vehicle import CRUISING, ENGAGED, STANDING, STRAIGHT, Rig, fail, mode_and_cause
 
-from rt_controller.bus.catalogue import (
-    COMMAND,
-    VEHICLE_IDENTITY,
-    Command,
-    Fault,
-    Identity,
-    Mission,
-)
+from rt_controller.bus.catalogue import COMMAND, VEHICLE_IDENTITY
+from rt_controller.bus.contents import Command, Fault, Identity, Mission
+from rt_controller.bus.end_to_end.confirmation import MISMATCHED_FRAMES
 from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import Outbox
 from rt_controller.contract.limits import INPUT_LIMITS
@@ -28,7 +27,9 @@ def test_a_vehicle_whose_watchdog_brakes_causes_a_safe_stop(rig: Rig) -> None:
 
 def test_another_message_catalogue_causes_a_safe_stop(rig: Rig) -> None:
     rig.tick(3)
-    rig.vehicle.outbox.send(VEHICLE_IDENTITY, Identity(1, None), rig.clock.now_ns())
+    for frame in range(MISMATCHED_FRAMES):  # one alone may be of a foreign device
+        assert rig.tick(5).mode is Mode.NOMINAL, frame
+        rig.vehicle.outbox.send(VEHICLE_IDENTITY, Identity(1, None), rig.clock.now_ns())
     assert mode_and_cause(rig.tick()) == (Mode.SAFE_STOP, StopCause.PEER_MISMATCH)
 
 
@@ -145,6 +146,35 @@ def test_a_failed_send_sets_the_bus_fault_of_the_next_heartbeat(
     assert rig.heartbeat.faults & Fault.BUS_FAULT
     rig.tick()
     assert not rig.heartbeat.faults & Fault.BUS_FAULT
+
+
+def test_an_interface_that_is_down_is_the_named_cause_of_a_stop_that_a_reset_ends(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    down = can.CanOperationError("Error receiving: Network is down", errno.ENETDOWN)
+    rig.tick(2)
+    with monkeypatch.context() as switched_off:
+        switched_off.setattr(rig.controller_bus, "recv", Mock(side_effect=down))
+        assert mode_and_cause(rig.tick()) == (Mode.HOLD_PLAN, StopCause.INTERFACE_DOWN)
+        assert mode_and_cause(rig.tick(2)) == (Mode.SAFE_STOP, StopCause.INTERFACE_DOWN)
+    rig.tick(2)
+    assert rig.step.result.state is not None
+    assert mode_and_cause(rig.tick()) == (Mode.SAFE_STOP, StopCause.INTERFACE_DOWN)
+
+
+def test_an_error_passive_controller_drives_on_and_says_so(rig: Rig) -> None:
+    passive, active = 0x20, 0x40
+    rig.tick(2)
+    for detail, is_disturbed in ((passive, True), (active, False)):
+        frame = can.Message(
+            arbitration_id=0x004,
+            is_extended_id=False,
+            is_error_frame=True,
+            data=bytes((0, detail, 0, 0, 0, 0, 0, 0)),
+        )
+        rig.vehicle_bus.send(frame, timeout=0)
+        assert rig.tick().mode is Mode.NOMINAL
+        assert bool(rig.heartbeat.faults & Fault.BUS_FAULT) == is_disturbed
 
 
 def test_a_bus_that_cannot_be_read_causes_a_safe_stop(

@@ -10,8 +10,8 @@ import pytest
 from rt_controller import Controller, ControllerConfig, MpcSettings
 from rt_controller.bus import transport
 from rt_controller.config import ShippedModel
-from rt_controller.contract.artifact import shipped_model
 from rt_controller.contract.errors import ConfigError, RtControllerError
+from rt_controller.contract.model.artifact import shipped_model
 from rt_controller.settings import (
     BusSettings,
     CarSettings,
@@ -32,7 +32,7 @@ from sim_bridge.toml_file import shipped_names
         (
             ControllerConfig,
             {"mpc": {"tolerance": {"ey_m": 0}}},
-            "mpc.tolerance.ey_m: expected more",
+            "mpc.tolerance.ey_m: expected at least",
         ),
         (
             CarSettings,

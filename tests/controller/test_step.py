@@ -5,7 +5,9 @@ import math
 import pytest
 from scripted_vehicle import CRUISING, ENGAGED, VALID_NS, Rig, build_rig, mode_and_cause
 
-from rt_controller.bus.catalogue import CONTROLLER_IDENTITY, STATE, Fault
+from rt_controller.bus.catalogue import CONTROLLER_IDENTITY, STATE
+from rt_controller.bus.contents import Fault
+from rt_controller.bus.end_to_end.confirmation import DISENGAGED_FRAMES
 from rt_controller.contract.signals import Mode, PathReference
 from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_NS
 from rt_controller.control.mpc import Mpc
@@ -112,7 +114,8 @@ def test_a_path_with_nan_stops_the_car(rig: Rig) -> None:
 def test_the_end_of_a_mission_releases_the_pedals(rig: Rig) -> None:
     rig.tick(30)
     rig.vehicle.mission = NOT_ENGAGED
-    result = rig.tick(2)
+    assert rig.tick(DISENGAGED_FRAMES - 1).mode is Mode.NOMINAL
+    result = rig.tick()
     assert result.mode is Mode.STANDBY
     assert result.control.throttle == 0.0
 
@@ -185,7 +188,7 @@ def test_the_cause_is_cleared_when_the_plan_is_followed_again(rig: Rig) -> None:
     rig.vehicle.state = CRUISING
     assert rig.tick().cause is StopCause.NONE
     rig.vehicle.mission = NOT_ENGAGED
-    rig.tick()
+    rig.tick(DISENGAGED_FRAMES)
     rig.vehicle.mission = None
     assert rig.tick(30).cause is StopCause.NONE
 
@@ -194,20 +197,13 @@ def test_the_cause_is_cleared_when_the_plan_is_followed_again(rig: Rig) -> None:
 def test_after_a_short_stall_of_the_vehicle_the_plan_is_followed_again(
     rig: Rig, silent_periods: int
 ) -> None:
-    def echo_received_command() -> None:
-        rig.vehicle.command_echo = rig.command.counter
-
-    for _ in range(20):
-        rig.tick()
-        echo_received_command()
+    rig.tick(20)
     rig.vehicle.state = None
     for _ in range(silent_periods):
         assert rig.tick().mode is Mode.HOLD_PLAN
-        echo_received_command()
     rig.vehicle.state = CRUISING
     for _ in range(5):
         assert rig.tick().mode is Mode.NOMINAL
-        echo_received_command()
 
 
 def test_after_a_restart_of_the_vehicle_its_delay_is_measured_from_zero(rig: Rig) -> None:

@@ -6,7 +6,8 @@ import pytest
 from made_frames import BEND
 from scripted_vehicle import Rig
 
-from rt_controller.bus.catalogue import PREVIEW, Fault
+from rt_controller.bus.catalogue import PREVIEW
+from rt_controller.bus.contents import Fault
 from rt_controller.contract.signals import CurvaturePreview, Mode
 from rt_controller.control.solver import SolveStatus
 
@@ -39,6 +40,7 @@ def test_a_preview_is_used_for_three_periods_and_its_loss_stops_nothing(
 ) -> None:
     rig.tick(3)
     rig.vehicle.preview = BEND
+    rig.tick()  # the first frames are not used yet
     seen = previews_of(rig, monkeypatch)
     rig.tick()
     rig.vehicle.preview = None
@@ -83,6 +85,7 @@ def test_a_preview_that_contradicts_the_state_is_not_used_and_is_reported(
 ) -> None:
     circle = CurvaturePreview(3.0, *[0.005] * 5)  # the state has the curvature 0
     rig.vehicle.preview = circle
+    rig.tick()  # the first frames are not used yet
     seen = previews_of(rig, monkeypatch)
     for _ in range(3):
         result = rig.tick()

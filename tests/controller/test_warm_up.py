@@ -3,9 +3,10 @@
 import can
 import numpy as np
 import pytest
-from scripted_vehicle import CRUISING, ENGAGED, Rig
+from scripted_vehicle import CRUISING, ENGAGED, STANDBY_TICKS, Rig
 
-from rt_controller.bus.catalogue import STATE, Fault
+from rt_controller.bus.catalogue import STATE
+from rt_controller.bus.contents import Fault
 from rt_controller.contract.signals import Mode
 from rt_controller.receiver import READ_AHEAD_FRAMES
 from rt_controller.safety.freshness import STATE_MAX_AGE_NS
@@ -46,21 +47,22 @@ def test_frames_read_ahead_are_used_in_the_tick(rig: Rig) -> None:
     newest = rig.inbox.newest(STATE)
     assert newest is not None
     assert newest.content is result.state
-    assert newest.counter == 3  # that of the fourth state
+    assert newest.counter == STANDBY_TICKS + 3  # that of the fourth state
     assert newest.arrival_ns == rig.clock.now_ns()  # not that of the tick
     assert result.qp_iterations > 0
 
 
 def test_a_warm_up_sends_nothing_and_uses_no_counter(rig: Rig) -> None:
     rig.tick(3)
-    counter = rig.command.counter
+    counter, repeated = rig.command.counter, rig.received.counts.repeated
     rig.step.update_matrices()
     for _ in range(3):
         read_ahead_and_warm_up(rig)
     assert rig.vehicle_bus.recv(0.0) is None
     rig.tick()
     assert (rig.command.counter - counter) % 16 == 1
-    assert rig.received.counts.counter_gap_frames == rig.received.counts.repeated == 0
+    assert rig.received.counts.counter_gap_frames == 0
+    assert rig.received.counts.repeated == repeated
 
 
 def test_the_plan_is_the_same_with_and_without_warm_ups(rig: Rig) -> None:

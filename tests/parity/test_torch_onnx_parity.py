@@ -21,8 +21,9 @@ from offline.model.bundle_export import to_onnx
 from offline.model.bundle_predictor import BundlePredictor
 from offline.model.network import MdkNet, sizes_of
 from offline.model.physical_units import PhysicalEncoder, physical_matrices
-from rt_controller.contract.bundle import Bundle, Lift, LiftSample
-from rt_controller.contract.follow import Follow
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.follow import Follow
+from rt_controller.contract.model.lift import Lift, LiftSample
 from rt_controller.contract.schema import VEHICLE
 
 STEPS = 80

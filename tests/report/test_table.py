@@ -62,7 +62,7 @@ def test_markdown_has_the_detail_in_brackets_and_escapes_bars():
 @pytest.mark.parametrize(
     ("number", "text"),
     [(0.0012345, "0.001234"), (123456.0, "123500"), (1.5e9, "1.5e+09"), (np.nan, "–"),
-     (np.inf, "inf")],
+     (np.inf, "inf"), (-0.0, "0")],
 )  # fmt: skip
 def test_numbers_have_four_digits_and_powers_of_ten_only_when_large(number, text):
     assert format_number(number) == text

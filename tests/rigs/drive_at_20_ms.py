@@ -34,7 +34,7 @@ def fit_linear_model(folder: Path) -> Path:
     from offline.data.generate import assemble, make_episode
     from offline.data.manifest import Roads, Simulated
     from offline.data.signals import VEHICLE_ROLES
-    from rt_controller.contract.bundle import Bundle
+    from rt_controller.contract.model.bundle import Bundle
     from rt_controller.contract.schema import VEHICLE
 
     recipe = Recipe()

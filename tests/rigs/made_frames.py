@@ -4,8 +4,9 @@ from typing import TypeVar
 
 import can
 
-from rt_controller.bus.catalogue import Fault, Heartbeat, Mission, StateSample
-from rt_controller.bus.codec import Frame, FrameCodec
+from rt_controller.bus.codec import FrameCodec
+from rt_controller.bus.contents import Fault, Heartbeat, Mission, StateSample
+from rt_controller.bus.end_to_end.protection import Frame
 from rt_controller.bus.message import Message
 from rt_controller.contract.signals import (
     ControlInput,
@@ -24,7 +25,7 @@ PATH = PathReference(1.0, 0.02, 0.001, 2e-5, 22.0, 0.5)
 BEND = CurvaturePreview(3.0, 0.001, 0.002, 0.003, 0.004, 0.005)
 CONTROL = ControlInput(0.5, 0.0, 0.0)
 ENGAGED = Mission(True, False, 4, 300_000_000)
-HOLDING = Heartbeat(Mode.HOLD_PLAN, Fault.SOLVER_FAILED, 500_000, 1_000_000, 30)
+HOLDING = Heartbeat(Mode.HOLD_PLAN, Fault.SOLVER_FAILED, 77, 500_000, 1_000_000, 30)
 
 
 def can_frame(codec: FrameCodec, data: bytes) -> can.Message:

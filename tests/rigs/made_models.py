@@ -10,10 +10,11 @@ import numpy as np
 import onnx_bytes
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.artifact import load_bundle, shipped_model
-from rt_controller.contract.bilinear import Bilinear
-from rt_controller.contract.bundle import Bundle, Lift, LiftSample
-from rt_controller.contract.validation import DRIVABLE_HISTORY
+from rt_controller.contract.model.artifact import load_bundle, shipped_model
+from rt_controller.contract.model.bilinear import Bilinear
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.lift import Lift, LiftSample
+from rt_controller.contract.model.validation import DRIVABLE_HISTORY
 
 N_LATENTS = 5
 SHOWN_TYPICALLY = {
@@ -48,6 +49,7 @@ def make_bundle(
     return replace(
         linear,
         name="made",
+        plans=None,  # those of the linear model
         A=A,
         B_uc=B_uc,
         B_uw=B_uw,

@@ -4,10 +4,11 @@ import numpy as np
 import piqp
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.bilinear import Bilinear
-from rt_controller.contract.bundle import Bundle, LiftSample
-from rt_controller.contract.follow import Follow
 from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.model.bilinear import Bilinear
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.follow import Follow
+from rt_controller.contract.model.lift import LiftSample
 from rt_controller.contract.signals import ControlInput, VehicleState
 from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.qp import CondensedQp, Features

@@ -11,7 +11,7 @@ class RecordedFrames:
     def __init__(self) -> None:
         self.frames: list[tuple[int, int, bytes]] = []
 
-    def record(self, message: can.Message, timestamp_ns: int) -> None:
+    def record(self, message: can.Message, timestamp_ns: int, is_sent: bool = False) -> None:
         self.frames.append((timestamp_ns, message.arbitration_id, bytes(message.data)))
 
     def of(self, codec: FrameCodec) -> list[bytes]:

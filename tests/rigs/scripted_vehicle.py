@@ -4,23 +4,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import count
+from typing import Literal
 
 import can
 from rolling_car import ASSUMED
 
-from rt_controller.bus.catalogue import (
-    COMMAND,
-    HEARTBEAT,
-    MISSION,
-    PREVIEW,
-    REFERENCE,
-    STATE,
-    Command,
-    Heartbeat,
-    Mission,
-    StateSample,
-)
-from rt_controller.bus.inbox import Inbox, Received
+from rt_controller.bus.catalogue import COMMAND, HEARTBEAT, MISSION, PREVIEW, REFERENCE, STATE
+from rt_controller.bus.contents import Command, Heartbeat, Mission, StateSample
+from rt_controller.bus.end_to_end.assembly import Received
+from rt_controller.bus.inbox import Inbox
 from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import Outbox
 from rt_controller.bus.transport import open_bus
@@ -29,6 +21,7 @@ from rt_controller.control.low_speed.law import LowSpeedLaw
 from rt_controller.control.mpc import Mpc
 from rt_controller.realtime.clock import LockstepClock
 from rt_controller.safety.modes import StopCause
+from rt_controller.safety.supervisor import Supervisor
 from rt_controller.step import ControlStep, StepResult
 
 CRUISING = VehicleState(20.0, 0.0, 0.0, 0.5, 0.2, 0.01)
@@ -54,6 +47,8 @@ class Vehicle:
     """What the scripted vehicle sends before each tick; change a field to change what is sent."""
 
     outbox: Outbox
+    bus: can.BusABC
+    received: Inbox
     state: VehicleState | None = CRUISING
     is_valid: bool = True
     path: PathReference | None = STRAIGHT
@@ -63,20 +58,30 @@ class Vehicle:
     is_watchdog_braking: bool = False
     stamped_late_ns: int = 0
     """how old a state is when it is sent"""
-    command_echo: int | None = None
+    command_echo: int | Literal["newest"] | None = "newest"
+    """long counter of a command, or that of the newest one"""
+    counter: int = -1
+    """of the last state and path, sent or not"""
     after_sending: Callable[[int], None] = field(default=lambda now_ns: None)
 
+    @property
+    def echo(self) -> int | None:
+        if self.command_echo != "newest":
+            return self.command_echo
+        heartbeat = self.received.newest(HEARTBEAT)
+        return None if heartbeat is None else heartbeat.content.state_counter
+
     def send(self, now_ns: int) -> None:
+        self.counter += 1
+        self.received.drain(self.bus, now_ns)
         if self.state is not None:
             stamp_ns = now_ns - self.stamped_late_ns
-            sample = StateSample(
-                self.state, 0.0, stamp_ns, self.command_echo, self.is_watchdog_braking
-            )
-            self.outbox.send(STATE, sample, now_ns, is_valid=self.is_valid)
+            sample = StateSample(self.state, 0.0, stamp_ns, self.echo, self.is_watchdog_braking)
+            self.outbox.send(STATE, sample, now_ns, counter=self.counter, is_valid=self.is_valid)
         if self.path is not None:
-            self.outbox.send(REFERENCE, self.path, now_ns)
+            self.outbox.send(REFERENCE, self.path, now_ns, counter=self.counter)
         if self.preview is not None:
-            self.outbox.send(PREVIEW, self.preview, now_ns)
+            self.outbox.send(PREVIEW, self.preview, now_ns, counter=self.counter)
         if self.mission is not None:
             self.outbox.send(MISSION, self.mission, now_ns)
         self.after_sending(now_ns)
@@ -102,6 +107,13 @@ class Rig:
             self.received.drain(self.vehicle_bus, self.clock.now_ns())
         return result
 
+    def tick_in_standby(self, times: int) -> None:
+        """Ticks without a mission: afterwards the states are used and commands are echoed."""
+        mission, self.vehicle.mission = self.vehicle.mission, None
+        for _ in range(times):
+            self.tick()
+        self.vehicle.mission = mission
+
     @property
     def command(self) -> Received[Command]:
         """The newest command as the vehicle received it."""
@@ -117,21 +129,28 @@ class Rig:
         return heartbeat.content
 
 
+STANDBY_TICKS = 3
+
+
 @contextmanager
-def build_rig(mpc: Mpc) -> Iterator[Rig]:
+def build_rig(mpc: Mpc, standby_ticks: int = STANDBY_TICKS, is_fd: bool = False) -> Iterator[Rig]:
     """A controller with this planner, its scripted vehicle, and the virtual bus between them."""
     channel = f"scripted-vehicle-{next(_channels)}"
     with open_bus("virtual", channel) as vehicle_bus, open_bus("virtual", channel) as bus:
-        vehicle = Vehicle(Outbox(vehicle_bus, Node.VEHICLE))
+        received = Inbox(Node.VEHICLE, is_fd=is_fd)
+        vehicle = Vehicle(Outbox(vehicle_bus, Node.VEHICLE, is_fd=is_fd), vehicle_bus, received)
         clock = LockstepClock(vehicle.send)
-        inbox = Inbox(Node.CONTROLLER)
+        inbox = Inbox(Node.CONTROLLER, is_fd=is_fd)
         step = ControlStep(
             bus=bus,
             inbox=inbox,
-            outbox=Outbox(bus, Node.CONTROLLER),
+            outbox=Outbox(bus, Node.CONTROLLER, is_fd=is_fd),
             mpc=mpc,
             low_speed=LowSpeedLaw(ASSUMED),
             clock=clock,
             model_hash=7,
+            supervisor=Supervisor(checks=()),
         )
-        yield Rig(vehicle, clock, step, mpc, bus, vehicle_bus, inbox, Inbox(Node.VEHICLE))
+        rig = Rig(vehicle, clock, step, mpc, bus, vehicle_bus, inbox, received)
+        rig.tick_in_standby(standby_ticks)
+        yield rig

@@ -2,6 +2,7 @@
 
 import math
 
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -69,3 +70,37 @@ def test_the_brake_has_priority_if_neither_pedal_was_pressed() -> None:
 def test_values_that_are_not_finite_repeat_the_last_command() -> None:
     previous = ControlInput(0.3, 0.0, 0.2)
     assert limit(ControlInput(math.nan, math.inf, -math.inf), previous) == previous
+
+
+def test_a_wanted_throttle_below_zero_closes_it_at_once() -> None:
+    assert limit(ControlInput(-0.1, 0.0, 0.0), ControlInput(0.8, 0.0, 0.0)).throttle == 0.0
+
+
+def test_the_brake_is_pressed_in_the_tick_that_closes_the_throttle() -> None:
+    out = limit(ControlInput(0.0, 50.0, 0.0), ControlInput(0.8, 0.0, 0.0))
+    assert (out.throttle, out.brake_n) == (0.0, 12.5)
+
+
+def test_the_throttle_is_pressed_from_rest() -> None:
+    out = limit(ControlInput(0.5, 0.0, 0.0), NEUTRAL_INPUT)
+    assert (out.throttle, out.brake_n) == (0.0625, 0.0)
+
+
+@pytest.mark.parametrize(("throttle", "expected"), [(0.9e-3, 0.0), (1e-3, 1e-3), (1.1e-3, 1.1e-3)])
+def test_a_thousandth_of_the_throttle_is_released(throttle: float, expected: float) -> None:
+    assert limit(NEUTRAL_INPUT._replace(throttle=throttle), NEUTRAL_INPUT).throttle == expected
+
+
+@pytest.mark.parametrize(("brake_n", "expected"), [(0.149, 0.0), (0.15, 0.15), (0.2, 0.2)])
+def test_a_thousandth_of_the_brake_is_released(brake_n: float, expected: float) -> None:
+    assert limit(NEUTRAL_INPUT._replace(brake_n=brake_n), NEUTRAL_INPUT).brake_n == expected
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_the_wheel_turns_at_200_deg_per_s_to_40_deg(side: float) -> None:
+    wanted = NEUTRAL_INPUT._replace(steer_rad=9.0 * side)
+    control, angles = NEUTRAL_INPUT, []
+    for _ in range(9):
+        control = limit(wanted, control)
+        angles.append(side * math.degrees(control.steer_rad))
+    assert angles == pytest.approx([5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 40.0])

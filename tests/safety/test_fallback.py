@@ -63,3 +63,11 @@ def test_a_driven_mode_sends_the_plan_and_without_one_a_safe_stop() -> None:
     stopped = input_for(Mode.SAFE_STOP, planned, previous, is_held=False)
     assert stopped == safe_stop(previous, planned, is_held=False)
     assert input_for(Mode.STANDBY, planned, previous, is_held=False) == stand_by(previous)
+
+
+@pytest.mark.parametrize(
+    ("steer_rad", "expected_rad"), [(0.5, 0.4825), (-0.5, -0.4825), (0.01, 0.0), (-0.01, 0.0)]
+)
+def test_the_wheel_returns_at_40_deg_per_s(steer_rad: float, expected_rad: float) -> None:
+    returned = stand_by(ControlInput(0.0, 0.0, steer_rad))
+    assert returned.steer_rad == pytest.approx(expected_rad)

@@ -8,6 +8,7 @@ from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import HOLD_PLAN_TICKS
 from rt_controller.safety.modes import (
     BUS_CAUSES,
+    STANDING_MPS,
     TRANSITIONS,
     Event,
     StopCause,
@@ -115,6 +116,12 @@ def test_a_stop_request_and_a_braking_vehicle_are_faults_except_in_standby(
         (HELD._replace(has_path=False), Event.HOLDING, StopCause.REFERENCE_LOST),
         (HELD._replace(has_state=False), Event.HOLDING, StopCause.STATE_LOST),
         (
+            HELD._replace(has_state=False, state_loss=StopCause.BUS_OFF),
+            Event.HOLDING,
+            StopCause.BUS_OFF,
+        ),
+        (HELD._replace(state_loss=StopCause.BUS_OFF), Event.HOLDING, StopCause.SOLVER_FAILED),
+        (
             HELD._replace(has_path=False, has_invalid_path=True),
             *(Event.HOLDING, StopCause.REFERENCE_INVALID),
         ),
@@ -156,3 +163,58 @@ def test_nominal_and_standby_have_no_cause() -> None:
     assert decide(ALL_WELL, Mode.HOLD_PLAN, StopCause.STATE_LOST) == (Mode.NOMINAL, StopCause.NONE)
     no_mission = ALL_WELL._replace(has_mission=False)
     assert decide(no_mission, Mode.STANDBY, StopCause.NONE) == (Mode.STANDBY, StopCause.NONE)
+
+
+def test_an_alarm_of_a_check_stops_a_driving_car() -> None:
+    facts = ALL_WELL._replace(alarm=StopCause.YAW_RATE_IMPLAUSIBLE)
+    assert decide(facts, Mode.NOMINAL, StopCause.NONE) == (
+        Mode.SAFE_STOP,
+        StopCause.YAW_RATE_IMPLAUSIBLE,
+    )
+
+
+def test_a_rejected_state_holds_the_plan_with_its_cause() -> None:
+    facts = HELD._replace(rejection=StopCause.LATERAL_ERROR_IMPLAUSIBLE)
+    assert decide(facts, Mode.NOMINAL, StopCause.NONE) == (
+        Mode.HOLD_PLAN,
+        StopCause.LATERAL_ERROR_IMPLAUSIBLE,
+    )
+
+
+def test_a_refused_car_stays_in_standby_with_the_reason() -> None:
+    facts = HELD._replace(rejection=StopCause.NOT_ENGAGED, has_input=False)
+    assert decide(facts, Mode.STANDBY, StopCause.NONE) == (Mode.STANDBY, StopCause.NOT_ENGAGED)
+
+
+@pytest.mark.parametrize(
+    ("facts", "cause"),
+    [
+        (HELD._replace(has_state=False, has_conflict=True), StopCause.STATE_CONFLICT),
+        (HELD._replace(has_state=False, is_answered=False), StopCause.COMMANDS_UNANSWERED),
+    ],
+)
+def test_a_missing_state_names_what_is_wrong_with_it(facts: TickFacts, cause: StopCause) -> None:
+    assert decide(facts, Mode.NOMINAL, StopCause.NONE) == (Mode.HOLD_PLAN, cause)
+
+
+@pytest.mark.parametrize(("periods_held", "is_held"), [(1, True), (2, True), (3, False)])
+def test_a_plan_is_held_for_two_periods(periods_held: int, is_held: bool) -> None:
+    event, _ = classify(HELD._replace(periods_held=periods_held), Mode.NOMINAL)
+    assert event is (Event.HOLDING if is_held else Event.PLAN_LOST)
+
+
+@pytest.mark.parametrize("is_answered", [False, True])
+@pytest.mark.parametrize("mode", [*DRIVING, Mode.STANDBY])
+def test_a_drive_begins_when_the_vehicle_accepts_commands(mode: Mode, is_answered: bool) -> None:
+    event, _ = classify(ALL_WELL._replace(is_answered=is_answered), mode)
+    is_idle = mode is Mode.STANDBY and not is_answered
+    assert event is (Event.IDLE if is_idle else Event.PLANNED)
+
+
+def test_a_car_that_brakes_itself_is_not_taken_over() -> None:
+    facts = ALL_WELL._replace(is_vehicle_braking=True)
+    assert classify(facts, Mode.STANDBY) == (Event.IDLE, StopCause.NONE)
+
+
+def test_a_car_stands_below_0_3_m_per_s() -> None:
+    assert STANDING_MPS == 0.3

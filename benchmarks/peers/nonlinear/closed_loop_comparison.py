@@ -14,8 +14,8 @@ from benchmarks.peers.solvers.registry import DEFAULT, FAST
 from benchmarks.staged import StagedOsqp, StagedPiqp, StagedQp, use_staged_qp
 from benchmarks.tables import percentiles, summarise, timed
 from rt_controller.config import MpcSettings
-from rt_controller.contract.artifact import load_bundle, shipped_model
-from rt_controller.contract.bundle import Bundle
+from rt_controller.contract.model.artifact import load_bundle, shipped_model
+from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.schema import N_INPUTS
 from rt_controller.contract.signals import (
     ControlInput,

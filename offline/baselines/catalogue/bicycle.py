@@ -21,8 +21,8 @@ from offline.config import PAST_STEPS
 from offline.data.dataset import Dataset
 from offline.data.trajectories import Trajectories
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.model.validation import DRIVABLE_HISTORY
 from rt_controller.contract.schema import N_EXOGENOUS, N_INPUTS, N_STATES, VEHICLE
-from rt_controller.contract.validation import DRIVABLE_HISTORY
 from rt_controller.report.table import Fact
 
 SPEEDS_MPS = (2.0, 6.0, 10.0, 14.0, 18.0, 23.0, 28.0, 34.0, 42.0)

@@ -2,7 +2,7 @@
 
 from offline.baselines.dictionary.functions import Family
 from offline.baselines.dictionary.search import LARGE, SMALL, EdmdSettings, Gains, edmd
-from rt_controller.contract.follow import Follow
+from rt_controller.contract.model.follow import Follow
 
 SETTINGS = EdmdSettings(
     Family.MONOMIALS,

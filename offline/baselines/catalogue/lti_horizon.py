@@ -15,7 +15,7 @@ from offline.baselines.score import variances
 from offline.data.dataset import Dataset
 from offline.data.trajectories import Trajectories
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.rollout import Matrices
+from rt_controller.contract.model.rollout import Matrices
 
 MOST_TRAJECTORIES = 12_000
 """evenly spread over the training part"""

@@ -9,7 +9,7 @@ from offline.baselines.linear_model import LinearModel, fit_one_step
 from offline.baselines.window_shape import require_windows
 from offline.data.dataset import Dataset
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.rollout import Matrices
+from rt_controller.contract.model.rollout import Matrices
 from rt_controller.report.table import Fact
 
 _SAME_ROAD_PER_M = 1e-9

@@ -10,8 +10,9 @@ from offline.baselines.dictionary.functions import Family, Functions
 from offline.baselines.dictionary.model import Dictionary, LiftedModel
 from offline.data.dataset import Dataset
 from offline.data.signals import last_rows, past_names
-from rt_controller.contract.bundle import Bundle, Lift, LiftSample
-from rt_controller.contract.identity_encoder import IR_VERSION, OPSET
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.identity_encoder import IR_VERSION, OPSET
+from rt_controller.contract.model.lift import Lift, LiftSample
 
 Constants = dict[str, NDArray[np.generic]]
 

@@ -15,9 +15,9 @@ from offline.baselines.score import log_error
 from offline.data.signals import Roles, history_rows
 from offline.data.trajectories import Trajectories
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.bilinear import Bilinear
-from rt_controller.contract.follow import Follow
-from rt_controller.contract.rollout import Matrices
+from rt_controller.contract.model.bilinear import Bilinear
+from rt_controller.contract.model.follow import Follow
+from rt_controller.contract.model.rollout import Matrices
 from rt_controller.contract.schema import Schema
 
 _CHUNK = 10_000

@@ -16,8 +16,8 @@ from offline.baselines.dictionary.functions import Family, Functions
 from offline.baselines.window_shape import require_windows
 from offline.data.signals import Scaling, last_rows
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.bundle import spectral_radius_of
-from rt_controller.contract.rollout import Matrices, roll_out
+from rt_controller.contract.model.bundle import spectral_radius_of
+from rt_controller.contract.model.rollout import Matrices, roll_out
 from rt_controller.report.table import Fact
 
 

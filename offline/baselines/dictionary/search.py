@@ -33,7 +33,7 @@ from offline.data.dataset import Dataset
 from offline.data.signals import Scaling, fit_scaling
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.follow import Follow
+from rt_controller.contract.model.follow import Follow
 
 
 class Gains(StrEnum):

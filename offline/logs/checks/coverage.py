@@ -8,8 +8,8 @@ import pandas as pd
 
 from offline.logs.episode import LogEpisode
 from offline.logs.mapping import LogMapping
-from offline.logs.quantity import Quantity
 from rt_controller.contract.schema import Schema
+from rt_controller.mapping.quantity import Quantity
 
 BINS = 8
 

@@ -14,11 +14,11 @@ from offline.logs.checks.time_shift import find_time_shifts, time_shift_issues
 from offline.logs.checks.unit_check import Proportion, find_proportions, unit_issues
 from offline.logs.episode import LEAST_SAMPLES, CutDrive, LogEpisode
 from offline.logs.mapping import LogMapping
-from offline.logs.quantity import Quantity
 from offline.logs.report import EpisodeReport, FileReport, ImportReport
 from offline.logs.series import LoggedDrive
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import Schema
+from rt_controller.mapping.quantity import Quantity
 
 _CONSTANT_SHARE = 1e-9
 """of its size within which a signal counts as constant"""

@@ -8,8 +8,8 @@ import numpy as np
 
 from offline.logs.episode import LogEpisode
 from offline.logs.mapping import LogMapping
-from offline.logs.quantity import Quantity
 from rt_controller.contract.arrays import Array
+from rt_controller.mapping.quantity import Quantity
 
 _SMOOTHING_S = 0.1
 """time over which derivatives are taken"""

@@ -6,7 +6,6 @@ Speed, steering angle, yaw rate and pedals have ratios that the car fixes. A rat
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import log, pi
 from statistics import median_low
 
 import numpy as np
@@ -15,12 +14,11 @@ from offline.logs.checks.issue import Issue
 from offline.logs.checks.pairs import Relation, find_pairs
 from offline.logs.episode import LogEpisode
 from offline.logs.mapping import LogMapping
-from offline.logs.quantity import Quantity
+from rt_controller.mapping.quantity import Quantity
+from rt_controller.mapping.unit_mistakes import find_mistake
 
 LEAST_CORRELATION = 0.8
 """below, two signals are too unrelated for a ratio"""
-FACTOR_TOLERANCE = 0.12
-"""relative difference between a ratio and a known factor that still counts as that factor"""
 LEAST_SPEED_MPS = 3.0
 LARGEST_ACCELERATION_MPS2 = 45.0
 """of speed times yaw rate in all but one of a thousand samples: 4.5 g"""
@@ -29,14 +27,6 @@ TURNING_LENGTH_M = (1.0, 200.0)
 is that of the steering wheel, and more if the car understeers"""
 
 
-UNIT_MISTAKES = {
-    3.6: "km/h taken for m/s",
-    180.0 / pi: "degrees taken for radians",
-    9.80665: "g taken for m/s^2",
-    100.0: "% taken for a ratio",
-    1000.0: "a factor of a thousand",
-}
-"""units that are often confused, by the ratio of their numbers"""
 _Suspicions = Iterator[tuple[str, str]]
 """subject and message of each issue"""
 
@@ -87,14 +77,6 @@ def unit_issues(
         *_accelerations(episodes, mapping),
     ]
     return [Issue("units", subject, message) for subject, message in suspected]
-
-
-def find_mistake(ratio: float) -> str | None:
-    """The confusion of units that changes a number by this ratio, or its inverse; else None."""
-    for factor, words in UNIT_MISTAKES.items() if ratio > 0.0 else ():
-        if abs(abs(log(ratio)) - log(factor)) < log(1.0 + FACTOR_TOLERANCE):
-            return words
-    return None
 
 
 def _between_files(proportions: Sequence[Proportion]) -> _Suspicions:

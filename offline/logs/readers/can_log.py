@@ -12,15 +12,15 @@ from typing import cast
 import can
 import cantools
 import numpy as np
-from cantools.database.can import Database, Message, Signal
 
-from offline.logs.mapping_tables import CanSettings
-from offline.logs.readers.log import Channel, Log, readable, require_columns
+from offline.logs.readers.log import Channel, Log, readable
 from rt_controller.contract.errors import DatasetError
+from rt_controller.mapping.dbc_signals import Source, find_source, load_dbc
+from rt_controller.mapping.log_damage import explain_damage
+from rt_controller.mapping.tables import CanSettings
 
 _READ_BYTES = 4096
 """from the beginning and from the end of a log in text"""
-_Source = tuple[Message, Signal]
 _Samples = dict[tuple[str, str], list[tuple[int, float, float]]]
 """frame number, time in s and value, by message and signal"""
 
@@ -35,8 +35,8 @@ def read_can(path: Path, wanted: Sequence[str], settings: CanSettings | None) ->
             f"{path}: expected a DBC to decode the log with, found none in the mapping. Write "
             f'[can] dbc = "car.dbc".'
         )
-    database = _load_dbc(settings.dbc)
-    sources = {column: _find(path, database, column) for column in wanted}
+    database = load_dbc(settings.dbc)
+    sources = {column: find_source(str(path), database, column) for column in wanted}
     _require_complete(path)
     frames, samples = _decode(path, sources, settings.channel)
     channels = []
@@ -53,37 +53,8 @@ def read_can(path: Path, wanted: Sequence[str], settings: CanSettings | None) ->
     return Log(path, tuple(channels), "frame", frames)
 
 
-def _load_dbc(path: Path) -> Database:
-    found = "a database of another kind"
-    try:
-        database = cantools.database.load_file(path)
-        if isinstance(database, Database):
-            return database
-    except OSError as error:
-        found = f"nothing readable ({error.strerror})"
-    except (cantools.Error, ValueError) as error:
-        found = f"a file that cannot be parsed ({error})"
-    raise DatasetError(f"{path}: expected a DBC, found {found}. Correct [can] dbc.")
-
-
-def _find(path: Path, database: Database, column: str) -> _Source:
-    known = {
-        f"{message.name}.{signal.name}": (message, signal)
-        for message in database.messages
-        for signal in message.signals
-    }
-    require_columns(path, [column], [*known, *(signal.name for _, signal in known.values())])
-    fits = [name for name, (_, signal) in known.items() if column in (name, signal.name)]
-    if len(fits) > 1:
-        raise DatasetError(
-            f"{path}, column {column}: expected a signal of one message, found it in {len(fits)}. "
-            f"Write one of {', '.join(fits)} in the mapping."
-        )
-    return known[fits[0]]
-
-
 def _decode(
-    path: Path, sources: Mapping[str, _Source], channel: int | str | None
+    path: Path, sources: Mapping[str, Source], channel: int | str | None
 ) -> tuple[int, _Samples]:
     """Number of frames in the log, and the samples of all signals of the messages."""
     columns = {message.name: column for column, (message, _) in sources.items()}
@@ -111,8 +82,18 @@ def _decode(
 
 def _frames(path: Path) -> Iterator[can.Message]:
     """The frames of the log; every exception of python-can becomes a `DatasetError`."""
-    with readable(path, "a CAN log"), can.LogReader(path) as reader:
-        yield from reader
+    n_frames = 0
+    try:
+        with readable(path, "a CAN log", (OSError,)), can.LogReader(path) as reader:
+            for frame in reader:
+                n_frames += 1
+                yield frame
+    except DatasetError:
+        raise
+    except Exception as error:  # each reader raises its own types
+        raise DatasetError(
+            f"{explain_damage(path, n_frames)}. Export or copy it again, or leave it out."
+        ) from error
 
 
 def _require_complete(path: Path) -> None:

@@ -10,7 +10,7 @@ from offline.logs.mapping_tables import TimeMapping
 from offline.logs.readers.log import Channel, Log, require_columns
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
-from sim_bridge.units import find_unit
+from rt_controller.mapping.units import find_unit
 
 PERIOD_TOLERANCE = 0.01
 """share by which the usual time between rows may differ from `[time] period_s`"""

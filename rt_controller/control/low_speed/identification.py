@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.rollout import roll_out
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.rollout import roll_out
 from rt_controller.contract.schema import N_EXOGENOUS, N_INPUTS, N_STATES
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, ControlInput, StateColumn
 from rt_controller.contract.timing import PERIOD_S

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from pydantic import TypeAdapter, ValidationError
 
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.files import read_text
 from rt_controller.contract.settings_errors import explain
 from sim_bridge.plant.jit import uncompiled
 from sim_bridge.plant.tyre.tyre_coefficients import (
@@ -56,7 +57,7 @@ def read_tyre_file(path: str | Path) -> TyreFile:
             The message names all such keys.
     """
     try:
-        text = Path(path).read_text("utf-8", errors="replace")
+        text = read_text(Path(path), errors="replace")
     except OSError as error:
         raise ConfigError(
             f"{path}: expected a tyre file (.tir) that can be read, found an error: {error}."

@@ -6,11 +6,13 @@ field has generators, `{kind = "…", …}`.
 
 from collections.abc import Mapping
 from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import (
     AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Discriminator,
     Field,
@@ -29,6 +31,17 @@ Positive = Annotated[Number, Field(gt=0.0)]
 NotNegative = Annotated[Number, Field(ge=0.0)]
 
 
+def file_name(path: Path) -> Path:
+    """The path of a file.
+
+    Raises:
+        ValueError: it names a folder.
+    """
+    if not path.name:
+        raise ValueError(f"expected the name of a file, found {str(path)!r}")
+    return path
+
+
 def not_empty(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
     """The entries; pydantic's own limit would also count entries that it refused.
 
@@ -38,6 +51,17 @@ def not_empty(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
     if not entries:
         raise ValueError("expected at least one entry, found none")
     return entries
+
+
+def at_most(most: int) -> BeforeValidator:
+    """Refuse a list of more entries, before any is read: pydantic's own limit reads all of them."""
+
+    def check(entries: Any) -> Any:
+        if isinstance(entries, list) and len(entries) > most:
+            raise ValueError(f"expected at most {most} entries, found {len(entries)}")
+        return entries
+
+    return BeforeValidator(check)
 
 
 Knots = Annotated[tuple[Number, ...], Field(max_length=MAX_KNOTS), AfterValidator(not_empty)]

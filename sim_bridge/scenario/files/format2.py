@@ -3,27 +3,19 @@
 from math import inf, radians
 from operator import attrgetter
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator
 
-from rt_controller.contract.signals import VehicleState
-from rt_controller.contract.timing import PERIOD_MS, PERIOD_S
 from sim_bridge.plant.payload import Payload
-from sim_bridge.scenario.faults import (
-    DELAYS,
-    DISTORTIONS,
-    LEAST_TICKS,
-    Fault,
-    FaultKind,
-    ticks_between,
-)
+from sim_bridge.scenario.files.fault_fields import MOST_FAULTS, FaultFields
 from sim_bridge.scenario.files.fields import (
     FileTable,
     NotNegative,
     Number,
     Positive,
     TimeValue,
+    at_most,
     require_within,
     table_of,
 )
@@ -36,7 +28,6 @@ from sim_bridge.scenario.limits import (
     KMH_PER_MPS,
     LARGEST_START_EPSI_DEG,
     LARGEST_START_EY_M,
-    LONGEST_DELAY_S,
     LONGEST_S,
     STRONGEST_WIND_MPS,
 )
@@ -77,60 +68,6 @@ class PayloadFields(FileTable):
     height_m: Annotated[Number, Field(ge=0.0, le=3.0)] = Payload().height_m
 
 
-def _known_signal(name: str) -> str:
-    if name not in VehicleState._fields:
-        raise ValueError(f"expected one of {', '.join(VehicleState._fields)}, found {name!r}")
-    return name
-
-
-class FaultFields(FileTable):
-    """`[[faults]]`: what is wrong on the bus."""
-
-    kind: FaultKind
-    start_s: Annotated[Number, Field(ge=0.0, le=LONGEST_S)]
-    duration_s: Annotated[Number, Field(gt=0.0, le=LONGEST_S)]
-    signal: Annotated[str, AfterValidator(_known_signal)] | None = None
-    value: Number | None = None
-    delay_s: Annotated[Number, Field(ge=PERIOD_S, le=LONGEST_DELAY_S)] | None = None
-    seed: Annotated[int, Field(ge=0, strict=True)] = 0
-
-    @model_validator(mode="after")
-    def _require_fields_of_kind(self) -> Self:
-        wants_signal, wants_delay = self.kind in DISTORTIONS, self.kind in DELAYS
-        problems = [
-            f"{name}: expected {'a value' if wanted else 'none'} for {self.kind.value}, found "
-            f"{found if found is not None else 'none'}"
-            for name, wanted, found in (
-                ("signal", wants_signal, self.signal),
-                ("value", wants_signal, self.value),
-                ("delay_s", wants_delay, self.delay_s),
-            )
-            if wanted != (found is not None)
-        ]
-        least = LEAST_TICKS.get(self.kind, 1)
-        found = len(ticks_between(self.start_s, self.duration_s))
-        if found < least:
-            problems.append(
-                f"duration_s: expected at least {least} control periods of {PERIOD_MS:g} ms for "
-                f"{self.kind.value}, found {found} between start_s and its end"
-            )
-        if problems:
-            raise ValueError("\n".join(problems))
-        return self
-
-    @property
-    def fault(self) -> Fault:
-        """The fault."""
-        return Fault(
-            self.kind,
-            ticks_between(self.start_s, self.duration_s),
-            self.signal or "",
-            self.value or 0.0,
-            round((self.delay_s or 0.0) / PERIOD_S),
-            self.seed,
-        )
-
-
 def _known_metric(name: str) -> str:
     if name not in Metrics._fields:
         raise ValueError(f"expected one of {', '.join(Metrics._fields)}, found {name!r}")
@@ -155,12 +92,12 @@ class Format2(FileTable):
     initial: InitialFields = InitialFields()
     road: RoadFields = RoadFields()
     reference: ReferenceFields
-    stops: Annotated[tuple[StopFields, ...], Field(max_length=1000)] = ()
+    stops: Annotated[tuple[StopFields, ...], at_most(1000)] = ()
     cross_wind_mps: Annotated[TimeValue, AfterValidator(_real_wind)] = 0.0
     tail_wind_mps: Annotated[TimeValue, AfterValidator(_real_wind)] = 0.0
     payload: PayloadFields | None = None
     body: BodyFields = BodyFields()
-    faults: Annotated[tuple[FaultFields, ...], Field(max_length=100)] = ()
+    faults: Annotated[tuple[FaultFields, ...], at_most(MOST_FAULTS)] = ()
     metrics: tuple[_MetricName, ...] = ()
     limits: dict[_MetricName, Number] = Field(default_factory=dict)
 

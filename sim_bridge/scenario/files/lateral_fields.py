@@ -15,6 +15,7 @@ from sim_bridge.scenario.files.fields import (
     OverDistance,
     OverTime,
     Positive,
+    at_most,
     forms,
     kind_tag,
     require_within,
@@ -42,7 +43,7 @@ class MovesFields(FileTable):
     """Minimum-jerk moves in a row."""
 
     kind: Literal["moves"]
-    moves: Annotated[tuple[MoveFields, ...], Field(max_length=10_000)]
+    moves: Annotated[tuple[MoveFields, ...], at_most(10_000)]
 
     @model_validator(mode="after")
     def _require_order(self) -> Self:

@@ -6,6 +6,7 @@ The steps are the single values, the values of a table together, road and start,
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, get_args
@@ -13,12 +14,15 @@ from typing import Any, get_args
 from pydantic import BaseModel, Tag, ValidationError
 
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.settings_errors import dotted, explain_field
-from sim_bridge.scenario.checks import problems
+from rt_controller.contract.files import read_text
+from rt_controller.contract.settings_errors import LISTED_ERRORS, dotted, explain_field, unlisted
+from sim_bridge.scenario.checks import fault_problems, problems
 from sim_bridge.scenario.field_names import FORMAT_1, FORMAT_2, MAP, FieldNames
+from sim_bridge.scenario.files.fault_fields import FaultFile
 from sim_bridge.scenario.files.fields import is_tag
 from sim_bridge.scenario.files.format1 import Format1
 from sim_bridge.scenario.files.format2 import Format2
+from sim_bridge.scenario.nominal_drive import fix_path
 from sim_bridge.scenario.scenario import Scenario
 from sim_bridge.toml_file import read_shipped_or_own, shipped_names
 
@@ -63,9 +67,10 @@ def load_scenario(name_or_path: str) -> Scenario:
     text = read_shipped_or_own(name_or_path, SCENARIOS_FOLDER, "scenario")
     try:
         raw: dict[str, Any] = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # no TOML, or a number without end
         raise ConfigError(
-            f"scenario {name_or_path}: expected a TOML file, found an error: {error}."
+            f"scenario {name_or_path}: expected a TOML file, found an error: {error}. Correct the "
+            f"file."
         ) from error
     return parse_scenario(raw, f"scenario {name_or_path}", Path(name_or_path).parent)
 
@@ -96,11 +101,34 @@ def parse_scenario(raw: Mapping[str, Any], where: str, folder: Path = Path()) ->
     return _checked(scenario, where, FORMAT_1 if version == 1 else FORMAT_2)
 
 
+def add_faults(scenario: Scenario, path: Path) -> Scenario:
+    """The scenario with the `[[faults]]` of a TOML file that has nothing else.
+
+    Raises:
+        ConfigError: the file cannot be read, or fields are refused; the message names them.
+    """
+    where = f"faults {path}"
+    try:
+        raw = tomllib.loads(read_text(path))
+    except (OSError, ValueError, RecursionError) as error:
+        raise ConfigError(
+            f"{where}: expected a TOML file in UTF-8, found an error: {error}. Correct the file."
+        ) from error
+    try:
+        faults = tuple(fields.fault for fields in FaultFile.model_validate(raw).faults)
+    except ValidationError as error:
+        raise ConfigError(_listed(where, list(_lines(error, FaultFile)))) from error
+    found = list(fault_problems(faults, scenario.duration_s))
+    if found:
+        raise ConfigError(_listed(where, found))
+    return replace(scenario, faults=(*scenario.faults, *faults))
+
+
 def _checked(scenario: Scenario, where: str, names: FieldNames) -> Scenario:
     found = problems(scenario, names)
     if found:
         raise ConfigError(_listed(where, found))
-    return scenario
+    return fix_path(scenario)
 
 
 def _listed(where: str, lines: list[str]) -> str:
@@ -108,7 +136,8 @@ def _listed(where: str, lines: list[str]) -> str:
 
 
 def _lines(refused: ValidationError, table: type[BaseModel]) -> Iterator[str]:
-    for error in refused.errors():
+    errors = refused.errors()
+    for error in errors[:LISTED_ERRORS]:
         place = dotted(tuple(part for part in error["loc"] if not is_tag(part)))
         place = place.removesuffix(".[key]")
         if error["type"] != "value_error":
@@ -119,6 +148,7 @@ def _lines(refused: ValidationError, table: type[BaseModel]) -> Iterator[str]:
         for line in str(error["ctx"]["error"]).splitlines():
             separator = "." if is_table and _FIELD_FIRST.match(line) else ": "
             yield f"{place}{separator}{line.rstrip('.')}."
+    yield from unlisted(len(errors))
 
 
 def known_fields(table: type[BaseModel], place: tuple[str | int, ...]) -> set[str]:

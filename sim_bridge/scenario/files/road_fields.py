@@ -17,6 +17,8 @@ from sim_bridge.scenario.files.fields import (
     Number,
     OverDistance,
     Positive,
+    at_most,
+    file_name,
     forms,
     kind_tag,
     not_empty,
@@ -118,7 +120,7 @@ class CourseFields(FileTable):
     """Straights and bends in a row."""
 
     kind: Literal["course"]
-    bends: Annotated[tuple[BendFields, ...], Field(max_length=1000), AfterValidator(not_empty)]
+    bends: Annotated[tuple[BendFields, ...], at_most(1000), AfterValidator(not_empty)]
 
     def table(self) -> Table:
         """Curvature in 1/m."""
@@ -128,7 +130,7 @@ class CourseFields(FileTable):
 class OpenDriveFields(FileTable):
     """The reference line of roads in an OpenDRIVE file."""
 
-    file: Path
+    file: Annotated[Path, AfterValidator(file_name)]
     """relative to the folder of the scenario file"""
     roads: tuple[str, ...] = ()
     """ids in driving order, with a minus sign if against the reference line"""

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, TreeBuilder, XMLParser
 
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.files import open_regular
 
 LARGEST_MB = 128
 """size of a file; its tree takes about ten times as much memory"""
@@ -35,11 +36,11 @@ def read_xml(path: Path, expected: str) -> Element:
         ConfigError: the file cannot be read, is no XML, is too large, or has a document type.
     """
     try:
-        size_mb = path.stat().st_size / 1e6
-        if size_mb > LARGEST_MB:
-            raise ValueError(f"at most {LARGEST_MB} MB expected, found {size_mb:.0f} MB")
-        return ElementTree.parse(path, XMLParser(target=_Builder())).getroot()
-    except (OSError, ElementTree.ParseError, ValueError, LookupError) as error:
+        with open_regular(path, LARGEST_MB * 1_000_000) as file:
+            return ElementTree.parse(file, XMLParser(target=_Builder())).getroot()
+    except OSError as error:
+        raise ConfigError(f"{path}: expected {expected}, found: {error.strerror}.") from error
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise ConfigError(f"{path}: expected {expected}, found an error: {error}.") from error
 
 

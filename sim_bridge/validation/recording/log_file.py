@@ -12,6 +12,7 @@ from numpy import float64
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, needs_extra
+from rt_controller.contract.files import open_regular
 
 _ENDINGS = ".csv, .csv.gz, .npz or .parquet"
 _SEPARATORS = ",;\t"
@@ -39,6 +40,7 @@ def read_log(path: Path) -> LogFile:
     """
     name = path.name.lower()
     try:
+        open_regular(path).close()  # a pipe is not waited for
         if name.endswith((".csv", ".csv.gz")):
             return _read_csv(path)
         if name.endswith(".npz"):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rt_controller.config import LowSpeedSettings
-from rt_controller.contract.artifact import load_bundle, shipped_model
-from rt_controller.contract.bundle import Bundle
 from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.model.artifact import load_bundle, shipped_model
+from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.steering_geometry import SteeringGeometry
 from rt_controller.control.low_speed.identification import (
     BRAKE_LIMITS_MPS2_PER_N,

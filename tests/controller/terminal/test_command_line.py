@@ -1,29 +1,23 @@
 """`rt-controller` refuses what does not fit, with a message that names it and an exit code."""
 
-import inspect
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from threading import Thread
 from types import SimpleNamespace
-from typing import Any
 
-import docstring_parser
 import pytest
-from pydantic import BaseModel
 
-from rt_controller import cli
-from rt_controller.config import MpcSettings
 from rt_controller.contract.errors import RtControllerError
 from rt_controller.contract.signals import Mode
-from rt_controller.driven_scenario import DrivenScenario
+from rt_controller.drive.scenario import DrivenScenario
 from rt_controller.loop import Ending
 from rt_controller.safety.modes import StopCause
 from rt_controller.session import ControllerSession
 from rt_controller.step import StepResult
 from rt_controller.terminal import run as terminal_run
 from rt_controller.terminal.command_line import new_app, run_command
+from rt_controller.terminal.entry import INTERRUPTED
+from rt_controller.terminal.stop_message import VEHICLE_KNOWS
 
 Run = Callable[..., tuple[int, str]]
 
@@ -69,7 +63,7 @@ def test_options_of_the_simulated_car_need_the_virtual_bus(
     ("option", "expected"),
     [
         (("--mpc.horizon", "2"), "--mpc.horizon: expected at least 3, found '2'"),
-        (("--mpc.tolerance.ey-m", "-0.1"), "--mpc.tolerance.ey-m: expected more than 0.0"),
+        (("--mpc.tolerance.ey-m", "-0.1"), "--mpc.tolerance.ey-m: expected at least 1e-06"),
         (("--realtime.priority", "100"), "--realtime.priority: expected at most 99"),
         (("--realtime.cpu", "99999999999999999999999"), "--realtime.cpu"),
         (("--pace", "leisurely"), "--pace"),
@@ -97,43 +91,33 @@ def test_all_refused_options_are_named_at_once(run: Run) -> None:
         assert name in message
 
 
-def test_the_command_line_overrides_a_settings_file(run: Run, tmp_path: Path) -> None:
-    file = tmp_path / "controller.toml"
-    file.write_text('bus = "sockketcan"\n[mpc]\nhorizon = 10\n')
-    code, message = run("--config", file)
+def test_one_file_for_two_outputs_is_refused(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    again = tmp_path / "folder" / ".." / "drive.log"
+    code, message = run("--bus", "virtual", "--record", tmp_path / "drive.log", "--json", again)
     assert code == 2
-    assert "sockketcan" in message
-    code, message = run("--config", file, "--bus", "nosuchbus")
-    assert code == 2
-    assert "nosuchbus" in message
+    assert "expected a file of its own, found that of --record" in message
 
 
-def test_all_mistakes_of_a_settings_file_are_named_at_once(run: Run, tmp_path: Path) -> None:
-    file = tmp_path / "controller.toml"
-    file.write_text("[mpc]\nhorizont = 10\n[mpc.tolerance]\ney_m = -3\n[realtime]\nphase_ms = 99\n")
-    code, message = run("--config", file, "--bus", "socketcan")
-    assert code == 2
-    assert "mpc.horizont: no such setting" in message
-    assert "did you mean horizon?" in message
-    assert "mpc.tolerance.ey_m: expected more than 0.0, found -3" in message
-    assert "realtime.phase_ms" in message
-
-
-@pytest.mark.parametrize("content", [b"\xe4 = 1\n", b"mpc = [\n"])
-def test_a_settings_file_that_is_not_toml_is_refused(
-    run: Run, tmp_path: Path, content: bytes
+@pytest.mark.parametrize("option", ["--json", "--ticks", "--plot", "--record", "--mcap"])
+def test_an_output_that_is_a_link_to_itself_is_refused(
+    run: Run, tmp_path: Path, option: str
 ) -> None:
-    file = tmp_path / "controller.toml"
-    file.write_bytes(content)
-    code, message = run("--config", file, "--bus", "virtual")
+    if option == "--mcap":
+        pytest.importorskip("foxglove")
+    loop = tmp_path / "loop.svg"
+    loop.symlink_to(loop.name)
+    code, message = run("--bus", "virtual", option, loop)
     assert code == 2
-    assert "expected a TOML file in UTF-8" in message
+    assert "symbolic links" in message
 
 
-def test_a_missing_settings_file_is_named(run: Run, tmp_path: Path) -> None:
-    code, message = run("--config", tmp_path / "nope.toml", "--bus", "virtual")
+def test_a_path_with_a_null_character_is_refused(run: Run, tmp_path: Path) -> None:
+    config = tmp_path / "drive.toml"
+    config.write_text(r'json = "a\u0000b"')
+    code, message = run("--bus", "virtual", "--config", config)
     assert code == 2
-    assert "nope.toml" in message
+    assert "--json: expected a path, found 'a\\x00b', with a null character" in message
 
 
 @pytest.mark.parametrize("option", ["--json", "--ticks"])
@@ -149,7 +133,14 @@ class NoCar:
     """A virtual car that is never asked to drive."""
 
     bridge = SimpleNamespace(
-        summary=lambda: SimpleNamespace(plant_failure=None),
+        summary=lambda: SimpleNamespace(
+            plant_failure=None,
+            ey_rms_m=0.0,
+            ey_peak_m=0.0,
+            controller_ended=False,
+            braking_cause=None,
+            braking_text="",
+        ),
         figures=lambda: (),
         faults_so_far=lambda: ("state_lost from 3 s",),
     )
@@ -182,7 +173,7 @@ def end_at_start(monkeypatch: pytest.MonkeyPatch, end: Callable[[ControllerSessi
     monkeypatch.setattr(ControllerSession, "start", start)
 
 
-@pytest.mark.parametrize("suffix", [".blf", ".asc", ".MF4"])
+@pytest.mark.parametrize("suffix", [".trc", ".csv", ".DB"])
 def test_a_log_in_another_format_is_refused_with_the_command_that_converts(
     run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, suffix: str
 ) -> None:
@@ -209,11 +200,45 @@ def test_a_request_that_came_too_late_to_end_the_loop_does_not_change_the_exit_c
     end_at_start(monkeypatch, end)
     code, message = run("--bus", "virtual", "--pace", "lockstep", "--quiet")
     assert code == expected
-    assert ("ended at once" in message) == (expected == 130)
+    assert ("ended at once at an unknown speed" in message) == (expected == 130)
     assert message.startswith("ended before the first tick: nothing was driven\n")
 
 
-def test_a_safe_stop_names_the_fault_that_the_scenario_asked_for(
+@pytest.mark.parametrize("has_ended", [False, True])
+def test_a_requested_stop_in_which_the_vehicle_braked_by_itself_names_its_cause(
+    run: Run, monkeypatch: pytest.MonkeyPatch, has_ended: bool
+) -> None:
+    def end(session: ControllerSession) -> None:
+        session.record.ending = Ending.STOPPED
+
+    end_at_start(monkeypatch, end)
+    summary = NoCar.bridge.summary()
+    summary.braking_cause = "LEAVING_PATH"
+    summary.braking_text = "the car was about to leave its path"
+    summary.controller_ended = has_ended  # the car stands, nothing is wrong
+    monkeypatch.setattr(NoCar.bridge, "summary", lambda: summary)
+    code, message = run("--bus", "virtual", "--pace", "lockstep", "--quiet")
+    cause = "stopped on request; the vehicle then braked by itself: the car was about to leave"
+    assert (code, cause in message) == ((0, False) if has_ended else (6, True))
+
+
+def test_a_requested_stop_names_the_braking_that_only_the_vehicle_can_explain(
+    run: Run, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> None:
+    def end(session: ControllerSession) -> None:
+        session.record.ending = Ending.STOPPED
+        braking = SimpleNamespace(content=SimpleNamespace(is_watchdog_braking=True))
+        monkeypatch.setattr(session.inbox, "newest", lambda _: braking)
+
+    end_at_start(monkeypatch, end)
+    code, message = run(
+        "--bus", "local", "--channel", request.node.name[:20], "--model-trial", "off"
+    )
+    assert code == 6
+    assert f"the vehicle then braked by itself. {VEHICLE_KNOWS}" in message
+
+
+def test_a_safe_stop_names_the_fault_of_the_scenario(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def end(session: ControllerSession) -> None:
@@ -223,7 +248,23 @@ def test_a_safe_stop_names_the_fault_that_the_scenario_asked_for(
     end_at_start(monkeypatch, end)
     code, message = run("--bus", "virtual", "--pace", "lockstep")
     assert code == 6
-    assert "no new vehicle state arrived in time. The scenario asked for state_lost" in message
+    assert "no new vehicle state arrived in time. Faults of this drive: state_lost" in message
+
+
+@pytest.mark.parametrize("ending", [Ending.SAFE_STOPPED, Ending.STOPPED])
+def test_a_bus_that_failed_in_a_stop_that_began_for_another_reason_gives_its_exit_code(
+    run: Run, monkeypatch: pytest.MonkeyPatch, ending: Ending
+) -> None:
+    def end(session: ControllerSession) -> None:
+        session.record.ending = ending
+        session.record.result = StepResult(
+            mode=Mode.SAFE_STOP, cause=StopCause.STATE_LOST, bus_fault=StopCause.BUS_FAILED
+        )
+
+    end_at_start(monkeypatch, end)
+    code, message = run("--bus", "virtual", "--pace", "lockstep")
+    assert code == 5
+    assert "then: the bus cannot be read" in message
 
 
 def test_a_message_is_neither_wrapped_nor_read_as_markup(run: Run) -> None:
@@ -231,46 +272,6 @@ def test_a_message_is_neither_wrapped_nor_read_as_markup(run: Run) -> None:
     code, message = run("--bus", "virtual", "--model", path)
     assert code == 2
     assert path in message
-
-
-@pytest.mark.parametrize("module", ["rt_controller.cli", "sim_bridge.cli"])
-def test_help_and_version_import_neither_python_can_nor_numpy(module: str) -> None:
-    program = (
-        f"import sys; from {module} import main; sys.argv = ['program', '--help']\n"
-        "try: main()\n"
-        "except SystemExit: pass\n"
-        "heavy = {'can', 'numpy', 'scipy', 'onnxruntime', 'numba'} & set(sys.modules)\n"
-        "sys.exit(f'imported {heavy}' if heavy else 0)"
-    )
-    found = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=False
-    )
-    assert found.returncode == 0, found.stderr
-    assert "Exit codes" in found.stdout
-
-
-def test_help_has_a_usage_line_without_commands_and_reads_only_this_projects_source(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    read: list[object] = []
-    getsource = inspect.getsource
-
-    def record(found: Any) -> str:
-        read.append(found)
-        return getsource(found)
-
-    monkeypatch.setattr(inspect, "getsource", record)
-    monkeypatch.setattr("sys.argv", ["rt-controller", "--help"])
-    parse = docstring_parser.parse_from_object
-    with pytest.raises(SystemExit):
-        cli.main()
-    assert docstring_parser.parse_from_object is parse
-    shown = capsys.readouterr().out
-    assert shown.startswith("Usage: rt-controller --bus NAME [OPTIONS]\n")
-    assert "double_lane_change," in shown
-    assert "lateral error" in shown
-    assert MpcSettings in read
-    assert BaseModel not in read
 
 
 def test_a_message_names_options_of_the_chosen_command_only(
@@ -287,6 +288,24 @@ def test_a_message_names_options_of_the_chosen_command_only(
     assert "another --model, or give the log's unit in `unit`." in capsys.readouterr().err
 
 
-def test_python_can_is_imported_without_asammdf() -> None:
-    program = "import sys, rt_controller.bus.transport; sys.exit('asammdf' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
+@pytest.mark.parametrize("has_meta", [False, True])
+def test_a_command_that_is_interrupted_ends_with_one_line_and_its_code(
+    has_meta: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    app = new_app("program", "A program.", "--option")
+
+    @app.default
+    def work() -> None:
+        raise KeyboardInterrupt
+
+    if has_meta:
+
+        @app.meta.default
+        def with_more() -> int:
+            app([], exit_on_error=False, print_error=False, result_action="return_value")
+            return 0
+
+    with pytest.raises(SystemExit) as ended:
+        run_command(app, [])
+    assert ended.value.code == INTERRUPTED
+    assert capsys.readouterr().err == "program: ended by Ctrl-C\n"

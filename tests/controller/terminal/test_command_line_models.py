@@ -10,9 +10,14 @@ import numpy as np
 import pytest
 from made_models import WITH_PAST, make_bundle
 
-from rt_controller.contract.artifact import find_model, load_bundle, save_bundle, shipped_model
-from rt_controller.contract.bundle import Lift
 from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.model.artifact import (
+    find_model,
+    load_bundle,
+    save_bundle,
+    shipped_model,
+)
+from rt_controller.contract.model.lift import Lift
 from rt_controller.contract.schema import VEHICLE
 from rt_controller.terminal import run as terminal_run
 
@@ -83,8 +88,8 @@ def test_a_bundle_of_another_format_is_refused(run: Run, tmp_path: Path) -> None
     np.savez(tmp_path / "koopman.npz", **{**arrays, "format_version": np.int64(1)})
     code, message = run(*ON_SOCKETCAN, "--model", tmp_path)
     assert code == 2
-    assert "expected format_version = 2, found 1" in message
-    assert "run offline-export" in message
+    assert "expected format_version = 3, or 2 without stored plans, found 1" in message
+    assert "Run offline-export RUN again" in message
 
 
 def test_a_model_with_another_period_is_refused(run: Run, tmp_path: Path) -> None:

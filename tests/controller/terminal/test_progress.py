@@ -10,7 +10,7 @@ from typing import cast
 import pytest
 
 from rt_controller.contract.signals import Mode
-from rt_controller.drive_trace import DriveTrace
+from rt_controller.drive.trace import DriveTrace
 from rt_controller.loop import RunRecord
 from rt_controller.realtime.accounting import DeadlineAccount
 from rt_controller.realtime.scheduling import NO_GUARANTEES
@@ -18,7 +18,7 @@ from rt_controller.session import ControllerSession
 from rt_controller.step import StepResult
 from rt_controller.terminal import progress
 from rt_controller.terminal.progress import Line
-from rt_controller.terminal.summary import STOPPING, live_lines
+from rt_controller.terminal.summary import STILL_STOPPING, STOPPING, live_lines
 
 
 @pytest.fixture(autouse=True)
@@ -60,7 +60,8 @@ def test_the_lines_of_a_run_show_each_mode_once_and_what_the_system_granted(
     calls = Semaphore(0)
     session = SimpleNamespace(
         is_joined=False,
-        is_stop_requested=False,
+        stop_requests=0,
+        recorder=None,
         guarantees=NO_GUARANTEES,
         record=RunRecord(DeadlineAccount(10, 1), DriveTrace(10)),
     )
@@ -79,16 +80,24 @@ def test_the_lines_of_a_run_show_each_mode_once_and_what_the_system_granted(
         session.record.result = StepResult(mode=Mode.NOMINAL)
         for _ in range(10):
             calls.acquire()
-        session.is_stop_requested = True
-        for _ in range(10):
-            calls.acquire()
+        for _ in range(3):
+            session.stop_requests += 1
+            for _ in range(10):
+                calls.acquire()
 
     progress.watch(started(work), line, False)
     shown = capsys.readouterr().err.splitlines()
-    assert shown.count(STOPPING) == 1
-    shown.remove(STOPPING)
+    for note in (STOPPING, STILL_STOPPING):
+        assert shown.count(note) == 1
+        shown.remove(note)
     assert shown[:2] == ["waiting for the vehicle", NO_GUARANTEES.sentence()]
     assert [text.split()[0] for text in shown[2:]] == ["STANDBY", "NOMINAL"]
+
+
+def test_a_warning_is_shown_also_by_a_quiet_command(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = iter([Line("driving", warning="the disk is full")])
+    progress.watch(started(lambda: None), lambda: next(lines, Line("driving")), True)
+    assert capsys.readouterr().err == "the disk is full\n"
 
 
 def test_a_quiet_command_shows_neither_lines_nor_messages(

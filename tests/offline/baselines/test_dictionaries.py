@@ -14,10 +14,10 @@ from offline.baselines.dictionary.search import EdmdSettings, Gains, fit_edmd
 from offline.config import PAST_STEPS
 from offline.model.bundle_export import SELFTEST_STATES
 from offline.model.bundle_predictor import BundlePredictor
-from rt_controller.contract.artifact import load_bundle, save_bundle
-from rt_controller.contract.bundle import LiftSample
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.follow import Follow
+from rt_controller.contract.model.artifact import load_bundle, save_bundle
+from rt_controller.contract.model.follow import Follow
+from rt_controller.contract.model.lift import LiftSample
 
 RIDGES = (1e-12, 1e-9, 1e-6)
 

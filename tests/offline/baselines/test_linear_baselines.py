@@ -21,9 +21,9 @@ from offline.data.generate import steering_geometry
 from offline.data.signals import past_names
 from offline.model.bundle_export import choose_selftest
 from offline.model.bundle_predictor import BundlePredictor
-from rt_controller.contract.artifact import load_bundle, save_bundle
-from rt_controller.contract.bundle import Lift
 from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.model.artifact import load_bundle, save_bundle
+from rt_controller.contract.model.lift import Lift
 
 A = np.array([[0.97, 0.01, 0.0], [0.05, 1.0, 0.0], [0.0, 0.02, 0.9]])
 B = np.array([[0.1, 0.0], [0.0, 0.02], [-0.05, 0.1]])

@@ -18,8 +18,8 @@ from offline.baselines.selection import (
 )
 from offline.data.provenance import describe_training
 from offline.model.bundle_predictor import BundlePredictor
-from rt_controller.contract.artifact import load_bundle, shipped_model
 from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.contract.model.artifact import load_bundle, shipped_model
 
 
 @pytest.fixture

@@ -16,6 +16,7 @@ from offline import cli
 from offline.commands import terminal, training_run
 from offline.config import TrainingConfig
 from offline.training.checkpoint import load_checkpoint, save_checkpoint
+from rt_controller.contract.model.artifact import load_bundle
 
 ENTRY_POINTS = (
     cli.data_main,
@@ -122,8 +123,9 @@ def test_the_card_shows_the_validation_loss_of_the_exported_model(command, toy_f
     best = tmp_path / "runs" / "latest" / "best.pt"
     save_checkpoint(best, replace(load_checkpoint(best), validation_losses=[0.125, 0.5, 0.25]))
     assert command(cli.export_main)[0] in (0, None)
-    card = (tmp_path / "runs" / "latest" / "bundle" / "card.md").read_text()
-    assert "| validation loss | 0.25000 |" in card
+    folder = tmp_path / "runs" / "latest" / "bundle"
+    assert "| validation loss | 0.25000 |" in (folder / "card.md").read_text()
+    assert load_bundle(folder).plans is not None
 
 
 def test_the_configuration_takes_episodes_and_seed_from_the_given_data_set(

@@ -25,8 +25,8 @@ from offline.evaluation import lane_change
 from offline.evaluation.comparison import compare_models
 from offline.evaluation.tables import comparison_tables
 from offline.evaluation.test_sets import SET_NAMES, robustness_set
-from rt_controller.contract.artifact import load_bundle, save_bundle, shipped_model
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.model.artifact import load_bundle, save_bundle, shipped_model
 from rt_controller.contract.schema import VEHICLE
 from rt_controller.report.table import Fact
 from sim_bridge.scenario import load_scenario

@@ -8,7 +8,7 @@ import pytest
 from dataset_numbers import same_numbers
 
 from offline.config import PAST_STEPS, STEPS
-from offline.data.cache import cache
+from offline.data.cache import cache, make_dataset, require_room
 from offline.data.dataset import (
     MANIFEST_FILE,
     PARTS,
@@ -204,3 +204,16 @@ def test_poses_and_roads_belong_together(toy_dataset, tmp_path, roads):
         changes = {"recording": no_pose, "slices": toy_dataset.slices._replace(anchor=None)}
     with pytest.raises(DatasetError, match=r"poses: (True|False), slices on roads"):
         save_again(tmp_path, toy_dataset, **changes)
+
+
+def test_a_disk_without_room_is_refused_before_the_simulation(tmp_path, monkeypatch):
+    monkeypatch.setattr("offline.data.cache.generate", pytest.fail)
+    origin = Simulated(Recipe(), 10**12, 0, "car")
+    with pytest.raises(DatasetError, match=r"MB where 22100000000\.0 MB are needed"):
+        make_dataset(tmp_path / "data", origin)
+
+
+def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(DatasetError, match="expected a folder with room for a data set"):
+        require_room(tmp_path / "file" / "data", 0)

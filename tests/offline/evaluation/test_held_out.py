@@ -16,9 +16,9 @@ from offline.data.provenance import describe_training, is_held_out
 from offline.data.recording import Recording
 from offline.evaluation import held_out
 from offline.evaluation.held_out import choose_test_data, find_objection
-from rt_controller.contract.artifact import load_bundle, shipped_model
-from rt_controller.contract.bundle import Lift
 from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.model.artifact import load_bundle, shipped_model
+from rt_controller.contract.model.lift import Lift
 from rt_controller.contract.schema import VEHICLE, Signal
 
 NO_RUN = "no/such/run"

@@ -9,10 +9,10 @@ from toy_predictors import made_test_set, made_trajectories, with_random_error
 from offline.evaluation.comparison import compare_models
 from offline.evaluation.model_card import model_facts, write_card
 from offline.model.export_checks import check_export
-from rt_controller.contract.artifact import load_bundle, shipped_model
-from rt_controller.contract.bilinear import Bilinear
-from rt_controller.contract.bundle import Lift
-from rt_controller.contract.follow import Follow
+from rt_controller.contract.model.artifact import load_bundle, shipped_model
+from rt_controller.contract.model.bilinear import Bilinear
+from rt_controller.contract.model.follow import Follow
+from rt_controller.contract.model.lift import Lift
 from rt_controller.contract.schema import VEHICLE
 from rt_controller.report.table import Fact, format_number
 

@@ -39,7 +39,7 @@ SPACE = '[mine]\nwhy = "w"\nbase = "recommended"\n[[mine.parameter]]\n'
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("", r"expected one of .*found 'mine'"),
+        ("", r"expected one of .*which has none, found 'mine'"),
         ("[mine", "expected a TOML file"),
         ('[mine]\nwhy = "w"\nbase = "recommended"\n', r"mine\.parameter: expected a value"),
         (SPACE.replace("recomm", "rec") + 'field = "batch"\nlow = 1\nhigh = 2\n', "'recended'"),

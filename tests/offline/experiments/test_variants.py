@@ -132,7 +132,7 @@ VARIANT = '[[mine.variant]]\nname = "{name}"\nwhy = "w"\nchanges = {{ {changes} 
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("", r"expected one of the lists .*found 'mine'"),
+        ("", r"expected one of the lists of the file, which has none, or .*found 'mine'"),
         ("mine = 3", "mine: expected a table"),
         ("[mine", "expected a TOML file"),
         (LIST.format(base="papre") + VARIANT.format(name="a", changes=""), "found 'papre'"),

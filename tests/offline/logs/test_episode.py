@@ -8,9 +8,9 @@ from made_logs import MAPPING, POSE, make_drive
 
 from offline.logs.episode import LEAST_SAMPLES, cut_drive, make_schema
 from offline.logs.readers.log import Channel, Log
-from offline.logs.reference_line import make_line
 from offline.logs.series import to_drive
 from rt_controller.contract.schema import VEHICLE
+from rt_controller.mapping.reference_line import make_line
 
 
 def to_log(made, keep=slice(None)):

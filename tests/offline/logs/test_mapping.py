@@ -6,8 +6,8 @@ import pytest
 from made_logs import MAPPING, POSE
 
 from offline.logs.mapping import read_mapping
-from offline.logs.quantity import Quantity
 from rt_controller.contract.errors import ConfigError
+from rt_controller.mapping.quantity import Quantity
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 

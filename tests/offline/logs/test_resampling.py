@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from offline.logs.mapping_tables import Sampling
 from offline.logs.resampling import Stretch, find_stretches, grid, resample, window_mean
 from offline.logs.series import LoggedDrive, Series
+from rt_controller.mapping.tables import Sampling
 
 PERIOD_S = 0.025
 

@@ -69,7 +69,7 @@ def test_an_infinite_number_is_refused(parse):
 
 
 def test_a_unit_of_the_file_that_differs_from_the_mapping_is_refused(parse):
-    with pytest.raises(DatasetError, match=r"column v: expected numbers in m/s.*says kph"):
+    with pytest.raises(DatasetError, match=r"column v: expected numbers in m/s.*in kph"):
         series(parse, [1.0, 2.0], ', unit = "m/s"', unit="kph")
     assert series(parse, [1.0, 2.0], ', unit = "kph"', unit="km/h").unit == "m/s"
 

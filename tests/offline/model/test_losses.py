@@ -4,22 +4,19 @@ import math
 
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from torch import Tensor
 
-from offline.config import PRESETS, STEPS, TrainingConfig
+from offline.config import PRESETS, TrainingConfig
 from offline.data.sampling import Batch, Instants
 from offline.data.signals import VEHICLE_ROLES
 from offline.model.losses import (
-    horizon_of_step,
     log_error,
     single_step_loss,
     state_errors,
     total_loss,
 )
 from offline.model.network import MdkNet, sizes_of
-from rt_controller.contract.follow import Follow
+from rt_controller.contract.model.follow import Follow
 from rt_controller.contract.schema import VEHICLE
 
 pytestmark = pytest.mark.usefixtures("double_precision")
@@ -279,37 +276,3 @@ def test_single_step_loss_uses_all_targets_without_sampling():
     every = torch.arange(1, K + 1)
     expected = total_loss(model, config, batch, every).single_step
     assert torch.isclose(total_loss(model, config, batch).single_step, expected)
-
-
-seeded = settings(derandomize=True, deadline=None)
-growths = st.floats(0.01, 1.0)
-starts = st.integers(1, STEPS)
-
-
-@seeded
-@given(st.integers(1, 400), growths, starts)
-def test_the_horizon_grows_monotonically_from_its_start_to_all_steps(steps, growth, start):
-    config = a_config(horizon_start=start, horizon_growth=growth, steps=steps)
-    lengths = [horizon_of_step(step, config, STEPS) for step in range(steps)]
-    assert lengths == sorted(lengths)
-    assert lengths[0] == start
-    whole_from = math.ceil(max(growth * steps, 1.0))
-    assert all(length == STEPS for length in lengths[whole_from:])
-
-
-@seeded
-@given(st.integers(1, 400), growths, st.integers(1, 3 * STEPS))
-def test_the_horizon_is_between_one_step_and_all_steps(steps, growth, start):
-    config = a_config(horizon_start=start, horizon_growth=growth, steps=steps)
-    lengths = [horizon_of_step(step, config, STEPS) for step in range(steps)]
-    assert min(lengths) >= 1
-    assert max(lengths) <= STEPS
-
-
-def test_the_horizon_grows_linearly():
-    config = a_config(horizon_start=8, horizon_growth=0.3, steps=10_000)
-    assert horizon_of_step(1500, config, 80) == 44
-
-
-def test_without_a_start_the_horizon_has_all_steps_at_once():
-    assert horizon_of_step(0, a_config(horizon_start=None), STEPS) == STEPS

@@ -10,7 +10,7 @@ from offline.config import PRESETS, TrainingConfig
 from offline.data.sampling import Instants
 from offline.data.signals import VEHICLE_ROLES, Roles
 from offline.model.network import FADING_S, MdkNet, Sizes, sizes_of
-from rt_controller.contract.follow import Follow
+from rt_controller.contract.model.follow import Follow
 from rt_controller.contract.schema import VEHICLE, Schema, Signal
 
 SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)

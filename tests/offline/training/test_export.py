@@ -12,8 +12,8 @@ from offline.model.export_checks import check_export
 from offline.training.checkpoint import load_checkpoint
 from offline.training.export import export_checkpoint
 from offline.training.train import train
-from rt_controller.contract.artifact import load_bundle, save_bundle, shipped_model
 from rt_controller.contract.errors import ArtifactError, DatasetError
+from rt_controller.contract.model.artifact import load_bundle, save_bundle, shipped_model
 
 
 @pytest.fixture(scope="module")

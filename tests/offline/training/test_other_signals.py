@@ -20,10 +20,10 @@ from offline.training.checkpoint import load_checkpoint
 from offline.training.export import export_checkpoint
 from offline.training.run_folder import RunFolder, create_run
 from offline.training.train import train
-from rt_controller.contract.artifact import load_bundle, save_bundle
 from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.model.artifact import load_bundle, save_bundle
+from rt_controller.contract.model.validation import require_drivable
 from rt_controller.contract.schema import Schema, Signal
-from rt_controller.contract.validation import require_drivable
 
 DT_S = 0.05
 BOAT = Schema(

@@ -16,10 +16,12 @@ pytest.importorskip("pythonfmu", reason="the extra [test] is not installed")
 from c_compiler import needs_c_compiler
 from made_fmus import FOREIGN_MAPPING, make_foreign_car
 from recorded_frames import RecordedFrames
+from scripted_controller import send_command
 from virtual_drive import SHORT_LANE_CHANGE
 
 from rt_controller import cli
-from rt_controller.bus.catalogue import COMMAND, MISSION, STATE, Command
+from rt_controller.bus.catalogue import MISSION, STATE
+from rt_controller.bus.contents import Command
 from rt_controller.bus.inbox import Inbox
 from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import Outbox
@@ -145,18 +147,19 @@ def test_a_failed_plant_is_sent_as_an_invalid_state_until_the_bridge_ends(
         while not bridge.is_over:
             now_ns += PERIOD_NS
             ticks += 1
-            controller.send(COMMAND, Command(CRUISE, Mode.NOMINAL), now_ns, counter=ticks - 2)
+            # The first command is not used yet.
+            send_command(controller, Command(CRUISE, Mode.NOMINAL), now_ns, ticks - 2)
             bridge.tick(now_ns)
             received.drain(far_end, now_ns)
-    assert ticks == 8 + 1 + END_TICKS
+    assert ticks == 1 + 8 + 1 + END_TICKS
     for codec in STATE.codecs[:2]:
-        assert [frame[1] >> 4 for frame in recorder.of(codec)] == [1] * 8 + [0] * (ticks - 8)
-    for frame in recorder.of(STATE.codecs[1])[8:]:
+        assert [frame[1] >> 4 & 1 for frame in recorder.of(codec)] == [1] * 9 + [0] * (ticks - 9)
+    for frame in recorder.of(STATE.codecs[1])[9:]:
         assert any(isnan(value) for value in STATE.codecs[1].decode(frame))
     # The controller keeps the last valid state, whose age grows.
     state, mission = received.newest(STATE), received.newest(MISSION)
     assert state is not None
-    assert state.arrival_ns == 8 * PERIOD_NS
+    assert state.arrival_ns == 9 * PERIOD_NS
     assert mission is not None
     assert mission.content.is_engaged
     summary = bridge.summary()
@@ -201,7 +204,7 @@ def command(channel: str, over: threading.Event) -> None:
             state = inbox.newest(STATE)
             if state is not None and state is not answered:
                 answered = state
-                outbox.send(COMMAND, Command(CRUISE, Mode.NOMINAL), 0, counter=state.counter)
+                send_command(outbox, Command(CRUISE, Mode.NOMINAL), 0, state.counter)
 
 
 def test_a_friction_without_a_parameter_in_the_fmu_is_refused(tmp_path: Path) -> None:

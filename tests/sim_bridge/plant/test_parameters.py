@@ -179,7 +179,7 @@ def test_all_errors_of_a_car_file_are_reported_at_once(tmp_path: Path) -> None:
 def test_an_unknown_car_is_refused_with_the_list_of_shipped_cars() -> None:
     with pytest.raises(ConfigError, match=r"expected one of c_class_125kw_fwd, .*\.toml"):
         load_parameters("limousine")
-    with pytest.raises(ConfigError, match="expected a car file that can be read"):
+    with pytest.raises(ConfigError, match="expected a car file in UTF-8 that can be read"):
         load_parameters("no/such/car.toml")
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from sim_bridge.scenario import load_scenario
+from sim_bridge.scenario.files.loading import parse_scenario
 from sim_bridge.scenario.lateral import Sine
 from sim_bridge.scenario.scenario import PREVIEW_S
 
@@ -39,3 +40,25 @@ def test_the_cubic_is_exact_at_the_car_and_close_over_the_preview(name: str) -> 
         wanted = drive.ey_m(s_m + sigma, time_s + ahead_s)
         assert path.c0_m == pytest.approx(wanted[0])
         np.testing.assert_allclose(cubic, wanted, atol=0.02)
+
+
+def test_a_slower_car_has_the_same_path_on_the_road() -> None:
+    drive = load_scenario("sine_60")
+    in_time = drive.path_ahead(100.0, 60.0 / 3.6, 6.0)
+    late = drive.path_ahead(100.0, 60.0 / 3.6, 9.0)
+    slow = drive.path_ahead(100.0, 2.0, 9.0)
+    assert late == in_time
+    assert (slow.c0_m, slow.c1) == pytest.approx((in_time.c0_m, in_time.c1), abs=0.02)
+    beyond = drive.path_ahead(60.0 / 3.6 * drive.duration_s + 1.0, 60.0 / 3.6, drive.duration_s)
+    assert beyond.c1 != 0.0
+
+
+def test_a_path_over_time_changes_where_the_nominal_drive_is_at_its_times() -> None:
+    knots = {"t_s": [0.0, 4.0, 8.0], "value": [0.0, 0.0, 0.5], "interpolation": "pchip"}
+    speed = {"t_s": [0.0, 10.0], "value": [36.0, 72.0]}
+    raw = {"format": 2, "name": "x", "duration_s": 10.0}
+    drive = parse_scenario({**raw, "reference": {"speed_kmh": speed, "ey_m": knots}}, "x")
+    first_m, second_m, third_m = drive.lateral.knots()
+    assert (first_m, second_m) == pytest.approx((0.0, 4 * 10 + 0.5 * 1.0 * 16), abs=0.2)
+    assert float(drive.ey_m(np.array([third_m]))[0]) == pytest.approx(0.5, abs=1e-3)
+    assert drive.lateral.shortest_piece().length == pytest.approx(40.0, abs=0.5)

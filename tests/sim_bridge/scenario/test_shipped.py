@@ -1,16 +1,25 @@
 """The shipped scenarios, each driven with the own car and a plain driver."""
 
+import numpy as np
 import pytest
 from reference_driver import drive
 
-from sim_bridge.scenario import load_scenario, shipped_scenarios
-from sim_bridge.scenario.checks import peak_lateral_mps2
+from sim_bridge.scenario import Scenario, load_scenario, shipped_scenarios
+from sim_bridge.scenario.nominal_drive import drive_nominally
 
 NAMES = {
     "curvature_step", "double_lane_change", "iso_3888_1", "iso_3888_2", "lane_change_120",
     "lane_change_60", "launch_50", "road_course", "sine_110", "sine_60", "slalom",
     "split_friction", "stop_and_go", "stop_and_hold", "straight",
 }  # fmt: skip
+
+
+def peak_lateral_mps2(scenario: Scenario) -> float:
+    """The largest lateral acceleration of the drive if it follows the reference exactly."""
+    drive = drive_nominally(scenario)
+    bend = np.gradient(np.gradient(drive.ey_m, drive.s_m), drive.s_m)
+    curvature = scenario.road.curvature_per_m(drive.s_m)
+    return float(np.max(np.abs(bend + curvature) * drive.speed_mps**2))
 
 
 def test_the_shipped_scenarios_are_these() -> None:

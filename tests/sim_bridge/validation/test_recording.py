@@ -158,6 +158,7 @@ def test_a_log_without_times_needs_a_period(tmp_path: Path) -> None:
 
 
 def test_other_files_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "log.mat").write_bytes(b"MATLAB")
     for name, found in (("log.mat", ".parquet"), ("missing.csv", "missing.csv")):
         with pytest.raises(ConfigError, match=found):
             load_recording(tmp_path / name)

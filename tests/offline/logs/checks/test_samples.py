@@ -14,9 +14,9 @@ from offline.logs.checks.samples import (
     outlier_issues,
     robust_z,
 )
-from offline.logs.mapping_tables import Sampling
 from offline.logs.readers.csv_log import read_csv
 from offline.logs.series import LoggedDrive, Series, to_drive
+from rt_controller.mapping.tables import Sampling
 
 
 def gaps_of(parse, folder, lost, text=MAPPING):

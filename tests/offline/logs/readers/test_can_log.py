@@ -4,9 +4,9 @@ import can
 import numpy as np
 import pytest
 
-from offline.logs.mapping_tables import CanSettings
 from offline.logs.readers.can_log import read_can
-from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.mapping.tables import CanSettings
 
 DBC = """VERSION ""
 BU_: ECU
@@ -75,13 +75,13 @@ def test_signals_have_the_time_stamps_of_their_frames(tmp_path, settings, suffix
 
 def test_a_signal_of_two_messages_needs_the_name_of_the_message(tmp_path, settings):
     path = write_log(tmp_path / "a.blf", frames())
-    with pytest.raises(DatasetError, match=r"WHEEL\.Counter, OTHER\.Counter"):
+    with pytest.raises(ConfigError, match=r"WHEEL\.Counter, OTHER\.Counter"):
         read_can(path, ("Counter",), settings)
 
 
 def test_an_unknown_signal_is_refused_with_similar_ones(tmp_path, settings):
     path = write_log(tmp_path / "a.blf", frames())
-    with pytest.raises(DatasetError, match=r"'yawrate'.*Did you mean YawRate"):
+    with pytest.raises(ConfigError, match=r"'yawrate'.*Did you mean YawRate"):
         read_can(path, ("yawrate",), settings)
 
 
@@ -148,5 +148,5 @@ def test_a_file_that_is_not_a_dbc_is_refused_with_its_name(tmp_path):
     dbc = tmp_path / "car.dbc"
     dbc.write_text("BO_ nonsense")
     path = write_log(tmp_path / "a.blf", frames())
-    with pytest.raises(DatasetError, match=r"car\.dbc: expected a DBC"):
+    with pytest.raises(ConfigError, match=r"car\.dbc: expected a DBC"):
         read_can(path, ("Speed",), CanSettings(dbc=dbc))

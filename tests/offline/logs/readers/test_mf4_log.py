@@ -43,7 +43,7 @@ def test_a_unit_that_differs_from_the_mapping_is_refused(path, parse):
         '[states]\nvx_mps = { column = "Speed", unit = "m/s" }\n'
         '[inputs]\nsteer_rad = { column = "Steer" }\n'
     )
-    with pytest.raises(DatasetError, match=r"a\.mf4, column Speed: .* m/s.* says km/h"):
+    with pytest.raises(DatasetError, match=r"a\.mf4, column Speed: .* m/s.* in km/h, as the file"):
         to_drive(read_mf4(path, mapping.columns), mapping)
 
 

@@ -42,5 +42,5 @@ def test_a_huge_file_is_refused_before_it_is_read(
 ) -> None:
     monkeypatch.setattr(xml_file, "LARGEST_MB", 1)
     (tmp_path / "a.xodr").write_text("<OpenDRIVE>" + " " * 2_000_000)
-    with pytest.raises(ConfigError, match="at most 1 MB expected, found 2 MB"):
+    with pytest.raises(ConfigError, match="2 MB, where at most 1 MB are read"):
         load_scenario(str(tmp_path / "a.xodr"))

@@ -1,0 +1,102 @@
+"""One drive without a fault: the largest value of each quantity, and the checks that failed."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from benchmarks.false_alarms.conditions import Condition, disturbed
+from rt_controller import simulate
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.safety.checks import CHECKS, Check, Quantity, Reaction
+from rt_controller.safety.finding import Windows
+from rt_controller.safety.inputs import QualifiedInputs, ReceivedInputs
+from rt_controller.safety.modes import StopCause
+from rt_controller.safety.supervisor import Supervisor
+
+OFF_PATH_M = next(c.threshold for c in CHECKS if c.quantity is Quantity.TRACKING_M)
+"""from there on TRACKING_LOST is true"""
+
+
+@dataclass(frozen=True, slots=True)
+class DriveResult:
+    """Values and failed checks of the supervisor in one drive."""
+
+    scenario: str
+    friction: float
+    mass_kg: float
+    seed: int
+    stop_at_s: float | None
+    driven_s: float
+    true_ey_peak_m: float
+    failed_checks: tuple[str, ...]
+    largest: dict[str, float]
+    """of each quantity, by its name with its unit"""
+
+    @property
+    def false_checks(self) -> tuple[str, ...]:
+        """The checks that failed without a fault."""
+        is_off = self.true_ey_peak_m > OFF_PATH_M
+        return tuple(name for name in self.failed_checks if not (is_off and name == "tracking"))
+
+    @property
+    def condition(self) -> Condition:
+        """Of the drive."""
+        return Condition(self.scenario, self.friction, self.mass_kg, self.seed, self.stop_at_s)
+
+    def figures(self) -> dict[str, Any]:
+        """For a line of JSON."""
+        return asdict(self)
+
+
+def result_from(figures: dict[str, Any]) -> DriveResult:
+    """The drive of a line of JSON."""
+    return DriveResult(**{**figures, "failed_checks": tuple(figures["failed_checks"])})
+
+
+def measure(condition: Condition, model: str | None) -> DriveResult:
+    """One drive in simulated time."""
+    largest, failed = np.zeros(len(Quantity)), set[str]()
+    with _watching(largest, failed, condition.stop_at_s is not None):
+        drive = simulate(disturbed(condition), model=model, duration_s=condition.stop_at_s)
+    return DriveResult(
+        **condition._asdict(),
+        driven_s=PERIOD_S * int(np.sum(drive["mode"] > 0)),
+        true_ey_peak_m=round(drive.errors.ey_peak_m, 4),
+        failed_checks=tuple(sorted(failed)),
+        largest={q.name.lower(): round(float(largest[q]), 6) for q in Quantity},
+    )
+
+
+@contextmanager
+def _watching(largest: Array, failed: set[str], is_stop_requested: bool) -> Iterator[None]:
+    """Collect the values and the failing checks of all supervisors in this process.
+
+    Those in a stop count only if it was requested: another one begins with a false alarm, and its
+    consequences are no further ones.
+    """
+    judge, failing = Supervisor.judge, Windows.failing
+    of_tick = list[Check]()
+
+    def noted(supervisor: Supervisor, received: ReceivedInputs) -> QualifiedInputs:
+        of_tick.clear()
+        qualified = judge(supervisor, received)
+        if received.is_driven and (is_stop_requested or not received.is_stopping):
+            np.maximum(largest, supervisor.values, out=largest)
+            if {qualified.alarm, qualified.rejection} != {StopCause.NONE}:
+                failed.update(c.name for c in of_tick if c.reaction is not Reaction.REFUSE)
+        return qualified
+
+    def named(windows: Windows, group: range) -> list[Check]:
+        found = failing(windows, group)
+        of_tick.extend(found)
+        return found
+
+    Supervisor.judge, Windows.failing = noted, named  # type: ignore[method-assign, assignment]
+    try:
+        yield
+    finally:
+        Supervisor.judge, Windows.failing = judge, failing  # type: ignore[method-assign]

@@ -1,0 +1,66 @@
+"""The work of `offline-export --bundle`: an existing bundle gets stored plans, without training."""
+
+from pathlib import Path
+from typing import Any
+
+from offline.commands.terminal import STDOUT
+from rt_controller.bundle_checks.encoder_trial import require_bounded
+from rt_controller.bundle_checks.plan_check import require_stored_plans, with_plans
+from rt_controller.contract.errors import ArtifactError, ConfigError
+from rt_controller.contract.model.artifact import CARD_FILE, find_model, load_bundle, save_bundle
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.validation import require_drivable
+
+
+def store_plans(model: Path, output: Path | None) -> dict[str, Any]:
+    """Figures of `offline-export --bundle`; the model and its card stay as they are.
+
+    Args:
+        model: name of a shipped model, or folder of a bundle.
+        output: folder to write; None: that of the bundle.
+
+    Raises:
+        ArtifactError: the bundle is damaged, of an older format, or cannot be driven with.
+        ConfigError: the folder cannot be written.
+    """
+    folder = find_model(model)
+    bundle = load_bundle(folder)
+    require_drivable(bundle)
+    require_bounded(bundle)
+    replaced = _why_replaced(bundle)
+    target = output or folder
+    planned = with_plans(bundle)
+    try:
+        card = (folder / CARD_FILE).read_text("utf-8", errors="replace")
+        save_bundle(target, planned, card)
+    except OSError as error:
+        raise ConfigError(
+            f"--bundle {folder}: expected its {CARD_FILE}, and a folder with room for a bundle in "
+            f"--output {target}, found {error.filename}: {error.strerror}. "
+            f"Name another folder with --output."
+        ) from error
+    if replaced:
+        STDOUT.print(f"its own plans were replaced: {replaced}", soft_wrap=True, markup=False)
+    STDOUT.print(
+        f"{planned.name} {planned.sha256[:8]}: plans stored. Drive with it:\n"
+        f"  rt-controller --bus virtual --model {target}",
+        soft_wrap=True,
+        markup=False,
+        highlight=False,
+    )
+    return {
+        "bundle": str(target),
+        "model": planned.name,
+        "model_sha256": planned.sha256,
+        "plans": 0 if planned.plans is None else len(planned.plans.inputs),
+        "replaced_plans": replaced or None,
+    }
+
+
+def _why_replaced(bundle: Bundle) -> str:
+    """Why stored plans of the bundle are not those of its model; empty if they are."""
+    try:
+        require_stored_plans(bundle)
+    except ArtifactError as error:
+        return str(error)
+    return ""

@@ -1,0 +1,121 @@
+"""Stored plans of a bundle: made where it is exported, repeated before it drives.
+
+A model whose files fit each other may still be another one than was exported: with a negated input
+matrix and a new hash it steers the wrong way. Its plans differ from those that were stored.
+"""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.model.bundle import Bundle, PlanSample
+from rt_controller.contract.model.validation import find_objection_to_driving
+from rt_controller.contract.signals import (
+    AT_REST,
+    NEUTRAL_INPUT,
+    ControlInput,
+    PathReference,
+    VehicleState,
+)
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.mpc import Mpc
+from rt_controller.control.solver import SolveStatus, open_solver
+from rt_controller.control.terms import TrackingCost
+
+HORIZON = 20
+COST = TrackingCost(
+    state=VehicleState(1.0, np.inf, np.inf, np.inf, 0.15, np.radians(1.0)),
+    control=ControlInput(np.inf, np.inf, np.inf),
+    control_change=ControlInput(0.3, 45.0, np.radians(12.0)),
+    latent_weight=0.0,
+    terminal_factor=1.0,
+)
+"""of the stored plans, whatever the settings of a drive: a change makes all stored plans invalid"""
+LARGEST_DIFFERENCE = 0.01
+"""between two plans, of the range of each input; processors and solvers round differently"""
+LEAST_SITUATIONS, MOST_SITUATIONS = 3, 100
+_PREVIOUS = ControlInput(0.1, 0.0, 0.0)
+SITUATIONS = (
+    # speed, e_y, e_psi, curvature; reference speed: pedals and steering both ways
+    (16.7, 0.5, 0.0, 0.0, 16.7),
+    (16.7, 0.0, -0.02, 0.0, 18.7),
+    (22.2, -0.4, 0.01, 0.001, 22.2),
+    (22.2, 0.0, 0.0, -0.002, 19.2),
+    (33.3, 0.3, 0.005, 0.0005, 33.3),
+)
+
+
+def with_plans(bundle: Bundle) -> Bundle:
+    """The bundle with stored plans; the same one if the controller cannot drive with it.
+
+    Raises:
+        ArtifactError: its QP is not solved.
+    """
+    if find_objection_to_driving(bundle) is not None:
+        return bundle
+    states = [
+        AT_REST._replace(vx_mps=vx, ds_m=vx * PERIOD_S, ey_m=ey, epsi_rad=epsi)
+        for vx, ey, epsi, _, _ in SITUATIONS
+    ]
+    paths = [PathReference(0.0, 0.0, 0.0, 0.0, v_mps=v, a_mps2=0.0) for *_, v in SITUATIONS]
+    sample = PlanSample(
+        state=np.array(states),
+        curvature_per_m=np.array([curvature for *_, curvature, _ in SITUATIONS]),
+        path=np.array(paths),
+        previous=np.array([_PREVIOUS] * len(SITUATIONS)),
+        inputs=np.zeros((len(SITUATIONS), HORIZON, len(NEUTRAL_INPUT))),
+    )
+    return replace(bundle, plans=sample._replace(inputs=_plan(bundle, sample)))
+
+
+def require_stored_plans(bundle: Bundle) -> None:
+    """Return if the bundle plans as where it was exported, or has no stored plans.
+
+    Raises:
+        ArtifactError: it plans otherwise, or its QP is not solved.
+    """
+    stored = bundle.plans
+    if stored is None:
+        return
+    n_situations, horizon, _ = stored.inputs.shape
+    if not LEAST_SITUATIONS <= n_situations <= MOST_SITUATIONS or horizon != HORIZON:
+        raise ArtifactError(
+            f"The model {bundle.name!r}: expected {LEAST_SITUATIONS} to {MOST_SITUATIONS} stored "
+            f"plans of {HORIZON} periods, found {n_situations} of {horizon}. Run offline-export "
+            f"again."
+        )
+    span = np.subtract(INPUT_LIMITS.upper, INPUT_LIMITS.lower)
+    worst = float(np.max(np.abs(_plan(bundle, stored) - stored.inputs) / span))
+    if not worst <= LARGEST_DIFFERENCE:
+        raise ArtifactError(
+            f"The model {bundle.name!r}: expected the plans that were stored at its export within "
+            f"{LARGEST_DIFFERENCE:g} of the range of each input, found a difference of "
+            f"{worst:.2g}. The matrices or the encoder are not those that were exported: run "
+            f"offline-export again."
+        )
+
+
+def _plan(bundle: Bundle, sample: PlanSample) -> np.ndarray:
+    """(T, N, 3) plans in the situations of a sample, each without a past."""
+    mpc = Mpc(bundle, HORIZON, COST, open_solver=partial(open_solver, warm_start=False))
+    plans = []
+    for state, curvature_per_m, path, previous in zip(*sample[:4], strict=True):
+        applied = ControlInput(*previous.tolist())
+        mpc.forget()
+        mpc.resume(applied)
+        status = mpc.plan(
+            VehicleState(*state.tolist()),
+            float(curvature_per_m),
+            PathReference(*path.tolist()),
+            applied,
+        )
+        if status is not SolveStatus.SOLVED:
+            raise ArtifactError(
+                f"The model {bundle.name!r}: expected a plan at {state[0]:.1f} m/s, found a QP "
+                f"that is {status.name}. Run offline-export again, or choose another `model`."
+            )
+        plans.append(mpc.inputs.copy())
+    return np.array(plans)

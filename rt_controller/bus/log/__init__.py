@@ -1,0 +1,1 @@
+"""Logs of frames: the file, which never blocks the loop, its formats, and the recorder."""

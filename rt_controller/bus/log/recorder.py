@@ -1,0 +1,260 @@
+"""Recorder of a drive: frames to a log, and with what the loop did between them to other sinks.
+
+The loop only appends to a bounded queue; a separate thread writes and closes the files. Frames that
+do not fit are dropped and counted, and so are those that the disk does not take. In lockstep the
+drive waits for room in the queue, so the same drive gives the same bytes.
+"""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+import can
+
+from rt_controller.bus.log.frame_log import (
+    LONGEST_CLOSE_S,
+    FrameLog,
+    RecordedFrame,
+    open_frame_log,
+)
+
+QUEUE_FRAMES = 65_536
+"""three minutes of this project's frames, in case the disk blocks for that long"""
+_WRITE_INTERVAL_S = 0.2
+_FRAMES_PER_WRITE = 512
+_LONGEST_STALL_S = LONGEST_CLOSE_S
+"""after which a disk that takes nothing is not waited for in lockstep"""
+
+
+class LoopEvent(NamedTuple):
+    """What the loop did between two frames."""
+
+    kind: str
+    content: object = None
+    """does not change afterwards"""
+
+
+Entry = RecordedFrame | LoopEvent
+
+
+class Sink(Protocol):
+    """A further receiver of everything that is recorded; never raises."""
+
+    @property
+    def path(self) -> Path | None:
+        """The file that is written; None: none."""
+
+    @property
+    def failure(self) -> str:
+        """Why something is missing, for people; empty if nothing is."""
+
+    def append(self, entries: Sequence[Entry], n_logged: int) -> None:
+        """Take these entries; the log took the first `n_logged` of their frames."""
+
+    def close(self) -> None:
+        """Complete what is written."""
+
+
+class Recorder(AbstractContextManager["Recorder"]):
+    """A log that is being written, and further sinks; the end of the context closes them."""
+
+    def __init__(
+        self,
+        path: Path | None,
+        channel: str,
+        *,
+        is_lockstep: bool,
+        capacity: int = QUEUE_FRAMES,
+        epoch_offset_ns: int = 0,
+        replaces: bool = False,
+    ) -> None:
+        """Open the log.
+
+        Args:
+            path: of the log, as `open_frame_log`; None: no log.
+            channel: name of the bus.
+            is_lockstep: `record` may wait for a slow disk.
+            capacity: of the queue, in frames and events.
+            epoch_offset_ns: added to every stamp, to turn monotonic into calendar time.
+            replaces: replace an existing log.
+
+        Raises:
+            ConfigError: the file cannot be written, or exists already.
+            MissingExtraError: its format needs a package that is not installed.
+        """
+        self.written = 0
+        self._taken = 0
+        self._overflowed = 0
+        self._unwritable = 0
+        self._capacity = capacity
+        self._waits = is_lockstep
+        self._log: FrameLog | None = None
+        if path is not None:
+            self._log = open_frame_log(path, channel, epoch_offset_ns, replaces)
+        self._sinks: list[Sink] = []
+        self._is_closed = False
+        self._is_explained = False
+        self._queue: deque[Entry] = deque()
+        self._is_closing = threading.Event()
+        self._is_given_up = False
+        self._writer = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._writer.start()
+
+    def add(self, sink: Sink) -> None:
+        """Record to this sink too, before the first frame; it is closed with the recorder."""
+        self._sinks.append(sink)
+
+    @property
+    def path(self) -> Path | None:
+        """The log that is written."""
+        return None if self._log is None else self._log.path
+
+    @property
+    def dropped(self) -> int:
+        """Frames that are missing in the log because the queue or the disk was full."""
+        return self._overflowed + self._unwritable
+
+    @property
+    def last_failure(self) -> str:
+        """Why frames are missing, for people; empty if none are."""
+        overflow = "a disk that is too slow" if self._overflowed else ""
+        return next((each.failure for each in self._files if each.failure), overflow)
+
+    def explain_failure(self) -> str:
+        """The message about a file that is incomplete; empty if none is."""
+        if not self.last_failure:
+            return ""
+        failed = [each.path for each in self._files if each.failure]
+        path = next(filter(None, (*failed, *(each.path for each in self._files))), "the recording")
+        missing = (
+            f"{self.dropped} frames are missing in the log" if self.dropped else "it ends early"
+        )
+        return (
+            f"{path}: expected room for the log of the bus, found {self.last_failure}: {missing}. "
+            f"Free some space, or name another file."
+        )
+
+    @property
+    def _files(self) -> Sequence[FrameLog | Sink]:
+        return self._sinks if self._log is None else [self._log, *self._sinks]
+
+    def new_failure(self) -> str:
+        """The same message at the first call after frames were lost, otherwise empty."""
+        failure = "" if self._is_explained else self.explain_failure()
+        self._is_explained = bool(failure) or self._is_explained
+        return failure
+
+    def record(self, message: can.Message, timestamp_ns: int, is_sent: bool = False) -> None:
+        """Keep a copy of this frame; the message may be changed afterwards."""
+        if not self._has_room():
+            self._overflowed += 1
+            return
+        self._taken += 1
+        self._queue.append(
+            RecordedFrame(
+                timestamp_ns,
+                is_sent,
+                message.arbitration_id,
+                message.is_extended_id,
+                message.is_remote_frame,
+                message.is_error_frame,
+                message.is_fd,
+                bytes(message.data),
+            )
+        )
+
+    def record_event(self, event: LoopEvent) -> None:
+        """Keep an event; none where the queue is full."""
+        if self._sinks and self._has_room():
+            self._queue.append(event)
+
+    def close(self) -> None:
+        """Write what is left and close the files; what a stalled disk does not take is lost."""
+        if self._is_closed:
+            return
+        self._is_closed = True
+        self._is_closing.set()
+        self._writer.join(LONGEST_CLOSE_S if self._log is None else self._log.longest_close_s)
+        if self._writer.is_alive():
+            self._is_given_up = True
+            self._overflowed = self._taken + self._overflowed - self.written - self._unwritable
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _has_room(self) -> bool:
+        """True if the queue has room; in lockstep a slow disk gets time, a stalled one none."""
+        end_s = time.monotonic() + _LONGEST_STALL_S
+        while len(self._queue) >= self._capacity:
+            self._waits = self._waits and time.monotonic() < end_s
+            if not self._waits:
+                return False
+            time.sleep(1e-3)
+        return True
+
+    def _run(self) -> None:
+        while not self._is_closing.wait(_WRITE_INTERVAL_S):
+            self._write_queue()
+        self._write_queue()
+        lost = 0 if self._log is None else self._log.close()
+        for sink in self._sinks:
+            sink.close()
+        if not self._is_given_up:
+            self.written -= lost
+            self._unwritable += lost
+
+    def _write_queue(self) -> None:
+        # A full disk must end neither the drive nor this thread.
+        while self._queue and not self._is_given_up:
+            n_entries = min(len(self._queue), _FRAMES_PER_WRITE)
+            entries = [self._queue.popleft() for _ in range(n_entries)]
+            frames = [entry for entry in entries if isinstance(entry, RecordedFrame)]
+            n_written = len(frames) if self._log is None else self._log.append(frames)
+            if self._is_given_up:
+                return
+            self.written += n_written
+            self._unwritable += len(frames) - n_written
+            for sink in self._sinks:
+                sink.append(entries, n_written)
+
+
+def open_recorder(
+    path: Path | None, channel: str, is_lockstep: bool = False, replaces: bool = False
+) -> Recorder | None:
+    """A recorder with calendar time in its stamps; None if no file is named.
+
+    Raises:
+        ConfigError: the file cannot be written, or exists already and `replaces` is False.
+        MissingExtraError: its format needs a package that is not installed.
+    """
+    if path is None:
+        return None
+    return Recorder(
+        path,
+        channel,
+        is_lockstep=is_lockstep,
+        epoch_offset_ns=epoch_offset_ns(is_lockstep),
+        replaces=replaces,
+    )
+
+
+def require_recordable(path: Path | None, replaces: bool = False) -> None:
+    """Return if a log can be recorded there, or None is given; an existing log is left as it is.
+
+    Raises:
+        ConfigError, MissingExtraError: as `open_recorder`.
+    """
+    if path is not None:
+        open_frame_log(path, "", 0, replaces).close()
+
+
+def epoch_offset_ns(is_lockstep: bool) -> int:
+    """What turns a stamp of the loop into calendar time.
+
+    In lockstep the stamps are simulated time: the same run gives the same bytes.
+    """
+    return 0 if is_lockstep else time.time_ns() - time.monotonic_ns()

@@ -1,0 +1,1 @@
+"""The model bundle: its parts, its files, its checks, and prediction with it."""

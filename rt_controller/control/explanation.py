@@ -1,0 +1,170 @@
+"""Explanation of one plan: which bounds it touches, what its cost consists of, a second solution.
+
+For people, after a drive; nothing of it runs in the loop.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.schema import N_INPUTS
+from rt_controller.contract.signals import ControlInput, VehicleState
+from rt_controller.control.program import QuadraticProgram
+from rt_controller.control.solver import SolveStatus, open_solver
+from rt_controller.control.terms import TrackingCost
+
+ACTIVE = 1e-7
+"""distance to a bound, in units of an input's range, from which on it is active"""
+
+
+class ActiveBound(NamedTuple):
+    """A bound of the QP that holds with equality."""
+
+    kind: str
+    """"value" of an input, its "change" in one period, or "corridor" around the path"""
+    signal: str
+    stage: int
+    """counted from zero; of the corridor from one"""
+    side: str
+    """lower, upper, or both where they are equal"""
+    multiplier: float
+    """decrease of the cost if the bound is relaxed by one range of the input; negative for a lower
+    bound; 0: other bounds imply it"""
+
+
+class CostShare(NamedTuple):
+    """One term of the cost, summed over the horizon."""
+
+    term: str
+    cost: float
+    share: float
+    """of the sum of all terms; 0 if that is zero"""
+
+
+class SecondSolution(NamedTuple):
+    """The same QP solved again from a cold start, by PIQP."""
+
+    status: SolveStatus
+    iterations: int
+    largest_difference: float
+    """of an input, in units of its range; NaN if either was not solved"""
+    optimality_residual: float
+    """largest component of the gradient that no active bound balances; NaN without a plan"""
+
+
+class PlanExplanation(NamedTuple):
+    """One solve of eq. (14), explained."""
+
+    inputs: Array
+    """(N, 3), planned"""
+    states: Array
+    """(N + 1, 6), predicted, the measured one first; e_y and e_psi counted from the road"""
+    reference: Array
+    """(N, 6), of stages 1 … N; e_y and e_psi counted from the circle of the curvature at the car"""
+    active: tuple[ActiveBound, ...]
+    costs: tuple[CostShare, ...]
+    second: SecondSolution
+
+
+def solve_again(program: QuadraticProgram, z: Array | None, n_inputs: int) -> SecondSolution:
+    """The program solved from a cold start, compared with `z` (n,), the solution in use.
+
+    `n_inputs` of its variables are inputs.
+    """
+    copy = program.copy()
+    solver = open_solver(copy, warm_start=False)
+    status = solver.solve()
+    if z is None:
+        return SecondSolution(status, solver.iterations, np.nan, np.nan)
+    difference = np.nan
+    if status is SolveStatus.SOLVED:
+        difference = float(np.abs(solver.solution - z)[:n_inputs].max())
+    return SecondSolution(status, solver.iterations, difference, _multipliers(program, z)[1])
+
+
+def active_bounds(program: QuadraticProgram, z: Array, n_inputs: int) -> tuple[ActiveBound, ...]:
+    """The bounds that are active at the solution `z` (n,), by variable, then by row."""
+    indices, signs = _active(program, z)
+    multipliers, _ = _multipliers(program, z)
+    n_slews = len(program.G) - (program.size - n_inputs)
+    found = []
+    for index, sign, multiplier in zip(indices, signs, multipliers, strict=True):
+        place = int(index) - program.size
+        stage, column = divmod(int(index) if place < 0 else place, N_INPUTS)
+        if place >= n_slews:
+            kind, signal, stage = "corridor", "ey_m", place - n_slews + 1
+        else:
+            kind, signal = "value" if place < 0 else "change", ControlInput._fields[column]
+        is_equal = program.all_upper[index] - program.all_lower[index] <= ACTIVE
+        side = "both" if is_equal else "upper" if sign > 0.0 else "lower"
+        found.append(ActiveBound(kind, signal, stage, side, float(sign * multiplier)))
+    return tuple(found)
+
+
+def _active(program: QuadraticProgram, z: Array) -> tuple[NDArray[np.int64], Array]:
+    """Indices among variables and rows, and +1 for an upper bound, -1 for a lower one."""
+    values = np.concatenate([z, program.G @ z])
+    above = program.all_upper - values <= ACTIVE
+    below = values - program.all_lower <= ACTIVE
+    indices = np.flatnonzero(above | below)
+    return indices, np.where(above[indices], 1.0, -1.0)
+
+
+def _multipliers(program: QuadraticProgram, z: Array) -> tuple[Array, float]:
+    """Multipliers of the active bounds by least squares, and what of the gradient remains."""
+    indices, signs = _active(program, z)
+    normals = np.vstack([np.eye(program.size), program.G])[indices] * signs[:, None]
+    gradient = program.P @ z + program.q
+    if len(indices) == 0:
+        return np.zeros(0), float(np.abs(gradient).max())
+    multipliers = np.asarray(np.linalg.lstsq(normals.T, -gradient, rcond=None)[0], dtype=np.float64)
+    return multipliers, float(np.abs(normals.T @ multipliers + gradient).max())
+
+
+def cost_shares(
+    cost: TrackingCost,
+    states: Array,
+    reference: Array,
+    inputs: Array,
+    previous: Array,
+    corridor: tuple[float, float] | None = None,
+) -> tuple[CostShare, ...]:
+    """The terms of eq. (14) that are not zero, the largest first; a half of each square.
+
+    Args:
+        cost: tolerances.
+        states: (N, p) of stages 1 … N as the model predicts them: 6 states, and the latents where
+            they have a weight.
+        reference: (N, p) of the same stages, counted as the states are.
+        inputs: (N, 3).
+        previous: (3,), the input of the last period.
+        corridor: half of its width in m, and its weight; None: there is none.
+    """
+    stage_weights = np.ones(len(states))
+    stage_weights[-1] = cost.terminal_factor
+    deviation = states - reference
+    n_states = len(VehicleState._fields)
+    terms = {
+        f"deviation of {name}": stage_weights @ np.square(deviation[:, i] / cost.state[i])
+        for i, name in enumerate(VehicleState._fields)
+    }
+    if deviation.shape[1] > n_states:
+        latents = np.square(deviation[:, n_states:]).sum(axis=1)
+        terms["deviation of latents"] = cost.latent_weight * (stage_weights @ latents)
+    changes = np.diff(inputs, axis=0, prepend=previous[None])
+    for i, name in enumerate(ControlInput._fields):
+        terms[f"size of {name}"] = np.square(inputs[:, i] / cost.control[i]).sum()
+        terms[f"change of {name}"] = np.square(changes[:, i] / cost.control_change[i]).sum()
+    if corridor is not None:
+        half_width_m, weight = corridor
+        excess_m = np.abs(deviation[:, VehicleState._fields.index("ey_m")]) - half_width_m
+        terms["beyond the corridor"] = weight * np.square(np.maximum(excess_m, 0.0)).sum()
+    total = float(sum(terms.values()))
+    shares = [
+        CostShare(name, 0.5 * float(value), float(value) / total if total else 0.0)
+        for name, value in terms.items()
+        if value > 0.0
+    ]
+    return tuple(sorted(shares, key=lambda term: -term.cost))

@@ -1,0 +1,125 @@
+"""The input of a tick: by the model, by the low-speed law, or from the last good plan."""
+
+from typing import NamedTuple
+
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.signals import (
+    ControlInput,
+    CurvaturePreview,
+    Mode,
+    PathReference,
+    VehicleState,
+)
+from rt_controller.control.low_speed.law import LowSpeedLaw
+from rt_controller.control.mpc import Mpc
+from rt_controller.control.plan_buffer import PlanBuffer
+from rt_controller.control.solver import SolveStatus
+
+
+class PlannedInput(NamedTuple):
+    """What is planned for a tick."""
+
+    control: ControlInput | None
+    """the plan's input for this tick: of a new plan, else of the last good one; None: none left"""
+    has_solver_failed: bool = False
+    qp_iterations: int = 0
+    qp_ns: int = 0
+    lifted: Array | None = None
+    """the state as the model lifts it; None: the model did not plan"""
+
+
+class InputPlanner:
+    """Model predictive control, the law below its speeds, and the memory of both."""
+
+    def __init__(self, mpc: Mpc, low_speed: LowSpeedLaw) -> None:
+        self._mpc = mpc
+        self._low_speed = low_speed
+        self._plan = PlanBuffer(len(mpc.inputs))
+
+    @property
+    def law(self) -> Mode:
+        """That of the last plan: NOMINAL, LOW_SPEED or STANDSTILL."""
+        return self._low_speed.law
+
+    @property
+    def periods_held(self) -> int:
+        """Periods since the plan was made."""
+        return self._plan.periods_held
+
+    def hold(self, periods: int) -> PlannedInput:
+        """The input of the last plan, `periods` after the last one."""
+        return PlannedInput(self._plan.next(periods))
+
+    def plan(
+        self,
+        state: VehicleState,
+        curvature_per_m: float,
+        path: PathReference,
+        preview: CurvaturePreview | None,
+        last: ControlInput,
+        periods: int,
+        *,
+        stops: bool,
+    ) -> PlannedInput:
+        """Lift the state, expand the reference, solve; or low-speed law; or hold the last plan.
+
+        Args:
+            state: measured or estimated.
+            curvature_per_m: of the road at the car.
+            path: to follow.
+            preview: curvature of the road ahead; None: constant.
+            last: input of the last tick.
+            periods: since the last tick.
+            stops: the car is to be brought to rest, whatever speed the path says.
+        """
+        previous_law = self._low_speed.law
+        slow_path = path._replace(v_mps=0.0, a_mps2=0.0) if stops else path
+        if self._low_speed.choose(state.vx_mps, slow_path) is not Mode.NOMINAL:
+            slow = self._low_speed.control(state, curvature_per_m, slow_path, last)
+            return PlannedInput(self._plan.store_constant(slow))
+        if previous_law is not Mode.NOMINAL:
+            self._mpc.resume(last)
+        status = self._mpc.plan(state, curvature_per_m, path, last, preview)
+        is_solved = status is SolveStatus.SOLVED
+        control = self._plan.store(self._mpc.inputs) if is_solved else self._plan.next(periods)
+        return PlannedInput(
+            control, not is_solved, self._mpc.iterations, self._mpc.solve_ns, self._mpc.lifted
+        )
+
+    def prepare(self) -> None:
+        """Update the QP's matrices for the state that is predicted."""
+        self._mpc.prepare()
+
+    def warm_up(self) -> None:
+        """Dry-run the planning to warm the caches."""
+        self._mpc.warm_up()
+
+    def forget(self) -> None:
+        """No state of this period: the history of inputs and states has a gap."""
+        self._mpc.forget()
+        self._low_speed.forget()
+
+    def observe(
+        self, state: VehicleState, applied: ControlInput, *, is_driven: bool, continues: bool
+    ) -> None:
+        """Take the measured state of this period and the input that acted until now.
+
+        Args:
+            state: measured.
+            applied: input of the last period.
+            is_driven: this program drives the car.
+            continues: no period lies between the last state and this one, and the input is known.
+        """
+        if not continues:
+            self.forget()
+        if not is_driven:
+            self._low_speed.reset()
+        if self._low_speed.law is not Mode.NOMINAL:
+            self._mpc.forget()  # the model has no data of so slow a car
+        self._mpc.observe(state, applied)
+        self._low_speed.observe(state.vx_mps, applied)
+
+    def observe_estimate(self, state: VehicleState, applied: ControlInput) -> None:
+        """The same with an estimated state, for a stop."""
+        self._mpc.observe(state, applied)
+        self._low_speed.forget()

@@ -1,0 +1,166 @@
+"""A finished drive as a table: one row for each tick, columns with names and units."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.errors import ConfigError, needs_extra, require_type
+from rt_controller.contract.files import atomic_write
+from rt_controller.contract.schema import VEHICLE, Signal
+from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
+from rt_controller.drive.car_figures import CarFigure
+from rt_controller.drive.scenario import DrivenScenario
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TIME = Signal("time_s", "s")
+REFERENCE = (
+    Signal("path_ey_m", "m"),
+    Signal("path_epsi_rad", "rad"),
+    Signal("path_vx_mps", "m/s"),
+)
+MODE = Signal("mode", "1")
+PLACE = Signal("s_m", "m")
+COLUMNS = (TIME, *VEHICLE.states, *VEHICLE.exogenous, *REFERENCE, *VEHICLE.inputs, MODE, PLACE)
+"""of a drive: time, measured states and curvature, reference at the car, input sent, `Mode`, and
+arc length: the sum of `ds_m` since the car was first driven, of a simulated car from its start on
+(a period without a new state counts as the one before)"""
+
+
+class TrackingErrors(NamedTuple):
+    """The car minus its reference over the ticks that drove, braking to rest included."""
+
+    ey_rms_m: float
+    ey_peak_m: float
+    epsi_rms_rad: float
+    epsi_peak_rad: float
+    vx_rms_mps: float
+    vx_peak_mps: float
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Drive:
+    """What happened in one drive, tick by tick, in SI units.
+
+        drive = simulate("double_lane_change")
+        drive["ey_m"].max(), drive.errors.ey_rms_m
+        drive.plot("drive.svg")
+
+    NaN where a tick received no new state or path.
+    """
+
+    values: Array
+    """(ticks, columns), see `COLUMNS`"""
+    errors: TrackingErrors
+    model: str
+    """name of the model and first digits of its hash"""
+    ending: str
+    """why the drive ended"""
+    stop_cause: str = "NONE"
+    """name of the fault of a safe stop, or of a car that was not taken over"""
+    stop_tick: int | None = None
+    """in which the last safe stop began, counted from zero; None: there was none"""
+    stop_s: float | None = None
+    """time of that tick since the first one"""
+    car_figures: tuple[CarFigure, ...] = ()
+    """of a simulated drive: the figures that its scenario names or limits"""
+    at_limit_s: ControlInput = NEUTRAL_INPUT
+    """for how long each input was at its upper bound, the steering wheel at either, in s"""
+    scenario: DrivenScenario | None = None
+    """of a simulated drive"""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns; each ends in its unit."""
+        return tuple(signal.name for signal in COLUMNS)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each column."""
+        return {signal.name: signal.unit for signal in COLUMNS}
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """Mode of the controller in each tick."""
+        return tuple(Mode(round(number)) for number in self["mode"])
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Drive of {len(self)} ticks with {self.model}, {self.ending}: "
+            f"lateral error RMS {self.errors.ey_rms_m:.3f} m, peak {self.errors.ey_peak_m:.3f} m>"
+        )
+
+    def __getitem__(self, column: str) -> Array:
+        """One column (ticks,).
+
+        Raises:
+            KeyError: no such column.
+        """
+        if column not in self.columns:
+            raise KeyError(f"expected one of {', '.join(self.columns)}, found {column!r}")
+        values: Array = self.values[:, self.columns.index(column)]
+        return values
+
+    def of_scenario(self, scenario: DrivenScenario, car_figures: tuple[CarFigure, ...]) -> "Drive":
+        """The drive with its scenario and figures; its arc length begins at the start of it."""
+        values = self.values.copy()
+        values[:, self.columns.index(PLACE.name)] += scenario.start_s_m
+        return replace(self, values=values, car_figures=car_figures, scenario=scenario)
+
+    def to_csv(self, file: Path | str) -> None:
+        """Write the table as CSV, one column for each name.
+
+        Raises:
+            ConfigError: the file cannot be written.
+            TypeError: `file` is no path.
+        """
+        require_type("file", file, str | Path, "the path of a file")
+        try:
+            with atomic_write(Path(file)) as out:
+                header = ",".join(self.columns)
+                np.savetxt(out, self.values, "%.9g", ",", header=header, comments="")
+        except OSError as error:
+            raise ConfigError(
+                f"{file}: expected a file that can be written, found {error.strerror}. Name "
+                f"another file, in a folder that exists."
+            ) from error
+
+    def to_pandas(self) -> Any:
+        """The table as a `pandas.DataFrame`, its units in `attrs["units"]`.
+
+        Raises:
+            MissingExtraError: pandas is not installed.
+        """
+        with needs_extra("logs", "A data frame"):
+            import pandas as pd
+
+        frame = pd.DataFrame(self.values, columns=list(self.columns))
+        frame.attrs["units"] = self.units
+        return frame
+
+    def plot(self, file: Path | str | None = None) -> "Figure":
+        """Position, lateral error, steering wheel, pedals, speed over time: a matplotlib figure.
+
+        Args:
+            file: also write the figure there; the suffix chooses the format (.png, .svg, .pdf).
+
+        Raises:
+            MissingExtraError: matplotlib is not installed.
+            ConfigError: the file cannot be written, or its format is unknown.
+            TypeError: `file` is no path.
+        """
+        require_type("file", file, str | Path | None, "the path of a file")
+        from rt_controller.report.drive_figure import draw_drive
+
+        return draw_drive(self, None if file is None else Path(file))

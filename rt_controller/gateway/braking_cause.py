@@ -1,0 +1,16 @@
+"""Why a vehicle brakes by itself, for the simulated car and for the gateway."""
+
+from enum import Enum
+
+from rt_controller.contract.timing import COMMAND_TIMEOUT_S
+
+
+class BrakingCause(Enum):
+    """The first cause of a braking of the vehicle; it lasts as long as the braking."""
+
+    NO_COMMAND = f"no command that may be followed for {1e3 * COMMAND_TIMEOUT_S:g} ms"
+    LEAVING_PATH = "the car was about to leave its path"
+    ACTUATOR_FAILED = "an actuator does not follow its commands"
+    """of the simulated car only: a gateway does not judge the actuators"""
+    END_REQUESTED = "the gateway was requested to end while it drove the car"
+    """of the gateway only"""

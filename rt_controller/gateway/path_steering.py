@@ -1,0 +1,88 @@
+"""Pure-pursuit steering and braking of the vehicle itself, for a stop along its own path."""
+
+from math import copysign, isfinite
+from typing import NamedTuple
+
+from rt_controller.contract.grip import LEAST_BRAKE_N, brake_beside_n
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.signals import PathReference, VehicleState
+from rt_controller.contract.steering_geometry import (
+    DEFAULT_GEOMETRY,
+    UNDERSTEER_RAD_PER_MPS2,
+    SteeringGeometry,
+)
+from rt_controller.contract.timing import PERIOD_S
+
+PREVIEW_S = 0.7
+"""the path is sent for 0.6 s ahead; a longer preview damps, a shorter one tracks more closely"""
+NEAREST_M = 5.0
+"""shortest preview distance, of a slow car"""
+LARGEST_BRAKED_LATERAL_MPS2 = 4.0
+"""beside the braking: more would exceed the grip of a dry road"""
+YAW_DAMPING_S = 0.1
+"""angle of the front wheels per difference between the yaw rate of the wanted circle and that of
+the car: it turns the wheels against a slide of the rear axle"""
+BRAKE_N, BRAKE_RATE_N_PER_S = 100.0, 300.0
+"""of a straight car, about 0.5 g"""
+TOLERATED_OFF_PATH_M, LESS_BRAKE_N_PER_M = 0.3, 100.0
+"""of a car that leaves its path"""
+SLOWEST_MPS = 0.3
+"""the wheel of a slower car stays where it is"""
+
+
+class Course(NamedTuple):
+    """The car, its path and the road, as the first arguments of `steer_along`."""
+
+    path: PathReference
+    state: VehicleState
+    curvature_per_m: float
+
+
+def steer_along(
+    path: PathReference,
+    state: VehicleState,
+    curvature_per_m: float,
+    previous_rad: float,
+    geometry: SteeringGeometry = DEFAULT_GEOMETRY,
+) -> float:
+    """Wheel angle of the coming period that leads the car to its path, in rad.
+
+    The car drives a circle through the point of the path that is `PREVIEW_S` ahead. The wheel angle
+    stays within its bounds and its rate, the curvature within `LARGEST_BRAKED_LATERAL_MPS2`.
+
+    Args:
+        path: at the car.
+        state: of the car, measured by itself.
+        curvature_per_m: of the road at the car.
+        previous_rad: of the last period; kept at standstill and if a value is not finite.
+        geometry: of the car.
+    """
+    speed_mps = state.vx_mps
+    if not speed_mps > SLOWEST_MPS:
+        return previous_rad
+    ahead_m = max(PREVIEW_S * speed_mps, NEAREST_M)
+    c0_m, c1, c2_per_m, c3_per_m2 = path[:4]
+    there_m = c0_m + ahead_m * (c1 + ahead_m * (c2_per_m + ahead_m * c3_per_m2))
+    course_rad = state.epsi_rad + state.vy_mps / speed_mps
+    turn_per_m = curvature_per_m + 2.0 * (there_m - state.ey_m - course_rad * ahead_m) / ahead_m**2
+    if not isfinite(turn_per_m):
+        return previous_rad
+    largest_per_m = LARGEST_BRAKED_LATERAL_MPS2 / speed_mps**2
+    turn_per_m = copysign(min(abs(turn_per_m), largest_per_m), turn_per_m)
+    per_turn = geometry.wheelbase_m + UNDERSTEER_RAD_PER_MPS2 * speed_mps**2
+    damping_rad = YAW_DAMPING_S * (turn_per_m * speed_mps - state.yaw_rate_radps)
+    wanted_rad = geometry.steering_ratio * (per_turn * turn_per_m + damping_rad)
+    change_rad = INPUT_LIMITS.rate_per_s.steer_rad * PERIOD_S
+    reached_rad = previous_rad + min(max(wanted_rad - previous_rad, -change_rad), change_rad)
+    return min(max(reached_rad, INPUT_LIMITS.lower.steer_rad), INPUT_LIMITS.upper.steer_rad)
+
+
+def largest_brake_n(state: VehicleState, off_path_m: float) -> float:
+    """Brake force that leaves the tyres enough grip to steer, in N.
+
+    At 120 km/h in a lane change the car would slide with the whole force. A car that leaves its
+    path has too little grip for both: the road is wet, and it brakes less until it is back.
+    """
+    beyond_m = max(abs(off_path_m) - TOLERATED_OFF_PATH_M, 0.0)
+    force_n = brake_beside_n(BRAKE_N, state.vx_mps * state.yaw_rate_radps)
+    return max(force_n - LESS_BRAKE_N_PER_M * beyond_m, LEAST_BRAKE_N)

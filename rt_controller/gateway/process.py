@@ -1,0 +1,290 @@
+"""The gateway as a process of its own, between the car's bus and a bus of the contract.
+
+The controller on the other bus is unchanged. Its commands pass the vehicle's envelope here, and are
+limited once more. If they stop, are refused, or lead the car off its path, the gateway brakes it.
+"""
+
+from dataclasses import dataclass, field
+from math import hypot
+
+import can
+
+from rt_controller.bus.contents import Command
+from rt_controller.bus.end_to_end.assembly import Received
+from rt_controller.contract.errors import BusError
+from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
+from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY, SteeringGeometry
+from rt_controller.contract.timing import (
+    COMMAND_TIMEOUT_NS,
+    COMMAND_TIMEOUT_TICKS,
+    PERIOD_NS,
+    PERIOD_S,
+    counter_lag,
+)
+from rt_controller.gateway.braking_cause import BrakingCause
+from rt_controller.gateway.car_end import CarEnd
+from rt_controller.gateway.lateral_speed import LateralSpeed
+from rt_controller.gateway.path_steering import BRAKE_RATE_N_PER_S, largest_brake_n, steer_along
+from rt_controller.gateway.signal_bus import read_frames
+from rt_controller.gateway.vehicle_envelope import (
+    FARTHEST_OFF_PATH_M,
+    STANDING,
+    OwnMotion,
+    leaves_path,
+    off_path_m,
+    refusals,
+)
+from rt_controller.mapping.car_file import CarFile
+from rt_controller.realtime.clock import RealtimeClock
+from rt_controller.safety.envelope import limit
+from rt_controller.safety.fallback import Braking, safe_stop, stand_by
+from rt_controller.safety.modes import STANDING_MPS
+
+POLLS = 10
+"""of both buses in a period, so that a command is late by 2.5 ms at most"""
+ROUNDING = ControlInput(throttle=1e-4, brake_n=0.01, steer_rad=1e-4)
+"""two commands that differ by less are equal within the resolution of a frame"""
+LEAVING_REQUEST = 3
+"""request to end after which the gateway ends at once; those before it brake the car"""
+LONGEST_STOP_WITHOUT_SPEED_TICKS = round(10.0 / PERIOD_S)
+"""after so long a stop without a speed the car counts as standing, as in the controller"""
+
+
+@dataclass(slots=True)
+class GatewayCounts:
+    """Figures of a run."""
+
+    ticks: int = 0
+    skipped_ticks: int = 0
+    commands: int = 0
+    """passed on to the car"""
+    limited: int = 0
+    """of these: not passed on as received, but with the nearest values that may follow"""
+    refused: int = 0
+    """not passed on: the car keeps the command before"""
+    refused_because: dict[str, int] = field(default_factory=dict)
+    """of these, for each reason in VehicleFaults"""
+    brakings: int = 0
+    """times that the gateway braked the car by itself"""
+    braked_because: dict[str, int] = field(default_factory=dict)
+    """of these, for each `BrakingCause`"""
+    send_failures: int = 0
+    """frames that the car's bus did not take"""
+
+
+class Gateway:
+    """Translates between both buses; call `exchange` often and `tick` once a period."""
+
+    def __init__(
+        self,
+        car_bus: can.BusABC,
+        bus: can.BusABC,
+        car: CarFile,
+        lateral_speed: LateralSpeed,
+        is_fd: bool = False,
+        geometry: SteeringGeometry = DEFAULT_GEOMETRY,
+    ) -> None:
+        """Nothing is sent yet.
+
+        Args:
+            car_bus: with the car's own messages.
+            bus: with those of the contract.
+            car: its mapping.
+            lateral_speed: estimates v_y where the car does not send it.
+            is_fd: `bus` has frames of CAN FD; that of the car has not.
+            geometry: of the car.
+
+        Raises:
+            ConfigError, DatasetError: see `CarEnd`.
+        """
+        self.car_end = CarEnd(car, lateral_speed, bus, is_fd)
+        self.counts = GatewayCounts()
+        self._car_bus = car_bus
+        self._bus = bus
+        self._geometry = geometry
+        self._last_read_ns = 0
+        self._applied = NEUTRAL_INPUT
+        self._mode = Mode.STANDBY
+        """of the newest command that was passed on"""
+        self._motion = STANDING
+        self._has_reached_path = False
+        self._ticks_without_course = 0
+        self.requests = 0
+        """to end"""
+
+    def request_end(self) -> None:
+        """Request the end of the gateway; may be called in a signal handler."""
+        self.requests += 1
+
+    @property
+    def has_ended(self) -> bool:
+        """True after a request once the car is not driven or stands; at once after the third."""
+        is_at_rest = (
+            self._motion.speed_mps < STANDING_MPS
+            if self._ticks_without_course == 0
+            else self._ticks_without_course > LONGEST_STOP_WITHOUT_SPEED_TICKS
+        )
+        may_end = self._mode is Mode.STANDBY or is_at_rest
+        return self.requests >= LEAVING_REQUEST or (self.requests > 0 and may_end)
+
+    def exchange(self, now_ns: int, *, has_wall_clock: bool = True) -> None:
+        """Read both buses; a new command goes to the car at once.
+
+        Raises:
+            can.CanError: a bus cannot be read.
+        """
+        read_frames(self._car_bus, self.car_end, now_ns, self._last_read_ns, has_wall_clock)
+        self._last_read_ns = now_ns
+        while (frame := self._bus.recv(0)) is not None:
+            before = self.car_end.command
+            if self.car_end.accept_command(frame, now_ns) and not self.car_end.is_braking:
+                self._pass_on(before, now_ns)
+
+    def tick(self, now_ns: int, skipped: int = 0) -> None:
+        """Send the states of one period; brake the car if its commands may not be followed."""
+        self.counts.ticks += 1
+        self.counts.skipped_ticks += skipped
+        self._watch(now_ns)
+        self.car_end.send(now_ns, skipped)
+        self._measure()
+
+    def _pass_on(self, before: Received[Command] | None, now_ns: int) -> None:
+        """Send the newest command to the car, or the one before once more."""
+        car_end, counts = self.car_end, self.counts
+        command = car_end.command
+        if command is None:
+            return
+        last, periods = self._applied, COMMAND_TIMEOUT_TICKS
+        if before is not None and self._mode is not Mode.STANDBY:
+            last, periods = before.content.control, counter_lag(command.counter, before.counter)
+        is_requested = self._is_driven(now_ns) and not self._has_driver(now_ns)
+        motion = self._motion._replace(is_mission_on=is_requested)
+        found = refusals(command.content, last, periods, motion, self._geometry)
+        car_end.refusals = found
+        if found:
+            car_end.command = before
+            counts.refused += 1
+            for refusal in found:
+                name = refusal.name or ""
+                counts.refused_because[name] = counts.refused_because.get(name, 0) + 1
+        else:
+            self._applied = limit(command.content.control, self._applied)
+            self._mode = command.content.mode
+            counts.commands += 1
+            counts.limited += _differ(self._applied, command.content.control)
+        self._send(self._applied, self._mode)
+
+    def _watch(self, now_ns: int) -> None:
+        """Brake a car whose commands may not be followed; go on releasing one that was released."""
+        car_end = self.car_end
+        age_ns = car_end.age_ns(now_ns)
+        is_silent = age_ns is not None and age_ns > COMMAND_TIMEOUT_NS
+        cause = self._cause_to_brake(now_ns, is_silent)
+        if self._mode is not Mode.STANDBY and (car_end.is_braking or cause is not None):
+            if not self._is_driven(now_ns):
+                car_end.is_braking, self._mode = False, Mode.STANDBY
+            elif cause is not None and not car_end.is_braking:
+                car_end.is_braking = True
+                because = self.counts.braked_because
+                self.counts.brakings += 1
+                because[cause.name] = because.get(cause.name, 0) + 1
+        if car_end.is_braking:
+            self._applied = limit(self._stop(), self._applied)
+            self._send(self._applied, Mode.SAFE_STOP)
+        elif is_silent:
+            # A message with a long period, or a turned wheel, needs more frames than were received.
+            self._applied = limit(stand_by(self._applied), self._applied)
+            self._send(self._applied, Mode.STANDBY)
+
+    def _cause_to_brake(self, now_ns: int, is_silent: bool) -> BrakingCause | None:
+        """None: the commands may be followed on."""
+        if is_silent:
+            return BrakingCause.NO_COMMAND
+        if self._is_leaving(now_ns):
+            return BrakingCause.LEAVING_PATH
+        return BrakingCause.END_REQUESTED if self.requests > 0 else None
+
+    def _measure(self) -> None:
+        """Store the motion of the car by its own signals."""
+        course = self.car_end.course
+        if course is None:
+            self._ticks_without_course += 1
+            self._motion = self._motion._replace(off_path_m=0.0)
+            return
+        self._ticks_without_course = 0
+        state = course.state
+        self._motion = OwnMotion(hypot(state.vx_mps, state.vy_mps), off_path_m(*course), True)
+        is_near = abs(self._motion.off_path_m) < FARTHEST_OFF_PATH_M
+        self._has_reached_path = self._mode is not Mode.STANDBY and (
+            self._has_reached_path or is_near
+        )
+
+    def _is_leaving(self, now_ns: int) -> bool:
+        """True if the commands lead the car off its path; False while a driver steers it."""
+        command = self.car_end.command
+        if command is None or self._has_driver(now_ns):
+            return False
+        motion = self._motion._replace(is_mission_on=self._is_driven(now_ns))
+        return leaves_path(command.content, motion, self._has_reached_path)
+
+    def _is_driven(self, now_ns: int) -> bool:
+        """True if the car is driven and `engage` is on or missing."""
+        is_engaged = self.car_end.samples.is_on("mission.engage", now_ns)
+        return self._mode is not Mode.STANDBY and is_engaged is not False
+
+    def _has_driver(self, now_ns: int) -> bool:
+        """True if the car reports that it does not follow the commands."""
+        return self.car_end.samples.is_on("mission.car_brakes", now_ns) is True
+
+    def _stop(self) -> ControlInput:
+        """Input of one period of a stop along the path; without one the wheel returns to zero."""
+        course, before = self.car_end.course, self._applied
+        if course is None:
+            return safe_stop(before, None, is_held=True)
+        steer_rad = steer_along(*course, before.steer_rad, self._geometry)
+        force_n = largest_brake_n(course.state, course.state.ey_m - course.path.c0_m)
+        braking = Braking(force_n, BRAKE_RATE_N_PER_S)
+        return safe_stop(before, before._replace(steer_rad=steer_rad), False, braking)
+
+    def end(self) -> None:
+        """Send the last command in every message, whatever its period."""
+        if self.counts.commands:
+            mode = Mode.SAFE_STOP if self.car_end.is_braking else self._mode
+            self._send_frames(self.car_end.last_frames(self._applied, mode))
+
+    def _send(self, control: ControlInput, mode: Mode) -> None:
+        self._send_frames(self.car_end.command_frames(control, mode))
+
+    def _send_frames(self, frames: list[can.Message]) -> None:
+        for frame in frames:
+            try:
+                self._car_bus.send(frame, timeout=0)
+            except can.CanError:
+                self.counts.send_failures += 1
+
+
+def _differ(one: ControlInput, other: ControlInput) -> bool:
+    return any(abs(a - b) > step for a, b, step in zip(one, other, ROUNDING, strict=True))
+
+
+def run_gateway(gateway: Gateway) -> None:
+    """Translate in real time until an end is requested, and a car that is driven stands.
+
+    Raises:
+        BusError: a bus cannot be read.
+    """
+    clock = RealtimeClock()
+    try:
+        while not gateway.has_ended:
+            for poll in range(POLLS - 1, 0, -1):
+                clock.sleep_until_before_tick(poll * PERIOD_NS // POLLS)
+                gateway.exchange(clock.now_ns())
+            tick = clock.wait()
+            gateway.exchange(clock.now_ns())
+            gateway.tick(clock.now_ns(), tick.skipped)
+        gateway.end()
+    except can.CanError as error:
+        raise BusError(
+            f"A bus of the gateway cannot be read: expected frames or silence, found {error}. "
+            f"Check the interfaces, then start again."
+        ) from error

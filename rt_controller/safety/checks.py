@@ -1,0 +1,188 @@
+"""The table of plausibility checks: quantity, threshold, window, reaction.
+
+How the thresholds were found, and what no check detects: `docs/safety.md`.
+"""
+
+from enum import Enum, IntEnum, auto
+from math import copysign, inf
+from typing import NamedTuple
+
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.safety.modes import StopCause
+
+
+class Quantity(IntEnum):
+    """What a check compares with its threshold; index into the values of one tick."""
+
+    PROGRESS_STEP_M = 0
+    """|Δs - progress computed from v_x, v_y, e_psi, e_y| of one period"""
+    PROGRESS_SPEED_MPS = auto()
+    """|low-pass of v_x - Δs / period|: both on a straight road"""
+    SPEED_STEP_MPS = auto()
+    """|v_x - v_x predicted by the model one period ago|; without a model: the last v_x"""
+    SPEED_TEN_MPS = auto()
+    """|v_x - v_x predicted ten periods ago with the inputs that were applied|"""
+    LATERAL_SPEED_STEP_MPS = auto()
+    LATERAL_SPEED_TEN_MPS = auto()
+    YAW_RATE_STEP_RADPS = auto()
+    YAW_RATE_TEN_RADPS = auto()
+    HEADING_RAD = auto()
+    """|e_psi - e_psi integrated from yaw rate, curvature and progress|"""
+    LATERAL_ERROR_M = auto()
+    """|e_y - e_y integrated from v_x, e_psi and v_y|"""
+    CURVATURE_STEP_PER_M = auto()
+    """|curvature - the value ahead that was sent before for this place|; a large one less 1.5 times
+    the changes of the values ahead"""
+    PEDAL_SPEED_MPS = auto()
+    """speed that the pedals should have added to a slow car, and that is not measured"""
+    FROZEN_TICKS = auto()
+    """ticks in which all six states are constant, although by the other states or the model they
+    change"""
+    STEERING_RAD = auto()
+    """distance of ACT_FB from the range of the commands of the last 150 ms"""
+    THROTTLE = auto()
+    BRAKE_N = auto()
+    TRACKING_M = auto()
+    """|e_y - c0|"""
+    PATH_STEP_M = auto()
+    """|c0 - the value that the path before had at this place|"""
+    PATH_DRIFT_M = auto()
+    """the same, summed up with a memory of 2 s"""
+    PATH_FROZEN_M = auto()
+    """by how much a path that repeats itself should have changed: at the car, and 10 m ahead"""
+    PATH_TURN_RAD = auto()
+    """|c1 - the slope that the path before had at this place|"""
+    PATH_SPEED_STEP_MPS = auto()
+    """|wanted speed - the one before, changed by the wanted acceleration|"""
+    PATH_SPEED_DRIFT_MPS = auto()
+    """change of the wanted speed outside of the wanted accelerations, with a memory of 2 s"""
+    PREVIEW_STEP_PER_M = auto()
+    """the largest difference of the curvature ahead to the one sent before, as above"""
+    PATH_LATERAL_MPS2 = auto()
+    """largest lateral acceleration along the path over the next half second"""
+    PATH_JERK_MPS3 = auto()
+    """lateral jerk along the path"""
+    ENGAGE_EY_M = auto()
+    """farthest distance from the path of a car that the controller is to take over"""
+    ENGAGE_EPSI_RAD = auto()
+    """|e_psi - heading of the path| of such a car"""
+
+
+class Reaction(Enum):
+    """What follows when a quantity was above its threshold for the whole window."""
+
+    REJECT_STATE = "the state is not used: the plan is held for two ticks, then the car is stopped"
+    REJECT_PATH = "the path is not used: the plan is held for two ticks, then the car is stopped"
+    STOP = "the car is stopped"
+    REFUSE = "the controller does not begin to drive"
+
+
+class Check(NamedTuple):
+    """One row of the table."""
+
+    name: str
+    quantity: Quantity
+    threshold: float
+    window_ticks: int
+    """ticks in a row above the threshold"""
+    reaction: Reaction
+    cause: StopCause
+    """of the signal that is most often faulty; `isolation` may find another one"""
+
+
+def _ticks(time_s: float) -> int:
+    return round(time_s / PERIOD_S)
+
+
+LARGEST_CURVATURE_STEP_PER_M = 2e-3
+_Q, _R, _C = Quantity, Reaction, StopCause
+CHECKS: tuple[Check, ...] = (
+    Check("progress", _Q.PROGRESS_STEP_M, 0.02, 1, _R.REJECT_STATE, _C.PROGRESS_IMPLAUSIBLE),
+    Check("speed and progress", _Q.PROGRESS_SPEED_MPS, 0.5, 1, _R.STOP, _C.PROGRESS_IMPLAUSIBLE),
+    Check("v_x, one step", _Q.SPEED_STEP_MPS, 0.5, 1, _R.REJECT_STATE, _C.SPEED_IMPLAUSIBLE),
+    Check("v_x, ten steps", _Q.SPEED_TEN_MPS, 1.0, _ticks(0.2), _R.STOP, _C.SPEED_IMPLAUSIBLE),
+    Check(
+        "v_y, one step",
+        _Q.LATERAL_SPEED_STEP_MPS,
+        0.35,
+        1,
+        _R.REJECT_STATE,
+        _C.LATERAL_SPEED_IMPLAUSIBLE,
+    ),
+    Check(
+        "v_y, ten steps",
+        _Q.LATERAL_SPEED_TEN_MPS,
+        0.7,
+        _ticks(0.2),
+        _R.STOP,
+        _C.LATERAL_SPEED_IMPLAUSIBLE,
+    ),
+    Check(
+        "yaw rate, one step",
+        _Q.YAW_RATE_STEP_RADPS,
+        0.05,
+        1,
+        _R.REJECT_STATE,
+        _C.YAW_RATE_IMPLAUSIBLE,
+    ),
+    Check(
+        "yaw rate, ten steps",
+        _Q.YAW_RATE_TEN_RADPS,
+        0.15,
+        _ticks(0.2),
+        _R.STOP,
+        _C.YAW_RATE_IMPLAUSIBLE,
+    ),
+    Check("heading", _Q.HEADING_RAD, 0.016, 1, _R.REJECT_STATE, _C.HEADING_IMPLAUSIBLE),
+    Check(
+        "lateral error", _Q.LATERAL_ERROR_M, 0.3, 1, _R.REJECT_STATE, _C.LATERAL_ERROR_IMPLAUSIBLE
+    ),
+    Check(
+        "curvature step",
+        _Q.CURVATURE_STEP_PER_M,
+        LARGEST_CURVATURE_STEP_PER_M,
+        1,
+        _R.REJECT_STATE,
+        _C.CURVATURE_IMPLAUSIBLE,
+    ),
+    Check("speed by pedals", _Q.PEDAL_SPEED_MPS, 2.5, 1, _R.STOP, _C.SPEED_IMPLAUSIBLE),
+    Check("frozen state", _Q.FROZEN_TICKS, 7.5, 1, _R.STOP, _C.STATE_FROZEN),
+    Check("steering feedback", _Q.STEERING_RAD, 0.03, _ticks(0.075), _R.STOP, _C.STEERING_MISMATCH),
+    Check("throttle feedback", _Q.THROTTLE, 0.08, _ticks(0.075), _R.STOP, _C.THROTTLE_MISMATCH),
+    Check("brake feedback", _Q.BRAKE_N, 10.0, _ticks(0.075), _R.STOP, _C.BRAKE_MISMATCH),
+    Check("tracking", _Q.TRACKING_M, 0.9, _ticks(0.2), _R.STOP, _C.TRACKING_LOST),
+    Check("path step", _Q.PATH_STEP_M, 0.2, 1, _R.REJECT_PATH, _C.PATH_JUMP),
+    Check("path drift", _Q.PATH_DRIFT_M, 0.25, 1, _R.STOP, _C.PATH_INCONSISTENT),
+    Check("path frozen", _Q.PATH_FROZEN_M, 0.04, _ticks(0.075), _R.STOP, _C.PATH_INCONSISTENT),
+    Check("path turn", _Q.PATH_TURN_RAD, 0.03, 1, _R.REJECT_PATH, _C.PATH_JUMP),
+    Check("wanted speed", _Q.PATH_SPEED_STEP_MPS, 2.0, 1, _R.REJECT_PATH, _C.PATH_SPEED_JUMP),
+    Check(
+        "wanted speed, drift",
+        _Q.PATH_SPEED_DRIFT_MPS,
+        1.25,
+        1,
+        _R.STOP,
+        _C.PATH_INCONSISTENT,
+    ),
+    Check(
+        "curvature ahead",
+        _Q.PREVIEW_STEP_PER_M,
+        LARGEST_CURVATURE_STEP_PER_M,
+        1,
+        _R.REJECT_PATH,
+        _C.PREVIEW_JUMP,
+    ),
+    Check("path acceleration", _Q.PATH_LATERAL_MPS2, 8.5, 1, _R.REJECT_PATH, _C.PATH_TOO_SHARP),
+    Check("path jerk", _Q.PATH_JERK_MPS3, 40.0, 1, _R.REJECT_PATH, _C.PATH_TOO_SHARP),
+    Check("engagement, lateral", _Q.ENGAGE_EY_M, 1.0, 1, _R.REFUSE, _C.NOT_ENGAGED),
+    Check("engagement, heading", _Q.ENGAGE_EPSI_RAD, 0.15, 1, _R.REFUSE, _C.NOT_ENGAGED),
+)
+NEVER = inf
+NOT_COMPUTED = -0.0
+"""value of a quantity in a tick that has nothing to compute it from: above no threshold, and told
+apart from a computed zero by its sign alone, which costs a tick nothing"""
+
+
+def is_computed(value: float) -> bool:
+    """True if a tick computed this value of a quantity."""
+    return copysign(1.0, value) > 0.0

@@ -1,0 +1,74 @@
+"""Inputs of the supervisor in a tick, and its result: what may be planned from."""
+
+from typing import NamedTuple
+
+from rt_controller.contract.signals import (
+    ControlInput,
+    CurvaturePreview,
+    PathReference,
+    VehicleState,
+)
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.safety.isolation import Faulty
+from rt_controller.safety.modes import StopCause
+
+
+class ReceivedInputs(NamedTuple):
+    """What one tick received; None: nothing that is fresh and valid."""
+
+    state: VehicleState | None
+    """new in this tick"""
+    curvature_per_m: float
+    """of the state"""
+    path: PathReference | None
+    preview: CurvaturePreview | None
+    """as it arrived, also if it contradicts the curvature"""
+    applied: ControlInput | None
+    """the command that acted in the last period; None: not known, or not one of this controller"""
+    feedback: ControlInput | None
+    """of the actuators, new in this tick"""
+    is_driven: bool
+    """False in STANDBY: nothing is compared, and the checks restart at the state that arrives"""
+    is_stopping: bool
+    """a safe stop has begun"""
+    periods: int
+    """since the last tick"""
+
+
+class QualifiedInputs(NamedTuple):
+    """What may be planned from."""
+
+    state: VehicleState | None
+    """measured where it is accepted, otherwise estimated; None: none has arrived yet"""
+    curvature_per_m: float
+    path: PathReference | None
+    """received or, if it was not, the last one that was accepted"""
+    preview: CurvaturePreview | None
+    is_measured: bool
+    """the whole state arrived in this tick and was accepted"""
+    is_path_received: bool
+    """the path arrived in time and was accepted"""
+    speed_mps: float | None
+    """as far as it is measured and accepted: v_x, or from the progress"""
+    alarm: StopCause = StopCause.NONE
+    """what stops the car"""
+    rejection: StopCause = StopCause.NONE
+    """why state or path of this tick are not used, or why the drive does not begin"""
+
+
+def with_replaced_signals(
+    measured: VehicleState, expected: VehicleState, faulty: Faulty
+) -> VehicleState:
+    """The measured state with the faulty signals of its motion replaced."""
+    if faulty is Faulty.NONE:
+        return measured
+    vx_mps, vy_mps, yaw_rate, ds_m, ey_m, epsi_rad = measured
+    if Faulty.SPEED in faulty:
+        vx_mps = expected.vx_mps if Faulty.PROGRESS in faulty else ds_m / PERIOD_S
+    if Faulty.PROGRESS in faulty:
+        ds_m = vx_mps * PERIOD_S
+    if Faulty.LATERAL_SPEED in faulty:
+        vy_mps = expected.vy_mps
+    if Faulty.YAW_RATE in faulty:
+        yaw_rate = expected.yaw_rate_radps
+    return VehicleState(vx_mps, vy_mps, yaw_rate, ds_m, ey_m, epsi_rad)

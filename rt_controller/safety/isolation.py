@@ -1,0 +1,127 @@
+"""Isolation: from the residuals of a tick to the signals that are no longer used.
+
+Every relation between states contains several of them, so its residual shows that one of them is
+faulty, but not which. Another relation decides: for progress or v_x the speed of the model, for yaw
+rate or heading the lateral error, for v_y or the lateral error the v_y of the model.
+"""
+
+from enum import IntFlag
+from typing import NamedTuple
+
+from rt_controller.safety.checks import Check, Quantity
+from rt_controller.safety.modes import StopCause
+
+
+class Faulty(IntFlag):
+    """Signals that are replaced by estimates for the rest of a stop."""
+
+    NONE = 0
+    SPEED = 1
+    PROGRESS = 2
+    LATERAL_SPEED = 4
+    YAW_RATE = 8
+    HEADING = 16
+    LATERAL_ERROR = 32
+    CURVATURE = 64
+    PATH = 128
+    PREVIEW = 256
+    PLACE = HEADING | LATERAL_ERROR
+    MOTION = SPEED | LATERAL_SPEED | YAW_RATE
+    STATE = SPEED | PROGRESS | LATERAL_SPEED | YAW_RATE | HEADING | LATERAL_ERROR
+
+
+class Evidence(NamedTuple):
+    """Residuals that isolate the faulty signal."""
+
+    speed_error_mps: float
+    """|v_x - expected|"""
+    progress_error_mps: float
+    """|Δs / period - expected|"""
+    lateral_speed_share: float
+    """|v_y - model| over the threshold of that check; the larger of one and ten steps"""
+    yaw_rate_share: float
+    """the same of the yaw rate"""
+    is_heading_jump: bool
+    """the residual of the heading appeared within a period"""
+    is_lateral_jump: bool
+    """the same of the lateral error"""
+    lateral_by_heading_m: float
+    """|residual of e_y| with the e_psi that arrives"""
+    lateral_by_yaw_rate_m: float
+    """|residual of e_y| with the e_psi that is integrated from the yaw rate"""
+    curvature_error_per_m: float
+    """|curvature - first value of the curvature ahead|; 0 if that is not known"""
+
+
+LEAST_SHARE = 0.4
+"""of the threshold of the model's check; above it this signal is the faulty one"""
+CURVATURES_DIFFER_PER_M = 1e-3
+CAUSES = {
+    Faulty.SPEED: StopCause.SPEED_IMPLAUSIBLE,
+    Faulty.PROGRESS: StopCause.PROGRESS_IMPLAUSIBLE,
+    Faulty.LATERAL_SPEED: StopCause.LATERAL_SPEED_IMPLAUSIBLE,
+    Faulty.YAW_RATE: StopCause.YAW_RATE_IMPLAUSIBLE,
+    Faulty.HEADING: StopCause.HEADING_IMPLAUSIBLE,
+    Faulty.LATERAL_ERROR: StopCause.LATERAL_ERROR_IMPLAUSIBLE,
+    Faulty.CURVATURE: StopCause.CURVATURE_IMPLAUSIBLE,
+    Faulty.PATH: StopCause.PATH_INCONSISTENT,
+    Faulty.STATE: StopCause.STATE_FROZEN,
+}
+_NAMED = {
+    Quantity.SPEED_STEP_MPS: Faulty.SPEED,
+    Quantity.LATERAL_SPEED_STEP_MPS: Faulty.LATERAL_SPEED,
+    Quantity.YAW_RATE_STEP_RADPS: Faulty.YAW_RATE,
+    Quantity.CURVATURE_STEP_PER_M: Faulty.CURVATURE,
+    Quantity.PEDAL_SPEED_MPS: Faulty.SPEED | Faulty.PROGRESS,
+    Quantity.FROZEN_TICKS: Faulty.STATE,
+}
+"""quantities that depend on one signal only"""
+
+
+def isolate(check: Check, evidence: Evidence) -> Faulty:
+    """The signal that is not used after this check has failed.
+
+    NONE if an actuator or the grip explains the residual as well: the measured state is then kept.
+    """
+    quantity = check.quantity
+    if quantity in _NAMED:
+        return _NAMED[quantity]
+    if quantity in (Quantity.PROGRESS_STEP_M, Quantity.PROGRESS_SPEED_MPS):
+        is_speed = evidence.speed_error_mps > evidence.progress_error_mps
+        return Faulty.SPEED if is_speed else Faulty.PROGRESS
+    if quantity is Quantity.HEADING_RAD:
+        return _of_heading(evidence)
+    if quantity is Quantity.LATERAL_ERROR_M:
+        is_speed = not evidence.is_lateral_jump and evidence.lateral_speed_share > LEAST_SHARE
+        return Faulty.LATERAL_SPEED if is_speed else Faulty.LATERAL_ERROR
+    return Faulty.NONE
+
+
+def isolate_path(check: Check) -> Faulty:
+    """What is not used after a check of the path has failed."""
+    return Faulty.PREVIEW if check.quantity is Quantity.PREVIEW_STEP_PER_M else Faulty.PATH
+
+
+def is_jump(check: Check, evidence: Evidence) -> bool:
+    """True if the residual of this integrated quantity appeared within a period."""
+    if check.quantity is Quantity.HEADING_RAD:
+        return evidence.is_heading_jump
+    return evidence.is_lateral_jump
+
+
+def _of_heading(evidence: Evidence) -> Faulty:
+    if evidence.is_heading_jump:
+        return Faulty.HEADING
+    if evidence.yaw_rate_share > LEAST_SHARE:
+        return Faulty.YAW_RATE
+    if evidence.curvature_error_per_m > CURVATURES_DIFFER_PER_M:
+        return Faulty.CURVATURE
+    is_heading = evidence.lateral_by_heading_m > evidence.lateral_by_yaw_rate_m
+    return Faulty.HEADING if is_heading else Faulty.YAW_RATE
+
+
+def cause_of(check: Check, faulty: Faulty) -> StopCause:
+    """The code of the stop."""
+    if faulty in (Faulty.PATH, Faulty.PREVIEW):
+        return check.cause
+    return CAUSES.get(faulty, check.cause)

@@ -1,0 +1,115 @@
+"""Comparison of the path with the paths before it, and its lateral acceleration and jerk."""
+
+from collections import deque
+
+from rt_controller.contract.signals import CurvaturePreview, PathReference
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.safety.checks import Quantity
+from rt_controller.safety.path.last_path import LastPath, known_length_m
+from rt_controller.safety.path.path_demand import lateral_demand
+from rt_controller.safety.path.speed_reference import SpeedReference
+
+MEMORY_S = 2.0
+"""time constant with which the drift of the path decays"""
+FASTEST_M = 0.12
+"""of one tick in the drift; the check of one step finds a jump"""
+TURN_M = 10.0
+"""distance ahead at which a turn of the path is measured as a lateral change"""
+REMEMBERED_PATHS = 10
+"""a drift is found after some time, so the stop follows the path of 250 ms ago"""
+
+
+class PathChecks:
+    """The last paths that were accepted, moved along with the car."""
+
+    def __init__(self, values: list[float]) -> None:
+        """`values` are filled in, by `Quantity`."""
+        self._values = values
+        self._accepted: deque[tuple[LastPath, float, float]] = deque(maxlen=REMEMBERED_PATHS)
+        """with the distance that was travelled before, and the drift until then"""
+        self._speed = SpeedReference()
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget all paths."""
+        self.last: LastPath | None = None
+        self._newest: PathReference | None = None
+        self._drift_m = self._travelled_m = self._age_s = self._same_since_m = 0.0
+        self._accepted.clear()
+        self._speed.begin()
+
+    def move(self, moved_m: float, periods: int = 1) -> None:
+        """The car moved along the road by `moved_m` in `periods`."""
+        self._travelled_m += moved_m
+        self._age_s += periods * PERIOD_S
+        if self.last is not None:
+            self.last = self.last.moved(moved_m)
+
+    def compare(
+        self,
+        path: PathReference,
+        curvature_per_m: float,
+        preview: CurvaturePreview | None,
+        speed_mps: float,
+        is_stopping: bool = False,
+    ) -> None:
+        """Fill in the values of a path; one that was compared before has none.
+
+        The first one has no path before it: only what it demands. In a stop the wanted speed is not
+        used, and not compared: the car is slower than planned, so the speed of its present place
+        and the acceleration of the plan do not belong together.
+        """
+        if path is self._newest:
+            return
+        values = self._values
+        values[Quantity.PATH_LATERAL_MPS2], values[Quantity.PATH_JERK_MPS3] = lateral_demand(
+            path, curvature_per_m, preview, speed_mps
+        )
+        frozen_m = self._frozen_m(path)
+        if self.last is None:
+            return
+        before = self.last.path_here()
+        step_m = path.c0_m - before.c0_m
+        slow_m = min(max(step_m, -FASTEST_M), FASTEST_M)
+        self._drift_m += slow_m - PERIOD_S / MEMORY_S * self._drift_m
+        values[Quantity.PATH_STEP_M] = abs(step_m)
+        values[Quantity.PATH_DRIFT_M] = abs(self._drift_m)
+        values[Quantity.PATH_FROZEN_M] = frozen_m
+        values[Quantity.PATH_TURN_RAD] = abs(path.c1 - before.c1)
+        if not is_stopping:
+            wanted_mps = before.v_mps + self._age_s * before.a_mps2
+            values[Quantity.PATH_SPEED_STEP_MPS] = abs(path.v_mps - wanted_mps)
+            values[Quantity.PATH_SPEED_DRIFT_MPS] = self._speed.drift_mps(path, self._age_s)
+
+    def _frozen_m(self, path: PathReference) -> float:
+        """By how much a path that repeats itself should have changed while the car moved."""
+        newest = self._newest
+        if newest is None or newest[:4] != path[:4]:
+            self._same_since_m = self._travelled_m
+            return 0.0
+        s = self._travelled_m - self._same_since_m
+        _, c1, c2, c3 = path[:4]
+        moved_m = s * (c1 + s * (c2 + s * c3))
+        turned_rad = s * (2.0 * c2 + 3.0 * s * c3)
+        return abs(moved_m) + TURN_M * abs(turned_rad)
+
+    def accept(self, path: PathReference, speed_mps: float) -> None:
+        """Store a path that may be followed."""
+        if path is not self._newest:
+            self._newest = path
+            self._speed.accept(path)
+            self._age_s = 0.0
+            self.last = LastPath(path, known_length_m(speed_mps, path))
+            self._accepted.append((self.last, self._travelled_m, self._drift_m))
+
+    def reject(self) -> None:
+        """Go on with the last path; if the paths drifted, with the oldest that is stored.
+
+        The drift that it already had is subtracted.
+        """
+        if self._accepted and abs(self._drift_m) > abs(self._values[Quantity.PATH_STEP_M]):
+            last, travelled_m, drift_m = self._accepted[0]
+            path = last.path._replace(c0_m=last.path.c0_m - drift_m)
+            self.last = last._replace(path=path, moved_m=self._travelled_m - travelled_m)
+            self._accepted.clear()
+        self._drift_m = 0.0

@@ -1,0 +1,221 @@
+"""Residuals of one tick: by how much the states contradict each other and the model.
+
+Two slow observers integrate heading and lateral error from the motion and follow the measured ones
+with a time constant: the residual contains a jump at once, and a drift within that time.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+from rt_controller.contract.signals import AT_REST, VehicleState
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.safety.checks import Quantity
+from rt_controller.safety.isolation import Evidence, Faulty
+from rt_controller.safety.kinematics import (
+    heading_change_rad,
+    lateral_change_along_m,
+    lateral_change_m,
+    progress_m,
+)
+from rt_controller.safety.prediction import MotionPrediction
+
+MEMORY_S = 2.0
+"""time constant of the observers of heading and lateral error"""
+OBSERVER_GAIN = PERIOD_S / MEMORY_S
+LOW_PASS_GAIN = 0.1
+"""of one tick, in the low-pass of the difference of v_x and the speed from the progress"""
+LARGEST_DIFFERENCE_MPS = 2.0
+"""of one tick in that low-pass; the check of one step finds a single outlier"""
+MOVING_MPS = 1.0
+"""a slower car may stand, with a constant state"""
+MOVED_M, TURNED_RAD = 0.005, 0.0008
+"""least change of e_y and e_psi, by the other states, that contradicts constant values"""
+EXPECTED_YAW_RATE_RADPS, EXPECTED_SPEED_MPS = 0.015, 0.15
+"""the same of the values that the model predicts over ten periods"""
+REMEMBERED_STATES = 40
+"""of one second; older states differ so much from the present one that other checks fail"""
+CHANGED_SIGNALS = 3
+"""least number of signals that differ between two states; else the car drives steadily"""
+JUMP_SHARE = 0.5
+"""of a residual; if more of it appears within one period, it is a jump"""
+
+
+class Observed(NamedTuple):
+    """Place of the car as integrated from its motion."""
+
+    ey_m: float
+    epsi_rad: float
+    ey_by_yaw_rate_m: float
+    """with the heading that is integrated from the yaw rate"""
+
+
+class Residuals:
+    """Residuals of the present tick, and the observers behind them."""
+
+    def __init__(
+        self, values: list[float], prediction: MotionPrediction | None, limits: Sequence[float]
+    ) -> None:
+        """`values` are filled in, `limits` are the thresholds, both by `Quantity`."""
+        self._values = values
+        self._limits = limits
+        self._prediction = prediction
+        self._received: deque[VehicleState] = deque(maxlen=REMEMBERED_STATES)
+        self._is_heading_jump = self._is_lateral_jump = False
+        """of the tick in which the residual exceeded its threshold, while it stays above it"""
+        self.begin(AT_REST)
+
+    def begin(self, state: VehicleState) -> None:
+        """Restart at a state that is accepted."""
+        self.observed = Observed(state.ey_m, state.epsi_rad, state.ey_m)
+        self._speed_difference_mps = self._heading_rad = self._lateral_m = 0.0
+        self._same_ticks = self._frozen_ticks = 0
+        self._raw: VehicleState | None = None
+        self._received.clear()
+
+    def advance(
+        self,
+        before: VehicleState,
+        now: VehicleState,
+        mean_curvature_per_m: float,
+        periods: int,
+        faulty: Faulty,
+    ) -> VehicleState:
+        """`now`, its faulty place replaced by the integrated one, `periods` after `before`."""
+        ey_m, epsi_rad, ey_by_yaw_rate_m = self.observed
+        turned = heading_change_rad(before, now, mean_curvature_per_m, now.ds_m)
+        integrated_rad = epsi_rad + periods * turned
+        if Faulty.HEADING in faulty:
+            now = now._replace(epsi_rad=integrated_rad)
+        ey_m += periods * lateral_change_m(before, now)
+        mean_rad = 0.5 * (epsi_rad + integrated_rad)
+        ey_by_yaw_rate_m += periods * lateral_change_along_m(before, now, mean_rad)
+        if Faulty.LATERAL_ERROR in faulty:
+            now = now._replace(ey_m=ey_m)
+        self.observed = Observed(ey_m, integrated_rad, ey_by_yaw_rate_m)
+        return now
+
+    def clear_speed_difference(self) -> None:
+        """Restart the comparison of v_x and Δs: one of the two is faulty."""
+        self._speed_difference_mps = 0.0
+
+    def follow(self, state: VehicleState, faulty: Faulty) -> None:
+        """Let the observers follow what is not faulty in the state of this tick."""
+        ey_m, epsi_rad, ey_by_yaw_rate_m = self.observed
+        if Faulty.HEADING not in faulty:
+            epsi_rad += OBSERVER_GAIN * (state.epsi_rad - epsi_rad)
+        if Faulty.LATERAL_ERROR not in faulty:
+            ey_by_yaw_rate_m += OBSERVER_GAIN * (state.ey_m - ey_by_yaw_rate_m)
+            ey_m += OBSERVER_GAIN * (state.ey_m - ey_m)
+        self.observed = Observed(ey_m, epsi_rad, ey_by_yaw_rate_m)
+
+    def correct(self, state: VehicleState, faulty: Faulty) -> None:
+        """After a drift of e_y that v_y has caused: go on from the e_y that is measured."""
+        ey_m, epsi_rad, ey_by_yaw_rate_m = self.observed
+        if Faulty.LATERAL_SPEED in faulty and Faulty.LATERAL_ERROR not in faulty:
+            ey_m = ey_by_yaw_rate_m = state.ey_m
+        self.observed = Observed(ey_m, epsi_rad, ey_by_yaw_rate_m)
+
+    def compare(
+        self,
+        before: VehicleState,
+        now: VehicleState,
+        received: VehicleState,
+        curvature_per_m: float,
+        periods: int,
+    ) -> None:
+        """Fill in the values of a state, after the observers were advanced to it.
+
+        `now` is the `received` state without the signals that are faulty.
+        """
+        values, share = self._values, 1.0 / periods
+        self._received.append(received)
+        difference_m = now.ds_m - progress_m(before, now, curvature_per_m)
+        difference_mps = min(
+            max(difference_m / PERIOD_S, -LARGEST_DIFFERENCE_MPS), LARGEST_DIFFERENCE_MPS
+        )
+        self._speed_difference_mps += LOW_PASS_GAIN * (difference_mps - self._speed_difference_mps)
+        heading_rad = now.epsi_rad - self.observed.epsi_rad
+        lateral_m = now.ey_m - self.observed.ey_m
+        values[Quantity.PROGRESS_STEP_M] = abs(difference_m) * share
+        values[Quantity.PROGRESS_SPEED_MPS] = abs(self._speed_difference_mps)
+        values[Quantity.HEADING_RAD] = abs(heading_rad) * share
+        values[Quantity.LATERAL_ERROR_M] = abs(lateral_m) * share
+        if abs(self._heading_rad) <= self._limits[Quantity.HEADING_RAD]:
+            self._is_heading_jump = _is_jump(self._heading_rad, heading_rad)
+        if abs(self._lateral_m) <= self._limits[Quantity.LATERAL_ERROR_M]:
+            self._is_lateral_jump = _is_jump(self._lateral_m, lateral_m)
+        self._heading_rad, self._lateral_m = heading_rad, lateral_m
+        prediction = self._prediction
+        if prediction is None or not prediction.has_any:
+            values[Quantity.SPEED_STEP_MPS] = abs(now.vx_mps - before.vx_mps) * share
+            self._count_frozen(received, curvature_per_m)
+            return
+        vx, vy, yaw_rate = prediction.newest()
+        values[Quantity.SPEED_STEP_MPS] = abs(now.vx_mps - vx) * share
+        values[Quantity.LATERAL_SPEED_STEP_MPS] = abs(now.vy_mps - vy) * share
+        values[Quantity.YAW_RATE_STEP_RADPS] = abs(now.yaw_rate_radps - yaw_rate) * share
+        if prediction.has_ten:
+            vx, vy, yaw_rate = prediction.oldest()
+            values[Quantity.SPEED_TEN_MPS] = abs(now.vx_mps - vx)
+            values[Quantity.LATERAL_SPEED_TEN_MPS] = abs(now.vy_mps - vy)
+            values[Quantity.YAW_RATE_TEN_RADPS] = abs(now.yaw_rate_radps - yaw_rate)
+        self._count_frozen(received, curvature_per_m)
+
+    def _count_frozen(self, now: VehicleState, curvature_per_m: float) -> None:
+        """A car in steady motion may repeat its state; one that turns or changes speed cannot."""
+        values = self._values
+        values[Quantity.FROZEN_TICKS] = 0.0
+        if now != self._raw or now.vx_mps < MOVING_MPS:
+            self._raw, self._same_ticks, self._frozen_ticks = now, 0, 0
+            return
+        self._same_ticks += 1
+        sideways_m = self._same_ticks * lateral_change_m(now, now)
+        turned_rad = self._same_ticks * heading_change_rad(now, now, curvature_per_m, now.ds_m)
+        is_changing = (
+            abs(sideways_m) > MOVED_M
+            or abs(turned_rad) > TURNED_RAD
+            or values[Quantity.YAW_RATE_TEN_RADPS] > EXPECTED_YAW_RATE_RADPS
+            or values[Quantity.SPEED_TEN_MPS] > EXPECTED_SPEED_MPS
+        )
+        self._frozen_ticks = self._frozen_ticks + 1 if is_changing else 0
+        values[Quantity.FROZEN_TICKS] = self._frozen_ticks
+
+    @property
+    def is_repeated(self) -> bool:
+        """True if the last two states are also two states in a row of the last second."""
+        if len(self._received) < 2:
+            return False
+        *earlier, before, now = self._received
+        has_changed = sum(a != b for a, b in zip(before, now, strict=True)) >= CHANGED_SIGNALS
+        return has_changed and (before, now) in pairwise(earlier)
+
+    def evidence(
+        self, before: VehicleState, now: VehicleState, curvature_error_per_m: float
+    ) -> Evidence:
+        """Residuals that isolate the faulty signal, after `compare`."""
+        prediction, expected_mps = self._prediction, before.vx_mps
+        if prediction is not None and prediction.has_any:
+            expected_mps = (prediction.oldest if prediction.has_ten else prediction.newest)()[0]
+        return Evidence(
+            speed_error_mps=abs(now.vx_mps - expected_mps),
+            progress_error_mps=abs(now.ds_m / PERIOD_S - expected_mps),
+            lateral_speed_share=self._share(
+                Quantity.LATERAL_SPEED_STEP_MPS, Quantity.LATERAL_SPEED_TEN_MPS
+            ),
+            yaw_rate_share=self._share(Quantity.YAW_RATE_STEP_RADPS, Quantity.YAW_RATE_TEN_RADPS),
+            is_heading_jump=self._is_heading_jump,
+            is_lateral_jump=self._is_lateral_jump,
+            lateral_by_heading_m=abs(now.ey_m - self.observed.ey_m),
+            lateral_by_yaw_rate_m=abs(now.ey_m - self.observed.ey_by_yaw_rate_m),
+            curvature_error_per_m=curvature_error_per_m,
+        )
+
+    def _share(self, step: Quantity, ten: Quantity) -> float:
+        values, limits = self._values, self._limits
+        return max(values[step] / limits[step], values[ten] / limits[ten])
+
+
+def _is_jump(before: float, now: float) -> bool:
+    return abs(now - before) > JUMP_SHARE * abs(now)

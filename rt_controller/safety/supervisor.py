@@ -1,0 +1,300 @@
+"""The supervisor: checks what a tick received, and replaces what is lost or implausible.
+
+It depends on neither solver nor planner. Its inputs are what was received and what was sent; its
+result is a state and a path to plan from, and the cause of a stop.
+"""
+
+from collections.abc import Sequence
+from math import atan
+
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, VehicleState
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.safety.actuators import CommandRange
+from rt_controller.safety.checks import CHECKS, NEVER, NOT_COMPUTED, Check, Quantity
+from rt_controller.safety.finding import Finding, Windows, finding_of, finding_of_state
+from rt_controller.safety.inputs import QualifiedInputs, ReceivedInputs, with_replaced_signals
+from rt_controller.safety.isolation import Faulty, isolate_path
+from rt_controller.safety.kinematics import farthest_m, speed_of
+from rt_controller.safety.modes import StopCause
+from rt_controller.safety.path.last_road import LastRoad
+from rt_controller.safety.path.path_checks import PathChecks
+from rt_controller.safety.pedal_effect import PedalEffect
+from rt_controller.safety.prediction import MotionPrediction
+from rt_controller.safety.residuals import Residuals
+from rt_controller.safety.stopping_car import StoppingCar
+
+_NOT_COMPUTED = [NOT_COMPUTED] * len(Quantity)
+_OF_STATE = range(Quantity.PROGRESS_STEP_M, Quantity.FROZEN_TICKS + 1)
+_OF_CAR = range(Quantity.STEERING_RAD, Quantity.TRACKING_M + 1)
+_OF_PATH = range(Quantity.PATH_STEP_M, Quantity.PATH_JERK_MPS3 + 1)
+_OF_ENGAGEMENT = range(Quantity.PATH_LATERAL_MPS2, Quantity.ENGAGE_EPSI_RAD + 1)
+SLOWEST_TURN_MPS = 3.0
+"""below it the wheel angle cannot be computed from the yaw rate with sufficient accuracy"""
+MAX_REJECTIONS, REJECTION_DECAY_PER_TICK = 4.0, 0.1
+"""a state or path that is rejected more often, in a row or not, stops the car"""
+
+
+class Supervisor:
+    """Checks every tick of a drive; one instance for a controller."""
+
+    def __init__(
+        self,
+        prediction: MotionPrediction | None = None,
+        car: StoppingCar | None = None,
+        checks: Sequence[Check] = CHECKS,
+    ) -> None:
+        """With no `checks` everything is accepted; lost states and paths are still estimated."""
+        limits = [NEVER] * len(Quantity)
+        for check in checks:
+            limits[check.quantity] = check.threshold
+        self.values = list(_NOT_COMPUTED)
+        """of this tick, by `Quantity`; overwritten by the next"""
+        self._windows = Windows(self.values, checks, (_OF_STATE, _OF_CAR, _OF_PATH, _OF_ENGAGEMENT))
+        self._car = car or StoppingCar()
+        self._prediction = prediction
+        self._residuals = Residuals(self.values, prediction, limits)
+        self._paths = PathChecks(self.values)
+        self._road = LastRoad(self.values, limits[Quantity.PREVIEW_STEP_PER_M])
+        self._commands = CommandRange()
+        self._pedals = PedalEffect(self._car.throttle_mps2, self._car.brake_mps2_per_n)
+        self._control = NEUTRAL_INPUT
+        self._state: VehicleState | None = None
+        self._curvature_per_m = 0.0
+        self._faulty = Faulty.NONE
+        self._rejections = 0.0
+        self._is_motion_measured = False
+
+    def judge(self, received: ReceivedInputs) -> QualifiedInputs:
+        """State and path of this tick to plan from, and the cause of a stop or of a rejection."""
+        self.values[:] = _NOT_COMPUTED
+        before = self._state
+        if before is None or not received.is_driven:
+            return self._begin(received)
+        self._road.move(before.vx_mps * PERIOD_S * received.periods)
+        if Faulty.PREVIEW not in self._faulty:
+            self._road.take(
+                received.preview, None if received.state is None else received.curvature_per_m
+            )
+        state, failed_state = self._judge_state(received, before)
+        failed_path = self._judge_path(received, state)
+        self._compare_car(received, state, failed_state is None, failed_path is None)
+        failing = self._windows.failing(_OF_CAR)
+        failed_car = finding_of(failing, [Faulty.NONE] * len(failing)) if failing else None
+        alarm = rejection = StopCause.NONE
+        for failed in (failed_state, failed_path, failed_car):
+            if failed is None:
+                continue
+            is_stop = failed.is_stop
+            if is_stop or received.is_stopping:
+                self._faulty |= failed.faulty
+            if is_stop and alarm is StopCause.NONE:
+                alarm = failed.cause
+            elif rejection is StopCause.NONE:
+                rejection = failed.cause
+        self._rejections = max(self._rejections - REJECTION_DECAY_PER_TICK, 0.0)
+        if rejection is not StopCause.NONE:
+            self._rejections += 1.0
+            if self._rejections > MAX_REJECTIONS and alarm is StopCause.NONE:
+                alarm = rejection
+        return self._qualified(received, state, failed_state, failed_path, alarm, rejection)
+
+    def note(self, control: ControlInput, psi: Array | None) -> None:
+        """After the tick: what was sent, and the lifted state (n,) that the model starts from."""
+        self._control = control
+        self._commands.add(control)
+        prediction = self._prediction
+        if psi is None or prediction is None:
+            return
+        if self._is_motion_measured or not prediction.has_any or prediction.is_old:
+            prediction.begin(psi)
+
+    def clear_predictions(self) -> None:
+        """The model does not describe the present motion: another law or the vehicle drives."""
+        if self._prediction is not None:
+            self._prediction.clear()
+
+    def counter_steering_rad(self, control: ControlInput) -> float:
+        """Steering-wheel angle minus that of a steady turn with the present yaw rate."""
+        state = self._state
+        if state is None or state.vx_mps < SLOWEST_TURN_MPS:
+            return 0.0
+        geometry = self._car.geometry
+        return control.steer_rad - geometry.steady_wheel_rad(state.vx_mps, state.yaw_rate_radps)
+
+    def _begin(self, received: ReceivedInputs) -> QualifiedInputs:
+        """Restart; a car outside of the engagement window is refused."""
+        self._faulty = Faulty.NONE
+        self._rejections = 0.0
+        self._state, self._curvature_per_m = received.state, received.curvature_per_m
+        self._windows.begin()
+        self._paths.begin()
+        self._road.begin(received.preview)
+        self._pedals.begin()
+        self.clear_predictions()
+        failing: list[Check] = []
+        if received.state is not None:
+            self._residuals.begin(received.state)
+            if received.path is not None:
+                state, path, values = received.state, received.path, self.values
+                road = received.curvature_per_m, received.preview, state.vx_mps
+                self._paths.compare(path, *road)
+                heading_rad = state.epsi_rad - atan(path.c1)
+                away_mps = state.vx_mps * heading_rad + state.vy_mps
+                values[Quantity.ENGAGE_EY_M] = farthest_m(state.ey_m - path.c0_m, away_mps)
+                values[Quantity.ENGAGE_EPSI_RAD] = abs(heading_rad)
+                failing = self._windows.failing(_OF_ENGAGEMENT)
+                self._paths.accept(path, state.vx_mps)
+        return QualifiedInputs(
+            received.state,
+            received.curvature_per_m,
+            received.path,
+            received.preview,
+            received.state is not None and not failing,
+            received.path is not None,
+            None if received.state is None else received.state.vx_mps,
+            rejection=StopCause.NOT_ENGAGED if failing else StopCause.NONE,
+        )
+
+    def _judge_state(
+        self, received: ReceivedInputs, before: VehicleState
+    ) -> tuple[VehicleState, Finding | None]:
+        """The accepted state, and which measured signals contradict it, if any."""
+        residuals, faulty = self._residuals, self._faulty
+        self._is_motion_measured = False
+        vx_mps, vy_mps, yaw_rate = self._expected_motion(received, before)
+        ds_m = vx_mps * PERIOD_S
+        expected = VehicleState(vx_mps, vy_mps, yaw_rate, ds_m, before.ey_m, before.epsi_rad)
+        last_curvature_per_m = self._curvature_per_m
+        road_per_m = self._road.curvature_here(last_curvature_per_m)
+        if received.state is None:
+            self._curvature_per_m = road_per_m
+            mean_per_m = 0.5 * (last_curvature_per_m + road_per_m)
+            state = residuals.advance(before, expected, mean_per_m, received.periods, Faulty.STATE)
+            self._state = state
+            return state, None
+
+        observed, failed = residuals.observed, None
+        curvature_per_m = road_per_m
+        if Faulty.CURVATURE not in faulty:
+            curvature_per_m = received.curvature_per_m
+            self._road.compare(curvature_per_m)
+        mean_per_m = 0.5 * (last_curvature_per_m + curvature_per_m)
+        measured = with_replaced_signals(received.state, expected, faulty)
+        state = residuals.advance(before, measured, mean_per_m, received.periods, faulty)
+        residuals.compare(before, state, received.state, mean_per_m, received.periods)
+        self._compare_pedals(received, before.vx_mps, state.vx_mps)
+        failing = self._windows.failing(_OF_STATE)
+        if failing:
+            evidence = residuals.evidence(before, state, abs(curvature_per_m - road_per_m))
+            failed = finding_of_state(failing, evidence, residuals.is_repeated)
+            if received.is_stopping and not failed.faulty:
+                failed = None  # the grip or an actuator explains it: nothing more to do in a stop
+        if failed is not None:
+            is_new = failed.faulty & Faulty.MOTION and not faulty & Faulty.MOTION
+            if failed.is_stop and is_new and self._prediction is not None:
+                self._prediction.fall_back()  # the motion was wrong for some time
+            faulty |= failed.faulty
+            if faulty & (Faulty.SPEED | Faulty.PROGRESS):
+                residuals.clear_speed_difference()
+            residuals.observed = observed  # advance again, without the signal that is faulty
+            if Faulty.CURVATURE in faulty:
+                curvature_per_m = road_per_m
+                mean_per_m = 0.5 * (last_curvature_per_m + curvature_per_m)
+            measured = with_replaced_signals(received.state, expected, faulty)
+            state = residuals.advance(before, measured, mean_per_m, received.periods, faulty)
+            if failed.is_stop:
+                residuals.correct(state, faulty)
+        residuals.follow(state, faulty)
+        self._is_motion_measured = not faulty & Faulty.MOTION
+        self._state, self._curvature_per_m = state, curvature_per_m
+        return state, failed
+
+    def _compare_pedals(self, received: ReceivedInputs, before_mps: float, now_mps: float) -> None:
+        """Compare a slow car with its pedals; a faster one is compared with the model."""
+        if received.applied is None or max(before_mps, now_mps) > self._car.modelled_mps:
+            self._pedals.begin()
+            return
+        missing_mps = self._pedals.missing_mps(
+            received.applied, before_mps, now_mps, received.periods
+        )
+        self.values[Quantity.PEDAL_SPEED_MPS] = missing_mps
+
+    def _expected_motion(
+        self, received: ReceivedInputs, before: VehicleState
+    ) -> tuple[float, float, float]:
+        """(v_x, v_y, yaw rate) of this tick by the model, or by braking where it has none."""
+        applied = self._control if received.state is None else received.applied
+        prediction = self._prediction
+        if applied is None:
+            self.clear_predictions()
+            applied = self._control
+        if before.vx_mps < self._car.modelled_mps:
+            self.clear_predictions()
+        if prediction is None or not prediction.has_any:
+            return self._car.motion(before.vx_mps, applied)
+        for _ in range(min(received.periods, 4)):
+            prediction.advance(applied, self._curvature_per_m)
+        return prediction.newest()
+
+    def _judge_path(self, received: ReceivedInputs, state: VehicleState) -> Finding | None:
+        paths = self._paths
+        paths.move(state.ds_m * received.periods, received.periods)
+        path = None if Faulty.PATH in self._faulty else received.path
+        if path is not None:
+            preview = self._road.ahead(received.preview)
+            road = self._curvature_per_m, preview, state.vx_mps
+            paths.compare(path, *road, received.is_stopping)
+        failing = self._windows.failing(_OF_PATH)
+        found = finding_of(failing, [isolate_path(each) for each in failing]) if failing else None
+        if found is not None and Faulty.PATH in found.faulty:
+            paths.reject()
+        elif path is not None:
+            paths.accept(path, state.vx_mps)
+        return found
+
+    def _compare_car(
+        self, received: ReceivedInputs, state: VehicleState, is_state_good: bool, is_path_good: bool
+    ) -> None:
+        values = self.values
+        if received.feedback is not None:
+            outside = self._commands.distance(received.feedback)
+            values[Quantity.THROTTLE], values[Quantity.BRAKE_N], values[Quantity.STEERING_RAD] = (
+                outside
+            )
+        is_known = received.state is not None and is_state_good and is_path_good
+        if received.path is not None and is_known and not received.is_stopping:
+            values[Quantity.TRACKING_M] = abs(state.ey_m - received.path.c0_m)
+
+    def _qualified(
+        self,
+        received: ReceivedInputs,
+        state: VehicleState,
+        failed_state: Finding | None,
+        failed_path: Finding | None,
+        alarm: StopCause,
+        rejection: StopCause,
+    ) -> QualifiedInputs:
+        faulty, last = self._faulty, self._paths.last
+        if failed_state is not None:
+            faulty |= failed_state.faulty
+        is_measured = received.state is not None and not faulty & (Faulty.STATE | Faulty.CURVATURE)
+        is_path = received.path is not None and failed_path is None and Faulty.PATH not in faulty
+        path, preview = received.path, received.preview
+        if not is_path and (failed_path is None or Faulty.PATH in failed_path.faulty):
+            path = None if last is None else last.path_here()
+        if preview is not None or received.state is None or Faulty.CURVATURE in faulty:
+            preview = self._road.ahead(preview)
+        is_slow_known = Faulty.SPEED not in faulty or Faulty.PROGRESS not in faulty
+        speed_mps = speed_of(state) if received.state is not None and is_slow_known else None
+        return QualifiedInputs(
+            state,
+            self._curvature_per_m,
+            path,
+            preview,
+            is_measured,
+            is_path,
+            speed_mps,
+            alarm,
+            rejection,
+        )

@@ -1,0 +1,122 @@
+"""Between the bus and the supervisor: its inputs in a tick, and the fault bits of its findings."""
+
+from rt_controller.bus.catalogue import COMMAND
+from rt_controller.bus.contents import NO_FAULT, Fault
+from rt_controller.bus.outbox import Outbox
+from rt_controller.contract.signals import ControlInput, Mode
+from rt_controller.receiver import FreshData
+from rt_controller.safety.inputs import QualifiedInputs, ReceivedInputs
+from rt_controller.safety.modes import STANDING_MPS, StopCause, TickFacts
+
+_FAULT_OF_CAUSE = {
+    StopCause.SPEED_IMPLAUSIBLE: Fault.STATE_IMPLAUSIBLE,
+    StopCause.PROGRESS_IMPLAUSIBLE: Fault.STATE_IMPLAUSIBLE,
+    StopCause.LATERAL_SPEED_IMPLAUSIBLE: Fault.STATE_IMPLAUSIBLE,
+    StopCause.YAW_RATE_IMPLAUSIBLE: Fault.STATE_IMPLAUSIBLE,
+    StopCause.HEADING_IMPLAUSIBLE: Fault.STATE_IMPLAUSIBLE,
+    StopCause.LATERAL_ERROR_IMPLAUSIBLE: Fault.STATE_IMPLAUSIBLE,
+    StopCause.CURVATURE_IMPLAUSIBLE: Fault.STATE_IMPLAUSIBLE,
+    StopCause.STATE_FROZEN: Fault.STATE_IMPLAUSIBLE,
+    StopCause.STATE_OLD: Fault.STATE_IMPLAUSIBLE,
+    StopCause.TRACKING_LOST: Fault.STATE_IMPLAUSIBLE,
+    StopCause.PATH_JUMP: Fault.PATH_IMPLAUSIBLE,
+    StopCause.PATH_INCONSISTENT: Fault.PATH_IMPLAUSIBLE,
+    StopCause.PATH_SPEED_JUMP: Fault.PATH_IMPLAUSIBLE,
+    StopCause.PREVIEW_JUMP: Fault.PATH_IMPLAUSIBLE,
+    StopCause.PATH_TOO_SHARP: Fault.PATH_IMPLAUSIBLE,
+    StopCause.STEERING_MISMATCH: Fault.ACTUATOR_MISMATCH,
+    StopCause.THROTTLE_MISMATCH: Fault.ACTUATOR_MISMATCH,
+    StopCause.BRAKE_MISMATCH: Fault.ACTUATOR_MISMATCH,
+    StopCause.NOT_ENGAGED: Fault.NOT_ENGAGED,
+}
+"""bits of the heartbeat for what the supervisor found"""
+
+
+def command_in_force(outbox: Outbox, data: FreshData) -> ControlInput | None:
+    """The command that acted until the new state; None: not known.
+
+    The echo names it, also where a command arrived late. Before the vehicle has accepted a command
+    there is no echo; then the controller does not drive yet.
+    """
+    echo = None if data.state is None else data.state.command_echo
+    command = None if echo is None else outbox.content_under(COMMAND, echo)
+    return None if command is None else command.control
+
+
+def received_in(
+    data: FreshData, applied: ControlInput | None, periods: int, mode: Mode
+) -> ReceivedInputs:
+    """Inputs of the supervisor in a tick.
+
+    Args:
+        data: what is fresh and valid.
+        applied: the command that acted in the last period; None: not known.
+        periods: since the last tick.
+        mode: of the last tick.
+    """
+    sample = data.state
+    is_ours = not data.is_ending and (sample is None or not sample.is_watchdog_braking)
+    return ReceivedInputs(
+        state=None if sample is None else sample.state,
+        curvature_per_m=0.0 if sample is None else sample.curvature_per_m,
+        path=data.path,
+        preview=data.received_preview,
+        applied=applied if is_ours else None,
+        feedback=data.feedback if is_ours else None,
+        is_driven=mode is not Mode.STANDBY,
+        is_stopping=mode is Mode.SAFE_STOP,
+        periods=periods,
+    )
+
+
+def faults_of(
+    data: FreshData, qualified: QualifiedInputs, bus_fault: StopCause, is_answer_due: bool
+) -> Fault:
+    """The bits of what was received and found, and of the bus."""
+    faults = NO_FAULT
+    for cause in (qualified.alarm, qualified.rejection):
+        faults |= _FAULT_OF_CAUSE.get(cause, NO_FAULT)
+    if data.has_invalid_state:
+        faults |= Fault.STATE_INVALID
+    if is_answer_due and not data.is_answered:
+        faults |= Fault.COMMANDS_UNANSWERED
+    if data.has_conflict:
+        faults |= Fault.SOURCE_CONFLICT
+    if data.has_implausible_preview:
+        faults |= Fault.PREVIEW_IMPLAUSIBLE
+    if data.state is None:
+        faults |= Fault.STATE_STALE
+    if data.mission is None:
+        faults |= Fault.MISSION_MISSING
+    if bus_fault is StopCause.PEER_MISMATCH:
+        faults |= Fault.PEER_MISMATCH
+    elif bus_fault is not StopCause.NONE:
+        faults |= Fault.BUS_FAULT
+    return faults
+
+
+def facts_of(data: FreshData, qualified: QualifiedInputs, bus_fault: StopCause) -> TickFacts:
+    """What was received, as far as the mode depends on it; nothing is planned yet."""
+    state, mission = data.state, data.mission
+    return TickFacts(
+        bus_fault=bus_fault,
+        has_state=state is not None,
+        has_path=data.path is not None,
+        has_invalid_state=data.has_invalid_state,
+        has_invalid_path=data.has_invalid_path,
+        has_mission=mission is not None,
+        is_engaged=mission is not None and mission.is_engaged,
+        is_reset_requested=mission is not None
+        and mission.is_reset_requested
+        and data.is_new_mission,
+        is_stop_requested=False,
+        is_vehicle_braking=state is not None and state.is_watchdog_braking,
+        is_standing=qualified.speed_mps is not None and abs(qualified.speed_mps) < STANDING_MPS,
+        periods_held=0,
+        law=Mode.STANDBY,
+        has_input=False,
+        is_answered=data.is_answered,
+        has_conflict=data.has_conflict,
+        alarm=qualified.alarm,
+        rejection=qualified.rejection,
+    )

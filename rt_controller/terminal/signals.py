@@ -1,0 +1,192 @@
+"""`rt-controller signals`: check a mapping against a bus or a log, or run it as a gateway."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import asdict
+from pathlib import Path
+
+import can
+from rich.console import Console
+
+from rt_controller.bus.transport import close_bus
+from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.files import open_regular
+from rt_controller.contract.model.artifact import find_model, load_bundle
+from rt_controller.gateway.joining import choose_geometry, choose_lateral_speed
+from rt_controller.gateway.process import LEAVING_REQUEST, Gateway, run_gateway
+from rt_controller.gateway.signals_check import CheckReport, check_signals
+from rt_controller.mapping.car_file import read_car
+from rt_controller.mapping.log_damage import explain_damage
+from rt_controller.realtime.scheduling import real_time_process, set_thread_priority
+from rt_controller.report.table import Cell, Column, Table, format_number, print_table
+from rt_controller.settings import BusSettings
+from rt_controller.terminal.entry import INTERRUPTED
+from rt_controller.terminal.listening import Listening
+from rt_controller.terminal.progress import announce, show
+from rt_controller.terminal.stop_signals import stop_on_signals
+
+EXIT_FOUND = 8
+"""a signal is missing or implausible"""
+
+
+def check_at_terminal(
+    file: Path,
+    log: Path | None,
+    bus: BusSettings | None,
+    listen_s: float,
+    json_file: Path | None,
+    is_quiet: bool,
+) -> int:
+    """Print what arrives of each signal; 0, or 8 if something was found.
+
+    Raises:
+        ConfigError, DatasetError, BusError, MissingExtraError: mapping, log or bus do not fit.
+    """
+    require_writable(json_file)
+    if (log is None) == (bus is None):
+        raise ConfigError(
+            "expected a log or --bus, found "
+            + ("both" if log is not None else "neither")
+            + ". Name a CAN log (.blf, .asc, .log, .trc), or the bus to listen to."
+        )
+    car = read_car(file)
+    listening: Listening | None = None
+    with ExitStack() as opened:
+        if bus is not None:
+            listened = bus.open_bus()
+            opened.callback(close_bus, listened)
+            opened.enter_context(announce(f"listening for {listen_s:g} s", is_quiet))
+            listening = Listening(listened, listen_s)
+            frames = listening.frames()
+        elif log is not None:
+            frames = _logged(log)
+        report = check_signals(car, frames)
+    _print(report)
+    note = None if listening is None else listening.explain_pauses()
+    if note is not None:
+        show(f"note: {note}")
+    pauses_s = [] if listening is None else listening.pauses_s
+    write_figures(json_file, {**report.figures(), "not_run_s": pauses_s})
+    return 0 if report.is_ok else EXIT_FOUND
+
+
+def gateway_at_terminal(
+    file: Path,
+    bus: BusSettings,
+    car_bus: BusSettings,
+    model: str | None,
+    priority: int,
+    json_file: Path | None,
+) -> int:
+    """Translate until Ctrl-C.
+
+    Raises:
+        ConfigError, DatasetError, ArtifactError, BusError, MissingExtraError: before the first
+            frame; BusError also if a bus fails.
+    """
+    require_writable(json_file)
+    car = read_car(file)
+    bundle = load_bundle(find_model(model))
+    lateral_speed, geometry = choose_lateral_speed(car, bundle), choose_geometry(car, bundle)
+    with ExitStack() as opened:
+        # First: the threads that a bus starts inherit the settings of the process.
+        guarantees = opened.enter_context(real_time_process(priority))
+        below = car_bus.open_bus()
+        opened.callback(close_bus, below)
+        above = bus.open_bus()
+        opened.callback(close_bus, above)
+        gateway = Gateway(below, above, car, lateral_speed, bus.fd, geometry)
+        opened.enter_context(stop_on_signals(gateway.request_end))
+        guarantees = set_thread_priority(priority, process=guarantees)
+        show(f"translating between {below.channel_info} and {above.channel_info}")
+        show(guarantees.sentence())
+        run_gateway(gateway)
+    figures = asdict(gateway.counts)
+    shown = {**figures, **figures["refused_because"], **figures["braked_because"]}
+    for counted in ("refused_because", "braked_because"):
+        shown.pop(counted)
+    Console().print("  ".join(f"{name} {value}" for name, value in shown.items()))
+    write_figures(json_file, figures)
+    return INTERRUPTED if gateway.requests >= LEAVING_REQUEST else 0
+
+
+def _logged(log: Path) -> Iterator[tuple[float, can.Message]]:
+    n_frames = 0
+    try:
+        open_regular(log).close()  # a pipe is not waited for
+        with can.LogReader(log) as reader:
+            for frame in reader:
+                n_frames += 1
+                yield frame.timestamp, frame
+    except OSError as error:
+        raise DatasetError(
+            f"{log}: expected a CAN log (.blf, .asc, .log, .trc) that can be read, found "
+            f"{error.strerror or error}. Name another log, or record it again."
+        ) from error
+    except Exception as error:  # each reader raises its own types
+        raise DatasetError(
+            f"{explain_damage(log, n_frames)}. Name another log (.blf, .asc, .log, .trc), or "
+            f"record it again."
+        ) from error
+
+
+def _print(report: CheckReport) -> None:
+    columns = (
+        Column("signal", is_text=True),
+        Column("column", is_text=True),
+        Column("message", is_text=True),
+        Column("samples"),
+        Column("period", "ms"),
+        Column("lowest"),
+        Column("highest"),
+        Column("unit", is_text=True),
+        Column("", is_text=True, width="long"),
+    )
+    rows = tuple(
+        (
+            each.slot.name,
+            each.slot.column.column,
+            f"{each.message} {each.identifier}",
+            str(each.samples),
+            _milliseconds(each.period_s),
+            _number(each.lowest),
+            _number(each.highest),
+            each.slot.si,
+            Cell(text, status="bad") if text else "ok",
+        )
+        for each, text in zip(report.slots, _problems(report), strict=True)
+    )
+    title = f"{report.frames} frames in {report.duration_s:.1f} s"
+    print_table(Table(title, columns, rows), Console())
+    for problem, remedy in report.relations:
+        Console().print(
+            f"{problem}. {remedy}.", style="red", highlight=False, markup=False, soft_wrap=True
+        )
+    for relation in report.not_compared:
+        Console().print(f"not compared: {relation}", highlight=False, markup=False, soft_wrap=True)
+    for name, count in report.dropped.items():
+        Console().print(
+            f"{name}: {count} frames damaged or repeated", highlight=False, markup=False
+        )
+
+
+def _problems(report: CheckReport) -> Iterator[str]:
+    """What is wrong with each signal; the same text of one message only once."""
+    first: dict[tuple[str, str], str] = {}
+    for each in report.slots:
+        name = first.setdefault((each.message, each.problem), each.slot.name)
+        if not each.problem:
+            yield ""
+        else:
+            yield (
+                f"{each.problem}. {each.remedy}." if name == each.slot.name else f"same as {name}"
+            )
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else format_number(value)
+
+
+def _milliseconds(value_s: float | None) -> str:
+    return "–" if value_s is None else format_number(1e3 * value_s, 3)

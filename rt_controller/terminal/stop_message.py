@@ -1,0 +1,102 @@
+"""Message of a safe stop: when it began and why, with what to check."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from rt_controller.bus.catalogue import REFERENCE, STATE
+from rt_controller.bus.inbox import Inbox
+from rt_controller.bus.message import Message
+from rt_controller.recording.margins import Margin, exceeded, plausibility_margins
+from rt_controller.safety.checks import CHECKS
+from rt_controller.safety.modes import StopCause
+from rt_controller.session import ControllerSession
+
+VEHICLE_KNOWS = "The vehicle's program (sim-bridge, or the gateway) names the cause at its end"
+_COUNTED = "(sim-bridge) runs and its frames arrive; the summary counts dropped and missing ones"
+_REMEDIES = {
+    StopCause.STATE_LOST: f"Check that the vehicle {_COUNTED}",
+    StopCause.REFERENCE_LOST: f"Check that the path planner {_COUNTED}",
+    StopCause.MISSION_LOST: f"Check that the vehicle {_COUNTED}",
+    StopCause.STATE_CONFLICT: "Stop the second vehicle, or the program that replays a log",
+    StopCause.COMMANDS_UNANSWERED: "Check that commands arrive at the vehicle, and why it refuses "
+    "them (refused_ticks in its summary)",
+    StopCause.BUS_OFF: "Check wiring, termination and bit rate; the driver restarts the controller "
+    "with restart-ms",
+    StopCause.INTERFACE_DOWN: "Bring the interface up (ip link set CHANNEL up)",
+    StopCause.SECOND_CONTROLLER: "Stop the other one, or choose another channel",
+    StopCause.PEER_MISMATCH: "Start the same version at both ends",
+    StopCause.SOLVER_FAILED: "Check the tolerances of --mpc and the model; rt-controller explain "
+    "shows the QP of a recorded drive",
+}
+_OF_VALUES = (
+    "Check what sends or measures these values; rt-controller explain shows the checks of a "
+    "recorded drive"
+)
+_MESSAGES: dict[StopCause, Message[Any]] = {
+    StopCause.STATE_INVALID: STATE,
+    StopCause.REFERENCE_INVALID: REFERENCE,
+}
+_OF_CHECKS = {StopCause.STATE_OLD, *(check.cause for check in CHECKS)}
+"""causes that a check of plausibility finds"""
+
+
+def failed_checks(session: ControllerSession) -> list[Margin]:
+    """The checks beyond their limit in the tick in which the safe stop began; empty if another
+    fault was its cause."""
+    if not session.stop_values or session.record.result.cause not in _OF_CHECKS:
+        return []
+    return exceeded(plausibility_margins(session.stop_values))
+
+
+def begin_of_stop(session: ControllerSession) -> str:
+    """The words "safe stop" with time and tick of its begin, as far as there is one."""
+    tick, time_s = session.record.stop_tick, session.record.stop_s
+    return "safe stop" if tick is None else f"safe stop at {time_s:.3f} s (tick {tick})"
+
+
+def explain_braking(braking: str) -> str:
+    """That the vehicle brakes by itself, and why."""
+    separator = ". " if braking == VEHICLE_KNOWS else ": "
+    return f"the vehicle then braked by itself{separator}{braking}"
+
+
+def explain_stop(
+    cause: StopCause,
+    inbox: Inbox,
+    faults: Sequence[str],
+    bus_fault: StopCause = StopCause.NONE,
+    failed: Sequence[Margin] = (),
+    braking: str = "",
+) -> str:
+    """Why the car was stopped, with what to check.
+
+    Args:
+        cause: of the stop.
+        inbox: what was received.
+        faults: of the scenario or of --faults, that have acted.
+        bus_fault: that was found by the end of the stop.
+        failed: checks that were beyond their limit when the stop began.
+        braking: why the vehicle brakes by itself; empty if it does not.
+    """
+    text = cause.value
+    if failed:
+        text = f"{text} ({'; '.join(each.text for each in failed)})"
+    if bus_fault not in (cause, StopCause.NONE):
+        text = f"{text}, then: {bus_fault.value}"
+    if StopCause.BUS_FAILED in (cause, bus_fault):
+        return (
+            f"{text}: expected frames or silence, found {inbox.last_failure}. Check the "
+            f"interface and its connection, then start again."
+        )
+    if cause is StopCause.VEHICLE_BRAKING:
+        text = (
+            f"{text}. {VEHICLE_KNOWS}" if braking in ("", VEHICLE_KNOWS) else f"{text}: {braking}"
+        )
+    elif braking:
+        text = f"{text}; {explain_braking(braking)}"
+    if cause in _MESSAGES:
+        text = f"{text}. {inbox.explain_out_of_range(_MESSAGES[cause])}."
+    if faults:
+        return f"{text.rstrip('.')}. Faults of this drive: {', '.join(faults)}."
+    remedy = _REMEDIES.get(cause, _OF_VALUES if failed else "")
+    return f"{text}. {remedy}." if remedy else text

@@ -1,0 +1,63 @@
+"""The vehicle's own check of its actuators: a stuck steering wheel, a throttle that stays open."""
+
+from enum import Enum
+
+from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
+from rt_controller.contract.timing import COMMAND_TIMEOUT_TICKS
+from sim_bridge.steering_response import SteeringResponse
+
+LARGEST_STEER_ERROR_RAD = 0.03
+"""of a wheel that does not move: 1.7 deg"""
+STILL_RAD = 1e-3
+"""a wheel that moves by less in a period does not move"""
+LEAST_CHANGE_RAD = 0.02
+"""change of the command since the wheel last moved: with a constant command a wheel with an offset
+does not move either"""
+LARGEST_THROTTLE_ERROR = 0.05
+"""by which the throttle may be open too far"""
+FAILED_TICKS = COMMAND_TIMEOUT_TICKS
+"""in a row, before the vehicle brakes by itself"""
+
+
+class Actuator(Enum):
+    """An actuator of which the vehicle detects a failure, and how it shows."""
+
+    STEERING_WHEEL = "the steering wheel does not move"
+    THROTTLE = "the throttle stays open"
+
+
+class FailedActuators:
+    """Compares the inputs that were applied with the commanded ones."""
+
+    def __init__(self) -> None:
+        self.failed: list[Actuator] = []
+        """in the order of detection"""
+        self.steering = SteeringResponse()
+        self._steer_rad = self._moved_at_rad = NEUTRAL_INPUT.steer_rad
+        self._stuck_ticks = self._open_ticks = 0
+
+    @property
+    def are_failed(self) -> bool:
+        """True from the first failure on: then only the brake is used."""
+        return bool(self.failed)
+
+    def note(self, commanded: ControlInput, applied: ControlInput) -> None:
+        """After a period."""
+        self.steering.note(commanded.steer_rad, applied.steer_rad)
+        is_still = abs(applied.steer_rad - self._steer_rad) < STILL_RAD
+        if not is_still:
+            self._moved_at_rad = commanded.steer_rad
+        is_off = (
+            abs(commanded.steer_rad - applied.steer_rad) > LARGEST_STEER_ERROR_RAD
+            and abs(commanded.steer_rad - self._moved_at_rad) > LEAST_CHANGE_RAD
+        )
+        is_open = applied.throttle - commanded.throttle > LARGEST_THROTTLE_ERROR
+        self._steer_rad = applied.steer_rad
+        self._stuck_ticks = self._stuck_ticks + 1 if is_still and is_off else 0
+        self._open_ticks = self._open_ticks + 1 if is_open else 0
+        self._judge(Actuator.STEERING_WHEEL, self._stuck_ticks)
+        self._judge(Actuator.THROTTLE, self._open_ticks)
+
+    def _judge(self, actuator: Actuator, ticks: int) -> None:
+        if ticks >= FAILED_TICKS and actuator not in self.failed:
+            self.failed.append(actuator)

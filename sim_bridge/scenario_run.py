@@ -1,0 +1,140 @@
+"""A scenario as it is driven: where the car is in it, the path from there on, and the figures."""
+
+from math import atan, hypot
+
+from rt_controller.contract.signals import ControlInput, CurvaturePreview, Mode, VehicleState
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.drive.car_figures import CarFigure
+from rt_controller.gateway.vehicle_envelope import OwnMotion, off_path_m
+from sim_bridge.scenario import Scenario
+from sim_bridge.scenario.metrics import DriveLog, LogRow, judged, measure, peak, rms
+from sim_bridge.scenario.speed import next_progress
+
+AT_REST_MPS = 0.3
+"""speed below which a safe stop has brought the car to rest, as for the controller"""
+
+
+class ScenarioRun:
+    """The progress of one drive; `advance` is called after each period that the car moved."""
+
+    def __init__(self, scenario: Scenario, state: VehicleState, s_m: float) -> None:
+        """The car waits at the start, in this state and at this arc length."""
+        self.scenario = scenario
+        self.state, self.s_m = state, s_m
+        """at the end of the last period"""
+        self.path = scenario.path_ahead(s_m, state.vx_mps)
+        """what a path planner sends from where the car is"""
+        self.ticks = 0
+        self.end_ticks = 0
+        """since the end of the mission"""
+        self._is_end_requested = False
+        self._progress = scenario.first_progress
+        self._log = DriveLog()
+
+    @property
+    def is_moving(self) -> bool:
+        """False if a stop has brought the car to rest."""
+        return self.speed_mps > AT_REST_MPS
+
+    @property
+    def time_s(self) -> float:
+        """Time since the car was first driven."""
+        return self.ticks * PERIOD_S
+
+    @property
+    def speed_mps(self) -> float:
+        return hypot(self.state.vx_mps, self.state.vy_mps)
+
+    @property
+    def curvature_per_m(self) -> float:
+        """Of the road at the car."""
+        return self.scenario.road.curvature_per_m.at(self.s_m)
+
+    @property
+    def ey_error_m(self) -> float:
+        """Distance from the wanted position."""
+        return self.state.ey_m - self.path.c0_m
+
+    @property
+    def motion(self) -> OwnMotion:
+        """Of the car, by its own measurement."""
+        away_m = off_path_m(self.path, self.state, self.curvature_per_m)
+        return OwnMotion(self.speed_mps, away_m, self.end_ticks == 0)
+
+    def preview(self) -> CurvaturePreview | None:
+        """Curvature of the road ahead, as far as it fits a preview."""
+        return self.scenario.preview_ahead(self.s_m, self.state.vx_mps, self.path.v_mps)
+
+    def end_mission(self) -> None:
+        """End the mission with the next period, as if the duration of the scenario were over."""
+        self._is_end_requested = True
+
+    def advance(
+        self,
+        state: VehicleState,
+        s_m: float,
+        applied: ControlInput,
+        mode: Mode | None,
+        is_braking: bool,
+    ) -> None:
+        """The car has moved for one period.
+
+        Args:
+            state: of the car now.
+            s_m: its arc length on the reference line.
+            applied: input of the period.
+            mode: of the command that is followed; None: there was none.
+            is_braking: the vehicle brakes by itself.
+        """
+        self.state, self.s_m = state, s_m
+        self.ticks += 1
+        speed_mps, scenario = state.vx_mps, self.scenario
+        self._progress = next_progress(self._progress, scenario.stops, s_m, speed_mps, self.time_s)
+        self.path = scenario.path_ahead(s_m, speed_mps, self.time_s, self._progress)
+        if self._is_mission_on(mode, is_braking):
+            self._judge(applied)
+            return
+        self.end_ticks += 1
+
+    def figures(self) -> tuple[CarFigure, ...]:
+        """The figures that the scenario names or limits, so far."""
+        scenario = self.scenario
+        found = measure(self._log, scenario.stops, scenario.course, scenario.road.width_m)
+        return judged(found, scenario.metrics, scenario.limits)
+
+    def ey_error_rms_and_peak_m(self) -> tuple[float, float]:
+        """Of the lateral error, so far."""
+        errors_m = self._log.ey_error_m()
+        return rms(errors_m), peak(errors_m)
+
+    def _is_mission_on(self, mode: Mode | None, is_braking: bool) -> bool:
+        """True during the scenario, and after it until a safe stop has brought the car to rest."""
+        if self.end_ticks > 0:
+            return False
+        if is_braking:
+            return self.is_moving
+        is_at_end = self.ticks >= self.scenario.ticks or self.s_m >= self.scenario.end_m
+        return not (is_at_end or self._is_end_requested) or (
+            mode is Mode.SAFE_STOP and self.is_moving
+        )
+
+    def _judge(self, applied: ControlInput) -> None:
+        """Add one period to the figures."""
+        state, path = self.state, self.path
+        self._log.add(
+            LogRow(
+                time_s=self.time_s,
+                s_m=self.s_m,
+                ey_m=state.ey_m,
+                epsi_rad=state.epsi_rad,
+                curvature_per_m=self.curvature_per_m,
+                vx_mps=state.vx_mps,
+                vy_mps=state.vy_mps,
+                yaw_rate_radps=state.yaw_rate_radps,
+                steer_rad=applied.steer_rad,
+                wanted_ey_m=path.c0_m,
+                wanted_epsi_rad=atan(path.c1),
+                wanted_mps=path.v_mps,
+                stop=self._progress.stops_done if self._progress.is_holding else -1,
+            )
+        )

@@ -1,0 +1,230 @@
+"""The log: readable by python-can, the same bytes for the same drive, never blocking."""
+
+import hashlib
+import os
+import re
+import time
+from collections.abc import Callable
+from pathlib import Path
+from threading import Event
+
+import can
+import pytest
+
+from rt_controller.bus.log.recorder import Recorder
+from rt_controller.contract.errors import ConfigError
+
+
+def message(arbitration_id: int, data: bytes) -> can.Message:
+    return can.Message(arbitration_id=arbitration_id, is_extended_id=False, data=data, check=True)
+
+
+def test_a_line_is_what_candump_writes(tmp_path: Path) -> None:
+    path = tmp_path / "drive.log"
+    with Recorder(path, "vcan0", is_lockstep=True) as recorder:
+        recorder.record(message(0x100, bytes.fromhex("01A2030405060708")), 1_234_567_890)
+        recorder.record(message(0x7, b""), 2_000_000_999)
+    assert path.read_text() == ("(1.234567) vcan0 100#01A2030405060708\n(2.000000) vcan0 007#\n")
+
+
+@pytest.mark.parametrize("is_lockstep", [False, True])
+def test_python_can_reads_back_what_was_recorded(tmp_path: Path, is_lockstep: bool) -> None:
+    path = tmp_path / "drive.log"
+    sent = [message(0x100 + index, bytes([index] * 8)) for index in range(200)]
+    with Recorder(path, "ws://127.0.0.1:1/", is_lockstep=is_lockstep) as recorder:
+        for index, each in enumerate(sent):
+            recorder.record(each, index * 25_000_000)
+    assert (recorder.written, recorder.dropped, recorder.last_failure) == (200, 0, "")
+    read = list(can.CanutilsLogReader(path))
+    assert [(each.arbitration_id, each.data, each.is_extended_id) for each in read] == [
+        (each.arbitration_id, each.data, False) for each in sent
+    ]
+    assert [each.timestamp for each in read] == pytest.approx(
+        [index * 0.025 for index in range(200)], abs=1e-6
+    )
+
+
+def write_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rt_controller.bus.log.recorder._WRITE_INTERVAL_S", 0.001)
+
+
+def wait_until(condition: Callable[[], object]) -> None:
+    for _ in range(10_000):
+        if condition():
+            return
+        time.sleep(0.001)
+    pytest.fail("expected the writer to have written")
+
+
+def test_the_writer_writes_while_the_drive_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So the log of a killed controller lacks only the last frames."""
+    write_often(monkeypatch)
+    path = tmp_path / "drive.log"
+    with Recorder(path, "can0", is_lockstep=False) as recorder:
+        recorder.record(message(0x100, b"\x01"), 0)
+        wait_until(path.read_text)
+        assert path.read_text() == "(0.000000) can0 100#01\n"
+
+
+def test_extended_remote_error_and_fd_frames_are_recorded_as_such(tmp_path: Path) -> None:
+    path = tmp_path / "drive.log"
+    with Recorder(path, "can0", is_lockstep=True) as recorder:
+        recorder.record(can.Message(arbitration_id=0x12345, data=b"\x01"), 0)
+        recorder.record(
+            can.Message(arbitration_id=0x42, is_extended_id=False, is_remote_frame=True), 0
+        )
+        recorder.record(can.Message(arbitration_id=0x84, is_error_frame=True, data=b"\x02" * 8), 0)
+        recorder.record(
+            can.Message(arbitration_id=0x43, is_extended_id=False, is_fd=True, data=bytes(12)), 0
+        )
+    content = [line.split()[-1] for line in path.read_text().splitlines()]
+    assert content == [
+        "00012345#01",
+        "042#R",
+        "20000084#0202020202020202",
+        "043##0000000000000000000000000",
+    ]
+    extended, remote, error, fd = can.CanutilsLogReader(path)
+    assert extended.is_extended_id
+    assert remote.is_remote_frame
+    assert error.is_error_frame
+    assert fd.is_fd
+
+
+def test_a_message_may_change_after_it_was_recorded(tmp_path: Path) -> None:
+    path = tmp_path / "drive.log"
+    reused = message(0x100, bytes(8))
+    with Recorder(path, "can0", is_lockstep=False) as recorder:
+        for value in (1, 2, 3):
+            reused.data[0] = value
+            recorder.record(reused, 0)
+    assert [each.data[0] for each in can.CanutilsLogReader(path)] == [1, 2, 3]
+
+
+def test_the_same_drive_gives_the_same_bytes(tmp_path: Path) -> None:
+    digests = set()
+    for name in ("first.log", "second.log"):
+        with Recorder(tmp_path / name, "sim", is_lockstep=True) as recorder:
+            for tick in range(50):
+                recorder.record(message(0x110, bytes([tick] * 8)), tick * 25_000_000)
+        digests.add(hashlib.sha256((tmp_path / name).read_bytes()).hexdigest())
+    assert len(digests) == 1
+
+
+def test_a_full_queue_drops_and_counts_but_never_blocks(tmp_path: Path) -> None:
+    path = tmp_path / "drive.log"
+    with Recorder(path, "can0", is_lockstep=False, capacity=0) as recorder:
+        for _ in range(10):
+            recorder.record(message(0x100, bytes(8)), 0)
+    assert (recorder.written, recorder.dropped) == (0, 10)
+
+
+def test_an_offset_turns_monotonic_into_calendar_time(tmp_path: Path) -> None:
+    path = tmp_path / "drive.log"
+    offset_ns = 1_700_000_000_000_000_000
+    with Recorder(path, "can0", is_lockstep=True, epoch_offset_ns=offset_ns) as recorder:
+        recorder.record(message(0x100, b""), 5_000_000)
+    assert re.match(r"\(1700000000\.005000\) ", path.read_text())
+
+
+def test_blanks_in_the_name_of_a_channel_do_not_break_the_line(tmp_path: Path) -> None:
+    path = tmp_path / "drive.log"
+    with Recorder(path, "my bus", is_lockstep=True) as recorder:
+        recorder.record(message(0x100, b"\x01"), 0)
+    (read,) = can.CanutilsLogReader(path)
+    assert read.channel == "my_bus"
+
+
+@pytest.mark.parametrize("is_lockstep", [False, True])
+def test_a_full_disk_does_not_end_the_drive(
+    is_lockstep: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_often(monkeypatch)
+    full = Path("/dev/full")
+    if not full.exists():
+        pytest.skip("no /dev/full on this system")
+    with Recorder(full, "can0", is_lockstep=is_lockstep) as recorder:
+        for _ in range(2000):
+            recorder.record(message(0x100, bytes(8)), 0)
+        wait_until(lambda: recorder.last_failure)
+    assert "No space left" in recorder.last_failure
+    assert (recorder.written, recorder.dropped) == (0, 2000)
+    assert "2000 frames are missing" in recorder.new_failure()
+    assert recorder.new_failure() == ""
+    recorder.close()
+
+
+@pytest.mark.parametrize("begins_before_the_end", [False, True])
+@pytest.mark.parametrize("is_lockstep", [False, True])
+def test_a_disk_that_does_not_answer_does_not_hold_up_the_end(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    is_lockstep: bool,
+    begins_before_the_end: bool,
+) -> None:
+    answers = Event()
+    if begins_before_the_end:
+        write_often(monkeypatch)
+    monkeypatch.setattr("rt_controller.bus.log.frame_log.LONGEST_CLOSE_S", 0.01)
+    monkeypatch.setattr("rt_controller.bus.log.log_file.os.write", lambda *_: answers.wait() or 0)
+    recorder = Recorder(tmp_path / "drive.log", "can0", is_lockstep=is_lockstep)
+    for _ in range(600):
+        recorder.record(message(0x100, bytes(8)), 0)
+    if begins_before_the_end:
+        wait_until(lambda: len(recorder._queue) < 600)
+    recorder.close()
+    assert (recorder.written, recorder.dropped) == (0, 600)
+    assert "too slow" in recorder.explain_failure()
+    monkeypatch.undo()
+    answers.set()
+
+
+def test_a_disk_that_stalls_delays_no_frame(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`record` returns while the writer waits; what it took meanwhile is written afterwards."""
+    is_stalled, answers, write = Event(), Event(), os.write
+
+    def stall(descriptor: int, data: bytes) -> int:
+        is_stalled.set()
+        assert answers.wait(60.0)
+        return write(descriptor, data)
+
+    write_often(monkeypatch)
+    monkeypatch.setattr("rt_controller.bus.log.log_file.os.write", stall)
+    with Recorder(tmp_path / "drive.log", "can0", is_lockstep=False) as recorder:
+        recorder.record(message(0x100, b""), 0)
+        assert is_stalled.wait(60.0)
+        for _ in range(2000):
+            recorder.record(message(0x100, bytes(8)), 0)
+        assert recorder.written == 0
+        answers.set()
+    assert (recorder.written, recorder.dropped, recorder.explain_failure()) == (2001, 0, "")
+
+
+def test_a_drive_in_lockstep_waits_for_a_slow_disk_but_not_for_a_stalled_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_often(monkeypatch)
+    with Recorder(tmp_path / "slow.log", "can0", is_lockstep=True, capacity=8) as recorder:
+        for _ in range(100):
+            recorder.record(message(0x100, bytes(8)), 0)
+    assert (recorder.written, recorder.dropped) == (100, 0)
+
+    answers = Event()
+    monkeypatch.setattr("rt_controller.bus.log.frame_log.LONGEST_CLOSE_S", 0.01)
+    monkeypatch.setattr("rt_controller.bus.log.recorder._LONGEST_STALL_S", 0.01)
+    monkeypatch.setattr("rt_controller.bus.log.log_file.os.write", lambda *_: answers.wait() or 0)
+    with Recorder(tmp_path / "stalled.log", "can0", is_lockstep=True, capacity=8) as recorder:
+        for _ in range(100):
+            recorder.record(message(0x100, bytes(8)), 0)
+    assert (recorder.written, recorder.dropped) == (0, 100)
+    monkeypatch.undo()
+    answers.set()
+
+
+def test_a_file_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"expected a file .* found .*Name another"):
+        Recorder(tmp_path / "missing" / "drive.log", "can0", is_lockstep=False)

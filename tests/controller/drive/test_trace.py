@@ -1,0 +1,21 @@
+"""The recorder of a drive: arc length."""
+
+import numpy as np
+
+from rt_controller.bus.contents import StateSample
+from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, Mode
+from rt_controller.drive.trace import DriveTrace
+from rt_controller.step import StepResult
+
+
+def test_arc_length_begins_with_the_drive_and_counts_lost_states() -> None:
+    trace = DriveTrace(10)
+    moving = AT_REST._replace(vx_mps=20.0, ds_m=0.5)
+    for mode, is_received in (
+        (Mode.STANDBY, True), (Mode.NOMINAL, True), (Mode.NOMINAL, True), (Mode.HOLD_PLAN, False),
+        (Mode.NOMINAL, True), (Mode.STANDBY, True),
+    ):  # fmt: skip
+        state = StateSample(moving, 0.0, 0, None, False) if is_received else None
+        trace.record(StepResult(mode=mode, state=state, control=NEUTRAL_INPUT), 0)
+    found = trace.drive("model", "over")["s_m"]
+    np.testing.assert_allclose(found, [0.0, 0.0, 0.5, 1.0, 1.5, 2.0])

@@ -1,0 +1,143 @@
+"""A car that the vehicle brakes by itself is steered along its own path."""
+
+from math import hypot, inf, nan, radians
+
+import pytest
+
+from rt_controller.contract.grip import LEAST_BRAKE_N
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.gateway.path_steering import BRAKE_N, largest_brake_n, steer_along
+from sim_bridge.scenario import load_scenario
+from sim_bridge.session import build_car
+
+STRAIGHT = PathReference(0.0, 0.0, 0.0, 0.0, 20.0, 0.0)
+CRUISING = VehicleState(20.0, 0.0, 0.0, 0.5, 0.0, 0.0)
+CHANGE_RAD = INPUT_LIMITS.rate_per_s.steer_rad * PERIOD_S
+
+
+def test_on_a_straight_path_the_wheel_stays_straight() -> None:
+    assert steer_along(STRAIGHT, CRUISING, 0.0, 0.0) == 0.0
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_the_wheel_turns_towards_the_path_and_no_faster_than_its_rate(side: float) -> None:
+    path = STRAIGHT._replace(c0_m=3.0 * side)
+    assert steer_along(path, CRUISING, 0.0, 0.0) == pytest.approx(side * CHANGE_RAD)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_bend_is_followed_with_the_curvature_of_the_road(side: float) -> None:
+    turning = CRUISING._replace(yaw_rate_radps=side * 0.003 * 20.0)
+    angle = steer_along(STRAIGHT, turning, side * 0.003, side * 0.16)
+    assert angle == pytest.approx(side * 18.5 * 0.003 * (2.91 + 0.002544 * 400.0), rel=1e-3)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_the_wheel_turns_against_a_slide_of_the_rear_axle(side: float) -> None:
+    sliding = CRUISING._replace(yaw_rate_radps=side * 0.02)
+    assert steer_along(STRAIGHT, sliding, 0.0, 0.0) == pytest.approx(-side * 18.5 * 0.1 * 0.02)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_the_wheel_stays_within_its_bounds(side: float) -> None:
+    slow = CRUISING._replace(vx_mps=3.0)
+    path = STRAIGHT._replace(c0_m=30.0 * side)
+    assert steer_along(path, slow, 0.0, side * radians(39.0)) == side * radians(40.0)
+
+
+@pytest.mark.parametrize("vx_mps", [0.2, 0.0, -1.0, nan])
+def test_the_wheel_of_a_standing_car_stays_where_it_is(vx_mps: float) -> None:
+    state = CRUISING._replace(vx_mps=vx_mps)
+    assert steer_along(STRAIGHT._replace(c0_m=3.0), state, 0.0, 0.2) == 0.2
+
+
+@pytest.mark.parametrize("bad", [nan, inf])
+def test_without_a_path_the_last_wheel_angle_is_kept(bad: float) -> None:
+    assert steer_along(STRAIGHT._replace(c0_m=bad), CRUISING, 0.0, 0.2) == 0.2
+
+
+@pytest.mark.parametrize("name", ["lane_change_60", "double_lane_change", "lane_change_120"])
+@pytest.mark.parametrize("begin_s", [0.6, 0.9, 1.2, 2.0])
+def test_a_car_that_brakes_in_a_lane_change_stays_on_its_lane(name: str, begin_s: float) -> None:
+    """The path is driven by this law alone."""
+    scenario = load_scenario(name)
+    car = build_car(scenario)
+    curvature = scenario.road.frame()
+    steer_rad, brake_n, farthest_m = 0.0, 0.0, 0.0
+    for tick in range(400):
+        path = scenario.path_ahead(car.s_m, car.state.vx_mps)
+        here_per_m = scenario.road.curvature_per_m.at(car.s_m)
+        steer_rad = steer_along(path, car.state, here_per_m, steer_rad)
+        if tick * PERIOD_S >= begin_s:
+            brake_n = min(brake_n + 300.0 * PERIOD_S, largest_brake_n(car.state, 0.0))
+        throttle = 0.0 if brake_n > 0.0 else 0.1
+        state = car.advance(ControlInput(throttle, brake_n, steer_rad), curvature)
+        farthest_m = max(farthest_m, abs(state.ey_m - scenario.path_ahead(car.s_m, 20.0).c0_m))
+        if hypot(state.vx_mps, state.vy_mps) < 0.3:
+            break
+    assert state.vx_mps < 0.3
+    assert farthest_m < 1.0
+    car.plant.close()
+
+
+@pytest.mark.parametrize("yaw_rate_radps", [0.0, 0.05, -0.05, 0.3])
+def test_a_car_that_turns_is_braked_with_less_force(yaw_rate_radps: float) -> None:
+    force_n = largest_brake_n(CRUISING._replace(yaw_rate_radps=yaw_rate_radps), 0.2)
+    assert force_n == max(BRAKE_N - 400.0 * abs(yaw_rate_radps), LEAST_BRAKE_N)
+
+
+def test_a_car_that_leaves_its_path_brakes_less() -> None:
+    assert largest_brake_n(CRUISING, 0.0) == BRAKE_N
+    assert largest_brake_n(CRUISING, -0.8) == pytest.approx(BRAKE_N - 50.0)
+    assert largest_brake_n(CRUISING, 5.0) == 25.0
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize(("vx_mps", "ahead_m"), [(20.0, 14.0), (8.0, 5.6), (4.0, 5.0), (0.31, 5.0)])
+def test_the_wheel_leads_on_a_circle_through_the_path_at_the_preview_distance(
+    side: float, vx_mps: float, ahead_m: float
+) -> None:
+    terms = (0.3, 0.02, 1e-3, -2e-5)
+    path = PathReference(*(side * each for each in terms), 20.0, 0.0)
+    state = VehicleState(vx_mps, side * 0.01 * vx_mps, 0.0, 0.5, side * 0.2, side * 0.015)
+    there_m = 0.3 + 0.02 * ahead_m + 1e-3 * ahead_m**2 - 2e-5 * ahead_m**3
+    turn_per_m = 0.001 + 2.0 * (there_m - 0.2 - 0.025 * ahead_m) / ahead_m**2
+    state = state._replace(yaw_rate_radps=side * turn_per_m * vx_mps)
+    expected_rad = side * 18.5 * (2.91 + 0.002545 * vx_mps**2) * turn_per_m
+    found_rad = steer_along(path, state, side * 0.001, expected_rad)
+    assert found_rad == pytest.approx(expected_rad, rel=1e-4)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_braked_car_turns_with_4_m_per_s2_at_most(side: float) -> None:
+    fast = CRUISING._replace(vx_mps=25.0, yaw_rate_radps=side * 4.0 / 25.0)
+    expected_rad = side * 18.5 * (2.91 + 0.002545 * 625.0) * 4.0 / 625.0
+    wide = STRAIGHT._replace(c0_m=30.0 * side)
+    for before_rad in (expected_rad, expected_rad + 0.05, expected_rad - 0.05):
+        found_rad = steer_along(wide, fast, 0.0, before_rad)
+        assert found_rad == pytest.approx(expected_rad, rel=1e-4)
+
+
+def test_at_0_3_m_per_s_the_wheel_stays_where_it_is() -> None:
+    path = STRAIGHT._replace(c0_m=3.0)
+    assert steer_along(path, CRUISING._replace(vx_mps=0.3), 0.0, 0.2) == 0.2
+    assert steer_along(path, CRUISING._replace(vx_mps=0.31), 0.0, 0.2) > 0.2
+
+
+@pytest.mark.parametrize(
+    ("vx_mps", "yaw_rate_radps", "force_n"),
+    [
+        (20.0, 0.0, 100.0),
+        (20.0, 0.05, 80.0),
+        (20.0, -0.05, 80.0),
+        (10.0, 0.05, 90.0),
+        (20.0, 0.2, 25.0),
+    ],
+)
+def test_the_brake_force_is_100_n_and_at_least_25_n(
+    vx_mps: float, yaw_rate_radps: float, force_n: float
+) -> None:
+    state = CRUISING._replace(vx_mps=vx_mps, yaw_rate_radps=yaw_rate_radps)
+    assert largest_brake_n(state, 0.3) == pytest.approx(force_n)

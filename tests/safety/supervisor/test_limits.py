@@ -1,0 +1,193 @@
+"""The supervisor at its limits: which tick, which of several findings, which window."""
+
+import pytest
+from kinematic_car import STRAIGHT, WatchedCar, growing, nothing, only, shifted, undisturbed
+
+from rt_controller.contract.signals import (
+    VehicleState,
+)
+from rt_controller.safety import supervisor
+from rt_controller.safety.checks import Quantity, Reaction
+from rt_controller.safety.inputs import QualifiedInputs
+from rt_controller.safety.modes import StopCause
+
+JUMPED = STRAIGHT._replace(c0_m=0.5)
+
+
+def rejections(car: WatchedCar, ticks: int) -> list[StopCause]:
+    """Alarms of so many ticks in which the path jumps."""
+    car.path = JUMPED
+    alarms = [car.tick().alarm for _ in range(ticks)]
+    assert {qualified.rejection for qualified in car.qualified[-ticks:]} == {StopCause.PATH_JUMP}
+    car.path = STRAIGHT
+    return alarms
+
+
+@pytest.mark.parametrize("good_ticks", [5, 100])
+def test_the_fifth_rejection_in_a_row_stops_the_car(good_ticks: int) -> None:
+    car = WatchedCar(checks=only(Quantity.PATH_STEP_M))
+    car.tick(good_ticks)
+    assert rejections(car, 5) == [StopCause.NONE] * 4 + [StopCause.PATH_JUMP]
+
+
+@pytest.mark.parametrize(
+    ("good_ticks", "allowed"), [(0, 0), (5, 0), (7, 1), (14, 1), (16, 2), (60, 4)]
+)
+def test_a_rejection_no_longer_counts_after_ten_good_ticks(good_ticks: int, allowed: int) -> None:
+    car = WatchedCar(checks=only(Quantity.PATH_STEP_M))
+    car.tick(5)
+    rejections(car, 4)
+    if good_ticks > 0:
+        car.tick(good_ticks)
+    expected = [StopCause.NONE] * allowed + [StopCause.PATH_JUMP]
+    assert rejections(car, allowed + 1) == expected
+
+
+def test_a_sum_of_exactly_four_rejections_does_not_stop_the_car() -> None:
+    car = WatchedCar(checks=only(Quantity.PATH_STEP_M))
+    car.tick(5)
+    rejections(car, 1)
+    car.tick(6)
+    alarms = rejections(car, 4)
+    assert car.supervisor._rejections == 4.0
+    assert alarms == [StopCause.NONE] * 4
+
+
+def test_a_new_drive_clears_rejections_and_windows() -> None:
+    car = WatchedCar(checks=only(Quantity.PATH_STEP_M, Quantity.TRACKING_M))
+    for _ in range(3):
+        car.is_driven = False
+        car.tick(2)
+        assert set(rejections(car, 4)) == {StopCause.NONE}
+        car.is_driven = False
+        car.path = STRAIGHT._replace(c0_m=0.95)
+        assert car.tick(8).alarm is StopCause.NONE
+        assert car.tick().alarm is StopCause.TRACKING_LOST
+
+
+def test_the_cause_of_an_alarm_is_that_of_the_state_before_that_of_the_path() -> None:
+    checks = [
+        only(Quantity.PROGRESS_STEP_M)[0]._replace(reaction=Reaction.STOP),
+        only(Quantity.PATH_STEP_M)[0]._replace(reaction=Reaction.STOP),
+    ]
+    car = WatchedCar(checks=checks)
+    car.tick(5)
+    car.path, car.disturb = JUMPED, shifted(ds_m=0.1)
+    qualified = car.tick()
+    assert qualified.alarm is StopCause.PROGRESS_IMPLAUSIBLE
+    assert qualified.rejection is StopCause.PATH_JUMP
+
+
+def test_the_cause_of_a_rejection_is_that_of_the_state_before_that_of_the_path() -> None:
+    car = WatchedCar(checks=only(Quantity.PROGRESS_STEP_M, Quantity.PATH_STEP_M))
+    car.tick(5)
+    car.path, car.disturb = JUMPED, shifted(ds_m=0.1)
+    qualified = car.tick()
+    assert (qualified.alarm, qualified.rejection) == (
+        StopCause.NONE,
+        StopCause.PROGRESS_IMPLAUSIBLE,
+    )
+
+
+def test_a_stop_and_a_rejection_have_their_own_causes() -> None:
+    path = only(Quantity.PATH_STEP_M)[0]._replace(reaction=Reaction.STOP)
+    car = WatchedCar(checks=[*only(Quantity.PROGRESS_STEP_M), path])
+    car.tick(5)
+    car.path, car.disturb = JUMPED, shifted(ds_m=0.1)
+    qualified = car.tick()
+    assert qualified.alarm is StopCause.PATH_JUMP
+    assert qualified.rejection is StopCause.PROGRESS_IMPLAUSIBLE
+
+
+@pytest.mark.parametrize("is_stopping", [False, True])
+def test_a_rejected_signal_is_faulty_for_good_only_in_a_stop(is_stopping: bool) -> None:
+    car = WatchedCar(checks=only(Quantity.PROGRESS_STEP_M))
+    car.tick(5)
+    car.disturb, car.is_stopping = shifted(ds_m=0.1), is_stopping
+    assert not car.tick().is_measured
+    car.disturb = undisturbed
+    assert car.tick().is_measured is not is_stopping
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize(("share", "is_refused"), [(0.99, False), (1.01, True)])
+def test_the_engagement_window_lies_around_the_path(
+    side: float, share: float, is_refused: bool
+) -> None:
+    path = STRAIGHT._replace(c0_m=3.0, c1=0.2)
+    heading_rad = 0.19739555984988078  # atan(0.2)
+    for vx_mps, ey_m, epsi_rad in (
+        (20.0, 3.0 + side * share, heading_rad),
+        (5.0, 3.0, heading_rad + side * share * 0.15),
+    ):
+        qualified = WatchedCar(vx_mps=vx_mps, ey_m=ey_m, epsi_rad=epsi_rad, path=path).tick()
+        assert (qualified.rejection is StopCause.NOT_ENGAGED) is is_refused
+        assert qualified.is_measured is not is_refused
+        assert qualified.is_path_received
+        assert qualified.speed_mps == vx_mps
+
+
+def test_in_standby_nothing_is_known_without_a_state() -> None:
+    car = WatchedCar()
+    car.disturb = lambda received: received._replace(state=None)
+    qualified = car.tick()
+    assert qualified == QualifiedInputs(None, 0.0, STRAIGHT, None, False, True, None)
+
+
+def test_a_path_that_arrived_in_standby_is_the_last_known_one() -> None:
+    car = WatchedCar()
+    car.tick()
+    car.disturb = nothing
+    assert car.tick().path == STRAIGHT
+
+
+@pytest.mark.parametrize(("vx_mps", "is_compared"), [(7.0, True), (7.01, False)])
+def test_up_to_7_m_per_s_the_speed_is_compared_with_the_pedals(
+    vx_mps: float, is_compared: bool
+) -> None:
+    car = WatchedCar(checks=(), vx_mps=vx_mps)
+    car.control = car.control._replace(throttle=0.5)
+    car.tick(3)
+    assert (car.supervisor.values[Quantity.PEDAL_SPEED_MPS] > 0.0) is is_compared
+
+
+def test_a_frozen_state_stops_the_car_in_the_eighth_tick() -> None:
+    car = WatchedCar(checks=only(Quantity.FROZEN_TICKS))
+    car.control = car.control._replace(steer_rad=0.2)
+    car.tick(20)
+    kept = car.state
+    car.disturb = lambda received: received._replace(state=kept)
+    alarms = [car.tick().alarm for _ in range(8)]
+    assert alarms == [StopCause.NONE] * 7 + [StopCause.STATE_FROZEN]
+
+
+def test_each_quantity_is_judged_once_in_a_tick() -> None:
+    driven = [*supervisor._OF_STATE, *supervisor._OF_CAR, *supervisor._OF_PATH]
+    assert driven == list(range(Quantity.ENGAGE_EY_M))
+    at_start = [*Quantity][Quantity.PATH_LATERAL_MPS2 :]
+    assert list(supervisor._OF_ENGAGEMENT) == at_start
+
+
+@pytest.mark.parametrize("signal", ["ey_m", "epsi_rad"])
+def test_a_place_that_drifts_stops_the_car_in_the_tick_in_which_it_is_found(signal: str) -> None:
+    car = WatchedCar(checks=only(Quantity.HEADING_RAD, Quantity.LATERAL_ERROR_M))
+    car.tick(5)
+    car.disturb = growing(signal, 0.0075 if signal == "ey_m" else 0.0008)
+    qualified = [car.tick() for _ in range(120)]
+    first = next(each for each in qualified if not each.is_measured)
+    assert first.alarm is not StopCause.NONE
+
+
+def test_an_old_state_stops_the_car_in_the_tick_in_which_it_is_found() -> None:
+    car = WatchedCar(checks=only(Quantity.YAW_RATE_STEP_RADPS))
+    car.tick(5)
+    seen_states: list[VehicleState] = []
+    for k in range(4):
+        car.control = car.control._replace(steer_rad=0.6 + 0.1 * k)
+        car.tick()
+        seen_states.append(car.state)
+    car.control = car.control._replace(steer_rad=0.0)
+    old = iter(seen_states[:2])
+    car.disturb = lambda received: received._replace(state=next(old))
+    car.tick()
+    assert car.tick().alarm is StopCause.STATE_OLD

@@ -1,0 +1,92 @@
+"""How hard a safe stop brakes."""
+
+from math import radians
+
+import pytest
+
+from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
+from rt_controller.safety.fallback import (
+    ALONG_PATH,
+    COUNTER_STEERING,
+    ESTIMATED,
+    FULL,
+    Braking,
+    braking_for,
+    input_for,
+    stand_by,
+)
+from rt_controller.safety.modes import StopCause
+
+
+@pytest.mark.parametrize(
+    ("cause", "is_measured", "counter_steering_deg", "braking"),
+    [
+        (StopCause.STATE_LOST, True, 0.0, ALONG_PATH),
+        (StopCause.NONE, True, 9.9, ALONG_PATH),
+        (StopCause.NONE, True, -9.9, ALONG_PATH),
+        (StopCause.NONE, True, 10.0, ALONG_PATH),
+        (StopCause.NONE, True, 10.1, COUNTER_STEERING),
+        (StopCause.NONE, True, -10.1, COUNTER_STEERING),
+        (StopCause.REFERENCE_LOST, False, 0.0, ESTIMATED),
+        (StopCause.REFERENCE_LOST, False, 10.1, ESTIMATED),
+        (StopCause.STEERING_MISMATCH, True, 40.0, FULL),
+        (StopCause.THROTTLE_MISMATCH, True, 10.1, FULL),
+    ],
+)
+@pytest.mark.parametrize("lateral_mps2", [0.0, 4.0])
+def test_a_stop_is_as_short_as_its_cause_demands_and_the_grip_allows(
+    cause: StopCause,
+    is_measured: bool,
+    counter_steering_deg: float,
+    braking: Braking,
+    lateral_mps2: float,
+) -> None:
+    counter_rad = radians(counter_steering_deg)
+    assert braking_for(cause, is_measured, is_measured, counter_rad, lateral_mps2) == braking
+
+
+@pytest.mark.parametrize(
+    ("counter_steering_deg", "lateral_mps2", "most_n"),
+    [(0.0, 0.0, 100.0), (10.0, -1.0, 80.0), (0.0, 3.0, 40.0), (0.0, 5.0, 25.0), (10.1, 3.0, 20.0)],
+)
+def test_without_a_path_a_car_that_turns_keeps_grip_for_it(
+    counter_steering_deg: float, lateral_mps2: float, most_n: float
+) -> None:
+    counter_rad = radians(counter_steering_deg)
+    found = braking_for(StopCause.REFERENCE_LOST, True, False, counter_rad, lateral_mps2)
+    assert found.most_n == pytest.approx(most_n)
+
+
+@pytest.mark.parametrize("braking", [ALONG_PATH, ESTIMATED, FULL, COUNTER_STEERING])
+def test_the_brake_is_ramped_to_the_force_of_the_stop(braking: Braking) -> None:
+    first = input_for(Mode.SAFE_STOP, None, NEUTRAL_INPUT, False, braking)
+    assert first.brake_n == pytest.approx(0.025 * braking.rate_n_per_s)
+    pressed = NEUTRAL_INPUT._replace(brake_n=braking.most_n)
+    assert input_for(Mode.SAFE_STOP, None, pressed, False, braking).brake_n == braking.most_n
+
+
+def test_standby_and_plans_are_not_braked() -> None:
+    assert input_for(Mode.STANDBY, None, NEUTRAL_INPUT, False) == stand_by(NEUTRAL_INPUT)
+    planned = NEUTRAL_INPUT._replace(throttle=0.2)
+    assert input_for(Mode.NOMINAL, planned, NEUTRAL_INPUT, False) == planned
+
+
+@pytest.mark.parametrize(
+    ("braking", "most_n", "rate_n_per_s"),
+    [
+        (ALONG_PATH, 75.0, 150.0),
+        (ESTIMATED, 100.0, 300.0),
+        (FULL, 150.0, 500.0),
+        (COUNTER_STEERING, 20.0, 150.0),
+    ],
+)
+def test_forces_and_rates_are_the_documented_ones(
+    braking: Braking, most_n: float, rate_n_per_s: float
+) -> None:
+    assert braking == (most_n, rate_n_per_s)
+
+
+@pytest.mark.parametrize("planned", [None, NEUTRAL_INPUT])
+def test_a_held_car_is_braked_as_along_the_path(planned: ControlInput | None) -> None:
+    first = input_for(Mode.SAFE_STOP, planned, NEUTRAL_INPUT, True, FULL)
+    assert first.brake_n == 3.75

@@ -1,0 +1,108 @@
+"""The faults of the matrix, and drives with some of them."""
+
+import json
+from importlib import resources
+from pathlib import Path
+
+import pytest
+
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.model.bundle import Bundle
+from sim_bridge.fault_matrix.cases import SPEEDS_KMH, Case, load_cases
+from sim_bridge.fault_matrix.command import fault_matrix
+from sim_bridge.fault_matrix.drive import drive_case
+from sim_bridge.fault_matrix.manoeuvres import MANOEUVRES
+from sim_bridge.scenario.faults import FaultKind
+
+VARIANTS = Path(str(resources.files("sim_bridge.fault_matrix"))) / "variants.toml"
+BUS_VARIANTS = VARIANTS.with_name("bus_variants.toml")
+MANOEUVRE_VARIANTS = VARIANTS.with_name("manoeuvre_variants.toml")
+CASES = {case.name: case for case in load_cases()}
+
+
+@pytest.fixture(scope="module")
+def lti() -> Bundle:
+    return Bundle.load("lti")
+
+
+def test_there_are_enough_faults_and_each_kind_is_among_them() -> None:
+    faulty = [case for case in CASES.values() if not case.is_fault_free]
+    assert len(faulty) >= 45
+    kinds = {fault.kind for case in faulty for fault in case.scenario(80.0).faults}
+    assert kinds == set(FaultKind)
+
+
+@pytest.mark.parametrize(
+    ("file", "least"), [(VARIANTS, 60), (BUS_VARIANTS, 20), (MANOEUVRE_VARIANTS, 45)]
+)
+def test_the_variants_are_cases_with_names_of_their_own(file: Path, least: int) -> None:
+    variants = load_cases(file)
+    assert len(variants) >= least
+    assert not {case.name for case in variants} & set(CASES)
+    for case in variants:
+        assert len(case.scenario(80.0).faults) == len(case.faults)
+
+
+@pytest.mark.parametrize("text", ["[a]\nvalue = 1\n", "a = 1\n", "[a\n", ""])
+def test_a_file_without_cases_is_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "own.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=r"own\.toml.*expected"):
+        load_cases(path)
+
+
+def test_an_unknown_manoeuvre_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "own.toml"
+    path.write_text('[a]\nmanoeuvre = "slalon"\nfaults = []\n')
+    with pytest.raises(ConfigError, match=r"manoeuvre.*did you mean slalom"):
+        load_cases(path)
+
+
+@pytest.mark.parametrize("speed_kmh", SPEEDS_KMH)
+def test_every_manoeuvre_is_a_scenario_with_its_fault(speed_kmh: float) -> None:
+    fault = {"kind": "bus_off", "duration_s": 0.1}
+    for name in MANOEUVRES:
+        scenario = Case("a", (fault,), {}, manoeuvre=name).scenario(speed_kmh)
+        assert len(scenario.faults) == 1
+
+
+@pytest.mark.parametrize("speed_kmh", SPEEDS_KMH)
+def test_every_case_is_a_scenario(speed_kmh: float) -> None:
+    for case in CASES.values():
+        scenario = case.scenario(speed_kmh)
+        assert len(scenario.faults) == len(case.faults)
+
+
+def row(lti: Bundle, case: Case):  # type: ignore[no-untyped-def]
+    return drive_case(case, 60.0, lti)
+
+
+def test_a_drive_without_a_fault_is_ok(lti: Bundle) -> None:
+    found = row(lti, CASES["none"])
+    assert (found.mode, found.detect_ms, found.ok) == ("NOMINAL", None, True)
+
+
+def test_a_lost_state_is_detected_at_once_and_the_car_is_followed_to_rest(lti: Bundle) -> None:
+    found = row(lti, CASES["state_lost"])
+    assert found.detect_ms == 0.0
+    assert found.final_speed_mps < 1.0
+
+
+def test_the_car_is_followed_after_the_controller_has_ended(lti: Bundle) -> None:
+    found = row(lti, CASES["mission_ends_falsely"])
+    assert found.final_speed_mps < 1.0
+
+
+def test_the_rows_are_written_to_json(tmp_path: Path) -> None:
+    path = tmp_path / "matrix.json"
+    code = fault_matrix("lti", ["none"], [60.0], 1, path)
+    written = json.loads(path.read_text())
+    (found,) = written["rows"]
+    assert code == 0
+    assert {"fault", "speed_mps", "mode", "detect_ms", "max_ey_m", "ok"} <= set(found)
+    assert written["summary"]["drives_ok"] == 1
+
+
+def test_an_unknown_fault_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="did you mean state_lost"):
+        fault_matrix("lti", ["state_lots"], [60.0], 1, None)

@@ -1,0 +1,43 @@
+"""The guide to faults: its examples are faults, and it has every kind and every field."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from sim_bridge.fault_matrix.cases import load_cases
+from sim_bridge.fault_matrix.command import MatrixRow
+from sim_bridge.scenario.faults import SHORTHANDS, FaultKind
+from sim_bridge.scenario.files.fault_fields import FaultFields, FaultFile
+
+GUIDE = (Path(__file__).parents[3] / "docs" / "faults.md").read_text(encoding="utf-8")
+EXAMPLES = re.findall(r"`(\{ kind = .*? \})`", GUIDE)
+FILES = re.findall(r"```toml\n(.*?)```", GUIDE, re.DOTALL)
+
+
+@pytest.mark.parametrize("text", EXAMPLES)
+def test_every_example_is_a_fault(text: str) -> None:
+    assert FaultFields(**tomllib.loads(f"fault = {text}")["fault"]).fault.ticks
+
+
+def test_every_kind_has_an_example() -> None:
+    kinds = {tomllib.loads(f"fault = {text}")["fault"]["kind"] for text in EXAMPLES}
+    assert kinds == {kind.value for kind in FaultKind}
+
+
+def test_every_short_name_field_and_column_is_in_the_guide() -> None:
+    columns = MatrixRow.__dataclass_fields__
+    for name in (*SHORTHANDS, *FaultFields.model_fields, *columns):
+        assert re.search(rf"\b{name}\b", GUIDE), name
+
+
+def test_the_first_file_of_the_guide_is_a_file_of_faults() -> None:
+    assert len(FaultFile.model_validate(tomllib.loads(FILES[0])).faults) == 2
+
+
+def test_the_second_file_of_the_guide_is_a_file_of_cases(tmp_path: Path) -> None:
+    file = tmp_path / "cases.toml"
+    file.write_text(FILES[1], encoding="utf-8")
+    for case in load_cases(file):
+        assert case.scenario(60.0).faults or case.initial
