@@ -59,7 +59,8 @@ class Drive:
         return found
 
     def wait_for_nominal(self) -> None:
-        wait_until(lambda: "NOMINAL" in self.log("controller"), "a driving controller")
+        """Until half a second after the first command: by then the car has received it."""
+        wait_until(lambda: self.log("controller").count("NOMINAL") > 1, "a driving controller")
 
     def expect_exit(self, process: subprocess.Popen[bytes], name: str, *codes: int) -> None:
         assert process.wait(PATIENCE_S) in codes, self.log(name)
