@@ -3,7 +3,6 @@
 A column is a signal's name, or "Message.Signal" if several messages have a signal of that name.
 """
 
-from difflib import get_close_matches
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,8 +11,7 @@ from cantools.database.can import Database, Message, Signal
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.files import LARGEST_TEXT_BYTES, open_regular
-
-_SHOWN = 40
+from rt_controller.contract.names import columns_of
 
 
 class Source(NamedTuple):
@@ -72,11 +70,7 @@ def find_source(where: str, database: Database, column: str) -> Source:
             f"{len(fits)}. Write one of {', '.join(fits)} in the mapping."
         )
     names = [*known, *(signal.name for _, signal in known.values())]
-    lowered = {name.lower(): name for name in names}
-    near = [lowered[name] for name in get_close_matches(column.lower(), lowered, n=3, cutoff=0.5)]
-    hint = f"Did you mean {' or '.join(near)}? " if near else ""
-    shown = ", ".join(names[:_SHOWN]) + (", …" * (len(names) > _SHOWN))
     raise ConfigError(
-        f"{where}: expected a column {column!r}, found none of that name. {hint}The DBC has: "
-        f"{shown}. Name the column in the mapping as the DBC does."
+        f"{where}: expected a column {column!r}, found none of that name. "
+        f"{columns_of('DBC', column, names)} Name the column in the mapping as the DBC does."
     )

@@ -6,7 +6,6 @@ The functions that read one raise the errors of `offline.logs.readers.source.rea
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,8 +14,7 @@ from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
-
-_SHOWN_COLUMNS = 40
+from rt_controller.contract.names import columns_of
 
 
 class Channel(NamedTuple):
@@ -54,13 +52,9 @@ def require_columns(path: Path, wanted: Sequence[str], available: Sequence[str])
     column = next((column for column in wanted if column not in available), None)
     if column is None:
         return
-    lowered = {name.lower(): name for name in available}
-    near = [lowered[name] for name in get_close_matches(column.lower(), lowered, n=3, cutoff=0.5)]
-    hint = f"Did you mean {' or '.join(near)}? " if near else ""
-    shown = ", ".join(available[:_SHOWN_COLUMNS]) + (", …" * (len(available) > _SHOWN_COLUMNS))
     raise DatasetError(
-        f"{path}: expected a column {column!r}, found none of that name. {hint}The file has: "
-        f"{shown}. Name the column in the mapping as the file does."
+        f"{path}: expected a column {column!r}, found none of that name. "
+        f"{columns_of('file', column, available)} Name the column in the mapping as the file does."
     )
 
 
