@@ -1,5 +1,6 @@
 """Faults of whole frames: whether they arrive, when, how often, and with which bits."""
 
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Sequence
 from typing import Protocol
@@ -23,7 +24,7 @@ class Stage(Protocol):
         ...
 
 
-class _Affecting:
+class _Affecting(ABC):
     """Chooses the frames that a fault affects; passes all others."""
 
     def __init__(self, fault: Fault, stream: int) -> None:
@@ -41,8 +42,9 @@ class _Affecting:
     def is_due(self, tick: int) -> bool:
         return self.fault.acts(tick)
 
+    @abstractmethod
     def affected(self, frame: Message, tick: int) -> list[Message]:
-        raise NotImplementedError
+        """What arrives in place of a frame that the fault affects."""
 
     def released(self, tick: int) -> list[Message]:
         return []
