@@ -59,8 +59,11 @@ class Drive:
         return found
 
     def wait_for_nominal(self) -> None:
+        wait_until(lambda: "NOMINAL" in self.log("controller"), "a driving controller")
+
+    def wait_for_driven(self) -> None:
         """Until half a second after the first command: by then the car has received it."""
-        wait_until(lambda: self.log("controller").count("NOMINAL") > 1, "a driving controller")
+        wait_until(lambda: self.log("controller").count("NOMINAL") > 1, "a driven car")
 
     def expect_exit(self, process: subprocess.Popen[bytes], name: str, *codes: int) -> None:
         assert process.wait(PATIENCE_S) in codes, self.log(name)
@@ -131,7 +134,7 @@ def test_ctrl_c_stops_the_car_and_ends_both_programs(local: Drive) -> None:
 @pytest.mark.nightly
 def test_ctrl_c_at_the_car_ends_the_mission_and_both_programs(local: Drive) -> None:
     car, controller = local.start_car(), local.start_controller()
-    local.wait_for_nominal()
+    local.wait_for_driven()
     car.send_signal(signal.SIGINT)
     local.expect_exit(car, "car", 0)
     local.expect_exit(controller, "controller", 0, 4)
