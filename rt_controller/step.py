@@ -123,8 +123,7 @@ class ControlStep:
             qualified.alarm,
             qualified.is_measured,
             qualified.is_path_received,
-            self._supervisor.counter_steering_rad(last.control),
-            qualified.state.vx_mps * qualified.state.yaw_rate_radps if qualified.state else 0.0,
+            self._supervisor.cornering(last.control),
         )
         wanted = input_for(mode, planned.control, last.control, self._is_held, braking)
         control = limit(wanted, last.control)

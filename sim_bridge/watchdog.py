@@ -2,6 +2,7 @@
 
 from rt_controller.bus.contents import Command
 from rt_controller.bus.end_to_end.assembly import Received
+from rt_controller.contract.grip import BRAKE_RATE_N_PER_S, MOST_BRAKE_N
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import (
@@ -12,7 +13,6 @@ from rt_controller.contract.timing import (
     counter_lag,
 )
 from rt_controller.gateway.braking_cause import BrakingCause
-from rt_controller.gateway.path_steering import BRAKE_N, BRAKE_RATE_N_PER_S
 from rt_controller.gateway.vehicle_envelope import FARTHEST_OFF_PATH_M, OwnMotion, leaves_path
 
 FULL_BRAKE_N, FULL_BRAKE_RATE_N_PER_S = (
@@ -57,7 +57,7 @@ class ActuatorWatchdog:
         state_counter: int,
         motion: OwnMotion,
         steer_rad: float,
-        brake_n: float = BRAKE_N,
+        brake_n: float = MOST_BRAKE_N,
         have_actuators_failed: bool = False,
     ) -> ControlInput:
         """The input for the coming period.

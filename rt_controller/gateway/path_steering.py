@@ -22,8 +22,6 @@ LARGEST_BRAKED_LATERAL_MPS2 = 4.0
 YAW_DAMPING_S = 0.1
 """angle of the front wheels per difference between the yaw rate of the wanted circle and that of
 the car: it turns the wheels against a slide of the rear axle"""
-BRAKE_N, BRAKE_RATE_N_PER_S = 100.0, 300.0
-"""of a straight car, about 0.5 g"""
 TOLERATED_OFF_PATH_M, LESS_BRAKE_N_PER_M = 0.3, 100.0
 """of a car that leaves its path"""
 SLOWEST_MPS = 0.3
@@ -84,5 +82,5 @@ def largest_brake_n(state: VehicleState, off_path_m: float) -> float:
     path has too little grip for both: the road is wet, and it brakes less until it is back.
     """
     beyond_m = max(abs(off_path_m) - TOLERATED_OFF_PATH_M, 0.0)
-    force_n = brake_beside_n(BRAKE_N, state.vx_mps * state.yaw_rate_radps)
+    force_n = brake_beside_n(state.vx_mps * state.yaw_rate_radps)
     return max(force_n - LESS_BRAKE_N_PER_M * beyond_m, LEAST_BRAKE_N)

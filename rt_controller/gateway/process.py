@@ -12,6 +12,7 @@ import can
 from rt_controller.bus.contents import Command
 from rt_controller.bus.end_to_end.assembly import Received
 from rt_controller.contract.errors import BusError
+from rt_controller.contract.grip import BRAKE_RATE_N_PER_S
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY, SteeringGeometry
 from rt_controller.contract.timing import (
@@ -24,7 +25,7 @@ from rt_controller.contract.timing import (
 from rt_controller.gateway.braking_cause import BrakingCause
 from rt_controller.gateway.car_end import CarEnd
 from rt_controller.gateway.lateral_speed import LateralSpeed
-from rt_controller.gateway.path_steering import BRAKE_RATE_N_PER_S, largest_brake_n, steer_along
+from rt_controller.gateway.path_steering import largest_brake_n, steer_along
 from rt_controller.gateway.signal_bus import read_frames
 from rt_controller.gateway.vehicle_envelope import (
     FARTHEST_OFF_PATH_M,

@@ -3,10 +3,11 @@
 from math import radians
 from typing import NamedTuple
 
-from rt_controller.contract.grip import brake_beside_n
+from rt_controller.contract.grip import BRAKE_RATE_N_PER_S, MOST_BRAKE_N, brake_beside_n
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
+from rt_controller.safety.cornering import Cornering
 from rt_controller.safety.modes import StopCause
 
 SAFE_STOP_BRAKE_N = 75.0
@@ -22,7 +23,7 @@ class Braking(NamedTuple):
 
 
 ALONG_PATH = Braking(SAFE_STOP_BRAKE_N, SAFE_STOP_BRAKE_RATE_N_PER_S)
-ESTIMATED = Braking(100.0, 300.0)
+ESTIMATED = Braking(MOST_BRAKE_N, BRAKE_RATE_N_PER_S)
 """as the watchdog of the vehicle: the last known path is only some metres long, and the error of an
 estimated heading grows with the distance"""
 FULL = Braking(INPUT_LIMITS.upper.brake_n, INPUT_LIMITS.rate_per_s.brake_n)
@@ -40,8 +41,7 @@ def braking_for(
     alarm: StopCause,
     is_state_measured: bool,
     is_path_received: bool,
-    counter_steering_rad: float,
-    lateral_mps2: float,
+    cornering: Cornering,
 ) -> Braking:
     """How a safe stop brakes in this tick.
 
@@ -53,18 +53,17 @@ def braking_for(
         alarm: of this tick; not the cause that the stop began with.
         is_state_measured: the state arrives and is accepted.
         is_path_received: the same for the path.
-        counter_steering_rad: steering-wheel angle minus that of a steady turn with this yaw rate.
-        lateral_mps2: speed times yaw rate.
+        cornering: of the car in this tick.
     """
     if alarm in (StopCause.STEERING_MISMATCH, StopCause.THROTTLE_MISMATCH):
         return FULL
     if not is_state_measured:
         return ESTIMATED
-    if abs(counter_steering_rad) > COUNTER_STEERING_RAD:
+    if abs(cornering.counter_steering_rad) > COUNTER_STEERING_RAD:
         return COUNTER_STEERING
     if is_path_received:
         return ALONG_PATH
-    return ESTIMATED._replace(most_n=brake_beside_n(ESTIMATED.most_n, lateral_mps2))
+    return ESTIMATED._replace(most_n=brake_beside_n(cornering.lateral_mps2))
 
 
 def input_for(

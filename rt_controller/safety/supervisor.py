@@ -12,6 +12,7 @@ from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, VehicleS
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.safety.actuators import CommandRange
 from rt_controller.safety.checks import CHECKS, NEVER, NOT_COMPUTED, Check, Quantity
+from rt_controller.safety.cornering import Cornering, cornering_of
 from rt_controller.safety.finding import Finding, Windows, finding_of, finding_of_state
 from rt_controller.safety.inputs import QualifiedInputs, ReceivedInputs, with_replaced_signals
 from rt_controller.safety.isolation import Faulty, isolate_path
@@ -29,8 +30,6 @@ _OF_STATE = range(Quantity.PROGRESS_STEP_M, Quantity.FROZEN_TICKS + 1)
 _OF_CAR = range(Quantity.STEERING_RAD, Quantity.TRACKING_M + 1)
 _OF_PATH = range(Quantity.PATH_STEP_M, Quantity.PATH_JERK_MPS3 + 1)
 _OF_ENGAGEMENT = range(Quantity.PATH_LATERAL_MPS2, Quantity.ENGAGE_EPSI_RAD + 1)
-SLOWEST_TURN_MPS = 3.0
-"""below it the wheel angle cannot be computed from the yaw rate with sufficient accuracy"""
 MAX_REJECTIONS, REJECTION_DECAY_PER_TICK = 4.0, 0.1
 """a state or path that is rejected more often, in a row or not, stops the car"""
 
@@ -114,13 +113,9 @@ class Supervisor:
         if self._prediction is not None:
             self._prediction.clear()
 
-    def counter_steering_rad(self, control: ControlInput) -> float:
-        """Steering-wheel angle minus that of a steady turn with the present yaw rate."""
-        state = self._state
-        if state is None or state.vx_mps < SLOWEST_TURN_MPS:
-            return 0.0
-        geometry = self._car.geometry
-        return control.steer_rad - geometry.steady_wheel_rad(state.vx_mps, state.yaw_rate_radps)
+    def cornering(self, control: ControlInput) -> Cornering:
+        """How the car turns, in the accepted state with this input."""
+        return cornering_of(self._state, control.steer_rad, self._car.geometry)
 
     def _begin(self, received: ReceivedInputs) -> QualifiedInputs:
         """Restart; a car outside of the engagement window is refused."""

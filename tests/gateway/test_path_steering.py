@@ -4,11 +4,11 @@ from math import hypot, inf, nan, radians
 
 import pytest
 
-from rt_controller.contract.grip import LEAST_BRAKE_N
+from rt_controller.contract.grip import LEAST_BRAKE_N, MOST_BRAKE_N
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.gateway.path_steering import BRAKE_N, largest_brake_n, steer_along
+from rt_controller.gateway.path_steering import largest_brake_n, steer_along
 from sim_bridge.scenario import load_scenario
 from sim_bridge.session import build_car
 
@@ -85,12 +85,12 @@ def test_a_car_that_brakes_in_a_lane_change_stays_on_its_lane(name: str, begin_s
 @pytest.mark.parametrize("yaw_rate_radps", [0.0, 0.05, -0.05, 0.3])
 def test_a_car_that_turns_is_braked_with_less_force(yaw_rate_radps: float) -> None:
     force_n = largest_brake_n(CRUISING._replace(yaw_rate_radps=yaw_rate_radps), 0.2)
-    assert force_n == max(BRAKE_N - 400.0 * abs(yaw_rate_radps), LEAST_BRAKE_N)
+    assert force_n == max(MOST_BRAKE_N - 400.0 * abs(yaw_rate_radps), LEAST_BRAKE_N)
 
 
 def test_a_car_that_leaves_its_path_brakes_less() -> None:
-    assert largest_brake_n(CRUISING, 0.0) == BRAKE_N
-    assert largest_brake_n(CRUISING, -0.8) == pytest.approx(BRAKE_N - 50.0)
+    assert largest_brake_n(CRUISING, 0.0) == MOST_BRAKE_N
+    assert largest_brake_n(CRUISING, -0.8) == pytest.approx(MOST_BRAKE_N - 50.0)
     assert largest_brake_n(CRUISING, 5.0) == 25.0
 
 

@@ -5,6 +5,7 @@ from math import radians
 import pytest
 
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
+from rt_controller.safety.cornering import Cornering
 from rt_controller.safety.fallback import (
     ALONG_PATH,
     COUNTER_STEERING,
@@ -42,7 +43,8 @@ def test_a_stop_is_as_short_as_its_cause_demands_and_the_grip_allows(
     lateral_mps2: float,
 ) -> None:
     counter_rad = radians(counter_steering_deg)
-    assert braking_for(cause, is_measured, is_measured, counter_rad, lateral_mps2) == braking
+    cornering = Cornering(counter_rad, lateral_mps2)
+    assert braking_for(cause, is_measured, is_measured, cornering) == braking
 
 
 @pytest.mark.parametrize(
@@ -53,7 +55,8 @@ def test_without_a_path_a_car_that_turns_keeps_grip_for_it(
     counter_steering_deg: float, lateral_mps2: float, most_n: float
 ) -> None:
     counter_rad = radians(counter_steering_deg)
-    found = braking_for(StopCause.REFERENCE_LOST, True, False, counter_rad, lateral_mps2)
+    cornering = Cornering(counter_rad, lateral_mps2)
+    found = braking_for(StopCause.REFERENCE_LOST, True, False, cornering)
     assert found.most_n == pytest.approx(most_n)
 
 

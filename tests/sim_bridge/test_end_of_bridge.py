@@ -8,13 +8,13 @@ from bridge_rig import CRUISE, BridgeRig, open_bridge
 
 from rt_controller.bus.catalogue import FEEDBACK, MISSION
 from rt_controller.contract.errors import BusError
+from rt_controller.contract.grip import MOST_BRAKE_N
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.bridge import END_TICKS, LONGEST_END_TICKS
 from sim_bridge.failed_actuators import FAILED_TICKS
 from sim_bridge.scenario import load_scenario
 from sim_bridge.scenario_run import AT_REST_MPS
-from sim_bridge.watchdog import BRAKE_N
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def test_a_silent_controller_ends_in_a_standing_car(rig: BridgeRig) -> None:
     assert rig.bridge.summary().watchdog_braked
     assert rig.bridge.summary().braking_cause == "NO_COMMAND"
     assert rig.bridge.summary().final_speed_mps < 0.5
-    assert rig.newest(FEEDBACK).brake_n == pytest.approx(BRAKE_N, abs=0.01)
+    assert rig.newest(FEEDBACK).brake_n == pytest.approx(MOST_BRAKE_N, abs=0.01)
 
 
 @pytest.mark.parametrize("is_crash", [True, False])

@@ -4,11 +4,12 @@ import pytest
 
 from rt_controller.bus.contents import Command
 from rt_controller.bus.end_to_end.assembly import Received
+from rt_controller.contract.grip import MOST_BRAKE_N
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.gateway.braking_cause import BrakingCause
 from rt_controller.gateway.vehicle_envelope import FARTHEST_OFF_PATH_M, STANDING, OwnMotion
-from sim_bridge.watchdog import BRAKE_N, FULL_BRAKE_N, ORDERLY_MPS, ORDERLY_TICKS, ActuatorWatchdog
+from sim_bridge.watchdog import FULL_BRAKE_N, ORDERLY_MPS, ORDERLY_TICKS, ActuatorWatchdog
 
 MOVING = OwnMotion(20.0, 0.0, is_mission_on=True)
 STEER_RAD = 0.1
@@ -54,7 +55,7 @@ def test_the_brake_ramps_to_its_end_while_the_wheel_follows_the_path() -> None:
         brakes.append(applied.brake_n)
         wheels.append(applied.steer_rad)
     assert brakes == sorted(brakes)
-    assert brakes[-1] == BRAKE_N
+    assert brakes[-1] == MOST_BRAKE_N
     assert wheels == angles
 
 

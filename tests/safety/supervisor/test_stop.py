@@ -77,12 +77,14 @@ def test_a_command_that_is_not_known_ends_the_predictions() -> None:
 
 def test_counter_steering_is_the_wheel_beyond_that_of_a_steady_turn() -> None:
     car = turning(path=STRAIGHT)
-    assert car.supervisor.counter_steering_rad(NEUTRAL_INPUT) == 0.0
+    assert car.supervisor.cornering(NEUTRAL_INPUT) == (0.0, 0.0)
     car.tick(20)
     state, geometry = car.state, DEFAULT_GEOMETRY
     steady_rad = geometry.steady_wheel_rad(state.vx_mps, state.yaw_rate_radps)
     turned = NEUTRAL_INPUT._replace(steer_rad=0.3)
-    assert car.supervisor.counter_steering_rad(turned) == pytest.approx(0.3 - steady_rad)
+    found = car.supervisor.cornering(turned)
+    assert found.counter_steering_rad == pytest.approx(0.3 - steady_rad)
+    assert found.lateral_mps2 == pytest.approx(state.vx_mps * state.yaw_rate_radps)
 
 
 @pytest.mark.parametrize(("vx_mps", "expected_rad"), [(3.1, 0.3), (3.0, 0.3), (2.9, 0.0)])
@@ -90,4 +92,5 @@ def test_a_slow_car_has_no_counter_steering(vx_mps: float, expected_rad: float) 
     car = WatchedCar(vx_mps=vx_mps)
     car.tick(5)
     turned = NEUTRAL_INPUT._replace(steer_rad=0.3)
-    assert car.supervisor.counter_steering_rad(turned) == pytest.approx(expected_rad, abs=1e-6)
+    found_rad = car.supervisor.cornering(turned).counter_steering_rad
+    assert found_rad == pytest.approx(expected_rad, abs=1e-6)

@@ -1,0 +1,31 @@
+"""How a car turns: what its tyres already give to the path."""
+
+from typing import NamedTuple
+
+from rt_controller.contract.signals import VehicleState
+from rt_controller.contract.steering_geometry import SteeringGeometry
+
+SLOWEST_TURN_MPS = 3.0
+"""below it the yaw rate says little about the wheel"""
+
+
+class Cornering(NamedTuple):
+    """The turn of a car in one tick."""
+
+    counter_steering_rad: float = 0.0
+    """steering-wheel angle minus that of a steady turn with this yaw rate"""
+    lateral_mps2: float = 0.0
+    """speed times yaw rate"""
+
+
+def cornering_of(
+    state: VehicleState | None, steer_rad: float, geometry: SteeringGeometry
+) -> Cornering:
+    """The turn of a car in `state`, with the steering wheel at `steer_rad`."""
+    if state is None:
+        return Cornering()
+    lateral_mps2 = state.vx_mps * state.yaw_rate_radps
+    if state.vx_mps < SLOWEST_TURN_MPS:
+        return Cornering(0.0, lateral_mps2)
+    steady_rad = geometry.steady_wheel_rad(state.vx_mps, state.yaw_rate_radps)
+    return Cornering(steer_rad - steady_rad, lateral_mps2)
