@@ -6,7 +6,7 @@ data: the cache of fitted baselines depends on all that a baseline imports.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 from offline.data.dataset import Dataset
 from offline.data.provenance import describe_training
@@ -14,6 +14,9 @@ from offline.evaluation.predictor import Predictor
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.model.lift import LiftSample
 from rt_controller.report.table import Fact
+
+ModelClass = Literal["linear", "recurrent", "other"]
+"""linear: in states, past and inputs, also scheduled by speed or road, without other observables"""
 
 
 class FittedBaseline(Predictor, Protocol):
@@ -34,6 +37,8 @@ class Baseline:
     """why it cannot be fitted to these data, as the end of a sentence; None if it can"""
     to_bundle: Callable[[str, Any, Dataset, LiftSample], Bundle] | None = None
     """name, fitted baseline, data, self-test instants → bundle; None if no controller can use it"""
+    model_class: ModelClass = "other"
+    """an evaluation compares with the best linear and the best recurrent baseline"""
 
 
 def describe_fit(name: str, baseline: FittedBaseline, dataset: Dataset) -> str:

@@ -200,4 +200,4 @@ def _one_thread() -> Iterator[None]:
         torch.set_num_threads(threads)
 
 
-BASELINE = Baseline(fit=fit_gru)
+BASELINE = Baseline(fit=fit_gru, model_class="recurrent")

@@ -13,4 +13,4 @@ def fit_linear(dataset: Dataset) -> LinearModel:
     return LinearModel(fit_one_step(dataset.select("train"), dataset.schema, dataset.roles))
 
 
-BASELINE = Baseline(fit=fit_linear, to_bundle=to_bundle)
+BASELINE = Baseline(fit=fit_linear, to_bundle=to_bundle, model_class="linear")

@@ -94,4 +94,4 @@ def _value_and_gradient(theta: Array, x: Array, driven: Array) -> tuple[float, A
     return float(np.log(mean_square).mean()), (adjoint.T @ before).ravel()
 
 
-BASELINE = Baseline(fit=fit_on_horizon, to_bundle=to_bundle)
+BASELINE = Baseline(fit=fit_on_horizon, to_bundle=to_bundle, model_class="linear")

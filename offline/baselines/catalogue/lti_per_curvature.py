@@ -77,4 +77,4 @@ def fit_per_curvature(dataset: Dataset) -> LinearPerCurvature:
     return LinearPerCurvature(curvatures, np.stack(A), np.stack(B_uc), np.stack(c))
 
 
-BASELINE = Baseline(fit=fit_per_curvature, find_objection=find_objection)
+BASELINE = Baseline(fit=fit_per_curvature, find_objection=find_objection, model_class="linear")

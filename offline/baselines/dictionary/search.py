@@ -79,7 +79,12 @@ _CHOICE_RIDGE = 1e-8
 
 def edmd(settings: EdmdSettings) -> Baseline:
     """The baseline with these settings."""
-    return Baseline(fit=partial(fit_edmd, settings=settings), to_bundle=to_bundle)
+    is_linear = settings.family is Family.NONE and settings.gains == (Gains.NONE,)
+    return Baseline(
+        fit=partial(fit_edmd, settings=settings),
+        to_bundle=to_bundle,
+        model_class="linear" if is_linear else "other",
+    )
 
 
 def fit_edmd(dataset: Dataset, settings: EdmdSettings) -> LiftedModel:

@@ -22,6 +22,15 @@ def test_the_catalogue_has_all_baselines():
     }  # fmt: skip
 
 
+def test_every_linear_and_every_recurrent_baseline_is_marked_as_one():
+    marked = {name: registry.find_baseline(name).model_class for name in registry.names()}
+    linear = {"lti", "lti-per-curvature", "lti-horizon", "dmdc-delays"}
+    assert {name for name, found in marked.items() if found == "linear"} >= linear
+    assert marked["gru"] == "recurrent"
+    assert {marked[name] for name in ("persistence", "bicycle", "edmd-rbf")} == {"other"}
+    assert marked["edmd-bilinear"] == "other"
+
+
 def test_the_new_baseline_of_the_guide_is_one_new_file(toy_dataset, tmp_path, monkeypatch):
     guide = Path(__file__).parents[3] / "docs" / "baselines.md"
     code = guide.read_text("utf-8").split("```python\n")[1].split("```")[0]
