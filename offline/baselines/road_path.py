@@ -9,12 +9,39 @@ Paper: eq. (2), "set of states and inputs".
 """
 
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
-from rt_controller.contract.signals import StateColumn
+from rt_controller.contract.schema import VEHICLE, Schema
+from rt_controller.contract.signals import MOTION, StateColumn
 
 ITERATIONS = 5
 """each divides the error by 20, on a road of 100 m radius at 30 m/s"""
+
+
+class Learned(NamedTuple):
+    """What a model has to learn if the path states follow from the motion."""
+
+    states: int
+    """number of the learned states, which come first"""
+    exogenous: tuple[int, ...]
+    """columns of W that act on them"""
+    curvature: int | None
+    """column of W that the path is computed with; None: no path, all states are learned"""
+
+
+def split_path(schema: Schema) -> Learned:
+    """Motion and path of a car on a road; all other data have no path to compute."""
+    columns = range(len(schema.exogenous))
+    (name,) = VEHICLE.exogenous_names
+    if schema.state_names != VEHICLE.state_names or name not in schema.exogenous_names:
+        return learn_all(schema)
+    curvature = schema.exogenous_names.index(name)
+    return Learned(MOTION.stop, tuple(i for i in columns if i != curvature), curvature)
+
+
+def learn_all(schema: Schema) -> Learned:
+    """All states are learned, those of the path too."""
+    return Learned(len(schema.states), tuple(range(len(schema.exogenous))), None)
 
 
 def path_states(numerics: ModuleType, motion: Any, x0: Any, kappa: Any, dt_s: float) -> Any:

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from offline.baselines.baseline import Baseline
-from offline.baselines.road_path import path_states
+from offline.baselines.road_path import path_states, split_path
 from offline.baselines.score import log_error, tuning_windows
 from offline.baselines.window_shape import require_windows
 from offline.config import PAST_STEPS
 from offline.data.dataset import Dataset
 from offline.data.signals import Roles, last_rows, past_columns
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.schema import VEHICLE, Schema
+from rt_controller.contract.schema import Schema
 from rt_controller.contract.signals import MOTION, PATH_STATES
 from rt_controller.report.table import Fact
 
@@ -51,9 +51,10 @@ class ConstantAcceleration:
         time = np.arange(measured.shape[1]) - 0.5 * (measured.shape[1] - 1)
         slope = np.tensordot(time, measured, (0, 1)) / np.square(time).sum()
         states[:, :, columns] += slope[:, None] * factor[:, None]
-        if self.schema == VEHICLE:
-            motion = states[:, :, MOTION]
-            states[:, 1:, PATH_STATES] = path_states(np, motion, x0, W[:, :, 0], self.schema.dt_s)
+        curvature = split_path(self.schema).curvature
+        if curvature is not None:
+            motion, kappa = states[:, :, MOTION], W[:, :, curvature]
+            states[:, 1:, PATH_STATES] = path_states(np, motion, x0, kappa, self.schema.dt_s)
         return states
 
     def fit_info(self) -> tuple[Fact, ...]:

@@ -2,7 +2,7 @@
 
 from offline.baselines.dictionary.functions import Family
 from offline.baselines.dictionary.search import EdmdSettings, edmd
-from offline.config import PAST_STEPS
+from offline.config import PAST_STEPS as LONGEST_PAST
 
-SETTINGS = EdmdSettings(Family.NONE, past_steps=(1, 2, 3, 4, 6, 8, 12, 16, PAST_STEPS))
-BASELINE = edmd(SETTINGS)
+PAST_STEPS = (1, 2, 3, 4, 6, 8, 12, 16, LONGEST_PAST)
+BASELINE = edmd(EdmdSettings(Family.NONE, past_steps=PAST_STEPS))

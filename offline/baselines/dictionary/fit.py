@@ -75,10 +75,11 @@ def moments(dictionary: Dictionary, data: Transitions) -> tuple[Array, Array]:
     return np.asarray(regressors), np.asarray(targets)
 
 
-def solve(dictionary: Dictionary, of: tuple[Array, Array], ridge: float) -> Matrices:
-    """The matrices with the smallest squared error plus `ridge` times the squared matrices.
+def ridge_solution(of: tuple[Array, Array], ridge: float) -> Array:
+    """The operator (n, r) with the smallest squared error plus `ridge` times its squared size.
 
-    They are measured in units of each regressor's root mean square.
+    `of` are mean products (r, r) of the regressors and (r, n) with the targets. The size is
+    measured in units of each regressor's root mean square.
     """
     regressors, targets = of
     spread = np.sqrt(np.diag(regressors))
@@ -88,9 +89,14 @@ def solve(dictionary: Dictionary, of: tuple[Array, Array], ridge: float) -> Matr
     wanted = targets / spread[:, None]
     if ridge > 0.0:
         scaled = scipy.linalg.solve(correlations, wanted, assume_a="pos")
-    else:  # observables may be linearly dependent
+    else:  # regressors may be linearly dependent
         scaled, *_ = scipy.linalg.lstsq(correlations, wanted)
-    operator = (scaled / spread[:, None]).T
+    return np.asarray((scaled / spread[:, None]).T)
+
+
+def solve(dictionary: Dictionary, of: tuple[Array, Array], ridge: float) -> Matrices:
+    """The matrices that `ridge_solution` finds for these moments."""
+    operator = ridge_solution(of, ridge)
     n, m, p = len(operator), len(dictionary.scaling.u_scale), len(dictionary.scaling.w_scale)
     operator[:, :n] += np.eye(n)
     A, B_uc, B_uw, N = np.split(operator, [n, n + m, n + m + p], axis=1)
