@@ -33,6 +33,8 @@ class Baseline:
 
     fit: Callable[[Dataset], FittedBaseline]
     """fits to the training part, and chooses settings on the validation part"""
+    fit_short: Callable[[Dataset], FittedBaseline] | None = None
+    """the same with less training, where a fit takes long; None: a fit is short"""
     find_objection: Callable[[Dataset], str | None] = lambda dataset: None
     """why it cannot be fitted to these data, as the end of a sentence; None if it can"""
     to_bundle: Callable[[str, Any, Dataset, LiftSample], Bundle] | None = None

@@ -43,10 +43,11 @@ def find_baseline(name: str) -> Baseline:
     return baseline
 
 
-def fit(name: str, dataset: Dataset) -> Fitted:
+def fit(name: str, dataset: Dataset, is_short: bool = False) -> Fitted:
     """The baseline fitted to these data, from the cache if data and code are unchanged.
 
-    A file of the cache that cannot be read is replaced by a new fit.
+    A file of the cache that cannot be read is replaced by a new fit. With `is_short`, a baseline
+    whose fit takes long is trained less.
 
     Raises:
         ConfigError: there is no such baseline, or the folder cannot be written.
@@ -54,7 +55,8 @@ def fit(name: str, dataset: Dataset) -> Fitted:
     """
     from joblib import Memory
 
-    objection = find_baseline(name).find_objection(dataset)
+    baseline = find_baseline(name)
+    objection = baseline.find_objection(dataset)
     if objection is not None:
         raise DatasetError(
             f"baseline {name}: expected data that it can be fitted to, found that {objection}. "
@@ -68,14 +70,18 @@ def fit(name: str, dataset: Dataset) -> Fitted:
             f"{folder}: expected a folder for fitted baselines, found: {error.strerror}. Set "
             f"XDG_CACHE_HOME to a folder that can be written."
         ) from error
-    fitted: Fitted = cached(name, dataset.sha256, digest_of_code(_module_of(name)), dataset)
+    is_short = is_short and baseline.fit_short is not None
+    digest = digest_of_code(_module_of(name))
+    fitted: Fitted = cached(name, dataset.sha256, digest, is_short, dataset)
     return fitted
 
 
-def _fit(name: str, data_sha256: str, code_digest: str, dataset: Dataset) -> Fitted:
+def _fit(name: str, data_sha256: str, code_digest: str, is_short: bool, dataset: Dataset) -> Fitted:
     """The key of the cache is all arguments but the last."""
+    baseline = find_baseline(name)
+    chosen = baseline.fit_short if is_short and baseline.fit_short else baseline.fit
     begin = time.process_time()
-    fitted = find_baseline(name).fit(dataset)
+    fitted = chosen(dataset)
     return Fitted(fitted, time.process_time() - begin)
 
 

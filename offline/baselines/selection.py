@@ -19,7 +19,8 @@ SHIPPED = "mdk-net-paper"
 """the paper's network and training, a bundle of this package"""
 
 PLAIN_BASELINES = ("lti", "lti-per-curvature", "persistence")
-DEFAULT_BASELINES = (*PLAIN_BASELINES, SHIPPED)
+DEFAULT_BASELINES = (*PLAIN_BASELINES, "dmdc-delays-path", "lti-scheduled", SHIPPED)
+"""the linear ones that take seconds to fit, persistence, and the paper's network"""
 
 ALL, NONE = "all", "none"
 
@@ -54,8 +55,9 @@ def open_baselines(
     models: Sequence[Bundle],
     is_required: bool,
     notify: Callable[[str], None] = lambda text: None,
+    is_short: bool = False,
 ) -> dict[str, Predictor]:
-    """The baselines by name, fitted now or taken from the cache.
+    """The baselines by name, fitted now or taken from the cache; `is_short` as of `registry.fit`.
 
     One that these data or models do not allow is left out, and `notify` gets the reason.
 
@@ -70,7 +72,8 @@ def open_baselines(
             )
         if objection is not None:
             notify(f"without {name}: {objection}.")
-    return {name: _open(name, dataset) for name in names if objections[name] is None}
+    allowed = (name for name in names if objections[name] is None)
+    return {name: _open(name, dataset, is_short) for name in allowed}
 
 
 def compare_with_plain_baselines(bundle: Bundle, dataset: Dataset) -> Comparison:
@@ -84,18 +87,18 @@ def compare_with_plain_baselines(bundle: Bundle, dataset: Dataset) -> Comparison
     return compare_models(models, baselines, [library_set(dataset)], dataset.schema)
 
 
-def baseline_facts(name: str, dataset: Dataset) -> list[Fact]:
+def baseline_facts(name: str, dataset: Dataset, is_short: bool = False) -> list[Fact]:
     """What is to be reported of a baseline that was opened."""
     if name == SHIPPED:
         return identity_facts(load_bundle(shipped_model(SHIPPED)))
-    fitted = registry.fit(name, dataset)
+    fitted = registry.fit(name, dataset, is_short)
     return [*fitted.baseline.fit_info(), Fact("CPU time of the fit", f"{fitted.fit_cpu_s:.3g} s")]
 
 
-def _open(name: str, dataset: Dataset) -> Predictor:
+def _open(name: str, dataset: Dataset, is_short: bool) -> Predictor:
     if name == SHIPPED:
         return BundlePredictor(load_bundle(shipped_model(SHIPPED)))
-    return registry.fit(name, dataset).baseline
+    return registry.fit(name, dataset, is_short).baseline
 
 
 def _find_objection(name: str, dataset: Dataset, models: Sequence[Bundle]) -> str | None:

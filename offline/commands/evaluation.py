@@ -79,7 +79,9 @@ def run_evaluation(options: EvaluationOptions) -> Evaluation:
     tests = open_sets(set_names, dataset, bundles)
     is_required = bool(baselines) and tuple(baselines) != (ALL,)
     with STDERR.status("fitting baselines"):
-        opened = open_baselines(baseline_names, dataset, bundles, is_required, _notify)
+        opened = open_baselines(
+            baseline_names, dataset, bundles, is_required, _notify, options.short_fits
+        )
     names = label_models(folders, taken=opened)
     named = {name: BundlePredictor(bundle) for name, bundle in zip(names, bundles, strict=True)}
     with STDERR.status("evaluating") as status:

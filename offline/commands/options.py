@@ -53,6 +53,13 @@ class EvaluationOptions:
             "the paper's network. A baseline that is not in the cache is fitted first",
         ),
     ] = None
+    short_fits: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="train the networks among the baselines for minutes only; their errors are larger",
+        ),
+    ] = False
     sets: Annotated[
         Names, Parameter(help="library, new-roads, robustness; default: all of them")
     ] = None

@@ -11,7 +11,10 @@ import pytest
 from made_drives import drive, predict
 
 from offline.baselines import catalogue, code_digest, registry
+from offline.baselines.baseline import Baseline
+from offline.baselines.linear_model import LinearModel
 from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.contract.model.rollout import Matrices
 
 
 def test_the_catalogue_has_all_baselines():
@@ -19,14 +22,19 @@ def test_the_catalogue_has_all_baselines():
         "persistence", "constant-acceleration", "lti", "lti-per-curvature", "lti-horizon",
         "dmdc-delays", "edmd-polynomial-66", "edmd-rbf-66", "edmd-fourier-66", "edmd-polynomial",
         "edmd-rbf", "edmd-fourier", "edmd-bilinear-frozen", "edmd-bilinear", "bicycle", "gru",
+        "neural-state-space", "lti-path", "lti-scheduled", "lti-scheduled-delays",
+        "lti-scheduled-horizon", "dmdc-delays-path",
     }  # fmt: skip
 
 
 def test_every_linear_and_every_recurrent_baseline_is_marked_as_one():
     marked = {name: registry.find_baseline(name).model_class for name in registry.names()}
-    linear = {"lti", "lti-per-curvature", "lti-horizon", "dmdc-delays"}
+    linear = {
+        "lti", "lti-per-curvature", "lti-horizon", "dmdc-delays", "lti-path", "lti-scheduled",
+        "lti-scheduled-delays", "lti-scheduled-horizon", "dmdc-delays-path",
+    }  # fmt: skip
     assert {name for name, found in marked.items() if found == "linear"} >= linear
-    assert marked["gru"] == "recurrent"
+    assert marked["gru"] == marked["neural-state-space"] == "recurrent"
     assert {marked[name] for name in ("persistence", "bicycle", "edmd-rbf")} == {"other"}
     assert marked["edmd-bilinear"] == "other"
 
@@ -71,6 +79,25 @@ def test_a_baseline_is_fitted_once_for_the_same_data_and_code(toy_dataset, monke
     assert np.array_equal(registry.fit("lti", altered).baseline.matrices.c, first.c)
     monkeypatch.setattr(registry, "digest_of_code", lambda module: "other code")
     assert not np.array_equal(registry.fit("lti", altered).baseline.matrices.c, first.c)
+
+
+def test_short_fits_have_a_place_of_their_own_in_the_cache(toy_dataset, monkeypatch):
+    def made(scale):
+        return lambda dataset: LinearModel(
+            Matrices(scale * np.eye(6), *[np.zeros((6, 3))] * 2, None)
+        )
+
+    monkeypatch.setattr(
+        registry, "find_baseline", lambda name: Baseline(made(1.0), fit_short=made(2.0))
+    )
+    for is_short, scale in ((True, 2.0), (False, 1.0), (True, 2.0)):
+        fitted = registry.fit("lti", toy_dataset, is_short).baseline
+        assert fitted.matrices.A[0, 0] == scale
+
+
+def test_a_baseline_without_a_short_fit_is_fitted_once(toy_dataset):
+    first = registry.fit("lti", toy_dataset)
+    assert registry.fit("lti", toy_dataset, is_short=True).fit_cpu_s == first.fit_cpu_s
 
 
 def test_other_data_are_fitted_anew(toy_dataset):
@@ -123,9 +150,9 @@ def names_in_the_code_of(monkeypatch, module):
 def test_the_code_of_a_baseline_is_its_module_and_all_that_it_imports(monkeypatch):
     of_lti = names_in_the_code_of(monkeypatch, "offline.baselines.catalogue.lti")
     assert {"fit_linear", "fit_one_step", "LinearModel", "fit_scaling", "roll_out"} <= of_lti
-    assert not {"Network", "WheelForce", "Episode", "find_baseline"} & of_lti
+    assert not {"Gated", "WheelForce", "Episode", "find_baseline"} & of_lti
     of_gru = names_in_the_code_of(monkeypatch, "offline.baselines.catalogue.gru")
-    assert {"Network", "WindowSource", "log_error", "TrainingConfig"} <= of_gru
+    assert {"Gated", "WindowSource", "log_error", "TrainingConfig"} <= of_gru
 
 
 def test_comments_and_docstrings_do_not_change_the_digest():
