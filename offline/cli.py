@@ -18,8 +18,10 @@ from offline.commands.options import (
     DataFolder,
     EvaluationOptions,
     JsonFile,
+    Ranges,
 )
 from offline.config import PRESETS
+from offline.data.variation import RecipeName, choose_variation
 from offline.experiments.backend import Backend
 from rt_controller.contract.errors import ConfigError, require_packages
 from rt_controller.contract.figures import require_writable, write_figures
@@ -74,6 +76,8 @@ def make_data(
     *,
     episodes: int = PRESETS["paper"].episodes,
     seed: int = PRESETS["paper"].data_seed,
+    recipe: RecipeName = "nominal",
+    ranges: Ranges = None,
     data: DataFolder = None,
     backend: Backend = THIS_MACHINE,
     json_file: JsonFile = None,
@@ -83,16 +87,19 @@ def make_data(
     Args:
         episodes: episodes of 10 s, each of five trajectories
         seed: seed of the random streams and of the split into parts
+        recipe: nominal: the car and the road of the car file, without wind; varied: other roads,
+            wind, load and tyres too. The ranges below replace or add to those of the recipe
     """
     if episodes < LEAST_EPISODES:
         raise ConfigError(
             f"--episodes: expected at least {LEAST_EPISODES}, so that train, validation and test "
             f"each get some, found {episodes}."
         )
+    variation = choose_variation(recipe, ranges)
     require_ready(json_file)
     from offline.commands import dataset
 
-    write_figures(json_file, dataset.make_data(episodes, seed, data, backend))
+    write_figures(json_file, dataset.make_data(episodes, seed, variation, data, backend))
 
 
 @import_app.default
@@ -129,7 +136,7 @@ def train(
     backend: Backend = THIS_MACHINE,
     json_file: JsonFile = None,
 ) -> int:
-    """Train a model; make the data set first if it does not exist.
+    """Train a model, on the data set --data or on one in the cache, which is made if necessary.
 
     Ctrl-C ends the run after a checkpoint and prints the command that resumes it.
 

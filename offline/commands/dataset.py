@@ -5,31 +5,39 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from offline.commands.condition_tables import condition_figures, condition_tables
 from offline.commands.terminal import STDERR, STDOUT, progress_bar
 from offline.config import TrainingConfig, explicit_fields
 from offline.data.cache import cache_folder, make_dataset, simulated_origin
 from offline.data.dataset import Dataset, exists, load_dataset
+from offline.data.excitation import Recipe
 from offline.data.manifest import Imported, Origin
+from offline.data.variation import Variation, describe
 from offline.experiments.backend import Backend
 from offline.experiments.error_ratios import linear_mse
 from offline.experiments.training_task import CampaignData
 from rt_controller.contract.errors import DatasetError
+from rt_controller.report.table import print_table
 
 
-def make_data(episodes: int, seed: int, data: Path | None, backend: Backend) -> dict[str, Any]:
+def make_data(
+    episodes: int, seed: int, variation: Variation | None, data: Path | None, backend: Backend
+) -> dict[str, Any]:
     """Figures of `offline-data`."""
     begun = time.monotonic()
-    folder, dataset = ensure_dataset(data, episodes, seed, backend)
+    recipe = Recipe(variation=variation)
+    folder, dataset = _find_or_make(data, episodes, seed, recipe, backend)
     wall_s = time.monotonic() - begun
     require_origin(folder, dataset.origin, episodes, seed)
+    require_recipe(folder, dataset.origin, recipe)
     manifest = dataset.manifest
     STDOUT.print(
         f"{manifest.trajectories} trajectories of {episodes} episodes, "
-        f"{100 * manifest.rejected_fraction:.1f} % of the drawn episodes rejected, "
+        f"{100 * manifest.rejected_fraction:.1f} % of the drawn drives rejected, "
         f"SHA-256 {dataset.sha256:.16}…, {wall_s:.1f} s\n{folder}",
         soft_wrap=True,
     )
-    return {
+    figures = {
         "folder": str(folder),
         "n_episodes": episodes,
         "n_trajectories": manifest.trajectories,
@@ -37,26 +45,59 @@ def make_data(episodes: int, seed: int, data: Path | None, backend: Backend) -> 
         "sha256": dataset.sha256,
         "wall_s": wall_s,
     }
+    if variation is None:
+        return figures
+    conditions = condition_figures(dataset)
+    STDOUT.print(f"drawn with {describe(variation)}", soft_wrap=True)
+    for table in condition_tables(conditions):
+        print_table(table, STDOUT)
+    return {**figures, "recipe": variation.model_dump(), **conditions}
 
 
 def ensure_dataset(
     data: Path | None, episodes: int, seed: int, backend: Backend
 ) -> tuple[Path, Dataset]:
-    """Folder and content of a data set, which that backend makes if it does not exist.
+    """Folder and content of a named data set, or of the nominal one of this length in the cache.
 
-    An existing folder is loaded whatever its number of episodes.
+    The one in the cache is made by that backend if it does not exist; a named one is loaded
+    whatever its number of episodes.
+
+    Raises:
+        DatasetError: a named one does not exist.
     """
+    if data is not None:
+        return data, load_dataset(data)
+    return _find_or_make(None, episodes, seed, Recipe(), backend)
+
+
+def _find_or_make(
+    data: Path | None, episodes: int, seed: int, recipe: Recipe, backend: Backend
+) -> tuple[Path, Dataset]:
     if data is not None and exists(data):
         return data, load_dataset(data)
     with STDERR.status("compiling the vehicle model"):
-        origin = simulated_origin(episodes, seed)
+        origin = simulated_origin(recipe, episodes, seed)
     folder = data or cache_folder(origin)
     if exists(folder):
         return folder, load_dataset(folder)
     STDERR.print(f"making a data set of {episodes} episodes in {folder}", soft_wrap=True)
-    with backend.active(), progress_bar("simulating", episodes) as show:
-        dataset = make_dataset(folder, origin, on_progress=lambda done: show(done, ""))
-    return folder, dataset
+    made = 0
+    try:
+        with backend.active(), progress_bar("simulating", episodes) as show:
+
+            def on_progress(done: int) -> None:
+                nonlocal made
+                made = done
+                show(done, "")
+
+            return folder, make_dataset(folder, origin, on_progress=on_progress)
+    except KeyboardInterrupt:
+        STDERR.print(
+            f"Stopped after {made} of {episodes} episodes; none was kept. The same command makes "
+            f"them from the start.",
+            soft_wrap=True,
+        )
+        raise
 
 
 def require_origin(folder: Path, origin: Origin, episodes: int, seed: int) -> None:
@@ -72,6 +113,20 @@ def require_origin(folder: Path, origin: Origin, episodes: int, seed: int) -> No
             f"{folder}: expected {episodes} episodes of seed {seed}, found a data set of "
             f"{origin.episodes} episodes of seed {origin.seed}. Choose another --data."
         )
+
+
+def require_recipe(folder: Path, origin: Origin, recipe: Recipe) -> None:
+    """Return if a simulated data set was made with that recipe; imports always pass.
+
+    Raises:
+        DatasetError: it was not.
+    """
+    if isinstance(origin, Imported) or origin.recipe.variation == recipe.variation:
+        return
+    raise DatasetError(
+        f"{folder}: expected a data set drawn with {describe(recipe.variation)}, found one drawn "
+        f"with {describe(origin.recipe.variation)}. Choose another --data."
+    )
 
 
 def config_of_data(
@@ -97,10 +152,11 @@ def open_campaign_data(
 ) -> tuple[CampaignData, list[TrainingConfig]]:
     """The data set of a comparison or a study, and the configurations for it.
 
-    It is made if it does not exist, and comes with the errors of the linear model on it.
+    It is that of `ensure_dataset`, and comes with the errors of the linear model on it.
 
     Raises:
-        DatasetError: the folder holds other data than the options explicitly chose.
+        DatasetError: the named folder holds no data set, or another one than the options
+            explicitly chose.
     """
     first = configs[0]
     folder, dataset = ensure_dataset(data, first.episodes, first.data_seed, backend)

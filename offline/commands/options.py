@@ -7,17 +7,27 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from offline.config import TrainingConfig
+from offline.data.variation import Variation
 from offline.experiments.backend import Backend
 
 RUNS = Path("runs")
 LATEST_RUN = RUNS / "latest"
 
 Config = Annotated[TrainingConfig | None, Parameter(name="*", negative_none="no-")]
+Ranges = Annotated[
+    Variation | None,
+    Parameter(
+        name="*",
+        group="Road, wind, load and tyres",
+        negative_none="no-",
+        negative_iterable="",
+    ),
+]
 Names = Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")]
 JsonFile = Annotated[Path | None, Parameter(name="--json", help="write the figures to this file")]
 DataFolder = Annotated[
     Path | None,
-    Parameter(help="folder of the data set; default: a cache folder, which is printed"),
+    Parameter(help="folder of the data set; default: one in the cache, which is printed"),
 ]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from offline.config import PRESETS
+from offline.data.conditions import CONDITIONS
 from offline.data.dataset import MANIFEST_FILE, Dataset, save_dataset, split_episodes
 from offline.data.excitation import Recipe
 from offline.data.generate import (
@@ -26,6 +27,8 @@ from rt_controller.contract.schema import VEHICLE
 
 EPISODE_BYTES = 22_100
 """on disk, of an episode of 10 s"""
+CONDITIONS_BYTES = 15_200
+"""of its conditions"""
 
 
 def cache() -> Path:
@@ -49,15 +52,15 @@ def cache_folder(origin: Simulated) -> Path:
     return cache() / origin.name
 
 
-def simulated_origin(episodes: int, seed: int) -> Simulated:
+def simulated_origin(recipe: Recipe, episodes: int, seed: int) -> Simulated:
     """The origin of a data set made now; compiles the vehicle model."""
-    return Simulated(Recipe(), episodes, seed, plant_fingerprint())
+    return Simulated(recipe, episodes, seed, plant_fingerprint(recipe.variation))
 
 
 def full_folder() -> Path:
     """The folder of the paper's data set, of the current recipe and car."""
     paper = PRESETS["paper"]
-    return cache_folder(simulated_origin(paper.episodes, paper.data_seed))
+    return cache_folder(simulated_origin(Recipe(), paper.episodes, paper.data_seed))
 
 
 def find_dataset(sha256: str) -> Path | None:
@@ -114,7 +117,8 @@ def make_dataset(
         DatasetError: the folder has no room; as far as possible raised before the simulation.
     """
     recipe, episodes, seed = origin.recipe, origin.episodes, origin.seed
-    require_room(folder, episodes * EPISODE_BYTES)
+    is_varied = recipe.variation is not None
+    require_room(folder, episodes * (EPISODE_BYTES + is_varied * CONDITIONS_BYTES))
     made = generate(recipe, episodes, seed, jobs, on_progress)
     return save_dataset(
         folder,
@@ -126,5 +130,7 @@ def make_dataset(
         roads=Roads(recipe.curvatures_per_m, FIRST_EY_M, FIRST_EPSI_RAD),
         origin=origin,
         geometry=steering_geometry(),
+        conditions=() if made.recording.conditions is None else CONDITIONS,
         rejected=made.rejected,
+        rejected_by_friction=made.rejected_by_friction,
     )

@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 
 from offline.data.manifest import Imported, Manifest, Origin, Roads, read_manifest
 from offline.data.recording import PATH_STATES, Recording, Starts, cut
+from offline.data.rejection import FrictionBand
 from offline.data.road_frame import Anchor
 from offline.data.signals import Roles
-from offline.data.trajectories import Trajectories
+from offline.data.trajectories import Array32, Rows, Trajectories
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.files import DamagedArchiveError, atomic_write, read_arrays, write_text
 from rt_controller.contract.schema import Schema
@@ -37,7 +38,6 @@ HELD_BACK = 0.1
 
 _POSE_COLUMNS = ("X_m", "Y_m", "yaw_rad")
 _SLICE_ARRAYS = ("slice_row", "slice_episode", *(f"slice_{name}" for name in Anchor._fields))
-_ARRAYS = (*Recording._fields, "part", *_SLICE_ARRAYS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +72,21 @@ class Dataset:
     def roles(self) -> Roles:
         return self.manifest.roles
 
+    def conditions_at(self, rows: Rows) -> Array32:
+        """True road, wind, load and tyres (..., q) at these rows of the recording.
+
+        The columns are `manifest.conditions`; each value is held until the next row.
+
+        Raises:
+            DatasetError: the data set has no conditions.
+        """
+        if self.recording.conditions is None:
+            raise DatasetError(
+                f"expected a data set with the true conditions of every sample, found one without "
+                f"({self.sha256:.16}…). Make one with offline-data --recipe varied."
+            )
+        return self.recording.conditions[rows]
+
     def episodes(self, part: Part) -> NDArray[np.int64]:
         """Numbers of the episodes of one part."""
         return np.flatnonzero(self.part == PARTS.index(part))
@@ -103,7 +118,9 @@ def save_dataset(
     roads: Roads | None,
     origin: Origin,
     geometry: SteeringGeometry | None = None,
+    conditions: tuple[str, ...] = (),
     rejected: int = 0,
+    rejected_by_friction: tuple[FrictionBand, ...] = (),
 ) -> Dataset:
     """Write a data set; the manifest is written last and makes it valid.
 
@@ -113,7 +130,7 @@ def save_dataset(
     anchor = slices.anchor or Anchor(*(np.zeros(0) for _ in Anchor._fields))
     slice_arrays = (slices.row, slices.episode, *anchor)
     arrays: dict[str, NDArray[Any]] = {
-        **recording._asdict(),
+        **{name: array for name, array in recording._asdict().items() if array is not None},
         "part": part,
         **dict(zip(_SLICE_ARRAYS, slice_arrays, strict=True)),
     }
@@ -121,12 +138,14 @@ def save_dataset(
         schema=schema,
         roles=roles,
         roads=roads,
-        sha256=_digest(arrays, schema, roles, roads),
+        sha256=_digest(arrays, schema, roles, roads, conditions),
         trajectories=len(slices.row),
         rejected_episodes=rejected,
         versions={name: version(name) for name in ("rt-controller", "numpy")},
         origin=origin,
         geometry=geometry,
+        conditions=conditions,
+        rejected_by_friction=rejected_by_friction,
     )
     dataset = Dataset(recording, slices, part, manifest)
     _require_valid(folder / RECORDING_FILE, dataset)
@@ -158,8 +177,8 @@ def load_dataset(folder: Path) -> Dataset:
     path = folder / RECORDING_FILE
     command = "offline-import" if isinstance(manifest.origin, Imported) else "offline-data"
     remedy = f"Delete the folder and run {command} again."
-    arrays = _read_arrays(path, remedy)
-    found = _digest(arrays, manifest.schema, manifest.roles, manifest.roads)
+    arrays = _read_arrays(path, manifest, remedy)
+    found = _digest(arrays, manifest.schema, manifest.roles, manifest.roads, manifest.conditions)
     if found != manifest.sha256:
         raise DatasetError(
             f"{path}: expected numbers of SHA-256 {manifest.sha256:.16}…, found {found:.16}…: the "
@@ -168,7 +187,7 @@ def load_dataset(folder: Path) -> Dataset:
     row, episode, *columns = (arrays[name] for name in _SLICE_ARRAYS)
     anchor = Anchor(*columns)
     dataset = Dataset(
-        Recording(*(arrays[name] for name in Recording._fields)),
+        Recording(**{name: arrays[name] for name in Recording._fields if name in arrays}),
         Starts(row, episode, anchor if len(anchor.ey_m) == len(row) else None),
         arrays["part"],
         manifest,
@@ -177,7 +196,10 @@ def load_dataset(folder: Path) -> Dataset:
     return dataset
 
 
-def _read_arrays(path: Path, remedy: str) -> dict[str, NDArray[Any]]:
+def _read_arrays(path: Path, manifest: Manifest, remedy: str) -> dict[str, NDArray[Any]]:
+    names = [*Recording._fields, "part", *_SLICE_ARRAYS]
+    if not manifest.conditions:
+        names.remove("conditions")
     try:
         arrays = read_arrays(path)
     except FileNotFoundError as error:
@@ -186,22 +208,27 @@ def _read_arrays(path: Path, remedy: str) -> dict[str, NDArray[Any]]:
         ) from error
     except (OSError, DamagedArchiveError) as error:
         raise DatasetError(
-            f"{path}: expected an npz archive with {', '.join(_ARRAYS)}, found a truncated or "
+            f"{path}: expected an npz archive with {', '.join(names)}, found a truncated or "
             f"foreign file ({error}). {remedy}"
         ) from error
-    if set(arrays) != set(_ARRAYS):
+    if set(arrays) != set(names):
         raise DatasetError(
-            f"{path}: expected the arrays {', '.join(_ARRAYS)}, found "
+            f"{path}: expected the arrays {', '.join(names)}, found "
             f"{', '.join(sorted(arrays))}. {remedy}"
         )
     return arrays
 
 
 def _digest(
-    arrays: Mapping[str, NDArray[Any]], schema: Schema, roles: Roles, roads: Roads | None
+    arrays: Mapping[str, NDArray[Any]],
+    schema: Schema,
+    roles: Roles,
+    roads: Roads | None,
+    conditions: tuple[str, ...],
 ) -> str:
-    """SHA-256 of the arrays, the schema, the roles and the roads."""
-    meaning = [asdict(schema), asdict(roles), asdict(roads) if roads else None]
+    """SHA-256 of the arrays, the schema, the roles, the roads and the names of the conditions."""
+    meaning: list[Any] = [asdict(schema), asdict(roles), asdict(roads) if roads else None]
+    meaning += [conditions] if conditions else []
     digest = hashlib.sha256(json.dumps(meaning, sort_keys=True).encode())
     for name in sorted(arrays):
         array = np.ascontiguousarray(arrays[name])
@@ -211,7 +238,7 @@ def _digest(
 
 
 def _require_valid(path: Path, dataset: Dataset) -> None:
-    """Return if the arrays hold the schema's signals, all finite, and poses just with roads.
+    """Return if the arrays hold the signals of the manifest, all finite, and poses just with roads.
 
     Raises:
         DatasetError: they do not.
@@ -219,27 +246,32 @@ def _require_valid(path: Path, dataset: Dataset) -> None:
     recording, slices, schema = dataset.recording, dataset.slices, dataset.schema
     has_roads = dataset.manifest.roads is not None
     path_states = len(PATH_STATES) if recording.has_poses else 0
+    samples = len(recording.x)
+    conditions = np.zeros((samples, 0)) if recording.conditions is None else recording.conditions
+    names_of_conditions = dataset.manifest.conditions
     expected = (
         len(schema.states) - path_states,
         len(schema.inputs),
         len(schema.exogenous),
+        (samples, len(names_of_conditions)),
         has_roads,
         has_roads,
     )
     columns = tuple(array.shape[1] for array in (recording.x, recording.u, recording.w))
-    found = (*columns, recording.has_poses, slices.anchor is not None)
+    found = (*columns, conditions.shape, recording.has_poses, slices.anchor is not None)
     if expected != found:
         raise DatasetError(
             f"{path}: expected {expected[0]} recorded states, {expected[1]} inputs, {expected[2]} "
-            f"exogenous signals, poses: {expected[3]}, slices on roads: {expected[4]}, found "
-            f"{', '.join(str(part) for part in found)}. Manifest and recording are not of one data "
-            f"set: make it again."
+            f"exogenous signals, conditions of shape {expected[3]}, poses: {expected[4]}, slices "
+            f"on roads: {expected[5]}, found {', '.join(str(part) for part in found)}. Manifest "
+            f"and recording are not of one data set: make it again."
         )
     for array, names in (
         (recording.x, schema.state_names),
         (recording.u, schema.input_names),
         (recording.w, schema.exogenous_names),
         (recording.pose, _POSE_COLUMNS),
+        (conditions, names_of_conditions),
     ):
         if not np.all(np.isfinite(array)):
             row, column = np.argwhere(~np.isfinite(array))[0]

@@ -12,34 +12,38 @@ Paper: section III-A, data acquisition.
 
 import hashlib
 from collections.abc import Callable
-from math import radians
-from typing import NamedTuple
+from math import degrees, radians
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from offline.config import PAST_STEPS, STEPS
+from offline.data.conditions import CONDITIONS, FRICTION_COLUMNS, Conditions, draw_conditions
 from offline.data.excitation import Recipe, draw_inputs
 from offline.data.recording import Recording, Starts
+from offline.data.rejection import FrictionBand, by_friction
 from offline.data.road_frame import Anchor
 from offline.data.tasks import run_tasks
+from offline.data.trajectories import Array32
+from offline.data.variation import VARIED, Variation
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import InputColumn, StateColumn
 from rt_controller.contract.steering_geometry import SteeringGeometry
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.frenet import integrate_poses
 from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, settle, simulate
-from sim_bridge.plant.parameters import (
-    Parameters,
-    default_car,
-    with_mass_factor,
-    with_road_friction,
-)
+from sim_bridge.plant.parameters import Parameters, default_car
 from sim_bridge.plant.protocol import PlantOutputs
 
 SLICES = 5
+MOST_REJECTED = 500
+"""drives in a row under the same conditions"""
 EPISODE_STEPS = PAST_STEPS + SLICES * STEPS
 CHUNK_EPISODES = 20
+
+_ALL_CHANGING = {"nominal_share": 0.0, "changing_share": 1.0}
 
 FIRST_EY_M = 2.0
 FIRST_EPSI_RAD = radians(10.0)
@@ -61,6 +65,8 @@ class Episode(NamedTuple):
     first_errors: Array
     """(5, 2) e_y and e_psi one period before each slice"""
     rejected: int
+    conditions: Array | None = None
+    """(T - 1, q) as `CONDITIONS`; None: nothing varies"""
 
 
 class Generated(NamedTuple):
@@ -69,6 +75,8 @@ class Generated(NamedTuple):
     recording: Recording
     slices: Starts
     rejected: int
+    rejected_by_friction: tuple[FrictionBand, ...] = ()
+    """if conditions vary"""
 
 
 def steering_geometry() -> SteeringGeometry:
@@ -104,26 +112,44 @@ def generate(
 
 
 def make_episode(recipe: Recipe, seed: np.random.SeedSequence) -> Episode:
-    """One episode; after a rejection the next is drawn from the same stream."""
+    """One episode; after a rejection the next is drawn from the same stream.
+
+    The conditions stay: otherwise drives on slippery roads, which are rejected more often, would
+    be rarer than the recipe says.
+
+    Raises:
+        DatasetError: `MOST_REJECTED` drives in a row were rejected.
+    """
     rng = np.random.default_rng(seed)
-    rejected = 0
-    while (episode := _try_episode(rng, recipe, rejected)) is None:
-        rejected += 1
-    return episode
+    conditions = None
+    if recipe.variation is not None:
+        conditions = draw_conditions(rng, recipe.variation, EPISODE_STEPS)
+    for rejected in range(MOST_REJECTED):
+        episode = _try_episode(rng, recipe, conditions, rejected)
+        if episode is not None:
+            return episode
+    found = "" if conditions is None else f" under {_name_first(conditions)}"
+    raise DatasetError(
+        f"expected an episode in which the car stays above {3.6 * LOWEST_SPEED_MPS:.0f} km/h and "
+        f"below {degrees(LARGEST_SIDESLIP_RAD):.0f} deg of sideslip and roll, found "
+        f"{MOST_REJECTED} drawn without one{found}. Choose ranges with more friction, less wind or "
+        f"smaller slopes."
+    )
 
 
 def assemble(episodes: list[Episode]) -> Generated:
     """Episodes of equal length as one recording, with five slices each."""
     count, length = len(episodes), len(episodes[0].motion)
     first = length * np.arange(count, dtype=np.int64)
-    u = np.stack([np.vstack([e.inputs, e.inputs[-1:]]) for e in episodes])
+    conditions = [e.conditions for e in episodes if e.conditions is not None]
     curvature = np.array([e.curvature_per_m for e in episodes])
     recording = Recording(
         x=np.concatenate([e.motion for e in episodes]).astype(np.float32),
-        u=u.reshape(-1, u.shape[-1]).astype(np.float32),
+        u=_concatenate_held([e.inputs for e in episodes]),
         w=np.repeat(curvature, length)[:, None].astype(np.float32),
         pose=np.concatenate([e.pose for e in episodes]),
         first=first,
+        conditions=_concatenate_held(conditions) if conditions else None,
     )
     errors = np.concatenate([e.first_errors for e in episodes])
     slices = Starts(
@@ -131,15 +157,19 @@ def assemble(episodes: list[Episode]) -> Generated:
         episode=np.repeat(np.arange(count, dtype=np.int32), SLICES),
         anchor=Anchor(np.repeat(curvature, SLICES), errors[:, 0].copy(), errors[:, 1].copy()),
     )
-    return Generated(recording, slices, sum(e.rejected for e in episodes))
+    rejected = np.array([e.rejected for e in episodes])
+    lowest_friction = np.array([rows[:, FRICTION_COLUMNS].min() for rows in conditions])
+    bands = by_friction(lowest_friction, rejected) if conditions else ()
+    return Generated(recording, slices, int(rejected.sum()), bands)
 
 
-def plant_fingerprint() -> str:
+def plant_fingerprint(variation: Variation | None = None) -> str:
     """Digest of the car's response to one fixed manoeuvre, and of one random episode.
 
-    It changes with the physics, the parameters and the recipe, but not if their code is merely
-    rewritten, so a cached data set is not mistaken for one of another car. Values are rounded to
-    five digits, above the differences between compilers.
+    If conditions vary, of one episode in which all of them change too. It changes with the physics,
+    the parameters and the recipe, but not if their code is merely rewritten, so a cached data set
+    is not mistaken for one of another car. Values are rounded to five digits, above the differences
+    between compilers.
     """
     k = np.arange(round(3.0 / PERIOD_S))
     inputs = np.zeros((len(k), 3))
@@ -151,7 +181,17 @@ def plant_fingerprint() -> str:
     motion, _ = _drive(20.0, inputs, default_car())
     drawn = make_episode(Recipe(), np.random.SeedSequence(0))
     limits = (LOWEST_SPEED_MPS, LARGEST_SIDESLIP_RAD, LARGEST_ROLL_RAD, FIRST_EY_M, FIRST_EPSI_RAD)
-    numbers = (motion[::200], drawn.motion[::20], drawn.inputs, drawn.first_errors, limits)
+    numbers: list[Any] = [
+        motion[::200],
+        drawn.motion[::20],
+        drawn.inputs,
+        drawn.first_errors,
+        limits,
+    ]
+    if variation is not None:
+        recipe = Recipe(variation=VARIED.model_copy(update=_ALL_CHANGING))
+        varied = make_episode(recipe, np.random.SeedSequence(0))
+        numbers += [varied.motion[::20], varied.conditions]
     values = np.concatenate([np.ravel(each) for each in numbers])
     text = ",".join(f"{value:.4e}" for value in values)
     return hashlib.sha256(text.encode()).hexdigest()
@@ -169,32 +209,40 @@ def is_kept(motion: Array, outputs: Array) -> bool:
     )
 
 
-def _drive(first_speed_mps: float, inputs: Array, car: Parameters) -> tuple[Array, Array]:
+def _drive(
+    first_speed_mps: float, inputs: Array, car: Parameters, roads: Array | None = None
+) -> tuple[Array, Array]:
     """Motion (periods * STEPS_PER_PERIOD + 1, 3) and outputs (periods + 1, columns)."""
-    return simulate(settle(first_speed_mps, car), inputs, car, STEPS_PER_PERIOD, STEP_S)
+    start = settle(first_speed_mps, car)
+    return simulate(start, inputs, car, STEPS_PER_PERIOD, STEP_S, roads)
 
 
-def _try_episode(rng: np.random.Generator, recipe: Recipe, rejected: int) -> Episode | None:
+def _try_episode(
+    rng: np.random.Generator, recipe: Recipe, conditions: Conditions | None, rejected: int
+) -> Episode | None:
     curvature_per_m = float(rng.choice(recipe.curvatures_per_m))
     first_speed_mps = float(rng.uniform(*recipe.first_speed_mps))
     inputs = draw_inputs(rng, recipe, EPISODE_STEPS)
     first_errors = rng.uniform(-1.0, 1.0, (SLICES, 2)) * (FIRST_EY_M, FIRST_EPSI_RAD)
-    motion, outputs = _drive(first_speed_mps, inputs, _draw_car(rng, recipe))
+    car, roads, rows = conditions or (default_car(), None, None)
+    motion, outputs = _drive(first_speed_mps, inputs, car, roads)
     if not is_kept(motion, outputs):
         return None
     # On a straight road along X, path coordinates are plane coordinates.
     pose = integrate_poses(motion, 0.0, 0.0, 0.0, STEPS_PER_PERIOD, STEP_S)
     sampled = motion[::STEPS_PER_PERIOD]
-    return Episode(sampled, pose, inputs, curvature_per_m, first_errors, rejected)
+    return Episode(sampled, pose, inputs, curvature_per_m, first_errors, rejected, rows)
 
 
-def _draw_car(rng: np.random.Generator, recipe: Recipe) -> Parameters:
-    car = default_car()
-    if recipe.road_friction is not None:
-        car = with_road_friction(car, float(rng.uniform(*recipe.road_friction)))
-    if recipe.mass_factor is not None:
-        car = with_mass_factor(car, float(rng.uniform(*recipe.mass_factor)))
-    return car
+def _name_first(conditions: Conditions) -> str:
+    """The conditions of the first period in words."""
+    named = zip(CONDITIONS, conditions.rows[0], strict=True)
+    return ", ".join(f"{name} {value:.3g}" for name, value in named)
+
+
+def _concatenate_held(episodes: list[Array]) -> Array32:
+    """Values (T - 1, m) held over the periods of each episode, with the last one repeated."""
+    return np.concatenate([np.vstack([held, held[-1:]]) for held in episodes]).astype(np.float32)
 
 
 def _make_chunk(recipe: Recipe, seeds: list[np.random.SeedSequence]) -> list[Episode]:

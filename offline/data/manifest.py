@@ -9,6 +9,7 @@ from pathlib import Path
 from pydantic import TypeAdapter, ValidationError
 
 from offline.data.excitation import Recipe
+from offline.data.rejection import FrictionBand
 from offline.data.signals import Roles
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.files import read_text
@@ -32,7 +33,15 @@ class Simulated:
     @property
     def name(self) -> str:
         """Folder name of such a data set in the cache."""
-        digest = hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode())
+        fields = asdict(self)
+        variation = fields["recipe"].pop("variation")
+        # A data set without variation keeps the name that it has in existing caches.
+        fields["recipe"] |= (
+            {"road_friction": None, "mass_factor": None}
+            if variation is None
+            else {"variation": variation.model_dump()}
+        )
+        digest = hashlib.sha256(json.dumps(fields, sort_keys=True).encode())
         return f"{self.episodes}-episodes-{digest.hexdigest():.16}"
 
 
@@ -89,6 +98,10 @@ class Manifest:
     origin: Origin
     geometry: SteeringGeometry | None = None
     """of the car; None: not known"""
+    conditions: tuple[str, ...] = ()
+    """columns of the conditions in the recording; none: it has no conditions"""
+    rejected_by_friction: tuple[FrictionBand, ...] = ()
+    """if conditions vary"""
     format_version: int = FORMAT_VERSION
 
     @property
@@ -98,7 +111,7 @@ class Manifest:
 
     def to_json(self) -> str:
         """The text of the file; `read_manifest` is the inverse."""
-        return json.dumps(asdict(self), indent=2) + "\n"
+        return json.dumps(_MANIFEST.dump_python(self, mode="json"), indent=2) + "\n"
 
 
 _MANIFEST = TypeAdapter(Manifest)

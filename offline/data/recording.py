@@ -34,6 +34,9 @@ class Recording(NamedTuple):
     """(T, 3) X_m, Y_m, yaw_rad on a plane, or (0, 3)"""
     first: NDArray[np.int64]
     """(E,) row at which each episode begins"""
+    conditions: Array32 | None = None
+    """(T, q) true road, wind, load and tyres of a simulated car, each held as the inputs; None: not
+    known, or they do not vary"""
 
     @property
     def has_poses(self) -> bool:
@@ -85,7 +88,8 @@ def cut(
         curvature = starts.anchor.curvature_per_m[:, None, None].astype(np.float32)
         w = np.broadcast_to(curvature, (len(starts.row), steps, 1))
     past = np.concatenate([recording.x[before][..., states], recording.u[before][..., inputs]], -1)
-    return Trajectories(x, recording.u[ahead[:, :-1]], w, past, starts.episode)
+    conditions = None if recording.conditions is None else recording.conditions[ahead[:, :-1]]
+    return Trajectories(x, recording.u[ahead[:, :-1]], w, past, starts.episode, conditions)
 
 
 def possible_starts(

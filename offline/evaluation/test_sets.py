@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from offline.data.cache import cache_folder, make_dataset
+from offline.data.cache import cache_folder, make_dataset, simulated_origin
 from offline.data.dataset import PARTS, Dataset, exists, load_dataset
 from offline.data.excitation import Recipe
-from offline.data.generate import plant_fingerprint
-from offline.data.manifest import Imported, Origin, Simulated
+from offline.data.manifest import Imported, Origin
 from offline.data.recording import Starts, cut
 from offline.data.trajectories import Trajectories
+from offline.data.variation import Variation
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, DatasetError
 
@@ -34,7 +34,7 @@ NEW_CURVATURES_PER_M = (-1e-3, 1e-3, 3e-3)
 
 ROAD_FRICTION = (0.5, 1.0)
 MASS_FACTOR = (0.85, 1.15)
-ROBUSTNESS_RECIPE = Recipe(road_friction=ROAD_FRICTION, mass_factor=MASS_FACTOR)
+ROBUSTNESS_RECIPE = Recipe(variation=Variation(friction=ROAD_FRICTION, mass_factor=MASS_FACTOR))
 ROBUSTNESS_EPISODES = 96
 """of five slices: 480 trajectories"""
 ROBUSTNESS_SEED = 46_046
@@ -123,7 +123,7 @@ def robustness_set(episodes: int = ROBUSTNESS_EPISODES) -> tuple[Dataset, TestSe
 
     The data set is taken from the cache, or made in this process within seconds.
     """
-    origin = Simulated(ROBUSTNESS_RECIPE, episodes, ROBUSTNESS_SEED, plant_fingerprint())
+    origin = simulated_origin(ROBUSTNESS_RECIPE, episodes, ROBUSTNESS_SEED)
     folder = cache_folder(origin)
     if exists(folder):
         dataset = load_dataset(folder)

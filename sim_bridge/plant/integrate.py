@@ -6,6 +6,7 @@ module.
 """
 
 from math import ceil, exp
+from typing import Any
 
 import numpy as np
 
@@ -57,23 +58,36 @@ def advance(
 
 
 def simulate(
-    state0: Array, inputs: Array, p: Parameters, steps_per_period: int, step_s: float
+    state0: Array,
+    inputs: Array,
+    p: Parameters,
+    steps_per_period: int,
+    step_s: float,
+    roads: Array | None = None,
 ) -> tuple[Array, Array]:
     """Motion and outputs of a whole episode; `state0` is not changed.
 
     Args:
         inputs: (K, 3), columns as `ControlInput`, each row constant over a period.
+        roads: (K, 6), columns as `RoadParameters`, likewise; None: the road of `p` throughout.
 
     Returns:
         motion: (K * steps_per_period + 1, 3), (vx_mps, vy_mps, yaw_rate_radps) on the fine grid.
         outputs: (K + 1, N_OUTPUTS), at the periods' ends, columns as `PlantOutputs._fields`.
     """
-    return _simulate(state0, inputs, car_record(p), steps_per_period, step_s)
+    if roads is None:
+        roads = np.tile(np.array(p.road), (len(inputs), 1))
+    return _simulate(state0, inputs, roads, car_record(p), steps_per_period, step_s)
 
 
 @compiled
 def _simulate(
-    state0: Array, inputs: Array, p: Parameters, steps_per_period: int, step_s: float
+    state0: Array,
+    inputs: Array,
+    roads: Array,
+    p: Parameters,
+    steps_per_period: int,
+    step_s: float,
 ) -> tuple[Array, Array]:
     n_periods = inputs.shape[0]
     state = state0.copy()
@@ -82,6 +96,7 @@ def _simulate(
     _write_motion(state, motion[0])
     for k in range(n_periods):
         control = ControlInput(inputs[k, 0], inputs[k, 1], inputs[k, 2])
+        _set_road(p, roads[k])
         if k == 0:
             write_outputs(state, control, p, outputs[0])
         first = k * steps_per_period + 1
@@ -89,6 +104,17 @@ def _simulate(
         advance(state, control, p, steps_per_period, step_s, piece)
         write_outputs(state, control, p, outputs[k + 1])
     return motion, outputs
+
+
+@compiled
+def _set_road(p: Any, row: Array) -> None:
+    """Write a row with the columns of `RoadParameters` into the record of a car."""
+    p.road.friction_left = row[0]
+    p.road.friction_right = row[1]
+    p.road.bank_rad = row[2]
+    p.road.grade_rad = row[3]
+    p.road.wind_forward_mps = row[4]
+    p.road.wind_left_mps = row[5]
 
 
 @compiled

@@ -145,6 +145,23 @@ def with_mass_factor(parameters: Parameters, factor: float) -> Parameters:
     return parameters._replace(body=body._replace(**scaled))
 
 
+def with_cornering_stiffness(parameters: Parameters, factor: float) -> Parameters:
+    """The same car on tyres with `factor` times the cornering stiffness.
+
+    Raises:
+        ConfigError: the factor is not a positive number.
+    """
+    if not (isfinite(factor) and factor > 0.0):
+        raise ConfigError(
+            f"factor of the cornering stiffness: expected a positive number, found {factor}."
+        )
+    tyre, tyre_file = parameters.tyre, parameters.tyre_file
+    return parameters._replace(
+        tyre=tyre._replace(cornering_stiffness_npr=factor * tyre.cornering_stiffness_npr),
+        tyre_file=tyre_file._replace(lky=factor * tyre_file.lky),
+    )
+
+
 def _require_consistent(car: Parameters) -> Parameters:
     problems = "\n".join(
         contradictions(

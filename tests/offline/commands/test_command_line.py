@@ -210,6 +210,83 @@ def test_figures_in_a_missing_folder_are_refused(command):
     assert "--json" in err
 
 
+def test_a_varied_data_set_reports_what_was_drawn_and_is_found_again(command, tmp_path):
+    varied = ("--recipe", "varied", "--episodes", 10, "--jobs", 1, "--data", "varied")
+    code, out, _ = command(cli.data_main, *varied, "--json", "data.json")
+    assert code in (0, None)
+    assert "friction 0.5 to 1" in out
+    assert "cg_ahead_m" in out
+    made = json.loads((tmp_path / "data.json").read_text())
+    assert made["recipe"]["friction"] == [0.5, 1.0]
+    assert set(made["conditions"]["bank_rad"]) == {"minimum", "mean", "maximum"}
+    bands = made["rejected_by_lowest_friction"]
+    assert sum(band["n_episodes"] for band in bands) == 10
+    assert command(cli.data_main, *varied, "--json", "again.json")[0] in (0, None)
+    again = json.loads((tmp_path / "again.json").read_text())
+    assert {**made, "wall_s": 0.0} == {**again, "wall_s": 0.0}
+
+    code, _, err = command(cli.data_main, *varied, "--friction", 0.6, 0.9)
+    assert code == 2
+    assert "friction 0.6 to 0.9" in err
+    code, _, err = command(cli.data_main, "--episodes", 10, "--data", "varied")
+    assert code == 2
+    assert "recipe nominal" in err
+
+
+@pytest.mark.parametrize(
+    ("options", "complaints"),
+    [
+        (("--friction", 0.0, 1.0, "--payload-kg", -1, 5), ("--friction", "--payload-kg")),
+        (("--bank-rad", 0.1, -0.1), ("--bank-rad: expected the lower end first",)),
+        (("--gust-mps", 3), ("--changing-share", "--gust-mps")),
+        (("--recipe", "variable"), ("nominal", "varied")),
+        (("--recipe", "varied", "--nominal-share", 0.9), ("--nominal-share", "at most 1")),
+    ],
+)
+def test_ranges_that_do_not_fit_are_refused_by_their_options(command, options, complaints):
+    code, _, err = command(cli.data_main, "--data", "data", *options)
+    assert code == 2
+    for complaint in complaints:
+        assert complaint in err
+
+
+@pytest.mark.parametrize(
+    ("main", "arguments"),
+    [(cli.train_main, ()), (cli.ablate_main, ("recommended",)), (cli.tune_main, ())],
+)
+def test_a_named_data_set_that_does_not_exist_is_refused(command, tmp_path, main, arguments):
+    """A misspelt name must not start minutes of simulation."""
+    code, _, err = command(main, *arguments, "--data", "typo", "--episodes", 10)
+    assert code == 2
+    assert "typo" in err
+    assert "offline-data" in err
+    assert not (tmp_path / "typo").exists()
+
+
+def test_ctrl_c_ends_the_making_of_data_with_what_was_kept(tmp_path):
+    script = "from offline.entry import data_main; data_main()"
+    process = subprocess.Popen(
+        [sys.executable, "-c", script, "--episodes", "100000", "--jobs", "2", "--data", "data"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, "COLUMNS": "200"},
+    )
+    assert process.stderr is not None
+    while "making a data set" not in process.stderr.readline():
+        assert process.poll() is None
+    time.sleep(3.0)  # until the workers run
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does, to the workers too
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert out == ""
+    assert "of 100000 episodes; none was kept" in " ".join(err.split())
+    assert "Traceback" not in err
+    assert not (tmp_path / "data" / "manifest.json").exists()
+
+
 def test_options_that_contradict_an_existing_data_set_are_refused(command, toy_folder):
     code, _, err = command(cli.data_main, "--episodes", 50, "--data", toy_folder)
     assert code == 2

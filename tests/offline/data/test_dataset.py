@@ -21,7 +21,9 @@ from offline.data.excitation import Recipe
 from offline.data.generate import steering_geometry
 from offline.data.manifest import Imported, Simulated, SourceFile, read_manifest
 from offline.data.recording import cut
+from offline.data.rejection import FrictionBand
 from offline.data.signals import VEHICLE_ROLES
+from offline.data.variation import VARIED
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import VEHICLE
 from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY
@@ -90,6 +92,48 @@ def test_the_geometry_of_the_car_is_kept_and_may_be_missing(toy_dataset, tmp_pat
     assert loaded.sha256 == toy_dataset.sha256
 
 
+def with_conditions(dataset):
+    """Row t holds the friction t and the bank -t."""
+    t = np.arange(len(dataset.recording.x), dtype=np.float32)
+    return {
+        "recording": dataset.recording._replace(conditions=np.column_stack([t, -t])),
+        "conditions": ("friction_left", "bank_rad"),
+        "rejected_by_friction": (FrictionBand((0.0, 0.4), 30, 10),),
+    }
+
+
+def test_conditions_are_kept_with_their_names_and_change_the_hash(toy_dataset, tmp_path):
+    saved = save_again(tmp_path, toy_dataset, **with_conditions(toy_dataset))
+    loaded = load_dataset(tmp_path)
+    assert same_numbers(loaded, saved)
+    assert loaded.manifest == saved.manifest
+    assert loaded.manifest.conditions == ("friction_left", "bank_rad")
+    assert loaded.manifest.rejected_by_friction[0].rejected_fraction == 0.25
+    assert loaded.sha256 != toy_dataset.sha256
+    assert loaded.conditions_at(np.array([[3, 5]])).tolist() == [[[3.0, -3.0], [5.0, -5.0]]]
+
+
+def test_a_data_set_without_conditions_says_how_to_make_one_with(toy_dataset):
+    assert toy_dataset.recording.conditions is None
+    assert toy_dataset.select("test").conditions is None
+    with pytest.raises(DatasetError, match="offline-data --recipe varied"):
+        toy_dataset.conditions_at(np.arange(3))
+
+
+@pytest.mark.parametrize("names", [(), ("friction_left",)])
+def test_conditions_without_a_name_for_each_column_are_refused(toy_dataset, tmp_path, names):
+    parts = {**with_conditions(toy_dataset), "conditions": names}
+    with pytest.raises(DatasetError, match="conditions of shape"):
+        save_again(tmp_path, toy_dataset, **parts)
+
+
+def test_a_condition_that_is_not_finite_is_refused_with_its_name_and_episode(toy_dataset, tmp_path):
+    parts = with_conditions(toy_dataset)
+    parts["recording"].conditions[500, 1] = np.nan
+    with pytest.raises(DatasetError, match="bank_rad at sample 79 of episode 1"):
+        save_again(tmp_path, toy_dataset, **parts)
+
+
 def test_no_episode_is_in_two_parts(toy_dataset):
     parts = [set(toy_dataset.select(part).episode.tolist()) for part in PARTS]
     assert [len(part) for part in parts] == [32, 4, 4]
@@ -151,7 +195,7 @@ def test_the_name_of_a_cache_folder_depends_on_recipe_length_seed_and_car(monkey
     first = Simulated(Recipe(), 100, 0, "car")
     others = [
         replace(first, recipe=Recipe(segment_s=(1.0,))),
-        replace(first, recipe=Recipe(road_friction=(0.5, 1.0))),
+        replace(first, recipe=Recipe(variation=VARIED)),
         replace(first, episodes=101),
         replace(first, seed=1),
         replace(first, plant_fingerprint="another car"),

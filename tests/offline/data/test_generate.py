@@ -1,9 +1,13 @@
 """Episodes of the simulated car and their slices."""
 
+import hashlib
+
 import numpy as np
 import pytest
 
 from offline.config import PAST_STEPS, STEPS
+from offline.data import generate as generate_module
+from offline.data.conditions import CONDITIONS, draw_conditions
 from offline.data.excitation import Recipe
 from offline.data.generate import (
     EPISODE_STEPS,
@@ -20,6 +24,8 @@ from offline.data.generate import (
 )
 from offline.data.recording import cut
 from offline.data.signals import VEHICLE_ROLES
+from offline.data.variation import VARIED, Variation
+from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import VEHICLE
 from sim_bridge.plant.protocol import PlantOutputs
 
@@ -148,25 +154,89 @@ def test_progress_is_the_number_of_episodes_made_so_far():
 CALM = {"first_speed_mps": (25.0, 25.0), "throttles": (0.3,), "drive_brake_coast": (1.0, 0.0, 0.0)}
 
 
-@pytest.mark.parametrize("change", [{"mass_factor": (1.4, 1.4)}, {"road_friction": (0.6, 0.6)}])
-def test_another_mass_or_friction_changes_the_motion_and_not_the_inputs(change):
+def constant(**conditions: float) -> Recipe:
+    """Calm drives under constant conditions; as many random numbers are drawn for each."""
+    drawn = {name: (value, value) for name, value in conditions.items()}
+    return Recipe(**CALM, variation=Variation(**drawn))
+
+
+@pytest.mark.parametrize(
+    ("name", "usual", "other"),
+    [
+        ("mass_factor", 1.0, 1.4),
+        ("friction", 0.85, 0.6),
+        ("payload_kg", 0.0, 300.0),
+        ("stiffness_factor", 1.0, 0.8),
+        ("bank_rad", 0.0, 0.1),
+        ("grade_rad", 0.0, 0.08),
+        ("wind_forward_mps", 0.0, -12.0),
+        ("wind_left_mps", 0.0, 12.0),
+    ],
+)
+def test_another_condition_changes_the_motion_and_not_the_inputs(name, usual, other):
     seed = np.random.SeedSequence(3)
-    usual, other = (make_episode(Recipe(**CALM, **each), seed) for each in ({}, change))
-    assert usual.rejected == other.rejected == 0
-    assert np.array_equal(usual.inputs, other.inputs)
-    assert np.array_equal(usual.first_errors, other.first_errors)
-    assert np.abs(usual.motion - other.motion).max() > 1e-2
+    nominal, changed = (make_episode(constant(**{name: value}), seed) for value in (usual, other))
+    assert nominal.rejected == changed.rejected == 0
+    assert np.array_equal(nominal.inputs, changed.inputs)
+    assert np.array_equal(nominal.first_errors, changed.first_errors)
+    assert np.abs(nominal.motion - changed.motion).max() > 1e-2
 
 
-def test_masses_of_a_range_lie_on_both_sides_of_the_nominal_one():
-    seeds = np.random.SeedSequence(1).spawn(6)
-    usual, ranging = (
-        [make_episode(Recipe(**CALM, mass_factor=factors), seed).motion[-1, 0] for seed in seeds]
-        for factors in (None, (0.8, 1.2))
+@pytest.mark.parametrize(
+    ("name", "faster", "slower"),
+    [("mass_factor", 0.8, 1.2), ("grade_rad", -0.05, 0.05), ("wind_forward_mps", 10.0, -10.0)],
+)
+def test_a_light_car_downhill_or_in_a_tail_wind_becomes_faster(name, faster, slower):
+    seed = np.random.SeedSequence(1)
+    ends_mps = [
+        make_episode(constant(**{name: value}), seed).motion[-1, 0] for value in (faster, slower)
+    ]
+    assert ends_mps[0] > ends_mps[1] + 0.3
+
+
+def test_conditions_are_recorded_for_every_sample_and_cut_with_the_windows():
+    made = generate(Recipe(**CALM, variation=VARIED), 4, seed=5, jobs=1)
+    conditions = made.recording.conditions
+    assert conditions.shape == (len(made.recording.x), len(CONDITIONS))
+    assert conditions.dtype == np.float32
+    last = made.recording.first[1:] - 1
+    assert np.array_equal(conditions[last], conditions[last - 1])
+    windows = cut(made.recording, made.slices, VEHICLE, VEHICLE_ROLES)
+    assert windows.conditions.shape == (20, STEPS, len(CONDITIONS))
+    assert np.array_equal(windows.conditions[:, 0], conditions[made.slices.row])
+    assert np.array_equal(windows.take(slice(2)).conditions, windows.conditions[:2])
+    assert sum(band.episodes for band in made.rejected_by_friction) == 4
+
+
+def test_a_recipe_without_variation_has_no_conditions():
+    made = generate(Recipe(**CALM), 2, seed=5, jobs=1)
+    assert made.recording.conditions is None
+    assert made.rejected_by_friction == ()
+
+
+def test_the_default_recipe_makes_the_same_bytes_as_before_conditions_varied():
+    """The digests of the data that shipped models were trained on depend on them.
+
+    Rounded, because another processor makes other last digits.
+    """
+    recording = generate(Recipe(), 3, seed=0, jobs=1).recording
+    numbers = [recording.x, recording.u, recording.w, recording.pose]
+    text = ",".join(
+        f"{round(float(value), 3) + 0.0:.3f}" for array in numbers for value in array.ravel()[::97]
     )
-    faster = np.array(ranging) - np.array(usual)
-    assert faster.max() > 0.1
-    assert faster.min() < -0.1
+    assert hashlib.sha256(text.encode()).hexdigest()[:16] == "b9ea1fbacf14084e"
+
+
+def test_conditions_are_kept_when_a_drive_is_rejected():
+    """Otherwise slippery roads, on which more drives are rejected, would be rarer than drawn."""
+    slippery = Recipe(variation=Variation(friction=(0.25, 1.0)))
+    seeds = np.random.SeedSequence(2).spawn(12)
+    episodes = [make_episode(slippery, seed) for seed in seeds]
+    assert sum(episode.rejected for episode in episodes) > 0
+    for seed, episode in zip(seeds, episodes, strict=True):
+        rng = np.random.default_rng(seed)
+        drawn = draw_conditions(rng, slippery.variation, EPISODE_STEPS)
+        assert np.array_equal(episode.conditions, drawn.rows)
 
 
 def test_calm_driving_is_not_rejected():
@@ -203,3 +273,11 @@ def test_rejected_episodes_are_counted_and_drawn_again():
 
 def test_fingerprint_of_the_car_is_reproducible():
     assert plant_fingerprint() == plant_fingerprint()
+    assert plant_fingerprint(VARIED) == plant_fingerprint(VARIED) != plant_fingerprint()
+
+
+def test_conditions_in_which_no_drive_is_kept_are_refused(monkeypatch):
+    monkeypatch.setattr(generate_module, "MOST_REJECTED", 3)
+    ice = Recipe(first_speed_mps=(35.0, 36.0), variation=Variation(friction=(0.1, 0.1)))
+    with pytest.raises(DatasetError, match=r"friction_left 0\.1.*more friction"):
+        make_episode(ice, np.random.SeedSequence(0))

@@ -22,7 +22,9 @@ def train(toy_dataset) -> Trajectories:
 
 def everything(dataset) -> Trajectories:
     parts = [dataset.select(part) for part in PARTS]
-    return Trajectories(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    return Trajectories(
+        *(np.concatenate(arrays) for arrays in zip(*parts, strict=True) if arrays[0] is not None)
+    )
 
 
 def root_mean_square(rows: np.ndarray) -> np.ndarray:

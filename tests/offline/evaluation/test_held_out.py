@@ -53,7 +53,7 @@ def save(monkeypatch, tmp_path, toy_dataset):
 
 def first_episodes(dataset, episodes):
     samples = int(dataset.recording.lengths[:episodes].sum())
-    *arrays, first = dataset.recording
+    *arrays, first, _ = dataset.recording
     slices = dataset.slices.take(dataset.slices.episode < episodes)
     return Recording(*(array[:samples] for array in arrays), first[:episodes]), slices
 

@@ -4,7 +4,8 @@ import numpy as np
 
 
 def numbers_of(dataset):
-    return [*dataset.recording, dataset.part, *dataset.slices[:2], *(dataset.slices.anchor or ())]
+    recorded = [array for array in dataset.recording if array is not None]
+    return [*recorded, dataset.part, *dataset.slices[:2], *(dataset.slices.anchor or ())]
 
 
 def same_numbers(one, other) -> bool:

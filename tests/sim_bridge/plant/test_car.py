@@ -5,11 +5,14 @@ import pytest
 from wandering_inputs import wandering_inputs
 
 from rt_controller.contract.signals import ControlInput
+from rt_controller.contract.timing import PERIOD_S
 from sim_bridge import frenet
 from sim_bridge.adapters.own_car import OwnCar
 from sim_bridge.car import Car
+from sim_bridge.plant.car_parts import RoadParameters
 from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, settle, simulate
 from sim_bridge.plant.parameters import default_car
+from sim_bridge.plant.protocol import RoadAt
 
 PARAMETERS = default_car()
 CURVATURE_PER_M = 0.002
@@ -30,6 +33,28 @@ def test_a_car_stepped_by_periods_equals_the_simulated_episode() -> None:
     np.testing.assert_array_equal(seen[:, :3], motion[STEPS_PER_PERIOD::STEPS_PER_PERIOD])
     np.testing.assert_array_equal(seen[:, 3], np.diff(poses[:, frenet.S]))
     np.testing.assert_array_equal(seen[:, 4:], poses[1:, 1:])
+
+
+def test_a_road_that_changes_by_the_period_acts_as_behind_the_bridge() -> None:
+    """To the last bit."""
+    inputs = wandering_inputs(80)
+    k = np.arange(80)
+    flat = np.tile(np.array(PARAMETERS.road), (80, 1))
+    roads = flat + 0.02 * np.sin(0.1 * k[:, None] + np.arange(6))
+    roads[40:, 0] = 0.4
+    car = OwnCar(PARAMETERS._replace(road=RoadParameters(*roads[0].tolist())))
+    start = car.reset(22.0)
+    stepped = [start]
+    for control, row in zip(inputs, roads.tolist(), strict=True):
+        car.set_road(RoadAt(0.0, 0.0, *row))
+        stepped.append(car.step(control, PERIOD_S)[-1].copy())
+
+    state0 = settle(22.0, PARAMETERS._replace(road=RoadParameters(*roads[0].tolist())))
+    held = np.array(inputs)
+    motion, _ = simulate(state0, held, PARAMETERS, STEPS_PER_PERIOD, STEP_S, roads)
+    np.testing.assert_array_equal(np.array(stepped), motion[::STEPS_PER_PERIOD])
+    on_flat, _ = simulate(state0, held, PARAMETERS, STEPS_PER_PERIOD, STEP_S)
+    assert np.abs(motion - on_flat).max() > 0.05
 
 
 def test_the_progress_of_a_state_is_that_of_the_period_before_it() -> None:

@@ -10,7 +10,13 @@ import pytest
 
 from rt_controller.contract.errors import ConfigError
 from sim_bridge.plant.car_record import car_record
-from sim_bridge.plant.parameters import Parameters, default_car, load_parameters, with_road_friction
+from sim_bridge.plant.parameters import (
+    Parameters,
+    default_car,
+    load_parameters,
+    with_cornering_stiffness,
+    with_road_friction,
+)
 from sim_bridge.plant.shipped_cars import shipped_cars
 
 TEXT = (resources.files("sim_bridge") / "cars" / "c_class_150kw_awd.toml").read_text("utf-8")
@@ -181,6 +187,14 @@ def test_an_unknown_car_is_refused_with_the_list_of_shipped_cars() -> None:
         load_parameters("limousine")
     with pytest.raises(ConfigError, match="expected a car file in UTF-8 that can be read"):
         load_parameters("no/such/car.toml")
+
+
+def test_cornering_stiffness_is_scaled_in_both_kinds_of_tyres() -> None:
+    car, soft = default_car(), with_cornering_stiffness(default_car(), 0.8)
+    assert soft.tyre.cornering_stiffness_npr == 0.8 * car.tyre.cornering_stiffness_npr
+    assert soft.tyre_file.lky == 0.8 * car.tyre_file.lky
+    with pytest.raises(ConfigError, match="cornering stiffness: expected a positive number"):
+        with_cornering_stiffness(car, 0.0)
 
 
 def test_road_friction_is_set_for_both_sides_or_for_each_side() -> None:
