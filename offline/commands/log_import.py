@@ -16,7 +16,7 @@ from offline.logs.assembly import assign_parts, join_episodes, roads_of, slice_w
 from offline.logs.checks.inspection import inspect_drives, require_episodes
 from offline.logs.episode import cut_drive, make_schema
 from offline.logs.mapping import LogMapping, read_mapping
-from offline.logs.readers.source import find_logs, read_log, source_file
+from offline.logs.readers.source import find_logs, read_log, source_file, source_files
 from offline.logs.series import to_drive
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.schema import VEHICLE, Schema
@@ -43,19 +43,19 @@ def import_logs(
             f"add --replace."
         )
     mapping, text = read_mapping(mapping_file)
-    paths = find_logs(places, mapping)
+    found = find_logs(places, mapping)
     with STDERR.status("reading") as status:
         drives = []
-        for path in paths:
-            status.update(f"reading {path.name}")
-            drives.append(to_drive(read_log(path, mapping), mapping))
+        for each in found:
+            status.update(f"reading {each.name}")
+            drives.append(to_drive(read_log(each, mapping), mapping))
         status.update("cutting into episodes")
         line = read_line(mapping.pose) if mapping.pose else None
         cuts = [cut_drive(drive, mapping, line) for drive in drives]
         require_episodes(drives, cuts, mapping)
         schema = make_schema(mapping, drives)
         episodes = [episode for cut in cuts for episode in cut.episodes]
-        part = assign_parts([episode.path.name for episode in episodes], mapping.split)
+        part = assign_parts([episode.drive for episode in episodes], mapping.split)
         recording, roads = join_episodes(episodes, mapping), roads_of(mapping)
         slices = slice_windows(recording, roads, mapping.split.seed)
         status.update("checking")
@@ -75,7 +75,10 @@ def import_logs(
             roles=mapping.resolve_roles(),
             roads=roads,
             origin=Imported(
-                tuple(source_file(path) for path in (*paths, *_other_files(mapping))),
+                (
+                    *(file for each in found for file in source_files(each, mapping)),
+                    *(source_file(path, path.name) for path in _other_files(mapping)),
+                ),
                 text,
                 len(episodes),
                 mapping.split.seed,

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import ceil
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +29,8 @@ _STANDING_M = 0.05
 class LogEpisode:
     """Samples without gap, at the data set's period."""
 
-    path: Path
+    drive: str
+    """name of its log"""
     begin_s: float
     """in the time of its log"""
     signals: pd.DataFrame
@@ -44,7 +44,7 @@ class LogEpisode:
     def piece(self, begin: int, end: int, period_s: float) -> "LogEpisode":
         """The samples from `begin` to before `end`."""
         begin_s = self.begin_s + period_s * begin
-        return LogEpisode(self.path, begin_s, self.signals.iloc[begin:end], self.pose[begin:end])
+        return LogEpisode(self.drive, begin_s, self.signals.iloc[begin:end], self.pose[begin:end])
 
 
 class CutDrive(NamedTuple):
@@ -66,9 +66,9 @@ def make_schema(mapping: LogMapping, drives: Sequence[LoggedDrive]) -> Schema:
         for one, other in zip(first.signals, drive.signals, strict=True):
             if one.unit != other.unit:
                 raise DatasetError(
-                    f"{drive.path}, column {other.column}: expected {one.name} in {one.unit} as in "
-                    f"{first.path.name}, found {other.unit}. All logs of one import need the same "
-                    f"units; convert that one."
+                    f"{other.place}: expected {one.name} in {one.unit} as in {first.name}, "
+                    f"found {other.unit}. All logs of one import need the same units; convert that "
+                    f"one."
                 )
     units = {signal.name: signal.unit for signal in (*VEHICLE.states, *VEHICLE.exogenous)}
     units |= {series.name: series.unit for series in first.signals}
@@ -105,7 +105,7 @@ def _sample(drive: LoggedDrive, period_s: float, stretch: Stretch) -> LogEpisode
     signals = {each.name: resample(each, stretch, t_s, period_s) for each in drive.signals}
     poses = [resample(each, stretch, t_s, period_s) for each in drive.poses]
     pose = np.stack(poses, axis=1) if poses else np.zeros((len(t_s), 0))
-    return LogEpisode(drive.path, stretch.begin_s, pd.DataFrame(signals), pose)
+    return LogEpisode(drive.name, stretch.begin_s, pd.DataFrame(signals), pose)
 
 
 def _along_line(

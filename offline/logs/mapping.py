@@ -14,6 +14,7 @@ from rt_controller.contract.schema import VEHICLE
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.mapping.car_signals import CarSignals
 from rt_controller.mapping.quantity import Quantity
+from rt_controller.mapping.tables import ColumnMapping
 from rt_controller.mapping.toml_file import parse
 
 CAR_STATES = VEHICLE.state_names[: -len(PATH_STATES)]
@@ -32,10 +33,14 @@ class LogMapping(CarSignals):
     checks: tables.ChecksSettings = tables.ChecksSettings()
 
     @property
-    def columns(self) -> tuple[str, ...]:
-        """Every column that is read from the logs, except that of time."""
-        every = (*self.signals.values(), *self.pose_columns)
-        return tuple(dict.fromkeys(each.column for each in every))
+    def every_column(self) -> tuple[ColumnMapping, ...]:
+        """Every column that is read from the logs, except those of time."""
+        return (*self.signals.values(), *self.pose_columns)
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Patterns of the files of one drive; empty if each drive is one file."""
+        return tuple(dict.fromkeys(each.file for each in self.every_column if each.file))
 
     @property
     def places_roads(self) -> bool:
@@ -75,6 +80,7 @@ class LogMapping(CarSignals):
         repeated = sorted({name for name in names if names.count(name) > 1})
         mistakes = [f"{name}: expected each name once, found it twice" for name in repeated]
         mistakes += self.unit_mistakes()
+        mistakes += self._file_mistakes()
         for role, chosen in self.roles.model_dump(exclude_none=True).items():
             known = [*self.states, *self.inputs] if role == "past" else names
             unknown = [name for name in chosen if name not in known]
@@ -94,6 +100,17 @@ class LogMapping(CarSignals):
         if mistakes:
             raise ValueError("\n".join(mistakes))
         return self
+
+    def _file_mistakes(self) -> list[str]:
+        """A sentence for each column without a file in a mapping where others have one."""
+        without = [each.column for each in self.every_column if self.files and not each.file]
+        mistakes = [
+            f"column {name}: expected a file, as others have, found none" for name in without
+        ]
+        clocks = (self.time, *(each.time for each in self.every_column if each.time))
+        if not self.files and any(clock.file for clock in clocks):
+            mistakes.append("time.file: expected a file for each signal too, found none")
+        return mistakes
 
 
 def read_mapping(path: Path) -> tuple[LogMapping, str]:

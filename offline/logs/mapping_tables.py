@@ -6,7 +6,6 @@ Those of the signals are in `rt_controller.mapping.tables`.
 from typing import Annotated, Literal
 
 from pydantic import (
-    AfterValidator,
     Field,
     NonNegativeFloat,
     NonNegativeInt,
@@ -15,25 +14,12 @@ from pydantic import (
 )
 
 from offline.data.dataset import HELD_BACK
-from rt_controller.mapping.tables import MappingTable
-from rt_controller.mapping.units import find_unit
+from rt_controller.mapping.tables import Clock, MappingTable
 
 
-def _of_time(unit: str) -> str:
-    found = find_unit(unit)
-    if unit != "iso8601" and (found is None or found.si != "s"):
-        raise ValueError("expected a unit of time or 'iso8601'")
-    return unit
+class TimeMapping(Clock):
+    """The clock of all columns that have none of their own, and how gaps are treated."""
 
-
-class TimeMapping(MappingTable):
-    """When the rows of a table were recorded. MF4 files and CAN logs have time stamps already."""
-
-    column: str | None = None
-    unit: Annotated[str, AfterValidator(_of_time)] = "s"
-    """"iso8601" for dates"""
-    period_s: PositiveFloat | None = None
-    """time between two rows; compared with the column if there is one"""
     longest_gap_s: PositiveFloat | None = None
     """None: 3.5 times the usual time between two samples"""
     skip_first_s: NonNegativeFloat = 0.0
@@ -44,7 +30,8 @@ class CsvSettings(MappingTable):
 
     delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
     decimal: Literal[".", ","] | None = None
-    header_line: PositiveInt = 1
+    header_line: NonNegativeInt | None = None
+    """None: the first line, without comments; 0: no header, the columns are named 1, 2, ..."""
     units_line: PositiveInt | None = None
     encoding: str = "utf-8-sig"
 

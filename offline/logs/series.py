@@ -1,7 +1,6 @@
 """From a column of a log to a signal in SI, checked sample by sample."""
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +27,10 @@ class Series:
 
     name: str
     unit: str
-    column: str
+    place: str
+    """file and column, for messages"""
+    row_word: str
+    """name of a row in that file"""
     t_s: Array
     """(N,) increasing; time of measurement, delays subtracted"""
     values: Array
@@ -48,6 +50,10 @@ class Series:
         """Median time between two samples."""
         return float(np.median(np.diff(self.t_s)))
 
+    def place_of(self, sample: int) -> str:
+        """File, column and row of a sample, for messages."""
+        return f"{self.place}, {self.row_word} {self.row[sample]}"
+
     @property
     def missing_s(self) -> float:
         """Sum of all gaps."""
@@ -58,9 +64,9 @@ class Series:
 class LoggedDrive:
     """All signals of one log, and its poses if the mapping has [pose]."""
 
-    path: Path
-    row_word: str
+    name: str
     rows: int
+    """in its longest file"""
     signals: tuple[Series, ...]
     """in the order of `LogMapping.signals`"""
     poses: tuple[Series, ...]
@@ -84,42 +90,41 @@ def to_drive(log: Log, mapping: LogMapping) -> LoggedDrive:
     signals = []
     for name, column in mapping.signals.items():
         series = _to_series(log, name, si_unit_of_name(name), column, first_s, gap_s)
-        signals.append(_within_limits(log, mapping, series, column))
+        signals.append(_within_limits(mapping, series, column))
     poses = []
     for (name, unit, steepest), pose in zip(POSE_SIGNALS, mapping.pose_columns, strict=False):
         series = _to_series(log, name, unit, pose, first_s, gap_s)
         if name == "yaw":
             series = replace(series, values=np.unwrap(series.values))
         poses.append(_without_jumps(series, steepest))
-    return LoggedDrive(log.path, log.row_word, log.rows, tuple(signals), tuple(poses))
+    return LoggedDrive(log.name, log.rows, tuple(signals), tuple(poses))
 
 
 def _to_series(
     log: Log, name: str, si: str | None, column: ColumnMapping, first_s: float, gap_s: float | None
 ) -> Series:
-    channel = log.channel(column.column)
-    place = f"{log.path}, column {channel.column}"
-    scaling = scaling_of(place, channel.unit, column, name, si)
+    channel = log.channel(*column.names, file=column.file)
+    scaling = scaling_of(channel.place, channel.unit, column, name, si)
     is_known = np.isfinite(channel.values)
     missing = np.flatnonzero(~is_known)
     if column.missing == "refuse" and len(missing):
         found = "none" if np.isnan(channel.values[missing[0]]) else "an infinite one"
         raise DatasetError(
-            f"{place}, {log.row_word} {channel.row[missing[0]]}: expected a number, found {found} "
+            f"{channel.place_of(missing[0])}: expected a number, found {found} "
             f"({len(missing)} of {len(is_known)} samples). Export the column without empty cells, "
             f'or write missing = "skip" for {name} if other columns are sampled faster.'
         )
     kept = is_known & (channel.t_s >= first_s)
     if np.count_nonzero(kept) < 2:
         raise DatasetError(
-            f"{place}: expected at least two samples, found {np.count_nonzero(kept)}. Leave the "
-            f"file out."
+            f"{channel.place}: expected at least two samples, "
+            f"found {np.count_nonzero(kept)}. Leave the file out."
         )
     backwards = np.flatnonzero(np.diff(channel.t_s) <= 0.0)
     if len(backwards):
-        k = backwards[0] + 1
+        k = int(backwards[0]) + 1
         raise DatasetError(
-            f"{place}, {log.row_word} {channel.row[k]}: expected time to increase, found "
+            f"{channel.place_of(k)}: expected time to increase, found "
             f"{channel.t_s[k]:.10g} s after {channel.t_s[k - 1]:.10g} s. Split the log where time "
             f"starts again, or choose one channel of the bus."
         )
@@ -129,23 +134,32 @@ def _to_series(
     longest_s = column.longest_gap_s or gap_s or LONGEST_GAP_PERIODS * np.median(steps)
     known, gaps = steps <= longest_s, tuple(np.flatnonzero(steps > longest_s).tolist())
     return Series(
-        name, scaling.si, column.column, t_s, values, rows, column.sampling, known, 0, gaps
+        name,
+        scaling.si,
+        channel.place,
+        channel.of.word,
+        t_s,
+        values,
+        rows,
+        column.sampling,
+        known,
+        0,
+        gaps,
     )
 
 
-def _within_limits(log: Log, mapping: LogMapping, series: Series, column: SignalMapping) -> Series:
+def _within_limits(mapping: LogMapping, series: Series, column: SignalMapping) -> Series:
     """The series, cut where it leaves `keep` or jumps; `DatasetError` if it is not plausible."""
     limits = limits_of(mapping.quantity(series.name), series.unit)
     low, high = column.plausible or (limits.low, limits.high)
     beyond = np.flatnonzero((series.values < low) | (series.values > high))
     if len(beyond):
-        k = beyond[0]
+        k = int(beyond[0])
         raise DatasetError(
-            f"{log.path}, column {series.column}, {log.row_word} {series.row[k]}: expected "
-            f"{series.name} between {low:g} and {high:g} {series.unit}, found "
-            f"{series.values[k]:.6g} ({len(beyond)} of {len(series.values)} samples). Correct the "
-            f"unit in the mapping, or correct the log, or write plausible = [low, high] for "
-            f"{series.name}."
+            f"{series.place_of(k)}: expected {series.name} between {low:g} and {high:g} "
+            f"{series.unit}, found {series.values[k]:.6g} ({len(beyond)} of {len(series.values)} "
+            f"samples). Correct the unit in the mapping, or correct the log, or write plausible = "
+            f"[low, high] for {series.name}."
         )
     series = _without_jumps(series, column.steepest_per_s or limits.steepest_per_s)
     if column.keep is None:

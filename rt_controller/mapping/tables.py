@@ -43,6 +43,13 @@ def _not_zero(factor: float) -> float:
     return factor
 
 
+def _of_time(unit: str) -> str:
+    found = find_unit(unit)
+    if unit != "iso8601" and (found is None or found.si != "s"):
+        raise ValueError("expected a unit of time or 'iso8601'")
+    return unit
+
+
 def _in_folder(path: Path, info: ValidationInfo) -> Path:
     """The path, relative to the folder of the mapping file."""
     return info.context / path if info.context else path
@@ -70,10 +77,39 @@ class Sampling(StrEnum):
     """keeps the last value, as commands do; the data set has its mean over the following period"""
 
 
+class Clock(MappingTable):
+    """When the rows of a table were recorded. MDF files and CAN logs have time stamps already."""
+
+    column: str | None = None
+    other_names: tuple[str, ...] = ()
+    """of the column, in logs that have none of the first name"""
+    file: str | None = None
+    """file of the times, beside that of the values; {name}: name of that file without its ending"""
+    unit: Annotated[str, AfterValidator(_of_time)] | None = None
+    """"iso8601" for dates; None: the one behind the column's name in the file, or s"""
+    period_s: PositiveFloat | None = None
+    """time between two rows; compared with the column if there is one"""
+    repeated: Literal["refuse", "skip"] = "refuse"
+    """rows with the time of the row before"""
+    starts_at_zero: bool = False
+    """the times of every file count from its own first row, which all files recorded together"""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names that the column may have, the first one first; empty without a column."""
+        return (self.column, *self.other_names) if self.column else ()
+
+
 class ColumnMapping(MappingTable):
     """A column of the logs: SI value = sign * unit(factor * number + offset), `delay_s` earlier."""
 
     column: str
+    other_names: tuple[str, ...] = ()
+    """of the column, in logs that have none of the first name"""
+    file: str | None = None
+    """file of a drive that has one for each signal; None: every drive is one file"""
+    time: Clock | None = None
+    """clock of this column alone; None: that of [time]"""
     unit: UnitName | None = None
     """None: the unit that the log itself gives"""
     sign: Literal[1, -1] = 1
@@ -85,6 +121,11 @@ class ColumnMapping(MappingTable):
     missing: Literal["refuse", "skip"] = "refuse"
     longest_gap_s: PositiveFloat | None = None
     """between two samples; None: that of [time]"""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names that the column may have, the first one first."""
+        return (self.column, *self.other_names)
 
 
 class SignalMapping(ColumnMapping):

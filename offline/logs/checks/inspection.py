@@ -54,7 +54,7 @@ def inspect_drives(
         period_s=mapping.period_s,
         files=files,
         episodes=tuple(
-            EpisodeReport(e.path.name, e.begin_s, mapping.period_s * (len(e) - 1), PARTS[k])
+            EpisodeReport(e.drive, e.begin_s, mapping.period_s * (len(e) - 1), PARTS[k])
             for e, k in zip(episodes, part, strict=True)
         ),
         slices=tuple(np.bincount(part[slices.episode], minlength=len(PARTS)).tolist()),
@@ -96,22 +96,21 @@ def require_episodes(
         duration_s, drive, begin_s = max(stretches, key=lambda each: each[0])
         samples = round(duration_s / mapping.period_s) + 1
         series = drive.signals[0]
-        row = series.row[min(int(np.searchsorted(series.t_s, begin_s)), len(series.row) - 1)]
+        place = series.place_of(min(int(np.searchsorted(series.t_s, begin_s)), len(series.row) - 1))
         raise DatasetError(
-            f"{drive.path}, column {series.column}, {drive.row_word} {row}: expected a stretch "
-            f"without gap of {needed}, found one of {samples} and none longer in {len(drives)} "
-            f"logs. {remedy}"
+            f"{place}: expected a stretch without gap of {needed}, found one of {samples} and none "
+            f"longer in {len(drives)} logs. {remedy}"
         )
     off_line = sum(cut.off_line for cut in cuts)
     if mapping.pose and off_line:
         raise DatasetError(
-            f"{drives[0].path}: expected a drive within {mapping.pose.farthest_m:g} m of "
+            f"{drives[0].name}: expected a drive within {mapping.pose.farthest_m:g} m of "
             f"{mapping.pose.reference_line}, found all {off_line} periods farther away, in "
             f"{len(drives)} logs. Give the line in the frame of the pose and in m, or correct "
             f"farthest_m in [pose]."
         )
     raise DatasetError(
-        f"{drives[0].path}: expected a stretch without gap of {needed}, found no time at "
+        f"{drives[0].name}: expected a stretch without gap of {needed}, found no time at "
         f"which all signals are known, in {len(drives)} logs. {remedy}"
     )
 
@@ -126,12 +125,12 @@ def _require_motion(drives: Sequence[LoggedDrive], mapping: LogMapping) -> tuple
         if high - low > _CONSTANT_SHARE * max(abs(low), abs(high)):
             continue
         if not signal.may_be_constant and name not in mapping.exogenous:
-            drive, rows = drives[0], series[0].row
+            first = series[0]
             raise DatasetError(
-                f"{drive.path}, column {signal.column}, {drive.row_word}s {rows[0]} to "
-                f"{rows[-1]}: expected {name} to change, found {low:.6g} {series[0].unit} all the "
-                f"time, in {len(drives)} logs. Remove it from the mapping, name another column, or "
-                f"write may_be_constant = true for it."
+                f"{first.place}, {first.row_word}s {first.row[0]} to {first.row[-1]}: expected "
+                f"{name} to change, found {low:.6g} {first.unit} all the time, in {len(drives)} "
+                f"logs. Remove it from the mapping, name another column, or write may_be_constant "
+                f"= true for it."
             )
         constant.append(name)
     return tuple(constant)
@@ -157,11 +156,12 @@ def _require_units(
 def _where(subject: str, drives: Sequence[LoggedDrive]) -> str:
     """The file and its first row, or the column that a signal comes from."""
     for drive in drives:
-        if drive.path.name == subject:
-            return f"{drive.path}, from {drive.row_word} {drive.signals[0].row[0]} on"
+        if drive.name == subject:
+            first = drive.signals[0]
+            return f"{first.place}, from {first.row_word} {first.row[0]} on"
         for series in drive.all_series:
             if series.name == subject:
-                return f"{drive.path}, column {series.column}"
+                return series.place
     return subject
 
 
@@ -169,7 +169,7 @@ def _file(drive: LoggedDrive, cut: CutDrive, mapping: LogMapping) -> FileReport:
     series = drive.all_series
     begin_s, end_s = min(s.t_s[0] for s in series), max(s.t_s[-1] for s in series)
     return FileReport(
-        name=drive.path.name,
+        name=drive.name,
         rows=drive.rows,
         duration_s=float(end_s - begin_s),
         slowest_step_s=max(s.usual_step_s for s in series),

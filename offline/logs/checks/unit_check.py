@@ -49,8 +49,8 @@ def find_proportions(episodes: Sequence[LogEpisode], mapping: LogMapping) -> lis
     if speed is None:
         return []
     found = []
-    for file in dict.fromkeys(episode.path.name for episode in episodes):
-        own = [episode for episode in episodes if episode.path.name == file]
+    for file in dict.fromkeys(episode.drive for episode in episodes):
+        own = [episode for episode in episodes if episode.drive == file]
         is_driving = np.concatenate([e.signals[speed] >= LEAST_SPEED_MPS for e in own])
         for pair in find_pairs(own, mapping):
             c, r = (np.concatenate(each)[is_driving] for each in (pair.causes, pair.responses))

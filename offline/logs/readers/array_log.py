@@ -1,4 +1,4 @@
-"""Logs as arrays with names: npz archives of numpy, and MATLAB files up to version 7.2."""
+"""Logs as arrays: npz archives and npy files of numpy, and MATLAB files up to version 7.2."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -8,25 +8,42 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from offline.logs.mapping_tables import TimeMapping
-from offline.logs.readers.log import Log, readable
+from offline.logs.readers.log import Log, Names, RowsOf, readable
 from offline.logs.readers.table import columns_to_read, to_log
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.files import DamagedArchiveError, read_arrays
+from rt_controller.mapping.tables import Clock
 
 _HDF5 = b"\x89HDF"
 _HDF5_POSITIONS = (0, 512)
 """MATLAB writes 512 bytes of its own before the HDF5 file of its version 7.3"""
 
 
-def read_npz(path: Path, wanted: Sequence[str], time: TimeMapping) -> Log:
+def read_npz(path: Path, wanted: Sequence[Names], time: Clock) -> Log:
     """The wanted arrays of an npz archive."""
     with readable(path, "an npz archive", (OSError, DamagedArchiveError)):
         arrays = read_arrays(path)
     return _to_log(path, arrays, wanted, time)
 
 
-def read_mat(path: Path, wanted: Sequence[str], time: TimeMapping) -> Log:
+def read_npy(path: Path, wanted: Sequence[Names], time: Clock) -> Log:
+    """The wanted columns of one numpy array: its fields, or 1, 2, and so on."""
+    with readable(path, "a numpy array"):
+        array = np.load(path, allow_pickle=False)
+    if array.dtype.names:
+        columns = {name: array[name] for name in array.dtype.names}
+    else:
+        table = array[:, None] if array.ndim == 1 else array
+        if table.ndim != 2:
+            raise DatasetError(
+                f"{path}: expected an array of one row for each instant, found the shape "
+                f"{array.shape}. Export each signal as a separate vector."
+            )
+        columns = {str(k + 1): column for k, column in enumerate(table.T)}
+    return _to_log(path, columns, wanted, time)
+
+
+def read_mat(path: Path, wanted: Sequence[Names], time: Clock) -> Log:
     """The wanted variables of a MATLAB file; "run.vx" is the field vx of the struct run."""
     from scipy.io import loadmat
 
@@ -49,25 +66,28 @@ def read_mat(path: Path, wanted: Sequence[str], time: TimeMapping) -> Log:
 
 
 def _to_log(
-    path: Path, arrays: Mapping[str, NDArray[Any]], wanted: Sequence[str], time: TimeMapping
+    path: Path, arrays: Mapping[str, NDArray[Any]], wanted: Sequence[Names], time: Clock
 ) -> Log:
-    columns = {}
-    for column in columns_to_read(path, wanted, time, list(arrays)):
-        array = arrays[column]
-        vector = np.squeeze(array)
-        if vector.ndim != 1 or vector.dtype.kind not in "fiub":
-            raise DatasetError(
-                f"{path}, column {column}: expected a vector of numbers, found {array.dtype} of "
-                f"shape {array.shape}. Export each signal as a separate vector."
-            )
-        columns[column] = vector.astype(np.float64 if vector.dtype.kind == "f" else np.int64)
-    lengths = {column: len(values) for column, values in columns.items()}
+    columns = columns_to_read(path, wanted, time, list(arrays))
+    vectors = {text: _vector(path, text, arrays[text]) for text in columns.texts}
+    lengths = {text: len(values) for text, values in vectors.items()}
     if len(set(lengths.values())) > 1:
         raise DatasetError(
             f"{path}: expected arrays of one length, found "
             f"{', '.join(f'{name} of {n}' for name, n in lengths.items())}. Export one row for "
-            f"each instant."
+            f"each instant, or write `time` for the columns that have times of their own."
         )
-    frame = pd.DataFrame(columns)
+    frame = pd.DataFrame(vectors)
     frame.index += 1
-    return to_log(path, frame, wanted, time, "row", {})
+    return to_log(RowsOf(path, "row"), frame, columns, time)
+
+
+def _vector(path: Path, text: str, array: NDArray[Any]) -> NDArray[Any]:
+    """The array as a vector; numbers keep their type, so that large stamps stay exact."""
+    vector = np.squeeze(array)
+    if vector.ndim != 1 or vector.dtype.kind not in "fiubM":
+        raise DatasetError(
+            f"{path}, column {text}: expected a vector of numbers, found {array.dtype} of shape "
+            f"{array.shape}. Export each signal as a separate vector."
+        )
+    return vector if vector.dtype.kind in "fM" else vector.astype(np.int64)

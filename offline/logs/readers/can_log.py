@@ -6,15 +6,17 @@ The only module of `offline` that imports them: it reads files and opens no bus.
 import os
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import cast
 
 import can
 import cantools
 import numpy as np
+from cantools.database.can import Database
 
-from offline.logs.readers.log import Channel, Log, readable
-from rt_controller.contract.errors import DatasetError
+from offline.logs.readers.log import Channel, Log, Names, RowsOf, readable
+from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.mapping.dbc_signals import Source, find_source, load_dbc
 from rt_controller.mapping.log_damage import explain_damage
 from rt_controller.mapping.tables import CanSettings
@@ -25,7 +27,7 @@ _Samples = dict[tuple[str, str], list[tuple[int, float, float]]]
 """frame number, time in s and value, by message and signal"""
 
 
-def read_can(path: Path, wanted: Sequence[str], settings: CanSettings | None) -> Log:
+def read_can(path: Path, wanted: Sequence[Names], settings: CanSettings | None) -> Log:
     """The wanted signals of a CAN log, each with the time stamps of its frames.
 
     A column is a signal's name, or "Message.Signal" if several messages have a signal of that name.
@@ -36,10 +38,10 @@ def read_can(path: Path, wanted: Sequence[str], settings: CanSettings | None) ->
             f'[can] dbc = "car.dbc".'
         )
     database = load_dbc(settings.dbc)
-    sources = {column: find_source(str(path), database, column) for column in wanted}
+    sources = dict(_find_source(path, database, names) for names in wanted)
     _require_complete(path)
     frames, samples = _decode(path, sources, settings.channel)
-    channels = []
+    channels, of = [], RowsOf(path, "frame")
     for column, (message, signal) in sources.items():
         if (message.name, signal.name) not in samples:
             where = "" if settings.channel is None else f" on channel {settings.channel}"
@@ -49,8 +51,16 @@ def read_can(path: Path, wanted: Sequence[str], settings: CanSettings | None) ->
                 f"and [can] channel, or leave the file out."
             )
         rows, t_s, values = map(np.array, zip(*samples[message.name, signal.name], strict=True))
-        channels.append(Channel(column, t_s, values, rows, signal.unit or None))
-    return Log(path, tuple(channels), "frame", frames)
+        channels.append(Channel(column, t_s, values, rows, signal.unit or None, of))
+    return Log(path.name, path, tuple(channels), frames)
+
+
+def _find_source(path: Path, database: Database, names: Names) -> tuple[str, Source]:
+    """The first of the names that the DBC has, and its signal."""
+    for name in names[:-1]:
+        with suppress(ConfigError):
+            return name, find_source(str(path), database, name)
+    return names[-1], find_source(str(path), database, names[-1])
 
 
 def _decode(

@@ -4,43 +4,72 @@ import bz2
 import csv
 import gzip
 import lzma
+import re
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import chain, islice
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, NamedTuple, TextIO
 
 import pandas as pd
 
-from offline.logs.mapping_tables import CsvSettings, TimeMapping
-from offline.logs.readers.log import Log, readable
+from offline.logs.mapping_tables import CsvSettings
+from offline.logs.readers.heading import split_unit
+from offline.logs.readers.log import Log, Names, RowsOf, readable
 from offline.logs.readers.table import columns_to_read, to_log
 from rt_controller.contract.errors import DatasetError
+from rt_controller.mapping.tables import Clock
 
 _DELIMITERS = (",", ";", "\t", "|")
+_COMMENT = ("#", "%")
+"""first characters of lines that numpy and MATLAB write before the rows"""
+_HEAD_LINES = 1000
+"""from the beginning, among which comments and header are"""
 _MISSING = ("", "nan", "na", "n/a", "null", "none", "-")
 _OPENERS: dict[str, Callable[..., Any]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
 _FAILURES = (OSError, EOFError, zlib.error, lzma.LZMAError, csv.Error)
-CSV_SUFFIXES = tuple(plain + packed for plain in (".csv", ".tsv") for packed in ("", *_OPENERS))
+CSV_SUFFIXES = tuple(
+    plain + packed for plain in (".csv", ".tsv", ".txt") for packed in ("", *_OPENERS)
+)
 
 
-def read_csv(path: Path, wanted: Sequence[str], time: TimeMapping, style: CsvSettings) -> Log:
+class _Layout(NamedTuple):
+    """How the lines of a file are read."""
+
+    delimiter: str
+    """a space: any number of spaces"""
+    names: list[str]
+    units: list[str]
+    """of the columns, from a line of their own; or empty"""
+    skipped: int
+    """lines before the first row"""
+
+    def split(self, lines: Iterable[str]) -> Any:
+        """A reader of the csv module that splits the lines into cells."""
+        if self.delimiter == " ":
+            lines = (" ".join(line.split()) for line in lines)
+        return csv.reader(lines, delimiter=self.delimiter)
+
+
+def read_csv(path: Path, wanted: Sequence[Names], time: Clock, style: CsvSettings) -> Log:
     """The wanted columns of a CSV file."""
     with _opened(path, style.encoding) as text:
-        head = _read_head(path, text, style)
-        header = head[style.header_line - 1]
-        delimiter = style.delimiter or max(_DELIMITERS, key=header.count)
-        names = _split(header, delimiter)
-        if not {*wanted, time.column} & set(names):
-            _require_header(path, names, delimiter, style.header_line)
-        needed = columns_to_read(path, wanted, time, names)
-        texts = _read_texts(path, text, delimiter, names, needed, len(head))
+        head = list(islice(text, max(_HEAD_LINES, style.header_line or 0, style.units_line or 0)))
+        layout = _find_layout(path, head, style)
+        if not {name for each in (time.names, *wanted) for name in each} & {
+            each.name for each in map(split_unit, layout.names)
+        }:
+            _require_header(path, layout, style)
+        columns = columns_to_read(path, wanted, time, layout.names)
+        lines = chain(head[layout.skipped :], text)
+        texts = _read_texts(path, lines, layout, columns.texts)
     frame = pd.DataFrame(index=texts.index)
-    for column in needed:
-        is_date = column == time.column and time.unit == "iso8601"
+    for column in columns.texts:
+        is_date = columns.is_date(column, time)
         frame[column] = _to_numbers(path, column, texts[column], style.decimal, is_date)
-    units = _split(head[style.units_line - 1], delimiter) if style.units_line else []
-    return to_log(path, frame, wanted, time, "line", dict(zip(names, units, strict=False)))
+    units = dict(zip(layout.names, layout.units, strict=False))
+    return to_log(RowsOf(path, "line"), frame, columns, time, units.get)
 
 
 @contextmanager
@@ -64,59 +93,96 @@ def _opened(path: Path, encoding: str) -> Iterator[TextIO]:
         ) from error
 
 
-def _read_head(path: Path, text: TextIO, style: CsvSettings) -> list[str]:
-    """The lines before the first row of numbers."""
-    count = max(style.header_line, style.units_line or 0)
-    head = [line.rstrip("\r\n") for _, line in zip(range(count), text, strict=False)]
-    if len(head) < count:
+def _find_layout(path: Path, head: Sequence[str], style: CsvSettings) -> _Layout:
+    """The layout of a file with these first lines.
+
+    The header is the first line that is no comment; or the last comment if numbers follow it.
+    """
+    comments = next(
+        (k for k, line in enumerate(head) if line.strip() and not line.startswith(_COMMENT)),
+        len(head),
+    )
+    header_line = style.header_line
+    if header_line is None:
+        first = head[comments].strip() if comments < len(head) else ""
+        header_line = comments if comments and _is_row(first) else comments + 1
+    skipped = max(header_line or comments, style.units_line or 0)
+    if len(head) < max(skipped, 1):
         raise DatasetError(
-            f"{path}: expected a header in line {count}, found {len(head)} lines. Leave the file "
-            f"out, or correct [csv] header_line."
+            f"{path}: expected a header in line {max(skipped, 1)}, found {len(head)} lines. Leave "
+            f"the file out, or correct [csv] header_line."
         )
-    return head
+    row = head[skipped] if skipped < len(head) else ""
+    header = re.sub(r"^[#%]+\s*", "", head[header_line - 1]) if header_line else row
+    delimiter = style.delimiter or _find_delimiter(header.strip(), row.strip())
+    layout = _Layout(delimiter, [], [], skipped)
+    names, units = (
+        [cell.strip() for cell in next(layout.split([line]), [])]
+        for line in (header, head[style.units_line - 1] if style.units_line else "")
+    )
+    if not header_line:
+        names = [str(k + 1) for k in range(len(names))]
+    return layout._replace(names=names, units=units)
 
 
-def _split(line: str, delimiter: str) -> list[str]:
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]
+def _find_delimiter(header: str, row: str) -> str:
+    """The most frequent delimiter of the header; spaces if they split header and row alike."""
+    delimiter = max(_DELIMITERS, key=header.count)
+    if delimiter in header or not _are_numbers(row.split()):
+        return delimiter
+    return " " if len(header.split()) == len(row.split()) > 1 else delimiter
 
 
-def _require_header(path: Path, names: Sequence[str], delimiter: str, line: int) -> None:
+def _is_row(line: str) -> bool:
+    """True if no cell is a name: numbers, dates, missing values."""
+    cells = re.split(r"[,;|\s]+", line.replace('"', ""))
+    return not any(cell[:1].isalpha() and cell.lower() not in _MISSING for cell in cells)
+
+
+def _are_numbers(cells: Sequence[str]) -> bool:
+    return bool(pd.to_numeric(pd.Series(cells), errors="coerce").notna().all())
+
+
+def _require_header(path: Path, layout: _Layout, style: CsvSettings) -> None:
     """Return unless it is clear why a header has none of the wanted columns."""
-    if pd.to_numeric(pd.Series(names), errors="coerce").notna().all():
+    names, delimiter = layout.names, layout.delimiter
+    if style.header_line != 0 and _are_numbers(names):
         raise DatasetError(
-            f"{path}, line {line}: expected a header that names the columns, found numbers. Write "
-            f"one, or correct [csv] header_line."
+            f"{path}, line {layout.skipped}: expected a header that names the columns, found "
+            f"numbers. Correct [csv] header_line; with header_line = 0 the columns are named 1, 2, "
+            f"and so on."
         )
     others = [other for other in (*_DELIMITERS, " ") if other != delimiter and other in names[0]]
     if len(names) == 1 and others:
         raise DatasetError(
-            f"{path}, line {line}: expected names separated by {delimiter!r}, found one name, "
-            f"{names[0]!r}. Write the delimiter: [csv] delimiter = {others[0]!r}."
+            f"{path}, line {layout.skipped}: expected names separated by {delimiter!r}, found one "
+            f"name, {names[0]!r}. Write the delimiter: [csv] delimiter = {others[0]!r}."
         )
 
 
 def _read_texts(
-    path: Path, text: TextIO, delimiter: str, names: list[str], needed: list[str], skipped: int
+    path: Path, lines: Iterable[str], layout: _Layout, needed: Sequence[str]
 ) -> pd.DataFrame:
     """The cells of the needed columns, by line number; empty lines are left out."""
-    reader = csv.reader(text, delimiter=delimiter)
-    columns: list[tuple[int, list[str]]] = [(names.index(name), []) for name in needed]
-    lines = []
+    reader, width = layout.split(lines), len(layout.names)
+    columns: list[tuple[int, list[str]]] = [(layout.names.index(name), []) for name in needed]
+    numbers = []
     for cells in reader:
         if not any(cells):
             continue
-        line = skipped + reader.line_num
-        if len(cells) != len(names):
+        line = layout.skipped + reader.line_num
+        has_end = len(cells) == width + 1 and not cells[-1].strip()
+        if len(cells) != width and not has_end:
             raise DatasetError(
-                f"{path}, line {line}: expected {len(names)} cells as in the header, found "
-                f"{len(cells)}. The file may be truncated, or the delimiter is not {delimiter!r}: "
-                f"correct [csv] delimiter, or leave the line out."
+                f"{path}, line {line}: expected {width} cells as in the header, found "
+                f"{len(cells)}. The file may be truncated, or the delimiter is not "
+                f"{layout.delimiter!r}: correct [csv] delimiter, or leave the line out."
             )
-        lines.append(line)
+        numbers.append(line)
         for place, column in columns:
             column.append(cells[place])
     contents = {name: column for name, (_, column) in zip(needed, columns, strict=True)}
-    return pd.DataFrame(contents, index=lines, dtype=object)
+    return pd.DataFrame(contents, index=numbers, dtype=object)
 
 
 def _to_numbers(

@@ -14,13 +14,24 @@ from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.names import columns_of
+
+Names = Sequence[str]
+"""names that one wanted column may have, the first one first"""
+
+
+class RowsOf(NamedTuple):
+    """The file of a channel, and the name of a row in it, for messages."""
+
+    path: Path
+    word: str
+    """"line", "row", "frame" """
 
 
 class Channel(NamedTuple):
     """One column with the time of each of its samples."""
 
     column: str
+    """as the mapping names it"""
     t_s: Array
     """(N,)"""
     values: Array
@@ -29,33 +40,37 @@ class Channel(NamedTuple):
     """(N,) row number of each sample, as the user counts it in the file"""
     unit: str | None
     """as written in the file, or None"""
+    of: RowsOf
+    file: str | None = None
+    """`file` of the mapping, in a drive with one file for each signal"""
+
+    @property
+    def place(self) -> str:
+        """File and column, for messages."""
+        return f"{self.of.path}, column {self.column}"
+
+    def place_of(self, sample: int) -> str:
+        """File, column and row of a sample, for messages."""
+        return f"{self.place}, {self.of.word} {self.row[sample]}"
 
 
 @dataclass(frozen=True, slots=True)
 class Log:
-    """The requested columns of one file."""
+    """The wanted columns of one drive."""
 
+    name: str
     path: Path
+    """file, or folder of the files"""
     channels: tuple[Channel, ...]
-    row_word: str
-    """name of a row in such a file: "line", "row", "frame" """
     rows: int
-    """in the file"""
+    """in the longest file"""
+    begin_s: float | None = 0.0
+    """instant that the times count from, on the clock of the file; None: the file has no clock"""
 
-    def channel(self, column: str) -> Channel:
-        """The channel of a requested column."""
-        return next(each for each in self.channels if each.column == column)
-
-
-def require_columns(path: Path, wanted: Sequence[str], available: Sequence[str]) -> None:
-    """Raise a `DatasetError` that lists similar names if the file lacks a wanted column."""
-    column = next((column for column in wanted if column not in available), None)
-    if column is None:
-        return
-    raise DatasetError(
-        f"{path}: expected a column {column!r}, found none of that name. "
-        f"{columns_of('file', column, available)} Name the column in the mapping as the file does."
-    )
+    def channel(self, *names: str, file: str | None = None) -> Channel:
+        """The channel of a wanted column with one of these names."""
+        fits = [each for each in self.channels if each.file == file]
+        return next(each for name in names for each in fits if each.column == name)
 
 
 @contextmanager

@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from offline.logs.readers.log import Channel, Log, readable, require_columns
+from offline.logs.readers.heading import find_headings
+from offline.logs.readers.log import Channel, Log, Names, RowsOf, readable
 from rt_controller.contract.errors import DatasetError, require_packages
 
 _TIME_CHANNELS = ("t", "time")
 
 
-def read_mf4(path: Path, wanted: Sequence[str]) -> Log:
+def read_mf4(path: Path, wanted: Sequence[Names]) -> Log:
     """The wanted channels of an MDF file, each with the time of its channel group.
 
     A name that occurs in several groups needs the number of the group: "VehicleSpeed@3".
@@ -24,9 +25,8 @@ def read_mf4(path: Path, wanted: Sequence[str]) -> Log:
     require_packages("logs", ("asammdf",), f"{path}: an MDF file")
     with _opened(path) as mdf:
         names = [name for name in mdf.channels_db if name not in _TIME_CHANNELS]
-        require_columns(path, [column.partition("@")[0] for column in wanted], names)
-        channels = tuple(_read_channel(path, mdf, column) for column in wanted)
-    return Log(path, channels, "row", max(len(channel.t_s) for channel in channels))
+        channels = tuple(_read_channel(path, mdf, each, names) for each in wanted)
+    return Log(path.name, path, channels, max(len(channel.t_s) for channel in channels))
 
 
 @contextmanager
@@ -57,8 +57,12 @@ def _opened(path: Path) -> Iterator[Any]:
             raise OSError(failure)  # not the first one: its traceback holds the half-made object
 
 
-def _read_channel(path: Path, mdf: Any, column: str) -> Channel:
-    name, _, number = column.partition("@")
+def _read_channel(path: Path, mdf: Any, wanted: Names, texts: Sequence[str]) -> Channel:
+    """A channel with one of the wanted names, which may have the number of its group."""
+    plain = [each.partition("@")[0] for each in wanted]
+    (heading,) = find_headings(path, [plain], texts)
+    column = wanted[plain.index(heading.name)]
+    name, number = heading.text, column.partition("@")[2]
     places = mdf.channels_db[name]
     chosen = [place for place in places if number in ("", str(place[0]))]
     if len(chosen) != 1:
@@ -79,5 +83,6 @@ def _read_channel(path: Path, mdf: Any, column: str) -> Channel:
         np.asarray(signal.timestamps, dtype=np.float64),
         values.astype(np.float64),
         np.arange(1, len(values) + 1),
-        signal.unit or None,
+        signal.unit or heading.unit,
+        RowsOf(path, "row"),
     )

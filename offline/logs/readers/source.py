@@ -1,56 +1,63 @@
-"""Files of logs: which there are, and which reader reads each."""
+"""Logs in files and folders: which there are, and which reader reads each file."""
 
 import hashlib
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
+
+import pandas as pd
 
 from offline.data.manifest import SourceFile
 from offline.logs.mapping import LogMapping
-from offline.logs.readers.array_log import read_mat, read_npz
+from offline.logs.readers.array_log import read_mat, read_npy, read_npz
 from offline.logs.readers.csv_log import CSV_SUFFIXES, read_csv
-from offline.logs.readers.log import Log
+from offline.logs.readers.drive_files import DriveFiles, find_drives
+from offline.logs.readers.heading import Heading
+from offline.logs.readers.log import Log, Names, readable
 from offline.logs.readers.mf4_log import read_mf4
 from offline.logs.readers.parquet_log import read_parquet
+from offline.logs.readers.table import Columns, to_log
 from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.mapping.tables import Clock
 
-_TABLE_READERS = {".npz": read_npz, ".mat": read_mat, ".parquet": read_parquet, ".pq": read_parquet}
+_TABLE_READERS = {
+    ".npz": read_npz,
+    ".npy": read_npy,
+    ".mat": read_mat,
+    ".parquet": read_parquet,
+    ".pq": read_parquet,
+}
 _MF4_SUFFIXES = (".mf4", ".mdf", ".dat")
 _CAN_SUFFIXES = (".blf", ".asc", ".log", ".trc")
 SUFFIXES = (*CSV_SUFFIXES, *_TABLE_READERS, *_MF4_SUFFIXES, *_CAN_SUFFIXES)
+_MAGIC_OF_NPY, _MAGIC_OF_MDF = b"\x93NUMPY", (b"MDF", b"UnFinMF")
+_EVERY_ROW = Clock(period_s=1.0)
 
 
-def find_logs(places: Sequence[Path], mapping: LogMapping) -> list[Path]:
-    """The logs among these files and in these folders, sorted by name within a folder.
+def find_logs(places: Sequence[Path], mapping: LogMapping) -> list[DriveFiles]:
+    """The drives in these files and folders, sorted by name within a folder.
 
-    A reference line in the same folder is not a log.
+    A reference line in the same folder is not a log, nor is a text file beside other logs.
 
     Raises:
         ConfigError: a place does not exist, has an unknown ending, or a name occurs twice.
-        DatasetError: a folder has no logs.
+        DatasetError: a folder has no logs, or a drive in several files is not complete.
     """
-    line = mapping.pose and mapping.pose.reference_line
-    found: list[Path] = []
+    found: list[DriveFiles] = []
     for place in places:
-        if place.is_dir():
-            inside = [path for path in sorted(place.iterdir()) if _is_log(path)]
-            if line and line.exists():
-                inside = [path for path in inside if not path.samefile(line)]
-            if not inside:
-                raise DatasetError(
-                    f"{place}: expected logs ({', '.join(SUFFIXES)}), found a folder without any. "
-                    f"Name another folder, or the files themselves."
-                )
-            found += inside
-        elif not place.is_file():
+        if not place.exists():
             raise ConfigError(f"{place}: expected a log or a folder of logs, found nothing.")
-        elif not _is_log(place):
-            raise ConfigError(
-                f"{place}: expected a log of a known kind ({', '.join(SUFFIXES)}), found another "
-                f"ending. Export it to one of these."
-            )
+        if mapping.files:
+            if not place.is_dir():
+                raise ConfigError(
+                    f"{place}: expected a folder, because `file` in the mapping names a file for "
+                    f"each signal, found one file. Name the folder of the drive, or of all drives."
+                )
+            found += find_drives(place, mapping.files)
         else:
-            found.append(place)
-    names = [path.name for path in found]
+            found += [DriveFiles(path.name, path) for path in _logs_in(place, mapping)]
+    names = [drive.name for drive in found]
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
         raise ConfigError(
@@ -60,34 +67,125 @@ def find_logs(places: Sequence[Path], mapping: LogMapping) -> list[Path]:
     return found
 
 
-def read_log(path: Path, mapping: LogMapping) -> Log:
-    """The columns of the mapping, read from a log.
+def read_log(drive: DriveFiles, mapping: LogMapping) -> Log:
+    """The columns of the mapping, read from the files of a drive.
 
     Raises:
-        DatasetError: the log or its DBC is missing, damaged, truncated or of a version that cannot
+        DatasetError: a file or its DBC is missing, damaged, truncated or of a version that cannot
             be read; a column is missing, ambiguous or has no numbers; time is missing, runs
-            backwards or has another period than the mapping; a frame is shorter than its message.
+            backwards or has another period than the mapping; a frame is shorter than its message;
+            the files of the drive have no time in common.
         MissingExtraError: the package that reads such logs is not installed.
     """
-    name, wanted = path.name.lower(), mapping.columns
-    read_table = _TABLE_READERS.get(path.suffix.lower())
+    groups: dict[tuple[str | None, Clock], list[Names]] = defaultdict(list)
+    for column in mapping.every_column:
+        groups[column.file, column.time or mapping.time].append(column.names)
+    parts = []
+    for (file, clock), wanted in groups.items():
+        log = _read_part(drive.parts[file] if file else drive.path, wanted, clock, mapping)
+        parts.append(replace(log, channels=tuple(c._replace(file=file) for c in log.channels)))
+    return replace(_on_one_clock(parts), name=drive.name, path=drive.path)
+
+
+def source_files(drive: DriveFiles, mapping: LogMapping) -> Iterator[SourceFile]:
+    """Name and SHA-256 of every file of a drive."""
+    paths = dict.fromkeys(drive.parts.values()) or {drive.path: None}
+    for column in mapping.every_column:
+        clock = column.time or mapping.time
+        if clock.file and column.file:
+            paths[_file_of_times(drive.parts[column.file], clock.file)] = None
+    for path in paths:
+        yield source_file(path, drive.label(path))
+
+
+def source_file(path: Path, name: str) -> SourceFile:
+    """Name and SHA-256 of a file that the data set was made from."""
+    with path.open("rb") as file:
+        return SourceFile(name, hashlib.file_digest(file, "sha256").hexdigest())
+
+
+def _logs_in(place: Path, mapping: LogMapping) -> list[Path]:
+    if not place.is_dir():
+        if not _is_log(place):
+            raise ConfigError(
+                f"{place}: expected a log of a known kind ({', '.join(SUFFIXES)}), found another "
+                f"ending. Export it to one of these."
+            )
+        return [place]
+    line = mapping.pose and mapping.pose.reference_line
+    inside = [path for path in sorted(place.iterdir()) if _is_log(path)]
+    if line and line.exists():
+        inside = [path for path in inside if not path.samefile(line)]
+    if not inside:
+        raise DatasetError(
+            f"{place}: expected logs ({', '.join(SUFFIXES)}), found a folder without any. "
+            f"Name another folder, or the files themselves; for drives with a file for each "
+            f"signal, write `file` in the mapping."
+        )
+    return [path for path in inside if ".txt" not in path.suffixes] or inside
+
+
+def _is_log(path: Path) -> bool:
+    return path.is_file() and path.name.lower().endswith(SUFFIXES)
+
+
+def _read_part(path: Path, wanted: Sequence[Names], clock: Clock, mapping: LogMapping) -> Log:
+    """The wanted columns of one file; their times may be in another one."""
+    if clock.file is None:
+        return _read_file(path, wanted, clock, mapping)
+    log = _read_file(path, wanted, _EVERY_ROW, mapping)
+    beside = _file_of_times(path, clock.file)
+    (stamps,) = _read_file(beside, [clock.names or ("1",)], _EVERY_ROW, mapping).channels
+    if len(stamps.values) != log.rows:
+        raise DatasetError(
+            f"{path}: expected a time for each of its {log.rows} rows, found {len(stamps.values)} "
+            f"in {beside}. Export both again, or leave the drive out."
+        )
+    of, columns = log.channels[0].of, {each.column: each for each in log.channels}
+    frame = pd.DataFrame({name: each.values for name, each in columns.items()})
+    frame.index = pd.Index(log.channels[0].row)
+    time = Heading(f"{stamps.column} of {beside}", str(beside), stamps.unit)
+    frame[time.text] = stamps.values
+    headings = [Heading(name, name, each.unit) for name, each in columns.items()]
+    return to_log(of, frame, Columns(time, headings), clock)
+
+
+def _file_of_times(path: Path, pattern: str) -> Path:
+    return path.parent / pattern.replace("{name}", path.name.partition(".")[0])
+
+
+def _read_file(path: Path, wanted: Sequence[Names], clock: Clock, mapping: LogMapping) -> Log:
+    """The wanted columns of one file, by its ending, or by its first bytes."""
+    with readable(path, "a log", (OSError,)), path.open("rb") as file:
+        head = file.read(8)
+    name, suffix = path.name.lower(), path.suffix.lower()
+    read_table = read_npy if head.startswith(_MAGIC_OF_NPY) else _TABLE_READERS.get(suffix)
     if read_table is not None:
-        return read_table(path, wanted, mapping.time)
-    if name.endswith(_MF4_SUFFIXES):
+        return read_table(path, wanted, clock)
+    if name.endswith(_MF4_SUFFIXES) and (suffix != ".dat" or head.startswith(_MAGIC_OF_MDF)):
         return read_mf4(path, wanted)
     if name.endswith(_CAN_SUFFIXES):
         # python-can and cantools are imported for such logs only.
         from offline.logs.readers.can_log import read_can
 
         return read_can(path, wanted, mapping.can)
-    return read_csv(path, wanted, mapping.time, mapping.csv)
+    return read_csv(path, wanted, clock, mapping.csv)
 
 
-def source_file(path: Path) -> SourceFile:
-    """Name and SHA-256 of a file that the data set was made from."""
-    with path.open("rb") as file:
-        return SourceFile(path.name, hashlib.file_digest(file, "sha256").hexdigest())
-
-
-def _is_log(path: Path) -> bool:
-    return path.is_file() and path.name.lower().endswith(SUFFIXES)
+def _on_one_clock(parts: Sequence[Log]) -> Log:
+    """All parts as one log whose times count from the earliest begin of any."""
+    known = [part.begin_s for part in parts if part.begin_s is not None]
+    channels = []
+    for part in parts:
+        ahead_s = 0.0 if part.begin_s is None else part.begin_s - min(known)
+        channels += [each._replace(t_s=each.t_s + ahead_s) for each in part.channels]
+    late = max(channels, key=lambda each: each.t_s[0])
+    early = min(channels, key=lambda each: each.t_s[-1])
+    if late.t_s[0] >= early.t_s[-1]:
+        raise DatasetError(
+            f"{late.place}: expected times in common with {early.place}, found that it begins "
+            f"{late.t_s[0] - early.t_s[-1]:.6g} s after the other ends. Write the unit of each "
+            f"clock in [time], or in `time` of the signal; if all files began together, write "
+            f"starts_at_zero = true."
+        )
+    return replace(parts[0], channels=tuple(channels), rows=max(part.rows for part in parts))

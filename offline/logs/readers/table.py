@@ -1,93 +1,146 @@
-"""Logs that are tables with one row for each instant: CSV, Parquet, npz and MATLAB files."""
+"""Logs that are tables with one row for each instant: CSV, Parquet, npz, npy and MATLAB files."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from offline.logs.mapping_tables import TimeMapping
-from offline.logs.readers.log import Channel, Log, require_columns
+from offline.logs.readers.heading import Heading, find_headings
+from offline.logs.readers.log import Channel, Log, Names, RowsOf
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
+from rt_controller.mapping.tables import Clock
 from rt_controller.mapping.units import find_unit
 
 PERIOD_TOLERANCE = 0.01
-"""share by which the usual time between rows may differ from `[time] period_s`"""
+"""share by which the usual time between rows may differ from `period_s` of the clock"""
+
+
+class Columns(NamedTuple):
+    """The columns of a table that are read."""
+
+    time: Heading | None
+    values: list[Heading]
+
+    @property
+    def texts(self) -> list[str]:
+        """Names of all columns to read, as the file has them."""
+        every = ([self.time] if self.time else []) + self.values
+        return list(dict.fromkeys(each.text for each in every))
+
+    def is_date(self, text: str, time: Clock) -> bool:
+        """True for the column of time if it has dates."""
+        return self.time is not None and text == self.time.text and time.unit == "iso8601"
 
 
 def columns_to_read(
-    path: Path, wanted: Sequence[str], time: TimeMapping, available: Sequence[str]
-) -> list[str]:
+    path: Path, wanted: Sequence[Names], time: Clock, available: Sequence[str]
+) -> Columns:
     """The columns to read: that of time, and the wanted ones."""
-    if time.column is None and time.period_s is None:
+    if not time.column and time.period_s is None:
         raise DatasetError(
             f"{path}: expected the time of each row, found neither a column nor a period in the "
             f'mapping. Write [time] with column = "…" and its unit, or with period_s if the rows '
             f"have a fixed rate; the file has: {', '.join(available)}."
         )
-    needed = list(dict.fromkeys([time.column, *wanted] if time.column else wanted))
-    require_columns(path, needed, available)
-    for column in needed:
-        if available.count(column) > 1:
-            raise DatasetError(
-                f"{path}, column {column}: expected one column of that name, found "
-                f"{available.count(column)}. Rename them in the file."
-            )
-    return needed
+    stamps = find_headings(path, [time.names], available) if time.column else [None]
+    return Columns(stamps[0], find_headings(path, wanted, available))
 
 
 def to_log(
-    path: Path,
+    of: RowsOf,
     frame: pd.DataFrame,
-    wanted: Sequence[str],
-    time: TimeMapping,
-    row_word: str,
-    units: Mapping[str, str],
+    columns: Columns,
+    time: Clock,
+    unit_of: Callable[[str], str | None] = lambda text: None,
 ) -> Log:
     """The wanted columns of a table with the time of each row.
 
     Args:
+        of: the file.
         frame: columns of numbers, time also as dates; the index is the row number in the file.
-        row_word: name of a row in messages.
-        units: units that the file gives, by column.
+        columns: those to read.
+        time: clock of the rows.
+        unit_of: gives the unit of a column that the file has elsewhere than in the column's name.
     """
     if len(frame) < 2:
         raise DatasetError(
-            f"{path}: expected at least two rows of numbers, found {len(frame)}. Leave the file "
-            f"out."
+            f"{of.path}: expected at least two rows of numbers, found {len(frame)}. Leave the "
+            f"file out."
         )
-    rows, t_s = frame.index.to_numpy(np.int64), _time(path, frame, time, row_word)
+    if columns.time is None:
+        t_s = (time.period_s or 0.0) * np.arange(len(frame), dtype=np.float64)
+        begin_s = None
+    else:
+        # Columns of different length in one table end in empty rows.
+        frame = frame[frame[columns.texts].notna().any(axis=1)]
+        frame = frame.loc[_known_times(of, frame, columns.time, time)]
+        t_s, first_s = _seconds(of, frame, columns.time, time)
+        begin_s = None if time.starts_at_zero else first_s
+    rows = frame.index.to_numpy(np.int64)
     channels = tuple(
-        Channel(column, t_s, frame[column].to_numpy(np.float64), rows, units.get(column))
-        for column in wanted
+        Channel(
+            each.name,
+            t_s,
+            frame[each.text].to_numpy(np.float64),
+            rows,
+            unit_of(each.text) or each.unit,
+            of,
+        )
+        for each in columns.values
     )
-    return Log(path, channels, row_word, len(frame))
+    return Log(of.path.name, of.path, channels, len(frame), begin_s)
 
 
-def _time(path: Path, frame: pd.DataFrame, time: TimeMapping, row_word: str) -> Array:
-    if time.column is None:
-        return (time.period_s or 0.0) * np.arange(len(frame), dtype=np.float64)
-    stamps = frame[time.column]
-    if stamps.dtype.kind in "bu":
-        stamps = stamps.astype(np.int64)
-
-    def place(k: int) -> str:
-        return f"{path}, column {time.column}, {row_word} {frame.index[k]}"
-
+def _known_times(of: RowsOf, frame: pd.DataFrame, column: Heading, clock: Clock) -> pd.Index:
+    """Numbers of the rows whose time is used; `DatasetError` if one has none."""
+    stamps = frame[column.text]
     missing = np.flatnonzero(stamps.isna() | stamps.isin([np.inf, -np.inf]))
     if len(missing):
         raise DatasetError(
-            f"{place(missing[0])}: expected a time, found none. Leave out rows without a time "
-            f"({len(missing)} of them)."
+            f"{of.path}, column {column.name}, {of.word} {frame.index[missing[0]]}: expected a "
+            f"time, found none. Leave out rows without a time ({len(missing)} of them)."
         )
-    # Stamps that count from 1970 keep their microseconds because the first is subtracted first.
-    elapsed = stamps - stamps.iloc[0]
-    if pd.api.types.is_timedelta64_dtype(elapsed):
-        t_s: Array = (elapsed / pd.Timedelta(seconds=1)).to_numpy(np.float64)
+    is_new = stamps != stamps.shift()
+    return frame.index[is_new] if clock.repeated == "skip" else frame.index
+
+
+def _seconds(of: RowsOf, frame: pd.DataFrame, column: Heading, clock: Clock) -> tuple[Array, float]:
+    """Time (T,) of the rows since the first, and the time of that.
+
+    Stamps that count from 1970 keep their microseconds because the first is subtracted first.
+    """
+    stamps, place = frame[column.text], f"{of.path}, column {column.name}"
+    if stamps.dtype.kind in "bu":
+        stamps = stamps.astype(np.int64)
+    first: Any = stamps.iloc[0]
+    elapsed = stamps - first
+    if isinstance(first, pd.Timestamp):
+        t_s = (elapsed / pd.Timedelta(seconds=1)).to_numpy(np.float64)
+        begin_s = float(first.timestamp())
     else:
-        unit = find_unit(time.unit)
-        t_s = elapsed.to_numpy(np.float64) * (unit.factor if unit else 1.0)
+        factor = _factor(place, column, clock)
+        t_s, begin_s = factor * elapsed.to_numpy(np.float64), factor * float(first)
+    _require_increase(f"{place}, {of.word}", t_s, stamps)
+    if clock.period_s is not None:
+        _require_period(f"{place}, {of.word}", t_s, stamps, clock.period_s)
+    return t_s, begin_s
+
+
+def _factor(place: str, column: Heading, clock: Clock) -> float:
+    """Seconds in the unit of time of a column of numbers."""
+    own, given = find_unit(column.unit or ""), find_unit(clock.unit or column.unit or "s")
+    if given is None or (column.unit and own != given):
+        raise DatasetError(
+            f"{place}: expected a time in {clock.unit}, as the mapping says, found "
+            f"{column.text!r}. Correct the unit in [time], or leave it out."
+        )
+    return given.factor
+
+
+def _require_increase(place: str, t_s: Array, stamps: pd.Series) -> None:
     backwards = np.flatnonzero(np.diff(t_s) <= 0.0)
     if len(backwards):
         k = int(backwards[0]) + 1
@@ -96,19 +149,20 @@ def _time(path: Path, frame: pd.DataFrame, time: TimeMapping, row_word: str) -> 
             for stamp in stamps.iloc[[k, k - 1]]
         )
         raise DatasetError(
-            f"{place(k)}: expected time to increase, found {now} after {before} "
-            f"({len(backwards)} such places). Split the file where time starts again, or leave out "
-            f"repeated rows."
+            f"{place} {stamps.index[k]}: expected time to increase, found {now} after {before} "
+            f"({len(backwards)} such places). Split the file where time starts again; if rows have "
+            f'the time of the row before, repeated = "skip" in [time] leaves them out.'
         )
-    if time.period_s is not None:
-        steps = np.diff(t_s)
-        usual_s, tolerance_s = float(np.median(steps)), PERIOD_TOLERANCE * time.period_s
-        if abs(usual_s - time.period_s) > tolerance_s:
-            first = int(np.flatnonzero(np.abs(steps - time.period_s) > tolerance_s)[0]) + 1
-            raise DatasetError(
-                f"{place(first)}: expected a row every {1e3 * time.period_s:.6g} ms as in [time] "
-                f"period_s, found one every {1e3 * usual_s:.6g} ms. Correct period_s or the unit "
-                f"of time, or leave period_s out: the logs are converted to the data set's period "
-                f"anyway."
-            )
-    return t_s
+
+
+def _require_period(place: str, t_s: Array, stamps: pd.Series, period_s: float) -> None:
+    steps = np.diff(t_s)
+    usual_s, tolerance_s = float(np.median(steps)), PERIOD_TOLERANCE * period_s
+    if abs(usual_s - period_s) > tolerance_s:
+        first = int(np.flatnonzero(np.abs(steps - period_s) > tolerance_s)[0]) + 1
+        raise DatasetError(
+            f"{place} {stamps.index[first]}: expected a row every {1e3 * period_s:.6g} ms as in "
+            f"[time] period_s, found one every {1e3 * usual_s:.6g} ms. Correct period_s or the "
+            f"unit of time, or leave period_s out: the logs are converted to the data set's period "
+            f"anyway."
+        )

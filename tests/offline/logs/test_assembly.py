@@ -1,7 +1,5 @@
 """Episodes are joined to a recording with windows, and assigned to three parts."""
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -25,7 +23,7 @@ def episode(samples):
     rng = np.random.default_rng(samples)
     pose = np.cumsum(rng.uniform(0.0, 0.5, (samples, 3)), axis=0) * (1.0, 0.1, 0.01)
     signals = pd.DataFrame(rng.normal(size=(samples, 6)), columns=SIGNALS)
-    return LogEpisode(Path("a.csv"), 0.0, signals, pose)
+    return LogEpisode("a.csv", 0.0, signals, pose)
 
 
 def test_episodes_are_joined_in_order_and_without_poses_if_the_mapping_has_none(parse):

@@ -4,26 +4,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_logs import MAPPING, POSE, make_drive
+from made_logs import MAPPING, POSE, log_of, make_drive
 
 from offline.logs.episode import LEAST_SAMPLES, cut_drive, make_schema
-from offline.logs.readers.log import Channel, Log
 from offline.logs.series import to_drive
 from rt_controller.contract.schema import VEHICLE
 from rt_controller.mapping.reference_line import make_line
 
 
 def to_log(made, keep=slice(None)):
-    rows = np.arange(1, len(made.time) + 1)
-    return Log(
-        Path("a.csv"),
-        tuple(
-            Channel(name, made.time[keep], values[keep], rows[keep], None)
-            for name, values in made._asdict().items()
-        ),
-        "row",
-        len(rows),
-    )
+    return log_of(made.time[keep], {name: v[keep] for name, v in made._asdict().items()})
 
 
 def cut(parse, made, text=MAPPING, line=None, keep=slice(None)):

@@ -46,7 +46,7 @@ REFUSED = {
     ),
     "a speed in km/h among logs in m/s": (
         {"speed": lambda v: v * 3.6},
-        r"run_1\.csv, from line 2 on: .*km/h taken for m/s",
+        r"run_1\.csv, column speed, from line 2 on: .*km/h taken for m/s",
     ),
     "a yaw rate in deg/s among logs in rad/s": (
         {"turn": np.degrees},
@@ -54,7 +54,7 @@ REFUSED = {
     ),
     "a steering angle in degrees among logs in radians": (
         {"wheel": np.degrees},
-        r"run_1\.csv, from line 2 on: .*degrees taken for radians",
+        r"run_1\.csv, column speed, from line 2 on: .*degrees taken for radians",
     ),
     "a speed beyond the limits": (
         {"speed": lambda v: v * 20.0},

@@ -21,7 +21,8 @@ def test_signals_keep_the_order_of_the_file(parse):
         "road_wheel_rad",
         "force_n",
     ]
-    assert mapping.columns == ("speed", "side", "turn", "wheel", "force")
+    names = [column.names for column in mapping.every_column]
+    assert names == [("speed",), ("side",), ("turn",), ("wheel",), ("force",)]
 
 
 def test_all_wrong_fields_are_named_at_once(parse):
@@ -125,7 +126,7 @@ def test_paths_are_relative_to_the_mapping_file(parse, tmp_path):
     assert mapping.pose.reference_line == tmp_path / "track.csv"
 
 
-@pytest.mark.parametrize("name", ["av21", "can", "gti"])
+@pytest.mark.parametrize("name", ["av21", "can", "comma2k19", "files", "gti"])
 def test_every_example_is_a_valid_mapping(name):
     mapping, _ = read_mapping(EXAMPLES / f"import_{name}.toml")
     assert mapping.quantity("vx_mps") is Quantity.SPEED

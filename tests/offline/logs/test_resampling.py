@@ -1,7 +1,5 @@
 """Stretches end at gaps, and within them every signal is resampled to one period."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -16,7 +14,7 @@ def series(t_s, values, sampling=Sampling.SAMPLED, longest_s=0.1):
     t_s, values = np.asarray(t_s, dtype=float), np.asarray(values, dtype=float)
     connected = np.diff(t_s) <= longest_s
     rows = np.arange(len(t_s))
-    return Series("v", "m/s", "v", t_s, values, rows, sampling, connected, 0)
+    return Series("v", "m/s", "a.csv, column v", "line", t_s, values, rows, sampling, connected, 0)
 
 
 def whole(one):
@@ -26,13 +24,13 @@ def whole(one):
 def test_stretches_are_where_all_signals_are_known():
     fast = series([0.0, 0.05, 0.1, 0.5, 0.55, 0.6], range(6))
     late = series([0.02, 0.08, 0.14, 0.2, 0.28, 0.36, 0.44, 0.52, 0.58], range(9))
-    drive = LoggedDrive(Path("a.csv"), "line", 6, (fast, late), ())
+    drive = LoggedDrive("a.csv", 6, (fast, late), ())
     assert find_stretches(drive) == [Stretch(0.02, 0.1), Stretch(0.5, 0.58)]
 
 
 def test_stretches_use_times_with_delays_subtracted():
     on_time, late = series([0.0, 0.05, 0.1], range(3)), series([-0.03, 0.02, 0.07], range(3))
-    drive = LoggedDrive(Path("a.csv"), "line", 3, (on_time, late), ())
+    drive = LoggedDrive("a.csv", 3, (on_time, late), ())
     assert find_stretches(drive) == [Stretch(0.0, 0.07)]
 
 
@@ -88,10 +86,10 @@ def test_the_mean_of_a_ramp_over_the_period_is_its_value_half_a_period_later():
 def test_samples_beyond_a_gap_do_not_influence_a_stretch():
     t = np.concatenate([0.005 * np.arange(41), 1.0 + 0.005 * np.arange(41)])
     one = series(t, np.where(t < 0.5, 1.0, 100.0))
-    drive = LoggedDrive(Path("a.csv"), "line", 82, (one,), ())
+    drive = LoggedDrive("a.csv", 82, (one,), ())
     for stretch, value in zip(find_stretches(drive), (1.0, 100.0), strict=True):
         for sampling in Sampling:
-            held = Series(*(getattr(one, f) for f in one.__slots__[:6]), sampling, one.connected, 0)
+            held = Series(*(getattr(one, f) for f in one.__slots__[:7]), sampling, one.connected, 0)
             found = resample(held, stretch, grid(stretch, PERIOD_S), PERIOD_S)
             assert found == pytest.approx(np.full(len(found), value))
 

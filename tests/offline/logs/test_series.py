@@ -1,12 +1,14 @@
 """A column is converted to a signal in SI, with its delay subtracted and its values checked."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from made_logs import MAPPING, series_of
+from made_logs import log_of as made_log
 
-from offline.logs.readers.log import Channel, Log
+from offline.logs.readers.log import Channel, Log, RowsOf
 from offline.logs.series import to_drive
 from rt_controller.contract.errors import DatasetError
 
@@ -21,16 +23,12 @@ steer_rad = {{ column = "d", unit = "rad" }}
 def log_of(values, unit=None, dt_s=0.1):
     values = np.asarray(values, dtype=float)
     t_s = dt_s * np.arange(len(values))
-    rows = np.arange(2, len(values) + 2)
-    return Log(
-        Path("a.csv"),
-        (
-            Channel("v", t_s, values, rows, unit),
-            Channel("d", t_s, np.linspace(0, 0.1, len(values)), rows, None),
-        ),
-        "line",
-        len(values),
+    rows, of = np.arange(2, len(values) + 2), RowsOf(Path("a.csv"), "line")
+    channels = (
+        Channel("v", t_s, values, rows, unit, of),
+        Channel("d", t_s, np.linspace(0, 0.1, len(values)), rows, None, of),
     )
+    return Log("a.csv", Path("a.csv"), channels, len(values))
 
 
 def series(parse, values, state="", unit="m/s", extra=""):
@@ -133,8 +131,9 @@ def test_two_lost_samples_are_bridged_and_three_are_a_gap(parse, setting, is_con
     mapping = parse(ONE_OF_EACH.format(state=', unit = "m/s"') + f"[time]\n{setting}\n")
     log = log_of(np.arange(12.0))
     lost = [np.delete(each, [2, 3, 6, 7, 8]) for each in log.channels[0][1:4]]
-    channels = (Channel("v", *lost, None), log.channels[1])
-    found = series_of(to_drive(Log(log.path, channels, "line", 12), mapping), "vx_mps")
+    shorter = log.channels[0]._replace(t_s=lost[0], values=lost[1], row=lost[2])
+    drive = to_drive(replace(log, channels=(shorter, log.channels[1])), mapping)
+    found = series_of(drive, "vx_mps")
     assert found.connected.tolist() == [True, True, True, is_connected, True, True]
 
 
@@ -142,8 +141,7 @@ def test_yaw_is_continuous_over_full_turns(parse):
     pose = "".join(f'{name} = {{ column = "{name}", unit = "m" }}\n' for name in "xy")
     mapping = parse(MAPPING + "[pose]\n" + pose + 'yaw = { column = "yaw", unit = "deg" }\n')
     t_s = 0.1 * np.arange(100)
-    rows = np.arange(100)
-    columns = dict.fromkeys(mapping.columns, 0.01 * t_s) | {"yaw": (40 * t_s + 180) % 360 - 180}
-    channels = tuple(Channel(name, t_s, each, rows, None) for name, each in columns.items())
-    drive = to_drive(Log(Path("a.csv"), channels, "line", 100), mapping)
+    names = [column.column for column in mapping.every_column]
+    columns = dict.fromkeys(names, 0.01 * t_s) | {"yaw": (40 * t_s + 180) % 360 - 180}
+    drive = to_drive(made_log(t_s, columns), mapping)
     assert series_of(drive, "yaw").values == pytest.approx(np.radians(40 * t_s))

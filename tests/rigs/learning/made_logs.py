@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from offline.logs.episode import LogEpisode
+from offline.logs.readers.log import Channel, Log, RowsOf
 
 WHEELBASE_M = 2.7
 MASS_KG = 1500.0
@@ -92,7 +93,14 @@ def episode_of(made: Made, file="a.csv") -> LogEpisode:
         "force_n": made.force,
     }
     pose = np.stack([made.x, made.y, made.yaw], axis=1)
-    return LogEpisode(Path(file), 0.0, pd.DataFrame(signals), pose)
+    return LogEpisode(file, 0.0, pd.DataFrame(signals), pose)
+
+
+def log_of(t_s, columns, file="a.csv", unit=None) -> Log:
+    """A log of these columns, its rows counted from 1."""
+    of, rows = RowsOf(Path(file), "row"), np.arange(1, len(t_s) + 1)
+    channels = tuple(Channel(name, t_s, v, rows, unit, of) for name, v in columns.items())
+    return Log(file, Path(file), channels, len(rows))
 
 
 def series_of(drive, name):

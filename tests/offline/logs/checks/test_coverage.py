@@ -1,7 +1,5 @@
 """Ranges of signals, and the joint histogram of two."""
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -25,7 +23,7 @@ def episodes():
         }
     )
     halves = (signals[:300], signals[300:])
-    return [LogEpisode(Path("a.csv"), 0.0, half, np.zeros((len(half), 0))) for half in halves]
+    return [LogEpisode("a.csv", 0.0, half, np.zeros((len(half), 0))) for half in halves]
 
 
 def test_ranges_are_over_all_episodes(episodes):

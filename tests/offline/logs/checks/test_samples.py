@@ -1,7 +1,6 @@
 """Gaps and outliers are counted, and the place of the first or worst is reported."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +13,8 @@ from offline.logs.checks.samples import (
     outlier_issues,
     robust_z,
 )
-from offline.logs.readers.csv_log import read_csv
+from offline.logs.readers.drive_files import DriveFiles
+from offline.logs.readers.source import read_log
 from offline.logs.series import LoggedDrive, Series, to_drive
 from rt_controller.mapping.tables import Sampling
 
@@ -27,7 +27,7 @@ def gaps_of(parse, folder, lost, text=MAPPING):
     path = folder / "a.csv"
     write_csv(path, {name: values[kept].tolist() for name, values in columns.items()})
     mapping = parse(text)
-    return find_gaps(to_drive(read_csv(path, mapping.columns, mapping.time, mapping.csv), mapping))
+    return find_gaps(to_drive(read_log(DriveFiles("a.csv", path), mapping), mapping))
 
 
 def test_a_complete_log_has_no_gaps(parse, tmp_path):
@@ -65,8 +65,19 @@ def drive_of(values, file="a.csv", jumps=0, gap=None):
     t_s = 0.01 * np.arange(len(values))
     connected = np.arange(len(values) - 1) != gap
     rows = np.arange(1, len(values) + 1)
-    one = Series("v", "m/s", "v", t_s, values, rows, Sampling.SAMPLED, connected, jumps)
-    return LoggedDrive(Path(file), "row", len(values), (one,), ())
+    one = Series(
+        "v",
+        "m/s",
+        f"{file}, column v",
+        "row",
+        t_s,
+        values,
+        rows,
+        Sampling.SAMPLED,
+        connected,
+        jumps,
+    )
+    return LoggedDrive(file, len(values), (one,), ())
 
 
 def smooth(seed=0, count=2000):

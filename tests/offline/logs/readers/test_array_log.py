@@ -14,7 +14,14 @@ EVERY_10_MS = TimeMapping(period_s=0.01)
 def test_rows_without_time_are_one_period_apart(tmp_path):
     path = tmp_path / "a.npz"
     np.savez(path, ux=np.arange(5.0), r=np.arange(5)[:, None])
-    log = read_npz(path, ("r", "ux"), EVERY_10_MS)
+    log = read_npz(
+        path,
+        (
+            ("r",),
+            ("ux",),
+        ),
+        EVERY_10_MS,
+    )
     assert log.rows == 5
     assert log.channel("r").values.tolist() == [0, 1, 2, 3, 4]
     assert log.channel("ux").t_s[-1] == pytest.approx(0.04)
@@ -28,7 +35,7 @@ def test_a_truncated_archive_is_refused(tmp_path, share):
     whole = path.read_bytes()
     path.write_bytes(whole[: int(share * len(whole))])
     with pytest.raises(DatasetError, match=r"a\.npz.*truncated"):
-        read_npz(path, ("ux",), EVERY_10_MS)
+        read_npz(path, (("ux",),), EVERY_10_MS)
 
 
 @pytest.mark.parametrize(
@@ -44,14 +51,21 @@ def test_arrays_that_are_not_columns_of_numbers_are_refused(tmp_path, arrays, me
     path = tmp_path / "a.npz"
     np.savez(path, **arrays)
     with pytest.raises(DatasetError) as caught:
-        read_npz(path, ("ux", "r"), EVERY_10_MS)
+        read_npz(
+            path,
+            (
+                ("ux",),
+                ("r",),
+            ),
+            EVERY_10_MS,
+        )
     assert message in str(caught.value)
 
 
 def test_matlab_variables_and_fields_of_structs_are_columns(tmp_path):
     path = tmp_path / "a.mat"
     savemat(path, {"t": np.arange(4) * 0.02, "run": {"vx": np.arange(4.0), "note": "wet"}})
-    log = read_mat(path, ("run.vx",), TimeMapping(column="t", period_s=0.02))
+    log = read_mat(path, (("run.vx",),), TimeMapping(column="t", period_s=0.02))
     assert log.channel("run.vx").values.tolist() == [0, 1, 2, 3]
 
 
@@ -60,11 +74,11 @@ def test_a_truncated_matlab_file_is_refused(tmp_path):
     savemat(path, {"ux": np.arange(1000.0)})
     path.write_bytes(path.read_bytes()[:2000])
     with pytest.raises(DatasetError, match="truncated"):
-        read_mat(path, ("ux",), EVERY_10_MS)
+        read_mat(path, (("ux",),), EVERY_10_MS)
 
 
 def test_version_7_3_of_matlab_is_refused_with_the_remedy(tmp_path):
     path = tmp_path / "a.mat"
     path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n")
     with pytest.raises(DatasetError, match="-v7"):
-        read_mat(path, ("ux",), EVERY_10_MS)
+        read_mat(path, (("ux",),), EVERY_10_MS)

@@ -15,7 +15,7 @@ STAMPED = TimeMapping(column="t")
 
 
 def read(path, wanted=("v",), time=STAMPED, **style):
-    return read_csv(path, wanted, time, CsvSettings(**style))
+    return read_csv(path, [(name,) for name in wanted], time, CsvSettings(**style))
 
 
 def values_of(text, tmp_path, time=STAMPED, **style):
@@ -31,6 +31,11 @@ def values_of(text, tmp_path, time=STAMPED, **style):
         "t,v\n1.0,2.5\n1.5,3.5\n",
         "t;v\n1,0;2,5\n1,5;3,5\n",
         "v\tt\n2.5\t1.0\n3.5\t1.5\n",
+        "t   v\n1.0 2.5\n 1.5    3.5\n",
+        "t;v\n1,0;2,5;\n1,5;3,5;\n",
+        "# t,v\n1.0,2.5\n1.5,3.5\n",
+        "% made by a tool\n%\n% t v\n1.0 2.5\n1.5 3.5\n",
+        "# made by a tool\nt,v\n1.0,2.5\n1.5,3.5\n",
         "\ufefft , other, v\r\n1.0,7,2.5\r\n\r\n1.5,8,3.5\r\n",
         't,"v"\n"1.0","2.5"\n"1.5","3.5"\n',
     ],
@@ -49,6 +54,41 @@ def test_columns_can_have_numbers_as_names(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("1,2\n0.0,5\n0.1,6\n")
     assert read(path, ("2",), TimeMapping(column="1")).channel("2").values.tolist() == [5.0, 6.0]
+
+
+def test_a_unit_behind_the_name_is_not_part_of_it(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text('# t(ms),v [km/h],"w, deg/s",gear (front)\n0,36,1,3\n500,72,2,4\n')
+    log = read(path, ("v", "w", "gear (front)"))
+    assert [channel.unit for channel in log.channels] == ["km/h", "deg/s", None]
+    assert log.channel("w").t_s.tolist() == [0.0, 0.5]
+    with pytest.raises(DatasetError, match=r"column t: expected a time in s, .*'t\(ms\)'"):
+        read(path, time=TimeMapping(column="t", unit="s"))
+
+
+def test_a_column_may_have_other_names(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("stamp,speed\n0,5\n0.1,6\n")
+    style, time = CsvSettings(), TimeMapping(column="t", other_names=("time", "stamp"))
+    log = read_csv(path, [("v", "speed")], time, style)
+    assert log.channel("v", "speed").values.tolist() == [5.0, 6.0]
+    with pytest.raises(DatasetError, match="expected a column 'v' or 'velocity', found none"):
+        read_csv(path, [("v", "velocity")], time, style)
+
+
+def test_columns_without_header_are_named_by_their_number(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("# a comment\n0.0 5\n0.1 6\n")
+    log = read(path, ("2",), TimeMapping(column="1"), header_line=0)
+    assert log.channel("2").values.tolist() == [5.0, 6.0]
+    assert log.channel("2").row.tolist() == [2, 3]
+
+
+def test_rows_with_the_time_of_the_row_before_can_be_left_out(tmp_path):
+    time = TimeMapping(column="t", repeated="skip")
+    assert values_of("t,v\n0,1\n0,2\n1,3\n", tmp_path, time) == ([0.0, 1.0], [1.0, 3.0])
+    with pytest.raises(DatasetError, match="line 4: expected time to increase, found 0 after 1"):
+        values_of("t,v\n0,1\n1,2\n0,3\n", tmp_path, time)
 
 
 def test_header_and_units_can_be_in_any_line(tmp_path):
@@ -101,7 +141,7 @@ def test_compressed_files_are_read(tmp_path):
         ("t,Veh\n0,1\n1,2\n", "expected a column 'v', found none"),
         ("t,v,v\n0,1,5\n1,2,6\n", "column v: expected one column of that name, found 2"),
         ("0.0,1.0\n1.0,2.0\n", "line 1: expected a header that names the columns, found numbers"),
-        ("t v\n0 1\n1 2\n", "line 1: expected names separated by ','"),
+        ("t v\n0;1\n1;2\n", "line 1: expected names separated by ','"),
     ],
 )
 def test_a_bad_table_is_refused_with_its_place(text, message, tmp_path):

@@ -24,7 +24,7 @@ def fill(folder, *names):
 def test_a_folder_gives_only_its_logs_sorted_by_name(folder, parse):
     fill(folder, "b.csv", "a.MF4", "c.csv.gz", "notes.md", "car.dbc")
     (folder / "older.csv").mkdir()
-    found = [path.name for path in find_logs([folder], parse())]
+    found = [drive.name for drive in find_logs([folder], parse())]
     assert found == ["a.MF4", "b.csv", "c.csv.gz"]
 
 
@@ -57,11 +57,11 @@ def test_a_reference_line_in_the_folder_is_not_a_log(folder, parse, tmp_path):
         + f"[pose]\n{pose}"
         + 'yaw = { column = "yaw", unit = "rad" }\nreference_line = "logs/track.csv"\n'
     )
-    assert [path.name for path in find_logs([folder], mapping)] == ["a.csv"]
+    assert [drive.name for drive in find_logs([folder], mapping)] == ["a.csv"]
 
 
 def test_a_source_file_has_name_and_hash(folder):
     (folder / "a.csv").write_bytes(b"t,v\n")
-    source = source_file(folder / "a.csv")
+    source = source_file(folder / "a.csv", "a.csv")
     assert source.name == "a.csv"
     assert source.sha256 == hashlib.sha256(b"t,v\n").hexdigest()
