@@ -62,7 +62,7 @@ def import_logs(
         report = inspect_drives(drives, cuts, slices, part, mapping, schema)
     for table in report.tables():
         print_table(table, STDOUT)
-    for sentence in (report.summary(), *_limits_of_use(schema)):
+    for sentence in filter(None, (report.summary(), report.limits(), *_limits_of_use(schema))):
         STDOUT.print(sentence)
     figures = {"folder": None, "sha256": None, **report.figures()}
     if folder is not None:

@@ -13,8 +13,8 @@ from rt_controller.contract.files import read_text
 from rt_controller.contract.schema import VEHICLE
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.mapping.car_signals import CarSignals
-from rt_controller.mapping.quantity import Quantity
-from rt_controller.mapping.tables import ColumnMapping
+from rt_controller.mapping.quantity import Quantity, quantity_of_name
+from rt_controller.mapping.tables import ColumnMapping, SignalMapping
 from rt_controller.mapping.toml_file import parse
 
 CAR_STATES = VEHICLE.state_names[: -len(PATH_STATES)]
@@ -35,7 +35,12 @@ class LogMapping(CarSignals):
     @property
     def every_column(self) -> tuple[ColumnMapping, ...]:
         """Every column that is read from the logs, except those of time."""
-        return (*self.signals.values(), *self.pose_columns)
+        return (*self.read_signals.values(), *self.pose_columns)
+
+    @property
+    def read_signals(self) -> dict[str, SignalMapping]:
+        """Signals of the data set, then those that are only compared with them."""
+        return {**self.signals, **self.checks.signals}
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -57,6 +62,10 @@ class LogMapping(CarSignals):
         """Exogenous signals of the data set."""
         return (*self.exogenous, *(VEHICLE.exogenous_names if self.pose else ()))
 
+    def quantity(self, name: str) -> Quantity:
+        """What a signal measures."""
+        return self.read_signals[name].quantity or quantity_of_name(name)
+
     def name_of(self, quantity: Quantity) -> str | None:
         """The first signal that measures this; None if there is none."""
         return next((name for name in self.signals if self.quantity(name) is quantity), None)
@@ -77,7 +86,8 @@ class LogMapping(CarSignals):
         if not self.states or not self.inputs:
             raise ValueError("expected at least one state and one input, found none")
         names = [*self.state_names, *self.inputs, *self.exogenous_names]
-        repeated = sorted({name for name in names if names.count(name) > 1})
+        every_name = [*names, *self.checks.signals]
+        repeated = sorted({name for name in every_name if every_name.count(name) > 1})
         mistakes = [f"{name}: expected each name once, found it twice" for name in repeated]
         mistakes += self.unit_mistakes()
         mistakes += self._file_mistakes()

@@ -14,7 +14,7 @@ from pydantic import (
 )
 
 from offline.data.dataset import HELD_BACK
-from rt_controller.mapping.tables import Clock, MappingTable
+from rt_controller.mapping.tables import Clock, MappingTable, SignalMapping
 
 
 class TimeMapping(Clock):
@@ -57,6 +57,8 @@ class RolesSettings(MappingTable):
 
 
 class ChecksSettings(MappingTable):
-    """Which checks only report."""
+    """Which checks only report, and what else there is to compare with."""
 
     accept_units: bool = False
+    signals: dict[str, SignalMapping] = Field(default_factory=dict)
+    """second measurements of the motion; no part of the data set"""

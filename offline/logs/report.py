@@ -8,6 +8,7 @@ from offline.config import STEPS
 from offline.data.dataset import PARTS
 from offline.logs.checks.coverage import Occupancy, Range
 from offline.logs.checks.issue import Issue
+from offline.logs.checks.motion import Measure
 from offline.logs.checks.samples import Gaps, Outliers
 from offline.logs.checks.time_shift import TimeShift
 from offline.logs.checks.unit_check import Proportion
@@ -58,6 +59,9 @@ class ImportReport:
     time_shifts: tuple[TimeShift, ...]
     proportions: tuple[Proportion, ...]
     constant: tuple[str, ...]
+    measures: tuple[Measure, ...]
+    unchecked: tuple[str, ...]
+    """units and periods that no other signal confirms"""
     issues: tuple[Issue, ...]
 
     def figures(self) -> dict[str, Any]:
@@ -80,10 +84,21 @@ class ImportReport:
             tables.append(_occupancy_table(self.occupancy))
         if self.time_shifts:
             tables.append(_shift_table(self.time_shifts))
+        if self.measures:
+            tables.append(_measure_table(self.measures))
         if self.issues:
             title, heads = "Check these before training", ("check", "subject", "issue")
             tables.append(_table(title, heads, 3, map(astuple, self.issues)))
         return tables
+
+    def limits(self) -> str:
+        """One sentence on what was not checked; empty if there is nothing."""
+        if not self.unchecked:
+            return ""
+        return (
+            f"Not checked, because nothing in the logs confirms it: {', '.join(self.unchecked)}. "
+            f"Only values that no road vehicle has were looked for."
+        )
 
     def summary(self) -> str:
         """One sentence on episodes and windows."""
@@ -133,6 +148,15 @@ def _occupancy_table(occupancy: Occupancy) -> Table:
         for low, shares in zip(occupancy.down_edges[:-1], occupancy.share, strict=True)
     ]
     return _table(title, heads, 0, rows[::-1])
+
+
+def _measure_table(measures: Sequence[Measure]) -> Table:
+    heads = ("quantity", "unit", "value", "usual")
+    rows: list[Row] = []
+    for each in measures:
+        usual = f"{format_number(each.low, 2)}..{format_number(each.high, 2)}"
+        rows.append((each.name, each.unit, format_number(each.value, 3), usual))
+    return _table("Motion, in the units and times of the mapping", heads, 2, rows)
 
 
 def _shift_table(shifts: Sequence[TimeShift]) -> Table:

@@ -68,7 +68,7 @@ class LoggedDrive:
     rows: int
     """in its longest file"""
     signals: tuple[Series, ...]
-    """in the order of `LogMapping.signals`"""
+    """in the order of `LogMapping.read_signals`"""
     poses: tuple[Series, ...]
     """x, y, and yaw continuous over full turns; or none"""
 
@@ -88,7 +88,7 @@ def to_drive(log: Log, mapping: LogMapping) -> LoggedDrive:
     first_s = begin_s + mapping.time.skip_first_s
     gap_s = mapping.time.longest_gap_s
     signals = []
-    for name, column in mapping.signals.items():
+    for name, column in mapping.read_signals.items():
         series = _to_series(log, name, si_unit_of_name(name), column, first_s, gap_s)
         signals.append(_within_limits(mapping, series, column))
     poses = []

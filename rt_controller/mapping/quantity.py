@@ -18,6 +18,9 @@ class Quantity(StrEnum):
     """throttle, force or torque; positive values accelerate"""
     BRAKE = "brake"
     """pedal, force or pressure; positive values decelerate"""
+    LONGITUDINAL_ACCELERATION = "longitudinal acceleration"
+    LATERAL_ACCELERATION = "lateral acceleration"
+    """of an accelerometer, positive to the front and to the left"""
     OTHER = "other"
 
 
@@ -51,6 +54,8 @@ _NAMES = {
     Quantity.STEERING: ("steer_rad", "road_wheel_rad"),
     Quantity.DRIVE: ("throttle", "force_n"),
     Quantity.BRAKE: ("brake", "brake_n", "brake_pa"),
+    Quantity.LONGITUDINAL_ACCELERATION: ("ax_mps2",),
+    Quantity.LATERAL_ACCELERATION: ("ay_mps2",),
 }
 
 

@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 from offline.data.dataset import PARTS
 from offline.data.recording import Starts
 from offline.logs.checks.coverage import find_occupancy, find_ranges
+from offline.logs.checks.evidence import find_unchecked
 from offline.logs.checks.issue import Issue
+from offline.logs.checks.motion import check_motion
 from offline.logs.checks.samples import find_gaps, find_outliers, gap_issues, outlier_issues
 from offline.logs.checks.time_shift import find_time_shifts, time_shift_issues
-from offline.logs.checks.unit_check import Proportion, find_proportions, unit_issues
-from offline.logs.episode import LEAST_SAMPLES, CutDrive, LogEpisode
+from offline.logs.checks.unit_check import find_proportions, unit_issues
+from offline.logs.episode import LEAST_SAMPLES, CutDrive
 from offline.logs.mapping import LogMapping
 from offline.logs.report import EpisodeReport, FileReport, ImportReport
 from offline.logs.series import LoggedDrive
@@ -45,7 +47,10 @@ def inspect_drives(
     """
     constant = _require_motion(drives, mapping)
     episodes = [episode for cut in cuts for episode in cut.episodes]
-    proportions, suspected_units = _require_units(episodes, mapping, drives)
+    proportions = find_proportions(episodes, mapping)
+    measures, suspected_motion, unusual = check_motion(episodes, mapping)
+    suspected = [*unit_issues(proportions, episodes, mapping), *suspected_motion]
+    _require_units(suspected, mapping, drives)
     outliers = find_outliers(drives)
     shifts = find_time_shifts(episodes, mapping)
     files = tuple(_file(drive, cut, mapping) for drive, cut in zip(drives, cuts, strict=True))
@@ -64,8 +69,11 @@ def inspect_drives(
         time_shifts=tuple(shifts),
         proportions=tuple(proportions),
         constant=constant,
+        measures=tuple(measures),
+        unchecked=find_unchecked(mapping, proportions, measures),
         issues=(
-            *suspected_units,
+            *suspected,
+            *unusual,
             *gap_issues([file.gaps for file in files]),
             *_off_line(files),
             *time_shift_issues(shifts),
@@ -137,20 +145,17 @@ def _require_motion(drives: Sequence[LoggedDrive], mapping: LogMapping) -> tuple
 
 
 def _require_units(
-    episodes: Sequence[LogEpisode], mapping: LogMapping, drives: Sequence[LoggedDrive]
-) -> tuple[list[Proportion], list[Issue]]:
-    """The ratios between signals, and suspected wrong units that the mapping accepts."""
-    proportions = find_proportions(episodes, mapping)
-    suspected = unit_issues(proportions, episodes, mapping)
+    suspected: Sequence[Issue], mapping: LogMapping, drives: Sequence[LoggedDrive]
+) -> None:
+    """Raise a `DatasetError` if units are suspected and the mapping does not accept them."""
     if suspected and not mapping.checks.accept_units:
         listed = "\n".join(
             f"  {_where(each.subject, drives)}: {each.message}." for each in suspected
         )
         raise DatasetError(
-            f"expected units as in the mapping, found signals that contradict each other:\n"
+            f"expected units as in the mapping, found signals that contradict them:\n"
             f"{listed}\nIf all units are correct, write accept_units = true in [checks]."
         )
-    return proportions, suspected
 
 
 def _where(subject: str, drives: Sequence[LoggedDrive]) -> str:

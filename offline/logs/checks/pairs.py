@@ -1,6 +1,6 @@
 """Pairs of signals that depend on each other: cause and response, or two records of one motion."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -23,7 +23,7 @@ class Relation(StrEnum):
     PEDAL = "pedal"
     """a pedal, force or torque and the slope of the speed; a brake counts with its sign reversed"""
     SAME_MOTION = "same motion"
-    """a quantity computed from the pose, and the signal of the same quantity"""
+    """a quantity computed from the pose, or measured twice, and the signal of the same quantity"""
 
 
 class Pair(NamedTuple):
@@ -70,11 +70,35 @@ def find_pairs(episodes: Sequence[LogEpisode], mapping: LogMapping) -> list[Pair
             moved = [np.hypot(vx, vy) for vx, vy in zip(x, y, strict=True)]
             own = signals(speed)
             pairs.append(Pair(Relation.SAME_MOTION, "speed of the pose", speed, moved, own))
+    for name in mapping.checks.signals:
+        pairs += _second_measurement(name, episodes, mapping)
     return pairs
 
 
-def slope(values: Array, dt_s: float) -> Array:
-    """Derivative (T,), from differences over a tenth of a second around each sample."""
-    reach = max(1, round(0.5 * _SMOOTHING_S / dt_s))
+def _second_measurement(
+    name: str, episodes: Sequence[LogEpisode], mapping: LogMapping
+) -> Iterator[Pair]:
+    """A signal that is no part of the data set, and what it measures too."""
+    speed, yaw_rate = mapping.name_of(Quantity.SPEED), mapping.name_of(Quantity.YAW_RATE)
+    own = [episode.signals[name].to_numpy() for episode in episodes]
+    quantity = mapping.quantity(name)
+    same = mapping.name_of(quantity)
+    response, values = same, [e.signals[same].to_numpy() for e in episodes] if same else []
+    if quantity is Quantity.LONGITUDINAL_ACCELERATION and speed:
+        response = f"slope of {speed}"
+        values = [slope(e.signals[speed].to_numpy(), mapping.period_s) for e in episodes]
+    elif quantity is Quantity.LATERAL_ACCELERATION and speed and yaw_rate:
+        response = f"{speed} times {yaw_rate}"
+        values = [(e.signals[speed] * e.signals[yaw_rate]).to_numpy() for e in episodes]
+    if response:
+        yield Pair(Relation.SAME_MOTION, name, response, own, values)
+
+
+def slope(values: Array, dt_s: float, reach: int | None = None) -> Array:
+    """Derivative (T,), from differences over `reach` samples to both sides of each sample.
+
+    None: a tenth of a second in all.
+    """
+    reach = reach or max(1, round(0.5 * _SMOOTHING_S / dt_s))
     inner = (values[2 * reach :] - values[: -2 * reach]) / (2 * reach * dt_s)
     return np.concatenate([np.repeat(inner[:1], reach), inner, np.repeat(inner[-1:], reach)])

@@ -1,7 +1,8 @@
 """Signals whose unit must be wrong, found from their ratio to other signals.
 
 Speed, steering angle, yaw rate and pedals have ratios that the car fixes. A ratio that is off by
-3.6, 57.3, 9.81, 100 or 1000 compared with the pose or with the other logs means a wrong unit.
+3.6, 57.3, 9.81, 100 or 1000 compared with the other logs means a wrong unit. Two measurements of
+one motion (the pose, an accelerometer, a second speed) have the ratio 1.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,6 +20,8 @@ from rt_controller.mapping.unit_mistakes import find_mistake
 
 LEAST_CORRELATION = 0.8
 """below, two signals are too unrelated for a ratio"""
+LARGEST_FACTOR = 1.35
+"""between two measurements of one motion"""
 LEAST_SPEED_MPS = 3.0
 LARGEST_ACCELERATION_MPS2 = 45.0
 """of speed times yaw rate in all but one of a thousand samples: 4.5 g"""
@@ -41,6 +44,16 @@ class Proportion:
     response: str
     slope: float
     correlation: float
+
+    @property
+    def factor(self) -> float:
+        """Ratio of the two without the effect of noise on the slope."""
+        return self.slope / self.correlation
+
+    @property
+    def is_reliable(self) -> bool:
+        """True if the two are related enough for a ratio."""
+        return abs(self.correlation) >= LEAST_CORRELATION
 
 
 def find_proportions(episodes: Sequence[LogEpisode], mapping: LogMapping) -> list[Proportion]:
@@ -69,10 +82,10 @@ def unit_issues(
     proportions: Sequence[Proportion], episodes: Sequence[LogEpisode], mapping: LogMapping
 ) -> list[Issue]:
     """One issue for each unit that is probably wrong."""
-    reliable = [each for each in proportions if abs(each.correlation) >= LEAST_CORRELATION]
+    reliable = [each for each in proportions if each.is_reliable]
     suspected = [
         *_between_files(reliable),
-        *_against_pose(reliable),
+        *_same_motion(reliable),
         *_turning_length(reliable, mapping),
         *_accelerations(episodes, mapping),
     ]
@@ -94,15 +107,20 @@ def _between_files(proportions: Sequence[Proportion]) -> _Suspicions:
                 )
 
 
-def _against_pose(proportions: Sequence[Proportion]) -> _Suspicions:
-    for each in proportions:
-        mistake = "a wrong sign" if each.slope < 0.0 else find_mistake(each.slope)
-        if each.relation is Relation.SAME_MOTION and mistake:
-            yield (
-                each.response,
-                f"{each.slope:.4g} times the {each.cause} in {each.file}, expected 1: {mistake}? "
-                f"Correct unit or sign in the mapping, of the signal or of the pose",
-            )
+def _same_motion(proportions: Sequence[Proportion]) -> _Suspicions:
+    same = [each for each in proportions if each.relation is Relation.SAME_MOTION]
+    for each in same:
+        if each.slope < 0.0:
+            mistake: str | None = "a wrong sign"
+        elif 1.0 / LARGEST_FACTOR <= abs(each.factor) <= LARGEST_FACTOR:
+            continue
+        else:
+            mistake = find_mistake(each.slope) or "another unit, or another clock or period"
+        yield (
+            each.response,
+            f"{each.slope:.4g} times the {each.cause} in {each.file}, expected 1: {mistake}? "
+            f"Correct unit, sign or time in the mapping, of the one or of the other",
+        )
 
 
 def _turning_length(proportions: Sequence[Proportion], mapping: LogMapping) -> _Suspicions:

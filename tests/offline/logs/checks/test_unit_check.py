@@ -80,5 +80,44 @@ def test_a_wrong_angle_is_found_from_an_impossible_wheelbase(parse, column, fact
     assert "expected a wheelbase" in found.message
 
 
+@pytest.mark.parametrize("column", ["speed", "turn"])
+def test_a_factor_that_is_no_unit_is_found_from_the_pose(parse, column):
+    found = issues_of(parse, [episode(**{column: 2.0})], MAPPING + POSE)
+    assert any("another clock or period" in each.message for each in found)
+
+
+SECOND = """
+[checks.signals]
+gps_mps = { column = "gps", unit = "m/s", quantity = "speed" }
+ax_mps2 = { column = "ax", unit = "m/s^2" }
+ay_mps2 = { column = "ay", unit = "g" }
+"""
+
+
+def with_second_measurements(**factors):
+    made, own = make_drive(40.0, DT_S), episode(**factors)
+    own.signals["gps_mps"] = made.speed
+    own.signals["ax_mps2"] = made.force / 1500.0
+    own.signals["ay_mps2"] = made.speed * made.turn
+    return own
+
+
+def test_second_measurements_that_agree_raise_no_issue(parse):
+    assert issues_of(parse, [with_second_measurements()], MAPPING + SECOND) == []
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "responses"),
+    [
+        ("speed", 3.6, {"vx_mps", "slope of vx_mps", "vx_mps times yaw_rate_radps"}),
+        ("turn", -1.0, {"vx_mps times yaw_rate_radps"}),
+    ],
+)
+def test_a_wrong_unit_is_found_from_second_measurements(parse, column, factor, responses):
+    text = MAPPING + SECOND
+    found = issues_of(parse, [with_second_measurements(**{column: factor})], text)
+    assert responses <= {each.subject for each in found}
+
+
 def test_the_angle_of_a_steering_wheel_raises_no_issue(parse):
     assert issues_of(parse, [episode(wheel=15.0)]) == []
