@@ -3,4 +3,4 @@
 from offline.baselines.recurrent.network import Kind, Size
 from offline.baselines.recurrent.training import Settings, recurrent
 
-BASELINE = recurrent(Settings(Size(Kind.STATE_SPACE)))
+BASELINE = recurrent(Settings(Size(Kind.STATE_SPACE, layers=2, latents=24)))

@@ -9,6 +9,7 @@ matrices, AdamW the vectors.
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -70,7 +71,10 @@ def recurrent(settings: Settings) -> Baseline:
 
 
 def fit_network(dataset: Dataset, settings: Settings) -> RecurrentModel:
-    """The trained network; the same on every run on the same machine."""
+    """The network of the smallest validation error; the same on every run on the same machine.
+
+    Steps whose gradient is not finite are left out.
+    """
     train, validation = dataset.select("train"), tuning_windows(dataset)
     scaling = fit_scaling(train, dataset.schema, dataset.roles)
     sampling = PRESETS["recommended"].model_copy(update={"history_steps": settings.past_steps})
@@ -81,6 +85,7 @@ def fit_network(dataset: Dataset, settings: Settings) -> RecurrentModel:
         torch.manual_seed(settings.seed)
         rng = torch.Generator().manual_seed(settings.seed)
         model = _untrained(train, scaling, dataset, settings)
+        best = model.network
         parameters = list(model.network.parameters())
         optimizers = _optimizers(parameters, settings)
         while step < end:
@@ -97,10 +102,13 @@ def fit_network(dataset: Dataset, settings: Settings) -> RecurrentModel:
             step += 1
             if step % settings.evaluate_every == 0 or step == end:
                 scores.append(validation_score(model, validation))
+                if scores[-1] == min(scores):
+                    best = deepcopy(model.network)
                 if not is_flat and step < begin_of_decay(end, settings):
                     is_flat = has_flattened(scores, settings)
                     end = round(step / (1.0 - settings.decay)) if is_flat else end
-    return replace(model, training=Training(step, is_flat, _curve(scores, step, settings)))
+    training = Training(step, is_flat, _curve(scores, step, settings))
+    return replace(model, network=best, training=training)
 
 
 def begin_of_decay(end: int, settings: Settings) -> int:

@@ -79,15 +79,14 @@ def _structures(
     scaling: Scaling,
     past_steps: int,
 ) -> Iterator[Structure]:
-    """One for each number of knots; data without a centred state have one knot only."""
+    """One for each number of knots; one knot if no state is centred or the speed is constant."""
     schema, roles = dataset.schema, dataset.roles
     learned = split_path(schema) if settings.has_exact_path else learn_all(schema)
     structure = Structure(schema, roles, scaling, learned, past_steps)
     speed = scaling.normalise_states(train.x[:, 0])[:, structure.speed]
     first, last = np.quantile(speed, (0.01, 0.99))
-    for count in settings.knots:
-        if count == 1 or roles.centred:
-            yield structure._replace(knots=np.linspace(first, last, count))
+    for count in settings.knots if roles.centred and first < last else (1,):
+        yield structure._replace(knots=np.linspace(first, last, count))
 
 
 def _models(

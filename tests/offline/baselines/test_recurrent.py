@@ -185,3 +185,38 @@ def test_a_state_space_model_is_the_recursion_of_its_docstring():
         change = network.leave(torch.tanh(network.layers[0](inner)))
         z = z + torch.tensor([0.1, 0.2, 0.1, 0.1, 0.1, 0.1]) * change
         assert torch.allclose(found, z[:, :2], atol=1e-6)
+
+
+def test_the_network_of_the_smallest_validation_error_is_kept(toy_dataset, monkeypatch):
+    scores = iter([-1.0, -3.0, -2.0])
+    seen = []
+
+    def score(model, windows):
+        seen.append(weights_of(model).clone())
+        return next(scores)
+
+    monkeypatch.setattr(training, "validation_score", score)
+    found = fit_network(toy_dataset, replace(QUICK, most_steps=6, evaluate_every=2))
+    assert torch.equal(weights_of(found), seen[1])
+    assert not torch.equal(seen[1], seen[2])
+
+
+def test_a_step_without_a_finite_gradient_is_left_out(toy_dataset, monkeypatch):
+    open_source = training.open_source
+
+    class Damaged:
+        def __init__(self, *arguments):
+            self.source, self.drawn = open_source(*arguments), 0
+
+        def draw(self, size, rng):
+            self.drawn += 1
+            batch = self.source.draw(size, rng)
+            if self.drawn > 2:
+                batch.x[1:] = torch.nan
+            return batch
+
+    alone = fit_network(toy_dataset, replace(QUICK, most_steps=6, evaluate_every=2))
+    monkeypatch.setattr(training, "open_source", Damaged)
+    damaged = fit_network(toy_dataset, replace(QUICK, most_steps=6, evaluate_every=2))
+    assert torch.isfinite(weights_of(damaged)).all()
+    assert not torch.equal(weights_of(alone), weights_of(damaged))

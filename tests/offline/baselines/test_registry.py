@@ -23,7 +23,7 @@ def test_the_catalogue_has_all_baselines():
         "dmdc-delays", "edmd-polynomial-66", "edmd-rbf-66", "edmd-fourier-66", "edmd-polynomial",
         "edmd-rbf", "edmd-fourier", "edmd-bilinear-frozen", "edmd-bilinear", "bicycle", "gru",
         "neural-state-space", "lti-path", "lti-scheduled", "lti-scheduled-delays",
-        "lti-scheduled-horizon", "dmdc-delays-path",
+        "lti-scheduled-horizon", "dmdc-delays-path", "edmd-polynomial-path", "edmd-bilinear-path",
     }  # fmt: skip
 
 
@@ -36,7 +36,7 @@ def test_every_linear_and_every_recurrent_baseline_is_marked_as_one():
     assert {name for name, found in marked.items() if found == "linear"} >= linear
     assert marked["gru"] == marked["neural-state-space"] == "recurrent"
     assert {marked[name] for name in ("persistence", "bicycle", "edmd-rbf")} == {"other"}
-    assert marked["edmd-bilinear"] == "other"
+    assert marked["edmd-bilinear"] == marked["edmd-bilinear-path"] == "other"
 
 
 def test_the_new_baseline_of_the_guide_is_one_new_file(toy_dataset, tmp_path, monkeypatch):

@@ -81,13 +81,21 @@ def test_hat_functions_are_one_at_their_knot_and_constant_beyond():
     assert np.allclose(weights(np, np.array([-3.0, 4.0]), np.zeros(1)), 1.0)
 
 
-def test_data_without_a_centred_state_have_one_knot():
+def test_without_a_centred_state_or_with_one_speed_there_is_one_knot():
     data = drive(speed_dependent)
     roles = replace(data.roles, centred=())
-    data = replace(data, manifest=replace(data.manifest, roles=roles))
-    assert len(fit_linear_models(data, replace(FEW, knots=(1, 4))).structure.knots) == 1
+    without = replace(data, manifest=replace(data.manifest, roles=roles))
+    assert len(fit_linear_models(without, replace(FEW, knots=(4,))).structure.knots) == 1
+    recording = data.recording._replace(x=data.recording.x * np.float32([0, 1, 1]))
+    same_speed = replace(data, recording=recording)
+    assert len(fit_linear_models(same_speed, replace(FEW, knots=(4,))).structure.knots) == 1
+
+
+def test_data_that_no_model_predicts_are_refused():
+    data = drive(speed_dependent)
+    settings = replace(FEW, ridges=())
     with pytest.raises(DatasetError, match="found none"):
-        fit_linear_models(data, replace(FEW, knots=(4,)))
+        fit_linear_models(data, settings)
 
 
 def test_the_path_of_the_car_follows_from_the_motion(toy_dataset):
