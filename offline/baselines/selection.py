@@ -1,6 +1,6 @@
 """Baselines of an evaluation: those of the registry, and the paper's network that ships."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from offline.baselines import registry
 from offline.data.dataset import Dataset
@@ -74,6 +74,14 @@ def open_baselines(
             notify(f"without {name}: {objection}.")
     allowed = (name for name in names if objections[name] is None)
     return {name: _open(name, dataset, is_short) for name in allowed}
+
+
+def table_of_classes(names: Iterable[str]) -> dict[str, str]:
+    """Class of each of these baselines, as `Baseline.model_class`."""
+    return {
+        name: "other" if name == SHIPPED else registry.find_baseline(name).model_class
+        for name in names
+    }
 
 
 def compare_with_plain_baselines(bundle: Bundle, dataset: Dataset) -> Comparison:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from offline.baselines.selection import ALL, choose_baselines, open_baselines
+from offline.baselines.selection import ALL, choose_baselines, open_baselines, table_of_classes
 from offline.commands.options import LATEST_RUN, EvaluationOptions
 from offline.commands.terminal import STDERR, STDOUT
 from offline.data.code_identity import source_revision
@@ -14,16 +14,20 @@ from offline.data.manifest import Simulated
 from offline.evaluation.comparison import Comparison, compare_models
 from offline.evaluation.figures import comparison_figures
 from offline.evaluation.held_out import choose_test_data, find_objection
+from offline.evaluation.measurement_noise import choose_levels, noisy_set
 from offline.evaluation.predictor import Predictor
+from offline.evaluation.series import make_series
+from offline.evaluation.simulated_sets import SIMULATED, open_simulated_set
+from offline.evaluation.straight_braking import straight_braking_set
 from offline.evaluation.tables import comparison_tables, set_size
 from offline.evaluation.test_sets import (
+    BRAKING,
     NEW_ROADS,
-    ROBUSTNESS,
+    NOISE,
     TestSet,
     choose_sets,
     library_set,
     new_roads_set,
-    robustness_set,
 )
 from offline.model.bundle_predictor import BundlePredictor
 from rt_controller.contract.errors import ConfigError
@@ -73,10 +77,11 @@ def run_evaluation(options: EvaluationOptions) -> Evaluation:
     revision = source_revision()
     baselines = options.baselines or []
     baseline_names, set_names = choose_baselines(baselines), choose_sets(options.sets or [])
+    levels = choose_levels(options.noise)
     folders = [find_model(model) for model in options.model or [_bundle_of_latest_run()]]
     bundles = tuple(load_bundle(folder) for folder in folders)
     dataset = choose_test_data(bundles, options.data, LATEST_RUN, _notify)
-    tests = open_sets(set_names, dataset, bundles)
+    tests = open_sets(set_names, dataset, bundles, levels)
     is_required = bool(baselines) and tuple(baselines) != (ALL,)
     with STDERR.status("fitting baselines"):
         opened = open_baselines(
@@ -90,7 +95,9 @@ def run_evaluation(options: EvaluationOptions) -> Evaluation:
             opened,
             tests,
             dataset.schema,
-            lambda model, test: status.update(f"evaluating {model} on {test}"),
+            classes=table_of_classes(opened),
+            series=make_series(tests, dataset.schema),
+            on_progress=lambda model, test: status.update(f"evaluating {model} on {test}"),
         )
     return Evaluation(comparison, bundles, {**named, **opened}, dataset, revision)
 
@@ -107,25 +114,54 @@ def _bundle_of_latest_run() -> Path:
     return bundle
 
 
-def open_sets(names: Sequence[str], dataset: Dataset, bundles: Sequence[Bundle]) -> list[TestSet]:
-    """The test sets of these names; why one is left out is printed."""
-    tests = [library_set(dataset)]
+def open_sets(
+    names: Sequence[str], dataset: Dataset, bundles: Sequence[Bundle], levels: Sequence[float]
+) -> list[TestSet]:
+    """The test sets of these names, with noise of these levels.
+
+    Why one is left out is printed.
+    """
+    library = library_set(dataset)
+    tests = [library]
     if NEW_ROADS in names:
         new_roads = new_roads_set(dataset)
         if new_roads is None:
             _notify(f"without {NEW_ROADS}: the data have no roads, or all of the new ones.")
         else:
             tests.append(new_roads)
-    if ROBUSTNESS in names:
-        objection: str | None = "the data are not of the simulated car"
-        if isinstance(dataset.origin, Simulated):
-            with STDERR.status("simulating other cars"):
-                others, test = robustness_set()
-            objection = find_objection(bundles, others.manifest)
-            if objection is None:
-                tests.append(test)
-        if objection is not None:
-            _notify(f"without {ROBUSTNESS}: {objection}.")
+    tests += _open_simulated_sets(names, dataset, bundles)
+    if NOISE in names:
+        noisy = [noisy_set(library, level, dataset.schema, dataset.roles) for level in levels]
+        tests += [test for test in noisy if test is not None]
+        if None in noisy:
+            _notify(f"without {NOISE}: the noise of none of the states is known.")
+    return tests
+
+
+def _open_simulated_sets(
+    names: Sequence[str], dataset: Dataset, bundles: Sequence[Bundle]
+) -> list[TestSet]:
+    """Those of the sets of the simulated car that fit the data set and the bundles."""
+    wanted = [each for each in SIMULATED if set(each.options) & set(names)]
+    if not isinstance(dataset.origin, Simulated):
+        options = [option for each in wanted for option in each.options if option in names]
+        options += [BRAKING] if BRAKING in names else []
+        if options:
+            listed = ", ".join(dict.fromkeys(options))
+            _notify(f"without {listed}: the data are not of the simulated car.")
+        return []
+    tests = []
+    for each in wanted:
+        with STDERR.status(f"simulating {each.name}"):
+            others, test = open_simulated_set(each)
+        objection = find_objection(bundles, others.manifest)
+        if objection is None:
+            tests.append(test)
+        else:
+            _notify(f"without {each.name}: {objection}.")
+    if BRAKING in names:
+        with STDERR.status(f"simulating {BRAKING}"):
+            tests.append(straight_braking_set())
     return tests
 
 

@@ -71,5 +71,18 @@ class EvaluationOptions:
         ),
     ] = False
     sets: Annotated[
-        Names, Parameter(help="library, new-roads, robustness; default: all of them")
+        Names,
+        Parameter(
+            help="library, new-roads, robustness, noise, sliding, fast, braking, friction, mass; "
+            "default: all of them",
+        ),
+    ] = None
+    noise: Annotated[
+        list[float] | None,
+        Parameter(
+            consume_multiple=True,
+            negative="",
+            help="levels of the test sets with measurement noise, 1 for 0.03 m/s, 0.1 deg/s, "
+            "0.02 m and 0.1 deg; default: 1 3",
+        ),
     ] = None

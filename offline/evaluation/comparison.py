@@ -1,9 +1,4 @@
-"""Models compared with baselines on all test sets; tables, plots and JSON are made from it.
-
-A ratio is one mean squared error over another: the baseline's over the model's, or that on one test
-set over that on another. Both have the same draws of episodes, so the difficulty of an episode
-cancels, and the interval of a ratio is narrower than those of its two errors.
-"""
+"""Models compared with baselines on all test sets; tables, plots and JSON are made from it."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,12 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from offline.evaluation.bootstrap import Estimate, estimate
-from offline.evaluation.metrics import Scores, geometric_mean, score
+from offline.evaluation.metrics import Scores, score
 from offline.evaluation.predictor import Predictor
+from offline.evaluation.ratio import Ratio, geometric_mean, ratio_of
+from offline.evaluation.series import Series
 from offline.evaluation.state_units import StateUnit, state_units
 from offline.evaluation.test_sets import LIBRARY, TestSet
-from rt_controller.contract.arrays import Array
+from offline.evaluation.trajectory_errors import SHARES, TrajectoryErrors
 from rt_controller.contract.schema import Schema
 
 FAIR_LTI = "fair lti"
@@ -24,27 +20,34 @@ FAIR_LTI = "fair lti"
 
 LTI_BASELINES = ("lti", "lti-per-curvature")
 
-LARGEST_RATIO_ON_NEW_ROADS = 1.5
-"""goal for every state: MSE on new roads over MSE on the roads of the library"""
+LINEAR, RECURRENT = "linear", "recurrent"
+CLASSES = (LINEAR, RECURRENT)
+"""classes of baselines whose best one is named for each set and slice"""
 
 
-class Ratio(NamedTuple):
-    """A ratio of mean squared errors."""
+class ScoredSlice(NamedTuple):
+    """Errors of all models and baselines on one slice of a test set."""
 
-    by_state: Estimate
-    """(n,)"""
-    geometric_mean: Estimate
-    """(), over the states"""
-
-    @property
-    def worst_state(self) -> int:
-        """Index of the state with the largest ratio; NaN counts as infinite."""
-        return int(np.argmax(np.nan_to_num(self.by_state.value, nan=np.inf)))
+    label: str
+    of: str
+    """name of the test set"""
+    errors: Mapping[str, TrajectoryErrors]
+    """by model or baseline"""
 
     @property
-    def is_within_goal(self) -> bool:
-        """True if no state exceeds the goal for new roads."""
-        return bool(np.all(self.by_state.value <= LARGEST_RATIO_ON_NEW_ROADS))
+    def n_trajectories(self) -> int:
+        return len(next(iter(self.errors.values())).episode)
+
+    @property
+    def n_episodes(self) -> int:
+        return len(np.unique(next(iter(self.errors.values())).episode))
+
+
+class ScoredSeries(NamedTuple):
+    """A series with the errors on its slices."""
+
+    series: Series
+    slices: tuple[ScoredSlice, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,10 +59,13 @@ class Comparison:
     models: tuple[str, ...]
     """names of the evaluated models"""
     baselines: tuple[str, ...]
+    classes: Mapping[str, str]
+    """class of each baseline that has one of `CLASSES`"""
     sets: tuple[TestSet, ...]
     """the library first"""
     scores: Mapping[str, Mapping[str, Scores]]
     """by name of the set, then of the model or baseline"""
+    series: tuple[ScoredSeries, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -80,21 +86,61 @@ class Comparison:
         """The test set of that name; None if it is not part of the comparison."""
         return next((test for test in self.sets if test.name == name), None)
 
+    def errors_on(self, name: str) -> dict[str, TrajectoryErrors]:
+        """Errors by model and baseline on a whole test set."""
+        return {model: scores.by_trajectory for model, scores in self.scores[name].items()}
+
     def ratios_to_baselines(self, model: str, on: str = LIBRARY) -> dict[str, Ratio]:
-        """By baseline: its errors over those of the model, so above 1 the model is better.
+        """By baseline: its mean errors over those of the model, so above 1 the model is better.
 
         The fair LTI comes first; it is chosen anew in every draw.
         """
-        own = self.scores[on][model].mse_draws()
-        draws = {name: self.scores[on][name].mse_draws() for name in self.baselines}
+        errors = self.errors_on(on)
+        draws = {name: errors[name].mean_draws for name in self.baselines}
         linear = [draws[name] for name in LTI_BASELINES if name in draws]
         if linear:
             draws = {FAIR_LTI: np.min(linear, axis=0), **draws}
-        return {name: _ratio(above, own) for name, above in draws.items()}
+        own = errors[model].mean_draws
+        return {name: ratio_of(above, own, self.columns) for name, above in draws.items()}
+
+    def ratios_of_quantiles(self, model: str, on: str = LIBRARY) -> dict[float, dict[str, Ratio]]:
+        """By share of `SHARES` and baseline: quantiles of its errors over those of the model."""
+        errors = self.errors_on(on)
+        return {
+            share: {
+                name: ratio_of(
+                    errors[name].quantile_draws[:, s], errors[model].quantile_draws[:, s],
+                    self.columns,
+                )
+                for name in self.baselines
+            }
+            for s, share in enumerate(SHARES)
+        }  # fmt: skip
 
     def ratio_to_library(self, model: str, on: str) -> Ratio:
         """Errors of the model on another set over its errors on the library."""
-        return _ratio(self.scores[on][model].mse_draws(), self.library[model].mse_draws())
+        return self.growth(model, self.scores[on][model].by_trajectory)
+
+    def growth(self, model: str, errors: TrajectoryErrors) -> Ratio:
+        """Mean errors of the model over those on the library."""
+        own = self.library[model].by_trajectory.mean_draws
+        return ratio_of(errors.mean_draws, own, self.columns)
+
+    def ratio_to(self, model: str, baseline: str, errors: Mapping[str, TrajectoryErrors]) -> Ratio:
+        """Mean errors of a baseline over those of the model, given the errors by name."""
+        return ratio_of(errors[baseline].mean_draws, errors[model].mean_draws, self.columns)
+
+    def best_baselines(self, errors: Mapping[str, TrajectoryErrors]) -> dict[str, str]:
+        """By class of `CLASSES`: the baseline with the smallest geometric mean of its mean errors.
+
+        A class without a baseline is left out.
+        """
+        best = {}
+        for each in CLASSES:
+            names = [name for name in self.baselines if self.classes.get(name) == each]
+            if names:
+                best[each] = min(names, key=lambda name: _pooled(errors[name]))
+        return best
 
 
 def compare_models(
@@ -102,11 +148,21 @@ def compare_models(
     baselines: Mapping[str, Predictor],
     sets: Sequence[TestSet],
     schema: Schema,
+    *,
+    classes: Mapping[str, str] | None = None,
+    series: Sequence[Series] = (),
     on_progress: Callable[[str, str], None] = lambda model, test: None,
 ) -> Comparison:
     """Every model and baseline evaluated on every set.
 
-    `on_progress` is called with the name of the model and of the set before each evaluation.
+    Args:
+        models: the evaluated models by name.
+        baselines: what they are compared with.
+        sets: the test sets, the library first.
+        schema: of their signals.
+        classes: class of baselines by name, as `Baseline.model_class`.
+        series: slices of these sets.
+        on_progress: called with the name of the model and of the set before each evaluation.
     """
     columns = state_units(schema)
     scores: dict[str, dict[str, Scores]] = {test.name: {} for test in sets}
@@ -114,11 +170,30 @@ def compare_models(
         for name, model in {**models, **baselines}.items():
             on_progress(name, test.name)
             scores[test.name][name] = score(model, test, columns)
-    return Comparison(columns, schema.dt_s, tuple(models), tuple(baselines), tuple(sets), scores)
+    return Comparison(
+        columns=columns,
+        dt_s=schema.dt_s,
+        models=tuple(models),
+        baselines=tuple(baselines),
+        classes={name: found for name, found in (classes or {}).items() if found in CLASSES},
+        sets=tuple(sets),
+        scores=scores,
+        series=tuple(_score_slices(each, scores) for each in series),
+    )
 
 
-def _ratio(above: Array, below: Array) -> Ratio:
-    """Ratio of two sets of draws (1 + R, n) of the same episodes, as from `Scores.mse_draws`."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = above / below
-    return Ratio(estimate(ratios), estimate(geometric_mean(ratios)))
+def _score_slices(series: Series, scores: Mapping[str, Mapping[str, Scores]]) -> ScoredSeries:
+    slices = (
+        ScoredSlice(
+            part.label,
+            part.of,
+            {name: each.by_trajectory.take(part.rows) for name, each in scores[part.of].items()},
+        )
+        for part in series.slices
+    )
+    return ScoredSeries(series, tuple(slices))
+
+
+def _pooled(errors: TrajectoryErrors) -> float:
+    """Geometric mean over the states of the mean errors."""
+    return float(geometric_mean(errors.mean_draws[0]))

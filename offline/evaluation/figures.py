@@ -3,10 +3,12 @@
 from typing import Any
 
 from offline.evaluation.bootstrap import CONFIDENCE, RESAMPLES, SEED, Estimate
-from offline.evaluation.comparison import LARGEST_RATIO_ON_NEW_ROADS, Comparison, Ratio
-from offline.evaluation.metrics import SHARES, Scores
+from offline.evaluation.comparison import Comparison, ScoredSeries
+from offline.evaluation.metrics import Scores
+from offline.evaluation.ratio import LARGEST_RATIO_ON_NEW_ROADS, PROGRESS, Ratio
 from offline.evaluation.state_units import StateUnit
 from offline.evaluation.test_sets import LIBRARY, NEW_ROADS, TestSet
+from offline.evaluation.trajectory_errors import SHARES, WORST_SHARE, TrajectoryErrors
 
 Figures = dict[str, Any]
 Columns = tuple[StateUnit, ...]
@@ -18,9 +20,13 @@ def comparison_figures(comparison: Comparison) -> Figures:
     return {
         "models": list(comparison.models),
         "baselines": list(comparison.baselines),
+        "class_of_baseline": dict(comparison.classes),
         "dt_s": comparison.dt_s,
         "bootstrap": bootstrap,
         "sets": {test.name: _set_figures(comparison, test) for test in comparison.sets},
+        "series": {
+            each.series.name: _series_figures(comparison, each) for each in comparison.series
+        },
     }
 
 
@@ -44,13 +50,24 @@ def _set_figures(comparison: Comparison, test: TestSet) -> Figures:
         "data_sha256": test.data_sha256,
         "n_trajectories": test.n_trajectories,
         "n_episodes": test.n_episodes,
-        "models": {name: _model_figures(scores[name], columns) for name in comparison.names},
+        "models": {name: _model_figures(scores[name], test, columns) for name in comparison.names},
+        "best_baseline": comparison.best_baselines(comparison.errors_on(test.name)),
         "baseline_mse_over_model_mse": {
             model: _ratio_figures(comparison.ratios_to_baselines(model, test.name), columns)
             for model in comparison.models
         },
     }
     if test.name == LIBRARY:
+        figures["worst_share"] = WORST_SHARE
+        for name, errors in comparison.errors_on(test.name).items():
+            figures["models"][name] |= _tail_figures(errors, columns)
+        figures["baseline_mse_quantile_over_model_mse_quantile"] = {
+            model: {
+                _percent(share): _ratio_figures(ratios, columns)
+                for share, ratios in comparison.ratios_of_quantiles(model).items()
+            }
+            for model in comparison.models
+        }
         figures["absolute_error_quantiles"] = {
             model: _quantile_figures(scores[model], comparison) for model in comparison.models
         }
@@ -66,15 +83,67 @@ def _set_figures(comparison: Comparison, test: TestSet) -> Figures:
     return figures
 
 
-def _model_figures(scores: Scores, columns: Columns) -> Figures:
+def _series_figures(comparison: Comparison, scored: ScoredSeries) -> Figures:
+    """Slices as a list, in the order of their quantity."""
+    columns = comparison.columns
+    slices = [
+        {
+            "label": part.label,
+            "set": part.of,
+            "n_trajectories": part.n_trajectories,
+            "n_episodes": part.n_episodes,
+            "best_baseline": comparison.best_baselines(part.errors),
+            "mse": {name: _squared(each.mean(), columns) for name, each in part.errors.items()},
+            "baseline_mse_over_model_mse": {
+                model: _ratio_figures(
+                    {
+                        name: comparison.ratio_to(model, name, part.errors)
+                        for name in comparison.baselines
+                    },
+                    columns,
+                )
+                for model in comparison.models
+            },
+            "mse_over_library_mse": _ratio_figures(
+                {name: comparison.growth(name, part.errors[name]) for name in comparison.names},
+                columns,
+            ),
+        }
+        for part in scored.slices
+    ]
+    series = scored.series
+    return {
+        "quantity": series.quantity,
+        "unit": series.unit,
+        "description": series.on,
+        "slices": slices,
+    }
+
+
+def _model_figures(scores: Scores, test: TestSet, columns: Columns) -> Figures:
     return {
         "mse": _squared(scores.mse(), columns),
         "rms": _by_state(scores.rms(), [column.key for column in columns]),
         "mse_by_curvature_per_m": {
-            f"{curvature:g}": _squared(scores.mse_on_road(curvature), columns)
-            for curvature in scores.squared_on_road
+            f"{kappa:g}": _squared(
+                scores.by_trajectory.take(test.is_on_road(kappa)).mean(), columns
+            )
+            for kappa in test.curvatures_per_m
         },
         "trajectories_without_finite_prediction": scores.diverged,
+    }
+
+
+def _tail_figures(errors: TrajectoryErrors, columns: Columns) -> Figures:
+    quantiles = errors.quantiles()
+    return {
+        "mse_quantiles_over_trajectories": {
+            _percent(share): _by_state(quantiles.at(s), [each.squared_key for each in columns])
+            for s, share in enumerate(SHARES)
+        },
+        "part_of_mse_of_worst_trajectories": _by_state(
+            errors.worst_part, [each.name for each in columns]
+        ),
     }
 
 
@@ -87,7 +156,7 @@ def _step_figures(scores: Scores, columns: Columns) -> Figures:
             for i, column in enumerate(columns)
         },
         "absolute_error": {
-            f"p{100 * share:g}": {
+            _percent(share): {
                 column.key: quantile[:, i].tolist() for i, column in enumerate(columns)
             }
             for share, quantile in zip(SHARES, scores.quantiles, strict=True)
@@ -99,8 +168,7 @@ def _quantile_figures(scores: Scores, comparison: Comparison) -> Figures:
     at_marks, keys = scores.quantiles_at_marks(), [column.key for column in comparison.columns]
     return {
         f"after_{step * comparison.dt_s:g}_s": {
-            f"p{100 * share:g}": _by_state(at_marks.at(q, m), keys)
-            for q, share in enumerate(SHARES)
+            _percent(share): _by_state(at_marks.at(q, m), keys) for q, share in enumerate(SHARES)
         }
         for m, step in enumerate(scores.marked_steps)
     }
@@ -112,6 +180,11 @@ def _ratio_figures(ratios: dict[str, Ratio], columns: Columns) -> Figures:
         name: {
             **_by_state(ratio.by_state, names),
             "geometric_mean": _numbers(ratio.geometric_mean),
+            **(
+                {f"geometric_mean_without_{PROGRESS}": _numbers(ratio.without_progress)}
+                if ratio.without_progress is not None
+                else {}
+            ),
         }
         for name, ratio in ratios.items()
     }
@@ -127,3 +200,8 @@ def _by_state(estimate: Estimate, keys: list[str]) -> Figures:
 
 def _numbers(estimate: Estimate) -> Figures:
     return {name: float(part) for name, part in estimate._asdict().items()}
+
+
+def _percent(share: float) -> str:
+    """A share as a key: "p90"."""
+    return f"p{100 * share:g}"

@@ -5,7 +5,6 @@ is measured and does not count. Squared errors are averaged over steps and traje
 Paper: section IV, Table I.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,10 +21,8 @@ from offline.evaluation.bootstrap import (
 from offline.evaluation.predictor import Predictor, prediction_errors
 from offline.evaluation.state_units import StateUnit
 from offline.evaluation.test_sets import TestSet
+from offline.evaluation.trajectory_errors import SHARES, TrajectoryErrors
 from rt_controller.contract.arrays import Array
-
-SHARES = (0.5, 0.9, 0.99)
-"""quantiles of the absolute error"""
 
 MARKED_STEPS = (20, 40, 80)
 """steps at which quantiles get an interval; 20 is the controller's horizon"""
@@ -37,50 +34,32 @@ class Scores:
 
     squared: EpisodeSums
     """(E, K, n) squared errors of each step"""
-    squared_on_road: Mapping[float, EpisodeSums]
-    """by curvature in 1/m: (E, n) squared errors, averaged over the steps"""
+    by_trajectory: TrajectoryErrors
     quantiles: Array
     """(S, K, n) of the absolute error at each step, S as `SHARES`"""
     marked_steps: tuple[int, ...]
     """M, those of `MARKED_STEPS` within the horizon"""
     marked: NDArray[np.float32]
     """(N, M, n) absolute errors at the marked steps"""
-    episode: NDArray[np.int32]
-    """(N,)"""
     diverged: int
     """number of trajectories with a prediction that is not finite"""
 
-    def mse_draws(self) -> Array:
-        """Mean squared errors (1 + R, n) over steps and trajectories: sample, then resamples."""
-        with np.errstate(invalid="ignore"):
-            over_steps = self.squared._replace(total=self.squared.total.mean(axis=1))
-        return mean_draws(over_steps)
-
     def mse(self) -> Estimate:
         """Mean squared error (n,) of each state. Paper: Table I."""
-        return estimate(self.mse_draws())
+        return self.by_trajectory.mean()
 
     def rms(self) -> Estimate:
         """Root mean square error (n,)."""
-        return estimate(np.sqrt(self.mse_draws()))
+        return estimate(np.sqrt(self.by_trajectory.mean_draws))
 
     def rms_by_step(self) -> Estimate:
         """Root mean square error (K, n) of each step."""
         return estimate(np.sqrt(mean_draws(self.squared)))
 
-    def mse_on_road(self, curvature_per_m: float) -> Estimate:
-        """Mean squared error (n,) on the roads of one curvature."""
-        return estimate(mean_draws(self.squared_on_road[curvature_per_m]))
-
     def quantiles_at_marks(self) -> Estimate:
         """Quantiles (S, M, n) of the absolute error at the marked steps, S as `SHARES`."""
-        return estimate(quantile_draws(self.marked.astype(np.float64), self.episode, SHARES))
-
-
-def geometric_mean(ratios: Array) -> Array:
-    """Geometric mean over the last axis, the states; 0 if one of the ratios is 0."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.exp(np.log(ratios).mean(axis=-1)))
+        marked, episode = self.marked.astype(np.float64), self.by_trajectory.episode
+        return estimate(quantile_draws(marked, episode, SHARES))
 
 
 def score(model: Predictor, test: TestSet, columns: tuple[StateUnit, ...]) -> Scores:
@@ -93,17 +72,13 @@ def score(model: Predictor, test: TestSet, columns: tuple[StateUnit, ...]) -> Sc
     magnitude = np.where(np.isnan(errors), np.inf, np.abs(errors))
     with np.errstate(over="ignore"):
         squared = np.square(errors)
+        by_trajectory = np.square(magnitude).mean(axis=1)
         at_marks = magnitude[:, [step - 1 for step in marked]].astype(np.float32)
     return Scores(
         squared=sum_by_episode(squared, episode),
-        squared_on_road={
-            kappa: sum_by_episode(squared[on_it].mean(axis=1), episode[on_it])
-            for kappa in test.curvatures_per_m
-            for on_it in [test.curvature_per_m == kappa]
-        },
+        by_trajectory=TrajectoryErrors(by_trajectory, episode),
         quantiles=np.quantile(magnitude, SHARES, axis=0, method="inverted_cdf"),
         marked_steps=marked,
         marked=at_marks,
-        episode=episode,
         diverged=int(np.count_nonzero(~np.isfinite(errors).all(axis=(1, 2)))),
     )

@@ -9,9 +9,10 @@ from matplotlib.figure import Figure
 from offline.evaluation.bootstrap import Estimate
 from offline.evaluation.comparison import Comparison
 from offline.evaluation.lane_change import LaneChange
-from offline.evaluation.metrics import SHARES
+from offline.evaluation.ratio import ratio_of
 from offline.evaluation.state_units import state_units
 from offline.evaluation.test_sets import LIBRARY, NEW_ROADS
+from offline.evaluation.trajectory_errors import SHARES
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.schema import VEHICLE
 from rt_controller.contract.signals import InputColumn, StateColumn
@@ -97,14 +98,54 @@ def ratio_bars(comparison: Comparison, model: str) -> Figure:
     return figure
 
 
+def errors_by_condition(comparison: Comparison) -> Figure:
+    """Pooled errors over each series, of the models and the best baseline of each class.
+
+    An error is the geometric mean over the states of the mean squared error over that of the first
+    model on the library; bars are intervals.
+    """
+    drawn = [each for each in comparison.series if len(each.slices) > 1]
+    unit = comparison.library[comparison.models[0]].by_trajectory.mean_draws
+    kinds = {f"best {kind}": kind for kind in comparison.best_baselines(drawn[0].slices[0].errors)}
+    styles = line_styles(comparison.models, tuple(kinds))
+    rows = -(-len(drawn) // 2)
+    figure, panels = empty_figure(rows, 2, 0.6 + 2.4 * rows)
+    for axes, (series, slices) in zip(panels, drawn, strict=False):
+        best = [comparison.best_baselines(part.errors) for part in slices]
+        curves = {name: [part.errors[name] for part in slices] for name in comparison.models}
+        for label, kind in kinds.items():
+            curves[label] = [
+                part.errors[names[kind]] for part, names in zip(slices, best, strict=True)
+            ]
+        for label, errors in curves.items():
+            means = [
+                ratio_of(each.mean_draws, unit, comparison.columns).geometric_mean
+                for each in errors
+            ]
+            value, low, high = (_finite_or_nan(np.array(part)) for part in zip(*means, strict=True))
+            axes.errorbar(
+                range(len(slices)), value, [value - low, high - value],
+                **styles[label], label=label, marker="o", markersize=3.5, elinewidth=0.9,
+            )  # fmt: skip
+        set_log_scale(axes, "y")
+        axes.set_xticks(range(len(slices)), [part.label for part in slices], fontsize=8)
+        unit_text = f" / {series.unit}" if series.unit else ""
+        axes.set_title(f"{series.quantity}{unit_text}: {series.name}", loc="left")
+    for axes in panels[len(drawn) :]:
+        axes.set_axis_off()
+    add_legend(figure, panels[0])
+    return figure
+
+
 def road_heat_map(comparison: Comparison, model: str) -> Figure:
     """RMS error on each road over that on all roads of the library; new roads have a star."""
     pooled = comparison.library[model].mse().value
     found = {
-        kappa: (scores[model].mse_on_road(kappa).value, on)
-        for on, scores in comparison.scores.items()
-        if on in (LIBRARY, NEW_ROADS)
-        for kappa in scores[model].squared_on_road
+        kappa: (errors.take(test.is_on_road(kappa)).mean().value, test.name)
+        for test in comparison.sets
+        if test.name in (LIBRARY, NEW_ROADS)
+        for errors in [comparison.scores[test.name][model].by_trajectory]
+        for kappa in test.curvatures_per_m
     }
     roads = sorted(found)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -6,17 +6,23 @@ from offline.evaluation import plots
 from offline.evaluation.bootstrap import CONFIDENCE, RESAMPLES, SEED
 from offline.evaluation.comparison import FAIR_LTI, LTI_BASELINES, Comparison
 from offline.evaluation.lane_change import LaneChange
+from offline.evaluation.ratio import PROGRESS, Ratio
 from offline.evaluation.tables import (
+    TABLES_OF_RATIOS,
     interval_cell,
     library_ratio_table,
+    median_table,
     mse_table,
+    quantile_ratio_table,
     quantile_table,
     ratio_table,
     rms_table,
     road_tables,
+    series_tables,
     set_size,
+    worst_table,
 )
-from offline.evaluation.test_sets import NEW_ROADS, ROBUSTNESS
+from offline.evaluation.test_sets import LIBRARY, NEW_ROADS, ROBUSTNESS
 from rt_controller.contract.arrays import Array
 from rt_controller.report.page import Bullets, Details, Page, Part, Plot, Section
 from rt_controller.report.table import Fact, Table, facts_table, format_number
@@ -41,6 +47,7 @@ def evaluation_page(
     sections = (
         _errors(comparison),
         _ratios(comparison),
+        _conditions(comparison),
         _steps(comparison),
         _roads(comparison),
         _robustness(comparison),
@@ -75,28 +82,43 @@ def _introduction(comparison: Comparison) -> tuple[Part, ...]:
 def _main_results(comparison: Comparison) -> list[str]:
     """A sentence for each model and question."""
     lines = []
+    best = comparison.best_baselines(comparison.errors_on(LIBRARY))
     for model in comparison.models:
         ratios = comparison.ratios_to_baselines(model)
+        medians = comparison.ratios_of_quantiles(model)[0.5]
         if FAIR_LTI in ratios:
-            mean = ratios[FAIR_LTI].geometric_mean
-            value, detail = format_number(float(mean.value), 3), interval_cell(mean).detail
             lines.append(
-                f"For each state the better of {' and '.join(LTI_BASELINES)} has {value} times the "
-                f"mean squared error of {model}{f' ({detail})' if detail else ''}, "
-                f"geometric mean over {len(comparison.columns)} states."
+                f"On the {LIBRARY}, the mean squared error of the better of "
+                f"{' and '.join(LTI_BASELINES)} in each state is "
+                f"{_means(comparison, ratios[FAIR_LTI], f'that of {model}')}."
             )
-        for test in comparison.sets[1:]:
+        for kind, name in best.items():
+            lines.append(
+                f"On the {LIBRARY}, the mean squared error of {name}, the best {kind} baseline, is "
+                f"{_means(comparison, ratios[name], f'that of {model}')}; in the median over the "
+                f"trajectories it is {_means(comparison, medians[name], f'that of {model}')}."
+            )
+        for test in filter(None, map(comparison.find_set, TABLES_OF_RATIOS)):
             ratio = comparison.ratio_to_library(model, test.name)
             worst = ratio.worst_state
-            average, largest = (
-                format_number(float(part), 3)
-                for part in (ratio.geometric_mean.value, ratio.by_state.value[worst])
-            )
+            largest = format_number(float(ratio.by_state.value[worst]), 3)
             lines.append(
-                f"{model} on {test.name}: {average} times the mean squared error on the library, "
-                f"{largest} times in the worst state, {comparison.columns[worst].name}."
+                f"On {test.name}, the mean squared error of {model} is "
+                f"{_means(comparison, ratio, f'its own on the {LIBRARY}')}, {largest} times in the "
+                f"worst state, {comparison.columns[worst].name}."
             )
     return lines
+
+
+def _means(comparison: Comparison, ratio: Ratio, of: str) -> str:
+    """Geometric means, the first with its interval, as text."""
+    cell = interval_cell(ratio.geometric_mean)
+    interval = f" ({cell.detail})" if cell.detail else ""
+    text = f"{cell.text}{interval} times {of} in the geometric mean of "
+    text += f"{len(comparison.columns)} states"
+    if ratio.without_progress is None:
+        return text
+    return f"{text}, {interval_cell(ratio.without_progress).text} times without {PROGRESS}"
 
 
 def _errors(comparison: Comparison) -> Section:
@@ -107,7 +129,12 @@ def _errors(comparison: Comparison) -> Section:
         "episodes, because trajectories of one episode are not independent."
     )
     roads = tuple(road_tables(comparison, library))
-    tables = (mse_table(comparison, library), rms_table(comparison, library))
+    tables = (
+        mse_table(comparison, library),
+        rms_table(comparison, library),
+        median_table(comparison, library),
+        worst_table(comparison, library),
+    )
     details = (Details("By curvature", roads),) if roads else ()
     return Section("Errors", (text, *tables, *details))
 
@@ -124,7 +151,27 @@ def _ratios(comparison: Comparison) -> Section:
         bars = plots.ratio_bars(comparison, model)
         parts.append(Plot(bars, f"Errors of the baselines over {model}."))
         parts.append(ratio_table(comparison, model, comparison.sets[0]))
+        parts.append(quantile_ratio_table(comparison, model, comparison.sets[0]))
     return Section("Comparison with baselines", tuple(parts))
+
+
+def _conditions(comparison: Comparison) -> Section:
+    text = (
+        "Errors on parts of the test sets: which part, how many trajectories and episodes, the "
+        "best linear and the best recurrent of the evaluated baselines there, and how much the "
+        "error of the model grows. The best baseline of a class has the smallest geometric mean "
+        "of its mean squared errors; it is chosen for each part."
+    )
+    parts: list[Part] = [text]
+    if any(len(each.slices) > 1 for each in comparison.series):
+        caption = (
+            f"Geometric mean over the states of the mean squared error, over that of "
+            f"{comparison.models[0]} on the library; bars are intervals."
+        )
+        parts.append(Plot(plots.errors_by_condition(comparison), caption))
+    for model in comparison.models:
+        parts += series_tables(comparison, model)
+    return Section("Conditions", tuple(parts))
 
 
 def _steps(comparison: Comparison) -> Section:

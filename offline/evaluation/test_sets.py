@@ -3,7 +3,10 @@
 - library: slices of the test episodes, 480 for each curvature that models may be trained on;
 - new-roads: the same drives on curvatures that the library leaves out. The road does not act on
   the car, so another road can be laid under a drive exactly (`offline.data.road_frame`);
-- robustness: simulated cars of other mass on roads of other friction, made on first use.
+- noise: the library with noise on what the models hear (`offline.evaluation.measurement_noise`);
+- braking: straight stops (`offline.evaluation.straight_braking`);
+- robustness, sliding, fast, friction, mass: simulated with other cars, roads or drivers
+  (`offline.evaluation.simulated_sets`).
 
 Paper: section IV, 2,400 open-loop test trajectories.
 """
@@ -12,33 +15,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from offline.data.cache import cache_folder, make_dataset, simulated_origin
-from offline.data.dataset import PARTS, Dataset, exists, load_dataset
-from offline.data.excitation import Recipe
+from offline.data.dataset import Dataset
 from offline.data.manifest import Imported, Origin
 from offline.data.recording import Starts, cut
 from offline.data.trajectories import Trajectories
-from offline.data.variation import Variation
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, DatasetError
 
-LIBRARY, NEW_ROADS, ROBUSTNESS = "library", "new-roads", "robustness"
-SET_NAMES = (LIBRARY, NEW_ROADS, ROBUSTNESS)
+LIBRARY, NEW_ROADS, ROBUSTNESS, NOISE = "library", "new-roads", "robustness", "noise"
+SLIDING, FAST, BRAKING, FRICTION, MASS = "sliding", "fast", "braking", "friction", "mass"
+SET_NAMES = (LIBRARY, NEW_ROADS, ROBUSTNESS, NOISE, SLIDING, FAST, BRAKING, FRICTION, MASS)
+"""names of `--sets`; noise, friction and mass stand for several sets each"""
 
 TRAJECTORIES_PER_CURVATURE = 480
 """times five curvatures: the paper's 2,400 test trajectories"""
 
 NEW_CURVATURES_PER_M = (-1e-3, 1e-3, 3e-3)
 """within the range of the library's curvatures, but not among them"""
-
-ROAD_FRICTION = (0.5, 1.0)
-MASS_FACTOR = (0.85, 1.15)
-ROBUSTNESS_RECIPE = Recipe(variation=Variation(friction=ROAD_FRICTION, mass_factor=MASS_FACTOR))
-ROBUSTNESS_EPISODES = 96
-"""of five slices: 480 trajectories"""
-ROBUSTNESS_SEED = 46_046
-"""no preset trains with this seed"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +63,12 @@ class TestSet:
             return ()
         return tuple(float(kappa) for kappa in np.unique(self.curvature_per_m))
 
+    def is_on_road(self, curvature_per_m: float) -> NDArray[np.bool_]:
+        """(N,) True for the trajectories on the roads of this curvature."""
+        none = np.full(self.n_trajectories, np.nan)
+        found = none if self.curvature_per_m is None else self.curvature_per_m
+        return np.asarray(found == curvature_per_m)
+
 
 def choose_sets(names: Sequence[str]) -> tuple[str, ...]:
     """The test sets of these names, all if there are none; the library is always among them.
@@ -89,8 +90,8 @@ def library_set(dataset: Dataset, per_curvature: int = TRAJECTORIES_PER_CURVATUR
     Raises:
         DatasetError: the data set has no test part.
     """
-    description = f"test part of {_source(dataset.origin)}"
-    return _cut_set(dataset, LIBRARY, description, _test_slices(dataset, per_curvature))
+    description = f"test part of {describe_source(dataset.origin)}"
+    return cut_set(dataset, LIBRARY, description, slices_of_test_part(dataset, per_curvature))
 
 
 def new_roads_set(
@@ -100,7 +101,7 @@ def new_roads_set(
 
     None if the data have no roads, or have all of these curvatures.
     """
-    starts, roads = _test_slices(dataset, per_curvature), dataset.manifest.roads
+    starts, roads = slices_of_test_part(dataset, per_curvature), dataset.manifest.roads
     if starts.anchor is None or roads is None:
         return None
     curvatures = tuple(
@@ -115,29 +116,10 @@ def new_roads_set(
     count = len(starts.row)
     starts = starts.take(np.tile(np.arange(count), len(curvatures)))
     anchor = starts.anchor and starts.anchor._replace(curvature_per_m=np.repeat(curvatures, count))
-    return _cut_set(dataset, NEW_ROADS, description, starts._replace(anchor=anchor))
+    return cut_set(dataset, NEW_ROADS, description, starts._replace(anchor=anchor))
 
 
-def robustness_set(episodes: int = ROBUSTNESS_EPISODES) -> tuple[Dataset, TestSet]:
-    """All drives of the robustness data set, and the data set itself.
-
-    The data set is taken from the cache, or made in this process within seconds.
-    """
-    origin = simulated_origin(ROBUSTNESS_RECIPE, episodes, ROBUSTNESS_SEED)
-    folder = cache_folder(origin)
-    if exists(folder):
-        dataset = load_dataset(folder)
-    else:
-        part = np.full(episodes, PARTS.index("test"), dtype=np.int8)
-        dataset = make_dataset(folder, origin, part, jobs=1)
-    description = (
-        f"{_source(origin)}, road friction {ROAD_FRICTION[0]:g} to {ROAD_FRICTION[1]:g}, "
-        f"mass times {MASS_FACTOR[0]:g} to {MASS_FACTOR[1]:g}"
-    )
-    return dataset, _cut_set(dataset, ROBUSTNESS, description, _test_slices(dataset, None))
-
-
-def _test_slices(dataset: Dataset, per_curvature: int | None) -> Starts:
+def slices_of_test_part(dataset: Dataset, per_curvature: int | None = None) -> Starts:
     """Slices of the test part in stored order, at most `per_curvature` of each curvature."""
     starts = dataset.slices.take(np.isin(dataset.slices.episode, dataset.episodes("test")))
     if not len(starts.row):
@@ -152,13 +134,15 @@ def _test_slices(dataset: Dataset, per_curvature: int | None) -> Starts:
     return starts.take(np.sort(np.concatenate(chosen)))
 
 
-def _cut_set(dataset: Dataset, name: str, description: str, starts: Starts) -> TestSet:
+def cut_set(dataset: Dataset, name: str, description: str, starts: Starts) -> TestSet:
+    """The windows of these starts as a test set."""
     trajectories = cut(dataset.recording, starts, dataset.schema, dataset.roles)
     curvature_per_m = starts.anchor and starts.anchor.curvature_per_m
     return TestSet(name, description, trajectories, curvature_per_m, dataset.sha256)
 
 
-def _source(origin: Origin) -> str:
+def describe_source(origin: Origin) -> str:
+    """What the episodes are from, as text."""
     if isinstance(origin, Imported):
         return f"{len(origin.files)} imported logs in {origin.episodes} stretches"
     return f"{origin.episodes} episodes of seed {origin.seed}"

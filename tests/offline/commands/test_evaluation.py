@@ -20,16 +20,20 @@ from offline.commands.evaluation import (
 )
 from offline.commands.options import EvaluationOptions
 from offline.commands.report_page import write_report
+from offline.data.manifest import Imported
 from offline.data.provenance import describe_training
 from offline.evaluation import lane_change
 from offline.evaluation.comparison import compare_models
+from offline.evaluation.simulated_sets import SIMULATED, open_simulated_set
 from offline.evaluation.tables import comparison_tables
-from offline.evaluation.test_sets import SET_NAMES, robustness_set
+from offline.evaluation.test_sets import ROBUSTNESS, SET_NAMES
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.model.artifact import load_bundle, save_bundle, shipped_model
 from rt_controller.contract.schema import VEHICLE
 from rt_controller.report.table import Fact
 from sim_bridge.scenario import load_scenario
+
+FEW = tuple(replace(each, episodes=3) for each in SIMULATED)
 
 
 class Fitted(Persistence):
@@ -39,12 +43,12 @@ class Fitted(Persistence):
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch, tmp_path):
-    """An empty cache, baselines that need no fit, and three robustness episodes."""
+    """An empty cache, baselines that need no fit, and three episodes in each simulated set."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(work, "LATEST_RUN", Path("no/such/run"))
     fitted = registry.Fitted(Fitted(), 0.5)
     monkeypatch.setattr(selection.registry, "fit", lambda *arguments: fitted)
-    monkeypatch.setattr(work, "robustness_set", lambda: robustness_set(episodes=3))
+    monkeypatch.setattr(work, "SIMULATED", FEW)
 
 
 @pytest.fixture
@@ -72,15 +76,25 @@ def test_all_baselines_are_those_that_these_data_allow(toy_folder, bundle_of):
     assert evaluation.comparison.baselines[-1] == SHIPPED
 
 
-def test_robustness_is_left_out_for_a_model_trained_on_its_episodes(toy_dataset, bundle_of, capsys):
-    others, _ = robustness_set(episodes=3)
+def test_a_set_is_left_out_for_a_model_trained_on_its_episodes(toy_dataset, bundle_of, capsys):
+    others, _ = open_simulated_set(FEW[0])
     trained = replace(
         load_bundle(bundle_of("a")),
         training=describe_training({}, replace(others.origin, episodes=50)),
     )
-    tests = open_sets(SET_NAMES, toy_dataset, [trained])
+    names = ("library", "new-roads", ROBUSTNESS)
+    tests = open_sets(names, toy_dataset, [trained], ())
     assert [test.name for test in tests] == ["library", "new-roads"]
     assert "without robustness" in capsys.readouterr().err
+
+
+def test_sets_of_the_simulated_car_are_left_out_for_other_data(toy_dataset, bundle_of, capsys):
+    imported = Imported((), "", 40, 0)
+    dataset = replace(toy_dataset, manifest=replace(toy_dataset.manifest, origin=imported))
+    tests = open_sets(SET_NAMES, dataset, [load_bundle(bundle_of("a"))], (2.0,))
+    assert [test.name for test in tests] == ["library", "new-roads", "noise-2"]
+    found = capsys.readouterr().err
+    assert "without robustness, sliding, fast, friction, mass, braking: the data are not" in found
 
 
 def test_models_are_named_by_their_folder_and_bundles_of_runs_by_the_run(tmp_path):
@@ -116,7 +130,13 @@ def test_several_models_are_evaluated_on_every_set(bundle_of, toy_folder, capsys
     assert figures["baselines"] == baselines
     assert figures["data_sha256"]
     assert figures["model_sha256"]["good"] != figures["model_sha256"]["bad"]
-    assert set(figures["sets"]) == set(SET_NAMES)
+    assert list(figures["sets"]) == [
+        "library", "new-roads", *(each.name for each in FEW), "braking", "noise-1", "noise-3",
+    ]  # fmt: skip
+    assert next(iter(figures["series"])) == "sets"
+    assert {"friction", "mass", "noise"} <= set(figures["series"])
+    assert figures["class_of_baseline"] == {"lti": "linear"}
+    assert figures["sets"]["library"]["best_baseline"] == {"linear": "lti"}
     errors = {
         name: model["mse"]["ey_m_squared"]["value"]
         for name, model in figures["sets"]["library"]["models"].items()

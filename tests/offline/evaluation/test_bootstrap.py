@@ -10,6 +10,7 @@ from offline.evaluation.bootstrap import (
     mean_draws,
     quantile_draws,
     sum_by_episode,
+    tail_draws,
 )
 
 
@@ -113,3 +114,25 @@ def test_the_ninth_of_ten_is_the_90_percent_quantile():
     """0.9 times 10 is slightly more than 9 in binary."""
     draws = quantile_draws(np.arange(1.0, 11.0), np.arange(10), (0.9,))
     assert draws[0, 0] == 9.0
+
+
+def test_the_part_of_the_largest_values_agrees_with_that_of_explicit_resamples():
+    rng = np.random.default_rng(5)
+    episode = np.arange(50) // 5
+    values = rng.normal(size=(50, 2)) ** 2
+    draws = tail_draws(values, episode, 0.1)
+    assert draws.shape == (1 + RESAMPLES, 2)
+    for row in (0, 1, 500, 2000):
+        resampled = np.sort(np.repeat(values, weights_of(10)[row][episode], axis=0), axis=0)
+        assert len(resampled) == 50
+        assert np.allclose(draws[row], resampled[-5:].sum(axis=0) / resampled.sum(axis=0))
+
+
+def test_the_number_of_the_largest_values_is_rounded_up():
+    assert tail_draws(np.array([1.0, 2.0, 5.0]), np.arange(3), 0.4)[0] == 7.0 / 8.0
+    assert tail_draws(np.array([1.0, 2.0, 5.0]), np.arange(3), 0.01)[0] == 5.0 / 8.0
+
+
+def test_an_infinite_sum_has_no_largest_part():
+    draws = tail_draws(np.array([1.0, np.inf, 3.0]), np.zeros(3, dtype=int), 0.01)
+    assert np.isnan(draws[0])

@@ -5,6 +5,7 @@ import pytest
 from toy_predictors import WithError, made_test_set, made_trajectories, with_random_error
 
 from offline.evaluation.comparison import FAIR_LTI, compare_models
+from offline.evaluation.series import Series, Slice
 from rt_controller.contract.schema import VEHICLE
 
 MADE = made_trajectories(100)
@@ -62,6 +63,74 @@ def test_fair_lti_is_chosen_anew_in_each_draw():
     for name in linear:
         assert np.all(found[FAIR_LTI].by_state.high <= found[name].by_state.high)
         assert np.all(found[FAIR_LTI].by_state.low <= found[name].by_state.low)
+
+
+def test_the_best_baseline_of_a_class_has_the_smallest_geometric_mean():
+    def constant(*errors):
+        return WithError(MADE, np.array(errors, dtype=float))
+
+    baselines = {
+        "slow": constant(9, 1, 1, 1, 1, 1),
+        "blind": constant(1, 2, 2, 1, 1, 1),
+        "gru": constant(1, 1, 1, 1, 1, 2),
+        "guess": constant(1, 1, 1, 1, 1, 1),
+    }
+    comparison = compare_models(
+        {"model": constant(1, 1, 1, 1, 1, 1)},
+        baselines,
+        [LIBRARY],
+        VEHICLE,
+        classes={"slow": "linear", "blind": "linear", "gru": "recurrent", "guess": "other"},
+    )
+    best = comparison.best_baselines(comparison.errors_on("library"))
+    assert best == {"linear": "blind", "recurrent": "gru"}
+
+
+def test_the_best_baseline_is_chosen_for_each_slice():
+    error = np.ones(MADE.x.shape)
+    error[:50] = 3.0
+    rows = np.arange(100) < 50
+    slices = (Slice("first", "library", rows), Slice("last", "library", ~rows))
+    comparison = compare_models(
+        {"model": with_random_error(MADE)},
+        {"a": WithError(MADE, error), "b": WithError(MADE, 4.0 - error)},
+        [LIBRARY],
+        VEHICLE,
+        classes={"a": "linear", "b": "linear"},
+        series=[Series("half", "half", "", "library", slices)],
+    )
+    ((_, scored),) = comparison.series
+    assert [comparison.best_baselines(part.errors) for part in scored] == [
+        {"linear": "b"},
+        {"linear": "a"},
+    ]
+    assert [(part.n_trajectories, part.n_episodes) for part in scored] == [(50, 10), (50, 10)]
+    assert comparison.growth("a", scored[0].errors["a"]).geometric_mean.value == pytest.approx(1.8)
+
+
+def test_a_diverging_baseline_is_the_best_of_its_class_only_if_there_is_no_other():
+    error = np.ones(MADE.x.shape)
+    error[3, 4:, 2] = np.nan
+    broken, fine = WithError(MADE, error), with_random_error(MADE, 100.0)
+    for baselines, best in (
+        ({"broken": broken, "fine": fine}, "fine"),
+        ({"broken": broken}, "broken"),
+    ):
+        classes = dict.fromkeys(baselines, "linear")
+        comparison = compare_models({}, baselines, [LIBRARY], VEHICLE, classes=classes)
+        found = comparison.best_baselines(comparison.errors_on("library"))
+        assert found == {"linear": best}
+
+
+def test_ratios_of_medians_ignore_a_single_bad_trajectory():
+    error = np.ones(MADE.x.shape)
+    error[7] = 1e3
+    baselines = {"other": WithError(MADE, 2.0 * np.ones(MADE.x.shape))}
+    comparison = compare_models({"model": WithError(MADE, error)}, baselines, [LIBRARY], VEHICLE)
+    by_share = comparison.ratios_of_quantiles("model")
+    assert by_share[0.5]["other"].geometric_mean.value == pytest.approx(4.0)
+    assert by_share[0.5]["other"].without_progress.value == pytest.approx(4.0)
+    assert comparison.ratios_to_baselines("model")["other"].geometric_mean.value < 1e-3
 
 
 def test_without_linear_baselines_there_is_no_fair_lti():

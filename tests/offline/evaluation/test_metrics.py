@@ -5,9 +5,10 @@ import pytest
 from toy_predictors import WithError, made_test_set, made_trajectories, with_random_error
 
 from offline.evaluation import predictor
-from offline.evaluation.metrics import SHARES, score
+from offline.evaluation.metrics import score
 from offline.evaluation.predictor import prediction_errors
 from offline.evaluation.state_units import state_units
+from offline.evaluation.trajectory_errors import SHARES
 from rt_controller.contract.schema import VEHICLE, Schema, Signal
 
 CAR = state_units(VEHICLE)
@@ -79,8 +80,11 @@ def test_quantiles_are_of_the_absolute_errors_of_the_trajectories():
 def test_pooled_errors_are_the_mean_of_those_on_each_road():
     made = made_trajectories(40)
     curvature = np.repeat([-1e-3, 0.0], [30, 10])
-    found = score(with_random_error(made), made_test_set(made, curvature), CAR)
-    right, straight = (found.mse_on_road(kappa).value for kappa in (-1e-3, 0.0))
+    test = made_test_set(made, curvature)
+    found = score(with_random_error(made), test, CAR)
+    right, straight = (
+        found.by_trajectory.take(test.is_on_road(kappa)).mean().value for kappa in (-1e-3, 0.0)
+    )
     assert np.allclose(0.75 * right + 0.25 * straight, found.mse().value)
     assert not np.allclose(right, straight)
 

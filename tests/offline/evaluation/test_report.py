@@ -9,7 +9,8 @@ from toy_predictors import WithError, made_test_set, made_trajectories, with_ran
 from offline.evaluation import lane_change, plots
 from offline.evaluation.comparison import compare_models
 from offline.evaluation.report import evaluation_page, lane_change_section
-from offline.evaluation.tables import mse_table, ratio_table
+from offline.evaluation.series import Series, Slice
+from offline.evaluation.tables import mse_table, ratio_table, series_tables
 from rt_controller.contract.schema import VEHICLE, Schema, Signal
 from rt_controller.report.canvas import to_svg
 from rt_controller.report.page import render_page
@@ -26,7 +27,16 @@ def made_comparison(**baselines):
         made_test_set(MADE, CURVATURE + 1e-3, "new-roads"),
         made_test_set(MADE, CURVATURE, "robustness"),
     ]
-    return compare_models({"mdk-net": with_random_error(MADE)}, baselines, sets, VEHICLE)
+    rows = np.arange(60) < 20
+    slices = (Slice("0 to 9", "library", rows), Slice("9 to 16", "library", ~rows))
+    return compare_models(
+        {"mdk-net": with_random_error(MADE)},
+        baselines,
+        sets,
+        VEHICLE,
+        classes=dict.fromkeys(baselines, "linear"),
+        series=[Series("sideslip", "peak sideslip", "deg", "library", slices)],
+    )
 
 
 @pytest.fixture(scope="module")
@@ -54,13 +64,16 @@ def html(comparison):
 
 
 def test_page_shows_tables_plots_models_and_sources_without_a_script(comparison, html):
-    assert html.count("<svg") == 5
+    assert html.count("<svg") == 6
     assert "<script" not in html
     library = comparison.sets[0]
     for table in (mse_table(comparison, library), ratio_table(comparison, "mdk-net", library)):
         for _, *cells in table.rows:
             for cell in cells:
                 assert f"<td>{cell.text}<br><small>{cell.detail}</small></td>" in html
+    for table in series_tables(comparison, "mdk-net"):
+        assert table.title in html
+    assert "the mean squared error of lti, the best linear baseline, is" in html
     for text in ("abcdef", "b7c81e03e3c7", "0" * 64, "new-roads", "robustness",
                  "80 km/h", "lti-per-curvature &lt;x&gt;"):  # fmt: skip
         assert text in html
@@ -79,6 +92,7 @@ def test_a_diverging_baseline_can_be_drawn():
     for figure in (
         plots.rms_over_time(comparison),
         plots.ratio_bars(comparison, "mdk-net"),
+        plots.errors_by_condition(comparison),
         plots.road_heat_map(comparison, "mdk-net"),
         plots.quantiles_over_time(comparison, "mdk-net"),
     ):

@@ -8,7 +8,13 @@ from toy_predictors import WithError, made_test_set, made_trajectories, with_ran
 
 from offline.evaluation.comparison import compare_models
 from offline.evaluation.figures import comparison_figures, library_figures
-from offline.evaluation.tables import comparison_tables, library_ratio_table, mse_table
+from offline.evaluation.series import Series, Slice
+from offline.evaluation.tables import (
+    comparison_tables,
+    library_ratio_table,
+    mse_table,
+    series_tables,
+)
 from rt_controller.contract.figures import write_figures
 from rt_controller.contract.schema import VEHICLE
 from rt_controller.report.table import format_number
@@ -19,7 +25,7 @@ CURVATURE = np.repeat([-4e-3, 0.0, 4e-3], 20)
 
 @pytest.fixture(scope="module")
 def comparison():
-    """Two models and three baselines on three sets."""
+    """Two models and three baselines on three sets, with a series."""
     sets = [
         made_test_set(MADE, CURVATURE),
         made_test_set(MADE.take(slice(0, 40)), CURVATURE[:40] + 1e-3, "new-roads"),
@@ -34,7 +40,16 @@ def comparison():
         "lti-per-curvature": with_random_error(MADE, 1.7, seed=3),
         "persistence": with_random_error(MADE, 1e-4, seed=4),
     }
-    return compare_models(models, baselines, sets, VEHICLE)
+    rows = np.arange(60) < 20
+    slices = (Slice("0 to 9", "library", rows), Slice("9 to 16", "library", ~rows))
+    return compare_models(
+        models,
+        baselines,
+        sets,
+        VEHICLE,
+        classes={"lti": "linear", "lti-per-curvature": "linear", "persistence": "recurrent"},
+        series=[Series("sideslip", "peak sideslip", "deg", "library", slices)],
+    )
 
 
 @pytest.fixture(scope="module")
@@ -49,15 +64,18 @@ def numbers_in(figures):
         return set().union(*map(numbers_in, items))
     if isinstance(figures, float):
         return {format_number(figures), format_number(figures, 3)}
+    if isinstance(figures, int | str):
+        return {str(figures)}
     return set()
 
 
 def test_every_number_of_the_tables_is_in_the_json(comparison, figures):
     written = numbers_in(figures)
     tables = comparison_tables(comparison)
-    assert len(tables) == 2 + 3 + 2 * 2 + 2
+    assert len(tables) == 4 + 3 + 2 * (3 + 1) + 2
     for table in tables:
         for _, *cells in table.rows:
+            assert cells
             for cell in cells:
                 text, detail = (cell, "") if isinstance(cell, str) else cell[:2]
                 assert {text, *filter(None, detail.split("–"))} <= written, (table.title, cell)
@@ -77,7 +95,22 @@ def test_json_is_indexed_by_model_state_and_unit(figures):
         library["models"]["lti"]["mse"]["vx_kmh_squared"]["value"]
         / library["models"]["mdk-net"]["mse"]["vx_kmh_squared"]["value"]
     )
-    assert "geometric_mean" in ratio
+    without_ds = [ratio[name]["value"] for name in ("vx", "vy", "yaw_rate", "ey", "epsi")]
+    assert ratio["geometric_mean"]["value"] == pytest.approx(
+        np.prod([*without_ds, ratio["ds"]["value"]]) ** (1 / 6)
+    )
+    assert ratio["geometric_mean_without_ds"]["value"] == pytest.approx(
+        np.prod(without_ds) ** (1 / 5)
+    )
+    first = figures["series"]["sideslip"]["slices"][0]
+    assert (first["label"], first["set"], first["n_trajectories"]) == ("0 to 9", "library", 20)
+    assert first["best_baseline"] == {"linear": "lti-per-curvature", "recurrent": "persistence"}
+    medians = library["baseline_mse_quantile_over_model_mse_quantile"]["mdk-net"]["p50"]
+    quantiles = "mse_quantiles_over_trajectories"
+    assert medians["lti"]["vx"]["value"] == pytest.approx(
+        library["models"]["lti"][quantiles]["p50"]["vx_kmh_squared"]["value"]
+        / library["models"]["mdk-net"][quantiles]["p50"]["vx_kmh_squared"]["value"]
+    )
     steps = library["by_step"]["mdk-net"]["rms"]["yaw_rate_degps"]
     assert {len(steps[part]) for part in ("value", "low", "high")} == {80}
     assert set(library["absolute_error_quantiles"]["mdk-net"]) == {
@@ -122,3 +155,30 @@ def test_errors_of_a_single_episode_have_no_interval():
     comparison = compare_models({"m": with_random_error(MADE)}, {}, [one_episode], VEHICLE)
     ((_, *cells),) = mse_table(comparison, one_episode).rows
     assert all(cell.detail == "" for cell in cells)
+
+
+def test_every_mean_over_the_states_is_beside_that_without_progress(comparison):
+    units = [[column.unit for column in table.columns] for table in comparison_tables(comparison)]
+    with_means = [each for each in units if "6 states" in each]
+    assert len(with_means) == 2 * (1 + 1 + 1) + 2
+    for each in with_means:
+        means = [unit for unit in each if unit in ("6 states", "without ds")]
+        assert means == ["6 states", "without ds"] * (len(means) // 2)
+
+
+def test_a_series_names_the_best_baselines_of_each_slice_and_counts_what_is_in_it(comparison):
+    (table,) = series_tables(comparison, "mdk-net")
+    heads = [column.title for column in table.columns]
+    assert table.columns[0].unit == "deg"
+    assert "of mdk-net" in table.title
+    for row, trajectories, episodes in zip(table.rows, ("20", "40"), ("4", "8"), strict=True):
+        assert row[heads.index("trajectories")] == trajectories
+        assert row[heads.index("episodes")] == episodes
+        assert row[heads.index("best linear")] == "lti-per-curvature"
+        assert row[heads.index("best recurrent")] == "persistence"
+
+
+def test_a_comparison_without_baselines_has_no_tables_of_ratios_to_them():
+    comparison = compare_models({"m": with_random_error(MADE)}, {}, [made_test_set(MADE)], VEHICLE)
+    titles = [table.title for table in comparison_tables(comparison)]
+    assert not any("baseline" in title for title in titles)

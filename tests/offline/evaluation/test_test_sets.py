@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline.config import PRESETS
 from offline.data.manifest import Roads
 from offline.data.recording import Starts
 from offline.evaluation import test_sets
-from offline.evaluation.test_sets import choose_sets, library_set, new_roads_set, robustness_set
+from offline.evaluation.test_sets import choose_sets, library_set, new_roads_set
 from rt_controller.contract.errors import ConfigError, DatasetError
 
 
@@ -101,22 +100,9 @@ def test_data_without_a_test_part_are_refused(toy_dataset):
         library_set(learned)
 
 
-def test_robustness_data_are_made_once_and_used_whole(monkeypatch, tmp_path):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    dataset, test = robustness_set(episodes=3)
-    assert (test.n_trajectories, test.n_episodes) == (15, 3)
-    assert "road friction 0.5 to 1, mass times 0.85 to 1.15" in test.description
-    monkeypatch.setattr(test_sets, "make_dataset", None)
-    assert robustness_set(episodes=3)[0].sha256 == dataset.sha256
-
-
-def test_no_preset_trains_with_the_seed_of_the_robustness_data():
-    assert test_sets.ROBUSTNESS_SEED not in {preset.data_seed for preset in PRESETS.values()}
-
-
 def test_the_library_is_part_of_every_choice_of_sets():
     assert choose_sets([]) == test_sets.SET_NAMES
     assert choose_sets(["robustness"]) == ("library", "robustness")
     assert choose_sets(["library"]) == ("library",)
-    with pytest.raises(ConfigError, match="library, new-roads, robustness"):
+    with pytest.raises(ConfigError, match="library, new-roads, robustness, noise"):
         choose_sets(["holdout"])
