@@ -133,8 +133,8 @@ class TrainingConfig(Settings):
 
 RECOMMENDED = TrainingConfig()
 
-# The paper's table of hyperparameters, read as in docs/decisions/030 where text, table and
-# algorithm disagree or say nothing.
+# The paper's network and table of hyperparameters. Eq. (11), the prior of A in eq. (12), and the
+# rules that keep a model, lower the rate and end the training are replaced: docs/decisions/030.
 PAPER = TrainingConfig(
     preset="paper",
     steps=60_000,
@@ -172,7 +172,8 @@ PRESETS = {
     # The best model found with a constant B, as in the paper.
     "linear": RECOMMENDED.model_copy(update={"preset": "linear", "bilinear_rank": 0}),
     "paper": PAPER,
-    # Algorithm 1 and eqs. (9)-(13) as printed, also where this costs accuracy.
+    # Algorithm 1 and eqs. (9)-(13) as printed, also where this costs accuracy; beyond the paper,
+    # the gradient is limited and training ends after ten halvings of the rate.
     "paper-literal": PAPER.model_copy(
         update={
             "preset": "paper-literal",

@@ -16,7 +16,7 @@ from rt_controller.contract.model.bundle import Bundle
 from rt_controller.report.table import Fact
 
 SHIPPED = "mdk-net-paper"
-"""the paper's network and training, a bundle of this package"""
+"""the paper's network with the training of the preset paper, a bundle of this package"""
 
 PLAIN_BASELINES = ("lti", "lti-per-curvature", "persistence")
 DEFAULT_BASELINES = (*PLAIN_BASELINES, "dmdc-delays-path", "lti-scheduled", SHIPPED)

@@ -3,7 +3,7 @@
 from typing import Any
 
 from offline.evaluation.bootstrap import CONFIDENCE, RESAMPLES, SEED, Estimate
-from offline.evaluation.comparison import Comparison, ScoredSeries
+from offline.evaluation.comparison import Comparison, ScoredSeries, ScoredSlice
 from offline.evaluation.metrics import Scores
 from offline.evaluation.ratio import LARGEST_RATIO_ON_NEW_ROADS, PROGRESS, Ratio
 from offline.evaluation.state_units import StateUnit
@@ -85,38 +85,39 @@ def _set_figures(comparison: Comparison, test: TestSet) -> Figures:
 
 def _series_figures(comparison: Comparison, scored: ScoredSeries) -> Figures:
     """Slices as a list, in the order of their quantity."""
-    columns = comparison.columns
-    slices = [
-        {
-            "label": part.label,
-            "set": part.of,
-            "n_trajectories": part.n_trajectories,
-            "n_episodes": part.n_episodes,
-            "best_baseline": comparison.best_baselines(part.errors),
-            "mse": {name: _squared(each.mean(), columns) for name, each in part.errors.items()},
-            "baseline_mse_over_model_mse": {
-                model: _ratio_figures(
-                    {
-                        name: comparison.ratio_to(model, name, part.errors)
-                        for name in comparison.baselines
-                    },
-                    columns,
-                )
-                for model in comparison.models
-            },
-            "mse_over_library_mse": _ratio_figures(
-                {name: comparison.growth(name, part.errors[name]) for name in comparison.names},
-                columns,
-            ),
-        }
-        for part in scored.slices
-    ]
     series = scored.series
     return {
         "quantity": series.quantity,
         "unit": series.unit,
         "description": series.on,
-        "slices": slices,
+        "slices": [_slice_figures(comparison, part) for part in scored.slices],
+    }
+
+
+def _slice_figures(comparison: Comparison, part: ScoredSlice) -> Figures:
+    columns = comparison.columns
+    ratios = {
+        model: {
+            name: comparison.ratio_to(model, name, part.errors) for name in comparison.baselines
+        }
+        for model in comparison.models
+    }
+    growth = {name: comparison.growth(name, part.errors[name]) for name in comparison.names}
+    return {
+        "label": part.label,
+        "set": part.of,
+        "n_trajectories": part.n_trajectories,
+        "n_episodes": part.n_episodes,
+        "best_baseline": comparison.best_baselines(part.errors),
+        "mse": {name: _squared(each.mean(), columns) for name, each in part.errors.items()},
+        "baseline_mse_over_model_mse": {
+            model: _ratio_figures(to_baselines, columns) for model, to_baselines in ratios.items()
+        },
+        "state_of_smallest_ratio": {
+            model: {name: columns[ratio.least_state].name for name, ratio in to_baselines.items()}
+            for model, to_baselines in ratios.items()
+        },
+        "mse_over_library_mse": _ratio_figures(growth, columns),
     }
 
 

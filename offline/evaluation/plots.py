@@ -104,7 +104,7 @@ def errors_by_condition(comparison: Comparison) -> Figure:
     An error is the geometric mean over the states of the mean squared error over that of the first
     model on the library; bars are intervals.
     """
-    drawn = [each for each in comparison.series if len(each.slices) > 1]
+    drawn = [each for each in comparison.series if each.series.is_ordered]
     unit = comparison.library[comparison.models[0]].by_trajectory.mean_draws
     kinds = {f"best {kind}": kind for kind in comparison.best_baselines(drawn[0].slices[0].errors)}
     styles = line_styles(comparison.models, tuple(kinds))
@@ -129,8 +129,9 @@ def errors_by_condition(comparison: Comparison) -> Figure:
             )  # fmt: skip
         set_log_scale(axes, "y")
         axes.set_xticks(range(len(slices)), [part.label for part in slices], fontsize=8)
-        unit_text = f" / {series.unit}" if series.unit else ""
-        axes.set_title(f"{series.quantity}{unit_text}: {series.name}", loc="left")
+        title = f"{series.quantity} / {series.unit}" if series.unit else series.quantity
+        sets = {part.of for part in slices}
+        axes.set_title(f"{title}, {sets.pop()}" if len(sets) == 1 else title, loc="left")
     for axes in panels[len(drawn) :]:
         axes.set_axis_off()
     add_legend(figure, panels[0])

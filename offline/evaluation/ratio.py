@@ -38,6 +38,11 @@ class Ratio(NamedTuple):
         return int(np.argmax(np.nan_to_num(self.by_state.value, nan=np.inf)))
 
     @property
+    def least_state(self) -> int:
+        """Index of the state with the smallest ratio."""
+        return int(np.argmin(np.nan_to_num(self.by_state.value, nan=np.inf)))
+
+    @property
     def is_within_goal(self) -> bool:
         """True if no state exceeds the goal for new roads."""
         return bool(np.all(self.by_state.value <= LARGEST_RATIO_ON_NEW_ROADS))

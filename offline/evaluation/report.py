@@ -163,7 +163,7 @@ def _conditions(comparison: Comparison) -> Section:
         "of its mean squared errors; it is chosen for each part."
     )
     parts: list[Part] = [text]
-    if any(len(each.slices) > 1 for each in comparison.series):
+    if any(each.series.is_ordered for each in comparison.series):
         caption = (
             f"Geometric mean over the states of the mean squared error, over that of "
             f"{comparison.models[0]} on the library; bars are intervals."

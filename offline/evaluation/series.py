@@ -23,6 +23,9 @@ from offline.evaluation.test_sets import (
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.schema import Schema
 
+WHOLE_SETS = "sets"
+"""name of the series of whole test sets"""
+
 SIDESLIP_DEG = (0.0, 2.0, 4.0, 6.0, 9.0, 16.0)
 """limits of the parts; a car that slides by more than 15 deg ends its episode"""
 FIRST_SPEED_KMH = (0.0, 50.0, 80.0, 110.0, 145.0)
@@ -52,6 +55,11 @@ class Series(NamedTuple):
     """what the trajectories are, as the end of a sentence"""
     slices: tuple[Slice, ...]
 
+    @property
+    def is_ordered(self) -> bool:
+        """False for the series of whole test sets, which have no order."""
+        return self.name != WHOLE_SETS
+
 
 def make_series(sets: Sequence[TestSet], schema: Schema) -> tuple[Series, ...]:
     """All series that these test sets and signals allow, whole test sets first.
@@ -79,7 +87,7 @@ def make_series(sets: Sequence[TestSet], schema: Schema) -> tuple[Series, ...]:
                 _whole(tests, {"0": LIBRARY, **levels})),
     )  # fmt: skip
     return (
-        _series("sets", "test set", "", "all test sets", _whole(tests, whole)),
+        _series(WHOLE_SETS, "test set", "", "all test sets", _whole(tests, whole)),
         *(each for each in series if len(each.slices) > 1),
     )
 

@@ -157,14 +157,19 @@ def series_tables(comparison: Comparison, model: str) -> list[Table]:
         rivals = (
             column
             for kind in kinds
-            for column in (Column(f"best {kind}", is_text=True), *_renamed(heads, "MSE ratio"))
+            for column in (
+                Column(f"best {kind}", is_text=True),
+                *_renamed(heads, "MSE ratio"),
+                Column("smallest", "of a state"),
+            )
         )
         rows: list[Row] = []
         for part in slices:
             best = comparison.best_baselines(part.errors)
             cells: list[Cell | str] = [f"{part.n_trajectories}", f"{part.n_episodes}"]
             for name in best.values():
-                cells += [name, *_mean_cells(comparison.ratio_to(model, name, part.errors))]
+                ratio = comparison.ratio_to(model, name, part.errors)
+                cells += [name, *_mean_cells(ratio), _smallest_cell(comparison, ratio)]
             cells += _mean_cells(comparison.growth(model, part.errors[model]))
             rows.append((part.label, *cells))
         compared = "".join(
@@ -240,6 +245,13 @@ def _mean_cells(ratio: Ratio) -> tuple[Cell, ...]:
     """Cells below `_mean_heads`."""
     means = (ratio.geometric_mean, ratio.without_progress)
     return tuple(interval_cell(mean) for mean in means if mean is not None)
+
+
+def _smallest_cell(comparison: Comparison, ratio: Ratio) -> Cell:
+    """The smallest ratio of a state, and which state."""
+    least = ratio.least_state
+    value = float(ratio.by_state.value[least])
+    return Cell(format_number(value), comparison.columns[least].name)
 
 
 def _renamed(heads: Sequence[Column], title: str) -> tuple[Column, ...]:

@@ -39,6 +39,12 @@ def test_a_ratio_to_a_single_episode_has_no_interval():
     assert found.by_state.value == pytest.approx(1.0 / many[0])
 
 
+def test_the_smallest_ratio_is_that_of_the_state_where_the_model_leads_least():
+    found = ratio_of(draws(4, 3, np.nan, 9, 2, np.inf), draws(1, 1, 1, 1, 1, 1), CAR)
+    assert CAR[found.least_state].name == "ey"
+    assert CAR[found.worst_state].name == "yaw_rate"
+
+
 def test_a_ratio_of_zero_makes_the_mean_zero():
     assert geometric_mean(np.array([0.0, 8.0, 8.0])) == 0.0
     assert geometric_mean(np.array([1.0, 8.0, 1.0])) == pytest.approx(2.0)
