@@ -63,18 +63,11 @@ class EvaluationOptions:
             "the paper's network. A baseline that is not in the cache is fitted first",
         ),
     ] = None
-    short_fits: Annotated[
-        bool,
-        Parameter(
-            negative="",
-            help="train the networks among the baselines for minutes only; their errors are larger",
-        ),
-    ] = False
     sets: Annotated[
         Names,
         Parameter(
-            help="library, new-roads, robustness, noise, sliding, fast, braking, friction, mass; "
-            "default: all of them",
+            help="library, new-roads, robustness, varied, noise, sliding, fast, braking, friction, "
+            "mass; default: all of them",
         ),
     ] = None
     noise: Annotated[
@@ -86,3 +79,10 @@ class EvaluationOptions:
             "0.02 m and 0.1 deg; default: 1 3",
         ),
     ] = None
+    short_fits: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="train the networks among the baselines for minutes only; their errors are larger",
+        ),
+    ] = False

@@ -18,6 +18,7 @@ from offline.evaluation.test_sets import (
     NOISE,
     ROBUSTNESS,
     SLIDING,
+    VARIED,
     TestSet,
 )
 from rt_controller.contract.arrays import Array
@@ -67,11 +68,12 @@ def make_series(sets: Sequence[TestSet], schema: Schema) -> tuple[Series, ...]:
     A slice without a trajectory is left out, and so is a series with a single slice.
     """
     tests = {test.name: test for test in sets}
-    whole = {name: name for name in (LIBRARY, NEW_ROADS, ROBUSTNESS, SLIDING, FAST, BRAKING)}
+    whole = (LIBRARY, NEW_ROADS, ROBUSTNESS, VARIED, SLIDING, FAST, BRAKING)
     levels = {name.removeprefix(f"{NOISE}-"): name for name in tests if name.startswith(NOISE)}
     by_sideslip = "by the largest sideslip of the two seconds"
     brakes = f"{LIBRARY}, by the largest brake input, and straight stops"
-    series = (
+    of_sets = _whole(tests, {name: name for name in whole})
+    others = (
         _series("sideslip", "peak sideslip", "deg", f"{LIBRARY}, {by_sideslip}",
                 _by_sideslip(tests, LIBRARY, schema)),
         _series(SLIDING, "peak sideslip", "deg", f"{SLIDING}, {by_sideslip}",
@@ -87,8 +89,8 @@ def make_series(sets: Sequence[TestSet], schema: Schema) -> tuple[Series, ...]:
                 _whole(tests, {"0": LIBRARY, **levels})),
     )  # fmt: skip
     return (
-        _series(WHOLE_SETS, "test set", "", "all test sets", _whole(tests, whole)),
-        *(each for each in series if len(each.slices) > 1),
+        _series(WHOLE_SETS, "test set", "", "all test sets", of_sets),
+        *(each for each in others if len(each.slices) > 1),
     )
 
 

@@ -8,17 +8,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from offline.data.cache import cache_folder, make_dataset
+from offline.data.cache import cache_folder, make_dataset, simulated_origin
 from offline.data.dataset import PARTS, Dataset, exists, load_dataset
 from offline.data.excitation import Recipe
-from offline.data.generate import plant_fingerprint
-from offline.data.manifest import Simulated
+from offline.data.variation import VARIED as VARIED_CONDITIONS
+from offline.data.variation import Variation
 from offline.evaluation.test_sets import (
     FAST,
     FRICTION,
     MASS,
     ROBUSTNESS,
     SLIDING,
+    VARIED,
     TestSet,
     cut_set,
     describe_source,
@@ -50,20 +51,29 @@ def _kmh(low: float, high: float) -> tuple[float, float]:
     return low / 3.6, high / 3.6
 
 
+def _conditions(
+    name: str, options: tuple[str, ...], variation: Variation, conditions: str
+) -> SimulatedSet:
+    recipe = Recipe(variation=variation)
+    return SimulatedSet(name, options, recipe, 96, _CONDITIONS_SEED, conditions)
+
+
 def _friction(value: float) -> SimulatedSet:
-    recipe, name = Recipe(road_friction=(value, value)), f"{FRICTION}-{value:g}"
-    return SimulatedSet(name, (FRICTION,), recipe, 96, _CONDITIONS_SEED, f"road friction {value:g}")
+    variation = Variation(friction=(value, value))
+    return _conditions(f"{FRICTION}-{value:g}", (FRICTION,), variation, f"road friction {value:g}")
 
 
 def _mass(factor: float) -> SimulatedSet:
-    recipe, name = Recipe(mass_factor=(factor, factor)), f"{MASS}-{factor:g}"
-    return SimulatedSet(name, (MASS,), recipe, 96, _CONDITIONS_SEED, f"mass times {factor:g}")
+    variation = Variation(mass_factor=(factor, factor))
+    return _conditions(f"{MASS}-{factor:g}", (MASS,), variation, f"mass times {factor:g}")
 
 
-NOMINAL = SimulatedSet(
-    "nominal", (FRICTION, MASS), Recipe(), 96, _CONDITIONS_SEED, "road and car of the training data"
+NOMINAL = _conditions(
+    "nominal",
+    (FRICTION, MASS),
+    Variation(friction=(NOMINAL_FRICTION, NOMINAL_FRICTION)),
+    "road and car of the training data",
 )
-
 BY_FRICTION = {1.0: _friction(1.0), NOMINAL_FRICTION: NOMINAL} | {
     value: _friction(value) for value in (0.7, 0.5)
 }
@@ -73,10 +83,18 @@ SIMULATED = (
     SimulatedSet(
         ROBUSTNESS,
         (ROBUSTNESS,),
-        Recipe(road_friction=(0.5, 1.0), mass_factor=(0.85, 1.15)),
+        Recipe(variation=Variation(friction=(0.5, 1.0), mass_factor=(0.85, 1.15))),
         96,
         46_046,
         "road friction 0.5 to 1, mass times 0.85 to 1.15",
+    ),
+    SimulatedSet(
+        VARIED,
+        (VARIED,),
+        Recipe(variation=VARIED_CONDITIONS),
+        96,
+        46_051,
+        "road, wind, load and tyres as in the recipe varied",
     ),
     SimulatedSet(
         SLIDING,
@@ -101,7 +119,7 @@ SIMULATED = (
 
 def open_simulated_set(which: SimulatedSet) -> tuple[Dataset, TestSet]:
     """All drives of the set, and their data set, from the cache or made now in this process."""
-    origin = Simulated(which.recipe, which.episodes, which.seed, plant_fingerprint())
+    origin = simulated_origin(which.recipe, which.episodes, which.seed)
     folder = cache_folder(origin)
     if exists(folder):
         dataset = load_dataset(folder)

@@ -5,7 +5,7 @@
   the car, so another road can be laid under a drive exactly (`offline.data.road_frame`);
 - noise: the library with noise on what the models hear (`offline.evaluation.measurement_noise`);
 - braking: straight stops (`offline.evaluation.straight_braking`);
-- robustness, sliding, fast, friction, mass: simulated with other cars, roads or drivers
+- robustness, varied, sliding, fast, friction, mass: simulated with other cars, roads or drivers
   (`offline.evaluation.simulated_sets`).
 
 Paper: section IV, 2,400 open-loop test trajectories.
@@ -24,9 +24,14 @@ from offline.data.trajectories import Trajectories
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, DatasetError
 
-LIBRARY, NEW_ROADS, ROBUSTNESS, NOISE = "library", "new-roads", "robustness", "noise"
-SLIDING, FAST, BRAKING, FRICTION, MASS = "sliding", "fast", "braking", "friction", "mass"
-SET_NAMES = (LIBRARY, NEW_ROADS, ROBUSTNESS, NOISE, SLIDING, FAST, BRAKING, FRICTION, MASS)
+LIBRARY, NEW_ROADS, ROBUSTNESS, VARIED = "library", "new-roads", "robustness", "varied"
+NOISE, SLIDING, FAST, BRAKING = "noise", "sliding", "fast", "braking"
+FRICTION, MASS = "friction", "mass"
+SET_NAMES = (
+    *(LIBRARY, NEW_ROADS, ROBUSTNESS, VARIED),
+    *(NOISE, SLIDING, FAST, BRAKING),
+    *(FRICTION, MASS),
+)
 """names of `--sets`; noise, friction and mass stand for several sets each"""
 
 TRAJECTORIES_PER_CURVATURE = 480

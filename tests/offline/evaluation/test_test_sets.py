@@ -104,5 +104,5 @@ def test_the_library_is_part_of_every_choice_of_sets():
     assert choose_sets([]) == test_sets.SET_NAMES
     assert choose_sets(["robustness"]) == ("library", "robustness")
     assert choose_sets(["library"]) == ("library",)
-    with pytest.raises(ConfigError, match="library, new-roads, robustness, noise"):
+    with pytest.raises(ConfigError, match="library, new-roads, robustness, varied, noise"):
         choose_sets(["holdout"])
