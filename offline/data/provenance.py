@@ -2,22 +2,29 @@
 
 Two simulated data sets of one seed but different lengths share episodes and split them
 differently, so one may train on what the other tests on. With equal seed and length the split is
-the same; with different seeds no episode is shared.
+the same; with different seeds no episode is shared. Both hold whatever the conditions that the
+recipes vary.
 """
 
 import json
 from collections.abc import Mapping
 
 from offline.data.manifest import Manifest, Origin, Simulated
+from offline.data.variation import describe
 from rt_controller.contract.model.bundle import Bundle
 
 
 def describe_training(settings: Mapping[str, object], origin: Origin) -> str:
     """The field `training` of a bundle as JSON: the settings, and the origin of the episodes."""
+    kind = (
+        {"data": "driven", "conditions": describe(origin.recipe.variation)}
+        if isinstance(origin, Simulated)
+        else {"data": "imported"}
+    )
     return json.dumps(
         {
             **settings,
-            "data": "driven" if isinstance(origin, Simulated) else "imported",
+            **kind,
             "episodes": origin.episodes,
             "data_seed": origin.seed,
         }

@@ -14,6 +14,7 @@ from offline.data.generate import generate
 from offline.data.manifest import Imported
 from offline.data.provenance import describe_training, is_held_out
 from offline.data.recording import Recording
+from offline.data.variation import VARIED
 from offline.evaluation import held_out
 from offline.evaluation.held_out import choose_test_data, find_objection
 from rt_controller.contract.errors import DatasetError
@@ -166,6 +167,17 @@ def test_only_the_same_seed_with_another_length_is_not_held_out(toy_dataset, cha
     )
     other = replace(manifest, sha256=changes.get("sha256", manifest.sha256), origin=origin)
     assert is_held_out(trained_on(toy_dataset), other) is expected
+
+
+@pytest.mark.parametrize(("episodes", "expected"), [(40, True), (50, False)])
+def test_other_conditions_do_not_make_episodes_of_the_same_seed_held_out(
+    toy_dataset, episodes, expected
+):
+    manifest = toy_dataset.manifest
+    recipe = replace(manifest.origin.recipe, variation=VARIED)
+    origin = replace(manifest.origin, recipe=recipe, episodes=episodes)
+    varied = replace(manifest, sha256="varied", origin=origin)
+    assert is_held_out(trained_on(toy_dataset), varied) is expected
 
 
 def test_a_model_of_logs_is_held_out_from_drives_and_not_from_other_logs(toy_dataset):

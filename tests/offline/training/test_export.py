@@ -50,6 +50,7 @@ def test_a_trained_bundle_has_the_hash_of_its_data_its_episodes_and_its_step(
     assert (loaded.sha256, loaded.data_sha256) == (bundle.sha256, toy_dataset.sha256)
     training = json.loads(loaded.training)
     assert (training["episodes"], training["data_seed"]) == (40, 3)
+    assert training["conditions"] == "recipe nominal"
     assert training["step"] == checkpoint.step
     assert loaded.selftest.x.shape == (32, 6)
     assert parity < 1e-5
