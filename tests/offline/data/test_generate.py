@@ -125,9 +125,12 @@ def test_poses_are_the_integral_of_the_motion(episode):
     assert np.all(episode.pose[0] == 0.0)
 
 
-def test_data_do_not_depend_on_the_number_of_processes():
-    alone, together = (generate(Recipe(), 24, seed=5, jobs=jobs) for jobs in (1, 2))
+@pytest.mark.parametrize("variation", [None, VARIED])
+def test_data_do_not_depend_on_the_number_of_processes(variation):
+    recipe = Recipe(variation=variation)
+    alone, together = (generate(recipe, 24, seed=5, jobs=jobs) for jobs in (1, 2))
     assert alone.rejected == together.rejected
+    assert alone.rejected_by_friction == together.rejected_by_friction
     for one, other in zip(alone.recording, together.recording, strict=True):
         assert np.array_equal(one, other)
     for one, other in zip(alone.slices.anchor, together.slices.anchor, strict=True):
