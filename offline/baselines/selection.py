@@ -56,9 +56,11 @@ def open_baselines(
     is_required: bool,
     notify: Callable[[str], None] = lambda text: None,
     is_short: bool = False,
+    on_progress: Callable[[str], None] = lambda name: None,
 ) -> dict[str, Predictor]:
     """The baselines by name, fitted now or taken from the cache; `is_short` as of `registry.fit`.
 
+    `on_progress` is called with the name of each before it is fitted.
     One that these data or models do not allow is left out, and `notify` gets the reason.
 
     Raises:
@@ -72,8 +74,12 @@ def open_baselines(
             )
         if objection is not None:
             notify(f"without {name}: {objection}.")
-    allowed = (name for name in names if objections[name] is None)
-    return {name: _open(name, dataset, is_short) for name in allowed}
+    opened = {}
+    for name in names:
+        if objections[name] is None:
+            on_progress(name)
+            opened[name] = _open(name, dataset, is_short)
+    return opened
 
 
 def table_of_classes(names: Iterable[str]) -> dict[str, str]:

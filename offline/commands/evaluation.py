@@ -83,9 +83,15 @@ def run_evaluation(options: EvaluationOptions) -> Evaluation:
     dataset = choose_test_data(bundles, options.data, LATEST_RUN, _notify)
     tests = open_sets(set_names, dataset, bundles, levels)
     is_required = bool(baselines) and tuple(baselines) != (ALL,)
-    with STDERR.status("fitting baselines"):
+    with STDERR.status("fitting baselines") as status:
         opened = open_baselines(
-            baseline_names, dataset, bundles, is_required, _notify, options.short_fits
+            baseline_names,
+            dataset,
+            bundles,
+            is_required,
+            _notify,
+            options.short_fits,
+            lambda name: status.update(f"fitting {name}"),
         )
     names = label_models(folders, taken=opened)
     named = {name: BundlePredictor(bundle) for name, bundle in zip(names, bundles, strict=True)}

@@ -7,8 +7,6 @@ matrices, AdamW the vectors.
 """
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import partial
@@ -23,6 +21,7 @@ from offline.baselines.recurrent.network import Size, build
 from offline.baselines.road_path import split_path
 from offline.baselines.score import log_error as validation_score
 from offline.baselines.score import tuning_windows
+from offline.baselines.threads import one_thread
 from offline.config import PAST_STEPS, PRESETS
 from offline.data.dataset import Dataset
 from offline.data.sampling import open_source
@@ -81,7 +80,7 @@ def fit_network(dataset: Dataset, settings: Settings) -> RecurrentModel:
     source = open_source(sampling, dataset, scaling)
     scores: list[float] = []
     step, end, is_flat = 0, settings.most_steps, False
-    with _one_thread(), torch.random.fork_rng(devices=[]):
+    with one_thread(), torch.random.fork_rng(devices=[]):
         torch.manual_seed(settings.seed)
         rng = torch.Generator().manual_seed(settings.seed)
         model = _untrained(train, scaling, dataset, settings)
@@ -184,14 +183,3 @@ def _untrained(
         spread=torch.from_numpy(spread).float(),
     )
     return RecurrentModel(network, settings.past_steps, learned, scaling, dataset.schema.dt_s)
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """One thread, whose order of summation is fixed; more are not faster for small batches."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)

@@ -14,6 +14,7 @@ from offline.baselines.dictionary.fit import pick_transitions
 from offline.baselines.scheduled.fit import weighted_regressors
 from offline.baselines.scheduled.model import ScheduledModel, Series, roll_out, series_of
 from offline.baselines.score import log_error, tuning_windows, variances
+from offline.baselines.threads import one_thread
 from offline.data.dataset import Dataset
 from rt_controller.contract.arrays import Array
 
@@ -33,6 +34,7 @@ class Descent:
     """evenly spread over the training part"""
 
 
+@one_thread()
 def descend(start: ScheduledModel, dataset: Dataset, descent: Descent) -> ScheduledModel:
     """The model with the smallest validation score along the descent, `start` included."""
     structure, train = start.structure, dataset.select("train")

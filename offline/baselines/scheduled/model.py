@@ -106,17 +106,17 @@ def roll_out(
     centre, scale = (_like(numerics, each) for each in (scaling.x_centre, scaling.x_scale))
     J, split = len(knots), structure.state_regressors
     x = ((series.x0 - centre) / scale)[:, :n]
-    batch, steps = series.driven.shape[:2]
     of_states = theta[..., :split].reshape(J * n, split).T
     driven = series.driven @ theta[..., split:].reshape(J * n, -1).T
     past, oldest = series.past, len(structure.past_states)
     phi = weights(numerics, x[:, structure.speed], knots)
     motion = [x]
-    for k in range(steps):
+    # Iterating over the first axis is one operation for the gradient, indexing one for each step.
+    for k, forcing in enumerate(numerics.swapaxes(driven, 0, 1)):
         if k and structure.follows is Follow.PREDICTION and J > 1:
             phi = weights(numerics, x[:, structure.speed], knots)
         z = numerics.concatenate([x, past], 1)
-        each = (z @ of_states + driven[:, k]).reshape(batch, J, n)
+        each = (z @ of_states + forcing).reshape(len(x), J, n)
         if structure.past_steps:
             newest = x[:, structure.past_states]
             past = numerics.concatenate([past[:, oldest:], newest], 1)

@@ -83,9 +83,9 @@ def test_the_papers_network_is_a_baseline_of_other_models_only(toy_dataset, monk
 def test_data_without_roads_have_no_model_per_road(toy_dataset, fitted):
     data = replace(toy_dataset, manifest=replace(toy_dataset.manifest, roads=None))
     said = []
-    assert list(open_baselines(["lti-per-curvature", "lti"], data, [], False, said.append)) == [
-        "lti"
-    ]
+    names, begun = ["lti-per-curvature", "lti"], []
+    opened = open_baselines(names, data, [], False, said.append, on_progress=begun.append)
+    assert list(opened) == begun == ["lti"]
     assert "no roads" in said[0]
 
 
