@@ -130,17 +130,23 @@ class Comparison:
         """Mean errors of a baseline over those of the model, given the errors by name."""
         return ratio_of(errors[baseline].mean_draws, errors[model].mean_draws, self.columns)
 
+    @property
+    def known_classes(self) -> tuple[str, ...]:
+        """Those of `CLASSES` that one of the baselines has."""
+        return tuple(each for each in CLASSES if each in self.classes.values())
+
     def best_baselines(self, errors: Mapping[str, TrajectoryErrors]) -> dict[str, str]:
         """By class of `CLASSES`: the baseline with the smallest geometric mean of its mean errors.
 
         A class without a baseline is left out.
         """
-        best = {}
-        for each in CLASSES:
-            names = [name for name in self.baselines if self.classes.get(name) == each]
-            if names:
-                best[each] = min(names, key=lambda name: _pooled(errors[name]))
-        return best
+        return {
+            each: min(
+                (name for name in self.baselines if self.classes.get(name) == each),
+                key=lambda name: _pooled(errors[name]),
+            )
+            for each in self.known_classes
+        }
 
 
 def compare_models(
@@ -175,7 +181,11 @@ def compare_models(
         dt_s=schema.dt_s,
         models=tuple(models),
         baselines=tuple(baselines),
-        classes={name: found for name, found in (classes or {}).items() if found in CLASSES},
+        classes={
+            name: found
+            for name, found in (classes or {}).items()
+            if name in baselines and found in CLASSES
+        },
         sets=tuple(sets),
         scores=scores,
         series=tuple(_score_slices(each, scores) for each in series),

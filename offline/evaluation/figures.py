@@ -178,17 +178,16 @@ def _quantile_figures(scores: Scores, comparison: Comparison) -> Figures:
 def _ratio_figures(ratios: dict[str, Ratio], columns: Columns) -> Figures:
     names = [column.name for column in columns]
     return {
-        name: {
-            **_by_state(ratio.by_state, names),
-            "geometric_mean": _numbers(ratio.geometric_mean),
-            **(
-                {f"geometric_mean_without_{PROGRESS}": _numbers(ratio.without_progress)}
-                if ratio.without_progress is not None
-                else {}
-            ),
-        }
+        name: _by_state(ratio.by_state, names) | _mean_figures(ratio)
         for name, ratio in ratios.items()
     }
+
+
+def _mean_figures(ratio: Ratio) -> Figures:
+    figures = {"geometric_mean": _numbers(ratio.geometric_mean)}
+    if ratio.without_progress is not None:
+        figures[f"geometric_mean_without_{PROGRESS}"] = _numbers(ratio.without_progress)
+    return figures
 
 
 def _squared(estimate: Estimate, columns: Columns) -> Figures:

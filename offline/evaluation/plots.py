@@ -106,7 +106,7 @@ def errors_by_condition(comparison: Comparison) -> Figure:
     """
     drawn = [each for each in comparison.series if each.series.is_ordered]
     unit = comparison.library[comparison.models[0]].by_trajectory.mean_draws
-    kinds = {f"best {kind}": kind for kind in comparison.best_baselines(drawn[0].slices[0].errors)}
+    kinds = {f"best {kind}": kind for kind in comparison.known_classes}
     styles = line_styles(comparison.models, tuple(kinds))
     rows = -(-len(drawn) // 2)
     figure, panels = empty_figure(rows, 2, 0.6 + 2.4 * rows)

@@ -6,7 +6,7 @@ The title of each table says what is compared with what, on which trajectories.
 from collections.abc import Mapping, Sequence
 
 from offline.evaluation.bootstrap import CONFIDENCE, RESAMPLES, Estimate
-from offline.evaluation.comparison import FAIR_LTI, LTI_BASELINES, Comparison
+from offline.evaluation.comparison import FAIR_LTI, LTI_BASELINES, Comparison, ScoredSeries
 from offline.evaluation.ratio import LARGEST_RATIO_ON_NEW_ROADS, PROGRESS, Ratio
 from offline.evaluation.test_sets import LIBRARY, NEW_ROADS, ROBUSTNESS, TestSet
 from offline.evaluation.trajectory_errors import SHARES, WORST_SHARE
@@ -26,7 +26,7 @@ def mse_table(comparison: Comparison, test: TestSet) -> Table:
         f"{name} on {scores[name].diverged}" for name in comparison.names if scores[name].diverged
     ]
     return Table(
-        f"MSE over {comparison.steps} steps, {set_size(test)}",
+        f"MSE over {comparison.steps} steps of each model on {test.name}, {set_size(test)}",
         _state_heads("model", comparison, squared=True),
         tuple((name, *_cells(scores[name].mse())) for name in comparison.names),
         (f"No finite prediction: {', '.join(diverged)} trajectories." if diverged else INTERVALS,),
@@ -37,7 +37,7 @@ def rms_table(comparison: Comparison, test: TestSet) -> Table:
     """Root mean square errors without intervals."""
     scores = comparison.scores[test.name]
     return Table(
-        f"RMS error over {comparison.steps} steps, {set_size(test)}",
+        f"RMS error over {comparison.steps} steps of each model on {test.name}, {set_size(test)}",
         _state_heads("model", comparison),
         tuple((name, *_values(scores[name].rms())) for name in comparison.names),
     )
@@ -48,7 +48,7 @@ def median_table(comparison: Comparison, test: TestSet) -> Table:
     errors = comparison.errors_on(test.name)
     median = SHARES.index(0.5)
     return Table(
-        f"MSE of the median trajectory, {test.name}, {set_size(test)}",
+        f"MSE of the median trajectory of each model on {test.name}, {set_size(test)}",
         _state_heads("model", comparison, squared=True),
         tuple((name, *_cells(errors[name].quantiles(), median)) for name in comparison.names),
     )
@@ -59,8 +59,8 @@ def worst_table(comparison: Comparison, test: TestSet) -> Table:
     errors = comparison.errors_on(test.name)
     states = (Column(each.name) for each in comparison.columns)
     return Table(
-        f"Part of the MSE that the worst {100 * WORST_SHARE:g} % of the trajectories have, "
-        f"{test.name}, {set_size(test)}",
+        f"Part of the MSE of each model that its worst {100 * WORST_SHARE:g} % of the trajectories "
+        f"have, {test.name}, {set_size(test)}",
         (Column("model", is_text=True), *states),
         tuple((name, *_cells(errors[name].worst_part)) for name in comparison.names),
         ("1: all of it. The worst trajectories are chosen for each model and state.",),
@@ -72,7 +72,7 @@ def road_tables(comparison: Comparison, test: TestSet) -> list[Table]:
     errors = comparison.errors_on(test.name)
     return [
         Table(
-            f"MSE on curvature {kappa:g} 1/m",
+            f"MSE of each model on curvature {kappa:g} 1/m, {test.name}",
             _state_heads("model", comparison, squared=True),
             tuple(
                 (name, *_values(errors[name].take(test.is_on_road(kappa)).mean()))
@@ -150,47 +150,35 @@ def library_ratio_table(comparison: Comparison, test: TestSet) -> Table:
 
 def series_tables(comparison: Comparison, model: str) -> list[Table]:
     """For each series: the best baselines over the model, and the model over itself."""
-    heads = _mean_heads(comparison)
-    tables = []
-    for series, slices in comparison.series:
-        kinds = tuple(comparison.best_baselines(slices[0].errors))
-        rivals = (
-            column
-            for kind in kinds
-            for column in (
-                Column(f"best {kind}", is_text=True),
-                *_renamed(heads, "MSE ratio"),
-                Column("smallest", "of a state"),
-            )
-        )
-        rows: list[Row] = []
-        for part in slices:
-            best = comparison.best_baselines(part.errors)
-            cells: list[Cell | str] = [f"{part.n_trajectories}", f"{part.n_episodes}"]
-            for name in best.values():
-                ratio = comparison.ratio_to(model, name, part.errors)
-                cells += [name, *_mean_cells(ratio), _smallest_cell(comparison, ratio)]
-            cells += _mean_cells(comparison.growth(model, part.errors[model]))
-            rows.append((part.label, *cells))
-        compared = "".join(
-            f"MSE of the best {kind} baseline over that of {model}, " for kind in kinds
-        )
-        tables.append(
-            Table(
-                f"{series.quantity.capitalize()}: {compared}{'and ' if kinds else ''}"
-                f"MSE of {model} over its own on the whole {LIBRARY}; geometric means over the "
-                f"states; {series.on}",
-                (
-                    Column(series.quantity, series.unit, is_text=True),
-                    Column("trajectories"),
-                    Column("episodes"),
-                    *rivals,
-                    *_renamed(heads, f"over {LIBRARY}"),
-                ),
-                tuple(rows),
-            )
-        )
-    return tables
+    return [_series_table(comparison, model, each) for each in comparison.series]
+
+
+def _series_table(comparison: Comparison, model: str, scored: ScoredSeries) -> Table:
+    series, slices = scored
+    heads, kinds = _mean_heads(comparison), comparison.known_classes
+    columns = [
+        Column(series.quantity, series.unit, is_text=True),
+        Column("trajectories"),
+        Column("episodes"),
+    ]
+    for kind in kinds:
+        columns += [Column(f"best {kind}", is_text=True), *_renamed(heads, "MSE ratio")]
+        columns.append(Column("smallest", "of a state"))
+    rows: list[Row] = []
+    for part in slices:
+        cells: list[Cell | str] = [part.label, f"{part.n_trajectories}", f"{part.n_episodes}"]
+        for name in comparison.best_baselines(part.errors).values():
+            ratio = comparison.ratio_to(model, name, part.errors)
+            cells += [name, *_mean_cells(ratio), _smallest_cell(comparison, ratio)]
+        rows.append((*cells, *_mean_cells(comparison.growth(model, part.errors[model]))))
+    compared = [f"MSE of the best {kind} baseline over that of {model}" for kind in kinds]
+    compared.append(f"MSE of {model} over its own on the whole {LIBRARY}")
+    return Table(
+        f"{series.quantity.capitalize()}: {', and '.join(compared)}; geometric means over the "
+        f"states; {series.on}",
+        (*columns, *_renamed(heads, f"over {LIBRARY}")),
+        tuple(rows),
+    )
 
 
 def comparison_tables(comparison: Comparison) -> list[Table]:
