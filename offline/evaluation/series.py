@@ -27,10 +27,10 @@ from rt_controller.contract.schema import Schema
 WHOLE_SETS = "sets"
 """name of the series of whole test sets"""
 
-SIDESLIP_DEG = (0.0, 2.0, 4.0, 6.0, 9.0, 16.0)
-"""limits of the parts; a car that slides by more than 15 deg ends its episode"""
-FIRST_SPEED_KMH = (0.0, 50.0, 80.0, 110.0, 145.0)
-FAST_KMH = (130.0, 150.0, 180.0)
+SIDESLIP_DEG = (0.0, 2.0, 4.0, 6.0, 9.0, 16.0, np.inf)
+"""limits of the parts; a simulated car that slides by more than 15 deg ends its episode"""
+FIRST_SPEED_KMH = (0.0, 50.0, 80.0, 110.0, 145.0, np.inf)
+FAST_KMH = (130.0, 150.0, 180.0, np.inf)
 HARD_BRAKING_N = 75.0
 """half of the largest brake input"""
 
@@ -149,4 +149,5 @@ def _between(of: str, values: Array, limits: Sequence[float]) -> Iterable[Slice]
     for low, high in pairwise(limits):
         rows = (values >= low) & (values < high)
         if rows.any():
-            yield Slice(f"{low:g} to {high:g}", of, rows)
+            label = f"{low:g} to {high:g}" if np.isfinite(high) else f"{low:g} and more"
+            yield Slice(label, of, rows)

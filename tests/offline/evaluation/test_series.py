@@ -53,12 +53,13 @@ def test_braking_is_none_light_hard_and_straight():
 
 
 def test_first_speeds_of_the_library_are_followed_by_those_of_the_fast_set():
-    first_kmh = np.linspace(20.0, 140.0, COUNT)
+    first_kmh = np.append(np.linspace(20.0, 140.0, COUNT - 1), 250.0)
     library = made_set(vx_mps=first_kmh[:, None] / 3.6)
     fast = made_set("fast", 4, vx_mps=np.array([[120.0], [140.0], [160.0], [170.0]]) / 3.6)
     found = series_of(library, fast)["speed"].slices
     assert [part.label for part in found] == [
-        "0 to 50", "50 to 80", "80 to 110", "110 to 145", "130 to 150", "150 to 180",
+        "0 to 50", "50 to 80", "80 to 110", "110 to 145", "145 and more",
+        "130 to 150", "150 to 180",
     ]  # fmt: skip
     assert sum(int(part.rows.sum()) for part in found) == COUNT + 3
 
