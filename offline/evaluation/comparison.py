@@ -93,12 +93,12 @@ class Comparison:
     def ratios_to_baselines(self, model: str, on: str = LIBRARY) -> dict[str, Ratio]:
         """By baseline: its mean errors over those of the model, so above 1 the model is better.
 
-        The fair LTI comes first; it is chosen anew in every draw.
+        The fair LTI comes first if there are both linear models; it is chosen anew in every draw.
         """
         errors = self.errors_on(on)
         draws = {name: errors[name].mean_draws for name in self.baselines}
         linear = [draws[name] for name in LTI_BASELINES if name in draws]
-        if linear:
+        if len(linear) > 1:
             draws = {FAIR_LTI: np.min(linear, axis=0), **draws}
         own = errors[model].mean_draws
         return {name: ratio_of(above, own, self.columns) for name, above in draws.items()}

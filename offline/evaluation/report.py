@@ -143,9 +143,13 @@ def _ratios(comparison: Comparison) -> Section:
     text = (
         "A ratio of 2 means that the baseline's mean squared error is twice the model's. Both "
         "errors of a ratio are averaged over the same drawn episodes, so an interval above 1 is a "
-        f"difference that these data show. “{FAIR_LTI}” combines two baselines: one linear model "
-        "with an offset for all roads and one for each road, the better of them for each state."
+        "difference that these data show."
     )
+    if set(LTI_BASELINES) <= set(comparison.baselines):
+        text += (
+            f" “{FAIR_LTI}” combines two baselines: one linear model with an offset for all roads "
+            "and one for each road, the better of them for each state."
+        )
     parts: list[Part] = [text]
     for model in comparison.models:
         bars = plots.ratio_bars(comparison, model)
@@ -228,9 +232,11 @@ def lane_change_section(
         f"The paper's manoeuvre: {driven.description}. A preview driver steers the simulated car; "
         "the models get its inputs. They start from the measured state every 2 s, at the dotted "
         "lines, and predict without measurements in between. The panels are scaled to the car and "
-        "the models; curves of baselines may leave them. Of the baselines, the linear models and "
-        "the paper's network are shown."
+        "the models; curves of baselines may leave them."
     )
+    shown = [name for name in comparison.baselines if name in predicted]
+    if len(shown) < len(comparison.baselines):
+        text += f" Baselines shown: {', '.join(shown) or 'none'}."
     plot = Plot(plots.lane_change_plot(driven, predicted, comparison))
     return Section("Double lane change, open loop", (text, plot))
 

@@ -86,8 +86,8 @@ def road_tables(comparison: Comparison, test: TestSet) -> list[Table]:
 def ratio_table(comparison: Comparison, model: str, test: TestSet) -> Table:
     """Mean errors of each baseline over those of the model."""
     ratios = comparison.ratios_to_baselines(model, test.name)
-    linear = " and ".join(name for name in LTI_BASELINES if name in comparison.baselines)
-    notes = [f"{FAIR_LTI}: for each state the better of {linear}."] if FAIR_LTI in ratios else []
+    note = f"{FAIR_LTI}: for each state the better of {' and '.join(LTI_BASELINES)}."
+    notes = [note] if FAIR_LTI in ratios else []
     best = comparison.best_baselines(comparison.errors_on(test.name))
     notes += [f"Best {kind} baseline in the geometric mean: {name}." for kind, name in best.items()]
     title = (

@@ -70,7 +70,7 @@ def test_page_shows_all_parts_and_escapes_their_texts():
     html = render_page(made_page(figure))
     for text in ("Report &lt;r&gt;", "<h2>One</h2>", "5\u00a0% of &lt;b&gt;", "<svg", "caption",
                  "<summary>more</summary>", "Title &lt;t&gt;", "car &lt;x&gt;", "<i>km/h</i>",
-                 '<td><span class="bad">1.2</span><br><small>1–3</small></td>',
+                 '<td data-label="vx, km/h"><span class="bad">1.2</span><br><small>1–3</small></td>',
                  "note &lt;n&gt;", "<li>second</li>"):  # fmt: skip
         assert text in html
 
@@ -82,7 +82,7 @@ def test_a_link_leads_to_its_section_and_short_texts_are_marked():
     html = render_page(Page("Page", (Section("2 · Steady-state", (table,)),), (links,)))
     assert 'Missed: <a href="#2-steady-state">roll</a>' in html
     assert '<section id="2-steady-state">' in html
-    assert '<td class="text short">deg/g</td>' in html
+    assert '<td class="text short" data-label="unit">deg/g</td>' in html
     assert "<script" not in html
 
 

@@ -69,14 +69,29 @@ def test_page_shows_tables_plots_models_and_sources_without_a_script(comparison,
     library = comparison.sets[0]
     for table in (mse_table(comparison, library), ratio_table(comparison, "mdk-net", library)):
         for _, *cells in table.rows:
-            for cell in cells:
-                assert f"<td>{cell.text}<br><small>{cell.detail}</small></td>" in html
+            for cell, column in zip(cells, table.columns[1:], strict=True):
+                head = f"{column.title}, {column.unit}" if column.unit else column.title
+                shown = f"{cell.text}<br><small>{cell.detail}</small>"
+                assert f'<td data-label="{head}">{shown}</td>' in html
     for table in series_tables(comparison, "mdk-net"):
         assert table.title in html
     assert "the mean squared error of lti, the best linear baseline, is" in html
     for text in ("abcdef", "b7c81e03e3c7", "0" * 64, "new-roads", "robustness",
                  "80 km/h", "lti-per-curvature &lt;x&gt;"):  # fmt: skip
         assert text in html
+
+
+def test_the_page_names_only_baselines_that_are_part_of_the_comparison():
+    comparison = made_comparison(lti=with_random_error(MADE, 2.0, 1))
+    windows = made_trajectories(lane_change.WINDOWS)
+    scenario = load_scenario("double_lane_change")
+    driven = lane_change.LaneChange(scenario, windows, windows.x[..., 4].astype(float))
+    predicted = {"mdk-net": windows.x.astype(float)}
+    section = lane_change_section(driven, predicted, comparison)
+    html = render_page(evaluation_page(comparison, [], section))
+    for absent in ("fair lti", "lti-per-curvature", "one for each road", "paper's network"):
+        assert absent not in html
+    assert "Baselines shown: none." in html
 
 
 def test_the_same_comparison_gives_the_same_drawing(comparison):
