@@ -33,13 +33,13 @@ def mse_table(comparison: Comparison, test: TestSet) -> Table:
     )
 
 
-def rms_table(comparison: Comparison, test: TestSet) -> Table:
-    """Root mean square errors without intervals."""
-    scores = comparison.scores[test.name]
+def rms_table(comparison: Comparison, test: TestSet, with_intervals: bool = False) -> Table:
+    """Root mean square errors."""
+    scores, to_cells = comparison.scores[test.name], _cells if with_intervals else _values
     return Table(
         f"RMS error over {comparison.steps} steps of each model on {test.name}, {set_size(test)}",
         _state_heads("model", comparison),
-        tuple((name, *_values(scores[name].rms())) for name in comparison.names),
+        tuple((name, *to_cells(scores[name].rms())) for name in comparison.names),
     )
 
 
