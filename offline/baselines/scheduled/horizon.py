@@ -19,8 +19,12 @@ from offline.data.dataset import Dataset
 from rt_controller.contract.arrays import Array
 
 _WHITENING_TRANSITIONS = 40_000
-_SMALLEST_SPREAD = 1e-9
+_SMALLEST_SPREAD = 1e-6
 """of a constant regressor, relative to regressors of size 1"""
+_FIRST_STEP = 1e-3
+"""length of the first step of the descent, for regressors of variance 1"""
+_DIVERGED = 1e3
+"""value of a prediction that is not finite; an infinite one would end the line search"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +43,7 @@ def descend(start: ScheduledModel, dataset: Dataset, descent: Descent) -> Schedu
     """The model with the smallest validation score along the descent, `start` included."""
     structure, train = start.structure, dataset.select("train")
     L = _whitening(start, dataset)
-    unwhiten = np.linalg.inv(L)
+    unwhiten = _FIRST_STEP * np.linalg.inv(L)
     J, n, r = start.theta.shape
     some = train.take(slice(None, None, -(-len(train.episode) // descent.most_trajectories)))
     x, u, w, past = (each.astype(np.float64) for each in some[:4])
@@ -47,16 +51,16 @@ def descend(start: ScheduledModel, dataset: Dataset, descent: Descent) -> Schedu
     after, unit = torch.from_numpy(x[:, 1:]), torch.from_numpy(variances(x))
     knots = torch.from_numpy(structure.knots)
 
-    def theta_of(whitened: Array) -> Array:
-        operator = whitened.reshape(n, -1) @ unwhiten
+    def theta_of(variables: Array) -> Array:
+        operator = variables.reshape(n, -1) @ unwhiten
         return np.ascontiguousarray(operator.reshape(n, J, r).swapaxes(0, 1))
 
-    def value_and_gradient(whitened: Array) -> tuple[float, Array]:
-        theta = torch.from_numpy(theta_of(whitened)).requires_grad_()
+    def value_and_gradient(variables: Array) -> tuple[float, Array]:
+        theta = torch.from_numpy(theta_of(variables)).requires_grad_()
         errors = roll_out(torch, structure, theta, knots, series) - after
         value = (errors.square().mean(dim=(0, 1)) / unit).log().mean()
         if not torch.isfinite(value):
-            return np.inf, np.zeros_like(whitened)
+            return _DIVERGED, np.zeros_like(variables)
         (slope,) = torch.autograd.grad(value, theta)
         gradient = slope.numpy().swapaxes(0, 1).reshape(n, -1) @ unwhiten.T
         return value.item(), gradient.ravel()
@@ -74,7 +78,7 @@ def descend(start: ScheduledModel, dataset: Dataset, descent: Descent) -> Schedu
 
     scipy.optimize.minimize(
         value_and_gradient,
-        (start.theta.swapaxes(0, 1).reshape(n, -1) @ L).ravel(),
+        (start.theta.swapaxes(0, 1).reshape(n, -1) @ L).ravel() / _FIRST_STEP,
         method="L-BFGS-B",
         jac=True,
         callback=look,
