@@ -188,6 +188,8 @@ def test_the_progress_ends_with_a_new_line_when_it_is_written_to_a_file(capfd):
     [
         (cli.export_main, ("nowhere",), "offline-train"),
         (cli.evaluate_main, ("--model", "nowhere"), "offline-export"),
+        (cli.evaluate_main, ("--model", "lti", "--noise", "1", "0"), "--noise"),
+        (cli.evaluate_main, ("--model", "lti", "--sets", "holdout"), "--sets"),
         (cli.train_main, ("--preset", "papre"), "paper, paper-literal, quick"),
         (cli.train_main, ("--resume", "nowhere"), "offline-train"),
         (cli.data_main, ("--episodes", "3"), "--episodes"),
