@@ -71,7 +71,9 @@ def make_series(sets: Sequence[TestSet], schema: Schema) -> tuple[Series, ...]:
     whole = (LIBRARY, NEW_ROADS, ROBUSTNESS, VARIED, SLIDING, FAST, BRAKING)
     levels = {name.removeprefix(f"{NOISE}-"): name for name in tests if name.startswith(NOISE)}
     by_sideslip = "by the largest sideslip of the two seconds"
-    brakes = f"{LIBRARY}, by the largest brake input, and straight stops"
+    brakes = f"{LIBRARY}, by the largest brake input"
+    brakes += ", and straight stops" if BRAKING in tests else ""
+    fast = f" and {FAST}" if FAST in tests else ""
     of_sets = _whole(tests, {name: name for name in whole})
     others = (
         _series("sideslip", "peak sideslip", "deg", f"{LIBRARY}, {by_sideslip}",
@@ -79,7 +81,7 @@ def make_series(sets: Sequence[TestSet], schema: Schema) -> tuple[Series, ...]:
         _series(SLIDING, "peak sideslip", "deg", f"{SLIDING}, {by_sideslip}",
                 _by_sideslip(tests, SLIDING, schema)),
         _series(BRAKING, "brake", "", brakes, _by_braking(tests, schema)),
-        _series("speed", "first speed", "km/h", f"{LIBRARY} and {FAST}, by the first speed",
+        _series("speed", "first speed", "km/h", f"{LIBRARY}{fast}, by the first speed",
                 _by_speed(tests, schema)),
         _series(FRICTION, "road friction", "", "the same drivers on roads of different friction",
                 _whole(tests, _names(BY_FRICTION))),

@@ -74,6 +74,13 @@ def test_whole_sets_are_ordered_by_friction_mass_and_noise():
     assert labels["sets"] == ["library"]
 
 
+def test_a_series_says_which_sets_it_is_made_of():
+    speeds = np.linspace(5.0, 35.0, COUNT)[:, None]
+    alone, both = made_set(vx_mps=speeds), made_set("fast", vx_mps=speeds + 30.0)
+    assert series_of(alone)["speed"].on == "library, by the first speed"
+    assert series_of(alone, both)["speed"].on == "library and fast, by the first speed"
+
+
 def test_a_series_needs_two_slices_but_for_that_of_the_sets():
     assert set(series_of(made_set())) == {"sets"}
 
