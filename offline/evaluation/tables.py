@@ -173,9 +173,9 @@ def _series_table(comparison: Comparison, model: str, scored: ScoredSeries) -> T
         rows.append((*cells, *_mean_cells(comparison.growth(model, part.errors[model]))))
     compared = [f"MSE of the best {kind} baseline over that of {model}" for kind in kinds]
     compared.append(f"MSE of {model} over its own on the whole {LIBRARY}")
+    head = series.quantity.capitalize() + (f" ({series.unit})" if series.unit else "")
     return Table(
-        f"{series.quantity.capitalize()}: {', and '.join(compared)}; geometric means over the "
-        f"states; {series.on}",
+        f"{head}: {', and '.join(compared)}; geometric means over the states; {series.on}",
         (*columns, *_renamed(heads, f"over {LIBRARY}")),
         tuple(rows),
     )
