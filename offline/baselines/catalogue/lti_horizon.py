@@ -14,15 +14,12 @@ from offline.data.dataset import Dataset
 from rt_controller.contract.model.rollout import Matrices
 
 
-def fit_on_horizon(
-    dataset: Dataset, iterations: int = 300, most_trajectories: int = 12_000
-) -> LinearModel:
+def fit_on_horizon(dataset: Dataset, iterations: int = 300) -> LinearModel:
     """The linear model with the smallest validation score on the descent from the one-step fit."""
     from offline.baselines.scheduled.horizon import Descent, descend
 
     start = fit_linear_models(dataset, LinearSettings(has_exact_path=False))
-    descent = Descent(iterations, most_trajectories=most_trajectories)
-    return time_invariant(descend(start, dataset, descent))
+    return time_invariant(descend(start, dataset, Descent(iterations)))
 
 
 def time_invariant(model: ScheduledModel) -> LinearModel:

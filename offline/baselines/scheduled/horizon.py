@@ -31,10 +31,10 @@ _DIVERGED = 1e3
 class Descent:
     """Length of the descent and size of its sample."""
 
-    iterations: int = 300
+    iterations: int
     check_every: int = 20
     """iterations between two looks at the validation part"""
-    most_trajectories: int = 4_000
+    most_trajectories: int = 12_000
     """evenly spread over the training part"""
 
 
