@@ -43,12 +43,12 @@ class Settings:
     learning_rate: float = 4e-3
     warm_up: int = 500
     """steps over which the learning rate rises"""
+    decay: float = 0.4
+    """share of all steps over which it falls"""
     first_horizon: int = 8
     """steps of the first roll-outs"""
     horizon_growth: float = 0.1
     """share of `most_steps` after which roll-outs have all steps"""
-    decay: float = 0.4
-    """share of all steps over which it falls"""
     evaluate_every: int = 500
     flat_gain: float = 0.02
     """the validation error is flat if it has lost less than this share in the last third of at
