@@ -162,7 +162,10 @@ def _series_table(comparison: Comparison, model: str, scored: ScoredSeries) -> T
         Column("episodes"),
     ]
     for kind in kinds:
-        columns += [Column(f"best {kind}", is_text=True), *_renamed(heads, "MSE ratio")]
+        columns += [
+            Column(f"best {kind}", is_text=True, width="short"),
+            *_renamed(heads, "MSE ratio"),
+        ]
         columns.append(Column("smallest", "of a state"))
     rows: list[Row] = []
     for part in slices:
