@@ -24,6 +24,9 @@ from rt_controller.contract.steering_geometry import LARGEST, SMALLEST, Steering
 from rt_controller.mapping.quantity import Quantity
 from rt_controller.mapping.units import find_unit, near_units
 
+DATE, TIME_OF_DAY = TEXT_TIMES = ("iso8601", "hh:mm:ss")
+"""times that are written as text"""
+
 
 def _in_order(interval: tuple[float, float]) -> tuple[float, float]:
     if not interval[0] < interval[1]:
@@ -45,8 +48,8 @@ def _not_zero(factor: float) -> float:
 
 def _of_time(unit: str) -> str:
     found = find_unit(unit)
-    if unit != "iso8601" and (found is None or found.si != "s"):
-        raise ValueError("expected a unit of time or 'iso8601'")
+    if unit not in TEXT_TIMES and (found is None or found.si != "s"):
+        raise ValueError(f"expected a unit of time, or {' or '.join(map(repr, TEXT_TIMES))}")
     return unit
 
 
@@ -86,7 +89,7 @@ class Clock(MappingTable):
     file: str | None = None
     """file of the times, beside that of the values; {name}: name of that file without its ending"""
     unit: Annotated[str, AfterValidator(_of_time)] | None = None
-    """"iso8601" for dates; None: the one behind the column's name in the file, or s"""
+    """or one of `TEXT_TIMES`; None: the one behind the column's name in the file, or s"""
     period_s: PositiveFloat | None = None
     """time between two rows; compared with the column if there is one"""
     repeated: Literal["refuse", "skip"] = "refuse"

@@ -64,15 +64,17 @@ def fit_rear_axle(
         return None
     stacked, rng = np.stack(blocks), np.random.default_rng(0)
     draws = rng.integers(0, len(blocks), (_RESAMPLES, len(blocks)))
-    try:
-        factors, r2 = _solve(stacked.sum(axis=0))
-        ratios = [_ratio(_solve(stacked[drawn].sum(axis=0))[0]) for drawn in draws]
-    except np.linalg.LinAlgError:
-        return None
-    low, high = (float(q) for q in np.quantile(ratios, _QUANTILES))
-    stiffness_mps2 = -1.0 / factors[1]
+    # Signals without motion give no factors, or infinite ones.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        try:
+            factors, r2 = _solve(stacked.sum(axis=0))
+            ratios = [_ratio(_solve(stacked[drawn].sum(axis=0))[0]) for drawn in draws]
+        except np.linalg.LinAlgError:
+            return None
+        low, high = (float(q) for q in np.quantile(ratios, _QUANTILES))
+        stiffness_mps2 = -1.0 / factors[1]
     is_tyre = STIFFNESS_MPS2[0] <= stiffness_mps2 <= STIFFNESS_MPS2[1]
-    if not is_tyre or r2 < LEAST_R2 or low <= 0.0 or high > WIDEST_INTERVAL * low:
+    if not (is_tyre and r2 >= LEAST_R2 and 0.0 < low <= high <= WIDEST_INTERVAL * low):
         return None
     return RearAxle(float(factors[0]), float(stiffness_mps2), _ratio(factors), (low, high))
 

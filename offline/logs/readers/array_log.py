@@ -1,6 +1,6 @@
 """Logs as arrays: npz archives and npy files of numpy, and MATLAB files up to version 7.2."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -56,13 +56,17 @@ def read_mat(path: Path, wanted: Sequence[Names], time: Clock) -> Log:
                 f"MATLAB with save(…, '-v7')."
             )
         variables = loadmat(path, simplify_cells=True)
-    arrays: dict[str, NDArray[Any]] = {}
-    for name, value in variables.items():
-        fields = value if isinstance(value, dict) else {}
-        arrays |= {f"{name}.{field}": np.asarray(content) for field, content in fields.items()}
-        if not fields and not name.startswith("__"):
-            arrays[name] = np.asarray(value)
-    return _to_log(path, arrays, wanted, time)
+    own = {name: value for name, value in variables.items() if not name.startswith("__")}
+    return _to_log(path, dict(_fields(own)), wanted, time)
+
+
+def _fields(struct: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, NDArray[Any]]]:
+    """Every variable that is no struct, with the names of the structs around it."""
+    for name, value in struct.items():
+        if isinstance(value, dict):
+            yield from _fields(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", np.asarray(value)
 
 
 def _to_log(

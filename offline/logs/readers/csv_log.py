@@ -1,6 +1,7 @@
 """Logs in CSV, also compressed by gzip, bzip2 or xz."""
 
 import bz2
+import codecs
 import csv
 import gzip
 import lzma
@@ -19,14 +20,19 @@ from offline.logs.readers.heading import split_unit
 from offline.logs.readers.log import Log, Names, RowsOf, readable
 from offline.logs.readers.table import columns_to_read, to_log
 from rt_controller.contract.errors import DatasetError
-from rt_controller.mapping.tables import Clock
+from rt_controller.mapping.tables import DATE, TIME_OF_DAY, Clock
 
 _DELIMITERS = (",", ";", "\t", "|")
 _COMMENT = ("#", "%")
 """first characters of lines that numpy and MATLAB write before the rows"""
+_KINDS: dict[str | None, str] = {DATE: "date", TIME_OF_DAY: "time such as 10:00:00.025"}
 _HEAD_LINES = 1000
 """from the beginning, among which comments and header are"""
-_MISSING = ("", "nan", "na", "n/a", "null", "none", "-")
+_MISSING = (
+    *("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "---"),
+    *("nan(ind)", "-nan(ind)", "1.#qnan", "-1.#ind", "1.#ind"),
+)
+"""cells without a number, in lower case"""
 _OPENERS: dict[str, Callable[..., Any]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
 _FAILURES = (OSError, EOFError, zlib.error, lzma.LZMAError, csv.Error)
 CSV_SUFFIXES = tuple(
@@ -66,8 +72,8 @@ def read_csv(path: Path, wanted: Sequence[Names], time: Clock, style: CsvSetting
         texts = _read_texts(path, lines, layout, columns.texts)
     frame = pd.DataFrame(index=texts.index)
     for column in columns.texts:
-        is_date = columns.is_date(column, time)
-        frame[column] = _to_numbers(path, column, texts[column], style.decimal, is_date)
+        kind = columns.text_time(column, time)
+        frame[column] = _to_numbers(path, column, texts[column], style.decimal, kind)
     units = dict(zip(layout.names, layout.units, strict=False))
     return to_log(RowsOf(path, "line"), frame, columns, time, units.get)
 
@@ -77,6 +83,9 @@ def _opened(path: Path, encoding: str) -> Iterator[TextIO]:
     """The text of the file; every failure to read it becomes a `DatasetError`."""
     opener = _OPENERS.get(path.suffix.lower(), open)
     try:
+        with readable(path, "a CSV file", _FAILURES), opener(path, "rb") as file:
+            is_utf16 = file.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+        encoding = "utf-16" if is_utf16 else encoding
         with (
             readable(path, "a CSV file", _FAILURES),
             opener(path, "rt", encoding=encoding, newline="") as text,
@@ -186,11 +195,13 @@ def _read_texts(
 
 
 def _to_numbers(
-    path: Path, column: str, texts: pd.Series, decimal: str | None, is_date: bool
+    path: Path, column: str, texts: pd.Series, decimal: str | None, text_time: str | None
 ) -> pd.Series:
-    """The cells of a column as numbers, or as dates; NaN or NaT where a cell is empty."""
-    if is_date:
+    """The cells of a column as numbers, or as times; NaN or NaT where a cell is empty."""
+    if text_time == DATE:
         values = pd.to_datetime(texts.str.strip(), format="ISO8601", utc=True, errors="coerce")
+    elif text_time == TIME_OF_DAY:
+        values = pd.to_timedelta(texts.str.strip().str.replace(",", "."), errors="coerce")
     else:
         values = pd.to_numeric(texts, errors="coerce")
         rest = texts[values.isna()]
@@ -201,7 +212,7 @@ def _to_numbers(
     if len(wrong):
         raise DatasetError(
             f"{path}, column {column}, line {wrong.index[0]}: expected a "
-            f"{'date' if is_date else 'number'}, found {wrong.iloc[0]!r}. Correct or empty that "
+            f"{_KINDS.get(text_time, 'number')}, found {wrong.iloc[0]!r}. Correct or empty that "
             f"cell; a second header goes into [csv] units_line, a decimal comma into decimal = "
             f'",".'
         )

@@ -1,6 +1,7 @@
 """Names of columns: which column of a file a mapping means, and the unit in its name.
 
-Many tools write the unit behind the name: "vx(m/s)", "Speed [km/h]", "Yaw rate, deg/s".
+Many tools write the unit behind the name: "vx(m/s)", "Speed [km/h]", "Yaw rate, deg/s". A name
+may also end in a unit, which is part of it then: "v_kmh".
 """
 
 import re
@@ -11,10 +12,15 @@ from typing import NamedTuple
 from offline.logs.readers.log import Names
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.names import columns_of
-from rt_controller.mapping.units import find_unit
+from rt_controller.mapping.units import find_unit, unit_of_name
 
 _BRACKETED = re.compile(r"(?P<name>.*\S)\s*[(\[{<](?P<unit>[^()\[\]{}<>]*)[)\]}>]")
 _AFTER_COMMA = re.compile(r"(?P<name>.*\S),\s+(?P<unit>\S+)")
+_CLEAR_ENDINGS = {
+    *("kmh", "kph", "mph", "mps", "mps2", "deg", "degps", "dps", "rad", "radps", "radps2"),
+    *("rpm", "bar", "ms"),
+}
+"""of names; single letters are too often something else"""
 
 
 class Heading(NamedTuple):
@@ -44,7 +50,8 @@ def split_unit(text: str) -> Heading:
         found = pattern.fullmatch(text)
         if found and find_unit(found["unit"]):
             return Heading(found["name"], text, found["unit"])
-    return Heading(text, text, None)
+    ending = text.lower().rpartition("_")[2]
+    return Heading(text, text, unit_of_name(text.lower()) if ending in _CLEAR_ENDINGS else None)
 
 
 def _find(path: Path, names: Names, texts: Sequence[str], known: Sequence[Heading]) -> Heading:

@@ -11,7 +11,7 @@ from offline.logs.readers.heading import Heading, find_headings
 from offline.logs.readers.log import Channel, Log, Names, RowsOf
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
-from rt_controller.mapping.tables import Clock
+from rt_controller.mapping.tables import TEXT_TIMES, Clock
 from rt_controller.mapping.units import find_unit
 
 PERIOD_TOLERANCE = 0.01
@@ -30,9 +30,10 @@ class Columns(NamedTuple):
         every = ([self.time] if self.time else []) + self.values
         return list(dict.fromkeys(each.text for each in every))
 
-    def is_date(self, text: str, time: Clock) -> bool:
-        """True for the column of time if it has dates."""
-        return self.time is not None and text == self.time.text and time.unit == "iso8601"
+    def text_time(self, text: str, time: Clock) -> str | None:
+        """How times are written in the column, if it is that of time and has text."""
+        is_time = self.time is not None and text == self.time.text
+        return time.unit if is_time and time.unit in TEXT_TIMES else None
 
 
 def columns_to_read(
@@ -117,9 +118,10 @@ def _seconds(of: RowsOf, frame: pd.DataFrame, column: Heading, clock: Clock) -> 
         stamps = stamps.astype(np.int64)
     first: Any = stamps.iloc[0]
     elapsed = stamps - first
-    if isinstance(first, pd.Timestamp):
+    if isinstance(first, pd.Timestamp | pd.Timedelta):
         t_s = (elapsed / pd.Timedelta(seconds=1)).to_numpy(np.float64)
-        begin_s = float(first.timestamp())
+        is_date = isinstance(first, pd.Timestamp)
+        begin_s = float(first.timestamp() if is_date else first.total_seconds())
     else:
         factor = _factor(place, column, clock)
         t_s, begin_s = factor * elapsed.to_numpy(np.float64), factor * float(first)
@@ -145,7 +147,7 @@ def _require_increase(place: str, t_s: Array, stamps: pd.Series) -> None:
     if len(backwards):
         k = int(backwards[0]) + 1
         now, before = (
-            str(stamp) if isinstance(stamp, pd.Timestamp) else f"{stamp:.10g}"
+            str(stamp) if isinstance(stamp, pd.Timestamp | pd.Timedelta) else f"{stamp:.10g}"
             for stamp in stamps.iloc[[k, k - 1]]
         )
         raise DatasetError(

@@ -5,7 +5,7 @@ import pytest
 from scipy.io import savemat
 
 from offline.logs.mapping_tables import TimeMapping
-from offline.logs.readers.array_log import read_mat, read_npz
+from offline.logs.readers.array_log import read_mat, read_npy, read_npz
 from rt_controller.contract.errors import DatasetError
 
 EVERY_10_MS = TimeMapping(period_s=0.01)
@@ -64,9 +64,12 @@ def test_arrays_that_are_not_columns_of_numbers_are_refused(tmp_path, arrays, me
 
 def test_matlab_variables_and_fields_of_structs_are_columns(tmp_path):
     path = tmp_path / "a.mat"
-    savemat(path, {"t": np.arange(4) * 0.02, "run": {"vx": np.arange(4.0), "note": "wet"}})
+    run = {"vx": np.arange(4.0), "note": "wet", "imu": {"r": {"Data": np.ones(4)}}}
+    savemat(path, {"t": np.arange(4) * 0.02, "run": run})
     log = read_mat(path, (("run.vx",),), TimeMapping(column="t", period_s=0.02))
     assert log.channel("run.vx").values.tolist() == [0, 1, 2, 3]
+    log = read_mat(path, (("run.imu.r.Data",),), TimeMapping(column="t"))
+    assert log.channel("run.imu.r.Data").values.tolist() == [1, 1, 1, 1]
 
 
 def test_a_truncated_matlab_file_is_refused(tmp_path):
@@ -75,6 +78,29 @@ def test_a_truncated_matlab_file_is_refused(tmp_path):
     path.write_bytes(path.read_bytes()[:2000])
     with pytest.raises(DatasetError, match="truncated"):
         read_mat(path, (("ux",),), EVERY_10_MS)
+
+
+def test_columns_of_an_array_have_numbers_or_the_names_of_its_fields(tmp_path):
+    path = tmp_path / "a.npy"
+    np.save(path, np.stack([0.1 * np.arange(4), np.arange(4.0)], axis=1))
+    log = read_npy(path, (("2",),), TimeMapping(column="1"))
+    assert log.channel("2").t_s[-1] == pytest.approx(0.3)
+    np.save(path, np.array([(0, 5.0), (1, 6.0)], dtype=[("t", "i8"), ("v", "f8")]))
+    assert read_npy(path, (("v",),), TimeMapping(column="t")).channel("v").values[1] == 6.0
+
+
+def test_arrays_that_are_damaged_or_have_other_shapes_are_refused(tmp_path):
+    path = tmp_path / "a.npy"
+    np.save(path, np.zeros((2, 3, 4)))
+    with pytest.raises(DatasetError, match=r"shape \(2, 3, 4\)"):
+        read_npy(path, (("1",),), EVERY_10_MS)
+    np.save(path, np.array([{}], dtype=object), allow_pickle=True)
+    with pytest.raises(DatasetError, match="truncated, damaged or foreign"):
+        read_npy(path, (("1",),), EVERY_10_MS)
+    np.save(path, np.zeros(500))
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(DatasetError, match="truncated, damaged or foreign"):
+        read_npy(path, (("1",),), EVERY_10_MS)
 
 
 def test_version_7_3_of_matlab_is_refused_with_the_remedy(tmp_path):

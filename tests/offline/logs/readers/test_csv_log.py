@@ -66,6 +66,14 @@ def test_a_unit_behind_the_name_is_not_part_of_it(tmp_path):
         read(path, time=TimeMapping(column="t", unit="s"))
 
 
+def test_a_unit_at_the_end_of_a_name_is_that_of_the_numbers(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("t_ms,v_kmh,Yaw_degps,a_n\n0,36,1,3\n500,72,2,4\n")
+    log = read(path, ("v_kmh", "Yaw_degps", "a_n"), TimeMapping(column="t_ms"))
+    assert [channel.unit for channel in log.channels] == ["km/h", "deg/s", None]
+    assert log.channel("v_kmh").t_s.tolist() == [0.0, 0.5]
+
+
 def test_a_column_may_have_other_names(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("stamp,speed\n0,5\n0.1,6\n")
@@ -105,6 +113,14 @@ def test_dates_are_converted_to_time(tmp_path):
     assert t_s == pytest.approx([0.0, 0.025], abs=1e-6)
 
 
+def test_times_of_the_day_are_converted_to_time(tmp_path):
+    text = "t;v\n10:00:59,990;1\n10:01:00,015;2\n"
+    t_s, _ = values_of(text, tmp_path, TimeMapping(column="t", unit="hh:mm:ss"))
+    assert t_s == pytest.approx([0.0, 0.025], abs=1e-9)
+    with pytest.raises(DatasetError, match=r"line 2: expected a time such as 10:00:00\.025"):
+        values_of("t,v\nten,1\n", tmp_path, TimeMapping(column="t", unit="hh:mm:ss"))
+
+
 def test_stamps_since_1970_keep_their_microseconds(tmp_path):
     text = "t,v\n1692117187463808,1\n1692117187503809,2\n"
     t_s, _ = values_of(text, tmp_path, TimeMapping(column="t", unit="us"))
@@ -120,6 +136,15 @@ def test_an_empty_cell_is_a_missing_number(tmp_path):
     _, values = values_of("t,v\n0,1\n1,\n2,NaN\n", tmp_path)
     assert values[0] == 1.0
     assert np.isnan(values[1:]).all()
+
+
+@pytest.mark.parametrize("word", ["#N/A", "1.#QNAN", "---", "NaN"])
+def test_words_for_no_number_are_missing_numbers(word, tmp_path):
+    assert np.isnan(values_of(f"t,v\n0,1\n1,{word}\n", tmp_path)[1][1])
+
+
+def test_utf_16_is_recognised_by_its_first_bytes(tmp_path):
+    assert values_of("t\tv\n0\t1\n1\t2\n".encode("utf-16"), tmp_path)[1] == [1.0, 2.0]
 
 
 def test_compressed_files_are_read(tmp_path):
