@@ -25,6 +25,12 @@ LEAST_SPEED_MPS = 3.0
 SMALL_LATERAL_MPS2 = 4.0
 """below, the tyres are linear and the wheelbase is visible in the steering"""
 LEAST_CORRELATION = 0.8
+LARGEST_ERROR = 0.15
+"""standard error of speed times steering over yaw rate, as a share of it"""
+LEAST_CHARACTERISTIC_MPS = 15.0
+"""speed at which understeer doubles the steering of a very understeering car"""
+_SAMPLES_PER_INDEPENDENT = 40
+"""neighbouring samples have the same disturbance"""
 _SLOPE_S, _SIDESLIP_S = 0.5, 0.2
 """times over which derivatives are taken"""
 _PEAK = 0.999
@@ -45,9 +51,9 @@ class Range(NamedTuple):
 
 
 TOP_SPEED_MPS = Range(0.0, 85.0)
-ACCELERATION_MPS2 = Range(0.2, 13.0)
+ACCELERATION_MPS2 = Range(0.02, 13.0)
 LATERAL_MPS2 = Range(0.0, 14.0)
-POWER_WPKG = Range(0.2, 350.0)
+POWER_WPKG = Range(0.02, 350.0)
 """speed times acceleration: power over mass"""
 MASS_KG = Range(200.0, 4e4)
 ROAD_WHEEL_M = Range(1.3, 5.5)
@@ -218,9 +224,9 @@ def _measures(motion: _Motion) -> Iterator[Measure]:
     lateral = speed * yaw_rate
     yield Measure("lateral acceleration", "m/s^2", _peak(np.abs(lateral)), *LATERAL_MPS2)
     if motion.steer:
-        length_m = _turning_length(speed, np.concatenate(motion.steer), yaw_rate)
-        if length_m is not None:
-            yield Measure(TURNING_NAME, "m", length_m, *motion.turning_m)
+        turning = _turning(speed, np.concatenate(motion.steer), yaw_rate, motion.turning_m)
+        if turning:
+            yield turning
     if motion.side:
         speed_and_side = (motion.speed, motion.side)
         rear = fit_rear_axle(*speed_and_side, motion.yaw_rate, motion.dt_s, motion.sideslip_reach)
@@ -230,16 +236,40 @@ def _measures(motion: _Motion) -> Iterator[Measure]:
             yield Measure(TIME_SCALE_NAME, "1", min(max(1.0, low), high), *TIME_SCALE)
 
 
-def _turning_length(speed: Array, steer: Array, yaw_rate: Array) -> float | None:
-    """Speed times steering over yaw rate at small lateral acceleration; None if they do not fit."""
+def _turning(speed: Array, steer: Array, yaw_rate: Array, usual: Range) -> Measure | None:
+    """Speed times steering over yaw rate at small lateral acceleration; None if they do not fit.
+
+    It grows with the square of the speed if the car understeers. Where few speeds or few bends do
+    not separate this part, it is included, and the usual range is wider.
+    """
     is_linear = (speed >= LEAST_SPEED_MPS) & (np.abs(speed * yaw_rate) < SMALL_LATERAL_MPS2)
     v, turned, r = speed[is_linear], (speed * steer)[is_linear], yaw_rate[is_linear]
-    terms = np.stack([r, v * v * r], axis=1)
     if len(v) < len(speed) // 10:
         return None
-    length_m, understeer = np.linalg.lstsq(terms, turned, rcond=None)[0]
-    fits = _correlation(turned, terms @ np.array([length_m, understeer])) >= LEAST_CORRELATION
-    return float(length_m) if fits else None
+    length_m = _fitted_length(turned, np.stack([r, v, v * v * r], axis=1), LARGEST_ERROR)
+    if length_m is not None:
+        return Measure(TURNING_NAME, "m", length_m, *usual)
+    length_m = _fitted_length(turned, np.stack([r, v], axis=1), float("inf"))
+    if length_m is None:
+        return None
+    understeer = 1.0 + float(np.mean(v * v)) / LEAST_CHARACTERISTIC_MPS**2
+    name = f"{TURNING_NAME}, with understeer"
+    return Measure(name, "m", length_m, usual.low, usual.high * understeer)
+
+
+def _fitted_length(turned: Array, terms: Array, largest_error: float) -> float | None:
+    """Factor of the first term; the second one is an offset of the angle. None if it is vague."""
+    products = terms.T @ terms
+    if np.linalg.matrix_rank(products) < len(products):
+        return None
+    factors = np.linalg.solve(products, terms.T @ turned)
+    turning = terms @ factors - factors[1] * terms[:, 1]
+    rest = turned - terms @ factors
+    variance = _SAMPLES_PER_INDEPENDENT * float(rest @ rest) / len(rest)
+    error_m = (variance * float(np.linalg.inv(products)[0, 0])) ** 0.5
+    fits = _correlation(turned - factors[1] * terms[:, 1], turning) >= LEAST_CORRELATION
+    length_m = float(factors[0])
+    return length_m if fits and error_m <= largest_error * abs(length_m) else None
 
 
 def _correlation(one: Array, other: Array) -> float:

@@ -136,7 +136,7 @@ def test_archives_without_time_are_refused_with_twice_their_period(place):
 def test_what_was_not_checked_is_said(place, capsys):
     run_import(place)
     printed = " ".join(capsys.readouterr().out.split())
-    assert "nothing in the logs confirms it: unit of vy_mps, unit of force_n." in printed
+    assert "Not checked, because nothing in the logs confirms it: unit of vx_mps, " in printed
 
 
 def test_logs_with_too_short_episodes_only_are_refused(place):

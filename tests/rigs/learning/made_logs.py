@@ -70,6 +70,14 @@ def make_drive(duration_s=30.0, dt_s=0.01, seed=0) -> Made:
     return Made(t, speed, side, turn, wheel, force, x, y, yaw)
 
 
+def make_drive_of_many_speeds(dt_s=0.02, seed=0) -> Made:
+    """A drive of a minute between 7 and 23 m/s whose yaw rate follows the wheel at once."""
+    made = make_drive(60.0, dt_s, seed)
+    speed = 15.0 + 8.0 * np.sin(0.2 * made.time)
+    force = MASS_KG * np.gradient(speed, dt_s)
+    return made._replace(speed=speed, turn=speed * made.wheel / WHEELBASE_M, force=force)
+
+
 def make_sliding_drive(duration_s=120.0, dt_s=0.01, seed=0) -> Made:
     """A drive of a linear single-track car, whose tyres slip; without a pose.
 

@@ -1,7 +1,14 @@
 """What nothing in the logs confirms is named."""
 
 import pytest
-from made_logs import MAPPING, POSE, episode_of, make_drive, make_sliding_drive
+from made_logs import (
+    MAPPING,
+    POSE,
+    episode_of,
+    make_drive,
+    make_drive_of_many_speeds,
+    make_sliding_drive,
+)
 
 from offline.logs.checks.evidence import find_unchecked
 from offline.logs.checks.motion import check_motion
@@ -21,7 +28,12 @@ def unchecked(parse, text, made=None):
 
 
 def test_the_geometry_of_road_wheels_confirms_speed_yaw_rate_and_angle(parse):
-    assert unchecked(parse, MAPPING) == ("unit of vy_mps", "unit of force_n")
+    found = unchecked(parse, MAPPING, make_drive_of_many_speeds())
+    assert found == ("unit of vy_mps", "unit of force_n")
+
+
+def test_a_drive_of_one_speed_leaves_the_geometry_open(parse):
+    assert "unit of vx_mps" in unchecked(parse, MAPPING)
 
 
 def test_rows_without_time_leave_the_period_open(parse):
@@ -33,7 +45,7 @@ def test_rows_without_time_leave_the_period_open(parse):
 
 @pytest.mark.parametrize(("extra", "is_open"), [("", True), (CAR, False)])
 def test_the_angle_of_a_steering_wheel_confirms_only_with_the_car(parse, extra, is_open):
-    found = unchecked(parse, STEERING_WHEEL + extra)
+    found = unchecked(parse, STEERING_WHEEL + extra, make_drive_of_many_speeds())
     assert ("unit of vx_mps" in found) is is_open
     assert ("unit of steer_rad" in found) is is_open
 

@@ -1,7 +1,7 @@
 """Wrong units of a single log are found from the motion of road vehicles."""
 
 import pytest
-from made_logs import MAPPING, episode_of, make_drive, make_sliding_drive
+from made_logs import MAPPING, episode_of, make_drive, make_drive_of_many_speeds, make_sliding_drive
 
 from offline.logs.checks.motion import check_motion
 
@@ -62,10 +62,30 @@ def test_a_wrong_unit_is_found_with_the_angle_of_a_steering_wheel(parse, lively,
     assert len(suspected) == 1
 
 
-def test_the_car_of_the_mapping_narrows_what_is_usual(parse, lively):
-    assert check(parse, lively, STEERING_WHEEL + CAR, wheel=15.0)[1:] == ([], [])
-    assert check(parse, lively, STEERING_WHEEL, wheel=24.0)[1:] == ([], [])
-    assert check(parse, lively, STEERING_WHEEL + CAR, wheel=24.0)[2] != []
+def test_the_car_of_the_mapping_narrows_what_is_usual(parse):
+    made = make_drive_of_many_speeds()
+    assert check(parse, made, STEERING_WHEEL + CAR, wheel=15.0)[1:] == ([], [])
+    assert check(parse, made, STEERING_WHEEL, wheel=24.0)[1:] == ([], [])
+    assert check(parse, made, STEERING_WHEEL + CAR, wheel=24.0)[2] != []
+
+
+def test_understeer_and_an_offset_of_the_angle_do_not_change_the_wheelbase(parse):
+    made = make_drive_of_many_speeds()
+    steered = 1.0 + (made.speed / 18.0) ** 2
+    made = made._replace(wheel=made.wheel * steered + 0.01)
+    measures, suspected, unusual = check(parse, made)
+    assert (suspected, unusual) == ([], [])
+    length = next(each for each in measures if each.unit == "m")
+    assert length.value == pytest.approx(2.7, rel=0.02)
+
+
+def test_a_drive_at_nearly_constant_speed_raises_nothing(parse):
+    made = make_drive_of_many_speeds()
+    steady = 20.0 + 0.02 * (made.speed - 15.0)
+    made = made._replace(
+        speed=steady, turn=made.turn * steady / made.speed, force=0.02 * made.force
+    )
+    assert check(parse, made)[1:] == ([], [])
 
 
 @pytest.mark.parametrize(("factor", "words"), [(2.0, "too long"), (0.5, "too short")])
@@ -81,7 +101,7 @@ def test_a_vehicle_that_no_wrong_unit_explains_is_reported_and_not_suspected(par
     _, suspected, unusual = check(parse, lively, wheel=0.1, turn=1.0)
     assert suspected == []
     assert unusual[0].check == "motion"
-    assert "speed times steering over yaw rate 0.2" in unusual[0].message
+    assert "speed times steering over yaw rate, with understeer 0.2" in unusual[0].message
 
 
 def test_logs_without_speed_are_not_judged(parse):
