@@ -53,8 +53,12 @@ class TrainingConfig(Settings):
     """exchange left and right in half of the trajectories, if the data set says which signals
     change sign"""
 
+    optimizer: Literal["muon", "adam"] = "muon"
+    """muon: Muon for the matrices but A, Adam for the rest; adam: Adam for all"""
     learning_rate: PositiveFloat = 2e-3
     """initial rate of Adam, or the highest of the cosine schedule"""
+    matrix_rate: float = Field(default=2.0, gt=0.0)
+    """learning rate of Muon relative to that of Adam"""
     operator_rate: float = Field(default=0.2, gt=0.0)
     """learning rate of A as a share of the others: over 80 steps a small change of A changes the
     prediction much"""
@@ -82,7 +86,7 @@ class TrainingConfig(Settings):
     """alpha_1 of eq. (13)"""
     weight_multi_step: Weight = 1.0
     """alpha_2 of eq. (13)"""
-    weight_stability: Weight = 1.6
+    weight_stability: Weight = 20.0
     """alpha_3 of eq. (13)"""
     weight_regularisation: Weight = 1e-4
     """alpha_4 of eq. (13)"""
@@ -92,9 +96,9 @@ class TrainingConfig(Settings):
     """lambda_K of eq. (12)"""
     operator_prior: Literal["identity", "zero"] = "identity"
     """initial value of A, from which eq. (12) measures it; zero as printed"""
-    stability: Literal["projection", "gelfand", "eigenvalue"] = "gelfand"
-    """projection: move eigenvalues back to the unit circle every ten steps; gelfand: penalty on the
-    growth of A^64; eigenvalue: eq. (11) as printed"""
+    stability: Literal["driven", "gelfand", "eigenvalue"] = "driven"
+    """driven: penalty on growth and spectral radius under all inputs within their bounds; gelfand:
+    on the growth of A^64 alone; eigenvalue: eq. (11) as printed"""
     through_last_step: bool = True
     """sum eq. (10) up to step K instead of the printed K-1"""
     target_samples: PositiveInt | None = None
@@ -119,8 +123,25 @@ class TrainingConfig(Settings):
     exogenous signals"""
     history_steps: int = Field(default=20, ge=0, le=PAST_STEPS)
     """past periods that the encoder reads"""
+    separate_motion: bool = True
+    """the motion of the car has observables of its own, which do not depend on its place on the
+    road; without effect on signals without a path"""
+    path_latents: int = Field(default=20, ge=0)
+    """those of the latents that describe the path, if the motion is separate; at most half of the
+    learned ones"""
+    path_hidden: tuple[PositiveInt, ...] = (96, 96)
+    """widths of the hidden layers of the encoder of the path, if the motion is separate"""
     bilinear_rank: int = Field(default=10, ge=0)
     """rank R of the bilinear part of B; 0: B is constant"""
+    path_rank: int = Field(default=5, ge=0)
+    """rank of a further bilinear part, which acts on the path alone, if the motion is separate; if
+    the gains saturate, curvature acts through gains too"""
+    saturating_gains: bool = True
+    """the bilinear part is bounded: each factor is the hyperbolic tangent of a linear function of
+    the lifted state"""
+    drift_rank: int = Field(default=10, ge=0)
+    """rank of the saturating part of the motion without inputs; 0: it is linear, as it is if the
+    gains do not saturate"""
     bilinear_follows: Follow = Follow.PREDICTION
     """lifted state that determines the bilinear part over a roll-out: the predicted one of each
     step, the free response of psi_0, or psi_0"""
@@ -142,6 +163,7 @@ PAPER = TrainingConfig(
     windows="slices",
     rare_share=0.0,
     mirror=False,
+    optimizer="adam",
     learning_rate=1e-3,
     operator_rate=1.0,
     rate_schedule="plateau",
@@ -161,16 +183,21 @@ PAPER = TrainingConfig(
     hidden=(32, 64, 128, 128, 64),
     latents=60,
     latents_start="identity",
+    separate_motion=False,
     lift_exogenous=False,
     products=False,
     history_steps=0,
     bilinear_rank=0,
+    saturating_gains=False,
+    drift_rank=0,
 )
 
 PRESETS = {
     "recommended": RECOMMENDED,
     # The best model found with a constant B, as in the paper.
-    "linear": RECOMMENDED.model_copy(update={"preset": "linear", "bilinear_rank": 0}),
+    "linear": RECOMMENDED.model_copy(
+        update={"preset": "linear", "bilinear_rank": 0, "path_rank": 0, "drift_rank": 0}
+    ),
     "paper": PAPER,
     # Algorithm 1 and eqs. (9)-(13) as printed, also where this costs accuracy; beyond the paper,
     # the gradient is limited and training ends after ten halvings of the rate.

@@ -13,10 +13,10 @@ from offline.data.code_identity import source_revision
 from offline.data.dataset import Dataset, exists, load_dataset
 from offline.data.signals import past_names
 from offline.evaluation.figures import library_figures
-from offline.evaluation.model_card import stability_text, write_card
+from offline.evaluation.model_card import driven_text, stability_text, write_card
 from offline.evaluation.tables import mse_table
 from offline.model.bundle_export import choose_selftest
-from offline.model.export_checks import check_export
+from offline.model.export_checks import ExportFigures, check_export
 from offline.training.checkpoint import load_checkpoint
 from offline.training.export import export_checkpoint
 from offline.training.run_folder import open_run
@@ -35,7 +35,7 @@ def export_run(path: Path, output: Path | None, data: Path | None) -> dict[str, 
     print_assumed(run.config)
     checkpoint = load_checkpoint(run.best)
     dataset = load_dataset(data or run.data_folder)
-    bundle, parity = export_checkpoint(checkpoint, dataset)
+    bundle, checks = export_checkpoint(checkpoint, dataset)
     facts = [
         Fact("preset", checkpoint.config.preset),
         Fact(
@@ -49,7 +49,7 @@ def export_run(path: Path, output: Path | None, data: Path | None) -> dict[str, 
         Fact("revision, trained", run.revision),
         *(Fact(f"version of {name}", number) for name, number in run.versions.items()),
     ]
-    return _deliver(bundle, parity, facts, dataset, output or run.bundle)
+    return _deliver(bundle, checks, facts, dataset, output or run.bundle)
 
 
 def export_baseline(name: str, data: Path | None, output: Path, run: Path) -> dict[str, Any]:
@@ -75,12 +75,12 @@ def export_baseline(name: str, data: Path | None, output: Path, run: Path) -> di
         baseline = registry.fit(name, dataset).baseline
     bundle = to_bundle(name, baseline, dataset, choose_selftest(dataset, whole_past))
     facts = baseline_facts(name, dataset)
-    return _deliver(bundle, check_export(bundle), facts, dataset, output)
+    return _deliver(bundle, check_export(bundle, dataset), facts, dataset, output)
 
 
 def _deliver(
     bundle: Bundle,
-    parity: float,
+    checks: ExportFigures,
     facts: Sequence[Fact],
     dataset: Dataset,
     target: Path,
@@ -96,13 +96,15 @@ def _deliver(
     comparison = compare_with_plain_baselines(bundle, dataset)
     bundle = with_plans(bundle)
     try:
-        save_bundle(target, bundle, write_card(bundle, parity, comparison, facts))
+        save_bundle(target, bundle, write_card(bundle, checks, comparison, facts))
     except OSError as error:
         raise ConfigError(
             f"--output: expected a folder with room for a bundle, found {target}: {error.strerror}."
         ) from error
     STDOUT.print(
-        f"{bundle.name}: {stability_text(bundle)}, torch/ONNX {parity:.1e}", soft_wrap=True
+        f"{bundle.name}: {stability_text(bundle)}; {driven_text(checks.stability)}; torch/ONNX "
+        f"{checks.parity:.1e}",
+        soft_wrap=True,
     )
     print_table(mse_table(comparison, comparison.sets[0]), STDOUT)
     objection = find_objection_to_driving(bundle)
@@ -120,7 +122,14 @@ def _deliver(
         "spectral_radius": bundle.spectral_radius,
         "growth_20": bundle.growth(20),
         "growth_80": bundle.growth(80),
-        "parity": parity,
+        "driven_radius": {name: part.radius for name, part in checks.stability._asdict().items()},
+        "driven_growth_80": {
+            name: part.growth for name, part in checks.stability._asdict().items()
+        },
+        "persistence_mse_over_model_mse": dict(
+            zip(dataset.schema.state_names, checks.persistence_over_model.tolist(), strict=True)
+        ),
+        "parity": checks.parity,
         "size_bytes": sum(file.stat().st_size for file in target.iterdir()),
         **library_figures(comparison),
     }

@@ -14,15 +14,18 @@ from numpy.typing import NDArray
 from offline.data.trajectories import Trajectories
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.model.bilinear import Bilinear
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.model.drift import Drift
 from rt_controller.contract.model.rollout import Matrices
 from rt_controller.contract.model.validation import DRIVABLE_HISTORY
-from rt_controller.contract.schema import Schema
+from rt_controller.contract.schema import VEHICLE, Schema
 
 Float = TypeVar("Float", bound=np.floating)
 
+INPUT_SHARE_OF_PEAK, STATE_SHARE_OF_PEAK = 1.0 / 3.0, 0.1
+"""least scale of a signal, as a share of its largest magnitude"""
 CONSTANT_SIGNAL = 1e-12
-"""root mean square below which a signal counts as constant"""
+"""scale below which a signal counts as constant"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,22 +125,32 @@ class Scaling:
         s, t = np.ones(len(scaled.A)), np.zeros(len(scaled.A))
         s[: len(self.x_scale)], t[: len(self.x_scale)] = self.x_scale, self.x_centre
         A = scaled.A * s[:, None] / s[None, :]
-        bilinear = None
-        if scaled.bilinear is not None:
-            N, S, s0, follows = scaled.bilinear
-            S = S / s
-            bilinear = Bilinear(N * s[:, None] / self.u_scale, S, s0 - S @ t, follows)
+        bilinear, drift = scaled.bilinear, scaled.drift
+        if bilinear is not None:
+            S = bilinear.S / s
+            bilinear = bilinear._replace(
+                N=bilinear.N * s[:, None] / self.u_scale, S=S, s0=bilinear.s0 - S @ t
+            )
+        if drift is not None:
+            S = drift.S / s
+            N = drift.N * s[:, None] / drift.factors(self.w_scale)
+            drift = Drift(N, S, drift.s0 - S @ t, drift.signal)
         return Matrices(
             A,
             np.ascontiguousarray(scaled.B_uc * s[:, None] / self.u_scale),
             np.ascontiguousarray(scaled.B_uw * s[:, None] / self.w_scale),
             t + s * scaled.c - A @ t,
             bilinear,
+            drift,
         )
 
 
 def fit_scaling(trajectories: Trajectories, schema: Schema, roles: Roles) -> Scaling:
     """Scaling by the root mean square of these trajectories; 1 for a constant signal.
+
+    The scale is at least a third of the largest magnitude of an input or exogenous signal, and a
+    tenth of that of a state: a brake that is rarely pressed would have values of 50 otherwise, and
+    a product with it would dominate every prediction.
 
     Only centred signals are shifted. Elsewhere zero has a meaning (straight ahead, pedal
     released), which scaling keeps, and with it the symmetry of left and right.
@@ -145,14 +158,14 @@ def fit_scaling(trajectories: Trajectories, schema: Schema, roles: Roles) -> Sca
     states = _rows(trajectories.x)
     is_centred = np.array([name in roles.centred for name in schema.state_names])
     x_centre = np.where(is_centred, states.mean(axis=0), 0.0)
-    x_scale = _root_mean_square(states - x_centre)
-    u_scale = _root_mean_square(_rows(trajectories.u))
+    x_scale = _scale(states - x_centre, STATE_SHARE_OF_PEAK)
+    u_scale = _scale(_rows(trajectories.u), INPUT_SHARE_OF_PEAK)
     past_states, past_inputs = past_columns(schema, roles)
     return Scaling(
         x_centre=x_centre,
         x_scale=x_scale,
         u_scale=u_scale,
-        w_scale=_root_mean_square(_rows(trajectories.w)),
+        w_scale=_scale(_rows(trajectories.w), INPUT_SHARE_OF_PEAK),
         past_centre=np.concatenate([x_centre[past_states], np.zeros(len(past_inputs))]),
         past_scale=np.concatenate([x_scale[past_states], u_scale[past_inputs]]),
     )
@@ -163,6 +176,23 @@ def _rows(series: NDArray[np.floating]) -> Array:
     return np.asarray(series, dtype=np.float64).reshape(count, series.shape[-1])
 
 
-def _root_mean_square(rows: Array) -> Array:
+def signal_range(trajectories: Trajectories, schema: Schema) -> Array:
+    """Lowest and highest value (2, m + p) of each input and exogenous signal of these data.
+
+    Of the inputs of the car, these are its limits.
+    """
+    inputs, exogenous = _rows(trajectories.u), _rows(trajectories.w)
+    found = np.concatenate([_range(inputs), _range(exogenous)], axis=1)
+    if schema.inputs == VEHICLE.inputs:
+        found[:, : inputs.shape[1]] = INPUT_LIMITS.lower, INPUT_LIMITS.upper
+    return found
+
+
+def _range(rows: Array) -> Array:
+    return np.stack([rows.min(axis=0), rows.max(axis=0)])
+
+
+def _scale(rows: Array, share_of_peak: float) -> Array:
     rms = np.sqrt(np.mean(np.square(rows), axis=0))
-    return np.where(rms > CONSTANT_SIGNAL, rms, 1.0)
+    scale = np.maximum(rms, share_of_peak * np.abs(rows).max(axis=0))
+    return np.where(scale > CONSTANT_SIGNAL, scale, 1.0)

@@ -5,7 +5,9 @@ from collections.abc import Sequence
 
 from offline.evaluation.comparison import Comparison
 from offline.evaluation.tables import mse_table
+from offline.model.export_checks import ExportFigures
 from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.driven import SAMPLES, BoxStability
 from rt_controller.contract.model.follow import Follow
 from rt_controller.contract.model.validation import find_objection_to_driving
 from rt_controller.report.table import Fact, facts_table, to_markdown
@@ -28,12 +30,23 @@ def model_facts(bundle: Bundle) -> list[Fact]:
             f"the last {lift.history_steps} periods "
             f"({1000 * lift.history_steps * schema.dt_s:g} ms) of {', '.join(lift.history_fields)}"
         )
-    matrix = "constant"
+    matrix, drift = "constant", "linear in the lifted state"
     if bundle.bilinear is not None:
-        matrix = f"bilinear of rank {bundle.bilinear.rank}, {_FOLLOWED[bundle.bilinear.follows]}"
+        saturating = "saturating, " if bundle.bilinear.saturates else ""
+        matrix = (
+            f"{saturating}bilinear of rank {bundle.bilinear.rank}, "
+            f"{_FOLLOWED[bundle.bilinear.follows]}"
+        )
+    if bundle.drift is not None:
+        saturations = int(bundle.drift.is_saturation.sum())
+        drift = (
+            f"saturating with rank {saturations}, and {bundle.drift.rank - saturations} products "
+            f"with {' and '.join(schema.exogenous_names)}"
+        )
     return [
         Fact("observables", f"{bundle.n_observables}, lifted from {'; '.join(sources)}"),
         Fact("input matrix", matrix),
+        Fact("motion without inputs", drift),
         Fact("inputs", ", ".join(schema.input_names)),
         Fact("period", f"{1000 * schema.dt_s:g} ms"),
     ]
@@ -55,12 +68,29 @@ def stability_text(bundle: Bundle) -> str:
     )
 
 
-def write_card(bundle: Bundle, parity: float, comparison: Comparison, facts: Sequence[Fact]) -> str:
-    """The card in Markdown; `parity` as from `check_export`, `facts` say how the model was made."""
+def driven_text(stability: BoxStability) -> str:
+    """The same under inputs and exogenous signals within the range of the training data."""
+    return "under inputs: " + "; ".join(
+        f"gains {name.replace('_', ' ')}: spectral radius {part.radius:.5f}, growth over 80 steps "
+        f"{part.growth:.3g}"
+        for name, part in stability._asdict().items()
+    )
+
+
+def write_card(
+    bundle: Bundle, checks: ExportFigures, comparison: Comparison, facts: Sequence[Fact]
+) -> str:
+    """The card in Markdown; `facts` say how the model was made."""
     is_drivable = find_objection_to_driving(bundle) is None
     errors = mse_table(comparison, comparison.sets[0])
     hashes = [*identity_facts(bundle), Fact("encoder, SHA-256", bundle.encoder_sha256)]
     configuration = json.dumps(json.loads(bundle.training), indent=2)
+    ratios = ", ".join(
+        f"{name} {ratio:.3g}"
+        for name, ratio in zip(
+            bundle.schema.state_names, checks.persistence_over_model, strict=True
+        )
+    )
     return f"""# {bundle.name}
 
 A lifted {"linear" if bundle.bilinear is None else "bilinear"} model with {bundle.n_observables} \
@@ -78,8 +108,13 @@ observables, sampled every {1000 * bundle.schema.dt_s:g} ms, in physical units. 
 
 ## Stability and errors
 
-Of A: {stability_text(bundle)} (2-norm, observables in units of their spread). Largest difference \
-between the encoder in ONNX and as trained: {parity:.1e}, in these units.
+Of A: {stability_text(bundle)} (2-norm, observables in units of their spread). \
+{driven_text(checks.stability).capitalize()} (at all corners of the range of inputs and exogenous \
+signals, and at {SAMPLES} random points inside; entirely saturated gains at the corners). Largest \
+difference between the encoder in ONNX and as trained: {checks.parity:.1e}, in these units.
+
+Mean squared error of persistence over that of the model, two seconds, validation part: \
+{ratios}.
 
 {errors.title}, held out by episode. {" ".join(errors.footnotes)}
 

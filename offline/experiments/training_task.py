@@ -22,14 +22,15 @@ from offline.data.dataset import Dataset, load_dataset
 from offline.experiments.error_ratios import ErrorRatios, checkpoint_mse, error_ratios
 from offline.experiments.running_command import RunningCommand
 from offline.files import write_json
-from offline.model.export_checks import largest_radius_of
-from offline.model.projection import spectral_radius
+from offline.model.export_checks import limits_of
+from offline.model.spectrum import driven_radius
 from offline.training.checkpoint import Checkpoint, load_checkpoint
 from offline.training.export import restore_model
+from offline.training.recovery import TrainingDivergedError
 from offline.training.run_folder import LATEST_LINK, RunFolder, create_run, open_run
 from offline.training.schedule import is_evaluated
 from offline.training.state import TrainingState
-from offline.training.train import TrainingDivergedError, train
+from offline.training.train import train
 from rt_controller.contract.errors import ArtifactError, ConfigError, DatasetError
 
 CPU_TIME_FILE = "cpu-time.json"
@@ -176,10 +177,10 @@ def _train(
 
 def _evaluate(best: Checkpoint, dataset: Dataset, data: CampaignData, cpu_s: float) -> Result:
     model = restore_model(best, dataset.schema, dataset.roles)
-    radius = spectral_radius(model)
+    radius = driven_radius(model)
     n_parameters = sum(parameter.numel() for parameter in model.parameters())
-    if not radius <= largest_radius_of(best.config):
-        reason = f"spectral radius {radius:.5f}, which offline-export would refuse"
+    if not radius <= limits_of(best.config).radius:
+        reason = f"spectral radius {radius:.5f} under inputs, which offline-export would refuse"
         return Result("refused", best.step, cpu_s, reason, None, radius, n_parameters)
     ratios = error_ratios(checkpoint_mse(best, dataset), data.linear_mse)
     return Result("finished", best.step, cpu_s, "", ratios, radius, n_parameters)

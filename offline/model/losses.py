@@ -13,11 +13,8 @@ from torch import Tensor
 from offline.config import TrainingConfig
 from offline.data.sampling import Batch
 from offline.model.network import MdkNet
+from offline.model.stability import stability_loss
 
-GROWTH_DOUBLINGS = 6
-GROWTH_BOUND = 1.035
-"""slightly above the value for the chain yaw rate -> heading error -> lateral error: a Jordan
-block at 1, whose powers grow although no eigenvalue exceeds 1"""
 LEAST_ERROR = 1e-12
 """keeps the logarithm finite if a state is predicted exactly"""
 
@@ -47,13 +44,14 @@ def total_loss(
     are then unbiased estimates.
     """
     A, B = model.operator()
+    psi0 = first_lift(model, batch)
     if config.objective == "horizon":
-        single_step, multi_step, states = _horizon_terms(model, config, batch, times)
+        single_step, multi_step, states = _horizon_terms(model, config, batch, psi0, times)
     else:
         single_step, multi_step, states = _paper_terms(model, A, config, batch, times)
-    stability = stability_loss(A, config)
+    stability = stability_loss(model, A, psi0, config)
     regularisation = regularisation_loss(
-        model.encoder.parameters(), A, B, operator_prior(A, config), config
+        model.encoders.parameters(), A, B, operator_prior(A, config), config
     )
     total = (
         config.weight_single_step * single_step
@@ -99,12 +97,18 @@ def forgetting_weights(steps: int, forgetting: float, through_last_step: bool) -
     return (weights / weights.sum()).to(torch.get_default_dtype())
 
 
-def state_errors(model: MdkNet, batch: Batch) -> Tensor:
+def first_lift(model: MdkNet, batch: Batch) -> Tensor:
+    """psi_0 (batch, n)."""
+    return model.lift(batch.at(torch.zeros(1, dtype=torch.long, device=batch.x.device)))[0]
+
+
+def state_errors(model: MdkNet, batch: Batch, psi0: Tensor | None = None) -> Tensor:
     """Mean squared error of each scaled state over steps 1..K and the weighted batch, (n_x,).
 
-    Only x_0 is encoded.
+    Only x_0 is encoded; `psi0`, if given, is its `first_lift`.
     """
-    psi0 = model.lift(batch.at(torch.zeros(1, dtype=torch.long, device=batch.x.device)))[0]
+    if psi0 is None:
+        psi0 = first_lift(model, batch)
     predicted = model.roll_out(psi0, batch.u, batch.w)[..., : model.sizes.states]
     return batch.errors_of(predicted)
 
@@ -116,37 +120,6 @@ def log_error(errors: Tensor) -> Tensor:
     target, so shrinking latents does not reduce it.
     """
     return (errors + LEAST_ERROR).log().mean()
-
-
-def stability_loss(A: Tensor, config: TrainingConfig) -> Tensor:
-    """Eq. (11) or its substitute; zero if A is projected instead."""
-    if config.stability == "eigenvalue":
-        return eigenvalue_excess(A)
-    if config.stability == "gelfand":
-        return growth_excess(A)
-    return A.new_zeros(())
-
-
-def eigenvalue_excess(A: Tensor) -> Tensor:
-    """Sum over the eigenvalues of the magnitude above 1. Paper: eq. (11), eq:sl loss.
-
-    In float64. The gradient is unbounded where eigenvalues coincide, which they do at 1; the
-    training skips steps whose gradient is not finite.
-    """
-    magnitudes = torch.linalg.eigvals(A.double()).abs()
-    return torch.relu(magnitudes - 1.0).sum().to(A.dtype)
-
-
-def growth_excess(A: Tensor) -> Tensor:
-    """||A^64||_F^(1/64) above its bound.
-
-    A substitute for eq. (11): by Gelfand's formula the root tends to the spectral radius, and its
-    gradient stays near 1 where eigenvalues coincide.
-    """
-    power = A
-    for _ in range(GROWTH_DOUBLINGS):
-        power = power @ power
-    return torch.relu(torch.linalg.matrix_norm(power) ** (0.5**GROWTH_DOUBLINGS) - GROWTH_BOUND)
 
 
 def regularisation_loss(
@@ -223,10 +196,10 @@ def _paper_terms(
 
 
 def _horizon_terms(
-    model: MdkNet, config: TrainingConfig, batch: Batch, times: Tensor | None
+    model: MdkNet, config: TrainingConfig, batch: Batch, psi0: Tensor, times: Tensor | None
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Single-step loss if it has a weight, log error of the states, and their mean error."""
-    errors = state_errors(model, batch)
+    errors = state_errors(model, batch, psi0)
     multi_step = log_error(errors)
     single_step = multi_step.new_zeros(())
     if config.weight_single_step:

@@ -1,10 +1,12 @@
 """MDK-Net: an encoder and the matrices A and B, learned together.
 
 All signals are scaled (`offline.data.signals`). Paper: section II, eqs. (6)-(8), and the table of
-hyperparameters. Beyond the paper, the encoder may also read exogenous signals and the history and
-add a layer of products, one observable may be constant, and B may depend on the lifted state.
+hyperparameters. Beyond the paper, motion and path have separate observables, the encoder may also
+read exogenous signals and the history and add a layer of products, one observable may be constant,
+B may depend on the lifted state, and gains and drift may saturate.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -15,7 +17,15 @@ from torch import Tensor, nn
 from offline.config import TrainingConfig
 from offline.data.sampling import Instants
 from offline.data.signals import Roles, past_columns
-from offline.model.rollout import roll_out, roll_out_bilinear
+from offline.model.observables import (
+    ROAD_SIGNALS,
+    Observables,
+    PathColumns,
+    observables_of,
+    path_columns,
+)
+from offline.model.rollout import roll_out, roll_out_gains
+from rt_controller.contract.model.drift import NO_SIGNAL
 from rt_controller.contract.model.follow import Follow
 from rt_controller.contract.schema import Schema
 
@@ -33,7 +43,7 @@ FADING_LAST_LAYER_SHARE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
-    """Number of signals of each kind, and the sampling period."""
+    """Number of signals of each kind, the sampling period, and the columns of path and road."""
 
     states: int
     inputs: int
@@ -41,6 +51,10 @@ class Sizes:
     remembered: int
     """signals in one row of the history"""
     dt_s: float
+    path: PathColumns | None = None
+    """of the path states; None: the signals have none"""
+    road: tuple[int, ...] = ()
+    """exogenous signals that act on the path only"""
 
 
 def sizes_of(schema: Schema, roles: Roles) -> Sizes:
@@ -52,6 +66,8 @@ def sizes_of(schema: Schema, roles: Roles) -> Sizes:
         len(schema.exogenous),
         len(states) + len(inputs),
         schema.dt_s,
+        path_columns(schema),
+        tuple(i for i, name in enumerate(schema.exogenous_names) if name in ROAD_SIGNALS),
     )
 
 
@@ -62,6 +78,28 @@ class Operator(NamedTuple):
     """(n, n)"""
     B: Tensor
     """(n, m + p), columns: inputs, then exogenous signals"""
+
+
+class Gains(NamedTuple):
+    """The part of B that depends on psi, and the drift: q gains."""
+
+    S: Tensor
+    """(q, n)"""
+    N: Tensor
+    """(n, q): rank by rank one column for each input, then those of the drift"""
+
+
+class Ranks(NamedTuple):
+    """Numbers of gains of each kind."""
+
+    motion: int
+    """of each input, determined by the motion"""
+    path: int
+    """of each input, acting on the path alone"""
+    road: int
+    """of each road signal, acting on the path alone and determined by the motion"""
+    saturation: int
+    """of the motion without inputs"""
 
 
 class Products(nn.Module):
@@ -95,7 +133,7 @@ class Encoder(nn.Module):
 
     def __init__(
         self,
-        inputs: int,
+        columns: list[int],
         present: int,
         hidden: tuple[int, ...],
         latents: int,
@@ -104,14 +142,21 @@ class Encoder(nn.Module):
         last_layer_share: float,
         has_products: bool,
     ) -> None:
-        """Only the first `present` inputs, those of the current instant, enter the products."""
+        """Of all that the lift sees, `columns` are read.
+
+        Only the first `present` of them, those of the current instant, enter the products.
+        """
         super().__init__()
         self.present = present
-        self.layers = _perceptron((inputs, *hidden, latents), activation, last_layer_share)
+        self.columns: Tensor
+        self.register_buffer("columns", torch.tensor(columns), persistent=False)
+        widths = (len(columns), *hidden, latents)
+        self.layers = _perceptron(widths, activation, last_layer_share)
         self.products = Products(present, latents) if has_products else None
 
-    def forward(self, inputs: Tensor) -> Tensor:
-        """Latents (..., latents) of scaled inputs (..., inputs)."""
+    def forward(self, seen: Tensor) -> Tensor:
+        """Latents (..., latents) of all scaled signals (..., s) that the lift sees."""
+        inputs = seen[..., self.columns]
         return self.latents(inputs, inputs[..., : self.present])
 
     def latents(self, inputs: Tensor, factors: Tensor) -> Tensor:
@@ -126,58 +171,78 @@ class MdkNet(nn.Module):
     With a constant observable the last entry of psi is 1 and the last row of A is [0 ... 0 1];
     neither is trained.
 
-    With a bilinear rank R the column of input i is B_i + sum_r N_ri (S_ri psi). Over a roll-out,
-    this psi is the predicted lifted state of each step, the free response of psi_0, or psi_0
-    (`config.bilinear_follows`).
+    With a bilinear rank R the column of input i is B_i + sum_r N_ri g(S_ri psi), where g is the
+    hyperbolic tangent if the gains saturate. Over a roll-out, this psi is the predicted lifted
+    state of each step, the free response of psi_0, or psi_0 (`config.bilinear_follows`). For the
+    drift see `rt_controller.contract.model.drift`.
     """
 
-    def __init__(self, config: TrainingConfig, sizes: Sizes) -> None:
+    def __init__(
+        self, config: TrainingConfig, sizes: Sizes, signal_range: Tensor | None = None
+    ) -> None:
+        """`signal_range` (2, m + p): lowest and highest inputs and exogenous signals; None: ±1."""
         super().__init__()
         self.sizes = sizes
+        if signal_range is None:
+            ones = torch.ones(sizes.inputs + sizes.exogenous)
+            signal_range = torch.stack([-ones, ones])
+        self.signal_range: Tensor
+        self.register_buffer("signal_range", signal_range)
+        self.observables = observables_of(config, sizes.states, sizes.path)
         self.has_constant = config.constant_observable
         self.reads_exogenous = config.lift_exogenous
         self.history_steps = config.history_steps if sizes.remembered else 0
-        self.rank = config.bilinear_rank
-        self.follows = config.bilinear_follows
-        self.n_observables = sizes.states + config.latents
-        learned = config.latents - int(self.has_constant)
-        rows = self.n_observables - int(self.has_constant)
-        present = sizes.states + (sizes.exogenous if self.reads_exogenous else 0)
-        self.encoder = Encoder(
-            present + self.history_steps * sizes.remembered,
-            present,
-            config.hidden,
-            learned,
-            activation=nn.ReLU if config.activation == "relu" else nn.SiLU,
-            last_layer_share=FADING_LAST_LAYER_SHARE if config.latents_start == "fading" else 1.0,
-            has_products=config.products,
+        self.follows = config.bilinear_follows if config.bilinear_rank else Follow.PREDICTION
+        self.saturates = config.saturating_gains
+        is_separate = self.observables.path is not None
+        path_rank = config.path_rank if is_separate and config.bilinear_rank else 0
+        has_drift = int(config.saturating_gains)
+        self.ranks = Ranks(
+            config.bilinear_rank,
+            path_rank,
+            has_drift * path_rank * len(sizes.road),
+            has_drift * config.drift_rank,
         )
-        start = _first_operator(config, sizes, self.n_observables, learned)[:rows]
-        self.A_rows = nn.Parameter(start)
-        columns = sizes.inputs + sizes.exogenous
-        self.B_rows = nn.Parameter(INPUT_MATRIX_SPREAD * torch.randn(rows, columns))
-        if self.rank:
-            self.N_rows = nn.Parameter(
-                INPUT_MATRIX_SPREAD * torch.randn(self.rank, rows, sizes.inputs)
-            )
-            self.S = nn.Parameter(
-                GAIN_SPREAD * torch.randn(self.rank, sizes.inputs, self.n_observables)
-            )
+        self.encoders = nn.ModuleList(self._encoders(config))
+        self._add_operator(config)
+
+    @property
+    def rank(self) -> int:
+        """R, all gains of one input."""
+        return self.ranks.motion + self.ranks.path
+
+    @property
+    def drift_rank(self) -> int:
+        """D, all gains of the drift: those of road signals first."""
+        return self.ranks.road + self.ranks.saturation
+
+    @property
+    def drift_signal(self) -> list[int]:
+        """(D,) exogenous signal that each gain of the drift is multiplied by, or `NO_SIGNAL`."""
+        repeats = self.ranks.road // max(len(self.sizes.road), 1)
+        return [*self.sizes.road] * repeats + [NO_SIGNAL] * self.ranks.saturation
+
+    @property
+    def n_observables(self) -> int:
+        return self.observables.n
 
     def operator(self) -> Operator:
         """The matrices of eq. (6)."""
+        A = self.A_rows * self.A_learned + self.A_one
+        B = self.B_rows * self.B_learned
         if not self.has_constant:
-            return Operator(self.A_rows, self.B_rows)
-        last_A = torch.zeros_like(self.A_rows[:1])
+            return Operator(A, B)
+        last_A = torch.zeros_like(A[:1])
         last_A[0, -1] = 1.0
-        return Operator(torch.cat([self.A_rows, last_A]), with_zero_row(self.B_rows))
+        return Operator(torch.cat([A, last_A]), with_zero_row(B))
 
-    def bilinear_columns(self) -> Tensor:
-        """N (R, n, m)."""
-        return with_zero_row(self.N_rows, dim=1) if self.has_constant else self.N_rows
+    def gains(self) -> Gains:
+        """S and N."""
+        N = self.N_rows * self.N_learned
+        return Gains(self.S * self.S_learned, with_zero_row(N) if self.has_constant else N)
 
-    def encoder_input(self, instants: Instants) -> Tensor:
-        """The numbers (..., s) that the encoder reads: x, then w and the history if configured."""
+    def seen(self, instants: Instants) -> Tensor:
+        """The signals (..., s) that the lift sees: x, then w and the history if configured."""
         parts = [instants.x]
         if self.reads_exogenous:
             parts.append(instants.w)
@@ -187,7 +252,8 @@ class MdkNet(nn.Module):
 
     def lift(self, instants: Instants) -> Tensor:
         """Observables (..., n). Paper: eq. (7)."""
-        parts = [instants.x, self.encoder(self.encoder_input(instants))]
+        seen = self.seen(instants)
+        parts = [instants.x, *(encoder(seen) for encoder in self.encoders)]
         if self.has_constant:
             parts.append(instants.x.new_ones(*instants.x.shape[:-1], 1))
         return torch.cat(parts, dim=-1)
@@ -198,8 +264,13 @@ class MdkNet(nn.Module):
         u is (K, batch, m) and w (K, batch, p). Paper: the predicted term of eq. (10).
         """
         A, B = self.operator()
-        if self.rank and self.follows is Follow.PREDICTION:
-            return roll_out_bilinear(psi0, A, B, self.S, self.bilinear_columns(), u, w)
+        if self.follows is Follow.PREDICTION and self.rank + self.drift_rank:
+            S, N = self.gains()
+            forcing, linear = torch.cat([u, w], dim=-1) @ B.t(), len(S) - self.ranks.saturation
+            # tanh(a) - a: its linear part belongs to the operator of the recursion.
+            A = A - N[:, linear:] @ S[linear:]
+            factors = self.factors(u, w)
+            return roll_out_gains(psi0, A, forcing, S, N, factors, saturates=self.saturates)
         psi = psi0[None]
         if self.rank and self.follows is Follow.FREE_RESPONSE:
             exogenous = w @ B[:, self.sizes.inputs :].t()
@@ -207,19 +278,108 @@ class MdkNet(nn.Module):
         return roll_out(psi0, A, self.forcing(psi, u, w))
 
     def forcing(self, psi: Tensor, u: Tensor, w: Tensor) -> Tensor:
-        """B u_k, the effect of inputs and exogenous signals in one step: (times, batch, n).
+        """What one step adds to A psi: (times, batch, n).
 
-        u is (times, batch, m), w (times, batch, p); psi, which the bilinear part is read from,
-        (times, batch, n), or (1, batch, n) for all times.
+        u is (times, batch, m), w (times, batch, p); psi, which gains and saturation are computed
+        from, (times, batch, n), or (1, batch, n) for all times.
         """
         _, B = self.operator()
         forcing = torch.cat([u, w], dim=-1) @ B.t()
-        if not self.rank:
+        if not self.rank + self.drift_rank:
             return forcing
-        gains = torch.einsum("rin,kbn->kbri", self.S, psi)
-        scaled = (u[:, :, None] * gains).flatten(-2)
-        columns = self.bilinear_columns().permute(0, 2, 1).flatten(0, 1)
-        return forcing + scaled @ columns
+        S, N = self.gains()
+        shares = psi @ S.t()
+        terms = (torch.tanh(shares) if self.saturates else shares) * self.factors(u, w)
+        return forcing + (terms - shares * self.is_saturation) @ N.t()
+
+    def factors(self, u: Tensor, w: Tensor) -> Tensor:
+        """What each gain is multiplied by (..., q): inputs u (..., m), signals of w (..., p), 1."""
+        signals = torch.cat([u, w, u.new_ones(*u.shape[:-1], 1)], dim=-1)
+        return signals[..., self.factor_columns]
+
+    def driven_matrices(self, signals: Tensor, slopes: Tensor) -> Tensor:
+        """J (c, n, n): what a difference of lifted states is multiplied by in each step.
+
+        Under constant inputs and exogenous signals (c, m + p), with the slopes (c, q) of the gains:
+        1 not saturated, 0 saturated.
+        """
+        A, (S, N) = self.operator().A, self.gains()
+        if not self.saturates:
+            slopes = torch.ones_like(slopes)
+        m = self.sizes.inputs
+        weights = self.factors(signals[:, :m], signals[:, m:]) * slopes - self.is_saturation
+        return A + (N * weights[:, None]) @ S
+
+    def _encoders(self, config: TrainingConfig) -> Iterator[Encoder]:
+        """One encoder, or those of the motion and of the path."""
+        sizes, known = self.sizes, self.observables
+        exogenous = range(sizes.exogenous if self.reads_exogenous else 0)
+        present = [*range(sizes.states), *(sizes.states + i for i in exogenous)]
+        history = [len(present) + i for i in range(self.history_steps * sizes.remembered)]
+        road = [sizes.states + i for i in exogenous if i in sizes.road]
+        of_motion = [column for column in present if column not in (*(known.path or ()), *road)]
+        groups = [(of_motion if known.path else present, history, config.hidden)]
+        if known.path_latents:
+            groups.append((present, [], config.path_hidden))
+        latents = (known.motion_latents, known.path_latents)
+        for (now, past, hidden), count in zip(groups, latents, strict=False):
+            yield Encoder(
+                [*now, *past],
+                len(now),
+                hidden,
+                count,
+                activation=nn.ReLU if config.activation == "relu" else nn.SiLU,
+                last_layer_share=(
+                    FADING_LAST_LAYER_SHARE if config.latents_start == "fading" else 1.0
+                ),
+                has_products=config.products,
+            )
+
+    def _add_operator(self, config: TrainingConfig) -> None:
+        """Parameters of A, B, N and S, and which of their entries are learned."""
+        known, sizes = self.observables, self.sizes
+        rows, (learned, one) = known.n - int(self.has_constant), known.coupling()
+        is_motion = known.is_motion
+        self.A_learned: Tensor
+        self.A_one: Tensor
+        self.B_learned: Tensor
+        self.N_learned: Tensor
+        self.S_learned: Tensor
+        self._add_mask("A_learned", learned[:rows])
+        self._add_mask("A_one", one[:rows])
+        self.A_rows = nn.Parameter(_first_operator(config, sizes, known)[:rows])
+        columns = sizes.inputs + sizes.exogenous
+        of_road = torch.zeros(columns, dtype=torch.bool)
+        if known.path is not None:
+            of_road[[sizes.inputs + i for i in sizes.road]] = True
+        self._add_mask("B_learned", ~(is_motion[:rows, None] & of_road))
+        self.B_rows = nn.Parameter(INPUT_MATRIX_SPREAD * torch.randn(rows, columns))
+        self._add_gains(rows)
+
+    def _add_gains(self, rows: int) -> None:
+        known, m, p = self.observables, self.sizes.inputs, self.sizes.exogenous
+        of_motion, of_path = self.ranks.motion * m, self.ranks.path * m
+        q = of_motion + of_path + self.drift_rank
+        columns = [*range(m)] * self.rank
+        columns += [m + p if signal == NO_SIGNAL else m + signal for signal in self.drift_signal]
+        self.factor_columns: Tensor
+        self.register_buffer("factor_columns", torch.tensor(columns, dtype=torch.long), False)
+        acts_on_path_alone = torch.zeros(q, dtype=torch.bool)
+        acts_on_path_alone[of_motion : q - self.ranks.saturation] = True
+        is_determined_by_path = torch.zeros(q, dtype=torch.bool)
+        is_determined_by_path[of_motion : of_motion + of_path] = True
+        determines = torch.where(
+            is_determined_by_path[:, None], known.is_gain_of_path, known.is_motion
+        )
+        self._add_mask("N_learned", ~(known.is_motion[:rows, None] & acts_on_path_alone))
+        self._add_mask("S_learned", determines)
+        self.is_saturation: Tensor
+        self._add_mask("is_saturation", torch.arange(q) >= q - self.ranks.saturation)
+        self.N_rows = nn.Parameter(INPUT_MATRIX_SPREAD * torch.randn(rows, q))
+        self.S = nn.Parameter(GAIN_SPREAD * torch.randn(q, known.n))
+
+    def _add_mask(self, name: str, learned: Tensor) -> None:
+        self.register_buffer(name, learned.to(torch.get_default_dtype()), persistent=False)
 
 
 def with_zero_row(matrix: Tensor, dim: int = 0) -> Tensor:
@@ -227,14 +387,15 @@ def with_zero_row(matrix: Tensor, dim: int = 0) -> Tensor:
     return torch.cat([matrix, torch.zeros_like(matrix.narrow(dim, 0, 1))], dim=dim)
 
 
-def _first_operator(config: TrainingConfig, sizes: Sizes, n: int, learned: int) -> Tensor:
+def _first_operator(config: TrainingConfig, sizes: Sizes, known: Observables) -> Tensor:
+    n = known.n
     if config.operator_prior == "zero":
         return torch.randn(n, n) / n
     start = torch.eye(n)
     if config.latents_start == "fading":
         low, high = torch.log(torch.tensor(FADING_S))
-        fading_s = torch.exp(torch.linspace(float(low), float(high), learned))
-        latents = slice(sizes.states, sizes.states + learned)
+        fading_s = torch.exp(torch.linspace(float(low), float(high), known.motion_latents))
+        latents = slice(sizes.states, sizes.states + known.motion_latents)
         start[latents, latents] = torch.diag(torch.exp(-sizes.dt_s / fading_s))
     return start + OPERATOR_NOISE * torch.randn(n, n)
 

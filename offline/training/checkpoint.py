@@ -34,6 +34,8 @@ class Checkpoint:
     running_count: int
     skipped: int
     """steps that were not taken because the gradient was not finite"""
+    rate_share: float = 1.0
+    """learning rate relative to that of the schedule"""
 
 
 def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:

@@ -5,9 +5,9 @@ import torch
 from offline.config import TrainingConfig
 from offline.data.dataset import Dataset
 from offline.data.provenance import describe_training
-from offline.data.signals import Roles, past_names
+from offline.data.signals import Roles, past_names, signal_range
 from offline.model.bundle_export import choose_selftest, tensors_of, to_onnx
-from offline.model.export_checks import check_export, largest_radius_of
+from offline.model.export_checks import ExportFigures, check_export, limits_of
 from offline.model.network import MdkNet, sizes_of
 from offline.model.physical_units import PhysicalEncoder, physical_matrices
 from offline.training.checkpoint import Checkpoint, load_weights
@@ -24,11 +24,11 @@ def restore_model(checkpoint: Checkpoint, schema: Schema, roles: Roles) -> MdkNe
     return model.eval()
 
 
-def export_checkpoint(checkpoint: Checkpoint, dataset: Dataset) -> tuple[Bundle, float]:
-    """The bundle of a checkpoint, and the largest difference torch / ONNX from its checks.
+def export_checkpoint(checkpoint: Checkpoint, dataset: Dataset) -> tuple[Bundle, ExportFigures]:
+    """The bundle of a checkpoint, and what its checks found.
 
     Raises:
-        ArtifactError: the model grows without bound, is not finite, or ONNX and torch disagree.
+        ArtifactError: the model does not pass `check_export`.
         DatasetError: the model was trained on another data set.
     """
     if dataset.sha256 != checkpoint.data_sha256:
@@ -58,8 +58,9 @@ def export_checkpoint(checkpoint: Checkpoint, dataset: Dataset) -> tuple[Bundle,
         selftest_psi=selftest_psi,
         training=describe_training(settings, dataset.origin),
         data_sha256=dataset.sha256,
+        signal_range=signal_range(dataset.select("train"), dataset.schema),
     )
-    return bundle, check_export(bundle, largest_radius_of(config))
+    return bundle, check_export(bundle, dataset, limits_of(config))
 
 
 def _lift_of(model: MdkNet, dataset: Dataset) -> Lift:

@@ -15,8 +15,6 @@ WARM_UP_SHARE = 0.05
 """share of the steps until a cosine schedule reaches its highest rate"""
 LEAST_RATE_SHARE = 1e-3
 """share of the initial rate below which a halved rate no longer changes the model: ten halvings"""
-PROJECTION_STEPS = 10
-"""steps between two projections of A; eigenvalues move little in so few"""
 
 
 class Decision(NamedTuple):
@@ -82,12 +80,6 @@ def is_evaluated(step: int, config: TrainingConfig) -> bool:
     The paper counts from zero and evaluates after the first step; here also after the last.
     """
     return (step - 1) % config.evaluate_every == 0 or step == config.steps
-
-
-def is_projected(step: int, config: TrainingConfig) -> bool:
-    """True if A is projected in this step: every tenth, and before each evaluation."""
-    is_due = step % PROJECTION_STEPS == 0 or is_evaluated(step + 1, config)
-    return config.stability == "projection" and is_due
 
 
 def is_over(step: int, rate: float, config: TrainingConfig) -> bool:

@@ -4,16 +4,18 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
 
+import numpy as np
 import torch
 
 from offline.config import TrainingConfig
-from offline.data.signals import Scaling
+from offline.data.dataset import Dataset
+from offline.data.signals import Scaling, signal_range
 from offline.model.losses import Losses
-from offline.model.network import MdkNet, Sizes
-from offline.model.projection import spectral_radius
+from offline.model.network import MdkNet, sizes_of
+from offline.model.spectrum import spectral_radius
 from offline.training.checkpoint import Checkpoint, load_weights
+from offline.training.optimizer import Optimizer
 from rt_controller.contract.errors import ConfigError
 
 
@@ -26,7 +28,7 @@ class TrainingState:
     """Model, optimiser, random generator and losses after `step` steps."""
 
     model: MdkNet
-    optimizer: torch.optim.Adam
+    optimizer: Optimizer
     rng: torch.Generator
     """of the batches"""
     step: int = 0
@@ -40,6 +42,8 @@ class TrainingState:
     loss_count: int = 0
     losses: Losses[torch.Tensor] = field(default_factory=lambda: Losses(*_no_losses()))
     """of the newest batch"""
+    rate_share: float = 1.0
+    """learning rate relative to that of the schedule; halved when the numbers were not finite"""
     best_validation_loss: float = math.inf
     """of the model that is kept, which is the lowest unless `best_rule` says otherwise"""
     spectral_radius: float = math.nan
@@ -48,13 +52,16 @@ class TrainingState:
     """True after the last step, or once the rate is too low to change the model"""
 
     @property
+    def device(self) -> torch.device:
+        return self.model.A_rows.device
+
+    @property
     def learning_rate(self) -> float:
-        return float(self.optimizer.param_groups[0]["lr"])
+        return self.optimizer.rate
 
     @learning_rate.setter
     def learning_rate(self, rate: float) -> None:
-        for group in self.optimizer.param_groups:
-            group["lr"] = group["share"] * rate
+        self.optimizer.rate = rate
 
     def count_step(self, losses: Losses[torch.Tensor], is_taken: bool) -> None:
         """Count a step, taken or skipped, with its losses."""
@@ -88,6 +95,7 @@ class TrainingState:
             running_sums=self.loss_sums.tolist(),
             running_count=self.loss_count,
             skipped=self.skipped,
+            rate_share=self.rate_share,
         )
 
     def restore(self, checkpoint: Checkpoint) -> None:
@@ -97,26 +105,24 @@ class TrainingState:
         self.rng.set_state(checkpoint.batch_rng)
         torch.set_rng_state(checkpoint.torch_rng)
         self.step = checkpoint.step
-        self.skipped = checkpoint.skipped
+        self.skipped, self.skipped_in_a_row = checkpoint.skipped, 0
+        self.rate_share = checkpoint.rate_share
         self.validation_losses = list(checkpoint.validation_losses)
         self.loss_sums = torch.tensor(checkpoint.running_sums, dtype=torch.float64)
         self.loss_count = checkpoint.running_count
         self.spectral_radius = spectral_radius(self.model)
 
 
-def initialise(config: TrainingConfig, sizes: Sizes, device: torch.device) -> TrainingState:
+def initialise(
+    config: TrainingConfig, dataset: Dataset, scaling: Scaling, device: torch.device
+) -> TrainingState:
     """The state before the first step; the seed determines weights and batches."""
     torch.manual_seed(config.seed)
-    model = MdkNet(config, sizes).to(device)
-    rest = [p for name, p in model.named_parameters() if name != "A_rows"]
-    groups: list[dict[str, Any]] = [
-        {"params": rest, "share": 1.0},
-        {"params": [model.A_rows], "share": config.operator_rate},
-    ]
-    for group in groups:
-        group["lr"] = group["share"] * config.learning_rate
+    found = signal_range(dataset.select("train"), dataset.schema)
+    scaled = torch.from_numpy(found / np.concatenate([scaling.u_scale, scaling.w_scale]))
+    model = MdkNet(config, sizes_of(dataset.schema, dataset.roles), scaled.float()).to(device)
     rng = torch.Generator().manual_seed(config.seed)
-    return TrainingState(model, torch.optim.Adam(groups), rng)
+    return TrainingState(model, Optimizer(model, config), rng)
 
 
 @contextmanager

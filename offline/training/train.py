@@ -11,28 +11,21 @@ from offline.data.dataset import Dataset, Part
 from offline.data.sampling import open_source, scale
 from offline.data.signals import fit_scaling
 from offline.model.losses import draw_times, horizon_of_step, total_loss
-from offline.model.network import sizes_of
-from offline.model.projection import project, spectral_radius
+from offline.model.spectrum import spectral_radius
 from offline.training.checkpoint import Checkpoint, save_checkpoint
+from offline.training.recovery import Recovery
 from offline.training.run_folder import RunFolder, append_history, cut_history
 from offline.training.schedule import (
     cosine_rate,
     is_evaluated,
     is_over,
-    is_projected,
     keep_as_printed,
     keep_lowest,
     loss_of_kept_model,
 )
 from offline.training.state import TrainingState, denormals_as_zero, find_device, initialise
 from offline.training.validation import evaluate
-from rt_controller.contract.errors import DatasetError, RtControllerError
-
-MOST_SKIPPED_IN_A_ROW = 50
-
-
-class TrainingDivergedError(RtControllerError):
-    """The loss or its gradient is no longer finite."""
+from rt_controller.contract.errors import DatasetError
 
 
 @denormals_as_zero()
@@ -51,7 +44,8 @@ def train(
     step, with the same object. Paper: Algorithm 1.
 
     Raises:
-        TrainingDivergedError: the loss is not finite; the best checkpoint is kept.
+        TrainingDivergedError: the loss is not finite, also at lower learning rates; the best
+            checkpoint is kept.
         DatasetError: the training or the validation part is empty.
     """
     # 1: initialise. 2: normalise; the data set is partitioned when it is made.
@@ -63,28 +57,28 @@ def train(
     validation_part = scale(
         dataset.select("validation"), scaling, schema, roles, config.history_steps
     )
-    device = find_device(config.device)
-    state = initialise(config, sizes_of(schema, roles), device)
+    state = initialise(config, dataset, scaling, find_device(config.device))
     model, optimizer = state.model, state.optimizer
     if resume_from is not None:
         state.restore(resume_from)
     cut_history(run, state.step)
+    recovery = Recovery(run, dataset, scaling)
     rule = keep_as_printed if config.best_rule == "as-printed" else keep_lowest
     state.best_validation_loss = loss_of_kept_model(state.validation_losses, config.patience, rule)
 
     # 3: until the last step.
     while not is_over(state.step, state.learning_rate, config) and not stop_requested():
         if config.rate_schedule == "cosine":
-            state.learning_rate = cosine_rate(state.step, config.steps, config.learning_rate)
+            rate = cosine_rate(state.step, config.steps, config.learning_rate)
+            state.learning_rate = state.rate_share * rate
 
         # 4: select a batch.
-        batch = source.draw(config.batch, state.rng).to(device)
+        batch = source.draw(config.batch, state.rng).to(state.device)
         batch = batch.shorten(horizon_of_step(state.step, config, batch.steps))
         times = draw_times(batch.steps, config.target_samples, state.rng)
 
         # 5, 6: encode, compute the loss and its gradient.
         losses = total_loss(model, config, batch, times)
-        _require_finite(losses.total.item(), "the loss", run, state.step)
         optimizer.zero_grad()
         losses.total.backward()  # type: ignore[no-untyped-call]
         gradient_norm = clip_grad_norm_(model.parameters(), config.gradient_clip or math.inf)
@@ -92,18 +86,17 @@ def train(
         # 7: update theta, A and B.
         if is_taken := bool(torch.isfinite(gradient_norm)):
             optimizer.step()
-            if is_projected(state.step, config):
-                project(model)
 
         # 17: count the step.
         state.count_step(losses, is_taken)
-        if state.skipped_in_a_row > MOST_SKIPPED_IN_A_ROW:
-            raise _diverged("the gradient", run, state.step)
+        if recovery.follows_step(state):
+            continue
 
         # 8-10: evaluate.
         if is_evaluated(state.step, config):
-            validation = evaluate(model, config, validation_part, device)
-            _require_finite(validation.total, "the validation loss", run, state.step)
+            validation = evaluate(model, config, validation_part, state.device)
+            if recovery.follows_evaluation(state, validation.total):
+                continue
             state.validation_losses.append(validation.total)
             state.spectral_radius = spectral_radius(model)
             decision = rule(state.validation_losses, config.patience)
@@ -114,6 +107,7 @@ def train(
                     "train": state.take_mean_losses()._asdict(),
                     "validation": validation._asdict(),
                     "learning_rate": state.learning_rate,
+                    "rate_share": state.rate_share,
                     "spectral_radius": state.spectral_radius,
                     "is_best": decision.is_best,
                     "skipped": state.skipped,
@@ -144,16 +138,3 @@ def _require_parts(dataset: Dataset) -> None:
                 f"expected slices in the {part} part of the data set, found none: it has "
                 f"{len(dataset.part)} episodes. Record more, or name another --data."
             )
-
-
-def _require_finite(value: float, what: str, run: RunFolder, step: int) -> None:
-    if not math.isfinite(value):
-        raise _diverged(what, run, step)
-
-
-def _diverged(what: str, run: RunFolder, step: int) -> TrainingDivergedError:
-    return TrainingDivergedError(
-        f"{run.path}: expected {what} to be finite, found that it is not at step {step}. The best "
-        f"checkpoint so far is kept. Train again with a smaller --learning-rate than "
-        f"{run.config.learning_rate:g}, or with --gradient-clip."
-    )

@@ -10,6 +10,7 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.model.bilinear import Bilinear
 from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.drift import Drift, no_drift
 from rt_controller.contract.model.follow import Follow
 from rt_controller.contract.schema import N_INPUTS
 from rt_controller.contract.signals import StateColumn
@@ -66,21 +67,22 @@ class Objective:
     """The objective, computed in preallocated memory: H (nv, nv) and the gradient f (nv,).
 
     A bilinear model has a new H every period. Along given lifted states psi_j it is a linear one
-    whose input matrix changes with the stage: B_eff,j = B_uc + sum_r N_r diag(g_r,j), where
-    g_r,j = S_r psi_j + s0_r. The condensed QP keeps its size: column j of Gamma_eff is column j of
+    whose input matrix changes with the stage: B_eff,j = B_uc + sum_r N_r diag(g_r,j), with the
+    gains g_r,j of `Bilinear`. The condensed QP keeps its size: column j of Gamma_eff is column j of
     Gamma_0 + sum_r Gamma_r diag(g_r,j), and H = Gamma_eff' Q Gamma_eff + R + the cost of changes of
-    the inputs. A linear model is one without gains.
+    the inputs. A linear model is one without gains. The drift along the same states is a constant
+    of each stage, like the offset c.
 
     The states are those that the nominal inputs (the last plan, shifted) lead to. One QP a period
-    is one iteration of a sequence that would solve the bilinear problem (quasi-linear MPC; Cisneros
-    and Werner, 2020).
+    is one iteration of a sequence that would solve the nonlinear problem (quasi-linear MPC;
+    Cisneros and Werner, 2020).
 
     The response to an input at stage j is the response to that input at stage 0, j stages later.
     So only the impulse responses of B_uc and of every N_r are stored; each stage is their sum
     weighted by the gains of that stage. The size of Gamma does not depend on the number of latents.
 
     Raises:
-        ArtifactError: the model is bilinear, and the cost of the inputs alone not strictly convex.
+        ArtifactError: H changes, and the cost of the inputs alone is not strictly convex.
 
     Paper: eq. (14), with the bilinear model that its conclusion names.
     """
@@ -88,9 +90,9 @@ class Objective:
     def __init__(self, bundle: Bundle, cost: CostTerms) -> None:
         nv, m, p, horizon = cost.scale.size, N_INPUTS, cost.stage.size, cost.horizon
         n, rows = bundle.n_observables, horizon * p
-        self.hessian_varies = bundle.bilinear is not None
+        self.hessian_varies = bundle.bilinear is not None or bundle.drift is not None
         bilinear = bundle.bilinear or Bilinear(
-            np.zeros((0, n, m)), np.zeros((0, m, n)), np.zeros((0, m)), Follow.START
+            np.zeros((0, n, m)), np.zeros((0, m, n)), np.zeros((0, m))
         )
         if self.hessian_varies:
             require_convex(cost.H)  # then H is convex for every state
@@ -105,16 +107,10 @@ class Objective:
         responses = np.stack([impulse_responses(bundle.A, B, horizon, p) for B in directions])
         self._responses = np.ascontiguousarray(responses.reshape(-1, rows, m).transpose(2, 0, 1))
         """(m, R + 1, N p)"""
-        self._gain_map = _gain_map(bundle, bilinear, horizon)
-        """(m N (R + 1), n + 2)"""
-        self._gains = np.zeros(len(self._gain_map))
-        self._gains_by_stage = self._gains.reshape(m, horizon, -1)
-        """(m, N, R + 1), of each input at each stage, the constant direction first"""
-        self._feedback = (
-            GainFeedback(bundle, bilinear, horizon)
-            if bilinear.follows is Follow.PREDICTION
-            else None
-        )
+        self._gains = GainsAlongPlan(bundle, bilinear, horizon)
+        self._drift = bundle.drift and DriftResponse(bundle.A, bundle.drift, horizon, sqrt_q)
+        self._offset = self._free_response_map[:, n + 1].copy()
+        """(N p,), the response to c"""
         padded = np.zeros((m, horizon, 2 * rows))
         self._response = padded[:, :, rows:]
         """(m, N, N p), as if every stage were the first"""
@@ -142,12 +138,18 @@ class Objective:
         self.H = np.zeros((nv, nv))
         self.gradient = np.zeros(nv)
 
+    @property
+    def ey_drift(self) -> Array | None:
+        """(N,), what the drift adds to e_y at stages 1 … N, in metres; None: there is none."""
+        return None if self._drift is None else self._drift.ey_m
+
     def update_matrices(self, parameters: QpParameters) -> None:
         """Update H, and the maps of the gradient, around the parameters and nominal inputs."""
-        np.dot(self._gain_map, parameters.initial, out=self._gains)
-        if self._feedback is not None:
-            self._feedback.add(self._gains_by_stage[:, :, 1:], parameters.nominal_inputs)
-        np.matmul(self._gains_by_stage, self._responses, out=self._response)
+        self._gains.update(parameters.initial, parameters.nominal_inputs)
+        if self._drift is not None:
+            self._drift.update(self._gains.drift_terms)
+            np.add(self._offset, self._drift.outputs, out=self._free_response_map[:, -1])
+        np.matmul(self._gains.by_stage, self._responses, out=self._response)
         np.copyto(self._gamma_q_by_stage, self._delayed_response)
         self._gamma_q *= self._sqrt_q
         np.dot(self._gamma_q, self._gamma_q.T, out=self.H)
@@ -163,56 +165,150 @@ class Objective:
         np.dot(self._gradient_map, parameters.vector, out=self.gradient)
 
 
-class GainFeedback:
-    """Change of the gains of later stages by the inputs, which act by the gains of their stages.
+class DriftResponse:
+    """What the drift along the nominal inputs adds to the outputs."""
 
-    g_j = its free response + sum over i < j of K_(j-1-i) [u_i; g_i u_i], with
-    K_d = S A^d [B_uc, N_1, …, N_R]: a recursion in the few gains instead of all observables.
+    def __init__(self, A: Array, drift: Drift, horizon: int, sqrt_q: Array) -> None:
+        p, D = sqrt_q.size // horizon, drift.rank
+        responses = impulse_responses(A, drift.N, horizon, p)
+        delayed = np.zeros((horizon, p, horizon, D))
+        for j in range(horizon):
+            delayed[j:, :, j] = responses[: horizon - j]
+        self._map = delayed.reshape(horizon * p, -1) * sqrt_q[:, None]
+        """(N p, N D)"""
+        self._ey_map = np.ascontiguousarray(delayed[:, StateColumn.ey_m].reshape(horizon, -1))
+        self.outputs = np.zeros(horizon * p)
+        """(N p,), in units in which each has weight one"""
+        self.ey_m = np.zeros(horizon)
+        """(N,)"""
+
+    def update(self, terms: Array) -> None:
+        """Compute `outputs` and `ey_m` of the terms (N, D) at each stage."""
+        np.dot(self._map, terms.reshape(-1), out=self.outputs)
+        np.dot(self._ey_map, terms.reshape(-1), out=self.ey_m)
+
+
+class GainsAlongPlan:
+    """Gains of the inputs, and terms of the drift, along nominal inputs.
+
+    Both are functions of a_j = S psi_j + s0, which is a_j of the free response plus the sum over
+    i < j of K_(j-1-i) [u_i; g_i u_i; t_i] with K_d = S A^d [B_uc, N_1, …, N_R, N of the drift]:
+    a recursion in the few a_j instead of all observables.
     """
 
     def __init__(self, bundle: Bundle, bilinear: Bilinear, horizon: int) -> None:
-        rank, m, n = bilinear.S.shape
-        self._m = m
-        columns = np.concatenate([bundle.B_uc[None], bilinear.N]).transpose(1, 2, 0)
-        psi, steps = columns.reshape(n, -1), []  # (n, m (R + 1)), input by input
-        S = bilinear.S.transpose(1, 0, 2).reshape(-1, n)  # (m R, n)
-        for _ in range(horizon - 1):
-            steps.append(S @ psi)
-            psi = bundle.A @ psi
-        self._K = np.ascontiguousarray(np.reshape(steps, (-1, m * (rank + 1))))
-        """((N - 1) m R, m (R + 1))"""
-        self._forced = np.zeros((horizon, m * rank))
-        """(N, m R), what the stages before add to the gains of each"""
+        n, m, R = bundle.n_observables, N_INPUTS, bilinear.rank
+        drift = bundle.drift or no_drift(n)
+        self._saturates = bilinear.saturates
+        self._is_recursive = bilinear.follows is Follow.PREDICTION
+        self._gain_map = _gain_map(bundle, bilinear, horizon)
+        """(m N (R + 1), n + 2)"""
+        self._gains = np.zeros(len(self._gain_map))
+        self.by_stage = self._gains.reshape(m, horizon, R + 1)
+        """(m, N, R + 1), of each input at each stage, the constant direction first"""
+        self._varying = self.by_stage[:, :, 1:]
+        self._drift = drift
+        self._has_drift = drift.rank > 0
+        self._is_saturation = drift.is_saturation.astype(np.float64)
+        self._drift_map = _drift_map(bundle, drift, bilinear.follows, horizon)
+        """(N D, n + 2)"""
+        self.drift_terms = np.zeros((horizon, drift.rank))
+        """(N, D)"""
+        self._n_gains = m * R
+        columns = np.concatenate([bundle.B_uc[None], bilinear.N]).transpose(1, 2, 0).reshape(n, -1)
+        self._K = _responses_of(
+            np.concatenate([bilinear.S.transpose(1, 0, 2).reshape(-1, n), drift.S]),
+            bundle.A,
+            np.concatenate([columns, drift.N], axis=1),
+            horizon - 1,
+        )
+        """((N - 1) (m R + D), m (R + 1) + D)"""
+        self._forced = np.zeros((horizon, m * R + drift.rank))
+        """(N, m R + D), what the stages before add to a_j of each"""
         self._addition = np.zeros(len(self._K))
-        self._action = np.zeros((m, rank + 1))
+        self._action = np.zeros(m * (R + 1) + drift.rank)
+        self._action_of_inputs = self._action[: m * (R + 1)].reshape(m, R + 1)
+        self._action_of_drift = self._action[m * (R + 1) :]
 
-    def add(self, gains: Array, inputs: Array) -> None:
-        """Turn gains (m, N, R) of the free response into those along `inputs` (N, m), in place."""
-        forced, action, width = self._forced, self._action, self._forced.shape[1]
+    def update(self, initial: Array, inputs: Array) -> None:
+        """Compute `by_stage` and `drift_terms` from [psi_0; kappa; 1] along `inputs` (N, m)."""
+        np.dot(self._gain_map, initial, out=self._gains)
+        if self._has_drift:
+            np.dot(self._drift_map, initial, out=self.drift_terms.reshape(-1))
+        factors = self._drift.factors(initial[-2:-1])
+        if self._is_recursive:
+            self._add_forced_response(inputs, factors)
+            return
+        if self._saturates:
+            np.tanh(self._varying, out=self._varying)
+        if self._has_drift:
+            a = self.drift_terms
+            a[:] = np.tanh(a) * factors - a * self._is_saturation
+
+    def _add_forced_response(self, inputs: Array, drift_factors: Array) -> None:
+        forced, width, n_gains = self._forced, self._forced.shape[1], self._n_gains
         forced[:] = 0.0
         for stage, u in enumerate(inputs):
-            gains[:, stage] += forced[stage].reshape(self._m, -1)
+            gains = self._varying[:, stage]
+            gains += forced[stage, :n_gains].reshape(gains.shape)
+            if self._saturates:
+                np.tanh(gains, out=gains)
+            if self._has_drift:
+                a, terms = self.drift_terms[stage], self._action_of_drift
+                a += forced[stage, n_gains:]
+                np.tanh(a, out=terms)
+                terms *= drift_factors
+                terms -= np.multiply(a, self._is_saturation, out=a)
+                a[:] = terms
             rows = len(self._K) - stage * width
             if rows == 0:
                 return
-            action[:, 0] = u
-            np.multiply(gains[:, stage], u[:, None], out=action[:, 1:])
+            self._action_of_inputs[:, 0] = u
+            np.multiply(gains, u[:, None], out=self._action_of_inputs[:, 1:])
             addition = self._addition[:rows]
-            np.dot(self._K[:rows], action.reshape(-1), out=addition)
+            np.dot(self._K[:rows], self._action, out=addition)
             forced[stage + 1 :] += addition.reshape(-1, width)
 
 
+def _responses_of(S: Array, A: Array, columns: Array, steps: int) -> Array:
+    """S A^d columns for d = 0 … steps - 1, one below the other."""
+    responses = np.zeros((steps, len(S), columns.shape[1]))
+    for d in range(steps):
+        responses[d] = S @ columns
+        columns = A @ columns
+    return responses.reshape(steps * len(S), columns.shape[1])
+
+
 def _gain_map(bundle: Bundle, bilinear: Bilinear, horizon: int) -> Array:
-    """Map from [psi_0; kappa; 1] to the gains (m, N, R + 1), flat, of the free response."""
-    n, m = bundle.n_observables, N_INPUTS
-    stages = 0 if bilinear.follows is Follow.START else horizon - 1
-    later = free_response(bundle, stages, n).reshape(stages, n, n + 2)
-    psi = np.concatenate([np.eye(n, n + 2)[None], later])  # (stages + 1, n, n + 2)
-    varying = np.einsum("rin,jnc->ijrc", bilinear.S, psi)
-    varying[..., -1] += bilinear.s0.T[:, None, :]
-    constant = np.zeros((m, len(psi), 1, n + 2))
+    """Map from [psi_0; kappa; 1] to S psi_j + s0 (m, N, R + 1), flat, of the free response.
+
+    The first of the R + 1 is the constant 1.
+    """
+    S, s0, follows = bilinear.S, bilinear.s0, bilinear.follows
+    varying = _along_free_response(bundle, S, s0, follows, horizon)  # (N, R, m, n + 2)
+    constant = np.zeros((horizon, 1, *varying.shape[2:]))
     constant[..., -1] = 1.0
-    gains = np.concatenate([constant, varying], axis=2)
-    return np.ascontiguousarray(
-        np.broadcast_to(gains, (m, horizon, *gains.shape[2:])).reshape(-1, n + 2)
-    )
+    gains = np.concatenate([constant, varying], axis=1).transpose(2, 0, 1, 3)
+    return np.ascontiguousarray(gains.reshape(-1, gains.shape[-1]))
+
+
+def _drift_map(bundle: Bundle, drift: Drift, follows: Follow, horizon: int) -> Array:
+    """Map from [psi_0; kappa; 1] to S psi_j + s0 (N, D), flat, of the free response."""
+    varying = _along_free_response(bundle, drift.S, drift.s0, follows, horizon)
+    return np.ascontiguousarray(varying.reshape(-1, varying.shape[-1]))
+
+
+def _along_free_response(
+    bundle: Bundle, S: Array, s0: Array, follows: Follow, horizon: int
+) -> Array:
+    """Maps (N, ..., n + 2) from [psi_0; kappa; 1] to S psi_j + s0 for j = 0 … N - 1; S (..., n).
+
+    psi_j is psi_0 for all j if that is what the gains follow.
+    """
+    n, stages = bundle.n_observables, 1 if follows is Follow.START else horizon
+    later = free_response(bundle, stages - 1, n).reshape(stages - 1, n, n + 2)
+    psi = np.concatenate([np.eye(n, n + 2)[None], later])  # (N, n, n + 2)
+    varying: Array = np.tensordot(S, psi, axes=(-1, 1))
+    varying = np.moveaxis(varying, -2, 0)
+    varying[..., -1] += s0
+    return np.broadcast_to(varying, (horizon, *varying.shape[1:]))

@@ -91,7 +91,10 @@ class CondensedQp:
         if self._corridor is not None:
             stages = slice(-self._horizon, None)
             self._corridor.update_vectors(
-                parameters, program.row_lower[stages], program.row_upper[stages]
+                parameters,
+                self.objective.ey_drift,
+                program.row_lower[stages],
+                program.row_upper[stages],
             )
             program.q[: self.scale.size] = self.objective.gradient
 
@@ -122,9 +125,16 @@ class CorridorRows:
         self._free_response_m = np.zeros(horizon)
         self._half_width_m = corridor.half_width_m
 
-    def update_vectors(self, parameters: QpParameters, lower: Array, upper: Array) -> None:
-        """Write the bounds (N,) of the rows: metres that the inputs may add to e_y."""
+    def update_vectors(
+        self, parameters: QpParameters, drift_m: Array | None, lower: Array, upper: Array
+    ) -> None:
+        """Write the bounds (N,) of the rows: metres that the inputs may add to e_y.
+
+        `drift_m` (N,) is what the drift adds to it, if the model has one.
+        """
         np.dot(self._free_response_map, parameters.initial, out=self._free_response_m)
+        if drift_m is not None:
+            self._free_response_m += drift_m
         np.subtract(parameters.reference[:, StateColumn.ey_m], self._free_response_m, out=upper)
         np.subtract(upper, self._half_width_m, out=lower)
         upper += self._half_width_m

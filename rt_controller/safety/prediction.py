@@ -37,6 +37,8 @@ class MotionPrediction:
             self._s0 = bilinear.s0.reshape(-1)
             self._N = bilinear.N.transpose(0, 2, 1).reshape(-1, n_observables)
             self._repeated = np.zeros(bilinear.s0.shape)
+            self._saturates = bilinear.saturates
+        self._drift = model.drift
         self._newest = 0
         self._age_of_newest = 0
         self._begun = 0
@@ -74,8 +76,12 @@ class MotionPrediction:
             self._repeated[:] = u[:_N_INPUTS]
             gains = psi @ self._S_T
             gains += self._s0
+            if self._saturates:
+                np.tanh(gains, out=gains)
             gains *= self._repeated.reshape(-1)
             following += gains @ self._N
+        if self._drift is not None:
+            following += self._drift.terms(psi, u[_N_INPUTS:-1]) @ self._drift.N.T
         self._psi = following
         self._age_of_newest += 1
 

@@ -11,10 +11,13 @@ from torch import Tensor
 
 from offline.config import PRESETS, TrainingConfig
 from offline.data.sampling import Batch
-from offline.model.losses import draw_times, growth_excess, total_loss
-from offline.model.network import MdkNet, Sizes
+from offline.data.signals import VEHICLE_ROLES
+from offline.model.losses import draw_times, total_loss
+from offline.model.network import MdkNet, sizes_of
+from offline.model.stability import growth_excess
+from rt_controller.contract.schema import VEHICLE
 
-SIZES = Sizes(states=6, inputs=3, exogenous=1, remembered=6, dt_s=0.025)
+SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
 BATCH, STEPS = 128, 80
 SAMPLED_TARGETS = 8
 
@@ -59,7 +62,7 @@ def transcribed_loss(model: MdkNet, config: TrainingConfig, batch: Batch) -> Ten
         weight = config.forgetting**i
         multi_step = multi_step + weight * (psi[i] - predicted).square().sum(-1).mean()
         weight_sum += weight
-    theta = sum(p.square().sum() for p in model.encoder.parameters())
+    theta = sum(p.square().sum() for p in model.encoders.parameters())
     prior = torch.eye(len(A))
     regularisation = config.decay_encoder * theta + config.decay_operator * (
         (A - prior).square().sum() + B.square().sum()

@@ -22,13 +22,20 @@ STEPS = WITH_ALL.history_steps
 HALF_A_STEP_OF_THE_FRAMES = np.array([1e-6, 1e-6, 1e-6, 1.01e-5, 1.26e-3, 3.5e-5])
 
 
+def made(folder: Path, **more: int) -> Path:
+    bundle = make_bundle(WITH_ALL, rank=2, bend=0.02, **more)
+    save_bundle(folder / "model", bundle, "# made for a test\n")
+    return folder / "model"
+
+
 @pytest.fixture
 def model(tmp_path: Path) -> Path:
-    save_bundle(tmp_path / "model", make_bundle(WITH_ALL, rank=2, bend=0.02), "# made for a test\n")
-    return tmp_path / "model"
+    return made(tmp_path)
 
 
-def test_the_model_stays_on_its_path(model: Path) -> None:
+@pytest.mark.parametrize("more", [{}, {"saturates": True, "drift": 2}])
+def test_the_model_stays_on_its_path(tmp_path: Path, more: dict[str, int]) -> None:
+    model = made(tmp_path, **more)
     figures = drive(model.parent, model)
     assert figures["ey_peak_m"] <= 1.0
     assert figures["final_mode"] == "STANDBY"

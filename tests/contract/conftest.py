@@ -8,6 +8,7 @@ import pytest
 from rt_controller.contract.model.artifact import save_bundle
 from rt_controller.contract.model.bilinear import Bilinear
 from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.drift import NO_SIGNAL, Drift
 from rt_controller.contract.model.lift import Lift, LiftSample
 from rt_controller.contract.model.validation import DRIVABLE_HISTORY
 from rt_controller.contract.schema import Schema, Signal
@@ -22,7 +23,7 @@ PLANAR = Schema(
 
 @pytest.fixture
 def bundle() -> Bundle:
-    """A model of the car: bilinear of rank 2, with curvature and four instants of history."""
+    """A model of the car: saturating gains of rank 2, a drift, curvature and history."""
     rng = np.random.default_rng(1)
     n, rank = 9, 2
     return Bundle(
@@ -35,7 +36,15 @@ def bundle() -> Bundle:
             N=rng.normal(size=(rank, n, 3)),
             S=rng.normal(size=(rank, 3, n)),
             s0=rng.normal(size=(rank, 3)),
+            saturates=True,
         ),
+        drift=Drift(
+            N=rng.normal(size=(n, 3)),
+            S=rng.normal(size=(3, n)),
+            s0=rng.normal(size=3),
+            signal=np.array([NO_SIGNAL, 0, NO_SIGNAL]),
+        ),
+        signal_range=np.array([[0.0, 0.0, -6.0, -0.02], [1.0, 150.0, 6.0, 0.02]]),
         lift=Lift(True, history_steps=4, history_fields=DRIVABLE_HISTORY),
         encoder_onnx=b"not run here",
         selftest=LiftSample(

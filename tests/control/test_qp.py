@@ -23,9 +23,36 @@ from rt_controller.contract.model.follow import Follow
 from rt_controller.contract.signals import ControlInput
 from rt_controller.control.objective import free_response
 from rt_controller.control.piqp_solver import PiqpSolver
+from rt_controller.control.program import QpParameters
 from rt_controller.control.qp import CondensedQp, Features
 from rt_controller.control.solver import SolveStatus
 from rt_controller.control.terms import Corridor, TrackingCost
+
+
+def dynamics(bundle: Bundle, now: QpParameters) -> tuple[Array, Array]:
+    """Equations of all stages for [u; psi]: (N n, N (m + n)) and their right sides."""
+    n, m, N = bundle.n_observables, 3, HORIZON
+    A_eq = np.zeros((N * n, N * (m + n)))
+    undriven = bundle.B_uw[:, 0] * now.curvature_per_m[0] + bundle.c
+    b_eq = np.tile(undriven, N)
+    b_eq[:n] += bundle.A @ now.psi
+    follows = Follow.PREDICTION if bundle.bilinear is None else bundle.bilinear.follows
+    frozen = now.psi
+    for k in range(N):
+        rows = slice(k * n, (k + 1) * n)
+        matrix, drift = input_matrix(bundle, frozen), np.zeros(n)
+        if bundle.drift is not None:
+            drift = bundle.drift.N @ bundle.drift.terms(frozen, now.curvature_per_m)
+        A_eq[rows, k * m : (k + 1) * m] = -matrix
+        b_eq[rows] += drift
+        if follows is not Follow.START:
+            frozen = bundle.A @ frozen + undriven
+        if follows is Follow.PREDICTION:
+            frozen = frozen + matrix @ now.nominal_inputs[k] + drift
+        A_eq[rows, N * m + k * n : N * m + (k + 1) * n] = np.eye(n)
+        if k > 0:
+            A_eq[rows, N * m + (k - 1) * n : N * m + k * n] = -bundle.A
+    return A_eq, b_eq
 
 
 def sparse_plan(
@@ -33,7 +60,7 @@ def sparse_plan(
 ) -> tuple[Array, Array]:
     """Inputs (N, 3) and slacks of eq. (14) with the states as variables."""
     now = qp.parameters
-    psi_0, kappa, u_prev, y_r = now.psi, now.curvature_per_m[0], now.previous, now.reference
+    u_prev, y_r = now.previous, now.reference
     n, m, N, p = bundle.n_observables, 3, HORIZON, y_r.shape[1]
     slacks = 0 if features.corridor is None else N
     weights = np.zeros((N, n))
@@ -54,19 +81,8 @@ def sparse_plan(
     q = np.zeros(len(P))
     q[:m] = -s * u_prev
     q[N * m : N * (m + n)] = -(weights * reference).ravel()
-    A_eq = np.zeros((N * n, len(P)))
-    b_eq = np.tile(bundle.B_uw[:, 0] * kappa + bundle.c, N)
-    b_eq[:n] += bundle.A @ psi_0
-    follows = None if bundle.bilinear is None else bundle.bilinear.follows
-    frozen = psi_0
-    for k in range(N):
-        rows = slice(k * n, (k + 1) * n)
-        A_eq[rows, k * m : (k + 1) * m] = -input_matrix(bundle, frozen)
-        if follows is Follow.FREE_RESPONSE:
-            frozen = bundle.A @ frozen + bundle.B_uw[:, 0] * kappa + bundle.c
-        A_eq[rows, N * m + k * n : N * m + (k + 1) * n] = np.eye(n)
-        if k > 0:
-            A_eq[rows, N * m + (k - 1) * n : N * m + k * n] = -bundle.A
+    A_eq, b_eq = np.zeros((N * n, len(P))), np.zeros(N * n)
+    A_eq[:, : N * (m + n)], b_eq[:] = dynamics(bundle, now)
     G, low, high = np.zeros((0, len(P))), np.zeros(0), np.zeros(0)
     if features.has_slew_rows:
         slew = np.tile(np.array(INPUT_LIMITS.rate_per_s) * bundle.schema.dt_s / RANGE, N)
@@ -92,12 +108,12 @@ def sparse_plan(
 
 @pytest.mark.parametrize("features", TIERS.values(), ids=TIERS.keys())
 @pytest.mark.parametrize("latent_weight", [0.0, 0.05])
-@pytest.mark.parametrize("rank", [0, 1, 4])
+@pytest.mark.parametrize(("rank", "drift"), [(0, 0), (1, 0), (4, 0), (0, 3), (1, 3), (4, 3)])
 def test_condensed_and_sparse_forms_have_the_same_plan(
-    rank: int, latent_weight: float, features: Features
+    rank: int, drift: int, latent_weight: float, features: Features
 ) -> None:
-    rng = np.random.default_rng(7 * rank)
-    bundle, cost = random_bundle(rng, rank), COST._replace(latent_weight=latent_weight)
+    rng = np.random.default_rng(7 * rank + drift)
+    bundle, cost = random_bundle(rng, rank, drift), COST._replace(latent_weight=latent_weight)
     qp = CondensedQp(bundle, HORIZON, cost, features)
     solver, program = PiqpSolver(qp.program), qp.program
     for _ in range(5):

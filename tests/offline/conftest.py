@@ -107,6 +107,10 @@ def tiny_recommended() -> TrainingConfig:
             "latents": 4,
             "history_steps": 3,
             "bilinear_rank": 2,
+            "path_latents": 1,
+            "path_hidden": (8,),
+            "path_rank": 1,
+            "drift_rank": 1,
             "threads": 1,
         }
     )

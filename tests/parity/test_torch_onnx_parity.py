@@ -47,11 +47,15 @@ CONFIGS: dict[str, TrainingConfig] = {
     "x, w and history": PRESETS["linear"],
     "x, w and history, without products": PRESETS["linear"].model_copy(update={"products": False}),
     "products of x": PRESETS["paper"].model_copy(update={"products": True}),
-    "bilinear": PRESETS["recommended"],
-    "bilinear along the free response": PRESETS["recommended"].model_copy(
+    "saturating": PRESETS["recommended"],
+    "saturating along the free response": PRESETS["recommended"].model_copy(
         update={"bilinear_follows": Follow.FREE_RESPONSE}
     ),
-    "bilinear at the start, no constant": PRESETS["recommended"].model_copy(
+    "drift alone": PRESETS["recommended"].model_copy(update={"bilinear_rank": 0}),
+    "bilinear, motion not separate": PRESETS["recommended"].model_copy(
+        update={"saturating_gains": False, "separate_motion": False}
+    ),
+    "saturating at the start, no constant": PRESETS["recommended"].model_copy(
         update={"bilinear_follows": Follow.START, "constant_observable": False, "latents": 7}
     ),
 }
@@ -72,14 +76,14 @@ def a_model(config: TrainingConfig) -> MdkNet:
     with torch.no_grad():
         model.A_rows += 0.002 * torch.randn_like(model.A_rows)
         model.B_rows += 0.02 * torch.randn_like(model.B_rows)
-        if model.rank:
-            model.N_rows += 0.02 * torch.randn_like(model.N_rows)
-        if model.encoder.products is not None:
-            weight = model.encoder.products.weights.weight
-            weight += 0.05 * torch.randn_like(weight)
-        for layer in model.encoder.layers:
-            if isinstance(layer, torch.nn.Linear):
-                layer.bias += 0.1 * torch.randn_like(layer.bias)
+        model.N_rows += 0.02 * torch.randn_like(model.N_rows)
+        for encoder in model.encoders:
+            if encoder.products is not None:
+                weight = encoder.products.weights.weight
+                weight += 0.05 * torch.randn_like(weight)
+            for layer in encoder.layers:
+                if isinstance(layer, torch.nn.Linear):
+                    layer.bias += 0.1 * torch.randn_like(layer.bias)
     return model
 
 
@@ -92,7 +96,8 @@ BY_NIGHT = {
     "x and w",
     "x, w and history, without products",
     "products of x",
-    "bilinear along the free response",
+    "saturating along the free response",
+    "drift alone",
 }
 """each part of them is in another one: an export takes a second"""
 
@@ -213,21 +218,26 @@ def in_physical_units(psi: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def test_the_roll_out_in_physical_units_equals_the_scaled_one(exported):
-    """The folded operator, with its offset and its bilinear part, in double precision."""
+    """The folded operator with its offset, its bilinear part and its drift, in double precision."""
     model, trajectories = exported.model, drives(4)
-    A, B_uc, B_uw, c, bilinear = physical_matrices(model, SCALING)
+    A, B_uc, B_uw, c, bilinear, drift = physical_matrices(model, SCALING)
     batch = scaled(trajectories, model)
     u, w = batch.u.numpy() * SCALING.u_scale, batch.w.numpy() * SCALING.w_scale
     assert (bilinear is None) == (model.rank == 0)
+    assert (drift is None) == (model.drift_rank == 0)
     first = psi = free = in_physical_units(lift_precisely(model, trajectories))
     for k in range(STEPS):
-        B_eff = np.broadcast_to(B_uc, (4, *B_uc.shape))
+        B_eff, added = np.broadcast_to(B_uc, (4, *B_uc.shape)), 0.0
+        seen = {Follow.PREDICTION: psi, Follow.FREE_RESPONSE: free, Follow.START: first}
         if bilinear is not None:
-            seen = {Follow.PREDICTION: psi, Follow.FREE_RESPONSE: free, Follow.START: first}
-            B_eff = B_uc + added_columns(bilinear, seen[bilinear.follows])
+            B_eff = B_uc + added_columns(bilinear, seen[model.follows])
+            assert bilinear.follows is model.follows
             assert np.abs(B_eff - B_uc).max() > 1e-3
+        if drift is not None:
+            added = drift.terms(seen[model.follows], w[k]) @ drift.N.T
+            assert np.abs(added).max() > 1e-3
         undriven = w[k] @ B_uw.T + c
-        psi = psi @ A.T + np.einsum("bnm,bm->bn", B_eff, u[k]) + undriven
+        psi = psi @ A.T + np.einsum("bnm,bm->bn", B_eff, u[k]) + undriven + added
         free = free @ A.T + undriven
     expected = in_physical_units(roll_out_scaled(model, trajectories)[-1])
     assert np.allclose(psi, expected, rtol=1e-9, atol=1e-9)

@@ -13,6 +13,7 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.model.artifact import load_bundle, shipped_model
 from rt_controller.contract.model.bilinear import Bilinear
 from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.drift import NO_SIGNAL, Drift
 from rt_controller.contract.model.lift import Lift, LiftSample
 from rt_controller.contract.model.validation import DRIVABLE_HISTORY
 
@@ -29,9 +30,19 @@ WITH_ALL = replace(WITH_PAST, sees_exogenous=True)
 
 
 def make_bundle(
-    lift: Lift, *, rank: int = 0, bend: float = 0.2, latents: int = N_LATENTS, seed: int = 0
+    lift: Lift,
+    *,
+    rank: int = 0,
+    bend: float = 0.2,
+    saturates: bool = False,
+    drift: int = 0,
+    latents: int = N_LATENTS,
+    seed: int = 0,
 ) -> Bundle:
-    """The linear model with latents; `bend`: how much of B_uc a typical lifted state changes."""
+    """The linear model with latents; `bend`: how much of B_uc a typical lifted state changes.
+
+    `drift`: terms that saturate, and as many products with the curvature.
+    """
     rng = np.random.default_rng(seed)
     linear = load_bundle(shipped_model("lti"))
     n_x, m = linear.B_uc.shape
@@ -54,7 +65,8 @@ def make_bundle(
         B_uc=B_uc,
         B_uw=B_uw,
         c=c,
-        bilinear=None if rank == 0 else _bend(B_uc, psi, rank, bend, rng),
+        bilinear=None if rank == 0 else _bend(B_uc, psi, rank, bend, rng, saturates),
+        drift=None if drift == 0 else _drift(psi, drift, bend, rng),
         lift=lift,
         encoder_onnx=write_encoder(lift, W, bias),
         selftest=sample,
@@ -116,14 +128,30 @@ def _typical(lift: Lift) -> list[np.ndarray]:
 
 
 def _bend(
-    B_uc: np.ndarray, psi: np.ndarray, rank: int, bend: float, rng: np.random.Generator
+    B_uc: np.ndarray,
+    psi: np.ndarray,
+    rank: int,
+    bend: float,
+    rng: np.random.Generator,
+    saturates: bool,
 ) -> Bilinear:
     """Directions as large as `bend` times B_uc, read from psi with gains around one."""
     n, m = B_uc.shape
     S = rng.normal(size=(rank, m, n)) / (psi.std(axis=0) * np.sqrt(n))
     s0 = rng.normal(size=(rank, m)) - np.einsum("rin,n->ri", S, psi.mean(axis=0))
     N = bend * B_uc * rng.normal(size=(rank, n, m)) / np.sqrt(rank)
-    return Bilinear(N, S, s0)
+    return Bilinear(N, S, s0, saturates=saturates)
+
+
+def _drift(psi: np.ndarray, rank: int, bend: float, rng: np.random.Generator) -> Drift:
+    """Terms that change a typical lifted state by a tenth of `bend` times its spread."""
+    n, D = psi.shape[1], 2 * rank
+    S = rng.normal(size=(D, n)) / (psi.std(axis=0) * np.sqrt(n))
+    s0 = 0.5 * rng.normal(size=D) - S @ psi.mean(axis=0)
+    signal = np.repeat([NO_SIGNAL, 0], rank)
+    size = np.where(signal == NO_SIGNAL, 1.0, 1.0 / SHOWN_TYPICALLY["w"])
+    N = 0.1 * bend * psi.std(axis=0)[:, None] * rng.normal(size=(n, D)) * size
+    return Drift(N, S, s0, signal)
 
 
 def added_columns(bilinear: Bilinear, psi: Array) -> Array:

@@ -7,6 +7,7 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.model.bilinear import Bilinear
 from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.drift import Drift
 from rt_controller.contract.model.follow import Follow
 from rt_controller.contract.model.lift import LiftSample
 from rt_controller.contract.signals import ControlInput, VehicleState
@@ -34,7 +35,8 @@ TIERS = {
 }
 
 
-def random_bundle(rng: np.random.Generator, rank: int = 0) -> Bundle:
+def random_bundle(rng: np.random.Generator, rank: int = 0, drift: int = 0) -> Bundle:
+    """Even ranks follow the free response, odd ones psi_0; with a drift, even ones saturate."""
     n = N_OBSERVABLES
     A = rng.normal(size=(n, n))
     A *= 0.97 / max(abs(np.linalg.eigvals(A)))
@@ -44,6 +46,13 @@ def random_bundle(rng: np.random.Generator, rank: int = 0) -> Bundle:
         S=rng.normal(size=(rank, 3, n)),
         s0=rng.normal(size=(rank, 3)),
         follows=Follow.START if rank % 2 else Follow.FREE_RESPONSE,
+        saturates=drift > 0 and rank % 2 == 0,
+    )
+    terms = Drift(
+        N=0.03 * rng.normal(size=(n, drift)),
+        S=rng.normal(size=(drift, n)),
+        s0=rng.normal(size=drift),
+        signal=np.arange(drift) % 2 - 1,
     )
     return Bundle(
         name="random",
@@ -52,6 +61,7 @@ def random_bundle(rng: np.random.Generator, rank: int = 0) -> Bundle:
         B_uw=rng.normal(size=(n, 1)),
         c=0.05 * rng.normal(size=n),
         bilinear=bilinear if rank > 0 else None,
+        drift=terms if drift > 0 else None,
         encoder_onnx=b"",
         selftest=LiftSample(np.zeros((1, 6)), np.zeros((1, 1)), np.zeros((1, 0, 0))),
         selftest_psi=np.zeros((1, n)),
@@ -83,5 +93,8 @@ def update_vectors(qp: CondensedQp, rng: np.random.Generator, size: float = 0.3)
     parameters.curvature_per_m[:] = 0.002
     parameters.previous[:] = rng.uniform(INPUT_LIMITS.lower, INPUT_LIMITS.upper)
     parameters.reference[:] = size * rng.normal(size=parameters.reference.shape)
+    parameters.nominal_inputs[:] = rng.uniform(
+        INPUT_LIMITS.lower, INPUT_LIMITS.upper, size=parameters.nominal_inputs.shape
+    )
     qp.update_matrices()
     qp.update_vectors(PedalChoice())

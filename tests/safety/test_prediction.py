@@ -5,6 +5,7 @@ import pytest
 from kinematic_car import BRAKE_TO_SPEED, linear_model
 
 from rt_controller.contract.model.bilinear import Bilinear
+from rt_controller.contract.model.drift import Drift
 from rt_controller.contract.model.rollout import Matrices, one_step
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
 from rt_controller.safety.prediction import STEPS, MotionPrediction
@@ -35,11 +36,22 @@ def test_one_and_ten_steps_are_those_of_the_model(prediction: MotionPrediction) 
 
 
 @pytest.mark.parametrize("rank", [0, 1, 2])
-def test_a_step_is_that_of_the_contract(rank: int) -> None:
+@pytest.mark.parametrize("drift", [0, 3])
+@pytest.mark.parametrize("saturates", [False, True])
+def test_a_step_is_that_of_the_contract(rank: int, drift: int, saturates: bool) -> None:
     rng = np.random.default_rng(rank)
     n, m = 7, 3
     bilinear = Bilinear(
-        rng.normal(size=(rank, n, m)), rng.normal(size=(rank, m, n)), rng.normal(size=(rank, m))
+        rng.normal(size=(rank, n, m)),
+        rng.normal(size=(rank, m, n)),
+        rng.normal(size=(rank, m)),
+        saturates=saturates,
+    )
+    terms = Drift(
+        rng.normal(size=(n, drift)),
+        rng.normal(size=(drift, n)),
+        rng.normal(size=drift),
+        np.arange(drift) % 2 - 1,
     )
     model = Matrices(
         rng.normal(size=(n, n)),
@@ -47,6 +59,7 @@ def test_a_step_is_that_of_the_contract(rank: int) -> None:
         rng.normal(size=(n, 1)),
         rng.normal(size=n),
         bilinear if rank else None,
+        terms if drift else None,
     )
     prediction, psi = MotionPrediction(model, n), rng.normal(size=n)
     prediction.begin(psi)

@@ -73,8 +73,10 @@ def fit_per_curvature(dataset: Dataset) -> LinearPerCurvature:
         fit_one_step(train.take(rows), dataset.schema, dataset.roles, sees_exogenous=False)
         for rows in is_on.T
     ]
-    A, B_uc, _, c, _ = zip(*models, strict=True)
-    return LinearPerCurvature(curvatures, np.stack(A), np.stack(B_uc), np.stack(c))
+    A, B_uc, c = (
+        np.stack([getattr(matrices, name) for matrices in models]) for name in ("A", "B_uc", "c")
+    )
+    return LinearPerCurvature(curvatures, A, B_uc, c)
 
 
 BASELINE = Baseline(fit=fit_per_curvature, find_objection=find_objection, model_class="linear")

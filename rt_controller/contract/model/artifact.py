@@ -3,9 +3,10 @@
 - `encoder.onnx`: from the inputs that `Lift` names to "psi" (batch, n) float32, whose first entries
   are the states themselves;
 - `koopman.npz`: psi+ = A psi + B_uc u_c + B_uw w + c, all in physical units, with the names, units
-  and period of the signals, the bilinear part, the inputs of the lift, the growth of the model, its
-  training configuration, the SHA-256 of the encoder and of the whole model, a few pairs
-  (x, w, history; psi) for a self-test, and the geometry of the car's steering where it is known;
+  and period of the signals, the bilinear part, saturation, the inputs of the lift, the growth of
+  the model, its training configuration, the SHA-256 of the encoder and of the whole model, a few
+  pairs (x, w, history; psi) for a self-test, the geometry of the car's steering where it is known,
+  and the range of the inputs;
 - `card.md`: for people.
 
 Paper: eqs. (6)-(8) and (14).
@@ -27,6 +28,7 @@ from rt_controller.contract.files import (
 )
 from rt_controller.contract.model.bilinear import Bilinear
 from rt_controller.contract.model.bundle import Bundle, PlanSample
+from rt_controller.contract.model.drift import Drift, no_drift
 from rt_controller.contract.model.follow import Follow
 from rt_controller.contract.model.lift import Lift, LiftSample
 from rt_controller.contract.model.validation import check_field, require_fitting_parts
@@ -37,9 +39,9 @@ from rt_controller.contract.steering_geometry import SteeringGeometry
 SHIPPED_MODEL = "mdk-net"
 """the model that drives if none is chosen"""
 
-FORMAT_VERSION = 3
-FORMAT_WITHOUT_PLANS = 2
-"""of bundles without stored plans: older ones, and those of other signals than the car's"""
+FORMAT_VERSION = 4
+FORMAT_WITHOUT_SATURATION, FORMAT_WITHOUT_PLANS = 3, 2
+"""older ones, which are read as well"""
 LARGEST_FILE_BYTES = 64_000_000
 LARGEST_UNPACKED_BYTES = 256_000_000
 """a hundred times the shipped models"""
@@ -47,12 +49,13 @@ ENCODER_FILE = "encoder.onnx"
 KOOPMAN_FILE = "koopman.npz"
 CARD_FILE = "card.md"
 
-TEXT, WHOLE, FLOAT = "U", "i", "f"
+TEXT, WHOLE, FLOAT, TRUTH = "U", "i", "f", "b"
 UNCHANGED = ("name", "A", "B_uc", "B_uw", "c", "selftest_psi", "training", "data_sha256")
 """fields of `koopman.npz` that are attributes of `Bundle` of the same name"""
 SIGNALS = {"state": "states", "input": "inputs", "exogenous": "exogenous"}
 """beginning of the fields that describe signals, and the attribute of `Schema`"""
-FIELDS = {
+Fields = dict[str, tuple[str, int]]
+FIELDS: Fields = {
     **dict.fromkeys(("name", "training", "data_sha256"), (TEXT, 0)),
     **dict.fromkeys(("encoder_sha256", "bundle_sha256", "bilinear_follows"), (TEXT, 0)),
     **dict.fromkeys(("state_fields", "input_fields", "exogenous_fields"), (TEXT, 1)),
@@ -66,14 +69,21 @@ FIELDS = {
     **dict.fromkeys(("bilinear_N", "bilinear_S", "selftest_history"), (FLOAT, 3)),
 }
 """type and number of dimensions of each field that is read"""
-OPTIONAL = dict.fromkeys(SteeringGeometry._fields, (FLOAT, 0))
+OPTIONAL = {**dict.fromkeys(SteeringGeometry._fields, (FLOAT, 0)), "signal_range": (FLOAT, 2)}
 """the same, of fields that older bundles do not have"""
 PLANS = {
     **dict.fromkeys(("plan_state", "plan_path", "plan_previous"), (FLOAT, 2)),
     "plan_curvature_per_m": (FLOAT, 1),
     "plan_inputs": (FLOAT, 3),
 }
-"""the same, of fields that bundles of format 2 do not have"""
+"""the same, of fields that bundles of format 2 and models of other signals do not have"""
+SATURATION = {
+    "bilinear_saturates": (TRUTH, 0),
+    **dict.fromkeys(("drift_N", "drift_S"), (FLOAT, 2)),
+    "drift_s0": (FLOAT, 1),
+    "drift_signal": (WHOLE, 1),
+}
+"""the same, of fields that bundles of formats 2 and 3 do not have"""
 
 
 def shipped_model(name: str = SHIPPED_MODEL) -> Path:
@@ -132,9 +142,11 @@ def load_bundle(folder: Path) -> Bundle:
     bundle = Bundle(
         schema=Schema(states, inputs, exogenous, found["dt_s"]),
         bilinear=_bilinear(path, found),
+        drift=_drift(found),
         lift=lift,
         geometry=_geometry(path, found),
         plans=_plans(found),
+        signal_range=found.get("signal_range"),
         encoder_onnx=_read_encoder(encoder_path),
         selftest=LiftSample(*(found[f"selftest_{name}"] for name in LiftSample._fields)),
         **{name: found[name] for name in UNCHANGED},
@@ -148,7 +160,7 @@ def load_bundle(folder: Path) -> Bundle:
 def _fields_of(bundle: Bundle) -> dict[str, Any]:
     """The fields of `koopman.npz` by name, as numpy takes them."""
     n, m = bundle.n_observables, bundle.B_uc.shape[1]
-    nothing = Bilinear(np.zeros((0, n, m)), np.zeros((0, m, n)), np.zeros((0, m)))
+    no_gains = Bilinear(np.zeros((0, n, m)), np.zeros((0, m, n)), np.zeros((0, m)))
     signals = {kind: getattr(bundle.schema, name) for kind, name in SIGNALS.items()}
     texts = {
         **{f"{kind}_fields": [signal.name for signal in each] for kind, each in signals.items()},
@@ -157,15 +169,16 @@ def _fields_of(bundle: Bundle) -> dict[str, Any]:
         "history_fields": bundle.lift.history_fields,
     }
     return {
-        "format_version": FORMAT_WITHOUT_PLANS if bundle.plans is None else FORMAT_VERSION,
+        "format_version": FORMAT_VERSION,
         **{name: getattr(bundle, name) for name in UNCHANGED},
         **{name: np.array(listed, dtype=np.str_) for name, listed in texts.items()},
         "dt_s": bundle.schema.dt_s,
         "history_steps": bundle.lift.history_steps,
         **{
             f"bilinear_{name}": part
-            for name, part in (bundle.bilinear or nothing)._asdict().items()
+            for name, part in (bundle.bilinear or no_gains)._asdict().items()
         },
+        **{f"drift_{name}": part for name, part in (bundle.drift or no_drift(n))._asdict().items()},
         "spectral_radius": bundle.spectral_radius,
         "growth_20": bundle.growth(20),
         "growth_80": bundle.growth(80),
@@ -173,6 +186,7 @@ def _fields_of(bundle: Bundle) -> dict[str, Any]:
         "bundle_sha256": bundle.sha256,
         **{f"selftest_{name}": part for name, part in bundle.selftest._asdict().items()},
         **(bundle.geometry._asdict() if bundle.geometry else {}),
+        **({} if bundle.signal_range is None else {"signal_range": bundle.signal_range}),
         **{
             f"plan_{name}": part
             for name, part in (bundle.plans._asdict() if bundle.plans else {}).items()
@@ -187,12 +201,18 @@ def _signals(path: Path, found: dict[str, Any], kind: str) -> tuple[Signal, ...]
 
 
 def _bilinear(path: Path, found: dict[str, Any]) -> Bilinear | None:
-    N, S, s0, follows = (found[f"bilinear_{name}"] for name in Bilinear._fields)
+    N, S, s0, follows = (found[f"bilinear_{name}"] for name in ("N", "S", "s0", "follows"))
     if follows not in list(Follow):
         check_field(path, "bilinear_follows", " or ".join(Follow), follows)
     if not max(len(N), len(S), len(s0)):
         return None
-    return Bilinear(N, S, s0, Follow(follows))
+    return Bilinear(N, S, s0, Follow(follows), found.get("bilinear_saturates", False))
+
+
+def _drift(found: dict[str, Any]) -> Drift | None:
+    if not max(len(found.get(f"drift_{name}", ())) for name in ("S", "s0")):
+        return None
+    return Drift(*(found[f"drift_{name}"] for name in Drift._fields))
 
 
 def _geometry(path: Path, found: dict[str, Any]) -> SteeringGeometry | None:
@@ -249,14 +269,14 @@ def _read_fields(path: Path) -> dict[str, Any]:
             f"truncated or altered file ({error}). Run offline-export again."
         ) from error
     version = arrays["format_version"].tolist() if "format_version" in arrays else FORMAT_VERSION
-    required = FIELDS if version == FORMAT_WITHOUT_PLANS else FIELDS | PLANS
-    if version not in (FORMAT_VERSION, FORMAT_WITHOUT_PLANS):
-        missing = ", ".join(sorted(required.keys() - arrays)) or "nothing"
+    required = _required_fields(version, "plan_state" in arrays)
+    if required is None:
+        missing = ", ".join(sorted((FIELDS | SATURATION).keys() - arrays)) or "nothing"
         raise ArtifactError(
-            f"{path}: expected format_version = {FORMAT_VERSION}, or {FORMAT_WITHOUT_PLANS} "
-            f"without stored plans, found {version!s:.40}; of the fields of format "
-            f"{FORMAT_VERSION} it lacks {missing:.200}. Run offline-export RUN again with this "
-            f"version; for a newer bundle install a newer rt-controller."
+            f"{path}: expected format_version = {FORMAT_VERSION}, or {FORMAT_WITHOUT_SATURATION} "
+            f"or {FORMAT_WITHOUT_PLANS} of older bundles, found {version!s:.40}; of the fields of "
+            f"format {FORMAT_VERSION} it lacks {missing:.200}. Run offline-export RUN again with "
+            f"this version; for a newer bundle install a newer rt-controller."
         )
     for key in ("format_version", *required):
         if key not in arrays:
@@ -268,14 +288,27 @@ def _read_fields(path: Path) -> dict[str, Any]:
     return {key: _checked(path, key, arrays[key], *kind) for key, kind in present.items()}
 
 
+def _required_fields(version: int, has_plans: bool) -> Fields | None:
+    """The fields of a bundle of this format; None if the format is not known."""
+    if version == FORMAT_WITHOUT_PLANS:
+        return FIELDS
+    if version == FORMAT_WITHOUT_SATURATION:
+        return FIELDS | PLANS
+    if version == FORMAT_VERSION:
+        return FIELDS | SATURATION | (PLANS if has_plans else {})
+    return None
+
+
 def _checked(path: Path, key: str, found: NDArray[Any], kind: str, dimensions: int) -> Any:
     """The content of one field; numbers have eight bytes and are finite, arrays in C order."""
-    is_wide = kind == TEXT or found.dtype in (np.float64, np.int64)
+    is_wide = kind in (TEXT, TRUTH) or found.dtype in (np.float64, np.int64)
     if found.dtype.kind != kind or found.ndim != dimensions or not is_wide:
         expected = {
             (TEXT, 0): "one text",
             (TEXT, 1): "a list of texts",
             (WHOLE, 0): "one whole number",
+            (WHOLE, 1): "a list of whole numbers",
+            (TRUTH, 0): "true or false",
         }.get((kind, dimensions), f"float64 numbers in {dimensions} dimensions")
         raise ArtifactError(
             f"{path}: expected {expected} in {key}, found {found.dtype} of shape {found.shape}. "

@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.model.follow import Follow
 
@@ -12,6 +14,9 @@ class Bilinear(NamedTuple):
     In a bilinear Koopman model input i acts through (b_i + N_i psi) u_i. Here every matrix N_i has
     rank R, N_i psi = sum_r N[r, :, i] (S[r, i] @ psi), with an offset s0[r, i] on each factor:
     B_eff[:, i] = B_uc[:, i] + sum_r N[r, :, i] * (S[r, i] @ psi + s0[r, i]).
+
+    With `saturates`, each factor is the hyperbolic tangent of that: then B_eff is bounded for every
+    lifted state, as the forces of tyres and engine are.
 
     Paper: conclusion, where bilinear models are named as future work.
     """
@@ -24,6 +29,7 @@ class Bilinear(NamedTuple):
     """(R, m)"""
     follows: Follow = Follow.PREDICTION
     """the psi that is used in a prediction"""
+    saturates: bool = False
 
     @property
     def rank(self) -> int:
@@ -32,4 +38,5 @@ class Bilinear(NamedTuple):
     def gains(self, psi: Array) -> Array:
         """The share of each direction at psi (..., n): (..., R, m)."""
         flat: Array = psi @ self.S.reshape(-1, self.S.shape[2]).T
-        return flat.reshape(*psi.shape[:-1], *self.s0.shape) + self.s0
+        shares: Array = flat.reshape(*psi.shape[:-1], *self.s0.shape) + self.s0
+        return np.tanh(shares, out=shares) if self.saturates else shares

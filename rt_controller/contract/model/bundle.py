@@ -1,7 +1,8 @@
 """The model bundle: everything that training passes to the vehicle.
 
 psi_(k+1) = A psi_k + B_eff u_k + B_uw w_k + c in physical units, where psi = [x; latents] is what
-the encoder computes, and B_eff is constant or depends on the lifted state.
+the encoder computes, and B_eff is constant or depends on the lifted state. Saturation of the motion
+without inputs may be added.
 Paper: eqs. (6)-(8) and (14).
 """
 
@@ -16,6 +17,7 @@ import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.model.bilinear import Bilinear
+from rt_controller.contract.model.drift import Drift
 from rt_controller.contract.model.identity_encoder import identity_encoder
 from rt_controller.contract.model.lift import STATES_ONLY, Lift, LiftSample
 from rt_controller.contract.schema import VEHICLE, Schema
@@ -64,6 +66,11 @@ class Bundle:
     """(n,), the offset that remains from centring"""
     bilinear: Bilinear | None = None
     """None: B_uc is the whole input matrix"""
+    drift: Drift | None = None
+    """None: the motion without inputs is linear in psi"""
+    signal_range: Array | None = None
+    """(2, m + p), lowest and highest value of each input and exogenous signal that the model was
+    made for; None: not known"""
     lift: Lift = STATES_ONLY
     encoder_onnx: bytes
     selftest: LiftSample
@@ -189,11 +196,11 @@ class Bundle:
     def sha256(self) -> str:
         """Identity of the model: it changes with everything that a prediction depends on.
 
-        Over name, signals, period, lift, encoder, matrices and the geometry of the car where it is
-        known; not over training and self-test.
+        Over name, signals, period, lift, encoder, matrices, and, where they are known, the geometry
+        of the car and the range of the signals; not over training and self-test.
         """
         schema, lift = self.schema, self.lift
-        bilinear = self.bilinear
+        bilinear, drift = self.bilinear, self.drift
         words = [
             self.name,
             [schema.states, schema.inputs, schema.exogenous, schema.dt_s],
@@ -201,11 +208,17 @@ class Bundle:
             None if bilinear is None else bilinear.follows,
             self.encoder_sha256,
             *(() if self.geometry is None else [self.geometry]),
+            *(("saturates",) if bilinear is not None and bilinear.saturates else ()),
+            *(() if drift is None else [drift.signal.tolist()]),
         ]
         digest = hashlib.sha256(json.dumps(words).encode())
         matrices = {"A": self.A, "B_uc": self.B_uc, "B_uw": self.B_uw, "c": self.c}
         if bilinear is not None:
             matrices |= {"N": bilinear.N, "S": bilinear.S, "s0": bilinear.s0}
+        if drift is not None:
+            matrices |= {"drift_N": drift.N, "drift_S": drift.S, "drift_s0": drift.s0}
+        if self.signal_range is not None:
+            matrices["signal_range"] = self.signal_range
         for key, matrix in matrices.items():
             array = np.ascontiguousarray(matrix, dtype="<f8")
             digest.update(f"{key} {array.shape}\n".encode())

@@ -1,8 +1,10 @@
 """Checks of a bundle: its parts fit each other, and the controller can drive with it."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError
@@ -38,7 +40,7 @@ def require_fitting_parts(bundle: Bundle, path: Path | str) -> None:
             f"{path}: expected history_fields out of {known}, in this order, found "
             f"{lift.history_fields}. Run offline-export again."
         )
-    shapes = {
+    shapes: dict[str, tuple[NDArray[Any], tuple[int, ...]]] = {
         "A": (bundle.A, (n, n)),
         "B_uc": (bundle.B_uc, (n, m)),
         "B_uw": (bundle.B_uw, (n, p)),
@@ -56,6 +58,14 @@ def require_fitting_parts(bundle: Bundle, path: Path | str) -> None:
         shapes["bilinear_N"] = (bundle.bilinear.N, (R, n, m))
         shapes["bilinear_S"] = (bundle.bilinear.S, (R, m, n))
         shapes["bilinear_s0"] = (bundle.bilinear.s0, (R, m))
+    if bundle.drift is not None:
+        D = bundle.drift.rank
+        shapes["drift_N"] = (bundle.drift.N, (n, D))
+        shapes["drift_S"] = (bundle.drift.S, (D, n))
+        shapes["drift_s0"] = (bundle.drift.s0, (D,))
+        shapes["drift_signal"] = (bundle.drift.signal, (D,))
+    if bundle.signal_range is not None:
+        shapes["signal_range"] = (bundle.signal_range, (2, m + p))
     if bundle.plans is not None:
         T, N = bundle.plans.inputs.shape[:2]
         plan_shapes = ((T, n_x), (T,), (T, 6), (T, m), (T, N, m))
@@ -65,6 +75,11 @@ def require_fitting_parts(bundle: Bundle, path: Path | str) -> None:
         check_field(path, f"shape of {key}", shape, array.shape)
     if bundle.geometry is not None and find_objection_to_geometry(bundle.geometry):
         raise ArtifactError(f"{path}: {find_objection_to_geometry(bundle.geometry)}")
+    if bundle.drift is not None and not set(bundle.drift.signal.tolist()) <= set(range(-1, p)):
+        raise ArtifactError(
+            f"{path}: expected drift_signal from -1 to {p - 1}, found "
+            f"{bundle.drift.signal.tolist()!s:.200}. Run offline-export again."
+        )
     if n < n_x or not 1 <= b <= MOST_INSTANTS:
         raise ArtifactError(
             f"{path}: expected at least {n_x} observables and 1 to {MOST_INSTANTS} self-test "
@@ -143,9 +158,9 @@ def explain_missing_plans(bundle: Bundle, folder: Path) -> str:
     if bundle.plans is not None or find_objection_to_driving(bundle) is not None:
         return ""
     return (
-        f"{folder}: expected a model with stored plans (bundle format 3), found one without "
-        f"(format 2), so that a change after its export cannot be detected. Store plans, without "
-        f"training: offline-export --bundle {folder}"
+        f"{folder}: expected a model with stored plans, found one without, so that a change after "
+        f"its export cannot be detected. Store plans, without training: offline-export --bundle "
+        f"{folder}"
     )
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.model.artifact import load_bundle, save_bundle
-from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.bundle import Bundle, PlanSample
 from rt_controller.contract.steering_geometry import SteeringGeometry
 
 PLAIN = (
@@ -29,7 +29,13 @@ def equal(one: Bundle, other: Bundle) -> bool:
     if (one.schema, one.lift, one.geometry) != (other.schema, other.lift, other.geometry):
         return False
     parts = [
-        (*bundle.selftest, *(bundle.bilinear or ()), *(bundle.plans or ()))
+        (
+            *bundle.selftest,
+            *(bundle.bilinear or ()),
+            *(bundle.drift or ()),
+            *(bundle.plans or ()),
+            *(() if bundle.signal_range is None else bundle.signal_range),
+        )
         for bundle in (one, other)
     ]
     return len(parts[0]) == len(parts[1]) and all(
@@ -42,7 +48,8 @@ def equal(one: Bundle, other: Bundle) -> bool:
 
 
 def test_a_saved_bundle_loads_equal(bundle: Bundle, folder: Path) -> None:
-    compared = {*PLAIN, "schema", "lift", "geometry", "selftest", "bilinear", "plans"}
+    compared = {*PLAIN, "schema", "lift", "geometry", "selftest", "bilinear", "drift", "plans"}
+    compared.add("signal_range")
     assert compared == {field.name for field in fields(Bundle)}
     assert equal(load_bundle(folder), bundle)
     assert (folder / "card.md").read_text() == "# a card\n"
@@ -63,9 +70,78 @@ def test_a_model_of_other_signals_loads_equal(planar: Bundle, tmp_path: Path) ->
     assert equal(load_bundle(tmp_path), planar)
 
 
-def test_a_constant_input_matrix_stays_constant(bundle: Bundle, tmp_path: Path) -> None:
-    save_bundle(tmp_path, replace(bundle, bilinear=None), "card")
-    assert load_bundle(tmp_path).bilinear is None
+@pytest.mark.parametrize("part", ["bilinear", "drift", "signal_range"])
+def test_a_part_that_a_model_does_not_have_is_not_loaded(
+    bundle: Bundle, tmp_path: Path, part: str
+) -> None:
+    without = replace(bundle, **{part: None})
+    save_bundle(tmp_path, without, "card")
+    assert getattr(load_bundle(tmp_path), part) is None
+    assert equal(load_bundle(tmp_path), without)
+
+
+def made_before_saturation(bundle: Bundle) -> Bundle:
+    """A model of this car as older versions wrote it."""
+    assert bundle.bilinear is not None
+    rng = np.random.default_rng(2)
+    return replace(
+        bundle,
+        bilinear=bundle.bilinear._replace(saturates=False),
+        drift=None,
+        signal_range=None,
+        plans=PlanSample(
+            state=rng.normal(size=(2, 6)),
+            curvature_per_m=rng.normal(size=2),
+            path=rng.normal(size=(2, 6)),
+            previous=rng.normal(size=(2, 3)),
+            inputs=rng.normal(size=(2, 4, 3)),
+        ),
+    )
+
+
+def rewrite_as(folder: Path, version: int, *, without: tuple[str, ...]) -> None:
+    """Give the file an older format, without the fields whose names begin with `without`."""
+    path = folder / "koopman.npz"
+    with np.load(path) as archive:
+        kept = {key: archive[key] for key in archive.files if not key.startswith(without)}
+    np.savez(path, **kept | {"format_version": np.int64(version)})
+
+
+def test_a_bundle_of_format_3_loads_as_it_was_saved(bundle: Bundle, tmp_path: Path) -> None:
+    older = made_before_saturation(bundle)
+    save_bundle(tmp_path, older, "card")
+    rewrite_as(tmp_path, 3, without=("bilinear_saturates", "drift_"))
+    assert equal(load_bundle(tmp_path), older)
+
+
+def test_a_bundle_of_format_2_has_no_plans(bundle: Bundle, tmp_path: Path) -> None:
+    older = made_before_saturation(bundle)
+    save_bundle(tmp_path, older, "card")
+    rewrite_as(tmp_path, 2, without=("bilinear_saturates", "drift_", "plan_"))
+    assert equal(load_bundle(tmp_path), replace(older, plans=None))
+
+
+@pytest.mark.parametrize(
+    ("version", "missing"),
+    [(3, "plan_state"), (4, "bilinear_saturates"), (4, "drift_N"), (4, "drift_signal")],
+)
+def test_a_field_that_the_format_requires_is_named(
+    bundle: Bundle, tmp_path: Path, version: int, missing: str
+) -> None:
+    save_bundle(tmp_path, made_before_saturation(bundle), "card")
+    rewrite_as(tmp_path, version, without=(missing,))
+    with pytest.raises(ArtifactError, match=f"expected a field '{missing}'"):
+        load_bundle(tmp_path)
+
+
+def test_saturation_in_a_file_of_format_3_is_refused(folder: Path) -> None:
+    """The fields of a later format are not read, and the hash is then that of another model."""
+    rewrite_as(folder, 3, without=("none",))
+    with pytest.raises(ArtifactError, match="'plan_"):
+        load_bundle(folder)
+    rewrite_as(folder, 2, without=("none",))
+    with pytest.raises(ArtifactError, match="expected the model of SHA-256"):
+        load_bundle(folder)
 
 
 def test_parts_that_do_not_fit_are_not_written(bundle: Bundle, tmp_path: Path) -> None:

@@ -24,7 +24,11 @@ def rewrite(folder: Path, **changes: object) -> None:
 
 
 @pytest.mark.parametrize(
-    "key", ["A", "B_uc", "B_uw", "c", "bilinear_N", "bilinear_S", "bilinear_s0"]
+    "key",
+    [
+        *("A", "B_uc", "B_uw", "c", "bilinear_N", "bilinear_S", "bilinear_s0"),
+        *("drift_N", "drift_S", "drift_s0", "signal_range"),
+    ],
 )
 def test_an_altered_matrix_is_refused(folder: Path, key: str) -> None:
     with np.load(folder / "koopman.npz") as archive:
@@ -59,9 +63,9 @@ HISTORY = ("vx_mps", "vy_mps", "yaw_rate_radps", "throttle", "brake_n", "steer_r
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("format_version", np.int64(1), "format_version = 3, .* found 1;"),
+        ("format_version", np.int64(1), "format_version = 4, .* found 1;"),
         ("format_version", np.int64(99), "format_version"),
-        ("format_version", np.str_("one"), "format_version = 3, .* found one;"),
+        ("format_version", np.str_("one"), "format_version = 4, .* found one;"),
         ("format_version", np.str_("2"), "format_version"),
         ("format_version", np.array([2]), "format_version"),
         ("format_version", np.eye(2), "format_version"),
@@ -120,6 +124,29 @@ HISTORY = ("vx_mps", "vy_mps", "yaw_rate_radps", "throttle", "brake_n", "steer_r
         ("bilinear_S", np.full((2, 3, 9), np.inf), "finite"),
         ("bilinear_s0", np.zeros((1, 3)), "shape of bilinear_N"),
         ("bilinear_s0", np.zeros(3), "numbers in 2 dimensions in bilinear_s0"),
+        ("bilinear_saturates", np.bool_(False), "SHA-256"),
+        ("bilinear_saturates", np.int64(1), "true or false in bilinear_saturates"),
+        ("bilinear_saturates", np.array([True]), "true or false in bilinear_saturates"),
+        ("bilinear_saturates", None, "'bilinear_saturates'"),
+        ("drift_N", np.zeros((9, 2)), "shape of drift_N"),
+        ("drift_N", np.zeros((8, 3)), "shape of drift_N"),
+        ("drift_N", np.full((9, 3), np.nan), "finite"),
+        ("drift_N", None, "'drift_N'"),
+        ("drift_S", np.zeros((3, 8)), "shape of drift_S"),
+        ("drift_S", np.full((3, 9), np.inf), "finite"),
+        ("drift_S", np.zeros((0, 9)), "shape of drift_S"),
+        ("drift_s0", np.zeros(2), "shape of drift_N"),
+        ("drift_s0", np.zeros((3, 1)), "numbers in 1 dimensions in drift_s0"),
+        ("drift_signal", np.array([0, 0, -1]), "SHA-256"),
+        ("drift_signal", np.array([0, -1]), "shape of drift_signal"),
+        ("drift_signal", np.array([0, -1, 1]), "drift_signal from -1 to 0, found .0, -1, 1."),
+        ("drift_signal", np.array([0, -1, -2]), "drift_signal from -1 to 0"),
+        ("drift_signal", np.zeros(3), "list of whole numbers in drift_signal"),
+        ("drift_signal", np.zeros(3, dtype=np.int32), "list of whole numbers in drift_signal"),
+        ("signal_range", np.zeros((2, 3)), "shape of signal_range"),
+        ("signal_range", np.zeros(4), "numbers in 2 dimensions in signal_range"),
+        ("signal_range", np.full((2, 4), np.nan), "finite"),
+        ("signal_range", None, "SHA-256"),
         ("selftest_x", np.zeros((0, 6)), "shape of selftest_w"),
         ("selftest_x", np.zeros((5, 7)), "shape of selftest_x"),
         ("selftest_w", np.zeros((5, 2)), "shape of selftest_w"),
@@ -164,6 +191,7 @@ def test_fewer_observables_than_states_are_refused(bundle: Bundle, tmp_path: Pat
         B_uw=bundle.B_uw[:5],
         c=bundle.c[:5],
         bilinear=None,
+        drift=None,
         selftest_psi=bundle.selftest_psi[:, :5],
     )
     with pytest.raises(ArtifactError, match="at least 6 observables"):

@@ -58,7 +58,14 @@ def test_the_hash_changes_with_everything_that_affects_a_prediction(bundle: Bund
         bundle.bilinear._replace(follows=follows)
         for follows in set(Follow) - {bundle.bilinear.follows}
     ]
+    bent.append(bundle.bilinear._replace(saturates=False))
     others += [replace(bundle, bilinear=bilinear) for bilinear in bent]
+    assert bundle.drift is not None
+    drifts = [
+        bundle.drift._replace(**{key: 0.9 * getattr(bundle.drift, key)}) for key in ("N", "S", "s0")
+    ]
+    drifts.append(bundle.drift._replace(signal=np.array([0, 0, -1])))
+    others += [replace(bundle, drift=drift) for drift in (*drifts, None)]
     schemas = [
         replace(VEHICLE, states=VEHICLE.states[::-1]),
         replace(VEHICLE, inputs=VEHICLE.inputs[::-1]),
@@ -75,8 +82,10 @@ def test_the_hash_changes_with_everything_that_affects_a_prediction(bundle: Bund
         replace(bundle, encoder_onnx=b"another"),
         replace(bundle, name="another"),
     ]
-    assert len(others) == 20
-    assert len({bundle.sha256, *(other.sha256 for other in others)}) == 21
+    assert bundle.signal_range is not None
+    others += [replace(bundle, signal_range=changed) for changed in (2 * bundle.signal_range, None)]
+    assert len(others) == 28
+    assert len({bundle.sha256, *(other.sha256 for other in others)}) == 29
 
 
 def test_the_hash_does_not_depend_on_training_or_storage(bundle: Bundle) -> None:

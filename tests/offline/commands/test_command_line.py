@@ -9,12 +9,15 @@ import time
 from contextlib import nullcontext
 from dataclasses import replace
 from importlib.metadata import version
+from pathlib import Path
 
 import pytest
+from fitted_network import fitted
 
 from offline import cli
 from offline.commands import terminal, training_run
 from offline.config import TrainingConfig
+from offline.data.dataset import load_dataset
 from offline.training.checkpoint import load_checkpoint, save_checkpoint
 from rt_controller.contract.model.artifact import load_bundle
 
@@ -29,6 +32,12 @@ ENTRY_POINTS = (
     cli.tune_main,
 )
 SMALL = ("--hidden", "8", "--latents", "4", "--batch", "16", "--threads", "1")
+
+
+def make_exportable(data: Path | str) -> None:
+    """Give the latest run a model that is better than persistence, as a long training would."""
+    best = Path("runs", "latest", "best.pt")
+    save_checkpoint(best, fitted(load_checkpoint(best), load_dataset(Path(data))))
 
 
 @pytest.fixture
@@ -60,11 +69,14 @@ def test_the_commands_make_data_train_export_and_evaluate(command, tmp_path):
     assert "offline-export" in out
     assert json.loads((tmp_path / "train.json").read_text())["step"] == 30
 
+    make_exportable(data["folder"])
     code, out, _ = command(cli.export_main, "--json", "export.json")
     assert code in (0, None)
     assert "rt-controller --bus virtual --model" in out
     exported = json.loads((tmp_path / "export.json").read_text())
     assert exported["size_bytes"] < 300_000
+    assert exported["driven_radius"]["unsaturated"] <= 1.001
+    assert min(exported["persistence_mse_over_model_mse"].values()) > 1.0
 
     code, out, _ = command(cli.evaluate_main, "--sets", "library", "--json", "table.json")
     assert code in (0, None)
@@ -120,6 +132,7 @@ def test_the_card_shows_the_validation_loss_of_the_exported_model(command, toy_f
     """It need not be the lowest of the run."""
     train = ("--steps", 3, "--evaluate-every", 3, "--data", toy_folder, *SMALL)
     assert command(cli.train_main, *train)[0] in (0, None)
+    make_exportable(toy_folder)
     best = tmp_path / "runs" / "latest" / "best.pt"
     save_checkpoint(best, replace(load_checkpoint(best), validation_losses=[0.125, 0.5, 0.25]))
     assert command(cli.export_main)[0] in (0, None)
@@ -145,6 +158,7 @@ def test_a_model_is_not_evaluated_on_data_it_may_have_been_trained_on(
 ):
     train = ("--steps", 3, "--evaluate-every", 3, "--data", toy_folder, *SMALL)
     assert command(cli.train_main, *train)[0] in (0, None)
+    make_exportable(toy_folder)
     assert command(cli.export_main)[0] in (0, None)
     library = ("--sets", "library", "--baselines", "none")
     code, _, _ = command(cli.evaluate_main, "--data", toy_folder, *library)
@@ -167,6 +181,22 @@ def test_a_run_refuses_to_resume_with_another_data_set(command, toy_folder):
     code, _, err = command(cli.train_main, "--resume", "runs/latest", "--data", "other")
     assert code == 2
     assert "expected the data set" in err
+
+
+def test_a_model_that_is_worse_than_persistence_is_not_exported(command, toy_folder, tmp_path):
+    train = ("--steps", 3, "--evaluate-every", 3, "--data", toy_folder, *SMALL)
+    assert command(cli.train_main, *train)[0] in (0, None)
+    make_exportable(toy_folder)
+    best = tmp_path / "runs" / "latest" / "best.pt"
+    crabbing = load_checkpoint(best)
+    crabbing.model["B_rows"][4, 2] += 1.0  # the steering moves the car sideways at once
+    save_checkpoint(best, crabbing)
+    code, _, err = command(cli.export_main, "--json", "export.json")
+    assert code == 2
+    assert "better than the last measured state" in err
+    assert "ey_m (mean squared error" in err
+    assert not (tmp_path / "export.json").exists()
+    assert not (tmp_path / "runs" / "latest" / "bundle").exists()
 
 
 def test_an_evaluation_without_a_bundle_says_where_it_looked_and_what_makes_one(command, tmp_path):

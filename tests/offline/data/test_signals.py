@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 
 from offline.data.dataset import PARTS
-from offline.data.signals import VEHICLE_ROLES, Scaling, fit_scaling, mirror_signs
+from offline.data.signals import (
+    VEHICLE_ROLES,
+    Scaling,
+    fit_scaling,
+    mirror_signs,
+    signal_range,
+)
 from offline.data.trajectories import Trajectories
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.schema import VEHICLE, Signal
 
 
 def fit(trajectories: Trajectories) -> Scaling:
@@ -93,3 +100,34 @@ def test_a_constant_centred_signal_becomes_zero(train):
 def test_scaling_without_exogenous_signals_is_empty_for_them(train):
     scaling = fit(train._replace(w=train.w[..., :0]))
     assert scaling.w_scale.shape == (0,)
+
+
+def test_the_scale_of_an_input_or_road_is_at_least_a_third_of_its_peak(train):
+    u, w = 0.0 * train.u, 0.0 * train.w
+    u[0, 0, 1], w[0, 0, 0] = -120.0, 0.03
+    scaling = fit(train._replace(u=u, w=w))
+    assert scaling.u_scale[1] == pytest.approx(40.0)
+    assert scaling.w_scale[0] == pytest.approx(0.01)
+
+
+def test_the_scale_of_a_state_is_at_least_a_tenth_of_its_peak(train):
+    x = 0.0 * train.x
+    x[0, 0, 1] = 5.0
+    assert fit(train._replace(x=x)).x_scale[1] == pytest.approx(0.5)
+
+
+def test_the_range_of_the_inputs_of_the_car_is_its_limits_and_that_of_a_road_is_found(train):
+    lowest, highest = signal_range(train, VEHICLE)
+    assert lowest.tolist() == [*INPUT_LIMITS.lower, train.w.min()]
+    assert highest.tolist() == [*INPUT_LIMITS.upper, train.w.max()]
+
+
+def test_the_range_of_other_inputs_is_found(train):
+    other = replace(VEHICLE, inputs=(Signal("valve", "1"), *VEHICLE.inputs[1:]))
+    lowest, highest = signal_range(train, other)
+    assert lowest.tolist() == [*train.u.min(axis=(0, 1)), train.w.min()]
+    assert highest.tolist() == [*train.u.max(axis=(0, 1)), train.w.max()]
+
+
+def test_without_exogenous_signals_the_range_is_that_of_the_inputs(train):
+    assert signal_range(train._replace(w=train.w[..., :0]), VEHICLE).shape == (2, 3)

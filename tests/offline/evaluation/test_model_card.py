@@ -8,19 +8,28 @@ from toy_predictors import made_test_set, made_trajectories, with_random_error
 
 from offline.evaluation.comparison import compare_models
 from offline.evaluation.model_card import model_facts, write_card
-from offline.model.export_checks import check_export
+from offline.model.export_checks import ExportFigures
 from rt_controller.contract.model.artifact import load_bundle, shipped_model
 from rt_controller.contract.model.bilinear import Bilinear
+from rt_controller.contract.model.drift import Drift
+from rt_controller.contract.model.driven import BoxStability, DrivenStability
 from rt_controller.contract.model.follow import Follow
 from rt_controller.contract.model.lift import Lift
 from rt_controller.contract.schema import VEHICLE
 from rt_controller.report.table import Fact, format_number
 
+CHECKS = ExportFigures(
+    parity=2.5e-7,
+    stability=BoxStability(
+        DrivenStability(1.0007, 6.25), DrivenStability(0.9994, 5.5), DrivenStability(1.0112, 20.0)
+    ),
+    persistence_over_model=np.array([1.5, 2.5, 3.5, 4.5, 5.5, 650.0]),
+)
+
 
 @pytest.fixture(scope="module")
 def lti():
-    shipped = load_bundle(shipped_model("lti"))
-    return replace(shipped, A=0.95 * shipped.A)
+    return load_bundle(shipped_model("lti"))
 
 
 def test_card_has_facts_hashes_and_every_error_with_its_interval(lti):
@@ -28,9 +37,16 @@ def test_card_has_facts_hashes_and_every_error_with_its_interval(lti):
     models = {"lti": with_random_error(made)}
     baselines = {"persistence": with_random_error(made, 2.0)}
     comparison = compare_models(models, baselines, [made_test_set(made)], VEHICLE)
-    card = write_card(lti, check_export(lti), comparison, [Fact("preset", "tiny")])
+    card = write_card(lti, CHECKS, comparison, [Fact("preset", "tiny")])
     assert "| preset | tiny |" in card
     assert lti.sha256 in card
+    growth = "Under inputs: gains unsaturated: spectral radius 1.00070, growth over 80 steps 6.25"
+    assert growth in card
+    assert "gains saturated: spectral radius 0.99940, growth over 80 steps 5.5;" in card
+    assert "gains at states: spectral radius 1.01120, growth over 80 steps 20 (" in card
+    assert "as trained: 2.5e-07" in card
+    assert "vx_mps 1.5, vy_mps 2.5, yaw_rate_radps 3.5" in card
+    assert "epsi_rad 650" in card
     for scores in comparison.library.values():
         value, low, high = (float(part[4]) for part in scores.mse())
         interval = f"{format_number(low, 3)}–{format_number(high, 3)}"
@@ -40,6 +56,7 @@ def test_card_has_facts_hashes_and_every_error_with_its_interval(lti):
 def test_card_says_what_the_lift_uses_and_how_the_inputs_act(lti):
     plain = dict(model_facts(lti))
     assert plain["input matrix"] == "constant"
+    assert plain["motion without inputs"] == "linear in the lifted state"
     assert "curvature" not in plain["observables"]
     n = lti.n_observables
     richer = replace(
@@ -53,3 +70,12 @@ def test_card_says_what_the_lift_uses_and_how_the_inputs_act(lti):
     assert "the last 4 periods (100 ms) of vx_mps, steer_rad" in found["observables"]
     frozen = replace(richer, bilinear=richer.bilinear._replace(follows=Follow.START))
     assert "rank 3, frozen at the first" in dict(model_facts(frozen))["input matrix"]
+    bent = replace(
+        richer,
+        bilinear=richer.bilinear._replace(saturates=True),
+        drift=Drift(np.zeros((n, 3)), np.zeros((3, n)), np.zeros(3), np.array([-1, 0, -1])),
+    )
+    facts = dict(model_facts(bent))
+    assert facts["input matrix"].startswith("saturating, bilinear of rank 3")
+    expected = "saturating with rank 2, and 1 products with curvature_per_m"
+    assert facts["motion without inputs"] == expected

@@ -17,7 +17,15 @@ LISTS = """
 [tiny]
 why = "small enough for a test"
 base = "recommended"
-common = { steps = 12, batch = 8, evaluate_every = 5, hidden = [8], latents = 4, history_steps = 3 }
+
+[tiny.common]
+steps = 12
+batch = 8
+evaluate_every = 5
+hidden = [8]
+latents = 4
+history_steps = 3
+stability = "gelfand"
 
 [[tiny.variant]]
 name = "whole"
@@ -31,7 +39,14 @@ changes = { bilinear_rank = 0 }
 [wild]
 why = "one that diverges, and one that does not"
 base = "recommended"
-common = { steps = 12, batch = 8, evaluate_every = 5, hidden = [8], latents = 4 }
+
+[wild.common]
+steps = 12
+batch = 8
+evaluate_every = 5
+hidden = [8]
+latents = 4
+stability = "gelfand"
 
 [[wild.variant]]
 name = "too-fast"
@@ -47,12 +62,19 @@ SPACES = """
 [tiny]
 why = "small enough for a test"
 base = "recommended"
-common = { steps = 12, batch = 8, evaluate_every = 3, latents = 4, history_steps = 3 }
+
+[tiny.common]
+steps = 12
+batch = 8
+evaluate_every = 3
+latents = 4
+history_steps = 3
+stability = "gelfand"
 
 [[tiny.parameter]]
 field = "learning_rate"
 low = 1e-4
-high = 1e-1
+high = 1e-2
 scale = "log"
 
 [[tiny.parameter]]
@@ -67,7 +89,14 @@ high = 3
 [wild]
 why = "learning rates that diverge"
 base = "recommended"
-common = { steps = 12, batch = 8, hidden = [4], latents = 4, gradient_clip = "none" }
+
+[wild.common]
+steps = 12
+batch = 8
+hidden = [4]
+latents = 4
+stability = "gelfand"
+gradient_clip = "none"
 
 [[wild.parameter]]
 field = "learning_rate"

@@ -17,14 +17,17 @@ from offline.training.checkpoint import load_checkpoint
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import write_figures
 
-ENCODER = ((6 + 3 * 6 + 1) * 8 + 8) + (8 * 3 + 3)
-"""the state, three rows of history and the curvature; one of the four latents is the constant"""
-PRODUCTS = (7 * 8 // 2) * 3
-"""of every two of the six states and the curvature, for each latent"""
-LINEAR = ENCODER + PRODUCTS + 9 * 10 + 9 * 4
+OF_MOTION = ((3 + 3 * 6) * 8 + 8) + (8 * 2 + 2) + 6 * 2
+"""speeds, yaw rate and three rows of history to two latents, products of every two of the three"""
+OF_PATH = (7 * 96 + 96) + (96 * 96 + 96) + (96 + 1) + 28
+"""the state and the curvature to one latent, products; the fourth latent is the constant"""
+LINEAR = OF_MOTION + OF_PATH + 9 * 10 + 9 * 4
 """with A and B, without the row of the constant"""
-BILINEAR = 10 * 9 * 3 + 10 * 3 * 10
-"""N and S of rank 10"""
+EACH_GAIN = 9 + 10
+"""a column of N and a row of S"""
+DRIFT = 10
+OF_INPUTS = (10 + 5) * 3 + 5
+"""of the motion and of the path, and those of the curvature"""
 
 
 @pytest.fixture(scope="session")
@@ -62,7 +65,8 @@ def test_table_has_every_training_and_the_pooled_seeds(undisturbed, toy_dataset)
             assert training["ending"] == "finished"
             assert training["training_cpu_s"] > 0
             assert training["spectral_radius"] <= 1.05
-    assert [v["n_parameters"] for v in figures["variants"]] == [LINEAR + BILINEAR, LINEAR]
+    whole, without = LINEAR + EACH_GAIN * (DRIFT + OF_INPUTS), LINEAR + EACH_GAIN * DRIFT
+    assert [v["n_parameters"] for v in figures["variants"]] == [whole, without]
     text = (undisturbed / "table.md").read_text()
     assert "| without-bilinear | `bilinear_rank = 0` |" in text
     assert "Every training has 12 steps of 8 trajectories." in text

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from fitted_network import fitted
 
 from offline.baselines.catalogue.lti import fit_linear
 from offline.evaluation import predictor
@@ -67,7 +68,7 @@ def test_checkpoint_has_the_errors_of_the_bundle_that_is_exported_from_it(
     monkeypatch.setattr(error_ratios_module, "CHUNK", 7)
     run = new_run(tiny_recommended)
     train(tiny_recommended, toy_dataset, run)
-    checkpoint = load_checkpoint(run.best)
+    checkpoint = fitted(load_checkpoint(run.best), toy_dataset)
     bundle, _ = export_checkpoint(checkpoint, toy_dataset)
     exported = mean_squared_errors(BundlePredictor(bundle), toy_dataset)
     assert checkpoint_mse(checkpoint, toy_dataset) == pytest.approx(exported, rel=1e-4)

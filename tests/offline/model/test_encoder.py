@@ -1,4 +1,4 @@
-"""The products of the encoder."""
+"""The signals that an encoder reads, and their products."""
 
 import pytest
 import torch
@@ -9,10 +9,10 @@ from offline.model.network import Encoder, Products
 SHOWN, PRESENT, LATENTS = 11, 4, 5
 
 
-def make(has_products: bool) -> Encoder:
+def make(has_products: bool, columns: list[int] | None = None) -> Encoder:
     torch.manual_seed(0)
     return Encoder(
-        SHOWN,
+        list(range(SHOWN)) if columns is None else columns,
         PRESENT,
         (8, 8),
         LATENTS,
@@ -54,3 +54,17 @@ def test_products_use_present_signals_only() -> None:
     torch.testing.assert_close(encoder(later) - encoder.layers(later), added, rtol=1e-4, atol=1e-5)
     later[:, 0] += 1.0
     assert not torch.allclose(encoder(later) - encoder.layers(later), added, rtol=1e-2)
+
+
+def test_an_encoder_reads_its_columns_only_and_in_their_order() -> None:
+    columns = [7, 1, 0, 4, 9]
+    encoder, shown = make(True, columns), torch.randn(20, SHOWN)
+    assert encoder.products is not None
+    with torch.no_grad():
+        encoder.products.weights.weight.normal_()
+    chosen = shown[:, columns]
+    assert torch.equal(encoder(shown), encoder.latents(chosen, chosen[:, :PRESENT]))
+    for column in range(SHOWN):
+        other = shown.clone()
+        other[:, column] += 1.0
+        assert torch.equal(encoder(other), encoder(shown)) == (column not in columns)

@@ -4,6 +4,7 @@ import math
 
 import pytest
 import torch
+import transcribed_model
 from torch import Tensor
 
 from offline.config import PRESETS, TrainingConfig
@@ -26,7 +27,8 @@ SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
 
 
 def a_config(**changes: object) -> TrainingConfig:
-    small = {"hidden": (8, 8), "latents": 5, "history_steps": HISTORY, "bilinear_rank": 2}
+    small = {"hidden": (8, 8), "latents": 6, "history_steps": HISTORY, "bilinear_rank": 2}
+    small |= {"path_latents": 2, "path_hidden": (6,), "path_rank": 1, "drift_rank": 2}
     return PRESETS["recommended"].model_copy(update={**small, **changes})
 
 
@@ -36,9 +38,8 @@ def a_model(config: TrainingConfig) -> MdkNet:
     with torch.no_grad():
         model.A_rows += 0.1 * torch.randn_like(model.A_rows)
         model.B_rows += 0.1 * torch.randn_like(model.B_rows)
-        if model.rank:
-            model.N_rows += 0.3 * torch.randn_like(model.N_rows)
-            model.S += 0.3 * torch.randn_like(model.S)
+        model.N_rows += 0.3 * torch.randn_like(model.N_rows)
+        model.S += 0.3 * torch.randn_like(model.S)
     return model
 
 
@@ -59,33 +60,14 @@ def first_instant(batch: Batch, b: int) -> Instants:
 
 def transcribed_errors(model: MdkNet, batch: Batch) -> list[Tensor]:
     """Mean squared error of each state, computed with loops."""
-    A, B = model.operator()
     sums = [torch.zeros(()) for _ in range(STATES)]
     for b in range(BATCH):
-        psi = followed = model.lift(first_instant(batch, b))
+        psi0 = model.lift(first_instant(batch, b))
+        predicted = transcribed_model.roll_out(model, psi0, batch.u[:, b], batch.w[:, b])
         for k in range(batch.steps):
-            exogenous = B[:, 3:] @ batch.w[k, b]
-            psi = A @ psi + input_matrix(model, followed) @ batch.u[k, b] + exogenous
-            if model.follows is Follow.PREDICTION:
-                followed = psi
-            elif model.follows is Follow.FREE_RESPONSE:
-                followed = A @ followed + exogenous
             for i in range(STATES):
-                sums[i] = sums[i] + (batch.x[k + 1, b, i] - psi[i]) ** 2
+                sums[i] = sums[i] + (batch.x[k + 1, b, i] - predicted[k, i]) ** 2
     return [each / (batch.steps * BATCH) for each in sums]
-
-
-def input_matrix(model: MdkNet, psi: Tensor) -> Tensor:
-    """B_i + sum_r N_ri (S_ri psi), column by column."""
-    _, B = model.operator()
-    if not model.rank:
-        return B[:, :3]
-    N = model.bilinear_columns()
-    columns = [
-        B[:, i] + sum(N[r, :, i] * (model.S[r, i] @ psi) for r in range(model.rank))
-        for i in range(3)
-    ]
-    return torch.stack(columns, dim=1)
 
 
 def transcribed_loss(model: MdkNet, batch: Batch) -> Tensor:
@@ -93,7 +75,10 @@ def transcribed_loss(model: MdkNet, batch: Batch) -> Tensor:
 
 
 ALONG = [
+    {"bilinear_rank": 0, "drift_rank": 0},
     {"bilinear_rank": 0},
+    {"saturating_gains": False},
+    {"separate_motion": False},
     *({"bilinear_rank": 2, "bilinear_follows": follows} for follows in Follow),
 ]
 
@@ -135,14 +120,20 @@ def test_the_gradient_equals_that_of_the_transcription(changes):
     ours, naive, batch = a_model(config), a_model(config), a_batch()
     total_loss(ours, config, batch).multi_step.backward()
     transcribed_loss(naive, batch).backward()
-    for one, other in zip(ours.parameters(), naive.parameters(), strict=True):
+    for one, other in zip(learned(ours), learned(naive), strict=True):
         assert torch.any(one.grad != 0.0)
         assert torch.allclose(one.grad, other.grad, rtol=1e-8, atol=1e-12)
 
 
-def test_total_loss_is_the_weighted_sum_of_its_terms():
+def learned(model: MdkNet) -> list[Tensor]:
+    """The parameters; without gains, theirs are empty."""
+    return [parameter for parameter in model.parameters() if parameter.numel()]
+
+
+@pytest.mark.parametrize("stability", ["driven", "gelfand"])
+def test_total_loss_is_the_weighted_sum_of_its_terms(stability):
     config = a_config(
-        weight_single_step=0.7, weight_stability=1.6, stability="gelfand", decay_operator=0.5
+        weight_single_step=0.7, weight_stability=1.6, stability=stability, decay_operator=0.5
     )
     model, batch = a_model(config), a_batch()
     with torch.no_grad():
@@ -174,12 +165,13 @@ def in_tenfold_units(model: MdkNet, batch: Batch, i: int) -> tuple[MdkNet, Batch
     with torch.no_grad():
         for one, source in zip(other.parameters(), model.parameters(), strict=True):
             one.copy_(source)
-        other.encoder.layers[0].weight[:, i] /= 10.0
+        for encoder in other.encoders:
+            encoder.layers[0].weight[:, encoder.columns == i] /= 10.0
         other.A_rows[i] *= 10.0
         other.A_rows[:, i] /= 10.0
         other.B_rows[i] *= 10.0
-        other.N_rows[:, i] *= 10.0
-        other.S[..., i] /= 10.0
+        other.N_rows[i] *= 10.0
+        other.S[:, i] /= 10.0
     return other, batch._replace(x=x)
 
 
@@ -196,8 +188,10 @@ def test_the_unit_of_a_state_adds_a_constant_and_changes_no_gradient(i):
     assert (there - here).item() == pytest.approx(math.log(100.0) / STATES)
     here.backward()
     there.backward()
-    last, other_last = model.encoder.layers[-1].weight.grad, other.encoder.layers[-1].weight.grad
-    assert torch.allclose(last, other_last, rtol=1e-8, atol=1e-12)
+    for one, another in zip(model.encoders, other.encoders, strict=True):
+        last, other_last = one.layers[-1].weight.grad, another.layers[-1].weight.grad
+        assert torch.any(last != 0.0)
+        assert torch.allclose(last, other_last, rtol=1e-8, atol=1e-12)
     latents = slice(STATES, None)
     assert torch.allclose(model.B_rows.grad[latents], other.B_rows.grad[latents], atol=1e-12)
 

@@ -1,25 +1,30 @@
-"""The encoder input, the observables and the effect of the inputs."""
+"""What the lift sees, the observables, and the effect of inputs and drift."""
 
 from math import exp
 
 import pytest
 import torch
+import transcribed_model
 from torch import Tensor
 
 from offline.config import PRESETS, TrainingConfig
 from offline.data.sampling import Instants
 from offline.data.signals import VEHICLE_ROLES, Roles
 from offline.model.network import FADING_S, MdkNet, Sizes, sizes_of
+from offline.model.observables import PathColumns
+from rt_controller.contract.model.drift import NO_SIGNAL
 from rt_controller.contract.model.follow import Follow
 from rt_controller.contract.schema import VEHICLE, Schema, Signal
 
 SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
-STATES, LATENTS, HISTORY, RANK, BATCH = 6, 5, 3, 2, 4
+STATES, LATENTS, HISTORY, RANK, BATCH = 6, 7, 3, 2, 4
+PATH_LATENTS = 2
 
 
 def a_config(**changes: object) -> TrainingConfig:
     """All extensions switched on; `changes` switch some off."""
     small = {"hidden": (8, 8), "latents": LATENTS, "history_steps": HISTORY, "bilinear_rank": RANK}
+    small |= {"path_latents": PATH_LATENTS, "path_hidden": (6,), "path_rank": 1, "drift_rank": 2}
     return PRESETS["recommended"].model_copy(update={**small, **changes})
 
 
@@ -28,9 +33,8 @@ def a_model(sizes: Sizes = SIZES, **changes: object) -> MdkNet:
     model = MdkNet(a_config(**changes), sizes)
     with torch.no_grad():
         model.B_rows.normal_()
-        if model.rank:
-            model.N_rows.normal_()
-            model.S.normal_()
+        model.N_rows.normal_()
+        model.S.normal_()
     return model
 
 
@@ -50,22 +54,38 @@ def test_sizes_are_the_numbers_of_signals_and_of_history_columns():
     )
     roles = Roles(centred=(), odd=None, past=("a", "c", "e"))
     assert sizes_of(schema, roles) == Sizes(3, 2, 0, 3, 0.1)
-    assert Sizes(6, 3, 1, 6, 0.025) == SIZES
+    assert Sizes(6, 3, 1, 6, 0.025, PathColumns(3, 4, 5), (0,)) == SIZES
 
 
-def test_encoder_input_is_states_exogenous_signals_and_history_oldest_first():
+def test_the_lift_sees_states_exogenous_signals_and_history_oldest_first():
     now = instants(BATCH)
     expected = torch.cat([now.x, now.w, *now.past.unbind(1)], dim=-1)
-    assert torch.equal(a_model().encoder_input(now), expected)
+    assert torch.equal(a_model().seen(now), expected)
 
 
 @pytest.mark.parametrize("sees_w", [False, True])
 @pytest.mark.parametrize("history", [0, HISTORY])
-def test_encoder_input_contains_only_what_is_configured(sees_w, history):
-    model = a_model(lift_exogenous=sees_w, history_steps=history)
-    shown = model.encoder_input(instants(BATCH, history=history))
+def test_the_lift_sees_only_what_is_configured(sees_w, history):
+    model = a_model(lift_exogenous=sees_w, history_steps=history, separate_motion=False)
+    shown = model.seen(instants(BATCH, history=history))
     assert shown.shape[-1] == STATES + sees_w + 6 * history
-    assert model.encoder.layers[0].in_features == shown.shape[-1]
+    (encoder,) = model.encoders
+    assert encoder.layers[0].in_features == shown.shape[-1]
+
+
+@pytest.mark.parametrize("sees_w", [False, True])
+@pytest.mark.parametrize("history", [0, HISTORY])
+def test_the_motion_is_encoded_from_motion_and_history_and_the_path_from_this_instant(
+    sees_w, history
+):
+    """Columns: speeds and yaw rate, path states, curvature, history."""
+    model = a_model(lift_exogenous=sees_w, history_steps=history)
+    of_motion, of_path = model.encoders
+    first_of_history = STATES + sees_w
+    past = range(first_of_history, first_of_history + 6 * history)
+    assert of_motion.columns.tolist() == [0, 1, 2, *past]
+    assert of_path.columns.tolist() == list(range(first_of_history))
+    assert (of_motion.present, of_path.present) == (3, first_of_history)
 
 
 @pytest.mark.parametrize("constant", [False, True])
@@ -79,7 +99,9 @@ def test_observables_are_states_then_latents_then_the_constant(constant, history
     assert model.n_observables == STATES + LATENTS
     assert torch.equal(psi[:, :STATES], now.x)
     learned = psi[:, STATES:-1] if constant else psi[:, STATES:]
-    assert torch.equal(learned, model.encoder(model.encoder_input(now)))
+    latents = [encoder(model.seen(now)) for encoder in model.encoders]
+    assert torch.equal(learned, torch.cat(latents, dim=-1))
+    assert [each.shape[1] for each in latents] == [LATENTS - constant - PATH_LATENTS, PATH_LATENTS]
     assert not constant or torch.equal(psi[:, -1], torch.ones(BATCH))
 
 
@@ -106,45 +128,82 @@ def test_latents_depend_on_curvature_and_history_only_if_configured(changes, mat
     assert tuple(not torch.equal(model.lift(other), psi) for other in others) == matters
 
 
-def written_out(model: MdkNet, psi0: Tensor, u: Tensor, w: Tensor) -> Tensor:
-    """Step by step and input by input: A psi + (B_i + sum_r N_ri (S_ri psi')) u_i + B_w w.
-
-    psi' is psi, psi_0, or what psi_0 has become by then without inputs.
-    """
-    A, B = model.operator()
-    N = model.bilinear_columns() if model.rank else ()
-    states = torch.zeros(len(u), BATCH, model.n_observables, dtype=psi0.dtype)
-    for b in range(BATCH):
-        psi = followed = psi0[b]
-        for k in range(len(u)):
-            exogenous = B[:, 3] * w[k, b, 0]
-            after = A @ psi + exogenous
-            for i in range(3):
-                column = B[:, i].clone()
-                for r in range(model.rank):
-                    column += N[r, :, i] * (model.S[r, i] @ followed)
-                after = after + column * u[k, b, i]
-            states[k, b] = psi = after
-            if model.follows is Follow.PREDICTION:
-                followed = psi
-            elif model.follows is Follow.FREE_RESPONSE:
-                followed = A @ followed + exogenous
-    return states
-
-
 @pytest.mark.parametrize("follows", Follow)
-@pytest.mark.parametrize("rank", [0, 1, 3])
-@pytest.mark.parametrize("constant", [False, True])
-def test_a_roll_out_equals_the_recursion_written_out(rank, constant, follows):
-    model = a_model(bilinear_rank=rank, constant_observable=constant, bilinear_follows=follows)
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"bilinear_rank": 0, "drift_rank": 0},
+        {"bilinear_rank": 0},
+        {"bilinear_rank": 1, "saturating_gains": False},
+        {"bilinear_rank": 3, "drift_rank": 0},
+        {"bilinear_rank": 3},
+        {"bilinear_rank": 2, "constant_observable": False},
+        {"bilinear_rank": 2, "path_rank": 0},
+        {"separate_motion": False},
+    ],
+)
+def test_a_roll_out_equals_the_recursion_written_out(changes, follows):
+    model = a_model(bilinear_follows=follows, **changes)
+    assert_written_out(model)
+
+
+ROADS = Schema(
+    states=tuple(Signal(name, unit) for name, unit in VEHICLE.states),
+    inputs=(Signal("steer_rad", "rad"), Signal("force_n", "N")),
+    exogenous=(Signal("wind_mps", "m/s"), Signal("curvature_per_m", "1/m")),
+    dt_s=0.025,
+)
+
+
+@pytest.mark.parametrize(
+    "sizes",
+    [
+        Sizes(4, 2, 0, 5, 0.1),
+        Sizes(4, 2, 3, 5, 0.1),
+        sizes_of(ROADS, Roles(centred=(), odd=None, past=("steer_rad",))),
+        Sizes(6, 2, 3, 1, 0.1, PathColumns(5, 0, 2), (0, 2)),
+        Sizes(6, 1, 0, 1, 0.1, PathColumns(3, 4, 5), ()),
+    ],
+    ids=["no road", "no path", "wind and road", "two road signals", "path without road"],
+)
+def test_a_roll_out_of_other_signals_equals_the_recursion_written_out(sizes):
+    model = a_model(sizes)
+    assert_written_out(model)
+    assert model.drift_rank == a_config().drift_rank + bool(sizes.path) * len(sizes.road)
+
+
+def assert_written_out(model: MdkNet) -> None:
     with torch.no_grad():
         model.A_rows += 0.1 * torch.randn_like(model.A_rows)
     model.double()  # rounding errors would grow in these roll-outs
     psi0 = torch.randn(BATCH, model.n_observables).double()
-    u, w = torch.randn(6, BATCH, 3).double(), torch.randn(6, BATCH, 1).double()
+    u = torch.randn(6, BATCH, model.sizes.inputs).double()
+    w = torch.randn(6, BATCH, model.sizes.exogenous).double()
     with torch.no_grad():
-        found, expected = model.roll_out(psi0, u, w), written_out(model, psi0, u, w)
-    torch.testing.assert_close(found, expected, rtol=1e-9, atol=1e-9)
+        found = model.roll_out(psi0, u, w)
+        for b in range(BATCH):
+            expected = transcribed_model.roll_out(model, psi0[b], u[:, b], w[:, b])
+            torch.testing.assert_close(found[:, b], expected, rtol=1e-9, atol=1e-9)
+
+
+def test_without_a_bilinear_part_the_drift_follows_the_prediction():
+    """As in the controller, which has no other choice stored for it."""
+    for follows in Follow:
+        assert a_model(bilinear_rank=0, bilinear_follows=follows).follows is Follow.PREDICTION
+
+
+@pytest.mark.parametrize("changes", [{}, {"saturating_gains": False}, {"separate_motion": False}])
+def test_the_driven_matrix_is_the_derivative_of_a_step(changes):
+    model = a_model(**changes).double()
+    psi = 0.3 * torch.randn(model.n_observables, dtype=torch.float64)
+    u, w = torch.randn(3, dtype=torch.float64), torch.randn(1, dtype=torch.float64)
+
+    def after(psi: Tensor) -> Tensor:
+        return transcribed_model.step(model, psi, psi, u, w)
+
+    slopes = 1.0 - torch.tanh(model.gains().S @ psi).square()
+    J = model.driven_matrices(torch.cat([u, w])[None], slopes[None])[0]
+    torch.testing.assert_close(J, torch.autograd.functional.jacobian(after, psi))
 
 
 @pytest.mark.parametrize("follows", Follow)
@@ -163,14 +222,15 @@ def test_a_roll_out_is_linear_in_the_inputs_unless_b_follows_the_prediction(foll
 def test_the_effect_of_inputs_depends_on_the_state_only_with_a_bilinear_part():
     u, w = torch.randn(1, BATCH, 3), torch.randn(1, BATCH, 1)
     for rank, changes in ((0, False), (RANK, True)):
-        model = a_model(bilinear_rank=rank)
+        model = a_model(bilinear_rank=rank, drift_rank=0)
         here, there = torch.randn(2, BATCH, model.n_observables)
         same = torch.equal(model.forcing(here[None], u, w), model.forcing(there[None], u, w))
         assert same != changes
 
 
-def test_exogenous_signals_have_no_bilinear_part():
-    model = a_model()
+def test_without_saturation_exogenous_signals_have_no_bilinear_part():
+    model = a_model(saturating_gains=False)
+    assert model.drift_rank == 0
     here, there = torch.randn(2, BATCH, model.n_observables)
     u, w = torch.zeros(1, BATCH, 3), torch.randn(1, BATCH, 1)
     assert torch.equal(model.forcing(here[None], u, w), model.forcing(there[None], u, w))
@@ -179,6 +239,8 @@ def test_exogenous_signals_have_no_bilinear_part():
 @pytest.mark.parametrize("rank", [0, RANK])
 def test_the_constant_observable_stays_exactly_one(rank):
     model = a_model(bilinear_rank=rank)
+    with torch.no_grad():
+        model.N_rows *= 0.01  # with larger ones the roll-out diverges
     psi0 = model.lift(instants(BATCH))
     u, w = 0.1 * torch.randn(80, BATCH, 3), torch.randn(80, BATCH, 1)
     forcing = model.forcing(psi0[None], u, w)
@@ -188,21 +250,41 @@ def test_the_constant_observable_stays_exactly_one(rank):
     assert torch.equal(psi[..., -1], torch.ones(80, BATCH))
 
 
-def test_a_constant_input_matrix_needs_no_bilinear_parameters():
-    names = {name for name, _ in a_model(bilinear_rank=0).named_parameters()}
-    more = {name for name, _ in a_model().named_parameters()} - names
-    assert more == {"N_rows", "S"}
+def test_a_linear_model_has_no_gains():
+    linear, bent = a_model(bilinear_rank=0, drift_rank=0), a_model()
+    assert (linear.rank, linear.drift_rank) == (0, 0)
+    assert linear.N_rows.numel() == linear.S.numel() == 0
+    assert (bent.rank, bent.drift_rank) == (RANK + 1, 1 + 2)
+    assert bent.S.shape == (3 * (RANK + 1) + 3, STATES + LATENTS)
+
+
+def test_without_saturation_there_is_no_drift():
+    model = a_model(saturating_gains=False)
+    assert (model.rank, model.drift_rank) == (RANK + 1, 0)
+
+
+def test_one_block_of_observables_has_no_gains_of_the_path():
+    model = a_model(separate_motion=False)
+    assert (model.rank, model.drift_signal) == (RANK, [NO_SIGNAL] * 2)
+    assert model.A_learned.all()
+    assert model.N_learned.all()
+    assert model.S_learned.all()
 
 
 def test_fading_latents_start_with_the_configured_time_constants():
-    model = a_model(latents=21)
+    model = a_model(latents=23)
     A = model.operator().A.detach()
-    latents = A.diagonal()[STATES:-1]
+    latents = A.diagonal()[STATES : STATES + 20]
     assert latents[0].item() == pytest.approx(exp(-0.025 / FADING_S[0]), abs=0.01)
     assert latents[-1].item() == pytest.approx(exp(-0.025 / FADING_S[1]), abs=0.01)
     assert torch.all(latents.diff() > -0.01)
-    assert torch.allclose(A.diagonal()[:STATES], torch.ones(STATES), atol=0.01)
-    assert A[-1].tolist() == [0.0] * 26 + [1.0]
+    persistent = [0, 1, 2, 4, 5, 26, 27]
+    assert torch.allclose(A.diagonal()[persistent], torch.ones(7), atol=0.01)
+    assert A[-1].tolist() == [0.0] * 28 + [1.0]
+
+
+def test_the_range_of_the_signals_is_one_if_it_is_not_known():
+    assert a_model().signal_range.tolist() == [[-1.0] * 4, [1.0] * 4]
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -225,6 +307,7 @@ def test_a_model_without_exogenous_signals_has_no_columns_for_them():
     model = a_model(Sizes(STATES, 3, 0, 6, 0.1))
     now = instants(BATCH)._replace(w=torch.zeros(BATCH, 0))
     psi0 = model.lift(now)
-    forcing = model.forcing(psi0[None], torch.randn(2, BATCH, 3), torch.zeros(2, BATCH, 0))
+    u, w = torch.randn(2, BATCH, 3), torch.zeros(2, BATCH, 0)
     assert model.operator().B.shape == (STATES + LATENTS, 3)
-    assert forcing.shape == (2, BATCH, STATES + LATENTS)
+    assert model.forcing(psi0[None], u, w).shape == (2, BATCH, STATES + LATENTS)
+    assert torch.isfinite(model.roll_out(psi0, u, w)).all()

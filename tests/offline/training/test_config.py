@@ -53,20 +53,25 @@ def test_an_unknown_preset_is_refused_with_the_list_of_presets():
         {"horizon_start": 0},
         {"horizon_start": STEPS + 1},
         {"horizon_growth": 0.0},
+        {"stability": "projection"},
         {"bilinear_rank": -1},
+        {"path_rank": -1},
+        {"drift_rank": -1},
+        {"path_latents": -1},
+        {"path_hidden": (0,)},
         {"typo": 1},
     ],
 )
 def test_a_setting_out_of_range_is_refused(wrong):
     (name,) = wrong
-    with pytest.raises(ConfigError, match=rf"TrainingConfig\.{name}: "):
+    with pytest.raises(ConfigError, match=rf"TrainingConfig\.{name}[:[]"):
         TrainingConfig(**wrong)
 
 
-def test_the_preset_linear_is_recommended_without_the_bilinear_part():
+def test_the_preset_linear_is_recommended_without_the_bilinear_part_and_the_drift():
     recommended = PRESETS["recommended"]
     assert recommended.bilinear_rank > 0
-    changes = {"preset": "linear", "bilinear_rank": 0}
+    changes = {"preset": "linear", "bilinear_rank": 0, "path_rank": 0, "drift_rank": 0}
     assert PRESETS["linear"] == recommended.model_copy(update=changes)
 
 
@@ -77,6 +82,7 @@ def test_the_presets_of_the_paper_use_no_extension(name):
     assert (config.lift_exogenous, config.history_steps, config.bilinear_rank) == (False, 0, 0)
     assert (config.rate_schedule, config.activation) == ("plateau", "relu")
     assert config.latents_start == "identity"
+    assert (config.separate_motion, config.saturating_gains, config.drift_rank) == (False, False, 0)
 
 
 def test_the_preset_quick_shares_no_episode_with_the_full_data_set():

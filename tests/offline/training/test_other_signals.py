@@ -81,13 +81,15 @@ def a_config() -> TrainingConfig:
     """The preset recommended, reduced to the size of a test."""
     return PRESETS["recommended"].model_copy(
         update={
-            "steps": 60,
+            "steps": 150,
+            "learning_rate": 1e-2,
             "batch": 16,
             "evaluate_every": 20,
             "hidden": (8, 8),
             "latents": 4,
             "history_steps": 3,
             "bilinear_rank": 2,
+            "drift_rank": 1,
             "threads": 1,
         }
     )

@@ -15,8 +15,9 @@ from offline.data.signals import fit_scaling
 from offline.training import train as training
 from offline.training.checkpoint import load_checkpoint
 from offline.training.export import restore_model
+from offline.training.recovery import TrainingDivergedError
 from offline.training.schedule import cosine_rate
-from offline.training.train import TrainingDivergedError, train
+from offline.training.train import train
 from offline.training.validation import evaluate
 from rt_controller.contract.errors import DatasetError
 
@@ -163,43 +164,6 @@ def test_a_data_set_without_validation_episodes_is_refused(config, toy_dataset, 
     everything_trains = replace(toy_dataset, part=np.zeros_like(toy_dataset.part))
     with pytest.raises(DatasetError, match="validation"):
         train(config, everything_trains, new_run(config))
-
-
-def poison_operator(checkpoint):
-    checkpoint.model["A_rows"].fill_(torch.nan)
-
-
-def poison_encoder(checkpoint):
-    checkpoint.model["encoder.layers.0.weight"].fill_(torch.inf)
-
-
-def poison_moments_of_operator(checkpoint):
-    """The gradient is finite, but Adam's step is not."""
-    moments = checkpoint.optimizer["state"]
-    for each in moments.values():
-        each["exp_avg"].fill_(torch.nan)
-
-
-@pytest.mark.parametrize("poison", [poison_operator, poison_encoder, poison_moments_of_operator])
-@pytest.mark.parametrize("stopped_after", [8, 10])
-def test_a_loss_that_is_not_finite_ends_the_run_and_keeps_the_best_model(
-    config, toy_dataset, new_run, poison, stopped_after
-):
-    run = new_run(config)
-    train(config, toy_dataset, run, stop_requested=stop_after(stopped_after))
-    best = run.best.read_bytes()
-    poisoned = load_checkpoint(run.last)
-    poison(poisoned)
-    with pytest.raises(TrainingDivergedError, match="smaller --learning-rate"):
-        train(config, toy_dataset, run, resume_from=poisoned)
-    assert run.best.read_bytes() == best
-    assert all(torch.isfinite(tensor).all() for tensor in load_checkpoint(run.best).model.values())
-
-
-def test_a_run_ends_if_the_gradient_is_never_finite(config, toy_dataset, new_run, monkeypatch):
-    monkeypatch.setattr(training, "clip_grad_norm_", lambda *ignored: torch.tensor(torch.inf))
-    with pytest.raises(TrainingDivergedError, match="the gradient"):
-        train(config.model_copy(update={"steps": 1000}), toy_dataset, new_run(config))
 
 
 def test_the_preset_paper_literal_trains(tiny_config, toy_dataset, new_run):

@@ -40,6 +40,7 @@ def test_the_validation_loss_does_not_depend_on_the_size_of_the_chunks(case, mon
 def test_the_validation_loss_is_the_logarithm_of_the_mean_error_of_all_chunks(case, monkeypatch):
     monkeypatch.setattr(validation, "CHUNK", 50)
     model, config, batch = case
+    model.eval()
     with torch.no_grad():
         exact = log_error(state_errors(model, batch)).item()
         at_once = total_loss(model, config, batch)

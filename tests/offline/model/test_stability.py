@@ -1,0 +1,188 @@
+"""The penalties on growth under inputs, and the corners that they are computed at."""
+
+from itertools import product
+
+import pytest
+import torch
+from torch import Tensor
+
+from offline.config import PRESETS
+from offline.data.signals import VEHICLE_ROLES
+from offline.model.network import MdkNet, Sizes, sizes_of
+from offline.model.spectrum import driven_radius
+from offline.model.stability import (
+    DRAWN,
+    MOST_CORNERS,
+    all_corners,
+    driven_excess,
+    radius_excess,
+    stability_loss,
+)
+from rt_controller.contract.schema import VEHICLE
+
+pytestmark = pytest.mark.usefixtures("double_precision")
+
+SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
+SMALL = {"hidden": (8,), "latents": 7, "path_latents": 2, "path_hidden": (6,), "history_steps": 2}
+RANKS = {"bilinear_rank": 2, "path_rank": 1, "drift_rank": 2}
+WIDE = torch.tensor([[0.0, 0.0, -2.0, -1.5], [3.0, 2.5, 2.0, 1.5]])
+
+
+def a_model(sizes: Sizes = SIZES, signal_range: Tensor | None = WIDE, **changes: object) -> MdkNet:
+    torch.manual_seed(1)
+    config = PRESETS["recommended"].model_copy(update={**SMALL, **RANKS, **changes})
+    return MdkNet(config, sizes, signal_range).eval()
+
+
+def damped(model: MdkNet, by: float = 0.5) -> MdkNet:
+    """The same with small eigenvalues; the integrators of the path stay."""
+    with torch.no_grad():
+        model.A_rows *= by
+    return model
+
+
+def lifted(model: MdkNet, count: int = 40) -> Tensor:
+    torch.manual_seed(2)
+    psi = torch.randn(count, model.n_observables)
+    psi[:, -1] = 1.0
+    return psi
+
+
+@pytest.mark.parametrize("size", [0.1, 0.9, 1.0, 1.01, 1.3, 20.0, 1e30])
+def test_the_radius_excess_is_close_to_the_excess_of_the_spectral_radius(size: float) -> None:
+    """Powers of 1e30 would overflow, those of 0.1 vanish."""
+    torch.manual_seed(3)
+    J = torch.randn(6, 5, 5)
+    J = size * J / torch.linalg.eigvals(J).abs().amax(dim=-1)[:, None, None]
+    found = radius_excess(J)
+    assert found.shape == (6,)
+    torch.testing.assert_close(found, torch.full((6,), max(size - 1.0, 0.0)), rtol=0.02, atol=0.01)
+
+
+def test_the_radius_excess_of_a_stable_matrix_is_zero() -> None:
+    assert torch.equal(radius_excess(0.98 * torch.eye(4)[None]), torch.zeros(1))
+
+
+@pytest.mark.parametrize("eigenvalue", [0.97, 1.0, 1.02])
+def test_the_gradient_of_the_radius_excess_is_finite_where_eigenvalues_coincide(
+    eigenvalue: float,
+) -> None:
+    """A Jordan block, whose eigenvalues have an unbounded derivative."""
+    block = eigenvalue * torch.eye(3) + torch.diag(torch.ones(2), 1)
+    J = block[None].clone().requires_grad_()
+    radius_excess(J).sum().backward()
+    assert J.grad is not None
+    assert torch.isfinite(J.grad).all()
+    assert J.grad.norm() < 1e5
+
+
+def test_the_gradient_of_the_radius_excess_reduces_the_radius() -> None:
+    torch.manual_seed(4)
+    J = (1.1 * torch.linalg.qr(torch.randn(4, 4))[0])[None].requires_grad_()
+    before = radius_excess(J)
+    (gradient,) = torch.autograd.grad(before.sum(), J)
+    assert radius_excess(J - 1e-3 * gradient) < before
+
+
+def test_all_corners_of_a_box_are_enumerated() -> None:
+    signals, slopes = all_corners(a_model())
+    expected = set(product(*WIDE.t().tolist()))
+    assert {tuple(row) for row in signals.tolist()} == expected
+    assert len(signals) == 16
+    assert torch.equal(slopes, torch.ones(16, 2 * 3 + 1 * 3 + 1 + 2))
+
+
+def test_of_many_signals_the_corners_are_spread_over_all() -> None:
+    """Every signal is high in about half of them, and no corner occurs twice."""
+    sizes = Sizes(states=3, inputs=11, exogenous=1, remembered=0, dt_s=0.1)
+    signals, _ = all_corners(a_model(sizes, signal_range=None))
+    assert signals.shape == (MOST_CORNERS, 12)
+    assert len({tuple(row) for row in signals.tolist()}) == MOST_CORNERS
+    assert signals.mean(dim=0).abs().max() < 0.1
+
+
+def test_a_model_without_inputs_has_one_corner() -> None:
+    sizes = Sizes(states=3, inputs=0, exogenous=0, remembered=0, dt_s=0.1)
+    model = a_model(sizes, signal_range=None)
+    assert all_corners(model)[0].shape == (1, 0)
+
+
+def test_the_excess_of_a_damped_model_is_zero() -> None:
+    model = damped(a_model())
+    assert driven_excess(model, lifted(model)).item() == 0.0
+
+
+@pytest.mark.parametrize("place", [0, 7, 10])
+def test_growth_of_any_block_is_penalised(place: int) -> None:
+    """A state of the motion, a latent of the motion, a latent of the path."""
+    model = damped(a_model())
+    with torch.no_grad():
+        model.A_rows[place, place] = 1.2
+    model.zero_grad()
+    excess = driven_excess(model, lifted(model))
+    assert excess.item() > 0.1
+    excess.backward()
+    assert model.A_rows.grad is not None
+    assert model.A_rows.grad[place, place] > 0.0
+
+
+def with_feedback_of_an_input(model: MdkNet, size: float) -> MdkNet:
+    """Input 2 acts on v_y by a gain that is v_y: J[1, 1] = A[1, 1] + size * input."""
+    with torch.no_grad():
+        model.N_rows.zero_()
+        model.S.zero_()
+        model.N_rows[1, 2], model.S[2, 1] = size, 1.0
+    return model
+
+
+def test_growth_that_only_an_input_at_its_bound_causes_is_penalised() -> None:
+    model = with_feedback_of_an_input(damped(a_model()), 0.4)
+    assert driven_radius(model) == pytest.approx(0.5 + 0.4 * 2.0, abs=0.01)
+    assert driven_excess(model, lifted(model)).item() > 0.05
+    weaker = with_feedback_of_an_input(damped(a_model()), 0.1)
+    assert driven_excess(weaker, lifted(weaker)).item() == 0.0
+
+
+def test_in_training_corners_are_drawn_and_half_of_them_saturated() -> None:
+    """With saturated gains the feedback is weaker, so the mean is below that without."""
+    model = with_feedback_of_an_input(damped(a_model()), 0.4).train()
+    psi = 100.0 * lifted(model)
+    psi[:, -1] = 1.0
+    torch.manual_seed(5)
+    drawn = torch.stack([driven_excess(model, psi) for _ in range(20)])
+    assert drawn.std() > 0.0
+    with torch.no_grad():
+        model.eval()
+        at_all_corners = driven_excess(model, psi)
+    assert 0.0 < drawn.mean() < 0.8 * at_all_corners
+    assert DRAWN % 2 == 0
+
+
+def test_the_excess_does_not_depend_on_the_units_of_a_latent() -> None:
+    model, place = a_model().train(), 7
+    psi = lifted(model)
+    torch.manual_seed(3)
+    before = driven_excess(model, psi)
+    with torch.no_grad():
+        model.A_rows[place] *= 100.0
+        model.A_rows[:, place] /= 100.0
+        model.N_rows[place] *= 100.0
+        model.S[:, place] /= 100.0
+    psi[:, place] *= 100.0
+    assert before > 0.0
+    torch.manual_seed(3)
+    torch.testing.assert_close(driven_excess(model, psi), before)
+
+
+@pytest.mark.parametrize("stability", ["driven", "gelfand", "eigenvalue"])
+def test_every_penalty_has_a_finite_gradient(stability: str) -> None:
+    config = PRESETS["recommended"].model_copy(update={"stability": stability})
+    model = a_model()
+    with torch.no_grad():
+        model.A_rows *= 1.1
+    loss = stability_loss(model, model.operator().A, lifted(model), config)
+    loss.backward()
+    assert loss.item() > 0.0
+    assert model.A_rows.grad is not None
+    assert torch.isfinite(model.A_rows.grad).all()
+    assert model.A_rows.grad.abs().max() > 0.0
