@@ -76,6 +76,7 @@ def test_the_commands_make_data_train_export_and_evaluate(command, tmp_path):
     exported = json.loads((tmp_path / "export.json").read_text())
     assert exported["size_bytes"] < 300_000
     assert exported["driven_radius"]["unsaturated"] <= 1.001
+    assert exported["driven_radius"].keys() == exported["driven_growth_80"].keys()
     assert min(exported["persistence_mse_over_model_mse"].values()) > 1.0
 
     code, out, _ = command(cli.evaluate_main, "--sets", "library", "--json", "table.json")

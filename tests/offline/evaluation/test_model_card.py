@@ -21,7 +21,9 @@ from rt_controller.report.table import Fact, format_number
 CHECKS = ExportFigures(
     parity=2.5e-7,
     stability=BoxStability(
-        DrivenStability(1.0007, 6.25), DrivenStability(0.9994, 5.5), DrivenStability(1.0112, 20.0)
+        unsaturated=DrivenStability(1.0007, 6.25),
+        saturated=DrivenStability(0.9994, 5.5),
+        at_states=DrivenStability(1.0123, 17.5),
     ),
     persistence_over_model=np.array([1.5, 2.5, 3.5, 4.5, 5.5, 650.0]),
 )
@@ -40,10 +42,9 @@ def test_card_has_facts_hashes_and_every_error_with_its_interval(lti):
     card = write_card(lti, CHECKS, comparison, [Fact("preset", "tiny")])
     assert "| preset | tiny |" in card
     assert lti.sha256 in card
-    growth = "Under inputs: gains unsaturated: spectral radius 1.00070, growth over 80 steps 6.25"
-    assert growth in card
-    assert "gains saturated: spectral radius 0.99940, growth over 80 steps 5.5;" in card
-    assert "gains at states: spectral radius 1.01120, growth over 80 steps 20 (" in card
+    assert "Under inputs: gains unsaturated: spectral radius 1.00070, growth over 80 s" in card
+    assert "steps 6.25; gains saturated: spectral radius 0.99940, growth over 80 steps 5.5;" in card
+    assert "gains at states: spectral radius 1.01230, growth over 80 steps 17.5 (at all" in card
     assert "as trained: 2.5e-07" in card
     assert "vx_mps 1.5, vy_mps 2.5, yaw_rate_radps 3.5" in card
     assert "epsi_rad 650" in card

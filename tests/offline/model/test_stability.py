@@ -143,35 +143,73 @@ def test_growth_that_only_an_input_at_its_bound_causes_is_penalised() -> None:
     assert driven_excess(weaker, lifted(weaker)).item() == 0.0
 
 
-def test_in_training_corners_are_drawn_and_half_of_them_saturated() -> None:
-    """With saturated gains the feedback is weaker, so the mean is below that without."""
-    model = with_feedback_of_an_input(damped(a_model()), 0.4).train()
-    psi = 100.0 * lifted(model)
-    psi[:, -1] = 1.0
-    torch.manual_seed(5)
-    drawn = torch.stack([driven_excess(model, psi) for _ in range(20)])
-    assert drawn.std() > 0.0
+def test_in_training_half_of_the_gains_are_saturated_as_far_as_at_lifted_states() -> None:
+    """And those of one point entirely. All points of this box are the same."""
+    at_the_bound = a_model(signal_range=WIDE[1:].expand(2, -1).clone())
+    model = with_feedback_of_an_input(damped(at_the_bound), 0.4).train()
     with torch.no_grad():
-        model.eval()
-        at_all_corners = driven_excess(model, psi)
-    assert 0.0 < drawn.mean() < 0.8 * at_all_corners
-    assert DRAWN % 2 == 0
+        small, large = (driven_excess(model, size * lifted(model)) for size in (1e-2, 1e3))
+    assert small > 0.1
+    unsaturated = DRAWN // 2 - 1
+    share = unsaturated / (unsaturated + DRAWN // 2)
+    torch.testing.assert_close(large, share * small, rtol=0.01, atol=0.0)
 
 
-def test_the_excess_does_not_depend_on_the_units_of_a_latent() -> None:
-    model, place = a_model().train(), 7
+def test_in_training_growth_that_ends_is_penalised_too() -> None:
+    """||J^64|| is about 900, but no eigenvalue exceeds 0.98."""
+    model = with_feedback_of_an_input(damped(a_model(), 0.0), 0.0)
+    with torch.no_grad():
+        model.A_rows += 0.98 * torch.eye(*model.A_rows.shape)
+        model.A_rows[0, 1] = 50.0
+        psi = lifted(model)
+        assert driven_excess(model, psi).item() == 0.0
+        assert driven_excess(model.train(), psi).item() > 0.05
+
+
+def test_in_training_one_point_is_entirely_saturated() -> None:
+    """There the saturation of the drift takes its part from A: J[1, 1] = 0.5 + 0.9."""
+    model = damped(a_model())
+    last = model.N_rows.shape[1] - 1
+    with torch.no_grad():
+        model.N_rows.zero_()
+        model.S.zero_()
+        model.N_rows[1, last], model.S[last, 1] = -0.9, 1.0
+    at_rest = torch.zeros(40, model.n_observables)
+    with torch.no_grad():
+        assert driven_excess(model, at_rest).item() == 0.0
+        drawn = driven_excess(model.train(), at_rest)
+    assert drawn.item() * DRAWN == pytest.approx(2.0 * 0.4, rel=0.1)
+
+
+def test_in_training_points_are_drawn_and_in_an_evaluation_all_corners_are_used() -> None:
+    model = with_feedback_of_an_input(damped(a_model()), 0.4)
     psi = lifted(model)
-    torch.manual_seed(3)
-    before = driven_excess(model, psi)
+    torch.manual_seed(5)
     with torch.no_grad():
+        evaluated = torch.stack([driven_excess(model, psi) for _ in range(3)])
+        drawn = torch.stack([driven_excess(model.train(), psi) for _ in range(20)])
+    assert torch.equal(evaluated, evaluated[0].expand(3))
+    assert drawn.std() > 0.0
+    assert drawn.max() <= 2.0 * evaluated[0]
+
+
+@pytest.mark.parametrize("is_training", [False, True])
+def test_the_excess_does_not_depend_on_the_units_of_a_latent(is_training: bool) -> None:
+    model, place = a_model().train(is_training), 7
+    psi = lifted(model)
+    with torch.no_grad():
+        model.A_rows *= 1.05
+        torch.manual_seed(5)
+        before = driven_excess(model, psi)
         model.A_rows[place] *= 100.0
         model.A_rows[:, place] /= 100.0
         model.N_rows[place] *= 100.0
         model.S[:, place] /= 100.0
-    psi[:, place] *= 100.0
+        psi[:, place] *= 100.0
+        torch.manual_seed(5)
+        after = driven_excess(model, psi)
     assert before > 0.0
-    torch.manual_seed(3)
-    torch.testing.assert_close(driven_excess(model, psi), before)
+    torch.testing.assert_close(after, before, rtol=1e-6 if is_training else 0.01, atol=0.0)
 
 
 @pytest.mark.parametrize("stability", ["driven", "gelfand", "eigenvalue"])

@@ -15,7 +15,6 @@ from offline.model.bundle_export import choose_selftest
 from offline.model.export_checks import (
     OTHERS,
     PENALISED,
-    DrivenStability,
     check_export,
     limits_of,
 )
@@ -28,6 +27,7 @@ from rt_controller.contract.model.artifact import load_bundle, save_bundle
 from rt_controller.contract.model.bilinear import Bilinear
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.model.drift import Drift
+from rt_controller.contract.model.driven import DrivenStability, box_stability
 from rt_controller.contract.model.lift import Lift
 from rt_controller.contract.model.rollout import Matrices
 
@@ -160,10 +160,17 @@ def test_a_model_that_explodes_under_inputs_is_refused(lti, toy_dataset, saturat
     """No eigenvalue of A exceeds the limit."""
     exploding = with_feedback_of_the_steering(lti, 3.0, saturates)
     assert exploding.spectral_radius < OTHERS.radius
-    with pytest.raises(ArtifactError, match=r"under all inputs .* found [0-9.]+ and .* grow"):
+    with pytest.raises(ArtifactError, match=r"inputs .* unsaturated, .* found [0-9.]+ and .* grow"):
         check_export(exploding, toy_dataset)
     harmless = with_feedback_of_the_steering(lti, 1e-3, saturates)
     assert check_export(harmless, toy_dataset).stability.unsaturated.radius < OTHERS.radius
+
+
+def test_a_model_that_only_its_radius_speaks_against_is_refused(lti, toy_dataset):
+    radius = lti.spectral_radius
+    check_export(lti, toy_dataset, DrivenStability(1.0001 * radius, np.inf))
+    with pytest.raises(ArtifactError, match="a spectral radius of at most"):
+        check_export(lti, toy_dataset, DrivenStability(0.9999 * radius, np.inf))
 
 
 def test_a_model_that_only_its_growth_speaks_against_is_refused(lti, toy_dataset):
@@ -193,11 +200,40 @@ def test_the_message_names_only_the_states_that_are_predicted_worse(lti, toy_dat
 
 
 def test_a_prediction_beyond_all_numbers_is_worse_than_persistence(lti, toy_dataset):
-    """A wide limit on the radius does not let it pass."""
-    A = lti.A.copy()
-    A[0, 0] = 1e9
-    with pytest.raises(ArtifactError, match=r"vx_mps \(mean squared error (inf|nan)"):
-        check_export(replace(lti, A=A), toy_dataset, DrivenStability(np.inf, np.inf))
+    """An offset does not matter for stability."""
+    c = lti.c.copy()
+    c[0] = 1e200
+    with pytest.raises(ArtifactError, match=r"vx_mps \(mean squared error inf"):
+        check_export(replace(lti, c=c), toy_dataset)
+
+
+def growing_where_a_drift_is_saturated(bundle, by):
+    """The throttle adds `by` to A[0, 0], and a road takes it away unless v_x saturates its gain."""
+    N, S = np.zeros((1, 6, 3)), np.zeros((1, 3, 6))
+    weak, strong, curvature_per_m = 1e-6, 10.0, 0.01
+    N[0, 0, 0], S[0, 0, 0] = by / weak, weak
+    drift = Drift(np.zeros((6, 1)), np.zeros((1, 6)), np.zeros(1), np.array([0]))
+    drift.N[0, 0], drift.S[0, 0] = -by / curvature_per_m / strong, strong
+    return replace(
+        bundle,
+        bilinear=Bilinear(N, S, np.zeros((1, 3)), saturates=True),
+        drift=drift,
+        signal_range=np.tile([1.0, 0.0, 0.0, curvature_per_m], (2, 1)),
+    )
+
+
+def test_gains_as_at_lifted_states_have_the_wider_limits(lti, toy_dataset):
+    """Such a model is stable enough; that it predicts badly is found by the next check."""
+    strict = DrivenStability(lti.spectral_radius + 0.002, 1.01 * lti.growth(80))
+    slow = growing_where_a_drift_is_saturated(lti, 0.04)
+    parts = box_stability(slow, slow.signal_range)
+    assert parts.unsaturated.radius < strict.radius < parts.at_states.radius
+    assert parts.saturated.radius < strict.radius
+    with pytest.raises(ArtifactError, match="better than the last measured state"):
+        check_export(slow, toy_dataset, strict)
+    fast = growing_where_a_drift_is_saturated(lti, 0.1)
+    with pytest.raises(ArtifactError, match=r"gains at states, a spectral radius of at most 1\.05"):
+        check_export(fast, toy_dataset, strict)
 
 
 def with_nan(array):
