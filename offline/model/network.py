@@ -19,6 +19,7 @@ from offline.data.sampling import Instants
 from offline.data.signals import Roles, past_columns
 from offline.model.observables import (
     ROAD_SIGNALS,
+    SPEED,
     Observables,
     PathColumns,
     observables_of,
@@ -55,6 +56,8 @@ class Sizes:
     """of the path states; None: the signals have none"""
     road: tuple[int, ...] = ()
     """exogenous signals that act on the path only"""
+    speed: int | None = None
+    """column of the longitudinal speed, which progress is nearly proportional to"""
 
 
 def sizes_of(schema: Schema, roles: Roles) -> Sizes:
@@ -68,6 +71,7 @@ def sizes_of(schema: Schema, roles: Roles) -> Sizes:
         schema.dt_s,
         path_columns(schema),
         tuple(i for i, name in enumerate(schema.exogenous_names) if name in ROAD_SIGNALS),
+        schema.state_names.index(SPEED) if SPEED in schema.state_names else None,
     )
 
 
@@ -397,6 +401,8 @@ def _first_operator(config: TrainingConfig, sizes: Sizes, known: Observables) ->
         fading_s = torch.exp(torch.linspace(float(low), float(high), known.motion_latents))
         latents = slice(sizes.states, sizes.states + known.motion_latents)
         start[latents, latents] = torch.diag(torch.exp(-sizes.dt_s / fading_s))
+    if known.path is not None and sizes.speed is not None:
+        start[known.path.ds, sizes.speed] = 1.0
     return start + OPERATOR_NOISE * torch.randn(n, n)
 
 

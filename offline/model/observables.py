@@ -23,6 +23,7 @@ from offline.config import TrainingConfig
 from offline.data.recording import PATH_STATES
 from rt_controller.contract.schema import Schema
 
+SPEED = "vx_mps"
 ROAD_SIGNALS = ("curvature_per_m",)
 """exogenous signals that act on the path only"""
 

@@ -86,6 +86,8 @@ def driven_excess(model: MdkNet, psi0: Tensor) -> Tensor:
     spread = psi0.detach().std(dim=0, unbiased=False)
     spread = torch.where(spread > LEAST_SPREAD, spread, torch.ones_like(spread))
     J = model.driven_matrices(*_drawn_points(model, psi0)) * spread[None, :] / spread[:, None]
+    if model.has_constant:  # in which no two predictions differ
+        J = J[:, :-1, :-1]
     return (growth_excess(J, GROWTH_BOUND) + _radius_excess_of_blocks(model, J)).mean()
 
 

@@ -52,6 +52,11 @@ class TrainingState:
     """True after the last step, or once the rate is too low to change the model"""
 
     @property
+    def scheduled_rate(self) -> float:
+        """The learning rate as it would be if the numbers had always been finite."""
+        return self.learning_rate / self.rate_share
+
+    @property
     def device(self) -> torch.device:
         return self.model.A_rows.device
 

@@ -67,7 +67,7 @@ def train(
     state.best_validation_loss = loss_of_kept_model(state.validation_losses, config.patience, rule)
 
     # 3: until the last step.
-    while not is_over(state.step, state.learning_rate, config) and not stop_requested():
+    while not is_over(state.step, state.scheduled_rate, config) and not stop_requested():
         if config.rate_schedule == "cosine":
             rate = cosine_rate(state.step, config.steps, config.learning_rate)
             state.learning_rate = state.rate_share * rate
@@ -125,7 +125,7 @@ def train(
         on_progress(state)
 
     # 19: the best model is in run.best.
-    state.is_finished = is_over(state.step, state.learning_rate, config)
+    state.is_finished = is_over(state.step, state.scheduled_rate, config)
     save_checkpoint(run.last, state.to_checkpoint(config, scaling, dataset.sha256))
     return state
 

@@ -11,6 +11,7 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import INPUT_LIMITS
@@ -87,6 +88,18 @@ def _slopes(bundle: Bundle, count: int, rng: np.random.Generator) -> Array:
     return np.asarray(1.0 - np.square(np.tanh(np.concatenate(arguments, axis=1))))
 
 
+def is_constant(bundle: Bundle) -> NDArray[np.bool_]:
+    """(n,) True for observables that keep the value that every self-test instant has."""
+    n = bundle.n_observables
+    forcing = [bundle.B_uc, bundle.B_uw, bundle.c[:, None]]
+    if bundle.bilinear is not None:
+        forcing.append(bundle.bilinear.N.transpose(1, 0, 2).reshape(n, -1))
+    if bundle.drift is not None:
+        forcing.append(bundle.drift.N)
+    is_kept = np.all(np.eye(n) == bundle.A, axis=1) & ~np.concatenate(forcing, axis=1).any(axis=1)
+    return np.asarray(is_kept & (np.ptp(bundle.selftest_psi, axis=0) == 0.0))
+
+
 def n_gains(bundle: Bundle) -> int:
     """q, the number of gains of a model: those of its inputs, then those of the drift."""
     of_inputs = 0 if bundle.bilinear is None else bundle.bilinear.s0.size
@@ -118,10 +131,11 @@ def driven_matrices(bundle: Bundle, signals: Array, slopes: Array) -> Array:
 
 
 def stability_of(matrices: Array, bundle: Bundle) -> DrivenStability:
-    """Of matrices J (c, n, n)."""
+    """Of matrices J (c, n, n), without the observables in which no two predictions differ."""
     if not np.isfinite(matrices).all():
         return DrivenStability(np.inf, np.inf)
-    spread = bundle.spread
+    changing = ~is_constant(bundle)
+    matrices, spread = matrices[:, changing][:, :, changing], bundle.spread[changing]
     scaled = matrices * spread[None, :] / spread[:, None]
     with np.errstate(over="ignore", invalid="ignore"):
         powers = np.linalg.matrix_power(scaled, STEPS)

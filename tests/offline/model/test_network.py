@@ -54,7 +54,13 @@ def test_sizes_are_the_numbers_of_signals_and_of_history_columns():
     )
     roles = Roles(centred=(), odd=None, past=("a", "c", "e"))
     assert sizes_of(schema, roles) == Sizes(3, 2, 0, 3, 0.1)
-    assert Sizes(6, 3, 1, 6, 0.025, PathColumns(3, 4, 5), (0,)) == SIZES
+    assert Sizes(6, 3, 1, 6, 0.025, PathColumns(3, 4, 5), (0,), speed=0) == SIZES
+
+
+def test_progress_begins_as_the_speed():
+    start = MdkNet(a_config(), SIZES).operator().A[3]
+    assert start[0].item() == pytest.approx(1.0, abs=0.01)
+    assert start[1:].abs().max().item() < 0.01
 
 
 def test_the_lift_sees_states_exogenous_signals_and_history_oldest_first():

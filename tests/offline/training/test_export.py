@@ -294,3 +294,10 @@ def test_an_encoder_that_cannot_lift_a_batch_is_refused(lti, toy_dataset, encode
         encoder = model.SerializeToString()
     with pytest.raises(ArtifactError, match="offline-export"):
         check_export(replace(lti, encoder_onnx=encoder), toy_dataset)
+
+
+def test_a_state_that_does_not_change_is_not_compared_with_persistence(lti, toy_dataset):
+    x = toy_dataset.recording.x.copy()
+    x[:, 1] = 0.25
+    still = replace(toy_dataset, recording=toy_dataset.recording._replace(x=x))
+    assert check_export(lti, still).persistence_over_model[1] == 0.0
