@@ -16,6 +16,7 @@ from offline.data.variation import Variation, describe
 from offline.experiments.backend import Backend
 from offline.experiments.error_ratios import linear_mse
 from offline.experiments.training_task import CampaignData
+from offline.training.interrupt import stop_on_signals
 from rt_controller.contract.errors import DatasetError
 from rt_controller.report.table import print_table
 
@@ -83,12 +84,19 @@ def _find_or_make(
     STDERR.print(f"making a data set of {episodes} episodes in {folder}", soft_wrap=True)
     made = 0
     try:
-        with backend.active(), progress_bar("simulating", episodes) as show:
+        # The compiled car may swallow an interrupt, so it is a request until some episodes end.
+        with (
+            stop_on_signals() as is_stopped,
+            backend.active(),
+            progress_bar("simulating", episodes) as show,
+        ):
 
             def on_progress(done: int) -> None:
                 nonlocal made
                 made = done
                 show(done, "")
+                if is_stopped():
+                    raise KeyboardInterrupt
 
             return folder, make_dataset(folder, origin, on_progress=on_progress)
     except KeyboardInterrupt:

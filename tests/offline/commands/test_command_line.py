@@ -311,7 +311,10 @@ def test_ctrl_c_ends_the_making_of_data_with_what_was_kept(tmp_path):
         assert process.poll() is None
     time.sleep(0.5)  # until the simulation runs
     process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
+    try:
+        out, err = process.communicate(timeout=60)
+    finally:
+        process.kill()
     assert process.returncode == 130
     assert out == ""
     assert "of 100000 episodes; none was kept" in " ".join(err.split())
