@@ -93,7 +93,8 @@ def update_vectors(qp: CondensedQp, rng: np.random.Generator, size: float = 0.3)
     parameters.curvature_per_m[:] = 0.002
     parameters.previous[:] = rng.uniform(INPUT_LIMITS.lower, INPUT_LIMITS.upper)
     parameters.reference[:] = size * rng.normal(size=parameters.reference.shape)
-    parameters.nominal_inputs[:] = rng.uniform(
+    own = rng.spawn(1)[0]  # for a model with drift alone: the others' problems stay the same
+    parameters.nominal_inputs[:] = own.uniform(
         INPUT_LIMITS.lower, INPUT_LIMITS.upper, size=parameters.nominal_inputs.shape
     )
     qp.update_matrices()
