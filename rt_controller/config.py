@@ -13,6 +13,7 @@ from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_MS
 from rt_controller.settings_table import Settings
 
 if TYPE_CHECKING:
+    from rt_controller.contract.model.bundle import Bundle
     from rt_controller.control.terms import TrackingCost
 
 
@@ -36,8 +37,8 @@ class Tolerances(Settings):
     """progress in one period; inf: no weight, since the speed has one"""
     ey_m: _Tolerance = 0.15
     """lateral error"""
-    epsi_deg: _Tolerance = 1.0
-    """heading error"""
+    epsi_deg: _Tolerance = 2.0
+    """error of the course, or of the heading"""
     throttle: _Tolerance = float("inf")
     """size of the throttle input; inf: no weight"""
     brake_n: _Tolerance = float("inf")
@@ -48,31 +49,53 @@ class Tolerances(Settings):
     """change of throttle in one period"""
     brake_change_n: _Tolerance = 45.0
     """change of brake force in one period"""
-    steer_change_deg: _Tolerance = 12.0
+    steer_change_deg: _Tolerance = 10.0
     """change of the steering-wheel angle in one period"""
+
+
+PAPER = {"horizon": 20, "heading": "epsi", "terminal_factor": 1.0}
+PAPER_TOLERANCE = {"epsi_deg": 1.0, "steer_change_deg": 12.0}
+"""settings of eq. (14) as printed; the defaults of linear models, whose predictions are too wrong
+for tighter ones"""
 
 
 class MpcSettings(Settings):
     """The optimal control problem."""
 
-    horizon: Annotated[int, Field(ge=HOLD_PLAN_TICKS + 1, le=160)] = 20
-    """stages of one period each; beyond 0.6 s the path on the bus is extrapolated, and the road's
-    curvature constant"""
-    terminal_factor: Annotated[float, Field(gt=0.0, le=1e6)] = 1.0
+    horizon: Annotated[int, Field(ge=HOLD_PLAN_TICKS + 1, le=160)] = 40
+    """stages of one period each; beyond the reach of the path on the bus it is extrapolated, and
+    the road's curvature constant"""
+    knots: Annotated[int, Field(ge=HOLD_PLAN_TICKS + 1, le=160)] | None = None
+    """planned values of each input, with straight lines between them: first one in two periods,
+    then one in four; none: one in each period up to 20 periods, otherwise about a third"""
+    heading: Literal["course", "epsi"] = "course"
+    """angle that follows the direction of the path: course, the change of e_y over the distance, or
+    epsi, as printed in the paper"""
+    terminal_factor: Annotated[float, Field(gt=0.0, le=1e6)] = 5.0
     """weight of the last stage, in units of the others"""
-    latent_weight: Annotated[float, Field(ge=0.0, le=1e6)] = 0.0
-    """weight of the distance of each latent from the lifted reference"""
     slew_rows: bool = True
     """limit changes of the inputs in the plan too, not only in the commands"""
     corridor_m: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
     """distance from the path beyond which the plan has an additional cost; none: no such cost"""
     beyond_corridor_m: Annotated[float, Field(ge=1e-6, le=100.0)] = 0.05
     """distance beyond the corridor that costs as much as a tolerated deviation of a state"""
+    actuation_delay: Annotated[int, Field(ge=0, le=8)] = 1
+    """periods after which the actuators of the car follow a command that it has accepted; the delay
+    of the bus is measured"""
     solver: Literal["piqp", "daqp"] = "piqp"
     """of the QP: piqp, interior point, or daqp, active set, which needs the extra [daqp]"""
     warm_start: Literal["on", "off"] = "on"
     """try the last active set before piqp"""
     tolerance: Tolerances = Tolerances()
+
+    def for_model(self, bundle: "Bundle") -> "MpcSettings":
+        """The same; of a linear model with the settings of the paper where none was chosen."""
+        if bundle.bilinear is not None or bundle.drift is not None:
+            return self
+        chosen, tolerance = self.model_fields_set, self.tolerance
+        changed = {k: v for k, v in PAPER_TOLERANCE.items() if k not in tolerance.model_fields_set}
+        found = {name: value for name, value in PAPER.items() if name not in chosen}
+        return self.model_copy(update={**found, "tolerance": tolerance.model_copy(update=changed)})
 
     def cost(self) -> "TrackingCost":
         """The same in SI units, in vector order."""
@@ -87,8 +110,8 @@ class MpcSettings(Settings):
             control_change=ControlInput(
                 t.throttle_change, t.brake_change_n, radians(t.steer_change_deg)
             ),
-            latent_weight=self.latent_weight,
             terminal_factor=self.terminal_factor,
+            heading=self.heading,
         )
 
 
@@ -125,7 +148,7 @@ class RealtimeSettings(Settings):
     """bind the loop to this core"""
     phase_ms: Annotated[float, Field(ge=0.0, lt=PERIOD_MS)] = 2.0
     """how long after the vehicle's frames each tick is scheduled"""
-    prepare_ms: Annotated[float, Field(ge=0.0, lt=PERIOD_MS)] = 4.0
+    prepare_ms: Annotated[float, Field(ge=0.0, lt=PERIOD_MS)] = 8.0
     """how long before each tick its QP is built; dry runs follow at 2.4, 1.5 and 0.8 ms before the
     tick, those of them that are later; 0: neither"""
     solve_budget_ms: Annotated[float, Field(gt=0.0, le=PERIOD_MS)] = 5.0

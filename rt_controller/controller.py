@@ -1,5 +1,6 @@
 """The controller as a function of state and path: no bus, no loop, no safety modes."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Real
 from pathlib import Path
@@ -115,7 +116,7 @@ class Controller:
             TypeError, ValueError: `previous` is not three finite numbers.
         """
         previous = _input("previous", previous)
-        self._mpc.forget()
+        self._mpc.reset()
         self._previous = previous
 
     def step(
@@ -124,6 +125,7 @@ class Controller:
         path: PathReference,
         curvature_per_m: float | CurvaturePreview,
         applied: ControlInput | None = None,
+        under_way: Sequence[ControlInput] = (),
     ) -> Plan:
         """The plan from `state`, one period after the last call.
 
@@ -138,6 +140,8 @@ class Controller:
             curvature_per_m: of the road's reference line: a number, which is taken as constant, or
                 a preview of the road ahead.
             applied: input that acted in the last period; default: `control` of the last plan.
+            under_way: inputs of earlier plans that have not acted yet, the oldest first, where the
+                car follows with a delay: the plan begins after them.
 
         Raises:
             TypeError: something else, or of another length; arrays and lists are taken too.
@@ -153,7 +157,7 @@ class Controller:
         if applied is not None:
             self._previous = _input("applied", applied)
         with self._threads.limit(limits=1, user_api="blas"):
-            return self._plan(state, path, here_per_m, preview)
+            return self._plan(state, path, here_per_m, preview, under_way)
 
     def _plan(
         self,
@@ -161,9 +165,10 @@ class Controller:
         path: PathReference,
         curvature_per_m: float,
         preview: CurvaturePreview | None,
+        under_way: Sequence[ControlInput],
     ) -> Plan:
         self._mpc.observe(state, self._previous)
-        status = self._mpc.plan(state, curvature_per_m, path, self._previous, preview)
+        status = self._mpc.plan(state, curvature_per_m, path, self._previous, preview, under_way)
         states = self._mpc.predicted_states()
         inputs = self._mpc.inputs.copy()
         if states is None:

@@ -1,6 +1,6 @@
 """The controller's end of a bus: what it receives with, decides with and sends with."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import can
@@ -16,6 +16,7 @@ from rt_controller.control.low_speed.law import LowSpeedLaw
 from rt_controller.control.mpc import Mpc
 from rt_controller.planner import choose_low_speed_car
 from rt_controller.realtime.clock import TimeSource
+from rt_controller.safety.checks import CHECKS, Check
 from rt_controller.safety.prediction import MotionPrediction
 from rt_controller.safety.stopping_car import LEAST_MODELLED_MPS, StoppingCar
 from rt_controller.safety.supervisor import Supervisor
@@ -40,6 +41,7 @@ def build_node(
     recorder: Recorder | None = None,
     is_fd: bool = False,
     note_call: Callable[[str], None] = lambda name: None,
+    checks: Sequence[Check] = CHECKS,
 ) -> ControlNode:
     """The parts, connected; nothing is sent yet.
 
@@ -52,6 +54,7 @@ def build_node(
         recorder: of frames; None: they are not recorded.
         is_fd: the bus has frames of CAN FD.
         note_call: as of `ControlStep`.
+        checks: of the supervisor.
 
     Raises:
         ArtifactError: the model's encoder cannot be used.
@@ -67,6 +70,7 @@ def build_node(
             low_speed_car.gains.throttle_mps2,
             max(low_speed_car.speeds.leave_mps, LEAST_MODELLED_MPS),
         ),
+        checks,
     )
     step = ControlStep(
         bus=bus,
@@ -77,6 +81,7 @@ def build_node(
         clock=clock,
         model_hash=model_hash(bundle.sha256),
         supervisor=supervisor,
+        actuation_periods=config.mpc.actuation_delay,
         note_call=note_call,
     )
     return ControlNode(inbox, outbox, step, supervisor)

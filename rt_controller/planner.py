@@ -39,6 +39,7 @@ def build_mpc(bundle: Bundle, settings: MpcSettings, max_iterations: int | None 
     require_drivable(bundle)
     require_bounded(bundle)
     require_stored_plans(bundle)
+    settings = settings.for_model(bundle)
     corridor = None
     if settings.corridor_m is not None:
         corridor = Corridor(settings.corridor_m, settings.beyond_corridor_m)
@@ -53,6 +54,7 @@ def build_mpc(bundle: Bundle, settings: MpcSettings, max_iterations: int | None 
             warm_start=settings.warm_start == "on",
             max_iterations=max_iterations,
         ),
+        settings.knots,
     )
     plan_at_constant_speed(mpc)
     return mpc

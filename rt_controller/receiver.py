@@ -76,6 +76,8 @@ class Receiver:
         self.counter = 0
         """long counter of the newest state; counts on by one a period while no state arrives. A
         command carries it, so the vehicle can determine which state it answers."""
+        self.transport_periods = 0
+        """from a command to the state that shows its effect, beyond the period in which it acts"""
         self._bus = bus
         self._inbox = inbox
         self._delay = TransportDelay(SAMPLE_TIME_WRAP_NS)
@@ -106,6 +108,9 @@ class Receiver:
             self._last_state = state
             is_next = periods == 1 and (state.counter - self.counter) % LONG_COUNTER_MODULUS == 0
             self.counter = state.counter
+            echo = state.content.command_echo
+            if echo is not None:
+                self.transport_periods = max(counter_lag(state.counter, echo) - 1, 0)
             if is_standby:
                 self._delay.reset()  # the car is not driven: the vehicle may have restarted
             self._last_delay_ns = self._delay.measure(

@@ -1,5 +1,6 @@
 """One run of the controller: everything opened and checked first, then the loop in its thread."""
 
+from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from itertools import chain
@@ -35,6 +36,7 @@ from rt_controller.recording.journal import (
     JournalEntry,
     PlannedTrajectory,
 )
+from rt_controller.safety.checks import CHECKS, Check
 from rt_controller.settings import BusSettings
 
 RECORDED_TICKS = round(3600.0 / PERIOD_S)
@@ -52,6 +54,7 @@ class ControllerSession:
         mpc: Mpc,
         clock: Clock,
         files: RecordingFiles = NO_FILES,
+        checks: Sequence[Check] = CHECKS,
     ) -> None:
         """Open bus and log, and check that the solver is fast enough; nothing is sent yet.
 
@@ -62,6 +65,7 @@ class ControllerSession:
             mpc: used by this session only.
             clock: of the loop; a `LockstepClock` makes the run independent of the machine.
             files: what the drive is recorded to.
+            checks: of plausibility.
 
         Raises:
             ConfigError: the log file cannot be written or exists already, or this machine is too
@@ -129,6 +133,7 @@ class ControllerSession:
                 self.recorder,
                 bus_settings.fd,
                 self._record_call,
+                checks,
             )
             self._opened = opened.pop_all()
 

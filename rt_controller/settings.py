@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
-from pydantic import PositiveInt, ValidationInfo, field_validator
+from pydantic import Field, PositiveInt, ValidationInfo, field_validator
 
 from rt_controller.contract.limits import LEAST_FRICTION, MOST_FRICTION
 from rt_controller.contract.names import name_or
@@ -109,6 +109,10 @@ class CarSettings(Settings):
     """of the road, 1 being the road of the tyre test; default: the scenario's"""
     friction_right: float | None = None
     """of the road under the right wheels (own car, or an FMU); default: as under the left ones"""
+    transport_delay: Annotated[int, Field(ge=0, le=3)] = 1
+    """periods until the vehicle follows a command: bus and computing"""
+    actuation_delay: Annotated[int, Field(ge=0, le=5)] = 1
+    """periods from there on until pedals and steering wheel move"""
     faults: Path | None = None
     """faults of bus and actuators, a .toml file; added to those of the scenario"""
 

@@ -1,5 +1,6 @@
 """One control step: from received frames to the command frames, by the equations of the paper."""
 
+from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ from rt_controller.control.low_speed.law import LowSpeedLaw
 from rt_controller.control.mpc import Mpc
 from rt_controller.realtime.clock import TimeSource
 from rt_controller.receiver import FreshData, Receiver
+from rt_controller.safety.checks import Quantity
 from rt_controller.safety.envelope import limit
 from rt_controller.safety.fallback import braking_for, input_for
 from rt_controller.safety.freshness import ROUND_TRIP_MAX_TICKS
@@ -25,6 +27,9 @@ from rt_controller.safety.inputs import QualifiedInputs
 from rt_controller.safety.modes import StopCause, decide
 from rt_controller.safety.supervisor import Supervisor
 from rt_controller.supervision import command_in_force, facts_of, faults_of, received_in
+
+MOST_UNDER_WAY = 16
+"""inputs that were sent and may not act yet"""
 
 
 class StepResult(NamedTuple):
@@ -67,6 +72,7 @@ class ControlStep:
         clock: TimeSource,
         model_hash: int,
         supervisor: Supervisor,
+        actuation_periods: int = 0,
         note_call: Callable[[str], None] = lambda name: None,
     ) -> None:
         """`note_call` gets the name of every call that changes what later steps compute."""
@@ -85,6 +91,8 @@ class ControlStep:
         self._send_failures = 0
         self._ticks = 0
         self._is_stop_requested = False
+        self._actuation_periods = actuation_periods
+        self._sent = deque([NEUTRAL_INPUT] * MOST_UNDER_WAY, maxlen=MOST_UNDER_WAY)
         self._is_history_estimated = False
 
     def run(
@@ -105,7 +113,7 @@ class ControlStep:
         periods = 1 + skipped_ticks
 
         data = self._receiver.receive(now_ns, periods, last.mode is Mode.STANDBY)
-        applied = command_in_force(self._outbox, data)
+        applied = command_in_force(self._outbox, data, self._actuation_periods)
         qualified = self._supervisor.judge(received_in(data, applied, periods, last.mode))
         self._update_history(data, qualified, applied, last)
         end_stage()
@@ -121,13 +129,14 @@ class ControlStep:
         mode, cause = decide(facts, last.mode, last.cause)
         braking = braking_for(
             qualified.alarm,
-            qualified.is_measured,
-            qualified.is_path_received,
+            qualified.is_measured and qualified.is_path_received,
             self._supervisor.cornering(last.control),
+            self._supervisor.values[Quantity.THROTTLE],
         )
         wanted = input_for(mode, planned.control, last.control, self._is_held, braking)
         control = limit(wanted, last.control)
         self._supervisor.note(control, planned.lifted)
+        self._sent.append(control)
 
         faults = self._heartbeat_faults(data, qualified, planned, facts.bus_fault, missed_deadline)
         self.result = StepResult(
@@ -171,7 +180,13 @@ class ControlStep:
             last.control,
             periods,
             stops=is_stopping,
+            under_way=self._under_way(),
         )
+
+    def _under_way(self) -> tuple[ControlInput, ...]:
+        """The inputs that were sent and do not act yet, the oldest first."""
+        periods = self._receiver.transport_periods + self._actuation_periods
+        return tuple(self._sent)[len(self._sent) - periods :]
 
     @property
     def _is_held(self) -> bool:

@@ -4,6 +4,7 @@ from rt_controller.bus.catalogue import COMMAND
 from rt_controller.bus.contents import NO_FAULT, Fault
 from rt_controller.bus.outbox import Outbox
 from rt_controller.contract.signals import ControlInput, Mode
+from rt_controller.contract.timing import LONG_COUNTER_MODULUS
 from rt_controller.receiver import FreshData
 from rt_controller.safety.inputs import QualifiedInputs, ReceivedInputs
 from rt_controller.safety.modes import STANDING_MPS, StopCause, TickFacts
@@ -32,14 +33,18 @@ _FAULT_OF_CAUSE = {
 """bits of the heartbeat for what the supervisor found"""
 
 
-def command_in_force(outbox: Outbox, data: FreshData) -> ControlInput | None:
+def command_in_force(
+    outbox: Outbox, data: FreshData, actuation_periods: int = 0
+) -> ControlInput | None:
     """The command that acted until the new state; None: not known.
 
     The echo names it, also where a command arrived late. Before the vehicle has accepted a command
     there is no echo; then the controller does not drive yet.
     """
     echo = None if data.state is None else data.state.command_echo
-    command = None if echo is None else outbox.content_under(COMMAND, echo)
+    if echo is None:
+        return None
+    command = outbox.content_under(COMMAND, (echo - actuation_periods) % LONG_COUNTER_MODULUS)
     return None if command is None else command.control
 
 

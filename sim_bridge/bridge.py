@@ -1,7 +1,9 @@
 """The vehicle's end of the bus: commands in, one period of the car, state frames out."""
 
+from collections import deque
 from dataclasses import asdict
 from itertools import chain
+from typing import NamedTuple
 
 import can
 
@@ -15,7 +17,8 @@ from rt_controller.bus.catalogue import (
     STATE,
     VEHICLE_IDENTITY,
 )
-from rt_controller.bus.contents import NO_REFUSAL, Mission, StateSample
+from rt_controller.bus.contents import NO_REFUSAL, Command, Mission, StateSample
+from rt_controller.bus.end_to_end.assembly import Received
 from rt_controller.bus.end_to_end.confirmation import DISENGAGED_FRAMES
 from rt_controller.bus.identity import own_identity, require_same_catalogue
 from rt_controller.bus.inbox import Inbox
@@ -30,7 +33,7 @@ from rt_controller.contract.timing import (
     MISSION_VALID_NS,
 )
 from rt_controller.drive.car_figures import CarFigure
-from rt_controller.gateway.path_steering import largest_brake_n, steer_along
+from rt_controller.gateway.path_steering import Course, largest_brake_n, steer_along
 from rt_controller.gateway.vehicle_envelope import STANDING
 from sim_bridge.bridge_summary import BridgeSummary, Truth
 from sim_bridge.car import FASTEST_MPS, Car
@@ -48,13 +51,24 @@ LONGEST_END_TICKS = 2 * END_TICKS
 """the same of a controller that drives on, because the mission takes longer on its way"""
 
 
+class Delay(NamedTuple):
+    """Periods from the instant of a state to the effect of the command that answers it."""
+
+    transport_periods: int = 1
+    """until the vehicle follows the command: bus and computing"""
+    actuation_periods: int = 1
+    """from there on until pedals and steering wheel move"""
+
+
+DEFAULT_DELAY = Delay()
+
+
 class Bridge:
     """One car in one scenario on one bus; `tick` is called once a period.
 
     The car waits at the start of the scenario, at its initial speed, until a controller drives.
     Faults act once it is driven.
-    A command computed from the state of one tick acts from that tick on: the delay of
-    transport and computing, two to three milliseconds of the 25, is not simulated.
+    A command acts `delay` periods after the state that it answers.
     """
 
     def __init__(
@@ -64,8 +78,20 @@ class Bridge:
         scenario: Scenario,
         recorder: Recorder | None = None,
         is_fd: bool = False,
+        delay: Delay = DEFAULT_DELAY,
+        has_checks: bool = True,
     ) -> None:
-        """Join a bus; `is_fd`: it has frames of CAN FD."""
+        """Join a bus.
+
+        Args:
+            bus: the open bus.
+            car: at the start.
+            scenario: that it drives.
+            recorder: of frames; None: they are not recorded.
+            is_fd: the bus has frames of CAN FD.
+            delay: from a state to the effect of the command that answers it.
+            has_checks: False: no envelope of commands, no check of the path and the actuators.
+        """
         self._bus = FaultyBus(bus, scenario.faults, recorder)
         self._actuators = FaultyActuators(scenario.faults)
         self._inbox = Inbox(Node.VEHICLE, recorder, is_fd=is_fd)
@@ -74,9 +100,14 @@ class Bridge:
         self.scenario = scenario
         self._run = ScenarioRun(scenario, car.state, car.s_m)
         self._curvature = scenario.road.frame()
-        self._check = CommandCheck(is_fd)
+        self._check = CommandCheck(is_fd, has_checks)
+        self._has_checks = has_checks
         self._watchdog = ActuatorWatchdog()
         self._failed_actuators = FailedActuators()
+        self._in_transport = deque[Received[Command] | None]([None] * delay.transport_periods)
+        self._in_actuation = deque([NEUTRAL_INPUT] * delay.actuation_periods)
+        self._command: Received[Command] | None = None
+        """the newest one that has arrived"""
         self._applied = NEUTRAL_INPUT
         self._sent_ticks = 0
         self._has_driver = False
@@ -172,7 +203,8 @@ class Bridge:
         motion = STANDING if self.is_waiting else self._run.motion
         self._check.take(self._inbox, now_ns, self._sent_ticks - 1, motion)
         self._inbox.end_period(now_ns)
-        command = self._check.accepted
+        self._in_transport.append(self._check.accepted)
+        command = self._command = self._in_transport.popleft()
         is_driven = command is not None and command.content.mode.drives
         if self.has_failed:
             self._failed_ticks += 1
@@ -236,28 +268,31 @@ class Bridge:
     @property
     def _mode(self) -> Mode | None:
         """Of the command that is followed; None: there was none."""
-        command = self._check.accepted
-        return None if command is None else command.content.mode
+        return None if self._command is None else self._command.content.mode
 
     def _advance(self, now_ns: int) -> None:
-        command, run = self._check.accepted, self._run
+        command, run = self._command, self._run
         if run.end_ticks > 0 and self._mode is Mode.STANDBY:
             self._has_driver = True
         if self._has_driver and not self._watchdog.is_braking:
             self._applied = NEUTRAL_INPUT
         else:
+            actuators = self._failed_actuators
+            course = Course(run.path, run.state, run.curvature_per_m)
             before_rad = self._watchdog.applied.steer_rad  # commanded: a late wheel is behind it
             self._applied = self._watchdog.apply(
                 command,
                 now_ns,
                 self._sent_ticks - 1,
-                run.motion,
-                steer_along(run.path, run.state, run.curvature_per_m, before_rad),
-                largest_brake_n(run.state, run.ey_error_m),
-                self._failed_actuators.are_failed,
+                run.motion if self._has_checks else STANDING,
+                steer_along(*course, before_rad),
+                largest_brake_n(course, before_rad, actuators.open_throttle),
+                self._has_checks and actuators.are_failed,
+                self._has_checks and actuators.is_wheel_stuck,
             )
         commanded_rad = self._failed_actuators.steering.command_for(self._applied.steer_rad)
-        commanded = self._applied._replace(steer_rad=commanded_rad)
+        self._in_actuation.append(self._applied._replace(steer_rad=commanded_rad))
+        commanded = self._in_actuation.popleft()
         self._applied = self._actuators.apply(commanded, self.driven_ticks + 1)
         self._failed_actuators.note(commanded, self._applied)
         self._car.set_road(self.scenario.road_at(run.s_m, self.time_s))
@@ -266,7 +301,7 @@ class Bridge:
             run.advance(state, self._car.s_m, self._applied, self._mode, self._watchdog.is_braking)
 
     def _send(self, now_ns: int) -> None:
-        command, run = self._check.accepted, self._run
+        command, run = self._command, self._run
         sample = StateSample(
             state=self._car.state,
             curvature_per_m=run.curvature_per_m,

@@ -124,13 +124,17 @@ def fault_matrix(
     speed_kmh: Annotated[tuple[_Speed, ...], Parameter(consume_multiple=True)] = (),
     jobs: Annotated[int, Field(ge=1)] | None = None,
     cases: Path | None = None,
+    conditions: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
+    sample: bool = False,
+    drives: Path | None = None,
     json_file: Annotated[Path | None, Parameter(name="--json")] = None,
 ) -> int:
     """Drive every fault of the matrix at three speeds, in simulated time; 1 if one is not ok.
 
     A drive is ok if the fault is detected within 0.5 s or is harmless, the car stays within 1.75 m
     of its true path or stands on it, and the controller does not drive on normally for longer than
-    0.3 s at more than 1 m from the path.
+    0.3 s at more than 1 m from the path, and no more than 0.2 m farther from it than in the same
+    drive without checks.
 
     Parameters
     ----------
@@ -144,13 +148,21 @@ def fault_matrix(
         processes that drive at the same time; default: one for each core
     cases
         TOML file with other faults, such as sim_bridge/fault_matrix/variants.toml
+    conditions
+        names in sim_bridge/fault_matrix/conditions.toml, under each of which the cases are driven
+    sample
+        some cases of each kind of fault and condition only
+    drives
+        file with a line of JSON for each drive: what it already has is not driven again
     json_file
         write the rows to this file: fault, speed_mps, mode, detect_ms, max_ey_m, ok, ...
     """
     _require_compiler()
     from sim_bridge.fault_matrix import command
 
-    return command.fault_matrix(model, only, speed_kmh, jobs, json_file, cases)
+    return command.fault_matrix(
+        model, only, speed_kmh, jobs, json_file, cases, conditions, drives, sample
+    )
 
 
 def _require_compiler() -> None:

@@ -35,11 +35,18 @@ class FailedActuators:
         self.steering = SteeringResponse()
         self._steer_rad = self._moved_at_rad = NEUTRAL_INPUT.steer_rad
         self._stuck_ticks = self._open_ticks = 0
+        self.open_throttle = 0.0
+        """by which it was open too far in the last period"""
 
     @property
     def are_failed(self) -> bool:
-        """True from the first failure on: then only the brake is used."""
+        """True from the first failure on: the vehicle brakes by itself."""
         return bool(self.failed)
+
+    @property
+    def is_wheel_stuck(self) -> bool:
+        """True if only the brake still acts."""
+        return Actuator.STEERING_WHEEL in self.failed
 
     def note(self, commanded: ControlInput, applied: ControlInput) -> None:
         """After a period."""
@@ -51,7 +58,8 @@ class FailedActuators:
             abs(commanded.steer_rad - applied.steer_rad) > LARGEST_STEER_ERROR_RAD
             and abs(commanded.steer_rad - self._moved_at_rad) > LEAST_CHANGE_RAD
         )
-        is_open = applied.throttle - commanded.throttle > LARGEST_THROTTLE_ERROR
+        self.open_throttle = max(applied.throttle - commanded.throttle, 0.0)
+        is_open = self.open_throttle > LARGEST_THROTTLE_ERROR
         self._steer_rad = applied.steer_rad
         self._stuck_ticks = self._stuck_ticks + 1 if is_still and is_off else 0
         self._open_ticks = self._open_ticks + 1 if is_open else 0

@@ -14,7 +14,7 @@ from rt_controller.realtime.clock import RealtimeClock
 from rt_controller.realtime.scheduling import set_thread_priority
 from rt_controller.settings import BusSettings, CarSettings
 from sim_bridge.adapters.plants import open_plant
-from sim_bridge.bridge import Bridge
+from sim_bridge.bridge import DEFAULT_DELAY, Bridge, Delay
 from sim_bridge.car import Car
 from sim_bridge.plant.protocol import Plant, require_plant
 from sim_bridge.road_needs import require_road
@@ -163,10 +163,11 @@ def open_session(
     recorder: Recorder | None = None,
     plant: CarSettings | Plant = OWN_CAR,
     faults: Path | None = None,
+    has_checks: bool = True,
 ) -> BridgeSession:
     """A session with everything opened and ready to tick; `faults` is a file of them.
 
-    The caller closes the recorder, after the session.
+    The caller closes the recorder, after the session. `has_checks` is that of `Bridge`.
 
     Raises:
         MissingExtraError: the plant's optional dependencies are not installed.
@@ -193,7 +194,11 @@ def open_session(
     except BaseException:
         car.plant.close()
         raise
-    return BridgeSession(bus, Bridge(bus, car, manoeuvre, recorder, bus_settings.fd))
+    delay = DEFAULT_DELAY
+    if isinstance(plant, CarSettings):
+        delay = Delay(plant.transport_delay, plant.actuation_delay)
+    bridge = Bridge(bus, car, manoeuvre, recorder, bus_settings.fd, delay, has_checks)
+    return BridgeSession(bus, bridge)
 
 
 def _join_foreign_bus(bus: can.BusABC, signals: Path, scenario: Scenario, car: Car) -> can.BusABC:

@@ -2,8 +2,12 @@
 
 from rt_controller.bus.contents import Command
 from rt_controller.bus.end_to_end.assembly import Received
-from rt_controller.contract.grip import BRAKE_RATE_N_PER_S, MOST_BRAKE_N
-from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.grip import (
+    BRAKE_RATE_N_PER_S,
+    FULL_BRAKE_N,
+    FULL_BRAKE_RATE_N_PER_S,
+    MOST_BRAKE_N,
+)
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import (
     COMMAND_TIMEOUT_NS,
@@ -15,11 +19,6 @@ from rt_controller.contract.timing import (
 from rt_controller.gateway.braking_cause import BrakingCause
 from rt_controller.gateway.vehicle_envelope import FARTHEST_OFF_PATH_M, OwnMotion, leaves_path
 
-FULL_BRAKE_N, FULL_BRAKE_RATE_N_PER_S = (
-    INPUT_LIMITS.upper.brake_n,
-    INPUT_LIMITS.rate_per_s.brake_n,
-)
-"""with a stuck wheel or an open throttle only the brake still acts"""
 ORDERLY_MPS = 1.0
 """a drive that ends on purpose ends below this speed: the controller stops sending when it has
 received a speed below 0.3 m/s"""
@@ -59,6 +58,7 @@ class ActuatorWatchdog:
         steer_rad: float,
         brake_n: float = MOST_BRAKE_N,
         have_actuators_failed: bool = False,
+        is_wheel_stuck: bool = False,
     ) -> ControlInput:
         """The input for the coming period.
 
@@ -69,7 +69,8 @@ class ActuatorWatchdog:
             motion: of the car, by its own measurement.
             steer_rad: wheel angle that leads along the path, for a car that brakes.
             brake_n: force that it brakes with.
-            have_actuators_failed: the vehicle brakes by itself with the full force.
+            have_actuators_failed: the vehicle brakes by itself.
+            is_wheel_stuck: it brakes with the full force.
 
         The age of a command is the larger one of the time since its arrival and the age of the
         state that it answers, so a command that was delayed on the bus counts as old.
@@ -99,7 +100,7 @@ class ActuatorWatchdog:
             )
         if self.is_braking or command is None:
             rate_n_per_s = BRAKE_RATE_N_PER_S
-            if have_actuators_failed:
+            if is_wheel_stuck:
                 brake_n, rate_n_per_s = FULL_BRAKE_N, FULL_BRAKE_RATE_N_PER_S
             self.applied = self._brake(steer_rad, brake_n, rate_n_per_s)
         else:

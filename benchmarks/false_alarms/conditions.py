@@ -1,17 +1,21 @@
-"""The drives: every scenario with varied friction and load, and with noise of the sensors."""
+"""The drives: every scenario with other roads, cars, wind and requests, and noise of sensors."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import count
+from math import radians
 from typing import NamedTuple
 
 import numpy as np
 
 from rt_controller.contract.signals import VehicleState
 from sim_bridge.plant.payload import Payload
+from sim_bridge.plant.shipped_cars import shipped_cars
 from sim_bridge.scenario import Scenario, load_scenario
+from sim_bridge.scenario.checks import problems
 from sim_bridge.scenario.faults import Fault
 from sim_bridge.scenario.files.fault_fields import FaultFields
+from sim_bridge.scenario.table import constant
 
 NOISE = VehicleState(
     vx_mps=0.03, vy_mps=0.03, yaw_rate_radps=0.002, ds_m=0.001, ey_m=0.015, epsi_rad=0.0015
@@ -25,6 +29,11 @@ CURVATURE_NOISE_PER_M = 1e-4
 FRICTION = (0.5, 1.0)
 MASS_KG = (-225.0, 225.0)
 """15 % of the car"""
+GRADE, HILL_START_GRADE, BANK_DEG, WIND_MPS = 0.2, 0.15, 6.0, 20.0
+SPEED_STEP_MPS, PATH_STEP_M = 5.0, 0.5
+"""requests at any time"""
+WITHOUT_NOISE, WITH_REQUEST, ON_FLAT_ROAD = 0.25, 0.5, 0.25
+"""parts of the drives"""
 EARLIEST_STOP_S = 1.0
 _OFFSETS = tuple((name, most) for name, most in OFFSET._asdict().items() if most > 0.0)
 _CORNERS = tuple((friction, mass_kg) for friction in FRICTION for mass_kg in MASS_KG)
@@ -40,6 +49,16 @@ class Condition(NamedTuple):
     seed: int
     stop_at_s: float | None
     """the controller is asked to end the drive after this time; None: at the end of the scenario"""
+    car: str
+    grade: float
+    bank_deg: float
+    wind_mps: float
+    """from the right"""
+    speed_step_mps: float
+    """of the wanted speed, where it is constant"""
+    path_step_m: float
+    request_at_s: float
+    has_noise: bool
 
 
 def conditions(scenarios: Sequence[str]) -> Iterator[Condition]:
@@ -48,31 +67,69 @@ def conditions(scenarios: Sequence[str]) -> Iterator[Condition]:
     The first four seeds have the extremes of friction and mass, later ones what is drawn between.
     Odd seeds end in a stop that is requested at any time of the scenario.
     """
-    duration_s = {name: load_scenario(name).duration_s for name in scenarios}
+    loaded = {name: load_scenario(name) for name in scenarios}
+    cars = shipped_cars()
     for seed in count():
-        for index, name in enumerate(scenarios):
+        for index, (name, scenario) in enumerate(loaded.items()):
             rng = np.random.default_rng((seed, index))
-            friction, mass_kg = float(rng.uniform(*FRICTION)), float(rng.uniform(*MASS_KG))
-            stop_at_s = round(float(rng.uniform(EARLIEST_STOP_S, duration_s[name])), 3)
+            friction, mass_kg = _drawn(rng, *FRICTION), _drawn(rng, *MASS_KG)
+            stop_at_s = _drawn(rng, EARLIEST_STOP_S, scenario.duration_s)
             if seed < len(_CORNERS):
                 friction, mass_kg = _CORNERS[seed]
-            yield Condition(
-                name,
-                round(friction, 3),
-                round(mass_kg, 1),
-                seed,
-                stop_at_s if seed % 2 == 1 else None,
+            steepest = GRADE if scenario.start.speed_mps > 0.0 else HILL_START_GRADE
+            is_flat, has_request = rng.random() < ON_FLAT_ROAD, rng.random() < WITH_REQUEST
+            condition = Condition(
+                scenario=name,
+                friction=friction,
+                mass_kg=mass_kg,
+                seed=seed,
+                stop_at_s=stop_at_s if seed % 2 == 1 else None,
+                car=cars[int(rng.integers(len(cars)))],
+                grade=_drawn(rng, -steepest, steepest) * (not is_flat),
+                bank_deg=_drawn(rng, -BANK_DEG, BANK_DEG) * (not is_flat),
+                wind_mps=_drawn(rng, -WIND_MPS, WIND_MPS) * (not is_flat),
+                speed_step_mps=_drawn(rng, -SPEED_STEP_MPS, SPEED_STEP_MPS)
+                * (has_request and scenario.speed.is_constant),
+                path_step_m=_drawn(rng, -PATH_STEP_M, PATH_STEP_M) * has_request,
+                request_at_s=_drawn(rng, EARLIEST_STOP_S, 0.8 * scenario.duration_s),
+                has_noise=rng.random() >= WITHOUT_NOISE,
             )
+            if problems(disturbed(condition)):  # too little grip for the slope or the bank
+                condition = condition._replace(grade=0.0, bank_deg=0.0)
+            yield condition
+
+
+def _drawn(rng: np.random.Generator, least: float, most: float) -> float:
+    return round(float(rng.uniform(least, most)), 3)
+
+
+def sensor_noise(rng: np.random.Generator) -> list[Fault]:
+    """Noise of all states, and constant errors of some."""
+    spread = {**NOISE._asdict(), "curvature_per_m": CURVATURE_NOISE_PER_M}
+    faults = [_noise(name, std, int(rng.integers(1 << 30))) for name, std in spread.items()]
+    return faults + [_offset(name, float(rng.uniform(-most, most))) for name, most in _OFFSETS]
 
 
 def disturbed(condition: Condition) -> Scenario:
-    """The scenario of a condition, with noise and offsets on all states."""
+    """The scenario of a condition, with its road, wind and requests, and noise on all states."""
     rng = np.random.default_rng((condition.seed, len(condition.scenario)))
     scenario = load_scenario(condition.scenario)
-    spread = {**NOISE._asdict(), "curvature_per_m": CURVATURE_NOISE_PER_M}
-    faults = [_noise(name, std, int(rng.integers(1 << 30))) for name, std in spread.items()]
-    faults += [_offset(name, float(rng.uniform(-most, most))) for name, most in _OFFSETS]
-    changed = replace(scenario, payload=Payload(mass_kg=condition.mass_kg), faults=tuple(faults))
+    faults: list[Fault] = []
+    if condition.has_noise:
+        faults += sensor_noise(rng)
+    requests = (("v_mps", condition.speed_step_mps), ("c0_m", condition.path_step_m))
+    faults += [_offset(name, by, condition.request_at_s) for name, by in requests if by]
+    changed = replace(
+        scenario,
+        payload=Payload(mass_kg=condition.mass_kg),
+        faults=tuple(faults),
+        cross_wind_mps=constant(condition.wind_mps),
+        road=replace(
+            scenario.road,
+            grade=constant(condition.grade),
+            bank_rad=constant(radians(condition.bank_deg)),
+        ),
+    )
     is_split = scenario.name.startswith("braking on split")  # its friction is part of the scenario
     return changed if is_split else changed.with_friction(condition.friction)
 
@@ -81,5 +138,5 @@ def _noise(signal: str, value: float, seed: int) -> Fault:
     return FaultFields(kind="noise", signals=(signal,), value=value, seed=seed).fault
 
 
-def _offset(signal: str, value: float) -> Fault:
-    return FaultFields(kind="bias", signals=(signal,), value=value).fault
+def _offset(signal: str, value: float, start_s: float = 0.0) -> Fault:
+    return FaultFields(kind="bias", signals=(signal,), value=value, start_s=start_s).fault

@@ -25,11 +25,7 @@ OFF_PATH_M = next(c.threshold for c in CHECKS if c.quantity is Quantity.TRACKING
 class DriveResult:
     """Values and failed checks of the supervisor in one drive."""
 
-    scenario: str
-    friction: float
-    mass_kg: float
-    seed: int
-    stop_at_s: float | None
+    condition: Condition
     driven_s: float
     true_ey_peak_m: float
     failed_checks: tuple[str, ...]
@@ -42,28 +38,25 @@ class DriveResult:
         is_off = self.true_ey_peak_m > OFF_PATH_M
         return tuple(name for name in self.failed_checks if not (is_off and name == "tracking"))
 
-    @property
-    def condition(self) -> Condition:
-        """Of the drive."""
-        return Condition(self.scenario, self.friction, self.mass_kg, self.seed, self.stop_at_s)
-
     def figures(self) -> dict[str, Any]:
         """For a line of JSON."""
-        return asdict(self)
+        return {**asdict(self), "condition": self.condition._asdict()}
 
 
 def result_from(figures: dict[str, Any]) -> DriveResult:
     """The drive of a line of JSON."""
-    return DriveResult(**{**figures, "failed_checks": tuple(figures["failed_checks"])})
+    condition, failed = Condition(**figures["condition"]), tuple(figures["failed_checks"])
+    return DriveResult(**{**figures, "condition": condition, "failed_checks": failed})
 
 
 def measure(condition: Condition, model: str | None) -> DriveResult:
     """One drive in simulated time."""
     largest, failed = np.zeros(len(Quantity)), set[str]()
     with _watching(largest, failed, condition.stop_at_s is not None):
-        drive = simulate(disturbed(condition), model=model, duration_s=condition.stop_at_s)
+        scenario, stop_at_s = disturbed(condition), condition.stop_at_s
+        drive = simulate(scenario, car=condition.car, model=model, duration_s=stop_at_s)
     return DriveResult(
-        **condition._asdict(),
+        condition=condition,
         driven_s=PERIOD_S * int(np.sum(drive["mode"] > 0)),
         true_ey_peak_m=round(drive.errors.ey_peak_m, 4),
         failed_checks=tuple(sorted(failed)),

@@ -14,7 +14,7 @@ from rt_controller.control.mpc import Mpc
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.qp import Features
 from rt_controller.control.solver import SolveStatus, open_solver
-from rt_controller.control.terms import Corridor, TrackingCost
+from rt_controller.control.terms import Corridor
 
 Tier = Literal["box", "slew", "corridor"]
 TIERS: dict[Tier, Features] = {
@@ -22,7 +22,7 @@ TIERS: dict[Tier, Features] = {
     "slew": Features(),
     "corridor": Features(corridor=Corridor(half_width_m=0.1, beyond_m=0.05)),
 }
-"""60 bounded variables; with 60 rows; with 80 rows and 20 more variables"""
+"""60 bounded variables; with 60 rows; with 100 rows and 40 more variables"""
 
 
 class Matrices(NamedTuple):
@@ -64,7 +64,7 @@ class Recording:
 def record(model: str, scenario: str, features: Features) -> Recording:
     """All problems of driving `scenario` in lockstep with a shipped model."""
     settings, bundle = MpcSettings(), load_bundle(shipped_model(model))
-    mpc = _RecordingMpc(bundle, settings.horizon, settings.cost(), features)
+    mpc = _RecordingMpc(bundle, settings, features)
     solver = mpc.recorder
     recording = Recording(model, Path(scenario).stem, solver.program.copy(), solver.events)
     drive_scenario(bundle, mpc, scenario)
@@ -102,10 +102,9 @@ class _RecordingMpc(Mpc):
 
     recorder: _RecordingSolver
 
-    def __init__(
-        self, bundle: Bundle, horizon: int, cost: TrackingCost, features: Features
-    ) -> None:
-        super().__init__(bundle, horizon, cost, features, self._open_recorder)
+    def __init__(self, bundle: Bundle, settings: MpcSettings, features: Features) -> None:
+        horizon, cost, knots = settings.horizon, settings.cost(), settings.knots
+        super().__init__(bundle, horizon, cost, features, self._open_recorder, knots)
 
     def _open_recorder(self, program: QuadraticProgram) -> _RecordingSolver:
         self.recorder = _RecordingSolver(program)

@@ -30,8 +30,8 @@ COST = TrackingCost(
     state=VehicleState(1.0, np.inf, np.inf, np.inf, 0.15, np.radians(1.0)),
     control=ControlInput(np.inf, np.inf, np.inf),
     control_change=ControlInput(0.3, 45.0, np.radians(12.0)),
-    latent_weight=0.0,
     terminal_factor=1.0,
+    heading="course",
 )
 """of the stored plans, whatever the settings of a drive: a change makes all stored plans invalid"""
 LARGEST_DIFFERENCE = 0.01

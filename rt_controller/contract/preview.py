@@ -16,6 +16,9 @@ from rt_controller.contract.signals import CurvaturePreview
 KNOTS = len(CurvaturePreview._fields) - 1
 INTERVALS = KNOTS - 1
 LARGEST_PER_M = 0.032
+REACH_S = 1.1
+"""time ahead for which the path and the curvature on the bus have to fit: the horizon of the
+controller, and the delay before it"""
 SHORTEST_SPACING_M, LONGEST_SPACING_M = 0.05, 65.5
 """ranges of the signals on the bus"""
 _FIRST_LINE_FACTOR = 1.5
@@ -32,7 +35,7 @@ def fit_preview(curvature_per_m: Array, reach_m: float) -> CurvaturePreview:
     Args:
         curvature_per_m: (n,) at n equal distances from the car to `reach_m` ahead of it, both ends
             included; n is at least 5. With 33 a sudden bend is found to within 2 % of the reach.
-        reach_m: 0.2 to 262; it should cover the horizon of the controller, half a second.
+        reach_m: 0.2 to 262; it should cover `REACH_S`.
 
     Raises:
         ValueError: fewer values, or values or a reach beyond the ranges of the bus.

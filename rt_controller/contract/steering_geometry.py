@@ -23,6 +23,11 @@ class SteeringGeometry(NamedTuple):
             rolling_rad + UNDERSTEER_RAD_PER_MPS2 * yaw_rate_radps * vx_mps
         )
 
+    def steady_lateral_mps2(self, vx_mps: float, steer_rad: float) -> float:
+        """Lateral acceleration of a steady turn with this steering-wheel angle."""
+        front_rad, squared = steer_rad / self.steering_ratio, vx_mps**2
+        return squared * front_rad / (self.wheelbase_m + UNDERSTEER_RAD_PER_MPS2 * squared)
+
 
 SMALLEST = SteeringGeometry(wheelbase_m=0.5, rear_axle_m=0.0, steering_ratio=1.0)
 LARGEST = SteeringGeometry(wheelbase_m=10.0, rear_axle_m=10.0, steering_ratio=100.0)

@@ -3,6 +3,7 @@
 For people, after a drive; nothing of it runs in the loop.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,12 +11,12 @@ from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.schema import N_INPUTS
-from rt_controller.contract.signals import ControlInput, VehicleState
+from rt_controller.contract.signals import ControlInput, StateColumn, VehicleState
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.solver import SolveStatus, open_solver
 from rt_controller.control.terms import TrackingCost
 
-ACTIVE = 1e-7
+ACTIVE = 1e-6
 """distance to a bound, in units of an input's range, from which on it is active"""
 
 
@@ -23,10 +24,11 @@ class ActiveBound(NamedTuple):
     """A bound of the QP that holds with equality."""
 
     kind: str
-    """"value" of an input, its "change" in one period, or "corridor" around the path"""
+    """"value" of an input at a knot, its "change" from the knot before, or "corridor" around the
+    path"""
     signal: str
     stage: int
-    """counted from zero; of the corridor from one"""
+    """of the knot, counted from zero; of the corridor from one"""
     side: str
     """lower, upper, or both where they are equal"""
     multiplier: float
@@ -60,7 +62,8 @@ class PlanExplanation(NamedTuple):
     inputs: Array
     """(N, 3), planned"""
     states: Array
-    """(N + 1, 6), predicted, the measured one first; e_y and e_psi counted from the road"""
+    """(N + 1, 6), predicted, that at which the plan begins first; e_y and e_psi counted from the
+    road"""
     reference: Array
     """(N, 6), of stages 1 … N; e_y and e_psi counted from the circle of the curvature at the car"""
     active: tuple[ActiveBound, ...]
@@ -73,6 +76,8 @@ def solve_again(program: QuadraticProgram, z: Array | None, n_inputs: int) -> Se
 
     `n_inputs` of its variables are inputs.
     """
+    if not program.has_finite_matrices():
+        return SecondSolution(SolveStatus.NUMERICS, 0, np.nan, np.nan)
     copy = program.copy()
     solver = open_solver(copy, warm_start=False)
     status = solver.solve()
@@ -84,19 +89,23 @@ def solve_again(program: QuadraticProgram, z: Array | None, n_inputs: int) -> Se
     return SecondSolution(status, solver.iterations, difference, _multipliers(program, z)[1])
 
 
-def active_bounds(program: QuadraticProgram, z: Array, n_inputs: int) -> tuple[ActiveBound, ...]:
+def active_bounds(
+    program: QuadraticProgram, z: Array, knot_stages: Sequence[int]
+) -> tuple[ActiveBound, ...]:
     """The bounds that are active at the solution `z` (n,), by variable, then by row."""
+    n_inputs = N_INPUTS * len(knot_stages)
     indices, signs = _active(program, z)
     multipliers, _ = _multipliers(program, z)
     n_slews = len(program.G) - (program.size - n_inputs)
     found = []
     for index, sign, multiplier in zip(indices, signs, multipliers, strict=True):
         place = int(index) - program.size
-        stage, column = divmod(int(index) if place < 0 else place, N_INPUTS)
+        knot, column = divmod(int(index) if place < 0 else place, N_INPUTS)
         if place >= n_slews:
             kind, signal, stage = "corridor", "ey_m", place - n_slews + 1
         else:
             kind, signal = "value" if place < 0 else "change", ControlInput._fields[column]
+            stage = knot_stages[knot]
         is_equal = program.all_upper[index] - program.all_lower[index] <= ACTIVE
         side = "both" if is_equal else "upper" if sign > 0.0 else "lower"
         found.append(ActiveBound(kind, signal, stage, side, float(sign * multiplier)))
@@ -127,39 +136,43 @@ def cost_shares(
     cost: TrackingCost,
     states: Array,
     reference: Array,
+    intervals: Array,
     inputs: Array,
     previous: Array,
+    length_m: Array,
     corridor: tuple[float, float] | None = None,
 ) -> tuple[CostShare, ...]:
     """The terms of eq. (14) that are not zero, the largest first; a half of each square.
 
     Args:
         cost: tolerances.
-        states: (N, p) of stages 1 … N as the model predicts them: 6 states, and the latents where
-            they have a weight.
-        reference: (N, p) of the same stages, counted as the states are.
+        states: (K + 1, 6) at the knots and at the end, as the model predicts them.
+        reference: (K + 1, 6) at the same stages, counted as the states are.
+        intervals: (K,), periods between them.
         inputs: (N, 3).
         previous: (3,), the input of the last period.
+        length_m: (K,), over which the course of each interval is computed.
         corridor: half of its width in m, and its weight; None: there is none.
     """
-    stage_weights = np.ones(len(states))
-    stage_weights[-1] = cost.terminal_factor
-    deviation = states - reference
-    n_states = len(VehicleState._fields)
+    stage_weights = intervals.copy()
+    stage_weights[-1] *= cost.terminal_factor
+    names, ey = list(VehicleState._fields), StateColumn.ey_m
+    all_stages = states - reference
+    deviation = all_stages[1:].copy()
+    if cost.heading == "course":
+        names[StateColumn.epsi_rad] = "course"
+        deviation[:, StateColumn.epsi_rad] = np.diff(all_stages[:, ey]) / length_m
     terms = {
         f"deviation of {name}": stage_weights @ np.square(deviation[:, i] / cost.state[i])
-        for i, name in enumerate(VehicleState._fields)
+        for i, name in enumerate(names)
     }
-    if deviation.shape[1] > n_states:
-        latents = np.square(deviation[:, n_states:]).sum(axis=1)
-        terms["deviation of latents"] = cost.latent_weight * (stage_weights @ latents)
     changes = np.diff(inputs, axis=0, prepend=previous[None])
     for i, name in enumerate(ControlInput._fields):
         terms[f"size of {name}"] = np.square(inputs[:, i] / cost.control[i]).sum()
         terms[f"change of {name}"] = np.square(changes[:, i] / cost.control_change[i]).sum()
     if corridor is not None:
         half_width_m, weight = corridor
-        excess_m = np.abs(deviation[:, VehicleState._fields.index("ey_m")]) - half_width_m
+        excess_m = np.abs(deviation[:, ey]) - half_width_m
         terms["beyond the corridor"] = weight * np.square(np.maximum(excess_m, 0.0)).sum()
     total = float(sum(terms.values()))
     shares = [

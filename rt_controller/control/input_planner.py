@@ -1,5 +1,6 @@
 """The input of a tick: by the model, by the low-speed law, or from the last good plan."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from rt_controller.contract.arrays import Array
@@ -60,6 +61,7 @@ class InputPlanner:
         periods: int,
         *,
         stops: bool,
+        under_way: Sequence[ControlInput] = (),
     ) -> PlannedInput:
         """Lift the state, expand the reference, solve; or low-speed law; or hold the last plan.
 
@@ -71,15 +73,16 @@ class InputPlanner:
             last: input of the last tick.
             periods: since the last tick.
             stops: the car is to be brought to rest, whatever speed the path says.
+            under_way: inputs that were sent, and act before the one of this tick.
         """
         previous_law = self._low_speed.law
         slow_path = path._replace(v_mps=0.0, a_mps2=0.0) if stops else path
         if self._low_speed.choose(state.vx_mps, slow_path) is not Mode.NOMINAL:
-            slow = self._low_speed.control(state, curvature_per_m, slow_path, last)
+            slow = self._low_speed.control(state, curvature_per_m, slow_path, last, under_way)
             return PlannedInput(self._plan.store_constant(slow))
         if previous_law is not Mode.NOMINAL:
             self._mpc.resume(last)
-        status = self._mpc.plan(state, curvature_per_m, path, last, preview)
+        status = self._mpc.plan(state, curvature_per_m, path, last, preview, under_way)
         is_solved = status is SolveStatus.SOLVED
         control = self._plan.store(self._mpc.inputs) if is_solved else self._plan.next(periods)
         return PlannedInput(
@@ -114,6 +117,7 @@ class InputPlanner:
             self.forget()
         if not is_driven:
             self._low_speed.reset()
+            self._mpc.reset()
         if self._low_speed.law is not Mode.NOMINAL:
             self._mpc.forget()  # the model has no data of so slow a car
         self._mpc.observe(state, applied)
@@ -121,5 +125,5 @@ class InputPlanner:
 
     def observe_estimate(self, state: VehicleState, applied: ControlInput) -> None:
         """The same with an estimated state, for a stop."""
-        self._mpc.observe(state, applied)
+        self._mpc.observe_estimate(state, applied)
         self._low_speed.forget()

@@ -1,36 +1,41 @@
 """Model predictive control of eq. (14): state and path in, planned inputs out."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.rollout import one_step, roll_out
+from rt_controller.contract.model.rollout import Matrices, one_step, roll_out
 from rt_controller.contract.model.validation import require_drivable
 from rt_controller.contract.schema import N_INPUTS, N_STATES
 from rt_controller.contract.signals import (
+    AT_REST,
     ControlInput,
     CurvaturePreview,
     PathReference,
+    StateColumn,
     VehicleState,
 )
+from rt_controller.control.estimator import Estimator
 from rt_controller.control.explanation import (
     PlanExplanation,
     active_bounds,
     cost_shares,
     solve_again,
 )
+from rt_controller.control.knots import place_knots
 from rt_controller.control.lift import Encoder, History
-from rt_controller.control.pedals import PedalChoice, open_throttle
+from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.qp import WITH_SLEW, CondensedQp, Features
 from rt_controller.control.reference import ReferenceHorizon
 from rt_controller.control.solver import Solver, SolveStatus, open_solver
 from rt_controller.control.terms import TrackingCost
 
+INTEGRAL_GAIN, LARGEST_INTEGRAL_M, INTEGRATED_M = 0.005, 0.03, 0.1
+"""of the lateral error, in one period; a larger error is not integrated"""
 STRAIGHT_PATH = PathReference(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -41,7 +46,6 @@ class Mpc:
 
     Raises:
         ArtifactError: the bundle is not of this car, or its encoder or QP cannot be used.
-        ConfigError: latents have a weight, and the lift needs a history that a reference has not.
 
     Paper: eq. (14).
     """
@@ -53,25 +57,20 @@ class Mpc:
         cost: TrackingCost,
         features: Features = WITH_SLEW,
         open_solver: Callable[[QuadraticProgram], Solver] = open_solver,
+        knots: int | None = None,
     ) -> None:
+        """`knots` over `horizon` periods, as of `place_knots`."""
         require_drivable(bundle)
-        if cost.latent_weight > 0.0 and bundle.lift.sees_history:
-            raise ConfigError(
-                f"The model {bundle.name!r} lifts a state together with its history, and a "
-                f"reference state has none: expected `mpc.latent_weight` 0, found "
-                f"{cost.latent_weight:g}. Leave the weight at 0, or choose a model whose lift "
-                f"has no history."
-            )
         self._bundle = bundle
         self._cost, self._corridor = cost, features.corridor
         self._encoder = Encoder(bundle)
         rows = self._encoder.history
         self._history = None if rows is None else History(rows)
-        self._reference = ReferenceHorizon(horizon)
         self._pedals = PedalChoice()
-        self._qp = CondensedQp(bundle, horizon, cost, features)
+        self._qp = CondensedQp(bundle, horizon, cost, features, knots)
+        self._reference = ReferenceHorizon(self._qp.knots)
         self._solver = open_solver(self._qp.program)
-        self._tracks_latents = self._qp.parameters.reference.shape[1] > N_STATES
+        self._estimator = Estimator(bundle, self._qp.typical_jacobian)
         self.solve_ns = 0
         """time of the last solve"""
         self.max_iterations: int | None = None
@@ -80,6 +79,9 @@ class Mpc:
         """(N, 3), the plan of the last solve that succeeded"""
         self._path = STRAIGHT_PATH
         self._preview: CurvaturePreview | None = None
+        self._under_way: Sequence[ControlInput] = ()
+        self._integral_m = 0.0
+        self._observed = self._estimate = self._planned_from = AT_REST
         self._has_plan = False
         self._is_prepared = False
 
@@ -90,6 +92,7 @@ class Mpc:
         path: PathReference,
         previous: ControlInput,
         preview: CurvaturePreview | None = None,
+        under_way: Sequence[ControlInput] = (),
     ) -> SolveStatus:
         """Status of planning from `state`; on SOLVED, `inputs` holds the plan.
 
@@ -99,20 +102,26 @@ class Mpc:
             path: as seen from the car.
             previous: the input of the last period: slew rates and the cost of change start from it.
             preview: of the road ahead; None: its curvature is constant.
+            under_way: inputs of earlier plans that act from now on, one in each period; the plan
+                begins after them.
         """
         if self._history is not None and not self._history.is_begun:
             self._history.advance(state, previous)
-        self._path, self._preview = path, preview
+        if state is self._observed:
+            state = self._estimate
+        self._planned_from = state
+        self._path, self._preview, self._under_way = path, preview, under_way
 
         psi = self._encoder.lift(state, curvature_per_m)
-        reference = self._reference.expand(path, state, curvature_per_m, preview)
-        if self._tracks_latents:
-            reference = self._encoder.lift_batch(reference, curvature_per_m)
         parameters = self._qp.parameters
-        parameters.psi[:] = psi
-        parameters.curvature_per_m[:] = curvature_per_m
+        parameters.disturbance[:] = self._estimator.disturbance
+        parameters.psi[:] = self._after(psi, under_way, curvature_per_m)
+        parameters.curvature_per_m = curvature_per_m
         parameters.previous[:] = previous
-        parameters.reference[:] = reference
+        parameters.reference[:] = self._reference.expand(
+            path, state, curvature_per_m, preview, len(under_way)
+        )
+        parameters.reference[:, StateColumn.ey_m] -= self._integrate(state.ey_m - path.c0_m)
         self._pedals.update(state.vx_mps - path.v_mps, path.a_mps2)
         if not self._is_prepared:
             self._update_matrices()
@@ -125,8 +134,24 @@ class Mpc:
         self._has_plan = status is SolveStatus.SOLVED
         if self._has_plan:
             v = self._solver.solution[: self._qp.scale.size]
-            np.multiply(v, self._qp.scale, out=self.inputs.reshape(-1))
+            knots = (v * self._qp.scale).reshape(-1, N_INPUTS)
+            np.dot(self._qp.interpolation, knots, out=self.inputs)
         return status
+
+    def _integrate(self, error_m: float) -> float:
+        """Slow integral of the lateral error: what the disturbance leaves over."""
+        if abs(error_m) < INTEGRATED_M:
+            changed_m = self._integral_m + INTEGRAL_GAIN * error_m
+            self._integral_m = min(max(changed_m, -LARGEST_INTEGRAL_M), LARGEST_INTEGRAL_M)
+        return self._integral_m
+
+    def _after(self, psi: Array, inputs: Sequence[ControlInput], curvature_per_m: float) -> Array:
+        """Lifted state (n,) that is predicted after some inputs, one in each period."""
+        w = np.array([curvature_per_m])
+        for each in inputs:
+            psi = one_step(self._bundle, psi, psi, np.array(each), w)
+            psi[:N_STATES] += self._estimator.disturbance
+        return psi
 
     def prepare(self) -> None:
         """Build the matrices of the next period's QP, around its predicted state.
@@ -138,10 +163,14 @@ class Mpc:
         self._is_prepared = False
         if not self._has_plan:
             return
-        parameters, psi = self._qp.parameters, self._qp.parameters.psi
-        psi[:] = one_step(self._bundle, psi, psi, self.inputs[0], parameters.curvature_per_m)
+        parameters = self._qp.parameters
+        acting = self._under_way[0] if self._under_way else ControlInput(*self.inputs[0].tolist())
+        self._estimator.advance(self._encoder.psi, acting, parameters.curvature_per_m)
+        psi = parameters.psi
+        psi[:] = self._after(
+            psi, [ControlInput(*self.inputs[0].tolist())], parameters.curvature_per_m
+        )
         parameters.previous[:] = self.inputs[0]
-        parameters.reference[:-1] = parameters.reference[1:]
         self._is_prepared = self._update_matrices()
         self._has_plan = False  # a plan is the nominal trajectory of one period only
 
@@ -155,22 +184,43 @@ class Mpc:
             return
         parameters = self._qp.parameters
         state = VehicleState(*parameters.psi[:N_STATES].tolist())
-        curvature_per_m = float(parameters.curvature_per_m[0])
-        self._reference.expand(self._path, state, curvature_per_m, self._preview)
+        curvature_per_m = parameters.curvature_per_m
+        delay = len(self._under_way)
+        self._reference.expand(self._path, state, curvature_per_m, self._preview, delay)
         self._encoder.lift(state, curvature_per_m)
         self._qp.update_vectors(self._pedals)
         self._solver.solve()
 
     def observe(self, state: VehicleState, held: ControlInput) -> None:
-        """Add `state` to the history; `held` was applied in the period that ended here."""
+        """Filter `state` and add it to the history; `held` was applied until now."""
+        self._observed, self._estimate = (
+            state,
+            self._estimator.estimate(state, self._qp.parameters.curvature_per_m),
+        )
         if self._history is not None:
-            self._history.advance(state, held)
+            self._history.advance(self._estimate, held)
+
+    def observe_estimate(self, state: VehicleState, held: ControlInput) -> None:
+        """The same with a state that is partly estimated, since a signal is faulty.
+
+        What was learned from the faulty signal is discarded, and nothing is learned from it.
+        """
+        self._estimator.reset()
+        self._integral_m = 0.0
+        self.observe(state, held)
 
     def forget(self) -> None:
         """Discard the history and the plan: a period or more is missing before the next state."""
         self._has_plan = self._is_prepared = False
+        self._estimator.forget()
         if self._history is not None:
             self._history.forget()
+
+    def reset(self) -> None:
+        """Another drive begins: discard all that was learned from the last one."""
+        self.forget()
+        self._estimator.reset()
+        self._integral_m = 0.0
 
     def resume(self, previous: ControlInput) -> None:
         """Before the first plan after another law made the inputs, the last one `previous`."""
@@ -190,61 +240,78 @@ class Mpc:
 
     @property
     def lifted(self) -> Array:
-        """psi (n,) that the last plan started from; `prepare` overwrites it."""
-        return self._qp.parameters.psi
+        """psi (n,) of the last state; `warm_up` overwrites it."""
+        return self._encoder.psi
 
     def predicted_states(self) -> Array | None:
-        """States (N + 1, 6) that the model predicts under `inputs`, the present one first.
+        """States (N + 1, 6) that the model predicts under `inputs`, that at their begin first.
 
         Allocates memory, so the control loop does not call it. None unless the last call was a
         `plan` that succeeded: `prepare` and `forget` discard what the prediction starts from.
         """
         if not self._has_plan:
             return None
-        psi, curvature_per_m = self._qp.parameters.psi, self._qp.parameters.curvature_per_m
-        W = np.broadcast_to(curvature_per_m, (1, len(self.inputs), 1))
-        (states,) = roll_out(self._bundle, psi[None], self.inputs[None], W, N_STATES)
-        return self._reference.counted_from_road(states)
+        return self._all_stages().counted_from_road(self._prediction())
+
+    def _all_stages(self) -> ReferenceHorizon:
+        """The reference of the last plan at each stage."""
+        reference = ReferenceHorizon(place_knots(len(self.inputs), len(self.inputs)))
+        curvature_per_m, delay = self._qp.parameters.curvature_per_m, len(self._under_way)
+        reference.expand(self._path, self._planned_from, curvature_per_m, self._preview, delay)
+        return reference
+
+    def _prediction(self) -> Array:
+        """The same, with e_y and e_psi counted from the circle of the curvature at the car."""
+        parameters, bundle = self._qp.parameters, self._bundle
+        c = bundle.c.copy()
+        c[:N_STATES] += parameters.disturbance
+        disturbed = Matrices(bundle.A, bundle.B_uc, bundle.B_uw, c, bundle.bilinear, bundle.drift)
+        W = np.full((1, len(self.inputs), 1), parameters.curvature_per_m)
+        psi, inputs = parameters.psi[None], self.inputs[None]
+        return np.asarray(roll_out(disturbed, psi, inputs, W, N_STATES)[0])
 
     def explain_plan(self) -> PlanExplanation:
         """The last plan explained, for people; its QP is solved once more from a cold start.
 
         Right after a `plan`. Without a solution its numbers are NaN, and the second one says why.
         """
-        program, parameters, n_inputs = self._qp.program, self._qp.parameters, self._qp.scale.size
-        horizon, width = parameters.reference.shape
+        program, parameters, knots = self._qp.program, self._qp.parameters, self._qp.knots
+        n_inputs, horizon = self._qp.scale.size, knots.horizon
         if not self._has_plan:
             nothing = np.full((horizon + 1, N_STATES), np.nan)
             second = solve_again(program, None, n_inputs)
             inputs = np.full((horizon, N_INPUTS), np.nan)
             return PlanExplanation(inputs, nothing, nothing[1:], (), (), second)
         z = self._solver.solution.copy()
-        W = np.broadcast_to(parameters.curvature_per_m, (1, horizon, 1))
-        (outputs,) = roll_out(self._bundle, parameters.psi[None], self.inputs[None], W, width)
-        corridor = self._corridor and (self._corridor.half_width_m, self._corridor.weight)
-        reference = parameters.reference.copy()
+        states, reference = self._prediction(), self._all_stages()
         costs = cost_shares(
-            self._cost, outputs[1:], reference, self.inputs, parameters.previous, corridor
+            self._cost,
+            states[[0, *knots.ends]],
+            parameters.reference,
+            knots.intervals,
+            self.inputs,
+            parameters.previous,
+            self._qp.objective.length_m,
+            self._corridor and (self._corridor.half_width_m, self._corridor.weight),
         )
         return PlanExplanation(
             self.inputs.copy(),
-            self._reference.counted_from_road(outputs[:, :N_STATES]),
-            reference[:, :N_STATES],
-            active_bounds(program, z, n_inputs),
+            reference.counted_from_road(states),
+            reference.states[1:].copy(),
+            active_bounds(program, z, knots.stages),
             costs,
             solve_again(program, z, n_inputs),
         )
 
     def _update_matrices(self) -> bool:
         """True if the matrices at the present parameters make a convex QP."""
-        nominal, parameters = self._qp.parameters.nominal_inputs, self._qp.parameters
+        parameters = self._qp.parameters
+        knots = parameters.nominal_knots
         if self._has_plan:  # shifted by one period
-            nominal[:-1] = self.inputs[1:]
-            nominal[-1] = self.inputs[-1]
+            following = np.minimum(np.add(self._qp.knots.stages, 1), len(self.inputs) - 1)
+            knots[:] = self.inputs[following]
         else:
-            nominal[:] = parameters.previous
-        if not self._qp.matrices_vary:
-            return True
-        open_throttle(nominal, self._pedals)
-        self._qp.update_matrices()
-        return self._solver.update_matrices()
+            knots[:] = parameters.previous
+        np.dot(self._qp.interpolation, knots, out=parameters.nominal_inputs)
+        self._qp.update_matrices(self._pedals.used_inputs(parameters.previous))
+        return not self._qp.matrices_vary or self._solver.update_matrices()

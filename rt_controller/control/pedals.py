@@ -8,6 +8,7 @@ from enum import IntEnum
 from math import ceil
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import PEDAL_CHANGE_S
@@ -28,9 +29,6 @@ THROTTLE_BELOW_MPS = 0.2
 BRAKE_BELOW_MPS2 = -0.6
 """reference deceleration stronger than that of a closed throttle"""
 THROTTLE_ABOVE_MPS2 = -0.3
-
-OPENED_THROTTLE = 0.15
-"""throttle from which a plan counts as one with an opened throttle"""
 
 _CHANGE_TICKS = round(PEDAL_CHANGE_S / PERIOD_S)
 
@@ -58,35 +56,34 @@ class PedalChoice:
         self.pedal = Pedal.BRAKE if previous.brake_n > 0.0 else Pedal.THROTTLE
         self.ticks_until_pressed = 0
 
+    def used_inputs(self, previous: Array) -> slice:
+        """Columns of the inputs that are not bound to zero, after the input `previous` (3,)."""
+        released = Pedal.BRAKE if self.pedal is Pedal.THROTTLE else Pedal.THROTTLE
+        if previous[released] > 0.0:
+            return slice(None)
+        steer = InputColumn.steer_rad
+        return slice(self.pedal, steer + 1, steer - self.pedal)
+
     def _change_to(self, pedal: Pedal) -> None:
         self.pedal = pedal
         self.ticks_until_pressed = _CHANGE_TICKS
 
 
-def open_throttle(nominal: Array, choice: PedalChoice) -> None:
-    """Raise the nominal inputs (N, 3) to an opened throttle, in place, unless the brake is in use.
+def limit_pedals(
+    upper: Array, periods: NDArray[np.int64], choice: PedalChoice, previous: Array, slew: Array
+) -> None:
+    """Set the upper bounds of both pedals at the knots of the horizon, in place.
 
-    Near a closed throttle an engine hardly responds, so the gain there is about zero. A plan along
-    which the throttle is closed would keep it closed, at any speed error.
-    """
-    if choice.pedal is Pedal.THROTTLE:
-        throttle = nominal[:, InputColumn.throttle]
-        np.maximum(throttle, OPENED_THROTTLE, out=throttle)
-
-
-def limit_pedals(upper: Array, choice: PedalChoice, previous: Array, slew: Array) -> None:
-    """Set the upper bounds of both pedals over the horizon, in place.
-
-    `upper` (N, 3), `previous` (3,) the input of the last period and `slew` (3,) its largest change
-    in one period, all in units of the inputs' ranges.
+    `upper` (K, 3), `previous` (3,) the input of the last period and `slew` (3,) its largest change
+    in one period, all in units of the inputs' ranges; `periods` (K,) from the last one to the knot.
     """
     pressed = choice.pedal
     released = Pedal.BRAKE if pressed is Pedal.THROTTLE else Pedal.THROTTLE
     upper[:, pressed] = 1.0
     upper[:, released] = 0.0
     if previous[released] > 0.0:
-        periods = np.arange(1, upper.shape[0] + 1)
         upper[:, released] = np.maximum(previous[released] - slew[released] * periods, 0.0)
     if previous[pressed] <= 0.0:
         release_ticks = ceil(previous[released] / slew[released] - 1e-9)
-        upper[: max(release_ticks, choice.ticks_until_pressed), pressed] = 0.0
+        wait = max(release_ticks, choice.ticks_until_pressed)
+        upper[periods <= wait, pressed] = 0.0

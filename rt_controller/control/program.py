@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.schema import N_INPUTS
+from rt_controller.contract.schema import N_INPUTS, N_STATES
+from rt_controller.control.knots import Knots
 
 
 class QuadraticProgram:
@@ -62,24 +63,20 @@ class QuadraticProgram:
 
 
 class QpParameters:
-    """What changes from one period to the next: [psi_0; kappa; 1; u_prev; y_r] in one vector.
+    """What changes from one period to the next."""
 
-    y_r are the reference outputs of stages 1 … N. All names below are views of `vector`.
-    """
-
-    def __init__(self, n_observables: int, horizon: int, n_outputs: int) -> None:
-        n = n_observables
-        self.vector = np.zeros(n + 2 + N_INPUTS + horizon * n_outputs)
-        self.vector[n + 1] = 1.0
-        self.initial = self.vector[: n + 2]
-        """(n + 2,), [psi_0; kappa; 1]: the free response is a linear map of it"""
-        self.psi = self.vector[:n]
+    def __init__(self, n_observables: int, knots: Knots) -> None:
+        self.psi = np.zeros(n_observables)
         """(n,), psi_0"""
-        self.curvature_per_m = self.vector[n : n + 1]
-        """(1,), kappa, constant over the horizon"""
-        self.previous = self.vector[n + 2 : n + 2 + N_INPUTS]
+        self.curvature_per_m = 0.0
+        """kappa, constant over the horizon"""
+        self.previous = np.zeros(N_INPUTS)
         """(3,), the input of the last period"""
-        self.reference = self.vector[n + 2 + N_INPUTS :].reshape(horizon, n_outputs)
-        """(N, p), y_r"""
-        self.nominal_inputs = np.zeros((horizon, N_INPUTS))
-        """(N, 3), the inputs along which a bilinear model is linearised"""
+        self.reference = np.zeros((knots.count + 1, N_STATES))
+        """(K + 1, 6), reference states at the knots and at the end of the horizon"""
+        self.disturbance = np.zeros(N_STATES)
+        """(6,), what is added to the predicted states in every period"""
+        self.nominal_knots = np.zeros((knots.count, N_INPUTS))
+        """(K, 3), the inputs along which the model is linearised"""
+        self.nominal_inputs = np.zeros((knots.horizon, N_INPUTS))
+        """(N, 3), the same at all stages"""

@@ -4,12 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.schema import N_INPUTS, N_STATES
-from rt_controller.contract.signals import StateColumn
-from rt_controller.control.objective import Objective, free_response, require_convex
+from rt_controller.contract.schema import N_INPUTS
+from rt_controller.control.knots import place_knots
+from rt_controller.control.linearisation import ALL_INPUTS
+from rt_controller.control.objective import Objective, require_convex
 from rt_controller.control.pedals import PedalChoice, limit_pedals
 from rt_controller.control.program import QpParameters, QuadraticProgram
 from rt_controller.control.terms import (
@@ -34,11 +34,12 @@ WITH_SLEW = Features()
 
 
 class CondensedQp:
-    """Eq. (14) over z = [v; s]: v the inputs of N stages in units of their ranges, s the slacks.
+    """Eq. (14) over z = [v; s]: v the inputs at K knots in units of their ranges, s the slacks.
 
-    The states are eliminated, so the size does not depend on the number of latents. Allocated
-    once; a period writes `parameters` and calls `update_vectors`. With a bilinear model the
-    matrices depend on the parameters too, and are those of the last `update_matrices`.
+    The states are eliminated, so the size does not depend on the number of latents. Between the
+    knots the inputs are straight lines. Allocated once; a period writes `parameters` and calls
+    `update_vectors`. Where the matrices depend on the parameters too, they are those of the last
+    `update_matrices`.
 
     Raises:
         ArtifactError: the bundle's model makes the problem non-convex or not finite.
@@ -52,32 +53,35 @@ class CondensedQp:
         horizon: int,
         cost: TrackingCost,
         features: Features = WITH_SLEW,
+        knots: int | None = None,
     ) -> None:
-        inputs = constrain_inputs(horizon)
-        terms = cost_terms(cost, inputs, bundle.n_observables - N_STATES)
+        """`knots` over `horizon` periods, as of `place_knots`."""
+        self.knots = place_knots(horizon, knots)
+        inputs = constrain_inputs(self.knots)
+        terms = cost_terms(cost, inputs, self.knots)
         self.objective = Objective(bundle, terms)
-        self.parameters = QpParameters(bundle.n_observables, horizon, terms.stage.size)
+        self.parameters = QpParameters(bundle.n_observables, self.knots)
         self.scale = inputs.scale
         """(nv,), the range of each input: u = scale * v"""
+        self.interpolation = self.knots.interpolation
+        """(N, K), from the knots to all stages"""
         self.program = _assemble(self.objective, inputs, features)
         self.matrices_vary = self.objective.hessian_varies
-        self._horizon = horizon
+        self._periods_to_knot = 1 + np.array(self.knots.stages)
         self._slew = inputs.slew[:N_INPUTS]
         self._has_slew_rows = features.has_slew_rows
-        self._upper = self.program.upper[: self.scale.size].reshape(horizon, N_INPUTS)
-        self._corridor = (
-            None if features.corridor is None else CorridorRows(bundle, horizon, features.corridor)
-        )
+        self._upper = self.program.upper[: self.scale.size].reshape(-1, N_INPUTS)
+        self._corridor = features.corridor
         self._check_at_typical_state(bundle)
 
-    def update_matrices(self) -> None:
-        """Update P and G of `program` for the present parameters."""
+    def update_matrices(self, used: slice = ALL_INPUTS) -> None:
+        """Update P and G of `program` for the present parameters and the inputs that are used."""
         objective, program = self.objective, self.program
-        objective.update_matrices(self.parameters)
+        objective.update_matrices(self.parameters, used)
         if self._corridor is not None:
             nv = self.scale.size
             program.P[:nv, :nv] = objective.H
-            program.G[-self._horizon :, :nv] = objective.ey_response
+            program.G[-self.knots.count :, :nv] = objective.ey_response
 
     def update_vectors(self, pedals: PedalChoice) -> None:
         """Update q and the bounds of `program` for the present parameters."""
@@ -87,15 +91,14 @@ class CondensedQp:
         if self._has_slew_rows:
             np.subtract(v_prev, self._slew, out=program.row_lower[:N_INPUTS])
             np.add(v_prev, self._slew, out=program.row_upper[:N_INPUTS])
-        limit_pedals(self._upper, pedals, v_prev, self._slew)
+        limit_pedals(self._upper, self._periods_to_knot, pedals, v_prev, self._slew)
         if self._corridor is not None:
-            stages = slice(-self._horizon, None)
-            self._corridor.update_vectors(
-                parameters,
-                self.objective.ey_drift,
-                program.row_lower[stages],
-                program.row_upper[stages],
-            )
+            # -half <= e_y - e_y,r + s <= half: one slack of an interval serves both sides.
+            of_corridor = slice(-self.knots.count, None)
+            lower, upper = program.row_lower[of_corridor], program.row_upper[of_corridor]
+            np.negative(self.objective.ey_deviation_m, out=upper)
+            np.subtract(upper, self._corridor.half_width_m, out=lower)
+            upper += self._corridor.half_width_m
             program.q[: self.scale.size] = self.objective.gradient
 
     def _check_at_typical_state(self, bundle: Bundle) -> None:
@@ -103,6 +106,8 @@ class CondensedQp:
         with np.errstate(all="ignore"):
             self.update_matrices()
             self.update_vectors(PedalChoice())
+        self.typical_jacobian = self.objective.jacobian()
+        """(n, n), the derivative of psi+ by psi at a typical state"""
         if not (np.isfinite(self.program.P).all() and self.program.has_finite_vectors()):
             raise ArtifactError(
                 "The model's prediction over the horizon is not finite: expected a model that "
@@ -111,41 +116,12 @@ class CondensedQp:
         require_convex(self.program.P)
 
 
-class CorridorRows:
-    """-half <= e_y,k - e_y,r,k + s_k <= half for the stages k of a horizon.
-
-    The slacks s_k are unbounded: one for each stage serves both sides, and is zero where the row
-    holds without it.
-    """
-
-    def __init__(self, bundle: Bundle, horizon: int, corridor: Corridor) -> None:
-        n_outputs = StateColumn.ey_m + 1
-        free = free_response(bundle, horizon, n_outputs)
-        self._free_response_map = np.ascontiguousarray(free[StateColumn.ey_m :: n_outputs])
-        self._free_response_m = np.zeros(horizon)
-        self._half_width_m = corridor.half_width_m
-
-    def update_vectors(
-        self, parameters: QpParameters, drift_m: Array | None, lower: Array, upper: Array
-    ) -> None:
-        """Write the bounds (N,) of the rows: metres that the inputs may add to e_y.
-
-        `drift_m` (N,) is what the drift adds to it, if the model has one.
-        """
-        np.dot(self._free_response_map, parameters.initial, out=self._free_response_m)
-        if drift_m is not None:
-            self._free_response_m += drift_m
-        np.subtract(parameters.reference[:, StateColumn.ey_m], self._free_response_m, out=upper)
-        np.subtract(upper, self._half_width_m, out=lower)
-        upper += self._half_width_m
-
-
 def _assemble(
     objective: Objective, inputs: InputConstraints, features: Features
 ) -> QuadraticProgram:
     """The program, with everything written that `CondensedQp` does not update."""
-    nv, horizon = inputs.scale.size, inputs.scale.size // N_INPUTS
-    slacks = 0 if features.corridor is None else horizon
+    nv = inputs.scale.size
+    slacks = 0 if features.corridor is None else nv // N_INPUTS
     slews = nv if features.has_slew_rows else 0
     P, q = objective.H, objective.gradient
     if features.corridor is not None:
@@ -154,7 +130,7 @@ def _assemble(
     G[:slews, :nv] = inputs.D[:slews]
     G[slews:, nv:] = np.eye(slacks)
     pattern = G != 0.0
-    pattern[slews:, :nv] = np.arange(nv) // N_INPUTS <= np.arange(slacks)[:, None]
+    pattern[slews:, :nv] |= slacks > 0
     varies = objective.hessian_varies
     program = QuadraticProgram(P, q, G, pattern, varies, varies and slacks > 0)
     program.lower[:nv], program.upper[:nv] = inputs.lower, inputs.upper

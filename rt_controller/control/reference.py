@@ -11,6 +11,7 @@ from rt_controller.contract.signals import (
     VehicleState,
 )
 from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.knots import Knots
 
 _POWERS = 4
 _OF_RAMPS = np.array([[1.0 / 6.0], [1.0 / 2.0], [1.0]])
@@ -18,11 +19,11 @@ _OF_RAMPS = np.array([[1.0 / 6.0], [1.0 / 2.0], [1.0]])
 
 
 class ReferenceHorizon:
-    """Reference states x_r of stages 1 … N, in preallocated memory.
+    """Reference states x_r at the knots 0 … K - 1 and at the end of the horizon, preallocated.
 
-    Stage k is where the car will be after k periods. Heading and yaw rate follow the path's slope
-    and curvature. Holding the present reference over the horizon would give several times the
-    lateral error.
+    They are where the car will be then, counted from the `delay` of the inputs on. Heading and yaw
+    rate follow the path's slope and curvature. Holding the present reference over the horizon would
+    give several times the lateral error.
 
     e_y and e_psi are counted from the circle that has the curvature of the road at the car, because
     a model predicts along it, as it was trained. A road of other curvature ahead turns away from
@@ -31,12 +32,14 @@ class ReferenceHorizon:
     ramps c_j max(sigma - sigma_j, 0).
     """
 
-    def __init__(self, horizon: int) -> None:
-        self.states = np.zeros((horizon, len(VehicleState._fields)))
-        """(N, 6), columns as `VehicleState`"""
-        self._elapsed_s = PERIOD_S * np.arange(1, horizon + 1)
-        self._speed_mps = np.zeros(horizon)
-        self._terms = np.ones((_POWERS + 3 * KNOTS, horizon))
+    def __init__(self, knots: Knots) -> None:
+        stages = knots.count + 1
+        self.states = np.zeros((stages, len(VehicleState._fields)))
+        """(K + 1, 6), columns as `VehicleState`"""
+        self._stage_s = PERIOD_S * np.array((0, *knots.ends), dtype=np.float64)
+        self._elapsed_s = self._stage_s.copy()
+        self._speed_mps = np.zeros(stages)
+        self._terms = np.ones((_POWERS + 3 * KNOTS, stages))
         """1, sigma, sigma^2, sigma^3; then third, second and first powers of the ramps"""
         _, self._sigma_m, self._sigma2, self._sigma3 = self._powers = self._terms[:_POWERS]
         self._cubes, self._squares, self._ramps = self._terms[_POWERS:].reshape(3, KNOTS, -1)
@@ -49,7 +52,7 @@ class ReferenceHorizon:
         """(3, 5), a view"""
         self._numbers = np.arange(KNOTS, dtype=np.float64)[:, None]
         self._starts_m = np.zeros((KNOTS, 1))
-        self._values = np.zeros((3, horizon))
+        self._values = np.zeros((3, stages))
         """e_y, slope and curvature of each stage"""
         self._is_circle = True
         self._constant_per_m = 0.0
@@ -61,8 +64,9 @@ class ReferenceHorizon:
         state: VehicleState,
         curvature_per_m: float,
         preview: CurvaturePreview | None = None,
+        delay: int = 0,
     ) -> Array:
-        """Reference states (N, 6) along `path`, seen from `state`.
+        """Reference states (K + 1, 6) along `path`, seen from `state`.
 
         The reference of the lateral velocity is zero.
 
@@ -71,7 +75,9 @@ class ReferenceHorizon:
             state: the present one.
             curvature_per_m: of the road at the car.
             preview: of the road ahead; None: the curvature is constant.
+            delay: periods from now to the first knot.
         """
+        np.add(self._stage_s, delay * PERIOD_S, out=self._elapsed_s)
         c0, c1, c2, c3, v_mps, a_mps2 = path
         speed_mps, sigma_m = self._speed_mps, self._sigma_m
         np.multiply(self._elapsed_s, a_mps2, out=speed_mps)
@@ -104,7 +110,7 @@ class ReferenceHorizon:
         return x
 
     def counted_from_road(self, states: Array) -> Array:
-        """Predicted `states` (N + 1, 6), of which e_y and e_psi were counted from the circle.
+        """Predicted `states` (K + 1, 6), of which e_y and e_psi were counted from the circle.
 
         At the arc lengths of the last `expand`. Allocates memory.
         """
@@ -114,8 +120,8 @@ class ReferenceHorizon:
         lateral_m += 0.5 * self._constant_per_m * self._sigma2
         slope += self._constant_per_m * self._sigma_m
         states = states.copy()
-        states[1:, StateColumn.ey_m] -= lateral_m
-        states[1:, StateColumn.epsi_rad] -= np.arctan(slope)
+        states[:, StateColumn.ey_m] -= lateral_m
+        states[:, StateColumn.epsi_rad] -= np.arctan(slope)
         return states
 
     def _turn_away(self, preview: CurvaturePreview, curvature_per_m: float) -> None:

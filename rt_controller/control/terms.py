@@ -1,29 +1,32 @@
 """Terms of eq. (14): weights from the deviations that an engineer tolerates, and constraints."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.schema import N_INPUTS
-from rt_controller.contract.signals import ControlInput, VehicleState
+from rt_controller.contract.signals import ControlInput, StateColumn, VehicleState
 from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.knots import Knots
+
+Heading = Literal["course", "epsi"]
 
 
 @dataclass(frozen=True, slots=True)
 class InputConstraints:
-    """lower <= v <= upper and -slew <= D v <= slew, for the nv = 3 N inputs v of a horizon.
+    """lower <= v <= upper and -slew <= D v <= slew, for the nv = 3 K inputs v at the knots.
 
-    v are the inputs in units of their ranges. At the first stage the change is counted from the
+    v are the inputs in units of their ranges. At the first knot the change is counted from the
     previous input, so the bounds of those rows move every period.
     """
 
     D: Array
-    """(nv, nv), row (k, i): v_k,i - v_(k-1),i"""
+    """(nv, nv), row (j, i): v_j,i - v_(j-1),i"""
     slew: Array
-    """(nv,), the largest change in one period"""
+    """(nv,), the largest change from one knot to the next"""
     scale: Array
     """(nv,), the range of each input: u = scale * v"""
     lower: Array
@@ -32,17 +35,23 @@ class InputConstraints:
     """(nv,)"""
 
 
-def constrain_inputs(horizon: int) -> InputConstraints:
-    """Input bounds of eq. (14) with slew rates added. Paper: eq. (14)."""
+def constrain_inputs(knots: Knots) -> InputConstraints:
+    """Bounds of the inputs and of their changes at the knots.
+
+    Paper: eq. (14), with slew rates added.
+    """
     lower, upper = np.array(INPUT_LIMITS.lower), np.array(INPUT_LIMITS.upper)
     range_ = upper - lower
-    nv = horizon * N_INPUTS
+    count = knots.count
+    nv = count * N_INPUTS
+    slew = np.tile(np.array(INPUT_LIMITS.rate_per_s) * PERIOD_S / range_, (count, 1))
+    slew[1:] *= knots.intervals[:-1, None]
     return InputConstraints(
         D=np.eye(nv) - np.eye(nv, k=-N_INPUTS),
-        slew=np.tile(np.array(INPUT_LIMITS.rate_per_s) * PERIOD_S / range_, horizon),
-        scale=np.tile(range_, horizon),
-        lower=np.tile(lower / range_, horizon),
-        upper=np.tile(upper / range_, horizon),
+        slew=slew.reshape(-1),
+        scale=np.tile(range_, count),
+        lower=np.tile(lower / range_, count),
+        upper=np.tile(upper / range_, count),
     )
 
 
@@ -70,53 +79,55 @@ class TrackingCost(NamedTuple):
     """tolerated size of an input: R of eq. (14)"""
     control_change: ControlInput
     """tolerated change of an input from one period to the next"""
-    latent_weight: float = 0.0
-    """weight of every latent; above zero psi_r is the whole lifted reference"""
     terminal_factor: float = 1.0
     """Q_N = terminal_factor * Q"""
+    heading: Heading = "course"
+    """which angle follows the direction of the path, with the tolerance of epsi_rad"""
 
 
 class CostTerms(NamedTuple):
     """Cost of eq. (14) with p outputs y a stage, and inputs v in units of their ranges.
 
-    1/2 (y - y_r)' Q (y - y_r) + 1/2 v' H v + (from_previous * u_prev)' v_0, with nv = 3 N inputs.
+    1/2 (y - y_r)' Q (y - y_r) + 1/2 v' H v + (from_previous * u_prev)' v_0, with nv = 3 K inputs.
     """
 
-    stage: Array
-    """(p,), the diagonal of Q of one stage"""
-    terminal_factor: float
+    columns: tuple[StateColumn, ...]
+    """states that are outputs: those with a weight, and e_y"""
+    has_course: bool
+    """the course is the last output"""
+    weights: Array
+    """(K, p), the diagonal of Q at the end of each interval between knots"""
     H: Array
     """(nv, nv), of the inputs and of their changes"""
     from_previous: Array
     """(3,)"""
     scale: Array
     """(nv,), the range of each input: u = scale * v"""
-
-    @property
-    def horizon(self) -> int:
-        return self.scale.size // N_INPUTS
-
-    def output_weights(self) -> Array:
-        """The whole diagonal of Q, (N p,)."""
-        weights = np.tile(self.stage, self.horizon)
-        weights[-self.stage.size :] *= self.terminal_factor
-        return weights
+    knots: Knots
 
 
-def cost_terms(cost: TrackingCost, constraints: InputConstraints, n_latents: int) -> CostTerms:
-    """The terms for these tolerances: p is 6, or 6 + n_latents where latents have a weight.
+def cost_terms(cost: TrackingCost, constraints: InputConstraints, knots: Knots) -> CostTerms:
+    """The terms for these tolerances; a state counts for all periods of its interval.
 
     Paper: eq. (14), with the cost of changes added.
     """
     with np.errstate(over="ignore"):  # no weight, as an infinite tolerance
         stage = 1.0 / np.square(np.array(cost.state, dtype=float))
-    if cost.latent_weight > 0.0:
-        stage = np.concatenate([stage, np.full(n_latents, cost.latent_weight)])
-    D, scale = constraints.D, constraints.scale
-    horizon = scale.size // N_INPUTS
-    r = np.square(scale / np.tile(cost.control, horizon))
-    s = np.square(scale / np.tile(cost.control_change, horizon))
-    # u_prev enters the change of the first stage only: -s (v_0 - u_prev / range).
-    from_previous = -s[:N_INPUTS] / scale[:N_INPUTS]
-    H = np.diag(r) + (D.T * s) @ D
-    return CostTerms(stage, cost.terminal_factor, H, from_previous, scale)
+    has_course = cost.heading == "course" and stage[StateColumn.epsi_rad] > 0.0
+    columns = [c for c in StateColumn if stage[c] > 0.0 or c is StateColumn.ey_m]
+    if has_course:  # the last one
+        columns.remove(StateColumn.epsi_rad)
+    of_outputs = stage[[*columns, StateColumn.epsi_rad][: len(columns) + has_course]]
+    scale = constraints.scale
+    weights = knots.intervals[:, None] * of_outputs
+    weights[-1] *= cost.terminal_factor
+    interpolation, horizon = knots.interpolation, knots.horizon
+    to_stages = np.kron(interpolation, np.eye(N_INPUTS)) * scale
+    """(3 N, nv), v -> the inputs of all stages"""
+    change = to_stages - np.vstack([np.zeros((N_INPUTS, scale.size)), to_stages[:-N_INPUTS]])
+    r = np.tile(1.0 / np.square(np.array(cost.control, dtype=float)), horizon)
+    s = np.tile(1.0 / np.square(np.array(cost.control_change, dtype=float)), horizon)
+    # u_prev enters the change of the first stage only: -s (u_0 - u_prev).
+    from_previous = -s[:N_INPUTS] * scale[:N_INPUTS]
+    H = (to_stages.T * r) @ to_stages + (change.T * s) @ change
+    return CostTerms(tuple(columns), has_course, weights, H, from_previous, scale, knots)

@@ -2,13 +2,13 @@
 
 from math import isfinite, isnan, sqrt
 
-from rt_controller.contract.preview import fit_preview
+from rt_controller.contract.preview import REACH_S, fit_preview
 from rt_controller.contract.signals import CurvaturePreview, PathReference
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.mapping.reference_line import ReferenceLine
 
-PREVIEW_S, PREVIEW_MIN_M, PREVIEW_VALUES = 0.6, 4.0, 33
-"""reach and resolution of the curvature ahead, as docs/connect.md recommends"""
+PREVIEW_MIN_M, PREVIEW_VALUES = 4.0, 33
+"""least reach, and resolution of the curvature ahead, as docs/connect.md recommends"""
 
 
 def preview_on(
@@ -17,7 +17,7 @@ def preview_on(
     """The curvature ahead of s; None: no line, no place on it, or beyond the range of the bus."""
     if line is None or not isfinite(s_m + vx_mps + wanted_mps):
         return None
-    reach_m = max(PREVIEW_S * max(vx_mps, wanted_mps), PREVIEW_MIN_M)
+    reach_m = max(REACH_S * max(vx_mps, wanted_mps), PREVIEW_MIN_M)
     ahead = line.curvature_ahead(s_m, reach_m, PREVIEW_VALUES)
     try:
         return fit_preview(ahead, reach_m)

@@ -75,12 +75,26 @@ def steer_along(
     return min(max(reached_rad, INPUT_LIMITS.lower.steer_rad), INPUT_LIMITS.upper.steer_rad)
 
 
-def largest_brake_n(state: VehicleState, off_path_m: float) -> float:
+def largest_brake_n(
+    course: Course,
+    steer_rad: float,
+    open_throttle: float = 0.0,
+    geometry: SteeringGeometry = DEFAULT_GEOMETRY,
+) -> float:
     """Brake force that leaves the tyres enough grip to steer, in N.
 
     At 120 km/h in a lane change the car would slide with the whole force. A car that leaves its
     path has too little grip for both: the road is wet, and it brakes less until it is back.
+
+    Args:
+        course: of the car.
+        steer_rad: wheel angle.
+        open_throttle: by which the throttle is open against its command.
+        geometry: of the car.
     """
-    beyond_m = max(abs(off_path_m) - TOLERATED_OFF_PATH_M, 0.0)
-    force_n = brake_beside_n(state.vx_mps * state.yaw_rate_radps)
+    path, state, _ = course
+    beyond_m = max(abs(state.ey_m - path.c0_m) - TOLERATED_OFF_PATH_M, 0.0)
+    lateral_mps2 = state.vx_mps * state.yaw_rate_radps
+    wanted_mps2 = geometry.steady_lateral_mps2(state.vx_mps, steer_rad)
+    force_n = brake_beside_n(lateral_mps2, wanted_mps2, open_throttle)
     return max(force_n - LESS_BRAKE_N_PER_M * beyond_m, LEAST_BRAKE_N)

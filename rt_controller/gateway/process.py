@@ -243,7 +243,7 @@ class Gateway:
         if course is None:
             return safe_stop(before, None, is_held=True)
         steer_rad = steer_along(*course, before.steer_rad, self._geometry)
-        force_n = largest_brake_n(course.state, course.state.ey_m - course.path.c0_m)
+        force_n = largest_brake_n(course, before.steer_rad, geometry=self._geometry)
         braking = Braking(force_n, BRAKE_RATE_N_PER_S)
         return safe_stop(before, before._replace(steer_rad=steer_rad), False, braking)
 

@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rt_controller.contract.kinematics import progress_m
 from rt_controller.contract.signals import VehicleState
 from rt_controller.gateway.motion import Motion, MotionHistory
 from rt_controller.gateway.samples import Sample, Samples
 from rt_controller.mapping.reference_line import ReferenceLine
-from rt_controller.safety.kinematics import progress_m
 
 LARGEST_JUMP_M = 3.0
 """of the arc length in one period beyond the motion: more is a pose that jumped"""

@@ -11,11 +11,7 @@ from typing import NamedTuple
 from rt_controller.bus.contents import NO_REFUSAL, Command, Refusal
 from rt_controller.contract.limits import INPUT_LIMITS, RELEASED_BRAKE_N, RELEASED_THROTTLE
 from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
-from rt_controller.contract.steering_geometry import (
-    DEFAULT_GEOMETRY,
-    UNDERSTEER_RAD_PER_MPS2,
-    SteeringGeometry,
-)
+from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY, SteeringGeometry
 from rt_controller.contract.timing import COMMAND_TIMEOUT_TICKS, PERIOD_S
 
 LARGEST_LATERAL_MPS2 = 7.5
@@ -69,7 +65,8 @@ def refusals(
         found |= Refusal.PEDALS
     if not is_within_bounds(control) or not is_reachable(control, before, periods):
         found |= Refusal.STEERING
-    if lateral_mps2(control.steer_rad, motion.speed_mps, geometry) > LARGEST_LATERAL_MPS2:
+    lateral_mps2 = geometry.steady_lateral_mps2(motion.speed_mps, control.steer_rad)
+    if abs(lateral_mps2) > LARGEST_LATERAL_MPS2:
         found |= Refusal.LATERAL_ACCELERATION
     return found
 
@@ -132,10 +129,3 @@ def off_path_m(path: PathReference, state: VehicleState, curvature_per_m: float)
     return max(
         off_m + OFF_PATH_AHEAD_S * ahead_mps, off_m + OFF_PATH_AHEAD_S * by_motion_mps, key=abs
     )
-
-
-def lateral_mps2(steer_rad: float, speed_mps: float, geometry: SteeringGeometry) -> float:
-    """Size of the lateral acceleration in steady state at this wheel angle and speed."""
-    front_rad = abs(steer_rad) / geometry.steering_ratio
-    squared = speed_mps**2
-    return squared * front_rad / (geometry.wheelbase_m + UNDERSTEER_RAD_PER_MPS2 * squared)

@@ -9,7 +9,7 @@ from cantools.database.can import Database
 from rt_controller.bus.contents import Fault
 from rt_controller.bus.dbc import dbc_path, read_dbc
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, VehicleState
+from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.control.explanation import PlanExplanation
 from rt_controller.recording.header import recorded_config
 from rt_controller.recording.journal import RECEIVED, SENT, JournalTick
@@ -25,7 +25,6 @@ from rt_controller.recording.replay import Difference, Replay, differences
 from rt_controller.safety.modes import StopCause
 from rt_controller.step import StepResult
 
-_ROUNDING = 1e-6
 _WITHOUT_QP = {
     Mode.STANDBY: "pedals released: the controller does not drive",
     Mode.NOMINAL: "plan of this tick",
@@ -202,13 +201,9 @@ def _command_from(result: StepResult, plan: PlanExplanation | None, last_plan: i
         return _WITHOUT_QP[result.mode].format("none" if last_plan is None else f"tick {last_plan}")
     if result.state is None:
         return f"{text}, which begins at an estimated state: none was received"
-    begin = VehicleState(*plan.states[0].tolist())
-    estimated = [
-        f"{name} {used:.6g} (received {received:.6g})"
-        for name, used, received in zip(begin._fields, begin, result.state.state, strict=True)
-        if abs(used - received) > _ROUNDING
-    ]
-    return f"{text}, which begins at estimates: {', '.join(estimated)}" if estimated else text
+    if Fault.STATE_IMPLAUSIBLE in result.faults:
+        return f"{text}, which begins at a state that is partly estimated"
+    return text
 
 
 def to_json(tick: TickExplanation) -> dict[str, Any]:

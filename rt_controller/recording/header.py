@@ -22,6 +22,7 @@ def describe_run(
 ) -> dict[str, Any]:
     """Settings, model, limits found at the start, and versions."""
     settings = {name: getattr(config, name) for name in ControllerConfig.model_fields}
+    settings["mpc"] = config.mpc.for_model(bundle)
     model = config.model
     if model is not None and os.path.exists(str(model)):
         model = str(Path(model).resolve())

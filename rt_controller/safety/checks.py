@@ -7,6 +7,7 @@ from enum import Enum, IntEnum, auto
 from math import copysign, inf
 from typing import NamedTuple
 
+from rt_controller.contract.grip import MOST_LATERAL_MPS2
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.safety.modes import StopCause
 
@@ -53,15 +54,11 @@ class Quantity(IntEnum):
     PATH_TURN_RAD = auto()
     """|c1 - the slope that the path before had at this place|"""
     PATH_SPEED_STEP_MPS = auto()
-    """|wanted speed - the one before, changed by the wanted acceleration|"""
-    PATH_SPEED_DRIFT_MPS = auto()
-    """change of the wanted speed outside of the wanted accelerations, with a memory of 2 s"""
+    """wanted speed - the one before; 0 if it falls"""
     PREVIEW_STEP_PER_M = auto()
     """the largest difference of the curvature ahead to the one sent before, as above"""
     PATH_LATERAL_MPS2 = auto()
     """largest lateral acceleration along the path over the next half second"""
-    PATH_JERK_MPS3 = auto()
-    """lateral jerk along the path"""
     ENGAGE_EY_M = auto()
     """farthest distance from the path of a car that the controller is to take over"""
     ENGAGE_EPSI_RAD = auto()
@@ -95,6 +92,8 @@ def _ticks(time_s: float) -> int:
 
 
 LARGEST_CURVATURE_STEP_PER_M = 2e-3
+LARGEST_LATERAL_MPS2 = MOST_LATERAL_MPS2 + 0.5
+"""of a car that is 3 % faster than wanted"""
 _Q, _R, _C = Quantity, Reaction, StopCause
 CHECKS: tuple[Check, ...] = (
     Check("progress", _Q.PROGRESS_STEP_M, 0.02, 1, _R.REJECT_STATE, _C.PROGRESS_IMPLAUSIBLE),
@@ -151,19 +150,11 @@ CHECKS: tuple[Check, ...] = (
     Check("throttle feedback", _Q.THROTTLE, 0.08, _ticks(0.075), _R.STOP, _C.THROTTLE_MISMATCH),
     Check("brake feedback", _Q.BRAKE_N, 10.0, _ticks(0.075), _R.STOP, _C.BRAKE_MISMATCH),
     Check("tracking", _Q.TRACKING_M, 0.9, _ticks(0.2), _R.STOP, _C.TRACKING_LOST),
-    Check("path step", _Q.PATH_STEP_M, 0.2, 1, _R.REJECT_PATH, _C.PATH_JUMP),
+    Check("path step", _Q.PATH_STEP_M, 0.55, 1, _R.REJECT_PATH, _C.PATH_JUMP),
     Check("path drift", _Q.PATH_DRIFT_M, 0.25, 1, _R.STOP, _C.PATH_INCONSISTENT),
     Check("path frozen", _Q.PATH_FROZEN_M, 0.04, _ticks(0.075), _R.STOP, _C.PATH_INCONSISTENT),
     Check("path turn", _Q.PATH_TURN_RAD, 0.03, 1, _R.REJECT_PATH, _C.PATH_JUMP),
-    Check("wanted speed", _Q.PATH_SPEED_STEP_MPS, 2.0, 1, _R.REJECT_PATH, _C.PATH_SPEED_JUMP),
-    Check(
-        "wanted speed, drift",
-        _Q.PATH_SPEED_DRIFT_MPS,
-        1.25,
-        1,
-        _R.STOP,
-        _C.PATH_INCONSISTENT,
-    ),
+    Check("wanted speed", _Q.PATH_SPEED_STEP_MPS, 40.0, 1, _R.REJECT_PATH, _C.PATH_SPEED_JUMP),
     Check(
         "curvature ahead",
         _Q.PREVIEW_STEP_PER_M,
@@ -172,8 +163,14 @@ CHECKS: tuple[Check, ...] = (
         _R.REJECT_PATH,
         _C.PREVIEW_JUMP,
     ),
-    Check("path acceleration", _Q.PATH_LATERAL_MPS2, 8.5, 1, _R.REJECT_PATH, _C.PATH_TOO_SHARP),
-    Check("path jerk", _Q.PATH_JERK_MPS3, 40.0, 1, _R.REJECT_PATH, _C.PATH_TOO_SHARP),
+    Check(
+        "path acceleration",
+        _Q.PATH_LATERAL_MPS2,
+        LARGEST_LATERAL_MPS2,
+        1,
+        _R.REJECT_PATH,
+        _C.PATH_TOO_SHARP,
+    ),
     Check("engagement, lateral", _Q.ENGAGE_EY_M, 1.0, 1, _R.REFUSE, _C.NOT_ENGAGED),
     Check("engagement, heading", _Q.ENGAGE_EPSI_RAD, 0.15, 1, _R.REFUSE, _C.NOT_ENGAGED),
 )

@@ -16,6 +16,8 @@ class Cornering(NamedTuple):
     """steering-wheel angle minus that of a steady turn with this yaw rate"""
     lateral_mps2: float = 0.0
     """speed times yaw rate"""
+    wanted_mps2: float = 0.0
+    """lateral acceleration of a steady turn with this wheel"""
 
 
 def cornering_of(
@@ -25,7 +27,8 @@ def cornering_of(
     if state is None:
         return Cornering()
     lateral_mps2 = state.vx_mps * state.yaw_rate_radps
+    wanted_mps2 = geometry.steady_lateral_mps2(state.vx_mps, steer_rad)
     if state.vx_mps < SLOWEST_TURN_MPS:
-        return Cornering(0.0, lateral_mps2)
+        return Cornering(0.0, lateral_mps2, wanted_mps2)
     steady_rad = geometry.steady_wheel_rad(state.vx_mps, state.yaw_rate_radps)
-    return Cornering(steer_rad - steady_rad, lateral_mps2)
+    return Cornering(steer_rad - steady_rad, lateral_mps2, wanted_mps2)

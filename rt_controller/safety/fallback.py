@@ -3,8 +3,13 @@
 from math import radians
 from typing import NamedTuple
 
-from rt_controller.contract.grip import BRAKE_RATE_N_PER_S, MOST_BRAKE_N, brake_beside_n
-from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.grip import (
+    BRAKE_RATE_N_PER_S,
+    FULL_BRAKE_N,
+    FULL_BRAKE_RATE_N_PER_S,
+    MOST_BRAKE_N,
+    brake_beside_n,
+)
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.safety.cornering import Cornering
@@ -26,8 +31,8 @@ ALONG_PATH = Braking(SAFE_STOP_BRAKE_N, SAFE_STOP_BRAKE_RATE_N_PER_S)
 ESTIMATED = Braking(MOST_BRAKE_N, BRAKE_RATE_N_PER_S)
 """as the watchdog of the vehicle: the last known path is only some metres long, and the error of an
 estimated heading grows with the distance"""
-FULL = Braking(INPUT_LIMITS.upper.brake_n, INPUT_LIMITS.rate_per_s.brake_n)
-"""with a stuck wheel or an open throttle: only the brake still acts"""
+FULL = Braking(FULL_BRAKE_N, FULL_BRAKE_RATE_N_PER_S)
+"""with a stuck wheel only the brake still acts"""
 COUNTER_STEERING = Braking(20.0, 150.0)
 """of a car that turns less or more than its wheel: its tyres need their grip for the path, with ice
 under one side for example"""
@@ -39,31 +44,31 @@ STEER_RETURN_RADPS = 0.7
 
 def braking_for(
     alarm: StopCause,
-    is_state_measured: bool,
-    is_path_received: bool,
+    is_received: bool,
     cornering: Cornering,
+    open_throttle: float = 0.0,
 ) -> Braking:
-    """How a safe stop brakes in this tick.
+    """How a safe stop brakes in this tick: beside what the tyres give to the path.
 
     A wheel that has an offset, but moves, is corrected by the vehicle: from then on the tyres need
-    their grip for the path again. With an estimated state only a short stop keeps the car near its
-    path.
+    their grip for the path again. With an estimated state or path only a short stop keeps the car
+    near its path, but it is steered there too.
 
     Args:
         alarm: of this tick; not the cause that the stop began with.
-        is_state_measured: the state arrives and is accepted.
-        is_path_received: the same for the path.
+        is_received: state and path arrive and are accepted.
         cornering: of the car in this tick.
+        open_throttle: by which the throttle is open against its command.
     """
-    if alarm in (StopCause.STEERING_MISMATCH, StopCause.THROTTLE_MISMATCH):
+    if alarm is StopCause.STEERING_MISMATCH:
         return FULL
-    if not is_state_measured:
-        return ESTIMATED
-    if abs(cornering.counter_steering_rad) > COUNTER_STEERING_RAD:
+    if is_received and abs(cornering.counter_steering_rad) > COUNTER_STEERING_RAD:
         return COUNTER_STEERING
-    if is_path_received:
-        return ALONG_PATH
-    return ESTIMATED._replace(most_n=brake_beside_n(cornering.lateral_mps2))
+    straight = ALONG_PATH if is_received else ESTIMATED
+    most_n = brake_beside_n(
+        cornering.lateral_mps2, cornering.wanted_mps2, open_throttle, straight.most_n
+    )
+    return straight._replace(most_n=most_n)
 
 
 def input_for(

@@ -51,6 +51,8 @@ class Evidence(NamedTuple):
     """|residual of e_y| with the e_psi that is integrated from the yaw rate"""
     curvature_error_per_m: float
     """|curvature - first value of the curvature ahead|; 0 if that is not known"""
+    estimated: Faulty = Faulty.NONE
+    """signals that are estimated already: they do not contradict measured ones"""
 
 
 LEAST_SHARE = 0.4
@@ -92,7 +94,9 @@ def isolate(check: Check, evidence: Evidence) -> Faulty:
     if quantity is Quantity.HEADING_RAD:
         return _of_heading(evidence)
     if quantity is Quantity.LATERAL_ERROR_M:
-        is_speed = not evidence.is_lateral_jump and evidence.lateral_speed_share > LEAST_SHARE
+        is_speed = not evidence.is_lateral_jump and (
+            Faulty.LATERAL_SPEED in evidence.estimated or evidence.lateral_speed_share > LEAST_SHARE
+        )
         return Faulty.LATERAL_SPEED if is_speed else Faulty.LATERAL_ERROR
     return Faulty.NONE
 
@@ -112,6 +116,8 @@ def is_jump(check: Check, evidence: Evidence) -> bool:
 def _of_heading(evidence: Evidence) -> Faulty:
     if evidence.is_heading_jump:
         return Faulty.HEADING
+    if Faulty.YAW_RATE in evidence.estimated:
+        return Faulty.YAW_RATE
     if evidence.yaw_rate_share > LEAST_SHARE:
         return Faulty.YAW_RATE
     if evidence.curvature_error_per_m > CURVATURES_DIFFER_PER_M:

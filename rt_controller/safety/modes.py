@@ -125,7 +125,7 @@ class StopCause(StrEnum):
     PATH_INCONSISTENT = "the path does not continue the path that was sent before"
     PATH_SPEED_JUMP = "the wanted speed jumps"
     PREVIEW_JUMP = "the curvature ahead does not continue the one that was sent before"
-    PATH_TOO_SHARP = "the path needs more lateral acceleration or jerk than is allowed"
+    PATH_TOO_SHARP = "the path needs more lateral acceleration than is allowed"
     NOT_ENGAGED = "the car is outside of the window in which the controller may begin to drive"
 
 

@@ -7,18 +7,19 @@ with a time constant: the residual contains a jump at once, and a drift within t
 from collections import deque
 from collections.abc import Sequence
 from itertools import pairwise
+from math import radians
 from typing import NamedTuple
 
-from rt_controller.contract.signals import AT_REST, VehicleState
-from rt_controller.contract.timing import PERIOD_S
-from rt_controller.safety.checks import Quantity
-from rt_controller.safety.isolation import Evidence, Faulty
-from rt_controller.safety.kinematics import (
+from rt_controller.contract.kinematics import (
     heading_change_rad,
     lateral_change_along_m,
     lateral_change_m,
     progress_m,
 )
+from rt_controller.contract.signals import AT_REST, ControlInput, VehicleState
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.safety.checks import Quantity
+from rt_controller.safety.isolation import Evidence, Faulty
 from rt_controller.safety.prediction import MotionPrediction
 
 MEMORY_S = 2.0
@@ -32,8 +33,10 @@ MOVING_MPS = 1.0
 """a slower car may stand, with a constant state"""
 MOVED_M, TURNED_RAD = 0.005, 0.0008
 """least change of e_y and e_psi, by the other states, that contradicts constant values"""
-EXPECTED_YAW_RATE_RADPS, EXPECTED_SPEED_MPS = 0.015, 0.15
-"""the same of the values that the model predicts over ten periods"""
+SIDEWAYS_MPS, TURNING_RADPS = 0.04, 0.004
+"""smaller rates are those of rounded or slightly wrong signals of a steady car"""
+MOVED_ACTUATORS = ControlInput(throttle=0.1, brake_n=10.0, steer_rad=radians(3.0))
+"""change of the actuators since the states are constant that contradicts them"""
 REMEMBERED_STATES = 40
 """of one second; older states differ so much from the present one that other checks fail"""
 CHANGED_SIGNALS = 3
@@ -72,6 +75,8 @@ class Residuals:
         self._speed_difference_mps = self._heading_rad = self._lateral_m = 0.0
         self._same_ticks = self._frozen_ticks = 0
         self._raw: VehicleState | None = None
+        self._actuators: ControlInput | None = None
+        """their feedback when the state began to repeat"""
         self._received.clear()
 
     def advance(
@@ -124,10 +129,12 @@ class Residuals:
         received: VehicleState,
         curvature_per_m: float,
         periods: int,
+        actuators: ControlInput | None = None,
     ) -> None:
         """Fill in the values of a state, after the observers were advanced to it.
 
-        `now` is the `received` state without the signals that are faulty.
+        `now` is the `received` state without the signals that are faulty; `actuators` is
+        their feedback, if it is new and they follow their commands.
         """
         values, share = self._values, 1.0 / periods
         self._received.append(received)
@@ -147,10 +154,10 @@ class Residuals:
         if abs(self._lateral_m) <= self._limits[Quantity.LATERAL_ERROR_M]:
             self._is_lateral_jump = _is_jump(self._lateral_m, lateral_m)
         self._heading_rad, self._lateral_m = heading_rad, lateral_m
+        self._count_frozen(received, actuators, curvature_per_m)
         prediction = self._prediction
         if prediction is None or not prediction.has_any:
             values[Quantity.SPEED_STEP_MPS] = abs(now.vx_mps - before.vx_mps) * share
-            self._count_frozen(received, curvature_per_m)
             return
         vx, vy, yaw_rate = prediction.newest()
         values[Quantity.SPEED_STEP_MPS] = abs(now.vx_mps - vx) * share
@@ -161,23 +168,30 @@ class Residuals:
             values[Quantity.SPEED_TEN_MPS] = abs(now.vx_mps - vx)
             values[Quantity.LATERAL_SPEED_TEN_MPS] = abs(now.vy_mps - vy)
             values[Quantity.YAW_RATE_TEN_RADPS] = abs(now.yaw_rate_radps - yaw_rate)
-        self._count_frozen(received, curvature_per_m)
 
-    def _count_frozen(self, now: VehicleState, curvature_per_m: float) -> None:
-        """A car in steady motion may repeat its state; one that turns or changes speed cannot."""
+    def _count_frozen(
+        self, now: VehicleState, actuators: ControlInput | None, curvature_per_m: float
+    ) -> None:
+        """A car in steady motion may repeat its state.
+
+        One that moves by the other states, or whose actuators have moved, cannot. The model is no
+        evidence: it knows neither grade and bank nor wind.
+        """
         values = self._values
         values[Quantity.FROZEN_TICKS] = 0.0
         if now != self._raw or now.vx_mps < MOVING_MPS:
-            self._raw, self._same_ticks, self._frozen_ticks = now, 0, 0
+            self._raw, self._actuators = now, actuators
+            self._same_ticks = self._frozen_ticks = 0
             return
         self._same_ticks += 1
-        sideways_m = self._same_ticks * lateral_change_m(now, now)
-        turned_rad = self._same_ticks * heading_change_rad(now, now, curvature_per_m, now.ds_m)
+        if self._actuators is None:
+            self._actuators = actuators
+        sideways_m = lateral_change_m(now, now)
+        turned_rad = heading_change_rad(now, now, curvature_per_m, now.ds_m)
         is_changing = (
-            abs(sideways_m) > MOVED_M
-            or abs(turned_rad) > TURNED_RAD
-            or values[Quantity.YAW_RATE_TEN_RADPS] > EXPECTED_YAW_RATE_RADPS
-            or values[Quantity.SPEED_TEN_MPS] > EXPECTED_SPEED_MPS
+            _is_above(sideways_m, self._same_ticks, SIDEWAYS_MPS * PERIOD_S, MOVED_M)
+            or _is_above(turned_rad, self._same_ticks, TURNING_RADPS * PERIOD_S, TURNED_RAD)
+            or have_moved(self._actuators, actuators)
         )
         self._frozen_ticks = self._frozen_ticks + 1 if is_changing else 0
         values[Quantity.FROZEN_TICKS] = self._frozen_ticks
@@ -215,6 +229,18 @@ class Residuals:
     def _share(self, step: Quantity, ten: Quantity) -> float:
         values, limits = self._values, self._limits
         return max(values[step] / limits[step], values[ten] / limits[ten])
+
+
+def _is_above(change: float, ticks: int, least: float, largest: float) -> bool:
+    """True if a change per tick is real, and more than `largest` over so many ticks."""
+    return abs(change) > least and ticks * abs(change) > largest
+
+
+def have_moved(before: ControlInput | None, now: ControlInput | None) -> bool:
+    """True if one of two inputs that are known differs clearly."""
+    if before is None or now is None:
+        return False
+    return any(abs(b - a) > m for a, b, m in zip(before, now, MOVED_ACTUATORS, strict=True))
 
 
 def _is_jump(before: float, now: float) -> bool:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from math import atan
 
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.kinematics import farthest_m, speed_of
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.safety.actuators import CommandRange
@@ -16,19 +17,18 @@ from rt_controller.safety.cornering import Cornering, cornering_of
 from rt_controller.safety.finding import Finding, Windows, finding_of, finding_of_state
 from rt_controller.safety.inputs import QualifiedInputs, ReceivedInputs, with_replaced_signals
 from rt_controller.safety.isolation import Faulty, isolate_path
-from rt_controller.safety.kinematics import farthest_m, speed_of
 from rt_controller.safety.modes import StopCause
 from rt_controller.safety.path.last_road import LastRoad
 from rt_controller.safety.path.path_checks import PathChecks
 from rt_controller.safety.pedal_effect import PedalEffect
 from rt_controller.safety.prediction import MotionPrediction
-from rt_controller.safety.residuals import Residuals
+from rt_controller.safety.residuals import Residuals, have_moved
 from rt_controller.safety.stopping_car import StoppingCar
 
 _NOT_COMPUTED = [NOT_COMPUTED] * len(Quantity)
 _OF_STATE = range(Quantity.PROGRESS_STEP_M, Quantity.FROZEN_TICKS + 1)
 _OF_CAR = range(Quantity.STEERING_RAD, Quantity.TRACKING_M + 1)
-_OF_PATH = range(Quantity.PATH_STEP_M, Quantity.PATH_JERK_MPS3 + 1)
+_OF_PATH = range(Quantity.PATH_STEP_M, Quantity.PATH_LATERAL_MPS2 + 1)
 _OF_ENGAGEMENT = range(Quantity.PATH_LATERAL_MPS2, Quantity.ENGAGE_EPSI_RAD + 1)
 MAX_REJECTIONS, REJECTION_DECAY_PER_TICK = 4.0, 0.1
 """a state or path that is rejected more often, in a row or not, stops the car"""
@@ -128,10 +128,11 @@ class Supervisor:
         self._pedals.begin()
         self.clear_predictions()
         failing: list[Check] = []
+        path = received.path
         if received.state is not None:
             self._residuals.begin(received.state)
-            if received.path is not None:
-                state, path, values = received.state, received.path, self.values
+            if path is not None:
+                state, values = received.state, self.values
                 road = received.curvature_per_m, received.preview, state.vx_mps
                 self._paths.compare(path, *road)
                 heading_rad = state.epsi_rad - atan(path.c1)
@@ -140,10 +141,11 @@ class Supervisor:
                 values[Quantity.ENGAGE_EPSI_RAD] = abs(heading_rad)
                 failing = self._windows.failing(_OF_ENGAGEMENT)
                 self._paths.accept(path, state.vx_mps)
+                path = self._paths.follow(path, state.vx_mps, received.periods)
         return QualifiedInputs(
             received.state,
             received.curvature_per_m,
-            received.path,
+            path,
             received.preview,
             received.state is not None and not failing,
             received.path is not None,
@@ -177,11 +179,14 @@ class Supervisor:
         mean_per_m = 0.5 * (last_curvature_per_m + curvature_per_m)
         measured = with_replaced_signals(received.state, expected, faulty)
         state = residuals.advance(before, measured, mean_per_m, received.periods, faulty)
-        residuals.compare(before, state, received.state, mean_per_m, received.periods)
+        feedback = received.feedback
+        actuators = None if have_moved(received.applied, feedback) else feedback
+        residuals.compare(before, state, received.state, mean_per_m, received.periods, actuators)
         self._compare_pedals(received, before.vx_mps, state.vx_mps)
         failing = self._windows.failing(_OF_STATE)
         if failing:
             evidence = residuals.evidence(before, state, abs(curvature_per_m - road_per_m))
+            evidence = evidence._replace(estimated=faulty)
             failed = finding_of_state(failing, evidence, residuals.is_repeated)
             if received.is_stopping and not failed.faulty:
                 failed = None  # the grip or an actuator explains it: nothing more to do in a stop
@@ -234,12 +239,12 @@ class Supervisor:
 
     def _judge_path(self, received: ReceivedInputs, state: VehicleState) -> Finding | None:
         paths = self._paths
-        paths.move(state.ds_m * received.periods, received.periods)
+        paths.move(state.ds_m * received.periods, state.vx_mps)
         path = None if Faulty.PATH in self._faulty else received.path
         if path is not None:
             preview = self._road.ahead(received.preview)
             road = self._curvature_per_m, preview, state.vx_mps
-            paths.compare(path, *road, received.is_stopping)
+            paths.compare(path, *road)
         failing = self._windows.failing(_OF_PATH)
         found = finding_of(failing, [isolate_path(each) for each in failing]) if failing else None
         if found is not None and Faulty.PATH in found.faulty:
@@ -278,6 +283,8 @@ class Supervisor:
         path, preview = received.path, received.preview
         if not is_path and (failed_path is None or Faulty.PATH in failed_path.faulty):
             path = None if last is None else last.path_here()
+        if path is not None:
+            path = self._paths.follow(path, state.vx_mps, received.periods)
         if preview is not None or received.state is None or Faulty.CURVATURE in faulty:
             preview = self._road.ahead(preview)
         is_slow_known = Faulty.SPEED not in faulty or Faulty.PROGRESS not in faulty

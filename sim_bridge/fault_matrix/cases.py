@@ -1,9 +1,11 @@
 """The faults of the matrix, and the drives in which they act."""
 
 import tomllib
+from dataclasses import dataclass, field, replace
+from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.files import read_text
@@ -17,7 +19,8 @@ FAULT_START_S = 2.0
 """the steering wheel is turned: the lane change begins at 1 s and takes 2.5 s"""
 
 
-class Case(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Case:
     """One fault, or several that act together, under a name."""
 
     name: str
@@ -29,6 +32,12 @@ class Case(NamedTuple):
     """why no reaction keeps the car on its lane; its drives are judged like all others"""
     manoeuvre: str = LANE_CHANGE
     """one of `MANOEUVRES`"""
+    condition: str = ""
+    """name of the one in `conditions.toml`; "": none"""
+    payload: dict[str, float] = field(default_factory=dict)
+    """of the scenario"""
+    sensors: tuple[dict[str, Any], ...] = ()
+    """what the sensors do beside the fault, as in a file: noise"""
 
     @property
     def is_fault_free(self) -> bool:
@@ -45,9 +54,45 @@ class Case(NamedTuple):
             "reference": {"speed_kmh": speed_kmh, "ey_m": drive.pop("ey_m", 0.0)},
             "initial": self.initial,
             **drive,
-            "faults": [{"start_s": FAULT_START_S, **fault} for fault in self.faults],
+            "faults": [
+                *({"start_s": FAULT_START_S, **fault} for fault in self.faults),
+                *({"start_s": 0.0, "before_drive": True, **fault} for fault in self.sensors),
+            ],
         }
+        if self.payload:
+            content["payload"] = self.payload
         return parse_scenario(content, f"fault {self.name}")
+
+    def under(self, condition: str) -> "Case":
+        """This case under a condition of `conditions.toml`.
+
+        Raises:
+            ConfigError: there is no such condition.
+        """
+        conditions = _shipped("conditions.toml")
+        if condition not in conditions:
+            raise ConfigError(
+                f"--conditions: expected some of {', '.join(conditions)}, found {condition!r}"
+                f"{hint(condition, conditions)}."
+            )
+        return replace(self, condition=condition, **_fields_of(conditions[condition]))
+
+
+def _fields_of(condition: dict[str, Any]) -> dict[str, Any]:
+    return {**condition, "sensors": tuple(condition.get("sensors", ()))}
+
+
+def whole_matrix() -> tuple[Case, ...]:
+    """The cases of `cases.toml` as they are, and those of `drifts.toml` under each condition."""
+    drifts = _cases_in(_shipped("drifts.toml"), "drifts.toml")
+    crossed = (case.under(name) for name in _shipped("conditions.toml") for case in drifts)
+    return (*load_cases(), *crossed)
+
+
+@cache
+def _shipped(name: str) -> dict[str, Any]:
+    text = (resources.files("sim_bridge.fault_matrix") / name).read_text("utf-8")
+    return tomllib.loads(text)
 
 
 def load_cases(file: Path | None = None) -> tuple[Case, ...]:
@@ -57,8 +102,7 @@ def load_cases(file: Path | None = None) -> tuple[Case, ...]:
         ConfigError: the file cannot be read, or its content is not one of cases.
     """
     if file is None:
-        text = (resources.files("sim_bridge.fault_matrix") / "cases.toml").read_text("utf-8")
-        return _cases_in(tomllib.loads(text), "cases.toml")
+        return _cases_in(_shipped("cases.toml"), "cases.toml")
     try:
         content = tomllib.loads(read_text(file))
     except (OSError, ValueError, RecursionError) as error:  # also a number without end

@@ -1,5 +1,6 @@
 """`sim-bridge fault-matrix`: every fault at every speed, as a table and as JSON."""
 
+import json
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -12,19 +13,23 @@ from rich.console import Console
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.files import read_text
 from rt_controller.contract.model.artifact import find_model, load_bundle
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.names import hint
 from rt_controller.report.table import NO_VALUE, Cell, Column, Table, print_table
 from rt_controller.terminal.progress import announce
-from sim_bridge.fault_matrix.cases import SPEEDS_KMH, Case, load_cases
+from sim_bridge.fault_matrix.cases import SPEEDS_KMH, Case, load_cases, whole_matrix
 from sim_bridge.fault_matrix.drive import drive_case
+from sim_bridge.fault_matrix.judgement import LARGEST_LOSS_M
 from sim_bridge.fault_matrix.row import MatrixRow, row_of
 from sim_bridge.fault_matrix.summary import lines_of, summarise
 from sim_bridge.scenario.limits import KMH_PER_MPS
 
 EXIT_NOT_OK = 1
-_LEAST_WIDTH = 140
+_LEAST_WIDTH = 160
+SAMPLE_STRIDE = 17
+"""it leads to every condition, and to other cases and speeds each time"""
 
 
 def fault_matrix(
@@ -34,6 +39,9 @@ def fault_matrix(
     jobs: int | None,
     json_file: Path | None,
     cases_file: Path | None = None,
+    conditions: Sequence[str] = (),
+    drives_file: Path | None = None,
+    is_sample: bool = False,
 ) -> int:
     """Drive all faults, or those of a file, at all speeds and print the rows; 1 if one is not ok.
 
@@ -42,12 +50,21 @@ def fault_matrix(
         ArtifactError: the model cannot be used.
     """
     require_writable(json_file)
+    require_writable(drives_file, "--drives")
     cases = _chosen(only, cases_file)
-    _bundle(model)  # refused here, not in a process
+    if conditions:
+        cases = [case.under(condition) for condition in conditions for case in cases]
+    done = _earlier(drives_file, _bundle(model))  # a model is refused here, not in a process
     tasks = [(case, speed, model) for case in cases for speed in speeds_kmh or SPEEDS_KMH]
-    jobs = min(jobs or _cores(), len(tasks))
-    with announce(f"{len(tasks)} drives, {jobs} at a time"):
-        rows = list(_drive_all(tasks, jobs))
+    if is_sample:
+        tasks = sample(tasks)
+    todo = [task for task in tasks if _key_of(task) not in done]
+    jobs = min(jobs or _cores(), max(len(todo), 1))
+    with announce(f"{len(todo)} drives, {jobs} at a time"):
+        for task, row in zip(todo, _drive_all(todo, jobs), strict=True):
+            done[_key_of(task)] = row
+            _append(drives_file, _bundle(model), row)
+    rows = [done[_key_of(task)] for task in tasks]
     console = Console()
     console.width = max(console.width, _LEAST_WIDTH)
     print_table(_table(rows), console)
@@ -71,7 +88,58 @@ def _drive_all(tasks: Sequence[_Task], jobs: int) -> Iterator[MatrixRow]:
 
 def _drive(task: _Task) -> MatrixRow:
     case, speed_kmh, model = task
-    return row_of(case, speed_kmh, drive_case(case, speed_kmh, _bundle(model)))
+    found = drive_case(case, speed_kmh, _bundle(model))
+    unchecked_m = None
+    if found.max_ey_m > LARGEST_LOSS_M:
+        unchecked_m = drive_case(case, speed_kmh, _bundle(model), has_checks=False).max_ey_m
+    return row_of(case, speed_kmh, found, unchecked_m)
+
+
+_Key = tuple[str, str, float]
+
+
+def _key_of(task: _Task) -> _Key:
+    case, speed_kmh, _ = task
+    return case.name, case.condition, round(speed_kmh / KMH_PER_MPS, 3)
+
+
+def sample(tasks: Sequence[_Task]) -> list[_Task]:
+    """One drive of each kind of fault, at speeds in turn, and every 17th under a condition."""
+    found: dict[tuple[str, ...], _Task] = {}
+    speeds_kmh = sorted({speed for _, speed, _ in tasks}, reverse=True)
+    for task in tasks:
+        case, speed_kmh, _ = task
+        kinds = tuple(sorted({str(fault["kind"]) for fault in case.faults}))
+        is_next = speed_kmh == speeds_kmh[len(found) % len(speeds_kmh)]
+        if kinds not in found and is_next and not case.condition:
+            found[kinds] = task
+    return [*found.values(), *[task for task in tasks if task[0].condition][::SAMPLE_STRIDE]]
+
+
+def _earlier(path: Path | None, bundle: Bundle) -> dict[_Key, MatrixRow]:
+    """The drives that a file already has.
+
+    Raises:
+        ConfigError: they are of another model.
+    """
+    if path is None or not path.exists():
+        return {}
+    found = {}
+    for line in map(json.loads, read_text(path).splitlines()):
+        if line["model"] != bundle.sha256:
+            raise ConfigError(
+                f"--drives {path}: expected drives of the model {bundle.name}, found those of "
+                f"another. Name another file, or the same model."
+            )
+        row = MatrixRow(**{**line["row"], "reasons": tuple(line["row"]["reasons"])})
+        found[row.fault, row.condition, row.speed_mps] = row
+    return found
+
+
+def _append(path: Path | None, bundle: Bundle, row: MatrixRow) -> None:
+    if path is not None:
+        with path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps({"model": bundle.sha256, "row": asdict(row)}) + "\n")
 
 
 @cache
@@ -84,23 +152,26 @@ def _cores() -> int:
 
 
 def _chosen(only: Sequence[str], file: Path | None) -> Sequence[Case]:
-    cases = {case.name: case for case in load_cases(file)}
+    found = whole_matrix() if file is None else load_cases(file)
+    cases = {case.name for case in found}
     unknown = [f"{name!r}{hint(name, cases)}" for name in only if name not in cases]
     if unknown:
         raise ConfigError(
             f"--only: expected names of faults, found {', '.join(unknown)}. "
             f"{file or 'sim_bridge/fault_matrix/cases.toml'} has all."
         )
-    return [cases[name] for name in only] if only else list(cases.values())
+    return [case for case in found if not only or case.name in only]
 
 
 def _table(rows: Iterable[MatrixRow]) -> Table:
     columns = (
         Column("fault", is_text=True),
+        Column("condition", is_text=True),
         Column("speed", "km/h"),
         Column("mode", is_text=True),
         Column("detected", "ms"),
         Column("max |e_y|", "m"),
+        Column("unchecked", "m"),
         Column("ok", is_text=True),
         Column("reasons", is_text=True, width="long"),
     )
@@ -110,10 +181,12 @@ def _table(rows: Iterable[MatrixRow]) -> Table:
         tuple(
             (
                 row.fault,
+                row.condition,
                 f"{row.speed_mps * KMH_PER_MPS:.0f}",
                 row.mode,
                 NO_VALUE if row.detect_ms is None else f"{row.detect_ms:.0f}",
                 f"{row.max_ey_m:.2f}",
+                NO_VALUE if row.max_ey_unchecked_m is None else f"{row.max_ey_unchecked_m:.2f}",
                 Cell("ok", status="good") if row.ok else Cell("NO", status="bad"),
                 "; ".join((*row.reasons, *filter(None, (row.known_limit,)))),
             )

@@ -14,6 +14,7 @@ from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
 from rt_controller.planner import build_mpc
 from rt_controller.realtime.clock import LockstepClock
+from rt_controller.safety.checks import CHECKS
 from rt_controller.session import ControllerSession
 from rt_controller.settings import VIRTUAL, BusSettings
 from sim_bridge.fault_matrix.cases import Case
@@ -31,7 +32,9 @@ _numbers = count()
 class _Observer:
     """The car's end of the bus, with a note of each period."""
 
-    def __init__(self, car: BridgeSession) -> None:
+    def __init__(self, car: BridgeSession, faults: int) -> None:
+        """`faults`: how many of the scenario are those of the case."""
+        self._faults = car.bridge.scenario.faults[:faults]
         self.periods: list[Observed] = []
         self.failure: str | None = None
         """the error that ended the vehicle's program"""
@@ -70,7 +73,7 @@ class _Observer:
                 has_fault_bit=bool(result and result.faults) or truth.has_refused,
                 is_vehicle_braking=truth.is_vehicle_braking,
                 is_driven=not bridge.is_waiting,
-                is_faulty=any(each.acts(bridge.driven_ticks) for each in bridge.scenario.faults),
+                is_faulty=any(each.acts(bridge.driven_ticks) for each in self._faults),
                 ey_m=truth.ey_error_m,
                 speed_mps=truth.speed_mps,
                 wanted_mps=truth.wanted_mps,
@@ -90,16 +93,21 @@ class _Observer:
                 return
 
 
-def drive_case(case: Case, speed_kmh: float, bundle: Bundle) -> Judgement:
-    """Drive one fault at one speed and judge it."""
+def drive_case(case: Case, speed_kmh: float, bundle: Bundle, has_checks: bool = True) -> Judgement:
+    """Drive one fault at one speed and judge it; without checks nothing contradicts a signal."""
     config = ControllerConfig()
     bus = BusSettings(bus=VIRTUAL, channel=f"fault-matrix-{next(_numbers)}")
     scenario = case.scenario(speed_kmh)
-    with closing(open_session(bus, scenario)) as car, threadpool_limits(1, "blas"):
-        observer = _Observer(car)
+    with (
+        closing(open_session(bus, scenario, has_checks=has_checks)) as car,
+        threadpool_limits(1, "blas"),
+    ):
+        observer = _Observer(car, len(case.faults))
         clock = LockstepClock(observer.tick)
         mpc = build_mpc(bundle, config.mpc)
-        with closing(ControllerSession(bus, config, bundle, mpc, clock)) as session:
+        checks = CHECKS if has_checks else ()
+        joined = ControllerSession(bus, config, bundle, mpc, clock, checks=checks)
+        with closing(joined) as session:
             observer.session = session
             session.start(None, False, _HANDSHAKE_S).join()
             failure = observer.failure or _unexpected(session.failure)

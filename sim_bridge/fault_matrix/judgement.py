@@ -11,6 +11,8 @@ LANE_M = 1.75
 """largest distance from the true path, until the car stands"""
 HARMLESS_M, HARMLESS_MPS = 1.0, 3.0
 """a fault that is not detected is harmless if neither path nor speed are missed by more"""
+LARGEST_LOSS_M = 0.2
+"""by which a drive may be farther from the path than the same drive without checks"""
 LONGEST_NOMINAL_S = 0.3
 """that the controller may drive normally at more than `HARMLESS_M` from the path"""
 AT_REST_MPS = 0.5

@@ -13,6 +13,9 @@ BEND_MPS2, SHARPEST_BEND_PER_M = 4.0, 0.009
 BEND_AT_S, BENT_AT_S = 1.0, 2.5
 LIMIT_CHANGE_S, WET_CHANGE_S = 2.1, 3.0
 WET_FRICTION = 0.5
+S_BEND_FRICTION = 0.85
+S_BEND_MPS2_PER_FRICTION = 5.0
+S_BEND_KNOTS_S = (1.0, 2.0, 4.5, 6.5, 9.0, 10.0)
 BRAKE_AT_S, BRAKE_S, HOLD_S = 1.0, 5.0, 3.0
 
 Content = dict[str, Any]
@@ -59,6 +62,21 @@ def _bend(speed_mps: float) -> Content:
     return {"road": {"curvature_per_m": {"s_m": knots, "value": [0.0, bend_per_m]}}}
 
 
+def _s_bend(speed_mps: float, friction: float = S_BEND_FRICTION) -> Content:
+    """To the left and to the right, with half of the grip: 4.3 m/s² at the friction 0.85."""
+    demand_mps2 = S_BEND_MPS2_PER_FRICTION * friction
+    bend_per_m = min(demand_mps2 / speed_mps**2, SHARPEST_BEND_PER_M)
+    bends = [bend_per_m * turn for turn in (0.0, 1.0, 1.0, -1.0, -1.0, 0.0)]
+    knots = [at_s * speed_mps for at_s in S_BEND_KNOTS_S]
+    road = {"curvature_per_m": {"s_m": knots, "value": bends}, "friction": friction}
+    return {"road": road, "duration_s": 12.0}
+
+
+def _wet_s_bend(speed_mps: float) -> Content:
+    """The same with 2.5 m/s² on a road of the friction 0.5."""
+    return _s_bend(speed_mps, WET_FRICTION)
+
+
 def _slalom(speed_mps: float) -> Content:
     """A sine of 0.6 m at 0.4 Hz on a straight road."""
     return {"ey_m": {"kind": "sine", "amplitude_m": 0.6, "frequency_hz": 0.4}}
@@ -81,6 +99,8 @@ MANOEUVRES: dict[str, Callable[[float], Content]] = {
     "wet_lane_change": _wet_lane_change,
     "straight": _straight,
     "bend": _bend,
+    "s_bend": _s_bend,
+    "wet_s_bend": _wet_s_bend,
     "slalom": _slalom,
     "stop_and_hold": _stop_and_hold,
 }

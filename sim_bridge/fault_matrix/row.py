@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from sim_bridge.fault_matrix.cases import Case
-from sim_bridge.fault_matrix.judgement import Judgement
+from sim_bridge.fault_matrix.judgement import LARGEST_LOSS_M, Judgement
 from sim_bridge.scenario.limits import KMH_PER_MPS
 
 
@@ -30,6 +30,10 @@ class MatrixRow:
     """why no reaction keeps the car on its lane; "" where one does"""
     is_fault_free: bool = False
     """the drive without a fault"""
+    condition: str = ""
+    """of `conditions.toml`"""
+    max_ey_unchecked_m: float | None = None
+    """of the same drive without checks; None: not driven, `max_ey_m` is small"""
 
     @property
     def is_open(self) -> bool:
@@ -37,8 +41,15 @@ class MatrixRow:
         return not self.ok and not self.known_limit
 
 
-def row_of(case: Case, speed_kmh: float, found: Judgement) -> MatrixRow:
-    """The row of a drive that was judged."""
+def row_of(
+    case: Case, speed_kmh: float, found: Judgement, max_ey_unchecked_m: float | None = None
+) -> MatrixRow:
+    """The row of a drive that was judged, beside the same drive without checks."""
+    if max_ey_unchecked_m is not None:
+        worse_m = found.max_ey_m - max_ey_unchecked_m
+        if worse_m > LARGEST_LOSS_M:
+            reason = f"worse than without checks by {worse_m:.2f} m"
+            found = found._replace(ok=False, reasons=(*found.reasons, reason))
     return MatrixRow(
         fault=case.name,
         speed_mps=round(speed_kmh / KMH_PER_MPS, 3),
@@ -55,4 +66,6 @@ def row_of(case: Case, speed_kmh: float, found: Judgement) -> MatrixRow:
         reasons=found.reasons,
         known_limit=case.known_limit,
         is_fault_free=case.is_fault_free,
+        condition=case.condition,
+        max_ey_unchecked_m=None if max_ey_unchecked_m is None else round(max_ey_unchecked_m, 4),
     )

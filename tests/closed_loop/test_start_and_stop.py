@@ -110,7 +110,7 @@ def test_a_car_that_stands_at_the_start_drives_off() -> None:
     )
     drive = simulate(scenario)
     assert laws(drive) == [Mode.STANDSTILL, Mode.LOW_SPEED, Mode.NOMINAL]
-    assert drive.errors.vx_peak_mps < 0.5
+    assert drive.errors.vx_peak_mps < 0.6  # the delay of two periods alone makes 0.08
     assert drive.errors.ey_peak_m < 0.02
 
 

@@ -1,6 +1,5 @@
 """A plan depends on state, curvature and history; bundles that cannot be used are refused."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -9,12 +8,13 @@ from made_models import WITH_ALL, WITH_PAST, WITH_ROAD, input_matrix, make_bundl
 
 from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import ArtifactError, ConfigError
+from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.model.artifact import load_bundle, shipped_model
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.model.follow import Follow
 from rt_controller.contract.model.lift import Lift
+from rt_controller.contract.model.rollout import one_step
 from rt_controller.contract.schema import VEHICLE
 from rt_controller.contract.signals import (
     ControlInput,
@@ -24,7 +24,6 @@ from rt_controller.contract.signals import (
 )
 from rt_controller.control.lift import Encoder
 from rt_controller.control.mpc import Mpc
-from rt_controller.control.reference import ReferenceHorizon
 from rt_controller.control.solver import SolveStatus
 
 STATE = VehicleState(21.0, 0.1, 0.05, 0.52, -0.3, 0.02)
@@ -36,9 +35,9 @@ SAME = 1e-4
 RANGE = np.array(INPUT_LIMITS.upper) - np.array(INPUT_LIMITS.lower)
 
 
-def build(bundle: Bundle, latent_weight: float = 0.0) -> Mpc:
-    settings = MpcSettings(latent_weight=latent_weight)
-    return Mpc(bundle, settings.horizon, settings.cost())
+def build(bundle: Bundle) -> Mpc:
+    settings = MpcSettings()
+    return Mpc(bundle, settings.horizon, settings.cost(), knots=settings.knots)
 
 
 def plan(mpc: Mpc, curvature_per_m: float = CURVATURE_PER_M) -> Array:
@@ -87,31 +86,6 @@ def test_another_history_has_another_plan_until_it_is_forgotten() -> None:
     assert np.abs(plan(mpc) - constant).max() > 0.01
     mpc.forget()
     np.testing.assert_allclose(plan(mpc), constant, rtol=0.0, atol=SAME)
-
-
-@pytest.mark.parametrize("lift", [WITH_PAST, WITH_ALL])
-def test_a_latent_weight_is_refused_where_the_lift_needs_a_history(lift: Lift) -> None:
-    with pytest.raises(ConfigError, match=r"expected `mpc.latent_weight` 0, found 0.001"):
-        build(make_bundle(lift), latent_weight=0.001)
-
-
-def test_a_reference_is_lifted_with_the_present_curvature(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    lifted: list[tuple[Array, float]] = []
-    lift_batch: Callable[[Encoder, Array, float], Array] = Encoder.lift_batch
-
-    def watched(encoder: Encoder, states: Array, curvature_per_m: float) -> Array:
-        lifted.append((states.copy(), curvature_per_m))
-        return lift_batch(encoder, states, curvature_per_m)
-
-    mpc = build(make_bundle(WITH_ROAD), latent_weight=0.001)
-    monkeypatch.setattr(Encoder, "lift_batch", watched)
-    plan(mpc)
-    ((states, curvature_per_m),) = lifted
-    assert curvature_per_m == CURVATURE_PER_M
-    horizon = ReferenceHorizon(mpc.inputs.shape[0])
-    np.testing.assert_array_equal(states, horizon.expand(PATH, STATE, CURVATURE_PER_M))
 
 
 def test_a_model_of_other_signals_is_refused_before_its_encoder_is_opened() -> None:
@@ -189,3 +163,20 @@ def test_the_plan_along_a_previewed_road_is_predicted_to_follow_the_road() -> No
         assert states is not None
         errors.append(states[-1, 4])
     assert abs(errors[1] - errors[0]) < 0.05  # against 0.14 m if the car drove straight on
+
+
+def test_a_plan_begins_after_the_inputs_that_are_under_way() -> None:
+    """Of a linear model: as the plan of the state that is predicted after them."""
+    bundle, straight = make_bundle(Lift(), latents=0), PATH._replace(c1=0.0, v_mps=21.0)
+    under_way = (ControlInput(0.2, 0.0, 0.3), ControlInput(0.25, 0.0, 0.5))
+    delayed, later = build(bundle), build(bundle)
+    assert delayed.plan(STATE, 0.0, straight, PREVIOUS, None, under_way) is SolveStatus.SOLVED
+    x = np.array([STATE])
+    for u in under_way:
+        x = one_step(bundle, x, x, np.array([u]), np.zeros((1, 1)))
+    state = VehicleState(*x[0].tolist())
+    assert later.plan(state, 0.0, straight, PREVIOUS) is SolveStatus.SOLVED
+    found, expected = delayed.inputs / RANGE, later.inputs / RANGE
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=SAME)
+    assert later.plan(STATE, 0.0, straight, PREVIOUS) is SolveStatus.SOLVED
+    assert np.abs(later.inputs / RANGE - expected).max() > 100 * SAME

@@ -5,20 +5,17 @@ import pytest
 
 from rt_controller.contract.limits import PEDAL_CHANGE_S
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.control.pedals import (
-    OPENED_THROTTLE,
-    Pedal,
-    PedalChoice,
-    limit_pedals,
-    open_throttle,
-)
+from rt_controller.control.pedals import Pedal, PedalChoice, limit_pedals
 
 SLEW = np.array([0.0625, 0.0833, 0.1])
+EVERY_PERIOD = np.arange(1, 21)
 
 
-def ceilings(choice: PedalChoice, throttle: float, brake: float) -> np.ndarray:
-    upper = np.ones((20, 3))
-    limit_pedals(upper, choice, np.array([throttle, brake, 0.0]), SLEW)
+def ceilings(
+    choice: PedalChoice, throttle: float, brake: float, periods: np.ndarray = EVERY_PERIOD
+) -> np.ndarray:
+    upper = np.ones((len(periods), 3))
+    limit_pedals(upper, periods, choice, np.array([throttle, brake, 0.0]), SLEW)
     return upper
 
 
@@ -38,19 +35,6 @@ def test_the_brake_is_chosen_if_too_fast_or_if_the_reference_decelerates(
     choice = PedalChoice()
     choice.update(speed_error_mps, reference_mps2)
     assert choice.pedal is Pedal.BRAKE
-
-
-def test_gains_are_those_of_an_opened_throttle_unless_the_brake_is_in_use() -> None:
-    choice = PedalChoice()
-    plan = np.array([[0.0, 0.0, 0.3], [0.1, 0.0, -0.3], [0.6, 0.0, 0.0]])
-    nominal = plan.copy()
-    open_throttle(nominal, choice)
-    assert nominal[:, Pedal.THROTTLE].tolist() == [OPENED_THROTTLE, OPENED_THROTTLE, 0.6]
-    assert np.array_equal(nominal[:, 1:], plan[:, 1:])
-    choice.update(speed_error_mps=2.0, reference_mps2=0.0)
-    nominal = plan.copy()
-    open_throttle(nominal, choice)
-    assert np.array_equal(nominal, plan)
 
 
 def test_between_its_thresholds_the_choice_does_not_change() -> None:
@@ -90,3 +74,12 @@ def test_the_upper_bound_of_the_pedal_in_use_stays() -> None:
     choice.update(0.0, 0.0)
     upper = ceilings(choice, throttle=0.3, brake=0.0)
     assert np.all(upper[:, Pedal.THROTTLE] == 1.0)
+
+
+def test_knots_have_the_bounds_of_their_stages() -> None:
+    choice = PedalChoice()
+    choice.update(2.0, 0.0)
+    knots = np.array([1, 4, 7, 8, 9, 20])
+    every_stage = ceilings(choice, throttle=0.5, brake=0.0)
+    found = ceilings(choice, throttle=0.5, brake=0.0, periods=knots)
+    np.testing.assert_array_equal(found, every_stage[knots - 1])

@@ -2,119 +2,101 @@
 
 import numpy as np
 import pytest
-from made_models import input_matrix
 from random_problems import (
     COST,
     HORIZON,
-    N_OBSERVABLES,
     RANGE,
     TIERS,
     optimum,
     random_bundle,
     update_vectors,
 )
-from scipy.linalg import block_diag
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.follow import Follow
 from rt_controller.contract.signals import ControlInput
-from rt_controller.control.objective import free_response
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.objective import SLOWEST_MPS
 from rt_controller.control.piqp_solver import PiqpSolver
-from rt_controller.control.program import QpParameters
 from rt_controller.control.qp import CondensedQp, Features
 from rt_controller.control.solver import SolveStatus
-from rt_controller.control.terms import Corridor, TrackingCost
-
-
-def dynamics(bundle: Bundle, now: QpParameters) -> tuple[Array, Array]:
-    """Equations of all stages for [u; psi]: (N n, N (m + n)) and their right sides."""
-    n, m, N = bundle.n_observables, 3, HORIZON
-    A_eq = np.zeros((N * n, N * (m + n)))
-    undriven = bundle.B_uw[:, 0] * now.curvature_per_m[0] + bundle.c
-    b_eq = np.tile(undriven, N)
-    b_eq[:n] += bundle.A @ now.psi
-    follows = Follow.PREDICTION if bundle.bilinear is None else bundle.bilinear.follows
-    frozen = now.psi
-    for k in range(N):
-        rows = slice(k * n, (k + 1) * n)
-        matrix, drift = input_matrix(bundle, frozen), np.zeros(n)
-        if bundle.drift is not None:
-            drift = bundle.drift.N @ bundle.drift.terms(frozen, now.curvature_per_m)
-        A_eq[rows, k * m : (k + 1) * m] = -matrix
-        b_eq[rows] += drift
-        if follows is not Follow.START:
-            frozen = bundle.A @ frozen + undriven
-        if follows is Follow.PREDICTION:
-            frozen = frozen + matrix @ now.nominal_inputs[k] + drift
-        A_eq[rows, N * m + k * n : N * m + (k + 1) * n] = np.eye(n)
-        if k > 0:
-            A_eq[rows, N * m + (k - 1) * n : N * m + k * n] = -bundle.A
-    return A_eq, b_eq
+from rt_controller.control.terms import Corridor, Heading, TrackingCost
 
 
 def sparse_plan(
     qp: CondensedQp, bundle: Bundle, cost: TrackingCost, features: Features
 ) -> tuple[Array, Array]:
-    """Inputs (N, 3) and slacks of eq. (14) with the states as variables."""
+    """Inputs at the knots (K, 3) and slacks of eq. (14) with the states as variables."""
     now = qp.parameters
-    u_prev, y_r = now.previous, now.reference
-    n, m, N, p = bundle.n_observables, 3, HORIZON, y_r.shape[1]
-    slacks = 0 if features.corridor is None else N
-    weights = np.zeros((N, n))
-    weights[:, :6] = 1.0 / np.square(np.array(cost.state))
-    weights[:, 6:p] = cost.latent_weight
+    n, N, nv = bundle.n_observables, HORIZON, qp.scale.size
+    ends, between = np.array(qp.knots.ends), qp.knots.intervals[:, None]
+    slacks = 0 if features.corridor is None else len(ends)
+    of_states, of_slacks = slice(nv, nv + N * n), slice(nv + N * n, nv + N * n + slacks)
+    size = nv + N * n + slacks
+    inputs = np.zeros((N * 3, size))  # of all stages, from v
+    inputs[:, :nv] = np.kron(qp.interpolation, np.eye(3)) * qp.scale
+    changes = inputs - np.vstack([np.zeros((3, size)), inputs[:-3]])
+    changed_from = np.concatenate([now.previous, np.zeros(3 * (N - 1))])
+    states = np.eye(size)[of_states].reshape(N, n, size)
+
+    undriven = bundle.B_uw[:, 0] * now.curvature_per_m + bundle.c
+    A_eq = states - (bundle.B_uc @ inputs.reshape(N, 3, size))
+    A_eq[1:] -= bundle.A @ states[:-1]
+    b_eq = np.tile(undriven, (N, 1))
+    b_eq[0] += bundle.A @ now.psi
+
+    outputs, reference = states[ends - 1, :6].copy(), now.reference[1:].copy()
+    if cost.heading == "course":  # the predicted states are slower than SLOWEST_MPS
+        length_m = SLOWEST_MPS * PERIOD_S * between
+        ey_m = outputs[:, 4].copy()
+        outputs[1:, 5] = (ey_m[1:] - ey_m[:-1]) / length_m[1:]
+        outputs[0, 5] = ey_m[0] / length_m[0]
+        reference[:, 5] = np.diff(now.reference[:, 4]) / length_m[:, 0]
+        reference[0, 5] += now.psi[4] / length_m[0, 0]
+    weights = between / np.square(np.array(cost.state))
     weights[-1] *= cost.terminal_factor
-    reference = np.zeros((N, n))
-    reference[:, :p] = y_r
-    r = 1.0 / np.square(np.array(cost.control))
-    s = 1.0 / np.square(np.array(cost.control_change))
-    D = np.eye(N * m) - np.eye(N * m, k=-m)
-    slack_weight = 0.0 if features.corridor is None else features.corridor.weight
-    P = block_diag(
-        np.diag(np.tile(r, N)) + (D.T * np.tile(s, N)) @ D,
-        np.diag(weights.ravel()),
-        slack_weight * np.eye(slacks),
-    )
-    q = np.zeros(len(P))
-    q[:m] = -s * u_prev
-    q[N * m : N * (m + n)] = -(weights * reference).ravel()
-    A_eq, b_eq = np.zeros((N * n, len(P))), np.zeros(N * n)
-    A_eq[:, : N * (m + n)], b_eq[:] = dynamics(bundle, now)
-    G, low, high = np.zeros((0, len(P))), np.zeros(0), np.zeros(0)
-    if features.has_slew_rows:
-        slew = np.tile(np.array(INPUT_LIMITS.rate_per_s) * bundle.schema.dt_s / RANGE, N)
-        G = np.hstack([D, np.zeros((N * m, len(P) - N * m))])
-        low, high = -slew, slew.copy()
-        low[:m] += u_prev / RANGE
-        high[:m] += u_prev / RANGE
+    squares = [  # rows, what they are to be, weights
+        (outputs.reshape(-1, size), reference.reshape(-1), weights.reshape(-1)),
+        (inputs, np.zeros(3 * N), np.tile(1.0 / np.square(np.array(cost.control)), N)),
+        (changes, changed_from, np.tile(1.0 / np.square(np.array(cost.control_change)), N)),
+    ]
     if features.corridor is not None:
-        ey = np.zeros((N, len(P)))
-        ey[range(N), range(N * m + 4, N * (m + n), n)] = 1.0
-        ey[range(N), range(N * (m + n), len(P))] = 1.0
-        G = np.vstack([G, ey])
-        low = np.append(low, y_r[:, 4] - features.corridor.half_width_m)
-        high = np.append(high, y_r[:, 4] + features.corridor.half_width_m)
-    free = np.full(len(P) - N * m, np.inf)
-    lower = np.concatenate([qp.program.lower[: N * m], -free])
-    upper = np.concatenate([qp.program.upper[: N * m], free])  # with the bounds of the pedals
-    # Scaled by the ranges, so that one tolerance serves newtons and radians.
-    unit = np.concatenate([np.tile(RANGE, N), np.ones(len(free))])
-    x = optimum(P * unit * unit[:, None], q * unit, G, (low, high, lower, upper), A_eq * unit, b_eq)
-    return (x * unit)[: N * m].reshape(N, m), x[N * (m + n) :]
+        weight = np.full(slacks, features.corridor.weight)
+        squares.append((np.eye(size)[of_slacks], np.zeros(slacks), weight))
+    P = sum((rows.T * w) @ rows for rows, _, w in squares)
+    q = -sum((rows.T * w) @ wanted for rows, wanted, w in squares)
+
+    G, low, high = np.zeros((0, size)), np.zeros(0), np.zeros(0)
+    if features.has_slew_rows:
+        D = np.eye(nv, size) - np.eye(nv, size, k=-3)
+        since = np.concatenate([[[1.0]], between[:-1]])
+        slew = since * np.array(INPUT_LIMITS.rate_per_s) * PERIOD_S / RANGE
+        G, low, high = D, -slew.reshape(-1), slew.reshape(-1)
+        low[:3] += now.previous / RANGE
+        high[:3] += now.previous / RANGE
+    if features.corridor is not None:
+        G = np.vstack([G, states[ends - 1, 4] + np.eye(size)[of_slacks]])
+        half_m = features.corridor.half_width_m
+        low = np.append(low, now.reference[1:, 4] - half_m)
+        high = np.append(high, now.reference[1:, 4] + half_m)
+    free = np.full(size - nv, np.inf)
+    bounds = qp.program.lower[:nv], qp.program.upper[:nv]  # with those of the pedals
+    box = (low, high, np.append(bounds[0], -free), np.append(bounds[1], free))
+    x = optimum(P, q, G, box, A_eq.reshape(-1, size), b_eq.reshape(-1))
+    return x[:nv].reshape(-1, 3), x[of_slacks]
 
 
 @pytest.mark.parametrize("features", TIERS.values(), ids=TIERS.keys())
-@pytest.mark.parametrize("latent_weight", [0.0, 0.05])
-@pytest.mark.parametrize(("rank", "drift"), [(0, 0), (1, 0), (4, 0), (0, 3), (1, 3), (4, 3)])
+@pytest.mark.parametrize("heading", ["course", "epsi"])
+@pytest.mark.parametrize("knots", [HORIZON, 5])
 def test_condensed_and_sparse_forms_have_the_same_plan(
-    rank: int, drift: int, latent_weight: float, features: Features
+    knots: int, heading: Heading, features: Features
 ) -> None:
-    rng = np.random.default_rng(7 * rank + drift)
-    bundle, cost = random_bundle(rng, rank, drift), COST._replace(latent_weight=latent_weight)
-    qp = CondensedQp(bundle, HORIZON, cost, features)
+    rng = np.random.default_rng(7)
+    bundle, cost = random_bundle(rng), COST._replace(heading=heading)
+    qp = CondensedQp(bundle, HORIZON, cost, features, knots)
     solver, program = PiqpSolver(qp.program), qp.program
     for _ in range(5):
         update_vectors(qp, rng)
@@ -123,10 +105,10 @@ def test_condensed_and_sparse_forms_have_the_same_plan(
         bounds = (program.row_lower, program.row_upper, program.lower, program.upper)
         exact = optimum(program.P, program.q, program.G, bounds, None, None)
         nv = qp.scale.size
-        np.testing.assert_allclose(exact[:nv].reshape(-1, 3), sparse / RANGE, rtol=0.0, atol=1e-6)
+        np.testing.assert_allclose(exact[:nv].reshape(-1, 3), sparse, rtol=0.0, atol=1e-6)
         np.testing.assert_allclose(exact[nv:], slacks, rtol=0.0, atol=1e-6)
         assert solver.solve() is SolveStatus.SOLVED
-        np.testing.assert_allclose(solver.solution[:3], sparse[0] / RANGE, rtol=0.0, atol=1e-4)
+        np.testing.assert_allclose(solver.solution[:3], sparse[0], rtol=0.0, atol=1e-4)
 
 
 @pytest.mark.parametrize(("half_width_m", "is_left"), [(0.02, True), (50.0, False)])
@@ -150,25 +132,6 @@ def test_a_corridor_needs_no_tolerance_of_the_lateral_deviation(rank: int) -> No
         update_vectors(qp, np.random.default_rng(8))
     np.testing.assert_allclose(qps[0].program.G, qps[1].program.G, rtol=1e-12)
     assert PiqpSolver(qps[1].program).solve() is SolveStatus.SOLVED
-
-
-def test_the_free_response_is_the_model_rolled_out_without_inputs() -> None:
-    rng = np.random.default_rng(3)
-    bundle = random_bundle(rng)
-    psi_0, kappa = rng.normal(size=N_OBSERVABLES), 0.004
-    psi, rolled = psi_0, []
-    for _ in range(HORIZON):
-        psi = bundle.A @ psi + bundle.B_uw[:, 0] * kappa + bundle.c
-        rolled.append(psi[:6])
-    predicted = free_response(bundle, HORIZON, 6) @ np.array([*psi_0, kappa, 1.0])
-    np.testing.assert_allclose(predicted, np.concatenate(rolled), rtol=1e-10, atol=1e-10)
-
-
-def test_without_latent_weight_only_physical_states_are_tracked() -> None:
-    bundle = random_bundle(np.random.default_rng(4))
-    qp = CondensedQp(bundle, HORIZON, COST._replace(latent_weight=0.0))
-    assert qp.parameters.reference.shape == (HORIZON, 6)
-    assert qp.parameters.vector.shape == (N_OBSERVABLES + 2 + 3 + 6 * HORIZON,)
 
 
 @pytest.mark.parametrize("rank", [0, 2])

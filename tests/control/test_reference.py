@@ -8,13 +8,15 @@ import pytest
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import CurvaturePreview, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.knots import place_knots
 from rt_controller.control.reference import ReferenceHorizon
 
+KNOTS = place_knots(20, 20)
 CRUISING = VehicleState(20.0, 0.0, 0.0, 20.0 * PERIOD_S, 0.0, 0.0)
 
 
 def test_on_a_straight_path_only_speed_and_progress_are_nonzero() -> None:
-    x = ReferenceHorizon(20).expand(PathReference(1.0, 0, 0, 0, 20.0, 0.0), CRUISING, 0.0)
+    x = ReferenceHorizon(KNOTS).expand(PathReference(1.0, 0, 0, 0, 20.0, 0.0), CRUISING, 0.0)
     np.testing.assert_allclose(x[:, 0], 20.0)
     np.testing.assert_allclose(x[:, 3], 20.0 * PERIOD_S)
     np.testing.assert_allclose(x[:, 4], 1.0)
@@ -23,30 +25,30 @@ def test_on_a_straight_path_only_speed_and_progress_are_nonzero() -> None:
 
 def test_stage_k_is_k_periods_ahead() -> None:
     path = PathReference(0.5, 0.1, 0.01, -0.0005, 20.0, 0.0)
-    x = ReferenceHorizon(20).expand(path, CRUISING, 0.0)
-    sigma = 20.0 * PERIOD_S * np.arange(1, 21)
+    x = ReferenceHorizon(KNOTS).expand(path, CRUISING, 0.0)
+    sigma = 20.0 * PERIOD_S * np.arange(21)
     np.testing.assert_allclose(x[:, 4], 0.5 + 0.1 * sigma + 0.01 * sigma**2 - 0.0005 * sigma**3)
     np.testing.assert_allclose(np.tan(x[:, 5]), 0.1 + 0.02 * sigma - 0.0015 * sigma**2)
 
 
 def test_the_heading_error_changes_at_the_yaw_rate_minus_that_of_the_road() -> None:
     path = PathReference(0.0, 0.0, 0.002, 0.0, 20.0, 0.0)
-    x = ReferenceHorizon(20).expand(path, CRUISING, 0.001)
+    x = ReferenceHorizon(KNOTS).expand(path, CRUISING, 0.001)
     assert x[0, 2] == pytest.approx(20.0 * (0.001 + 0.004))
-    turned = (x[-1, 2] - 20.0 * 0.001) * 19 * PERIOD_S
+    turned = 0.5 * (x[0, 2] + x[-1, 2] - 40.0 * 0.001) * 20 * PERIOD_S
     assert x[-1, 5] - x[0, 5] == pytest.approx(turned, rel=0.01)
 
 
 def test_a_slower_car_has_a_shorter_preview() -> None:
     path = PathReference(0.0, 0.1, 0.0, 0.0, 20.0, 0.0)
-    fast = ReferenceHorizon(20).expand(path, CRUISING, 0.0)[-1, 4]
-    slow = ReferenceHorizon(20).expand(path, CRUISING._replace(vx_mps=10.0), 0.0)[-1, 4]
+    fast = ReferenceHorizon(KNOTS).expand(path, CRUISING, 0.0)[-1, 4]
+    slow = ReferenceHorizon(KNOTS).expand(path, CRUISING._replace(vx_mps=10.0), 0.0)[-1, 4]
     assert slow == pytest.approx(0.75 * fast)
 
 
 def test_the_reference_speed_follows_the_reference_acceleration() -> None:
-    x = ReferenceHorizon(20).expand(PathReference(0, 0, 0, 0, 20.0, -2.0), CRUISING, 0.0)
-    np.testing.assert_allclose(x[:, 0], 20.0 - 2.0 * PERIOD_S * np.arange(1, 21))
+    x = ReferenceHorizon(KNOTS).expand(PathReference(0, 0, 0, 0, 20.0, -2.0), CRUISING, 0.0)
+    np.testing.assert_allclose(x[:, 0], 20.0 - 2.0 * PERIOD_S * np.arange(21))
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -55,8 +57,8 @@ def test_every_stage_is_the_path_evaluated_at_its_arc_length(seed: int) -> None:
     path = PathReference(*rng.normal(size=4) * (1.0, 0.1, 1e-2, 1e-3), 4.0, rng.uniform(-9.0, 3.0))
     state = VehicleState(rng.uniform(5.0, 30.0), 0.1, 0.1, 0.5, 0.1, 0.01)
     curvature_per_m = rng.normal() * 0.01
-    found = ReferenceHorizon(20).expand(path, state, curvature_per_m)
-    for k, x in enumerate(found, start=1):
+    found = ReferenceHorizon(KNOTS).expand(path, state, curvature_per_m)
+    for k, x in enumerate(found):
         t = k * PERIOD_S
         v = max(path.v_mps + path.a_mps2 * t, 0.0)
         sigma = 0.5 * (state.vx_mps + v) * t
@@ -75,7 +77,7 @@ def test_every_stage_is_the_path_evaluated_at_its_arc_length(seed: int) -> None:
 
 
 PATH = PathReference(0.2, 0.01, 0.001, -2e-4, 21.0, 1.0)
-SIGMA_M = 0.5 * (20.0 + 21.0 + PERIOD_S * np.arange(1, 21)) * PERIOD_S * np.arange(1, 21)
+SIGMA_M = 0.5 * (20.0 + 21.0 + PERIOD_S * np.arange(21)) * PERIOD_S * np.arange(21)
 """arc length of the stages on this path"""
 
 
@@ -96,7 +98,7 @@ def test_the_road_ahead_is_added_to_the_path(seed: int) -> None:
     rng = np.random.default_rng(seed)
     preview = CurvaturePreview(rng.uniform(1.0, 6.0), *(rng.normal(size=5) * 0.01).tolist())
     curvature_per_m = preview.k0_per_m if seed % 2 else 0.002
-    horizon = ReferenceHorizon(20)
+    horizon = ReferenceHorizon(KNOTS)
     plain = horizon.expand(PATH, CRUISING, curvature_per_m).copy()
     found = horizon.expand(PATH, CRUISING, curvature_per_m, preview)
     bend, slope, lateral = integrated(preview, curvature_per_m)
@@ -108,7 +110,7 @@ def test_the_road_ahead_is_added_to_the_path(seed: int) -> None:
 
 @pytest.mark.parametrize("curvature_per_m", [0.0, 0.001, -0.0123])
 def test_a_constant_preview_changes_no_bit(curvature_per_m: float) -> None:
-    horizon, other = ReferenceHorizon(20), ReferenceHorizon(20)
+    horizon, other = ReferenceHorizon(KNOTS), ReferenceHorizon(KNOTS)
     turning = CurvaturePreview(2.0, 0.0, 0.001, 0.002, 0.003, 0.004)
     horizon.expand(PATH, CRUISING, curvature_per_m, turning)  # leaves nothing behind
     constant = CurvaturePreview(2.0, *[curvature_per_m] * 5)
@@ -122,12 +124,20 @@ def test_a_constant_preview_changes_no_bit(curvature_per_m: float) -> None:
 def test_predicted_states_are_counted_from_the_road(curvature_per_m: float) -> None:
     """A car that is predicted on its reference has the errors of the path against the road."""
     preview = CurvaturePreview(2.5, 0.004, 0.003, 0.0, -0.003, -0.001)
-    horizon = ReferenceHorizon(20)
+    horizon = ReferenceHorizon(KNOTS)
     path = PATH._replace(c1=0.0, c2_per_m=0.0, c3_per_m2=0.0)
     on_path = horizon.expand(path, CRUISING, curvature_per_m, preview)
-    states = np.vstack([CRUISING, on_path])
-    found = horizon.counted_from_road(states)
-    np.testing.assert_array_equal(found[0], CRUISING)
-    np.testing.assert_allclose(found[1:, 4], path.c0_m, atol=1e-12)
-    np.testing.assert_allclose(found[1:, 5], 0.0, atol=1e-12)
-    np.testing.assert_array_equal(found[:, :4], states[:, :4])
+    found = horizon.counted_from_road(on_path)
+    np.testing.assert_allclose(found[:, 4], path.c0_m, atol=1e-12)
+    np.testing.assert_allclose(found[:, 5], 0.0, atol=1e-12)
+    np.testing.assert_array_equal(found[:, :4], on_path[:, :4])
+
+
+def test_after_a_delay_the_horizon_begins_so_many_stages_later() -> None:
+    preview = CurvaturePreview(2.5, 0.004, 0.003, 0.0, -0.003, -0.001)
+    later = ReferenceHorizon(KNOTS).expand(PATH, CRUISING, 0.001, preview, delay=3)
+    np.testing.assert_allclose(
+        later,
+        ReferenceHorizon(place_knots(23, 23)).expand(PATH, CRUISING, 0.001, preview)[3:],
+        rtol=1e-12,
+    )

@@ -221,7 +221,7 @@ def test_a_safe_stop_that_was_reset_does_not_decide_how_a_later_run_ends(
     def stop_reset_drive_request(now_ns: int) -> None:
         second = now_ns // SECOND_NS
         rig.vehicle.is_watchdog_braking = second == 1
-        rig.vehicle.state = STANDING if second in (2, 3) else CRUISING
+        rig.vehicle.state = STANDING if second >= 2 else CRUISING
         rig.vehicle.mission = Mission(second < 5, second == 3, 1, VALID_NS)
         if now_ns == 6 * SECOND_NS:
             assert record.result.mode is Mode.STANDBY

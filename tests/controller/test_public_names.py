@@ -69,10 +69,11 @@ def test_help_describes_every_public_name() -> None:
 def test_a_plan_has_inputs_and_predicted_states_over_the_horizon(controller: Controller) -> None:
     plan = controller.step(STATE, LANE, 0.0)
     assert plan.is_solved
-    assert plan.inputs.shape == (20, 3)
-    assert plan.states.shape == (21, 6)
+    horizon = {"mdk-net": 40, "lti": 20}[controller.bundle.name]
+    assert plan.inputs.shape == (horizon, 3)
+    assert plan.states.shape == (horizon + 1, 6)
     np.testing.assert_array_equal(plan.states[0], STATE)
-    assert plan.time_s[-1] == pytest.approx(0.5)
+    assert plan.time_s[-1] == pytest.approx(horizon * 0.025)
 
 
 def test_a_car_left_of_its_lane_is_steered_to_the_right(controller: Controller) -> None:

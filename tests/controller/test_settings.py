@@ -5,11 +5,12 @@ from pathlib import Path
 from typing import Any, get_args
 
 import can
+import numpy as np
 import pytest
 
 from rt_controller import Controller, ControllerConfig, MpcSettings
 from rt_controller.bus import transport
-from rt_controller.config import ShippedModel
+from rt_controller.config import ShippedModel, Tolerances
 from rt_controller.contract.errors import ConfigError, RtControllerError
 from rt_controller.contract.model.artifact import shipped_model
 from rt_controller.settings import (
@@ -69,9 +70,10 @@ def test_all_refused_fields_are_named_at_once_each_in_one_line() -> None:
 
 
 def test_an_error_raised_in_python_names_no_option() -> None:
-    settings = MpcSettings(latent_weight=0.1)
-    with pytest.raises(RtControllerError, match=r"`mpc\.latent_weight` 0") as refused:
-        Controller.load("mdk-net", ControllerConfig(mpc=settings))
+    tolerance = Tolerances(throttle_change=np.inf, brake_change_n=np.inf, steer_change_deg=np.inf)
+    config = ControllerConfig(mpc=MpcSettings(tolerance=tolerance))
+    with pytest.raises(RtControllerError, match=r"`mpc\.tolerance`") as refused:
+        Controller.load("mdk-net", config)
     assert "--" not in str(refused.value)
 
 

@@ -7,13 +7,23 @@ import pytest
 from rt_controller.contract.grip import LEAST_BRAKE_N, MOST_BRAKE_N
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
+from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.gateway.path_steering import largest_brake_n, steer_along
+from rt_controller.gateway.path_steering import Course, largest_brake_n, steer_along
 from sim_bridge.scenario import load_scenario
 from sim_bridge.session import build_car
 
 STRAIGHT = PathReference(0.0, 0.0, 0.0, 0.0, 20.0, 0.0)
 CRUISING = VehicleState(20.0, 0.0, 0.0, 0.5, 0.0, 0.0)
+
+
+def steady_brake_n(state: VehicleState, off_path_m: float, open_throttle: float = 0.0) -> float:
+    """Of a car whose wheel is that of a steady turn."""
+    steer_rad = DEFAULT_GEOMETRY.steady_wheel_rad(state.vx_mps, state.yaw_rate_radps)
+    course = Course(STRAIGHT, state._replace(ey_m=off_path_m), 0.0)
+    return largest_brake_n(course, steer_rad, open_throttle)
+
+
 CHANGE_RAD = INPUT_LIMITS.rate_per_s.steer_rad * PERIOD_S
 
 
@@ -71,7 +81,10 @@ def test_a_car_that_brakes_in_a_lane_change_stays_on_its_lane(name: str, begin_s
         here_per_m = scenario.road.curvature_per_m.at(car.s_m)
         steer_rad = steer_along(path, car.state, here_per_m, steer_rad)
         if tick * PERIOD_S >= begin_s:
-            brake_n = min(brake_n + 300.0 * PERIOD_S, largest_brake_n(car.state, 0.0))
+            brake_n = min(
+                brake_n + 300.0 * PERIOD_S,
+                largest_brake_n(Course(path, car.state, here_per_m), steer_rad),
+            )
         throttle = 0.0 if brake_n > 0.0 else 0.1
         state = car.advance(ControlInput(throttle, brake_n, steer_rad), curvature)
         farthest_m = max(farthest_m, abs(state.ey_m - scenario.path_ahead(car.s_m, 20.0).c0_m))
@@ -84,14 +97,15 @@ def test_a_car_that_brakes_in_a_lane_change_stays_on_its_lane(name: str, begin_s
 
 @pytest.mark.parametrize("yaw_rate_radps", [0.0, 0.05, -0.05, 0.3])
 def test_a_car_that_turns_is_braked_with_less_force(yaw_rate_radps: float) -> None:
-    force_n = largest_brake_n(CRUISING._replace(yaw_rate_radps=yaw_rate_radps), 0.2)
-    assert force_n == max(MOST_BRAKE_N - 400.0 * abs(yaw_rate_radps), LEAST_BRAKE_N)
+    force_n = steady_brake_n(CRUISING._replace(yaw_rate_radps=yaw_rate_radps), 0.2)
+    expected_n = max(MOST_BRAKE_N - 400.0 * abs(yaw_rate_radps), LEAST_BRAKE_N)
+    assert force_n == pytest.approx(expected_n, abs=0.2)
 
 
 def test_a_car_that_leaves_its_path_brakes_less() -> None:
-    assert largest_brake_n(CRUISING, 0.0) == MOST_BRAKE_N
-    assert largest_brake_n(CRUISING, -0.8) == pytest.approx(MOST_BRAKE_N - 50.0)
-    assert largest_brake_n(CRUISING, 5.0) == 25.0
+    assert steady_brake_n(CRUISING, 0.0) == MOST_BRAKE_N
+    assert steady_brake_n(CRUISING, -0.8) == pytest.approx(MOST_BRAKE_N - 50.0)
+    assert steady_brake_n(CRUISING, 5.0) == 25.0
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -140,4 +154,19 @@ def test_the_brake_force_is_100_n_and_at_least_25_n(
     vx_mps: float, yaw_rate_radps: float, force_n: float
 ) -> None:
     state = CRUISING._replace(vx_mps=vx_mps, yaw_rate_radps=yaw_rate_radps)
-    assert largest_brake_n(state, 0.3) == pytest.approx(force_n)
+    assert steady_brake_n(state, 0.3) == pytest.approx(force_n, abs=0.2)
+
+
+@pytest.mark.parametrize(("open_throttle", "force_n"), [(0.05, 106.0), (1.0, 150.0)])
+def test_a_throttle_that_stays_open_is_balanced_by_the_brake(
+    open_throttle: float, force_n: float
+) -> None:
+    assert steady_brake_n(CRUISING, 0.0, open_throttle) == pytest.approx(force_n)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_car_that_does_not_turn_as_its_wheel_brakes_with_less_force(side: float) -> None:
+    sliding = CRUISING._replace(yaw_rate_radps=side * 0.05)
+    course = Course(STRAIGHT, sliding, 0.0)
+    assert largest_brake_n(course, 0.0) == pytest.approx(60.0)
+    assert largest_brake_n(course, -side * 0.1) < 60.0

@@ -14,7 +14,6 @@ from rt_controller.gateway.vehicle_envelope import (
     LARGEST_LATERAL_MPS2,
     STANDING,
     OwnMotion,
-    lateral_mps2,
     leaves_path,
     refusals,
 )
@@ -119,7 +118,7 @@ def test_more_lateral_acceleration_than_the_limit_is_refused(speed_mps: float, s
     low, high = 0.0, radians(40.0)
     for _ in range(60):  # bisection
         middle = 0.5 * (low + high)
-        is_less = lateral_mps2(middle, speed_mps, DEFAULT_GEOMETRY) < LARGEST_LATERAL_MPS2
+        is_less = DEFAULT_GEOMETRY.steady_lateral_mps2(speed_mps, middle) < LARGEST_LATERAL_MPS2
         low, high = (middle, high) if is_less else (low, middle)
     for share, expected in ((0.999, NO_REFUSAL), (1.001, Refusal.LATERAL_ACCELERATION)):
         wheel = NEUTRAL_INPUT._replace(steer_rad=side * share * low)
@@ -128,7 +127,7 @@ def test_more_lateral_acceleration_than_the_limit_is_refused(speed_mps: float, s
 
 def test_a_slow_car_without_understeer_turns_by_its_geometry() -> None:
     expected = 2.0**2 * 0.5 / 18.5 / (2.910 + 0.0025 * 4.0)
-    assert lateral_mps2(-0.5, 2.0, DEFAULT_GEOMETRY) == pytest.approx(expected, rel=1e-3)
+    assert -DEFAULT_GEOMETRY.steady_lateral_mps2(2.0, -0.5) == pytest.approx(expected, rel=1e-3)
 
 
 def fuzzed(rng: Random) -> float:
@@ -225,7 +224,7 @@ def test_the_lateral_acceleration_is_that_of_the_single_track_model(speed_mps: f
     squared = speed_mps**2
     expected = squared * 0.4 / 18.5 / (2.91 + radians(1.43) / 9.81 * squared)
     for side in (-1.0, 1.0):
-        found = lateral_mps2(side * 0.4, speed_mps, DEFAULT_GEOMETRY)
+        found = abs(DEFAULT_GEOMETRY.steady_lateral_mps2(speed_mps, side * 0.4))
         assert found == pytest.approx(expected, rel=1e-3)
 
 
@@ -243,9 +242,9 @@ def test_a_standing_car_is_on_its_path_and_requests_to_be_driven() -> None:
 def test_exactly_7_5_m_per_s2_are_allowed(side: float) -> None:
     low, high = 0.0, radians(40.0)
     while (middle := 0.5 * (low + high)) not in (low, high):
-        is_less = lateral_mps2(middle, 40.0, DEFAULT_GEOMETRY) < 7.5
+        is_less = DEFAULT_GEOMETRY.steady_lateral_mps2(40.0, middle) < 7.5
         low, high = (middle, high) if is_less else (low, middle)
-    assert lateral_mps2(high, 40.0, DEFAULT_GEOMETRY) == 7.5
+    assert DEFAULT_GEOMETRY.steady_lateral_mps2(40.0, high) == 7.5
     wheel = NEUTRAL_INPUT._replace(steer_rad=side * high)
     found = judge(wheel, before=wheel, motion=MOVING._replace(speed_mps=40.0))
     assert found == NO_REFUSAL

@@ -4,7 +4,6 @@ import pytest
 
 pytest.importorskip("qpsolvers", reason="the extra [peers] is not installed")
 
-from benchmarks import growth
 from benchmarks.cadence import __main__ as cadence
 from benchmarks.peers import __main__ as peers
 from rt_controller.terminal.command_line import run_command
@@ -17,7 +16,6 @@ NO_FILE = "/no-such-folder/figures.json"
     [
         (cadence.app, ("--variants", "fats"), '--variants. Choose from: "default", "fast"'),
         (cadence.app, ("--json", NO_FILE), "--json /no-such-folder"),
-        (growth.app, ("--json", NO_FILE), "--json /no-such-folder"),
         (peers.app, ("--json", NO_FILE), "--json /no-such-folder"),
         (peers.app, ("--plot", "/no-such-folder/times.svg"), "--plot /no-such-folder"),
         (peers.app, ("--plot", "times.tif"), "one of .png, .svg, .pdf"),

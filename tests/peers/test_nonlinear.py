@@ -17,6 +17,7 @@ from benchmarks.peers.nonlinear.formulations import (
     period_function,
 )
 from rt_controller.config import MpcSettings
+from rt_controller.control.knots import place_knots
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.terms import constrain_inputs
 
@@ -24,7 +25,7 @@ HORIZON = 8
 QUIET = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False}
 
 
-LIMITS = constrain_inputs(1)
+LIMITS = constrain_inputs(place_knots(1, 1))
 
 
 def parameters() -> NmpcParameters:
@@ -37,7 +38,8 @@ def parameters() -> NmpcParameters:
 
 
 @pytest.mark.parametrize(
-    "name", ["plan", "prepare", "warm_up", "observe", "forget", "resume", "limit_solve_time"]
+    "name",
+    ["plan", "prepare", "warm_up", "observe", "forget", "reset", "resume", "limit_solve_time"],
 )
 def test_a_nonlinear_controller_is_called_like_the_own_one(name):
     expected = inspect.signature(getattr(Mpc, name)).parameters

@@ -69,7 +69,7 @@ def test_a_drive_is_written_with_units_plan_and_cause(tmp_path: Path) -> None:
     control = dict(messages["/controller"])[time_ns]
     assert plan["steer_rad"][0] == pytest.approx(control["steer_rad"])
     assert len(plan["ey_m"]) == len(plan["time_s"]) == len(plan["throttle"]) + 1
-    assert plan["vx_mps"][0] == pytest.approx(state["vx_mps"])
+    assert plan["vx_mps"][0] == pytest.approx(state["vx_mps"], abs=0.05)  # two periods later
 
 
 def test_the_server_listens_on_this_machine_only(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from itertools import count
 
 import numpy as np
 
+from rt_controller.contract.kinematics import heading_change_rad, lateral_change_m, progress_m
 from rt_controller.contract.model.rollout import Matrices
 from rt_controller.contract.signals import (
     NEUTRAL_INPUT,
@@ -17,7 +18,6 @@ from rt_controller.contract.signals import (
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.safety.checks import CHECKS, Check, Quantity
 from rt_controller.safety.inputs import QualifiedInputs, ReceivedInputs
-from rt_controller.safety.kinematics import heading_change_rad, lateral_change_m, progress_m
 from rt_controller.safety.prediction import MotionPrediction
 from rt_controller.safety.supervisor import Supervisor
 

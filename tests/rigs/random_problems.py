@@ -18,10 +18,9 @@ from rt_controller.control.terms import Corridor, TrackingCost
 HORIZON = 12
 N_OBSERVABLES = 10
 COST = TrackingCost(
-    state=VehicleState(1.0, 2.0, 0.3, 0.5, 0.2, 0.02),
+    state=VehicleState(1.0, 2.0, 0.3, 0.5, 0.2, 0.3),
     control=ControlInput(0.5, 60.0, 0.5),
     control_change=ControlInput(0.2, 40.0, 0.1),
-    latent_weight=0.05,
     terminal_factor=2.0,
 )
 RANGE = np.array(INPUT_LIMITS.upper) - np.array(INPUT_LIMITS.lower)
@@ -90,12 +89,13 @@ def update_vectors(qp: CondensedQp, rng: np.random.Generator, size: float = 0.3)
     """Random parameters, and the matrices and vectors that follow."""
     parameters = qp.parameters
     parameters.psi[:] = size * rng.normal(size=parameters.psi.size)
-    parameters.curvature_per_m[:] = 0.002
+    parameters.curvature_per_m = 0.002
     parameters.previous[:] = rng.uniform(INPUT_LIMITS.lower, INPUT_LIMITS.upper)
     parameters.reference[:] = size * rng.normal(size=parameters.reference.shape)
     own = rng.spawn(1)[0]  # for a model with drift alone: the others' problems stay the same
-    parameters.nominal_inputs[:] = own.uniform(
-        INPUT_LIMITS.lower, INPUT_LIMITS.upper, size=parameters.nominal_inputs.shape
+    parameters.nominal_knots[:] = own.uniform(
+        INPUT_LIMITS.lower, INPUT_LIMITS.upper, size=parameters.nominal_knots.shape
     )
+    parameters.nominal_inputs[:] = qp.interpolation @ parameters.nominal_knots
     qp.update_matrices()
     qp.update_vectors(PedalChoice())

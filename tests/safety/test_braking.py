@@ -20,43 +20,39 @@ from rt_controller.safety.modes import StopCause
 
 
 @pytest.mark.parametrize(
-    ("cause", "is_measured", "counter_steering_deg", "braking"),
+    ("cause", "is_received", "counter_steering_deg", "lateral_mps2", "braking"),
     [
-        (StopCause.STATE_LOST, True, 0.0, ALONG_PATH),
-        (StopCause.NONE, True, 9.9, ALONG_PATH),
-        (StopCause.NONE, True, -9.9, ALONG_PATH),
-        (StopCause.NONE, True, 10.0, ALONG_PATH),
-        (StopCause.NONE, True, 10.1, COUNTER_STEERING),
-        (StopCause.NONE, True, -10.1, COUNTER_STEERING),
-        (StopCause.REFERENCE_LOST, False, 0.0, ESTIMATED),
-        (StopCause.REFERENCE_LOST, False, 10.1, ESTIMATED),
-        (StopCause.STEERING_MISMATCH, True, 40.0, FULL),
-        (StopCause.THROTTLE_MISMATCH, True, 10.1, FULL),
+        (StopCause.STATE_LOST, True, 0.0, 0.0, ALONG_PATH),
+        (StopCause.NONE, True, -10.0, 1.0, ALONG_PATH),
+        (StopCause.NONE, True, 10.0, -3.0, Braking(40.0, 150.0)),
+        (StopCause.NONE, True, 10.1, 3.0, COUNTER_STEERING),
+        (StopCause.NONE, True, -10.1, 0.0, COUNTER_STEERING),
+        (StopCause.REFERENCE_LOST, False, 0.0, 0.0, ESTIMATED),
+        (StopCause.REFERENCE_LOST, False, 10.1, -3.0, Braking(40.0, 300.0)),
+        (StopCause.YAW_RATE_IMPLAUSIBLE, False, 0.0, 5.0, Braking(25.0, 300.0)),
+        (StopCause.STEERING_MISMATCH, True, 40.0, 5.0, FULL),
     ],
 )
-@pytest.mark.parametrize("lateral_mps2", [0.0, 4.0])
 def test_a_stop_is_as_short_as_its_cause_demands_and_the_grip_allows(
     cause: StopCause,
-    is_measured: bool,
+    is_received: bool,
     counter_steering_deg: float,
-    braking: Braking,
     lateral_mps2: float,
+    braking: Braking,
 ) -> None:
-    counter_rad = radians(counter_steering_deg)
-    cornering = Cornering(counter_rad, lateral_mps2)
-    assert braking_for(cause, is_measured, is_measured, cornering) == braking
+    cornering = Cornering(radians(counter_steering_deg), lateral_mps2, lateral_mps2)
+    assert braking_for(cause, is_received, cornering) == pytest.approx(braking)
 
 
 @pytest.mark.parametrize(
-    ("counter_steering_deg", "lateral_mps2", "most_n"),
-    [(0.0, 0.0, 100.0), (10.0, -1.0, 80.0), (0.0, 3.0, 40.0), (0.0, 5.0, 25.0), (10.1, 3.0, 20.0)],
+    ("open_throttle", "lateral_mps2", "most_n"),
+    [(0.05, 0.0, 81.0), (0.05, 3.0, 46.0), (1.0, 0.0, 150.0)],
 )
-def test_without_a_path_a_car_that_turns_keeps_grip_for_it(
-    counter_steering_deg: float, lateral_mps2: float, most_n: float
+def test_a_throttle_that_stays_open_is_braked_beside_the_turn_of_the_car(
+    open_throttle: float, lateral_mps2: float, most_n: float
 ) -> None:
-    counter_rad = radians(counter_steering_deg)
-    cornering = Cornering(counter_rad, lateral_mps2)
-    found = braking_for(StopCause.REFERENCE_LOST, True, False, cornering)
+    turning = Cornering(0.0, lateral_mps2, lateral_mps2)
+    found = braking_for(StopCause.THROTTLE_MISMATCH, True, turning, open_throttle)
     assert found.most_n == pytest.approx(most_n)
 
 

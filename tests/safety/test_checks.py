@@ -30,9 +30,8 @@ ROWS = {
     "path frozen": (Q.PATH_FROZEN_M,),
     "path turn": (Q.PATH_TURN_RAD,),
     "wanted speed": (Q.PATH_SPEED_STEP_MPS,),
-    "wanted speed, drift": (Q.PATH_SPEED_DRIFT_MPS,),
     "speed by pedals": (Q.PEDAL_SPEED_MPS,),
-    "path acceleration, path jerk": (Q.PATH_LATERAL_MPS2, Q.PATH_JERK_MPS3),
+    "path acceleration": (Q.PATH_LATERAL_MPS2,),
     "engagement": (Q.ENGAGE_EY_M, Q.ENGAGE_EPSI_RAD),
 }
 """rows of the page with thresholds; where one is for all quantities it is written once"""

@@ -18,11 +18,14 @@ from rt_controller.bus.catalogue import (
     VEHICLE_IDENTITY,
 )
 from rt_controller.bus.contents import Command, Identity
+from rt_controller.bus.inbox import Inbox
 from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import Outbox
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.signals import ControlInput, Mode
-from rt_controller.contract.timing import PERIOD_S
+from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
+from rt_controller.receiver import Receiver
+from sim_bridge.bridge import Delay
 
 
 @pytest.fixture
@@ -39,6 +42,7 @@ def test_the_car_waits_at_its_start_until_a_controller_drives(rig: BridgeRig) ->
     assert waiting.sample_time_ns > first.sample_time_ns
     assert rig.bridge.is_waiting
     rig.tick()
+    rig.tick()  # the command arrives a period later
     assert not rig.bridge.is_waiting
 
 
@@ -59,6 +63,7 @@ def test_a_command_moves_the_car_and_comes_back_as_feedback(rig: BridgeRig) -> N
 
 
 def test_a_car_that_is_driven_slowly_has_left_its_start(rig: BridgeRig) -> None:
+    rig.tick(CRUISE, Mode.LOW_SPEED)
     rig.tick(CRUISE, Mode.LOW_SPEED)
     assert not rig.bridge.is_waiting
 
@@ -117,3 +122,32 @@ def test_commands_that_arrive_a_second_late_are_ignored(rig: BridgeRig) -> None:
             send_command(rig.controller, command, rig.now_ns, counter)
         sample = rig.tick(control=None)
     assert sample.is_watchdog_braking
+
+
+@pytest.mark.parametrize("delay", [Delay(0, 0), Delay(1, 0), Delay(1, 1), Delay(3, 5)])
+def test_a_command_acts_its_delay_after_the_state_that_it_answers(delay: Delay) -> None:
+    with open_bridge(delay) as rig:
+        for _ in range(12):
+            rig.tick(CRUISE)
+        first = rig.counter
+        steer_rad = []
+        for _ in range(12):
+            rig.tick(CRUISE._replace(steer_rad=0.02))
+            steer_rad.append(rig.newest(FEEDBACK).steer_rad)
+        acts = int(np.argmax(np.array(steer_rad) > 0.01))
+        assert acts == delay.transport_periods + delay.actuation_periods
+        assert rig.counter == first + 12
+
+
+@pytest.mark.parametrize("transport_periods", [0, 1, 3])
+def test_the_receiver_measures_the_transport_delay(transport_periods: int) -> None:
+    with open_bridge(Delay(transport_periods, 2)) as rig:
+        inbox = Inbox(Node.CONTROLLER)
+        receiver = Receiver(rig.controller_bus, inbox)
+        for _ in range(12):
+            rig.now_ns += PERIOD_NS
+            command = Command(CRUISE, Mode.NOMINAL)
+            send_command(rig.controller, command, rig.now_ns, receiver.counter)
+            rig.bridge.tick(rig.now_ns)
+            receiver.receive(rig.now_ns, 1, is_standby=False)
+        assert receiver.transport_periods == transport_periods

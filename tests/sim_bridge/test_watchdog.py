@@ -4,12 +4,12 @@ import pytest
 
 from rt_controller.bus.contents import Command
 from rt_controller.bus.end_to_end.assembly import Received
-from rt_controller.contract.grip import MOST_BRAKE_N
+from rt_controller.contract.grip import FULL_BRAKE_N, MOST_BRAKE_N
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.gateway.braking_cause import BrakingCause
 from rt_controller.gateway.vehicle_envelope import FARTHEST_OFF_PATH_M, STANDING, OwnMotion
-from sim_bridge.watchdog import FULL_BRAKE_N, ORDERLY_MPS, ORDERLY_TICKS, ActuatorWatchdog
+from sim_bridge.watchdog import ORDERLY_MPS, ORDERLY_TICKS, ActuatorWatchdog
 
 MOVING = OwnMotion(20.0, 0.0, is_mission_on=True)
 STEER_RAD = 0.1
@@ -145,22 +145,25 @@ def test_a_car_on_the_way_to_its_path_has_not_left_it(nearest_m: float, is_brake
     assert watchdog.is_braking is is_braked
 
 
-def test_a_car_whose_actuators_have_failed_is_braked_as_hard_as_it_can_be() -> None:
+@pytest.mark.parametrize(("is_wheel_stuck", "force_n"), [(True, FULL_BRAKE_N), (False, 60.0)])
+def test_a_car_with_a_stuck_wheel_is_braked_as_hard_as_it_can_be(
+    is_wheel_stuck: bool, force_n: float
+) -> None:
     watchdog = ActuatorWatchdog()
     for k in range(20):
         fresh = command(k * PERIOD_NS, counter=k)
         applied = watchdog.apply(
-            fresh, k * PERIOD_NS, k, MOVING, STEER_RAD, have_actuators_failed=True
+            fresh, k * PERIOD_NS, k, MOVING, STEER_RAD, 60.0, True, is_wheel_stuck
         )
     assert watchdog.is_braking
-    assert (applied.throttle, applied.brake_n) == (0.0, FULL_BRAKE_N)
+    assert (applied.throttle, applied.brake_n) == (0.0, force_n)
 
 
 @pytest.mark.parametrize("has_failed", [False, True])
 def test_the_brake_ramps_at_300_n_per_s_to_100_n_or_at_500_to_150(has_failed: bool) -> None:
     watchdog = ActuatorWatchdog()
     forces = [
-        watchdog.apply(None, 0, 0, MOVING, STEER_RAD, have_actuators_failed=has_failed).brake_n
+        watchdog.apply(None, 0, 0, MOVING, STEER_RAD, is_wheel_stuck=has_failed).brake_n
         for _ in range(20)
     ]
     step_n, most_n = (12.5, 150.0) if has_failed else (7.5, 100.0)

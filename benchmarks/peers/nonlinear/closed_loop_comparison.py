@@ -8,12 +8,12 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.lockstep import drive_scenario
-from benchmarks.peers.nonlinear.formulations import TRACKED, NmpcParameters
+from benchmarks.peers.nonlinear.formulations import TRACKED, NmpcParameters, period_function
 from benchmarks.peers.nonlinear.solvers import METHODS, CasadiSolver, DompcSolver, Method
 from benchmarks.peers.solvers.registry import DEFAULT, FAST
-from benchmarks.staged import StagedOsqp, StagedPiqp, StagedQp, use_staged_qp
 from benchmarks.tables import percentiles, summarise, timed
 from rt_controller.config import MpcSettings
+from rt_controller.contract.arrays import Array
 from rt_controller.contract.model.artifact import load_bundle, shipped_model
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.schema import N_INPUTS
@@ -23,10 +23,11 @@ from rt_controller.contract.signals import (
     PathReference,
     VehicleState,
 )
+from rt_controller.control.knots import place_knots
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.pedals import PedalChoice, limit_pedals
 from rt_controller.control.reference import ReferenceHorizon
-from rt_controller.control.solver import Solver, SolveStatus
+from rt_controller.control.solver import SolveStatus
 from rt_controller.control.terms import constrain_inputs
 from rt_controller.planner import WARM_UP_STEPS, build_mpc
 from rt_controller.report.table import Column
@@ -40,9 +41,11 @@ class Nmpc:
 
     def __init__(self, solver: CasadiSolver | DompcSolver, horizon: int) -> None:
         self._solver = solver
-        self._bounds = constrain_inputs(1)
+        self._bounds = constrain_inputs(place_knots(1, 1))
+        self._periods = np.arange(1, horizon + 1)
         self._upper = np.tile(self._bounds.upper, (horizon, 1))
-        self._reference = ReferenceHorizon(horizon)
+        self._period = period_function(self._bounds.scale)
+        self._reference = ReferenceHorizon(place_knots(horizon, horizon))
         self._pedals = PedalChoice()
         self.inputs = np.zeros((horizon, N_INPUTS))
 
@@ -53,16 +56,28 @@ class Nmpc:
         path: PathReference,
         previous: ControlInput,
         preview: CurvaturePreview | None = None,
+        under_way: Sequence[ControlInput] = (),
     ) -> SolveStatus:
-        reference = self._reference.expand(path, state, curvature_per_m, preview)
+        motion = self._after(np.array(state)[TRACKED], under_way, curvature_per_m)
+        delay = len(under_way)
+        reference = self._reference.expand(path, state, curvature_per_m, preview, delay)[1:]
         self._pedals.update(state.vx_mps - path.v_mps, path.a_mps2)
         v_prev = np.array(previous) / self._bounds.scale
-        limit_pedals(self._upper, self._pedals, v_prev, self._bounds.slew)
+        limit_pedals(self._upper, self._periods, self._pedals, v_prev, self._bounds.slew)
         parameters = NmpcParameters(
-            np.array(state)[TRACKED], v_prev, self._upper, reference[:, TRACKED], curvature_per_m
+            motion, v_prev, self._upper, reference[:, TRACKED], curvature_per_m
         )
         is_usable = self._solver.solve(parameters, self.inputs)
         return SolveStatus.SOLVED if is_usable else SolveStatus.NUMERICS
+
+    def _after(
+        self, motion: Array, inputs: Sequence[ControlInput], curvature_per_m: float
+    ) -> Array:
+        """The motion (5,) that is predicted after some inputs, one in each period."""
+        for u in inputs:
+            v = np.array(u) / self._bounds.scale
+            motion = np.array(self._period(motion, v, curvature_per_m)).ravel()
+        return motion
 
     def prepare(self) -> None:
         """Do nothing: the whole problem is solved in `plan`."""
@@ -76,6 +91,9 @@ class Nmpc:
     def forget(self) -> None:
         """Do nothing: the model has no history."""
 
+    def reset(self) -> None:
+        """Do nothing: no disturbance is estimated."""
+
     def resume(self, previous: ControlInput) -> None:
         self._pedals.resume(previous)
 
@@ -84,10 +102,8 @@ class Nmpc:
 
 
 Controller = Mpc | Nmpc
-STAGED_PIQP, STAGED_OSQP = "states in the QP, PIQP", "states in the QP, OSQP cold"
 DOMPC = "do-mpc, IPOPT"
-NAMES = (DEFAULT, FAST, STAGED_PIQP, STAGED_OSQP, *(method.name for method in METHODS), DOMPC)
-"""of all controllers; those with states in the QP are for a constant input matrix"""
+NAMES = (DEFAULT, FAST, *(method.name for method in METHODS), DOMPC)
 HEADS = {
     "times of a plan": {
         "plan_p50_us": Column("p50", "us"),
@@ -140,24 +156,15 @@ def _builders(bundle: Bundle) -> dict[str, Callable[[], Controller]]:
     def own(name: str) -> Mpc:
         return build_mpc(bundle, settings.model_copy(update={"solver": name}))
 
-    def staged(open_solver: Callable[[StagedQp], Solver]) -> Mpc:
-        qp = StagedQp(bundle, horizon, cost)
-        return use_staged_qp(own("piqp"), qp, open_solver(qp))
-
     def casadi(method: Method) -> Nmpc:
         return Nmpc(CasadiSolver(method, horizon, cost), horizon)
 
     def dompc() -> Nmpc:
         return Nmpc(DompcSolver(horizon, cost), horizon)
 
-    with_states = {
-        STAGED_PIQP: partial(staged, StagedPiqp),
-        STAGED_OSQP: partial(staged, StagedOsqp),
-    }
     return {
         DEFAULT: partial(own, "piqp"),
         FAST: partial(own, "daqp"),
-        **(with_states if bundle.bilinear is None else {}),
         **{method.name: partial(casadi, method) for method in METHODS},
         DOMPC: dompc,
     }

@@ -16,6 +16,7 @@ from rt_controller.contract.physics import GRAVITY_MPS2
 from rt_controller.contract.schema import N_INPUTS
 from rt_controller.contract.signals import VehicleState
 from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.knots import place_knots
 from rt_controller.control.terms import TrackingCost, constrain_inputs
 
 STATES = ("vx_mps", "vy_mps", "yaw_rate_radps", "ey_m", "epsi_rad")
@@ -137,7 +138,7 @@ class Condensed:
     """
 
     def __init__(self, horizon: int, cost: TrackingCost) -> None:
-        bounds = constrain_inputs(horizon)
+        bounds = constrain_inputs(place_knots(horizon, horizon))
         self._scale = bounds.scale[:N_INPUTS]
         weights = weights_of(cost, horizon, self._scale)
         period = period_function(self._scale)
@@ -199,7 +200,7 @@ class Stagewise:
 
     def __init__(self, horizon: int, cost: TrackingCost) -> None:
         self._horizon = horizon
-        bounds = constrain_inputs(1)
+        bounds = constrain_inputs(place_knots(1, 1))
         self._scale = bounds.scale
         weights = weights_of(cost, horizon, bounds.scale)
         period = period_function(bounds.scale)

@@ -19,6 +19,7 @@ from benchmarks.peers.nonlinear.formulations import (
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.schema import N_INPUTS
 from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.knots import place_knots
 from rt_controller.control.terms import TrackingCost, constrain_inputs
 
 COMPILED = {
@@ -138,7 +139,7 @@ class DompcSolver:
     def __init__(self, horizon: int, cost: TrackingCost) -> None:
         import do_mpc  # slow, and warns about optional parts
 
-        bounds = constrain_inputs(1)
+        bounds = constrain_inputs(place_knots(1, 1))
         self._scale, self._horizon = bounds.scale, horizon
         weights = weights_of(cost, horizon, bounds.scale)
         if not np.array_equal(weights.motion[0], weights.motion[-1]):

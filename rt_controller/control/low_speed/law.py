@@ -1,5 +1,6 @@
 """The law that drives where no model is trained: start, creep, stop and hold."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from rt_controller.contract.limits import INPUT_LIMITS
@@ -84,9 +85,17 @@ class LowSpeedLaw:
         return self.law
 
     def control(
-        self, state: VehicleState, curvature_per_m: float, path: PathReference, last: ControlInput
+        self,
+        state: VehicleState,
+        curvature_per_m: float,
+        path: PathReference,
+        last: ControlInput,
+        under_way: Sequence[ControlInput] = (),
     ) -> ControlInput:
-        """Input of this tick, after `last`; of the law that was chosen."""
+        """Input of this tick, after `last`; of the law that was chosen.
+
+        `under_way`: inputs that were sent and act before it.
+        """
         if self.law is Mode.STANDSTILL:
             held = hold(state.vx_mps, last, self._car.hold_n)
             if state.vx_mps < ROLLING_MPS:
@@ -97,7 +106,7 @@ class LowSpeedLaw:
             self._wanted_mps2 = 0.0
         elif self._law_before is Mode.NOMINAL:  # continue from the present acceleration
             self._wanted_mps2 = pedal_mps2(last, gains) + self._disturbance_mps2
-        wanted = wanted_mps2(state.vx_mps, path)
+        wanted = wanted_mps2(self._speed_after(under_way, state.vx_mps), path)
         change = min(max(wanted - self._wanted_mps2, -LARGEST_CHANGE_MPS2), LARGEST_CHANGE_MPS2)
         self._wanted_mps2 += change
         throttle, brake_n = pedals_for(self._wanted_mps2 - self._disturbance_mps2, last, gains)
@@ -106,6 +115,14 @@ class LowSpeedLaw:
             brake_n=min(brake_n, INPUT_LIMITS.upper.brake_n),
             steer_rad=self.steer_rad(state, curvature_per_m, path, last),
         )
+
+    def _speed_after(self, under_way: Sequence[ControlInput], vx_mps: float) -> float:
+        """Speed that is predicted when the inputs under way have acted."""
+        pedals_mps2 = self._pedals_mps2
+        for control in under_way:
+            pedals_mps2 = lagged_mps2(pedals_mps2, pedal_mps2(control, self._car.gains))
+            vx_mps += PERIOD_S * (pedals_mps2 + self._disturbance_mps2)
+        return vx_mps
 
     def steer_rad(
         self, state: VehicleState, curvature_per_m: float, path: PathReference, last: ControlInput

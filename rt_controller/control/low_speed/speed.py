@@ -11,7 +11,7 @@ from rt_controller.contract.signals import ControlInput, PathReference
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.low_speed.handover import ARRIVE
 
-SPEED_GAIN_PER_S = 1.2
+SPEED_GAIN_PER_S = 3.0
 """acceleration per speed error"""
 STRONGEST_MPS2 = 2.0
 """acceleration, and braking beyond that of the reference"""
@@ -19,7 +19,7 @@ LARGEST_CHANGE_MPS2 = 10.0 * PERIOD_S
 """of the wanted acceleration in one period: a jerk of 10 m/s^3"""
 PEDAL_LAG_S = 0.3
 """time constant from pedals to acceleration, usual for engines and hydraulic brakes"""
-DISTURBANCE_TIME_S = 0.5
+DISTURBANCE_TIME_S = 1.5
 """time constant of the estimated disturbance: longer than the lag"""
 LARGEST_DISTURBANCE_MPS2 = 3.0
 BRAKED_MPS = 0.3

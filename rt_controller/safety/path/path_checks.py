@@ -1,18 +1,20 @@
-"""Comparison of the path with the paths before it, and its lateral acceleration and jerk."""
+"""Comparison of the path with the paths before it, and its lateral acceleration."""
 
 from collections import deque
 
 from rt_controller.contract.signals import CurvaturePreview, PathReference
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.safety.checks import Quantity
+from rt_controller.safety.path.followed_path import FollowedPath
 from rt_controller.safety.path.last_path import LastPath, known_length_m
 from rt_controller.safety.path.path_demand import lateral_demand
-from rt_controller.safety.path.speed_reference import SpeedReference
 
 MEMORY_S = 2.0
 """time constant with which the drift of the path decays"""
 FASTEST_M = 0.12
 """of one tick in the drift; the check of one step finds a jump"""
+BLENDED_M = 0.1
+"""a larger step is a request; smaller ones are errors of measurement, and followed at once"""
 TURN_M = 10.0
 """distance ahead at which a turn of the path is measured as a lateral change"""
 REMEMBERED_PATHS = 10
@@ -27,21 +29,21 @@ class PathChecks:
         self._values = values
         self._accepted: deque[tuple[LastPath, float, float]] = deque(maxlen=REMEMBERED_PATHS)
         """with the distance that was travelled before, and the drift until then"""
-        self._speed = SpeedReference()
+        self._followed = FollowedPath()
         self.begin()
 
     def begin(self) -> None:
         """Forget all paths."""
         self.last: LastPath | None = None
         self._newest: PathReference | None = None
-        self._drift_m = self._travelled_m = self._age_s = self._same_since_m = 0.0
+        self._drift_m = self._travelled_m = self._same_since_m = 0.0
         self._accepted.clear()
-        self._speed.begin()
+        self._followed.begin()
 
-    def move(self, moved_m: float, periods: int = 1) -> None:
-        """The car moved along the road by `moved_m` in `periods`."""
+    def move(self, moved_m: float, speed_mps: float) -> None:
+        """The car moved along the road by `moved_m`, at `speed_mps`."""
         self._travelled_m += moved_m
-        self._age_s += periods * PERIOD_S
+        self._followed.move(moved_m, speed_mps)
         if self.last is not None:
             self.last = self.last.moved(moved_m)
 
@@ -51,20 +53,16 @@ class PathChecks:
         curvature_per_m: float,
         preview: CurvaturePreview | None,
         speed_mps: float,
-        is_stopping: bool = False,
     ) -> None:
         """Fill in the values of a path; one that was compared before has none.
 
-        The first one has no path before it: only what it demands. In a stop the wanted speed is not
-        used, and not compared: the car is slower than planned, so the speed of its present place
-        and the acceleration of the plan do not belong together.
+        The first one has no path before it: only what it demands.
         """
         if path is self._newest:
             return
         values = self._values
-        values[Quantity.PATH_LATERAL_MPS2], values[Quantity.PATH_JERK_MPS3] = lateral_demand(
-            path, curvature_per_m, preview, speed_mps
-        )
+        demand_mps2 = lateral_demand(path, curvature_per_m, preview, speed_mps)
+        values[Quantity.PATH_LATERAL_MPS2] = demand_mps2
         frozen_m = self._frozen_m(path)
         if self.last is None:
             return
@@ -76,10 +74,7 @@ class PathChecks:
         values[Quantity.PATH_DRIFT_M] = abs(self._drift_m)
         values[Quantity.PATH_FROZEN_M] = frozen_m
         values[Quantity.PATH_TURN_RAD] = abs(path.c1 - before.c1)
-        if not is_stopping:
-            wanted_mps = before.v_mps + self._age_s * before.a_mps2
-            values[Quantity.PATH_SPEED_STEP_MPS] = abs(path.v_mps - wanted_mps)
-            values[Quantity.PATH_SPEED_DRIFT_MPS] = self._speed.drift_mps(path, self._age_s)
+        values[Quantity.PATH_SPEED_STEP_MPS] = max(path.v_mps - before.v_mps, 0.0)
 
     def _frozen_m(self, path: PathReference) -> float:
         """By how much a path that repeats itself should have changed while the car moved."""
@@ -97,10 +92,14 @@ class PathChecks:
         """Store a path that may be followed."""
         if path is not self._newest:
             self._newest = path
-            self._speed.accept(path)
-            self._age_s = 0.0
+            if self.last is not None and self._values[Quantity.PATH_STEP_M] > BLENDED_M:
+                self._followed.shift(path.c0_m - self.last.path_here().c0_m)
             self.last = LastPath(path, known_length_m(speed_mps, path))
             self._accepted.append((self.last, self._travelled_m, self._drift_m))
+
+    def follow(self, path: PathReference, speed_mps: float, periods: int) -> PathReference:
+        """What a car at `speed_mps` is to follow, after so many `periods`, instead of `path`."""
+        return self._followed.follow(path, speed_mps, periods)
 
     def reject(self) -> None:
         """Go on with the last path; if the paths drifted, with the oldest that is stored.

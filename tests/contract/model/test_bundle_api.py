@@ -80,7 +80,7 @@ def test_the_controller_drives_with_a_linear_bundle(lti: Bundle) -> None:
     with build_rig(build_mpc(lti, settings)) as shipped:
         expected = shipped.tick(10)
     assert own.mode is Mode.NOMINAL
-    assert own.control == expected.control
+    assert own.control == pytest.approx(expected.control, abs=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_models import WITH_PAST, make_bundle
+from made_models import make_bundle
 
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.model.artifact import (
@@ -98,10 +98,3 @@ def test_a_model_with_another_period_is_refused(run: Run, tmp_path: Path) -> Non
     code, message = run(*ON_SOCKETCAN, "--model", tmp_path)
     assert code == 2
     assert f"expected period in s = {VEHICLE.dt_s:g}, found {2.0 * VEHICLE.dt_s:g}" in message
-
-
-def test_a_latent_weight_is_refused_for_an_encoder_with_history(run: Run, tmp_path: Path) -> None:
-    save_bundle(tmp_path, make_bundle(WITH_PAST), "card")
-    code, message = run(*ON_SOCKETCAN, "--model", tmp_path, "--mpc.latent-weight", "0.001")
-    assert code == 2
-    assert "latent-weight 0" in message

@@ -17,7 +17,7 @@ from rt_controller.bus.outbox import Outbox
 from rt_controller.bus.transport import open_bus
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_NS
-from sim_bridge.bridge import Bridge
+from sim_bridge.bridge import DEFAULT_DELAY, Bridge, Delay
 from sim_bridge.scenario import load_scenario
 from sim_bridge.session import build_car
 
@@ -60,12 +60,12 @@ class BridgeRig:
 
 
 @contextmanager
-def open_bridge() -> Iterator[BridgeRig]:
+def open_bridge(delay: Delay = DEFAULT_DELAY) -> Iterator[BridgeRig]:
     """A bridge of the scenario `straight` that uses the commands of its controller from now on."""
     channel = f"bridge-test-{next(_channels)}"
     scenario = load_scenario("straight")
     with open_bus("virtual", channel) as bus, open_bus("virtual", channel) as controller_bus:
-        bridge = Bridge(bus, build_car(scenario), scenario)
+        bridge = Bridge(bus, build_car(scenario), scenario, delay=delay)
         controller = Outbox(controller_bus, Node.CONTROLLER)
         rig = BridgeRig(bridge, controller, controller_bus, bus, Inbox(Node.CONTROLLER))
         for _ in range(STANDBY_TICKS):

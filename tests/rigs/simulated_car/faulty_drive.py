@@ -15,7 +15,7 @@ from rt_controller.bus.outbox import Outbox
 from rt_controller.bus.transport import open_bus
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
-from sim_bridge.bridge import Bridge
+from sim_bridge.bridge import Bridge, Delay
 from sim_bridge.scenario import parse_scenario
 from sim_bridge.session import build_car
 
@@ -58,7 +58,13 @@ class FaultyDrive:
         channel = f"faulty-drive-{next(_channels)}"
         self.bus, self._controller_bus = (open_bus("virtual", channel) for _ in range(2))
         self._log = _Log()
-        self.bridge = Bridge(self.bus, build_car(scenario), scenario, self._log)  # type: ignore[arg-type]
+        self.bridge = Bridge(
+            self.bus,
+            build_car(scenario),
+            scenario,
+            self._log,
+            delay=Delay(0, 0),  # type: ignore[arg-type]
+        )
         self.received = Inbox(Node.CONTROLLER)
         self._controller = Outbox(self._controller_bus, Node.CONTROLLER)
         self.now_ns = 0

@@ -11,7 +11,7 @@ from rt_controller.safety.checks import Quantity, Reaction
 from rt_controller.safety.inputs import QualifiedInputs
 from rt_controller.safety.modes import StopCause
 
-JUMPED = STRAIGHT._replace(c0_m=0.5)
+JUMPED = STRAIGHT._replace(c0_m=0.6)
 
 
 def rejections(car: WatchedCar, ticks: int) -> list[StopCause]:
@@ -60,7 +60,7 @@ def test_a_new_drive_clears_rejections_and_windows() -> None:
         car.tick(2)
         assert set(rejections(car, 4)) == {StopCause.NONE}
         car.is_driven = False
-        car.path = STRAIGHT._replace(c0_m=0.95)
+        car.path = STRAIGHT._replace(c0_m=1.2)
         assert car.tick(8).alarm is StopCause.NONE
         assert car.tick().alarm is StopCause.TRACKING_LOST
 

@@ -26,7 +26,7 @@ def test_a_path_that_is_faulty_in_a_stop_is_not_compared_or_followed_again() -> 
     car = WatchedCar(checks=only(Quantity.PATH_STEP_M))
     car.tick(5)
     car.is_stopping = True
-    car.path = STRAIGHT._replace(c0_m=0.5)
+    car.path = STRAIGHT._replace(c0_m=0.6)
     assert car.tick().rejection is StopCause.PATH_JUMP
     car.path = STRAIGHT._replace(c0_m=0.1)
     qualified = car.tick()
@@ -128,7 +128,7 @@ def test_a_car_without_a_path_is_not_refused_before_one_arrives() -> None:
     assert (qualified.is_path_received, qualified.rejection) == (False, StopCause.NONE)
 
 
-@pytest.mark.parametrize("c0_m", [30.0, 0.5, -3.0])
+@pytest.mark.parametrize("c0_m", [30.0, 0.6, -3.0])
 def test_a_path_that_jumps_is_not_followed_but_the_last_one_is(c0_m: float) -> None:
     car = WatchedCar()
     car.tick(20)
@@ -177,11 +177,10 @@ def test_a_path_that_is_too_sharp_is_not_followed() -> None:
     assert not qualified.is_path_received
 
 
-@pytest.mark.parametrize("v_mps", [100.0, 0.0, 24.0])
-def test_a_wanted_speed_that_jumps_is_not_driven(v_mps: float) -> None:
+def test_a_wanted_speed_that_no_request_has_is_not_driven() -> None:
     car = WatchedCar()
     car.tick(5)
-    car.path = STRAIGHT._replace(v_mps=v_mps)
+    car.path = STRAIGHT._replace(v_mps=100.0)
     qualified = car.tick()
     assert (qualified.rejection, qualified.is_path_received) == (StopCause.PATH_SPEED_JUMP, False)
 

@@ -77,7 +77,7 @@ def test_a_command_that_is_not_known_ends_the_predictions() -> None:
 
 def test_counter_steering_is_the_wheel_beyond_that_of_a_steady_turn() -> None:
     car = turning(path=STRAIGHT)
-    assert car.supervisor.cornering(NEUTRAL_INPUT) == (0.0, 0.0)
+    assert car.supervisor.cornering(NEUTRAL_INPUT) == (0.0, 0.0, 0.0)
     car.tick(20)
     state, geometry = car.state, DEFAULT_GEOMETRY
     steady_rad = geometry.steady_wheel_rad(state.vx_mps, state.yaw_rate_radps)

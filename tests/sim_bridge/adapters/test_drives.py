@@ -34,7 +34,7 @@ from rt_controller.terminal.run import EXIT_DEADLINE, EXIT_SAFE_STOP
 from sim_bridge import cli as bridge_cli
 from sim_bridge.adapters.export import build_fmu
 from sim_bridge.adapters.plants import open_plant
-from sim_bridge.bridge import END_TICKS, Bridge
+from sim_bridge.bridge import END_TICKS, Bridge, Delay
 from sim_bridge.scenario import load_scenario
 from sim_bridge.session import build_car
 
@@ -93,11 +93,16 @@ def test_commonroads_car_is_driven_through_the_lane_change(
     assert figures["ey_peak_m"] <= 0.5
 
 
+AT_ONCE = ("--model", "lti")
+
+
 def test_an_fmu_with_other_units_is_driven_in_lockstep(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fmu = make_foreign_car(tmp_path, "Lockstep")
-    code, figures = drive(tmp_path, monkeypatch, "--duration-s", "1", "--plant", f"fmu:{fmu}")
+    code, figures = drive(
+        tmp_path, monkeypatch, "--duration-s", "1", "--plant", f"fmu:{fmu}", *AT_ONCE
+    )
     assert code == 0
     assert figures["ticks"] > 20
 
@@ -140,7 +145,7 @@ def test_a_failed_plant_is_sent_as_an_invalid_state_until_the_bridge_ends(
     channel = tmp_path.name
     recorder = RecordedFrames()
     with open_bus("virtual", channel) as bus, open_bus("virtual", channel) as far_end:
-        bridge = Bridge(bus, car, scenario, recorder)
+        bridge = Bridge(bus, car, scenario, recorder, delay=Delay(0, 0))
         controller = Outbox(far_end, Node.CONTROLLER)
         received = Inbox(Node.CONTROLLER)
         now_ns, ticks = 0, 0

@@ -8,10 +8,11 @@ import pytest
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.model.bundle import Bundle
-from sim_bridge.fault_matrix.cases import SPEEDS_KMH, Case, load_cases
-from sim_bridge.fault_matrix.command import fault_matrix
+from sim_bridge.fault_matrix.cases import SPEEDS_KMH, Case, load_cases, whole_matrix
+from sim_bridge.fault_matrix.command import fault_matrix, sample
 from sim_bridge.fault_matrix.drive import drive_case
 from sim_bridge.fault_matrix.manoeuvres import MANOEUVRES
+from sim_bridge.fault_matrix.row import row_of
 from sim_bridge.scenario.faults import FaultKind
 
 VARIANTS = Path(str(resources.files("sim_bridge.fault_matrix"))) / "variants.toml"
@@ -106,3 +107,54 @@ def test_the_rows_are_written_to_json(tmp_path: Path) -> None:
 def test_an_unknown_fault_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="did you mean state_lost"):
         fault_matrix("lti", ["state_lots"], [60.0], 1, None)
+
+
+def test_a_drive_without_checks_has_no_reaction_to_a_wrong_value(lti: Bundle) -> None:
+    case = CASES["ey_bias_1m"]
+    assert drive_case(case, 60.0, lti).mode == "SAFE_STOP"
+    assert drive_case(case, 60.0, lti, has_checks=False).mode == "NOMINAL"
+
+
+def test_the_whole_matrix_has_every_drift_under_every_condition() -> None:
+    crossed = whole_matrix()[len(CASES) :]
+    conditions = {case.condition for case in crossed}
+    assert {"s_bend", "wet_s_bend", "wet_s_bend_loaded", "wet_s_bend_noisy"} <= conditions
+    assert len(crossed) == len(conditions) * len({case.name for case in crossed})
+    for case in crossed:
+        scenario = case.scenario(120.0)
+        assert len(scenario.faults) == len(case.faults) + len(case.sensors)
+        assert (scenario.payload.mass_kg > 0.0) is ("loaded" in case.condition)
+
+
+def test_a_sample_has_every_kind_of_fault_and_every_condition() -> None:
+    found = sample([(case, speed, None) for case in whole_matrix() for speed in SPEEDS_KMH])
+    kinds = {str(fault["kind"]) for case, _, _ in found for fault in case.faults}
+    assert kinds == {str(fault["kind"]) for case in whole_matrix() for fault in case.faults}
+    assert {case.condition for case, _, _ in found} == {c.condition for c in whole_matrix()}
+    assert {speed for _, speed, _ in found} == set(SPEEDS_KMH)
+    assert len(found) <= 40
+
+
+def test_an_interrupted_matrix_goes_on_after_the_drives_of_its_file(tmp_path: Path) -> None:
+    path, drives = tmp_path / "matrix.json", tmp_path / "drives.jsonl"
+    for names in (["none"], ["none", "none"]):
+        fault_matrix("lti", names, [60.0], 1, path, drives_file=drives)
+    assert len(drives.read_text().splitlines()) == 1
+    assert len(json.loads(path.read_text())["rows"]) == 1
+    with pytest.raises(ConfigError, match="expected drives of the model"):
+        fault_matrix(None, ["none"], [60.0], 1, path, drives_file=drives)
+
+
+def test_an_unknown_condition_is_refused() -> None:
+    with pytest.raises(ConfigError, match="did you mean wet_s_bend"):
+        fault_matrix("lti", ["none"], [60.0], 1, None, conditions=["wet_s_bent"])
+
+
+@pytest.mark.parametrize(("unchecked_m", "is_ok"), [(0.29, False), (0.31, True), (None, True)])
+def test_a_drive_that_is_worse_than_without_checks_is_not_ok(
+    lti: Bundle, unchecked_m: float | None, is_ok: bool
+) -> None:
+    good = drive_case(CASES["none"], 60.0, lti)._replace(max_ey_m=0.5)
+    row = row_of(CASES["none"], 60.0, good, unchecked_m)
+    assert row.ok is is_ok
+    assert is_ok or row.reasons[-1] == "worse than without checks by 0.21 m"

@@ -68,6 +68,10 @@ def scenario(**parts: Any) -> Scenario:
         ({"duration_s": 3600.0, "reference": {"speed_kmh": 50.0, "ey_m": {
             "kind": "moves", "moves": [{"start_m": 30_000.0, "length_m": 20.0, "to_m": 5.0}]}}},
          "reference.ey_m: expected a lateral acceleration below the grip of 8.3 m/s^2"),
+        ({"reference": {"speed_kmh": 80.0, "ey_m": {
+            "kind": "sine", "amplitude_m": 0.75, "frequency_hz": 0.5}}},
+         "reference.ey_m: expected a path that the controller follows, with a lateral acceleration "
+         "of at most 8.5 m/s^2"),
         ({"reference": {"speed_kmh": 15.0, "ey_m": {
             "kind": "sine", "amplitude_m": 0.001, "frequency_hz": 5.0}}},
          "reference.ey_m: expected frequency_hz with a wavelength of at least 2 m, found 0.833 m"),

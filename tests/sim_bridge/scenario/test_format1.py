@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.preview import REACH_S
 from sim_bridge.scenario import load_scenario
 from sim_bridge.scenario.lateral import Moves
-from sim_bridge.scenario.scenario import PREVIEW_S
 
 GOOD = """
 name = "one move"
@@ -43,12 +43,14 @@ def test_the_double_lane_change_is_that_of_the_paper() -> None:
 
 def test_the_cubic_is_exact_at_the_car_and_close_over_the_preview() -> None:
     scenario = load_scenario("double_lane_change")
-    sigma = np.linspace(0.0, PREVIEW_S * scenario.start.speed_mps, 50)
+    sigma = np.linspace(0.0, REACH_S * scenario.start.speed_mps, 50)
     for s_m in np.arange(0.0, 200.0, 1.7):
         path = scenario.path_ahead(s_m, scenario.start.speed_mps)
         assert path.c0_m == pytest.approx(float(scenario.ey_m(np.array([s_m]))[0]))
         cubic = path.c0_m + sigma * (path.c1 + sigma * (path.c2_per_m + sigma * path.c3_per_m2))
-        np.testing.assert_allclose(cubic, scenario.ey_m(s_m + sigma), atol=0.005)
+        wanted, is_near = scenario.ey_m(s_m + sigma), sigma <= 0.4 * sigma[-1]
+        np.testing.assert_allclose(cubic[is_near], wanted[is_near], atol=0.01)
+        np.testing.assert_allclose(cubic, wanted, atol=0.15)
 
 
 def test_the_values_of_a_file_are_those_of_the_scenario(tmp_path: Path) -> None:

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from rt_controller.contract.preview import REACH_S
 from sim_bridge import frenet
 from sim_bridge.scenario import load_scenario
 from sim_bridge.scenario.courses import Bend, course_of_bends, ramp_of_curvature
 from sim_bridge.scenario.road import Road
-from sim_bridge.scenario.scenario import PREVIEW_S
 from sim_bridge.scenario.table import Interpolation, constant, through
 
 STEP_S = 0.001
@@ -79,8 +79,8 @@ def test_a_bend_of_a_course_turns_by_its_angle() -> None:
 def test_the_curvature_ahead_is_sent_as_far_as_the_path() -> None:
     scenario = load_scenario("curvature_step")
     speed_mps = 80.0 / 3.6
-    straight = scenario.preview_ahead(40.0, speed_mps, speed_mps)
-    assert straight == pytest.approx((PREVIEW_S * speed_mps / 4.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    straight = scenario.preview_ahead(30.0, speed_mps, speed_mps)
+    assert straight == pytest.approx((REACH_S * speed_mps / 4.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     half_way = scenario.preview_ahead(60.0 - 2.0 * straight.spacing_m, speed_mps, speed_mps)
     assert half_way[1:] == pytest.approx((0.0, 0.0, 0.0015, 0.003, 0.003), abs=8e-4)
     beyond = scenario.preview_ahead(60.1, speed_mps, speed_mps)

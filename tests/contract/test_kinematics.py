@@ -4,15 +4,15 @@ from math import cos, sin
 
 import pytest
 
-from rt_controller.contract.signals import VehicleState
-from rt_controller.contract.timing import PERIOD_S
-from rt_controller.safety.kinematics import (
+from rt_controller.contract.kinematics import (
     farthest_m,
     heading_change_rad,
     lateral_change_m,
     progress_m,
     speed_of,
 )
+from rt_controller.contract.signals import VehicleState
+from rt_controller.contract.timing import PERIOD_S
 
 CURVATURE_PER_M = 0.004
 

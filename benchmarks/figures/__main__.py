@@ -1,0 +1,105 @@
+"""`python -m benchmarks.figures`: the results that README and docs print, and their tables."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Annotated
+
+import cyclopts
+from rich.console import Console
+
+from benchmarks.figures import closed_loop
+from benchmarks.figures.documents import changed_files
+from benchmarks.figures.imports import SOURCES, read_import
+from benchmarks.figures.results import Part, Results
+from benchmarks.figures.tables import blocks
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.model.artifact import SHIPPED_MODEL
+from rt_controller.terminal.command_line import run_command
+
+PIECES: dict[str, Callable[[], Iterable[Part]]] = {
+    "closed_loop": closed_loop.parts,
+}
+"""what is measured here; the pieces of `SOURCES` are imported"""
+ROOT = Path(__file__).parents[2]
+EXIT_DIFFERENT = 1
+SEVERAL = cyclopts.Parameter(consume_multiple=True, negative="")
+
+app = cyclopts.App(name="python -m benchmarks.figures", version_flags=[])
+
+
+@app.default
+def main(
+    *,
+    only: Annotated[tuple[str, ...], SEVERAL] = (),
+    imports: Annotated[tuple[Path, ...], SEVERAL, cyclopts.Parameter(name="--import")] = (),
+    again: Annotated[bool, cyclopts.Parameter(negative="")] = False,
+    tables: Annotated[bool, cyclopts.Parameter(negative="")] = False,
+    check: Annotated[bool, cyclopts.Parameter(negative="")] = False,
+    root: Annotated[Path, cyclopts.Parameter(show=False)] = ROOT,
+    json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
+) -> int:
+    """Measure what is missing in docs/figures.json, and write the tables of README.md and docs.
+
+    Each drive is stored when it is finished: an interrupted run goes on with the same command. A
+    drive is made again if its model has changed. After a change of the controller or the simulated
+    car, use --again.
+
+    Args:
+        only: pieces to measure.
+        imports: JSON files of offline-evaluate, sim-bridge fault-matrix, benchmarks.false_alarms,
+            benchmarks.peers and benchmarks.cadence, of the shipped models.
+        again: forget what the file has of these pieces, then measure.
+        tables: measure nothing, write the tables only.
+        check: measure and write nothing; exit code 1 if a table is not that of the file, or the
+            file is not of the shipped models.
+        json: also write the results there.
+    """
+    require_writable(json)
+    unknown = set(only) - set(PIECES)
+    if unknown:
+        raise ConfigError(
+            f"--only: expected {', '.join(PIECES)}, found {', '.join(sorted(unknown))}."
+        )
+    console = Console(stderr=True)
+    results = Results(root / "docs" / "figures.json")
+    for file in () if check else imports:
+        piece, part = read_import(file)
+        results.put(piece, part, part.measure())
+    if not (tables or check):
+        for piece in only or PIECES:
+            _measure(results, piece, again, console)
+    write_figures(json, results.found)
+    return _update_documents(root, results, check, console)
+
+
+def _measure(results: Results, piece: str, again: bool, console: Console) -> None:
+    parts = list(PIECES[piece]())
+    if again:
+        results.keep(piece, ())  # when interrupted, the command without --again goes on
+    missing = results.missing(piece, parts)
+    for number, part in enumerate(missing, 1):
+        console.print(f"{piece} {number}/{len(missing)}: {part.name}", highlight=False)
+        results.put(piece, part, part.measure())
+    results.keep(piece, [part.name for part in parts])
+
+
+def _update_documents(root: Path, results: Results, check: bool, console: Console) -> int:
+    pieces = {name: list(parts()) for name, parts in PIECES.items()}
+    pieces |= {name: [Part("all", (SHIPPED_MODEL,), dict)] for name in SOURCES}
+    measured = results.pieces
+    outdated = [name for name in measured if results.missing(name, pieces.get(name, []))]
+    complete = measured.keys() - set(outdated)
+    for name in [name for name in pieces if name not in complete]:
+        console.print(f"{name}: no results of the shipped models, its tables stay as they are")
+    files = [root / "README.md", *sorted((root / "docs").glob("*.md"))]
+    changed = changed_files(files, blocks(measured, complete))
+    for file, text in changed.items():
+        console.print(f"{file}: {'differs from the results' if check else 'written'}")
+        if not check:
+            file.write_text(text, encoding="utf-8")
+    return EXIT_DIFFERENT if check and (changed or outdated) else 0
+
+
+if __name__ == "__main__":
+    run_command(app)

@@ -1,0 +1,113 @@
+"""The derivatives along a plan are those of the model's own roll-out, for every class of model."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from made_models import WITH_ALL
+from model_classes import DISTURBANCE, RANGE, VARIANTS, knots_of, made
+
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.model.artifact import load_bundle, shipped_model
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.model.follow import Follow
+from rt_controller.contract.model.rollout import one_step, roll_out
+from rt_controller.contract.schema import N_STATES
+from rt_controller.control.knots import place_knots
+from rt_controller.control.linearisation import ALL_INPUTS, Linearisation
+
+HORIZON, CURVATURE_PER_M = 20, 0.002
+CASES = [
+    (variant, follows)
+    for variant in VARIANTS
+    for follows in (Follow if "rank" in VARIANTS[variant] else [Follow.PREDICTION])
+]
+SHIPPED = ("lti", "mdk-net", "mdk-net-paper")
+
+
+def rolled(bundle: Bundle, psi: Array, curvature_per_m: float, inputs: Array) -> Array:
+    """States of stages 1 … N, (N, 6)."""
+    W = np.full((1, len(inputs), 1), curvature_per_m)
+    return roll_out(bundle, psi[None], inputs[None], W, N_STATES)[0, 1:]
+
+
+def assert_derivatives(bundle: Bundle, psi: Array, count: int, used: slice = ALL_INPUTS) -> None:
+    """By the used inputs at each knot, the curvature and psi_0, to 1e-6 of the largest."""
+    knots, plan = place_knots(HORIZON, count), knots_of(count)
+    found = Linearisation(bundle, knots, list(range(N_STATES)))
+    inputs = knots.interpolation @ plan
+    found.update(psi, CURVATURE_PER_M, inputs, np.zeros(N_STATES), used)
+
+    def at_ends(
+        change: Array, curvature_per_m: float = CURVATURE_PER_M, start: Array = psi
+    ) -> Array:
+        stages = np.array(knots.ends) - 1
+        moved = knots.interpolation @ (plan + change)
+        return rolled(bundle, start, curvature_per_m, moved)[stages]
+
+    expected = np.zeros((count, N_STATES, 3, count))
+    for knot, column in product(range(count), range(3)[used]):
+        step = np.zeros(plan.shape)
+        step[knot, column] = 1e-4 * RANGE[column]
+        expected[..., column, knot] = (at_ends(step) - at_ends(-step)) / 2e-4
+    assert_near(found.by_inputs[:, :, used] * RANGE[used, None], expected[:, :, used])
+    if bundle.bilinear is not None and bundle.bilinear.follows is not Follow.PREDICTION:
+        return
+    none = np.zeros(plan.shape)
+    by_curvature = at_ends(none, CURVATURE_PER_M + 1e-6) - at_ends(none, CURVATURE_PER_M - 1e-6)
+    assert_near(found.by_curvature, by_curvature / 2e-6)
+    for step in 1e-4 * bundle.spread * np.random.default_rng(0).normal(size=(3, len(psi))):
+        ends = at_ends(none, start=psi + step) - at_ends(none, start=psi - step)
+        assert_near(found.by_psi @ step, 0.5 * ends)
+
+
+def assert_near(found: Array, expected: Array) -> None:
+    """To 1e-6 of the largest value of each state."""
+    others = (0, *range(2, expected.ndim))
+    error, largest = (np.abs(each).max(axis=others) for each in (found - expected, expected))
+    assert np.all(error <= 1e-6 * largest)
+
+
+@pytest.mark.parametrize("used", [ALL_INPUTS, slice(0, 3, 2), slice(1, 3)])
+@pytest.mark.parametrize("knots", [7, 10, HORIZON])
+@pytest.mark.parametrize(("variant", "follows"), CASES)
+def test_derivatives_are_finite_differences_of_the_roll_out(
+    variant: str, follows: Follow, knots: int, used: slice
+) -> None:
+    bundle = made(variant, follows)
+    if variant == "linear":
+        used = ALL_INPUTS  # its derivatives are constant
+    for psi in bundle.selftest_psi[:2]:
+        assert_derivatives(bundle, psi, knots, used)
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_the_same_with_a_history(variant: str) -> None:
+    bundle = made(variant, lift=WITH_ALL)
+    assert_derivatives(bundle, bundle.selftest_psi[0], count=7)
+
+
+@pytest.mark.parametrize("model", SHIPPED)
+def test_the_same_of_the_shipped_models(model: str) -> None:
+    bundle = load_bundle(shipped_model(model))
+    for psi in bundle.selftest_psi[:4]:
+        assert_derivatives(bundle, psi, count=10)
+
+
+@pytest.mark.parametrize(("variant", "follows"), CASES)
+def test_the_nominal_prediction_is_the_roll_out_with_the_disturbance_in_every_period(
+    variant: str, follows: Follow
+) -> None:
+    bundle, inputs = made(variant, follows), knots_of(HORIZON)
+    psi = bundle.selftest_psi[0]
+    found = Linearisation(bundle, place_knots(HORIZON, HORIZON), [0])
+    found.update(psi, CURVATURE_PER_M, inputs, np.zeros(N_STATES))
+    expected = rolled(bundle, psi, CURVATURE_PER_M, inputs)
+    np.testing.assert_allclose(found.observables[1:, :N_STATES], expected, rtol=1e-10, atol=1e-10)
+    if follows is not Follow.PREDICTION:
+        return
+    found.update(psi, CURVATURE_PER_M, inputs, DISTURBANCE)
+    for u, following in zip(inputs, found.observables[1:], strict=True):
+        psi = one_step(bundle, psi, psi, u, np.array([CURVATURE_PER_M]))
+        psi[:N_STATES] += DISTURBANCE
+        np.testing.assert_allclose(following, psi, rtol=1e-10, atol=1e-10)
