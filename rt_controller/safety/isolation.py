@@ -57,6 +57,8 @@ class Evidence(NamedTuple):
 
 LEAST_SHARE = 0.4
 """of the threshold of the model's check; above it this signal is the faulty one"""
+LATERAL_SHARE = 0.7
+"""of the residual of e_y; if the integrated heading explains more of it, the heading is faulty"""
 CURVATURES_DIFFER_PER_M = 1e-3
 CAUSES = {
     Faulty.SPEED: StopCause.SPEED_IMPLAUSIBLE,
@@ -94,6 +96,11 @@ def isolate(check: Check, evidence: Evidence) -> Faulty:
     if quantity is Quantity.HEADING_RAD:
         return _of_heading(evidence)
     if quantity is Quantity.LATERAL_ERROR_M:
+        if (
+            not evidence.is_lateral_jump
+            and evidence.lateral_by_yaw_rate_m < LATERAL_SHARE * evidence.lateral_by_heading_m
+        ):
+            return Faulty.HEADING
         is_speed = not evidence.is_lateral_jump and (
             Faulty.LATERAL_SPEED in evidence.estimated or evidence.lateral_speed_share > LEAST_SHARE
         )

@@ -205,6 +205,7 @@ class Supervisor:
             state = residuals.advance(before, measured, mean_per_m, received.periods, faulty)
             if failed.is_stop:
                 residuals.correct(state, faulty)
+                self._paths.blend(before, state, received.periods)
         residuals.follow(state, faulty)
         self._is_motion_measured = not faulty & Faulty.MOTION
         self._state, self._curvature_per_m = state, curvature_per_m

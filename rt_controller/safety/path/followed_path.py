@@ -41,11 +41,14 @@ class FollowedPath:
         self._speed_mps = self._rate_mps2 = 0.0
         self._a_m = self._b_mps = self._c_mps2 = 0.0
 
-    def shift(self, step_m: float) -> None:
-        """The received path moved sideways by `step_m`: what is followed does not."""
+    def shift(self, step_m: float, step_mps: float = 0.0) -> None:
+        """The received path moved sideways against the car: what is followed does not.
+
+        By `step_m` at once, and by `step_mps` from now on.
+        """
         self._a_m -= step_m
-        self._b_mps -= RETURN_PER_S * step_m
-        self._c_mps2 -= 0.5 * RETURN_PER_S**2 * step_m
+        self._b_mps -= RETURN_PER_S * step_m + step_mps
+        self._c_mps2 -= RETURN_PER_S * (0.5 * RETURN_PER_S * step_m + step_mps)
 
     def move(self, moved_m: float, speed_mps: float) -> None:
         """The car moved along the road."""

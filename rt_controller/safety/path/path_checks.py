@@ -2,7 +2,8 @@
 
 from collections import deque
 
-from rt_controller.contract.signals import CurvaturePreview, PathReference
+from rt_controller.contract.kinematics import lateral_change_m
+from rt_controller.contract.signals import CurvaturePreview, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.safety.checks import Quantity
 from rt_controller.safety.path.followed_path import FollowedPath
@@ -15,6 +16,8 @@ FASTEST_M = 0.12
 """of one tick in the drift; the check of one step finds a jump"""
 BLENDED_M = 0.1
 """a larger step is a request; smaller ones are errors of measurement, and followed at once"""
+MOST_BLENDED_M, MOST_BLENDED_MPS = 0.5, 1.0
+"""step of an estimated place, and of its change"""
 TURN_M = 10.0
 """distance ahead at which a turn of the path is measured as a lateral change"""
 REMEMBERED_PATHS = 10
@@ -100,6 +103,19 @@ class PathChecks:
     def follow(self, path: PathReference, speed_mps: float, periods: int) -> PathReference:
         """What a car at `speed_mps` is to follow, after so many `periods`, instead of `path`."""
         return self._followed.follow(path, speed_mps, periods)
+
+    def blend(self, before: VehicleState, state: VehicleState, periods: int) -> None:
+        """An estimate replaces the state: approach the path from where the car seemed to be.
+
+        A drift is found late. To correct all of it at once needs more grip than a wet road has.
+        """
+        change_m = lateral_change_m(before, before)
+        step_m = state.ey_m - before.ey_m - periods * change_m
+        step_mps = (lateral_change_m(state, state) - change_m) / PERIOD_S
+        self._followed.shift(
+            -min(max(step_m, -MOST_BLENDED_M), MOST_BLENDED_M),
+            -min(max(step_mps, -MOST_BLENDED_MPS), MOST_BLENDED_MPS),
+        )
 
     def reject(self) -> None:
         """Go on with the last path; if the paths drifted, with the oldest that is stored.
