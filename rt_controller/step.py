@@ -129,7 +129,7 @@ class ControlStep:
         mode, cause = decide(facts, last.mode, last.cause)
         braking = braking_for(
             qualified.alarm,
-            qualified.is_measured and qualified.is_path_received,
+            qualified.speed_mps is not None and qualified.is_path_received,
             self._supervisor.cornering(last.control),
             self._supervisor.values[Quantity.THROTTLE],
         )

@@ -8,9 +8,11 @@ AHEAD_S, NEAR, FAR = 0.5, 0.2113, 0.7887
 """time ahead over which a path is compared with it, about the horizon of the controller, and the
 places in it. These are the Gauss points: there a fitted cubic has about the curvature of its path,
 at its ends up to 1.5 times as much"""
-MOST_BRAKE_N, BRAKE_RATE_N_PER_S = 100.0, 300.0
-"""of a straight car, about 0.5 g; the friction of the road is not known"""
+MOST_BRAKE_N, BRAKE_RATE_N_PER_S = 75.0, 150.0
+"""of a straight car, about 0.4 g: with more, a wet road (friction 0.5) leaves nothing to steer"""
 LEAST_BRAKE_N = 25.0
+HARD_BRAKE_N, HARD_BRAKE_RATE_N_PER_S = 100.0, 300.0
+"""about 0.5 g, of a car whose place is not known: only a short stop keeps it near its path"""
 LESS_BRAKE_N_PER_MPS2 = 20.0
 """on a wet road (friction 0.6) 100 N and a lateral acceleration of 3 m/s^2 exceed the grip"""
 FULL_BRAKE_N, FULL_BRAKE_RATE_N_PER_S = (
@@ -40,6 +42,6 @@ def brake_beside_n(
     """
     slide_mps2 = abs(wanted_mps2 - lateral_mps2)
     used_mps2 = max(abs(lateral_mps2), abs(wanted_mps2)) + slide_mps2
-    beside_n = max(MOST_BRAKE_N - LESS_BRAKE_N_PER_MPS2 * used_mps2, LEAST_BRAKE_N)
+    beside_n = max(HARD_BRAKE_N - LESS_BRAKE_N_PER_MPS2 * used_mps2, LEAST_BRAKE_N)
     driven_n = OPEN_THROTTLE_N * max(open_throttle, 0.0)
     return min(min(beside_n, most_n) + driven_n, FULL_BRAKE_N)

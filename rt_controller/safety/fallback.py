@@ -7,6 +7,8 @@ from rt_controller.contract.grip import (
     BRAKE_RATE_N_PER_S,
     FULL_BRAKE_N,
     FULL_BRAKE_RATE_N_PER_S,
+    HARD_BRAKE_N,
+    HARD_BRAKE_RATE_N_PER_S,
     MOST_BRAKE_N,
     brake_beside_n,
 )
@@ -14,10 +16,6 @@ from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.safety.cornering import Cornering
 from rt_controller.safety.modes import StopCause
-
-SAFE_STOP_BRAKE_N = 75.0
-"""about 0.4 g on a dry road: within the grip of the tyres while the wheel is still turned"""
-SAFE_STOP_BRAKE_RATE_N_PER_S = 150.0
 
 
 class Braking(NamedTuple):
@@ -27,10 +25,10 @@ class Braking(NamedTuple):
     rate_n_per_s: float
 
 
-ALONG_PATH = Braking(SAFE_STOP_BRAKE_N, SAFE_STOP_BRAKE_RATE_N_PER_S)
-ESTIMATED = Braking(MOST_BRAKE_N, BRAKE_RATE_N_PER_S)
-"""as the watchdog of the vehicle: the last known path is only some metres long, and the error of an
-estimated heading grows with the distance"""
+ALONG_PATH = Braking(MOST_BRAKE_N, BRAKE_RATE_N_PER_S)
+"""as the watchdog of the vehicle"""
+LOST = Braking(HARD_BRAKE_N, HARD_BRAKE_RATE_N_PER_S)
+"""the last known path is only some metres long, and the error of an estimated place grows"""
 FULL = Braking(FULL_BRAKE_N, FULL_BRAKE_RATE_N_PER_S)
 """with a stuck wheel only the brake still acts"""
 COUNTER_STEERING = Braking(20.0, 150.0)
@@ -44,27 +42,27 @@ STEER_RETURN_RADPS = 0.7
 
 def braking_for(
     alarm: StopCause,
-    is_received: bool,
+    is_known: bool,
     cornering: Cornering,
     open_throttle: float = 0.0,
 ) -> Braking:
     """How a safe stop brakes in this tick: beside what the tyres give to the path.
 
     A wheel that has an offset, but moves, is corrected by the vehicle: from then on the tyres need
-    their grip for the path again. With an estimated state or path only a short stop keeps the car
-    near its path, but it is steered there too.
+    their grip for the path again. With a lost state or path only a short stop keeps the car near
+    its path, but it is steered there too.
 
     Args:
         alarm: of this tick; not the cause that the stop began with.
-        is_received: state and path arrive and are accepted.
+        is_known: state and path arrive and are accepted, though single signals may be estimated.
         cornering: of the car in this tick.
         open_throttle: by which the throttle is open against its command.
     """
     if alarm is StopCause.STEERING_MISMATCH:
         return FULL
-    if is_received and abs(cornering.counter_steering_rad) > COUNTER_STEERING_RAD:
+    if is_known and abs(cornering.counter_steering_rad) > COUNTER_STEERING_RAD:
         return COUNTER_STEERING
-    straight = ALONG_PATH if is_received else ESTIMATED
+    straight = ALONG_PATH if is_known else LOST
     most_n = brake_beside_n(
         cornering.lateral_mps2, cornering.wanted_mps2, open_throttle, straight.most_n
     )

@@ -45,6 +45,8 @@ class Evidence(NamedTuple):
     """the residual of the heading appeared within a period"""
     is_lateral_jump: bool
     """the same of the lateral error"""
+    is_lateral_slow: bool
+    """the residual of the lateral error grew slowly"""
     lateral_by_heading_m: float
     """|residual of e_y| with the e_psi that arrives"""
     lateral_by_yaw_rate_m: float
@@ -85,7 +87,8 @@ _NAMED = {
 def isolate(check: Check, evidence: Evidence) -> Faulty:
     """The signal that is not used after this check has failed.
 
-    NONE if an actuator or the grip explains the residual as well: the measured state is then kept.
+    NONE if another signal, an actuator or the grip explains the residual as well: the measured
+    state is then kept.
     """
     quantity = check.quantity
     if quantity in _NAMED:
@@ -96,15 +99,7 @@ def isolate(check: Check, evidence: Evidence) -> Faulty:
     if quantity is Quantity.HEADING_RAD:
         return _of_heading(evidence)
     if quantity is Quantity.LATERAL_ERROR_M:
-        if (
-            not evidence.is_lateral_jump
-            and evidence.lateral_by_yaw_rate_m < LATERAL_SHARE * evidence.lateral_by_heading_m
-        ):
-            return Faulty.HEADING
-        is_speed = not evidence.is_lateral_jump and (
-            Faulty.LATERAL_SPEED in evidence.estimated or evidence.lateral_speed_share > LEAST_SHARE
-        )
-        return Faulty.LATERAL_SPEED if is_speed else Faulty.LATERAL_ERROR
+        return _of_lateral_error(evidence)
     return Faulty.NONE
 
 
@@ -131,6 +126,19 @@ def _of_heading(evidence: Evidence) -> Faulty:
         return Faulty.CURVATURE
     is_heading = evidence.lateral_by_heading_m > evidence.lateral_by_yaw_rate_m
     return Faulty.HEADING if is_heading else Faulty.YAW_RATE
+
+
+def _of_lateral_error(evidence: Evidence) -> Faulty:
+    """A slow drift is one of e_y or of v_y, and the model is not exact enough to tell which: the
+    car stops with the state that it measures.
+    """
+    if evidence.is_lateral_jump:
+        return Faulty.LATERAL_ERROR
+    if evidence.lateral_by_yaw_rate_m < LATERAL_SHARE * evidence.lateral_by_heading_m:
+        return Faulty.HEADING
+    if Faulty.LATERAL_SPEED in evidence.estimated or evidence.lateral_speed_share > LEAST_SHARE:
+        return Faulty.LATERAL_SPEED
+    return Faulty.NONE if evidence.is_lateral_slow else Faulty.LATERAL_ERROR
 
 
 def cause_of(check: Check, faulty: Faulty) -> StopCause:

@@ -41,6 +41,8 @@ REMEMBERED_STATES = 40
 """of one second; older states differ so much from the present one that other checks fail"""
 CHANGED_SIGNALS = 3
 """least number of signals that differ between two states; else the car drives steadily"""
+SMALL_LATERAL_M, SLOW_TICKS = 0.1, round(1.2 / PERIOD_S)
+"""a residual of e_y that grows more slowly from there to its threshold is less than 0.3 m/s"""
 JUMP_SHARE = 0.5
 """of a residual; if more of it appears within one period, it is a jump"""
 
@@ -73,7 +75,7 @@ class Residuals:
         """Restart at a state that is accepted."""
         self.observed = Observed(state.ey_m, state.epsi_rad, state.ey_m)
         self._speed_difference_mps = self._heading_rad = self._lateral_m = 0.0
-        self._same_ticks = self._frozen_ticks = 0
+        self._same_ticks = self._frozen_ticks = self._lateral_ticks = 0
         self._raw: VehicleState | None = None
         self._actuators: ControlInput | None = None
         """their feedback when the state began to repeat"""
@@ -151,6 +153,9 @@ class Residuals:
         values[Quantity.LATERAL_ERROR_M] = abs(lateral_m) * share
         if abs(self._heading_rad) <= self._limits[Quantity.HEADING_RAD]:
             self._is_heading_jump = _is_jump(self._heading_rad, heading_rad)
+        self._lateral_ticks += 1
+        if abs(lateral_m) < SMALL_LATERAL_M:
+            self._lateral_ticks = 0
         if abs(self._lateral_m) <= self._limits[Quantity.LATERAL_ERROR_M]:
             self._is_lateral_jump = _is_jump(self._lateral_m, lateral_m)
         self._heading_rad, self._lateral_m = heading_rad, lateral_m
@@ -221,6 +226,7 @@ class Residuals:
             yaw_rate_share=self._share(Quantity.YAW_RATE_STEP_RADPS, Quantity.YAW_RATE_TEN_RADPS),
             is_heading_jump=self._is_heading_jump,
             is_lateral_jump=self._is_lateral_jump,
+            is_lateral_slow=self._lateral_ticks > SLOW_TICKS,
             lateral_by_heading_m=abs(now.ey_m - self.observed.ey_m),
             lateral_by_yaw_rate_m=abs(now.ey_m - self.observed.ey_by_yaw_rate_m),
             curvature_error_per_m=curvature_error_per_m,

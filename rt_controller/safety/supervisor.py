@@ -160,8 +160,9 @@ class Supervisor:
         residuals, faulty = self._residuals, self._faulty
         self._is_motion_measured = False
         vx_mps, vy_mps, yaw_rate = self._expected_motion(received, before)
-        ds_m = vx_mps * PERIOD_S
-        expected = VehicleState(vx_mps, vy_mps, yaw_rate, ds_m, before.ey_m, before.epsi_rad)
+        expected = before._replace(
+            vx_mps=vx_mps, vy_mps=vy_mps, yaw_rate_radps=yaw_rate, ds_m=vx_mps * PERIOD_S
+        )
         last_curvature_per_m = self._curvature_per_m
         road_per_m = self._road.curvature_here(last_curvature_per_m)
         if received.state is None:

@@ -9,8 +9,8 @@ from rt_controller.safety.cornering import Cornering
 from rt_controller.safety.fallback import (
     ALONG_PATH,
     COUNTER_STEERING,
-    ESTIMATED,
     FULL,
+    LOST,
     Braking,
     braking_for,
     input_for,
@@ -20,28 +20,28 @@ from rt_controller.safety.modes import StopCause
 
 
 @pytest.mark.parametrize(
-    ("cause", "is_received", "counter_steering_deg", "lateral_mps2", "braking"),
+    ("cause", "is_known", "counter_steering_deg", "lateral_mps2", "braking"),
     [
         (StopCause.STATE_LOST, True, 0.0, 0.0, ALONG_PATH),
         (StopCause.NONE, True, -10.0, 1.0, ALONG_PATH),
         (StopCause.NONE, True, 10.0, -3.0, Braking(40.0, 150.0)),
         (StopCause.NONE, True, 10.1, 3.0, COUNTER_STEERING),
         (StopCause.NONE, True, -10.1, 0.0, COUNTER_STEERING),
-        (StopCause.REFERENCE_LOST, False, 0.0, 0.0, ESTIMATED),
+        (StopCause.REFERENCE_LOST, False, 0.0, 0.0, LOST),
         (StopCause.REFERENCE_LOST, False, 10.1, -3.0, Braking(40.0, 300.0)),
-        (StopCause.YAW_RATE_IMPLAUSIBLE, False, 0.0, 5.0, Braking(25.0, 300.0)),
+        (StopCause.STATE_FROZEN, False, 0.0, 5.0, Braking(25.0, 300.0)),
         (StopCause.STEERING_MISMATCH, True, 40.0, 5.0, FULL),
     ],
 )
 def test_a_stop_is_as_short_as_its_cause_demands_and_the_grip_allows(
     cause: StopCause,
-    is_received: bool,
+    is_known: bool,
     counter_steering_deg: float,
     lateral_mps2: float,
     braking: Braking,
 ) -> None:
     cornering = Cornering(radians(counter_steering_deg), lateral_mps2, lateral_mps2)
-    assert braking_for(cause, is_received, cornering) == pytest.approx(braking)
+    assert braking_for(cause, is_known, cornering) == pytest.approx(braking)
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,7 @@ def test_a_throttle_that_stays_open_is_braked_beside_the_turn_of_the_car(
     assert found.most_n == pytest.approx(most_n)
 
 
-@pytest.mark.parametrize("braking", [ALONG_PATH, ESTIMATED, FULL, COUNTER_STEERING])
+@pytest.mark.parametrize("braking", [ALONG_PATH, LOST, FULL, COUNTER_STEERING])
 def test_the_brake_is_ramped_to_the_force_of_the_stop(braking: Braking) -> None:
     first = input_for(Mode.SAFE_STOP, None, NEUTRAL_INPUT, False, braking)
     assert first.brake_n == pytest.approx(0.025 * braking.rate_n_per_s)
@@ -74,7 +74,7 @@ def test_standby_and_plans_are_not_braked() -> None:
     ("braking", "most_n", "rate_n_per_s"),
     [
         (ALONG_PATH, 75.0, 150.0),
-        (ESTIMATED, 100.0, 300.0),
+        (LOST, 100.0, 300.0),
         (FULL, 150.0, 500.0),
         (COUNTER_STEERING, 20.0, 150.0),
     ],

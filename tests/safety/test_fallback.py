@@ -5,8 +5,7 @@ import pytest
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.safety.fallback import (
-    SAFE_STOP_BRAKE_N,
-    SAFE_STOP_BRAKE_RATE_N_PER_S,
+    ALONG_PATH,
     input_for,
     safe_stop,
     stand_by,
@@ -20,9 +19,9 @@ def test_a_safe_stop_ramps_the_brake_to_its_maximum_and_holds_it() -> None:
         control = safe_stop(control, None, is_held=False)
         forces.append(control.brake_n)
         assert control.throttle == 0.0
-    assert forces[0] == pytest.approx(SAFE_STOP_BRAKE_RATE_N_PER_S * PERIOD_S)
+    assert forces[0] == pytest.approx(ALONG_PATH.rate_n_per_s * PERIOD_S)
     assert forces == sorted(forces)
-    assert forces[-1] == SAFE_STOP_BRAKE_N
+    assert forces[-1] == ALONG_PATH.most_n
 
 
 def test_the_steering_follows_the_rest_of_the_plan_then_returns_to_zero() -> None:
@@ -44,7 +43,7 @@ def test_the_brake_of_a_held_car_is_not_released_and_pressed_as_planned() -> Non
     held = ControlInput(0.0, 120.0, 0.1)
     assert safe_stop(held, None, is_held=True).brake_n == 120.0
     assert safe_stop(held, held._replace(brake_n=123.75), is_held=True).brake_n == 123.75
-    assert safe_stop(held, held, is_held=False).brake_n == SAFE_STOP_BRAKE_N
+    assert safe_stop(held, held, is_held=False).brake_n == ALONG_PATH.most_n
 
 
 @pytest.mark.parametrize("steer_rad", [-0.5, -0.001, 0.0, 0.001, 0.5])

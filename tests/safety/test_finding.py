@@ -98,6 +98,6 @@ def test_checks_of_the_state_name_the_faulty_signals(
     is_repeated: bool,
     expected: tuple[Faulty, StopCause, bool],
 ) -> None:
-    evidence = Evidence(0.0, 0.0, 0.0, 0.0, is_heading_jump, True, 0.0, 0.0, 0.0)
+    evidence = Evidence(0.0, 0.0, 0.0, 0.0, is_heading_jump, True, False, 0.0, 0.0, 0.0)
     failing = [BY_QUANTITY[quantity] for quantity in quantities]
     assert finding_of_state(failing, evidence, is_repeated) == expected

@@ -13,7 +13,7 @@ from rt_controller.safety.isolation import (
 )
 from rt_controller.safety.modes import StopCause
 
-NOTHING = Evidence(0.0, 0.0, 0.0, 0.0, False, False, 0.0, 0.0, 0.0)
+NOTHING = Evidence(0.0, 0.0, 0.0, 0.0, False, False, False, 0.0, 0.0, 0.0)
 TURNED = NOTHING._replace(lateral_by_heading_m=0.2)
 BY_QUANTITY = {check.quantity: check for check in CHECKS}
 Q = Quantity
@@ -50,6 +50,9 @@ Q = Quantity
             NOTHING._replace(lateral_speed_share=0.41),
             Faulty.LATERAL_SPEED,
         ),
+        (Q.LATERAL_ERROR_M, NOTHING._replace(is_lateral_slow=True), Faulty.NONE),
+        (Q.LATERAL_ERROR_M, TURNED._replace(lateral_by_yaw_rate_m=0.1), Faulty.HEADING),
+        (Q.LATERAL_ERROR_M, TURNED._replace(lateral_by_yaw_rate_m=0.2), Faulty.LATERAL_ERROR),
         (Q.HEADING_RAD, TURNED._replace(yaw_rate_share=0.4), Faulty.HEADING),
         (Q.HEADING_RAD, TURNED._replace(yaw_rate_share=0.41), Faulty.YAW_RATE),
         (Q.HEADING_RAD, TURNED._replace(curvature_error_per_m=1e-3), Faulty.HEADING),

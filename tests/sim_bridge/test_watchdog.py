@@ -160,21 +160,21 @@ def test_a_car_with_a_stuck_wheel_is_braked_as_hard_as_it_can_be(
 
 
 @pytest.mark.parametrize("has_failed", [False, True])
-def test_the_brake_ramps_at_300_n_per_s_to_100_n_or_at_500_to_150(has_failed: bool) -> None:
+def test_the_brake_ramps_at_150_n_per_s_to_75_n_or_at_500_to_150(has_failed: bool) -> None:
     watchdog = ActuatorWatchdog()
     forces = [
         watchdog.apply(None, 0, 0, MOVING, STEER_RAD, is_wheel_stuck=has_failed).brake_n
-        for _ in range(20)
+        for _ in range(25)
     ]
-    step_n, most_n = (12.5, 150.0) if has_failed else (7.5, 100.0)
-    assert forces == pytest.approx([min(step_n * (k + 1), most_n) for k in range(20)])
+    step_n, most_n = (12.5, 150.0) if has_failed else (3.75, 75.0)
+    assert forces == pytest.approx([min(step_n * (k + 1), most_n) for k in range(25)])
 
 
 def test_the_brake_goes_on_from_the_force_of_the_last_command() -> None:
     watchdog = ActuatorWatchdog()
     braking = Command(ControlInput(0.0, 40.0, 0.0), Mode.NOMINAL)
     watchdog.apply(Received(braking, 0, 0), 0, 0, MOVING, STEER_RAD)
-    assert watchdog.apply(None, 0, 0, MOVING, STEER_RAD).brake_n == pytest.approx(47.5)
+    assert watchdog.apply(None, 0, 0, MOVING, STEER_RAD).brake_n == pytest.approx(43.75)
 
 
 def test_the_force_of_a_car_that_turns_is_not_exceeded() -> None:
