@@ -47,13 +47,8 @@ def build_mpc(bundle: Bundle, settings: MpcSettings, max_iterations: int | None 
         bundle,
         settings.horizon,
         settings.cost(),
-        Features(settings.slew_rows, corridor),
-        partial(
-            open_solver,
-            name=settings.solver,
-            warm_start=settings.warm_start == "on",
-            max_iterations=max_iterations,
-        ),
+        Features(corridor=corridor),
+        partial(open_solver, max_iterations=max_iterations),
         settings.knots,
     )
     plan_at_constant_speed(mpc)
