@@ -123,7 +123,7 @@ class ControllerSession:
             )
             if self.recorder is not None:
                 opened.callback(self.recorder.close)
-            self._mpc, self._keeps_plans = mpc, files.has_plans
+            self._mpc, self._keeps_plans = mpc, files.mcap is not None
             self.inbox, self.outbox, self._step, self._supervisor = build_node(
                 self._bus,
                 config,

@@ -42,8 +42,7 @@ class BridgeOptions(CarSettings, BusSettings):
     priority: Annotated[int, Field(ge=0, le=99)] = CAR_PRIORITY
     """SCHED_FIFO priority, where the system allows it; 0: none"""
     record: Path | None = None
-    """write all frames to this log: .log (candump), .blf, .asc or .mf4, or to a new one in this
-    folder"""
+    """write all frames to this candump log (.log), or to a new one in this folder"""
     overwrite: bool = False
     """replace an existing log of --record, which otherwise is refused"""
     json_file: Annotated[Path | None, Parameter(name="--json")] = None

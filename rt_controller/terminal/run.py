@@ -114,9 +114,7 @@ def run_at_terminal(options: "RunOptions") -> int:
                 for note in (steering_note(car, geometry), grip_note(car, options.friction)):
                     if note is not None:
                         show(f"note: {note}", options.quiet)
-            files = RecordingFiles(
-                options.record, options.mcap, options.foxglove, options.overwrite
-            )
+            files = RecordingFiles(options.record, options.mcap, options.overwrite)
             session = ControllerSession(
                 options, options, bundle, mpc, clock, NO_FILES if options.check else files
             )
