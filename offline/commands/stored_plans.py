@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Any
 
 from offline.commands.terminal import STDOUT
-from rt_controller.bundle_checks.encoder_trial import require_bounded
 from rt_controller.bundle_checks.plan_check import require_stored_plans, with_plans
 from rt_controller.contract.errors import ArtifactError, ConfigError
 from rt_controller.contract.model.artifact import CARD_FILE, find_model, load_bundle, save_bundle
@@ -26,7 +25,6 @@ def store_plans(model: Path, output: Path | None) -> dict[str, Any]:
     folder = find_model(model)
     bundle = load_bundle(folder)
     require_drivable(bundle)
-    require_bounded(bundle)
     replaced = _why_replaced(bundle)
     target = output or folder
     planned = with_plans(bundle)
