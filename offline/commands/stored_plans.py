@@ -19,7 +19,7 @@ def store_plans(model: Path, output: Path | None) -> dict[str, Any]:
         output: folder to write; None: that of the bundle.
 
     Raises:
-        ArtifactError: the bundle is damaged, of an older format, or cannot be driven with.
+        ArtifactError: the bundle is damaged, of another format, or cannot be driven with.
         ConfigError: the folder cannot be written.
     """
     folder = find_model(model)
