@@ -38,8 +38,8 @@ ShippedCar = Literal[
     "c_class_150kw_awd", "c_class_125kw_fwd", "c_class_150kw_bev", "commonroad_vehicle_2"
 ]
 OWN, FMU, COMMONROAD = "own", "fmu", "commonroad"
-SCENARIO_SUFFIXES = (".toml", ".xodr", ".xml")
-"""of scenarios of this project, OpenDRIVE maps and CommonRoad scenarios"""
+SCENARIO_SUFFIXES = (".toml", ".xodr")
+"""of scenarios of this project and OpenDRIVE maps"""
 CAR_PRIORITY = 40
 """SCHED_FIFO priority of the car's thread, below the controller's"""
 
@@ -87,8 +87,7 @@ class CarSettings(Settings):
     """The car at the other end of the bus and its manoeuvre."""
 
     scenario: ShippedScenario | str = "double_lane_change"
-    """a shipped manoeuvre, or the path of a .toml file, an OpenDRIVE map (map.xodr#ROAD,ROAD) or a
-    CommonRoad scenario (.xml)"""
+    """a shipped manoeuvre, or the path of a .toml file or an OpenDRIVE map (map.xodr#ROAD,ROAD)"""
     plant: str = "own"
     """own, fmu:FILE.fmu (FMI 2 or 3 co-simulation) or commonroad:NUMBER"""
     plant_mapping: Path | None = None

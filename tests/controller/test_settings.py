@@ -86,7 +86,7 @@ def test_the_choices_in_the_help_are_what_is_shipped() -> None:
     assert set(transport.COMMON) <= {*can.VALID_INTERFACES, "remote"}
 
 
-@pytest.mark.parametrize("name", ["road.xodr", "road.xodr#5,-7", "traffic.xml", "drive.toml"])
+@pytest.mark.parametrize("name", ["road.xodr", "road.xodr#5,-7", "drive.toml"])
 def test_scenario_files_of_all_kinds_are_accepted(tmp_path: Path, name: str) -> None:
     (tmp_path / name.partition("#")[0]).touch()
     assert CarSettings(scenario=str(tmp_path / name)).scenario.endswith(name)
