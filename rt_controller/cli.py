@@ -150,7 +150,7 @@ def replay(
     Parameters
     ----------
     log
-        log that --record wrote (.log, .blf, .asc, .mf4), with its .journal beside it
+        log that --record wrote, with its .journal beside it
     model
         another model, to see what it would have commanded; default: the recorded one
     json_file
@@ -180,7 +180,7 @@ def explain(
     Parameters
     ----------
     log
-        log that --record wrote (.log, .blf, .asc, .mf4), with its .journal beside it
+        log that --record wrote, with its .journal beside it
     tick
         number of the tick, from 0; default: the one in which the last safe stop began
     model

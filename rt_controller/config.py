@@ -73,8 +73,6 @@ class MpcSettings(Settings):
     epsi, as printed in the paper"""
     terminal_factor: Annotated[float, Field(gt=0.0, le=1e6)] = 5.0
     """weight of the last stage, in units of the others"""
-    slew_rows: bool = True
-    """limit changes of the inputs in the plan too, not only in the commands"""
     corridor_m: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
     """distance from the path beyond which the plan has an additional cost; none: no such cost"""
     beyond_corridor_m: Annotated[float, Field(ge=1e-6, le=100.0)] = 0.05
@@ -82,10 +80,6 @@ class MpcSettings(Settings):
     actuation_delay: Annotated[int, Field(ge=0, le=8)] = 1
     """periods after which the actuators of the car follow a command that it has accepted; the delay
     of the bus is measured"""
-    solver: Literal["piqp", "daqp"] = "piqp"
-    """of the QP: piqp, interior point, or daqp, active set, which needs the extra [daqp]"""
-    warm_start: Literal["on", "off"] = "on"
-    """try the last active set before piqp"""
     tolerance: Tolerances = Tolerances()
 
     def for_model(self, bundle: "Bundle") -> "MpcSettings":
@@ -152,7 +146,7 @@ class RealtimeSettings(Settings):
     """how long before each tick its QP is built; dry runs follow at 2.4, 1.5 and 0.8 ms before the
     tick, those of them that are later; 0: neither"""
     solve_budget_ms: Annotated[float, Field(gt=0.0, le=PERIOD_MS)] = 5.0
-    """time for a solve; PIQP may do as many iterations as fit at start, DAQP stops after it"""
+    """time for a solve; PIQP may do as many iterations as fit at start"""
     deadline_ms: Annotated[float, Field(gt=0.0, le=PERIOD_MS)] = 10.0
     """time from the scheduled tick until the command has been sent; a later one is a miss"""
 

@@ -1,7 +1,5 @@
 """Before the loop: wait for the vehicle, check that it fits, and set the clock's phase by it."""
 
-from collections.abc import Callable
-
 import can
 
 from rt_controller.bus.catalogue import REFERENCE, STATE, VEHICLE_IDENTITY
@@ -15,11 +13,6 @@ LONGEST_LOCKSTEP_WAIT_NS = 5_000_000_000
 """in simulated time the vehicle sends from the first period on, if it ever does"""
 
 
-def nothing_missing() -> str:
-    """Of a bus that does not translate."""
-    return ""
-
-
 def wait_for_vehicle(
     bus: can.BusABC,
     inbox: Inbox,
@@ -27,12 +20,10 @@ def wait_for_vehicle(
     phase_ns: int,
     wait_ns: int,
     request: StopRequest,
-    explain_missing: Callable[[], str] = nothing_missing,
 ) -> None:
     """Return when state, path and identity were received, or a stop is requested.
 
-    The clock's ticks are then `phase_ns` after the vehicle's frames. `explain_missing` says which
-    signals of a car with its own messages are missing.
+    The clock's ticks are then `phase_ns` after the vehicle's frames.
 
     Raises:
         BusError: nothing valid within `wait_ns`, the bus cannot be read, another controller is
@@ -57,7 +48,7 @@ def wait_for_vehicle(
                 clock.align(state.arrival_ns + phase_ns)
                 return
         if clock.now_ns() - began_ns > wait_ns:
-            raise BusError(explain_missing() or _missing_frames(inbox, wait_ns))
+            raise BusError(_missing_frames(inbox, wait_ns))
         clock.poll()
 
 

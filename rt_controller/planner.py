@@ -2,7 +2,6 @@
 
 from functools import partial
 
-from rt_controller.bundle_checks.encoder_trial import require_bounded
 from rt_controller.bundle_checks.plan_check import require_stored_plans
 from rt_controller.config import LowSpeedSettings, MpcSettings
 from rt_controller.contract.errors import ConfigError
@@ -32,12 +31,11 @@ def build_mpc(bundle: Bundle, settings: MpcSettings, max_iterations: int | None 
     `max_iterations` of a solve; None: those of the solver.
 
     Raises:
-        ArtifactError: the model is not one of this vehicle, gives no convex QP, does not plan as
-            where it was exported, or has an encoder that needs too much time or memory.
+        ArtifactError: the model is not one of this vehicle, gives no convex QP, or does not plan
+            as where it was exported.
         ConfigError: settings that give no QP, or one that is not solved at a constant speed.
     """
     require_drivable(bundle)
-    require_bounded(bundle)
     require_stored_plans(bundle)
     settings = settings.for_model(bundle)
     corridor = None
@@ -47,13 +45,8 @@ def build_mpc(bundle: Bundle, settings: MpcSettings, max_iterations: int | None 
         bundle,
         settings.horizon,
         settings.cost(),
-        Features(settings.slew_rows, corridor),
-        partial(
-            open_solver,
-            name=settings.solver,
-            warm_start=settings.warm_start == "on",
-            max_iterations=max_iterations,
-        ),
+        Features(corridor=corridor),
+        partial(open_solver, max_iterations=max_iterations),
         settings.knots,
     )
     plan_at_constant_speed(mpc)

@@ -3,10 +3,8 @@
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
-from itertools import chain
 from threading import Thread
 
-from rt_controller.bus.bus_load import CLASSIC_BITRATE, bus_load
 from rt_controller.bus.log.recorder import LoopEvent
 from rt_controller.bus.transport import close_bus
 from rt_controller.config import ControllerConfig
@@ -15,7 +13,7 @@ from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.mpc import Mpc
 from rt_controller.drive.table import Drive
 from rt_controller.drive.trace import DriveTrace
-from rt_controller.handshake import nothing_missing, wait_for_vehicle
+from rt_controller.handshake import wait_for_vehicle
 from rt_controller.loop import FinishedTick, RunRecord, StopRequest, run_loop
 from rt_controller.node import build_node
 from rt_controller.preparation import schedule_preparation
@@ -94,7 +92,6 @@ class ControllerSession:
         self._request = StopRequest()
         self._thread: Thread | None = None
         self._receive_failures = 0
-        self._explain_missing = nothing_missing
         with ExitStack() as opened:
             self.guarantees = NO_GUARANTEES
             if not self._is_lockstep:
@@ -102,15 +99,6 @@ class ControllerSession:
                 self.guarantees = opened.enter_context(real_time_process(self._priority))
             bus = bus_settings.open_bus()
             opened.callback(close_bus, bus)
-            if bus_settings.signals is not None:
-                from rt_controller.gateway.joining import join_car  # scipy, for such cars only
-
-                is_timed = not self._is_lockstep
-                bus = joined = join_car(
-                    bus, bus_settings.signals, bundle, clock.now_ns, has_wall_clock=is_timed
-                )
-                self._explain_missing = joined.explain_missing
-                opened.callback(close_bus, bus)
             self._bus = bus
             self.recorder = open_recording(
                 files,
@@ -123,7 +111,7 @@ class ControllerSession:
             )
             if self.recorder is not None:
                 opened.callback(self.recorder.close)
-            self._mpc, self._keeps_plans = mpc, files.has_plans
+            self._mpc, self._keeps_plans = mpc, files.mcap is not None
             self.inbox, self.outbox, self._step, self._supervisor = build_node(
                 self._bus,
                 config,
@@ -159,11 +147,6 @@ class ControllerSession:
     def request_stop(self) -> None:
         """Request the loop to end: the first request stops the car, the third ends at once."""
         self._request.request()
-
-    def bus_load(self) -> float:
-        """Share of the time, 0 to 1, that the frames of both ends occupy a bus of 500 kbit/s."""
-        frames = chain(self.outbox.cyclic_frames(), self.inbox.cyclic_frames())
-        return bus_load(frames, CLASSIC_BITRATE, self.outbox.is_fd)
 
     def drive(self) -> Drive:
         """The drive so far as a table; at most the last hour of it."""
@@ -209,15 +192,7 @@ class ControllerSession:
         try:
             self.guarantees = set_thread_priority(self._priority, settings.cpu, self.guarantees)
             phase_ns, wait_ns = round(settings.phase_ms * 1e6), round(wait_s * 1e9)
-            wait_for_vehicle(
-                self._bus,
-                self.inbox,
-                clock,
-                phase_ns,
-                wait_ns,
-                self._request,
-                self._explain_missing,
-            )
+            wait_for_vehicle(self._bus, self.inbox, clock, phase_ns, wait_ns, self._request)
             self.is_joined = True
             end_ns = None if duration_s is None else clock.now_ns() + round(duration_s * 1e9)
             schedule = schedule_preparation(settings.prepare_ms, self._is_lockstep)

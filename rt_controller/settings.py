@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
-from pydantic import Field, PositiveInt, ValidationInfo, field_validator
+from pydantic import Field, PositiveInt, field_validator
 
 from rt_controller.contract.limits import LEAST_FRICTION, MOST_FRICTION
 from rt_controller.contract.names import name_or
@@ -38,8 +38,8 @@ ShippedCar = Literal[
     "c_class_150kw_awd", "c_class_125kw_fwd", "c_class_150kw_bev", "commonroad_vehicle_2"
 ]
 OWN, FMU, COMMONROAD = "own", "fmu", "commonroad"
-SCENARIO_SUFFIXES = (".toml", ".xodr", ".xml")
-"""of scenarios of this project, OpenDRIVE maps and CommonRoad scenarios"""
+SCENARIO_SUFFIXES = (".toml", ".xodr")
+"""of scenarios of this project and OpenDRIVE maps"""
 CAR_PRIORITY = 40
 """SCHED_FIFO priority of the car's thread, below the controller's"""
 
@@ -63,16 +63,6 @@ class BusSettings(Settings):
     """frames of CAN FD, protected by E2E profile 5, instead of classic ones; at both ends"""
     bus_option: dict[str, str] | None = None
     """further options of the interface, as --bus-option.KEY VALUE"""
-    signals: Path | None = None
-    """mapping file of a car that has its own messages on this bus: it assigns their signals to
-    those of the contract"""
-
-    @field_validator("signals")
-    @classmethod
-    def _require_classic_frames(cls, found: Path | None, info: ValidationInfo) -> Path | None:
-        if found is not None and info.data.get("fd"):
-            raise ValueError("expected a bus of classic CAN, where a car has its own messages")
-        return found
 
     @field_validator("bus_option", mode="before")
     @classmethod
@@ -97,8 +87,7 @@ class CarSettings(Settings):
     """The car at the other end of the bus and its manoeuvre."""
 
     scenario: ShippedScenario | str = "double_lane_change"
-    """a shipped manoeuvre, or the path of a .toml file, an OpenDRIVE map (map.xodr#ROAD,ROAD) or a
-    CommonRoad scenario (.xml)"""
+    """a shipped manoeuvre, or the path of a .toml file or an OpenDRIVE map (map.xodr#ROAD,ROAD)"""
     plant: str = "own"
     """own, fmu:FILE.fmu (FMI 2 or 3 co-simulation) or commonroad:NUMBER"""
     plant_mapping: Path | None = None

@@ -48,7 +48,7 @@ def simulate(
     up to a minute.
 
     Args:
-        scenario: name of a shipped scenario, path of a .toml, .xodr or .xml file, or a
+        scenario: name of a shipped scenario, path of a .toml or .xodr file, or a
             `sim_bridge.Scenario`.
         model: name of a shipped model, folder of a bundle, or a `Bundle`; default: mdk-net.
         plant: "own", "fmu:FILE.fmu", "commonroad:NUMBER", or an object that implements `Plant`.

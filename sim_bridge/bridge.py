@@ -2,12 +2,10 @@
 
 from collections import deque
 from dataclasses import asdict
-from itertools import chain
 from typing import NamedTuple
 
 import can
 
-from rt_controller.bus.bus_load import CLASSIC_BITRATE, bus_load
 from rt_controller.bus.catalogue import (
     CONTROLLER_IDENTITY,
     FEEDBACK,
@@ -232,7 +230,6 @@ class Bridge:
         """The figures so far."""
         ey_rms_m, ey_peak_m = self._run.ey_error_rms_and_peak_m()
         plant, cause = self._car.plant, self._watchdog.braking_cause
-        frames = chain(self._outbox.cyclic_frames(), self._inbox.cyclic_frames())
         failure = plant.failure or (
             f"{plant.name}: expected a finite motion of at most {FASTEST_MPS:g} m/s, found "
             f"{self._car.state.vx_mps:.4g} m/s"
@@ -247,7 +244,6 @@ class Bridge:
             controller_ended=self._watchdog.has_controller_ended,
             refused_ticks=dict(self._check.named()),
             foreign_frames=self._inbox.foreign_frames,
-            bus_load_at_500_kbps=bus_load(frames, CLASSIC_BITRATE, self._outbox.is_fd),
             frames_received=asdict(self._inbox.counts),
             plant_failure=failure if self.has_failed else None,
             braking_cause=None if cause is None else cause.name,

@@ -23,8 +23,6 @@ class BridgeSummary:
     """ticks in which the newest command was refused, by name of the reason"""
     foreign_frames: int
     """frames that only this vehicle sends"""
-    bus_load_at_500_kbps: float
-    """share of the time in which frames were on the bus, at 500 kbit/s"""
     frames_received: dict[str, int]
     """damaged, repeated and missing ones, by kind"""
     plant_failure: str | None

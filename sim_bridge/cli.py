@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
 
 from rt_controller.contract.errors import require_packages
 from rt_controller.contract.timing import LONGEST_S
@@ -37,19 +37,28 @@ class BridgeOptions(CarSettings, BusSettings):
     bus: SharedInterface | str
     """python-can interface, these or another that other processes reach"""
 
+    signals: Path | None = None
+    """mapping file of a car with messages of its own, which the simulated car then has on this bus;
+    rt-controller signals gateway translates them"""
     wait_s: Annotated[float, Field(gt=0.0, le=LONGEST_S, allow_inf_nan=False)] = 60.0
     """longest wait for a controller"""
     priority: Annotated[int, Field(ge=0, le=99)] = CAR_PRIORITY
     """SCHED_FIFO priority, where the system allows it; 0: none"""
     record: Path | None = None
-    """write all frames to this log: .log (candump), .blf, .asc or .mf4, or to a new one in this
-    folder"""
+    """write all frames to this candump log (.log), or to a new one in this folder"""
     overwrite: bool = False
     """replace an existing log of --record, which otherwise is refused"""
     json_file: Annotated[Path | None, Parameter(name="--json")] = None
     """write the summary to this JSON file"""
     quiet: bool = False
     """no progress on stderr; errors and the result remain"""
+
+    @field_validator("signals")
+    @classmethod
+    def _require_classic_frames(cls, found: Path | None, info: ValidationInfo) -> Path | None:
+        if found is not None and info.data.get("fd"):
+            raise ValueError("expected a bus of classic CAN, where a car has its own messages")
+        return found
 
 
 @app.default

@@ -1,4 +1,4 @@
-"""The simulated car with another car's messages: the mapping of `rt-controller --signals` reversed.
+"""The simulated car with another car's messages: a mapping file, reversed.
 
 The bridge reads and writes this bus like any other. On the bus below it the car's own messages are
 sent, with the periods of its DBC, and its commands are received.

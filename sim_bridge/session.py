@@ -164,10 +164,12 @@ def open_session(
     plant: CarSettings | Plant = OWN_CAR,
     faults: Path | None = None,
     has_checks: bool = True,
+    signals: Path | None = None,
 ) -> BridgeSession:
     """A session with everything opened and ready to tick; `faults` is a file of them.
 
-    The caller closes the recorder, after the session. `has_checks` is that of `Bridge`.
+    The caller closes the recorder, after the session. `has_checks` is that of `Bridge`; `signals`
+    is the mapping file of a car whose messages the simulated one has on the bus.
 
     Raises:
         MissingExtraError: the plant's optional dependencies are not installed.
@@ -189,8 +191,8 @@ def open_session(
     car = build_car(manoeuvre, plant)
     try:
         bus = bus_settings.open_bus()
-        if bus_settings.signals is not None:
-            bus = _join_foreign_bus(bus, bus_settings.signals, manoeuvre, car)
+        if signals is not None:
+            bus = _join_foreign_bus(bus, signals, manoeuvre, car)
     except BaseException:
         car.plant.close()
         raise

@@ -68,7 +68,14 @@ def run_at_terminal(options: "BridgeOptions") -> int:
             if recorder is not None:
                 opened.callback(recorder.close)
             with announce(COMPILING, options.quiet):
-                session = open_session(options, options.scenario, recorder, options, options.faults)
+                session = open_session(
+                    options,
+                    options.scenario,
+                    recorder,
+                    options,
+                    options.faults,
+                    signals=options.signals,
+                )
             scenario = session.bridge.scenario
             replaced = None if options.friction is None else grip_note(scenario)
             for note in filter(None, (steering_note(scenario), replaced)):
@@ -171,7 +178,6 @@ def _sentence(summary: BridgeSummary, is_stopped: bool) -> str:
     is_released = summary.released and summary.final_speed_mps > AT_REST_MPS
     return (
         _figures(summary)
-        + f"  bus load {100.0 * summary.bus_load_at_500_kbps:.1f} % at 500 kbit/s"
         + (f"  ticks with refused commands: {refused}" if refused else "")
         + (braked if summary.watchdog_braked else "")
         + ("  THE PLANT FAILED" if summary.plant_failure else "")

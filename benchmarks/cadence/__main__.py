@@ -14,10 +14,9 @@ from rt_controller.realtime.tick_times import TickTimes
 from rt_controller.report.table import Column, Fact, Table, facts_table, print_table
 from rt_controller.terminal.command_line import run_command
 
-Variant = Literal["default", "fast", "unprepared", "paper", "lti"]
+Variant = Literal["default", "unprepared", "paper", "lti"]
 VARIANTS: dict[Variant, tuple[str, ...]] = {
     "default": (),
-    "fast": ("--mpc.solver", "daqp"),
     "unprepared": ("--realtime.prepare-ms", "0"),
     "paper": ("--model", str(shipped_model("mdk-net-paper"))),
     "lti": ("--model", str(shipped_model("lti"))),
@@ -38,7 +37,7 @@ app = cyclopts.App(name="python -m benchmarks.cadence", version_flags=[])
 @app.default
 def main(
     *,
-    variants: tuple[Variant, ...] = ("default", "fast"),
+    variants: tuple[Variant, ...] = ("default",),
     ticks: int = 40_000,
     rounds: int = 1,
     transport: Transport = Transport.LOCAL,
@@ -51,7 +50,7 @@ def main(
     Parameters
     ----------
     variants
-        default; fast: DAQP; unprepared: nothing done before the tick; paper, lti: other models.
+        default; unprepared: nothing done before the tick; paper, lti: other models.
     ticks
         Ticks of each variant in a round: 40,000 take 17 minutes. If the host stalls and the car is
         stopped, another drive supplies the missing ticks.

@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 from matplotlib.figure import Figure
 
-from benchmarks.peers.solvers.registry import COLD, DEFAULT, FAST
+from benchmarks.peers.solvers.registry import COLD, DEFAULT
 
 OWN_COLOR, PEER_COLOR = "#2f6fb3", "#8a97a5"
 ROW_INCHES, PANEL_INCHES, TEXT_INCHES = 0.23, 3.4, 1.2
@@ -28,7 +28,7 @@ def plot(panels: Sequence[tuple[str, pd.DataFrame]], file: Path) -> None:
         for row, (name, one) in enumerate(slowest_first.iterrows()):
             p50_us, p99_us = one[f"{prefix}p50_us"], one[f"{prefix}p99_us"]
             is_hollow = not one.get("is_accurate", True) or one.get("unsolved", 0) > 0
-            color = OWN_COLOR if name in (DEFAULT, COLD, FAST) else PEER_COLOR
+            color = OWN_COLOR if name in (DEFAULT, COLD) else PEER_COLOR
             axes.plot([p50_us, p99_us], [row, row], color=color, linewidth=2.0)
             axes.plot(p50_us, row, "o", color=color, fillstyle="none" if is_hollow else "full")
         axes.set_xscale("log")

@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Any
 
 from offline.commands.terminal import STDOUT
-from rt_controller.bundle_checks.encoder_trial import require_bounded
 from rt_controller.bundle_checks.plan_check import require_stored_plans, with_plans
 from rt_controller.contract.errors import ArtifactError, ConfigError
 from rt_controller.contract.model.artifact import CARD_FILE, find_model, load_bundle, save_bundle
@@ -20,13 +19,12 @@ def store_plans(model: Path, output: Path | None) -> dict[str, Any]:
         output: folder to write; None: that of the bundle.
 
     Raises:
-        ArtifactError: the bundle is damaged, of an older format, or cannot be driven with.
+        ArtifactError: the bundle is damaged, of another format, or cannot be driven with.
         ConfigError: the folder cannot be written.
     """
     folder = find_model(model)
     bundle = load_bundle(folder)
     require_drivable(bundle)
-    require_bounded(bundle)
     replaced = _why_replaced(bundle)
     target = output or folder
     planned = with_plans(bundle)

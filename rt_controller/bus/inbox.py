@@ -4,12 +4,10 @@
 program treats it as a bus on which nothing arrives.
 """
 
-from collections.abc import Iterator
 from typing import Any, Protocol, TypeVar
 
 import can
 
-from rt_controller.bus.bus_load import CyclicFrame
 from rt_controller.bus.catalogue import CATALOGUE
 from rt_controller.bus.condition import BusCondition
 from rt_controller.bus.end_to_end.assembly import Assembly, Received, ReceptionCounts
@@ -102,13 +100,6 @@ class Inbox:
         A conflict counts for half a period: until the next tick, not in it.
         """
         return now_ns - self._assemblies[message].conflict_ns < PERIOD_NS // 2
-
-    def cyclic_frames(self) -> Iterator[CyclicFrame]:
-        """The last intact frame of each identifier of the other node."""
-        for assembly in self._assemblies.values():
-            for codec, frame in zip(assembly.codecs, assembly.last_frames, strict=True):
-                if frame:
-                    yield codec.arbitration_id, frame, assembly.message.cycle_ticks
 
     def end_period(self, now_ns: int) -> None:
         """Once a period, after reading: count the frames that did not arrive."""

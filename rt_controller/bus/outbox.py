@@ -4,12 +4,10 @@ Sending never blocks and never raises: a frame that the interface does not take 
 its counter is used up, so that the receiver detects the gap.
 """
 
-from collections.abc import Iterator
 from typing import Any, Protocol, TypeVar
 
 import can
 
-from rt_controller.bus.bus_load import CyclicFrame
 from rt_controller.bus.catalogue import CATALOGUE
 from rt_controller.bus.condition import is_queue_full
 from rt_controller.bus.log.recorder import Recorder
@@ -123,13 +121,6 @@ class Outbox:
             self.sent += 1
             if self._recorder is not None:
                 self._recorder.record(frame, now_ns, is_sent=True)
-
-    def cyclic_frames(self) -> Iterator[CyclicFrame]:
-        """The last frame of each identifier that was sent."""
-        for message, outgoing in self._outgoing.items():
-            if outgoing.counter >= 0:
-                for frame in outgoing.frames:
-                    yield frame.arbitration_id, frame.data, message.cycle_ticks
 
     def content_under(self, message: Message[T], counter: int) -> T | None:
         """The content last sent under this counter and not repeated; None if there is none."""

@@ -36,7 +36,7 @@ COMMON = (_VIRTUAL, "local", _SOCKETCAN, _REMOTE, _SLCAN, "pcan", "kvaser", "vec
 """interfaces that a message names; the rest of python-can's are accepted too"""
 _WITHOUT_BITRATE = (_VIRTUAL, _SOCKETCAN)
 _WITHOUT_FD = (_SLCAN,)
-_ALWAYS_FD = (_VIRTUAL, "local", _MULTICAST)
+_ALWAYS_FD = (_VIRTUAL, "local")
 """interfaces that carry frames of CAN FD without an option"""
 
 VIRTUAL_QUEUE_FRAMES = 1024
@@ -71,12 +71,17 @@ def open_bus(
         is_fd: for frames of CAN FD too.
 
     Raises:
-        ConfigError: no such interface, or one that sets no bitrate; or a channel with a null
-            character.
+        ConfigError: no such interface, one that cannot be used, or one that sets no bitrate; or
+            a channel with a null character.
         BusError: no such channel, or the interface refuses these settings.
         MissingExtraError: the interface needs a package that is not installed.
     """
     require_interface(interface)
+    if interface == _MULTICAST:
+        raise ConfigError(
+            f"`bus` {_MULTICAST}: expected an interface that does not return the frames that were "
+            f"sent, which would be those of a second controller. Choose local or remote."
+        )
     if "\0" in channel:  # a settings file can write one
         raise ConfigError(
             f"`channel`: expected the name of a channel, found {channel!r}, with a null character. "
@@ -114,10 +119,6 @@ def open_bus(
 
 
 def _open(interface: str, channel: str, settings: dict[str, Any]) -> can.BusABC:
-    if interface == _MULTICAST:
-        from rt_controller.bus.multicast import EchoFreeMulticastBus
-
-        return EchoFreeMulticastBus(channel=channel, **settings)
     if interface == _SLCAN:
         from rt_controller.bus.slcan import BoundedSlcanBus
 

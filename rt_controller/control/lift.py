@@ -11,7 +11,6 @@ from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.schema import N_STATES
 from rt_controller.contract.signals import ControlInput, VehicleState
-from rt_controller.control.encoder_file import require_self_contained
 
 # onnxruntime starts a telemetry thread on import unless it is told not to.
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
@@ -22,6 +21,8 @@ Rows = NDArray[np.float32]
 SELFTEST_TOLERANCE = 1e-4
 """in units of each observable's spread. Export requires 1e-5 on one machine; another processor may
 sum in another order"""
+_EXTERNAL_DATA = b"location"
+"""key, in an ONNX file, of the other file in which a tensor has its numbers"""
 
 
 class Encoder:
@@ -117,7 +118,11 @@ def open_encoder(bundle: Bundle) -> ort.InferenceSession:
         ArtifactError: it is not an ONNX model that contains its data, or has other tensors than
             the bundle says.
     """
-    require_self_contained(bundle.encoder_onnx)
+    if _EXTERNAL_DATA in bundle.encoder_onnx:  # onnxruntime would read it, outside the hash
+        raise ArtifactError(
+            "encoder.onnx: expected an encoder that contains its data, found data in another file. "
+            "Run offline-export again."
+        )
     options = ort.SessionOptions()
     options.intra_op_num_threads = 1
     options.inter_op_num_threads = 1

@@ -88,8 +88,7 @@ class PiqpSolver:
                 f"`realtime.solve_budget_ms` {budget_ns / 1e6:g}: expected time for at least "
                 f"{MIN_ITERATIONS} iterations of PIQP, found {most}, since one takes "
                 f"{fastest_ns / 1e3:.0f} us on this machine, which may be busy. Stop other "
-                f"programs, shorten `mpc.horizon`, give the solver more time, or choose "
-                f"`mpc.solver` daqp."
+                f"programs, shorten `mpc.horizon`, or give the solver more time."
             )
         settings = self._workspace.settings
         usual = max(MIN_ITERATIONS, int(budget_ns / median(times_ns)))

@@ -1,7 +1,7 @@
 """QP solver as the controller uses it: set up once on a program, then vectors in, solution out."""
 
 from enum import Enum
-from typing import Literal, Protocol
+from typing import Protocol
 
 from rt_controller.contract.arrays import Array
 from rt_controller.control.program import QuadraticProgram
@@ -44,25 +44,16 @@ class Solver(Protocol):
 
 
 def open_solver(
-    program: QuadraticProgram,
-    name: Literal["piqp", "daqp"] = "piqp",
-    warm_start: bool = True,
-    max_iterations: int | None = None,
+    program: QuadraticProgram, warm_start: bool = True, max_iterations: int | None = None
 ) -> Solver:
-    """Workspace of a solver on this program: PIQP, interior point, or DAQP, dual active set.
+    """Workspace of PIQP on this program; with `warm_start` the last active set is tried before.
 
-    With `warm_start` the last active set is tried before PIQP. DAQP always starts from its last
-    active set. `max_iterations` of a solve; None: those of the solver's module.
+    `max_iterations` of a solve of PIQP; None: those of its module.
 
     Raises:
-        MissingExtraError: the solver is not installed.
-        ConfigError: the solver refuses the program.
+        ConfigError: PIQP refuses the program.
     """
     # Imported here: these modules import the types above.
-    if name == "daqp":
-        from rt_controller.control import daqp_solver
-
-        return daqp_solver.DaqpSolver(program, max_iterations or daqp_solver.MAX_ITERATIONS)
     from rt_controller.control import piqp_solver
     from rt_controller.control.warm_start import WarmStartedSolver
 

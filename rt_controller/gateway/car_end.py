@@ -5,7 +5,7 @@ path and mission out once a period, commands in. The controller receives the fra
 and does not depend on the mapping.
 """
 
-from math import isfinite, isnan
+from math import isfinite
 from operator import eq
 
 import can
@@ -183,28 +183,6 @@ class CarEnd:
             send(VEHICLE_IDENTITY, own_identity(None, self._is_fd), now_ns)
         self.refusals = NO_REFUSAL
         self._ticks += 1
-
-    def explain_missing(self, now_ns: int) -> str:
-        """Which of the signals that a state and a path need are missing or not valid."""
-        needed = ("states.", "exogenous.", "pose.", "reference.")
-        lost, wrong = [], []
-        for name, (message, signal) in self.reader.sources.items():
-            if not name.startswith(needed):
-                continue
-            sample = self.samples.newest(name, now_ns)
-            where = f"{name} ({message.name}.{signal.name}, id {message.frame_id:#x})"
-            if sample is None:
-                lost.append(where)
-            elif isnan(sample.value):
-                wrong.append(where)
-        found = [f"no sample of {', '.join(lost)}"] if lost else []
-        found += [f"no usable value of {', '.join(wrong)}"] if wrong else []
-        if not found:
-            return ""
-        return (
-            f"found {' and '.join(found)}. Check that the car sends them; rt-controller signals "
-            f"check has details."
-        )
 
     def _motion(self, now_ns: int) -> Motion | None:
         """The present velocities; None: a signal is missing."""

@@ -1,7 +1,4 @@
-"""A relation between signals of a car, and the signal that explains why it does not hold.
-
-The signal that alone explains all contradictions, and is in no relation that holds, is named.
-"""
+"""A relation between signals of a car, and what contradicts it."""
 
 from math import inf, log
 from typing import NamedTuple
@@ -27,12 +24,8 @@ class Relation(NamedTuple):
 
     signal: str
     expected: str
-    others: tuple[str, ...]
-    """the signals that the expectation is made of"""
     result: Comparison
     largest_factor: float = LARGEST_FACTOR
-    loose: tuple[str, ...] = ()
-    """signals that the expectation hardly depends on"""
 
     @property
     def is_contradiction(self) -> bool:
@@ -68,43 +61,10 @@ def sentence(each: Relation) -> str:
     return f"{each.signal}: expected {each.expected}, found {each.finding()}"
 
 
-def remedy(each: Relation, suspects: tuple[str, ...], is_geometry_known: bool) -> str:
+def remedy(each: Relation, is_geometry_known: bool) -> str:
     """What to correct, for the contradiction of a relation."""
     what = "`sign`" if each.finding() == "the opposite sign" else "column, unit, factor or sign"
     more = ""
-    if each.signal in WHEELS and each.signal in suspects:
-        more = "; all angles are positive to the left"
-        if each.result.agreement is Agreement.SAME_SIGN and not is_geometry_known:
-            more = ", or write wheelbase_m and steering_ratio in [car]"
-    return f"Correct {what} of {' or '.join(suspects)}{more}"
-
-
-def suspects_of(each: Relation, found: list[Relation]) -> tuple[str, ...]:
-    """The signals that explain all contradictions alone; else those of this one."""
-    own, loose = (each.signal, *each.others), each.loose
-    is_sign = each.result.agreement is Agreement.OPPOSITE_SIGN
-    if is_sign:
-        own, loose = tuple(name for name in own if name != SPEED), ()
-    wrong = [one for one in found if one.is_contradiction]
-    right = [
-        one
-        for one in found
-        if not one.is_contradiction and one.result.agreement is Agreement.SAME_SIGN
-    ]
-    cleared = [
-        name
-        for name in (*own, *loose)
-        if any(
-            name in (one.signal, *one.others)
-            and (is_sign or one.largest_factor < max(each.times, 1.0 / each.times))
-            for one in right
-        )
-    ]
-    left = tuple(name for name in own if name not in cleared) or own
-    alone = tuple(
-        name
-        for name in dict.fromkeys((*left, *loose))
-        if name not in cleared
-        and all(name in (one.signal, *one.others, *one.loose) for one in wrong)
-    )
-    return alone or left
+    if each.signal in WHEELS and not is_geometry_known:
+        more = ", or write wheelbase_m and steering_ratio in [car]"
+    return f"Correct {what} of {each.signal} or of a signal that it is compared with{more}"

@@ -26,9 +26,10 @@ from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.model.rollout import one_step
 from rt_controller.contract.schema import N_STATES
 from rt_controller.contract.signals import VehicleState
-from rt_controller.contract.steering_geometry import SteeringGeometry
+from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY, SteeringGeometry
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.lift import Encoder
+from rt_controller.mapping.car_file import CarFile
 
 SLOWEST_MPS = 1.0
 """the equation has no solution at rest; below, v_y is that of rolling: b r"""
@@ -146,3 +147,24 @@ def _roll_outs(bundle: Bundle, steering_ratio: float) -> list[Array]:
                 states.append(psi[: len(start)])
             drives.append(np.array(states))
     return drives
+
+
+def choose_geometry(car: CarFile, bundle: Bundle) -> SteeringGeometry:
+    """That of the mapping, else that of the model, else that of the default car."""
+    data = car.mapping.car
+    return data.geometry if data is not None else bundle.geometry or DEFAULT_GEOMETRY
+
+
+def choose_lateral_speed(car: CarFile, bundle: Bundle) -> LateralSpeed:
+    """The estimator with the constants of the mapping, else with those of the model.
+
+    It is not used if the car measures v_y.
+    """
+    data, geometry = car.mapping.car, choose_geometry(car, bundle)
+    if "vy_mps" in car.mapping.states:
+        return LateralSpeed(RearAxle(geometry.rear_axle_m, 0.0, 0.0))
+    if data is not None and data.rear_slip_s2_per_m is not None:
+        inertia_m = geometry.rear_axle_m if data.yaw_inertia_m is None else data.yaw_inertia_m
+        constants = RearAxle(geometry.rear_axle_m, data.rear_slip_s2_per_m, inertia_m)
+        return LateralSpeed(constants)
+    return LateralSpeed(identify(bundle, geometry))

@@ -4,8 +4,10 @@ The controller on the other bus is unchanged. Its commands pass the vehicle's en
 limited once more. If they stop, are refused, or lead the car off its path, the gateway brakes it.
 """
 
+import time
 from dataclasses import dataclass, field
 from math import hypot
+from typing import Any
 
 import can
 
@@ -26,7 +28,6 @@ from rt_controller.gateway.braking_cause import BrakingCause
 from rt_controller.gateway.car_end import CarEnd
 from rt_controller.gateway.lateral_speed import LateralSpeed
 from rt_controller.gateway.path_steering import largest_brake_n, steer_along
-from rt_controller.gateway.signal_bus import read_frames
 from rt_controller.gateway.vehicle_envelope import (
     FARTHEST_OFF_PATH_M,
     STANDING,
@@ -36,6 +37,7 @@ from rt_controller.gateway.vehicle_envelope import (
     refusals,
 )
 from rt_controller.mapping.car_file import CarFile
+from rt_controller.mapping.frame_queue import MAX_FRAMES
 from rt_controller.realtime.clock import RealtimeClock
 from rt_controller.safety.envelope import limit
 from rt_controller.safety.fallback import Braking, safe_stop, stand_by
@@ -266,6 +268,26 @@ class Gateway:
 
 def _differ(one: ControlInput, other: ControlInput) -> bool:
     return any(abs(a - b) > step for a, b, step in zip(one, other, ROUNDING, strict=True))
+
+
+def read_frames(
+    bus: can.BusABC, car_end: CarEnd, now_ns: int, last_read_ns: int, has_wall_clock: bool
+) -> None:
+    """Pass the waiting frames of the car's bus to its end.
+
+    A frame arrived between the last call and this one. Where frames have time stamps of this
+    machine, these say when; a clock that was set cannot make it earlier or later than that.
+    """
+    wall_s = time.time() if has_wall_clock else 0.0
+    for _ in range(MAX_FRAMES):
+        frame: Any = bus.recv(0)
+        if frame is None:
+            return
+        age_ns = 0
+        if has_wall_clock:
+            age_ns = round(1e9 * (wall_s - frame.timestamp))
+            age_ns = min(max(age_ns, 0), now_ns - last_read_ns)
+        car_end.accept(frame, now_ns - age_ns)
 
 
 def run_gateway(gateway: Gateway) -> None:

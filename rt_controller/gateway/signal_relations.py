@@ -1,4 +1,4 @@
-"""Relations between the signals of a car that hold for every car: which signals contradict them.
+"""Relations between the signals of a car that hold for every car, and contradictions to them.
 
 d(e_psi)/dt = yaw rate - curvature * v_x
 d(e_y)/dt   = v_x e_psi + v_y
@@ -30,7 +30,6 @@ from rt_controller.gateway.contradiction import (
     Relation,
     remedy,
     sentence,
-    suspects_of,
 )
 from rt_controller.gateway.window_comparison import (
     LEAST_WINDOWS,
@@ -125,10 +124,7 @@ def check_relations(
             absent.append(f"{name} ({NOT_COMPARED[each.result.agreement]})")
     wrong = [each for each in found if each.is_contradiction]
     is_geometry_known = geometry is not None
-    contradictions = tuple(
-        (sentence(each), remedy(each, suspects_of(each, found), is_geometry_known))
-        for each in wrong
-    )
+    contradictions = tuple((sentence(each), remedy(each, is_geometry_known)) for each in wrong)
     return Findings(contradictions, tuple(absent))
 
 
@@ -145,22 +141,20 @@ def _curvature(values: Mapping[str, Array], _: list[Relation]) -> Iterator[Relat
     turned = np.where(np.abs(heading) < largest, turned, np.nan)
     result = compare(turned * _moving(values, LONG), road, LEAST_ROAD_TURN_RAD)
     words = "yaw rate / v_x where the car follows the road"
-    yield Relation(CURVATURE, words, (YAW_RATE, SPEED), result, LARGEST_CURVATURE_FACTOR)
+    yield Relation(CURVATURE, words, result, LARGEST_CURVATURE_FACTOR)
 
 
 def _heading(values: Mapping[str, Array], before: list[Relation]) -> Iterator[Relation]:
     turned = integrals(values[YAW_RATE], SHORT)
     road = integrals(values[CURVATURE] * values[SPEED], SHORT)
-    loose: tuple[str, ...] = (SPEED,)
     if any(each.is_contradiction for each in before):  # parts of the road that seem straight
-        loose = SPEED, CURVATURE
         road[np.abs(road) > 0.5 * LEAST_HEADING_RAD] = np.nan
     expected = centred((turned - road) * _moving(values, SHORT))
     result = compare(
         expected, centred(changes(values[HEADING], SHORT, JUMP_RAD)), LEAST_HEADING_RAD
     )
     words = "a slope of yaw rate - curvature * v_x"
-    yield Relation(HEADING, words, (YAW_RATE,), result, loose=loose)
+    yield Relation(HEADING, words, result)
 
 
 def _lateral(values: Mapping[str, Array], _: list[Relation]) -> Iterator[Relation]:
@@ -182,7 +176,6 @@ def _lateral(values: Mapping[str, Array], _: list[Relation]) -> Iterator[Relatio
         drift_of = Relation(
             LATERAL,
             "the slope of e_y - v_x sin(e_psi)",
-            (HEADING,),
             Comparison(Agreement.TOO_LITTLE_MOTION),
         )
         if np.count_nonzero(sideways) < LEAST_WINDOWS:
@@ -192,7 +185,7 @@ def _lateral(values: Mapping[str, Array], _: list[Relation]) -> Iterator[Relatio
             return
     words = "a slope of v_x sin(e_psi) + v_y cos(e_psi)"
     result = compare(expected, moved, least_m)
-    yield Relation(OFFSET, words, (HEADING, SPEED), result, loose=(LATERAL,))
+    yield Relation(OFFSET, words, result)
 
 
 def _steady_lateral(speed: Array, yaw_rate: Array) -> Array:
@@ -216,10 +209,8 @@ def _wheel(signal: str, values: Mapping[str, Array], geometry: SteeringGeometry 
     return Relation(
         signal,
         "the wheel angle of the yaw rate by the geometry of the car",
-        (YAW_RATE,),
         result,
         LARGEST_STEERING_FACTOR,
-        loose=(SPEED,),
     )
 
 
@@ -241,4 +232,4 @@ def _speed(values: Mapping[str, Array]) -> Relation:
         is_steady &= mean_mps > LEAST_SPEED_MPS
     expected = np.where(is_steady, integrals(wanted, LONG), np.nan)
     result = compare(expected, integrals(values[SPEED], LONG), LEAST_SPEED_MPS)
-    return Relation(SPEED, "the wanted speed, at a steady speed", (WANTED,), result)
+    return Relation(SPEED, "the wanted speed, at a steady speed", result)

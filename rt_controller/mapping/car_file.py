@@ -23,15 +23,6 @@ class CarFile(NamedTuple):
     line: ReferenceLine | None
 
 
-def require_unit_conversion(path: Path) -> None:
-    """Check that the package that converts the units of a mapping file is installed.
-
-    Raises:
-        MissingExtraError: it is not.
-    """
-    require_packages("signals", ("pint",), f"{path}: a car with its own messages")
-
-
 def read_car(path: Path) -> CarFile:
     """The mapping in a TOML file, its DBC and its line. Paths in it are relative to the file.
 
@@ -41,12 +32,12 @@ def read_car(path: Path) -> CarFile:
         DatasetError: the reference line is damaged.
         MissingExtraError: the package that converts units is not installed.
     """
-    require_unit_conversion(path)
+    require_packages("signals", ("pint",), f"{path}: a car with its own messages")
     try:
         text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(
-            f"--signals {path}: expected a mapping file in TOML, found nothing readable "
+            f"{path}: expected a mapping file in TOML, found nothing readable "
             f"({error}). docs/own-car.md has one to start from."
         ) from error
     mapping = parse(text, TypeAdapter(DrivingMapping), str(path), context=path.parent)

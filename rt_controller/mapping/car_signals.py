@@ -134,7 +134,7 @@ INPUTS = ("throttle", "brake_n", "steer_rad")
 
 
 class DrivingMapping(CarSignals):
-    """A mapping file as `rt-controller --signals` reads it; tables for logs are not looked at."""
+    """A mapping file as the gateway reads it; tables for logs are not looked at."""
 
     can: CanSettings
     commands: CommandsMapping

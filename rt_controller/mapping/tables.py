@@ -1,7 +1,7 @@
 """Tables of a mapping file that describe signals: columns, units, signs, DBC, pose and car.
 
 A mapping file assigns columns of a log, or signals of a CAN bus, to the signals of the contract.
-`offline-import` reads it for logs, `rt-controller --signals` for a car; both import these tables.
+`offline-import` reads it for logs, `rt-controller signals` for a car; both import these tables.
 docs/own-data.md and docs/own-car.md explain every field.
 """
 

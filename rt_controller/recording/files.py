@@ -1,4 +1,4 @@
-"""What a drive is recorded to: a log of frames with its journal, an MCAP file, a live server."""
+"""What a drive is recorded to: a log of frames with its journal, an MCAP file."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -14,18 +14,11 @@ class RecordingFiles(NamedTuple):
     """Where a drive is recorded; None: not there."""
 
     log: Path | None = None
-    """frames, in the format of its suffix; its journal is written beside it"""
+    """frames; its journal is written beside it"""
     mcap: Path | None = None
     """decoded signals, plan and cause"""
-    foxglove_port: int | None = None
-    """the same live on 127.0.0.1"""
     overwrites: bool = False
     """replace existing files"""
-
-    @property
-    def has_plans(self) -> bool:
-        """True if planned trajectories are recorded."""
-        return self.mcap is not None or self.foxglove_port is not None
 
 
 NO_FILES = RecordingFiles()
@@ -53,10 +46,9 @@ def open_recording(
 
     Raises:
         ConfigError: a file cannot be written, or exists already.
-        BusError: the port cannot be used.
-        MissingExtraError: a format needs a package that is not installed.
+        MissingExtraError: MCAP needs a package that is not installed.
     """
-    if files.log is None and not files.has_plans:
+    if files.log is None and files.mcap is None:
         return None
     offset_ns, overwrites = epoch_offset_ns(is_lockstep), files.overwrites
     recorder = Recorder(
@@ -70,12 +62,10 @@ def open_recording(
         if recorder.path is not None and recorder.path.is_file():  # no device, no pipe
             header = describe_run(config, bundle, max_iterations, is_fd)
             recorder.add(Journal(recorder.path, header, overwrites))
-        if files.has_plans:
-            from rt_controller.recording.foxglove_sink import FoxgloveSink
+        if files.mcap is not None:
+            from rt_controller.recording.mcap_sink import McapSink
 
-            recorder.add(
-                FoxgloveSink(files.mcap, files.foxglove_port, offset_ns, overwrites, is_fd)
-            )
+            recorder.add(McapSink(files.mcap, offset_ns, overwrites, is_fd))
     except BaseException:
         recorder.close()
         raise

@@ -13,7 +13,7 @@ from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.model.artifact import find_model, load_bundle
 from rt_controller.contract.model.bundle import Bundle
 
-_PACKAGES = ("rt-controller", "numpy", "scipy", "onnxruntime", "piqp", "daqp")
+_PACKAGES = ("rt-controller", "numpy", "scipy", "onnxruntime", "piqp")
 """those on which the bits of a command depend"""
 
 

@@ -192,10 +192,10 @@ def read_journal(log: Path) -> tuple[dict[str, Any], list[JournalTick]]:
         ConfigError: there is none, or it is not one.
     """
     path = journal_path(log)
-    if log.suffix.lower() == ".mcap":
+    if log.suffix.lower() in (".mcap", ".mf4"):
         raise ConfigError(
-            f"{log}: expected a log of frames (.log, .blf, .asc, .mf4), found the suffix of MCAP, "
-            f"which has decoded signals. Name the log that --record wrote in the same drive."
+            f"{log}: expected a log of frames (.log, .blf, .asc), found the suffix {log.suffix}. "
+            f"Name the log that --record wrote in the same drive."
         )
     number = 1
     try:

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import can
 
-from rt_controller.bus.log.frame_log import use_asammdf
 from rt_controller.bus.log.log_file import SUFFIX
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.files import open_regular
@@ -86,7 +85,6 @@ def read_recorded_drive(path: Path) -> RecordedDrive:
 
     Raises:
         ConfigError: the log or its journal cannot be read, or they do not belong together.
-        MissingExtraError: the format needs a package that is not installed.
     """
     header, journal = read_journal(path)
     frames = _frames(path)
@@ -111,8 +109,6 @@ def _with_frames(path: Path, call: Call, frames: Iterator[can.Message]) -> Recor
 
 def _frames(path: Path) -> Iterator[can.Message]:
     """The frames with data, in the order of the log."""
-    if path.suffix.lower() == ".mf4":
-        use_asammdf(path)
     n_frames = 0
     try:
         open_regular(path).close()  # a pipe is not waited for

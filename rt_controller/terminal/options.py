@@ -35,12 +35,10 @@ class RunOptions(ControllerConfig, CarSettings, BusSettings):
     """deadline misses that still end with exit code 0; default: 2 % of the ticks on the virtual
     bus, none on any other"""
     record: Path | None = None
-    """write all frames to this log: .log (candump), .blf, .asc or .mf4, or to a new one in this
-    folder; `replay` and `explain` read it with the .journal beside it"""
+    """write all frames to this candump log (.log), or to a new one in this folder; `replay` and
+    `explain` read it with the .journal beside it"""
     mcap: Path | None = None
     """write decoded signals, plan and cause of every tick to this MCAP file"""
-    foxglove: Annotated[int, Field(ge=0, le=65535)] | None = None
-    """the same live for Foxglove, on this port of 127.0.0.1"""
     overwrite: bool = False
     """replace existing files of --record and --mcap, which otherwise are refused"""
     json_file: Annotated[Path | None, Parameter(name="--json")] = Field(None, alias="json")

@@ -24,7 +24,6 @@ from rt_controller.drive.car_figures import (
     limits_missed,
 )
 from rt_controller.loop import Ending
-from rt_controller.mapping.car_file import require_unit_conversion
 from rt_controller.planner import build_mpc, choose_low_speed_car
 from rt_controller.realtime.clock import Clock, LockstepClock, RealtimeClock
 from rt_controller.recording.files import NO_FILES, RecordingFiles
@@ -84,8 +83,6 @@ def run_at_terminal(options: "RunOptions") -> int:
     """
     options.require_consistent()
     require_interface(options.bus)
-    if options.signals is not None:
-        require_unit_conversion(options.signals)
     require_writable(options.json_file)
     require_writable(options.ticks, "--ticks")
     if options.plot is not None:
@@ -114,9 +111,7 @@ def run_at_terminal(options: "RunOptions") -> int:
                 for note in (steering_note(car, geometry), grip_note(car, options.friction)):
                     if note is not None:
                         show(f"note: {note}", options.quiet)
-            files = RecordingFiles(
-                options.record, options.mcap, options.foxglove, options.overwrite
-            )
+            files = RecordingFiles(options.record, options.mcap, options.overwrite)
             session = ControllerSession(
                 options, options, bundle, mpc, clock, NO_FILES if options.check else files
             )

@@ -13,7 +13,7 @@ from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.files import open_regular
 from rt_controller.contract.model.artifact import find_model, load_bundle
-from rt_controller.gateway.joining import choose_geometry, choose_lateral_speed
+from rt_controller.gateway.lateral_speed import choose_geometry, choose_lateral_speed
 from rt_controller.gateway.process import LEAVING_REQUEST, Gateway, run_gateway
 from rt_controller.gateway.signals_check import CheckReport, check_signals
 from rt_controller.mapping.car_file import read_car

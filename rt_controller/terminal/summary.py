@@ -79,7 +79,6 @@ def to_json(session: ControllerSession, car: LateralError | None = None) -> dict
         "ticks_by_fault": {fault.name: n for fault, n in record.ticks_by_fault.items() if n},
         "frames_received": asdict(session.inbox.counts),
         "frames_sent": session.outbox.sent,
-        "bus_load_at_500_kbps": session.bus_load(),
         "send_failures": session.outbox.send_failures,
         **log_to_json(session.recorder),
         "send_queue_full": session.outbox.queue_full,
@@ -121,7 +120,6 @@ def to_table(
             f"{n} {fault.name}" for fault, n in record.ticks_by_fault.items() if n
         )
         or None,
-        "bus load at 500 kbit/s": f"{100.0 * session.bus_load():.1f} %",
         "final mode": record.result.mode.name,
         "safe stop": (
             record.stop_s is not None and f"from {record.stop_s:.3f} s on (tick {record.stop_tick})"

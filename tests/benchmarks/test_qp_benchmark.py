@@ -11,7 +11,6 @@ from rt_controller.control.solver import SolveStatus, open_solver
 SOLVERS = {
     "piqp-cold": {"warm_start": False},
     "piqp-warm": {},
-    "daqp": {"name": "daqp"},
 }
 
 

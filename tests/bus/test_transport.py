@@ -70,6 +70,11 @@ def test_an_unknown_interface_is_refused_with_the_known_ones() -> None:
         open_bus("soketcan", "vcan0")
 
 
+def test_an_interface_that_returns_the_frames_that_were_sent_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"udp_multicast: expected .* Choose local or remote"):
+        open_bus("udp_multicast", "239.0.0.1")
+
+
 def test_a_channel_with_a_null_character_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"`channel`: expected .*, found 'a\\x00b'"):
         open_bus("virtual", "a\0b")

@@ -99,5 +99,4 @@ def test_a_drive_over_can_fd_is_that_over_classic_can(tmp_path: Path) -> None:
     classic, fast = found
     for key in ("ticks", "ey_rms_m", "ey_peak_m", "vx_rms_mps", "ending", "ticks_by_fault"):
         assert fast[key] == classic[key], key
-    assert fast["bus_load_at_500_kbps"] <= 0.105
     assert "##0" in (tmp_path / "fd" / "drive.log").read_text()

@@ -126,6 +126,25 @@ def test_invalid_onnx_bytes_are_refused(identity: Bundle, damage: bytes) -> None
     assert "expected an ONNX model" in refusal(replace(identity, encoder_onnx=damage))
 
 
+def test_data_in_another_file_are_refused(identity: Bundle) -> None:
+    """Where they are is an entry of the tensor (field 13) with the key "location"."""
+    weights = onnx_bytes.constant("w", np.zeros((0,), np.float32))
+    entry = b"\x0a\x08location" + b"\x12\x0bweights.bin"
+    external = weights + bytes([13 << 3 | 2, len(entry)]) + entry + bytes([14 << 3, 1])
+    encoder = onnx_bytes.model(
+        [onnx_bytes.node("MatMul", ["x", "w"], "psi")],
+        [onnx_bytes.value("x", ("batch", 6))],
+        [onnx_bytes.value("psi", ("batch", 6))],
+        [external],
+    )
+    assert "found data in another file" in refusal(replace(identity, encoder_onnx=encoder))
+
+
+@pytest.mark.parametrize("name", ["lti", "mdk-net", "mdk-net-paper"])
+def test_the_shipped_encoders_contain_their_data(name: str) -> None:
+    Encoder(load_bundle(shipped_model(name)))
+
+
 def test_an_encoder_of_another_width_than_the_matrices_is_refused(identity: Bundle) -> None:
     wider = make_bundle(Lift())
     message = refusal(replace(wider, encoder_onnx=identity.encoder_onnx))

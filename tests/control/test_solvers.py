@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import piqp
 import pytest
+from random_problems import open_precise
 
 from rt_controller.contract.errors import ConfigError
-from rt_controller.control.daqp_solver import DaqpSolver
 from rt_controller.control.piqp_solver import PiqpSolver
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.solver import Solver, SolveStatus
@@ -18,7 +18,6 @@ SLEW = 0.1
 
 SOLVERS: dict[str, Callable[[QuadraticProgram], Solver]] = {
     "piqp": PiqpSolver,
-    "daqp": DaqpSolver,
     "warm": lambda program: WarmStartedSolver(program, PiqpSolver(program)),
 }
 every_solver = pytest.mark.parametrize("open_solver", SOLVERS.values(), ids=SOLVERS.keys())
@@ -188,7 +187,6 @@ def test_a_new_hessian_replaces_the_last_one(open_solver) -> None:
 
 def test_a_solve_stopped_far_from_the_optimum_is_not_solved() -> None:
     assert PiqpSolver(make_program(), max_iterations=2).solve() is SolveStatus.ITERATION_LIMIT
-    assert DaqpSolver(make_program(), max_iterations=2).solve() is SolveStatus.ITERATION_LIMIT
 
 
 @pytest.mark.parametrize(("fast_ns", "is_accepted"), [(50_000, True), (5_000_000, False)])
@@ -232,15 +230,10 @@ def test_a_solve_stopped_close_to_the_optimum_is_solved() -> None:
     np.testing.assert_allclose(short.solution, exact.solution, atol=1e-4)
 
 
-def active_bounds(z: np.ndarray, program: QuadraticProgram) -> tuple[np.ndarray, np.ndarray]:
-    values = np.concatenate([z, program.G @ z])
-    return values > program.all_upper - 1e-9, values < program.all_lower + 1e-9
-
-
 @pytest.mark.parametrize("shape", PROGRAMS.values(), ids=PROGRAMS.keys())
 def test_a_solution_of_the_active_set_iteration_is_exact(shape) -> None:
     program, rng = make_program(**shape), np.random.default_rng(3)
-    iteration, reference = ActiveSetIteration(program), DaqpSolver(program)
+    iteration, reference = ActiveSetIteration(program), open_precise(program)
     succeeded = 0
     for _ in range(60):
         change(program, rng, 0.05)
@@ -249,7 +242,7 @@ def test_a_solution_of_the_active_set_iteration_is_exact(shape) -> None:
         assert reference.solve() is SolveStatus.SOLVED
         found = iteration.solve(8)
         if found is None:
-            iteration.start_from(*active_bounds(reference.solution, program))
+            iteration.start_from(*reference.active_bounds())
         else:
             succeeded += 1
             np.testing.assert_allclose(found, reference.solution, atol=1e-5)

@@ -29,7 +29,7 @@ from sim_bridge.toml_file import shipped_names
     [
         (MpcSettings, {"horizon": 1}, "MpcSettings.horizon: expected at least 3, found 1."),
         (MpcSettings, {"horizont": 9}, "horizont: no such setting (did you mean horizon?)."),
-        (MpcSettings, {"solver": "osqp"}, "solver: expected 'piqp' or 'daqp', found 'osqp'."),
+        (MpcSettings, {"heading": "yaw"}, "heading: expected 'course' or 'epsi', found 'yaw'."),
         (
             ControllerConfig,
             {"mpc": {"tolerance": {"ey_m": 0}}},
@@ -62,9 +62,9 @@ def test_a_refused_field_is_named_with_what_was_expected_and_found(
 
 def test_all_refused_fields_are_named_at_once_each_in_one_line() -> None:
     with pytest.raises(ConfigError) as refused:
-        ControllerConfig(model=5, mpc={"horizon": 1, "slew_rows": "x"})  # type: ignore[arg-type]
+        ControllerConfig(model=5, mpc={"horizon": 1, "knots": "x"})  # type: ignore[arg-type]
     lines = str(refused.value).splitlines()
-    names = ["ControllerConfig.model", "ControllerConfig.mpc.horizon", "ControllerConfig.mpc.slew"]
+    names = ["ControllerConfig.model", "ControllerConfig.mpc.horizon", "ControllerConfig.mpc.knots"]
     assert len(lines) == 3
     assert all(line.startswith(name) for line, name in zip(lines, names, strict=True))
 
@@ -86,7 +86,7 @@ def test_the_choices_in_the_help_are_what_is_shipped() -> None:
     assert set(transport.COMMON) <= {*can.VALID_INTERFACES, "remote"}
 
 
-@pytest.mark.parametrize("name", ["road.xodr", "road.xodr#5,-7", "traffic.xml", "drive.toml"])
+@pytest.mark.parametrize("name", ["road.xodr", "road.xodr#5,-7", "drive.toml"])
 def test_scenario_files_of_all_kinds_are_accepted(tmp_path: Path, name: str) -> None:
     (tmp_path / name.partition("#")[0]).touch()
     assert CarSettings(scenario=str(tmp_path / name)).scenario.endswith(name)

@@ -14,7 +14,7 @@ NO_FILE = "/no-such-folder/figures.json"
 @pytest.mark.parametrize(
     ("app", "arguments", "expected"),
     [
-        (cadence.app, ("--variants", "fats"), '--variants. Choose from: "default", "fast"'),
+        (cadence.app, ("--variants", "fats"), '--variants. Choose from: "default", "unprepared"'),
         (cadence.app, ("--json", NO_FILE), "--json /no-such-folder"),
         (peers.app, ("--json", NO_FILE), "--json /no-such-folder"),
         (peers.app, ("--plot", "/no-such-folder/times.svg"), "--plot /no-such-folder"),

@@ -206,21 +206,21 @@ LIBRARY = {
         (
             {"closed_loop": [], "recordings": [
                 {"model": "mdk-net", "tier": "slew", "mode": "prepared", "scenario": scenario,
-                 "solvers": {"DAQP": TIMES}} for scenario in ("mild", "hard")]},
+                 "solvers": {"OSQP": TIMES}} for scenario in ("mild", "hard")]},
             "solvers",
-            "| DAQP | 1 | 2 | 1 | 1 | 1 | 2 | 1 | 1 |",
+            "| OSQP | 1 | 2 | 1 | 1 | 1 | 2 | 1 | 1 |",
         ),
         (
             {"recordings": [], "closed_loop": [
-                {"model": "mdk-net", "scenario": "mild", "controllers": {"DAQP": PLAN}}]},
+                {"model": "mdk-net", "scenario": "mild", "controllers": {"OSQP": PLAN}}]},
             "nonlinear",
-            "| DAQP | 1 | 2 | 1 | 0.016 |",
+            "| OSQP | 1 | 2 | 1 | 0.016 |",
         ),
         (
             {"transport": "local", "variants": [
-                {"variant": "fast", **{f"{name}_us": STAGE for name in STAGES}}]},
+                {"variant": "lti", **{f"{name}_us": STAGE for name in STAGES}}]},
             "cadence",
-            "| fast: read ahead | 1 | 2 | 3 | 4 |",
+            "| lti: read ahead | 1 | 2 | 3 | 4 |",
         ),
     ],
 )  # fmt: skip

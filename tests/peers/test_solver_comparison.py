@@ -99,7 +99,7 @@ def test_a_solver_that_is_wrong_or_fails_has_no_accepted_tolerance(recording):
 def test_results_are_ratios_to_the_default_and_to_cold_piqp(recording):
     wrong = SolverEntry("wrong", "numpy", WrongSolver, False)
     results = compare(recording, [*OWN, wrong], Mode.PREPARED, 2)
-    assert set(results.index) == {"PIQP, warm", "PIQP", "DAQP", "wrong"}
+    assert set(results.index) == {"PIQP, warm", "PIQP", "wrong"}
     assert not results.loc["wrong", "is_accurate"]
     own = results.drop(index="wrong")
     assert own.is_accurate.all()

@@ -19,7 +19,7 @@ def test_a_drive_goes_on_while_the_disk_does_not_answer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """In place of the disk a pipe that is not read: full after a fifth of a second of frames."""
-    monkeypatch.setattr("rt_controller.bus.log.frame_log.LONGEST_CLOSE_S", 0.1)
+    monkeypatch.setattr("rt_controller.bus.log.recorder.LONGEST_CLOSE_S", 0.1)
     pipe, figures_file = tmp_path / "run.log", tmp_path / "figures.json"
     os.mkfifo(pipe)
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)

@@ -12,6 +12,8 @@ from rt_controller.contract.model.follow import Follow
 from rt_controller.contract.model.lift import LiftSample
 from rt_controller.contract.signals import ControlInput, VehicleState
 from rt_controller.control.pedals import PedalChoice
+from rt_controller.control.piqp_solver import PiqpSolver
+from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.qp import CondensedQp, Features
 from rt_controller.control.terms import Corridor, TrackingCost
 
@@ -83,6 +85,15 @@ def optimum(
     solver.setup(np.asfortranarray(P), q, equality, b, *rows, *box[2:])
     assert solver.solve() == piqp.PIQP_SOLVED
     return np.array(solver.result.x)
+
+
+def open_precise(program: QuadraticProgram) -> PiqpSolver:
+    """PIQP with tolerances of `optimum`, and iterations that suffice for them."""
+    solver = PiqpSolver(program, max_iterations=50)
+    settings = solver._workspace.settings
+    settings.eps_abs, settings.eps_rel = 1e-10, 0.0
+    settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = 1e-11, 1e-14
+    return solver
 
 
 def update_vectors(qp: CondensedQp, rng: np.random.Generator, size: float = 0.3) -> None:

@@ -20,7 +20,7 @@ from sim_bridge.bridge_summary import BridgeSummary
 from sim_bridge.scenario import load_scenario, parse_scenario
 
 Run = Callable[..., tuple[int, str, str]]
-NOTHING_DRIVEN = BridgeSummary(0, 20.0, 0.0, 0.0, 0.0, False, False, {}, 0, 0.098, {}, None)
+NOTHING_DRIVEN = BridgeSummary(0, 20.0, 0.0, 0.0, 0.0, False, False, {}, 0, {}, None)
 
 
 @pytest.fixture
@@ -83,7 +83,7 @@ class WaitingSession:
 def test_a_request_to_stop_while_it_waits_is_no_error_and_a_missing_controller_is_one(
     run: Run, monkeypatch: pytest.MonkeyPatch, signals: int, expected: int
 ) -> None:
-    monkeypatch.setattr(terminal_run, "open_session", lambda *_: WaitingSession(signals))
+    monkeypatch.setattr(terminal_run, "open_session", lambda *_, **__: WaitingSession(signals))
     code, out, message = run("--bus", "local", "--priority", "0", "--quiet")
     assert code == expected
     nothing_driven = "ended before a controller took the car: nothing was driven\n"
@@ -99,7 +99,7 @@ def test_signals_while_the_summary_is_written_change_nothing(
             signal.raise_signal(number)
             signal.raise_signal(number)
 
-    monkeypatch.setattr(terminal_run, "open_session", lambda *_: WaitingSession(1))
+    monkeypatch.setattr(terminal_run, "open_session", lambda *_, **__: WaitingSession(1))
     monkeypatch.setattr(terminal_run, "write_figures", signal_and_write)
     assert run("--bus", "local", "--priority", "0")[0] == 0
 
@@ -107,7 +107,7 @@ def test_signals_while_the_summary_is_written_change_nothing(
 def test_a_bus_that_does_not_open_leaves_neither_the_log_nor_the_process_changed(
     run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    def fail(*_: object) -> None:
+    def fail(*_: object, **__: object) -> None:
         raise BusError("no such channel")
 
     monkeypatch.setattr(terminal_run, "open_session", fail)
@@ -127,7 +127,7 @@ def test_a_drive_to_its_end_that_missed_a_limit_has_its_own_exit_code(
     driven = replace(NOTHING_DRIVEN, ticks=40)
     figures = (CarFigure("ey_peak_m", 0.3, 0.2, False), CarFigure("creep_m", 0.0, None, True))
     session.bridge = _bridge(driven, figures)
-    monkeypatch.setattr(terminal_run, "open_session", lambda *_: session)
+    monkeypatch.setattr(terminal_run, "open_session", lambda *_, **__: session)
     summary = tmp_path / "summary.json"
     code, _, message = run("--bus", "local", "--priority", "0", "--quiet", "--json", summary)
     assert code == EXIT_LIMIT == 8
@@ -143,7 +143,7 @@ def test_a_summary_that_cannot_be_written_hides_no_other_failure(
     session = WaitingSession(0)
     summary = replace(NOTHING_DRIVEN, ticks=ticks)
     session.bridge = _bridge(summary)
-    monkeypatch.setattr(terminal_run, "open_session", lambda *_: session)
+    monkeypatch.setattr(terminal_run, "open_session", lambda *_, **__: session)
     options = ("--bus", "local", "--priority", "0", "--quiet", "--json", "/dev/full")
     code, _, message = run(*options)
     assert code == expected
@@ -159,7 +159,7 @@ def test_a_bus_that_failed_in_the_drive_is_named_after_the_summary(
     session = WaitingSession(0)
     session.bridge = _bridge(replace(NOTHING_DRIVEN, ticks=40, watchdog_braked=True))
     session.bridge.require_readable_bus = fail
-    monkeypatch.setattr(terminal_run, "open_session", lambda *_: session)
+    monkeypatch.setattr(terminal_run, "open_session", lambda *_, **__: session)
     summary = tmp_path / "summary.json"
     code, out, message = run("--bus", "local", "--priority", "0", "--quiet", "--json", summary)
     assert code == 5
@@ -190,7 +190,7 @@ def test_the_cause_of_the_braking_is_in_the_message_and_in_the_summary(
     driven = replace(NOTHING_DRIVEN, ticks=40, watchdog_braked=True)
     summary = replace(driven, braking_cause=cause, failed_actuators=failed)
     session.bridge = _bridge(summary)
-    monkeypatch.setattr(terminal_run, "open_session", lambda *_: session)
+    monkeypatch.setattr(terminal_run, "open_session", lambda *_, **__: session)
     file = tmp_path / "summary.json"
     code, out, message = run("--bus", "local", "--priority", "0", "--quiet", "--json", file)
     assert code == 5
@@ -211,7 +211,7 @@ def test_a_moving_car_that_was_released_is_said_with_its_speed(
     session = WaitingSession(1)
     summary = replace(NOTHING_DRIVEN, ticks=40, released=released, final_speed_mps=speed_mps)
     session.bridge = _bridge(summary)
-    monkeypatch.setattr(terminal_run, "open_session", lambda *_: session)
+    monkeypatch.setattr(terminal_run, "open_session", lambda *_, **__: session)
     _, out, _ = run("--bus", "local", "--priority", "0", "--quiet")
     assert ("released at 100 km/h" in out) is is_said
 
@@ -220,7 +220,7 @@ def test_figures_of_the_scenario_have_a_heading(run: Run, monkeypatch: pytest.Mo
     session = WaitingSession(1)
     figures = (CarFigure("ey_peak_m", 0.3, 0.5, True),)
     session.bridge = _bridge(replace(NOTHING_DRIVEN, ticks=40), figures)
-    monkeypatch.setattr(terminal_run, "open_session", lambda *_: session)
+    monkeypatch.setattr(terminal_run, "open_session", lambda *_, **__: session)
     _, out, _ = run("--bus", "local", "--priority", "0", "--quiet")
     assert out.index("figures of the scenario") < out.index("ey_peak_m   0.3 (limit 0.5)")
 
@@ -237,7 +237,7 @@ def test_the_summary_says_that_a_drive_was_stopped_on_request(
     session = WaitingSession(1)
     driven = replace(NOTHING_DRIVEN, ticks=40)
     session.bridge = _bridge(driven)
-    monkeypatch.setattr(terminal_run, "open_session", lambda *_: session)
+    monkeypatch.setattr(terminal_run, "open_session", lambda *_, **__: session)
     code, out, _ = run("--bus", "local", "--priority", "0", "--quiet")
     assert code == 0
     assert "40 ticks" in out
@@ -253,6 +253,6 @@ def test_a_scenario_that_needs_too_much_steering_has_a_note_at_the_start(
     }  # fmt: skip
     session = WaitingSession(1)
     session.bridge.scenario = parse_scenario(content, "test")
-    monkeypatch.setattr(terminal_run, "open_session", lambda *_: session)
+    monkeypatch.setattr(terminal_run, "open_session", lambda *_, **__: session)
     _, _, message = run("--bus", "local", "--priority", "0")
     assert "note: scenario 'tight': a steady state needs about 80 deg" in message

@@ -10,7 +10,7 @@ import pandas as pd
 from benchmarks.lockstep import drive_scenario
 from benchmarks.peers.nonlinear.formulations import TRACKED, NmpcParameters, period_function
 from benchmarks.peers.nonlinear.solvers import METHODS, CasadiSolver, DompcSolver, Method
-from benchmarks.peers.solvers.registry import DEFAULT, FAST
+from benchmarks.peers.solvers.registry import DEFAULT
 from benchmarks.tables import percentiles, summarise, timed
 from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
@@ -103,7 +103,7 @@ class Nmpc:
 
 Controller = Mpc | Nmpc
 DOMPC = "do-mpc, IPOPT"
-NAMES = (DEFAULT, FAST, *(method.name for method in METHODS), DOMPC)
+NAMES = (DEFAULT, *(method.name for method in METHODS), DOMPC)
 HEADS = {
     "times of a plan": {
         "plan_p50_us": Column("p50", "us"),
@@ -153,9 +153,6 @@ def _builders(bundle: Bundle) -> dict[str, Callable[[], Controller]]:
     settings = MpcSettings()
     horizon, cost = settings.horizon, settings.cost()
 
-    def own(name: str) -> Mpc:
-        return build_mpc(bundle, settings.model_copy(update={"solver": name}))
-
     def casadi(method: Method) -> Nmpc:
         return Nmpc(CasadiSolver(method, horizon, cost), horizon)
 
@@ -163,8 +160,7 @@ def _builders(bundle: Bundle) -> dict[str, Callable[[], Controller]]:
         return Nmpc(DompcSolver(horizon, cost), horizon)
 
     return {
-        DEFAULT: partial(own, "piqp"),
-        FAST: partial(own, "daqp"),
+        DEFAULT: partial(build_mpc, bundle, settings),
         **{method.name: partial(casadi, method) for method in METHODS},
         DOMPC: dompc,
     }

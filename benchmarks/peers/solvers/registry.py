@@ -15,7 +15,6 @@ from rt_controller.control.solver import SolveStatus, open_solver
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 DEFAULT = "PIQP, warm"
 COLD = "PIQP"
-FAST = "DAQP"
 
 
 class PeerSolver(Protocol):
@@ -47,7 +46,6 @@ class SolverEntry(NamedTuple):
 OWN = (
     SolverEntry(DEFAULT, "piqp", lambda program, _: open_solver(program), False),
     SolverEntry(COLD, "piqp", lambda program, _: open_solver(program, warm_start=False), False),
-    SolverEntry(FAST, "daqp", lambda program, _: open_solver(program, "daqp"), False),
 )
 PEERS = (
     SolverEntry("OSQP", "osqp", warm_solvers.OsqpSolver),

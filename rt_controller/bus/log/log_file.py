@@ -65,12 +65,9 @@ class LogFile:
                 os.lseek(self._descriptor, self._size, os.SEEK_SET)
         return n_whole
 
-    def close(self, removes_unused: bool = True) -> None:
-        """Close the file; one that was made for this log and got no record is removed.
-
-        `removes_unused` is False if others wrote into the file.
-        """
-        if self._is_new and self._size == 0 and removes_unused:
+    def close(self) -> None:
+        """Close the file; one that was made for this log and got no record is removed."""
+        if self._is_new and self._size == 0:
             self.path.unlink(missing_ok=True)
         try:
             os.close(self._descriptor)

@@ -15,18 +15,15 @@ from typing import NamedTuple, Protocol
 
 import can
 
-from rt_controller.bus.log.frame_log import (
-    LONGEST_CLOSE_S,
-    FrameLog,
-    RecordedFrame,
-    open_frame_log,
-)
+from rt_controller.bus.log.frame_log import CandumpLog, RecordedFrame
 
 QUEUE_FRAMES = 65_536
 """three minutes of this project's frames, in case the disk blocks for that long"""
 _WRITE_INTERVAL_S = 0.2
 _FRAMES_PER_WRITE = 512
-_LONGEST_STALL_S = LONGEST_CLOSE_S
+LONGEST_CLOSE_S = 2.0
+"""for what is left at the end; later the log counts as incomplete"""
+_LONGEST_STALL_S = 2.0
 """after which a disk that takes nothing is not waited for in lockstep"""
 
 
@@ -45,8 +42,8 @@ class Sink(Protocol):
     """A further receiver of everything that is recorded; never raises."""
 
     @property
-    def path(self) -> Path | None:
-        """The file that is written; None: none."""
+    def path(self) -> Path:
+        """The file that is written."""
 
     @property
     def failure(self) -> str:
@@ -75,7 +72,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         """Open the log.
 
         Args:
-            path: of the log, as `open_frame_log`; None: no log.
+            path: of the log, as `CandumpLog`; None: no log.
             channel: name of the bus.
             is_lockstep: `record` may wait for a slow disk.
             capacity: of the queue, in frames and events.
@@ -84,7 +81,6 @@ class Recorder(AbstractContextManager["Recorder"]):
 
         Raises:
             ConfigError: the file cannot be written, or exists already.
-            MissingExtraError: its format needs a package that is not installed.
         """
         self.written = 0
         self._taken = 0
@@ -92,9 +88,9 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._unwritable = 0
         self._capacity = capacity
         self._waits = is_lockstep
-        self._log: FrameLog | None = None
+        self._log: CandumpLog | None = None
         if path is not None:
-            self._log = open_frame_log(path, channel, epoch_offset_ns, replaces)
+            self._log = CandumpLog(path, channel, epoch_offset_ns, replaces)
         self._sinks: list[Sink] = []
         self._is_closed = False
         self._is_explained = False
@@ -129,7 +125,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         if not self.last_failure:
             return ""
         failed = [each.path for each in self._files if each.failure]
-        path = next(filter(None, (*failed, *(each.path for each in self._files))), "the recording")
+        path = next(iter((*failed, *(each.path for each in self._files))))
         missing = (
             f"{self.dropped} frames are missing in the log" if self.dropped else "it ends early"
         )
@@ -139,7 +135,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         )
 
     @property
-    def _files(self) -> Sequence[FrameLog | Sink]:
+    def _files(self) -> Sequence[CandumpLog | Sink]:
         return self._sinks if self._log is None else [self._log, *self._sinks]
 
     def new_failure(self) -> str:
@@ -178,7 +174,7 @@ class Recorder(AbstractContextManager["Recorder"]):
             return
         self._is_closed = True
         self._is_closing.set()
-        self._writer.join(LONGEST_CLOSE_S if self._log is None else self._log.longest_close_s)
+        self._writer.join(LONGEST_CLOSE_S)
         if self._writer.is_alive():
             self._is_given_up = True
             self._overflowed = self._taken + self._overflowed - self.written - self._unwritable
@@ -200,12 +196,8 @@ class Recorder(AbstractContextManager["Recorder"]):
         while not self._is_closing.wait(_WRITE_INTERVAL_S):
             self._write_queue()
         self._write_queue()
-        lost = 0 if self._log is None else self._log.close()
-        for sink in self._sinks:
-            sink.close()
-        if not self._is_given_up:
-            self.written -= lost
-            self._unwritable += lost
+        for file in self._files:
+            file.close()
 
     def _write_queue(self) -> None:
         # A full disk must end neither the drive nor this thread.
@@ -229,7 +221,6 @@ def open_recorder(
 
     Raises:
         ConfigError: the file cannot be written, or exists already and `replaces` is False.
-        MissingExtraError: its format needs a package that is not installed.
     """
     if path is None:
         return None
@@ -246,10 +237,10 @@ def require_recordable(path: Path | None, replaces: bool = False) -> None:
     """Return if a log can be recorded there, or None is given; an existing log is left as it is.
 
     Raises:
-        ConfigError, MissingExtraError: as `open_recorder`.
+        ConfigError: as `open_recorder`.
     """
     if path is not None:
-        open_frame_log(path, "", 0, replaces).close()
+        CandumpLog(path, "", 0, replaces).close()
 
 
 def epoch_offset_ns(is_lockstep: bool) -> int:

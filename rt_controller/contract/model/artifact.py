@@ -40,8 +40,6 @@ SHIPPED_MODEL = "mdk-net"
 """the model that drives if none is chosen"""
 
 FORMAT_VERSION = 4
-FORMAT_WITHOUT_SATURATION, FORMAT_WITHOUT_PLANS = 3, 2
-"""older ones, which are read as well"""
 LARGEST_FILE_BYTES = 64_000_000
 LARGEST_UNPACKED_BYTES = 256_000_000
 """a hundred times the shipped models"""
@@ -66,24 +64,21 @@ FIELDS: Fields = {
     "c": (FLOAT, 1),
     **dict.fromkeys(("A", "B_uc", "B_uw", "bilinear_s0"), (FLOAT, 2)),
     **dict.fromkeys(("selftest_x", "selftest_w", "selftest_psi"), (FLOAT, 2)),
+    "bilinear_saturates": (TRUTH, 0),
+    **dict.fromkeys(("drift_N", "drift_S"), (FLOAT, 2)),
+    "drift_s0": (FLOAT, 1),
+    "drift_signal": (WHOLE, 1),
     **dict.fromkeys(("bilinear_N", "bilinear_S", "selftest_history"), (FLOAT, 3)),
 }
 """type and number of dimensions of each field that is read"""
 OPTIONAL = {**dict.fromkeys(SteeringGeometry._fields, (FLOAT, 0)), "signal_range": (FLOAT, 2)}
-"""the same, of fields that older bundles do not have"""
+"""the same, of fields that a bundle need not have"""
 PLANS = {
     **dict.fromkeys(("plan_state", "plan_path", "plan_previous"), (FLOAT, 2)),
     "plan_curvature_per_m": (FLOAT, 1),
     "plan_inputs": (FLOAT, 3),
 }
-"""the same, of fields that bundles of format 2 and models of other signals do not have"""
-SATURATION = {
-    "bilinear_saturates": (TRUTH, 0),
-    **dict.fromkeys(("drift_N", "drift_S"), (FLOAT, 2)),
-    "drift_s0": (FLOAT, 1),
-    "drift_signal": (WHOLE, 1),
-}
-"""the same, of fields that bundles of formats 2 and 3 do not have"""
+"""the same, of fields that models of other signals do not have"""
 
 
 def shipped_model(name: str = SHIPPED_MODEL) -> Path:
@@ -206,11 +201,11 @@ def _bilinear(path: Path, found: dict[str, Any]) -> Bilinear | None:
         check_field(path, "bilinear_follows", " or ".join(Follow), follows)
     if not max(len(N), len(S), len(s0)):
         return None
-    return Bilinear(N, S, s0, Follow(follows), found.get("bilinear_saturates", False))
+    return Bilinear(N, S, s0, Follow(follows), found["bilinear_saturates"])
 
 
 def _drift(found: dict[str, Any]) -> Drift | None:
-    if not max(len(found.get(f"drift_{name}", ())) for name in ("S", "s0")):
+    if not max(len(found[f"drift_{name}"]) for name in ("S", "s0")):
         return None
     return Drift(*(found[f"drift_{name}"] for name in Drift._fields))
 
@@ -269,15 +264,14 @@ def _read_fields(path: Path) -> dict[str, Any]:
             f"truncated or altered file ({error}). Run offline-export again."
         ) from error
     version = arrays["format_version"].tolist() if "format_version" in arrays else FORMAT_VERSION
-    required = _required_fields(version, "plan_state" in arrays)
-    if required is None:
-        missing = ", ".join(sorted((FIELDS | SATURATION).keys() - arrays)) or "nothing"
+    if version != FORMAT_VERSION:
+        missing = ", ".join(sorted(FIELDS.keys() - arrays)) or "nothing"
         raise ArtifactError(
-            f"{path}: expected format_version = {FORMAT_VERSION}, or {FORMAT_WITHOUT_SATURATION} "
-            f"or {FORMAT_WITHOUT_PLANS} of older bundles, found {version!s:.40}; of the fields of "
-            f"format {FORMAT_VERSION} it lacks {missing:.200}. Run offline-export RUN again with "
+            f"{path}: expected format_version = {FORMAT_VERSION}, found {version!s:.40}; of the "
+            f"fields of this format it lacks {missing:.200}. Run offline-export RUN again with "
             f"this version; for a newer bundle install a newer rt-controller."
         )
+    required = FIELDS | (PLANS if "plan_state" in arrays else {})
     for key in ("format_version", *required):
         if key not in arrays:
             raise ArtifactError(
@@ -286,17 +280,6 @@ def _read_fields(path: Path) -> dict[str, Any]:
             )
     present = required | {key: kind for key, kind in OPTIONAL.items() if key in arrays}
     return {key: _checked(path, key, arrays[key], *kind) for key, kind in present.items()}
-
-
-def _required_fields(version: int, has_plans: bool) -> Fields | None:
-    """The fields of a bundle of this format; None if the format is not known."""
-    if version == FORMAT_WITHOUT_PLANS:
-        return FIELDS
-    if version == FORMAT_WITHOUT_SATURATION:
-        return FIELDS | PLANS
-    if version == FORMAT_VERSION:
-        return FIELDS | SATURATION | (PLANS if has_plans else {})
-    return None
 
 
 def _checked(path: Path, key: str, found: NDArray[Any], kind: str, dimensions: int) -> Any:

@@ -84,7 +84,7 @@ class Bundle:
     data_sha256: str = ""
     """hash of the data set it was trained on; empty if there was none"""
     plans: PlanSample | None = None
-    """planned where the bundle was exported; None in older bundles, and where it is not of a car"""
+    """planned where the bundle was exported; None: not stored, or not of a car"""
 
     @classmethod
     def load(cls, model: "str | Path | Bundle | None" = None) -> "Bundle":

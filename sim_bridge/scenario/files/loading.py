@@ -28,7 +28,7 @@ from sim_bridge.toml_file import read_shipped_or_own, shipped_names
 
 SCENARIOS_FOLDER = "scenarios"
 FORMATS = (1, 2)
-OPENDRIVE_SUFFIX, COMMONROAD_SUFFIX = ".xodr", ".xml"
+OPENDRIVE_SUFFIX = ".xodr"
 _FIELD_FIRST = re.compile(r"[a-z_0-9]+(\[\d+\]\.[a-z_]+)?: expected")
 
 
@@ -41,7 +41,7 @@ def load_scenario(name_or_path: str) -> Scenario:
     """A shipped scenario by name, or one from a file.
 
     The suffix of a file decides: `.toml` is this project's format 1 or 2, `.xodr` an OpenDRIVE
-    map (`map.xodr#5,-7` names the roads), `.xml` a CommonRoad scenario.
+    map (`map.xodr#5,-7` names the roads).
 
     Raises:
         ConfigError: there is no such scenario, or fields are missing, unknown, out of their limits
@@ -53,16 +53,12 @@ def load_scenario(name_or_path: str) -> Scenario:
         from sim_bridge.scenario.maps.map_drive import scenario_of_map
 
         return _checked(scenario_of_map(Path(path), roads), name_or_path, MAP)
-    if path.endswith(COMMONROAD_SUFFIX):
-        from sim_bridge.scenario.maps.commonroad import scenario_of_commonroad
-
-        return _checked(scenario_of_commonroad(Path(path)), name_or_path, MAP)
     shipped = shipped_scenarios()
     if name_or_path not in shipped and not name_or_path.endswith(".toml"):
         near = get_close_matches(name_or_path, shipped, n=1)
         raise ConfigError(
             f"scenario {name_or_path!r}: expected one of {', '.join(shipped)} or the path of a "
-            f".toml, .xodr or .xml file.{f' Did you mean {near[0]}?' if near else ''}"
+            f".toml or .xodr file.{f' Did you mean {near[0]}?' if near else ''}"
         )
     text = read_shipped_or_own(name_or_path, SCENARIOS_FOLDER, "scenario")
     try:

@@ -167,7 +167,7 @@ def test_a_disk_that_does_not_answer_does_not_hold_up_the_end(
     answers = Event()
     if begins_before_the_end:
         write_often(monkeypatch)
-    monkeypatch.setattr("rt_controller.bus.log.frame_log.LONGEST_CLOSE_S", 0.01)
+    monkeypatch.setattr("rt_controller.bus.log.recorder.LONGEST_CLOSE_S", 0.01)
     monkeypatch.setattr("rt_controller.bus.log.log_file.os.write", lambda *_: answers.wait() or 0)
     recorder = Recorder(tmp_path / "drive.log", "can0", is_lockstep=is_lockstep)
     for _ in range(600):
@@ -214,7 +214,7 @@ def test_a_drive_in_lockstep_waits_for_a_slow_disk_but_not_for_a_stalled_one(
     assert (recorder.written, recorder.dropped) == (100, 0)
 
     answers = Event()
-    monkeypatch.setattr("rt_controller.bus.log.frame_log.LONGEST_CLOSE_S", 0.01)
+    monkeypatch.setattr("rt_controller.bus.log.recorder.LONGEST_CLOSE_S", 0.01)
     monkeypatch.setattr("rt_controller.bus.log.recorder._LONGEST_STALL_S", 0.01)
     monkeypatch.setattr("rt_controller.bus.log.log_file.os.write", lambda *_: answers.wait() or 0)
     with Recorder(tmp_path / "stalled.log", "can0", is_lockstep=True, capacity=8) as recorder:

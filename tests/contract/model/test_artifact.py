@@ -80,15 +80,11 @@ def test_a_part_that_a_model_does_not_have_is_not_loaded(
     assert equal(load_bundle(tmp_path), without)
 
 
-def made_before_saturation(bundle: Bundle) -> Bundle:
-    """A model of this car as older versions wrote it."""
-    assert bundle.bilinear is not None
+def with_plans(bundle: Bundle) -> Bundle:
+    """The same with stored plans."""
     rng = np.random.default_rng(2)
     return replace(
         bundle,
-        bilinear=bundle.bilinear._replace(saturates=False),
-        drift=None,
-        signal_range=None,
         plans=PlanSample(
             state=rng.normal(size=(2, 6)),
             curvature_per_m=rng.normal(size=2),
@@ -99,49 +95,22 @@ def made_before_saturation(bundle: Bundle) -> Bundle:
     )
 
 
-def rewrite_as(folder: Path, version: int, *, without: tuple[str, ...]) -> None:
-    """Give the file an older format, without the fields whose names begin with `without`."""
+def rewrite(folder: Path, *, without: str) -> None:
+    """Write the file again without this field."""
     path = folder / "koopman.npz"
     with np.load(path) as archive:
-        kept = {key: archive[key] for key in archive.files if not key.startswith(without)}
-    np.savez(path, **kept | {"format_version": np.int64(version)})
+        kept = {key: archive[key] for key in archive.files if key != without}
+    np.savez(path, **kept)
 
 
-def test_a_bundle_of_format_3_loads_as_it_was_saved(bundle: Bundle, tmp_path: Path) -> None:
-    older = made_before_saturation(bundle)
-    save_bundle(tmp_path, older, "card")
-    rewrite_as(tmp_path, 3, without=("bilinear_saturates", "drift_"))
-    assert equal(load_bundle(tmp_path), older)
-
-
-def test_a_bundle_of_format_2_has_no_plans(bundle: Bundle, tmp_path: Path) -> None:
-    older = made_before_saturation(bundle)
-    save_bundle(tmp_path, older, "card")
-    rewrite_as(tmp_path, 2, without=("bilinear_saturates", "drift_", "plan_"))
-    assert equal(load_bundle(tmp_path), replace(older, plans=None))
-
-
-@pytest.mark.parametrize(
-    ("version", "missing"),
-    [(3, "plan_state"), (4, "bilinear_saturates"), (4, "drift_N"), (4, "drift_signal")],
-)
+@pytest.mark.parametrize("missing", ["plan_path", "bilinear_saturates", "drift_N", "drift_signal"])
 def test_a_field_that_the_format_requires_is_named(
-    bundle: Bundle, tmp_path: Path, version: int, missing: str
+    bundle: Bundle, tmp_path: Path, missing: str
 ) -> None:
-    save_bundle(tmp_path, made_before_saturation(bundle), "card")
-    rewrite_as(tmp_path, version, without=(missing,))
+    save_bundle(tmp_path, with_plans(bundle), "card")
+    rewrite(tmp_path, without=missing)
     with pytest.raises(ArtifactError, match=f"expected a field '{missing}'"):
         load_bundle(tmp_path)
-
-
-def test_saturation_in_a_file_of_format_3_is_refused(folder: Path) -> None:
-    """The fields of a later format are not read, and the hash is then that of another model."""
-    rewrite_as(folder, 3, without=("none",))
-    with pytest.raises(ArtifactError, match="'plan_"):
-        load_bundle(folder)
-    rewrite_as(folder, 2, without=("none",))
-    with pytest.raises(ArtifactError, match="expected the model of SHA-256"):
-        load_bundle(folder)
 
 
 def test_parts_that_do_not_fit_are_not_written(bundle: Bundle, tmp_path: Path) -> None:

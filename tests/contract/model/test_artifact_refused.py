@@ -63,9 +63,9 @@ HISTORY = ("vx_mps", "vy_mps", "yaw_rate_radps", "throttle", "brake_n", "steer_r
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("format_version", np.int64(1), "format_version = 4, .* found 1;"),
+        ("format_version", np.int64(1), "format_version = 4, found 1;"),
         ("format_version", np.int64(99), "format_version"),
-        ("format_version", np.str_("one"), "format_version = 4, .* found one;"),
+        ("format_version", np.str_("one"), "format_version = 4, found one;"),
         ("format_version", np.str_("2"), "format_version"),
         ("format_version", np.array([2]), "format_version"),
         ("format_version", np.eye(2), "format_version"),

@@ -65,8 +65,8 @@ def test_a_missing_extra_of_own_messages_is_found_before_the_model_is_loaded(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "pint", None)  # for Python: not installed
-    options = ("--bus", "virtual", "--pace", "lockstep", "--signals", str(EXAMPLE))
-    assert run(*options) == MissingExtraError.exit_code
+    options = ("--bus", "virtual", "--channel", "a", "--car-bus", "virtual", "--car-channel", "b")
+    assert run("signals", "gateway", str(EXAMPLE), *options) == MissingExtraError.exit_code
     shown = capsys.readouterr().err
     assert "a car with its own messages needs pint: expected the extra [signals]" in shown
     assert "loading the model" not in shown

@@ -36,7 +36,6 @@ def session_with(*faults: Fault) -> ControllerSession:
         record=record,
         recorder=None,
         stop_values=(),
-        bus_load=lambda: 0.098,
     )
     return cast("ControllerSession", session)
 

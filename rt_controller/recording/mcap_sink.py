@@ -1,11 +1,11 @@
-"""Decoded signals, state, plan and cause of every tick as MCAP, into a file or live to Foxglove.
+"""Decoded signals, state, plan and cause of every tick as an MCAP file.
 
 Topics: `/can/MESSAGE` for each message of the catalogue, `/state`, `/path`, `/plan`, `/controller`.
 The messages are JSON; their schemas have the unit of each number as its description. What is not
 available is left out.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from rt_controller.bus.dbc import dbc_path, read_dbc
 from rt_controller.bus.log.frame_log import RecordedFrame
 from rt_controller.bus.log.recorder import Entry
 from rt_controller.bus.signal_layout import NOT_AVAILABLE
-from rt_controller.contract.errors import BusError, needs_extra
+from rt_controller.contract.errors import needs_extra
 from rt_controller.contract.signals import (
     INPUT_UNITS,
     STATE_UNITS,
@@ -34,92 +34,61 @@ if TYPE_CHECKING:
     from foxglove import Channel
     from foxglove.mcap import MCAPWriter
 
-HOST = "127.0.0.1"
 
-
-class FoxgloveSink:
-    """`Sink` for an MCAP file, for a live server, or for both."""
+class McapSink:
+    """`Sink` for an MCAP file."""
 
     def __init__(
-        self,
-        path: Path | None,
-        port: int | None = None,
-        epoch_offset_ns: int = 0,
-        replaces: bool = False,
-        is_fd: bool = False,
+        self, path: Path, epoch_offset_ns: int = 0, replaces: bool = False, is_fd: bool = False
     ) -> None:
-        """Open file and server.
+        """Open the file.
 
         Args:
-            path: of the MCAP file; None: no file.
-            port: on 127.0.0.1, for Foxglove; None: no server.
+            path: of the MCAP file.
             epoch_offset_ns: added to every stamp, to turn monotonic into calendar time.
             replaces: replace an existing file.
             is_fd: the frames are those of CAN FD.
 
         Raises:
             ConfigError: the file cannot be written, or exists already.
-            BusError: the port cannot be used.
             MissingExtraError: foxglove-sdk is not installed.
         """
         with needs_extra("record", "MCAP"):
             import foxglove
 
-        self.path, self.failure = path, ""
+        self.path = path
+        self.failure = ""
         self._epoch_offset_ns = epoch_offset_ns
-        self._file = None if path is None else McapFile(path, replaces)
+        self._file = McapFile(path, replaces)
         self._context = foxglove.Context()
         self._messages = {
             message.frame_id: message for message in read_dbc(dbc_path(is_fd)).messages
         }
         self._channels: dict[str, Channel] = {}
         self._writer: MCAPWriter | None = None
-        self._server: Any = None
-        if port is None:
-            return
-        try:
-            self._server = foxglove.start_server(
-                name="rt-controller", host=HOST, port=port, context=self._context
-            )
-        except (OSError, RuntimeError) as error:
-            if self._file is not None:
-                self._file.close()
-            raise BusError(
-                f"--foxglove {port}: expected a free port of {HOST}, found: {error}. Choose "
-                f"another one."
-            ) from error
-
-    @property
-    def port(self) -> int | None:
-        """Of the server; with port 0 the free one that was chosen. None: no server."""
-        return None if self._server is None else int(self._server.port)
 
     def append(self, entries: Sequence[Entry], n_logged: int) -> None:
         try:
-            if self._writer is None and self._file is not None and not self.failure:
+            if self._writer is None and not self.failure:
                 self._writer = self._file.writer(self._context)
             for entry in entries:
                 self._add(entry)
         except Exception as error:  # of the package, which writes in its own code
             self.failure = str(error)
-        if self._file is not None and self._file.failure:
+        if self._file.failure:
             self.failure = self._file.failure
-            if self._writer is not None:
-                self._end(self._writer.close)  # it would print every further message as an error
-                self._writer = None
+            self._close_writer()  # it would print every further message as an error
 
     def close(self) -> None:
-        if self._server is not None:
-            self._end(self._server.stop)
-        if self._writer is not None:
-            self._end(self._writer.close)
-        if self._file is not None:
-            self._file.close()
-            self.failure = self._file.failure or self.failure
+        self._close_writer()
+        self._file.close()
+        self.failure = self._file.failure or self.failure
 
-    def _end(self, end: Callable[[], object]) -> None:
+    def _close_writer(self) -> None:
+        writer, self._writer = self._writer, None
         try:
-            end()
+            if writer is not None:
+                writer.close()
         except Exception as error:  # as above
             self.failure = self.failure or str(error)
 

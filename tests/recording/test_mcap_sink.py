@@ -2,7 +2,6 @@
 
 import json
 import os
-import socket
 from pathlib import Path
 from threading import Event, Thread
 from typing import Any
@@ -14,8 +13,8 @@ pytest.importorskip("foxglove")
 reader = pytest.importorskip("mcap.reader")
 
 from rt_controller.bus.log.frame_log import RecordedFrame  # noqa: E402
-from rt_controller.contract.errors import BusError, ConfigError  # noqa: E402
-from rt_controller.recording.foxglove_sink import HOST, FoxgloveSink  # noqa: E402
+from rt_controller.contract.errors import ConfigError  # noqa: E402
+from rt_controller.recording.mcap_sink import McapSink  # noqa: E402
 
 Messages = dict[str, list[tuple[int, dict[str, Any]]]]
 FRAMES = [
@@ -72,25 +71,11 @@ def test_a_drive_is_written_with_units_plan_and_cause(tmp_path: Path) -> None:
     assert plan["vx_mps"][0] == pytest.approx(state["vx_mps"], abs=0.05)  # two periods later
 
 
-def test_the_server_listens_on_this_machine_only(tmp_path: Path) -> None:
-    sink = FoxgloveSink(None, port=0)
-    try:
-        port = sink.port
-        assert port is not None
-        with socket.create_connection((HOST, port), timeout=5.0) as client:
-            assert client.getpeername()[0] == HOST
-        with pytest.raises(BusError, match=rf"--foxglove {port}: expected a free port of {HOST}"):
-            FoxgloveSink(tmp_path / "run.mcap", port)
-        assert not (tmp_path / "run.mcap").exists()
-    finally:
-        sink.close()
-
-
 def test_an_existing_file_is_not_replaced_unasked(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     path.write_text("of another drive")
     with pytest.raises(ConfigError, match="expected no log of that name yet"):
-        FoxgloveSink(path)
+        McapSink(path)
     assert path.read_text() == "of another drive"
 
 
@@ -99,7 +84,7 @@ def test_a_full_disk_is_reported_while_the_drive_goes_on(
     capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
     """foxglove-sdk itself only prints a failed write."""
-    sink = FoxgloveSink(Path("/dev/full"))
+    sink = McapSink(Path("/dev/full"))
     for _ in range(2):
         sink.append(FRAMES, len(FRAMES))
         assert "No space left" in sink.failure
@@ -121,7 +106,7 @@ def test_a_disk_that_stalls_holds_up_no_other_thread(
         return write(descriptor, data)
 
     monkeypatch.setattr("rt_controller.bus.log.log_file.os.write", stall)
-    sink = FoxgloveSink(tmp_path / "run.mcap")
+    sink = McapSink(tmp_path / "run.mcap")
     writer = Thread(target=sink.append, args=(FRAMES, len(FRAMES)))
     writer.start()
     assert is_stalled.wait(60.0)
