@@ -17,7 +17,16 @@ import optuna
 from rich.console import Console
 
 from benchmarks.figures.closed_loop import wheel_rate_rms_degps
-from benchmarks.rivals.drive import STANLEY, TUNED, build_rival, drive_with, settings_of
+from benchmarks.rivals.drive import (
+    DISTURBANCE,
+    LTV,
+    NONLINEAR,
+    STANLEY,
+    TUNED,
+    build_rival,
+    drive_with,
+    settings_of,
+)
 from benchmarks.rivals.scenarios import NOISY, SEARCH
 from benchmarks.rivals.stanley import Gains
 from rt_controller import ControllerConfig, Drive
@@ -42,6 +51,7 @@ _WEIGHTS = {
     "brake_change_n": (10.0, 150.0),
     "terminal_factor": (1.0, 50.0),
 }
+_OF_BICYCLE = {**_WEIGHTS, DISTURBANCE: (0.01, 1.5)}
 _GAINS = {
     "lateral_per_s": (0.3, 12.0),
     "softening_mps": (0.1, 20.0),
@@ -107,7 +117,7 @@ def main(
         raise ConfigError(
             f"--controller: expected one of {', '.join(names)}, found {controller!r}."
         )
-    space = _GAINS if controller == STANLEY else _WEIGHTS
+    space = {STANLEY: _GAINS, LTV: _OF_BICYCLE, NONLINEAR: _OF_BICYCLE}.get(controller, _WEIGHTS)
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     console = Console(stderr=True)
 
@@ -146,7 +156,8 @@ def defaults_of(controller: str) -> dict[str, float]:
         return Gains()._asdict()
     settings = settings_of({})
     known = {**settings.tolerance.model_dump(), "terminal_factor": settings.terminal_factor}
-    return {name: known[name] for name in _WEIGHTS}
+    weights = {name: known[name] for name in _WEIGHTS}
+    return {**weights, DISTURBANCE: 1.0} if controller in TUNED else weights
 
 
 if __name__ == "__main__":

@@ -119,16 +119,20 @@ def _drive_with_rival(name: str, scenario: Scenario, plant: str) -> Drive:
 
 _MOVING = tuple(row.name for row in ROWS if not row.has_stop)
 """where the law of low speeds, which all controllers share, does not decide"""
-_NEAR_LIMITS = (*_MOVING[:6], "lane change, 80 km/h, friction 0.6, mass +20 %")
-"""where a nonlinear program may differ from its first linearisation: grip, or the bound of the
-wheel"""
+_AT_LIMITS = (
+    "lane change, 60 km/h",
+    "lane change over 38 m, 80 km/h",
+    "sine, 60 km/h",
+    "lane change, 80 km/h, friction 0.6, mass +20 %",
+)
+"""where the solution of a nonlinear program may differ from its first linearisation"""
 CONTROLLERS = {
     **{model: Controller(partial(_drive_with, model), (model,)) for model in MODELS},
     "linear_model.py": Controller(_drive_with_example, rows=("lane change, 80 km/h",)),
     **{
         name: Controller(
             partial(_drive_with_rival, name),
-            rows=_NEAR_LIMITS if name == "bicycle-nmpc" else _MOVING,
+            rows=_AT_LIMITS if name == "bicycle-nmpc" else _MOVING,
         )
         for name in RIVALS
     },

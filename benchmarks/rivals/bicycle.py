@@ -1,8 +1,9 @@
 """A single-track car with tyres that saturate, fitted to 54 s of driving.
 
-`python -m benchmarks.rivals.bicycle` drives, fits and writes `bicycle.json`. The equations are of Rajamani, *Vehicle Dynamics and Control* (2012), chapter 2 (motion along a road); the side force
-is an arctangent of the slip angle. Lags, roll and relaxation are left out, as usual in
-nonlinear MPC. Wheelbase, axles and steering ratio are those of the car.
+`python -m benchmarks.rivals.bicycle` drives, fits and writes `bicycle.json`. The equations are of
+Rajamani, *Vehicle Dynamics and Control* (2012), chapter 2 (motion along a road); the side force
+is an arctangent of the slip angle. Lags, roll and relaxation are left out, as usual in nonlinear
+MPC. Wheelbase, axles and steering ratio are those of the car.
 """
 
 import json

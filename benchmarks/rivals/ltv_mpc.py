@@ -84,9 +84,11 @@ class BicycleLinearisation:
 class BicycleEstimator(Estimator):
     """The estimator with predictions of the bicycle."""
 
-    def __init__(self, bicycle: Bicycle, bundle: Bundle) -> None:
+    def __init__(self, bicycle: Bicycle, bundle: Bundle, share: float = 1.0) -> None:
+        """`share` of the gain of the disturbance that a learned model has."""
         state = np.array(AT_REST._replace(vx_mps=_TYPICAL_MPS, ds_m=_TYPICAL_MPS * PERIOD_S))
         super().__init__(bundle, bicycle.derivatives_at(state)[:, :N_STATES])
+        self._gains = share * self._gains
         self._bicycle = bicycle
 
     def step(self, psi: Array, u: Array, w: Array) -> Array:
@@ -98,7 +100,13 @@ class BicycleEstimator(Estimator):
 class BicycleMpc(Mpc):
     """Linear time-varying MPC with the bicycle; nonlinear MPC if `is_iterated`."""
 
-    def __init__(self, bicycle: Bicycle, settings: MpcSettings, is_iterated: bool = False) -> None:
+    def __init__(
+        self,
+        bicycle: Bicycle,
+        settings: MpcSettings,
+        disturbance_share: float = 1.0,
+        is_iterated: bool = False,
+    ) -> None:
         bundle = bicycle.bundle()
         solver = partial(open_solver, name=settings.solver)
         super().__init__(bundle, settings.horizon, settings.cost(), open_solver=solver)
@@ -106,7 +114,7 @@ class BicycleMpc(Mpc):
         # The product has one linearisation only, so its type provides for no other one.
         of_bicycle: Any = BicycleLinearisation(bicycle, knots, objective._columns)
         objective._linearisation = of_bicycle
-        self._estimator = BicycleEstimator(bicycle, bundle)
+        self._estimator = BicycleEstimator(bicycle, bundle, disturbance_share)
         self._iterations_left = MOST_ITERATIONS - 1 if is_iterated else 0
 
     def plan(self, *arguments: Any) -> SolveStatus:
