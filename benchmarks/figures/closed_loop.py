@@ -23,6 +23,7 @@ from sim_bridge.scenario.files.fault_fields import FaultFields
 
 ROOT = Path(__file__).parents[2]
 MODELS = ("mdk-net", "mdk-net-paper", "lti")
+RIVALS = ("bicycle-mpc", "bicycle-nmpc", "stanley")
 _TRUE = ("ey_rms_m", "ey_peak_m", "epsi_peak_rad", "speed_rms_mps")
 """figures that are measured at the car, not on the bus"""
 _OF_STOP = ("stop_error_m", "creep_m", "hold_steer_rad")
@@ -110,9 +111,31 @@ def _drive_with(model: str, scenario: Scenario, plant: str) -> Drive:
     return simulate(scenario, model=model, plant=plant)
 
 
+def _drive_with_rival(name: str, scenario: Scenario, plant: str) -> Drive:
+    from benchmarks.rivals.drive import drive_tuned  # needs the extra [peers]
+
+    return drive_tuned(name, scenario, plant)
+
+
+_MOVING = tuple(row.name for row in ROWS if not row.has_stop)
+"""where the law of low speeds, which all controllers share, does not decide"""
+_AT_LIMITS = (
+    "lane change, 60 km/h",
+    "lane change over 38 m, 80 km/h",
+    "sine, 60 km/h",
+    "lane change, 80 km/h, friction 0.6, mass +20 %",
+)
+"""where the solution of a nonlinear program may differ from its first linearisation"""
 CONTROLLERS = {
     **{model: Controller(partial(_drive_with, model), (model,)) for model in MODELS},
     "linear_model.py": Controller(_drive_with_example, rows=("lane change, 80 km/h",)),
+    **{
+        name: Controller(
+            partial(_drive_with_rival, name),
+            rows=_AT_LIMITS if name == "bicycle-nmpc" else _MOVING,
+        )
+        for name in RIVALS
+    },
 }
 
 
@@ -134,12 +157,9 @@ def measure_drive(controller: Controller, row: Row) -> Figures:
     drive = controller.drive(scenario_of(row), row.conditions.get("plant", "own"))
     truth = {figure.name: figure.value for figure in drive.car_figures}
     is_driven = np.array([mode.drives for mode in drive.modes])
-    rates_radps = (np.diff(drive["steer_rad"]) / np.diff(drive["time_s"]))[
-        is_driven[1:] & is_driven[:-1]
-    ]
     figures: Figures = {
         **truth,
-        "wheel_rate_rms_degps": float(np.degrees(np.sqrt(np.mean(np.square(rates_radps))))),
+        "wheel_rate_rms_degps": wheel_rate_rms_degps(drive),
         "steer_at_limit_s": drive.at_limit_s.steer_rad,
         "stop_s": drive.stop_s,
     }
@@ -157,6 +177,14 @@ def measure_drive(controller: Controller, row: Row) -> Figures:
         name: value if value is None or isinstance(value, int) else float(f"{value:.5g}")
         for name, value in figures.items()
     }
+
+
+def wheel_rate_rms_degps(drive: Drive) -> float:
+    """RMS of the rate of the steering wheel in the ticks that drove."""
+    is_driven = np.array([mode.drives for mode in drive.modes])
+    rates_radps = np.diff(drive["steer_rad"]) / np.diff(drive["time_s"])
+    rates_radps = rates_radps[is_driven[1:] & is_driven[:-1]]
+    return float(np.degrees(np.sqrt(np.mean(np.square(rates_radps)))))
 
 
 def scenario_of(row: Row) -> Scenario:

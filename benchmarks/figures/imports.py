@@ -68,19 +68,14 @@ def _solvers(found: Found) -> Figures:
     """Of the QP of the shipped controller: slew rates, vectors known at the tick."""
     qps = {"model": SHIPPED_MODEL, "tier": "slew", "mode": "prepared"}
     times = ("p50_us", "p99_us", "p50_us_over_default", "p99_us_over_default")
-    plans = ("plan_p50_us", "plan_p99_us", "plan_p50_us_over_default", "ey_rms_m")
     recordings = [one for one in found["recordings"] if qps.items() <= one.items()]
-    drives = [one for one in found["closed_loop"] if one["model"] == SHIPPED_MODEL]
-    return {
-        "solvers": _side_by_side(recordings, "solvers", times),
-        "nonlinear": _side_by_side(drives, "controllers", plans),
-    }
+    return {"solvers": _side_by_side(recordings, times)}
 
 
-def _side_by_side(scenarios: list[Found], kind: str, columns: tuple[str, ...]) -> Figures:
+def _side_by_side(scenarios: list[Found], columns: tuple[str, ...]) -> Figures:
     table: Figures = {}
     for one in scenarios:
-        for name, figures in one[kind].items():
+        for name, figures in one["solvers"].items():
             named = {f"{one['scenario']}: {column}": figures[column] for column in columns}
             table[name] = table.get(name, {}) | named
     return table
@@ -102,7 +97,7 @@ SOURCES: dict[str, tuple[set[str], Callable[[Found], Figures]]] = {
     "evaluation": ({"sets", "series", "model_sha256"}, _evaluation),
     "fault_matrix": ({"rows", "summary"}, _fault_matrix),
     "false_alarms": ({"driven_h", "checks"}, _false_alarms),
-    "solvers": ({"recordings", "closed_loop"}, _solvers),
+    "solvers": ({"recordings", "not_installed"}, _solvers),
     "cadence": ({"variants", "transport"}, _cadence),
 }
 """by piece: the keys that only its files have together, and what is kept of them"""

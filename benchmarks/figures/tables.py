@@ -5,7 +5,7 @@ from functools import partial
 from math import nan
 from typing import Any
 
-from benchmarks.figures.closed_loop import CONTROLLERS, MODELS, ROWS, part_name
+from benchmarks.figures.closed_loop import CONTROLLERS, MODELS, RIVALS, ROWS, part_name
 from benchmarks.figures.results import Figures, Pieces
 from rt_controller.report.table import Column, Table, format_number, to_markdown
 
@@ -56,6 +56,14 @@ def _lateral(found: Figures) -> str:
     return f"{found['ey_rms_m']:.3f}, {found['ey_peak_m']:.3f}"
 
 
+def _lateral_rms(found: Figures) -> str:
+    return f"{found['ey_rms_m']:.3f}"
+
+
+def _lateral_and_wheel(found: Figures) -> str:
+    return f"{found['ey_rms_m']:.3f}, {found['wheel_rate_rms_degps']:.0f}"
+
+
 def _speed_and_wheel(found: Figures) -> str:
     return f"{found['speed_rms_mps']:.2f}, {found['wheel_rate_rms_degps']:.0f}"
 
@@ -81,11 +89,21 @@ def _drives(
 
 
 _LANE_CHANGES = {row.name for row in ROWS[:3]}
+_OF_README = {
+    *_LANE_CHANGES,
+    *(row.name for row in ROWS if row.name in ("slalom", "road course", "bend of 100 m, 60 km/h")),
+    *(row.name for row in ROWS if "friction 0.6" in row.name or "vehicle 1" in row.name),
+}
+_MOVING = {row.name for row in ROWS if not row.has_stop}
 _SETTLED = {row.name for row in ROWS if row.settled_s}
 _STOPS = {row.name for row in ROWS if row.has_stop}
 _SHORT = ("mdk-net", "bicycle", "mdk-net-paper", "lti-horizon")
 TABLES: dict[str, tuple[str, Callable[[Figures], str]]] = {
-    "lane_changes": _drives(_lateral, _LANE_CHANGES.__contains__, CONTROLLERS),
+    "lane_changes": _drives(
+        _lateral, _LANE_CHANGES.__contains__, [name for name in CONTROLLERS if name not in RIVALS]
+    ),
+    "rivals_short": _drives(_lateral_rms, _OF_README.__contains__, ("mdk-net", *RIVALS[::2])),
+    "rivals": _drives(_lateral_and_wheel, _MOVING.__contains__, ("mdk-net", *RIVALS)),
     "lateral_error": _drives(_lateral),
     "speed_and_wheel": _drives(_speed_and_wheel),
     "settled_offset": _drives(_settled, _SETTLED.__contains__),
@@ -101,7 +119,6 @@ TABLES: dict[str, tuple[str, Callable[[Figures], str]]] = {
             ("false_alarms", "false_alarms", ""),
             ("false_alarms", "alarm_margins", "check"),
             ("solvers", "solvers", "solver"),
-            ("solvers", "nonlinear", "controller"),
             ("cadence", "cadence", "variant and stage"),
         )
     },

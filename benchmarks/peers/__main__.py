@@ -13,7 +13,6 @@ from benchmarks.peers.solver_comparison import HEADS, Mode, compare
 from benchmarks.peers.solvers.registry import find_solvers, require_names
 from benchmarks.tables import to_plain, to_tables
 from rt_controller.config import ShippedModel
-from rt_controller.contract.errors import needs_extra
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.report.drive_figure import require_figure_file
 from rt_controller.report.table import print_table
@@ -37,7 +36,6 @@ def main(
     modes: tuple[Mode, ...] = tuple(Mode),
     only: tuple[str, ...] = (),
     rounds: int = 5,
-    nonlinear: bool = True,
     json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
     plot: Path | None = None,
 ) -> int:
@@ -54,11 +52,9 @@ def main(
     modes
         What a solver is given before the clock starts.
     only
-        Names of the solvers and controllers to compare; the controller's own are always included.
+        Names of the solvers to compare; the controller's own are always included.
     rounds
         Repetitions of all solvers; ratios are taken within a round.
-    nonlinear
-        Compare controllers with a nonlinear model too; compiling them takes some minutes.
     json
         File for all figures.
     plot
@@ -68,10 +64,7 @@ def main(
     if plot is not None:
         require_writable(plot, "--plot")
         require_figure_file(plot)
-    if nonlinear:
-        with needs_extra("peers", "The comparison with nonlinear controllers"):
-            from benchmarks.peers.nonlinear import closed_loop_comparison
-    require_names(only, closed_loop_comparison.NAMES if nonlinear else ())
+    require_names(only)
     console = Console()
     entries, missing = find_solvers(only)
     if missing:
@@ -87,18 +80,6 @@ def main(
                 recordings.append((names, compare(recording, entries, mode, rounds)))
             for table in to_tables(title, recordings[-1][1], HEADS):
                 print_table(table, console)
-    closed_loop = []
-    if nonlinear:
-        for model in models:
-            with console.status(f"{model}: compiling the nonlinear controllers"):
-                comparison = closed_loop_comparison.ClosedLoopComparison(model, only)
-            for scenario in scenarios:
-                names = {"model": model, "scenario": scenario}
-                title = f"{model}, {scenario}, closed loop"
-                with console.status(title):
-                    closed_loop.append((names, comparison.run(SCENARIOS[scenario], rounds)))
-                for table in to_tables(title, closed_loop[-1][1], closed_loop_comparison.HEADS):
-                    print_table(table, console)
     figures = {
         "machine": platform.processor() or platform.machine(),
         "python": platform.python_version(),
@@ -106,7 +87,6 @@ def main(
         "versions": {entry.name: entry.version for entry in entries},
         "not_installed": missing,
         "recordings": [names | {"solvers": to_plain(one)} for names, one in recordings],
-        "closed_loop": [names | {"controllers": to_plain(one)} for names, one in closed_loop],
     }
     write_figures(json, figures)
     if plot is not None:
@@ -117,10 +97,6 @@ def main(
             ("QP of {model}\n{scenario} lane change, {tier}, {mode}".format(**names), one)
             for names, one in recordings
             if shown.items() <= names.items()
-        ]
-        panels += [
-            ("whole plan in closed loop,\n{scenario} lane change".format(**names), one)
-            for names, one in closed_loop[:1]
         ]
         write_plot(panels, plot)
         console.print(str(plot))

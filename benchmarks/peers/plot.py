@@ -1,4 +1,4 @@
-"""Plot of the results: the time of each solver and controller, median to p99."""
+"""Plot of the results: the time of each solver, median to p99."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,11 +23,10 @@ def plot(panels: Sequence[tuple[str, pd.DataFrame]], file: Path) -> None:
     )
     all_axes = figure.subplots(1, len(panels), squeeze=False)[0]
     for axes, (title, results) in zip(all_axes, panels, strict=True):
-        prefix = "" if "p50_us" in results else "plan_"
         slowest_first = results[::-1]
         for row, (name, one) in enumerate(slowest_first.iterrows()):
-            p50_us, p99_us = one[f"{prefix}p50_us"], one[f"{prefix}p99_us"]
-            is_hollow = not one.get("is_accurate", True) or one.get("unsolved", 0) > 0
+            p50_us, p99_us = one["p50_us"], one["p99_us"]
+            is_hollow = not one["is_accurate"] or one["unsolved"] > 0
             color = OWN_COLOR if name in (DEFAULT, COLD) else PEER_COLOR
             axes.plot([p50_us, p99_us], [row, row], color=color, linewidth=2.0)
             axes.plot(p50_us, row, "o", color=color, fillstyle="none" if is_hollow else "full")

@@ -113,9 +113,14 @@ class Estimator:
         self._psi[oldest] = psi
         self._begun += 1
         self._u[:], self._w[:] = applied, curvature_per_m
-        self._psi = one_step(self._bundle, self._psi, self._psi, self._u, self._w)
-        self._psi[:, :N_STATES] += self.disturbance
+        self._psi = self.step(self._psi, self._u, self._w)
         self._is_advanced = True
+
+    def step(self, psi: Array, u: Array, w: Array) -> Array:
+        """Lifted states (..., n) a period after psi, under u (..., 3), w (..., 1), disturbance."""
+        following = one_step(self._bundle, psi, psi, u, w)
+        following[..., :N_STATES] += self.disturbance
+        return following
 
 
 def _response(jacobian: Array) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.rollout import Matrices, one_step, roll_out
+from rt_controller.contract.model.rollout import Matrices, roll_out
 from rt_controller.contract.model.validation import require_drivable
 from rt_controller.contract.schema import N_INPUTS, N_STATES
 from rt_controller.contract.signals import (
@@ -149,8 +149,7 @@ class Mpc:
         """Lifted state (n,) that is predicted after some inputs, one in each period."""
         w = np.array([curvature_per_m])
         for each in inputs:
-            psi = one_step(self._bundle, psi, psi, np.array(each), w)
-            psi[:N_STATES] += self._estimator.disturbance
+            psi = self._estimator.step(psi, np.array(each), w)
         return psi
 
     def prepare(self) -> None:

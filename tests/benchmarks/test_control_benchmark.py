@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks.figures.closed_loop import RIVALS
 from benchmarks.tables import percentiles
 from rt_controller.config import MpcSettings
 from rt_controller.contract.model.artifact import load_bundle, shipped_model
@@ -52,6 +53,16 @@ def test_plan(benchmark, bundle: Bundle) -> None:
     assert benchmark(plan) is SolveStatus.SOLVED
     benchmark.extra_info.update(percentiles(solve_us, "qp_"))
     benchmark.extra_info["qp_iterations"] = mpc.iterations
+
+
+@pytest.mark.parametrize("name", RIVALS)
+def test_plan_of_a_rival(benchmark, name: str) -> None:
+    """The same with other controllers; that of nonlinear MPC has several linearisations."""
+    pytest.importorskip("casadi", reason="the extra [peers] is not installed")
+    from benchmarks.rivals.drive import build_rival, tuned_values
+
+    rival = build_rival(name, tuned_values(name))
+    assert benchmark(rival.plan, STATE, 0.001, PATH, PREVIOUS) is SolveStatus.SOLVED
 
 
 def test_assembly(benchmark, bundle: Bundle) -> None:

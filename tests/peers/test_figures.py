@@ -184,7 +184,6 @@ SLICE = {
 }  # fmt: skip
 TIMES = {"p50_us": 1.0, "p99_us": 2.0, "p50_us_over_default": {"median": 1.0},
          "p99_us_over_default": {"median": 1.0}}  # fmt: skip
-PLAN = {**{f"plan_{name}": x for name, x in TIMES.items()}, "ey_rms_m": 0.016}
 STAGE = {"p50": 1.0, "p99": 2.0, "p999": 3.0, "max": 4.0}
 STAGES = ("step", "receive", "plan", "send", "qp", "read_ahead", "total", "preparation")
 LIBRARY = {
@@ -204,17 +203,11 @@ LIBRARY = {
             "| library, no brake | 9 | lti | 2 | 2 (1 to 3) |",
         ),
         (
-            {"closed_loop": [], "recordings": [
+            {"not_installed": [], "recordings": [
                 {"model": "mdk-net", "tier": "slew", "mode": "prepared", "scenario": scenario,
                  "solvers": {"OSQP": TIMES}} for scenario in ("mild", "hard")]},
             "solvers",
             "| OSQP | 1 | 2 | 1 | 1 | 1 | 2 | 1 | 1 |",
-        ),
-        (
-            {"recordings": [], "closed_loop": [
-                {"model": "mdk-net", "scenario": "mild", "controllers": {"OSQP": PLAN}}]},
-            "nonlinear",
-            "| OSQP | 1 | 2 | 1 | 0.016 |",
         ),
         (
             {"transport": "local", "variants": [

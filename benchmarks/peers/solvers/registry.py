@@ -59,13 +59,13 @@ PEERS = (
 )
 
 
-def require_names(only: Sequence[str], others: Sequence[str] = ()) -> None:
-    """Return if each name is one of a solver, or one of `others`.
+def require_names(only: Sequence[str]) -> None:
+    """Return if each name is one of a solver.
 
     Raises:
         ConfigError: one is not.
     """
-    names = dict.fromkeys([*(entry.name for entry in (*OWN, *PEERS)), *others])
+    names = [entry.name for entry in (*OWN, *PEERS)]
     for found in only:
         if found not in names:
             raise ConfigError(

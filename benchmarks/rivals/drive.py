@@ -1,0 +1,57 @@
+"""The rivals by their names, each with the weights or gains that the search found."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, cast
+
+from benchmarks.rivals.bicycle import Bicycle
+from benchmarks.rivals.ltv_mpc import BicycleMpc
+from benchmarks.rivals.stanley import Gains, Stanley
+from rt_controller import ControllerConfig, Drive
+from rt_controller.config import MpcSettings, Tolerances
+from rt_controller.control.mpc import Mpc
+from rt_controller.settings import CarSettings
+from rt_controller.simulation import drive_in_lockstep
+from sim_bridge.scenario import Scenario
+
+STANLEY, LTV, NONLINEAR = "stanley", "bicycle-mpc", "bicycle-nmpc"
+DISTURBANCE = "disturbance_share"
+TUNED = {STANLEY: "stanley.json", LTV: "bicycle-mpc.json", NONLINEAR: "bicycle-mpc.json"}
+"""results of `python -m benchmarks.tuning`; both MPCs have one cost"""
+Values = Mapping[str, float]
+
+
+def settings_of(values: Values) -> MpcSettings:
+    """Settings with these tolerances and other fields by their names."""
+    tolerances = {k: v for k, v in values.items() if k in Tolerances.model_fields}
+    others: dict[str, Any] = {k: v for k, v in values.items() if k not in tolerances}
+    return MpcSettings(tolerance=Tolerances(**tolerances), **others)
+
+
+def tuned_values(name: str) -> dict[str, float]:
+    """What the search found for a rival."""
+    file = Path(__file__).with_name(TUNED[name])
+    values: dict[str, float] = json.loads(file.read_text(encoding="utf-8"))["values"]
+    return values
+
+
+def build_rival(name: str, values: Values) -> Mpc:
+    """The rival, with all methods that the loop calls."""
+    if name == STANLEY:
+        return cast("Mpc", Stanley(Bicycle(1), Gains(**values)))
+    share = values[DISTURBANCE]
+    settings = settings_of({k: v for k, v in values.items() if k != DISTURBANCE})
+    return BicycleMpc(Bicycle(settings.horizon), settings, share, name == NONLINEAR)
+
+
+def drive_with(mpc: Mpc, scenario: Scenario, plant: str = "own") -> Drive:
+    """A drive with a rival; the low-speed law gets its pedal gains from the bicycle."""
+    bundle = Bicycle(1).bundle()
+    car = CarSettings(plant=plant)
+    return drive_in_lockstep(ControllerConfig(), bundle, mpc, car, scenario=scenario)
+
+
+def drive_tuned(name: str, scenario: Scenario, plant: str) -> Drive:
+    """A drive with a rival as the search left it."""
+    return drive_with(build_rival(name, tuned_values(name)), scenario, plant)

@@ -1,0 +1,144 @@
+"""The controller of this project with the fitted bicycle in place of a learned model.
+
+Course cost, horizon, knots, input limits, pedals, compensation of the delay, estimator and QP are
+those of `Mpc`. `BicycleMpc` linearises along the last plan and solves one QP a period (linear
+time-varying MPC); with more iterations it is a nonlinear MPC: a Gauss-Newton SQP, whose QPs are
+linearised along the solution of the one before until it stays the same (Diehl, Bock and Schlöder,
+2005).
+"""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from benchmarks.rivals.bicycle import Bicycle
+from rt_controller.config import MpcSettings
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.schema import N_INPUTS, N_STATES
+from rt_controller.contract.signals import AT_REST
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.estimator import Estimator
+from rt_controller.control.knots import Knots
+from rt_controller.control.linearisation import ALL_INPUTS
+from rt_controller.control.mpc import Mpc
+from rt_controller.control.solver import SolveStatus, open_solver
+
+CONVERGED, MOST_ITERATIONS = 1e-4, 10
+"""largest change of an input between two iterations, as a share of its range; QPs in a period"""
+_TYPICAL_MPS = 20.0
+
+
+class BicycleLinearisation:
+    """The attributes and methods of `Linearisation`, of the bicycle."""
+
+    is_linear = False
+
+    def __init__(self, bicycle: Bicycle, knots: Knots, tracked: Sequence[int]) -> None:
+        self._bicycle, self._knots, self._tracked = bicycle, knots, tracked
+        self._jacobian = np.eye(N_STATES)
+        self._forward = np.zeros((N_STATES, N_STATES + 1 + N_INPUTS * knots.count))
+        shape = (knots.count, len(tracked))
+        self.observables = np.zeros((knots.horizon + 1, N_STATES))
+        self.by_inputs = np.zeros((*shape, N_INPUTS, knots.count))
+        self.by_curvature, self.by_psi = np.zeros(shape), np.zeros((*shape, N_STATES))
+
+    def update(
+        self,
+        psi: Array,
+        curvature_per_m: float,
+        inputs: Array,
+        disturbance: Array,
+        used: slice = ALL_INPUTS,
+    ) -> None:
+        """As `Linearisation.update`: derivatives by psi, curvature and knots, stage by stage."""
+        bicycle, knots = self._bicycle, self._knots
+        self.observables[:] = bicycle.predict(psi, inputs, curvature_per_m, disturbance)
+        derivatives = bicycle.derivatives(self.observables[:-1], inputs, curvature_per_m)
+        self._jacobian = derivatives[0, :, :N_STATES]
+        by_stage = derivatives[:, :, N_STATES : N_STATES + N_INPUTS]
+        by_knots = np.einsum("kxu,kj->kxuj", by_stage, knots.interpolation)
+        S = self._forward
+        S[:] = np.eye(N_STATES, S.shape[1])
+        at_end = {end: number for number, end in enumerate(knots.ends)}
+        for k, each in enumerate(derivatives):
+            S[:] = each[:, :N_STATES] @ S
+            S[:, N_STATES] += each[:, -1]
+            S[:, N_STATES + 1 :] += by_knots[k].reshape(N_STATES, -1)
+            number = at_end.get(k + 1)
+            if number is not None:
+                rows = S[self._tracked]
+                self.by_psi[number] = rows[:, :N_STATES]
+                self.by_curvature[number] = rows[:, N_STATES]
+                of_inputs = rows[:, N_STATES + 1 :].reshape(len(rows), N_INPUTS, -1)
+                self.by_inputs[number] = 0.0
+                self.by_inputs[number][:, used] = of_inputs[:, used]
+
+    def jacobian(self) -> Array:
+        """(6, 6), the derivative of the state by that of a period before, at the first stage."""
+        return self._jacobian
+
+
+class BicycleEstimator(Estimator):
+    """The estimator with predictions of the bicycle."""
+
+    def __init__(self, bicycle: Bicycle, bundle: Bundle, share: float = 1.0) -> None:
+        """`share` of the gain of the disturbance that a learned model has."""
+        state = np.array(AT_REST._replace(vx_mps=_TYPICAL_MPS, ds_m=_TYPICAL_MPS * PERIOD_S))
+        super().__init__(bundle, bicycle.derivatives_at(state)[:, :N_STATES])
+        self._gains = share * self._gains
+        self._bicycle = bicycle
+
+    def step(self, psi: Array, u: Array, w: Array) -> Array:
+        shape = psi.shape
+        psi, u = np.atleast_2d(psi), np.atleast_2d(u)
+        return self._bicycle.step(psi, u, np.atleast_2d(w), self.disturbance).reshape(shape)
+
+
+class BicycleMpc(Mpc):
+    """Linear time-varying MPC with the bicycle; nonlinear MPC if `is_iterated`."""
+
+    def __init__(
+        self,
+        bicycle: Bicycle,
+        settings: MpcSettings,
+        disturbance_share: float = 1.0,
+        is_iterated: bool = False,
+    ) -> None:
+        bundle = bicycle.bundle()
+        solver = partial(open_solver, name=settings.solver)
+        super().__init__(bundle, settings.horizon, settings.cost(), open_solver=solver)
+        objective, knots = self._qp.objective, self._qp.knots
+        # The product has one linearisation only, so its type provides for no other one.
+        of_bicycle: Any = BicycleLinearisation(bicycle, knots, objective._columns)
+        objective._linearisation = of_bicycle
+        self._estimator = BicycleEstimator(bicycle, bundle, disturbance_share)
+        self._iterations_left = MOST_ITERATIONS - 1 if is_iterated else 0
+
+    def plan(self, *arguments: Any) -> SolveStatus:
+        status = super().plan(*arguments)
+        parameters, qp = self._qp.parameters, self._qp
+        for _ in range(self._iterations_left):
+            if status is not SolveStatus.SOLVED:
+                break
+            knots = (self._solver.solution[: qp.scale.size] * qp.scale).reshape(-1, N_INPUTS)
+            before = self._solver.solution.copy()
+            parameters.nominal_knots[:], parameters.nominal_inputs[:] = knots, self.inputs
+            qp.update_matrices(self._pedals.used_inputs(parameters.previous))
+            self._solver.update_matrices()
+            qp.update_vectors(self._pedals)
+            status = self._solver.solve()
+            self._has_plan = status is SolveStatus.SOLVED
+            if self._has_plan:
+                knots = (self._solver.solution[: qp.scale.size] * qp.scale).reshape(-1, N_INPUTS)
+                np.dot(qp.interpolation, knots, out=self.inputs)
+                if np.abs(self._solver.solution - before).max() < CONVERGED:
+                    break
+        return status
+
+    @property
+    def lifted(self) -> Any:
+        """None: the checks of the motion use learned models only."""
+        return None

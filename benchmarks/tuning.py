@@ -1,0 +1,164 @@
+"""`python -m benchmarks.tuning`: weights or gains of any controller, by one search and one cost.
+
+The drives are those of `benchmarks.rivals.scenarios`, outside the tables of the documents. The cost
+is the sum over the drives of the RMS of the lateral error in m and a tenth of that of the speed
+error in m/s, of the car itself, and 0.01 for each deg/s of the steering wheel above 10 on a
+straight road with noisy sensors. A safe stop costs 1.
+"""
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from math import inf, isfinite
+from pathlib import Path
+from typing import Annotated, Any
+
+import cyclopts
+import optuna
+from rich.console import Console
+
+from benchmarks.figures.closed_loop import wheel_rate_rms_degps
+from benchmarks.rivals.drive import (
+    DISTURBANCE,
+    LTV,
+    NONLINEAR,
+    STANLEY,
+    TUNED,
+    build_rival,
+    drive_with,
+    settings_of,
+)
+from benchmarks.rivals.scenarios import NOISY, SEARCH
+from benchmarks.rivals.stanley import Gains
+from rt_controller import ControllerConfig, Drive
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.planner import build_mpc
+from rt_controller.settings import CarSettings
+from rt_controller.simulation import drive_in_lockstep
+from rt_controller.terminal.command_line import run_command
+from sim_bridge.scenario import Scenario
+
+MODELS = ("mdk-net", "mdk-net-paper", "lti")
+WORST = 10.0
+"""cost of a drive whose errors are not finite"""
+_WEIGHTS = {
+    "ey_m": (0.03, 0.6),
+    "epsi_deg": (0.5, 8.0),
+    "vx_mps": (0.2, 3.0),
+    "steer_change_deg": (2.0, 40.0),
+    "throttle_change": (0.05, 1.0),
+    "brake_change_n": (10.0, 150.0),
+    "terminal_factor": (1.0, 50.0),
+}
+_OF_BICYCLE = {**_WEIGHTS, DISTURBANCE: (0.01, 1.5)}
+_GAINS = {
+    "lateral_per_s": (0.3, 12.0),
+    "softening_mps": (0.1, 20.0),
+    "heading": (0.2, 3.0),
+    "yaw_damping_s": (0.002, 0.4),
+    "understeer_rad_per_mps2": (0.0005, 0.01),
+    "sideslip_s2_per_m": (0.0005, 0.02),
+    "preview_s": (0.01, 0.28),
+    "integral_per_s": (0.01, 2.0),
+    "speed_per_s": (0.2, 6.0),
+    "speed_integral_per_s2": (0.01, 2.0),
+}
+"""ranges of the search, logarithmic"""
+
+app = cyclopts.App(name="python -m benchmarks.tuning", version_flags=[])
+
+
+def cost_of(drive: Drive, scenario: Scenario) -> float:
+    """Cost of one drive; see the module."""
+    found = {figure.name: figure.value for figure in drive.car_figures}
+    cost = found["ey_rms_m"] + 0.1 * found["speed_rms_mps"]
+    if scenario is NOISY:
+        cost += 0.01 * max(wheel_rate_rms_degps(drive) - 10.0, 0.0)
+    cost += 0.0 if drive.stop_s is None else 1.0
+    return cost if isfinite(cost) else WORST
+
+
+def costs_of(controller: str, values: dict[str, float]) -> Iterator[tuple[str, float]]:
+    """Name and cost of one drive after the other."""
+    drive = _driver(controller, values)
+    for scenario in SEARCH:
+        yield scenario.name, cost_of(drive(scenario), scenario)
+
+
+def _driver(controller: str, values: dict[str, float]) -> Callable[[Scenario], Drive]:
+    if controller in TUNED:
+        return partial(drive_with, build_rival(controller, values))
+    bundle, config = Bundle.load(controller), ControllerConfig(mpc=settings_of(values))
+    mpc = build_mpc(bundle, config.mpc)
+    car = CarSettings()
+    return lambda scenario: drive_in_lockstep(config, bundle, mpc, car, scenario=scenario)
+
+
+@app.default
+def main(
+    *,
+    controller: str,
+    trials: Annotated[int, cyclopts.Parameter(validator=cyclopts.validators.Number(gte=1))] = 60,
+    seed: int = 0,
+    json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
+) -> int:
+    """Search the weights or gains of a controller; the first trial is that of its defaults.
+
+    Args:
+        controller: mdk-net, mdk-net-paper, lti, stanley, bicycle-mpc or bicycle-nmpc.
+        trials: number of trials, each seven drives.
+        seed: of the search (TPE of Optuna).
+        json: file for the best values and their costs.
+    """
+    require_writable(json)
+    names = (*MODELS, *TUNED)
+    if controller not in names:
+        raise ConfigError(
+            f"--controller: expected one of {', '.join(names)}, found {controller!r}."
+        )
+    space = {STANLEY: _GAINS, LTV: _OF_BICYCLE, NONLINEAR: _OF_BICYCLE}.get(controller, _WEIGHTS)
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    console = Console(stderr=True)
+
+    def run(trial: Any) -> float:
+        values = {name: trial.suggest_float(name, *ends, log=True) for name, ends in space.items()}
+        total, best = 0.0, study.best_value if trial.number else inf
+        for step, (name, cost) in enumerate(costs_of(controller, values)):
+            total += cost
+            trial.set_user_attr(name, cost)
+            trial.report(total, step)
+            if total > best:  # costs are positive: this trial cannot be the best one
+                raise optuna.TrialPruned
+        console.print(f"trial {trial.number}: {total:.4f}", highlight=False)
+        return total
+
+    study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=seed, multivariate=True))
+    study.enqueue_trial(defaults_of(controller))
+    study.optimize(run, n_trials=trials)
+    best = study.best_trial
+    options = f"--controller {controller} --trials {trials} --seed {seed}"
+    figures = {
+        "command": f"python -m benchmarks.tuning {options}",
+        "cost": best.value,
+        "cost_of_defaults": study.trials[0].value,
+        "costs": best.user_attrs,
+        "values": {name: float(f"{value:.4g}") for name, value in best.params.items()},
+    }
+    write_figures(json, figures)
+    console.print(figures)
+    return 0
+
+
+def defaults_of(controller: str) -> dict[str, float]:
+    """The values that the search begins with."""
+    if controller == STANLEY:
+        return Gains()._asdict()
+    settings = settings_of({})
+    known = {**settings.tolerance.model_dump(), "terminal_factor": settings.terminal_factor}
+    weights = {name: known[name] for name in _WEIGHTS}
+    return {**weights, DISTURBANCE: 1.0} if controller in TUNED else weights
+
+
+if __name__ == "__main__":
+    run_command(app)

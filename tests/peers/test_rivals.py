@@ -1,0 +1,91 @@
+"""The fitted bicycle predicts a drive, and each rival follows a path with it."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("casadi", reason="the extra [peers] is not installed")
+
+from benchmarks import tuning
+from benchmarks.figures.closed_loop import RIVALS
+from benchmarks.rivals.bicycle import Bicycle
+from benchmarks.rivals.drive import build_rival, drive_with, tuned_values
+from benchmarks.rivals.scenarios import FIT, SEARCH
+from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
+from rt_controller.control.solver import SolveStatus
+from rt_controller.terminal.command_line import run_command
+
+STATE = VehicleState(22.0, -0.05, 0.06, 0.55, 0.2, 0.02)
+PATH = PathReference(0.0, 0.0, 0.0, 0.0, 22.0, 0.0)
+PREVIOUS = ControlInput(0.15, 0.0, 0.0)
+
+
+def test_the_derivatives_of_the_bicycle_are_those_of_its_prediction():
+    bicycle, rng = Bicycle(4), np.random.default_rng(0)
+    inputs = np.array([0.2, 10.0, 0.3]) * rng.uniform(0.5, 1.0, (4, 3))
+    states = bicycle.predict(np.array(STATE), inputs, 0.002, np.zeros(6))
+    found = bicycle.derivatives(states[:-1], inputs, 0.002)
+    for column, change in ((0, 1e-4), (1, 1e-5), (2, 1e-5), (4, 1e-4), (5, 1e-5)):
+        moved = states[:-1].copy()
+        moved[:, column] += change
+        after = bicycle.step(moved, inputs, np.full((4, 1), 0.002), np.zeros(6))
+        np.testing.assert_allclose((after - states[1:]) / change, found[:, :, column], atol=1e-3)
+
+
+@pytest.mark.parametrize("name", RIVALS)
+def test_a_rival_steers_back_to_its_path_within_its_limits(name):
+    rival = build_rival(name, tuned_values(name))
+    for _ in range(3):
+        rival.observe(STATE, PREVIOUS)
+        assert rival.plan(STATE, 0.0, PATH, PREVIOUS, None, (PREVIOUS,) * 2) is SolveStatus.SOLVED
+        rival.prepare()
+        rival.warm_up()
+    throttle, brake_n, steer_rad = rival.inputs[0]
+    assert steer_rad < 0.0
+    assert 0.0 <= throttle <= 1.0
+    assert brake_n == 0.0
+
+
+def test_the_nonlinear_plan_is_a_fixed_point_of_its_linearisation():
+    values = tuned_values("bicycle-nmpc")
+    plans = []
+    for repetitions in (1, 2):
+        rival = build_rival("bicycle-nmpc", values)
+        for _ in range(repetitions):
+            rival.plan(STATE, 0.0, PATH, PREVIOUS)
+        plans.append(rival.inputs.copy())
+    np.testing.assert_allclose(plans[0][:, 2], plans[1][:, 2], atol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["bicycle-mpc", "stanley"])
+def test_a_rival_drives_a_scenario_to_its_end(name):
+    drive = drive_with(build_rival(name, tuned_values(name)), replace(SEARCH[1], duration_s=2.5))
+    assert drive.stop_s is None
+    assert drive.errors.ey_peak_m < 0.3
+
+
+def test_the_drives_of_the_fit_take_54_s_and_none_is_one_of_the_search():
+    assert sum(scenario.duration_s for scenario in FIT) == 54.0
+    assert not {each.name for each in FIT} & {each.name for each in SEARCH}
+
+
+def test_a_search_stores_the_best_values_and_never_a_worse_one_than_the_defaults(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(tuning, "SEARCH", (replace(SEARCH[0], duration_s=0.5),))
+    file = tmp_path / "found.json"
+    with pytest.raises(SystemExit) as ended:
+        run_command(tuning.app, ("--controller", "stanley", "--trials", "2", "--json", str(file)))
+    assert ended.value.code == 0
+    found = json.loads(file.read_text())
+    assert found["cost"] <= found["cost_of_defaults"]
+    assert found["values"].keys() == tuned_values("stanley").keys()
+
+
+def test_a_controller_that_is_unknown_is_refused(capsys):
+    with pytest.raises(SystemExit) as ended:
+        run_command(tuning.app, ("--controller", "stanly"))
+    assert ended.value.code == 2
+    assert "found 'stanly'" in capsys.readouterr().err
