@@ -8,7 +8,6 @@ linearised along the solution of the one before until it stays the same (Diehl, 
 """
 
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,7 @@ from rt_controller.control.estimator import Estimator
 from rt_controller.control.knots import Knots
 from rt_controller.control.linearisation import ALL_INPUTS
 from rt_controller.control.mpc import Mpc
-from rt_controller.control.solver import SolveStatus, open_solver
+from rt_controller.control.solver import SolveStatus
 
 CONVERGED, MOST_ITERATIONS = 1e-4, 10
 """largest change of an input between two iterations, as a share of its range; QPs in a period"""
@@ -108,8 +107,7 @@ class BicycleMpc(Mpc):
         is_iterated: bool = False,
     ) -> None:
         bundle = bicycle.bundle()
-        solver = partial(open_solver, name=settings.solver)
-        super().__init__(bundle, settings.horizon, settings.cost(), open_solver=solver)
+        super().__init__(bundle, settings.horizon, settings.cost())
         objective, knots = self._qp.objective, self._qp.knots
         # The product has one linearisation only, so its type provides for no other one.
         of_bicycle: Any = BicycleLinearisation(bicycle, knots, objective._columns)

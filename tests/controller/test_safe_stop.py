@@ -15,7 +15,7 @@ from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import Outbox
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, Mode
-from rt_controller.safety.fallback import SAFE_STOP_BRAKE_N
+from rt_controller.safety.fallback import ALONG_PATH
 from rt_controller.safety.modes import StopCause
 
 
@@ -97,7 +97,7 @@ def test_a_safe_stop_keeps_the_brake_of_a_held_car_and_presses_it_if_the_car_rol
     rig.tick(40)
     rig.vehicle.state = AT_REST._replace(vx_mps=vx_mps)
     held_n = rig.tick(10).control.brake_n
-    assert held_n > SAFE_STOP_BRAKE_N
+    assert held_n > ALONG_PATH.most_n
     rig.step.request_stop()
     forces = [rig.tick().control.brake_n for _ in range(10)]
     assert rig.step.result.mode is Mode.SAFE_STOP
