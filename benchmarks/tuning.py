@@ -107,7 +107,7 @@ def main(
 
     Args:
         controller: mdk-net, mdk-net-paper, lti, stanley, bicycle-mpc or bicycle-nmpc.
-        trials: number of trials, each seven drives.
+        trials: number of trials, each eight drives.
         seed: of the search (TPE of Optuna).
         json: file for the best values and their costs.
     """

@@ -78,6 +78,12 @@ SEARCH = (
     _scenario("bend of 150 m, 70 km/h", 5.0, 70.0, road=_circle(150.0, "left")),
     _scenario("sine, 90 km/h", 4.0, 90.0, _sine(0.5, 0.5)),
     _scenario(
+        "side wind of 10 m/s, 90 km/h",
+        5.0,
+        90.0,
+        cross_wind_mps={"t_s": [0.5, 1.0], "value": [0.0, 10.0]},
+    ),
+    _scenario(
         "move to the left, 75 km/h, friction 0.7, 200 kg",
         4.0,
         75.0,
