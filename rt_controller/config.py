@@ -62,6 +62,9 @@ for tighter ones"""
 class MpcSettings(Settings):
     """The optimal control problem."""
 
+    preset: Literal["course", "paper"] | None = None
+    """values of all settings below that are not given: course, the defaults, or paper, the printed
+    cost over half a second; none: paper for a linear model, course for any other one"""
     horizon: Annotated[int, Field(ge=HOLD_PLAN_TICKS + 1, le=160)] = 40
     """stages of one period each; beyond the reach of the path on the bus it is extrapolated, and
     the road's curvature constant"""
@@ -83,8 +86,9 @@ class MpcSettings(Settings):
     tolerance: Tolerances = Tolerances()
 
     def for_model(self, bundle: "Bundle") -> "MpcSettings":
-        """The same; of a linear model with the settings of the paper where none was chosen."""
-        if bundle.bilinear is not None or bundle.drift is not None:
+        """The same, with the values of its preset where none was chosen."""
+        is_linear = bundle.bilinear is None and bundle.drift is None
+        if (self.preset or ("paper" if is_linear else "course")) != "paper":
             return self
         chosen, tolerance = self.model_fields_set, self.tolerance
         changed = {k: v for k, v in PAPER_TOLERANCE.items() if k not in tolerance.model_fields_set}

@@ -12,7 +12,7 @@ from rt_controller import Controller, ControllerConfig, MpcSettings
 from rt_controller.bus import transport
 from rt_controller.config import ShippedModel, Tolerances
 from rt_controller.contract.errors import ConfigError, RtControllerError
-from rt_controller.contract.model.artifact import shipped_model
+from rt_controller.contract.model.artifact import load_bundle, shipped_model
 from rt_controller.settings import (
     BusSettings,
     CarSettings,
@@ -90,3 +90,20 @@ def test_the_choices_in_the_help_are_what_is_shipped() -> None:
 def test_scenario_files_of_all_kinds_are_accepted(tmp_path: Path, name: str) -> None:
     (tmp_path / name.partition("#")[0]).touch()
     assert CarSettings(scenario=str(tmp_path / name)).scenario.endswith(name)
+
+
+@pytest.mark.parametrize(
+    ("model", "given", "horizon", "heading"),
+    [
+        ("mdk-net", {}, 40, "course"),
+        ("mdk-net", {"preset": "paper"}, 20, "epsi"),
+        ("mdk-net", {"preset": "paper", "horizon": 30}, 30, "epsi"),
+        ("lti", {}, 20, "epsi"),
+        ("lti", {"preset": "course"}, 40, "course"),
+    ],
+)
+def test_a_preset_sets_what_is_not_given(
+    model: str, given: dict[str, Any], horizon: int, heading: str
+) -> None:
+    found = MpcSettings(**given).for_model(load_bundle(shipped_model(model)))
+    assert (found.horizon, found.heading) == (horizon, heading)
