@@ -245,12 +245,13 @@ class Mpc:
     def predicted_states(self) -> Array | None:
         """States (N + 1, 6) that the model predicts under `inputs`, that at their begin first.
 
+        Without the estimated disturbance: a caller may let the model stand in for the car.
         Allocates memory, so the control loop does not call it. None unless the last call was a
         `plan` that succeeded: `prepare` and `forget` discard what the prediction starts from.
         """
         if not self._has_plan:
             return None
-        return self._all_stages().counted_from_road(self._prediction())
+        return self._all_stages().counted_from_road(self._prediction(np.zeros(N_STATES)))
 
     def _all_stages(self) -> ReferenceHorizon:
         """The reference of the last plan at each stage."""
@@ -259,11 +260,11 @@ class Mpc:
         reference.expand(self._path, self._planned_from, curvature_per_m, self._preview, delay)
         return reference
 
-    def _prediction(self) -> Array:
-        """The same, with e_y and e_psi counted from the circle of the curvature at the car."""
+    def _prediction(self, disturbance: Array) -> Array:
+        """(N + 1, 6), with e_y and e_psi counted from the circle of the curvature at the car."""
         parameters, bundle = self._qp.parameters, self._bundle
         c = bundle.c.copy()
-        c[:N_STATES] += parameters.disturbance
+        c[:N_STATES] += disturbance
         disturbed = Matrices(bundle.A, bundle.B_uc, bundle.B_uw, c, bundle.bilinear, bundle.drift)
         W = np.full((1, len(self.inputs), 1), parameters.curvature_per_m)
         psi, inputs = parameters.psi[None], self.inputs[None]
@@ -282,7 +283,8 @@ class Mpc:
             inputs = np.full((horizon, N_INPUTS), np.nan)
             return PlanExplanation(inputs, nothing, nothing[1:], (), (), second)
         z = self._solver.solution.copy()
-        states, reference = self._prediction(), self._all_stages()
+        states = self._prediction(parameters.disturbance)
+        reference = self._all_stages()
         costs = cost_shares(
             self._cost,
             states[[0, *knots.ends]],
