@@ -149,7 +149,7 @@ class Linearisation:
         follows_prediction = self._follow is Follow.PREDICTION
         saturations = gains.is_saturation if gains.has_saturation else None
         np.add(gains.S @ followed, gains.s0, out=self._prediction[0, : gains.count])
-        for psi_u_1_forcing, a, t, t_tanh, m, forcing, following in self._stages:
+        for psi_u_1_forcing, a, t, t_tanh, m, value, following in self._stages:
             if not follows_prediction:
                 np.add(gains.S @ followed, gains.s0, out=a)
                 if self._follow is Follow.FREE_RESPONSE:
@@ -157,9 +157,9 @@ class Linearisation:
             if t is not a:
                 t[:] = a
                 np.tanh(t_tanh, out=t_tanh)
-            np.multiply(t, m, out=forcing)
+            np.multiply(t, m, out=value)
             if saturations is not None:
-                forcing -= a * saturations
+                np.subtract(value, a * saturations, out=value)
             np.dot(step_map, psi_u_1_forcing, out=following)
 
     def _propagate(self, used: slice) -> None:
