@@ -47,55 +47,55 @@ class Linearisation:
         self.is_linear = q == 0
         self._follow = bundle.bilinear.follows if bundle.bilinear else Follow.PREDICTION
 
-        # Nominal prediction: [psi; 1] of each stage, and [A psi + offset; a].
-        self._extended = np.ones((stages + 1, n + 1))
-        self.observables = self._extended[:, :n]
+        # Nominal prediction: [a; psi; u; 1; t m - a o] of each stage.
+        A, S, N = bundle.A, gains.S, gains.N
+        self._prediction = np.zeros((stages + 1, q + n + m + 1 + q))
+        self._prediction[:, q + n + m] = 1.0
+        self.observables = self._prediction[:, q : q + n]
         """(N + 1, n), the nominal prediction"""
-        self._step_map = np.zeros((n + q, n + 1))
-        self._step_map[:n, :n], self._step_map[n:, :n] = bundle.A, gains.S
-        self._step_map[n:, n] = gains.s0
-        self._offset = self._step_map[:n, n]
-        self._forcing_map = np.hstack([gains.N, bundle.B_uc])
-        self._products = np.zeros((stages, n + q))
-        self._t, self._multipliers = np.zeros((stages, q)), np.zeros((stages, q))
-        self._forcing = np.zeros((stages, q + m))
-        """t m - a o, then u"""
-        self._change, self._followed = np.zeros(n), np.zeros(n)
-        first = gains.first_saturating
+        self._inputs = self._prediction[:-1, q + n : q + n + m]
+        to_psi = np.hstack([A, bundle.B_uc, np.zeros((n, 1)), N])
+        self._step_map = np.vstack([S @ to_psi, to_psi])
+        self._offsets, self._offset = self._step_map[:, n + m], np.zeros(n)
+        self._multipliers = np.zeros((stages, q))
+        a = self._prediction[:-1, :q]
+        self._t = a if gains.first_saturating == q else np.zeros((stages, q))
         self._stages = [
             (
-                self._extended[k],
-                self._products[k],
-                self._products[k, :n],
-                self._products[k, n:],
+                self._prediction[k, q:],
+                a[k],
                 self._t[k],
-                self._products[k, n + first :],
-                self._t[k, first:],
+                self._t[k, gains.first_saturating :],
                 self._multipliers[k],
-                self._forcing[k, :q],
-                self._forcing[k],
-                self.observables[k + 1],
+                self._prediction[k, q + n + m + 1 :],
+                self._prediction[k + 1, : q + n],
             )
             for k in range(stages)
         ]
 
-        # Derivatives: rows of the tracked states at the ends, the last end first.
-        A, S, N = bundle.A, gains.S, gains.N
+        # Derivatives: rows y of the tracked states at the ends, the last end first.
+        unit, s = knots.unit, len(tracked)
+        self._tracked = s
         self._weights = np.zeros((stages, q))
-        self._columns = np.zeros((stages, m + 1, n))
-        """derivatives of psi+ by the inputs and by the curvature"""
-        self._forward = np.ascontiguousarray(np.hstack([A.T, S.T])), np.ascontiguousarray(N.T)
-        pair = knots.unit == 2
-        maps = np.hstack([A @ A, N, A @ N]) if pair else np.hstack([A, N])
-        self._backward = np.ascontiguousarray(maps), np.vstack([S @ A, S]) if pair else S
-        self._between = S @ N
+        forcing = np.hstack([N, bundle.B_uc, bundle.B_uw[:, :1]])
+        maps = [A, forcing] if unit == 1 else [A @ A, A @ forcing, forcing]
+        self._backward = np.ascontiguousarray(np.hstack(maps))
+        self._to_psi = S if unit == 1 else np.vstack([S, S @ A])
+        self._between = S @ forcing
         self._unit_rows = np.eye(n)[tracked]
-        s = self._tracked = len(tracked)
         self._rows = np.zeros((knots.count * s, n))
-        units = stages // knots.unit
-        ends = set(knots.ends)
-        self._begins_rows = [knots.unit * (u + 1) in ends for u in range(units)]
-        self._by_unit = np.zeros((units, len(self._rows), knots.unit * m + 1))
+        units, ends = stages // unit, set(knots.ends)
+        self._begins_rows = [unit * (u + 1) in ends for u in range(units)]
+        self._driven = np.zeros((len(self._rows), unit * q))
+        self._mapped = np.zeros((units, len(self._rows), n + unit * (q + m + 1)))
+        """y through a unit of stages without its gains, then by the forcing of each stage"""
+        by_forcing = self._mapped[:, :, n:].reshape(units, len(self._rows), unit, -1)
+        self._by_forcing = by_forcing.transpose(0, 2, 1, 3)
+        self._forcing = np.zeros((units, unit, q + m + 1, m + 1))
+        """derivatives of [t m; u; kappa] by the inputs and by the curvature"""
+        self._forcing[:, :, q:] = np.eye(m + 1)
+        self._of_gains = self._forcing.reshape(stages, q + m + 1, m + 1)[:, :q]
+        self._interpolation_T = np.ascontiguousarray(knots.interpolation.T)
         self.by_inputs = np.zeros((knots.count, s, m, knots.count))
         """(K, s, 3, K), derivatives of the tracked states at each end by the inputs at the knots"""
         self.by_curvature = np.zeros((knots.count, s))
@@ -103,7 +103,6 @@ class Linearisation:
         self.by_psi = np.zeros((knots.count, s, n))
         """(K, s, n), the same by psi_0"""
         if self.is_linear:
-            self._columns[:, :m], self._columns[:, m] = bundle.B_uc.T, bundle.B_uw[:, 0]
             self._propagate(ALL_INPUTS)
 
     def update(
@@ -118,12 +117,14 @@ class Linearisation:
 
         `used`: columns of the inputs by which derivatives are needed; the others are zero.
         """
-        bundle, gains = self._bundle, self._gains
-        np.multiply(bundle.B_uw[:, 0], curvature_per_m, out=self._offset)
-        self._offset += bundle.c
-        self._offset[:N_STATES] += disturbance
+        bundle, gains, offset = self._bundle, self._gains, self._offset
+        np.multiply(bundle.B_uw[:, 0], curvature_per_m, out=offset)
+        offset += bundle.c
+        offset[:N_STATES] += disturbance
+        self._offsets[: gains.count] = gains.S @ offset + gains.s0
+        self._offsets[gains.count :] = offset
         self.observables[0] = psi
-        self._forcing[:, gains.count :] = inputs
+        self._inputs[:] = inputs
         gains.write_multipliers(inputs, curvature_per_m, self._multipliers)
         self._roll_out()
         if self.is_linear:
@@ -136,11 +137,7 @@ class Linearisation:
         weights -= gains.is_saturation
         if self._follow is not Follow.PREDICTION:
             weights[:] = 0.0
-        for i in range(N_INPUTS)[used]:
-            self._columns[:, i] = np.dot(t[:, gains.of_input[i]], gains.N_of_input[i])
-            self._columns[:, i] += bundle.B_uc[:, i]
-        self._columns[:, -1] = np.dot(t[:, gains.of_curvature], gains.N_of_curvature)
-        self._columns[:, -1] += bundle.B_uw[:, 0]
+        np.multiply(t[:, :, None], gains.is_multiplied_by, out=self._of_gains)
         self._propagate(used)
 
     def jacobian(self) -> Array:
@@ -148,80 +145,51 @@ class Linearisation:
         return np.asarray(self._bundle.A + (self._gains.N * self._weights[0]) @ self._gains.S)
 
     def _roll_out(self) -> None:
-        step_map, forcing_map, change = self._step_map, self._forcing_map, self._change
-        gains, n = self._gains, len(change)
+        gains, step_map, followed = self._gains, self._step_map, self.observables[0]
+        follows_prediction = self._follow is Follow.PREDICTION
         saturations = gains.is_saturation if gains.has_saturation else None
-        followed = None if self._follow is Follow.PREDICTION else self._followed
-        if followed is not None:
-            followed[:] = self.observables[0]
-        for psi_1, product, moved, a, t, a_tanh, t_tanh, m, value, forcing, psi in self._stages:
-            np.dot(step_map, psi_1, out=product)
-            if followed is not None:
-                a[:] = step_map[n:, :n] @ followed + step_map[n:, n]
+        np.add(gains.S @ followed, gains.s0, out=self._prediction[0, : gains.count])
+        for psi_u_1_forcing, a, t, t_tanh, m, value, following in self._stages:
+            if not follows_prediction:
+                np.add(gains.S @ followed, gains.s0, out=a)
                 if self._follow is Follow.FREE_RESPONSE:
-                    followed[:] = step_map[:n, :n] @ followed + self._offset
-            t[:] = a
-            np.tanh(a_tanh, out=t_tanh)
+                    followed = self._bundle.A @ followed + self._offset
+            if t is not a:
+                t[:] = a
+                np.tanh(t_tanh, out=t_tanh)
             np.multiply(t, m, out=value)
             if saturations is not None:
                 np.subtract(value, a * saturations, out=value)
-            np.dot(forcing_map, forcing, out=change)
-            np.add(moved, change, out=psi)
+            np.dot(step_map, psi_u_1_forcing, out=following)
 
     def _propagate(self, used: slice) -> None:
-        rows, weights, knots = self._rows, self._weights, self._knots
-        (maps, S), n, q = self._backward, self._rows.shape[1], self._gains.count
-        M, by_unit = len(range(N_INPUTS)[used]), self._by_unit
-        columns = self._columns_of_units(used)
+        rows, weights, knots, to_psi = self._rows, self._weights, self._knots, self._to_psi
+        n, q, unit = rows.shape[1], self._gains.count, knots.unit
         known = 0
-        for u in range(len(columns) - 1, -1, -1):
+        for u in range(len(self._mapped) - 1, -1, -1):
             if self._begins_rows[u]:
                 rows[known : known + self._tracked] = self._unit_rows
                 known += self._tracked
-            y = rows[:known]
-            by_unit[u, :known, : columns.shape[2]] = np.dot(y, columns[u])
-            mapped = np.dot(y, maps)
+            y, driven, mapped = rows[:known], self._driven[:known], self._mapped[u, :known]
+            np.dot(y, self._backward, out=mapped)
             if q == 0:
                 y[:] = mapped[:, :n]
                 continue
-            driven = mapped[:, n:]
-            driven[:, :q] *= weights[knots.unit * (u + 1) - 1]
-            if knots.unit == 2:
-                driven[:, q:] += np.dot(driven[:, :q], self._between)
-                driven[:, q:] *= weights[2 * u]
-            np.dot(driven, S, out=y)
+            last = mapped[:, -len(self._between.T) :][:, :q]
+            np.multiply(last, weights[unit * (u + 1) - 1], out=driven[:, -q:])
+            if unit == 2:
+                first = mapped[:, n : n + len(self._between.T)]
+                first += np.dot(driven[:, q:], self._between)
+                np.multiply(first[:, :q], weights[2 * u], out=driven[:, :q])
+            np.dot(driven, to_psi, out=y)
             y += mapped[:, :n]
-        shape = (knots.count, self._tracked)
-        by_unit = by_unit[:, :, : knots.unit * M + 1]
-        self.by_psi[:] = rows.reshape(*shape, n)[::-1]
-        self.by_curvature[:] = by_unit[:, :, -1].sum(axis=0).reshape(shape)[::-1]
-        by_input = by_unit[:, :, :-1].reshape(len(by_unit), len(rows), knots.unit, M)
-        by_stage = by_input.transpose(1, 3, 0, 2).reshape(len(rows) * M, -1)
-        by_knot = np.dot(by_stage, knots.interpolation).reshape(*shape, M, knots.count)
+        by_stage = np.matmul(self._by_forcing, self._forcing).reshape(knots.horizon, -1)
+        shape = (knots.count, self._tracked, N_INPUTS + 1)
+        self.by_psi[:] = rows.reshape(*shape[:2], n)[::-1]
+        self.by_curvature[:] = by_stage.sum(axis=0).reshape(shape)[::-1, :, -1]
+        by_knot = np.dot(self._interpolation_T, by_stage).reshape(-1, *shape)[:, ::-1]
         self.by_inputs[:] = 0.0
-        self.by_inputs[:, :, used] = by_knot[::-1]
-
-    def _columns_of_units(self, used: slice) -> Array:
-        """(U, n, r M + 1), derivatives of psi at the end of each unit of r stages.
-
-        By the inputs of its stages, and by the curvature.
-        """
-        inputs, curvature, n = (
-            self._columns[:, :-1][:, used],
-            self._columns[:, -1:],
-            len(self._change),
-        )
-        if self._knots.unit == 1:
-            return np.concatenate((inputs, curvature), axis=1).transpose(0, 2, 1)
-        maps, N_T = self._forward
-        first = np.concatenate((inputs[::2], curvature[::2]), axis=1)
-        mapped = np.dot(first.reshape(-1, n), maps)
-        driven = mapped[:, n:].reshape(*first.shape[:2], -1) * self._weights[1::2, None]
-        moved = mapped[:, :n] + np.dot(driven.reshape(len(mapped), -1), N_T)
-        moved = moved.reshape(first.shape)
-        moved[:, -1] += curvature[1::2, 0]
-        columns = np.concatenate((moved[:, :-1], inputs[1::2], moved[:, -1:]), axis=1)
-        return columns.transpose(0, 2, 1)
+        self.by_inputs[:, :, used] = by_knot[..., :-1][..., used].transpose(1, 2, 3, 0)
 
 
 class Gains:
@@ -252,10 +220,10 @@ class Gains:
         self.count = len(self.s0)
         self.is_saturation = np.concatenate(saturation)
         self.has_saturation = bool(self.is_saturation.any())
-        self.of_input = [slice(i, split, m) for i in range(m)]
-        self.of_curvature = split + np.flatnonzero(self._signals >= 0)
-        self.N_of_input = [np.ascontiguousarray(self.N[:, of].T) for of in self.of_input]
-        self.N_of_curvature = np.ascontiguousarray(self.N[:, self.of_curvature].T)
+        self.is_multiplied_by = np.zeros((self.count, m + 1))
+        """1 where a gain is multiplied by an input or, the last column, by the curvature"""
+        self.is_multiplied_by[:split, :m] = np.tile(np.eye(m), (self._rank, 1))
+        self.is_multiplied_by[split:, m] = self._signals >= 0
 
     def write_multipliers(self, inputs: Array, curvature_per_m: float, out: Array) -> None:
         """Write what each gain is multiplied by (N, q), under `inputs` (N, 3)."""
