@@ -17,7 +17,7 @@ from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.schema import N_INPUTS, N_STATES
-from rt_controller.contract.signals import AT_REST
+from rt_controller.contract.signals import AT_REST, ControlInput
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.estimator import Estimator
 from rt_controller.control.knots import Knots
@@ -90,10 +90,11 @@ class BicycleEstimator(Estimator):
         self._gains = share * self._gains
         self._bicycle = bicycle
 
-    def step(self, psi: Array, u: Array, w: Array) -> Array:
-        shape = psi.shape
-        psi, u = np.atleast_2d(psi), np.atleast_2d(u)
-        return self._bicycle.step(psi, u, np.atleast_2d(w), self.disturbance).reshape(shape)
+    def step(self, psi: Array, applied: ControlInput, curvature_per_m: float) -> Array:
+        x = psi.reshape(-1, N_STATES)
+        u, w = np.tile(applied, (len(x), 1)), np.full((len(x), 1), curvature_per_m)
+        found = self._bicycle.step(x, u, w, self.disturbance)
+        return found.reshape(psi.shape)
 
 
 class BicycleMpc(Mpc):

@@ -5,7 +5,7 @@ import numpy as np
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.kinematics import heading_change_rad, lateral_change_m
 from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.rollout import one_step
+from rt_controller.contract.model.rollout import Step
 from rt_controller.contract.schema import N_INPUTS, N_STATES
 from rt_controller.contract.signals import ControlInput, StateColumn, VehicleState
 
@@ -36,10 +36,11 @@ class Estimator:
 
     def __init__(self, bundle: Bundle, jacobian: Array) -> None:
         """`jacobian` (n, n): derivative of psi+ by psi at a typical state."""
-        self._bundle = bundle
+        self._step = Step(bundle)
         self._gains = LOW_PASS_GAIN[OBSERVED, None] * np.linalg.inv(_response(jacobian))
         self._psi = np.zeros((STEPS, bundle.n_observables))
-        self._u, self._w = np.zeros((STEPS, N_INPUTS)), np.zeros((STEPS, 1))
+        self._inputs = np.ones(N_INPUTS + 2)
+        """inputs, curvature, and 1"""
         self._newest = 0
         self._begun = 0
         """roll-outs in a row without a gap between them"""
@@ -112,13 +113,13 @@ class Estimator:
         self._newest = oldest
         self._psi[oldest] = psi
         self._begun += 1
-        self._u[:], self._w[:] = applied, curvature_per_m
-        self._psi = self.step(self._psi, self._u, self._w)
+        self._psi = self.step(self._psi, applied, curvature_per_m)
         self._is_advanced = True
 
-    def step(self, psi: Array, u: Array, w: Array) -> Array:
-        """Lifted states (..., n) a period after psi, under u (..., 3), w (..., 1), disturbance."""
-        following = one_step(self._bundle, psi, psi, u, w)
+    def step(self, psi: Array, applied: ControlInput, curvature_per_m: float) -> Array:
+        """Lifted states (..., n) a period after psi (..., n), with the disturbance."""
+        self._inputs[:-1] = *applied, curvature_per_m
+        following = self._step(psi, self._inputs)
         following[..., :N_STATES] += self.disturbance
         return following
 

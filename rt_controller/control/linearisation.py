@@ -3,12 +3,15 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.model.follow import Follow
+from rt_controller.contract.model.rollout import Step
 from rt_controller.contract.schema import N_INPUTS, N_STATES
 from rt_controller.control.knots import Knots
+from rt_controller.control.pedals import WITH_PEDAL
 
 ALL_INPUTS = slice(None)
 
@@ -16,14 +19,13 @@ ALL_INPUTS = slice(None)
 class Linearisation:
     """Predicted states under nominal inputs, and their exact derivatives, in preallocated memory.
 
-    All gains of a model, those of its inputs and those of its drift, are functions of one number
-    each: a = S psi + s0. With t = tanh(a), or a where the gain does not saturate,
+    With the gains of `contract.model.rollout.Step`,
 
         psi+ = A psi + B_uc u + N (t m - a o) + B_uw kappa + c + d
 
-    where m is what the gain is multiplied by (an input, the curvature, or 1), and o is 1 for a
-    saturation tanh(a) - a. So the derivative of psi+ by psi is J = A + N W S with the diagonal
-    matrix W = diag(m t' - o), and that by an input is its column of B_uc plus N t over its gains.
+    where m is what a gain is multiplied by (an input, the curvature, or 1). So the derivative of
+    psi+ by psi is J = A + N W S with the diagonal matrix W = diag(m t' - o), and that by an input
+    is its column of B_uc plus N t over its gains.
     One QP a period is one iteration of a sequential quadratic program.
 
     The derivatives of the tracked states are propagated backwards (adjoint equation), from the end
@@ -42,7 +44,7 @@ class Linearisation:
     def __init__(self, bundle: Bundle, knots: Knots, tracked: Sequence[int]) -> None:
         """`tracked`: columns of the states whose derivatives are needed."""
         n, m, stages = bundle.n_observables, N_INPUTS, knots.horizon
-        self._bundle, self._gains, self._knots = bundle, Gains(bundle), knots
+        self._bundle, self._gains, self._knots = bundle, Step(bundle), knots
         gains, q = self._gains, self._gains.count
         self.is_linear = q == 0
         self._follow = bundle.bilinear.follows if bundle.bilinear else Follow.PREDICTION
@@ -57,6 +59,8 @@ class Linearisation:
         to_psi = np.hstack([A, bundle.B_uc, np.zeros((n, 1)), N])
         self._step_map = np.vstack([S @ to_psi, to_psi])
         self._offsets, self._offset = self._step_map[:, n + m], np.zeros(n)
+        self._factors = np.ones((stages, m + 2))
+        """[u; kappa; 1] of each stage"""
         self._multipliers = np.zeros((stages, q))
         a = self._prediction[:-1, :q]
         self._t = a if gains.first_saturating == q else np.zeros((stages, q))
@@ -73,28 +77,11 @@ class Linearisation:
             for k in range(stages)
         ]
 
-        # Derivatives: rows y of the tracked states at the ends, the last end first.
-        unit, s = knots.unit, len(tracked)
-        self._tracked = s
-        self._weights = np.zeros((stages, q))
-        forcing = np.hstack([N, bundle.B_uc, bundle.B_uw[:, :1]])
-        maps = [A, forcing] if unit == 1 else [A @ A, A @ forcing, forcing]
-        self._backward = np.ascontiguousarray(np.hstack(maps))
-        self._to_psi = S if unit == 1 else np.vstack([S, S @ A])
-        self._between = S @ forcing
-        self._unit_rows = np.eye(n)[tracked]
-        self._rows = np.zeros((knots.count * s, n))
-        units, ends = stages // unit, set(knots.ends)
-        self._begins_rows = [unit * (u + 1) in ends for u in range(units)]
-        self._driven = np.zeros((len(self._rows), unit * q))
-        self._mapped = np.zeros((units, len(self._rows), n + unit * (q + m + 1)))
-        """y through a unit of stages without its gains, then by the forcing of each stage"""
-        by_forcing = self._mapped[:, :, n:].reshape(units, len(self._rows), unit, -1)
-        self._by_forcing = by_forcing.transpose(0, 2, 1, 3)
-        self._forcing = np.zeros((units, unit, q + m + 1, m + 1))
-        """derivatives of [t m; u; kappa] by the inputs and by the curvature"""
-        self._forcing[:, :, q:] = np.eye(m + 1)
-        self._of_gains = self._forcing.reshape(stages, q + m + 1, m + 1)[:, :q]
+        variants = (ALL_INPUTS, *WITH_PEDAL.values())
+        self._adjoints = {
+            used.indices(m): _Adjoint(bundle, gains, knots, tracked, used) for used in variants
+        }
+        s, self._weights = len(tracked), np.zeros((stages, q))
         self._interpolation_T = np.ascontiguousarray(knots.interpolation.T)
         self.by_inputs = np.zeros((knots.count, s, m, knots.count))
         """(K, s, 3, K), derivatives of the tracked states at each end by the inputs at the knots"""
@@ -103,7 +90,7 @@ class Linearisation:
         self.by_psi = np.zeros((knots.count, s, n))
         """(K, s, n), the same by psi_0"""
         if self.is_linear:
-            self._propagate(ALL_INPUTS)
+            self._derive(ALL_INPUTS)
 
     def update(
         self,
@@ -125,7 +112,8 @@ class Linearisation:
         self._offsets[gains.count :] = offset
         self.observables[0] = psi
         self._inputs[:] = inputs
-        gains.write_multipliers(inputs, curvature_per_m, self._multipliers)
+        self._factors[:, :N_INPUTS], self._factors[:, N_INPUTS] = inputs, curvature_per_m
+        np.take(self._factors, gains.factors, axis=1, out=self._multipliers, mode="clip")
         self._roll_out()
         if self.is_linear:
             return
@@ -137,8 +125,7 @@ class Linearisation:
         weights -= gains.is_saturation
         if self._follow is not Follow.PREDICTION:
             weights[:] = 0.0
-        np.multiply(t[:, :, None], gains.is_multiplied_by, out=self._of_gains)
-        self._propagate(used)
+        self._derive(used)
 
     def jacobian(self) -> Array:
         """(n, n), the derivative of psi+ by psi at the first stage."""
@@ -162,14 +149,76 @@ class Linearisation:
                 np.subtract(value, a * saturations, out=value)
             np.dot(step_map, psi_u_1_forcing, out=following)
 
-    def _propagate(self, used: slice) -> None:
-        rows, weights, knots, to_psi = self._rows, self._weights, self._knots, self._to_psi
-        n, q, unit = rows.shape[1], self._gains.count, knots.unit
+    def _derive(self, used: slice) -> None:
+        knots, columns = self._knots, used
+        is_nonzero: NDArray[np.bool_] = np.any(self._inputs, axis=0)
+        is_nonzero[used] = False
+        if is_nonzero.any():
+            adjoint = self._adjoints[ALL_INPUTS.indices(N_INPUTS)]
+        else:
+            adjoint, columns = self._adjoints[used.indices(N_INPUTS)], ALL_INPUTS
+        adjoint.propagate(self._weights, self._t)
+        by_stage = adjoint.by_stage.reshape(knots.horizon, -1)
+        shape = (knots.count, self.by_psi.shape[1], -1)
+        self.by_psi[:] = adjoint.rows.reshape(shape)[::-1]
+        by_knot = np.dot(self._interpolation_T, by_stage).reshape(knots.count, *shape)[:, ::-1]
+        self.by_curvature[:] = by_stage.sum(axis=0).reshape(shape)[::-1, :, -1]
+        self.by_inputs[:] = 0.0
+        self.by_inputs[:, :, used] = by_knot[..., :-1][..., columns].transpose(1, 2, 3, 0)
+
+
+class _Adjoint:
+    """Derivatives of the tracked states at the ends of the intervals, without some inputs.
+
+    The inputs that are not `used` are zero in the plan, and the weights of their gains too.
+    """
+
+    def __init__(
+        self, bundle: Bundle, gains: Step, knots: Knots, tracked: Sequence[int], used: slice
+    ) -> None:
+        n, stages, unit, s = len(bundle.A), knots.horizon, knots.unit, len(tracked)
+        columns = [*range(N_INPUTS)[used], N_INPUTS]
+        m = len(columns)
+        """of the inputs and the curvature"""
+        self._kept = np.flatnonzero(np.isin(gains.factors, [*columns, N_INPUTS + 1]))
+        A, S, N = bundle.A, gains.S[self._kept], gains.N[:, self._kept]
+        self._q = q = len(S)
+        self._is_multiplied_by = np.eye(N_INPUTS + 2)[gains.factors[self._kept]][:, columns]
+        self._t, self._weights = np.zeros((stages, q)), np.zeros((stages, q))
+        forcing = np.hstack([N, bundle.B_uc[:, used], bundle.B_uw[:, :1]])
+        maps = [A, forcing] if unit == 1 else [A @ A, A @ forcing, forcing]
+        self._backward = np.ascontiguousarray(np.hstack(maps))
+        self._to_psi = S if unit == 1 else np.vstack([S, S @ A])
+        self._between = S @ forcing
+        self._unit_rows = np.eye(n)[tracked]
+        self.rows = np.zeros((knots.count * s, n))
+        """(K s, n), the derivatives by psi_0, the last end first"""
+        units, ends = stages // unit, set(knots.ends)
+        self._begins_rows = [unit * (u + 1) in ends for u in range(units)]
+        self._driven = np.zeros((len(self.rows), unit * q))
+        self._mapped = np.zeros((units, len(self.rows), n + unit * (q + m)))
+        """y through a unit of stages without its gains, then by the forcing of each stage"""
+        by_forcing = self._mapped[:, :, n:].reshape(units, len(self.rows), unit, -1)
+        self._by_forcing = by_forcing.transpose(0, 2, 1, 3)
+        self._forcing = np.zeros((units, unit, q + m, m))
+        """derivatives of [t m; u; kappa] by the inputs and by the curvature"""
+        self._forcing[:, :, q:] = np.eye(m)
+        self._of_gains = self._forcing.reshape(stages, q + m, m)[:, :q]
+        self.by_stage = np.zeros((units, unit, len(self.rows), m))
+        """derivatives by the used inputs and the curvature at each stage"""
+
+    def propagate(self, weights: Array, t: Array) -> None:
+        """Update the derivatives, with the weights and values (N, q) of all gains."""
+        rows, to_psi, n, q = self.rows, self._to_psi, self.rows.shape[1], self._q
+        np.take(weights, self._kept, axis=1, out=self._weights, mode="clip")
+        np.take(t, self._kept, axis=1, out=self._t, mode="clip")
+        np.multiply(self._t[:, :, None], self._is_multiplied_by, out=self._of_gains)
+        weights, unit, tracked = self._weights, len(self._to_psi) // max(q, 1), self._unit_rows
         known = 0
         for u in range(len(self._mapped) - 1, -1, -1):
             if self._begins_rows[u]:
-                rows[known : known + self._tracked] = self._unit_rows
-                known += self._tracked
+                rows[known : known + len(tracked)] = tracked
+                known += len(tracked)
             y, driven, mapped = rows[:known], self._driven[:known], self._mapped[u, :known]
             np.dot(y, self._backward, out=mapped)
             if q == 0:
@@ -183,52 +232,4 @@ class Linearisation:
                 np.multiply(first[:, :q], weights[2 * u], out=driven[:, :q])
             np.dot(driven, to_psi, out=y)
             y += mapped[:, :n]
-        by_stage = np.matmul(self._by_forcing, self._forcing).reshape(knots.horizon, -1)
-        shape = (knots.count, self._tracked, N_INPUTS + 1)
-        self.by_psi[:] = rows.reshape(*shape[:2], n)[::-1]
-        self.by_curvature[:] = by_stage.sum(axis=0).reshape(shape)[::-1, :, -1]
-        by_knot = np.dot(self._interpolation_T, by_stage).reshape(-1, *shape)[:, ::-1]
-        self.by_inputs[:] = 0.0
-        self.by_inputs[:, :, used] = by_knot[..., :-1][..., used].transpose(1, 2, 3, 0)
-
-
-class Gains:
-    """All gains of a model in one list: S (q, n), s0 (q,), N (n, q)."""
-
-    def __init__(self, bundle: Bundle) -> None:
-        n, m = bundle.B_uc.shape
-        S, s0, N = [np.zeros((0, n))], [np.zeros(0)], [np.zeros((n, 0))]
-        self._rank = 0
-        self.first_saturating = 0
-        if bundle.bilinear is not None:
-            bilinear = bundle.bilinear
-            self._rank = bilinear.rank
-            S.append(bilinear.S.reshape(-1, n))
-            s0.append(bilinear.s0.reshape(-1))
-            N.append(bilinear.N.transpose(1, 0, 2).reshape(n, -1))
-            self.first_saturating = 0 if bilinear.saturates else bilinear.s0.size
-        split = self._rank * m
-        saturation = [np.zeros(split)]
-        self._signals = np.zeros(0, dtype=np.int64)
-        if bundle.drift is not None:
-            S.append(bundle.drift.S)
-            s0.append(bundle.drift.s0)
-            N.append(bundle.drift.N)
-            saturation.append(bundle.drift.is_saturation.astype(np.float64))
-            self._signals = bundle.drift.signal
-        self.S, self.s0, self.N = np.concatenate(S), np.concatenate(s0), np.concatenate(N, axis=1)
-        self.count = len(self.s0)
-        self.is_saturation = np.concatenate(saturation)
-        self.has_saturation = bool(self.is_saturation.any())
-        self.is_multiplied_by = np.zeros((self.count, m + 1))
-        """1 where a gain is multiplied by an input or, the last column, by the curvature"""
-        self.is_multiplied_by[:split, :m] = np.tile(np.eye(m), (self._rank, 1))
-        self.is_multiplied_by[split:, m] = self._signals >= 0
-
-    def write_multipliers(self, inputs: Array, curvature_per_m: float, out: Array) -> None:
-        """Write what each gain is multiplied by (N, q), under `inputs` (N, 3)."""
-        split = self._rank * inputs.shape[1]
-        if split:
-            out[:, :split].reshape(len(inputs), self._rank, -1)[:] = inputs[:, None]
-        if self.count > split:
-            out[:, split:] = np.where(self._signals >= 0, curvature_per_m, 1.0)
+        np.matmul(self._by_forcing, self._forcing, out=self.by_stage)

@@ -147,9 +147,8 @@ class Mpc:
 
     def _after(self, psi: Array, inputs: Sequence[ControlInput], curvature_per_m: float) -> Array:
         """Lifted state (n,) that is predicted after some inputs, one in each period."""
-        w = np.array([curvature_per_m])
         for each in inputs:
-            psi = self._estimator.step(psi, np.array(each), w)
+            psi = self._estimator.step(psi, each, curvature_per_m)
         return psi
 
     def prepare(self) -> None:

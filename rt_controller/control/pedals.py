@@ -23,6 +23,8 @@ class Pedal(IntEnum):
     BRAKE = InputColumn.brake_n
 
 
+WITH_PEDAL = {p: slice(p, InputColumn.steer_rad + 1, InputColumn.steer_rad - p) for p in Pedal}
+"""columns of one pedal and the steering"""
 BRAKE_ABOVE_MPS = 1.0
 """speed error that engine drag alone does not remove"""
 THROTTLE_BELOW_MPS = 0.2
@@ -59,10 +61,7 @@ class PedalChoice:
     def used_inputs(self, previous: Array) -> slice:
         """Columns of the inputs that are not bound to zero, after the input `previous` (3,)."""
         released = Pedal.BRAKE if self.pedal is Pedal.THROTTLE else Pedal.THROTTLE
-        if previous[released] > 0.0:
-            return slice(None)
-        steer = InputColumn.steer_rad
-        return slice(self.pedal, steer + 1, steer - self.pedal)
+        return slice(None) if previous[released] > 0.0 else WITH_PEDAL[self.pedal]
 
     def _change_to(self, pedal: Pedal) -> None:
         self.pedal = pedal

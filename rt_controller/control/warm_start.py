@@ -216,7 +216,8 @@ class WarmStartedSolver:
     def __init__(self, program: QuadraticProgram, solver: PiqpSolver) -> None:
         self._solver = solver
         self._active_set = ActiveSetIteration(program)
-        self._has_valid_matrices = True
+        self._has_valid_matrices = self._is_read = True
+        """`_is_read`: PIQP, which is rarely needed, has the present matrices"""
         self.solution = np.zeros(program.size)
         self.iterations = 0
 
@@ -225,9 +226,8 @@ class WarmStartedSolver:
         return self._solver.limit_solve_time(budget_ns)
 
     def update_matrices(self) -> bool:
-        # Both are always updated: otherwise one would continue with the old matrices.
-        is_definite, is_read = self._active_set.update_matrices(), self._solver.update_matrices()
-        self._has_valid_matrices = is_definite and is_read
+        self._has_valid_matrices = self._active_set.update_matrices()
+        self._is_read = False
         return self._has_valid_matrices
 
     def solve(self) -> SolveStatus:
@@ -240,6 +240,8 @@ class WarmStartedSolver:
         if found is not None:
             self.solution[:] = found
             return SolveStatus.SOLVED
+        if not self._is_read:
+            self._is_read = self._solver.update_matrices()
         status = self._solver.solve()
         self.iterations += self._solver.iterations
         if status is SolveStatus.SOLVED:

@@ -23,7 +23,7 @@ from scipy.optimize import least_squares
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.rollout import one_step
+from rt_controller.contract.model.rollout import Step
 from rt_controller.contract.schema import N_STATES
 from rt_controller.contract.signals import VehicleState
 from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY, SteeringGeometry
@@ -131,7 +131,7 @@ def _estimates(rear_axle: RearAxle, drive: Array) -> Array:
 
 def _roll_outs(bundle: Bundle, steering_ratio: float) -> list[Array]:
     """States (K+1, 6) of the model in each sine."""
-    encoder, w = Encoder(bundle), np.zeros(1)
+    encoder, step = Encoder(bundle), Step(bundle)
     drives = []
     for vx_mps in _SPEEDS_MPS:
         wheel_rad = _WHEEL_AT_ROAD_RAD * steering_ratio * (_SPEEDS_MPS[0] / vx_mps) ** 1.5
@@ -143,7 +143,7 @@ def _roll_outs(bundle: Bundle, steering_ratio: float) -> list[Array]:
             states = [psi[: len(start)]]
             for k in range(_STEPS):
                 steer_rad = wheel_rad * np.sin(2.0 * pi * frequency_hz * k * PERIOD_S)
-                psi = one_step(bundle, psi, psi, np.array([_THROTTLE, 0.0, steer_rad]), w)
+                psi = step(psi, np.array([_THROTTLE, 0.0, steer_rad, 0.0, 1.0]))
                 states.append(psi[: len(start)])
             drives.append(np.array(states))
     return drives

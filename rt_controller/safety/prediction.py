@@ -3,7 +3,7 @@
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.model.rollout import Dynamics
+from rt_controller.contract.model.rollout import Dynamics, Step
 from rt_controller.contract.signals import ControlInput
 
 STEPS = 10
@@ -17,28 +17,14 @@ _N_INPUTS = len(ControlInput._fields)
 class MotionPrediction:
     """Ten open-loop roll-outs of the model, begun in the last ten ticks, advanced together.
 
-    The step is that of `contract.model.rollout.one_step`, with its matrices arranged once: it takes
-    half of the time of all checks.
-
     Paper: eq. (8).
     """
 
     def __init__(self, model: Dynamics, n_observables: int) -> None:
         self._psi = np.zeros((STEPS, n_observables))
-        self._A_T = np.ascontiguousarray(model.A.T)
-        inputs = np.hstack((model.B_uc, model.B_uw, np.asarray(model.c)[:, None]))
-        self._inputs = np.ascontiguousarray(inputs.T)
-        self._u = np.ones(len(self._inputs))
-        """inputs, curvature, and 1 for the offset"""
-        bilinear = model.bilinear
-        self._is_bilinear = bilinear is not None
-        if bilinear is not None:
-            self._S_T = np.ascontiguousarray(bilinear.S.reshape(-1, n_observables).T)
-            self._s0 = bilinear.s0.reshape(-1)
-            self._N = bilinear.N.transpose(0, 2, 1).reshape(-1, n_observables)
-            self._repeated = np.zeros(bilinear.s0.shape)
-            self._saturates = bilinear.saturates
-        self._drift = model.drift
+        self._step = Step(model)
+        self._inputs = np.ones(_N_INPUTS + 2)
+        """inputs, curvature, and 1"""
         self._newest = 0
         self._age_of_newest = 0
         self._begun = 0
@@ -67,22 +53,8 @@ class MotionPrediction:
 
     def advance(self, applied: ControlInput, curvature_per_m: float) -> None:
         """Advance all roll-outs by the period in which `applied` acted."""
-        u, psi = self._u, self._psi
-        u[:_N_INPUTS] = applied
-        u[_N_INPUTS] = curvature_per_m
-        following = psi @ self._A_T
-        following += u @ self._inputs
-        if self._is_bilinear:
-            self._repeated[:] = u[:_N_INPUTS]
-            gains = psi @ self._S_T
-            gains += self._s0
-            if self._saturates:
-                np.tanh(gains, out=gains)
-            gains *= self._repeated.reshape(-1)
-            following += gains @ self._N
-        if self._drift is not None:
-            following += self._drift.terms(psi, u[_N_INPUTS:-1]) @ self._drift.N.T
-        self._psi = following
+        self._inputs[:-1] = *applied, curvature_per_m
+        self._psi = self._step(self._psi, self._inputs)
         self._age_of_newest += 1
 
     def fall_back(self) -> None:

@@ -22,7 +22,7 @@ START = VehicleState(20.0, 0.0, 0.0, 0.5, 0.0, 0.0)
 
 def after(bundle: Bundle, state: VehicleState, u: ControlInput) -> VehicleState:
     """The next state of a car that is the model, with the disturbance."""
-    following = one_step(bundle, np.array(state), np.array(state), np.array(u), np.zeros(1))
+    following = one_step(bundle, np.array(state), np.array(u), np.zeros(1))
     return VehicleState(*(following + DISTURBANCE).tolist())
 
 

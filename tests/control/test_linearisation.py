@@ -108,6 +108,6 @@ def test_the_nominal_prediction_is_the_roll_out_with_the_disturbance_in_every_pe
         return
     found.update(psi, CURVATURE_PER_M, inputs, DISTURBANCE)
     for u, following in zip(inputs, found.observables[1:], strict=True):
-        psi = one_step(bundle, psi, psi, u, np.array([CURVATURE_PER_M]))
+        psi = one_step(bundle, psi, u, np.array([CURVATURE_PER_M]))
         psi[:N_STATES] += DISTURBANCE
         np.testing.assert_allclose(following, psi, rtol=1e-10, atol=1e-10)

@@ -173,7 +173,7 @@ def test_a_plan_begins_after_the_inputs_that_are_under_way() -> None:
     assert delayed.plan(STATE, 0.0, straight, PREVIOUS, None, under_way) is SolveStatus.SOLVED
     x = np.array([STATE])
     for u in under_way:
-        x = one_step(bundle, x, x, np.array([u]), np.zeros((1, 1)))
+        x = one_step(bundle, x, np.array([u]), np.zeros((1, 1)))
     state = VehicleState(*x[0].tolist())
     assert later.plan(state, 0.0, straight, PREVIOUS) is SolveStatus.SOLVED
     found, expected = delayed.inputs / RANGE, later.inputs / RANGE

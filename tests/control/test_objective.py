@@ -52,7 +52,7 @@ def predicted(bundle: Bundle, now: QpParameters, inputs: Array) -> Array:
     """States (N + 1, 6), the present one first."""
     psi, found = now.psi, [now.psi[:N_STATES]]
     for u in inputs:
-        psi = one_step(bundle, psi, psi, u, np.array([now.curvature_per_m]))
+        psi = one_step(bundle, psi, u, np.array([now.curvature_per_m]))
         psi[:N_STATES] += now.disturbance
         found.append(psi[:N_STATES])
     return np.array(found)

@@ -65,7 +65,7 @@ def test_a_step_is_that_of_the_contract(rank: int, drift: int, saturates: bool) 
     prediction.begin(psi)
     for applied in (ControlInput(0.3, 0.0, 0.1), ControlInput(0.0, 20.0, -0.2)):
         prediction.advance(applied, 0.004)
-        psi = one_step(model, psi, psi, np.array(applied), np.array([0.004]))
+        psi = one_step(model, psi, np.array(applied), np.array([0.004]))
     assert prediction.newest() == pytest.approx(tuple(psi[:3]))
 
 

@@ -15,7 +15,7 @@ from rt_controller.contract.model.rollout import one_step
 def effect_of(bundle: Bundle, u: Array, psi: Array) -> Array:
     """What the inputs u add to the next lifted state."""
     w = np.zeros((*psi.shape[:-1], bundle.B_uw.shape[1]))
-    return one_step(bundle, psi, psi, u, w) - one_step(bundle, psi, psi, 0.0 * u, w)
+    return one_step(bundle, psi, u, w) - one_step(bundle, psi, 0.0 * u, w)
 
 
 @pytest.mark.parametrize("saturates", [False, True])

@@ -67,15 +67,15 @@ def test_without_a_bilinear_part_the_drift_follows_the_prediction(bundle: Bundle
 def test_one_step_takes_a_single_state_or_a_batch(bundle: Bundle) -> None:
     rng = np.random.default_rng(2)
     psi, u, w = rng.normal(size=(4, 9)), rng.normal(size=(4, 3)), rng.normal(size=(4, 1))
-    batch = one_step(bundle, psi, psi, u, w)
-    single = one_step(bundle, psi[2], psi[2], u[2], w[2])
+    batch = one_step(bundle, psi, u, w)
+    single = one_step(bundle, psi[2], u[2], w[2])
     np.testing.assert_allclose(single, batch[2], rtol=1e-12)
 
 
 def test_without_a_bilinear_part_and_a_drift_the_model_is_linear(planar: Bundle) -> None:
     psi, u, w = np.ones(5), np.full(len(planar.B_uc[0]), 2.0), np.zeros(len(planar.B_uw[0]))
     expected = planar.A @ psi + planar.B_uc @ u + planar.c
-    np.testing.assert_allclose(one_step(planar, psi, psi, u, w), expected, rtol=1e-12)
+    np.testing.assert_allclose(one_step(planar, psi, u, w), expected, rtol=1e-12)
 
 
 def test_with_saturating_gains_a_long_roll_out_at_ten_times_the_inputs_is_bounded() -> None:
