@@ -3,7 +3,7 @@
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.kinematics import heading_change_rad, lateral_change_m
+from rt_controller.contract.kinematics import heading_change_rad, lateral_change_along_m
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.model.rollout import Step
 from rt_controller.contract.schema import N_INPUTS, N_STATES
@@ -23,6 +23,9 @@ period: the noise of a sensor is averaged where the prediction is good"""
 OFFSET_GAIN = VehicleState(0.0, 0.03, 0.0, 0.0, 0.001, 0.001)
 """the same of the offset of the prediction: with it a wrong model or a sensor with an offset leaves
 no constant difference"""
+
+MOTION, PLACE = range(StateColumn.ey_m), range(StateColumn.ey_m, N_STATES)
+"""columns predicted by the model and by kinematics"""
 
 
 class Estimator:
@@ -73,29 +76,25 @@ class Estimator:
             self._before = measured
             return measured
         self._is_advanced = False
-        offset, gains = self._offset, zip(GAIN, OFFSET_GAIN, strict=True)
-        predicted = self._psi[self._newest, :N_STATES].tolist()
-        found = list(measured)
-        for column, (gain, offset_gain) in enumerate(gains):
-            if column == StateColumn.ey_m:
-                self._predict_place(predicted, VehicleState(*found), before, curvature_per_m)
-            expected = predicted[column] + offset[column]
-            error = measured[column] - expected
-            found[column] = expected + gain * error
-            offset[column] += offset_gain * error
+        predicted, found = self._psi[self._newest, :N_STATES].tolist(), list(measured)
+        self._correct(found, predicted, MOTION)
+        now = VehicleState(*found)
+        turned_rad = heading_change_rad(before, now, curvature_per_m, now.ds_m)
+        mean_rad = before.epsi_rad + 0.5 * turned_rad
+        predicted[StateColumn.ey_m] = before.ey_m + lateral_change_along_m(before, now, mean_rad)
+        predicted[StateColumn.epsi_rad] = before.epsi_rad + turned_rad
+        self._correct(found, predicted, PLACE)
         self._before = VehicleState(*found)
         return self._before
 
-    @staticmethod
-    def _predict_place(
-        predicted: list[float], now: VehicleState, before: VehicleState, curvature_per_m: float
-    ) -> None:
-        """Predict e_psi and e_y from the motion `before` and `now`."""
-        turned_rad = heading_change_rad(before, now, curvature_per_m, now.ds_m)
-        epsi_rad = before.epsi_rad + turned_rad
-        moved_m = lateral_change_m(before, now._replace(epsi_rad=epsi_rad))
-        predicted[StateColumn.ey_m] = before.ey_m + moved_m
-        predicted[StateColumn.epsi_rad] = epsi_rad
+    def _correct(self, found: list[float], predicted: list[float], columns: range) -> None:
+        """Replace some columns of the measured state `found` by their estimates."""
+        offset = self._offset
+        for column in columns:
+            expected = predicted[column] + offset[column]
+            error = found[column] - expected
+            found[column] = expected + GAIN[column] * error
+            offset[column] += OFFSET_GAIN[column] * error
 
     def advance(self, psi: Array, applied: ControlInput, curvature_per_m: float) -> None:
         """Begin a roll-out at the lifted state (n,) of this period; advance all by the next one.
