@@ -35,9 +35,9 @@ class Tolerances(Settings):
     """yaw rate; inf: no weight"""
     ds_m: _Tolerance = float("inf")
     """progress in one period; inf: no weight, since the speed has one"""
-    ey_m: _Tolerance = 0.15
+    ey_m: _Tolerance = 0.1
     """lateral error"""
-    epsi_deg: _Tolerance = 2.0
+    epsi_deg: _Tolerance = 4.3
     """error of the course, or of the heading"""
     throttle: _Tolerance = float("inf")
     """size of the throttle input; inf: no weight"""
@@ -45,16 +45,21 @@ class Tolerances(Settings):
     """size of the brake force"""
     steer_deg: _Tolerance = float("inf")
     """size of the steering-wheel angle"""
-    throttle_change: _Tolerance = 0.3
+    throttle_change: _Tolerance = 0.1
     """change of throttle in one period"""
     brake_change_n: _Tolerance = 45.0
     """change of brake force in one period"""
-    steer_change_deg: _Tolerance = 10.0
+    steer_change_deg: _Tolerance = 8.5
     """change of the steering-wheel angle in one period"""
 
 
 PAPER = {"horizon": 20, "heading": "epsi", "terminal_factor": 1.0}
-PAPER_TOLERANCE = {"epsi_deg": 1.0, "steer_change_deg": 12.0}
+PAPER_TOLERANCE = {
+    "ey_m": 0.15,
+    "epsi_deg": 1.0,
+    "throttle_change": 0.3,
+    "steer_change_deg": 12.0,
+}
 """settings of eq. (14) as printed; the defaults of linear models, whose predictions are too wrong
 for tighter ones"""
 
@@ -74,7 +79,7 @@ class MpcSettings(Settings):
     heading: Literal["course", "epsi"] = "course"
     """angle that follows the direction of the path: course, the change of e_y over the distance, or
     epsi, as printed in the paper"""
-    terminal_factor: Annotated[float, Field(gt=0.0, le=1e6)] = 5.0
+    terminal_factor: Annotated[float, Field(gt=0.0, le=1e6)] = 7.0
     """weight of the last stage, in units of the others"""
     corridor_m: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
     """distance from the path beyond which the plan has an additional cost; none: no such cost"""
