@@ -32,7 +32,10 @@ class TrainingConfig(Settings):
     preset: str = "recommended"
     """starting point: recommended, linear, paper, paper-literal or quick"""
 
-    steps: PositiveInt = 100_000
+    init: str | None = None
+    """bundle whose weights, structure and scaling the training begins with, a shipped name or a
+    folder; none: random weights"""
+    steps: PositiveInt = 10_000
     """mini-batch steps"""
     batch: PositiveInt = 256
     """trajectories in a mini-batch"""
@@ -53,6 +56,10 @@ class TrainingConfig(Settings):
     """exchange left and right in half of the trajectories, if the data set says which signals
     change sign"""
 
+    noise: float = Field(default=3.0, ge=0.0, le=10.0)
+    """largest level of the measurement noise on the first state and the past of a trajectory, in
+    units of the noise of production sensors; each trajectory has a level between 0 and this"""
+
     optimizer: Literal["muon", "adam"] = "muon"
     """muon: Muon for the matrices but A, Adam for the rest; adam: Adam for all"""
     learning_rate: PositiveFloat = 2e-3
@@ -67,7 +74,7 @@ class TrainingConfig(Settings):
     when the validation loss stalls"""
     patience: PositiveInt = 3
     """evaluations without improvement until the plateau schedule halves the rate"""
-    evaluate_every: PositiveInt = 1_000
+    evaluate_every: PositiveInt = 500
     """steps between two evaluations"""
     gradient_clip: PositiveFloat | None = 5.0
     """largest norm of the gradient; none: no limit"""
@@ -163,6 +170,7 @@ PAPER = TrainingConfig(
     windows="slices",
     rare_share=0.0,
     mirror=False,
+    noise=0.0,
     optimizer="adam",
     learning_rate=1e-3,
     operator_rate=1.0,
@@ -218,9 +226,8 @@ PRESETS = {
     "quick": RECOMMENDED.model_copy(
         update={
             "preset": "quick",
-            "steps": 3_000,
-            "batch": 128,
-            "evaluate_every": 250,
+            "steps": 1_600,
+            "evaluate_every": 200,
             "episodes": 1_000,
             "data_seed": 1,
         }

@@ -101,8 +101,8 @@ def _find_or_make(
             return folder, make_dataset(folder, origin, on_progress=on_progress)
     except KeyboardInterrupt:
         STDERR.print(
-            f"Stopped after {made} of {episodes} episodes; none was kept. The same command makes "
-            f"them from the start.",
+            f"Stopped after {made} of {episodes} episodes, which are kept. The same command goes "
+            f"on with them.",
             soft_wrap=True,
         )
         raise

@@ -88,10 +88,16 @@ def import_logs(
         )
         figures |= {"folder": str(folder), "sha256": dataset.sha256}
         STDOUT.print(
-            f"SHA-256 {dataset.sha256:.16}…\n{folder}\nNext:\n  offline-train --data {folder}",
+            f"SHA-256 {dataset.sha256:.16}…\n{folder}\nNext, a few minutes:\n"
+            f"  offline-train --steps 2000 {_beginning(schema)}--data {folder}",
             soft_wrap=True,
         )
     return figures
+
+
+def _beginning(schema: Schema) -> str:
+    """The option to begin with the shipped model, if it has these signals."""
+    return "--init mdk-net " if schema == VEHICLE else ""
 
 
 def _other_files(mapping: LogMapping) -> Iterator[Path]:

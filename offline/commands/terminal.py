@@ -1,5 +1,7 @@
 """Where the offline commands print: the summary on stdout, progress and errors on stderr."""
 
+import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -9,6 +11,8 @@ from offline.config import TrainingConfig, assumed_fields
 
 STDOUT = Console()
 STDERR = Console(stderr=True)
+LINE_EVERY_S = 5.0
+"""between two lines of progress that are not on a terminal"""
 
 
 def print_assumed(stored: TrainingConfig) -> None:
@@ -24,7 +28,13 @@ def print_assumed(stored: TrainingConfig) -> None:
 
 @contextmanager
 def progress_bar(title: str, total: int, done: int = 0) -> Iterator[Callable[[int, str], None]]:
-    """A bar with the time left; call what it yields with the number done and text to show below."""
+    """A bar with the time left; call what it yields with the number done and text to show below.
+
+    In a pipe or a file it is a line every few seconds.
+    """
+    if not STDERR.is_terminal:
+        yield _plain_progress(title, total, done)
+        return
     from rich.console import Group
     from rich.live import Live
     from rich.progress import (
@@ -54,5 +64,20 @@ def progress_bar(title: str, total: int, done: int = 0) -> Iterator[Callable[[in
             below.plain = text
 
         yield show
-    if not STDERR.is_terminal:
-        STDERR.line()  # rich ends the last line only on a terminal
+
+
+def _plain_progress(title: str, total: int, first: int) -> Callable[[int, str], None]:
+    begun_s = printed_s = time.monotonic()
+
+    def show(completed: int, text: str) -> None:
+        nonlocal printed_s
+        now_s = time.monotonic()
+        if now_s - printed_s < LINE_EVERY_S and completed < total:
+            return
+        printed_s = now_s
+        left_s = (now_s - begun_s) / max(completed - first, 1) * (total - completed)
+        print(f"{title}: {completed} of {total}, {left_s:.0f} s left", file=sys.stderr, flush=True)
+        for line in filter(None, text.splitlines()):
+            print(f"  {line}", file=sys.stderr, flush=True)
+
+    return show

@@ -11,11 +11,14 @@ from offline.config import TrainingConfig, explicit_fields, resolve
 from offline.data.dataset import Dataset, load_dataset
 from offline.experiments.backend import Backend
 from offline.training.checkpoint import Checkpoint, load_checkpoint
+from offline.training.initial import with_structure_of
 from offline.training.interrupt import stop_on_signals
 from offline.training.run_folder import RunFolder, create_run, open_run, rewrite_config
 from offline.training.state import TrainingState, find_device
 from offline.training.train import train
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.model.artifact import find_model, load_bundle
+from rt_controller.contract.model.bundle import Bundle
 from rt_controller.terminal.entry import INTERRUPTED
 
 REFRESH_S = 0.25
@@ -33,8 +36,12 @@ def start_run(
     find_device(config.device)
     folder, dataset = ensure_dataset(data, config.episodes, config.data_seed, backend)
     config = config_of_data(folder, dataset.origin, config, chosen)
+    first_model = None
+    if config.init is not None:
+        first_model = load_bundle(find_model(config.init))
+        config = with_structure_of(first_model, config, explicit_fields(chosen))
     run = create_run(runs, config, folder, dataset.sha256, datetime.now())
-    return _run(run, dataset, None)
+    return _run(run, dataset, first_model=first_model)
 
 
 def resume_run(
@@ -56,7 +63,7 @@ def resume_run(
             f"--resume: expected the data set {run.data_sha256:.16}… of that run, found "
             f"{dataset.sha256:.16}… in {folder}. Name the right folder with --data."
         )
-    return _run(rewrite_config(run, config), dataset, checkpoint)
+    return _run(rewrite_config(run, config), dataset, checkpoint=checkpoint)
 
 
 def _config_to_resume(
@@ -84,13 +91,17 @@ def _config_to_resume(
 
 
 def _run(
-    run: RunFolder, dataset: Dataset, checkpoint: Checkpoint | None
+    run: RunFolder,
+    dataset: Dataset,
+    *,
+    first_model: Bundle | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> tuple[dict[str, Any], int]:
     """Figures, and the exit code: 0 at the last step, 130 if stopped before."""
     STDERR.print(f"run {run.path}\ndata {run.data_folder}", soft_wrap=True)
     first_step = checkpoint.step if checkpoint else 0
     begun = time.monotonic()
-    result = _train(run, dataset, checkpoint, first_step)
+    result = _train(run, dataset, first_model, checkpoint)
     wall_s = time.monotonic() - begun
     figures = {
         "run": str(run.path),
@@ -118,10 +129,10 @@ def _run(
 
 
 def _train(
-    run: RunFolder, dataset: Dataset, checkpoint: Checkpoint | None, first_step: int
+    run: RunFolder, dataset: Dataset, first_model: Bundle | None, checkpoint: Checkpoint | None
 ) -> TrainingState:
     with (
-        progress_bar("training", run.config.steps, first_step) as show,
+        progress_bar("training", run.config.steps, checkpoint.step if checkpoint else 0) as show,
         stop_on_signals() as stop_requested,
     ):
         shown_s = 0.0
@@ -137,6 +148,7 @@ def _train(
             run.config,
             dataset,
             run,
+            first_model=first_model,
             resume_from=checkpoint,
             on_progress=on_progress,
             stop_requested=stop_requested,

@@ -111,7 +111,8 @@ def make_dataset(
         origin: what it is made from.
         part: (E,) part of each episode, as in `Dataset`; None: drawn at random.
         jobs: number of processes; None: the active joblib backend.
-        on_progress: called with the number of episodes made so far.
+        on_progress: called with the number of episodes made so far, also by an earlier call that
+            was interrupted: what it made is kept beside the folder.
 
     Raises:
         DatasetError: the folder has no room; as far as possible raised before the simulation.
@@ -119,8 +120,10 @@ def make_dataset(
     recipe, episodes, seed = origin.recipe, origin.episodes, origin.seed
     is_varied = recipe.variation is not None
     require_room(folder, episodes * (EPISODE_BYTES + is_varied * CONDITIONS_BYTES))
-    made = generate(recipe, episodes, seed, jobs, on_progress)
-    return save_dataset(
+    parts = folder.with_name(f".{origin.name}")
+    parts.mkdir(parents=True, exist_ok=True)
+    made = generate(recipe, episodes, seed, jobs, on_progress, parts)
+    dataset = save_dataset(
         folder,
         made.recording,
         made.slices,
@@ -134,3 +137,5 @@ def make_dataset(
         rejected=made.rejected,
         rejected_by_friction=made.rejected_by_friction,
     )
+    shutil.rmtree(parts, ignore_errors=True)
+    return dataset

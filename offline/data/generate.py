@@ -13,6 +13,7 @@ Paper: section III-A, data acquisition.
 import hashlib
 from collections.abc import Callable
 from math import degrees, radians
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,6 +29,7 @@ from offline.data.trajectories import Array32
 from offline.data.variation import VARIED, Variation
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.files import DamagedArchiveError, atomic_write, read_arrays
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import InputColumn, StateColumn
 from rt_controller.contract.steering_geometry import SteeringGeometry
@@ -95,20 +97,54 @@ def generate(
     seed: int,
     jobs: int | None = -1,
     on_progress: Callable[[int], None] = lambda done: None,
+    parts: Path | None = None,
 ) -> Generated:
     """`episodes` episodes, in order, made by `jobs` processes (-1: one per core).
 
     With `jobs` None, the active joblib backend determines the number and place of the workers.
-    `on_progress` is called with the number of episodes made so far.
+    `on_progress` is called with the number of episodes made so far. In the folder `parts` what is
+    made is kept at once: an interrupted call goes on from there.
     """
     seeds = np.random.SeedSequence(seed).spawn(episodes)
     chunks = range(0, episodes, CHUNK_EPISODES)
-    tasks = [(recipe, seeds[first : first + CHUNK_EPISODES]) for first in chunks]
-    made: dict[int, list[Episode]] = {}
-    for index, chunk in run_tasks(_make_chunk, tasks, jobs):
-        made[index] = chunk
+    made = {} if parts is None else _read_parts(parts, episodes)
+    missing = [i for i in range(len(chunks)) if i not in made]
+    tasks = [(recipe, seeds[chunks[i] : chunks[i] + CHUNK_EPISODES]) for i in missing]
+    on_progress(sum(map(len, made.values())))
+    for task, chunk in run_tasks(_make_chunk, tasks, jobs):
+        made[missing[task]] = chunk
+        if parts is not None:
+            _write_part(parts, missing[task], chunk)
         on_progress(sum(map(len, made.values())))
     return assemble([episode for _, chunk in sorted(made.items()) for episode in chunk])
+
+
+def _write_part(folder: Path, index: int, chunk: list[Episode]) -> None:
+    columns: dict[str, Any] = {
+        name: np.stack([getattr(episode, name) for episode in chunk])
+        for name in Episode._fields
+        if getattr(chunk[0], name) is not None
+    }
+    with atomic_write(folder / f"{index}.npz") as file:
+        np.savez(file, **columns)
+
+
+def _read_parts(folder: Path, episodes: int) -> dict[int, list[Episode]]:
+    """Whole chunks of a data set of that length; a damaged file counts as missing."""
+    found = {}
+    for file in folder.glob("*.npz"):
+        index = int(file.stem)
+        size = min(CHUNK_EPISODES, episodes - index * CHUNK_EPISODES)
+        try:
+            columns = read_arrays(file)
+        except (OSError, DamagedArchiveError):
+            continue
+        if len(columns["motion"]) == size:
+            found[index] = [
+                Episode(**{name: column[i] for name, column in columns.items()})
+                for i in range(size)
+            ]
+    return found
 
 
 def make_episode(recipe: Recipe, seed: np.random.SeedSequence) -> Episode:
@@ -142,7 +178,7 @@ def assemble(episodes: list[Episode]) -> Generated:
     count, length = len(episodes), len(episodes[0].motion)
     first = length * np.arange(count, dtype=np.int64)
     conditions = [e.conditions for e in episodes if e.conditions is not None]
-    curvature = np.array([e.curvature_per_m for e in episodes])
+    curvature = np.array([float(e.curvature_per_m) for e in episodes])
     recording = Recording(
         x=np.concatenate([e.motion for e in episodes]).astype(np.float32),
         u=_concatenate_held([e.inputs for e in episodes]),

@@ -13,6 +13,7 @@ from offline.data.dataset import Dataset
 from offline.data.manifest import Roads
 from offline.data.recording import Starts, cut, possible_starts
 from offline.data.road_frame import Anchor
+from offline.data.sensor_noise import noise_matrix
 from offline.data.signals import Roles, Scaling, history_rows, mirror_signs, past_names
 from offline.data.trajectories import Trajectories
 from rt_controller.contract.arrays import Array
@@ -179,7 +180,7 @@ def frequencies(rarity: Array, rare_share: float) -> Array:
 class MirroringSource:
     """Another source, with left and right exchanged in half of its trajectories."""
 
-    def __init__(self, source: SliceSource | WindowSource, dataset: Dataset) -> None:
+    def __init__(self, source: "Source", dataset: Dataset) -> None:
         schema, roles = dataset.schema, dataset.roles
         names = (
             schema.state_names,
@@ -200,19 +201,50 @@ class MirroringSource:
         return Batch(x, u, w, memory, batch.weight)
 
 
-def open_source(
-    config: TrainingConfig, dataset: Dataset, scaling: Scaling
-) -> SliceSource | WindowSource | MirroringSource:
+class NoisySource:
+    """Another source, with measurement noise on the first state and on the past before it.
+
+    The standard deviations of each trajectory are those of `offline.data.sensor_noise` times a
+    level drawn uniformly from 0 to `most`. The states that a prediction is compared with have none.
+    """
+
+    def __init__(self, source: "Source", dataset: Dataset, scaling: Scaling, most: float) -> None:
+        schema = dataset.schema
+        heard = past_names(schema, dataset.roles)
+        to_x = noise_matrix(schema.state_names, schema.dt_s) / scaling.x_scale
+        to_past = noise_matrix(heard, schema.dt_s) / scaling.past_scale
+        self._source, self._most = source, most
+        self._to_x, self._to_past = (
+            torch.from_numpy(to_x).float(),
+            torch.from_numpy(to_past).float(),
+        )
+
+    def draw(self, size: int, rng: torch.Generator) -> Batch:
+        batch = self._source.draw(size, rng)
+        past = len(batch.memory) - batch.steps
+        level = self._most * torch.rand((1, size, 1), generator=rng)
+        drawn = level * torch.randn((past + 1, size, len(self._to_x)), generator=rng)
+        x, memory = batch.x.clone(), batch.memory.clone()
+        x[0] += drawn[-1] @ self._to_x
+        memory[:past] += drawn[:-1] @ self._to_past
+        return batch._replace(x=x, memory=memory)
+
+
+Source = SliceSource | WindowSource | MirroringSource | NoisySource
+
+
+def open_source(config: TrainingConfig, dataset: Dataset, scaling: Scaling) -> Source:
     """The source that the configuration selects; mirrored only if the roles name odd signals."""
-    source: SliceSource | WindowSource
+    source: Source
     if config.windows == "slices":
         source = SliceSource(dataset, scaling, config.history_steps)
     else:
         # The paper's terms have no weights.
         rare_share = config.rare_share if config.objective == "horizon" else 0.0
         source = WindowSource(dataset, scaling, config.history_steps, rare_share)
-    is_mirrored = config.mirror and dataset.roles.odd is not None
-    return MirroringSource(source, dataset) if is_mirrored else source
+    if config.mirror and dataset.roles.odd is not None:
+        source = MirroringSource(source, dataset)
+    return NoisySource(source, dataset, scaling, config.noise) if config.noise else source
 
 
 def _draw_roads(roads: Roads, size: int, rng: torch.Generator) -> Anchor:

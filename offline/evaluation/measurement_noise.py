@@ -9,21 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from offline.data.sensor_noise import STANDARD_DEVIATIONS, noise_matrix
 from offline.data.signals import Roles, past_names
 from offline.evaluation.test_sets import LIBRARY, NOISE, TestSet
-from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.schema import Schema
-
-STANDARD_DEVIATIONS = {
-    "vx_mps": 0.03,
-    "vy_mps": 0.03,
-    "yaw_rate_radps": float(np.radians(0.1)),
-    "ey_m": 0.02,
-    "epsi_rad": float(np.radians(0.1)),
-}
-"""by state, at level 1; normally distributed, independent between signals and instants. Progress
-has the noise of the longitudinal speed times the period, from which a car computes it"""
 
 DEFAULT_LEVELS = (1.0, 3.0)
 LARGEST_LEVEL = 100.0
@@ -58,15 +48,12 @@ def noisy_set(library: TestSet, level: float, schema: Schema, roles: Roles) -> T
         return None
     x, past = library.trajectories.x, library.trajectories.past
     rng = np.random.default_rng(SEED)
-    draws = {
-        name: level * STANDARD_DEVIATIONS[name] * rng.normal(size=(len(x), 1 + past.shape[1]))
-        for name in noisy
-    }
-    if "vx_mps" in draws:
-        draws["ds_m"] = schema.dt_s * draws["vx_mps"]
+    drawn = level * np.stack(
+        [rng.normal(size=(len(x), 1 + past.shape[1])) for _ in STANDARD_DEVIATIONS], axis=-1
+    )
     at_start, before = x.copy(), past.copy()
-    at_start[:, 0] += _columns(schema.state_names, draws)[:, -1]
-    before += _columns(heard, draws)[:, :-1]
+    at_start[:, 0] += drawn[:, -1] @ noise_matrix(schema.state_names, schema.dt_s)
+    before += drawn[:, :-1] @ noise_matrix(heard, schema.dt_s)
     listed = ", ".join(noisy)
     return replace(
         library,
@@ -74,9 +61,3 @@ def noisy_set(library: TestSet, level: float, schema: Schema, roles: Roles) -> T
         description=f"{LIBRARY} with {level:g} times the measurement noise on {listed}",
         trajectories=library.trajectories._replace(x=at_start, past=before),
     )
-
-
-def _columns(names: Sequence[str], draws: dict[str, Array]) -> Array:
-    """The draws (N, H+1) of each name as (N, H+1, len(names)); 0 for a name without any."""
-    none = np.zeros_like(next(iter(draws.values())))
-    return np.stack([draws.get(name, none) for name in names], axis=-1)

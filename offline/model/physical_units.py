@@ -23,7 +23,7 @@ class PhysicalEncoder(nn.Module):
 
     def __init__(self, model: MdkNet, scaling: Scaling) -> None:
         super().__init__()
-        centre, spread = (torch.from_numpy(numbers) for numbers in _scaling_of(model, scaling))
+        centre, spread = (torch.from_numpy(numbers) for numbers in scaling_of_lift(model, scaling))
         folded = []
         for encoder in model.encoders:
             assert isinstance(encoder, Encoder)
@@ -92,7 +92,7 @@ def physical_matrices(model: MdkNet, scaling: Scaling) -> Matrices:
     return scaling.to_physical(Matrices(A, B_uc, B_uw, np.zeros(len(A)), bilinear, drift))
 
 
-def _scaling_of(model: MdkNet, scaling: Scaling) -> tuple[Array, Array]:
+def scaling_of_lift(model: MdkNet, scaling: Scaling) -> tuple[Array, Array]:
     """Centre and scale of all signals that the lift sees, in the order of `MdkNet.seen`."""
     centre, spread = [scaling.x_centre], [scaling.x_scale]
     if model.reads_exogenous:

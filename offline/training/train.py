@@ -9,10 +9,10 @@ from torch.nn.utils import clip_grad_norm_
 from offline.config import TrainingConfig
 from offline.data.dataset import Dataset, Part
 from offline.data.sampling import open_source, scale
-from offline.data.signals import fit_scaling
 from offline.model.losses import draw_times, horizon_of_step, total_loss
 from offline.model.spectrum import spectral_radius
 from offline.training.checkpoint import Checkpoint, save_checkpoint
+from offline.training.initial import choose_scaling, take_weights
 from offline.training.recovery import Recovery
 from offline.training.run_folder import RunFolder, append_history, cut_history
 from offline.training.schedule import (
@@ -26,6 +26,7 @@ from offline.training.schedule import (
 from offline.training.state import TrainingState, denormals_as_zero, find_device, initialise
 from offline.training.validation import evaluate
 from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.model.bundle import Bundle
 
 
 @denormals_as_zero()
@@ -34,13 +35,15 @@ def train(
     dataset: Dataset,
     run: RunFolder,
     *,
+    first_model: Bundle | None = None,
     resume_from: Checkpoint | None = None,
     on_progress: Callable[[TrainingState], None] = lambda state: None,
     stop_requested: Callable[[], bool] = lambda: False,
 ) -> TrainingState:
     """The state after the last step, or after the step at which a stop is requested.
 
-    The best and the last model are written to the run folder. `on_progress` is called after each
+    The training begins with the weights of `first_model`, or with random ones. The best and the
+    last model are written to the run folder. `on_progress` is called after each
     step, with the same object. Paper: Algorithm 1.
 
     Raises:
@@ -50,17 +53,22 @@ def train(
     """
     # 1: initialise. 2: normalise; the data set is partitioned when it is made.
     torch.set_num_threads(config.threads)
-    schema, roles = dataset.schema, dataset.roles
     _require_parts(dataset)
-    scaling = fit_scaling(dataset.select("train"), schema, roles)
+    scaling = choose_scaling(dataset, first_model, resume_from)
     source = open_source(config, dataset, scaling)
     validation_part = scale(
-        dataset.select("validation"), scaling, schema, roles, config.history_steps
+        dataset.select("validation"),
+        scaling,
+        dataset.schema,
+        dataset.roles,
+        config.history_steps,
     )
     state = initialise(config, dataset, scaling, find_device(config.device))
     model, optimizer = state.model, state.optimizer
     if resume_from is not None:
         state.restore(resume_from)
+    elif first_model is not None:
+        take_weights(model, first_model, scaling)
     cut_history(run, state.step)
     recovery = Recovery(run, dataset, scaling)
     rule = keep_as_printed if config.best_rule == "as-printed" else keep_lowest

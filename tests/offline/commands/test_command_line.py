@@ -296,20 +296,24 @@ def test_a_named_data_set_that_does_not_exist_is_refused(command, tmp_path, main
     assert not (tmp_path / "typo").exists()
 
 
-def test_ctrl_c_ends_the_making_of_data_with_what_was_kept(tmp_path):
+def test_making_data_goes_on_with_what_an_interrupted_command_made(tmp_path):
     script = "from offline.entry import data_main; data_main()"
-    process = subprocess.Popen(
-        [sys.executable, "-c", script, "--episodes", "100000", "--jobs", "1", "--data", "data"],
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "COLUMNS": "200"},
-    )
-    assert process.stderr is not None
-    while "making a data set" not in process.stderr.readline():
+    arguments = ("--episodes", "60", "--jobs", "1", "--data")
+
+    def run(folder: str) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            [sys.executable, "-c", script, *arguments, folder],
+            cwd=tmp_path,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "COLUMNS": "200"},
+        )
+
+    process = run("data")
+    while not any(tmp_path.glob(".*/*.npz")):
         assert process.poll() is None
-    time.sleep(0.5)  # until the simulation runs
+        time.sleep(0.02)
     process.send_signal(signal.SIGINT)
     try:
         out, err = process.communicate(timeout=60)
@@ -317,9 +321,18 @@ def test_ctrl_c_ends_the_making_of_data_with_what_was_kept(tmp_path):
         process.kill()
     assert process.returncode == 130
     assert out == ""
-    assert "of 100000 episodes; none was kept" in " ".join(err.split())
+    assert "of 60 episodes, which are kept" in " ".join(err.split())
     assert "Traceback" not in err
     assert not (tmp_path / "data" / "manifest.json").exists()
+    (first,) = tmp_path.glob(".*/0.npz")
+    first.with_name("1.npz").write_bytes(b"cut off")
+    for folder in ("data", "whole"):
+        process = run(folder)
+        _, err = process.communicate(timeout=120)
+        assert process.returncode == 0, err
+        assert not any(tmp_path.glob(".*"))
+    manifests = [(tmp_path / name / "manifest.json").read_bytes() for name in ("data", "whole")]
+    assert manifests[0] == manifests[1]
 
 
 def test_options_that_contradict_an_existing_data_set_are_refused(command, toy_folder):

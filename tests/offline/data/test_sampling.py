@@ -14,6 +14,7 @@ from offline.data.recording import cut, possible_starts
 from offline.data.sampling import (
     Batch,
     MirroringSource,
+    NoisySource,
     SliceSource,
     WindowSource,
     frequencies,
@@ -21,7 +22,8 @@ from offline.data.sampling import (
     rarity,
     scale,
 )
-from offline.data.signals import VEHICLE_ROLES, mirror_signs
+from offline.data.sensor_noise import STANDARD_DEVIATIONS
+from offline.data.signals import VEHICLE_ROLES, mirror_signs, past_names
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import VEHICLE
 
@@ -33,7 +35,7 @@ def rng(seed: int = 0) -> torch.Generator:
 
 
 def a_config(windows: str, mirror: bool):
-    changes = {"windows": windows, "mirror": mirror, "history_steps": HISTORY}
+    changes = {"windows": windows, "mirror": mirror, "noise": 0.0, "history_steps": HISTORY}
     return PRESETS["recommended"].model_copy(update=changes)
 
 
@@ -294,3 +296,30 @@ def test_a_library_of_one_curvature_is_used(toy_dataset, scaling, cuts):
     manifest = replace(toy_dataset.manifest, roads=Roads((1e-3,), 0.0, 0.0))
     WindowSource(replace(toy_dataset, manifest=manifest), scaling, HISTORY).draw(20, rng())
     assert [np.unique(column).tolist() for column in cuts[0].anchor] == [[1e-3], [0.0], [0.0]]
+
+
+def test_noise_acts_on_the_first_state_and_the_past_alone(toy_dataset, scaling):
+    source = WindowSource(toy_dataset, scaling, HISTORY)
+    clean = source.draw(3000, rng())
+    noisy = NoisySource(source, toy_dataset, scaling, 2.0).draw(3000, rng())
+    assert torch.equal(noisy.x[1:], clean.x[1:])
+    assert torch.equal(noisy.memory[HISTORY:], clean.memory[HISTORY:])
+    assert torch.equal(noisy.u, clean.u)
+    assert torch.equal(noisy.w, clean.w)
+    at_start = (noisy.x - clean.x)[0].numpy() * scaling.x_scale
+    before = (noisy.memory - clean.memory)[:HISTORY].numpy() * scaling.past_scale
+    heard = past_names(VEHICLE, VEHICLE_ROLES)
+    for name, deviation in STANDARD_DEVIATIONS.items():
+        # uniform levels from 0 to 2: the mean square is 4 / 3 of that of level 1
+        expected = pytest.approx(deviation * (4.0 / 3.0) ** 0.5, rel=0.06)
+        assert at_start[:, VEHICLE.state_names.index(name)].std() == expected
+        if name in heard:
+            assert before[..., heard.index(name)].std() == expected
+    assert not before[..., heard.index("steer_rad")].any()
+
+
+def test_the_configuration_determines_the_noise(toy_dataset, scaling):
+    without = a_config("all", mirror=True)
+    config = without.model_copy(update={"noise": 1.0})
+    assert isinstance(open_source(config, toy_dataset, scaling), NoisySource)
+    assert isinstance(open_source(without, toy_dataset, scaling), MirroringSource)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from toy_predictors import made_test_set, made_trajectories
 
+from offline.data.sensor_noise import STANDARD_DEVIATIONS
 from offline.data.signals import VEHICLE_ROLES, Roles, past_names
 from offline.evaluation.measurement_noise import (
     DEFAULT_LEVELS,
-    STANDARD_DEVIATIONS,
     choose_levels,
     noisy_set,
 )
