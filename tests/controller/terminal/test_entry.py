@@ -58,7 +58,7 @@ sys.exit = leave_or_wait
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("command", COMMANDS)
-@pytest.mark.parametrize("step", (3, 12))
+@pytest.mark.parametrize("step", [3, 12])
 def test_ctrl_c_while_a_command_is_loading_ends_it_with_one_line(command: str, step: int) -> None:
     code, err = interrupted_after(LONGEST_START_S * step / 20, script_of(command))
     assert (code, err) == (INTERRUPTED, f"{command}: ended by Ctrl-C\n")
