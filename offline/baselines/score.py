@@ -6,37 +6,27 @@ mean ratio that models are compared by.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from offline.data.dataset import Dataset
 from offline.data.trajectories import Trajectories
 from offline.evaluation.predictor import Predictor, prediction_errors
-from rt_controller.contract.arrays import Array
 
 _SMALLEST_SHARE = 1e-15
 """of the variance, added to the error so that the logarithm is finite"""
 
 
 def log_error(predictor: Predictor, windows: Trajectories) -> float:
-    """Mean log error of the states over steps 1..K; infinite if a prediction is not finite."""
-    errors = prediction_errors(predictor, windows)
-    return log_mean_square(errors, variances(windows.x), _SMALLEST_SHARE)
+    """Mean log error of the states over steps 1..K; infinite if a prediction is not finite.
 
-
-def log_mean_square(errors: Array, unit: Array | float = 1.0, added: float = 0.0) -> float:
-    """Mean over the states of log(mean square / unit + added) of errors (N, K, n).
-
-    Infinite if an error is not finite.
+    A state that is constant counts with variance 1.
     """
+    errors = prediction_errors(predictor, windows)
+    x = windows.x.reshape(-1, windows.x.shape[-1]).astype(np.float64)
+    variance = x.var(axis=0)
     with np.errstate(over="ignore", invalid="ignore"):
-        squares = np.square(errors).mean(axis=(0, 1)) / unit
-    return float(np.log(squares + added).mean()) if np.all(np.isfinite(squares)) else np.inf
-
-
-def variances(x: NDArray[np.floating]) -> Array:
-    """(n,) variance of each state over windows (N, K+1, n); 1 for a constant state."""
-    found = x.reshape(-1, x.shape[-1]).astype(np.float64).var(axis=0)
-    return np.where(found > 0.0, found, 1.0)
+        squares = np.square(errors).mean(axis=(0, 1)) / np.where(variance > 0.0, variance, 1.0)
+    finite = np.all(np.isfinite(squares))
+    return float(np.log(squares + _SMALLEST_SHARE).mean()) if finite else np.inf
 
 
 def tuning_windows(dataset: Dataset, most: int = 1_200) -> Trajectories:

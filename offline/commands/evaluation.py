@@ -90,7 +90,6 @@ def run_evaluation(options: EvaluationOptions) -> Evaluation:
             bundles,
             is_required,
             _notify,
-            options.short_fits,
             lambda name: status.update(f"fitting {name}"),
         )
     names = label_models(folders, taken=opened)
