@@ -86,11 +86,9 @@ def open_baselines(
 
 
 def table_of_classes(names: Iterable[str]) -> dict[str, str]:
-    """Class of each of these baselines, as `Baseline.model_class`."""
-    return {
-        name: "other" if name == SHIPPED else registry.find_baseline(name).model_class
-        for name in names
-    }
+    """Class of those of these baselines that are linear or recurrent."""
+    found = {name: registry.find_baseline(name).model_class for name in names if name != SHIPPED}
+    return {name: each for name, each in found.items() if each != "other"}
 
 
 def not_converged(opened: Mapping[str, Predictor]) -> tuple[str, ...]:

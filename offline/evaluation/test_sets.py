@@ -3,16 +3,17 @@
 - library: slices of the test episodes, 480 for each curvature that models may be trained on;
 - new-roads: the same drives on curvatures that the library leaves out. The road does not act on
   the car, so another road can be laid under a drive exactly (`offline.data.road_frame`);
-- noise: the library with noise on what the models hear (`offline.evaluation.measurement_noise`);
-- braking: straight stops (`offline.evaluation.straight_braking`);
-- robustness, varied, sliding, fast, friction, mass: simulated with other cars, roads or drivers
-  (`offline.evaluation.simulated_sets`).
+- noise: the library with noise on what a model hears, the first state and the states of the past.
+  The states that a prediction is compared with, the inputs and the curvature have none. The draws
+  are seeded, the same for all models, and those of another level are the same times its factor;
+- robustness, varied, sliding, fast, friction, mass, braking: simulated with other cars, roads or
+  drivers (`offline.evaluation.simulated_sets`).
 
 Paper: section IV, 2,400 open-loop test trajectories.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +21,11 @@ from numpy.typing import NDArray
 from offline.data.dataset import Dataset
 from offline.data.manifest import Imported, Origin
 from offline.data.recording import Starts, cut
+from offline.data.signals import Roles, past_names
 from offline.data.trajectories import Trajectories
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.contract.schema import Schema
 
 LIBRARY, NEW_ROADS, ROBUSTNESS, VARIED = "library", "new-roads", "robustness", "varied"
 NOISE, SLIDING, FAST, BRAKING = "noise", "sliding", "fast", "braking"
@@ -39,6 +42,20 @@ TRAJECTORIES_PER_CURVATURE = 480
 
 NEW_CURVATURES_PER_M = (-1e-3, 1e-3, 3e-3)
 """within the range of the library's curvatures, but not among them"""
+
+STANDARD_DEVIATIONS = {
+    "vx_mps": 0.03,
+    "vy_mps": 0.03,
+    "yaw_rate_radps": float(np.radians(0.1)),
+    "ey_m": 0.02,
+    "epsi_rad": float(np.radians(0.1)),
+}
+"""by state, at level 1; normally distributed, independent between signals and instants. Progress
+has the noise of the longitudinal speed times the period, from which a car computes it"""
+
+DEFAULT_LEVELS = (1.0, 3.0)
+LARGEST_LEVEL = 100.0
+NOISE_SEED = 48
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +141,47 @@ def new_roads_set(
     return cut_set(dataset, NEW_ROADS, description, starts._replace(anchor=anchor))
 
 
+def choose_levels(levels: Sequence[float] | None) -> tuple[float, ...]:
+    """These levels in ascending order, each once; `DEFAULT_LEVELS` if there are none.
+
+    Raises:
+        ConfigError: a level is not a number between 0 and 100.
+    """
+    for level in levels or ():
+        if not 0.0 < level <= LARGEST_LEVEL:
+            raise ConfigError(
+                f"--noise: expected factors above 0 and up to {LARGEST_LEVEL:g}, 1 for a standard "
+                f"deviation of {STANDARD_DEVIATIONS['vx_mps']:g} m/s, found {level:g}."
+            )
+    return tuple(sorted(set(levels or DEFAULT_LEVELS)))
+
+
+def noisy_set(library: TestSet, level: float, schema: Schema, roles: Roles) -> TestSet | None:
+    """The library with noise of that level; None if no state has one."""
+    heard = past_names(schema, roles)
+    noisy = [name for name in schema.state_names if name in STANDARD_DEVIATIONS]
+    if not noisy:
+        return None
+    x, past = library.trajectories.x, library.trajectories.past
+    rng = np.random.default_rng(NOISE_SEED)
+    draws = {
+        name: level * STANDARD_DEVIATIONS[name] * rng.normal(size=(len(x), 1 + past.shape[1]))
+        for name in noisy
+    }
+    if "vx_mps" in draws:
+        draws["ds_m"] = schema.dt_s * draws["vx_mps"]
+    at_start, before = x.copy(), past.copy()
+    at_start[:, 0] += _columns(schema.state_names, draws)[:, -1]
+    before += _columns(heard, draws)[:, :-1]
+    listed = ", ".join(noisy)
+    return replace(
+        library,
+        name=f"{NOISE}-{level:g}",
+        description=f"{LIBRARY} with {level:g} times the measurement noise on {listed}",
+        trajectories=library.trajectories._replace(x=at_start, past=before),
+    )
+
+
 def slices_of_test_part(dataset: Dataset, per_curvature: int | None = None) -> Starts:
     """Slices of the test part in stored order, at most `per_curvature` of each curvature."""
     starts = dataset.slices.take(np.isin(dataset.slices.episode, dataset.episodes("test")))
@@ -151,3 +209,9 @@ def describe_source(origin: Origin) -> str:
     if isinstance(origin, Imported):
         return f"{len(origin.files)} imported logs in {origin.episodes} stretches"
     return f"{origin.episodes} episodes of seed {origin.seed}"
+
+
+def _columns(names: Sequence[str], draws: dict[str, Array]) -> Array:
+    """The draws (N, H+1) of each name as (N, H+1, len(names)); 0 for a name without any."""
+    none = np.zeros_like(next(iter(draws.values())))
+    return np.stack([draws.get(name, none) for name in names], axis=-1)

@@ -7,7 +7,7 @@ import pytest
 from toy_predictors import made_test_set, made_trajectories, with_random_error
 
 from offline.baselines import registry, selection
-from offline.baselines.catalogue.persistence import Persistence
+from offline.baselines.linear import Persistence
 from offline.baselines.selection import SHIPPED
 from offline.commands import evaluation as work
 from offline.commands import report_page

@@ -5,7 +5,7 @@ import pytest
 from toy_predictors import made_test_set, made_trajectories
 
 from offline.data.signals import VEHICLE_ROLES, Roles, past_names
-from offline.evaluation.measurement_noise import (
+from offline.evaluation.test_sets import (
     DEFAULT_LEVELS,
     STANDARD_DEVIATIONS,
     choose_levels,

@@ -5,10 +5,8 @@ import pytest
 from toy_predictors import WithError, made_test_set, made_trajectories, with_random_error
 
 from offline.evaluation import predictor
-from offline.evaluation.metrics import score
+from offline.evaluation.metrics import SHARES, score, state_units
 from offline.evaluation.predictor import prediction_errors
-from offline.evaluation.state_units import state_units
-from offline.evaluation.trajectory_errors import SHARES
 from rt_controller.contract.schema import VEHICLE, Schema, Signal
 
 CAR = state_units(VEHICLE)

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from offline.evaluation.ratio import geometric_mean, ratio_of
-from offline.evaluation.state_units import StateUnit, state_units
+from offline.evaluation.metrics import StateUnit, geometric_mean, ratio_of, state_units
 from rt_controller.contract.schema import VEHICLE
 
 CAR = state_units(VEHICLE)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from offline.evaluation.state_units import state_units
+from offline.evaluation.metrics import state_units
 from rt_controller.contract.schema import VEHICLE, Schema, Signal
 
 

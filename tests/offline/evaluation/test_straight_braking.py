@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from offline.evaluation.straight_braking import PRESSED_AT_S, straight_braking_set
+from offline.evaluation.simulated_sets import PRESSED_AT_S, straight_braking_set
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import InputColumn, StateColumn
 from rt_controller.contract.timing import PERIOD_S

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from toy_predictors import WithError, made_test_set, made_trajectories
 
-from offline.evaluation.metrics import score
-from offline.evaluation.state_units import state_units
-from offline.evaluation.trajectory_errors import SHARES, TrajectoryErrors
+from offline.evaluation.metrics import SHARES, TrajectoryErrors, score, state_units
 from rt_controller.contract.schema import VEHICLE
 
 
