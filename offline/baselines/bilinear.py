@@ -32,11 +32,10 @@ from offline.baselines.one_step import (
     pick_transitions,
     ridge_solution,
 )
-from offline.baselines.score import log_error, tuning_windows
+from offline.baselines.score import best_model
 from offline.data.dataset import Dataset
 from offline.data.signals import Scaling, fit_scaling, last_rows, past_names
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.model.bilinear import Bilinear
 from rt_controller.contract.model.bundle import Bundle, spectral_radius_of
 from rt_controller.contract.model.follow import Follow
@@ -161,27 +160,9 @@ def fit_bilinear(dataset: Dataset, settings: BilinearSettings) -> LiftedModel:
     """The model with the smallest validation score of all that the settings allow.
 
     Raises:
-        DatasetError: no model predicts finite numbers.
+        DatasetError: no model predicts finite numbers, or no dictionary is larger than the states.
     """
-    train, validation = dataset.select("train"), tuning_windows(dataset)
-    scaling = fit_scaling(train, dataset.schema, dataset.roles)
-    best_score, best = np.inf, None
-    for past_steps in settings.past_steps:
-        data = pick_transitions(train, dataset.schema, dataset.roles, past_steps, MOST_TRANSITIONS)
-        for dictionary in _dictionaries(settings, dataset, scaling, data, past_steps):
-            of = _moments(dictionary, data)
-            for ridge in settings.ridges:
-                model = LiftedModel(dictionary, _solve(dictionary, of, ridge), ridge)
-                score = log_error(model, validation)
-                if score < best_score:
-                    best_score, best = score, model
-    if best is None:
-        raise DatasetError(
-            f"expected a dictionary of monomials that predicts finite numbers over the validation "
-            f"part, found none among {settings.observables}. Leave out this baseline, or widen its "
-            f"ridges."
-        )
-    return best
+    return best_model(_models(dataset, settings), dataset)
 
 
 def to_bundle(name: str, model: LiftedModel, dataset: Dataset, sample: LiftSample) -> Bundle:
@@ -210,21 +191,21 @@ def to_bundle(name: str, model: LiftedModel, dataset: Dataset, sample: LiftSampl
     )
 
 
-def _dictionaries(
-    settings: BilinearSettings,
-    dataset: Dataset,
-    scaling: Scaling,
-    data: Transitions,
-    past_steps: int,
-) -> Iterator[Dictionary]:
-    """All dictionaries of these settings with so much past."""
-    without_monomials = Dictionary(np.zeros((0, 1), dtype=np.int64), scaling, past_steps)
-    others = without_monomials.first_monomial + 1
-    for size in settings.observables:
-        if size > others:
-            chosen = _choose_monomials(without_monomials, data, size - others)
+def _models(dataset: Dataset, settings: BilinearSettings) -> Iterator[LiftedModel]:
+    """One for each past, number of observables, choice of gains, and ridge."""
+    train, schema, roles = dataset.select("train"), dataset.schema, dataset.roles
+    scaling = fit_scaling(train, schema, roles)
+    for past_steps in settings.past_steps:
+        data = pick_transitions(train, schema, roles, past_steps, MOST_TRANSITIONS)
+        without_monomials = Dictionary(np.zeros((0, 1), dtype=np.int64), scaling, past_steps)
+        others = without_monomials.first_monomial + 1
+        for count in (size - others for size in settings.observables if size > others):
+            chosen = _choose_monomials(without_monomials, data, count)
             for gains in settings.gains:
-                yield chosen._replace(gains=_columns_of(gains, chosen, dataset))
+                dictionary = chosen._replace(gains=_columns_of(gains, chosen, dataset))
+                of = _moments(dictionary, data)
+                for ridge in settings.ridges:
+                    yield LiftedModel(dictionary, _solve(dictionary, of, ridge), ridge)
 
 
 def _columns_of(gains: Gains, dictionary: Dictionary, dataset: Dataset) -> tuple[int, ...]:

@@ -15,6 +15,7 @@ those with the smallest log error on the validation part.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -29,12 +30,10 @@ from offline.baselines.one_step import (
     ridge_solution,
 )
 from offline.baselines.road_path import Learned, path_states, split_path
-from offline.baselines.score import log_error, tuning_windows
+from offline.baselines.score import best_model
 from offline.data.dataset import Dataset
 from offline.data.signals import Roles, Scaling, fit_scaling, past_columns
-from offline.data.trajectories import Trajectories
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.model.follow import Follow
 from rt_controller.contract.schema import Schema
 from rt_controller.report.table import Fact
@@ -138,22 +137,7 @@ def fit_scheduled(dataset: Dataset, settings: ScheduledSettings) -> ScheduledMod
     Raises:
         DatasetError: no model predicts finite numbers.
     """
-    train, validation = dataset.select("train"), tuning_windows(dataset)
-    scaling = fit_scaling(train, dataset.schema, dataset.roles)
-    best_score, best = np.inf, None
-    for past_steps in settings.past_steps:
-        data = pick_transitions(train, dataset.schema, dataset.roles, past_steps, MOST_TRANSITIONS)
-        for structure in _structures(settings, dataset, train, scaling, past_steps):
-            for model in _models(structure, data, settings):
-                score = log_error(model, validation)
-                if score < best_score:
-                    best_score, best = score, model
-    if best is None:
-        raise DatasetError(
-            "expected a linear model that predicts finite numbers over the validation part, found "
-            "none. Leave out this baseline, or widen its ridges."
-        )
-    return best
+    return best_model(_models(dataset, settings), dataset)
 
 
 def _roll_out(model: ScheduledModel, x0: Array, past: Array, U: Array, W: Array) -> Array:
@@ -194,41 +178,33 @@ def _regressors(structure: Structure, past: Array, U: Array, W: Array) -> tuple[
     return rows[..., :states].reshape(batch, -1), np.concatenate([*before, *others], axis=-1)
 
 
-def _structures(
-    settings: ScheduledSettings,
-    dataset: Dataset,
-    train: Trajectories,
-    scaling: Scaling,
-    past_steps: int,
-) -> Iterator[Structure]:
-    """One for each number of knots; one knot if no state is centred or the speed is constant."""
-    schema, roles = dataset.schema, dataset.roles
-    structure = Structure(schema, roles, scaling, split_path(schema), past_steps)
-    speed = scaling.normalise_states(train.x[:, 0])[:, structure.speed]
-    first, last = np.quantile(speed, (0.01, 0.99))
-    for count in settings.knots if roles.centred and first < last else (1,):
-        yield structure._replace(knots=np.linspace(first, last, count))
+def _models(dataset: Dataset, settings: ScheduledSettings) -> Iterator[ScheduledModel]:
+    """One for each past, number of knots, ridge, and way to follow the speed.
+
+    There is one knot if no state is centred or the speed is constant.
+    """
+    train, schema, roles = dataset.select("train"), dataset.schema, dataset.roles
+    scaling, learned = fit_scaling(train, schema, roles), split_path(schema)
+    for past_steps in settings.past_steps:
+        data = pick_transitions(train, schema, roles, past_steps, MOST_TRANSITIONS)
+        structure = Structure(schema, roles, scaling, learned, past_steps)
+        speed = scaling.normalise_states(train.x[:, 0])[:, structure.speed]
+        first, last = np.quantile(speed, (0.01, 0.99))
+        for J in settings.knots if roles.centred and first < last else (1,):
+            structure = structure._replace(knots=np.linspace(first, last, J))
+            of = moments(data, partial(_regression, structure))
+            follows = settings.follows if J > 1 else settings.follows[:1]
+            for ridge in settings.ridges:
+                operator = ridge_solution(of, ridge).reshape(learned.states, J, -1)
+                theta = np.ascontiguousarray(operator.swapaxes(0, 1))
+                for each in follows:
+                    yield ScheduledModel(structure._replace(follows=each), theta, ridge)
 
 
-def _models(
-    structure: Structure, data: Transitions, settings: ScheduledSettings
-) -> Iterator[ScheduledModel]:
-    """One for each ridge and each way to follow the speed."""
-    n, J = structure.learned.states, len(structure.knots)
-    normalise = structure.scaling.normalise_states
-
-    def regression(part: Transitions) -> tuple[Array, Array]:
-        """phi_j z (M, J * r), and the change of the learned states (M, n)."""
-        x = normalise(part.x)[..., :n]
-        of_past, driven = _regressors(structure, part.past[:, 0], part.u[:, None], part.w[:, None])
-        z = np.concatenate([x[:, 0], of_past, driven[:, 0]], axis=1)
-        phi = hat_functions(x[:, 0, structure.speed], structure.knots)
-        return (phi[:, :, None] * z[:, None]).reshape(len(z), -1), x[:, 1] - x[:, 0]
-
-    of = moments(data, regression)
-    follows = settings.follows if J > 1 else settings.follows[:1]
-    for ridge in settings.ridges:
-        operator = ridge_solution(of, ridge)
-        theta = np.ascontiguousarray(operator.reshape(n, J, -1).swapaxes(0, 1))
-        for each in follows:
-            yield ScheduledModel(structure._replace(follows=each), theta, ridge)
+def _regression(structure: Structure, data: Transitions) -> tuple[Array, Array]:
+    """phi_j z (M, J * r) of M single steps, and the change of the learned states (M, n)."""
+    x = structure.scaling.normalise_states(data.x)[..., : structure.learned.states]
+    past, driven = _regressors(structure, data.past[:, 0], data.u[:, None], data.w[:, None])
+    z = np.concatenate([x[:, 0], past, driven[:, 0]], axis=1)
+    phi = hat_functions(x[:, 0, structure.speed], structure.knots)
+    return (phi[:, :, None] * z[:, None]).reshape(len(z), -1), x[:, 1] - x[:, 0]

@@ -85,7 +85,7 @@ def test_the_search_is_repeatable():
 
 
 def test_a_dictionary_smaller_than_the_states_is_refused():
-    with pytest.raises(DatasetError, match="monomials"):
+    with pytest.raises(DatasetError, match="found none"):
         fit_bilinear(drive(bilinear_step), settings_of(3))
 
 
