@@ -6,9 +6,9 @@ follows from them by kinematics; of other data all states are learned. The netwo
 in the inputs nor convex to plan with.
 
 The windows, their weights, mirror images and the log error are those of the recommended model. At
-the highest learning rate the network is trained until its validation error stops to improve, or
-most of its CPU time is used up; then a cosine takes the rate to zero. Muon (Jordan et al., 2024)
-updates the matrices, AdamW the vectors.
+the highest learning rate the network is trained until its validation error stops to improve, or its
+CPU time would not suffice for more; then a cosine takes the rate to zero. Muon (Jordan et al.,
+2024) updates the matrices, AdamW the vectors.
 """
 
 import math
@@ -205,7 +205,7 @@ def fit_network(dataset: Dataset, settings: Settings = Settings()) -> RecurrentM
     source = open_source(sampling, dataset, scaling)
     scores: list[float] = []
     step, end, is_flat = 0, settings.most_steps, False
-    latest_decay_s = time.process_time() + (1.0 - settings.decay) * settings.most_cpu_s
+    begin_s = looked_s = time.process_time()
     with _one_thread(), torch.random.fork_rng(devices=[]):
         torch.manual_seed(settings.seed)
         rng = torch.Generator().manual_seed(settings.seed)
@@ -230,11 +230,20 @@ def fit_network(dataset: Dataset, settings: Settings = Settings()) -> RecurrentM
                 if scores[-1] == min(scores):
                     best = deepcopy(model.network)
                 if step < begin_of_decay(end, settings):
+                    now_s = time.process_time()
+                    elapsed_s, interval_s, looked_s = now_s - begin_s, now_s - looked_s, now_s
                     is_flat = has_flattened(scores, settings)
-                    if is_flat or time.process_time() > latest_decay_s:
+                    if is_flat or is_late(step, elapsed_s, interval_s, settings):
                         end = round(step / (1.0 - settings.decay))
     training = Training(step, is_flat, _curve(scores, step, settings))
     return replace(model, network=best, training=training)
+
+
+def is_late(step: int, elapsed_s: float, interval_s: float, settings: Settings) -> bool:
+    """True if a decay after one more interval between evaluations would exceed the CPU time."""
+    next_step = step + settings.evaluate_every
+    ahead = settings.evaluate_every + next_step * settings.decay / (1.0 - settings.decay)
+    return elapsed_s + ahead * interval_s / settings.evaluate_every > settings.most_cpu_s
 
 
 def begin_of_decay(end: int, settings: Settings) -> int:

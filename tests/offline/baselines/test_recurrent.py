@@ -14,6 +14,7 @@ from offline.baselines.recurrent import (
     fit_network,
     has_flattened,
     horizon_of_step,
+    is_late,
     rate_at,
 )
 from offline.baselines.road_path import path_states
@@ -162,6 +163,13 @@ def test_training_without_cpu_time_left_ends_with_a_falling_rate_and_is_not_conv
     assert found.training.steps == 10  # the first look at the time is after 6 steps
     facts = {fact.name: fact.value for fact in found.fit_info()}
     assert facts["end of the training"] == "not converged"
+
+
+def test_the_rate_falls_so_early_that_the_cpu_time_is_kept():
+    """One second for 100 steps: of 1,000 steps in 10 s the last 400 have a falling rate."""
+    settings = Settings(evaluate_every=100, most_cpu_s=10.0, decay=0.4)
+    late = [is_late(step, step / 100.0, 1.0, settings) for step in (400, 500, 600)]
+    assert late == [False, False, True]
 
 
 def test_the_report_of_a_fit_has_steps_the_reason_of_the_end_and_the_curve(fitted):
