@@ -22,10 +22,7 @@ from rt_controller.terminal.command_line import run_command
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 SEVERAL = cyclopts.Parameter(consume_multiple=True, negative="")
-BASELINES = (
-    *("persistence", "constant-acceleration", "lti", "lti-horizon", "dmdc-delays"),
-    *("edmd-polynomial", "edmd-bilinear"),
-)
+BASELINES = ("persistence", "lti", "dmdc-delays-path", "edmd-bilinear")
 
 
 class Experiment(NamedTuple):

@@ -97,7 +97,7 @@ _OF_README = {
 _MOVING = {row.name for row in ROWS if not row.has_stop}
 _SETTLED = {row.name for row in ROWS if row.settled_s}
 _STOPS = {row.name for row in ROWS if row.has_stop}
-_SHORT = ("mdk-net", "bicycle", "mdk-net-paper", "lti-horizon")
+_SHORT = ("mdk-net", "edmd-bilinear", "mdk-net-paper", "lti")
 TABLES: dict[str, tuple[str, Callable[[Figures], str]]] = {
     "lane_changes": _drives(
         _lateral, _LANE_CHANGES.__contains__, [name for name in CONTROLLERS if name not in RIVALS]

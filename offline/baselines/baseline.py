@@ -1,8 +1,4 @@
-"""What a baseline consists of.
-
-The modules of the catalogue import it, so it imports neither the registry nor what simulates the
-data: the cache of fitted baselines depends on all that a baseline imports.
-"""
+"""What a baseline consists of, and the check of the arrays that it predicts from."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,6 +7,8 @@ from typing import Any, Literal, Protocol
 from offline.data.dataset import Dataset
 from offline.data.provenance import describe_training
 from offline.evaluation.predictor import Predictor
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.model.lift import LiftSample
 from rt_controller.report.table import Fact
@@ -29,21 +27,54 @@ class FittedBaseline(Predictor, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Baseline:
-    """How a baseline is made; each module of the catalogue has one as `BASELINE`."""
+    """How a baseline is made: a row of `offline.baselines.catalogue.CATALOGUE`."""
 
+    model_class: ModelClass
+    """an evaluation names the best linear baseline"""
     fit: Callable[[Dataset], FittedBaseline]
-    """fits to the training part, and chooses settings on the validation part"""
-    fit_short: Callable[[Dataset], FittedBaseline] | None = None
-    """the same with less training, where a fit takes long; None: a fit is short"""
-    find_objection: Callable[[Dataset], str | None] = lambda dataset: None
-    """why it cannot be fitted to these data, as the end of a sentence; None if it can"""
+    """fits to the training part, and chooses settings on the validation part; a function, or a
+    `functools.partial` of one with its settings"""
     to_bundle: Callable[[str, Any, Dataset, LiftSample], Bundle] | None = None
     """name, fitted baseline, data, self-test instants → bundle; None if no controller can use it"""
-    model_class: ModelClass = "other"
-    """an evaluation compares with the best linear and the best recurrent baseline"""
+    find_objection: Callable[[Dataset], str | None] = lambda dataset: None
+    """why it cannot be fitted to these data, as the end of a sentence; None if it can"""
 
 
 def describe_fit(name: str, baseline: FittedBaseline, dataset: Dataset) -> str:
     """The field `training` of the bundle of a fitted baseline, as JSON."""
     facts = {fact.name: fact.value for fact in baseline.fit_info()}
     return describe_training({"kind": name, **facts}, dataset.origin)
+
+
+def require_windows(
+    x0: Array,
+    past: Array,
+    U: Array,
+    W: Array,
+    signals: tuple[int, int, int],
+    past_signals: int = 0,
+    past_steps: int = 0,
+) -> None:
+    """Return if the arguments of `Predictor.predict` have the shapes that a baseline needs.
+
+    Args:
+        signals: number of states, inputs and exogenous signals that it was fitted to.
+        past_signals: signals in a row of the past; 0 if the past is not used.
+        past_steps: rows of the past that are needed at least.
+
+    Raises:
+        DatasetError: a shape does not fit the baseline or the other arrays.
+    """
+    n, m, p = signals
+    batch, steps = len(x0), U.shape[1] if U.ndim > 1 else 0
+    is_past = past.ndim == 3 and len(past) == batch and past.shape[1] >= past_steps
+    windows = ((batch, n), (batch, steps, m), (batch, steps, p))
+    if (x0.shape, U.shape, W.shape) != windows or not (
+        is_past and past_signals in (0, past.shape[2])
+    ):
+        raise DatasetError(
+            f"expected x0 (batch, {n}), past (batch, {past_steps} or more, "
+            f"{past_signals or 'any'}), U (batch, K, {m}) and W (batch, K, {p}), found "
+            f"{x0.shape}, {past.shape}, {U.shape} and {W.shape}. Predict on windows of the "
+            f"signals that the baseline was fitted to."
+        )

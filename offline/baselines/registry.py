@@ -1,17 +1,14 @@
-"""Baselines by name: found, fitted, and kept in a cache once fitted.
+"""Baselines by name: found, fitted, and kept in a cache once fitted."""
 
-The baselines are the modules in `offline.baselines.catalogue`; a module, with all that it imports,
-is imported only when its baseline is used.
-"""
-
-import pkgutil
+import hashlib
 import time
-from importlib import import_module
+from functools import cache as remember
+from importlib.metadata import version
+from pathlib import Path
 from typing import NamedTuple
 
-from offline.baselines import catalogue
 from offline.baselines.baseline import Baseline, FittedBaseline
-from offline.baselines.code_digest import digest_of_code
+from offline.baselines.catalogue import CATALOGUE
 from offline.data.cache import cache
 from offline.data.dataset import Dataset
 from rt_controller.contract.errors import ConfigError, DatasetError
@@ -26,9 +23,8 @@ class Fitted(NamedTuple):
 
 
 def names() -> tuple[str, ...]:
-    """Names of all baselines in alphabetical order; no baseline is imported."""
-    modules = pkgutil.iter_modules(catalogue.__path__)
-    return tuple(sorted(module.name.replace("_", "-") for module in modules))
+    """Names of all baselines in alphabetical order."""
+    return tuple(sorted(CATALOGUE))
 
 
 def find_baseline(name: str) -> Baseline:
@@ -37,17 +33,16 @@ def find_baseline(name: str) -> Baseline:
     Raises:
         ConfigError: there is none.
     """
-    if name not in names():
+    if name not in CATALOGUE:
         raise ConfigError(f"baseline: expected one of {', '.join(names())}, found {name!r}.")
-    baseline: Baseline = import_module(_module_of(name)).BASELINE
-    return baseline
+    return CATALOGUE[name]
 
 
-def fit(name: str, dataset: Dataset, is_short: bool = False) -> Fitted:
-    """The baseline fitted to these data, from the cache if data and code are unchanged.
+def fit(name: str, dataset: Dataset) -> Fitted:
+    """The baseline fitted to these data, from the cache if it was fitted to them before.
 
-    A file of the cache that cannot be read is replaced by a new fit. With `is_short`, a baseline
-    whose fit takes long is trained less.
+    A fit of the cache counts for its data, its settings, the version of this package, and the
+    files of this folder. A file of the cache that cannot be read is replaced by a new fit.
 
     Raises:
         ConfigError: there is no such baseline, or the folder cannot be written.
@@ -70,20 +65,24 @@ def fit(name: str, dataset: Dataset, is_short: bool = False) -> Fitted:
             f"{folder}: expected a folder for fitted baselines, found: {error.strerror}. Set "
             f"XDG_CACHE_HOME to a folder that can be written."
         ) from error
-    is_short = is_short and baseline.fit_short is not None
-    digest = digest_of_code(_module_of(name))
-    fitted: Fitted = cached(name, dataset.sha256, digest, is_short, dataset)
+    settings = repr(getattr(baseline.fit, "keywords", ""))
+    fitted: Fitted = cached(name, dataset.sha256, settings, _code_version(), dataset)
     return fitted
 
 
-def _fit(name: str, data_sha256: str, code_digest: str, is_short: bool, dataset: Dataset) -> Fitted:
+def _fit(name: str, data_sha256: str, settings: str, code: str, dataset: Dataset) -> Fitted:
     """The key of the cache is all arguments but the last."""
-    baseline = find_baseline(name)
-    chosen = baseline.fit_short if is_short and baseline.fit_short else baseline.fit
     begin = time.process_time()
-    fitted = chosen(dataset)
+    fitted = find_baseline(name).fit(dataset)
     return Fitted(fitted, time.process_time() - begin)
 
 
-def _module_of(name: str) -> str:
-    return f"{catalogue.__name__}.{name.replace('-', '_')}"
+@remember
+def _code_version() -> str:
+    """Version of the package and digest of the files of this folder.
+
+    The catalogue does not count, so that a new row leaves the other fits in the cache.
+    """
+    files = sorted(Path(__file__).parent.glob("*.py"))
+    source = b"".join(file.read_bytes() for file in files if file.stem != "catalogue")
+    return f"{version('rt-controller')} {hashlib.sha256(source).hexdigest()}"

@@ -34,14 +34,9 @@ def split_path(schema: Schema) -> Learned:
     columns = range(len(schema.exogenous))
     (name,) = VEHICLE.exogenous_names
     if schema.state_names != VEHICLE.state_names or name not in schema.exogenous_names:
-        return learn_all(schema)
+        return Learned(len(schema.states), tuple(columns), None)
     curvature = schema.exogenous_names.index(name)
     return Learned(MOTION.stop, tuple(i for i in columns if i != curvature), curvature)
-
-
-def learn_all(schema: Schema) -> Learned:
-    """All states are learned, those of the path too."""
-    return Learned(len(schema.states), tuple(range(len(schema.exogenous))), None)
 
 
 def path_states(numerics: ModuleType, motion: Any, x0: Any, kappa: Any, dt_s: float) -> Any:

@@ -5,41 +5,57 @@ error counts the same in every state, and differences of the score are logarithm
 mean ratio that models are compared by.
 """
 
+from collections.abc import Iterable
+from typing import TypeVar
+
 import numpy as np
-from numpy.typing import NDArray
 
 from offline.data.dataset import Dataset
 from offline.data.trajectories import Trajectories
 from offline.evaluation.predictor import Predictor, prediction_errors
-from rt_controller.contract.arrays import Array
+from rt_controller.contract.errors import DatasetError
+
+Model = TypeVar("Model", bound=Predictor)
 
 _SMALLEST_SHARE = 1e-15
 """of the variance, added to the error so that the logarithm is finite"""
 
 
 def log_error(predictor: Predictor, windows: Trajectories) -> float:
-    """Mean log error of the states over steps 1..K; infinite if a prediction is not finite."""
-    errors = prediction_errors(predictor, windows)
-    return log_mean_square(errors, variances(windows.x), _SMALLEST_SHARE)
+    """Mean log error of the states over steps 1..K; infinite if a prediction is not finite.
 
-
-def log_mean_square(errors: Array, unit: Array | float = 1.0, added: float = 0.0) -> float:
-    """Mean over the states of log(mean square / unit + added) of errors (N, K, n).
-
-    Infinite if an error is not finite.
+    A state that is constant counts with variance 1.
     """
+    errors = prediction_errors(predictor, windows)
+    x = windows.x.reshape(-1, windows.x.shape[-1]).astype(np.float64)
+    variance = x.var(axis=0)
     with np.errstate(over="ignore", invalid="ignore"):
-        squares = np.square(errors).mean(axis=(0, 1)) / unit
-    return float(np.log(squares + added).mean()) if np.all(np.isfinite(squares)) else np.inf
-
-
-def variances(x: NDArray[np.floating]) -> Array:
-    """(n,) variance of each state over windows (N, K+1, n); 1 for a constant state."""
-    found = x.reshape(-1, x.shape[-1]).astype(np.float64).var(axis=0)
-    return np.where(found > 0.0, found, 1.0)
+        squares = np.square(errors).mean(axis=(0, 1)) / np.where(variance > 0.0, variance, 1.0)
+    finite = np.all(np.isfinite(squares))
+    return float(np.log(squares + _SMALLEST_SHARE).mean()) if finite else np.inf
 
 
 def tuning_windows(dataset: Dataset, most: int = 1_200) -> Trajectories:
     """At most `most` windows of the validation part, evenly spread over it."""
     windows = dataset.select("validation")
     return windows.take(slice(None, None, -(-len(windows.episode) // most) or 1))
+
+
+def best_model(models: Iterable[Model], dataset: Dataset) -> Model:
+    """The first of the fitted models with the smallest log error on the validation part.
+
+    Raises:
+        DatasetError: no model predicts finite numbers.
+    """
+    validation = tuning_windows(dataset)
+    smallest, best = np.inf, None
+    for model in models:
+        score = log_error(model, validation)
+        if score < smallest:
+            smallest, best = score, model
+    if best is None:
+        raise DatasetError(
+            "expected a model that predicts finite numbers over the validation part, found none "
+            "among the settings of this baseline. Leave it out, or give it other settings."
+        )
+    return best

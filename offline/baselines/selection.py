@@ -1,6 +1,6 @@
 """Baselines of an evaluation: those of the registry, and the paper's network that ships."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from offline.baselines import registry
 from offline.data.dataset import Dataset
@@ -21,11 +21,10 @@ SHIPPED = "mdk-net-paper"
 PLAIN_BASELINES = ("lti", "lti-per-curvature", "persistence")
 DEFAULT_BASELINES = (
     *PLAIN_BASELINES,
-    *("dmdc-delays-path", "lti-scheduled", "lti-scheduled-delays"),
+    *("dmdc-delays-path", "lti-scheduled-delays"),
     SHIPPED,
 )
-"""the linear ones that take seconds to fit, the best of them included; persistence; the paper's
-network"""
+"""those that take seconds to fit: linear ones, persistence, and the paper's network, which ships"""
 
 ALL, NONE = "all", "none"
 
@@ -60,10 +59,9 @@ def open_baselines(
     models: Sequence[Bundle],
     is_required: bool,
     notify: Callable[[str], None] = lambda text: None,
-    is_short: bool = False,
     on_progress: Callable[[str], None] = lambda name: None,
 ) -> dict[str, Predictor]:
-    """The baselines by name, fitted now or taken from the cache; `is_short` as of `registry.fit`.
+    """The baselines by name, fitted now or taken from the cache.
 
     `on_progress` is called with the name of each before it is fitted.
     One that these data or models do not allow is left out, and `notify` gets the reason.
@@ -83,16 +81,19 @@ def open_baselines(
     for name in names:
         if objections[name] is None:
             on_progress(name)
-            opened[name] = _open(name, dataset, is_short)
+            opened[name] = _open(name, dataset)
     return opened
 
 
 def table_of_classes(names: Iterable[str]) -> dict[str, str]:
-    """Class of each of these baselines, as `Baseline.model_class`."""
-    return {
-        name: "other" if name == SHIPPED else registry.find_baseline(name).model_class
-        for name in names
-    }
+    """Class of those of these baselines that are linear or recurrent."""
+    found = {name: registry.find_baseline(name).model_class for name in names if name != SHIPPED}
+    return {name: each for name, each in found.items() if each != "other"}
+
+
+def not_converged(opened: Mapping[str, Predictor]) -> tuple[str, ...]:
+    """Names of those whose training ended before their validation error was flat."""
+    return tuple(name for name, model in opened.items() if not getattr(model, "is_converged", True))
 
 
 def compare_with_plain_baselines(bundle: Bundle, dataset: Dataset) -> Comparison:
@@ -106,18 +107,18 @@ def compare_with_plain_baselines(bundle: Bundle, dataset: Dataset) -> Comparison
     return compare_models(models, baselines, [library_set(dataset)], dataset.schema)
 
 
-def baseline_facts(name: str, dataset: Dataset, is_short: bool = False) -> list[Fact]:
+def baseline_facts(name: str, dataset: Dataset) -> list[Fact]:
     """What is to be reported of a baseline that was opened."""
     if name == SHIPPED:
         return identity_facts(load_bundle(shipped_model(SHIPPED)))
-    fitted = registry.fit(name, dataset, is_short)
+    fitted = registry.fit(name, dataset)
     return [*fitted.baseline.fit_info(), Fact("CPU time of the fit", f"{fitted.fit_cpu_s:.3g} s")]
 
 
-def _open(name: str, dataset: Dataset, is_short: bool) -> Predictor:
+def _open(name: str, dataset: Dataset) -> Predictor:
     if name == SHIPPED:
         return BundlePredictor(load_bundle(shipped_model(SHIPPED)))
-    return registry.fit(name, dataset, is_short).baseline
+    return registry.fit(name, dataset).baseline
 
 
 def _find_objection(name: str, dataset: Dataset, models: Sequence[Bundle]) -> str | None:

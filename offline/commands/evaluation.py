@@ -5,7 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from offline.baselines.selection import ALL, choose_baselines, open_baselines, table_of_classes
+from offline.baselines.selection import (
+    ALL,
+    choose_baselines,
+    not_converged,
+    open_baselines,
+    table_of_classes,
+)
 from offline.commands.options import LATEST_RUN, EvaluationOptions
 from offline.commands.terminal import STDERR, STDOUT
 from offline.data.code_identity import source_revision
@@ -14,20 +20,20 @@ from offline.data.manifest import Simulated
 from offline.evaluation.comparison import Comparison, compare_models
 from offline.evaluation.figures import comparison_figures
 from offline.evaluation.held_out import choose_test_data, find_objection
-from offline.evaluation.measurement_noise import choose_levels, noisy_set
 from offline.evaluation.predictor import Predictor
 from offline.evaluation.series import make_series
-from offline.evaluation.simulated_sets import SIMULATED, open_simulated_set
-from offline.evaluation.straight_braking import straight_braking_set
+from offline.evaluation.simulated_sets import SIMULATED, open_simulated_set, straight_braking_set
 from offline.evaluation.tables import comparison_tables, set_size
 from offline.evaluation.test_sets import (
     BRAKING,
     NEW_ROADS,
     NOISE,
     TestSet,
+    choose_levels,
     choose_sets,
     library_set,
     new_roads_set,
+    noisy_set,
 )
 from offline.model.bundle_predictor import BundlePredictor
 from rt_controller.contract.errors import ConfigError
@@ -90,7 +96,6 @@ def run_evaluation(options: EvaluationOptions) -> Evaluation:
             bundles,
             is_required,
             _notify,
-            options.short_fits,
             lambda name: status.update(f"fitting {name}"),
         )
     names = label_models(folders, taken=opened)
@@ -102,6 +107,7 @@ def run_evaluation(options: EvaluationOptions) -> Evaluation:
             tests,
             dataset.schema,
             classes=table_of_classes(opened),
+            not_converged=not_converged(opened),
             series=make_series(tests, dataset.schema),
             on_progress=lambda model, test: status.update(f"evaluating {model} on {test}"),
         )

@@ -79,10 +79,3 @@ class EvaluationOptions:
             "0.02 m and 0.1 deg; default: 1 3",
         ),
     ] = None
-    short_fits: Annotated[
-        bool,
-        Parameter(
-            negative="",
-            help="train the networks among the baselines for minutes only; their errors are larger",
-        ),
-    ] = False

@@ -34,7 +34,7 @@ def write_report(output: Path, options: EvaluationOptions) -> dict[str, Any]:
     require_writable(output, "--output")
     evaluation = run_evaluation(options)
     with STDERR.status("drawing"):
-        text = render_page(_page(evaluation, options.short_fits))
+        text = render_page(_page(evaluation))
     try:
         write_text(output, text)
     except OSError as error:
@@ -46,11 +46,11 @@ def write_report(output: Path, options: EvaluationOptions) -> dict[str, Any]:
     return evaluation_figures(evaluation)
 
 
-def _page(evaluation: Evaluation, has_short_fits: bool) -> Page:
+def _page(evaluation: Evaluation) -> Page:
     comparison, dataset = evaluation.comparison, evaluation.dataset
     models = zip(comparison.models, evaluation.bundles, strict=True)
     sources = [facts_table(_facts_of_model(bundle), name) for name, bundle in models]
-    found = {name: baseline_facts(name, dataset, has_short_fits) for name in comparison.baselines}
+    found = {name: baseline_facts(name, dataset) for name in comparison.baselines}
     if found:
         lines = (
             Fact(name, "; ".join(f"{fact.name} {fact.value}" for fact in facts))

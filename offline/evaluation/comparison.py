@@ -1,18 +1,25 @@
 """Models compared with baselines on all test sets; tables, plots and JSON are made from it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from offline.evaluation.metrics import Scores, score
+from offline.evaluation.metrics import (
+    SHARES,
+    Ratio,
+    Scores,
+    StateUnit,
+    TrajectoryErrors,
+    geometric_mean,
+    ratio_of,
+    score,
+    state_units,
+)
 from offline.evaluation.predictor import Predictor
-from offline.evaluation.ratio import Ratio, geometric_mean, ratio_of
 from offline.evaluation.series import Series
-from offline.evaluation.state_units import StateUnit, state_units
 from offline.evaluation.test_sets import LIBRARY, TestSet
-from offline.evaluation.trajectory_errors import SHARES, TrajectoryErrors
 from rt_controller.contract.schema import Schema
 
 FAIR_LTI = "fair lti"
@@ -20,9 +27,11 @@ FAIR_LTI = "fair lti"
 
 LTI_BASELINES = ("lti", "lti-per-curvature")
 
-LINEAR, RECURRENT = "linear", "recurrent"
-CLASSES = (LINEAR, RECURRENT)
-"""classes of baselines whose best one is named for each set and slice"""
+LINEAR = "linear"
+"""class of the baselines whose best one is named for each set and slice"""
+
+ErrorsByName = Mapping[str, TrajectoryErrors]
+"""of models and baselines on the same trajectories"""
 
 
 class ScoredSlice(NamedTuple):
@@ -31,8 +40,7 @@ class ScoredSlice(NamedTuple):
     label: str
     of: str
     """name of the test set"""
-    errors: Mapping[str, TrajectoryErrors]
-    """by model or baseline"""
+    errors: ErrorsByName
 
     @property
     def n_trajectories(self) -> int:
@@ -60,7 +68,9 @@ class Comparison:
     """names of the evaluated models"""
     baselines: tuple[str, ...]
     classes: Mapping[str, str]
-    """class of each baseline that has one of `CLASSES`"""
+    """of the baselines that have one, as `Baseline.model_class`"""
+    not_converged: tuple[str, ...]
+    """baselines whose training ended before their validation error was flat"""
     sets: tuple[TestSet, ...]
     """the library first"""
     scores: Mapping[str, Mapping[str, Scores]]
@@ -90,63 +100,56 @@ class Comparison:
         """Errors by model and baseline on a whole test set."""
         return {model: scores.by_trajectory for model, scores in self.scores[name].items()}
 
-    def ratios_to_baselines(self, model: str, on: str = LIBRARY) -> dict[str, Ratio]:
-        """By baseline: its mean errors over those of the model, so above 1 the model is better.
+    def ratios(self, model: str, errors: ErrorsByName) -> dict[str, Ratio]:
+        """By baseline: its mean errors over those of the model, so above 1 the model is better."""
+        own = errors[model].mean_draws
+        return {
+            name: ratio_of(errors[name].mean_draws, own, self.columns) for name in self.baselines
+        }
 
-        The fair LTI comes first if there are both linear models; it is chosen anew in every draw.
+    def ratios_to_baselines(self, model: str, on: str = LIBRARY) -> dict[str, Ratio]:
+        """`ratios` on a whole test set, and first that of the fair LTI if there are both of its.
+
+        The better linear model of a state is chosen anew in every draw.
         """
         errors = self.errors_on(on)
-        draws = {name: errors[name].mean_draws for name in self.baselines}
-        linear = [draws[name] for name in LTI_BASELINES if name in draws]
-        if len(linear) > 1:
-            draws = {FAIR_LTI: np.min(linear, axis=0), **draws}
-        own = errors[model].mean_draws
-        return {name: ratio_of(above, own, self.columns) for name, above in draws.items()}
+        linear = [errors[name].mean_draws for name in LTI_BASELINES if name in self.baselines]
+        found = self.ratios(model, errors)
+        if len(linear) < len(LTI_BASELINES):
+            return found
+        fair = ratio_of(np.min(linear, axis=0), errors[model].mean_draws, self.columns)
+        return {FAIR_LTI: fair, **found}
 
-    def ratios_of_quantiles(self, model: str, on: str = LIBRARY) -> dict[float, dict[str, Ratio]]:
+    def ratios_of_quantiles(self, model: str) -> dict[float, dict[str, Ratio]]:
         """By share of `SHARES` and baseline: quantiles of its errors over those of the model."""
-        errors = self.errors_on(on)
+        draws = {name: errors.quantile_draws for name, errors in self.errors_on(LIBRARY).items()}
         return {
             share: {
-                name: ratio_of(
-                    errors[name].quantile_draws[:, s], errors[model].quantile_draws[:, s],
-                    self.columns,
-                )
+                name: ratio_of(draws[name][:, s], draws[model][:, s], self.columns)
                 for name in self.baselines
             }
             for s, share in enumerate(SHARES)
-        }  # fmt: skip
+        }
 
-    def ratio_to_library(self, model: str, on: str) -> Ratio:
-        """Errors of the model on another set over its errors on the library."""
-        return self.growth(model, self.scores[on][model].by_trajectory)
-
-    def growth(self, model: str, errors: TrajectoryErrors) -> Ratio:
-        """Mean errors of the model over those on the library."""
-        own = self.library[model].by_trajectory.mean_draws
+    def growth(self, name: str, errors: TrajectoryErrors) -> Ratio:
+        """Mean errors of a model or baseline over its own on the library."""
+        own = self.library[name].by_trajectory.mean_draws
         return ratio_of(errors.mean_draws, own, self.columns)
 
-    def ratio_to(self, model: str, baseline: str, errors: Mapping[str, TrajectoryErrors]) -> Ratio:
-        """Mean errors of a baseline over those of the model, given the errors by name."""
-        return ratio_of(errors[baseline].mean_draws, errors[model].mean_draws, self.columns)
+    def ratio_to_library(self, name: str, on: str) -> Ratio:
+        """Errors of a model or baseline on another set over its own on the library."""
+        return self.growth(name, self.scores[on][name].by_trajectory)
 
-    @property
-    def known_classes(self) -> tuple[str, ...]:
-        """Those of `CLASSES` that one of the baselines has."""
-        return tuple(each for each in CLASSES if each in self.classes.values())
+    def best_linear(self, errors: ErrorsByName) -> str | None:
+        """The linear baseline with the smallest geometric mean over the states of its mean errors.
 
-    def best_baselines(self, errors: Mapping[str, TrajectoryErrors]) -> dict[str, str]:
-        """By class of `CLASSES`: the baseline with the smallest geometric mean of its mean errors.
-
-        A class without a baseline is left out.
+        None if there is none.
         """
-        return {
-            each: min(
-                (name for name in self.baselines if self.classes.get(name) == each),
-                key=lambda name: _pooled(errors[name]),
-            )
-            for each in self.known_classes
-        }
+        return min(
+            (name for name in self.baselines if self.classes.get(name) == LINEAR),
+            key=lambda name: float(geometric_mean(errors[name].mean_draws[0])),
+            default=None,
+        )
 
 
 def compare_models(
@@ -156,6 +159,7 @@ def compare_models(
     schema: Schema,
     *,
     classes: Mapping[str, str] | None = None,
+    not_converged: Collection[str] = (),
     series: Sequence[Series] = (),
     on_progress: Callable[[str, str], None] = lambda model, test: None,
 ) -> Comparison:
@@ -167,6 +171,7 @@ def compare_models(
         sets: the test sets, the library first.
         schema: of their signals.
         classes: class of baselines by name, as `Baseline.model_class`.
+        not_converged: as in `Comparison`.
         series: slices of these sets.
         on_progress: called with the name of the model and of the set before each evaluation.
     """
@@ -176,34 +181,26 @@ def compare_models(
         for name, model in {**models, **baselines}.items():
             on_progress(name, test.name)
             scores[test.name][name] = score(model, test, columns)
+
+    def errors_on(of: str, rows: np.ndarray) -> ErrorsByName:
+        return {name: each.by_trajectory.take(rows) for name, each in scores[of].items()}
+
     return Comparison(
         columns=columns,
         dt_s=schema.dt_s,
         models=tuple(models),
         baselines=tuple(baselines),
-        classes={
-            name: found
-            for name, found in (classes or {}).items()
-            if name in baselines and found in CLASSES
-        },
+        classes=dict(classes or {}),
+        not_converged=tuple(not_converged),
         sets=tuple(sets),
         scores=scores,
-        series=tuple(_score_slices(each, scores) for each in series),
+        series=tuple(
+            ScoredSeries(
+                each,
+                tuple(
+                    ScoredSlice(label, of, errors_on(of, rows)) for label, of, rows in each.slices
+                ),
+            )
+            for each in series
+        ),
     )
-
-
-def _score_slices(series: Series, scores: Mapping[str, Mapping[str, Scores]]) -> ScoredSeries:
-    slices = (
-        ScoredSlice(
-            part.label,
-            part.of,
-            {name: each.by_trajectory.take(part.rows) for name, each in scores[part.of].items()},
-        )
-        for part in series.slices
-    )
-    return ScoredSeries(series, tuple(slices))
-
-
-def _pooled(errors: TrajectoryErrors) -> float:
-    """Geometric mean over the states of the mean errors."""
-    return float(geometric_mean(errors.mean_draws[0]))

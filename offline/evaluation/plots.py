@@ -9,10 +9,8 @@ from matplotlib.figure import Figure
 from offline.evaluation.bootstrap import Estimate
 from offline.evaluation.comparison import Comparison
 from offline.evaluation.lane_change import LaneChange
-from offline.evaluation.ratio import ratio_of
-from offline.evaluation.state_units import state_units
+from offline.evaluation.metrics import SHARES, ratio_of, state_units
 from offline.evaluation.test_sets import LIBRARY, NEW_ROADS
-from offline.evaluation.trajectory_errors import SHARES
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.schema import VEHICLE
 from rt_controller.contract.signals import InputColumn, StateColumn
@@ -99,23 +97,22 @@ def ratio_bars(comparison: Comparison, model: str) -> Figure:
 
 
 def errors_by_condition(comparison: Comparison) -> Figure:
-    """Pooled errors over each series, of the models and the best baseline of each class.
+    """Pooled errors over each series, of the models and the best linear baseline.
 
     An error is the geometric mean over the states of the mean squared error over that of the first
     model on the library; bars are intervals.
     """
     drawn = [each for each in comparison.series if each.series.is_ordered]
     unit = comparison.library[comparison.models[0]].by_trajectory.mean_draws
-    kinds = {f"best {kind}": kind for kind in comparison.known_classes}
-    styles = line_styles(comparison.models, tuple(kinds))
+    styles = line_styles(comparison.models, ("best linear",))
     rows = -(-len(drawn) // 2)
     figure, panels = empty_figure(rows, 2, 0.6 + 2.4 * rows)
     for axes, (series, slices) in zip(panels, drawn, strict=False):
-        best = [comparison.best_baselines(part.errors) for part in slices]
         curves = {name: [part.errors[name] for part in slices] for name in comparison.models}
-        for label, kind in kinds.items():
-            curves[label] = [
-                part.errors[names[kind]] for part, names in zip(slices, best, strict=True)
+        best = [comparison.best_linear(part.errors) for part in slices]
+        if None not in best:
+            curves["best linear"] = [
+                part.errors[str(name)] for part, name in zip(slices, best, strict=True)
             ]
         for label, errors in curves.items():
             means = [

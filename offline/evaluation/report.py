@@ -6,21 +6,18 @@ from offline.evaluation import plots
 from offline.evaluation.bootstrap import CONFIDENCE, RESAMPLES, SEED
 from offline.evaluation.comparison import FAIR_LTI, LTI_BASELINES, Comparison
 from offline.evaluation.lane_change import LaneChange
-from offline.evaluation.ratio import PROGRESS, Ratio
+from offline.evaluation.metrics import PROGRESS, Ratio
 from offline.evaluation.tables import (
     TABLES_OF_RATIOS,
+    error_tables,
     interval_cell,
     library_ratio_table,
-    median_table,
-    mse_table,
     quantile_ratio_table,
     quantile_table,
     ratio_table,
-    rms_table,
     road_tables,
     series_tables,
     set_size,
-    worst_table,
 )
 from offline.evaluation.test_sets import LIBRARY, NEW_ROADS, ROBUSTNESS
 from rt_controller.contract.arrays import Array
@@ -82,7 +79,7 @@ def _introduction(comparison: Comparison) -> tuple[Part, ...]:
 def _main_results(comparison: Comparison) -> list[str]:
     """A sentence for each model and question."""
     lines = []
-    best = comparison.best_baselines(comparison.errors_on(LIBRARY))
+    best = comparison.best_linear(comparison.errors_on(LIBRARY))
     for model in comparison.models:
         ratios = comparison.ratios_to_baselines(model)
         medians = comparison.ratios_of_quantiles(model)[0.5]
@@ -92,11 +89,11 @@ def _main_results(comparison: Comparison) -> list[str]:
                 f"{' and '.join(LTI_BASELINES)} in each state is "
                 f"{_means(comparison, ratios[FAIR_LTI], f'that of {model}')}."
             )
-        for kind, name in best.items():
+        if best is not None:
             lines.append(
-                f"On the {LIBRARY}, the mean squared error of {name}, the best {kind} baseline, is "
-                f"{_means(comparison, ratios[name], f'that of {model}')}; in the median over the "
-                f"trajectories it is {_means(comparison, medians[name], f'that of {model}')}."
+                f"On the {LIBRARY}, the mean squared error of {best}, the best linear baseline, is "
+                f"{_means(comparison, ratios[best], f'that of {model}')}; in the median over the "
+                f"trajectories it is {_means(comparison, medians[best], f'that of {model}')}."
             )
         for test in filter(None, map(comparison.find_set, TABLES_OF_RATIOS)):
             ratio = comparison.ratio_to_library(model, test.name)
@@ -122,21 +119,14 @@ def _means(comparison: Comparison, ratio: Ratio, of: str) -> str:
 
 
 def _errors(comparison: Comparison) -> Section:
-    library = comparison.sets[0]
     text = (
         "Mean squared errors in squared units, as in the paper's Table I, and their roots. "
         f"Intervals: {100 * CONFIDENCE:g} %, from {RESAMPLES} bootstrap resamples of whole "
         "episodes, because trajectories of one episode are not independent."
     )
-    roads = tuple(road_tables(comparison, library))
-    tables = (
-        mse_table(comparison, library),
-        rms_table(comparison, library),
-        median_table(comparison, library),
-        worst_table(comparison, library),
-    )
+    roads = tuple(road_tables(comparison))
     details = (Details("By curvature", roads),) if roads else ()
-    return Section("Errors", (text, *tables, *details))
+    return Section("Errors", (text, *error_tables(comparison), *details))
 
 
 def _ratios(comparison: Comparison) -> Section:
@@ -155,16 +145,16 @@ def _ratios(comparison: Comparison) -> Section:
         bars = plots.ratio_bars(comparison, model)
         parts.append(Plot(bars, f"Errors of the baselines over {model}."))
         parts.append(ratio_table(comparison, model, comparison.sets[0]))
-        parts.append(quantile_ratio_table(comparison, model, comparison.sets[0]))
+        parts.append(quantile_ratio_table(comparison, model))
     return Section("Comparison with baselines", tuple(parts))
 
 
 def _conditions(comparison: Comparison) -> Section:
     text = (
         "Errors on parts of the test sets: which part, how many trajectories and episodes, the "
-        "best linear and the best recurrent of the evaluated baselines there, and how much the "
-        "error of the model grows. The best baseline of a class has the smallest geometric mean "
-        "of its mean squared errors; it is chosen for each part."
+        "best linear of the evaluated baselines there, and how much the error of the model grows. "
+        "The best baseline has the smallest geometric mean of its mean squared errors; it is "
+        "chosen for each part."
     )
     parts: list[Part] = [text]
     if any(each.series.is_ordered for each in comparison.series):

@@ -3,16 +3,17 @@
 - library: slices of the test episodes, 480 for each curvature that models may be trained on;
 - new-roads: the same drives on curvatures that the library leaves out. The road does not act on
   the car, so another road can be laid under a drive exactly (`offline.data.road_frame`);
-- noise: the library with noise on what the models hear (`offline.evaluation.measurement_noise`);
-- braking: straight stops (`offline.evaluation.straight_braking`);
-- robustness, varied, sliding, fast, friction, mass: simulated with other cars, roads or drivers
-  (`offline.evaluation.simulated_sets`).
+- noise: the library with noise on what a model hears, the first state and the states of the past.
+  The states that a prediction is compared with, the inputs and the curvature have none. The draws
+  are seeded, the same for all models, and those of another level are the same times its factor;
+- robustness, varied, sliding, fast, friction, mass, braking: simulated with other cars, roads or
+  drivers (`offline.evaluation.simulated_sets`).
 
 Paper: section IV, 2,400 open-loop test trajectories.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +21,12 @@ from numpy.typing import NDArray
 from offline.data.dataset import Dataset
 from offline.data.manifest import Imported, Origin
 from offline.data.recording import Starts, cut
+from offline.data.sensor_noise import STANDARD_DEVIATIONS, noise_matrix
+from offline.data.signals import Roles, past_names
 from offline.data.trajectories import Trajectories
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.contract.schema import Schema
 
 LIBRARY, NEW_ROADS, ROBUSTNESS, VARIED = "library", "new-roads", "robustness", "varied"
 NOISE, SLIDING, FAST, BRAKING = "noise", "sliding", "fast", "braking"
@@ -39,6 +43,10 @@ TRAJECTORIES_PER_CURVATURE = 480
 
 NEW_CURVATURES_PER_M = (-1e-3, 1e-3, 3e-3)
 """within the range of the library's curvatures, but not among them"""
+
+DEFAULT_LEVELS = (1.0, 3.0)
+LARGEST_LEVEL = 100.0
+NOISE_SEED = 48
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +130,44 @@ def new_roads_set(
     starts = starts.take(np.tile(np.arange(count), len(curvatures)))
     anchor = starts.anchor and starts.anchor._replace(curvature_per_m=np.repeat(curvatures, count))
     return cut_set(dataset, NEW_ROADS, description, starts._replace(anchor=anchor))
+
+
+def choose_levels(levels: Sequence[float] | None) -> tuple[float, ...]:
+    """These levels in ascending order, each once; `DEFAULT_LEVELS` if there are none.
+
+    Raises:
+        ConfigError: a level is not a number between 0 and 100.
+    """
+    for level in levels or ():
+        if not 0.0 < level <= LARGEST_LEVEL:
+            raise ConfigError(
+                f"--noise: expected factors above 0 and up to {LARGEST_LEVEL:g}, 1 for a standard "
+                f"deviation of {STANDARD_DEVIATIONS['vx_mps']:g} m/s, found {level:g}."
+            )
+    return tuple(sorted(set(levels or DEFAULT_LEVELS)))
+
+
+def noisy_set(library: TestSet, level: float, schema: Schema, roles: Roles) -> TestSet | None:
+    """The library with noise of that level; None if no state has one."""
+    heard = past_names(schema, roles)
+    noisy = [name for name in schema.state_names if name in STANDARD_DEVIATIONS]
+    if not noisy:
+        return None
+    x, past = library.trajectories.x, library.trajectories.past
+    rng = np.random.default_rng(NOISE_SEED)
+    drawn = level * np.stack(
+        [rng.normal(size=(len(x), 1 + past.shape[1])) for _ in STANDARD_DEVIATIONS], axis=-1
+    )
+    at_start, before = x.copy(), past.copy()
+    at_start[:, 0] += drawn[:, -1] @ noise_matrix(schema.state_names, schema.dt_s)
+    before += drawn[:, :-1] @ noise_matrix(heard, schema.dt_s)
+    listed = ", ".join(noisy)
+    return replace(
+        library,
+        name=f"{NOISE}-{level:g}",
+        description=f"{LIBRARY} with {level:g} times the measurement noise on {listed}",
+        trajectories=library.trajectories._replace(x=at_start, past=before),
+    )
 
 
 def slices_of_test_part(dataset: Dataset, per_curvature: int | None = None) -> Starts:

@@ -13,8 +13,8 @@ from offline.baselines import registry
 from offline.data.dataset import Dataset
 from offline.data.sampling import scale
 from offline.evaluation.comparison import LTI_BASELINES
+from offline.evaluation.metrics import geometric_mean
 from offline.evaluation.predictor import Predictor, prediction_errors
-from offline.evaluation.ratio import geometric_mean
 from offline.model.losses import state_errors
 from offline.training.checkpoint import Checkpoint
 from offline.training.export import restore_model

@@ -35,6 +35,17 @@ class Losses(NamedTuple, Generic[Scalar]):
     """the physical states' share of the multi-step error, which scaling latents cannot reduce"""
 
 
+class Means(NamedTuple):
+    """Means over trajectories, which the prediction terms of the loss follow from."""
+
+    single_step: Tensor
+    """() eq. (9)"""
+    multi_step: Tensor
+    """() eq. (10), or the errors (n_x,) of the states over the horizon"""
+    states: Tensor
+    """() as in `Losses`"""
+
+
 def total_loss(
     model: MdkNet, config: TrainingConfig, batch: Batch, times: Tensor | None = None
 ) -> Losses[Tensor]:
@@ -43,23 +54,45 @@ def total_loss(
     `times` (M,) in 1..K, as from `draw_times`, limits the targets that are encoded; sums over time
     are then unbiased estimates.
     """
-    A, B = model.operator()
     psi0 = first_lift(model, batch)
+    return loss_of_means(model, config, psi0, prediction_means(model, config, batch, psi0, times))
+
+
+def prediction_means(
+    model: MdkNet,
+    config: TrainingConfig,
+    batch: Batch,
+    psi0: Tensor,
+    times: Tensor | None = None,
+) -> Means:
+    """The means of one batch; psi0 (batch, n) is its `first_lift`, `times` as of `total_loss`."""
     if config.objective == "horizon":
-        single_step, multi_step, states = _horizon_terms(model, config, batch, psi0, times)
-    else:
-        single_step, multi_step, states = _paper_terms(model, A, config, batch, times)
+        return _horizon_means(model, config, batch, psi0, times)
+    return _paper_means(model, config, batch, times)
+
+
+def loss_of_means(
+    model: MdkNet, config: TrainingConfig, psi0: Tensor, means: Means
+) -> Losses[Tensor]:
+    """The terms that follow from means over one batch or several, and those of the model alone.
+
+    psi0 (batch, n) are lifted states of the data.
+    """
+    A, B = model.operator()
+    multi_step = means.multi_step
+    if config.objective == "horizon":
+        multi_step = log_error(multi_step)
     stability = stability_loss(model, A, psi0, config)
     regularisation = regularisation_loss(
         model.encoders.parameters(), A, B, operator_prior(A, config), config
     )
     total = (
-        config.weight_single_step * single_step
+        config.weight_single_step * means.single_step
         + config.weight_multi_step * multi_step
         + config.weight_stability * stability
         + config.weight_regularisation * regularisation
     )
-    return Losses(total, single_step, multi_step, stability, regularisation, states)
+    return Losses(total, means.single_step, multi_step, stability, regularisation, means.states)
 
 
 def single_step_loss(
@@ -168,9 +201,9 @@ def draw_times(steps: int, samples: int | None, rng: torch.Generator) -> Tensor 
     return ((parts + offsets) * (steps / samples)).long().clamp_(max=steps - 1) + 1
 
 
-def _paper_terms(
-    model: MdkNet, A: Tensor, config: TrainingConfig, batch: Batch, times: Tensor | None
-) -> tuple[Tensor, Tensor, Tensor]:
+def _paper_means(
+    model: MdkNet, config: TrainingConfig, batch: Batch, times: Tensor | None
+) -> Means:
     """Single-step loss, multi-step loss, and the states' share of the latter."""
     steps = batch.steps
     weights = forgetting_weights(steps, config.forgetting, config.through_last_step)
@@ -187,21 +220,21 @@ def _paper_terms(
         u, w = batch.u[times - 1], batch.w[times - 1]
         predicted = model.roll_out(psi0, batch.u, batch.w)[times - 1]
         weights = weights[times - 1] * (steps / m)
-    single_step = single_step_loss(psi_before, psi_after, A, model.forcing(psi_before, u, w))
+    forcing = model.forcing(psi_before, u, w)
+    single_step = single_step_loss(psi_before, psi_after, model.operator().A, forcing)
     multi_step = multi_step_loss(psi_after, predicted, weights)
     with torch.no_grad():
         n = model.sizes.states
         states = multi_step_loss(psi_after[..., :n], predicted[..., :n], weights)
-    return single_step, multi_step, states
+    return Means(single_step, multi_step, states)
 
 
-def _horizon_terms(
+def _horizon_means(
     model: MdkNet, config: TrainingConfig, batch: Batch, psi0: Tensor, times: Tensor | None
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Single-step loss if it has a weight, log error of the states, and their mean error."""
+) -> Means:
+    """Single-step loss if it has a weight, errors of the states, and their mean."""
     errors = state_errors(model, batch, psi0)
-    multi_step = log_error(errors)
-    single_step = multi_step.new_zeros(())
+    single_step = errors.new_zeros(())
     if config.weight_single_step:
         if times is None:
             times = torch.arange(1, batch.steps + 1)
@@ -210,7 +243,7 @@ def _horizon_terms(
         forcing = model.forcing(before, batch.u[times - 1], batch.w[times - 1])
         weight = batch.weight[..., 0]
         single_step = single_step_loss(before, after, model.operator().A, forcing, weight)
-    return single_step, multi_step, errors.detach().mean()
+    return Means(single_step, errors, errors.detach().mean())
 
 
 def _squared_norm(error: Tensor) -> Tensor:

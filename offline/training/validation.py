@@ -1,10 +1,17 @@
 """Losses of a model on all trajectories of a part."""
 
 import torch
+from torch import Tensor
 
 from offline.config import TrainingConfig
 from offline.data.sampling import Batch
-from offline.model.losses import Losses, log_error, state_errors, total_loss
+from offline.model.losses import (
+    Losses,
+    Means,
+    first_lift,
+    loss_of_means,
+    prediction_means,
+)
 from offline.model.network import MdkNet
 
 CHUNK = 500
@@ -14,25 +21,21 @@ CHUNK = 500
 def evaluate(
     model: MdkNet, config: TrainingConfig, batch: Batch, device: torch.device
 ) -> Losses[float]:
-    """Losses over all trajectories, with every target encoded.
+    """Losses over all trajectories, with every target encoded; each is rolled out once.
+
+    The logarithm is that of the mean error of all chunks.
 
     Paper: Algorithm 1, "Evaluate total loss".
     """
-    sums = torch.zeros(len(Losses._fields), dtype=torch.float64)
-    errors = torch.zeros(model.sizes.states, dtype=torch.float64)
-    is_horizon = config.objective == "horizon"
+    sums: list[Tensor | float] = [0.0] * len(Means._fields)
     model.eval()
     with torch.no_grad():
         for share, chunk in batch.chunks(CHUNK):
             part = chunk.to(device)
-            sums += share * torch.stack(total_loss(model, config, part)).cpu().double()
-            if is_horizon:
-                errors += share * state_errors(model, part).cpu().double()
+            psi0 = first_lift(model, part)
+            means = prediction_means(model, config, part, psi0)
+            sums = [s + share * m.cpu().double() for s, m in zip(sums, means, strict=True)]
+        # In evaluation the stability term does not depend on the lifted states.
+        losses = loss_of_means(model, config, psi0, Means(*map(torch.as_tensor, sums)))
     model.train()
-    means = Losses(*sums.tolist())
-    if not is_horizon:
-        return means
-    # The logarithm of the mean error, not the mean of the chunks' logarithms.
-    exact = float(log_error(errors))
-    total = means.total + config.weight_multi_step * (exact - means.multi_step)
-    return means._replace(total=total, multi_step=exact)
+    return Losses(*map(float, losses))

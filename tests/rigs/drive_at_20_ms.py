@@ -28,7 +28,7 @@ def fit_linear_model(folder: Path) -> Path:
     """The folder of a linear model, fitted to drives of the simulated car."""
     import numpy as np
 
-    from offline.baselines.catalogue.lti import fit_linear
+    from offline.baselines.linear import fit_linear
     from offline.data.dataset import load_dataset, save_dataset, split_episodes
     from offline.data.excitation import Recipe
     from offline.data.generate import assemble, make_episode

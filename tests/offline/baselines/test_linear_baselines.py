@@ -1,4 +1,4 @@
-"""Linear models: for all roads, for each road, and trained on the whole horizon."""
+"""Linear models: for all roads, and for each road."""
 
 import json
 from dataclasses import replace
@@ -6,13 +6,16 @@ from dataclasses import replace
 import made_drives
 import numpy as np
 import pytest
-from made_drives import drive, relative_error
+from made_drives import drive
 
-from offline.baselines.catalogue.lti import fit_linear
-from offline.baselines.catalogue.lti_horizon import fit_on_horizon
-from offline.baselines.catalogue.lti_per_curvature import LinearPerCurvature, fit_per_curvature
-from offline.baselines.linear_model import LinearModel, fit_one_step, to_bundle
-from offline.baselines.score import log_error
+from offline.baselines.linear import (
+    LinearModel,
+    LinearPerCurvature,
+    fit_linear,
+    fit_one_step,
+    fit_per_curvature,
+    to_bundle,
+)
 from offline.config import PAST_STEPS
 from offline.data.generate import steering_geometry
 from offline.data.signals import past_names
@@ -35,14 +38,6 @@ def linear_step(x, u, w, u_before):
 @pytest.fixture(scope="module")
 def linear():
     return drive(linear_step)
-
-
-@pytest.fixture(scope="module")
-def curved():
-    """A system with quadratic drag."""
-    return drive(
-        lambda x, u, w, b: linear_step(x, u, w, b) - 0.1 * x[:, :1] * np.abs(x), episodes=100
-    )
 
 
 def test_least_squares_finds_the_matrices_and_offset_of_a_linear_system(linear):
@@ -123,20 +118,3 @@ def test_models_are_interpolated_between_roads_and_constant_beyond_them():
     W = np.repeat(kappa[:, None, None], 2, axis=1)
     found = model.predict(np.zeros((6, 1)), np.zeros((6, 0, 1)), np.zeros((6, 2, 1)), W)
     assert np.allclose(found[:, 2, 0], [1.0, 1.5, 2.0, 3.0, 3.0, 1.0])
-
-
-def test_training_on_the_horizon_keeps_a_linear_system(linear):
-    found = fit_on_horizon(linear, 50)
-    assert np.all(relative_error(found, linear.select("test")) < 1e-4)
-
-
-def test_training_on_the_horizon_reduces_the_error_of_a_nonlinear_system(curved):
-    test = curved.select("test")
-    trained = fit_on_horizon(curved, 60)
-    assert log_error(trained, test) < log_error(fit_linear(curved), test) - 0.1
-
-
-def test_training_on_the_horizon_is_repeatable(curved):
-    one, other = fit_on_horizon(curved, 5), fit_on_horizon(curved, 5)
-    assert np.array_equal(one.matrices.A, other.matrices.A)
-    assert np.array_equal(one.matrices.c, other.matrices.c)

@@ -1,20 +1,12 @@
-"""Persistence, constant acceleration, the path from motion, and the validation score."""
+"""Persistence, the path from motion, and the validation score."""
 
 import numpy as np
 import pytest
 import torch
-from made_drives import drive, predict
 
-from offline.baselines.catalogue.constant_acceleration import (
-    ConstantAcceleration,
-    fit_acceleration,
-)
-from offline.baselines.catalogue.persistence import Persistence
+from offline.baselines.linear import Persistence
 from offline.baselines.road_path import path_states
 from offline.baselines.score import log_error
-from offline.data.signals import VEHICLE_ROLES
-from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.schema import VEHICLE
 
 
 def test_persistence_predicts_the_first_state():
@@ -24,43 +16,6 @@ def test_persistence_predicts_the_first_state():
     )
     assert predicted.shape == (2, 4, 6)
     assert np.array_equal(predicted, np.repeat(x0[:, None], 4, axis=1))
-
-
-def test_constant_acceleration_is_exact_for_constant_slopes_of_states_in_the_past():
-    """Speed and swing are in the past; level is not, and stays constant."""
-    ramps = drive(lambda x, u, w, b: x + np.array([0.01, 0.02, -0.03]))
-    baseline = fit_acceleration(ramps)
-    assert baseline.decay_s == np.inf
-    predicted, happened = predict(baseline, ramps.select("test"))
-    assert np.allclose(predicted[..., [0, 2]], happened[..., [0, 2]], atol=1e-4)
-    assert np.allclose(predicted[..., 1], predicted[:, :1, 1])
-
-
-def test_time_constant_of_the_slopes_is_chosen_on_the_validation_part():
-    """The states decay with a time constant of one second."""
-    settling = drive(lambda x, u, w, b: 0.95 * x)
-    baseline = fit_acceleration(settling)
-    assert baseline.decay_s == 1.0
-
-
-def test_path_of_the_car_follows_from_its_motion():
-    """With the yaw rate of the curve the car stays on it, and leaves a straight road."""
-    baseline = ConstantAcceleration(VEHICLE, VEHICLE_ROLES, 1, np.inf)
-    x0 = np.repeat([[20.0, 0.0, 0.1, 0.5, 0.0, 0.0]], 2, axis=0)
-    past = np.zeros((2, 1, 6))
-    past[:, 0, :3] = x0[:, :3]
-    W = np.repeat([[[5e-3]], [[0.0]]], 80, axis=1)
-    states = baseline.predict(x0, past, np.zeros((2, 80, 3)), W)
-    assert np.allclose(states[0], x0[0], atol=1e-9)
-    assert states[1, -1, 4] == pytest.approx(200.0 * (1.0 - np.cos(0.2)), rel=1e-3)
-
-
-def test_without_a_past_there_is_no_slope(toy_dataset):
-    baseline = fit_acceleration(toy_dataset)
-    with pytest.raises(DatasetError, match="past"):
-        baseline.predict(
-            np.zeros((2, 6)), np.zeros((2, 0, 6)), np.zeros((2, 3, 3)), np.zeros((2, 3, 1))
-        )
 
 
 def test_path_agrees_with_integration_in_small_steps():

@@ -1,4 +1,4 @@
-"""Recurrent networks."""
+"""The recurrent network."""
 
 from dataclasses import replace
 
@@ -7,28 +7,28 @@ import pytest
 import torch
 from made_drives import drive, predict
 
-from offline.baselines.catalogue.persistence import Persistence
-from offline.baselines.recurrent import training
-from offline.baselines.recurrent.network import Kind, Size, build
-from offline.baselines.recurrent.training import (
+from offline.baselines import recurrent
+from offline.baselines.linear import Persistence
+from offline.baselines.recurrent import (
     Settings,
     fit_network,
     has_flattened,
     horizon_of_step,
+    is_late,
     rate_at,
-    recurrent,
 )
 from offline.baselines.road_path import path_states
 from offline.baselines.score import log_error
 from rt_controller.contract.errors import DatasetError
 
-SMALL = Size(Kind.GATED, hidden=16, encoder=16, latents=4, layers=2)
-QUICK = Settings(SMALL, past_steps=4, most_steps=60, batch=32, learning_rate=4e-2, warm_up=5)
+QUICK = Settings(
+    hidden=16, encoder=16, past_steps=4, most_steps=60, batch=32, learning_rate=4e-2, warm_up=5
+)
 
 
-@pytest.fixture(scope="module", params=list(Kind))
-def fitted(request, toy_dataset):
-    return fit_network(toy_dataset, replace(QUICK, size=SMALL._replace(kind=request.param)))
+@pytest.fixture(scope="module")
+def fitted(toy_dataset):
+    return fit_network(toy_dataset, QUICK)
 
 
 def test_errors_are_smaller_than_those_of_persistence(fitted, toy_dataset):
@@ -69,7 +69,7 @@ def test_training_is_repeatable_and_keeps_the_global_random_state(toy_dataset):
 
 def test_a_window_counts_with_its_weight(toy_dataset, monkeypatch):
     """One of weight zero has no effect, whatever its states are."""
-    open_source = training.open_source
+    open_source = recurrent.open_source
 
     class Weighted:
         def __init__(self, weight, shift):
@@ -86,7 +86,7 @@ def test_a_window_counts_with_its_weight(toy_dataset, monkeypatch):
             return self
 
     def trained(weight, shift):
-        monkeypatch.setattr(training, "open_source", Weighted(weight, shift).open)
+        monkeypatch.setattr(recurrent, "open_source", Weighted(weight, shift).open)
         return weights_of(fit_network(toy_dataset, replace(QUICK, most_steps=2)))
 
     assert torch.equal(trained(0.0, 0.0), trained(0.0, 3.0))
@@ -131,7 +131,7 @@ def test_a_car_on_a_road_with_other_inputs_has_an_integrated_path_too(toy_datase
 
 
 def test_the_rate_rises_stays_and_falls_to_zero():
-    settings = Settings(SMALL, learning_rate=1.0, warm_up=10, decay=0.4)
+    settings = Settings(learning_rate=1.0, warm_up=10, decay=0.4)
     rates = [rate_at(step, 100, settings) for step in range(101)]
     assert rates[4] == pytest.approx(0.5)
     assert rates[10:61] == pytest.approx([1.0] * 51)
@@ -140,7 +140,7 @@ def test_the_rate_rises_stays_and_falls_to_zero():
 
 
 def test_a_validation_error_is_flat_if_its_last_third_brought_too_little():
-    settings = Settings(SMALL, least_evaluations=6, flat_gain=0.02)
+    settings = Settings(least_evaluations=6, flat_gain=0.02)
     assert has_flattened([0.0, -1.0, -1.0, -1.0, -1.01, -0.9], settings)
     assert not has_flattened([0.0, -1.0, -1.0, -1.0, -1.03, -0.9], settings)
     assert not has_flattened([0.0, 0.0, 0.0, 0.0, 0.0], settings)
@@ -156,35 +156,34 @@ def test_training_ends_soon_after_its_validation_error_is_flat(toy_dataset):
     assert found.curve[-1][0] == 10
 
 
+def test_training_without_cpu_time_left_ends_with_a_falling_rate_and_is_not_converged(toy_dataset):
+    settings = replace(QUICK, most_steps=400, evaluate_every=6, most_cpu_s=0.0)
+    found = fit_network(toy_dataset, settings)
+    assert not found.is_converged
+    assert found.training.steps == 10  # the first look at the time is after 6 steps
+    facts = {fact.name: fact.value for fact in found.fit_info()}
+    assert facts["end of the training"] == "not converged"
+
+
+def test_the_rate_falls_so_early_that_the_cpu_time_is_kept():
+    """One second for 100 steps: of 1,000 steps in 10 s the last 400 have a falling rate."""
+    settings = Settings(evaluate_every=100, most_cpu_s=10.0, decay=0.4)
+    late = [is_late(step, step / 100.0, 1.0, settings) for step in (400, 500, 600)]
+    assert late == [False, False, True]
+
+
 def test_the_report_of_a_fit_has_steps_the_reason_of_the_end_and_the_curve(fitted):
     facts = {fact.name: fact.value for fact in fitted.fit_info()}
     assert facts["training steps"] == "60"
-    assert facts["end of the training"] == "step limit"
+    assert facts["end of the training"] == "not converged"
     assert facts["validation log error"].endswith("after 60")
 
 
-def test_a_short_fit_takes_a_twentieth_of_the_steps(toy_dataset):
-    baseline = recurrent(replace(QUICK, most_steps=60))
-    assert baseline.fit_short(toy_dataset).training.steps == 3
-
-
 def test_roll_outs_grow_to_the_whole_horizon():
-    settings = Settings(SMALL, most_steps=1_000, first_horizon=8, horizon_growth=0.1)
+    settings = Settings(most_steps=1_000, first_horizon=8, horizon_growth=0.1)
     found = [horizon_of_step(step, 80, settings) for step in (0, 50, 100, 500)]
     assert found == [8, 44, 80, 80]
     assert horizon_of_step(0, 5, settings) == 5
-
-
-def test_a_state_space_model_is_the_recursion_of_its_docstring():
-    torch.manual_seed(0)
-    network = build(SMALL._replace(kind=Kind.STATE_SPACE), 5, 2, torch.tensor([0.1, 0.2]))
-    x0, seen, driven = torch.randn(3, 2), torch.randn(3, 5), torch.randn(6, 3, 2)
-    z = torch.cat([x0, network.encode(seen)], dim=1)
-    for u, found in zip(driven, network(x0, seen, driven), strict=True):
-        inner = torch.tanh(z @ network.enter.weight.t() + network.drive(u))
-        change = network.leave(torch.tanh(network.layers[0](inner)))
-        z = z + torch.tensor([0.1, 0.2, 0.1, 0.1, 0.1, 0.1]) * change
-        assert torch.allclose(found, z[:, :2], atol=1e-6)
 
 
 def test_the_network_of_the_smallest_validation_error_is_kept(toy_dataset, monkeypatch):
@@ -195,14 +194,14 @@ def test_the_network_of_the_smallest_validation_error_is_kept(toy_dataset, monke
         seen.append(weights_of(model).clone())
         return next(scores)
 
-    monkeypatch.setattr(training, "validation_score", score)
+    monkeypatch.setattr(recurrent, "validation_score", score)
     found = fit_network(toy_dataset, replace(QUICK, most_steps=6, evaluate_every=2))
     assert torch.equal(weights_of(found), seen[1])
     assert not torch.equal(seen[1], seen[2])
 
 
 def test_a_step_without_a_finite_gradient_is_left_out(toy_dataset, monkeypatch):
-    open_source = training.open_source
+    open_source = recurrent.open_source
 
     class Damaged:
         def __init__(self, *arguments):
@@ -216,7 +215,7 @@ def test_a_step_without_a_finite_gradient_is_left_out(toy_dataset, monkeypatch):
             return batch
 
     alone = fit_network(toy_dataset, replace(QUICK, most_steps=6, evaluate_every=2))
-    monkeypatch.setattr(training, "open_source", Damaged)
+    monkeypatch.setattr(recurrent, "open_source", Damaged)
     damaged = fit_network(toy_dataset, replace(QUICK, most_steps=6, evaluate_every=2))
     assert torch.isfinite(weights_of(damaged)).all()
     assert not torch.equal(weights_of(alone), weights_of(damaged))

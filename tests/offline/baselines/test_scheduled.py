@@ -1,17 +1,14 @@
-"""Linear models blended over speed, with a past, with the exact path, and on the horizon."""
+"""Linear models blended over speed, with a past, and with the exact path."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 from made_drives import SCHEMA, drive, predict, relative_error
 
-from offline.baselines.catalogue.lti import fit_linear
+from offline.baselines.linear import fit_linear
 from offline.baselines.road_path import path_states, split_path
-from offline.baselines.scheduled.fit import LinearSettings, fit_linear_models
-from offline.baselines.scheduled.horizon import Descent, descend
-from offline.baselines.scheduled.model import Series, roll_out, series_of, weights
+from offline.baselines.scheduled import ScheduledSettings, fit_scheduled, hat_functions
 from offline.baselines.score import log_error
 from offline.data.signals import past_names
 from rt_controller.contract.errors import DatasetError
@@ -19,7 +16,7 @@ from rt_controller.contract.model.follow import Follow
 from rt_controller.contract.schema import VEHICLE, Signal
 
 B = np.array([[0.1, 0.0], [0.0, 0.02], [-0.05, 0.1]])
-FEW = LinearSettings(ridges=(1e-12,))
+FEW = ScheduledSettings(ridges=(1e-12,))
 
 
 def linear_step(x, u, w, u_before):
@@ -42,7 +39,7 @@ def speed_dependent(x, u, w, u_before):
 
 def test_one_knot_without_a_past_is_least_squares():
     data = drive(linear_step)
-    model, expected = fit_linear_models(data, FEW), fit_linear(data)
+    model, expected = fit_scheduled(data, FEW), fit_linear(data)
     one, _ = predict(model, data.select("test"))
     other, _ = predict(expected, data.select("test"))
     assert np.allclose(one, other, atol=1e-4)
@@ -51,8 +48,8 @@ def test_one_knot_without_a_past_is_least_squares():
 def test_a_past_explains_a_late_input():
     data = drive(slower_inputs)
     test = data.select("test")
-    without = fit_linear_models(data, FEW)
-    model = fit_linear_models(data, replace(FEW, past_steps=(1, 2)))
+    without = fit_scheduled(data, FEW)
+    model = fit_scheduled(data, replace(FEW, past_steps=(1, 2)))
     assert np.all(relative_error(model, test) < 1e-3)
     assert log_error(model, test) < log_error(without, test) - 2.0
 
@@ -60,7 +57,7 @@ def test_a_past_explains_a_late_input():
 def test_knots_explain_a_gain_that_depends_on_speed():
     data = drive(speed_dependent)
     test = data.select("test")
-    one, blended = fit_linear_models(data, FEW), fit_linear_models(data, replace(FEW, knots=(2,)))
+    one, blended = fit_scheduled(data, FEW), fit_scheduled(data, replace(FEW, knots=(2,)))
     assert relative_error(blended, test)[2] < 0.1 * relative_error(one, test)[2]
     assert blended.structure.follows is Follow.PREDICTION
 
@@ -68,38 +65,38 @@ def test_knots_explain_a_gain_that_depends_on_speed():
 def test_the_settings_are_those_of_the_smallest_validation_error():
     data = drive(speed_dependent)
     settings = replace(FEW, knots=(1, 2), past_steps=(0, 1), ridges=(1e-12, 10.0))
-    chosen = fit_linear_models(data, settings)
+    chosen = fit_scheduled(data, settings)
     assert len(chosen.structure.knots) == 2
     assert chosen.ridge == 1e-12
 
 
 def test_hat_functions_are_one_at_their_knot_and_constant_beyond():
     knots = np.array([-1.0, 0.0, 2.0])
-    found = weights(np, np.array([-3.0, -1.0, -0.5, 0.0, 1.0, 2.0, 7.0]), knots)
+    found = hat_functions(np.array([-3.0, -1.0, -0.5, 0.0, 1.0, 2.0, 7.0]), knots)
     expected = [[1, 0, 0], [1, 0, 0], [0.5, 0.5, 0], [0, 1, 0], [0, 0.5, 0.5], [0, 0, 1], [0, 0, 1]]
     assert np.allclose(found, expected)
-    assert np.allclose(weights(np, np.array([-3.0, 4.0]), np.zeros(1)), 1.0)
+    assert np.allclose(hat_functions(np.array([-3.0, 4.0]), np.zeros(1)), 1.0)
 
 
 def test_without_a_centred_state_or_with_one_speed_there_is_one_knot():
     data = drive(speed_dependent)
     roles = replace(data.roles, centred=())
     without = replace(data, manifest=replace(data.manifest, roles=roles))
-    assert len(fit_linear_models(without, replace(FEW, knots=(4,))).structure.knots) == 1
+    assert len(fit_scheduled(without, replace(FEW, knots=(4,))).structure.knots) == 1
     recording = data.recording._replace(x=data.recording.x * np.float32([0, 1, 1]))
     same_speed = replace(data, recording=recording)
-    assert len(fit_linear_models(same_speed, replace(FEW, knots=(4,))).structure.knots) == 1
+    assert len(fit_scheduled(same_speed, replace(FEW, knots=(4,))).structure.knots) == 1
 
 
 def test_data_that_no_model_predicts_are_refused():
     data = drive(speed_dependent)
     settings = replace(FEW, ridges=())
     with pytest.raises(DatasetError, match="found none"):
-        fit_linear_models(data, settings)
+        fit_scheduled(data, settings)
 
 
 def test_the_path_of_the_car_follows_from_the_motion(toy_dataset):
-    model = fit_linear_models(toy_dataset, replace(FEW, knots=(3,), past_steps=(2,)))
+    model = fit_scheduled(toy_dataset, replace(FEW, knots=(3,), past_steps=(2,)))
     assert model.theta.shape == (3, 3, 3 + 2 * 6 + 3 + 1)
     windows = toy_dataset.select("test")
     x, u, w, past = (series.astype(np.float64) for series in windows[:4])
@@ -119,7 +116,7 @@ def test_the_path_is_split_off_only_if_there_is_one():
 
 def test_the_roll_out_is_the_recursion_of_the_docstring(toy_dataset):
     """Against one window, one step and one regressor at a time."""
-    model = fit_linear_models(toy_dataset, replace(FEW, knots=(3,), past_steps=(2,)))
+    model = fit_scheduled(toy_dataset, replace(FEW, knots=(3,), past_steps=(2,)))
     s, scaling = model.structure, model.structure.scaling
     windows = toy_dataset.select("test").take(slice(0, 1))
     x, u, w, past = (series.astype(np.float64) for series in windows[:4])
@@ -129,7 +126,7 @@ def test_the_roll_out_is_the_recursion_of_the_docstring(toy_dataset):
     for k in range(5):
         inputs = u[0, k] / scaling.u_scale
         z = [*expected, *rows[-2][:3], *rows[-1][:3], *rows[-2][3:], *rows[-1][3:], *inputs, 1.0]
-        phi = weights(np, expected[:1], s.knots)[0]
+        phi = hat_functions(expected[:1], s.knots)[0]
         rows.append(np.concatenate([expected, inputs]))
         expected = expected + sum(phi[j] * model.theta[j] @ np.array(z) for j in range(3))
         physical = expected * scaling.x_scale[:3] + scaling.x_centre[:3]
@@ -137,34 +134,9 @@ def test_the_roll_out_is_the_recursion_of_the_docstring(toy_dataset):
     assert past_names(s.schema, s.roles)[:3] == s.schema.state_names[:3]
 
 
-def test_tensors_give_the_same_roll_out_as_arrays(toy_dataset):
-    model = fit_linear_models(toy_dataset, replace(FEW, knots=(2,), past_steps=(1,)))
-    windows = toy_dataset.select("test")
-    x, u, w, past = (series.astype(np.float64) for series in windows[:4])
-    series = series_of(model.structure, x[:, 0], past, u, w)
-    tensors = [torch.from_numpy(each) for each in (model.theta, model.structure.knots, *series)]
-    found = roll_out(torch, model.structure, tensors[0], tensors[1], Series(*tensors[2:]))
-    expected = roll_out(np, model.structure, model.theta, model.structure.knots, series)
-    assert np.allclose(found.numpy(), expected, rtol=1e-9, atol=1e-12)
-
-
-def test_the_descent_lowers_the_error_over_the_horizon():
-    data = drive(lambda x, u, w, b: linear_step(x, u, w, b) - 0.2 * x * np.abs(x), episodes=100)
-    start = fit_linear_models(data, FEW)
-    found = descend(start, data, Descent(iterations=40, check_every=10))
-    test = data.select("test")
-    assert found.iterations in (10, 20, 30, 40)
-    assert log_error(found, test) < log_error(start, test) - 0.05
-
-
-def test_a_descent_without_gain_returns_its_start(toy_dataset):
-    start = fit_linear_models(toy_dataset, FEW)
-    assert descend(start, toy_dataset, Descent(iterations=1)) is start
-
-
 def test_the_report_names_knots_in_physical_units():
     data = drive(speed_dependent)
-    model = fit_linear_models(data, replace(FEW, knots=(2,)))
+    model = fit_scheduled(data, replace(FEW, knots=(2,)))
     facts = {fact.name: fact.value for fact in model.fit_info()}
     speed = data.select("train").x[:, 0, 0]
     first, last = (float(each) for each in facts["knots of speed_mps"].split(","))

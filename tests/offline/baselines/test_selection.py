@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from offline.baselines import selection
-from offline.baselines.catalogue.persistence import Persistence
+from offline.baselines.linear import Persistence
 from offline.baselines.registry import Fitted
 from offline.baselines.selection import (
     DEFAULT_BASELINES,
@@ -14,6 +14,7 @@ from offline.baselines.selection import (
     baseline_facts,
     choose_baselines,
     compare_with_plain_baselines,
+    not_converged,
     open_baselines,
 )
 from offline.data.provenance import describe_training
@@ -29,7 +30,7 @@ def fitted(monkeypatch):
     monkeypatch.setattr(
         selection.registry,
         "fit",
-        lambda name, dataset, is_short: names.append(name) or Fitted(Persistence(), 0.5),
+        lambda name, dataset: names.append(name) or Fitted(Persistence(), 0.5),
     )
     return names
 
@@ -53,7 +54,7 @@ def test_baselines_are_chosen_by_name_all_none_or_by_default():
 
 @pytest.mark.parametrize("names", [["grue"], ["lti", "all"]])
 def test_an_unknown_baseline_is_refused_with_all_names(names):
-    with pytest.raises(ConfigError, match="bicycle, constant-acceleration"):
+    with pytest.raises(ConfigError, match="dmdc-delays-path, edmd-bilinear"):
         choose_baselines(names)
 
 
@@ -107,14 +108,8 @@ def test_a_bundle_with_the_name_of_a_baseline_replaces_it(toy_dataset):
     assert errors[0] > errors[1]
 
 
-def test_short_fits_are_passed_on(toy_dataset, monkeypatch):
-    asked = []
-    monkeypatch.setattr(
-        selection.registry,
-        "fit",
-        lambda name, dataset, is_short: asked.append(is_short) or Fitted(Persistence(), 0.5),
-    )
-    open_baselines(["lti"], toy_dataset, [], is_required=True, is_short=True)
-    baseline_facts("lti", toy_dataset, is_short=True)
-    open_baselines(["lti"], toy_dataset, [], is_required=True)
-    assert asked == [True, True, False]
+def test_a_network_whose_training_did_not_converge_is_named():
+    class Unfinished(Persistence):
+        is_converged = False
+
+    assert not_converged({"lti": Persistence(), "gru": Unfinished()}) == ("gru",)

@@ -7,7 +7,7 @@ import pytest
 from toy_predictors import made_test_set, made_trajectories, with_random_error
 
 from offline.baselines import registry, selection
-from offline.baselines.catalogue.persistence import Persistence
+from offline.baselines.linear import Persistence
 from offline.baselines.selection import SHIPPED
 from offline.commands import evaluation as work
 from offline.commands import report_page
@@ -67,20 +67,6 @@ def bundle_of(toy_dataset, tmp_path):
         return tmp_path / name
 
     return write
-
-
-def test_short_fits_are_asked_for_only_by_their_option(toy_folder, bundle_of, monkeypatch):
-    asked = []
-    fit = selection.registry.fit
-    monkeypatch.setattr(
-        selection.registry, "fit", lambda *arguments: asked.append(arguments[2]) or fit(*arguments)
-    )
-    folder = bundle_of("m")
-    for short_fits in (False, True):
-        run_evaluation(
-            EvaluationOptions([folder], toy_folder, ["gru"], ["library"], short_fits=short_fits)
-        )
-    assert asked == [False, True]
 
 
 def test_all_baselines_are_those_that_these_data_allow(toy_folder, bundle_of):

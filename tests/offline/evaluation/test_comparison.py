@@ -65,7 +65,7 @@ def test_fair_lti_is_chosen_anew_in_each_draw():
         assert np.all(found[FAIR_LTI].by_state.low <= found[name].by_state.low)
 
 
-def test_the_best_baseline_of_a_class_has_the_smallest_geometric_mean():
+def test_the_best_linear_baseline_has_the_smallest_geometric_mean():
     def constant(*errors):
         return WithError(MADE, np.array(errors, dtype=float))
 
@@ -82,8 +82,7 @@ def test_the_best_baseline_of_a_class_has_the_smallest_geometric_mean():
         VEHICLE,
         classes={"slow": "linear", "blind": "linear", "gru": "recurrent", "guess": "other"},
     )
-    best = comparison.best_baselines(comparison.errors_on("library"))
-    assert best == {"linear": "blind", "recurrent": "gru"}
+    assert comparison.best_linear(comparison.errors_on("library")) == "blind"
 
 
 def test_the_best_baseline_is_chosen_for_each_slice():
@@ -100,15 +99,12 @@ def test_the_best_baseline_is_chosen_for_each_slice():
         series=[Series("half", "half", "", "library", slices)],
     )
     ((_, scored),) = comparison.series
-    assert [comparison.best_baselines(part.errors) for part in scored] == [
-        {"linear": "b"},
-        {"linear": "a"},
-    ]
+    assert [comparison.best_linear(part.errors) for part in scored] == ["b", "a"]
     assert [(part.n_trajectories, part.n_episodes) for part in scored] == [(50, 10), (50, 10)]
     assert comparison.growth("a", scored[0].errors["a"]).geometric_mean.value == pytest.approx(1.8)
 
 
-def test_a_diverging_baseline_is_the_best_of_its_class_only_if_there_is_no_other():
+def test_a_diverging_baseline_is_the_best_linear_one_only_if_there_is_no_other():
     error = np.ones(MADE.x.shape)
     error[3, 4:, 2] = np.nan
     broken, fine = WithError(MADE, error), with_random_error(MADE, 100.0)
@@ -118,8 +114,7 @@ def test_a_diverging_baseline_is_the_best_of_its_class_only_if_there_is_no_other
     ):
         classes = dict.fromkeys(baselines, "linear")
         comparison = compare_models({}, baselines, [LIBRARY], VEHICLE, classes=classes)
-        found = comparison.best_baselines(comparison.errors_on("library"))
-        assert found == {"linear": best}
+        assert comparison.best_linear(comparison.errors_on("library")) == best
 
 
 def test_ratios_of_medians_ignore_a_single_bad_trajectory():

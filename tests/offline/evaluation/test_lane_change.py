@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from offline.baselines.catalogue.persistence import Persistence
+from offline.baselines.linear import Persistence
 from offline.config import STEPS
 from offline.evaluation.lane_change import WINDOWS, drive_lane_change
 from offline.evaluation.predictor import predict_trajectories

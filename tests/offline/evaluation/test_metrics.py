@@ -5,10 +5,16 @@ import pytest
 from toy_predictors import WithError, made_test_set, made_trajectories, with_random_error
 
 from offline.evaluation import predictor
-from offline.evaluation.metrics import score
+from offline.evaluation.metrics import (
+    SHARES,
+    StateUnit,
+    TrajectoryErrors,
+    geometric_mean,
+    ratio_of,
+    score,
+    state_units,
+)
 from offline.evaluation.predictor import prediction_errors
-from offline.evaluation.state_units import state_units
-from offline.evaluation.trajectory_errors import SHARES
 from rt_controller.contract.schema import VEHICLE, Schema, Signal
 
 CAR = state_units(VEHICLE)
@@ -126,3 +132,123 @@ def test_a_model_gets_the_inputs_curvature_and_past_of_each_trajectory():
     for name, array in (("past", made.past), ("U", made.u), ("W", made.w)):
         assert np.array_equal(seen[name], array)
         assert seen[name].dtype == np.float64
+
+
+def units_of(*states):
+    return state_units(Schema(tuple(Signal(*state) for state in states), (), (), 0.1))
+
+
+def test_states_of_the_car_have_the_units_of_the_papers_table():
+    columns = state_units(VEHICLE)
+    assert [column.name for column in columns] == ["vx", "vy", "yaw_rate", "ds", "ey", "epsi"]
+    assert [column.unit for column in columns] == ["km/h", "km/h", "deg/s", "m", "m", "deg"]
+    assert [column.squared_unit for column in columns] == [
+        "(km/h)^2", "(km/h)^2", "(deg/s)^2", "m^2", "m^2", "deg^2",
+    ]  # fmt: skip
+    degrees = float(np.degrees(1.0))
+    assert [column.per_si for column in columns] == [3.6, 3.6, degrees, 1.0, 1.0, degrees]
+
+
+def test_json_keys_end_in_the_unit():
+    columns = state_units(VEHICLE)
+    assert [column.key for column in columns][:4] == ["vx_kmh", "vy_kmh", "yaw_rate_degps", "ds_m"]
+    assert columns[2].squared_key == "yaw_rate_degps_squared"
+
+
+@pytest.mark.parametrize(
+    ("state", "name", "unit", "key"),
+    [
+        (("temperature_k", "K"), "temperature", "K", "temperature_k"),
+        (("ax_mps2", "m/s^2"), "ax", "m/s^2", "ax_mps2"),
+        (("curvature_per_m", "1/m"), "curvature", "1/m", "curvature_per_m"),
+        (("gear", "1"), "gear", "1", "gear"),
+        (("charge", ""), "charge", "", "charge"),
+        (("speed", "m/s"), "speed", "km/h", "speed_kmh"),
+    ],
+)
+def test_other_states_keep_their_unit_unless_it_is_m_per_s_or_rad(state, name, unit, key):
+    (column,) = units_of(state)
+    assert (column.name, column.unit, column.key) == (name, unit, key)
+
+
+def test_a_state_without_a_unit_has_none_when_squared():
+    assert units_of(("gear", "1"), ("charge", ""))[0].squared_unit == "1"
+
+
+def test_an_error_is_averaged_over_the_steps_of_its_trajectory():
+    """An error of k metres at step k of trajectory 3 only."""
+    made = made_trajectories(20)
+    error = np.zeros(made.x.shape)
+    error[3, :, 4] = np.arange(81)
+    found = score(WithError(made, error), made_test_set(made), state_units(VEHICLE)).by_trajectory
+    assert found.mse[3, 4] == pytest.approx(np.square(np.arange(1, 81)).mean())
+    assert np.count_nonzero(found.mse) == 1
+
+
+def test_one_bad_trajectory_moves_the_mean_and_not_the_median():
+    mse = np.ones((200, 2))
+    mse[17, 0] = 1e4
+    found = TrajectoryErrors(mse, np.arange(200, dtype=np.int32) // 5)
+    assert found.mean().value == pytest.approx([50.995, 1.0])
+    assert np.all(found.quantiles().value[SHARES.index(0.5)] == 1.0)
+    assert np.all(found.quantiles().value[SHARES.index(0.99)] == 1.0)
+    assert found.worst_part.value == pytest.approx([10_001 / 10_199, 0.01])
+
+
+def test_a_prediction_that_is_not_finite_has_infinite_error_and_no_part_of_the_sum():
+    made = made_trajectories(20)
+    error = np.ones(made.x.shape)
+    error[3, 40:, 0] = np.nan
+    found = score(WithError(made, error), made_test_set(made), state_units(VEHICLE)).by_trajectory
+    assert np.isinf(found.mse[3, 0])
+    assert np.isinf(found.mean().value[0])
+    assert found.quantiles().value[0, 0] == pytest.approx(3.6**2)
+    assert np.isnan(found.worst_part.value[0])
+    assert np.isfinite(found.worst_part.value[1])
+
+
+def test_some_of_the_trajectories_keep_their_errors_and_episodes():
+    errors = TrajectoryErrors(np.arange(8.0).reshape(4, 2), np.array([0, 0, 1, 1], dtype=np.int32))
+    found = errors.take(np.array([False, True, True, False]))
+    assert found.mse.tolist() == [[2.0, 3.0], [4.0, 5.0]]
+    assert found.episode.tolist() == [0, 1]
+
+
+def draws(*values, count=5):
+    return np.tile(np.array(values, dtype=float), (count, 1))
+
+
+def test_the_second_mean_leaves_out_progress():
+    """Progress, the fourth state, has the only error."""
+    found = ratio_of(draws(1, 1, 1, 64, 1, 1), draws(1, 1, 1, 1, 1, 1), CAR)
+    assert found.geometric_mean.value == pytest.approx(2.0)
+    assert found.without_progress.value == pytest.approx(1.0)
+    found = ratio_of(draws(32, 1, 1, 64, 1, 1), draws(1, 1, 1, 1, 1, 1), CAR)
+    assert found.without_progress.value == pytest.approx(2.0)
+
+
+def test_states_without_progress_have_one_mean():
+    columns = (StateUnit("speed", "km/h", 3.6), StateUnit("heat", "K", 1.0))
+    found = ratio_of(draws(4, 1), draws(1, 1), columns)
+    assert found.geometric_mean.value == pytest.approx(2.0)
+    assert found.without_progress is None
+    assert ratio_of(draws(4), draws(1), (StateUnit("ds", "m", 1.0),)).without_progress is None
+
+
+def test_a_ratio_to_a_single_episode_has_no_interval():
+    many = np.random.default_rng(0).uniform(1.0, 2.0, (2001, 6))
+    found = ratio_of(draws(1, 1, 1, 1, 1, 1, count=1), many, CAR)
+    assert np.isnan(found.geometric_mean.low)
+    assert np.isnan(found.by_state.high).all()
+    assert found.by_state.value == pytest.approx(1.0 / many[0])
+
+
+def test_the_smallest_ratio_is_that_of_the_state_where_the_model_leads_least():
+    found = ratio_of(draws(4, 3, np.nan, 9, 2, np.inf), draws(1, 1, 1, 1, 1, 1), CAR)
+    assert CAR[found.least_state].name == "ey"
+    assert CAR[found.worst_state].name == "yaw_rate"
+
+
+def test_a_ratio_of_zero_makes_the_mean_zero():
+    assert geometric_mean(np.array([0.0, 8.0, 8.0])) == 0.0
+    assert geometric_mean(np.array([1.0, 8.0, 1.0])) == pytest.approx(2.0)

@@ -13,6 +13,7 @@ from offline.evaluation.tables import (
     comparison_tables,
     library_ratio_table,
     mse_table,
+    ratio_table,
     series_tables,
 )
 from rt_controller.contract.figures import write_figures
@@ -104,7 +105,7 @@ def test_json_is_indexed_by_model_state_and_unit(figures):
     )
     first = figures["series"]["sideslip"]["slices"][0]
     assert (first["label"], first["set"], first["n_trajectories"]) == ("0 to 9", "library", 20)
-    assert first["best_baseline"] == {"linear": "lti-per-curvature", "recurrent": "persistence"}
+    assert first["best_baseline"] == {"linear": "lti-per-curvature"}
     medians = library["baseline_mse_quantile_over_model_mse_quantile"]["mdk-net"]["p50"]
     quantiles = "mse_quantiles_over_trajectories"
     assert medians["lti"]["vx"]["value"] == pytest.approx(
@@ -166,7 +167,7 @@ def test_every_mean_over_the_states_is_beside_that_without_progress(comparison):
         assert means == ["6 states", "without ds"] * (len(means) // 2)
 
 
-def test_a_series_names_the_best_baselines_of_each_slice_and_counts_what_is_in_it(comparison):
+def test_a_series_names_the_best_linear_baseline_of_each_slice_and_counts_what_is_in_it(comparison):
     (table,) = series_tables(comparison, "mdk-net")
     heads = [column.title for column in table.columns]
     assert table.columns[0].unit == "deg"
@@ -175,7 +176,15 @@ def test_a_series_names_the_best_baselines_of_each_slice_and_counts_what_is_in_i
         assert row[heads.index("trajectories")] == trajectories
         assert row[heads.index("episodes")] == episodes
         assert row[heads.index("best linear")] == "lti-per-curvature"
-        assert row[heads.index("best recurrent")] == "persistence"
+
+
+def test_a_baseline_that_did_not_converge_is_named_below_tables_and_in_json():
+    library = made_test_set(MADE)
+    models = {"m": with_random_error(MADE)}, {"gru": with_random_error(MADE, 2.0)}
+    comparison = compare_models(*models, [library], VEHICLE, not_converged=("gru",))
+    for table in (mse_table(comparison, library), ratio_table(comparison, "m", library)):
+        assert any("Not converged" in note and "gru" in note for note in table.footnotes)
+    assert comparison_figures(comparison)["not_converged"] == ["gru"]
 
 
 def test_a_comparison_without_baselines_has_no_tables_of_ratios_to_them():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from fitted_network import fitted
 
-from offline.baselines.catalogue.lti import fit_linear
+from offline.baselines.linear import fit_linear
 from offline.evaluation import predictor
 from offline.experiments import error_ratios as error_ratios_module
 from offline.experiments.error_ratios import (

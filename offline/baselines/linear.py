@@ -1,11 +1,14 @@
-"""A linear model of the physical states with an offset: its one-step fit and its bundle."""
+"""Persistence, a linear model with offset for all roads, and one for each road.
+
+The linear models are fitted to all transitions of the training part at once, by least squares; they
+start from the measured state and do not use the past.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from offline.baselines.baseline import describe_fit
-from offline.baselines.window_shape import require_windows
+from offline.baselines.baseline import describe_fit, require_windows
 from offline.data.dataset import Dataset
 from offline.data.signals import Roles, Scaling, fit_scaling
 from offline.data.trajectories import Trajectories
@@ -19,6 +22,20 @@ from rt_controller.report.table import Fact
 
 _CHUNK = 1_000
 """trajectories whose transitions are factorised at once"""
+_SAME_ROAD_PER_M = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Persistence:
+    """Predicts the first state for all steps."""
+
+    def predict(self, x0: Array, past: Array, U: Array, W: Array) -> Array:
+        """States (batch, K+1, n), all equal to x0 (batch, n)."""
+        return np.repeat(x0[:, None, :], U.shape[1] + 1, axis=1)
+
+    def fit_info(self) -> tuple[Fact, ...]:
+        """Nothing: there is nothing to fit."""
+        return ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +54,75 @@ class LinearModel:
         """Largest absolute eigenvalue; above 1 predictions can grow."""
         radius = spectral_radius_of(self.matrices.A)
         return (Fact("spectral radius", f"{radius:.5f}"),)
+
+
+@dataclass(frozen=True, slots=True)
+class LinearPerCurvature:
+    """x_(k+1) = A x_k + B_uc u_k + c, with the matrices of the curvature at the start.
+
+    They are interpolated linearly between the C fitted curvatures and constant beyond them.
+    """
+
+    curvature_per_m: Array
+    """(C,) ascending"""
+    A: Array
+    """(C, n, n)"""
+    B_uc: Array
+    """(C, n, m)"""
+    c: Array
+    """(C, n)"""
+
+    def predict(self, x0: Array, past: Array, U: Array, W: Array) -> Array:
+        """States (batch, K+1, n), as `Predictor.predict`; W[:, 0, 0] is the curvature."""
+        _, n, m = self.B_uc.shape
+        require_windows(x0, past, U, W, (n, m, 1))
+        states = np.empty((len(x0), U.shape[1] + 1, n))
+        for kappa in np.unique(W[:, 0, 0]):
+            at = W[:, 0, 0] == kappa
+            states[at] = self._model_at(float(kappa)).predict(x0[at], past[at], U[at], W[at])
+        return states
+
+    def fit_info(self) -> tuple[Fact, ...]:
+        """The curvatures that have a model."""
+        roads = ", ".join(f"{kappa:g}" for kappa in self.curvature_per_m)
+        return (Fact("curvatures in 1/m", roads),)
+
+    def _model_at(self, kappa: float) -> LinearModel:
+        weights = [np.interp(kappa, self.curvature_per_m, row) for row in np.eye(len(self.A))]
+        A, B, c = (np.tensordot(weights, each, 1) for each in (self.A, self.B_uc, self.c))
+        return LinearModel(Matrices(A, B, np.zeros((len(c), 1)), c))
+
+
+def fit_linear(dataset: Dataset) -> LinearModel:
+    """The one-step least-squares model of the training part."""
+    return LinearModel(fit_one_step(dataset.select("train"), dataset.schema, dataset.roles))
+
+
+def find_objection_to_roads(dataset: Dataset) -> str | None:
+    """The data need roads, and curvature as their only exogenous signal."""
+    if dataset.manifest.roads is None:
+        return "the data have no roads"
+    if len(dataset.schema.exogenous) != 1:
+        return "the data have other exogenous signals than curvature"
+    return None
+
+
+def fit_per_curvature(dataset: Dataset) -> LinearPerCurvature:
+    """One least-squares model for each curvature of the training part."""
+    roads = dataset.manifest.roads
+    train = dataset.select("train")
+    curvature = train.w[:, 0, 0].astype(np.float64)
+    curvatures = np.unique(roads.curvatures_per_m if roads else ())
+    is_on = np.abs(curvature[:, None] - curvatures) < _SAME_ROAD_PER_M
+    curvatures, is_on = curvatures[is_on.any(axis=0)], is_on[:, is_on.any(axis=0)]
+    models = [
+        fit_one_step(train.take(rows), dataset.schema, dataset.roles, sees_exogenous=False)
+        for rows in is_on.T
+    ]
+    A, B_uc, c = (
+        np.stack([getattr(matrices, name) for matrices in models]) for name in ("A", "B_uc", "c")
+    )
+    return LinearPerCurvature(curvatures, A, B_uc, c)
 
 
 def to_bundle(name: str, model: LinearModel, dataset: Dataset, sample: LiftSample) -> Bundle:
