@@ -56,7 +56,7 @@ class TrainingConfig(Settings):
     """exchange left and right in half of the trajectories, if the data set says which signals
     change sign"""
 
-    noise: float = Field(default=3.0, ge=0.0, le=10.0)
+    noise: float = Field(default=1.0, ge=0.0, le=10.0)
     """largest level of the measurement noise on the first state and the past of a trajectory, in
     units of the noise of production sensors; each trajectory has a level between 0 and this"""
 

@@ -16,7 +16,7 @@ from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, Pa
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS
 from rt_controller.control.input_planner import InputPlanner, PlannedInput
 from rt_controller.control.low_speed.law import LowSpeedLaw
-from rt_controller.control.mpc import Mpc
+from rt_controller.control.mpc import MOST_UNDER_WAY, Mpc
 from rt_controller.realtime.clock import TimeSource
 from rt_controller.receiver import FreshData, Receiver
 from rt_controller.safety.checks import Quantity
@@ -27,9 +27,6 @@ from rt_controller.safety.inputs import QualifiedInputs
 from rt_controller.safety.modes import StopCause, decide
 from rt_controller.safety.supervisor import Supervisor
 from rt_controller.supervision import command_in_force, facts_of, faults_of, received_in
-
-MOST_UNDER_WAY = 16
-"""inputs that were sent and may not act yet"""
 
 
 class StepResult(NamedTuple):

@@ -126,21 +126,19 @@ class Bicycle:
     def __init__(self, horizon: int) -> None:
         self.parameters, self._horizon = Parameters.load(), horizon
         x, u, kappa = ca.SX.sym("x", N_STATES), ca.SX.sym("u", N_INPUTS), ca.SX.sym("kappa")
-        d = ca.SX.sym("d", N_STATES)
-        after = step_function()(x, u, kappa, ca.DM(self.parameters)) + d
-        self._step = ca.Function("period", [x, u, kappa, d], [after])
+        after = step_function()(x, u, kappa, ca.DM(self.parameters))
+        self._step = ca.Function("period", [x, u, kappa], [after])
         self._roll_out = self._step.mapaccum("roll_out", horizon)
         by_all = ca.jacobian(after, ca.vertcat(x, u, kappa))
         self._derivatives = ca.Function("derivatives", [x, u, kappa], [by_all]).map(horizon)
 
-    def step(self, x: Array, u: Array, curvature_per_m: Array, disturbance: Array) -> Array:
+    def step(self, x: Array, u: Array, curvature_per_m: Array) -> Array:
         """States (batch, 6) one period after x (batch, 6), under u (batch, 3)."""
-        found = self._step(x.T, u.T, curvature_per_m.T, np.tile(disturbance[:, None], len(x)))
-        return np.array(found).T
+        return np.array(self._step(x.T, u.T, curvature_per_m.T)).T
 
-    def predict(self, x: Array, inputs: Array, curvature_per_m: float, disturbance: Array) -> Array:
+    def predict(self, x: Array, inputs: Array, curvature_per_m: float) -> Array:
         """States (N + 1, 6) under inputs (N, 3), x (6,) first."""
-        found = self._roll_out(x, inputs.T, curvature_per_m, disturbance)
+        found = self._roll_out(x, inputs.T, curvature_per_m)
         return np.vstack([x, np.array(found).T])
 
     def derivatives(self, states: Array, inputs: Array, curvature_per_m: float) -> Array:
@@ -158,7 +156,7 @@ class Bicycle:
         """The car linearised at 15 m/s: pedal gains at low speed, and the interface of `Mpc`."""
         state = np.array(AT_REST._replace(vx_mps=_CARRIER_MPS))
         blocks = np.split(self.derivatives_at(state), [N_STATES, N_STATES + N_INPUTS], axis=1)
-        following = self.predict(state, np.zeros((self._horizon, N_INPUTS)), 0.0, 0.0 * state)[1]
+        following = self.predict(state, np.zeros((self._horizon, N_INPUTS)), 0.0)[1]
         A, B_uc, B_uw = blocks
         return Bundle.linear(A, B_uc, B_uw, following - A @ state, name="bicycle")
 

@@ -17,17 +17,15 @@ from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.schema import N_INPUTS, N_STATES
-from rt_controller.contract.signals import AT_REST, ControlInput
-from rt_controller.contract.timing import PERIOD_S
+from rt_controller.contract.signals import ControlInput
 from rt_controller.control.estimator import Estimator
 from rt_controller.control.knots import Knots
 from rt_controller.control.linearisation import ALL_INPUTS
-from rt_controller.control.mpc import Mpc
+from rt_controller.control.mpc import MOST_UNDER_WAY, Mpc
 from rt_controller.control.solver import SolveStatus
 
 CONVERGED, MOST_ITERATIONS = 1e-4, 10
 """largest change of an input between two iterations, as a share of its range; QPs in a period"""
-_TYPICAL_MPS = 20.0
 
 
 class BicycleLinearisation:
@@ -37,7 +35,6 @@ class BicycleLinearisation:
 
     def __init__(self, bicycle: Bicycle, knots: Knots, tracked: Sequence[int]) -> None:
         self._bicycle, self._knots, self._tracked = bicycle, knots, tracked
-        self._jacobian = np.eye(N_STATES)
         self._forward = np.zeros((N_STATES, N_STATES + 1 + N_INPUTS * knots.count))
         shape = (knots.count, len(tracked))
         self.observables = np.zeros((knots.horizon + 1, N_STATES))
@@ -49,14 +46,12 @@ class BicycleLinearisation:
         psi: Array,
         curvature_per_m: float,
         inputs: Array,
-        disturbance: Array,
         used: slice = ALL_INPUTS,
     ) -> None:
         """As `Linearisation.update`: derivatives by psi, curvature and knots, stage by stage."""
         bicycle, knots = self._bicycle, self._knots
-        self.observables[:] = bicycle.predict(psi, inputs, curvature_per_m, disturbance)
+        self.observables[:] = bicycle.predict(psi, inputs, curvature_per_m)
         derivatives = bicycle.derivatives(self.observables[:-1], inputs, curvature_per_m)
-        self._jacobian = derivatives[0, :, :N_STATES]
         by_stage = derivatives[:, :, N_STATES : N_STATES + N_INPUTS]
         by_knots = np.einsum("kxu,kj->kxuj", by_stage, knots.interpolation)
         S = self._forward
@@ -75,26 +70,22 @@ class BicycleLinearisation:
                 self.by_inputs[number] = 0.0
                 self.by_inputs[number][:, used] = of_inputs[:, used]
 
-    def jacobian(self) -> Array:
-        """(6, 6), the derivative of the state by that of a period before, at the first stage."""
-        return self._jacobian
-
 
 class BicycleEstimator(Estimator):
     """The estimator with predictions of the bicycle."""
 
-    def __init__(self, bicycle: Bicycle, bundle: Bundle, share: float = 1.0) -> None:
+    def __init__(
+        self, bicycle: Bicycle, bundle: Bundle, periods: int = 0, share: float = 1.0
+    ) -> None:
         """`share` of the gain of the disturbance that a learned model has."""
-        state = np.array(AT_REST._replace(vx_mps=_TYPICAL_MPS, ds_m=_TYPICAL_MPS * PERIOD_S))
-        super().__init__(bundle, bicycle.derivatives_at(state)[:, :N_STATES])
-        self._gains = share * self._gains
+        super().__init__(bundle, periods)
+        self._low_pass = share * self._low_pass
         self._bicycle = bicycle
 
     def step(self, psi: Array, applied: ControlInput, curvature_per_m: float) -> Array:
         x = psi.reshape(-1, N_STATES)
         u, w = np.tile(applied, (len(x), 1)), np.full((len(x), 1), curvature_per_m)
-        found = self._bicycle.step(x, u, w, self.disturbance)
-        return found.reshape(psi.shape)
+        return self._bicycle.step(x, u, w).reshape(psi.shape)
 
 
 class BicycleMpc(Mpc):
@@ -113,7 +104,9 @@ class BicycleMpc(Mpc):
         # The product has one linearisation only, so its type provides for no other one.
         of_bicycle: Any = BicycleLinearisation(bicycle, knots, objective._columns)
         objective._linearisation = of_bicycle
-        self._estimator = BicycleEstimator(bicycle, bundle, disturbance_share)
+        self._estimator = BicycleEstimator(
+            bicycle, bundle, settings.horizon + MOST_UNDER_WAY, disturbance_share
+        )
         self._iterations_left = MOST_ITERATIONS - 1 if is_iterated else 0
 
     def plan(self, *arguments: Any) -> SolveStatus:

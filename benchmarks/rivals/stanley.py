@@ -95,7 +95,7 @@ class Stanley:
         psi, kappa = np.array([state]), np.array([[curvature_per_m]])
         self._now, self._curvature_per_m = psi[0], curvature_per_m
         for u in under_way:
-            psi = self._bicycle.step(psi, np.array([u]), kappa, np.zeros(N_STATES))
+            psi = self._bicycle.step(psi, np.array([u]), kappa)
         reference = self._reference.expand(path, state, curvature_per_m, preview, len(under_way))
         after = VehicleState(*psi[0].tolist())
         self._acting = under_way[0] if under_way else None

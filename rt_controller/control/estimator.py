@@ -1,6 +1,7 @@
 """Filtered state and constant disturbance, from predictions of the model and of kinematics."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.kinematics import heading_change_rad, lateral_change_along_m
@@ -8,12 +9,14 @@ from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.model.rollout import Step
 from rt_controller.contract.schema import N_INPUTS, N_STATES
 from rt_controller.contract.signals import ControlInput, StateColumn, VehicleState
+from rt_controller.contract.timing import PERIOD_S
 
 STEPS = 10
 """periods of the prediction whose error is the disturbance"""
-LOW_PASS_GAIN = np.array(VehicleState(0.01, 0.05, 0.05, 0.0, 0.05, 0.05))
+LOW_PASS_GAIN = np.array(VehicleState(0.01, 0.12, 0.12, 0.0, 0.03, 0.03))
 """of the disturbance of each state, in one period"""
-OBSERVED = [c for c in StateColumn if c is not StateColumn.ds_m]
+KEPT = np.array(VehicleState(1.0, 0.95, 0.95, 0.0, 1.0, 1.0))
+"""share of a deviation of each state that is left after one period: lateral motion is damped"""
 LARGEST_DISTURBANCE = np.array(VehicleState(0.1, 0.1, 0.05, 0.0, 0.01, 0.005))
 """change of each state in one period"""
 
@@ -28,19 +31,65 @@ MOTION, PLACE = range(StateColumn.ey_m), range(StateColumn.ey_m, N_STATES)
 """columns predicted by the model and by kinematics"""
 
 
+class DisturbanceResponse:
+    """Deviation of the states after k periods of a constant disturbance, by kinematics.
+
+    A disturbance changes each state in every period. Deviations of v_y and yaw rate fade; those of
+    the yaw rate turn the car, and the heading and v_y move it sideways:
+
+        e_psi+ = e_psi + T r,  e_y+ = e_y + T (v_x e_psi + v_y)
+
+    No model is asked: what a learned model answers to a change of a single state that its other
+    observables contradict is arbitrary.
+    """
+
+    def __init__(self, periods: int) -> None:
+        """For k = 0 .. `periods`."""
+
+        def summed(terms: Array) -> Array:
+            sums: Array = np.zeros(terms.shape)
+            np.cumsum(terms[:-1], axis=0, out=sums[1:])
+            return sums
+
+        self._first = summed(KEPT ** np.arange(periods + 1)[:, None])
+        """(periods + 1, 6), of each state by its own disturbance"""
+        self._second = PERIOD_S * summed(self._first)
+        self._third = PERIOD_S * summed(self._second)
+
+    def at(self, k: NDArray[np.int64] | int, disturbance: Array, vx_mps: float) -> Array:
+        """Deviations (..., 6) after k (...) periods of a disturbance (6,)."""
+        c, second, third = StateColumn, self._second[k], self._third[k]
+        _, vy, yaw_rate, _, _, epsi = disturbance.tolist()
+        found: Array = self._first[k] * disturbance
+        found[..., c.epsi_rad] += second[..., c.yaw_rate_radps] * yaw_rate
+        turned_rad = third[..., c.yaw_rate_radps] * yaw_rate + second[..., c.epsi_rad] * epsi
+        found[..., c.ey_m] += second[..., c.vy_mps] * vy + vx_mps * turned_rad
+        return found
+
+    def cause(self, k: int, deviation: Array, vx_mps: float) -> Array:
+        """The disturbance (6,) of which a deviation (6,) is left after k periods."""
+        found: Array = deviation / np.maximum(self._first[k], 1.0)
+        found[StateColumn.epsi_rad] = found[StateColumn.ey_m] = 0.0
+        for column in (StateColumn.epsi_rad, StateColumn.ey_m):
+            rest = deviation[column] - self.at(k, found, vx_mps)[column]
+            found[column] = rest / self._first[k, column]
+        return found
+
+
 class Estimator:
     """State and disturbance between two measurements; one instance for a controller.
 
     The motion is predicted by the model, the place on the road by kinematics. The disturbance is
-    what has to be added to the predicted states in every period so that a prediction of ten periods
-    under the inputs that were applied ends at the estimated state: bank, wind, a grade, a road that
-    is more slippery than those of the training, an offset of a sensor.
+    what explains the error of a prediction over ten periods under the inputs that were applied:
+    bank, wind, a grade, a road that is more slippery than those of the training, an offset of a
+    sensor.
     """
 
-    def __init__(self, bundle: Bundle, jacobian: Array) -> None:
-        """`jacobian` (n, n): derivative of psi+ by psi at a typical state."""
+    def __init__(self, bundle: Bundle, periods: int) -> None:
+        """`periods`: the longest prediction that `deviations` is asked for."""
         self._step = Step(bundle)
-        self._gains = LOW_PASS_GAIN[OBSERVED, None] * np.linalg.inv(_response(jacobian))
+        self._response = DisturbanceResponse(max(periods, STEPS))
+        self._low_pass = LOW_PASS_GAIN
         self._psi = np.zeros((STEPS, bundle.n_observables))
         self._inputs = np.ones(N_INPUTS + 2)
         """inputs, curvature, and 1"""
@@ -52,7 +101,11 @@ class Estimator:
         self._offset = [0.0] * N_STATES
         """of the prediction of the next state"""
         self.disturbance = np.zeros(N_STATES)
-        """(6,), what is added to the predicted states in every period"""
+        """(6,), change of the states in every period that the model does not predict"""
+
+    def deviations(self, periods: NDArray[np.int64], vx_mps: float) -> Array:
+        """What the disturbance adds to the states predicted after (K,) `periods`, (K, 6)."""
+        return self._response.at(periods, self.disturbance, vx_mps)
 
     def forget(self) -> None:
         """A period is missing: the predictions end, and the disturbance stays."""
@@ -76,7 +129,8 @@ class Estimator:
             self._before = measured
             return measured
         self._is_advanced = False
-        predicted, found = self._psi[self._newest, :N_STATES].tolist(), list(measured)
+        predicted = (self._psi[self._newest, :N_STATES] + self.disturbance).tolist()
+        found = list(measured)
         self._correct(found, predicted, MOTION)
         now = VehicleState(*found)
         turned_rad = heading_change_rad(before, now, curvature_per_m, now.ds_m)
@@ -104,8 +158,9 @@ class Estimator:
         """
         oldest = (self._newest + 1) % STEPS
         if self._begun >= STEPS:
-            error = psi[OBSERVED] - self._psi[oldest, OBSERVED]
-            self.disturbance[OBSERVED] += self._gains @ error
+            error = psi[:N_STATES] - self._psi[oldest, :N_STATES]
+            found = self._response.cause(STEPS, error, float(psi[StateColumn.vx_mps]))
+            self.disturbance += self._low_pass * (found - self.disturbance)
             np.clip(
                 self.disturbance, -LARGEST_DISTURBANCE, LARGEST_DISTURBANCE, out=self.disturbance
             )
@@ -116,17 +171,6 @@ class Estimator:
         self._is_advanced = True
 
     def step(self, psi: Array, applied: ControlInput, curvature_per_m: float) -> Array:
-        """Lifted states (..., n) a period after psi (..., n), with the disturbance."""
+        """Lifted states (..., n) a period after psi (..., n), without the disturbance."""
         self._inputs[:-1] = *applied, curvature_per_m
-        following = self._step(psi, self._inputs)
-        following[..., :N_STATES] += self.disturbance
-        return following
-
-
-def _response(jacobian: Array) -> Array:
-    """(5, 5), derivative of the observed states after `STEPS` periods by a constant disturbance."""
-    response = np.zeros((len(jacobian), N_STATES))
-    for _ in range(STEPS):
-        response = jacobian @ response
-        response[:N_STATES] += np.eye(N_STATES)
-    return response[np.ix_(OBSERVED, OBSERVED)]
+        return self._step(psi, self._inputs)

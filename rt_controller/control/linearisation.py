@@ -9,7 +9,7 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.model.follow import Follow
 from rt_controller.contract.model.rollout import Step
-from rt_controller.contract.schema import N_INPUTS, N_STATES
+from rt_controller.contract.schema import N_INPUTS
 from rt_controller.control.knots import Knots
 from rt_controller.control.pedals import WITH_PEDAL
 
@@ -21,7 +21,7 @@ class Linearisation:
 
     With the gains of `contract.model.rollout.Step`,
 
-        psi+ = A psi + B_uc u + N (t m - a o) + B_uw kappa + c + d
+        psi+ = A psi + B_uc u + N (t m - a o) + B_uw kappa + c
 
     where m is what a gain is multiplied by (an input, the curvature, or 1). So the derivative of
     psi+ by psi is J = A + N W S with the diagonal matrix W = diag(m t' - o), and that by an input
@@ -97,17 +97,15 @@ class Linearisation:
         psi: Array,
         curvature_per_m: float,
         inputs: Array,
-        disturbance: Array,
         used: slice = ALL_INPUTS,
     ) -> None:
-        """Linearise along `inputs` (N, 3) from psi (n,), with a constant `disturbance` (6,).
+        """Linearise along `inputs` (N, 3) from psi (n,).
 
         `used`: columns of the inputs by which derivatives are needed; the others are zero.
         """
         bundle, gains, offset = self._bundle, self._gains, self._offset
         np.multiply(bundle.B_uw[:, 0], curvature_per_m, out=offset)
         offset += bundle.c
-        offset[:N_STATES] += disturbance
         self._offsets[: gains.count] = gains.S @ offset + gains.s0
         self._offsets[gains.count :] = offset
         self.observables[0] = psi
@@ -126,10 +124,6 @@ class Linearisation:
         if self._follow is not Follow.PREDICTION:
             weights[:] = 0.0
         self._derive(used)
-
-    def jacobian(self) -> Array:
-        """(n, n), the derivative of psi+ by psi at the first stage."""
-        return np.asarray(self._bundle.A + (self._gains.N * self._weights[0]) @ self._gains.S)
 
     def _roll_out(self) -> None:
         gains, step_map, followed = self._gains, self._step_map, self.observables[0]

@@ -4,10 +4,11 @@ import time
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.rollout import Matrices, roll_out
+from rt_controller.contract.model.rollout import roll_out
 from rt_controller.contract.model.validation import require_drivable
 from rt_controller.contract.schema import N_INPUTS, N_STATES
 from rt_controller.contract.signals import (
@@ -36,6 +37,8 @@ from rt_controller.control.terms import TrackingCost
 
 INTEGRAL_GAIN, LARGEST_INTEGRAL_M, INTEGRATED_M = 0.005, 0.03, 0.1
 """of the lateral error, in one period; a larger error is not integrated"""
+MOST_UNDER_WAY = 16
+"""inputs that were sent and may not act yet"""
 STRAIGHT_PATH = PathReference(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -70,7 +73,9 @@ class Mpc:
         self._qp = CondensedQp(bundle, horizon, cost, features, knots)
         self._reference = ReferenceHorizon(self._qp.knots)
         self._solver = open_solver(self._qp.program)
-        self._estimator = Estimator(bundle, self._qp.typical_jacobian)
+        self._knots = np.array([0, *self._qp.knots.ends])
+        """stages at which the reference is compared with the prediction"""
+        self._estimator = Estimator(bundle, horizon + MOST_UNDER_WAY)
         self.solve_ns = 0
         """time of the last solve"""
         self.max_iterations: int | None = None
@@ -114,13 +119,13 @@ class Mpc:
 
         psi = self._encoder.lift(state, curvature_per_m)
         parameters = self._qp.parameters
-        parameters.disturbance[:] = self._estimator.disturbance
         parameters.psi[:] = self._after(psi, under_way, curvature_per_m)
         parameters.curvature_per_m = curvature_per_m
         parameters.previous[:] = previous
         parameters.reference[:] = self._reference.expand(
             path, state, curvature_per_m, preview, len(under_way)
         )
+        parameters.reference -= self._deviations(self._knots)
         parameters.reference[:, StateColumn.ey_m] -= self._integrate(state.ey_m - path.c0_m)
         self._pedals.update(state.vx_mps - path.v_mps, path.a_mps2)
         if not self._is_prepared:
@@ -137,6 +142,11 @@ class Mpc:
             knots = (v * self._qp.scale).reshape(-1, N_INPUTS)
             np.dot(self._qp.interpolation, knots, out=self.inputs)
         return status
+
+    def _deviations(self, stages: NDArray[np.int64]) -> Array:
+        """What the disturbance adds to the states that are predicted at some stages."""
+        periods = stages + len(self._under_way)
+        return self._estimator.deviations(periods, self._planned_from.vx_mps)
 
     def _integrate(self, error_m: float) -> float:
         """Slow integral of the lateral error: what the disturbance leaves over."""
@@ -250,7 +260,7 @@ class Mpc:
         """
         if not self._has_plan:
             return None
-        return self._all_stages().counted_from_road(self._prediction(np.zeros(N_STATES)))
+        return self._all_stages().counted_from_road(self._prediction())
 
     def _all_stages(self) -> ReferenceHorizon:
         """The reference of the last plan at each stage."""
@@ -259,15 +269,12 @@ class Mpc:
         reference.expand(self._path, self._planned_from, curvature_per_m, self._preview, delay)
         return reference
 
-    def _prediction(self, disturbance: Array) -> Array:
+    def _prediction(self) -> Array:
         """(N + 1, 6), with e_y and e_psi counted from the circle of the curvature at the car."""
-        parameters, bundle = self._qp.parameters, self._bundle
-        c = bundle.c.copy()
-        c[:N_STATES] += disturbance
-        disturbed = Matrices(bundle.A, bundle.B_uc, bundle.B_uw, c, bundle.bilinear, bundle.drift)
+        parameters = self._qp.parameters
         W = np.full((1, len(self.inputs), 1), parameters.curvature_per_m)
         psi, inputs = parameters.psi[None], self.inputs[None]
-        return np.asarray(roll_out(disturbed, psi, inputs, W, N_STATES)[0])
+        return np.asarray(roll_out(self._bundle, psi, inputs, W, N_STATES)[0])
 
     def explain_plan(self) -> PlanExplanation:
         """The last plan explained, for people; its QP is solved once more from a cold start.
@@ -282,7 +289,7 @@ class Mpc:
             inputs = np.full((horizon, N_INPUTS), np.nan)
             return PlanExplanation(inputs, nothing, nothing[1:], (), (), second)
         z = self._solver.solution.copy()
-        states = self._prediction(parameters.disturbance)
+        states = self._prediction()
         reference = self._all_stages()
         costs = cost_shares(
             self._cost,
@@ -296,7 +303,7 @@ class Mpc:
         )
         return PlanExplanation(
             self.inputs.copy(),
-            reference.counted_from_road(states),
+            reference.counted_from_road(states + self._deviations(np.arange(horizon + 1))),
             reference.states[1:].copy(),
             active_bounds(program, z, knots.stages),
             costs,

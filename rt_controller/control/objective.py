@@ -82,19 +82,13 @@ class Objective:
         """(K, nv), what the inputs add to e_y at the end of each interval, in metres."""
         return self._gamma.reshape(len(self._gamma), *self._reference.shape)[:, :, self._ey].T
 
-    def jacobian(self) -> Array:
-        """(n, n), the derivative of psi+ by psi at the first stage."""
-        return self._linearisation.jacobian()
-
     def update_matrices(self, parameters: QpParameters, used: slice) -> None:
         """Update H, and the maps of the gradient, around the parameters and nominal inputs.
 
         `used`: the inputs that are not bound to zero; H has no cost of states for the other ones.
         """
         linearisation, curvature = self._linearisation, parameters.curvature_per_m
-        linearisation.update(
-            parameters.psi, curvature, parameters.nominal_inputs, parameters.disturbance, used
-        )
+        linearisation.update(parameters.psi, curvature, parameters.nominal_inputs, used)
         states = linearisation.observables[self._at_knots, :N_STATES]
         np.maximum(states[1:, StateColumn.vx_mps], SLOWEST_MPS, out=self.length_m)
         self.length_m *= self._interval_s

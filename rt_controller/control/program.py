@@ -74,8 +74,6 @@ class QpParameters:
         """(3,), the input of the last period"""
         self.reference = np.zeros((knots.count + 1, N_STATES))
         """(K + 1, 6), reference states at the knots and at the end of the horizon"""
-        self.disturbance = np.zeros(N_STATES)
-        """(6,), what is added to the predicted states in every period"""
         self.nominal_knots = np.zeros((knots.count, N_INPUTS))
         """(K, 3), the inputs along which the model is linearised"""
         self.nominal_inputs = np.zeros((knots.horizon, N_INPUTS))

@@ -106,8 +106,6 @@ class CondensedQp:
         with np.errstate(all="ignore"):
             self.update_matrices()
             self.update_vectors(PedalChoice())
-        self.typical_jacobian = self.objective.jacobian()
-        """(n, n), the derivative of psi+ by psi at a typical state"""
         if not (np.isfinite(self.program.P).all() and self.program.has_finite_vectors()):
             raise ArtifactError(
                 "The model's prediction over the horizon is not finite: expected a model that "

@@ -11,13 +11,27 @@ from rt_controller.contract.model.rollout import one_step
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control import estimator as estimator_module
-from rt_controller.control.estimator import OBSERVED, STEPS, Estimator
+from rt_controller.control.estimator import KEPT, STEPS, DisturbanceResponse, Estimator
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.solver import SolveStatus
 
 LINEAR = make_bundle(Lift(), latents=0)
-DISTURBANCE = np.array(VehicleState(0.02, -0.01, 0.004, 0.0, 0.003, 0.001))
+DISTURBANCE = np.array(VehicleState(0.0005, -0.01, 0.004, 0.0, 0.003, 0.001))
 START = VehicleState(20.0, 0.0, 0.0, 0.5, 0.0, 0.0)
+OBSERVED = [0, 1, 2, 4, 5]
+
+
+def kinematic_car() -> Bundle:
+    """Turns with the steering wheel at a nearly constant speed; lateral motion fades, place and heading integrate."""
+    A, B = np.diag(KEPT), np.zeros((6, 3))
+    A[5, 2] = A[4, 1] = PERIOD_S
+    A[4, 5] = PERIOD_S * START.vx_mps
+    A[3, 0] = PERIOD_S
+    B[2, 2] = 0.05
+    return Bundle.linear(A, B, np.zeros((6, 1)))
+
+
+CAR = kinematic_car()
 
 
 def after(bundle: Bundle, state: VehicleState, u: ControlInput) -> VehicleState:
@@ -34,15 +48,26 @@ def unfiltered(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def estimated(periods: int, missing: int | None = None) -> Estimator:
     """The estimator after so many periods of changing inputs."""
-    rng, estimator, state = np.random.default_rng(0), Estimator(LINEAR, LINEAR.A), START
+    rng, estimator, state = np.random.default_rng(0), Estimator(CAR, 40), START
     for period in range(periods):
         if period == missing:
             estimator.forget()
         psi = np.array(estimator.estimate(state, 0.0))
         u = ControlInput(rng.uniform(0.0, 0.3), 0.0, 0.05 * rng.normal())
         estimator.advance(psi, u, 0.0)
-        state = after(LINEAR, state, u)
+        state = after(CAR, state, u)
     return estimator
+
+
+def test_the_response_to_a_disturbance_is_that_of_the_kinematics() -> None:
+    response, deviation = DisturbanceResponse(30), np.zeros(6)
+    for k in range(31):
+        found = response.at(k, DISTURBANCE, START.vx_mps)[OBSERVED]
+        np.testing.assert_allclose(found, deviation[OBSERVED], rtol=1e-12, atol=1e-15)
+        if k:
+            cause = response.cause(k, deviation, START.vx_mps)
+            np.testing.assert_allclose(cause[OBSERVED], DISTURBANCE[OBSERVED], rtol=1e-9)
+        deviation = CAR.A @ deviation + DISTURBANCE
 
 
 @pytest.mark.usefixtures("unfiltered")
@@ -94,7 +119,7 @@ def test_the_lateral_offset_of_a_disturbed_car_vanishes() -> None:
 
 
 def test_the_first_state_and_that_after_a_missing_period_are_the_measured_ones() -> None:
-    estimator = Estimator(LINEAR, LINEAR.A)
+    estimator = Estimator(LINEAR, 40)
     assert estimator.estimate(START, 0.0) == START
     estimator.advance(np.array(START), ControlInput(0.1, 0.0, 0.0), 0.0)
     measured = START._replace(ey_m=0.2)
@@ -104,7 +129,7 @@ def test_the_first_state_and_that_after_a_missing_period_are_the_measured_ones()
 
 
 def test_the_noise_of_the_lateral_place_is_averaged() -> None:
-    rng, estimator, errors_m = np.random.default_rng(3), Estimator(LINEAR, LINEAR.A), []
+    rng, estimator, errors_m = np.random.default_rng(3), Estimator(LINEAR, 40), []
     for _ in range(400):
         noise_m = 0.02 * rng.normal()
         estimate = estimator.estimate(START._replace(ey_m=noise_m), 0.0)

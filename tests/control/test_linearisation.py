@@ -5,13 +5,13 @@ from itertools import product
 import numpy as np
 import pytest
 from made_models import WITH_ALL
-from model_classes import DISTURBANCE, RANGE, VARIANTS, knots_of, made
+from model_classes import RANGE, VARIANTS, knots_of, made
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.model.artifact import load_bundle, shipped_model
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.model.follow import Follow
-from rt_controller.contract.model.rollout import one_step, roll_out
+from rt_controller.contract.model.rollout import roll_out
 from rt_controller.contract.schema import N_STATES
 from rt_controller.control.knots import place_knots
 from rt_controller.control.linearisation import ALL_INPUTS, Linearisation
@@ -36,7 +36,7 @@ def assert_derivatives(bundle: Bundle, psi: Array, count: int, used: slice = ALL
     knots, plan = place_knots(HORIZON, count), knots_of(count)
     found = Linearisation(bundle, knots, list(range(N_STATES)))
     inputs = knots.interpolation @ plan
-    found.update(psi, CURVATURE_PER_M, inputs, np.zeros(N_STATES), used)
+    found.update(psi, CURVATURE_PER_M, inputs, used)
 
     def at_ends(
         change: Array, curvature_per_m: float = CURVATURE_PER_M, start: Array = psi
@@ -95,19 +95,10 @@ def test_the_same_of_the_shipped_models(model: str) -> None:
 
 
 @pytest.mark.parametrize(("variant", "follows"), CASES)
-def test_the_nominal_prediction_is_the_roll_out_with_the_disturbance_in_every_period(
-    variant: str, follows: Follow
-) -> None:
+def test_the_nominal_prediction_is_the_roll_out(variant: str, follows: Follow) -> None:
     bundle, inputs = made(variant, follows), knots_of(HORIZON)
     psi = bundle.selftest_psi[0]
     found = Linearisation(bundle, place_knots(HORIZON, HORIZON), [0])
-    found.update(psi, CURVATURE_PER_M, inputs, np.zeros(N_STATES))
+    found.update(psi, CURVATURE_PER_M, inputs)
     expected = rolled(bundle, psi, CURVATURE_PER_M, inputs)
     np.testing.assert_allclose(found.observables[1:, :N_STATES], expected, rtol=1e-10, atol=1e-10)
-    if follows is not Follow.PREDICTION:
-        return
-    found.update(psi, CURVATURE_PER_M, inputs, DISTURBANCE)
-    for u, following in zip(inputs, found.observables[1:], strict=True):
-        psi = one_step(bundle, psi, u, np.array([CURVATURE_PER_M]))
-        psi[:N_STATES] += DISTURBANCE
-        np.testing.assert_allclose(following, psi, rtol=1e-10, atol=1e-10)

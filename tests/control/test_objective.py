@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_models import make_bundle
-from model_classes import DISTURBANCE, RANGE, VARIANTS, knots_of, made
+from model_classes import RANGE, VARIANTS, knots_of, made
 
 from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
@@ -40,7 +40,6 @@ def built(bundle: Bundle, cost: TrackingCost, knots: int, psi: Array) -> Condens
     parameters.psi[:], parameters.curvature_per_m = psi, 0.002
     parameters.previous[:] = (0.2, 10.0, 0.1)
     parameters.reference[:] = psi[:N_STATES] + 0.2 * rng.normal(size=parameters.reference.shape)
-    parameters.disturbance[:] = DISTURBANCE
     parameters.nominal_knots[:] = knots_of(knots)
     parameters.nominal_inputs[:] = qp.interpolation @ parameters.nominal_knots
     qp.update_matrices()
@@ -53,7 +52,6 @@ def predicted(bundle: Bundle, now: QpParameters, inputs: Array) -> Array:
     psi, found = now.psi, [now.psi[:N_STATES]]
     for u in inputs:
         psi = one_step(bundle, psi, u, np.array([now.curvature_per_m]))
-        psi[:N_STATES] += now.disturbance
         found.append(psi[:N_STATES])
     return np.array(found)
 

@@ -25,7 +25,7 @@ PREVIOUS = ControlInput(0.15, 0.0, 0.0)
 def test_the_derivatives_of_the_bicycle_are_those_of_its_prediction():
     bicycle, rng = Bicycle(4), np.random.default_rng(0)
     inputs = np.array([0.2, 10.0, 0.3]) * rng.uniform(0.5, 1.0, (4, 3))
-    states = bicycle.predict(np.array(STATE), inputs, 0.002, np.zeros(6))
+    states = bicycle.predict(np.array(STATE), inputs, 0.002)
     found = bicycle.derivatives(states[:-1], inputs, 0.002)
     for column, change in ((0, 1e-4), (1, 1e-5), (2, 1e-5), (4, 1e-4), (5, 1e-5)):
         moved = states[:-1].copy()

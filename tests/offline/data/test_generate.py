@@ -151,7 +151,7 @@ def test_episodes_are_concatenated_with_five_slices_each():
 def test_progress_is_the_number_of_episodes_made_so_far():
     reported = []
     generate(Recipe(), 24, seed=5, jobs=1, on_progress=reported.append)
-    assert reported == [20, 24]
+    assert reported == [0, 20, 24]
 
 
 CALM = {"first_speed_mps": (25.0, 25.0), "throttles": (0.3,), "drive_brake_coast": (1.0, 0.0, 0.0)}
