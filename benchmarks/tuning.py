@@ -18,9 +18,6 @@ from rich.console import Console
 
 from benchmarks.figures.closed_loop import wheel_rate_rms_degps
 from benchmarks.rivals.drive import (
-    DISTURBANCE,
-    LTV,
-    NONLINEAR,
     STANLEY,
     TUNED,
     build_rival,
@@ -30,7 +27,6 @@ from benchmarks.rivals.drive import (
 from benchmarks.rivals.scenarios import NOISY, SEARCH
 from benchmarks.rivals.stanley import Gains
 from rt_controller import ControllerConfig, Drive
-from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.planner import build_mpc
@@ -39,7 +35,6 @@ from rt_controller.simulation import drive_in_lockstep
 from rt_controller.terminal.command_line import run_command
 from sim_bridge.scenario import Scenario
 
-MODELS = ("mdk-net", "mdk-net-paper", "lti")
 WORST = 10.0
 """cost of a drive whose errors are not finite"""
 _WEIGHTS = {
@@ -50,8 +45,8 @@ _WEIGHTS = {
     "throttle_change": (0.05, 1.0),
     "brake_change_n": (10.0, 150.0),
     "terminal_factor": (1.0, 50.0),
+    "disturbance_gain": (0.005, 0.3),
 }
-_OF_BICYCLE = {**_WEIGHTS, DISTURBANCE: (0.01, 1.5)}
 _GAINS = {
     "lateral_per_s": (0.3, 12.0),
     "softening_mps": (0.1, 20.0),
@@ -106,18 +101,13 @@ def main(
     """Search the weights or gains of a controller; the first trial is that of its defaults.
 
     Args:
-        controller: mdk-net, mdk-net-paper, lti, stanley, bicycle-mpc or bicycle-nmpc.
+        controller: stanley, bicycle-mpc, bicycle-nmpc, a shipped model, or the folder of a bundle.
         trials: number of trials, each eight drives.
         seed: of the search (TPE of Optuna).
         json: file for the best values and their costs.
     """
     require_writable(json)
-    names = (*MODELS, *TUNED)
-    if controller not in names:
-        raise ConfigError(
-            f"--controller: expected one of {', '.join(names)}, found {controller!r}."
-        )
-    space = {STANLEY: _GAINS, LTV: _OF_BICYCLE, NONLINEAR: _OF_BICYCLE}.get(controller, _WEIGHTS)
+    space = _GAINS if controller == STANLEY else _WEIGHTS
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     console = Console(stderr=True)
 
@@ -155,9 +145,8 @@ def defaults_of(controller: str) -> dict[str, float]:
     if controller == STANLEY:
         return Gains()._asdict()
     settings = settings_of({})
-    known = {**settings.tolerance.model_dump(), "terminal_factor": settings.terminal_factor}
-    weights = {name: known[name] for name in _WEIGHTS}
-    return {**weights, DISTURBANCE: 1.0} if controller in TUNED else weights
+    known = {**settings.model_dump(), **settings.tolerance.model_dump()}
+    return {name: known[name] for name in _WEIGHTS}
 
 
 if __name__ == "__main__":

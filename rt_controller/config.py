@@ -53,7 +53,7 @@ class Tolerances(Settings):
     """change of the steering-wheel angle in one period"""
 
 
-PAPER = {"horizon": 20, "heading": "epsi", "terminal_factor": 1.0}
+PAPER = {"horizon": 20, "heading": "epsi", "terminal_factor": 1.0, "disturbance_gain": 0.015}
 PAPER_TOLERANCE = {
     "ey_m": 0.15,
     "epsi_deg": 1.0,
@@ -81,6 +81,10 @@ class MpcSettings(Settings):
     epsi, as printed in the paper"""
     terminal_factor: Annotated[float, Field(gt=0.0, le=1e6)] = 7.0
     """weight of the last stage, in units of the others"""
+    disturbance_gain: Annotated[float, Field(ge=0.0, le=0.5)] = 0.12
+    """share of the lateral motion that the model did not predict that becomes an estimated
+    disturbance in one period: larger for a road or load that the model does not know, smaller for a
+    model that is wrong about the gain of the steering"""
     corridor_m: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
     """distance from the path beyond which the plan has an additional cost; none: no such cost"""
     beyond_corridor_m: Annotated[float, Field(ge=1e-6, le=100.0)] = 0.05

@@ -48,6 +48,7 @@ def build_mpc(bundle: Bundle, settings: MpcSettings, max_iterations: int | None 
         Features(corridor=corridor),
         partial(open_solver, max_iterations=max_iterations),
         settings.knots,
+        settings.disturbance_gain,
     )
     plan_at_constant_speed(mpc)
     return mpc

@@ -16,7 +16,6 @@ from rt_controller.simulation import drive_in_lockstep
 from sim_bridge.scenario import Scenario
 
 STANLEY, LTV, NONLINEAR = "stanley", "bicycle-mpc", "bicycle-nmpc"
-DISTURBANCE = "disturbance_share"
 TUNED = {STANLEY: "stanley.json", LTV: "bicycle-mpc.json", NONLINEAR: "bicycle-mpc.json"}
 """results of `python -m benchmarks.tuning`; both MPCs have one cost"""
 Values = Mapping[str, float]
@@ -40,9 +39,8 @@ def build_rival(name: str, values: Values) -> Mpc:
     """The rival, with all methods that the loop calls."""
     if name == STANLEY:
         return cast("Mpc", Stanley(Bicycle(1), Gains(**values)))
-    share = values[DISTURBANCE]
-    settings = settings_of({k: v for k, v in values.items() if k != DISTURBANCE})
-    return BicycleMpc(Bicycle(settings.horizon), settings, share, name == NONLINEAR)
+    settings = settings_of(values)
+    return BicycleMpc(Bicycle(settings.horizon), settings, name == NONLINEAR)
 
 
 def drive_with(mpc: Mpc, scenario: Scenario, plant: str = "own") -> Drive:

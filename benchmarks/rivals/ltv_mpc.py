@@ -18,7 +18,7 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.schema import N_INPUTS, N_STATES
 from rt_controller.contract.signals import ControlInput
-from rt_controller.control.estimator import Estimator
+from rt_controller.control.estimator import MOTION_GAIN, Estimator
 from rt_controller.control.knots import Knots
 from rt_controller.control.linearisation import ALL_INPUTS
 from rt_controller.control.mpc import MOST_UNDER_WAY, Mpc
@@ -75,11 +75,9 @@ class BicycleEstimator(Estimator):
     """The estimator with predictions of the bicycle."""
 
     def __init__(
-        self, bicycle: Bicycle, bundle: Bundle, periods: int = 0, share: float = 1.0
+        self, bicycle: Bicycle, bundle: Bundle, periods: int = 0, motion_gain: float = MOTION_GAIN
     ) -> None:
-        """`share` of the gain of the disturbance that a learned model has."""
-        super().__init__(bundle, periods)
-        self._low_pass = share * self._low_pass
+        super().__init__(bundle, periods, motion_gain)
         self._bicycle = bicycle
 
     def step(self, psi: Array, applied: ControlInput, curvature_per_m: float) -> Array:
@@ -95,7 +93,6 @@ class BicycleMpc(Mpc):
         self,
         bicycle: Bicycle,
         settings: MpcSettings,
-        disturbance_share: float = 1.0,
         is_iterated: bool = False,
     ) -> None:
         bundle = bicycle.bundle()
@@ -105,7 +102,7 @@ class BicycleMpc(Mpc):
         of_bicycle: Any = BicycleLinearisation(bicycle, knots, objective._columns)
         objective._linearisation = of_bicycle
         self._estimator = BicycleEstimator(
-            bicycle, bundle, settings.horizon + MOST_UNDER_WAY, disturbance_share
+            bicycle, bundle, settings.horizon + MOST_UNDER_WAY, settings.disturbance_gain
         )
         self._iterations_left = MOST_ITERATIONS - 1 if is_iterated else 0
 

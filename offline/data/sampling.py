@@ -13,7 +13,7 @@ from offline.data.dataset import Dataset
 from offline.data.manifest import Roads
 from offline.data.recording import Starts, cut, possible_starts
 from offline.data.road_frame import Anchor
-from offline.data.sensor_noise import noise_matrix
+from offline.data.sensor_noise import STANDARD_DEVIATIONS, noise_matrix
 from offline.data.signals import Roles, Scaling, history_rows, mirror_signs, past_names
 from offline.data.trajectories import Trajectories
 from rt_controller.contract.arrays import Array
@@ -244,7 +244,8 @@ def open_source(config: TrainingConfig, dataset: Dataset, scaling: Scaling) -> S
         source = WindowSource(dataset, scaling, config.history_steps, rare_share)
     if config.mirror and dataset.roles.odd is not None:
         source = MirroringSource(source, dataset)
-    return NoisySource(source, dataset, scaling, config.noise) if config.noise else source
+    is_noisy = config.noise and set(STANDARD_DEVIATIONS) & set(dataset.schema.state_names)
+    return NoisySource(source, dataset, scaling, config.noise) if is_noisy else source
 
 
 def _draw_roads(roads: Roads, size: int, rng: torch.Generator) -> Anchor:

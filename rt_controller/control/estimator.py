@@ -13,8 +13,11 @@ from rt_controller.contract.timing import PERIOD_S
 
 STEPS = 10
 """periods of the prediction whose error is the disturbance"""
-LOW_PASS_GAIN = np.array(VehicleState(0.01, 0.12, 0.12, 0.0, 0.03, 0.03))
-"""of the disturbance of each state, in one period"""
+MOTION_GAIN = 0.12
+"""share of what a prediction did not explain of v_y and yaw rate that becomes disturbance in one
+period; the faster, the sooner a model that is wrong about the gain of its steering oscillates"""
+SPEED_GAIN, PLACE_GAIN = 0.02, 0.04
+"""the same of v_x, and of e_y and e_psi"""
 KEPT = np.array(VehicleState(1.0, 0.95, 0.95, 0.0, 1.0, 1.0))
 """share of a deviation of each state that is left after one period: lateral motion is damped"""
 LARGEST_DISTURBANCE = np.array(VehicleState(0.1, 0.1, 0.05, 0.0, 0.01, 0.005))
@@ -85,11 +88,13 @@ class Estimator:
     sensor.
     """
 
-    def __init__(self, bundle: Bundle, periods: int) -> None:
+    def __init__(self, bundle: Bundle, periods: int, motion_gain: float = MOTION_GAIN) -> None:
         """`periods`: the longest prediction that `deviations` is asked for."""
         self._step = Step(bundle)
         self._response = DisturbanceResponse(max(periods, STEPS))
-        self._low_pass = LOW_PASS_GAIN
+        self._low_pass = np.array(
+            VehicleState(SPEED_GAIN, motion_gain, motion_gain, 0.0, PLACE_GAIN, PLACE_GAIN)
+        )
         self._psi = np.zeros((STEPS, bundle.n_observables))
         self._inputs = np.ones(N_INPUTS + 2)
         """inputs, curvature, and 1"""

@@ -19,7 +19,7 @@ from rt_controller.contract.signals import (
     StateColumn,
     VehicleState,
 )
-from rt_controller.control.estimator import Estimator
+from rt_controller.control.estimator import MOTION_GAIN, Estimator
 from rt_controller.control.explanation import (
     PlanExplanation,
     active_bounds,
@@ -61,8 +61,9 @@ class Mpc:
         features: Features = WITH_SLEW,
         open_solver: Callable[[QuadraticProgram], Solver] = open_solver,
         knots: int | None = None,
+        disturbance_gain: float = MOTION_GAIN,
     ) -> None:
-        """`knots` over `horizon` periods, as of `place_knots`."""
+        """`knots` over `horizon` periods, as of `place_knots`; `disturbance_gain` of `Estimator`."""
         require_drivable(bundle)
         self._bundle = bundle
         self._cost, self._corridor = cost, features.corridor
@@ -75,7 +76,7 @@ class Mpc:
         self._solver = open_solver(self._qp.program)
         self._knots = np.array([0, *self._qp.knots.ends])
         """stages at which the reference is compared with the prediction"""
-        self._estimator = Estimator(bundle, horizon + MOST_UNDER_WAY)
+        self._estimator = Estimator(bundle, horizon + MOST_UNDER_WAY, disturbance_gain)
         self.solve_ns = 0
         """time of the last solve"""
         self.max_iterations: int | None = None

@@ -22,7 +22,7 @@ OBSERVED = [0, 1, 2, 4, 5]
 
 
 def kinematic_car() -> Bundle:
-    """Turns with the steering wheel at a nearly constant speed; lateral motion fades, place and heading integrate."""
+    """Turns with the steering wheel; lateral motion fades, place and heading integrate."""
     A, B = np.diag(KEPT), np.zeros((6, 3))
     A[5, 2] = A[4, 1] = PERIOD_S
     A[4, 5] = PERIOD_S * START.vx_mps
