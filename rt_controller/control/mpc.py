@@ -63,7 +63,7 @@ class Mpc:
         knots: int | None = None,
         disturbance_gain: float = MOTION_GAIN,
     ) -> None:
-        """`knots` over `horizon` periods, as of `place_knots`; `disturbance_gain` of `Estimator`."""
+        """`knots` over `horizon`, as of `place_knots`; `disturbance_gain` of `Estimator`."""
         require_drivable(bundle)
         self._bundle = bundle
         self._cost, self._corridor = cost, features.corridor
