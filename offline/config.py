@@ -114,7 +114,7 @@ class TrainingConfig(Settings):
 
     activation: Literal["silu", "relu"] = "silu"
     """activation of the hidden layers of the encoder"""
-    hidden: tuple[PositiveInt, ...] = (144, 144)
+    hidden: tuple[PositiveInt, ...] = (128, 128)
     """widths of the encoder's hidden layers"""
     latents: PositiveInt = 60
     """P, number of observables besides the physical states"""
@@ -136,7 +136,7 @@ class TrainingConfig(Settings):
     path_latents: int = Field(default=20, ge=0)
     """those of the latents that describe the path, if the motion is separate; at most half of the
     learned ones"""
-    path_hidden: tuple[PositiveInt, ...] = (96, 96)
+    path_hidden: tuple[PositiveInt, ...] = (64, 64)
     """widths of the hidden layers of the encoder of the path, if the motion is separate"""
     bilinear_rank: int = Field(default=10, ge=0)
     """rank R of the bilinear part of B; 0: B is constant"""
