@@ -27,7 +27,7 @@ _Tolerance = Annotated[float, Field(ge=1e-6)]
 class Tolerances(Settings):
     """Deviations from the reference that cost one unit each: a smaller one has a larger weight."""
 
-    vx_mps: _Tolerance = 1.0
+    vx_mps: _Tolerance = 0.6
     """longitudinal speed"""
     vy_mps: _Tolerance = float("inf")
     """lateral speed; inf: no weight"""
@@ -47,17 +47,19 @@ class Tolerances(Settings):
     """size of the steering-wheel angle"""
     throttle_change: _Tolerance = 0.1
     """change of throttle in one period"""
-    brake_change_n: _Tolerance = 45.0
+    brake_change_n: _Tolerance = 30.0
     """change of brake force in one period"""
-    steer_change_deg: _Tolerance = 8.5
+    steer_change_deg: _Tolerance = 10.0
     """change of the steering-wheel angle in one period"""
 
 
 PAPER = {"horizon": 20, "heading": "epsi", "terminal_factor": 1.0, "disturbance_gain": 0.015}
 PAPER_TOLERANCE = {
+    "vx_mps": 1.0,
     "ey_m": 0.15,
     "epsi_deg": 1.0,
     "throttle_change": 0.3,
+    "brake_change_n": 45.0,
     "steer_change_deg": 12.0,
 }
 """settings of eq. (14) as printed; the defaults of linear models, whose predictions are too wrong
