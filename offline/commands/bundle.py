@@ -11,6 +11,7 @@ from offline.config import PAST_STEPS
 from offline.data.cache import full_folder
 from offline.data.code_identity import source_revision
 from offline.data.dataset import Dataset, exists, load_dataset
+from offline.data.provenance import car_of
 from offline.data.signals import past_names
 from offline.evaluation.figures import library_figures
 from offline.evaluation.model_card import driven_text, stability_text, write_card
@@ -92,7 +93,8 @@ def _deliver(
         f"{origin.episodes} episodes, {dataset.manifest.trajectories} trajectories, "
         f"seed {origin.seed}"
     )
-    facts = [*facts, Fact("revision, exported", revision), Fact("data set", data)]
+    car = Fact("car", car_of(origin))
+    facts = [*facts, Fact("revision, exported", revision), Fact("data set", data), car]
     comparison = compare_with_plain_baselines(bundle, dataset)
     bundle = with_plans(bundle)
     try:
@@ -106,6 +108,7 @@ def _deliver(
         f"{checks.parity:.1e}",
         soft_wrap=True,
     )
+    STDOUT.print(f"{car.name}: {car.value}", soft_wrap=True)
     print_table(mse_table(comparison, comparison.sets[0]), STDOUT)
     objection = find_objection_to_driving(bundle)
     STDOUT.print(
@@ -118,6 +121,7 @@ def _deliver(
         "bundle": str(target),
         "model": bundle.name,
         "model_sha256": bundle.sha256,
+        "car": car.value,
         "revision": revision,
         "spectral_radius": bundle.spectral_radius,
         "growth_20": bundle.growth(20),

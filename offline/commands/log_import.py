@@ -12,6 +12,7 @@ import numpy as np
 from offline.commands.terminal import STDERR, STDOUT
 from offline.data.dataset import exists, save_dataset
 from offline.data.manifest import Imported
+from offline.data.provenance import CAR_OF_LOGS
 from offline.logs.assembly import assign_parts, join_episodes, roads_of, slice_windows
 from offline.logs.checks.inspection import inspect_drives, require_episodes
 from offline.logs.episode import cut_drive, make_schema
@@ -64,7 +65,7 @@ def import_logs(
         print_table(table, STDOUT)
     for sentence in filter(None, (report.summary(), report.limits(), *_limits_of_use(schema))):
         STDOUT.print(sentence)
-    figures = {"folder": None, "sha256": None, **report.figures()}
+    figures = {"folder": None, "sha256": None, "car": CAR_OF_LOGS, **report.figures()}
     if folder is not None:
         dataset = save_dataset(
             folder,
@@ -88,7 +89,8 @@ def import_logs(
         )
         figures |= {"folder": str(folder), "sha256": dataset.sha256}
         STDOUT.print(
-            f"SHA-256 {dataset.sha256:.16}…\n{folder}\nNext, a few minutes:\n"
+            f"SHA-256 {dataset.sha256:.16}…\n{folder}\nCar of its models: {CAR_OF_LOGS}.\n"
+            f"Next, a few minutes:\n"
             f"  offline-train --steps 2000 {_beginning(schema)}--data {folder}",
             soft_wrap=True,
         )

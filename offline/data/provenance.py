@@ -12,6 +12,17 @@ from collections.abc import Mapping
 from offline.data.manifest import Manifest, Origin, Simulated
 from offline.data.variation import describe
 from rt_controller.contract.model.bundle import Bundle
+from sim_bridge.plant.shipped_cars import DEFAULT_CAR
+
+CAR_OF_LOGS = (
+    "the car of the logs, not the simulated one: rt-controller --bus virtual drives another car "
+    "with it"
+)
+
+
+def car_of(origin: Origin) -> str:
+    """The car that a model of this data set is of, as printed on its card."""
+    return f"simulated {DEFAULT_CAR}" if isinstance(origin, Simulated) else CAR_OF_LOGS
 
 
 def describe_training(settings: Mapping[str, object], origin: Origin) -> str:

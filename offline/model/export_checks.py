@@ -56,7 +56,7 @@ def check_export(
     """
     _require_finite(bundle)
     stability = box_stability(bundle, signal_box(bundle))
-    _require_stable(stability, limits)
+    require_stable(stability, limits)
     predictor = BundlePredictor(bundle)
     parity = bundle.parity_error(predictor.lift(bundle.selftest))
     if not parity < LARGEST_PARITY_ERROR:
@@ -68,20 +68,12 @@ def check_export(
     return ExportFigures(parity, stability, _require_better_than_persistence(predictor, dataset))
 
 
-def _require_finite(bundle: Bundle) -> None:
-    numbers = [bundle.A, bundle.B_uc, bundle.B_uw, bundle.c, bundle.selftest_psi]
-    if bundle.bilinear is not None:
-        numbers += [bundle.bilinear.N, bundle.bilinear.S, bundle.bilinear.s0]
-    if bundle.drift is not None:
-        numbers += [bundle.drift.N, bundle.drift.S, bundle.drift.s0]
-    if not all(np.all(np.isfinite(array)) for array in numbers):
-        raise ArtifactError(
-            "export expects a model of finite numbers, found some that are not: the training "
-            "diverged. Train again with a smaller --learning-rate."
-        )
+def require_stable(stability: BoxStability, limits: DrivenStability) -> None:
+    """Refuse a model that grows too much under inputs.
 
-
-def _require_stable(stability: BoxStability, limits: DrivenStability) -> None:
+    Raises:
+        ArtifactError: radius or growth exceed the limits; at states, also those of any other model.
+    """
     for name, found in stability._asdict().items():
         largest = limits
         if name == "at_states":
@@ -95,6 +87,19 @@ def _require_stable(stability: BoxStability, limits: DrivenStability) -> None:
                 f"{found.growth:.3g}: predictions may grow without bound. Train longer or with a "
                 f"larger --weight-stability; a baseline that grows like this cannot drive."
             )
+
+
+def _require_finite(bundle: Bundle) -> None:
+    numbers = [bundle.A, bundle.B_uc, bundle.B_uw, bundle.c, bundle.selftest_psi]
+    if bundle.bilinear is not None:
+        numbers += [bundle.bilinear.N, bundle.bilinear.S, bundle.bilinear.s0]
+    if bundle.drift is not None:
+        numbers += [bundle.drift.N, bundle.drift.S, bundle.drift.s0]
+    if not all(np.all(np.isfinite(array)) for array in numbers):
+        raise ArtifactError(
+            "export expects a model of finite numbers, found some that are not: the training "
+            "diverged. Train again with a smaller --learning-rate."
+        )
 
 
 def _require_better_than_persistence(predictor: BundlePredictor, dataset: Dataset) -> Array:

@@ -4,7 +4,7 @@ Time comes first in every array: psi is (times, batch, n). Sums over the batch a
 are taken over all n observables.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Generic, NamedTuple, TypeVar
 
 import torch
@@ -33,6 +33,10 @@ class Losses(NamedTuple, Generic[Scalar]):
     regularisation: Scalar
     states: Scalar
     """the physical states' share of the multi-step error, which scaling latents cannot reduce"""
+
+
+LossFunction = Callable[[MdkNet, TrainingConfig, Batch, Tensor | None], Losses[Tensor]]
+"""the losses of a model on a batch; arguments as of `total_loss`, `total` is minimised"""
 
 
 class Means(NamedTuple):

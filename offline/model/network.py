@@ -6,7 +6,7 @@ read exogenous signals and the history and add a layer of products, one observab
 B may depend on the lifted state, and gains and drift may saturate.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -26,6 +26,7 @@ from offline.model.observables import (
     path_columns,
 )
 from offline.model.rollout import roll_out, roll_out_gains
+from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.model.drift import NO_SIGNAL
 from rt_controller.contract.model.follow import Follow
 from rt_controller.contract.schema import Schema
@@ -40,6 +41,9 @@ FADING_S = (0.05, 5.0)
 """range of the initial time constants of the latents, from tyre to engine dynamics"""
 FADING_LAST_LAYER_SHARE = 0.1
 """of the usual spread, for the last layer of the encoder if the latents fade at the start"""
+
+MakeEncoder = Callable[[int, int], nn.Module]
+"""(width, latents) -> a module from scaled inputs (..., width) to latents (..., latents)"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +133,29 @@ class Products(nn.Module):
         return latents
 
 
+class OwnLayers(nn.Module):
+    """A module that was passed in, in place of the multilayer perceptron.
+
+    Its weights have other names than those of a perceptron, so neither is taken for the other.
+    """
+
+    def __init__(self, make: MakeEncoder, width: int, latents: int) -> None:
+        super().__init__()
+        self.own = make(width, latents)
+        with torch.no_grad():
+            found = tuple(self.own(torch.zeros(1, 2, width)).shape)
+        if found != (1, 2, latents):
+            raise ConfigError(
+                f"encoder: expected a module from inputs (..., {width}) to latents (..., "
+                f"{latents}), found {found} of inputs (1, 2, {width}). Return a module of this "
+                f"shape from the function."
+            )
+
+    def forward(self, inputs: Tensor) -> Tensor:
+        latents: Tensor = self.own(inputs)
+        return latents
+
+
 class Encoder(nn.Module):
     """Latents of the encoder's input: a multilayer perceptron, plus products if asked for.
 
@@ -145,17 +172,23 @@ class Encoder(nn.Module):
         activation: type[nn.Module],
         last_layer_share: float,
         has_products: bool,
+        make: MakeEncoder | None = None,
     ) -> None:
         """Of all that the lift sees, `columns` are read.
 
-        Only the first `present` of them, those of the current instant, enter the products.
+        Only the first `present` of them, those of the current instant, enter the products. With
+        `make` its module replaces the perceptron.
         """
         super().__init__()
         self.present = present
         self.columns: Tensor
         self.register_buffer("columns", torch.tensor(columns), persistent=False)
         widths = (len(columns), *hidden, latents)
-        self.layers = _perceptron(widths, activation, last_layer_share)
+        self.layers: nn.Module = (
+            _perceptron(widths, activation, last_layer_share)
+            if make is None
+            else OwnLayers(make, len(columns), latents)
+        )
         self.products = Products(present, latents) if has_products else None
 
     def forward(self, seen: Tensor) -> Tensor:
@@ -182,9 +215,16 @@ class MdkNet(nn.Module):
     """
 
     def __init__(
-        self, config: TrainingConfig, sizes: Sizes, signal_range: Tensor | None = None
+        self,
+        config: TrainingConfig,
+        sizes: Sizes,
+        signal_range: Tensor | None = None,
+        encoder: MakeEncoder | None = None,
     ) -> None:
-        """`signal_range` (2, m + p): lowest and highest inputs and exogenous signals; None: ±1."""
+        """`signal_range` (2, m + p): lowest and highest inputs and exogenous signals; None: ±1.
+
+        `encoder` makes the module of each encoder; None: multilayer perceptrons.
+        """
         super().__init__()
         self.sizes = sizes
         if signal_range is None:
@@ -207,7 +247,7 @@ class MdkNet(nn.Module):
             has_drift * path_rank * len(sizes.road),
             has_drift * config.drift_rank,
         )
-        self.encoders = nn.ModuleList(self._encoders(config))
+        self.encoders = nn.ModuleList(self._encoders(config, encoder))
         self._add_operator(config)
 
     @property
@@ -314,7 +354,7 @@ class MdkNet(nn.Module):
         weights = self.factors(signals[:, :m], signals[:, m:]) * slopes - self.is_saturation
         return A + (N * weights[:, None]) @ S
 
-    def _encoders(self, config: TrainingConfig) -> Iterator[Encoder]:
+    def _encoders(self, config: TrainingConfig, make: MakeEncoder | None) -> Iterator[Encoder]:
         """One encoder, or those of the motion and of the path."""
         sizes, known = self.sizes, self.observables
         exogenous = range(sizes.exogenous if self.reads_exogenous else 0)
@@ -337,6 +377,7 @@ class MdkNet(nn.Module):
                     FADING_LAST_LAYER_SHARE if config.latents_start == "fading" else 1.0
                 ),
                 has_products=config.products,
+                make=make,
             )
 
     def _add_operator(self, config: TrainingConfig) -> None:

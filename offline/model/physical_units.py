@@ -17,8 +17,9 @@ from rt_controller.contract.model.rollout import Matrices
 class PhysicalEncoder(nn.Module):
     """The trained encoders, from physical signals to [x; z].
 
-    The scaling is folded into the first layer of each, in float64. A constant observable becomes an
-    output with zero weights and bias 1 of the last encoder. x is passed through unchanged.
+    The scaling is folded into the first layer of each perceptron, in float64, and prepended to
+    other modules. A constant observable becomes an output with zero weights and bias 1 of the last
+    encoder. x is passed through unchanged.
     """
 
     def __init__(self, model: MdkNet, scaling: Scaling) -> None:
@@ -38,16 +39,36 @@ class PhysicalEncoder(nn.Module):
         return torch.cat([x, *(encoder(seen) for encoder in self.encoders)], dim=-1)
 
 
+class _ScaledLayers(nn.Module):
+    """Own layers, from physical inputs (..., width) to latents (..., latents), or one more of 1."""
+
+    def __init__(self, layers: nn.Module, centre: Tensor, spread: Tensor) -> None:
+        super().__init__()
+        self.layers, self.has_constant = layers, False
+        self.input_centre: Tensor
+        self.input_spread: Tensor
+        self.register_buffer("input_centre", centre.float())
+        self.register_buffer("input_spread", spread.float())
+
+    def forward(self, inputs: Tensor) -> Tensor:
+        latents: Tensor = self.layers((inputs - self.input_centre) / self.input_spread)
+        return nn.functional.pad(latents, (0, 1), value=1.0) if self.has_constant else latents
+
+
 class _FoldedEncoder(nn.Module):
     """One encoder, from physical signals to its latents."""
 
     def __init__(self, encoder: Encoder, centre: Tensor, spread: Tensor) -> None:
         super().__init__()
         self.encoder = copy.deepcopy(encoder).cpu()
-        first = _linear(self.encoder.layers[0])
-        weight = first.weight.data.double() / spread
-        bias = first.bias.data.double() - weight @ centre
-        first.weight.data, first.bias.data = weight.float(), bias.float()
+        layers = self.encoder.layers
+        if isinstance(layers, nn.Sequential):
+            first = _linear(layers[0])
+            weight = first.weight.data.double() / spread
+            bias = first.bias.data.double() - weight @ centre
+            first.weight.data, first.bias.data = weight.float(), bias.float()
+        else:
+            self.encoder.layers = _ScaledLayers(layers, centre, spread)
         self.centre: Tensor
         self.spread: Tensor
         present = encoder.present
@@ -56,9 +77,13 @@ class _FoldedEncoder(nn.Module):
 
     def add_constant(self) -> None:
         """One more latent, which is 1."""
-        last = _linear(self.encoder.layers[-1])
-        last.weight.data = with_zero_row(last.weight.data)
-        last.bias.data = torch.cat([last.bias.data, torch.ones(1)])
+        layers = self.encoder.layers
+        if isinstance(layers, nn.Sequential):
+            last = _linear(layers[-1])
+            last.weight.data = with_zero_row(last.weight.data)
+            last.bias.data = torch.cat([last.bias.data, torch.ones(1)])
+        elif isinstance(layers, _ScaledLayers):
+            layers.has_constant = True
         if self.encoder.products is not None:
             weights = self.encoder.products.weights
             weights.weight.data = with_zero_row(weights.weight.data)

@@ -105,5 +105,6 @@ def load_weights(model: torch.nn.Module, checkpoint: Checkpoint) -> None:
         raise ArtifactError(
             f"checkpoint of step {checkpoint.step}: expected the weights of a model of its "
             f"configuration, found others ({error}). Use the version that trained it, which "
-            f"config.json of the run names as revision, or train again."
+            f"config.json of the run names as revision, or train again. A model with an encoder of "
+            f"your own is resumed and exported from Python, with that encoder."
         ) from error

@@ -8,7 +8,7 @@ from offline.data.provenance import describe_training
 from offline.data.signals import Roles, past_names, signal_range
 from offline.model.bundle_export import choose_selftest, tensors_of, to_onnx
 from offline.model.export_checks import ExportFigures, check_export, limits_of
-from offline.model.network import MdkNet, sizes_of
+from offline.model.network import MakeEncoder, MdkNet, sizes_of
 from offline.model.physical_units import PhysicalEncoder, physical_matrices
 from offline.training.checkpoint import Checkpoint, load_weights
 from rt_controller.contract.errors import DatasetError
@@ -17,18 +17,26 @@ from rt_controller.contract.model.lift import Lift
 from rt_controller.contract.schema import Schema
 
 
-def restore_model(checkpoint: Checkpoint, schema: Schema, roles: Roles) -> MdkNet:
-    """The model of a checkpoint, in evaluation mode."""
-    model = MdkNet(checkpoint.config, sizes_of(schema, roles))
+def restore_model(
+    checkpoint: Checkpoint, schema: Schema, roles: Roles, encoder: MakeEncoder | None = None
+) -> MdkNet:
+    """The model of a checkpoint, in evaluation mode; `encoder` as it was passed to `train`.
+
+    Raises:
+        ArtifactError: the weights do not fit, as with another encoder.
+    """
+    model = MdkNet(checkpoint.config, sizes_of(schema, roles), encoder=encoder)
     load_weights(model, checkpoint)
     return model.eval()
 
 
-def export_checkpoint(checkpoint: Checkpoint, dataset: Dataset) -> tuple[Bundle, ExportFigures]:
-    """The bundle of a checkpoint, and what its checks found.
+def export_checkpoint(
+    checkpoint: Checkpoint, dataset: Dataset, encoder: MakeEncoder | None = None
+) -> tuple[Bundle, ExportFigures]:
+    """The bundle of a checkpoint, and what its checks found; `encoder` as of `train`.
 
     Raises:
-        ArtifactError: the model does not pass `check_export`.
+        ArtifactError: the model does not pass `check_export`, or has another encoder.
         DatasetError: the model was trained on another data set.
     """
     if dataset.sha256 != checkpoint.data_sha256:
@@ -38,14 +46,18 @@ def export_checkpoint(checkpoint: Checkpoint, dataset: Dataset) -> tuple[Bundle,
             f"--data."
         )
     config, scaling = checkpoint.config, checkpoint.scaling
-    model = restore_model(checkpoint, dataset.schema, dataset.roles)
-    encoder = PhysicalEncoder(model, scaling).eval()
+    model = restore_model(checkpoint, dataset.schema, dataset.roles, encoder)
+    physical = PhysicalEncoder(model, scaling).eval()
     lift = _lift_of(model, dataset)
     selftest = choose_selftest(dataset, lift)
     with torch.no_grad():
-        selftest_psi = encoder(*tensors_of(selftest, lift)).double().numpy()
+        selftest_psi = physical(*tensors_of(selftest, lift)).double().numpy()
     selftest_psi[:, : model.sizes.states] = selftest.x
-    settings = {**config.model_dump(mode="json"), "step": checkpoint.step}
+    # Without the widths of the perceptrons, --init refuses the bundle.
+    unknown = set() if encoder is None else {"hidden", "path_hidden"}
+    settings = {**config.model_dump(mode="json", exclude=unknown), "step": checkpoint.step}
+    if encoder is not None:
+        settings["encoder"] = "a module passed from Python"
     is_default = config.preset == TrainingConfig().preset
     bundle = Bundle(
         name="mdk-net" if is_default else f"mdk-net-{config.preset}",
@@ -53,7 +65,7 @@ def export_checkpoint(checkpoint: Checkpoint, dataset: Dataset) -> tuple[Bundle,
         geometry=dataset.geometry,
         **physical_matrices(model, scaling)._asdict(),
         lift=lift,
-        encoder_onnx=to_onnx(encoder, lift, selftest),
+        encoder_onnx=to_onnx(physical, lift, selftest),
         selftest=selftest,
         selftest_psi=selftest_psi,
         training=describe_training(settings, dataset.origin),

@@ -156,7 +156,7 @@ def _take_encoder(
             raise ArtifactError(
                 f"--init: expected {prefix}{name} of shape {tuple(parameter.shape)} in "
                 f"encoder.onnx, found {rows.shape or 'none'}. Take a bundle that this version "
-                f"exported."
+                f"exported, without an encoder of its own."
             )
         parameter.copy_(_float(rows))
 

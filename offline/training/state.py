@@ -12,7 +12,7 @@ from offline.config import TrainingConfig
 from offline.data.dataset import Dataset
 from offline.data.signals import Scaling, signal_range
 from offline.model.losses import Losses
-from offline.model.network import MdkNet, sizes_of
+from offline.model.network import MakeEncoder, MdkNet, sizes_of
 from offline.model.spectrum import spectral_radius
 from offline.training.checkpoint import Checkpoint, load_weights
 from offline.training.optimizer import Optimizer
@@ -119,13 +119,18 @@ class TrainingState:
 
 
 def initialise(
-    config: TrainingConfig, dataset: Dataset, scaling: Scaling, device: torch.device
+    config: TrainingConfig,
+    dataset: Dataset,
+    scaling: Scaling,
+    device: torch.device,
+    encoder: MakeEncoder | None = None,
 ) -> TrainingState:
     """The state before the first step; the seed determines weights and batches."""
     torch.manual_seed(config.seed)
     found = signal_range(dataset.select("train"), dataset.schema)
     scaled = torch.from_numpy(found / np.concatenate([scaling.u_scale, scaling.w_scale]))
-    model = MdkNet(config, sizes_of(dataset.schema, dataset.roles), scaled.float()).to(device)
+    sizes = sizes_of(dataset.schema, dataset.roles)
+    model = MdkNet(config, sizes, scaled.float(), encoder).to(device)
     rng = torch.Generator().manual_seed(config.seed)
     return TrainingState(model, Optimizer(model, config), rng)
 

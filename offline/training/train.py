@@ -9,7 +9,8 @@ from torch.nn.utils import clip_grad_norm_
 from offline.config import TrainingConfig
 from offline.data.dataset import Dataset, Part
 from offline.data.sampling import open_source, scale
-from offline.model.losses import draw_times, horizon_of_step, total_loss
+from offline.model.losses import LossFunction, draw_times, horizon_of_step, total_loss
+from offline.model.network import MakeEncoder
 from offline.model.spectrum import spectral_radius
 from offline.training.checkpoint import Checkpoint, save_checkpoint
 from offline.training.initial import choose_scaling, take_weights
@@ -35,6 +36,8 @@ def train(
     dataset: Dataset,
     run: RunFolder,
     *,
+    loss: LossFunction = total_loss,
+    encoder: MakeEncoder | None = None,
     first_model: Bundle | None = None,
     resume_from: Checkpoint | None = None,
     on_progress: Callable[[TrainingState], None] = lambda state: None,
@@ -42,9 +45,11 @@ def train(
 ) -> TrainingState:
     """The state after the last step, or after the step at which a stop is requested.
 
-    The training begins with the weights of `first_model`, or with random ones. The best and the
-    last model are written to the run folder. `on_progress` is called after each
-    step, with the same object. Paper: Algorithm 1.
+    `loss` is minimised, and selects the best model on the validation part. `encoder` makes the
+    module of each encoder in place of the multilayer perceptron; `restore_model` and
+    `export_checkpoint` then need it too. The training begins with the weights of `first_model`, or
+    with random ones. The best and the last model are written to the run folder. `on_progress` is
+    called after each step, with the same object. Paper: Algorithm 1.
 
     Raises:
         TrainingDivergedError: the loss is not finite, also at lower learning rates; the best
@@ -63,7 +68,7 @@ def train(
         dataset.roles,
         config.history_steps,
     )
-    state = initialise(config, dataset, scaling, find_device(config.device))
+    state = initialise(config, dataset, scaling, find_device(config.device), encoder)
     model, optimizer = state.model, state.optimizer
     if resume_from is not None:
         state.restore(resume_from)
@@ -86,7 +91,7 @@ def train(
         times = draw_times(batch.steps, config.target_samples, state.rng)
 
         # 5, 6: encode, compute the loss and its gradient.
-        losses = total_loss(model, config, batch, times)
+        losses = loss(model, config, batch, times)
         optimizer.zero_grad()
         losses.total.backward()  # type: ignore[no-untyped-call]
         gradient_norm = clip_grad_norm_(model.parameters(), config.gradient_clip or math.inf)
@@ -102,7 +107,7 @@ def train(
 
         # 8-10: evaluate.
         if is_evaluated(state.step, config):
-            validation = evaluate(model, config, validation_part, state.device)
+            validation = evaluate(model, config, validation_part, state.device, loss)
             if recovery.follows_evaluation(state, validation.total):
                 continue
             state.validation_losses.append(validation.total)

@@ -1,5 +1,7 @@
 """Losses of a model on all trajectories of a part."""
 
+from collections.abc import Iterable
+
 import torch
 from torch import Tensor
 
@@ -7,10 +9,12 @@ from offline.config import TrainingConfig
 from offline.data.sampling import Batch
 from offline.model.losses import (
     Losses,
+    LossFunction,
     Means,
     first_lift,
     loss_of_means,
     prediction_means,
+    total_loss,
 )
 from offline.model.network import MdkNet
 
@@ -19,23 +23,36 @@ CHUNK = 500
 
 
 def evaluate(
-    model: MdkNet, config: TrainingConfig, batch: Batch, device: torch.device
+    model: MdkNet,
+    config: TrainingConfig,
+    batch: Batch,
+    device: torch.device,
+    loss: LossFunction = total_loss,
 ) -> Losses[float]:
     """Losses over all trajectories, with every target encoded; each is rolled out once.
 
-    The logarithm is that of the mean error of all chunks.
+    The logarithm is that of the mean error of all chunks; another `loss` than `total_loss` is the
+    mean of its values over the chunks, weighted by their trajectories.
 
     Paper: Algorithm 1, "Evaluate total loss".
     """
-    sums: list[Tensor | float] = [0.0] * len(Means._fields)
+    sums: list[Tensor | float] = [0.0] * len(
+        Means._fields if loss is total_loss else Losses._fields
+    )
     model.eval()
     with torch.no_grad():
         for share, chunk in batch.chunks(CHUNK):
             part = chunk.to(device)
-            psi0 = first_lift(model, part)
-            means = prediction_means(model, config, part, psi0)
-            sums = [s + share * m.cpu().double() for s, m in zip(sums, means, strict=True)]
-        # In evaluation the stability term does not depend on the lifted states.
-        losses = loss_of_means(model, config, psi0, Means(*map(torch.as_tensor, sums)))
+            values: Iterable[Tensor]
+            if loss is total_loss:
+                psi0 = first_lift(model, part)
+                values = prediction_means(model, config, part, psi0)
+            else:
+                values = loss(model, config, part, None)
+            sums = [s + share * v.cpu().double() for s, v in zip(sums, values, strict=True)]
+        if loss is total_loss:
+            # In evaluation the stability term does not depend on the lifted states.
+            means = Means(*map(torch.as_tensor, sums))
+            sums = [*loss_of_means(model, config, psi0, means)]
     model.train()
-    return Losses(*map(float, losses))
+    return Losses(*map(float, sums))

@@ -15,9 +15,10 @@ import pytest
 from fitted_network import fitted
 
 from offline import cli
-from offline.commands import terminal, training_run
+from offline.commands import bundle, terminal, training_run
 from offline.config import TrainingConfig
 from offline.data.dataset import load_dataset
+from offline.data.manifest import Imported, SourceFile
 from offline.training.checkpoint import load_checkpoint, save_checkpoint
 from rt_controller.contract.model.artifact import load_bundle
 
@@ -75,6 +76,10 @@ def test_the_commands_make_data_train_export_and_evaluate(command, tmp_path):
     assert "rt-controller --bus virtual --model" in out
     exported = json.loads((tmp_path / "export.json").read_text())
     assert exported["size_bytes"] < 300_000
+    assert exported["car"] == "simulated c_class_150kw_awd"
+    assert "car: simulated c_class_150kw_awd" in out
+    card = Path(exported["bundle"], "card.md").read_text(encoding="utf-8")
+    assert "| car | simulated c_class_150kw_awd |" in card
     assert exported["driven_radius"]["unsaturated"] <= 1.001
     assert exported["driven_radius"].keys() == exported["driven_growth_80"].keys()
     assert min(exported["persistence_mse_over_model_mse"].values()) > 1.0
@@ -96,6 +101,24 @@ def test_the_commands_make_data_train_export_and_evaluate(command, tmp_path):
     few = ("--sets", "library", "--baselines", "none")
     code, out, _ = command(cli.evaluate_main, "--model", "fitted", *few)
     assert code in (0, None)
+
+
+def test_the_export_of_a_model_of_logs_says_that_its_car_is_another(
+    command, monkeypatch, toy_folder, toy_dataset
+):
+    train = ("--steps", 6, "--evaluate-every", 3, "--data", toy_folder, *SMALL)
+    assert command(cli.train_main, *train)[0] in (0, None)
+    make_exportable(toy_folder)
+    origin = Imported((SourceFile("log.csv", "ab" * 32),), "mapping", 40, seed=3)
+    of_logs = replace(toy_dataset, manifest=replace(toy_dataset.manifest, origin=origin))
+    monkeypatch.setattr(bundle, "load_dataset", lambda folder: of_logs)
+    code, out, _ = command(cli.export_main, "--json", "export.json")
+    assert code in (0, None)
+    figures = json.loads(Path("export.json").read_text())
+    assert "not the simulated one: rt-controller --bus virtual drives another" in figures["car"]
+    card = Path(figures["bundle"], "card.md").read_text(encoding="utf-8")
+    assert f"car: {figures['car']}" in out
+    assert f"| car | {figures['car']} |" in card
 
 
 def test_a_run_is_resumed_and_refuses_another_configuration(command, toy_folder):

@@ -49,6 +49,17 @@ def test_logs_become_a_data_set_that_loads(place):
     assert [each["file"] for each in figures["episodes"]] == [f"run_{k}.csv" for k in range(3)]
 
 
+def test_the_import_says_before_the_next_command_that_the_car_is_not_the_simulated_one(
+    place, capsys
+):
+    run_import(place, "--data", place / "data", "--json", place / "figures.json")
+    car = json.loads((place / "figures.json").read_text())["car"]
+    assert "not the simulated one: rt-controller --bus virtual drives another car" in car
+    before, _, after = " ".join(capsys.readouterr().out.split()).partition("Next,")
+    assert car in before
+    assert "offline-train" in after
+
+
 def test_the_data_set_records_its_logs_and_its_mapping(place):
     run_import(place, "--data", place / "data")
     origin = read_manifest(place / "data" / "manifest.json").origin

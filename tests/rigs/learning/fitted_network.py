@@ -6,6 +6,7 @@ import torch
 
 from offline.data.dataset import Dataset
 from offline.data.sampling import scale
+from offline.model.network import MakeEncoder
 from offline.training.checkpoint import Checkpoint
 from offline.training.export import restore_model
 
@@ -14,9 +15,11 @@ FADING = 0.5
 """eigenvalue of the latents, which act on no state"""
 
 
-def fitted(checkpoint: Checkpoint, dataset: Dataset) -> Checkpoint:
+def fitted(
+    checkpoint: Checkpoint, dataset: Dataset, encoder: MakeEncoder | None = None
+) -> Checkpoint:
     """The same encoder with the least-squares matrices of its data, and without gains."""
-    model = restore_model(checkpoint, dataset.schema, dataset.roles)
+    model = restore_model(checkpoint, dataset.schema, dataset.roles, encoder)
     n_x, (rows, n) = model.sizes.states, model.A_rows.shape
     batch = scale(
         dataset.select("train"),

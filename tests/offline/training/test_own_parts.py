@@ -1,0 +1,159 @@
+"""A loss and an encoder that are passed to the training as functions."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from fitted_network import fitted
+from run_contents import history
+from torch import nn
+
+from offline.data.sampling import Batch, scale
+from offline.model.bundle_predictor import BundlePredictor
+from offline.model.losses import Losses, state_errors, total_loss
+from offline.training import validation
+from offline.training.checkpoint import load_checkpoint
+from offline.training.export import export_checkpoint, restore_model
+from offline.training.initial import with_structure_of
+from offline.training.train import train
+from offline.training.validation import evaluate
+from rt_controller.contract.errors import ArtifactError, ConfigError
+
+
+class Sines(nn.Module):
+    """Sines of linear functions, then a linear layer; the first linear layer has no bias."""
+
+    def __init__(self, width: int, latents: int) -> None:
+        super().__init__()
+        self.first = nn.Linear(width, 6, bias=False)
+        self.last = nn.Linear(6, latents)
+
+    def forward(self, inputs):
+        return self.last(torch.sin(self.first(inputs)))
+
+
+def lateral_error(model, config, batch, times):
+    """Mean squared error of e_y alone."""
+    error = state_errors(model, batch)[4]
+    zero = error.new_zeros(())
+    return Losses(error, zero, error, zero, zero, error)
+
+
+def test_a_loss_of_ones_own_becomes_smaller(config, toy_dataset, new_run):
+    run = new_run(config.model_copy(update={"steps": 100, "evaluate_every": 50}))
+    result = train(run.config, toy_dataset, run, loss=lateral_error)
+    values = [line["validation"]["total"] for line in history(run)]
+    assert values[-1] < 0.5 * values[0]
+    assert result.best_validation_loss == min(values)
+
+
+def test_the_validation_of_a_loss_is_its_mean_over_all_trajectories(
+    config, toy_dataset, new_run, monkeypatch
+):
+    run = new_run(config)
+    train(config, toy_dataset, run, loss=lateral_error)
+    checkpoint, schema, roles = load_checkpoint(run.last), toy_dataset.schema, toy_dataset.roles
+    model = restore_model(checkpoint, schema, roles)
+    part = toy_dataset.select("validation")
+    batch = scale(part, checkpoint.scaling, schema, roles, config.history_steps)
+    sizes = []
+
+    def counted(model, config, batch: Batch, times):
+        sizes.append(batch.x.shape[1])
+        return lateral_error(model, config, batch, times)
+
+    monkeypatch.setattr(validation, "CHUNK", 7)
+    found = evaluate(model, config, batch, torch.device("cpu"), counted)
+    assert (sum(sizes), sizes[0], sizes[-1] % 7) == (len(part.episode), 7, len(part.episode) % 7)
+    with torch.no_grad():
+        assert found.total == pytest.approx(state_errors(model, batch)[4].item(), rel=1e-5)
+
+
+def test_passing_the_standard_loss_changes_nothing(config, toy_dataset, new_run):
+    runs = [new_run(config), new_run(config)]
+    train(config, toy_dataset, runs[0])
+    train(config, toy_dataset, runs[1], loss=total_loss)
+    assert runs[0].history.read_bytes() == runs[1].history.read_bytes()
+
+
+@pytest.fixture
+def of_sines(config, toy_dataset, new_run):
+    run = new_run(config)
+    train(config, toy_dataset, run, encoder=Sines)
+    return run
+
+
+def test_an_encoder_of_ones_own_learns(of_sines):
+    first, *_, last = (line["validation"]["total"] for line in history(of_sines))
+    assert last < first
+    model = load_checkpoint(of_sines.last).model
+    assert "encoders.0.layers.own.first.weight" in model
+    assert not [name for name in model if "layers.0." in name]
+
+
+def test_its_bundle_predicts_like_torch(of_sines, toy_dataset):
+    checkpoint = fitted(load_checkpoint(of_sines.best), toy_dataset, Sines)
+    # The latents act on the states, so that predictions depend on the encoder.
+    coupled = checkpoint.model["A_rows"].clone()
+    coupled[:3, 6:] += 1e-3
+    checkpoint = replace(checkpoint, model={**checkpoint.model, "A_rows": coupled})
+    bundle, figures = export_checkpoint(checkpoint, toy_dataset, Sines)
+    assert figures.parity < 1e-5
+    assert np.ptp(bundle.selftest_psi[:, 6:], axis=0).max() > 0.0
+
+    part, scaling = toy_dataset.select("validation"), checkpoint.scaling
+    schema, roles = toy_dataset.schema, toy_dataset.roles
+    batch = scale(part, scaling, schema, roles, checkpoint.config.history_steps)
+    model = restore_model(checkpoint, schema, roles, Sines)
+    with torch.no_grad():
+        psi0 = model.lift(batch.at(torch.zeros(1, dtype=torch.long)))[0]
+        expected = model.roll_out(psi0, batch.u, batch.w)[..., :6].transpose(0, 1).numpy()
+    x, u, w, past = (array.astype(float) for array in part[:4])
+    found = scaling.normalise_states(BundlePredictor(bundle).predict(x[:, 0], past, u, w))[:, 1:]
+    assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()
+
+
+def test_a_resumed_run_equals_an_uninterrupted_one(config, toy_dataset, new_run, of_sines):
+    halved, steps = new_run(config), iter(range(100))
+    own = {"encoder": Sines}
+    train(config, toy_dataset, halved, **own, stop_requested=lambda: next(steps) >= 6)
+    train(config, toy_dataset, halved, **own, resume_from=load_checkpoint(halved.last))
+    assert halved.history.read_bytes() == of_sines.history.read_bytes()
+
+
+def perceptron(width, latents):
+    """Shapes and names as of the perceptron of the tests."""
+    return nn.Sequential(
+        nn.Linear(width, 8), nn.Tanh(), nn.Linear(8, 8), nn.Tanh(), nn.Linear(8, latents)
+    )
+
+
+@pytest.mark.parametrize("trained", [Sines, perceptron, lambda *_: None], ids=str)
+def test_without_its_encoder_a_run_is_neither_exported_nor_resumed(
+    config, toy_dataset, new_run, trained
+):
+    """Nor is a run of perceptrons with an encoder of one's own."""
+    encoder, other = (trained, None) if trained in (Sines, perceptron) else (None, perceptron)
+    run = new_run(config)
+    train(config, toy_dataset, run, encoder=encoder)
+    with pytest.raises(ArtifactError, match=r"expected.*found(.|\n)*from Python, with that encod"):
+        export_checkpoint(load_checkpoint(run.best), toy_dataset, other)
+    with pytest.raises(ArtifactError, match=r"expected.*found(.|\n)*from Python, with that encod"):
+        train(config, toy_dataset, run, encoder=other, resume_from=load_checkpoint(run.last))
+
+
+def test_its_bundle_starts_no_training(of_sines, toy_dataset, config, new_run):
+    checkpoint = fitted(load_checkpoint(of_sines.best), toy_dataset, Sines)
+    bundle, _ = export_checkpoint(checkpoint, toy_dataset, Sines)
+    assert json.loads(bundle.training)["encoder"]
+    with pytest.raises(ConfigError, match="lacks hidden, path_hidden"):
+        with_structure_of(bundle, config, {})
+    with pytest.raises(ArtifactError, match="without an encoder of its own"):
+        train(config, toy_dataset, new_run(config), encoder=Sines, first_model=bundle)
+
+
+def test_an_encoder_of_another_width_is_refused(config, toy_dataset, new_run):
+    with pytest.raises(ConfigError, match=r"expected.*latents.*found.*Return a module"):
+        train(config, toy_dataset, new_run(config), encoder=lambda width, _: nn.Linear(width, 99))
