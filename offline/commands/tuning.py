@@ -15,7 +15,6 @@ from offline.experiments.settings import common_fields, train_command
 from offline.experiments.space import read_space
 from offline.experiments.tuning import StudyPlan, StudyStatus, search
 from rt_controller.contract.errors import ConfigError
-from rt_controller.terminal.entry import INTERRUPTED
 
 
 def tune(
@@ -27,8 +26,8 @@ def tune(
     folder: Path,
     data: Path | None,
     backend: Backend,
-) -> tuple[dict[str, Any], int]:
-    """Figures and exit code of `offline-tune`: 0 if no trial is left, 130 if it was stopped."""
+) -> dict[str, Any]:
+    """Figures of `offline-tune`."""
     if n_trials < 1:
         raise ConfigError(f"--trials: expected at least 1, found {n_trials}.")
     fields = common_fields(common, {"preset": "a space with another base"})
@@ -38,7 +37,7 @@ def tune(
     plan = StudyPlan(folder.resolve(), space, search_seed, n_trials, shared)
     STDERR.print(f"study {folder}\ndata {shared.folder}", soft_wrap=True)
     with progress_bar("trials", plan.n_trials) as show:
-        status, is_stopped = search(
+        status = search(
             plan, backend, lambda now: show(min(now.ended, plan.n_trials), _status_line(now))
         )
     command = None
@@ -50,7 +49,6 @@ def tune(
         "data_sha256": shared.sha256,
         "n_trials": status.ended,
         "n_pruned": status.pruned,
-        "is_finished": status.ended >= plan.n_trials,
         "best_trial": status.best,
         "geometric_mean_ratio": status.value,
         "values": dict(status.values),
@@ -62,13 +60,7 @@ def tune(
     if command is not None:
         STDOUT.print("Train with these settings:", style="dim")
         STDOUT.print(f"  {command}", soft_wrap=True, markup=False, highlight=False)
-    if status.ended >= plan.n_trials:
-        return figures, 0
-    if is_stopped:
-        STDOUT.print("Stopped; nothing is lost. Run the same command again to continue.")
-        return figures, INTERRUPTED
-    STDOUT.print("Other processes that work on this study run the remaining trials.")
-    return figures, 0
+    return figures
 
 
 def _status_line(status: StudyStatus) -> str:
