@@ -7,11 +7,8 @@ from typing import Any
 from offline.config import STEPS
 from offline.data.dataset import PARTS
 from offline.logs.checks.coverage import Occupancy, Range
-from offline.logs.checks.issue import Issue
-from offline.logs.checks.motion import Measure
-from offline.logs.checks.samples import Gaps, Outliers
-from offline.logs.checks.time_shift import TimeShift
-from offline.logs.checks.unit_check import Proportion
+from offline.logs.checks.pairs import Proportion, TimeShift
+from offline.logs.checks.samples import Gaps, Issue, Outliers
 from rt_controller.report.table import Column, Row, Table, format_number
 
 
@@ -59,7 +56,6 @@ class ImportReport:
     time_shifts: tuple[TimeShift, ...]
     proportions: tuple[Proportion, ...]
     constant: tuple[str, ...]
-    measures: tuple[Measure, ...]
     unchecked: tuple[str, ...]
     """units and periods that no other signal confirms"""
     issues: tuple[Issue, ...]
@@ -84,8 +80,6 @@ class ImportReport:
             tables.append(_occupancy_table(self.occupancy))
         if self.time_shifts:
             tables.append(_shift_table(self.time_shifts))
-        if self.measures:
-            tables.append(_measure_table(self.measures))
         if self.issues:
             title, heads = "Check these before training", ("check", "subject", "issue")
             tables.append(_table(title, heads, 3, map(astuple, self.issues)))
@@ -97,7 +91,7 @@ class ImportReport:
             return ""
         return (
             f"Not checked, because nothing in the logs confirms it: {', '.join(self.unchecked)}. "
-            f"Only values that no road vehicle has were looked for."
+            f"Compare the ranges with what the car did."
         )
 
     def summary(self) -> str:
@@ -148,15 +142,6 @@ def _occupancy_table(occupancy: Occupancy) -> Table:
         for low, shares in zip(occupancy.down_edges[:-1], occupancy.share, strict=True)
     ]
     return _table(title, heads, 0, rows[::-1])
-
-
-def _measure_table(measures: Sequence[Measure]) -> Table:
-    heads = ("quantity", "unit", "value", "usual")
-    rows: list[Row] = []
-    for each in measures:
-        usual = f"{format_number(each.low, 2)}..{format_number(each.high, 2)}"
-        rows.append((each.name, each.unit, format_number(each.value, 3), usual))
-    return _table("Motion, in the units and times of the mapping", heads, 2, rows)
 
 
 def _shift_table(shifts: Sequence[TimeShift]) -> Table:

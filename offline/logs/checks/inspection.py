@@ -8,12 +8,20 @@ from numpy.typing import NDArray
 from offline.data.dataset import PARTS
 from offline.data.recording import Starts
 from offline.logs.checks.coverage import find_occupancy, find_ranges
-from offline.logs.checks.evidence import find_unchecked
-from offline.logs.checks.issue import Issue
-from offline.logs.checks.motion import check_motion
-from offline.logs.checks.samples import find_gaps, find_outliers, gap_issues, outlier_issues
-from offline.logs.checks.time_shift import find_time_shifts, time_shift_issues
-from offline.logs.checks.unit_check import find_proportions, unit_issues
+from offline.logs.checks.pairs import (
+    find_proportions,
+    find_time_shifts,
+    find_unchecked,
+    time_shift_issues,
+    unit_issues,
+)
+from offline.logs.checks.samples import (
+    Issue,
+    find_gaps,
+    find_outliers,
+    gap_issues,
+    outlier_issues,
+)
 from offline.logs.episode import LEAST_SAMPLES, CutDrive
 from offline.logs.mapping import LogMapping
 from offline.logs.report import EpisodeReport, FileReport, ImportReport
@@ -48,11 +56,10 @@ def inspect_drives(
     constant = _require_motion(drives, mapping)
     episodes = [episode for cut in cuts for episode in cut.episodes]
     proportions = find_proportions(episodes, mapping)
-    measures, suspected_motion, unusual = check_motion(episodes, mapping)
-    suspected = [*unit_issues(proportions, episodes, mapping), *suspected_motion]
+    suspected = unit_issues(proportions, episodes, mapping)
     _require_units(suspected, mapping, drives)
     outliers = find_outliers(drives)
-    shifts = find_time_shifts(episodes, mapping)
+    shifts, ranges = find_time_shifts(episodes, mapping), find_ranges(episodes, schema)
     files = tuple(_file(drive, cut, mapping) for drive, cut in zip(drives, cuts, strict=True))
     pedals = [n for n in mapping.signals if mapping.quantity(n) in (Quantity.DRIVE, Quantity.BRAKE)]
     return ImportReport(
@@ -63,17 +70,15 @@ def inspect_drives(
             for e, k in zip(episodes, part, strict=True)
         ),
         slices=tuple(np.bincount(part[slices.episode], minlength=len(PARTS)).tolist()),
-        ranges=tuple(find_ranges(episodes, schema)),
+        ranges=tuple(ranges),
         occupancy=find_occupancy(episodes, mapping),
         outliers=tuple(outliers),
         time_shifts=tuple(shifts),
         proportions=tuple(proportions),
         constant=constant,
-        measures=tuple(measures),
-        unchecked=find_unchecked(mapping, proportions, measures),
+        unchecked=find_unchecked(mapping, proportions, ranges),
         issues=(
             *suspected,
-            *unusual,
             *gap_issues([file.gaps for file in files]),
             *_off_line(files),
             *time_shift_issues(shifts),

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from offline.logs.checks.issue import Issue
 from offline.logs.series import LoggedDrive
 from rt_controller.contract.arrays import Array
 
@@ -17,6 +16,17 @@ _STD_PER_MAD = 1.4826
 """standard deviation of a normal distribution over its median absolute deviation"""
 _LEAST_SHARE_OF_STD = 0.2
 """a pedal that is mostly released has a median absolute deviation of zero"""
+
+
+@dataclass(frozen=True, slots=True)
+class Issue:
+    """Something in the logs that the user should look at before training."""
+
+    check: str
+    subject: str
+    """signal or file"""
+    message: str
+    """what is unusual, and what to do about it"""
 
 
 @dataclass(frozen=True, slots=True)
