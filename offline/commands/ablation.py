@@ -11,9 +11,14 @@ from offline.commands.dataset import open_campaign_data
 from offline.commands.terminal import STDERR, STDOUT, progress_bar
 from offline.config import TrainingConfig
 from offline.experiments.backend import Backend
-from offline.experiments.comparison import Row, compare, comparison_figures, comparison_markdown
+from offline.experiments.comparison import (
+    Row,
+    compare,
+    comparison_figures,
+    comparison_markdown,
+    read_variants,
+)
 from offline.experiments.settings import common_fields
-from offline.experiments.variants import read_variants
 from offline.files import write_json
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.files import write_text

@@ -14,8 +14,7 @@ from offline.data.excitation import Recipe
 from offline.data.manifest import Imported, Origin
 from offline.data.variation import Variation, describe
 from offline.experiments.backend import Backend
-from offline.experiments.error_ratios import linear_mse
-from offline.experiments.training_task import CampaignData
+from offline.experiments.training_task import CampaignData, linear_mse
 from offline.training.interrupt import stop_on_signals
 from rt_controller.contract.errors import DatasetError
 from rt_controller.report.table import print_table

@@ -12,8 +12,7 @@ from offline.commands.terminal import STDERR, STDOUT, progress_bar
 from offline.config import TrainingConfig
 from offline.experiments.backend import Backend
 from offline.experiments.settings import common_fields, train_command
-from offline.experiments.space import read_space
-from offline.experiments.tuning import StudyPlan, StudyStatus, search
+from offline.experiments.tuning import StudyPlan, StudyStatus, read_space, search
 from rt_controller.contract.errors import ConfigError
 
 

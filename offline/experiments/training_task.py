@@ -1,11 +1,13 @@
-"""One training of a comparison or a study. Its folder has its run and, once it ended, its result.
+"""One training of a comparison or a study, and its errors as ratios to those of a linear model.
 
-The task may run in any process and on any machine that has the folder.
+Its folder has its run and, once it ended, its result. The task may run in any process and on any
+machine that has the folder. A network is evaluated from its checkpoint, because exporting a bundle
+takes seconds.
 """
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from datetime import datetime
@@ -13,23 +15,89 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+import torch
 from filelock import FileLock, Timeout
 from pydantic import TypeAdapter
 
+from offline.baselines import registry
 from offline.config import TrainingConfig, assumed_fields
 from offline.data.dataset import Dataset, load_dataset
-from offline.experiments.error_ratios import ErrorRatios, checkpoint_mse, error_ratios
+from offline.data.sampling import scale
+from offline.evaluation.comparison import LTI_BASELINES
+from offline.evaluation.metrics import geometric_mean
+from offline.evaluation.predictor import Predictor, prediction_errors
 from offline.files import write_json
 from offline.model.export_checks import limits_of
+from offline.model.losses import state_errors
 from offline.model.spectrum import driven_radius
-from offline.training.checkpoint import load_checkpoint
+from offline.training.checkpoint import Checkpoint, load_checkpoint
 from offline.training.export import restore_model
 from offline.training.recovery import TrainingDivergedError
 from offline.training.run_folder import LATEST_LINK, RunFolder, create_run, open_run
 from offline.training.schedule import is_evaluated
 from offline.training.state import TrainingState
 from offline.training.train import train
+from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError, ConfigError, DatasetError
+
+CHUNK = 2_000
+"""trajectories predicted at once, to limit the memory"""
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorRatios:
+    """Mean squared errors of the linear model over those of a model: more is better."""
+
+    by_state: tuple[float, ...]
+    geometric_mean: float
+
+
+def error_ratios(mse: Array, linear_mse: Sequence[float]) -> ErrorRatios:
+    """Ratios of two mean squared errors (n,)."""
+    ratios = np.asarray(linear_mse) / mse
+    return ErrorRatios(tuple(map(float, ratios)), float(geometric_mean(ratios)))
+
+
+def checkpoint_mse(checkpoint: Checkpoint, dataset: Dataset) -> Array:
+    """Mean squared errors (n,) of the model of a checkpoint, as `mean_squared_errors`."""
+    schema, roles, config = dataset.schema, dataset.roles, checkpoint.config
+    model = restore_model(checkpoint, schema, roles)
+    validation = dataset.select("validation")
+    batch = scale(validation, checkpoint.scaling, schema, roles, config.history_steps)
+    errors = torch.zeros(model.sizes.states, dtype=torch.float64)
+    with torch.no_grad():
+        for share, part in batch.chunks(CHUNK):
+            errors += share * state_errors(model, part).double()
+    return _finite(errors.numpy() * checkpoint.scaling.x_scale**2)
+
+
+def mean_squared_errors(model: Predictor, dataset: Dataset) -> Array:
+    """Mean squared error (n,) over steps 1..K of the validation part, in squared SI units.
+
+    Infinite for a state with a prediction that is not finite.
+    """
+    errors = prediction_errors(model, dataset.select("validation"))
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _finite(np.square(errors).mean(axis=(0, 1)))
+
+
+def linear_mse(dataset: Dataset) -> Array:
+    """Mean squared errors (n,) of the fair linear model on the validation part.
+
+    In each state, those of the better of one model for all roads and one for each curvature.
+    """
+    fitted = (
+        registry.fit(name, dataset).baseline
+        for name in LTI_BASELINES
+        if registry.find_baseline(name).find_objection(dataset) is None
+    )
+    return np.asarray(np.min([mean_squared_errors(model, dataset) for model in fitted], axis=0))
+
+
+def _finite(errors: Array) -> Array:
+    return np.where(np.isfinite(errors), errors, np.inf)
+
 
 LOCK_FILE = "lock"
 RESULT_FILE = "result.json"

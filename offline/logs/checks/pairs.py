@@ -15,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from offline.logs.checks.coverage import Range
-from offline.logs.checks.samples import Issue
+from offline.logs.checks.samples import Issue, Range
 from offline.logs.episode import LogEpisode
 from offline.logs.mapping import LogMapping
 from rt_controller.contract.arrays import Array

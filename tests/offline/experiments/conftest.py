@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from offline.experiments.backend import Backend
-from offline.experiments.error_ratios import linear_mse
-from offline.experiments.training_task import CampaignData
+from offline.experiments.training_task import CampaignData, linear_mse
 
 LISTS = """
 [tiny]

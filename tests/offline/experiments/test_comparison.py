@@ -5,10 +5,8 @@ from pathlib import Path
 import pytest
 
 from offline.config import TrainingConfig
-from offline.experiments.comparison import Row, comparison_figures, comparison_markdown
-from offline.experiments.error_ratios import ErrorRatios
-from offline.experiments.training_task import CampaignData, Result
-from offline.experiments.variants import Variant
+from offline.experiments.comparison import Row, Variant, comparison_figures, comparison_markdown
+from offline.experiments.training_task import CampaignData, ErrorRatios, Result
 
 WHOLE = Variant("whole", "nothing left out", {}, TrainingConfig(steps=9, batch=3))
 LINEAR = Variant(

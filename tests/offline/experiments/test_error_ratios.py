@@ -7,7 +7,7 @@ from fitted_network import fitted
 from offline.baselines.linear import fit_linear
 from offline.evaluation import predictor
 from offline.experiments import error_ratios as error_ratios_module
-from offline.experiments.error_ratios import (
+from offline.experiments.training_task import (
     checkpoint_mse,
     error_ratios,
     linear_mse,

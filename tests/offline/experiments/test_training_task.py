@@ -7,10 +7,10 @@ import pytest
 from filelock import FileLock
 from tiny_comparison import tiny_training
 
-from offline.experiments.error_ratios import ErrorRatios
 from offline.experiments.training_task import (
     LOCK_FILE,
     RESULT_FILE,
+    ErrorRatios,
     Result,
     exclusive_folder,
     load_result,

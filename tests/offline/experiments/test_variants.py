@@ -10,7 +10,7 @@ import torch
 from offline.config import PRESETS, TrainingConfig
 from offline.data.sampling import open_source
 from offline.data.signals import fit_scaling
-from offline.experiments.variants import BUDGET, SHIPPED, read_variants
+from offline.experiments.comparison import BUDGET, SHIPPED, read_variants
 from offline.model.losses import total_loss
 from offline.model.network import MdkNet, sizes_of
 from rt_controller.contract.errors import ConfigError

@@ -5,10 +5,9 @@ from pathlib import Path
 from offline.config import TrainingConfig
 from offline.experiments import comparison
 from offline.experiments.backend import Backend
-from offline.experiments.comparison import Row
+from offline.experiments.comparison import Row, Variant, read_variants
 from offline.experiments.settings import common_fields
 from offline.experiments.training_task import CampaignData, Training
-from offline.experiments.variants import Variant, read_variants
 
 OF_THE_TOY = {"episodes": 40, "data_seed": 3}
 
