@@ -250,14 +250,10 @@ def comparison_markdown(figures: Mapping[str, Any]) -> str:
 def _pooled_cells(variant: Mapping[str, Any], states: Sequence[str]) -> tuple[str, ...]:
     if variant["mse_ratio"] is None:
         return (variant["name"], *(NO_VALUE,) * (len(states) + 4))
-    return (
-        variant["name"],
-        f"{variant['geometric_mean_ratio']:.3g}",
-        f"{variant['least_geometric_mean_ratio']:.3g} … {variant['most_geometric_mean_ratio']:.3g}",
-        *(f"{variant['mse_ratio'][name]:.3g}" for name in states),
-        str(variant["n_parameters"]),
-        f"{variant['training_cpu_s']:.0f}",
-    )
+    least, most = (f"{variant[f'{end}_geometric_mean_ratio']:.3g}" for end in ("least", "most"))
+    ratios = (f"{variant['mse_ratio'][name]:.3g}" for name in states)
+    mean, cost = f"{variant['geometric_mean_ratio']:.3g}", f"{variant['training_cpu_s']:.0f}"
+    return (variant["name"], mean, f"{least} … {most}", *ratios, str(variant["n_parameters"]), cost)
 
 
 def _cells(name: str, training: Mapping[str, Any], states: Sequence[str]) -> tuple[str, ...]:

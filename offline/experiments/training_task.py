@@ -21,7 +21,7 @@ from filelock import FileLock, Timeout
 from pydantic import TypeAdapter
 
 from offline.baselines import registry
-from offline.config import TrainingConfig, assumed_fields
+from offline.config import TrainingConfig
 from offline.data.dataset import Dataset, load_dataset
 from offline.data.sampling import scale
 from offline.evaluation.comparison import LTI_BASELINES
@@ -203,8 +203,7 @@ def load_result(training: Training) -> Result | None:
         ) from error
     run = open_run(training.folder / LATEST_LINK)
     found, expected = run.config.model_dump(), training.config.model_dump()
-    assumed = assumed_fields(run.config)
-    different = [name for name in expected if found[name] != expected[name] or name in assumed]
+    different = [name for name in expected if found[name] != expected[name]]
     if run.data_sha256 != training.data.sha256:
         different.append("data set")
     if different:

@@ -154,27 +154,10 @@ class StudyPlan:
     data: CampaignData
 
 
-@dataclass(frozen=True, slots=True)
-class StudyStatus:
-    """Progress of a study."""
-
-    ended: int
-    """trials with a value, and pruned ones; failed ones are not counted"""
-    pruned: int
-    best: int | None
-    """number of the trial with the best value"""
-    value: float | None
-    """its geometric mean of the error ratios"""
-    values: Mapping[str, Any]
-    """of the searched fields in that trial"""
-
-
 def search(
-    plan: StudyPlan, backend: Backend, on_status: Callable[[StudyStatus], None]
-) -> StudyStatus:
-    """Status of the study when no trial is left.
-
-    `on_status` is called at the start and after each trial.
+    plan: StudyPlan, backend: Backend, on_trial: Callable[[optuna.Study], None]
+) -> optuna.Study:
+    """The study when no trial is left; `on_trial` is called at the start and after each trial.
 
     Raises:
         ConfigError: the folder has a study of another question, is in use, or cannot be written.
@@ -185,23 +168,17 @@ def search(
         _require_same_question(study, plan)
         for trial in study.get_trials(states=(TrialState.RUNNING,)):
             study.tell(trial.number, state=TrialState.FAIL)
-        status = _status(study, plan.space)
-        on_status(status)
-        first, left = len(study.trials), plan.n_trials - status.ended
+        on_trial(study)
+        first, left = len(study.trials), plan.n_trials - sum(count_ended(study))
         for _ in run_tasks(_run_trial, [(plan, first + k) for k in range(left)]):
-            status = _status(study, plan.space)
-            on_status(status)
-    return status
+            on_trial(study)
+    return study
 
 
-def _status(study: optuna.Study, space: Space) -> StudyStatus:
-    trials = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.PRUNED))
-    complete = [trial for trial in trials if trial.state is TrialState.COMPLETE]
-    best = max(complete, key=lambda trial: trial.value, default=None)
-    counts = (len(trials), len(trials) - len(complete))
-    if best is None:
-        return StudyStatus(*counts, None, None, {})
-    return StudyStatus(*counts, best.number, best.value, space.values(best.params))
+def count_ended(study: optuna.Study) -> tuple[int, int]:
+    """Number of trials with a value, and of pruned ones; failed ones are not counted."""
+    states = [trial.state for trial in study.get_trials(deepcopy=False)]
+    return states.count(TrialState.COMPLETE), states.count(TrialState.PRUNED)
 
 
 def _run_trial(plan: StudyPlan, draw: int) -> None:

@@ -9,6 +9,7 @@ lag; the car itself has lags: yaw rate follows steering by 0.05 to 0.15 s.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import chain
 from statistics import median_low
 from typing import NamedTuple
 
@@ -198,12 +199,9 @@ def unit_issues(
 ) -> list[Issue]:
     """One issue for each unit that is probably wrong."""
     reliable = [each for each in proportions if each.is_reliable]
-    suspected = (
-        *_between_files(reliable),
-        *_same_motion(reliable),
-        *_impossible_motion(reliable, episodes, mapping),
-    )
-    return [Issue("units", subject, message) for subject, message in suspected]
+    suspected = (_between_files(reliable), _same_motion(reliable))
+    impossible = _impossible_motion(reliable, episodes, mapping)
+    return [Issue("units", *each) for each in chain(*suspected, impossible)]
 
 
 def find_unchecked(
