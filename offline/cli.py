@@ -236,10 +236,10 @@ def ablate(
     data: DataFolder = None,
     backend: Backend = THIS_MACHINE,
     json_file: JsonFile = None,
-) -> int:
+) -> None:
     """Train every variant with every seed, and compare each with a linear model.
 
-    Ctrl-C stops; the same command continues. Finished trainings are not repeated. Options of
+    Ctrl-C stops; the same command goes on with the trainings that have not ended. Options of
     offline-train, such as --steps, apply to all variants. docs/experiments.md describes the file of
     variants.
 
@@ -255,11 +255,8 @@ def ablate(
     from offline.commands import ablation
 
     campaign = folder or RUNS / f"ablation-{variants}"
-    figures, exit_code = ablation.ablate(
-        variants, seeds, only, lists, config, campaign, data, backend
-    )
+    figures = ablation.ablate(variants, seeds, only, lists, config, campaign, data, backend)
     write_figures(json_file, figures)
-    return exit_code
 
 
 @tune_app.default
@@ -274,16 +271,16 @@ def tune(
     data: DataFolder = None,
     backend: Backend = THIS_MACHINE,
     json_file: JsonFile = None,
-) -> int:
+) -> None:
     """Search for the settings whose model is furthest ahead of a linear one on validation data.
 
-    Ctrl-C stops; the same command continues, and several may work on one study at the same time.
-    Options of offline-train, such as --steps, apply to all trials. docs/experiments.md has the
-    file of search spaces.
+    Ctrl-C stops, and the trials that run then fail; the same command goes on with new ones. Options
+    of offline-train, such as --steps, apply to all trials. docs/experiments.md has the file of
+    search spaces.
 
     Args:
         space: a search space of the file: method, structure, paper-weights
-        trials: trials in total, including those of earlier commands and other processes
+        trials: trials in total, including those of earlier commands
         search_seed: seed of the search; --seed is that of every training
         spaces: TOML file with search spaces; default: the shipped one
         folder: folder of the study; default: runs/tuning-SPACE
@@ -293,11 +290,8 @@ def tune(
     from offline.commands import tuning
 
     study = folder or RUNS / f"tuning-{space}"
-    figures, exit_code = tuning.tune(
-        space, spaces, search_seed, trials, config, study, data, backend
-    )
+    figures = tuning.tune(space, spaces, search_seed, trials, config, study, data, backend)
     write_figures(json_file, figures)
-    return exit_code
 
 
 data_main = partial(run_command, data_app)

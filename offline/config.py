@@ -235,12 +235,6 @@ PRESETS = {
 }
 
 
-def assumed_fields(stored: TrainingConfig) -> dict[str, Any]:
-    """The fields that the file of a stored configuration lacks, with the defaults they have got."""
-    fields = stored.model_dump()
-    return {name: fields[name] for name in fields if name not in stored.model_fields_set}
-
-
 def explicit_fields(chosen: TrainingConfig | None) -> dict[str, Any]:
     """The fields that were given on the command line, with their values."""
     return {} if chosen is None else chosen.model_dump(exclude_unset=True)

@@ -6,12 +6,12 @@ from typing import Any
 
 from offline.baselines import registry
 from offline.baselines.selection import baseline_facts, compare_with_plain_baselines
-from offline.commands.terminal import STDERR, STDOUT, print_assumed
+from offline.commands.terminal import STDERR, STDOUT
 from offline.config import PAST_STEPS
 from offline.data.cache import full_folder
 from offline.data.code_identity import source_revision
 from offline.data.dataset import Dataset, exists, load_dataset
-from offline.data.provenance import car_of
+from offline.data.manifest import car_of
 from offline.data.signals import past_names
 from offline.evaluation.figures import library_figures
 from offline.evaluation.model_card import driven_text, stability_text, write_card
@@ -33,7 +33,6 @@ from rt_controller.report.table import Fact, print_table
 def export_run(path: Path, output: Path | None, data: Path | None) -> dict[str, Any]:
     """Figures of `offline-export` for the best model of a run."""
     run = open_run(path)
-    print_assumed(run.config)
     checkpoint = load_checkpoint(run.best)
     dataset = load_dataset(data or run.data_folder)
     bundle, checks = export_checkpoint(checkpoint, dataset)

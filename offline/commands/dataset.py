@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from offline.commands.condition_tables import condition_figures, condition_tables
 from offline.commands.terminal import STDERR, STDOUT, progress_bar
 from offline.config import TrainingConfig, explicit_fields
 from offline.data.cache import cache_folder, make_dataset, simulated_origin
@@ -14,11 +13,63 @@ from offline.data.excitation import Recipe
 from offline.data.manifest import Imported, Origin
 from offline.data.variation import Variation, describe
 from offline.experiments.backend import Backend
-from offline.experiments.error_ratios import linear_mse
-from offline.experiments.training_task import CampaignData
+from offline.experiments.training_task import CampaignData, linear_mse
 from offline.training.interrupt import stop_on_signals
 from rt_controller.contract.errors import DatasetError
-from rt_controller.report.table import print_table
+from rt_controller.report.table import Column, Table, print_table
+
+CONDITION_COLUMNS = (
+    Column("condition", is_text=True),
+    Column("minimum"),
+    Column("mean"),
+    Column("maximum"),
+)
+BAND_COLUMNS = (
+    Column("lowest friction", is_text=True),
+    Column("episodes"),
+    Column("rejected", "%"),
+)
+
+
+def condition_figures(dataset: Dataset) -> dict[str, Any]:
+    """Extremes and means over all samples, and the rejected drives by friction."""
+    rows = dataset.conditions_at(slice(None))
+    extremes = zip(rows.min(axis=0), rows.mean(axis=0, dtype=float), rows.max(axis=0), strict=True)
+    return {
+        "conditions": {
+            name: dict(zip(("minimum", "mean", "maximum"), map(float, values), strict=True))
+            for name, values in zip(dataset.manifest.conditions, extremes, strict=True)
+        },
+        "rejected_by_lowest_friction": [
+            {
+                "friction_from": band.friction[0],
+                "friction_below": band.friction[1],
+                "n_episodes": band.episodes,
+                "rejected_fraction": band.rejected_fraction,
+            }
+            for band in dataset.manifest.rejected_by_friction
+        ],
+    }
+
+
+def condition_tables(figures: dict[str, Any]) -> tuple[Table, Table]:
+    """The figures as tables."""
+    conditions = tuple(
+        (name, *(f"{value:.3f}" for value in values.values()))
+        for name, values in figures["conditions"].items()
+    )
+    bands = tuple(
+        (
+            f"{band['friction_from']:g} to {band['friction_below']:g}",
+            str(band["n_episodes"]),
+            f"{100 * band['rejected_fraction']:.1f}",
+        )
+        for band in figures["rejected_by_lowest_friction"]
+    )
+    return (
+        Table("conditions of all samples", CONDITION_COLUMNS, conditions),
+        Table("rejected drives", BAND_COLUMNS, bands),
+    )
 
 
 def make_data(

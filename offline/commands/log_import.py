@@ -11,8 +11,7 @@ import numpy as np
 
 from offline.commands.terminal import STDERR, STDOUT
 from offline.data.dataset import exists, save_dataset
-from offline.data.manifest import Imported
-from offline.data.provenance import CAR_OF_LOGS
+from offline.data.manifest import CAR_OF_LOGS, Imported
 from offline.logs.assembly import assign_parts, join_episodes, roads_of, slice_windows
 from offline.logs.checks.inspection import inspect_drives, require_episodes
 from offline.logs.episode import cut_drive, make_schema

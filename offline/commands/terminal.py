@@ -7,23 +7,10 @@ from contextlib import contextmanager
 
 from rich.console import Console
 
-from offline.config import TrainingConfig, assumed_fields
-
 STDOUT = Console()
 STDERR = Console(stderr=True)
 LINE_EVERY_S = 5.0
 """between two lines of progress that are not on a terminal"""
-
-
-def print_assumed(stored: TrainingConfig) -> None:
-    """Say which settings a stored configuration lacks, because they are newer than it."""
-    assumed = ", ".join(f"{name} = {value}" for name, value in assumed_fields(stored).items())
-    if assumed:
-        STDERR.print(
-            f"The configuration of this run is of an older version; the defaults are assumed for "
-            f"what it does not say: {assumed}.",
-            soft_wrap=True,
-        )
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from offline.commands.dataset import config_of_data, ensure_dataset
-from offline.commands.terminal import STDERR, STDOUT, print_assumed, progress_bar
+from offline.commands.terminal import STDERR, STDOUT, progress_bar
 from offline.config import TrainingConfig, explicit_fields, resolve
 from offline.data.dataset import Dataset, load_dataset
 from offline.experiments.backend import Backend
@@ -53,7 +53,6 @@ def resume_run(
         ConfigError: a setting or the data set differs from that of the run.
     """
     run = open_run(path)
-    print_assumed(run.config)
     checkpoint = load_checkpoint(run.last)
     config = _config_to_resume(run.config, checkpoint.step, chosen)
     folder = data or run.data_folder

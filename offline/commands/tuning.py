@@ -7,15 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import optuna
+
 from offline.commands.dataset import open_campaign_data
 from offline.commands.terminal import STDERR, STDOUT, progress_bar
 from offline.config import TrainingConfig
 from offline.experiments.backend import Backend
 from offline.experiments.settings import common_fields, train_command
-from offline.experiments.space import read_space
-from offline.experiments.tuning import StudyPlan, StudyStatus, search
+from offline.experiments.tuning import Space, StudyPlan, count_ended, read_space, search
 from rt_controller.contract.errors import ConfigError
-from rt_controller.terminal.entry import INTERRUPTED
 
 
 def tune(
@@ -27,8 +27,8 @@ def tune(
     folder: Path,
     data: Path | None,
     backend: Backend,
-) -> tuple[dict[str, Any], int]:
-    """Figures and exit code of `offline-tune`: 0 if no trial is left, 130 if it was stopped."""
+) -> dict[str, Any]:
+    """Figures of `offline-tune`."""
     if n_trials < 1:
         raise ConfigError(f"--trials: expected at least 1, found {n_trials}.")
     fields = common_fields(common, {"preset": "a space with another base"})
@@ -37,48 +37,46 @@ def tune(
     space = replace(space, base=base)
     plan = StudyPlan(folder.resolve(), space, search_seed, n_trials, shared)
     STDERR.print(f"study {folder}\ndata {shared.folder}", soft_wrap=True)
-    with progress_bar("trials", plan.n_trials) as show:
-        status, is_stopped = search(
-            plan, backend, lambda now: show(min(now.ended, plan.n_trials), _status_line(now))
+    with progress_bar("trials", n_trials) as show:
+        study = search(
+            plan,
+            backend,
+            lambda now: show(min(sum(count_ended(now)), n_trials), _status_line(now, space)),
         )
-    command = None
-    if status.best is not None:
-        command = train_command(space.configure(status.values), shared.folder)
+    complete, pruned = count_ended(study)
+    best = study.best_trial if complete else None
+    values = space.values(best.params) if best else {}
+    command = train_command(space.configure(values), shared.folder) if best else None
     figures = {
         "space": space.name,
         "folder": str(plan.folder),
         "data_sha256": shared.sha256,
-        "n_trials": status.ended,
-        "n_pruned": status.pruned,
-        "is_finished": status.ended >= plan.n_trials,
-        "best_trial": status.best,
-        "geometric_mean_ratio": status.value,
-        "values": dict(status.values),
+        "n_trials": complete + pruned,
+        "n_pruned": pruned,
+        "best_trial": best and best.number,
+        "geometric_mean_ratio": best and best.value,
+        "values": values,
         "command": command,
     }
     STDOUT.print(
-        f"{status.ended} of {plan.n_trials} trials. {_status_line(status)}", soft_wrap=True
+        f"{complete + pruned} of {n_trials} trials. {_status_line(study, space)}", soft_wrap=True
     )
     if command is not None:
         STDOUT.print("Train with these settings:", style="dim")
         STDOUT.print(f"  {command}", soft_wrap=True, markup=False, highlight=False)
-    if status.ended >= plan.n_trials:
-        return figures, 0
-    if is_stopped:
-        STDOUT.print("Stopped; nothing is lost. Run the same command again to continue.")
-        return figures, INTERRUPTED
-    STDOUT.print("Other processes that work on this study run the remaining trials.")
-    return figures, 0
+    return figures
 
 
-def _status_line(status: StudyStatus) -> str:
-    if status.best is None:
+def _status_line(study: optuna.Study, space: Space) -> str:
+    complete, pruned = count_ended(study)
+    if not complete:
         return "no trial has ended yet"
+    best = study.best_trial
     values = ", ".join(
         f"{field} {value:.3g}" if isinstance(value, float) else f"{field} {value}"
-        for field, value in status.values.items()
+        for field, value in space.values(best.params).items()
     )
     return (
-        f"best: trial {status.best}, {status.value:.3g} times better than the fair linear model "
-        f"({values}); {status.pruned} pruned"
+        f"best: trial {best.number}, {best.value:.3g} times better than the fair linear model "
+        f"({values}); {pruned} pruned"
     )

@@ -17,9 +17,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from offline.data.conditions import FrictionBand
 from offline.data.manifest import Imported, Manifest, Origin, Roads, read_manifest
 from offline.data.recording import PATH_STATES, Recording, Starts, cut
-from offline.data.rejection import FrictionBand
 from offline.data.road_frame import Anchor
 from offline.data.signals import Roles
 from offline.data.trajectories import Array32, Rows, Trajectories

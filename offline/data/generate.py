@@ -19,10 +19,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from offline.config import PAST_STEPS, STEPS
-from offline.data.conditions import CONDITIONS, FRICTION_COLUMNS, Conditions, draw_conditions
+from offline.data.conditions import (
+    CONDITIONS,
+    FRICTION_COLUMNS,
+    Conditions,
+    FrictionBand,
+    by_friction,
+    draw_conditions,
+)
 from offline.data.excitation import Recipe, draw_inputs
 from offline.data.recording import Recording, Starts
-from offline.data.rejection import FrictionBand, by_friction
 from offline.data.road_frame import Anchor
 from offline.data.tasks import run_tasks
 from offline.data.trajectories import Array32

@@ -6,8 +6,7 @@ from pathlib import Path
 from offline.config import PAST_STEPS
 from offline.data.cache import find_dataset, full_folder
 from offline.data.dataset import MANIFEST_FILE, Dataset, exists, load_dataset
-from offline.data.manifest import Manifest, Simulated, read_manifest
-from offline.data.provenance import is_held_out
+from offline.data.manifest import Manifest, Simulated, is_held_out, read_manifest
 from offline.data.signals import past_names
 from offline.training.run_folder import open_run
 from rt_controller.contract.errors import ArtifactError, DatasetError

@@ -1,12 +1,9 @@
 """Where independent tasks run: on the cores of this machine or on a Dask or Ray cluster."""
 
-import socket
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from importlib import import_module
-from typing import Annotated, Literal
-from urllib.parse import urlsplit
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -17,7 +14,7 @@ BackendName = Literal["loky", "threading", "dask", "ray"]
 CLUSTERS = {"dask": "distributed", "ray": "ray"}
 """backends that accept an address, and the package that each needs"""
 
-CONNECT_S = 5.0
+CONNECT_S = 10.0
 
 
 @Parameter(name="*")
@@ -26,7 +23,7 @@ class Backend:
     """A joblib backend with its place and size, and the options that name it.
 
     Raises:
-        ConfigError: an address without a cluster, no HOST:PORT, or no valid number of processes.
+        ConfigError: an address without a cluster, or no valid number of processes.
     """
 
     name: Annotated[
@@ -47,13 +44,11 @@ class Backend:
     def __post_init__(self) -> None:
         if self.jobs == 0 or self.jobs < -1:
             raise ConfigError(f"--jobs: expected -1 or a positive number, found {self.jobs}.")
-        if self.address is not None:
-            if self.name not in CLUSTERS:
-                raise ConfigError(
-                    f"--address: expected --backend dask or ray with it, found --backend "
-                    f"{self.name}. Name the kind of the cluster at {self.address}."
-                )
-            host_and_port(self.address)
+        if self.address is not None and self.name not in CLUSTERS:
+            raise ConfigError(
+                f"--address: expected --backend dask or ray with it, found --backend {self.name}. "
+                f"Name the kind of the cluster at {self.address}."
+            )
 
     @contextmanager
     def active(self) -> Iterator[None]:
@@ -61,40 +56,45 @@ class Backend:
 
         Raises:
             MissingExtraError: the package of the cluster is not installed.
-            ConfigError: no cluster answers at the address within seconds.
+            ConfigError: no cluster answers at the address.
         """
         import joblib
 
-        package = CLUSTERS.get(self.name)
-        if package is not None:
-            require_packages(self.name, (package,), f"--backend {self.name}")
+        if self.name in CLUSTERS:
+            require_packages(self.name, (CLUSTERS[self.name],), f"--backend {self.name}")
+        options: dict[str, Any] = {"n_jobs": self.jobs}
+        with ExitStack() as cluster:
+            try:
+                if self.name == "dask":
+                    options = {"client": cluster.enter_context(self._dask_client())}
+                elif self.name == "ray":
+                    self._connect_ray(cluster)
+            except (OSError, RuntimeError, ValueError) as error:
+                raise ConfigError(
+                    f"--address {self.address}: expected a {self.name} cluster to answer, found "
+                    f"none ({error}). Start it, or name another HOST:PORT."
+                ) from error
+            with joblib.parallel_config(self.name, **options):
+                yield
+
+    def _dask_client(self) -> Any:
+        from distributed import Client
+
         if self.address is not None:
-            try:  # the clients of the clusters would try for a minute
-                socket.create_connection(host_and_port(self.address), CONNECT_S).close()
-            except OSError as error:
-                raise unreachable(self.address, "a cluster", error) from error
-        if package is None:
-            workers = joblib.parallel_config(self.name, n_jobs=self.jobs)
-        else:
-            cluster = import_module(f"offline.experiments.{self.name}_cluster")
-            workers = cluster.workers(self.address, self.jobs)
-        with workers:
-            yield
+            return Client(self.address, timeout=CONNECT_S, set_as_default=False)
+        # One thread per process: two trainings in one process would share torch's random numbers.
+        local = {"n_workers": None if self.jobs == -1 else self.jobs, "threads_per_worker": 1}
+        return Client(**local, dashboard_address="127.0.0.1:0", set_as_default=False)
 
+    def _connect_ray(self, cluster: ExitStack) -> None:
+        import joblib
+        import ray
+        from ray.util.joblib.ray_backend import RayBackend
 
-def host_and_port(address: str) -> tuple[str, int]:
-    """Host and port of HOST:PORT, with or without a scheme in front; else a `ConfigError`."""
-    with suppress(ValueError):
-        parts = urlsplit(address if "://" in address else f"//{address}")
-        if parts.hostname and parts.port is not None:
-            return parts.hostname, parts.port
-    raise ConfigError(f"--address: expected HOST:PORT, found {address!r}.")
-
-
-def unreachable(address: str, expected: str, reason: object) -> ConfigError:
-    """The error to raise if `expected` does not answer at the address."""
-    first_line = (str(reason).strip() or type(reason).__name__).splitlines()[0]
-    return ConfigError(
-        f"--address {address}: expected {expected} to answer, found none ({first_line}). Start it, "
-        f"or name another HOST:PORT."
-    )
+        cores = None if self.address or self.jobs == -1 else self.jobs
+        # "local" starts a new cluster, also if another one runs on this machine.
+        ray.init(self.address or "local", num_cpus=cores, log_to_driver=False)
+        cluster.callback(ray.shutdown)
+        # Ray's backend can return each result when it is ready, but does not declare it.
+        streaming = type("Streaming", (RayBackend,), {"supports_return_generator": True})
+        joblib.register_parallel_backend("ray", streaming)

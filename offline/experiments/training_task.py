@@ -1,28 +1,35 @@
-"""One training of a comparison or a study: it starts, or continues from its checkpoint.
+"""One training of a comparison or a study, and its errors as ratios to those of a linear model.
 
-The task may run several times and on any machine: its folder holds its progress and its result.
-The caller holds the lock of the folder, so that only one process trains in it.
+Its folder has its run and, once it ended, its result. The task may run in any process and on any
+machine that has the folder. A network is evaluated from its checkpoint, because exporting a bundle
+takes seconds.
 """
 
-import json
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
-from filelock import FileLock
+import numpy as np
+import torch
+from filelock import FileLock, Timeout
 from pydantic import TypeAdapter
 
-from offline.config import TrainingConfig, assumed_fields
+from offline.baselines import registry
+from offline.config import TrainingConfig
 from offline.data.dataset import Dataset, load_dataset
-from offline.experiments.error_ratios import ErrorRatios, checkpoint_mse, error_ratios
-from offline.experiments.running_command import RunningCommand
+from offline.data.sampling import scale
+from offline.evaluation.comparison import LTI_BASELINES
+from offline.evaluation.metrics import geometric_mean
+from offline.evaluation.predictor import Predictor, prediction_errors
 from offline.files import write_json
 from offline.model.export_checks import limits_of
+from offline.model.losses import state_errors
 from offline.model.spectrum import driven_radius
 from offline.training.checkpoint import Checkpoint, load_checkpoint
 from offline.training.export import restore_model
@@ -31,12 +38,69 @@ from offline.training.run_folder import LATEST_LINK, RunFolder, create_run, open
 from offline.training.schedule import is_evaluated
 from offline.training.state import TrainingState
 from offline.training.train import train
+from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError, ConfigError, DatasetError
 
-CPU_TIME_FILE = "cpu-time.json"
+CHUNK = 2_000
+"""trajectories predicted at once, to limit the memory"""
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorRatios:
+    """Mean squared errors of the linear model over those of a model: more is better."""
+
+    by_state: tuple[float, ...]
+    geometric_mean: float
+
+
+def error_ratios(mse: Array, linear_mse: Sequence[float]) -> ErrorRatios:
+    """Ratios of two mean squared errors (n,)."""
+    ratios = np.asarray(linear_mse) / mse
+    return ErrorRatios(tuple(map(float, ratios)), float(geometric_mean(ratios)))
+
+
+def checkpoint_mse(checkpoint: Checkpoint, dataset: Dataset) -> Array:
+    """Mean squared errors (n,) of the model of a checkpoint, as `mean_squared_errors`."""
+    schema, roles, config = dataset.schema, dataset.roles, checkpoint.config
+    model = restore_model(checkpoint, schema, roles)
+    validation = dataset.select("validation")
+    batch = scale(validation, checkpoint.scaling, schema, roles, config.history_steps)
+    errors = torch.zeros(model.sizes.states, dtype=torch.float64)
+    with torch.no_grad():
+        for share, part in batch.chunks(CHUNK):
+            errors += share * state_errors(model, part).double()
+    return _finite(errors.numpy() * checkpoint.scaling.x_scale**2)
+
+
+def mean_squared_errors(model: Predictor, dataset: Dataset) -> Array:
+    """Mean squared error (n,) over steps 1..K of the validation part, in squared SI units.
+
+    Infinite for a state with a prediction that is not finite.
+    """
+    errors = prediction_errors(model, dataset.select("validation"))
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _finite(np.square(errors).mean(axis=(0, 1)))
+
+
+def linear_mse(dataset: Dataset) -> Array:
+    """Mean squared errors (n,) of the fair linear model on the validation part.
+
+    In each state, those of the better of one model for all roads and one for each curvature.
+    """
+    fitted = (
+        registry.fit(name, dataset).baseline
+        for name in LTI_BASELINES
+        if registry.find_baseline(name).find_objection(dataset) is None
+    )
+    return np.asarray(np.min([mean_squared_errors(model, dataset) for model in fitted], axis=0))
+
+
+def _finite(errors: Array) -> Array:
+    return np.where(np.isfinite(errors), errors, np.inf)
+
+
 LOCK_FILE = "lock"
 RESULT_FILE = "result.json"
-LOCK_POLL_S = 0.2
 
 _ONE_TRAINING = threading.Lock()
 """torch has one random generator and one number of threads per process"""
@@ -82,20 +146,64 @@ class Result:
     n_parameters: int | None = None
 
 
-def folder_lock(folder: Path) -> FileLock:
-    """The lock of a folder; the operating system releases it when the process ends or dies."""
-    return FileLock(folder / LOCK_FILE)
+@contextmanager
+def exclusive_folder(folder: Path) -> Iterator[None]:
+    """Context in which no other command works in the folder, which is made if there is none.
+
+    Raises:
+        ConfigError: another command works in it, or it cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(folder / LOCK_FILE).acquire(blocking=False)
+    except Timeout as error:
+        raise ConfigError(
+            f"--folder {folder}: expected no other command in this folder, found one. Wait for "
+            f"its end, or choose another --folder."
+        ) from error
+    except OSError as error:
+        raise ConfigError(
+            f"--folder {folder}: expected a writable folder, found: {error.strerror}."
+        ) from error
+    with lock:
+        yield
 
 
-def find_run(training: Training) -> RunFolder | None:
-    """The run of a training, None: not started; `ConfigError` if of another one, or other data."""
-    latest = training.folder / LATEST_LINK
-    if not latest.exists():
+def run_training(
+    training: Training, on_evaluation: Callable[[RunFolder], bool] = lambda run: True
+) -> Result:
+    """The result of the training, read if it has ended before; errors as from `load_result`.
+
+    `on_evaluation` is called after each evaluation and its checkpoint; False prunes the training.
+    """
+    result = load_result(training)
+    if result is None:
+        with _ONE_TRAINING:
+            result = _train(training, on_evaluation)
+        write_json(training.folder / RESULT_FILE, asdict(result))
+    return result
+
+
+def load_result(training: Training) -> Result | None:
+    """The result in the folder of the training, None: it has not ended.
+
+    Raises:
+        ConfigError: it is of another configuration or other data.
+        ArtifactError: the file has other content.
+    """
+    file = training.folder / RESULT_FILE
+    try:
+        result = TypeAdapter(Result).validate_json(file.read_bytes())
+    except FileNotFoundError:
         return None
-    run = open_run(latest)
+    except (OSError, ValueError) as error:
+        raise ArtifactError(
+            f"{file}: expected the result of a training, found something else ({error}). Delete "
+            f"it, and train again."
+        ) from error
+    run = open_run(training.folder / LATEST_LINK)
     found, expected = run.config.model_dump(), training.config.model_dump()
-    assumed = assumed_fields(run.config)
-    different = [name for name in expected if found[name] != expected[name] or name in assumed]
+    different = [name for name in expected if found[name] != expected[name]]
     if run.data_sha256 != training.data.sha256:
         different.append("data set")
     if different:
@@ -103,83 +211,34 @@ def find_run(training: Training) -> RunFolder | None:
             f"{training.folder}: expected a training of the same configuration, found one that "
             f"differs in {', '.join(different)}. Choose another --folder, or delete this one."
         )
-    return run
-
-
-def run_training(
-    training: Training,
-    command: RunningCommand,
-    on_evaluation: Callable[[RunFolder], bool] = lambda run: True,
-) -> Result | None:
-    """The result of the training, None: stopped before its end; errors as from `find_run`.
-
-    `on_evaluation` is called after each evaluation and its checkpoint; False prunes the training.
-    """
-    run = find_run(training)
-    result = load_result(training.folder)
-    if result is None:
-        with _ONE_TRAINING:
-            result = _train(training, run, command, on_evaluation)
-        if result is not None:
-            write_json(training.folder / RESULT_FILE, asdict(result))
     return result
 
 
-def load_result(folder: Path) -> Result | None:
-    """The result in that folder, None: it has not ended; `ArtifactError` for other content."""
-    file = folder / RESULT_FILE
-    try:
-        return TypeAdapter(Result).validate_json(file.read_bytes())
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError) as error:
-        raise ArtifactError(
-            f"{file}: expected the result of a training, found something else ({error}). Delete "
-            f"it; the training continues from its checkpoint."
-        ) from error
-
-
-def _train(
-    training: Training,
-    run: RunFolder | None,
-    command: RunningCommand,
-    on_evaluation: Callable[[RunFolder], bool],
-) -> Result | None:
+def _train(training: Training, on_evaluation: Callable[[RunFolder], bool]) -> Result:
     data, config = training.data, training.config
     dataset = shared_dataset(data.folder, data.sha256)
-    run = run or create_run(training.folder, config, data.folder, data.sha256, datetime.now())
-    checkpoint = load_checkpoint(run.last) if run.last.exists() else None
-    count_cpu_s = _cpu_time(run.path / CPU_TIME_FILE)
-    is_pruned = False
+    run = create_run(training.folder, config, data.folder, data.sha256, datetime.now())
+    begun_s = time.process_time()
+    step, is_pruned = 0, False
 
     def on_progress(state: TrainingState) -> None:
-        nonlocal is_pruned
+        nonlocal step, is_pruned
         if is_evaluated(state.step, config):
-            count_cpu_s()
-            is_pruned = not on_evaluation(run)
+            step, is_pruned = state.step, not on_evaluation(run)
 
     try:
-        outcome = train(
-            config,
-            dataset,
-            run,
-            resume_from=checkpoint,
-            on_progress=on_progress,
-            stop_requested=lambda: is_pruned or command.is_stopped(),
-        )
+        train(config, dataset, run, on_progress=on_progress, stop_requested=lambda: is_pruned)
     except TrainingDivergedError as error:
-        step = load_checkpoint(run.last).step if run.last.exists() else 0
-        return Result("diverged", step, count_cpu_s(), str(error).removeprefix(f"{run.path}: "))
-    if not outcome.is_finished:
-        return Result("pruned", outcome.step, count_cpu_s()) if is_pruned else None
-    return _evaluate(load_checkpoint(run.best), dataset, data, count_cpu_s())
-
-
-def _evaluate(best: Checkpoint, dataset: Dataset, data: CampaignData, cpu_s: float) -> Result:
+        reason = str(error).removeprefix(f"{run.path}: ")
+        return Result("diverged", step, time.process_time() - begun_s, reason)
+    cpu_s = time.process_time() - begun_s
+    if is_pruned:
+        return Result("pruned", step, cpu_s)
+    best = load_checkpoint(run.best)
     model = restore_model(best, dataset.schema, dataset.roles)
     radius = driven_radius(model)
     n_parameters = sum(parameter.numel() for parameter in model.parameters())
-    if not radius <= limits_of(best.config).radius:
+    if not radius <= limits_of(config).radius:
         reason = f"spectral radius {radius:.5f} under inputs, which offline-export would refuse"
         return Result("refused", best.step, cpu_s, reason, None, radius, n_parameters)
     ratios = error_ratios(checkpoint_mse(best, dataset), data.linear_mse)
@@ -196,19 +255,3 @@ def shared_dataset(folder: Path, sha256: str) -> Dataset:
             f"one data folder between all workers, and do not change it while they train."
         )
     return dataset
-
-
-def _cpu_time(file: Path) -> Callable[[], float]:
-    """A function that returns and stores the CPU time of a run since its start, in s.
-
-    If the process is killed, the time since the last checkpoint is not counted.
-    """
-    before_s = json.loads(file.read_text(encoding="utf-8"))["cpu_s"] if file.exists() else 0.0
-    begun_s = time.process_time()
-
-    def count() -> float:
-        cpu_s = float(before_s + time.process_time() - begun_s)
-        write_json(file, {"cpu_s": cpu_s})
-        return cpu_s
-
-    return count

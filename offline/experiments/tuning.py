@@ -1,40 +1,134 @@
-"""An Optuna study of training settings that several processes may work on at the same time.
+"""An Optuna study of training settings in a search space that is read from TOML.
 
-The process that runs a trial holds the lock of its folder. A running trial whose lock is free was
-interrupted: the next process continues it (docs/decisions/048). The random numbers of a trial
-follow from the seed of the search and its number, so a study run by one process is repeatable.
+The trials are independent tasks. The random numbers of a trial follow from the seed of the search
+and its number, so a study run by one process is repeatable. A trial whose process ended before it
+is a failed one (docs/decisions/048).
 """
 
+import json
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import optuna
-from filelock import Timeout
 from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
 from optuna.trial import Trial, TrialState
+from pydantic import BaseModel, Field, TypeAdapter, model_validator
 
+from offline.config import PRESETS, TrainingConfig
 from offline.data.tasks import run_tasks
 from offline.experiments.backend import Backend
-from offline.experiments.error_ratios import checkpoint_mse, error_ratios
-from offline.experiments.running_command import RunningCommand, running_command
-from offline.experiments.space import Space
+from offline.experiments.settings import FolderName, Preset, changed, read_toml, require_unique
 from offline.experiments.training_task import (
     CampaignData,
     Training,
-    find_run,
-    folder_lock,
+    checkpoint_mse,
+    error_ratios,
+    exclusive_folder,
     run_training,
     shared_dataset,
 )
-from offline.training.checkpoint import Checkpoint, load_checkpoint
+from offline.training.checkpoint import load_checkpoint
 from offline.training.run_folder import RunFolder
-from offline.training.schedule import is_evaluated
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.settings_errors import option
+
+SHIPPED = "spaces.toml"
+
+
+class Parameter(BaseModel, frozen=True, extra="forbid"):
+    """A field of the training configuration and the values to search."""
+
+    field: str
+    low: int | float | None = None
+    high: int | float | None = None
+    scale: Literal["linear", "log"] = "linear"
+    choices: Annotated[tuple[Any, ...], Field(min_length=1)] | None = None
+
+    @model_validator(mode="after")
+    def _has_range_or_choices(self) -> "Parameter":
+        if self.choices is not None and (self.low, self.high) == (None, None):
+            return self
+        if self.choices is not None or self.low is None or self.high is None:
+            raise ValueError("expected either low and high, or choices")
+        if not self.low < self.high:
+            raise ValueError("expected low below high")
+        if self.scale == "log" and not self.low > 0:
+            raise ValueError("expected low above zero on a log scale")
+        return self
+
+    @property
+    def is_integer(self) -> bool:
+        """True if both ends of the range are integers."""
+        return isinstance(self.low, int) and isinstance(self.high, int)
+
+    @property
+    def json_choices(self) -> tuple[str, ...]:
+        """The choices as JSON: Optuna stores only simple values."""
+        return tuple(json.dumps(choice) for choice in self.choices or ())
+
+
+@dataclass(frozen=True, slots=True)
+class Space:
+    """A base configuration and the parameters that are searched."""
+
+    name: str
+    base: TrainingConfig
+    parameters: tuple[Parameter, ...]
+
+    def values(self, params: Mapping[str, Any]) -> dict[str, Any]:
+        """Values of the fields for the parameters that Optuna stored."""
+        with_choices = {each.field for each in self.parameters if each.choices is not None}
+        return {
+            field: json.loads(value) if field in with_choices else value
+            for field, value in params.items()
+        }
+
+    def configure(self, values: Mapping[str, Any]) -> TrainingConfig:
+        """The base configuration with these values."""
+        return changed(self.base, values, self.name)
+
+
+class _Space(BaseModel, extra="forbid"):
+    why: str
+    base: Preset
+    common: dict[str, Any] = {}
+    parameter: Annotated[list[Parameter], Field(min_length=1)]
+
+
+_SPACES = TypeAdapter(dict[FolderName, _Space])
+
+
+def read_space(name: str, file: Path | None, common: Mapping[str, Any]) -> Space:
+    """The search space of that name.
+
+    `file` None is the shipped file; `common` has the fields that options set for all trials.
+
+    Raises:
+        ConfigError: the file, the space or a field is not as expected, a choice or an end of a
+            range is no value of its field, or an option sets a field that is searched.
+    """
+    spaces = read_toml(file, SHIPPED, "--spaces", _SPACES)
+    if name not in spaces:
+        known = ", ".join(spaces) or "the spaces of the file, which has none"
+        raise ConfigError(f"space: expected one of {known}, found {name!r}.")
+    found = spaces[name]
+    base = changed(changed(PRESETS[found.base], found.common, name), common, name)
+    require_unique([parameter.field for parameter in found.parameter], name)
+    for parameter in found.parameter:
+        if parameter.field in common:
+            raise ConfigError(
+                f"{name}: expected no option for a field that is searched, found "
+                f"{option((parameter.field,))}. Leave it out."
+            )
+        for value in parameter.choices or (parameter.low, parameter.high):
+            changed(base, {parameter.field: value}, f"{name}, {parameter.field}")
+    return Space(name, base, tuple(found.parameter))
+
 
 JOURNAL_FILE = "study.journal"
 QUESTION = "question"
@@ -60,126 +154,70 @@ class StudyPlan:
     data: CampaignData
 
 
-@dataclass(frozen=True, slots=True)
-class StudyStatus:
-    """Progress of a study."""
-
-    ended: int
-    pruned: int
-    best: int | None
-    """number of the trial with the best value"""
-    value: float | None
-    """its geometric mean of the error ratios"""
-    values: Mapping[str, Any]
-    """of the searched fields in that trial"""
-
-
 def search(
-    plan: StudyPlan, backend: Backend, on_status: Callable[[StudyStatus], None]
-) -> tuple[StudyStatus, bool]:
-    """Status of the study when no trial is left to run here; True if the search was interrupted.
-
-    `on_status` is called at the start and after each trial.
+    plan: StudyPlan, backend: Backend, on_trial: Callable[[optuna.Study], None]
+) -> optuna.Study:
+    """The study when no trial is left; `on_trial` is called at the start and after each trial.
 
     Raises:
-        ConfigError: the folder has a study of another question, or cannot be written.
-        WorkersLostError: workers died repeatedly.
+        ConfigError: the folder has a study of another question, is in use, or cannot be written.
+        WorkersLostError: a worker died.
     """
-    with backend.active(), running_command(plan.folder) as command:
-        _require_same_question(plan)
-        status = _status(plan)
-        on_status(status)
-        for _ in run_tasks(_run_trial, [(plan, command)] * (plan.n_trials - status.ended)):
-            status = _status(plan)
-            on_status(status)
-        return status, command.is_stopped()
+    with exclusive_folder(plan.folder), backend.active():
+        study = _open_study(plan)
+        _require_same_question(study, plan)
+        for trial in study.get_trials(states=(TrialState.RUNNING,)):
+            study.tell(trial.number, state=TrialState.FAIL)
+        on_trial(study)
+        first, left = len(study.trials), plan.n_trials - sum(count_ended(study))
+        for _ in run_tasks(_run_trial, [(plan, first + k) for k in range(left)]):
+            on_trial(study)
+    return study
 
 
-def _status(plan: StudyPlan) -> StudyStatus:
-    trials = _open_study(plan).get_trials(deepcopy=False)
-    complete = [trial for trial in trials if trial.state is TrialState.COMPLETE]
-    best = max(complete, key=lambda trial: trial.value, default=None)
-    ended = sum(trial.state.is_finished() for trial in trials)
-    pruned = sum(trial.state is TrialState.PRUNED for trial in trials)
-    if best is None:
-        return StudyStatus(ended, pruned, None, None, {})
-    return StudyStatus(ended, pruned, best.number, best.value, plan.space.values(best.params))
+def count_ended(study: optuna.Study) -> tuple[int, int]:
+    """Number of trials with a value, and of pruned ones; failed ones are not counted."""
+    states = [trial.state for trial in study.get_trials(deepcopy=False)]
+    return states.count(TrialState.COMPLETE), states.count(TrialState.PRUNED)
 
 
-def _run_trial(plan: StudyPlan, command: RunningCommand) -> None:
-    """Run one trial, an interrupted or a new one; none if all are taken or the command stops."""
-    command.leave_ctrl_c_to_it()
-    if command.is_stopped():
-        return
+def _run_trial(plan: StudyPlan, draw: int) -> None:
+    """Run one trial; `draw` is the number of its random numbers."""
+    (seed,) = np.random.SeedSequence([plan.seed, draw]).generate_state(1)
     study = _open_study(plan)
-    with ExitStack() as lock_of_trial:
-        with folder_lock(plan.folder):
-            trial = _choose_trial(plan, study, lock_of_trial)
-        if trial is None:
-            return
-        config = plan.space.configure(plan.space.values(trial.params))
-        training = Training(_folder(plan, trial.number), config, plan.data)
-        reported = study.get_trials(deepcopy=False)[trial.number].intermediate_values
+    study.sampler = optuna.samplers.TPESampler(
+        seed=int(seed), n_startup_trials=RANDOM_TRIALS, constant_liar=True
+    )
+    study.optimize(partial(_value, plan), n_trials=1)
 
-        def report(checkpoint: Checkpoint) -> None:
-            if checkpoint.step not in reported:
-                mse = checkpoint_mse(checkpoint, shared_dataset(plan.data.folder, plan.data.sha256))
-                ratios = error_ratios(mse, plan.data.linear_mse)
-                trial.report(ratios.geometric_mean, checkpoint.step)
 
-        def on_evaluation(run: RunFolder) -> bool:
-            report(load_checkpoint(run.last))
-            return not trial.should_prune()
-
-        before = find_run(training)
-        if before is not None and before.last.exists():
-            checkpoint = load_checkpoint(before.last)
-            if is_evaluated(checkpoint.step, training.config):
-                report(checkpoint)  # its process may have died before it reported
-        result = run_training(training, command, on_evaluation)
-        if result is None:
-            return
-        trial.set_user_attr("ending", result.ending)
-        trial.set_user_attr("training_cpu_s", result.training_cpu_s)
-        if result.ending == "pruned":
-            study.tell(trial, state=TrialState.PRUNED)
+def _value(plan: StudyPlan, trial: Trial) -> float:
+    """Geometric mean of the error ratios; 0 if the model diverged or cannot be exported."""
+    for each in plan.space.parameters:
+        if each.low is None or each.high is None:
+            trial.suggest_categorical(each.field, each.json_choices)
         else:
-            # A model that diverged or cannot be exported has no value for the sampler.
-            study.tell(trial, result.ratios.geometric_mean if result.ratios else 0.0)
+            suggest = trial.suggest_int if each.is_integer else trial.suggest_float
+            suggest(each.field, each.low, each.high, log=each.scale == "log")
+    config = plan.space.configure(plan.space.values(trial.params))
+    training = Training(plan.folder / "trials" / f"{trial.number:04d}", config, plan.data)
+
+    def on_evaluation(run: RunFolder) -> bool:
+        checkpoint = load_checkpoint(run.last)
+        mse = checkpoint_mse(checkpoint, shared_dataset(plan.data.folder, plan.data.sha256))
+        ratios = error_ratios(mse, plan.data.linear_mse)
+        trial.report(ratios.geometric_mean, checkpoint.step)
+        return not trial.should_prune()
+
+    result = run_training(training, on_evaluation)
+    trial.set_user_attr("ending", result.ending)
+    trial.set_user_attr("training_cpu_s", result.training_cpu_s)
+    if result.ending == "pruned":
+        raise optuna.TrialPruned
+    return result.ratios.geometric_mean if result.ratios else 0.0
 
 
-def _choose_trial(plan: StudyPlan, study: optuna.Study, lock_of_trial: ExitStack) -> Trial | None:
-    """A trial whose folder is locked now; None: all are ended or locked by other processes."""
-    trials = study.get_trials(deepcopy=False)
-    running = [trial.number for trial in trials if trial.state is TrialState.RUNNING]
-    for number in (*running, len(trials)):
-        if number >= plan.n_trials:
-            continue
-        _folder(plan, number).mkdir(parents=True, exist_ok=True)
-        try:
-            lock_of_trial.enter_context(folder_lock(_folder(plan, number)).acquire(blocking=False))
-        except Timeout:
-            continue
-        (seed,) = np.random.SeedSequence([plan.seed, number]).generate_state(1)
-        study.sampler = optuna.samplers.TPESampler(
-            seed=int(seed), n_startup_trials=RANDOM_TRIALS, constant_liar=True
-        )
-        trial = study.ask() if number == len(trials) else Trial(study, trials[number]._trial_id)
-        for each in plan.space.parameters:
-            if each.low is None or each.high is None:
-                trial.suggest_categorical(each.field, each.json_choices)
-            else:
-                suggest = trial.suggest_int if each.is_integer else trial.suggest_float
-                suggest(each.field, each.low, each.high, log=each.scale == "log")
-        return trial
-    return None
-
-
-def _folder(plan: StudyPlan, number: int) -> Path:
-    return plan.folder / "trials" / f"{number:04d}"
-
-
-def _require_same_question(plan: StudyPlan) -> None:
+def _require_same_question(study: optuna.Study, plan: StudyPlan) -> None:
     """Store the question in a new study; raise if the study in the folder has another one."""
     question = {
         "space": plan.space.name,
@@ -188,11 +226,9 @@ def _require_same_question(plan: StudyPlan) -> None:
         "search_seed": plan.seed,
         "data_sha256": plan.data.sha256,
     }
-    with folder_lock(plan.folder):
-        study = _open_study(plan)
-        if QUESTION not in study.user_attrs:
-            study.set_user_attr(QUESTION, question)
-        stored = study.user_attrs[QUESTION]
+    if QUESTION not in study.user_attrs:
+        study.set_user_attr(QUESTION, question)
+    stored = study.user_attrs[QUESTION]
     different = [name for name, value in question.items() if stored.get(name) != value]
     if different:
         raise ConfigError(

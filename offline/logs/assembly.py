@@ -14,8 +14,7 @@ from offline.data.manifest import Roads
 from offline.data.recording import Recording, Starts
 from offline.data.road_frame import Anchor
 from offline.logs.episode import LogEpisode
-from offline.logs.mapping import LogMapping
-from offline.logs.mapping_tables import SplitSettings
+from offline.logs.mapping import LogMapping, SplitSettings
 from rt_controller.contract.errors import ConfigError, DatasetError
 
 

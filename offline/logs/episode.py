@@ -11,8 +11,7 @@ import pandas as pd
 
 from offline.config import PAST_STEPS, STEPS
 from offline.logs.mapping import LogMapping
-from offline.logs.resampling import Stretch, find_stretches, grid, resample, runs
-from offline.logs.series import LoggedDrive
+from offline.logs.series import LoggedDrive, Stretch, find_stretches, grid, resample, runs
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import VEHICLE, Schema, Signal

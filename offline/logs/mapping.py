@@ -1,21 +1,81 @@
-"""The mapping file in TOML: which columns of the logs are which signals, and how they are read."""
+"""The mapping file in TOML: which columns of the logs are which signals, and how they are read.
+
+Tables of the signals, and those that the controller shares, are in `rt_controller.mapping.tables`;
+docs/own-data.md explains every field.
+"""
 
 from pathlib import Path
-from typing import Self
+from typing import Annotated, Literal, Self
 
-from pydantic import PositiveFloat, TypeAdapter, model_validator
+from pydantic import (
+    Field,
+    NonNegativeFloat,
+    NonNegativeInt,
+    PositiveFloat,
+    PositiveInt,
+    TypeAdapter,
+    model_validator,
+)
 
+from offline.data.dataset import HELD_BACK
 from offline.data.recording import PATH_STATES
 from offline.data.signals import Roles
-from offline.logs import mapping_tables as tables
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.files import read_text
 from rt_controller.contract.schema import VEHICLE
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.mapping.car_signals import CarSignals
 from rt_controller.mapping.quantity import Quantity, quantity_of_name
-from rt_controller.mapping.tables import ColumnMapping, SignalMapping
+from rt_controller.mapping.tables import Clock, ColumnMapping, MappingTable, SignalMapping
 from rt_controller.mapping.toml_file import parse
+
+
+class TimeMapping(Clock):
+    """The clock of all columns that have none of their own, and how gaps are treated."""
+
+    longest_gap_s: PositiveFloat | None = None
+    """None: 3.5 times the usual time between two samples"""
+    skip_first_s: NonNegativeFloat = 0.0
+
+
+class CsvSettings(MappingTable):
+    """Format of the CSV files."""
+
+    delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
+    decimal: Literal[".", ","] | None = None
+    header_line: NonNegativeInt | None = None
+    """None: the first line, without comments; 0: no header, the columns are named 1, 2, ..."""
+    units_line: PositiveInt | None = None
+    encoding: str = "utf-8-sig"
+
+
+class SplitSettings(MappingTable):
+    """Which drives are held back. Files with a pattern here come first, the rest is drawn."""
+
+    by: Literal["episode", "file"] = "episode"
+    seed: NonNegativeInt = 0
+    share: Annotated[float, Field(gt=0.0, lt=0.5)] = HELD_BACK
+    """of the drawn ones: this share for validation, and the same for the test"""
+    validation: tuple[str, ...] = ()
+    test: tuple[str, ...] = ()
+    longest_episode_s: PositiveFloat | None = None
+
+
+class RolesSettings(MappingTable):
+    """See `offline.data.signals.Roles`, and `LogMapping.resolve_roles` for what None stands for."""
+
+    centred: tuple[str, ...] | None = None
+    odd: tuple[str, ...] | None = None
+    past: tuple[str, ...] | None = None
+
+
+class ChecksSettings(MappingTable):
+    """Which checks only report, and what else there is to compare with."""
+
+    accept_units: bool = False
+    signals: dict[str, SignalMapping] = Field(default_factory=dict)
+    """second measurements of the motion; no part of the data set"""
+
 
 CAR_STATES = VEHICLE.state_names[: -len(PATH_STATES)]
 """states that a log must have so that a road can be placed under the drive"""
@@ -26,11 +86,11 @@ class LogMapping(CarSignals):
 
     period_s: PositiveFloat = PERIOD_S
     """of the data set"""
-    time: tables.TimeMapping = tables.TimeMapping()
-    csv: tables.CsvSettings = tables.CsvSettings()
-    split: tables.SplitSettings = tables.SplitSettings()
-    roles: tables.RolesSettings = tables.RolesSettings()
-    checks: tables.ChecksSettings = tables.ChecksSettings()
+    time: TimeMapping = TimeMapping()
+    csv: CsvSettings = CsvSettings()
+    split: SplitSettings = SplitSettings()
+    roles: RolesSettings = RolesSettings()
+    checks: ChecksSettings = ChecksSettings()
 
     @property
     def every_column(self) -> tuple[ColumnMapping, ...]:

@@ -4,7 +4,7 @@ import torch
 
 from offline.config import TrainingConfig
 from offline.data.dataset import Dataset
-from offline.data.provenance import describe_training
+from offline.data.manifest import describe_training
 from offline.data.signals import Roles, past_names, signal_range
 from offline.model.bundle_export import choose_selftest, tensors_of, to_onnx
 from offline.model.export_checks import ExportFigures, check_export, limits_of

@@ -110,7 +110,10 @@ def open_run(path: Path) -> RunFolder:
     file = path / CONFIG_FILE
     try:
         fields = json.loads(read_text(file))
-        return _RUN.validate_python({**fields, "path": path.resolve()})
+        run = _RUN.validate_python({**fields, "path": path.resolve()})
+        if newer := sorted(TrainingConfig.model_fields.keys() - run.config.model_fields_set):
+            raise ValueError(f"config without {', '.join(newer)}")
+        return run
     except OSError as error:
         raise ArtifactError(
             f"{file}: expected the configuration of a training run, found nothing readable "

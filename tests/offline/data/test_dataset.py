@@ -9,6 +9,7 @@ from dataset_numbers import same_numbers
 
 from offline.config import PAST_STEPS, STEPS
 from offline.data.cache import cache, make_dataset, require_room
+from offline.data.conditions import FrictionBand
 from offline.data.dataset import (
     MANIFEST_FILE,
     PARTS,
@@ -21,7 +22,6 @@ from offline.data.excitation import Recipe
 from offline.data.generate import steering_geometry
 from offline.data.manifest import Imported, Simulated, SourceFile, read_manifest
 from offline.data.recording import cut
-from offline.data.rejection import FrictionBand
 from offline.data.signals import VEHICLE_ROLES
 from offline.data.variation import VARIED
 from rt_controller.contract.errors import DatasetError

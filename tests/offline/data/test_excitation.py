@@ -11,8 +11,8 @@ from offline.data.excitation import (
     draw_inputs,
     follow_pedals,
     limit_rate,
+    monotone_cubic,
 )
-from offline.data.monotone_cubic import monotone_cubic
 from rt_controller.contract.limits import INPUT_LIMITS, PEDAL_CHANGE_S
 from rt_controller.contract.timing import PERIOD_S
 

@@ -11,8 +11,7 @@ from offline.data.cache import cache
 from offline.data.dataset import save_dataset, split_episodes
 from offline.data.excitation import Recipe
 from offline.data.generate import generate
-from offline.data.manifest import Imported
-from offline.data.provenance import describe_training, is_held_out
+from offline.data.manifest import Imported, describe_training, is_held_out
 from offline.data.recording import Recording
 from offline.data.variation import VARIED
 from offline.evaluation import held_out

@@ -1,17 +1,12 @@
-"""Small lists of variants and search spaces, a Dask cluster, and the environment of Ray."""
+"""Small lists of variants and search spaces."""
 
-import os
-import secrets
 from collections.abc import Iterator
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from dask_cluster import RIGS, DaskCluster, dask_cluster
 
 from offline.experiments.backend import Backend
-from offline.experiments.error_ratios import linear_mse
-from offline.experiments.training_task import CampaignData
+from offline.experiments.training_task import CampaignData, linear_mse
 
 LISTS = """
 [tiny]
@@ -136,24 +131,3 @@ def shared(toy_folder, toy_dataset, empty_cache) -> CampaignData:
 @pytest.fixture(scope="session")
 def one_process() -> Backend:
     return Backend(jobs=1)
-
-
-@pytest.fixture(scope="session")
-def cluster(tmp_path_factory) -> Iterator[DaskCluster]:
-    with dask_cluster(tmp_path_factory.mktemp("dask")) as running:
-        yield running
-
-
-@pytest.fixture(scope="session")
-def ray_environment() -> Iterator[None]:
-    """Ray's workers can import the rigs; its clusters have a password of their own.
-
-    Ray reads this when it is first imported, so no test may import it before.
-    """
-    if find_spec("ray") is None:
-        pytest.skip("Ray is not installed")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPATH", str(RIGS), prepend=os.pathsep)
-        patch.setenv("RAY_AUTH_MODE", "token")
-        patch.setenv("RAY_AUTH_TOKEN", secrets.token_hex(32))
-        yield

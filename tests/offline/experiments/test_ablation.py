@@ -1,21 +1,22 @@
-"""A comparison of variants is repeatable, continues after an interruption and a killed worker."""
+"""A comparison of variants is repeatable; a finished training is not repeated."""
 
 import json
-import os
-import signal
 import sys
+from datetime import datetime
 from pathlib import Path
 
 import pytest
-from tiny_comparison import compare, histories
+from tiny_comparison import compare, histories, runs
 
 from offline import cli
 from offline.commands.ablation import ablate, parse_seeds
+from offline.experiments import training_task
 from offline.experiments.backend import Backend
-from offline.experiments.running_command import RunningCommand, running_command
-from offline.training.checkpoint import load_checkpoint
+from offline.training.run_folder import create_run
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import write_figures
+
+EARLIER = datetime(2026, 1, 1)
 
 OF_MOTION = ((3 + 3 * 6) * 8 + 8) + (8 * 2 + 2) + 6 * 2
 """speeds, yaw rate and three rows of history to two latents, products of every two of the three"""
@@ -34,10 +35,9 @@ OF_INPUTS = (10 + 5) * 3 + 5
 def run_ablate(lists, toy_folder, one_process):
     """Runs the command `offline-ablate` on the toy data set, in this process."""
 
-    def run(folder: Path, name="tiny", seeds="0", json_file=None) -> int:
-        figures, exit_code = ablate(name, seeds, "", lists, None, folder, toy_folder, one_process)
+    def run(folder: Path, name="tiny", seeds="0", json_file=None) -> None:
+        figures = ablate(name, seeds, "", lists, None, folder, toy_folder, one_process)
         write_figures(json_file, figures)
-        return exit_code
 
     return run
 
@@ -46,14 +46,13 @@ def run_ablate(lists, toy_folder, one_process):
 def undisturbed(tmp_path_factory, run_ablate) -> Path:
     """Two variants and two seeds, trained by one process without interruption."""
     folder = tmp_path_factory.mktemp("undisturbed")
-    assert run_ablate(folder, seeds="0,1", json_file=folder / "out.json") == 0
+    run_ablate(folder, seeds="0,1", json_file=folder / "out.json")
     return folder
 
 
 def test_table_has_every_training_and_the_pooled_seeds(undisturbed, toy_dataset):
     figures = json.loads((undisturbed / "out.json").read_text())
     assert figures == json.loads((undisturbed / "table.json").read_text())
-    assert figures["is_finished"] is True
     assert figures["data_sha256"] == toy_dataset.sha256
     assert set(figures["baseline_mse_si"]) == set(toy_dataset.schema.state_names)
     assert [v["name"] for v in figures["variants"]] == ["whole", "without-bilinear"]
@@ -77,42 +76,39 @@ def test_each_seed_and_each_variant_trains_another_model(undisturbed):
 
 
 def test_threads_write_the_same_histories_as_one_process(tmp_path, lists, shared, undisturbed):
-    assert compare(lists, shared, tmp_path, Backend("threading", jobs=2))
+    compare(lists, shared, tmp_path, Backend("threading", jobs=2))
     assert histories(tmp_path) == histories(undisturbed)
 
 
-def test_interrupted_comparison_says_how_to_continue_and_the_same_command_does(
-    tmp_path, run_ablate, undisturbed, monkeypatch, capfd
+def test_same_command_repeats_no_training_that_has_ended(
+    tmp_path, run_ablate, undisturbed, monkeypatch
 ):
-    """Ctrl-C after the 7th of 12 steps of the second training."""
-    asked = []
-    is_stopped = RunningCommand.is_stopped
+    """Ctrl-C in the second training."""
+    asked, train = [], training_task.train
 
-    def interrupt_later(command: RunningCommand) -> bool:
+    def interrupt_the_second(*arguments, **options):
         asked.append(None)
-        if len(asked) == 12 + 3 + 7:
-            os.kill(os.getpid(), signal.SIGINT)
-        return is_stopped(command)
+        if len(asked) == 2:
+            raise KeyboardInterrupt
+        return train(*arguments, **options)
 
     with monkeypatch.context() as patch:
-        patch.setattr(RunningCommand, "is_stopped", interrupt_later)
-        assert run_ablate(tmp_path) == 130
-    assert "Run the same command again" in capfd.readouterr().out
-    assert not list((tmp_path / "commands").iterdir())
-    last = tmp_path / "without-bilinear" / "seed-0" / "latest" / "last.pt"
-    assert 0 < load_checkpoint(last).step < 12
-    assert json.loads((tmp_path / "table.json").read_text())["is_finished"] is False
-    assert "| not ended |" in (tmp_path / "table.md").read_text()
+        patch.setattr(training_task, "train", interrupt_the_second)
+        patch.setattr(training_task, "create_run", lambda *a: create_run(*a[:-1], EARLIER))
+        with pytest.raises(KeyboardInterrupt):
+            run_ablate(tmp_path)
+    assert len(asked) == 2
     finished = {file: file.stat().st_mtime_ns for file in tmp_path.glob("whole/seed-0/latest/*")}
 
-    assert run_ablate(tmp_path, seeds="0,1") == 0
-    assert len(finished) > 4
+    run_ablate(tmp_path, seeds="0,1")
+    assert len(finished) == 4
     assert finished == {file: file.stat().st_mtime_ns for file in finished}, "trained again"
     assert histories(tmp_path) == histories(undisturbed)
+    assert sorted(runs(tmp_path)) == [1, 1, 1, 2]
 
 
 def test_diverged_training_is_a_row_of_the_table(tmp_path, run_ablate):
-    assert run_ablate(tmp_path, "wild") == 0
+    run_ablate(tmp_path, "wild")
     wild, sane = json.loads((tmp_path / "table.json").read_text())["variants"]
     assert wild["trainings"][0]["ending"] == "diverged"
     assert "--learning-rate" in wild["trainings"][0]["reason"]
@@ -127,21 +123,6 @@ def test_folder_of_other_settings_is_refused_before_any_training(
     with pytest.raises(ConfigError, match=r"differs in steps\. Choose another --folder"):
         compare(lists, shared, undisturbed, one_process, seeds=(2, 0), steps=9)
     assert histories(undisturbed) == before
-
-
-def test_worker_that_does_not_see_the_folder_is_an_error(tmp_path):
-    elsewhere = RunningCommand(tmp_path / "not-mounted" / "commands" / "id", os.getpid())
-    with pytest.raises(ConfigError, match="a folder that every worker sees"):
-        elsewhere.is_stopped()
-
-
-def test_tasks_are_stopped_when_the_command_ends_or_gets_sigterm(tmp_path):
-    with running_command(tmp_path) as command:
-        assert not command.is_stopped()
-    assert command.is_stopped()
-    with running_command(tmp_path) as command:
-        os.kill(os.getpid(), signal.SIGTERM)
-        assert command.is_stopped()
 
 
 @pytest.mark.parametrize(

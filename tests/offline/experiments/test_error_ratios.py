@@ -6,8 +6,8 @@ from fitted_network import fitted
 
 from offline.baselines.linear import fit_linear
 from offline.evaluation import predictor
-from offline.experiments import error_ratios as error_ratios_module
-from offline.experiments.error_ratios import (
+from offline.experiments import training_task
+from offline.experiments.training_task import (
     checkpoint_mse,
     error_ratios,
     linear_mse,
@@ -65,7 +65,7 @@ def test_fair_linear_model_is_at_least_as_good_as_least_squares(toy_dataset):
 def test_checkpoint_has_the_errors_of_the_bundle_that_is_exported_from_it(
     tiny_recommended, toy_dataset, new_run, monkeypatch
 ):
-    monkeypatch.setattr(error_ratios_module, "CHUNK", 7)
+    monkeypatch.setattr(training_task, "CHUNK", 7)
     run = new_run(tiny_recommended)
     train(tiny_recommended, toy_dataset, run)
     checkpoint = fitted(load_checkpoint(run.best), toy_dataset)

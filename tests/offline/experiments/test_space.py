@@ -3,7 +3,7 @@
 import pytest
 
 from offline.config import PRESETS
-from offline.experiments.space import read_space
+from offline.experiments.tuning import read_space
 from rt_controller.contract.errors import ConfigError
 
 

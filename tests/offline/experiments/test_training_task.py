@@ -1,13 +1,31 @@
-"""The result of a training is read as it was written; other files are refused."""
+"""The result of a training is read as it was written; others are refused."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from datetime import datetime
 
 import pytest
+from filelock import FileLock
+from tiny_comparison import tiny_training
 
-from offline.experiments.error_ratios import ErrorRatios
-from offline.experiments.training_task import RESULT_FILE, Result, load_result
+from offline.experiments.training_task import (
+    LOCK_FILE,
+    RESULT_FILE,
+    ErrorRatios,
+    Result,
+    exclusive_folder,
+    load_result,
+)
 from offline.files import write_json
-from rt_controller.contract.errors import ArtifactError
+from offline.training.run_folder import create_run
+from rt_controller.contract.errors import ArtifactError, ConfigError
+
+
+@pytest.fixture
+def training(tmp_path, lists, shared):
+    """A training whose run folder exists."""
+    made = tiny_training(lists, shared, tmp_path)
+    create_run(made.folder, made.config, shared.folder, shared.sha256, datetime.now())
+    return made
 
 
 @pytest.mark.parametrize(
@@ -18,18 +36,39 @@ from rt_controller.contract.errors import ArtifactError
         Result("diverged", 3, 0.5, "not finite"),
     ],
 )
-def test_result_is_read_as_it_was_written(tmp_path, result):
-    write_json(tmp_path / RESULT_FILE, asdict(result))
-    assert load_result(tmp_path) == result
-    assert [file.name for file in tmp_path.iterdir()] == [RESULT_FILE]
-
-
-def test_training_that_has_not_ended_has_no_result(tmp_path):
-    assert load_result(tmp_path) is None
+def test_result_is_read_as_it_was_written(training, result):
+    assert load_result(training) is None
+    write_json(training.folder / RESULT_FILE, asdict(result))
+    assert load_result(training) == result
 
 
 @pytest.mark.parametrize("text", ["", "3", "{}", '{"ratios": null, "ending": "finished"}'])
-def test_other_content_is_refused_with_the_remedy(tmp_path, text):
-    (tmp_path / RESULT_FILE).write_text(text)
-    with pytest.raises(ArtifactError, match="Delete it; the training continues"):
-        load_result(tmp_path)
+def test_other_content_is_refused_with_the_remedy(training, text):
+    (training.folder / RESULT_FILE).write_text(text)
+    with pytest.raises(ArtifactError, match="Delete it, and train again"):
+        load_result(training)
+
+
+def test_result_of_other_data_is_refused(training):
+    write_json(training.folder / RESULT_FILE, asdict(Result("diverged", 3, 0.5)))
+    other = replace(training, data=replace(training.data, sha256="0" * 64))
+    with pytest.raises(ConfigError, match=r"differs in data set\. Choose another --folder"):
+        load_result(other)
+
+
+def test_folder_of_a_running_command_is_refused(tmp_path):
+    with (
+        FileLock(tmp_path / LOCK_FILE),
+        pytest.raises(ConfigError, match="no other command"),
+        exclusive_folder(tmp_path),
+    ):
+        pytest.fail("two commands in one folder")
+
+
+def test_folder_that_cannot_be_written_is_refused(tmp_path):
+    (tmp_path / "file").touch()
+    with (
+        pytest.raises(ConfigError, match="writable folder"),
+        exclusive_folder(tmp_path / "file" / "folder"),
+    ):
+        pytest.fail("a folder in a file")

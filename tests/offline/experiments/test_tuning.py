@@ -1,29 +1,27 @@
-"""A study is repeatable, may be joined by several processes, and survives a stop and a kill."""
+"""A study is repeatable; a trial that was interrupted is a failed one."""
 
 import json
-import os
 import shlex
-import signal
-import subprocess
+import shutil
 import sys
 from pathlib import Path
 
 import pytest
-from worker_tasks import DIE_FILE, deadly_command
 
 from offline import cli
 from offline.cli import train_app
 from offline.commands.tuning import tune
 from offline.config import TrainingConfig, resolve
-from offline.experiments import tuning
+from offline.experiments import training_task
 from offline.experiments.backend import Backend
-from offline.experiments.running_command import RunningCommand
 from offline.training.checkpoint import load_checkpoint
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import write_figures
 
 optuna = pytest.importorskip("optuna")
-COMPLETE, PRUNED = optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.PRUNED
+COMPLETE, FAIL, PRUNED = (
+    getattr(optuna.trial.TrialState, name) for name in ("COMPLETE", "FAIL", "PRUNED")
+)
 
 N_TRIALS = 8
 
@@ -40,10 +38,9 @@ def run_tune(spaces, toy_folder):
         common=None,
         backend=Backend(jobs=1),  # noqa: B008
         json_file=None,
-    ) -> int:
-        figures, exit_code = tune(name, spaces, seed, n_trials, common, folder, toy_folder, backend)
+    ) -> None:
+        figures = tune(name, spaces, seed, n_trials, common, folder, toy_folder, backend)
         write_figures(json_file, figures)
-        return exit_code
 
     return run
 
@@ -52,14 +49,18 @@ def run_tune(spaces, toy_folder):
 def undisturbed(tmp_path_factory, run_tune) -> Path:
     """The study of one process without interruption."""
     folder = tmp_path_factory.mktemp("undisturbed")
-    assert run_tune(folder, json_file=folder / "out.json") == 0
+    run_tune(folder, json_file=folder / "out.json")
     return folder
 
 
-def trials(folder: Path) -> list[optuna.trial.FrozenTrial]:
+def open_study(folder: Path) -> optuna.Study:
     backend = optuna.storages.journal.JournalFileBackend(str(folder / "study.journal"))
     storage = optuna.storages.JournalStorage(backend)
-    return optuna.load_study(study_name="study", storage=storage).get_trials()
+    return optuna.load_study(study_name="study", storage=storage)
+
+
+def trials(folder: Path) -> list[optuna.trial.FrozenTrial]:
+    return open_study(folder).get_trials()
 
 
 def contents(folder: Path) -> list[tuple[object, ...]]:
@@ -75,7 +76,6 @@ def runs(folder: Path) -> list[int]:
 def test_best_trial_is_printed_as_the_command_that_trains_it(undisturbed):
     figures = json.loads((undisturbed / "out.json").read_text())
     assert figures["n_trials"] == N_TRIALS
-    assert figures["is_finished"] is True
     best = max((t for t in trials(undisturbed) if t.state is COMPLETE), key=lambda t: t.value)
     assert figures["best_trial"] == best.number
     assert figures["geometric_mean_ratio"] == best.value > 0
@@ -101,43 +101,47 @@ def test_trial_has_the_value_of_its_training_or_is_pruned_below_the_median(undis
 
 
 def test_study_of_another_seed_has_other_trials(tmp_path, run_tune, undisturbed):
-    assert run_tune(tmp_path, 1, seed=1) == 0
+    run_tune(tmp_path, 1, seed=1)
     assert trials(tmp_path)[0].params != trials(undisturbed)[0].params
 
 
 def test_same_seed_gives_the_same_study_also_in_two_parts(tmp_path, run_tune, undisturbed):
-    assert run_tune(tmp_path, 3) == 0
+    run_tune(tmp_path, 3)
     assert contents(tmp_path) == contents(undisturbed)[:3]
-    assert run_tune(tmp_path) == 0
+    run_tune(tmp_path)
     assert contents(tmp_path) == contents(undisturbed)
 
 
-def test_interrupted_study_continues_to_the_same_result(
-    tmp_path, run_tune, undisturbed, monkeypatch, capfd
+def test_interrupted_trial_is_a_failed_one_and_others_take_its_place(
+    tmp_path, run_tune, monkeypatch
 ):
-    """Ctrl-C in the middle of the second trial."""
-    asked = []
-    is_stopped = RunningCommand.is_stopped
+    """Ctrl-C in the second trial."""
+    asked, train = [], training_task.train
 
-    def interrupt_later(command: RunningCommand) -> bool:
+    def interrupt_the_second(*arguments, **options):
         asked.append(None)
-        if len(asked) == 20:
-            os.kill(os.getpid(), signal.SIGINT)
-        return is_stopped(command)
+        if len(asked) == 2:
+            raise KeyboardInterrupt
+        return train(*arguments, **options)
 
     with monkeypatch.context() as patch:
-        patch.setattr(RunningCommand, "is_stopped", interrupt_later)
-        assert run_tune(tmp_path, 3) == 130
-    assert "Run the same command again" in capfd.readouterr().out
-    assert [t.state for t in trials(tmp_path)] == [COMPLETE, optuna.trial.TrialState.RUNNING]
-    assert run_tune(tmp_path, 3) == 0
-    assert contents(tmp_path) == contents(undisturbed)[:3]
-    assert set(runs(tmp_path)) == {1}
+        patch.setattr(training_task, "train", interrupt_the_second)
+        with pytest.raises(KeyboardInterrupt):
+            run_tune(tmp_path, 3)
+    run_tune(tmp_path, 3)
+    assert [t.state for t in trials(tmp_path)] == [COMPLETE, FAIL, COMPLETE, COMPLETE]
 
 
-def test_study_that_is_joined_by_another_worker_repeats_no_trial(tmp_path, run_tune):
+def test_trial_of_a_killed_process_is_a_failed_one(tmp_path, run_tune, undisturbed):
+    shutil.copy(undisturbed / "study.journal", tmp_path)
+    open_study(tmp_path).ask()
+    run_tune(tmp_path)
+    assert [t.state for t in trials(tmp_path)[N_TRIALS:]] == [FAIL]
+
+
+def test_two_workers_run_every_trial_once(tmp_path, run_tune):
     """Two threads, each with a storage of its own, as two processes have."""
-    assert run_tune(tmp_path, 4, backend=Backend("threading", jobs=2)) == 0
+    run_tune(tmp_path, 4, backend=Backend("threading", jobs=2))
     found = trials(tmp_path)
     assert [trial.number for trial in found] == list(range(4))
     assert all(trial.state.is_finished() for trial in found)
@@ -145,35 +149,8 @@ def test_study_that_is_joined_by_another_worker_repeats_no_trial(tmp_path, run_t
     assert runs(tmp_path) == [1] * 4
 
 
-TUNE = "from offline.cli import tune_main; tune_main()"
-
-
-@pytest.mark.nightly
-def test_two_commands_share_a_study_and_no_trial(tmp_path, spaces, toy_folder):
-    options = ["--spaces", str(spaces), "--data", str(toy_folder), "--folder", "study"]
-    command = [sys.executable, "-c", TUNE, "tiny", *options, "--trials", "6", "--jobs", "1"]
-    both = [subprocess.Popen(command, cwd=tmp_path) for _ in range(2)]
-    assert [process.wait(timeout=280) for process in both] == [0, 0]
-    found = trials(tmp_path / "study")
-    assert [trial.number for trial in found] == list(range(6))
-    assert all(trial.state.is_finished() for trial in found)
-    assert runs(tmp_path / "study") == [1] * 6
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("name", ["loky", "dask"])
-def test_trial_of_a_killed_worker_is_continued_by_another(tmp_path, run_tune, monkeypatch, name):
-    monkeypatch.setattr(tuning, "running_command", deadly_command)
-    assert run_tune(tmp_path, 4, backend=Backend(name, jobs=2)) == 0
-    assert not (tmp_path / DIE_FILE).exists(), "no worker was killed"
-    found = trials(tmp_path)
-    assert [trial.number for trial in found] == list(range(4))
-    assert all(trial.state.is_finished() for trial in found)
-    assert runs(tmp_path) == [1] * 4
-
-
 def test_diverged_trial_has_the_value_zero(tmp_path, run_tune):
-    assert run_tune(tmp_path, 1, name="wild") == 0
+    run_tune(tmp_path, 1, name="wild")
     (trial,) = trials(tmp_path)
     assert trial.value == 0.0
     assert trial.user_attrs["ending"] == "diverged"

@@ -10,7 +10,7 @@ import torch
 from offline.config import PRESETS, TrainingConfig
 from offline.data.sampling import open_source
 from offline.data.signals import fit_scaling
-from offline.experiments.variants import BUDGET, SHIPPED, read_variants
+from offline.experiments.comparison import BUDGET, SHIPPED, read_variants
 from offline.model.losses import total_loss
 from offline.model.network import MdkNet, sizes_of
 from rt_controller.contract.errors import ConfigError
@@ -30,7 +30,7 @@ LISTS = tuple(tomllib.loads((resources.files("offline.experiments") / SHIPPED).r
 @pytest.mark.parametrize(
     ("name", "variant", "preset"),
     [
-        ("ladder", "muon", "recommended"),
+        ("ladder", "noise", "recommended"),
         ("leave-one-out", "recommended", "recommended"),
         ("leave-one-out", "without-bilinear", "linear"),
         ("sizes", "recommended", "recommended"),
@@ -45,7 +45,7 @@ def test_variant_that_is_a_preset_equals_the_preset(name, variant, preset):
 
 def test_ladder_begins_with_the_paper_at_the_cost_of_the_recommended_network():
     first = read_variants("ladder", None, {})[1][0].config
-    assert differences(first, PRESETS["paper"]) == set(BUDGET)
+    assert differences(first, PRESETS["paper"]) <= set(BUDGET)
     assert all(getattr(first, name) == getattr(PRESETS["recommended"], name) for name in BUDGET)
 
 

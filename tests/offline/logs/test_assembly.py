@@ -10,7 +10,7 @@ from offline.data.recording import cut
 from offline.data.signals import VEHICLE_ROLES
 from offline.logs.assembly import assign_parts, join_episodes, roads_of, slice_windows
 from offline.logs.episode import LogEpisode
-from offline.logs.mapping_tables import SplitSettings
+from offline.logs.mapping import SplitSettings
 from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.contract.schema import VEHICLE, Schema, Signal
 

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from made_import import change_log, columns_of, make_place, run_import
-from made_logs import MAPPING, POSE, make_drive, make_sliding_drive, rounded, write_csv
+from made_logs import MAPPING, POSE, make_drive, rounded, write_csv
 
 from rt_controller.contract.errors import ConfigError, DatasetError
 
@@ -108,35 +108,10 @@ def test_rows_every_24_ms_are_refused_where_25_ms_is_given(place):
         run_import(place, "--data", place / "data")
 
 
-def test_logs_that_are_all_in_km_per_h_are_refused_where_m_per_s_is_given(place):
-    for seed in range(3):
-        change_log(place, seed, speed=lambda v: v * 3.6)
-    with pytest.raises(DatasetError, match=r"run_0\.csv, column speed: .*km/h taken for m/s"):
-        run_import(place, "--data", place / "data")
-    assert not (place / "data").exists()
-
-
-def test_archives_without_time_are_refused_with_twice_their_period(place):
-    for log in (place / "logs").iterdir():
-        log.unlink()
-    for seed in range(3):
-        made = make_sliding_drive(60.0, 0.02, seed)
-        columns = {
-            name: getattr(made, name) for name in ("speed", "side", "turn", "wheel", "force")
-        }
-        np.savez(place / "logs" / f"run_{seed}.npz", **columns)
-    text = MAPPING.replace('column = "time"', "period_s = 0.02")
-    (place / "map.toml").write_text(text)
-    assert run_import(place) == 0
-    (place / "map.toml").write_text(text.replace("period_s = 0.02", "period_s = 0.04"))
-    with pytest.raises(DatasetError, match="times too long by a factor of 2"):
-        run_import(place)
-
-
 def test_what_was_not_checked_is_said(place, capsys):
     run_import(place)
     printed = " ".join(capsys.readouterr().out.split())
-    assert "Not checked, because nothing in the logs confirms it: unit of vx_mps, " in printed
+    assert "Not checked, because nothing in the logs confirms it: unit of vx_mps (" in printed
 
 
 def test_logs_with_too_short_episodes_only_are_refused(place):

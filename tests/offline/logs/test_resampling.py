@@ -3,8 +3,15 @@
 import numpy as np
 import pytest
 
-from offline.logs.resampling import Stretch, find_stretches, grid, resample, window_mean
-from offline.logs.series import LoggedDrive, Series
+from offline.logs.series import (
+    LoggedDrive,
+    Series,
+    Stretch,
+    find_stretches,
+    grid,
+    resample,
+    window_mean,
+)
 from rt_controller.mapping.tables import Sampling
 
 PERIOD_S = 0.025

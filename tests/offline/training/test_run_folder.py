@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 from run_contents import history, weights_equal
 
-from offline.commands.terminal import print_assumed
 from offline.config import TrainingConfig
 from offline.training import run_folder
 from offline.training.checkpoint import load_checkpoint, save_checkpoint
@@ -139,18 +138,16 @@ def without(config, name):
     return {key: value for key, value in config.model_dump(mode="json").items() if key != name}
 
 
-def test_a_setting_newer_than_the_run_gets_its_default_which_is_said(tiny_config, new_run, capsys):
+def test_a_run_without_a_setting_of_this_version_is_refused(tiny_config, new_run):
     run = new_run(tiny_config)
     fields = json.loads((run.path / "config.json").read_text())
     fields["config"] = without(tiny_config, "operator_rate")
     (run.path / "config.json").write_text(json.dumps(fields))
-    opened = open_run(run.path).config
-    assert opened.operator_rate == TrainingConfig().operator_rate
-    print_assumed(opened)
-    assert "operator_rate = 0.2" in capsys.readouterr().err
+    with pytest.raises(ArtifactError, match=r"config without operator_rate.*train again"):
+        open_run(run.path)
 
 
-def test_weights_that_do_not_fit_the_assumed_settings_are_refused_with_a_remedy(
+def test_weights_that_do_not_fit_the_settings_are_refused_with_a_remedy(
     tiny_config, toy_dataset, new_run
 ):
     run = new_run(tiny_config)

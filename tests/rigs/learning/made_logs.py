@@ -70,38 +70,6 @@ def make_drive(duration_s=30.0, dt_s=0.01, seed=0) -> Made:
     return Made(t, speed, side, turn, wheel, force, x, y, yaw)
 
 
-def make_drive_of_many_speeds(dt_s=0.02, seed=0) -> Made:
-    """A drive of a minute between 7 and 23 m/s whose yaw rate follows the wheel at once."""
-    made = make_drive(60.0, dt_s, seed)
-    speed = 15.0 + 8.0 * np.sin(0.2 * made.time)
-    force = MASS_KG * np.gradient(speed, dt_s)
-    return made._replace(speed=speed, turn=speed * made.wheel / WHEELBASE_M, force=force)
-
-
-def make_sliding_drive(duration_s=120.0, dt_s=0.01, seed=0) -> Made:
-    """A drive of a linear single-track car, whose tyres slip; without a pose.
-
-    Its rear axle is 1.4 m behind the centre of gravity and has 120 m/s^2 per slip angle.
-    """
-    front_m, rear_m, front_mps2, rear_mps2 = 1.3, 1.4, 100.0, 120.0
-    base_m, inertia_m2 = front_m + rear_m, 1.1 * front_m * rear_m
-    rng = np.random.default_rng(seed)
-    t = dt_s * np.arange(round(duration_s / dt_s) + 1)
-    v = 20.0 + 4.0 * np.sin(2 * np.pi * 0.05 * t + rng.uniform(0, 6))
-    hz, phase = (0.1, 0.35, 0.8, 1.4), rng.uniform(0, 2 * np.pi, 4)
-    wheel = 0.012 * sum(np.sin(2 * np.pi * f * t + p) for f, p in zip(hz, phase, strict=True))
-    made, vy, r = np.zeros((len(t), 2)), 0.0, 0.0
-    for k in range(len(t)):
-        made[k] = vy, r
-        front = front_mps2 * rear_m / base_m * (wheel[k] - (vy + front_m * r) / v[k])
-        rear = -rear_mps2 * front_m / base_m * (vy - rear_m * r) / v[k]
-        vy += dt_s * (front + rear - v[k] * r)
-        r += dt_s * (front_m * front - rear_m * rear) / inertia_m2
-    side, turn = made.T
-    force, none = MASS_KG * np.gradient(v, dt_s), np.zeros(len(t))
-    return Made(t, v, side, turn, wheel, force, none, none, none)
-
-
 def write_csv(path: Path, columns) -> Path:
     with path.open("w", newline="") as file:
         writer = csv.writer(file)

@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from offline.config import TrainingConfig
-from offline.experiments import ablation
+from offline.experiments import comparison
 from offline.experiments.backend import Backend
+from offline.experiments.comparison import Row, Variant, read_variants
 from offline.experiments.settings import common_fields
 from offline.experiments.training_task import CampaignData, Training
-from offline.experiments.variants import Variant, read_variants
 
 OF_THE_TOY = {"episodes": 40, "data_seed": 3}
 
@@ -31,11 +31,10 @@ def compare(
     backend: Backend,
     seeds: tuple[int, ...] = (0, 1),
     **changes: object,
-) -> bool:
-    """True if all trainings have ended."""
+) -> list[Row]:
+    """A row for each training."""
     variants = tiny_variants(lists, **changes)
-    rows = ablation.compare(variants, seeds, shared, folder, backend, lambda *ended: None)
-    return all(row.result for row in rows)
+    return comparison.compare(variants, seeds, shared, folder, backend, lambda *ended: None)
 
 
 def histories(folder: Path) -> dict[str, bytes]:

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from made_logs import MAPPING
 
-from offline.logs.checks.coverage import BINS, find_occupancy, find_ranges
+from offline.logs.checks.samples import BINS, find_occupancy, find_ranges
 from offline.logs.episode import LogEpisode
 from rt_controller.contract.schema import Schema, Signal
 

@@ -13,8 +13,7 @@ from offline.logs.checks.samples import (
     outlier_issues,
     robust_z,
 )
-from offline.logs.readers.drive_files import DriveFiles
-from offline.logs.readers.source import read_log
+from offline.logs.readers.source import DriveFiles, read_log
 from offline.logs.series import LoggedDrive, Series, to_drive
 from rt_controller.mapping.tables import Sampling
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_logs import MAPPING, POSE, episode_of, make_drive
 
-from offline.logs.checks.time_shift import correlate, find_time_shifts, time_shift_issues
+from offline.logs.checks.pairs import correlate, find_time_shifts, time_shift_issues
 
 DT_S = 0.02
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from offline.logs.mapping_tables import TimeMapping
+from offline.logs.mapping import TimeMapping
 from offline.logs.readers.array_log import read_mat, read_npy, read_npz
 from rt_controller.contract.errors import DatasetError
 

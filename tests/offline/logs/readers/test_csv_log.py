@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from made_logs import write_csv
 
-from offline.logs.mapping_tables import CsvSettings, TimeMapping
+from offline.logs.mapping import CsvSettings, TimeMapping
 from offline.logs.readers.csv_log import read_csv
 from rt_controller.contract.errors import DatasetError
 

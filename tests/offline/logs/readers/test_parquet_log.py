@@ -5,8 +5,8 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from offline.logs.mapping_tables import TimeMapping
-from offline.logs.readers.parquet_log import read_parquet
+from offline.logs.mapping import TimeMapping
+from offline.logs.readers.array_log import read_parquet
 from rt_controller.contract.errors import DatasetError
 
 STAMPED = TimeMapping(column="t")

@@ -5,10 +5,8 @@ from pathlib import Path
 import pytest
 
 from offline.config import TrainingConfig
-from offline.experiments.error_ratios import ErrorRatios
-from offline.experiments.table import Row, comparison_figures, comparison_markdown, pool_seeds
-from offline.experiments.training_task import CampaignData, Result
-from offline.experiments.variants import Variant
+from offline.experiments.comparison import Row, Variant, comparison_figures, comparison_markdown
+from offline.experiments.training_task import CampaignData, ErrorRatios, Result
 
 WHOLE = Variant("whole", "nothing left out", {}, TrainingConfig(steps=9, batch=3))
 LINEAR = Variant(
@@ -24,11 +22,11 @@ DATA = CampaignData(Path("data"), "0" * 64, ("vx_mps", "ey_m"), (2.0, 0.5))
 
 
 def figures(*rows: Row) -> list[dict[str, object]]:
-    return comparison_figures("mine: a question", DATA, pool_seeds(rows))["variants"]
+    return comparison_figures("mine: a question", DATA, rows)["variants"]
 
 
 def markdown(*rows: Row) -> str:
-    return comparison_markdown("mine: a question", DATA, pool_seeds(rows))
+    return comparison_markdown(comparison_figures("mine: a question", DATA, rows))
 
 
 TWO_SEEDS = (
@@ -37,7 +35,7 @@ TWO_SEEDS = (
 )
 NO_MODEL = (
     Row(LINEAR, 0, Result("refused", 9, 5.0, "it grows", None, 1.2, 1111)),
-    Row(LINEAR, 1, None),
+    Row(LINEAR, 1, Result("diverged", 2, 1.0, "not finite")),
 )
 
 
@@ -70,11 +68,11 @@ def test_seed_without_a_model_is_a_row_and_not_part_of_the_mean():
     text = markdown(TWO_SEEDS[0], *NO_MODEL)
     assert "| linear | – | – | – | – | – | – |" in text
     assert "| linear | 0 | – | – | refused |  | 9 | 5 |" in text
-    assert "| linear | 1 | – | – | not ended |  |  |  |" in text
+    assert "| linear | 1 | – | – | diverged |  | 2 | 1 |" in text
     whole, linear = figures(TWO_SEEDS[0], *NO_MODEL)
     assert whole["geometric_mean_ratio"] == pytest.approx(4.0)
     assert linear["geometric_mean_ratio"] is None
-    assert [training["ending"] for training in linear["trainings"]] == ["refused", None]
+    assert [training["ending"] for training in linear["trainings"]] == ["refused", "diverged"]
 
 
 def test_ratio_of_zero_makes_the_geometric_mean_zero():
@@ -88,6 +86,6 @@ def test_table_says_whether_all_variants_have_the_same_cost():
     text = markdown(*TWO_SEEDS)
     assert "Every training has 9 steps of 3 trajectories." in text
     longer = Variant("longer", "more time", {"steps": 18}, TrainingConfig(steps=18, batch=3))
-    text = markdown(*TWO_SEEDS, Row(longer, 0, None))
+    text = markdown(*TWO_SEEDS, Row(longer, 0, NO_MODEL[0].result))
     assert "The variants differ in steps or in trajectories per step" in text
     assert "Every training" not in text
