@@ -130,7 +130,9 @@ def perceptron(width, latents):
     )
 
 
-@pytest.mark.parametrize("trained", [Sines, perceptron, lambda *_: None], ids=str)
+@pytest.mark.parametrize(
+    "trained", [Sines, perceptron, lambda *_: None], ids=["own", "perceptron", "none"]
+)
 def test_without_its_encoder_a_run_is_neither_exported_nor_resumed(
     config, toy_dataset, new_run, trained
 ):
