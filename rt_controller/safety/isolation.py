@@ -124,6 +124,8 @@ def _of_heading(evidence: Evidence) -> Faulty:
         return Faulty.YAW_RATE
     if evidence.curvature_error_per_m > CURVATURES_DIFFER_PER_M:
         return Faulty.CURVATURE
+    if Faulty.LATERAL_ERROR in evidence.estimated:
+        return Faulty.HEADING  # of the same sensor; an estimated e_y is no evidence
     is_heading = evidence.lateral_by_heading_m > evidence.lateral_by_yaw_rate_m
     return Faulty.HEADING if is_heading else Faulty.YAW_RATE
 

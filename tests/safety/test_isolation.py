@@ -32,6 +32,7 @@ Q = Quantity
         (Q.HEADING_RAD, NOTHING._replace(curvature_error_per_m=0.01), Faulty.CURVATURE),
         (Q.HEADING_RAD, NOTHING._replace(lateral_by_heading_m=0.2), Faulty.HEADING),
         (Q.HEADING_RAD, NOTHING._replace(lateral_by_yaw_rate_m=0.2), Faulty.YAW_RATE),
+        (Q.HEADING_RAD, NOTHING._replace(estimated=Faulty.LATERAL_ERROR), Faulty.HEADING),
         (Q.LATERAL_ERROR_M, NOTHING, Faulty.LATERAL_ERROR),
         (Q.LATERAL_ERROR_M, NOTHING._replace(lateral_speed_share=0.9), Faulty.LATERAL_SPEED),
         (
