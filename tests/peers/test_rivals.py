@@ -88,4 +88,4 @@ def test_a_controller_that_is_unknown_is_refused(capsys):
     with pytest.raises(SystemExit) as ended:
         run_command(tuning.app, ("--controller", "stanly"))
     assert ended.value.code == 2
-    assert "found 'stanly'" in capsys.readouterr().err
+    assert "model 'stanly': expected one of" in capsys.readouterr().err

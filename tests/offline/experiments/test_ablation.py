@@ -20,7 +20,7 @@ EARLIER = datetime(2026, 1, 1)
 
 OF_MOTION = ((3 + 3 * 6) * 8 + 8) + (8 * 2 + 2) + 6 * 2
 """speeds, yaw rate and three rows of history to two latents, products of every two of the three"""
-OF_PATH = (7 * 96 + 96) + (96 * 96 + 96) + (96 + 1) + 28
+OF_PATH = (7 * 64 + 64) + (64 * 64 + 64) + (64 + 1) + 28
 """the state and the curvature to one latent, products; the fourth latent is the constant"""
 LINEAR = OF_MOTION + OF_PATH + 9 * 10 + 9 * 4
 """with A and B, without the row of the constant"""
