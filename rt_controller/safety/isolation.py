@@ -104,7 +104,9 @@ def isolate(check: Check, evidence: Evidence) -> Faulty:
 
 
 def isolate_path(check: Check) -> Faulty:
-    """What is not used after a check of the path has failed."""
+    """What is not used after a check of the path has failed; NONE: its speed alone."""
+    if check.quantity is Quantity.PATH_SPEED_STEP_MPS:
+        return Faulty.NONE
     return Faulty.PREVIEW if check.quantity is Quantity.PREVIEW_STEP_PER_M else Faulty.PATH
 
 

@@ -252,7 +252,8 @@ class Supervisor:
         if found is not None and Faulty.PATH in found.faulty:
             paths.reject()
         elif path is not None:
-            paths.accept(path, state.vx_mps)
+            is_speed_wrong = any(each.quantity is Quantity.PATH_SPEED_STEP_MPS for each in failing)
+            paths.accept(path, state.vx_mps, keeps_speed=is_speed_wrong)
         return found
 
     def _compare_car(
@@ -281,12 +282,19 @@ class Supervisor:
         if failed_state is not None:
             faulty |= failed_state.faulty
         is_measured = received.state is not None and not faulty & (Faulty.STATE | Faulty.CURVATURE)
-        is_path = received.path is not None and failed_path is None and Faulty.PATH not in faulty
+        is_speed_wrong = failed_path is not None and not failed_path.faulty
+        is_path = received.path is not None and Faulty.PATH not in faulty
+        is_path = is_path and (failed_path is None or (is_speed_wrong and received.is_stopping))
         path, preview = received.path, received.preview
-        if not is_path and (failed_path is None or Faulty.PATH in failed_path.faulty):
+        if is_speed_wrong or not (
+            is_path or (failed_path and Faulty.PATH not in failed_path.faulty)
+        ):
             path = None if last is None else last.path_here()
         if path is not None:
             path = self._paths.follow(path, state.vx_mps, received.periods)
+            if received.is_stopping:  # the place of each stage is that of a car that brakes
+                braking_mps2 = self._car.brake_mps2_per_n * self._control.brake_n
+                path = path._replace(v_mps=state.vx_mps, a_mps2=-braking_mps2)
         if preview is not None or received.state is None or Faulty.CURVATURE in faulty:
             preview = self._road.ahead(preview)
         is_slow_known = Faulty.SPEED not in faulty or Faulty.PROGRESS not in faulty

@@ -91,10 +91,13 @@ class PathChecks:
         turned_rad = s * (2.0 * c2 + 3.0 * s * c3)
         return abs(moved_m) + TURN_M * abs(turned_rad)
 
-    def accept(self, path: PathReference, speed_mps: float) -> None:
-        """Store a path that may be followed."""
+    def accept(self, path: PathReference, speed_mps: float, keeps_speed: bool = False) -> None:
+        """Store a path that may be followed, or its course alone, with the speed before."""
         if path is not self._newest:
             self._newest = path
+            if keeps_speed and self.last is not None:
+                before = self.last.path
+                path = path._replace(v_mps=before.v_mps, a_mps2=before.a_mps2)
             if self.last is not None and self._values[Quantity.PATH_STEP_M] > BLENDED_M:
                 self._followed.shift(path.c0_m - self.last.path_here().c0_m)
             self.last = LastPath(path, known_length_m(speed_mps, path))
