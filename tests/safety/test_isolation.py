@@ -70,6 +70,7 @@ def test_the_other_residuals_decide_which_signal_is_faulty(
 def test_of_a_path_the_curvature_ahead_is_faulty_or_the_rest() -> None:
     assert isolate_path(BY_QUANTITY[Q.PREVIEW_STEP_PER_M]) is Faulty.PREVIEW
     assert isolate_path(BY_QUANTITY[Q.PATH_DRIFT_M]) is Faulty.PATH
+    assert isolate_path(BY_QUANTITY[Q.PATH_SPEED_STEP_MPS]) is Faulty.NONE
 
 
 def test_the_cause_names_the_faulty_signal() -> None:

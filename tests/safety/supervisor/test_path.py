@@ -13,11 +13,13 @@ from kinematic_car import (
 )
 
 from rt_controller.contract.signals import (
+    ControlInput,
     CurvaturePreview,
     PathReference,
 )
 from rt_controller.safety.checks import CHECKS, Quantity
 from rt_controller.safety.modes import StopCause
+from rt_controller.safety.stopping_car import StoppingCar
 
 RAMP = CurvaturePreview(5.0, 0.0, 0.002, 0.004, 0.006, 0.008)
 
@@ -82,6 +84,36 @@ def test_a_lost_path_is_replaced_by_the_last_one_moved_along() -> None:
     assert qualified.is_measured
     assert qualified.path is not None
     assert qualified.path.c0_m == pytest.approx(0.01, rel=1e-3)
+
+
+def test_in_a_stop_the_path_has_the_speed_of_the_braking_car() -> None:
+    car = WatchedCar(checks=(), control=ControlInput(0.0, 60.0, 0.0))
+    car.tick(3)
+    driven = car.qualified[-1].path
+    assert driven is not None
+    assert driven.v_mps == STRAIGHT.v_mps
+    car.is_stopping = True
+    qualified = car.tick(10)
+    assert qualified.path is not None
+    assert qualified.path.v_mps == pytest.approx(car.state.vx_mps)
+    assert qualified.path.a_mps2 == pytest.approx(-60.0 * StoppingCar().brake_mps2_per_n)
+
+
+@pytest.mark.parametrize("is_stopping", [False, True])
+def test_a_path_whose_speed_jumps_keeps_its_course(is_stopping: bool) -> None:
+    """The drive is held and then stopped, each time along the path that arrives."""
+    car = WatchedCar(checks=only(Quantity.PATH_SPEED_STEP_MPS))
+    car.tick(5)
+    car.is_stopping = is_stopping
+    for c0_m in (0.05, 0.1):
+        car.path = STRAIGHT._replace(c0_m=c0_m, v_mps=STRAIGHT.v_mps + 50.0)
+        qualified = car.tick()
+        assert qualified.rejection is StopCause.PATH_SPEED_JUMP
+        assert qualified.is_path_received is is_stopping
+        assert qualified.path is not None
+        assert (qualified.path.c0_m, qualified.path.v_mps) == (c0_m, STRAIGHT.v_mps)
+    car.path = STRAIGHT
+    assert car.tick().rejection is StopCause.NONE
 
 
 def test_without_any_path_there_is_none() -> None:
