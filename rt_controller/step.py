@@ -17,6 +17,7 @@ from rt_controller.contract.timing import IDENT_PERIOD_TICKS
 from rt_controller.control.input_planner import InputPlanner, PlannedInput
 from rt_controller.control.low_speed.law import LowSpeedLaw
 from rt_controller.control.mpc import MOST_UNDER_WAY, Mpc
+from rt_controller.control.steering_actuator import SteeringActuator
 from rt_controller.realtime.clock import TimeSource
 from rt_controller.receiver import FreshData, Receiver
 from rt_controller.safety.checks import Quantity
@@ -26,7 +27,14 @@ from rt_controller.safety.freshness import ROUND_TRIP_MAX_TICKS
 from rt_controller.safety.inputs import QualifiedInputs
 from rt_controller.safety.modes import StopCause, decide
 from rt_controller.safety.supervisor import Supervisor
-from rt_controller.supervision import command_in_force, facts_of, faults_of, received_in
+from rt_controller.supervision import (
+    accepted_commands,
+    command_in_force,
+    facts_of,
+    faults_of,
+    note_steering,
+    received_in,
+)
 
 
 class StepResult(NamedTuple):
@@ -89,6 +97,7 @@ class ControlStep:
         self._ticks = 0
         self._is_stop_requested = False
         self._actuation_periods = actuation_periods
+        self._steering = SteeringActuator(actuation_periods)
         self._sent = deque([NEUTRAL_INPUT] * MOST_UNDER_WAY, maxlen=MOST_UNDER_WAY)
         self._is_history_estimated = False
 
@@ -110,8 +119,12 @@ class ControlStep:
         periods = 1 + skipped_ticks
 
         data = self._receiver.receive(now_ns, periods, last.mode is Mode.STANDBY)
-        applied = command_in_force(self._outbox, data, self._actuation_periods)
-        qualified = self._supervisor.judge(received_in(data, applied, periods, last.mode))
+        accepted = accepted_commands(self._outbox, data)
+        note_steering(self._steering, accepted, data, last.mode)
+        applied = command_in_force(accepted, self._actuation_periods, self._steering)
+        qualified = self._supervisor.judge(
+            received_in(data, applied, periods, last.mode, self._steering.late_periods)
+        )
         self._update_history(data, qualified, applied, last)
         end_stage()
         planned = self._plan_input(data, qualified, periods, last)
@@ -172,18 +185,33 @@ class ControlStep:
         return self._planner.plan(
             state,
             qualified.curvature_per_m,
-            path,
+            self._steering.slowed(path, state.vx_mps),
             preview,
             last.control,
             periods,
             stops=is_stopping,
             under_way=self._under_way(),
+            steering_rate_radps=self._steering.rate_radps,
         )
 
     def _under_way(self) -> tuple[ControlInput, ...]:
-        """The inputs that were sent and do not act yet, the oldest first."""
-        periods = self._receiver.transport_periods + self._actuation_periods
-        return tuple(self._sent)[len(self._sent) - periods :]
+        """The inputs that were sent and do not act yet, the oldest first.
+
+        If the wheel is later than the pedals, the last input of the pedals is held until then.
+        """
+        sent, transport = tuple(self._sent), self._receiver.transport_periods
+        of_pedals = sent[len(sent) - transport - self._actuation_periods :]
+        steering = self._steering
+        if steering.delay_periods == self._actuation_periods and not steering.is_slow:
+            return of_pedals
+        periods = min(transport + steering.delay_periods, len(sent))
+        of_wheel = sent[len(sent) - periods :]
+        angles_rad = steering.angles_under_way([each.steer_rad for each in of_wheel])
+        pedals = (*of_pedals, *[self.result.control] * (periods - len(of_pedals)))
+        return tuple(
+            each._replace(steer_rad=angle_rad)
+            for each, angle_rad in zip(pedals, angles_rad, strict=True)
+        )
 
     @property
     def _is_held(self) -> bool:
@@ -271,6 +299,8 @@ class ControlStep:
         faults = faults_of(data, qualified, bus_fault, is_due)
         if missed_deadline:
             faults |= Fault.DEADLINE_MISSED
+        if self._steering.late_periods > 0 or self._steering.is_slow:
+            faults |= Fault.ACTUATOR_MISMATCH
         if planned.has_solver_failed:
             faults |= Fault.SOLVER_FAILED
         if self._outbox.send_failures > self._send_failures:

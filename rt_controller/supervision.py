@@ -5,6 +5,7 @@ from rt_controller.bus.contents import NO_FAULT, Fault
 from rt_controller.bus.outbox import Outbox
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import LONG_COUNTER_MODULUS
+from rt_controller.control.steering_actuator import LONGEST_DELAY, SteeringActuator
 from rt_controller.receiver import FreshData
 from rt_controller.safety.inputs import QualifiedInputs, ReceivedInputs
 from rt_controller.safety.modes import STANDING_MPS, StopCause, TickFacts
@@ -33,10 +34,8 @@ _FAULT_OF_CAUSE = {
 """bits of the heartbeat for what the supervisor found"""
 
 
-def command_in_force(
-    outbox: Outbox, data: FreshData, actuation_periods: int = 0
-) -> ControlInput | None:
-    """The command that acted until the new state; None: not known.
+def accepted_commands(outbox: Outbox, data: FreshData) -> list[ControlInput] | None:
+    """The last command that the vehicle has accepted, and those before it; None: not known.
 
     The echo names it, also where a command arrived late. Before the vehicle has accepted a command
     there is no echo; then the controller does not drive yet.
@@ -44,12 +43,48 @@ def command_in_force(
     echo = None if data.state is None else data.state.command_echo
     if echo is None:
         return None
-    command = outbox.content_under(COMMAND, (echo - actuation_periods) % LONG_COUNTER_MODULUS)
-    return None if command is None else command.control
+    found = []
+    for delay in range(LONGEST_DELAY + 1):
+        command = outbox.content_under(COMMAND, (echo - delay) % LONG_COUNTER_MODULUS)
+        if command is None:
+            break
+        found.append(command.control)
+    return found
+
+
+def command_in_force(
+    accepted: list[ControlInput] | None, actuation_periods: int, steering: SteeringActuator
+) -> ControlInput | None:
+    """The input that acted until the new state; None: not known.
+
+    Args:
+        accepted: commands, the last one first.
+        actuation_periods: until the pedals follow a command.
+        steering: until the wheel does; the angle of a slow one is that which it reports.
+    """
+    delay = steering.delay_periods
+    if accepted is None or len(accepted) <= max(actuation_periods, delay):
+        return None
+    applied, angle_rad = accepted[actuation_periods], accepted[delay].steer_rad
+    if steering.is_slow and steering.angle_rad is not None:
+        angle_rad = steering.angle_rad
+    return applied._replace(steer_rad=angle_rad)
+
+
+def note_steering(
+    steering: SteeringActuator, accepted: list[ControlInput] | None, received: FreshData, mode: Mode
+) -> None:
+    """Compare the wheel with the commands, while the car follows those of this program."""
+    sample, feedback = received.state, received.feedback
+    is_ours = mode is not Mode.STANDBY and sample is not None and not sample.is_watchdog_braking
+    if accepted is None or feedback is None or len(accepted) <= LONGEST_DELAY or not is_ours:
+        steering.note(None, None)
+    else:
+        steering.note([each.steer_rad for each in accepted], feedback.steer_rad)
 
 
 def received_in(
-    data: FreshData, applied: ControlInput | None, periods: int, mode: Mode
+    data: FreshData, applied: ControlInput | None, periods: int, mode: Mode, late_ticks: int = 0
 ) -> ReceivedInputs:
     """Inputs of the supervisor in a tick.
 
@@ -58,6 +93,7 @@ def received_in(
         applied: the command that acted in the last period; None: not known.
         periods: since the last tick.
         mode: of the last tick.
+        late_ticks: by which the steering wheel is later than it is configured.
     """
     sample = data.state
     is_ours = not data.is_ending and (sample is None or not sample.is_watchdog_braking)
@@ -71,6 +107,7 @@ def received_in(
         is_driven=mode is not Mode.STANDBY,
         is_stopping=mode is Mode.SAFE_STOP,
         periods=periods,
+        late_ticks=late_ticks,
     )
 
 

@@ -6,6 +6,7 @@ stuck.
 """
 
 from collections import deque
+from itertools import pairwise
 
 from rt_controller.contract.limits import INPUT_LIMITS
 
@@ -18,6 +19,10 @@ LARGEST_RESIDUAL_RAD = 0.02
 LONGEST_LAG = 20
 """periods that a wheel may be late; the command of a wheel that is only late is not changed"""
 LARGEST_LAG_ERROR_RAD = 0.01
+LARGEST_RATE_SPREAD_RAD = 2e-4
+"""of the changes of a wheel that turns at its largest rate towards a command that is ahead"""
+SLOW_TICKS = 40
+"""for which such a wheel counts as slow: a second, in which the car returns to its path"""
 LEAST_FACTOR, LARGEST_FACTOR = 0.2, 3.0
 LEAST_ERROR_RAD = 0.03
 """a smaller error is not corrected: 1.7 deg"""
@@ -31,6 +36,7 @@ class SteeringResponse:
         """an error was identified; from then on the commands are corrected"""
         self.is_identified = False
         """factor and offset explain the last samples"""
+        self._slow_ticks = 0
         self._samples: deque[tuple[float, float]] = deque(maxlen=SAMPLES)
         self._commanded: deque[float] = deque(maxlen=LONGEST_LAG + SAMPLES)
         self._factor = 1.0
@@ -38,13 +44,22 @@ class SteeringResponse:
         self._off_ticks = 0
         self._has_probed = False
 
+    @property
+    def is_slow(self) -> bool:
+        """True if the wheel turned steadily, and behind its command, within the last second."""
+        return self._slow_ticks > 0
+
     def note(self, commanded_rad: float, applied_rad: float) -> None:
         """After a period."""
         self._samples.append((commanded_rad, applied_rad))
         self._commanded.append(commanded_rad)
         is_off = abs(applied_rad - commanded_rad) > LEAST_ERROR_RAD
         self._off_ticks = self._off_ticks + 1 if is_off else 0
-        self.is_identified = len(self._samples) == SAMPLES and not self._is_late() and self._fit()
+        is_full = len(self._samples) == SAMPLES
+        is_late = is_full and self._is_late()
+        is_slow = is_full and not is_late and self._turns_steadily()
+        self._slow_ticks = SLOW_TICKS if is_slow else max(self._slow_ticks - 1, 0)
+        self.is_identified = is_full and not (is_late or is_slow) and self._fit()
         if self.is_identified and self._off_ticks >= SAMPLES:
             self.is_correcting = True
 
@@ -62,6 +77,14 @@ class SteeringResponse:
             self._has_probed = True
             return 0.0
         return min(max(commanded_rad, lower), upper)
+
+    def _turns_steadily(self) -> bool:
+        """True if the wheel turns steadily towards a command that is ahead of it."""
+        applied = [each[1] for each in self._samples]
+        changes = [after - before for before, after in pairwise(applied)]
+        is_steady = max(changes) - min(changes) < LARGEST_RATE_SPREAD_RAD
+        commanded_rad, applied_rad = self._samples[-1]
+        return is_steady and (commanded_rad - applied_rad) * changes[-1] > 0.0
 
     def _is_late(self) -> bool:
         """True if the wheel follows the commands of some periods before."""

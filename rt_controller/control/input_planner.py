@@ -1,6 +1,7 @@
 """The input of a tick: by the model, by the low-speed law, or from the last good plan."""
 
 from collections.abc import Sequence
+from math import inf
 from typing import NamedTuple
 
 from rt_controller.contract.arrays import Array
@@ -62,6 +63,7 @@ class InputPlanner:
         *,
         stops: bool,
         under_way: Sequence[ControlInput] = (),
+        steering_rate_radps: float = inf,
     ) -> PlannedInput:
         """Lift the state, expand the reference, solve; or low-speed law; or hold the last plan.
 
@@ -74,6 +76,7 @@ class InputPlanner:
             periods: since the last tick.
             stops: the car is to be brought to rest, whatever speed the path says.
             under_way: inputs that were sent, and act before the one of this tick.
+            steering_rate_radps: largest rate of the wheel, if it is below that of the commands.
         """
         previous_law = self._low_speed.law
         slow_path = path._replace(v_mps=0.0, a_mps2=0.0) if stops else path
@@ -82,6 +85,9 @@ class InputPlanner:
             return PlannedInput(self._plan.store_constant(slow))
         if previous_law is not Mode.NOMINAL:
             self._mpc.resume(last)
+        if steering_rate_radps < inf and under_way:
+            last = last._replace(steer_rad=under_way[-1].steer_rad)
+        self._mpc.limit_steering(steering_rate_radps)
         status = self._mpc.plan(state, curvature_per_m, path, last, preview, under_way)
         is_solved = status is SolveStatus.SOLVED
         control = self._plan.store(self._mpc.inputs) if is_solved else self._plan.next(periods)

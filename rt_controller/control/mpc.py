@@ -235,6 +235,10 @@ class Mpc:
         """Before the first plan after another law made the inputs, the last one `previous`."""
         self._pedals.resume(previous)
 
+    def limit_steering(self, rate_radps: float) -> None:
+        """Plan from now on with a wheel that turns at most at this rate."""
+        self._qp.limit_steering(rate_radps)
+
     def limit_solve_time(self, budget_ns: int) -> None:
         """Limit the time of a solve.
 

@@ -15,7 +15,7 @@ from rt_controller.contract.errors import ConfigError
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.solver import SolveStatus
 
-MAX_ITERATIONS = 16
+MAX_ITERATIONS = 24
 """more than any problem recorded in a drive needed"""
 MIN_ITERATIONS = 12
 """with a lower limit the first input may be wrong by more than 1e-4 of its range"""

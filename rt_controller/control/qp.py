@@ -1,12 +1,15 @@
 """The MPC problem of eq. (14) as a condensed QP, over the inputs of the horizon."""
 
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
 
 from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.schema import N_INPUTS
+from rt_controller.contract.signals import InputColumn
 from rt_controller.control.knots import place_knots
 from rt_controller.control.linearisation import ALL_INPUTS
 from rt_controller.control.objective import Objective, require_convex
@@ -68,11 +71,27 @@ class CondensedQp:
         self.program = _assemble(self.objective, inputs, features)
         self.matrices_vary = self.objective.hessian_varies
         self._periods_to_knot = 1 + np.array(self.knots.stages)
+        self._all_slews = inputs.slew
         self._slew = inputs.slew[:N_INPUTS]
+        self._usual_steering_slew = inputs.slew[InputColumn.steer_rad :: N_INPUTS].copy()
+        self._steering_rate_radps = inf
         self._has_slew_rows = features.has_slew_rows
         self._upper = self.program.upper[: self.scale.size].reshape(-1, N_INPUTS)
         self._corridor = features.corridor
         self._check_at_typical_state(bundle)
+
+    def limit_steering(self, rate_radps: float) -> None:
+        """Bound the changes of the steering wheel by this rate, if it is below the usual one."""
+        if rate_radps == self._steering_rate_radps:
+            return
+        self._steering_rate_radps = rate_radps
+        share = min(rate_radps / INPUT_LIMITS.rate_per_s.steer_rad, 1.0)
+        of_wheel = slice(InputColumn.steer_rad, None, N_INPUTS)
+        self._all_slews[of_wheel] = share * self._usual_steering_slew
+        if self._has_slew_rows:
+            rows = slice(N_INPUTS, self._all_slews.size)
+            np.negative(self._all_slews[rows], out=self.program.row_lower[rows])
+            self.program.row_upper[rows] = self._all_slews[rows]
 
     def update_matrices(self, used: slice = ALL_INPUTS) -> None:
         """Update P and G of `program` for the present parameters and the inputs that are used."""

@@ -33,6 +33,8 @@ class ReceivedInputs(NamedTuple):
     """a safe stop has begun"""
     periods: int
     """since the last tick"""
+    late_ticks: int = 0
+    """by which the steering wheel is known to be later than it is configured"""
 
 
 class QualifiedInputs(NamedTuple):

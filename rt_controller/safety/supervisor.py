@@ -261,7 +261,7 @@ class Supervisor:
     ) -> None:
         values = self.values
         if received.feedback is not None:
-            outside = self._commands.distance(received.feedback)
+            outside = self._commands.distance(received.feedback, received.late_ticks)
             values[Quantity.THROTTLE], values[Quantity.BRAKE_N], values[Quantity.STEERING_RAD] = (
                 outside
             )

@@ -19,6 +19,8 @@ class Distortion:
         self._rng = np.random.default_rng((fault.seed, stream))
         self._history: deque[tuple[float, ...]] = deque(maxlen=fault.delay_ticks + 1)
         self._held: tuple[float, ...] | None = None
+        self._last: tuple[float, ...] = ()
+        """the values that were left last"""
 
     def apply(self, values: list[float], original: Sequence[float], tick: int) -> None:
         """Change `values` in place, once for each vector that is sent.
@@ -31,11 +33,13 @@ class Distortion:
         self._history.append(tuple(original))
         if not self._fault.acts(tick):
             self._held = None
+            self._last = tuple(values)
             return
         if self._held is None:
             self._held = tuple(values)
         for i in self._places:
             values[i] = self._changed(values[i], i, tick)
+        self._last = tuple(values)
 
     def _changed(self, value: float, i: int, tick: int) -> float:
         held = value if self._held is None else self._held[i]
@@ -55,6 +59,9 @@ class Distortion:
                 changed = value + amount * float(self._rng.standard_normal())
             case FaultKind.QUANTISE:
                 changed = round(value / amount) * amount
+            case FaultKind.RATE:
+                last, change = self._last[i] if self._last else value, amount * PERIOD_S
+                changed = min(max(value, last - change), last + change)
             case _:  # SET, and STUCK at a value or where it was
                 changed = amount
         return changed

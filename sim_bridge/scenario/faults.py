@@ -49,6 +49,8 @@ class FaultKind(StrEnum):
     """signals are rounded to multiples of `value`"""
     SET = "set"
     """signals have the value `value`"""
+    RATE = "rate"
+    """signals change by at most `value` a second"""
     STUCK = "stuck"
     """actuators keep the position of the beginning, or go to `value`"""
 
@@ -63,6 +65,7 @@ SIGNAL_KINDS = (
     FaultKind.NOISE,
     FaultKind.QUANTISE,
     FaultKind.SET,
+    FaultKind.RATE,
 )
 """kinds that change values, in the order in which they act on the same signal"""
 FRAME_KINDS = (

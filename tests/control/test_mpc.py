@@ -1,6 +1,7 @@
 """A plan depends on state, curvature and history; bundles that cannot be used are refused."""
 
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 import pytest
@@ -19,9 +20,11 @@ from rt_controller.contract.schema import VEHICLE
 from rt_controller.contract.signals import (
     ControlInput,
     CurvaturePreview,
+    InputColumn,
     PathReference,
     VehicleState,
 )
+from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.lift import Encoder
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.solver import SolveStatus
@@ -66,6 +69,21 @@ def test_the_same_parameters_have_the_same_plan_again(lift: Lift) -> None:
     mpc.plan(STATE._replace(vx_mps=15.0), 0.0, PATH, PREVIOUS)
     mpc.forget()
     np.testing.assert_allclose(plan(mpc), first, rtol=0.0, atol=SAME)
+
+
+def test_the_wheel_turns_at_most_at_a_rate_that_is_limited() -> None:
+    mpc = build(make_bundle(WITH_ROAD, rank=2))
+    usual = plan(mpc).copy()
+    mpc.limit_steering(0.1)
+    mpc.forget()
+    plan(mpc)
+    angles_rad = [PREVIOUS.steer_rad, *mpc.inputs[:, InputColumn.steer_rad]]
+    assert np.abs(np.diff(angles_rad)).max() <= 0.1 * PERIOD_S + 1e-6
+    mpc.limit_steering(inf)
+    mpc.forget()
+    found = plan(mpc)
+    np.testing.assert_allclose(found, usual, rtol=0.0, atol=SAME)
+    assert np.abs(np.diff(found[:, InputColumn.steer_rad] * RANGE[2])).max() > 0.1 * PERIOD_S
 
 
 def test_without_a_history_the_state_is_assumed_to_have_been_constant() -> None:

@@ -3,7 +3,7 @@
 import pytest
 
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
-from rt_controller.safety.actuators import CommandRange
+from rt_controller.safety.actuators import MEMORY_TICKS, CommandRange
 
 CRUISE = ControlInput(0.2, 0.0, 0.1)
 
@@ -31,3 +31,12 @@ def test_a_command_is_forgotten_after_six_periods() -> None:
     assert commands.distance(CRUISE._replace(steer_rad=0.5)).steer_rad == 0.0
     commands.add(NEUTRAL_INPUT)
     assert commands.distance(CRUISE._replace(steer_rad=0.5)).steer_rad == 0.5
+
+
+def test_a_wheel_that_is_known_to_be_late_is_compared_with_older_commands() -> None:
+    commands = CommandRange()
+    commands.add(CRUISE)
+    for _ in range(MEMORY_TICKS + 3):
+        commands.add(NEUTRAL_INPUT)
+    assert commands.distance(CRUISE, late_ticks=3) == pytest.approx((0.2, 0.0, 0.1))
+    assert commands.distance(CRUISE, late_ticks=4) == pytest.approx((0.2, 0.0, 0.0))

@@ -53,6 +53,12 @@ def test_an_answer_that_is_not_identified_is_not_corrected(
     assert response.command_for(0.3) == 0.3
 
 
+def test_a_wheel_that_turns_at_a_largest_rate_is_slow_and_not_corrected() -> None:
+    response = after([(0.1 * k, 0.02 * k) for k in range(10)])
+    assert response.is_slow
+    assert not response.is_correcting
+
+
 def test_a_wheel_that_gets_stuck_later_is_not_identified() -> None:
     response = after([*[(0.0, 0.1)] * SAMPLES, (-0.1, 0.1), (-0.2, 0.1)])
     assert response.is_correcting

@@ -119,8 +119,9 @@ class FaultFields(FileTable):
                 f"duration_s: expected at least {least} control periods of {PERIOD_MS:g} ms for "
                 f"{self.kind}, found {n_ticks} between start_s and its end"
             )
-        if kind is FaultKind.QUANTISE and self.value is not None and self.value <= 0.0:
-            problems.append(f"value: expected more than 0 for quantise, found {self.value:g}")
+        is_positive = self.value is None or self.value > 0.0
+        if kind in (FaultKind.QUANTISE, FaultKind.RATE) and not is_positive:
+            problems.append(f"value: expected more than 0 for {kind}, found {self.value:g}")
         strangers = [each.signal for each in self._signals if each.frame != ACTUATOR]
         if kind is FaultKind.STUCK and strangers:
             problems.append(f"signals: expected actuators for stuck, found {', '.join(strangers)}")

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.model.artifact import find_model, load_bundle
 from rt_controller.contract.model.bundle import Bundle
 from sim_bridge.fault_matrix.cases import SPEEDS_KMH, Case, load_cases, whole_matrix
 from sim_bridge.fault_matrix.command import fault_matrix, sample
@@ -113,6 +114,13 @@ def test_a_drive_without_checks_has_no_reaction_to_a_wrong_value(lti: Bundle) ->
     case = CASES["ey_bias_1m"]
     assert drive_case(case, 60.0, lti).mode == "SAFE_STOP"
     assert drive_case(case, 60.0, lti, has_checks=False).mode == "NOMINAL"
+
+
+@pytest.mark.parametrize("name", ["steering_late_50ms", "steering_late_100ms"])
+def test_a_car_with_a_late_steering_wheel_is_driven_to_the_end(name: str) -> None:
+    found = drive_case(CASES[name], 80.0, load_bundle(find_model(None)))
+    assert (found.mode, found.safe_stop_ms) == ("NOMINAL", None)
+    assert found.max_ey_m < 0.3
 
 
 def test_the_whole_matrix_has_every_drift_under_every_condition() -> None:

@@ -70,6 +70,8 @@ def test_without_a_duration_a_fault_acts_to_the_end() -> None:
         ({"kind": "masquerade", "frame_id": 5, "data": "0g"}, "hexadecimal"),
         ({"kind": "mission_lost", "duration_s": 0.05}, "at least 4 control periods"),
         ({"kind": "freeze", "messages": ["state"], "duration_s": 0.025}, "at least 2"),
+        ({"kind": "rate", "signals": ["steer_rad"]}, "value: expected a value for rate"),
+        ({"kind": "rate", "signals": ["steer_rad"], "value": 0.0}, "more than 0 for rate"),
         ({"kind": "bus_off", "messages": ["state"]}, "messages: expected none for bus_off"),
     ],
 )

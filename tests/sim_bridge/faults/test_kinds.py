@@ -39,6 +39,7 @@ EXAMPLES: dict[FaultKind, dict[str, Any]] = {
     FaultKind.NOISE: {"signals": ["STATE_A.YawRate"], "value": 0.1},
     FaultKind.QUANTISE: {"signals": ["vx_mps"], "value": 3.0},
     FaultKind.SET: {"signals": ["SteeringWheelAngle"], "value": 120.0},
+    FaultKind.RATE: {"signals": ["ey_m"], "value": 1e-3},
     FaultKind.STUCK: {"signals": ["steer_rad"]},
 }
 
