@@ -292,7 +292,8 @@ class Supervisor:
             path = None if last is None else last.path_here()
         if path is not None:
             path = self._paths.follow(path, state.vx_mps, received.periods)
-            if received.is_stopping:  # the place of each stage is that of a car that brakes
+            if received.is_stopping and not faulty & Faulty.LATERAL_MOTION:
+                # The place of each stage is that of a car that brakes.
                 braking_mps2 = self._car.brake_mps2_per_n * self._control.brake_n
                 path = path._replace(v_mps=state.vx_mps, a_mps2=-braking_mps2)
         if preview is not None or received.state is None or Faulty.CURVATURE in faulty:
