@@ -186,6 +186,9 @@ class Stanley:
         """Continue after another law."""
         self._pedals.resume(previous)
 
+    def limit_steering(self, rate_radps: float) -> None:
+        """Do nothing: the law has no plan, and the cars of the comparison follow its commands."""
+
     def limit_solve_time(self, budget_ns: int) -> None:
         """Do nothing: nothing is solved."""
 
