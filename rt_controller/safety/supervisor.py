@@ -286,14 +286,14 @@ class Supervisor:
         is_path = received.path is not None and Faulty.PATH not in faulty
         is_path = is_path and (failed_path is None or (is_speed_wrong and received.is_stopping))
         path, preview = received.path, received.preview
-        if is_speed_wrong or not (
-            is_path or (failed_path and Faulty.PATH not in failed_path.faulty)
-        ):
+        is_replaced = failed_path is None or Faulty.PATH in failed_path.faulty
+        if is_speed_wrong or (is_replaced and not is_path):
             path = None if last is None else last.path_here()
         if path is not None:
             path = self._paths.follow(path, state.vx_mps, received.periods)
             if received.is_stopping and not faulty & Faulty.LATERAL_MOTION:
-                # The place of each stage is that of a car that brakes.
+                # The place of each stage is that of a car that brakes. With an estimated yaw rate
+                # on a wet road this was worse: docs/safety.md, Not covered.
                 braking_mps2 = self._car.brake_mps2_per_n * self._control.brake_n
                 path = path._replace(v_mps=state.vx_mps, a_mps2=-braking_mps2)
         if preview is not None or received.state is None or Faulty.CURVATURE in faulty:
