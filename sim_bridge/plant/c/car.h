@@ -39,13 +39,13 @@ typedef struct {
     double rise_m[N_WHEELS]; /* of the wheels above their position at rest */
     double rise_rate_mps[N_WHEELS];
     double spin_radps[N_WHEELS];
-    double lateral_slip[N_WHEELS]; /* lagged tangent of the slip angle; positive: force to the left */
+    double lateral_slip[N_WHEELS]; /* lagged tangent of the slip angle; positive: to the left */
     double longitudinal_slip[N_WHEELS]; /* lagged slip ratio; positive: the wheel drives */
     double road_wheel_rad; /* front wheels at the steering, without roll steer and compliance */
     double road_wheel_rate_radps;
     double front_compliance_rad; /* angle of the front wheels from the give of the bushings */
     double rear_compliance_rad;
-    double contact_twist_rad; /* twist of the contact patches of the front tyres against the ground */
+    double contact_twist_rad; /* twist of the front contact patches against the ground */
     double throttle;          /* opening after the lag of the actuator */
     double brake_mpa[N_WHEELS];     /* pressure before the anti-lock valves */
     double brake_release[N_WHEELS]; /* share of it that the anti-lock system takes away, 0..1 */
@@ -107,7 +107,7 @@ typedef struct {
 
 /* One axle, so that both use the same equations. */
 typedef struct {
-    double ahead_m;        /* of the centre of gravity of the whole car; negative for the rear axle */
+    double ahead_m;        /* of the whole car's centre of gravity; rear axle: negative */
     double sprung_ahead_m; /* of that of the sprung mass */
     double half_track_m;
     double track_m;
