@@ -13,7 +13,7 @@ MEMORY_S = 1.0
 """time constant with which the missing speed decays"""
 HILL_MPS2 = 2.0
 """deceleration by the steepest hill, of 20 %: up to it the throttle may add no speed"""
-ANSWER = 0.1
+ANSWER = 0.04
 """of the acceleration by the throttle beyond the hill. A car that accelerates by so much answers
 its throttle: another car, or wheels that spin"""
 
