@@ -213,6 +213,11 @@ class Ratio(NamedTuple):
     """(), over the states but `PROGRESS`; None if there is no such state"""
 
     @property
+    def means(self) -> tuple[Estimate, ...]:
+        """The geometric means that there are."""
+        return tuple(mean for mean in self[1:] if mean is not None)
+
+    @property
     def worst_state(self) -> int:
         """Index of the state with the largest ratio; NaN counts as infinite."""
         return int(np.argmax(np.nan_to_num(self.by_state.value, nan=np.inf)))

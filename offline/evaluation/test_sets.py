@@ -70,6 +70,16 @@ class TestSet:
         return len(np.unique(self.trajectories.episode))
 
     @property
+    def count(self) -> str:
+        """Number of trajectories and episodes, as text."""
+        return f"{self.n_trajectories} trajectories of {self.n_episodes} episodes"
+
+    @property
+    def size(self) -> str:
+        """The same with the name."""
+        return f"{self.name}, {self.count}"
+
+    @property
     def curvatures_per_m(self) -> tuple[float, ...]:
         """The different curvatures, ascending."""
         if self.curvature_per_m is None:
