@@ -77,11 +77,15 @@ def open_baselines(
             )
         if objection is not None:
             notify(f"without {name}: {objection}.")
-    opened = {}
+    opened: dict[str, Predictor] = {}
     for name in names:
-        if objections[name] is None:
-            on_progress(name)
-            opened[name] = _open(name, dataset)
+        if objections[name] is not None:
+            continue
+        on_progress(name)
+        if name == SHIPPED:
+            opened[name] = BundlePredictor(load_bundle(shipped_model(SHIPPED)))
+        else:
+            opened[name] = registry.fit(name, dataset).baseline
     return opened
 
 
@@ -113,12 +117,6 @@ def baseline_facts(name: str, dataset: Dataset) -> list[Fact]:
         return identity_facts(load_bundle(shipped_model(SHIPPED)))
     fitted = registry.fit(name, dataset)
     return [*fitted.baseline.fit_info(), Fact("CPU time of the fit", f"{fitted.fit_cpu_s:.3g} s")]
-
-
-def _open(name: str, dataset: Dataset) -> Predictor:
-    if name == SHIPPED:
-        return BundlePredictor(load_bundle(shipped_model(SHIPPED)))
-    return registry.fit(name, dataset).baseline
 
 
 def _find_objection(name: str, dataset: Dataset, models: Sequence[Bundle]) -> str | None:

@@ -16,11 +16,11 @@ from offline.data.signals import past_names
 from offline.evaluation.figures import library_figures
 from offline.evaluation.model_card import driven_text, stability_text, write_card
 from offline.evaluation.tables import mse_table
-from offline.model.bundle_export import choose_selftest
 from offline.model.export_checks import ExportFigures, check_export
-from offline.training.checkpoint import load_checkpoint
+from offline.model.physical_units import choose_selftest
 from offline.training.export import export_checkpoint
 from offline.training.run_folder import open_run
+from offline.training.state import load_checkpoint
 from rt_controller.bundle_checks.plan_check import with_plans
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.model.artifact import save_bundle

@@ -28,10 +28,9 @@ from offline.data.conditions import (
     draw_conditions,
 )
 from offline.data.excitation import Recipe, draw_inputs
-from offline.data.recording import Recording, Starts
-from offline.data.road_frame import Anchor
+from offline.data.recording import Anchor, Recording, Starts
+from offline.data.signals import Array32
 from offline.data.tasks import run_tasks
-from offline.data.trajectories import Array32
 from offline.data.variation import VARIED, Variation
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
@@ -170,7 +169,10 @@ def make_episode(recipe: Recipe, seed: np.random.SeedSequence) -> Episode:
         episode = _try_episode(rng, recipe, conditions, rejected)
         if episode is not None:
             return episode
-    found = "" if conditions is None else f" under {_name_first(conditions)}"
+    found = ""
+    if conditions is not None:
+        first = zip(CONDITIONS, conditions.rows[0], strict=True)
+        found = f" under {', '.join(f'{name} {value:.3g}' for name, value in first)}"
     raise DatasetError(
         f"expected an episode in which the car stays above {3.6 * LOWEST_SPEED_MPS:.0f} km/h and "
         f"below {degrees(LARGEST_SIDESLIP_RAD):.0f} deg of sideslip and roll, found "
@@ -274,12 +276,6 @@ def _try_episode(
     pose = integrate_poses(motion, 0.0, 0.0, 0.0, STEPS_PER_PERIOD, STEP_S)
     sampled = motion[::STEPS_PER_PERIOD]
     return Episode(sampled, pose, inputs, curvature_per_m, first_errors, rejected, rows)
-
-
-def _name_first(conditions: Conditions) -> str:
-    """The conditions of the first period in words."""
-    named = zip(CONDITIONS, conditions.rows[0], strict=True)
-    return ", ".join(f"{name} {value:.3g}" for name, value in named)
 
 
 def _concatenate_held(episodes: list[Array]) -> Array32:

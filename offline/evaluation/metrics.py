@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from offline.data.trajectories import Rows
+from offline.data.signals import Rows
 from offline.evaluation.bootstrap import (
     EpisodeSums,
     Estimate,

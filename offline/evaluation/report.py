@@ -10,7 +10,7 @@ from offline.evaluation.metrics import PROGRESS, Ratio
 from offline.evaluation.tables import (
     TABLES_OF_RATIOS,
     error_tables,
-    interval_cell,
+    interval_cells,
     library_ratio_table,
     quantile_ratio_table,
     quantile_table,
@@ -108,13 +108,11 @@ def _main_results(comparison: Comparison) -> list[str]:
 
 def _means(comparison: Comparison, ratio: Ratio, of: str) -> str:
     """Geometric means, the first with its interval, as text."""
-    cell = interval_cell(*ratio.geometric_mean)
+    cell, *others = interval_cells(*ratio.means)
     interval = f" ({cell.detail})" if cell.detail else ""
     text = f"{cell.text}{interval} times {of} in the geometric mean of "
     text += f"{len(comparison.columns)} states"
-    if ratio.without_progress is None:
-        return text
-    return f"{text}, {interval_cell(*ratio.without_progress).text} times without {PROGRESS}"
+    return text + "".join(f", {other.text} times without {PROGRESS}" for other in others)
 
 
 def _errors(comparison: Comparison) -> Section:

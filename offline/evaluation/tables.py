@@ -53,13 +53,13 @@ def error_tables(comparison: Comparison) -> list[Table]:
         _table(
             f"MSE of the median trajectory of each model on {library.size}",
             ["model", *_squared(comparison)],
-            {name: _cells(each.quantiles().at(median)) for name, each in errors.items()},
+            {name: interval_cells(each.quantiles().at(median)) for name, each in errors.items()},
         ),
         _table(
             f"Part of the MSE of each model that its worst {100 * WORST_SHARE:g} % of the "
             f"trajectories have, {library.size}",
             ["model", *(Column(each.name) for each in comparison.columns)],
-            {name: _cells(each.worst_part) for name, each in errors.items()},
+            {name: interval_cells(each.worst_part) for name, each in errors.items()},
             ["1: all of it. The worst trajectories are chosen for each model and state."],
         ),
     ]
@@ -75,14 +75,14 @@ def mse_table(comparison: Comparison, test: TestSet) -> Table:
     return _table(
         f"MSE over {comparison.steps} steps of each model on {test.size}",
         ["model", *_squared(comparison)],
-        {name: _cells(scores[name].mse()) for name in comparison.names},
+        {name: interval_cells(scores[name].mse()) for name in comparison.names},
         [note, *_not_converged(comparison)],
     )
 
 
 def rms_table(comparison: Comparison, test: TestSet, with_intervals: bool = False) -> Table:
     """Root mean square errors."""
-    scores, to_cells = comparison.scores[test.name], _cells if with_intervals else _values
+    scores, to_cells = comparison.scores[test.name], interval_cells if with_intervals else _values
     return _table(
         f"RMS error over {comparison.steps} steps of each model on {test.size}",
         ["model", *_states(comparison)],
@@ -115,7 +115,7 @@ def quantile_table(comparison: Comparison, model: str) -> Table:
         f"Absolute error of {model}: quantiles over trajectories, {LIBRARY}",
         ["after", *_states(comparison)],
         {
-            f"{step * comparison.dt_s:g} s, {share}": _cells(at_marks.at(i, j))
+            f"{step * comparison.dt_s:g} s, {share}": interval_cells(at_marks.at(i, j))
             for j, step in enumerate(scores.marked_steps)
             for i, share in enumerate(_SHARE_NAMES)
         },
@@ -145,7 +145,7 @@ def quantile_ratio_table(comparison: Comparison, model: str) -> Table:
         f"{comparison.sets[0].size}",
         ["baseline", *(Column(each, h.unit) for each in ("mean", *_SHARE_NAMES) for h in heads)],
         {
-            name: [cell for found in ratios for cell in _cells(*found[name].means)]
+            name: [cell for found in ratios for cell in interval_cells(*found[name].means)]
             for name in comparison.baselines
         },
     )
@@ -167,11 +167,16 @@ def series_tables(comparison: Comparison, model: str) -> list[Table]:
     return [_series_table(comparison, model, each) for each in comparison.series]
 
 
-def interval_cell(value: float, low: float, high: float) -> Cell:
-    """A single value with its interval."""
-    if not low <= high < float("inf"):
-        return Cell(format_number(value))
-    return Cell(format_number(value), f"{format_number(low, 3)}{NO_VALUE}{format_number(high, 3)}")
+def interval_cells(*estimates: Estimate) -> list[Cell]:
+    """The numbers of estimates with their intervals; of an estimate (n,), one for each state."""
+    cells = []
+    for value, low, high in (
+        row for each in estimates for row in np.transpose(each).reshape(-1, 3)
+    ):
+        has_interval = low <= high < float("inf")
+        interval = f"{format_number(low, 3)}{NO_VALUE}{format_number(high, 3)}"
+        cells.append(Cell(format_number(value), interval if has_interval else ""))
+    return cells
 
 
 def _series_table(comparison: Comparison, model: str, series: Series) -> Table:
@@ -185,8 +190,12 @@ def _series_table(comparison: Comparison, model: str, series: Series) -> Table:
             ratio = comparison.ratios(model, errors)[best]
             least = ratio.least_state
             smallest = format_number(float(ratio.by_state.value[least]))
-            cells += [best, *_cells(*ratio.means), Cell(smallest, comparison.columns[least].name)]
-        rows.append((*cells, *_cells(*comparison.growth(model, errors[model]).means)))
+            cells += [
+                best,
+                *interval_cells(*ratio.means),
+                Cell(smallest, comparison.columns[least].name),
+            ]
+        rows.append((*cells, *interval_cells(*comparison.growth(model, errors[model]).means)))
     columns = [Column(series.quantity, series.unit, is_text=True)]
     columns += map(Column, ("trajectories", "episodes"))
     compared = f"MSE of {model} over its own on the whole {LIBRARY}"
@@ -210,7 +219,7 @@ def _ratio_table(
     notes: Sequence[str],
 ) -> Table:
     states = (Column(each.name) for each in comparison.columns)
-    rows = {name: _cells(each.by_state, *each.means) for name, each in ratios.items()}
+    rows = {name: interval_cells(each.by_state, *each.means) for name, each in ratios.items()}
     return _table(title, [first, *states, *_mean_heads(comparison)], rows, notes)
 
 
@@ -239,15 +248,6 @@ def _mean_heads(comparison: Comparison) -> list[Column]:
     has_progress = PROGRESS in names and len(names) > 1
     units = (f"{len(names)} states", *([f"without {PROGRESS}"] if has_progress else []))
     return [Column("geometric mean", unit) for unit in units]
-
-
-def _cells(*estimates: Estimate) -> list[Cell]:
-    """The numbers of estimates with their intervals; of an estimate (n,), one for each state."""
-    return [
-        interval_cell(*numbers)
-        for estimate in estimates
-        for numbers in zip(*map(np.ravel, estimate), strict=True)
-    ]
 
 
 def _values(estimate: Estimate) -> list[str]:

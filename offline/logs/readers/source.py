@@ -21,9 +21,8 @@ from offline.data.manifest import SourceFile
 from offline.logs.mapping import LogMapping
 from offline.logs.readers.array_log import read_mat, read_npy, read_npz, read_parquet
 from offline.logs.readers.csv_log import CSV_SUFFIXES, read_csv
-from offline.logs.readers.log import Log, Names, readable
+from offline.logs.readers.log import Columns, Heading, Log, Names, readable, to_log
 from offline.logs.readers.mf4_log import read_mf4
-from offline.logs.readers.table import Columns, Heading, to_log
 from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.mapping.tables import Clock
 
