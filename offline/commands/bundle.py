@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from offline.baselines import registry
-from offline.baselines.selection import baseline_facts, compare_with_plain_baselines
+from offline.baselines.registry import baseline_facts, compare_with_plain_baselines
 from offline.commands.terminal import STDERR, STDOUT
 from offline.config import PAST_STEPS
 from offline.data.cache import full_folder

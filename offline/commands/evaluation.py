@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from offline.baselines.selection import (
+from offline.baselines.registry import (
     ALL,
     choose_baselines,
     not_converged,

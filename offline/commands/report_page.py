@@ -4,7 +4,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from offline.baselines.selection import SHIPPED, baseline_facts
+from offline.baselines.registry import SHIPPED, baseline_facts
 from offline.commands.evaluation import Evaluation, evaluation_figures, run_evaluation
 from offline.commands.options import EvaluationOptions
 from offline.commands.terminal import STDERR, STDOUT

@@ -41,7 +41,7 @@ from rt_controller.contract.steering_geometry import SteeringGeometry
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.frenet import integrate_poses
 from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, settle, simulate
-from sim_bridge.plant.parameters import Parameters, default_car
+from sim_bridge.plant.parameters import default_car
 from sim_bridge.plant.protocol import PlantOutputs
 
 SLICES = 5
@@ -222,16 +222,12 @@ def plant_fingerprint(variation: Variation | None = None) -> str:
     inputs[:, InputColumn.steer_rad] = INPUT_LIMITS.upper.steer_rad * np.sin(
         2 * np.pi * 0.5 * k * PERIOD_S
     )
-    motion, _ = _drive(20.0, inputs, default_car())
+    car = default_car()
+    motion, _ = simulate(settle(20.0, car), inputs, car, STEPS_PER_PERIOD, STEP_S)
     drawn = make_episode(Recipe(), np.random.SeedSequence(0))
     limits = (LOWEST_SPEED_MPS, LARGEST_SIDESLIP_RAD, LARGEST_ROLL_RAD, FIRST_EY_M, FIRST_EPSI_RAD)
-    numbers: list[Any] = [
-        motion[::200],
-        drawn.motion[::20],
-        drawn.inputs,
-        drawn.first_errors,
-        limits,
-    ]
+    numbers: list[Any] = [motion[::200], drawn.motion[::20], drawn.inputs]
+    numbers += [drawn.first_errors, limits]
     if variation is not None:
         recipe = Recipe(variation=VARIED.model_copy(update=_ALL_CHANGING))
         varied = make_episode(recipe, np.random.SeedSequence(0))
@@ -253,14 +249,6 @@ def is_kept(motion: Array, outputs: Array) -> bool:
     )
 
 
-def _drive(
-    first_speed_mps: float, inputs: Array, car: Parameters, roads: Array | None = None
-) -> tuple[Array, Array]:
-    """Motion (periods * STEPS_PER_PERIOD + 1, 3) and outputs (periods + 1, columns)."""
-    start = settle(first_speed_mps, car)
-    return simulate(start, inputs, car, STEPS_PER_PERIOD, STEP_S, roads)
-
-
 def _try_episode(
     rng: np.random.Generator, recipe: Recipe, conditions: Conditions | None, rejected: int
 ) -> Episode | None:
@@ -269,7 +257,8 @@ def _try_episode(
     inputs = draw_inputs(rng, recipe, EPISODE_STEPS)
     first_errors = rng.uniform(-1.0, 1.0, (SLICES, 2)) * (FIRST_EY_M, FIRST_EPSI_RAD)
     car, roads, rows = conditions or (default_car(), None, None)
-    motion, outputs = _drive(first_speed_mps, inputs, car, roads)
+    start = settle(first_speed_mps, car)
+    motion, outputs = simulate(start, inputs, car, STEPS_PER_PERIOD, STEP_S, roads)
     if not is_kept(motion, outputs):
         return None
     # On a straight road along X, path coordinates are plane coordinates.

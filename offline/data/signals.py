@@ -208,15 +208,11 @@ def signal_range(trajectories: Trajectories, schema: Schema) -> Array:
 
     Of the inputs of the car, these are its limits.
     """
-    inputs, exogenous = _rows(trajectories.u), _rows(trajectories.w)
-    found = np.concatenate([_range(inputs), _range(exogenous)], axis=1)
+    rows = np.concatenate([_rows(trajectories.u), _rows(trajectories.w)], axis=1)
+    found = np.stack([rows.min(axis=0), rows.max(axis=0)])
     if schema.inputs == VEHICLE.inputs:
-        found[:, : inputs.shape[1]] = INPUT_LIMITS.lower, INPUT_LIMITS.upper
+        found[:, : len(schema.inputs)] = INPUT_LIMITS.lower, INPUT_LIMITS.upper
     return found
-
-
-def _range(rows: Array) -> Array:
-    return np.stack([rows.min(axis=0), rows.max(axis=0)])
 
 
 def _scale(rows: Array, share_of_peak: float) -> Array:
