@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from offline.commands.terminal import STDERR, STDOUT, progress_bar
+from offline.commands.terminal import STDERR, STDOUT, progress_bar, stop_on_signals
 from offline.config import TrainingConfig, explicit_fields
 from offline.data.cache import cache_folder, make_dataset, simulated_origin
 from offline.data.dataset import Dataset, exists, load_dataset
@@ -14,21 +14,10 @@ from offline.data.manifest import Imported, Origin
 from offline.data.variation import Variation, describe
 from offline.experiments.backend import Backend
 from offline.experiments.training_task import CampaignData, linear_mse
-from offline.training.interrupt import stop_on_signals
 from rt_controller.contract.errors import DatasetError
 from rt_controller.report.table import Column, Table, print_table
 
-CONDITION_COLUMNS = (
-    Column("condition", is_text=True),
-    Column("minimum"),
-    Column("mean"),
-    Column("maximum"),
-)
-BAND_COLUMNS = (
-    Column("lowest friction", is_text=True),
-    Column("episodes"),
-    Column("rejected", "%"),
-)
+EXTREMES = ("minimum", "mean", "maximum")
 
 
 def condition_figures(dataset: Dataset) -> dict[str, Any]:
@@ -37,7 +26,7 @@ def condition_figures(dataset: Dataset) -> dict[str, Any]:
     extremes = zip(rows.min(axis=0), rows.mean(axis=0, dtype=float), rows.max(axis=0), strict=True)
     return {
         "conditions": {
-            name: dict(zip(("minimum", "mean", "maximum"), map(float, values), strict=True))
+            name: dict(zip(EXTREMES, map(float, values), strict=True))
             for name, values in zip(dataset.manifest.conditions, extremes, strict=True)
         },
         "rejected_by_lowest_friction": [
@@ -66,9 +55,15 @@ def condition_tables(figures: dict[str, Any]) -> tuple[Table, Table]:
         )
         for band in figures["rejected_by_lowest_friction"]
     )
+    of_conditions = (Column("condition", is_text=True), *map(Column, EXTREMES))
+    of_bands = (
+        Column("lowest friction", is_text=True),
+        Column("episodes"),
+        Column("rejected", "%"),
+    )
     return (
-        Table("conditions of all samples", CONDITION_COLUMNS, conditions),
-        Table("rejected drives", BAND_COLUMNS, bands),
+        Table("conditions of all samples", of_conditions, conditions),
+        Table("rejected drives", of_bands, bands),
     )
 
 
@@ -80,8 +75,7 @@ def make_data(
     recipe = Recipe(variation=variation)
     folder, dataset = _find_or_make(data, episodes, seed, recipe, backend)
     wall_s = time.monotonic() - begun
-    require_origin(folder, dataset.origin, episodes, seed)
-    require_recipe(folder, dataset.origin, recipe)
+    require_origin(folder, dataset.origin, episodes, seed, recipe)
     manifest = dataset.manifest
     STDOUT.print(
         f"{manifest.trajectories} trajectories of {episodes} episodes, "
@@ -159,8 +153,12 @@ def _find_or_make(
         raise
 
 
-def require_origin(folder: Path, origin: Origin, episodes: int, seed: int) -> None:
-    """Return if a simulated data set has that many episodes of that seed; imports always pass.
+def require_origin(
+    folder: Path, origin: Origin, episodes: int, seed: int, recipe: Recipe | None = None
+) -> None:
+    """Return if a simulated data set has that many episodes of that seed, and of that recipe.
+
+    Imports always pass; None: any recipe.
 
     Raises:
         DatasetError: it has not.
@@ -172,20 +170,11 @@ def require_origin(folder: Path, origin: Origin, episodes: int, seed: int) -> No
             f"{folder}: expected {episodes} episodes of seed {seed}, found a data set of "
             f"{origin.episodes} episodes of seed {origin.seed}. Choose another --data."
         )
-
-
-def require_recipe(folder: Path, origin: Origin, recipe: Recipe) -> None:
-    """Return if a simulated data set was made with that recipe; imports always pass.
-
-    Raises:
-        DatasetError: it was not.
-    """
-    if isinstance(origin, Imported) or origin.recipe.variation == recipe.variation:
-        return
-    raise DatasetError(
-        f"{folder}: expected a data set drawn with {describe(recipe.variation)}, found one drawn "
-        f"with {describe(origin.recipe.variation)}. Choose another --data."
-    )
+    if recipe is not None and origin.recipe.variation != recipe.variation:
+        raise DatasetError(
+            f"{folder}: expected a data set drawn with {describe(recipe.variation)}, found one "
+            f"drawn with {describe(origin.recipe.variation)}. Choose another --data."
+        )
 
 
 def config_of_data(

@@ -232,7 +232,10 @@ def comparison_markdown(figures: Mapping[str, Any]) -> str:
         cost = "Every training has {} steps of {} trajectories.".format(*costs.pop())
     pooled = ("variant", "geometric mean", "least … most", *states, "parameters", "CPU s")
     single = ("variant", "seed", *states, "geometric mean", "radius", "step", "CPU s")
-    changes = [(each["name"], _changes(each["changes"]), each["why"]) for each in variants]
+    changes = []
+    for each in variants:
+        texts = (f"`{field} = {json.dumps(value)}`" for field, value in each["changes"].items())
+        changes.append((each["name"], ", ".join(texts) or NO_VALUE, each["why"]))
     trainings = [_cells(v["name"], each, states) for v in variants for each in v["trainings"]]
     return "\n\n".join(
         (
@@ -264,11 +267,6 @@ def _cells(name: str, training: Mapping[str, Any], states: Sequence[str]) -> tup
     ratios = (f"{training['mse_ratio'][name]:.3g}" for name in states)
     mean, radius = training["geometric_mean_ratio"], training["spectral_radius"]
     return (*begin, *ratios, f"{mean:.3g}", f"{radius:.5f}", *cost)
-
-
-def _changes(changes: Mapping[str, Any]) -> str:
-    texts = (f"`{field} = {json.dumps(value)}`" for field, value in changes.items())
-    return ", ".join(texts) or NO_VALUE
 
 
 def _markdown(heads: Sequence[str], rows: Sequence[tuple[str, ...]]) -> str:

@@ -186,6 +186,10 @@ def _shift_table(shifts: Sequence[TimeShift]) -> Table:
     return _table("Time shifts", heads, 2, rows)
 
 
+OFF_LINE = (
+    "periods are too far from the line or beyond its end, or their nearest point jumps; the drive "
+    "is cut there. farthest_m in [pose] sets the limit"
+)
 _CONSTANT_SHARE = 1e-9
 """of its size within which a signal counts as constant"""
 
@@ -213,7 +217,12 @@ def inspect_drives(
     episodes = [episode for cut in cuts for episode in cut.episodes]
     proportions = find_proportions(episodes, mapping)
     suspected = unit_issues(proportions, episodes, mapping)
-    _require_units(suspected, mapping, drives)
+    if suspected and not mapping.checks.accept_units:
+        listed = (f"  {_where(each.subject, drives)}: {each.message}.\n" for each in suspected)
+        raise DatasetError(
+            f"expected units as in the mapping, found signals that contradict them:\n"
+            f"{''.join(listed)}If all units are correct, write accept_units = true in [checks]."
+        )
     outliers = find_outliers(drives)
     shifts, ranges = find_time_shifts(episodes, mapping), find_ranges(episodes, schema)
     files = tuple(_file(drive, cut, mapping) for drive, cut in zip(drives, cuts, strict=True))
@@ -236,7 +245,11 @@ def inspect_drives(
         issues=(
             *suspected,
             *gap_issues([file.gaps for file in files]),
-            *_off_line(files),
+            *(
+                Issue("reference line", file.name, f"{file.off_line} {OFF_LINE}")
+                for file in files
+                if file.off_line
+            ),
             *time_shift_issues(shifts),
             *outlier_issues(outliers, pedals),
             *(Issue("constant", name, "constant, as the mapping allows") for name in constant),
@@ -305,20 +318,6 @@ def _require_motion(drives: Sequence[LoggedDrive], mapping: LogMapping) -> tuple
     return tuple(constant)
 
 
-def _require_units(
-    suspected: Sequence[Issue], mapping: LogMapping, drives: Sequence[LoggedDrive]
-) -> None:
-    """Raise a `DatasetError` if units are suspected and the mapping does not accept them."""
-    if suspected and not mapping.checks.accept_units:
-        listed = "\n".join(
-            f"  {_where(each.subject, drives)}: {each.message}." for each in suspected
-        )
-        raise DatasetError(
-            f"expected units as in the mapping, found signals that contradict them:\n"
-            f"{listed}\nIf all units are correct, write accept_units = true in [checks]."
-        )
-
-
 def _where(subject: str, drives: Sequence[LoggedDrive]) -> str:
     """The file and its first row, or the column that a signal comes from."""
     for drive in drives:
@@ -346,15 +345,6 @@ def _file(drive: LoggedDrive, cut: CutDrive, mapping: LogMapping) -> FileReport:
         off_line=cut.off_line,
         gaps=find_gaps(drive),
     )
-
-
-def _off_line(files: Sequence[FileReport]) -> list[Issue]:
-    message = (
-        "periods are too far from the line or beyond its end, or their nearest point jumps; the "
-        "drive is cut there. farthest_m in [pose] sets the limit"
-    )
-    off_line = [file for file in files if file.off_line]
-    return [Issue("reference line", file.name, f"{file.off_line} {message}") for file in off_line]
 
 
 def _slow(drives: Sequence[LoggedDrive], mapping: LogMapping) -> Iterator[Issue]:

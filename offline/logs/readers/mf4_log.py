@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from offline.logs.readers.log import Channel, Log, Names, RowsOf, readable
-from offline.logs.readers.table import find_headings
+from offline.logs.readers.log import Channel, Log, Names, RowsOf, find_headings, readable
 from rt_controller.contract.errors import DatasetError, require_packages
 
 _TIME_CHANNELS = ("t", "time")

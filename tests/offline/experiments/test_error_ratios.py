@@ -14,8 +14,8 @@ from offline.experiments.training_task import (
     mean_squared_errors,
 )
 from offline.model.bundle_predictor import BundlePredictor
-from offline.training.checkpoint import load_checkpoint
 from offline.training.export import export_checkpoint
+from offline.training.state import load_checkpoint
 from offline.training.train import train
 
 

@@ -14,7 +14,7 @@ from offline.commands.tuning import tune
 from offline.config import TrainingConfig, resolve
 from offline.experiments import training_task
 from offline.experiments.backend import Backend
-from offline.training.checkpoint import load_checkpoint
+from offline.training.state import load_checkpoint
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import write_figures
 
