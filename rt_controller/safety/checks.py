@@ -98,12 +98,12 @@ _Q, _R, _C = Quantity, Reaction, StopCause
 CHECKS: tuple[Check, ...] = (
     Check("progress", _Q.PROGRESS_STEP_M, 0.02, 1, _R.REJECT_STATE, _C.PROGRESS_IMPLAUSIBLE),
     Check("speed and progress", _Q.PROGRESS_SPEED_MPS, 0.5, 1, _R.STOP, _C.PROGRESS_IMPLAUSIBLE),
-    Check("v_x, one step", _Q.SPEED_STEP_MPS, 0.5, 1, _R.REJECT_STATE, _C.SPEED_IMPLAUSIBLE),
+    Check("v_x, one step", _Q.SPEED_STEP_MPS, 0.7, 1, _R.REJECT_STATE, _C.SPEED_IMPLAUSIBLE),
     Check("v_x, ten steps", _Q.SPEED_TEN_MPS, 2.0, _ticks(0.2), _R.STOP, _C.SPEED_IMPLAUSIBLE),
     Check(
         "v_y, one step",
         _Q.LATERAL_SPEED_STEP_MPS,
-        0.45,
+        0.35,
         1,
         _R.REJECT_STATE,
         _C.LATERAL_SPEED_IMPLAUSIBLE,
