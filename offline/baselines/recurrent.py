@@ -50,7 +50,7 @@ class Settings:
     encoder: int = 128
     """width of the two hidden layers of the encoder"""
     past_steps: int = PAST_STEPS
-    most_cpu_s: float = 900.0
+    most_cpu_s: float = 600.0
     """of the training, on one core"""
     most_steps: int = 60_000
     batch: int = 128
