@@ -18,7 +18,6 @@ from offline.commands.terminal import STDERR, STDOUT, progress_bar
 from offline.experiments.backend import Backend
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import write_figures
-from rt_controller.contract.files import write_text
 
 if TYPE_CHECKING:
     from offline.experiments.comparison import Row
@@ -57,6 +56,7 @@ def ablate(
     from offline.experiments import comparison
     from offline.experiments.settings import common_fields
     from offline.files import write_json
+    from rt_controller.contract.files import write_text
 
     numbers = parse_seeds(seeds)
     names = [part.strip() for part in only.split(",") if part.strip()]

@@ -164,14 +164,15 @@ def comparison_figures(title: str, data: CampaignData, rows: Sequence[Row]) -> d
 
 
 def _variant_figures(variant: Variant, rows: Sequence[Row]) -> dict[str, Any]:
-    models = [row.result for row in rows if row.result.mse_ratio is not None]
-    ratios = [each.mse_ratio for each in models if each.mse_ratio is not None]
+    config = rows[0].training.config
+    models = [row.result for row in rows if row.result.mse_ratio]
+    ratios = [each.mse_ratio or {} for each in models]
     means = [geometric_mean(each.values()) for each in ratios]
-    by_state = {name: geometric_mean(each[name] for each in ratios) for name in (ratios or [{}])[0]}
+    by_state = {name: geometric_mean(each[name] for each in ratios) for name in (*ratios, {})[0]}
     return {
         **variant.model_dump(),
-        "n_steps": rows[0].training.config.steps,
-        "n_trajectories_per_step": rows[0].training.config.batch,
+        "n_steps": config.steps,
+        "n_trajectories_per_step": config.batch,
         "n_parameters": models[0].n_parameters if models else None,
         "geometric_mean_ratio": geometric_mean(means) if means else None,
         "least_geometric_mean_ratio": min(means, default=None),
@@ -184,48 +185,34 @@ def _variant_figures(variant: Variant, rows: Sequence[Row]) -> dict[str, Any]:
 
 def comparison_markdown(figures: Mapping[str, Any]) -> str:
     """Three tables: pooled ratios of the variants, their changes, and all trainings."""
-    variants, states = figures["variants"], tuple(figures["baseline_mse_si"])
+    variants, states = figures["variants"], figures["baseline_mse_si"]
+    trainings = [{"name": v["name"], **each} for v in variants for each in v["trainings"]]
     mean, cost = "geometric_mean_ratio", "training_cpu_s"
-    pooled = (mean, f"least_{mean}", f"most_{mean}", *states, "n_parameters", cost)
-    single = ("seed", "ending", *states, mean, "spectral_radius", "step", cost)
-    changes = [
-        (
-            each["name"],
-            ", ".join(f"`{name} = {json.dumps(to)}`" for name, to in each["changes"].items()),
-            each["why"],
-            f"{each['n_steps']} × {each['n_trajectories_per_step']}",
-        )
-        for each in variants
-    ]
+    pooled = ("name", mean, f"least_{mean}", f"most_{mean}", *states, "n_parameters", cost)
+    single = ("name", "seed", "ending", *states, mean, "spectral_radius", "step", cost)
     return "\n\n".join(
         (
             f"# {figures['title']}",
             "Mean squared error over the horizon of the fair linear model, divided by that of the "
             "variant, on the validation part: more is better. The geometric mean is over the "
             "states, and the first table over all seeds.",
-            _markdown(
-                ("variant", *pooled), [_cells(each["name"], each, pooled) for each in variants]
-            ),
-            _markdown(("variant", "changes", "why", "steps × trajectories"), changes),
-            _markdown(
-                ("variant", *single),
-                [_cells(v["name"], each, single) for v in variants for each in v["trainings"]],
-            )
-            + "\n",
+            _table(pooled, variants),
+            _table(("name", "changes", "why", "n_steps", "n_trajectories_per_step"), variants),
+            _table(single, trainings) + "\n",
         )
     )
 
 
-def _cells(name: str, figures: Mapping[str, Any], keys: Sequence[str]) -> tuple[str, ...]:
-    values = {**figures, **(figures["mse_ratio"] or {})}
-    return (name, *(_text(values.get(key)) for key in keys))
+def _table(keys: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> str:
+    """A column for each key of the rows or of their ratios."""
+    cells = [{**row, **(row["mse_ratio"] or {})} for row in rows]
+    texts = (tuple(_text(each.get(key)) for key in keys) for each in cells)
+    return to_markdown(Table("", tuple(map(Column, keys)), tuple(texts)))
 
 
-def _text(value: float | str | None) -> str:
-    if value is None:
+def _text(value: float | str | Mapping[str, Any] | None) -> str:
+    if not value and not isinstance(value, float | int):
         return NO_VALUE
+    if isinstance(value, Mapping):
+        return ", ".join(f"`{name} = {json.dumps(to)}`" for name, to in value.items())
     return format_number(value) if isinstance(value, float) else str(value)
-
-
-def _markdown(heads: Sequence[str], rows: Sequence[tuple[str, ...]]) -> str:
-    return to_markdown(Table("", tuple(map(Column, heads)), tuple(rows)))

@@ -127,10 +127,6 @@ def read_space(
 
 JOURNAL_FILE = "study.journal"
 QUESTION = "question"
-RANDOM_TRIALS = 10
-"""before the sampler uses the values of earlier trials"""
-UNPRUNED_TRIALS = 5
-"""before any trial is compared with the median"""
 UNPRUNED_SHARE = 0.3
 """of the steps of a training: a loss says little as long as the horizon grows"""
 
@@ -158,12 +154,9 @@ class StudyPlan:
             study_name="study",
             load_if_exists=True,
             direction="maximize",
-            sampler=optuna.samplers.TPESampler(
-                seed=int(seed), n_startup_trials=RANDOM_TRIALS, constant_liar=True
-            ),
+            sampler=optuna.samplers.TPESampler(seed=int(seed), constant_liar=True),
             pruner=optuna.pruners.MedianPruner(
-                n_startup_trials=UNPRUNED_TRIALS,
-                n_warmup_steps=round(UNPRUNED_SHARE * self.base.steps),
+                n_warmup_steps=round(UNPRUNED_SHARE * self.base.steps)
             ),
         )
 

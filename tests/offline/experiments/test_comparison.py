@@ -92,5 +92,5 @@ def test_table_has_the_cost_of_each_variant():
     longer = Variant(name="longer", why="more time", changes={"steps": 18})
     config = TrainingConfig(steps=18, batch=3)
     text = markdown(*TWO_SEEDS, Row(Training(longer, config), NO_MODEL[0].result))
-    assert "| nothing left out | 9 × 3 |" in text
-    assert "| longer | `steps = 18` | more time | 18 × 3 |" in text
+    assert "| whole | – | nothing left out | 9 | 3 |" in text
+    assert "| longer | `steps = 18` | more time | 18 | 3 |" in text
