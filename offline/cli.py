@@ -55,11 +55,7 @@ ablate_app = new_app(
     "Train variants of a model on the same data, and compare them.",
     "[VARIANTS]",
 )
-tune_app = new_app(
-    "offline-tune",
-    "Search for the settings of a training.",
-    "[SPACE]",
-)
+tune_app = new_app("offline-tune", "Search for the settings of a training.", "[SPACE]")
 
 
 @data_app.default

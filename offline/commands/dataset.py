@@ -40,12 +40,13 @@ def condition_figures(dataset: Dataset) -> dict[str, Any]:
     }
 
 
-def condition_tables(figures: dict[str, Any]) -> tuple[Table, Table]:
-    """The figures as tables."""
+def _print_conditions(figures: dict[str, Any]) -> None:
     conditions = tuple(
         (name, *(f"{value:.3f}" for value in values.values()))
         for name, values in figures["conditions"].items()
     )
+    heads = (Column("condition", is_text=True), *map(Column, EXTREMES))
+    print_table(Table("conditions of all samples", heads, conditions), STDOUT)
     bands = tuple(
         (
             f"{band['friction_from']:g} to {band['friction_below']:g}",
@@ -54,16 +55,8 @@ def condition_tables(figures: dict[str, Any]) -> tuple[Table, Table]:
         )
         for band in figures["rejected_by_lowest_friction"]
     )
-    of_conditions = (Column("condition", is_text=True), *map(Column, EXTREMES))
-    of_bands = (
-        Column("lowest friction", is_text=True),
-        Column("episodes"),
-        Column("rejected", "%"),
-    )
-    return (
-        Table("conditions of all samples", of_conditions, conditions),
-        Table("rejected drives", of_bands, bands),
-    )
+    heads = (Column("lowest friction", is_text=True), Column("episodes"), Column("rejected", "%"))
+    print_table(Table("rejected drives", heads, bands), STDOUT)
 
 
 def make_data(
@@ -94,8 +87,7 @@ def make_data(
         return figures
     conditions = condition_figures(dataset)
     STDOUT.print(f"drawn with {describe(variation)}", soft_wrap=True)
-    for table in condition_tables(conditions):
-        print_table(table, STDOUT)
+    _print_conditions(conditions)
     return {**figures, "recipe": variation.model_dump(), **conditions}
 
 

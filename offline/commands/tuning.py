@@ -37,9 +37,9 @@ def tune(
 ) -> None:
     """Search for the settings whose model is furthest ahead of a linear one on validation data.
 
-    Ctrl-C stops, and the trials that run then fail; the same command goes on with new ones. Options
-    of offline-train, such as --steps, apply to all trials. docs/experiments.md has the file of
-    search spaces.
+    Ctrl-C stops; the same command goes on, with new trials for those that did not end. Options of
+    offline-train, such as --steps, apply to all trials. docs/experiments.md has the file of search
+    spaces.
 
     Args:
         space: a search space of the file: method, structure, paper-weights
@@ -65,8 +65,9 @@ def tune(
     STDERR.print(f"study {path}\ndata {shared.folder}", soft_wrap=True)
 
     def on_trial(study: "Study") -> None:
-        n_ended = sum(count_ended(study))
-        show(min(n_ended, trials), f"best value {study.best_value:.3g}" if n_ended else "")
+        complete, pruned = count_ended(study)
+        best = f"best {study.best_value:.3g}, {pruned} pruned" if complete else "no trial has ended"
+        show(min(complete + pruned, trials), best)
 
     with progress_bar("trials", trials) as show:
         study = search(plan, backend, on_trial)

@@ -13,12 +13,12 @@ from dataclasses import asdict, dataclass
 from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 import torch
 from filelock import FileLock, Timeout
-from pydantic import TypeAdapter
+from pydantic import ConfigDict, TypeAdapter
 
 from offline.baselines import registry
 from offline.config import TrainingConfig
@@ -67,6 +67,8 @@ class CampaignData:
 @dataclass(frozen=True, slots=True)
 class Result:
     """How a training ended."""
+
+    __pydantic_config__: ClassVar = ConfigDict(extra="forbid")
 
     ending: Literal["finished", "diverged", "refused", "pruned"]
     """diverged: the loss is not finite; refused: the model cannot be exported; pruned: the study

@@ -41,7 +41,16 @@ def test_result_is_read_as_it_was_written(training, result):
     assert load_result(*training) == result
 
 
-@pytest.mark.parametrize("text", ["", "3", "{}", '{"mse_ratio": null, "ending": "finished"}'])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "3",
+        "{}",
+        '{"ending": "pruned", "step": 3, "training_cpu_s": 1.0, "more": 1}',
+        '{"mse_ratio": null, "ending": "finished"}',
+    ],
+)
 def test_other_content_is_refused_with_the_remedy(training, text):
     (training[0] / RESULT_FILE).write_text(text)
     with pytest.raises(ConfigError, match="Delete it, and train again"):
