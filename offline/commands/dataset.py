@@ -1,7 +1,6 @@
 """The data set of a command: loaded from its folder, or made now with a progress bar."""
 
 import time
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from offline.data.excitation import Recipe
 from offline.data.manifest import Imported, Origin
 from offline.data.variation import Variation, describe
 from offline.experiments.backend import Backend
-from offline.experiments.training_task import CampaignData, linear_mse
+from offline.experiments.training_task import CampaignData, measure_linear_model
 from rt_controller.contract.errors import DatasetError
 from rt_controller.report.table import Column, Table, print_table
 
@@ -41,12 +40,13 @@ def condition_figures(dataset: Dataset) -> dict[str, Any]:
     }
 
 
-def condition_tables(figures: dict[str, Any]) -> tuple[Table, Table]:
-    """The figures as tables."""
+def _print_conditions(figures: dict[str, Any]) -> None:
     conditions = tuple(
         (name, *(f"{value:.3f}" for value in values.values()))
         for name, values in figures["conditions"].items()
     )
+    heads = (Column("condition", is_text=True), *map(Column, EXTREMES))
+    print_table(Table("conditions of all samples", heads, conditions), STDOUT)
     bands = tuple(
         (
             f"{band['friction_from']:g} to {band['friction_below']:g}",
@@ -55,16 +55,8 @@ def condition_tables(figures: dict[str, Any]) -> tuple[Table, Table]:
         )
         for band in figures["rejected_by_lowest_friction"]
     )
-    of_conditions = (Column("condition", is_text=True), *map(Column, EXTREMES))
-    of_bands = (
-        Column("lowest friction", is_text=True),
-        Column("episodes"),
-        Column("rejected", "%"),
-    )
-    return (
-        Table("conditions of all samples", of_conditions, conditions),
-        Table("rejected drives", of_bands, bands),
-    )
+    heads = (Column("lowest friction", is_text=True), Column("episodes"), Column("rejected", "%"))
+    print_table(Table("rejected drives", heads, bands), STDOUT)
 
 
 def make_data(
@@ -95,8 +87,7 @@ def make_data(
         return figures
     conditions = condition_figures(dataset)
     STDOUT.print(f"drawn with {describe(variation)}", soft_wrap=True)
-    for table in condition_tables(conditions):
-        print_table(table, STDOUT)
+    _print_conditions(conditions)
     return {**figures, "recipe": variation.model_dump(), **conditions}
 
 
@@ -193,12 +184,9 @@ def config_of_data(
 
 
 def open_campaign_data(
-    data: Path | None,
-    configs: Sequence[TrainingConfig],
-    chosen: TrainingConfig | None,
-    backend: Backend,
-) -> tuple[CampaignData, list[TrainingConfig]]:
-    """The data set of a comparison or a study, and the configurations for it.
+    data: Path | None, config: TrainingConfig, chosen: TrainingConfig | None, backend: Backend
+) -> tuple[CampaignData, dict[str, int]]:
+    """The data set of a comparison or a study, and the fields of a configuration that follow.
 
     It is that of `ensure_dataset`, and comes with the errors of the linear model on it.
 
@@ -206,10 +194,8 @@ def open_campaign_data(
         DatasetError: the named folder holds no data set, or another one than the options
             explicitly chose.
     """
-    first = configs[0]
-    folder, dataset = ensure_dataset(data, first.episodes, first.data_seed, backend)
-    configs = [config_of_data(folder, dataset.origin, each, chosen) for each in configs]
+    folder, dataset = ensure_dataset(data, config.episodes, config.data_seed, backend)
+    config = config_of_data(folder, dataset.origin, config, chosen)
     with STDERR.status("fair linear model"):
-        mse = linear_mse(dataset)
-    states = dataset.schema.state_names
-    return CampaignData(folder.resolve(), dataset.sha256, states, tuple(map(float, mse))), configs
+        shared = measure_linear_model(folder, dataset)
+    return shared, {"episodes": config.episodes, "data_seed": config.data_seed}

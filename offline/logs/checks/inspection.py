@@ -309,7 +309,7 @@ def _require_motion(drives: Sequence[LoggedDrive], mapping: LogMapping) -> tuple
         if not signal.may_be_constant and name not in mapping.exogenous:
             first = series[0]
             raise DatasetError(
-                f"{first.place}, {first.row_word}s {first.row[0]} to {first.row[-1]}: expected "
+                f"{first.place}, {first.of.word}s {first.row[0]} to {first.row[-1]}: expected "
                 f"{name} to change, found {low:.6g} {first.unit} all the time, in {len(drives)} "
                 f"logs. Remove it from the mapping, name another column, or write may_be_constant "
                 f"= true for it."
@@ -323,7 +323,7 @@ def _where(subject: str, drives: Sequence[LoggedDrive]) -> str:
     for drive in drives:
         if drive.name == subject:
             first = drive.signals[0]
-            return f"{first.place}, from {first.row_word} {first.row[0]} on"
+            return f"{first.place}, from {first.of.word} {first.row[0]} on"
         for series in drive.all_series:
             if series.name == subject:
                 return series.place

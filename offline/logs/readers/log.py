@@ -6,7 +6,7 @@ The functions that read one raise the errors of `offline.logs.readers.source.rea
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.names import columns_of
-from rt_controller.mapping.tables import TEXT_TIMES, Clock
+from rt_controller.mapping.tables import TEXT_TIMES, Clock, Sampling
 from rt_controller.mapping.units import find_unit, unit_of_name
 
 Names = Sequence[str]
@@ -25,29 +25,39 @@ Names = Sequence[str]
 
 
 class RowsOf(NamedTuple):
-    """The file of a channel, and the name of a row in it, for messages."""
+    """The file of a column, and the name of a row in it, for messages."""
 
     path: Path
     word: str
     """"line", "row", "frame" """
 
 
-class Channel(NamedTuple):
-    """One column with the time of each of its samples."""
+@dataclass(frozen=True, slots=True)
+class Series:
+    """A column of a log with the time of each of its samples; `to_drive` makes signals of it."""
 
     column: str
     """as the mapping names it"""
     t_s: Array
-    """(N,)"""
+    """(N,); of a signal increasing, time of measurement, delays subtracted"""
     values: Array
-    """(N,) in the file's unit; NaN where the file has no number"""
+    """(N,) in `unit`; NaN where the file has no number; of a signal finite and in SI"""
     row: NDArray[np.int64]
     """(N,) row number of each sample, as the user counts it in the file"""
-    unit: str | None
-    """as written in the file, or None"""
+    unit: str
+    """as written in the file; empty: the file has none"""
     of: RowsOf
     file: str | None = None
     """`file` of the mapping, in a drive with one file for each signal"""
+    name: str = ""
+    """of the signal"""
+    sampling: Sampling = Sampling.SAMPLED
+    connected: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
+    """(N-1,) of a signal: whether it is known between a sample and the next"""
+    jumps: int = 0
+    """how often it changed faster than possible"""
+    gaps: tuple[int, ...] = ()
+    """samples whose next one is too far away to bridge"""
 
     @property
     def place(self) -> str:
@@ -58,6 +68,16 @@ class Channel(NamedTuple):
         """File, column and row of a sample, for messages."""
         return f"{self.place}, {self.of.word} {self.row[sample]}"
 
+    @property
+    def usual_step_s(self) -> float:
+        """Median time between two samples."""
+        return float(np.median(np.diff(self.t_s)))
+
+    @property
+    def missing_s(self) -> float:
+        """Sum of all gaps."""
+        return float(np.diff(self.t_s)[list(self.gaps)].sum())
+
 
 @dataclass(frozen=True, slots=True)
 class Log:
@@ -66,13 +86,13 @@ class Log:
     name: str
     path: Path
     """file, or folder of the files"""
-    channels: tuple[Channel, ...]
+    channels: tuple[Series, ...]
     rows: int
     """in the longest file"""
     begin_s: float | None = 0.0
     """instant that the times count from, on the clock of the file; None: the file has no clock"""
 
-    def channel(self, *names: str, file: str | None = None) -> Channel:
+    def channel(self, *names: str, file: str | None = None) -> Series:
         """The channel of a wanted column with one of these names."""
         fits = [each for each in self.channels if each.file == file]
         return next(each for name in names for each in fits if each.column == name)
@@ -221,12 +241,12 @@ def to_log(
         begin_s = None if time.starts_at_zero else first_s
     rows = frame.index.to_numpy(np.int64)
     channels = tuple(
-        Channel(
+        Series(
             each.name,
             t_s,
             frame[each.text].to_numpy(np.float64),
             rows,
-            unit_of(each.text) or each.unit,
+            unit_of(each.text) or each.unit or "",
             of,
         )
         for each in columns.values

@@ -155,7 +155,7 @@ def read_log(drive: DriveFiles, mapping: LogMapping) -> Log:
     parts = []
     for (file, clock), wanted in groups.items():
         log = _read_part(drive.parts[file] if file else drive.path, wanted, clock, mapping)
-        parts.append(replace(log, channels=tuple(c._replace(file=file) for c in log.channels)))
+        parts.append(replace(log, channels=tuple(replace(c, file=file) for c in log.channels)))
     return replace(_on_one_clock(parts), name=drive.name, path=drive.path)
 
 
@@ -250,7 +250,7 @@ def _on_one_clock(parts: Sequence[Log]) -> Log:
     channels = []
     for part in parts:
         ahead_s = 0.0 if part.begin_s is None else part.begin_s - min(known)
-        channels += [each._replace(t_s=each.t_s + ahead_s) for each in part.channels]
+        channels += [replace(each, t_s=each.t_s + ahead_s) for each in part.channels]
     late = max(channels, key=lambda each: each.t_s[0])
     early = min(channels, key=lambda each: each.t_s[-1])
     if late.t_s[0] >= early.t_s[-1]:
