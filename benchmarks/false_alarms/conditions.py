@@ -31,8 +31,8 @@ FRICTION = (0.5, 1.0)
 MASS_KG = (-225.0, 225.0)
 """15 % of the car"""
 GRADE, BANK_DEG, WIND_MPS = 0.2, 6.0, 20.0
-HILL_START_GRADE = 0.15
-"""times the friction: on a steeper one two driven wheels spin"""
+CLIMBED_GRADE, SPLIT_FRICTION = 0.15, 0.375
+"""on a grade above 0.15 times the friction two driven wheels spin; mean of both sides"""
 SPEED_STEP_MPS, PATH_STEP_M = 5.0, 0.5
 """requests at any time"""
 WITHOUT_NOISE, WITH_REQUEST, ON_FLAT_ROAD = 0.25, 0.5, 0.25
@@ -79,7 +79,11 @@ def conditions(scenarios: Sequence[str]) -> Iterator[Condition]:
             stop_at_s = _drawn(rng, EARLIEST_STOP_S, scenario.duration_s)
             if seed < len(_CORNERS):
                 friction, mass_kg = _CORNERS[seed]
-            steepest = GRADE if scenario.start.speed_mps > 0.0 else HILL_START_GRADE * friction
+            steepest = GRADE
+            if _is_split(scenario):
+                steepest = CLIMBED_GRADE * SPLIT_FRICTION
+            elif scenario.start.speed_mps == 0.0:
+                steepest = CLIMBED_GRADE * friction
             is_flat, has_request = rng.random() < ON_FLAT_ROAD, rng.random() < WITH_REQUEST
             condition = Condition(
                 scenario=name,
@@ -137,6 +141,11 @@ def disturbed(condition: Condition) -> Scenario:
     )
     is_split = scenario.name.startswith("braking on split")  # its friction is part of the scenario
     return changed if is_split else changed.with_friction(condition.friction)
+
+
+def _is_split(scenario: Scenario) -> bool:
+    """True if the friction is part of the scenario."""
+    return scenario.name.startswith("braking on split friction")
 
 
 def _noise(signal: str, value: float, seed: int) -> Fault:
