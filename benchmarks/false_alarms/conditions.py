@@ -139,13 +139,12 @@ def disturbed(condition: Condition) -> Scenario:
             bank_rad=constant(radians(condition.bank_deg)),
         ),
     )
-    is_split = scenario.name.startswith("braking on split")  # its friction is part of the scenario
-    return changed if is_split else changed.with_friction(condition.friction)
+    return changed if _is_split(scenario) else changed.with_friction(condition.friction)
 
 
 def _is_split(scenario: Scenario) -> bool:
     """True if the friction is part of the scenario."""
-    return scenario.name.startswith("braking on split friction")
+    return scenario.name.startswith("braking on split")
 
 
 def _noise(signal: str, value: float, seed: int) -> Fault:
