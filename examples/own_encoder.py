@@ -15,9 +15,9 @@ from offline.config import PRESETS
 from offline.evaluation.predictor import prediction_errors
 from offline.model.bundle_predictor import BundlePredictor
 from offline.model.losses import state_errors, total_loss
-from offline.training.checkpoint import load_checkpoint
 from offline.training.export import export_checkpoint
 from offline.training.run_folder import create_run
+from offline.training.state import load_checkpoint
 from offline.training.train import train
 
 

@@ -10,6 +10,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from offline.commands.ablation import ablate
 from offline.commands.options import (
     LATEST_RUN,
     RUNS,
@@ -19,7 +20,9 @@ from offline.commands.options import (
     EvaluationOptions,
     JsonFile,
     Ranges,
+    require_ready,
 )
+from offline.commands.tuning import tune
 from offline.config import PRESETS
 from offline.data.variation import RecipeName, choose_variation
 from offline.experiments.backend import Backend
@@ -28,7 +31,6 @@ from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.terminal.command_line import new_app, run_command
 
 LEAST_EPISODES = 10
-OFFLINE_PACKAGES = ("torch", "numba", "onnx", "onnxscript", "joblib", "onnxruntime")
 HELD_OUT = EvaluationOptions()
 
 data_app = new_app("offline-data", "Make the data set: episodes of the simulated car.")
@@ -53,22 +55,7 @@ ablate_app = new_app(
     "Train variants of a model on the same data, and compare them.",
     "[VARIANTS]",
 )
-tune_app = new_app(
-    "offline-tune",
-    "Search for the settings of a training; several processes may join.",
-    "[SPACE]",
-)
-
-
-def require_ready(json_file: Path | None) -> None:
-    """Raise before the work starts what would otherwise be raised after it.
-
-    Raises:
-        MissingExtraError: a package of the extra `offline` is not installed.
-        ConfigError: the JSON file cannot be written.
-    """
-    require_packages("offline", OFFLINE_PACKAGES, "learning")
-    require_writable(json_file)
+tune_app = new_app("offline-tune", "Search for the settings of a training.", "[SPACE]")
 
 
 @data_app.default
@@ -224,75 +211,8 @@ def report(
     write_figures(json_file, report_page.write_report(output, options))
 
 
-@ablate_app.default
-def ablate(
-    variants: str = "ladder",
-    *,
-    config: Config = None,
-    seeds: str = "0",
-    only: str = "",
-    lists: Path | None = None,
-    folder: Path | None = None,
-    data: DataFolder = None,
-    backend: Backend = THIS_MACHINE,
-    json_file: JsonFile = None,
-) -> None:
-    """Train every variant with every seed, and compare each with a linear model.
-
-    Ctrl-C stops; the same command goes on with the trainings that have not ended. Options of
-    offline-train, such as --steps, apply to all variants. docs/experiments.md describes the file of
-    variants.
-
-    Args:
-        variants: a list of the file: ladder, leave-one-out, sizes, paper-readings; or a preset, as
-            a list of one
-        seeds: seeds of every variant, such as 0,1,2
-        only: names of variants, such as paper,history; default: the whole list
-        lists: TOML file with lists of variants; default: the shipped one
-        folder: folder of the campaign; default: runs/ablation-LIST
-    """
-    require_ready(json_file)
-    from offline.commands import ablation
-
-    campaign = folder or RUNS / f"ablation-{variants}"
-    figures = ablation.ablate(variants, seeds, only, lists, config, campaign, data, backend)
-    write_figures(json_file, figures)
-
-
-@tune_app.default
-def tune(
-    space: str = "method",
-    *,
-    config: Config = None,
-    trials: int = 50,
-    search_seed: int = 0,
-    spaces: Path | None = None,
-    folder: Path | None = None,
-    data: DataFolder = None,
-    backend: Backend = THIS_MACHINE,
-    json_file: JsonFile = None,
-) -> None:
-    """Search for the settings whose model is furthest ahead of a linear one on validation data.
-
-    Ctrl-C stops, and the trials that run then fail; the same command goes on with new ones. Options
-    of offline-train, such as --steps, apply to all trials. docs/experiments.md has the file of
-    search spaces.
-
-    Args:
-        space: a search space of the file: method, structure, paper-weights
-        trials: trials in total, including those of earlier commands
-        search_seed: seed of the search; --seed is that of every training
-        spaces: TOML file with search spaces; default: the shipped one
-        folder: folder of the study; default: runs/tuning-SPACE
-    """
-    require_ready(json_file)
-    require_packages("offline,tune", ("optuna",), "offline-tune")
-    from offline.commands import tuning
-
-    study = folder or RUNS / f"tuning-{space}"
-    figures = tuning.tune(space, spaces, search_seed, trials, config, study, data, backend)
-    write_figures(json_file, figures)
-
+ablate_app.default(ablate)
+tune_app.default(tune)
 
 data_main = partial(run_command, data_app)
 import_main = partial(run_command, import_app)

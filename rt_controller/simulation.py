@@ -1,5 +1,6 @@
 """A simulated drive as a function: scenario, plant and model in, table of the drive out."""
 
+from collections.abc import Sequence
 from contextlib import closing
 from itertools import count
 from math import inf
@@ -18,6 +19,7 @@ from rt_controller.control.mpc import Mpc
 from rt_controller.drive.table import Drive
 from rt_controller.planner import build_mpc
 from rt_controller.realtime.clock import LockstepClock
+from rt_controller.safety.checks import CHECKS, Check
 from rt_controller.session import ControllerSession
 from rt_controller.settings import OWN, VIRTUAL, BusSettings, CarSettings
 from rt_controller.virtual_car import driven_scenario, open_virtual_car, require_scenario
@@ -103,10 +105,12 @@ def drive_in_lockstep(
     plant: "Plant | None" = None,
     duration_s: float | None = None,
     scenario: "Scenario | None" = None,
+    checks: Sequence[Check] = CHECKS,
 ) -> Drive:
     """A drive in simulated time with `mpc`, which plans with `bundle`, over a bus of its own.
 
-    `plant` and `scenario` replace those that `car` names; otherwise as `simulate`.
+    `plant` and `scenario` replace those that `car` names; `checks` are those of the supervisor;
+    otherwise as `simulate`.
     """
     bus = BusSettings(bus=VIRTUAL, channel=f"simulate-{next(_numbers)}")
     with (
@@ -114,7 +118,7 @@ def drive_in_lockstep(
         threadpool_limits(1, "blas"),
     ):
         clock = LockstepClock(virtual.tick)
-        with closing(ControllerSession(bus, config, bundle, mpc, clock)) as session:
+        with closing(ControllerSession(bus, config, bundle, mpc, clock, checks=checks)) as session:
             session.start(duration_s, False, _LONGEST_WAIT_S).join()
     if session.failure is not None:
         raise session.failure

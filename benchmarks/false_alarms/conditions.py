@@ -15,6 +15,7 @@ from sim_bridge.scenario import Scenario, load_scenario
 from sim_bridge.scenario.checks import problems
 from sim_bridge.scenario.faults import Fault
 from sim_bridge.scenario.files.fault_fields import FaultFields
+from sim_bridge.scenario.speed import constant_speed
 from sim_bridge.scenario.table import constant
 
 NOISE = VehicleState(
@@ -29,7 +30,9 @@ CURVATURE_NOISE_PER_M = 1e-4
 FRICTION = (0.5, 1.0)
 MASS_KG = (-225.0, 225.0)
 """15 % of the car"""
-GRADE, HILL_START_GRADE, BANK_DEG, WIND_MPS = 0.2, 0.15, 6.0, 20.0
+GRADE, BANK_DEG, WIND_MPS = 0.2, 6.0, 20.0
+CLIMBED_GRADE, SPLIT_FRICTION = 0.15, 0.375
+"""on a grade above 0.15 times the friction two driven wheels spin; mean of both sides"""
 SPEED_STEP_MPS, PATH_STEP_M = 5.0, 0.5
 """requests at any time"""
 WITHOUT_NOISE, WITH_REQUEST, ON_FLAT_ROAD = 0.25, 0.5, 0.25
@@ -76,7 +79,11 @@ def conditions(scenarios: Sequence[str]) -> Iterator[Condition]:
             stop_at_s = _drawn(rng, EARLIEST_STOP_S, scenario.duration_s)
             if seed < len(_CORNERS):
                 friction, mass_kg = _CORNERS[seed]
-            steepest = GRADE if scenario.start.speed_mps > 0.0 else HILL_START_GRADE
+            steepest = GRADE
+            if _is_split(scenario):
+                steepest = CLIMBED_GRADE * SPLIT_FRICTION
+            elif scenario.start.speed_mps == 0.0:
+                steepest = CLIMBED_GRADE * friction
             is_flat, has_request = rng.random() < ON_FLAT_ROAD, rng.random() < WITH_REQUEST
             condition = Condition(
                 scenario=name,
@@ -96,6 +103,8 @@ def conditions(scenarios: Sequence[str]) -> Iterator[Condition]:
             )
             if problems(disturbed(condition)):  # too little grip for the slope or the bank
                 condition = condition._replace(grade=0.0, bank_deg=0.0)
+            if condition.speed_step_mps and problems(_faster(scenario, condition)):
+                condition = condition._replace(speed_step_mps=0.0)  # the path is too sharp for it
             yield condition
 
 
@@ -130,12 +139,23 @@ def disturbed(condition: Condition) -> Scenario:
             bank_rad=constant(radians(condition.bank_deg)),
         ),
     )
-    is_split = scenario.name.startswith("braking on split")  # its friction is part of the scenario
-    return changed if is_split else changed.with_friction(condition.friction)
+    return changed if _is_split(scenario) else changed.with_friction(condition.friction)
+
+
+def _is_split(scenario: Scenario) -> bool:
+    """True if the friction is part of the scenario."""
+    return scenario.name.startswith("braking on split")
 
 
 def _noise(signal: str, value: float, seed: int) -> Fault:
     return FaultFields(kind="noise", signals=(signal,), value=value, seed=seed).fault
+
+
+def _faster(scenario: Scenario, condition: Condition) -> Scenario:
+    """The scenario, driven with the requested speed from the beginning."""
+    speed_mps = scenario.speed.highest_mps + condition.speed_step_mps
+    start = replace(scenario.start, speed_mps=speed_mps)
+    return replace(scenario, speed=constant_speed(speed_mps), start=start)
 
 
 def _offset(signal: str, value: float, start_s: float = 0.0) -> Fault:

@@ -36,11 +36,12 @@ def figures_of(found: Sequence[DriveResult]) -> list[CheckFigures]:
     """One row for each check that acts while driving."""
     hours = max(driven_h(found), 1e-9)
     rows = []
+    sound = [each for each in found if not each.has_lost_path]
     for check in CHECKS:
         if check.reaction is Reaction.REFUSE:
             continue
         name = check.quantity.name.lower()
-        largest = max(each.largest[name] for each in found)
+        largest = max((each.largest[name] for each in sound), default=0.0)
         count = sum(check.name in each.false_checks for each in found)
         bound = (ZERO_EVENTS_95 + _PER_EVENT_95 * count) / hours
         share = round(largest / check.threshold, 3)
@@ -66,7 +67,11 @@ def table_of(found: Sequence[DriveResult]) -> Table:
         )
         for row in figures_of(found)
     )
-    title = f"{driven_h(found):.2f} h of driving, {len(found)} drives"
+    lost = sum(each.has_lost_path for each in found)
+    title = (
+        f"{driven_h(found):.2f} h of driving, {len(found)} drives, of which {lost} ended in a stop "
+        f"because the car left its path, with checks and without"
+    )
     return Table(title, tuple(Column(name) for name in names), rows)
 
 
@@ -76,6 +81,7 @@ def json_of(found: Sequence[DriveResult]) -> dict[str, Any]:
         "driven_h": driven_h(found),
         "drives": len(found),
         "drives_with_false_alarm": sum(bool(each.false_checks) for each in found),
+        "drives_that_lose_the_path_without_checks_too": sum(each.has_lost_path for each in found),
         "checks": [row._asdict() for row in figures_of(found)],
         "false_alarms": [each.figures() for each in found if each.false_checks],
     }

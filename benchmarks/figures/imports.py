@@ -52,7 +52,9 @@ def _fault_matrix(found: Found) -> Figures:
 def _false_alarms(found: Found) -> Figures:
     sentence = (
         f"{found['drives_with_false_alarm']} of {found['drives']:,} drives had a false alarm, "
-        f"in {found['driven_h']:.2f} hours of simulated driving"
+        f"in {found['driven_h']:.2f} hours of simulated driving; "
+        f"{found['drives_that_lose_the_path_without_checks_too']} cars had too little grip "
+        "and left their path, with checks and without"
     )
     shares = {
         each["check"]: {

@@ -23,16 +23,16 @@ from numpy.typing import NDArray
 from onnx import helper, numpy_helper, parser
 
 from offline.baselines.baseline import describe_fit, require_windows
-from offline.baselines.one_step import (
+from offline.baselines.fitting import (
     MOST_TRANSITIONS,
     RIDGES,
     Moments,
     Transitions,
+    best_model,
     moments,
     pick_transitions,
     ridge_solution,
 )
-from offline.baselines.score import best_model
 from offline.data.dataset import Dataset
 from offline.data.signals import Scaling, fit_scaling, last_rows, past_names
 from rt_controller.contract.arrays import Array

@@ -10,8 +10,7 @@ import numpy as np
 
 from offline.baselines.baseline import describe_fit, require_windows
 from offline.data.dataset import Dataset
-from offline.data.signals import Roles, Scaling, fit_scaling
-from offline.data.trajectories import Trajectories
+from offline.data.signals import Roles, Scaling, Trajectories, fit_scaling
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.model.bundle import Bundle, spectral_radius_of
 from rt_controller.contract.model.identity_encoder import identity_encoder

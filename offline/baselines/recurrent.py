@@ -24,19 +24,19 @@ import torch
 from torch import Tensor, nn
 
 from offline.baselines.baseline import require_windows
+from offline.baselines.fitting import log_error as validation_score
+from offline.baselines.fitting import tuning_windows
 from offline.baselines.road_path import Learned, path_states, split_path
-from offline.baselines.score import log_error as validation_score
-from offline.baselines.score import tuning_windows
 from offline.config import PAST_STEPS, PRESETS
 from offline.data.dataset import Dataset
 from offline.data.sampling import Batch, open_source
-from offline.data.signals import Scaling, fit_scaling, last_rows
-from offline.data.trajectories import Trajectories
+from offline.data.signals import Scaling, Trajectories, fit_scaling, last_rows
 from offline.model.losses import log_error
 from rt_controller.contract.arrays import Array
 from rt_controller.report.table import Fact
 
 _SHOWN_SCORES = 8
+"""at most, evenly spread, the last one among them"""
 _BATCH = 2_000
 """windows predicted at once"""
 
@@ -50,7 +50,7 @@ class Settings:
     encoder: int = 128
     """width of the two hidden layers of the encoder"""
     past_steps: int = PAST_STEPS
-    most_cpu_s: float = 900.0
+    most_cpu_s: float = 600.0
     """of the training, on one core"""
     most_steps: int = 60_000
     batch: int = 128
@@ -214,7 +214,8 @@ def fit_network(dataset: Dataset, settings: Settings = Settings()) -> RecurrentM
         parameters = list(model.network.parameters())
         optimizers = _optimizers(parameters, settings)
         while step < end:
-            _set_rate(optimizers, rate_at(step, end, settings))
+            for group in (each for optimizer in optimizers for each in optimizer.param_groups):
+                group["lr"] = rate_at(step, end, settings)
             batch = source.draw(settings.batch, rng)
             batch = batch.shorten(horizon_of_step(step, batch.steps, settings))
             loss = log_error(model.errors(batch))
@@ -235,8 +236,10 @@ def fit_network(dataset: Dataset, settings: Settings = Settings()) -> RecurrentM
                     is_flat = has_flattened(scores, settings)
                     if is_flat or is_late(step, elapsed_s, interval_s, settings):
                         end = round(step / (1.0 - settings.decay))
-    training = Training(step, is_flat, _curve(scores, step, settings))
-    return replace(model, network=best, training=training)
+    every = -(-len(scores) // _SHOWN_SCORES)
+    shown = range(len(scores) - 1, -1, -every)[::-1]
+    curve = tuple((min((i + 1) * settings.evaluate_every, step), scores[i]) for i in shown)
+    return replace(model, network=best, training=Training(step, is_flat, curve))
 
 
 def is_late(step: int, elapsed_s: float, interval_s: float, settings: Settings) -> bool:
@@ -289,19 +292,6 @@ def _optimizers(
             [each for each in parameters if each.ndim != 2], rate, weight_decay=decay
         ),
     )
-
-
-def _set_rate(optimizers: tuple[torch.optim.Optimizer, ...], rate: float) -> None:
-    for optimizer in optimizers:
-        for group in optimizer.param_groups:
-            group["lr"] = rate
-
-
-def _curve(scores: list[float], steps: int, settings: Settings) -> tuple[tuple[int, float], ...]:
-    """At most `_SHOWN_SCORES` of the scores, evenly spread, the last one among them."""
-    every = -(-len(scores) // _SHOWN_SCORES)
-    chosen = range(len(scores) - 1, -1, -every)[::-1]
-    return tuple((min((i + 1) * settings.evaluate_every, steps), scores[i]) for i in chosen)
 
 
 def _untrained(

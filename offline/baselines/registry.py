@@ -1,7 +1,8 @@
-"""Baselines by name: found, fitted, and kept in a cache once fitted."""
+"""Baselines by name: found, fitted, kept in a cache once fitted, and chosen for an evaluation."""
 
 import hashlib
 import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache as remember
 from importlib.metadata import version
 from pathlib import Path
@@ -11,7 +12,29 @@ from offline.baselines.baseline import Baseline, FittedBaseline
 from offline.baselines.catalogue import CATALOGUE
 from offline.data.cache import cache
 from offline.data.dataset import Dataset
+from offline.evaluation.comparison import Comparison, compare_models
+from offline.evaluation.held_out import find_objection
+from offline.evaluation.model_card import identity_facts
+from offline.evaluation.predictor import Predictor
+from offline.evaluation.test_sets import library_set
+from offline.model.bundle_predictor import BundlePredictor
 from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.contract.model.artifact import load_bundle, shipped_model
+from rt_controller.contract.model.bundle import Bundle
+from rt_controller.report.table import Fact
+
+SHIPPED = "mdk-net-paper"
+"""the paper's network with the training of the preset paper, a bundle of this package"""
+
+PLAIN_BASELINES = ("lti", "lti-per-curvature", "persistence")
+DEFAULT_BASELINES = (
+    *PLAIN_BASELINES,
+    *("dmdc-delays-path", "lti-scheduled-delays"),
+    SHIPPED,
+)
+"""those that take seconds to fit: linear ones, persistence, and the paper's network, which ships"""
+
+ALL, NONE = "all", "none"
 
 
 class Fitted(NamedTuple):
@@ -23,8 +46,13 @@ class Fitted(NamedTuple):
 
 
 def names() -> tuple[str, ...]:
-    """Names of all baselines in alphabetical order."""
+    """Names of all baselines that can be fitted, in alphabetical order."""
     return tuple(sorted(CATALOGUE))
+
+
+def all_baselines() -> tuple[str, ...]:
+    """Those, and the paper's network, which ships."""
+    return (*names(), SHIPPED)
 
 
 def find_baseline(name: str) -> Baseline:
@@ -86,3 +114,108 @@ def _code_version() -> str:
     files = sorted(Path(__file__).parent.glob("*.py"))
     source = b"".join(file.read_bytes() for file in files if file.stem != "catalogue")
     return f"{version('rt-controller')} {hashlib.sha256(source).hexdigest()}"
+
+
+def choose_baselines(names: Sequence[str]) -> tuple[str, ...]:
+    """The baselines of these names, each once; `DEFAULT_BASELINES` if there are none.
+
+    Raises:
+        ConfigError: a name is unknown.
+    """
+    if not names:
+        return DEFAULT_BASELINES
+    if tuple(names) in ((ALL,), (NONE,)):
+        return all_baselines() if names[0] == ALL else ()
+    unknown = [name for name in names if name not in all_baselines()]
+    if unknown:
+        raise ConfigError(
+            f"--baselines: expected {ALL}, {NONE}, or some of {', '.join(all_baselines())}, found "
+            f"{', '.join(unknown)}."
+        )
+    return tuple(dict.fromkeys(names))
+
+
+def open_baselines(
+    names: Sequence[str],
+    dataset: Dataset,
+    models: Sequence[Bundle],
+    is_required: bool,
+    notify: Callable[[str], None] = lambda text: None,
+    on_progress: Callable[[str], None] = lambda name: None,
+) -> dict[str, Predictor]:
+    """The baselines by name, fitted now or taken from the cache.
+
+    `on_progress` is called with the name of each before it is fitted.
+    One that these data or models do not allow is left out, and `notify` gets the reason.
+
+    Raises:
+        DatasetError: one is not allowed and `is_required`; raised before any is fitted.
+    """
+    from joblib import Parallel, delayed
+
+    objections = {name: _find_objection(name, dataset, models) for name in names}
+    for name, objection in objections.items():
+        if objection is not None and is_required:
+            raise DatasetError(
+                f"--baselines {name}: expected a baseline for these data, but {objection}."
+            )
+        if objection is not None:
+            notify(f"without {name}: {objection}.")
+    allowed = [name for name in names if objections[name] is None]
+    # The recurrent network takes longer than all others: it begins first, in a process beside them.
+    slow = [name for name in allowed if name != SHIPPED and _is_slow(name)]
+    ordered = [*slow, *(name for name in allowed if name not in (*slow, SHIPPED))]
+    parallel = Parallel(n_jobs=-1 if slow else 1, return_as="generator")
+    fits = parallel(delayed(fit)(name, dataset) for name in ordered)
+    fitted = {}
+    for name in ordered:
+        on_progress(name)
+        fitted[name] = next(fits).baseline
+    if SHIPPED in allowed:
+        on_progress(SHIPPED)
+        fitted[SHIPPED] = BundlePredictor(load_bundle(shipped_model(SHIPPED)))
+    return {name: fitted[name] for name in allowed}
+
+
+def table_of_classes(names: Iterable[str]) -> dict[str, str]:
+    """Class of those of these baselines that are linear or recurrent."""
+    found = {name: find_baseline(name).model_class for name in names if name != SHIPPED}
+    return {name: each for name, each in found.items() if each != "other"}
+
+
+def not_converged(opened: Mapping[str, Predictor]) -> tuple[str, ...]:
+    """Names of those whose training ended before their validation error was flat."""
+    return tuple(name for name, model in opened.items() if not getattr(model, "is_converged", True))
+
+
+def compare_with_plain_baselines(bundle: Bundle, dataset: Dataset) -> Comparison:
+    """Errors of a new bundle, linear models and persistence on the test part of the data set.
+
+    A bundle with the name of a baseline replaces it.
+    """
+    names = tuple(name for name in PLAIN_BASELINES if name != bundle.name)
+    baselines = open_baselines(names, dataset, [bundle], is_required=False)
+    models = {bundle.name: BundlePredictor(bundle)}
+    return compare_models(models, baselines, [library_set(dataset)], dataset.schema)
+
+
+def baseline_facts(name: str, dataset: Dataset) -> list[Fact]:
+    """What is to be reported of a baseline that was opened."""
+    if name == SHIPPED:
+        return identity_facts(load_bundle(shipped_model(SHIPPED)))
+    fitted = fit(name, dataset)
+    return [*fitted.baseline.fit_info(), Fact("CPU time of the fit", f"{fitted.fit_cpu_s:.3g} s")]
+
+
+def _is_slow(name: str) -> bool:
+    return find_baseline(name).model_class == "recurrent"
+
+
+def _find_objection(name: str, dataset: Dataset, models: Sequence[Bundle]) -> str | None:
+    """Why it cannot be a baseline here, as the end of a sentence; None if it can."""
+    if name != SHIPPED:
+        return find_baseline(name).find_objection(dataset)
+    shipped = load_bundle(shipped_model(SHIPPED))
+    if any(shipped.sha256 == bundle.sha256 for bundle in models):
+        return "it is one of the evaluated models"
+    return find_objection([shipped], dataset.manifest)

@@ -21,16 +21,16 @@ from typing import NamedTuple
 import numpy as np
 
 from offline.baselines.baseline import require_windows
-from offline.baselines.one_step import (
+from offline.baselines.fitting import (
     MOST_TRANSITIONS,
     RIDGES,
     Transitions,
+    best_model,
     moments,
     pick_transitions,
     ridge_solution,
 )
 from offline.baselines.road_path import Learned, path_states, split_path
-from offline.baselines.score import best_model
 from offline.data.dataset import Dataset
 from offline.data.signals import Roles, Scaling, fit_scaling, past_columns
 from rt_controller.contract.arrays import Array

@@ -1,105 +1,114 @@
-"""The work of `offline-ablate`: train the variants, write the table, print the summary.
+"""`offline-ablate`: train the variants, write the table, print the summary.
 
 All figures are of the validation part; the test part is for the model that is finally chosen.
 """
 
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
-from offline.commands.dataset import open_campaign_data
-from offline.commands.terminal import STDERR, STDOUT, progress_bar
-from offline.config import TrainingConfig
-from offline.experiments.backend import Backend
-from offline.experiments.comparison import (
-    Row,
-    compare,
-    comparison_figures,
-    comparison_markdown,
-    read_variants,
+from offline.commands.options import (
+    RUNS,
+    THIS_MACHINE,
+    Config,
+    DataFolder,
+    JsonFile,
+    require_ready,
 )
-from offline.experiments.settings import common_fields
-from offline.files import write_json
+from offline.commands.terminal import STDERR, STDOUT, progress_bar
+from offline.experiments.backend import Backend
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.files import write_text
+from rt_controller.contract.figures import write_figures
 
-TABLE_FILE = "table.md"
-FIGURES_FILE = "table.json"
+if TYPE_CHECKING:
+    from offline.experiments.comparison import Row
+
 NO_OPTIONS = {"preset": "the name of the list", "seed": "--seeds"}
 
 
 def ablate(
-    name: str,
-    seeds: str,
-    only: str,
-    lists: Path | None,
-    common: TrainingConfig | None,
-    folder: Path,
-    data: Path | None,
-    backend: Backend,
-) -> dict[str, Any]:
-    """Figures of `offline-ablate`."""
+    variants: str = "ladder",
+    *,
+    config: Config = None,
+    seeds: str = "0",
+    only: str = "",
+    lists: Path | None = None,
+    folder: Path | None = None,
+    data: DataFolder = None,
+    backend: Backend = THIS_MACHINE,
+    json_file: JsonFile = None,
+) -> None:
+    """Train every variant with every seed, and compare each with a linear model.
+
+    Ctrl-C stops; the same command goes on with the trainings that have not ended. Options of
+    offline-train, such as --steps, apply to all variants. docs/experiments.md describes the file of
+    variants.
+
+    Args:
+        variants: a list of the file: ladder, leave-one-out, sizes, paper-readings; or a preset, as
+            a list of one
+        seeds: seeds of every variant, such as 0,1,2
+        only: names of variants, such as paper,history; default: the whole list
+        lists: TOML file with lists of variants; default: the shipped one
+        folder: folder of the campaign; default: runs/ablation-LIST
+    """
+    require_ready(json_file)
+    from offline.commands.dataset import open_campaign_data
+    from offline.experiments import comparison
+    from offline.experiments.settings import common_fields
+    from offline.files import write_json
+    from rt_controller.contract.files import write_text
+
     numbers = parse_seeds(seeds)
     names = [part.strip() for part in only.split(",") if part.strip()]
-    title, chosen = read_variants(name, lists, common_fields(common, NO_OPTIONS), names)
-    width = max(len(variant.name) for variant in chosen)
-    lines = [f"  {variant.name:<{width}}  {variant.why}" for variant in chosen]
-    STDERR.print("\n".join((title, *lines)), soft_wrap=True, markup=False, highlight=False)
-    shared, configs = open_campaign_data(
-        data, [variant.config for variant in chosen], common, backend
+    title, chosen = comparison.read_variants(
+        variants, lists, common_fields(config, NO_OPTIONS), names
     )
-    pairs = zip(chosen, configs, strict=True)
-    variants = [replace(variant, config=config) for variant, config in pairs]
-    STDERR.print(f"campaign {folder}\ndata {shared.folder}", soft_wrap=True)
-    total = len(variants) * len(numbers)
-    with progress_bar("trainings", total) as show:
-        rows = compare(
-            variants,
-            numbers,
-            shared,
-            folder,
-            backend,
-            lambda done, row: show(done, _result_line(row)),
+    lines = [f"  {each.variant.name:<20}  {each.variant.why}" for each in chosen]
+    STDERR.print("\n".join((title, *lines)), soft_wrap=True, markup=False, highlight=False)
+    campaign = folder or RUNS / f"ablation-{variants}"
+    shared, of_data = open_campaign_data(data, chosen[0].config, config, backend)
+    trainings = [
+        each._replace(config=each.config.model_copy(update={**of_data, "seed": seed}))
+        for each in chosen
+        for seed in numbers
+    ]
+    STDERR.print(f"campaign {campaign}\ndata {shared.folder}", soft_wrap=True)
+    with progress_bar("trainings", len(trainings)) as show:
+        rows = comparison.compare(
+            trainings, shared, campaign, backend, lambda done, row: show(done, _to_text(row))
         )
     figures = {
-        "list": name,
-        "folder": str(folder),
+        "list": variants,
+        "folder": str(campaign),
         "data_sha256": shared.sha256,
-        "seeds": list(numbers),
-        **comparison_figures(title, shared, rows),
+        "seeds": numbers,
+        **comparison.comparison_figures(title, shared, rows),
     }
-    try:
-        write_text(folder / TABLE_FILE, comparison_markdown(figures))
-        write_json(folder / FIGURES_FILE, figures)
-    except OSError as error:
-        raise ConfigError(
-            f"--folder {folder}: expected room for the table, found: {error.strerror}. The "
-            f"trainings are done: free some space and run the command again."
-        ) from error
-    for row in rows:
-        if row.result.ratios is None:
-            STDOUT.print(_result_line(row), soft_wrap=True, markup=False)
-    STDOUT.print(f"{name}: {folder / TABLE_FILE}", soft_wrap=True, markup=False)
-    return figures
+    write_text(campaign / "table.md", comparison.comparison_markdown(figures))
+    write_json(campaign / "table.json", figures)
+    lines = [_to_text(row) for row in rows if row.result.mse_ratio is None]
+    lines.append(f"{variants}: {campaign / 'table.md'}")
+    STDOUT.print("\n".join(lines), soft_wrap=True, markup=False)
+    write_figures(json_file, figures)
 
 
-def parse_seeds(text: str) -> tuple[int, ...]:
+def parse_seeds(text: str) -> list[int]:
     """Integers of a comma-separated list, each once, in their order.
 
     Raises:
         ConfigError: a part is no integer.
     """
     try:
-        return tuple(dict.fromkeys(int(part) for part in text.split(",")))
+        return list(dict.fromkeys(int(part) for part in text.split(",")))
     except ValueError as error:
         raise ConfigError(f"--seeds: expected numbers like 0,1,2, found {text!r}.") from error
 
 
-def _result_line(row: Row) -> str:
-    result, name = row.result, f"{row.variant.name}, seed {row.seed}"
-    if result.ratios is None:
+def _to_text(row: "Row") -> str:
+    name, result = f"{row.training.variant.name}, seed {row.training.config.seed}", row.result
+    if result.geometric_mean_ratio is None:
         return f"{name}: {result.ending}: {result.reason}"
     return (
-        f"{name}: {result.ratios.geometric_mean:.2f} times better than the fair linear model, "
+        f"{name}: {result.geometric_mean_ratio:.2f} times better than the fair linear model, "
         f"{result.training_cpu_s:.0f} s of CPU time"
     )

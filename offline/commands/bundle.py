@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from offline.baselines import registry
-from offline.baselines.selection import baseline_facts, compare_with_plain_baselines
+from offline.baselines.registry import baseline_facts, compare_with_plain_baselines
 from offline.commands.terminal import STDERR, STDOUT
 from offline.config import PAST_STEPS
 from offline.data.cache import full_folder
@@ -16,11 +16,11 @@ from offline.data.signals import past_names
 from offline.evaluation.figures import library_figures
 from offline.evaluation.model_card import driven_text, stability_text, write_card
 from offline.evaluation.tables import mse_table
-from offline.model.bundle_export import choose_selftest
 from offline.model.export_checks import ExportFigures, check_export
-from offline.training.checkpoint import load_checkpoint
+from offline.model.physical_units import choose_selftest
 from offline.training.export import export_checkpoint
 from offline.training.run_folder import open_run
+from offline.training.state import load_checkpoint
 from rt_controller.bundle_checks.plan_check import with_plans
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.model.artifact import save_bundle

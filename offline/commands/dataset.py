@@ -1,11 +1,10 @@
 """The data set of a command: loaded from its folder, or made now with a progress bar."""
 
 import time
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from offline.commands.terminal import STDERR, STDOUT, progress_bar
+from offline.commands.terminal import STDERR, STDOUT, progress_bar, stop_on_signals
 from offline.config import TrainingConfig, explicit_fields
 from offline.data.cache import cache_folder, make_dataset, simulated_origin
 from offline.data.dataset import Dataset, exists, load_dataset
@@ -13,22 +12,11 @@ from offline.data.excitation import Recipe
 from offline.data.manifest import Imported, Origin
 from offline.data.variation import Variation, describe
 from offline.experiments.backend import Backend
-from offline.experiments.training_task import CampaignData, linear_mse
-from offline.training.interrupt import stop_on_signals
+from offline.experiments.training_task import CampaignData, measure_linear_model
 from rt_controller.contract.errors import DatasetError
 from rt_controller.report.table import Column, Table, print_table
 
-CONDITION_COLUMNS = (
-    Column("condition", is_text=True),
-    Column("minimum"),
-    Column("mean"),
-    Column("maximum"),
-)
-BAND_COLUMNS = (
-    Column("lowest friction", is_text=True),
-    Column("episodes"),
-    Column("rejected", "%"),
-)
+EXTREMES = ("minimum", "mean", "maximum")
 
 
 def condition_figures(dataset: Dataset) -> dict[str, Any]:
@@ -37,7 +25,7 @@ def condition_figures(dataset: Dataset) -> dict[str, Any]:
     extremes = zip(rows.min(axis=0), rows.mean(axis=0, dtype=float), rows.max(axis=0), strict=True)
     return {
         "conditions": {
-            name: dict(zip(("minimum", "mean", "maximum"), map(float, values), strict=True))
+            name: dict(zip(EXTREMES, map(float, values), strict=True))
             for name, values in zip(dataset.manifest.conditions, extremes, strict=True)
         },
         "rejected_by_lowest_friction": [
@@ -52,12 +40,13 @@ def condition_figures(dataset: Dataset) -> dict[str, Any]:
     }
 
 
-def condition_tables(figures: dict[str, Any]) -> tuple[Table, Table]:
-    """The figures as tables."""
+def _print_conditions(figures: dict[str, Any]) -> None:
     conditions = tuple(
         (name, *(f"{value:.3f}" for value in values.values()))
         for name, values in figures["conditions"].items()
     )
+    heads = (Column("condition", is_text=True), *map(Column, EXTREMES))
+    print_table(Table("conditions of all samples", heads, conditions), STDOUT)
     bands = tuple(
         (
             f"{band['friction_from']:g} to {band['friction_below']:g}",
@@ -66,10 +55,8 @@ def condition_tables(figures: dict[str, Any]) -> tuple[Table, Table]:
         )
         for band in figures["rejected_by_lowest_friction"]
     )
-    return (
-        Table("conditions of all samples", CONDITION_COLUMNS, conditions),
-        Table("rejected drives", BAND_COLUMNS, bands),
-    )
+    heads = (Column("lowest friction", is_text=True), Column("episodes"), Column("rejected", "%"))
+    print_table(Table("rejected drives", heads, bands), STDOUT)
 
 
 def make_data(
@@ -80,8 +67,7 @@ def make_data(
     recipe = Recipe(variation=variation)
     folder, dataset = _find_or_make(data, episodes, seed, recipe, backend)
     wall_s = time.monotonic() - begun
-    require_origin(folder, dataset.origin, episodes, seed)
-    require_recipe(folder, dataset.origin, recipe)
+    require_origin(folder, dataset.origin, episodes, seed, recipe)
     manifest = dataset.manifest
     STDOUT.print(
         f"{manifest.trajectories} trajectories of {episodes} episodes, "
@@ -101,8 +87,7 @@ def make_data(
         return figures
     conditions = condition_figures(dataset)
     STDOUT.print(f"drawn with {describe(variation)}", soft_wrap=True)
-    for table in condition_tables(conditions):
-        print_table(table, STDOUT)
+    _print_conditions(conditions)
     return {**figures, "recipe": variation.model_dump(), **conditions}
 
 
@@ -159,8 +144,12 @@ def _find_or_make(
         raise
 
 
-def require_origin(folder: Path, origin: Origin, episodes: int, seed: int) -> None:
-    """Return if a simulated data set has that many episodes of that seed; imports always pass.
+def require_origin(
+    folder: Path, origin: Origin, episodes: int, seed: int, recipe: Recipe | None = None
+) -> None:
+    """Return if a simulated data set has that many episodes of that seed, and of that recipe.
+
+    Imports always pass; None: any recipe.
 
     Raises:
         DatasetError: it has not.
@@ -172,20 +161,11 @@ def require_origin(folder: Path, origin: Origin, episodes: int, seed: int) -> No
             f"{folder}: expected {episodes} episodes of seed {seed}, found a data set of "
             f"{origin.episodes} episodes of seed {origin.seed}. Choose another --data."
         )
-
-
-def require_recipe(folder: Path, origin: Origin, recipe: Recipe) -> None:
-    """Return if a simulated data set was made with that recipe; imports always pass.
-
-    Raises:
-        DatasetError: it was not.
-    """
-    if isinstance(origin, Imported) or origin.recipe.variation == recipe.variation:
-        return
-    raise DatasetError(
-        f"{folder}: expected a data set drawn with {describe(recipe.variation)}, found one drawn "
-        f"with {describe(origin.recipe.variation)}. Choose another --data."
-    )
+    if recipe is not None and origin.recipe.variation != recipe.variation:
+        raise DatasetError(
+            f"{folder}: expected a data set drawn with {describe(recipe.variation)}, found one "
+            f"drawn with {describe(origin.recipe.variation)}. Choose another --data."
+        )
 
 
 def config_of_data(
@@ -204,12 +184,9 @@ def config_of_data(
 
 
 def open_campaign_data(
-    data: Path | None,
-    configs: Sequence[TrainingConfig],
-    chosen: TrainingConfig | None,
-    backend: Backend,
-) -> tuple[CampaignData, list[TrainingConfig]]:
-    """The data set of a comparison or a study, and the configurations for it.
+    data: Path | None, config: TrainingConfig, chosen: TrainingConfig | None, backend: Backend
+) -> tuple[CampaignData, dict[str, int]]:
+    """The data set of a comparison or a study, and the fields of a configuration that follow.
 
     It is that of `ensure_dataset`, and comes with the errors of the linear model on it.
 
@@ -217,10 +194,8 @@ def open_campaign_data(
         DatasetError: the named folder holds no data set, or another one than the options
             explicitly chose.
     """
-    first = configs[0]
-    folder, dataset = ensure_dataset(data, first.episodes, first.data_seed, backend)
-    configs = [config_of_data(folder, dataset.origin, each, chosen) for each in configs]
+    folder, dataset = ensure_dataset(data, config.episodes, config.data_seed, backend)
+    config = config_of_data(folder, dataset.origin, config, chosen)
     with STDERR.status("fair linear model"):
-        mse = linear_mse(dataset)
-    states = dataset.schema.state_names
-    return CampaignData(folder.resolve(), dataset.sha256, states, tuple(map(float, mse))), configs
+        shared = measure_linear_model(folder, dataset)
+    return shared, {"episodes": config.episodes, "data_seed": config.data_seed}

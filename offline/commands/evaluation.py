@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from offline.baselines.selection import (
+from offline.baselines.registry import (
     ALL,
     choose_baselines,
     not_converged,
@@ -23,7 +23,7 @@ from offline.evaluation.held_out import choose_test_data, find_objection
 from offline.evaluation.predictor import Predictor
 from offline.evaluation.series import make_series
 from offline.evaluation.simulated_sets import SIMULATED, open_simulated_set, straight_braking_set
-from offline.evaluation.tables import comparison_tables, set_size
+from offline.evaluation.tables import comparison_tables
 from offline.evaluation.test_sets import (
     BRAKING,
     NEW_ROADS,
@@ -197,7 +197,7 @@ def label_models(folders: Sequence[Path], taken: Collection[str] = ()) -> tuple[
 def print_comparison(comparison: Comparison) -> None:
     """Print all tables."""
     for test in comparison.sets:
-        STDOUT.print(f"{test.name}: {test.description}; {set_size(test)}", soft_wrap=True)
+        STDOUT.print(f"{test.name}: {test.description}; {test.count}", soft_wrap=True)
     for table in comparison_tables(comparison):
         print_table(table, STDOUT)
 

@@ -12,10 +12,16 @@ import numpy as np
 from offline.commands.terminal import STDERR, STDOUT
 from offline.data.dataset import exists, save_dataset
 from offline.data.manifest import CAR_OF_LOGS, Imported
-from offline.logs.assembly import assign_parts, join_episodes, roads_of, slice_windows
 from offline.logs.checks.inspection import inspect_drives, require_episodes
-from offline.logs.episode import cut_drive, make_schema
-from offline.logs.mapping import LogMapping, read_mapping
+from offline.logs.episode import (
+    assign_parts,
+    cut_drive,
+    join_episodes,
+    make_schema,
+    roads_of,
+    slice_windows,
+)
+from offline.logs.mapping import read_mapping
 from offline.logs.readers.source import find_logs, read_log, source_file, source_files
 from offline.logs.series import to_drive
 from rt_controller.contract.errors import ConfigError
@@ -64,6 +70,7 @@ def import_logs(
         print_table(table, STDOUT)
     for sentence in filter(None, (report.summary(), report.limits(), *_limits_of_use(schema))):
         STDOUT.print(sentence)
+    others = [mapping.pose and mapping.pose.reference_line, mapping.can and mapping.can.dbc]
     figures = {"folder": None, "sha256": None, "car": CAR_OF_LOGS, **report.figures()}
     if folder is not None:
         dataset = save_dataset(
@@ -77,7 +84,7 @@ def import_logs(
             origin=Imported(
                 (
                     *(file for each in found for file in source_files(each, mapping)),
-                    *(source_file(path, path.name) for path in _other_files(mapping)),
+                    *(source_file(path, path.name) for path in others if path),
                 ),
                 text,
                 len(episodes),
@@ -87,26 +94,14 @@ def import_logs(
             rejected=sum(len(cut.left_out) for cut in cuts),
         )
         figures |= {"folder": str(folder), "sha256": dataset.sha256}
+        beginning = "--init mdk-net " if schema == VEHICLE else ""
         STDOUT.print(
             f"SHA-256 {dataset.sha256:.16}…\n{folder}\nCar of its models: {CAR_OF_LOGS}.\n"
             f"Next, a few minutes:\n"
-            f"  offline-train --steps 2000 {_beginning(schema)}--data {folder}",
+            f"  offline-train --steps 2000 {beginning}--data {folder}",
             soft_wrap=True,
         )
     return figures
-
-
-def _beginning(schema: Schema) -> str:
-    """The option to begin with the shipped model, if it has these signals."""
-    return "--init mdk-net " if schema == VEHICLE else ""
-
-
-def _other_files(mapping: LogMapping) -> Iterator[Path]:
-    """Files besides the logs that the data set depends on."""
-    if mapping.pose and mapping.pose.reference_line:
-        yield mapping.pose.reference_line
-    if mapping.can:
-        yield mapping.can.dbc
 
 
 def _limits_of_use(schema: Schema) -> Iterator[str]:

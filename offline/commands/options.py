@@ -1,4 +1,4 @@
-"""Options that several commands have, with their help texts."""
+"""Options that several commands have, with their help texts, and what is checked at the start."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,9 +9,12 @@ from cyclopts import Parameter
 from offline.config import TrainingConfig
 from offline.data.variation import Variation
 from offline.experiments.backend import Backend
+from rt_controller.contract.errors import require_packages
+from rt_controller.contract.figures import require_writable
 
 RUNS = Path("runs")
 LATEST_RUN = RUNS / "latest"
+OFFLINE_PACKAGES = ("torch", "numba", "onnx", "onnxscript", "joblib", "onnxruntime")
 
 Config = Annotated[TrainingConfig | None, Parameter(name="*", negative_none="no-")]
 Ranges = Annotated[
@@ -32,6 +35,17 @@ DataFolder = Annotated[
 
 
 THIS_MACHINE = Backend()
+
+
+def require_ready(json_file: Path | None) -> None:
+    """Raise before the work starts what would otherwise be raised after it.
+
+    Raises:
+        MissingExtraError: a package of the extra `offline` is not installed.
+        ConfigError: the JSON file cannot be written.
+    """
+    require_packages("offline", OFFLINE_PACKAGES, "learning")
+    require_writable(json_file)
 
 
 @Parameter(name="*")

@@ -4,7 +4,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from offline.baselines.selection import SHIPPED, baseline_facts
+from offline.baselines.registry import SHIPPED, baseline_facts
 from offline.commands.evaluation import Evaluation, evaluation_figures, run_evaluation
 from offline.commands.options import EvaluationOptions
 from offline.commands.terminal import STDERR, STDOUT
@@ -18,7 +18,6 @@ from offline.evaluation.report import evaluation_page, lane_change_section
 from rt_controller.contract.errors import OutputError
 from rt_controller.contract.figures import require_writable
 from rt_controller.contract.files import write_text
-from rt_controller.contract.model.bundle import Bundle
 from rt_controller.report.page import Page, Section, render_page
 from rt_controller.report.table import Fact, facts_table
 
@@ -49,7 +48,11 @@ def write_report(output: Path, options: EvaluationOptions) -> dict[str, Any]:
 def _page(evaluation: Evaluation) -> Page:
     comparison, dataset = evaluation.comparison, evaluation.dataset
     models = zip(comparison.models, evaluation.bundles, strict=True)
-    sources = [facts_table(_facts_of_model(bundle), name) for name, bundle in models]
+    sources = []
+    for name, bundle in models:
+        growth = f"{stability_text(bundle)}, observables in units of their spread"
+        facts = [Fact("kind", bundle.name), *model_facts(bundle), Fact("growth", growth)]
+        sources.append(facts_table([*facts, *identity_facts(bundle)], name))
     found = {name: baseline_facts(name, dataset) for name in comparison.baselines}
     if found:
         lines = (
@@ -77,15 +80,6 @@ def _lane_change(evaluation: Evaluation) -> Section:
         if name in shown
     }
     return lane_change_section(driven, predicted, comparison)
-
-
-def _facts_of_model(bundle: Bundle) -> list[Fact]:
-    return [
-        Fact("kind", bundle.name),
-        *model_facts(bundle),
-        Fact("growth", f"{stability_text(bundle)}, observables in units of their spread"),
-        *identity_facts(bundle),
-    ]
 
 
 def _facts_of_data(manifest: Manifest) -> list[Fact]:

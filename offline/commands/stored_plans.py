@@ -7,7 +7,6 @@ from offline.commands.terminal import STDOUT
 from rt_controller.bundle_checks.plan_check import require_stored_plans, with_plans
 from rt_controller.contract.errors import ArtifactError, ConfigError
 from rt_controller.contract.model.artifact import CARD_FILE, find_model, load_bundle, save_bundle
-from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.model.validation import require_drivable
 
 
@@ -25,7 +24,11 @@ def store_plans(model: Path, output: Path | None) -> dict[str, Any]:
     folder = find_model(model)
     bundle = load_bundle(folder)
     require_drivable(bundle)
-    replaced = _why_replaced(bundle)
+    replaced = ""
+    try:
+        require_stored_plans(bundle)
+    except ArtifactError as error:
+        replaced = str(error)
     target = output or folder
     planned = with_plans(bundle)
     try:
@@ -53,12 +56,3 @@ def store_plans(model: Path, output: Path | None) -> dict[str, Any]:
         "plans": 0 if planned.plans is None else len(planned.plans.inputs),
         "replaced_plans": replaced or None,
     }
-
-
-def _why_replaced(bundle: Bundle) -> str:
-    """Why stored plans of the bundle are not those of its model; empty if they are."""
-    try:
-        require_stored_plans(bundle)
-    except ArtifactError as error:
-        return str(error)
-    return ""

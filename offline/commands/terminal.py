@@ -1,9 +1,12 @@
-"""Where the offline commands print: the summary on stdout, progress and errors on stderr."""
+"""Where offline commands print: summary on stdout, progress on stderr; and how they are stopped."""
 
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from types import FrameType
+from typing import Any
 
 from rich.console import Console
 
@@ -22,25 +25,18 @@ def progress_bar(title: str, total: int, done: int = 0) -> Iterator[Callable[[in
     if not STDERR.is_terminal:
         yield _plain_progress(title, total, done)
         return
+    from rich import progress
     from rich.console import Group
     from rich.live import Live
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
     from rich.text import Text
 
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=30),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
+    bar = progress.Progress(
+        "{task.description}",
+        progress.BarColumn(bar_width=30),
+        progress.MofNCompleteColumn(),
+        progress.TimeElapsedColumn(),
+        "left",
+        progress.TimeRemainingColumn(),
     )
     task = bar.add_task(title, total=total, completed=done)
     below = Text()
@@ -68,3 +64,34 @@ def _plain_progress(title: str, total: int, first: int) -> Callable[[int, str], 
             print(f"  {line}", file=sys.stderr, flush=True)
 
     return show
+
+
+@contextmanager
+def stop_on_signals(
+    on_request: Callable[[], None] = lambda: None,
+) -> Iterator[Callable[[], bool]]:
+    """Yields a function that is true once SIGINT (Ctrl-C), SIGTERM or SIGHUP was received.
+
+    `on_request` is called when the first signal is received; a second one has its usual effect. A
+    hang-up that the program was started to ignore (nohup) stays ignored.
+    """
+    requested = False
+    previous: dict[signal.Signals, Any] = {}
+
+    def restore() -> None:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+
+    def request(number: int, frame: FrameType | None) -> None:
+        nonlocal requested
+        requested = True
+        restore()
+        on_request()
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number is not signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
+            previous[number] = signal.signal(number, request)
+    try:
+        yield lambda: requested
+    finally:
+        restore()

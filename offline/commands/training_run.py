@@ -6,15 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from offline.commands.dataset import config_of_data, ensure_dataset
-from offline.commands.terminal import STDERR, STDOUT, progress_bar
+from offline.commands.terminal import STDERR, STDOUT, progress_bar, stop_on_signals
 from offline.config import TrainingConfig, explicit_fields, resolve
 from offline.data.dataset import Dataset, load_dataset
 from offline.experiments.backend import Backend
-from offline.training.checkpoint import Checkpoint, load_checkpoint
 from offline.training.initial import with_structure_of
-from offline.training.interrupt import stop_on_signals
 from offline.training.run_folder import RunFolder, create_run, open_run, rewrite_config
-from offline.training.state import TrainingState, find_device
+from offline.training.state import Checkpoint, TrainingState, find_device, load_checkpoint
 from offline.training.train import train
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.model.artifact import find_model, load_bundle
@@ -99,8 +97,28 @@ def _run(
     """Figures, and the exit code: 0 at the last step, 130 if stopped before."""
     STDERR.print(f"run {run.path}\ndata {run.data_folder}", soft_wrap=True)
     first_step = checkpoint.step if checkpoint else 0
-    begun = time.monotonic()
-    result = _train(run, dataset, first_model, checkpoint)
+    begun, shown_s = time.monotonic(), 0.0
+    with (
+        progress_bar("training", run.config.steps, first_step) as show,
+        stop_on_signals() as stop_requested,
+    ):
+
+        def on_progress(state: TrainingState) -> None:
+            nonlocal shown_s
+            now_s = time.monotonic()
+            if now_s - shown_s >= REFRESH_S or state.step == run.config.steps:
+                shown_s = now_s
+                show(state.step, _to_text(state))
+
+        result = train(
+            run.config,
+            dataset,
+            run,
+            first_model=first_model,
+            resume_from=checkpoint,
+            on_progress=on_progress,
+            stop_requested=stop_requested,
+        )
     wall_s = time.monotonic() - begun
     figures = {
         "run": str(run.path),
@@ -125,33 +143,6 @@ def _run(
         soft_wrap=True,
     )
     return figures, 0
-
-
-def _train(
-    run: RunFolder, dataset: Dataset, first_model: Bundle | None, checkpoint: Checkpoint | None
-) -> TrainingState:
-    with (
-        progress_bar("training", run.config.steps, checkpoint.step if checkpoint else 0) as show,
-        stop_on_signals() as stop_requested,
-    ):
-        shown_s = 0.0
-
-        def on_progress(state: TrainingState) -> None:
-            nonlocal shown_s
-            now_s = time.monotonic()
-            if now_s - shown_s >= REFRESH_S or state.step == run.config.steps:
-                shown_s = now_s
-                show(state.step, _to_text(state))
-
-        return train(
-            run.config,
-            dataset,
-            run,
-            first_model=first_model,
-            resume_from=checkpoint,
-            on_progress=on_progress,
-            stop_requested=stop_requested,
-        )
 
 
 def _to_text(state: TrainingState) -> str:

@@ -19,10 +19,8 @@ from numpy.typing import NDArray
 
 from offline.data.conditions import FrictionBand
 from offline.data.manifest import Imported, Manifest, Origin, Roads, read_manifest
-from offline.data.recording import PATH_STATES, Recording, Starts, cut
-from offline.data.road_frame import Anchor
-from offline.data.signals import Roles
-from offline.data.trajectories import Array32, Rows, Trajectories
+from offline.data.recording import PATH_STATES, Anchor, Recording, Starts, cut
+from offline.data.signals import Array32, Roles, Rows, Trajectories
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.files import DamagedArchiveError, atomic_write, read_arrays, write_text
 from rt_controller.contract.schema import Schema

@@ -28,10 +28,9 @@ from offline.data.conditions import (
     draw_conditions,
 )
 from offline.data.excitation import Recipe, draw_inputs
-from offline.data.recording import Recording, Starts
-from offline.data.road_frame import Anchor
+from offline.data.recording import Anchor, Recording, Starts
+from offline.data.signals import Array32
 from offline.data.tasks import run_tasks
-from offline.data.trajectories import Array32
 from offline.data.variation import VARIED, Variation
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
@@ -42,7 +41,7 @@ from rt_controller.contract.steering_geometry import SteeringGeometry
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.frenet import integrate_poses
 from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, settle, simulate
-from sim_bridge.plant.parameters import Parameters, default_car
+from sim_bridge.plant.parameters import default_car
 from sim_bridge.plant.protocol import PlantOutputs
 
 SLICES = 5
@@ -170,7 +169,10 @@ def make_episode(recipe: Recipe, seed: np.random.SeedSequence) -> Episode:
         episode = _try_episode(rng, recipe, conditions, rejected)
         if episode is not None:
             return episode
-    found = "" if conditions is None else f" under {_name_first(conditions)}"
+    found = ""
+    if conditions is not None:
+        first = zip(CONDITIONS, conditions.rows[0], strict=True)
+        found = f" under {', '.join(f'{name} {value:.3g}' for name, value in first)}"
     raise DatasetError(
         f"expected an episode in which the car stays above {3.6 * LOWEST_SPEED_MPS:.0f} km/h and "
         f"below {degrees(LARGEST_SIDESLIP_RAD):.0f} deg of sideslip and roll, found "
@@ -220,16 +222,12 @@ def plant_fingerprint(variation: Variation | None = None) -> str:
     inputs[:, InputColumn.steer_rad] = INPUT_LIMITS.upper.steer_rad * np.sin(
         2 * np.pi * 0.5 * k * PERIOD_S
     )
-    motion, _ = _drive(20.0, inputs, default_car())
+    car = default_car()
+    motion, _ = simulate(settle(20.0, car), inputs, car, STEPS_PER_PERIOD, STEP_S)
     drawn = make_episode(Recipe(), np.random.SeedSequence(0))
     limits = (LOWEST_SPEED_MPS, LARGEST_SIDESLIP_RAD, LARGEST_ROLL_RAD, FIRST_EY_M, FIRST_EPSI_RAD)
-    numbers: list[Any] = [
-        motion[::200],
-        drawn.motion[::20],
-        drawn.inputs,
-        drawn.first_errors,
-        limits,
-    ]
+    numbers: list[Any] = [motion[::200], drawn.motion[::20], drawn.inputs]
+    numbers += [drawn.first_errors, limits]
     if variation is not None:
         recipe = Recipe(variation=VARIED.model_copy(update=_ALL_CHANGING))
         varied = make_episode(recipe, np.random.SeedSequence(0))
@@ -251,14 +249,6 @@ def is_kept(motion: Array, outputs: Array) -> bool:
     )
 
 
-def _drive(
-    first_speed_mps: float, inputs: Array, car: Parameters, roads: Array | None = None
-) -> tuple[Array, Array]:
-    """Motion (periods * STEPS_PER_PERIOD + 1, 3) and outputs (periods + 1, columns)."""
-    start = settle(first_speed_mps, car)
-    return simulate(start, inputs, car, STEPS_PER_PERIOD, STEP_S, roads)
-
-
 def _try_episode(
     rng: np.random.Generator, recipe: Recipe, conditions: Conditions | None, rejected: int
 ) -> Episode | None:
@@ -267,19 +257,14 @@ def _try_episode(
     inputs = draw_inputs(rng, recipe, EPISODE_STEPS)
     first_errors = rng.uniform(-1.0, 1.0, (SLICES, 2)) * (FIRST_EY_M, FIRST_EPSI_RAD)
     car, roads, rows = conditions or (default_car(), None, None)
-    motion, outputs = _drive(first_speed_mps, inputs, car, roads)
+    start = settle(first_speed_mps, car)
+    motion, outputs = simulate(start, inputs, car, STEPS_PER_PERIOD, STEP_S, roads)
     if not is_kept(motion, outputs):
         return None
     # On a straight road along X, path coordinates are plane coordinates.
     pose = integrate_poses(motion, 0.0, 0.0, 0.0, STEPS_PER_PERIOD, STEP_S)
     sampled = motion[::STEPS_PER_PERIOD]
     return Episode(sampled, pose, inputs, curvature_per_m, first_errors, rejected, rows)
-
-
-def _name_first(conditions: Conditions) -> str:
-    """The conditions of the first period in words."""
-    named = zip(CONDITIONS, conditions.rows[0], strict=True)
-    return ", ".join(f"{name} {value:.3g}" for name, value in named)
 
 
 def _concatenate_held(episodes: list[Array]) -> Array32:

@@ -11,11 +11,17 @@ from torch import Tensor
 from offline.config import STEPS, TrainingConfig
 from offline.data.dataset import Dataset
 from offline.data.manifest import Roads
-from offline.data.recording import Starts, cut, possible_starts
-from offline.data.road_frame import Anchor
-from offline.data.sensor_noise import STANDARD_DEVIATIONS, noise_matrix
-from offline.data.signals import Roles, Scaling, history_rows, mirror_signs, past_names
-from offline.data.trajectories import Trajectories
+from offline.data.recording import Anchor, Starts, cut, possible_starts
+from offline.data.signals import (
+    STANDARD_DEVIATIONS,
+    Roles,
+    Scaling,
+    Trajectories,
+    history_rows,
+    mirror_signs,
+    noise_matrix,
+    past_names,
+)
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import Schema
@@ -204,7 +210,7 @@ class MirroringSource:
 class NoisySource:
     """Another source, with measurement noise on the first state and on the past before it.
 
-    The standard deviations of each trajectory are those of `offline.data.sensor_noise` times a
+    The standard deviations of each trajectory are those of `offline.data.signals` times a
     level drawn uniformly from 0 to `most`. The states that a prediction is compared with have none.
     """
 

@@ -2,16 +2,16 @@
 
 The schema of a data set (`rt_controller.contract.schema`) names the signals. `Roles` says which of
 them are centred, change sign when left and right are exchanged, and belong to the history.
-`Scaling` is fitted once, on the training trajectories.
+`Scaling` is fitted once, on the training trajectories. Measurement noise is on what a model reads:
+the first state of a prediction, and the past.
 """
 
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from offline.data.trajectories import Trajectories
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.limits import INPUT_LIMITS
@@ -19,6 +19,33 @@ from rt_controller.contract.model.drift import Drift
 from rt_controller.contract.model.rollout import Matrices
 from rt_controller.contract.model.validation import DRIVABLE_HISTORY
 from rt_controller.contract.schema import VEHICLE, Schema
+
+Array32 = NDArray[np.float32]
+Rows = NDArray[np.integer] | NDArray[np.bool_] | slice
+
+
+class Trajectories(NamedTuple):
+    """N trajectories of K steps in physical units, with the H steps before each."""
+
+    x: Array32
+    """(N, K+1, n) states"""
+    u: Array32
+    """(N, K, m) inputs, each held from the state of its step to the next"""
+    w: Array32
+    """(N, K, p) exogenous signals, held likewise"""
+    past: Array32
+    """(N, H, h) rows of the history, oldest first: states, and the inputs held after them"""
+    episode: NDArray[np.int32]
+    """(N,) number of the episode"""
+    conditions: Array32 | None = None
+    """(N, K, q) as in `Recording`"""
+
+    def take(self, rows: Rows) -> "Trajectories":
+        """The trajectories of these rows."""
+        x, u, w, past, episode, conditions = self
+        taken = None if conditions is None else conditions[rows]
+        return Trajectories(x[rows], u[rows], w[rows], past[rows], episode[rows], taken)
+
 
 Float = TypeVar("Float", bound=np.floating)
 
@@ -181,18 +208,41 @@ def signal_range(trajectories: Trajectories, schema: Schema) -> Array:
 
     Of the inputs of the car, these are its limits.
     """
-    inputs, exogenous = _rows(trajectories.u), _rows(trajectories.w)
-    found = np.concatenate([_range(inputs), _range(exogenous)], axis=1)
+    rows = np.concatenate([_rows(trajectories.u), _rows(trajectories.w)], axis=1)
+    found = np.stack([rows.min(axis=0), rows.max(axis=0)])
     if schema.inputs == VEHICLE.inputs:
-        found[:, : inputs.shape[1]] = INPUT_LIMITS.lower, INPUT_LIMITS.upper
+        found[:, : len(schema.inputs)] = INPUT_LIMITS.lower, INPUT_LIMITS.upper
     return found
-
-
-def _range(rows: Array) -> Array:
-    return np.stack([rows.min(axis=0), rows.max(axis=0)])
 
 
 def _scale(rows: Array, share_of_peak: float) -> Array:
     rms = np.sqrt(np.mean(np.square(rows), axis=0))
     scale = np.maximum(rms, share_of_peak * np.abs(rows).max(axis=0))
     return np.where(scale > CONSTANT_SIGNAL, scale, 1.0)
+
+
+STANDARD_DEVIATIONS = {
+    "vx_mps": 0.03,
+    "vy_mps": 0.03,
+    "yaw_rate_radps": float(np.radians(0.1)),
+    "ey_m": 0.02,
+    "epsi_rad": float(np.radians(0.1)),
+}
+"""by state, at level 1; normally distributed, independent between signals and instants"""
+PROGRESS, SPEED = "ds_m", "vx_mps"
+
+
+def noise_matrix(names: tuple[str, ...], dt_s: float) -> Array:
+    """M (len(STANDARD_DEVIATIONS), len(names)): z @ M is noise of level 1 on the named signals.
+
+    z (..., len(STANDARD_DEVIATIONS)) is standard normal. Progress has the noise of the longitudinal
+    speed times the period, from which a car computes it.
+    """
+    matrix = np.zeros((len(STANDARD_DEVIATIONS), len(names)))
+    for row, (state, deviation) in enumerate(STANDARD_DEVIATIONS.items()):
+        for column, name in enumerate(names):
+            if name == state:
+                matrix[row, column] = deviation
+            elif name == PROGRESS and state == SPEED:
+                matrix[row, column] = deviation * dt_s
+    return matrix

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from offline.evaluation.metrics import (
     state_units,
 )
 from offline.evaluation.predictor import Predictor
-from offline.evaluation.series import Series
+from offline.evaluation.series import Series, Slice
 from offline.evaluation.test_sets import LIBRARY, TestSet
 from rt_controller.contract.schema import Schema
 
@@ -32,30 +31,6 @@ LINEAR = "linear"
 
 ErrorsByName = Mapping[str, TrajectoryErrors]
 """of models and baselines on the same trajectories"""
-
-
-class ScoredSlice(NamedTuple):
-    """Errors of all models and baselines on one slice of a test set."""
-
-    label: str
-    of: str
-    """name of the test set"""
-    errors: ErrorsByName
-
-    @property
-    def n_trajectories(self) -> int:
-        return len(next(iter(self.errors.values())).episode)
-
-    @property
-    def n_episodes(self) -> int:
-        return len(np.unique(next(iter(self.errors.values())).episode))
-
-
-class ScoredSeries(NamedTuple):
-    """A series with the errors on its slices."""
-
-    series: Series
-    slices: tuple[ScoredSlice, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +50,7 @@ class Comparison:
     """the library first"""
     scores: Mapping[str, Mapping[str, Scores]]
     """by name of the set, then of the model or baseline"""
-    series: tuple[ScoredSeries, ...]
+    series: tuple[Series, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -99,6 +74,15 @@ class Comparison:
     def errors_on(self, name: str) -> dict[str, TrajectoryErrors]:
         """Errors by model and baseline on a whole test set."""
         return {model: scores.by_trajectory for model, scores in self.scores[name].items()}
+
+    def errors_in(self, part: Slice) -> dict[str, TrajectoryErrors]:
+        """Errors by model and baseline on a slice of a test set."""
+        return {name: each.take(part.rows) for name, each in self.errors_on(part.of).items()}
+
+    def size_of(self, part: Slice) -> tuple[int, int]:
+        """Numbers of trajectories and of episodes in a slice."""
+        episode = next(iter(self.errors_in(part).values())).episode
+        return len(episode), len(np.unique(episode))
 
     def ratios(self, model: str, errors: ErrorsByName) -> dict[str, Ratio]:
         """By baseline: its mean errors over those of the model, so above 1 the model is better."""
@@ -182,9 +166,6 @@ def compare_models(
             on_progress(name, test.name)
             scores[test.name][name] = score(model, test, columns)
 
-    def errors_on(of: str, rows: np.ndarray) -> ErrorsByName:
-        return {name: each.by_trajectory.take(rows) for name, each in scores[of].items()}
-
     return Comparison(
         columns=columns,
         dt_s=schema.dt_s,
@@ -194,13 +175,5 @@ def compare_models(
         not_converged=tuple(not_converged),
         sets=tuple(sets),
         scores=scores,
-        series=tuple(
-            ScoredSeries(
-                each,
-                tuple(
-                    ScoredSlice(label, of, errors_on(of, rows)) for label, of, rows in each.slices
-                ),
-            )
-            for each in series
-        ),
+        series=tuple(series),
     )

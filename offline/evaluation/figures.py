@@ -12,6 +12,7 @@ from offline.evaluation.metrics import (
     WORST_SHARE,
     Ratio,
 )
+from offline.evaluation.series import Slice
 from offline.evaluation.test_sets import LIBRARY, NEW_ROADS, TestSet
 
 Figures = dict[str, Any]
@@ -37,18 +38,9 @@ def comparison_figures(comparison: Comparison) -> Figures:
                 "quantity": series.quantity,
                 "unit": series.unit,
                 "description": series.on,
-                "slices": [
-                    {
-                        "label": part.label,
-                        "set": part.of,
-                        "n_trajectories": part.n_trajectories,
-                        "n_episodes": part.n_episodes,
-                        **_tree(_of_slice(comparison, part.errors)),
-                    }
-                    for part in slices
-                ],
+                "slices": [_tree(_of_slice(comparison, part)) for part in series.slices],
             }
-            for series, slices in comparison.series
+            for series in comparison.series
         },
     }
 
@@ -129,7 +121,11 @@ def _of_library(comparison: Comparison) -> Entries:
                 yield path, scores.quantiles[q, :, i].tolist()
 
 
-def _of_slice(comparison: Comparison, errors: ErrorsByName) -> Entries:
+def _of_slice(comparison: Comparison, part: Slice) -> Entries:
+    errors = comparison.errors_in(part)
+    yield ("label",), part.label
+    yield ("set",), part.of
+    yield from zip([("n_trajectories",), ("n_episodes",)], comparison.size_of(part), strict=True)
     yield ("best_baseline",), _best_baseline(comparison, errors)
     for model in comparison.models:
         ratios = comparison.ratios(model, errors)
@@ -160,14 +156,13 @@ def _best_baseline(comparison: Comparison, errors: ErrorsByName) -> dict[str, st
 
 def _ratios(comparison: Comparison, ratios: Mapping[str, Ratio]) -> Figures:
     """By name: those of the states, and the geometric means."""
-    figures = {}
-    for name, ratio in ratios.items():
-        figures[name] = _by_state(ratio.by_state, [column.name for column in comparison.columns])
-        figures[name]["geometric_mean"] = _numbers(ratio.geometric_mean)
-        if ratio.without_progress is not None:
-            key = f"geometric_mean_without_{PROGRESS}"
-            figures[name][key] = _numbers(ratio.without_progress)
-    return figures
+    states = [column.name for column in comparison.columns]
+    means = ("geometric_mean", f"geometric_mean_without_{PROGRESS}")
+    return {
+        name: _by_state(ratio.by_state, states)
+        | {key: _numbers(mean) for key, mean in zip(means, ratio.means, strict=False)}
+        for name, ratio in ratios.items()
+    }
 
 
 def _mse(comparison: Comparison, estimate: Estimate) -> Figures:

@@ -11,10 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from offline.config import PAST_STEPS, STEPS
-from offline.data.recording import Recording, Starts, cut
-from offline.data.road_frame import Anchor, onto_road
-from offline.data.signals import VEHICLE_ROLES
-from offline.data.trajectories import Trajectories
+from offline.data.recording import Anchor, Recording, Starts, cut, onto_road
+from offline.data.signals import VEHICLE_ROLES, Trajectories
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.schema import VEHICLE

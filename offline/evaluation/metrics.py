@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from offline.data.trajectories import Rows
+from offline.data.signals import Rows
 from offline.evaluation.bootstrap import (
     EpisodeSums,
     Estimate,
@@ -211,6 +211,11 @@ class Ratio(NamedTuple):
     """(), over the states"""
     without_progress: Estimate | None
     """(), over the states but `PROGRESS`; None if there is no such state"""
+
+    @property
+    def means(self) -> tuple[Estimate, ...]:
+        """The geometric means that there are."""
+        return tuple(mean for mean in self[1:] if mean is not None)
 
     @property
     def worst_state(self) -> int:

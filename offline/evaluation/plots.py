@@ -102,17 +102,19 @@ def errors_by_condition(comparison: Comparison) -> Figure:
     An error is the geometric mean over the states of the mean squared error over that of the first
     model on the library; bars are intervals.
     """
-    drawn = [each for each in comparison.series if each.series.is_ordered]
+    drawn = [each for each in comparison.series if each.is_ordered]
     unit = comparison.library[comparison.models[0]].by_trajectory.mean_draws
     styles = line_styles(comparison.models, ("best linear",))
     rows = -(-len(drawn) // 2)
     figure, panels = empty_figure(rows, 2, 0.6 + 2.4 * rows)
-    for axes, (series, slices) in zip(panels, drawn, strict=False):
-        curves = {name: [part.errors[name] for part in slices] for name in comparison.models}
-        best = [comparison.best_linear(part.errors) for part in slices]
+    for axes, series in zip(panels, drawn, strict=False):
+        slices = series.slices
+        found = [comparison.errors_in(part) for part in slices]
+        curves = {name: [each[name] for each in found] for name in comparison.models}
+        best = [comparison.best_linear(each) for each in found]
         if None not in best:
             curves["best linear"] = [
-                part.errors[str(name)] for part, name in zip(slices, best, strict=True)
+                each[str(name)] for each, name in zip(found, best, strict=True)
             ]
         for label, errors in curves.items():
             means = [

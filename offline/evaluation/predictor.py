@@ -4,7 +4,7 @@ from typing import Protocol
 
 import numpy as np
 
-from offline.data.trajectories import Trajectories
+from offline.data.signals import Trajectories
 from rt_controller.contract.arrays import Array
 
 _BATCH = 8_000

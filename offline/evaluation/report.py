@@ -10,14 +10,13 @@ from offline.evaluation.metrics import PROGRESS, Ratio
 from offline.evaluation.tables import (
     TABLES_OF_RATIOS,
     error_tables,
-    interval_cell,
+    interval_cells,
     library_ratio_table,
     quantile_ratio_table,
     quantile_table,
     ratio_table,
     road_tables,
     series_tables,
-    set_size,
 )
 from offline.evaluation.test_sets import LIBRARY, NEW_ROADS, ROBUSTNESS
 from rt_controller.contract.arrays import Array
@@ -67,7 +66,7 @@ def _introduction(comparison: Comparison) -> tuple[Part, ...]:
         f"Each model gets one measured state, the past before it, and the inputs of the next "
         f"{seconds:g} s; it predicts the states of these {seconds:g} s without further "
         f"measurements. Errors are averaged over all {comparison.steps} steps of "
-        f"{1000 * comparison.dt_s:g} ms, on {set_size(library)} that no model was trained on "
+        f"{1000 * comparison.dt_s:g} ms, on {library.count} that no model was trained on "
         f"({library.description})."
     )
     names = [column.name for column in comparison.columns]
@@ -109,13 +108,11 @@ def _main_results(comparison: Comparison) -> list[str]:
 
 def _means(comparison: Comparison, ratio: Ratio, of: str) -> str:
     """Geometric means, the first with its interval, as text."""
-    cell = interval_cell(ratio.geometric_mean)
+    cell, *others = interval_cells(*ratio.means)
     interval = f" ({cell.detail})" if cell.detail else ""
     text = f"{cell.text}{interval} times {of} in the geometric mean of "
     text += f"{len(comparison.columns)} states"
-    if ratio.without_progress is None:
-        return text
-    return f"{text}, {interval_cell(ratio.without_progress).text} times without {PROGRESS}"
+    return text + "".join(f", {other.text} times without {PROGRESS}" for other in others)
 
 
 def _errors(comparison: Comparison) -> Section:
@@ -157,7 +154,7 @@ def _conditions(comparison: Comparison) -> Section:
         "chosen for each part."
     )
     parts: list[Part] = [text]
-    if any(each.series.is_ordered for each in comparison.series):
+    if any(each.is_ordered for each in comparison.series):
         caption = (
             f"Geometric mean over the states of the mean squared error, over that of "
             f"{comparison.models[0]} on the library; bars are intervals."
@@ -233,7 +230,7 @@ def lane_change_section(
 
 def _sources(comparison: Comparison, sources: Sequence[Table]) -> Section:
     sets = [
-        Fact(test.name, f"{test.description}; {set_size(test)}; data set {test.data_sha256}")
+        Fact(test.name, f"{test.description}; {test.count}; data set {test.data_sha256}")
         for test in comparison.sets
     ]
     bootstrap = Fact("bootstrap", f"{RESAMPLES} resamples of episodes, seed {SEED}, percentiles")

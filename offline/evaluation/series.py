@@ -14,11 +14,9 @@ from offline.evaluation.test_sets import (
     FRICTION,
     LIBRARY,
     MASS,
-    NEW_ROADS,
     NOISE,
-    ROBUSTNESS,
+    SET_NAMES,
     SLIDING,
-    VARIED,
     TestSet,
 )
 from rt_controller.contract.arrays import Array
@@ -68,13 +66,12 @@ def make_series(sets: Sequence[TestSet], schema: Schema) -> tuple[Series, ...]:
     A slice without a trajectory is left out, and so is a series with a single slice.
     """
     tests = {test.name: test for test in sets}
-    whole = (LIBRARY, NEW_ROADS, ROBUSTNESS, VARIED, SLIDING, FAST, BRAKING)
     levels = {name.removeprefix(f"{NOISE}-"): name for name in tests if name.startswith(NOISE)}
     by_sideslip = "by the largest sideslip of the two seconds"
     brakes = f"{LIBRARY}, by the largest brake input"
     brakes += ", and straight stops" if BRAKING in tests else ""
     fast = f" and {FAST}" if FAST in tests else ""
-    of_sets = _whole(tests, {name: name for name in whole})
+    of_sets = _whole(tests, {name: name for name in SET_NAMES})
     others = (
         _series("sideslip", "peak sideslip", "deg", f"{LIBRARY}, {by_sideslip}",
                 _by_sideslip(tests, LIBRARY, schema)),

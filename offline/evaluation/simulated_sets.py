@@ -57,81 +57,63 @@ class SimulatedSet:
     """What a test set is simulated with."""
 
     name: str
-    options: tuple[str, ...]
-    """names of `--sets` that it belongs to"""
-    recipe: Recipe
-    episodes: int
-    """of five slices each"""
-    seed: int
     conditions: str
     """what differs from the training data, as text"""
+    recipe: Recipe
+    seed: int
+    options: tuple[str, ...]
+    """names of `--sets` that it belongs to"""
+    episodes: int = 96
+    """of five slices each"""
 
 
-def _kmh(low: float, high: float) -> tuple[float, float]:
-    return low / 3.6, high / 3.6
+def _same_drivers(name: str, conditions: str, *options: str, **values: float) -> SimulatedSet:
+    ranges = {field: (value, value) for field, value in values.items()}
+    recipe = Recipe(variation=Variation.model_validate(ranges))
+    return SimulatedSet(name, conditions, recipe, _CONDITIONS_SEED, options)
 
 
-def _conditions(
-    name: str, options: tuple[str, ...], variation: Variation, conditions: str
-) -> SimulatedSet:
-    recipe = Recipe(variation=variation)
-    return SimulatedSet(name, options, recipe, 96, _CONDITIONS_SEED, conditions)
-
-
-def _friction(value: float) -> SimulatedSet:
-    variation = Variation(friction=(value, value))
-    return _conditions(f"{FRICTION}-{value:g}", (FRICTION,), variation, f"road friction {value:g}")
-
-
-def _mass(factor: float) -> SimulatedSet:
-    variation = Variation(mass_factor=(factor, factor))
-    return _conditions(f"{MASS}-{factor:g}", (MASS,), variation, f"mass times {factor:g}")
-
-
-NOMINAL = _conditions(
-    "nominal",
-    (FRICTION, MASS),
-    Variation(friction=(NOMINAL_FRICTION, NOMINAL_FRICTION)),
-    "road and car of the training data",
+NOMINAL = _same_drivers(
+    "nominal", "road and car of the training data", FRICTION, MASS, friction=NOMINAL_FRICTION
 )
-BY_FRICTION = {1.0: _friction(1.0), NOMINAL_FRICTION: NOMINAL} | {
-    value: _friction(value) for value in (0.7, 0.5)
-}
-BY_MASS_FACTOR = {0.85: _mass(0.85), 1.0: NOMINAL, 1.15: _mass(1.15)}
-
+BY_FRICTION = {
+    mu: _same_drivers(f"{FRICTION}-{mu:g}", f"road friction {mu:g}", FRICTION, friction=mu)
+    for mu in (1.0, NOMINAL_FRICTION, 0.7, 0.5)
+} | {NOMINAL_FRICTION: NOMINAL}
+BY_MASS_FACTOR = {
+    factor: _same_drivers(f"{MASS}-{factor:g}", f"mass times {factor:g}", MASS, mass_factor=factor)
+    for factor in (0.85, 1.0, 1.15)
+} | {1.0: NOMINAL}
 SIMULATED = (
     SimulatedSet(
         ROBUSTNESS,
-        (ROBUSTNESS,),
-        Recipe(variation=Variation(friction=(0.5, 1.0), mass_factor=(0.85, 1.15))),
-        96,
-        46_046,
         "road friction 0.5 to 1, mass times 0.85 to 1.15",
+        Recipe(variation=Variation(friction=(0.5, 1.0), mass_factor=(0.85, 1.15))),
+        46_046,
+        (ROBUSTNESS,),
     ),
     SimulatedSet(
         VARIED,
-        (VARIED,),
-        Recipe(variation=VARIED_CONDITIONS),
-        96,
-        46_051,
         "road, wind, load and tyres as in the recipe varied",
+        Recipe(variation=VARIED_CONDITIONS),
+        46_051,
+        (VARIED,),
     ),
     SimulatedSet(
         SLIDING,
-        (SLIDING,),
-        Recipe(first_speed_mps=_kmh(110.0, 130.0), steering_knots=(3,)),
-        400,
-        46_047,
         "110 to 130 km/h at the start of an episode, and steering through a random angle every "
         "0.67 s, with which this car slides most",
+        Recipe(first_speed_mps=(110.0 / 3.6, 130.0 / 3.6), steering_knots=(3,)),
+        46_047,
+        (SLIDING,),
+        episodes=400,
     ),
     SimulatedSet(
         FAST,
-        (FAST,),
-        Recipe(first_speed_mps=_kmh(130.0, 180.0)),
-        96,
-        46_048,
         "130 to 180 km/h at the start of an episode",
+        Recipe(first_speed_mps=(130.0 / 3.6, 180.0 / 3.6)),
+        46_048,
+        (FAST,),
     ),
     *dict.fromkeys((*BY_FRICTION.values(), *BY_MASS_FACTOR.values())),
 )

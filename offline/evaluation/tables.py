@@ -5,8 +5,10 @@ The title of each table says what is compared with what, on which trajectories.
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from offline.evaluation.bootstrap import CONFIDENCE, RESAMPLES, Estimate
-from offline.evaluation.comparison import FAIR_LTI, LTI_BASELINES, Comparison, ScoredSeries
+from offline.evaluation.comparison import FAIR_LTI, LTI_BASELINES, Comparison
 from offline.evaluation.metrics import (
     LARGEST_RATIO_ON_NEW_ROADS,
     PROGRESS,
@@ -14,6 +16,7 @@ from offline.evaluation.metrics import (
     WORST_SHARE,
     Ratio,
 )
+from offline.evaluation.series import Series
 from offline.evaluation.test_sets import LIBRARY, NEW_ROADS, ROBUSTNESS, TestSet
 from rt_controller.report.table import NO_VALUE, Cell, Column, Row, Table, format_number
 
@@ -43,22 +46,20 @@ def error_tables(comparison: Comparison) -> list[Table]:
     """Means, roots, medians, and the worst trajectories on the library."""
     library = comparison.sets[0]
     errors = comparison.errors_on(library.name)
-    medians = {name: each.quantiles().at(SHARES.index(0.5)) for name, each in errors.items()}
-    worst = {name: each.worst_part for name, each in errors.items()}
-    states = [Column(each.name) for each in comparison.columns]
+    median = SHARES.index(0.5)
     return [
         mse_table(comparison, library),
         rms_table(comparison, library),
         _table(
-            f"MSE of the median trajectory of each model on {_size(library)}",
-            [Column("model", is_text=True), *_squared(comparison)],
-            {name: _cells(each) for name, each in medians.items()},
+            f"MSE of the median trajectory of each model on {library.size}",
+            ["model", *_squared(comparison)],
+            {name: interval_cells(each.quantiles().at(median)) for name, each in errors.items()},
         ),
         _table(
             f"Part of the MSE of each model that its worst {100 * WORST_SHARE:g} % of the "
-            f"trajectories have, {_size(library)}",
-            [Column("model", is_text=True), *states],
-            {name: _cells(each) for name, each in worst.items()},
+            f"trajectories have, {library.size}",
+            ["model", *(Column(each.name) for each in comparison.columns)],
+            {name: interval_cells(each.worst_part) for name, each in errors.items()},
             ["1: all of it. The worst trajectories are chosen for each model and state."],
         ),
     ]
@@ -72,19 +73,19 @@ def mse_table(comparison: Comparison, test: TestSet) -> Table:
     ]
     note = f"No finite prediction: {', '.join(diverged)} trajectories." if diverged else INTERVALS
     return _table(
-        f"MSE over {comparison.steps} steps of each model on {_size(test)}",
-        [Column("model", is_text=True), *_squared(comparison)],
-        {name: _cells(scores[name].mse()) for name in comparison.names},
+        f"MSE over {comparison.steps} steps of each model on {test.size}",
+        ["model", *_squared(comparison)],
+        {name: interval_cells(scores[name].mse()) for name in comparison.names},
         [note, *_not_converged(comparison)],
     )
 
 
 def rms_table(comparison: Comparison, test: TestSet, with_intervals: bool = False) -> Table:
     """Root mean square errors."""
-    scores, to_cells = comparison.scores[test.name], _cells if with_intervals else _values
+    scores, to_cells = comparison.scores[test.name], interval_cells if with_intervals else _values
     return _table(
-        f"RMS error over {comparison.steps} steps of each model on {_size(test)}",
-        [Column("model", is_text=True), *_states(comparison)],
+        f"RMS error over {comparison.steps} steps of each model on {test.size}",
+        ["model", *_states(comparison)],
         {name: to_cells(scores[name].rms()) for name in comparison.names},
     )
 
@@ -96,7 +97,7 @@ def road_tables(comparison: Comparison) -> list[Table]:
     return [
         _table(
             f"MSE of each model on curvature {kappa:g} 1/m, {library.name}",
-            [Column("model", is_text=True), *_squared(comparison)],
+            ["model", *_squared(comparison)],
             {
                 name: _values(each.take(library.is_on_road(kappa)).mean())
                 for name, each in errors.items()
@@ -112,9 +113,9 @@ def quantile_table(comparison: Comparison, model: str) -> Table:
     at_marks = scores.quantiles_at_marks()
     return _table(
         f"Absolute error of {model}: quantiles over trajectories, {LIBRARY}",
-        [Column("after", is_text=True), *_states(comparison)],
+        ["after", *_states(comparison)],
         {
-            f"{step * comparison.dt_s:g} s, {share}": _cells(at_marks.at(i, j))
+            f"{step * comparison.dt_s:g} s, {share}": interval_cells(at_marks.at(i, j))
             for j, step in enumerate(scores.marked_steps)
             for i, share in enumerate(_SHARE_NAMES)
         },
@@ -129,7 +130,7 @@ def ratio_table(comparison: Comparison, model: str, test: TestSet) -> Table:
     best = comparison.best_linear(comparison.errors_on(test.name))
     if best is not None:
         notes.append(f"Best linear baseline in the geometric mean: {best}.")
-    title = f"MSE of each baseline over MSE of {model} on {_size(test)}: above 1, {model} is better"
+    title = f"MSE of each baseline over MSE of {model} on {test.size}: above 1, {model} is better"
     return _ratio_table(title, "baseline", comparison, ratios, notes + _not_converged(comparison))
 
 
@@ -141,13 +142,10 @@ def quantile_ratio_table(comparison: Comparison, model: str) -> Table:
     return _table(
         f"Mean, median, 90 % and 99 % quantile over trajectories of the squared error of each "
         f"baseline, over the same of {model}: geometric means over the states, "
-        f"{_size(comparison.sets[0])}",
-        [
-            Column("baseline", is_text=True),
-            *(Column(each, head.unit) for each in ("mean", *_SHARE_NAMES) for head in heads),
-        ],
+        f"{comparison.sets[0].size}",
+        ["baseline", *(Column(each, h.unit) for each in ("mean", *_SHARE_NAMES) for h in heads)],
         {
-            name: [cell for found in ratios for cell in _mean_cells(found[name])]
+            name: [cell for found in ratios for cell in interval_cells(*found[name].means)]
             for name in comparison.baselines
         },
     )
@@ -160,7 +158,7 @@ def library_ratio_table(comparison: Comparison, test: TestSet) -> Table:
     if test.name == NEW_ROADS:
         found = "; ".join(_goal(comparison, name, ratios[name]) for name in comparison.models)
         notes = [f"Goal: no state above {LARGEST_RATIO_ON_NEW_ROADS:g}. {found}"]
-    title = f"MSE of each model on {test.name} over its own on {LIBRARY}, {set_size(test)}"
+    title = f"MSE of each model on {test.name} over its own on {LIBRARY}, {test.count}"
     return _ratio_table(title, "model", comparison, ratios, notes)
 
 
@@ -169,39 +167,39 @@ def series_tables(comparison: Comparison, model: str) -> list[Table]:
     return [_series_table(comparison, model, each) for each in comparison.series]
 
 
-def set_size(test: TestSet) -> str:
-    """Number of trajectories and episodes, as text."""
-    return f"{test.n_trajectories} trajectories of {test.n_episodes} episodes"
+def interval_cells(*estimates: Estimate) -> list[Cell]:
+    """The numbers of estimates with their intervals; of an estimate (n,), one for each state."""
+    cells = []
+    for value, low, high in (
+        row for each in estimates for row in np.transpose(each).reshape(-1, 3)
+    ):
+        has_interval = low <= high < float("inf")
+        interval = f"{format_number(low, 3)}{NO_VALUE}{format_number(high, 3)}"
+        cells.append(Cell(format_number(value), interval if has_interval else ""))
+    return cells
 
 
-def interval_cell(estimate: Estimate) -> Cell:
-    """A single value with its interval."""
-    value, low, high = (float(part) for part in estimate)
-    if not low <= high < float("inf"):
-        return Cell(format_number(value))
-    return Cell(format_number(value), f"{format_number(low, 3)}{NO_VALUE}{format_number(high, 3)}")
-
-
-def _series_table(comparison: Comparison, model: str, scored: ScoredSeries) -> Table:
-    series, slices = scored
-    heads = _mean_heads(comparison)
-    columns = [
-        Column(series.quantity, series.unit, is_text=True),
-        Column("trajectories"),
-        Column("episodes"),
-    ]
+def _series_table(comparison: Comparison, model: str, series: Series) -> Table:
     rows: list[Row] = []
     has_linear = False
-    for part in slices:
-        cells: list[Cell | str] = [part.label, f"{part.n_trajectories}", f"{part.n_episodes}"]
-        if best := comparison.best_linear(part.errors):
+    for part in series.slices:
+        errors = comparison.errors_in(part)
+        cells: list[Cell | str] = [part.label, *map(str, comparison.size_of(part))]
+        if best := comparison.best_linear(errors):
             has_linear = True
-            ratio = comparison.ratios(model, part.errors)[best]
+            ratio = comparison.ratios(model, errors)[best]
             least = ratio.least_state
             smallest = format_number(float(ratio.by_state.value[least]))
-            cells += [best, *_mean_cells(ratio), Cell(smallest, comparison.columns[least].name)]
-        rows.append((*cells, *_mean_cells(comparison.growth(model, part.errors[model]))))
+            cells += [
+                best,
+                *interval_cells(*ratio.means),
+                Cell(smallest, comparison.columns[least].name),
+            ]
+        rows.append((*cells, *interval_cells(*comparison.growth(model, errors[model]).means)))
+    columns = [Column(series.quantity, series.unit, is_text=True)]
+    columns += map(Column, ("trajectories", "episodes"))
     compared = f"MSE of {model} over its own on the whole {LIBRARY}"
+    heads = _mean_heads(comparison)
     if has_linear:
         compared = f"MSE of the best linear baseline over that of {model}, and {compared}"
         columns.append(Column("best linear", is_text=True, width="short"))
@@ -221,19 +219,19 @@ def _ratio_table(
     notes: Sequence[str],
 ) -> Table:
     states = (Column(each.name) for each in comparison.columns)
-    heads = [Column(first, is_text=True), *states, *_mean_heads(comparison)]
-    rows = {name: [*_cells(each.by_state), *_mean_cells(each)] for name, each in ratios.items()}
-    return _table(title, heads, rows, notes)
+    rows = {name: interval_cells(each.by_state, *each.means) for name, each in ratios.items()}
+    return _table(title, [first, *states, *_mean_heads(comparison)], rows, notes)
 
 
 def _table(
     title: str,
-    heads: Sequence[Column],
+    heads: Sequence[Column | str],
     rows: Mapping[str, Sequence[Cell | str]],
     notes: Sequence[str] = (),
 ) -> Table:
-    """A table whose rows have a name."""
-    return Table(title, tuple(heads), tuple((name, *row) for name, row in rows.items()), (*notes,))
+    """A table whose rows have a name; a head without a unit is text: that of the names."""
+    columns = tuple(Column(each, is_text=True) if isinstance(each, str) else each for each in heads)
+    return Table(title, columns, tuple((name, *row) for name, row in rows.items()), (*notes,))
 
 
 def _states(comparison: Comparison) -> list[Column]:
@@ -245,31 +243,15 @@ def _squared(comparison: Comparison) -> list[Column]:
 
 
 def _mean_heads(comparison: Comparison) -> list[Column]:
-    """Heads of the geometric means of a ratio: over all states, and without progress."""
+    """Heads of `Ratio.means`."""
     names = [column.name for column in comparison.columns]
-    over_all = Column("geometric mean", f"{len(names)} states")
-    if PROGRESS not in names or len(names) == 1:
-        return [over_all]
-    return [over_all, Column("geometric mean", f"without {PROGRESS}")]
-
-
-def _mean_cells(ratio: Ratio) -> list[Cell]:
-    """Cells below `_mean_heads`."""
-    means = (ratio.geometric_mean, ratio.without_progress)
-    return [interval_cell(mean) for mean in means if mean is not None]
-
-
-def _cells(estimate: Estimate) -> list[Cell]:
-    """One cell for each state of an estimate (n,)."""
-    return [interval_cell(estimate.at(i)) for i in range(len(estimate.value))]
+    has_progress = PROGRESS in names and len(names) > 1
+    units = (f"{len(names)} states", *([f"without {PROGRESS}"] if has_progress else []))
+    return [Column("geometric mean", unit) for unit in units]
 
 
 def _values(estimate: Estimate) -> list[str]:
     return [format_number(float(value)) for value in estimate.value]
-
-
-def _size(test: TestSet) -> str:
-    return f"{test.name}, {set_size(test)}"
 
 
 def _not_converged(comparison: Comparison) -> list[str]:

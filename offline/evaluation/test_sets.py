@@ -2,7 +2,7 @@
 
 - library: slices of the test episodes, 480 for each curvature that models may be trained on;
 - new-roads: the same drives on curvatures that the library leaves out. The road does not act on
-  the car, so another road can be laid under a drive exactly (`offline.data.road_frame`);
+  the car, so another road can be laid under a drive exactly (`offline.data.recording`);
 - noise: the library with noise on what a model hears, the first state and the states of the past.
   The states that a prediction is compared with, the inputs and the curvature have none. The draws
   are seeded, the same for all models, and those of another level are the same times its factor;
@@ -21,9 +21,7 @@ from numpy.typing import NDArray
 from offline.data.dataset import Dataset
 from offline.data.manifest import Imported, Origin
 from offline.data.recording import Starts, cut
-from offline.data.sensor_noise import STANDARD_DEVIATIONS, noise_matrix
-from offline.data.signals import Roles, past_names
-from offline.data.trajectories import Trajectories
+from offline.data.signals import STANDARD_DEVIATIONS, Roles, Trajectories, noise_matrix, past_names
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.contract.schema import Schema
@@ -68,6 +66,16 @@ class TestSet:
     @property
     def n_episodes(self) -> int:
         return len(np.unique(self.trajectories.episode))
+
+    @property
+    def count(self) -> str:
+        """Number of trajectories and episodes, as text."""
+        return f"{self.n_trajectories} trajectories of {self.n_episodes} episodes"
+
+    @property
+    def size(self) -> str:
+        """The same with the name."""
+        return f"{self.name}, {self.count}"
 
     @property
     def curvatures_per_m(self) -> tuple[float, ...]:

@@ -1,7 +1,7 @@
 """Where independent tasks run: on the cores of this machine or on a Dask or Ray cluster."""
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -62,39 +62,35 @@ class Backend:
 
         if self.name in CLUSTERS:
             require_packages(self.name, (CLUSTERS[self.name],), f"--backend {self.name}")
-        options: dict[str, Any] = {"n_jobs": self.jobs}
-        with ExitStack() as cluster:
-            try:
-                if self.name == "dask":
-                    options = {"client": cluster.enter_context(self._dask_client())}
-                elif self.name == "ray":
-                    self._connect_ray(cluster)
-            except (OSError, RuntimeError, ValueError) as error:
-                raise ConfigError(
-                    f"--address {self.address}: expected a {self.name} cluster to answer, found "
-                    f"none ({error}). Start it, or name another HOST:PORT."
-                ) from error
-            with joblib.parallel_config(self.name, **options):
-                yield
+        try:
+            cluster = self._connect()
+        except (OSError, RuntimeError, ValueError) as error:
+            raise ConfigError(
+                f"--address {self.address}: expected a {self.name} cluster to answer, found "
+                f"none ({error}). Start it, or name another HOST:PORT."
+            ) from error
+        # On a cluster its workers limit the number of tasks.
+        jobs = -1 if self.name == "dask" else self.jobs
+        with cluster, joblib.parallel_config(self.name, n_jobs=jobs):
+            yield
 
-    def _dask_client(self) -> Any:
-        from distributed import Client
+    def _connect(self) -> Any:
+        own_size = None if self.address or self.jobs == -1 else self.jobs
+        if self.name == "dask":
+            from distributed import Client
 
-        if self.address is not None:
-            return Client(self.address, timeout=CONNECT_S, set_as_default=False)
-        # One thread per process: two trainings in one process would share torch's random numbers.
-        local = {"n_workers": None if self.jobs == -1 else self.jobs, "threads_per_worker": 1}
-        return Client(**local, dashboard_address="127.0.0.1:0", set_as_default=False)
+            if self.address is not None:
+                return Client(self.address, timeout=CONNECT_S)
+            # One thread per process: two trainings would share torch's random numbers.
+            return Client(n_workers=own_size, threads_per_worker=1, dashboard_address="127.0.0.1:0")
+        if self.name == "ray":
+            import joblib
+            import ray
+            from ray.util.joblib.ray_backend import RayBackend
 
-    def _connect_ray(self, cluster: ExitStack) -> None:
-        import joblib
-        import ray
-        from ray.util.joblib.ray_backend import RayBackend
-
-        cores = None if self.address or self.jobs == -1 else self.jobs
-        # "local" starts a new cluster, also if another one runs on this machine.
-        ray.init(self.address or "local", num_cpus=cores, log_to_driver=False)
-        cluster.callback(ray.shutdown)
-        # Ray's backend can return each result when it is ready, but does not declare it.
-        streaming = type("Streaming", (RayBackend,), {"supports_return_generator": True})
-        joblib.register_parallel_backend("ray", streaming)
+            # Ray's backend can return each result when it is ready, but does not declare it.
+            streaming = type("Streaming", (RayBackend,), {"supports_return_generator": True})
+            joblib.register_parallel_backend("ray", streaming)
+            # "local" starts a new cluster, also if another one runs on this machine.
+            return ray.init(self.address or "local", num_cpus=own_size, log_to_driver=False)
+        return nullcontext()

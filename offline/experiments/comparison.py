@@ -6,11 +6,11 @@ preset. The results are figures for `--json`, and Markdown of the same figures.
 """
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from itertools import groupby
 from pathlib import Path
-from statistics import fmean, geometric_mean
+from statistics import fmean
 from typing import Annotated, Any, NamedTuple
 
 from pydantic import BaseModel, Field, TypeAdapter
@@ -22,14 +22,14 @@ from offline.experiments.settings import FolderName, Preset, changed, read_toml,
 from offline.experiments.training_task import (
     CampaignData,
     Result,
-    Training,
     exclusive_folder,
+    geometric_mean,
     load_result,
     run_training,
 )
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.settings_errors import option
-from rt_controller.report.table import NO_VALUE, Column, Table, to_markdown
+from rt_controller.report.table import NO_VALUE, Column, Table, format_number, to_markdown
 
 SHIPPED = "variants.toml"
 
@@ -37,22 +37,14 @@ BUDGET = ("steps", "batch", "evaluate_every")
 """fields that determine the cost of a training"""
 
 
-@dataclass(frozen=True, slots=True)
-class Variant:
-    """One configuration of a list."""
+class Variant(BaseModel, frozen=True, extra="forbid"):
+    """An entry of a list."""
 
-    name: str
+    name: FolderName
     """also the name of its folder"""
     why: str
-    changes: Mapping[str, Any]
-    """its own changes, without those of the variants before it"""
-    config: TrainingConfig
-
-
-class _Entry(BaseModel, extra="forbid"):
-    name: FolderName
-    why: str
     changes: dict[str, Any] = {}
+    """its own, without those of the variants before it"""
 
 
 class _List(BaseModel, extra="forbid"):
@@ -61,15 +53,29 @@ class _List(BaseModel, extra="forbid"):
     cumulative: bool = False
     budget: Preset | None = None
     common: dict[str, Any] = {}
-    variant: Annotated[list[_Entry], Field(min_length=1)]
+    variant: Annotated[list[Variant], Field(min_length=1)]
 
 
 _LISTS = TypeAdapter(dict[FolderName, _List])
 
 
+class Training(NamedTuple):
+    """A variant and its configuration."""
+
+    variant: Variant
+    config: TrainingConfig
+
+
+class Row(NamedTuple):
+    """A training and how it ended."""
+
+    training: Training
+    result: Result
+
+
 def read_variants(
     name: str, file: Path | None, common: Mapping[str, Any], only: Sequence[str] = ()
-) -> tuple[str, tuple[Variant, ...]]:
+) -> tuple[str, tuple[Training, ...]]:
     """Title and variants of the list of that name; the name of a preset is a list of one.
 
     `file` None is the shipped file; `common` has the fields that options set for all variants;
@@ -80,64 +86,48 @@ def read_variants(
             change a field that defines a variant.
     """
     lists = read_toml(file, SHIPPED, "--lists", _LISTS)
-    if name in lists:
-        entries = lists[name]
-    elif name in PRESETS:
-        purpose = f"the preset {name}, once for each seed"
-        entries = _List(why=purpose, base=name, variant=[_Entry(name=name, why="the preset alone")])
-    else:
+    if name in PRESETS and name not in lists:
+        alone = Variant(name=name, why="the preset alone")
+        lists[name] = _List(why="the preset, once for each seed", base=name, variant=[alone])
+    if name not in lists:
         known = ", ".join(lists) or "of the file, which has none,"
         raise ConfigError(
             f"variants: expected one of the lists {known} or of the presets "
             f"{', '.join(PRESETS)}, found {name!r}."
         )
-    names = [entry.name for entry in entries.variant]
+    found = lists[name]
+    names = [variant.name for variant in found.variant]
     require_unique(names, name)
-    unknown = sorted(set(only) - set(names))
-    if unknown:
+    if unknown := sorted(set(only) - set(names)):
         raise ConfigError(
             f"--only: expected names among {', '.join(names)}, found {', '.join(unknown)}."
         )
-    return f"{name}: {entries.why}", tuple(_resolve(name, entries, common, only or names))
-
-
-def _resolve(
-    name: str, entries: _List, common: Mapping[str, Any], only: Sequence[str]
-) -> Iterator[Variant]:
-    budget = {field: getattr(PRESETS[entries.budget or entries.base], field) for field in BUDGET}
-    base = changed(PRESETS[entries.base], {**budget, **entries.common}, name)
-    changes: dict[str, Any] = {}
-    for entry in entries.variant:
-        where = f"{name}, variant {entry.name}"
-        changes = {**(changes if entries.cumulative else {}), **entry.changes}
+    budget = {field: getattr(PRESETS[found.budget or found.base], field) for field in BUDGET}
+    base = changed(PRESETS[found.base], {**budget, **found.common}, name)
+    trainings, changes = [], dict[str, Any]()
+    for variant in found.variant:
+        where = f"{name}, variant {variant.name}"
+        changes = {**(changes if found.cumulative else {}), **variant.changes}
         config = changed(changed(base, changes, where), common, name)
-        if entry.name not in only:
+        if only and variant.name not in only:
             continue
         if undone := sorted(set(changes) & set(common)):
             raise ConfigError(
                 f"{where}: expected no option for a field that this variant sets, found "
                 f"{option((undone[0],))}. Leave it out."
             )
-        yield Variant(entry.name, entry.why, entry.changes, config)
-
-
-class Row(NamedTuple):
-    """One training of a variant."""
-
-    variant: Variant
-    seed: int
-    result: Result
+        trainings.append(Training(variant, config))
+    return f"{name}: {found.why}", tuple(trainings)
 
 
 def compare(
-    variants: Sequence[Variant],
-    seeds: Sequence[int],
+    trainings: Sequence[Training],
     data: CampaignData,
     folder: Path,
     backend: Backend,
     on_result: Callable[[int, Row], None],
 ) -> list[Row]:
-    """One row for each variant and seed, in this order; trainings that have ended are not repeated.
+    """A row for each training, in this order; trainings that have ended are not repeated.
 
     `on_result` is called with the number of ended trainings and the newest one.
 
@@ -145,131 +135,84 @@ def compare(
         ConfigError: the folder has trainings of other settings, is in use, or cannot be written.
         WorkersLostError: a worker died.
     """
-    pairs = [(variant, seed) for variant in variants for seed in seeds]
-    trainings = [
-        Training(
-            folder.resolve() / variant.name / f"seed-{seed}",
-            variant.config.model_copy(update={"seed": seed}),
-            data,
-        )
-        for variant, seed in pairs
+    tasks = [
+        (folder.resolve() / variant.name / f"seed-{config.seed}", config, data)
+        for variant, config in trainings
     ]
     rows: dict[int, Row] = {}
     with exclusive_folder(folder), backend.active():
-        for each in trainings:
-            load_result(each)  # refuses other settings before any training
-        for index, result in run_tasks(run_training, [(each,) for each in trainings]):
-            rows[index] = Row(*pairs[index], result)
+        for task in tasks:
+            load_result(*task)  # refuses other settings before any training
+        for index, result in run_tasks(run_training, tasks):
+            rows[index] = Row(trainings[index], result)
             on_result(len(rows), rows[index])
-    return [rows[index] for index in range(len(pairs))]
+    return [rows[index] for index in range(len(tasks))]
 
 
 def comparison_figures(title: str, data: CampaignData, rows: Sequence[Row]) -> dict[str, Any]:
     """The figures for `--json`.
 
-    Those of a variant are pooled over its seeds. A ratio is that of the mean squared errors (n,) of
-    the fair linear model to those of the variant.
+    Those of a variant are pooled over its seeds. A ratio is that of the mean squared errors of the
+    fair linear model to those of the variant.
     """
-    groups = groupby(rows, key=lambda row: row.variant.name)
+    groups = groupby(rows, key=lambda row: row.training.variant)
     return {
         "title": title,
-        "baseline_mse_si": dict(zip(data.states, data.linear_mse, strict=True)),
-        "variants": [_variant_figures(list(group), data.states) for _, group in groups],
+        "baseline_mse_si": dict(data.linear_mse),
+        "variants": [_variant_figures(variant, list(group)) for variant, group in groups],
     }
 
 
-def _variant_figures(rows: Sequence[Row], states: Sequence[str]) -> dict[str, Any]:
-    variant = rows[0].variant
-    trainings = [_training_figures(row, states) for row in rows]
-    models = [each for each in trainings if each["mse_ratio"]]
-    means = [each["geometric_mean_ratio"] for each in models]
-    ratios = {
-        name: _geometric_mean([each["mse_ratio"][name] for each in models]) for name in states
-    }
+def _variant_figures(variant: Variant, rows: Sequence[Row]) -> dict[str, Any]:
+    config = rows[0].training.config
+    models = [row.result for row in rows if row.result.mse_ratio]
+    ratios = [each.mse_ratio or {} for each in models]
+    means = [geometric_mean(each.values()) for each in ratios]
+    by_state = {name: geometric_mean(each[name] for each in ratios) for name in (*ratios, {})[0]}
     return {
-        "name": variant.name,
-        "why": variant.why,
-        "changes": dict(variant.changes),
-        "n_steps": variant.config.steps,
-        "n_trajectories_per_step": variant.config.batch,
-        "n_parameters": next((row.result.n_parameters for row in rows if row.result.ratios), None),
-        "geometric_mean_ratio": _geometric_mean(means),
+        **variant.model_dump(),
+        "n_steps": config.steps,
+        "n_trajectories_per_step": config.batch,
+        "n_parameters": models[0].n_parameters if models else None,
+        "geometric_mean_ratio": geometric_mean(means) if means else None,
         "least_geometric_mean_ratio": min(means, default=None),
         "most_geometric_mean_ratio": max(means, default=None),
-        "mse_ratio": ratios if models else None,
-        "training_cpu_s": fmean(each["training_cpu_s"] for each in models) if models else None,
-        "trainings": trainings,
+        "mse_ratio": by_state or None,
+        "training_cpu_s": fmean(each.training_cpu_s for each in models) if models else None,
+        "trainings": [{"seed": row.training.config.seed, **asdict(row.result)} for row in rows],
     }
-
-
-def _training_figures(row: Row, states: Sequence[str]) -> dict[str, Any]:
-    result, ratios = row.result, row.result.ratios
-    return {
-        "seed": row.seed,
-        "ending": result.ending,
-        "reason": result.reason,
-        "step": result.step,
-        "training_cpu_s": result.training_cpu_s,
-        "spectral_radius": result.spectral_radius,
-        "mse_ratio": ratios and dict(zip(states, ratios.by_state, strict=True)),
-        "geometric_mean_ratio": ratios and ratios.geometric_mean,
-    }
-
-
-def _geometric_mean(ratios: Sequence[float]) -> float | None:
-    if not ratios:
-        return None
-    return geometric_mean(ratios) if min(ratios) > 0 else 0.0
 
 
 def comparison_markdown(figures: Mapping[str, Any]) -> str:
     """Three tables: pooled ratios of the variants, their changes, and all trainings."""
-    variants, states = figures["variants"], tuple(figures["baseline_mse_si"])
-    n_seeds = len({each["seed"] for variant in variants for each in variant["trainings"]})
-    costs = {(each["n_steps"], each["n_trajectories_per_step"]) for each in variants}
-    cost = "The variants differ in steps or in trajectories per step: see their changes."
-    if len(costs) == 1:
-        cost = "Every training has {} steps of {} trajectories.".format(*costs.pop())
-    pooled = ("variant", "geometric mean", "least … most", *states, "parameters", "CPU s")
-    single = ("variant", "seed", *states, "geometric mean", "radius", "step", "CPU s")
-    changes = [(each["name"], _changes(each["changes"]), each["why"]) for each in variants]
-    trainings = [_cells(v["name"], each, states) for v in variants for each in v["trainings"]]
+    variants, states = figures["variants"], figures["baseline_mse_si"]
+    trainings = [{"name": v["name"], **each} for v in variants for each in v["trainings"]]
+    mean, cost = "geometric_mean_ratio", "training_cpu_s"
+    pooled = ("name", mean, f"least_{mean}", f"most_{mean}", *states, "n_parameters", cost)
+    single = ("name", "seed", "ending", *states, mean, "spectral_radius", "step", cost)
     return "\n\n".join(
         (
             f"# {figures['title']}",
             "Mean squared error over the horizon of the fair linear model, divided by that of the "
             "variant, on the validation part: more is better. The geometric mean is over the "
-            f"states, and all of this table over {n_seeds} seed{'s' * (n_seeds > 1)}. {cost}",
-            _markdown(pooled, [_pooled_cells(each, states) for each in variants]),
-            _markdown(("variant", "changes", "why"), changes),
-            _markdown(single, trainings) + "\n",
+            "states, and the first table over all seeds.",
+            _table(pooled, variants),
+            _table(("name", "changes", "why", "n_steps", "n_trajectories_per_step"), variants),
+            _table(single, trainings) + "\n",
         )
     )
 
 
-def _pooled_cells(variant: Mapping[str, Any], states: Sequence[str]) -> tuple[str, ...]:
-    if variant["mse_ratio"] is None:
-        return (variant["name"], *(NO_VALUE,) * (len(states) + 4))
-    least, most = (f"{variant[f'{end}_geometric_mean_ratio']:.3g}" for end in ("least", "most"))
-    ratios = (f"{variant['mse_ratio'][name]:.3g}" for name in states)
-    mean, cost = f"{variant['geometric_mean_ratio']:.3g}", f"{variant['training_cpu_s']:.0f}"
-    return (variant["name"], mean, f"{least} … {most}", *ratios, str(variant["n_parameters"]), cost)
+def _table(keys: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> str:
+    """A column for each key of the rows or of their ratios."""
+    cells = [{**row, **(row["mse_ratio"] or {})} for row in rows]
+    texts = (tuple(_text(each.get(key)) for key in keys) for each in cells)
+    return to_markdown(Table("", tuple(map(Column, keys)), tuple(texts)))
 
 
-def _cells(name: str, training: Mapping[str, Any], states: Sequence[str]) -> tuple[str, ...]:
-    begin = (name, str(training["seed"]))
-    cost = (str(training["step"]), f"{training['training_cpu_s']:.0f}")
-    if training["mse_ratio"] is None:
-        return (*begin, *(NO_VALUE,) * len(states), training["ending"], "", *cost)
-    ratios = (f"{training['mse_ratio'][name]:.3g}" for name in states)
-    mean, radius = training["geometric_mean_ratio"], training["spectral_radius"]
-    return (*begin, *ratios, f"{mean:.3g}", f"{radius:.5f}", *cost)
-
-
-def _changes(changes: Mapping[str, Any]) -> str:
-    texts = (f"`{field} = {json.dumps(value)}`" for field, value in changes.items())
-    return ", ".join(texts) or NO_VALUE
-
-
-def _markdown(heads: Sequence[str], rows: Sequence[tuple[str, ...]]) -> str:
-    return to_markdown(Table("", tuple(map(Column, heads)), tuple(rows)))
+def _text(value: float | str | Mapping[str, Any] | None) -> str:
+    if not value and not isinstance(value, float | int):
+        return NO_VALUE
+    if isinstance(value, Mapping):
+        return ", ".join(f"`{name} = {json.dumps(to)}`" for name, to in value.items())
+    return format_number(value) if isinstance(value, float) else str(value)

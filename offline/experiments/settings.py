@@ -72,8 +72,7 @@ def read_toml(file: Path | None, shipped: str, option: str, form: TypeAdapter[T]
 
 def require_unique(names: Sequence[str], where: str) -> None:
     """Raise a `ConfigError` if a name occurs twice."""
-    repeated = sorted({name for name in names if names.count(name) > 1})
-    if repeated:
+    if repeated := sorted({name for name in names if names.count(name) > 1}):
         raise ConfigError(f"{where}: expected every name once, found {', '.join(repeated)} again.")
 
 

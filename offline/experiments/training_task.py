@@ -7,56 +7,89 @@ takes seconds.
 
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 import torch
 from filelock import FileLock, Timeout
-from pydantic import TypeAdapter
+from pydantic import ConfigDict, TypeAdapter
 
 from offline.baselines import registry
 from offline.config import TrainingConfig
 from offline.data.dataset import Dataset, load_dataset
 from offline.data.sampling import scale
+from offline.evaluation import metrics
 from offline.evaluation.comparison import LTI_BASELINES
-from offline.evaluation.metrics import geometric_mean
 from offline.evaluation.predictor import Predictor, prediction_errors
 from offline.files import write_json
 from offline.model.export_checks import limits_of
 from offline.model.losses import state_errors
-from offline.model.spectrum import driven_radius
-from offline.training.checkpoint import Checkpoint, load_checkpoint
+from offline.model.stability import driven_radius
 from offline.training.export import restore_model
 from offline.training.recovery import TrainingDivergedError
 from offline.training.run_folder import LATEST_LINK, RunFolder, create_run, open_run
 from offline.training.schedule import is_evaluated
-from offline.training.state import TrainingState
+from offline.training.state import Checkpoint, TrainingState, load_checkpoint
 from offline.training.train import train
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import ArtifactError, ConfigError, DatasetError
+from rt_controller.contract.errors import ConfigError, DatasetError
 
 CHUNK = 2_000
 """trajectories predicted at once, to limit the memory"""
+LOCK_FILE = "lock"
+RESULT_FILE = "result.json"
+
+_ONE_TRAINING = threading.Lock()
+"""torch has one random generator and one number of threads per process"""
 
 
 @dataclass(frozen=True, slots=True)
-class ErrorRatios:
-    """Mean squared errors of the linear model over those of a model: more is better."""
+class CampaignData:
+    """The data set and the errors of the linear model that all trainings of a command share."""
 
-    by_state: tuple[float, ...]
-    geometric_mean: float
+    folder: Path
+    sha256: str
+    linear_mse: Mapping[str, float]
+    """by state: mean squared error of the fair linear model on the validation part"""
+
+    def ratios(self, mse: Array) -> dict[str, float]:
+        """By state: error of the linear model over the mean squared errors (n,); more is better."""
+        pairs = zip(self.linear_mse.items(), mse, strict=True)
+        return {name: float(np.float64(linear) / error) for (name, linear), error in pairs}
 
 
-def error_ratios(mse: Array, linear_mse: Sequence[float]) -> ErrorRatios:
-    """Ratios of two mean squared errors (n,)."""
-    ratios = np.asarray(linear_mse) / mse
-    return ErrorRatios(tuple(map(float, ratios)), float(geometric_mean(ratios)))
+@dataclass(frozen=True, slots=True)
+class Result:
+    """How a training ended."""
+
+    __pydantic_config__: ClassVar = ConfigDict(extra="forbid")
+
+    ending: Literal["finished", "diverged", "refused", "pruned"]
+    """diverged: the loss is not finite; refused: the model cannot be exported; pruned: the study
+    stopped a training that was worse than the median"""
+    step: int
+    """of the model that was evaluated; without one, the last step"""
+    training_cpu_s: float
+    """of all threads; other programs on the machine do not count"""
+    reason: str = ""
+    """why there are no ratios"""
+    mse_ratio: dict[str, float] | None = None
+    """by state, on the validation part, as `CampaignData.ratios`"""
+    geometric_mean_ratio: float | None = None
+    spectral_radius: float | None = None
+    """of A"""
+    n_parameters: int | None = None
+
+
+def geometric_mean(ratios: Iterable[float]) -> float:
+    """Geometric mean; 0 if one of the ratios is 0."""
+    return float(metrics.geometric_mean(np.array([*ratios])))
 
 
 def checkpoint_mse(checkpoint: Checkpoint, dataset: Dataset) -> Array:
@@ -82,8 +115,8 @@ def mean_squared_errors(model: Predictor, dataset: Dataset) -> Array:
         return _finite(np.square(errors).mean(axis=(0, 1)))
 
 
-def linear_mse(dataset: Dataset) -> Array:
-    """Mean squared errors (n,) of the fair linear model on the validation part.
+def measure_linear_model(folder: Path, dataset: Dataset) -> CampaignData:
+    """The data set in that folder with the errors of the fair linear model.
 
     In each state, those of the better of one model for all roads and one for each curvature.
     """
@@ -92,58 +125,13 @@ def linear_mse(dataset: Dataset) -> Array:
         for name in LTI_BASELINES
         if registry.find_baseline(name).find_objection(dataset) is None
     )
-    return np.asarray(np.min([mean_squared_errors(model, dataset) for model in fitted], axis=0))
+    errors = np.min([mean_squared_errors(model, dataset) for model in fitted], axis=0)
+    by_state = dict(zip(dataset.schema.state_names, map(float, errors), strict=True))
+    return CampaignData(folder.resolve(), dataset.sha256, by_state)
 
 
 def _finite(errors: Array) -> Array:
     return np.where(np.isfinite(errors), errors, np.inf)
-
-
-LOCK_FILE = "lock"
-RESULT_FILE = "result.json"
-
-_ONE_TRAINING = threading.Lock()
-"""torch has one random generator and one number of threads per process"""
-
-
-@dataclass(frozen=True, slots=True)
-class CampaignData:
-    """The data set and the linear model that all trainings of a command share."""
-
-    folder: Path
-    sha256: str
-    states: tuple[str, ...]
-    linear_mse: tuple[float, ...]
-    """(n,) of the fair linear model on the validation part"""
-
-
-@dataclass(frozen=True, slots=True)
-class Training:
-    """Configuration, data and folder of one training."""
-
-    folder: Path
-    config: TrainingConfig
-    data: CampaignData
-
-
-@dataclass(frozen=True, slots=True)
-class Result:
-    """How a training ended."""
-
-    ending: Literal["finished", "diverged", "refused", "pruned"]
-    """diverged: the loss is not finite; refused: the model cannot be exported; pruned: the study
-    stopped a training that was worse than the median"""
-    step: int
-    """of the model that was evaluated; without one, the last step"""
-    training_cpu_s: float
-    """of all threads; other programs on the machine do not count"""
-    reason: str = ""
-    """why there are no ratios"""
-    ratios: ErrorRatios | None = None
-    """on the validation part"""
-    spectral_radius: float | None = None
-    """of A"""
-    n_parameters: int | None = None
 
 
 @contextmanager
@@ -156,68 +144,72 @@ def exclusive_folder(folder: Path) -> Iterator[None]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock = FileLock(folder / LOCK_FILE).acquire(blocking=False)
-    except Timeout as error:
-        raise ConfigError(
-            f"--folder {folder}: expected no other command in this folder, found one. Wait for "
-            f"its end, or choose another --folder."
-        ) from error
     except OSError as error:
+        found = "another command in it" if isinstance(error, Timeout) else error.strerror
         raise ConfigError(
-            f"--folder {folder}: expected a writable folder, found: {error.strerror}."
+            f"--folder {folder}: expected a writable folder and no other command in it, found: "
+            f"{found}. Wait for its end, or choose another --folder."
         ) from error
     with lock:
         yield
 
 
 def run_training(
-    training: Training, on_evaluation: Callable[[RunFolder], bool] = lambda run: True
+    folder: Path,
+    config: TrainingConfig,
+    data: CampaignData,
+    on_evaluation: Callable[[RunFolder], bool] = lambda run: True,
 ) -> Result:
-    """The result of the training, read if it has ended before; errors as from `load_result`.
+    """The result of the training in that folder, read if it has ended before.
 
     `on_evaluation` is called after each evaluation and its checkpoint; False prunes the training.
+
+    Raises:
+        ConfigError: as `load_result`.
     """
-    result = load_result(training)
+    result = load_result(folder, config, data)
     if result is None:
         with _ONE_TRAINING:
-            result = _train(training, on_evaluation)
-        write_json(training.folder / RESULT_FILE, asdict(result))
+            result = _train(folder, config, data, on_evaluation)
+        write_json(folder / RESULT_FILE, asdict(result))
     return result
 
 
-def load_result(training: Training) -> Result | None:
-    """The result in the folder of the training, None: it has not ended.
+def load_result(folder: Path, config: TrainingConfig, data: CampaignData) -> Result | None:
+    """The result in the folder of a training, None: it has not ended.
 
     Raises:
-        ConfigError: it is of another configuration or other data.
-        ArtifactError: the file has other content.
+        ConfigError: it is of another configuration or other data, or the file has other content.
     """
-    file = training.folder / RESULT_FILE
+    file = folder / RESULT_FILE
+    if not file.exists():
+        return None
     try:
         result = TypeAdapter(Result).validate_json(file.read_bytes())
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError) as error:
-        raise ArtifactError(
+    except ValueError as error:
+        raise ConfigError(
             f"{file}: expected the result of a training, found something else ({error}). Delete "
             f"it, and train again."
         ) from error
-    run = open_run(training.folder / LATEST_LINK)
-    found, expected = run.config.model_dump(), training.config.model_dump()
-    different = [name for name in expected if found[name] != expected[name]]
-    if run.data_sha256 != training.data.sha256:
-        different.append("data set")
-    if different:
+    run = open_run(folder / LATEST_LINK)
+    found = {**run.config.model_dump(), "data set": run.data_sha256}
+    expected = {**config.model_dump(), "data set": data.sha256}
+    if different := [name for name, value in expected.items() if found[name] != value]:
         raise ConfigError(
-            f"{training.folder}: expected a training of the same configuration, found one that "
+            f"{folder}: expected a training of the same configuration, found one that "
             f"differs in {', '.join(different)}. Choose another --folder, or delete this one."
         )
     return result
 
 
-def _train(training: Training, on_evaluation: Callable[[RunFolder], bool]) -> Result:
-    data, config = training.data, training.config
+def _train(
+    folder: Path,
+    config: TrainingConfig,
+    data: CampaignData,
+    on_evaluation: Callable[[RunFolder], bool],
+) -> Result:
     dataset = shared_dataset(data.folder, data.sha256)
-    run = create_run(training.folder, config, data.folder, data.sha256, datetime.now())
+    run = create_run(folder, config, data.folder, data.sha256, datetime.now())
     begun_s = time.process_time()
     step, is_pruned = 0, False
 
@@ -240,9 +232,10 @@ def _train(training: Training, on_evaluation: Callable[[RunFolder], bool]) -> Re
     n_parameters = sum(parameter.numel() for parameter in model.parameters())
     if not radius <= limits_of(config).radius:
         reason = f"spectral radius {radius:.5f} under inputs, which offline-export would refuse"
-        return Result("refused", best.step, cpu_s, reason, None, radius, n_parameters)
-    ratios = error_ratios(checkpoint_mse(best, dataset), data.linear_mse)
-    return Result("finished", best.step, cpu_s, "", ratios, radius, n_parameters)
+        return Result("refused", best.step, cpu_s, reason, None, None, radius, n_parameters)
+    ratios = data.ratios(checkpoint_mse(best, dataset))
+    mean = geometric_mean(ratios.values())
+    return Result("finished", best.step, cpu_s, "", ratios, mean, radius, n_parameters)
 
 
 @lru_cache(maxsize=1)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from offline.logs.mapping import LogMapping
-from offline.logs.readers.log import Log
+from offline.logs.readers.log import Log, Series
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
 from rt_controller.mapping.quantity import limits_of, si_unit_of_name
@@ -21,45 +21,6 @@ SHORTEST_STEP_S = 0.02
 """time over which a change is judged, so that noise of fast samples does not count as a jump"""
 POSE_SIGNALS = (("x", "m", 120.0), ("y", "m", 120.0), ("yaw", "rad", 5.0))
 """name, SI unit and largest rate of change per second"""
-
-
-@dataclass(frozen=True, slots=True)
-class Series:
-    """A signal of one log in SI, with the samples of the log."""
-
-    name: str
-    unit: str
-    place: str
-    """file and column, for messages"""
-    row_word: str
-    """name of a row in that file"""
-    t_s: Array
-    """(N,) increasing; time of measurement, delays subtracted"""
-    values: Array
-    """(N,) finite"""
-    row: NDArray[np.int64]
-    """(N,) in the file"""
-    sampling: Sampling
-    connected: NDArray[np.bool_]
-    """(N-1,) whether the signal is known between a sample and the next"""
-    jumps: int
-    """how often it changed faster than possible"""
-    gaps: tuple[int, ...] = ()
-    """samples whose next one is too far away to bridge"""
-
-    @property
-    def usual_step_s(self) -> float:
-        """Median time between two samples."""
-        return float(np.median(np.diff(self.t_s)))
-
-    def place_of(self, sample: int) -> str:
-        """File, column and row of a sample, for messages."""
-        return f"{self.place}, {self.row_word} {self.row[sample]}"
-
-    @property
-    def missing_s(self) -> float:
-        """Sum of all gaps."""
-        return float(np.diff(self.t_s)[list(self.gaps)].sum())
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +67,7 @@ def _to_series(
     log: Log, name: str, si: str | None, column: ColumnMapping, first_s: float, gap_s: float | None
 ) -> Series:
     channel = log.channel(*column.names, file=column.file)
-    scaling = scaling_of(channel.place, channel.unit, column, name, si)
+    scaling = scaling_of(channel.place, channel.unit or None, column, name, si)
     is_known = np.isfinite(channel.values)
     missing = np.flatnonzero(~is_known)
     if column.missing == "refuse" and len(missing):
@@ -130,23 +91,18 @@ def _to_series(
             f"{channel.t_s[k]:.10g} s after {channel.t_s[k - 1]:.10g} s. Split the log where time "
             f"starts again, or choose one channel of the bus."
         )
-    t_s, rows = channel.t_s[kept] - column.delay_s, channel.row[kept]
-    values = scaling.factor * channel.values[kept] + scaling.offset
     steps = np.diff(channel.t_s[kept])
     longest_s = column.longest_gap_s or gap_s or LONGEST_GAP_PERIODS * np.median(steps)
-    known, gaps = steps <= longest_s, tuple(np.flatnonzero(steps > longest_s).tolist())
-    return Series(
-        name,
-        scaling.si,
-        channel.place,
-        channel.of.word,
-        t_s,
-        values,
-        rows,
-        column.sampling,
-        known,
-        0,
-        gaps,
+    return replace(
+        channel,
+        name=name,
+        unit=scaling.si,
+        t_s=channel.t_s[kept] - column.delay_s,
+        values=scaling.factor * channel.values[kept] + scaling.offset,
+        row=channel.row[kept],
+        sampling=column.sampling,
+        connected=steps <= longest_s,
+        gaps=tuple(np.flatnonzero(steps > longest_s).tolist()),
     )
 
 

@@ -17,7 +17,8 @@ from offline.model.stability import stability_loss
 
 LEAST_ERROR = 1e-12
 """keeps the logarithm finite if a state is predicted exactly"""
-
+CHUNK = 500
+"""trajectories evaluated at once, which bounds the memory"""
 
 Scalar = TypeVar("Scalar", Tensor, float)
 
@@ -203,6 +204,42 @@ def draw_times(steps: int, samples: int | None, rng: torch.Generator) -> Tensor 
     parts = torch.arange(samples, dtype=torch.float64)
     offsets = torch.rand(samples, generator=rng, dtype=torch.float64)
     return ((parts + offsets) * (steps / samples)).long().clamp_(max=steps - 1) + 1
+
+
+def evaluate(
+    model: MdkNet,
+    config: TrainingConfig,
+    batch: Batch,
+    device: torch.device,
+    loss: LossFunction = total_loss,
+) -> Losses[float]:
+    """Losses over all trajectories, with every target encoded; each is rolled out once.
+
+    The logarithm is that of the mean error of all chunks; another `loss` than `total_loss` is the
+    mean of its values over the chunks, weighted by their trajectories.
+
+    Paper: Algorithm 1, "Evaluate total loss".
+    """
+    sums: list[Tensor | float] = [0.0] * len(
+        Means._fields if loss is total_loss else Losses._fields
+    )
+    model.eval()
+    with torch.no_grad():
+        for share, chunk in batch.chunks(CHUNK):
+            part = chunk.to(device)
+            values: Iterable[Tensor]
+            if loss is total_loss:
+                psi0 = first_lift(model, part)
+                values = prediction_means(model, config, part, psi0)
+            else:
+                values = loss(model, config, part, None)
+            sums = [s + share * v.cpu().double() for s, v in zip(sums, values, strict=True)]
+        if loss is total_loss:
+            # In evaluation the stability term does not depend on the lifted states.
+            means = Means(*map(torch.as_tensor, sums))
+            sums = [*loss_of_means(model, config, psi0, means)]
+    model.train()
+    return Losses(*map(float, sums))
 
 
 def _paper_means(

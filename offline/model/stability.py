@@ -7,6 +7,7 @@ by J (`MdkNet.driven_matrices`) in each step.
 
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -142,3 +143,22 @@ def _drawn_points(model: MdkNet, psi0: Tensor) -> Points:
     slopes = torch.cat([torch.ones_like(gains), 1.0 - gains.square()])
     slopes[0] = 0.0
     return Points(lowest + share * (highest - lowest), slopes)
+
+
+def spectral_radius(model: MdkNet) -> float:
+    """Largest magnitude of an eigenvalue of A, in float64; NaN if A is not finite."""
+    with torch.no_grad():
+        return _largest_magnitude(model.operator().A)
+
+
+def driven_radius(model: MdkNet) -> float:
+    """The same under inputs and exogenous signals at their bounds, without saturation."""
+    with torch.no_grad():
+        return _largest_magnitude(model.driven_matrices(*all_corners(model)))
+
+
+def _largest_magnitude(matrices: Tensor) -> float:
+    numbers = matrices.double().cpu().numpy()
+    if not np.all(np.isfinite(numbers)):
+        return float("nan")
+    return float(np.abs(np.linalg.eigvals(numbers)).max())

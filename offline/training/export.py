@@ -6,11 +6,16 @@ from offline.config import TrainingConfig
 from offline.data.dataset import Dataset
 from offline.data.manifest import describe_training
 from offline.data.signals import Roles, past_names, signal_range
-from offline.model.bundle_export import choose_selftest, tensors_of, to_onnx
 from offline.model.export_checks import ExportFigures, check_export, limits_of
 from offline.model.network import MakeEncoder, MdkNet, sizes_of
-from offline.model.physical_units import PhysicalEncoder, physical_matrices
-from offline.training.checkpoint import Checkpoint, load_weights
+from offline.model.physical_units import (
+    PhysicalEncoder,
+    choose_selftest,
+    physical_matrices,
+    tensors_of,
+    to_onnx,
+)
+from offline.training.state import Checkpoint, load_weights
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.model.lift import Lift
@@ -48,7 +53,8 @@ def export_checkpoint(
     config, scaling = checkpoint.config, checkpoint.scaling
     model = restore_model(checkpoint, dataset.schema, dataset.roles, encoder)
     physical = PhysicalEncoder(model, scaling).eval()
-    lift = _lift_of(model, dataset)
+    fields = past_names(dataset.schema, dataset.roles) if model.history_steps else ()
+    lift = Lift(model.reads_exogenous, model.history_steps, fields)
     selftest = choose_selftest(dataset, lift)
     with torch.no_grad():
         selftest_psi = physical(*tensors_of(selftest, lift)).double().numpy()
@@ -73,8 +79,3 @@ def export_checkpoint(
         signal_range=signal_range(dataset.select("train"), dataset.schema),
     )
     return bundle, check_export(bundle, dataset, limits_of(config))
-
-
-def _lift_of(model: MdkNet, dataset: Dataset) -> Lift:
-    fields = past_names(dataset.schema, dataset.roles) if model.history_steps else ()
-    return Lift(model.reads_exogenous, model.history_steps, fields)

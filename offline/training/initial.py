@@ -19,11 +19,10 @@ from offline.data.dataset import Dataset
 from offline.data.signals import Scaling, fit_scaling, past_columns
 from offline.model.network import Encoder, MdkNet
 from offline.model.physical_units import scaling_of_lift
-from offline.training.checkpoint import Checkpoint
+from offline.training.state import Checkpoint
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError, ConfigError
 from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.schema import Schema
 
 STRUCTURE = (
     "activation",
@@ -89,7 +88,15 @@ def choose_scaling(
     fitted = fit_scaling(dataset.select("train"), dataset.schema, dataset.roles)
     if first_model is None:
         return fitted
-    _require_signals(dataset.schema, first_model.schema)
+    if first_model.schema != dataset.schema:
+        expected, found = (
+            f"{', '.join((*schema.state_names, *schema.input_names))} every {schema.dt_s:g} s"
+            for schema in (dataset.schema, first_model.schema)
+        )
+        raise ConfigError(
+            f"--init: expected a model of the signals of the data set ({expected}), found one of "
+            f"others ({found}). Train without --init."
+        )
     weights = _weights(first_model)
     scaled = [name for name in weights if name.endswith(".spread")]
     if not scaled:  # an encoder without products
@@ -107,18 +114,6 @@ def choose_scaling(
         past_centre=np.concatenate([x_centre[states], np.zeros(len(inputs))]),
         past_scale=np.concatenate([x_scale[states], fitted.u_scale[inputs]]),
     )
-
-
-def _require_signals(expected: Schema, found: Schema) -> None:
-    if found != expected:
-        texts = [
-            f"{', '.join((*schema.state_names, *schema.input_names))} every {schema.dt_s:g} s"
-            for schema in (expected, found)
-        ]
-        raise ConfigError(
-            f"--init: expected a model of the signals of the data set ({texts[0]}), found one of "
-            f"others ({texts[1]}). Train without --init."
-        )
 
 
 def take_weights(model: MdkNet, bundle: Bundle, scaling: Scaling) -> None:

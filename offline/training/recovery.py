@@ -7,9 +7,8 @@ import numpy as np
 
 from offline.data.dataset import Dataset
 from offline.data.signals import Scaling
-from offline.training.checkpoint import load_checkpoint
 from offline.training.run_folder import RunFolder, cut_history
-from offline.training.state import TrainingState
+from offline.training.state import TrainingState, load_checkpoint
 from rt_controller.contract.errors import RtControllerError
 
 MOST_SKIPPED_IN_A_ROW = 50
@@ -30,29 +29,23 @@ class Recovery:
     dataset: Dataset
     scaling: Scaling
 
-    def follows_step(self, state: TrainingState) -> bool:
+    def is_needed(self, state: TrainingState, validation_loss: float = 0.0) -> bool:
         """True after a recovery from a loss, or many gradients in a row, that are not finite.
+
+        `validation_loss` is that of an evaluation that is not yet part of `state`.
 
         Raises:
             TrainingDivergedError: there was no evaluation yet, or the rate was halved
                 `MOST_RECOVERIES` times. The message names the largest step in the data.
         """
         if not math.isfinite(state.losses.total.item()):
-            self._recover(state, "the loss")
-            return True
-        if state.skipped_in_a_row > MOST_SKIPPED_IN_A_ROW:
-            self._recover(state, "the gradient")
-            return True
-        return False
-
-    def follows_evaluation(self, state: TrainingState, validation_loss: float) -> bool:
-        """The same for the loss of an evaluation that is not yet part of `state`."""
-        if math.isfinite(validation_loss):
+            what = "the loss"
+        elif state.skipped_in_a_row > MOST_SKIPPED_IN_A_ROW:
+            what = "the gradient"
+        elif not math.isfinite(validation_loss):
+            what = "the validation loss"
+        else:
             return False
-        self._recover(state, "the validation loss")
-        return True
-
-    def _recover(self, state: TrainingState, what: str) -> None:
         run, step, rate_share = self.run, state.step, 0.5 * state.rate_share
         if not run.last.exists() or rate_share < 0.5**MOST_RECOVERIES:
             rate = run.config.learning_rate
@@ -67,6 +60,7 @@ class Recovery:
         state.rate_share = rate_share
         state.learning_rate *= 0.5
         cut_history(run, state.step)
+        return True
 
 
 def largest_step(dataset: Dataset, scaling: Scaling) -> str:

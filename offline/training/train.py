@@ -9,10 +9,9 @@ from torch.nn.utils import clip_grad_norm_
 from offline.config import TrainingConfig
 from offline.data.dataset import Dataset, Part
 from offline.data.sampling import open_source, scale
-from offline.model.losses import LossFunction, draw_times, horizon_of_step, total_loss
+from offline.model.losses import LossFunction, draw_times, evaluate, horizon_of_step, total_loss
 from offline.model.network import MakeEncoder
-from offline.model.spectrum import spectral_radius
-from offline.training.checkpoint import Checkpoint, save_checkpoint
+from offline.model.stability import spectral_radius
 from offline.training.initial import choose_scaling, take_weights
 from offline.training.recovery import Recovery
 from offline.training.run_folder import RunFolder, append_history, cut_history
@@ -24,8 +23,14 @@ from offline.training.schedule import (
     keep_lowest,
     loss_of_kept_model,
 )
-from offline.training.state import TrainingState, denormals_as_zero, find_device, initialise
-from offline.training.validation import evaluate
+from offline.training.state import (
+    Checkpoint,
+    TrainingState,
+    denormals_as_zero,
+    find_device,
+    initialise,
+    save_checkpoint,
+)
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.model.bundle import Bundle
 
@@ -102,13 +107,13 @@ def train(
 
         # 17: count the step.
         state.count_step(losses, is_taken)
-        if recovery.follows_step(state):
+        if recovery.is_needed(state):
             continue
 
         # 8-10: evaluate.
         if is_evaluated(state.step, config):
             validation = evaluate(model, config, validation_part, state.device, loss)
-            if recovery.follows_evaluation(state, validation.total):
+            if recovery.is_needed(state, validation.total):
                 continue
             state.validation_losses.append(validation.total)
             state.spectral_radius = spectral_radius(model)

@@ -98,8 +98,8 @@ _Q, _R, _C = Quantity, Reaction, StopCause
 CHECKS: tuple[Check, ...] = (
     Check("progress", _Q.PROGRESS_STEP_M, 0.02, 1, _R.REJECT_STATE, _C.PROGRESS_IMPLAUSIBLE),
     Check("speed and progress", _Q.PROGRESS_SPEED_MPS, 0.5, 1, _R.STOP, _C.PROGRESS_IMPLAUSIBLE),
-    Check("v_x, one step", _Q.SPEED_STEP_MPS, 0.5, 1, _R.REJECT_STATE, _C.SPEED_IMPLAUSIBLE),
-    Check("v_x, ten steps", _Q.SPEED_TEN_MPS, 1.0, _ticks(0.2), _R.STOP, _C.SPEED_IMPLAUSIBLE),
+    Check("v_x, one step", _Q.SPEED_STEP_MPS, 0.7, 1, _R.REJECT_STATE, _C.SPEED_IMPLAUSIBLE),
+    Check("v_x, ten steps", _Q.SPEED_TEN_MPS, 2.0, _ticks(0.2), _R.STOP, _C.SPEED_IMPLAUSIBLE),
     Check(
         "v_y, one step",
         _Q.LATERAL_SPEED_STEP_MPS,
@@ -111,7 +111,7 @@ CHECKS: tuple[Check, ...] = (
     Check(
         "v_y, ten steps",
         _Q.LATERAL_SPEED_TEN_MPS,
-        0.7,
+        1.3,
         _ticks(0.2),
         _R.STOP,
         _C.LATERAL_SPEED_IMPLAUSIBLE,
@@ -119,7 +119,7 @@ CHECKS: tuple[Check, ...] = (
     Check(
         "yaw rate, one step",
         _Q.YAW_RATE_STEP_RADPS,
-        0.05,
+        0.08,
         1,
         _R.REJECT_STATE,
         _C.YAW_RATE_IMPLAUSIBLE,
@@ -127,7 +127,7 @@ CHECKS: tuple[Check, ...] = (
     Check(
         "yaw rate, ten steps",
         _Q.YAW_RATE_TEN_RADPS,
-        0.15,
+        0.35,
         _ticks(0.2),
         _R.STOP,
         _C.YAW_RATE_IMPLAUSIBLE,
@@ -144,7 +144,7 @@ CHECKS: tuple[Check, ...] = (
         _R.REJECT_STATE,
         _C.CURVATURE_IMPLAUSIBLE,
     ),
-    Check("speed by pedals", _Q.PEDAL_SPEED_MPS, 2.5, 1, _R.STOP, _C.SPEED_IMPLAUSIBLE),
+    Check("speed by pedals", _Q.PEDAL_SPEED_MPS, 2.0, 1, _R.STOP, _C.SPEED_IMPLAUSIBLE),
     Check("frozen state", _Q.FROZEN_TICKS, 7.5, 1, _R.STOP, _C.STATE_FROZEN),
     Check("steering feedback", _Q.STEERING_RAD, 0.03, _ticks(0.075), _R.STOP, _C.STEERING_MISMATCH),
     Check("throttle feedback", _Q.THROTTLE, 0.08, _ticks(0.075), _R.STOP, _C.THROTTLE_MISMATCH),

@@ -38,9 +38,9 @@ class Evidence(NamedTuple):
     """|v_x - expected|"""
     progress_error_mps: float
     """|Δs / period - expected|"""
-    lateral_speed_share: float
-    """|v_y - model| over the threshold of that check; the larger of one and ten steps"""
-    yaw_rate_share: float
+    contradicts_lateral_speed: bool
+    """the model predicted another v_y one or ten steps ago"""
+    contradicts_yaw_rate: bool
     """the same of the yaw rate"""
     is_heading_jump: bool
     """the residual of the heading appeared within a period"""
@@ -58,8 +58,8 @@ class Evidence(NamedTuple):
     """signals that are estimated already: they do not contradict measured ones"""
 
 
-LEAST_SHARE = 0.4
-"""of the threshold of the model's check; above it this signal is the faulty one"""
+LATERAL_SPEED_DIFFERS_MPS, YAW_RATE_DIFFERS_RADPS = (0.14, 0.28), (0.02, 0.06)
+"""from the predictions of one and of ten steps ago; above it this signal is the faulty one"""
 LATERAL_SHARE = 0.7
 """of the residual of e_y; if the integrated heading explains more of it, the heading is faulty"""
 CURVATURES_DIFFER_PER_M = 1e-3
@@ -123,7 +123,7 @@ def _of_heading(evidence: Evidence) -> Faulty:
         return Faulty.HEADING
     if Faulty.YAW_RATE in evidence.estimated:
         return Faulty.YAW_RATE
-    if evidence.yaw_rate_share > LEAST_SHARE:
+    if evidence.contradicts_yaw_rate:
         return Faulty.YAW_RATE
     if evidence.curvature_error_per_m > CURVATURES_DIFFER_PER_M:
         return Faulty.CURVATURE
@@ -141,7 +141,7 @@ def _of_lateral_error(evidence: Evidence) -> Faulty:
         return Faulty.LATERAL_ERROR
     if evidence.lateral_by_yaw_rate_m < LATERAL_SHARE * evidence.lateral_by_heading_m:
         return Faulty.HEADING
-    if Faulty.LATERAL_SPEED in evidence.estimated or evidence.lateral_speed_share > LEAST_SHARE:
+    if Faulty.LATERAL_SPEED in evidence.estimated or evidence.contradicts_lateral_speed:
         return Faulty.LATERAL_SPEED
     return Faulty.NONE if evidence.is_lateral_slow else Faulty.LATERAL_ERROR
 

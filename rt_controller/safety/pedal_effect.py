@@ -10,7 +10,12 @@ from rt_controller.contract.timing import PERIOD_S
 LAG_S = 0.3
 """time constant from the pedals to the acceleration"""
 MEMORY_S = 1.0
-"""time constant with which the missing speed decays: on a slope the throttle adds no speed"""
+"""time constant with which the missing speed decays"""
+HILL_MPS2 = 2.0
+"""deceleration by the steepest hill, of 20 %: up to it the throttle may add no speed"""
+ANSWER = 0.04
+"""of the acceleration by the throttle beyond the hill. A car that accelerates by so much answers
+its throttle: another car, or wheels that spin"""
 
 
 class PedalEffect:
@@ -20,11 +25,11 @@ class PedalEffect:
         """The accelerations of a slow car by its pedals."""
         self._throttle_mps2 = throttle_mps2
         self._brake_mps2_per_n = brake_mps2_per_n
-        self._pedals_mps2 = self._missing_mps = 0.0
+        self.begin()
 
     def begin(self) -> None:
         """The car is driven by its pedals from now on, or is fast enough for the model."""
-        self._pedals_mps2 = self._missing_mps = 0.0
+        self._pedals_mps2 = self._answer_mps2 = self._missing_mps = 0.0
 
     def missing_mps(
         self, applied: ControlInput, before_mps: float, now_mps: float, periods: int
@@ -34,8 +39,14 @@ class PedalEffect:
         asked_mps2 = (
             applied.throttle * self._throttle_mps2 - applied.brake_n * self._brake_mps2_per_n
         )
-        self._pedals_mps2 += min(time_s / LAG_S, 1.0) * (asked_mps2 - self._pedals_mps2)
-        added_mps = time_s * self._pedals_mps2 - (now_mps - before_mps)
+        measured_mps2 = (now_mps - before_mps) / time_s
+        new = min(time_s / LAG_S, 1.0)
+        self._pedals_mps2 += new * (asked_mps2 - self._pedals_mps2)
+        self._answer_mps2 += new * (measured_mps2 - self._answer_mps2)
+        beyond_hill_mps2 = self._pedals_mps2 - HILL_MPS2
         kept = max(1.0 - time_s / MEMORY_S, 0.0)
-        self._missing_mps = max(kept * self._missing_mps + added_mps, 0.0)
+        self._missing_mps *= kept
+        if self._answer_mps2 < ANSWER * beyond_hill_mps2:
+            self._missing_mps += time_s * (beyond_hill_mps2 - measured_mps2)
+        self._missing_mps = max(self._missing_mps, 0.0)
         return self._missing_mps

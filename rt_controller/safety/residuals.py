@@ -19,7 +19,12 @@ from rt_controller.contract.kinematics import (
 from rt_controller.contract.signals import AT_REST, ControlInput, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.safety.checks import Quantity
-from rt_controller.safety.isolation import Evidence, Faulty
+from rt_controller.safety.isolation import (
+    LATERAL_SPEED_DIFFERS_MPS,
+    YAW_RATE_DIFFERS_RADPS,
+    Evidence,
+    Faulty,
+)
 from rt_controller.safety.prediction import MotionPrediction
 
 MEMORY_S = 2.0
@@ -220,10 +225,12 @@ class Residuals:
         return Evidence(
             speed_error_mps=abs(now.vx_mps - expected_mps),
             progress_error_mps=abs(now.ds_m / PERIOD_S - expected_mps),
-            lateral_speed_share=self._share(
-                Quantity.LATERAL_SPEED_STEP_MPS, Quantity.LATERAL_SPEED_TEN_MPS
+            contradicts_lateral_speed=self._is_above(
+                Quantity.LATERAL_SPEED_STEP_MPS, LATERAL_SPEED_DIFFERS_MPS
             ),
-            yaw_rate_share=self._share(Quantity.YAW_RATE_STEP_RADPS, Quantity.YAW_RATE_TEN_RADPS),
+            contradicts_yaw_rate=self._is_above(
+                Quantity.YAW_RATE_STEP_RADPS, YAW_RATE_DIFFERS_RADPS
+            ),
             is_heading_jump=self._is_heading_jump,
             is_lateral_jump=self._is_lateral_jump,
             is_lateral_slow=self._lateral_ticks > SLOW_TICKS,
@@ -232,9 +239,9 @@ class Residuals:
             curvature_error_per_m=curvature_error_per_m,
         )
 
-    def _share(self, step: Quantity, ten: Quantity) -> float:
-        values, limits = self._values, self._limits
-        return max(values[step] / limits[step], values[ten] / limits[ten])
+    def _is_above(self, step: Quantity, limits: tuple[float, float]) -> bool:
+        """True if the residual of one step, or that of ten steps beside it, is larger."""
+        return self._values[step] > limits[0] or self._values[step + 1] > limits[1]
 
 
 def _is_above(change: float, ticks: int, least: float, largest: float) -> bool:

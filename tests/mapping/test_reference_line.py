@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_logs import write_csv
 
-from offline.data.road_frame import Anchor, onto_road
+from offline.data.recording import Anchor, onto_road
 from rt_controller.contract.errors import DatasetError
 from rt_controller.mapping.reference_line import make_line, read_line
 from rt_controller.mapping.tables import ColumnMapping, PoseMapping

@@ -8,9 +8,8 @@ import torch
 from offline.config import PRESETS
 from offline.data.sampling import Instants
 from offline.data.signals import Roles, Scaling
-from offline.model.bundle_export import tensors_of, to_onnx
 from offline.model.network import MdkNet, sizes_of
-from offline.model.physical_units import PhysicalEncoder, physical_matrices
+from offline.model.physical_units import PhysicalEncoder, physical_matrices, tensors_of, to_onnx
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.model.lift import Lift, LiftSample
 from rt_controller.contract.model.rollout import roll_out

@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 
 from offline.config import PAST_STEPS, PRESETS, TrainingConfig
 from offline.data.sampling import Batch, scale
-from offline.data.signals import VEHICLE_ROLES, Scaling
-from offline.data.trajectories import Trajectories
-from offline.model.bundle_export import to_onnx
+from offline.data.signals import VEHICLE_ROLES, Scaling, Trajectories
 from offline.model.bundle_predictor import BundlePredictor
 from offline.model.network import MdkNet, sizes_of
-from offline.model.physical_units import PhysicalEncoder, physical_matrices
+from offline.model.physical_units import PhysicalEncoder, physical_matrices, to_onnx
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.model.follow import Follow
 from rt_controller.contract.model.lift import Lift, LiftSample

@@ -13,7 +13,7 @@ from rt_controller.safety.isolation import (
 )
 from rt_controller.safety.modes import StopCause
 
-NOTHING = Evidence(0.0, 0.0, 0.0, 0.0, False, False, False, 0.0, 0.0, 0.0)
+NOTHING = Evidence(0.0, 0.0, False, False, False, False, False, 0.0, 0.0, 0.0)
 TURNED = NOTHING._replace(lateral_by_heading_m=0.2)
 BY_QUANTITY = {check.quantity: check for check in CHECKS}
 Q = Quantity
@@ -28,16 +28,16 @@ Q = Quantity
         (Q.LATERAL_SPEED_STEP_MPS, NOTHING, Faulty.LATERAL_SPEED),
         (Q.YAW_RATE_STEP_RADPS, NOTHING, Faulty.YAW_RATE),
         (Q.HEADING_RAD, NOTHING._replace(is_heading_jump=True), Faulty.HEADING),
-        (Q.HEADING_RAD, NOTHING._replace(yaw_rate_share=0.8), Faulty.YAW_RATE),
+        (Q.HEADING_RAD, NOTHING._replace(contradicts_yaw_rate=True), Faulty.YAW_RATE),
         (Q.HEADING_RAD, NOTHING._replace(curvature_error_per_m=0.01), Faulty.CURVATURE),
         (Q.HEADING_RAD, NOTHING._replace(lateral_by_heading_m=0.2), Faulty.HEADING),
         (Q.HEADING_RAD, NOTHING._replace(lateral_by_yaw_rate_m=0.2), Faulty.YAW_RATE),
         (Q.HEADING_RAD, NOTHING._replace(estimated=Faulty.LATERAL_ERROR), Faulty.HEADING),
         (Q.LATERAL_ERROR_M, NOTHING, Faulty.LATERAL_ERROR),
-        (Q.LATERAL_ERROR_M, NOTHING._replace(lateral_speed_share=0.9), Faulty.LATERAL_SPEED),
+        (Q.LATERAL_ERROR_M, NOTHING._replace(contradicts_lateral_speed=True), Faulty.LATERAL_SPEED),
         (
             Q.LATERAL_ERROR_M,
-            NOTHING._replace(lateral_speed_share=0.9, is_lateral_jump=True),
+            NOTHING._replace(contradicts_lateral_speed=True, is_lateral_jump=True),
             Faulty.LATERAL_ERROR,
         ),
         (Q.FROZEN_TICKS, NOTHING, Faulty.STATE),
@@ -45,17 +45,11 @@ Q = Quantity
         (Q.YAW_RATE_TEN_RADPS, NOTHING, Faulty.NONE),
         # at and above the limits
         (Q.PROGRESS_STEP_M, NOTHING, Faulty.PROGRESS),
-        (Q.LATERAL_ERROR_M, NOTHING._replace(lateral_speed_share=0.4), Faulty.LATERAL_ERROR),
-        (
-            Q.LATERAL_ERROR_M,
-            NOTHING._replace(lateral_speed_share=0.41),
-            Faulty.LATERAL_SPEED,
-        ),
         (Q.LATERAL_ERROR_M, NOTHING._replace(is_lateral_slow=True), Faulty.NONE),
         (Q.LATERAL_ERROR_M, TURNED._replace(lateral_by_yaw_rate_m=0.1), Faulty.HEADING),
         (Q.LATERAL_ERROR_M, TURNED._replace(lateral_by_yaw_rate_m=0.2), Faulty.LATERAL_ERROR),
-        (Q.HEADING_RAD, TURNED._replace(yaw_rate_share=0.4), Faulty.HEADING),
-        (Q.HEADING_RAD, TURNED._replace(yaw_rate_share=0.41), Faulty.YAW_RATE),
+        (Q.HEADING_RAD, TURNED, Faulty.HEADING),
+        (Q.HEADING_RAD, TURNED._replace(contradicts_yaw_rate=True), Faulty.YAW_RATE),
         (Q.HEADING_RAD, TURNED._replace(curvature_error_per_m=1e-3), Faulty.HEADING),
         (Q.HEADING_RAD, TURNED._replace(curvature_error_per_m=1.1e-3), Faulty.CURVATURE),
         (Q.HEADING_RAD, TURNED._replace(lateral_by_yaw_rate_m=0.2), Faulty.YAW_RATE),

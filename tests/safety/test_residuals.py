@@ -196,13 +196,20 @@ def test_the_lateral_error_is_explained_by_heading_or_yaw_rate(side: float) -> N
     assert evidence.lateral_by_yaw_rate_m == pytest.approx(abs(side - 0.7))
 
 
-@pytest.mark.parametrize(("one_step", "ten_steps", "share"), [(0.25, 0.2, 0.5), (0.25, 0.6, 0.75)])
-def test_shares_of_the_thresholds_are_the_larger_of_one_and_ten_steps(
-    one_step: float, ten_steps: float, share: float
+@pytest.mark.parametrize(
+    ("vy_step", "vy_ten", "yaw_step", "yaw_ten", "is_contradicted"),
+    [
+        (0.14, 0.28, 0.02, 0.06, False),
+        (0.141, 0.0, 0.0201, 0.0, True),
+        (0.0, 0.281, 0.0, 0.0601, True),
+    ],
+)
+def test_a_prediction_of_one_or_of_ten_steps_contradicts_a_signal(
+    vy_step: float, vy_ten: float, yaw_step: float, yaw_ten: float, is_contradicted: bool
 ) -> None:
     found, values = residuals()
-    values[Q.LATERAL_SPEED_STEP_MPS], values[Q.LATERAL_SPEED_TEN_MPS] = one_step, ten_steps
-    values[Q.YAW_RATE_STEP_RADPS], values[Q.YAW_RATE_TEN_RADPS] = one_step / 5, ten_steps / 4
+    values[Q.LATERAL_SPEED_STEP_MPS], values[Q.LATERAL_SPEED_TEN_MPS] = vy_step, vy_ten
+    values[Q.YAW_RATE_STEP_RADPS], values[Q.YAW_RATE_TEN_RADPS] = yaw_step, yaw_ten
     evidence = found.evidence(CRUISING, CRUISING, 0.0)
-    assert evidence.lateral_speed_share == pytest.approx(share)
-    assert evidence.yaw_rate_share == pytest.approx(share)
+    assert evidence.contradicts_lateral_speed is is_contradicted
+    assert evidence.contradicts_yaw_rate is is_contradicted

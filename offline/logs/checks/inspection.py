@@ -186,6 +186,10 @@ def _shift_table(shifts: Sequence[TimeShift]) -> Table:
     return _table("Time shifts", heads, 2, rows)
 
 
+OFF_LINE = (
+    "periods are too far from the line or beyond its end, or their nearest point jumps; the drive "
+    "is cut there. farthest_m in [pose] sets the limit"
+)
 _CONSTANT_SHARE = 1e-9
 """of its size within which a signal counts as constant"""
 
@@ -213,7 +217,12 @@ def inspect_drives(
     episodes = [episode for cut in cuts for episode in cut.episodes]
     proportions = find_proportions(episodes, mapping)
     suspected = unit_issues(proportions, episodes, mapping)
-    _require_units(suspected, mapping, drives)
+    if suspected and not mapping.checks.accept_units:
+        listed = (f"  {_where(each.subject, drives)}: {each.message}.\n" for each in suspected)
+        raise DatasetError(
+            f"expected units as in the mapping, found signals that contradict them:\n"
+            f"{''.join(listed)}If all units are correct, write accept_units = true in [checks]."
+        )
     outliers = find_outliers(drives)
     shifts, ranges = find_time_shifts(episodes, mapping), find_ranges(episodes, schema)
     files = tuple(_file(drive, cut, mapping) for drive, cut in zip(drives, cuts, strict=True))
@@ -236,7 +245,11 @@ def inspect_drives(
         issues=(
             *suspected,
             *gap_issues([file.gaps for file in files]),
-            *_off_line(files),
+            *(
+                Issue("reference line", file.name, f"{file.off_line} {OFF_LINE}")
+                for file in files
+                if file.off_line
+            ),
             *time_shift_issues(shifts),
             *outlier_issues(outliers, pedals),
             *(Issue("constant", name, "constant, as the mapping allows") for name in constant),
@@ -296,7 +309,7 @@ def _require_motion(drives: Sequence[LoggedDrive], mapping: LogMapping) -> tuple
         if not signal.may_be_constant and name not in mapping.exogenous:
             first = series[0]
             raise DatasetError(
-                f"{first.place}, {first.row_word}s {first.row[0]} to {first.row[-1]}: expected "
+                f"{first.place}, {first.of.word}s {first.row[0]} to {first.row[-1]}: expected "
                 f"{name} to change, found {low:.6g} {first.unit} all the time, in {len(drives)} "
                 f"logs. Remove it from the mapping, name another column, or write may_be_constant "
                 f"= true for it."
@@ -305,26 +318,12 @@ def _require_motion(drives: Sequence[LoggedDrive], mapping: LogMapping) -> tuple
     return tuple(constant)
 
 
-def _require_units(
-    suspected: Sequence[Issue], mapping: LogMapping, drives: Sequence[LoggedDrive]
-) -> None:
-    """Raise a `DatasetError` if units are suspected and the mapping does not accept them."""
-    if suspected and not mapping.checks.accept_units:
-        listed = "\n".join(
-            f"  {_where(each.subject, drives)}: {each.message}." for each in suspected
-        )
-        raise DatasetError(
-            f"expected units as in the mapping, found signals that contradict them:\n"
-            f"{listed}\nIf all units are correct, write accept_units = true in [checks]."
-        )
-
-
 def _where(subject: str, drives: Sequence[LoggedDrive]) -> str:
     """The file and its first row, or the column that a signal comes from."""
     for drive in drives:
         if drive.name == subject:
             first = drive.signals[0]
-            return f"{first.place}, from {first.row_word} {first.row[0]} on"
+            return f"{first.place}, from {first.of.word} {first.row[0]} on"
         for series in drive.all_series:
             if series.name == subject:
                 return series.place
@@ -346,15 +345,6 @@ def _file(drive: LoggedDrive, cut: CutDrive, mapping: LogMapping) -> FileReport:
         off_line=cut.off_line,
         gaps=find_gaps(drive),
     )
-
-
-def _off_line(files: Sequence[FileReport]) -> list[Issue]:
-    message = (
-        "periods are too far from the line or beyond its end, or their nearest point jumps; the "
-        "drive is cut there. farthest_m in [pose] sets the limit"
-    )
-    off_line = [file for file in files if file.off_line]
-    return [Issue("reference line", file.name, f"{file.off_line} {message}") for file in off_line]
 
 
 def _slow(drives: Sequence[LoggedDrive], mapping: LogMapping) -> Iterator[Issue]:

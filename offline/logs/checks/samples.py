@@ -116,7 +116,7 @@ def find_gaps(drive: LoggedDrive) -> Gaps:
     worst = max(drive.all_series, key=lambda series: series.missing_s)
     if not worst.gaps:
         return Gaps(drive.name, 0, 0.0, "")
-    first = f"{worst.name}, {worst.row_word} {worst.row[worst.gaps[0] + 1]}"
+    first = f"{worst.name}, {worst.of.word} {worst.row[worst.gaps[0] + 1]}"
     return Gaps(drive.name, len(worst.gaps), worst.missing_s, first)
 
 
@@ -166,7 +166,7 @@ def find_outliers(drives: Sequence[LoggedDrive]) -> list[Outliers]:
                 int(np.count_nonzero(np.abs(value_z) > FAR)),
                 int(np.count_nonzero(step_z > SUDDEN)),
                 sum(series.jumps for series in of_drives),
-                f"{drive.name}, {of_drives[0].row_word} {rows[k]}",
+                f"{drive.name}, {of_drives[0].of.word} {rows[k]}",
                 float(step_z[k]),
             )
         )

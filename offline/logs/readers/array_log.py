@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from offline.logs.readers.log import Log, Names, RowsOf, readable
-from offline.logs.readers.table import columns_to_read, to_log
+from offline.logs.readers.log import Log, Names, RowsOf, columns_to_read, readable, to_log
 from rt_controller.contract.errors import DatasetError, require_packages
 from rt_controller.contract.files import DamagedArchiveError, read_arrays
 from rt_controller.mapping.tables import Clock

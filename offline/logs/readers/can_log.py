@@ -15,7 +15,7 @@ import cantools
 import numpy as np
 from cantools.database.can import Database
 
-from offline.logs.readers.log import Channel, Log, Names, RowsOf, readable
+from offline.logs.readers.log import Log, Names, RowsOf, Series, readable
 from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.mapping.dbc_signals import Source, find_source, load_dbc
 from rt_controller.mapping.log_damage import explain_damage
@@ -51,7 +51,7 @@ def read_can(path: Path, wanted: Sequence[Names], settings: CanSettings | None) 
                 f"and [can] channel, or leave the file out."
             )
         rows, t_s, values = map(np.array, zip(*samples[message.name, signal.name], strict=True))
-        channels.append(Channel(column, t_s, values, rows, signal.unit or None, of))
+        channels.append(Series(column, t_s, values, rows, signal.unit or "", of))
     return Log(path.name, path, tuple(channels), frames)
 
 

@@ -16,8 +16,15 @@ from typing import Any, NamedTuple, TextIO
 import pandas as pd
 
 from offline.logs.mapping import CsvSettings
-from offline.logs.readers.log import Log, Names, RowsOf, readable
-from offline.logs.readers.table import columns_to_read, split_unit, to_log
+from offline.logs.readers.log import (
+    Log,
+    Names,
+    RowsOf,
+    columns_to_read,
+    readable,
+    split_unit,
+    to_log,
+)
 from rt_controller.contract.errors import DatasetError
 from rt_controller.mapping.tables import DATE, TIME_OF_DAY, Clock
 

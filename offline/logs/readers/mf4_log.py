@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from offline.logs.readers.log import Channel, Log, Names, RowsOf, readable
-from offline.logs.readers.table import find_headings
+from offline.logs.readers.log import Log, Names, RowsOf, Series, find_headings, readable
 from rt_controller.contract.errors import DatasetError, require_packages
 
 _TIME_CHANNELS = ("t", "time")
@@ -57,7 +56,7 @@ def _opened(path: Path) -> Iterator[Any]:
             raise OSError(failure)  # not the first one: its traceback holds the half-made object
 
 
-def _read_channel(path: Path, mdf: Any, wanted: Names, texts: Sequence[str]) -> Channel:
+def _read_channel(path: Path, mdf: Any, wanted: Names, texts: Sequence[str]) -> Series:
     """A channel with one of the wanted names, which may have the number of its group."""
     plain = [each.partition("@")[0] for each in wanted]
     (heading,) = find_headings(path, [plain], texts)
@@ -78,11 +77,11 @@ def _read_channel(path: Path, mdf: Any, wanted: Names, texts: Sequence[str]) -> 
             f"{path}, column {column}: expected numbers, found {values.dtype} of shape "
             f"{values.shape}. Choose a channel that has one number for each sample."
         )
-    return Channel(
+    return Series(
         column,
         np.asarray(signal.timestamps, dtype=np.float64),
         values.astype(np.float64),
         np.arange(1, len(values) + 1),
-        signal.unit or heading.unit,
+        signal.unit or heading.unit or "",
         RowsOf(path, "row"),
     )

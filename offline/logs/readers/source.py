@@ -21,9 +21,8 @@ from offline.data.manifest import SourceFile
 from offline.logs.mapping import LogMapping
 from offline.logs.readers.array_log import read_mat, read_npy, read_npz, read_parquet
 from offline.logs.readers.csv_log import CSV_SUFFIXES, read_csv
-from offline.logs.readers.log import Log, Names, readable
+from offline.logs.readers.log import Columns, Heading, Log, Names, readable, to_log
 from offline.logs.readers.mf4_log import read_mf4
-from offline.logs.readers.table import Columns, Heading, to_log
 from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.mapping.tables import Clock
 
@@ -66,24 +65,21 @@ def find_drives(place: Path, patterns: Sequence[str]) -> list[DriveFiles]:
             f"folder and the folders in it. Name the folder that has the drives, or correct "
             f"`file` in the mapping."
         )
-    return [_drive(place, name, parts, patterns) for name, parts in sorted(found.items())]
-
-
-def _drive(
-    place: Path, name: str, found: Mapping[str, Sequence[Path]], patterns: Sequence[str]
-) -> DriveFiles:
-    folder = place if any(DRIVE in pattern for pattern in patterns) else place / name
-    for pattern in patterns:
-        count = len(found.get(pattern, ()))
-        if count != 1:
-            listed = ", ".join(path.name for path in found.get(pattern, ()))
-            raise DatasetError(
-                f"{folder}, drive {name or place.resolve().name}: expected one file {pattern}, "
-                f"found {f'{count} ({listed})' if count else 'none'}. Leave the drive out, or "
-                f"correct `file` in the mapping."
-            )
-    parts = {pattern: found[pattern][0] for pattern in patterns}
-    return DriveFiles(name or place.resolve().name, folder, parts)
+    drives = []
+    for stem, files in sorted(found.items()):
+        name = stem or place.resolve().name
+        folder = place if any(DRIVE in pattern for pattern in patterns) else place / stem
+        for pattern in patterns:
+            if len(paths := files[pattern]) != 1:
+                listed = f"{len(paths)} ({', '.join(path.name for path in paths)})"
+                raise DatasetError(
+                    f"{folder}, drive {name}: expected one file {pattern}, found "
+                    f"{listed if paths else 'none'}. Leave the drive out, or correct `file` in the "
+                    f"mapping."
+                )
+        parts = {pattern: files[pattern][0] for pattern in patterns}
+        drives.append(DriveFiles(name, folder, parts))
+    return drives
 
 
 def _expression(pattern: str) -> re.Pattern[str]:
@@ -159,7 +155,7 @@ def read_log(drive: DriveFiles, mapping: LogMapping) -> Log:
     parts = []
     for (file, clock), wanted in groups.items():
         log = _read_part(drive.parts[file] if file else drive.path, wanted, clock, mapping)
-        parts.append(replace(log, channels=tuple(c._replace(file=file) for c in log.channels)))
+        parts.append(replace(log, channels=tuple(replace(c, file=file) for c in log.channels)))
     return replace(_on_one_clock(parts), name=drive.name, path=drive.path)
 
 
@@ -254,7 +250,7 @@ def _on_one_clock(parts: Sequence[Log]) -> Log:
     channels = []
     for part in parts:
         ahead_s = 0.0 if part.begin_s is None else part.begin_s - min(known)
-        channels += [each._replace(t_s=each.t_s + ahead_s) for each in part.channels]
+        channels += [replace(each, t_s=each.t_s + ahead_s) for each in part.channels]
     late = max(channels, key=lambda each: each.t_s[0])
     early = min(channels, key=lambda each: each.t_s[-1])
     if late.t_s[0] >= early.t_s[-1]:

@@ -16,8 +16,8 @@ from offline.baselines.bilinear import (
     to_bundle,
 )
 from offline.config import PAST_STEPS
-from offline.model.bundle_export import SELFTEST_STATES
 from offline.model.bundle_predictor import BundlePredictor
+from offline.model.physical_units import SELFTEST_STATES
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.model.artifact import load_bundle, save_bundle
 from rt_controller.contract.model.follow import Follow

@@ -19,8 +19,8 @@ from offline.baselines.linear import (
 from offline.config import PAST_STEPS
 from offline.data.generate import steering_geometry
 from offline.data.signals import past_names
-from offline.model.bundle_export import choose_selftest
 from offline.model.bundle_predictor import BundlePredictor
+from offline.model.physical_units import choose_selftest
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.model.artifact import load_bundle, save_bundle
 from rt_controller.contract.model.lift import Lift

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
+from offline.baselines.fitting import log_error
 from offline.baselines.linear import Persistence
 from offline.baselines.road_path import path_states
-from offline.baselines.score import log_error
 
 
 def test_persistence_predicts_the_first_state():

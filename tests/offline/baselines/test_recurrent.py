@@ -8,6 +8,7 @@ import torch
 from made_drives import drive, predict
 
 from offline.baselines import recurrent
+from offline.baselines.fitting import log_error
 from offline.baselines.linear import Persistence
 from offline.baselines.recurrent import (
     Settings,
@@ -18,7 +19,6 @@ from offline.baselines.recurrent import (
     rate_at,
 )
 from offline.baselines.road_path import path_states
-from offline.baselines.score import log_error
 from rt_controller.contract.errors import DatasetError
 
 QUICK = Settings(

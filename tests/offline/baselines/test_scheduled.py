@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from made_drives import SCHEMA, drive, predict, relative_error
 
+from offline.baselines.fitting import log_error
 from offline.baselines.linear import fit_linear
 from offline.baselines.road_path import path_states, split_path
 from offline.baselines.scheduled import ScheduledSettings, fit_scheduled, hat_functions
-from offline.baselines.score import log_error
 from offline.data.signals import past_names
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.model.follow import Follow

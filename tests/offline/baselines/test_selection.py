@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from offline.baselines import selection
+from offline.baselines import registry
 from offline.baselines.linear import Persistence
-from offline.baselines.registry import Fitted
-from offline.baselines.selection import (
+from offline.baselines.registry import (
     DEFAULT_BASELINES,
     SHIPPED,
+    Fitted,
     all_baselines,
     baseline_facts,
     choose_baselines,
@@ -28,7 +28,7 @@ def fitted(monkeypatch):
     """Names of the fitted baselines; all of them are replaced by one that needs no fit."""
     names = []
     monkeypatch.setattr(
-        selection.registry,
+        registry,
         "fit",
         lambda name, dataset: names.append(name) or Fitted(Persistence(), 0.5),
     )
@@ -41,7 +41,7 @@ def shipped_of_same_seed(toy_dataset, monkeypatch):
     origin = replace(toy_dataset.origin, episodes=7_000)
     shipped = load_bundle(shipped_model(SHIPPED))
     shipped = replace(shipped, training=describe_training({}, origin))
-    monkeypatch.setattr(selection, "load_bundle", lambda folder: shipped)
+    monkeypatch.setattr(registry, "load_bundle", lambda folder: shipped)
 
 
 def test_baselines_are_chosen_by_name_all_none_or_by_default():
@@ -74,7 +74,7 @@ def test_a_baseline_that_may_have_been_trained_on_test_episodes_is_left_out_or_r
 def test_the_papers_network_is_a_baseline_of_other_models_only(toy_dataset, monkeypatch):
     shipped = load_bundle(shipped_model(SHIPPED))
     shipped = replace(shipped, data_sha256=toy_dataset.sha256)
-    monkeypatch.setattr(selection, "load_bundle", lambda folder: shipped)
+    monkeypatch.setattr(registry, "load_bundle", lambda folder: shipped)
     other = load_bundle(shipped_model("lti"))
     opened = open_baselines([SHIPPED], toy_dataset, [other], is_required=False)
     assert isinstance(opened[SHIPPED], BundlePredictor)

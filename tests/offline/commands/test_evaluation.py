@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from toy_predictors import made_test_set, made_trajectories, with_random_error
 
-from offline.baselines import registry, selection
+from offline.baselines import registry
 from offline.baselines.linear import Persistence
-from offline.baselines.selection import SHIPPED
+from offline.baselines.registry import SHIPPED
 from offline.commands import evaluation as work
 from offline.commands import report_page
 from offline.commands.evaluation import (
@@ -47,7 +47,7 @@ def quick(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(work, "LATEST_RUN", Path("no/such/run"))
     fitted = registry.Fitted(Fitted(), 0.5)
-    monkeypatch.setattr(selection.registry, "fit", lambda *arguments: fitted)
+    monkeypatch.setattr(registry, "fit", lambda *arguments: fitted)
     monkeypatch.setattr(work, "SIMULATED", FEW)
 
 

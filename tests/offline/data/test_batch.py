@@ -7,8 +7,7 @@ import torch
 from offline.config import PAST_STEPS
 from offline.data.recording import Starts, cut
 from offline.data.sampling import Batch, scale
-from offline.data.signals import VEHICLE_ROLES, Scaling
-from offline.data.trajectories import Trajectories
+from offline.data.signals import VEHICLE_ROLES, Scaling, Trajectories
 from rt_controller.contract.schema import VEHICLE
 
 STEPS, HISTORY = 12, 4

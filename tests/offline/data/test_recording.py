@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from offline.config import PAST_STEPS, STEPS
-from offline.data.recording import Recording, Starts, cut, possible_starts
-from offline.data.road_frame import Anchor
+from offline.data.recording import Anchor, Recording, Starts, cut, possible_starts
 from offline.data.signals import VEHICLE_ROLES, Roles, mirror_signs
 from rt_controller.contract.schema import VEHICLE, Schema, Signal
 from sim_bridge.frenet import integrate_poses

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from offline.data.road_frame import Anchor, RoadPose, onto_road
+from offline.data.recording import Anchor, RoadPose, onto_road
 from sim_bridge import frenet
 
 STEP_S = 0.001

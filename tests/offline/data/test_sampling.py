@@ -22,8 +22,7 @@ from offline.data.sampling import (
     rarity,
     scale,
 )
-from offline.data.sensor_noise import STANDARD_DEVIATIONS
-from offline.data.signals import VEHICLE_ROLES, mirror_signs, past_names
+from offline.data.signals import STANDARD_DEVIATIONS, VEHICLE_ROLES, mirror_signs, past_names
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.schema import VEHICLE
 

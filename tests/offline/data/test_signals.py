@@ -9,11 +9,11 @@ from offline.data.dataset import PARTS
 from offline.data.signals import (
     VEHICLE_ROLES,
     Scaling,
+    Trajectories,
     fit_scaling,
     mirror_signs,
     signal_range,
 )
-from offline.data.trajectories import Trajectories
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.schema import VEHICLE, Signal
 

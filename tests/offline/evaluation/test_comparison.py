@@ -98,10 +98,10 @@ def test_the_best_baseline_is_chosen_for_each_slice():
         classes={"a": "linear", "b": "linear"},
         series=[Series("half", "half", "", "library", slices)],
     )
-    ((_, scored),) = comparison.series
-    assert [comparison.best_linear(part.errors) for part in scored] == ["b", "a"]
-    assert [(part.n_trajectories, part.n_episodes) for part in scored] == [(50, 10), (50, 10)]
-    assert comparison.growth("a", scored[0].errors["a"]).geometric_mean.value == pytest.approx(1.8)
+    errors = [comparison.errors_in(part) for part in slices]
+    assert [comparison.best_linear(each) for each in errors] == ["b", "a"]
+    assert [comparison.size_of(part) for part in slices] == [(50, 10), (50, 10)]
+    assert comparison.growth("a", errors[0]["a"]).geometric_mean.value == pytest.approx(1.8)
 
 
 def test_a_diverging_baseline_is_the_best_linear_one_only_if_there_is_no_other():

@@ -8,8 +8,7 @@ from toy_predictors import made_test_set, made_trajectories
 
 from offline.data.manifest import Roads
 from offline.data.recording import Starts
-from offline.data.sensor_noise import STANDARD_DEVIATIONS
-from offline.data.signals import VEHICLE_ROLES, Roles, past_names
+from offline.data.signals import STANDARD_DEVIATIONS, VEHICLE_ROLES, Roles, past_names
 from offline.evaluation import test_sets
 from offline.evaluation.test_sets import (
     DEFAULT_LEVELS,

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from offline.experiments.backend import Backend
-from offline.experiments.training_task import CampaignData, linear_mse
+from offline.experiments.training_task import CampaignData, measure_linear_model
 
 LISTS = """
 [tiny]
@@ -124,8 +124,7 @@ def spaces(tmp_path_factory) -> Path:
 @pytest.fixture(scope="session")
 def shared(toy_folder, toy_dataset, empty_cache) -> CampaignData:
     """The toy data set and its linear model, as all trainings of a command share them."""
-    errors = tuple(float(error) for error in linear_mse(toy_dataset))
-    return CampaignData(toy_folder, toy_dataset.sha256, toy_dataset.schema.state_names, errors)
+    return measure_linear_model(toy_folder, toy_dataset)
 
 
 @pytest.fixture(scope="session")

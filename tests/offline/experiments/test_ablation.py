@@ -14,7 +14,6 @@ from offline.experiments import training_task
 from offline.experiments.backend import Backend
 from offline.training.run_folder import create_run
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.figures import write_figures
 
 EARLIER = datetime(2026, 1, 1)
 
@@ -36,8 +35,15 @@ def run_ablate(lists, toy_folder, one_process):
     """Runs the command `offline-ablate` on the toy data set, in this process."""
 
     def run(folder: Path, name="tiny", seeds="0", json_file=None) -> None:
-        figures = ablate(name, seeds, "", lists, None, folder, toy_folder, one_process)
-        write_figures(json_file, figures)
+        ablate(
+            name,
+            seeds=seeds,
+            lists=lists,
+            folder=folder,
+            data=toy_folder,
+            backend=one_process,
+            json_file=json_file,
+        )
 
     return run
 
@@ -68,7 +74,7 @@ def test_table_has_every_training_and_the_pooled_seeds(undisturbed, toy_dataset)
     assert [v["n_parameters"] for v in figures["variants"]] == [whole, without]
     text = (undisturbed / "table.md").read_text()
     assert "| without-bilinear | `bilinear_rank = 0` |" in text
-    assert "Every training has 12 steps of 8 trajectories." in text
+    assert "| a constant B | 12 | 8 |" in text
 
 
 def test_each_seed_and_each_variant_trains_another_model(undisturbed):
@@ -150,4 +156,4 @@ def test_wrong_option_is_refused_with_its_remedy(
 
 
 def test_seeds_are_integers_each_once():
-    assert parse_seeds("2,0,2") == (2, 0)
+    assert parse_seeds("2,0,2") == [2, 0]

@@ -1,5 +1,6 @@
 """The shipped search spaces contain their presets; mistakes in a file are reported."""
 
+import optuna
 import pytest
 
 from offline.config import PRESETS
@@ -10,9 +11,9 @@ from rt_controller.contract.errors import ConfigError
 @pytest.mark.parametrize("name", ["method", "structure", "paper-weights"])
 def test_shipped_space_contains_its_preset(name):
     """Otherwise a search could not find that the preset is the best already."""
-    space = read_space(name, None, {})
-    for parameter in space.parameters:
-        value = getattr(PRESETS[space.base.preset], parameter.field)
+    space, base = read_space(name, None, {})
+    for parameter in space.parameter:
+        value = getattr(base, parameter.field)
         if parameter.choices is not None:
             said = list(value) if isinstance(value, tuple) else value
             assert said in parameter.choices
@@ -21,16 +22,15 @@ def test_shipped_space_contains_its_preset(name):
 
 
 def test_common_settings_are_part_of_the_base():
-    space = read_space("method", None, {"steps": 7, "threads": 1})
-    assert space.configure({"learning_rate": 1e-3}) == PRESETS["recommended"].model_copy(
-        update={"steps": 7, "threads": 1, "learning_rate": 1e-3}
-    )
+    _, base = read_space("method", None, {"steps": 7, "threads": 1})
+    assert base == PRESETS["recommended"].model_copy(update={"steps": 7, "threads": 1})
 
 
 def test_range_between_integers_is_of_integers():
-    kinds = {p.field: p.is_integer for p in read_space("method", None, {}).parameters}
-    assert kinds["horizon_start"] is True
-    assert kinds["horizon_growth"] is False
+    space, _ = read_space("method", None, {})
+    found = {parameter.field: parameter.distribution for parameter in space.parameter}
+    assert found["horizon_start"] == optuna.distributions.IntDistribution(2, 80, log=True)
+    assert found["horizon_growth"] == optuna.distributions.FloatDistribution(0.1, 0.9)
 
 
 SPACE = '[mine]\nwhy = "w"\nbase = "recommended"\n[[mine.parameter]]\n'
@@ -44,10 +44,13 @@ SPACE = '[mine]\nwhy = "w"\nbase = "recommended"\n[[mine.parameter]]\n'
         ('[mine]\nwhy = "w"\nbase = "recommended"\n', r"mine\.parameter: expected a value"),
         (SPACE.replace("recomm", "rec") + 'field = "batch"\nlow = 1\nhigh = 2\n', "'recended'"),
         (SPACE + 'field = "batch"\n', "either low and high, or choices"),
-        (SPACE + 'field = "batch"\nchoices = []\n', "at least 1 entries"),
+        (SPACE + 'field = "batch"\nchoices = []\n', "one or more elements"),
         (SPACE + 'field = "batch"\nlow = 1\nhigh = 2\nchoices = [1]\n', "either low and high"),
-        (SPACE + 'field = "batch"\nlow = 3\nhigh = 2\n', "low below high"),
-        (SPACE + 'field = "decay_encoder"\nlow = 0.0\nhigh = 1.0\nscale = "log"\n', "above zero"),
+        (SPACE + 'field = "batch"\nlow = 3\nhigh = 2\n', "low=3, high=2"),
+        (
+            SPACE + 'field = "decay_encoder"\nlow = 0.0\nhigh = 1.0\nscale = "log"\n',
+            "low > 0",
+        ),
         (SPACE + 'field = "btach"\nlow = 1\nhigh = 2\n', "btach: no such setting.*batch"),
         (SPACE + 'field = "batch"\nlow = -1\nhigh = 2\n', "batch: expected more than 0, found -1"),
         (

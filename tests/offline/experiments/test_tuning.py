@@ -14,9 +14,8 @@ from offline.commands.tuning import tune
 from offline.config import TrainingConfig, resolve
 from offline.experiments import training_task
 from offline.experiments.backend import Backend
-from offline.training.checkpoint import load_checkpoint
+from offline.training.state import load_checkpoint
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.figures import write_figures
 
 optuna = pytest.importorskip("optuna")
 COMPLETE, FAIL, PRUNED = (
@@ -39,8 +38,17 @@ def run_tune(spaces, toy_folder):
         backend=Backend(jobs=1),  # noqa: B008
         json_file=None,
     ) -> None:
-        figures = tune(name, spaces, seed, n_trials, common, folder, toy_folder, backend)
-        write_figures(json_file, figures)
+        tune(
+            name,
+            config=common,
+            trials=n_trials,
+            search_seed=seed,
+            spaces=spaces,
+            folder=folder,
+            data=toy_folder,
+            backend=backend,
+            json_file=json_file,
+        )
 
     return run
 
@@ -93,7 +101,7 @@ def test_trial_has_the_value_of_its_training_or_is_pruned_below_the_median(undis
         file = undisturbed / "trials" / f"{trial.number:04d}" / "result.json"
         result = json.loads(file.read_text())
         if trial.state is COMPLETE:
-            assert trial.value == result["ratios"]["geometric_mean"]
+            assert trial.value == result["geometric_mean_ratio"]
             assert list(trial.intermediate_values) == [1, 4, 7, 10, 12]
         else:
             assert result["ending"] == "pruned"

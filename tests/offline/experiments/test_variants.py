@@ -56,16 +56,16 @@ def test_ladder_ends_with_the_recommended_network():
 
 def test_each_variant_of_the_ladder_makes_exactly_its_changes():
     for below, above in pairwise(read_variants("ladder", None, {})[1]):
-        assert differences(below.config, above.config) == set(above.changes)
-        assert above.changes
+        assert differences(below.config, above.config) == set(above.variant.changes)
+        assert above.variant.changes
 
 
 @pytest.mark.parametrize("name", [name for name in LISTS if name != "ladder"])
 def test_each_variant_differs_from_the_first_in_exactly_its_changes(name):
     whole, *others = read_variants(name, None, {})[1]
     for variant in others:
-        assert differences(whole.config, variant.config) == set(variant.changes)
-        assert variant.changes
+        assert differences(whole.config, variant.config) == set(variant.variant.changes)
+        assert variant.variant.changes
 
 
 @pytest.mark.parametrize("name", LISTS)
@@ -87,12 +87,12 @@ def test_every_variant_can_be_trained(name, toy_dataset):
         losses = total_loss(model, variant.config, source.draw(4, torch.Generator()))
         losses.total.backward()
         gradients = [each.grad for each in model.parameters() if each.numel()]
-        assert all(torch.isfinite(gradient).all() for gradient in gradients), variant.name
+        assert all(torch.isfinite(gradient).all() for gradient in gradients), variant.variant
 
 
 @pytest.mark.parametrize("name", LISTS)
 def test_every_variant_has_a_purpose_of_its_own(name):
-    reasons = [variant.why for variant in read_variants(name, None, {})[1]]
+    reasons = [each.variant.why for each in read_variants(name, None, {})[1]]
     assert all(reasons)
     assert len(set(reasons)) == len(reasons)
 
@@ -110,7 +110,7 @@ def test_common_settings_hold_for_all_variants():
 
 def test_chosen_variant_of_the_ladder_has_the_changes_of_those_before_it():
     _, ladder = read_variants("ladder", None, {})
-    by_name = {variant.name: variant.config for variant in ladder}
+    by_name = {each.variant.name: each.config for each in ladder}
     (mirror,) = read_variants("ladder", None, {}, ["mirror"])[1]
     assert mirror.config == by_name["mirror"]
 

@@ -8,8 +8,7 @@ from made_logs import MAPPING, POSE
 from offline.config import PAST_STEPS, STEPS
 from offline.data.recording import cut
 from offline.data.signals import VEHICLE_ROLES
-from offline.logs.assembly import assign_parts, join_episodes, roads_of, slice_windows
-from offline.logs.episode import LogEpisode
+from offline.logs.episode import LogEpisode, assign_parts, join_episodes, roads_of, slice_windows
 from offline.logs.mapping import SplitSettings
 from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.contract.schema import VEHICLE, Schema, Signal

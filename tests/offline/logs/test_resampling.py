@@ -1,11 +1,14 @@
 """Stretches end at gaps, and within them every signal is resampled to one period."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from offline.logs.readers.log import RowsOf, Series
 from offline.logs.series import (
     LoggedDrive,
-    Series,
     Stretch,
     find_stretches,
     grid,
@@ -21,7 +24,10 @@ def series(t_s, values, sampling=Sampling.SAMPLED, longest_s=0.1):
     t_s, values = np.asarray(t_s, dtype=float), np.asarray(values, dtype=float)
     connected = np.diff(t_s) <= longest_s
     rows = np.arange(len(t_s))
-    return Series("v", "m/s", "a.csv, column v", "line", t_s, values, rows, sampling, connected, 0)
+    of = RowsOf(Path("a.csv"), "line")
+    return Series(
+        "v", t_s, values, rows, "m/s", of, name="v", sampling=sampling, connected=connected
+    )
 
 
 def whole(one):
@@ -96,7 +102,7 @@ def test_samples_beyond_a_gap_do_not_influence_a_stretch():
     drive = LoggedDrive("a.csv", 82, (one,), ())
     for stretch, value in zip(find_stretches(drive), (1.0, 100.0), strict=True):
         for sampling in Sampling:
-            held = Series(*(getattr(one, f) for f in one.__slots__[:7]), sampling, one.connected, 0)
+            held = replace(one, sampling=sampling)
             found = resample(held, stretch, grid(stretch, PERIOD_S), PERIOD_S)
             assert found == pytest.approx(np.full(len(found), value))
 

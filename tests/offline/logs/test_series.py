@@ -8,7 +8,7 @@ import pytest
 from made_logs import MAPPING, series_of
 from made_logs import log_of as made_log
 
-from offline.logs.readers.log import Channel, Log, RowsOf
+from offline.logs.readers.log import Log, RowsOf, Series
 from offline.logs.series import to_drive
 from rt_controller.contract.errors import DatasetError
 
@@ -25,8 +25,8 @@ def log_of(values, unit=None, dt_s=0.1):
     t_s = dt_s * np.arange(len(values))
     rows, of = np.arange(2, len(values) + 2), RowsOf(Path("a.csv"), "line")
     channels = (
-        Channel("v", t_s, values, rows, unit, of),
-        Channel("d", t_s, np.linspace(0, 0.1, len(values)), rows, None, of),
+        Series("v", t_s, values, rows, unit, of),
+        Series("d", t_s, np.linspace(0, 0.1, len(values)), rows, None, of),
     )
     return Log("a.csv", Path("a.csv"), channels, len(values))
 
@@ -130,8 +130,9 @@ def test_the_first_seconds_can_be_skipped(parse):
 def test_two_lost_samples_are_bridged_and_three_are_a_gap(parse, setting, is_connected):
     mapping = parse(ONE_OF_EACH.format(state=', unit = "m/s"') + f"[time]\n{setting}\n")
     log = log_of(np.arange(12.0))
-    lost = [np.delete(each, [2, 3, 6, 7, 8]) for each in log.channels[0][1:4]]
-    shorter = log.channels[0]._replace(t_s=lost[0], values=lost[1], row=lost[2])
+    whole = log.channels[0]
+    lost = [np.delete(each, [2, 3, 6, 7, 8]) for each in (whole.t_s, whole.values, whole.row)]
+    shorter = replace(whole, t_s=lost[0], values=lost[1], row=lost[2])
     drive = to_drive(replace(log, channels=(shorter, log.channels[1])), mapping)
     found = series_of(drive, "vx_mps")
     assert found.connected.tolist() == [True, True, True, is_connected, True, True]

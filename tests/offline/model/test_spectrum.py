@@ -8,8 +8,7 @@ import torch
 
 from offline.config import PRESETS
 from offline.model.network import MdkNet, Sizes
-from offline.model.spectrum import driven_radius, spectral_radius
-from offline.model.stability import all_corners
+from offline.model.stability import all_corners, driven_radius, spectral_radius
 
 SIZES = Sizes(states=3, inputs=2, exogenous=1, remembered=0, dt_s=0.1)
 SMALL = {"hidden": (4,), "latents": 2, "history_steps": 0, "bilinear_rank": 1, "drift_rank": 1}

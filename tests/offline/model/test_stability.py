@@ -9,12 +9,12 @@ from torch import Tensor
 from offline.config import PRESETS
 from offline.data.signals import VEHICLE_ROLES
 from offline.model.network import MdkNet, Sizes, sizes_of
-from offline.model.spectrum import driven_radius
 from offline.model.stability import (
     DRAWN,
     MOST_CORNERS,
     all_corners,
     driven_excess,
+    driven_radius,
     radius_excess,
     stability_loss,
 )

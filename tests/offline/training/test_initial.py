@@ -9,9 +9,9 @@ from run_contents import history
 from offline.data.dataset import Dataset
 from offline.model.bundle_predictor import BundlePredictor
 from offline.training import export as export_module
-from offline.training.checkpoint import load_checkpoint
 from offline.training.export import export_checkpoint
 from offline.training.initial import with_structure_of
+from offline.training.state import load_checkpoint
 from offline.training.train import train
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.model.bundle import Bundle

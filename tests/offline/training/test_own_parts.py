@@ -11,14 +11,13 @@ from run_contents import history
 from torch import nn
 
 from offline.data.sampling import Batch, scale
+from offline.model import losses
 from offline.model.bundle_predictor import BundlePredictor
-from offline.model.losses import Losses, state_errors, total_loss
-from offline.training import validation
-from offline.training.checkpoint import load_checkpoint
+from offline.model.losses import Losses, evaluate, state_errors, total_loss
 from offline.training.export import export_checkpoint, restore_model
 from offline.training.initial import with_structure_of
+from offline.training.state import load_checkpoint
 from offline.training.train import train
-from offline.training.validation import evaluate
 from rt_controller.contract.errors import ArtifactError, ConfigError
 
 
@@ -64,7 +63,7 @@ def test_the_validation_of_a_loss_is_its_mean_over_all_trajectories(
         sizes.append(batch.x.shape[1])
         return lateral_error(model, config, batch, times)
 
-    monkeypatch.setattr(validation, "CHUNK", 7)
+    monkeypatch.setattr(losses, "CHUNK", 7)
     found = evaluate(model, config, batch, torch.device("cpu"), counted)
     assert (sum(sizes), sizes[0], sizes[-1] % 7) == (len(part.episode), 7, len(part.episode) % 7)
     with torch.no_grad():

@@ -11,8 +11,8 @@ from run_contents import history
 from offline.data.recording import Recording
 from offline.data.signals import fit_scaling
 from offline.training import train as training
-from offline.training.checkpoint import load_checkpoint, save_checkpoint
 from offline.training.recovery import MOST_RECOVERIES, TrainingDivergedError, largest_step
+from offline.training.state import load_checkpoint, save_checkpoint
 from offline.training.train import train
 
 

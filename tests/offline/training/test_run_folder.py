@@ -11,9 +11,9 @@ from run_contents import history, weights_equal
 
 from offline.config import TrainingConfig
 from offline.training import run_folder
-from offline.training.checkpoint import load_checkpoint, save_checkpoint
 from offline.training.export import export_checkpoint
 from offline.training.run_folder import create_run, cut_history, open_run
+from offline.training.state import load_checkpoint, save_checkpoint
 from offline.training.train import train
 from rt_controller.contract.errors import ArtifactError, ConfigError, RtControllerError
 
@@ -127,7 +127,7 @@ def test_a_full_disk_leaves_the_previous_checkpoint(tiny_config, toy_dataset, ne
         stream.write(b"half of it")
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("offline.training.checkpoint.torch.save", full_disk)
+    monkeypatch.setattr("offline.training.state.torch.save", full_disk)
     with pytest.raises(RtControllerError, match="No space left"):
         save_checkpoint(run.last, load_checkpoint(run.last))
     assert run.last.read_bytes() == before

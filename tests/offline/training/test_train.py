@@ -12,13 +12,13 @@ from offline.config import PRESETS
 from offline.data.dataset import PARTS
 from offline.data.sampling import SliceSource, scale
 from offline.data.signals import fit_scaling
+from offline.model.losses import evaluate
 from offline.training import train as training
-from offline.training.checkpoint import load_checkpoint
 from offline.training.export import restore_model
 from offline.training.recovery import TrainingDivergedError
 from offline.training.schedule import cosine_rate
+from offline.training.state import load_checkpoint
 from offline.training.train import train
-from offline.training.validation import evaluate
 from rt_controller.contract.errors import DatasetError
 
 

@@ -5,23 +5,17 @@ from pathlib import Path
 from offline.config import TrainingConfig
 from offline.experiments import comparison
 from offline.experiments.backend import Backend
-from offline.experiments.comparison import Row, Variant, read_variants
+from offline.experiments.comparison import Row, Training, read_variants
 from offline.experiments.settings import common_fields
-from offline.experiments.training_task import CampaignData, Training
+from offline.experiments.training_task import CampaignData
 
 OF_THE_TOY = {"episodes": 40, "data_seed": 3}
 
 
-def tiny_variants(lists: Path, **changes: object) -> tuple[Variant, ...]:
+def tiny_trainings(lists: Path, **changes: object) -> tuple[Training, ...]:
     """The list `tiny` for the toy data set."""
     common = common_fields(TrainingConfig.model_validate({**OF_THE_TOY, **changes}), {})
     return read_variants("tiny", lists, common)[1]
-
-
-def tiny_training(lists: Path, shared: CampaignData, folder: Path) -> Training:
-    """The first variant with seed 0, in the folder of a comparison."""
-    variant = tiny_variants(lists)[0]
-    return Training(folder / variant.name / "seed-0", variant.config, shared)
 
 
 def compare(
@@ -33,8 +27,12 @@ def compare(
     **changes: object,
 ) -> list[Row]:
     """A row for each training."""
-    variants = tiny_variants(lists, **changes)
-    return comparison.compare(variants, seeds, shared, folder, backend, lambda *ended: None)
+    trainings = [
+        each._replace(config=each.config.model_copy(update={"seed": seed}))
+        for each in tiny_trainings(lists, **changes)
+        for seed in seeds
+    ]
+    return comparison.compare(trainings, shared, folder, backend, lambda *ended: None)
 
 
 def histories(folder: Path) -> dict[str, bytes]:

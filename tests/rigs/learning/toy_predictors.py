@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from offline.data.trajectories import Trajectories
+from offline.data.signals import Trajectories
 from offline.evaluation import test_sets
 
 

@@ -146,8 +146,8 @@ def test_up_to_7_m_per_s_the_speed_is_compared_with_the_pedals(
     vx_mps: float, is_compared: bool
 ) -> None:
     car = WatchedCar(checks=(), vx_mps=vx_mps)
-    car.control = car.control._replace(throttle=0.5)
-    car.tick(3)
+    car.control = car.control._replace(throttle=0.8)
+    car.tick(12)
     assert (car.supervisor.values[Quantity.PEDAL_SPEED_MPS] > 0.0) is is_compared
 
 

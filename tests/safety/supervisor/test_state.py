@@ -183,7 +183,7 @@ def test_a_car_that_slides_stops_and_has_no_further_fault_in_the_stop(
     car = turning(is_stopping=is_stopping, checks=over_ten)
     car.tick(20)
     car.disturb = lambda received: received._replace(
-        applied=car.control._replace(steer_rad=car.control.steer_rad + 0.6)
+        applied=car.control._replace(steer_rad=car.control.steer_rad + 1.2)
     )
     qualified = car.tick(30)
     assert car.supervisor.values[Quantity.YAW_RATE_TEN_RADPS] > over_ten[0].threshold

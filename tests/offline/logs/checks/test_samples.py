@@ -1,6 +1,7 @@
 """Gaps and outliers are counted, and the place of the first or worst is reported."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,9 +14,9 @@ from offline.logs.checks.samples import (
     outlier_issues,
     robust_z,
 )
+from offline.logs.readers.log import RowsOf, Series
 from offline.logs.readers.source import DriveFiles, read_log
-from offline.logs.series import LoggedDrive, Series, to_drive
-from rt_controller.mapping.tables import Sampling
+from offline.logs.series import LoggedDrive, to_drive
 
 
 def gaps_of(parse, folder, lost, text=MAPPING):
@@ -66,15 +67,14 @@ def drive_of(values, file="a.csv", jumps=0, gap=None):
     rows = np.arange(1, len(values) + 1)
     one = Series(
         "v",
-        "m/s",
-        f"{file}, column v",
-        "row",
         t_s,
         values,
         rows,
-        Sampling.SAMPLED,
-        connected,
-        jumps,
+        "m/s",
+        RowsOf(Path(file), "row"),
+        name="v",
+        connected=connected,
+        jumps=jumps,
     )
     return LoggedDrive(file, len(values), (one,), ())
 

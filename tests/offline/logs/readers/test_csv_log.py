@@ -60,7 +60,7 @@ def test_a_unit_behind_the_name_is_not_part_of_it(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text('# t(ms),v [km/h],"w, deg/s",gear (front)\n0,36,1,3\n500,72,2,4\n')
     log = read(path, ("v", "w", "gear (front)"))
-    assert [channel.unit for channel in log.channels] == ["km/h", "deg/s", None]
+    assert [channel.unit for channel in log.channels] == ["km/h", "deg/s", ""]
     assert log.channel("w").t_s.tolist() == [0.0, 0.5]
     with pytest.raises(DatasetError, match=r"column t: expected a time in s, .*'t\(ms\)'"):
         read(path, time=TimeMapping(column="t", unit="s"))
@@ -70,7 +70,7 @@ def test_a_unit_at_the_end_of_a_name_is_that_of_the_numbers(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("t_ms,v_kmh,Yaw_degps,a_n\n0,36,1,3\n500,72,2,4\n")
     log = read(path, ("v_kmh", "Yaw_degps", "a_n"), TimeMapping(column="t_ms"))
-    assert [channel.unit for channel in log.channels] == ["km/h", "deg/s", None]
+    assert [channel.unit for channel in log.channels] == ["km/h", "deg/s", ""]
     assert log.channel("v_kmh").t_s.tolist() == [0.0, 0.5]
 
 

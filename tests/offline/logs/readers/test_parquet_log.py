@@ -21,7 +21,7 @@ def test_nulls_are_missing_numbers(path):
     parquet.write_table(pa.table({"t": [0.0, 0.1, 0.2], "v": [1, None, 3], "o": [0, 0, 0]}), path)
     log = read_parquet(path, (("v",),), STAMPED)
     np.testing.assert_equal(log.channel("v").values, [1.0, np.nan, 3.0])
-    assert log.channel("v").unit is None
+    assert log.channel("v").unit == ""
 
 
 def test_a_unit_in_the_metadata_is_the_unit_of_the_file(path):

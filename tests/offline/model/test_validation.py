@@ -6,10 +6,9 @@ import torch
 from offline.config import PRESETS
 from offline.data.sampling import Batch, scale
 from offline.data.signals import fit_scaling
-from offline.model.losses import log_error, state_errors, total_loss
+from offline.model import losses
+from offline.model.losses import evaluate, log_error, state_errors, total_loss
 from offline.model.network import MdkNet, sizes_of
-from offline.training import validation
-from offline.training.validation import evaluate
 
 CPU = torch.device("cpu")
 
@@ -32,13 +31,13 @@ def test_the_validation_loss_does_not_depend_on_the_size_of_the_chunks(case, mon
     model, config, batch = case
     batch = Batch(*(series[:, :25] for series in batch))
     whole = evaluate(model, config, batch, CPU)
-    monkeypatch.setattr(validation, "CHUNK", chunk)
+    monkeypatch.setattr(losses, "CHUNK", chunk)
     assert evaluate(model, config, batch, CPU) == pytest.approx(whole, rel=1e-5, abs=1e-6)
 
 
 @pytest.mark.parametrize("case", ["recommended"], indirect=True)
 def test_the_validation_loss_is_the_logarithm_of_the_mean_error_of_all_chunks(case, monkeypatch):
-    monkeypatch.setattr(validation, "CHUNK", 50)
+    monkeypatch.setattr(losses, "CHUNK", 50)
     model, config, batch = case
     model.eval()
     with torch.no_grad():

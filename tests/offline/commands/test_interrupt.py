@@ -5,7 +5,7 @@ import signal
 
 import pytest
 
-from offline.training.interrupt import stop_on_signals
+from offline.commands.terminal import stop_on_signals
 
 pytestmark = pytest.mark.usefixtures("default_hang_up")
 
