@@ -49,7 +49,8 @@ static PureSlip longitudinal(double slip, double camber, double load_n, double r
     const double shape = t->pcx1 * t->lcx;
     const double force_n =
         sine_n(shifted, stiffness_n, peak_n, shape, smaller(1.0, bend)) + offset_n;
-    return (PureSlip){force_n, stiffness_n, peak_n, shift, offset_n, stiffness_n / (shape * peak_n)};
+    const double slope = stiffness_n / (shape * peak_n);
+    return (PureSlip){force_n, stiffness_n, peak_n, shift, offset_n, slope};
 }
 
 static PureSlip lateral(double slip_angle, double camber, double load_n, double road,
@@ -81,7 +82,8 @@ static PureSlip lateral(double slip_angle, double camber, double load_n, double 
     const double shape = t->pcy1 * t->lcy;
     const double force_n =
         sine_n(shifted, stiffness_n, peak_n, shape, smaller(1.0, bend)) + offset_n;
-    return (PureSlip){force_n, stiffness_n, peak_n, shift, offset_n, stiffness_n / (shape * peak_n)};
+    const double slope = stiffness_n / (shape * peak_n);
+    return (PureSlip){force_n, stiffness_n, peak_n, shift, offset_n, slope};
 }
 
 /* Slip angle that stands for both slips. */
