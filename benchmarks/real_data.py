@@ -22,7 +22,7 @@ from rt_controller.terminal.command_line import run_command
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 SEVERAL = cyclopts.Parameter(consume_multiple=True, negative="")
-BASELINES = ("persistence", "lti", "dmdc-delays-path", "edmd-bilinear")
+BASELINES = ("persistence", "lti", "dmdc-delays-path", "lti-scheduled-delays", "edmd-bilinear")
 
 
 class Experiment(NamedTuple):
