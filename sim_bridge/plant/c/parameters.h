@@ -30,7 +30,7 @@ typedef struct {
     double unsprung_height_m;
 } BodyParameters;
 
-/* What stands between body and wheels, seen at the wheels; see `suspension`. */
+/* What stands between body and wheels, seen at the wheels; chassis.c. */
 typedef struct {
     double spring_front_npm;
     double spring_rear_npm;
@@ -78,7 +78,7 @@ typedef struct {
     double camber_gain_rear;
 } SuspensionParameters;
 
-/* Magic Formula of one tyre on the reference road; see `tyres`. */
+/* Magic Formula of one tyre on the reference road; tyre.c. */
 typedef struct {
     double rolling_radius_m;
     double spin_inertia_kgm2;
@@ -112,7 +112,7 @@ typedef struct {
     /* speed at which the material damping of the tyre has lost half its effect */
     double damping_end_mps;
     double lateral_damping_s;
-    /* limited for light wheels, see `wheels.longitudinal_damping_share` */
+    /* limited for light wheels: wheels.c */
     double longitudinal_damping_s;
     /* largest moment of a standing tyre against turning about the vertical, at the reference
      * load and on the road of the tyre test */
@@ -123,7 +123,7 @@ typedef struct {
     double rolling_resistance_spm; /* growth with speed, per m/s */
 } TyreParameters;
 
-/* From the gearbox to the wheels; see `powertrain`. */
+/* From the gearbox to the wheels; drive.c. */
 typedef struct {
     double final_ratio;
     double final_efficiency;
@@ -133,7 +133,7 @@ typedef struct {
     double shaft_damping_nms;
 } DrivelineParameters;
 
-/* From the pedal to the discs; see `brakes`. */
+/* From the pedal to the discs; drive.c. */
 typedef struct {
     double pedal_mpa_per_n;
     double lag_s;
@@ -143,7 +143,7 @@ typedef struct {
     double rear_nm_per_mpa;
 } BrakeParameters;
 
-/* From the steering wheel to the front wheels, seen at the front wheels; see `steering`. */
+/* From the steering wheel to the front wheels, seen at the front wheels; wheels.c. */
 typedef struct {
     double ratio;
     double stiffness_nmprad;
@@ -155,7 +155,7 @@ typedef struct {
     double ackermann;
 } SteeringParameters;
 
-/* Air forces; see `aero`. */
+/* Air forces; chassis.c. */
 typedef struct {
     double air_density_kgpm3;
     double area_m2;
@@ -178,7 +178,7 @@ typedef struct {
     double wind_left_mps;
 } RoadParameters;
 
-/* Combustion engine: torque map, idle governor, speed limit; see `engine`. */
+/* Combustion engine: torque map, idle governor, speed limit; drive.c. */
 typedef struct {
     double inertia_kgm2;
     double map_speeds_rpm[N_MAP];
@@ -192,7 +192,7 @@ typedef struct {
     double throttle_lag_s;
 } EngineParameters;
 
-/* Hydrodynamic torque converter; see `powertrain`. */
+/* Hydrodynamic torque converter; drive.c. */
 typedef struct {
     double stall_torque_ratio;
     double coupling_speed_ratio;
@@ -202,7 +202,7 @@ typedef struct {
     double turbine_inertia_kgm2;
 } ConverterParameters;
 
-/* Ratios, efficiencies and the shift map; see `gearbox`. */
+/* Ratios, efficiencies and the shift map; drive.c. */
 typedef struct {
     double ratios[N_GEARS];
     double efficiencies[N_GEARS];
@@ -218,7 +218,7 @@ typedef struct {
     double shift_shape;
 } GearboxParameters;
 
-/* Electric motor, in place of engine, converter and gearbox; see `engine`. */
+/* Electric motor, in place of engine, converter and gearbox; drive.c. */
 typedef struct {
     /* of everything between the motor and the give of the shafts, at motor speed; 0: no motor */
     double inertia_kgm2;
@@ -229,7 +229,7 @@ typedef struct {
     double lag_s;
 } MotorParameters;
 
-/* Anti-lock system: it releases the brake of a wheel whose slip is too large; see `brakes`. */
+/* Anti-lock system: it releases the brake of a wheel whose slip is too large; drive.c. */
 typedef struct {
     double slip; /* wanted largest slip; 0: no anti-lock system */
     double slip_band; /* deviation from the wanted slip at which the valves move with full speed */
@@ -238,7 +238,7 @@ typedef struct {
     double least_speed_mps; /* below it the brakes are not released */
 } AntiLockParameters;
 
-/* Traction control: it reduces the torque of engine or motor; see `powertrain`. */
+/* Traction control: it reduces the torque of engine or motor; drive.c. */
 typedef struct {
     double slip; /* wanted largest slip of the driven wheels; 0: no traction control */
     /* deviation from the wanted slip at which the torque changes with full speed */
@@ -247,7 +247,7 @@ typedef struct {
     double restore_per_s;
 } TractionControlParameters;
 
-/* Coefficients of a `.tir` file, with its names in lower case; see `magic_formula`. */
+/* Coefficients of a `.tir` file, with its names in lower case; tyre_file.c. */
 typedef struct {
     double fnomin; /* nominal load in N */
     double unloaded_radius; /* in m */
