@@ -26,6 +26,7 @@ from benchmarks.false_alarms.drive import DriveResult, measure, result_from
 from benchmarks.false_alarms.summary import driven_h, json_of, table_of
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.model.artifact import SHIPPED_MODEL
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.report.table import to_markdown
 from sim_bridge.scenario import shipped_scenarios
@@ -66,18 +67,19 @@ def main(
         _append(drives, model, each)
         print(f"{driven_h(found):.3f} h {each.condition} {each.failed_checks}", flush=True)
     if found:
-        report(found, json)
+        report(found, json, model)
 
 
-def report(found: Sequence[DriveResult], json_file: Path | None) -> None:
+def report(found: Sequence[DriveResult], json_file: Path | None, model: str | None) -> None:
     """Print the figures and the false alarms, and write the file."""
     console = Console()
     console.print(to_markdown(table_of(found)))
     false = [each for each in found if each.false_checks]
     console.print(f"{len(false)} of {len(found)} drives with a false alarm", highlight=False)
     for each in false:
-        print(f"{each.condition}: {each.false_checks}, |e_y| {each.true_ey_peak_m:.2f} m")
-    write_figures(json_file, json_of(found))
+        print(f"{each.condition}: {each.false_checks}, |e_y| {each.ey_peak_m:.2f} m")
+    hashes = {model or SHIPPED_MODEL: Bundle.load(model).sha256}
+    write_figures(json_file, {"model_sha256": hashes, **json_of(found)})
 
 
 def _drive_all(

@@ -103,7 +103,7 @@ def conditions(scenarios: Sequence[str]) -> Iterator[Condition]:
             )
             if problems(disturbed(condition)):  # too little grip for the slope or the bank
                 condition = condition._replace(grade=0.0, bank_deg=0.0)
-            if condition.speed_step_mps and problems(_faster(scenario, condition)):
+            if condition.speed_step_mps and problems(_faster(disturbed(condition), condition)):
                 condition = condition._replace(speed_step_mps=0.0)  # the path is too sharp for it
             yield condition
 
@@ -152,7 +152,7 @@ def _noise(signal: str, value: float, seed: int) -> Fault:
 
 
 def _faster(scenario: Scenario, condition: Condition) -> Scenario:
-    """The scenario, driven with the requested speed from the beginning."""
+    """A scenario that is driven with the requested speed from the beginning."""
     speed_mps = scenario.speed.highest_mps + condition.speed_step_mps
     start = replace(scenario.start, speed_mps=speed_mps)
     return replace(scenario, speed=constant_speed(speed_mps), start=start)

@@ -33,9 +33,9 @@ class DriveResult:
 
     condition: Condition
     driven_s: float
-    true_ey_peak_m: float
+    ey_peak_m: float
     unchecked_ey_peak_m: float | None
-    """of the same drive without checks; None: no check failed, or the plant did not come to rest"""
+    """of the same drive without checks; None: no check failed, or that drive had no end"""
     failed_checks: tuple[str, ...]
     largest: dict[str, float]
     """of each quantity, by its name with its unit"""
@@ -44,7 +44,7 @@ class DriveResult:
     def has_lost_path(self) -> bool:
         """True if a check failed and the car leaves its path without checks too."""
         unchecked_m = self.unchecked_ey_peak_m
-        return bool(self.failed_checks) and (unchecked_m is None or unchecked_m > OFF_PATH_M)
+        return bool(self.failed_checks) and unchecked_m is not None and unchecked_m > OFF_PATH_M
 
     @property
     def false_checks(self) -> tuple[str, ...]:
@@ -70,7 +70,7 @@ def measure(condition: Condition, model: str | None) -> DriveResult:
     return DriveResult(
         condition=condition,
         driven_s=PERIOD_S * int(np.sum(drive["mode"] > 0)),
-        true_ey_peak_m=round(drive.errors.ey_peak_m, 4),
+        ey_peak_m=round(drive.errors.ey_peak_m, 4),
         unchecked_ey_peak_m=_unchecked_ey_peak_m(condition, model) if failed else None,
         failed_checks=tuple(sorted(failed)),
         largest={q.name.lower(): round(float(largest[q]), 6) for q in Quantity},
@@ -93,7 +93,7 @@ def _drive(condition: Condition, model: str | None, checks: Sequence[Check] = CH
 def _unchecked_ey_peak_m(condition: Condition, model: str | None) -> float | None:
     try:
         return round(_drive(condition, model, checks=()).errors.ey_peak_m, 4)
-    except PlantError:  # a car that slides downhill does not come to rest
+    except PlantError:  # such as a car that does not come to rest: not decided
         return None
 
 

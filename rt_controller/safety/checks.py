@@ -35,7 +35,8 @@ class Quantity(IntEnum):
     """|curvature - the value ahead that was sent before for this place|; a large one less 1.5 times
     the changes of the values ahead"""
     PEDAL_SPEED_MPS = auto()
-    """speed that the pedals should have added to a slow car, and that is not measured"""
+    """speed that the pedals should have added to a slow car, and that is not measured; scaled to a
+    car that accelerates by 6 m/s^2 with an open throttle"""
     FROZEN_TICKS = auto()
     """ticks in which all six states are constant, although by the other states or the model they
     change"""
@@ -144,7 +145,7 @@ CHECKS: tuple[Check, ...] = (
         _R.REJECT_STATE,
         _C.CURVATURE_IMPLAUSIBLE,
     ),
-    Check("speed by pedals", _Q.PEDAL_SPEED_MPS, 2.0, 1, _R.STOP, _C.SPEED_IMPLAUSIBLE),
+    Check("speed by pedals", _Q.PEDAL_SPEED_MPS, 1.5, 1, _R.STOP, _C.SPEED_IMPLAUSIBLE),
     Check("frozen state", _Q.FROZEN_TICKS, 7.5, 1, _R.STOP, _C.STATE_FROZEN),
     Check("steering feedback", _Q.STEERING_RAD, 0.03, _ticks(0.075), _R.STOP, _C.STEERING_MISMATCH),
     Check("throttle feedback", _Q.THROTTLE, 0.08, _ticks(0.075), _R.STOP, _C.THROTTLE_MISMATCH),

@@ -11,8 +11,9 @@ LAG_S = 0.3
 """time constant from the pedals to the acceleration"""
 MEMORY_S = 1.0
 """time constant with which the missing speed decays"""
-HILL_MPS2 = 2.0
-"""deceleration by the steepest hill, of 20 %: up to it the throttle may add no speed"""
+OPEN_MPS2, HILL_MPS2 = 6.0, 2.0
+"""acceleration of the default car with an open throttle, and deceleration by a hill of 20 %: up to
+it the throttle may add no speed. Of a car with a weaker throttle both are less in proportion"""
 ANSWER = 0.04
 """of the acceleration by the throttle beyond the hill. A car that accelerates by so much answers
 its throttle: another car, or wheels that spin"""
@@ -23,8 +24,8 @@ class PedalEffect:
 
     def __init__(self, throttle_mps2: float, brake_mps2_per_n: float) -> None:
         """The accelerations of a slow car by its pedals."""
-        self._throttle_mps2 = throttle_mps2
-        self._brake_mps2_per_n = brake_mps2_per_n
+        self._scale = OPEN_MPS2 / throttle_mps2
+        self._brake_mps2_per_n = brake_mps2_per_n * self._scale
         self.begin()
 
     def begin(self) -> None:
@@ -34,12 +35,13 @@ class PedalEffect:
     def missing_mps(
         self, applied: ControlInput, before_mps: float, now_mps: float, periods: int
     ) -> float:
-        """Speed that is missing after a tick in which `applied` acted; 0: none, or too much."""
+        """Speed that is missing after a tick in which `applied` acted; 0: none, or too much.
+
+        Scaled to a car that accelerates by `OPEN_MPS2` with an open throttle.
+        """
         time_s = periods * PERIOD_S
-        asked_mps2 = (
-            applied.throttle * self._throttle_mps2 - applied.brake_n * self._brake_mps2_per_n
-        )
-        measured_mps2 = (now_mps - before_mps) / time_s
+        asked_mps2 = applied.throttle * OPEN_MPS2 - applied.brake_n * self._brake_mps2_per_n
+        measured_mps2 = self._scale * (now_mps - before_mps) / time_s
         new = min(time_s / LAG_S, 1.0)
         self._pedals_mps2 += new * (asked_mps2 - self._pedals_mps2)
         self._answer_mps2 += new * (measured_mps2 - self._answer_mps2)
