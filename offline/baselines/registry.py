@@ -145,7 +145,7 @@ def open_baselines(
 ) -> dict[str, Predictor]:
     """The baselines by name, fitted now or taken from the cache.
 
-    `on_progress` is called with the name of each before it is fitted.
+    `on_progress` is called with the name of each before it is waited for.
     One that these data or models do not allow is left out, and `notify` gets the reason.
 
     Raises:

@@ -83,7 +83,7 @@ class Result:
     """by state, on the validation part, as `CampaignData.ratios`"""
     geometric_mean_ratio: float | None = None
     spectral_radius: float | None = None
-    """of A"""
+    """the largest under inputs within their bounds"""
     n_parameters: int | None = None
 
 

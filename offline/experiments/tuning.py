@@ -65,11 +65,14 @@ class Parameter(BaseModel, frozen=True, extra="forbid"):
         Raises:
             ValueError: neither a range nor choices, both, or a range that is empty.
         """
-        has_range = self.low is not None and self.high is not None
-        if has_range == (self.choices is not None):
-            raise ValueError("expected either low and high, or choices")
+        if self.choices is not None:
+            if (self.low, self.high) != (None, None):
+                raise ValueError("expected either low and high, or choices")
+            return CategoricalDistribution([json.dumps(choice) for choice in self.choices])
         if self.low is None or self.high is None:
-            return CategoricalDistribution([json.dumps(choice) for choice in self.choices or ()])
+            raise ValueError("expected either low and high, or choices")
+        if not self.low < self.high:
+            raise ValueError(f"expected low below high, found {self.low} and {self.high}")
         if isinstance(self.low, int) and isinstance(self.high, int):
             return IntDistribution(self.low, self.high, log=self.scale == "log")
         return FloatDistribution(self.low, self.high, log=self.scale == "log")
@@ -127,6 +130,10 @@ def read_space(
 
 JOURNAL_FILE = "study.journal"
 QUESTION = "question"
+RANDOM_TRIALS = 10
+"""before the sampler uses the values of earlier trials"""
+UNPRUNED_TRIALS = 5
+"""before any trial is compared with the median"""
 UNPRUNED_SHARE = 0.3
 """of the steps of a training: a loss says little as long as the horizon grows"""
 
@@ -154,9 +161,12 @@ class StudyPlan:
             study_name="study",
             load_if_exists=True,
             direction="maximize",
-            sampler=optuna.samplers.TPESampler(seed=int(seed), constant_liar=True),
+            sampler=optuna.samplers.TPESampler(
+                seed=int(seed), n_startup_trials=RANDOM_TRIALS, constant_liar=True
+            ),
             pruner=optuna.pruners.MedianPruner(
-                n_warmup_steps=round(UNPRUNED_SHARE * self.base.steps)
+                n_startup_trials=UNPRUNED_TRIALS,
+                n_warmup_steps=round(UNPRUNED_SHARE * self.base.steps),
             ),
         )
 

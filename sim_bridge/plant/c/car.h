@@ -176,7 +176,8 @@ typedef struct {
     double rear;
 } FrontRear;
 
-/* The second one only if it is smaller or larger: a NaN stays, unlike with fmin and fmax. */
+/* The second one only if it is smaller or larger. A NaN that comes first stays; `limited` turns one
+ * into `low`. */
 static inline double smaller(double one, double other) { return other < one ? other : one; }
 static inline double larger(double one, double other) { return other > one ? other : one; }
 static inline double limited(double value, double low, double high) {

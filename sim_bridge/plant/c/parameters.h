@@ -61,7 +61,7 @@ typedef struct {
     double arm_slope_front;
     /* downward force on the body per force of a brake at the wheel: against the lift */
     double arm_slope_rear;
-    /* as `arm_slope_front`, for forces at the wheel centre: drive torque, which the body carries */
+    /* as the arm slopes, for forces at the wheel centre: drive torque, which the body carries */
     double centre_slope_front;
     double centre_slope_rear;
     /* road-wheel angle per roll angle against the wheels, positive into the turn */

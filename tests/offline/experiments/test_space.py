@@ -46,7 +46,7 @@ SPACE = '[mine]\nwhy = "w"\nbase = "recommended"\n[[mine.parameter]]\n'
         (SPACE + 'field = "batch"\n', "either low and high, or choices"),
         (SPACE + 'field = "batch"\nchoices = []\n', "one or more elements"),
         (SPACE + 'field = "batch"\nlow = 1\nhigh = 2\nchoices = [1]\n', "either low and high"),
-        (SPACE + 'field = "batch"\nlow = 3\nhigh = 2\n', "low=3, high=2"),
+        (SPACE + 'field = "batch"\nlow = 3\nhigh = 2\n', "low below high, found 3 and 2"),
         (
             SPACE + 'field = "decay_encoder"\nlow = 0.0\nhigh = 1.0\nscale = "log"\n',
             "low > 0",
