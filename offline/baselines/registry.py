@@ -162,10 +162,11 @@ def open_baselines(
         if objection is not None:
             notify(f"without {name}: {objection}.")
     allowed = [name for name in names if objections[name] is None]
-    # The recurrent network takes longer than all others: it begins first, in a process beside them.
+    # The recurrent network takes longer than all others together: two processes are enough.
     slow = [name for name in allowed if name != SHIPPED and _is_slow(name)]
     ordered = [*slow, *(name for name in allowed if name not in (*slow, SHIPPED))]
-    parallel = Parallel(n_jobs=-1 if slow else 1, return_as="generator")
+    processes = 2 if slow and len(ordered) > 1 else 1
+    parallel = Parallel(n_jobs=processes, return_as="generator")
     fits = parallel(delayed(fit)(name, dataset) for name in ordered)
     fitted = {}
     for name in ordered:

@@ -13,7 +13,7 @@ MEMORY_S = 1.0
 """time constant with which the missing speed decays"""
 OPEN_MPS2, HILL_MPS2 = 6.0, 2.0
 """acceleration of the default car with an open throttle, and deceleration by a hill of 20 %: up to
-it the throttle may add no speed. Of a car with a weaker throttle both are less in proportion"""
+it the throttle may add no speed. For a weaker or stronger throttle both change in proportion"""
 ANSWER = 0.04
 """of the acceleration by the throttle beyond the hill. A car that accelerates by so much answers
 its throttle: another car, or wheels that spin"""
