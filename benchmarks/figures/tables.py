@@ -37,9 +37,24 @@ def by_name(figures: Figures, name: str, head: str, only: Iterable[str] = ()) ->
     if isinstance(table, str):
         return table
     shown = {row: table[row] for row in only or table if row in table}
-    heads = [each.replace("_", " ") for each in next(iter(shown.values()))]
+    heads = [_head(each) for each in next(iter(shown.values()))]
     lines = ((row.replace("_", " "), *map(_text, cells.values())) for row, cells in shown.items())
     return _markdown((head, *heads), lines)
+
+
+SYMBOLS = {"vx": "v_x", "vy": "v_y", "yaw_rate": "yaw rate", "ds": "Δs", "ey": "e_y", "epsi": "e_ψ"}
+UNITS = {"": "", "kmh": "km/h", "degps": "deg/s", "m": "m", "deg": "deg"}
+
+
+def _head(key: str) -> str:
+    """The name of a column; of a state or its squared error the symbol and the unit."""
+    state, _, unit = key.removesuffix("_squared").partition("_")
+    if key.startswith("yaw_rate"):
+        state, unit = "yaw_rate", key.removesuffix("_squared").removeprefix("yaw_rate").strip("_")
+    if state not in SYMBOLS or unit not in UNITS:
+        return key.replace("_", " ")
+    shown = f"({UNITS[unit]})²" if key.endswith("_squared") else UNITS[unit]
+    return f"{SYMBOLS[state]} {shown}".strip()
 
 
 def _text(x: Any) -> str:
