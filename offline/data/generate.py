@@ -40,7 +40,7 @@ from rt_controller.contract.signals import InputColumn, StateColumn
 from rt_controller.contract.steering_geometry import SteeringGeometry
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.frenet import integrate_poses
-from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, settle, simulate
+from sim_bridge.plant.library import STEP_S, STEPS_PER_PERIOD, settle, simulate
 from sim_bridge.plant.parameters import default_car
 from sim_bridge.plant.protocol import PlantOutputs
 

@@ -8,7 +8,7 @@ from xml.etree import ElementTree as Xml
 from sim_bridge.fmu_export.exported_car import STATE_FIELDS
 from sim_bridge.fmu_export.fmu_units import FmuUnit, display_unit_of
 from sim_bridge.fmu_export.variables import FmuVariable, Role
-from sim_bridge.plant.integrate import STEP_S
+from sim_bridge.plant.library import STEP_S
 
 MODEL_IDENTIFIER = "rt_controller_car"
 _STOP_S = 10.0

@@ -13,9 +13,8 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import ControlInput
 from sim_bridge.frenet import EPSI, EY, S, advance_interval
 from sim_bridge.plant.contradictions import Contradictions, contradictions_of
-from sim_bridge.plant.integrate import _settle, advance
 from sim_bridge.plant.jit import compiled
-from sim_bridge.plant.outputs import N_OUTPUTS, write_outputs
+from sim_bridge.plant.library import N_OUTPUTS, _settle, advance, write_outputs
 from sim_bridge.plant.parameters import Parameters
 from sim_bridge.plant.protocol import MOTION_FIELDS, PlantOutputs
 from sim_bridge.plant.states import AT, N_STATES

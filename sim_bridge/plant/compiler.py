@@ -1,11 +1,14 @@
 """`compile_library`: C files to a shared library, with the C compiler of this machine.
 
-The build of the package loads this file by its path, before the package is installed: it may import
-the standard library only.
+`compile_car` does so with the simulated car, into a file that is named after its sources. The
+build of the package loads this file by its path, before the package is installed: it may import the
+standard library only.
 """
 
+import hashlib
 import importlib.util
 import os
+import platform
 import shlex
 import shutil
 import subprocess
@@ -15,6 +18,9 @@ from pathlib import Path
 
 FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-contract=off")
 """arithmetic as IEEE 754 has it: no fused or reordered operations"""
+SOURCES = Path(__file__).with_name("c")
+BUILT = Path(__file__).with_name("built")
+"""where the compiled car is, in an installation and in a checkout"""
 _NAMES = ("cc", "gcc", "clang")
 _TIMEOUT_S = 300.0
 
@@ -39,8 +45,8 @@ def find_compiler() -> list[str]:
         return [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]
     found = f"CC={chosen[0]}, which is no program" if chosen else "none"
     raise CompileError(
-        f"expected a C compiler, {', '.join(_NAMES)} or the one in $CC, found {found}. Install one: "
-        f"apt-get install gcc libc6-dev (Debian, Ubuntu) or pip install ziglang"
+        f"expected a C compiler, {', '.join(_NAMES)} or the one in $CC, found {found}. Install "
+        f"one: apt-get install gcc libc6-dev (Debian, Ubuntu) or pip install ziglang"
     )
 
 
@@ -72,3 +78,27 @@ def compile_library(
         raise CompileError(f"{compiler[0]}: expected an end, found {error}.") from error
     finally:
         part.unlink(missing_ok=True)
+
+
+def car_library_name() -> str:
+    """File name of the car that is compiled from the present sources for this kind of processor."""
+    digest = hashlib.sha256(" ".join(FLAGS).encode())
+    for file in sorted(SOURCES.iterdir()):
+        digest.update(file.read_bytes())
+    return f"car-{platform.machine()}-{digest.hexdigest()[:16]}.so"
+
+
+def compile_car(folder: Path) -> Path:
+    """Compile the car into a folder, unless it is there; cars of other sources are removed.
+
+    Raises:
+        CompileError: there is no C compiler, or it does not compile them.
+        OSError: the folder cannot be written.
+    """
+    library = folder / car_library_name()
+    if not library.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        compile_library(sorted(SOURCES.glob("*.c")), library)
+        for other in set(folder.glob(f"car-{platform.machine()}-*.so")) - {library}:
+            other.unlink(missing_ok=True)
+    return library

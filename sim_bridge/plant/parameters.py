@@ -15,12 +15,12 @@ from pydantic import AfterValidator, PlainValidator, TypeAdapter, ValidationInfo
 from rt_controller.contract.errors import ConfigError
 from rt_controller.mapping.toml_file import parse
 from sim_bridge.plant import car_parts as parts
+from sim_bridge.plant import drive_parts as drive
 from sim_bridge.plant.car_values import STEEPEST_RAD, value_with_source
 from sim_bridge.plant.contradictions import contradictions
-from sim_bridge.plant.drive import drive_parts as drive
 from sim_bridge.plant.shipped_cars import CARS_FOLDER, DEFAULT_CAR
-from sim_bridge.plant.tyre.tyre_coefficients import NO_TYRE_FILE, TyreFileParameters
-from sim_bridge.plant.tyre.tyre_file import read_tyre_file
+from sim_bridge.plant.tyre_coefficients import NO_TYRE_FILE, TyreFileParameters
+from sim_bridge.plant.tyre_file import read_tyre_file
 from sim_bridge.toml_file import read_shipped_or_own
 
 
@@ -163,11 +163,7 @@ def with_cornering_stiffness(parameters: Parameters, factor: float) -> Parameter
 
 
 def _require_consistent(car: Parameters) -> Parameters:
-    problems = "\n".join(
-        contradictions(
-            car.body, car.tyre, car.engine, car.converter, car.gearbox, car.motor, car.tyre_file
-        )
-    )
+    problems = "\n".join(contradictions(car))
     if problems:
         raise ValueError(problems)
     return car

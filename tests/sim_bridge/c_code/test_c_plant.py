@@ -19,13 +19,12 @@ from sim_bridge import frenet
 from sim_bridge.plant import integrate, outputs
 from sim_bridge.plant.car_parts import RoadParameters
 from sim_bridge.plant.car_record import car_record
-from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD
-from sim_bridge.plant.outputs import N_OUTPUTS
+from sim_bridge.plant.library import N_OUTPUTS, STEP_S, STEPS_PER_PERIOD
 from sim_bridge.plant.parameters import Parameters, load_parameters, with_road
 from sim_bridge.plant.shipped_cars import shipped_cars
 from sim_bridge.plant.states import AT, N_STATES, N_WHEELS
-from sim_bridge.plant.tyre.tyre_coefficients import NO_TYRE_FILE, TyreFileParameters
-from sim_bridge.plant.tyre.tyre_file import parse_tyre_file
+from sim_bridge.plant.tyre_coefficients import NO_TYRE_FILE, TyreFileParameters
+from sim_bridge.plant.tyre_file import parse_tyre_file
 
 pytestmark = needs_c_compiler
 

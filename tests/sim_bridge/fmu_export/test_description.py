@@ -18,7 +18,7 @@ from fmpy.validation import validate_fmu
 
 from sim_bridge.fmu_export.description import FmiVersion
 from sim_bridge.fmu_export.exported_car import OUTPUT_FIELDS
-from sim_bridge.plant.integrate import STEP_S
+from sim_bridge.plant.library import STEP_S
 
 pytestmark = needs_c_compiler
 

@@ -1,25 +1,19 @@
-"""A car as a numpy record has the numbers of its named tuples."""
-
-from typing import Any
+"""A car as an array has the numbers of its named tuples."""
 
 import numpy as np
 import pytest
 
-from sim_bridge.plant.car_record import car_record
-from sim_bridge.plant.parameters import load_parameters
+from sim_bridge.plant.car_parts import RoadParameters
+from sim_bridge.plant.car_record import car_record, set_road
+from sim_bridge.plant.parameters import load_parameters, with_road
 from sim_bridge.plant.shipped_cars import shipped_cars
 
-
-def assert_same_numbers(record: Any, value: Any) -> None:
-    if not hasattr(value, "_fields"):
-        np.testing.assert_array_equal(record, value)
-        return
-    assert record.dtype.names == value._fields
-    for name in value._fields:
-        assert_same_numbers(record[name], getattr(value, name))
+ROAD = RoadParameters(0.3, 0.4, 0.05, -0.06, 7.0, -8.0)
 
 
 @pytest.mark.parametrize("name", shipped_cars())
-def test_every_number_is_under_its_name(name: str) -> None:
+def test_another_road_is_written_to_its_place(name: str) -> None:
     car = load_parameters(name)
-    assert_same_numbers(car_record(car), car)
+    record = car_record(car)
+    set_road(record, ROAD)
+    np.testing.assert_array_equal(record, car_record(with_road(car, ROAD)))

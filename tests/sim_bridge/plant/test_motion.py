@@ -13,7 +13,7 @@ from rt_controller.contract.physics import GRAVITY_MPS2
 from rt_controller.contract.signals import ControlInput
 from sim_bridge import frenet
 from sim_bridge.plant.car_record import car_record
-from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, advance, settle, simulate
+from sim_bridge.plant.library import STEP_S, STEPS_PER_PERIOD, advance, settle, simulate
 from sim_bridge.plant.parameters import Parameters, default_car, load_parameters, with_road_friction
 from sim_bridge.plant.protocol import PlantOutputs
 from sim_bridge.plant.shipped_cars import shipped_cars

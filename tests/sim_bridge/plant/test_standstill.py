@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from made_tyre import TYRE_FILE_TEXT
 
 from sim_bridge.plant import steering
-from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, settle, simulate
+from sim_bridge.plant.library import STEP_S, STEPS_PER_PERIOD, settle, simulate
 from sim_bridge.plant.parameters import Parameters, default_car, with_road_friction
 from sim_bridge.plant.protocol import PlantOutputs
 from sim_bridge.plant.tyre import tyres
-from sim_bridge.plant.tyre.tyre_file import parse_tyre_file
+from sim_bridge.plant.tyre_file import parse_tyre_file
 from sim_bridge.validation.run import input_table, replay
 
 CAR = default_car()

@@ -11,8 +11,7 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.physics import GRAVITY_MPS2
 from sim_bridge.plant import suspension
 from sim_bridge.plant.axles import axles
-from sim_bridge.plant.brakes import steady_pressures_mpa
-from sim_bridge.plant.integrate import settle, simulate
+from sim_bridge.plant.library import settle, simulate, steady_pressures_mpa
 from sim_bridge.plant.parameters import default_car, load_parameters, with_road_friction
 from sim_bridge.plant.protocol import PlantOutputs
 from sim_bridge.plant.states import AT

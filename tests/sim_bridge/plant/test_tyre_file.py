@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from made_tyre import TYRE_FILE_TEXT
 
 from rt_controller.contract.errors import ConfigError
-from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, settle, simulate
+from sim_bridge.plant.library import STEP_S, STEPS_PER_PERIOD, settle, simulate
 from sim_bridge.plant.parameters import default_car, load_parameters
 from sim_bridge.plant.tyre import magic_formula
-from sim_bridge.plant.tyre.tyre_file import TyreFile, parse_tyre_file, read_tyre_file
+from sim_bridge.plant.tyre_file import TyreFile, parse_tyre_file, read_tyre_file
 
 CAR = default_car()
 

@@ -5,8 +5,6 @@ from typing import Annotated, NamedTuple
 
 from pydantic import AfterValidator, Field
 
-from sim_bridge.plant.jit import compiled
-
 _RADII_M = (0.1, 2.0)
 
 
@@ -180,7 +178,6 @@ LEAST_PLAUSIBLE = TyreQuantities(0.2, 0.2, 2.0, 2.0)
 MOST_PLAUSIBLE = TyreQuantities(2.5, 2.5, 200.0, 200.0)
 
 
-@compiled
 def tyre_quantities(t: TyreFileParameters) -> TyreQuantities:
     """The quantities whose size tells whether the coefficients are those of a tyre."""
     return TyreQuantities(

@@ -14,8 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.files import read_text
 from rt_controller.contract.settings_errors import explain
-from sim_bridge.plant.jit import uncompiled
-from sim_bridge.plant.tyre.tyre_coefficients import (
+from sim_bridge.plant.tyre_coefficients import (
     LEAST_PLAUSIBLE,
     MOST_PLAUSIBLE,
     TyreFileParameters,
@@ -136,7 +135,7 @@ def _implausible(t: TyreFileParameters) -> Iterator[str]:
     """A message for each quantity of the tyre that no tyre of a car has: a wrong unit or digit."""
     for (keys, quantity), found, least, most in zip(
         _QUANTITY_NOTES,
-        uncompiled(tyre_quantities)(t),
+        tyre_quantities(t),
         LEAST_PLAUSIBLE,
         MOST_PLAUSIBLE,
         strict=True,
