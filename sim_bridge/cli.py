@@ -9,7 +9,6 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 from pydantic import Field, ValidationInfo, field_validator
 
-from rt_controller.contract.errors import require_packages
 from rt_controller.contract.timing import LONGEST_S
 from rt_controller.settings import CAR_PRIORITY, BusSettings, CarSettings, SharedInterface
 from rt_controller.terminal.command_line import new_app, run_command
@@ -64,7 +63,6 @@ class BridgeOptions(CarSettings, BusSettings):
 @app.default
 def run(*, options: Annotated[BridgeOptions, Parameter(name="*")]) -> int:
     """Wait for a controller, simulate the scenario, brake if the controller stops sending."""
-    _require_compiler()
     from sim_bridge.terminal_run import run_at_terminal
 
     return run_at_terminal(options)
@@ -87,7 +85,6 @@ def export_fmu(
     fmi
         version of FMI: 2 (FMI 2.0) or 3 (FMI 3.0)
     """
-    _require_compiler()
     from sim_bridge.adapters import export
 
     export.export_fmu(file, car, fmi)
@@ -119,7 +116,6 @@ def validate(
     recorded
         recorded drives
     """
-    _require_compiler()
     from sim_bridge.validation import command
 
     return command.validate(car, html, json_file, quick, recorded)
@@ -166,16 +162,11 @@ def fault_matrix(
     json_file
         write the rows to this file: fault, speed_mps, mode, detect_ms, max_ey_m, ok, ...
     """
-    _require_compiler()
     from sim_bridge.fault_matrix import command
 
     return command.fault_matrix(
         model, only, speed_kmh, jobs, json_file, cases, conditions, drives, sample
     )
-
-
-def _require_compiler() -> None:
-    require_packages("sim", ("numba",), "sim-bridge")
 
 
 def main() -> None:

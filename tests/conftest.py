@@ -4,7 +4,6 @@ import gc
 import os
 import signal
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -22,22 +21,6 @@ if hasattr(providers, "_get_local_constants"):
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("explore", derandomize=False, deadline=None)
 settings.load_profile("repeatable")
-
-WITH_THE_CAR = (
-    *("benchmarks", "closed_loop", "examples", "sim_bridge", "peers"),
-    *(f"offline/{room}" for room in ("baselines", "commands", "data", "evaluation", "experiments")),
-)
-"""folders whose tests drive the simulated car"""
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the tests with the simulated car first.
-
-    pytest-xdist gives its workers one part of the list each. Only the worker with the first part
-    compiles the car; the others find it compiled when they take over tests from that part.
-    """
-    folders = [Path(__file__).parent / name for name in WITH_THE_CAR]
-    items.sort(key=lambda item: not any(item.path.is_relative_to(folder) for folder in folders))
 
 
 def pytest_runtest_setup() -> None:
