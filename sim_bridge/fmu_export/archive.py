@@ -18,9 +18,9 @@ from sim_bridge.fmu_export.description import (
     model_description,
 )
 from sim_bridge.fmu_export.variables import fmu_variables
-from sim_bridge.plant.car_parts import RoadParameters
 from sim_bridge.plant.library import STEP_S
 from sim_bridge.plant.parameters import load_parameters
+from sim_bridge.plant.parts import RoadParameters
 from sim_bridge.plant.protocol import MOTION_FIELDS, PlantOutputs
 from sim_bridge.plant.shipped_cars import CARS_FOLDER
 from sim_bridge.toml_file import read_shipped_or_own

@@ -12,7 +12,7 @@ from sim_bridge.c_code.value import number
 from sim_bridge.fmu_export import exported_car
 from sim_bridge.fmu_export.description import FmiVersion
 from sim_bridge.fmu_export.variables import START, FmuVariable
-from sim_bridge.plant.contradictions import EXPECTED, Contradictions
+from sim_bridge.plant.consistency import EXPECTED, Contradictions
 from sim_bridge.plant.library import STEP_S
 from sim_bridge.plant.parameters import Parameters
 from sim_bridge.plant.states import N_STATES

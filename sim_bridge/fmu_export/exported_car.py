@@ -12,7 +12,7 @@ import numpy as np
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import ControlInput
 from sim_bridge.frenet import EPSI, EY, S, advance_interval
-from sim_bridge.plant.contradictions import Contradictions, contradictions_of
+from sim_bridge.plant.consistency import Contradictions, contradictions_of
 from sim_bridge.plant.jit import compiled
 from sim_bridge.plant.library import N_OUTPUTS, _settle, advance, write_outputs
 from sim_bridge.plant.parameters import Parameters

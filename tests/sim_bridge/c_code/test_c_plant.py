@@ -17,14 +17,13 @@ from made_tyre import TYRE_FILE_TEXT
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
 from sim_bridge import frenet
 from sim_bridge.plant import integrate, outputs
-from sim_bridge.plant.car_parts import RoadParameters
 from sim_bridge.plant.car_record import car_record
 from sim_bridge.plant.library import N_OUTPUTS, STEP_S, STEPS_PER_PERIOD
 from sim_bridge.plant.parameters import Parameters, load_parameters, with_road
+from sim_bridge.plant.parts import RoadParameters
 from sim_bridge.plant.shipped_cars import shipped_cars
 from sim_bridge.plant.states import AT, N_STATES, N_WHEELS
-from sim_bridge.plant.tyre_coefficients import NO_TYRE_FILE, TyreFileParameters
-from sim_bridge.plant.tyre_file import parse_tyre_file
+from sim_bridge.plant.tyre_file import NO_TYRE_FILE, TyreFileParameters, parse_tyre_file
 
 pytestmark = needs_c_compiler
 
@@ -46,7 +45,7 @@ class Drive(NamedTuple):
 
 
 _SLOPES = RoadParameters(0.85, 0.7, -0.08, 0.12, wind_forward_mps=-9.0, wind_left_mps=7.0)
-_TYRE = parse_tyre_file(TYRE_FILE_TEXT, "made").parameters
+_TYRE = parse_tyre_file(TYRE_FILE_TEXT, "made")
 DRIVES = {
     "from rest at full throttle": Drive(0.0, RoadParameters(0.9, 0.9), 1.0, 0.0, 0.3),
     "to rest": Drive(8.0, RoadParameters(0.85, 0.85), 0.0, 150.0, 0.5),

@@ -9,9 +9,9 @@ from rt_controller.contract.timing import PERIOD_S
 from sim_bridge import frenet
 from sim_bridge.adapters.own_car import OwnCar
 from sim_bridge.car import Car
-from sim_bridge.plant.car_parts import RoadParameters
 from sim_bridge.plant.library import STEP_S, STEPS_PER_PERIOD, settle, simulate
 from sim_bridge.plant.parameters import default_car
+from sim_bridge.plant.parts import RoadParameters
 from sim_bridge.plant.protocol import RoadAt
 
 PARAMETERS = default_car()

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from sim_bridge.plant.car_parts import RoadParameters
 from sim_bridge.plant.car_record import car_record, set_road
 from sim_bridge.plant.parameters import load_parameters, with_road
+from sim_bridge.plant.parts import RoadParameters
 from sim_bridge.plant.shipped_cars import shipped_cars
 
 ROAD = RoadParameters(0.3, 0.4, 0.05, -0.06, 7.0, -8.0)

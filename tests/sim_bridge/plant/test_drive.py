@@ -9,8 +9,8 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import ControlInput
 from sim_bridge.adapters.own_car import OwnCar
 from sim_bridge.plant.drive import engine
-from sim_bridge.plant.drive_parts import NO_ANTI_LOCK, NO_TRACTION_CONTROL
 from sim_bridge.plant.parameters import Parameters, default_car, load_parameters, with_road_friction
+from sim_bridge.plant.parts import NO_ANTI_LOCK, NO_TRACTION_CONTROL
 from sim_bridge.plant.states import AT
 from sim_bridge.validation.run import Run, cruising_throttle, input_table, replay
 

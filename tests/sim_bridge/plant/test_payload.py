@@ -2,8 +2,8 @@
 
 import pytest
 
-from sim_bridge.plant.parameters import default_car
-from sim_bridge.plant.payload import NO_PAYLOAD, Payload, with_payload
+from sim_bridge.plant.parameters import default_car, with_payload
+from sim_bridge.plant.parts import NO_PAYLOAD, Payload
 
 CAR = default_car()
 

@@ -11,8 +11,8 @@ from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.physics import GRAVITY_MPS2
 from rt_controller.contract.signals import ControlInput
 from sim_bridge.adapters.own_car import OwnCar
-from sim_bridge.plant.car_parts import RoadParameters
 from sim_bridge.plant.parameters import Parameters, default_car, load_parameters, with_road
+from sim_bridge.plant.parts import RoadParameters
 from sim_bridge.plant.protocol import RoadAt
 from sim_bridge.plant.shipped_cars import shipped_cars
 from sim_bridge.validation.run import cruising_throttle, input_table, replay
