@@ -200,5 +200,5 @@ def test_cornering_stiffness_is_scaled_in_both_kinds_of_tyres() -> None:
 def test_road_friction_is_set_for_both_sides_or_for_each_side() -> None:
     assert with_road_friction(default_car(), 0.5).road[:2] == (0.5, 0.5)
     assert with_road_friction(default_car(), 0.5, 0.9).road[:2] == (0.5, 0.9)
-    with pytest.raises(ConfigError, match="road.friction_right: expected a positive number"):
+    with pytest.raises(ConfigError, match=r"road\.friction_right: expected a positive"):
         with_road_friction(default_car(), 0.5, -0.9)
