@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.physics import GRAVITY_MPS2
 from rt_controller.contract.signals import ControlInput
 from sim_bridge.adapters.own_car import OwnCar
@@ -20,6 +19,7 @@ from sim_bridge.validation.run import cruising_throttle, input_table, replay
 CAR = default_car()
 
 DRY = RoadParameters(0.85, 0.85)
+Pair = tuple[float, float]
 
 
 def on(**fields: float) -> Parameters:
@@ -113,38 +113,21 @@ def test_a_reset_returns_to_the_road_of_construction() -> None:
     assert car.parameters == CAR
 
 
-def test_an_impossible_road_is_refused_with_all_its_fields() -> None:
-    with pytest.raises(ConfigError) as refused:
-        with_road(CAR, RoadParameters(0.0, 0.8, 1.2, float("nan"), 0.0, float("inf")))
-    for name in ("friction_left", "bank_rad", "grade_rad", "wind_left_mps"):
-        assert f"road.{name}: expected" in str(refused.value)
-    assert "friction_right" not in str(refused.value)
-
-
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(
     name=st.sampled_from(shipped_cars()),
     v0_kmh=st.floats(0.0, 200.0),
-    bank=st.floats(-0.3, 0.3),
-    grade=st.floats(-0.3, 0.3),
+    slopes=st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3)),
     wind=st.tuples(st.floats(-30.0, 30.0), st.floats(-30.0, 30.0)),
     friction=st.floats(0.1, 1.2),
     seed=st.integers(0, 2**32 - 1),
 )
 def test_random_driving_on_any_road_stays_finite(
-    name: str,
-    v0_kmh: float,
-    bank: float,
-    grade: float,
-    wind: tuple[float, float],
-    friction: float,
-    seed: int,
+    name: str, v0_kmh: float, slopes: Pair, wind: Pair, friction: float, seed: int
 ) -> None:
-    road = RoadParameters(friction, friction, bank, grade, *wind)
-    car = with_road(load_parameters(name), road)
+    car = with_road(load_parameters(name), RoadParameters(friction, friction, *slopes, *wind))
     rng = np.random.default_rng(seed)
     held = np.repeat(rng.uniform((-0.5, -300.0, -8.0), (1.0, 400.0, 8.0), (8, 3)), 20, axis=0)
     run = replay(car, v0_kmh / 3.6, np.maximum(held, (0.0, 0.0, -8.0)), 0.025)
-    assert np.all(np.isfinite(run.motion))
-    assert np.all(np.isfinite(run.outputs))
+    assert run.is_finite
     assert run.loads_n.min() >= 0.0
