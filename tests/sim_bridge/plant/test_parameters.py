@@ -72,29 +72,20 @@ def test_every_number_of_a_shipped_car_has_a_source(name: str) -> None:
     [
         ("mass_kg", "-1501.0", "body.mass_kg: expected more than 0.0, found -1501.0"),
         ("mass_kg", "1600.0", "body.mass_kg: expected the sum of sprung and unsprung"),
-        (
-            "mass_kg",
-            "1600.0",
-            "sprung_mass_kg = 1369.0, sprung_front_axle_m = 1.0175, sprung_rear_axle_m = 1.8925",
-        ),
-        ("track_front_m", "0.0", "body.track_front_m: expected more than 0.0"),
+        ("mass_kg", "1600.0", "sprung_mass_kg = 1369.0, sprung_front_axle_m = 1.0175, sprung_rear"),
         ("track_rear_m", "nan", "body.track_rear_m: expected a finite number, found nan"),
         ("rear_axle_m", "2.5", "body.rear_axle_m: expected the wheelbase"),
-        ("sprung_front_axle_m", "inf", "body.sprung_front_axle_m: expected a finite number"),
+        ("front_axle_m", "1.35", "body.front_axle_m: expected the centre of gravity of the masses"),
         ("rolling_radius_m", '"big"', "tyre.rolling_radius_m: expected a number, found 'big'"),
         ("rolling_radius_m", "true", "tyre.rolling_radius_m: expected a number, found True"),
-        (
-            "ratios",
-            "[3.538, 2.06, 2.10, 1.0, 0.713, 0.582]",
-            "gearbox.ratios: expected ratios that decrease",
-        ),
+        ("ratios", "[3.5, 2.1, 2.2, 1.0, 0.7, 0.6]", "gearbox.ratios: expected ratios that decr"),
         ("ratios", "[3.538, 2.06, 1.0]", "gearbox.ratios: expected at least 6 entries"),
         ("final_efficiency", "1.2", "driveline.final_efficiency: expected at most 1"),
         ("up_rpm_full", "2000.0", "gearbox.up_rpm: expected up-shifts above"),
         (
             "lateral_relaxation_end_slip",
             "0.0175",
-            "tyre.lateral_relaxation_end_slip: expected more than lateral_relaxation_start_slip",
+            "tyre.lateral_relaxation_end_slip: expected",
         ),
         ("speed_limit_rpm", "600.0", "engine.speed_limit_rpm: expected more than idle_speed_rpm"),
     ],
@@ -106,35 +97,17 @@ def test_a_number_out_of_its_limits_is_refused_with_the_name_of_the_field(
         load(with_value(field, value), tmp_path)
 
 
-def test_a_centre_of_gravity_that_contradicts_the_masses_is_refused(tmp_path: Path) -> None:
-    text = with_value("front_axle_m", "1.2496")
-    text = re.sub(r"^rear_axle_m = \{ value = [\d.]+", "rear_axle_m = { value = 1.6604", text,
-                  flags=re.MULTILINE)  # fmt: skip
-    with pytest.raises(
-        ConfigError, match=r"body\.front_axle_m: expected the centre of gravity of the masses"
-    ):
-        load(text, tmp_path)
-
-
 @pytest.mark.parametrize(
     ("old", "new", "named"),
     [
         (
             "lag_s =",
             "lag_ms =",
-            r"brakes\.lag_s: expected a value, found none\.\n  brakes\.lag_ms: no such setting",
+            r"brakes\.lag_s: expected a value.*\n.*lag_ms: no such",
         ),
         ("[aero]", "[air]", r"aero: expected a value, found none\.\n  air: no such setting"),
-        (
-            DRAG,
-            "drag = 0.30",
-            r"aero\.drag: expected \{ value, source \}",
-        ),
-        (
-            DRAG,
-            'drag = { value = 0.30, source = " " }',
-            r"aero\.drag: expected a source in words",
-        ),
+        (DRAG, "drag = 0.30", r"aero\.drag: expected \{ value, source \}"),
+        (DRAG, DRAG.replace("public data", " "), r"aero\.drag: expected a source in words"),
         ("[road]", "[road", "car .*car.toml"),
     ],
 )
@@ -142,18 +115,8 @@ def test_a_file_with_missing_unknown_or_unsourced_fields_is_refused(
     old: str, new: str, named: str, tmp_path: Path
 ) -> None:
     head, tail = TEXT.split("[brakes]")
-    changed = f"{head}[brakes]{tail.replace(old, new, 1)}"
     with pytest.raises(ConfigError, match=named):
-        load(changed, tmp_path)
-
-
-def test_all_errors_of_a_car_file_are_reported_at_once(tmp_path: Path) -> None:
-    text = with_value("mass_kg", "-1.0").replace("lag_s = { value = 0.06", "lag_s = { value = true")
-    named = (
-        r"(?s)body\.mass_kg: expected more than 0.0, found -1.0.*brakes\.lag_s: expected a number"
-    )
-    with pytest.raises(ConfigError, match=named):
-        load(text, tmp_path)
+        load(f"{head}[brakes]{tail.replace(old, new, 1)}", tmp_path)
 
 
 def test_an_unknown_car_is_refused_with_the_list_of_shipped_cars() -> None:
@@ -163,29 +126,27 @@ def test_an_unknown_car_is_refused_with_the_list_of_shipped_cars() -> None:
         load_parameters("no/such/car.toml")
 
 
-def test_cornering_stiffness_and_mass_are_scaled() -> None:
-    """The stiffness in both kinds of tyres."""
+def test_changed_cars_have_the_changed_numbers() -> None:
+    """The stiffness in both kinds of tyres, the friction on both sides or on each."""
     soft, heavy = with_cornering_stiffness(CAR, 0.8), with_mass_factor(CAR, 1.1)
     assert soft.tyre.cornering_stiffness_npr == 0.8 * CAR.tyre.cornering_stiffness_npr
     assert soft.tyre_file.lky == 0.8 * CAR.tyre_file.lky
     assert heavy.body.sprung_roll_inertia_kgm2 == 1.1 * CAR.body.sprung_roll_inertia_kgm2
-    with pytest.raises(ConfigError, match="cornering stiffness: expected a positive number"):
-        with_cornering_stiffness(CAR, 0.0)
-
-
-def test_road_friction_is_set_for_both_sides_or_for_each_side() -> None:
     assert with_road_friction(CAR, 0.5).road[:2] == (0.5, 0.5)
     assert with_road_friction(CAR, 0.5, 0.9).road[:2] == (0.5, 0.9)
-    for friction in (0.0, -0.9, float("nan"), float("inf")):
-        with pytest.raises(ConfigError, match=r"road\.friction_right: expected a positive"):
-            with_road_friction(CAR, 0.5, friction)
+
+
+@pytest.mark.parametrize("number", [0.0, -0.9, float("nan"), float("inf")])
+def test_a_friction_or_factor_that_is_not_positive_is_refused(number: float) -> None:
+    for change in (with_road_friction, with_cornering_stiffness, with_mass_factor):
+        with pytest.raises(ConfigError, match="expected a positive number"):
+            change(CAR, number)
 
 
 def test_an_impossible_road_is_refused_with_all_its_fields() -> None:
-    with pytest.raises(ConfigError) as refused:
+    names = r"(?s)friction_left: expected.*bank_rad: .*grade_rad: .*wind_left_mps: expected"
+    with pytest.raises(ConfigError, match=names) as refused:
         with_road(CAR, RoadParameters(0.0, 0.8, 1.2, float("nan"), 0.0, float("inf")))
-    for name in ("friction_left", "bank_rad", "grade_rad", "wind_left_mps"):
-        assert f"road.{name}: expected" in str(refused.value)
     assert "friction_right" not in str(refused.value)
 
 
@@ -207,12 +168,8 @@ def test_the_axle_loads_of_a_loaded_car_are_those_of_both_masses() -> None:
     sprung_m = after.sprung_front_axle_m + after.sprung_rear_axle_m
     assert sprung_m == pytest.approx(before.sprung_front_axle_m + before.sprung_rear_axle_m)
     assert with_payload(CAR, NO_PAYLOAD) is CAR
-
-
-def test_a_load_at_the_centre_of_gravity_does_not_change_the_yaw_inertia() -> None:
-    loaded = with_payload(CAR, Payload(300.0, 0.0, 0.7)).body
-    assert loaded.yaw_inertia_kgm2 == pytest.approx(CAR.body.yaw_inertia_kgm2)
-    assert loaded.front_axle_m == CAR.body.front_axle_m
+    centred = with_payload(CAR, LOAD._replace(ahead_m=0.0)).body
+    assert centred.yaw_inertia_kgm2 == pytest.approx(before.yaw_inertia_kgm2)
 
 
 def test_two_loads_are_one_at_their_common_place() -> None:
