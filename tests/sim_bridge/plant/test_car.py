@@ -25,9 +25,7 @@ def test_a_car_stepped_by_periods_equals_the_simulated_episode() -> None:
     car.reset(22.0, ey_m=-0.7, epsi_rad=0.03)
     states = [car.advance(control, CURVATURE_PER_M) for control in inputs]
 
-    motion, _ = simulate(
-        settle(22.0, PARAMETERS), np.array(inputs), PARAMETERS, STEPS_PER_PERIOD, STEP_S
-    )
+    motion, _ = simulate(settle(22.0, PARAMETERS), np.array(inputs), PARAMETERS)
     poses = frenet.integrate_poses(motion, CURVATURE_PER_M, -0.7, 0.03, STEPS_PER_PERIOD, STEP_S)
     seen = np.array(states)
     np.testing.assert_array_equal(seen[:, :3], motion[STEPS_PER_PERIOD::STEPS_PER_PERIOD])
@@ -42,27 +40,16 @@ def test_a_road_that_changes_by_the_period_acts_as_behind_the_bridge() -> None:
     flat = np.tile(np.array(PARAMETERS.road), (80, 1))
     roads = flat + 0.02 * np.sin(0.1 * k[:, None] + np.arange(6))
     roads[40:, 0] = 0.4
-    car = OwnCar(PARAMETERS._replace(road=RoadParameters(*roads[0].tolist())))
-    start = car.reset(22.0)
-    stepped = [start]
+    at_start = PARAMETERS._replace(road=RoadParameters(*roads[0].tolist()))
+    car = OwnCar(at_start)
+    stepped = [car.reset(22.0)]
     for control, row in zip(inputs, roads.tolist(), strict=True):
         car.set_road(RoadAt(0.0, 0.0, *row))
         stepped.append(car.step(control, PERIOD_S)[-1].copy())
-
-    state0 = settle(22.0, PARAMETERS._replace(road=RoadParameters(*roads[0].tolist())))
-    held = np.array(inputs)
-    motion, _ = simulate(state0, held, PARAMETERS, STEPS_PER_PERIOD, STEP_S, roads)
+    motion, _ = simulate(settle(22.0, at_start), np.array(inputs), at_start, roads=roads)
     np.testing.assert_array_equal(np.array(stepped), motion[::STEPS_PER_PERIOD])
-    on_flat, _ = simulate(state0, held, PARAMETERS, STEPS_PER_PERIOD, STEP_S)
+    on_flat, _ = simulate(settle(22.0, at_start), np.array(inputs), at_start)
     assert np.abs(motion - on_flat).max() > 0.05
-
-
-def test_the_progress_of_a_state_is_that_of_the_period_before_it() -> None:
-    car = Car(OwnCar(PARAMETERS), 20.0)
-    assert car.state.ds_m == pytest.approx(20.0 * 0.025)
-    total_m = sum(car.advance(c, CURVATURE_PER_M).ds_m for c in wandering_inputs(40))
-    assert total_m == pytest.approx(car.s_m)
-    assert total_m == pytest.approx(20.0, rel=0.1)
 
 
 def test_runs_after_a_reset_are_equal_and_other_cars_do_not_move() -> None:
@@ -71,6 +58,7 @@ def test_runs_after_a_reset_are_equal_and_other_cars_do_not_move() -> None:
     before = other.plant.outputs()
     first = [car.advance(control, 0.0) for control in inputs]
     assert other.plant.outputs() == before
+    assert sum(state.ds_m for state in first) == pytest.approx(car.s_m)
     assert car.reset(25.0) == (25.0, 0.0, 0.0, 25.0 * 0.025, 0.0, 0.0)
     assert [car.advance(control, 0.0) for control in inputs] == first
 

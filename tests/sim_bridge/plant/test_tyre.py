@@ -158,36 +158,29 @@ def test_lean_pushes_to_the_side_of_the_lean() -> None:
     assert force(lean=lean, tyre=of_file(lgay=0.0)).left_n == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("angle_deg", [0.3, 2.0, 6.0])
-def test_the_road_acts_as_the_scaling_factors_of_friction(angle_deg: float) -> None:
-    """On forces and aligning moment, with its residual part and the arm of longitudinal force."""
-    names = ("phy1", "pvy1", "qbz9", "qbz10", "qdz6", "qdz8", "ssz2", "lcy")
-    values = (0.003, 0.02, 9.0, 0.4, 0.003, -0.1, 0.02, 1.1)
-    tyre = dict(zip(names, values, strict=True))
-    slips = (tan(radians(angle_deg)), 0.02, 0.03, 4500.0)
-    scaled = of_file(**tyre, lmux=0.3, lmuy=0.3)
-    assert force(*slips, 0.3, of_file(**tyre)) == pytest.approx(force(*slips, 1.0, scaled), 1e-12)
+SHIFTED = TYRE._replace(
+    phy1=0.003, pvy1=0.02, rvy1=0.05, rvy2=-0.02, rvy3=-0.8, qbz9=9.0, qbz10=0.4, qdz6=0.003,
+    qdz8=-0.1, ssz2=0.02,
+)  # fmt: skip
+"""with shifts, a residual moment, and the arm of the longitudinal force"""
 
 
-def test_the_shape_of_the_side_force_does_not_change_the_steepness_of_the_residual_moment() -> None:
-    """B C of the side force is its stiffness over its peak, whatever the scale of C."""
-    one, other = (
-        force(0.02, tyre=of_file(qbz10=0.4, qdz1=0.0, qdz6=0.003, lcy=scale)).aligning_nm
-        for scale in (1.0, 1.1)
+@pytest.mark.parametrize("across", [-1.5, -0.05, 0.0, 0.01, 0.1])
+@pytest.mark.parametrize("along", [-0.5, 0.0, 0.03])
+def test_road_and_signs_act_on_all_that_the_formula_has_them_in(
+    across: float, along: float
+) -> None:
+    """The road as LMUX and LMUY. With a negative PDY1 both D = mu N and B = K / (C D) change sign:
+    RVY1 to RVY3 are times D, QBZ10 times B C."""
+    slips = (across, along, 0.03, 4000.0)
+    icy, scaled = (
+        of_file(**SHIFTED._asdict()),
+        of_file(**SHIFTED._asdict() | {"lmux": 0.3, "lmuy": 0.3}),
     )
-    assert one == pytest.approx(other, rel=1e-12)
-
-
-def test_the_sign_of_the_lateral_peak_changes_nothing_if_all_that_it_multiplies_changes() -> None:
-    """D = mu N and B = K / (C D) both change sign; RVY1 to RVY3 are times D, QBZ10 times B C."""
+    assert force(*slips, 0.3, icy) == pytest.approx(force(*slips, 1.0, scaled), 1e-12)
     names = ("pdy1", "pdy2", "rvy1", "rvy2", "rvy3", "qbz10")
-    one = TYRE._replace(rvy1=0.05, rvy2=-0.02, rvy3=-0.8, qbz9=9.0, qbz10=0.4, qdz6=0.003)
-    other = one._replace(**{name: -getattr(one, name) for name in names})
-    records = [car_record(CAR._replace(tyre_file=tyre)) for tyre in (one, other)]
-    for across in (-1.5, -0.05, 0.0, 0.01, 0.1):
-        for along in (-0.5, 0.0, 0.03):
-            first, second = (force(across, along, 0.03, 4000.0, 0.8, each) for each in records)
-            assert first == pytest.approx(second, rel=1e-12, abs=1e-9)
+    turned = of_file(**SHIFTED._asdict() | {name: -getattr(SHIFTED, name) for name in names})
+    assert force(*slips, 0.8, turned) == pytest.approx(force(*slips, 0.8, icy), 1e-12, 1e-9)
 
 
 def test_a_tyre_of_the_other_side_is_the_mirror_image() -> None:
