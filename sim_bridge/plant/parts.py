@@ -2,7 +2,7 @@
 
 Each name ends in its unit, a name without one is a dimensionless number; a pair of front and rear
 values is two fields. The values, each with its source, are in the files under `cars/`; the C of the
-car (`c/parameters.h`) has the same fields in the same order.
+car (`c/parameters.h`) has the same fields in the same order, and says more about some of them.
 """
 
 from typing import Annotated, Any, NamedTuple
@@ -20,8 +20,8 @@ def value_with_source(entry: Any) -> Any:
 
 
 _IsNumber = Field(strict=True, allow_inf_nan=False)
-_PositiveShare = Annotated[float, Field(strict=True, gt=0, le=1)]
-_Ratio = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
+_Finite = Annotated[float, _IsNumber]
+_PositiveShare = Annotated[_Finite, Field(gt=0, le=1)]
 _HasSource = BeforeValidator(value_with_source)
 
 Number = Annotated[float, _IsNumber, _HasSource]
@@ -33,14 +33,13 @@ STEEPEST_RAD = 0.7
 Slope = Annotated[float, _IsNumber, Field(ge=-STEEPEST_RAD, le=STEEPEST_RAD), _HasSource]
 PositiveShare = Annotated[_PositiveShare, _HasSource]
 _PerGear = Field(min_length=6, max_length=6)
-Ratios = Annotated[tuple[_Ratio, ...], _PerGear, _HasSource]
+Ratios = Annotated[tuple[Annotated[_Finite, Field(gt=0)], ...], _PerGear, _HasSource]
 Efficiencies = Annotated[tuple[_PositiveShare, ...], _PerGear, _HasSource]
 
 N_MAP_SPEEDS = 8
 N_MAP_PEDALS = 8
 _Speeds = Field(min_length=N_MAP_SPEEDS, max_length=N_MAP_SPEEDS)
 _Pedals = Field(min_length=N_MAP_PEDALS, max_length=N_MAP_PEDALS)
-_Finite = Annotated[float, _IsNumber]
 MapSpeeds = Annotated[tuple[Annotated[_Finite, Field(ge=0)], ...], _Speeds, _HasSource]
 MapPedals = Annotated[tuple[Annotated[_Finite, Field(ge=0, le=1)], ...], _Pedals, _HasSource]
 MapTorques = Annotated[tuple[Annotated[tuple[_Finite, ...], _Speeds], ...], _Pedals, _HasSource]
@@ -60,8 +59,7 @@ class BodyParameters(NamedTuple):
     sprung_mass_kg: Positive
     sprung_roll_inertia_kgm2: Positive
     sprung_pitch_inertia_kgm2: Positive
-    sprung_front_axle_m: Positive
-    """from the centre of gravity of the sprung mass forward to the front axle"""
+    sprung_front_axle_m: Positive  # from the centre of gravity of the sprung mass
     sprung_rear_axle_m: Positive
     sprung_height_m: Positive
     unsprung_front_kg: Positive  # both wheels of the axle
@@ -76,42 +74,31 @@ class SuspensionParameters(NamedTuple):
     spring_rear_npm: Positive
     bar_front_nmprad: Number
     bar_rear_nmprad: Number
-    jounce_front_nspm: NonNegative
-    """damping of slow motion at the wheel, while the wheel moves towards the body"""
+    jounce_front_nspm: NonNegative  # of slow motion of the wheel towards the body
     jounce_rear_nspm: NonNegative
     rebound_front_nspm: NonNegative  # the same while it moves away
     rebound_rear_nspm: NonNegative
-    jounce_front_fast_nspm: NonNegative
-    """slope far above the knee; equal to the slow one: a linear damper"""
+    jounce_front_fast_nspm: NonNegative  # slope far above the knee; as the slow one: linear
     jounce_rear_fast_nspm: NonNegative
     rebound_front_fast_nspm: NonNegative
     rebound_rear_fast_nspm: NonNegative
-    damper_knee_front_mps: Positive
-    """speed of the wheel against the body around which the slope changes"""
+    damper_knee_front_mps: Positive  # wheel against body, where the slope changes
     damper_knee_rear_mps: Positive
-    stop_gap_front_m: Positive
-    """travel from rest in either direction at which the wheel meets bump or rebound stop"""
+    stop_gap_front_m: Positive  # travel from rest to bump or rebound stop
     stop_gap_rear_m: Positive
-    stop_front_npm2: NonNegative
-    """force of a stop at the wheel per square of its compression; 0: no stops"""
+    stop_front_npm2: NonNegative  # force per square of compression; 0: no stops
     stop_rear_npm2: NonNegative
     roll_centre_front_m: Number
     roll_centre_rear_m: Number
-    arm_slope_front: Number
-    """upward force on the body per force of a brake at the wheel: against the dive"""
-    arm_slope_rear: Number
-    """downward force on the body per force of a brake at the wheel: against the lift"""
-    centre_slope_front: Number
-    """as `arm_slope_front`, for forces at the wheel centre: drive torque, which the body carries"""
+    arm_slope_front: Number  # upward force on the body per brake force: against the dive
+    arm_slope_rear: Number  # downward force per brake force: against the lift
+    centre_slope_front: Number  # the same for drive forces, which act at the wheel centre
     centre_slope_rear: Number
-    roll_steer_front: Number
-    """road-wheel angle per roll angle against the wheels, positive into the turn"""
+    roll_steer_front: Number  # wheel angle per roll angle, positive into the turn
     roll_steer_rear: Number
-    lateral_steer_front_radpn: Number
-    """wheel angle per lateral force of the axle, positive into the turn (with the force)"""
+    lateral_steer_front_radpn: Number  # of the axle, positive into the turn
     lateral_steer_rear_radpn: Number
-    aligning_steer_front_radpnm: Number
-    """wheel angle per aligning moment of the axle, positive in the direction of the moment"""
+    aligning_steer_front_radpnm: Number  # of the axle, positive with the moment
     aligning_steer_rear_radpnm: Number
     compliance_lag_s: Positive  # of the wheel angles behind force and moment
     camber_gain_front: Number  # wheel lean against the ground per roll angle
@@ -149,13 +136,10 @@ class TyreParameters(NamedTuple):
     lateral_relaxation_start_slip: NonNegative  # slip from which the relaxation length fades
     lateral_relaxation_end_slip: Positive  # slip at which it has faded
     longitudinal_relaxation_end_slip: Positive
-    damping_end_mps: Positive
-    """speed at which the material damping of the tyre has lost half its effect"""
+    damping_end_mps: Positive  # where material damping has lost half its effect
     lateral_damping_s: NonNegative
     longitudinal_damping_s: NonNegative  # limited for light wheels, see wheels.c
-    parking_torque_nm: NonNegative
-    """largest moment of a standing tyre against turning about the vertical, at the reference load
-    and on the road of the tyre test"""
+    parking_torque_nm: NonNegative  # of a standing tyre at the reference load, friction 1
     parking_twist_rad: Positive  # turning angle over which the moment builds up
     parking_length_m: Positive  # rolling distance over which it decays
     rolling_resistance: NonNegative
@@ -171,8 +155,7 @@ class SteeringParameters(NamedTuple):
     inertia_kgm2: Positive
     friction_nm: NonNegative
     caster_trail_m: Number
-    ackermann: Share
-    """share of the difference of the wheel angles with which all wheels roll freely"""
+    ackermann: Share  # 1: all wheels roll freely, 0: parallel front wheels
 
 
 class AeroParameters(NamedTuple):
@@ -182,10 +165,8 @@ class AeroParameters(NamedTuple):
     area_m2: Positive
     drag: NonNegative
     lift: Number
-    side_force_slope: NonNegative
-    """coefficient of side force per radian of the direction of the air flow"""
-    side_force_ahead_m: Number
-    """of the centre of gravity of the whole car: where the side force acts"""
+    side_force_slope: NonNegative  # per radian of the direction of the air flow
+    side_force_ahead_m: Number  # where it acts, of the centre of gravity
 
 
 class RoadParameters(NamedTuple):
@@ -199,8 +180,7 @@ class RoadParameters(NamedTuple):
     friction_right: Positive
     bank_rad: Slope = 0.0  # cross slope, positive if the left side is higher
     grade_rad: Slope = 0.0  # positive uphill
-    wind_forward_mps: Number = 0.0
-    """speed of the air over ground in the axes of the car: a tail wind is positive"""
+    wind_forward_mps: Number = 0.0  # air over ground, positive: tail wind
     wind_left_mps: Number = 0.0
 
 
@@ -210,8 +190,7 @@ class EngineParameters(NamedTuple):
     inertia_kgm2: Positive
     map_speeds_rpm: MapSpeeds
     map_throttles: MapPedals
-    map_nm: MapTorques
-    """torque at the crankshaft; the row of the closed throttle is the drag of the engine"""
+    map_nm: MapTorques  # at the crankshaft; the first row is the drag of the engine
     idle_speed_rpm: Positive
     idle_gain_nm_per_rpm: Positive
     idle_torque_limit_nm: Positive
@@ -222,12 +201,10 @@ class EngineParameters(NamedTuple):
 class MotorParameters(NamedTuple):
     """Electric motor, in place of engine, converter and gearbox; see drive.c."""
 
-    inertia_kgm2: NonNegative
-    """of everything between the motor and the give of the shafts, at motor speed; 0: no motor"""
+    inertia_kgm2: NonNegative  # up to the give of the shafts, at motor speed; 0: no motor
     map_speeds_rpm: MapSpeeds
     map_throttles: MapPedals
-    map_nm: MapTorques
-    """torque at the shaft; negative torque of the released pedal charges the battery"""
+    map_nm: MapTorques  # at the shaft; negative torque charges the battery
     lag_s: Positive
 
 
@@ -238,8 +215,7 @@ class ConverterParameters(NamedTuple):
     coupling_speed_ratio: PositiveShare
     capacity_nm_per_rpm2: Positive  # torque at stall over engine speed squared
     capacity_fade: Positive  # power of the speed ratio with which the capacity fades
-    turbine_inertia_kgm2: Positive
-    """of everything between the converter and the shafts' give, at turbine speed"""
+    turbine_inertia_kgm2: Positive  # up to the shafts' give, at turbine speed
 
 
 class GearboxParameters(NamedTuple):
@@ -250,13 +226,11 @@ class GearboxParameters(NamedTuple):
     shift_time_s: Positive
     shift_dip: Share  # share of the engine's torque taken back in the middle of an up-shift
     dwell_s: Positive  # shortest time from one shift's start to the next
-    up_rpm: Positive
-    """turbine speed of an up-shift with the throttle closed; then open, then down-shifts alike"""
+    up_rpm: Positive  # turbine speed with the throttle closed; `_full`: open
     up_rpm_full: Positive
     down_rpm: Positive
     down_rpm_full: Positive
-    shift_shape: Positive
-    """power of the throttle with which the shift speeds rise from closed to open"""
+    shift_shape: Positive  # power of the throttle with which shift speeds rise
 
 
 class DrivelineParameters(NamedTuple):
@@ -285,7 +259,7 @@ class AntiLockParameters(NamedTuple):
     """Anti-lock system: it releases the brake of a wheel whose slip is too large; see drive.c."""
 
     slip: NonNegative  # wanted largest slip; 0: no anti-lock system
-    slip_band: Positive  # deviation from the wanted slip at which the valves move with full speed
+    slip_band: Positive  # deviation at which the valves move with full speed
     release_per_s: Positive  # share of the pressure released in a second
     apply_per_s: Positive
     least_speed_mps: Positive  # below it the brakes are not released
@@ -295,8 +269,7 @@ class TractionControlParameters(NamedTuple):
     """Traction control: it reduces the torque of engine or motor; see drive.c."""
 
     slip: NonNegative  # wanted largest slip of the driven wheels; 0: no traction control
-    slip_band: Positive
-    """deviation from the wanted slip at which the torque changes with full speed"""
+    slip_band: Positive  # deviation at which the torque changes with full speed
     cut_per_s: Positive  # share of the torque taken away in a second
     restore_per_s: Positive
 
