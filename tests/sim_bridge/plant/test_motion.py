@@ -9,10 +9,15 @@ from made_tyre import TYRE_FILE_TEXT
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.physics import GRAVITY_MPS2
-from rt_controller.contract.signals import ControlInput
-from sim_bridge.plant.car_record import car_record
-from sim_bridge.plant.library import STEP_S, STEPS_PER_PERIOD, advance, settle, simulate
-from sim_bridge.plant.parameters import Parameters, default_car, load_parameters, with_road_friction
+from sim_bridge.plant.library import STEP_S, settle, simulate
+from sim_bridge.plant.parameters import (
+    Parameters,
+    default_car,
+    load_parameters,
+    with_road,
+    with_road_friction,
+)
+from sim_bridge.plant.parts import RoadParameters
 from sim_bridge.plant.shipped_cars import shipped_cars
 from sim_bridge.plant.states import AT
 from sim_bridge.plant.tyre_file import parse_tyre_file
@@ -53,14 +58,11 @@ def random_inputs(seed: int, seconds: float, steer_deg: float) -> Array:
     return inputs
 
 
-def test_wheel_loads_at_rest_are_the_published_ones() -> None:
-    loads_n = drive(0.0, held(0.5, brake_n=60.0)).loads_n[-1]
-    assert loads_n.sum() == pytest.approx(CAR.body.mass_kg * GRAVITY_MPS2, rel=1e-6)
-    np.testing.assert_allclose(loads_n, (4705.0, 4705.0, 2655.0, 2655.0), rtol=0.005)
-
-
-def test_the_sum_of_wheel_loads_is_the_weight_in_a_steady_turn() -> None:
+def test_the_sum_of_wheel_loads_is_the_weight_at_rest_and_in_a_steady_turn() -> None:
     """Less the aerodynamic lift; the lateral load transfer balances the moments."""
+    at_rest_n = drive(0.0, held(0.5, brake_n=60.0)).loads_n[-1]
+    assert at_rest_n.sum() == pytest.approx(CAR.body.mass_kg * GRAVITY_MPS2, rel=1e-6)
+    np.testing.assert_allclose(at_rest_n, (4705.0, 4705.0, 2655.0, 2655.0), rtol=0.005)
     run = drive(80.0, held(6.0, throttle=0.13, steer_deg=30.0))
     lift_n = CAR.aero.air_density_kgpm3 * CAR.aero.area_m2 * CAR.aero.lift * 0.5
     lift_n *= run.speed_mps[-1] ** 2
@@ -132,18 +134,15 @@ def test_coasting_in_turns_never_gains_energy_over_a_second() -> None:
 
 @pytest.mark.parametrize("steer_deg", [0.0, 40.0, -120.0])
 def test_a_car_at_rest_with_brake_does_not_move(steer_deg: float) -> None:
-    """The idling engine pitches the braked body; steering it then moves it by micrometres."""
+    """Also while it is steered; that moves the body, which the idling engine pitches, by um."""
+    swung_rad = 2.5 * np.radians(steer_deg) * np.sin(np.arange(240) / 30)
+    swung = drive(0.0, input_table(240, brake_n=60.0, steer_rad=swung_rad))
+    assert np.abs(swung.motion).max() < 1e-6
     run = drive(0.0, held(20.0, brake_n=60.0, steer_deg=steer_deg))
     assert np.abs(run.motion).max() < (1e-9 if steer_deg == 0.0 else 5e-6)
     assert np.abs(run.motion[200:]).max() < 1e-9
     assert np.abs(run.pose).max() < 5e-6
     assert np.abs(run.column("roll_rad")).max() < (1e-9 if steer_deg == 0.0 else 1e-5)
-
-
-def test_a_parked_car_does_not_move_while_it_is_steered() -> None:
-    steer_rad = np.radians(300.0) * np.sin(np.arange(240) / 30)
-    run = drive(0.0, input_table(240, brake_n=60.0, steer_rad=steer_rad))
-    assert np.abs(run.motion).max() < 1e-6
 
 
 def test_without_brake_the_car_creeps_at_walking_pace() -> None:
@@ -162,24 +161,30 @@ def test_braking_ends_at_rest_and_rocks_back_only_slightly(friction: float, brak
     assert np.abs(run.spins_radps[-40:]).max() < 0.05
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+Pair = tuple[float, float]
+frictions, angles, winds = st.floats(0.1, 1.2), st.floats(-0.3, 0.3), st.floats(-30.0, 30.0)
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
 @given(
     name=st.sampled_from(shipped_cars()),
     v0_kmh=st.floats(0.0, 200.0),
-    friction_left=st.floats(0.2, 1.1),
-    friction_right=st.one_of(st.none(), st.floats(0.2, 1.1)),
+    friction=st.tuples(frictions, frictions),
+    slope=st.just((0.0, 0.0)) | st.tuples(angles, angles),
+    wind=st.tuples(winds, winds),
+    steer_deg=st.sampled_from((120.0, 460.0)),
     seed=st.integers(0, 2**32 - 1),
 )
 def test_random_driving_stays_finite(
-    name: str, v0_kmh: float, friction_left: float, friction_right: float | None, seed: int
+    name: str, v0_kmh: float, friction: Pair, slope: Pair, wind: Pair, steer_deg: float, seed: int
 ) -> None:
-    """From rest to 200 km/h, on ice, asphalt or half on each, both pedals and +-120 deg."""
-    car = with_road_friction(CARS[name], friction_left, friction_right)
-    run = drive(v0_kmh, random_inputs(seed, 8.0, 120.0), car)
+    """From rest to 200 km/h, on ice, asphalt or half on each, both pedals, slopes and storm."""
+    car = with_road(CARS[name], RoadParameters(*friction, *slope, *wind))
+    run = drive(v0_kmh, random_inputs(seed, 8.0, steer_deg), car)
     assert run.is_finite
     assert run.loads_n.min() >= 0.0
-    if CARS[name] is not TOP_HEAVY:
-        assert np.abs(run.outputs[:, :2]).max() < 1.3 * GRAVITY_MPS2
+    if slope == (0.0, 0.0) and CARS[name] is not TOP_HEAVY:
+        assert np.abs(run.outputs[:, :2]).max() < 1.5 * GRAVITY_MPS2
         assert np.abs(run.roll_deg).max() < 8.0
 
 
@@ -212,18 +217,6 @@ def test_a_settled_car_keeps_its_speed_gear_and_engine_speed(v0_kmh: float) -> N
 def test_an_initial_speed_that_is_negative_or_nan_is_refused(v0_mps: float) -> None:
     with pytest.raises(ConfigError, match="initial speed: expected"):
         settle(v0_mps, CAR)
-
-
-def test_an_episode_equals_its_periods_in_sequence() -> None:
-    inputs, state = random_inputs(5, 3.0, 40.0), settle(25.0, CAR)
-    untouched = state.copy()
-    motion, _ = simulate(state, inputs, CAR)
-    np.testing.assert_array_equal(state, untouched)
-    piece, record = np.empty((STEPS_PER_PERIOD, 3)), car_record(CAR)
-    for k, row in enumerate(inputs.tolist()):
-        advance(state, ControlInput(*row), record, STEPS_PER_PERIOD, STEP_S, piece)
-        first = k * STEPS_PER_PERIOD + 1
-        np.testing.assert_array_equal(piece, motion[first : first + STEPS_PER_PERIOD])
 
 
 def test_accelerations_of_the_outputs_are_those_of_the_motion() -> None:

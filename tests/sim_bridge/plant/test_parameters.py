@@ -5,11 +5,9 @@ import tomllib
 from importlib import resources
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from rt_controller.contract.errors import ConfigError
-from sim_bridge.plant.car_record import car_record, set_road
 from sim_bridge.plant.parameters import (
     Parameters,
     default_car,
@@ -148,14 +146,6 @@ def test_an_impossible_road_is_refused_with_all_its_fields() -> None:
     with pytest.raises(ConfigError, match=names) as refused:
         with_road(CAR, RoadParameters(0.0, 0.8, 1.2, float("nan"), 0.0, float("inf")))
     assert "friction_right" not in str(refused.value)
-
-
-@pytest.mark.parametrize("name", shipped_cars())
-def test_another_road_is_written_to_its_place_in_the_record(name: str) -> None:
-    car, road = load_parameters(name), RoadParameters(0.3, 0.4, 0.05, -0.06, 7.0, -8.0)
-    record = car_record(car)
-    set_road(record, road)
-    np.testing.assert_array_equal(record, car_record(with_road(car, road)))
 
 
 def test_the_axle_loads_of_a_loaded_car_are_those_of_both_masses() -> None:
