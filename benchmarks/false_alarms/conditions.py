@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rt_controller.contract.signals import VehicleState
-from sim_bridge.plant.payload import Payload
+from sim_bridge.plant.parts import Payload
 from sim_bridge.plant.shipped_cars import shipped_cars
 from sim_bridge.scenario import Scenario, load_scenario
 from sim_bridge.scenario.checks import problems

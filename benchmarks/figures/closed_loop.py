@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.false_alarms.conditions import sensor_noise
 from benchmarks.figures.results import Figures, Part
 from rt_controller import Drive, simulate
-from sim_bridge.plant.payload import Payload
+from sim_bridge.plant.parts import Payload
 from sim_bridge.scenario import Scenario, load_scenario
 from sim_bridge.scenario.files.fault_fields import FaultFields
 

@@ -5,7 +5,6 @@ import numpy as np
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
-from sim_bridge.plant.car_parts import RoadParameters
 from sim_bridge.plant.car_record import car_record, set_road
 from sim_bridge.plant.library import (
     N_OUTPUTS,
@@ -16,6 +15,7 @@ from sim_bridge.plant.library import (
     write_outputs,
 )
 from sim_bridge.plant.parameters import Parameters, with_road
+from sim_bridge.plant.parts import RoadParameters
 from sim_bridge.plant.protocol import PlantOutputs, RoadAt
 from sim_bridge.plant.states import AT
 

@@ -6,15 +6,11 @@ from typing import Any
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from sim_bridge.plant import car_parts as parts
-from sim_bridge.plant.drive_parts import BrakeParameters, DrivelineParameters
 from sim_bridge.plant.parameters import Parameters
+from sim_bridge.plant.parts import RoadParameters
 
-_BEFORE_THE_ROAD = (
-    *(parts.BodyParameters, parts.SuspensionParameters, parts.TyreParameters, DrivelineParameters),
-    *(BrakeParameters, parts.SteeringParameters, parts.AeroParameters),
-)
-_ROAD = sum(len(part._fields) for part in _BEFORE_THE_ROAD)
+_PARTS = [*Parameters.__annotations__.values()]
+_ROAD = sum(len(part._fields) for part in _PARTS[: Parameters._fields.index("road")])
 """place of its first number"""
 
 
@@ -23,7 +19,7 @@ def car_record(parameters: Parameters) -> Array:
     return np.array([*_numbers(parameters)])
 
 
-def set_road(record: Array, road: parts.RoadParameters) -> None:
+def set_road(record: Array, road: RoadParameters) -> None:
     """Write another road into a record, which takes less time than a new record."""
     record[_ROAD : _ROAD + len(road)] = road
 

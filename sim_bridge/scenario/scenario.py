@@ -9,7 +9,7 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.preview import REACH_S, fit_preview
 from rt_controller.contract.signals import CurvaturePreview, PathReference
 from rt_controller.contract.timing import PERIOD_S
-from sim_bridge.plant.payload import NO_PAYLOAD, Payload
+from sim_bridge.plant.parts import NO_PAYLOAD, Payload
 from sim_bridge.plant.protocol import RoadAt
 from sim_bridge.scenario.faults import Fault
 from sim_bridge.scenario.lanes import Course

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, field_validator
 
-from sim_bridge.plant.payload import Payload
+from sim_bridge.plant.parts import Payload
 from sim_bridge.scenario.files.fault_fields import MOST_FAULTS, FaultFields
 from sim_bridge.scenario.files.fields import (
     FileTable,

@@ -16,10 +16,10 @@ from sim_bridge.adapters.own_car import OwnCar
 from sim_bridge.car import Car
 from sim_bridge.fmu_export.description import FmiVersion
 from sim_bridge.fmu_export.exported_car import OUTPUT_FIELDS, STATE_FIELDS
-from sim_bridge.plant.car_parts import RoadParameters
 from sim_bridge.plant.car_record import car_record
 from sim_bridge.plant.library import STEP_S, advance, settle
 from sim_bridge.plant.parameters import load_parameters, with_road
+from sim_bridge.plant.parts import RoadParameters
 from sim_bridge.plant.protocol import RoadAt
 
 pytestmark = needs_c_compiler
