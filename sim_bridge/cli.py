@@ -4,7 +4,7 @@ Options and help only; compiler, FMU tools and plots are imported when a command
 """
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import Parameter
 from pydantic import Field, ValidationInfo, field_validator
@@ -69,10 +69,8 @@ def run(*, options: Annotated[BridgeOptions, Parameter(name="*")]) -> int:
 
 
 @app.command
-def export_fmu(
-    file: Path = Path("car.fmu"), *, car: str = DEFAULT_CAR, fmi: Literal[2, 3] = 2
-) -> None:
-    """Build an FMU of the own car for co-simulation, with its mapping file beside it.
+def export_fmu(file: Path = Path("car.fmu"), *, car: str = DEFAULT_CAR) -> None:
+    """Build an FMU (FMI 2.0) of the own car for co-simulation, with its mapping file beside it.
 
     The FMU is compiled C: it needs neither Python nor this package. Its sources are inside.
 
@@ -82,12 +80,17 @@ def export_fmu(
         where to write the FMU
     car
         the car's parameters: a shipped name, or the path of a .toml file
-    fmi
-        version of FMI: 2 (FMI 2.0) or 3 (FMI 3.0)
     """
-    from sim_bridge.adapters import export
+    from rich.console import Console
 
-    export.export_fmu(file, car, fmi)
+    from sim_bridge.fmu_export.archive import build_fmu
+
+    mapping = build_fmu(file, car)
+    Console(stderr=True).print(
+        f"{file} and {mapping} written. Try: sim-bridge --bus … --plant fmu:{file}",
+        highlight=False,
+        soft_wrap=True,
+    )
 
 
 @app.command

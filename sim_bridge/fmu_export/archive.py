@@ -14,7 +14,8 @@ from sim_bridge.fmu_export.description import MODEL_IDENTIFIER, model_descriptio
 from sim_bridge.plant.car_record import car_record
 from sim_bridge.plant.compiler import SOURCES, CompileError, compile_library, find_compiler
 from sim_bridge.plant.library import STEP_S
-from sim_bridge.plant.parameters import Parameters, RoadParameters, load_parameters
+from sim_bridge.plant.parameters import Parameters, load_parameters
+from sim_bridge.plant.parts import RoadParameters
 from sim_bridge.plant.protocol import MOTION_FIELDS, PlantOutputs
 from sim_bridge.plant.shipped_cars import CARS_FOLDER, DEFAULT_CAR, shipped_cars
 from sim_bridge.toml_file import read_shipped_or_own
@@ -45,9 +46,7 @@ def build_fmu(file: Path, car: str = DEFAULT_CAR) -> Path:
     name = Path(car).stem if car.endswith(".toml") else car
     c_files = sorted(source for source in sources if source.endswith(".c"))
     content = {
-        "modelDescription.xml": model_description(
-            name, token, variables(parameters.road), c_files
-        ),
+        "modelDescription.xml": model_description(name, token, variables(parameters.road), c_files),
         "resources/car.toml": read_shipped_or_own(car, CARS_FOLDER, "car").encode(),
         f"binaries/{platform_folder()}/{MODEL_IDENTIFIER}.so": _compiled(sources),
         **{f"sources/{source}": text.encode() for source, text in sources.items()},
@@ -93,8 +92,7 @@ def _sources(parameters: Parameters) -> dict[str, str]:
     numbers = ", ".join(map(repr, car_record(parameters).tolist()))
     names = ", ".join(f'"{variable.name}"' for variable in variables(parameters.road))
     table = (
-        "/* Generated from the car file: its numbers, in the order of Parameters, and the names of\n"
-        " * the variables. */\n\n"
+        "/* Generated from the car file: its numbers as in Parameters, variable names. */\n\n"
         f"#define CAR_NUMBER_LIST {numbers}\n\n"
         f"static const char *const VARIABLE_NAMES[] = {{{names}}};\n\n"
     )

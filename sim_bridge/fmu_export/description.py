@@ -6,8 +6,8 @@ from typing import NamedTuple
 from xml.etree import ElementTree as Xml
 
 from sim_bridge.plant.library import STEP_S
+from sim_bridge.plant.parts import STEEPEST_RAD, RoadParameters
 from sim_bridge.plant.protocol import FASTEST_START_MPS, MOTION_FIELDS, PlantOutputs
-from sim_bridge.plant.parameters import STEEPEST_RAD, RoadParameters
 
 MODEL_IDENTIFIER = "rt_controller_car"
 POSE_FIELDS = ("s_m", "ey_m", "epsi_rad")

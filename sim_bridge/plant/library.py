@@ -8,6 +8,7 @@ import ctypes
 from ctypes import byref, c_char, c_double, c_int, c_void_p
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,7 @@ class _Numbers:
     takes four times as long."""
 
     @staticmethod
-    def from_param(array: Array) -> object:
+    def from_param(array: Any) -> object:
         if array.dtype != np.float64:
             raise TypeError(f"expected numbers of float64, found {array.dtype}")
         return byref(c_char.from_buffer(array))

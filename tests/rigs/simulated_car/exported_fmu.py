@@ -1,4 +1,4 @@
-"""An exported FMU as a Python object: variables by name, for FMI 2 and FMI 3."""
+"""An exported FMU as a Python object: variables by name."""
 
 import tempfile
 from functools import cache
@@ -10,18 +10,17 @@ import fmpy
 from fmpy.simulation import instantiate_fmu
 from made_tyre import TYRE_FILE_TEXT
 
-from sim_bridge.fmu_export.archive import write_fmu
-from sim_bridge.fmu_export.description import FmiVersion
+from sim_bridge.fmu_export.archive import build_fmu
 
 CAR = "c_class_150kw_awd"
 _FOLDER = tempfile.TemporaryDirectory(prefix="exported-fmus-")
 
 
 @cache
-def exported(version: FmiVersion, car: str = CAR) -> Path:
+def exported(car: str = CAR) -> Path:
     """The FMU of a car, made once."""
-    file = Path(_FOLDER.name) / f"{Path(car).stem}{version.value}.fmu"
-    write_fmu(file, car, version)
+    file = Path(_FOLDER.name) / f"{Path(car).stem}.fmu"
+    build_fmu(file, car)
     return file
 
 
@@ -44,30 +43,24 @@ class ExportedFmu:
         self._folder = tempfile.TemporaryDirectory(prefix="exported-fmu-")
         fmpy.extract(str(file), unzipdir=self._folder.name)
         self.messages: list[str] = []
-        self.is_fmi2 = self.description.fmiMajorVersion == 2
         self.references = {v.name: v.valueReference for v in self.description.modelVariables}
         self.instance: Any = instantiate_fmu(
             self._folder.name, self.description, "CoSimulation", logger=self._log
         )
 
     def set(self, **values: float) -> None:
-        """Set variables; `body__mass_kg` is body.mass_kg."""
+        """Set variables; `road__bank_rad` is road.bank_rad."""
         names = [name.replace("__", ".") for name in values]
-        put = self.instance.setReal if self.is_fmi2 else self.instance.setFloat64
-        put([self.references[name] for name in names], list(values.values()))
+        self.instance.setReal([self.references[name] for name in names], list(values.values()))
 
     def get(self, *names: str) -> list[float]:
         """Values of variables."""
-        read = self.instance.getReal if self.is_fmi2 else self.instance.getFloat64
-        return list(read([self.references[name] for name in names]))
+        return list(self.instance.getReal([self.references[name] for name in names]))
 
     def initialise(self, start_s: float = 0.0) -> None:
         """From instantiation to the first step."""
-        if self.is_fmi2:
-            self.instance.setupExperiment(startTime=start_s)
-            self.instance.enterInitializationMode()
-        else:
-            self.instance.enterInitializationMode(startTime=start_s)
+        self.instance.setupExperiment(startTime=start_s)
+        self.instance.enterInitializationMode()
         self.instance.exitInitializationMode()
 
     def step(self, time_s: float, step_s: float) -> None:
@@ -80,24 +73,19 @@ class ExportedFmu:
 
     def get_state(self) -> Any:
         """A copy of the whole state."""
-        return getattr(self.instance, f"getFMU{self._state}")()
+        return self.instance.getFMUstate()
 
     def set_state(self, state: Any) -> None:
         """Continue from a copy."""
-        getattr(self.instance, f"setFMU{self._state}")(state)
+        self.instance.setFMUstate(state)
 
     def to_bytes(self, state: Any) -> bytes:
         """A copy as bytes."""
-        return bytes(getattr(self.instance, f"serializeFMU{self._state}")(state))
+        return bytes(self.instance.serializeFMUstate(state))
 
     def from_bytes(self, state: bytes) -> Any:
         """A copy from bytes."""
-        name = "deSerializeFMUstate" if self.is_fmi2 else "deserializeFMUState"
-        return getattr(self.instance, name)(state)
-
-    @property
-    def _state(self) -> str:
-        return "state" if self.is_fmi2 else "State"
+        return self.instance.deSerializeFMUstate(state)
 
     def _log(self, *arguments: Any) -> None:
         message = arguments[-1]
