@@ -19,7 +19,7 @@ _FOLDER = tempfile.TemporaryDirectory(prefix="exported-fmus-")
 @cache
 def exported(car: str = CAR) -> Path:
     """The FMU of a car, made once."""
-    file = Path(_FOLDER.name) / f"{Path(car).stem}.fmu"
+    file = Path(_FOLDER.name) / f"{Path(car).stem}-car.fmu"
     build_fmu(file, car)
     return file
 
