@@ -276,20 +276,17 @@ class Bridge:
             actuators = self._failed_actuators
             course = Course(run.path, run.state, run.curvature_per_m)
             before_rad = self._watchdog.applied.steer_rad  # commanded: a late wheel is behind it
-            is_slow = self._has_checks and actuators.steering.is_slow
-            wheel_rad = self._applied.steer_rad if is_slow else before_rad
             self._applied = self._watchdog.apply(
                 command,
                 now_ns,
                 self._sent_ticks - 1,
                 run.motion if self._has_checks else STANDING,
                 steer_along(*course, before_rad),
-                largest_brake_n(course, wheel_rad, actuators.open_throttle, has_slow_wheel=is_slow),
+                largest_brake_n(course, before_rad, actuators.open_throttle),
                 self._has_checks and actuators.are_failed,
                 self._has_checks and actuators.is_wheel_stuck,
             )
-        commanded_rad = self._failed_actuators.steering.command_for(self._applied.steer_rad)
-        self._in_actuation.append(self._applied._replace(steer_rad=commanded_rad))
+        self._in_actuation.append(self._applied)
         commanded = self._in_actuation.popleft()
         self._applied = self._actuators.apply(commanded, self.driven_ticks + 1)
         self._failed_actuators.note(commanded, self._applied)

@@ -4,7 +4,6 @@ from enum import Enum
 
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
 from rt_controller.contract.timing import COMMAND_TIMEOUT_TICKS
-from sim_bridge.steering_response import SteeringResponse
 
 LARGEST_STEER_ERROR_RAD = 0.03
 """of a wheel that does not move: 1.7 deg"""
@@ -32,7 +31,6 @@ class FailedActuators:
     def __init__(self) -> None:
         self.failed: list[Actuator] = []
         """in the order of detection"""
-        self.steering = SteeringResponse()
         self._steer_rad = self._moved_at_rad = NEUTRAL_INPUT.steer_rad
         self._stuck_ticks = self._open_ticks = 0
         self.open_throttle = 0.0
@@ -50,7 +48,6 @@ class FailedActuators:
 
     def note(self, commanded: ControlInput, applied: ControlInput) -> None:
         """After a period."""
-        self.steering.note(commanded.steer_rad, applied.steer_rad)
         is_still = abs(applied.steer_rad - self._steer_rad) < STILL_RAD
         if not is_still:
             self._moved_at_rad = commanded.steer_rad
