@@ -14,7 +14,7 @@ from sim_bridge.fault_matrix.command import fault_matrix, sample
 from sim_bridge.fault_matrix.drive import drive_case
 from sim_bridge.fault_matrix.manoeuvres import MANOEUVRES
 from sim_bridge.fault_matrix.row import row_of
-from sim_bridge.scenario.faults import FaultKind
+from sim_bridge.faults.kinds import KINDS
 
 VARIANTS = Path(str(resources.files("sim_bridge.fault_matrix"))) / "variants.toml"
 BUS_VARIANTS = VARIANTS.with_name("bus_variants.toml")
@@ -30,8 +30,8 @@ def lti() -> Bundle:
 def test_there_are_enough_faults_and_each_kind_is_among_them() -> None:
     faulty = [case for case in CASES.values() if not case.is_fault_free]
     assert len(faulty) >= 45
-    kinds = {fault.kind for case in faulty for fault in case.scenario(80.0).faults}
-    assert kinds == set(FaultKind)
+    kinds = {fault.base for case in faulty for fault in case.scenario(80.0).faults}
+    assert kinds == set(KINDS)
 
 
 @pytest.mark.parametrize(
