@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from sim_bridge.fault_matrix.cases import load_cases
-from sim_bridge.fault_matrix.command import MatrixRow
 from sim_bridge.faults.fault import SHORTHANDS, Fault, FaultFile
 from sim_bridge.faults.kinds import KINDS
+from sim_bridge.faults.matrix.cases import load_cases
+from sim_bridge.faults.matrix.row import MatrixRow
 
 GUIDE = (Path(__file__).parents[3] / "docs" / "faults.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"`(\{ kind = .*? \})`", GUIDE)
