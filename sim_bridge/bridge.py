@@ -36,7 +36,7 @@ from rt_controller.gateway.vehicle_envelope import STANDING
 from sim_bridge.bridge_summary import BridgeSummary, Truth
 from sim_bridge.car import FASTEST_MPS, Car
 from sim_bridge.command_check import CommandCheck
-from sim_bridge.failed_actuators import FailedActuators
+from sim_bridge.failed_actuators import Actuator, FailedActuators
 from sim_bridge.faults.bus import FaultyBus
 from sim_bridge.scenario import Scenario
 from sim_bridge.scenario_run import ScenarioRun
@@ -287,8 +287,8 @@ class Bridge:
                 run.motion if self._has_checks else STANDING,
                 steer_along(*course, before_rad),
                 largest_brake_n(course, before_rad, actuators.open_throttle),
-                self._has_checks and actuators.are_failed,
-                self._has_checks and actuators.is_wheel_stuck,
+                self._has_checks and bool(actuators.failed),
+                self._has_checks and Actuator.STEERING_WHEEL in actuators.failed,
             )
         self._in_actuation.append(self._applied)
         commanded = self._in_actuation.popleft()

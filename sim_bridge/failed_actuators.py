@@ -31,20 +31,11 @@ class FailedActuators:
     def __init__(self) -> None:
         self.failed: list[Actuator] = []
         """in the order of detection"""
-        self._steer_rad = self._moved_at_rad = NEUTRAL_INPUT.steer_rad
-        self._stuck_ticks = self._open_ticks = 0
         self.open_throttle = 0.0
         """by which it was open too far in the last period"""
-
-    @property
-    def are_failed(self) -> bool:
-        """True from the first failure on: the vehicle brakes by itself."""
-        return bool(self.failed)
-
-    @property
-    def is_wheel_stuck(self) -> bool:
-        """True if only the brake still acts."""
-        return Actuator.STEERING_WHEEL in self.failed
+        self._steer_rad = self._moved_at_rad = NEUTRAL_INPUT.steer_rad
+        self._ticks = dict.fromkeys(Actuator, 0)
+        """in a row in which each has not followed its command"""
 
     def note(self, commanded: ControlInput, applied: ControlInput) -> None:
         """After a period."""
@@ -55,14 +46,13 @@ class FailedActuators:
             abs(commanded.steer_rad - applied.steer_rad) > LARGEST_STEER_ERROR_RAD
             and abs(commanded.steer_rad - self._moved_at_rad) > LEAST_CHANGE_RAD
         )
+        self._steer_rad = applied.steer_rad
         self.open_throttle = max(applied.throttle - commanded.throttle, 0.0)
         is_open = self.open_throttle > LARGEST_THROTTLE_ERROR
-        self._steer_rad = applied.steer_rad
-        self._stuck_ticks = self._stuck_ticks + 1 if is_still and is_off else 0
-        self._open_ticks = self._open_ticks + 1 if is_open else 0
-        self._judge(Actuator.STEERING_WHEEL, self._stuck_ticks)
-        self._judge(Actuator.THROTTLE, self._open_ticks)
-
-    def _judge(self, actuator: Actuator, ticks: int) -> None:
-        if ticks >= FAILED_TICKS and actuator not in self.failed:
-            self.failed.append(actuator)
+        for actuator, deviates in (
+            (Actuator.STEERING_WHEEL, is_still and is_off),
+            (Actuator.THROTTLE, is_open),
+        ):
+            self._ticks[actuator] = self._ticks[actuator] + 1 if deviates else 0
+            if self._ticks[actuator] >= FAILED_TICKS and actuator not in self.failed:
+                self.failed.append(actuator)

@@ -4,6 +4,7 @@ from collections import Counter, deque
 from collections.abc import Sequence
 from contextlib import suppress
 from copy import copy
+from operator import itemgetter
 
 import can
 import numpy as np
@@ -187,11 +188,17 @@ class _Line:
     """The way of the frames in one direction, through all faults of whole frames."""
 
     def __init__(self, faults: Sequence[Fault], direction: int) -> None:
-        chosen = [(fault, fault.rules.frames) for fault in faults if fault.rules.frames]
-        chosen += [(fault, FrameFault) for fault in faults if fault.hides_genuine]
-        chosen.sort(key=lambda each: ORDER["drop" if each[0].hides_genuine else each[0].base])
+        chosen = [
+            (ORDER[fault.base], fault.rules.frames, fault) for fault in faults if fault.rules.frames
+        ]
+        chosen += [  # a third participant that replaces the genuine frames
+            (ORDER["drop"], FrameFault, fault)
+            for fault in faults
+            if fault.base == THIRD_PARTICIPANT and fault.replaces
+        ]
+        chosen.sort(key=itemgetter(0))
         self._stages = [
-            stage(fault, 2 * k + direction) for k, (fault, stage) in enumerate(chosen) if stage
+            stage(fault, 2 * k + direction) for k, (_, stage, fault) in enumerate(chosen)
         ]
 
     def passed(self, frame: can.Message, tick: int) -> list[can.Message]:

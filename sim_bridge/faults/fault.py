@@ -1,6 +1,6 @@
 """A fault: what is wrong on the bus or at an actuator, when and for how long, as in a file."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from math import ceil
 from typing import Annotated, Literal, NamedTuple, Self
@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from rt_controller.contract.names import hint
 from rt_controller.contract.timing import LONGEST_S, MISSION_PERIOD_TICKS, PERIOD_MS, PERIOD_S
-from sim_bridge.faults.kinds import KINDS, THIRD_PARTICIPANT, Kind
+from sim_bridge.faults.kinds import KINDS, Kind
 from sim_bridge.faults.names import ACTUATOR, SignalName, frames_of, known_frames, signal_named
 from sim_bridge.toml_file import FileTable, Number, at_most, not_empty
 
@@ -52,16 +52,6 @@ def _known_kind(name: str) -> str:
     return name
 
 
-def _known_frames(name: str) -> str:
-    frames_of(name)
-    return name
-
-
-def _known_signal(name: str) -> str:
-    signal_named(name)
-    return name
-
-
 def _hexadecimal(text: str) -> str:
     try:
         is_short = len(bytes.fromhex(text)) <= 64
@@ -70,6 +60,16 @@ def _hexadecimal(text: str) -> str:
     if not is_short:
         raise ValueError(f"expected at most 64 hexadecimal bytes, found {text!r}")
     return text
+
+
+def _if_found(find: Callable[[str], object]) -> AfterValidator:
+    """Keep a name that `find` knows."""
+
+    def check(name: str) -> str:
+        find(name)
+        return name
+
+    return AfterValidator(check)
 
 
 def ticks_between(start_s: float, duration_s: float) -> range:
@@ -82,8 +82,8 @@ def ticks_between(start_s: float, duration_s: float) -> range:
     return range(first + late, end + late)
 
 
-_Signal = Annotated[str, AfterValidator(_known_signal)]
-_Frames = Annotated[str, AfterValidator(_known_frames)]
+_Signal = Annotated[str, _if_found(signal_named)]
+_Frames = Annotated[str, _if_found(frames_of)]
 
 
 class Fault(FileTable):
@@ -226,11 +226,6 @@ class Fault(FileTable):
     def acts(self, tick: int) -> bool:
         """True if it acts in a tick of the drive; 0 is before the first one."""
         return tick in self.ticks or (self.before_drive and tick == 0)
-
-    @property
-    def hides_genuine(self) -> bool:
-        """True if a third participant's frames arrive in place of the genuine ones."""
-        return self.base == THIRD_PARTICIPANT and self.replaces
 
 
 Faults = Annotated[tuple[Fault, ...], at_most(MOST_FAULTS)]
