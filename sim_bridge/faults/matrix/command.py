@@ -158,17 +158,11 @@ def _chosen(only: Sequence[str], file: Path | None) -> Sequence[Case]:
 
 
 def _table(rows: Iterable[MatrixRow]) -> Table:
-    columns = (
-        Column("fault", is_text=True),
-        Column("condition", is_text=True),
-        Column("speed", "km/h"),
-        Column("mode", is_text=True),
-        Column("detected", "ms"),
-        Column("max |e_y|", "m"),
-        Column("unchecked", "m"),
-        Column("ok", is_text=True),
-        Column("reasons", is_text=True, width="long"),
-    )
+    heads = (
+        "fault", "condition", ("speed", "km/h"), "mode", ("detected", "ms"), ("max |e_y|", "m"),
+        ("unchecked", "m"), "ok",
+    )  # fmt: skip
+    columns = [Column(h, is_text=True) if isinstance(h, str) else Column(*h) for h in heads]
     cells = (
         (
             row.fault,
@@ -183,4 +177,5 @@ def _table(rows: Iterable[MatrixRow]) -> Table:
         )
         for row in rows
     )
-    return Table("faults in simulated time", columns, tuple(cells))
+    reasons = Column("reasons", is_text=True, width="long")
+    return Table("faults in simulated time", (*columns, reasons), tuple(cells))
