@@ -122,6 +122,14 @@ def test_a_car_with_a_late_steering_wheel_is_driven_to_the_end(name: str) -> Non
     assert found.max_ey_m < 0.3
 
 
+def test_a_wheel_that_turns_to_the_wrong_side_is_detected_at_once_and_a_known_limit() -> None:
+    (case,) = [c for c in load_cases(MANOEUVRE_VARIANTS) if c.name == "steering_wrong_sign"]
+    found = drive_case(case, 60.0, load_bundle(find_model(None)))
+    assert found.detect_ms is not None
+    assert found.detect_ms <= 50.0
+    assert (found.mode, found.ok, found.is_open) == ("SAFE_STOP", False, False)
+
+
 def test_the_whole_matrix_has_every_drift_under_every_condition() -> None:
     crossed = whole_matrix()[len(CASES) :]
     conditions = {case.condition for case in crossed}
