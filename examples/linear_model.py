@@ -1,6 +1,6 @@
 """A model from your own matrices: a linear single-track car at 80 km/h, as a bundle that drives.
 
-pip install -e ".[sim]" && python examples/linear_model.py
+pip install -e . && python examples/linear_model.py
 """
 
 import numpy as np

@@ -1,6 +1,6 @@
 """A plant of your own behind the bridge: a kinematic single-track car, driven over virtual CAN.
 
-pip install -e ".[sim]" && python examples/own_plant.py
+pip install -e . && python examples/own_plant.py
 """
 
 import numpy as np

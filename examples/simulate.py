@@ -1,6 +1,6 @@
 """Two models on the same double lane change: tracking errors, and a figure of each drive.
 
-pip install -e ".[sim,report]" && python examples/simulate.py
+pip install -e ".[report]" && python examples/simulate.py
 """
 
 from math import degrees

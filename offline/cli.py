@@ -1,7 +1,7 @@
 """The offline commands: their options and entry points.
 
 Everything heavy is imported inside the functions, so that `--help` and refused options need neither
-torch nor numba nor onnx.
+torch nor onnx.
 """
 
 from functools import partial

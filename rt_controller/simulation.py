@@ -64,7 +64,7 @@ def simulate(
     Raises:
         ConfigError: scenario, plant, car or settings are refused.
         ArtifactError: the model does not fit.
-        MissingExtraError: the extra `sim`, or one that the plant needs, is not installed.
+        MissingExtraError: the car is not compiled, or an extra that the plant needs is missing.
         PlantError: the plant failed during the drive, or raised an exception: then its cause.
         TypeError: an argument is of another type.
     """

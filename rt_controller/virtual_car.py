@@ -6,7 +6,7 @@ program in a vehicle does not use it.
 
 from typing import TYPE_CHECKING
 
-from rt_controller.contract.errors import needs_extra, require_type
+from rt_controller.contract.errors import require_type
 from rt_controller.contract.steering_geometry import SteeringGeometry
 from rt_controller.drive.car_figures import LateralError
 from rt_controller.drive.scenario import ConeAt, DrivenScenario, LaneAt
@@ -24,18 +24,18 @@ def open_virtual_car(
     plant: "Plant | None" = None,
     scenario: "Scenario | None" = None,
 ) -> "BridgeSession":
-    """Compile (or fetch from the cache) and settle the car, and open its end of the bus.
+    """Settle the car, and open its end of the bus.
 
     `plant` and `scenario` replace those that the settings name.
 
     Raises:
-        MissingExtraError: the simulation's or the plant's dependencies are not installed.
+        MissingExtraError: the car is not compiled, or the plant's dependencies are not installed.
         ConfigError: there is no such scenario or plant.
         PlantError: the plant raised an exception in its reset or first step.
         BusError: the bus cannot be opened.
     """
-    with needs_extra("sim", "The simulated car"):
-        from sim_bridge.session import open_session
+    from sim_bridge.session import open_session
+
     return open_session(
         bus, scenario or settings.scenario, plant=plant or settings, faults=settings.faults
     )
@@ -80,10 +80,9 @@ def require_scenario(found: object) -> None:
     """Return if an argument is a `Scenario`.
 
     Raises:
-        MissingExtraError: the simulation's dependencies are not installed.
         TypeError: it is not.
     """
-    with needs_extra("sim", "The simulated car"):
-        from sim_bridge.scenario import Scenario
+    from sim_bridge.scenario import Scenario
+
     expected = "the name or path of a scenario, or a sim_bridge.Scenario"
     require_type("scenario", found, Scenario, expected)

@@ -4,12 +4,11 @@ Options and help only; compiler, FMU tools and plots are imported when a command
 """
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import Parameter
 from pydantic import Field, ValidationInfo, field_validator
 
-from rt_controller.contract.errors import require_packages
 from rt_controller.contract.timing import LONGEST_S
 from rt_controller.settings import CAR_PRIORITY, BusSettings, CarSettings, SharedInterface
 from rt_controller.terminal.command_line import new_app, run_command
@@ -64,17 +63,14 @@ class BridgeOptions(CarSettings, BusSettings):
 @app.default
 def run(*, options: Annotated[BridgeOptions, Parameter(name="*")]) -> int:
     """Wait for a controller, simulate the scenario, brake if the controller stops sending."""
-    _require_compiler()
     from sim_bridge.terminal_run import run_at_terminal
 
     return run_at_terminal(options)
 
 
 @app.command
-def export_fmu(
-    file: Path = Path("car.fmu"), *, car: str = DEFAULT_CAR, fmi: Literal[2, 3] = 2
-) -> None:
-    """Build an FMU of the own car for co-simulation, with its mapping file beside it.
+def export_fmu(file: Path = Path("car.fmu"), *, car: str = DEFAULT_CAR) -> None:
+    """Build an FMU (FMI 2.0) of the own car for co-simulation, with its mapping file beside it.
 
     The FMU is compiled C: it needs neither Python nor this package. Its sources are inside.
 
@@ -84,13 +80,17 @@ def export_fmu(
         where to write the FMU
     car
         the car's parameters: a shipped name, or the path of a .toml file
-    fmi
-        version of FMI: 2 (FMI 2.0) or 3 (FMI 3.0)
     """
-    _require_compiler()
-    from sim_bridge.adapters import export
+    from rich.console import Console
 
-    export.export_fmu(file, car, fmi)
+    from sim_bridge.fmu_export.archive import build_fmu
+
+    mapping = build_fmu(file, car)
+    Console(stderr=True).print(
+        f"{file} and {mapping} written. Try: sim-bridge --bus … --plant fmu:{file}",
+        highlight=False,
+        soft_wrap=True,
+    )
 
 
 @app.command
@@ -119,7 +119,6 @@ def validate(
     recorded
         recorded drives
     """
-    _require_compiler()
     from sim_bridge.validation import command
 
     return command.validate(car, html, json_file, quick, recorded)
@@ -156,9 +155,9 @@ def fault_matrix(
     jobs
         processes that drive at the same time; default: one for each core
     cases
-        TOML file with other faults, such as sim_bridge/fault_matrix/variants.toml
+        TOML file with other faults, such as sim_bridge/faults/matrix/variants.toml
     conditions
-        names in sim_bridge/fault_matrix/conditions.toml, under each of which the cases are driven
+        names in sim_bridge/faults/matrix/conditions.toml, under each of which the cases are driven
     sample
         some cases of each kind of fault and condition only
     drives
@@ -166,16 +165,11 @@ def fault_matrix(
     json_file
         write the rows to this file: fault, speed_mps, mode, detect_ms, max_ey_m, ok, ...
     """
-    _require_compiler()
-    from sim_bridge.fault_matrix import command
+    from sim_bridge.faults.matrix import command
 
     return command.fault_matrix(
         model, only, speed_kmh, jobs, json_file, cases, conditions, drives, sample
     )
-
-
-def _require_compiler() -> None:
-    require_packages("sim", ("numba",), "sim-bridge")
 
 
 def main() -> None:

@@ -125,7 +125,7 @@ class BridgeSession:
 
 
 def build_car(scenario: Scenario, choice: CarSettings | Plant = OWN_CAR) -> Car:
-    """The chosen plant at the scenario's speed on its road; its kernels are compiled.
+    """The chosen plant at the scenario's speed on its road, its library loaded.
 
     Raises:
         MissingExtraError: the plant's optional dependencies are not installed.
@@ -142,7 +142,7 @@ def build_car(scenario: Scenario, choice: CarSettings | Plant = OWN_CAR) -> Car:
     try:
         require_road(plant, scenario)
         car = Car(plant, start.speed_mps)
-        # One period for nothing: what is not compiled or loaded yet is so here and not in the loop.
+        # One period for nothing: what is loaded at first use is loaded here and not in the loop.
         car.set_road(scenario.road_at(start.s_m, 0.0))
         car.advance(NEUTRAL_INPUT, scenario.road.frame())
         if plant.failure is not None:

@@ -1,10 +1,10 @@
-"""Settings of the whole suite: threads of the linear algebra, garbage collector, order of tests."""
+"""Settings of the whole suite: threads of the linear algebra, garbage collector."""
 
 import gc
 import os
 import signal
 from collections.abc import Iterator
-from pathlib import Path
+from itertools import count
 
 import pytest
 from hypothesis import settings
@@ -23,29 +23,19 @@ settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("explore", derandomize=False, deadline=None)
 settings.load_profile("repeatable")
 
-WITH_THE_CAR = (
-    *("benchmarks", "closed_loop", "examples", "sim_bridge", "peers"),
-    *(f"offline/{room}" for room in ("baselines", "commands", "data", "evaluation", "experiments")),
-)
-"""folders whose tests drive the simulated car"""
 
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the tests with the simulated car first.
-
-    pytest-xdist gives its workers one part of the list each. Only the worker with the first part
-    compiles the car; the others find it compiled when they take over tests from that part.
-    """
-    folders = [Path(__file__).parent / name for name in WITH_THE_CAR]
-    items.sort(key=lambda item: not any(item.path.is_relative_to(folder) for folder in folders))
+_tests_between_collections = count()
 
 
 def pytest_runtest_setup() -> None:
     """Keep the collector from looking at the imported modules, which takes a third of a second.
 
-    A drive ends this with `gc.unfreeze`. To ask whether it holds (`gc.get_freeze_count`) takes
-    50 ms, to freeze again less than 1 us.
+    A drive ends this with `gc.unfreeze`. What is frozen is never collected, so from time to time
+    everything is looked at.
     """
+    if next(_tests_between_collections) % 50 == 0:
+        gc.unfreeze()
+        gc.collect()
     gc.freeze()
 
 

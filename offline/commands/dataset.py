@@ -112,15 +112,13 @@ def _find_or_make(
 ) -> tuple[Path, Dataset]:
     if data is not None and exists(data):
         return data, load_dataset(data)
-    with STDERR.status("compiling the vehicle model"):
-        origin = simulated_origin(recipe, episodes, seed)
+    origin = simulated_origin(recipe, episodes, seed)
     folder = data or cache_folder(origin)
     if exists(folder):
         return folder, load_dataset(folder)
     STDERR.print(f"making a data set of {episodes} episodes in {folder}", soft_wrap=True)
     made = 0
     try:
-        # The compiled car may swallow an interrupt, so it is a request until some episodes end.
         with (
             stop_on_signals() as is_stopped,
             backend.active(),

@@ -14,7 +14,7 @@ from rt_controller.contract.figures import require_writable
 
 RUNS = Path("runs")
 LATEST_RUN = RUNS / "latest"
-OFFLINE_PACKAGES = ("torch", "numba", "onnx", "onnxscript", "joblib", "onnxruntime")
+OFFLINE_PACKAGES = ("torch", "onnx", "onnxscript", "joblib", "onnxruntime")
 
 Config = Annotated[TrainingConfig | None, Parameter(name="*", negative_none="no-")]
 Ranges = Annotated[

@@ -10,14 +10,14 @@ from offline.data.excitation import monotone_cubic
 from offline.data.variation import NOMINAL, Variation
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.timing import PERIOD_S
-from sim_bridge.plant.car_parts import RoadParameters
 from sim_bridge.plant.parameters import (
     Parameters,
     default_car,
     with_cornering_stiffness,
     with_mass_factor,
+    with_payload,
 )
-from sim_bridge.plant.payload import Payload, with_payload
+from sim_bridge.plant.parts import Payload, RoadParameters
 
 Range = tuple[float, float]
 

@@ -40,7 +40,7 @@ from rt_controller.contract.signals import InputColumn, StateColumn
 from rt_controller.contract.steering_geometry import SteeringGeometry
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.frenet import integrate_poses
-from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, settle, simulate
+from sim_bridge.plant.library import STEP_S, STEPS_PER_PERIOD, settle, simulate
 from sim_bridge.plant.parameters import default_car
 from sim_bridge.plant.protocol import PlantOutputs
 
@@ -273,13 +273,4 @@ def _concatenate_held(episodes: list[Array]) -> Array32:
 
 
 def _make_chunk(recipe: Recipe, seeds: list[np.random.SeedSequence]) -> list[Episode]:
-    try:
-        return [make_episode(recipe, seed) for seed in seeds]
-    except SystemError as error:
-        # What numba makes of Ctrl-C while a kernel runs in this process.
-        cause: BaseException | None = error
-        while cause is not None:
-            if isinstance(cause, KeyboardInterrupt):
-                raise cause from None
-            cause = cause.__cause__
-        raise
+    return [make_episode(recipe, seed) for seed in seeds]

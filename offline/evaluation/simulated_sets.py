@@ -37,7 +37,7 @@ from rt_controller.contract.schema import VEHICLE
 from rt_controller.contract.signals import InputColumn
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.frenet import integrate_poses
-from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, settle, simulate
+from sim_bridge.plant.library import STEP_S, STEPS_PER_PERIOD, settle, simulate
 from sim_bridge.plant.parameters import default_car
 
 NOMINAL_FRICTION = 0.85

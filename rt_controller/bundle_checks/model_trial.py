@@ -30,8 +30,8 @@ SCENARIO = Path(__file__).with_name("model_trial.toml")
 PREDICTED_PERIODS = 20
 FOLDER = "tried-models"
 NOT_TRIED = (
-    "the model was not tried on the simulated car, which is not installed (extra [sim]). Try it "
-    "where that is: rt-controller --bus virtual --check"
+    "the model was not tried on the simulated car, which is not compiled here. Try it where "
+    "that is: rt-controller --bus virtual --check"
 )
 
 
@@ -56,7 +56,7 @@ def has_passed(bundle: Bundle, config: ControllerConfig) -> bool:
 
 
 def try_model(bundle: Bundle, config: ControllerConfig) -> str | None:
-    """Drive the simulated car with a model; a remark where that is not installed, otherwise None.
+    """Drive the simulated car with a model; a remark where that is not compiled, otherwise None.
 
     Args:
         bundle: the model.

@@ -7,7 +7,7 @@ between is interpolated linearly. No value of the future is used: an FMU holds i
 step, so the end of the step follows from what is known at its start.
 """
 
-from sim_bridge.plant.integrate import STEP_S
+from sim_bridge.plant.library import STEP_S
 
 _TOLERANCE = 1e-3
 """of the communication step; rounding errors of times are far smaller"""

@@ -5,11 +5,17 @@ import numpy as np
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
-from sim_bridge.plant.car_parts import RoadParameters
 from sim_bridge.plant.car_record import car_record, set_road
-from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, advance, settle
-from sim_bridge.plant.outputs import N_OUTPUTS, write_outputs
+from sim_bridge.plant.library import (
+    N_OUTPUTS,
+    STEP_S,
+    STEPS_PER_PERIOD,
+    advance,
+    settle,
+    write_outputs,
+)
 from sim_bridge.plant.parameters import Parameters, with_road
+from sim_bridge.plant.parts import RoadParameters
 from sim_bridge.plant.protocol import PlantOutputs, RoadAt
 from sim_bridge.plant.states import AT
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.settings import COMMONROAD, FMU, OWN, CarSettings
-from sim_bridge.plant.payload import NO_PAYLOAD, Payload, with_payload
+from sim_bridge.plant.parts import NO_PAYLOAD, Payload
 from sim_bridge.plant.protocol import Plant, RoadAt
 
 
@@ -63,7 +63,7 @@ def open_plant(
     from sim_bridge.plant.shipped_cars import DEFAULT_CAR
 
     car = settings.car or DEFAULT_CAR
-    parameters = with_payload(cars.load_parameters(car), payload)
+    parameters = cars.with_payload(cars.load_parameters(car), payload)
     if start is not None:
         parameters = cars.with_road(parameters, ground_at(start))
     else:

@@ -1,70 +1,65 @@
-"""`write_fmu`: the own car as an FMU file; `mapping_text`: the mapping file for it."""
+"""`build_fmu`: the own car as an FMU in C for other tools, with its mapping file beside it."""
 
+import hashlib
 import platform
 import tempfile
-import tomllib
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 
-from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.files import atomic_write
+from rt_controller.contract.errors import ConfigError, MissingExtraError
+from rt_controller.contract.files import atomic_write, write_text
 from rt_controller.contract.signals import ControlInput
-from sim_bridge.fmu_export.car_sources import car_sources
-from sim_bridge.fmu_export.compiler import compile_library
-from sim_bridge.fmu_export.description import (
-    MODEL_IDENTIFIER,
-    FmiVersion,
-    build_description,
-    model_description,
-)
-from sim_bridge.fmu_export.variables import fmu_variables
-from sim_bridge.plant.car_parts import RoadParameters
-from sim_bridge.plant.integrate import STEP_S
-from sim_bridge.plant.parameters import load_parameters
+from sim_bridge.fmu_export.description import MODEL_IDENTIFIER, model_description, variables
+from sim_bridge.plant.car_record import car_record
+from sim_bridge.plant.compiler import SOURCES, CompileError, compile_library, find_compiler
+from sim_bridge.plant.library import STEP_S
+from sim_bridge.plant.parameters import Parameters, load_parameters
+from sim_bridge.plant.parts import RoadParameters
 from sim_bridge.plant.protocol import MOTION_FIELDS, PlantOutputs
-from sim_bridge.plant.shipped_cars import CARS_FOLDER
+from sim_bridge.plant.shipped_cars import CARS_FOLDER, DEFAULT_CAR, shipped_cars
 from sim_bridge.toml_file import read_shipped_or_own
 
 _TIME_STAMP = (2020, 1, 1, 0, 0, 0)
 """of all files inside: the same car and compiler give the same bytes"""
 
 
-def write_fmu(file: Path, car: str, version: FmiVersion) -> None:
-    """Write the FMU of a car.
+def build_fmu(file: Path, car: str = DEFAULT_CAR) -> Path:
+    """Write the FMU of a car, a shipped one or a file; returns the path of its mapping file.
 
     Raises:
         MissingExtraError: there is no C compiler.
         ConfigError: there is no such car, it cannot be compiled, or the file cannot be written.
-        UnsupportedCodeError: a function of the plant has no translation to C.
     """
+    if file.suffix != ".fmu":
+        raise ConfigError(f"{file}: expected a name that ends in .fmu. Choose one, as in car.fmu.")
+    mapping = file.with_suffix(".toml")
+    if car not in shipped_cars() and mapping.resolve() == Path(car).resolve():
+        raise ConfigError(
+            f"{file}: expected that its mapping can be written to {mapping}, found the car file "
+            f"there. Choose another name for the FMU."
+        )
     parameters = load_parameters(car)
-    text = read_shipped_or_own(car, CARS_FOLDER, "car")
-    variables = fmu_variables(parameters, _sources_of_values(text))
-    files, token = car_sources(version, parameters, variables)
-    c_files = [name for name in files if name.endswith(".c")]
+    sources = _sources(parameters)
+    token = _token(sources)
+    sources["car_numbers.h"] += f'#define CAR_TOKEN "{token}"\n'
     name = Path(car).stem if car.endswith(".toml") else car
+    c_files = sorted(source for source in sources if source.endswith(".c"))
     content = {
-        "modelDescription.xml": model_description(version, name, token, variables, c_files),
-        "resources/car.toml": text.encode(),
-        **{f"sources/{source}": text_of.encode() for source, text_of in files.items()},
+        "modelDescription.xml": model_description(name, token, variables(parameters.road), c_files),
+        "resources/car.toml": read_shipped_or_own(car, CARS_FOLDER, "car").encode(),
+        f"binaries/{platform_folder()}/{MODEL_IDENTIFIER}.so": _compiled(sources),
+        **{f"sources/{source}": text.encode() for source, text in sources.items()},
     }
-    if version is FmiVersion.FMI3:
-        content["sources/buildDescription.xml"] = build_description(c_files)
-    with tempfile.TemporaryDirectory(prefix="export-fmu-") as folder:
-        for source, text_of in files.items():
-            (Path(folder) / source).write_text(text_of, encoding="utf-8")
-        library = Path(folder) / f"{MODEL_IDENTIFIER}.so"
-        compile_library([Path(folder) / source for source in c_files], library)
-        content[f"binaries/{platform_folder(version)}/{library.name}"] = library.read_bytes()
     _write_archive(file, content)
+    write_text(mapping, mapping_text())
+    return mapping
 
 
-def platform_folder(version: FmiVersion) -> str:
+def platform_folder() -> str:
     """Name of the folder for libraries of this machine."""
     machine = platform.machine()
-    if version is FmiVersion.FMI2 and machine == "x86_64":
-        return "linux64"
-    return f"{machine}-linux"
+    return "linux64" if machine == "x86_64" else f"{machine}-linux"
 
 
 def mapping_text() -> str:
@@ -91,20 +86,42 @@ def mapping_text() -> str:
     return "\n".join(lines) + "\n"
 
 
-def _sources_of_values(text: str) -> dict[str, str]:
-    """By name of a parameter, or of a part that is one entry: where its value comes from."""
-    sources: dict[str, str] = {}
-    for part, entries in tomllib.loads(text).items():
-        if isinstance(entries.get("source"), str):
-            sources[part] = entries["source"]
-            continue
-        for name, entry in entries.items():
-            if isinstance(entry, dict) and "source" in entry:
-                sources[f"{part}.{name}"] = entry["source"]
-    return sources
+def _sources(parameters: Parameters) -> dict[str, str]:
+    """The C files by name: the car, the functions of FMI, and the numbers of this car."""
+    files = [*sorted(SOURCES.iterdir()), Path(__file__).with_name("fmi2.c")]
+    numbers = ", ".join(map(repr, car_record(parameters).tolist()))
+    names = ", ".join(f'"{variable.name}"' for variable in variables(parameters.road))
+    table = (
+        "/* Generated from the car file: its numbers as in Parameters, variable names. */\n\n"
+        f"#define CAR_NUMBER_LIST {numbers}\n\n"
+        f"static const char *const VARIABLE_NAMES[] = {{{names}}};\n\n"
+    )
+    return {file.name: file.read_text("utf-8") for file in files} | {"car_numbers.h": table}
 
 
-def _write_archive(file: Path, content: dict[str, bytes]) -> None:
+def _token(sources: Mapping[str, str]) -> str:
+    digest = hashlib.sha256(repr(sorted(sources.items())).encode()).hexdigest()
+    return f"{{{digest[:8]}-{digest[8:12]}-{digest[12:16]}-{digest[16:20]}-{digest[20:32]}}}"
+
+
+def _compiled(sources: Mapping[str, str]) -> bytes:
+    try:
+        find_compiler()
+    except CompileError as error:
+        raise MissingExtraError(f"export-fmu: {error}.") from error
+    with tempfile.TemporaryDirectory(prefix="export-fmu-") as place:
+        folder = Path(place)
+        for name, text in sources.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        library = folder / f"{MODEL_IDENTIFIER}.so"
+        try:
+            compile_library(sorted(folder.glob("*.c")), library)
+        except CompileError as error:
+            raise ConfigError(str(error)) from error
+        return library.read_bytes()
+
+
+def _write_archive(file: Path, content: Mapping[str, bytes]) -> None:
     try:
         with atomic_write(file) as out, zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
             for name in sorted(content):

@@ -1,208 +1,223 @@
-"""`model_description`: the modelDescription.xml of the exported FMU, for FMI 2 and FMI 3."""
+"""`model_description`: the variables of the exported FMU and its modelDescription.xml, FMI 2.0."""
 
 from collections.abc import Sequence
-from enum import IntEnum
-from math import inf, nextafter
+from math import pi
+from typing import NamedTuple
 from xml.etree import ElementTree as Xml
 
-from sim_bridge.fmu_export.exported_car import STATE_FIELDS
-from sim_bridge.fmu_export.fmu_units import FmuUnit, display_unit_of
-from sim_bridge.fmu_export.variables import FmuVariable, Role
-from sim_bridge.plant.integrate import STEP_S
+from sim_bridge.plant.library import STEP_S
+from sim_bridge.plant.parts import STEEPEST_RAD, RoadParameters
+from sim_bridge.plant.protocol import FASTEST_START_MPS, MOTION_FIELDS, PlantOutputs
 
 MODEL_IDENTIFIER = "rt_controller_car"
+POSE_FIELDS = ("s_m", "ey_m", "epsi_rad")
+STATE_FIELDS = (*MOTION_FIELDS, *POSE_FIELDS)
+"""outputs that are states, on which no input acts directly"""
+OUTPUT_FIELDS = (*STATE_FIELDS, *(f"out_{name}" for name in PlantOutputs._fields))
+"""names of the outputs; further ones have a prefix, since `throttle` is an input too"""
 _STOP_S = 10.0
-_LARGEST = 1e300
-"""limits of this size are none"""
-_CAUSALITY = {
-    Role.TIME: "independent",
-    Role.INPUT: "input",
-    Role.FIXED: "parameter",
-    Role.TUNABLE: "parameter",
-    Role.OUTPUT: "output",
+
+
+class Variable(NamedTuple):
+    """A variable; its value reference is its place in the list, as in `Values` in fmi2.c."""
+
+    name: str
+    causality: str
+    variability: str
+    description: str
+    start: float | None = None
+    least: float | None = None
+    most: float | None = None
+
+
+_DESCRIPTIONS = {
+    "vx_mps": "velocity of the centre of gravity, forward",
+    "vy_mps": "velocity of the centre of gravity, to the left",
+    "yaw_rate_radps": "yaw rate, positive to the left",
+    "s_m": "progress along the reference line; on a straight road the position x",
+    "ey_m": "distance to the left of the reference line; on a straight road the position y",
+    "epsi_rad": "heading relative to the reference line; on a straight road the yaw angle",
+    "out_roll_rad": "roll, positive: the right side is lower",
+    "out_pitch_rad": "pitch, positive: the nose is lower",
+    "out_throttle": "opening of the throttle, after its lag",
+    "out_brake_mpa": "brake pressure of the front circuit",
+    "out_steering_wheel_nm": "torque at the steering wheel without power assistance",
 }
-_VARIABILITY = {Role.FIXED: "fixed", Role.TUNABLE: "tunable"}
 
 
-class FmiVersion(IntEnum):
-    """A supported version of FMI."""
+def variables(road: RoadParameters) -> list[Variable]:
+    """All variables; `road` is that of the car file."""
+    positive = {"least": 1e-6}
+    slope = {"least": -STEEPEST_RAD, "most": STEEPEST_RAD}
+    limits = {"friction_left": positive, "friction_right": positive}
+    limits |= {"bank_rad": slope, "grade_rad": slope}
+    inputs = (
+        ("throttle", "accelerator pedal; limited to 0..1", 0.0, 1.0),
+        ("brake_n", "force on the brake pedal; negative values count as 0", 0.0, None),
+        ("steer_rad", "angle of the steering wheel, positive to the left", None, None),
+        ("curvature_per_m", "of the road, positive to the left; for s, e_y, e_psi", None, None),
+    )
+    starts = (
+        Variable("v0_mps", *_FIXED, "initial speed", 20.0, 0.0, FASTEST_START_MPS),
+        Variable("ey0_m", *_FIXED, "initial distance to the left of the reference line", 0.0),
+        Variable("epsi0_rad", *_FIXED, "initial heading relative to the reference line", 0.0),
+    )
+    return [
+        Variable("time", "independent", "continuous", "simulated time"),
+        *(
+            Variable(name, "input", "continuous", text, 0.0, least, most)
+            for name, text, least, most in inputs
+        ),
+        *starts,
+        *(
+            Variable(
+                f"road.{name}", "parameter", "tunable", _words(f"road_{name}"), value,
+                **limits.get(name, {}),
+            )
+            for name, value in road._asdict().items()
+        ),
+        *(
+            Variable(
+                name, "output", "discrete" if name == "out_gear" else "continuous",
+                _DESCRIPTIONS.get(name) or _words(name.removeprefix("out_")),
+            )
+            for name in OUTPUT_FIELDS
+        ),
+    ]  # fmt: skip
 
-    FMI2 = 2
-    FMI3 = 3
+
+_FIXED = ("parameter", "fixed")
+
+
+class _Unit(NamedTuple):
+    """Value in SI base units = factor * value."""
+
+    name: str
+    exponents: dict[str, int]
+    factor: float = 1.0
+    display: tuple[str, float] | None = None
+    """a unit for people: displayed value = factor * value"""
+
+
+_DEG = ("deg", 180.0 / pi)
+_UNITS = {
+    "m": _Unit("m", {"m": 1}),
+    "s": _Unit("s", {"s": 1}),
+    "rad": _Unit("rad", {"rad": 1}, display=_DEG),
+    "n": _Unit("N", {"kg": 1, "m": 1, "s": -2}),
+    "nm": _Unit("N.m", {"kg": 1, "m": 2, "s": -2}),
+    "mpa": _Unit("MPa", {"kg": 1, "m": -1, "s": -2}, 1e6),
+    "mps": _Unit("m/s", {"m": 1, "s": -1}, display=("km/h", 3.6)),
+    "mps2": _Unit("m/s2", {"m": 1, "s": -2}),
+    "radps": _Unit("rad/s", {"rad": 1, "s": -1}, display=("deg/s", 180.0 / pi)),
+    "rpm": _Unit("rpm", {"rad": 1, "s": -1}, pi / 30.0),
+    "per_m": _Unit("1/m", {"m": -1}),
+}
+"""by the end of a name; a name that ends otherwise is a number without unit"""
+_NO_UNIT = _Unit("1", {})
+
+
+def _unit_of(name: str) -> _Unit:
+    if name == "time":
+        return _UNITS["s"]
+    if name.endswith("_per_m"):
+        return _UNITS["per_m"]
+    return _UNITS.get(name.rpartition("_")[2], _NO_UNIT) if "_" in name else _NO_UNIT
+
+
+def _words(name: str) -> str:
+    """The name in words, without its unit."""
+    first, *words = name.split("_")
+    return " ".join((first, *(words[:-1] if words and words[-1] in _UNITS else words)))
 
 
 def model_description(
-    version: FmiVersion,
-    name: str,
-    token: str,
-    variables: Sequence[FmuVariable],
-    source_files: Sequence[str],
+    car: str, token: str, listed: Sequence[Variable], source_files: Sequence[str]
 ) -> bytes:
-    """The file as XML.
-
-    Args:
-        name: of the car.
-        token: that the library compares at instantiation.
-        source_files: C files in `sources/`.
-    """
-    is_fmi2 = version is FmiVersion.FMI2
+    """The file as XML; `token` is what the library compares at instantiation."""
     root = Xml.Element(
         "fmiModelDescription",
         {
-            "fmiVersion": "2.0" if is_fmi2 else "3.0",
-            "modelName": name,
-            "guid" if is_fmi2 else "instantiationToken": token,
-            "description": f"Nonlinear car {name}, integrated with steps of at most {STEP_S} s",
+            "fmiVersion": "2.0",
+            "modelName": car,
+            "guid": token,
+            "description": f"Nonlinear car {car}, integrated with steps of at most {STEP_S} s",
             "author": "rt-controller",
             "license": "Apache-2.0",
             "generationTool": "rt-controller, sim-bridge export-fmu",
             "variableNamingConvention": "structured",
         },
     )
-    simulation = Xml.SubElement(root, "CoSimulation", _capabilities(is_fmi2))
-    if is_fmi2:
-        files = Xml.SubElement(simulation, "SourceFiles")
-        for file in source_files:
-            Xml.SubElement(files, "File", {"name": file})
-    _write_units(root, variables)
-    categories = Xml.SubElement(root, "LogCategories")
-    Xml.SubElement(categories, "Category", {"name": "logStatusError"})
-    Xml.SubElement(
-        root,
-        "DefaultExperiment",
-        {"startTime": "0", "stopTime": repr(_STOP_S), "stepSize": repr(STEP_S)},
-    )
-    listed = Xml.SubElement(root, "ModelVariables")
-    for reference, variable in enumerate(variables):
-        (_add_fmi2 if is_fmi2 else _add_fmi3)(listed, variable, reference)
-    _write_structure(root, variables, is_fmi2)
-    return _text(root)
-
-
-def build_description(source_files: Sequence[str]) -> bytes:
-    """The buildDescription.xml that FMI 3 has beside its sources."""
-    root = Xml.Element("fmiBuildDescription", {"fmiVersion": "3.0"})
-    configuration = Xml.SubElement(
-        root, "BuildConfiguration", {"modelIdentifier": MODEL_IDENTIFIER}
-    )
-    files = Xml.SubElement(configuration, "SourceFileSet", {"language": "C99"})
-    for file in source_files:
-        Xml.SubElement(files, "SourceFile", {"name": file})
-    Xml.SubElement(configuration, "Library", {"name": "m", "external": "true"})
-    return _text(root)
-
-
-def _text(root: Xml.Element) -> bytes:
-    Xml.indent(root)
-    return bytes(Xml.tostring(root, encoding="utf-8", xml_declaration=True))
-
-
-def _capabilities(is_fmi2: bool) -> dict[str, str]:
-    state = "FMUstate" if is_fmi2 else "FMUState"
     capabilities = {
         "modelIdentifier": MODEL_IDENTIFIER,
         "needsExecutionTool": "false",
         "canHandleVariableCommunicationStepSize": "true",
         "canBeInstantiatedOnlyOncePerProcess": "false",
-        f"canGetAndSet{state}": "true",
-        f"canSerialize{state}": "true",
-        "maxOutputDerivativeOrder": "0",
+        "canGetAndSetFMUstate": "true",
+        "canSerializeFMUstate": "true",
+        "canNotUseMemoryManagementFunctions": "true",
     }
-    if is_fmi2:
-        return capabilities | {
-            "canInterpolateInputs": "false",
-            "canRunAsynchronuously": "false",
-            "canNotUseMemoryManagementFunctions": "true",
-            "providesDirectionalDerivative": "false",
-        }
-    return capabilities | {
-        "providesDirectionalDerivatives": "false",
-        "providesAdjointDerivatives": "false",
-        "providesIntermediateUpdate": "false",
-        "mightReturnEarlyFromDoStep": "false",
-        "canReturnEarlyAfterIntermediateUpdate": "false",
-        "hasEventMode": "false",
-    }
+    files = Xml.SubElement(Xml.SubElement(root, "CoSimulation", capabilities), "SourceFiles")
+    for file in source_files:
+        Xml.SubElement(files, "File", {"name": file})
+    _add_units(root, listed)
+    categories = Xml.SubElement(root, "LogCategories")
+    Xml.SubElement(categories, "Category", {"name": "logStatusError"})
+    times = {"startTime": "0", "stopTime": repr(_STOP_S), "stepSize": repr(STEP_S)}
+    Xml.SubElement(root, "DefaultExperiment", times)
+    entries = Xml.SubElement(root, "ModelVariables")
+    for reference, variable in enumerate(listed):
+        _add_variable(entries, variable, reference)
+    _add_structure(root, listed)
+    Xml.indent(root)
+    return bytes(Xml.tostring(root, encoding="utf-8", xml_declaration=True))
 
 
-def _write_units(root: Xml.Element, variables: Sequence[FmuVariable]) -> None:
-    units: dict[str, FmuUnit] = {variable.unit.name: variable.unit for variable in variables}
+def _add_units(root: Xml.Element, listed: Sequence[Variable]) -> None:
     definitions = Xml.SubElement(root, "UnitDefinitions")
+    units = {unit.name: unit for unit in (_unit_of(variable.name) for variable in listed)}
     for unit in units.values():
         entry = Xml.SubElement(definitions, "Unit", {"name": unit.name})
-        exponents = {key: getattr(unit, key) for key in ("kg", "m", "s", "rad")}
-        base = {key: str(value) for key, value in exponents.items() if value}
+        base = {name: str(power) for name, power in unit.exponents.items()}
         if unit.factor != 1.0:
             base["factor"] = repr(unit.factor)
         Xml.SubElement(entry, "BaseUnit", base)
-        display = display_unit_of(unit)
-        if display is not None:
-            Xml.SubElement(
-                entry, "DisplayUnit", {"name": display.name, "factor": repr(display.factor)}
-            )
+        if unit.display is not None:
+            name, factor = unit.display
+            Xml.SubElement(entry, "DisplayUnit", {"name": name, "factor": repr(factor)})
 
 
-def _attributes(variable: FmuVariable, reference: int) -> dict[str, str]:
+def _add_variable(entries: Xml.Element, variable: Variable, reference: int) -> None:
     attributes = {
         "name": variable.name,
         "valueReference": str(reference),
         "description": variable.description,
-        "causality": _CAUSALITY[variable.role],
-        "variability": _VARIABILITY.get(
-            variable.role, "discrete" if variable.is_discrete else "continuous"
-        ),
+        "causality": variable.causality,
+        "variability": variable.variability,
     }
-    if variable.role in (Role.FIXED, Role.TUNABLE):
-        attributes["initial"] = "exact"
-    if variable.role is Role.OUTPUT:
-        attributes["initial"] = "calculated"
-    return attributes
+    if variable.causality in ("parameter", "output"):
+        is_parameter = variable.causality == "parameter"
+        attributes["initial"] = "exact" if is_parameter else "calculated"
+    unit = _unit_of(variable.name)
+    real = {"unit": unit.name}
+    if unit.display is not None:
+        real["displayUnit"] = unit.display[0]
+    numbers = (("min", variable.least), ("max", variable.most), ("start", variable.start))
+    real |= {name: repr(float(number)) for name, number in numbers if number is not None}
+    Xml.SubElement(Xml.SubElement(entries, "ScalarVariable", attributes), "Real", real)
 
 
-def _real(variable: FmuVariable) -> dict[str, str]:
-    real = {"unit": variable.unit.name}
-    display = display_unit_of(variable.unit)
-    if display is not None:
-        real["displayUnit"] = display.name
-    if variable.limits.lower > -_LARGEST:
-        # FMI knows no limit that is excluded itself.
-        least = nextafter(variable.limits.lower, inf)
-        real["min"] = repr(least if variable.limits.excludes_lower else variable.limits.lower)
-    if variable.limits.upper < _LARGEST:
-        real["max"] = repr(variable.limits.upper)
-    if variable.start is not None:
-        real["start"] = repr(float(variable.start))
-    return real
-
-
-def _add_fmi2(listed: Xml.Element, variable: FmuVariable, reference: int) -> None:
-    entry = Xml.SubElement(listed, "ScalarVariable", _attributes(variable, reference))
-    Xml.SubElement(entry, "Real", _real(variable))
-
-
-def _add_fmi3(listed: Xml.Element, variable: FmuVariable, reference: int) -> None:
-    Xml.SubElement(listed, "Float64", _attributes(variable, reference) | _real(variable))
-
-
-def _write_structure(root: Xml.Element, variables: Sequence[FmuVariable], is_fmi2: bool) -> None:
+def _add_structure(root: Xml.Element, listed: Sequence[Variable]) -> None:
     """All outputs are unknown at the start: they follow from the settled car.
 
     Motion and place are states, on which no input acts within a communication point. For further
     outputs this is left open, which means that they may depend on all inputs.
     """
     structure = Xml.SubElement(root, "ModelStructure")
-    outputs = [i for i, variable in enumerate(variables) if variable.role is Role.OUTPUT]
-    known = [{"dependencies": ""} if variables[i].name in STATE_FIELDS else {} for i in outputs]
-    if not is_fmi2:
-        for reference, dependencies in zip(outputs, known, strict=True):
-            attributes = {"valueReference": str(reference), **dependencies}
-            Xml.SubElement(structure, "Output", attributes)
-        for reference in outputs:
-            Xml.SubElement(structure, "InitialUnknown", {"valueReference": str(reference)})
-        return
-    group = Xml.SubElement(structure, "Outputs")
-    for reference, dependencies in zip(outputs, known, strict=True):
-        Xml.SubElement(group, "Unknown", {"index": str(reference + 1), **dependencies})
-    group = Xml.SubElement(structure, "InitialUnknowns")
-    for reference in outputs:
-        Xml.SubElement(group, "Unknown", {"index": str(reference + 1)})
+    for group in ("Outputs", "InitialUnknowns"):
+        entries = Xml.SubElement(structure, group)
+        for index, variable in enumerate(listed, 1):
+            if variable.causality == "output":
+                is_state = group == "Outputs" and variable.name in STATE_FIELDS
+                dependencies = {"dependencies": ""} if is_state else {}
+                Xml.SubElement(entries, "Unknown", {"index": str(index), **dependencies})

@@ -6,7 +6,7 @@ the number comes from. The shipped files are in `cars/`.
 """
 
 from functools import cache
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -14,24 +14,21 @@ from pydantic import AfterValidator, PlainValidator, TypeAdapter, ValidationInfo
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.mapping.toml_file import parse
-from sim_bridge.plant import car_parts as parts
-from sim_bridge.plant.car_values import STEEPEST_RAD, value_with_source
-from sim_bridge.plant.contradictions import contradictions
-from sim_bridge.plant.drive import drive_parts as drive
+from sim_bridge.plant import parts
+from sim_bridge.plant.consistency import contradictions
 from sim_bridge.plant.shipped_cars import CARS_FOLDER, DEFAULT_CAR
-from sim_bridge.plant.tyre.tyre_coefficients import NO_TYRE_FILE, TyreFileParameters
-from sim_bridge.plant.tyre.tyre_file import read_tyre_file
+from sim_bridge.plant.tyre_file import NO_TYRE_FILE, TyreFileParameters, read_tyre_file
 from sim_bridge.toml_file import read_shipped_or_own
 
 
 def _read_tyre_file(entry: Any, info: ValidationInfo) -> TyreFileParameters:
     """The tyre file that an entry `{ value = "name.tir", source }` names beside the car file."""
-    name = value_with_source(entry)
+    name = parts.value_with_source(entry)
     if not isinstance(name, str) or not name.endswith(".tir"):
         raise ValueError(f"expected the path of a .tir file, found {name!r}")
     folder = info.context if isinstance(info.context, Path) else Path()
     try:
-        return read_tyre_file(folder / name).parameters
+        return read_tyre_file(folder / name)
     except ConfigError as error:
         raise ValueError(str(error)) from error
 
@@ -45,18 +42,18 @@ class Parameters(NamedTuple):
     body: parts.BodyParameters
     suspension: parts.SuspensionParameters
     tyre: parts.TyreParameters
-    driveline: drive.DrivelineParameters
-    brakes: drive.BrakeParameters
+    driveline: parts.DrivelineParameters
+    brakes: parts.BrakeParameters
     steering: parts.SteeringParameters
     aero: parts.AeroParameters
     road: parts.RoadParameters
-    engine: drive.EngineParameters = drive.NO_ENGINE
-    converter: drive.ConverterParameters = drive.NO_CONVERTER
-    gearbox: drive.GearboxParameters = drive.ONE_GEAR
-    motor: drive.MotorParameters = drive.NO_MOTOR
+    engine: parts.EngineParameters = parts.NO_ENGINE
+    converter: parts.ConverterParameters = parts.NO_CONVERTER
+    gearbox: parts.GearboxParameters = parts.ONE_GEAR
+    motor: parts.MotorParameters = parts.NO_MOTOR
     """an electric motor, in place of engine, converter and gearbox"""
-    anti_lock: drive.AntiLockParameters = drive.NO_ANTI_LOCK
-    traction_control: drive.TractionControlParameters = drive.NO_TRACTION_CONTROL
+    anti_lock: parts.AntiLockParameters = parts.NO_ANTI_LOCK
+    traction_control: parts.TractionControlParameters = parts.NO_TRACTION_CONTROL
     tyre_file: _FromTyreFile = NO_TYRE_FILE
     """coefficients that take the place of the forces of `tyre`"""
 
@@ -90,14 +87,8 @@ def with_road_friction(
         ConfigError: the friction is not a positive number.
     """
     right = friction if friction_right is None else friction_right
-    for value in (friction, right):
-        if not (isfinite(value) and value > 0.0):
-            raise ConfigError(
-                f"road friction: expected a positive number, 1 for the road of the tyre test, "
-                f"found {value}. Dry asphalt is about 0.85, packed snow 0.3."
-            )
     road = parameters.road._replace(friction_left=friction, friction_right=right)
-    return parameters._replace(road=road)
+    return with_road(parameters, road)
 
 
 def with_road(parameters: Parameters, road: parts.RoadParameters) -> Parameters:
@@ -107,22 +98,18 @@ def with_road(parameters: Parameters, road: parts.RoadParameters) -> Parameters:
         ConfigError: a friction is not positive, a slope is above 0.7 rad, or the wind is not a
             number. The message names all such fields.
     """
-    problems = [
-        f"road.{name}: expected a positive number, found {getattr(road, name)}."
-        for name in ("friction_left", "friction_right")
-        if not (isfinite(getattr(road, name)) and getattr(road, name) > 0.0)
-    ]
-    problems += [
-        f"road.{name}: expected a slope between -{STEEPEST_RAD} and {STEEPEST_RAD} rad, found "
-        f"{getattr(road, name)}."
-        for name in ("bank_rad", "grade_rad")
-        if not abs(getattr(road, name)) <= STEEPEST_RAD
-    ]
-    problems += [
-        f"road.{name}: expected a finite number, found {getattr(road, name)}."
-        for name in ("wind_forward_mps", "wind_left_mps")
-        if not isfinite(getattr(road, name))
-    ]
+    steepest = parts.STEEPEST_RAD
+    problems = []
+    for name, value in road._asdict().items():
+        if name.startswith("friction"):
+            is_right, wanted = 0.0 < value < inf, "a positive number, dry asphalt is about 0.85"
+        elif name.startswith("wind"):
+            is_right, wanted = isfinite(value), "a finite number"
+        else:
+            is_right = abs(value) <= steepest
+            wanted = f"a slope between -{steepest} and {steepest} rad"
+        if not is_right:
+            problems.append(f"road.{name}: expected {wanted}, found {value}.")
     if problems:
         raise ConfigError("\n".join(problems))
     return parameters._replace(road=road)
@@ -134,8 +121,7 @@ def with_mass_factor(parameters: Parameters, factor: float) -> Parameters:
     Raises:
         ConfigError: the factor is not a positive number.
     """
-    if not (isfinite(factor) and factor > 0.0):
-        raise ConfigError(f"mass factor: expected a positive number, found {factor}.")
+    _require_positive("mass factor", factor)
     body = parameters.body
     scaled = {
         name: factor * value
@@ -151,10 +137,7 @@ def with_cornering_stiffness(parameters: Parameters, factor: float) -> Parameter
     Raises:
         ConfigError: the factor is not a positive number.
     """
-    if not (isfinite(factor) and factor > 0.0):
-        raise ConfigError(
-            f"factor of the cornering stiffness: expected a positive number, found {factor}."
-        )
+    _require_positive("factor of the cornering stiffness", factor)
     tyre, tyre_file = parameters.tyre, parameters.tyre_file
     return parameters._replace(
         tyre=tyre._replace(cornering_stiffness_npr=factor * tyre.cornering_stiffness_npr),
@@ -162,12 +145,49 @@ def with_cornering_stiffness(parameters: Parameters, factor: float) -> Parameter
     )
 
 
-def _require_consistent(car: Parameters) -> Parameters:
-    problems = "\n".join(
-        contradictions(
-            car.body, car.tyre, car.engine, car.converter, car.gearbox, car.motor, car.tyre_file
-        )
+def _require_positive(name: str, factor: float) -> None:
+    if not 0.0 < factor < inf:
+        raise ConfigError(f"{name}: expected a positive number, found {factor}.")
+
+
+def with_payload(parameters: Parameters, payload: parts.Payload) -> Parameters:
+    """The same car with a load: masses, centres of gravity and moments of inertia change."""
+    body, load_kg = parameters.body, payload.mass_kg
+    if load_kg == 0.0:
+        return parameters
+    mass_kg = body.mass_kg + load_kg
+    forward_m = load_kg * payload.ahead_m / mass_kg
+    sprung_kg = body.sprung_mass_kg + load_kg
+    ahead_of_sprung_m = payload.ahead_m + body.sprung_front_axle_m - body.front_axle_m
+    sprung_forward_m = load_kg * ahead_of_sprung_m / sprung_kg
+    height_m = (body.sprung_mass_kg * body.sprung_height_m + load_kg * payload.height_m) / sprung_kg
+    # Parallel axes: both masses move against the new centre of gravity.
+    vertical_kgm2 = (
+        body.sprung_mass_kg * (height_m - body.sprung_height_m) ** 2
+        + load_kg * (payload.height_m - height_m) ** 2
     )
+    along_kgm2 = (
+        body.sprung_mass_kg * sprung_forward_m**2
+        + load_kg * (ahead_of_sprung_m - sprung_forward_m) ** 2
+    )
+    yaw_kgm2 = body.mass_kg * forward_m**2 + load_kg * (payload.ahead_m - forward_m) ** 2
+    loaded = body._replace(
+        mass_kg=mass_kg,
+        yaw_inertia_kgm2=body.yaw_inertia_kgm2 + yaw_kgm2,
+        front_axle_m=body.front_axle_m - forward_m,
+        rear_axle_m=body.rear_axle_m + forward_m,
+        sprung_mass_kg=sprung_kg,
+        sprung_roll_inertia_kgm2=body.sprung_roll_inertia_kgm2 + vertical_kgm2,
+        sprung_pitch_inertia_kgm2=body.sprung_pitch_inertia_kgm2 + vertical_kgm2 + along_kgm2,
+        sprung_front_axle_m=body.sprung_front_axle_m - sprung_forward_m,
+        sprung_rear_axle_m=body.sprung_rear_axle_m + sprung_forward_m,
+        sprung_height_m=height_m,
+    )
+    return parameters._replace(body=loaded)
+
+
+def _require_consistent(car: Parameters) -> Parameters:
+    problems = "\n".join(contradictions(car))
     if problems:
         raise ValueError(problems)
     return car

@@ -20,21 +20,14 @@ MOTION_FIELDS = ("vx_mps", "vy_mps", "yaw_rate_radps")
 class RoadAt(NamedTuple):
     """The ground and the air at the place of the car, constant over one period."""
 
-    curvature_per_m: float
-    """of the reference line, positive to the left"""
-    curvature_change_per_m2: float
-    """derivative of the curvature with respect to arc length"""
-    friction_left: float
-    """under the left wheels; 1 is the road of the tyre test"""
+    curvature_per_m: float  # of the reference line, positive to the left
+    curvature_change_per_m2: float  # derivative of the curvature with respect to arc length
+    friction_left: float  # under the left wheels; 1 is the road of the tyre test
     friction_right: float
-    bank_rad: float
-    """cross slope, positive if the left side of the road is higher"""
-    grade_rad: float
-    """positive uphill"""
-    wind_forward_mps: float
-    """speed of the air over ground along the car, positive: tail wind"""
-    wind_left_mps: float
-    """speed of the air over ground across the car, positive towards the left"""
+    bank_rad: float  # cross slope, positive if the left side of the road is higher
+    grade_rad: float  # positive uphill
+    wind_forward_mps: float  # speed of the air over ground along the car, positive: tail wind
+    wind_left_mps: float  # speed of the air over ground across the car, positive towards the left
 
 
 class PlantOutputs(NamedTuple):
@@ -43,25 +36,20 @@ class PlantOutputs(NamedTuple):
     Positive roll lowers the right side, positive pitch the nose.
     """
 
-    ax_mps2: float = nan
-    """acceleration of the centre of gravity, body axes"""
+    ax_mps2: float = nan  # acceleration of the centre of gravity, body axes
     ay_mps2: float = nan
     sideslip_rad: float = nan
     roll_rad: float = nan
     pitch_rad: float = nan
     gear: float = nan
     engine_rpm: float = nan
-    throttle: float = nan
-    """throttle opening, after actuator lags"""
-    brake_mpa: float = nan
-    """of the front circuit"""
+    throttle: float = nan  # throttle opening, after actuator lags
+    brake_mpa: float = nan  # of the front circuit
     road_wheel_rad: float = nan
     """angle of the front wheels against the body with roll steer and compliance, their mean"""
     turbine_rpm: float = nan
-    wind_up_rad: float = nan
-    """twist of the drive shafts"""
-    travel_front_left_m: float = nan
-    """of each wheel towards the body"""
+    wind_up_rad: float = nan  # twist of the drive shafts
+    travel_front_left_m: float = nan  # of each wheel towards the body
     travel_front_right_m: float = nan
     travel_rear_left_m: float = nan
     travel_rear_right_m: float = nan
@@ -76,8 +64,7 @@ class PlantOutputs(NamedTuple):
     accelerometer_forward_mps2: float = nan
     """reading of an accelerometer at the centre of gravity of the body, fixed to it: it contains
     gravity along its axis if the body pitches or the road has a grade"""
-    accelerometer_left_mps2: float = nan
-    """the same to the left, with roll and bank"""
+    accelerometer_left_mps2: float = nan  # the same to the left, with roll and bank
     steering_wheel_nm: float = nan
     """torque at the steering wheel without power assistance, positive to the left"""
     engine_nm: float = nan

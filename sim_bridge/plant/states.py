@@ -14,50 +14,37 @@ from typing import NamedTuple
 class StateIndex(NamedTuple):
     """Positions in the state vector."""
 
-    vx_mps: int
-    """velocity of the centre of gravity of the whole car, body axes"""
+    vx_mps: int  # velocity of the centre of gravity of the whole car, body axes
     vy_mps: int
     yaw_rate_radps: int
-    heave_m: int
-    """rise of the sprung mass above its position at rest"""
+    heave_m: int  # rise of the sprung mass above its position at rest
     heave_rate_mps: int
     roll_rad: int
     roll_rate_radps: int
     pitch_rad: int
     pitch_rate_radps: int
-    rise_m: int
-    """four wheels: rise above the position at rest"""
-    rise_rate_mps: int
-    """four wheels"""
-    spin_radps: int
-    """four wheels: rotational speed"""
+    rise_m: int  # four wheels: rise above the position at rest
+    rise_rate_mps: int  # four wheels
+    spin_radps: int  # four wheels: rotational speed
     lateral_slip: int
     """four wheels: lagged tangent of the slip angle, positive if the force points left"""
-    longitudinal_slip: int
-    """four wheels: lagged slip ratio, positive if the wheel drives"""
+    longitudinal_slip: int  # four wheels: lagged slip ratio, positive if the wheel drives
     road_wheel_rad: int
     """front road-wheel angle at the steering, without roll steer and give of the bushings"""
     road_wheel_rate_radps: int
     front_compliance_rad: int
     """angle of the front wheels from the give of the bushings, positive to the left"""
     rear_compliance_rad: int
-    contact_twist_rad: int
-    """twist of the contact patches of the front tyres against the ground"""
-    throttle: int
-    """throttle opening after the actuator lag"""
-    brake_mpa: int
-    """four wheels: brake pressure before the anti-lock valves"""
+    contact_twist_rad: int  # twist of the contact patches of the front tyres against the ground
+    throttle: int  # throttle opening after the actuator lag
+    brake_mpa: int  # four wheels: brake pressure before the anti-lock valves
     brake_release: int
     """four wheels: share of the pressure that the anti-lock system takes away, 0..1"""
-    torque_cut: int
-    """share of the drive torque that the traction control takes away, 0..1"""
+    torque_cut: int  # share of the drive torque that the traction control takes away, 0..1
     engine_radps: int
-    turbine_radps: int
-    """turbine of the converter, with the gear sets behind it; an electric motor"""
-    wind_up_rad: int
-    """twist of the drive shafts, at the wheels"""
-    gear: int
-    """engaged or being engaged, 1..6; changes only between steps"""
+    turbine_radps: int  # turbine of the converter, with the gear sets behind it; an electric motor
+    wind_up_rad: int  # twist of the drive shafts, at the wheels
+    gear: int  # engaged or being engaged, 1..6; changes only between steps
     gear_before: int
     since_shift_s: int
 

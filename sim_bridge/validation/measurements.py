@@ -6,7 +6,7 @@ import numpy as np
 
 from sim_bridge.plant.parameters import load_parameters
 from sim_bridge.plant.shipped_cars import DEFAULT_CAR
-from sim_bridge.plant.tyre.tyre_coefficients import NO_TYRE_FILE
+from sim_bridge.plant.tyre_file import NO_TYRE_FILE
 from sim_bridge.validation import (
     cornering,
     cross_check,

@@ -1,13 +1,12 @@
 """Test 1: properties that hold for any car, independent of its parameters."""
 
-from math import radians
+from math import pi, radians
 
 import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import StateColumn
-from sim_bridge.plant.drive.engine import RPM_OF_RADPS
-from sim_bridge.plant.integrate import STEP_S
+from sim_bridge.plant.library import STEP_S
 from sim_bridge.plant.parameters import Parameters
 from sim_bridge.scenario import load_scenario
 from sim_bridge.validation.driver_model import DRIVER_PERIOD_S, PreviewDriver, fit_driver_model
@@ -81,7 +80,7 @@ def _gain(parameters: Parameters, v0_mps: float, steer_rad: float, duration_s: f
 def _kinetic_energy_j(run: Run, parameters: Parameters) -> Array:
     """Kinetic energy of body, wheels and engine; energy in springs and shafts is small."""
     body = parameters.body
-    engine_radps = run.column("engine_rpm") / RPM_OF_RADPS
+    engine_radps = run.column("engine_rpm") * pi / 30.0
     energy_j: Array = 0.5 * (
         body.mass_kg * np.sum(run.motion[:, : StateColumn.yaw_rate_radps] ** 2, axis=1)
         + body.yaw_inertia_kgm2 * run.motion[:, StateColumn.yaw_rate_radps] ** 2

@@ -8,7 +8,7 @@ from numpy import float64
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.physics import GRAVITY_MPS2
-from sim_bridge.plant.integrate import STEP_S, settle, simulate
+from sim_bridge.plant.library import STEP_S, settle, simulate
 from sim_bridge.plant.parameters import Parameters
 from sim_bridge.plant.protocol import PlantOutputs
 from sim_bridge.plant.states import AT

@@ -17,7 +17,7 @@ from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, InputCol
 from sim_bridge import frenet
 from sim_bridge.adapters.own_car import OwnCar
 from sim_bridge.car import Car
-from sim_bridge.plant.integrate import STEP_S, settle, simulate
+from sim_bridge.plant.library import STEP_S, settle, simulate
 from sim_bridge.plant.parameters import Parameters
 from sim_bridge.plant.protocol import PlantOutputs
 

@@ -6,9 +6,9 @@ from math import atan, hypot, nan, radians, tan
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from sim_bridge.plant.car_record import car_record
+from sim_bridge.plant.library import tyre_force
 from sim_bridge.plant.parameters import Parameters
-from sim_bridge.plant.tyre import magic_formula, tyres
-from sim_bridge.plant.tyre.tyres import TyreForce
 from sim_bridge.validation.run import Run, input_table, replay
 
 STOP_MPS = 60.0 / 3.6
@@ -44,25 +44,23 @@ def ellipse_share(parameters: Parameters) -> float:
 
     NaN for a tyre that has no force.
     """
-    largest = 0.0
+    largest, record = 0.0, car_record(parameters)
     for load_n in _LOADS_N:
         for friction in _FRICTIONS:
 
             def left_n(slip: float, n: float = load_n, mu: float = friction) -> float:
-                return abs(_tyre(slip, 0.0, n, mu, parameters).left_n)
+                return abs(tyre_force(slip, 0.0, 0.0, n, mu, record)[1])
 
             def forward_n(slip: float, n: float = load_n, mu: float = friction) -> float:
-                return abs(_tyre(0.0, slip, n, mu, parameters).forward_n)
+                return abs(tyre_force(0.0, slip, 0.0, n, mu, record)[0])
 
             largest_left_n, largest_forward_n = _peak(left_n), _peak(forward_n)
             if not (largest_left_n > 0.0 and largest_forward_n > 0.0):
                 return nan
             for sideways in _SLIPS.tolist():
                 for along in _SLIPS.tolist():
-                    force = _tyre(sideways, along, load_n, friction, parameters)
-                    share = hypot(
-                        force.left_n / largest_left_n, force.forward_n / largest_forward_n
-                    )
+                    force_n = tyre_force(sideways, along, 0.0, load_n, friction, record)
+                    share = hypot(force_n[1] / largest_left_n, force_n[0] / largest_forward_n)
                     largest = max(largest, share)
     return largest
 
@@ -72,16 +70,6 @@ def _peak(force_n: Callable[[float], float]) -> float:
     positive = minimize_scalar(lambda slip: -force_n(slip), bounds=_PEAK_SLIPS)
     negative = minimize_scalar(lambda slip: -force_n(-slip), bounds=_PEAK_SLIPS)
     return -float(min(positive.fun, negative.fun))
-
-
-def _tyre(
-    sideways: float, along: float, load_n: float, friction: float, parameters: Parameters
-) -> TyreForce:
-    """The upright left tyre, from the tyre file if the car has one."""
-    file = parameters.tyre_file
-    if file.fnomin > 0.0:
-        return magic_formula.force(sideways, along, 0.0, load_n, friction, 1.0, file)
-    return tyres.force(sideways, along, 0.0, load_n, friction, parameters.tyre)
 
 
 def _kinematic_share(parameters: Parameters, angle_deg: float) -> float:

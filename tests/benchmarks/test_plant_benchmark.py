@@ -10,7 +10,7 @@ import pytest
 
 from rt_controller.contract.signals import ControlInput
 from sim_bridge.plant.car_record import car_record
-from sim_bridge.plant.integrate import STEP_S, STEPS_PER_PERIOD, advance, settle
+from sim_bridge.plant.library import STEP_S, STEPS_PER_PERIOD, advance, settle
 from sim_bridge.plant.parameters import load_parameters
 from sim_bridge.plant.shipped_cars import shipped_cars
 from sim_bridge.plant.states import AT

@@ -122,7 +122,7 @@ static void stop_at_largest_tilt(double *angle_rad, double *rate_radps) {
 /* Limit slips, valves and tilt angles: the slip of a standing wheel would grow without limit; a car
  * that has rolled over stays on its side. */
 static void bound(State *x, const Parameters *p) {
-    double car_mps = hypot(x->vx_mps, x->vy_mps);
+    double car_mps = length(x->vx_mps, x->vy_mps);
     car_mps += fabs(x->yaw_rate_radps) * p->body.rear_axle_m;
     for (int wheel = 0; wheel < N_WHEELS; wheel++) {
         const double rim_mps = fabs(x->spin_radps[wheel]) * p->tyre.rolling_radius_m;
@@ -300,6 +300,18 @@ void car_outputs(const State *x, const Input *u, const Parameters *p, Outputs *o
         outputs->load_n[wheel] = tyre_load_n(x, wheel, axle, &p->tyre);
         outputs->spin_radps[wheel] = x->spin_radps[wheel];
     }
+}
+
+/* Force of the road on a left tyre, by its file if the car has one. */
+void car_tyre_force(double lateral_slip, double longitudinal_slip, double lean_rad, double load_n,
+                    double road_friction, const Parameters *p, TyreForce *force) {
+    *force = tyre_force(lateral_slip, longitudinal_slip, lean_rad, load_n, road_friction,
+                        side_of(0), p);
+}
+
+/* Brake pressures behind a pedal that is held. */
+void car_steady_pressures(double pedal_n, const Parameters *p, FrontRear *mpa) {
+    *mpa = steady_pressures_mpa(pedal_n, &p->brakes);
 }
 
 /* Numbers of doubles in the structs, with which a caller checks its own layout. */

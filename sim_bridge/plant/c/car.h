@@ -14,6 +14,8 @@
 #error "compile without -ffast-math: the code needs the arithmetic of IEEE 754"
 #endif
 
+#include <math.h>
+
 #include "parameters.h"
 
 #define N_WHEELS 4
@@ -81,6 +83,21 @@ typedef struct {
     double vy_mps;
     double yaw_rate_radps;
 } Motion;
+
+/* Place of the centre of gravity on the road, and the heading against it. */
+typedef struct {
+    double s_m;
+    double ey_m;
+    double epsi_rad;
+} Pose;
+
+/* Curvature over arc length, as polynomials of third order: for each piece its start and four
+ * coefficients, in ascending powers of the distance from it. */
+typedef struct {
+    int n_pieces;
+    const double *starts_m;
+    const double *coefficients;
+} Curvature;
 
 /* In the order of `PlantOutputs` in Python. */
 typedef struct {
@@ -184,6 +201,9 @@ static inline double limited(double value, double low, double high) {
     return smaller(high, larger(low, value));
 }
 
+/* Of a vector; `hypot` guards against overflow and takes four times as long. */
+static inline double length(double one, double other) { return sqrt(one * one + other * other); }
+
 /* 1 for a left wheel, -1 for a right one. */
 static inline double side_of(int wheel) { return wheel % 2 == 0 ? 1.0 : -1.0; }
 
@@ -197,7 +217,7 @@ SlipRates lateral_relaxation(double slip, double forward_mps, double left_mps, d
 SlipRates longitudinal_relaxation(double slip, double forward_mps, double rim_mps, double load_n,
                                   const TyreParameters *tyre);
 TyreForce tyre_force(double lateral_slip, double longitudinal_slip, double lean_rad, double load_n,
-                     double road_friction, const TyreParameters *tyre);
+                     double road_friction, double side, const Parameters *p);
 TyreForce tyre_file_force(double lateral_slip, double longitudinal_slip, double lean_rad,
                           double load_n, double road_friction, double mirror,
                           const TyreFileParameters *t);
@@ -260,5 +280,15 @@ EXPORTED void car_simulate(State *x, const Input *inputs, const RoadParameters *
 EXPORTED void car_settle(double v0_mps, const Parameters *p, State *x);
 EXPORTED void car_outputs(const State *x, const Input *u, const Parameters *p, Outputs *outputs);
 EXPORTED void car_sizes(int *n_states, int *n_parameters, int *n_outputs);
+EXPORTED void car_tyre_force(double lateral_slip, double longitudinal_slip, double lean_rad,
+                             double load_n, double road_friction, const Parameters *p,
+                             TyreForce *force);
+EXPORTED void car_steady_pressures(double pedal_n, const Parameters *p, FrontRear *mpa);
+EXPORTED void road_step(const Motion *before, const Motion *after, double curvature_per_m,
+                        double step_s, Pose *pose);
+EXPORTED void road_advance(const Motion *before, const Motion *motion, int n_steps,
+                           const Curvature *road, double step_s, Pose *pose);
+EXPORTED void road_poses(const Motion *motion, int n_periods, int steps_per_period,
+                         const Curvature *road, double step_s, Pose *poses);
 
 #endif

@@ -112,7 +112,7 @@ AirForce air_force(const State *x, const Parameters *p) {
     const AeroParameters *aero = &p->aero;
     const double forward_mps = x->vx_mps - p->road.wind_forward_mps;
     const double left_mps = x->vy_mps - p->road.wind_left_mps;
-    const double speed_mps = hypot(forward_mps, left_mps);
+    const double speed_mps = length(forward_mps, left_mps);
     const double per_mps2 = 0.5 * aero->air_density_kgpm3 * aero->area_m2;
     const double side_n = -per_mps2 * aero->side_force_slope * left_mps * speed_mps;
     return (AirForce){

@@ -88,8 +88,8 @@ static double weight(double slip, double other_slip, double steepness) {
  *
  * Friction by similarity: the force on a road of friction mu is mu f(slip / mu), so the stiffness
  * of the tyre does not change. Pacejka 2012, sec. 4.2. */
-TyreForce tyre_force(double lateral_slip, double longitudinal_slip, double lean_rad, double load_n,
-                     double road_friction, const TyreParameters *tyre) {
+static TyreForce own_tyre_force(double lateral_slip, double longitudinal_slip, double lean_rad,
+                                double load_n, double road_friction, const TyreParameters *tyre) {
     if (load_n <= 0.0) {
         return (TyreForce){0.0, 0.0, 0.0};
     }
@@ -106,7 +106,7 @@ TyreForce tyre_force(double lateral_slip, double longitudinal_slip, double lean_
     left_n *= road_friction * weight(sideways, along, tyre->lateral_weight);
     forward_n *= road_friction * weight(along, sideways, tyre->longitudinal_weight);
     /* The weights alone let a diagonal force exceed the friction ellipse by a few percent. */
-    const double share = hypot(forward_n / forward_limit_n, left_n / left_limit_n);
+    const double share = length(forward_n / forward_limit_n, left_n / left_limit_n);
     if (share > road_friction) {
         forward_n *= road_friction / share;
         left_n *= road_friction / share;
@@ -114,8 +114,21 @@ TyreForce tyre_force(double lateral_slip, double longitudinal_slip, double lean_
     /* The trail ends where the whole contact slides, so it depends on the combined slip. */
     const double trail_m =
         tyre->trail_m *
-        cos(tyre->trail_shape * atan(tyre->trail_stiffness * hypot(sideways, along)));
+        cos(tyre->trail_shape * atan(tyre->trail_stiffness * length(sideways, along)));
     return (TyreForce){forward_n, left_n, -trail_m * left_n};
+}
+
+/* Force of the road on one tyre, by its file if the car has one; `side` is that of the wheel. */
+TyreForce tyre_force(double lateral_slip, double longitudinal_slip, double lean_rad, double load_n,
+                     double road_friction, double side, const Parameters *p) {
+    if (p->tyre_file.fnomin == 0.0) {
+        return own_tyre_force(lateral_slip, longitudinal_slip, lean_rad, load_n, road_friction,
+                              &p->tyre);
+    }
+    /* A file is of a tyre of one side; the car has its mirror image on the other side. */
+    const double mirror = p->tyre_file.is_right > 0.0 ? -side : side;
+    return tyre_file_force(lateral_slip, longitudinal_slip, lean_rad, load_n, road_friction, mirror,
+                           &p->tyre_file);
 }
 
 /* Limit of the lagged slips of a slow tyre.

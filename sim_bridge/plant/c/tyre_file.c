@@ -88,7 +88,7 @@ static PureSlip lateral(double slip_angle, double camber, double load_n, double 
 
 /* Slip angle that stands for both slips. */
 static double equivalent(double angle, double ratio) {
-    const double size = atan(hypot(angle, ratio));
+    const double size = atan(length(angle, ratio));
     return angle >= 0.0 ? size : -size;
 }
 
@@ -168,7 +168,7 @@ TyreForce tyre_file_force(double lateral_slip, double longitudinal_slip, double 
     left_n += drag_n;
 
     /* Offsets and weights may leave the friction ellipse: bring the force back to it. */
-    const double share = hypot(forward_n / (x.peak_n + fabs(x.offset_n)),
+    const double share = length(forward_n / (x.peak_n + fabs(x.offset_n)),
                                left_n / (fabs(y.peak_n) + fabs(y.offset_n)));
     if (share > 1.0) {
         forward_n = forward_n / share;

@@ -63,15 +63,8 @@ WheelForce wheel_force(const State *x, int wheel, const Axle *axle, double angle
     const double sideways = x->lateral_slip[wheel] + across.damping;
     const double forward_slip =
         x->longitudinal_slip[wheel] + along.damping * longitudinal_damping_share(p);
-    TyreForce road;
-    if (p->tyre_file.fnomin > 0.0) {
-        /* A file is of a tyre of one side; the car has its mirror image on the other side. */
-        const double mirror = p->tyre_file.is_right > 0.0 ? -side : side;
-        road = tyre_file_force(sideways, forward_slip, lean_rad, load_n, road_friction, mirror,
-                               &p->tyre_file);
-    } else {
-        road = tyre_force(sideways, forward_slip, lean_rad, load_n, road_friction, &p->tyre);
-    }
+    const TyreForce road =
+        tyre_force(sideways, forward_slip, lean_rad, load_n, road_friction, side, p);
     out->rate.lateral_slip[wheel] = across.rate;
     out->decay.lateral_slip[wheel] = across.decay;
     out->rate.longitudinal_slip[wheel] = along.rate;

@@ -1,7 +1,7 @@
 """Open-loop replay: the car with the recorded steering and speed, beside the recording."""
 
 from dataclasses import dataclass
-from math import atan2, radians
+from math import atan2, pi, radians
 from typing import NamedTuple
 
 import numpy as np
@@ -9,9 +9,7 @@ import numpy as np
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import ControlInput
 from sim_bridge.plant.car_record import car_record
-from sim_bridge.plant.drive.engine import RPM_OF_RADPS
-from sim_bridge.plant.integrate import STEP_S, advance, settle
-from sim_bridge.plant.outputs import N_OUTPUTS, write_outputs
+from sim_bridge.plant.library import N_OUTPUTS, STEP_S, advance, settle, write_outputs
 from sim_bridge.plant.parameters import Parameters
 from sim_bridge.plant.protocol import MOTION_FIELDS, PlantOutputs
 from sim_bridge.plant.states import AT, N_STATES, N_WHEELS
@@ -113,7 +111,7 @@ def _drive(parameters: Parameters, recording: Recording, follower: SpeedFollower
         write_outputs(state, control, record, outputs[k])
         if k == n - 1:
             break
-        drive_rpm = float(state[AT.engine_radps]) * RPM_OF_RADPS
+        drive_rpm = float(state[AT.engine_radps]) * 30.0 / pi
         throttle, brake_n = follower.pedals(k, float(rate_mps2[k]), drive_rpm)
         control = ControlInput(throttle, brake_n, float(steer_rad[k]))
         advance(state, control, record, len(steps), STEP_S, steps)

@@ -12,7 +12,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.physics import GRAVITY_MPS2
-from sim_bridge.plant.brakes import steady_pressures_mpa
+from sim_bridge.plant.car_record import car_record
+from sim_bridge.plant.library import steady_pressures_mpa
 from sim_bridge.plant.parameters import Parameters
 
 _SMOOTHING_S = 0.1
@@ -43,9 +44,7 @@ class SpeedFollower:
         self._throttles = np.array(drive.map_throttles)
         self._speeds_rpm = np.array(drive.map_speeds_rpm)
         self._map_nm = np.array(drive.map_nm)
-        self._brake_forces_n = np.array(
-            [_brake_force_n(pedal_n, parameters) for pedal_n in _PEDALS_N.tolist()]
-        )
+        self._brake_forces_n = _brake_forces_n(parameters)
         self._integral_mps2 = 0.0
         self._period_s = period_s
 
@@ -100,9 +99,9 @@ class SpeedFollower:
         return torques_nm
 
 
-def _brake_force_n(pedal_n: float, parameters: Parameters) -> float:
-    """Steady brake force of all wheels."""
-    brakes = parameters.brakes
-    front_mpa, rear_mpa = steady_pressures_mpa(pedal_n, brakes)
-    torque_nm = 2.0 * (brakes.front_nm_per_mpa * front_mpa + brakes.rear_nm_per_mpa * rear_mpa)
-    return torque_nm / parameters.tyre.rolling_radius_m
+def _brake_forces_n(parameters: Parameters) -> Array:
+    """Steady brake force of all wheels for each of `_PEDALS_N`."""
+    brakes, record = parameters.brakes, car_record(parameters)
+    pressures_mpa = np.array([steady_pressures_mpa(pedal_n, record) for pedal_n in _PEDALS_N])
+    torques_nm = 2.0 * pressures_mpa @ (brakes.front_nm_per_mpa, brakes.rear_nm_per_mpa)
+    return np.asarray(torques_nm / parameters.tyre.rolling_radius_m)

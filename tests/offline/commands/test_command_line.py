@@ -364,7 +364,7 @@ def test_options_that_contradict_an_existing_data_set_are_refused(command, toy_f
     assert "40 episodes of seed 3" in err
 
 
-@pytest.mark.parametrize("package", ["torch", "numba", "onnx", "joblib"])
+@pytest.mark.parametrize("package", ["torch", "onnx", "joblib"])
 def test_a_missing_package_exits_3_with_its_install_command(command, monkeypatch, package):
     monkeypatch.setitem(sys.modules, package, None)
     code, _, err = command(cli.train_main)
@@ -376,7 +376,7 @@ def test_a_missing_package_exits_3_with_its_install_command(command, monkeypatch
 def test_the_options_of_the_commands_import_no_heavy_package():
     script = (
         "import sys, offline.cli; "
-        "print([m for m in ('torch', 'numba', 'onnx', 'onnxruntime', 'numpy') if m in sys.modules])"
+        "print([m for m in ('torch', 'onnx', 'onnxruntime', 'numpy') if m in sys.modules])"
     )
     answer = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=True

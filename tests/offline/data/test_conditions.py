@@ -6,8 +6,8 @@ import pytest
 from offline.data.conditions import CONDITIONS, FRICTION_COLUMNS, PATCH_S, draw_conditions
 from offline.data.variation import VARIED, Variation
 from rt_controller.contract.timing import PERIOD_S
-from sim_bridge.plant.car_parts import RoadParameters
 from sim_bridge.plant.parameters import default_car
+from sim_bridge.plant.parts import RoadParameters
 
 PERIODS = 420
 CAR = default_car()

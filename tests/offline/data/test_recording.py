@@ -10,7 +10,7 @@ from offline.data.recording import Anchor, Recording, Starts, cut, possible_star
 from offline.data.signals import VEHICLE_ROLES, Roles, mirror_signs
 from rt_controller.contract.schema import VEHICLE, Schema, Signal
 from sim_bridge.frenet import integrate_poses
-from sim_bridge.plant.integrate import settle, simulate
+from sim_bridge.plant.library import settle, simulate
 from sim_bridge.plant.parameters import default_car
 
 PLAIN = Schema(

@@ -12,10 +12,10 @@ import numpy as np
 from made_tyre import TYRE_FILE_TEXT
 
 from rt_controller.contract.arrays import Array
-from sim_bridge.plant.car_parts import RoadParameters
 from sim_bridge.plant.parameters import Parameters, load_parameters
+from sim_bridge.plant.parts import RoadParameters
 from sim_bridge.plant.shipped_cars import DEFAULT_CAR, shipped_cars
-from sim_bridge.plant.tyre.tyre_file import parse_tyre_file
+from sim_bridge.plant.tyre_file import parse_tyre_file
 
 GOLDEN_FILE = Path(__file__).parents[2] / "sim_bridge" / "plant" / "golden" / "trajectories.npz"
 N_PERIODS = 100
@@ -62,7 +62,7 @@ DRIVES = {
 def golden_cars() -> dict[str, Parameters]:
     """The shipped cars, and the default car with the tyres of a file."""
     cars = {name: load_parameters(name) for name in shipped_cars()}
-    tyre_file = parse_tyre_file(TYRE_FILE_TEXT, "made").parameters
+    tyre_file = parse_tyre_file(TYRE_FILE_TEXT, "made")
     return {**cars, MADE_TYRE: cars[DEFAULT_CAR]._replace(tyre_file=tyre_file)}
 
 
@@ -99,7 +99,7 @@ def trajectories(
 
 
 if __name__ == "__main__":
-    from sim_bridge.plant import integrate
+    from sim_bridge.plant.library import settle, simulate
 
     GOLDEN_FILE.parent.mkdir(exist_ok=True)
-    np.savez_compressed(GOLDEN_FILE, **trajectories(integrate.settle, integrate.simulate))
+    np.savez_compressed(GOLDEN_FILE, **trajectories(settle, simulate))

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import pytest
 
-from sim_bridge.plant import jit
+from sim_bridge.plant.library import car_library
 
 REQUIRED = "SOCKETCAN_REQUIRED"
 """name of the variable with which missing programs fail a test instead of skipping it"""
@@ -22,8 +22,6 @@ INSTALL = "apt-get install user-mode-linux can-utils iproute2 gcc libc6-dev"
 _PROGRAMS = ("linux.uml", "candump", "cansend", "ip", "cc")
 _MEMORY_BYTES = 1 << 30
 _HERE = Path(__file__).parent
-_KERNELS = Path(os.environ.get("NUMBA_CACHE_DIR") or Path(jit.__file__).parent / "__pycache__")
-"""where the car is compiled to; the guest gets a copy, because numba wants to write there"""
 
 
 class Finished(NamedTuple):
@@ -57,8 +55,7 @@ def run(command: list[str], folder: Path, processor_speed: int, timeout_s: float
     """
     results = folder / "results"
     results.mkdir(parents=True)
-    if _KERNELS.is_dir():
-        shutil.copytree(_KERNELS, results / "compiled", ignore=shutil.ignore_patterns("*.pyc"))
+    car_library()  # compiled here, if it is not yet: the guest cannot write
     library = folder / "host_calls.so"
     source = _HERE / "host_calls.c"
     subprocess.run(["cc", "-shared", "-fPIC", "-O2", "-o", library, source, "-ldl"], check=True)
@@ -122,6 +119,5 @@ def _init_script(command: list[str], results: Path) -> str:
         "TMPDIR": "/run",
     }
     kept |= {"PYTHONDONTWRITEBYTECODE": "1", "LANG": "C.UTF-8"}
-    kept |= {"NUMBA_CACHE_DIR": "/run/results/compiled"}
     lines = [f"export {name}={shlex.quote(value)}" for name, value in kept.items()]
     return "\n".join(("#!/bin/sh", *lines, f"exec {shlex.join(map(str, guest))}", ""))

@@ -32,9 +32,9 @@ from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.settings import CarSettings
 from rt_controller.terminal.run import EXIT_DEADLINE, EXIT_SAFE_STOP
 from sim_bridge import cli as bridge_cli
-from sim_bridge.adapters.export import build_fmu
 from sim_bridge.adapters.plants import open_plant
 from sim_bridge.bridge import END_TICKS, Bridge, Delay
+from sim_bridge.fmu_export.archive import build_fmu
 from sim_bridge.scenario import load_scenario
 from sim_bridge.session import build_car
 

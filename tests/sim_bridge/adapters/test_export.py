@@ -14,11 +14,10 @@ from wandering_inputs import wandering_inputs
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import ControlInput
 from rt_controller.settings import CarSettings
-from sim_bridge.adapters.export import build_fmu
 from sim_bridge.adapters.fmu_mapping import load_mapping
 from sim_bridge.adapters.plants import open_plant
 from sim_bridge.car import Car
-from sim_bridge.fmu_export.archive import mapping_text
+from sim_bridge.fmu_export.archive import build_fmu, mapping_text
 from sim_bridge.plant.protocol import RoadAt
 
 pytestmark = needs_c_compiler
@@ -39,10 +38,10 @@ def worst_difference(one: Car, other: Car) -> float:
     return worst
 
 
-@pytest.fixture(scope="module", params=[2, 3], ids=["fmi2", "fmi3"])
-def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     fmu = tmp_path_factory.mktemp("export") / "car.fmu"
-    build_fmu(fmu, fmi=request.param)
+    build_fmu(fmu)
     return fmu
 
 
@@ -127,7 +126,7 @@ def test_the_written_mapping_file_can_be_loaded(tmp_path: Path) -> None:
 
 def test_a_car_file_is_contained_in_the_fmu(front_driven: Path, tmp_path: Path) -> None:
     fmu = tmp_path / "car.fmu"
-    build_fmu(fmu, str(front_driven), fmi=3)
+    build_fmu(fmu, str(front_driven))
     name = str(front_driven)
     own = Car(open_plant(CarSettings(car=name), 0.85), 22.0)
     loaded = Car(open_plant(CarSettings(plant=f"fmu:{fmu}"), 0.85), 22.0)

@@ -114,7 +114,6 @@ def test_a_missing_extra_is_refused_by_name(
         (("--bus", "local", "--friction", "7"), 2, "--friction: expected"),
         (("--bus", "local", "--car", "lorry"), 2, "--car: expected one of"),
         (("export-fmu", "car.zip"), 2, "ends in .fmu"),
-        (("export-fmu", "car.fmu", "--fmi", "1"), 2, "--fmi"),
         (("export-fmu", "car.fmu", "--car", "lorry"), 2, "car 'lorry'"),
     ],
 )
@@ -124,18 +123,6 @@ def test_the_command_line_says_what_it_expected(
 ) -> None:  # fmt: skip
     assert command_line(*arguments) == code
     assert words in " ".join(capsys.readouterr().err.split())
-
-
-@pytest.mark.parametrize(
-    "arguments", [("--bus", "local"), ("validate",), ("export-fmu", "car.fmu")]
-)
-def test_without_the_compiler_the_command_names_its_extra(
-    command_line, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
-    arguments: tuple[str, ...],
-) -> None:  # fmt: skip
-    monkeypatch.setitem(sys.modules, "numba", None)  # for Python: not installed
-    assert command_line(*arguments) == MissingExtraError.exit_code
-    assert "sim-bridge needs numba: expected the extra [sim]" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -160,17 +147,14 @@ def test_help_lists_options_without_importing_compiler_and_tools(
     text, _, modules = ended.stdout.rstrip().rpartition("\n")
     for word in words:
         assert word in text
-    tools = {"numba", "scipy", "fmpy", "vehiclemodels", "plotly"}
+    tools = {"scipy", "fmpy", "vehiclemodels", "plotly"}
     assert not tools & set(modules.split())
     assert "sim_bridge.cli" in modules.split()
 
 
 @needs_c_compiler
-@pytest.mark.parametrize(("options", "version"), [((), "2.0"), (("--fmi", "3"), "3.0")])
-def test_the_command_line_writes_an_fmu_and_its_mapping(
-    command_line, tmp_path: Path, options: tuple[str, ...], version: str
-) -> None:
-    assert command_line("export-fmu", str(tmp_path / "mine.fmu"), *options) == 0
+def test_the_command_line_writes_an_fmu_and_its_mapping(command_line, tmp_path: Path) -> None:
+    assert command_line("export-fmu", str(tmp_path / "mine.fmu")) == 0
     with zipfile.ZipFile(tmp_path / "mine.fmu") as archive:
-        assert f'fmiVersion="{version}"' in archive.read("modelDescription.xml").decode()
+        assert 'fmiVersion="2.0"' in archive.read("modelDescription.xml").decode()
     assert "communication_step_s" in (tmp_path / "mine.toml").read_text()

@@ -1,4 +1,4 @@
-"""Slopes and wind: the car on grades and banked roads, at rest and in motion."""
+"""The car on a road: stepped by the control period, on grades, banked roads and in wind."""
 
 from math import atan, radians
 
@@ -6,20 +6,24 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from wandering_inputs import wandering_inputs
 
-from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.physics import GRAVITY_MPS2
 from rt_controller.contract.signals import ControlInput
+from rt_controller.contract.timing import PERIOD_S
+from sim_bridge import frenet
 from sim_bridge.adapters.own_car import OwnCar
-from sim_bridge.plant.car_parts import RoadParameters
-from sim_bridge.plant.parameters import Parameters, default_car, load_parameters, with_road
+from sim_bridge.car import Car
+from sim_bridge.plant.library import STEP_S, STEPS_PER_PERIOD, settle, simulate
+from sim_bridge.plant.parameters import Parameters, default_car, with_road
+from sim_bridge.plant.parts import RoadParameters
 from sim_bridge.plant.protocol import RoadAt
-from sim_bridge.plant.shipped_cars import shipped_cars
 from sim_bridge.validation.run import cruising_throttle, input_table, replay
 
 CAR = default_car()
 
 DRY = RoadParameters(0.85, 0.85)
+CURVATURE_PER_M = 0.002
 
 
 def on(**fields: float) -> Parameters:
@@ -45,17 +49,18 @@ def test_a_car_without_brake_rolls_down() -> None:
 def test_a_grade_needs_throttle_and_shifts_load_to_the_rear() -> None:
     slope = 0.06
     assert cruising_throttle(on(grade_rad=slope), 22.0) > cruising_throttle(on(), 22.0) + 0.03
-    standing = replay(on(grade_rad=slope), 0.0, input_table(40, brake_n=100.0), 0.025)
-    flat = replay(on(), 0.0, input_table(40, brake_n=100.0), 0.025)
+    standing, flat = (
+        replay(on(grade_rad=each), 0.0, input_table(40, brake_n=100.0), 0.025)
+        for each in (slope, 0.0)
+    )
     height_m, wheelbase_m = 0.507, 2.91
     weight_n = CAR.body.mass_kg * GRAVITY_MPS2
     shifted_n = weight_n * np.sin(slope) * height_m / wheelbase_m
     lighter_n = (1.0 - np.cos(slope)) * flat.loads_n[-1, 2:].sum()
     change_n = standing.loads_n[-1] - flat.loads_n[-1]
     assert change_n[2] + change_n[3] == pytest.approx(shifted_n - lighter_n, rel=0.02)
-    assert standing.loads_n[-1].sum() == pytest.approx(
-        flat.loads_n[-1].sum() * np.cos(slope), rel=1e-4
-    )
+    on_slope_n = flat.loads_n[-1].sum() * np.cos(slope)
+    assert standing.loads_n[-1].sum() == pytest.approx(on_slope_n, rel=1e-4)
 
 
 def test_a_bank_pulls_the_car_down_and_steering_up_the_bank_balances_it() -> None:
@@ -89,20 +94,6 @@ def test_head_wind_costs_throttle() -> None:
     assert against > still + 0.02
 
 
-def test_a_road_may_change_between_two_periods() -> None:
-    """Ice on the left from one period to the next: the car turns right under braking."""
-    car = OwnCar(CAR)
-    car.reset(20.0)
-    control = ControlInput(0.0, 60.0, 0.0)
-    for _ in range(20):
-        straight = car.step(control, 0.025)[-1]
-    assert abs(straight[2]) < 1e-9
-    car.set_road(RoadAt(0.0, 0.0, 0.2, *DRY[1:]))
-    for _ in range(20):
-        turned = car.step(control, 0.025)[-1]
-    assert turned[2] < -0.02
-
-
 def test_a_reset_returns_to_the_road_of_construction() -> None:
     car = OwnCar(CAR)
     first, first_outputs = car.reset(20.0), car.outputs()
@@ -113,38 +104,58 @@ def test_a_reset_returns_to_the_road_of_construction() -> None:
     assert car.parameters == CAR
 
 
-def test_an_impossible_road_is_refused_with_all_its_fields() -> None:
-    with pytest.raises(ConfigError) as refused:
-        with_road(CAR, RoadParameters(0.0, 0.8, 1.2, float("nan"), 0.0, float("inf")))
-    for name in ("friction_left", "bank_rad", "grade_rad", "wind_left_mps"):
-        assert f"road.{name}: expected" in str(refused.value)
-    assert "friction_right" not in str(refused.value)
+def test_a_car_stepped_by_periods_equals_the_simulated_episode() -> None:
+    """To the last bit."""
+    inputs = wandering_inputs(120)
+    car = Car(OwnCar(CAR), 22.0)
+    car.reset(22.0, ey_m=-0.7, epsi_rad=0.03)
+    states = [car.advance(control, CURVATURE_PER_M) for control in inputs]
+
+    motion, _ = simulate(settle(22.0, CAR), np.array(inputs), CAR)
+    poses = frenet.integrate_poses(motion, CURVATURE_PER_M, -0.7, 0.03, STEPS_PER_PERIOD, STEP_S)
+    seen = np.array(states)
+    np.testing.assert_array_equal(seen[:, :3], motion[STEPS_PER_PERIOD::STEPS_PER_PERIOD])
+    np.testing.assert_array_equal(seen[:, 3], np.diff(poses[:, frenet.S]))
+    np.testing.assert_array_equal(seen[:, 4:], poses[1:, 1:])
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
-@given(
-    name=st.sampled_from(shipped_cars()),
-    v0_kmh=st.floats(0.0, 200.0),
-    bank=st.floats(-0.3, 0.3),
-    grade=st.floats(-0.3, 0.3),
-    wind=st.tuples(st.floats(-30.0, 30.0), st.floats(-30.0, 30.0)),
-    friction=st.floats(0.1, 1.2),
-    seed=st.integers(0, 2**32 - 1),
-)
-def test_random_driving_on_any_road_stays_finite(
-    name: str,
-    v0_kmh: float,
-    bank: float,
-    grade: float,
-    wind: tuple[float, float],
-    friction: float,
-    seed: int,
-) -> None:
-    road = RoadParameters(friction, friction, bank, grade, *wind)
-    car = with_road(load_parameters(name), road)
-    rng = np.random.default_rng(seed)
-    held = np.repeat(rng.uniform((-0.5, -300.0, -8.0), (1.0, 400.0, 8.0), (8, 3)), 20, axis=0)
-    run = replay(car, v0_kmh / 3.6, np.maximum(held, (0.0, 0.0, -8.0)), 0.025)
-    assert np.all(np.isfinite(run.motion))
-    assert np.all(np.isfinite(run.outputs))
-    assert run.loads_n.min() >= 0.0
+def test_a_road_that_changes_by_the_period_acts_as_behind_the_bridge() -> None:
+    """To the last bit."""
+    inputs = wandering_inputs(80)
+    k = np.arange(80)
+    flat = np.tile(np.array(CAR.road), (80, 1))
+    roads = flat + 0.02 * np.sin(0.1 * k[:, None] + np.arange(6))
+    roads[40:, 0] = 0.4
+    at_start = CAR._replace(road=RoadParameters(*roads[0].tolist()))
+    car = OwnCar(at_start)
+    stepped = [car.reset(22.0)]
+    for control, row in zip(inputs, roads.tolist(), strict=True):
+        car.set_road(RoadAt(0.0, 0.0, *row))
+        stepped.append(car.step(control, PERIOD_S)[-1].copy())
+    motion, _ = simulate(settle(22.0, at_start), np.array(inputs), at_start, roads=roads)
+    np.testing.assert_array_equal(np.array(stepped), motion[::STEPS_PER_PERIOD])
+    on_flat, _ = simulate(settle(22.0, at_start), np.array(inputs), at_start)
+    assert np.abs(motion - on_flat).max() > 0.05
+
+
+def test_runs_after_a_reset_are_equal_and_other_cars_do_not_move() -> None:
+    inputs = wandering_inputs(30)
+    car, other = Car(OwnCar(CAR), 25.0), Car(OwnCar(CAR), 25.0)
+    before = other.plant.outputs()
+    first = [car.advance(control, 0.0) for control in inputs]
+    assert other.plant.outputs() == before
+    assert sum(state.ds_m for state in first) == pytest.approx(car.s_m)
+    assert car.reset(25.0) == (25.0, 0.0, 0.0, 25.0 * 0.025, 0.0, 0.0)
+    assert [car.advance(control, 0.0) for control in inputs] == first
+
+
+def test_outputs_belong_to_the_current_state() -> None:
+    car = Car(OwnCar(CAR), 25.0)
+    for _ in range(40):
+        state = car.advance(ControlInput(0.2, 0.0, np.radians(20.0)), 0.0)
+    outputs = car.plant.outputs()
+    assert outputs.ay_mps2 == pytest.approx(state.yaw_rate_radps * state.vx_mps, rel=0.05)
+    assert outputs.roll_rad > 0.0
+    assert outputs.throttle == pytest.approx(0.2, abs=0.01)
+    assert outputs.gear == 6.0
+    assert outputs == car.plant.outputs()

@@ -45,10 +45,14 @@ def test_a_body_that_turns_with_the_road_stays_on_it(interpolation: Interpolatio
 
 
 def test_the_compiled_curvature_is_that_of_the_table() -> None:
+    """A car that does not turn loses heading by the curvature times its way."""
     curvature = through((3.0, 20.0, 50.0), (0.002, 0.01, -0.008), Interpolation.SPLINE)
     table = road(curvature).frame()
+    ahead = np.array([[1.0, 0.0, 0.0]])
     for s_m in (-1.0, 3.0, 11.7, 20.0, 49.999, 50.0, 200.0):
-        assert frenet.curvature_at(s_m, table) == pytest.approx(curvature.at(s_m), abs=1e-15)
+        pose = np.array([s_m, 0.0, 0.0])
+        frenet.advance_along(ahead[0], ahead, table, 1e-6, pose)
+        assert -pose[frenet.EPSI] / 1e-6 == pytest.approx(curvature.at(s_m), abs=1e-8)
 
 
 def test_the_ground_at_the_car_has_all_quantities() -> None:
