@@ -1,9 +1,10 @@
-"""Settings of the whole suite: threads of the linear algebra, garbage collector, order of tests."""
+"""Settings of the whole suite: threads of the linear algebra, garbage collector."""
 
 import gc
 import os
 import signal
 from collections.abc import Iterator
+from itertools import count
 
 import pytest
 from hypothesis import settings
@@ -23,12 +24,18 @@ settings.register_profile("explore", derandomize=False, deadline=None)
 settings.load_profile("repeatable")
 
 
+_tests_between_collections = count()
+
+
 def pytest_runtest_setup() -> None:
     """Keep the collector from looking at the imported modules, which takes a third of a second.
 
-    A drive ends this with `gc.unfreeze`. To ask whether it holds (`gc.get_freeze_count`) takes
-    50 ms, to freeze again less than 1 us.
+    A drive ends this with `gc.unfreeze`. What is frozen is never collected, so from time to time
+    everything is looked at.
     """
+    if next(_tests_between_collections) % 50 == 0:
+        gc.unfreeze()
+        gc.collect()
     gc.freeze()
 
 
