@@ -25,7 +25,7 @@ from rt_controller.report.table import Fact, facts_table, print_table
 from rt_controller.settings import VIRTUAL
 from rt_controller.terminal.command_line import print_error
 from rt_controller.terminal.log_summary import log_to_json
-from rt_controller.terminal.progress import COMPILING, Line, announce, show, watch
+from rt_controller.terminal.progress import SETTLING, Line, announce, show, watch
 from rt_controller.terminal.stop_signals import stop_on_signals
 from rt_controller.terminal.streams import lost_output
 from sim_bridge.bridge import Bridge
@@ -67,7 +67,7 @@ def run_at_terminal(options: "BridgeOptions") -> int:
             recorder = open_recorder(options.record, options.channel, replaces=options.overwrite)
             if recorder is not None:
                 opened.callback(recorder.close)
-            with announce(COMPILING, options.quiet):
+            with announce(SETTLING, options.quiet):
                 session = open_session(
                     options,
                     options.scenario,
