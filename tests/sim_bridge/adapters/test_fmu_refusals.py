@@ -43,12 +43,6 @@ def test_a_mapping_that_does_not_fit_is_refused(
     assert words in str(refused.value)
 
 
-def test_a_unit_that_the_fmu_contradicts_is_refused(foreign_car: Path) -> None:
-    rewrite_description(foreign_car, "<Real/>", '<Real unit="m/s"/>')
-    with pytest.raises(ConfigError, match="FMU's own unit 'm/s', found 'km/h'"):
-        open_fmu_plant(foreign_car, None, 0.85)
-
-
 def test_an_initial_speed_that_the_fmu_does_not_take_is_refused(foreign_car: Path) -> None:
     remap(foreign_car, 'vx_mps = {variable = "v0_kmh", unit = "km/h"}\n', "")
     plant = open_fmu_plant(foreign_car, None, 0.85)
@@ -66,20 +60,23 @@ def test_an_initial_motion_that_is_nan_is_refused(foreign_car: Path) -> None:
     plant.close()
 
 
-def test_a_missing_mapping_file_is_refused_by_name(foreign_car: Path) -> None:
-    foreign_car.with_suffix(".toml").unlink()
-    with pytest.raises(ConfigError, match=r"Foreign\.toml.*plant_mapping"):
+def test_what_is_no_fmu_with_a_mapping_is_refused_by_name(foreign_car: Path) -> None:
+    mapping, content = foreign_car.with_suffix(".toml"), foreign_car.read_bytes()
+    with zipfile.ZipFile(foreign_car) as source:
+        description = source.read("modelDescription.xml")
+    with zipfile.ZipFile(foreign_car, "w") as bare:
+        bare.writestr("modelDescription.xml", description)
+    with pytest.raises(ConfigError, match="with libraries for no platform"):
         open_fmu_plant(foreign_car, None, 0.85)
-
-
-def test_a_missing_fmu_is_refused_by_name(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"car\.fmu: expected an FMU, found no such file"):
-        open_fmu_plant(tmp_path / "car.fmu", None, 0.85)
-
-
-def test_a_file_that_is_no_fmu_is_refused(foreign_car: Path) -> None:
     foreign_car.write_text("no FMU")
     with pytest.raises(ConfigError, match="expected an FMU"):
+        open_fmu_plant(foreign_car, None, 0.85)
+    foreign_car.unlink()
+    with pytest.raises(ConfigError, match=r"Foreign\.fmu: expected an FMU, found no such file"):
+        open_fmu_plant(foreign_car, None, 0.85)
+    foreign_car.write_bytes(content)
+    mapping.unlink()
+    with pytest.raises(ConfigError, match=r"Foreign\.toml.*plant_mapping"):
         open_fmu_plant(foreign_car, None, 0.85)
 
 
@@ -88,6 +85,7 @@ def test_a_file_that_is_no_fmu_is_refused(foreign_car: Path) -> None:
     [
         ("CoSimulation", "ModelExchange", "for model exchange only"),
         ('fmiVersion="2.0"', 'fmiVersion="4.0"', "Unsupported FMI version"),
+        ("<Real/>", '<Real unit="m/s"/>', "FMU's own unit 'm/s', found 'km/h'"),
     ],
 )
 def test_an_fmu_of_another_kind_is_refused(
@@ -96,13 +94,3 @@ def test_an_fmu_of_another_kind_is_refused(
     rewrite_description(foreign_car, old, new)
     with pytest.raises(ConfigError, match=words):
         open_fmu_plant(foreign_car, None, 0.85)
-
-
-def test_an_fmu_without_a_library_for_this_platform_is_refused(
-    foreign_car: Path, tmp_path: Path
-) -> None:
-    bare = tmp_path / "bare.fmu"
-    with zipfile.ZipFile(foreign_car) as source, zipfile.ZipFile(bare, "w") as target:
-        target.writestr("modelDescription.xml", source.read("modelDescription.xml"))
-    with pytest.raises(ConfigError, match="with libraries for no platform"):
-        open_fmu_plant(bare, foreign_car.with_suffix(".toml"), 0.85)
