@@ -1,6 +1,7 @@
 """What the exported FMU computes and what it refuses."""
 
-from pathlib import Path
+import ctypes
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
@@ -23,16 +24,23 @@ from sim_bridge.plant.protocol import RoadAt
 
 pytestmark = needs_c_compiler
 
-FAILED = "status 3"
+
+@pytest.fixture
+def fmu() -> Iterator[ExportedFmu]:
+    """A new instance of the default car."""
+    made = ExportedFmu(exported())
+    yield made
+    made.close()
 
 
-@pytest.fixture(scope="module")
-def file() -> Path:
-    return exported()
+def require_refused(fmu: ExportedFmu, words: str, call: Callable, *given: object) -> None:
+    with pytest.raises(Exception, match="status 3"):
+        call(*given)
+    assert words in fmu.messages[-1]
 
 
-def inputs(n_periods: int, seed: int = 0) -> list[ControlInput]:
-    rng = np.random.default_rng(seed)
+def inputs(n_periods: int) -> list[ControlInput]:
+    rng = np.random.default_rng(0)
     made = []
     for _ in range(n_periods // 20):
         pedals = (float(rng.uniform(0.0, 1.0)), 0.0)
@@ -52,8 +60,7 @@ def test_a_drive_is_that_of_the_own_car_to_the_last_bit(has_tyre_file: bool) -> 
     )
     car = Car(OwnCar(with_road(load_parameters(name), roads[0])), 25.0)
     fmu = ExportedFmu(exported(name))
-    fmu.set(v0_mps=25.0, **on_road(roads[0]))
-    fmu.set(curvature_per_m=0.002)
+    fmu.set(v0_mps=25.0, curvature_per_m=0.002, **on_road(roads[0]))
     fmu.initialise()
     for k, control in enumerate(inputs(160)):
         if k == 80:
@@ -72,34 +79,27 @@ def on_road(road: RoadParameters) -> dict[str, float]:
     return {f"road__{name}": value for name, value in road._asdict().items()}
 
 
-def test_fmpy_simulates_it(file: Path) -> None:
+def test_fmpy_simulates_it() -> None:
     times = np.arange(0.0, 2.0, 0.025)
-    controls = np.zeros(
-        len(times), dtype=[(name, float) for name in ("time", *ControlInput._fields)]
-    )
-    controls["time"], controls["throttle"] = times, 0.3
-    controls["steer_rad"] = 0.2
+    controls = np.zeros(len(times), [(name, float) for name in ("time", *ControlInput._fields)])
+    controls["time"], controls["throttle"], controls["steer_rad"] = times, 0.3, 0.2
     result = simulate_fmu(
-        str(file), stop_time=2.0, output_interval=0.025, input=controls,
+        str(exported()), stop_time=2.0, output_interval=0.025, input=controls,
         start_values={"v0_mps": 18.0}, output=["vx_mps", "yaw_rate_radps"],
     )  # fmt: skip
     parameters = load_parameters(CAR)
-    state = settle(18.0, parameters)
-    motion = np.empty((2000, 3))
+    state, motion = settle(18.0, parameters), np.empty((2000, 3))
     advance(state, ControlInput(0.3, 0.0, 0.2), car_record(parameters), 2000, STEP_S, motion)
     np.testing.assert_allclose(result["vx_mps"][1:], motion[24::25, 0], rtol=1e-9)
     np.testing.assert_allclose(result["yaw_rate_radps"][1:], motion[24::25, 2], rtol=1e-9)
 
 
 def test_a_step_that_is_no_whole_number_of_internal_ones_is_split_into_equal_parts(
-    file: Path,
+    fmu: ExportedFmu,
 ) -> None:
     """1.5 ms are twice 0.75 ms; 0.4 ms are one step; times need not be on any grid."""
-    control = ControlInput(0.8, 0.0, 0.6)
-    parameters = load_parameters(CAR)
-    state, record = settle(20.0, parameters), car_record(parameters)
-    motion = np.empty((2, 3))
-    fmu = ExportedFmu(file)
+    control, parameters = ControlInput(0.8, 0.0, 0.6), load_parameters(CAR)
+    state, record, motion = settle(20.0, parameters), car_record(parameters), np.empty((2, 3))
     fmu.initialise(start_s=3.0)
     fmu.set(**control._asdict())
     time_s = 3.0
@@ -107,34 +107,47 @@ def test_a_step_that_is_no_whole_number_of_internal_ones_is_split_into_equal_par
         fmu.step(time_s, step_s)
         time_s += step_s
         advance(state, control, record, parts, step_s / parts, motion)
-    np.testing.assert_allclose(
-        fmu.get("vx_mps", "vy_mps", "yaw_rate_radps"), motion[parts - 1], rtol=1e-12
-    )
+    np.testing.assert_allclose(fmu.get(*STATE_FIELDS[:3]), motion[parts - 1], rtol=1e-12)
     assert fmu.get("time")[0] == pytest.approx(time_s, rel=1e-12)
-    fmu.close()
 
 
-def test_a_saved_state_continues_equally_also_in_another_instance(file: Path) -> None:
-    fmu, other = ExportedFmu(file), ExportedFmu(file)
+def test_a_saved_state_continues_equally_also_in_another_instance(fmu: ExportedFmu) -> None:
     fmu.set(v0_mps=15.0)
     fmu.initialise()
     fmu.set(throttle=1.0, steer_rad=0.5)
     fmu.step(0.0, 0.5)
-    saved = fmu.get_state()
+    saved = fmu.instance.getFMUstate()
     fmu.step(0.5, 0.3)
     first = fmu.get(*OUTPUT_FIELDS)
-    fmu.set_state(saved)
-    fmu.step(0.5, 0.3)
-    assert fmu.get(*OUTPUT_FIELDS) == first
-    other.set_state(other.from_bytes(fmu.to_bytes(saved)))
-    other.step(0.5, 0.3)
-    assert other.get(*OUTPUT_FIELDS) == first
+    fmu.instance.setFMUstate(saved)
+    other = ExportedFmu(exported())
+    content = fmu.instance.serializeFMUstate(saved)
+    other.instance.setFMUstate(other.instance.deSerializeFMUstate(content))
+    for one in (fmu, other):
+        one.step(0.5, 0.3)
+        assert one.get(*OUTPUT_FIELDS) == first
+    fmu.instance.freeFMUstate(saved)
+    other.close()
+
+
+def test_a_state_of_another_fmu_or_of_another_size_is_refused() -> None:
+    # fmpy passes the messages of all instances to the newest one.
+    other, fmu = ExportedFmu(exported("c_class_125kw_fwd")), ExportedFmu(exported())
+    mine, theirs = (one.instance.getFMUstate() for one in (fmu, other))
+    content, foreign = (
+        one.instance.serializeFMUstate(state) for one, state in ((fmu, mine), (other, theirs))
+    )
+    for given in (foreign, content[:-1]):
+        require_refused(fmu, "expected bytes of a state", fmu.instance.deSerializeFMUstate, given)
+    require_refused(fmu, "found another or NULL", fmu.instance.setFMUstate, theirs)
+    require_refused(fmu, "found another or NULL", fmu.instance.setFMUstate, None)
+    fmu.instance.freeFMUstate(mine)
+    fmu.instance.freeFMUstate(ctypes.c_void_p(None))
     fmu.close()
     other.close()
 
 
-def test_after_a_reset_the_parameters_are_those_of_the_file(file: Path) -> None:
-    fmu = ExportedFmu(file)
+def test_after_a_reset_the_parameters_are_those_of_the_file(fmu: ExportedFmu) -> None:
     fmu.set(v0_mps=31.0)
     fmu.initialise()
     assert fmu.get("vx_mps") == [31.0]
@@ -142,11 +155,9 @@ def test_after_a_reset_the_parameters_are_those_of_the_file(file: Path) -> None:
     fmu.instance.reset()
     fmu.initialise()
     assert fmu.get("vx_mps", "s_m", "time") == [20.0, 0.0, 0.0]
-    fmu.close()
 
 
-def test_the_road_may_change_during_a_run_and_the_start_may_not(file: Path) -> None:
-    fmu = ExportedFmu(file)
+def test_the_road_may_change_during_a_run_and_the_start_may_not(fmu: ExportedFmu) -> None:
     fmu.initialise()
     fmu.set(brake_n=300.0)
     fmu.step(0.0, 0.5)
@@ -154,34 +165,68 @@ def test_the_road_may_change_during_a_run_and_the_start_may_not(file: Path) -> N
     fmu.set(road__friction_left=0.2, road__friction_right=0.2)
     fmu.step(0.5, 0.5)
     assert fmu.get("out_ax_mps2")[0] > 0.5 * on_asphalt
-    with pytest.raises(Exception, match=FAILED):
-        fmu.set(v0_mps=30.0)
-    assert "v0_mps: expected a value before the end" in fmu.messages[-1]
-    fmu.close()
+    require_refused(fmu, "v0_mps: expected a value before", lambda: fmu.set(v0_mps=30.0))
 
 
-def test_a_step_at_another_time_or_without_length_is_refused(file: Path) -> None:
-    fmu = ExportedFmu(file)
-    with pytest.raises(Exception, match=FAILED):
-        fmu.step(0.0, 0.01)
-    assert "initialised" in fmu.messages[-1]
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("v0_mps", -1.0, "expected a speed of 0 to 70 m/s"),
+        ("v0_mps", 71.0, "expected a speed of 0 to 70 m/s"),
+        ("road.bank_rad", 3.0, "expected a slope of at most 0.7 rad"),
+        ("road.grade_rad", -0.8, "expected a slope of at most 0.7 rad"),
+        ("road.friction_left", 0.0, "expected a friction above 0"),
+        ("steer_rad", float("nan"), "expected a finite number"),
+        ("vx_mps", 3.0, "expected an input or a parameter"),
+        ("time", 3.0, "expected an input or a parameter"),
+    ],
+)
+def test_a_value_that_cannot_be_is_refused_by_name(
+    fmu: ExportedFmu, name: str, value: float, words: str
+) -> None:
+    require_refused(fmu, f"{name}: {words}", lambda: fmu.set(**{name: value}))
+
+
+def test_a_call_at_a_wrong_time_is_refused_and_changes_nothing(fmu: ExportedFmu) -> None:
+    ended = "has neither failed nor ended"
+    require_refused(fmu, ended, fmu.step, 0.0, 0.01)
+    require_refused(fmu, ended, fmu.instance.terminate)
+    require_refused(fmu, "finite start time", lambda: fmu.initialise(float("nan")))
     fmu.initialise()
+    require_refused(fmu, "new or reset", fmu.instance.setupExperiment)
     for time_s, step_s, words in (
         (0.5, 0.01, "expected the time at which"),
         (0.0, 0.0, "expected a length above 0"),
         (0.0, float("nan"), "expected a length above 0"),
     ):
-        with pytest.raises(Exception, match=FAILED):
-            fmu.step(time_s, step_s)
-        assert words in fmu.messages[-1]
+        require_refused(fmu, words, fmu.step, time_s, step_s)
     fmu.step(0.0, 0.01)
-    fmu.close()
+    require_refused(fmu, "every step ends", fmu.instance.cancelStep)
+    assert fmu.instance.getRealStatus(2) == pytest.approx(0.01)  # the last successful time
+    assert not fmu.instance.getBooleanStatus(3)  # terminated
+    fmu.instance.terminate()
+    require_refused(fmu, ended, fmu.instance.terminate)
+    require_refused(fmu, ended, fmu.step, 0.01, 0.01)
+    require_refused(fmu, ended, lambda: fmu.set(throttle=0.5))
+    assert fmu.get("vx_mps")[0] > 0.0
+    fmu.instance.reset()
+    fmu.initialise()
+    fmu.step(0.0, 0.01)
 
 
-def test_pedals_outside_their_range_are_limited(file: Path) -> None:
+@pytest.mark.parametrize("kind", ["Integer", "Boolean", "String"])
+def test_variables_of_another_type_are_refused_and_none_of_them_is_no_error(
+    fmu: ExportedFmu, kind: str
+) -> None:
+    require_refused(fmu, "of type Real", getattr(fmu.instance, f"get{kind}"), [0])
+    getattr(fmu.instance, f"get{kind}")([])
+    getattr(fmu.instance, f"set{kind}")([], [])
+
+
+def test_pedals_outside_their_range_are_limited() -> None:
     results = []
     for throttle, brake_n in ((1.0, 0.0), (1.7, -40.0)):
-        fmu = ExportedFmu(file)
+        fmu = ExportedFmu(exported())
         fmu.initialise()
         fmu.set(throttle=throttle, brake_n=brake_n)
         fmu.step(0.0, 1.0)
@@ -190,9 +235,8 @@ def test_pedals_outside_their_range_are_limited(file: Path) -> None:
     assert results[0] == results[1]
 
 
-def test_an_input_acts_on_motion_and_place_with_the_next_step(file: Path) -> None:
+def test_an_input_acts_on_motion_and_place_with_the_next_step(fmu: ExportedFmu) -> None:
     """As the empty dependencies of these outputs declare."""
-    fmu = ExportedFmu(file)
     fmu.initialise()
     fmu.set(throttle=0.3, steer_rad=0.4)
     fmu.step(0.0, 0.2)
@@ -201,12 +245,10 @@ def test_an_input_acts_on_motion_and_place_with_the_next_step(file: Path) -> Non
     assert fmu.get(*STATE_FIELDS) == before
     fmu.step(0.2, 0.1)
     assert fmu.get(*STATE_FIELDS) != before
-    fmu.close()
 
 
-def test_outputs_are_known_in_the_initialisation(file: Path) -> None:
+def test_outputs_are_known_in_the_initialisation(fmu: ExportedFmu) -> None:
     """They follow parameters that change before it ends."""
-    fmu = ExportedFmu(file)
     fmu.instance.setupExperiment(startTime=0.0)
     fmu.instance.enterInitializationMode()
     assert fmu.get("vx_mps") == [20.0]
@@ -214,4 +256,3 @@ def test_outputs_are_known_in_the_initialisation(file: Path) -> None:
     assert fmu.get("vx_mps", "ey_m") == [7.0, 0.5]
     fmu.instance.exitInitializationMode()
     assert 1.0 <= fmu.get("out_gear")[0] <= 3.0
-    fmu.close()
