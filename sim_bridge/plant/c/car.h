@@ -264,8 +264,8 @@ FrontRear wheel_torque_nm(const State *x, double throttle, const Parameters *p, 
 /* car.c */
 void evaluate(const State *x, const Input *u, const Parameters *p, Derivative *out);
 
-/* The functions of the library. */
-#if defined(__GNUC__)
+/* The functions of the library; in an FMU they are not visible. */
+#if defined(CAR_LIBRARY) && defined(__GNUC__)
 #define EXPORTED __attribute__((visibility("default")))
 #else
 #define EXPORTED
