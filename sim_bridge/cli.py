@@ -99,7 +99,6 @@ def validate(
     car: str | None = None,
     html: Path | None = None,
     json_file: Annotated[Path | None, Parameter(name="--json")] = None,
-    quick: bool = False,
     recorded: Annotated[RecordingOptions, Parameter(name="*")] = RecordingOptions(),  # noqa: B008
 ) -> int:
     """Compare the own car with published measurements; 1 if a line missed its target.
@@ -113,15 +112,14 @@ def validate(
     html
         write tables and plots to this page
     json_file
-        write the lines to this file: test, name, car, target, reached, tolerance, ok, source
-    quick
-        leave out slow sines of the frequency response; all lines are judged
+        write the lines to this file: test, name, car, kind, target, reached,
+        tolerance, ok, source
     recorded
         recorded drives
     """
     from sim_bridge.validation import command
 
-    return command.validate(car, html, json_file, quick, recorded)
+    return command.validate(car, html, json_file, recorded)
 
 
 @app.command

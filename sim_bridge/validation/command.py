@@ -6,7 +6,6 @@ from pathlib import Path
 
 from rich.console import Console
 
-from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.files import write_text
 from rt_controller.report.page import require_report_extra
@@ -14,15 +13,14 @@ from rt_controller.report.table import Table, print_table
 from rt_controller.terminal.progress import announce
 from sim_bridge.plant.parameters import load_parameters, with_road_friction
 from sim_bridge.plant.shipped_cars import DEFAULT_CAR
-from sim_bridge.validation.acceptance import count_sentence, has_failed
-from sim_bridge.validation.measurements import measure_all
+from sim_bridge.validation.acceptance import acceptance_table, count_sentence, drive_all
+from sim_bridge.validation.page import acceptance_page
 from sim_bridge.validation.recording.options import RecordingOptions
 from sim_bridge.validation.recording.recording import Window, load_recording
 from sim_bridge.validation.recording.replay import replay_recording
 from sim_bridge.validation.recording.report import comparison_page, comparison_table
-from sim_bridge.validation.report import acceptance_page, acceptance_table
 
-_LEAST_WIDTH = 120
+_LEAST_WIDTH = 150
 """of the printed table, also if the output is no terminal"""
 _COMPILING = "driving (the first start compiles the car: up to a minute)"
 
@@ -31,7 +29,6 @@ def validate(
     car: str | None = None,
     html: Path | None = None,
     json_file: Path | None = None,
-    quick: bool = False,
     recorded: RecordingOptions = RecordingOptions(),  # noqa: B008
 ) -> int:
     """Drive the acceptance tests and print the table; 1 if a line missed its target.
@@ -44,19 +41,16 @@ def validate(
         require_writable(html, "--html")
         require_report_extra("--html")
     if recorded.recording:
-        if quick:
-            raise ConfigError("--quick: expected without --recording, which it does not change.")
         return _validate_recordings(car or DEFAULT_CAR, recorded, html, json_file)
     with announce(_COMPILING):
-        measured = measure_all(car, quick)
-    results = measured.results
+        results, measured = drive_all(car)
     console = _print(acceptance_table(results))
     write_figures(json_file, [asdict(line) for line in results])
     if html is not None:
         title = _dated(f"Acceptance of {Path(car).name if car else 'the shipped cars'}")
-        write_text(html, acceptance_page(measured, title))
+        write_text(html, acceptance_page(results, measured, title))
     console.print(count_sentence(results))
-    return int(has_failed(results))
+    return int(any(line.ok is False for line in results))
 
 
 def _validate_recordings(

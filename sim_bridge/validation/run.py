@@ -125,11 +125,19 @@ def input_table(
 
 
 def replay(
-    parameters: Parameters, v0_mps: float, inputs: Array, period_s: float, step_s: float = STEP_S
+    parameters: Parameters,
+    v0_mps: float,
+    inputs: Array,
+    period_s: float,
+    step_s: float = STEP_S,
+    roads: Array | None = None,
 ) -> Run:
-    """The drive of a settled car with `inputs` (K, 3), each row constant over a period."""
+    """The drive of a settled car with `inputs` (K, 3), each row constant over a period.
+
+    `roads` (K, 6) has a ground for each period, columns as `RoadParameters`.
+    """
     steps = round(period_s / step_s)
-    motion, outputs = simulate(settle(v0_mps, parameters), inputs, parameters, steps, step_s)
+    motion, outputs = simulate(settle(v0_mps, parameters), inputs, parameters, steps, step_s, roads)
     pose = frenet.integrate_poses(motion, 0.0, 0.0, 0.0, steps, step_s)
     first = inputs[:1].copy()
     first[:, InputColumn.steer_rad] = 0.0
