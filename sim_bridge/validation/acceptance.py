@@ -134,23 +134,9 @@ def check_line(
             is_within = (low is None or low <= reached) and (high is None or reached <= high)
             not_judged = line.not_judged
             ok = is_within if not_judged is None else None
-    return LineResult(
-        test=number,
-        car=car,
-        name=line.name,
-        unit=line.unit,
-        kind=line.kind or test.kind,
-        target=target,
-        reached=reached,
-        tolerance=tolerance,
-        low=low,
-        high=high,
-        ok=ok,
-        is_within=is_within,
-        not_judged=not_judged,
-        source=source,
-        fitted=line.fitted,
-    )
+    identity = (number, car, line.name, line.unit, line.kind or test.kind)
+    judgement = (low, high, ok, is_within, not_judged)
+    return LineResult(*identity, target, reached, tolerance, *judgement, source, line.fitted)
 
 
 def _range(line: Line, target: float) -> tuple[float | None, float | None, str]:
