@@ -4,7 +4,7 @@ A value that the drive does not contain is NaN; the table shows it as not judged
 """
 
 from collections.abc import Callable
-from math import atan, nan, pi, radians, tan
+from math import atan, isfinite, nan, pi, radians, tan
 from typing import NamedTuple
 
 import numpy as np
@@ -490,14 +490,11 @@ def _held(
 
 
 def _pedal_n(car: Parameters, deceleration_mps2: float) -> float:
-    """Pedal force that brakes a car from 80 km/h so after about 1.2 s; NaN if none does."""
-    reached_mps2 = np.array(
-        [
-            -float(np.mean(_held(car, 80.0 * _PER_KMH, 1.5, 0.0, n).column("ax_mps2")[100:]))
-            for n in _PEDALS_N.tolist()
-        ]
-    )
-    return crossing(_PEDALS_N, reached_mps2, deceleration_mps2)
+    """Pedal force that brakes from 80 km/h so after about 1.2 s, else that which brakes hardest."""
+    runs = [_held(car, 80.0 * _PER_KMH, 1.5, brake_n=n) for n in _PEDALS_N.tolist()]
+    reached_mps2 = np.array([-np.mean(run.column("ax_mps2")[100:]) for run in runs])
+    pedal_n = crossing(_PEDALS_N, reached_mps2, deceleration_mps2)
+    return pedal_n if isfinite(pedal_n) else float(_PEDALS_N[np.argmax(reached_mps2)])
 
 
 def _stop_m(run: Run) -> float:

@@ -27,7 +27,7 @@ def crossing(x: Array, y: Array, level: float) -> float:
 
 def slope(x: Array, y: Array, among: NDArray[np.bool_]) -> float:
     """Slope of y over x in the samples `among`, least squares with a free offset."""
-    if np.count_nonzero(among) < 2 or not np.isfinite(x[among] + y[among]).all():
+    if np.count_nonzero(among) < 2:
         return nan
     return float(np.polyfit(x[among], y[among], 1)[0])
 
@@ -53,7 +53,7 @@ def step_response(time_s: Array, y: Array, step_s: float) -> StepResponse:
     """The response of `y` to a step at `step_s`: the time of half the input, after ISO 7401."""
     steady = float(np.mean(y[-max(1, len(y) // 10) :]))
     after = time_s >= step_s
-    if not after.any() or steady == 0.0 or not np.isfinite(y).all():
+    if not after.any() or steady == 0.0:
         return StepResponse(nan, nan, nan)
     since_s = time_s[after] - step_s
     share = y[after] / steady
@@ -68,10 +68,8 @@ def sine_in(time_s: Array, y: Array, frequency_hz: float) -> complex:
     """The component of `y` at one frequency, least squares with a free offset and drift.
 
     Its absolute value is the amplitude, its angle the phase relative to time zero. If the record
-    holds whole periods, harmonics have no influence. NaN if `y` is not finite.
+    holds whole periods, harmonics have no influence.
     """
-    if not np.isfinite(y).all():
-        return complex(nan, nan)
     angle = 2.0 * np.pi * frequency_hz * time_s
     basis = np.stack((np.sin(angle), np.cos(angle), np.ones_like(time_s), time_s), axis=1)
     in_phase, quadrature = np.linalg.lstsq(basis, y, rcond=None)[0][:2]

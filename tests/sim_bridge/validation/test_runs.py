@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.errors import PlantError
 from rt_controller.contract.signals import ControlInput
 from sim_bridge.plant.parameters import default_car
 from sim_bridge.validation.driver_model import (
@@ -39,6 +40,13 @@ def test_columns_of_a_run_are_accessed_by_name() -> None:
     assert run.lateral_g[-1] > 0.1
     assert run.loads_n[-1, 1] > run.loads_n[-1, 0]
     assert run.y_m[-1] > 1.0
+
+
+def test_a_car_that_fails_is_refused_with_the_time() -> None:
+    motion = np.full((5, 3), 20.0)
+    motion[3:] = np.nan
+    with pytest.raises(PlantError, match=r"0\.30 s"):
+        Run(0.1, np.zeros((5, 3)), motion, np.zeros((5, 3)), np.zeros((5, 28)))
 
 
 def test_the_cruising_throttle_keeps_the_speed() -> None:
