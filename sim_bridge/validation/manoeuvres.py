@@ -290,9 +290,7 @@ def acceleration(car: Parameters) -> Measured:
     values = {
         "0-100 km/h": crossing(run.time_s, 3.6 * run.speed_mps, 100.0),
         "shift reversals at a constant pedal": float(sum(reversals(gear) for gear in gears)),
-        "deceleration with the pedals released, 80 km/h": float(
-            -np.mean(released.column("ax_mps2")[50:150]) / GRAVITY_MPS2
-        ),
+        "deceleration with the pedals released, 80 km/h": -_mean_g(released, slice(50, 150)),
     }
     curves = (
         Curve("time / s", "speed / (km/h)", run.time_s, 3.6 * run.speed_mps),
@@ -374,8 +372,8 @@ def braking_in_a_turn(car: Parameters) -> Measured:
     """After ISO 7975: R = 100 m at 80 km/h, steering held; pedals released, 0.3 g and 0.5 g."""
     pedals_n = {
         "pedals released": 0.0,
-        "0.3 g": _pedal_n(car, 0.3 * GRAVITY_MPS2),
-        "0.5 g": _pedal_n(car, 0.5 * GRAVITY_MPS2),
+        "0.3 g": _pedal_n(car, 0.3),
+        "0.5 g": _pedal_n(car, 0.5),
     }
     values: dict[str, float] = {}
     curves = []
@@ -419,7 +417,7 @@ def split_friction(car: Parameters) -> Measured:
     split = with_road_friction(car, 0.85, 0.3)
     run, full = (
         _held(split, 80.0 * _PER_KMH, 2.0, brake_n=pedal_n)
-        for pedal_n in (_pedal_n(split, 3.8), _FULL_PEDAL_N)
+        for pedal_n in (_pedal_n(split, 3.8 / GRAVITY_MPS2), _FULL_PEDAL_N)
     )
     values = {
         "yaw rate after 1 s": float(run.yaw_rate_degps[100]),
@@ -489,12 +487,16 @@ def _held(
     )
 
 
-def _pedal_n(car: Parameters, deceleration_mps2: float) -> float:
+def _pedal_n(car: Parameters, deceleration_g: float) -> float:
     """Pedal force that brakes from 80 km/h so after about 1.2 s, else that which brakes hardest."""
     runs = [_held(car, 80.0 * _PER_KMH, 1.5, brake_n=n) for n in _PEDALS_N.tolist()]
-    reached_mps2 = np.array([-np.mean(run.column("ax_mps2")[100:]) for run in runs])
-    pedal_n = crossing(_PEDALS_N, reached_mps2, deceleration_mps2)
-    return pedal_n if isfinite(pedal_n) else float(_PEDALS_N[np.argmax(reached_mps2)])
+    reached_g = np.array([-_mean_g(run, slice(100, None)) for run in runs])
+    pedal_n = crossing(_PEDALS_N, reached_g, deceleration_g)
+    return pedal_n if isfinite(pedal_n) else float(_PEDALS_N[np.argmax(reached_g)])
+
+
+def _mean_g(run: Run, among: slice) -> float:
+    return float(np.mean(run.column("ax_mps2")[among])) / GRAVITY_MPS2
 
 
 def _stop_m(run: Run) -> float:
