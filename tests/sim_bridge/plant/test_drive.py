@@ -148,7 +148,7 @@ def test_the_electric_car_neither_creeps_nor_rolls_back_at_the_released_pedal() 
 
 def test_the_electric_car_regenerates_at_the_released_pedal() -> None:
     run = drive(ELECTRIC, 80.0, 4.0)
-    assert run.column("ax_mps2")[80] / GRAVITY_MPS2 == pytest.approx(-0.10, abs=0.02)
+    assert run.column("ax_mps2")[80] / GRAVITY_MPS2 == pytest.approx(-0.08, abs=0.02)
     power_w = run.column("engine_nm") * run.column("engine_rpm") * pi / 30.0
     assert -31e3 < power_w.min() < -15e3
     assert drive(CAR, 80.0, 4.0).column("ax_mps2")[80] > -0.6
