@@ -35,7 +35,7 @@ class OwnCar:
         self.name = name
         self.failure: str | None = None
         self.parameters = parameters
-        self._first_road = parameters.road
+        self._first_ground = parameters.road
         self._record = car_record(parameters)
         self._state = np.empty(0)
         self._motion = np.empty((STEPS_PER_PERIOD, 3))
@@ -44,7 +44,7 @@ class OwnCar:
 
     def reset(self, v0_mps: float) -> Array:
         """(vx_mps, vy_mps, yaw_rate_radps) of the car settled on the road of its construction."""
-        self._drive_on(self._first_road)
+        self._drive_on(self._first_ground)
         self._state = settle(v0_mps, self.parameters)
         self._input = NEUTRAL_INPUT
         return self._state[[AT.vx_mps, AT.vy_mps, AT.yaw_rate_radps]]
