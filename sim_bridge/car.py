@@ -45,9 +45,9 @@ class Car:
         self._before[:] = motion
         self._pose[:] = (s_m, ey_m, epsi_rad)
         self._steps = 0
-        vx_mps, vy_mps, yaw_rate_radps = self._before.tolist()
-        ds_m = vx_mps * cos(epsi_rad) * PERIOD_S
-        self.state = VehicleState(vx_mps, vy_mps, yaw_rate_radps, ds_m, ey_m, epsi_rad)
+        velocities = self._before.tolist()
+        ds_m = velocities[0] * cos(epsi_rad) * PERIOD_S
+        self.state = VehicleState._make((*velocities, ds_m, ey_m, epsi_rad))
         return self.state
 
     def set_road(self, road: RoadAt) -> None:
@@ -95,9 +95,8 @@ class Car:
         step_s = dt_s / motion.shape[0]
         frenet.advance_along(self._before, motion, curvature, step_s, self._pose)
         self._before[:] = motion[-1]
-        vx_mps, vy_mps, yaw_rate_radps = self._before.tolist()
         s_m, ey_m, epsi_rad = self._pose.tolist()
-        self.state = VehicleState(vx_mps, vy_mps, yaw_rate_radps, s_m - s_before_m, ey_m, epsi_rad)
+        self.state = VehicleState._make((*self._before.tolist(), s_m - s_before_m, ey_m, epsi_rad))
         return self.state
 
     @property

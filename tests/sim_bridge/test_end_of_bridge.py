@@ -12,7 +12,7 @@ from rt_controller.contract.grip import MOST_BRAKE_N
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.bridge import END_TICKS, LONGEST_END_TICKS
-from sim_bridge.failed_actuators import FAILED_TICKS
+from sim_bridge.car_guard import FAILED_TICKS
 from sim_bridge.scenario import load_scenario
 from sim_bridge.scenario_run import AT_REST_MPS
 
@@ -106,7 +106,7 @@ def test_the_summary_names_the_cause_of_the_braking_and_the_actuator_that_failed
 ) -> None:
     rig.tick()
     assert rig.bridge.summary().braking_cause is None
-    actuators = rig.bridge._failed_actuators
+    actuators = rig.bridge._actuators
     for _ in range(FAILED_TICKS):
         actuators.note(CRUISE, CRUISE._replace(throttle=1.0))
     rig.tick()

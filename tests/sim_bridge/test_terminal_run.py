@@ -15,8 +15,9 @@ import pytest
 from rt_controller.contract.errors import BusError
 from rt_controller.drive.car_figures import EXIT_LIMIT, CarFigure
 from rt_controller.terminal.stop_signals import SIGNALS
-from sim_bridge import cli, terminal_run
-from sim_bridge.bridge_summary import BridgeSummary
+from sim_bridge import cli
+from sim_bridge import run as terminal_run
+from sim_bridge.bridge import BridgeSummary
 from sim_bridge.scenario import load_scenario, parse_scenario
 
 Run = Callable[..., tuple[int, str, str]]
