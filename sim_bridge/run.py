@@ -127,27 +127,25 @@ def _require_success(summary: BridgeSummary, is_stopped: bool, options: "BridgeO
         )
     if not summary.watchdog_braked or summary.controller_ended:
         return
-    found = summary.braking_text
-    if summary.braking_cause == BrakingCause.ACTUATOR_FAILED.name:
-        why = (
-            f"Expected actuators that follow their commands, found that {found}. Check them, or "
-            f"the faults of this drive"
-        )
-    elif summary.braking_cause == BrakingCause.LEAVING_PATH.name:
-        why = (
-            f"Expected a car that stays within {FARTHEST_DRIVEN_M:g} m of its path "
-            f"({FARTHEST_OFF_PATH_M:g} m in a safe stop), found that {found}. Check the "
-            f"controller and its model, the scenario, or the faults of this drive"
-        )
-    else:
-        refused = _refused(summary)
-        why = (
-            f"Expected a command every {PERIOD_MS:g} ms, found {BrakingCause.NO_COMMAND.value} "
-            f"while the car was driven"
-            + (f" ({refused})" if refused else ": the controller stopped sending")
-            + (f". Besides, {summary.failed_text}" if summary.failed_actuators else "")
-        )
-    raise BusError(f"{why}. The car was braked to {summary.final_speed_mps:.1f} m/s.")
+    found = f"that {summary.braking_text}"
+    match BrakingCause[summary.braking_cause or "NO_COMMAND"]:
+        case BrakingCause.ACTUATOR_FAILED:
+            expected = "actuators that follow their commands"
+            remedy = "Check them, or the faults of this drive"
+        case BrakingCause.LEAVING_PATH:
+            expected = (
+                f"a car that stays within {FARTHEST_DRIVEN_M:g} m of its path "
+                f"({FARTHEST_OFF_PATH_M:g} m in a safe stop)"
+            )
+            remedy = "Check the controller and its model, the scenario, or the faults of this drive"
+        case _:
+            expected, found = f"a command every {PERIOD_MS:g} ms", summary.braking_text
+            refused = _refused(summary)
+            remedy = f"There were {refused}" if refused else "The controller stopped sending"
+    raise BusError(
+        f"Expected {expected}, found {found}. {remedy}. The car was braked to "
+        f"{summary.final_speed_mps:.1f} m/s."
+    )
 
 
 def _line(bridge: Bridge, recorder: Recorder | None) -> Line:
