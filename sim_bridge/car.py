@@ -20,6 +20,7 @@ class Car:
 
     def __init__(self, plant: Plant, v0_mps: float) -> None:
         self.plant = plant
+        self._road_plant = plant if isinstance(plant, RoadTakingPlant) else None
         self._before = np.empty(3)
         self._pose = np.zeros(3)
         self.state = AT_REST
@@ -55,15 +56,17 @@ class Car:
 
         `road` is that of a car parallel to the road; the wind is turned into the axes of this one.
         """
-        if isinstance(self.plant, RoadTakingPlant):
+        if self._road_plant is None:
+            return
+        forward_mps, left_mps = road.wind_forward_mps, road.wind_left_mps
+        if forward_mps or left_mps:
             c, s = cos(self.state.epsi_rad), sin(self.state.epsi_rad)
-            forward_mps, left_mps = road.wind_forward_mps, road.wind_left_mps
-            self.plant.set_road(
-                road._replace(
-                    wind_forward_mps=c * forward_mps + s * left_mps,
-                    wind_left_mps=c * left_mps - s * forward_mps,
-                )
+            forward_mps, left_mps = (
+                c * forward_mps + s * left_mps,
+                c * left_mps - s * forward_mps,
             )
+            road = road._replace(wind_forward_mps=forward_mps, wind_left_mps=left_mps)
+        self._road_plant.set_road(road)
 
     def advance(
         self,

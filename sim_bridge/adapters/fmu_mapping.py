@@ -205,7 +205,26 @@ def _link(file: "FmuFile", is_output: bool, field: str, channel: Channel, variab
             f"{where} a scalar of real numbers, found {variable.name!r} of type "
             f"{variable.type}{list(variable.shape or ())}. Name another in the mapping file."
         )
-    unit, signal = _units(file, field, channel, variable)
+    # The unit of the mapping, else that of the FMU, else that of the signal.
+    signal_name = unit_of_name(field) or "1"
+    declared = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
+    known = _declared_unit(file, declared) if declared else None
+    named = channel.unit or declared or signal_name
+    place = f"{file.path.name}: {field}: {variable.name!r}"
+    unit = require_unit(named, place) if channel.unit or known is None else known
+    signal = require_unit(signal_name, field)
+    # Tools write rounded factors.
+    if (
+        known != unit
+        and known is not None
+        and not (
+            known.quantity == unit.quantity and isclose(known.factor, unit.factor, rel_tol=1e-4)
+        )
+    ):
+        raise ConfigError(
+            f"{where} the FMU's own unit {declared!r}, found {channel.unit!r} in the mapping file. "
+            f"Leave the unit out or correct it; a factor belongs into scale."
+        )
     if unit.quantity != signal.quantity and channel.scale is None:
         raise ConfigError(
             f"{where} {variable.name!r} to measure {signal.quantity}, found {unit.quantity}. Give "
@@ -217,30 +236,6 @@ def _link(file: "FmuFile", is_output: bool, field: str, channel: Channel, variab
         return Link(field, variable, scale * unit.factor / signal.factor, bias)
     bias = (channel.offset - unit.offset) / unit.factor
     return Link(field, variable, scale * signal.factor / unit.factor, bias)
-
-
-def _units(file: "FmuFile", field: str, channel: Channel, variable: Any) -> tuple[Unit, Unit]:
-    """Units of the variable and of the contract's signal.
-
-    The unit of the variable is that of the mapping, else that of the FMU, else that of the signal.
-    """
-    where = f"{file.path.name}: {field}: {channel.variable!r}"
-    signal_name = unit_of_name(field) or "1"
-    declared = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
-    known = _declared_unit(file, declared) if declared else None
-    if channel.unit is None:
-        unit = known or require_unit(declared or signal_name, where)
-    else:
-        unit = require_unit(channel.unit, where)
-        # Tools write rounded factors.
-        if known is not None and not (
-            known.quantity == unit.quantity and isclose(known.factor, unit.factor, rel_tol=1e-4)
-        ):
-            raise ConfigError(
-                f"{where}: expected the FMU's own unit {declared!r}, found {channel.unit!r} in the "
-                f"mapping file. Leave the unit out or correct it; a factor belongs into scale."
-            )
-    return unit, require_unit(signal_name, field)
 
 
 def _declared_unit(file: "FmuFile", declared: str) -> Unit | None:

@@ -1,5 +1,7 @@
 """`OwnCar`: the project's own car model as a plant."""
 
+from operator import attrgetter
+
 import numpy as np
 
 from rt_controller.contract.arrays import Array
@@ -19,10 +21,12 @@ from sim_bridge.plant.parts import RoadParameters
 from sim_bridge.plant.protocol import PlantOutputs, RoadAt
 from sim_bridge.plant.states import AT
 
+_GROUND = attrgetter(*RoadParameters._fields)
+
 
 def ground_at(road: RoadAt) -> RoadParameters:
     """What the own car takes of a road."""
-    return RoadParameters(*(getattr(road, name) for name in RoadParameters._fields))
+    return RoadParameters(*_GROUND(road))
 
 
 class OwnCar:
