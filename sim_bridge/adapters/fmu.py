@@ -63,25 +63,22 @@ class FmuFile:
                 f"{error}. Export it again."
             ) from error
         version, here = self.description.fmiVersion, fmpy.platform
-        for message, is_fit in (
-            (
-                f"FMI 2 or FMI 3, found FMI {version}. Export it again with another version.",
-                self.description.fmiMajorVersion in (2, 3),
-            ),
-            (
+        wrong = ""
+        if self.description.fmiMajorVersion not in (2, 3):
+            wrong = f"FMI 2 or FMI 3, found FMI {version}. Export it again with another version"
+        elif self.description.coSimulation is None:
+            wrong = (
                 "an FMU for co-simulation, found model exchange only. Export it again as "
-                "co-simulation, with its solver inside.",
-                self.description.coSimulation is not None,
-            ),
-            (
+                "co-simulation, with its solver inside"
+            )
+        elif here not in platforms:
+            wrong = (
                 f"a library for {here}, found {', '.join(platforms) or 'none'}. Export it again "
-                f"for this platform, or compile it here: fmpy compile {path.name}",
-                here in platforms,
-            ),
-        ):
-            if not is_fit:
-                self.close()
-                raise ConfigError(f"{path}: expected {message}")
+                f"for this platform, or compile it here: fmpy compile {path.name}"
+            )
+        if wrong:
+            self.close()
+            raise ConfigError(f"{path}: expected {wrong}.")
 
     def variable(self, name: str) -> Any:
         """The description of a variable.
