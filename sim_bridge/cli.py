@@ -62,7 +62,7 @@ class BridgeOptions(CarSettings, BusSettings):
 @app.default
 def run(*, options: Annotated[BridgeOptions, Parameter(name="*")]) -> int:
     """Wait for a controller, simulate the scenario, brake if the controller stops sending."""
-    from sim_bridge.terminal_run import run_at_terminal
+    from sim_bridge.run import run_at_terminal
 
     return run_at_terminal(options)
 

@@ -1,4 +1,4 @@
-"""`FmuPlant`: an FMU for co-simulation (FMI 2 or FMI 3) as a plant; the user of fmpy.
+"""`FmuPlant`: an FMU for co-simulation (FMI 2 or FMI 3) as a plant, run by fmpy.
 
 If a whole number of communication steps is a period, both meet at the end of every period, and the
 motion is what the FMU computed. Otherwise the FMU runs on its own grid: it computes the step that
@@ -8,7 +8,10 @@ step, so the end of the step follows from what is known at its start.
 """
 
 import tempfile
+from collections import deque
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from difflib import get_close_matches
 from math import isfinite, nan
 from pathlib import Path
 from typing import Any
@@ -18,145 +21,125 @@ import numpy as np
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, RtControllerError, needs_extra
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
-from sim_bridge.adapters.fmu_mapping import Link, Links, load_mapping, resolve
+from sim_bridge.adapters.fmu_mapping import FmuMapping, Link, load_mapping, resolve_links
 from sim_bridge.plant.library import STEP_S
 from sim_bridge.plant.protocol import MOTION_FIELDS, PlantOutputs, RoadAt
 
-_START_MPS = 0.5
+START_TOLERANCE_MPS = 0.5
 """largest difference between the initial speed of the FMU and the wanted one"""
-_TIME_TOLERANCE = 1e-3
+_TOLERANCE = 1e-3
 """of the communication step; rounding errors of times are far smaller"""
 _WARNING = 1
-_MAX_MESSAGES = 3
-
-_Folder = tempfile.TemporaryDirectory[str]
 _Groups = dict[str, list[Link]]
 """links by the type of their variables: those of one type are read or written in one call"""
 
 
-class _Instance:
-    """One instance of FMI 2 or 3, from initialisation to termination; a failed FMI call raises.
+class FmuFile:
+    """An FMU on disk, checked and unpacked into a temporary folder.
 
     Raises:
-        ConfigError: the FMU's library cannot be loaded or cannot be instantiated.
+        MissingExtraError: fmpy is not installed.
+        ConfigError: there is no FMU, or none for co-simulation by FMI 2 or 3 on this machine.
     """
 
-    def __init__(self, name: str, folder: str, description: Any) -> None:
-        from fmpy.simulation import instantiate_fmu
-
-        self._messages: list[str] = []
-        self._is_fmi2 = description.fmiMajorVersion == 2
-        self._is_started = False
-        try:
-            self._fmu = instantiate_fmu(
-                folder, description, "CoSimulation", debug_logging=True, logger=self._log
-            )
-        except Exception as error:  # fmpy raises plain exceptions here
+    def __init__(self, path: Path) -> None:
+        with needs_extra("fmu", "`plant` fmu"):
+            import fmpy
+        if not path.is_file():
             raise ConfigError(
-                f"{name}: expected an FMU that can be instantiated, found {error} "
-                f"{self.messages()}. Its documentation states what it needs."
+                f"{path}: expected an FMU, found no such file. Name the .fmu file after fmu:."
+            )
+        self.path = path
+        # Also removed when the process ends without `close`.
+        self.folder = tempfile.TemporaryDirectory(prefix="fmu-", ignore_cleanup_errors=True)
+        try:
+            self.description = fmpy.read_model_description(str(path), validate=False)
+            platforms = fmpy.supported_platforms(str(path))
+            fmpy.extract(str(path), unzipdir=self.folder.name)
+        except Exception as error:  # zip, XML and version errors have many types
+            self.close()
+            raise ConfigError(
+                f"{path}: expected an FMU (a ZIP archive with modelDescription.xml), found "
+                f"{error}. Export it again."
             ) from error
+        version, here = self.description.fmiVersion, fmpy.platform
+        wrong = ""
+        if self.description.fmiMajorVersion not in (2, 3):
+            wrong = f"FMI 2 or FMI 3, found FMI {version}. Export it again with another version"
+        elif self.description.coSimulation is None:
+            wrong = (
+                "an FMU for co-simulation, found model exchange only. Export it again as "
+                "co-simulation, with its solver inside"
+            )
+        elif here not in platforms:
+            wrong = (
+                f"a library for {here}, found {', '.join(platforms) or 'none'}. Export it again "
+                f"for this platform, or compile it here: fmpy compile {path.name}"
+            )
+        if wrong:
+            self.close()
+            raise ConfigError(f"{path}: expected {wrong}.")
 
-    def initialise(self, groups: _Groups, inputs: Mapping[str, float]) -> None:
-        if self._is_fmi2:
-            self._fmu.setupExperiment(startTime=0.0)
-        self._fmu.enterInitializationMode()
-        self.write(groups, inputs)
-        self._fmu.exitInitializationMode()
-        self._is_started = True
+    def variable(self, name: str) -> Any:
+        """The description of a variable.
 
-    def set(self, variable: Any, value: Any) -> None:
-        """Set one variable of any type."""
-        kind = variable.type
-        if kind == "Enumeration":
-            kind = "Integer" if self._is_fmi2 else "Int64"
-        getattr(self._fmu, f"set{kind}")([variable.valueReference], [value])
-
-    def write(self, groups: _Groups, values: Mapping[str, float]) -> None:
-        for kind, links in groups.items():
-            converted = [link.gain * values[link.field] + link.bias for link in links]
-            put = getattr(self._fmu, f"set{kind}")
-            put([link.variable.valueReference for link in links], converted)
-
-    def read(self, groups: _Groups) -> dict[str, float]:
-        """By field: the values of the contract."""
-        values = {}
-        for kind, links in groups.items():
-            get = getattr(self._fmu, f"get{kind}")
-            found = get([link.variable.valueReference for link in links])
-            for link, value in zip(links, found, strict=True):
-                values[link.field] = link.gain * value + link.bias
-        return values
-
-    def step(self, time_s: float, step_s: float) -> bool:
-        """Compute one communication step; False if the FMU ends the simulation or returns early."""
-        told = self._fmu.doStep(time_s, step_s)
-        if self._is_fmi2:
-            return True
-        _, is_over, is_early, _ = told
-        return not (is_over or is_early)
-
-    def messages(self) -> str:
-        """The last warnings and errors of the FMU in brackets; empty if there are none."""
-        return f"({'; '.join(self._messages)})" if self._messages else ""
+        Raises:
+            ConfigError: the FMU has no variable of this name.
+        """
+        variables = {variable.name: variable for variable in self.description.modelVariables}
+        if name in variables:
+            return variables[name]
+        near = get_close_matches(name, variables, n=5, cutoff=0.4) or list(variables)[:8]
+        raise ConfigError(
+            f"{self.path.name}: expected a variable {name!r}, found none of that name "
+            f"({', '.join(near)}, …). Correct the mapping file."
+        )
 
     def close(self) -> None:
-        """Terminate and free the instance; errors of the termination are ignored."""
-        try:
-            if self._is_started:
-                self._fmu.terminate()
-        except Exception:
-            pass
-        finally:
-            self._fmu.freeInstance()
-
-    def _log(self, *arguments: Any) -> None:
-        """Callback of FMI 2 and FMI 3: both end with (status, category, message)."""
-        status, _, message = arguments[-3:]
-        if status >= _WARNING and message:
-            self._messages.append(message.decode("utf-8", "replace").strip())
-            del self._messages[:-_MAX_MESSAGES]
+        """Remove the temporary folder."""
+        self.folder.cleanup()
 
 
 class FmuPlant:
-    """An unpacked FMU with its mapping; see `Plant` for the methods."""
+    """An FMU with its mapping; see `Plant` for the methods."""
 
     def __init__(
         self,
-        file: str,
-        description: Any,
-        folder: _Folder,
-        links: Links,
-        communication_step_s: float,
-        frictions: dict[str, float],
+        file: FmuFile,
+        mapping: FmuMapping,
+        road_friction: float,
+        friction_right: float | None = None,
     ) -> None:
-        self.name = f"fmu:{file}"
+        self.name = f"fmu:{file.path.name}"
         self.failure: str | None = None
+        self._frictions = {
+            "road_friction": road_friction,
+            "road_friction_right": road_friction if friction_right is None else friction_right,
+        }
+        self._file = file
+        self._is_fmi2 = file.description.fmiMajorVersion == 2
+        self._fmu: Any = None
+        self._is_started = False
+        self._messages = deque[str](maxlen=3)
+        links = resolve_links(file, mapping)
+        self._start, self._parameters = links.start, links.parameters
+        self._inputs, self._road_links = _grouped(links.inputs), _grouped(links.road)
+        self._moving = _grouped(link for link in links.outputs if link.field in MOTION_FIELDS)
+        self._others = _grouped(link for link in links.outputs if link.field not in MOTION_FIELDS)
+        self.start_fields = frozenset(link.field for link in links.start)
+        """start values for which the mapping names a parameter"""
         self.road_inputs = frozenset(link.field for link in links.road)
         """fields of `RoadAt` that act on this FMU"""
-        self._description = description
-        self._folder = folder
-        self._instance: _Instance | None = None
-        self._links = links
-        self._inputs, self._road_links = _grouped(links.inputs), _grouped(links.road)
-        self._motion_links = _grouped(k for k in links.outputs if k.field in MOTION_FIELDS)
-        self._other_links = _grouped(k for k in links.outputs if k.field not in MOTION_FIELDS)
-        self._frictions = frictions
-        self._step_s = communication_step_s
-        self._n_steps = 0
-        """communication steps since the start of the run"""
-        self._period_start_s = 0.0
         self._road: RoadAt | None = None
         """ground of the coming period, until it is written"""
+        self._values: dict[str, float] = {}
+        self._step_s = mapping.communication_step_s
+        self._steps, self._period_start_s = 0, 0.0
         self._input = self._written = NEUTRAL_INPUT
         """of the last period; what the FMU's inputs are"""
         self._last = np.zeros((2, len(MOTION_FIELDS)))
         """motion at the last two communication points"""
-        self._outputs = PlantOutputs()
-
-    def takes(self, field: str) -> bool:
-        """True if the mapping names a parameter for this start value."""
-        return any(link.field == field for link in self._links.start)
+        self._motion = np.empty((0, len(MOTION_FIELDS)))
 
     def reset(self, v0_mps: float) -> Array:
         """(vx_mps, vy_mps, yaw_rate_radps) of a new instance.
@@ -165,113 +148,154 @@ class FmuPlant:
             ConfigError: the FMU refuses its start values, or starts at another speed.
         """
         self._free()
-        self._n_steps, self._period_start_s = 0, 0.0
-        self._input = self._written = NEUTRAL_INPUT
+        self._steps, self._period_start_s = 0, 0.0
+        self._input = NEUTRAL_INPUT
         self._road = self.failure = None
-        instance = self._instance = _Instance(self.name, self._folder.name, self._description)
-        start = {"vx_mps": v0_mps, **self._frictions}
         try:
-            for variable, value in self._links.parameters:
-                instance.set(variable, value)
-            instance.write(_grouped(self._links.start), start)
-            instance.initialise(self._inputs, NEUTRAL_INPUT._asdict())
-            first = instance.read(self._motion_links)
-            self._outputs = PlantOutputs(**instance.read(self._other_links))
+            self._instantiate(v0_mps)
         except Exception as error:  # the FMUs of each tool fail differently
             raise ConfigError(
                 f"{self.name}: expected an FMU that starts with the parameters of its mapping, "
-                f"found {error} {instance.messages()}. Correct [start] or [parameters]."
+                f"found {self._explain(error)}. Correct [start] or [parameters], or see the FMU's "
+                f"documentation."
             ) from error
-        start_motion = np.array([first[field] for field in MOTION_FIELDS])
-        if not (np.isfinite(start_motion).all() and abs(start_motion[0] - v0_mps) <= _START_MPS):
+        start = np.array([self._values[field] for field in MOTION_FIELDS])
+        if not (np.isfinite(start).all() and abs(start[0] - v0_mps) <= START_TOLERANCE_MPS):
+            found = ", ".join(f"{k} {v:.2f}" for k, v in zip(MOTION_FIELDS, start, strict=True))
             raise ConfigError(
-                f"{self.name}: expected a car that starts at {v0_mps:.2f} m/s, found "
-                f"{', '.join(f'{field} {value:.2f}' for field, value in first.items())}. Name the "
-                f"parameter for its initial speed as start.vx_mps in the mapping file, or choose a "
-                f"scenario with the FMU's own speed."
+                f"{self.name}: expected a car that starts with vx_mps {v0_mps:.2f}, found {found}. "
+                f"Name the parameter for its initial speed as start.vx_mps in the mapping file, "
+                f"correct [parameters], or choose a scenario with the FMU's own speed."
             )
-        self._last[:] = start_motion
-        return start_motion
+        self._last[:] = start
+        return start
 
     def set_road(self, road: RoadAt) -> None:
         """Drive on this ground from the next communication point on."""
         self._road = road if self.road_inputs else None
 
     def step(self, control: ControlInput, dt_s: float) -> Array:
-        """(n, 3) motion: after each communication step, or every millisecond on another grid."""
+        """(n, 3) motion: after each communication step, or every millisecond; see the module."""
         n_points = round(dt_s / self._step_s)
-        if abs(n_points * self._step_s - dt_s) > _TIME_TOLERANCE * self._step_s:
+        if n_points < 1 or abs(n_points * self._step_s - dt_s) > _TOLERANCE * self._step_s:
             n_points = max(1, round(dt_s / STEP_S))
-        motion = np.full((n_points, len(MOTION_FIELDS)), nan)
-        if self._instance is None:
+        if n_points != self._motion.shape[0]:
+            self._motion = np.empty((n_points, len(MOTION_FIELDS)))
+        if self._fmu is None:
             self._fail("it was closed")
         elif self.failure is None:
             try:
-                self._advance(self._instance, control, dt_s, motion)
+                self._advance(control, n_points, dt_s)
             except Exception as error:  # the FMUs of each tool fail differently
-                self._fail(f"{error} {self._instance.messages()}".rstrip())
+                self._fail(self._explain(error))
         if self.failure is not None:
-            motion[:] = nan
-            self._outputs = PlantOutputs()
-        return motion
+            self._motion[:] = nan
+        return self._motion
 
     def outputs(self) -> PlantOutputs:
         """Values at the end of the last step; NaN where the mapping names no variable."""
-        return self._outputs
+        if self.failure is not None:
+            return PlantOutputs()
+        known = {k: v for k, v in self._values.items() if k in PlantOutputs._fields}
+        return PlantOutputs(**known)
 
     def close(self) -> None:
         """Free the instance, unload its library, remove the unpacked files."""
         self._free()
-        self._folder.cleanup()
+        self._file.close()
 
-    def _advance(
-        self, instance: _Instance, control: ControlInput, dt_s: float, motion: Array
-    ) -> None:
-        tolerance_s = _TIME_TOLERANCE * self._step_s
-        for i in range(len(motion)):
-            time_s = self._period_start_s + (i + 1) * dt_s / len(motion)
-            while self._fmu_s < time_s - tolerance_s:
-                began_before = self._fmu_s < self._period_start_s - tolerance_s
-                self._compute_step(instance, self._input if began_before else control)
-                if self.failure is not None:
+    def _instantiate(self, v0_mps: float) -> None:
+        from fmpy.simulation import instantiate_fmu
+
+        folder, description = self._file.folder.name, self._file.description
+        fmu = self._fmu = instantiate_fmu(
+            folder, description, "CoSimulation", debug_logging=True, logger=self._log
+        )
+        wanted = {"vx_mps": v0_mps, **self._frictions}
+        starts = [(k.variable, k.gain * wanted[k.field] + k.bias) for k in self._start]
+        for variable, value in (*self._parameters, *starts):
+            enumeration = "Integer" if self._is_fmi2 else "Int64"
+            kind = enumeration if variable.type == "Enumeration" else variable.type
+            getattr(fmu, f"set{kind}")([variable.valueReference], [value])
+        if self._is_fmi2:
+            fmu.setupExperiment(startTime=0.0)
+        fmu.enterInitializationMode()
+        self._write_inputs(NEUTRAL_INPUT)
+        fmu.exitInitializationMode()
+        self._is_started = True
+        self._read(self._moving)
+        self._read(self._others)
+
+    def _advance(self, control: ControlInput, n_points: int, dt_s: float) -> None:
+        step_s, slack_s = self._step_s, _TOLERANCE * self._step_s
+        for i in range(n_points):
+            time_s = self._period_start_s + (i + 1) * dt_s / n_points
+            while (fmu_s := self._steps * step_s) < time_s - slack_s:
+                if self._road is not None:
+                    self._write(self._road_links, self._road._asdict())
+                    self._road = None
+                # A step that begins before this period begins with the input of the last one.
+                valid = self._input if fmu_s < self._period_start_s - slack_s else control
+                if valid != self._written:
+                    self._write_inputs(valid)
+                # FMI 3 answers with (event needed, is over, is early, time), FMI 2 with nothing.
+                answer = self._fmu.doStep(fmu_s, step_s)
+                if not self._is_fmi2 and (answer[1] or answer[2]):
+                    self._fail("it ended the simulation")
                     return
-            behind_s = self._fmu_s - time_s
-            share = behind_s / self._step_s if behind_s > tolerance_s else 0.0
-            motion[i] = self._last[1] - share * (self._last[1] - self._last[0])
+                self._steps += 1
+                self._read(self._moving)
+                self._last[0] = self._last[1]
+                self._last[1] = [self._values[field] for field in MOTION_FIELDS]
+                lost = [k for k in MOTION_FIELDS if not isfinite(self._values[k])]
+                if lost:
+                    self._fail(f"{lost[0]} is {self._values[lost[0]]}")
+                    return
+            behind_s = fmu_s - time_s
+            share = behind_s / step_s if behind_s > slack_s else 0.0
+            self._motion[i] = self._last[1] - share * (self._last[1] - self._last[0])
         self._period_start_s += dt_s
         self._input = control
-        self._outputs = PlantOutputs(**instance.read(self._other_links))
+        self._read(self._others)
 
-    def _compute_step(self, instance: _Instance, control: ControlInput) -> None:
-        if self._road is not None:
-            instance.write(self._road_links, self._road._asdict())
-            self._road = None
-        if control != self._written:
-            instance.write(self._inputs, control._asdict())
-            self._written = control
-        if not instance.step(self._fmu_s, self._step_s):
-            self._fail("it ended the simulation")
-            return
-        self._n_steps += 1
-        values = instance.read(self._motion_links)
-        self._last[0] = self._last[1]
-        self._last[1] = [values[field] for field in MOTION_FIELDS]
-        for field, value in values.items():
-            if not isfinite(value):
-                self._fail(f"{field} is {value}")
+    def _write_inputs(self, control: ControlInput) -> None:
+        self._written = control
+        self._write(self._inputs, control._asdict())
 
-    @property
-    def _fmu_s(self) -> float:
-        """Time of the last communication point."""
-        return self._n_steps * self._step_s
+    def _write(self, groups: _Groups, wanted: Mapping[str, float]) -> None:
+        for kind, links in groups.items():
+            values = [link.gain * wanted[link.field] + link.bias for link in links]
+            references = [link.variable.valueReference for link in links]
+            getattr(self._fmu, f"set{kind}")(references, values)
+
+    def _read(self, groups: _Groups) -> None:
+        for kind, links in groups.items():
+            references = [link.variable.valueReference for link in links]
+            values = getattr(self._fmu, f"get{kind}")(references)
+            for link, value in zip(links, values, strict=True):
+                self._values[link.field] = link.gain * value + link.bias
 
     def _fail(self, reason: str) -> None:
-        self.failure = f"{self.name}: at {self._fmu_s:.3f} s: {reason}"
+        self.failure = f"{self.name}: at {self._steps * self._step_s:.3f} s: {reason}"
+
+    def _explain(self, error: Exception) -> str:
+        """The error with the last warnings and errors of the FMU."""
+        return f"{error} ({'; '.join(self._messages)})" if self._messages else str(error)
+
+    def _log(self, *arguments: Any) -> None:
+        """Callback of FMI 2 and FMI 3: both end with (status, category, message)."""
+        status, _, message = arguments[-3:]
+        if status >= _WARNING and message:
+            self._messages.append(message.decode("utf-8", "replace").strip())
 
     def _free(self) -> None:
-        if self._instance is not None:
-            self._instance.close()
-            self._instance = None
+        if self._fmu is not None:
+            with suppress(Exception):
+                if self._is_started:
+                    self._fmu.terminate()
+            self._fmu.freeInstance()
+            self._fmu, self._is_started = None, False
+            self._messages.clear()
 
 
 def open_fmu_plant(
@@ -283,49 +307,13 @@ def open_fmu_plant(
         MissingExtraError: fmpy is not installed.
         ConfigError: FMU or mapping are missing or do not fit each other.
     """
-    right = road_friction if friction_right is None else friction_right
-    frictions = {"road_friction": road_friction, "road_friction_right": right}
-    description, folder = _unpacked(path)
+    file = FmuFile(path)
     try:
-        found = load_mapping(mapping or path.with_suffix(".toml"))
-        links = resolve(found, description, path.name)
+        described = load_mapping(mapping or path.with_suffix(".toml"))
+        return FmuPlant(file, described, road_friction, friction_right)
     except RtControllerError:
-        folder.cleanup()
+        file.close()
         raise
-    return FmuPlant(path.name, description, folder, links, found.communication_step_s, frictions)
-
-
-def _unpacked(path: Path) -> tuple[Any, _Folder]:
-    """Model description and files of an FMU for co-simulation on this machine."""
-    with needs_extra("fmu", "`plant` fmu"):
-        import fmpy
-    if not path.is_file():
-        raise ConfigError(
-            f"{path}: expected an FMU, found no such file. Name the .fmu file after fmu:."
-        )
-    # Also removed when the process ends without `close`.
-    folder = tempfile.TemporaryDirectory(prefix="fmu-", ignore_cleanup_errors=True)
-    try:
-        description = fmpy.read_model_description(str(path), validate=False)
-        platforms = fmpy.supported_platforms(str(path))
-        fmpy.extract(str(path), unzipdir=folder.name)
-    except Exception as error:  # zip, XML and version errors have many types
-        folder.cleanup()
-        raise ConfigError(
-            f"{path}: expected an FMU (a ZIP archive with modelDescription.xml), found {error}. "
-            f"Export it again."
-        ) from error
-    is_known = description.fmiMajorVersion in (2, 3) and description.coSimulation is not None
-    if not is_known or fmpy.platform not in platforms:
-        folder.cleanup()
-        kind = "model exchange only" if description.coSimulation is None else "co-simulation"
-        raise ConfigError(
-            f"{path}: expected FMI 2 or FMI 3 for co-simulation with a library for "
-            f"{fmpy.platform}, found FMI {description.fmiVersion} for {kind} with libraries for "
-            f"{', '.join(platforms) or 'no platform'}. Export it again; a library that is missing "
-            f"only may be compiled here: fmpy compile {path.name}"
-        )
-    return description, folder
 
 
 def _grouped(links: Iterable[Link]) -> _Groups:

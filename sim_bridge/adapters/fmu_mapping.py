@@ -1,18 +1,15 @@
-"""The mapping of an FMU: which of its variables is which signal of the contract.
+"""The mapping file: which variable of an FMU is which signal of the contract.
 
-It is a TOML file, by default beside the FMU under the same name: `car.fmu`, `car.toml`. `resolve`
-finds the variables in the FMU and the factors between their units and SI.
+It is TOML, by default beside the FMU under the same name: `car.fmu`, `car.toml`.
 """
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
-from difflib import get_close_matches
 from math import isclose
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, create_model
+from pydantic import BeforeValidator, Field, GetPydanticSchema, TypeAdapter, create_model
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.files import read_text
@@ -26,19 +23,15 @@ from rt_controller.mapping.units import (
     unit_of_name,
 )
 from sim_bridge.plant.protocol import MOTION_FIELDS, PlantOutputs, RoadAt
+from sim_bridge.toml_file import FileTable
 
-Value = bool | int | float | str
-_Use = Literal["input", "output", "start", "parameter"]
-"""set in every period, read, set before a run, set before a run without units"""
-_REAL_TYPES = ("Real", "Float64", "Float32")
+if TYPE_CHECKING:
+    from sim_bridge.adapters.fmu import FmuFile
+
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Channel(_Strict):
+class Channel(FileTable):
     """One variable, and the conversion between its values and those of the contract.
 
     Towards the FMU: variable = sign * scale * contract + offset.
@@ -59,44 +52,36 @@ _Named = Annotated[
 ]
 """a channel, or only the variable's name"""
 _Input = Annotated[_Named | None, BeforeValidator(lambda raw: None if raw is False else raw)]
-"""None, `false` in the file: the FMU has no such input, and its value is not used"""
-
-if TYPE_CHECKING:
-    from pydantic import BaseModel as _Inputs
-    from pydantic import BaseModel as _Outputs
-    from pydantic import BaseModel as _Road
-    from pydantic import BaseModel as _Start
-else:
-
-    def _section(required: dict[str, Any], optional: Iterable[str] = ()) -> type[_Strict]:
-        fields = {name: (kind, ...) for name, kind in required.items()}
-        fields |= dict.fromkeys(optional, (_Named | None, None))
-        return create_model("Section", __base__=_Strict, **fields)
-
-    _Inputs = _section(dict.fromkeys(ControlInput._fields, _Input))
-    _Outputs = _section(dict.fromkeys(MOTION_FIELDS, _Named), PlantOutputs._fields)
-    # With `road_friction_right`, `road_friction` is that under the left wheels.
-    _Start = _section({}, ("vx_mps", "road_friction", "road_friction_right"))
-    _Road = _section({}, RoadAt._fields)
+"""None, `false` in the file: the plant has no such input, and its value is not used"""
 
 
-class FmuMapping(_Strict):
-    """A whole mapping file."""
+def _channels(
+    optional: Iterable[str] = (), required: Iterable[str] = (), kind: object = _Named
+) -> GetPydanticSchema:
+    """A table with a channel for each of these names."""
+    fields: dict[str, Any] = dict.fromkeys(optional, (_Named | None, None))
+    table = create_model(
+        "Table", __base__=FileTable, **fields | dict.fromkeys(required, (kind, ...))
+    )
+    return GetPydanticSchema(lambda _, schema_of: schema_of(table))
+
+
+class FmuMapping(FileTable):
+    """A whole mapping file; its tables have a `Channel` or None by the name of each field."""
 
     communication_step_s: Annotated[_Finite, Field(ge=1e-5, le=1.0)]
     """time between two exchanges of values; usually a part of the control period"""
-    inputs: _Inputs
-    outputs: _Outputs
-    """the motion must be named, further outputs may be"""
-    start: _Start = _Start()
-    """parameters of the FMU that a run sets; the others keep the values of the FMU"""
-    road: _Road = _Road()
+    inputs: Annotated[FileTable, _channels(required=ControlInput._fields, kind=_Input)]
+    outputs: Annotated[FileTable, _channels(PlantOutputs._fields, MOTION_FIELDS)]
+    start: Annotated[FileTable, _channels(("vx_mps", "road_friction", "road_friction_right"))] = (
+        FileTable()
+    )
+    """parameters of the FMU that a run sets; the others keep the values of the FMU. With
+    `road_friction_right`, `road_friction` is that under the left wheels"""
+    road: Annotated[FileTable, _channels(RoadAt._fields)] = FileTable()
     """inputs or tunable parameters that follow the road in every period"""
-    parameters: dict[str, Value] = {}
+    parameters: dict[str, bool | int | float | str] = Field(default_factory=dict)
     """start values of further variables, by name, in the FMU's own units"""
-
-
-_SCHEMA = TypeAdapter(FmuMapping)
 
 
 def load_mapping(path: Path) -> FmuMapping:
@@ -112,169 +97,150 @@ def load_mapping(path: Path) -> FmuMapping:
             f"{path}: expected the mapping from the FMU's variables to the contract, found an "
             f"error: {error}. Write one (docs/plants.md shows how) or name it in `plant_mapping`."
         ) from error
-    return parse(text, _SCHEMA, str(path))
+    return parse(text, TypeAdapter(FmuMapping), str(path))
 
 
 class Link(NamedTuple):
-    """A channel and its variable: target = gain * source + bias, in either direction."""
+    """A channel with its variable in the FMU: target = gain * source + bias."""
 
     field: str
     variable: Any
-    """from the description of the FMU"""
     gain: float
     bias: float
 
 
-@dataclass(frozen=True, slots=True)
-class Links:
-    """A mapping, resolved against the variables of an FMU."""
+class Links(NamedTuple):
+    """A mapping with the variables of an FMU; `parameters` with their start values."""
 
     inputs: list[Link]
     outputs: list[Link]
     start: list[Link]
     road: list[Link]
-    parameters: list[tuple[Any, Value]]
-    """variables with their start values"""
+    parameters: list[tuple[Any, bool | int | float | str]]
 
 
-def resolve(mapping: FmuMapping, description: Any, fmu: str) -> Links:
+def resolve_links(file: "FmuFile", mapping: FmuMapping) -> Links:
     """The mapping with the FMU's variables.
-
-    Args:
-        description: of the FMU, as fmpy reads it.
-        fmu: name of the file for messages.
 
     Raises:
         ConfigError: variables are missing, cannot be set, have a unit of another quantity, or are
             named for two inputs; or the communication step does not fit. All of it is listed.
     """
-    problems: list[str] = []
-
-    def linked(channels: Iterable[tuple[str, Channel | None]], use: _Use) -> list[Link]:
-        found = []
-        for field, channel in channels:
-            if channel is not None:
-                try:
-                    found.append(_link(description, f"{fmu}: {field}", field, channel, use))
-                except ConfigError as error:
-                    problems.append(str(error))
-        return found
-
-    named = [(name, Channel(variable=name)) for name in mapping.parameters]
-    links = Links(
-        linked(mapping.inputs, "input"),
-        linked(mapping.outputs, "output"),
-        linked(mapping.start, "start"),
-        linked(mapping.road, "input"),
-        [(link.variable, mapping.parameters[link.field]) for link in linked(named, "parameter")],
-    )
-    written = Counter(link.variable.name for link in (*links.inputs, *links.road))
+    links, problems = Links([], [], [], [], []), list[str]()
+    channels = [
+        (k, *each) for k in ("inputs", "outputs", "start", "road") for each in getattr(mapping, k)
+    ]
+    for name in mapping.parameters:
+        channels.append(("parameters", f"parameters.{name}", Channel(variable=name)))
+    for table, field, channel in channels:
+        if channel is None:
+            continue
+        try:
+            variable = file.variable(channel.variable)
+            if table != "outputs":
+                _require_settable(file, table, field, variable)
+            if table == "parameters":
+                links.parameters.append((variable, mapping.parameters[variable.name]))
+            else:
+                getattr(links, table).append(
+                    _link(file, table == "outputs", field, channel, variable)
+                )
+        except ConfigError as error:
+            problems.append(str(error))
+    driven = Counter(link.variable.name for link in (*links.inputs, *links.road))
     problems += [
-        f"{fmu}: expected a variable of its own for each input, found {name!r} twice. One would "
-        f"overwrite the other; correct the mapping file."
-        for name, number in written.items()
+        f"{file.path.name}: expected a variable of its own for each input, found {name!r} twice. "
+        f"One would overwrite the other; correct the mapping file."
+        for name, number in driven.items()
         if number > 1
     ]
-    fixed_s = float(getattr(description.coSimulation, "fixedInternalStepSize", None) or 0.0)
-    ratio = mapping.communication_step_s / fixed_s if fixed_s else 1.0
-    if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6:
+    step_s = mapping.communication_step_s
+    own_s = float(getattr(file.description.coSimulation, "fixedInternalStepSize", None) or step_s)
+    if round(step_s / own_s) < 1 or abs(step_s / own_s - round(step_s / own_s)) > 1e-6:
         problems.append(
-            f"{fmu}: communication_step_s: expected a multiple of the FMU's own step of "
-            f"{fixed_s:g} s, found {mapping.communication_step_s:g} s. Write communication_step_s "
-            f"= {fixed_s:g} in the mapping file; it need not be a part of the control period."
+            f"{file.path.name}: communication_step_s: expected a multiple of the FMU's own step of "
+            f"{own_s:g} s, found {step_s:g} s. Write communication_step_s = {own_s:g} in the "
+            f"mapping file; it need not be a part of the control period."
         )
     if problems:
         raise ConfigError("\n".join(problems))
     return links
 
 
-def _link(description: Any, where: str, field: str, channel: Channel, use: _Use) -> Link:
-    variables = {variable.name: variable for variable in description.modelVariables}
-    name = channel.variable
-    if name not in variables:
-        near = get_close_matches(name, variables, n=5, cutoff=0.4) or list(variables)[:8]
-        raise ConfigError(
-            f"{where}: expected a variable {name!r}, found none of that name "
-            f"({', '.join(near)}, …). Correct the mapping file."
-        )
-    variable = variables[name]
-    if use != "parameter" and (variable.type not in _REAL_TYPES or variable.dimensions):
-        raise ConfigError(
-            f"{where}: expected a scalar of real numbers, found {name!r} of type "
-            f"{variable.type}{list(variable.shape or ())}. Name another variable in the mapping "
-            f"file."
-        )
-    if use != "output":
-        _require_settable(where, variable, use)
-    if use == "parameter":
-        return Link(field, variable, 1.0, 0.0)
-    unit, signal = _units(description, where, field, channel, variable)
-    scale = channel.sign * (channel.scale or 1.0)
-    if use == "output":
-        bias = (channel.offset + scale * unit.offset) / signal.factor
-        return Link(field, variable, scale * unit.factor / signal.factor, bias)
-    gain = scale * signal.factor / unit.factor
-    return Link(field, variable, gain, (channel.offset - unit.offset) / unit.factor)
+def _require_settable(file: "FmuFile", table: str, field: str, variable: Any) -> None:
+    """Return if a variable may be set: of inputs and road in every period, else before a run.
 
-
-def _require_settable(where: str, variable: Any, use: _Use) -> None:
-    """Return if a variable may be set in every period ("input"), or before a run."""
-    causality, variability = variable.causality, variable.variability
-    if use == "input":
-        is_settable = causality == "input" or (causality, variability) == ("parameter", "tunable")
-        wanted = "an input or a tunable parameter"
-        remedy = "A value for the whole run belongs under [parameters]; false: no such input"
-    else:
-        has_start = causality in ("local", "output") and variable.initial in ("exact", "approx")
-        is_settable = variability != "constant" and (
-            causality in ("parameter", "input") or has_start
-        )
-        wanted = "a parameter, an input or a variable with a start value"
-        remedy = "Leave it out, or export the FMU again with the wanted value"
-    if not is_settable:
-        raise ConfigError(
-            f"{where}: expected {wanted}, found {variable.name!r}, a {variability} {causality}. "
-            f"Name another in the mapping file. {remedy}."
-        )
-
-
-def _units(
-    description: Any, where: str, field: str, channel: Channel, variable: Any
-) -> tuple[Unit, Unit]:
-    """Units of the variable and of the contract's signal, which must be of one quantity.
-
-    The unit of the variable is that of the mapping, else that of the FMU, else that of the signal.
+    Raises:
+        ConfigError: it may not.
     """
-    signal_name = unit_of_name(field) or "1"
-    signal = require_unit(signal_name, where)
-    declared = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
-    known = _declared_unit(description, declared) if declared else None
-    if channel.unit is None:
-        unit = known or require_unit(declared or signal_name, f"{where}: {channel.variable!r}")
+    causality, variability = variable.causality, variable.variability
+    found, remedy = f"which is {causality}", "Name another in the mapping file"
+    if table in ("inputs", "road"):
+        if causality == "input" or (causality, variability) == ("parameter", "tunable"):
+            return
+        expected = "an input or a tunable parameter"
+        if causality == "parameter":
+            found = f"a {variability} parameter: it has one value for a whole run"
+            remedy = "Name it under [parameters] in the mapping file"
+        remedy += f"; {field} = false says that the FMU has no such input"
     else:
-        unit = require_unit(channel.unit, f"{where}: {channel.variable!r}")
-        # Tools write rounded factors.
-        is_same = known is None or (
+        is_given = causality in ("parameter", "input") or (
+            variable.initial in ("exact", "approx") and causality in ("local", "output")
+        )
+        if is_given and variability != "constant":
+            return
+        expected = "a parameter or a variable with a start value"
+        is_constant = variability == "constant" or causality == "structuralParameter"
+        found += ", constant in this FMU" if is_constant else ", computed by the FMU"
+    raise ConfigError(
+        f"{file.path.name}: {field}: expected {expected}, found {variable.name!r}, {found}. "
+        f"{remedy}."
+    )
+
+
+def _link(file: "FmuFile", is_output: bool, field: str, channel: Channel, variable: Any) -> Link:
+    where = f"{file.path.name}: {field}: expected"
+    if variable.type not in ("Real", "Float64", "Float32") or variable.dimensions:
+        raise ConfigError(
+            f"{where} a scalar of real numbers, found {variable.name!r} of type "
+            f"{variable.type}{list(variable.shape or ())}. Name another in the mapping file."
+        )
+    # The unit of the mapping, else that of the FMU, else that of the signal.
+    signal_name = unit_of_name(field) or "1"
+    declared = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
+    known = _declared_unit(file, declared) if declared else None
+    named = channel.unit or declared or signal_name
+    place = f"{file.path.name}: {field}: {variable.name!r}"
+    unit = require_unit(named, place) if channel.unit or known is None else known
+    signal = require_unit(signal_name, field)
+    # Tools write rounded factors.
+    if (
+        known != unit
+        and known is not None
+        and not (
             known.quantity == unit.quantity and isclose(known.factor, unit.factor, rel_tol=1e-4)
         )
-        if not is_same:
-            raise ConfigError(
-                f"{where}: {channel.variable!r}: expected the FMU's own unit {declared!r}, found "
-                f"{channel.unit!r} in the mapping file. Leave the unit out or correct it; a factor "
-                f"belongs into scale."
-            )
+    ):
+        raise ConfigError(
+            f"{where} the FMU's own unit {declared!r}, found {channel.unit!r} in the mapping file. "
+            f"Leave the unit out or correct it; a factor belongs into scale."
+        )
     if unit.quantity != signal.quantity and channel.scale is None:
         raise ConfigError(
-            f"{where}: expected {channel.variable!r} to measure {signal.quantity}, found "
-            f"{unit.quantity}. Give with scale how much {unit.quantity} is one unit of "
-            f"{signal.quantity}, both in SI."
+            f"{where} {variable.name!r} to measure {signal.quantity}, found {unit.quantity}. Give "
+            f"with scale how much {unit.quantity} is one unit of {signal.quantity}, both in SI."
         )
-    return unit, signal
+    scale = channel.sign * (channel.scale or 1.0)
+    if is_output:
+        bias = (channel.offset + scale * unit.offset) / signal.factor
+        return Link(field, variable, scale * unit.factor / signal.factor, bias)
+    bias = (channel.offset - unit.offset) / unit.factor
+    return Link(field, variable, scale * signal.factor / unit.factor, bias)
 
 
-def _declared_unit(description: Any, declared: str) -> Unit | None:
+def _declared_unit(file: "FmuFile", declared: str) -> Unit | None:
     """The unit from the base units in the model description, else from its name."""
-    for definition in description.unitDefinitions:
+    for definition in file.description.unitDefinitions:
         base = definition.baseUnit
         if definition.name == declared and base is not None:
             if base.A or base.K or base.mol or base.cd or base.offset:

@@ -17,9 +17,24 @@ from rt_controller.settings import CarSettings
 from sim_bridge.adapters.plants import open_plant
 from sim_bridge.car import Car
 from sim_bridge.fmu_export.archive import build_fmu, mapping_text
-from sim_bridge.plant.protocol import Plant, RoadAt
+from sim_bridge.plant.protocol import RoadAt
 
 pytestmark = needs_c_compiler
+
+CURVATURE_PER_M = 0.002
+
+
+def worst_difference(one: Car, other: Car) -> float:
+    """The largest relative difference of states and outputs in 5 s of driving."""
+    worst = 0.0
+    for control in wandering_inputs(200):
+        pairs = zip(
+            (*one.advance(control, CURVATURE_PER_M), *one.plant.outputs()),
+            (*other.advance(control, CURVATURE_PER_M), *other.plant.outputs()),
+            strict=True,
+        )
+        worst = max(worst, *(abs(a - b) / max(1.0, abs(a)) for a, b in pairs))
+    return worst
 
 
 @pytest.fixture(scope="module")
@@ -38,35 +53,43 @@ def front_driven(tmp_path: Path) -> Path:
     return file
 
 
-def require_same_drive(own: Plant, fmu: Plant) -> None:
-    """5 s of driving with a road that changes on the way."""
-    cars = Car(own, 22.0), Car(fmu, 22.0)
-    assert cars[0].state == cars[1].state
-    for k, control in enumerate(wandering_inputs(200)):
-        if k == 100:
-            for plant in (own, fmu):
-                plant.set_road(RoadAt(0.0, 0.0, 0.3, 0.9, 0.02, 0.03, 1.0, 2.0))
-        found = [(*car.advance(control, 0.002), *car.plant.outputs()) for car in cars]
-        np.testing.assert_array_equal(found[1], found[0])
-    fmu.close()
+def test_an_exported_car_drives_the_same_run(exported: Path) -> None:
+    """Friction and initial speed are set by the mapping file written beside it."""
+    own = Car(open_plant(CarSettings(), 0.6), 22.0)
+    fmu = Car(open_plant(CarSettings(plant=f"fmu:{exported}"), 0.6), 22.0)
+    assert fmu.state == own.state
+    assert worst_difference(own, fmu) <= 1e-9
+    fmu.plant.close()
 
 
-@pytest.mark.parametrize("friction_right", [None, 0.3])
-def test_an_exported_car_drives_the_same_run(exported: Path, friction_right: float | None) -> None:
-    """Friction, initial speed and road are set by the mapping file written beside it."""
-    own = open_plant(CarSettings(friction_right=friction_right), 0.6)
-    settings = CarSettings(plant=f"fmu:{exported}", friction_right=friction_right)
-    fmu = open_plant(settings, 0.6)
+def test_friction_of_both_sides_reaches_the_exported_car(exported: Path) -> None:
+    choices = (
+        CarSettings(friction=0.9, friction_right=0.3),
+        CarSettings(plant=f"fmu:{exported}", friction=0.9, friction_right=0.3),
+    )
+    own, fmu = (Car(open_plant(choice, 0.85), 25.0) for choice in choices)
+    assert worst_difference(own, fmu) <= 1e-9
+    for _ in range(20):
+        fmu.advance(ControlInput(0.0, 120.0, 0.0), 0.0)
+    assert abs(fmu.state.yaw_rate_radps) > 0.02
+    fmu.plant.close()
+
+
+def test_a_road_that_changes_on_the_way_acts_on_the_exported_car(exported: Path) -> None:
+    """Friction, bank, grade and wind reach it through the section [road] of its mapping."""
+    own = open_plant(CarSettings(), 0.85)
+    fmu = open_plant(CarSettings(plant=f"fmu:{exported}"), 0.85)
     assert fmu.road_inputs == own.road_inputs
-    require_same_drive(own, fmu)
-
-
-def test_a_car_file_is_contained_in_the_fmu(front_driven: Path, tmp_path: Path) -> None:
-    fmu = tmp_path / "car.fmu"
-    build_fmu(fmu, str(front_driven))
-    own = open_plant(CarSettings(car=str(front_driven)), 0.85)
-    front_driven.unlink()
-    require_same_drive(own, open_plant(CarSettings(plant=f"fmu:{fmu}"), 0.85))
+    for plant in (own, fmu):
+        plant.reset(20.0)
+    for k in range(60):
+        road = RoadAt(0.0, 0.0, 0.9 if k < 20 else 0.3, 0.9, 0.02, 0.03, 1.0, 2.0)
+        motions = []
+        for plant in (own, fmu):
+            plant.set_road(road)
+            motions.append(plant.step(ControlInput(0.0, 120.0, 0.3), 0.025))
+        np.testing.assert_allclose(motions[1], motions[0], rtol=1e-9, atol=1e-9)
+    fmu.close()
 
 
 def test_a_reset_forgets_the_road_that_was_set_before_it(exported: Path) -> None:
@@ -94,24 +117,26 @@ def test_an_exported_car_takes_steps_that_are_no_part_of_the_period(
     fmu.plant.close()
 
 
-def test_a_car_file_is_not_overwritten_by_a_mapping(front_driven: Path) -> None:
+def test_a_car_file_is_contained_in_the_fmu(front_driven: Path, tmp_path: Path) -> None:
+    fmu = tmp_path / "car.fmu"
+    build_fmu(fmu, str(front_driven))
+    name = str(front_driven)
+    own = Car(open_plant(CarSettings(car=name), 0.85), 22.0)
+    loaded = Car(open_plant(CarSettings(plant=f"fmu:{fmu}"), 0.85), 22.0)
+    front_driven.unlink()
+    assert worst_difference(own, loaded) <= 1e-9
+    loaded.plant.close()
+
+
+def test_a_file_that_cannot_be_exported_is_refused(front_driven: Path, tmp_path: Path) -> None:
     before = front_driven.read_text()
-    with pytest.raises(ConfigError, match="found the car file there"):
-        build_fmu(front_driven.with_suffix(".fmu"), str(front_driven))
+    for file, car, words in (
+        (front_driven.with_suffix(".fmu"), str(front_driven), "found the car file there"),
+        (tmp_path / "car.fmu", "lorry", "car 'lorry'"),
+        (tmp_path / "car.zip", "c_class_150kw_awd", r"ends in \.fmu"),
+        (tmp_path / "missing" / "car.fmu", "c_class_150kw_awd", "can be written"),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            build_fmu(file, car)
+        assert not file.exists()
     assert front_driven.read_text() == before
-
-
-@pytest.mark.parametrize(
-    ("file", "car", "words"),
-    [
-        ("car.fmu", "lorry", "car 'lorry'"),
-        ("car.zip", "c_class_150kw_awd", r"ends in \.fmu"),
-        ("missing/car.fmu", "c_class_150kw_awd", "can be written"),
-    ],
-)
-def test_a_file_that_cannot_be_made_is_refused(
-    tmp_path: Path, file: str, car: str, words: str
-) -> None:
-    with pytest.raises(ConfigError, match=words):
-        build_fmu(tmp_path / file, car)
-    assert not (tmp_path / file).exists()

@@ -28,8 +28,7 @@ from rt_controller.terminal.log_summary import log_to_json
 from rt_controller.terminal.progress import SETTLING, Line, announce, show, watch
 from rt_controller.terminal.stop_signals import stop_on_signals
 from rt_controller.terminal.streams import lost_output
-from sim_bridge.bridge import Bridge
-from sim_bridge.bridge_summary import BridgeSummary
+from sim_bridge.bridge import Bridge, BridgeSummary
 from sim_bridge.grip_needs import grip_note
 from sim_bridge.scenario_run import AT_REST_MPS
 from sim_bridge.session import open_session
@@ -92,13 +91,13 @@ def run_at_terminal(options: "BridgeOptions") -> int:
         if figures:
             facts = (Fact(figure.name, figure.text) for figure in figures)
             print_table(facts_table(facts, "figures of the scenario"), Console())
-        failures = [] if recorder is None else [recorder.explain_failure()]
         output = {
             **asdict(summary),
             **figures_to_json(figures),
             **log_to_json(recorder),
             "lost_output": lost_output(),
         }
+        failures = [] if recorder is None else [recorder.explain_failure()]
         try:
             write_figures(options.json_file, output)
         except OutputError as error:  # what the drive ended with is said all the same
@@ -126,39 +125,27 @@ def _require_success(summary: BridgeSummary, is_stopped: bool, options: "BridgeO
             f"within --wait-s {options.wait_s:g} s. Start rt-controller on the same bus and "
             f"channel."
         )
-    if summary.watchdog_braked and not summary.controller_ended:
-        raise BusError(
-            f"{_explain_braking(summary)}. The car was braked to {summary.final_speed_mps:.1f} m/s."
-        )
-
-
-def _explain_braking(summary: BridgeSummary) -> str:
-    """What the watchdog expected and found."""
-    found = summary.braking_text
-    if summary.braking_cause == BrakingCause.ACTUATOR_FAILED.name:
-        return (
-            f"Expected actuators that follow their commands, found that {found}. Check them, or "
-            f"the faults of this drive"
-        )
-    if summary.braking_cause == BrakingCause.LEAVING_PATH.name:
-        return (
-            f"Expected a car that stays within {FARTHEST_DRIVEN_M:g} m of its path "
-            f"({FARTHEST_OFF_PATH_M:g} m in a safe stop), found that {found}. Check the "
-            f"controller and its model, the scenario, or the faults of this drive"
-        )
-    failed = f". Besides, {summary.failed_text}" if summary.failed_actuators else ""
-    return (
-        f"Expected a command every {PERIOD_MS:g} ms, found {BrakingCause.NO_COMMAND.value} while "
-        f"the car was driven{_refused(summary)}{failed}"
+    if not summary.watchdog_braked or summary.controller_ended:
+        return
+    found = f"that {summary.braking_text}"
+    match BrakingCause[summary.braking_cause or "NO_COMMAND"]:
+        case BrakingCause.ACTUATOR_FAILED:
+            expected = "actuators that follow their commands"
+            remedy = "Check them, or the faults of this drive"
+        case BrakingCause.LEAVING_PATH:
+            expected = (
+                f"a car that stays within {FARTHEST_DRIVEN_M:g} m of its path "
+                f"({FARTHEST_OFF_PATH_M:g} m in a safe stop)"
+            )
+            remedy = "Check the controller and its model, the scenario, or the faults of this drive"
+        case _:
+            expected, found = f"a command every {PERIOD_MS:g} ms", summary.braking_text
+            refused = _refused(summary)
+            remedy = f"There were {refused}" if refused else "The controller stopped sending"
+    raise BusError(
+        f"Expected {expected}, found {found}. {remedy}. The car was braked to "
+        f"{summary.final_speed_mps:.1f} m/s."
     )
-
-
-def _refused(summary: BridgeSummary) -> str:
-    """Which commands were refused, and how often; empty if none were."""
-    if not summary.refused_ticks:
-        return ": the controller stopped sending"
-    listed = ", ".join(f"{ticks} {name}" for name, ticks in summary.refused_ticks.items())
-    return f" (ticks with refused commands: {listed})"
 
 
 def _line(bridge: Bridge, recorder: Recorder | None) -> Line:
@@ -171,19 +158,25 @@ def _line(bridge: Bridge, recorder: Recorder | None) -> Line:
 def _sentence(summary: BridgeSummary, is_stopped: bool) -> str:
     if summary.ticks == 0:
         return "ended before a controller took the car: nothing was driven"
-    braked = f"  BRAKED BY THE WATCHDOG: {summary.braking_text}"
+    braked = f"BRAKED BY THE WATCHDOG: {summary.braking_text}"
     if summary.controller_ended:
-        braked = "  the controller ended its drive with a safe stop"
-    refused = ", ".join(f"{ticks} {name}" for name, ticks in summary.refused_ticks.items())
+        braked = "the controller ended its drive with a safe stop"
     is_released = summary.released and summary.final_speed_mps > AT_REST_MPS
-    return (
-        _figures(summary)
-        + (f"  ticks with refused commands: {refused}" if refused else "")
-        + (braked if summary.watchdog_braked else "")
-        + ("  THE PLANT FAILED" if summary.plant_failure else "")
-        + ("  stopped on request before the end" if is_stopped else "")
-        + (f"  released at {summary.final_speed_mps * 3.6:.0f} km/h" if is_released else "")
+    parts = (
+        _figures(summary),
+        _refused(summary),
+        summary.watchdog_braked and braked,
+        summary.plant_failure and "THE PLANT FAILED",
+        is_stopped and "stopped on request before the end",
+        is_released and f"released at {summary.final_speed_mps * 3.6:.0f} km/h",
     )
+    return "  ".join(part for part in parts if part)
+
+
+def _refused(summary: BridgeSummary) -> str:
+    """Which commands were refused, and how often; empty if none were."""
+    listed = ", ".join(f"{ticks} {name}" for name, ticks in summary.refused_ticks.items())
+    return f"ticks with refused commands: {listed}" if listed else ""
 
 
 def _figures(summary: BridgeSummary) -> str:
