@@ -111,7 +111,9 @@ def test_a_lost_message_is_missing_while_the_fault_acts(drive: FaultyDrive, mess
 def test_lost_frames_leave_a_gap_in_the_counters(drive: FaultyDrive) -> None:
     assert drive.bridge.faults_so_far() == ()
     drive.run(FAULTY_TICKS + 1)
-    assert drive.bridge.faults_so_far() == ("state_lost from 0.25 s for 0.125 s",)
+    assert drive.bridge.faults_so_far() == (
+        "drop of STATE_A, STATE_B, STATE_C from 0.25 s for 0.125 s",
+    )
     assert drive.received.counts.counter_gap_frames == 3 * FAULTY_TICKS
 
 

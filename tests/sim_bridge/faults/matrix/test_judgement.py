@@ -20,9 +20,14 @@ BAD = GOOD._replace(is_faulty=True)
 STOPPED = BAD._replace(mode=Mode.SAFE_STOP, speed_mps=0.0)
 
 
-def judged(*periods: Observed, failure: str | None = None, fault_free: bool = False) -> MatrixRow:
-    case = Case("a", () if fault_free else ({"kind": "bus_off"},))
-    return judge(case, 60.0, periods, failure)
+def judged(
+    *periods: Observed,
+    failure: str | None = None,
+    fault_free: bool = False,
+    unchecked_m: float | None = None,
+) -> MatrixRow:
+    case = Case(faults=() if fault_free else ({"kind": "bus_off"},))
+    return judge(case, 60.0, periods, failure, unchecked_m)
 
 
 def test_the_time_to_detection_counts_from_the_first_faulty_period() -> None:
@@ -88,3 +93,12 @@ def test_a_controller_has_to_detect_a_car_that_does_not_follow_its_commands() ->
         "not detected in time",
     )
     assert judged(waiting, waiting._replace(mode=Mode.SAFE_STOP)).ok
+
+
+@pytest.mark.parametrize(("unchecked_m", "is_ok"), [(0.29, False), (0.31, True), (None, True)])
+def test_a_drive_that_is_worse_than_without_checks_is_not_ok(
+    unchecked_m: float | None, is_ok: bool
+) -> None:
+    row = judged(BAD._replace(ey_m=0.5), STOPPED, unchecked_m=unchecked_m)
+    assert row.ok is is_ok
+    assert is_ok or row.reasons == ("worse than without checks by 0.21 m",)
