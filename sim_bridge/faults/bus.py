@@ -23,7 +23,7 @@ from sim_bridge.faults.names import ACTUATOR, FRAMES, SIGNALS, VALID
 CODECS = {codec.name: codec for message in CATALOGUE.messages for codec in message.codecs}
 """of all frames, by name"""
 _CODEC_OF_ID = {codec.arbitration_id: codec for codec in CODECS.values()}
-SMALLEST_EXTENDED_ID = 0x800
+LARGEST_STANDARD_ID = 0x7FF
 
 
 class FaultyBus:
@@ -145,24 +145,18 @@ class _Distortion:
         """the values that were left last"""
 
     def apply(self, values: list[float], original: Sequence[float], tick: int) -> None:
-        """Change `values` in place, once for each vector that is sent.
-
-        Args:
-            values: as earlier faults left them.
-            original: the same vector before all faults.
-            tick: of the drive.
-        """
+        """Change `values`, as earlier faults left them, in place; once for each vector sent."""
+        fault, before = self._fault, tuple(values)
         self._history.append(tuple(original))
-        before = tuple(values)
-        self._held = (self._held or before) if self._fault.acts(tick) else None
-        if self._held is not None and self._fault.rules.change is not None:
-            last, periods = self._last or before, tick - self._fault.ticks.start + 1
+        self._held = (self._held or before) if fault.acts(tick) else None
+        if self._held is not None and fault.rules.change is not None:
+            late, last = self._history[0], self._last or before
+            periods = tick - fault.ticks.start + 1
             for i in self._places:
                 held = self._held[i]
-                amount = held if self._fault.value is None else self._fault.value
-                late = self._history[0][i]
-                values[i] = self._fault.rules.change(
-                    Sample(values[i], amount, held, late, last[i], periods, self._rng)
+                amount = held if fault.value is None else fault.value
+                values[i] = fault.rules.change(
+                    Sample(values[i], amount, held, late[i], last[i], periods, self._rng)
                 )
         self._last = tuple(values)
 
@@ -217,10 +211,8 @@ class _ThirdParticipant:
     def frames(self, tick: int, sender: Node, genuine: dict[int, bytes]) -> list[can.Message]:
         """What it sends in this tick in place of a node, after that node.
 
-        Args:
-            tick: of the drive.
-            sender: of the genuine frames; one that is not in the DBC follows those of the vehicle.
-            genuine: the last one of each id: other signals and the counter are taken from it.
+        Other signals and the counter are taken from the last genuine frame of the same id. A frame
+        that is not in the DBC is sent after those of the vehicle.
         """
         fault = self._fault
         period = max(round(fault.period_s / PERIOD_S), 1)
@@ -253,10 +245,5 @@ class _ThirdParticipant:
 
 
 def _frame(number: int, data: bytes) -> can.Message:
-    return can.Message(
-        arbitration_id=number,
-        is_extended_id=number >= SMALLEST_EXTENDED_ID,
-        data=data,
-        is_fd=len(data) > 8,
-        is_rx=False,
-    )
+    kind = {"is_extended_id": number > LARGEST_STANDARD_ID, "is_fd": len(data) > 8}
+    return can.Message(arbitration_id=number, data=data, is_rx=False, **kind)

@@ -55,11 +55,6 @@ def _s_bend(speed_mps: float, friction: float) -> Content:
     return {"road": road, "duration_s": 12.0}
 
 
-def _slalom(_: float) -> Content:
-    sine = {"kind": "sine", "amplitude_m": 0.6, "frequency_hz": 0.4}
-    return {"reference": {"ey_m": sine}}
-
-
 def _stop_and_hold(speed_mps: float) -> Content:
     """Brake from 1 to 6 s, hold for 3 s, drive on."""
     at_s_m = speed_mps + 0.5 * speed_mps * 5.0
@@ -67,6 +62,7 @@ def _stop_and_hold(speed_mps: float) -> Content:
     return {"stops": [stop], "duration_s": 12.0}
 
 
+_SLALOM = {"kind": "sine", "amplitude_m": 0.6, "frequency_hz": 0.4}
 MANOEUVRES: dict[str, Callable[[float], Content]] = {
     "lane_change": _lane_change,
     "near_the_limit": partial(_lane_change, change_s=2.1),  # 5 to 5.7 m/s²
@@ -75,7 +71,7 @@ MANOEUVRES: dict[str, Callable[[float], Content]] = {
     "bend": _bend,
     "s_bend": partial(_s_bend, friction=0.85),
     "wet_s_bend": partial(_s_bend, friction=0.5),
-    "slalom": _slalom,
+    "slalom": lambda _: {"reference": {"ey_m": _SLALOM}},
     "stop_and_hold": _stop_and_hold,
 }
 """what a car does while a fault acts, at any speed in m/s"""

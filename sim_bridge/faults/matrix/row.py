@@ -110,12 +110,8 @@ def judge(
 ) -> MatrixRow:
     """The row of a drive.
 
-    Args:
-        case: what was driven.
-        speed_kmh: at which.
-        periods: of the drive.
-        failure: the error that ended a program.
-        unchecked_m: largest distance from the path in the same drive without checks.
+    `failure` is the error that ended a program, `unchecked_m` the largest distance from the path in
+    the same drive without checks.
     """
     first = next((k for k, each in enumerate(periods) if each.is_faulty), 0)
     after, last = periods[first:], periods[-1]
