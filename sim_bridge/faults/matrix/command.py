@@ -34,6 +34,7 @@ from sim_bridge.faults.matrix.summary import lines_of, summarise
 from sim_bridge.scenario.limits import KMH_PER_MPS
 
 EXIT_NOT_OK = 1
+LEAST_WIDTH = 160
 SAMPLE_STRIDE = 17
 """it leads to every condition, and to other cases and speeds each time"""
 _Key = tuple[str, str, float]
@@ -97,6 +98,7 @@ def fault_matrix(
                     file.write(json.dumps({"model": bundle.sha256, "row": asdict(row)}) + "\n")
     rows = [done[task.key] for task in tasks]
     console = Console()
+    console.width = max(console.width, LEAST_WIDTH)
     print_table(Table("faults in simulated time", _COLUMNS, tuple(map(_cells, rows))), console)
     summary = summarise(rows)
     for line in lines_of(summary):

@@ -125,10 +125,10 @@ def _drive(
         with closing(ControllerSession(bus, config, bundle, mpc, clock, checks=checks)) as session:
             observer.session = session
             session.start(None, False, _HANDSHAKE_S).join()
-            error, failure = session.failure, observer.failure
-            if failure is None and error and not isinstance(error, RtControllerError):
-                failure = f"the controller's program failed: {type(error).__name__}: {error}"
             if not car.bridge.is_mission_over:
                 observer.go_on_alone()
+    error, failure = session.failure, observer.failure
+    if failure is None and error and not isinstance(error, RtControllerError):
+        failure = f"the controller's program failed: {type(error).__name__}: {error}"
     first = next((k for k, each in enumerate(observer.periods) if each.mode is not None), 0)
-    return observer.periods[first:], observer.failure or failure
+    return observer.periods[first:], failure

@@ -8,7 +8,6 @@ import pytest
 from pydantic import ValidationError
 
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.settings_errors import LISTED_ERRORS
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.settings import BusSettings, CarSettings
 from rt_controller.virtual_car import open_virtual_car
@@ -77,16 +76,13 @@ def test_fields_that_do_not_fit_the_kind_are_refused(fields: dict[str, Any], mes
     assert message in str(refused.value)
 
 
-@pytest.mark.parametrize("name", SHORTHANDS)
-def test_every_shorthand_is_a_fault(name: str) -> None:
-    extra: dict[str, Any] = {
-        "state_offset": {"signal": "ey_m", "value": 0.1},
-        "state_noise": {"signal": "ey_m", "value": 0.1},
-        "state_delayed": {"delay_s": 0.05},
-    }.get(name, {})
-    fault = Fault(kind=name, **extra)
-    assert fault.kind in KINDS
-    assert fault.frames or fault.targets
+def test_every_shorthand_is_a_fault() -> None:
+    one = {"signal": "ey_m", "value": 0.1}
+    extra = {"state_offset": one, "state_noise": one, "state_delayed": {"delay_s": 0.05}}
+    for name in SHORTHANDS:
+        fault = Fault.model_validate({"kind": name, **extra.get(name, {})})
+        assert fault.kind in KINDS
+        assert fault.frames or fault.targets
 
 
 FILE = '[[faults]]\nkind = "bus_off"\nstart_s = 1.0\n'
@@ -127,14 +123,6 @@ def test_a_file_that_does_not_fit_is_refused_with_its_fields(
     assert str(path) in str(refused.value)
 
 
-def test_of_many_errors_the_first_ones_are_listed(tmp_path: Path) -> None:
-    file = tmp_path / "many.toml"
-    file.write_text('[[faults]]\nkinds = "drop"\n' * 100)
-    with pytest.raises(ConfigError, match=r"more\. Correct these first\.$") as refused:
-        add_faults(SCENARIO, file)
-    assert len(str(refused.value).splitlines()) == 1 + LISTED_ERRORS + 1
-
-
 def test_a_fault_acts_in_as_many_ticks_as_its_duration_has_periods() -> None:
     for first in range(1, 60, 2):
         for length in range(1, 100, 3):
@@ -144,24 +132,8 @@ def test_a_fault_acts_in_as_many_ticks_as_its_duration_has_periods() -> None:
     assert Fault(kind="bus_off", start_s=1.0).acts(100_000)
 
 
-@pytest.mark.parametrize(
-    ("fields", "expected"),
-    [
-        (
-            {"kind": "scale", "signals": ["brake_n"], "value": 0.3},
-            "scale of ACTUATOR.brake_n from 0 s on",
-        ),
-        (
-            {"kind": "state_lost", "start_s": 2.01, "duration_s": 0.1},
-            "drop of STATE_A, STATE_B, STATE_C from 2.01 s for 0.1 s",
-        ),
-        (
-            {"kind": "drop", "messages": ["vehicle"]},
-            "drop of STATE_A, STATE_B, STATE_C and 7 more from 0 s on",
-        ),
-    ],
-)
-def test_a_fault_is_named_with_its_targets_and_the_time_that_was_written(
-    fields: dict[str, Any], expected: str
-) -> None:
-    assert Fault.model_validate(fields).text == expected
+def test_a_fault_is_named_with_its_targets_and_the_time_that_was_written() -> None:
+    brake = Fault(kind="scale", signals=("brake_n",), value=0.3)
+    assert brake.text == "scale of ACTUATOR.brake_n from 0 s on"
+    lost = Fault(kind="drop", messages=("vehicle",), start_s=2.01, duration_s=0.1)
+    assert lost.text == "drop of STATE_A, STATE_B, STATE_C and 7 more from 2.01 s for 0.1 s"

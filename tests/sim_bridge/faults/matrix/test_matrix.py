@@ -89,25 +89,15 @@ def test_a_drive_is_followed_to_its_end(
     assert (found.final_speed_mps < 1.0) is is_at_rest
 
 
-def test_the_rows_are_written_to_json(tmp_path: Path) -> None:
-    path = tmp_path / "matrix.json"
-    code = fault_matrix("lti", ["none"], [60.0], 1, path)
-    written = json.loads(path.read_text())
-    (found,) = written["rows"]
-    assert code == 0
-    assert {"fault", "speed_mps", "mode", "detect_ms", "max_ey_m", "ok"} <= set(found)
-    assert written["summary"]["drives_ok"] == 1
-
-
 @pytest.mark.parametrize(
     ("only", "conditions", "message"),
     [
-        (["state_lots"], [], "--only: .* did you mean state_lost"),
-        (["none"], ["wet_s_bent"], "--conditions: .* did you mean wet_s_bend"),
+        (["state_lots"], [], "--only: .*did you mean state_lost"),
+        (["none"], ["wet_s_bent"], "--conditions: .*did you mean wet_s_bend"),
     ],
 )
 def test_unknown_names_are_refused(only: list[str], conditions: list[str], message: str) -> None:
-    with pytest.raises(ConfigError, match=message.replace(" did", r" \(?did")):
+    with pytest.raises(ConfigError, match=message):
         fault_matrix("lti", only, [60.0], 1, None, conditions=conditions)
 
 
@@ -119,11 +109,8 @@ def test_a_car_with_a_late_steering_wheel_is_driven_to_the_end(name: str) -> Non
 
 
 def test_a_wheel_that_turns_to_the_wrong_side_is_detected_at_once_and_a_known_limit() -> None:
-    (case,) = [
-        c
-        for c in load_cases(CASES_FILE.with_name("manoeuvre_variants.toml"))
-        if c.name == "steering_wrong_sign"
-    ]
+    cases = load_cases(CASES_FILE.with_name("manoeuvre_variants.toml"))
+    (case,) = [each for each in cases if each.name == "steering_wrong_sign"]
     found = drive_case(case, 60.0, load_bundle(find_model(None)))
     assert found.detect_ms is not None
     assert found.detect_ms <= 50.0
@@ -154,8 +141,10 @@ def test_a_sample_has_every_kind_of_fault_and_every_condition() -> None:
 def test_an_interrupted_matrix_goes_on_after_the_drives_of_its_file(tmp_path: Path) -> None:
     path, drives = tmp_path / "matrix.json", tmp_path / "drives.jsonl"
     for names in (["none"], ["none", "none"]):
-        fault_matrix("lti", names, [60.0], 1, path, drives_file=drives)
+        assert fault_matrix("lti", names, [60.0], 1, path, drives_file=drives) == 0
     assert len(drives.read_text().splitlines()) == 1
-    assert len(json.loads(path.read_text())["rows"]) == 1
+    written = json.loads(path.read_text())
+    assert [row["fault"] for row in written["rows"]] == ["none"]
+    assert written["summary"]["drives_ok"] == 1
     with pytest.raises(ConfigError, match="expected drives of the model"):
         fault_matrix(None, ["none"], [60.0], 1, path, drives_file=drives)
