@@ -158,13 +158,13 @@ def test_a_file_without_optional_fields_is_a_straight_dry_road() -> None:
         ("stops/0/at_s_m", 900.0, "stops[0].at_s_m: expected a place that the drive reaches"),
         ("stops/0/hold_s", -1.0, "stops[0].hold_s: expected at least 0"),
         ("faults/0/kind", "gremlins", "faults[0].kind: expected one of lag, freeze"),
-        ("faults/0/delay_s", 0.1, "faults[0].delay_s: expected none for state_lost"),
+        ("faults/0/delay_s", 0.1, "faults[0].delay_s: expected none for drop"),
         ("faults/0", {"kind": "state_offset", "start_s": 1.0, "duration_s": 1.0},
-         "faults[0].signal: expected a value for state_offset"),
+         "faults[0].signals: expected signals or messages for bias"),
         ("faults/0", {"kind": "state_offset", "start_s": 1.0, "duration_s": 1.0,
-                      "signal": "speed", "value": 1.0}, "signal: expected a signal of"),
+                      "signal": "speed", "value": 1.0}, "signals[0]: expected a signal of"),
         ("faults/0/duration_s", 1e-9,
-         "faults[0].duration_s: expected at least 1 control periods of 25 ms for state_lost"),
+         "faults[0].duration_s: expected at least 1 control periods of 25 ms for drop"),
         ("faults/0", {"kind": "state_frozen", "start_s": 1.0, "duration_s": 0.025},
          "faults[0].duration_s: expected at least 2 control periods of 25 ms"),
         ("faults/0", {"kind": "state_delayed", "start_s": 1.0, "duration_s": 1.0, "delay_s": 0.01},
@@ -223,5 +223,5 @@ def test_a_wrong_kind_of_fault_hides_none_of_its_other_values() -> None:
             {"format": 2, "name": "x", "duration_s": 6.0, "reference": {"speed_kmh": 80.0},
              "faults": [fault]}, "test",
         )  # fmt: skip
-    for name in fault:
+    for name in ("kind", "signals[0]", "start_s", "duration_s"):
         assert f"faults[0].{name}: expected" in str(refused.value)
