@@ -95,7 +95,7 @@ def test_without_the_simulated_car_there_is_a_remark(
     lti: Bundle, drives: Drives, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def miss(*_: object, **__: object) -> None:
-        raise MissingExtraError("no numba")
+        raise MissingExtraError("no compiler")
 
     drives()
     monkeypatch.setattr(model_trial, "simulate", miss)
