@@ -36,8 +36,8 @@ from rt_controller.gateway.vehicle_envelope import STANDING
 from sim_bridge.bridge_summary import BridgeSummary, Truth
 from sim_bridge.car import FASTEST_MPS, Car
 from sim_bridge.command_check import CommandCheck
-from sim_bridge.failed_actuators import FailedActuators
-from sim_bridge.faults.bus import FaultyActuators, FaultyBus, acted
+from sim_bridge.failed_actuators import Actuator, FailedActuators
+from sim_bridge.faults.bus import FaultyBus
 from sim_bridge.scenario import Scenario
 from sim_bridge.scenario_run import ScenarioRun
 from sim_bridge.watchdog import ActuatorWatchdog
@@ -90,10 +90,11 @@ class Bridge:
             delay: from a state to the effect of the command that answers it.
             has_checks: False: no envelope of commands, no check of the path and the actuators.
         """
-        self._bus = FaultyBus(bus, scenario.faults, recorder)
-        self._actuators = FaultyActuators(scenario.faults)
+        self._faulty = FaultyBus(bus, scenario.faults, recorder) if scenario.faults else None
+        self._bus = self._faulty or bus
         self._inbox = Inbox(Node.VEHICLE, recorder, is_fd=is_fd)
-        self._outbox = Outbox(self._bus, Node.VEHICLE, is_fd=is_fd)
+        sent = recorder if self._faulty is None else None  # else as the faults change it
+        self._outbox = Outbox(self._bus, Node.VEHICLE, sent, is_fd=is_fd)
         self._car = car
         self.scenario = scenario
         self._run = ScenarioRun(scenario, car.state, car.s_m)
@@ -224,7 +225,9 @@ class Bridge:
 
     def faults_so_far(self) -> tuple[str, ...]:
         """What each fault of the scenario that has acted does, and when."""
-        return acted(self.scenario.faults, self.driven_ticks)
+        tick = self.driven_ticks
+        faults = self.scenario.faults
+        return tuple(f.text for f in faults if f.ticks.start <= tick or f.before_drive)
 
     def summary(self) -> BridgeSummary:
         """The figures so far."""
@@ -256,7 +259,8 @@ class Bridge:
         self._car.plant.close()
 
     def _read(self, now_ns: int) -> None:
-        self._bus.begin_reading(self.driven_ticks)
+        if self._faulty is not None:
+            self._faulty.begin_reading(self.driven_ticks)
         self._inbox.drain(self._bus, now_ns)
         if self.is_waiting:
             self.require_readable_bus()
@@ -276,22 +280,21 @@ class Bridge:
             actuators = self._failed_actuators
             course = Course(run.path, run.state, run.curvature_per_m)
             before_rad = self._watchdog.applied.steer_rad  # commanded: a late wheel is behind it
-            is_slow = self._has_checks and actuators.steering.is_slow
-            wheel_rad = self._applied.steer_rad if is_slow else before_rad
             self._applied = self._watchdog.apply(
                 command,
                 now_ns,
                 self._sent_ticks - 1,
                 run.motion if self._has_checks else STANDING,
                 steer_along(*course, before_rad),
-                largest_brake_n(course, wheel_rad, actuators.open_throttle, has_slow_wheel=is_slow),
-                self._has_checks and actuators.are_failed,
-                self._has_checks and actuators.is_wheel_stuck,
+                largest_brake_n(course, before_rad, actuators.open_throttle),
+                self._has_checks and bool(actuators.failed),
+                self._has_checks and Actuator.STEERING_WHEEL in actuators.failed,
             )
-        commanded_rad = self._failed_actuators.steering.command_for(self._applied.steer_rad)
-        self._in_actuation.append(self._applied._replace(steer_rad=commanded_rad))
+        self._in_actuation.append(self._applied)
         commanded = self._in_actuation.popleft()
-        self._applied = self._actuators.apply(commanded, self.driven_ticks + 1)
+        self._applied = commanded
+        if self._faulty is not None:
+            self._applied = self._faulty.actuated(commanded, self.driven_ticks + 1)
         self._failed_actuators.note(commanded, self._applied)
         self._car.set_road(self.scenario.road_at(run.s_m, self.time_s))
         state = self._car.advance(self._applied, self._curvature)
@@ -310,7 +313,8 @@ class Bridge:
         )
         send = self._outbox.send
         counter = self._sent_ticks  # counts on while frames are lost
-        self._bus.begin_sending(self.driven_ticks, now_ns)
+        if self._faulty is not None:
+            self._faulty.begin_sending(self.driven_ticks, now_ns)
         send(STATE, sample, now_ns, counter=counter, is_valid=not self.has_failed)
         send(REFERENCE, run.path, now_ns, counter=counter)
         send(PREVIEW, run.preview(), now_ns, counter=counter)
@@ -326,5 +330,6 @@ class Bridge:
             send(MISSION, mission, now_ns)
         if self._sent_ticks % IDENT_PERIOD_TICKS == 0:
             send(VEHICLE_IDENTITY, own_identity(None, self._outbox.is_fd), now_ns)
-        self._bus.end_sending()
+        if self._faulty is not None:
+            self._faulty.end_sending()
         self._sent_ticks += 1

@@ -155,9 +155,9 @@ def fault_matrix(
     jobs
         processes that drive at the same time; default: one for each core
     cases
-        TOML file with other faults, such as sim_bridge/fault_matrix/variants.toml
+        TOML file with other faults, such as sim_bridge/faults/matrix/variants.toml
     conditions
-        names in sim_bridge/fault_matrix/conditions.toml, under each of which the cases are driven
+        names in sim_bridge/faults/matrix/conditions.toml, under each of which the cases are driven
     sample
         some cases of each kind of fault and condition only
     drives
@@ -165,7 +165,7 @@ def fault_matrix(
     json_file
         write the rows to this file: fault, speed_mps, mode, detect_ms, max_ey_m, ok, ...
     """
-    from sim_bridge.fault_matrix import command
+    from sim_bridge.faults.matrix import command
 
     return command.fault_matrix(
         model, only, speed_kmh, jobs, json_file, cases, conditions, drives, sample

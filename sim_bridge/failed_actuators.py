@@ -4,7 +4,6 @@ from enum import Enum
 
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
 from rt_controller.contract.timing import COMMAND_TIMEOUT_TICKS
-from sim_bridge.steering_response import SteeringResponse
 
 LARGEST_STEER_ERROR_RAD = 0.03
 """of a wheel that does not move: 1.7 deg"""
@@ -32,25 +31,14 @@ class FailedActuators:
     def __init__(self) -> None:
         self.failed: list[Actuator] = []
         """in the order of detection"""
-        self.steering = SteeringResponse()
-        self._steer_rad = self._moved_at_rad = NEUTRAL_INPUT.steer_rad
-        self._stuck_ticks = self._open_ticks = 0
         self.open_throttle = 0.0
         """by which it was open too far in the last period"""
-
-    @property
-    def are_failed(self) -> bool:
-        """True from the first failure on: the vehicle brakes by itself."""
-        return bool(self.failed)
-
-    @property
-    def is_wheel_stuck(self) -> bool:
-        """True if only the brake still acts."""
-        return Actuator.STEERING_WHEEL in self.failed
+        self._steer_rad = self._moved_at_rad = NEUTRAL_INPUT.steer_rad
+        self._ticks = dict.fromkeys(Actuator, 0)
+        """in a row in which each has not followed its command"""
 
     def note(self, commanded: ControlInput, applied: ControlInput) -> None:
         """After a period."""
-        self.steering.note(commanded.steer_rad, applied.steer_rad)
         is_still = abs(applied.steer_rad - self._steer_rad) < STILL_RAD
         if not is_still:
             self._moved_at_rad = commanded.steer_rad
@@ -58,14 +46,13 @@ class FailedActuators:
             abs(commanded.steer_rad - applied.steer_rad) > LARGEST_STEER_ERROR_RAD
             and abs(commanded.steer_rad - self._moved_at_rad) > LEAST_CHANGE_RAD
         )
+        self._steer_rad = applied.steer_rad
         self.open_throttle = max(applied.throttle - commanded.throttle, 0.0)
         is_open = self.open_throttle > LARGEST_THROTTLE_ERROR
-        self._steer_rad = applied.steer_rad
-        self._stuck_ticks = self._stuck_ticks + 1 if is_still and is_off else 0
-        self._open_ticks = self._open_ticks + 1 if is_open else 0
-        self._judge(Actuator.STEERING_WHEEL, self._stuck_ticks)
-        self._judge(Actuator.THROTTLE, self._open_ticks)
-
-    def _judge(self, actuator: Actuator, ticks: int) -> None:
-        if ticks >= FAILED_TICKS and actuator not in self.failed:
-            self.failed.append(actuator)
+        for actuator, deviates in (
+            (Actuator.STEERING_WHEEL, is_still and is_off),
+            (Actuator.THROTTLE, is_open),
+        ):
+            self._ticks[actuator] = self._ticks[actuator] + 1 if deviates else 0
+            if self._ticks[actuator] >= FAILED_TICKS and actuator not in self.failed:
+                self.failed.append(actuator)

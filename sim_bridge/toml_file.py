@@ -1,9 +1,43 @@
-"""TOML files of the package, and a person's own ones beside them: names and texts."""
+"""TOML files of the package, and a person's own ones beside them: names, texts, field types."""
 
 from importlib import resources
 from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from rt_controller.contract.errors import ConfigError
+
+Entry = TypeVar("Entry")
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+
+
+class FileTable(BaseModel):
+    """A table of a TOML file; unknown fields are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def not_empty(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
+    """The entries; pydantic's own limit would also count entries that it refused.
+
+    Raises:
+        ValueError: there are none.
+    """
+    if not entries:
+        raise ValueError("expected at least one entry, found none")
+    return entries
+
+
+def at_most(most: int) -> BeforeValidator:
+    """Refuse a list of more entries, before any is read: pydantic's own limit reads all of them."""
+
+    def check(entries: Any) -> Any:
+        if isinstance(entries, list) and len(entries) > most:
+            raise ValueError(f"expected at most {most} entries, found {len(entries)}")
+        return entries
+
+    return BeforeValidator(check)
 
 
 def shipped_names(folder: str) -> list[str]:

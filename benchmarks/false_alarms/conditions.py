@@ -9,12 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from rt_controller.contract.signals import VehicleState
+from sim_bridge.faults.fault import Fault
 from sim_bridge.plant.parts import Payload
 from sim_bridge.plant.shipped_cars import shipped_cars
 from sim_bridge.scenario import Scenario, load_scenario
 from sim_bridge.scenario.checks import problems
-from sim_bridge.scenario.faults import Fault
-from sim_bridge.scenario.files.fault_fields import FaultFields
 from sim_bridge.scenario.speed import constant_speed
 from sim_bridge.scenario.table import constant
 
@@ -148,7 +147,7 @@ def _is_split(scenario: Scenario) -> bool:
 
 
 def _noise(signal: str, value: float, seed: int) -> Fault:
-    return FaultFields(kind="noise", signals=(signal,), value=value, seed=seed).fault
+    return Fault(kind="noise", signals=(signal,), value=value, seed=seed)
 
 
 def _faster(scenario: Scenario, condition: Condition) -> Scenario:
@@ -159,4 +158,4 @@ def _faster(scenario: Scenario, condition: Condition) -> Scenario:
 
 
 def _offset(signal: str, value: float, start_s: float = 0.0) -> Fault:
-    return FaultFields(kind="bias", signals=(signal,), value=value, start_s=start_s).fault
+    return Fault(kind="bias", signals=(signal,), value=value, start_s=start_s)

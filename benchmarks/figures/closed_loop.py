@@ -17,9 +17,9 @@ import numpy as np
 from benchmarks.false_alarms.conditions import sensor_noise
 from benchmarks.figures.results import Figures, Part
 from rt_controller import Drive, simulate
+from sim_bridge.faults.fault import Fault
 from sim_bridge.plant.parts import Payload
 from sim_bridge.scenario import Scenario, load_scenario
-from sim_bridge.scenario.files.fault_fields import FaultFields
 
 ROOT = Path(__file__).parents[2]
 MODELS = ("mdk-net", "mdk-net-paper", "lti")
@@ -204,5 +204,5 @@ def scenario_of(row: Row) -> Scenario:
         rng = np.random.default_rng(conditions["sensor_noise_seed"])
         scenario = replace(scenario, faults=tuple(sensor_noise(rng)))
     if not conditions.get("has_preview", True):
-        scenario = replace(scenario, faults=(FaultFields(kind="preview_lost").fault,))
+        scenario = replace(scenario, faults=(Fault(kind="preview_lost"),))
     return replace(scenario, metrics=_TRUE + _OF_STOP * row.has_stop, limits=())

@@ -80,8 +80,6 @@ def largest_brake_n(
     steer_rad: float,
     open_throttle: float = 0.0,
     geometry: SteeringGeometry = DEFAULT_GEOMETRY,
-    *,
-    has_slow_wheel: bool = False,
 ) -> float:
     """Brake force that leaves the tyres enough grip to steer, in N.
 
@@ -93,13 +91,10 @@ def largest_brake_n(
         steer_rad: wheel angle.
         open_throttle: by which the throttle is open against its command.
         geometry: of the car.
-        has_slow_wheel: it leaves its path because of its wheel, not for lack of grip.
     """
     path, state, _ = course
     beyond_m = max(abs(state.ey_m - path.c0_m) - TOLERATED_OFF_PATH_M, 0.0)
     lateral_mps2 = state.vx_mps * state.yaw_rate_radps
     wanted_mps2 = geometry.steady_lateral_mps2(state.vx_mps, steer_rad)
     force_n = brake_beside_n(lateral_mps2, wanted_mps2, open_throttle)
-    if has_slow_wheel:
-        return force_n
     return max(force_n - LESS_BRAKE_N_PER_M * beyond_m, LEAST_BRAKE_N)

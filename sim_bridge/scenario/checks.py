@@ -3,7 +3,7 @@
 The scenario is driven once as a point that follows the reference exactly.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from math import cos, sqrt
 
 import numpy as np
@@ -12,8 +12,7 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.grip import AHEAD_S, FAR, MOST_LATERAL_MPS2, NEAR
 from rt_controller.contract.physics import GRAVITY_MPS2
 from rt_controller.contract.preview import REACH_S
-from rt_controller.contract.timing import PERIOD_S
-from sim_bridge.scenario.faults import Fault
+from sim_bridge.faults.fault import late_faults
 from sim_bridge.scenario.field_names import FORMAT_2, FieldNames
 from sim_bridge.scenario.lanes import Poses, road_margin_m
 from sim_bridge.scenario.lateral import Moves, overlaps
@@ -54,7 +53,7 @@ def problems(scenario: Scenario, names: FieldNames = FORMAT_2) -> list[str]:
         ]
     drive = drive_nominally(scenario)
     return [
-        *fault_problems(scenario.faults, scenario.duration_s),
+        *late_faults(scenario.faults, scenario.duration_s),
         *_limit_problems(scenario, drive),
         *_pose_problems(scenario),
         *_lateral_problems(scenario, drive, names),
@@ -186,17 +185,6 @@ def _grip_problems(
         f"{s_m[i]:.1f} m, the bank included. The radius there is {1.0 / abs(turn):.0f} m, on which "
         f"less than {possible_kmh:.0f} km/h is possible. Lower {names.speed}, {remedy}."
     )
-
-
-def fault_problems(faults: Sequence[Fault], duration_s: float) -> Iterator[str]:
-    """Faults that begin after the end of the drive."""
-    for k, fault in enumerate(faults):
-        start_s = fault.ticks.start * PERIOD_S
-        if start_s >= duration_s:
-            yield (
-                f"faults[{k}].start_s: expected less than duration_s, {duration_s:g} s, found "
-                f"{start_s:g}. Let it start earlier."
-            )
 
 
 def _limit_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:

@@ -9,9 +9,9 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.preview import REACH_S, fit_preview
 from rt_controller.contract.signals import CurvaturePreview, PathReference
 from rt_controller.contract.timing import PERIOD_S
+from sim_bridge.faults.fault import Fault
 from sim_bridge.plant.parts import NO_PAYLOAD, Payload
 from sim_bridge.plant.protocol import RoadAt
-from sim_bridge.scenario.faults import Fault
 from sim_bridge.scenario.lanes import Course
 from sim_bridge.scenario.lateral import Lateral, Moves
 from sim_bridge.scenario.metrics import Limit

@@ -10,8 +10,8 @@ from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.loop import Ending
 from rt_controller.settings import BusSettings
+from sim_bridge.faults.fault import SHORTHANDS
 from sim_bridge.scenario import parse_scenario
-from sim_bridge.scenario.faults import SHORTHANDS
 from sim_bridge.session import open_session
 
 PARTS = {

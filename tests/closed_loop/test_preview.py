@@ -7,8 +7,8 @@ import pytest
 
 from rt_controller import Drive, simulate
 from rt_controller.contract.signals import Mode
+from sim_bridge.faults.fault import Fault
 from sim_bridge.scenario import Scenario, parse_scenario
-from sim_bridge.scenario.files.fault_fields import FaultFields
 
 
 def bend() -> Scenario:
@@ -25,7 +25,7 @@ def bend() -> Scenario:
 @pytest.fixture(scope="module", params=["lti", "mdk-net"])
 def drives(request: pytest.FixtureRequest) -> tuple[Drive, Drive]:
     """With the curvature ahead, and without."""
-    lost = FaultFields(kind="preview_lost").fault
+    lost = Fault(kind="preview_lost")
     scenarios = (bend(), replace(bend(), faults=(lost,)))
     with_preview, without = (simulate(each, model=request.param) for each in scenarios)
     return with_preview, without

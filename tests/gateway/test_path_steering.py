@@ -172,7 +172,6 @@ def test_a_car_that_does_not_turn_as_its_wheel_brakes_with_less_force(side: floa
     assert largest_brake_n(course, -side * 0.1) < 60.0
 
 
-def test_a_car_that_leaves_its_path_with_a_slow_wheel_brakes_with_what_the_tyres_give() -> None:
+def test_a_car_that_leaves_its_path_brakes_with_less_force() -> None:
     away = Course(STRAIGHT, CRUISING._replace(ey_m=0.8), 0.0)
     assert largest_brake_n(away, 0.0) == pytest.approx(25.0)
-    assert largest_brake_n(away, 0.0, has_slow_wheel=True) == pytest.approx(75.0)

@@ -13,7 +13,7 @@ def after(pairs: list[tuple[ControlInput, ControlInput]]) -> bool:
     actuators = FailedActuators()
     for commanded, applied in pairs:
         actuators.note(commanded, applied)
-    return actuators.are_failed
+    return bool(actuators.failed)
 
 
 def test_a_wheel_that_does_not_move_has_failed_after_100_ms() -> None:

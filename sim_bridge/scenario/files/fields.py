@@ -7,13 +7,10 @@ field has generators, `{kind = "…", …}`.
 from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Self, TypeVar
+from typing import Annotated, Any, Self
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
     Discriminator,
     Field,
     Tag,
@@ -21,12 +18,11 @@ from pydantic import (
 )
 
 from sim_bridge.scenario.table import Interpolation, Table, constant, increases, through
+from sim_bridge.toml_file import FileTable, Number, not_empty
 
 MAX_KNOTS = 20_000
 NEAREST_KNOTS, FARTHEST_KNOT = 1e-6, 1e9
 
-Entry = TypeVar("Entry")
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[Number, Field(gt=0.0)]
 NotNegative = Annotated[Number, Field(ge=0.0)]
 
@@ -42,35 +38,7 @@ def file_name(path: Path) -> Path:
     return path
 
 
-def not_empty(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
-    """The entries; pydantic's own limit would also count entries that it refused.
-
-    Raises:
-        ValueError: there are none.
-    """
-    if not entries:
-        raise ValueError("expected at least one entry, found none")
-    return entries
-
-
-def at_most(most: int) -> BeforeValidator:
-    """Refuse a list of more entries, before any is read: pydantic's own limit reads all of them."""
-
-    def check(entries: Any) -> Any:
-        if isinstance(entries, list) and len(entries) > most:
-            raise ValueError(f"expected at most {most} entries, found {len(entries)}")
-        return entries
-
-    return BeforeValidator(check)
-
-
 Knots = Annotated[tuple[Number, ...], Field(max_length=MAX_KNOTS), AfterValidator(not_empty)]
-
-
-class FileTable(BaseModel):
-    """A table of a scenario file; unknown fields are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class OverDistance(FileTable):

@@ -7,15 +7,12 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, field_validator
 
+from sim_bridge.faults.fault import Faults
 from sim_bridge.plant.parts import Payload
-from sim_bridge.scenario.files.fault_fields import MOST_FAULTS, FaultFields
 from sim_bridge.scenario.files.fields import (
-    FileTable,
     NotNegative,
-    Number,
     Positive,
     TimeValue,
-    at_most,
     require_within,
     table_of,
 )
@@ -33,6 +30,7 @@ from sim_bridge.scenario.limits import (
 )
 from sim_bridge.scenario.metrics import HIGHER_IS_BETTER, Limit, Metrics
 from sim_bridge.scenario.scenario import Scenario, Start
+from sim_bridge.toml_file import FileTable, Number, at_most
 
 
 class InitialFields(FileTable):
@@ -97,7 +95,7 @@ class Format2(FileTable):
     tail_wind_mps: Annotated[TimeValue, AfterValidator(_real_wind)] = 0.0
     payload: PayloadFields | None = None
     body: BodyFields = BodyFields()
-    faults: Annotated[tuple[FaultFields, ...], at_most(MOST_FAULTS)] = ()
+    faults: Faults = ()
     metrics: tuple[_MetricName, ...] = ()
     limits: dict[_MetricName, Number] = Field(default_factory=dict)
 
@@ -149,7 +147,7 @@ class Format2(FileTable):
             distance_m=distance_m,
             payload=Payload() if self.payload is None else Payload(**self.payload.model_dump()),
             course=cones.course,
-            faults=tuple(fields.fault for fields in self.faults),
+            faults=self.faults,
             metrics=self.metrics,
             limits=tuple(Limit(name, value) for name, value in self.limits.items()),
         )

@@ -9,13 +9,10 @@ from sim_bridge.scenario.files.fields import (
     DISTANCE_TAG,
     NUMBER_TAG,
     TIME_TAG,
-    FileTable,
     NotNegative,
-    Number,
     OverDistance,
     OverTime,
     Positive,
-    at_most,
     forms,
     kind_tag,
     require_within,
@@ -25,6 +22,7 @@ from sim_bridge.scenario.lanes import Body, Course
 from sim_bridge.scenario.lateral import LateralTable, Move, Moves, Sine, overlaps
 from sim_bridge.scenario.limits import LARGEST_EY_M
 from sim_bridge.scenario.table import Interpolation, constant
+from sim_bridge.toml_file import FileTable, Number, at_most
 
 _Ey = Annotated[Number, Field(ge=-LARGEST_EY_M, le=LARGEST_EY_M)]
 _Clearance = Annotated[Number, Field(ge=0.0, le=5.0)]

@@ -16,9 +16,9 @@ from pydantic import BaseModel, Tag, ValidationError
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.files import read_text
 from rt_controller.contract.settings_errors import LISTED_ERRORS, dotted, explain_field, unlisted
-from sim_bridge.scenario.checks import fault_problems, problems
+from sim_bridge.faults.fault import FaultFile, late_faults
+from sim_bridge.scenario.checks import problems
 from sim_bridge.scenario.field_names import FORMAT_1, FORMAT_2, MAP, FieldNames
-from sim_bridge.scenario.files.fault_fields import FaultFile
 from sim_bridge.scenario.files.fields import is_tag
 from sim_bridge.scenario.files.format1 import Format1
 from sim_bridge.scenario.files.format2 import Format2
@@ -111,10 +111,10 @@ def add_faults(scenario: Scenario, path: Path) -> Scenario:
             f"{where}: expected a TOML file in UTF-8, found an error: {error}. Correct the file."
         ) from error
     try:
-        faults = tuple(fields.fault for fields in FaultFile.model_validate(raw).faults)
+        faults = FaultFile.model_validate(raw).faults
     except ValidationError as error:
         raise ConfigError(_listed(where, list(_lines(error, FaultFile)))) from error
-    found = list(fault_problems(faults, scenario.duration_s))
+    found = list(late_faults(faults, scenario.duration_s))
     if found:
         raise ConfigError(_listed(where, found))
     return replace(scenario, faults=(*scenario.faults, *faults))

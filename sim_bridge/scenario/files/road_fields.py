@@ -12,16 +12,12 @@ from sim_bridge.scenario.files.fields import (
     DISTANCE_TAG,
     NUMBER_TAG,
     DistanceValue,
-    FileTable,
     NotNegative,
-    Number,
     OverDistance,
     Positive,
-    at_most,
     file_name,
     forms,
     kind_tag,
-    not_empty,
     require_within,
     table_of,
 )
@@ -35,6 +31,7 @@ from sim_bridge.scenario.limits import (
 from sim_bridge.scenario.maps.opendrive import read_reference_line
 from sim_bridge.scenario.road import Road
 from sim_bridge.scenario.table import Table, constant
+from sim_bridge.toml_file import FileTable, Number, at_most, not_empty
 
 _Radius = Annotated[Number, Field(ge=SMALLEST_RADIUS_M)]
 _Curvature = Annotated[Number, Field(ge=-LARGEST_CURVATURE_PER_M, le=LARGEST_CURVATURE_PER_M)]

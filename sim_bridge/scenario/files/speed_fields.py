@@ -12,10 +12,8 @@ from sim_bridge.scenario.files.fields import (
     DISTANCE_TAG,
     NUMBER_TAG,
     TIME_TAG,
-    FileTable,
     Knots,
     NotNegative,
-    Number,
     OverTime,
     Positive,
     forms,
@@ -31,6 +29,7 @@ from sim_bridge.scenario.speed import (
     speed_over_distance,
 )
 from sim_bridge.scenario.table import Interpolation, Table, constant
+from sim_bridge.toml_file import FileTable, Number
 
 _Cruise = Annotated[Number, Field(ge=SLOWEST_KMH, le=FASTEST_KMH)]
 _Acceleration = Annotated[Number, Field(ge=0.1, le=12.0)]

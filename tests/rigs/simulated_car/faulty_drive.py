@@ -39,7 +39,7 @@ class _Log:
     def __init__(self) -> None:
         self.frames: list[tuple[int, int, bytes]] = []
 
-    def record(self, message: Message, now_ns: int) -> None:
+    def record(self, message: Message, now_ns: int, is_sent: bool = False) -> None:
         self.frames.append((now_ns, message.arbitration_id, bytes(message.data)))
 
 

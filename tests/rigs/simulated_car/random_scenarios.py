@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from made_maps import ARC, LINE, SPIRAL, road, write_map
 
 from rt_controller.contract.signals import VehicleState
-from sim_bridge.scenario.faults import SHORTHANDS
+from sim_bridge.faults.fault import SHORTHANDS
 from sim_bridge.scenario.metrics import Metrics
 
 Content = dict[str, Any]

@@ -8,7 +8,6 @@ import re
 from collections.abc import Mapping
 from functools import cache
 from importlib import resources
-from itertools import chain
 from typing import NamedTuple
 
 from rt_controller.contract.names import hint
@@ -22,29 +21,36 @@ from rt_controller.contract.signals import (
 
 ACTUATOR = "ACTUATOR"
 """no frame: what the pedals and the steering wheel of the plant do"""
+VALID = "Valid"
+_FLAGS, _HEADER = (VALID, "Mode"), ("Crc", "Counter", "Cycle")
 GROUPS = {
     "state": ("STATE_A", "STATE_B", "STATE_C"),
     "reference": ("REF_PATH", "REF_SPEED"),
     "preview": ("REF_CURVATURE_A", "REF_CURVATURE_B"),
 }
-_HEADER = ("Crc", "Counter", "Cycle")
-VALID = "Valid"
-_FLAGS = (VALID, "Mode")
-_ALIASES = (
-    ("state", (*VehicleState._fields, *EXOGENOUS_FIELDS)),
-    ("reference", PathReference._fields),
-    ("preview", CurvaturePreview._fields),
-)
+_ALIASES = {
+    "state": (*VehicleState._fields, *EXOGENOUS_FIELDS),
+    "reference": PathReference._fields,
+    "preview": CurvaturePreview._fields,
+}
 """fields of the contract in the order of the signals of a group; their units are the same"""
 
 
 class FrameNames(NamedTuple):
     """A frame of the DBC."""
 
+    number: int
+    """its arbitration id"""
     sender: str
     flag: str
     """the signal beside the counter: Valid or Mode"""
     signals: tuple[str, ...]
+    """without CRC, counter and flag"""
+
+    @property
+    def values(self) -> tuple[str, ...]:
+        """The flag, if there is one, and the signals."""
+        return (self.flag, *self.signals) if self.flag else self.signals
 
 
 class SignalName(NamedTuple):
@@ -58,14 +64,14 @@ class SignalName(NamedTuple):
 def known_frames() -> Mapping[str, FrameNames]:
     """All frames of `messages.dbc` by name, and the actuators."""
     text = (resources.files("rt_controller.contract") / "messages.dbc").read_text("ascii")
-    frames = {ACTUATOR: FrameNames("", "", ControlInput._fields)}
+    frames = {ACTUATOR: FrameNames(-1, "", "", ControlInput._fields)}
     for block in re.split(r"^BO_ ", text, flags=re.MULTILINE)[1:]:
         head, *lines = block.splitlines()
-        _, name, _, sender = head.split()
+        number, name, _, sender = head.split()
         found = [line.split()[1] for line in lines if line.startswith(" SG_ ")]
         flag = next((each for each in found if each in _FLAGS), "")
         signals = tuple(each for each in found if each not in (*_HEADER, *_FLAGS))
-        frames[name.rstrip(":")] = FrameNames(sender, flag, signals)
+        frames[name.rstrip(":")] = FrameNames(int(number), sender, flag, signals)
     return frames
 
 
@@ -75,37 +81,28 @@ def frames_of(name: str) -> tuple[str, ...]:
     Raises:
         ValueError: no such name.
     """
-    frames = {each: names for each, names in known_frames().items() if each != ACTUATOR}
-    if name in frames:
-        return (name,)
-    if name == "all":
-        return tuple(frames)
-    if name in GROUPS:
-        return GROUPS[name]
-    sent = tuple(each for each, names in frames.items() if names.sender.lower() == name)
-    if sent:
-        return sent
-    known = ("all", "vehicle", "controller", *GROUPS, *frames)
-    raise ValueError(f"expected one of {', '.join(known)}, found {name!r}{hint(name, set(known))}")
+    frames = {each: names.sender for each, names in known_frames().items() if each != ACTUATOR}
+    known: dict[str, tuple[str, ...]] = {"all": tuple(frames)}
+    for node in ("vehicle", "controller"):
+        known[node] = tuple(each for each, sender in frames.items() if sender.lower() == node)
+    known |= GROUPS | {each: (each,) for each in frames}
+    if name not in known:
+        raise ValueError(f"expected one of {', '.join(known)}, found {name!r}{hint(name, known)}")
+    return known[name]
 
 
 @cache
 def _signals_by_name() -> Mapping[str, tuple[SignalName, ...]]:
     found: dict[str, tuple[SignalName, ...]] = {}
     for frame, names in known_frames().items():
-        for signal in (*names.signals, *([names.flag] if names.flag else [])):
+        for signal in names.values:
             entry = SignalName(frame, signal)
             found[f"{frame}.{signal}"] = (entry,)
             found[signal] = (*found.get(signal, ()), entry)
-    for group, fields in _ALIASES:
-        entries = [found[f"{frame}.{s}"] for frame in GROUPS[group] for s in signals_of(frame)]
-        found |= dict(zip(fields, entries, strict=False))
+    for group, fields in _ALIASES.items():
+        signals = [(f, s) for f in GROUPS[group] for s in known_frames()[f].signals]
+        found |= {name: (SignalName(*each),) for name, each in zip(fields, signals, strict=False)}
     return found
-
-
-def signals_of(frame: str) -> tuple[str, ...]:
-    """The signals of a frame, without CRC, counter and flag."""
-    return known_frames()[frame].signals
 
 
 def signal_named(name: str) -> SignalName:
@@ -114,15 +111,14 @@ def signal_named(name: str) -> SignalName:
     Raises:
         ValueError: no such name, or several frames have it.
     """
-    found = _signals_by_name().get(name, ())
-    if len(found) == 1:
-        return found[0]
-    if found:
+    known = _signals_by_name()
+    found = known.get(name, ())
+    if len(found) > 1:
         names = ", ".join(".".join(each) for each in found)
         raise ValueError(f"expected the frame too ({names}), found {name!r}")
-    fields = chain.from_iterable(fields for _, fields in _ALIASES)
-    known = {*_signals_by_name(), *fields}
-    raise ValueError(
-        f"expected a signal of messages.dbc, such as VelocityX or STATE_A.VelocityX, or a field of "
-        f"the contract, such as vx_mps, found {name!r}{hint(name, known)}"
-    )
+    if not found:
+        raise ValueError(
+            f"expected a signal of messages.dbc, such as VelocityX or STATE_A.VelocityX, or a "
+            f"field of the contract, such as vx_mps, found {name!r}{hint(name, known)}"
+        )
+    return found[0]

@@ -3,7 +3,8 @@
 import pytest
 
 from rt_controller.contract.signals import Mode
-from sim_bridge.fault_matrix.judgement import Judgement, Observed, judge
+from sim_bridge.faults.matrix.cases import Case
+from sim_bridge.faults.matrix.row import MatrixRow, Observed, judge
 
 GOOD = Observed(
     mode=Mode.NOMINAL,
@@ -19,8 +20,9 @@ BAD = GOOD._replace(is_faulty=True)
 STOPPED = BAD._replace(mode=Mode.SAFE_STOP, speed_mps=0.0)
 
 
-def judged(*periods: Observed, failure: str | None = None, fault_free: bool = False) -> Judgement:
-    return judge(periods, failure, fault_free)
+def judged(*periods: Observed, failure: str | None = None, fault_free: bool = False) -> MatrixRow:
+    case = Case("a", () if fault_free else ({"kind": "bus_off"},))
+    return judge(case, 60.0, periods, failure)
 
 
 def test_the_time_to_detection_counts_from_the_first_faulty_period() -> None:

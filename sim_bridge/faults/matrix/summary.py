@@ -3,14 +3,17 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from sim_bridge.fault_matrix.judgement import DETECTED_WITHIN_S, LANE_M, LONGEST_NOMINAL_S
-from sim_bridge.fault_matrix.row import MatrixRow
+from sim_bridge.faults.matrix.row import (
+    DETECTED_WITHIN_S,
+    LANE_M,
+    LONGEST_NOMINAL_S,
+    MatrixRow,
+)
 
 STATE_LOSSES = ("state_lost", "one_state_frame_lost")
 DEAD_CONTROLLERS = ("controller_silent", "commands_lost")
 """names of the faults that the three times of reaction are taken from"""
 FLAGGED_MS, SAFE_STOP_MS, BRAKING_MS = 50.0, 125.0, 100.0
-_DETECTED_MS = 1e3 * DETECTED_WITHIN_S
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +45,7 @@ def summarise(rows: Sequence[MatrixRow]) -> MatrixSummary:
     """The summary of all rows."""
     judged = [row for row in rows if not row.known_limit]
     losses = [row for row in rows if row.fault in STATE_LOSSES]
-    late = [row for row in rows if not row.is_fault_free and not _is_detected(row)]
+    late = [row for row in rows if row.ok and not (row.is_fault_free or _is_detected(row))]
     silent = [row for row in rows if row.fault in DEAD_CONTROLLERS]
     return MatrixSummary(
         drives=len(rows),
@@ -50,8 +53,8 @@ def summarise(rows: Sequence[MatrixRow]) -> MatrixSummary:
         drives_known_limit=sum(not row.ok and not row.is_open for row in rows),
         drives_open=sum(row.is_open for row in rows),
         drives_detected=sum(map(_is_detected, rows)),
-        drives_detected_late=sum(row.ok and row.detect_ms is not None for row in late),
-        drives_harmless=sum(row.ok and row.detect_ms is None for row in late),
+        drives_detected_late=sum(row.detect_ms is not None for row in late),
+        drives_harmless=sum(row.detect_ms is None for row in late),
         drives_without_fault=sum(row.is_fault_free for row in rows),
         max_ey_m=max((row.max_ey_m for row in judged), default=0.0),
         nominal_far_s=max((row.nominal_far_s for row in judged), default=0.0),
@@ -78,14 +81,12 @@ def lines_of(found: MatrixSummary) -> list[str]:
         ("lost state to safe stop", found.state_loss_safe_stop_ms, SAFE_STOP_MS),
         ("dead controller to braking", found.dead_controller_braking_ms, BRAKING_MS),
     )
-    known = [
-        f"{name} {ms:.0f} ms (limit {limit:.0f})" for name, ms, limit in times if ms is not None
-    ]
+    known = [f"{name} {ms:.0f} ms (limit {most:.0f})" for name, ms, most in times if ms is not None]
     return [*lines, ", ".join(known)] if known else lines
 
 
 def _is_detected(row: MatrixRow) -> bool:
-    return row.detect_ms is not None and row.detect_ms <= _DETECTED_MS
+    return row.detect_ms is not None and row.detect_ms <= 1e3 * DETECTED_WITHIN_S
 
 
 def _latest(times_ms: Iterable[float | None]) -> float | None:

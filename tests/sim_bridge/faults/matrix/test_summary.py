@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from sim_bridge.fault_matrix.row import MatrixRow
-from sim_bridge.fault_matrix.summary import lines_of, summarise
+from sim_bridge.faults.matrix.row import MatrixRow
+from sim_bridge.faults.matrix.summary import lines_of, summarise
 
 GOOD = MatrixRow(
     fault="state_lost",

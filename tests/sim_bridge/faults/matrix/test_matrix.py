@@ -1,6 +1,7 @@
 """The faults of the matrix, and drives with some of them."""
 
 import json
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -9,14 +10,12 @@ import pytest
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.model.artifact import find_model, load_bundle
 from rt_controller.contract.model.bundle import Bundle
-from sim_bridge.fault_matrix.cases import SPEEDS_KMH, Case, load_cases, whole_matrix
-from sim_bridge.fault_matrix.command import fault_matrix, sample
-from sim_bridge.fault_matrix.drive import drive_case
-from sim_bridge.fault_matrix.manoeuvres import MANOEUVRES
-from sim_bridge.fault_matrix.row import row_of
-from sim_bridge.scenario.faults import FaultKind
+from sim_bridge.faults.kinds import KINDS
+from sim_bridge.faults.matrix.cases import MANOEUVRES, SPEEDS_KMH, Case, load_cases, whole_matrix
+from sim_bridge.faults.matrix.command import Task, fault_matrix, sample
+from sim_bridge.faults.matrix.drive import drive_case
 
-VARIANTS = Path(str(resources.files("sim_bridge.fault_matrix"))) / "variants.toml"
+VARIANTS = Path(str(resources.files("sim_bridge.faults.matrix"))) / "variants.toml"
 BUS_VARIANTS = VARIANTS.with_name("bus_variants.toml")
 MANOEUVRE_VARIANTS = VARIANTS.with_name("manoeuvre_variants.toml")
 CASES = {case.name: case for case in load_cases()}
@@ -30,8 +29,8 @@ def lti() -> Bundle:
 def test_there_are_enough_faults_and_each_kind_is_among_them() -> None:
     faulty = [case for case in CASES.values() if not case.is_fault_free]
     assert len(faulty) >= 45
-    kinds = {fault.kind for case in faulty for fault in case.scenario(80.0).faults}
-    assert kinds == set(FaultKind)
+    kinds = {fault.base for case in faulty for fault in case.scenario(80.0).faults}
+    assert kinds == set(KINDS)
 
 
 @pytest.mark.parametrize(
@@ -64,7 +63,7 @@ def test_an_unknown_manoeuvre_is_refused(tmp_path: Path) -> None:
 def test_every_manoeuvre_is_a_scenario_with_its_fault(speed_kmh: float) -> None:
     fault = {"kind": "bus_off", "duration_s": 0.1}
     for name in MANOEUVRES:
-        scenario = Case("a", (fault,), {}, manoeuvre=name).scenario(speed_kmh)
+        scenario = Case("a", (fault,), manoeuvre=name).scenario(speed_kmh)
         assert len(scenario.faults) == 1
 
 
@@ -123,6 +122,14 @@ def test_a_car_with_a_late_steering_wheel_is_driven_to_the_end(name: str) -> Non
     assert found.max_ey_m < 0.3
 
 
+def test_a_wheel_that_turns_to_the_wrong_side_is_detected_at_once_and_a_known_limit() -> None:
+    (case,) = [c for c in load_cases(MANOEUVRE_VARIANTS) if c.name == "steering_wrong_sign"]
+    found = drive_case(case, 60.0, load_bundle(find_model(None)))
+    assert found.detect_ms is not None
+    assert found.detect_ms <= 50.0
+    assert (found.mode, found.ok, found.is_open) == ("SAFE_STOP", False, False)
+
+
 def test_the_whole_matrix_has_every_drift_under_every_condition() -> None:
     crossed = whole_matrix()[len(CASES) :]
     conditions = {case.condition for case in crossed}
@@ -135,7 +142,7 @@ def test_the_whole_matrix_has_every_drift_under_every_condition() -> None:
 
 
 def test_a_sample_has_every_kind_of_fault_and_every_condition() -> None:
-    found = sample([(case, speed, None) for case in whole_matrix() for speed in SPEEDS_KMH])
+    found = sample([Task(case, speed, None) for case in whole_matrix() for speed in SPEEDS_KMH])
     kinds = {str(fault["kind"]) for case, _, _ in found for fault in case.faults}
     assert kinds == {str(fault["kind"]) for case in whole_matrix() for fault in case.faults}
     assert {case.condition for case, _, _ in found} == {c.condition for c in whole_matrix()}
@@ -162,7 +169,7 @@ def test_an_unknown_condition_is_refused() -> None:
 def test_a_drive_that_is_worse_than_without_checks_is_not_ok(
     lti: Bundle, unchecked_m: float | None, is_ok: bool
 ) -> None:
-    good = drive_case(CASES["none"], 60.0, lti)._replace(max_ey_m=0.5)
-    row = row_of(CASES["none"], 60.0, good, unchecked_m)
+    good = replace(drive_case(CASES["none"], 60.0, lti), max_ey_m=0.5)
+    row = good.beside(unchecked_m)
     assert row.ok is is_ok
     assert is_ok or row.reasons[-1] == "worse than without checks by 0.21 m"

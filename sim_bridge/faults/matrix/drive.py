@@ -17,8 +17,8 @@ from rt_controller.realtime.clock import LockstepClock
 from rt_controller.safety.checks import CHECKS
 from rt_controller.session import ControllerSession
 from rt_controller.settings import VIRTUAL, BusSettings
-from sim_bridge.fault_matrix.cases import Case
-from sim_bridge.fault_matrix.judgement import AT_REST_MPS, Judgement, Observed, judge
+from sim_bridge.faults.matrix.cases import Case
+from sim_bridge.faults.matrix.row import AT_REST_MPS, MatrixRow, Observed, judge
 from sim_bridge.session import BridgeSession, open_session
 
 LONGEST_TICKS = round(25.0 / PERIOD_S)
@@ -34,14 +34,13 @@ class _Observer:
 
     def __init__(self, car: BridgeSession, faults: int) -> None:
         """`faults`: how many of the scenario are those of the case."""
-        self._faults = car.bridge.scenario.faults[:faults]
         self.periods: list[Observed] = []
         self.failure: str | None = None
         """the error that ended the vehicle's program"""
         self.session: ControllerSession | None = None
         self._bridge = car.bridge
-        self._now_ns = 0
-        self._ticks = 0
+        self._faults = car.bridge.scenario.faults[:faults]
+        self._now_ns = self._ticks = 0
 
     def tick(self, now_ns: int) -> None:
         """One period of the car; before it, note the one that the controller has answered."""
@@ -64,8 +63,8 @@ class _Observer:
         bridge, session = self._bridge, self.session
         if bridge.is_mission_over:
             return
-        is_running = session is not None and session.is_joined
-        result = session.record.result if session is not None and is_running else None
+        is_joined = session is not None and session.is_joined
+        result = session.record.result if session is not None and is_joined else None
         truth = bridge.truth
         self.periods.append(
             Observed(
@@ -93,7 +92,7 @@ class _Observer:
                 return
 
 
-def drive_case(case: Case, speed_kmh: float, bundle: Bundle, has_checks: bool = True) -> Judgement:
+def drive_case(case: Case, speed_kmh: float, bundle: Bundle, has_checks: bool = True) -> MatrixRow:
     """Drive one fault at one speed and judge it; without checks nothing contradicts a signal."""
     config = ControllerConfig()
     bus = BusSettings(bus=VIRTUAL, channel=f"fault-matrix-{next(_numbers)}")
@@ -110,16 +109,11 @@ def drive_case(case: Case, speed_kmh: float, bundle: Bundle, has_checks: bool = 
         with closing(joined) as session:
             observer.session = session
             session.start(None, False, _HANDSHAKE_S).join()
-            failure = observer.failure or _unexpected(session.failure)
+            error, failure = session.failure, observer.failure
+            if failure is None and error and not isinstance(error, RtControllerError):
+                failure = f"the controller's program failed: {type(error).__name__}: {error}"
             if not car.bridge.is_mission_over:
                 observer.go_on_alone()
     # Before the first step of the controller nothing is judged.
     first = next((k for k, each in enumerate(observer.periods) if each.mode is not None), 0)
-    return judge(observer.periods[first:], observer.failure or failure, case.is_fault_free)
-
-
-def _unexpected(error: BaseException | None) -> str | None:
-    """The message of an unexpected error that ended the controller; None of an expected one."""
-    if error is None or isinstance(error, RtControllerError):
-        return None
-    return f"the controller's program failed: {type(error).__name__}: {error}"
+    return judge(case, speed_kmh, observer.periods[first:], observer.failure or failure)

@@ -8,6 +8,7 @@ from dataclasses import asdict
 from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
+from typing import NamedTuple
 
 from rich.console import Console
 
@@ -19,17 +20,30 @@ from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.names import hint
 from rt_controller.report.table import NO_VALUE, Cell, Column, Table, print_table
 from rt_controller.terminal.progress import announce
-from sim_bridge.fault_matrix.cases import SPEEDS_KMH, Case, load_cases, whole_matrix
-from sim_bridge.fault_matrix.drive import drive_case
-from sim_bridge.fault_matrix.judgement import LARGEST_LOSS_M
-from sim_bridge.fault_matrix.row import MatrixRow, row_of
-from sim_bridge.fault_matrix.summary import lines_of, summarise
+from sim_bridge.faults.matrix.cases import SPEEDS_KMH, Case, load_cases, whole_matrix
+from sim_bridge.faults.matrix.drive import drive_case
+from sim_bridge.faults.matrix.row import LARGEST_LOSS_M, MatrixRow
+from sim_bridge.faults.matrix.summary import lines_of, summarise
 from sim_bridge.scenario.limits import KMH_PER_MPS
 
 EXIT_NOT_OK = 1
 _LEAST_WIDTH = 160
 SAMPLE_STRIDE = 17
 """it leads to every condition, and to other cases and speeds each time"""
+_Key = tuple[str, str, float]
+
+
+class Task(NamedTuple):
+    """One drive that is to be done."""
+
+    case: Case
+    speed_kmh: float
+    model: str | None
+
+    @property
+    def key(self) -> _Key:
+        """That of its row."""
+        return self.case.name, self.case.condition, round(self.speed_kmh / KMH_PER_MPS, 3)
 
 
 def fault_matrix(
@@ -54,17 +68,20 @@ def fault_matrix(
     cases = _chosen(only, cases_file)
     if conditions:
         cases = [case.under(condition) for condition in conditions for case in cases]
-    done = _earlier(drives_file, _bundle(model))  # a model is refused here, not in a process
-    tasks = [(case, speed, model) for case in cases for speed in speeds_kmh or SPEEDS_KMH]
+    bundle = _bundle(model)  # a model is refused here, not in a process
+    done = _earlier(drives_file, bundle)
+    tasks = [Task(case, speed, model) for case in cases for speed in speeds_kmh or SPEEDS_KMH]
     if is_sample:
         tasks = sample(tasks)
-    todo = [task for task in tasks if _key_of(task) not in done]
-    jobs = min(jobs or _cores(), max(len(todo), 1))
+    todo = [task for task in tasks if task.key not in done]
+    jobs = min(jobs or len(os.sched_getaffinity(0)), max(len(todo), 1))
     with announce(f"{len(todo)} drives, {jobs} at a time"):
         for task, row in zip(todo, _drive_all(todo, jobs), strict=True):
-            done[_key_of(task)] = row
-            _append(drives_file, _bundle(model), row)
-    rows = [done[_key_of(task)] for task in tasks]
+            done[task.key] = row
+            if drives_file is not None:
+                with drives_file.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps({"model": bundle.sha256, "row": asdict(row)}) + "\n")
+    rows = [done[task.key] for task in tasks]
     console = Console()
     console.width = max(console.width, _LEAST_WIDTH)
     print_table(_table(rows), console)
@@ -75,10 +92,19 @@ def fault_matrix(
     return 0 if summary.drives_ok == summary.drives else EXIT_NOT_OK
 
 
-_Task = tuple[Case, float, str | None]
+def sample(tasks: Sequence[Task]) -> list[Task]:
+    """One drive of each kind of fault, at speeds in turn, and every 17th under a condition."""
+    found: dict[tuple[str, ...], Task] = {}
+    speeds_kmh = sorted({task.speed_kmh for task in tasks}, reverse=True)
+    for task in tasks:
+        kinds = tuple(sorted({str(fault["kind"]) for fault in task.case.faults}))
+        is_next = task.speed_kmh == speeds_kmh[len(found) % len(speeds_kmh)]
+        if kinds not in found and is_next and not task.case.condition:
+            found[kinds] = task
+    return [*found.values(), *[task for task in tasks if task.case.condition][::SAMPLE_STRIDE]]
 
 
-def _drive_all(tasks: Sequence[_Task], jobs: int) -> Iterator[MatrixRow]:
+def _drive_all(tasks: Sequence[Task], jobs: int) -> Iterator[MatrixRow]:
     if jobs <= 1:
         yield from map(_drive, tasks)
         return
@@ -86,34 +112,12 @@ def _drive_all(tasks: Sequence[_Task], jobs: int) -> Iterator[MatrixRow]:
         yield from pool.map(_drive, tasks)
 
 
-def _drive(task: _Task) -> MatrixRow:
+def _drive(task: Task) -> MatrixRow:
     case, speed_kmh, model = task
-    found = drive_case(case, speed_kmh, _bundle(model))
-    unchecked_m = None
-    if found.max_ey_m > LARGEST_LOSS_M:
+    row, unchecked_m = drive_case(case, speed_kmh, _bundle(model)), None
+    if row.max_ey_m > LARGEST_LOSS_M:
         unchecked_m = drive_case(case, speed_kmh, _bundle(model), has_checks=False).max_ey_m
-    return row_of(case, speed_kmh, found, unchecked_m)
-
-
-_Key = tuple[str, str, float]
-
-
-def _key_of(task: _Task) -> _Key:
-    case, speed_kmh, _ = task
-    return case.name, case.condition, round(speed_kmh / KMH_PER_MPS, 3)
-
-
-def sample(tasks: Sequence[_Task]) -> list[_Task]:
-    """One drive of each kind of fault, at speeds in turn, and every 17th under a condition."""
-    found: dict[tuple[str, ...], _Task] = {}
-    speeds_kmh = sorted({speed for _, speed, _ in tasks}, reverse=True)
-    for task in tasks:
-        case, speed_kmh, _ = task
-        kinds = tuple(sorted({str(fault["kind"]) for fault in case.faults}))
-        is_next = speed_kmh == speeds_kmh[len(found) % len(speeds_kmh)]
-        if kinds not in found and is_next and not case.condition:
-            found[kinds] = task
-    return [*found.values(), *[task for task in tasks if task[0].condition][::SAMPLE_STRIDE]]
+    return row.beside(unchecked_m)
 
 
 def _earlier(path: Path | None, bundle: Bundle) -> dict[_Key, MatrixRow]:
@@ -136,19 +140,9 @@ def _earlier(path: Path | None, bundle: Bundle) -> dict[_Key, MatrixRow]:
     return found
 
 
-def _append(path: Path | None, bundle: Bundle, row: MatrixRow) -> None:
-    if path is not None:
-        with path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps({"model": bundle.sha256, "row": asdict(row)}) + "\n")
-
-
 @cache
 def _bundle(model: str | None) -> Bundle:
     return load_bundle(find_model(model))
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0))
 
 
 def _chosen(only: Sequence[str], file: Path | None) -> Sequence[Case]:
@@ -158,38 +152,30 @@ def _chosen(only: Sequence[str], file: Path | None) -> Sequence[Case]:
     if unknown:
         raise ConfigError(
             f"--only: expected names of faults, found {', '.join(unknown)}. "
-            f"{file or 'sim_bridge/fault_matrix/cases.toml'} has all."
+            f"{file or 'sim_bridge/faults/matrix/cases.toml'} has all."
         )
     return [case for case in found if not only or case.name in only]
 
 
 def _table(rows: Iterable[MatrixRow]) -> Table:
-    columns = (
-        Column("fault", is_text=True),
-        Column("condition", is_text=True),
-        Column("speed", "km/h"),
-        Column("mode", is_text=True),
-        Column("detected", "ms"),
-        Column("max |e_y|", "m"),
-        Column("unchecked", "m"),
-        Column("ok", is_text=True),
-        Column("reasons", is_text=True, width="long"),
+    heads = (
+        "fault", "condition", ("speed", "km/h"), "mode", ("detected", "ms"), ("max |e_y|", "m"),
+        ("unchecked", "m"), "ok",
+    )  # fmt: skip
+    columns = [Column(h, is_text=True) if isinstance(h, str) else Column(*h) for h in heads]
+    cells = (
+        (
+            row.fault,
+            row.condition,
+            f"{row.speed_mps * KMH_PER_MPS:.0f}",
+            row.mode,
+            NO_VALUE if row.detect_ms is None else f"{row.detect_ms:.0f}",
+            f"{row.max_ey_m:.2f}",
+            NO_VALUE if row.max_ey_unchecked_m is None else f"{row.max_ey_unchecked_m:.2f}",
+            Cell("ok", status="good") if row.ok else Cell("NO", status="bad"),
+            "; ".join((*row.reasons, *filter(None, (row.known_limit,)))),
+        )
+        for row in rows
     )
-    return Table(
-        "faults in simulated time",
-        columns,
-        tuple(
-            (
-                row.fault,
-                row.condition,
-                f"{row.speed_mps * KMH_PER_MPS:.0f}",
-                row.mode,
-                NO_VALUE if row.detect_ms is None else f"{row.detect_ms:.0f}",
-                f"{row.max_ey_m:.2f}",
-                NO_VALUE if row.max_ey_unchecked_m is None else f"{row.max_ey_unchecked_m:.2f}",
-                Cell("ok", status="good") if row.ok else Cell("NO", status="bad"),
-                "; ".join((*row.reasons, *filter(None, (row.known_limit,)))),
-            )
-            for row in rows
-        ),
-    )
+    reasons = Column("reasons", is_text=True, width="long")
+    return Table("faults in simulated time", (*columns, reasons), tuple(cells))

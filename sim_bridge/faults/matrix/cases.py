@@ -1,8 +1,9 @@
 """The faults of the matrix, and the drives in which they act."""
 
 import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -10,13 +11,73 @@ from typing import Any
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.files import read_text
 from rt_controller.contract.names import hint
-from sim_bridge.fault_matrix.manoeuvres import LANE_CHANGE, MANOEUVRES, manoeuvre
 from sim_bridge.scenario import Scenario, parse_scenario
 from sim_bridge.scenario.limits import KMH_PER_MPS
 
 SPEEDS_KMH = (60.0, 80.0, 120.0)
 FAULT_START_S = 2.0
 """the steering wheel is turned: the lane change begins at 1 s and takes 2.5 s"""
+DURATION_S = 6.0
+"""of a drive; a stop that has begun before goes on until the car stands"""
+SHARPEST_BEND_PER_M = 0.009
+"""of the smallest radius that the wheel allows"""
+_EXAMPLE = "docs/faults.md has an example."
+
+Content = dict[str, Any]
+"""of a scenario file, without what all drives have"""
+
+
+def _lane_change(speed_mps: float, change_s: float = 2.5, friction: float = 0.85) -> Content:
+    """3.5 m to the left and back, in a bend of 1000 m."""
+    moves = [
+        {"start_m": at_s * speed_mps, "length_m": change_s * speed_mps, "to_m": to_m}
+        for at_s, to_m in ((1.0, 3.5), (4.5, 0.0))
+    ]
+    road = {"curvature_per_m": 0.001, "friction": friction}
+    return {"road": road, "reference": {"ey_m": {"kind": "moves", "moves": moves}}}
+
+
+def _bend(speed_mps: float) -> Content:
+    """Through a clothoid into a bend of 4 m/s², or of the smallest radius of the wheel."""
+    bend_per_m = min(4.0 / speed_mps**2, SHARPEST_BEND_PER_M)
+    knots = [at_s * speed_mps for at_s in (1.0, 2.5)]
+    return {"road": {"curvature_per_m": {"s_m": knots, "value": [0.0, bend_per_m]}}}
+
+
+def _s_bend(speed_mps: float, friction: float) -> Content:
+    """To the left and to the right, with half of the grip: 4.3 m/s² at the friction 0.85."""
+    bend_per_m = min(5.0 * friction / speed_mps**2, SHARPEST_BEND_PER_M)
+    bends = [bend_per_m * turn for turn in (0.0, 1.0, 1.0, -1.0, -1.0, 0.0)]
+    knots = [at_s * speed_mps for at_s in (1.0, 2.0, 4.5, 6.5, 9.0, 10.0)]
+    road = {"curvature_per_m": {"s_m": knots, "value": bends}, "friction": friction}
+    return {"road": road, "duration_s": 12.0}
+
+
+def _slalom(speed_mps: float) -> Content:
+    sine = {"kind": "sine", "amplitude_m": 0.6, "frequency_hz": 0.4}
+    return {"reference": {"ey_m": sine}}
+
+
+def _stop_and_hold(speed_mps: float) -> Content:
+    """Brake from 1 to 6 s, hold for 3 s, drive on."""
+    at_s_m = speed_mps + 0.5 * speed_mps * 5.0
+    stop = {"at_s_m": at_s_m, "hold_s": 3.0, "deceleration_mps2": speed_mps / 5.0}
+    return {"stops": [stop], "duration_s": 12.0}
+
+
+LANE_CHANGE = "lane_change"
+MANOEUVRES: dict[str, Callable[[float], Content]] = {
+    LANE_CHANGE: _lane_change,
+    "near_the_limit": partial(_lane_change, change_s=2.1),  # 5 to 5.7 m/s²
+    "wet_lane_change": partial(_lane_change, change_s=3.0, friction=0.5),
+    "straight": lambda _: {},
+    "bend": _bend,
+    "s_bend": partial(_s_bend, friction=0.85),
+    "wet_s_bend": partial(_s_bend, friction=0.5),
+    "slalom": _slalom,
+    "stop_and_hold": _stop_and_hold,
+}
+"""what a car does while a fault acts, at any speed in m/s"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,9 +85,9 @@ class Case:
     """One fault, or several that act together, under a name."""
 
     name: str
-    faults: tuple[dict[str, Any], ...]
+    faults: tuple[Content, ...]
     """as in a file"""
-    initial: dict[str, float]
+    initial: dict[str, float] = field(default_factory=dict)
     """of the scenario"""
     known_limit: str = ""
     """why no reaction keeps the car on its lane; its drives are judged like all others"""
@@ -34,9 +95,9 @@ class Case:
     """one of `MANOEUVRES`"""
     condition: str = ""
     """name of the one in `conditions.toml`; "": none"""
-    payload: dict[str, float] = field(default_factory=dict)
+    payload: dict[str, float] | None = None
     """of the scenario"""
-    sensors: tuple[dict[str, Any], ...] = ()
+    sensors: tuple[Content, ...] = ()
     """what the sensors do beside the fault, as in a file: noise"""
 
     @property
@@ -46,14 +107,14 @@ class Case:
 
     def scenario(self, speed_kmh: float) -> Scenario:
         """The drive of this case, with the faults."""
-        speed_mps = speed_kmh / KMH_PER_MPS
-        drive = manoeuvre(self.manoeuvre, speed_mps)
-        content = {
+        drive: Content = {"duration_s": DURATION_S} | MANOEUVRES[self.manoeuvre](
+            speed_kmh / KMH_PER_MPS
+        )
+        content = drive | {
             "format": 2,
             "name": f"{self.name} at {speed_kmh:g} km/h",
-            "reference": {"speed_kmh": speed_kmh, "ey_m": drive.pop("ey_m", 0.0)},
+            "reference": {"speed_kmh": speed_kmh, **drive.get("reference", {})},
             "initial": self.initial,
-            **drive,
             "faults": [
                 *({"start_s": FAULT_START_S, **fault} for fault in self.faults),
                 *({"start_s": 0.0, "before_drive": True, **fault} for fault in self.sensors),
@@ -69,30 +130,28 @@ class Case:
         Raises:
             ConfigError: there is no such condition.
         """
-        conditions = _shipped("conditions.toml")
+        conditions = _shipped("conditions")
         if condition not in conditions:
             raise ConfigError(
                 f"--conditions: expected some of {', '.join(conditions)}, found {condition!r}"
                 f"{hint(condition, conditions)}."
             )
-        return replace(self, condition=condition, **_fields_of(conditions[condition]))
+        fields = conditions[condition]
+        sensors = tuple(fields.get("sensors", ()))
+        return replace(self, condition=condition, **fields | {"sensors": sensors})
 
 
-def _fields_of(condition: dict[str, Any]) -> dict[str, Any]:
-    return {**condition, "sensors": tuple(condition.get("sensors", ()))}
+@cache
+def _shipped(name: str) -> Content:
+    path = resources.files("sim_bridge.faults.matrix") / f"{name}.toml"
+    return tomllib.loads(path.read_text("utf-8"))
 
 
 def whole_matrix() -> tuple[Case, ...]:
     """The cases of `cases.toml` as they are, and those of `drifts.toml` under each condition."""
-    drifts = _cases_in(_shipped("drifts.toml"), "drifts.toml")
-    crossed = (case.under(name) for name in _shipped("conditions.toml") for case in drifts)
+    drifts = _cases_in(_shipped("drifts"), "drifts.toml")
+    crossed = (case.under(name) for name in _shipped("conditions") for case in drifts)
     return (*load_cases(), *crossed)
-
-
-@cache
-def _shipped(name: str) -> dict[str, Any]:
-    text = (resources.files("sim_bridge.fault_matrix") / name).read_text("utf-8")
-    return tomllib.loads(text)
 
 
 def load_cases(file: Path | None = None) -> tuple[Case, ...]:
@@ -102,24 +161,24 @@ def load_cases(file: Path | None = None) -> tuple[Case, ...]:
         ConfigError: the file cannot be read, or its content is not one of cases.
     """
     if file is None:
-        return _cases_in(_shipped("cases.toml"), "cases.toml")
+        return _cases_in(_shipped("cases"), "cases.toml")
     try:
         content = tomllib.loads(read_text(file))
     except (OSError, ValueError, RecursionError) as error:  # also a number without end
         raise ConfigError(
             f"--cases {file}: expected a TOML file with a table for each fault, found {error}. "
-            f"docs/faults.md has an example."
+            f"{_EXAMPLE}"
         ) from error
     return _cases_in(content, str(file))
 
 
-def _cases_in(content: dict[str, Any], source: str) -> tuple[Case, ...]:
+def _cases_in(content: Content, source: str) -> tuple[Case, ...]:
     cases = []
     for name, case in content.items():
         if not isinstance(case, dict) or not isinstance(case.get("faults"), list):
             raise ConfigError(
                 f"{source}: {name}: expected a table with the list faults, found {case!r}. "
-                f"docs/faults.md has an example."
+                f"{_EXAMPLE}"
             )
         drive = case.get("manoeuvre", LANE_CHANGE)
         if drive not in MANOEUVRES:
@@ -132,6 +191,6 @@ def _cases_in(content: dict[str, Any], source: str) -> tuple[Case, ...]:
     if not cases:
         raise ConfigError(
             f"{source}: expected a table with the list faults for each fault, found none. "
-            f"docs/faults.md has an example."
+            f"{_EXAMPLE}"
         )
     return tuple(cases)
