@@ -24,6 +24,8 @@ class ScenarioRun:
         """at the end of the last period"""
         self.path = scenario.path_ahead(s_m, state.vx_mps)
         """what a path planner sends from where the car is"""
+        self.curvature_per_m = scenario.road.curvature_per_m.at(s_m)
+        """of the road at the car"""
         self.ticks = 0
         self.end_ticks = 0
         """since the end of the mission"""
@@ -44,11 +46,6 @@ class ScenarioRun:
     @property
     def speed_mps(self) -> float:
         return hypot(self.state.vx_mps, self.state.vy_mps)
-
-    @property
-    def curvature_per_m(self) -> float:
-        """Of the road at the car."""
-        return self.scenario.road.curvature_per_m.at(self.s_m)
 
     @property
     def ey_error_m(self) -> float:
@@ -89,6 +86,7 @@ class ScenarioRun:
         self.state, self.s_m = state, s_m
         self.ticks += 1
         speed_mps, scenario = state.vx_mps, self.scenario
+        self.curvature_per_m = scenario.road.curvature_per_m.at(s_m)
         self._progress = next_progress(self._progress, scenario.stops, s_m, speed_mps, self.time_s)
         self.path = scenario.path_ahead(s_m, speed_mps, self.time_s, self._progress)
         if self._is_mission_on(mode, is_braking):

@@ -13,14 +13,11 @@ from rt_controller.contract.grip import AHEAD_S, FAR, MOST_LATERAL_MPS2, NEAR
 from rt_controller.contract.physics import GRAVITY_MPS2
 from rt_controller.contract.preview import REACH_S
 from sim_bridge.faults.fault import late_faults
-from sim_bridge.scenario.field_names import FORMAT_2, FieldNames
 from sim_bridge.scenario.lanes import Poses, road_margin_m
-from sim_bridge.scenario.lateral import Moves, overlaps
 from sim_bridge.scenario.limits import KMH_PER_MPS
 from sim_bridge.scenario.metrics import OF_STOPS, SLIDING_MPS
 from sim_bridge.scenario.nominal_drive import GRID_M, NominalDrive, drive_nominally
 from sim_bridge.scenario.scenario import PREVIEW_MIN_M, Scenario
-from sim_bridge.scenario.source_checks import road_problems, start_problems
 from sim_bridge.scenario.speed_checks import grip_mps2, speed_problems, stop_problems
 
 MAX_SLOPE = 0.5
@@ -37,15 +34,8 @@ _FIT_EVERY = 8
 _COURSES = "reference.ey_m of kind iso_3888_1, iso_3888_2"
 
 
-def problems(scenario: Scenario, names: FieldNames = FORMAT_2) -> list[str]:
+def problems(scenario: Scenario) -> list[str]:
     """A line for each reason why the scenario cannot be driven; empty if it can."""
-    if isinstance(scenario.lateral, Moves):
-        found = overlaps(scenario.lateral.moves)
-        if found:
-            return found
-    found = [*road_problems(scenario.road), *start_problems(scenario.start)]
-    if found:
-        return found
     if scenario.start.s_m >= scenario.road.length_m:
         return [
             f"initial.s_m: expected less than the length of the road, "
@@ -56,13 +46,13 @@ def problems(scenario: Scenario, names: FieldNames = FORMAT_2) -> list[str]:
         *late_faults(scenario.faults, scenario.duration_s),
         *_limit_problems(scenario, drive),
         *_pose_problems(scenario),
-        *_lateral_problems(scenario, drive, names),
-        *speed_problems(scenario, drive, names),
-        *stop_problems(scenario, drive, names),
+        *_lateral_problems(scenario, drive),
+        *speed_problems(scenario, drive),
+        *stop_problems(scenario, drive),
     ]
 
 
-def _lateral_problems(scenario: Scenario, drive: NominalDrive, names: FieldNames) -> Iterator[str]:
+def _lateral_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
     s_m, ey_m = drive.s_m, drive.ey_m
     slope = np.gradient(ey_m, s_m)
     bend = np.gradient(slope, s_m)
@@ -77,14 +67,14 @@ def _lateral_problems(scenario: Scenario, drive: NominalDrive, names: FieldNames
         i = int(np.argmax(out_m))
         if out_m[i] > 0.0:
             yield (
-                f"{names.path}: expected a car that stays on its road of road.width_m, found "
+                f"reference.ey_m: expected a car that stays on its road of road.width_m, found "
                 f"{out_m[i]:.2f} m beside it {place(i)}. Widen the road or reduce the move."
             )
     if scenario.lateral.is_over_time and (
         scenario.stops or drive.speed_mps.min() < SLOWEST_OVER_TIME_MPS
     ):
         yield (
-            f"{names.path}: expected a position over s_m where the car is slower than "
+            f"reference.ey_m: expected a position over s_m where the car is slower than "
             f"{SLOWEST_OVER_TIME_MPS:g} m/s, found one over time. Use s_m, or wavelength_m."
         )
         return
@@ -94,14 +84,14 @@ def _lateral_problems(scenario: Scenario, drive: NominalDrive, names: FieldNames
     least_m = shortest.parts * GRID_M
     if shortest.length < least_m:
         yield (
-            f"{names.path}: expected {shortest.name} of at least {least_m:g} m, found "
+            f"reference.ey_m: expected {shortest.name} of at least {least_m:g} m, found "
             f"{shortest.length:.3g} m."
         )
         return
     i = int(np.argmax(np.abs(slope)))
     if abs(slope[i]) > MAX_SLOPE:
         yield (
-            f"{names.path}: expected a slope of at most {MAX_SLOPE}, found {abs(slope[i]):.2f} "
+            f"reference.ey_m: expected a slope of at most {MAX_SLOPE}, found {abs(slope[i]):.2f} "
             f"{place(i)}. Increase length_m or the distance of the knots."
         )
         return
@@ -109,15 +99,15 @@ def _lateral_problems(scenario: Scenario, drive: NominalDrive, names: FieldNames
     i = int(np.argmin(gap))
     if gap[i] < LEAST_GAP:
         yield (
-            f"{names.path}: expected at most half of the radius of the bend, found "
+            f"reference.ey_m: expected at most half of the radius of the bend, found "
             f"{ey_m[i]:.2f} m with a curvature of {curvature[i]:.3g} 1/m {place(i)}."
         )
         return
-    yield from _grip_problems(scenario, drive, names, bend)
-    yield from _fit_problems(scenario, drive, names)
+    yield from _grip_problems(scenario, drive, bend)
+    yield from _fit_problems(scenario, drive)
 
 
-def _fit_problems(scenario: Scenario, drive: NominalDrive, names: FieldNames) -> Iterator[str]:
+def _fit_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
     """Cubics that do not fit into the frames, or that the controller refuses."""
     s_m = drive.s_m[::_FIT_EVERY]
     if not scenario.lateral.is_over_time:
@@ -134,7 +124,7 @@ def _fit_problems(scenario: Scenario, drive: NominalDrive, names: FieldNames) ->
     ):  # fmt: skip
         if worst[name] > largest:
             yield (
-                f"{names.path}: expected a path whose cubic over the next "
+                f"reference.ey_m: expected a path whose cubic over the next "
                 f"{REACH_S:g} s or {PREVIEW_MIN_M:g} m fits the frames, {name} of at most "
                 f"{largest:g} {unit}, found {worst[name]:.3g} at s = {where_m[name]:.1f} m. "
                 f"Lengthen the move."
@@ -147,17 +137,15 @@ def _fit_problems(scenario: Scenario, drive: NominalDrive, names: FieldNames) ->
         i = int(np.argmax(needed_mps2))
         if needed_mps2[i] > MOST_LATERAL_MPS2:
             yield (
-                f"{names.path}: expected a path that the controller follows, with a lateral "
+                f"reference.ey_m: expected a path that the controller follows, with a lateral "
                 f"acceleration of at most {MOST_LATERAL_MPS2:g} m/s^2, found "
                 f"{needed_mps2[i]:.1f} m/s^2 at s = {s_m[i]:.1f} m. Lengthen the moves, or lower "
-                f"{names.speed}."
+                f"reference.speed_kmh."
             )
             return
 
 
-def _grip_problems(
-    scenario: Scenario, drive: NominalDrive, names: FieldNames, bend: Array
-) -> Iterator[str]:
+def _grip_problems(scenario: Scenario, drive: NominalDrive, bend: Array) -> Iterator[str]:
     """The place whose lateral acceleration exceeds the grip most; `bend` (n,) is the path's."""
     s_m = drive.s_m
     grip = grip_mps2(scenario.road, s_m)
@@ -176,14 +164,14 @@ def _grip_problems(
     turn = float(bend[i] + curvature[i])
     able_mps2 = grip[i] - np.sign(turn) * gravity_mps2[i]
     possible_kmh = KMH_PER_MPS * sqrt(able_mps2 / abs(turn))
-    field, remedy = names.path, "lengthen the moves, or interpolate with pchip or spline"
+    field, remedy = "reference.ey_m", "lengthen the moves, or interpolate with pchip or spline"
     if abs(curvature[i]) >= abs(bend[i]):
-        field, remedy = names.speed, f"or choose a wider bend in {names.curvature}"
+        field, remedy = "reference.speed_kmh", "or choose a wider bend in road.curvature_per_m"
     yield (
         f"{field}: expected a lateral acceleration below the grip of {grip[i]:.1f} m/s^2, found "
         f"{abs(wanted_mps2[i]):.1f} m/s^2 at {KMH_PER_MPS * drive.speed_mps[i]:.0f} km/h, s = "
         f"{s_m[i]:.1f} m, the bank included. The radius there is {1.0 / abs(turn):.0f} m, on which "
-        f"less than {possible_kmh:.0f} km/h is possible. Lower {names.speed}, {remedy}."
+        f"less than {possible_kmh:.0f} km/h is possible. Lower reference.speed_kmh, {remedy}."
     )
 
 
@@ -197,10 +185,10 @@ def _limit_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
         (("sideslip_peak_rad",), drive.speed_mps.max() > SLIDING_MPS, f"{SLIDING_MPS:g} m/s"),
         (OF_STOPS, bool(scenario.stops), "[[stops]] or another speed with stops"),
     ):
-        for limit in scenario.limits:
-            if limit.metric in names and not applies:
+        for metric in scenario.limits:
+            if metric in names and not applies:
                 yield (
-                    f"limits.{limit.metric}: expected a scenario with {needed}, found none on the "
+                    f"limits.{metric}: expected a scenario with {needed}, found none on the "
                     f"{end_m - scenario.start.s_m:.0f} m of its drive."
                 )
 

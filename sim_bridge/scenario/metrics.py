@@ -1,6 +1,6 @@
 """Figures of a drive, measured at the car, and the limits that they are judged by."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf, nan
 from typing import NamedTuple
@@ -60,31 +60,21 @@ OF_STOPS = ("stop_error_m", "creep_m", "hold_steer_rad", "stops_missed")
 HIGHER_IS_BETTER = frozenset({"lane_margin_m", "road_margin_m"})
 
 
-class Limit(NamedTuple):
-    """The worst value of a figure with which a drive passes."""
-
-    metric: str
-    value: float
-
-    def holds(self, metrics: Metrics) -> bool:
-        """True if the drive keeps the limit; a figure that does not apply does not."""
-        found = float(getattr(metrics, self.metric))
-        if self.metric in HIGHER_IS_BETTER:
-            return found >= self.value
-        return found <= self.value
-
-
 def judged(
-    metrics: Metrics, names: Sequence[str], limits: Sequence[Limit]
+    metrics: Metrics, names: Sequence[str], limits: Mapping[str, float]
 ) -> tuple[CarFigure, ...]:
-    """The named figures and those with a limit, in the order of `Metrics`."""
-    limit_of = {limit.metric: limit for limit in limits}
+    """The named figures and those with a limit, in the order of `Metrics`.
+
+    A figure that does not apply keeps no limit.
+    """
     figures = []
-    for name, value in zip(Metrics._fields, metrics, strict=True):
-        limit = limit_of.get(name)
+    for name, value in metrics._asdict().items():
+        limit = limits.get(name)
         if name in names or limit is not None:
-            is_kept = limit is None or limit.holds(metrics)
-            figures.append(CarFigure(name, value, None if limit is None else limit.value, is_kept))
+            is_kept = limit is None or (
+                value >= limit if name in HIGHER_IS_BETTER else value <= limit
+            )
+            figures.append(CarFigure(name, value, limit, is_kept))
     return tuple(figures)
 
 

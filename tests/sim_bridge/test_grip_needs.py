@@ -1,7 +1,7 @@
 """The note about a scenario that needs more grip than --friction gives."""
 
-from sim_bridge.grip_needs import grip_note
 from sim_bridge.scenario import parse_scenario
+from sim_bridge.scenario_checks import grip_note
 
 BEND = parse_scenario(
     {

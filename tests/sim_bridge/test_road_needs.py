@@ -13,8 +13,8 @@ from sim_bridge.adapters.own_car import OwnCar
 from sim_bridge.car import Car
 from sim_bridge.plant.parameters import default_car
 from sim_bridge.plant.protocol import PlantOutputs, RoadAt
-from sim_bridge.road_needs import require_road
 from sim_bridge.scenario import Scenario, parse_scenario
+from sim_bridge.scenario_checks import require_road
 from sim_bridge.session import build_car
 
 SPLIT = {"friction_left": 0.85, "friction_right": 0.2}

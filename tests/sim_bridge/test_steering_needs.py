@@ -3,7 +3,7 @@
 import pytest
 
 from sim_bridge.scenario import load_scenario, parse_scenario
-from sim_bridge.steering_needs import steering_note
+from sim_bridge.scenario_checks import steering_note
 
 
 def note(radius_m: float, speed_kmh: float) -> str:

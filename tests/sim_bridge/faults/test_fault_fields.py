@@ -14,7 +14,7 @@ from sim_bridge.faults.fault import SHORTHANDS, Fault, ticks_between
 from sim_bridge.faults.kinds import KINDS
 from sim_bridge.faults.names import ACTUATOR, SignalName, frames_of, known_frames
 from sim_bridge.scenario import parse_scenario
-from sim_bridge.scenario.files.loading import add_faults
+from sim_bridge.scenario.loading import add_faults
 
 SCENARIO = parse_scenario(
     {"format": 2, "name": "x", "duration_s": 5.0, "reference": {"speed_kmh": 80.0}}, "test"

@@ -5,8 +5,8 @@ import pytest
 
 from rt_controller.contract.preview import REACH_S
 from sim_bridge.scenario import load_scenario
-from sim_bridge.scenario.files.loading import parse_scenario
 from sim_bridge.scenario.lateral import Sine
+from sim_bridge.scenario.loading import parse_scenario
 
 NEAR_S = 0.4 * REACH_S
 
