@@ -217,6 +217,11 @@ def test_a_file_that_is_no_toml_is_refused(tmp_path: Path) -> None:
         load_scenario(str(path))
 
 
+def test_an_unknown_scenario_is_refused_with_the_list_of_shipped_ones() -> None:
+    with pytest.raises(ConfigError, match=r"double_lane_change.*did you mean double_lane_chan"):
+        load_scenario("dubble_lane_change")
+
+
 def test_a_wrong_kind_of_fault_hides_none_of_its_other_values() -> None:
     fault = {"kind": "lost", "signal": "ey", "start_s": "3", "duration_s": -1.0}
     with pytest.raises(ConfigError) as refused:
