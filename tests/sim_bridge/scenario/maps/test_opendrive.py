@@ -8,6 +8,7 @@ from made_maps import ARC, LINE, SPIRAL, end_of, road, write_map
 
 from rt_controller.contract.errors import ConfigError
 from sim_bridge.scenario import load_scenario, parse_scenario
+from sim_bridge.scenario.maps import opendrive
 from sim_bridge.scenario.maps.opendrive import read_reference_line
 
 ELEVATION = (
@@ -185,10 +186,13 @@ def test_a_file_of_format_2_takes_its_road_from_a_map(simple: Path) -> None:
 @pytest.mark.parametrize(
     ("roads", "name", "message"),
     [
-        ([road([(9, LINE)]), road([(8, LINE)], "2")], "a.xodr", r"Name some of 1 \(9 m\), 2 \(8"),
-        ([road([(9, LINE)])], "a.xodr#5", r"expected a road of 1 \(9 m\), found '5'"),
-        ([road([(9, LINE)]), road([(9, LINE)])], "a.xodr#1", "found '1' 2 times"),
-        ([road([(9, "<nurbs/>")])], "a.xodr", "road 1: expected a road that can be"),
+        (
+            [road([(9, LINE)]), road([(8, LINE)], "2")],
+            "a.xodr",
+            r"Name some of 1 \(9.0 m\), 2 \(8",
+        ),
+        ([road([(9, LINE)])], "a.xodr#5", r"expected a road of 1 \(9.0 m\), found '5'"),
+        ([road([(9, "<nurbs/>")])], "a.xodr", "expected readable roads, found: road 1: "),
         (
             [road([(9, LINE), (8, LINE)]).replace('s="9.0" x="', 's="9.0" x="1')],
             "a.xodr",
@@ -203,7 +207,7 @@ def test_a_file_of_format_2_takes_its_road_from_a_map(simple: Path) -> None:
         (
             [road([(9, LINE)], "1", ELEVATION.replace("km/h", "kmh"))],
             "a.xodr",
-            "road that can be read, found an error: unit m/s, km/h, mph expected in <speed>, found",
+            "readable roads, found: road 1: unit m/s, km/h, mph expected in <speed>, found",
         ),
         ([road([(9e4, LINE)])], "a.xodr", "expected a drive of at most 3600 s"),
         ([road([])], "a.xodr", "no geometry in planView"),
@@ -241,3 +245,40 @@ def test_a_road_out_of_its_limits_is_refused_from_every_file(
     }  # fmt: skip
     with pytest.raises(ConfigError, match=message):
         parse_scenario(content, "test", tmp_path)
+
+
+BOMB = """<!DOCTYPE a [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><OpenDRIVE>&b;</OpenDRIVE>"""
+EXTERNAL = """<!DOCTYPE a [<!ENTITY a SYSTEM "/etc/hostname">]><OpenDRIVE>&a;</OpenDRIVE>"""
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("no xml", "syntax error"),
+        ("", "no element found"),
+        ('<?xml version="1.0" encoding="no-such"?><a/>', "unknown encoding"),
+        (BOMB, "no <!DOCTYPE> expected, found one"),
+        (EXTERNAL, "no <!DOCTYPE> expected, found one"),
+        ("<a/>", "found <a>"),
+        (None, "No such file"),
+    ],
+)
+def test_a_file_that_is_no_map_is_refused(
+    tmp_path: Path, content: str | None, message: str
+) -> None:
+    path = tmp_path / "a.xodr"
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(ConfigError, match=message) as refused:
+        load_scenario(str(path))
+    assert str(refused.value).startswith(f"{path}: expected ")
+    assert len(str(refused.value).splitlines()) == 1
+
+
+def test_a_huge_file_is_refused_before_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(opendrive, "LARGEST_MB", 1)
+    (tmp_path / "a.xodr").write_text("<OpenDRIVE>" + " " * 2_000_000)
+    with pytest.raises(ConfigError, match="2 MB, where at most 1 MB are read"):
+        load_scenario(str(tmp_path / "a.xodr"))
