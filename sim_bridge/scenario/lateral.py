@@ -40,10 +40,6 @@ class Lateral(Protocol):
         """The deviation at arc lengths `s_m`, reached at times `time_s`; same shape."""
         ...
 
-    def knots(self) -> list[float]:
-        """Where its law changes: arc lengths or times."""
-        ...
-
     def shortest_piece(self) -> Piece:
         """The shortest part of its law: checks look at the path on a grid."""
         ...
@@ -93,10 +89,6 @@ class Moves(FileTable):
         k = np.maximum(np.searchsorted(start_m, s_m, "right") - 1, 0)
         t = np.clip((s_m - start_m[k]) / length_m[k], 0.0, 1.0)
         return np.asarray(before_m[k] + (to_m[k] - before_m[k]) * _smooth(t))
-
-    def knots(self) -> list[float]:
-        """See `Lateral`."""
-        return [edge for m in self.moves for edge in (m.start_m, m.start_m + m.length_m)]
 
     def shortest_piece(self) -> Piece:
         """See `Lateral`."""
@@ -161,11 +153,6 @@ class Sine(FileTable):
             grown = _smooth(np.clip(rise, 0.0, 1.0))
         return np.asarray(self.amplitude_m * grown * np.sin(2.0 * pi * turns))
 
-    def knots(self) -> list[float]:
-        """See `Lateral`."""
-        last = [] if self.periods == inf else [self._start + self.periods * self._period]
-        return [self._start, *last]
-
     def shortest_piece(self) -> Piece:
         """See `Lateral`."""
         name = "frequency_hz with a wavelength" if self.is_over_time else "wavelength_m"
@@ -182,10 +169,6 @@ class LateralTable:
     def ey_m(self, s_m: Array, time_s: Array) -> Array:
         """See `Lateral`."""
         return self.table(time_s if self.is_over_time else s_m)
-
-    def knots(self) -> list[float]:
-        """See `Lateral`."""
-        return list(self.table.starts.tolist())
 
     def shortest_piece(self) -> Piece:
         """See `Lateral`."""
@@ -211,10 +194,6 @@ class LateralOfDrive:
     def ey_m(self, s_m: Array, time_s: Array) -> Array:
         """See `Lateral`."""
         return self.over_time.ey_m(s_m, np.interp(s_m, self.s_m, self.time_s))
-
-    def knots(self) -> list[float]:
-        """See `Lateral`."""
-        return [float(s) for s in np.interp(self.over_time.knots(), self.time_s, self.s_m)]
 
     def shortest_piece(self) -> Piece:
         """See `Lateral`."""

@@ -65,9 +65,8 @@ def test_a_path_over_time_changes_where_the_nominal_drive_is_at_its_times() -> N
     speed = {"t_s": [0.0, 10.0], "value": [36.0, 72.0]}
     raw = {"format": 2, "name": "x", "duration_s": 10.0}
     drive = parse_scenario({**raw, "reference": {"speed_kmh": speed, "ey_m": knots}}, "x")
-    first_m, second_m, third_m = drive.lateral.knots()
-    assert (first_m, second_m) == pytest.approx((0.0, 4 * 10 + 0.5 * 1.0 * 16), abs=0.2)
-    assert float(drive.ey_m(np.array([third_m]))[0]) == pytest.approx(0.5, abs=1e-3)
+    ends_m = np.array([4.0 * 10.0 + 0.5 * 16.0, 8.0 * 10.0 + 0.5 * 64.0])
+    assert drive.ey_m(ends_m) == pytest.approx([0.0, 0.5], abs=1e-3)
     assert drive.lateral.shortest_piece().length == pytest.approx(40.0, abs=0.5)
 
 

@@ -71,8 +71,6 @@ def test_the_ground_at_the_car_has_all_quantities() -> None:
 def test_curvature_ahead_is_that_of_the_road_at_equal_distances() -> None:
     step = Step(kind="step", at_s_m=60.0, to_per_m=0.003).table()
     ahead = road(step).curvature_ahead(50.0, 20.0, 5)
-        50.0, 20.0, 5
-    )
     assert ahead.tolist() == [0.0, 0.0, 0.003, 0.003, 0.003]
 
 
