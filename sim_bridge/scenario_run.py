@@ -119,7 +119,7 @@ class ScenarioRun:
     def _judge(self, applied: ControlInput) -> None:
         """Add one period to the figures."""
         state, path = self.state, self.path
-        self._log.add(
+        self._log.append(
             LogRow(
                 time_s=self.time_s,
                 s_m=self.s_m,

@@ -1,5 +1,6 @@
 """A scenario file: a road, a wanted speed and path, and how the drive is judged."""
 
+from itertools import pairwise
 from math import inf, isnan
 from operator import attrgetter
 from typing import Annotated, Any, Literal
@@ -10,7 +11,7 @@ from sim_bridge.faults.fault import Faults
 from sim_bridge.plant.parts import NO_PAYLOAD, Payload
 from sim_bridge.scenario.cone_courses import ConeCourse, IsoLaneChange, Slalom
 from sim_bridge.scenario.lanes import Body, Course
-from sim_bridge.scenario.lateral import LateralTable, Moves, Sine
+from sim_bridge.scenario.lateral import NEAREST_KNOTS_M, LateralTable, Moves, Sine
 from sim_bridge.scenario.limits import (
     FASTEST_KMH,
     KMH_PER_MPS,
@@ -43,6 +44,11 @@ def _on_road(found: Any) -> Path:
     if isinstance(found, OverDistance | OverTime):
         if found.interpolation is Interpolation.STEP:
             raise ValueError("interpolation: expected linear, pchip or spline, found step")
+        nearest_m = min((b - a for a, b in pairwise(found.x)), default=inf)
+        if isinstance(found, OverDistance) and nearest_m < NEAREST_KNOTS_M:
+            raise ValueError(
+                f"s_m: expected knots {NEAREST_KNOTS_M:g} m apart or more, found {nearest_m:.3g} m"
+            )
         table = found.table()
     else:
         table = constant(found)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf, pi
-from typing import Annotated, ClassVar, Literal, NamedTuple, Protocol, Self
+from typing import Annotated, ClassVar, Literal, Protocol, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -11,21 +11,12 @@ from pydantic import Field, model_validator
 from rt_controller.contract.arrays import Array
 from sim_bridge.scenario.limits import LARGEST_EY_M
 from sim_bridge.scenario.table import Table
-from sim_bridge.scenario.values import NotNegative, Positive
+from sim_bridge.scenario.values import NotNegative
 from sim_bridge.toml_file import FileTable, Number, at_most
 
+NEAREST_KNOTS_M = 0.25
+"""of a path: checks look at it on such a grid"""
 Ey = Annotated[Number, Field(ge=-LARGEST_EY_M, le=LARGEST_EY_M)]
-
-
-class Piece(NamedTuple):
-    """A part of the law of a lateral position."""
-
-    name: str
-    """what messages call it"""
-    length: float
-    """in m or s"""
-    parts: int = 1
-    """in which the path has to be known"""
 
 
 class Lateral(Protocol):
@@ -40,17 +31,13 @@ class Lateral(Protocol):
         """The deviation at arc lengths `s_m`, reached at times `time_s`; same shape."""
         ...
 
-    def shortest_piece(self) -> Piece:
-        """The shortest part of its law: checks look at the path on a grid."""
-        ...
-
 
 class Move(FileTable):
     """A minimum-jerk move, of fifth order in arc length, from the present position to `to_m`."""
 
     start_m: Number
     """arc length at which the move begins"""
-    length_m: Positive
+    length_m: Annotated[Number, Field(ge=NEAREST_KNOTS_M)]
     to_m: Ey
 
 
@@ -90,10 +77,6 @@ class Moves(FileTable):
         t = np.clip((s_m - start_m[k]) / length_m[k], 0.0, 1.0)
         return np.asarray(before_m[k] + (to_m[k] - before_m[k]) * _smooth(t))
 
-    def shortest_piece(self) -> Piece:
-        """See `Lateral`."""
-        return Piece("moves", min((move.length_m for move in self.moves), default=inf))
-
 
 class Sine(FileTable):
     """A sine, by its length over distance or its frequency over time.
@@ -104,7 +87,7 @@ class Sine(FileTable):
 
     kind: Literal["sine"]
     amplitude_m: Ey
-    wavelength_m: Positive | None = None
+    wavelength_m: Annotated[Number, Field(ge=8.0 * NEAREST_KNOTS_M)] | None = None
     frequency_hz: Annotated[Number, Field(gt=0.0, le=5.0)] | None = None
     start_s_m: NotNegative | None = None
     start_t_s: NotNegative | None = None
@@ -153,11 +136,6 @@ class Sine(FileTable):
             grown = _smooth(np.clip(rise, 0.0, 1.0))
         return np.asarray(self.amplitude_m * grown * np.sin(2.0 * pi * turns))
 
-    def shortest_piece(self) -> Piece:
-        """See `Lateral`."""
-        name = "frequency_hz with a wavelength" if self.is_over_time else "wavelength_m"
-        return Piece(name, self._period, 8)
-
 
 @dataclass(frozen=True, slots=True)
 class LateralTable:
@@ -169,11 +147,6 @@ class LateralTable:
     def ey_m(self, s_m: Array, time_s: Array) -> Array:
         """See `Lateral`."""
         return self.table(time_s if self.is_over_time else s_m)
-
-    def shortest_piece(self) -> Piece:
-        """See `Lateral`."""
-        nearest = float(np.min(np.diff(self.table.starts), initial=inf))
-        return Piece("distances of the knots", nearest)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -194,12 +167,6 @@ class LateralOfDrive:
     def ey_m(self, s_m: Array, time_s: Array) -> Array:
         """See `Lateral`."""
         return self.over_time.ey_m(s_m, np.interp(s_m, self.s_m, self.time_s))
-
-    def shortest_piece(self) -> Piece:
-        """See `Lateral`."""
-        slowest_mps = float(np.min(np.diff(self.s_m) / np.diff(self.time_s)))
-        piece = self.over_time.shortest_piece()
-        return piece._replace(length=piece.length * slowest_mps)
 
 
 def _smooth(t: Array) -> Array:
