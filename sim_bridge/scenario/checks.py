@@ -54,45 +54,36 @@ def _lateral_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
     s_m, ey_m = drive.s_m, drive.ey_m
     slope = np.gradient(ey_m, s_m)
     bend = np.gradient(slope, s_m)
-    curvature = scenario.road.curvature_per_m(s_m)
-
-    def place(i: int) -> str:
-        return f"at s = {s_m[i]:.1f} m"
-
-    width = scenario.road.width_m
+    curvature, width = scenario.road.curvature_per_m(s_m), scenario.road.width_m
     if width is not None:
         out_m = np.abs(ey_m) + 0.5 * scenario.course.body.width_m - 0.5 * width(s_m)
         i = int(np.argmax(out_m))
         if out_m[i] > 0.0:
             yield (
                 f"reference.ey_m: expected a car that stays on its road of road.width_m, found "
-                f"{out_m[i]:.2f} m beside it {place(i)}. Widen the road or reduce the move."
+                f"{out_m[i]:.2f} m beside it at s = {s_m[i]:.1f} m. Widen the road or reduce the "
+                f"move."
             )
-    if scenario.lateral.is_over_time and (
-        scenario.stops or drive.speed_mps.min() < SLOWEST_OVER_TIME_MPS
-    ):
+    i, k = int(np.argmax(np.abs(slope))), int(np.argmax(curvature * ey_m))
+    is_slow = bool(scenario.stops) or drive.speed_mps.min() < SLOWEST_OVER_TIME_MPS
+    if scenario.lateral.is_over_time and is_slow:
         yield (
             f"reference.ey_m: expected a position over s_m where the car is slower than "
             f"{SLOWEST_OVER_TIME_MPS:g} m/s, found one over time. Use s_m, or wavelength_m."
         )
-        return
-    i = int(np.argmax(np.abs(slope)))
-    if abs(slope[i]) > MAX_SLOPE:
+    elif abs(slope[i]) > MAX_SLOPE:
         yield (
             f"reference.ey_m: expected a slope of at most {MAX_SLOPE}, found {abs(slope[i]):.2f} "
-            f"{place(i)}. Increase length_m or the distance of the knots."
+            f"at s = {s_m[i]:.1f} m. Increase length_m or the distance of the knots."
         )
-        return
-    gap = 1.0 - curvature * ey_m
-    i = int(np.argmin(gap))
-    if gap[i] < LEAST_GAP:
+    elif 1.0 - curvature[k] * ey_m[k] < LEAST_GAP:
         yield (
             f"reference.ey_m: expected at most half of the radius of the bend, found "
-            f"{ey_m[i]:.2f} m with a curvature of {curvature[i]:.3g} 1/m {place(i)}."
+            f"{ey_m[k]:.2f} m with a curvature of {curvature[k]:.3g} 1/m at s = {s_m[k]:.1f} m."
         )
-        return
-    yield from _grip_problems(scenario, drive, bend)
-    yield from _fit_problems(scenario, drive)
+    else:
+        yield from _grip_problems(scenario, drive, bend)
+        yield from _fit_problems(scenario, drive)
 
 
 def _fit_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:

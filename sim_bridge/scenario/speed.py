@@ -45,6 +45,10 @@ class Stop(FileTable):
         """What a file calls it, such as "stops[0]"; "": it belongs to the speed."""
         return self._entry
 
+    def field(self, part: str) -> str:
+        """What a file calls a part of it, or the speed that it belongs to."""
+        return f"{self._entry}.{part}" if self._entry else "reference.speed_kmh"
+
 
 def numbered(stops: tuple[Stop, ...]) -> tuple[Stop, ...]:
     """The stops of a file, which get their names."""

@@ -43,7 +43,9 @@ def speed_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
     excess = np.abs(motion.acceleration_mps2 + GRAVITY_MPS2 * grade) - grip
     worst: dict[str, int] = {}
     for i in np.flatnonzero(excess > _TOLERANCE_MPS2).tolist():
-        name = _named(scenario, int(motion.stop[i]), motion.acceleration_mps2[i] < 0.0)
+        stop, is_braking = int(motion.stop[i]), motion.acceleration_mps2[i] < 0.0
+        part = "deceleration_mps2" if is_braking else "acceleration_mps2"
+        name = "reference.speed_kmh" if stop < 0 else scenario.stops[stop].field(part)
         if name not in worst or excess[i] > excess[worst[name]]:
             worst[name] = i
     for name, i in worst.items():
@@ -71,7 +73,7 @@ def stop_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
         return
     if stops[0].at_s_m <= start.s_m:
         yield (
-            f"{_field(stops[0], 'at_s_m')}: expected a stop beyond the start at "
+            f"{stops[0].field('at_s_m')}: expected a stop beyond the start at "
             f"{start.s_m:g} m, found {stops[0].at_s_m:g}."
         )
         return
@@ -79,14 +81,14 @@ def stop_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
         name = stop.entry or "reference.speed_kmh"
         if following.at_s_m - stop.at_s_m < LEAST_GAP_M:
             yield (
-                f"{_field(following, 'at_s_m')}: expected stops {LEAST_GAP_M:g} m apart, "
+                f"{following.field('at_s_m')}: expected stops {LEAST_GAP_M:g} m apart, "
                 f"because a car within {STOP_WINDOW_M:g} m of its target has stopped there, found "
                 f"{following.at_s_m:g} after {stop.at_s_m:g} m. Move it, or lengthen a hold_s."
             )
             return
         if stop.hold_s == inf:
             yield (
-                f"{_field(stop, 'hold_s')}: expected a time, because a stop at "
+                f"{stop.field('hold_s')}: expected a time, because a stop at "
                 f"{following.at_s_m:g} m follows, found none: {name} has no hold_s and holds to "
                 f"the end of the drive."
             )
@@ -95,14 +97,14 @@ def stop_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
     need_m = _braking_distance_m(scenario, stops[0])
     if distance_m < need_m and scenario.speed.highest_mps > 0.0:
         yield (
-            f"{_field(stops[0], 'at_s_m')}: expected at least the braking distance of "
+            f"{stops[0].field('at_s_m')}: expected at least the braking distance of "
             f"{need_m:.1f} m after the start, found {distance_m:.1f} m. Move it, or increase "
             f"deceleration_mps2 where the friction allows it."
         )
     elif drive.stops_reached < len(stops):
         stop = stops[drive.stops_reached]
         yield (
-            f"{_field(stop, 'at_s_m')}: expected a place that the drive reaches within "
+            f"{stop.field('at_s_m')}: expected a place that the drive reaches within "
             f"duration_s = {scenario.duration_s:g} and the end of the road, found "
             f"{stop.at_s_m:g}. Increase duration_s."
         )
@@ -124,15 +126,3 @@ def _braking_distance_m(scenario: Scenario, stop: Stop) -> float:
     if missing > 0.0:
         return distance_m + missing / float(able_mps2[-1])
     return float(np.interp(energy, [0.0, *lost], s_m - start.s_m))
-
-
-def _named(scenario: Scenario, stop: int, is_braking: bool) -> str:
-    if stop < 0:
-        return "reference.speed_kmh"
-    part = "deceleration_mps2" if is_braking else "acceleration_mps2"
-    return _field(scenario.stops[stop], part)
-
-
-def _field(stop: Stop, part: str) -> str:
-    """The name of a field of a stop, or of the speed that it belongs to."""
-    return f"{stop.entry}.{part}" if stop.entry else "reference.speed_kmh"
