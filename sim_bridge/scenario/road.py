@@ -26,8 +26,6 @@ from sim_bridge.scenario.table import Table, constant
 from sim_bridge.scenario.values import Positive, form_of_table, require_within
 from sim_bridge.toml_file import FileTable
 
-CURVATURE_KNOTS = 5
-"""values that `curvature_ahead` returns unless told otherwise"""
 _Curvature = Annotated[
     Table,
     form_of_table(
@@ -150,7 +148,7 @@ class Road(FileTable):
             wind_left_mps=cross_wind_mps,
         )
 
-    def curvature_ahead(self, s_m: float, reach_m: float, count: int = CURVATURE_KNOTS) -> Array:
+    def curvature_ahead(self, s_m: float, reach_m: float, count: int) -> Array:
         """(count,) curvature in 1/m at equal distances from the car to `reach_m` ahead of it."""
         return self.curvature_per_m(s_m + np.linspace(0.0, reach_m, count))
 

@@ -73,24 +73,24 @@ def test_without_lanes_there_is_no_margin() -> None:
     assert lane_margin_m(Course(BODY), drive_past(0.0)) == np.inf
 
 
-def test_the_sections_of_iso_3888_1_have_their_lengths_and_widths() -> None:
-    course = iso(1, 40.0).course
-    lengths = [lane.end_m - lane.start_m for lane in course.lanes]
-    widths = [lane.left_m - lane.right_m for lane in course.lanes]
-    assert lengths == pytest.approx([15.0, 25.0, 15.0, 15.0])
-    assert widths == pytest.approx([2.23, 2.41, 2.59, 2.59])
-    assert [lane.start_m for lane in course.lanes] == pytest.approx([40.0, 85.0, 135.0, 150.0])
-    assert course.lanes[1].right_m - course.lanes[0].right_m == pytest.approx(3.5)
-
-
-def test_the_sections_of_iso_3888_2_have_their_lengths_and_widths() -> None:
-    course = iso(2, 30.0).course
-    lengths = [lane.end_m - lane.start_m for lane in course.lanes]
-    widths = [lane.left_m - lane.right_m for lane in course.lanes]
-    assert lengths == pytest.approx([12.0, 11.0, 12.0])
-    assert widths == pytest.approx([2.23, 2.80, 3.0])
-    assert course.lanes[1].right_m - course.lanes[0].left_m == pytest.approx(1.0)
-    assert course.lanes[1].start_m - course.lanes[0].end_m == pytest.approx(13.5)
+@pytest.mark.parametrize(
+    ("part", "start_m", "lengths", "widths"),
+    [
+        (1, [40.0, 85.0, 135.0, 150.0], [15.0, 25.0, 15.0, 15.0], [2.23, 2.41, 2.59, 2.59]),
+        (2, [40.0, 65.5, 89.0], [12.0, 11.0, 12.0], [2.23, 2.80, 3.0]),
+    ],
+)
+def test_the_sections_of_iso_3888_have_their_lengths_and_widths(
+    part: int, start_m: list[float], lengths: list[float], widths: list[float]
+) -> None:
+    first, second, *_ = lanes = iso(part, 40.0).course.lanes
+    assert [lane.start_m for lane in lanes] == pytest.approx(start_m)
+    assert [lane.end_m - lane.start_m for lane in lanes] == pytest.approx(lengths)
+    assert [lane.left_m - lane.right_m for lane in lanes] == pytest.approx(widths)
+    if part == 1:
+        assert second.right_m - first.right_m == pytest.approx(3.5)
+    else:
+        assert second.right_m - first.left_m == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("part", [1, 2])

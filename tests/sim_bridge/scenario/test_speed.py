@@ -78,14 +78,11 @@ def test_the_path_carries_the_slope_of_a_speed_over_time() -> None:
     assert path.a_mps2 == pytest.approx(1.0)
 
 
-def test_a_constant_speed_has_exactly_no_acceleration() -> None:
-    assert scenario(80.0).path_ahead(3.0, 20.0)[4:] == (80.0 / 3.6, 0.0)
-
-
 def test_a_drive_with_stops_that_begins_at_rest_accelerates_as_after_a_stop() -> None:
     drive = scenario(50.0, initial={"speed_kmh": 0.0}, stops=[{"at_s_m": 80.0, "hold_s": 1.0}])
     assert drive.reference_speed_mps(0.0, 0.0) == 0.0
     assert drive.reference_speed_mps(0.0, 1.0) == pytest.approx(2.0)
+    assert scenario(80.0).path_ahead(3.0, 20.0)[4:] == (80.0 / 3.6, 0.0)
 
 
 def test_the_speed_for_bends_keeps_all_three_accelerations() -> None:

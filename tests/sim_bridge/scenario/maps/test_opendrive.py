@@ -51,14 +51,6 @@ def test_polynomials_are_sampled(tmp_path: Path) -> None:
     assert read_reference_line(path, ["2"]).curvature_per_m.at(0.0) == pytest.approx(0.01)
 
 
-def test_elevation_superelevation_and_speed_limit_are_read(tmp_path: Path) -> None:
-    line = read_reference_line(write_map(tmp_path / "a.xodr", road([(100, LINE)], "1", ELEVATION)))
-    assert line.grade.at(30.0) == pytest.approx(0.05)
-    assert line.grade.at(80.0) == pytest.approx(0.05 + 0.002 * 20.0)
-    assert line.bank_rad.at(10.0) == pytest.approx(0.03)
-    assert line.speed_limit_mps.at(10.0) == pytest.approx(20.0)
-
-
 def test_a_road_against_its_direction_is_mirrored(tmp_path: Path) -> None:
     path = write_map(
         tmp_path / "a.xodr", road([(100, LINE), (80, ARC)], "7", ELEVATION), road([(9, LINE)])
@@ -87,26 +79,15 @@ def test_roads_in_a_row_are_one_line(tmp_path: Path) -> None:
     assert (line.end.yaw_rad - yaw) % (2.0 * np.pi) == pytest.approx(0.0, abs=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("start", "found"),
-    [
+def test_roads_that_do_not_join_are_refused(tmp_path: Path) -> None:
+    for start, found in (
         ((112.0, 5.0, 0.0), "found 13.00 m and 0.0 deg"),
         ((100.0, 0.0, 0.5), "found 0.00 m and 28.6 deg"),
-    ],
-)
-def test_roads_that_do_not_join_are_refused(
-    tmp_path: Path, start: tuple[float, float, float], found: str
-) -> None:
-    parts = road([(100, LINE)], "a"), road([(80, ARC)], "b", start=start)
-    path = write_map(tmp_path / "a.xodr", *parts)
-    with pytest.raises(ConfigError, match=f"roads a and b: .*{found}"):
-        read_reference_line(path, ["a", "b"])
-
-
-def test_geometry_with_a_gap_is_refused(tmp_path: Path) -> None:
-    path = write_map(tmp_path / "a.xodr", road([(100, LINE), (80, ARC)]).replace('"100.0"', '"90"'))
-    with pytest.raises(ConfigError, match=r"road 1: .*found 10.00 m and 0.0 deg"):
-        read_reference_line(path)
+    ):
+        parts = road([(100, LINE)], "a"), road([(80, ARC)], "b", start=start)
+        path = write_map(tmp_path / "a.xodr", *parts)
+        with pytest.raises(ConfigError, match=f"roads a and b: .*{found}"):
+            read_reference_line(path, ["a", "b"])
 
 
 @pytest.mark.parametrize(("p_range", "last"), [("arcLength", 30.0), ("normalized", 1.0)])
