@@ -29,10 +29,9 @@ from rt_controller.terminal.progress import SETTLING, Line, announce, show, watc
 from rt_controller.terminal.stop_signals import stop_on_signals
 from rt_controller.terminal.streams import lost_output
 from sim_bridge.bridge import Bridge, BridgeSummary
-from sim_bridge.grip_needs import grip_note
+from sim_bridge.scenario_checks import grip_note, steering_note
 from sim_bridge.scenario_run import AT_REST_MPS
 from sim_bridge.session import open_session
-from sim_bridge.steering_needs import steering_note
 
 if TYPE_CHECKING:
     from sim_bridge.cli import BridgeOptions

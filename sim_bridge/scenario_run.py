@@ -83,7 +83,7 @@ class ScenarioRun:
             self.end_ticks += 1
             self.motion = self.motion._replace(is_mission_on=False)
             return
-        self._log.add(
+        self._log.append(
             LogRow(
                 time_s=self.time_s,
                 s_m=s_m,

@@ -18,9 +18,9 @@ from sim_bridge.adapters.plants import open_plant
 from sim_bridge.bridge import DEFAULT_DELAY, Bridge, Delay
 from sim_bridge.car import Car
 from sim_bridge.plant.protocol import Plant, require_plant
-from sim_bridge.road_needs import require_road
 from sim_bridge.scenario import Scenario, load_scenario
-from sim_bridge.scenario.files.loading import add_faults
+from sim_bridge.scenario.loading import add_faults
+from sim_bridge.scenario_checks import require_road
 
 OWN_CAR = CarSettings()
 LONGEST_STANDBY_S = 10.0

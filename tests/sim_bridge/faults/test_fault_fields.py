@@ -16,7 +16,7 @@ from sim_bridge.faults.fault import SHORTHANDS, Fault
 from sim_bridge.faults.kinds import KINDS
 from sim_bridge.faults.names import ACTUATOR, FRAMES, MESSAGES, SignalName, signals_of
 from sim_bridge.scenario import parse_scenario
-from sim_bridge.scenario.files.loading import add_faults
+from sim_bridge.scenario.loading import add_faults
 
 SCENARIO = parse_scenario(
     {"format": 2, "name": "x", "duration_s": 5.0, "reference": {"speed_kmh": 80.0}}, "test"

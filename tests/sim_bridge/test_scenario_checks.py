@@ -1,4 +1,4 @@
-"""Which plants may drive on which roads."""
+"""Checks of a scenario before its drive: plant, friction, steering wheel."""
 
 from typing import Any
 
@@ -13,8 +13,8 @@ from sim_bridge.adapters.own_car import OwnCar
 from sim_bridge.car import Car
 from sim_bridge.plant.parameters import default_car
 from sim_bridge.plant.protocol import PlantOutputs, RoadAt
-from sim_bridge.road_needs import require_road
-from sim_bridge.scenario import Scenario, parse_scenario
+from sim_bridge.scenario import Scenario, load_scenario, parse_scenario
+from sim_bridge.scenario_checks import grip_note, require_road, steering_note
 from sim_bridge.session import build_car
 
 SPLIT = {"friction_left": 0.85, "friction_right": 0.2}
@@ -172,3 +172,34 @@ def test_the_wind_is_told_in_the_axes_of_the_car() -> None:
     told = plant.told
     assert (told.wind_forward_mps, told.wind_left_mps) == pytest.approx((6.0, -2.0))
     assert told.bank_rad == pytest.approx(np.radians(3.0))
+
+
+def test_too_little_friction_is_noted_with_place_demand_and_grip() -> None:
+    bend = scenario({"curvature_per_m": 0.02}, reference={"speed_kmh": 60.0})
+    note = grip_note(bend.with_friction(0.5)) or ""
+    assert "scenario 'x' with this --friction: reference.speed_kmh: expected a lateral" in note
+    assert "below the grip of 4.9 m/s^2, found 5.6 m/s^2 at 60 km/h, s = 0.0 m" in note
+    assert note.endswith("It is driven all the same.")
+    assert grip_note(bend.with_friction(0.6)) is None
+
+
+@pytest.mark.parametrize(
+    ("radius_m", "speed_kmh", "text"),
+    [
+        (40.0, 25.0, "about 80 deg at the steering wheel at s = 0 m (radius 40 m, 25 km/h)"),
+        (100.0, 85.0, "radius 100 m, 85 km/h"),  # by understeer alone
+        (100.0, 40.0, None),
+        (80.0, 10.0, None),
+    ],
+)
+def test_a_bend_that_needs_too_much_steering_is_noted(
+    radius_m: float, speed_kmh: float, text: str | None
+) -> None:
+    bend = scenario({"curvature_per_m": -1.0 / radius_m}, reference={"speed_kmh": speed_kmh})
+    note = steering_note(bend)
+    assert note is None if text is None else text in str(note)
+
+
+@pytest.mark.parametrize("name", ["lane_change_60", "sine_60", "road_course"])
+def test_short_peaks_of_steering_have_no_note(name: str) -> None:
+    assert steering_note(load_scenario(name)) is None
