@@ -34,6 +34,7 @@ int main(int argc, char **argv) {
     if (library == NULL) errx(1, "%s", dlerror());
     void *(*instantiate)(const char *, int, const char *, const char *, const void *, int, int);
     int (*set_up)(void *, int, double, double, int, double), (*enter)(void *), (*leave)(void *);
+    void (*release)(void *);
     int (*step)(void *, double, double, int);
     int (*set)(void *, const unsigned *, size_t, const double *);
     int (*get)(void *, const unsigned *, size_t, double *);
@@ -41,6 +42,7 @@ int main(int argc, char **argv) {
     *(void **)&set_up = dlsym(library, "fmi2SetupExperiment");
     *(void **)&enter = dlsym(library, "fmi2EnterInitializationMode");
     *(void **)&leave = dlsym(library, "fmi2ExitInitializationMode");
+    *(void **)&release = dlsym(library, "fmi2FreeInstance");
     *(void **)&step = dlsym(library, "fmi2DoStep");
     *(void **)&set = dlsym(library, "fmi2SetReal");
     *(void **)&get = dlsym(library, "fmi2GetReal");
@@ -57,4 +59,5 @@ int main(int argc, char **argv) {
         if (step(car, 0.025 * i, 0.025, 1) || get(car, y, 3, x)) errx(1, "fmi2DoStep failed");
         if (i % 4 == 3) printf("%.3f %.17g %.17g %.17g\n", 0.025 * (i + 1), x[0], x[1], x[2]);
     }
+    release(car);
 }

@@ -5,10 +5,12 @@ torch nor onnx.
 """
 
 from functools import partial
+from math import inf
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
+from pydantic import Field
 
 from offline.commands.ablation import ablate
 from offline.commands.options import (
@@ -29,6 +31,7 @@ from offline.experiments.backend import Backend
 from rt_controller.contract.errors import ConfigError, require_packages
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.terminal.command_line import new_app, run_command
+from sim_bridge.plant.shipped_cars import DEFAULT_CAR
 
 LEAST_EPISODES = 10
 HELD_OUT = EvaluationOptions()
@@ -49,6 +52,13 @@ evaluate_app = new_app(
 )
 report_app = new_app(
     "offline-report", "The evaluation with its plots, as one page that needs no network."
+)
+replay_app = new_app(
+    "offline-replay",
+    "Drive the simulated car with the recorded steering and speed of a real one, and print how far "
+    "its other signals are from the recorded ones. Nothing is judged. docs/validation.md has the "
+    "names of columns.",
+    "LOGS",
 )
 ablate_app = new_app(
     "offline-ablate",
@@ -211,6 +221,39 @@ def report(
     write_figures(json_file, report_page.write_report(output, options))
 
 
+@replay_app.default
+def replay(
+    logs: Annotated[list[Path], Parameter(consume_multiple=True, negative="")],
+    *,
+    car: str = DEFAULT_CAR,
+    column: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = (),
+    period_s: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None,
+    from_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0,
+    to_s: Annotated[float, Field(gt=0.0), Parameter(show_default=False)] = inf,
+    friction: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | None = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Compare the simulated car with recorded drives.
+
+    Args:
+        logs: log files: CSV, npz, npy, MATLAB or Parquet
+        car: name or file of the car
+        column: NAME=COLUMN: signal and unit of a column, as in yaw_rate_degps=r; NAME=-COLUMN
+            changes the sign; may be given several times
+        period_s: period of a log without a column of times
+        from_s: use the log from this time on, counted from its beginning
+        to_s: use the log until this time
+        friction: of the road of the recording; default: that of the car file
+    """
+    require_packages("offline,logs", ("pandas", "pint"), "offline-replay")
+    require_writable(json_file)
+    from offline.commands.replay import replay_logs
+    from offline.logs.recorded_drive import Window
+
+    figures = replay_logs(logs, car, column, period_s, Window(from_s, to_s), friction)
+    write_figures(json_file, figures)
+
+
 ablate_app.default(ablate)
 tune_app.default(tune)
 
@@ -220,5 +263,6 @@ train_main = partial(run_command, train_app)
 export_main = partial(run_command, export_app)
 evaluate_main = partial(run_command, evaluate_app)
 report_main = partial(run_command, report_app)
+replay_main = partial(run_command, replay_app)
 ablate_main = partial(run_command, ablate_app)
 tune_main = partial(run_command, tune_app)

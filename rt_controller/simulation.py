@@ -46,8 +46,7 @@ def simulate(
     """Drive a scenario with a simulated car, in simulated time, over a virtual CAN bus.
 
     The controller is the one of `rt-controller`, with its frames, checks and modes. The same
-    arguments give the same drive on every machine. The first call on a machine compiles the car:
-    up to a minute.
+    arguments give the same drive on every machine.
 
     Args:
         scenario: name of a shipped scenario, path of a .toml or .xodr file, or a

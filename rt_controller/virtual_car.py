@@ -62,7 +62,7 @@ def car_error(car: "BridgeSession") -> LateralError:
 
 def steering_note(car: "BridgeSession", geometry: SteeringGeometry) -> str | None:
     """A sentence if the scenario needs more steering than the controller may command."""
-    from sim_bridge.steering_needs import steering_note as note
+    from sim_bridge.scenario_checks import steering_note as note
 
     return note(car.bridge.scenario, geometry)
 
@@ -71,7 +71,7 @@ def grip_note(car: "BridgeSession", friction: float | None) -> str | None:
     """A sentence if the scenario needs more grip than this friction gives, if one is set."""
     if friction is None:
         return None
-    from sim_bridge.grip_needs import grip_note as note
+    from sim_bridge.scenario_checks import grip_note as note
 
     return note(car.bridge.scenario)
 

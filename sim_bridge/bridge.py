@@ -1,7 +1,7 @@
 """The vehicle's end of the bus: commands in, one period of the car, state frames out."""
 
 from collections import deque
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import NamedTuple
 
 import can
@@ -24,23 +24,21 @@ from rt_controller.bus.log.recorder import Recorder
 from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import Outbox
 from rt_controller.contract.errors import BusError
-from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
+from rt_controller.contract.signals import NEUTRAL_INPUT, Mode
 from rt_controller.contract.timing import (
     IDENT_PERIOD_TICKS,
     MISSION_PERIOD_TICKS,
     MISSION_VALID_NS,
 )
 from rt_controller.drive.car_figures import CarFigure
+from rt_controller.gateway.braking_cause import BrakingCause
 from rt_controller.gateway.path_steering import Course, largest_brake_n, steer_along
 from rt_controller.gateway.vehicle_envelope import STANDING
-from sim_bridge.bridge_summary import BridgeSummary, Truth
 from sim_bridge.car import FASTEST_MPS, Car
-from sim_bridge.command_check import CommandCheck
-from sim_bridge.failed_actuators import Actuator, FailedActuators
+from sim_bridge.car_guard import Actuator, ActuatorWatchdog, CommandCheck, FailedActuators
 from sim_bridge.faults.bus import FaultyBus
 from sim_bridge.scenario import Scenario
 from sim_bridge.scenario_run import ScenarioRun
-from sim_bridge.watchdog import ActuatorWatchdog
 
 MISSION_ID = 1
 END_TICKS = (DISENGAGED_FRAMES + 1) * MISSION_PERIOD_TICKS
@@ -59,6 +57,61 @@ class Delay(NamedTuple):
 
 
 DEFAULT_DELAY = Delay()
+
+
+class Truth(NamedTuple):
+    """The true motion of the car, from the plant and not from the bus."""
+
+    ey_error_m: float
+    """from the wanted position"""
+    speed_mps: float
+    wanted_mps: float
+    is_vehicle_braking: bool
+    """the vehicle brakes by itself"""
+    has_refused: bool
+    """the vehicle does not follow the newest command"""
+
+
+@dataclass(frozen=True, slots=True)
+class BridgeSummary:
+    """Figures of the run from the car itself, not from the bus."""
+
+    ticks: int
+    final_speed_mps: float
+    travelled_m: float
+    ey_rms_m: float
+    ey_peak_m: float
+    watchdog_braked: bool
+    controller_ended: bool
+    """the watchdog braked after a safe stop of the controller, and not while it drove"""
+    refused_ticks: dict[str, int]
+    """ticks in which the newest command was refused, by name of the reason"""
+    foreign_frames: int
+    """frames that only this vehicle sends"""
+    frames_received: dict[str, int]
+    """damaged, repeated and missing ones, by kind"""
+    plant_failure: str | None
+    """why the motion is not finite or too fast; the figures are those before it"""
+    braking_cause: str | None = None
+    """name of the `BrakingCause` with which the watchdog began to brake; None: it did not brake"""
+    failed_actuators: tuple[str, ...] = ()
+    """names of each `Actuator` that has failed, in the order of detection"""
+    released: bool = False
+    """the controller released the car after the end of the mission: a driver has taken it"""
+
+    @property
+    def failed_text(self) -> str:
+        """Which actuators have failed, for people; empty if none has."""
+        return "; ".join(Actuator[name].value for name in self.failed_actuators)
+
+    @property
+    def braking_text(self) -> str:
+        """Why the watchdog brakes, for people; empty if it does not."""
+        if self.braking_cause is None:
+            return ""
+        cause = BrakingCause[self.braking_cause]
+        why = "" if cause is BrakingCause.ACTUATOR_FAILED else cause.value
+        return "; ".join(filter(None, (why, self.failed_text)))
 
 
 class Bridge:
@@ -102,16 +155,20 @@ class Bridge:
         self._check = CommandCheck(is_fd, has_checks)
         self._has_checks = has_checks
         self._watchdog = ActuatorWatchdog()
-        self._failed_actuators = FailedActuators()
+        self._actuators = FailedActuators()
         self._in_transport = deque[Received[Command] | None]([None] * delay.transport_periods)
         self._in_actuation = deque([NEUTRAL_INPUT] * delay.actuation_periods)
         self._command: Received[Command] | None = None
         """the newest one that has arrived"""
-        self._applied = NEUTRAL_INPUT
-        self._sent_ticks = 0
+        self._mode: Mode | None = None
+        """of the command that is followed; None: there was none"""
+        self.applied = NEUTRAL_INPUT
+        """what pedals and steering wheel did in the last period"""
+        self.has_failed = not car.is_sound
+        """True if the motion is not finite or too fast; its states are sent as invalid"""
+        self._sent_ticks = self._failed_ticks = 0
         self._has_driver = False
         """the mission is over, and the controller has released the car: a driver has taken it"""
-        self._failed_ticks = 0
 
     @property
     def is_over(self) -> bool:
@@ -121,16 +178,11 @@ class Bridge:
         """
         if self._failed_ticks >= END_TICKS:
             return True
-        is_braking = self._watchdog.is_braking
+        is_braking = self._watchdog.braking_cause is not None
         is_driven = self._mode is not None and self._mode.drives and not is_braking
         is_stopping = is_braking or self._mode is Mode.SAFE_STOP
         ticks = LONGEST_END_TICKS if is_driven else END_TICKS
         return self._run.end_ticks >= ticks and not (is_stopping and self._run.is_moving)
-
-    @property
-    def applied(self) -> ControlInput:
-        """What pedals and steering wheel did in the last period."""
-        return self._applied
 
     @property
     def is_mission_over(self) -> bool:
@@ -148,30 +200,25 @@ class Bridge:
         return self._run.time_s
 
     @property
+    def is_waiting(self) -> bool:
+        """True until a controller drives the car."""
+        return self._run.ticks == 0
+
+    @property
+    def plant_name(self) -> str:
+        """Name of the plant; of the own car that of its parameters."""
+        return self._car.plant.name
+
+    @property
     def truth(self) -> Truth:
         """The car at the end of the last period."""
         return Truth(
             self._run.ey_error_m,
             self._run.speed_mps,
             self._run.path.v_mps,
-            self._watchdog.is_braking,
+            self._watchdog.braking_cause is not None,
             self._check.refusals != NO_REFUSAL,
         )
-
-    @property
-    def is_waiting(self) -> bool:
-        """True until a controller drives the car."""
-        return self.driven_ticks == 0
-
-    @property
-    def has_failed(self) -> bool:
-        """True if the motion is not finite or too fast; its states are sent as invalid."""
-        return not self._car.is_sound
-
-    @property
-    def plant_name(self) -> str:
-        """Name of the plant; of the own car that of its parameters."""
-        return self._car.plant.name
 
     def listen(self, now_ns: int) -> None:
         """Read the bus and send nothing: frames of a vehicle are those of another one.
@@ -196,18 +243,19 @@ class Bridge:
                 message catalogue.
         """
         self._read(now_ns)
-        peer = self._inbox.newest(CONTROLLER_IDENTITY)
-        if peer is not None and self.is_waiting:
-            require_same_catalogue(peer.content, self._inbox.is_fd)
+        if self.is_waiting:
+            peer = self._inbox.newest(CONTROLLER_IDENTITY)
+            if peer is not None:
+                require_same_catalogue(peer.content, self._inbox.is_fd)
         motion = STANDING if self.is_waiting else self._run.motion
         self._check.take(self._inbox, now_ns, self._sent_ticks - 1, motion)
         self._inbox.end_period(now_ns)
         self._in_transport.append(self._check.accepted)
         command = self._command = self._in_transport.popleft()
-        is_driven = command is not None and command.content.mode.drives
+        self._mode = None if command is None else command.content.mode
         if self.has_failed:
             self._failed_ticks += 1
-        elif self.driven_ticks > 0 or is_driven:
+        elif not self.is_waiting or (self._mode is not None and self._mode.drives):
             self._advance(now_ns)
         self._send(now_ns)
 
@@ -225,8 +273,7 @@ class Bridge:
 
     def faults_so_far(self) -> tuple[str, ...]:
         """What each fault of the scenario that has acted does, and when."""
-        tick = self.driven_ticks
-        faults = self.scenario.faults
+        tick, faults = self._run.ticks, self.scenario.faults
         return tuple(f.text for f in faults if f.ticks.start <= tick or f.before_drive)
 
     def summary(self) -> BridgeSummary:
@@ -238,19 +285,19 @@ class Bridge:
             f"{self._car.state.vx_mps:.4g} m/s"
         )
         return BridgeSummary(
-            ticks=self.driven_ticks,
+            ticks=self._run.ticks,
             final_speed_mps=self._run.speed_mps,
             travelled_m=self._run.s_m,
             ey_rms_m=ey_rms_m,
             ey_peak_m=ey_peak_m,
-            watchdog_braked=self._watchdog.is_braking,
+            watchdog_braked=cause is not None,
             controller_ended=self._watchdog.has_controller_ended,
-            refused_ticks=dict(self._check.named()),
+            refused_ticks=dict(self._check.refused_ticks),
             foreign_frames=self._inbox.foreign_frames,
             frames_received=asdict(self._inbox.counts),
             plant_failure=failure if self.has_failed else None,
             braking_cause=None if cause is None else cause.name,
-            failed_actuators=tuple(each.name for each in self._failed_actuators.failed),
+            failed_actuators=tuple(each.name for each in self._actuators.failed),
             released=self._has_driver and cause is None,
         )
 
@@ -260,75 +307,62 @@ class Bridge:
 
     def _read(self, now_ns: int) -> None:
         if self._faulty is not None:
-            self._faulty.begin_reading(self.driven_ticks)
+            self._faulty.begin_reading(self._run.ticks)
         self._inbox.drain(self._bus, now_ns)
         if self.is_waiting:
             self.require_readable_bus()
 
-    @property
-    def _mode(self) -> Mode | None:
-        """Of the command that is followed; None: there was none."""
-        return None if self._command is None else self._command.content.mode
-
     def _advance(self, now_ns: int) -> None:
-        command, run = self._command, self._run
+        run, watchdog, actuators = self._run, self._watchdog, self._actuators
         if run.end_ticks > 0 and self._mode is Mode.STANDBY:
             self._has_driver = True
-        if self._has_driver and not self._watchdog.is_braking:
-            self._applied = NEUTRAL_INPUT
-        else:
-            actuators = self._failed_actuators
-            course = Course(run.path, run.state, run.curvature_per_m)
-            before_rad = self._watchdog.applied.steer_rad  # commanded: a late wheel is behind it
-            self._applied = self._watchdog.apply(
-                command,
-                now_ns,
-                self._sent_ticks - 1,
-                run.motion if self._has_checks else STANDING,
-                steer_along(*course, before_rad),
-                largest_brake_n(course, before_rad, actuators.open_throttle),
-                self._has_checks and bool(actuators.failed),
-                self._has_checks and Actuator.STEERING_WHEEL in actuators.failed,
-            )
-        self._in_actuation.append(self._applied)
-        commanded = self._in_actuation.popleft()
-        self._applied = commanded
+        wanted = NEUTRAL_INPUT
+        if not self._has_driver or watchdog.braking_cause is not None:
+            motion = run.motion if self._has_checks else STANDING
+            failed = actuators.failed if self._has_checks else []
+            newest = self._sent_ticks - 1
+            if watchdog.judge(self._command, now_ns, newest, motion, bool(failed)):
+                course = Course(run.path, run.state, run.curvature_per_m)
+                before_rad = watchdog.applied.steer_rad  # commanded: a late wheel is behind it
+                watchdog.brake(
+                    steer_along(*course, before_rad),
+                    largest_brake_n(course, before_rad, actuators.open_throttle),
+                    Actuator.STEERING_WHEEL in failed,
+                )
+            wanted = watchdog.applied
+        self._in_actuation.append(wanted)
+        commanded = self.applied = self._in_actuation.popleft()
         if self._faulty is not None:
-            self._applied = self._faulty.actuated(commanded, self.driven_ticks + 1)
-        self._failed_actuators.note(commanded, self._applied)
-        self._car.set_road(self.scenario.road_at(run.s_m, self.time_s))
-        state = self._car.advance(self._applied, self._curvature)
+            self.applied = self._faulty.actuated(commanded, run.ticks + 1)
+        actuators.note(commanded, self.applied)
+        self._car.set_road(self.scenario.road_at(run.s_m, run.time_s))
+        state = self._car.advance(self.applied, self._curvature)
+        self.has_failed = not self._car.is_sound
         if not self.has_failed:
-            run.advance(state, self._car.s_m, self._applied, self._mode, self._watchdog.is_braking)
+            is_braking = watchdog.braking_cause is not None
+            run.advance(state, self._car.s_m, self.applied, self._mode, is_braking)
 
     def _send(self, now_ns: int) -> None:
-        command, run = self._command, self._run
+        command, run, send = self._command, self._run, self._outbox.send
         sample = StateSample(
             state=self._car.state,
             curvature_per_m=run.curvature_per_m,
             sample_time_ns=now_ns,
             command_echo=None if command is None else command.counter,
-            is_watchdog_braking=self._watchdog.is_braking,
+            is_watchdog_braking=self._watchdog.braking_cause is not None,
             refusals=self._check.refusals,
         )
-        send = self._outbox.send
         counter = self._sent_ticks  # counts on while frames are lost
         if self._faulty is not None:
-            self._faulty.begin_sending(self.driven_ticks, now_ns)
+            self._faulty.begin_sending(run.ticks, now_ns)
         send(STATE, sample, now_ns, counter=counter, is_valid=not self.has_failed)
         send(REFERENCE, run.path, now_ns, counter=counter)
         send(PREVIEW, run.preview(), now_ns, counter=counter)
-        if self.driven_ticks > 0:
-            send(FEEDBACK, self._applied, now_ns)
-        if self._sent_ticks % MISSION_PERIOD_TICKS == 0:
-            mission = Mission(
-                is_engaged=run.end_ticks == 0,
-                is_reset_requested=False,
-                mission_id=MISSION_ID,
-                valid_for_ns=MISSION_VALID_NS,
-            )
-            send(MISSION, mission, now_ns)
-        if self._sent_ticks % IDENT_PERIOD_TICKS == 0:
+        if not self.is_waiting:
+            send(FEEDBACK, self.applied, now_ns)
+        if counter % MISSION_PERIOD_TICKS == 0:
+            send(MISSION, Mission(run.end_ticks == 0, False, MISSION_ID, MISSION_VALID_NS), now_ns)
+        if counter % IDENT_PERIOD_TICKS == 0:
             send(VEHICLE_IDENTITY, own_identity(None, self._outbox.is_fd), now_ns)
         if self._faulty is not None:
             self._faulty.end_sending()

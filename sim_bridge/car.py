@@ -20,6 +20,7 @@ class Car:
 
     def __init__(self, plant: Plant, v0_mps: float) -> None:
         self.plant = plant
+        self._road_plant = plant if isinstance(plant, RoadTakingPlant) else None
         self._before = np.empty(3)
         self._pose = np.zeros(3)
         self.state = AT_REST
@@ -45,9 +46,9 @@ class Car:
         self._before[:] = motion
         self._pose[:] = (s_m, ey_m, epsi_rad)
         self._steps = 0
-        vx_mps, vy_mps, yaw_rate_radps = self._before.tolist()
-        ds_m = vx_mps * cos(epsi_rad) * PERIOD_S
-        self.state = VehicleState(vx_mps, vy_mps, yaw_rate_radps, ds_m, ey_m, epsi_rad)
+        velocities = self._before.tolist()
+        ds_m = velocities[0] * cos(epsi_rad) * PERIOD_S
+        self.state = VehicleState._make((*velocities, ds_m, ey_m, epsi_rad))
         return self.state
 
     def set_road(self, road: RoadAt) -> None:
@@ -55,15 +56,17 @@ class Car:
 
         `road` is that of a car parallel to the road; the wind is turned into the axes of this one.
         """
-        if isinstance(self.plant, RoadTakingPlant):
+        if self._road_plant is None:
+            return
+        forward_mps, left_mps = road.wind_forward_mps, road.wind_left_mps
+        if forward_mps or left_mps:
             c, s = cos(self.state.epsi_rad), sin(self.state.epsi_rad)
-            forward_mps, left_mps = road.wind_forward_mps, road.wind_left_mps
-            self.plant.set_road(
-                road._replace(
-                    wind_forward_mps=c * forward_mps + s * left_mps,
-                    wind_left_mps=c * left_mps - s * forward_mps,
-                )
+            forward_mps, left_mps = (
+                c * forward_mps + s * left_mps,
+                c * left_mps - s * forward_mps,
             )
+            road = road._replace(wind_forward_mps=forward_mps, wind_left_mps=left_mps)
+        self._road_plant.set_road(road)
 
     def advance(
         self,
@@ -95,9 +98,8 @@ class Car:
         step_s = dt_s / motion.shape[0]
         frenet.advance_along(self._before, motion, curvature, step_s, self._pose)
         self._before[:] = motion[-1]
-        vx_mps, vy_mps, yaw_rate_radps = self._before.tolist()
         s_m, ey_m, epsi_rad = self._pose.tolist()
-        self.state = VehicleState(vx_mps, vy_mps, yaw_rate_radps, s_m - s_before_m, ey_m, epsi_rad)
+        self.state = VehicleState._make((*self._before.tolist(), s_m - s_before_m, ey_m, epsi_rad))
         return self.state
 
     @property

@@ -13,7 +13,6 @@ from rt_controller.contract.timing import LONGEST_S
 from rt_controller.settings import CAR_PRIORITY, BusSettings, CarSettings, SharedInterface
 from rt_controller.terminal.command_line import new_app, run_command
 from sim_bridge.plant.shipped_cars import DEFAULT_CAR
-from sim_bridge.validation.recording.options import RecordingOptions
 
 _Speed = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
@@ -63,7 +62,7 @@ class BridgeOptions(CarSettings, BusSettings):
 @app.default
 def run(*, options: Annotated[BridgeOptions, Parameter(name="*")]) -> int:
     """Wait for a controller, simulate the scenario, brake if the controller stops sending."""
-    from sim_bridge.terminal_run import run_at_terminal
+    from sim_bridge.run import run_at_terminal
 
     return run_at_terminal(options)
 
@@ -99,12 +98,8 @@ def validate(
     car: str | None = None,
     html: Path | None = None,
     json_file: Annotated[Path | None, Parameter(name="--json")] = None,
-    quick: bool = False,
-    recorded: Annotated[RecordingOptions, Parameter(name="*")] = RecordingOptions(),  # noqa: B008
 ) -> int:
     """Compare the own car with published measurements; 1 if a line missed its target.
-
-    With --recording, compare it with recorded drives instead; nothing is judged then.
 
     Parameters
     ----------
@@ -113,15 +108,12 @@ def validate(
     html
         write tables and plots to this page
     json_file
-        write the lines to this file: test, name, car, target, reached, tolerance, ok, source
-    quick
-        leave out slow sines of the frequency response; all lines are judged
-    recorded
-        recorded drives
+        write the lines to this file: test, name, car, kind, target, reached,
+        tolerance, ok, source
     """
     from sim_bridge.validation import command
 
-    return command.validate(car, html, json_file, quick, recorded)
+    return command.validate(car, html, json_file)
 
 
 @app.command

@@ -40,7 +40,7 @@ CURVATURE_TOLERANCE_PER_M = 5e-4
 """between the scenario's road and the reference line of the mapping"""
 _COMPARED = 200
 _TABLES = ("states", "exogenous", "pose", "mission", "reference", "inputs")
-_SENT_WITH = {"reference": REFERENCE, "inputs": FEEDBACK}
+_SENT_WITH: dict[str, Message[Any]] = {"reference": REFERENCE, "inputs": FEEDBACK}
 """messages with signals of other tables are sent with the state"""
 
 
@@ -67,22 +67,16 @@ class ForeignBus(can.BusABC):
         self._outbox = Outbox(self._queue, Node.CONTROLLER)
         slots = measured_slots(mapping)
         sources = SignalReader(slots, {}, car.database, where).sources
-        table_of: dict[str, str] = {}
+        # A message with signals of several tables is sent with the first of them.
+        sent_with: dict[str, Message[Any]] = {}
         for slot in sorted(slots, key=lambda slot: _TABLES.index(_table(slot))):
-            table_of.setdefault(sources[slot.name].message.name, _table(slot))
-        self._writers: dict[Message[Any], SignalWriter] = {
-            message: SignalWriter(
-                [
-                    slot
-                    for slot in slots
-                    if _SENT_WITH.get(table_of[sources[slot.name].message.name], STATE) is message
-                ],
-                mapping.messages,
-                car.database,
-                where,
+            sent_with.setdefault(
+                sources[slot.name].message.name, _SENT_WITH.get(_table(slot), STATE)
             )
-            for message in (STATE, REFERENCE, FEEDBACK)
-        }
+        self._writers: dict[Message[Any], SignalWriter] = {}
+        for message in (STATE, REFERENCE, FEEDBACK):
+            own = [s for s in slots if sent_with[sources[s.name].message.name] is message]
+            self._writers[message] = SignalWriter(own, mapping.messages, car.database, where)
         commanded = [*command_slots(mapping), *driving_slot(mapping)]
         self._reader = SignalReader(commanded, mapping.messages, car.database, where)
         self._values = dict.fromkeys((slot.name for slot in slots), nan)
@@ -103,14 +97,12 @@ class ForeignBus(can.BusABC):
         self._inbox.accept(msg, 0)
         for message, writer in self._writers.items():
             newest: Received[object] | None = self._inbox.newest(message)
-            if newest is None or newest is self._newest[message]:
-                continue
-            self._newest[message] = newest
-            if message is STATE:
-                self._ticks += 1
-            self._keep()
-            for frame in writer.frames(self._values, self._ticks):
-                self._inner.send(frame, timeout=timeout)
+            if newest is not None and newest is not self._newest[message]:
+                self._newest[message] = newest
+                self._ticks += message is STATE
+                self._keep()
+                for frame in writer.frames(self._values, self._ticks):
+                    self._inner.send(frame, timeout=timeout)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """The next frame of the controller, made from the car's commands; never waits."""
@@ -161,13 +153,9 @@ class ForeignBus(can.BusABC):
             mode = Mode(number) if number in list(Mode) else Mode.STANDBY
         control = ControlInput(*(commands.pop(name) for name in names))
         send, counter = self._outbox.send, state.counter
+        heartbeat = Heartbeat(mode, NO_FAULT, counter, None, None, None)
         send(COMMAND, Command(control, mode), 0, counter=counter)
-        send(
-            HEARTBEAT,
-            Heartbeat(mode, NO_FAULT, state.counter, None, None, None),
-            0,
-            counter=counter,
-        )
+        send(HEARTBEAT, heartbeat, 0, counter=counter)
         if self._ticks % IDENT_PERIOD_TICKS == 0:
             send(CONTROLLER_IDENTITY, own_identity(None), 0)
 

@@ -20,46 +20,33 @@ class ScenarioRun:
     def __init__(self, scenario: Scenario, state: VehicleState, s_m: float) -> None:
         """The car waits at the start, in this state and at this arc length."""
         self.scenario = scenario
-        self.state, self.s_m = state, s_m
-        """at the end of the last period"""
-        self.path = scenario.path_ahead(s_m, state.vx_mps)
-        """what a path planner sends from where the car is"""
-        self.ticks = 0
-        self.end_ticks = 0
-        """since the end of the mission"""
+        self.ticks = self.end_ticks = 0
+        """since the start; since the end of the mission"""
+        self.time_s = 0.0
+        """since the car was first driven"""
         self._is_end_requested = False
         self._progress = scenario.first_progress
         self._log = DriveLog()
+        self.path = scenario.path_ahead(s_m, state.vx_mps)
+        """what a path planner sends from where the car is"""
+        self._place(state, s_m)
+
+    def _place(self, state: VehicleState, s_m: float) -> None:
+        """Note where the car is at the end of a period."""
+        self.state, self.s_m = state, s_m
+        self.speed_mps = hypot(state.vx_mps, state.vy_mps)
+        self.curvature_per_m = self.scenario.road.curvature_per_m.at(s_m)
+        """of the road at the car"""
+        self.ey_error_m = state.ey_m - self.path.c0_m
+        """distance from the wanted position"""
+        away_m = off_path_m(self.path, state, self.curvature_per_m)
+        self.motion = OwnMotion(self.speed_mps, away_m, self.end_ticks == 0)
+        """of the car, by its own measurement"""
 
     @property
     def is_moving(self) -> bool:
         """False if a stop has brought the car to rest."""
         return self.speed_mps > AT_REST_MPS
-
-    @property
-    def time_s(self) -> float:
-        """Time since the car was first driven."""
-        return self.ticks * PERIOD_S
-
-    @property
-    def speed_mps(self) -> float:
-        return hypot(self.state.vx_mps, self.state.vy_mps)
-
-    @property
-    def curvature_per_m(self) -> float:
-        """Of the road at the car."""
-        return self.scenario.road.curvature_per_m.at(self.s_m)
-
-    @property
-    def ey_error_m(self) -> float:
-        """Distance from the wanted position."""
-        return self.state.ey_m - self.path.c0_m
-
-    @property
-    def motion(self) -> OwnMotion:
-        """Of the car, by its own measurement."""
-        away_m = off_path_m(self.path, self.state, self.curvature_per_m)
-        return OwnMotion(self.speed_mps, away_m, self.end_ticks == 0)
 
     def preview(self) -> CurvaturePreview | None:
         """Curvature of the road ahead, as far as it fits a preview."""
@@ -86,15 +73,33 @@ class ScenarioRun:
             mode: of the command that is followed; None: there was none.
             is_braking: the vehicle brakes by itself.
         """
-        self.state, self.s_m = state, s_m
         self.ticks += 1
+        self.time_s = self.ticks * PERIOD_S
         speed_mps, scenario = state.vx_mps, self.scenario
         self._progress = next_progress(self._progress, scenario.stops, s_m, speed_mps, self.time_s)
         self.path = scenario.path_ahead(s_m, speed_mps, self.time_s, self._progress)
-        if self._is_mission_on(mode, is_braking):
-            self._judge(applied)
+        self._place(state, s_m)
+        if not self._is_mission_on(mode, is_braking):
+            self.end_ticks += 1
+            self.motion = self.motion._replace(is_mission_on=False)
             return
-        self.end_ticks += 1
+        self._log.append(
+            LogRow(
+                time_s=self.time_s,
+                s_m=s_m,
+                ey_m=state.ey_m,
+                epsi_rad=state.epsi_rad,
+                curvature_per_m=self.curvature_per_m,
+                vx_mps=speed_mps,
+                vy_mps=state.vy_mps,
+                yaw_rate_radps=state.yaw_rate_radps,
+                steer_rad=applied.steer_rad,
+                wanted_ey_m=self.path.c0_m,
+                wanted_epsi_rad=atan(self.path.c1),
+                wanted_mps=self.path.v_mps,
+                stop=self._progress.stops_done if self._progress.is_holding else -1,
+            )
+        )
 
     def figures(self) -> tuple[CarFigure, ...]:
         """The figures that the scenario names or limits, so far."""
@@ -116,25 +121,4 @@ class ScenarioRun:
         is_at_end = self.ticks >= self.scenario.ticks or self.s_m >= self.scenario.end_m
         return not (is_at_end or self._is_end_requested) or (
             mode is Mode.SAFE_STOP and self.is_moving
-        )
-
-    def _judge(self, applied: ControlInput) -> None:
-        """Add one period to the figures."""
-        state, path = self.state, self.path
-        self._log.add(
-            LogRow(
-                time_s=self.time_s,
-                s_m=self.s_m,
-                ey_m=state.ey_m,
-                epsi_rad=state.epsi_rad,
-                curvature_per_m=self.curvature_per_m,
-                vx_mps=state.vx_mps,
-                vy_mps=state.vy_mps,
-                yaw_rate_radps=state.yaw_rate_radps,
-                steer_rad=applied.steer_rad,
-                wanted_ey_m=path.c0_m,
-                wanted_epsi_rad=atan(path.c1),
-                wanted_mps=path.v_mps,
-                stop=self._progress.stops_done if self._progress.is_holding else -1,
-            )
         )

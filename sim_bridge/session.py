@@ -1,5 +1,6 @@
 """One run of the bridge: bus, car and log opened for the command line or the virtual car."""
 
+from contextlib import ExitStack
 from math import inf
 from pathlib import Path
 from threading import Event, Thread
@@ -17,9 +18,9 @@ from sim_bridge.adapters.plants import open_plant
 from sim_bridge.bridge import DEFAULT_DELAY, Bridge, Delay
 from sim_bridge.car import Car
 from sim_bridge.plant.protocol import Plant, require_plant
-from sim_bridge.road_needs import require_road
 from sim_bridge.scenario import Scenario, load_scenario
-from sim_bridge.scenario.files.loading import add_faults
+from sim_bridge.scenario.loading import add_faults
+from sim_bridge.scenario_checks import require_road
 
 OWN_CAR = CarSettings()
 LONGEST_STANDBY_S = 10.0
@@ -47,9 +48,8 @@ class BridgeSession:
             listening_ticks: before its first frame; it fails if another vehicle is on the bus.
             wait_s: longest wait for a controller.
         """
-        self._thread = Thread(
-            target=self._run, args=(priority, listening_ticks, wait_s), name="car"
-        )
+        arguments = priority, listening_ticks, wait_s
+        self._thread = Thread(target=self._run, args=arguments, name="car")
         self._thread.start()
         return self._thread
 
@@ -139,7 +139,8 @@ def build_car(scenario: Scenario, choice: CarSettings | Plant = OWN_CAR) -> Car:
         plant = open_plant(plant, friction, scenario.payload, ground)
     else:
         require_plant(plant)
-    try:
+    with ExitStack() as opened:
+        opened.callback(plant.close)
         require_road(plant, scenario)
         car = Car(plant, start.speed_mps)
         # One period for nothing: what is loaded at first use is loaded here and not in the loop.
@@ -151,9 +152,7 @@ def build_car(scenario: Scenario, choice: CarSettings | Plant = OWN_CAR) -> Car:
                 f"{plant.failure}. Correct the plant or its mapping."
             )
         car.reset(start.speed_mps, start.ey_m, start.epsi_rad, start.s_m)
-    except BaseException:
-        plant.close()
-        raise
+        opened.pop_all()
     return car
 
 
@@ -189,29 +188,20 @@ def open_session(
             "found one with it. Leave out --fd or the faults."
         )
     car = build_car(manoeuvre, plant)
-    try:
+    with ExitStack() as opened:
+        opened.callback(car.plant.close)
         bus = bus_settings.open_bus()
         if signals is not None:
-            bus = _join_foreign_bus(bus, signals, manoeuvre, car)
-    except BaseException:
-        car.plant.close()
-        raise
+            from rt_controller.mapping.car_file import read_car
+            from sim_bridge.foreign_bus import ForeignBus, require_same_road
+
+            opened.callback(close_bus, bus)
+            foreign = read_car(signals)
+            require_same_road(foreign, manoeuvre)
+            bus = ForeignBus(bus, foreign, lambda: car.s_m)
+        opened.pop_all()
     delay = DEFAULT_DELAY
     if isinstance(plant, CarSettings):
         delay = Delay(plant.transport_delay, plant.actuation_delay)
     bridge = Bridge(bus, car, manoeuvre, recorder, bus_settings.fd, delay, has_checks)
     return BridgeSession(bus, bridge)
-
-
-def _join_foreign_bus(bus: can.BusABC, signals: Path, scenario: Scenario, car: Car) -> can.BusABC:
-    """The bus on which the car has the messages of a mapping file."""
-    from rt_controller.mapping.car_file import read_car
-    from sim_bridge.foreign_bus import ForeignBus, require_same_road
-
-    try:
-        foreign = read_car(signals)
-        require_same_road(foreign, scenario)
-        return ForeignBus(bus, foreign, lambda: car.s_m)
-    except BaseException:
-        close_bus(bus)
-        raise

@@ -132,10 +132,11 @@ def disturbed(condition: Condition) -> Scenario:
         payload=Payload(mass_kg=condition.mass_kg),
         faults=tuple(faults),
         cross_wind_mps=constant(condition.wind_mps),
-        road=replace(
-            scenario.road,
-            grade=constant(condition.grade),
-            bank_rad=constant(radians(condition.bank_deg)),
+        road=scenario.road.model_copy(
+            update={
+                "grade": constant(condition.grade),
+                "bank_rad": constant(radians(condition.bank_deg)),
+            }
         ),
     )
     return changed if _is_split(scenario) else changed.with_friction(condition.friction)
@@ -153,7 +154,7 @@ def _noise(signal: str, value: float, seed: int) -> Fault:
 def _faster(scenario: Scenario, condition: Condition) -> Scenario:
     """A scenario that is driven with the requested speed from the beginning."""
     speed_mps = scenario.speed.highest_mps + condition.speed_step_mps
-    start = replace(scenario.start, speed_mps=speed_mps)
+    start = scenario.start.model_copy(update={"speed_mps": speed_mps})
     return replace(scenario, speed=constant_speed(speed_mps), start=start)
 
 

@@ -198,11 +198,11 @@ def scenario_of(row: Row) -> Scenario:
         scenario = replace(scenario, payload=Payload(mass_kg=conditions["mass_kg"]))
     if "deceleration_mps2" in conditions:
         (stop,) = scenario.stops
-        stops = (stop._replace(deceleration_mps2=conditions["deceleration_mps2"]),)
+        stops = (stop.model_copy(update={"deceleration_mps2": conditions["deceleration_mps2"]}),)
         scenario = replace(scenario, stops=stops)
     if "sensor_noise_seed" in conditions:
         rng = np.random.default_rng(conditions["sensor_noise_seed"])
         scenario = replace(scenario, faults=tuple(sensor_noise(rng)))
     if not conditions.get("has_preview", True):
         scenario = replace(scenario, faults=(Fault(kind="preview_lost"),))
-    return replace(scenario, metrics=_TRUE + _OF_STOP * row.has_stop, limits=())
+    return replace(scenario, metrics=_TRUE + _OF_STOP * row.has_stop, limits={})

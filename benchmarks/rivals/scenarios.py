@@ -1,14 +1,13 @@
 """Drives outside the tables: those that the bicycle is fitted to, and those of the search."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.false_alarms.conditions import sensor_noise
 from sim_bridge.scenario import Scenario
-from sim_bridge.scenario.files.format2 import Format2
+from sim_bridge.scenario.file import ScenarioFile
 
 METRICS = ("ey_rms_m", "speed_rms_mps")
 _NOISE_SEED = 11
@@ -25,7 +24,7 @@ def _scenario(
         "metrics": METRICS,
         **others,
     }
-    return Format2.model_validate(fields).scenario(Path())
+    return ScenarioFile.model_validate(fields).scenario()
 
 
 def _move(length_m: float) -> dict[str, Any]:

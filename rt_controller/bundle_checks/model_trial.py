@@ -15,7 +15,7 @@ import numpy as np
 
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import ArtifactError, MissingExtraError
+from rt_controller.contract.errors import ArtifactError, BusError, MissingExtraError
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.model.rollout import roll_out
 from rt_controller.contract.schema import N_STATES, VEHICLE
@@ -66,12 +66,28 @@ def try_model(bundle: Bundle, config: ControllerConfig) -> str | None:
         ArtifactError: the model does not hold the car on its path, or predicts another one.
     """
     try:
-        drive = simulate(SCENARIO, model=bundle, config=config)
+        drive = drive_trial(bundle, config)
     except MissingExtraError:
         return NOT_TRIED
     require_passed(drive, bundle)
     mark(FOLDER, _name_of_trial(bundle, config))
     return None
+
+
+def drive_trial(bundle: Bundle, config: ControllerConfig | None = None) -> Drive:
+    """The short drive of the simulated car.
+
+    Raises:
+        MissingExtraError: the car is not compiled.
+        ArtifactError: no plan is found with the model, so that the car is never driven.
+    """
+    try:
+        return simulate(SCENARIO, model=bundle, config=config)
+    except BusError as error:
+        raise ArtifactError(
+            f"The model {bundle.name}: expected it to hold and to predict the simulated car in a "
+            f"short drive, found none: {error} Choose another `model`."
+        ) from error
 
 
 def require_passed(drive: Drive, bundle: Bundle) -> None:

@@ -1,7 +1,6 @@
 """One HTML page for all reports: sections of text, tables and plots in a single file.
 
-The page loads nothing from the network. Plots of matplotlib are part of it as SVG and need no
-script; if a plot is of plotly, plotly.js is part of the page once.
+The page loads nothing from the network and has no script; plots are part of it as SVG.
 
     page = Page("Acceptance of the car", (
         Section("Braking", ("150 N at the pedal.", table, Plot(figure, "Speed."))),
@@ -10,13 +9,12 @@ script; if a plot is of plotly, plotly.js is part of the page once.
 """
 
 import re
-from itertools import count
 from typing import Any, NamedTuple
 
 from rt_controller.contract.errors import require_packages
 from rt_controller.report.table import Table
 
-NEEDED = ("jinja2", "matplotlib", "plotly")
+NEEDED = ("jinja2", "matplotlib")
 
 
 class Bullets(NamedTuple):
@@ -37,13 +35,8 @@ class Plot(NamedTuple):
     """A plot with its caption."""
 
     figure: Any
-    """`matplotlib.figure.Figure` or `plotly.graph_objects.Figure`"""
+    """`matplotlib.figure.Figure`"""
     caption: str = ""
-
-    @property
-    def is_plotly(self) -> bool:
-        """True if the page needs plotly.js for it."""
-        return type(self.figure).__module__.startswith("plotly.")
 
 
 class Details(NamedTuple):
@@ -102,23 +95,5 @@ def render_page(page: Page) -> str:
     environment.filters["keep_percent"] = lambda text: text.replace(" %", "\u00a0%")
     environment.filters["anchor"] = lambda title: re.sub(r"[^a-z0-9]+", "-", title.lower())
     environment.filters["kind"] = lambda part: type(part).__name__
-    numbers = count()
-
-    def draw(plot: Plot) -> str:
-        if not plot.is_plotly:
-            return to_svg(plot.figure)
-        number = next(numbers)
-        html: str = plot.figure.to_html(
-            full_html=False,
-            include_plotlyjs=number == 0,
-            div_id=f"plot-{number}",
-            config={"displayModeBar": False, "responsive": True},
-        )
-        return html
-
-    def has_plotly() -> bool:
-        return next(numbers) > 0
-
-    return environment.get_template("page.html.j2").render(
-        page=page, draw=draw, has_plotly=has_plotly
-    )
+    environment.filters["svg"] = lambda plot: to_svg(plot.figure)
+    return environment.get_template("page.html.j2").render(page=page)

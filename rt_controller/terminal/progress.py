@@ -13,7 +13,7 @@ from rich.text import Text
 
 LIVE_INTERVAL_S = 0.5
 LOG_INTERVAL_S = 10.0
-COMPILING = "settling the car (the first start takes up to a minute)"
+SETTLING = "settling the car"
 _EMPTY_LINE = Control(ControlType.CARRIAGE_RETURN, (ControlType.ERASE_IN_LINE, 2))
 
 

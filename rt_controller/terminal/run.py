@@ -33,7 +33,7 @@ from rt_controller.session import ControllerSession
 from rt_controller.settings import CAR_PRIORITY
 from rt_controller.terminal.command_line import print_error
 from rt_controller.terminal.entry import INTERRUPTED
-from rt_controller.terminal.progress import COMPILING, announce, show, watch
+from rt_controller.terminal.progress import SETTLING, announce, show, watch
 from rt_controller.terminal.stop_message import (
     VEHICLE_KNOWS,
     begin_of_stop,
@@ -66,7 +66,7 @@ if TYPE_CHECKING:
 PROGRAM = "rt-controller"
 VIRTUAL_MISS_SHARE = 0.02
 """of the ticks that may be late on the virtual bus, where only a simulated car depends on them"""
-TRYING = "trying the model on the simulated car (the first time takes up to a minute)"
+TRYING = "trying the model on the simulated car (the first time)"
 EXIT_DEADLINE = 4
 NOT_ENGAGED = (
     f"{StopCause.NOT_ENGAGED.value}: expected it within 1 m of the path and 0.15 rad of its "
@@ -104,7 +104,7 @@ def run_at_terminal(options: "RunOptions") -> int:
             car: BridgeSession | None = None
             clock: Clock = RealtimeClock()
             if options.is_virtual:
-                with announce(COMPILING, options.quiet):
+                with announce(SETTLING, options.quiet):
                     car = opened.enter_context(closing(open_virtual_car(options, options)))
                 clock = LockstepClock(car.tick) if options.is_lockstep else clock
                 geometry = choose_low_speed_car(bundle, options.low_speed).geometry

@@ -104,10 +104,7 @@ class CommonRoadPlant:
         for i in range(n_steps):
             if self.failure is None:
                 self._advance(control, step_s)
-            if self.failure is None:
-                self._write_motion(self._motion[i])
-            else:
-                self._motion[i] = nan
+            self._motion[i] = nan if self.failure else self._velocities()
         return self._motion
 
     def outputs(self) -> PlantOutputs:
@@ -146,15 +143,12 @@ class CommonRoadPlant:
         elif abs(self._state[ROLL]) > ROLLED_OVER_RAD:
             self._fail("the car has rolled over, which is outside the model")
 
-    def _write_motion(self, row: Array) -> None:
-        state = self._state
-        vx_mps = state[VX]
-        if abs(vx_mps) >= KINEMATIC_MPS:
-            row[:] = vx_mps, state[VY], state[YAW_RATE]
-            return
-        p = self._model.parameters
-        yaw_rate_radps = vx_mps * tan(state[STEER]) / (p.a + p.b)
-        row[:] = vx_mps, yaw_rate_radps * p.b, yaw_rate_radps
+    def _velocities(self) -> tuple[float, float, float]:
+        state, p = self._state, self._model.parameters
+        if abs(state[VX]) >= KINEMATIC_MPS:
+            return state[VX], state[VY], state[YAW_RATE]
+        yaw_rate_radps = state[VX] * tan(state[STEER]) / (p.a + p.b)
+        return state[VX], yaw_rate_radps * p.b, yaw_rate_radps
 
     def _fail(self, reason: str) -> None:
         self.failure = f"{self.name}: at {self._steps * STEP_S:.3f} s: {reason}"

@@ -1,26 +1,103 @@
-"""`FmuPlant`: an FMU for co-simulation (FMI 2 or FMI 3) as a plant."""
+"""`FmuPlant`: an FMU for co-simulation (FMI 2 or FMI 3) as a plant, run by fmpy.
 
-from collections.abc import Iterable
+If a whole number of communication steps is a period, both meet at the end of every period, and the
+motion is what the FMU computed. Otherwise the FMU runs on its own grid: it computes the step that
+contains the end of the period, with the input that was valid at the step's start, and the motion in
+between is interpolated linearly. No value of the future is used: an FMU holds its inputs over a
+step, so the end of the step follows from what is known at its start.
+"""
+
+import tempfile
+from collections import deque
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from difflib import get_close_matches
 from math import isfinite, nan
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import ConfigError, RtControllerError
+from rt_controller.contract.errors import ConfigError, RtControllerError, needs_extra
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
-from sim_bridge.adapters.fmu_clock import FmuClock
-from sim_bridge.adapters.fmu_file import FmuFile, FmuInstance
-from sim_bridge.adapters.fmu_links import Link, resolve_links
-from sim_bridge.adapters.fmu_mapping import FmuMapping, load_mapping
+from sim_bridge.adapters.fmu_mapping import FmuMapping, Link, load_mapping, resolve_links
+from sim_bridge.plant.library import STEP_S
 from sim_bridge.plant.protocol import MOTION_FIELDS, PlantOutputs, RoadAt
 
 START_TOLERANCE_MPS = 0.5
 """largest difference between the initial speed of the FMU and the wanted one"""
-
-
+_TOLERANCE = 1e-3
+"""of the communication step; rounding errors of times are far smaller"""
+_WARNING = 1
 _Groups = dict[str, list[Link]]
 """links by the type of their variables: those of one type are read or written in one call"""
+
+
+class FmuFile:
+    """An FMU on disk, checked and unpacked into a temporary folder.
+
+    Raises:
+        MissingExtraError: fmpy is not installed.
+        ConfigError: there is no FMU, or none for co-simulation by FMI 2 or 3 on this machine.
+    """
+
+    def __init__(self, path: Path) -> None:
+        with needs_extra("fmu", "`plant` fmu"):
+            import fmpy
+        if not path.is_file():
+            raise ConfigError(
+                f"{path}: expected an FMU, found no such file. Name the .fmu file after fmu:."
+            )
+        self.path = path
+        # Also removed when the process ends without `close`.
+        self.folder = tempfile.TemporaryDirectory(prefix="fmu-", ignore_cleanup_errors=True)
+        try:
+            self.description = fmpy.read_model_description(str(path), validate=False)
+            platforms = fmpy.supported_platforms(str(path))
+            fmpy.extract(str(path), unzipdir=self.folder.name)
+        except Exception as error:  # zip, XML and version errors have many types
+            self.close()
+            raise ConfigError(
+                f"{path}: expected an FMU (a ZIP archive with modelDescription.xml), found "
+                f"{error}. Export it again."
+            ) from error
+        version, here = self.description.fmiVersion, fmpy.platform
+        wrong = ""
+        if self.description.fmiMajorVersion not in (2, 3):
+            wrong = f"FMI 2 or FMI 3, found FMI {version}. Export it again with another version"
+        elif self.description.coSimulation is None:
+            wrong = (
+                "an FMU for co-simulation, found model exchange only. Export it again as "
+                "co-simulation, with its solver inside"
+            )
+        elif here not in platforms:
+            wrong = (
+                f"a library for {here}, found {', '.join(platforms) or 'none'}. Export it again "
+                f"for this platform, or compile it here: fmpy compile {path.name}"
+            )
+        if wrong:
+            self.close()
+            raise ConfigError(f"{path}: expected {wrong}.")
+
+    def variable(self, name: str) -> Any:
+        """The description of a variable.
+
+        Raises:
+            ConfigError: the FMU has no variable of this name.
+        """
+        variables = {variable.name: variable for variable in self.description.modelVariables}
+        if name in variables:
+            return variables[name]
+        near = get_close_matches(name, variables, n=5, cutoff=0.4) or list(variables)[:8]
+        raise ConfigError(
+            f"{self.path.name}: expected a variable {name!r}, found none of that name "
+            f"({', '.join(near)}, …). Correct the mapping file."
+        )
+
+    def close(self) -> None:
+        """Remove the temporary folder."""
+        self.folder.cleanup()
 
 
 class FmuPlant:
@@ -35,36 +112,34 @@ class FmuPlant:
     ) -> None:
         self.name = f"fmu:{file.path.name}"
         self.failure: str | None = None
-        self._mapping = mapping
         self._frictions = {
             "road_friction": road_friction,
             "road_friction_right": road_friction if friction_right is None else friction_right,
         }
         self._file = file
-        self._instance: FmuInstance | None = None
-        links = resolve_links(self._file, mapping)
-        self._inputs, self._start = _grouped(links.inputs), links.start
-        self._motion_groups = _grouped(k for k in links.outputs if k.field in MOTION_FIELDS)
-        self._other_groups = _grouped(k for k in links.outputs if k.field not in MOTION_FIELDS)
-        self._parameters = links.parameters
-        self._road_groups = _grouped(links.road)
+        self._is_fmi2 = file.description.fmiMajorVersion == 2
+        self._fmu: Any = None
+        self._is_started = False
+        self._messages = deque[str](maxlen=3)
+        links = resolve_links(file, mapping)
+        self._start, self._parameters = links.start, links.parameters
+        self._inputs, self._road_links = _grouped(links.inputs), _grouped(links.road)
+        self._moving = _grouped(link for link in links.outputs if link.field in MOTION_FIELDS)
+        self._others = _grouped(link for link in links.outputs if link.field not in MOTION_FIELDS)
+        self.start_fields = frozenset(link.field for link in links.start)
+        """start values for which the mapping names a parameter"""
         self.road_inputs = frozenset(link.field for link in links.road)
         """fields of `RoadAt` that act on this FMU"""
         self._road: RoadAt | None = None
         """ground of the coming period, until it is written"""
         self._values: dict[str, float] = {}
-        self._clock = FmuClock(mapping.communication_step_s)
-        self._input = NEUTRAL_INPUT
-        """of the last period"""
-        self._written = NEUTRAL_INPUT
-        """what the FMU's inputs are"""
+        self._step_s = mapping.communication_step_s
+        self._steps, self._period_start_s = 0, 0.0
+        self._input = self._written = NEUTRAL_INPUT
+        """of the last period; what the FMU's inputs are"""
         self._last = np.zeros((2, len(MOTION_FIELDS)))
         """motion at the last two communication points"""
         self._motion = np.empty((0, len(MOTION_FIELDS)))
-
-    def takes(self, field: str) -> bool:
-        """True if the mapping names a parameter for this start value."""
-        return any(link.field == field for link in self._start)
 
     def reset(self, v0_mps: float) -> Array:
         """(vx_mps, vy_mps, yaw_rate_radps) of a new instance.
@@ -73,40 +148,25 @@ class FmuPlant:
             ConfigError: the FMU refuses its start values, or starts at another speed.
         """
         self._free()
-        instance = self._instance = FmuInstance(self._file)
-        self._clock.restart()
+        self._steps, self._period_start_s = 0, 0.0
         self._input = NEUTRAL_INPUT
-        self._road = None
-        self.failure = None
+        self._road = self.failure = None
         try:
-            for variable, value in self._parameters:
-                instance.set(variable, value)
-            wanted = {"vx_mps": v0_mps, **self._frictions}
-            for link in self._start:
-                instance.set(link.variable, link.gain * wanted[link.field] + link.bias)
-            instance.enter_initialization()
-            self._write_inputs(instance, NEUTRAL_INPUT)
-            instance.start()
-            self._read(instance, self._motion_groups)
-            self._read(instance, self._other_groups)
+            self._instantiate(v0_mps)
         except Exception as error:  # the FMUs of each tool fail differently
             raise ConfigError(
                 f"{self.name}: expected an FMU that starts with the parameters of its mapping, "
-                f"found {error} {instance.messages()}. Correct [start] or [parameters]."
+                f"found {self._explain(error)}. Correct [start] or [parameters], or see the FMU's "
+                f"documentation."
             ) from error
-        first = {field: self._values[field] for field in MOTION_FIELDS}
-        if not all(map(isfinite, first.values())):
+        start = np.array([self._values[field] for field in MOTION_FIELDS])
+        if not (np.isfinite(start).all() and abs(start[0] - v0_mps) <= START_TOLERANCE_MPS):
+            found = ", ".join(f"{k} {v:.2f}" for k, v in zip(MOTION_FIELDS, start, strict=True))
             raise ConfigError(
-                f"{self.name}: expected a car that starts with a motion, found {first}. Correct "
-                f"[start] or [parameters] in the mapping file."
+                f"{self.name}: expected a car that starts with vx_mps {v0_mps:.2f}, found {found}. "
+                f"Name the parameter for its initial speed as start.vx_mps in the mapping file, "
+                f"correct [parameters], or choose a scenario with the FMU's own speed."
             )
-        if not abs(first["vx_mps"] - v0_mps) <= START_TOLERANCE_MPS:
-            raise ConfigError(
-                f"{self.name}: expected a car that starts at {v0_mps:.2f} m/s, found "
-                f"{first['vx_mps']:.2f} m/s. Name the parameter for its initial speed as "
-                f"start.vx_mps in the mapping file, or choose a scenario with the FMU's own speed."
-            )
-        start = np.array(list(first.values()))
         self._last[:] = start
         return start
 
@@ -115,17 +175,19 @@ class FmuPlant:
         self._road = road if self.road_inputs else None
 
     def step(self, control: ControlInput, dt_s: float) -> Array:
-        """(n, 3) motion: after each communication step, or every millisecond, see `FmuClock`."""
-        n_points = self._clock.points_in(dt_s)
+        """(n, 3) motion: after each communication step, or every millisecond; see the module."""
+        n_points = round(dt_s / self._step_s)
+        if n_points < 1 or abs(n_points * self._step_s - dt_s) > _TOLERANCE * self._step_s:
+            n_points = max(1, round(dt_s / STEP_S))
         if n_points != self._motion.shape[0]:
             self._motion = np.empty((n_points, len(MOTION_FIELDS)))
-        if self._instance is None:
+        if self._fmu is None:
             self._fail("it was closed")
         elif self.failure is None:
             try:
-                self._advance(self._instance, control, n_points, dt_s)
+                self._advance(control, n_points, dt_s)
             except Exception as error:  # the FMUs of each tool fail differently
-                self._fail(f"{error} {self._instance.messages()}".rstrip())
+                self._fail(self._explain(error))
         if self.failure is not None:
             self._motion[:] = nan
         return self._motion
@@ -142,68 +204,98 @@ class FmuPlant:
         self._free()
         self._file.close()
 
-    def _advance(
-        self, instance: FmuInstance, control: ControlInput, n_points: int, dt_s: float
-    ) -> None:
-        clock = self._clock
+    def _instantiate(self, v0_mps: float) -> None:
+        from fmpy.simulation import instantiate_fmu
+
+        folder, description = self._file.folder.name, self._file.description
+        fmu = self._fmu = instantiate_fmu(
+            folder, description, "CoSimulation", debug_logging=True, logger=self._log
+        )
+        wanted = {"vx_mps": v0_mps, **self._frictions}
+        starts = [(k.variable, k.gain * wanted[k.field] + k.bias) for k in self._start]
+        for variable, value in (*self._parameters, *starts):
+            enumeration = "Integer" if self._is_fmi2 else "Int64"
+            kind = enumeration if variable.type == "Enumeration" else variable.type
+            getattr(fmu, f"set{kind}")([variable.valueReference], [value])
+        if self._is_fmi2:
+            fmu.setupExperiment(startTime=0.0)
+        fmu.enterInitializationMode()
+        self._write_inputs(NEUTRAL_INPUT)
+        fmu.exitInitializationMode()
+        self._is_started = True
+        self._read(self._moving)
+        self._read(self._others)
+
+    def _advance(self, control: ControlInput, n_points: int, dt_s: float) -> None:
+        step_s, slack_s = self._step_s, _TOLERANCE * self._step_s
         for i in range(n_points):
-            time_s = clock.period_start_s + (i + 1) * dt_s / n_points
-            while clock.is_before(time_s):
-                self._write_road(instance)
-                valid = self._input if clock.is_in_past else control
+            time_s = self._period_start_s + (i + 1) * dt_s / n_points
+            while (fmu_s := self._steps * step_s) < time_s - slack_s:
+                if self._road is not None:
+                    self._write(self._road_links, self._road._asdict())
+                    self._road = None
+                # A step that begins before this period begins with the input of the last one.
+                valid = self._input if fmu_s < self._period_start_s - slack_s else control
                 if valid != self._written:
-                    self._write_inputs(instance, valid)
-                if not instance.step(clock.fmu_s, clock.step_s):
+                    self._write_inputs(valid)
+                # FMI 3 answers with (event needed, is over, is early, time), FMI 2 with nothing.
+                answer = self._fmu.doStep(fmu_s, step_s)
+                if not self._is_fmi2 and (answer[1] or answer[2]):
                     self._fail("it ended the simulation")
                     return
-                clock.count_step()
-                self._read_motion(instance)
-                if self.failure is not None:
+                self._steps += 1
+                self._read(self._moving)
+                self._last[0] = self._last[1]
+                self._last[1] = [self._values[field] for field in MOTION_FIELDS]
+                lost = [k for k in MOTION_FIELDS if not isfinite(self._values[k])]
+                if lost:
+                    self._fail(f"{lost[0]} is {self._values[lost[0]]}")
                     return
-            share = clock.share_of_step(time_s)
-            self._motion[i] = self._last[1] - (1.0 - share) * (self._last[1] - self._last[0])
-        clock.end_period(dt_s)
+            behind_s = fmu_s - time_s
+            share = behind_s / step_s if behind_s > slack_s else 0.0
+            self._motion[i] = self._last[1] - share * (self._last[1] - self._last[0])
+        self._period_start_s += dt_s
         self._input = control
-        self._read(instance, self._other_groups)
+        self._read(self._others)
 
-    def _read_motion(self, instance: FmuInstance) -> None:
-        self._read(instance, self._motion_groups)
-        self._last[0] = self._last[1]
-        for column, field in enumerate(MOTION_FIELDS):
-            value = self._values[field]
-            self._last[1, column] = value
-            if not isfinite(value):
-                self._fail(f"{field} is {value}")
-
-    def _fail(self, reason: str) -> None:
-        self.failure = f"{self.name}: at {self._clock.fmu_s:.3f} s: {reason}"
-
-    def _write_inputs(self, instance: FmuInstance, control: ControlInput) -> None:
+    def _write_inputs(self, control: ControlInput) -> None:
         self._written = control
-        inputs = control._asdict()
-        for kind, links in self._inputs.items():
-            values = [link.gain * inputs[link.field] + link.bias for link in links]
-            instance.write(kind, [link.variable.valueReference for link in links], values)
+        self._write(self._inputs, control._asdict())
 
-    def _write_road(self, instance: FmuInstance) -> None:
-        if self._road is None:
-            return
-        road = self._road._asdict()
-        for kind, links in self._road_groups.items():
-            values = [link.gain * road[link.field] + link.bias for link in links]
-            instance.write(kind, [link.variable.valueReference for link in links], values)
-        self._road = None
-
-    def _read(self, instance: FmuInstance, groups: _Groups) -> None:
+    def _write(self, groups: _Groups, wanted: Mapping[str, float]) -> None:
         for kind, links in groups.items():
-            values = instance.read(kind, [link.variable.valueReference for link in links])
+            values = [link.gain * wanted[link.field] + link.bias for link in links]
+            references = [link.variable.valueReference for link in links]
+            getattr(self._fmu, f"set{kind}")(references, values)
+
+    def _read(self, groups: _Groups) -> None:
+        for kind, links in groups.items():
+            references = [link.variable.valueReference for link in links]
+            values = getattr(self._fmu, f"get{kind}")(references)
             for link, value in zip(links, values, strict=True):
                 self._values[link.field] = link.gain * value + link.bias
 
+    def _fail(self, reason: str) -> None:
+        self.failure = f"{self.name}: at {self._steps * self._step_s:.3f} s: {reason}"
+
+    def _explain(self, error: Exception) -> str:
+        """The error with the last warnings and errors of the FMU."""
+        return f"{error} ({'; '.join(self._messages)})" if self._messages else str(error)
+
+    def _log(self, *arguments: Any) -> None:
+        """Callback of FMI 2 and FMI 3: both end with (status, category, message)."""
+        status, _, message = arguments[-3:]
+        if status >= _WARNING and message:
+            self._messages.append(message.decode("utf-8", "replace").strip())
+
     def _free(self) -> None:
-        if self._instance is not None:
-            self._instance.close()
-            self._instance = None
+        if self._fmu is not None:
+            with suppress(Exception):
+                if self._is_started:
+                    self._fmu.terminate()
+            self._fmu.freeInstance()
+            self._fmu, self._is_started = None, False
+            self._messages.clear()
 
 
 def open_fmu_plant(
@@ -217,12 +309,8 @@ def open_fmu_plant(
     """
     file = FmuFile(path)
     try:
-        return FmuPlant(
-            file,
-            load_mapping(mapping or path.with_suffix(".toml")),
-            road_friction,
-            friction_right,
-        )
+        described = load_mapping(mapping or path.with_suffix(".toml"))
+        return FmuPlant(file, described, road_friction, friction_right)
     except RtControllerError:
         file.close()
         raise

@@ -3,25 +3,35 @@
 It is TOML, by default beside the FMU under the same name: `car.fmu`, `car.toml`.
 """
 
+from collections import Counter
+from collections.abc import Iterable
+from math import isclose
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, create_model
+from pydantic import BeforeValidator, Field, GetPydanticSchema, TypeAdapter, create_model
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.files import read_text
 from rt_controller.contract.signals import ControlInput
 from rt_controller.mapping.toml_file import parse
+from rt_controller.mapping.units import (
+    Unit,
+    find_unit,
+    require_unit,
+    unit_of_exponents,
+    unit_of_name,
+)
 from sim_bridge.plant.protocol import MOTION_FIELDS, PlantOutputs, RoadAt
+from sim_bridge.toml_file import FileTable
+
+if TYPE_CHECKING:
+    from sim_bridge.adapters.fmu import FmuFile
 
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Channel(_Strict):
+class Channel(FileTable):
     """One variable, and the conversion between its values and those of the contract.
 
     Towards the FMU: variable = sign * scale * contract + offset.
@@ -37,65 +47,41 @@ class Channel(_Strict):
     sign: Literal[1, -1] = 1
 
 
-def _expand_name(raw: object) -> object:
-    return {"variable": raw} if isinstance(raw, str) else raw
-
-
-def _none_if_false(raw: object) -> object:
-    return None if raw is False else raw
-
-
-NamedChannel = Annotated[Channel, BeforeValidator(_expand_name)]
+_Named = Annotated[
+    Channel, BeforeValidator(lambda raw: {"variable": raw} if isinstance(raw, str) else raw)
+]
 """a channel, or only the variable's name"""
-Input = Annotated[NamedChannel | None, BeforeValidator(_none_if_false)]
+_Input = Annotated[_Named | None, BeforeValidator(lambda raw: None if raw is False else raw)]
 """None, `false` in the file: the plant has no such input, and its value is not used"""
 
 
-if TYPE_CHECKING:
-    InputMapping = _Strict
-    OutputMapping = _Strict
-    StartMapping = _Strict
-    RoadMapping = _Strict
-else:
-    _Optional = (NamedChannel | None, None)
-    # All inputs and the motion must be named, further outputs and start values may be.
-    InputMapping = create_model(
-        "InputMapping", __base__=_Strict, **dict.fromkeys(ControlInput._fields, (Input, ...))
+def _channels(
+    optional: Iterable[str] = (), required: Iterable[str] = (), kind: object = _Named
+) -> GetPydanticSchema:
+    """A table with a channel for each of these names."""
+    fields: dict[str, Any] = dict.fromkeys(optional, (_Named | None, None))
+    table = create_model(
+        "Table", __base__=FileTable, **fields | dict.fromkeys(required, (kind, ...))
     )
-    OutputMapping = create_model(
-        "OutputMapping",
-        __base__=_Strict,
-        **dict.fromkeys(MOTION_FIELDS, (NamedChannel, ...)),
-        **dict.fromkeys(PlantOutputs._fields, _Optional),
-    )
-    # With `road_friction_right`, `road_friction` is that under the left wheels.
-    StartMapping = create_model(
-        "StartMapping",
-        __base__=_Strict,
-        **dict.fromkeys(("vx_mps", "road_friction", "road_friction_right"), _Optional),
-    )
-    # What of a road that changes on the way acts on the FMU: inputs or tunable parameters.
-    RoadMapping = create_model(
-        "RoadMapping", __base__=_Strict, **dict.fromkeys(RoadAt._fields, _Optional)
-    )
+    return GetPydanticSchema(lambda _, schema_of: schema_of(table))
 
 
-class FmuMapping(_Strict):
-    """A whole mapping file."""
+class FmuMapping(FileTable):
+    """A whole mapping file; its tables have a `Channel` or None by the name of each field."""
 
     communication_step_s: Annotated[_Finite, Field(ge=1e-5, le=1.0)]
-    """time between two exchanges of values; usually a part of the control period, see `FmuClock`"""
-    inputs: InputMapping
-    outputs: OutputMapping
-    start: StartMapping = StartMapping()
-    """parameters of the FMU that a run sets; the others keep the values of the FMU"""
-    road: RoadMapping = RoadMapping()
+    """time between two exchanges of values; usually a part of the control period"""
+    inputs: Annotated[FileTable, _channels(required=ControlInput._fields, kind=_Input)]
+    outputs: Annotated[FileTable, _channels(PlantOutputs._fields, MOTION_FIELDS)]
+    start: Annotated[FileTable, _channels(("vx_mps", "road_friction", "road_friction_right"))] = (
+        FileTable()
+    )
+    """parameters of the FMU that a run sets; the others keep the values of the FMU. With
+    `road_friction_right`, `road_friction` is that under the left wheels"""
+    road: Annotated[FileTable, _channels(RoadAt._fields)] = FileTable()
     """inputs or tunable parameters that follow the road in every period"""
-    parameters: dict[str, bool | int | float | str] = {}
+    parameters: dict[str, bool | int | float | str] = Field(default_factory=dict)
     """start values of further variables, by name, in the FMU's own units"""
-
-
-_SCHEMA = TypeAdapter(FmuMapping)
 
 
 def load_mapping(path: Path) -> FmuMapping:
@@ -111,4 +97,153 @@ def load_mapping(path: Path) -> FmuMapping:
             f"{path}: expected the mapping from the FMU's variables to the contract, found an "
             f"error: {error}. Write one (docs/plants.md shows how) or name it in `plant_mapping`."
         ) from error
-    return parse(text, _SCHEMA, str(path))
+    return parse(text, TypeAdapter(FmuMapping), str(path))
+
+
+class Link(NamedTuple):
+    """A channel with its variable in the FMU: target = gain * source + bias."""
+
+    field: str
+    variable: Any
+    gain: float
+    bias: float
+
+
+class Links(NamedTuple):
+    """A mapping with the variables of an FMU; `parameters` with their start values."""
+
+    inputs: list[Link]
+    outputs: list[Link]
+    start: list[Link]
+    road: list[Link]
+    parameters: list[tuple[Any, bool | int | float | str]]
+
+
+def resolve_links(file: "FmuFile", mapping: FmuMapping) -> Links:
+    """The mapping with the FMU's variables.
+
+    Raises:
+        ConfigError: variables are missing, cannot be set, have a unit of another quantity, or are
+            named for two inputs; or the communication step does not fit. All of it is listed.
+    """
+    links, problems = Links([], [], [], [], []), list[str]()
+    channels = [
+        (k, *each) for k in ("inputs", "outputs", "start", "road") for each in getattr(mapping, k)
+    ]
+    for name in mapping.parameters:
+        channels.append(("parameters", f"parameters.{name}", Channel(variable=name)))
+    for table, field, channel in channels:
+        if channel is None:
+            continue
+        try:
+            variable = file.variable(channel.variable)
+            if table != "outputs":
+                _require_settable(file, table, field, variable)
+            if table == "parameters":
+                links.parameters.append((variable, mapping.parameters[variable.name]))
+            else:
+                getattr(links, table).append(
+                    _link(file, table == "outputs", field, channel, variable)
+                )
+        except ConfigError as error:
+            problems.append(str(error))
+    driven = Counter(link.variable.name for link in (*links.inputs, *links.road))
+    problems += [
+        f"{file.path.name}: expected a variable of its own for each input, found {name!r} twice. "
+        f"One would overwrite the other; correct the mapping file."
+        for name, number in driven.items()
+        if number > 1
+    ]
+    step_s = mapping.communication_step_s
+    own_s = float(getattr(file.description.coSimulation, "fixedInternalStepSize", None) or step_s)
+    if round(step_s / own_s) < 1 or abs(step_s / own_s - round(step_s / own_s)) > 1e-6:
+        problems.append(
+            f"{file.path.name}: communication_step_s: expected a multiple of the FMU's own step of "
+            f"{own_s:g} s, found {step_s:g} s. Write communication_step_s = {own_s:g} in the "
+            f"mapping file; it need not be a part of the control period."
+        )
+    if problems:
+        raise ConfigError("\n".join(problems))
+    return links
+
+
+def _require_settable(file: "FmuFile", table: str, field: str, variable: Any) -> None:
+    """Return if a variable may be set: of inputs and road in every period, else before a run.
+
+    Raises:
+        ConfigError: it may not.
+    """
+    causality, variability = variable.causality, variable.variability
+    found, remedy = f"which is {causality}", "Name another in the mapping file"
+    if table in ("inputs", "road"):
+        if causality == "input" or (causality, variability) == ("parameter", "tunable"):
+            return
+        expected = "an input or a tunable parameter"
+        if causality == "parameter":
+            found = f"a {variability} parameter: it has one value for a whole run"
+            remedy = "Name it under [parameters] in the mapping file"
+        remedy += f"; {field} = false says that the FMU has no such input"
+    else:
+        is_given = causality in ("parameter", "input") or (
+            variable.initial in ("exact", "approx") and causality in ("local", "output")
+        )
+        if is_given and variability != "constant":
+            return
+        expected = "a parameter or a variable with a start value"
+        is_constant = variability == "constant" or causality == "structuralParameter"
+        found += ", constant in this FMU" if is_constant else ", computed by the FMU"
+    raise ConfigError(
+        f"{file.path.name}: {field}: expected {expected}, found {variable.name!r}, {found}. "
+        f"{remedy}."
+    )
+
+
+def _link(file: "FmuFile", is_output: bool, field: str, channel: Channel, variable: Any) -> Link:
+    where = f"{file.path.name}: {field}: expected"
+    if variable.type not in ("Real", "Float64", "Float32") or variable.dimensions:
+        raise ConfigError(
+            f"{where} a scalar of real numbers, found {variable.name!r} of type "
+            f"{variable.type}{list(variable.shape or ())}. Name another in the mapping file."
+        )
+    # The unit of the mapping, else that of the FMU, else that of the signal.
+    signal_name = unit_of_name(field) or "1"
+    declared = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
+    known = _declared_unit(file, declared) if declared else None
+    named = channel.unit or declared or signal_name
+    place = f"{file.path.name}: {field}: {variable.name!r}"
+    unit = require_unit(named, place) if channel.unit or known is None else known
+    signal = require_unit(signal_name, field)
+    # Tools write rounded factors.
+    if (
+        known != unit
+        and known is not None
+        and not (
+            known.quantity == unit.quantity and isclose(known.factor, unit.factor, rel_tol=1e-4)
+        )
+    ):
+        raise ConfigError(
+            f"{where} the FMU's own unit {declared!r}, found {channel.unit!r} in the mapping file. "
+            f"Leave the unit out or correct it; a factor belongs into scale."
+        )
+    if unit.quantity != signal.quantity and channel.scale is None:
+        raise ConfigError(
+            f"{where} {variable.name!r} to measure {signal.quantity}, found {unit.quantity}. Give "
+            f"with scale how much {unit.quantity} is one unit of {signal.quantity}, both in SI."
+        )
+    scale = channel.sign * (channel.scale or 1.0)
+    if is_output:
+        bias = (channel.offset + scale * unit.offset) / signal.factor
+        return Link(field, variable, scale * unit.factor / signal.factor, bias)
+    bias = (channel.offset - unit.offset) / unit.factor
+    return Link(field, variable, scale * signal.factor / unit.factor, bias)
+
+
+def _declared_unit(file: "FmuFile", declared: str) -> Unit | None:
+    """The unit from the base units in the model description, else from its name."""
+    for definition in file.description.unitDefinitions:
+        base = definition.baseUnit
+        if definition.name == declared and base is not None:
+            if base.A or base.K or base.mol or base.cd or base.offset:
+                return None
+            return unit_of_exponents(base.kg, base.m, base.s, base.rad, base.factor)
+    return find_unit(declared)

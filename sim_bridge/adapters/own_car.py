@@ -1,5 +1,7 @@
 """`OwnCar`: the project's own car model as a plant."""
 
+from operator import attrgetter
+
 import numpy as np
 
 from rt_controller.contract.arrays import Array
@@ -19,10 +21,12 @@ from sim_bridge.plant.parts import RoadParameters
 from sim_bridge.plant.protocol import PlantOutputs, RoadAt
 from sim_bridge.plant.states import AT
 
+_GROUND = attrgetter(*RoadParameters._fields)
+
 
 def ground_at(road: RoadAt) -> RoadParameters:
     """What the own car takes of a road."""
-    return RoadParameters(*(getattr(road, name) for name in RoadParameters._fields))
+    return RoadParameters(*_GROUND(road))
 
 
 class OwnCar:
@@ -35,7 +39,7 @@ class OwnCar:
         self.name = name
         self.failure: str | None = None
         self.parameters = parameters
-        self._first_road = parameters.road
+        self._first_ground = parameters.road
         self._record = car_record(parameters)
         self._state = np.empty(0)
         self._motion = np.empty((STEPS_PER_PERIOD, 3))
@@ -44,7 +48,7 @@ class OwnCar:
 
     def reset(self, v0_mps: float) -> Array:
         """(vx_mps, vy_mps, yaw_rate_radps) of the car settled on the road of its construction."""
-        self._drive_on(self._first_road)
+        self._drive_on(self._first_ground)
         self._state = settle(v0_mps, self.parameters)
         self._input = NEUTRAL_INPUT
         return self._state[[AT.vx_mps, AT.vy_mps, AT.yaw_rate_radps]]

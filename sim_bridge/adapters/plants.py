@@ -27,7 +27,16 @@ def open_plant(
         ConfigError: there is no such file or vehicle, or an option does not apply to the plant.
     """
     kind, _, what = settings.plant.partition(":")
-    _require_options_apply(settings, kind)
+    for setting, value, owners in (
+        ("plant_mapping", settings.plant_mapping, (FMU,)),
+        ("car", settings.car, (OWN,)),
+        ("friction_right", settings.friction_right, (OWN, FMU)),
+    ):
+        if value is not None and kind not in owners:
+            raise ConfigError(
+                f"`{setting}`: expected `plant` {' or '.join(owners)}, found {settings.plant}. "
+                f"It does not apply to that plant; leave it out."
+            )
     if payload.mass_kg > 0.0 and kind != OWN:
         raise ConfigError(
             f"payload: expected --plant {OWN} for a scenario with a payload, found --plant "
@@ -38,14 +47,11 @@ def open_plant(
         from sim_bridge.adapters.fmu import open_fmu_plant
 
         fmu = open_fmu_plant(Path(what), settings.plant_mapping, friction, settings.friction_right)
-        for setting, value, field in (
-            ("friction", settings.friction, "road_friction"),
-            ("friction_right", settings.friction_right, "road_friction_right"),
-        ):
-            if value is not None and not fmu.takes(field):
+        for setting in ("friction", "friction_right"):
+            if getattr(settings, setting) is not None and f"road_{setting}" not in fmu.start_fields:
                 fmu.close()
                 raise ConfigError(
-                    f"`{setting}`: expected an FMU whose mapping names start.{field}, found "
+                    f"`{setting}`: expected an FMU whose mapping names start.road_{setting}, found "
                     f"{settings.plant} without. Leave it out: the FMU has its own road."
                 )
         return fmu
@@ -65,20 +71,5 @@ def open_plant(
     car = settings.car or DEFAULT_CAR
     parameters = cars.with_payload(cars.load_parameters(car), payload)
     if start is not None:
-        parameters = cars.with_road(parameters, ground_at(start))
-    else:
-        parameters = cars.with_road_friction(parameters, friction, settings.friction_right)
-    return OwnCar(parameters, car)
-
-
-def _require_options_apply(settings: CarSettings, kind: str) -> None:
-    for setting, value, owners in (
-        ("plant_mapping", settings.plant_mapping, (FMU,)),
-        ("car", settings.car, (OWN,)),
-        ("friction_right", settings.friction_right, (OWN, FMU)),
-    ):
-        if value is not None and kind not in owners:
-            raise ConfigError(
-                f"`{setting}`: expected `plant` {' or '.join(owners)}, found {settings.plant}. "
-                f"It does not apply to that plant; leave it out."
-            )
+        return OwnCar(cars.with_road(parameters, ground_at(start)), car)
+    return OwnCar(cars.with_road_friction(parameters, friction, settings.friction_right), car)

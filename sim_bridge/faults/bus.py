@@ -17,13 +17,13 @@ from rt_controller.bus.message import Node
 from rt_controller.contract.signals import ControlInput
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.faults.fault import Fault
-from sim_bridge.faults.kinds import ORDER, THIRD_PARTICIPANT, FrameFault, Sample
-from sim_bridge.faults.names import ACTUATOR, VALID, known_frames, signal_named
+from sim_bridge.faults.kinds import FRAME_KINDS, ORDER, THIRD_PARTICIPANT, FrameFault, Sample
+from sim_bridge.faults.names import ACTUATOR, FRAMES, SIGNALS, VALID
 
 CODECS = {codec.name: codec for message in CATALOGUE.messages for codec in message.codecs}
 """of all frames, by name"""
 _CODEC_OF_ID = {codec.arbitration_id: codec for codec in CODECS.values()}
-SMALLEST_EXTENDED_ID = 0x800
+LARGEST_STANDARD_ID = 0x7FF
 
 
 class FaultyBus:
@@ -42,10 +42,19 @@ class FaultyBus:
         self._recorder = recorder
         self._tick = 0
         self._now_ns = 0
-        frames = {target.frame for fault in faults for target in fault.targets}
-        self._distortions = {name: _distortions(faults, name) for name in frames}
-        self._outgoing, self._incoming = _Line(faults, 0), _Line(faults, 1)
-        self._third = _ThirdParticipant(faults)
+        ordered = sorted(faults, key=lambda fault: (ORDER[fault.kind], fault.delay_ticks))
+        self._distortions = {
+            name: [
+                _Distortion(fault, name)
+                for fault in ordered
+                if name in {t.frame for t in fault.targets}
+            ]
+            for name in {target.frame for fault in faults for target in fault.targets}
+        }
+        self._outgoing, self._incoming = _stages(faults, 0), _stages(faults, 1)
+        self._third = [_ThirdParticipant(f) for f in faults if f.kind == THIRD_PARTICIPANT]
+        self._genuine: dict[int, bytes] = {}
+        """the last frame of each id"""
         self._arrived: deque[can.Message] = deque()
         self._foreign: deque[can.Message] = deque()
         self._has_read_all = True
@@ -53,13 +62,13 @@ class FaultyBus:
     def begin_reading(self, tick: int) -> None:
         """Before the vehicle reads in a tick of the drive."""
         self._tick = tick
-        self._arrived.extend(self._incoming.released(tick))
+        self._arrived.extend(_released(self._incoming, tick))
         self._has_read_all = False
 
     def begin_sending(self, tick: int, now_ns: int) -> None:
         """Before the vehicle sends its frames of a tick of the drive, at `now_ns`."""
         self._tick, self._now_ns = tick, now_ns
-        for frame in self._outgoing.released(tick):
+        for frame in _released(self._outgoing, tick):
             with suppress(Exception):  # each backend raises its own type
                 self._send(frame, 0)
 
@@ -69,8 +78,7 @@ class FaultyBus:
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a frame of the vehicle, as the faults change it."""
-        self._third.observe(msg)
-        for arrived in self._outgoing.passed(self._changed(msg), self._tick):
+        for arrived in self._through(self._outgoing, msg):
             self._send(arrived, timeout)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
@@ -82,40 +90,39 @@ class FaultyBus:
                     self._has_read_all = True
                     self._add_foreign(Node.CONTROLLER)
                 return self._foreign.popleft() if self._foreign else None
-            self._third.observe(frame)
-            self._arrived.extend(self._incoming.passed(self._changed(frame), self._tick))
+            self._arrived.extend(self._through(self._incoming, frame))
         return self._arrived.popleft()
 
     def actuated(self, commanded: ControlInput, tick: int) -> ControlInput:
         """What the actuators do in a tick of the drive; pedals stay within their travel."""
-        if ACTUATOR not in self._distortions:
-            return commanded
-        values = list(commanded)
-        for each in self._distortions[ACTUATOR]:
-            each.apply(values, commanded, tick)
-        throttle, brake_n, steer_rad = values
+        throttle, brake_n, steer_rad = self._distorted(ACTUATOR, commanded, tick)
         return ControlInput(min(max(throttle, 0.0), 1.0), max(brake_n, 0.0), steer_rad)
 
-    def _changed(self, frame: can.Message) -> can.Message:
-        """A copy of the frame with other values and a valid CRC, if a fault changes them."""
+    def _distorted(self, frame: str, original: Sequence[float], tick: int) -> list[float]:
+        values = list(original)
+        for each in self._distortions.get(frame, ()):
+            each.apply(values, original, tick)
+        return values
+
+    def _through(self, stages: list[FrameFault], frame: can.Message) -> list[can.Message]:
+        """What arrives in place of a frame; changed values are sent with a valid CRC."""
+        self._genuine[frame.arbitration_id] = bytes(frame.data)
         changed = copy(frame)
         changed.data = bytearray(frame.data)
         codec = _CODEC_OF_ID.get(frame.arbitration_id)
         if codec is not None and codec.name in self._distortions:
             original = _read(codec, frame.data)
-            values = list(original)
-            for each in self._distortions[codec.name]:
-                each.apply(values, original, self._tick)
+            values = self._distorted(codec.name, original, self._tick)
             if values != original:
                 changed.data = bytearray(_write(codec, values, codec.counter_of(frame.data)))
-        return changed
+        return _passed(stages, [changed], self._tick)
 
     def _add_foreign(self, sender: Node) -> None:
-        foreign = self._third.frames(self._tick, sender)
-        self._foreign.extend(foreign)
-        for frame in foreign:
-            with suppress(Exception):
-                self._bus.send(frame, 0)
+        for each in self._third:
+            for frame in each.frames(self._tick, sender, self._genuine):
+                self._foreign.append(frame)
+                with suppress(Exception):
+                    self._bus.send(frame, 0)
 
     def _send(self, frame: can.Message, timeout: float | None) -> None:
         self._bus.send(frame, timeout)
@@ -126,48 +133,32 @@ class FaultyBus:
 class _Distortion:
     """Changes some values of a vector in the periods in which its fault acts."""
 
-    def __init__(self, fault: Fault, places: Sequence[int], stream: int) -> None:
-        """Distort the values at `places`; `stream` separates the noise of several vectors."""
+    def __init__(self, fault: Fault, frame: str) -> None:
+        """Distort the values of one frame, or of the actuators."""
+        names = FRAMES[frame].values
         self._fault = fault
-        self._places = places
-        self._rng = np.random.default_rng((fault.seed, stream))
+        self._places = [names.index(t.signal) for t in fault.targets if t.frame == frame]
+        self._rng = np.random.default_rng((fault.seed, sorted(FRAMES).index(frame)))
         self._history: deque[tuple[float, ...]] = deque(maxlen=fault.delay_ticks + 1)
         self._held: tuple[float, ...] | None = None
         self._last: tuple[float, ...] | None = None
         """the values that were left last"""
 
     def apply(self, values: list[float], original: Sequence[float], tick: int) -> None:
-        """Change `values` in place, once for each vector that is sent.
-
-        Args:
-            values: as earlier faults left them.
-            original: the same vector before all faults.
-            tick: of the drive.
-        """
+        """Change `values`, as earlier faults left them, in place; once for each vector sent."""
+        fault, before = self._fault, tuple(values)
         self._history.append(tuple(original))
-        before = tuple(values)
-        self._held = (self._held or before) if self._fault.acts(tick) else None
-        if self._held is not None and self._fault.rules.change is not None:
-            last, periods = self._last or before, tick - self._fault.ticks.start + 1
+        self._held = (self._held or before) if fault.acts(tick) else None
+        if self._held is not None and fault.rules.change is not None:
+            late, last = self._history[0], self._last or before
+            periods = tick - fault.ticks.start + 1
             for i in self._places:
                 held = self._held[i]
-                amount = held if self._fault.amount is None else self._fault.amount
-                late = self._history[0][i]
-                values[i] = self._fault.rules.change(
-                    Sample(values[i], amount, held, late, last[i], periods, self._rng)
+                amount = held if fault.value is None else fault.value
+                values[i] = fault.rules.change(
+                    Sample(values[i], amount, held, late[i], last[i], periods, self._rng)
                 )
         self._last = tuple(values)
-
-
-def _distortions(faults: Sequence[Fault], frame: str) -> list[_Distortion]:
-    """The faults of the signals of one frame, or of the actuators, in the order of their kinds."""
-    names = known_frames()[frame].values
-    stream = sorted(known_frames()).index(frame)
-    placed = (
-        (fault, [names.index(each.signal) for each in fault.targets if each.frame == frame])
-        for fault in sorted(faults, key=lambda fault: (ORDER[fault.base], fault.delay_ticks))
-    )
-    return [_Distortion(fault, places, stream) for fault, places in placed if places]
 
 
 def _read(codec: FrameCodec, data: bytes | bytearray) -> list[float]:
@@ -178,101 +169,81 @@ def _read(codec: FrameCodec, data: bytes | bytearray) -> list[float]:
 def _write(codec: FrameCodec, values: Sequence[float], counter: int) -> bytes:
     """The frame with these values, its CRC correct; the flag is Valid or a part of the content."""
     flag, *rest = values
-    if known_frames()[codec.name].flag == VALID:
+    if FRAMES[codec.name].values[0] == VALID:
         return codec.write(tuple(rest), counter, is_valid=flag > 0.0)
     flags = min(max(round(flag), 0), codec.protection.largest_flags)
     return codec.write((flags, *rest), counter)
 
 
-class _Line:
-    """The way of the frames in one direction, through all faults of whole frames."""
+def _stages(faults: Sequence[Fault], direction: int) -> list[FrameFault]:
+    """The faults of whole frames in one direction, in the order in which frames pass them."""
+    chosen = [(ORDER[f.kind], f) for f in faults if f.kind in FRAME_KINDS]
+    # A third participant may replace the genuine frames.
+    chosen += [(ORDER["drop"], f) for f in faults if f.kind == THIRD_PARTICIPANT and f.replaces]
+    chosen.sort(key=itemgetter(0))
+    return [FrameFault(fault, 2 * k + direction) for k, (_, fault) in enumerate(chosen)]
 
-    def __init__(self, faults: Sequence[Fault], direction: int) -> None:
-        chosen = [
-            (ORDER[fault.base], fault.rules.frames, fault) for fault in faults if fault.rules.frames
-        ]
-        chosen += [  # a third participant that replaces the genuine frames
-            (ORDER["drop"], FrameFault, fault)
-            for fault in faults
-            if fault.base == THIRD_PARTICIPANT and fault.replaces
-        ]
-        chosen.sort(key=itemgetter(0))
-        self._stages = [
-            stage(fault, 2 * k + direction) for k, (_, stage, fault) in enumerate(chosen)
-        ]
 
-    def passed(self, frame: can.Message, tick: int) -> list[can.Message]:
-        """What arrives now in place of a frame that was sent in this tick."""
-        return self._through([frame], 0, tick)
+def _passed(
+    stages: Sequence[FrameFault], frames: list[can.Message], tick: int
+) -> list[can.Message]:
+    """What arrives now in place of frames that were sent in this tick."""
+    for stage in stages:
+        frames = [arrived for frame in frames for arrived in stage.passed(frame, tick)]
+    return frames
 
-    def released(self, tick: int) -> list[can.Message]:
-        """What was held back until this tick; call once per tick, before its frames."""
-        found: list[can.Message] = []
-        for k, stage in enumerate(self._stages):
-            found += self._through(stage.released(tick), k + 1, tick)
-        return found
 
-    def _through(self, frames: list[can.Message], first: int, tick: int) -> list[can.Message]:
-        for stage in self._stages[first:]:
-            frames = [arrived for frame in frames for arrived in stage.passed(frame, tick)]
-        return frames
+def _released(stages: Sequence[FrameFault], tick: int) -> list[can.Message]:
+    """What was held back until this tick; call once per tick, before its frames."""
+    found: list[can.Message] = []
+    for k, stage in enumerate(stages):
+        found += _passed(stages[k + 1 :], stage.released(tick), tick)
+    return found
 
 
 class _ThirdParticipant:
     """Sends frames of the catalogue, correct in form, from a wrong sender."""
 
-    def __init__(self, faults: Sequence[Fault]) -> None:
-        self._faults = [fault for fault in faults if fault.base == THIRD_PARTICIPANT]
-        self._sent: Counter[tuple[int, str]] = Counter()
-        self._genuine: dict[int, bytes] = {}
+    def __init__(self, fault: Fault) -> None:
+        self._fault = fault
+        self._sent: Counter[str] = Counter()
 
-    def observe(self, frame: can.Message) -> None:
-        """Note a genuine frame: other signals and the counter are taken from it."""
-        if self._faults:
-            self._genuine[frame.arbitration_id] = bytes(frame.data)
-
-    def frames(self, tick: int, sender: Node) -> list[can.Message]:
+    def frames(self, tick: int, sender: Node, genuine: dict[int, bytes]) -> list[can.Message]:
         """What it sends in this tick in place of a node, after that node.
 
-        A frame that is not in the DBC is sent after those of the vehicle.
+        Other signals and the counter are taken from the last genuine frame of the same id. A frame
+        that is not in the DBC is sent after those of the vehicle.
         """
+        fault = self._fault
+        period = max(round(fault.period_s / PERIOD_S), 1)
+        if not fault.acts(tick) or (tick - fault.ticks.start) % period != 0:
+            return []
         found = []
-        for k, fault in enumerate(self._faults):
-            period = max(round(fault.period_s / PERIOD_S), 1)
-            is_due = fault.acts(tick) and (tick - fault.ticks.start) % period == 0
-            names = [name for name in fault.frames if CODECS[name].sender == sender]
-            is_raw = fault.frame_id is not None and sender == Node.VEHICLE
-            for _ in range(fault.count if is_due and (names or is_raw) else 0):
-                if fault.frame_id is not None:
-                    found.append(_frame(fault.frame_id, bytes.fromhex(fault.data)))
-                sent = self._sent[k, sender]
-                found += [
-                    _frame(CODECS[name].arbitration_id, self._data(fault, CODECS[name], sent))
-                    for name in names
-                ]
-                self._sent[k, sender] += 1
+        codecs = [CODECS[name] for name in fault.frames if CODECS[name].sender == sender]
+        for _ in range(fault.count):
+            if fault.frame_id is not None and sender == Node.VEHICLE:
+                found.append(_frame(fault.frame_id, fault.data))
+            for codec in codecs:
+                data = self._data(codec, genuine.get(codec.arbitration_id), self._sent[sender])
+                found.append(_frame(codec.arbitration_id, data))
+            self._sent[sender] += 1
         return found
 
-    def _data(self, fault: Fault, codec: FrameCodec, sent: int) -> bytes:
-        names = known_frames()[codec.name].values
+    def _data(self, codec: FrameCodec, genuine: bytes | None, sent: int) -> bytes:
+        fault, names = self._fault, FRAMES[codec.name].values
         values, counter = [float(IS_VALID), *[0.0] * (len(names) - 1)], sent
-        if genuine := self._genuine.get(codec.arbitration_id):
+        if genuine is not None:
             values = _read(codec, genuine)
             if fault.counter != "own":
                 ahead = 0 if fault.counter == "same" else 1 + sent % fault.count
                 counter = codec.counter_of(genuine) + ahead
         for name, value in fault.values.items():
-            target = signal_named(name)
+            target = SIGNALS[name]
             if target.frame == codec.name:
                 values[names.index(target.signal)] = value
         return _write(codec, values, counter)
 
 
 def _frame(number: int, data: bytes) -> can.Message:
-    return can.Message(
-        arbitration_id=number,
-        is_extended_id=number >= SMALLEST_EXTENDED_ID,
-        data=data,
-        is_fd=len(data) > 8,
-        is_rx=False,
-    )
+    kind = {"is_extended_id": number > LARGEST_STANDARD_ID, "is_fd": len(data) > 8}
+    return can.Message(arbitration_id=number, data=data, is_rx=False, **kind)

@@ -1,14 +1,14 @@
 """Names that a fault may use: frames and signals of the DBC, groups of frames, and actuators.
 
-The names come from `messages.dbc`; this module reads nothing else of it, so that a scenario can be
-checked without the bus.
+Only names are read from `messages.dbc`, so that a scenario can be checked without the bus.
 """
 
-import re
+from collections import Counter
 from collections.abc import Mapping
-from functools import cache
 from importlib import resources
 from typing import NamedTuple
+
+from pydantic import AfterValidator
 
 from rt_controller.contract.names import hint
 from rt_controller.contract.signals import (
@@ -23,7 +23,7 @@ ACTUATOR = "ACTUATOR"
 """no frame: what the pedals and the steering wheel of the plant do"""
 VALID = "Valid"
 _FLAGS, _HEADER = (VALID, "Mode"), ("Crc", "Counter", "Cycle")
-GROUPS = {
+_GROUPS = {
     "state": ("STATE_A", "STATE_B", "STATE_C"),
     "reference": ("REF_PATH", "REF_SPEED"),
     "preview": ("REF_CURVATURE_A", "REF_CURVATURE_B"),
@@ -37,20 +37,13 @@ _ALIASES = {
 
 
 class FrameNames(NamedTuple):
-    """A frame of the DBC."""
+    """A frame of the DBC, or the actuators."""
 
     number: int
     """its arbitration id"""
     sender: str
-    flag: str
-    """the signal beside the counter: Valid or Mode"""
-    signals: tuple[str, ...]
-    """without CRC, counter and flag"""
-
-    @property
-    def values(self) -> tuple[str, ...]:
-        """The flag, if there is one, and the signals."""
-        return (self.flag, *self.signals) if self.flag else self.signals
+    values: tuple[str, ...]
+    """the flag beside the counter, Valid or Mode, and the signals"""
 
 
 class SignalName(NamedTuple):
@@ -60,65 +53,46 @@ class SignalName(NamedTuple):
     signal: str
 
 
-@cache
-def known_frames() -> Mapping[str, FrameNames]:
-    """All frames of `messages.dbc` by name, and the actuators."""
+def signals_of(frame: str) -> list[SignalName]:
+    """All of a frame, without CRC, counter and flag."""
+    return [SignalName(frame, name) for name in FRAMES[frame].values if name not in _FLAGS]
+
+
+def name_in(known: Mapping[str, object], expected: str = "") -> AfterValidator:
+    """Refuse all other names; the message says what is `expected` in place of a long list."""
+
+    def check(name: str) -> str:
+        if name not in known:
+            wanted = expected or f"one of {', '.join(known)}"
+            raise ValueError(f"expected {wanted}, found {name!r}{hint(name, known)}")
+        return name
+
+    return AfterValidator(check)
+
+
+def _frames_of_the_dbc() -> dict[str, FrameNames]:
     text = (resources.files("rt_controller.contract") / "messages.dbc").read_text("ascii")
-    frames = {ACTUATOR: FrameNames(-1, "", "", ControlInput._fields)}
-    for block in re.split(r"^BO_ ", text, flags=re.MULTILINE)[1:]:
+    found = {}
+    for block in text.split("\nBO_ ")[1:]:
         head, *lines = block.splitlines()
         number, name, _, sender = head.split()
-        found = [line.split()[1] for line in lines if line.startswith(" SG_ ")]
-        flag = next((each for each in found if each in _FLAGS), "")
-        signals = tuple(each for each in found if each not in (*_HEADER, *_FLAGS))
-        frames[name.rstrip(":")] = FrameNames(int(number), sender, flag, signals)
-    return frames
-
-
-def frames_of(name: str) -> tuple[str, ...]:
-    """The frames that a name stands for: itself, a group, a node, or all.
-
-    Raises:
-        ValueError: no such name.
-    """
-    frames = {each: names.sender for each, names in known_frames().items() if each != ACTUATOR}
-    known: dict[str, tuple[str, ...]] = {"all": tuple(frames)}
-    for node in ("vehicle", "controller"):
-        known[node] = tuple(each for each, sender in frames.items() if sender.lower() == node)
-    known |= GROUPS | {each: (each,) for each in frames}
-    if name not in known:
-        raise ValueError(f"expected one of {', '.join(known)}, found {name!r}{hint(name, known)}")
-    return known[name]
-
-
-@cache
-def _signals_by_name() -> Mapping[str, tuple[SignalName, ...]]:
-    found: dict[str, tuple[SignalName, ...]] = {}
-    for frame, names in known_frames().items():
-        for signal in names.values:
-            entry = SignalName(frame, signal)
-            found[f"{frame}.{signal}"] = (entry,)
-            found[signal] = (*found.get(signal, ()), entry)
-    for group, fields in _ALIASES.items():
-        signals = [(f, s) for f in GROUPS[group] for s in known_frames()[f].signals]
-        found |= {name: (SignalName(*each),) for name, each in zip(fields, signals, strict=False)}
+        names = [line.split()[1] for line in lines if line.startswith(" SG_ ")]
+        values = tuple(each for each in names if each not in _HEADER)
+        found[name.rstrip(":")] = FrameNames(int(number), sender, values)
     return found
 
 
-def signal_named(name: str) -> SignalName:
-    """The signal that a name stands for: VelocityX, STATE_A.VelocityX or vx_mps.
-
-    Raises:
-        ValueError: no such name, or several frames have it.
-    """
-    known = _signals_by_name()
-    found = known.get(name, ())
-    if len(found) > 1:
-        names = ", ".join(".".join(each) for each in found)
-        raise ValueError(f"expected the frame too ({names}), found {name!r}")
-    if not found:
-        raise ValueError(
-            f"expected a signal of messages.dbc, such as VelocityX or STATE_A.VelocityX, or a "
-            f"field of the contract, such as vx_mps, found {name!r}{hint(name, known)}"
-        )
-    return found[0]
+_DBC = _frames_of_the_dbc()
+FRAMES = {ACTUATOR: FrameNames(-1, "", ControlInput._fields)} | _DBC
+MESSAGES = {"all": tuple(_DBC)} | _GROUPS | {name: (name,) for name in _DBC}
+"""frames by what a fault calls them: all, a node, a group, or one frame"""
+for _node in ("VEHICLE", "CONTROLLER"):
+    MESSAGES[_node.lower()] = tuple(name for name in _DBC if _DBC[name].sender == _node)
+_ALL = [SignalName(frame, name) for frame, names in FRAMES.items() for name in names.values]
+_USES = Counter(entry.signal for entry in _ALL)
+SIGNALS = {".".join(entry): entry for entry in _ALL}
+"""by its name, with the frame where several have it, and by the field of the contract"""
+SIGNALS |= {entry.signal: entry for entry in _ALL if _USES[entry.signal] == 1}
+for _group, _fields in _ALIASES.items():
+    _entries = [entry for frame in _GROUPS[_group] for entry in signals_of(frame)]
+    SIGNALS |= dict(zip(_fields, _entries, strict=False))

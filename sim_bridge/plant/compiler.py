@@ -21,6 +21,7 @@ FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-con
 SOURCES = Path(__file__).with_name("c")
 BUILT = Path(__file__).with_name("built")
 """where the compiled car is, in an installation and in a checkout"""
+_LIBRARY_FLAGS = ("-DCAR_LIBRARY",)
 _NAMES = ("cc", "gcc", "clang")
 _TIMEOUT_S = 300.0
 
@@ -82,7 +83,7 @@ def compile_library(
 
 def car_library_name() -> str:
     """File name of the car that is compiled from the present sources for this kind of processor."""
-    digest = hashlib.sha256(" ".join(FLAGS).encode())
+    digest = hashlib.sha256(" ".join(FLAGS + _LIBRARY_FLAGS).encode())
     for file in sorted(SOURCES.iterdir()):
         digest.update(file.read_bytes())
     return f"car-{platform.machine()}-{digest.hexdigest()[:16]}.so"
@@ -98,7 +99,7 @@ def compile_car(folder: Path) -> Path:
     library = folder / car_library_name()
     if not library.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        compile_library(sorted(SOURCES.glob("*.c")), library)
+        compile_library(sorted(SOURCES.glob("*.c")), library, _LIBRARY_FLAGS)
         for other in set(folder.glob(f"car-{platform.machine()}-*.so")) - {library}:
             other.unlink(missing_ok=True)
     return library

@@ -263,6 +263,7 @@ class AntiLockParameters(NamedTuple):
     release_per_s: Positive  # share of the pressure released in a second
     apply_per_s: Positive
     least_speed_mps: Positive  # below it the brakes are not released
+    rear_share: NonNegative  # largest slip of the rear wheels over that of the front wheels
 
 
 class TractionControlParameters(NamedTuple):
@@ -282,7 +283,7 @@ NO_MOTOR = MotorParameters(0.0, _NO_SPEEDS, _NO_PEDALS, _NO_TORQUES, 1.0)
 NO_CONVERTER = ConverterParameters(1.0, 1.0, 1.0, 1.0, 1.0)
 ONE_GEAR = GearboxParameters((1.0,) * 6, (1.0,) * 6, 1.0, 0.0, 1.0, 1e9, 1e9, 1e8, 1e8, 1.0)
 """always in the first gear: no shaft is faster than these shift speeds"""
-NO_ANTI_LOCK = AntiLockParameters(0.0, 1.0, 1.0, 1.0, 1.0)
+NO_ANTI_LOCK = AntiLockParameters(0.0, 1.0, 1.0, 1.0, 1.0, 1.0)
 NO_TRACTION_CONTROL = TractionControlParameters(0.0, 1.0, 1.0, 1.0)
 
 

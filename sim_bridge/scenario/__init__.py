@@ -3,7 +3,7 @@
 A scenario file is TOML (`docs/scenarios.md`); the shipped ones are in `sim_bridge/scenarios/`.
 """
 
-from sim_bridge.scenario.files.loading import load_scenario as load_scenario
-from sim_bridge.scenario.files.loading import parse_scenario as parse_scenario
-from sim_bridge.scenario.files.loading import shipped_scenarios as shipped_scenarios
+from sim_bridge.scenario.loading import load_scenario as load_scenario
+from sim_bridge.scenario.loading import parse_scenario as parse_scenario
+from sim_bridge.scenario.loading import shipped_scenarios as shipped_scenarios
 from sim_bridge.scenario.scenario import Scenario as Scenario

@@ -4,7 +4,7 @@ The scenario is driven once as a point that follows the reference exactly.
 """
 
 from collections.abc import Iterator
-from math import cos, sqrt
+from math import sqrt
 
 import numpy as np
 
@@ -13,14 +13,11 @@ from rt_controller.contract.grip import AHEAD_S, FAR, MOST_LATERAL_MPS2, NEAR
 from rt_controller.contract.physics import GRAVITY_MPS2
 from rt_controller.contract.preview import REACH_S
 from sim_bridge.faults.fault import late_faults
-from sim_bridge.scenario.field_names import FORMAT_2, FieldNames
 from sim_bridge.scenario.lanes import Poses, road_margin_m
-from sim_bridge.scenario.lateral import Moves, overlaps
 from sim_bridge.scenario.limits import KMH_PER_MPS
 from sim_bridge.scenario.metrics import OF_STOPS, SLIDING_MPS
-from sim_bridge.scenario.nominal_drive import GRID_M, NominalDrive, drive_nominally
+from sim_bridge.scenario.nominal_drive import NominalDrive, drive_nominally
 from sim_bridge.scenario.scenario import PREVIEW_MIN_M, Scenario
-from sim_bridge.scenario.source_checks import road_problems, start_problems
 from sim_bridge.scenario.speed_checks import grip_mps2, speed_problems, stop_problems
 
 MAX_SLOPE = 0.5
@@ -31,21 +28,12 @@ LEAST_GAP = 0.5
 """of 1 - curvature * e_y: the car stays on the outer half of the way to the centre of a bend"""
 SLOWEST_OVER_TIME_MPS = 3.0
 """slowest speed with a lateral position over time: its slope against the road is v_y / v_x"""
-FARTHEST_M = 20.0
-"""lateral position that the car may reach before it has turned parallel to the road"""
-_FIT_EVERY = 8
+_FIT_EVERY = 4
 _COURSES = "reference.ey_m of kind iso_3888_1, iso_3888_2"
 
 
-def problems(scenario: Scenario, names: FieldNames = FORMAT_2) -> list[str]:
+def problems(scenario: Scenario) -> list[str]:
     """A line for each reason why the scenario cannot be driven; empty if it can."""
-    if isinstance(scenario.lateral, Moves):
-        found = overlaps(scenario.lateral.moves)
-        if found:
-            return found
-    found = [*road_problems(scenario.road), *start_problems(scenario.start)]
-    if found:
-        return found
     if scenario.start.s_m >= scenario.road.length_m:
         return [
             f"initial.s_m: expected less than the length of the road, "
@@ -56,87 +44,62 @@ def problems(scenario: Scenario, names: FieldNames = FORMAT_2) -> list[str]:
         *late_faults(scenario.faults, scenario.duration_s),
         *_limit_problems(scenario, drive),
         *_pose_problems(scenario),
-        *_lateral_problems(scenario, drive, names),
-        *speed_problems(scenario, drive, names),
-        *stop_problems(scenario, drive, names),
+        *_lateral_problems(scenario, drive),
+        *speed_problems(scenario, drive),
+        *stop_problems(scenario, drive),
     ]
 
 
-def _lateral_problems(scenario: Scenario, drive: NominalDrive, names: FieldNames) -> Iterator[str]:
+def _lateral_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
     s_m, ey_m = drive.s_m, drive.ey_m
     slope = np.gradient(ey_m, s_m)
     bend = np.gradient(slope, s_m)
-    curvature = scenario.road.curvature_per_m(s_m)
-
-    def place(i: int) -> str:
-        return f"at s = {s_m[i]:.1f} m"
-
-    width = scenario.road.width_m
+    curvature, width = scenario.road.curvature_per_m(s_m), scenario.road.width_m
     if width is not None:
         out_m = np.abs(ey_m) + 0.5 * scenario.course.body.width_m - 0.5 * width(s_m)
         i = int(np.argmax(out_m))
         if out_m[i] > 0.0:
             yield (
-                f"{names.path}: expected a car that stays on its road of road.width_m, found "
-                f"{out_m[i]:.2f} m beside it {place(i)}. Widen the road or reduce the move."
+                f"reference.ey_m: expected a car that stays on its road of road.width_m, found "
+                f"{out_m[i]:.2f} m beside it at s = {s_m[i]:.1f} m. Widen the road or reduce the "
+                f"move."
             )
-    if scenario.lateral.is_over_time and (
-        scenario.stops or drive.speed_mps.min() < SLOWEST_OVER_TIME_MPS
-    ):
+    i, k = int(np.argmax(np.abs(slope))), int(np.argmax(curvature * ey_m))
+    is_slow = bool(scenario.stops) or drive.speed_mps.min() < SLOWEST_OVER_TIME_MPS
+    if scenario.lateral.is_over_time and is_slow:
         yield (
-            f"{names.path}: expected a position over s_m where the car is slower than "
+            f"reference.ey_m: expected a position over s_m where the car is slower than "
             f"{SLOWEST_OVER_TIME_MPS:g} m/s, found one over time. Use s_m, or wavelength_m."
         )
-        return
-    shortest = scenario.lateral.shortest_piece()
-    if scenario.lateral.is_over_time:
-        shortest = shortest._replace(length=shortest.length * float(drive.speed_mps.min()))
-    least_m = shortest.parts * GRID_M
-    if shortest.length < least_m:
+    elif abs(slope[i]) > MAX_SLOPE:
         yield (
-            f"{names.path}: expected {shortest.name} of at least {least_m:g} m, found "
-            f"{shortest.length:.3g} m."
+            f"reference.ey_m: expected a slope of at most {MAX_SLOPE}, found {abs(slope[i]):.2f} "
+            f"at s = {s_m[i]:.1f} m. Increase length_m or the distance of the knots."
         )
-        return
-    i = int(np.argmax(np.abs(slope)))
-    if abs(slope[i]) > MAX_SLOPE:
+    elif 1.0 - curvature[k] * ey_m[k] < LEAST_GAP:
         yield (
-            f"{names.path}: expected a slope of at most {MAX_SLOPE}, found {abs(slope[i]):.2f} "
-            f"{place(i)}. Increase length_m or the distance of the knots."
+            f"reference.ey_m: expected at most half of the radius of the bend, found "
+            f"{ey_m[k]:.2f} m with a curvature of {curvature[k]:.3g} 1/m at s = {s_m[k]:.1f} m."
         )
-        return
-    gap = 1.0 - curvature * ey_m
-    i = int(np.argmin(gap))
-    if gap[i] < LEAST_GAP:
-        yield (
-            f"{names.path}: expected at most half of the radius of the bend, found "
-            f"{ey_m[i]:.2f} m with a curvature of {curvature[i]:.3g} 1/m {place(i)}."
-        )
-        return
-    yield from _grip_problems(scenario, drive, names, bend)
-    yield from _fit_problems(scenario, drive, names)
+    else:
+        yield from _grip_problems(scenario, drive, bend)
+        yield from _fit_problems(scenario, drive)
 
 
-def _fit_problems(scenario: Scenario, drive: NominalDrive, names: FieldNames) -> Iterator[str]:
+def _fit_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
     """Cubics that do not fit into the frames, or that the controller refuses."""
     s_m = drive.s_m[::_FIT_EVERY]
-    if not scenario.lateral.is_over_time:
-        knots = np.array(scenario.lateral.knots())
-        s_m = np.append(s_m, knots[(knots >= s_m[0]) & (knots <= s_m[-1])])
     time_s = np.interp(s_m, drive.s_m, drive.time_s)
     speed_mps = np.interp(s_m, drive.s_m, drive.speed_mps)
     signed = scenario.cubics_ahead(s_m, time_s, speed_mps, speed_mps)
     cubics = np.abs(signed)
-    worst = {"c2": cubics[:, 2].max(), "c3": cubics[:, 3].max()}
-    where_m = {"c2": s_m[cubics[:, 2].argmax()], "c3": s_m[cubics[:, 3].argmax()]}
-    for name, largest, unit in (
-        ("c2", LARGEST_C2_PER_M, "1/m"), ("c3", LARGEST_C3_PER_M2, "1/m^2")
-    ):  # fmt: skip
-        if worst[name] > largest:
+    for k, largest, unit in ((2, LARGEST_C2_PER_M, "1/m"), (3, LARGEST_C3_PER_M2, "1/m^2")):
+        i = int(np.argmax(cubics[:, k]))
+        if cubics[i, k] > largest:
             yield (
-                f"{names.path}: expected a path whose cubic over the next "
-                f"{REACH_S:g} s or {PREVIEW_MIN_M:g} m fits the frames, {name} of at most "
-                f"{largest:g} {unit}, found {worst[name]:.3g} at s = {where_m[name]:.1f} m. "
+                f"reference.ey_m: expected a path whose cubic over the next "
+                f"{REACH_S:g} s or {PREVIEW_MIN_M:g} m fits the frames, c{k} of at most "
+                f"{largest:g} {unit}, found {cubics[i, k]:.3g} at s = {s_m[i]:.1f} m. "
                 f"Lengthen the move."
             )
     for share in (NEAR, FAR):
@@ -147,17 +110,15 @@ def _fit_problems(scenario: Scenario, drive: NominalDrive, names: FieldNames) ->
         i = int(np.argmax(needed_mps2))
         if needed_mps2[i] > MOST_LATERAL_MPS2:
             yield (
-                f"{names.path}: expected a path that the controller follows, with a lateral "
+                f"reference.ey_m: expected a path that the controller follows, with a lateral "
                 f"acceleration of at most {MOST_LATERAL_MPS2:g} m/s^2, found "
                 f"{needed_mps2[i]:.1f} m/s^2 at s = {s_m[i]:.1f} m. Lengthen the moves, or lower "
-                f"{names.speed}."
+                f"reference.speed_kmh."
             )
             return
 
 
-def _grip_problems(
-    scenario: Scenario, drive: NominalDrive, names: FieldNames, bend: Array
-) -> Iterator[str]:
+def _grip_problems(scenario: Scenario, drive: NominalDrive, bend: Array) -> Iterator[str]:
     """The place whose lateral acceleration exceeds the grip most; `bend` (n,) is the path's."""
     s_m = drive.s_m
     grip = grip_mps2(scenario.road, s_m)
@@ -176,14 +137,14 @@ def _grip_problems(
     turn = float(bend[i] + curvature[i])
     able_mps2 = grip[i] - np.sign(turn) * gravity_mps2[i]
     possible_kmh = KMH_PER_MPS * sqrt(able_mps2 / abs(turn))
-    field, remedy = names.path, "lengthen the moves, or interpolate with pchip or spline"
+    field, remedy = "reference.ey_m", "lengthen the moves, or interpolate with pchip or spline"
     if abs(curvature[i]) >= abs(bend[i]):
-        field, remedy = names.speed, f"or choose a wider bend in {names.curvature}"
+        field, remedy = "reference.speed_kmh", "or choose a wider bend in road.curvature_per_m"
     yield (
         f"{field}: expected a lateral acceleration below the grip of {grip[i]:.1f} m/s^2, found "
         f"{abs(wanted_mps2[i]):.1f} m/s^2 at {KMH_PER_MPS * drive.speed_mps[i]:.0f} km/h, s = "
         f"{s_m[i]:.1f} m, the bank included. The radius there is {1.0 / abs(turn):.0f} m, on which "
-        f"less than {possible_kmh:.0f} km/h is possible. Lower {names.speed}, {remedy}."
+        f"less than {possible_kmh:.0f} km/h is possible. Lower reference.speed_kmh, {remedy}."
     )
 
 
@@ -197,39 +158,24 @@ def _limit_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
         (("sideslip_peak_rad",), drive.speed_mps.max() > SLIDING_MPS, f"{SLIDING_MPS:g} m/s"),
         (OF_STOPS, bool(scenario.stops), "[[stops]] or another speed with stops"),
     ):
-        for limit in scenario.limits:
-            if limit.metric in names and not applies:
+        for metric in scenario.limits:
+            if metric in names and not applies:
                 yield (
-                    f"limits.{limit.metric}: expected a scenario with {needed}, found none on the "
+                    f"limits.{metric}: expected a scenario with {needed}, found none on the "
                     f"{end_m - scenario.start.s_m:.0f} m of its drive."
                 )
 
 
 def _pose_problems(scenario: Scenario) -> Iterator[str]:
-    """Starts beside the road, or so oblique that the car would leave it."""
+    """Starts beside the road."""
     start, road = scenario.start, scenario.road
-    s_m = np.array([start.s_m])
-    if road.width_m is not None:
-        ey_m, epsi_rad = np.array([start.ey_m]), np.array([start.epsi_rad])
-        pose = Poses(s_m, ey_m, epsi_rad, road.curvature_per_m(s_m))
-        margin_m = road_margin_m(scenario.course.body, pose, road.width_m)
-        if margin_m < 0.0:
-            yield (
-                f"initial.ey_m: expected a car that starts on its road of road.width_m, found a "
-                f"corner {-margin_m:.2f} m beside it. Reduce ey_m or epsi_deg."
-            )
-            return
-    # On a circle of the smallest radius until the car is parallel to the road.
-    radius_m = start.speed_mps**2 / float(grip_mps2(road, s_m)[0])
-    moved_m = radius_m * (1.0 - cos(start.epsi_rad))
-    reached_m = abs(start.ey_m + (moved_m if start.epsi_rad > 0.0 else -moved_m))
-    body_m = 0.5 * scenario.course.body.width_m
-    allowed_m = FARTHEST_M
-    if road.width_m is not None:
-        allowed_m = 0.5 * road.width_m.at(start.s_m) - body_m
-    if moved_m > 0.0 and reached_m > allowed_m:
+    if road.width_m is None:
+        return
+    s_m, ey_m, epsi_rad = np.array([[start.s_m], [start.ey_m], [start.epsi_rad]])
+    pose = Poses(s_m, ey_m, epsi_rad, road.curvature_per_m(s_m))
+    margin_m = road_margin_m(scenario.course.body, pose, road.width_m)
+    if margin_m < 0.0:
         yield (
-            f"initial.epsi_deg: expected a heading from which the car becomes parallel to the road "
-            f"within {allowed_m:.1f} m of its middle, found {reached_m:.1f} m at "
-            f"{start.speed_mps * 3.6:.0f} km/h. Reduce it, or initial.speed_kmh."
+            f"initial.ey_m: expected a car that starts on its road of road.width_m, found a "
+            f"corner {-margin_m:.2f} m beside it. Reduce ey_m or epsi_deg."
         )

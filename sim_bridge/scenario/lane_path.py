@@ -7,10 +7,10 @@ limits.
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
+from rt_controller.contract.arrays import Array
 from sim_bridge.scenario.lanes import Body, Lane
 from sim_bridge.scenario.table import Interpolation, Table, through
 
@@ -32,47 +32,35 @@ def smoothest_path(lanes: Sequence[Lane], body: Body, clearance_m: float) -> Tab
         ValueError: the body with its clearance does not fit into the lanes.
     """
     from scipy.optimize import linprog
-    from scipy.sparse import coo_array, eye_array, hstack, vstack
 
     first_m = lanes[0].start_m - LEAD_M
     n = round((lanes[-1].end_m + LEAD_M - first_m) / GRID_M) + 1
     s_m = first_m + GRID_M * np.arange(n)
-
-    rows: list[int] = []
-    columns: list[int] = []
-    entries: list[float] = []
+    half_m = 0.5 * body.width_m + clearance_m
+    unknowns = np.eye(n, n + 2)
+    """the positions, the peak of the curvature and that of its change"""
+    rows: list[Array] = []
     limits: list[float] = []
     for forward_m in np.linspace(-body.rear_m, body.front_m, _SIDE_POINTS):
+        lever = 0.5 * forward_m / GRID_M
         for i in range(1, n - 1):
+            place = unknowns[i] + lever * (unknowns[i + 1] - unknowns[i - 1])
             for lane in lanes:
-                if not lane.start_m <= s_m[i] + forward_m <= lane.end_m:
-                    continue
-                lever = 0.5 * forward_m / GRID_M
-                half_m = 0.5 * body.width_m + clearance_m
-                for sign, edge_m in ((1.0, lane.left_m), (-1.0, -lane.right_m)):
-                    rows += [len(limits)] * 3
-                    columns += [i - 1, i, i + 1]
-                    entries += [-sign * lever, sign, sign * lever]
-                    limits.append(edge_m - half_m)
-    sides = coo_array((entries, (rows, columns)), (len(limits), n + 2)).tocsr()
-
-    bend = _difference(n, (1.0, -2.0, 1.0)) / GRID_M**2
-    change = _difference(n, (-1.0, 3.0, -3.0, 1.0)) / GRID_M**3
-    peaks = []
-    for k, derivative in enumerate((bend, change)):
-        peak = coo_array(
-            (np.ones(derivative.shape[0]), (range(derivative.shape[0]), [k] * derivative.shape[0])),
-            (derivative.shape[0], 2),
-        )
-        peaks += [hstack([derivative, -peak]), hstack([-derivative, -peak])]
-
+                if lane.start_m <= s_m[i] + forward_m <= lane.end_m:
+                    rows += [place, -place]
+                    limits += [lane.left_m - half_m, -lane.right_m - half_m]
+    for order in (2, 3):
+        derivative = np.diff(unknowns, order, axis=0) / GRID_M**order
+        peak = np.zeros(n + 2)
+        peak[n + order - 2] = 1.0
+        rows += [*(derivative - peak), *(-derivative - peak)]
+        limits += [0.0] * (2 * len(derivative))
     middle_m = 0.5 * (lanes[-1].right_m + lanes[-1].left_m)
-    pinned = eye_array(n, n + 2).tocsr()[[0, 1, 2, n - 3, n - 2, n - 1]]
     found = linprog(
         np.concatenate((np.zeros(n), (1.0, CHANGE_WEIGHT_M))),
-        A_ub=vstack([sides, *peaks]).tocsr(),
-        b_ub=np.concatenate((limits, np.zeros(sum(part.shape[0] for part in peaks)))),
-        A_eq=pinned,
+        A_ub=np.array(rows),
+        b_ub=limits,
+        A_eq=unknowns[[0, 1, 2, n - 3, n - 2, n - 1]],
         b_eq=[0.0, 0.0, 0.0, middle_m, middle_m, middle_m],
         bounds=(None, None),
         method="highs",
@@ -83,11 +71,3 @@ def smoothest_path(lanes: Sequence[Lane], body: Body, clearance_m: float) -> Tab
             f"found {clearance_m:g}. Make it smaller."
         )
     return through(s_m.tolist(), found.x[:n].tolist(), Interpolation.SPLINE)
-
-
-def _difference(n: int, weights: Sequence[float]) -> Any:
-    """(n - len(weights) + 1, n) sparse matrix of weighted neighbours."""
-    from scipy.sparse import diags_array
-
-    m = n - len(weights) + 1
-    return diags_array(weights, offsets=range(len(weights)), shape=(m, n))

@@ -5,14 +5,16 @@ curvature, so that the body keeps its shape on a curved road.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from rt_controller.contract.arrays import Array
 from sim_bridge.scenario.table import Table
+from sim_bridge.toml_file import FileTable, Number
 
 CONE_RADIUS_M = 0.14
 """of the base of a cone"""
@@ -21,17 +23,13 @@ _POSES_BETWEEN = 8
 """poses that are checked for each period: 0.1 m apart at 120 km/h"""
 
 
-class Body(NamedTuple):
-    """Outline of the car seen from above: a rectangle around its centre of gravity."""
+class Body(FileTable):
+    """`[body]`: outline of the car from above, a rectangle around its centre of gravity."""
 
-    width_m: float = 1.80
-    front_m: float = 1.90
+    width_m: Annotated[Number, Field(ge=0.5, le=4.0)] = 1.80
+    front_m: Annotated[Number, Field(ge=0.3, le=10.0)] = 1.90
     """from the centre of gravity to the front end"""
-    rear_m: float = 2.45
-    """from the centre of gravity to the rear end"""
-
-
-DEFAULT_BODY = Body()
+    rear_m: Annotated[Number, Field(ge=0.3, le=10.0)] = 2.45
 
 
 class Cone(NamedTuple):
@@ -55,7 +53,7 @@ class Lane(NamedTuple):
 class Course:
     """Cones and lanes of a manoeuvre."""
 
-    body: Body = DEFAULT_BODY
+    body: Body = field(default_factory=Body)
     cones: tuple[Cone, ...] = ()
     lanes: tuple[Lane, ...] = ()
 

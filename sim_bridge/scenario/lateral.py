@@ -1,14 +1,22 @@
-"""The wanted lateral position on the road: moves, tables and sines."""
+"""The wanted lateral position on the road: moves, sines and tables."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import inf, pi
-from typing import NamedTuple, Protocol
+from typing import Annotated, ClassVar, Literal, Protocol, Self
 
 import numpy as np
+from pydantic import Field, model_validator
 
 from rt_controller.contract.arrays import Array
+from sim_bridge.scenario.limits import LARGEST_EY_M
 from sim_bridge.scenario.table import Table
+from sim_bridge.scenario.values import NotNegative
+from sim_bridge.toml_file import FileTable, Number, at_most
+
+NEAREST_KNOTS_M = 0.25
+"""of a path: checks look at it on such a grid"""
+Ey = Annotated[Number, Field(ge=-LARGEST_EY_M, le=LARGEST_EY_M)]
 
 
 class Lateral(Protocol):
@@ -23,60 +31,110 @@ class Lateral(Protocol):
         """The deviation at arc lengths `s_m`, reached at times `time_s`; same shape."""
         ...
 
-    def knots(self) -> list[float]:
-        """Where its law changes: arc lengths or times."""
-        ...
 
-    def shortest_piece(self) -> "Piece":
-        """The shortest part of its law: checks look at the path on a grid."""
-        ...
-
-
-class Piece(NamedTuple):
-    """A part of the law of a lateral position."""
-
-    name: str
-    """what messages call it"""
-    length: float
-    """in m or s"""
-    parts: int = 1
-    """in which the path has to be known"""
-
-
-class Move(NamedTuple):
+class Move(FileTable):
     """A minimum-jerk move, of fifth order in arc length, from the present position to `to_m`."""
 
-    start_m: float
+    start_m: Number
     """arc length at which the move begins"""
-    length_m: float
-    to_m: float
+    length_m: Annotated[Number, Field(ge=NEAREST_KNOTS_M)]
+    to_m: Ey
 
 
-@dataclass(frozen=True, slots=True)
-class Moves:
+class Moves(FileTable):
     """Moves in a row, with zero slope and curvature at both ends of each; they do not overlap."""
 
-    moves: Sequence[Move] = ()
-    is_over_time: bool = False
+    kind: Literal["moves"]
+    moves: Annotated[tuple[Move, ...], at_most(10_000)]
+    is_over_time: ClassVar[bool] = False
+
+    @model_validator(mode="after")
+    def _require_order(self) -> Self:
+        problems, end_m = [], -inf
+        for i, move in enumerate(self.moves):
+            if move.start_m < end_m:
+                problems.append(
+                    f"moves[{i}].start_m: expected at least {end_m:g} (moves must not overlap), "
+                    f"found {move.start_m:g}."
+                )
+            end_m = move.start_m + move.length_m
+        if problems:
+            raise ValueError("\n".join(problems))
+        return self
+
+    @cached_property
+    def columns(self) -> Array:
+        """(3, n) start, length and target of each move."""
+        return np.array([(m.start_m, m.length_m, m.to_m) for m in self.moves]).T
 
     def ey_m(self, s_m: Array, time_s: Array) -> Array:
         """See `Lateral`."""
         if not self.moves:
             return np.zeros_like(s_m)
-        start_m, length_m, to_m = np.array(self.moves).T
+        start_m, length_m, to_m = self.columns
         before_m = np.concatenate(([0.0], to_m[:-1]))
         k = np.maximum(np.searchsorted(start_m, s_m, "right") - 1, 0)
         t = np.clip((s_m - start_m[k]) / length_m[k], 0.0, 1.0)
-        rise = t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
-        return np.asarray(before_m[k] + (to_m[k] - before_m[k]) * rise)
+        return np.asarray(before_m[k] + (to_m[k] - before_m[k]) * _smooth(t))
 
-    def knots(self) -> list[float]:
-        """See `Lateral`."""
-        return [edge for m in self.moves for edge in (m.start_m, m.start_m + m.length_m)]
 
-    def shortest_piece(self) -> Piece:
+class Sine(FileTable):
+    """A sine, by its length over distance or its frequency over time.
+
+    Its amplitude grows from zero over `fade_periods` with zero slope, because a sine that begins
+    at once has a step of heading; it decreases alike before the end.
+    """
+
+    kind: Literal["sine"]
+    amplitude_m: Ey
+    wavelength_m: Annotated[Number, Field(ge=8.0 * NEAREST_KNOTS_M)] | None = None
+    frequency_hz: Annotated[Number, Field(gt=0.0, le=5.0)] | None = None
+    start_s_m: NotNegative | None = None
+    start_t_s: NotNegative | None = None
+    periods: Annotated[Number, Field(ge=1.0)] = inf
+    """number of periods, those of growing and decreasing included; inf: to the end"""
+    fade_periods: Annotated[Number, Field(ge=0.0, le=100.0)] = 1.0
+
+    @model_validator(mode="after")
+    def _require_one_period(self) -> Self:
+        if (self.wavelength_m is None) == (self.frequency_hz is None):
+            raise ValueError("wavelength_m: expected it or frequency_hz, found both or none")
+        right, wrong = "start_s_m with wavelength_m", "start_t_s"
+        if self.is_over_time:
+            right, wrong = "start_t_s with frequency_hz", "start_s_m"
+        if getattr(self, wrong) is not None:
+            raise ValueError(f"{wrong}: expected {right}, found {wrong}")
+        if self.periods < 2.0 * self.fade_periods:
+            raise ValueError(
+                f"periods: expected at least twice fade_periods, {2.0 * self.fade_periods:g}, "
+                f"found {self.periods:g}"
+            )
+        return self
+
+    @property
+    def is_over_time(self) -> bool:
         """See `Lateral`."""
-        return Piece("moves", min((move.length_m for move in self.moves), default=inf))
+        return self.wavelength_m is None
+
+    @property
+    def _start(self) -> float:
+        """Arc length or time of the first zero."""
+        return self.start_s_m or self.start_t_s or 0.0
+
+    @property
+    def _period(self) -> float:
+        """Length in m, or duration in s."""
+        return self.wavelength_m or 1.0 / (self.frequency_hz or 1.0)
+
+    def ey_m(self, s_m: Array, time_s: Array) -> Array:
+        """See `Lateral`."""
+        x = time_s if self.is_over_time else s_m
+        turns = np.clip((x - self._start) / self._period, 0.0, self.periods)
+        grown = np.ones_like(turns)
+        if self.fade_periods > 0.0:
+            rise = np.minimum(turns, self.periods - turns) / self.fade_periods
+            grown = _smooth(np.clip(rise, 0.0, 1.0))
+        return np.asarray(self.amplitude_m * grown * np.sin(2.0 * pi * turns))
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,56 +147,6 @@ class LateralTable:
     def ey_m(self, s_m: Array, time_s: Array) -> Array:
         """See `Lateral`."""
         return self.table(time_s if self.is_over_time else s_m)
-
-    def knots(self) -> list[float]:
-        """See `Lateral`."""
-        return list(self.table.starts.tolist())
-
-    def shortest_piece(self) -> Piece:
-        """See `Lateral`."""
-        return Piece(
-            "distances of the knots", float(np.min(np.diff(self.table.starts), initial=inf))
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class Sine:
-    """A sine over arc length or time.
-
-    Its amplitude grows from zero over `fade_periods` with zero slope, because a sine that begins
-    at once has a step of heading; it decreases alike before the end.
-    """
-
-    amplitude_m: float
-    period: float
-    """length in m, or duration in s"""
-    is_over_time: bool
-    start: float = 0.0
-    """arc length or time of the first zero"""
-    periods: float = inf
-    """number of periods, those of growing and decreasing included"""
-    fade_periods: float = 1.0
-
-    def ey_m(self, s_m: Array, time_s: Array) -> Array:
-        """See `Lateral`."""
-        x = time_s if self.is_over_time else s_m
-        turns = np.clip((x - self.start) / self.period, 0.0, self.periods)
-        grown = np.ones_like(turns)
-        if self.fade_periods > 0.0:
-            rise = np.minimum(turns, self.periods - turns) / self.fade_periods
-            rise = np.clip(rise, 0.0, 1.0)
-            grown = rise**3 * (10.0 - 15.0 * rise + 6.0 * rise**2)
-        return np.asarray(self.amplitude_m * grown * np.sin(2.0 * pi * turns))
-
-    def knots(self) -> list[float]:
-        """See `Lateral`."""
-        last = [] if self.periods == inf else [self.start + self.periods * self.period]
-        return [self.start, *last]
-
-    def shortest_piece(self) -> Piece:
-        """See `Lateral`."""
-        name = "frequency_hz with a wavelength" if self.is_over_time else "wavelength_m"
-        return Piece(name, self.period, 8)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,25 +168,7 @@ class LateralOfDrive:
         """See `Lateral`."""
         return self.over_time.ey_m(s_m, np.interp(s_m, self.s_m, self.time_s))
 
-    def knots(self) -> list[float]:
-        """See `Lateral`."""
-        return [float(s) for s in np.interp(self.over_time.knots(), self.time_s, self.s_m)]
 
-    def shortest_piece(self) -> Piece:
-        """See `Lateral`."""
-        slowest_mps = float(np.min(np.diff(self.s_m) / np.diff(self.time_s)))
-        piece = self.over_time.shortest_piece()
-        return piece._replace(length=piece.length * slowest_mps)
-
-
-def overlaps(moves: Sequence[Move]) -> list[str]:
-    """A line for each move that begins before the end of the one before it."""
-    problems, end_m = [], -inf
-    for i, move in enumerate(moves):
-        if move.start_m < end_m:
-            problems.append(
-                f"moves[{i}].start_m: expected at least {end_m:g} (moves must not overlap), found "
-                f"{move.start_m:g}."
-            )
-        end_m = move.start_m + move.length_m
-    return problems
+def _smooth(t: Array) -> Array:
+    """From 0 to 1 with zero slope and curvature at both ends; `t` is in 0..1."""
+    return np.asarray(t**3 * (10.0 - 15.0 * t + 6.0 * t**2))

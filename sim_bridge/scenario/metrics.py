@@ -1,7 +1,6 @@
 """Figures of a drive, measured at the car, and the limits that they are judged by."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
 from math import inf, nan
 from typing import NamedTuple
 
@@ -60,31 +59,21 @@ OF_STOPS = ("stop_error_m", "creep_m", "hold_steer_rad", "stops_missed")
 HIGHER_IS_BETTER = frozenset({"lane_margin_m", "road_margin_m"})
 
 
-class Limit(NamedTuple):
-    """The worst value of a figure with which a drive passes."""
-
-    metric: str
-    value: float
-
-    def holds(self, metrics: Metrics) -> bool:
-        """True if the drive keeps the limit; a figure that does not apply does not."""
-        found = float(getattr(metrics, self.metric))
-        if self.metric in HIGHER_IS_BETTER:
-            return found >= self.value
-        return found <= self.value
-
-
 def judged(
-    metrics: Metrics, names: Sequence[str], limits: Sequence[Limit]
+    metrics: Metrics, names: Sequence[str], limits: Mapping[str, float]
 ) -> tuple[CarFigure, ...]:
-    """The named figures and those with a limit, in the order of `Metrics`."""
-    limit_of = {limit.metric: limit for limit in limits}
+    """The named figures and those with a limit, in the order of `Metrics`.
+
+    A figure that does not apply keeps no limit.
+    """
     figures = []
-    for name, value in zip(Metrics._fields, metrics, strict=True):
-        limit = limit_of.get(name)
+    for name, value in metrics._asdict().items():
+        limit = limits.get(name)
         if name in names or limit is not None:
-            is_kept = limit is None or limit.holds(metrics)
-            figures.append(CarFigure(name, value, None if limit is None else limit.value, is_kept))
+            is_kept = limit is None or (
+                value >= limit if name in HIGHER_IS_BETTER else value <= limit
+            )
+            figures.append(CarFigure(name, value, limit, is_kept))
     return tuple(figures)
 
 
@@ -107,26 +96,12 @@ class LogRow(NamedTuple):
     """number of the stop where the car is held; -1: none"""
 
 
-@dataclass(slots=True)
-class DriveLog:
-    """The rows of a drive, in memory that grows by doubling."""
-
-    _rows: Array = field(default_factory=lambda: np.empty((1024, len(LogRow._fields))))
-    _count: int = 0
-
-    def add(self, row: LogRow) -> None:
-        """Append one period."""
-        if self._count == len(self._rows):
-            self._rows = np.concatenate((self._rows, np.empty_like(self._rows)))
-        self._rows[self._count] = row
-        self._count += 1
+class DriveLog(list[LogRow]):
+    """The rows of a drive."""
 
     def column(self, name: str) -> Array:
         """(n,) values of one field of `LogRow`."""
-        return self._rows[: self._count, LogRow._fields.index(name)]
-
-    def __len__(self) -> int:
-        return self._count
+        return np.array([getattr(row, name) for row in self], dtype=np.float64)
 
     def ey_error_m(self) -> Array:
         """(n,) lateral deviation from the wanted position."""
@@ -147,8 +122,19 @@ def measure(
     fast = vx > SLIDING_MPS
     slip = np.abs(np.arctan2(log.column("vy_mps")[fast], vx[fast]))
     poses = Poses(log.column("s_m"), ey, epsi, curvature)
-    held = _Held(log, stops)
+    number = log.column("stop")
+    holds = [np.flatnonzero(number == k) for k in range(len(stops))]
+    errors_m = [
+        abs(float(poses.s_m[hold[0]]) - stop.at_s_m) if len(hold) else inf
+        for hold, stop in zip(holds, stops, strict=True)
+    ]
+    missed = float(sum(error_m > STOP_WINDOW_M for error_m in errors_m))
     margin_m = lane_margin_m(course, poses)
+
+    def largest_span(values: Array) -> float:
+        """Largest range over one hold; NaN if there was none."""
+        return max((float(np.ptp(values[hold])) for hold in holds if len(hold)), default=nan)
+
     return Metrics(
         ey_rms_m=rms(ey_error),
         ey_peak_m=peak(ey_error),
@@ -159,38 +145,16 @@ def measure(
         lateral_peak_mps2=peak(vx * log.column("yaw_rate_radps")),
         sideslip_peak_rad=float(slip.max()) if len(slip) else nan,
         steer_peak_rad=peak(log.column("steer_rad")),
-        stop_error_m=held.stop_error_m,
-        creep_m=held.largest_span("s_m"),
-        hold_steer_rad=held.largest_span("steer_rad"),
-        stops_missed=held.missed,
+        stop_error_m=max(errors_m, default=nan),
+        creep_m=largest_span(poses.s_m),
+        hold_steer_rad=largest_span(log.column("steer_rad")),
+        stops_missed=missed if stops else nan,
         cone_hits=float(cone_hits(course, poses)) if course.cones else nan,
         lane_margin_m=nan if margin_m == inf else margin_m,
         road_margin_m=nan
         if road_width_m is None
         else road_margin_m(course.body, poses, road_width_m),
     )
-
-
-class _Held:
-    """The periods in which the car was held at each stop."""
-
-    def __init__(self, log: DriveLog, stops: Sequence[Stop]) -> None:
-        self._log = log
-        number = log.column("stop")
-        self._pieces = [np.flatnonzero(number == k) for k in range(len(stops))]
-        s_m = log.column("s_m")
-        errors_m = [
-            abs(float(s_m[piece[0]]) - stop.at_s_m) if len(piece) else inf
-            for piece, stop in zip(self._pieces, stops, strict=True)
-        ]
-        self.stop_error_m = max(errors_m, default=nan)
-        missed = sum(error_m > STOP_WINDOW_M for error_m in errors_m)
-        self.missed = float(missed) if stops else nan
-
-    def largest_span(self, column: str) -> float:
-        """Largest range of a column over one hold; NaN if there was none."""
-        values = self._log.column(column)
-        return max((float(np.ptp(values[p])) for p in self._pieces if len(p)), default=nan)
 
 
 def rms(values: Array) -> float:

@@ -7,16 +7,14 @@ import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.timing import PERIOD_S
-from sim_bridge.scenario.lateral import LateralOfDrive
+from sim_bridge.scenario.lateral import NEAREST_KNOTS_M, LateralOfDrive
 from sim_bridge.scenario.limits import LONGEST_ROAD_M
 from sim_bridge.scenario.scenario import Scenario
 from sim_bridge.scenario.speed import braking_speed, next_progress
 
-GRID_M = 0.25
+GRID_M = NEAREST_KNOTS_M
 APPROACH_MPS2 = 2.0
 """assumed change of the difference between an initial speed and the wanted one"""
-
-
 _NEAR = 1.0 - 1e-9
 
 

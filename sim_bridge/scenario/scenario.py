@@ -1,9 +1,12 @@
 """`Scenario`: a road, what is wanted along it, and by which figures the drive is judged."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from math import ceil, inf
+from math import ceil, inf, nan, radians
+from typing import Annotated
 
 import numpy as np
+from pydantic import AfterValidator, Field
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.preview import REACH_S, fit_preview
@@ -13,8 +16,13 @@ from sim_bridge.faults.fault import Fault
 from sim_bridge.plant.parts import NO_PAYLOAD, Payload
 from sim_bridge.plant.protocol import RoadAt
 from sim_bridge.scenario.lanes import Course
-from sim_bridge.scenario.lateral import Lateral, Moves
-from sim_bridge.scenario.metrics import Limit
+from sim_bridge.scenario.lateral import Lateral, LateralTable
+from sim_bridge.scenario.limits import (
+    FASTEST_KMH,
+    KMH_PER_MPS,
+    LARGEST_START_EPSI_DEG,
+    LARGEST_START_EY_M,
+)
 from sim_bridge.scenario.road import Road
 from sim_bridge.scenario.speed import (
     STANDING_MPS,
@@ -25,6 +33,8 @@ from sim_bridge.scenario.speed import (
     reference_speed,
 )
 from sim_bridge.scenario.table import Table, constant
+from sim_bridge.scenario.values import NotNegative
+from sim_bridge.toml_file import FileTable, Number
 
 PREVIEW_MIN_M = 4.0
 _CURVATURE_SAMPLES = 33
@@ -39,14 +49,22 @@ _SLOWEST_MPS = 1.0
 """lower limit of the speed that converts distances ahead to times"""
 
 
-@dataclass(frozen=True, slots=True)
-class Start:
-    """The car when the drive begins: settled, driving straight ahead."""
+class Start(FileTable):
+    """`[initial]`: the car when the drive begins, settled and driving straight ahead."""
 
-    speed_mps: float
-    s_m: float = 0.0
-    ey_m: float = 0.0
-    epsi_rad: float = 0.0
+    speed_mps: Annotated[
+        Number,
+        Field(alias="speed_kmh", ge=0.0, le=FASTEST_KMH),
+        AfterValidator(lambda kmh: kmh / KMH_PER_MPS),
+    ] = nan
+    """NaN in a file: the wanted speed"""
+    s_m: NotNegative = 0.0
+    ey_m: Annotated[Number, Field(ge=-LARGEST_START_EY_M, le=LARGEST_START_EY_M)] = 0.0
+    epsi_rad: Annotated[
+        Number,
+        Field(alias="epsi_deg", ge=-LARGEST_START_EPSI_DEG, le=LARGEST_START_EPSI_DEG),
+        AfterValidator(radians),
+    ] = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +77,7 @@ class Scenario:
     start: Start
     road: Road
     speed: SpeedProfile
-    lateral: Lateral = field(default_factory=Moves)
+    lateral: Lateral = field(default_factory=lambda: LateralTable(constant(0.0)))
     stops: tuple[Stop, ...] = ()
     cross_wind_mps: Table = field(default_factory=lambda: constant(0.0))
     """across the road over time, positive towards the left"""
@@ -73,7 +91,8 @@ class Scenario:
     faults: tuple[Fault, ...] = ()
     metrics: tuple[str, ...] = ()
     """names of the figures that the drive is judged by; empty: those with a limit"""
-    limits: tuple[Limit, ...] = ()
+    limits: Mapping[str, float] = field(default_factory=dict)
+    """the worst value of a figure with which a drive passes"""
 
     @property
     def ticks(self) -> int:
@@ -171,11 +190,10 @@ class Scenario:
             return self
         road = self.road
         if friction is not None:
-            road = replace(
-                road, friction_left=constant(friction), friction_right=constant(friction)
-            )
+            both = constant(friction)
+            road = road.model_copy(update={"friction_left": both, "friction_right": both})
         if right is not None:
-            road = replace(road, friction_right=constant(right))
+            road = road.model_copy(update={"friction_right": constant(right)})
         return replace(self, road=road)
 
     def _acceleration_ahead(

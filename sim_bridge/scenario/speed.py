@@ -1,16 +1,60 @@
-"""The wanted speed: a profile over distance or time, and stops with a hold."""
+"""The wanted speed: a profile over distance or time, its kinds, and stops with a hold."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import inf, sqrt
-from typing import NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
-from sim_bridge.scenario.table import Table, constant, through
+import numpy as np
+from pydantic import Field, PrivateAttr
+
+from sim_bridge.scenario.limits import FASTEST_KMH, KMH_PER_MPS, SLOWEST_KMH
+from sim_bridge.scenario.table import Interpolation, Table, constant, through
+from sim_bridge.scenario.values import (
+    Form,
+    NotNegative,
+    OverDistance,
+    OverTime,
+    Positive,
+    require_within,
+)
+from sim_bridge.toml_file import FileTable, Number
 
 STANDING_MPS = 0.1
 """a car below this speed counts as standing at its stop"""
 STOP_WINDOW_M = 0.5
 """a car that stands at most so far from its target has stopped there"""
+_CURVE_GRID_M = 1.0
+_Cruise = Annotated[Number, Field(ge=SLOWEST_KMH, le=FASTEST_KMH)]
+_Acceleration = Annotated[Number, Field(ge=0.1, le=12.0)]
+
+
+class Stop(FileTable):
+    """`[[stops]]`: brake to rest at a place, hold, drive on."""
+
+    at_s_m: NotNegative
+    hold_s: NotNegative = inf
+    """inf: to the end of the drive"""
+    deceleration_mps2: _Acceleration = 2.5
+    acceleration_mps2: _Acceleration = 2.0
+    _entry: str = PrivateAttr("")
+
+    @property
+    def entry(self) -> str:
+        """What a file calls it, such as "stops[0]"; "": it belongs to the speed."""
+        return self._entry
+
+    def field(self, part: str) -> str:
+        """What a file calls a part of it, or the speed that it belongs to."""
+        return f"{self._entry}.{part}" if self._entry else "reference.speed_kmh"
+
+
+def numbered(stops: tuple[Stop, ...]) -> tuple[Stop, ...]:
+    """The stops of a file, which get their names."""
+    for k, stop in enumerate(stops):
+        stop._entry = f"stops[{k}]"
+    return stops
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,6 +64,8 @@ class SpeedProfile:
     table: Table
     """speed in m/s over time, or its square over distance: both are linear between knots"""
     is_over_distance: bool = False
+    stops: tuple[Stop, ...] = ()
+    """that come with it"""
 
     def at(self, s_m: float, time_s: float) -> float:
         """The speed in m/s."""
@@ -38,27 +84,129 @@ class SpeedProfile:
         highest = self.table.highest().value
         return sqrt(max(highest, 0.0)) if self.is_over_distance else highest
 
+    def on_road(self, curvature: Table, end_m: float) -> "SpeedProfile":
+        """The profile itself; see `CurveSpeed.on_road`."""
+        return self
+
 
 def constant_speed(mps: float) -> SpeedProfile:
     """The same speed everywhere."""
     return SpeedProfile(constant(mps))
 
 
-def speed_over_distance(s_m: Sequence[float], mps: Sequence[float]) -> SpeedProfile:
+def speed_over_distance(
+    s_m: Sequence[float], mps: Sequence[float], stops: tuple[Stop, ...] = ()
+) -> SpeedProfile:
     """The profile through knots over arc length, with constant acceleration between them."""
-    return SpeedProfile(through(s_m, [v * v for v in mps]), is_over_distance=True)
+    return SpeedProfile(through(s_m, [v * v for v in mps]), True, stops)
 
 
-class Stop(NamedTuple):
-    """A place to stop at: brake to rest, hold, drive on."""
+class CurveSpeed(FileTable):
+    """The speed that curvature, acceleration and deceleration allow."""
 
-    at_s_m: float
-    hold_s: float = inf
-    """inf: to the end of the drive"""
-    deceleration_mps2: float = 2.5
-    acceleration_mps2: float = 2.0
-    entry: str = ""
-    """what a file calls it, such as "stops[0]"; "": it belongs to the speed"""
+    kind: Literal["curve_speed"]
+    max_kmh: _Cruise
+    lateral_mps2: _Acceleration = 3.0
+    acceleration_mps2: _Acceleration = 1.5
+    deceleration_mps2: _Acceleration = 2.5
+
+    def on_road(
+        self, curvature: Table, end_m: float, fastest_mps: Table | None = None
+    ) -> SpeedProfile:
+        """The fastest speed within its limits: first by curvature, then backwards, then forwards.
+
+        Args:
+            curvature: of the road in 1/m.
+            end_m: arc length up to which it is computed.
+            fastest_mps: speed limit along the road; None: `max_kmh`.
+        """
+        grid_m = _CURVE_GRID_M
+        fastest = fastest_mps or constant(self.max_kmh / KMH_PER_MPS)
+        s_m = np.arange(0.0, end_m + grid_m, grid_m)
+        bends = [np.abs(curvature(s_m + shift)) for shift in (-grid_m, 0, grid_m)]
+        around = np.maximum(np.maximum.reduce(bends), 1e-9)
+        squared = np.minimum(fastest(s_m) ** 2, self.lateral_mps2 / around)
+        gain = 2.0 * grid_m * self.acceleration_mps2
+        loss = 2.0 * grid_m * self.deceleration_mps2
+        for i in range(len(s_m) - 2, -1, -1):
+            squared[i] = min(squared[i], squared[i + 1] + loss)
+        for i in range(1, len(s_m)):
+            squared[i] = min(squared[i], squared[i - 1] + gain)
+        return speed_over_distance(s_m.tolist(), np.sqrt(squared).tolist())
+
+
+class StopAndGo(FileTable):
+    """Equal distances between stops."""
+
+    kind: Literal["stop_and_go"]
+    cruise_kmh: _Cruise
+    first_stop_s_m: Positive
+    spacing_m: Positive
+    count: Annotated[int, Field(ge=1, le=1000, strict=True)]
+    hold_s: NotNegative = 3.0
+    deceleration_mps2: _Acceleration = 2.5
+    acceleration_mps2: _Acceleration = 2.0
+
+    def on_road(self, curvature: Table, end_m: float) -> SpeedProfile:
+        """The cruise, with its stops."""
+        stops = tuple(
+            Stop.model_construct(
+                at_s_m=self.first_stop_s_m + k * self.spacing_m,
+                hold_s=self.hold_s,
+                deceleration_mps2=self.deceleration_mps2,
+                acceleration_mps2=self.acceleration_mps2,
+            )
+            for k in range(self.count)
+        )
+        return SpeedProfile(constant(self.cruise_kmh / KMH_PER_MPS), stops=stops)
+
+
+Speed = SpeedProfile | CurveSpeed | StopAndGo
+
+
+def _wanted(found: Any) -> Speed:
+    """The speed of a file, in km/h, as a profile or a kind."""
+    if isinstance(found, Speed):
+        return found
+    if isinstance(found, int | float):
+        require_within(constant(found), 0.0, FASTEST_KMH, "km/h")
+        if 0.0 < found < SLOWEST_KMH:
+            raise ValueError(f"expected 0 or at least {SLOWEST_KMH:g} km/h, found {found:g}")
+        return constant_speed(found / KMH_PER_MPS)
+    if isinstance(found, OverTime):
+        if found.interpolation not in (Interpolation.LINEAR, Interpolation.PCHIP):
+            raise ValueError(
+                f"interpolation: expected linear or pchip for a speed over time, found "
+                f"{found.interpolation.value}"
+            )
+        require_within(found.table(), 0.0, FASTEST_KMH, "km/h")
+        return SpeedProfile(found.table().scaled(1.0 / KMH_PER_MPS))
+    if "interpolation" in found.model_fields_set:
+        raise ValueError(
+            "interpolation: expected none for a speed over s_m, whose acceleration is constant "
+            f"between the knots, found {found.interpolation.value!r}"
+        )
+    require_within(found.table(), 0.0, FASTEST_KMH, "km/h")
+    if any(a == 0.0 and b > 0.0 for a, b in pairwise(found.value)):
+        raise ValueError(
+            "value: expected a speed above 0 after a speed of 0, or 0 up to the end; a speed "
+            "over s_m cannot leave a standstill, found one. Use [[stops]] with hold_s, or t_s"
+        )
+    mps = [v / KMH_PER_MPS for v in found.value]
+    return speed_over_distance(found.s_m, mps, _stop_at_end(found.s_m, mps))
+
+
+def _stop_at_end(s_m: Sequence[float], mps: Sequence[float]) -> tuple[Stop, ...]:
+    """The stop of a profile that ends with a speed of 0."""
+    if mps[-1] > 0.0 or mps[0] == 0.0:
+        return ()
+    k = mps.index(0.0)
+    # With the steepest way down from any knot the stop never lies below the profile before it.
+    steepest = max(v * v / (2.0 * (s_m[k] - s)) for s, v in zip(s_m[:k], mps[:k], strict=True))
+    return (Stop.model_construct(at_s_m=s_m[k], deceleration_mps2=steepest),)
+
+
+WantedSpeed = Annotated[Speed, Form((OverDistance, OverTime), _wanted, (CurveSpeed, StopAndGo))]
 
 
 class Progress(NamedTuple):

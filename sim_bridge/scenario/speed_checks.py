@@ -8,7 +8,6 @@ import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.physics import GRAVITY_MPS2
-from sim_bridge.scenario.field_names import FieldNames
 from sim_bridge.scenario.limits import LONGEST_ROAD_M
 from sim_bridge.scenario.nominal_drive import GRID_M, NominalDrive
 from sim_bridge.scenario.road import Road
@@ -26,7 +25,7 @@ def grip_mps2(road: Road, s_m: Array) -> Array:
     return 0.5 * GRAVITY_MPS2 * (road.friction_left(s_m) + road.friction_right(s_m))
 
 
-def speed_problems(scenario: Scenario, drive: NominalDrive, names: FieldNames) -> Iterator[str]:
+def speed_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
     """A line for each acceleration along the road that its friction cannot give."""
     steep_mps2 = GRAVITY_MPS2 * np.abs(scenario.road.grade(drive.s_m))
     grip = grip_mps2(scenario.road, drive.s_m)
@@ -44,7 +43,9 @@ def speed_problems(scenario: Scenario, drive: NominalDrive, names: FieldNames) -
     excess = np.abs(motion.acceleration_mps2 + GRAVITY_MPS2 * grade) - grip
     worst: dict[str, int] = {}
     for i in np.flatnonzero(excess > _TOLERANCE_MPS2).tolist():
-        name = _named(scenario, int(motion.stop[i]), motion.acceleration_mps2[i] < 0.0, names)
+        stop, is_braking = int(motion.stop[i]), motion.acceleration_mps2[i] < 0.0
+        part = "deceleration_mps2" if is_braking else "acceleration_mps2"
+        name = "reference.speed_kmh" if stop < 0 else scenario.stops[stop].field(part)
         if name not in worst or excess[i] > excess[worst[name]]:
             worst[name] = i
     for name, i in worst.items():
@@ -60,34 +61,34 @@ def speed_problems(scenario: Scenario, drive: NominalDrive, names: FieldNames) -
         and scenario.speed.highest_mps > 0.0
     ):
         yield (
-            f"{names.speed}: expected a speed above 0 at initial.s_m, because a speed over "
+            "reference.speed_kmh: expected a speed above 0 at initial.s_m, because a speed over "
             "s_m cannot leave a standstill, found 0. Give it over t_s."
         )
 
 
-def stop_problems(scenario: Scenario, drive: NominalDrive, names: FieldNames) -> Iterator[str]:
+def stop_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
     """A line for a stop that cannot be made or is not reached."""
     stops, start = scenario.stops, scenario.start
     if not stops:
         return
     if stops[0].at_s_m <= start.s_m:
         yield (
-            f"{_field(stops[0], 'at_s_m', names)}: expected a stop beyond the start at "
+            f"{stops[0].field('at_s_m')}: expected a stop beyond the start at "
             f"{start.s_m:g} m, found {stops[0].at_s_m:g}."
         )
         return
     for stop, following in pairwise(stops):
-        name = stop.entry or names.speed
+        name = stop.entry or "reference.speed_kmh"
         if following.at_s_m - stop.at_s_m < LEAST_GAP_M:
             yield (
-                f"{_field(following, 'at_s_m', names)}: expected stops {LEAST_GAP_M:g} m apart, "
+                f"{following.field('at_s_m')}: expected stops {LEAST_GAP_M:g} m apart, "
                 f"because a car within {STOP_WINDOW_M:g} m of its target has stopped there, found "
                 f"{following.at_s_m:g} after {stop.at_s_m:g} m. Move it, or lengthen a hold_s."
             )
             return
         if stop.hold_s == inf:
             yield (
-                f"{_field(stop, 'hold_s', names)}: expected a time, because a stop at "
+                f"{stop.field('hold_s')}: expected a time, because a stop at "
                 f"{following.at_s_m:g} m follows, found none: {name} has no hold_s and holds to "
                 f"the end of the drive."
             )
@@ -96,14 +97,14 @@ def stop_problems(scenario: Scenario, drive: NominalDrive, names: FieldNames) ->
     need_m = _braking_distance_m(scenario, stops[0])
     if distance_m < need_m and scenario.speed.highest_mps > 0.0:
         yield (
-            f"{_field(stops[0], 'at_s_m', names)}: expected at least the braking distance of "
+            f"{stops[0].field('at_s_m')}: expected at least the braking distance of "
             f"{need_m:.1f} m after the start, found {distance_m:.1f} m. Move it, or increase "
             f"deceleration_mps2 where the friction allows it."
         )
     elif drive.stops_reached < len(stops):
         stop = stops[drive.stops_reached]
         yield (
-            f"{_field(stop, 'at_s_m', names)}: expected a place that the drive reaches within "
+            f"{stop.field('at_s_m')}: expected a place that the drive reaches within "
             f"duration_s = {scenario.duration_s:g} and the end of the road, found "
             f"{stop.at_s_m:g}. Increase duration_s."
         )
@@ -125,15 +126,3 @@ def _braking_distance_m(scenario: Scenario, stop: Stop) -> float:
     if missing > 0.0:
         return distance_m + missing / float(able_mps2[-1])
     return float(np.interp(energy, [0.0, *lost], s_m - start.s_m))
-
-
-def _named(scenario: Scenario, stop: int, is_braking: bool, names: FieldNames) -> str:
-    if stop < 0:
-        return names.speed
-    part = "deceleration_mps2" if is_braking else "acceleration_mps2"
-    return _field(scenario.stops[stop], part, names)
-
-
-def _field(stop: Stop, part: str, names: FieldNames) -> str:
-    """The name of a field of a stop, or of the speed that it belongs to."""
-    return f"{stop.entry}.{part}" if stop.entry else names.speed

@@ -6,7 +6,6 @@ Before the first and after the last knot the value is constant.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from itertools import pairwise
 from math import inf
 from typing import NamedTuple
 
@@ -192,8 +191,3 @@ def chained(ramps: Sequence[Ramp], start: float = 0.0) -> Table:
         row[:2] = ramp.first, (ramp.last - ramp.first) / ramp.length
     coefficients[-1, 0] = ramps[-1].last if ramps else 0.0
     return Table(starts, coefficients)
-
-
-def increases(x: Sequence[float]) -> bool:
-    """True if each entry is larger than the one before."""
-    return all(before < after for before, after in pairwise(x))

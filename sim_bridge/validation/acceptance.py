@@ -1,64 +1,55 @@
-"""The acceptance table of `acceptance.toml`, and the comparison of measured values with it."""
+"""The acceptance table of `acceptance.toml`: driven, compared with its targets, and printed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib import resources
-from math import nan
-from typing import Literal, Self
+from itertools import groupby
+from math import isfinite
+from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, TypeAdapter, model_validator
+from pydantic import BaseModel, ConfigDict, TypeAdapter
 
 from rt_controller.mapping.toml_file import parse
+from rt_controller.report.table import Cell, Column, Row, Table, format_number
+from sim_bridge.plant.parameters import load_parameters
+from sim_bridge.validation.manoeuvres import MANOEUVRES, Measured
 
+Kind = Literal["measured", "regulation", "implementation check"]
 _TABLE = "acceptance.toml"
+_NO_VALUE = "no such value in this drive"
 
 
 class Line(BaseModel):
-    """A line of the table; without a target it is reported only."""
+    """A line of the table; without a target it is reported only. The file says what is what."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: str
     unit: str = ""
-    target: float | Literal["reference"] | None = None
-    """"reference": measured with the reference model"""
+    target: float | None = None
     share: float | None = None
-    """tolerance on both sides, relative to the target"""
     width: float | None = None
-    """tolerance on both sides, in the unit of the line"""
     bound: Literal["at most", "at least"] | None = None
-    """the target is the largest or the smallest value that passes"""
-    car: str | None = None
-    """the car that the target is for; None: every car"""
-    is_judged: bool = True
-    is_judged_with_tyre_file: bool = True
-    """False: the formula of a tyre file need not meet it; for such a car it is reported"""
+    any_car: bool = False
+    not_judged: str | None = None
+    kind: Kind | None = None
     source: str | None = None
-    """where the target comes from, in words; None: that of the test"""
     fitted: bool = False
-    """a number of the car file, or of the test driver, was chosen with regard to this target"""
 
 
 class AcceptanceTest(BaseModel):
-    """One test of the table."""
+    """A manoeuvre, the cars that drive it, and the lines with its values."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     title: str
+    manoeuvre: str
+    cars: tuple[str, ...]
+    kind: Kind
     text: str
     source: str | None = None
-    """of the targets of all lines that state none of their own"""
     lines: tuple[Line, ...]
-
-    @model_validator(mode="after")
-    def _has_a_source_for_each_target(self) -> Self:
-        without = [line.name for line in self.lines if line.target is not None and not line.source]
-        if without and not self.source:
-            raise ValueError(
-                f"test {self.title!r}: expected a source for each line with a target, found none "
-                f"for {', '.join(without)}. Add it to the line, or to the test."
-            )
-        return self
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +60,10 @@ class LineResult:
     car: str
     name: str
     unit: str
+    kind: Kind
     target: float | None
     reached: float
+    """NaN if the drive does not contain it"""
     tolerance: str | None
     """in words"""
     low: float | None
@@ -79,7 +72,10 @@ class LineResult:
     ok: bool | None
     """None: reported, not judged"""
     is_within: bool | None
-    """within the bounds, judged or not; None without a target, or if it is for another car"""
+    """within the bounds, judged or not; None without a value, without a target, or if the target is
+    for another car"""
+    not_judged: str | None
+    """why a line with a target is not judged"""
     source: str | None
     """of the target, in words; None without a target"""
     fitted: bool
@@ -96,74 +92,51 @@ TESTS = _load_table()
 """by the number of the test"""
 
 
-def check(
-    test: int,
-    reached: Mapping[str, float],
-    car: str,
-    reference: Mapping[str, float] | None = None,
-    is_main: bool = True,
-    has_tyre_file: bool = False,
-) -> list[LineResult]:
-    """The results of a test with `car`; targets for another car are shown but not judged.
+def drive_all(car: str | None = None) -> tuple[list[LineResult], dict[int, Measured]]:
+    """The lines of all tests and what was measured, driven with `car` or the cars of each test.
 
-    What could not be measured (NaN) fails.
+    Of a test with several cars the measurement is that of the first.
 
-    Args:
-        reached: measured values by the names of the lines.
-        reference: values of the reference model, by the same names.
-        is_main: False leaves out the lines whose targets are for one car.
-        has_tyre_file: True if the forces of the tyres are from a `.tir` file.
+    Raises:
+        ConfigError: there is no such car.
     """
-    return [
-        check_line(
-            test,
-            line,
-            reached[line.name],
-            car,
-            (reference or {}).get(line.name, nan),
-            TESTS[test].source,
-            has_tyre_file,
-        )
-        for line in TESTS[test].lines
-        if is_main or line.car is None
-    ]
+
+    @cache
+    def drive(manoeuvre: str, name: str) -> Measured:
+        return MANOEUVRES[manoeuvre](load_parameters(name))
+
+    results: list[LineResult] = []
+    measured: dict[int, Measured] = {}
+    for number, test in TESTS.items():
+        for name in (car,) if car else test.cars:
+            one = drive(test.manoeuvre, name)
+            measured.setdefault(number, one)
+            results += [
+                check_line(number, test, line, one.values[line.name], name) for line in test.lines
+            ]
+    return results, measured
 
 
 def check_line(
-    test: int,
-    line: Line,
-    reached: float,
-    car: str,
-    reference: float = nan,
-    test_source: str | None = None,
-    has_tyre_file: bool = False,
+    number: int, test: AcceptanceTest, line: Line, reached: float, car: str
 ) -> LineResult:
-    """The result of one line; `test_source` is the source of a line that states none."""
-    reached = float(reached)
-    target = reference if line.target == "reference" else line.target
-    low = high = tolerance = source = ok = is_within = None
+    """The result of one line; a target for another car and a value that is NaN are not judged."""
+    reached, target = float(reached), line.target
+    low = high = tolerance = source = ok = is_within = not_judged = None
     if target is not None:
-        source = line.source or test_source
+        source = line.source or test.source
         low, high, tolerance = _range(line, target)
-        if line.car in (None, car):
+        if not isfinite(reached):
+            not_judged = _NO_VALUE
+        elif not line.any_car and car not in test.cars:
+            not_judged = "target of another car"
+        else:
             is_within = (low is None or low <= reached) and (high is None or reached <= high)
-            is_judged = line.is_judged and (line.is_judged_with_tyre_file or not has_tyre_file)
-            ok = is_within if is_judged else None
-    return LineResult(
-        test=test,
-        car=car,
-        name=line.name,
-        unit=line.unit,
-        target=target,
-        reached=reached,
-        tolerance=tolerance,
-        low=low,
-        high=high,
-        ok=ok,
-        is_within=is_within,
-        source=source,
-        fitted=line.fitted,
-    )
+            not_judged = line.not_judged
+            ok = is_within if not_judged is None else None
+    identity = (number, car, line.name, line.unit, line.kind or test.kind)
+    judgement = (low, high, ok, is_within, not_judged)
+    return LineResult(*identity, target, reached, tolerance, *judgement, source, line.fitted)
 
 
 def _range(line: Line, target: float) -> tuple[float | None, float | None, str]:
@@ -176,36 +149,64 @@ def _range(line: Line, target: float) -> tuple[float | None, float | None, str]:
         width, tolerance = abs(target) * line.share, f"±{100.0 * line.share:g} %"
     else:
         width = line.width or 0.0
-        tolerance = f"±{width:g} {line.unit}"
+        tolerance = f"±{width:g} {line.unit}".strip()
     return target - width, target + width, tolerance
-
-
-def has_failed(results: Sequence[LineResult]) -> bool:
-    """True if a judged line missed its target."""
-    return any(result.ok is False for result in results)
 
 
 def count_sentence(results: Sequence[LineResult]) -> str:
     """How many judged lines pass, how many were not fitted, and how many are only reported."""
     judged = [line for line in results if line.ok is not None]
-    passed = sum(line.ok is True for line in judged)
     free = [line for line in judged if not line.fitted]
-    free_passed = sum(line.ok is True for line in free)
-    reported = [line for line in results if line.ok is None]
-    missed = sum(line.is_within is False for line in reported)
+    missed = sum(line.ok is None and line.is_within is False for line in results)
     return (
-        f"{passed} of {len(judged)} judged lines pass. {len(free)} of {len(judged)} judged lines "
-        f"were not fitted; {free_passed} of these pass. {len(reported)} lines are reported only; "
-        f"{missed} of these miss a target"
+        f"{sum(line.ok is True for line in judged)} of {len(judged)} judged lines pass. "
+        f"{len(free)} of {len(judged)} judged lines were not fitted; "
+        f"{sum(line.ok is True for line in free)} of these pass. {len(results) - len(judged)} "
+        f"lines are reported only; {missed} of these miss a target"
     )
 
 
-def result_of(results: Sequence[LineResult], name: str) -> LineResult:
-    """The result of the line with this name."""
-    return next(result for result in results if result.name == name)
+def acceptance_table(results: Sequence[LineResult], has_sources: bool = False) -> Table:
+    """The lines with a heading for each test and car; the sources of the targets make it wide."""
+    columns: tuple[Column, ...] = (
+        Column("line", is_text=True),
+        Column("", is_text=True),
+        Column("reached"),
+        Column("target"),
+        Column("tolerance"),
+        Column("unit", is_text=True, width="short"),
+        Column("kind", is_text=True),
+        Column("remark", is_text=True),
+    )
+    rows: list[Row] = []
+    for (test, car), lines in groupby(results, key=lambda line: (line.test, line.car)):
+        rows.append((f"{test} · {TESTS[test].title}, {car}",))
+        for line in lines:
+            row: Row = (
+                line.name,
+                _mark(line),
+                format_number(line.reached),
+                "" if line.target is None else format_number(line.target),
+                line.tolerance or "",
+                line.unit,
+                line.kind,
+                _remark(line),
+            )
+            rows.append((*row, line.source or "") if has_sources else row)
+    if has_sources:
+        columns += (Column("source of the target", is_text=True, width="long"),)
+    return Table("", columns, tuple(rows))
 
 
-def target_of(results: Sequence[LineResult], name: str) -> float:
-    """The target of the line with this name; NaN if it is only reported."""
-    target = result_of(results, name).target
-    return nan if target is None else target
+def _mark(line: LineResult) -> Cell:
+    """Whether the line passes; a line that is not judged shows a miss too."""
+    if line.ok is not None:
+        return Cell("ok", status="good") if line.ok else Cell("MISSED", status="bad")
+    if line.is_within is False:
+        return Cell("missed", status="bad")
+    return Cell("reported" if line.not_judged is None else "not judged", status="faint")
+
+
+def _remark(line: LineResult) -> str:
+    parts = ("fitted" if line.fitted else "", f"not judged: {line.not_judged}")
+    return "; ".join(filter(None, parts if line.not_judged else parts[:1]))

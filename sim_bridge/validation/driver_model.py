@@ -10,7 +10,7 @@ MacAdam, IEEE Trans. Systems, Man, and Cybernetics 11 (1981), pp. 393-399.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import nan, radians
+from math import radians
 
 import numpy as np
 from numpy import float64
@@ -85,7 +85,7 @@ class DriverModel:
 
 
 def fit_driver_model(parameters: Parameters, speed_mps: float) -> DriverModel:
-    """The least-squares model of the response to small steps; NaN for a car that failed."""
+    """The least-squares model of the response to small steps."""
     throttle = cruising_throttle(parameters, speed_mps)
     time_s = DRIVER_PERIOD_S * np.arange(round(_TRIAL_S / DRIVER_PERIOD_S), dtype=float64)
     steer_rad = _TRIAL_STEER_RAD * np.sign(np.sin(2.0 * np.pi * _TRIAL_HZ * time_s))
@@ -93,9 +93,7 @@ def fit_driver_model(parameters: Parameters, speed_mps: float) -> DriverModel:
     run = replay(parameters, speed_mps, inputs, DRIVER_PERIOD_S)
     response = run.motion[:, StateColumn.vy_mps :]
     known = np.column_stack((response[:-1], steer_rad))
-    solution = np.full((known.shape[1], response.shape[1]), nan)
-    if run.is_finite:
-        solution = np.linalg.lstsq(known, response[1:], rcond=None)[0].astype(float64)
+    solution = np.linalg.lstsq(known, response[1:], rcond=None)[0].astype(float64)
     return DriverModel(speed_mps, throttle, solution[:2].T, solution[2])
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy import float64
 
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.errors import PlantError
 from rt_controller.contract.physics import GRAVITY_MPS2
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, InputColumn, StateColumn
 from sim_bridge import frenet
@@ -54,9 +55,18 @@ class Run:
     outputs: Array
     """(K + 1, N_OUTPUTS), columns as `PlantOutputs._fields`"""
 
+    def __post_init__(self) -> None:
+        """Raise a `PlantError` if the car failed."""
+        if not self.is_finite:
+            failed_s = self.time_s[int(np.argmin(np.isfinite(self.motion).all(axis=1)))]
+            raise PlantError(
+                f"test drive from {self.speed_mps[0]:.1f} m/s: expected a finite motion, found "
+                f"none from {failed_s:.2f} s on. Correct the values of the car file."
+            )
+
     @property
     def is_finite(self) -> bool:
-        """False if the car failed: its motion or outputs are not finite."""
+        """True if motion and outputs are finite."""
         return bool(np.isfinite(self.motion).all() and np.isfinite(self.outputs).all())
 
     @property
@@ -125,11 +135,19 @@ def input_table(
 
 
 def replay(
-    parameters: Parameters, v0_mps: float, inputs: Array, period_s: float, step_s: float = STEP_S
+    parameters: Parameters,
+    v0_mps: float,
+    inputs: Array,
+    period_s: float,
+    step_s: float = STEP_S,
+    roads: Array | None = None,
 ) -> Run:
-    """The drive of a settled car with `inputs` (K, 3), each row constant over a period."""
+    """The drive of a settled car with `inputs` (K, 3), each row constant over a period.
+
+    `roads` (K, 6) has a ground for each period, columns as `RoadParameters`.
+    """
     steps = round(period_s / step_s)
-    motion, outputs = simulate(settle(v0_mps, parameters), inputs, parameters, steps, step_s)
+    motion, outputs = simulate(settle(v0_mps, parameters), inputs, parameters, steps, step_s, roads)
     pose = frenet.integrate_poses(motion, 0.0, 0.0, 0.0, steps, step_s)
     first = inputs[:1].copy()
     first[:, InputColumn.steer_rad] = 0.0

@@ -1,18 +1,16 @@
 """Scalar quantities of recorded signals: the definitions behind the acceptance table.
 
-A quantity that a record does not contain, such as the time to a speed that is not reached, is NaN;
-NaN meets no target.
+A quantity that a record does not contain, such as the time to a speed that is not reached, is NaN.
 """
 
-from cmath import phase
 from dataclasses import dataclass
 from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
 
 from rt_controller.contract.arrays import Array
+from sim_bridge.validation.run import Run
 
 
 def crossing(x: Array, y: Array, level: float) -> float:
@@ -29,7 +27,7 @@ def crossing(x: Array, y: Array, level: float) -> float:
 
 def slope(x: Array, y: Array, among: NDArray[np.bool_]) -> float:
     """Slope of y over x in the samples `among`, least squares with a free offset."""
-    if np.count_nonzero(among) < 2 or not np.isfinite(x[among] + y[among]).all():
+    if np.count_nonzero(among) < 2:
         return nan
     return float(np.polyfit(x[among], y[among], 1)[0])
 
@@ -55,7 +53,7 @@ def step_response(time_s: Array, y: Array, step_s: float) -> StepResponse:
     """The response of `y` to a step at `step_s`: the time of half the input, after ISO 7401."""
     steady = float(np.mean(y[-max(1, len(y) // 10) :]))
     after = time_s >= step_s
-    if not after.any() or steady == 0.0 or not np.isfinite(y).all():
+    if not after.any() or steady == 0.0:
         return StepResponse(nan, nan, nan)
     since_s = time_s[after] - step_s
     share = y[after] / steady
@@ -70,65 +68,22 @@ def sine_in(time_s: Array, y: Array, frequency_hz: float) -> complex:
     """The component of `y` at one frequency, least squares with a free offset and drift.
 
     Its absolute value is the amplitude, its angle the phase relative to time zero. If the record
-    holds whole periods, harmonics have no influence. NaN if `y` is not finite.
+    holds whole periods, harmonics have no influence.
     """
-    if not np.isfinite(y).all():
-        return complex(nan, nan)
     angle = 2.0 * np.pi * frequency_hz * time_s
     basis = np.stack((np.sin(angle), np.cos(angle), np.ones_like(time_s), time_s), axis=1)
     in_phase, quadrature = np.linalg.lstsq(basis, y, rcond=None)[0][:2]
     return complex(in_phase, quadrature)
 
 
-@dataclass(frozen=True, slots=True)
-class FrequencyResponse:
-    """Gain and phase of an output relative to an input, by frequency."""
-
-    frequency_hz: Array
-    gain: Array
-    phase_deg: Array
-    """unwrapped; negative when the output lags"""
-
-
-def frequency_response(
-    frequency_hz: Array, inputs: list[complex], outputs: list[complex]
-) -> FrequencyResponse:
-    """Gain and phase from one sine of input and output for each frequency."""
-    gain = np.array([abs(o) / abs(i) if i else nan for i, o in zip(inputs, outputs, strict=True)])
-    angle = np.array([phase(o) - phase(i) for i, o in zip(inputs, outputs, strict=True)])
-    first = np.angle(np.exp(1j * angle[:1]))
-    unwrapped = np.unwrap(np.concatenate((first, angle[1:])))
-    return FrequencyResponse(frequency_hz, gain, np.degrees(unwrapped))
-
-
-def largest_jump(y: Array) -> float:
-    """Largest distance of a point from the cubic through two neighbours on each side.
-
-    `y` is evenly spaced. The distance is small for a smooth curve, also for a steep or curved one,
-    and large at a wrong point. NaN for fewer than five points.
-    """
-    if len(y) < 5:
-        return nan
-    between = (4.0 * (y[1:-3] + y[3:-1]) - y[:-4] - y[4:]) / 6.0
-    return float(np.max(np.abs(y[2:-2] - between)))
-
-
-def mean_deceleration(time_s: Array, speed_mps: Array, v0_mps: float) -> float:
+def mean_deceleration(run: Run, v0_mps: float) -> float:
     """Mean fully developed deceleration, m/s^2: between 80 % and 10 % of `v0_mps`.
 
     UN Regulation 13-H, annex 3: (v_b^2 - v_e^2) / (2 (s_e - s_b)).
     """
-    travelled_m = distance(time_s, speed_mps)
     begin_mps, end_mps = 0.8 * v0_mps, 0.1 * v0_mps
-    begin_m = crossing(travelled_m, -speed_mps, -begin_mps)
-    end_m = crossing(travelled_m, -speed_mps, -end_mps)
+    begin_m, end_m = (crossing(run.x_m, -run.speed_mps, -v) for v in (begin_mps, end_mps))
     return (begin_mps**2 - end_mps**2) / (2.0 * (end_m - begin_m))
-
-
-def distance(time_s: Array, speed_mps: Array) -> Array:
-    """(K + 1,) distance travelled, trapezoidal rule."""
-    travelled_m: Array = cumulative_trapezoid(speed_mps, time_s, initial=0)
-    return travelled_m
 
 
 def rear_locked_first(rim_mps: Array, speed_mps: Array, still_mps: float = 3.0) -> bool:

@@ -11,7 +11,7 @@ import pytest
 from rt_controller.bundle_checks import model_trial
 from rt_controller.bundle_checks.model_trial import (
     LARGEST,
-    SCENARIO,
+    drive_trial,
     has_passed,
     prediction_errors,
     require_passed,
@@ -95,7 +95,7 @@ def test_without_the_simulated_car_there_is_a_remark(
     lti: Bundle, drives: Drives, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def miss(*_: object, **__: object) -> None:
-        raise MissingExtraError("no numba")
+        raise MissingExtraError("no compiler")
 
     drives()
     monkeypatch.setattr(model_trial, "simulate", miss)
@@ -149,7 +149,7 @@ MODELS = ["lti", "mdk-net", "mdk-net-paper"]
 def find_with_trial(bundle: Bundle) -> None:
     """The drive of the trial, judged; the stored plans are left out, as in a wrong export."""
     wrong = replace(bundle, plans=None)
-    require_passed(simulate(SCENARIO, model=wrong), wrong)
+    require_passed(drive_trial(wrong), wrong)
 
 
 @pytest.mark.parametrize(

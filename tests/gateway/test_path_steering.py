@@ -76,7 +76,7 @@ def test_a_car_that_brakes_in_a_lane_change_stays_on_its_lane(name: str, begin_s
     car = build_car(scenario)
     curvature = scenario.road.frame()
     steer_rad, brake_n, farthest_m = 0.0, 0.0, 0.0
-    for tick in range(400):
+    for tick in range(500):
         path = scenario.path_ahead(car.s_m, car.state.vx_mps)
         here_per_m = scenario.road.curvature_per_m.at(car.s_m)
         steer_rad = steer_along(path, car.state, here_per_m, steer_rad)

@@ -3,7 +3,6 @@
 import sys
 from html.parser import HTMLParser
 
-import plotly.graph_objects as go
 import pytest
 
 from rt_controller.contract.errors import MissingExtraError
@@ -89,15 +88,6 @@ def test_a_link_leads_to_its_section_and_short_texts_are_marked():
 def test_same_content_gives_the_same_page():
     pages = [render_page(made_page(empty_figure(1, 2, 1.0)[0])) for _ in range(2)]
     assert pages[0] == pages[1]
-
-
-def test_plotly_script_is_in_the_page_once_and_is_loaded_from_nowhere():
-    figure = go.Figure(go.Scatter(x=[0.0, 1.0], y=[1.0, 2.0]))
-    html = render_page(Page("Two plots", (Section("One", (Plot(figure), Plot(figure))),)))
-    assert html.count("plotly.js v") == 1
-    assert "<script src" not in html
-    assert 'id="plot-0"' in html
-    assert html == render_page(Page("Two plots", (Section("One", (Plot(figure), Plot(figure))),)))
 
 
 def test_missing_package_is_named_with_the_command_that_installs_it(monkeypatch):

@@ -12,7 +12,7 @@ from rt_controller.contract.grip import MOST_BRAKE_N
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.bridge import END_TICKS, LONGEST_END_TICKS
-from sim_bridge.failed_actuators import FAILED_TICKS
+from sim_bridge.car_guard import FAILED_TICKS
 from sim_bridge.scenario import load_scenario
 from sim_bridge.scenario_run import AT_REST_MPS
 
@@ -31,6 +31,8 @@ def test_a_silent_controller_ends_in_a_standing_car(rig: BridgeRig) -> None:
     assert rig.tick(control=None).is_watchdog_braking
     while not rig.bridge.is_over:
         rig.tick(control=None)
+        if not rig.newest(MISSION).is_engaged:
+            assert rig.newest(FEEDBACK).brake_n > 0.0
     assert rig.bridge.summary().watchdog_braked
     assert rig.bridge.summary().braking_cause == "NO_COMMAND"
     assert rig.bridge.summary().final_speed_mps < 0.5
@@ -69,58 +71,43 @@ def test_a_safe_stop_that_outlasts_the_scenario_brings_the_car_to_rest(rig: Brid
     assert rig.bridge.summary().final_speed_mps < AT_REST_MPS
 
 
-def test_the_end_of_the_mission_is_sent_before_the_bridge_leaves(rig: BridgeRig) -> None:
+@pytest.mark.parametrize("ended_after", [None, 10])
+def test_the_end_of_the_mission_is_sent_before_the_bridge_leaves(
+    rig: BridgeRig, ended_after: int | None
+) -> None:
     """It leaves later if the controller drives on: the mission may take long on its way."""
     ticks = 0
     while not rig.bridge.is_over:
+        if ticks == ended_after:
+            rig.bridge.end_mission()
         rig.tick()
         ticks += 1
-    assert ticks == load_scenario("straight").ticks + LONGEST_END_TICKS
+    # The first command arrives a period later; a request ends the mission with the next tick.
+    last = load_scenario("straight").ticks if ended_after is None else ended_after
+    assert ticks == last + LONGEST_END_TICKS
     assert not rig.newest(MISSION).is_engaged
     assert not rig.bridge.summary().watchdog_braked
 
 
-def test_a_mission_that_is_ended_early_ends_as_at_the_end_of_the_scenario(rig: BridgeRig) -> None:
-    for _ in range(10):
-        rig.tick()
-    rig.bridge.end_mission()
-    for ticks in range(LONGEST_END_TICKS):
-        assert not rig.bridge.is_over, ticks
-        rig.tick()
-    assert rig.bridge.is_over
-    assert not rig.newest(MISSION).is_engaged
-    assert not rig.bridge.summary().watchdog_braked
-
-
-def test_a_car_stopped_by_its_watchdog_keeps_its_brake(rig: BridgeRig) -> None:
-    for _ in range(10):
-        rig.tick()
-    while not rig.bridge.is_over:
-        rig.tick(control=None)
-        if not rig.newest(MISSION).is_engaged:
-            assert rig.newest(FEEDBACK).brake_n > 0.0
-
-
+@pytest.mark.parametrize(
+    ("steer_rad", "is_open", "cause", "text"),
+    [
+        (0.2, False, "LEAVING_PATH", "the car was about to leave its path"),
+        (0.0, True, "ACTUATOR_FAILED", "the throttle stays open"),
+    ],
+)
 def test_the_summary_names_the_cause_of_the_braking_and_the_actuator_that_failed(
-    rig: BridgeRig,
+    rig: BridgeRig, steer_rad: float, is_open: bool, cause: str, text: str
 ) -> None:
     rig.tick()
     assert rig.bridge.summary().braking_cause is None
-    actuators = rig.bridge._failed_actuators
-    for _ in range(FAILED_TICKS):
-        actuators.note(CRUISE, CRUISE._replace(throttle=1.0))
-    rig.tick()
-    summary = rig.bridge.summary()
-    assert (summary.braking_cause, summary.failed_actuators) == ("ACTUATOR_FAILED", ("THROTTLE",))
-    assert summary.braking_text == "the throttle stays open"
-
-
-def test_a_car_about_to_leave_its_path_is_braked_for_this(rig: BridgeRig) -> None:
+    for _ in range(FAILED_TICKS * is_open):
+        rig.bridge._actuators.note(CRUISE, CRUISE._replace(throttle=1.0))
     while not rig.bridge.summary().watchdog_braked:
-        rig.tick(ControlInput(0.1, 0.0, 0.2))
+        rig.tick(ControlInput(0.1, 0.0, steer_rad))
     summary = rig.bridge.summary()
-    assert (summary.braking_cause, summary.failed_actuators) == ("LEAVING_PATH", ())
-    assert summary.braking_text == "the car was about to leave its path"
+    assert (summary.braking_cause, summary.braking_text) == (cause, text)
+    assert summary.failed_actuators == (("THROTTLE",) if is_open else ())
 
 
 def test_a_car_is_released_by_standby_after_the_end_of_the_mission(rig: BridgeRig) -> None:

@@ -21,7 +21,7 @@ from rt_controller.mapping.tables import TEXT_TIMES, Clock, Sampling
 from rt_controller.mapping.units import find_unit, unit_of_name
 
 Names = Sequence[str]
-"""names that one wanted column may have, the first one first"""
+"""names that one wanted column may have, the first one first; empty last: it may be missing"""
 
 
 class RowsOf(NamedTuple):
@@ -141,7 +141,8 @@ def find_headings(path: Path, wanted: Sequence[Names], texts: Sequence[str]) -> 
         DatasetError: the file has none, or several, of a wanted name.
     """
     known = [split_unit(text) for text in texts]
-    return list(dict.fromkeys(_find(path, names, texts, known) for names in wanted))
+    found = (_find(path, names, texts, known) for names in wanted)
+    return list(dict.fromkeys(heading for heading in found if heading is not None))
 
 
 def split_unit(text: str) -> Heading:
@@ -154,8 +155,10 @@ def split_unit(text: str) -> Heading:
     return Heading(text, text, unit_of_name(text.lower()) if ending in _CLEAR_ENDINGS else None)
 
 
-def _find(path: Path, names: Names, texts: Sequence[str], known: Sequence[Heading]) -> Heading:
-    for name in names:
+def _find(
+    path: Path, names: Names, texts: Sequence[str], known: Sequence[Heading]
+) -> Heading | None:
+    for name in filter(None, names):
         fits = [each for each in known if name == each.text] or [
             each for each in known if name == each.name
         ]
@@ -166,6 +169,8 @@ def _find(path: Path, names: Names, texts: Sequence[str], known: Sequence[Headin
                 f"{path}, column {name}: expected one column of that name, found {len(fits)}. "
                 f"Rename them in the file."
             )
+    if "" in names:
+        return None
     others = f" or {' or '.join(map(repr, names[1:]))}" if names[1:] else ""
     raise DatasetError(
         f"{path}: expected a column {names[0]!r}{others}, found none of that name. "

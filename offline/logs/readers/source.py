@@ -18,7 +18,7 @@ from typing import NamedTuple
 import pandas as pd
 
 from offline.data.manifest import SourceFile
-from offline.logs.mapping import LogMapping
+from offline.logs.mapping import CsvSettings, LogMapping
 from offline.logs.readers.array_log import read_mat, read_npy, read_npz, read_parquet
 from offline.logs.readers.csv_log import CSV_SUFFIXES, read_csv
 from offline.logs.readers.log import Columns, Heading, Log, Names, readable, to_log
@@ -105,6 +105,7 @@ _CAN_SUFFIXES = (".blf", ".asc", ".log", ".trc")
 SUFFIXES = (*CSV_SUFFIXES, *_TABLE_READERS, *_MF4_SUFFIXES, *_CAN_SUFFIXES)
 _MAGIC_OF_NPY, _MAGIC_OF_MDF = b"\x93NUMPY", (b"MDF", b"UnFinMF")
 _EVERY_ROW = Clock(period_s=1.0)
+_PLAIN_CSV = CsvSettings()
 
 
 def find_logs(places: Sequence[Path], mapping: LogMapping) -> list[DriveFiles]:
@@ -228,20 +229,35 @@ def _file_of_times(path: Path, pattern: str) -> Path:
 
 def _read_file(path: Path, wanted: Sequence[Names], clock: Clock, mapping: LogMapping) -> Log:
     """The wanted columns of one file, by its ending, or by its first bytes."""
-    with readable(path, "a log", (OSError,)), path.open("rb") as file:
-        head = file.read(8)
     name, suffix = path.name.lower(), path.suffix.lower()
-    read_table = read_npy if head.startswith(_MAGIC_OF_NPY) else _TABLE_READERS.get(suffix)
-    if read_table is not None:
-        return read_table(path, wanted, clock)
+    head = _head(path)
     if name.endswith(_MF4_SUFFIXES) and (suffix != ".dat" or head.startswith(_MAGIC_OF_MDF)):
         return read_mf4(path, wanted)
-    if name.endswith(_CAN_SUFFIXES):
+    if name.endswith(_CAN_SUFFIXES) and not head.startswith(_MAGIC_OF_NPY):
         # python-can and cantools are imported for such logs only.
         from offline.logs.readers.can_log import read_can
 
         return read_can(path, wanted, mapping.can)
-    return read_csv(path, wanted, clock, mapping.csv)
+    return read_table(path, wanted, clock, mapping.csv)
+
+
+def read_table(
+    path: Path, wanted: Sequence[Names], clock: Clock, style: CsvSettings = _PLAIN_CSV
+) -> Log:
+    """The wanted columns of a CSV, npz, npy, MATLAB or Parquet file.
+
+    Raises:
+        DatasetError: see `read_log`.
+        MissingExtraError: the package that reads such logs is not installed.
+    """
+    is_npy = _head(path).startswith(_MAGIC_OF_NPY)
+    reader = read_npy if is_npy else _TABLE_READERS.get(path.suffix.lower())
+    return reader(path, wanted, clock) if reader else read_csv(path, wanted, clock, style)
+
+
+def _head(path: Path) -> bytes:
+    with readable(path, "a log", (OSError,)), path.open("rb") as file:
+        return file.read(8)
 
 
 def _on_one_clock(parts: Sequence[Log]) -> Log:

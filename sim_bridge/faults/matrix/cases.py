@@ -2,17 +2,20 @@
 
 import tomllib
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from functools import cache, partial
+from functools import partial
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field, TypeAdapter
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.files import read_text
-from rt_controller.contract.names import hint
+from rt_controller.mapping.toml_file import parse
+from sim_bridge.faults.names import name_in
 from sim_bridge.scenario import Scenario, parse_scenario
 from sim_bridge.scenario.limits import KMH_PER_MPS
+from sim_bridge.toml_file import FileTable
 
 SPEEDS_KMH = (60.0, 80.0, 120.0)
 FAULT_START_S = 2.0
@@ -21,7 +24,6 @@ DURATION_S = 6.0
 """of a drive; a stop that has begun before goes on until the car stands"""
 SHARPEST_BEND_PER_M = 0.009
 """of the smallest radius that the wheel allows"""
-_EXAMPLE = "docs/faults.md has an example."
 
 Content = dict[str, Any]
 """of a scenario file, without what all drives have"""
@@ -53,11 +55,6 @@ def _s_bend(speed_mps: float, friction: float) -> Content:
     return {"road": road, "duration_s": 12.0}
 
 
-def _slalom(speed_mps: float) -> Content:
-    sine = {"kind": "sine", "amplitude_m": 0.6, "frequency_hz": 0.4}
-    return {"reference": {"ey_m": sine}}
-
-
 def _stop_and_hold(speed_mps: float) -> Content:
     """Brake from 1 to 6 s, hold for 3 s, drive on."""
     at_s_m = speed_mps + 0.5 * speed_mps * 5.0
@@ -65,40 +62,38 @@ def _stop_and_hold(speed_mps: float) -> Content:
     return {"stops": [stop], "duration_s": 12.0}
 
 
-LANE_CHANGE = "lane_change"
+_SLALOM = {"kind": "sine", "amplitude_m": 0.6, "frequency_hz": 0.4}
 MANOEUVRES: dict[str, Callable[[float], Content]] = {
-    LANE_CHANGE: _lane_change,
+    "lane_change": _lane_change,
     "near_the_limit": partial(_lane_change, change_s=2.1),  # 5 to 5.7 m/s²
     "wet_lane_change": partial(_lane_change, change_s=3.0, friction=0.5),
     "straight": lambda _: {},
     "bend": _bend,
     "s_bend": partial(_s_bend, friction=0.85),
     "wet_s_bend": partial(_s_bend, friction=0.5),
-    "slalom": _slalom,
+    "slalom": lambda _: {"reference": {"ey_m": _SLALOM}},
     "stop_and_hold": _stop_and_hold,
 }
 """what a car does while a fault acts, at any speed in m/s"""
 
 
-@dataclass(frozen=True, slots=True)
-class Case:
-    """One fault, or several that act together, under a name."""
+class Case(FileTable):
+    """One fault, or several that act together, as in a file."""
 
-    name: str
+    name: str = ""
+    """of the table in the file"""
+    condition: str = ""
+    """name of the one in `conditions.toml`; "": none"""
     faults: tuple[Content, ...]
-    """as in a file"""
-    initial: dict[str, float] = field(default_factory=dict)
+    initial: Content = Field(default_factory=dict)
     """of the scenario"""
     known_limit: str = ""
     """why no reaction keeps the car on its lane; its drives are judged like all others"""
-    manoeuvre: str = LANE_CHANGE
-    """one of `MANOEUVRES`"""
-    condition: str = ""
-    """name of the one in `conditions.toml`; "": none"""
-    payload: dict[str, float] | None = None
+    manoeuvre: Annotated[str, name_in(MANOEUVRES)] = "lane_change"
+    payload: Content = Field(default_factory=dict)
     """of the scenario"""
     sensors: tuple[Content, ...] = ()
-    """what the sensors do beside the fault, as in a file: noise"""
+    """what the sensors do beside the fault: noise"""
 
     @property
     def is_fault_free(self) -> bool:
@@ -107,90 +102,49 @@ class Case:
 
     def scenario(self, speed_kmh: float) -> Scenario:
         """The drive of this case, with the faults."""
-        drive: Content = {"duration_s": DURATION_S} | MANOEUVRES[self.manoeuvre](
-            speed_kmh / KMH_PER_MPS
-        )
-        content = drive | {
+        drive = MANOEUVRES[self.manoeuvre](speed_kmh / KMH_PER_MPS)
+        faults = [{"start_s": FAULT_START_S} | fault for fault in self.faults]
+        noise = [{"start_s": 0.0, "before_drive": True} | fault for fault in self.sensors]
+        content: Content = {"duration_s": DURATION_S} | drive
+        content |= {
             "format": 2,
             "name": f"{self.name} at {speed_kmh:g} km/h",
-            "reference": {"speed_kmh": speed_kmh, **drive.get("reference", {})},
+            "reference": {"speed_kmh": speed_kmh} | drive.get("reference", {}),
             "initial": self.initial,
-            "faults": [
-                *({"start_s": FAULT_START_S, **fault} for fault in self.faults),
-                *({"start_s": 0.0, "before_drive": True, **fault} for fault in self.sensors),
-            ],
+            "payload": {"mass_kg": 0.0} | self.payload,
+            "faults": faults + noise,
         }
-        if self.payload:
-            content["payload"] = self.payload
         return parse_scenario(content, f"fault {self.name}")
 
     def under(self, condition: str) -> "Case":
-        """This case under a condition of `conditions.toml`.
-
-        Raises:
-            ConfigError: there is no such condition.
-        """
-        conditions = _shipped("conditions")
-        if condition not in conditions:
-            raise ConfigError(
-                f"--conditions: expected some of {', '.join(conditions)}, found {condition!r}"
-                f"{hint(condition, conditions)}."
-            )
-        fields = conditions[condition]
-        sensors = tuple(fields.get("sensors", ()))
-        return replace(self, condition=condition, **fields | {"sensors": sensors})
+        """This case under a condition of `conditions.toml`."""
+        return self.model_copy(update={"condition": condition, **CONDITIONS[condition]})
 
 
-@cache
-def _shipped(name: str) -> Content:
-    path = resources.files("sim_bridge.faults.matrix") / f"{name}.toml"
-    return tomllib.loads(path.read_text("utf-8"))
+_CASES: TypeAdapter[dict[str, Case]] = TypeAdapter(Annotated[dict[str, Case], Field(min_length=1)])
+_FOLDER = Path(str(resources.files("sim_bridge.faults.matrix")))
+CASES_FILE = _FOLDER / "cases.toml"
+CONDITIONS: dict[str, Content] = tomllib.loads(read_text(_FOLDER / "conditions.toml"))
 
 
-def whole_matrix() -> tuple[Case, ...]:
+def whole_matrix() -> list[Case]:
     """The cases of `cases.toml` as they are, and those of `drifts.toml` under each condition."""
-    drifts = _cases_in(_shipped("drifts"), "drifts.toml")
-    crossed = (case.under(name) for name in _shipped("conditions") for case in drifts)
-    return (*load_cases(), *crossed)
+    drifts = load_cases(_FOLDER / "drifts.toml")
+    return [*load_cases(), *(case.under(name) for name in CONDITIONS for case in drifts)]
 
 
-def load_cases(file: Path | None = None) -> tuple[Case, ...]:
-    """All cases of a file in its order; None: of `cases.toml`.
+def load_cases(file: Path = CASES_FILE) -> list[Case]:
+    """All cases of a file in its order.
 
     Raises:
         ConfigError: the file cannot be read, or its content is not one of cases.
     """
-    if file is None:
-        return _cases_in(_shipped("cases"), "cases.toml")
     try:
-        content = tomllib.loads(read_text(file))
-    except (OSError, ValueError, RecursionError) as error:  # also a number without end
+        text = read_text(file)
+    except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(
             f"--cases {file}: expected a TOML file with a table for each fault, found {error}. "
-            f"{_EXAMPLE}"
+            f"docs/faults.md has an example."
         ) from error
-    return _cases_in(content, str(file))
-
-
-def _cases_in(content: Content, source: str) -> tuple[Case, ...]:
-    cases = []
-    for name, case in content.items():
-        if not isinstance(case, dict) or not isinstance(case.get("faults"), list):
-            raise ConfigError(
-                f"{source}: {name}: expected a table with the list faults, found {case!r}. "
-                f"{_EXAMPLE}"
-            )
-        drive = case.get("manoeuvre", LANE_CHANGE)
-        if drive not in MANOEUVRES:
-            raise ConfigError(
-                f"{source}: {name}.manoeuvre: expected one of {', '.join(MANOEUVRES)}, found "
-                f"{drive!r}{hint(str(drive), MANOEUVRES)}."
-            )
-        limit, initial = case.get("known_limit", ""), case.get("initial", {})
-        cases.append(Case(name, tuple(case["faults"]), initial, limit, drive))
-    if not cases:
-        raise ConfigError(
-            f"{source}: expected a table with the list faults for each fault, found none. "
-            f"{_EXAMPLE}"
-        )
-    return tuple(cases)
+    found = parse(text, _CASES, f"--cases {file}")
+    return [case.model_copy(update={"name": name}) for name, case in found.items()]

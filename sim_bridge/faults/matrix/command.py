@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
 from functools import cache
@@ -18,19 +18,31 @@ from rt_controller.contract.files import read_text
 from rt_controller.contract.model.artifact import find_model, load_bundle
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.names import hint
-from rt_controller.report.table import NO_VALUE, Cell, Column, Table, print_table
+from rt_controller.report.table import NO_VALUE, Cell, Column, Row, Table, print_table
 from rt_controller.terminal.progress import announce
-from sim_bridge.faults.matrix.cases import SPEEDS_KMH, Case, load_cases, whole_matrix
+from sim_bridge.faults.matrix.cases import (
+    CASES_FILE,
+    CONDITIONS,
+    SPEEDS_KMH,
+    Case,
+    load_cases,
+    whole_matrix,
+)
 from sim_bridge.faults.matrix.drive import drive_case
-from sim_bridge.faults.matrix.row import LARGEST_LOSS_M, MatrixRow
+from sim_bridge.faults.matrix.row import MatrixRow
 from sim_bridge.faults.matrix.summary import lines_of, summarise
 from sim_bridge.scenario.limits import KMH_PER_MPS
 
 EXIT_NOT_OK = 1
-_LEAST_WIDTH = 160
+LEAST_WIDTH = 160
 SAMPLE_STRIDE = 17
 """it leads to every condition, and to other cases and speeds each time"""
 _Key = tuple[str, str, float]
+_UNITS = {
+    "fault": "", "condition": "", "speed": "km/h", "mode": "", "detected": "ms",
+    "max |e_y|": "m", "unchecked": "m", "ok": "", "reasons": "",
+}  # fmt: skip
+_COLUMNS = tuple(Column(title, unit, is_text=not unit) for title, unit in _UNITS.items())
 
 
 class Task(NamedTuple):
@@ -65,7 +77,10 @@ def fault_matrix(
     """
     require_writable(json_file)
     require_writable(drives_file, "--drives")
-    cases = _chosen(only, cases_file)
+    cases = whole_matrix() if cases_file is None else load_cases(cases_file)
+    _require_known("--only", only, {case.name for case in cases}, cases_file or CASES_FILE)
+    _require_known("--conditions", conditions, CONDITIONS, CASES_FILE.with_name("conditions.toml"))
+    cases = [case for case in cases if not only or case.name in only]
     if conditions:
         cases = [case.under(condition) for condition in conditions for case in cases]
     bundle = _bundle(model)  # a model is refused here, not in a process
@@ -83,8 +98,8 @@ def fault_matrix(
                     file.write(json.dumps({"model": bundle.sha256, "row": asdict(row)}) + "\n")
     rows = [done[task.key] for task in tasks]
     console = Console()
-    console.width = max(console.width, _LEAST_WIDTH)
-    print_table(_table(rows), console)
+    console.width = max(console.width, LEAST_WIDTH)
+    print_table(Table("faults in simulated time", _COLUMNS, tuple(map(_cells, rows))), console)
     summary = summarise(rows)
     for line in lines_of(summary):
         console.print(line, highlight=False)
@@ -113,11 +128,12 @@ def _drive_all(tasks: Sequence[Task], jobs: int) -> Iterator[MatrixRow]:
 
 
 def _drive(task: Task) -> MatrixRow:
-    case, speed_kmh, model = task
-    row, unchecked_m = drive_case(case, speed_kmh, _bundle(model)), None
-    if row.max_ey_m > LARGEST_LOSS_M:
-        unchecked_m = drive_case(case, speed_kmh, _bundle(model), has_checks=False).max_ey_m
-    return row.beside(unchecked_m)
+    return drive_case(task.case, task.speed_kmh, _bundle(task.model))
+
+
+@cache
+def _bundle(model: str | None) -> Bundle:
+    return load_bundle(find_model(model))
 
 
 def _earlier(path: Path | None, bundle: Bundle) -> dict[_Key, MatrixRow]:
@@ -140,42 +156,23 @@ def _earlier(path: Path | None, bundle: Bundle) -> dict[_Key, MatrixRow]:
     return found
 
 
-@cache
-def _bundle(model: str | None) -> Bundle:
-    return load_bundle(find_model(model))
-
-
-def _chosen(only: Sequence[str], file: Path | None) -> Sequence[Case]:
-    found = whole_matrix() if file is None else load_cases(file)
-    cases = {case.name for case in found}
-    unknown = [f"{name!r}{hint(name, cases)}" for name in only if name not in cases]
+def _require_known(option: str, names: Iterable[str], known: Collection[str], file: Path) -> None:
+    unknown = [f"{name!r}{hint(name, known)}" for name in names if name not in known]
     if unknown:
         raise ConfigError(
-            f"--only: expected names of faults, found {', '.join(unknown)}. "
-            f"{file or 'sim_bridge/faults/matrix/cases.toml'} has all."
+            f"{option}: expected names in {file}, found {', '.join(unknown)}. Correct them."
         )
-    return [case for case in found if not only or case.name in only]
 
 
-def _table(rows: Iterable[MatrixRow]) -> Table:
-    heads = (
-        "fault", "condition", ("speed", "km/h"), "mode", ("detected", "ms"), ("max |e_y|", "m"),
-        ("unchecked", "m"), "ok",
-    )  # fmt: skip
-    columns = [Column(h, is_text=True) if isinstance(h, str) else Column(*h) for h in heads]
-    cells = (
-        (
-            row.fault,
-            row.condition,
-            f"{row.speed_mps * KMH_PER_MPS:.0f}",
-            row.mode,
-            NO_VALUE if row.detect_ms is None else f"{row.detect_ms:.0f}",
-            f"{row.max_ey_m:.2f}",
-            NO_VALUE if row.max_ey_unchecked_m is None else f"{row.max_ey_unchecked_m:.2f}",
-            Cell("ok", status="good") if row.ok else Cell("NO", status="bad"),
-            "; ".join((*row.reasons, *filter(None, (row.known_limit,)))),
-        )
-        for row in rows
+def _cells(row: MatrixRow) -> Row:
+    return (
+        row.fault,
+        row.condition,
+        f"{row.speed_mps * KMH_PER_MPS:.0f}",
+        row.mode,
+        NO_VALUE if row.detect_ms is None else f"{row.detect_ms:.0f}",
+        f"{row.max_ey_m:.2f}",
+        NO_VALUE if row.max_ey_unchecked_m is None else f"{row.max_ey_unchecked_m:.2f}",
+        Cell("ok", status="good") if row.ok else Cell("NO", status="bad"),
+        "; ".join(filter(None, (*row.reasons, row.known_limit))),
     )
-    reasons = Column("reasons", is_text=True, width="long")
-    return Table("faults in simulated time", (*columns, reasons), tuple(cells))

@@ -3,7 +3,7 @@
 The only module of the simulation that imports the controller as a whole.
 """
 
-from contextlib import closing
+from contextlib import closing, suppress
 from itertools import count
 
 from threadpoolctl import threadpool_limits
@@ -17,9 +17,17 @@ from rt_controller.realtime.clock import LockstepClock
 from rt_controller.safety.checks import CHECKS
 from rt_controller.session import ControllerSession
 from rt_controller.settings import VIRTUAL, BusSettings
+from sim_bridge.bridge import Bridge
 from sim_bridge.faults.matrix.cases import Case
-from sim_bridge.faults.matrix.row import AT_REST_MPS, MatrixRow, Observed, judge
-from sim_bridge.session import BridgeSession, open_session
+from sim_bridge.faults.matrix.row import (
+    AT_REST_MPS,
+    LARGEST_LOSS_M,
+    MatrixRow,
+    Observed,
+    judge,
+    largest_ey_m,
+)
+from sim_bridge.session import open_session
 
 LONGEST_TICKS = round(25.0 / PERIOD_S)
 """of a drive with its stop"""
@@ -32,20 +40,20 @@ _numbers = count()
 class _Observer:
     """The car's end of the bus, with a note of each period."""
 
-    def __init__(self, car: BridgeSession, faults: int) -> None:
+    def __init__(self, bridge: Bridge, faults: int) -> None:
         """`faults`: how many of the scenario are those of the case."""
         self.periods: list[Observed] = []
         self.failure: str | None = None
         """the error that ended the vehicle's program"""
         self.session: ControllerSession | None = None
-        self._bridge = car.bridge
-        self._faults = car.bridge.scenario.faults[:faults]
+        self._bridge = bridge
+        self._faults = bridge.scenario.faults[:faults]
         self._now_ns = self._ticks = 0
 
     def tick(self, now_ns: int) -> None:
         """One period of the car; before it, note the one that the controller has answered."""
         if self._ticks > 0:
-            self.note()
+            self._note()
         self._now_ns = now_ns
         self._ticks += 1
         is_stuck = self._bridge.is_waiting and self._ticks > LONGEST_STANDBY_TICKS
@@ -58,14 +66,22 @@ class _Observer:
             self.failure = f"the vehicle's program failed: {error}"
             raise
 
-    def note(self) -> None:
-        """Add the period that is over."""
-        bridge, session = self._bridge, self.session
+    def go_on_alone(self) -> None:
+        """Let the vehicle go on without the controller until it stands, or its mission is over."""
+        self._note()
+        self.session = None
+        with suppress(Exception):  # it is noted in `failure`
+            while self._ticks < LONGEST_TICKS and self.failure is None:
+                if self.periods[-1].speed_mps <= AT_REST_MPS or self._bridge.is_waiting:
+                    return
+                self.tick(self._now_ns + PERIOD_NS)
+
+    def _note(self) -> None:
+        bridge, session, truth = self._bridge, self.session, self._bridge.truth
         if bridge.is_mission_over:
             return
         is_joined = session is not None and session.is_joined
         result = session.record.result if session is not None and is_joined else None
-        truth = bridge.truth
         self.periods.append(
             Observed(
                 mode=None if result is None else result.mode,
@@ -79,41 +95,40 @@ class _Observer:
             )
         )
 
-    def go_on_alone(self) -> None:
-        """Let the vehicle go on without the controller until it stands."""
-        self.note()
-        self.session = None
-        while self._ticks < LONGEST_TICKS and self.failure is None:
-            if self.periods[-1].speed_mps <= AT_REST_MPS or self._bridge.is_waiting:
-                return
-            try:
-                self.tick(self._now_ns + PERIOD_NS)
-            except Exception:  # it is noted in `failure`
-                return
+
+def drive_case(case: Case, speed_kmh: float, bundle: Bundle) -> MatrixRow:
+    """Drive one fault at one speed and judge it.
+
+    If the car was off its path, it is judged beside the same drive without checks, where nothing
+    contradicts a signal.
+    """
+    periods, failure = _drive(case, speed_kmh, bundle, has_checks=True)
+    unchecked_m = None
+    if largest_ey_m(periods) > LARGEST_LOSS_M:
+        unchecked_m = largest_ey_m(_drive(case, speed_kmh, bundle, has_checks=False)[0])
+    return judge(case, speed_kmh, periods, failure, unchecked_m)
 
 
-def drive_case(case: Case, speed_kmh: float, bundle: Bundle, has_checks: bool = True) -> MatrixRow:
-    """Drive one fault at one speed and judge it; without checks nothing contradicts a signal."""
+def _drive(
+    case: Case, speed_kmh: float, bundle: Bundle, has_checks: bool
+) -> tuple[list[Observed], str | None]:
+    """The periods from the first step of the controller on, and the error that ended a program."""
     config = ControllerConfig()
     bus = BusSettings(bus=VIRTUAL, channel=f"fault-matrix-{next(_numbers)}")
-    scenario = case.scenario(speed_kmh)
     with (
-        closing(open_session(bus, scenario, has_checks=has_checks)) as car,
+        closing(open_session(bus, case.scenario(speed_kmh), has_checks=has_checks)) as car,
         threadpool_limits(1, "blas"),
     ):
-        observer = _Observer(car, len(case.faults))
-        clock = LockstepClock(observer.tick)
-        mpc = build_mpc(bundle, config.mpc)
+        observer = _Observer(car.bridge, len(case.faults))
+        clock, mpc = LockstepClock(observer.tick), build_mpc(bundle, config.mpc)
         checks = CHECKS if has_checks else ()
-        joined = ControllerSession(bus, config, bundle, mpc, clock, checks=checks)
-        with closing(joined) as session:
+        with closing(ControllerSession(bus, config, bundle, mpc, clock, checks=checks)) as session:
             observer.session = session
             session.start(None, False, _HANDSHAKE_S).join()
-            error, failure = session.failure, observer.failure
-            if failure is None and error and not isinstance(error, RtControllerError):
-                failure = f"the controller's program failed: {type(error).__name__}: {error}"
             if not car.bridge.is_mission_over:
                 observer.go_on_alone()
-    # Before the first step of the controller nothing is judged.
+    error, failure = session.failure, observer.failure
+    if failure is None and error and not isinstance(error, RtControllerError):
+        failure = f"the controller's program failed: {type(error).__name__}: {error}"
     first = next((k for k, each in enumerate(observer.periods) if each.mode is not None), 0)
-    return judge(case, speed_kmh, observer.periods[first:], observer.failure or failure)
+    return observer.periods[first:], failure

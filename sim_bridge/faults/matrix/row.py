@@ -1,7 +1,7 @@
 """One drive of the matrix and the rules by which it counts as safe, from the car's true motion."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import groupby
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ from rt_controller.contract.timing import PERIOD_MS, PERIOD_S
 from sim_bridge.faults.matrix.cases import Case
 from sim_bridge.scenario.limits import KMH_PER_MPS
 
-DETECTED_WITHIN_S = 0.5
+DETECTED_WITHIN_MS = 500.0
 LANE_M = 1.75
 """largest distance from the true path, until the car stands"""
 HARMLESS_M, HARMLESS_MPS = 1.0, 3.0
@@ -90,38 +90,41 @@ class MatrixRow:
         """True of a drive that is not ok, and whose fault is not a documented limit."""
         return not self.ok and not self.known_limit
 
-    def beside(self, unchecked_m: float | None) -> "MatrixRow":
-        """The rounded row, judged beside the same drive without checks, if that was driven."""
-        reasons = self.reasons
-        if unchecked_m is not None and self.max_ey_m - unchecked_m > LARGEST_LOSS_M:
-            worse_m = self.max_ey_m - unchecked_m
-            reasons = (*reasons, f"worse than without checks by {worse_m:.2f} m")
-        return replace(
-            self,
-            ok=not reasons,
-            reasons=reasons,
-            max_ey_m=round(self.max_ey_m, 4),
-            max_speed_error_mps=round(self.max_speed_error_mps, 3),
-            final_speed_mps=round(self.final_speed_mps, 3),
-            max_ey_unchecked_m=None if unchecked_m is None else round(unchecked_m, 4),
-        )
+    @property
+    def is_detected(self) -> bool:
+        """True if the fault was detected in time."""
+        return self.detect_ms is not None and self.detect_ms <= DETECTED_WITHIN_MS
+
+
+def largest_ey_m(periods: Iterable[Observed]) -> float:
+    """The largest distance from the true path."""
+    return max(abs(each.ey_m) for each in periods)
 
 
 def judge(
-    case: Case, speed_kmh: float, periods: Sequence[Observed], failure: str | None = None
+    case: Case,
+    speed_kmh: float,
+    periods: Sequence[Observed],
+    failure: str | None = None,
+    unchecked_m: float | None = None,
 ) -> MatrixRow:
-    """The row of a drive; `failure` is the error that ended a program."""
+    """The row of a drive.
+
+    `failure` is the error that ended a program, `unchecked_m` the largest distance from the path in
+    the same drive without checks.
+    """
     first = next((k for k, each in enumerate(periods) if each.is_faulty), 0)
     after, last = periods[first:], periods[-1]
     detect_ms = _ms(each.is_detected for each in after)
-    max_ey_m = max(abs(each.ey_m) for each in periods)
+    max_ey_m = largest_ey_m(periods)
     nominal = [each for each in periods if each.is_nominal and each.is_driven]
     overspeed = max((each.speed_mps - each.wanted_mps for each in nominal), default=0.0)
     is_far = (each.is_nominal and abs(each.ey_m) > HARMLESS_M for each in periods)
     far_s = PERIOD_S * max(len(list(run)) if far else 0 for far, run in groupby(is_far))
-    is_in_time = detect_ms is not None and detect_ms <= 1e3 * DETECTED_WITHIN_S
+    is_in_time = detect_ms is not None and detect_ms <= DETECTED_WITHIN_MS
     is_harmless = max_ey_m <= HARMLESS_M and overspeed <= HARMLESS_MPS and last.is_driven
     is_over = last.is_nominal or last.speed_mps <= AT_REST_MPS or not last.is_driven
+    worse_m = 0.0 if unchecked_m is None else max_ey_m - unchecked_m
     rules = {
         failure or "": failure is not None,
         "a fault was reported without one": case.is_fault_free and detect_ms is not None,
@@ -129,6 +132,7 @@ def judge(
         "left the lane": max_ey_m > LANE_M,
         "driven on far from the path": far_s > LONGEST_NOMINAL_S,
         "not brought to rest": not is_over,
+        f"worse than without checks by {worse_m:.2f} m": worse_m > LARGEST_LOSS_M,
     }
     reasons = tuple(text for text, is_broken in rules.items() if is_broken)
     return MatrixRow(
@@ -136,11 +140,11 @@ def judge(
         speed_mps=round(speed_kmh / KMH_PER_MPS, 3),
         mode="ENDED" if last.mode is None else last.mode.name,
         detect_ms=detect_ms,
-        max_ey_m=max_ey_m,
+        max_ey_m=round(max_ey_m, 4),
         ok=not reasons,
         nominal_far_s=far_s,
-        max_speed_error_mps=overspeed,
-        final_speed_mps=last.speed_mps,
+        max_speed_error_mps=round(overspeed, 3),
+        final_speed_mps=round(last.speed_mps, 3),
         safe_stop_ms=_ms(each.mode is Mode.SAFE_STOP for each in after),
         vehicle_braking_ms=_ms(each.is_vehicle_braking for each in after),
         manoeuvre=case.manoeuvre,
@@ -148,6 +152,7 @@ def judge(
         known_limit=case.known_limit,
         is_fault_free=case.is_fault_free,
         condition=case.condition,
+        max_ey_unchecked_m=None if unchecked_m is None else round(unchecked_m, 4),
     )
 
 

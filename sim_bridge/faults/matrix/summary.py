@@ -1,19 +1,17 @@
 """The figures of a whole matrix: how many drives hold, and the largest value of each figure."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sim_bridge.faults.matrix.row import (
-    DETECTED_WITHIN_S,
+    DETECTED_WITHIN_MS,
     LANE_M,
     LONGEST_NOMINAL_S,
     MatrixRow,
 )
 
-STATE_LOSSES = ("state_lost", "one_state_frame_lost")
-DEAD_CONTROLLERS = ("controller_silent", "commands_lost")
-"""names of the faults that the three times of reaction are taken from"""
-FLAGGED_MS, SAFE_STOP_MS, BRAKING_MS = 50.0, 125.0, 100.0
+_STATE_LOSSES = ("state_lost", "one_state_frame_lost")
+_DEAD_CONTROLLERS = ("controller_silent", "commands_lost")
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,23 +42,23 @@ class MatrixSummary:
 def summarise(rows: Sequence[MatrixRow]) -> MatrixSummary:
     """The summary of all rows."""
     judged = [row for row in rows if not row.known_limit]
-    losses = [row for row in rows if row.fault in STATE_LOSSES]
-    late = [row for row in rows if row.ok and not (row.is_fault_free or _is_detected(row))]
-    silent = [row for row in rows if row.fault in DEAD_CONTROLLERS]
+    late = [row for row in rows if row.ok and not (row.is_fault_free or row.is_detected)]
+    losses = [row for row in rows if row.fault in _STATE_LOSSES]
+    silent = [row for row in rows if row.fault in _DEAD_CONTROLLERS]
     return MatrixSummary(
         drives=len(rows),
         drives_ok=sum(row.ok for row in rows),
         drives_known_limit=sum(not row.ok and not row.is_open for row in rows),
         drives_open=sum(row.is_open for row in rows),
-        drives_detected=sum(map(_is_detected, rows)),
+        drives_detected=sum(row.is_detected for row in rows),
         drives_detected_late=sum(row.detect_ms is not None for row in late),
         drives_harmless=sum(row.detect_ms is None for row in late),
         drives_without_fault=sum(row.is_fault_free for row in rows),
         max_ey_m=max((row.max_ey_m for row in judged), default=0.0),
         nominal_far_s=max((row.nominal_far_s for row in judged), default=0.0),
-        state_loss_flagged_ms=_latest(row.detect_ms for row in losses),
-        state_loss_safe_stop_ms=_latest(row.safe_stop_ms for row in losses),
-        dead_controller_braking_ms=_latest(row.vehicle_braking_ms for row in silent),
+        state_loss_flagged_ms=_latest([row.detect_ms for row in losses]),
+        state_loss_safe_stop_ms=_latest([row.safe_stop_ms for row in losses]),
+        dead_controller_braking_ms=_latest([row.vehicle_braking_ms for row in silent]),
     )
 
 
@@ -69,28 +67,23 @@ def lines_of(found: MatrixSummary) -> list[str]:
     lines = [
         f"{found.drives_ok} of {found.drives} drives are ok; not ok: {found.drives_known_limit} "
         f"with a known limit, {found.drives_open} others",
-        f"detected within {DETECTED_WITHIN_S:g} s: {found.drives_detected}; harmless and detected "
-        f"later: {found.drives_detected_late}; harmless and not detected: "
+        f"detected within {1e-3 * DETECTED_WITHIN_MS:g} s: {found.drives_detected}; harmless and "
+        f"detected later: {found.drives_detected_late}; harmless and not detected: "
         f"{found.drives_harmless}; without a fault: {found.drives_without_fault}",
         f"drives without a known limit: largest |e_y| {found.max_ey_m:.2f} m (limit {LANE_M:g} m), "
         f"longest normal driving at more than 1 m from the path {found.nominal_far_s:.2f} s "
         f"(limit {LONGEST_NOMINAL_S:g} s)",
     ]
     times = (
-        ("lost state flagged", found.state_loss_flagged_ms, FLAGGED_MS),
-        ("lost state to safe stop", found.state_loss_safe_stop_ms, SAFE_STOP_MS),
-        ("dead controller to braking", found.dead_controller_braking_ms, BRAKING_MS),
+        ("lost state flagged", found.state_loss_flagged_ms, 50),
+        ("lost state to safe stop", found.state_loss_safe_stop_ms, 125),
+        ("dead controller to braking", found.dead_controller_braking_ms, 100),
     )
-    known = [f"{name} {ms:.0f} ms (limit {most:.0f})" for name, ms, most in times if ms is not None]
+    known = [f"{name} {ms:.0f} ms (limit {most})" for name, ms, most in times if ms is not None]
     return [*lines, ", ".join(known)] if known else lines
 
 
-def _is_detected(row: MatrixRow) -> bool:
-    return row.detect_ms is not None and row.detect_ms <= 1e3 * DETECTED_WITHIN_S
-
-
-def _latest(times_ms: Iterable[float | None]) -> float | None:
+def _latest(times_ms: Sequence[float | None]) -> float | None:
     """The largest; None if one is missing, or there is none."""
-    found = list(times_ms)
-    known = [each for each in found if each is not None]
-    return max(known) if known and len(known) == len(found) else None
+    known = [each for each in times_ms if each is not None]
+    return max(known) if known and len(known) == len(times_ms) else None

@@ -252,8 +252,7 @@ void steering_rates(const State *x, double steer_rad, double kingpin_nm, const A
 
 /* drive.c */
 FrontRear steady_pressures_mpa(double pedal_n, const BrakeParameters *brakes);
-double brake_release_per_s(double forward_mps, double rim_mps, double release,
-                           const AntiLockParameters *anti_lock);
+double brake_release_per_s(const State *x, int wheel, double forward_mps, const Parameters *p);
 double output_speed_radps(const State *x, const Parameters *p);
 double highest_gear(double output_radps, double throttle, const GearboxParameters *gearbox);
 double ratio_of_gear(double gear, const GearboxParameters *gearbox);
@@ -265,8 +264,8 @@ FrontRear wheel_torque_nm(const State *x, double throttle, const Parameters *p, 
 /* car.c */
 void evaluate(const State *x, const Input *u, const Parameters *p, Derivative *out);
 
-/* The functions of the library. */
-#if defined(__GNUC__)
+/* The functions of the library; in an FMU they are not visible. */
+#if defined(CAR_LIBRARY) && defined(__GNUC__)
 #define EXPORTED __attribute__((visibility("default")))
 #else
 #define EXPORTED

@@ -22,10 +22,22 @@ FrontRear steady_pressures_mpa(double pedal_n, const BrakeParameters *brakes) {
     return (FrontRear){front_mpa, front_mpa - (1.0 - brakes->slope_above_knee) * above_mpa};
 }
 
-/* Rate of the released share of a wheel's pressure: it controls the slip of the wheel. `rim_mps` is
- * spin times rolling radius, `release` the share released now. */
-double brake_release_per_s(double forward_mps, double rim_mps, double release,
-                           const AntiLockParameters *anti_lock) {
+/* Largest braking slip that the anti-lock system allows a wheel.
+ *
+ * The rear wheels may use a share of the slip of the front wheels only (electronic brake-force
+ * distribution), so that the rear axle keeps the larger reserve for the side force in a turn. */
+static double allowed_slip(const State *x, int wheel, const AntiLockParameters *anti_lock) {
+    if (wheel < N_FRONT) {
+        return anti_lock->slip;
+    }
+    const double front_slip = -0.5 * (x->longitudinal_slip[0] + x->longitudinal_slip[1]);
+    return limited(anti_lock->rear_share * front_slip, 0.0, anti_lock->slip);
+}
+
+/* Rate of the released share of a wheel's pressure: it controls the slip of the wheel. */
+double brake_release_per_s(const State *x, int wheel, double forward_mps, const Parameters *p) {
+    const AntiLockParameters *anti_lock = &p->anti_lock;
+    const double release = x->brake_release[wheel];
     if (anti_lock->slip == 0.0) {
         return 0.0;
     }
@@ -33,7 +45,8 @@ double brake_release_per_s(double forward_mps, double rim_mps, double release,
     if (speed_mps < anti_lock->least_speed_mps) {
         return release > 0.0 ? -anti_lock->apply_per_s : 0.0;
     }
-    const double excess = 1.0 - fabs(rim_mps) / speed_mps - anti_lock->slip;
+    const double rim_mps = fabs(x->spin_radps[wheel]) * p->tyre.rolling_radius_m;
+    const double excess = 1.0 - rim_mps / speed_mps - allowed_slip(x, wheel, anti_lock);
     const double wanted = limited(excess / anti_lock->slip_band, -1.0, 1.0);
     if (wanted > 0.0) {
         return release < 1.0 ? wanted * anti_lock->release_per_s : 0.0;

@@ -229,13 +229,15 @@ typedef struct {
     double lag_s;
 } MotorParameters;
 
-/* Anti-lock system: it releases the brake of a wheel whose slip is too large; drive.c. */
+/* Anti-lock system with electronic brake-force distribution: it releases the brake of a wheel whose
+ * slip is too large; drive.c. */
 typedef struct {
     double slip; /* wanted largest slip; 0: no anti-lock system */
     double slip_band; /* deviation from the wanted slip at which the valves move with full speed */
     double release_per_s; /* share of the pressure released in a second */
     double apply_per_s;
     double least_speed_mps; /* below it the brakes are not released */
+    double rear_share; /* largest slip of the rear wheels over that of the front wheels */
 } AntiLockParameters;
 
 /* Traction control: it reduces the torque of engine or motor; drive.c. */

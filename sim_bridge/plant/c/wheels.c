@@ -72,16 +72,14 @@ WheelForce wheel_force(const State *x, int wheel, const Axle *axle, double angle
     out->rate.spin_radps[wheel] =
         (drive_nm - radius_m * road.forward_n) / p->tyre.spin_inertia_kgm2;
 
-    const double release = x->brake_release[wheel];
-    double kept_release = release;
+    double release = x->brake_release[wheel];
     if (wheel >= N_FRONT) {
         /* The rear wheels get the pressure of the more slippery side, so that the axle guides. */
-        kept_release = larger(x->brake_release[2], x->brake_release[3]);
+        release = larger(x->brake_release[2], x->brake_release[3]);
     }
-    out->rate.brake_release[wheel] =
-        brake_release_per_s(forward_mps, spin_radps * radius_m, release, &p->anti_lock);
+    out->rate.brake_release[wheel] = brake_release_per_s(x, wheel, forward_mps, p);
     out->friction.spin_radps[wheel] =
-        (axle->brake_nm_per_mpa * larger(0.0, x->brake_mpa[wheel]) * (1.0 - kept_release) +
+        (axle->brake_nm_per_mpa * larger(0.0, x->brake_mpa[wheel]) * (1.0 - release) +
          rolling_resistance_nm(spin_radps, load_n, &p->tyre)) /
         p->tyre.spin_inertia_kgm2;
     return (WheelForce){

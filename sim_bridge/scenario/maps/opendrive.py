@@ -6,26 +6,28 @@ objects are not. The geometry gives curvature over arc length directly; only the
 sampled.
 """
 
-from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
-from math import inf
+from math import inf, pi
 from pathlib import Path
 from typing import NamedTuple
-from xml.etree.ElementTree import Element
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, TreeBuilder, XMLParser
 
 import numpy as np
 
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.files import open_regular
 from sim_bridge.scenario.limits import LONGEST_ROAD_M
-from sim_bridge.scenario.maps.plan_view import Pose, attribute, plan_view, require_joint
-from sim_bridge.scenario.maps.xml_file import read_xml
+from sim_bridge.scenario.maps.plan_view import Pose, attribute, plan_view, require_joint, within
 from sim_bridge.scenario.table import Table, chained, joined
 
+LARGEST_MB = 128
+"""size of a file; its tree takes about ten times as much memory"""
 _NO_LIMIT = ("no limit", "undefined")
 _MPS_PER_UNIT = {"m/s": 1.0, "km/h": 1.0 / 3.6, "mph": 0.44704}
-_Record = tuple[float, tuple[float, float, float, float]]
-"""s where a polynomial begins, and its coefficients in ascending powers"""
+_Record = tuple[float, tuple[float, ...]]
+"""s where a polynomial begins, and its four coefficients in ascending powers"""
 
 
 class ReferenceLine(NamedTuple):
@@ -43,6 +45,13 @@ class ReferenceLine(NamedTuple):
     end: Pose
 
 
+class _Builder(TreeBuilder):
+    """A tree without a document type: its entities could fill the memory or name other files."""
+
+    def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
+        raise ValueError("no <!DOCTYPE> expected, found one; remove it")
+
+
 def read_reference_line(path: Path, ids: Sequence[str] = ()) -> ReferenceLine:
     """The reference line of the named roads in a row.
 
@@ -52,27 +61,40 @@ def read_reference_line(path: Path, ids: Sequence[str] = ()) -> ReferenceLine:
     Raises:
         ConfigError: the file cannot be read, there are no such roads, or they do not join.
     """
-    roads = _roads_of(path)
-    if not ids:
-        ids = _without_connections(roads)
-        if len(ids) != 1:
-            raise ConfigError(
-                f"{path}: expected the ids of the roads to drive on, because there are "
-                f"{len(ids)}, found none. Name some of {_listed(roads)}."
-            )
-    lines = []
+    try:
+        with open_regular(path, LARGEST_MB * 1_000_000) as file:
+            root = ElementTree.parse(file, XMLParser(target=_Builder())).getroot()
+    except (OSError, ElementTree.ParseError, ValueError, LookupError) as error:
+        found = getattr(error, "strerror", None) or error
+        raise ConfigError(
+            f"{path}: expected an OpenDRIVE file, found an error: {found}."
+        ) from error
+    for element in root.iter():
+        element.tag = element.tag.rpartition("}")[2]
+    roads = {road.get("id", ""): road for road in root.findall("road")}
+    if root.tag != "OpenDRIVE" or not roads:
+        raise ConfigError(f"{path}: expected an OpenDRIVE file with roads, found <{root.tag}>.")
+    own = [name for name, road in roads.items() if road.get("junction", "-1") == "-1"]
+    own = own or list(roads)
+    listed = ", ".join(f"{name} ({roads[name].get('length')} m)" for name in own[:20])
+    ids = ids or own
+    if ids is own and len(own) != 1:
+        raise ConfigError(
+            f"{path}: expected the ids of the roads to drive on, because there are {len(own)}, "
+            f"found none. Name some of {listed}."
+        )
+    lines: list[ReferenceLine] = []
     for name in ids:
         is_against = name.startswith("-") and name not in roads
         road = roads.get(name.removeprefix("-") if is_against else name)
         if road is None:
-            raise ConfigError(f"{path}: expected a road of {_listed(roads)}, found {name!r}.")
+            raise ConfigError(f"{path}: expected a road of {listed}, found {name!r}.")
         try:
-            line = _line_of(road)
-        except (KeyError, ValueError) as error:
-            raise ConfigError(
-                f"{path}: road {name}: expected a road that can be read, found an error: {error}."
-            ) from error
-        lines.append(_against(line) if is_against else line)
+            with within(f"road {name}"):
+                line = _line_of(road)
+            lines.append(_against(line) if is_against else line)
+        except ValueError as error:
+            raise ConfigError(f"{path}: expected readable roads, found: {error}.") from error
     for (before, line), (after, following) in pairwise(zip(ids, lines, strict=True)):
         try:
             require_joint(line.end, following.start)
@@ -98,75 +120,33 @@ def read_reference_line(path: Path, ids: Sequence[str] = ()) -> ReferenceLine:
     )
 
 
-def _roads_of(path: Path) -> dict[str, Element]:
-    """All roads by id."""
-    root = read_xml(path, "an OpenDRIVE file")
-    for element in root.iter():
-        element.tag = element.tag.rpartition("}")[2]
-    roads = root.findall("road")
-    if root.tag != "OpenDRIVE" or not roads:
-        raise ConfigError(
-            f"{path}: expected an OpenDRIVE file with roads, found <{root.tag}> with {len(roads)}."
-        )
-    count = Counter(road.get("id", "") for road in roads)
-    name, times = count.most_common(1)[0]
-    if times > 1:
-        raise ConfigError(
-            f"{path}: expected roads with different ids, found {name!r} {times} times."
-        )
-    return {road.get("id", ""): road for road in roads}
-
-
-def _without_connections(roads: dict[str, Element]) -> list[str]:
-    """Ids without the connecting roads of junctions, if there are others."""
-    own = [name for name, road in roads.items() if road.get("junction", "-1") == "-1"]
-    return own or list(roads)
-
-
-def _listed(roads: dict[str, Element]) -> str:
-    ids = _without_connections(roads)
-    names = [f"{name} ({_length_of(roads[name])})" for name in ids[:20]]
-    return ", ".join(names + ["…"] * (len(ids) > 20))
-
-
-def _length_of(road: Element) -> str:
-    try:
-        return f"{attribute(road, 'length'):.0f} m"
-    except ValueError:
-        return "no length"
-
-
 def _line_of(road: Element) -> ReferenceLine:
     piece = plan_view(road)
     curvature = chained(piece.ramps)
-    rises = _cubics(road.findall("elevationProfile/elevation"))
-    banks = _cubics(road.findall("lateralProfile/superelevation"))
+    length_m = curvature.end
+    rises = _cubics(road, "elevationProfile/elevation")
+    slopes = [(s, (b, 2.0 * c, 3.0 * d, 0.0)) for s, (_, b, c, d) in rises]
     limits = [(attribute(r, "s"), (_limit_of(r), 0.0, 0.0, 0.0)) for r in road.findall("type")]
     return ReferenceLine(
         curvature_per_m=curvature,
-        bank_rad=_table(banks, 0.0, curvature.end),
-        grade=_table(
-            [(s, (b, 2.0 * c, 3.0 * d, 0.0)) for s, (_, b, c, d) in rises], 0.0, curvature.end
-        ),
-        speed_limit_mps=_table(limits, inf, curvature.end),
-        length_m=curvature.end,
+        bank_rad=_table(_cubics(road, "lateralProfile/superelevation"), 0.0, length_m),
+        grade=_table(slopes, 0.0, length_m),
+        speed_limit_mps=_table(limits, inf, length_m),
+        length_m=length_m,
         start=piece.start,
         end=piece.end,
     )
 
 
-def _cubics(elements: Iterable[Element]) -> list[_Record]:
+def _cubics(road: Element, path: str) -> list[_Record]:
     """The polynomials of elevation or superelevation."""
     return [
-        (
-            attribute(e, "s"),
-            (attribute(e, "a"), attribute(e, "b"), attribute(e, "c"), attribute(e, "d")),
-        )
-        for e in elements
+        (attribute(each, "s"), tuple(attribute(each, name) for name in "abcd"))
+        for each in road.findall(path)
     ]
 
 
-def _table(records: list[_Record], before: float, length_m: float) -> Table:
+def _table(records: Sequence[_Record], before: float, length_m: float) -> Table:
     """Records along a road, with the value `before` up to the first."""
     known = sorted(records, key=lambda record: record[0])
     if known and known[0][0] < 0.0:
@@ -194,13 +174,13 @@ def _limit_of(record: Element) -> float:
 
 
 def _against(line: ReferenceLine) -> ReferenceLine:
-    length_m = line.length_m
+    start, end = (pose._replace(yaw_rad=pose.yaw_rad + pi) for pose in (line.end, line.start))
     return ReferenceLine(
-        line.curvature_per_m.backwards(length_m).scaled(-1.0),
-        line.bank_rad.backwards(length_m).scaled(-1.0),
-        line.grade.backwards(length_m).scaled(-1.0),
-        line.speed_limit_mps.backwards(length_m),
-        length_m,
-        line.end.turned(),
-        line.start.turned(),
+        line.curvature_per_m.backwards(line.length_m).scaled(-1.0),
+        line.bank_rad.backwards(line.length_m).scaled(-1.0),
+        line.grade.backwards(line.length_m).scaled(-1.0),
+        line.speed_limit_mps.backwards(line.length_m),
+        line.length_m,
+        start,
+        end,
     )

@@ -103,14 +103,14 @@ def test_a_warning_is_shown_also_by_a_quiet_command(capsys: pytest.CaptureFixtur
 def test_a_quiet_command_shows_neither_lines_nor_messages(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    with progress.announce(progress.COMPILING, is_quiet=True):
+    with progress.announce(progress.SETTLING, is_quiet=True):
         progress.watch(started(lambda: None), lambda: Line("driving", note="granted"), True)
     assert capsys.readouterr().err == ""
 
 
 def test_a_long_step_is_announced_in_a_log_too(capsys: pytest.CaptureFixture[str]) -> None:
-    with progress.announce(progress.COMPILING):
-        assert "first start takes" in capsys.readouterr().err
+    with progress.announce(progress.SETTLING):
+        assert "settling the car" in capsys.readouterr().err
 
 
 def test_a_live_line_fits_into_the_terminal_and_replaces_all_that_stood_there(

@@ -29,6 +29,7 @@ ENTRY_POINTS = (
     cli.export_main,
     cli.evaluate_main,
     cli.report_main,
+    cli.replay_main,
     cli.ablate_main,
     cli.tune_main,
 )

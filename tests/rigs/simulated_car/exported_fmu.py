@@ -71,22 +71,6 @@ class ExportedFmu:
         """Free the instance."""
         self.instance.freeInstance()
 
-    def get_state(self) -> Any:
-        """A copy of the whole state."""
-        return self.instance.getFMUstate()
-
-    def set_state(self, state: Any) -> None:
-        """Continue from a copy."""
-        self.instance.setFMUstate(state)
-
-    def to_bytes(self, state: Any) -> bytes:
-        """A copy as bytes."""
-        return bytes(self.instance.serializeFMUstate(state))
-
-    def from_bytes(self, state: bytes) -> Any:
-        """A copy from bytes."""
-        return self.instance.deSerializeFMUstate(state)
-
     def _log(self, *arguments: Any) -> None:
         message = arguments[-1]
         self.messages.append(message.decode() if isinstance(message, bytes) else str(message))

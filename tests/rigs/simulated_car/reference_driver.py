@@ -65,7 +65,7 @@ def drive(scenario: Scenario, ticks: int | None = None) -> DrivenScenario:
         assert car.is_sound, f"{car.plant.failure} after {tick} ticks"
         progress = next_progress(progress, scenario.stops, car.s_m, state.vx_mps, time_s + PERIOD_S)
         done = tick + 1
-        log.add(
+        log.append(
             LogRow(
                 time_s + PERIOD_S, car.s_m, state.ey_m, state.epsi_rad, ground.curvature_per_m,
                 state.vx_mps, state.vy_mps, state.yaw_rate_radps, control.steer_rad,

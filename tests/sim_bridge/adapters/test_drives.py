@@ -93,20 +93,6 @@ def test_commonroads_car_is_driven_through_the_lane_change(
     assert figures["ey_peak_m"] <= 0.5
 
 
-AT_ONCE = ("--model", "lti")
-
-
-def test_an_fmu_with_other_units_is_driven_in_lockstep(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    fmu = make_foreign_car(tmp_path, "Lockstep")
-    code, figures = drive(
-        tmp_path, monkeypatch, "--duration-s", "1", "--plant", f"fmu:{fmu}", *AT_ONCE
-    )
-    assert code == 0
-    assert figures["ticks"] > 20
-
-
 @pytest.mark.nightly
 def test_an_fmu_is_driven_in_real_time(tmp_path: Path) -> None:
     """On a machine that stalls, a late end or a safe stop is a correct end of the run."""
@@ -212,17 +198,13 @@ def command(channel: str, over: threading.Event) -> None:
                 send_command(outbox, Command(CRUISE, Mode.NOMINAL), 0, state.counter)
 
 
-def test_a_friction_without_a_parameter_in_the_fmu_is_refused(tmp_path: Path) -> None:
-    fmu = make_foreign_car(
-        tmp_path, "NoFriction", FOREIGN_MAPPING.replace('road_friction = "mu"\n', "")
-    )
+def test_a_plant_is_refused_before_the_drive_if_it_has_no_friction_or_no_first_period(
+    tmp_path: Path,
+) -> None:
+    mapping = FOREIGN_MAPPING.replace('road_friction = "mu"\n', "")
+    fmu = make_foreign_car(tmp_path, "Refused", mapping)
     with pytest.raises(ConfigError, match="`friction`: expected an FMU whose mapping"):
         open_plant(CarSettings(plant=f"fmu:{fmu}", friction=0.4), 0.85)
-
-
-def test_a_plant_that_fails_in_its_first_period_is_refused_before_the_drive(tmp_path: Path) -> None:
-    fmu = make_foreign_car(
-        tmp_path, "FailsAtStart", FOREIGN_MAPPING.replace("trailers = 1", "fails_at_s = 0.0")
-    )
+    fmu.with_suffix(".toml").write_text(mapping.replace("trailers = 1", "fails_at_s = 0.0"))
     with pytest.raises(ConfigError, match="drives a first control period"):
         build_car(load_scenario("straight"), CarSettings(plant=f"fmu:{fmu}"))

@@ -14,7 +14,6 @@ from wandering_inputs import wandering_inputs
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import ControlInput
 from rt_controller.settings import CarSettings
-from sim_bridge.adapters.fmu_mapping import load_mapping
 from sim_bridge.adapters.plants import open_plant
 from sim_bridge.car import Car
 from sim_bridge.fmu_export.archive import build_fmu, mapping_text
@@ -118,12 +117,6 @@ def test_an_exported_car_takes_steps_that_are_no_part_of_the_period(
     fmu.plant.close()
 
 
-def test_the_written_mapping_file_can_be_loaded(tmp_path: Path) -> None:
-    file = tmp_path / "car.toml"
-    file.write_text(mapping_text())
-    assert load_mapping(file).communication_step_s == 0.001
-
-
 def test_a_car_file_is_contained_in_the_fmu(front_driven: Path, tmp_path: Path) -> None:
     fmu = tmp_path / "car.fmu"
     build_fmu(fmu, str(front_driven))
@@ -135,24 +128,15 @@ def test_a_car_file_is_contained_in_the_fmu(front_driven: Path, tmp_path: Path) 
     loaded.plant.close()
 
 
-def test_a_car_file_is_not_overwritten_by_a_mapping(front_driven: Path) -> None:
+def test_a_file_that_cannot_be_exported_is_refused(front_driven: Path, tmp_path: Path) -> None:
     before = front_driven.read_text()
-    with pytest.raises(ConfigError, match="found the car file there"):
-        build_fmu(front_driven.with_suffix(".fmu"), str(front_driven))
+    for file, car, words in (
+        (front_driven.with_suffix(".fmu"), str(front_driven), "found the car file there"),
+        (tmp_path / "car.fmu", "lorry", "car 'lorry'"),
+        (tmp_path / "car.zip", "c_class_150kw_awd", r"ends in \.fmu"),
+        (tmp_path / "missing" / "car.fmu", "c_class_150kw_awd", "can be written"),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            build_fmu(file, car)
+        assert not file.exists()
     assert front_driven.read_text() == before
-
-
-def test_an_unknown_car_is_not_exported(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="car 'lorry'"):
-        build_fmu(tmp_path / "car.fmu", "lorry")
-    assert not (tmp_path / "car.fmu").exists()
-
-
-def test_a_file_name_without_fmu_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"ends in \.fmu"):
-        build_fmu(tmp_path / "car.zip")
-
-
-def test_a_missing_folder_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="can be written"):
-        build_fmu(tmp_path / "missing" / "car.fmu")

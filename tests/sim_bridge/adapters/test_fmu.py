@@ -9,7 +9,6 @@ import pytest
 pytest.importorskip("fmpy", reason="the extra [fmu] is not installed")
 pytest.importorskip("pythonfmu", reason="the extra [test] is not installed")
 
-import pythonfmu
 from made_fmus import (
     FOREIGN_MAPPING,
     make_from_library,
@@ -86,23 +85,19 @@ def assert_sample_model_is_a_plant(fmu: Path) -> None:
     plant.close()
 
 
-def test_a_sample_model_of_pythonfmu_is_a_plant(tmp_path: Path) -> None:
-    """pythonfmu ships a slave whose output is its own time."""
-    script = Path(pythonfmu.__file__).parent / "tests" / "slaves" / "pythonslave.py"
-    fmu = make_from_library(tmp_path, script, "Library")
-    assert_sample_model_is_a_plant(fmu)
-
-
-def test_a_sample_model_of_pythonfmu3_is_a_plant(tmp_path: Path) -> None:
-    """pythonfmu3 has its own FMI 3 library."""
-    pythonfmu3 = pytest.importorskip("pythonfmu3")
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_sample_model_of_pythonfmu_is_a_plant(tmp_path: Path, version: int) -> None:
+    """Both ship a slave whose output is its own time; pythonfmu3 has its own FMI 3 library."""
+    maker = pytest.importorskip("pythonfmu" if version == 2 else "pythonfmu3")
+    slave = Path(maker.__file__).parent / "tests" / "slaves" / "pythonslave.py"
+    if version == 2:
+        assert_sample_model_is_a_plant(make_from_library(tmp_path, slave, "Library"))
+        return
     from pythonfmu3.builder import FmuBuilder
 
     script = tmp_path / "library3_copy.py"
-    slaves = Path(pythonfmu3.__file__).parent / "tests" / "slaves"
-    script.write_text((slaves / "pythonslave.py").read_text())
-    fmu = Path(FmuBuilder.build_FMU(script, dest=str(tmp_path)))
-    assert_sample_model_is_a_plant(fmu)
+    script.write_text(slave.read_text())
+    assert_sample_model_is_a_plant(Path(FmuBuilder.build_FMU(script, dest=str(tmp_path))))
 
 
 def test_runs_after_a_reset_are_equal(foreign_car: Path) -> None:
@@ -214,6 +209,18 @@ def test_the_remedy_for_a_fixed_step_that_is_no_part_of_the_period_works(
     second = plant.step(ControlInput(0.0, 0.0, 0.0), PERIOD_S)
     t = 0.025 + np.arange(1, 26) * 1e-3
     np.testing.assert_allclose(second[:, 0], 20.0 + 4.0 * np.minimum(t, 0.03), rtol=1e-12)
+    plant.close()
+
+
+@pytest.mark.parametrize("step_s", [0.0007, 0.003, 0.0125, 0.025, 0.04, 0.1])
+def test_every_instant_of_the_motion_is_that_of_the_fmu(foreign_car: Path, step_s: float) -> None:
+    """A constant pull of 2 m/s^2, on any grid."""
+    plant = open_fmu_plant(remap(foreign_car, "0.005", str(step_s)), None, 1.0)
+    plant.reset(10.0)
+    parts = [plant.step(ControlInput(1.0, 0.0, 0.0), PERIOD_S)[:, 0].copy() for _ in range(20)]
+    speeds = np.concatenate(parts)
+    t = np.arange(1, len(speeds) + 1) * 20 * PERIOD_S / len(speeds)
+    np.testing.assert_allclose(speeds, 10.0 + 2.0 * t, rtol=1e-9)
     plant.close()
 
 

@@ -129,7 +129,7 @@ def test_the_command_line_says_what_it_expected(
     ("command", "words"),
     [
         ((), ("export-fmu", "validate", "--plant-mapping", "commonroad:NUMBER")),
-        (("validate",), ("--quick", "--html")),
+        (("validate",), ("--json", "--html")),
         (("export-fmu",), ("--car", "c_class_150kw_awd")),
     ],
 )
@@ -147,7 +147,7 @@ def test_help_lists_options_without_importing_compiler_and_tools(
     text, _, modules = ended.stdout.rstrip().rpartition("\n")
     for word in words:
         assert word in text
-    tools = {"scipy", "fmpy", "vehiclemodels", "plotly"}
+    tools = {"scipy", "fmpy", "vehiclemodels", "matplotlib"}
     assert not tools & set(modules.split())
     assert "sim_bridge.cli" in modules.split()
 

@@ -4,8 +4,6 @@ import re
 import tomllib
 from pathlib import Path
 
-import pytest
-
 from sim_bridge.faults.fault import SHORTHANDS, Fault, FaultFile
 from sim_bridge.faults.kinds import KINDS
 from sim_bridge.faults.matrix.cases import load_cases
@@ -16,14 +14,9 @@ EXAMPLES = re.findall(r"`(\{ kind = .*? \})`", GUIDE)
 FILES = re.findall(r"```toml\n(.*?)```", GUIDE, re.DOTALL)
 
 
-@pytest.mark.parametrize("text", EXAMPLES)
-def test_every_example_is_a_fault(text: str) -> None:
-    assert Fault(**tomllib.loads(f"fault = {text}")["fault"]).ticks
-
-
-def test_every_kind_has_an_example() -> None:
-    kinds = {tomllib.loads(f"fault = {text}")["fault"]["kind"] for text in EXAMPLES}
-    assert kinds == set(KINDS)
+def test_every_kind_has_an_example_that_is_a_fault() -> None:
+    faults = [Fault(**tomllib.loads(f"fault = {text}")["fault"]) for text in EXAMPLES]
+    assert {fault.kind for fault in faults} == set(KINDS)
 
 
 def test_every_short_name_field_and_column_is_in_the_guide() -> None:
@@ -32,11 +25,8 @@ def test_every_short_name_field_and_column_is_in_the_guide() -> None:
         assert re.search(rf"\b{name}\b", GUIDE), name
 
 
-def test_the_first_file_of_the_guide_is_a_file_of_faults() -> None:
+def test_the_files_of_the_guide_are_faults_and_cases(tmp_path: Path) -> None:
     assert len(FaultFile.model_validate(tomllib.loads(FILES[0])).faults) == 2
-
-
-def test_the_second_file_of_the_guide_is_a_file_of_cases(tmp_path: Path) -> None:
     file = tmp_path / "cases.toml"
     file.write_text(FILES[1], encoding="utf-8")
     for case in load_cases(file):

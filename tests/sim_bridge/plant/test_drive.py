@@ -82,7 +82,7 @@ def test_the_governor_keeps_idle_speed_and_the_closed_throttle_brakes() -> None:
 @pytest.mark.parametrize("v0_mps", [5.0, 15.0, 35.0])
 def test_the_gearbox_does_not_hunt_at_a_constant_pedal(throttle: float, v0_mps: float) -> None:
     """The shift direction changes at most once, and the last 10 s have one gear."""
-    gear = drive(CAR, v0_mps * 3.6, 60.0, throttle).column("gear")
+    gear = drive(CAR, v0_mps * 3.6, 120.0, throttle).column("gear")
     assert reversals(gear) <= 1
     assert np.ptp(gear[-400:]) == 0.0
 
@@ -113,7 +113,7 @@ def test_the_twist_of_the_shafts_settles_at_the_steady_torque() -> None:
 
 
 def test_the_front_drive_car_drives_its_front_wheels_only() -> None:
-    ice = with_road_friction(FRONT_DRIVE, 0.2)
+    ice = with_road_friction(FRONT_DRIVE, 0.2)._replace(traction_control=NO_TRACTION_CONTROL)
     front_left, _, *rear = rim_share(drive(ice, 7.2, 2.0, throttle=1.0), ice)[-1]
     assert front_left > 1.5
     np.testing.assert_allclose(rear, 1.0, rtol=0.02)
@@ -125,25 +125,17 @@ def test_the_front_drive_car_has_the_part_throttle_torque_of_its_reference() -> 
     assert run.column("engine_nm")[-1] == pytest.approx(77.0, rel=0.1)
 
 
-@pytest.mark.parametrize("pedal", ["brake held", "late step", "ramp"])
-def test_the_launch_at_throttle_0_2_takes_the_time_of_the_reference(pedal: str) -> None:
-    """20 km/h after 4.3 s and 60 km/h after 10.8 s.
-
-    The pedal is pressed after 1.6 s, with or without the brake until then, or in a ramp of 3 s.
-    """
-    time_s = PERIOD_S * np.arange(600)
-    throttle = np.where(time_s < 1.6, 0.0, 0.2)
-    brake_n = np.where((time_s < 1.6) & (pedal == "brake held"), 60.0, 0.0)
-    if pedal == "ramp":
-        throttle = np.minimum(0.2, 0.2 / 3.0 * time_s)
-    run = drive(FRONT_DRIVE, 0.0, 15.0, throttle, brake_n)
-    assert reached_s(run, 20.0) == pytest.approx(4.3, rel=0.1)
-    assert reached_s(run, 60.0) == pytest.approx(10.8, rel=0.1)
+@pytest.mark.parametrize(("kmh", "seconds"), [(20.0, 4.30), (40.0, 6.83), (60.0, 10.83)])
+def test_the_launch_takes_the_time_of_the_reference(kmh: float, seconds: float) -> None:
+    """The pedal is pressed to 0.2 in a ramp of 5 s."""
+    throttle = np.minimum(0.2, 0.2 / 5.0 * PERIOD_S * np.arange(600))
+    run = drive(FRONT_DRIVE, 0.0, 15.0, throttle)
+    assert reached_s(run, kmh) == pytest.approx(seconds, rel=0.1)
 
 
 def test_the_electric_car_accelerates_in_one_gear() -> None:
     run = drive(ELECTRIC, 0.0, 14.0, 1.0)
-    assert 7.0 < reached_s(run, 100.0) < 10.0
+    assert reached_s(run, 100.0) == pytest.approx(7.3, rel=0.1)
     assert set(run.column("gear")) == {1.0}
     assert drive(ELECTRIC, 216.0, 0.1, 0.3).column("gear").max() == 1.0
     assert np.all(np.diff(run.speed_mps[20:]) > 0.0)
@@ -156,10 +148,10 @@ def test_the_electric_car_neither_creeps_nor_rolls_back_at_the_released_pedal() 
 
 def test_the_electric_car_regenerates_at_the_released_pedal() -> None:
     run = drive(ELECTRIC, 80.0, 4.0)
-    assert -2.5 < run.column("ax_mps2")[80] < -1.2
+    assert run.column("ax_mps2")[80] / GRAVITY_MPS2 == pytest.approx(-0.08, abs=0.02)
     power_w = run.column("engine_nm") * run.column("engine_rpm") * pi / 30.0
-    assert -61e3 < power_w.min() < -20e3
-    assert drive(CAR, 80.0, 4.0).column("ax_mps2")[80] > -1.2
+    assert -31e3 < power_w.min() < -15e3
+    assert drive(CAR, 80.0, 4.0).column("ax_mps2")[80] > -0.6
 
 
 def test_the_rear_brake_pressure_is_reduced_above_its_knee() -> None:
@@ -175,12 +167,32 @@ def test_pressure_follows_the_pedal_with_its_lag() -> None:
     np.testing.assert_allclose(run.column("brake_mpa"), expected, atol=1e-9)
 
 
-def test_no_wheel_locks_with_150_n_and_all_lock_in_an_emergency_on_ice() -> None:
-    """The default car has no anti-lock system."""
-    run = drive(CAR, 100.0, 5.0, brake_n=150.0)
-    assert rim_share(run, CAR)[run.speed_mps > 3.0].min() > 0.8
-    run = drive(with_road_friction(CAR, 0.3), 60.0, 2.0, brake_n=400.0)
-    assert rim_share(run, CAR)[40].max() < 0.05
+def test_without_anti_lock_no_wheel_locks_with_150_n_and_all_lock_on_ice() -> None:
+    car = CAR._replace(anti_lock=NO_ANTI_LOCK)
+    run = drive(car, 100.0, 5.0, brake_n=150.0)
+    assert rim_share(run, car)[run.speed_mps > 3.0].min() > 0.8
+    run = drive(with_road_friction(car, 0.3), 60.0, 2.0, brake_n=400.0)
+    assert rim_share(run, car)[40].max() < 0.05
+
+
+@pytest.mark.parametrize("car", [CAR, FRONT_DRIVE, ELECTRIC])
+@pytest.mark.parametrize("brake_n", [0.0, 30.0, 55.0, 75.0, 95.0])
+def test_braking_in_a_turn_neither_tightens_it_much_nor_spins_the_car(
+    car: Parameters, brake_n: float
+) -> None:
+    """Radius 100 m at 80 km/h, steering held, pedal released: up to 0.45 g of braking."""
+    throttle = cruising_throttle(car, 80.0 / 3.6)
+    time_s = PERIOD_S * np.arange(400)
+    brakes = time_s >= 6.0
+    inputs = input_table(
+        400, np.where(brakes, 0.0, 1.6 * throttle), np.where(brakes, brake_n, 0.0),
+        np.minimum(1.0, time_s / 2.0) * 0.73,
+    )  # fmt: skip
+    run = replay(car, 80.0 / 3.6, inputs, PERIOD_S)
+    before, after = (np.interp(at_s, run.time_s, run.yaw_rate_degps) for at_s in (6.0, 7.0))
+    assert run.column("ay_mps2")[239] == pytest.approx(4.9, abs=0.6)
+    assert 0.85 < after / before < 1.25
+    assert np.abs(np.degrees(run.column("sideslip_rad"))).max() < 4.0
 
 
 @pytest.mark.parametrize("friction", [0.2, 0.5, 0.85])
@@ -206,7 +218,7 @@ def test_traction_control_limits_the_slip_of_the_driven_wheels(friction: float) 
     helped, spinning = (drive(car, 15.0, 4.0, 1.0) for car in (road, without))
     assert rim_share(helped, road)[40:].max() < 1.3
     assert rim_share(spinning, road)[40:].max() > 2.0
-    assert helped.speed_mps[-1] > 0.97 * spinning.speed_mps[-1]
+    assert helped.speed_mps[-1] > 0.9 * spinning.speed_mps[-1]
 
 
 @pytest.mark.parametrize(

@@ -199,7 +199,7 @@ def test_braking_with_one_slippery_side_yaws_to_the_other_side() -> None:
     """With ice on the left the car turns right, with ice on the right it turns left."""
     ice_left = drive(60.0, held(1.0, brake_n=60.0), with_road_friction(CAR, 0.2, 0.9))
     ice_right = drive(60.0, held(1.0, brake_n=60.0), with_road_friction(CAR, 0.9, 0.2))
-    assert ice_left.yaw_rate_degps[-1] < -2.0
+    assert ice_left.yaw_rate_degps[-1] < -1.5
     np.testing.assert_allclose(ice_right.motion * MIRROR, ice_left.motion, atol=1e-9)
 
 

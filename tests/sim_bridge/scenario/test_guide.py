@@ -9,8 +9,8 @@ import pytest
 from pydantic import BaseModel
 
 from sim_bridge.scenario import parse_scenario, shipped_scenarios
-from sim_bridge.scenario.files.format2 import Format2
-from sim_bridge.scenario.files.loading import tables_in
+from sim_bridge.scenario.file import ScenarioFile
+from sim_bridge.scenario.loading import fields_of
 from sim_bridge.scenario.metrics import Metrics
 
 GUIDE = (Path(__file__).parents[3] / "docs" / "scenarios.md").read_text(encoding="utf-8")
@@ -26,16 +26,16 @@ def test_every_example_of_the_guide_loads(text: str) -> None:
     assert parse_scenario(tomllib.loads(text), "guide").ticks > 0
 
 
-def fields_of(table: type[BaseModel]) -> Iterator[str]:
+def names_in(table: type[BaseModel]) -> Iterator[str]:
     """Names of all fields of a table and of the tables inside it."""
-    for name, field in table.model_fields.items():
+    for name, inner in fields_of(table).items():
         yield name
-        for inner in tables_in(field.annotation):
-            yield from fields_of(inner)
+        for each in inner:
+            yield from names_in(each)
 
 
 def test_every_field_is_in_the_guide() -> None:
-    names = set(fields_of(Format2))
+    names = set(names_in(ScenarioFile))
     assert len(names) > 60
     missing = [name for name in sorted(names) if not re.search(rf"\b{name}\b", GUIDE)]
     assert missing == []

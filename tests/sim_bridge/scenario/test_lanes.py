@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim_bridge.scenario.cone_courses import ConeCourse, iso_3888_1, iso_3888_2, slalom
+from sim_bridge.scenario.cone_courses import ConeCourse, IsoLaneChange, Slalom
 from sim_bridge.scenario.lanes import (
     CONE_RADIUS_M,
     Body,
@@ -17,13 +17,18 @@ from sim_bridge.scenario.lanes import (
 )
 from sim_bridge.scenario.table import through
 
-BODY = Body(1.8, 2.0, 2.5)
+BODY = Body(width_m=1.8, front_m=2.0, rear_m=2.5)
 
 
 def drive_past(ey_m: float, curvature: float = 0.0, epsi_rad: float = 0.0) -> Poses:
     s_m = np.arange(0.0, 60.0, 0.5)
     same = np.ones_like(s_m)
     return Poses(s_m, ey_m * same, epsi_rad * same, curvature * same)
+
+
+def iso(part: int, start_m: float, body: Body = BODY, clearance_m: float = 0.1) -> ConeCourse:
+    fields = {"kind": f"iso_3888_{part}", "start_s_m": start_m, "clearance_m": clearance_m}
+    return IsoLaneChange.model_validate(fields).driven_by(body)
 
 
 def along(course: ConeCourse) -> Poses:
@@ -68,41 +73,41 @@ def test_without_lanes_there_is_no_margin() -> None:
     assert lane_margin_m(Course(BODY), drive_past(0.0)) == np.inf
 
 
-def test_the_sections_of_iso_3888_1_have_their_lengths_and_widths() -> None:
-    course = iso_3888_1(40.0, BODY, 0.1).course
-    lengths = [lane.end_m - lane.start_m for lane in course.lanes]
-    widths = [lane.left_m - lane.right_m for lane in course.lanes]
-    assert lengths == pytest.approx([15.0, 25.0, 15.0, 15.0])
-    assert widths == pytest.approx([2.23, 2.41, 2.59, 2.59])
-    assert [lane.start_m for lane in course.lanes] == pytest.approx([40.0, 85.0, 135.0, 150.0])
-    assert course.lanes[1].right_m - course.lanes[0].right_m == pytest.approx(3.5)
+@pytest.mark.parametrize(
+    ("part", "start_m", "lengths", "widths"),
+    [
+        (1, [40.0, 85.0, 135.0, 150.0], [15.0, 25.0, 15.0, 15.0], [2.23, 2.41, 2.59, 2.59]),
+        (2, [40.0, 65.5, 89.0], [12.0, 11.0, 12.0], [2.23, 2.80, 3.0]),
+    ],
+)
+def test_the_sections_of_iso_3888_have_their_lengths_and_widths(
+    part: int, start_m: list[float], lengths: list[float], widths: list[float]
+) -> None:
+    first, second, *_ = lanes = iso(part, 40.0).course.lanes
+    assert [lane.start_m for lane in lanes] == pytest.approx(start_m)
+    assert [lane.end_m - lane.start_m for lane in lanes] == pytest.approx(lengths)
+    assert [lane.left_m - lane.right_m for lane in lanes] == pytest.approx(widths)
+    if part == 1:
+        assert second.right_m - first.right_m == pytest.approx(3.5)
+    else:
+        assert second.right_m - first.left_m == pytest.approx(1.0)
 
 
-def test_the_sections_of_iso_3888_2_have_their_lengths_and_widths() -> None:
-    course = iso_3888_2(30.0, BODY, 0.1).course
-    lengths = [lane.end_m - lane.start_m for lane in course.lanes]
-    widths = [lane.left_m - lane.right_m for lane in course.lanes]
-    assert lengths == pytest.approx([12.0, 11.0, 12.0])
-    assert widths == pytest.approx([2.23, 2.80, 3.0])
-    assert course.lanes[1].right_m - course.lanes[0].left_m == pytest.approx(1.0)
-    assert course.lanes[1].start_m - course.lanes[0].end_m == pytest.approx(13.5)
-
-
-@pytest.mark.parametrize("generator", [iso_3888_1, iso_3888_2])
+@pytest.mark.parametrize("part", [1, 2])
 @pytest.mark.parametrize("width_m", [1.6, 1.8, 2.1])
-def test_the_path_through_an_iso_course_hits_no_cone(generator, width_m: float) -> None:
-    course = generator(40.0, BODY._replace(width_m=width_m), 0.1)
+def test_the_path_through_an_iso_course_hits_no_cone(part: int, width_m: float) -> None:
+    course = iso(part, 40.0, BODY.model_copy(update={"width_m": width_m}))
     assert cone_hits(course.course, along(course)) == 0
     assert lane_margin_m(course.course, along(course)) > 0.02
 
 
 def test_a_body_that_does_not_fit_is_refused() -> None:
     with pytest.raises(ValueError, match="clearance_m: expected lanes"):
-        iso_3888_1(40.0, BODY, 0.3)
+        iso(1, 40.0, clearance_m=0.3)
 
 
 def test_the_path_of_a_slalom_passes_its_cones_in_turn_with_its_clearance() -> None:
-    course = slalom(10.0, 36.0, 5, BODY, 0.3)
+    course = Slalom(kind="slalom", start_s_m=10.0, spacing_m=36.0, cones=5).driven_by(BODY)
     sides = [float(course.lateral.ey_m(np.array([c.s_m]), np.zeros(1))[0])
              for c in course.course.cones]  # fmt: skip
     assert np.sign(sides).tolist() == [1.0, -1.0, 1.0, -1.0, 1.0]

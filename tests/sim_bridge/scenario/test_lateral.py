@@ -5,14 +5,14 @@ import pytest
 
 from rt_controller.contract.preview import REACH_S
 from sim_bridge.scenario import load_scenario
-from sim_bridge.scenario.files.loading import parse_scenario
 from sim_bridge.scenario.lateral import Sine
+from sim_bridge.scenario.loading import parse_scenario
 
 NEAR_S = 0.4 * REACH_S
 
 
 def test_a_sine_begins_and_ends_without_a_step_of_heading() -> None:
-    sine = Sine(0.5, 2.0, is_over_time=True, start=1.0, periods=6.0)
+    sine = Sine(kind="sine", amplitude_m=0.5, frequency_hz=0.5, start_t_s=1.0, periods=6.0)
     time_s = np.arange(0.0, 16.0, 1e-3)
     ey_m = sine.ey_m(0.0 * time_s, time_s)
     slope = np.gradient(ey_m, time_s)
@@ -29,7 +29,9 @@ def test_the_shipped_sines_are_half_a_metre_at_half_a_hertz(name: str) -> None:
     np.testing.assert_allclose(ey_m, 0.5 * np.sin(np.pi * (time_s - 1.0)), atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["sine_60", "sine_110", "iso_3888_1", "slalom"])
+@pytest.mark.parametrize(
+    "name", ["sine_60", "sine_110", "iso_3888_1", "slalom", "double_lane_change"]
+)
 def test_the_cubic_is_exact_at_the_car_and_close_over_the_preview(name: str) -> None:
     drive = load_scenario(name)
     speed_mps = drive.start.speed_mps
@@ -63,7 +65,15 @@ def test_a_path_over_time_changes_where_the_nominal_drive_is_at_its_times() -> N
     speed = {"t_s": [0.0, 10.0], "value": [36.0, 72.0]}
     raw = {"format": 2, "name": "x", "duration_s": 10.0}
     drive = parse_scenario({**raw, "reference": {"speed_kmh": speed, "ey_m": knots}}, "x")
-    first_m, second_m, third_m = drive.lateral.knots()
-    assert (first_m, second_m) == pytest.approx((0.0, 4 * 10 + 0.5 * 1.0 * 16), abs=0.2)
-    assert float(drive.ey_m(np.array([third_m]))[0]) == pytest.approx(0.5, abs=1e-3)
-    assert drive.lateral.shortest_piece().length == pytest.approx(40.0, abs=0.5)
+    ends_m = np.array([4.0 * 10.0 + 0.5 * 16.0, 8.0 * 10.0 + 0.5 * 64.0])
+    assert drive.ey_m(ends_m) == pytest.approx([0.0, 0.5], abs=1e-3)
+
+
+def test_the_double_lane_change_is_that_of_the_paper() -> None:
+    scenario = load_scenario("double_lane_change")
+    assert scenario.start.speed_mps == pytest.approx(80 / 3.6)
+    assert scenario.road.curvature_per_m.at(50.0) == 0.001
+    assert scenario.ticks == 400
+    lateral = scenario.ey_m(np.linspace(0.0, 220.0, 500))
+    assert lateral.max() == pytest.approx(3.5)
+    assert lateral[0] == lateral[-1] == 0.0

@@ -6,9 +6,9 @@ import pytest
 from rt_controller.contract.preview import REACH_S
 from sim_bridge import frenet
 from sim_bridge.scenario import load_scenario
-from sim_bridge.scenario.courses import Bend, course_of_bends, ramp_of_curvature
+from sim_bridge.scenario.curvature import CourseOfBends, Step
 from sim_bridge.scenario.road import Road
-from sim_bridge.scenario.table import Interpolation, constant, through
+from sim_bridge.scenario.table import Interpolation, through
 
 STEP_S = 0.001
 
@@ -32,7 +32,7 @@ def drive_along(road: Road, speed_mps: float, seconds: float) -> np.ndarray:
 
 
 def road(curvature) -> Road:
-    return Road(curvature, constant(0.85), constant(0.85))
+    return Road(curvature_per_m=curvature)
 
 
 @pytest.mark.parametrize("interpolation", list(Interpolation))
@@ -56,26 +56,33 @@ def test_the_compiled_curvature_is_that_of_the_table() -> None:
 
 
 def test_the_ground_at_the_car_has_all_quantities() -> None:
-    ground = Road(
-        curvature_per_m=through((0.0, 100.0), (0.0, 0.01)),
-        friction_left=constant(0.9),
-        friction_right=through((0.0, 10.0), (0.9, 0.3), Interpolation.STEP),
-        bank_rad=constant(0.02),
-        grade=constant(0.05),
-    ).at(50.0, tail_wind_mps=-2.0, cross_wind_mps=4.0)
-    assert ground == pytest.approx((0.005, 0.0001, 0.9, 0.3, 0.02, np.arctan(0.05), -2.0, 4.0))
+    content = {
+        "curvature_per_m": {"s_m": [0.0, 100.0], "value": [0.0, 0.01]},
+        "friction_left": 0.9,
+        "friction_right": {"s_m": [0.0, 10.0], "value": [0.9, 0.3], "interpolation": "step"},
+        "bank_deg": 2.0,
+        "grade_percent": 5.0,
+    }
+    ground = Road.model_validate(content).at(50.0, tail_wind_mps=-2.0, cross_wind_mps=4.0)
+    expected = (0.005, 0.0001, 0.9, 0.3, np.radians(2.0), np.arctan(0.05), -2.0, 4.0)
+    assert ground == pytest.approx(expected)
 
 
 def test_curvature_ahead_is_that_of_the_road_at_equal_distances() -> None:
-    ahead = road(ramp_of_curvature(60.0, 0.0, 0.0, 0.003)).curvature_ahead(50.0, 20.0, 5)
+    step = Step(kind="step", at_s_m=60.0, to_per_m=0.003).table()
+    ahead = road(step).curvature_ahead(50.0, 20.0, 5)
     assert ahead.tolist() == [0.0, 0.0, 0.003, 0.003, 0.003]
 
 
 def test_a_bend_of_a_course_turns_by_its_angle() -> None:
-    table = course_of_bends([Bend(50.0, 80.0, -1.5, 30.0), Bend(20.0, 100.0, 0.7, 0.0)])
+    bends = [
+        {"straight_m": 50.0, "radius_m": 80.0, "turn_deg": -90.0, "spiral_m": 30.0},
+        {"straight_m": 20.0, "radius_m": 100.0, "turn_deg": 40.0},
+    ]
+    table = CourseOfBends.model_validate({"kind": "course", "bends": bends}).table()
     s_m = np.linspace(0.0, 400.0, 400_001)
     turned = np.cumsum(table(s_m)) * (s_m[1] - s_m[0])
-    assert turned[-1] == pytest.approx(-0.8, abs=1e-3)
+    assert turned[-1] == pytest.approx(np.radians(-50.0), abs=1e-3)
     assert table.lowest().value == pytest.approx(-1.0 / 80.0)
     assert table.at(49.0) == table.at(399.0) == 0.0
 

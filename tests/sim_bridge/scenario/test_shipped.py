@@ -43,16 +43,3 @@ def test_a_plain_driver_follows_every_shipped_scenario(name: str) -> None:
         assert metrics.stops_missed == 0.0
         assert metrics.stop_error_m < 0.2
         assert metrics.creep_m < 0.02
-
-
-def test_the_curvature_step_is_one_at_80_kmh() -> None:
-    scenario = load_scenario("curvature_step")
-    assert scenario.start.speed_mps == pytest.approx(80.0 / 3.6)
-    assert scenario.road.curvature_per_m.at(59.999) == 0.0
-    assert scenario.road.curvature_per_m.at(60.0) == 3e-3
-
-
-def test_stop_and_hold_holds_for_ten_seconds() -> None:
-    scenario = load_scenario("stop_and_hold")
-    assert scenario.start.speed_mps == pytest.approx(60.0 / 3.6)
-    assert [stop.hold_s for stop in scenario.stops] == [10.0]

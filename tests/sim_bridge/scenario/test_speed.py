@@ -6,9 +6,9 @@ from math import sqrt
 import pytest
 
 from sim_bridge.scenario import Scenario, parse_scenario
-from sim_bridge.scenario.curve_speed import Comfort, curve_speed
 from sim_bridge.scenario.speed import (
     START,
+    CurveSpeed,
     Progress,
     Stop,
     constant_speed,
@@ -16,7 +16,7 @@ from sim_bridge.scenario.speed import (
     reference_speed,
     speed_over_distance,
 )
-from sim_bridge.scenario.table import Interpolation, constant, through
+from sim_bridge.scenario.table import Interpolation, through
 
 STOP = Stop(at_s_m=100.0, hold_s=3.0, deceleration_mps2=2.0, acceleration_mps2=1.5)
 
@@ -53,7 +53,7 @@ def test_a_car_that_stands_near_its_target_is_held_and_released() -> None:
 
 
 def test_a_stop_without_hold_time_lasts_to_the_end() -> None:
-    stop = Stop(10.0)
+    stop = Stop(at_s_m=10.0)
     held = next_progress(START, [stop], 10.0, 0.0, 1.0)
     assert next_progress(held, [stop], 10.0, 0.0, 3600.0) == held
 
@@ -78,19 +78,20 @@ def test_the_path_carries_the_slope_of_a_speed_over_time() -> None:
     assert path.a_mps2 == pytest.approx(1.0)
 
 
-def test_a_constant_speed_has_exactly_no_acceleration() -> None:
-    assert scenario(80.0).path_ahead(3.0, 20.0)[4:] == (80.0 / 3.6, 0.0)
-
-
 def test_a_drive_with_stops_that_begins_at_rest_accelerates_as_after_a_stop() -> None:
     drive = scenario(50.0, initial={"speed_kmh": 0.0}, stops=[{"at_s_m": 80.0, "hold_s": 1.0}])
     assert drive.reference_speed_mps(0.0, 0.0) == 0.0
     assert drive.reference_speed_mps(0.0, 1.0) == pytest.approx(2.0)
+    assert scenario(80.0).path_ahead(3.0, 20.0)[4:] == (80.0 / 3.6, 0.0)
 
 
 def test_the_speed_for_bends_keeps_all_three_accelerations() -> None:
     curvature = through((0.0, 150.0, 250.0), (0.0, 0.01, 0.0), Interpolation.STEP)
-    profile = curve_speed(curvature, constant(30.0), 600.0, Comfort(4.0, 1.5, 2.0))
+    wanted = CurveSpeed(
+        kind="curve_speed", max_kmh=108.0, lateral_mps2=4.0, acceleration_mps2=1.5,
+        deceleration_mps2=2.0,
+    )  # fmt: skip
+    profile = wanted.on_road(curvature, 600.0)
     speeds = [profile.at(float(s), 0.0) for s in range(600)]
     assert speeds[200] == pytest.approx(20.0)
     for before, after in pairwise(speeds):

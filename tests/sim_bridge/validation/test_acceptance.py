@@ -1,24 +1,35 @@
-"""Lines of the acceptance table: which results pass."""
+"""Lines of the acceptance table: which results pass, and which are not judged."""
 
-from math import nan
+from math import inf, nan
 from typing import Any
 
 import pytest
-from pydantic import ValidationError
 
+from rt_controller.report.table import to_markdown
 from sim_bridge.validation.acceptance import (
     TESTS,
     AcceptanceTest,
     Line,
     LineResult,
+    acceptance_table,
     check_line,
     count_sentence,
-    has_failed,
 )
+from sim_bridge.validation.manoeuvres import MANOEUVRES
 
 
-def result(reached: float, **line: Any) -> LineResult:
-    return check_line(1, Line(name="a line", unit="s", **line), reached, "this car")
+def result(reached: float, car: str = "this car", **line: Any) -> LineResult:
+    one = Line(name="a line", unit="s", **line)
+    test = AcceptanceTest(
+        title="A test",
+        manoeuvre="braking",
+        cars=("this car",),
+        kind="measured",
+        text="",
+        source="a book",
+        lines=(one,),
+    )
+    return check_line(1, test, one, reached, car)
 
 
 WITHIN_5_PERCENT = {"target": 100.0, "share": 0.05}
@@ -45,80 +56,59 @@ def test_numbers_within_the_bounds_of_a_target_pass(
     assert [result(reached, **goal).ok for reached in fails] == [False] * len(fails)
 
 
-def test_nan_fails_every_target() -> None:
-    for goal in (WITHIN_5_PERCENT, NEAR, AT_MOST, AT_LEAST):
-        assert result(nan, **goal).ok is False
+@pytest.mark.parametrize(
+    ("line", "reached", "car", "reason", "is_within"),
+    [
+        (NEAR, nan, "this car", "no such value in this drive", None),
+        (AT_LEAST, inf, "this car", "no such value in this drive", None),
+        (NEAR, 8.5, "another car", "target of another car", None),
+        (AT_MOST | {"not_judged": "known gap"}, 0.2, "this car", "known gap", False),
+        (AT_MOST | {"not_judged": "known gap"}, 0.1, "this car", "known gap", True),
+        ({}, 3.0, "this car", None, None),
+    ],
+)
+def test_a_line_that_is_not_judged_says_why(
+    line: dict[str, Any], reached: float, car: str, reason: str | None, is_within: bool | None
+) -> None:
+    found = result(reached, car, **line)
+    assert (found.ok, found.not_judged, found.is_within) == (None, reason, is_within)
 
 
-def test_a_line_without_target_or_judgement_is_reported() -> None:
-    assert result(3.0).ok is None
-    assert result(90.0, target=35.0, bound="at most", is_judged=False).ok is None
+def test_a_target_for_any_car_is_judged_with_every_car() -> None:
+    assert result(0.2, "another car", **AT_MOST, any_car=True).ok is False
 
 
-def test_a_target_for_another_car_is_not_judged() -> None:
-    assert result(0.0, **NEAR, car="another car").ok is None
-    assert result(0.0, **NEAR, car="this car").ok is False
-
-
-def test_a_line_that_tyre_files_need_not_meet_is_reported_for_them() -> None:
-    line = Line(
-        name="a line", unit="s", is_judged_with_tyre_file=False, target=0.1, bound="at most"
-    )
-    assert check_line(11, line, 0.2, "this car").ok is False
-    result = check_line(11, line, 0.2, "this car", has_tyre_file=True)
-    assert (result.ok, result.is_within) == (None, False)
-
-
-def test_a_target_can_be_the_value_of_the_reference_model() -> None:
-    line = Line(name="yaw rate", target="reference", share=0.1)
-    assert check_line(4, line, 5.4, "this car", reference=5.0).ok is True
-    assert check_line(4, line, 5.6, "this car", reference=5.0).ok is False
-    assert check_line(4, line, 5.0, "this car").ok is False
-
-
-def test_the_table_fails_if_a_judged_line_fails() -> None:
-    passed, missed = result(8.5, **NEAR), result(5.0, **NEAR)
-    shown = result(5.0, **NEAR, is_judged=False)
-    assert not has_failed([passed, shown])
-    assert has_failed([passed, missed])
-
-
-def test_a_result_has_the_bounds_of_its_target() -> None:
+def test_a_result_has_the_bounds_and_the_source_of_its_target() -> None:
     two_sided = result(8.7, **NEAR)
     assert (two_sided.low, two_sided.high, two_sided.tolerance) == (8.0, 9.0, "±0.5 s")
-    one_sided = result(1.0, target=5.0, bound="at most")
-    assert (one_sided.low, one_sided.high) == (None, 5.0)
+    one_sided = result(1.0, target=5.0, bound="at most", source="a paper", kind="regulation")
+    assert (one_sided.low, one_sided.high, one_sided.source) == (None, 5.0, "a paper")
+    assert (two_sided.source, two_sided.kind, one_sided.kind) == (
+        "a book",
+        "measured",
+        "regulation",
+    )
+    assert result(1.0).source is None
 
 
-def test_a_line_takes_the_source_of_its_test_unless_it_has_one() -> None:
-    own = Line(name="a line", source="a paper", **NEAR)
-    assert check_line(1, own, 8.5, "this car", test_source="a book").source == "a paper"
-    none = Line(name="a line", **NEAR)
-    assert check_line(1, none, 8.5, "this car", test_source="a book").source == "a book"
-    assert check_line(1, Line(name="a line"), 8.5, "this car", test_source="a book").source is None
-
-
-def test_a_target_without_a_source_is_refused_by_the_name_of_its_line() -> None:
-    lines = ({"name": "yaw rate", "target": 3.0, "share": 0.1}, {"name": "roll"})
-    with pytest.raises(ValidationError, match="yaw rate"):
-        AcceptanceTest.model_validate({"title": "A test", "text": "", "lines": lines})
-
-
-def test_a_miss_that_is_not_judged_is_counted() -> None:
-    """Of another car's target it is not known whether it should be met."""
-    missed = result(5.0, **NEAR, is_judged=False)
-    other = result(5.0, **NEAR, car="another car")
-    fitted = result(8.5, **NEAR, fitted=True)
-    free = result(5.0, **NEAR)
-    assert (missed.ok, missed.is_within, other.is_within) == (None, False, None)
-    assert count_sentence([missed, other, fitted, free, result(1.0)]) == (
-        "1 of 2 judged lines pass. 1 of 2 judged lines were not fitted; 0 of these pass. 3 lines "
+def test_misses_stay_visible_in_the_table_and_in_the_count() -> None:
+    gap = result(5.0, **NEAR, not_judged="known gap")
+    lines = [gap, result(nan, **NEAR), result(8.5, **NEAR, fitted=True), result(5.0, **NEAR)]
+    assert count_sentence(lines) == (
+        "1 of 2 judged lines pass. 1 of 2 judged lines were not fitted; 0 of these pass. 2 lines "
         "are reported only; 1 of these miss a target"
     )
+    text = to_markdown(acceptance_table(lines))
+    for words in ("| missed |", "not judged: known gap", "| not judged |", "MISSED", "| fitted |"):
+        assert words in text
+    assert "nan" not in text
 
 
-def test_every_target_of_the_table_has_one_tolerance() -> None:
+def test_every_row_of_the_table_is_complete() -> None:
     for test in TESTS.values():
+        assert test.manoeuvre in MANOEUVRES
+        assert len({line.name for line in test.lines}) == len(test.lines)
         for line in test.lines:
             tolerances = [line.share, line.width, line.bound]
             assert sum(t is not None for t in tolerances) == (line.target is not None), line.name
+            assert line.target is None or line.source or test.source, line.name

@@ -1,14 +1,12 @@
 """The runs and drivers of the acceptance tests, and their behaviour without a measurement."""
 
-from math import isnan, nan
-
 import numpy as np
 import pytest
 
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.errors import PlantError
 from rt_controller.contract.signals import ControlInput
 from sim_bridge.plant.parameters import default_car
-from sim_bridge.validation import dwell
 from sim_bridge.validation.driver_model import (
     DRIVER_PERIOD_S,
     DriverModel,
@@ -16,6 +14,7 @@ from sim_bridge.validation.driver_model import (
     fit_driver_model,
     steer_open_loop,
 )
+from sim_bridge.validation.manoeuvres import dwell_wave
 from sim_bridge.validation.run import Observation, Run, cruising_throttle, replay, run_driver
 
 CAR = default_car()
@@ -43,6 +42,13 @@ def test_columns_of_a_run_are_accessed_by_name() -> None:
     assert run.y_m[-1] > 1.0
 
 
+def test_a_car_that_fails_is_refused_with_the_time() -> None:
+    motion = np.full((5, 3), 20.0)
+    motion[3:] = np.nan
+    with pytest.raises(PlantError, match=r"0\.30 s"):
+        Run(0.1, np.zeros((5, 3)), motion, np.zeros((5, 3)), np.zeros((5, 28)))
+
+
 def test_the_cruising_throttle_keeps_the_speed() -> None:
     throttle = cruising_throttle(CAR, SPEED_MPS)
     run = replay(CAR, SPEED_MPS, np.tile((throttle, 0.0, 0.0), (500, 1)), 0.01)
@@ -57,7 +63,7 @@ def test_speed_control_keeps_the_speed_in_a_tightening_turn() -> None:
 
 def test_a_sine_with_dwell_is_constant_in_its_second_peak() -> None:
     time_s = np.arange(-0.5, 3.0, 0.005)
-    wave = dwell.sine_with_dwell(time_s)
+    wave = dwell_wave(time_s)
     end_s = 1.0 / 0.7 + 0.5
     assert np.all(wave[(time_s < 0.0) | (time_s > end_s)] == 0.0)
     assert wave.max() == pytest.approx(1.0, abs=1e-3)
@@ -111,9 +117,3 @@ def test_the_preview_driver_begins_to_steer_within_its_preview(
         begun = np.abs(run.steer_deg) > 0.5
         first_m = run.pose[int(np.argmax(begun)), 0]
         assert 40.0 - SPEED_MPS * preview_s < first_m < 40.0
-
-
-def test_a_car_that_does_not_reach_0_3_g_has_nan_for_the_sine_with_dwell() -> None:
-    runs, values = dwell.measure(CAR, nan)
-    assert runs == ()
-    assert all(isnan(value) for value in values.values())

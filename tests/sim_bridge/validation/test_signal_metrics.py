@@ -6,12 +6,11 @@ from math import isnan, log
 import numpy as np
 import pytest
 
+from sim_bridge.plant.protocol import PlantOutputs
+from sim_bridge.validation.run import Run
 from sim_bridge.validation.signal_metrics import (
     crossing,
-    distance,
-    frequency_response,
     largest_gain,
-    largest_jump,
     mean_deceleration,
     peak,
     rear_locked_first,
@@ -77,54 +76,23 @@ def test_a_sine_is_found_under_an_offset_a_drift_and_a_harmonic() -> None:
     assert phase(found) == pytest.approx(-0.6, abs=1e-3)
 
 
-def test_a_lag_has_its_known_gain_and_phase_at_every_frequency() -> None:
-    """Also below -180 degrees, because of a dead time of 0.4 s."""
-    frequency_hz = np.arange(0.2, 2.01, 0.1)
-    inputs, outputs = [], []
-    for hz in frequency_hz.tolist():
-        time_s = np.arange(0.0, 3.0 / hz, 0.002)
-        turn = 2.0 * np.pi * hz
-        lag = 5.0 / (1.0 + 1j * turn * LAG_S) * np.exp(-0.4j * turn)
-        inputs.append(sine_in(time_s, 2.0 * np.sin(turn * time_s), hz))
-        response = 2.0 * abs(lag) * np.sin(turn * time_s + np.angle(lag))
-        outputs.append(sine_in(time_s, response, hz))
-    found = frequency_response(frequency_hz, inputs, outputs)
-    radps = 2.0 * np.pi * frequency_hz
-    np.testing.assert_allclose(found.gain, 5.0 / np.hypot(1.0, radps * LAG_S), rtol=1e-6)
-    expected_deg = -np.degrees(np.arctan(radps * LAG_S) + 0.4 * radps)
-    np.testing.assert_allclose(found.phase_deg, expected_deg, atol=1e-4)
-    assert found.phase_deg[-1] < -180.0
+def test_a_signal_that_stays_zero_has_no_step_response() -> None:
+    assert isnan(step_response(TIME_S, 0.0 * TIME_S, 1.0).overshoot)
 
 
-def test_a_smooth_curve_has_no_jump_and_a_wrong_point_has_its_deviation() -> None:
-    x = np.arange(9.0)
-    bent = 100.0 * x - 30.0 * x**2 + x**3
-    assert largest_jump(bent) == pytest.approx(0.0, abs=1e-9)
-    bent[4] += 7.0
-    assert largest_jump(bent) == pytest.approx(7.0)
-    assert isnan(largest_jump(bent[:4]))
-
-
-def test_signals_that_are_not_finite_have_no_component_slope_or_step_response() -> None:
-    unknown = np.full_like(TIME_S, np.nan)
-    assert isnan(abs(sine_in(TIME_S, unknown, 1.0)))
-    assert isnan(slope(TIME_S, unknown, TIME_S > 0.0))
-    for y in (unknown, 0.0 * TIME_S):
-        assert isnan(step_response(TIME_S, y, 1.0).overshoot)
+def run_at(speed_mps: np.ndarray) -> Run:
+    """A drive straight ahead with this speed every 2 ms."""
+    zeros = np.zeros((len(speed_mps), 3))
+    along = np.zeros_like(zeros)
+    along[:, 0] = np.cumsum(speed_mps) * 0.002
+    motion = np.column_stack((speed_mps, zeros[:, :2]))
+    return Run(0.002, zeros, motion, along, np.zeros((len(speed_mps), len(PlantOutputs._fields))))
 
 
 def test_the_mean_of_a_constant_deceleration_ignores_the_time_before() -> None:
-    time_s = np.arange(0.0, 5.0, 0.01)
-    speed_mps = np.maximum(0.0, np.minimum(28.0, 28.0 - 7.5 * (time_s - 0.4)))
-    assert mean_deceleration(time_s, speed_mps, 28.0) == pytest.approx(7.5, rel=1e-3)
-
-
-def test_the_mean_deceleration_of_a_car_that_does_not_stop_is_nan() -> None:
-    assert isnan(mean_deceleration(TIME_S, np.full_like(TIME_S, 28.0), 28.0))
-
-
-def test_distance_is_the_integral_of_speed() -> None:
-    np.testing.assert_allclose(distance(TIME_S, 2.0 * TIME_S), TIME_S**2, atol=1e-12)
+    speed_mps = np.clip(28.0 - 7.5 * (np.arange(0.0, 5.0, 0.002) - 0.4), 0.0, 28.0)
+    assert mean_deceleration(run_at(speed_mps), 28.0) == pytest.approx(7.5, rel=1e-3)
+    assert isnan(mean_deceleration(run_at(np.full(100, 28.0)), 28.0))
 
 
 def braking(locks_at: tuple[int, int, int, int]) -> bool:

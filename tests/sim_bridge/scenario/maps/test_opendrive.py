@@ -8,6 +8,7 @@ from made_maps import ARC, LINE, SPIRAL, end_of, road, write_map
 
 from rt_controller.contract.errors import ConfigError
 from sim_bridge.scenario import load_scenario, parse_scenario
+from sim_bridge.scenario.maps import opendrive
 from sim_bridge.scenario.maps.opendrive import read_reference_line
 
 ELEVATION = (
@@ -50,14 +51,6 @@ def test_polynomials_are_sampled(tmp_path: Path) -> None:
     assert read_reference_line(path, ["2"]).curvature_per_m.at(0.0) == pytest.approx(0.01)
 
 
-def test_elevation_superelevation_and_speed_limit_are_read(tmp_path: Path) -> None:
-    line = read_reference_line(write_map(tmp_path / "a.xodr", road([(100, LINE)], "1", ELEVATION)))
-    assert line.grade.at(30.0) == pytest.approx(0.05)
-    assert line.grade.at(80.0) == pytest.approx(0.05 + 0.002 * 20.0)
-    assert line.bank_rad.at(10.0) == pytest.approx(0.03)
-    assert line.speed_limit_mps.at(10.0) == pytest.approx(20.0)
-
-
 def test_a_road_against_its_direction_is_mirrored(tmp_path: Path) -> None:
     path = write_map(
         tmp_path / "a.xodr", road([(100, LINE), (80, ARC)], "7", ELEVATION), road([(9, LINE)])
@@ -86,26 +79,15 @@ def test_roads_in_a_row_are_one_line(tmp_path: Path) -> None:
     assert (line.end.yaw_rad - yaw) % (2.0 * np.pi) == pytest.approx(0.0, abs=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("start", "found"),
-    [
+def test_roads_that_do_not_join_are_refused(tmp_path: Path) -> None:
+    for start, found in (
         ((112.0, 5.0, 0.0), "found 13.00 m and 0.0 deg"),
         ((100.0, 0.0, 0.5), "found 0.00 m and 28.6 deg"),
-    ],
-)
-def test_roads_that_do_not_join_are_refused(
-    tmp_path: Path, start: tuple[float, float, float], found: str
-) -> None:
-    parts = road([(100, LINE)], "a"), road([(80, ARC)], "b", start=start)
-    path = write_map(tmp_path / "a.xodr", *parts)
-    with pytest.raises(ConfigError, match=f"roads a and b: .*{found}"):
-        read_reference_line(path, ["a", "b"])
-
-
-def test_geometry_with_a_gap_is_refused(tmp_path: Path) -> None:
-    path = write_map(tmp_path / "a.xodr", road([(100, LINE), (80, ARC)]).replace('"100.0"', '"90"'))
-    with pytest.raises(ConfigError, match=r"road 1: .*found 10.00 m and 0.0 deg"):
-        read_reference_line(path)
+    ):
+        parts = road([(100, LINE)], "a"), road([(80, ARC)], "b", start=start)
+        path = write_map(tmp_path / "a.xodr", *parts)
+        with pytest.raises(ConfigError, match=f"roads a and b: .*{found}"):
+            read_reference_line(path, ["a", "b"])
 
 
 @pytest.mark.parametrize(("p_range", "last"), [("arcLength", 30.0), ("normalized", 1.0)])
@@ -185,10 +167,13 @@ def test_a_file_of_format_2_takes_its_road_from_a_map(simple: Path) -> None:
 @pytest.mark.parametrize(
     ("roads", "name", "message"),
     [
-        ([road([(9, LINE)]), road([(8, LINE)], "2")], "a.xodr", r"Name some of 1 \(9 m\), 2 \(8"),
-        ([road([(9, LINE)])], "a.xodr#5", r"expected a road of 1 \(9 m\), found '5'"),
-        ([road([(9, LINE)]), road([(9, LINE)])], "a.xodr#1", "found '1' 2 times"),
-        ([road([(9, "<nurbs/>")])], "a.xodr", "road 1: expected a road that can be"),
+        (
+            [road([(9, LINE)]), road([(8, LINE)], "2")],
+            "a.xodr",
+            r"Name some of 1 \(9.0 m\), 2 \(8",
+        ),
+        ([road([(9, LINE)])], "a.xodr#5", r"expected a road of 1 \(9.0 m\), found '5'"),
+        ([road([(9, "<nurbs/>")])], "a.xodr", "expected readable roads, found: road 1: "),
         (
             [road([(9, LINE), (8, LINE)]).replace('s="9.0" x="', 's="9.0" x="1')],
             "a.xodr",
@@ -203,7 +188,7 @@ def test_a_file_of_format_2_takes_its_road_from_a_map(simple: Path) -> None:
         (
             [road([(9, LINE)], "1", ELEVATION.replace("km/h", "kmh"))],
             "a.xodr",
-            "road that can be read, found an error: unit m/s, km/h, mph expected in <speed>, found",
+            "readable roads, found: road 1: unit m/s, km/h, mph expected in <speed>, found",
         ),
         ([road([(9e4, LINE)])], "a.xodr", "expected a drive of at most 3600 s"),
         ([road([])], "a.xodr", "no geometry in planView"),
@@ -241,3 +226,40 @@ def test_a_road_out_of_its_limits_is_refused_from_every_file(
     }  # fmt: skip
     with pytest.raises(ConfigError, match=message):
         parse_scenario(content, "test", tmp_path)
+
+
+BOMB = """<!DOCTYPE a [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><OpenDRIVE>&b;</OpenDRIVE>"""
+EXTERNAL = """<!DOCTYPE a [<!ENTITY a SYSTEM "/etc/hostname">]><OpenDRIVE>&a;</OpenDRIVE>"""
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("no xml", "syntax error"),
+        ("", "no element found"),
+        ('<?xml version="1.0" encoding="no-such"?><a/>', "unknown encoding"),
+        (BOMB, "no <!DOCTYPE> expected, found one"),
+        (EXTERNAL, "no <!DOCTYPE> expected, found one"),
+        ("<a/>", "found <a>"),
+        (None, "No such file"),
+    ],
+)
+def test_a_file_that_is_no_map_is_refused(
+    tmp_path: Path, content: str | None, message: str
+) -> None:
+    path = tmp_path / "a.xodr"
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(ConfigError, match=message) as refused:
+        load_scenario(str(path))
+    assert str(refused.value).startswith(f"{path}: expected ")
+    assert len(str(refused.value).splitlines()) == 1
+
+
+def test_a_huge_file_is_refused_before_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(opendrive, "LARGEST_MB", 1)
+    (tmp_path / "a.xodr").write_text("<OpenDRIVE>" + " " * 2_000_000)
+    with pytest.raises(ConfigError, match="2 MB, where at most 1 MB are read"):
+        load_scenario(str(tmp_path / "a.xodr"))

@@ -1,0 +1,163 @@
+"""How a scenario file may give a value: a number, a table with knots, or a kind with its fields."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Any, ClassVar, Self, get_args
+
+from pydantic import Field, GetCoreSchemaHandler, model_validator
+from pydantic_core import CoreSchema, core_schema
+
+from sim_bridge.scenario.table import Interpolation, Table, constant, through
+from sim_bridge.toml_file import FileTable, Number
+
+MAX_KNOTS = 20_000
+NEAREST_KNOTS, FARTHEST_KNOT = 1e-6, 1e9
+TOLERANCE = 1e-9
+
+Positive = Annotated[Number, Field(gt=0.0)]
+NotNegative = Annotated[Number, Field(ge=0.0)]
+_Numbers = Annotated[tuple[Number, ...], Field(max_length=MAX_KNOTS)]
+
+
+class Knots(FileTable):
+    """A value over one of the axes."""
+
+    axis: ClassVar[str]
+    value: _Numbers
+    interpolation: Interpolation = Interpolation.LINEAR
+
+    @model_validator(mode="after")
+    def _require_knots(self) -> Self:
+        name, x = self.axis, self.x
+        if not x:
+            raise ValueError(f"{name}: expected at least one entry, found none")
+        if len(x) != len(self.value):
+            raise ValueError(
+                f"value: expected {len(x)} entries, as {name} has, found {len(self.value)}"
+            )
+        if max(map(abs, x)) > FARTHEST_KNOT:
+            raise ValueError(f"{name}: expected knots within {FARTHEST_KNOT:g}, found one beyond")
+        for before, after in pairwise(x):
+            if not after - before >= NEAREST_KNOTS:
+                raise ValueError(
+                    f"{name}: expected knots that increase by {NEAREST_KNOTS:g} or more, found "
+                    f"{after:g} after {before:g}"
+                )
+        return self
+
+    @property
+    def x(self) -> tuple[float, ...]:
+        """Places of the knots, in m or s."""
+        return tuple(getattr(self, self.axis))
+
+    def table(self) -> Table:
+        """The table in the unit of the field."""
+        return through(self.x, self.value, self.interpolation)
+
+
+class OverDistance(Knots):
+    """A value over the arc length s."""
+
+    axis = "s_m"
+    s_m: _Numbers
+
+
+class OverTime(Knots):
+    """A value over the time t since the start of the drive."""
+
+    axis = "t_s"
+    t_s: _Numbers
+
+
+@dataclass(frozen=True)
+class Form:
+    """What a field accepts, as its annotation: a number, knots over its axes, or its kinds.
+
+    A value that is not from a file is passed to `then` as it is.
+    """
+
+    axes: tuple[type[Knots], ...]
+    then: Callable[[Any], Any]
+    """from what was read to the value of the field"""
+    kinds: tuple[type[FileTable], ...] = ()
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        """The number, table or kind by its tag, then `then`."""
+        tables = {each.axis: each for each in self.axes} | dict(self._named_kinds())
+        choices = {f"({tag})": handler.generate_schema(table) for tag, table in tables.items()}
+        choices |= {_NUMBER: handler.generate_schema(Number), _OBJECT: core_schema.any_schema()}
+        form = core_schema.tagged_union_schema(
+            choices,
+            _tag,
+            custom_error_type="scenario_form",
+            custom_error_message=f"expected {self._expected()}",
+        )
+        return core_schema.no_info_after_validator_function(self.then, form)
+
+    def _named_kinds(self) -> Iterator[tuple[str, type[FileTable]]]:
+        for table in self.kinds:
+            for kind in get_args(table.model_fields["kind"].annotation):
+                yield kind, table
+
+    def _expected(self) -> str:
+        axes = " or ".join(each.axis for each in self.axes)
+        names = [kind for kind, _ in self._named_kinds()]
+        known = f", or kind = {', '.join(names)} with its fields" if names else ""
+        return f"a number, a table with value and {axes}{known}"
+
+
+_NUMBER, _OBJECT = "(number)", "(object)"
+"""tags are in parentheses, so that messages can leave them out"""
+
+
+def _tag(raw: Any) -> str | None:
+    if isinstance(raw, Mapping):
+        return f"({raw.get('kind', 't_s' if 't_s' in raw else 's_m')})"
+    if isinstance(raw, int | float):
+        return _NUMBER
+    return None if isinstance(raw, str | list | tuple | type(None)) else _OBJECT
+
+
+def is_tag(part: str | int) -> bool:
+    """True if a part of an error's place is a tag and not a field."""
+    return isinstance(part, str) and part.startswith("(")
+
+
+def form_of_table(
+    low: float,
+    high: float,
+    unit: str = "",
+    *,
+    factor: float = 1.0,
+    over: type[Knots] = OverDistance,
+    kinds: tuple[type[FileTable], ...] = (),
+) -> Form:
+    """The form of a `Table` in SI units, of a field with limits in its own `unit`.
+
+    `factor` converts to SI.
+    """
+
+    def then(found: Any) -> Table:
+        if isinstance(found, Table):
+            return found
+        table = constant(found) if isinstance(found, int | float) else found.table()
+        require_within(table, low, high, unit)
+        return table if factor == 1.0 else table.scaled(factor)
+
+    return Form((over,), then, kinds)
+
+
+def require_within(table: Table, low: float, high: float, unit: str) -> None:
+    """Return if all values of a table are within limits, overshoot between knots included.
+
+    Raises:
+        ValueError: otherwise; the message names the place.
+    """
+    for point in (table.lowest(), table.highest()):
+        if not low - TOLERANCE <= point.value <= high + TOLERANCE:
+            where = "" if table.is_constant else f" at {point.x:g}"
+            limits = f"{low:g}..{high:g} {unit}".rstrip()
+            raise ValueError(f"expected {limits}, found {point.value:.6g}{where}")

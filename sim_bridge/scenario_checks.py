@@ -1,0 +1,108 @@
+"""Checks of a scenario before its drive: against the plant, the friction and the steering wheel."""
+
+from math import degrees
+
+import numpy as np
+
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.steering_geometry import (
+    DEFAULT_GEOMETRY,
+    UNDERSTEER_RAD_PER_MPS2,
+    SteeringGeometry,
+)
+from sim_bridge.plant.protocol import Plant, RoadTakingPlant
+from sim_bridge.scenario import Scenario
+from sim_bridge.scenario.checks import problems
+from sim_bridge.scenario.limits import KMH_PER_MPS
+from sim_bridge.scenario.nominal_drive import drive_nominally
+
+SHORT_S = 1.0
+_FIELDS = {
+    "friction_left": "road.friction",
+    "friction_right": "road.friction_right",
+    "bank_rad": "road.bank_deg",
+    "grade_rad": "road.grade_percent",
+    "wind_forward_mps": "tail_wind_mps",
+    "wind_left_mps": "cross_wind_mps",
+}
+"""names in a scenario file of the fields of `RoadAt` that act on a plant"""
+
+
+def require_road(plant: Plant, scenario: Scenario) -> None:
+    """Return if the plant takes everything that the road of the scenario varies.
+
+    Raises:
+        ConfigError: it does not.
+    """
+    takes = plant.road_inputs if isinstance(plant, RoadTakingPlant) else frozenset[str]()
+    road = scenario.road
+    needed = set()
+    if road.uniform_friction is None:
+        needed |= {"friction_left", "friction_right"}
+    for field, table in (
+        ("bank_rad", road.bank_rad),
+        ("grade_rad", road.grade),
+        ("wind_forward_mps", scenario.tail_wind_mps),
+        ("wind_left_mps", scenario.cross_wind_mps),
+    ):
+        if table.lowest().value != 0.0 or table.highest().value != 0.0:
+            needed.add(field)
+    missing = [name for field, name in _FIELDS.items() if field in needed - takes]
+    if missing:
+        raise ConfigError(
+            f"scenario {scenario.name!r}: expected a plant that takes {', '.join(missing)}, found "
+            f"{plant.name}, which does not. Leave {'it' if len(missing) == 1 else 'them'} out of "
+            f"the scenario (friction: one number; a map: opendrive with flat = true), or choose "
+            f"another --plant."
+        )
+
+
+def grip_note(scenario: Scenario) -> str | None:
+    """A sentence if the path cannot be driven with the friction of --friction; else None.
+
+    With the friction in its file such a scenario is refused; --friction is there to try it.
+
+    `scenario` has the friction that is driven.
+    """
+    found = problems(scenario)
+    if not found:
+        return None
+    return f"scenario {scenario.name!r} with this --friction: {found[0]} It is driven all the same."
+
+
+def steering_note(scenario: Scenario, geometry: SteeringGeometry = DEFAULT_GEOMETRY) -> str | None:
+    """A sentence if the reference needs more than the limit of the steering wheel; else None.
+
+    Only what is needed for longer than `SHORT_S` counts: a car averages shorter peaks. The estimate
+    is the steady state on the curvature of the wanted path: wheelbase times curvature
+    plus understeer times lateral acceleration, times the steering ratio.
+
+    Args:
+        scenario: to be driven.
+        geometry: of the car.
+    """
+    drive = drive_nominally(scenario)
+    bend = np.gradient(np.gradient(drive.ey_m, drive.s_m), drive.s_m)
+    turn = bend + scenario.road.curvature_per_m(drive.s_m)
+    per_turn = geometry.wheelbase_m + UNDERSTEER_RAD_PER_MPS2 * drive.speed_mps**2
+    wheel_rad = geometry.steering_ratio * np.abs(turn) * per_turn
+    limit_rad = INPUT_LIMITS.upper.steer_rad
+    edges = np.diff((wheel_rad > limit_rad).astype(int), prepend=0, append=0)
+    firsts, lasts = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
+    long = [
+        (first, last)
+        for first, last in zip(firsts.tolist(), lasts.tolist(), strict=True)
+        if drive.time_s[last] - drive.time_s[first] > SHORT_S
+    ]
+    if not long:
+        return None
+    worst = (first + int(np.argmax(wheel_rad[first : last + 1])) for first, last in long)
+    i = max(worst, key=wheel_rad.__getitem__)
+    return (
+        f"scenario {scenario.name!r}: a steady state needs about "
+        f"{degrees(wheel_rad[i]):.0f} deg at the steering wheel at s = {drive.s_m[i]:.0f} m "
+        f"(radius {1.0 / abs(turn[i]):.0f} m, "
+        f"{KMH_PER_MPS * drive.speed_mps[i]:.0f} km/h); the controller is limited to "
+        f"{degrees(limit_rad):.0f} deg, so the car cannot follow the path there"
+    )
