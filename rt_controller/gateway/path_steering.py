@@ -8,6 +8,7 @@ from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import PathReference, VehicleState
 from rt_controller.contract.steering_geometry import (
     DEFAULT_GEOMETRY,
+    LARGEST_TURN_MPS2,
     UNDERSTEER_RAD_PER_MPS2,
     SteeringGeometry,
 )
@@ -70,9 +71,10 @@ def steer_along(
     per_turn = geometry.wheelbase_m + UNDERSTEER_RAD_PER_MPS2 * speed_mps**2
     damping_rad = YAW_DAMPING_S * (turn_per_m * speed_mps - state.yaw_rate_radps)
     wanted_rad = geometry.steering_ratio * (per_turn * turn_per_m + damping_rad)
+    most_rad = geometry.largest_wheel_rad(speed_mps, LARGEST_TURN_MPS2)
+    wanted_rad = min(max(wanted_rad, -most_rad), most_rad)
     change_rad = INPUT_LIMITS.rate_per_s.steer_rad * PERIOD_S
-    reached_rad = previous_rad + min(max(wanted_rad - previous_rad, -change_rad), change_rad)
-    return min(max(reached_rad, INPUT_LIMITS.lower.steer_rad), INPUT_LIMITS.upper.steer_rad)
+    return previous_rad + min(max(wanted_rad - previous_rad, -change_rad), change_rad)
 
 
 def largest_brake_n(
