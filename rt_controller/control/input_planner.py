@@ -129,7 +129,7 @@ class InputPlanner:
         if self._low_speed.law is not Mode.NOMINAL:
             self._mpc.forget()  # the model has no data of so slow a car
         self._mpc.observe(state, applied)
-        self._low_speed.observe(state.vx_mps, applied)
+        self._low_speed.observe(state, applied)
 
     def observe_estimate(self, state: VehicleState, applied: ControlInput) -> None:
         """The same with an estimated state, for a stop."""

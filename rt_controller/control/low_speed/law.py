@@ -26,6 +26,7 @@ from rt_controller.control.low_speed.speed import (
     wanted_mps2,
 )
 from rt_controller.control.low_speed.steering import (
+    NO_ERROR,
     LARGEST_TURN_MPS2,
     curvature_of,
     curvature_to_meet,
@@ -62,9 +63,12 @@ class LowSpeedLaw:
         self._pedals_mps2 = 0.0
         self._wanted_mps2 = 0.0
         self._last_vx_mps: float | None = None
+        self._turn_error = NO_ERROR
 
-    def observe(self, vx_mps: float, applied: ControlInput) -> None:
-        """Estimate the disturbance from the speed after `applied` acted for one period."""
+    def observe(self, state: VehicleState, applied: ControlInput) -> None:
+        """Estimate the disturbances from the motion after `applied` acted for one period."""
+        vx_mps = state.vx_mps
+        self._turn_error = self._turn_error.after(state, applied.steer_rad, self._car.geometry)
         last_mps, self._last_vx_mps = self._last_vx_mps, vx_mps
         self._pedals_mps2 = lagged_mps2(self._pedals_mps2, pedal_mps2(applied, self._car.gains))
         if self.law is Mode.STANDSTILL or last_mps is None:
@@ -89,6 +93,7 @@ class LowSpeedLaw:
         self.forget()
         self.law = self._law_before = Mode.NOMINAL
         self._disturbance_mps2 = self._pedals_mps2 = self._wanted_mps2 = 0.0
+        self._turn_error = NO_ERROR
 
     def largest_wheel_rad(self, vx_mps: float) -> float:
         """Bound of the wheel angle at this speed."""
@@ -145,13 +150,19 @@ class LowSpeedLaw:
             steer_rad=self.steer_rad(state, curvature_per_m, path, last),
         )
 
-    def _slowed(self, path: PathReference, curvature_per_m: float, wheel_rad: float) -> PathReference:
+    def _slowed(
+        self, path: PathReference, curvature_per_m: float, wheel_rad: float
+    ) -> PathReference:
         """The path at a speed that its curvature allows, and the wheel: see `next_law`."""
         turn_per_m = abs(curvature_per_m + 2.0 * path.c2_per_m)
         v_mps = sqrt(LARGEST_TURN_MPS2 / max(turn_per_m, 1e-6))
         if abs(wheel_rad) > INPUT_LIMITS.upper.steer_rad:
             v_mps = min(v_mps, self._car.speeds.resume_mps)
-        return path if path.v_mps <= v_mps else path._replace(v_mps=v_mps, a_mps2=min(path.a_mps2, 0.0))
+        return (
+            path
+            if path.v_mps <= v_mps
+            else path._replace(v_mps=v_mps, a_mps2=min(path.a_mps2, 0.0))
+        )
 
     def _speed_after(self, under_way: Sequence[ControlInput], vx_mps: float) -> float:
         """Speed that is predicted when the inputs under way have acted."""
@@ -168,9 +179,16 @@ class LowSpeedLaw:
         geometry = self._car.geometry
         most_rad = self.largest_wheel_rad(state.vx_mps)
         curvature = path_curvature_per_m(
-            state, path, curvature_per_m, geometry, curvature_of(most_rad, geometry)
+            state,
+            path,
+            curvature_per_m,
+            geometry,
+            curvature_of(most_rad, geometry),
+            self._turn_error,
         )
-        wanted_rad = min(max(wheel_angle_rad(curvature, state.vx_mps, geometry), -most_rad), most_rad)
+        wanted_rad = min(
+            max(wheel_angle_rad(curvature, state.vx_mps, geometry), -most_rad), most_rad
+        )
         return roll_towards(wanted_rad, last.steer_rad, state.vx_mps)
 
 

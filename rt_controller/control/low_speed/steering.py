@@ -1,6 +1,7 @@
 """Steering of a slowly rolling car along its path, by the geometry of the single-track model."""
 
 from math import atan, copysign, sqrt, tan
+from typing import NamedTuple
 
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import CurvaturePreview, PathReference, VehicleState
@@ -8,7 +9,7 @@ from rt_controller.contract.steering_geometry import SteeringGeometry
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.low_speed.handover import AT_REST_MPS
 
-DECAY_M = 4.0
+DECAY_M = 2.5
 """arc length in which a lateral deviation decays by a factor e"""
 DAMPING = 1.0
 """damping ratio of the lateral deviation over arc length"""
@@ -16,8 +17,44 @@ STEER_PER_M = 2.0
 """largest change of the wheel angle over the distance rolled, rad/m"""
 LARGEST_TURN_MPS2 = 4.0
 """lateral acceleration of a steady turn with the wheel; the vehicle accepts more"""
+LAG_SHARE = 0.2
+"""of the distance from centre of gravity to rear axle, by which the wheel turns later"""
+ERROR_TIME_S = 0.5
+"""time constant of the estimated errors of the geometry"""
+SLOWEST_TURN_MPS = 1.0
+"""below it speed and yaw rate say little about the geometry"""
+LARGEST_SLIP_RAD, LARGEST_ERROR_PER_M = 0.1, 0.03
 APPROACH_SHARE = 0.5
 """share of the largest curvature that the return from a large deviation may need"""
+
+
+class TurnError(NamedTuple):
+    """By how much the car turns otherwise than its geometry says: tyres, load, wrong numbers."""
+
+    slip_rad: float = 0.0
+    """of the rear axle"""
+    curvature_per_m: float = 0.0
+
+    def after(
+        self, state: VehicleState, wheel_rad: float, geometry: SteeringGeometry
+    ) -> "TurnError":
+        """The estimate after a period with the wheel at `wheel_rad`."""
+        vx_mps = state.vx_mps
+        if vx_mps < SLOWEST_TURN_MPS:
+            return self
+        expected_per_m = geometry.steady_lateral_mps2(vx_mps, wheel_rad) / vx_mps**2
+        share = PERIOD_S / ERROR_TIME_S
+        slip_rad = (state.vy_mps - geometry.rear_axle_m * state.yaw_rate_radps) / vx_mps
+        error_per_m = state.yaw_rate_radps / vx_mps - expected_per_m
+        slip_rad = self.slip_rad + share * (slip_rad - self.slip_rad)
+        error_per_m = self.curvature_per_m + share * (error_per_m - self.curvature_per_m)
+        return TurnError(
+            min(max(slip_rad, -LARGEST_SLIP_RAD), LARGEST_SLIP_RAD),
+            min(max(error_per_m, -LARGEST_ERROR_PER_M), LARGEST_ERROR_PER_M),
+        )
+
+
+NO_ERROR = TurnError()
 
 
 def path_curvature_per_m(
@@ -26,6 +63,7 @@ def path_curvature_per_m(
     curvature_per_m: float,
     geometry: SteeringGeometry,
     largest_per_m: float,
+    error: TurnError = NO_ERROR,
 ) -> float:
     """Curvature that leads the centre of gravity back to the path and then along it.
 
@@ -38,12 +76,14 @@ def path_curvature_per_m(
     """
     wanted_per_m = curvature_per_m + 2.0 * path.c2_per_m
     deviation_m = state.ey_m - path.c0_m
-    course_rad = state.epsi_rad + geometry.rear_axle_m * wanted_per_m - atan(path.c1)
+    course_rad = (
+        state.epsi_rad + geometry.rear_axle_m * wanted_per_m - atan(path.c1) + error.slip_rad
+    )
     per_m = 2.0 * DAMPING / DECAY_M
     steepest = sqrt(APPROACH_SHARE * largest_per_m * abs(deviation_m))
     approach_rad = min(abs(deviation_m) / (per_m * DECAY_M**2), steepest)
     feedback = per_m * (course_rad + copysign(approach_rad, deviation_m))
-    return wanted_per_m - feedback / (1.0 + per_m * geometry.rear_axle_m)
+    return wanted_per_m - error.curvature_per_m - feedback / (1.0 + per_m * geometry.rear_axle_m)
 
 
 def wheel_angle_rad(curvature_per_m: float, vx_mps: float, geometry: SteeringGeometry) -> float:
@@ -72,7 +112,7 @@ def curvature_to_meet(
     """Curvature of the road that the wheel has to turn to now, in 1/m.
 
     Where the curvature changes suddenly, the wheel that keeps the centre of gravity on the path
-    lags by `rear_axle_m`. A wheel with a limited rate is half turned there if it begins half the way
+    lags by a share of `rear_axle_m`. A wheel with a limited rate is half turned there if it begins half the way
     before that it rolls while turning. Of the places ahead for which it begins now or has begun,
     the farthest one counts; without any it is that at which the input acts, `delay_m` ahead.
     """
@@ -82,7 +122,10 @@ def curvature_to_meet(
     found = preview.curvature_at(ahead)
     for knot, curvature in enumerate(preview[1:]):
         way_m = abs(wheel_angle_rad(curvature, vx_mps, geometry) - previous_rad) / rate_per_m
-        if knot > ahead and 0.5 * way_m - geometry.rear_axle_m >= knot * spacing_m - delay_m:
+        if (
+            knot > ahead
+            and 0.5 * way_m - LAG_SHARE * geometry.rear_axle_m >= knot * spacing_m - delay_m
+        ):
             found = curvature
     return found
 
