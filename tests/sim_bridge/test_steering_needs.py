@@ -15,13 +15,13 @@ def note(radius_m: float, speed_kmh: float) -> str:
 
 
 def test_a_bend_that_needs_too_much_steering_is_named_with_radius_and_speed() -> None:
-    assert "about 80 deg at the steering wheel at s = 0 m (radius 40 m, 25 km/h)" in note(
-        40.0, 25.0
+    assert "about 81 deg at the steering wheel at s = 0 m (radius 40 m, 30 km/h)" in note(
+        40.0, 30.0
     )
     assert "radius 100 m, 85 km/h" in note(100.0, 85.0)  # by understeer alone
 
 
-@pytest.mark.parametrize(("radius_m", "speed_kmh"), [(100.0, 40.0), (80.0, 10.0)])
+@pytest.mark.parametrize(("radius_m", "speed_kmh"), [(100.0, 40.0), (80.0, 10.0), (8.0, 7.2)])
 def test_a_bend_within_the_limit_has_no_note(radius_m: float, speed_kmh: float) -> None:
     assert not note(radius_m, speed_kmh)
 

@@ -249,10 +249,10 @@ def test_a_scenario_that_needs_too_much_steering_has_a_note_at_the_start(
 ) -> None:
     content = {
         "format": 2, "name": "tight", "duration_s": 5.0, "road": {"curvature_per_m": 0.025},
-        "reference": {"speed_kmh": 25.0},
+        "reference": {"speed_kmh": 40.0},
     }  # fmt: skip
     session = WaitingSession(1)
     session.bridge.scenario = parse_scenario(content, "test")
     monkeypatch.setattr(terminal_run, "open_session", lambda *_, **__: session)
     _, _, message = run("--bus", "local", "--priority", "0")
-    assert "note: scenario 'tight': a steady state needs about 80 deg" in message
+    assert "note: scenario 'tight': a steady state needs about 85 deg" in message

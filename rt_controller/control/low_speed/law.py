@@ -26,8 +26,8 @@ from rt_controller.control.low_speed.speed import (
     wanted_mps2,
 )
 from rt_controller.control.low_speed.steering import (
-    NO_ERROR,
     LARGEST_TURN_MPS2,
+    NO_ERROR,
     curvature_of,
     curvature_to_meet,
     largest_wheel_rad,

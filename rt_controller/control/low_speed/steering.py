@@ -112,9 +112,10 @@ def curvature_to_meet(
     """Curvature of the road that the wheel has to turn to now, in 1/m.
 
     Where the curvature changes suddenly, the wheel that keeps the centre of gravity on the path
-    lags by a share of `rear_axle_m`. A wheel with a limited rate is half turned there if it begins half the way
-    before that it rolls while turning. Of the places ahead for which it begins now or has begun,
-    the farthest one counts; without any it is that at which the input acts, `delay_m` ahead.
+    lags by a share of `rear_axle_m`. A wheel with a limited rate is half turned there if it begins
+    half the way before that it rolls while turning. Of the places ahead for which it begins now or
+    has begun, the farthest one counts; without any it is that at which the input acts, `delay_m`
+    ahead.
     """
     rate_per_m = wheel_rate_radps(vx_mps) / vx_mps
     spacing_m = preview.spacing_m

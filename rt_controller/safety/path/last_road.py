@@ -100,10 +100,10 @@ class LastRoad:
             change_per_m = max(change_per_m, abs(k0 - known[knot]))
         if knot + 1 < _INTERVALS:
             change_per_m = max(change_per_m, abs(known[3 + knot] - k1))
-        tolerated_per_m = max(TOLERATED_CHANGES * change_per_m, RIPPLE * _largest_change(known))
-        if self._newest is not None:
-            tolerated_per_m = max(tolerated_per_m, RIPPLE * _largest_change(self._newest))
-        return max(step_per_m - tolerated_per_m, 0.0)
+        roads = (known, self._newest or known)
+        if step_per_m <= RIPPLE * max(map(_largest_change, roads)):
+            return 0.0
+        return max(step_per_m - TOLERATED_CHANGES * change_per_m, 0.0)
 
 
 def _largest_change(preview: CurvaturePreview) -> float:

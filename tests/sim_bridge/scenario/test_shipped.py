@@ -8,9 +8,9 @@ from sim_bridge.scenario import Scenario, load_scenario, shipped_scenarios
 from sim_bridge.scenario.nominal_drive import drive_nominally
 
 NAMES = {
-    "curvature_step", "double_lane_change", "iso_3888_1", "iso_3888_2", "lane_change_120",
+    "corner", "curvature_step", "double_lane_change", "iso_3888_1", "iso_3888_2", "lane_change_120",
     "lane_change_60", "launch_50", "road_course", "sine_110", "sine_60", "slalom",
-    "split_friction", "stop_and_go", "stop_and_hold", "straight",
+    "split_friction", "stop_and_go", "stop_and_hold", "straight", "u_turn",
 }  # fmt: skip
 
 

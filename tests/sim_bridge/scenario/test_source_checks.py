@@ -17,15 +17,15 @@ def road(curvature: float = 0.0, bank_deg: float = 0.0, grade: Table | None = No
 
 
 def test_the_limits_themselves_are_accepted() -> None:
-    assert not list(road_problems(road(-0.03, 12.0, constant(0.2))))
+    assert not list(road_problems(road(-0.15, 12.0, constant(0.2))))
     assert not list(start_problems(Start(250.0 / 3.6, 0.0, -5.0, radians(30.0))))
 
 
 @pytest.mark.parametrize(
     ("out", "message"),
     [
-        (road(-0.031), "road.curvature_per_m: expected -0.03..0.03 1/m, found -0.031"),
-        (road(nan), "road.curvature_per_m: expected -0.03..0.03 1/m, found nan"),
+        (road(-0.151), "road.curvature_per_m: expected -0.15..0.15 1/m, found -0.151"),
+        (road(nan), "road.curvature_per_m: expected -0.15..0.15 1/m, found nan"),
         (road(bank_deg=-12.1), "road.bank_deg: expected -12..12 deg, found -12.1 at s = 0.0 m"),
         (road(grade=through((0.0, 50.0, 90.0), (0.0, 0.21, 0.0))),
          "road.grade_percent: expected -20..20 %, found 21 at s = 50.0 m"),
