@@ -15,7 +15,7 @@ def note(radius_m: float, speed_kmh: float) -> str:
 
 
 def test_a_bend_that_needs_too_much_steering_is_named_with_radius_and_speed() -> None:
-    assert "about 81 deg at the steering wheel at s = 0 m (radius 40 m, 30 km/h)" in note(
+    assert "about 82 deg at the steering wheel at s = 0 m (radius 40 m, 30 km/h)" in note(
         40.0, 30.0
     )
     assert "radius 100 m, 85 km/h" in note(100.0, 85.0)  # by understeer alone
