@@ -52,7 +52,7 @@ def _s_bend(speed_mps: float, friction: float) -> Content:
     bends = [bend_per_m * turn for turn in (0.0, 1.0, 1.0, -1.0, -1.0, 0.0)]
     knots = [at_s * speed_mps for at_s in (1.0, 2.0, 4.5, 6.5, 9.0, 10.0)]
     road = {"curvature_per_m": {"s_m": knots, "value": bends}, "friction": friction}
-    return {"road": road, "duration_s": 15.0}  # a drift that is found late ends at rest too
+    return {"road": road, "duration_s": 12.0}
 
 
 def _stop_and_hold(speed_mps: float) -> Content:
