@@ -75,8 +75,7 @@ def test_far_from_the_middle_of_its_speeds_a_network_drives_better_than_a_linear
 def test_in_real_time_the_car_runs_beside_the_controller(tmp_path: Path) -> None:
     scenario = tmp_path / "short.toml"
     scenario.write_text(
-        'name = "short"\nspeed_kmh = 60.0\ncurvature_per_m = 0.0\nduration_s = 1.5\n'
-        "road_friction = 0.85\nmoves = []\n"
+        'format = 2\nname = "short"\nduration_s = 1.5\n[reference]\nspeed_kmh = 60.0\n'
     )
     # Deadlines are not tested here: a shared machine may stall longer than a vehicle's.
     options = ("--max-misses", "1000", "--scenario", str(scenario))

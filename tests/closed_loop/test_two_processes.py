@@ -33,8 +33,8 @@ class Drive:
         """Straight on and slowly, so that a stop takes two seconds."""
         scenario = self.folder / "straight.toml"
         scenario.write_text(
-            f'name = "straight"\nspeed_kmh = 30.0\ncurvature_per_m = 0.0\n'
-            f"duration_s = {duration_s}\nroad_friction = 0.85\nmoves = []\n"
+            f'format = 2\nname = "straight"\nduration_s = {duration_s}\n'
+            "[reference]\nspeed_kmh = 30.0\n"
         )
         return self.start_program("car", "sim_bridge.cli", "--scenario", str(scenario))
 
