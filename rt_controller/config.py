@@ -126,6 +126,7 @@ class MpcSettings(Settings):
 
 _Wheelbase = Annotated[float, Field(ge=SMALLEST.wheelbase_m, le=LARGEST.wheelbase_m)]
 _RearAxle = Annotated[float, Field(ge=SMALLEST.rear_axle_m, le=LARGEST.rear_axle_m)]
+_Lock = Annotated[float, Field(ge=SMALLEST.lock_rad, le=LARGEST.lock_rad)]
 _SteeringRatio = Annotated[float, Field(ge=SMALLEST.steering_ratio, le=LARGEST.steering_ratio)]
 
 
@@ -140,6 +141,8 @@ class LowSpeedSettings(Settings):
     """centre of gravity to rear axle; none: that of the model's car, otherwise 1.860"""
     steering_ratio: _SteeringRatio | None = None
     """wheel angle over front wheel angle; none: that of the model's car, otherwise 18.5"""
+    lock_rad: _Lock | None = None
+    """largest angle of the steering wheel; none: that of the model's car, otherwise 40 deg"""
     throttle_mps2: Annotated[float, Field(ge=0.5, le=15.0)] | None = None
     """acceleration of the full throttle at low speed; none: as the model predicts"""
     brake_mps2_per_n: Annotated[float, Field(ge=0.005, le=0.5)] | None = None

@@ -9,7 +9,7 @@ from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.model.validation import require_drivable
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, PathReference
-from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY, SteeringGeometry
+from rt_controller.contract.steering_geometry import UNNAMED_GEOMETRY, SteeringGeometry
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.low_speed.handover import SpeedRange
 from rt_controller.control.low_speed.identification import identify_gains
@@ -66,11 +66,12 @@ def choose_low_speed_car(bundle: Bundle, settings: LowSpeedSettings) -> LowSpeed
         _first(settings.throttle_mps2, found.throttle_mps2),
         _first(settings.brake_mps2_per_n, found.brake_mps2_per_n),
     )
-    own = bundle.geometry or DEFAULT_GEOMETRY
+    own = bundle.geometry or UNNAMED_GEOMETRY
     geometry = SteeringGeometry(
         _first(settings.wheelbase_m, own.wheelbase_m),
         _first(settings.rear_axle_m, own.rear_axle_m),
         _first(settings.steering_ratio, own.steering_ratio),
+        _first(settings.lock_rad, own.lock_rad),
     )
     hold_n = min(settings.hold_mps2 / gains.brake_mps2_per_n, INPUT_LIMITS.upper.brake_n)
     return LowSpeedCar(geometry, gains, speeds, hold_n)

@@ -18,6 +18,7 @@ SharedInterface = Literal["local", "socketcan", "remote", "slcan", "pcan", "kvas
 """interfaces that join processes"""
 CommonInterface = Literal["virtual", SharedInterface]
 ShippedScenario = Literal[
+    "corner",
     "curvature_step",
     "double_lane_change",
     "iso_3888_1",
@@ -33,6 +34,7 @@ ShippedScenario = Literal[
     "stop_and_go",
     "stop_and_hold",
     "straight",
+    "u_turn",
 ]
 ShippedCar = Literal[
     "c_class_150kw_awd", "c_class_125kw_fwd", "c_class_150kw_bev", "commonroad_vehicle_2"

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
+from math import inf
 from typing import NamedTuple
 
 import can
@@ -12,6 +13,7 @@ from rt_controller.bus.identity import own_identity
 from rt_controller.bus.inbox import Inbox
 from rt_controller.bus.message import Node
 from rt_controller.bus.outbox import DiscardBus, Outbox
+from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, PathReference
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS
 from rt_controller.control.input_planner import InputPlanner, PlannedInput
@@ -56,6 +58,8 @@ class StepResult(NamedTuple):
     """as far as it is measured and plausible; None: not known"""
     bus_fault: StopCause = StopCause.NONE
     """one of `BUS_CAUSES`, also in a safe stop that began for another reason"""
+    most_steer_rad: float = INPUT_LIMITS.upper.steer_rad
+    """bound of the steering wheel in this tick"""
 
 
 class ControlStep:
@@ -90,6 +94,7 @@ class ControlStep:
         self._outbox = outbox
         self._dry_run_outbox = Outbox(DiscardBus(), Node.CONTROLLER, is_fd=outbox.is_fd)
         self._planner = InputPlanner(mpc, low_speed)
+        self._low_speed = low_speed
         self._clock = clock
         self._identity = own_identity(model_hash, outbox.is_fd)
         self._supervisor = supervisor
@@ -144,7 +149,8 @@ class ControlStep:
             self._supervisor.values[Quantity.THROTTLE],
         )
         wanted = input_for(mode, planned.control, last.control, self._is_held, braking)
-        control = limit(wanted, last.control)
+        most_steer_rad = self._most_steer_rad(mode, qualified)
+        control = limit(wanted, last.control, most_steer_rad)
         self._supervisor.note(control, planned.lifted)
         self._sent.append(control)
 
@@ -160,6 +166,7 @@ class ControlStep:
             faults,
             qualified.speed_mps,
             facts.bus_fault,
+            most_steer_rad,
         )
         self._send(self._outbox, now_ns)
         if self._ticks % IDENT_PERIOD_TICKS == 0:
@@ -213,6 +220,13 @@ class ControlStep:
             for each, angle_rad in zip(pedals, angles_rad, strict=True)
         )
 
+    def _most_steer_rad(self, mode: Mode, qualified: QualifiedInputs) -> float:
+        """Bound of the wheel: that of the plan while the model drives, otherwise by the speed."""
+        if mode is not Mode.STANDBY and self._planner.law is Mode.NOMINAL:
+            return INPUT_LIMITS.upper.steer_rad
+        state = qualified.state
+        return self._low_speed.largest_wheel_rad(0.0 if state is None else state.vx_mps)
+
     @property
     def _is_held(self) -> bool:
         return self._planner.law is Mode.STANDSTILL
@@ -248,7 +262,7 @@ class ControlStep:
         """Send one last command before the loop ends: that of a safe stop, without planning."""
         self._note_call("send_safe_command")
         last = self.result.control
-        control = limit(input_for(Mode.SAFE_STOP, None, last, self._is_held), last)
+        control = limit(input_for(Mode.SAFE_STOP, None, last, self._is_held), last, inf)
         self._receiver.counter += 1
         self.result = self.result._replace(mode=Mode.SAFE_STOP, control=control)
         self._send(self._outbox, self._clock.now_ns())

@@ -18,6 +18,8 @@ from sim_bridge.scenario.limits import KMH_PER_MPS
 from sim_bridge.scenario.nominal_drive import drive_nominally
 
 SHORT_S = 1.0
+LOW_SPEED_MPS = 8.0
+"""below it the low-speed law of the controller drives with the whole lock, by default"""
 _FIELDS = {
     "friction_left": "road.friction",
     "friction_right": "road.friction_right",
@@ -87,7 +89,8 @@ def steering_note(scenario: Scenario, geometry: SteeringGeometry = DEFAULT_GEOME
     turn = bend + scenario.road.curvature_per_m(drive.s_m)
     per_turn = geometry.wheelbase_m + UNDERSTEER_RAD_PER_MPS2 * drive.speed_mps**2
     wheel_rad = geometry.steering_ratio * np.abs(turn) * per_turn
-    limit_rad = INPUT_LIMITS.upper.steer_rad
+    is_slow = drive.speed_mps < LOW_SPEED_MPS
+    limit_rad = np.where(is_slow, geometry.lock_rad, INPUT_LIMITS.upper.steer_rad)
     edges = np.diff((wheel_rad > limit_rad).astype(int), prepend=0, append=0)
     firsts, lasts = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
     long = [
@@ -99,10 +102,11 @@ def steering_note(scenario: Scenario, geometry: SteeringGeometry = DEFAULT_GEOME
         return None
     worst = (first + int(np.argmax(wheel_rad[first : last + 1])) for first, last in long)
     i = max(worst, key=wheel_rad.__getitem__)
+    above = "" if is_slow[i] else f" above {KMH_PER_MPS * LOW_SPEED_MPS:.0f} km/h"
     return (
         f"scenario {scenario.name!r}: a steady state needs about "
         f"{degrees(wheel_rad[i]):.0f} deg at the steering wheel at s = {drive.s_m[i]:.0f} m "
         f"(radius {1.0 / abs(turn[i]):.0f} m, "
         f"{KMH_PER_MPS * drive.speed_mps[i]:.0f} km/h); the controller is limited to "
-        f"{degrees(limit_rad):.0f} deg, so the car cannot follow the path there"
+        f"{degrees(limit_rad[i]):.0f} deg{above}, so the car cannot follow the path there"
     )

@@ -80,7 +80,7 @@ def _rates(x: ca.SX, u: ca.SX, curvature_per_m: ca.SX, car: Parameters) -> ca.SX
     """d/dt of a `VehicleState` (6,), of Δs the rate of progress, under a `ControlInput` (3,)."""
     vx, vy, yaw_rate, _, ey, epsi = (x[i] for i in range(N_STATES))
     speed = ca.fmax(vx, _SLOWEST_MPS)
-    wheelbase_m, rear_m, ratio = DEFAULT_GEOMETRY
+    wheelbase_m, rear_m, ratio, _ = DEFAULT_GEOMETRY
     front_m, wheel = wheelbase_m - rear_m, u[2] / ratio
 
     def grip(slip: ca.SX, stiffness: Any, friction: Any) -> ca.SX:

@@ -118,7 +118,7 @@ class Stanley:
         )
         times_s = PERIOD_S * np.arange(len(reference))
         here, ahead = np.interp((0.0, gains.preview_s), times_s, curvatures).tolist()
-        wheelbase_m, rear_m, _ = DEFAULT_GEOMETRY
+        wheelbase_m, rear_m, *_ = DEFAULT_GEOMETRY
         front_m, slip_rad = (
             wheelbase_m - rear_m,
             here * (rear_m - gains.sideslip_s2_per_m * speed_mps**2),

@@ -93,6 +93,7 @@ def steering_geometry() -> SteeringGeometry:
         wheelbase_m=body.front_axle_m + body.rear_axle_m,
         rear_axle_m=body.rear_axle_m,
         steering_ratio=steering.ratio,
+        lock_rad=steering.lock_rad,
     )
 
 

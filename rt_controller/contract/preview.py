@@ -15,7 +15,8 @@ from rt_controller.contract.signals import CurvaturePreview
 
 KNOTS = len(CurvaturePreview._fields) - 1
 INTERVALS = KNOTS - 1
-LARGEST_PER_M = 0.032
+LARGEST_PER_M = 0.16
+"""range of the signals on the bus: a radius of 6.25 m"""
 REACH_S = 1.1
 """time ahead for which the path and the curvature on the bus have to fit: the horizon of the
 controller, and the delay before it"""

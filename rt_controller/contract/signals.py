@@ -55,7 +55,7 @@ class ControlInput(NamedTuple):
 
     throttle: accelerator pedal, 0 to 1.
     brake_n: force on the brake pedal, 0 to 150 N.
-    steer_rad: angle of the steering *wheel*, positive to the left, up to 40 deg.
+    steer_rad: angle of the steering *wheel*, positive to the left; that of a plan up to 40 deg.
     """
 
     throttle: float
@@ -106,6 +106,15 @@ class CurvaturePreview(NamedTuple):
     k2_per_m: float
     k3_per_m: float
     k4_per_m: float
+
+    def curvature_at(self, spacings: float) -> float:
+        """Curvature in 1/m so many spacings ahead of the car."""
+        place = max(spacings, 0.0)
+        if place >= 4.0:
+            return self.k4_per_m
+        knot = int(place)
+        k0, k1 = self[1 + knot], self[2 + knot]
+        return k0 + (place - knot) * (k1 - k0)
 
 
 class Mode(IntEnum):

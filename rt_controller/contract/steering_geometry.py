@@ -3,6 +3,7 @@
 from math import atan, radians
 from typing import NamedTuple
 
+from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.physics import GRAVITY_MPS2
 
 
@@ -15,6 +16,8 @@ class SteeringGeometry(NamedTuple):
     """centre of gravity to rear axle"""
     steering_ratio: float
     """angle of the steering wheel over the angle of the front wheels"""
+    lock_rad: float = INPUT_LIMITS.upper.steer_rad
+    """largest angle of the steering wheel; by default no more than that of the plan"""
 
     def steady_wheel_rad(self, vx_mps: float, yaw_rate_radps: float) -> float:
         """Steering-wheel angle of a steady turn, with the understeer of the default car."""
@@ -28,12 +31,28 @@ class SteeringGeometry(NamedTuple):
         front_rad, squared = steer_rad / self.steering_ratio, vx_mps**2
         return squared * front_rad / (self.wheelbase_m + UNDERSTEER_RAD_PER_MPS2 * squared)
 
+    def largest_wheel_rad(self, vx_mps: float, lateral_mps2: float) -> float:
+        """Bound of the steering-wheel angle at a speed: that of the plan, or more at low speed.
 
-SMALLEST = SteeringGeometry(wheelbase_m=0.5, rear_axle_m=0.0, steering_ratio=1.0)
-LARGEST = SteeringGeometry(wheelbase_m=10.0, rear_axle_m=10.0, steering_ratio=100.0)
+        Beyond the bound of the plan a steady turn stays within `lateral_mps2`, and the wheel within
+        its lock.
+        """
+        per_rad_mps2 = self.steady_lateral_mps2(vx_mps, 1.0)
+        by_speed_rad = min(self.lock_rad, lateral_mps2 / max(per_rad_mps2, 1e-6))
+        return max(by_speed_rad, INPUT_LIMITS.upper.steer_rad)
+
+
+SMALLEST = SteeringGeometry(wheelbase_m=0.5, rear_axle_m=0.0, steering_ratio=1.0, lock_rad=0.1)
+LARGEST = SteeringGeometry(wheelbase_m=10.0, rear_axle_m=10.0, steering_ratio=100.0, lock_rad=30.0)
 """limits of a road vehicle, 1:1 models included"""
 
-DEFAULT_GEOMETRY = SteeringGeometry(wheelbase_m=2.910, rear_axle_m=1.8604, steering_ratio=18.5)
-"""of the default car (`sim_bridge/cars/c_class_150kw_awd.toml`), for models of an unnamed car"""
+DEFAULT_GEOMETRY = SteeringGeometry(
+    wheelbase_m=2.910, rear_axle_m=1.8604, steering_ratio=18.5, lock_rad=radians(540.0)
+)
+"""of the default car (`sim_bridge/cars/c_class_150kw_awd.toml`)"""
+UNNAMED_GEOMETRY = DEFAULT_GEOMETRY._replace(lock_rad=INPUT_LIMITS.upper.steer_rad)
+"""for models of an unnamed car"""
+LARGEST_TURN_MPS2 = 5.0
+"""lateral acceleration up to which a vehicle accepts a larger angle than that of the plan"""
 UNDERSTEER_RAD_PER_MPS2 = radians(1.43) / GRAVITY_MPS2
 """of the front wheels with compliance, per lateral acceleration: target of the default car"""

@@ -80,8 +80,10 @@ class InputPlanner:
         """
         previous_law = self._low_speed.law
         slow_path = path._replace(v_mps=0.0, a_mps2=0.0) if stops else path
-        if self._low_speed.choose(state.vx_mps, slow_path) is not Mode.NOMINAL:
-            slow = self._low_speed.control(state, curvature_per_m, slow_path, last, under_way)
+        if self._low_speed.choose(state.vx_mps, slow_path, last.steer_rad) is not Mode.NOMINAL:
+            slow = self._low_speed.control(
+                state, curvature_per_m, slow_path, last, under_way, preview
+            )
             return PlannedInput(self._plan.store_constant(slow))
         if previous_law is not Mode.NOMINAL:
             self._mpc.resume(last)
@@ -127,7 +129,7 @@ class InputPlanner:
         if self._low_speed.law is not Mode.NOMINAL:
             self._mpc.forget()  # the model has no data of so slow a car
         self._mpc.observe(state, applied)
-        self._low_speed.observe(state.vx_mps, applied)
+        self._low_speed.observe(state, applied)
 
     def observe_estimate(self, state: VehicleState, applied: ControlInput) -> None:
         """The same with an estimated state, for a stop."""

@@ -19,7 +19,7 @@ LEAST_ERROR_RAD = 0.015
 """by which the wheel differs from the present explanation, before another one replaces it"""
 LEAST_TURN_RAD = 0.01
 """of the wheel within the samples; a wheel that does not turn shows no delay: it may be stuck"""
-LARGEST_SPREAD_RAD = 5e-4
+LARGEST_SPREAD_RAD = 1e-3
 """of the changes of a wheel that turns at its largest rate; with more, an offset looks like that"""
 LEAST_CHANGE_RAD = 0.003
 """of such a wheel in a period: 7 deg/s; a slower one is stuck"""

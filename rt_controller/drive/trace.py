@@ -13,7 +13,6 @@ from rt_controller.step import StepResult
 
 _NO_STATE = (nan,) * (N_STATES + len(EXOGENOUS_FIELDS))
 _NO_PATH = (nan,) * len(REFERENCE)
-_AT_LIMIT = tuple((1.0 - 1e-6) * bound for bound in INPUT_LIMITS.upper)
 
 
 class DriveTrace:
@@ -52,8 +51,9 @@ class DriveTrace:
         )
         self._ticks += 1
         if self._drove:
-            for i, (value, bound) in enumerate(zip(result.control, _AT_LIMIT, strict=True)):
-                self._ticks_at_limit[i] += abs(value) >= bound
+            limits = INPUT_LIMITS.upper._replace(steer_rad=result.most_steer_rad)
+            for i, (value, bound) in enumerate(zip(result.control, limits, strict=True)):
+                self._ticks_at_limit[i] += abs(value) >= (1.0 - 1e-6) * bound
         if result.mode is Mode.STANDBY or state is None or path is None:
             return
         self._driven_ticks += 1

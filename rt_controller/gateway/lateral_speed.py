@@ -26,7 +26,7 @@ from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.model.rollout import Step
 from rt_controller.contract.schema import N_STATES
 from rt_controller.contract.signals import VehicleState
-from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY, SteeringGeometry
+from rt_controller.contract.steering_geometry import UNNAMED_GEOMETRY, SteeringGeometry
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.lift import Encoder
 from rt_controller.mapping.car_file import CarFile
@@ -152,7 +152,7 @@ def _roll_outs(bundle: Bundle, steering_ratio: float) -> list[Array]:
 def choose_geometry(car: CarFile, bundle: Bundle) -> SteeringGeometry:
     """That of the mapping, else that of the model, else that of the default car."""
     data = car.mapping.car
-    return data.geometry if data is not None else bundle.geometry or DEFAULT_GEOMETRY
+    return data.geometry if data is not None else bundle.geometry or UNNAMED_GEOMETRY
 
 
 def choose_lateral_speed(car: CarFile, bundle: Bundle) -> LateralSpeed:

@@ -8,6 +8,7 @@ from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import PathReference, VehicleState
 from rt_controller.contract.steering_geometry import (
     DEFAULT_GEOMETRY,
+    LARGEST_TURN_MPS2,
     UNDERSTEER_RAD_PER_MPS2,
     SteeringGeometry,
 )
@@ -24,6 +25,8 @@ YAW_DAMPING_S = 0.1
 the car: it turns the wheels against a slide of the rear axle"""
 TOLERATED_OFF_PATH_M, LESS_BRAKE_N_PER_M = 0.3, 100.0
 """of a car that leaves its path"""
+LOCK_BELOW_MPS = 9.0
+"""a slower car may need its lock; a faster one that slides stays within the bound of the plan"""
 SLOWEST_MPS = 0.3
 """the wheel of a slower car stays where it is"""
 
@@ -70,9 +73,12 @@ def steer_along(
     per_turn = geometry.wheelbase_m + UNDERSTEER_RAD_PER_MPS2 * speed_mps**2
     damping_rad = YAW_DAMPING_S * (turn_per_m * speed_mps - state.yaw_rate_radps)
     wanted_rad = geometry.steering_ratio * (per_turn * turn_per_m + damping_rad)
+    most_rad = INPUT_LIMITS.upper.steer_rad
+    if speed_mps < LOCK_BELOW_MPS:
+        most_rad = geometry.largest_wheel_rad(speed_mps, LARGEST_TURN_MPS2)
+    wanted_rad = min(max(wanted_rad, -most_rad), most_rad)
     change_rad = INPUT_LIMITS.rate_per_s.steer_rad * PERIOD_S
-    reached_rad = previous_rad + min(max(wanted_rad - previous_rad, -change_rad), change_rad)
-    return min(max(reached_rad, INPUT_LIMITS.lower.steer_rad), INPUT_LIMITS.upper.steer_rad)
+    return previous_rad + min(max(wanted_rad - previous_rad, -change_rad), change_rad)
 
 
 def largest_brake_n(

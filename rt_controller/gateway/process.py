@@ -16,7 +16,11 @@ from rt_controller.bus.end_to_end.assembly import Received
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.grip import BRAKE_RATE_N_PER_S
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
-from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY, SteeringGeometry
+from rt_controller.contract.steering_geometry import (
+    DEFAULT_GEOMETRY,
+    LARGEST_TURN_MPS2,
+    SteeringGeometry,
+)
 from rt_controller.contract.timing import (
     COMMAND_TIMEOUT_NS,
     COMMAND_TIMEOUT_TICKS,
@@ -45,7 +49,7 @@ from rt_controller.safety.modes import STANDING_MPS
 
 POLLS = 10
 """of both buses in a period, so that a command is late by 2.5 ms at most"""
-ROUNDING = ControlInput(throttle=1e-4, brake_n=0.01, steer_rad=1e-4)
+ROUNDING = ControlInput(throttle=1e-4, brake_n=0.01, steer_rad=4e-4)
 """two commands that differ by less are equal within the resolution of a frame"""
 LEAVING_REQUEST = 3
 """request to end after which the gateway ends at once; those before it brake the car"""
@@ -171,11 +175,18 @@ class Gateway:
                 name = refusal.name or ""
                 counts.refused_because[name] = counts.refused_because.get(name, 0) + 1
         else:
-            self._applied = limit(command.content.control, self._applied)
+            self._applied = self._limit(command.content.control)
             self._mode = command.content.mode
             counts.commands += 1
             counts.limited += _differ(self._applied, command.content.control)
         self._send(self._applied, self._mode)
+
+    def _limit(self, control: ControlInput) -> ControlInput:
+        """The input nearest to it that may follow the last one."""
+        speed_mps = self._motion.speed_mps
+        return limit(
+            control, self._applied, self._geometry.largest_wheel_rad(speed_mps, LARGEST_TURN_MPS2)
+        )
 
     def _watch(self, now_ns: int) -> None:
         """Brake a car whose commands may not be followed; go on releasing one that was released."""
@@ -192,11 +203,11 @@ class Gateway:
                 self.counts.brakings += 1
                 because[cause.name] = because.get(cause.name, 0) + 1
         if car_end.is_braking:
-            self._applied = limit(self._stop(), self._applied)
+            self._applied = self._limit(self._stop())
             self._send(self._applied, Mode.SAFE_STOP)
         elif is_silent:
             # A message with a long period, or a turned wheel, needs more frames than were received.
-            self._applied = limit(stand_by(self._applied), self._applied)
+            self._applied = self._limit(stand_by(self._applied))
             self._send(self._applied, Mode.STANDBY)
 
     def _cause_to_brake(self, now_ns: int, is_silent: bool) -> BrakingCause | None:

@@ -194,7 +194,7 @@ def _steady_lateral(speed: Array, yaw_rate: Array) -> Array:
 
 
 def _wheel(signal: str, values: Mapping[str, Array], geometry: SteeringGeometry | None) -> Relation:
-    length_m, _, ratio = geometry or DEFAULT_GEOMETRY
+    length_m, _, ratio, _ = geometry or DEFAULT_GEOMETRY
     speed = values[SPEED]
     per_turn = ratio * (length_m + UNDERSTEER_RAD_PER_MPS2 * speed**2)
     expected = integrals(_driven(signal, values) * speed / per_turn, SHORT)

@@ -11,7 +11,11 @@ from typing import NamedTuple
 from rt_controller.bus.contents import NO_REFUSAL, Command, Refusal
 from rt_controller.contract.limits import INPUT_LIMITS, RELEASED_BRAKE_N, RELEASED_THROTTLE
 from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
-from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY, SteeringGeometry
+from rt_controller.contract.steering_geometry import (
+    DEFAULT_GEOMETRY,
+    LARGEST_TURN_MPS2,
+    SteeringGeometry,
+)
 from rt_controller.contract.timing import COMMAND_TIMEOUT_TICKS, PERIOD_S
 
 LARGEST_LATERAL_MPS2 = 7.5
@@ -22,7 +26,7 @@ OFF_PATH_AHEAD_S = 0.3
 FARTHEST_OFF_PATH_M, FARTHEST_DRIVEN_M = 0.5, 0.9
 """in a safe stop, and while the controller drives; beyond it the vehicle stops by itself, along its
 path"""
-_ROUNDING = ControlInput(throttle=2e-5, brake_n=0.0025, steer_rad=radians(0.004))
+_ROUNDING = ControlInput(throttle=2e-5, brake_n=0.0025, steer_rad=radians(0.02))
 """one step of each signal of ACT_CMD"""
 
 
@@ -63,7 +67,8 @@ def refusals(
         found |= Refusal.MODE
     if control.throttle > RELEASED_THROTTLE and control.brake_n > RELEASED_BRAKE_N:
         found |= Refusal.PEDALS
-    if not is_within_bounds(control) or not is_reachable(control, before, periods):
+    most_rad = geometry.largest_wheel_rad(motion.speed_mps, LARGEST_TURN_MPS2)
+    if not is_within_bounds(control, most_rad) or not is_reachable(control, before, periods):
         found |= Refusal.STEERING
     lateral_mps2 = geometry.steady_lateral_mps2(motion.speed_mps, control.steer_rad)
     if abs(lateral_mps2) > LARGEST_LATERAL_MPS2:
@@ -95,9 +100,10 @@ def leaves_path(command: Command, motion: OwnMotion, has_reached_path: bool) -> 
     return is_judged and abs(motion.off_path_m) > FARTHEST_DRIVEN_M
 
 
-def is_within_bounds(control: ControlInput) -> bool:
+def is_within_bounds(control: ControlInput, most_steer_rad: float) -> bool:
     """True if each input is within its bounds, but for the rounding of a frame."""
-    lower, upper, _ = INPUT_LIMITS
+    lower = INPUT_LIMITS.lower._replace(steer_rad=-most_steer_rad)
+    upper = INPUT_LIMITS.upper._replace(steer_rad=most_steer_rad)
     return all(
         low - step <= value <= high + step
         for value, low, high, step in zip(control, lower, upper, _ROUNDING, strict=True)

@@ -20,6 +20,7 @@ from pydantic import (
     ValidationInfo,
 )
 
+from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.steering_geometry import LARGEST, SMALLEST, SteeringGeometry
 from rt_controller.mapping.quantity import Quantity
 from rt_controller.mapping.units import find_unit, near_units
@@ -153,6 +154,10 @@ class CarData(MappingTable):
     """centre of gravity to rear axle"""
     steering_ratio: Annotated[float, Field(ge=SMALLEST.steering_ratio, le=LARGEST.steering_ratio)]
     """angle of the steering wheel over the angle of the front wheels"""
+    lock_rad: Annotated[float, Field(ge=SMALLEST.lock_rad, le=LARGEST.lock_rad)] = (
+        INPUT_LIMITS.upper.steer_rad
+    )
+    """largest angle of the steering wheel; beyond 40 deg it is used at low speed only"""
     rear_slip_s2_per_m: Annotated[float, Field(ge=1e-4, le=0.05)] | None = None
     """side-slip angle of the rear axle per lateral acceleration, in rad; rt-controller estimates a
     lateral speed that is not measured with it; None: identified from the model"""
@@ -163,7 +168,9 @@ class CarData(MappingTable):
     @property
     def geometry(self) -> SteeringGeometry:
         """The same numbers as the model bundle carries them."""
-        return SteeringGeometry(self.wheelbase_m, self.rear_axle_m, self.steering_ratio)
+        return SteeringGeometry(
+            self.wheelbase_m, self.rear_axle_m, self.steering_ratio, self.lock_rad
+        )
 
 
 class RoadsMapping(MappingTable):

@@ -124,7 +124,7 @@ def _explain(
     margins = (
         *data_margins(replay.node.inbox, now_ns, step.state_age_ns(now_ns)),
         *plausibility_margins(replay.node.supervisor.values),
-        *command_margins(result.control, before),
+        *command_margins(result.control, before, result.most_steer_rad),
         Margin("time until the frames were sent", journal.sent_after_us, deadline_us, "us"),
     )
     plan = replay.mpc.explain_plan() if result.qp_ns > 0 else None

@@ -89,9 +89,12 @@ def exceeded(margins: Iterable[Margin]) -> list[Margin]:
     return [each for each in margins if each.value is not None and each.value > each.limit]
 
 
-def command_margins(control: ControlInput, previous: ControlInput) -> list[Margin]:
+def command_margins(
+    control: ControlInput, previous: ControlInput, most_steer_rad: float
+) -> list[Margin]:
     """The command of a tick against its bounds and rates; the envelope keeps it within them."""
-    upper, rates = INPUT_LIMITS.upper, INPUT_LIMITS.rate_per_s
+    upper = INPUT_LIMITS.upper._replace(steer_rad=most_steer_rad)
+    rates = INPUT_LIMITS.rate_per_s
     sizes = [
         Margin(f"size of {name}", abs(value), bound, unit)
         for name, value, bound, unit in zip(

@@ -10,14 +10,21 @@ _LARGEST_CHANGE = ControlInput(*(rate * PERIOD_S for rate in INPUT_LIMITS.rate_p
 """in one period"""
 
 
-def limit(wanted: ControlInput, previous: ControlInput) -> ControlInput:
+def limit(
+    wanted: ControlInput,
+    previous: ControlInput,
+    most_steer_rad: float = INPUT_LIMITS.upper.steer_rad,
+) -> ControlInput:
     """The input nearest to `wanted` that may follow `previous` one period later.
+
+    The wheel is bounded to `most_steer_rad`; from beyond it it returns with its largest rate.
 
     A value that is not finite is replaced by the previous one. Rates hold in both directions, but
     a wanted throttle of 0 closes the throttle at once. If both pedals are wanted, the one that was
     pressed before must be released first; if neither was pressed, the brake has priority.
     """
-    lower, upper, _ = INPUT_LIMITS
+    lower = INPUT_LIMITS.lower._replace(steer_rad=-most_steer_rad)
+    upper = INPUT_LIMITS.upper._replace(steer_rad=most_steer_rad)
     throttle, brake_n, steer_rad = map(_limit_one, wanted, previous, lower, upper, _LARGEST_CHANGE)
     if wanted.throttle <= lower.throttle:
         throttle = lower.throttle
@@ -34,5 +41,5 @@ def limit(wanted: ControlInput, previous: ControlInput) -> ControlInput:
 def _limit_one(wanted: float, previous: float, low: float, high: float, change: float) -> float:
     if not isfinite(wanted):
         wanted = previous
-    slewed = min(max(wanted, previous - change), previous + change)
-    return min(max(slewed, low), high)
+    bounded = min(max(wanted, low), high)
+    return min(max(bounded, previous - change), previous + change)

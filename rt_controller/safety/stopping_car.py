@@ -25,6 +25,6 @@ class StoppingCar(NamedTuple):
     def motion(self, vx_mps: float, control: ControlInput) -> tuple[float, float, float]:
         """(v_x, v_y, yaw rate) one period later, without sideslip of the tyres."""
         vx_mps = max(vx_mps - self.brake_mps2_per_n * control.brake_n * PERIOD_S, 0.0)
-        wheelbase_m, rear_axle_m, ratio = self.geometry
+        wheelbase_m, rear_axle_m, ratio, _ = self.geometry
         yaw_rate = vx_mps * tan(control.steer_rad / ratio) / wheelbase_m
         return vx_mps, rear_axle_m * yaw_rate, yaw_rate

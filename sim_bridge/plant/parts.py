@@ -156,6 +156,7 @@ class SteeringParameters(NamedTuple):
     friction_nm: NonNegative
     caster_trail_m: Number
     ackermann: Share  # 1: all wheels roll freely, 0: parallel front wheels
+    lock_rad: Positive  # largest angle of the steering wheel
 
 
 class AeroParameters(NamedTuple):

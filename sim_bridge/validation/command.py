@@ -26,7 +26,7 @@ def validate(
     if html is not None:
         require_writable(html, "--html")
         require_report_extra("--html")
-    with announce("driving (the first start compiles the car: up to a minute)"):
+    with announce("driving"):
         results, measured = drive_all(car)
     console = Console()
     console.width = max(console.width, _LEAST_WIDTH)

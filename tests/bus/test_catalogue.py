@@ -51,7 +51,7 @@ def test_every_allowed_command_arrives_within_half_an_lsb(
     assert command.mode is mode
     assert command.control.throttle == pytest.approx(throttle, abs=1.0001e-5)
     assert command.control.brake_n == pytest.approx(brake_n, abs=0.0012501)
-    assert command.control.steer_rad == pytest.approx(steer_rad, abs=radians(0.0020001))
+    assert command.control.steer_rad == pytest.approx(steer_rad, abs=radians(0.010001))
 
 
 @pytest.mark.parametrize("bad", [nan, inf, -inf, 999.0])
@@ -143,17 +143,17 @@ def test_a_reference_with_an_impossible_value_is_not_decoded(field: str) -> None
 @seeded
 @given(
     spacing_m=st.floats(0.05, 65.5),
-    values=st.lists(st.floats(-0.032, 0.032), min_size=5, max_size=5),
+    values=st.lists(st.floats(-0.16, 0.16), min_size=5, max_size=5),
 )
 def test_the_road_ahead_arrives_within_half_an_lsb(spacing_m: float, values: list[float]) -> None:
     received = round_trip(PREVIEW, CurvaturePreview(spacing_m, *values))
     assert received is not None
     assert received.spacing_m == pytest.approx(spacing_m, abs=0.00050001)
-    assert received[1:] == pytest.approx(values, abs=0.50001e-6)
+    assert received[1:] == pytest.approx(values, abs=2.50001e-6)
 
 
 @seeded
-@given(st.floats(-0.032, 0.032))
+@given(st.floats(-0.16, 0.16))
 def test_the_curvature_of_a_circle_is_that_of_the_state(curvature_per_m: float) -> None:
     sample = round_trip(STATE, SAMPLE._replace(curvature_per_m=curvature_per_m))
     preview = round_trip(PREVIEW, CurvaturePreview(3.0, *[curvature_per_m] * 5))
@@ -162,7 +162,7 @@ def test_the_curvature_of_a_circle_is_that_of_the_state(curvature_per_m: float) 
     assert set(preview[1:]) == {sample.curvature_per_m}
 
 
-@pytest.mark.parametrize("bad", [nan, inf, 0.04])
+@pytest.mark.parametrize("bad", [nan, inf, 0.2])
 @pytest.mark.parametrize("first_missing", range(2, 6))
 def test_from_a_missing_value_on_the_curvature_ahead_is_the_last_one(
     first_missing: int, bad: float

@@ -135,6 +135,6 @@ def test_a_frame_of_another_length_is_not_intact(length: int) -> None:
 
 
 def test_a_command_has_the_bytes_computed_by_hand() -> None:
-    """0.5 / 2e-5 = 25000 = 0x61A8; 30 N / 0.0025 = 12000 = 0x2EE0; -10 deg / 0.004 = -2500."""
+    """0.5 / 2e-5 = 25000 = 0x61A8; 30 N / 0.0025 = 12000 = 0x2EE0; -10 deg / 0.02 = -500."""
     frame = COMMAND.codecs[0].encode((0.5, 30.0, -10.0), 9, 2)
-    assert frame[1:] == bytes.fromhex("29 A861 E02E 3CF6")
+    assert frame[1:] == bytes.fromhex("29 A861 E02E 0CFE")

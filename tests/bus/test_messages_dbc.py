@@ -166,7 +166,7 @@ def test_a_lane_change_of_3_5_m_over_40_m_can_be_sent(name: str, largest: float)
         ('BA_ "E2EDataIdList" BO_ 256 "', 'BA_ "E2EDataIdList" BO_ 256 "00 '),
         ('BA_ "E2EDataIdList" BO_ 256 "', 'BA_ "E2EDataIdList" BO_ 256 "none'),
         ('BA_ "GenMsgCycleTime" BO_ 256 25;', ""),
-        ("[-120|120]", "[0|0]"),
+        ("[-600|600]", "[0|0]"),
         ("BO_ 256 ACT_CMD: 8", "BO_ 256 ACT_CMD: 16"),
         ("BO_ 256 ACT_CMD", "BO_ 256 ACT"),
         ("BO_ 256 ACT_CMD", "BO_ 2147483904 ACT_CMD"),

@@ -20,7 +20,7 @@ from rt_controller.control import estimator
 from rt_controller.control.lift import Encoder
 
 STEPS = WITH_ALL.history_steps
-HALF_A_STEP_OF_THE_FRAMES = np.array([1e-6, 1e-6, 1e-6, 1.01e-5, 1.26e-3, 3.5e-5])
+HALF_A_STEP_OF_THE_FRAMES = np.array([1e-6, 1e-6, 1e-6, 1.01e-5, 1.26e-3, 1.76e-4])
 
 
 def made(folder: Path, **more: int) -> Path:

@@ -89,7 +89,7 @@ def test_a_sudden_bend_near_the_limit_stays_within_the_signals_of_the_bus() -> N
         (np.zeros(9), 0.0, "a spacing of 0.05 to 65.5 m between five values, found 0 m"),
         (np.zeros(9), math.inf, "found inf m"),
         (np.zeros(9), math.nan, "found nan m"),
-        (np.linspace(0.0, 0.04, 9), 10.0, "curvatures of at most 0.032 1/m, found 0.035 1/m"),
+        (np.linspace(0.0, 0.2, 9), 10.0, "curvatures of at most 0.16 1/m, found 0.175 1/m"),
         (np.array([0.0, 0.0, math.nan, 0.0, 0.0]), 10.0, "found nan 1/m"),
         (np.full(5, -math.inf), 10.0, "found -inf 1/m"),
     ],

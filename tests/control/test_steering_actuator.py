@@ -11,7 +11,7 @@ from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.steering_actuator import LONGEST_DELAY, SAMPLES, SteeringActuator
 
 CONFIGURED = 1
-RESOLUTION_RAD = radians(0.004)
+RESOLUTION_RAD = radians(0.02)
 PATH = PathReference(0.0, 0.0, 0.0, 0.0, 20.0, 0.0)
 
 

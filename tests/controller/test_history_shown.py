@@ -20,7 +20,7 @@ from rt_controller.control.mpc import Mpc
 from rt_controller.step import StepResult
 
 STEPS = WITH_PAST.history_steps
-RESOLUTION = np.array([0.0, 0.0, 0.0, 1.1e-5, 1.3e-3, 3.6e-5])
+RESOLUTION = np.array([0.0, 0.0, 0.0, 1.1e-5, 1.3e-3, 1.8e-4])
 """resolution of a row: exact states, and commands as the frames quantise them"""
 
 Row = tuple[float, ...]

@@ -120,7 +120,7 @@ def test_a_problem_without_a_solution_gives_no_plan(
         ({"ey_m": -100.0}, {}, 0.0, r"state.ey_m: expected -30 to 30, found -100"),
         ({}, {"v_mps": 120.0}, 0.0, r"path.v_mps: expected 0 to 100, found 120"),
         ({}, {"c1": math.nan}, 0.0, r"path.c1: expected -0.6 to 0.6, found nan"),
-        ({}, {}, 5.0, "curvature_per_m: expected curvatures of at most 0.032 1/m, found 5"),
+        ({}, {}, 5.0, "curvature_per_m: expected curvatures of at most 0.16 1/m, found 5"),
         ({}, {}, math.nan, "curvature_per_m: expected .*, found nan"),
     ],
 )
@@ -191,8 +191,8 @@ def test_a_preview_stands_in_place_of_the_curvature(
     [
         *[("spacing_m", value, "a spacing of 0.05 to 65.5 m") for value in (0.0, -1.0, 1e-300)],
         *[("spacing_m", value, "a spacing of 0.05 to 65.5 m") for value in (math.inf, math.nan)],
-        *[("k1_per_m", value, "at most 0.032 1/m") for value in (1e6, -0.04, math.nan)],
-        ("k4_per_m", math.inf, "at most 0.032 1/m"),
+        *[("k1_per_m", value, "at most 0.16 1/m") for value in (1e6, -0.2, math.nan)],
+        ("k4_per_m", math.inf, "at most 0.16 1/m"),
     ],
 )
 def test_a_preview_that_the_bus_cannot_carry_is_refused(

@@ -125,7 +125,7 @@ def test_a_safe_stop_without_a_mission_is_steered_along_the_path(
 ) -> None:
     rig.vehicle.state = CRUISING._replace(vx_mps=2.5, ds_m=0.0625, ey_m=0.0, epsi_rad=0.0)
     rig.vehicle.path = STRAIGHT._replace(v_mps=2.5, c2_per_m=0.01)
-    before = rig.tick(60).control.steer_rad
+    before = rig.tick(300).control.steer_rad
     if mission is not None:
         rig.step.request_stop()
     rig.vehicle.mission = None

@@ -54,7 +54,11 @@ def test_the_wheel_turns_against_a_slide_of_the_rear_axle(side: float) -> None:
 def test_the_wheel_stays_within_its_bounds(side: float) -> None:
     slow = CRUISING._replace(vx_mps=3.0)
     path = STRAIGHT._replace(c0_m=30.0 * side)
-    assert steer_along(path, slow, 0.0, side * radians(39.0)) == side * radians(40.0)
+    narrow = DEFAULT_GEOMETRY._replace(lock_rad=radians(40.0))
+    for geometry, bound_deg in ((narrow, 40.0), (DEFAULT_GEOMETRY, 540.0)):
+        before_rad = side * radians(bound_deg - 1.0)
+        found = steer_along(path, slow, 0.0, before_rad, geometry)
+        assert found == pytest.approx(side * radians(bound_deg))
 
 
 @pytest.mark.parametrize("vx_mps", [0.2, 0.0, -1.0, nan])

@@ -52,11 +52,17 @@ def test_an_input_beyond_its_bounds_is_refused(field: str, value: float) -> None
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_a_wheel_angle_beyond_its_bound_is_refused(side: float) -> None:
-    at_bound = NEUTRAL_INPUT._replace(steer_rad=side * radians(40.0))
-    assert judge(at_bound, before=at_bound, motion=STANDING) == NO_REFUSAL
-    beyond = NEUTRAL_INPUT._replace(steer_rad=side * radians(40.02))
-    assert judge(beyond, before=at_bound, motion=STANDING) == Refusal.STEERING
+@pytest.mark.parametrize(
+    ("speed_mps", "bound_deg"), [(0.0, 540.0), (5.0, 540.0), (10.0, 167.7), (25.0, 40.0)]
+)
+def test_a_wheel_angle_beyond_its_bound_is_refused(
+    side: float, speed_mps: float, bound_deg: float
+) -> None:
+    motion = STANDING._replace(speed_mps=speed_mps)
+    at_bound = NEUTRAL_INPUT._replace(steer_rad=side * radians(bound_deg))
+    assert judge(at_bound, before=at_bound, motion=motion) == NO_REFUSAL
+    beyond = NEUTRAL_INPUT._replace(steer_rad=side * radians(bound_deg + 0.1))
+    assert judge(beyond, before=at_bound, motion=motion) == Refusal.STEERING
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -155,13 +161,14 @@ def check_fuzzed_commands(number: int) -> None:
         assert all(map(isfinite, control))
         assert -1e-4 <= control.throttle <= 1.0001
         assert -0.01 <= control.brake_n <= 150.01
-        assert abs(control.steer_rad) <= radians(40.01)
-        assert abs(control.steer_rad - applied.steer_rad) <= radians(200.0 * 0.025 + 0.01)
+        assert abs(control.steer_rad - applied.steer_rad) <= radians(200.0 * 0.025 + 0.041)
         assert not (control.throttle > 0.001 and control.brake_n > 0.15)
         if command.mode in (Mode.STANDBY, Mode.SAFE_STOP, Mode.STANDSTILL):
             assert control.throttle <= 0.001
         v2 = motion.speed_mps**2
-        assert v2 * abs(control.steer_rad) / 18.5 / (2.91 + 0.002545 * v2) <= 7.505
+        lateral_mps2 = v2 * abs(control.steer_rad) / 18.5 / (2.91 + 0.002545 * v2)
+        assert lateral_mps2 <= (7.505 if abs(control.steer_rad) <= radians(40.03) else 5.01)
+        assert abs(control.steer_rad) <= radians(540.03)
         applied = control
     assert followed > number / 50
 
@@ -214,7 +221,7 @@ def test_the_wheel_may_move_by_5_deg_a_period_and_two_steps_of_the_frame(
     side: float, before_deg: float
 ) -> None:
     before = NEUTRAL_INPUT._replace(steer_rad=radians(before_deg))
-    for change_deg, expected in ((5.0079, NO_REFUSAL), (5.0081, Refusal.STEERING)):
+    for change_deg, expected in ((5.0399, NO_REFUSAL), (5.0401, Refusal.STEERING)):
         wheel = before._replace(steer_rad=before.steer_rad + side * radians(change_deg))
         assert judge(wheel, before=before, motion=STANDING) == expected
 
@@ -229,7 +236,7 @@ def test_the_lateral_acceleration_is_that_of_the_single_track_model(speed_mps: f
 
 
 def test_the_largest_change_of_the_wheel_is_allowed() -> None:
-    largest_rad = CHANGE_RAD * 1 + 2.0 * radians(0.004)
+    largest_rad = CHANGE_RAD * 1 + 2.0 * radians(0.02)
     wheel = NEUTRAL_INPUT._replace(steer_rad=largest_rad)
     assert judge(wheel, before=NEUTRAL_INPUT, motion=STANDING) == NO_REFUSAL
 

@@ -214,8 +214,9 @@ def _geometry(path: Path, found: dict[str, Any]) -> SteeringGeometry | None:
     present = [name for name in SteeringGeometry._fields if name in found]
     if not present:
         return None
-    check_field(path, "fields of the car", SteeringGeometry._fields, tuple(present))
-    return SteeringGeometry(*(found[name] for name in present))
+    needed = tuple(name for name in SteeringGeometry._fields if name != "lock_rad")
+    check_field(path, "fields of the car", needed, tuple(n for n in present if n != "lock_rad"))
+    return SteeringGeometry(**{name: found[name] for name in present})
 
 
 def _plans(found: dict[str, Any]) -> PlanSample | None:

@@ -197,7 +197,7 @@ class Bundle:
         """Identity of the model: it changes with everything that a prediction depends on.
 
         Over name, signals, period, lift, encoder, matrices, and, where they are known, the geometry
-        of the car and the range of the signals; not over training and self-test.
+        of the car and the range of the signals; not over lock, training and self-test.
         """
         schema, lift = self.schema, self.lift
         bilinear, drift = self.bilinear, self.drift
@@ -207,7 +207,7 @@ class Bundle:
             [lift.inputs, lift.history_steps, lift.history_fields],
             None if bilinear is None else bilinear.follows,
             self.encoder_sha256,
-            *(() if self.geometry is None else [self.geometry]),
+            *(() if self.geometry is None else [self.geometry[:3]]),
             *(("saturates",) if bilinear is not None and bilinear.saturates else ()),
             *(() if drift is None else [drift.signal.tolist()]),
         ]

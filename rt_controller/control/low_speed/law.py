@@ -1,10 +1,17 @@
 """The law that drives where no model is trained: start, creep, stop and hold."""
 
 from collections.abc import Sequence
+from math import sqrt
 from typing import NamedTuple
 
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
+from rt_controller.contract.signals import (
+    ControlInput,
+    CurvaturePreview,
+    Mode,
+    PathReference,
+    VehicleState,
+)
 from rt_controller.contract.steering_geometry import SteeringGeometry
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.low_speed.handover import AT_REST_MPS, SpeedRange, next_law
@@ -19,6 +26,11 @@ from rt_controller.control.low_speed.speed import (
     wanted_mps2,
 )
 from rt_controller.control.low_speed.steering import (
+    LARGEST_TURN_MPS2,
+    NO_ERROR,
+    curvature_of,
+    curvature_to_meet,
+    largest_wheel_rad,
     path_curvature_per_m,
     roll_towards,
     wheel_angle_rad,
@@ -51,9 +63,12 @@ class LowSpeedLaw:
         self._pedals_mps2 = 0.0
         self._wanted_mps2 = 0.0
         self._last_vx_mps: float | None = None
+        self._turn_error = NO_ERROR
 
-    def observe(self, vx_mps: float, applied: ControlInput) -> None:
-        """Estimate the disturbance from the speed after `applied` acted for one period."""
+    def observe(self, state: VehicleState, applied: ControlInput) -> None:
+        """Estimate the disturbances from the motion after `applied` acted for one period."""
+        vx_mps = state.vx_mps
+        self._turn_error = self._turn_error.after(state, applied.steer_rad, self._car.geometry)
         last_mps, self._last_vx_mps = self._last_vx_mps, vx_mps
         self._pedals_mps2 = lagged_mps2(self._pedals_mps2, pedal_mps2(applied, self._car.gains))
         if self.law is Mode.STANDSTILL or last_mps is None:
@@ -78,10 +93,16 @@ class LowSpeedLaw:
         self.forget()
         self.law = self._law_before = Mode.NOMINAL
         self._disturbance_mps2 = self._pedals_mps2 = self._wanted_mps2 = 0.0
+        self._turn_error = NO_ERROR
 
-    def choose(self, vx_mps: float, path: PathReference) -> Mode:
-        """The law of this tick."""
-        self._law_before, self.law = self.law, next_law(self.law, vx_mps, path, self._car.speeds)
+    def largest_wheel_rad(self, vx_mps: float) -> float:
+        """Bound of the wheel angle at this speed."""
+        return largest_wheel_rad(vx_mps, self._car.geometry)
+
+    def choose(self, vx_mps: float, path: PathReference, wheel_rad: float = 0.0) -> Mode:
+        """The law of this tick, with the wheel at `wheel_rad`."""
+        following = next_law(self.law, vx_mps, path, self._car.speeds, wheel_rad)
+        self._law_before, self.law = self.law, following
         return self.law
 
     def control(
@@ -91,11 +112,23 @@ class LowSpeedLaw:
         path: PathReference,
         last: ControlInput,
         under_way: Sequence[ControlInput] = (),
+        preview: CurvaturePreview | None = None,
     ) -> ControlInput:
         """Input of this tick, after `last`; of the law that was chosen.
 
-        `under_way`: inputs that were sent and act before it.
+        Args:
+            state: of the car.
+            curvature_per_m: of the road at the car.
+            path: to follow.
+            last: input of the last tick.
+            under_way: inputs that were sent and act before it.
+            preview: curvature of the road ahead; None: constant.
         """
+        if preview is not None and state.vx_mps >= AT_REST_MPS:
+            delay_m = state.vx_mps * PERIOD_S * len(under_way)
+            curvature_per_m = curvature_to_meet(
+                preview, delay_m, state.vx_mps, last.steer_rad, self._car.geometry
+            )
         if self.law is Mode.STANDSTILL:
             held = hold(state.vx_mps, last, self._car.hold_n)
             if state.vx_mps < ROLLING_MPS:
@@ -106,6 +139,7 @@ class LowSpeedLaw:
             self._wanted_mps2 = 0.0
         elif self._law_before is Mode.NOMINAL:  # continue from the present acceleration
             self._wanted_mps2 = pedal_mps2(last, gains) + self._disturbance_mps2
+        path = self._slowed(path, curvature_per_m, last.steer_rad)
         wanted = wanted_mps2(self._speed_after(under_way, state.vx_mps), path)
         change = min(max(wanted - self._wanted_mps2, -LARGEST_CHANGE_MPS2), LARGEST_CHANGE_MPS2)
         self._wanted_mps2 += change
@@ -114,6 +148,20 @@ class LowSpeedLaw:
             throttle=min(throttle, INPUT_LIMITS.upper.throttle),
             brake_n=min(brake_n, INPUT_LIMITS.upper.brake_n),
             steer_rad=self.steer_rad(state, curvature_per_m, path, last),
+        )
+
+    def _slowed(
+        self, path: PathReference, curvature_per_m: float, wheel_rad: float
+    ) -> PathReference:
+        """The path at a speed that its curvature allows, and the wheel: see `next_law`."""
+        turn_per_m = abs(curvature_per_m + 2.0 * path.c2_per_m)
+        v_mps = sqrt(LARGEST_TURN_MPS2 / max(turn_per_m, 1e-6))
+        if abs(wheel_rad) > INPUT_LIMITS.upper.steer_rad:
+            v_mps = min(v_mps, self._car.speeds.resume_mps)
+        return (
+            path
+            if path.v_mps <= v_mps
+            else path._replace(v_mps=v_mps, a_mps2=min(path.a_mps2, 0.0))
         )
 
     def _speed_after(self, under_way: Sequence[ControlInput], vx_mps: float) -> float:
@@ -129,8 +177,18 @@ class LowSpeedLaw:
     ) -> float:
         """Wheel angle along the path, as far as the car rolls."""
         geometry = self._car.geometry
-        curvature = path_curvature_per_m(state, path, curvature_per_m, geometry)
-        wanted_rad = wheel_angle_rad(curvature, geometry)
+        most_rad = self.largest_wheel_rad(state.vx_mps)
+        curvature = path_curvature_per_m(
+            state,
+            path,
+            curvature_per_m,
+            geometry,
+            curvature_of(most_rad, geometry),
+            self._turn_error,
+        )
+        wanted_rad = min(
+            max(wheel_angle_rad(curvature, state.vx_mps, geometry), -most_rad), most_rad
+        )
         return roll_towards(wanted_rad, last.steer_rad, state.vx_mps)
 
 

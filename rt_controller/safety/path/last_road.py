@@ -1,5 +1,7 @@
 """Comparison of the curvature ahead with the one before it; the last one that was accepted."""
 
+from itertools import pairwise
+
 from rt_controller.contract.preview import is_plausible
 from rt_controller.contract.signals import CurvaturePreview
 from rt_controller.safety.checks import Quantity
@@ -7,6 +9,8 @@ from rt_controller.safety.checks import Quantity
 _INTERVALS = len(CurvaturePreview._fields) - 2
 TOLERATED_CHANGES = 1.5
 """times the difference of two of the five values, since these are a fit of the road"""
+RIPPLE = 0.25
+"""of the fit farther from a sudden bend, per largest difference of two of the values"""
 
 
 class LastRoad:
@@ -60,7 +64,7 @@ class LastRoad:
         known = self._preview
         if known is None or not self._is_known_here():
             return otherwise_per_m
-        return _curvature_at(known, self._moved_m)
+        return known.curvature_at(self._moved_m / known.spacing_m)
 
     def _is_known_here(self) -> bool:
         known = self._preview
@@ -71,8 +75,9 @@ class LastRoad:
         known = self._preview
         if known is None or preview is known:
             return preview
-        ahead_m = (self._moved_m + i * known.spacing_m for i in range(_INTERVALS + 1))
-        return CurvaturePreview(known.spacing_m, *(_curvature_at(known, s) for s in ahead_m))
+        moved = self._moved_m / known.spacing_m
+        knots = (known.curvature_at(moved + i) for i in range(_INTERVALS + 1))
+        return CurvaturePreview(known.spacing_m, *knots)
 
     def _step_per_m(self, ahead_m: float, curvature_per_m: float) -> float:
         """Difference to the last road; a large one less the tolerated changes on both sides.
@@ -95,13 +100,11 @@ class LastRoad:
             change_per_m = max(change_per_m, abs(k0 - known[knot]))
         if knot + 1 < _INTERVALS:
             change_per_m = max(change_per_m, abs(known[3 + knot] - k1))
+        roads = (known, self._newest or known)
+        if step_per_m <= RIPPLE * max(map(_largest_change, roads)):
+            return 0.0
         return max(step_per_m - TOLERATED_CHANGES * change_per_m, 0.0)
 
 
-def _curvature_at(preview: CurvaturePreview, s_m: float) -> float:
-    place = max(s_m / preview.spacing_m, 0.0)
-    if place >= _INTERVALS:
-        return preview.k4_per_m
-    knot = int(place)
-    k0, k1 = preview[1 + knot], preview[2 + knot]
-    return k0 + (place - knot) * (k1 - k0)
+def _largest_change(preview: CurvaturePreview) -> float:
+    return max(abs(after - before) for before, after in pairwise(preview[1:]))

@@ -153,6 +153,7 @@ typedef struct {
     double caster_trail_m;
     /* share of the difference of the wheel angles with which all wheels roll freely */
     double ackermann;
+    double lock_rad; /* largest angle of the steering wheel */
 } SteeringParameters;
 
 /* Air forces; chassis.c. */

@@ -123,9 +123,14 @@ static double parking_nm(const State *x, int wheel, const Axle *front, const Par
            sqrt(relative);
 }
 
+/* Angle of the front wheels at the steering without a load; the wheel stops at its lock. */
+static double unloaded_rad(double steer_rad, const SteeringParameters *steering) {
+    return limited(steer_rad, -steering->lock_rad, steering->lock_rad) / steering->ratio;
+}
+
 /* Torque at the steering wheel without power assistance, positive to the left. */
 double hand_torque_nm(double steer_rad, double road_wheel_rad, const SteeringParameters *steering) {
-    const double wound_rad = steer_rad / steering->ratio - road_wheel_rad;
+    const double wound_rad = unloaded_rad(steer_rad, steering) - road_wheel_rad;
     return steering->stiffness_nmprad * wound_rad / steering->ratio;
 }
 
@@ -142,7 +147,7 @@ void steering_rates(const State *x, double steer_rad, double kingpin_nm, const A
     out->decay.contact_twist_rad = fabs(turn_radps) / p->tyre.parking_twist_rad +
                                    fabs(x->vx_mps) / p->tyre.parking_length_m;
     const double parked_nm = parking_nm(x, 0, front, p) + parking_nm(x, 1, front, p);
-    const double wound_rad = steer_rad / steering->ratio - x->road_wheel_rad;
+    const double wound_rad = unloaded_rad(steer_rad, steering) - x->road_wheel_rad;
     out->rate.road_wheel_rate_radps =
         (steering->stiffness_nmprad * wound_rad - steering->damping_nms * turn_radps +
          (kingpin_nm + parked_nm)) /

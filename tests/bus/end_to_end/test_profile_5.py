@@ -93,6 +93,6 @@ def test_a_state_has_the_bytes_computed_by_hand() -> None:
     (codec,) = STATE.fd_codecs
     values = (20.0, 0.5, -0.1, 0.5, 0.25, 0.01, 0.001, 25.0, 6.0, 1.0)
     frame = codec.write(values, 256 + 200)
-    assert frame[2:] == bytes.fromhex("C8 01 A00F F401 18FC 8813 FA00 6400 E803 FA00 06 01 0000")
+    assert frame[2:] == bytes.fromhex("C8 01 A00F F401 18FC 8813 FA00 6400 C800 FA00 06 01 0000")
     assert codec.read(frame) == pytest.approx(values)
     assert codec.counter_of(frame) == 200

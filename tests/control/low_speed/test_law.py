@@ -50,7 +50,7 @@ def drive(
                 epsi_rad=state.epsi_rad + noise.normal(0.0, 0.001),
             )
         path = planner(car, k * PERIOD_S)
-        law.observe(seen.vx_mps, control)
+        law.observe(seen, control)
         chosen = law.choose(seen.vx_mps, path)
         if chosen is Mode.NOMINAL:
             wanted_mps2 = path.a_mps2 + 2.0 * (path.v_mps - car.vx_mps) - car.resistance_mps2()

@@ -12,6 +12,7 @@ from made_logs import MAPPING, POSE, make_drive, write_csv
 from offline.data.dataset import load_dataset
 from offline.data.manifest import Imported, read_manifest
 from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.steering_geometry import SteeringGeometry
 
 DBC = """VERSION ""
 BU_: ECU
@@ -74,7 +75,7 @@ def test_the_car_of_the_mapping_goes_into_the_data_set(place):
     car = "[car]\nwheelbase_m = 3.2\nrear_axle_m = 1.5\nsteering_ratio = 16.0\n"
     (place / "map.toml").write_text(MAPPING + car)
     run_import(place, "--data", place / "known")
-    assert load_dataset(place / "known").geometry == (3.2, 1.5, 16.0)
+    assert load_dataset(place / "known").geometry == SteeringGeometry(3.2, 1.5, 16.0)
 
 
 def test_the_same_logs_give_the_same_numbers(place):

@@ -133,9 +133,9 @@ def test_a_file_without_optional_fields_is_a_straight_dry_road() -> None:
          "reference.ey_m.s_m: expected knots 0.25 m apart or more, found 0.1 m"),
         ("initial/ey_m", 3.2, "initial.ey_m: expected a car that starts on its road"),
         ("reference/ey_m", 3.5, "stays on its road of road.width_m"),
-        ("road/curvature_per_m", 0.04, "road.curvature_per_m: expected -0.03..0.03 1/m"),
-        ("road/curvature_per_m", {"kind": "circle", "radius_m": 20.0},
-         "road.curvature_per_m.radius_m: expected at least 33.4, found 20"),
+        ("road/curvature_per_m", 0.2, "road.curvature_per_m: expected -0.15..0.15 1/m"),
+        ("road/curvature_per_m", {"kind": "circle", "radius_m": 5.0},
+         "road.curvature_per_m.radius_m: expected at least 6.7, found 5"),
         ("road/curvature_per_m", {"kind": "course", "bends": [{"radius_m": 50.0}]},
          "road.curvature_per_m.bends[0].turn_deg: expected together"),
         ("road/curvature_per_m", {"kind": "course", "bends": [

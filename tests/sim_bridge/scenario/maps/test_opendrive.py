@@ -209,7 +209,7 @@ STEEP, TILTED = ELEVATION.replace("0.05", "0.25"), ELEVATION.replace("0.03", "0.
 @pytest.mark.parametrize(
     ("parts", "message"),
     [
-        (road([(9, '<arc curvature="0.1"/>')]), "road.curvature_per_m: expected -0.03..0.03 1/m"),
+        (road([(9, '<arc curvature="0.2"/>')]), "road.curvature_per_m: expected -0.15..0.15 1/m"),
         (road([(9, LINE)], "1", STEEP), "road.grade_percent: expected -20..20 %, found 25"),
         (road([(9, LINE)], "1", TILTED), "road.bank_deg: expected -12..12 deg, found 17"),
     ],
