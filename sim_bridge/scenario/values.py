@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from datetime import date, time
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Self, get_args
 
@@ -118,7 +119,8 @@ def _tag(raw: Any) -> str | None:
         return f"({raw.get('kind', 't_s' if 't_s' in raw else 's_m')})"
     if isinstance(raw, int | float):
         return _NUMBER
-    return None if isinstance(raw, str | list | tuple | type(None)) else _OBJECT
+    is_of_a_file = isinstance(raw, str | list | tuple | date | time | type(None))
+    return None if is_of_a_file else _OBJECT
 
 
 def is_tag(part: str | int) -> bool:
