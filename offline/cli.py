@@ -169,7 +169,7 @@ def export(
         run: folder of the run
         output: folder of the bundle; default: bundle in the run, runs/BASELINE, or --bundle
         baseline: export this baseline of the data set instead, for instance lti or
-            edmd-polynomial-66; docs/baselines.md lists them
+            edmd-bilinear; docs/baselines.md lists them
         data: folder of the data set; default: the one the run was trained on
         bundle: store plans in this bundle, a folder or a shipped name; needs neither run nor data
     """
