@@ -68,13 +68,22 @@ class Pedals(NamedTuple):
     brake_n: float
 
 
-def draw_inputs(rng: np.random.Generator, recipe: Recipe, periods: int) -> Array:
+def draw_inputs(
+    rng: np.random.Generator,
+    recipe: Recipe,
+    periods: int,
+    most_steer_rad: float = INPUT_LIMITS.upper.steer_rad,
+) -> Array:
     """Inputs of one episode, (periods, 3) as `ControlInput`, within bounds and rates.
 
-    At the start pedals are released and the steering is straight.
+    At the start pedals are released and the steering is straight. The largest angle of the wheel is
+    drawn between that of the paper and `most_steer_rad`, the largest one that a plan may use at the
+    first speed: the car is steered little and much at every speed.
     """
     pedals = follow_pedals(draw_pedal_targets(rng, recipe, periods), INPUT_LIMITS)
-    steering = limit_rate(draw_steering(rng, recipe, periods), INPUT_LIMITS.rate_per_s.steer_rad)
+    largest_rad = float(rng.uniform(INPUT_LIMITS.upper.steer_rad, most_steer_rad))
+    steering = draw_steering(rng, recipe, periods, largest_rad)
+    steering = limit_rate(steering, INPUT_LIMITS.rate_per_s.steer_rad)
     return np.column_stack([pedals, steering])
 
 
@@ -115,16 +124,17 @@ def follow_pedals(targets: list[Pedals], limits: InputLimits) -> Array:
     return pedals
 
 
-def draw_steering(rng: np.random.Generator, recipe: Recipe, periods: int) -> Array:
+def draw_steering(
+    rng: np.random.Generator, recipe: Recipe, periods: int, largest_rad: float
+) -> Array:
     """Steering wheel angle (periods,) through random knots, continuous with its slope."""
-    lock = INPUT_LIMITS.upper.steer_rad
     knots_per_window = int(rng.choice(recipe.steering_knots))
     spacing_s = recipe.steering_window_s / knots_per_window
     n_knots = int(np.ceil(periods * PERIOD_S / spacing_s)) + 1
-    knots = rng.uniform(-lock, lock, size=n_knots)
+    knots = rng.uniform(-largest_rad, largest_rad, size=n_knots)
     knot_t = spacing_s * np.arange(n_knots, dtype=np.float64)
     angle = monotone_cubic(knot_t, knots, PERIOD_S * np.arange(periods, dtype=np.float64))
-    return np.clip(angle, -lock, lock)
+    return np.clip(angle, -largest_rad, largest_rad)
 
 
 def limit_rate(signal: Array, rate_per_s: float) -> Array:

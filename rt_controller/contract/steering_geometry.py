@@ -52,6 +52,8 @@ DEFAULT_GEOMETRY = SteeringGeometry(
 """of the default car (`sim_bridge/cars/c_class_150kw_awd.toml`)"""
 UNNAMED_GEOMETRY = DEFAULT_GEOMETRY._replace(lock_rad=INPUT_LIMITS.upper.steer_rad)
 """for models of an unnamed car"""
+PLAN_TURN_MPS2 = 7.0
+"""lateral acceleration up to which a plan may use a larger angle than 40 deg"""
 LARGEST_TURN_MPS2 = 5.0
 """lateral acceleration up to which a vehicle accepts a larger angle than that of the plan"""
 UNDERSTEER_RAD_PER_MPS2 = radians(1.43) / GRAVITY_MPS2

@@ -12,6 +12,8 @@ static const double LIMITER_BAND_RPM = 200.0;
 static const double LEAST_CONTROL_SPEED_MPS = 3.0;
 /* below it the slip of the traction control is computed with this speed */
 static const double LONGEST_SHIFT_TIMER_S = 10.0;
+static const double FREE_REAR_SLIP = 0.008;
+/* rear wheels with less braking slip are not released: gentle braking uses all four brakes */
 
 static bool is_electric(const Parameters *p) { return p->motor.inertia_kgm2 > 0.0; }
 
@@ -31,7 +33,7 @@ static double allowed_slip(const State *x, int wheel, const AntiLockParameters *
         return anti_lock->slip;
     }
     const double front_slip = -0.5 * (x->longitudinal_slip[0] + x->longitudinal_slip[1]);
-    return limited(anti_lock->rear_share * front_slip, 0.0, anti_lock->slip);
+    return limited(anti_lock->rear_share * front_slip, FREE_REAR_SLIP, anti_lock->slip);
 }
 
 /* Rate of the released share of a wheel's pressure: it controls the slip of the wheel. */
