@@ -74,7 +74,7 @@ def choose_low_speed_car(bundle: Bundle, settings: LowSpeedSettings) -> LowSpeed
         _first(settings.lock_rad, own.lock_rad),
     )
     hold_n = min(settings.hold_mps2 / gains.brake_mps2_per_n, INPUT_LIMITS.upper.brake_n)
-    return LowSpeedCar(geometry, gains, speeds, hold_n)
+    return LowSpeedCar(geometry, gains, speeds, hold_n, bundle.largest_steer_rad)
 
 
 def _first(chosen: float | None, otherwise: float) -> float:

@@ -221,11 +221,11 @@ class ControlStep:
         )
 
     def _most_steer_rad(self, mode: Mode, qualified: QualifiedInputs) -> float:
-        """Bound of the wheel: that of the plan while the model drives, otherwise by the speed."""
-        if mode is not Mode.STANDBY and self._planner.law is Mode.NOMINAL:
-            return INPUT_LIMITS.upper.steer_rad
-        state = qualified.state
-        return self._low_speed.largest_wheel_rad(0.0 if state is None else state.vx_mps)
+        """Bound of the wheel by the speed, and by the law that drives."""
+        vx_mps = 0.0 if qualified.state is None else qualified.state.vx_mps
+        if mode is Mode.STANDBY:
+            return self._low_speed.largest_wheel_rad(vx_mps)
+        return self._planner.most_steer_rad(vx_mps)
 
     @property
     def _is_held(self) -> bool:

@@ -5,9 +5,10 @@ from math import degrees
 import numpy as np
 
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.steering_geometry import (
     DEFAULT_GEOMETRY,
+    PLAN_STEER_RAD,
+    PLAN_TURN_MPS2,
     UNDERSTEER_RAD_PER_MPS2,
     SteeringGeometry,
 )
@@ -90,7 +91,8 @@ def steering_note(scenario: Scenario, geometry: SteeringGeometry = DEFAULT_GEOME
     per_turn = geometry.wheelbase_m + UNDERSTEER_RAD_PER_MPS2 * drive.speed_mps**2
     wheel_rad = geometry.steering_ratio * np.abs(turn) * per_turn
     is_slow = drive.speed_mps < LOW_SPEED_MPS
-    limit_rad = np.where(is_slow, geometry.lock_rad, INPUT_LIMITS.upper.steer_rad)
+    by_speed = [geometry.largest_wheel_rad(v, PLAN_TURN_MPS2) for v in drive.speed_mps.tolist()]
+    limit_rad = np.where(is_slow, geometry.lock_rad, np.minimum(by_speed, PLAN_STEER_RAD))
     edges = np.diff((wheel_rad > limit_rad).astype(int), prepend=0, append=0)
     firsts, lasts = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
     long = [

@@ -186,7 +186,7 @@ class Stanley:
         """Continue after another law."""
         self._pedals.resume(previous)
 
-    def limit_steering(self, rate_radps: float) -> None:
+    def limit_steering(self, most_rad: float, rate_radps: float) -> None:
         """Do nothing: the law has no plan, and the cars of the comparison follow its commands."""
 
     def limit_solve_time(self, budget_ns: int) -> None:

@@ -37,7 +37,11 @@ from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.files import DamagedArchiveError, atomic_write, read_arrays
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import InputColumn, StateColumn
-from rt_controller.contract.steering_geometry import PLAN_TURN_MPS2, SteeringGeometry
+from rt_controller.contract.steering_geometry import (
+    PLAN_STEER_RAD,
+    PLAN_TURN_MPS2,
+    SteeringGeometry,
+)
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.frenet import integrate_poses
 from sim_bridge.plant.library import STEP_S, STEPS_PER_PERIOD, settle, simulate
@@ -52,8 +56,6 @@ CHUNK_EPISODES = 20
 
 _ALL_CHANGING = {"nominal_share": 0.0, "changing_share": 1.0}
 
-MOST_STEER_RAD = radians(180.0)
-"""of the steering wheel: the obstacle avoidance of ISO 3888-2 needs about 120 deg"""
 FIRST_EY_M = 2.0
 FIRST_EPSI_RAD = radians(10.0)
 LOWEST_SPEED_MPS = 10.0 / 3.6
@@ -258,7 +260,7 @@ def _try_episode(
     curvature_per_m = float(rng.choice(recipe.curvatures_per_m))
     first_speed_mps = float(rng.uniform(*recipe.first_speed_mps))
     most_rad = steering_geometry().largest_wheel_rad(first_speed_mps, PLAN_TURN_MPS2)
-    inputs = draw_inputs(rng, recipe, EPISODE_STEPS, min(most_rad, MOST_STEER_RAD))
+    inputs = draw_inputs(rng, recipe, EPISODE_STEPS, min(most_rad, PLAN_STEER_RAD))
     first_errors = rng.uniform(-1.0, 1.0, (SLICES, 2)) * (FIRST_EY_M, FIRST_EPSI_RAD)
     car, roads, rows = conditions or (default_car(), None, None)
     start = settle(first_speed_mps, car)

@@ -32,10 +32,9 @@ class SteeringGeometry(NamedTuple):
         return squared * front_rad / (self.wheelbase_m + UNDERSTEER_RAD_PER_MPS2 * squared)
 
     def largest_wheel_rad(self, vx_mps: float, lateral_mps2: float) -> float:
-        """Bound of the steering-wheel angle at a speed: that of the plan, or more at low speed.
+        """Bound of the steering-wheel angle at a speed: 40 deg, or more at low speed.
 
-        Beyond the bound of the plan a steady turn stays within `lateral_mps2`, and the wheel within
-        its lock.
+        Beyond 40 deg a steady turn stays within `lateral_mps2`, and the wheel within its lock.
         """
         per_rad_mps2 = self.steady_lateral_mps2(vx_mps, 1.0)
         by_speed_rad = min(self.lock_rad, lateral_mps2 / max(per_rad_mps2, 1e-6))
@@ -54,7 +53,7 @@ UNNAMED_GEOMETRY = DEFAULT_GEOMETRY._replace(lock_rad=INPUT_LIMITS.upper.steer_r
 """for models of an unnamed car"""
 PLAN_TURN_MPS2 = 7.0
 """lateral acceleration up to which a plan may use a larger angle than 40 deg"""
-LARGEST_TURN_MPS2 = 5.0
-"""lateral acceleration up to which a vehicle accepts a larger angle than that of the plan"""
+PLAN_STEER_RAD = radians(180.0)
+"""largest angle of a plan, and of training data"""
 UNDERSTEER_RAD_PER_MPS2 = radians(1.43) / GRAVITY_MPS2
 """of the front wheels with compliance, per lateral acceleration: target of the default car"""

@@ -43,6 +43,12 @@ class InputPlanner:
         """That of the last plan: NOMINAL, LOW_SPEED or STANDSTILL."""
         return self._low_speed.law
 
+    def most_steer_rad(self, vx_mps: float) -> float:
+        """Bound of the wheel at this speed by the law that drives."""
+        if self.law is Mode.NOMINAL:
+            return self._low_speed.largest_plan_rad(vx_mps)
+        return self._low_speed.largest_wheel_rad(vx_mps)
+
     @property
     def periods_held(self) -> int:
         """Periods since the plan was made."""
@@ -89,7 +95,9 @@ class InputPlanner:
             self._mpc.resume(last)
         if steering_rate_radps < inf and under_way:
             last = last._replace(steer_rad=under_way[-1].steer_rad)
-        self._mpc.limit_steering(steering_rate_radps)
+        # A wheel that was turned further at a lower speed returns with its rate.
+        most_rad = max(self._low_speed.largest_plan_rad(state.vx_mps), abs(last.steer_rad))
+        self._mpc.limit_steering(most_rad, steering_rate_radps)
         status = self._mpc.plan(state, curvature_per_m, path, last, preview, under_way)
         is_solved = status is SolveStatus.SOLVED
         control = self._plan.store(self._mpc.inputs) if is_solved else self._plan.next(periods)

@@ -235,9 +235,9 @@ class Mpc:
         """Before the first plan after another law made the inputs, the last one `previous`."""
         self._pedals.resume(previous)
 
-    def limit_steering(self, rate_radps: float) -> None:
-        """Plan from now on with a wheel that turns at most at this rate."""
-        self._qp.limit_steering(rate_radps)
+    def limit_steering(self, most_rad: float, rate_radps: float) -> None:
+        """Plan from now on with a wheel that turns at most so far, and at most at this rate."""
+        self._qp.limit_steering(most_rad, rate_radps)
 
     def limit_solve_time(self, budget_ns: int) -> None:
         """Limit the time of a solve.

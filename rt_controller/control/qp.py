@@ -76,12 +76,16 @@ class CondensedQp:
         self._usual_steering_slew = inputs.slew[InputColumn.steer_rad :: N_INPUTS].copy()
         self._steering_rate_radps = inf
         self._has_slew_rows = features.has_slew_rows
+        self._lower = self.program.lower[: self.scale.size].reshape(-1, N_INPUTS)
         self._upper = self.program.upper[: self.scale.size].reshape(-1, N_INPUTS)
         self._corridor = features.corridor
         self._check_at_typical_state(bundle)
 
-    def limit_steering(self, rate_radps: float) -> None:
-        """Bound the changes of the steering wheel by this rate, if it is below the usual one."""
+    def limit_steering(self, most_rad: float, rate_radps: float) -> None:
+        """Bound the wheel to ±`most_rad`, and its changes by a rate below the usual one."""
+        most = most_rad / self.scale[InputColumn.steer_rad]
+        self._upper[:, InputColumn.steer_rad] = most
+        self._lower[:, InputColumn.steer_rad] = -most
         if rate_radps == self._steering_rate_radps:
             return
         self._steering_rate_radps = rate_radps

@@ -8,7 +8,6 @@ from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import PathReference, VehicleState
 from rt_controller.contract.steering_geometry import (
     DEFAULT_GEOMETRY,
-    LARGEST_TURN_MPS2,
     UNDERSTEER_RAD_PER_MPS2,
     SteeringGeometry,
 )
@@ -25,8 +24,10 @@ YAW_DAMPING_S = 0.1
 the car: it turns the wheels against a slide of the rear axle"""
 TOLERATED_OFF_PATH_M, LESS_BRAKE_N_PER_M = 0.3, 100.0
 """of a car that leaves its path"""
+LARGEST_TURN_MPS2 = 5.0
+"""lateral acceleration up to which the vehicle turns its wheel further than 40 deg"""
 LOCK_BELOW_MPS = 9.0
-"""a slower car may need its lock; a faster one that slides stays within the bound of the plan"""
+"""a slower car may need its lock; a faster one that slides stays within 40 deg"""
 SLOWEST_MPS = 0.3
 """the wheel of a slower car stays where it is"""
 

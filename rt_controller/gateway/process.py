@@ -18,7 +18,6 @@ from rt_controller.contract.grip import BRAKE_RATE_N_PER_S
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.steering_geometry import (
     DEFAULT_GEOMETRY,
-    LARGEST_TURN_MPS2,
     SteeringGeometry,
 )
 from rt_controller.contract.timing import (
@@ -34,6 +33,7 @@ from rt_controller.gateway.lateral_speed import LateralSpeed
 from rt_controller.gateway.path_steering import largest_brake_n, steer_along
 from rt_controller.gateway.vehicle_envelope import (
     FARTHEST_OFF_PATH_M,
+    LARGEST_LATERAL_MPS2,
     STANDING,
     OwnMotion,
     leaves_path,
@@ -185,7 +185,9 @@ class Gateway:
         """The input nearest to it that may follow the last one."""
         speed_mps = self._motion.speed_mps
         return limit(
-            control, self._applied, self._geometry.largest_wheel_rad(speed_mps, LARGEST_TURN_MPS2)
+            control,
+            self._applied,
+            self._geometry.largest_wheel_rad(speed_mps, LARGEST_LATERAL_MPS2),
         )
 
     def _watch(self, now_ns: int) -> None:

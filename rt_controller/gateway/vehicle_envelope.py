@@ -13,7 +13,6 @@ from rt_controller.contract.limits import INPUT_LIMITS, RELEASED_BRAKE_N, RELEAS
 from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
 from rt_controller.contract.steering_geometry import (
     DEFAULT_GEOMETRY,
-    LARGEST_TURN_MPS2,
     SteeringGeometry,
 )
 from rt_controller.contract.timing import COMMAND_TIMEOUT_TICKS, PERIOD_S
@@ -67,8 +66,8 @@ def refusals(
         found |= Refusal.MODE
     if control.throttle > RELEASED_THROTTLE and control.brake_n > RELEASED_BRAKE_N:
         found |= Refusal.PEDALS
-    most_rad = geometry.largest_wheel_rad(motion.speed_mps, LARGEST_TURN_MPS2)
-    if not is_within_bounds(control, most_rad) or not is_reachable(control, before, periods):
+    is_bounded = is_within_bounds(control, geometry.lock_rad)
+    if not is_bounded or not is_reachable(control, before, periods):
         found |= Refusal.STEERING
     lateral_mps2 = geometry.steady_lateral_mps2(motion.speed_mps, control.steer_rad)
     if abs(lateral_mps2) > LARGEST_LATERAL_MPS2:

@@ -31,6 +31,7 @@ from rt_controller.control.solver import SolveStatus
 
 STATE = VehicleState(21.0, 0.1, 0.05, 0.52, -0.3, 0.02)
 PATH = PathReference(0.0, 0.01, 0.0, 0.0, 20.0, 0.0)
+LIMIT_RAD = INPUT_LIMITS.upper.steer_rad
 PREVIOUS = ControlInput(0.2, 0.0, 0.05)
 CURVATURE_PER_M = 0.003
 SAME = 1e-4
@@ -74,12 +75,12 @@ def test_the_same_parameters_have_the_same_plan_again(lift: Lift) -> None:
 def test_the_wheel_turns_at_most_at_a_rate_that_is_limited() -> None:
     mpc = build(make_bundle(WITH_ROAD, rank=2))
     usual = plan(mpc).copy()
-    mpc.limit_steering(0.1)
+    mpc.limit_steering(LIMIT_RAD, 0.1)
     mpc.forget()
     plan(mpc)
     angles_rad = [PREVIOUS.steer_rad, *mpc.inputs[:, InputColumn.steer_rad]]
     assert np.abs(np.diff(angles_rad)).max() <= 0.1 * PERIOD_S + 1e-6
-    mpc.limit_steering(inf)
+    mpc.limit_steering(LIMIT_RAD, inf)
     mpc.forget()
     found = plan(mpc)
     np.testing.assert_allclose(found, usual, rtol=0.0, atol=SAME)

@@ -53,16 +53,22 @@ def test_an_input_beyond_its_bounds_is_refused(field: str, value: float) -> None
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 @pytest.mark.parametrize(
-    ("speed_mps", "bound_deg"), [(0.0, 540.0), (5.0, 540.0), (10.0, 167.7), (25.0, 40.0)]
+    ("speed_mps", "bound_deg", "refusal"),
+    [
+        (0.0, 540.0, Refusal.STEERING),
+        (5.0, 540.0, Refusal.STEERING),
+        (10.0, 251.4, Refusal.LATERAL_ACCELERATION),
+        (25.0, 57.1, Refusal.LATERAL_ACCELERATION),
+    ],
 )
 def test_a_wheel_angle_beyond_its_bound_is_refused(
-    side: float, speed_mps: float, bound_deg: float
+    side: float, speed_mps: float, bound_deg: float, refusal: Refusal
 ) -> None:
     motion = STANDING._replace(speed_mps=speed_mps)
     at_bound = NEUTRAL_INPUT._replace(steer_rad=side * radians(bound_deg))
     assert judge(at_bound, before=at_bound, motion=motion) == NO_REFUSAL
     beyond = NEUTRAL_INPUT._replace(steer_rad=side * radians(bound_deg + 0.1))
-    assert judge(beyond, before=at_bound, motion=motion) == Refusal.STEERING
+    assert judge(beyond, before=at_bound, motion=motion) == refusal
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -167,7 +173,7 @@ def check_fuzzed_commands(number: int) -> None:
             assert control.throttle <= 0.001
         v2 = motion.speed_mps**2
         lateral_mps2 = v2 * abs(control.steer_rad) / 18.5 / (2.91 + 0.002545 * v2)
-        assert lateral_mps2 <= (7.505 if abs(control.steer_rad) <= radians(40.03) else 5.01)
+        assert lateral_mps2 <= 7.505
         assert abs(control.steer_rad) <= radians(540.03)
         applied = control
     assert followed > number / 50

@@ -16,11 +16,13 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.model.bilinear import Bilinear
 from rt_controller.contract.model.drift import Drift
 from rt_controller.contract.model.identity_encoder import identity_encoder
 from rt_controller.contract.model.lift import STATES_ONLY, Lift, LiftSample
 from rt_controller.contract.schema import VEHICLE, Schema
+from rt_controller.contract.signals import InputColumn
 from rt_controller.contract.steering_geometry import SteeringGeometry
 
 
@@ -224,6 +226,14 @@ class Bundle:
             digest.update(f"{key} {array.shape}\n".encode())
             digest.update(array.tobytes())
         return digest.hexdigest()
+
+    @property
+    def largest_steer_rad(self) -> float:
+        """Largest angle of the steering wheel in the training data; at least that of the paper."""
+        usual_rad = INPUT_LIMITS.upper.steer_rad
+        if self.signal_range is None:
+            return usual_rad
+        return max(usual_rad, float(self.signal_range[1, InputColumn.steer_rad]))
 
     @property
     def spectral_radius(self) -> float:

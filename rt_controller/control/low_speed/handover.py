@@ -3,7 +3,6 @@
 from math import inf
 from typing import NamedTuple
 
-from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import Mode, PathReference
 
 AT_REST_MPS = 0.1
@@ -58,16 +57,15 @@ def wants_rest(path: PathReference, is_resting: bool) -> bool:
 
 
 def next_law(
-    law: Mode, vx_mps: float, path: PathReference, speeds: SpeedRange, wheel_rad: float = 0.0
+    law: Mode, vx_mps: float, path: PathReference, speeds: SpeedRange, is_turned: bool = False
 ) -> Mode:
     """The law of this tick after `law`: NOMINAL (the model), LOW_SPEED or STANDSTILL.
 
-    The model does not take over a car with the wheel at `wheel_rad` beyond the bound of its plan.
+    The model does not take over a car whose wheel `is_turned` beyond the bound of its plans.
 
     Every threshold has a hysteresis, so noise of speed and reference does not change the law twice.
     """
     limit_mps = speeds.leave_mps if law is Mode.NOMINAL else speeds.resume_mps
-    is_turned = abs(wheel_rad) > INPUT_LIMITS.upper.steer_rad
     if vx_mps >= limit_mps and not (is_turned and law is not Mode.NOMINAL):
         return Mode.NOMINAL
     # A held car that rolls is for the brake too: the pedals of the law would release it.

@@ -12,7 +12,7 @@ from rt_controller.contract.signals import (
     PathReference,
     VehicleState,
 )
-from rt_controller.contract.steering_geometry import SteeringGeometry
+from rt_controller.contract.steering_geometry import PLAN_TURN_MPS2, SteeringGeometry
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.low_speed.handover import AT_REST_MPS, SpeedRange, next_law
 from rt_controller.control.low_speed.speed import (
@@ -50,6 +50,8 @@ class LowSpeedCar(NamedTuple):
     speeds: SpeedRange
     hold_n: float
     """force on the brake pedal of a standing car"""
+    model_rad: float = INPUT_LIMITS.upper.steer_rad
+    """largest angle of the steering wheel that the model was trained with"""
 
 
 class LowSpeedLaw:
@@ -99,9 +101,15 @@ class LowSpeedLaw:
         """Bound of the wheel angle at this speed."""
         return largest_wheel_rad(vx_mps, self._car.geometry)
 
+    def largest_plan_rad(self, vx_mps: float) -> float:
+        """Bound of the wheel angle of the model's plans at this speed."""
+        car = self._car
+        return min(car.geometry.largest_wheel_rad(vx_mps, PLAN_TURN_MPS2), car.model_rad)
+
     def choose(self, vx_mps: float, path: PathReference, wheel_rad: float = 0.0) -> Mode:
         """The law of this tick, with the wheel at `wheel_rad`."""
-        following = next_law(self.law, vx_mps, path, self._car.speeds, wheel_rad)
+        is_turned = abs(wheel_rad) > self.largest_plan_rad(vx_mps)
+        following = next_law(self.law, vx_mps, path, self._car.speeds, is_turned)
         self._law_before, self.law = self.law, following
         return self.law
 
@@ -139,7 +147,8 @@ class LowSpeedLaw:
             self._wanted_mps2 = 0.0
         elif self._law_before is Mode.NOMINAL:  # continue from the present acceleration
             self._wanted_mps2 = pedal_mps2(last, gains) + self._disturbance_mps2
-        path = self._slowed(path, curvature_per_m, last.steer_rad)
+        is_turned = abs(last.steer_rad) > self.largest_plan_rad(state.vx_mps)
+        path = self._slowed(path, curvature_per_m, is_turned)
         wanted = wanted_mps2(self._speed_after(under_way, state.vx_mps), path)
         change = min(max(wanted - self._wanted_mps2, -LARGEST_CHANGE_MPS2), LARGEST_CHANGE_MPS2)
         self._wanted_mps2 += change
@@ -151,12 +160,12 @@ class LowSpeedLaw:
         )
 
     def _slowed(
-        self, path: PathReference, curvature_per_m: float, wheel_rad: float
+        self, path: PathReference, curvature_per_m: float, is_turned: bool
     ) -> PathReference:
         """The path at a speed that its curvature allows, and the wheel: see `next_law`."""
         turn_per_m = abs(curvature_per_m + 2.0 * path.c2_per_m)
         v_mps = sqrt(LARGEST_TURN_MPS2 / max(turn_per_m, 1e-6))
-        if abs(wheel_rad) > INPUT_LIMITS.upper.steer_rad:
+        if is_turned:
             v_mps = min(v_mps, self._car.speeds.resume_mps)
         return (
             path
