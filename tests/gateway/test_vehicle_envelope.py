@@ -57,8 +57,8 @@ def test_an_input_beyond_its_bounds_is_refused(field: str, value: float) -> None
     [
         (0.0, 540.0, Refusal.STEERING),
         (5.0, 540.0, Refusal.STEERING),
-        (10.0, 251.4, Refusal.LATERAL_ACCELERATION),
-        (25.0, 57.1, Refusal.LATERAL_ACCELERATION),
+        (10.0, 251.55, Refusal.LATERAL_ACCELERATION),
+        (25.0, 57.2, Refusal.LATERAL_ACCELERATION),
     ],
 )
 def test_a_wheel_angle_beyond_its_bound_is_refused(
