@@ -157,7 +157,7 @@ class CarData(MappingTable):
     lock_rad: Annotated[float, Field(ge=SMALLEST.lock_rad, le=LARGEST.lock_rad)] = (
         INPUT_LIMITS.upper.steer_rad
     )
-    """largest angle of the steering wheel; beyond 40 deg it is used at low speed only"""
+    """largest angle of the steering wheel; the faster the car, the less of it is used"""
     rear_slip_s2_per_m: Annotated[float, Field(ge=1e-4, le=0.05)] | None = None
     """side-slip angle of the rear axle per lateral acceleration, in rad; rt-controller estimates a
     lateral speed that is not measured with it; None: identified from the model"""

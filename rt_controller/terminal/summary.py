@@ -168,7 +168,7 @@ def _limited(record: RunRecord) -> str:
     names = (
         f"throttle ({upper.throttle:g})",
         f"brake ({upper.brake_n:g} N)",
-        f"steering wheel ({degrees(upper.steer_rad):.0f} deg, its lock at low speed)",
+        "steering wheel (that of its speed)",
     )
     times = zip(names, record.trace.at_limit_s(), strict=True)
     return ", ".join(f"{name} for {time_s:.1f} s" for name, time_s in times if time_s > 0.0)

@@ -61,7 +61,7 @@ def test_the_time_of_an_input_at_its_limit_is_in_both_forms() -> None:
         result = StepResult(control=ControlInput(0.5, 0.0, -radians(40.0)), mode=Mode.NOMINAL)
         session.record.add(result, 0)
     assert to_json(session)["at_limit_s"] == {"throttle": 0.0, "brake_n": 0.0, "steer_rad": 2.0}
-    limited = "steering wheel (40 deg, its lock at low speed) for 2.0 s"
+    limited = "steering wheel (that of its speed) for 2.0 s"
     assert f"inputs at their limit: {limited}" in " ".join(
         text(session).replace("limit  ", "limit: ").split()
     )
