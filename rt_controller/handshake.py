@@ -2,9 +2,9 @@
 
 import can
 
-from rt_controller.bus.catalogue import REFERENCE, STATE, VEHICLE_IDENTITY
 from rt_controller.bus.identity import require_same_catalogue
-from rt_controller.bus.inbox import Inbox
+from rt_controller.bus.messages import REFERENCE, STATE, VEHICLE_IDENTITY
+from rt_controller.bus.receive import Inbox
 from rt_controller.contract.errors import BusError
 from rt_controller.loop import StopRequest
 from rt_controller.realtime.clock import Clock, LockstepClock

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import can
 
 from rt_controller.bus.identity import model_hash
-from rt_controller.bus.inbox import Inbox
 from rt_controller.bus.log.recorder import Recorder
-from rt_controller.bus.message import Node
-from rt_controller.bus.outbox import Outbox
+from rt_controller.bus.messages import Node
+from rt_controller.bus.receive import Inbox
+from rt_controller.bus.send import Outbox
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.control.low_speed.law import LowSpeedLaw

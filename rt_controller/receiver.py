@@ -4,7 +4,9 @@ from typing import Any, NamedTuple, TypeVar
 
 import can
 
-from rt_controller.bus.catalogue import (
+from rt_controller.bus.condition import BusState
+from rt_controller.bus.debounce import Engagement, PeerCatalogue
+from rt_controller.bus.messages import (
     FEEDBACK,
     MISSION,
     PREVIEW,
@@ -12,13 +14,11 @@ from rt_controller.bus.catalogue import (
     SAMPLE_TIME_WRAP_NS,
     STATE,
     VEHICLE_IDENTITY,
+    Message,
+    Mission,
+    StateSample,
 )
-from rt_controller.bus.condition import BusState
-from rt_controller.bus.contents import Mission, StateSample
-from rt_controller.bus.end_to_end.assembly import Received
-from rt_controller.bus.end_to_end.confirmation import Engagement, PeerCatalogue
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Message
+from rt_controller.bus.receive import Inbox, Received
 from rt_controller.contract.preview import is_plausible
 from rt_controller.contract.signals import ControlInput, CurvaturePreview, PathReference
 from rt_controller.contract.timing import LONG_COUNTER_MODULUS, counter_lag

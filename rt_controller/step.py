@@ -7,12 +7,20 @@ from typing import NamedTuple
 
 import can
 
-from rt_controller.bus.catalogue import COMMAND, CONTROLLER_IDENTITY, HEARTBEAT
-from rt_controller.bus.contents import NO_FAULT, Command, Fault, Heartbeat, StateSample
 from rt_controller.bus.identity import own_identity
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Node
-from rt_controller.bus.outbox import DiscardBus, Outbox
+from rt_controller.bus.messages import (
+    COMMAND,
+    CONTROLLER_IDENTITY,
+    HEARTBEAT,
+    NO_FAULT,
+    Command,
+    Fault,
+    Heartbeat,
+    Node,
+    StateSample,
+)
+from rt_controller.bus.receive import Inbox
+from rt_controller.bus.send import DiscardBus, Outbox
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, PathReference
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS

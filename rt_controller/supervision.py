@@ -1,10 +1,8 @@
 """Between the bus and the supervisor: its inputs in a tick, and the fault bits of its findings."""
 
-from rt_controller.bus.catalogue import COMMAND
-from rt_controller.bus.contents import NO_FAULT, Fault
-from rt_controller.bus.outbox import Outbox
+from rt_controller.bus.messages import COMMAND, NO_FAULT, Fault
+from rt_controller.bus.send import Outbox
 from rt_controller.contract.signals import ControlInput, Mode
-from rt_controller.contract.timing import LONG_COUNTER_MODULUS
 from rt_controller.control.steering_actuator import LONGEST_DELAY, SteeringActuator
 from rt_controller.receiver import FreshData
 from rt_controller.safety.inputs import QualifiedInputs, ReceivedInputs
@@ -43,13 +41,8 @@ def accepted_commands(outbox: Outbox, data: FreshData) -> list[ControlInput] | N
     echo = None if data.state is None else data.state.command_echo
     if echo is None:
         return None
-    found = []
-    for delay in range(LONGEST_DELAY + 1):
-        command = outbox.content_under(COMMAND, (echo - delay) % LONG_COUNTER_MODULUS)
-        if command is None:
-            break
-        found.append(command.control)
-    return found
+    sent = outbox.contents_until(COMMAND, echo, LONGEST_DELAY + 1)
+    return [command.control for command in sent]
 
 
 def command_in_force(

@@ -6,23 +6,25 @@ from typing import NamedTuple
 
 import can
 
-from rt_controller.bus.catalogue import (
+from rt_controller.bus.debounce import DISENGAGED_FRAMES
+from rt_controller.bus.identity import own_identity, require_same_catalogue
+from rt_controller.bus.log.recorder import Recorder
+from rt_controller.bus.messages import (
     CONTROLLER_IDENTITY,
     FEEDBACK,
     MISSION,
+    NO_REFUSAL,
     PREVIEW,
     REFERENCE,
     STATE,
     VEHICLE_IDENTITY,
+    Command,
+    Mission,
+    Node,
+    StateSample,
 )
-from rt_controller.bus.contents import NO_REFUSAL, Command, Mission, StateSample
-from rt_controller.bus.end_to_end.assembly import Received
-from rt_controller.bus.end_to_end.confirmation import DISENGAGED_FRAMES
-from rt_controller.bus.identity import own_identity, require_same_catalogue
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.log.recorder import Recorder
-from rt_controller.bus.message import Node
-from rt_controller.bus.outbox import Outbox
+from rt_controller.bus.receive import Inbox, Received
+from rt_controller.bus.send import Outbox
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.signals import NEUTRAL_INPUT, Mode
 from rt_controller.contract.timing import (

@@ -3,11 +3,16 @@
 from collections import Counter
 from enum import Enum
 
-from rt_controller.bus.catalogue import COMMAND, CONTROLLER_IDENTITY, HEARTBEAT
-from rt_controller.bus.contents import NO_REFUSAL, Command, Refusal
-from rt_controller.bus.end_to_end.assembly import Received
-from rt_controller.bus.end_to_end.confirmation import PeerCatalogue, is_heartbeat_of
-from rt_controller.bus.inbox import Inbox
+from rt_controller.bus.debounce import PeerCatalogue, is_heartbeat_of
+from rt_controller.bus.messages import (
+    COMMAND,
+    CONTROLLER_IDENTITY,
+    HEARTBEAT,
+    NO_REFUSAL,
+    Command,
+    Refusal,
+)
+from rt_controller.bus.receive import Inbox, Received
 from rt_controller.contract.grip import (
     BRAKE_RATE_N_PER_S,
     FULL_BRAKE_N,

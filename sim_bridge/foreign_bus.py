@@ -11,21 +11,23 @@ from typing import Any
 import can
 import numpy as np
 
-from rt_controller.bus.catalogue import (
+from rt_controller.bus.identity import own_identity
+from rt_controller.bus.messages import (
     COMMAND,
     CONTROLLER_IDENTITY,
     FEEDBACK,
     HEARTBEAT,
     MISSION,
+    NO_FAULT,
     REFERENCE,
     STATE,
+    Command,
+    Heartbeat,
+    Message,
+    Node,
 )
-from rt_controller.bus.contents import NO_FAULT, Command, Heartbeat
-from rt_controller.bus.end_to_end.assembly import Received
-from rt_controller.bus.identity import own_identity
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Message, Node
-from rt_controller.bus.outbox import Outbox
+from rt_controller.bus.receive import Inbox, Received
+from rt_controller.bus.send import Outbox
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS

@@ -5,8 +5,8 @@ Run `python -m rt_controller.bus.cycle_times` after a change of `PERIOD_NS`.
 
 import re
 
-from rt_controller.bus.catalogue import CATALOGUE
 from rt_controller.bus.dbc import DBC_PATH, FD_DBC_PATH
+from rt_controller.bus.messages import CATALOGUE
 
 
 def with_cycle_times(dbc: str) -> str:

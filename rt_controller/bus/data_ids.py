@@ -20,8 +20,8 @@ from random import Random
 
 from cantools.database.can import Message
 
+from rt_controller.bus.codec import COUNTER_MASK, FRAME_LENGTH, crc8
 from rt_controller.bus.dbc import DATA_IDS_ATTRIBUTE, DBC_PATH, data_ids_of, read_dbc
-from rt_controller.bus.end_to_end.profile_22 import COUNTER_MASK, FRAME_LENGTH, frame_crc
 from rt_controller.contract.errors import ConfigError, RtControllerError
 from rt_controller.contract.timing import COUNTER_MODULUS
 
@@ -43,15 +43,13 @@ def _undetected_differences() -> dict[int, set[int]]:
     Both are exclusive ors. The CRC is linear, so one frame stands for all.
     """
     zeros = bytes(FRAME_LENGTH)
-    difference_of = {
-        frame_crc(zeros, data_id) ^ frame_crc(zeros, 0): data_id for data_id in _DATA_IDS
-    }
+    difference_of = {crc8(zeros, data_id) ^ crc8(zeros, 0): data_id for data_id in _DATA_IDS}
     undetected: dict[int, set[int]] = {}
     for n_bits in (1, 2):
         for bits in combinations(range(8 * FRAME_LENGTH), n_bits):
             word = sum(1 << bit for bit in bits)
             error = word.to_bytes(FRAME_LENGTH, "little")
-            crc_change = frame_crc(error, 0) ^ frame_crc(zeros, 0) ^ error[0]
+            crc_change = crc8(error, 0) ^ crc8(zeros, 0) ^ error[0]
             counter_error = word >> _COUNTER_PLACE & COUNTER_MASK
             undetected.setdefault(counter_error, set()).add(difference_of[crc_change])
     return undetected
@@ -79,7 +77,7 @@ def find_objection(ids: Sequence[int], others: Mapping[str, Sequence[int]]) -> s
             )
     for byte in (0x00, 0xFF):
         is_of_counter = byte & COUNTER_MASK == counter
-        if is_of_counter and frame_crc(bytes([byte]) * FRAME_LENGTH, data_id) == byte:
+        if is_of_counter and crc8(bytes([byte]) * FRAME_LENGTH, data_id) == byte:
             return f"{data_id:02X} under counter {counter}, so that eight 0x{byte:02X} are intact"
     return None
 

@@ -3,8 +3,8 @@
 import hashlib
 from functools import cache
 
-from rt_controller.bus.contents import Identity
 from rt_controller.bus.dbc import dbc_path
+from rt_controller.bus.messages import Identity
 from rt_controller.contract.errors import BusError
 
 DBC_HASH_DIGITS = 8

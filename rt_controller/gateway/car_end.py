@@ -10,23 +10,25 @@ from operator import eq
 
 import can
 
-from rt_controller.bus.catalogue import (
+from rt_controller.bus.debounce import is_heartbeat_of
+from rt_controller.bus.identity import own_identity
+from rt_controller.bus.messages import (
     COMMAND,
     FEEDBACK,
     HEARTBEAT,
     MISSION,
+    NO_REFUSAL,
     PREVIEW,
     REFERENCE,
     STATE,
     VEHICLE_IDENTITY,
+    Command,
+    Mission,
+    Node,
+    StateSample,
 )
-from rt_controller.bus.contents import NO_REFUSAL, Command, Mission, StateSample
-from rt_controller.bus.end_to_end.assembly import Received
-from rt_controller.bus.end_to_end.confirmation import is_heartbeat_of
-from rt_controller.bus.identity import own_identity
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Node
-from rt_controller.bus.outbox import Outbox, SendingBus
+from rt_controller.bus.receive import Inbox, Received
+from rt_controller.bus.send import Outbox, SendingBus
 from rt_controller.contract.signals import (
     ControlInput,
     Mode,

@@ -11,8 +11,8 @@ from typing import Any
 
 import can
 
-from rt_controller.bus.contents import Command
-from rt_controller.bus.end_to_end.assembly import Received
+from rt_controller.bus.messages import Command
+from rt_controller.bus.receive import Received
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.grip import BRAKE_RATE_N_PER_S
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode

@@ -8,7 +8,7 @@ vehicle with smaller ones.
 from math import atan, isfinite, radians
 from typing import NamedTuple
 
-from rt_controller.bus.contents import NO_REFUSAL, Command, Refusal
+from rt_controller.bus.messages import NO_REFUSAL, Command, Refusal
 from rt_controller.contract.limits import INPUT_LIMITS, RELEASED_BRAKE_N, RELEASED_THROTTLE
 from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
 from rt_controller.contract.steering_geometry import (

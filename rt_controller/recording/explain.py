@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import can
 from cantools.database.can import Database
 
-from rt_controller.bus.contents import Fault
 from rt_controller.bus.dbc import dbc_path, read_dbc
+from rt_controller.bus.messages import Fault
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.control.explanation import PlanExplanation

@@ -3,9 +3,8 @@
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
-from rt_controller.bus.catalogue import MISSION, PREVIEW, REFERENCE
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Message
+from rt_controller.bus.messages import MISSION, PREVIEW, REFERENCE, Message
+from rt_controller.bus.receive import Inbox
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import INPUT_UNITS, ControlInput
 from rt_controller.contract.timing import PERIOD_S

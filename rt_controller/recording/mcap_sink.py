@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 from cantools.database.can import Message
 from cantools.database.namedsignalvalue import NamedSignalValue
 
-from rt_controller.bus.contents import Fault
+from rt_controller.bus.codec import NOT_AVAILABLE
 from rt_controller.bus.dbc import dbc_path, read_dbc
 from rt_controller.bus.log.frame_log import RecordedFrame
 from rt_controller.bus.log.recorder import Entry
-from rt_controller.bus.signal_layout import NOT_AVAILABLE
+from rt_controller.bus.messages import Fault
 from rt_controller.contract.errors import needs_extra
 from rt_controller.contract.signals import (
     INPUT_UNITS,

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import can
 
-from rt_controller.bus.catalogue import COMMAND
+from rt_controller.bus.messages import COMMAND
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.signals import ControlInput

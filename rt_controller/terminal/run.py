@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from rt_controller.bundle_checks.model_trial import has_passed, try_model
-from rt_controller.bus.catalogue import STATE
 from rt_controller.bus.log.recorder import require_recordable
+from rt_controller.bus.messages import STATE
 from rt_controller.bus.transport import close_bus, require_interface
 from rt_controller.contract.errors import BusError, OutputError, PlantError, RtControllerError
 from rt_controller.contract.figures import require_writable, write_figures

@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 from typing import Any
 
-from rt_controller.bus.catalogue import REFERENCE, STATE
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Message
+from rt_controller.bus.messages import REFERENCE, STATE, Message
+from rt_controller.bus.receive import Inbox
 from rt_controller.recording.margins import Margin, exceeded, plausibility_margins
 from rt_controller.safety.checks import CHECKS
 from rt_controller.safety.modes import StopCause

@@ -6,7 +6,7 @@ from importlib.metadata import version
 from math import degrees
 from typing import TYPE_CHECKING, Any
 
-from rt_controller.bus.contents import Fault
+from rt_controller.bus.messages import Fault
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.drive.car_figures import LateralError
 from rt_controller.drive.scenario import DrivenScenario

@@ -9,11 +9,10 @@ from operator import itemgetter
 import can
 import numpy as np
 
-from rt_controller.bus.catalogue import CATALOGUE
 from rt_controller.bus.codec import VALID as IS_VALID
 from rt_controller.bus.codec import FrameCodec
 from rt_controller.bus.log.recorder import Recorder
-from rt_controller.bus.message import Node
+from rt_controller.bus.messages import CATALOGUE, Node
 from rt_controller.contract.signals import ControlInput
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.faults.fault import Fault
@@ -114,7 +113,7 @@ class FaultyBus:
             original = _read(codec, frame.data)
             values = self._distorted(codec.name, original, self._tick)
             if values != original:
-                changed.data = bytearray(_write(codec, values, codec.counter_of(frame.data)))
+                changed.data = bytearray(_write(codec, values, codec.check(frame.data)))
         return _passed(stages, [changed], self._tick)
 
     def _add_foreign(self, sender: Node) -> None:
@@ -171,7 +170,7 @@ def _write(codec: FrameCodec, values: Sequence[float], counter: int) -> bytes:
     flag, *rest = values
     if FRAMES[codec.name].values[0] == VALID:
         return codec.write(tuple(rest), counter, is_valid=flag > 0.0)
-    flags = min(max(round(flag), 0), codec.protection.largest_flags)
+    flags = min(max(round(flag), 0), codec.largest_flags)
     return codec.write((flags, *rest), counter)
 
 
@@ -236,7 +235,7 @@ class _ThirdParticipant:
             values = _read(codec, genuine)
             if fault.counter != "own":
                 ahead = 0 if fault.counter == "same" else 1 + sent % fault.count
-                counter = codec.counter_of(genuine) + ahead
+                counter = codec.check(genuine) + ahead
         for name, value in fault.values.items():
             target = SIGNALS[name]
             if target.frame == codec.name:

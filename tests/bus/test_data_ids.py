@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from rt_controller.bus.codec import crc8
 from rt_controller.bus.data_ids import choose, find_objections, main, read_data_ids
 from rt_controller.bus.dbc import DBC_PATH
-from rt_controller.bus.end_to_end.profile_22 import frame_crc
 from rt_controller.contract.errors import ConfigError
 
 TEXT = DBC_PATH.read_text(encoding="ascii")
@@ -50,12 +50,12 @@ def test_chosen_data_ids_detect_every_error_of_one_or_two_bits() -> None:
     ids = choose("NEW", read_data_ids([DBC_PATH])[0])
     for counter in range(16):
         frame = bytearray([0, counter, 1, 2, 3, 4, 5, 6])
-        frame[0] = frame_crc(frame, ids[counter])
+        frame[0] = crc8(frame, ids[counter])
         word = int.from_bytes(frame, "little")
         for n_bits in (1, 2):
             for bits in combinations(range(64), n_bits):
                 received = (word ^ sum(1 << bit for bit in bits)).to_bytes(8, "little")
-                assert frame_crc(received, ids[received[1] & 0xF]) != received[0]
+                assert crc8(received, ids[received[1] & 0xF]) != received[0]
 
 
 def test_forty_new_messages_find_data_ids() -> None:
@@ -85,7 +85,7 @@ def test_a_data_id_that_breaks_a_rule_is_reported(
 def test_a_data_id_that_makes_a_dead_line_an_intact_frame_is_reported(
     counter: int, byte: int
 ) -> None:
-    (data_id,) = (each for each in range(256) if frame_crc(bytes([byte] * 8), each) == byte)
+    (data_id,) = (each for each in range(256) if crc8(bytes([byte] * 8), each) == byte)
     ids = bytearray(choose("NEW", {}))
     ids[counter] = data_id
     assert any(f"eight 0x{byte:02X} are intact" in text for text in find_objections({"NEW": ids}))

@@ -6,7 +6,7 @@ import can
 import pytest
 from made_frames import CONTROL, ENGAGED, HOLDING, PATH, SAMPLE, can_frames
 
-from rt_controller.bus.catalogue import (
+from rt_controller.bus.messages import (
     CATALOGUE,
     COMMAND,
     CONTROLLER_IDENTITY,
@@ -17,10 +17,11 @@ from rt_controller.bus.catalogue import (
     REFERENCE,
     STATE,
     VEHICLE_IDENTITY,
+    Command,
+    Identity,
+    Node,
 )
-from rt_controller.bus.contents import Command, Identity
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Node
+from rt_controller.bus.receive import Inbox
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_NS
 

@@ -4,7 +4,6 @@ import hashlib
 
 import pytest
 
-from rt_controller.bus.contents import Identity
 from rt_controller.bus.dbc import DBC_PATH
 from rt_controller.bus.identity import (
     dbc_hash,
@@ -13,6 +12,7 @@ from rt_controller.bus.identity import (
     model_hash,
     require_same_catalogue,
 )
+from rt_controller.bus.messages import Identity
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.model.bundle import Bundle

@@ -6,9 +6,9 @@ import pytest
 
 from rt_controller.bus.codec import FrameSpec
 from rt_controller.bus.dbc import DBC_PATH
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Catalogue, Message, Node
-from rt_controller.bus.outbox import Outbox
+from rt_controller.bus.messages import Catalogue, Message, Node
+from rt_controller.bus.receive import Inbox
+from rt_controller.bus.send import Outbox
 from rt_controller.bus.transport import open_bus
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.timing import PERIOD_MS

@@ -9,7 +9,7 @@ import pytest
 from kinematic_plant import KinematicCar
 
 from rt_controller import Bundle, Drive, cli, simulate
-from rt_controller.bus.end_to_end.confirmation import DISENGAGED_FRAMES
+from rt_controller.bus.debounce import DISENGAGED_FRAMES
 from rt_controller.contract.errors import PlantError
 from rt_controller.contract.model.artifact import load_bundle, shipped_model
 from rt_controller.contract.signals import ControlInput, Mode

@@ -20,10 +20,9 @@ from slcan_hub import SlcanHub
 from terminal_tool import TerminalTool
 
 from benchmarks.processes import program, start, start_bus_server
-from rt_controller.bus.catalogue import CATALOGUE
 from rt_controller.bus.dbc import DBC_PATH
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Node
+from rt_controller.bus.messages import CATALOGUE, Node
+from rt_controller.bus.receive import Inbox
 from rt_controller.bus.transport import close_bus, open_bus
 from rt_controller.contract.model.artifact import shipped_model
 

@@ -13,7 +13,7 @@ from made_frames import decode_frames
 from made_models import WITH_ALL, make_bundle
 from virtual_drive import drive
 
-from rt_controller.bus.catalogue import FEEDBACK, STATE
+from rt_controller.bus.messages import FEEDBACK, STATE
 from rt_controller.contract.model.artifact import save_bundle
 from rt_controller.contract.signals import VehicleState
 from rt_controller.control import estimator

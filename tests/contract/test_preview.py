@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rt_controller.bus.catalogue import PREVIEW
+from rt_controller.bus.messages import PREVIEW
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.preview import (
     INTERVALS,

@@ -2,8 +2,7 @@
 
 import pytest
 
-from rt_controller.bus.catalogue import REFERENCE, STATE
-from rt_controller.bus.message import Message
+from rt_controller.bus.messages import REFERENCE, STATE, Message
 from rt_controller.contract.signal_ranges import (
     LARGEST_PATH,
     LARGEST_STATE,

@@ -5,11 +5,9 @@ from collections.abc import Iterator
 import pytest
 from scripted_vehicle import Rig, build_rig, fail
 
-from rt_controller.bus.catalogue import COMMAND, STATE, VEHICLE_IDENTITY
-from rt_controller.bus.contents import Command, Identity
 from rt_controller.bus.identity import own_identity
-from rt_controller.bus.message import Node
-from rt_controller.bus.outbox import Outbox
+from rt_controller.bus.messages import COMMAND, STATE, VEHICLE_IDENTITY, Command, Identity, Node
+from rt_controller.bus.send import Outbox
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.signals import NEUTRAL_INPUT, Mode
 from rt_controller.control.mpc import Mpc

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from made_models import WITH_PAST, make_bundle
 from scripted_vehicle import CRUISING, ENGAGED, STRAIGHT, Rig, build_rig
 
-from rt_controller.bus.catalogue import STATE
-from rt_controller.bus.contents import Command, Fault, StateSample
+from rt_controller.bus.messages import STATE, Command, Fault, StateSample
 from rt_controller.config import MpcSettings
 from rt_controller.contract.model.validation import DRIVABLE_HISTORY
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, VehicleState

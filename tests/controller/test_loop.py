@@ -3,8 +3,7 @@
 import pytest
 from scripted_vehicle import CRUISING, STANDBY_TICKS, STANDING, VALID_NS, Rig, fail
 
-from rt_controller.bus.catalogue import COMMAND
-from rt_controller.bus.contents import Fault, Mission
+from rt_controller.bus.messages import COMMAND, Fault, Mission
 from rt_controller.contract.signals import CurvaturePreview, Mode
 from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
 from rt_controller.drive.trace import DriveTrace

@@ -8,11 +8,17 @@ import numpy as np
 import pytest
 from scripted_vehicle import CRUISING, ENGAGED, STANDING, STRAIGHT, Rig, fail, mode_and_cause
 
-from rt_controller.bus.catalogue import COMMAND, VEHICLE_IDENTITY
-from rt_controller.bus.contents import Command, Fault, Identity, Mission
-from rt_controller.bus.end_to_end.confirmation import MISMATCHED_FRAMES
-from rt_controller.bus.message import Node
-from rt_controller.bus.outbox import Outbox
+from rt_controller.bus.debounce import MISMATCHED_FRAMES
+from rt_controller.bus.messages import (
+    COMMAND,
+    VEHICLE_IDENTITY,
+    Command,
+    Fault,
+    Identity,
+    Mission,
+    Node,
+)
+from rt_controller.bus.send import Outbox
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, Mode
 from rt_controller.safety.fallback import ALONG_PATH

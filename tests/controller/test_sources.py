@@ -6,10 +6,8 @@ import can
 import pytest
 from scripted_vehicle import CRUISING, ENGAGED, STRAIGHT, Rig, build_rig, mode_and_cause
 
-from rt_controller.bus.catalogue import MISSION, REFERENCE, STATE
-from rt_controller.bus.contents import Fault, StateSample
-from rt_controller.bus.message import Node
-from rt_controller.bus.outbox import Outbox
+from rt_controller.bus.messages import MISSION, REFERENCE, STATE, Fault, Node, StateSample
+from rt_controller.bus.send import Outbox
 from rt_controller.contract.signals import Mode
 from rt_controller.control.mpc import Mpc
 from rt_controller.safety.modes import StopCause

@@ -6,8 +6,7 @@ import pytest
 from made_frames import BEND
 from scripted_vehicle import Rig
 
-from rt_controller.bus.catalogue import PREVIEW
-from rt_controller.bus.contents import Fault
+from rt_controller.bus.messages import PREVIEW, Fault
 from rt_controller.contract.signals import CurvaturePreview, Mode
 from rt_controller.control.solver import SolveStatus
 

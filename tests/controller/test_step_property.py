@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scripted_vehicle import CRUISING, STRAIGHT, VALID_NS, build_rig
 
-from rt_controller.bus.contents import Mission
+from rt_controller.bus.messages import Mission
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_S

@@ -4,17 +4,17 @@ import pytest
 from car_gateway import REAR_AXLE, send_command
 from own_car import VALUES, command_reader, example, state_writer
 
-from rt_controller.bus.catalogue import (
+from rt_controller.bus.messages import (
     FEEDBACK,
     MISSION,
     PREVIEW,
     REFERENCE,
     STATE,
     VEHICLE_IDENTITY,
+    Node,
 )
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Node
-from rt_controller.bus.outbox import Outbox
+from rt_controller.bus.receive import Inbox
+from rt_controller.bus.send import Outbox
 from rt_controller.contract.signals import ControlInput
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.gateway.car_end import CarEnd

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rt_controller.bus.contents import Command
+from rt_controller.bus.messages import Command
 from rt_controller.contract.signals import (
     NEUTRAL_INPUT,
     ControlInput,

@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 
-from rt_controller.bus.contents import NO_REFUSAL, Command, Refusal
+from rt_controller.bus.messages import NO_REFUSAL, Command, Refusal
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY

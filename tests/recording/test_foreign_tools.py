@@ -8,10 +8,9 @@ import can.player
 import cantools
 import pytest
 
-from rt_controller.bus.catalogue import STATE
 from rt_controller.bus.dbc import DBC_PATH
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Node
+from rt_controller.bus.messages import STATE, Node
+from rt_controller.bus.receive import Inbox
 from rt_controller.bus.transport import close_bus, open_bus
 
 

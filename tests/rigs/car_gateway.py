@@ -2,10 +2,8 @@
 
 from own_car import EXAMPLE, VALUES, command_reader, example, state_writer
 
-from rt_controller.bus.catalogue import COMMAND, HEARTBEAT
-from rt_controller.bus.contents import Command, Fault, Heartbeat
-from rt_controller.bus.message import Node
-from rt_controller.bus.outbox import Outbox
+from rt_controller.bus.messages import COMMAND, HEARTBEAT, Command, Fault, Heartbeat, Node
+from rt_controller.bus.send import Outbox
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.gateway.lateral_speed import LateralSpeed, RearAxle

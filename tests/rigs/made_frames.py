@@ -4,10 +4,8 @@ from typing import TypeVar
 
 import can
 
-from rt_controller.bus.codec import FrameCodec
-from rt_controller.bus.contents import Fault, Heartbeat, Mission, StateSample
-from rt_controller.bus.end_to_end.protection import Frame
-from rt_controller.bus.message import Message
+from rt_controller.bus.codec import Frame, FrameCodec
+from rt_controller.bus.messages import Fault, Heartbeat, Message, Mission, StateSample
 from rt_controller.contract.signals import (
     ControlInput,
     CurvaturePreview,

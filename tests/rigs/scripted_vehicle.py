@@ -9,12 +9,21 @@ from typing import Literal
 import can
 from rolling_car import ASSUMED
 
-from rt_controller.bus.catalogue import COMMAND, HEARTBEAT, MISSION, PREVIEW, REFERENCE, STATE
-from rt_controller.bus.contents import Command, Heartbeat, Mission, StateSample
-from rt_controller.bus.end_to_end.assembly import Received
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Node
-from rt_controller.bus.outbox import Outbox
+from rt_controller.bus.messages import (
+    COMMAND,
+    HEARTBEAT,
+    MISSION,
+    PREVIEW,
+    REFERENCE,
+    STATE,
+    Command,
+    Heartbeat,
+    Mission,
+    Node,
+    StateSample,
+)
+from rt_controller.bus.receive import Inbox, Received
+from rt_controller.bus.send import Outbox
 from rt_controller.bus.transport import open_bus
 from rt_controller.contract.signals import CurvaturePreview, Mode, PathReference, VehicleState
 from rt_controller.control.low_speed.law import LowSpeedLaw

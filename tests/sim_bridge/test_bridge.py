@@ -10,17 +10,18 @@ from bridge_rig import CRUISE, BridgeRig, open_bridge
 from recorded_frames import RecordedFrames
 from scripted_controller import send_command
 
-from rt_controller.bus.catalogue import (
+from rt_controller.bus.messages import (
     CONTROLLER_IDENTITY,
     FEEDBACK,
     MISSION,
     REFERENCE,
     VEHICLE_IDENTITY,
+    Command,
+    Identity,
+    Node,
 )
-from rt_controller.bus.contents import Command, Identity
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Node
-from rt_controller.bus.outbox import Outbox
+from rt_controller.bus.receive import Inbox
+from rt_controller.bus.send import Outbox
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_NS, PERIOD_S

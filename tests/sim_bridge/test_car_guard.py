@@ -5,20 +5,22 @@ from dataclasses import dataclass, field
 import pytest
 from made_frames import can_frame, can_frames
 
-from rt_controller.bus.catalogue import COMMAND, CONTROLLER_IDENTITY, HEARTBEAT, STATE
-from rt_controller.bus.contents import (
+from rt_controller.bus.identity import own_identity
+from rt_controller.bus.messages import (
+    COMMAND,
+    CONTROLLER_IDENTITY,
+    HEARTBEAT,
     NO_REFUSAL,
+    STATE,
     Command,
     Fault,
     Heartbeat,
     Identity,
+    Node,
     Refusal,
     StateSample,
 )
-from rt_controller.bus.end_to_end.assembly import Received
-from rt_controller.bus.identity import own_identity
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Node
+from rt_controller.bus.receive import Inbox, Received
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import COMMAND_TIMEOUT_TICKS, PERIOD_NS
 from rt_controller.gateway.braking_cause import BrakingCause

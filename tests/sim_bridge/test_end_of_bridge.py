@@ -6,7 +6,7 @@ import can
 import pytest
 from bridge_rig import CRUISE, BridgeRig, open_bridge
 
-from rt_controller.bus.catalogue import FEEDBACK, MISSION
+from rt_controller.bus.messages import FEEDBACK, MISSION
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.grip import MOST_BRAKE_N
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode

@@ -7,10 +7,9 @@ import pytest
 from made_frames import SAMPLE
 from own_car import command_writer, example
 
-from rt_controller.bus.catalogue import COMMAND, STATE
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Node
-from rt_controller.bus.outbox import Outbox
+from rt_controller.bus.messages import COMMAND, STATE, Node
+from rt_controller.bus.receive import Inbox
+from rt_controller.bus.send import Outbox
 from rt_controller.contract.signals import Mode
 from sim_bridge.foreign_bus import ForeignBus
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rt_controller.bus.contents import StateSample
+from rt_controller.bus.messages import StateSample
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, Mode
 from rt_controller.drive.trace import DriveTrace
 from rt_controller.step import StepResult

@@ -6,9 +6,8 @@ from typing import Any, cast
 import pytest
 from made_frames import PATH, SAMPLE, can_frames
 
-from rt_controller.bus.catalogue import REFERENCE, STATE
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Message, Node
+from rt_controller.bus.messages import REFERENCE, STATE, Message, Node
+from rt_controller.bus.receive import Inbox
 from rt_controller.safety.checks import NOT_COMPUTED, Quantity
 from rt_controller.safety.modes import StopCause
 from rt_controller.session import ControllerSession

@@ -8,8 +8,8 @@ import pytest
 from rich.console import Console
 
 from rt_controller.bus.condition import BusCondition
-from rt_controller.bus.contents import Fault
-from rt_controller.bus.end_to_end.assembly import ReceptionCounts
+from rt_controller.bus.messages import Fault
+from rt_controller.bus.receive import ReceptionCounts
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.drive.car_figures import LateralError
 from rt_controller.drive.trace import DriveTrace

@@ -9,11 +9,9 @@ from typing import Any
 import can
 from scripted_controller import send_command
 
-from rt_controller.bus.catalogue import STATE
-from rt_controller.bus.contents import Command, StateSample
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Message, Node
-from rt_controller.bus.outbox import Outbox
+from rt_controller.bus.messages import STATE, Command, Message, Node, StateSample
+from rt_controller.bus.receive import Inbox
+from rt_controller.bus.send import Outbox
 from rt_controller.bus.transport import open_bus
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_NS

@@ -7,11 +7,9 @@ from typing import Any, NamedTuple
 from can import Message
 from scripted_controller import send_command
 
-from rt_controller.bus.catalogue import COMMAND, HEARTBEAT, STATE
-from rt_controller.bus.contents import Command
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Node
-from rt_controller.bus.outbox import Outbox
+from rt_controller.bus.messages import COMMAND, HEARTBEAT, STATE, Command, Node
+from rt_controller.bus.receive import Inbox
+from rt_controller.bus.send import Outbox
 from rt_controller.bus.transport import open_bus
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_NS, PERIOD_S

@@ -5,7 +5,7 @@ from math import atan, isfinite
 
 import numpy as np
 
-from rt_controller.bus.catalogue import REFERENCE
+from rt_controller.bus.messages import REFERENCE
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.scenario import Scenario

@@ -1,8 +1,7 @@
 """A scripted controller at the other end of a virtual bus, for the tests of the vehicle."""
 
-from rt_controller.bus.catalogue import COMMAND, HEARTBEAT
-from rt_controller.bus.contents import Command, Fault, Heartbeat
-from rt_controller.bus.outbox import Outbox
+from rt_controller.bus.messages import COMMAND, HEARTBEAT, Command, Fault, Heartbeat
+from rt_controller.bus.send import Outbox
 
 
 def send_command(outbox: Outbox, command: Command, now_ns: int, counter: int) -> None:

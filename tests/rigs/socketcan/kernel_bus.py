@@ -6,7 +6,7 @@ import time
 
 import can
 
-from rt_controller.bus.inbox import Inbox
+from rt_controller.bus.receive import Inbox
 
 CHANNEL = os.environ.get("CAN_CHANNEL", "vcan0")
 _PATIENCE_S = 30.0

@@ -20,11 +20,9 @@ from scripted_controller import send_command
 from virtual_drive import SHORT_LANE_CHANGE
 
 from rt_controller import cli
-from rt_controller.bus.catalogue import MISSION, STATE
-from rt_controller.bus.contents import Command
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Node
-from rt_controller.bus.outbox import Outbox
+from rt_controller.bus.messages import MISSION, STATE, Command, Node
+from rt_controller.bus.receive import Inbox
+from rt_controller.bus.send import Outbox
 from rt_controller.bus.transport import open_bus
 from rt_controller.contract.errors import ConfigError, PlantError
 from rt_controller.contract.signals import ControlInput, Mode

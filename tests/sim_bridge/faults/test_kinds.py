@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from faulty_drive import FAULTY_TICKS, START_TICK, FaultyDrive, Frame
 
-from rt_controller.bus.catalogue import MISSION, PREVIEW, REFERENCE, STATE, VEHICLE_IDENTITY
+from rt_controller.bus.messages import MISSION, PREVIEW, REFERENCE, STATE, VEHICLE_IDENTITY
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.faults.bus import CODECS
 
@@ -76,14 +76,14 @@ def test_frames_differ_from_the_begin_of_a_fault_on_and_not_before(kind: str) ->
     faulty, good = driven(kind), driven(None)
     assert arrived(faulty, START_TICK) == arrived(good, START_TICK)
     assert arrived(faulty, 99) != arrived(good, 99)
-    intact = [BY_ID[f.arbitration_id].is_intact(f.data) for f in arrived(faulty, 99)]
+    intact = [(BY_ID[f.arbitration_id].check(f.data) >= 0) for f in arrived(faulty, 99)]
     assert all(intact) == (kind != "corrupt")
 
 
 @pytest.mark.parametrize("kind", ["freeze", "bias", "noise", "lag"])
 def test_counters_go_on_in_frames_with_wrong_values(kind: str) -> None:
     with_faults, without = (
-        [BY_ID[f.arbitration_id].counter_of(f.data) for f in driven(each).to_controller]
+        [BY_ID[f.arbitration_id].check(f.data) for f in driven(each).to_controller]
         for each in (kind, None)
     )
     assert with_faults == without

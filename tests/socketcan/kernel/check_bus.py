@@ -11,12 +11,10 @@ import pytest
 from kernel_bus import CHANNEL, drain_frames, switch
 from made_frames import CONTROL, SAMPLE
 
-from rt_controller.bus.catalogue import COMMAND, STATE
 from rt_controller.bus.condition import BusState
-from rt_controller.bus.contents import Command
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Node
-from rt_controller.bus.outbox import Outbox
+from rt_controller.bus.messages import COMMAND, STATE, Command, Node
+from rt_controller.bus.receive import Inbox
+from rt_controller.bus.send import Outbox
 from rt_controller.bus.transport import open_bus
 from rt_controller.contract.signals import Mode
 

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from kernel_bus import CHANNEL, switch
 
-from rt_controller.bus.catalogue import CATALOGUE
+from rt_controller.bus.messages import CATALOGUE
 from rt_controller.contract.model.artifact import shipped_model
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS, PERIOD_S
 

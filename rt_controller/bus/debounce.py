@@ -3,9 +3,9 @@
 A single frame of a foreign device, or a replayed one, must neither end a drive nor stop it.
 """
 
-from rt_controller.bus.contents import Command, Heartbeat, Identity, Mission
-from rt_controller.bus.end_to_end.assembly import Received
 from rt_controller.bus.identity import dbc_hash
+from rt_controller.bus.messages import Command, Heartbeat, Identity, Mission
+from rt_controller.bus.receive import Received
 from rt_controller.contract.timing import COUNTER_MODULUS
 
 DISENGAGED_FRAMES = 3

@@ -8,10 +8,9 @@ from typing import Any, Protocol, TypeVar
 
 import can
 
-from rt_controller.bus.catalogue import CATALOGUE
 from rt_controller.bus.condition import is_queue_full
 from rt_controller.bus.log.recorder import Recorder
-from rt_controller.bus.message import Catalogue, Message, Node
+from rt_controller.bus.messages import CATALOGUE, Catalogue, Message, Node
 from rt_controller.contract.timing import LONG_COUNTER_MODULUS
 
 T = TypeVar("T")
@@ -122,7 +121,16 @@ class Outbox:
             if self._recorder is not None:
                 self._recorder.record(frame, now_ns, is_sent=True)
 
-    def content_under(self, message: Message[T], counter: int) -> T | None:
-        """The content last sent under this counter and not repeated; None if there is none."""
-        content: T | None = self._outgoing[message].contents[counter % LONG_COUNTER_MODULUS]
-        return content
+    def contents_until(self, message: Message[T], counter: int, most: int) -> list[T]:
+        """The contents sent under this counter and the ones before it, the newest first.
+
+        At most `most`; fewer where one was not sent or was repeated.
+        """
+        contents: list[T | None] = self._outgoing[message].contents
+        found = []
+        for delay in range(most):
+            content = contents[(counter - delay) % LONG_COUNTER_MODULUS]
+            if content is None:
+                break
+            found.append(content)
+        return found

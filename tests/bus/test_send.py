@@ -4,7 +4,8 @@ import pytest
 from made_frames import CONTROL, ENGAGED, HOLDING, PATH, SAMPLE, decode_frames
 from recorded_frames import RecordedFrames
 
-from rt_controller.bus.catalogue import (
+from rt_controller.bus.identity import own_identity
+from rt_controller.bus.messages import (
     COMMAND,
     CONTROLLER_IDENTITY,
     FEEDBACK,
@@ -13,13 +14,11 @@ from rt_controller.bus.catalogue import (
     REFERENCE,
     STATE,
     VEHICLE_IDENTITY,
+    Command,
+    Node,
 )
-from rt_controller.bus.contents import Command
-from rt_controller.bus.end_to_end.assembly import ReceptionCounts
-from rt_controller.bus.identity import own_identity
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Node
-from rt_controller.bus.outbox import DiscardBus, Outbox
+from rt_controller.bus.receive import Inbox, ReceptionCounts
+from rt_controller.bus.send import DiscardBus, Outbox
 from rt_controller.bus.transport import open_bus
 from rt_controller.contract.signals import Mode
 

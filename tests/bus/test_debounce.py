@@ -3,9 +3,7 @@
 import pytest
 from made_frames import CONTROL, ENGAGED
 
-from rt_controller.bus.contents import Command, Fault, Heartbeat, Identity, Mission
-from rt_controller.bus.end_to_end.assembly import Received
-from rt_controller.bus.end_to_end.confirmation import (
+from rt_controller.bus.debounce import (
     DISENGAGED_FRAMES,
     MISMATCHED_FRAMES,
     Engagement,
@@ -13,6 +11,8 @@ from rt_controller.bus.end_to_end.confirmation import (
     is_heartbeat_of,
 )
 from rt_controller.bus.identity import own_identity
+from rt_controller.bus.messages import Command, Fault, Heartbeat, Identity, Mission
+from rt_controller.bus.receive import Received
 from rt_controller.contract.signals import Mode
 
 OVER = ENGAGED._replace(is_engaged=False)

@@ -8,7 +8,8 @@ import can
 import pytest
 from made_frames import CONTROL, ENGAGED, HOLDING, PATH, SAMPLE, can_frame, can_frames
 
-from rt_controller.bus.catalogue import (
+from rt_controller.bus.condition import BusState
+from rt_controller.bus.messages import (
     CATALOGUE,
     COMMAND,
     CONTROLLER_IDENTITY,
@@ -18,12 +19,18 @@ from rt_controller.bus.catalogue import (
     REFERENCE,
     STATE,
     VEHICLE_IDENTITY,
+    Command,
+    Identity,
+    Message,
+    Node,
 )
-from rt_controller.bus.condition import BusState
-from rt_controller.bus.contents import Command, Identity
-from rt_controller.bus.end_to_end.assembly import Received, ReceptionCounts
-from rt_controller.bus.inbox import BACKLOG_FRAMES, MAX_FRAMES_PER_DRAIN, Inbox
-from rt_controller.bus.message import Message, Node
+from rt_controller.bus.receive import (
+    BACKLOG_FRAMES,
+    MAX_FRAMES_PER_DRAIN,
+    Inbox,
+    Received,
+    ReceptionCounts,
+)
 from rt_controller.bus.transport import open_bus
 from rt_controller.contract.signals import Mode, PathReference, VehicleState
 from rt_controller.contract.timing import COUNTER_MODULUS, PERIOD_NS
@@ -257,7 +264,7 @@ def test_an_interface_that_is_down_is_no_failure(monkeypatch: pytest.MonkeyPatch
 def test_frames_that_the_socket_lost_are_counted_after_a_backlog(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("rt_controller.bus.inbox.overflowed_frames", lambda bus: 7)
+    monkeypatch.setattr("rt_controller.bus.receive.overflowed_frames", lambda bus: 7)
     inbox = Inbox(Node.VEHICLE)
     with open_bus("virtual", "lost") as near, open_bus("virtual", "lost") as far:
         for n_frames, lost in ((BACKLOG_FRAMES, 0), (BACKLOG_FRAMES + 1, 7)):

@@ -7,10 +7,8 @@ import can
 import pytest
 from made_frames import PATH, SAMPLE, can_frames
 
-from rt_controller.bus.catalogue import REFERENCE, STATE
-from rt_controller.bus.end_to_end.assembly import MAX_SPREAD_NS
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Node
+from rt_controller.bus.messages import REFERENCE, STATE, Node
+from rt_controller.bus.receive import MAX_SPREAD_NS, Inbox
 from rt_controller.contract.timing import COUNTER_MODULUS, PERIOD_NS
 
 

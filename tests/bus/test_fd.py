@@ -7,7 +7,8 @@ import can
 import pytest
 from made_frames import BEND, CONTROL, ENGAGED, HOLDING, PATH, SAMPLE
 
-from rt_controller.bus.catalogue import (
+from rt_controller.bus.identity import dbc_hash
+from rt_controller.bus.messages import (
     CATALOGUE,
     COMMAND,
     CONTROLLER_IDENTITY,
@@ -18,13 +19,13 @@ from rt_controller.bus.catalogue import (
     REFERENCE,
     STATE,
     VEHICLE_IDENTITY,
+    Command,
+    Identity,
+    Message,
+    Node,
 )
-from rt_controller.bus.contents import Command, Identity
-from rt_controller.bus.end_to_end.assembly import ReceptionCounts
-from rt_controller.bus.identity import dbc_hash
-from rt_controller.bus.inbox import Inbox
-from rt_controller.bus.message import Message, Node
-from rt_controller.bus.outbox import Outbox
+from rt_controller.bus.receive import Inbox, ReceptionCounts
+from rt_controller.bus.send import Outbox
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_NS
 
