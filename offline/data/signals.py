@@ -19,6 +19,7 @@ from rt_controller.contract.model.drift import Drift
 from rt_controller.contract.model.rollout import Matrices
 from rt_controller.contract.model.validation import DRIVABLE_HISTORY
 from rt_controller.contract.schema import VEHICLE, Schema
+from rt_controller.contract.signals import InputColumn
 
 Array32 = NDArray[np.float32]
 Rows = NDArray[np.integer] | NDArray[np.bool_] | slice
@@ -206,12 +207,15 @@ def _rows(series: NDArray[np.floating]) -> Array:
 def signal_range(trajectories: Trajectories, schema: Schema) -> Array:
     """Lowest and highest value (2, m + p) of each input and exogenous signal of these data.
 
-    Of the inputs of the car, these are its limits.
+    Of the inputs of the car, these are its limits; the wheel may have been turned further.
     """
     rows = np.concatenate([_rows(trajectories.u), _rows(trajectories.w)], axis=1)
     found = np.stack([rows.min(axis=0), rows.max(axis=0)])
     if schema.inputs == VEHICLE.inputs:
+        steer = InputColumn.steer_rad
+        largest_rad = max(np.abs(found[:, steer]).max(), INPUT_LIMITS.upper.steer_rad)
         found[:, : len(schema.inputs)] = INPUT_LIMITS.lower, INPUT_LIMITS.upper
+        found[:, steer] = -largest_rad, largest_rad
     return found
 
 

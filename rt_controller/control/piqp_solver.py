@@ -116,6 +116,7 @@ class PiqpSolver:
             c=program.q,
             h_l=program.row_lower if self._has_rows else None,
             h_u=program.row_upper if self._has_rows else None,
+            x_l=program.lower,
             x_u=program.upper,
         )
         status = solve_workspace(self._workspace)
