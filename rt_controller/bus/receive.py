@@ -311,10 +311,7 @@ class Inbox:
         return most
 
     def accept(self, message: can.Message, arrival_ns: int) -> None:
-        """Check one frame and keep its content; frames of other ids are ignored.
-
-        One function from the frame to the content: this is done some ten times in a period.
-        """
+        """Check one frame and keep its content; frames of other ids are ignored."""
         if message.is_error_frame:
             self.condition.note_error_frame(message)
             return
@@ -335,34 +332,35 @@ class Inbox:
 
         delta = 1 if slot.counter == _NO_COUNTER else (counter - slot.counter) % slot.modulus
         is_good = 0 < delta <= MAX_DELTA_COUNTER
-        if delta != 1:
-            if is_good:
-                counts.counter_gap_frames += delta - 1
-            elif delta == 0:
-                counts.repeated += 1
-                if slot.frame != frame:
-                    counts.contradicting += 1
-                    assembly.conflict_ns = arrival_ns
-            else:
-                counts.wrong_sequence += 1
-                assembly.counters[slot.place] = _NO_COUNTER
-                if arrival_ns - slot.arrival_ns < CONFLICT_NS:  # not the end of a silence
-                    assembly.conflict_ns = arrival_ns
+        if is_good:
+            counts.counter_gap_frames += delta - 1
+        elif delta == 0:
+            counts.repeated += 1
+            if slot.frame != frame:
+                counts.contradicting += 1
+                assembly.conflict_ns = arrival_ns
+        else:
+            counts.wrong_sequence += 1
+            assembly.counters[slot.place] = _NO_COUNTER
+            if arrival_ns - slot.arrival_ns < CONFLICT_NS:  # not the end of a silence
+                assembly.conflict_ns = arrival_ns
         slot.counter, slot.frame, slot.arrival_ns = counter, bytes(frame), arrival_ns
         if link is not None:
             link.add(is_good)
         if slot.is_own:
             self.foreign_frames += delta != 0
-            return
-        if not is_good:
-            return
+        elif is_good:
+            self._keep(slot, frame, arrival_ns)
 
+    def _keep(self, slot: _Slot, frame: bytearray, arrival_ns: int) -> None:
+        """The values of a frame; with the last frame of a counter the content is complete."""
+        codec, assembly, counter = slot.codec, slot.assembly, slot.counter
         place, counters = slot.place, assembly.counters
         values = codec.read(frame)
         if values is None:
             counters[place] = _NO_COUNTER
             assembly.out_of_range += 1
-            counts.out_of_range += 1
+            self.counts.out_of_range += 1
             if assembly.refused is None or assembly.refused[2] is not assembly.newest:
                 assembly.refused = codec, slot.frame, assembly.newest
             return

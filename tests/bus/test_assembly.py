@@ -79,5 +79,5 @@ def test_the_first_refused_frame_since_the_last_content_is_explained() -> None:
 def test_a_raw_value_beyond_the_declared_range_is_named() -> None:
     lateral_error = STATE.codecs[1].signals[1]
     expected = "LateralError: expected a value of -30 to 30 m, found 31.2"
-    assert lateral_error.objection(30_000) is None
+    assert lateral_error.objection(30_000) == ""
     assert lateral_error.objection(31_200) == expected

@@ -142,8 +142,7 @@ def test_a_command_is_found_again_under_the_counter_that_the_vehicle_echoes() ->
         control = CONTROL._replace(throttle=counter / 300)
         outbox.send(COMMAND, Command(control, Mode.NOMINAL), 0, counter=counter)
     for counter in range(299, 299 - 128, -1):
-        found = outbox.content_under(COMMAND, counter % 128)
-        assert found is not None
+        (found,) = outbox.contents_until(COMMAND, counter % 128, 1)
         assert found.control.throttle == counter / 300
 
 

@@ -129,13 +129,13 @@ def test_sent_and_received_frames_are_recorded() -> None:
 
 def test_a_content_is_found_under_the_counter_it_was_sent_with() -> None:
     outbox = Outbox(DiscardBus(), Node.CONTROLLER)
-    assert outbox.content_under(COMMAND, 15) is None
+    assert outbox.contents_until(COMMAND, 15, 1) == []
     outbox.send(COMMAND, throttle(0.5), 0, counter=15)
-    assert outbox.content_under(COMMAND, 15) == throttle(0.5)
+    assert outbox.contents_until(COMMAND, 15, 3) == [throttle(0.5)]
     for counter in range(3, 3 + 140):
         outbox.send(COMMAND, throttle(0.005 * counter), 0, counter=counter)
     for counter in range(15, 15 + 128):
-        assert outbox.content_under(COMMAND, counter % 128) == throttle(0.005 * counter)
+        assert outbox.contents_until(COMMAND, counter % 128, 1) == [throttle(0.005 * counter)]
 
 
 def test_of_two_commands_under_one_counter_the_first_is_the_one_that_counts() -> None:
@@ -148,4 +148,5 @@ def test_of_two_commands_under_one_counter_the_first_is_the_one_that_counts() ->
     newest = inbox.newest(COMMAND)
     assert newest is not None
     assert newest.content == throttle(0.2)
-    assert outbox.content_under(COMMAND, newest.counter) == throttle(0.2)
+    found = outbox.contents_until(COMMAND, newest.counter, 9)
+    assert found == [throttle(0.2), throttle(0.1)]

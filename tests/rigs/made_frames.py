@@ -29,7 +29,11 @@ HOLDING = Heartbeat(Mode.HOLD_PLAN, Fault.SOLVER_FAILED, 77, 500_000, 1_000_000,
 def can_frame(codec: FrameCodec, data: bytes) -> can.Message:
     """One frame as it comes from the bus."""
     return can.Message(
-        arbitration_id=codec.arbitration_id, is_extended_id=False, data=data, check=True
+        arbitration_id=codec.arbitration_id,
+        is_extended_id=False,
+        is_fd=codec.is_fd,
+        data=data,
+        check=True,
     )
 
 
