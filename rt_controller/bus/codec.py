@@ -142,6 +142,8 @@ class FrameCodec:
         self.required = tuple(name for name in spec.signals if name not in spec.optional)
         """signals without which the frame is not used"""
         self._required_places = [spec.signals.index(name) for name in self.required]
+        self._flag_byte, self._flag_shift = (3, 0) if message.is_fd else (1, 4)
+        self._flag_mask = VALID if self._has_cycle else 0xFF
         head, head_bits = ("<xxBB", 32) if message.is_fd else ("<xB", 16)
         self._struct = struct.Struct(
             head + _struct_format(self.name, body, head_bits, 8 * self.length)
@@ -195,7 +197,10 @@ class FrameCodec:
             return frame[2] if is_intact else DAMAGED
         head = frame[1]
         counter = head & COUNTER_MASK
-        if crc8(frame, self.data_ids[counter]) != frame[0]:
+        t = _TABLE
+        crc, a, b, c, d, e, f, g = frame  # as in `crc8`, without the call
+        body = t[t[t[t[t[t[t[0xFF ^ a] ^ b] ^ c] ^ d] ^ e] ^ f] ^ g]
+        if t[body ^ self.data_ids[counter]] ^ 0xFF != crc:
             return DAMAGED
         return counter | (head >> 5) * COUNTER_MODULUS if self._has_cycle else counter
 
@@ -205,7 +210,7 @@ class FrameCodec:
         None if the sender marked the frame as invalid, the flags are out of range, or a signal that
         is not optional is NaN.
         """
-        flag = self.flag_of(frame)
+        flag = frame[self._flag_byte] >> self._flag_shift & self._flag_mask
         if flag not in self._usable_flags:
             return None
         values = self.decode(frame)
@@ -228,8 +233,7 @@ class FrameCodec:
 
     def flag_of(self, frame: Frame) -> int:
         """Valid or Mode of an intact frame."""
-        flags = frame[3] if self.is_fd else frame[1] >> 4
-        return flags & VALID if self._has_cycle else flags
+        return frame[self._flag_byte] >> self._flag_shift & self._flag_mask
 
     def objections(self, frame: Frame) -> str:
         """Why `read` does not return the values of this intact frame, for people."""

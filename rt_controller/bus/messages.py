@@ -286,14 +286,15 @@ def _encode_state(sample: StateSample) -> tuple[float, ...]:
 
 def _decode_state(*values: float) -> StateSample:
     curvature_per_m, sample_time_ms, echo, vehicle_faults = values[N_STATES:]
-    refusals = Refusal(int(vehicle_faults))
+    refusals = Refusal(int(vehicle_faults)) if vehicle_faults else NO_REFUSAL
+    is_braking = bool(refusals) and Refusal.BRAKING in refusals
     return StateSample(
         VehicleState(*values[:N_STATES]),
         curvature_per_m,
         round(sample_time_ms / _SAMPLE_TIME.scale) * _SAMPLE_TIME_LSB_NS,
         None if isnan(echo) else int(echo),
-        Refusal.BRAKING in refusals,
-        refusals & ~Refusal.BRAKING,
+        is_braking,
+        refusals & ~Refusal.BRAKING if is_braking else refusals,
     )
 
 

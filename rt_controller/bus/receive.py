@@ -15,7 +15,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 import can
 
 from rt_controller.bus.codec import DAMAGED, FrameCodec
-from rt_controller.bus.condition import BusCondition
+from rt_controller.bus.condition import BusCondition, BusState
 from rt_controller.bus.log.recorder import Recorder
 from rt_controller.bus.messages import CATALOGUE, Catalogue, Message, Node
 from rt_controller.bus.transport import overflowed_frames
@@ -315,14 +315,15 @@ class Inbox:
         if message.is_error_frame:
             self.condition.note_error_frame(message)
             return
-        self.condition.note_frame()
+        if self.condition.state is not BusState.ACTIVE:
+            self.condition.note_frame()
         slot = self._slots.get(message.arbitration_id)
         if slot is None or message.is_extended_id or message.is_remote_frame:
             return
-        codec, assembly, link, counts = slot.codec, slot.assembly, slot.link, self.counts
+        link, counts = slot.link, self.counts
         frame = message.data
         is_other = message.is_fd is not self.is_fd
-        counter = DAMAGED if is_other else codec.check(frame)
+        counter = DAMAGED if is_other else slot.codec.check(frame)
         if counter == DAMAGED:
             counts.other_format += is_other
             counts.crc_errors += not is_other
@@ -334,16 +335,8 @@ class Inbox:
         is_good = 0 < delta <= MAX_DELTA_COUNTER
         if is_good:
             counts.counter_gap_frames += delta - 1
-        elif delta == 0:
-            counts.repeated += 1
-            if slot.frame != frame:
-                counts.contradicting += 1
-                assembly.conflict_ns = arrival_ns
         else:
-            counts.wrong_sequence += 1
-            assembly.counters[slot.place] = _NO_COUNTER
-            if arrival_ns - slot.arrival_ns < CONFLICT_NS:  # not the end of a silence
-                assembly.conflict_ns = arrival_ns
+            self._note_wrong_counter(slot, delta, frame, arrival_ns)
         slot.counter, slot.frame, slot.arrival_ns = counter, bytes(frame), arrival_ns
         if link is not None:
             link.add(is_good)
@@ -351,6 +344,22 @@ class Inbox:
             self.foreign_frames += delta != 0
         elif is_good:
             self._keep(slot, frame, arrival_ns)
+
+    def _note_wrong_counter(
+        self, slot: _Slot, delta: int, frame: bytearray, arrival_ns: int
+    ) -> None:
+        """A counter that is repeated, goes back, or is too far ahead: of a second sender, maybe."""
+        counts, assembly = self.counts, slot.assembly
+        if delta == 0:
+            counts.repeated += 1
+            is_conflict = slot.frame != frame
+            counts.contradicting += is_conflict
+        else:
+            counts.wrong_sequence += 1
+            assembly.counters[slot.place] = _NO_COUNTER
+            is_conflict = arrival_ns - slot.arrival_ns < CONFLICT_NS  # not the end of a silence
+        if is_conflict:
+            assembly.conflict_ns = arrival_ns
 
     def _keep(self, slot: _Slot, frame: bytearray, arrival_ns: int) -> None:
         """The values of a frame; with the last frame of a counter the content is complete."""

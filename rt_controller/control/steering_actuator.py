@@ -53,7 +53,7 @@ class SteeringActuator:
         self.angle_rad: float | None = None
         """that was reported last; None: not known"""
         self._angles_rad: deque[float] = deque(maxlen=SAMPLES)
-        self._residuals_rad: deque[tuple[float, ...]] = deque(maxlen=SAMPLES)
+        self._residuals_rad: deque[list[float]] = deque(maxlen=SAMPLES)
 
     @property
     def late_periods(self) -> int:
@@ -79,7 +79,7 @@ class SteeringActuator:
             self._residuals_rad.clear()
             return
         self._angles_rad.append(angle_rad)
-        self._residuals_rad.append(tuple(command - angle_rad for command in commands_rad))
+        self._residuals_rad.append([command - angle_rad for command in commands_rad])
         if self.is_slow:
             self._recover()
         least_rad = LEAST_SLOW_ERROR_RAD if self.is_slow else LEAST_ERROR_RAD
@@ -124,7 +124,7 @@ class SteeringActuator:
 
     def _error_rad(self, delay: int) -> float:
         """The largest of the last samples with this delay."""
-        return max(abs(each[delay]) for each in self._residuals_rad)
+        return max([abs(each[delay]) for each in self._residuals_rad])
 
     def _find_rate(self, least_rad: float) -> None:
         changes = [after - before for before, after in pairwise(self._angles_rad)]

@@ -6,7 +6,7 @@ from operator import or_
 from typing import NamedTuple
 
 from rt_controller.safety.checks import Check, Quantity, Reaction
-from rt_controller.safety.isolation import Evidence, Faulty, cause_of, is_jump, isolate
+from rt_controller.safety.isolation import Evidence, Faulty, SignalMask, cause_of, is_jump, isolate
 from rt_controller.safety.modes import StopCause
 
 INTEGRATED = (Quantity.HEADING_RAD, Quantity.LATERAL_ERROR_M)
@@ -16,7 +16,7 @@ INTEGRATED = (Quantity.HEADING_RAD, Quantity.LATERAL_ERROR_M)
 class Finding(NamedTuple):
     """Result of the failing checks of a tick."""
 
-    faulty: Faulty
+    faulty: SignalMask
     cause: StopCause
     is_stop: bool
 
@@ -53,7 +53,7 @@ class Windows:
         return found
 
 
-def finding_of(failing: Sequence[Check], signals: Sequence[Faulty]) -> Finding:
+def finding_of(failing: Sequence[Check], signals: Sequence[SignalMask]) -> Finding:
     """One finding for several checks: all their signals, the cause of the first that names one."""
     both = list(zip(failing, signals, strict=True))
     check, faulty = next((pair for pair in both if pair[1]), both[0])

@@ -9,7 +9,7 @@ from rt_controller.contract.signals import (
     VehicleState,
 )
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.safety.isolation import Faulty
+from rt_controller.safety.isolation import Faulty, SignalMask
 from rt_controller.safety.modes import StopCause
 
 
@@ -59,18 +59,18 @@ class QualifiedInputs(NamedTuple):
 
 
 def with_replaced_signals(
-    measured: VehicleState, expected: VehicleState, faulty: Faulty
+    measured: VehicleState, expected: VehicleState, faulty: SignalMask
 ) -> VehicleState:
     """The measured state with the faulty signals of its motion replaced."""
-    if faulty is Faulty.NONE:
+    if faulty == Faulty.NONE:
         return measured
     vx_mps, vy_mps, yaw_rate, ds_m, ey_m, epsi_rad = measured
-    if Faulty.SPEED in faulty:
-        vx_mps = expected.vx_mps if Faulty.PROGRESS in faulty else ds_m / PERIOD_S
-    if Faulty.PROGRESS in faulty:
+    if faulty & Faulty.SPEED:
+        vx_mps = expected.vx_mps if faulty & Faulty.PROGRESS else ds_m / PERIOD_S
+    if faulty & Faulty.PROGRESS:
         ds_m = vx_mps * PERIOD_S
-    if Faulty.LATERAL_SPEED in faulty:
+    if faulty & Faulty.LATERAL_SPEED:
         vy_mps = expected.vy_mps
-    if Faulty.YAW_RATE in faulty:
+    if faulty & Faulty.YAW_RATE:
         yaw_rate = expected.yaw_rate_radps
     return VehicleState(vx_mps, vy_mps, yaw_rate, ds_m, ey_m, epsi_rad)

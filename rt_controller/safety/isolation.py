@@ -5,15 +5,18 @@ faulty, but not which. Another relation decides: for progress or v_x the speed o
 rate or heading the lateral error, for v_y or the lateral error the v_y of the model.
 """
 
-from enum import IntFlag
+from enum import IntEnum
 from typing import NamedTuple
 
 from rt_controller.safety.checks import Check, Quantity
 from rt_controller.safety.modes import StopCause
 
+SignalMask = int
+"""bits of `Faulty`"""
 
-class Faulty(IntFlag):
-    """Signals that are replaced by estimates for the rest of a stop."""
+
+class Faulty(IntEnum):
+    """Signals that are replaced by estimates for the rest of a stop: bits of a `SignalMask`."""
 
     NONE = 0
     SPEED = 1
@@ -54,7 +57,7 @@ class Evidence(NamedTuple):
     """|residual of e_y| with the e_psi that is integrated from the yaw rate"""
     curvature_error_per_m: float
     """|curvature - first value of the curvature ahead|; 0 if that is not known"""
-    estimated: Faulty = Faulty.NONE
+    estimated: SignalMask = Faulty.NONE
     """signals that are estimated already: they do not contradict measured ones"""
 
 
@@ -63,7 +66,7 @@ LATERAL_SPEED_DIFFERS_MPS, YAW_RATE_DIFFERS_RADPS = (0.14, 0.28), (0.02, 0.06)
 LATERAL_SHARE = 0.7
 """of the residual of e_y; if the integrated heading explains more of it, the heading is faulty"""
 CURVATURES_DIFFER_PER_M = 1e-3
-CAUSES = {
+CAUSES: dict[SignalMask, StopCause] = {
     Faulty.SPEED: StopCause.SPEED_IMPLAUSIBLE,
     Faulty.PROGRESS: StopCause.PROGRESS_IMPLAUSIBLE,
     Faulty.LATERAL_SPEED: StopCause.LATERAL_SPEED_IMPLAUSIBLE,
@@ -74,7 +77,7 @@ CAUSES = {
     Faulty.PATH: StopCause.PATH_INCONSISTENT,
     Faulty.STATE: StopCause.STATE_FROZEN,
 }
-_NAMED = {
+_NAMED: dict[Quantity, SignalMask] = {
     Quantity.SPEED_STEP_MPS: Faulty.SPEED,
     Quantity.LATERAL_SPEED_STEP_MPS: Faulty.LATERAL_SPEED,
     Quantity.YAW_RATE_STEP_RADPS: Faulty.YAW_RATE,
@@ -85,7 +88,7 @@ _NAMED = {
 """quantities that depend on one signal only"""
 
 
-def isolate(check: Check, evidence: Evidence) -> Faulty:
+def isolate(check: Check, evidence: Evidence) -> SignalMask:
     """The signal that is not used after this check has failed.
 
     NONE if another signal, an actuator or the grip explains the residual as well: the measured
@@ -104,7 +107,7 @@ def isolate(check: Check, evidence: Evidence) -> Faulty:
     return Faulty.NONE
 
 
-def isolate_path(check: Check) -> Faulty:
+def isolate_path(check: Check) -> SignalMask:
     """What is not used after a check of the path has failed; NONE: its speed alone."""
     if check.quantity is Quantity.PATH_SPEED_STEP_MPS:
         return Faulty.NONE
@@ -118,22 +121,22 @@ def is_jump(check: Check, evidence: Evidence) -> bool:
     return evidence.is_lateral_jump
 
 
-def _of_heading(evidence: Evidence) -> Faulty:
+def _of_heading(evidence: Evidence) -> SignalMask:
     if evidence.is_heading_jump:
         return Faulty.HEADING
-    if Faulty.YAW_RATE in evidence.estimated:
+    if evidence.estimated & Faulty.YAW_RATE:
         return Faulty.YAW_RATE
     if evidence.contradicts_yaw_rate:
         return Faulty.YAW_RATE
     if evidence.curvature_error_per_m > CURVATURES_DIFFER_PER_M:
         return Faulty.CURVATURE
-    if Faulty.LATERAL_ERROR in evidence.estimated:
+    if evidence.estimated & Faulty.LATERAL_ERROR:
         return Faulty.HEADING  # of the same sensor; an estimated e_y is no evidence
     is_heading = evidence.lateral_by_heading_m > evidence.lateral_by_yaw_rate_m
     return Faulty.HEADING if is_heading else Faulty.YAW_RATE
 
 
-def _of_lateral_error(evidence: Evidence) -> Faulty:
+def _of_lateral_error(evidence: Evidence) -> SignalMask:
     """A slow drift is one of e_y or of v_y, and the model is not exact enough to tell which: the
     car stops with the state that it measures.
     """
@@ -141,12 +144,12 @@ def _of_lateral_error(evidence: Evidence) -> Faulty:
         return Faulty.LATERAL_ERROR
     if evidence.lateral_by_yaw_rate_m < LATERAL_SHARE * evidence.lateral_by_heading_m:
         return Faulty.HEADING
-    if Faulty.LATERAL_SPEED in evidence.estimated or evidence.contradicts_lateral_speed:
+    if evidence.estimated & Faulty.LATERAL_SPEED or evidence.contradicts_lateral_speed:
         return Faulty.LATERAL_SPEED
     return Faulty.NONE if evidence.is_lateral_slow else Faulty.LATERAL_ERROR
 
 
-def cause_of(check: Check, faulty: Faulty) -> StopCause:
+def cause_of(check: Check, faulty: SignalMask) -> StopCause:
     """The code of the stop."""
     if faulty in (Faulty.PATH, Faulty.PREVIEW):
         return check.cause

@@ -24,6 +24,7 @@ from rt_controller.safety.isolation import (
     YAW_RATE_DIFFERS_RADPS,
     Evidence,
     Faulty,
+    SignalMask,
 )
 from rt_controller.safety.prediction import MotionPrediction
 
@@ -92,18 +93,18 @@ class Residuals:
         now: VehicleState,
         mean_curvature_per_m: float,
         periods: int,
-        faulty: Faulty,
+        faulty: SignalMask,
     ) -> VehicleState:
         """`now`, its faulty place replaced by the integrated one, `periods` after `before`."""
         ey_m, epsi_rad, ey_by_yaw_rate_m = self.observed
         turned = heading_change_rad(before, now, mean_curvature_per_m, now.ds_m)
         integrated_rad = epsi_rad + periods * turned
-        if Faulty.HEADING in faulty:
+        if faulty & Faulty.HEADING:
             now = now._replace(epsi_rad=integrated_rad)
         ey_m += periods * lateral_change_m(before, now)
         mean_rad = 0.5 * (epsi_rad + integrated_rad)
         ey_by_yaw_rate_m += periods * lateral_change_along_m(before, now, mean_rad)
-        if Faulty.LATERAL_ERROR in faulty:
+        if faulty & Faulty.LATERAL_ERROR:
             now = now._replace(ey_m=ey_m)
         self.observed = Observed(ey_m, integrated_rad, ey_by_yaw_rate_m)
         return now
@@ -112,20 +113,20 @@ class Residuals:
         """Restart the comparison of v_x and Δs: one of the two is faulty."""
         self._speed_difference_mps = 0.0
 
-    def follow(self, state: VehicleState, faulty: Faulty) -> None:
+    def follow(self, state: VehicleState, faulty: SignalMask) -> None:
         """Let the observers follow what is not faulty in the state of this tick."""
         ey_m, epsi_rad, ey_by_yaw_rate_m = self.observed
-        if Faulty.HEADING not in faulty:
+        if not faulty & Faulty.HEADING:
             epsi_rad += OBSERVER_GAIN * (state.epsi_rad - epsi_rad)
-        if Faulty.LATERAL_ERROR not in faulty:
+        if not faulty & Faulty.LATERAL_ERROR:
             ey_by_yaw_rate_m += OBSERVER_GAIN * (state.ey_m - ey_by_yaw_rate_m)
             ey_m += OBSERVER_GAIN * (state.ey_m - ey_m)
         self.observed = Observed(ey_m, epsi_rad, ey_by_yaw_rate_m)
 
-    def correct(self, state: VehicleState, faulty: Faulty) -> None:
+    def correct(self, state: VehicleState, faulty: SignalMask) -> None:
         """After a drift of e_y that v_y has caused: go on from the e_y that is measured."""
         ey_m, epsi_rad, ey_by_yaw_rate_m = self.observed
-        if Faulty.LATERAL_SPEED in faulty and Faulty.LATERAL_ERROR not in faulty:
+        if faulty & Faulty.LATERAL_SPEED and not faulty & Faulty.LATERAL_ERROR:
             ey_m = ey_by_yaw_rate_m = state.ey_m
         self.observed = Observed(ey_m, epsi_rad, ey_by_yaw_rate_m)
 

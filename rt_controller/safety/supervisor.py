@@ -16,7 +16,7 @@ from rt_controller.safety.checks import CHECKS, NEVER, NOT_COMPUTED, Check, Quan
 from rt_controller.safety.cornering import Cornering, cornering_of
 from rt_controller.safety.finding import Finding, Windows, finding_of, finding_of_state
 from rt_controller.safety.inputs import QualifiedInputs, ReceivedInputs, with_replaced_signals
-from rt_controller.safety.isolation import Faulty, isolate_path
+from rt_controller.safety.isolation import Faulty, SignalMask, isolate_path
 from rt_controller.safety.modes import StopCause
 from rt_controller.safety.path.last_road import LastRoad
 from rt_controller.safety.path.path_checks import PathChecks
@@ -60,7 +60,7 @@ class Supervisor:
         self._control = NEUTRAL_INPUT
         self._state: VehicleState | None = None
         self._curvature_per_m = 0.0
-        self._faulty = Faulty.NONE
+        self._faulty: SignalMask = Faulty.NONE
         self._rejections = 0.0
         self._is_motion_measured = False
 
@@ -71,7 +71,7 @@ class Supervisor:
         if before is None or not received.is_driven:
             return self._begin(received)
         self._road.move(before.vx_mps * PERIOD_S * received.periods)
-        if Faulty.PREVIEW not in self._faulty:
+        if not self._faulty & Faulty.PREVIEW:
             self._road.take(
                 received.preview, None if received.state is None else received.curvature_per_m
             )
@@ -174,7 +174,7 @@ class Supervisor:
 
         observed, failed = residuals.observed, None
         curvature_per_m = road_per_m
-        if Faulty.CURVATURE not in faulty:
+        if not faulty & Faulty.CURVATURE:
             curvature_per_m = received.curvature_per_m
             self._road.compare(curvature_per_m)
         mean_per_m = 0.5 * (last_curvature_per_m + curvature_per_m)
@@ -199,7 +199,7 @@ class Supervisor:
             if faulty & (Faulty.SPEED | Faulty.PROGRESS):
                 residuals.clear_speed_difference()
             residuals.observed = observed  # advance again, without the signal that is faulty
-            if Faulty.CURVATURE in faulty:
+            if faulty & Faulty.CURVATURE:
                 curvature_per_m = road_per_m
                 mean_per_m = 0.5 * (last_curvature_per_m + curvature_per_m)
             measured = with_replaced_signals(received.state, expected, faulty)
@@ -242,14 +242,14 @@ class Supervisor:
     def _judge_path(self, received: ReceivedInputs, state: VehicleState) -> Finding | None:
         paths = self._paths
         paths.move(state.ds_m * received.periods, state.vx_mps)
-        path = None if Faulty.PATH in self._faulty else received.path
+        path = None if self._faulty & Faulty.PATH else received.path
         if path is not None:
             preview = self._road.ahead(received.preview)
             road = self._curvature_per_m, preview, state.vx_mps
             paths.compare(path, *road)
         failing = self._windows.failing(_OF_PATH)
         found = finding_of(failing, [isolate_path(each) for each in failing]) if failing else None
-        if found is not None and Faulty.PATH in found.faulty:
+        if found is not None and found.faulty & Faulty.PATH:
             paths.reject()
         elif path is not None:
             is_speed_wrong = any(each.quantity is Quantity.PATH_SPEED_STEP_MPS for each in failing)
@@ -283,10 +283,10 @@ class Supervisor:
             faulty |= failed_state.faulty
         is_measured = received.state is not None and not faulty & (Faulty.STATE | Faulty.CURVATURE)
         is_speed_wrong = failed_path is not None and not failed_path.faulty
-        is_path = received.path is not None and Faulty.PATH not in faulty
+        is_path = received.path is not None and not faulty & Faulty.PATH
         is_path = is_path and (failed_path is None or (is_speed_wrong and received.is_stopping))
         path, preview = received.path, received.preview
-        is_replaced = failed_path is None or Faulty.PATH in failed_path.faulty
+        is_replaced = failed_path is None or failed_path.faulty & Faulty.PATH
         if is_speed_wrong or (is_replaced and not is_path):
             path = None if last is None else last.path_here()
         if path is not None:
@@ -296,9 +296,9 @@ class Supervisor:
                 # on a wet road this was worse: docs/safety.md, Not covered.
                 braking_mps2 = self._car.brake_mps2_per_n * self._control.brake_n
                 path = path._replace(v_mps=state.vx_mps, a_mps2=-braking_mps2)
-        if preview is not None or received.state is None or Faulty.CURVATURE in faulty:
+        if preview is not None or received.state is None or faulty & Faulty.CURVATURE:
             preview = self._road.ahead(preview)
-        is_slow_known = Faulty.SPEED not in faulty or Faulty.PROGRESS not in faulty
+        is_slow_known = not faulty & Faulty.SPEED or not faulty & Faulty.PROGRESS
         speed_mps = speed_of(state) if received.state is not None and is_slow_known else None
         return QualifiedInputs(
             state,

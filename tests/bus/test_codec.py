@@ -51,7 +51,7 @@ def test_values_in_range_encode_to_the_bits_of_cantools(
     frame = codec.encode(values, counter, nibble)
 
     assert frame == expected
-    assert (codec.check(frame) >= 0)
+    assert codec.check(frame) >= 0
     assert frame[1] & COUNTER_MASK == counter
     assert frame[1] >> 4 == nibble
 
@@ -99,7 +99,7 @@ def test_a_value_that_cannot_be_sent_becomes_not_available(codec: FrameCodec, ba
         frame = codec.encode(values, 3, 1)
         decoded = _oracle(codec).decode(frame)
         assert str(decoded[layout.name]) == "NotAvailable"
-        assert (codec.check(frame) >= 0)
+        assert codec.check(frame) >= 0
         assert isnan(codec.decode(frame)[place])
         assert codec.decode(frame)[:place] == tuple(lowest[:place])
 
@@ -123,7 +123,7 @@ def test_a_counter_is_read_with_its_cycle_as_it_was_written(codec: FrameCodec) -
     assert codec.counter_modulus == (16 if codec.name in ("ACT_CMD", "CTRL_HB") else 128)
     for counter in range(128):
         frame = codec.write(values, counter)
-        assert (codec.check(frame) >= 0)
+        assert codec.check(frame) >= 0
         assert codec.check(frame) == counter % codec.counter_modulus
         assert frame[1] & COUNTER_MASK == counter % 16
 

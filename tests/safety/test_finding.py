@@ -96,7 +96,7 @@ def test_checks_of_the_state_name_the_faulty_signals(
     quantities: list[Quantity],
     is_heading_jump: bool,
     is_repeated: bool,
-    expected: tuple[Faulty, StopCause, bool],
+    expected: tuple[int, StopCause, bool],
 ) -> None:
     evidence = Evidence(0.0, 0.0, 0.0, 0.0, is_heading_jump, True, False, 0.0, 0.0, 0.0)
     failing = [BY_QUANTITY[quantity] for quantity in quantities]

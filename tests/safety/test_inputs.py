@@ -25,5 +25,5 @@ EXPECTED = VehicleState(18.0, 0.0, 0.1, 0.45, 0.6, 0.02)
         (Faulty.YAW_RATE, MEASURED._replace(yaw_rate_radps=0.1)),
     ],
 )
-def test_a_faulty_signal_of_the_motion_is_replaced(faulty: Faulty, expected: VehicleState) -> None:
+def test_a_faulty_signal_of_the_motion_is_replaced(faulty: int, expected: VehicleState) -> None:
     assert with_replaced_signals(MEASURED, EXPECTED, faulty) == pytest.approx(expected)

@@ -51,7 +51,7 @@ def test_a_faulty_place_is_the_integrated_one() -> None:
     ],
 )
 def test_the_observers_follow_what_is_not_faulty_within_two_seconds(
-    faulty: Faulty, shares: tuple[float, ...]
+    faulty: int, shares: tuple[float, ...]
 ) -> None:
     found, _ = residuals()
     state = CRUISING._replace(ey_m=0.8, epsi_rad=0.8)
@@ -163,7 +163,7 @@ def test_above_its_limit_a_residual_that_was_a_jump_remains_one(
     ],
 )
 def test_only_after_a_fault_of_v_y_alone_the_observers_go_on_from_the_measured_e_y(
-    faulty: Faulty, ey_m: float
+    faulty: int, ey_m: float
 ) -> None:
     found, _ = residuals()
     found.correct(CRUISING._replace(ey_m=0.8, epsi_rad=0.8), faulty)
