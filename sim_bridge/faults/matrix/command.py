@@ -4,7 +4,6 @@ import json
 import os
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict
 from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
@@ -20,14 +19,8 @@ from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.names import hint
 from rt_controller.report.table import NO_VALUE, Cell, Column, Row, Table, print_table
 from rt_controller.terminal.progress import announce
-from sim_bridge.faults.matrix.cases import (
-    CASES_FILE,
-    CONDITIONS,
-    SPEEDS_KMH,
-    Case,
-    load_cases,
-    whole_matrix,
-)
+from sim_bridge.faults.matrix.cases import CASES_FILE as CASES
+from sim_bridge.faults.matrix.cases import CONDITIONS, SPEEDS_KMH, Case, load_cases, whole_matrix
 from sim_bridge.faults.matrix.drive import drive_case
 from sim_bridge.faults.matrix.row import MatrixRow
 from sim_bridge.faults.matrix.summary import lines_of, summarise
@@ -38,11 +31,12 @@ LEAST_WIDTH = 160
 SAMPLE_STRIDE = 17
 """it leads to every condition, and to other cases and speeds each time"""
 _Key = tuple[str, str, float]
-_UNITS = {
-    "fault": "", "condition": "", "speed": "km/h", "mode": "", "detected": "ms",
-    "max |e_y|": "m", "unchecked": "m", "ok": "", "reasons": "",
-}  # fmt: skip
-_COLUMNS = tuple(Column(title, unit, is_text=not unit) for title, unit in _UNITS.items())
+_COLUMNS = (
+    *(Column(title, is_text=True) for title in ("fault", "condition")),
+    *(Column("speed", "km/h"), Column("mode", is_text=True), Column("detected", "ms")),
+    *(Column("max |e_y|", "m"), Column("unchecked", "m")),
+    *(Column(title, is_text=True) for title in ("ok", "reasons")),
+)
 
 
 class Task(NamedTuple):
@@ -56,6 +50,10 @@ class Task(NamedTuple):
     def key(self) -> _Key:
         """That of its row."""
         return self.case.name, self.case.condition, round(self.speed_kmh / KMH_PER_MPS, 3)
+
+    def drive(self) -> MatrixRow:
+        """Its row."""
+        return drive_case(self.case, self.speed_kmh, _bundle(self.model))
 
 
 def fault_matrix(
@@ -78,8 +76,8 @@ def fault_matrix(
     require_writable(json_file)
     require_writable(drives_file, "--drives")
     cases = whole_matrix() if cases_file is None else load_cases(cases_file)
-    _require_known("--only", only, {case.name for case in cases}, cases_file or CASES_FILE)
-    _require_known("--conditions", conditions, CONDITIONS, CASES_FILE.with_name("conditions.toml"))
+    _require_known("--only", only, {case.name for case in cases}, cases_file or CASES)
+    _require_known("--conditions", conditions, CONDITIONS, CASES.with_name("conditions.toml"))
     cases = [case for case in cases if not only or case.name in only]
     if conditions:
         cases = [case.under(condition) for condition in conditions for case in cases]
@@ -95,7 +93,7 @@ def fault_matrix(
             done[task.key] = row
             if drives_file is not None:
                 with drives_file.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps({"model": bundle.sha256, "row": asdict(row)}) + "\n")
+                    file.write(json.dumps({"model": bundle.sha256, "row": row._asdict()}) + "\n")
     rows = [done[task.key] for task in tasks]
     console = Console()
     console.width = max(console.width, LEAST_WIDTH)
@@ -103,7 +101,9 @@ def fault_matrix(
     summary = summarise(rows)
     for line in lines_of(summary):
         console.print(line, highlight=False)
-    write_figures(json_file, {"summary": asdict(summary), "rows": [asdict(row) for row in rows]})
+    write_figures(
+        json_file, {"summary": summary._asdict(), "rows": [row._asdict() for row in rows]}
+    )
     return 0 if summary.drives_ok == summary.drives else EXIT_NOT_OK
 
 
@@ -121,14 +121,10 @@ def sample(tasks: Sequence[Task]) -> list[Task]:
 
 def _drive_all(tasks: Sequence[Task], jobs: int) -> Iterator[MatrixRow]:
     if jobs <= 1:
-        yield from map(_drive, tasks)
+        yield from map(Task.drive, tasks)
         return
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(_drive, tasks)
-
-
-def _drive(task: Task) -> MatrixRow:
-    return drive_case(task.case, task.speed_kmh, _bundle(task.model))
+        yield from pool.map(Task.drive, tasks)
 
 
 @cache
@@ -157,22 +153,17 @@ def _earlier(path: Path | None, bundle: Bundle) -> dict[_Key, MatrixRow]:
 
 
 def _require_known(option: str, names: Iterable[str], known: Collection[str], file: Path) -> None:
-    unknown = [f"{name!r}{hint(name, known)}" for name in names if name not in known]
-    if unknown:
+    if unknown := [f"{name!r}{hint(name, known)}" for name in names if name not in known]:
         raise ConfigError(
             f"{option}: expected names in {file}, found {', '.join(unknown)}. Correct them."
         )
 
 
 def _cells(row: MatrixRow) -> Row:
+    times_m = (row.detect_ms, row.max_ey_m, row.max_ey_unchecked_m)
     return (
-        row.fault,
-        row.condition,
-        f"{row.speed_mps * KMH_PER_MPS:.0f}",
-        row.mode,
-        NO_VALUE if row.detect_ms is None else f"{row.detect_ms:.0f}",
-        f"{row.max_ey_m:.2f}",
-        NO_VALUE if row.max_ey_unchecked_m is None else f"{row.max_ey_unchecked_m:.2f}",
+        *(row.fault, row.condition, f"{row.speed_mps * KMH_PER_MPS:.0f}", row.mode),
+        *(NO_VALUE if x is None else f"{x:.{d}f}" for x, d in zip(times_m, (0, 2, 2), strict=True)),
         Cell("ok", status="good") if row.ok else Cell("NO", status="bad"),
         "; ".join(filter(None, (*row.reasons, row.known_limit))),
     )

@@ -59,7 +59,6 @@ def test_messages_stand_for_all_their_signals() -> None:
         ({"kind": "bias", "signals": ["Mode"], "value": 1.0}, "where several frames"),
         ({"kind": "bias", "signals": ["VelocityZ"], "value": 1.0}, "did you mean Velocity"),
         ({"kind": "stuck"}, "signals: expected signals for stuck"),
-        ({"kind": "stuck", "signals": ["ey_m"]}, "expected actuators for stuck"),
         ({"kind": "drop", "messages": ["state"], "counter": "own"}, "counter: expected none"),
         ({"kind": "drop", "messages": ["state"], "probability": 1.5}, "less than or equal to 1"),
         ({"kind": "masquerade", "frame_id": 5, "data": "0g"}, "hexadecimal"),

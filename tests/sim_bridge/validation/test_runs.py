@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import PlantError
 from rt_controller.contract.signals import ControlInput
 from sim_bridge.plant.parameters import default_car
@@ -14,7 +13,7 @@ from sim_bridge.validation.driver_model import (
     fit_driver_model,
     steer_open_loop,
 )
-from sim_bridge.validation.run import Observation, Run, cruising_throttle, replay, run_driver
+from sim_bridge.validation.run import Observation, Run, replay, run_driver
 
 CAR = default_car()
 SPEED_MPS = 80.0 / 3.6
