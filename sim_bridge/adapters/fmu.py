@@ -100,6 +100,7 @@ class FmuPlant:
         self._frictions = {"road_friction": road_friction, "road_friction_right": right}
         self._is_fmi2 = self._description.fmiMajorVersion == 2
         self._fmu: Any = None
+        self._is_started = False
         self._messages = deque[str](maxlen=3)
         self._start, self._parameters = links.start, links.parameters
         self._inputs, self._road_links = _grouped(links.inputs), _grouped(links.road)
@@ -198,6 +199,7 @@ class FmuPlant:
         self._written = NEUTRAL_INPUT
         self._write(self._inputs, NEUTRAL_INPUT._asdict())
         fmu.exitInitializationMode()
+        self._is_started = True
         self._read(self._moving)
         self._read(self._others)
 
@@ -262,10 +264,11 @@ class FmuPlant:
 
     def _free(self) -> None:
         if self._fmu is not None:
-            with suppress(Exception):  # it may not have been started
-                self._fmu.terminate()
+            with suppress(Exception):
+                if self._is_started:
+                    self._fmu.terminate()
             self._fmu.freeInstance()
-            self._fmu = None
+            self._fmu, self._is_started = None, False
             self._messages.clear()
 
 

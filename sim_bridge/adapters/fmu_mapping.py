@@ -126,19 +126,19 @@ def resolve_links(description: Any, name: str, mapping: FmuMapping) -> Links:
     """
     links, problems = Links([], [], [], [], []), list[str]()
     variables = {variable.name: variable for variable in description.modelVariables}
-    for table in ("inputs", "outputs", "start", "road"):
-        for field, channel in getattr(mapping, table):
-            if channel is not None:
-                try:
-                    variable = _variable(variables, table, field, channel.variable)
-                    link = _link(description, table == "outputs", field, channel, variable)
-                    getattr(links, table).append(link)
-                except ConfigError as error:
-                    problems.append(str(error))
-    for parameter, value in mapping.parameters.items():
+    tables = ("inputs", "outputs", "start", "road")
+    channels = [(table, *each) for table in tables for each in getattr(mapping, table)]
+    channels += [("parameters", n, Channel(variable=n)) for n in mapping.parameters]
+    for table, field, channel in channels:
+        if channel is None:
+            continue
         try:
-            variable = _variable(variables, "parameters", parameter, parameter)
-            links.parameters.append((variable, value))
+            variable = _variable(variables, table, field, channel.variable)
+            if table == "parameters":
+                links.parameters.append((variable, mapping.parameters[field]))
+            else:
+                link = _link(description, table == "outputs", field, channel, variable)
+                getattr(links, table).append(link)
         except ConfigError as error:
             problems.append(str(error))
     driven = Counter(link.variable.name for link in (*links.inputs, *links.road))
