@@ -175,6 +175,7 @@ def standstill(car: Parameters) -> Measured:
     wheel_nm = parking.column("steering_wheel_nm")[-1]
     uphill = car._replace(road=car.road._replace(grade_rad=atan(0.2)))
     held = _held(uphill, 0.0, 20.0, brake_n=100.0)
+    creep_mm = 1e3 * float(np.ptp(held.x_m[-1000:]))
     kingpins_nm = wheel_nm * car.steering.ratio - car.steering.friction_nm
     return Measured(
         {
@@ -184,8 +185,7 @@ def standstill(car: Parameters) -> Measured:
             "smallest yaw rate at walking pace": float(np.min(walking)),
             "largest yaw rate at walking pace": float(np.max(walking)),
             "torque about the kingpins at standstill": float(kingpins_nm),
-            "creep in 10 s with the brake on a grade of 20 %": 1e3
-            * float(np.ptp(held.x_m[-1000:])),
+            "creep in 10 s with the brake on a grade of 20 %": creep_mm,
         }
     )
 
@@ -229,7 +229,4 @@ def _stop_m(run: Run) -> float:
     return float(run.x_m.max()) if run.speed_mps[-1] < 0.1 else nan
 
 
-LONGITUDINAL = (
-    *(braking, acceleration, part_throttle),
-    *(braking_in_a_turn, split_friction, standstill),
-)
+LONGITUDINAL = (braking, acceleration, part_throttle, braking_in_a_turn, split_friction, standstill)

@@ -19,8 +19,14 @@ from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.names import hint
 from rt_controller.report.table import NO_VALUE, Cell, Column, Row, Table, print_table
 from rt_controller.terminal.progress import announce
-from sim_bridge.faults.matrix.cases import CASES_FILE as CASES
-from sim_bridge.faults.matrix.cases import CONDITIONS, SPEEDS_KMH, Case, load_cases, whole_matrix
+from sim_bridge.faults.matrix.cases import (
+    CASES_FILE,
+    CONDITIONS,
+    SPEEDS_KMH,
+    Case,
+    load_cases,
+    whole_matrix,
+)
 from sim_bridge.faults.matrix.drive import drive_case
 from sim_bridge.faults.matrix.row import MatrixRow
 from sim_bridge.faults.matrix.summary import lines_of, summarise
@@ -31,12 +37,11 @@ LEAST_WIDTH = 160
 SAMPLE_STRIDE = 17
 """it leads to every condition, and to other cases and speeds each time"""
 _Key = tuple[str, str, float]
-_COLUMNS = (
-    *(Column(title, is_text=True) for title in ("fault", "condition")),
-    *(Column("speed", "km/h"), Column("mode", is_text=True), Column("detected", "ms")),
-    *(Column("max |e_y|", "m"), Column("unchecked", "m")),
-    *(Column(title, is_text=True) for title in ("ok", "reasons")),
-)
+_UNITS = {
+    "fault": "", "condition": "", "speed": "km/h", "mode": "", "detected": "ms",
+    "max |e_y|": "m", "unchecked": "m", "ok": "", "reasons": "",
+}  # fmt: skip
+_COLUMNS = tuple(Column(title, unit, is_text=not unit) for title, unit in _UNITS.items())
 
 
 class Task(NamedTuple):
@@ -76,8 +81,8 @@ def fault_matrix(
     require_writable(json_file)
     require_writable(drives_file, "--drives")
     cases = whole_matrix() if cases_file is None else load_cases(cases_file)
-    _require_known("--only", only, {case.name for case in cases}, cases_file or CASES)
-    _require_known("--conditions", conditions, CONDITIONS, CASES.with_name("conditions.toml"))
+    _require_known("--only", only, {case.name for case in cases}, cases_file or CASES_FILE)
+    _require_known("--conditions", conditions, CONDITIONS, CASES_FILE.with_name("conditions.toml"))
     cases = [case for case in cases if not only or case.name in only]
     if conditions:
         cases = [case.under(condition) for condition in conditions for case in cases]
@@ -160,10 +165,14 @@ def _require_known(option: str, names: Iterable[str], known: Collection[str], fi
 
 
 def _cells(row: MatrixRow) -> Row:
-    times_m = (row.detect_ms, row.max_ey_m, row.max_ey_unchecked_m)
     return (
-        *(row.fault, row.condition, f"{row.speed_mps * KMH_PER_MPS:.0f}", row.mode),
-        *(NO_VALUE if x is None else f"{x:.{d}f}" for x, d in zip(times_m, (0, 2, 2), strict=True)),
+        row.fault,
+        row.condition,
+        f"{row.speed_mps * KMH_PER_MPS:.0f}",
+        row.mode,
+        NO_VALUE if row.detect_ms is None else f"{row.detect_ms:.0f}",
+        f"{row.max_ey_m:.2f}",
+        NO_VALUE if row.max_ey_unchecked_m is None else f"{row.max_ey_unchecked_m:.2f}",
         Cell("ok", status="good") if row.ok else Cell("NO", status="bad"),
         "; ".join(filter(None, (*row.reasons, row.known_limit))),
     )

@@ -74,12 +74,14 @@ class _Observer:
         result = session.record.result if session is not None and session.is_joined else None
         self.periods.append(
             Observed(
-                None if result is None else result.mode,
-                bool(result and result.faults) or truth.has_refused,
-                truth.is_vehicle_braking,
-                not bridge.is_waiting,
-                any(each.acts(bridge.driven_ticks) for each in self._faults),
-                *(truth.ey_error_m, truth.speed_mps, truth.wanted_mps),
+                mode=None if result is None else result.mode,
+                has_fault_bit=bool(result and result.faults) or truth.has_refused,
+                is_vehicle_braking=truth.is_vehicle_braking,
+                is_driven=not bridge.is_waiting,
+                is_faulty=any(each.acts(bridge.driven_ticks) for each in self._faults),
+                ey_m=truth.ey_error_m,
+                speed_mps=truth.speed_mps,
+                wanted_mps=truth.wanted_mps,
             )
         )
 
