@@ -39,46 +39,22 @@ VEHICLES = ("1", "2", "3")
 """vehicles of CommonRoad with a multi-body model"""
 
 
-class MultiBodyModel:
-    """The equations of one of CommonRoad's vehicles, as installed.
-
-    Raises:
-        MissingExtraError: commonroad-vehicle-models is not installed; `needed_by` is named.
-    """
-
-    def __init__(self, vehicle: int, needed_by: str) -> None:
-        with needs_extra("commonroad", needed_by):
-            from vehiclemodels.init_mb import init_mb
-            from vehiclemodels.vehicle_dynamics_mb import vehicle_dynamics_mb
-            from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
-        self.parameters: Any = setup_vehicle_parameters(vehicle_id=vehicle)
-        self._initial_state = init_mb
-        self._derivative = vehicle_dynamics_mb
-
-    def initial_state(self, v0_mps: float) -> Array:
-        """(29,) state in equilibrium."""
-        start = [0.0, 0.0, 0.0, v0_mps, 0.0, 0.0, 0.0]
-        return np.array(self._initial_state(start, self.parameters), dtype=float64)
-
-    def rate(self, state: Array, inputs: tuple[float, float]) -> Array:
-        """(29,) derivative of the state; inputs: road-wheel rate in rad/s, acceleration in m/s^2.
-
-        The model writes into the list of states that it gets, and is faster with lists of floats.
-        """
-        return np.array(self._derivative(state.tolist(), inputs, self.parameters))
-
-
 class CommonRoadPlant:
     """The multi-body model of one of CommonRoad's vehicles; see `Plant` for the methods."""
 
     def __init__(self, vehicle: int, road_friction: float) -> None:
+        """Raise a `MissingExtraError` if commonroad-vehicle-models is not installed."""
+        with needs_extra("commonroad", "`plant` commonroad"):
+            from vehiclemodels.init_mb import init_mb
+            from vehiclemodels.vehicle_dynamics_mb import vehicle_dynamics_mb
+            from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
         self.name = f"commonroad:{vehicle}"
         self.failure: str | None = None
-        self._model = MultiBodyModel(vehicle, "`plant` commonroad")
-        self._model.parameters.tire.p_dx1 *= road_friction
-        self._model.parameters.tire.p_dy1 *= road_friction
-        self._state = np.empty(0)
-        self._rates = np.empty(0)
+        self._initial_state, self._derivative = init_mb, vehicle_dynamics_mb
+        self._parameters: Any = setup_vehicle_parameters(vehicle_id=vehicle)
+        self._parameters.tire.p_dx1 *= road_friction
+        self._parameters.tire.p_dy1 *= road_friction
+        self._state = self._rates = np.empty(0)
         self._motion = np.empty((1, 3))
         self._steps = 0
 
@@ -89,7 +65,8 @@ class CommonRoadPlant:
             ConfigError: the speed is negative, too large or not a number.
         """
         require_start_speed(self.name, v0_mps)
-        self._state = self._model.initial_state(v0_mps)
+        start = [0.0, 0.0, 0.0, v0_mps, 0.0, 0.0, 0.0]
+        self._state = np.array(self._initial_state(start, self._parameters), dtype=float64)
         self._rates = np.zeros_like(self._state)
         self._steps = 0
         self.failure = None
@@ -126,11 +103,16 @@ class CommonRoadPlant:
         before = self._state
         turn_radps = (control.steer_rad / STEERING_RATIO - before[STEER]) / step_s
         inputs = (float(turn_radps), commanded_mps2(control, float(before[VX]), step_s))
+
+        def rate(state: Array) -> Array:
+            # The model writes into the list that it gets, and is faster with lists of floats.
+            return np.array(self._derivative(state.tolist(), inputs, self._parameters))
+
         try:
-            k1 = self._model.rate(before, inputs)
-            k2 = self._model.rate(before + 0.5 * step_s * k1, inputs)
-            k3 = self._model.rate(before + 0.5 * step_s * k2, inputs)
-            k4 = self._model.rate(before + step_s * k3, inputs)
+            k1 = rate(before)
+            k2 = rate(before + 0.5 * step_s * k1)
+            k3 = rate(before + 0.5 * step_s * k2)
+            k4 = rate(before + step_s * k3)
         except (ArithmeticError, ValueError) as error:
             self._fail(str(error))
             return
@@ -144,7 +126,7 @@ class CommonRoadPlant:
             self._fail("the car has rolled over, which is outside the model")
 
     def _velocities(self) -> tuple[float, float, float]:
-        state, p = self._state, self._model.parameters
+        state, p = self._state, self._parameters
         if abs(state[VX]) >= KINEMATIC_MPS:
             return state[VX], state[VY], state[YAW_RATE]
         yaw_rate_radps = state[VX] * tan(state[STEER]) / (p.a + p.b)

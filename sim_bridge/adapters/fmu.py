@@ -11,7 +11,6 @@ import tempfile
 from collections import deque
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from difflib import get_close_matches
 from math import isfinite, nan
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ import numpy as np
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, RtControllerError, needs_extra
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
-from sim_bridge.adapters.fmu_mapping import FmuMapping, Link, load_mapping, resolve_links
+from sim_bridge.adapters.fmu_mapping import Link, load_mapping, resolve_links
 from sim_bridge.plant.library import STEP_S
 from sim_bridge.plant.protocol import MOTION_FIELDS, PlantOutputs, RoadAt
 
@@ -34,94 +33,75 @@ _Groups = dict[str, list[Link]]
 """links by the type of their variables: those of one type are read or written in one call"""
 
 
-class FmuFile:
-    """An FMU on disk, checked and unpacked into a temporary folder.
-
-    Raises:
-        MissingExtraError: fmpy is not installed.
-        ConfigError: there is no FMU, or none for co-simulation by FMI 2 or 3 on this machine.
-    """
-
-    def __init__(self, path: Path) -> None:
-        with needs_extra("fmu", "`plant` fmu"):
-            import fmpy
-        if not path.is_file():
-            raise ConfigError(
-                f"{path}: expected an FMU, found no such file. Name the .fmu file after fmu:."
-            )
-        self.path = path
-        # Also removed when the process ends without `close`.
-        self.folder = tempfile.TemporaryDirectory(prefix="fmu-", ignore_cleanup_errors=True)
-        try:
-            self.description = fmpy.read_model_description(str(path), validate=False)
-            platforms = fmpy.supported_platforms(str(path))
-            fmpy.extract(str(path), unzipdir=self.folder.name)
-        except Exception as error:  # zip, XML and version errors have many types
-            self.close()
-            raise ConfigError(
-                f"{path}: expected an FMU (a ZIP archive with modelDescription.xml), found "
-                f"{error}. Export it again."
-            ) from error
-        version, here = self.description.fmiVersion, fmpy.platform
-        wrong = ""
-        if self.description.fmiMajorVersion not in (2, 3):
-            wrong = f"FMI 2 or FMI 3, found FMI {version}. Export it again with another version"
-        elif self.description.coSimulation is None:
-            wrong = (
-                "an FMU for co-simulation, found model exchange only. Export it again as "
-                "co-simulation, with its solver inside"
-            )
-        elif here not in platforms:
-            wrong = (
-                f"a library for {here}, found {', '.join(platforms) or 'none'}. Export it again "
-                f"for this platform, or compile it here: fmpy compile {path.name}"
-            )
-        if wrong:
-            self.close()
-            raise ConfigError(f"{path}: expected {wrong}.")
-
-    def variable(self, name: str) -> Any:
-        """The description of a variable.
-
-        Raises:
-            ConfigError: the FMU has no variable of this name.
-        """
-        variables = {variable.name: variable for variable in self.description.modelVariables}
-        if name in variables:
-            return variables[name]
-        near = get_close_matches(name, variables, n=5, cutoff=0.4) or list(variables)[:8]
+def _unpacked(path: Path) -> tuple[Any, tempfile.TemporaryDirectory[str]]:
+    """The model description of an FMU, and the folder with its files."""
+    with needs_extra("fmu", "`plant` fmu"):
+        import fmpy
+    if not path.is_file():
         raise ConfigError(
-            f"{self.path.name}: expected a variable {name!r}, found none of that name "
-            f"({', '.join(near)}, …). Correct the mapping file."
+            f"{path}: expected an FMU, found no such file. Name the .fmu file after fmu:."
         )
-
-    def close(self) -> None:
-        """Remove the temporary folder."""
-        self.folder.cleanup()
+    # Also removed when the process ends without `close`.
+    folder = tempfile.TemporaryDirectory(prefix="fmu-", ignore_cleanup_errors=True)
+    try:
+        description = fmpy.read_model_description(str(path), validate=False)
+        platforms = fmpy.supported_platforms(str(path))
+        fmpy.extract(str(path), unzipdir=folder.name)
+    except Exception as error:  # zip, XML and version errors have many types
+        folder.cleanup()
+        raise ConfigError(
+            f"{path}: expected an FMU (a ZIP archive with modelDescription.xml), found "
+            f"{error}. Export it again."
+        ) from error
+    wrong = ""
+    if description.fmiMajorVersion not in (2, 3) or description.coSimulation is None:
+        only = "" if description.coSimulation else ", model exchange only"
+        wrong = (
+            f"an FMU of FMI 2 or 3 for co-simulation, found FMI {description.fmiVersion}{only}. "
+            f"Export it again as co-simulation, with its solver inside"
+        )
+    elif fmpy.platform not in platforms:
+        wrong = (
+            f"a library for {fmpy.platform}, found {', '.join(platforms) or 'none'}. Export it "
+            f"again for this platform, or compile it here: fmpy compile {path.name}"
+        )
+    if wrong:
+        folder.cleanup()
+        raise ConfigError(f"{path}: expected {wrong}.")
+    return description, folder
 
 
 class FmuPlant:
-    """An FMU with its mapping; see `Plant` for the methods."""
+    """An FMU with the given mapping file or the one beside it; see `Plant` for the methods.
+
+    Raises:
+        MissingExtraError: fmpy is not installed.
+        ConfigError: FMU or mapping are missing or do not fit each other, or it is no FMU for
+            co-simulation by FMI 2 or 3 on this machine.
+    """
 
     def __init__(
         self,
-        file: FmuFile,
-        mapping: FmuMapping,
+        path: Path,
+        mapping: Path | None,
         road_friction: float,
         friction_right: float | None = None,
     ) -> None:
-        self.name = f"fmu:{file.path.name}"
+        self.name = f"fmu:{path.name}"
         self.failure: str | None = None
-        self._frictions = {
-            "road_friction": road_friction,
-            "road_friction_right": road_friction if friction_right is None else friction_right,
-        }
-        self._file = file
-        self._is_fmi2 = file.description.fmiMajorVersion == 2
+        self._description, self._folder = _unpacked(path)
+        try:
+            described = load_mapping(mapping or path.with_suffix(".toml"))
+            links = resolve_links(self._description, path.name, described)
+        except RtControllerError:
+            self._folder.cleanup()
+            raise
+        right = road_friction if friction_right is None else friction_right
+        self._frictions = {"road_friction": road_friction, "road_friction_right": right}
+        self._is_fmi2 = self._description.fmiMajorVersion == 2
         self._fmu: Any = None
         self._is_started = False
         self._messages = deque[str](maxlen=3)
-        links = resolve_links(file, mapping)
         self._start, self._parameters = links.start, links.parameters
         self._inputs, self._road_links = _grouped(links.inputs), _grouped(links.road)
         self._moving = _grouped(link for link in links.outputs if link.field in MOTION_FIELDS)
@@ -130,15 +110,13 @@ class FmuPlant:
         """start values for which the mapping names a parameter"""
         self.road_inputs = frozenset(link.field for link in links.road)
         """fields of `RoadAt` that act on this FMU"""
-        self._road: RoadAt | None = None
-        """ground of the coming period, until it is written"""
+        self._road: RoadAt | None = None  # ground of the coming period, until it is written
         self._values: dict[str, float] = {}
-        self._step_s = mapping.communication_step_s
+        self._step_s = described.communication_step_s
         self._steps, self._period_start_s = 0, 0.0
+        # Of the last period; what the FMU's inputs are; motion at the last two points.
         self._input = self._written = NEUTRAL_INPUT
-        """of the last period; what the FMU's inputs are"""
         self._last = np.zeros((2, len(MOTION_FIELDS)))
-        """motion at the last two communication points"""
         self._motion = np.empty((0, len(MOTION_FIELDS)))
 
     def reset(self, v0_mps: float) -> Array:
@@ -196,31 +174,30 @@ class FmuPlant:
         """Values at the end of the last step; NaN where the mapping names no variable."""
         if self.failure is not None:
             return PlantOutputs()
-        known = {k: v for k, v in self._values.items() if k in PlantOutputs._fields}
-        return PlantOutputs(**known)
+        return PlantOutputs(**{k: v for k, v in self._values.items() if k in PlantOutputs._fields})
 
     def close(self) -> None:
         """Free the instance, unload its library, remove the unpacked files."""
         self._free()
-        self._file.close()
+        self._folder.cleanup()
 
     def _instantiate(self, v0_mps: float) -> None:
         from fmpy.simulation import instantiate_fmu
 
-        folder, description = self._file.folder.name, self._file.description
-        fmu = self._fmu = instantiate_fmu(
-            folder, description, "CoSimulation", debug_logging=True, logger=self._log
-        )
+        given = (self._folder.name, self._description, "CoSimulation")
+        fmu = self._fmu = instantiate_fmu(*given, debug_logging=True, logger=self._log)
         wanted = {"vx_mps": v0_mps, **self._frictions}
         starts = [(k.variable, k.gain * wanted[k.field] + k.bias) for k in self._start]
         for variable, value in (*self._parameters, *starts):
-            enumeration = "Integer" if self._is_fmi2 else "Int64"
-            kind = enumeration if variable.type == "Enumeration" else variable.type
+            kind = variable.type
+            if kind == "Enumeration":
+                kind = "Integer" if self._is_fmi2 else "Int64"
             getattr(fmu, f"set{kind}")([variable.valueReference], [value])
         if self._is_fmi2:
             fmu.setupExperiment(startTime=0.0)
         fmu.enterInitializationMode()
-        self._write_inputs(NEUTRAL_INPUT)
+        self._written = NEUTRAL_INPUT
+        self._write(self._inputs, NEUTRAL_INPUT._asdict())
         fmu.exitInitializationMode()
         self._is_started = True
         self._read(self._moving)
@@ -237,7 +214,8 @@ class FmuPlant:
                 # A step that begins before this period begins with the input of the last one.
                 valid = self._input if fmu_s < self._period_start_s - slack_s else control
                 if valid != self._written:
-                    self._write_inputs(valid)
+                    self._written = valid
+                    self._write(self._inputs, valid._asdict())
                 # FMI 3 answers with (event needed, is over, is early, time), FMI 2 with nothing.
                 answer = self._fmu.doStep(fmu_s, step_s)
                 if not self._is_fmi2 and (answer[1] or answer[2]):
@@ -247,20 +225,16 @@ class FmuPlant:
                 self._read(self._moving)
                 self._last[0] = self._last[1]
                 self._last[1] = [self._values[field] for field in MOTION_FIELDS]
-                lost = [k for k in MOTION_FIELDS if not isfinite(self._values[k])]
-                if lost:
-                    self._fail(f"{lost[0]} is {self._values[lost[0]]}")
-                    return
+                for field in MOTION_FIELDS:
+                    if not isfinite(self._values[field]):
+                        self._fail(f"{field} is {self._values[field]}")
+                        return
             behind_s = fmu_s - time_s
             share = behind_s / step_s if behind_s > slack_s else 0.0
             self._motion[i] = self._last[1] - share * (self._last[1] - self._last[0])
         self._period_start_s += dt_s
         self._input = control
         self._read(self._others)
-
-    def _write_inputs(self, control: ControlInput) -> None:
-        self._written = control
-        self._write(self._inputs, control._asdict())
 
     def _write(self, groups: _Groups, wanted: Mapping[str, float]) -> None:
         for kind, links in groups.items():
@@ -296,24 +270,6 @@ class FmuPlant:
             self._fmu.freeInstance()
             self._fmu, self._is_started = None, False
             self._messages.clear()
-
-
-def open_fmu_plant(
-    path: Path, mapping: Path | None, road_friction: float, friction_right: float | None = None
-) -> FmuPlant:
-    """The plant in an FMU, with the given mapping file or the one beside the FMU.
-
-    Raises:
-        MissingExtraError: fmpy is not installed.
-        ConfigError: FMU or mapping are missing or do not fit each other.
-    """
-    file = FmuFile(path)
-    try:
-        described = load_mapping(mapping or path.with_suffix(".toml"))
-        return FmuPlant(file, described, road_friction, friction_right)
-    except RtControllerError:
-        file.close()
-        raise
 
 
 def _grouped(links: Iterable[Link]) -> _Groups:

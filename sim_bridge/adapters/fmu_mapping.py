@@ -4,10 +4,11 @@ It is TOML, by default beside the FMU under the same name: `car.fmu`, `car.toml`
 """
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
 from math import isclose
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import BeforeValidator, Field, GetPydanticSchema, TypeAdapter, create_model
 
@@ -24,9 +25,6 @@ from rt_controller.mapping.units import (
 )
 from sim_bridge.plant.protocol import MOTION_FIELDS, PlantOutputs, RoadAt
 from sim_bridge.toml_file import FileTable
-
-if TYPE_CHECKING:
-    from sim_bridge.adapters.fmu import FmuFile
 
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -119,116 +117,109 @@ class Links(NamedTuple):
     parameters: list[tuple[Any, bool | int | float | str]]
 
 
-def resolve_links(file: "FmuFile", mapping: FmuMapping) -> Links:
-    """The mapping with the FMU's variables.
+def resolve_links(description: Any, name: str, mapping: FmuMapping) -> Links:
+    """The mapping with the variables of an FMU, from its model description and its name.
 
     Raises:
         ConfigError: variables are missing, cannot be set, have a unit of another quantity, or are
             named for two inputs; or the communication step does not fit. All of it is listed.
     """
     links, problems = Links([], [], [], [], []), list[str]()
-    channels = [
-        (k, *each) for k in ("inputs", "outputs", "start", "road") for each in getattr(mapping, k)
-    ]
-    for name in mapping.parameters:
-        channels.append(("parameters", f"parameters.{name}", Channel(variable=name)))
+    variables = {variable.name: variable for variable in description.modelVariables}
+    tables = ("inputs", "outputs", "start", "road")
+    channels = [(table, *each) for table in tables for each in getattr(mapping, table)]
+    channels += [("parameters", n, Channel(variable=n)) for n in mapping.parameters]
     for table, field, channel in channels:
         if channel is None:
             continue
         try:
-            variable = file.variable(channel.variable)
-            if table != "outputs":
-                _require_settable(file, table, field, variable)
+            variable = _variable(variables, table, field, channel.variable)
             if table == "parameters":
-                links.parameters.append((variable, mapping.parameters[variable.name]))
+                links.parameters.append((variable, mapping.parameters[field]))
             else:
-                getattr(links, table).append(
-                    _link(file, table == "outputs", field, channel, variable)
-                )
+                link = _link(description, table == "outputs", field, channel, variable)
+                getattr(links, table).append(link)
         except ConfigError as error:
             problems.append(str(error))
     driven = Counter(link.variable.name for link in (*links.inputs, *links.road))
     problems += [
-        f"{file.path.name}: expected a variable of its own for each input, found {name!r} twice. "
+        f"expected a variable of its own for each input, found {variable!r} twice. "
         f"One would overwrite the other; correct the mapping file."
-        for name, number in driven.items()
+        for variable, number in driven.items()
         if number > 1
     ]
     step_s = mapping.communication_step_s
-    own_s = float(getattr(file.description.coSimulation, "fixedInternalStepSize", None) or step_s)
+    own_s = float(getattr(description.coSimulation, "fixedInternalStepSize", None) or step_s)
     if round(step_s / own_s) < 1 or abs(step_s / own_s - round(step_s / own_s)) > 1e-6:
         problems.append(
-            f"{file.path.name}: communication_step_s: expected a multiple of the FMU's own step of "
+            f"communication_step_s: expected a multiple of the FMU's own step of "
             f"{own_s:g} s, found {step_s:g} s. Write communication_step_s = {own_s:g} in the "
             f"mapping file; it need not be a part of the control period."
         )
     if problems:
-        raise ConfigError("\n".join(problems))
+        raise ConfigError("\n".join(f"{name}: {problem}" for problem in problems))
     return links
 
 
-def _require_settable(file: "FmuFile", table: str, field: str, variable: Any) -> None:
-    """Return if a variable may be set: of inputs and road in every period, else before a run.
+def _variable(variables: Mapping[str, Any], table: str, field: str, name: str) -> Any:
+    """A variable that may be read, or set: of inputs and road in every period, else before a run.
 
     Raises:
-        ConfigError: it may not.
+        ConfigError: there is none.
     """
+    if name not in variables:
+        near = get_close_matches(name, variables, n=5, cutoff=0.4) or list(variables)[:8]
+        raise ConfigError(
+            f"expected a variable {name!r}, found none of that name ({', '.join(near)}, …). "
+            f"Correct the mapping file."
+        )
+    variable = variables[name]
     causality, variability = variable.causality, variable.variability
-    found, remedy = f"which is {causality}", "Name another in the mapping file"
     if table in ("inputs", "road"):
-        if causality == "input" or (causality, variability) == ("parameter", "tunable"):
-            return
+        is_fit = causality == "input" or (causality, variability) == ("parameter", "tunable")
         expected = "an input or a tunable parameter"
-        if causality == "parameter":
-            found = f"a {variability} parameter: it has one value for a whole run"
-            remedy = "Name it under [parameters] in the mapping file"
-        remedy += f"; {field} = false says that the FMU has no such input"
+        remedy = f"Name another, or {field} = false for an FMU without such an input"
     else:
         is_given = causality in ("parameter", "input") or (
             variable.initial in ("exact", "approx") and causality in ("local", "output")
         )
-        if is_given and variability != "constant":
-            return
-        expected = "a parameter or a variable with a start value"
-        is_constant = variability == "constant" or causality == "structuralParameter"
-        found += ", constant in this FMU" if is_constant else ", computed by the FMU"
-    raise ConfigError(
-        f"{file.path.name}: {field}: expected {expected}, found {variable.name!r}, {found}. "
-        f"{remedy}."
-    )
+        is_fit = table == "outputs" or (is_given and variability != "constant")
+        expected, remedy = "a parameter or a variable with a start value", "Name another"
+    if not is_fit:
+        raise ConfigError(
+            f"{field}: expected {expected}, found {name!r}, which is "
+            f"{variability} {causality}. {remedy} in the mapping file."
+        )
+    return variable
 
 
-def _link(file: "FmuFile", is_output: bool, field: str, channel: Channel, variable: Any) -> Link:
-    where = f"{file.path.name}: {field}: expected"
+def _link(description: Any, is_output: bool, field: str, channel: Channel, variable: Any) -> Link:
     if variable.type not in ("Real", "Float64", "Float32") or variable.dimensions:
         raise ConfigError(
-            f"{where} a scalar of real numbers, found {variable.name!r} of type "
+            f"{field}: expected a scalar of real numbers, found {variable.name!r} of type "
             f"{variable.type}{list(variable.shape or ())}. Name another in the mapping file."
         )
     # The unit of the mapping, else that of the FMU, else that of the signal.
     signal_name = unit_of_name(field) or "1"
     declared = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
-    known = _declared_unit(file, declared) if declared else None
-    named = channel.unit or declared or signal_name
-    place = f"{file.path.name}: {field}: {variable.name!r}"
-    unit = require_unit(named, place) if channel.unit or known is None else known
-    signal = require_unit(signal_name, field)
+    known = _declared_unit(description, declared) if declared else None
+    unit, signal = known, require_unit(signal_name, field)
+    if channel.unit or unit is None:
+        named = channel.unit or declared or signal_name
+        unit = require_unit(named, f"{field}: {variable.name!r}")
     # Tools write rounded factors.
-    if (
-        known != unit
-        and known is not None
-        and not (
-            known.quantity == unit.quantity and isclose(known.factor, unit.factor, rel_tol=1e-4)
-        )
+    if known is not None and not (
+        known.quantity == unit.quantity and isclose(known.factor, unit.factor, rel_tol=1e-4)
     ):
         raise ConfigError(
-            f"{where} the FMU's own unit {declared!r}, found {channel.unit!r} in the mapping file. "
-            f"Leave the unit out or correct it; a factor belongs into scale."
+            f"{field}: expected the FMU's own unit {declared!r}, found {channel.unit!r} in the "
+            f"mapping file. Leave the unit out or correct it; a factor belongs into scale."
         )
     if unit.quantity != signal.quantity and channel.scale is None:
         raise ConfigError(
-            f"{where} {variable.name!r} to measure {signal.quantity}, found {unit.quantity}. Give "
-            f"with scale how much {unit.quantity} is one unit of {signal.quantity}, both in SI."
+            f"{field}: expected {variable.name!r} to measure {signal.quantity}, found "
+            f"{unit.quantity}. Give with scale how much {unit.quantity} is one unit of "
+            f"{signal.quantity}, both in SI."
         )
     scale = channel.sign * (channel.scale or 1.0)
     if is_output:
@@ -238,9 +229,9 @@ def _link(file: "FmuFile", is_output: bool, field: str, channel: Channel, variab
     return Link(field, variable, scale * signal.factor / unit.factor, bias)
 
 
-def _declared_unit(file: "FmuFile", declared: str) -> Unit | None:
+def _declared_unit(description: Any, declared: str) -> Unit | None:
     """The unit from the base units in the model description, else from its name."""
-    for definition in file.description.unitDefinitions:
+    for definition in description.unitDefinitions:
         base = definition.baseUnit
         if definition.name == declared and base is not None:
             if base.A or base.K or base.mol or base.cd or base.offset:

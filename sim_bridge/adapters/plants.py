@@ -44,9 +44,9 @@ def open_plant(
         )
     friction = road_friction if settings.friction is None else settings.friction
     if kind == FMU:
-        from sim_bridge.adapters.fmu import open_fmu_plant
+        from sim_bridge.adapters.fmu import FmuPlant
 
-        fmu = open_fmu_plant(Path(what), settings.plant_mapping, friction, settings.friction_right)
+        fmu = FmuPlant(Path(what), settings.plant_mapping, friction, settings.friction_right)
         for setting in ("friction", "friction_right"):
             if getattr(settings, setting) is not None and f"road_{setting}" not in fmu.start_fields:
                 fmu.close()

@@ -4,7 +4,6 @@ from collections import Counter, deque
 from collections.abc import Sequence
 from contextlib import suppress
 from copy import copy
-from operator import itemgetter
 
 import can
 import numpy as np
@@ -20,7 +19,6 @@ from sim_bridge.faults.kinds import FRAME_KINDS, ORDER, THIRD_PARTICIPANT, Frame
 from sim_bridge.faults.names import ACTUATOR, FRAMES, SIGNALS, VALID
 
 CODECS = {codec.name: codec for message in CATALOGUE.messages for codec in message.codecs}
-"""of all frames, by name"""
 _CODEC_OF_ID = {codec.arbitration_id: codec for codec in CODECS.values()}
 LARGEST_STANDARD_ID = 0x7FF
 
@@ -37,23 +35,15 @@ class FaultyBus:
         self, bus: can.BusABC, faults: Sequence[Fault], recorder: Recorder | None = None
     ) -> None:
         """Join a bus; `recorder` logs the frames of the vehicle as they arrive."""
-        self._bus = bus
-        self._recorder = recorder
-        self._tick = 0
-        self._now_ns = 0
-        ordered = sorted(faults, key=lambda fault: (ORDER[fault.kind], fault.delay_ticks))
-        self._distortions = {
-            name: [
-                _Distortion(fault, name)
-                for fault in ordered
-                if name in {t.frame for t in fault.targets}
-            ]
-            for name in {target.frame for fault in faults for target in fault.targets}
-        }
+        self._bus, self._recorder = bus, recorder
+        self._tick = self._now_ns = 0
+        self._distortions: dict[str, list[_Distortion]] = {}
+        for fault in sorted(faults, key=lambda fault: (ORDER[fault.kind], fault.delay_ticks)):
+            for name in {target.frame for target in fault.targets}:
+                self._distortions.setdefault(name, []).append(_Distortion(fault, name))
         self._outgoing, self._incoming = _stages(faults, 0), _stages(faults, 1)
         self._third = [_ThirdParticipant(f) for f in faults if f.kind == THIRD_PARTICIPANT]
-        self._genuine: dict[int, bytes] = {}
-        """the last frame of each id"""
+        self._genuine: dict[int, bytes] = {}  # the last frame of each id
         self._arrived: deque[can.Message] = deque()
         self._foreign: deque[can.Message] = deque()
         self._has_read_all = True
@@ -134,14 +124,12 @@ class _Distortion:
 
     def __init__(self, fault: Fault, frame: str) -> None:
         """Distort the values of one frame, or of the actuators."""
-        names = FRAMES[frame].values
-        self._fault = fault
+        names, self._fault = FRAMES[frame].values, fault
         self._places = [names.index(t.signal) for t in fault.targets if t.frame == frame]
         self._rng = np.random.default_rng((fault.seed, sorted(FRAMES).index(frame)))
         self._history: deque[tuple[float, ...]] = deque(maxlen=fault.delay_ticks + 1)
         self._held: tuple[float, ...] | None = None
-        self._last: tuple[float, ...] | None = None
-        """the values that were left last"""
+        self._last: tuple[float, ...] | None = None  # the values that were left last
 
     def apply(self, values: list[float], original: Sequence[float], tick: int) -> None:
         """Change `values`, as earlier faults left them, in place; once for each vector sent."""
@@ -154,9 +142,8 @@ class _Distortion:
             for i in self._places:
                 held = self._held[i]
                 amount = held if fault.value is None else fault.value
-                values[i] = fault.rules.change(
-                    Sample(values[i], amount, held, late[i], last[i], periods, self._rng)
-                )
+                now = Sample(values[i], amount, held, late[i], last[i], periods, self._rng)
+                values[i] = fault.rules.change(now)
         self._last = tuple(values)
 
 
@@ -170,17 +157,16 @@ def _write(codec: FrameCodec, values: Sequence[float], counter: int) -> bytes:
     flag, *rest = values
     if FRAMES[codec.name].values[0] == VALID:
         return codec.write(tuple(rest), counter, is_valid=flag > 0.0)
-    flags = min(max(round(flag), 0), codec.largest_flags)
-    return codec.write((flags, *rest), counter)
+    return codec.write((min(max(round(flag), 0), codec.largest_flags), *rest), counter)
 
 
 def _stages(faults: Sequence[Fault], direction: int) -> list[FrameFault]:
     """The faults of whole frames in one direction, in the order in which frames pass them."""
-    chosen = [(ORDER[f.kind], f) for f in faults if f.kind in FRAME_KINDS]
-    # A third participant may replace the genuine frames.
-    chosen += [(ORDER["drop"], f) for f in faults if f.kind == THIRD_PARTICIPANT and f.replaces]
-    chosen.sort(key=itemgetter(0))
-    return [FrameFault(fault, 2 * k + direction) for k, (_, fault) in enumerate(chosen)]
+    # A third participant may replace the genuine frames, as if they were dropped.
+    drops = [f for f in faults if f.kind == THIRD_PARTICIPANT and f.replaces]
+    chosen = [*(f for f in faults if f.kind in FRAME_KINDS), *drops]
+    chosen.sort(key=lambda f: ORDER["drop" if f.kind == THIRD_PARTICIPANT else f.kind])
+    return [FrameFault(fault, 2 * k + direction) for k, fault in enumerate(chosen)]
 
 
 def _passed(
@@ -236,8 +222,7 @@ class _ThirdParticipant:
             if fault.counter != "own":
                 ahead = 0 if fault.counter == "same" else 1 + sent % fault.count
                 counter = codec.check(genuine) + ahead
-        for name, value in fault.values.items():
-            target = SIGNALS[name]
+        for target, value in ((SIGNALS[name], value) for name, value in fault.values.items()):
             if target.frame == codec.name:
                 values[names.index(target.signal)] = value
         return _write(codec, values, counter)

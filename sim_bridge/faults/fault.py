@@ -9,12 +9,11 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from rt_controller.contract.timing import LONGEST_S, PERIOD_MS, PERIOD_S
 from sim_bridge.faults.kinds import KINDS, Kind
-from sim_bridge.faults.names import ACTUATOR, MESSAGES, SIGNALS, SignalName, name_in, signals_of
+from sim_bridge.faults.names import MESSAGES, SIGNALS, SignalName, name_in, signals_of
 from sim_bridge.toml_file import FileTable, Number, at_most, not_empty
 
-MOST_FAULTS = 100
-MOST_NAMED = 3
-"""frames or signals in the text of a fault"""
+MOST_FAULTS, MOST_NAMED = 100, 3
+"""in a file; frames or signals in the text of a fault"""
 LONGEST_DELAY_S = 1.0
 _OF_ALL = ("kind", "start_s", "duration_s", "before_drive", "seed")
 _VALID_FLAGS = ["STATE_A.Valid", "STATE_B.Valid", "STATE_C.Valid"]
@@ -92,8 +91,7 @@ class Fault(FileTable):
 
     @model_validator(mode="after")
     def _require_fields_of_kind(self) -> Self:
-        problems = list(self._problems())
-        if problems:
+        if problems := list(self._problems()):
             raise ValueError("\n".join(problems))
         return self
 
@@ -116,9 +114,6 @@ class Fault(FileTable):
             )
         if rules.is_positive and self.value is not None and self.value <= 0.0:
             yield f"value: expected more than 0 for {kind}, found {self.value:g}"
-        strangers = [each.signal for each in self.targets if each.frame != ACTUATOR]
-        if kind == "stuck" and strangers:
-            yield f"signals: expected actuators for stuck, found {', '.join(strangers)}"
 
     @property
     def rules(self) -> Kind:
@@ -160,11 +155,10 @@ class Fault(FileTable):
     def text(self) -> str:
         """Kind, what it acts on, and when, for people."""
         names = list(map(".".join, self.targets)) or list(self.frames)
-        listed = f"of {', '.join(names[:MOST_NAMED])}" if names else ""
-        if len(names) > MOST_NAMED:
-            listed = f"{listed} and {len(names) - MOST_NAMED} more"
+        more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
         end = "on" if self.duration_s is None else f"for {self.duration_s:g} s"
-        return " ".join(filter(None, (self.kind, listed, f"from {self.start_s:g} s", end)))
+        of = f" of {', '.join(names[:MOST_NAMED])}{more}" if names else ""
+        return f"{self.kind}{of} from {self.start_s:g} s {end}"
 
     def acts(self, tick: int) -> bool:
         """True if it acts in a tick of the drive; 0 is before the first one."""

@@ -6,7 +6,6 @@ and vehicle react.
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -24,18 +23,12 @@ if TYPE_CHECKING:  # a scenario can be checked without python-can
 class Sample(NamedTuple):
     """One value of a frame, or of the actuators, in a period in which a fault acts."""
 
-    value: float
-    """as earlier faults left it"""
-    amount: float
-    """`value` of the fault; without one the value at its beginning"""
-    held: float
-    """at the beginning of the fault"""
-    late: float
-    """of `delay_s` before, without any fault"""
-    last: float
-    """that was left in the period before"""
-    periods: int
-    """since the beginning, this one included"""
+    value: float  # as earlier faults left it
+    amount: float  # `value` of the fault; without one the value at its beginning
+    held: float  # at the beginning of the fault
+    late: float  # of `delay_s` before, without any fault
+    last: float  # that was left in the period before
+    periods: int  # since the beginning, this one included
     rng: np.random.Generator
 
 
@@ -100,24 +93,15 @@ class FrameFault:
         return found
 
 
-@dataclass(frozen=True, slots=True)
-class Kind:
+class Kind(NamedTuple):
     """What a fault of this kind needs and does: it changes values, or frames, or adds frames."""
 
-    targets: tuple[str, ...]
-    """fields that say what it acts on: one of them is needed"""
+    targets: tuple[str, ...]  # fields that say what it acts on: one of them is needed
     needs: tuple[str, ...] = ()
-    may: tuple[str, ...] = ()
-    """fields that may be left out; all others are refused"""
+    may: tuple[str, ...] = ()  # fields that may be left out; all others are refused
     change: Callable[[Sample], float] | None = None
-    least_ticks: int = 1
-    """shortest fault that has an effect"""
-    is_positive: bool = False
-    """`value` is larger than 0"""
-
-
-def _quantised(s: Sample) -> float:
-    return round(s.value / s.amount) * s.amount
+    least_ticks: int = 1  # shortest fault that has an effect
+    is_positive: bool = False  # `value` is larger than 0
 
 
 def _limited(s: Sample) -> float:
@@ -137,7 +121,9 @@ KINDS = {
     "bias": Kind(_SIGNALS, _VALUE, change=lambda s: s.value + s.amount),
     "drift": Kind(_SIGNALS, _VALUE, change=lambda s: s.value + s.amount * PERIOD_S * s.periods),
     "noise": Kind(_SIGNALS, _VALUE, change=lambda s: s.value + s.amount * s.rng.standard_normal()),
-    "quantise": Kind(_SIGNALS, _VALUE, change=_quantised, is_positive=True),
+    "quantise": Kind(
+        _SIGNALS, _VALUE, change=lambda s: round(s.value / s.amount) * s.amount, is_positive=True
+    ),
     "set": Kind(_SIGNALS, _VALUE, change=lambda s: s.amount),
     "rate": Kind(_SIGNALS, _VALUE, change=_limited, is_positive=True),
     # Whole frames: whether they arrive, when, how often, and with which bits; see `FrameFault`.

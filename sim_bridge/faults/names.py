@@ -39,11 +39,9 @@ _ALIASES = {
 class FrameNames(NamedTuple):
     """A frame of the DBC, or the actuators."""
 
-    number: int
-    """its arbitration id"""
+    number: int  # its arbitration id
     sender: str
-    values: tuple[str, ...]
-    """the flag beside the counter, Valid or Mode, and the signals"""
+    values: tuple[str, ...]  # the flag beside the counter, Valid or Mode, and the signals
 
 
 class SignalName(NamedTuple):

@@ -41,25 +41,22 @@ def build_fmu(file: Path, car: str = DEFAULT_CAR) -> Path:
         )
     parameters = load_parameters(car)
     sources = _sources(parameters)
-    token = _token(sources)
+    digest = hashlib.sha256(repr(sorted(sources.items())).encode()).hexdigest()
+    token = f"{{{digest[:8]}-{digest[8:12]}-{digest[12:16]}-{digest[16:20]}-{digest[20:32]}}}"
     sources["car_numbers.h"] += f'#define CAR_TOKEN "{token}"\n'
     name = Path(car).stem if car.endswith(".toml") else car
     c_files = sorted(source for source in sources if source.endswith(".c"))
+    machine = platform.machine()
+    folder = "linux64" if machine == "x86_64" else f"{machine}-linux"
     content = {
         "modelDescription.xml": model_description(name, token, variables(parameters.road), c_files),
         "resources/car.toml": read_shipped_or_own(car, CARS_FOLDER, "car").encode(),
-        f"binaries/{platform_folder()}/{MODEL_IDENTIFIER}.so": _compiled(sources),
+        f"binaries/{folder}/{MODEL_IDENTIFIER}.so": _compiled(sources),
         **{f"sources/{source}": text.encode() for source, text in sources.items()},
     }
     _write_archive(file, content)
     write_text(mapping, mapping_text())
     return mapping
-
-
-def platform_folder() -> str:
-    """Name of the folder for libraries of this machine."""
-    machine = platform.machine()
-    return "linux64" if machine == "x86_64" else f"{machine}-linux"
 
 
 def mapping_text() -> str:
@@ -99,21 +96,15 @@ def _sources(parameters: Parameters) -> dict[str, str]:
     return {file.name: file.read_text("utf-8") for file in files} | {"car_numbers.h": table}
 
 
-def _token(sources: Mapping[str, str]) -> str:
-    digest = hashlib.sha256(repr(sorted(sources.items())).encode()).hexdigest()
-    return f"{{{digest[:8]}-{digest[8:12]}-{digest[12:16]}-{digest[16:20]}-{digest[20:32]}}}"
-
-
 def _compiled(sources: Mapping[str, str]) -> bytes:
     try:
         find_compiler()
     except CompileError as error:
         raise MissingExtraError(f"export-fmu: {error}.") from error
     with tempfile.TemporaryDirectory(prefix="export-fmu-") as place:
-        folder = Path(place)
+        folder, library = Path(place), Path(place) / f"{MODEL_IDENTIFIER}.so"
         for name, text in sources.items():
             (folder / name).write_text(text, encoding="utf-8")
-        library = folder / f"{MODEL_IDENTIFIER}.so"
         try:
             compile_library(sorted(folder.glob("*.c")), library)
         except CompileError as error:

@@ -45,48 +45,36 @@ _DESCRIPTIONS = {
 }
 
 
+_INPUT = ("input", "continuous")
+_FIXED, _TUNABLE = ("parameter", "fixed"), ("parameter", "tunable")
+
+
 def variables(road: RoadParameters) -> list[Variable]:
     """All variables; `road` is that of the car file."""
-    positive = {"least": 1e-6}
-    slope = {"least": -STEEPEST_RAD, "most": STEEPEST_RAD}
-    limits = {"friction_left": positive, "friction_right": positive}
-    limits |= {"bank_rad": slope, "grade_rad": slope}
-    inputs = (
-        ("throttle", "accelerator pedal; limited to 0..1", 0.0, 1.0),
-        ("brake_n", "force on the brake pedal; negative values count as 0", 0.0, None),
-        ("steer_rad", "angle of the steering wheel, positive to the left", None, None),
-        ("curvature_per_m", "of the road, positive to the left; for s, e_y, e_psi", None, None),
-    )
-    starts = (
+    slope: tuple[float, float | None] = (-STEEPEST_RAD, STEEPEST_RAD)
+    limits = {"bank_rad": slope, "grade_rad": slope}
+    limits |= {"friction_left": (1e-6, None), "friction_right": (1e-6, None)}
+    outputs = {n: _DESCRIPTIONS.get(n) or _words(n.removeprefix("out_")) for n in OUTPUT_FIELDS}
+    brake = "force on the brake pedal; negative values count as 0"
+    curvature = "of the road, positive to the left; for s, e_y, e_psi"
+    return [
+        Variable("time", "independent", "continuous", "simulated time"),
+        Variable("throttle", *_INPUT, "accelerator pedal; limited to 0..1", 0.0, 0.0, 1.0),
+        Variable("brake_n", *_INPUT, brake, 0.0, 0.0),
+        Variable("steer_rad", *_INPUT, "angle of the steering wheel, positive to the left", 0.0),
+        Variable("curvature_per_m", *_INPUT, curvature, 0.0),
         Variable("v0_mps", *_FIXED, "initial speed", 20.0, 0.0, FASTEST_START_MPS),
         Variable("ey0_m", *_FIXED, "initial distance to the left of the reference line", 0.0),
         Variable("epsi0_rad", *_FIXED, "initial heading relative to the reference line", 0.0),
-    )
-    return [
-        Variable("time", "independent", "continuous", "simulated time"),
         *(
-            Variable(name, "input", "continuous", text, 0.0, least, most)
-            for name, text, least, most in inputs
-        ),
-        *starts,
-        *(
-            Variable(
-                f"road.{name}", "parameter", "tunable", _words(f"road_{name}"), value,
-                **limits.get(name, {}),
-            )
-            for name, value in road._asdict().items()
+            Variable(f"road.{n}", *_TUNABLE, _words(f"road_{n}"), value, *limits.get(n, ()))
+            for n, value in road._asdict().items()
         ),
         *(
-            Variable(
-                name, "output", "discrete" if name == "out_gear" else "continuous",
-                _DESCRIPTIONS.get(name) or _words(name.removeprefix("out_")),
-            )
-            for name in OUTPUT_FIELDS
+            Variable(name, "output", "discrete" if name == "out_gear" else "continuous", text)
+            for name, text in outputs.items()
         ),
-    ]  # fmt: skip
-
-
-_FIXED = ("parameter", "fixed")
+    ]
 
 
 class _Unit(NamedTuple):
@@ -114,15 +102,13 @@ _UNITS = {
     "per_m": _Unit("1/m", {"m": -1}),
 }
 """by the end of a name; a name that ends otherwise is a number without unit"""
-_NO_UNIT = _Unit("1", {})
 
 
 def _unit_of(name: str) -> _Unit:
-    if name == "time":
-        return _UNITS["s"]
     if name.endswith("_per_m"):
         return _UNITS["per_m"]
-    return _UNITS.get(name.rpartition("_")[2], _NO_UNIT) if "_" in name else _NO_UNIT
+    ending = "s" if name == "time" else name[name.find("_") :].rpartition("_")[2]
+    return _UNITS.get(ending, _Unit("1", {}))
 
 
 def _words(name: str) -> str:
@@ -135,26 +121,23 @@ def model_description(
     car: str, token: str, listed: Sequence[Variable], source_files: Sequence[str]
 ) -> bytes:
     """The file as XML; `token` is what the library compares at instantiation."""
-    root = Xml.Element(
-        "fmiModelDescription",
-        {
-            "fmiVersion": "2.0",
-            "modelName": car,
-            "guid": token,
-            "description": f"Nonlinear car {car}, integrated with steps of at most {STEP_S} s",
-            "author": "rt-controller",
-            "license": "Apache-2.0",
-            "generationTool": "rt-controller, sim-bridge export-fmu",
-            "variableNamingConvention": "structured",
-        },
-    )
+    head = {
+        "fmiVersion": "2.0",
+        "modelName": car,
+        "guid": token,
+        "description": f"Nonlinear car {car}, integrated with steps of at most {STEP_S} s",
+        "author": "rt-controller",
+        "license": "Apache-2.0",
+        "generationTool": "rt-controller, sim-bridge export-fmu",
+        "variableNamingConvention": "structured",
+    }
+    root = Xml.Element("fmiModelDescription", head)
     capabilities = {
         "modelIdentifier": MODEL_IDENTIFIER,
         "needsExecutionTool": "false",
         "canHandleVariableCommunicationStepSize": "true",
         "canBeInstantiatedOnlyOncePerProcess": "false",
         "canGetAndSetFMUstate": "true",
-        "canSerializeFMUstate": "true",
         "canNotUseMemoryManagementFunctions": "true",
     }
     files = Xml.SubElement(Xml.SubElement(root, "CoSimulation", capabilities), "SourceFiles")
@@ -179,12 +162,11 @@ def _add_units(root: Xml.Element, listed: Sequence[Variable]) -> None:
     for unit in units.values():
         entry = Xml.SubElement(definitions, "Unit", {"name": unit.name})
         base = {name: str(power) for name, power in unit.exponents.items()}
-        if unit.factor != 1.0:
-            base["factor"] = repr(unit.factor)
-        Xml.SubElement(entry, "BaseUnit", base)
+        factor = {"factor": repr(unit.factor)} if unit.factor != 1.0 else {}
+        Xml.SubElement(entry, "BaseUnit", base | factor)
         if unit.display is not None:
-            name, factor = unit.display
-            Xml.SubElement(entry, "DisplayUnit", {"name": name, "factor": repr(factor)})
+            display = {"name": unit.display[0], "factor": repr(unit.display[1])}
+            Xml.SubElement(entry, "DisplayUnit", display)
 
 
 def _add_variable(entries: Xml.Element, variable: Variable, reference: int) -> None:
@@ -195,13 +177,10 @@ def _add_variable(entries: Xml.Element, variable: Variable, reference: int) -> N
         "causality": variable.causality,
         "variability": variable.variability,
     }
-    if variable.causality in ("parameter", "output"):
-        is_parameter = variable.causality == "parameter"
-        attributes["initial"] = "exact" if is_parameter else "calculated"
+    if initial := {"parameter": "exact", "output": "calculated"}.get(variable.causality):
+        attributes["initial"] = initial
     unit = _unit_of(variable.name)
-    real = {"unit": unit.name}
-    if unit.display is not None:
-        real["displayUnit"] = unit.display[0]
+    real = {"unit": unit.name} | ({"displayUnit": unit.display[0]} if unit.display else {})
     numbers = (("min", variable.least), ("max", variable.most), ("start", variable.start))
     real |= {name: repr(float(number)) for name, number in numbers if number is not None}
     Xml.SubElement(Xml.SubElement(entries, "ScalarVariable", attributes), "Real", real)
@@ -218,6 +197,6 @@ def _add_structure(root: Xml.Element, listed: Sequence[Variable]) -> None:
         entries = Xml.SubElement(structure, group)
         for index, variable in enumerate(listed, 1):
             if variable.causality == "output":
-                is_state = group == "Outputs" and variable.name in STATE_FIELDS
-                dependencies = {"dependencies": ""} if is_state else {}
-                Xml.SubElement(entries, "Unknown", {"index": str(index), **dependencies})
+                unknown = Xml.SubElement(entries, "Unknown", {"index": str(index)})
+                if group == "Outputs" and variable.name in STATE_FIELDS:
+                    unknown.set("dependencies", "")

@@ -13,6 +13,8 @@
 #include "car.h"
 #include "car_numbers.h"
 
+#pragma GCC diagnostic ignored "-Wunused-parameter" /* FMI prescribes the arguments */
+
 #if defined _WIN32
 #define EXPORT __declspec(dllexport)
 #else
@@ -60,7 +62,6 @@ enum {
 };
 
 typedef struct {
-    char token[64];
     Phase phase;
     bool is_settled;
     bool has_outputs;
@@ -96,8 +97,7 @@ static Status refuse(Instance *instance, const char *name, const char *reason) {
 }
 
 static Parameters parameters_of(const Car *car) {
-    Parameters p;
-    memcpy(&p, CAR_NUMBERS, sizeof p);
+    Parameters p = *(const Parameters *)CAR_NUMBERS;
     p.road = car->values.road;
     return p;
 }
@@ -109,9 +109,7 @@ static Input input_of(const Values *v) {
 
 static void reset(Car *car) {
     memset(car, 0, sizeof *car);
-    snprintf(car->token, sizeof car->token, "%s", CAR_TOKEN);
-    const Parameters *p = (const Parameters *)CAR_NUMBERS;
-    car->values.road = p->road;
+    car->values.road = ((const Parameters *)CAR_NUMBERS)->road;
     car->values.v0_mps = FIRST_SPEED_MPS;
 }
 
@@ -188,13 +186,11 @@ EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
 EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
 
 EXPORT Status fmi2SetDebugLogging(void *component, int is_on, size_t n, const char *const *names) {
-    (void)component, (void)is_on, (void)n, (void)names;
     return OK; /* errors are always logged, nothing else is */
 }
 
 EXPORT void *fmi2Instantiate(const char *name, int type, const char *token, const char *resources,
                              const Callbacks *callbacks, int is_visible, int is_logging) {
-    (void)resources, (void)is_visible, (void)is_logging;
     const int co_simulation = 1;
     const bool is_token = token != NULL && strcmp(token, CAR_TOKEN) == 0;
     Instance *instance = type == co_simulation && is_token ? calloc(1, sizeof *instance) : NULL;
@@ -219,7 +215,6 @@ EXPORT void fmi2FreeInstance(void *component) { free(component); }
 
 EXPORT Status fmi2SetupExperiment(void *component, int has_tolerance, double tolerance,
                                   double start_time, int has_stop_time, double stop_time) {
-    (void)has_tolerance, (void)tolerance, (void)has_stop_time, (void)stop_time;
     Instance *instance = component;
     if (instance->car.phase != INSTANTIATED) {
         return refuse(instance, "experiment", "expected a new or reset instance.");
@@ -286,7 +281,6 @@ EXPORT Status fmi2SetReal(void *component, const unsigned *references, size_t n,
 }
 
 EXPORT Status fmi2DoStep(void *component, double time_s, double step_s, int is_final) {
-    (void)is_final;
     Instance *instance = component;
     Car *car = &instance->car;
     Values *v = &car->values;
@@ -327,51 +321,35 @@ EXPORT Status fmi2CancelStep(void *component) {
 }
 
 /* All variables are real numbers. */
-#define NO_VARIABLES(kind, type)                                                                   \
-    EXPORT Status fmi2Get##kind(void *component, const unsigned *references, size_t n,             \
-                                type *values) {                                                    \
-        (void)references, (void)values;                                                            \
-        return n == 0 ? OK : refuse(component, #kind, "expected variables of type Real.");         \
-    }                                                                                              \
-    EXPORT Status fmi2Set##kind(void *component, const unsigned *references, size_t n,             \
-                                const type *values) {                                              \
-        (void)references, (void)values;                                                            \
-        return n == 0 ? OK : refuse(component, #kind, "expected variables of type Real.");         \
+#define NO_VARIABLES(function, type)                                                               \
+    EXPORT Status function(void *component, const unsigned *references, size_t n, type *values) {  \
+        return n == 0 ? OK : refuse(component, #function, "expected variables of type Real.");     \
     }
-NO_VARIABLES(Integer, int)
-NO_VARIABLES(Boolean, int)
-NO_VARIABLES(String, char *)
+NO_VARIABLES(fmi2GetInteger, int)
+NO_VARIABLES(fmi2SetInteger, const int)
+NO_VARIABLES(fmi2GetBoolean, int)
+NO_VARIABLES(fmi2SetBoolean, const int)
+NO_VARIABLES(fmi2GetString, char *)
+NO_VARIABLES(fmi2SetString, char *const)
 
-static bool is_of_this_car(const void *state) {
-    return state != NULL && strncmp(state, CAR_TOKEN, sizeof CAR_TOKEN) == 0;
-}
-
-static Status copy(Instance *instance, const void *from, void **to) {
-    if (to == NULL) {
-        return refuse(instance, "state", "expected a place for it, found NULL.");
+EXPORT Status fmi2GetFMUstate(void *component, void **state) {
+    *state = *state == NULL ? malloc(sizeof(Car)) : *state;
+    if (*state == NULL) {
+        return refuse(component, "state", "there is no memory left.");
     }
-    *to = *to == NULL ? malloc(sizeof(Car)) : *to;
-    if (*to == NULL) {
-        return refuse(instance, "state", "there is no memory left.");
-    }
-    memcpy(*to, from, sizeof(Car));
+    memcpy(*state, &((Instance *)component)->car, sizeof(Car));
     return OK;
 }
 
-EXPORT Status fmi2GetFMUstate(void *component, void **state) {
-    return copy(component, &((Instance *)component)->car, state);
-}
-
 EXPORT Status fmi2SetFMUstate(void *component, void *state) {
-    if (!is_of_this_car(state)) {
-        return refuse(component, "state", "expected one of this FMU, found another or NULL.");
+    if (state == NULL) {
+        return refuse(component, "state", "expected one of this FMU, found NULL.");
     }
     memcpy(&((Instance *)component)->car, state, sizeof(Car));
     return OK;
 }
 
 EXPORT Status fmi2FreeFMUstate(void *component, void **state) {
-    (void)component;
     if (state != NULL) {
         free(*state);
         *state = NULL;
@@ -379,61 +357,29 @@ EXPORT Status fmi2FreeFMUstate(void *component, void **state) {
     return OK;
 }
 
-EXPORT Status fmi2SerializedFMUstateSize(void *component, void *state, size_t *size) {
-    (void)component, (void)state;
-    *size = sizeof(Car);
-    return OK;
-}
-
-EXPORT Status fmi2SerializeFMUstate(void *component, void *state, char bytes[], size_t size) {
-    if (!is_of_this_car(state) || bytes == NULL || size < sizeof(Car)) {
-        return refuse(component, "state", "expected one of this FMU and room for its bytes.");
+/* What the model description says that the FMU does not have. */
+#define MISSING(function, ...)                                                                     \
+    EXPORT Status function(void *component, __VA_ARGS__) {                                         \
+        return refuse(component, #function, "expected no such call: the FMU does not offer it.");  \
     }
-    memcpy(bytes, state, sizeof(Car));
-    return OK;
-}
-
-EXPORT Status fmi2DeSerializeFMUstate(void *component, const char bytes[], size_t size,
-                                      void **state) {
-    if (size != sizeof(Car) || !is_of_this_car(bytes)) {
-        return refuse(component, "state", "expected bytes of a state of this FMU, found others.");
-    }
-    return copy(component, bytes, state);
-}
-
-#define NO_DERIVATIVES "expected no derivatives: the FMU does not provide them."
-
-EXPORT Status fmi2GetDirectionalDerivative(void *component, const unsigned *unknowns,
-                                           size_t n_unknowns, const unsigned *knowns,
-                                           size_t n_knowns, const double *seed, double *out) {
-    (void)unknowns, (void)n_unknowns, (void)knowns, (void)n_knowns, (void)seed, (void)out;
-    return refuse(component, "derivative", NO_DERIVATIVES);
-}
-
-EXPORT Status fmi2SetRealInputDerivatives(void *component, const unsigned *references, size_t n,
-                                          const int *orders, const double *values) {
-    (void)references, (void)n, (void)orders, (void)values;
-    return refuse(component, "derivative", NO_DERIVATIVES);
-}
-
-EXPORT Status fmi2GetRealOutputDerivatives(void *component, const unsigned *references, size_t n,
-                                           const int *orders, double *values) {
-    (void)references, (void)n, (void)orders, (void)values;
-    return refuse(component, "derivative", NO_DERIVATIVES);
-}
+MISSING(fmi2SerializedFMUstateSize, void *state, size_t *size)
+MISSING(fmi2SerializeFMUstate, void *state, char bytes[], size_t size)
+MISSING(fmi2DeSerializeFMUstate, const char bytes[], size_t size, void **state)
+MISSING(fmi2GetDirectionalDerivative, const unsigned *unknowns, size_t n_unknowns,
+        const unsigned *knowns, size_t n_knowns, const double *seed, double *out)
+MISSING(fmi2SetRealInputDerivatives, const unsigned *references, size_t n, const int *orders,
+        const double *values)
+MISSING(fmi2GetRealOutputDerivatives, const unsigned *references, size_t n, const int *orders,
+        double *values)
 
 /* Steps end before they return, so there is never a status to ask for but the last time. */
 #define NO_STATUS(kind, type)                                                                      \
-    EXPORT Status fmi2Get##kind(void *component, int what, type *value) {                          \
-        (void)component, (void)what, (void)value;                                                  \
-        return DISCARD;                                                                            \
-    }
+    EXPORT Status fmi2Get##kind(void *component, int what, type *value) { return DISCARD; }
 NO_STATUS(Status, Status)
 NO_STATUS(IntegerStatus, int)
 NO_STATUS(StringStatus, const char *)
 
 EXPORT Status fmi2GetBooleanStatus(void *component, int what, int *value) {
-    (void)component;
     const int terminated = 3;
     *value = 0; /* the car never asks for the end of the simulation */
     return what == terminated ? OK : DISCARD;
@@ -441,9 +387,6 @@ EXPORT Status fmi2GetBooleanStatus(void *component, int what, int *value) {
 
 EXPORT Status fmi2GetRealStatus(void *component, int what, double *value) {
     const int last_successful_time = 2;
-    if (what != last_successful_time) {
-        return DISCARD;
-    }
     *value = ((Instance *)component)->car.values.time_s;
-    return OK;
+    return what == last_successful_time ? OK : DISCARD;
 }

@@ -1,29 +1,31 @@
 """The acceptance table of `acceptance.toml`: driven, compared with its targets, and printed."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from itertools import groupby
 from math import isfinite
-from typing import Literal
+from typing import Literal, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, TypeAdapter
+from pydantic import TypeAdapter
 
 from rt_controller.mapping.toml_file import parse
 from rt_controller.report.table import Cell, Column, Row, Table, format_number
 from sim_bridge.plant.parameters import load_parameters
-from sim_bridge.validation.manoeuvres import MANOEUVRES, Measured
+from sim_bridge.toml_file import FileTable
+from sim_bridge.validation.lateral import LATERAL
+from sim_bridge.validation.longitudinal import LONGITUDINAL
+from sim_bridge.validation.run import Measured
 
 Kind = Literal["measured", "regulation", "implementation check"]
 _TABLE = "acceptance.toml"
 _NO_VALUE = "no such value in this drive"
+MANOEUVRES = {each.__name__: each for each in (*LATERAL, *LONGITUDINAL)}
+"""by the name that the table uses"""
 
 
-class Line(BaseModel):
+class Line(FileTable):
     """A line of the table; without a target it is reported only. The file says what is what."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: str
     unit: str = ""
@@ -38,10 +40,8 @@ class Line(BaseModel):
     fitted: bool = False
 
 
-class AcceptanceTest(BaseModel):
+class AcceptanceTest(FileTable):
     """A manoeuvre, the cars that drive it, and the lines with its values."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     title: str
     manoeuvre: str
@@ -52,8 +52,7 @@ class AcceptanceTest(BaseModel):
     lines: tuple[Line, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class LineResult:
+class LineResult(NamedTuple):
     """A line of the table, compared with its target."""
 
     test: int
@@ -62,24 +61,15 @@ class LineResult:
     unit: str
     kind: Kind
     target: float | None
-    reached: float
-    """NaN if the drive does not contain it"""
-    tolerance: str | None
-    """in words"""
-    low: float | None
-    """smallest number that passes; None: no bound"""
+    reached: float  # NaN if the drive does not contain it
+    tolerance: str | None  # in words
+    low: float | None  # smallest number that passes; None: no bound
     high: float | None
-    ok: bool | None
-    """None: reported, not judged"""
-    is_within: bool | None
-    """within the bounds, judged or not; None without a value, without a target, or if the target is
-    for another car"""
-    not_judged: str | None
-    """why a line with a target is not judged"""
-    source: str | None
-    """of the target, in words; None without a target"""
-    fitted: bool
-    """the car was fitted to this target"""
+    ok: bool | None  # None: reported, not judged
+    is_within: bool | None  # of the bounds, judged or not; None if there is nothing to compare
+    not_judged: str | None  # why a line with a target is not judged
+    source: str | None  # of the target, in words
+    fitted: bool  # the car was fitted to this target
 
 
 def _load_table() -> dict[int, AcceptanceTest]:
@@ -141,10 +131,9 @@ def check_line(
 
 def _range(line: Line, target: float) -> tuple[float | None, float | None, str]:
     """Smallest and largest value that pass, and the tolerance in words."""
-    if line.bound == "at most":
-        return None, target, line.bound
-    if line.bound == "at least":
-        return target, None, line.bound
+    if line.bound is not None:
+        is_most = line.bound == "at most"
+        return None if is_most else target, target if is_most else None, line.bound
     if line.share is not None:
         width, tolerance = abs(target) * line.share, f"±{100.0 * line.share:g} %"
     else:
@@ -168,34 +157,25 @@ def count_sentence(results: Sequence[LineResult]) -> str:
 
 def acceptance_table(results: Sequence[LineResult], has_sources: bool = False) -> Table:
     """The lines with a heading for each test and car; the sources of the targets make it wide."""
-    columns: tuple[Column, ...] = (
-        Column("line", is_text=True),
-        Column("", is_text=True),
-        Column("reached"),
-        Column("target"),
-        Column("tolerance"),
-        Column("unit", is_text=True, width="short"),
-        Column("kind", is_text=True),
-        Column("remark", is_text=True),
-    )
+    numbers = ("reached", "target", "tolerance")
+    heads = ("line", "", *numbers, "unit", "kind", "remark", "source of the target")
+    widths: dict[str, Literal["short", "long"]] = {"unit": "short", heads[-1]: "long"}
+    columns = [Column(h, "", h not in numbers, widths.get(h, "")) for h in heads]
     rows: list[Row] = []
     for (test, car), lines in groupby(results, key=lambda line: (line.test, line.car)):
         rows.append((f"{test} · {TESTS[test].title}, {car}",))
         for line in lines:
-            row: Row = (
-                line.name,
-                _mark(line),
+            numbers = (
                 format_number(line.reached),
                 "" if line.target is None else format_number(line.target),
                 line.tolerance or "",
-                line.unit,
-                line.kind,
-                _remark(line),
             )
-            rows.append((*row, line.source or "") if has_sources else row)
-    if has_sources:
-        columns += (Column("source of the target", is_text=True, width="long"),)
-    return Table("", columns, tuple(rows))
+            remarks = ["fitted"] * line.fitted
+            remarks += [f"not judged: {line.not_judged}"] if line.not_judged else []
+            words = (line.unit, line.kind, "; ".join(remarks), line.source or "")
+            rows.append((line.name, _mark(line), *numbers, *words))
+    n = len(columns) if has_sources else len(columns) - 1
+    return Table("", tuple(columns[:n]), tuple(row[:n] for row in rows))
 
 
 def _mark(line: LineResult) -> Cell:
@@ -205,8 +185,3 @@ def _mark(line: LineResult) -> Cell:
     if line.is_within is False:
         return Cell("missed", status="bad")
     return Cell("reported" if line.not_judged is None else "not judged", status="faint")
-
-
-def _remark(line: LineResult) -> str:
-    parts = ("fitted" if line.fitted else "", f"not judged: {line.not_judged}")
-    return "; ".join(filter(None, parts if line.not_judged else parts[:1]))

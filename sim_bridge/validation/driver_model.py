@@ -9,8 +9,8 @@ MacAdam, IEEE Trans. Systems, Man, and Cybernetics 11 (1981), pp. 393-399.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import radians
+from typing import NamedTuple
 
 import numpy as np
 from numpy import float64
@@ -28,12 +28,9 @@ from sim_bridge.validation.run import (
 )
 
 DRIVER_PERIOD_S = 0.01
-_THROTTLE_PER_MPS = 0.5
-_THROTTLE_PER_M = 0.3
+_THROTTLE_PER_MPS, _THROTTLE_PER_M = 0.5, 0.3
 _LEAD_LAG_S = 0.03
-_TRIAL_S = 8.0
-_TRIAL_STEER_RAD = radians(8.0)
-_TRIAL_HZ = 0.35
+_TRIAL_S, _TRIAL_STEER_RAD, _TRIAL_HZ = 8.0, radians(8.0), 0.35
 
 Path = Callable[[Array], Array]
 """from distances ahead in m to lateral positions in m, positive to the left"""
@@ -43,9 +40,7 @@ class SpeedControl:
     """Proportional-integral control of the speed with the throttle alone."""
 
     def __init__(self, speed_mps: float, throttle: float, period_s: float) -> None:
-        self._speed_mps = speed_mps
-        self._integral = throttle
-        self._period_s = period_s
+        self._speed_mps, self._integral, self._period_s = speed_mps, throttle, period_s
 
     def throttle(self, vx_mps: float) -> float:
         """The throttle of the next period; call once per period."""
@@ -71,17 +66,15 @@ def steer_open_loop(
     return run_driver(parameters, speed_mps, driver, duration_s, period_s)
 
 
-@dataclass(frozen=True, slots=True)
-class DriverModel:
+class DriverModel(NamedTuple):
     """Linear model of a car at one speed: next = A @ now + b * steer_rad, one driver period on."""
 
     speed_mps: float
     throttle: float
     """that keeps the speed"""
     A: Array
-    """(2, 2), of vy_mps and yaw_rate_radps"""
+    """(2, 2), of vy_mps and yaw_rate_radps; b: (2,)"""
     b: Array
-    """(2,)"""
 
 
 def fit_driver_model(parameters: Parameters, speed_mps: float) -> DriverModel:
@@ -107,9 +100,7 @@ class PreviewDriver:
     def __init__(
         self, path_m: Path, preview_s: float, model: DriverModel, lead_s: float = 0.0
     ) -> None:
-        self._path_m = path_m
-        self._lead_s = lead_s
-        self._lagged_rad = 0.0
+        self._path_m, self._lead_s, self._lagged_rad = path_m, lead_s, 0.0
         n_periods = round(preview_s / DRIVER_PERIOD_S)
         self._ahead_s = DRIVER_PERIOD_S * np.arange(1, n_periods + 1, dtype=float64)
         self._speed = SpeedControl(model.speed_mps, model.throttle, DRIVER_PERIOD_S)
@@ -119,27 +110,22 @@ class PreviewDriver:
         """the same per radian of a constant steering wheel angle"""
         step = np.eye(4)
         step[:2, :2] = model.A
-        step[2, 1] = DRIVER_PERIOD_S
-        step[3, 0] = DRIVER_PERIOD_S
+        step[2, 1] = step[3, 0] = DRIVER_PERIOD_S
         step[3, 2] = DRIVER_PERIOD_S * model.speed_mps
         steering = np.array((*model.b, 0.0, 0.0))
         power, response = np.eye(4), np.zeros(4)
         for k in range(n_periods):
             power = step @ power
             response = step @ response + steering
-            self._free[k] = power[3]
-            self._forced[k] = response[3]
+            self._free[k], self._forced[k] = power[3], response[3]
 
     def __call__(self, now: Observation) -> ControlInput:
         here = np.array((now.vy_mps, now.yaw_rate_radps, now.yaw_rad, now.y_m))
         gap_m = self._path_m(now.x_m + now.vx_mps * self._ahead_s) - self._free @ here
         steer_rad = float(gap_m @ self._forced / (self._forced @ self._forced))
-        return ControlInput(self._speed.throttle(now.vx_mps), 0.0, self._led_rad(steer_rad))
-
-    def _led_rad(self, steer_rad: float) -> float:
-        """The angle advanced by the lead time, from its rate smoothed over `_LEAD_LAG_S`."""
-        if self._lead_s == 0.0:
-            return steer_rad
-        rate_radps = (steer_rad - self._lagged_rad) / _LEAD_LAG_S
-        self._lagged_rad += rate_radps * DRIVER_PERIOD_S
-        return steer_rad + self._lead_s * rate_radps
+        if self._lead_s > 0.0:
+            # The angle advanced by the lead time, from its rate smoothed over `_LEAD_LAG_S`.
+            rate_radps = (steer_rad - self._lagged_rad) / _LEAD_LAG_S
+            self._lagged_rad += rate_radps * DRIVER_PERIOD_S
+            steer_rad += self._lead_s * rate_radps
+        return ControlInput(self._speed.throttle(now.vx_mps), 0.0, steer_rad)

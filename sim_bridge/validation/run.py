@@ -4,8 +4,7 @@ Both begin with a settled car at the given speed on an unlimited plane without l
 y and heading over ground.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +21,8 @@ from sim_bridge.plant.library import STEP_S, settle, simulate
 from sim_bridge.plant.parameters import Parameters
 from sim_bridge.plant.protocol import PlantOutputs
 
+PER_KMH = 1.0 / 3.6
+"""m/s"""
 _WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 
 
@@ -41,83 +42,60 @@ Driver = Callable[[Observation], ControlInput]
 """chooses the inputs of the next period; may have a state"""
 
 
-@dataclass(frozen=True, slots=True)
 class Run:
-    """A drive of K periods; every array has K + 1 rows, the first is the start."""
+    """A drive of K periods; every array has K + 1 rows, the first is the start.
 
-    period_s: float
-    inputs: Array
-    """(K + 1, 3), columns as `ControlInput`; a row holds for the period that ends with it"""
-    motion: Array
-    """(K + 1, 3), vx_mps, vy_mps, yaw_rate_radps"""
-    pose: Array
-    """(K + 1, 3), x_m, y_m, yaw_rad over ground"""
-    outputs: Array
-    """(K + 1, N_OUTPUTS), columns as `PlantOutputs._fields`"""
+    An input belongs to the period that ends with its row. The columns of `motion` are vx_mps,
+    vy_mps and yaw_rate_radps, those of `pose` x_m, y_m and yaw_rad over ground, those of `outputs`
+    `PlantOutputs._fields`, those of `loads_n` and `spins_radps` the wheels front left, front right,
+    rear left, rear right.
+    """
 
-    def __post_init__(self) -> None:
+    def __init__(
+        self, period_s: float, inputs: Array, motion: Array, pose: Array, outputs: Array
+    ) -> None:
         """Raise a `PlantError` if the car failed."""
-        if not self.is_finite:
-            failed_s = self.time_s[int(np.argmin(np.isfinite(self.motion).all(axis=1)))]
+        self.period_s, self.inputs = period_s, inputs
+        self.motion, self.pose, self.outputs = motion, pose, outputs
+        self.time_s: Array = period_s * np.arange(len(motion), dtype=float64)
+        self.x_m, self.y_m = pose[:, 0], pose[:, 1]
+        self.speed_mps = motion[:, StateColumn.vx_mps]
+        if not (np.isfinite(motion).all() and np.isfinite(outputs).all()):
+            failed_s = self.time_s[int(np.argmin(np.isfinite(motion).all(axis=1)))]
             raise PlantError(
                 f"test drive from {self.speed_mps[0]:.1f} m/s: expected a finite motion, found "
                 f"none from {failed_s:.2f} s on. Correct the values of the car file."
             )
-
-    @property
-    def is_finite(self) -> bool:
-        """True if motion and outputs are finite."""
-        return bool(np.isfinite(self.motion).all() and np.isfinite(self.outputs).all())
-
-    @property
-    def time_s(self) -> Array:
-        return self.period_s * np.arange(len(self.motion), dtype=float64)
-
-    @property
-    def x_m(self) -> Array:
-        return self.pose[:, 0]
-
-    @property
-    def y_m(self) -> Array:
-        return self.pose[:, 1]
-
-    @property
-    def steer_deg(self) -> Array:
-        return np.degrees(self.inputs[:, InputColumn.steer_rad])
-
-    @property
-    def speed_mps(self) -> Array:
-        return self.motion[:, StateColumn.vx_mps]
-
-    @property
-    def yaw_rate_degps(self) -> Array:
-        return np.degrees(self.motion[:, StateColumn.yaw_rate_radps])
-
-    @property
-    def lateral_g(self) -> Array:
-        return self.column("ay_mps2") / GRAVITY_MPS2
-
-    @property
-    def sideslip_deg(self) -> Array:
-        return np.degrees(self.column("sideslip_rad"))
-
-    @property
-    def roll_deg(self) -> Array:
-        return np.degrees(self.column("roll_rad"))
-
-    @property
-    def loads_n(self) -> Array:
-        """(K + 1, 4), front left, front right, rear left, rear right."""
-        return np.stack([self.column(f"load_{wheel}_n") for wheel in _WHEELS], axis=1)
-
-    @property
-    def spins_radps(self) -> Array:
-        """(K + 1, 4), order as `loads_n`."""
-        return np.stack([self.column(f"spin_{wheel}_radps") for wheel in _WHEELS], axis=1)
+        self.steer_deg = np.degrees(inputs[:, InputColumn.steer_rad])
+        self.yaw_rate_degps = np.degrees(motion[:, StateColumn.yaw_rate_radps])
+        self.lateral_g = self.column("ay_mps2") / GRAVITY_MPS2
+        self.sideslip_deg = np.degrees(self.column("sideslip_rad"))
+        self.roll_deg = np.degrees(self.column("roll_rad"))
+        self.loads_n = np.stack([self.column(f"load_{wheel}_n") for wheel in _WHEELS], axis=1)
+        self.spins_radps = np.stack(
+            [self.column(f"spin_{wheel}_radps") for wheel in _WHEELS], axis=1
+        )
 
     def column(self, name: str) -> Array:
         """(K + 1,) one of the outputs by its name."""
         return self.outputs[:, PlantOutputs._fields.index(name)]
+
+
+class Curve(NamedTuple):
+    """A curve of the page; curves with the same axes share a panel."""
+
+    x_title: str
+    y_title: str
+    x: Array
+    y: Array
+    name: str = "car"
+
+
+class Measured(NamedTuple):
+    """The result of a manoeuvre: values by the name of the line, and curves of the page."""
+
+    values: dict[str, float]
+    curves: tuple[Curve, ...] = ()
 
 
 def input_table(
@@ -127,11 +105,8 @@ def input_table(
     steer_rad: Array | float = 0.0,
 ) -> Array:
     """(n, 3) inputs, columns as `ControlInput`, from constants or arrays (n,)."""
-    table = np.empty((n, len(InputColumn)))
-    table[:, InputColumn.throttle] = throttle
-    table[:, InputColumn.brake_n] = brake_n
-    table[:, InputColumn.steer_rad] = steer_rad
-    return table
+    columns = [np.broadcast_to(column, n) for column in (throttle, brake_n, steer_rad)]
+    return np.stack(columns, axis=1, dtype=float64)
 
 
 def replay(
@@ -158,21 +133,18 @@ def run_driver(
     parameters: Parameters, v0_mps: float, driver: Driver, duration_s: float, period_s: float
 ) -> Run:
     """The drive of a settled car with a driver."""
-    car = Car(OwnCar(parameters), v0_mps)
-    rows = [_row(NEUTRAL_INPUT, car)]
-    for k in range(round(duration_s / period_s)):
-        _, motion, pose, _ = rows[-1]
-        control = driver(Observation(k * period_s, *pose, *motion))
-        car.advance(control, 0.0, period_s)
-        rows.append(_row(control, car))
+    car, control = Car(OwnCar(parameters), v0_mps), NEUTRAL_INPUT
+    rows: list[tuple[Sequence[float], ...]] = []
+    for k in range(round(duration_s / period_s) + 1):
+        if k > 0:
+            _, motion, pose, _ = rows[-1]
+            control = driver(Observation((k - 1) * period_s, *pose, *motion))
+            car.advance(control, 0.0, period_s)
+        vx_mps, vy_mps, yaw_rate_radps, _, ey_m, epsi_rad = car.state
+        # The pose on a straight road is that over ground.
+        motion, pose = (vx_mps, vy_mps, yaw_rate_radps), (car.s_m, ey_m, epsi_rad)
+        rows.append((control, motion, pose, car.plant.outputs()))
     return Run(period_s, *(np.array(part) for part in zip(*rows, strict=True)))
-
-
-def _row(control: ControlInput, car: Car) -> tuple[tuple[float, ...], ...]:
-    """Inputs, motion, pose and outputs; the pose on a straight road is that over ground."""
-    vx_mps, vy_mps, yaw_rate_radps, _, ey_m, epsi_rad = car.state
-    motion, pose = (vx_mps, vy_mps, yaw_rate_radps), (car.s_m, ey_m, epsi_rad)
-    return control, motion, pose, car.plant.outputs()
 
 
 def cruising_throttle(parameters: Parameters, v0_mps: float) -> float:
@@ -180,3 +152,8 @@ def cruising_throttle(parameters: Parameters, v0_mps: float) -> float:
     car = OwnCar(parameters)
     car.reset(v0_mps)
     return car.outputs().throttle
+
+
+def wheelbase_m(car: Parameters) -> float:
+    """Distance between the axles."""
+    return car.body.front_axle_m + car.body.rear_axle_m

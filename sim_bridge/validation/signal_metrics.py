@@ -3,8 +3,8 @@
 A quantity that a record does not contain, such as the time to a speed that is not reached, is NaN.
 """
 
-from dataclasses import dataclass
 from math import nan
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,16 +37,12 @@ def peak(y: Array) -> float:
     return float(np.max(np.abs(y)))
 
 
-@dataclass(frozen=True, slots=True)
-class StepResponse:
+class StepResponse(NamedTuple):
     """Characteristics of the response of a signal to a step."""
 
-    steady: float
-    """mean of the last tenth of the record"""
-    t90_s: float
-    """from the step to 90 % of the steady value"""
-    overshoot: float
-    """of the largest value over the steady one, a share of it"""
+    steady: float  # mean of the last tenth of the record
+    t90_s: float  # from the step to 90 % of the steady value
+    overshoot: float  # of the largest value over the steady one, a share of it
 
 
 def step_response(time_s: Array, y: Array, step_s: float) -> StepResponse:
@@ -55,13 +51,9 @@ def step_response(time_s: Array, y: Array, step_s: float) -> StepResponse:
     after = time_s >= step_s
     if not after.any() or steady == 0.0:
         return StepResponse(nan, nan, nan)
-    since_s = time_s[after] - step_s
     share = y[after] / steady
-    return StepResponse(
-        steady=steady,
-        t90_s=crossing(since_s, share, 0.9),
-        overshoot=max(0.0, float(np.max(share)) - 1.0),
-    )
+    t90_s = crossing(time_s[after] - step_s, share, 0.9)
+    return StepResponse(steady, t90_s, max(0.0, float(np.max(share)) - 1.0))
 
 
 def sine_in(time_s: Array, y: Array, frequency_hz: float) -> complex:
@@ -86,14 +78,14 @@ def mean_deceleration(run: Run, v0_mps: float) -> float:
     return (begin_mps**2 - end_mps**2) / (2.0 * (end_m - begin_m))
 
 
-def rear_locked_first(rim_mps: Array, speed_mps: Array, still_mps: float = 3.0) -> bool:
+def rear_locked_first(rim_mps: Array, speed_mps: Array) -> bool:
     """True if a rear wheel locked while the front wheel on its side still turned.
 
     Args:
         rim_mps: (K, 4), wheel speeds times rolling radius, front left, front right, rear ones.
-        speed_mps: (K,), of the car; below `still_mps` locking is ignored.
+        speed_mps: (K,), of the car; below 3 m/s locking is ignored.
     """
-    rolling = speed_mps > still_mps
+    rolling = speed_mps > 3.0
     locked = rim_mps[rolling] < 0.2 * speed_mps[rolling, None]
     never = len(locked)
     first = [int(np.argmax(wheel)) if wheel.any() else never for wheel in locked.T]
@@ -105,12 +97,3 @@ def reversals(gear: Array) -> int:
     shifts = np.sign(np.diff(gear))
     shifts = shifts[shifts != 0.0]
     return int(np.count_nonzero(np.diff(shifts)))
-
-
-def largest_gain(energy_j: Array) -> float:
-    """Largest increase of the energy from one sample to a later one, as a share of the first.
-
-    Zero if the energy never increases.
-    """
-    lowest_before = np.minimum.accumulate(energy_j)
-    return float(np.max(energy_j - lowest_before) / energy_j[0])

@@ -18,10 +18,8 @@ from sim_bridge.scenario.limits import KMH_PER_MPS
 from sim_bridge.toml_file import FileTable
 
 SPEEDS_KMH = (60.0, 80.0, 120.0)
-FAULT_START_S = 2.0
-"""the steering wheel is turned: the lane change begins at 1 s and takes 2.5 s"""
-DURATION_S = 6.0
-"""of a drive; a stop that has begun before goes on until the car stands"""
+FAULT_START_S = 2.0  # the steering wheel is turned: the lane change begins at 1 s, takes 2.5 s
+DURATION_S = 6.0  # of a drive; a stop that has begun before goes on until the car stands
 SHARPEST_BEND_PER_M = 0.009
 """of the smallest radius that the wheel allows"""
 
@@ -80,20 +78,15 @@ MANOEUVRES: dict[str, Callable[[float], Content]] = {
 class Case(FileTable):
     """One fault, or several that act together, as in a file."""
 
-    name: str = ""
-    """of the table in the file"""
-    condition: str = ""
-    """name of the one in `conditions.toml`; "": none"""
+    name: str = ""  # of the table in the file
+    condition: str = ""  # name of the one in `conditions.toml`; "": none
     faults: tuple[Content, ...]
     initial: Content = Field(default_factory=dict)
-    """of the scenario"""
     known_limit: str = ""
     """why no reaction keeps the car on its lane; its drives are judged like all others"""
     manoeuvre: Annotated[str, name_in(MANOEUVRES)] = "lane_change"
     payload: Content = Field(default_factory=dict)
-    """of the scenario"""
-    sensors: tuple[Content, ...] = ()
-    """what the sensors do beside the fault: noise"""
+    sensors: tuple[Content, ...] = ()  # what the sensors do beside the fault: noise
 
     @property
     def is_fault_free(self) -> bool:
@@ -105,16 +98,13 @@ class Case(FileTable):
         drive = MANOEUVRES[self.manoeuvre](speed_kmh / KMH_PER_MPS)
         faults = [{"start_s": FAULT_START_S} | fault for fault in self.faults]
         noise = [{"start_s": 0.0, "before_drive": True} | fault for fault in self.sensors]
-        content: Content = {"duration_s": DURATION_S} | drive
-        content |= {
-            "format": 2,
-            "name": f"{self.name} at {speed_kmh:g} km/h",
-            "reference": {"speed_kmh": speed_kmh} | drive.get("reference", {}),
-            "initial": self.initial,
-            "payload": {"mass_kg": 0.0} | self.payload,
-            "faults": faults + noise,
-        }
-        return parse_scenario(content, f"fault {self.name}")
+        reference = {"speed_kmh": speed_kmh} | drive.pop("reference", {})
+        name = f"{self.name} at {speed_kmh:g} km/h"
+        content: Content = {"format": 2, "name": name, "duration_s": DURATION_S, **drive}
+        content |= {"reference": reference, "initial": self.initial, "faults": faults + noise}
+        return parse_scenario(
+            content | {"payload": {"mass_kg": 0.0} | self.payload}, f"fault {self.name}"
+        )
 
     def under(self, condition: str) -> "Case":
         """This case under a condition of `conditions.toml`."""

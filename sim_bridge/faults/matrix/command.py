@@ -4,7 +4,6 @@ import json
 import os
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict
 from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
@@ -57,6 +56,10 @@ class Task(NamedTuple):
         """That of its row."""
         return self.case.name, self.case.condition, round(self.speed_kmh / KMH_PER_MPS, 3)
 
+    def drive(self) -> MatrixRow:
+        """Its row."""
+        return drive_case(self.case, self.speed_kmh, _bundle(self.model))
+
 
 def fault_matrix(
     model: str | None,
@@ -95,7 +98,7 @@ def fault_matrix(
             done[task.key] = row
             if drives_file is not None:
                 with drives_file.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps({"model": bundle.sha256, "row": asdict(row)}) + "\n")
+                    file.write(json.dumps({"model": bundle.sha256, "row": row._asdict()}) + "\n")
     rows = [done[task.key] for task in tasks]
     console = Console()
     console.width = max(console.width, LEAST_WIDTH)
@@ -103,7 +106,9 @@ def fault_matrix(
     summary = summarise(rows)
     for line in lines_of(summary):
         console.print(line, highlight=False)
-    write_figures(json_file, {"summary": asdict(summary), "rows": [asdict(row) for row in rows]})
+    write_figures(
+        json_file, {"summary": summary._asdict(), "rows": [row._asdict() for row in rows]}
+    )
     return 0 if summary.drives_ok == summary.drives else EXIT_NOT_OK
 
 
@@ -121,14 +126,10 @@ def sample(tasks: Sequence[Task]) -> list[Task]:
 
 def _drive_all(tasks: Sequence[Task], jobs: int) -> Iterator[MatrixRow]:
     if jobs <= 1:
-        yield from map(_drive, tasks)
+        yield from map(Task.drive, tasks)
         return
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(_drive, tasks)
-
-
-def _drive(task: Task) -> MatrixRow:
-    return drive_case(task.case, task.speed_kmh, _bundle(task.model))
+        yield from pool.map(Task.drive, tasks)
 
 
 @cache
@@ -157,8 +158,7 @@ def _earlier(path: Path | None, bundle: Bundle) -> dict[_Key, MatrixRow]:
 
 
 def _require_known(option: str, names: Iterable[str], known: Collection[str], file: Path) -> None:
-    unknown = [f"{name!r}{hint(name, known)}" for name in names if name not in known]
-    if unknown:
+    if unknown := [f"{name!r}{hint(name, known)}" for name in names if name not in known]:
         raise ConfigError(
             f"{option}: expected names in {file}, found {', '.join(unknown)}. Correct them."
         )

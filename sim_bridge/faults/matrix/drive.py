@@ -19,20 +19,12 @@ from rt_controller.session import ControllerSession
 from rt_controller.settings import VIRTUAL, BusSettings
 from sim_bridge.bridge import Bridge
 from sim_bridge.faults.matrix.cases import Case
-from sim_bridge.faults.matrix.row import (
-    AT_REST_MPS,
-    LARGEST_LOSS_M,
-    MatrixRow,
-    Observed,
-    judge,
-    largest_ey_m,
-)
+from sim_bridge.faults.matrix.row import AT_REST_MPS, LARGEST_LOSS_M, MatrixRow, Observed, judge
 from sim_bridge.session import open_session
 
 LONGEST_TICKS = round(25.0 / PERIOD_S)
-"""of a drive with its stop"""
 LONGEST_STANDBY_TICKS = round(1.5 / PERIOD_S)
-"""of a car that is not driven"""
+"""of a drive with its stop, and of a car that is not driven"""
 _HANDSHAKE_S = 1.0
 _numbers = count()
 
@@ -43,8 +35,7 @@ class _Observer:
     def __init__(self, bridge: Bridge, faults: int) -> None:
         """`faults`: how many of the scenario are those of the case."""
         self.periods: list[Observed] = []
-        self.failure: str | None = None
-        """the error that ended the vehicle's program"""
+        self.failure: str | None = None  # the error that ended the vehicle's program
         self.session: ControllerSession | None = None
         self._bridge = bridge
         self._faults = bridge.scenario.faults[:faults]
@@ -80,8 +71,7 @@ class _Observer:
         bridge, session, truth = self._bridge, self.session, self._bridge.truth
         if bridge.is_mission_over:
             return
-        is_joined = session is not None and session.is_joined
-        result = session.record.result if session is not None and is_joined else None
+        result = session.record.result if session is not None and session.is_joined else None
         self.periods.append(
             Observed(
                 mode=None if result is None else result.mode,
@@ -104,8 +94,9 @@ def drive_case(case: Case, speed_kmh: float, bundle: Bundle) -> MatrixRow:
     """
     periods, failure = _drive(case, speed_kmh, bundle, has_checks=True)
     unchecked_m = None
-    if largest_ey_m(periods) > LARGEST_LOSS_M:
-        unchecked_m = largest_ey_m(_drive(case, speed_kmh, bundle, has_checks=False)[0])
+    if any(abs(each.ey_m) > LARGEST_LOSS_M for each in periods):
+        unchecked, _ = _drive(case, speed_kmh, bundle, has_checks=False)
+        unchecked_m = max(abs(each.ey_m) for each in unchecked)
     return judge(case, speed_kmh, periods, failure, unchecked_m)
 
 

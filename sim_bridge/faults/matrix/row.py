@@ -1,7 +1,6 @@
 """One drive of the matrix and the rules by which it counts as safe, from the car's true motion."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from typing import NamedTuple
 
@@ -25,18 +24,12 @@ AT_REST_MPS = 0.5
 class Observed(NamedTuple):
     """One period: what the controller did, and where the car was, by the plant."""
 
-    mode: Mode | None
-    """None: the controller has ended"""
-    has_fault_bit: bool
-    """in its heartbeat, or in the vehicle's STATE_C"""
-    is_vehicle_braking: bool
-    """the vehicle does not follow the commands"""
-    is_driven: bool
-    """False: the car waits for a controller"""
-    is_faulty: bool
-    """a fault acts"""
-    ey_m: float
-    """from the true path"""
+    mode: Mode | None  # None: the controller has ended
+    has_fault_bit: bool  # in its heartbeat, or in the vehicle's STATE_C
+    is_vehicle_braking: bool  # the vehicle does not follow the commands
+    is_driven: bool  # False: the car waits for a controller
+    is_faulty: bool  # a fault acts
+    ey_m: float  # from the true path
     speed_mps: float
     wanted_mps: float
 
@@ -53,35 +46,25 @@ class Observed(NamedTuple):
         return self.mode is not None and self.mode.drives and not self.is_vehicle_braking
 
 
-@dataclass(frozen=True, slots=True)
-class MatrixRow:
+class MatrixRow(NamedTuple):
     """One drive, as it is printed and written; the times count from the first faulty period."""
 
     fault: str
     speed_mps: float
-    mode: str
-    """of the controller at the end; ENDED: its program ended before"""
-    detect_ms: float | None
-    """None: not detected"""
+    mode: str  # of the controller at the end; ENDED: its program ended before
+    detect_ms: float | None  # None: not detected
     max_ey_m: float
     ok: bool
-    nominal_far_s: float
-    """longest time of normal driving beyond `HARMLESS_M`"""
-    max_speed_error_mps: float
-    """above the wanted speed, while the controller drove normally"""
+    nominal_far_s: float  # longest time of normal driving beyond `HARMLESS_M`
+    max_speed_error_mps: float  # above the wanted speed, while the controller drove normally
     final_speed_mps: float
-    safe_stop_ms: float | None
-    """to the safe stop of the controller; None: there was none"""
-    vehicle_braking_ms: float | None
-    """to the braking of the vehicle by itself"""
+    safe_stop_ms: float | None  # to the safe stop of the controller; None: there was none
+    vehicle_braking_ms: float | None  # to the braking of the vehicle by itself
     manoeuvre: str
-    reasons: tuple[str, ...]
-    """why it is not ok"""
-    known_limit: str
-    """why no reaction keeps the car on its lane; "" where one does"""
+    reasons: tuple[str, ...]  # why it is not ok
+    known_limit: str  # why no reaction keeps the car on its lane; "" where one does
     is_fault_free: bool = False
-    condition: str = ""
-    """of `conditions.toml`"""
+    condition: str = ""  # of `conditions.toml`
     max_ey_unchecked_m: float | None = None
     """of the same drive without checks; None: not driven, `max_ey_m` is small"""
 
@@ -94,11 +77,6 @@ class MatrixRow:
     def is_detected(self) -> bool:
         """True if the fault was detected in time."""
         return self.detect_ms is not None and self.detect_ms <= DETECTED_WITHIN_MS
-
-
-def largest_ey_m(periods: Iterable[Observed]) -> float:
-    """The largest distance from the true path."""
-    return max(abs(each.ey_m) for each in periods)
 
 
 def judge(
@@ -116,13 +94,13 @@ def judge(
     first = next((k for k, each in enumerate(periods) if each.is_faulty), 0)
     after, last = periods[first:], periods[-1]
     detect_ms = _ms(each.is_detected for each in after)
-    max_ey_m = largest_ey_m(periods)
-    nominal = [each for each in periods if each.is_nominal and each.is_driven]
-    overspeed = max((each.speed_mps - each.wanted_mps for each in nominal), default=0.0)
+    max_ey_m = max(abs(each.ey_m) for each in periods)
+    overspeed = [p.speed_mps - p.wanted_mps for p in periods if p.is_nominal and p.is_driven]
+    overspeed_mps = max(overspeed, default=0.0)
     is_far = (each.is_nominal and abs(each.ey_m) > HARMLESS_M for each in periods)
     far_s = PERIOD_S * max(len(list(run)) if far else 0 for far, run in groupby(is_far))
     is_in_time = detect_ms is not None and detect_ms <= DETECTED_WITHIN_MS
-    is_harmless = max_ey_m <= HARMLESS_M and overspeed <= HARMLESS_MPS and last.is_driven
+    is_harmless = max_ey_m <= HARMLESS_M and overspeed_mps <= HARMLESS_MPS and last.is_driven
     is_over = last.is_nominal or last.speed_mps <= AT_REST_MPS or not last.is_driven
     worse_m = 0.0 if unchecked_m is None else max_ey_m - unchecked_m
     rules = {
@@ -143,7 +121,7 @@ def judge(
         max_ey_m=round(max_ey_m, 4),
         ok=not reasons,
         nominal_far_s=far_s,
-        max_speed_error_mps=round(overspeed, 3),
+        max_speed_error_mps=round(overspeed_mps, 3),
         final_speed_mps=round(last.speed_mps, 3),
         safe_stop_ms=_ms(each.mode is Mode.SAFE_STOP for each in after),
         vehicle_braking_ms=_ms(each.is_vehicle_braking for each in after),

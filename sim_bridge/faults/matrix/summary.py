@@ -1,40 +1,25 @@
 """The figures of a whole matrix: how many drives hold, and the largest value of each figure."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
-from sim_bridge.faults.matrix.row import (
-    DETECTED_WITHIN_MS,
-    LANE_M,
-    LONGEST_NOMINAL_S,
-    MatrixRow,
-)
-
-_STATE_LOSSES = ("state_lost", "one_state_frame_lost")
-_DEAD_CONTROLLERS = ("controller_silent", "commands_lost")
+from sim_bridge.faults.matrix.row import DETECTED_WITHIN_MS, LANE_M, LONGEST_NOMINAL_S, MatrixRow
 
 
-@dataclass(frozen=True, slots=True)
-class MatrixSummary:
+class MatrixSummary(NamedTuple):
     """The largest values are those of the drives whose fault has no `known_limit`."""
 
     drives: int
     drives_ok: int
-    drives_known_limit: int
-    """not ok, with a `known_limit`"""
-    drives_open: int
-    """not ok without one"""
-    drives_detected: int
-    """within 0.5 s, ok or not"""
-    drives_detected_late: int
-    """ok, since the fault is harmless, and detected after more than 0.5 s"""
-    drives_harmless: int
-    """ok, with a fault that is harmless and was never detected"""
+    drives_known_limit: int  # not ok, with a `known_limit`
+    drives_open: int  # not ok without one
+    drives_detected: int  # within 0.5 s, ok or not
+    drives_detected_late: int  # ok, since the fault is harmless, and detected after more than 0.5 s
+    drives_harmless: int  # ok, with a fault that is harmless and was never detected
     drives_without_fault: int
     max_ey_m: float
     nominal_far_s: float
-    state_loss_flagged_ms: float | None
-    """None: no such fault was driven, or it was not noticed"""
+    state_loss_flagged_ms: float | None  # None: no such fault was driven, or it was not noticed
     state_loss_safe_stop_ms: float | None
     dead_controller_braking_ms: float | None
 
@@ -43,8 +28,8 @@ def summarise(rows: Sequence[MatrixRow]) -> MatrixSummary:
     """The summary of all rows."""
     judged = [row for row in rows if not row.known_limit]
     late = [row for row in rows if row.ok and not (row.is_fault_free or row.is_detected)]
-    losses = [row for row in rows if row.fault in _STATE_LOSSES]
-    silent = [row for row in rows if row.fault in _DEAD_CONTROLLERS]
+    losses = [row for row in rows if row.fault in ("state_lost", "one_state_frame_lost")]
+    silent = [row for row in rows if row.fault in ("controller_silent", "commands_lost")]
     return MatrixSummary(
         drives=len(rows),
         drives_ok=sum(row.ok for row in rows),
@@ -86,4 +71,4 @@ def lines_of(found: MatrixSummary) -> list[str]:
 def _latest(times_ms: Sequence[float | None]) -> float | None:
     """The largest; None if one is missing, or there is none."""
     known = [each for each in times_ms if each is not None]
-    return max(known) if known and len(known) == len(times_ms) else None
+    return max(known, default=None) if len(known) == len(times_ms) else None

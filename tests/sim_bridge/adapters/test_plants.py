@@ -65,13 +65,6 @@ def test_friction_of_the_command_line_overrides_the_scenario() -> None:
         assert tuple(plant.parameters.road[:2]) == wanted
 
 
-def test_a_slippery_right_side_pulls_a_braking_car_to_the_left() -> None:
-    car = Car(open_plant(CarSettings(friction_right=0.2), 0.9), 25.0)
-    for _ in range(20):
-        car.advance(ControlInput(0.0, 120.0, 0.0), 0.0)
-    assert car.state.yaw_rate_radps > 0.02
-
-
 def test_the_named_car_is_simulated() -> None:
     cars = [
         Car(open_plant(CarSettings(car=name), 0.85), 20.0)

@@ -16,7 +16,7 @@ pytest.importorskip("fmpy", reason="the extra [fmu] is not installed")
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import ControlInput
 from rt_controller.contract.timing import PERIOD_S
-from sim_bridge.adapters.fmu import open_fmu_plant
+from sim_bridge.adapters.fmu import FmuPlant
 
 VARIABLE = "RT_CONTROLLER_REFERENCE_FMUS"
 FOLDER = Path(os.environ.get(VARIABLE) or "no such folder")
@@ -50,13 +50,13 @@ def drive(name: str, folder: Path, v0_mps: float, n_periods: int, **names: str) 
     file, fmu = folder / "mapping.toml", FOLDER / f"{name}.fmu"
     file.write_text(MAPPING.format(step_s=PERIOD_S, **NO_INPUTS | names))
     try:
-        plant = open_fmu_plant(fmu, file, 0.85)
+        plant = FmuPlant(fmu, file, 0.85)
     except ConfigError as refused:
         named = re.search(r"communication_step_s = ([0-9.e-]+)", str(refused))
         if named is None:
             raise
         file.write_text(MAPPING.format(step_s=named[1], **NO_INPUTS | names))
-        plant = open_fmu_plant(fmu, file, 0.85)
+        plant = FmuPlant(fmu, file, 0.85)
     ends = [plant.reset(v0_mps)]
     for k in range(n_periods):
         ends.append(plant.step(ControlInput(0.5 + 0.01 * k, 10.0, 0.0), PERIOD_S)[-1].copy())

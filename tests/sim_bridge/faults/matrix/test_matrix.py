@@ -12,9 +12,7 @@ from sim_bridge.faults.kinds import KINDS
 from sim_bridge.faults.matrix.cases import (
     CASES_FILE,
     CONDITIONS,
-    MANOEUVRES,
     SPEEDS_KMH,
-    Case,
     load_cases,
     whole_matrix,
 )
@@ -42,13 +40,6 @@ def test_every_case_is_a_scenario_with_its_faults(file: str, least: int) -> None
             assert len(case.scenario(speed_kmh).faults) == len(case.faults)
     kinds = {fault.kind for case in cases for fault in case.scenario(80.0).faults}
     assert file != "cases" or kinds == set(KINDS)
-
-
-@pytest.mark.parametrize("speed_kmh", SPEEDS_KMH)
-def test_every_manoeuvre_is_a_scenario_with_its_fault(speed_kmh: float) -> None:
-    fault = {"kind": "bus_off", "duration_s": 0.1}
-    for name in MANOEUVRES:
-        assert len(Case(faults=(fault,), manoeuvre=name).scenario(speed_kmh).faults) == 1
 
 
 @pytest.mark.parametrize(
