@@ -151,7 +151,7 @@ class Bridge:
         self._car = car
         self.scenario = scenario
         self._run = ScenarioRun(scenario, car.state, car.s_m)
-        self._curvature = scenario.road.frame()
+        self._curvature = scenario.road.curvature_per_m
         self._check = CommandCheck(is_fd, has_checks)
         self._has_checks = has_checks
         self._watchdog = ActuatorWatchdog()

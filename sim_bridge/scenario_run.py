@@ -2,12 +2,14 @@
 
 from math import atan, hypot
 
+import numpy as np
+
 from rt_controller.contract.signals import ControlInput, CurvaturePreview, Mode, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.car_figures import CarFigure
 from rt_controller.gateway.vehicle_envelope import OwnMotion, off_path_m
 from sim_bridge.scenario import Scenario
-from sim_bridge.scenario.metrics import DriveLog, LogRow, judged, measure, peak, rms
+from sim_bridge.scenario.metrics import LogRow, judged, measure, peak, rms
 from sim_bridge.scenario.speed import next_progress
 
 AT_REST_MPS = 0.3
@@ -26,7 +28,7 @@ class ScenarioRun:
         """since the car was first driven"""
         self._is_end_requested = False
         self._progress = scenario.first_progress
-        self._log = DriveLog()
+        self._log: list[LogRow] = []
         self.path = scenario.path_ahead(s_m, state.vx_mps)
         """what a path planner sends from where the car is"""
         self._place(state, s_m)
@@ -109,7 +111,7 @@ class ScenarioRun:
 
     def ey_error_rms_and_peak_m(self) -> tuple[float, float]:
         """Of the lateral error, so far."""
-        errors_m = self._log.ey_error_m()
+        errors_m = np.array([row.ey_m - row.wanted_ey_m for row in self._log])
         return rms(errors_m), peak(errors_m)
 
     def _is_mission_on(self, mode: Mode | None, is_braking: bool) -> bool:

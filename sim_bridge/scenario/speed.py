@@ -7,7 +7,7 @@ from math import inf, sqrt
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field, PrivateAttr
+from pydantic import Field
 
 from sim_bridge.scenario.limits import FASTEST_KMH, KMH_PER_MPS, SLOWEST_KMH
 from sim_bridge.scenario.table import Interpolation, Table, constant, through
@@ -38,23 +38,6 @@ class Stop(FileTable):
     """inf: to the end of the drive"""
     deceleration_mps2: _Acceleration = 2.5
     acceleration_mps2: _Acceleration = 2.0
-    _entry: str = PrivateAttr("")
-
-    @property
-    def entry(self) -> str:
-        """What a file calls it, such as "stops[0]"; "": it belongs to the speed."""
-        return self._entry
-
-    def field(self, part: str) -> str:
-        """What a file calls a part of it, or the speed that it belongs to."""
-        return f"{self._entry}.{part}" if self._entry else "reference.speed_kmh"
-
-
-def numbered(stops: tuple[Stop, ...]) -> tuple[Stop, ...]:
-    """The stops of a file, which get their names."""
-    for k, stop in enumerate(stops):
-        stop._entry = f"stops[{k}]"
-    return stops
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,6 +1,6 @@
 """How a scenario file may give a value: a number, a table with knots, or a kind with its fields."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import date, time
 from itertools import pairwise
@@ -87,27 +87,23 @@ class Form:
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
         """The number, table or kind by its tag, then `then`."""
-        tables = {each.axis: each for each in self.axes} | dict(self._named_kinds())
+        kinds = {
+            kind: table
+            for table in self.kinds
+            for kind in get_args(table.model_fields["kind"].annotation)
+        }
+        tables = {each.axis: each for each in self.axes} | kinds
         choices = {f"({tag})": handler.generate_schema(table) for tag, table in tables.items()}
         choices |= {_NUMBER: handler.generate_schema(Number), _OBJECT: core_schema.any_schema()}
+        axes = " or ".join(each.axis for each in self.axes)
+        known = f", or kind = {', '.join(kinds)} with its fields" if kinds else ""
         form = core_schema.tagged_union_schema(
             choices,
             _tag,
             custom_error_type="scenario_form",
-            custom_error_message=f"expected {self._expected()}",
+            custom_error_message=f"expected a number, a table with value and {axes}{known}",
         )
         return core_schema.no_info_after_validator_function(self.then, form)
-
-    def _named_kinds(self) -> Iterator[tuple[str, type[FileTable]]]:
-        for table in self.kinds:
-            for kind in get_args(table.model_fields["kind"].annotation):
-                yield kind, table
-
-    def _expected(self) -> str:
-        axes = " or ".join(each.axis for each in self.axes)
-        names = [kind for kind, _ in self._named_kinds()]
-        known = f", or kind = {', '.join(names)} with its fields" if names else ""
-        return f"a number, a table with value and {axes}{known}"
 
 
 _NUMBER, _OBJECT = "(number)", "(object)"

@@ -79,9 +79,8 @@ def test_a_file_without_optional_fields_is_a_straight_dry_road() -> None:
     ("path", "value", "message"),
     [
         ("format", 3, "format: expected 2, found 3."),
-        ("format", None, "format: expected 2, found none."),
+        ("format", None, "format: expected a value, found none."),
         ("format", "2", "format: expected 2, found '2'."),
-        ("format", 1, "format: expected 2, found 1. Files of format 1 are no longer read. In form"),
         ("name", "", "name: expected a text that is not empty"),
         ("name", None, "name: expected a value, found none"),
         ("duration_s", 0.0, "duration_s: expected more than 0.0"),
@@ -131,7 +130,6 @@ def test_a_file_without_optional_fields_is_a_straight_dry_road() -> None:
          "reference.ey_m.wavelength_m: expected at least 2.0, found 1.5"),
         ("reference/ey_m", {"s_m": [20.0, 20.1, 20.2], "value": [0.0, 0.02, 0.0]},
          "reference.ey_m.s_m: expected knots 0.25 m apart or more, found 0.1 m"),
-        ("initial/ey_m", 3.2, "initial.ey_m: expected a car that starts on its road"),
         ("reference/ey_m", 3.5, "stays on its road of road.width_m"),
         ("road/curvature_per_m", 0.2, "road.curvature_per_m: expected -0.15..0.15 1/m"),
         ("road/curvature_per_m", {"kind": "circle", "radius_m": 5.0},
@@ -154,8 +152,8 @@ def test_a_file_without_optional_fields_is_a_straight_dry_road() -> None:
         ("road/length_m", 4.0, "initial.s_m: expected less than the length of the road"),
         ("cross_wind_mps", 60.0, "cross_wind_mps: expected -40..40 m/s"),
         ("payload/mass_kg", 2000.0, "payload.mass_kg: expected at most 1000.0"),
-        ("stops/0/at_s_m", 20.0, "stops[0].at_s_m: expected at least the braking distance"),
-        ("stops/0/at_s_m", 900.0, "stops[0].at_s_m: expected a place that the drive reaches"),
+        ("stops/0/at_s_m", 20.0, "stops: expected at least the braking distance"),
+        ("stops/0/at_s_m", 900.0, "stops: expected places that the drive reaches"),
         ("stops/0/hold_s", -1.0, "stops[0].hold_s: expected at least 0"),
         ("faults/0/kind", "gremlins", "faults[0].kind: expected one of lag, freeze"),
         ("faults/0/delay_s", 0.1, "faults[0].delay_s: expected none for drop"),
@@ -175,9 +173,6 @@ def test_a_file_without_optional_fields_is_a_straight_dry_road() -> None:
         ("metrics", ["beauty"], "metrics[0]: expected one of ey_rms_m"),
         ("limits", {"beauty": 1.0}, "limits.beauty: expected one of ey_rms_m"),
         ("limits", {"ey_peak_m": -0.1}, "limits.ey_peak_m: expected at least 0, found -0.1"),
-        ("limits", {"cone_hits": 0.0},
-         "limits.cone_hits: expected a scenario with reference.ey_m of kind iso_3888_1"),
-        ("limits", {"lane_margin_m": -1.0}, "limits.lane_margin_m: expected a scenario with"),
         ("limits", {"ey_peak_m": "low"}, "limits.ey_peak_m: expected a number, found 'low'"),
     ],
 )  # fmt: skip
@@ -185,19 +180,6 @@ def test_a_field_that_does_not_fit_is_refused_by_name(path: str, value: Any, mes
     text = refusal(changed(path, value))
     assert text.startswith("test:")
     assert message in text
-
-
-def test_limits_need_the_fields_that_their_figures_are_measured_by() -> None:
-    content = {"format": 2, "name": "x", "duration_s": 5.0, "reference": {"speed_kmh": 50.0}}
-    text = refusal({**content, "limits": {"road_margin_m": 0.1, "stops_missed": 0, "creep_m": 1}})
-    assert "limits.road_margin_m: expected a scenario with road.width_m, found none" in text
-    for name in ("stops_missed", "creep_m"):
-        assert f"limits.{name}: expected a scenario with [[stops]]" in text
-    far = {"speed_kmh": 15.0, "ey_m": {"kind": "iso_3888_1", "start_s_m": 200.0}}
-    limits = {"lane_margin_m": 0.0, "cone_hits": 0, "sideslip_peak_rad": 0.1}
-    text = refusal({**content, "reference": far, "limits": limits})
-    for name in limits:
-        assert f"limits.{name}: expected a scenario with" in text
 
 
 def test_all_errors_of_a_file_are_reported_at_once() -> None:

@@ -7,9 +7,8 @@ import pytest
 from made_maps import ARC, LINE, SPIRAL, end_of, road, write_map
 
 from rt_controller.contract.errors import ConfigError
-from sim_bridge.scenario import load_scenario, parse_scenario
-from sim_bridge.scenario.maps import opendrive
-from sim_bridge.scenario.maps.opendrive import read_reference_line
+from sim_bridge.scenario import load_scenario, opendrive, parse_scenario
+from sim_bridge.scenario.opendrive import read_reference_line
 
 ELEVATION = (
     '<elevationProfile><elevation s="0" a="0" b="0.05" c="0" d="0"/>'
