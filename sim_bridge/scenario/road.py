@@ -1,16 +1,13 @@
 """`Road`: what the ground of a scenario is like, as tables over the arc length s."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cached_property
-from math import atan, degrees, inf, radians
+from math import atan, inf, radians
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-import numpy as np
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
-from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.limits import LEAST_FRICTION, MOST_FRICTION
 from sim_bridge.plant.protocol import RoadAt
 from sim_bridge.scenario.limits import (
@@ -22,7 +19,7 @@ from sim_bridge.scenario.limits import (
 )
 from sim_bridge.scenario.opendrive import ReferenceLine, read_reference_line
 from sim_bridge.scenario.table import Ramp, Table, chained, constant
-from sim_bridge.scenario.values import NotNegative, Positive, form_of_table, require_within
+from sim_bridge.scenario.values import NotNegative, Positive, form_of_table
 from sim_bridge.toml_file import FileTable, Number, at_most, not_empty
 
 _Radius = Annotated[Number, Field(ge=SMALLEST_RADIUS_M)]
@@ -148,6 +145,7 @@ _Bank = Annotated[
     Table, form_of_table(-STEEPEST_BANK_DEG, STEEPEST_BANK_DEG, "deg", factor=radians(1.0))
 ]
 _Grade = Annotated[Table, form_of_table(-STEEPEST_PERCENT, STEEPEST_PERCENT, "%", factor=0.01)]
+_Length = Annotated[float, Field(gt=0.0, strict=True)]
 _Width = Annotated[Table, form_of_table(2.0, 100.0, "m")]
 
 
@@ -173,34 +171,21 @@ class OpenDrive(FileTable):
         """The line as tables.
 
         Raises:
-            ConfigError: the file cannot be used, or the line is out of the limits of a road.
+            ConfigError: the file cannot be used.
         """
         line = read_reference_line(self.file, self.roads)
-        if self.flat:
-            line = line._replace(bank_rad=constant(0.0), grade=constant(0.0))
-        for name, table, most, unit in (
-            ("curvature_per_m", line.curvature_per_m, LARGEST_CURVATURE_PER_M, "1/m"),
-            ("bank_deg", line.bank_rad.scaled(degrees(1.0)), STEEPEST_BANK_DEG, "deg"),
-            ("grade_percent", line.grade.scaled(100.0), STEEPEST_PERCENT, "%"),
-        ):
-            try:
-                require_within(table, -most, most, unit)
-            except ValueError as error:
-                raise ConfigError(
-                    f"{self.file}: road.{name}: {error}. Choose another road; flat = true leaves "
-                    f"out bank and grade."
-                ) from error
-        return line
+        flat = constant(0.0)
+        return line._replace(bank_rad=flat, grade=flat) if self.flat else line
 
 
-def _of_map(part: str, otherwise: Any) -> Callable[[dict[str, Any]], Any]:
-    """The default of a field: what an OpenDRIVE file has, or `otherwise` without one."""
+def _of_map(part: str, otherwise: Any, alias: str | None = None) -> Any:
+    """A field whose default is what an OpenDRIVE file has, or `otherwise` without one."""
 
     def default(read: dict[str, Any]) -> Any:
         source = read.get("opendrive")
         return otherwise if source is None else getattr(source.line, part)
 
-    return default
+    return Field(default_factory=default, validate_default=True, alias=alias)
 
 
 def _of_both_sides(read: dict[str, Any]) -> Table:
@@ -213,20 +198,20 @@ class Road(FileTable):
 
     opendrive: OpenDrive | None = None
     """instead of curvature, bank, grade and length"""
-    curvature_per_m: _Curvature = Field(default_factory=_of_map("curvature_per_m", constant(0.0)))
+    curvature_per_m: _Curvature = _of_map("curvature_per_m", constant(0.0))
     """positive to the left"""
     friction: _Friction | None = None
     """default of both sides; 1 is the road of the tyre test"""
     friction_left: _Friction = Field(default_factory=_of_both_sides)
     """under the left wheels"""
     friction_right: _Friction = Field(default_factory=_of_both_sides)
-    bank_rad: _Bank = Field(alias="bank_deg", default_factory=_of_map("bank_rad", constant(0.0)))
+    bank_rad: _Bank = _of_map("bank_rad", constant(0.0), "bank_deg")
     """cross slope, positive if the left side is higher"""
-    grade: _Grade = Field(alias="grade_percent", default_factory=_of_map("grade", constant(0.0)))
+    grade: _Grade = _of_map("grade", constant(0.0), "grade_percent")
     """rise over distance, positive uphill"""
     width_m: _Width | None = None
     """of the lane around the reference line; None: not limited"""
-    length_m: Positive = Field(default_factory=_of_map("length_m", inf))
+    length_m: _Length = _of_map("length_m", inf)
     """the drive is over where the road ends"""
 
     @model_validator(mode="before")
@@ -255,10 +240,6 @@ class Road(FileTable):
             wind_forward_mps=tail_wind_mps,
             wind_left_mps=cross_wind_mps,
         )
-
-    def curvature_ahead(self, s_m: float, reach_m: float, count: int) -> Array:
-        """(count,) curvature in 1/m at equal distances from the car to `reach_m` ahead of it."""
-        return self.curvature_per_m(s_m + np.linspace(0.0, reach_m, count))
 
     @property
     def uniform_friction(self) -> float | None:

@@ -49,7 +49,7 @@ from sim_bridge.scenario.values import (
 from sim_bridge.toml_file import FileTable, Number, at_most
 
 PREVIEW_MIN_M = 4.0
-_CURVATURE_SAMPLES = 33
+_CURVATURE_AT = np.linspace(0.0, 1.0, 33)
 _PREVIEW_NODES = np.linspace(0.0, 1.0, 13)[1:]
 _PREVIEW_TIMES_S = (REACH_S * _PREVIEW_NODES).tolist()
 _NODE_WEIGHTS = (_PREVIEW_NODES + 0.05) ** -2.0
@@ -183,22 +183,16 @@ class Scenario:
     def preview_ahead(self, s_m: float, vx_mps: float, wanted_mps: float) -> CurvaturePreview:
         """The curvature of the road over the reach of `path_ahead`, as a path planner sends it."""
         reach_m = max(REACH_S * max(vx_mps, wanted_mps), PREVIEW_MIN_M)
-        return fit_preview(self.road.curvature_ahead(s_m, reach_m, _CURVATURE_SAMPLES), reach_m)
+        return fit_preview(self.road.curvature_per_m(s_m + _CURVATURE_AT * reach_m), reach_m)
 
     def with_friction(self, friction: float | None, right: float | None = None) -> "Scenario":
         """The same drive with the same friction everywhere; None: that of its own road.
 
         `friction` holds on both sides, or on the left one if `right` is given.
         """
-        if friction is None and right is None:
-            return self
-        road = self.road
-        if friction is not None:
-            both = constant(friction)
-            road = road.model_copy(update={"friction_left": both, "friction_right": both})
-        if right is not None:
-            road = road.model_copy(update={"friction_right": constant(right)})
-        return replace(self, road=road)
+        sides = {"friction_left": friction, "friction_right": friction if right is None else right}
+        update = {side: constant(found) for side, found in sides.items() if found is not None}
+        return replace(self, road=self.road.model_copy(update=update))
 
     def _acceleration_ahead(
         self, speed_mps: float, s_m: float, time_s: float, progress: Progress
@@ -287,7 +281,9 @@ class ScenarioFile(FileTable):
         road, start, path = self.road, self.initial, self.reference.ey_m
         end_m = min(road.length_m, start.s_m + self.distance_m)
         fastest_m = start.s_m + self.duration_s * FASTEST_KMH / KMH_PER_MPS
-        speed = self.reference.speed_kmh.on_road(road.curvature_per_m, min(end_m, fastest_m))
+        speed = self.reference.speed_kmh
+        if not isinstance(speed, SpeedProfile):
+            speed = speed.on_road(road.curvature_per_m, min(end_m, fastest_m))
         if isinstance(path, Lateral):
             course, lateral = Course(self.body), path
         else:

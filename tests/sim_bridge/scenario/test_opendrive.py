@@ -189,7 +189,7 @@ def test_a_file_of_format_2_takes_its_road_from_a_map(simple: Path) -> None:
             "a.xodr",
             "readable roads, found: road 1: unit m/s, km/h, mph expected in <speed>, found",
         ),
-        ([road([(9e4, LINE)])], "a.xodr", "expected a drive of at most 3600 s"),
+        ([road([(9e4, LINE)])], "a.xodr", "duration_s: expected at most 3600"),
         ([road([])], "a.xodr", "no geometry in planView"),
         ([], "a.xodr", "expected an OpenDRIVE file with roads"),
     ],
@@ -209,8 +209,8 @@ STEEP, TILTED = ELEVATION.replace("0.05", "0.25"), ELEVATION.replace("0.03", "0.
     ("parts", "message"),
     [
         (road([(9, '<arc curvature="0.2"/>')]), "road.curvature_per_m: expected -0.15..0.15 1/m"),
-        (road([(9, LINE)], "1", STEEP), "road.grade_percent: expected -20..20 %, found 25"),
-        (road([(9, LINE)], "1", TILTED), "road.bank_deg: expected -12..12 deg, found 17"),
+        (road([(9, LINE)], "1", STEEP), "road.grade: expected -20..20 %, found 25"),
+        (road([(9, LINE)], "1", TILTED), "road.bank_rad: expected -12..12 deg, found 17"),
     ],
 )
 def test_a_road_out_of_its_limits_is_refused_from_every_file(
