@@ -43,13 +43,6 @@ def test_a_stop_that_was_not_reached_is_missed() -> None:
     assert isnan(metrics.creep_m)
 
 
-def test_a_stop_that_was_overrun_is_missed_with_its_distance() -> None:
-    beyond = ROW._replace(stop=0.0, s_m=100.6, vx_mps=0.0)
-    metrics = measure([ROW, beyond], (Stop(at_s_m=100.0),), Course())
-    assert metrics.stop_error_m == pytest.approx(0.6)
-    assert metrics.stops_missed == 1.0
-
-
 def test_figures_are_judged_by_their_limits() -> None:
     metrics = Metrics(ey_peak_m=0.3, lane_margin_m=0.1, cone_hits=2.0)
     limits = {"ey_peak_m": 0.2, "lane_margin_m": 0.05, "creep_m": 1.0}

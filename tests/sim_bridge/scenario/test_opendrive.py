@@ -23,13 +23,6 @@ def simple(tmp_path: Path) -> Path:
     return write_map(tmp_path / "map.xodr", road([(100.0, LINE), (50.0, SPIRAL), (80.0, ARC)]))
 
 
-def test_lines_spirals_and_arcs_are_curvature(simple: Path) -> None:
-    line = read_reference_line(simple)
-    found = line.curvature_per_m(np.array([50.0, 125.0, 150.0, 229.0]))
-    assert found == pytest.approx([0.0, 0.005, 0.01, 0.01])
-    assert line.length_m == 230.0
-
-
 def circle_as_polynomial(radius: float, turn: float) -> str:
     """A paramPoly3 close to an arc: the Taylor polynomial of sine and cosine."""
     return (
@@ -51,9 +44,10 @@ def test_polynomials_are_sampled(tmp_path: Path) -> None:
 
 
 def test_a_road_against_its_direction_is_mirrored(tmp_path: Path) -> None:
-    path = write_map(
-        tmp_path / "a.xodr", road([(100, LINE), (80, ARC)], "7", ELEVATION), road([(9, LINE)])
-    )
+    own = road([(100, LINE), (80, ARC)], "7", ELEVATION)
+    path = write_map(tmp_path / "a.xodr", own, road([(9, LINE)], "6", junction="1"))
+    assert read_reference_line(path).length_m == 180.0  # roads of junctions have to be named
+    assert read_reference_line(path, ["6"]).length_m == 9.0
     line = read_reference_line(path, ["-7"])
     assert line.curvature_per_m(np.array([40.0, 120.0])) == pytest.approx([-0.01, 0.0])
     assert line.grade.at(150.0) == pytest.approx(-0.05)
@@ -139,15 +133,10 @@ def test_speed_limits_have_units(tmp_path: Path, speed: str, limit_mps: float) -
     assert line.speed_limit_mps.at(5.0) == pytest.approx(limit_mps)
 
 
-def test_connecting_roads_of_junctions_need_not_be_named(tmp_path: Path) -> None:
-    parts = road([(100, LINE)], "5"), road([(9, LINE)], "6", junction="1")
-    path = write_map(tmp_path / "a.xodr", *parts)
-    assert read_reference_line(path).length_m == 100.0
-    assert read_reference_line(path, ["6"]).length_m == 9.0
-
-
 def test_a_map_is_a_scenario(simple: Path) -> None:
     scenario = load_scenario(f"{simple}#1")
+    found = scenario.road.curvature_per_m(np.array([50.0, 125.0, 150.0, 229.0]))
+    assert found == pytest.approx([0.0, 0.005, 0.01, 0.01])
     assert scenario.road.length_m == 230.0
     assert scenario.start.speed_mps == pytest.approx(50.0 / 3.6)
     assert scenario.duration_s * scenario.start.speed_mps > 230.0
