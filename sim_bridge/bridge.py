@@ -153,7 +153,7 @@ class Bridge:
         self._car = car
         self.scenario = scenario
         self._run = ScenarioRun(scenario, car.state, car.s_m)
-        self._curvature = scenario.road.frame()
+        self._curvature = scenario.road.curvature_per_m
         self._check = CommandCheck(is_fd, has_checks)
         self._has_checks = has_checks
         self._watchdog = ActuatorWatchdog()
@@ -359,7 +359,8 @@ class Bridge:
             self._faulty.begin_sending(run.ticks, now_ns)
         send(STATE, sample, now_ns, counter=counter, is_valid=not self.has_failed)
         send(REFERENCE, run.path, now_ns, counter=counter)
-        send(PREVIEW, run.preview(), now_ns, counter=counter)
+        ahead = self.scenario.preview_ahead(run.s_m, run.state.vx_mps, run.path.v_mps)
+        send(PREVIEW, ahead, now_ns, counter=counter)
         if not self.is_waiting:
             send(FEEDBACK, self.applied, now_ns)
         if counter % MISSION_PERIOD_TICKS == 0:

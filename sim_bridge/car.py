@@ -10,6 +10,7 @@ from rt_controller.contract.signals import AT_REST, ControlInput, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge import frenet
 from sim_bridge.plant.protocol import Plant, RoadAt, RoadTakingPlant, require_motion
+from sim_bridge.scenario.table import Table, constant
 
 FASTEST_MPS = 100.0
 """end of the range of VelocityX in `messages.dbc`"""
@@ -71,7 +72,7 @@ class Car:
     def advance(
         self,
         control: ControlInput,
-        curvature: float | frenet.CurvatureTable,
+        curvature: float | Table,
         dt_s: float = PERIOD_S,
     ) -> VehicleState:
         """The state `dt_s` later; all NaN once the plant has failed.
@@ -86,7 +87,7 @@ class Car:
             ConfigError: the first step did not return an array (n, 3).
         """
         if isinstance(curvature, float):
-            curvature = frenet.constant_curvature(curvature)
+            curvature = constant(curvature)
         s_before_m = float(self._pose[frenet.S])
         self._steps += 1
         try:

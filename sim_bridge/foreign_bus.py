@@ -168,12 +168,11 @@ def require_same_road(car: CarFile, scenario: Scenario) -> None:
     Raises:
         ConfigError: their curvatures differ, or the line is shorter.
     """
-    line = car.line
-    if line is None:
+    if car.line is None:
         return
-    s_m = np.linspace(scenario.start.s_m, min(line.length_m, scenario.end_m), _COMPARED)
-    of_line = line.curvature_ahead(s_m[0], s_m[-1] - s_m[0], _COMPARED)
-    of_road = np.array([scenario.road.curvature_per_m.at(float(s)) for s in s_m])
+    s_m = np.linspace(scenario.start.s_m, min(car.line.length_m, scenario.end_m), _COMPARED)
+    of_line = car.line.curvature_ahead(s_m[0], s_m[-1] - s_m[0], _COMPARED)
+    of_road = scenario.road.curvature_per_m(s_m)
     worst = int(np.argmax(np.abs(of_line - of_road)))
     if abs(of_line[worst] - of_road[worst]) > CURVATURE_TOLERANCE_PER_M:
         raise ConfigError(

@@ -6,12 +6,12 @@ Paper: eq. (2), "set of states and inputs".
 """
 
 import ctypes
-from typing import NamedTuple
 
 import numpy as np
 
 from rt_controller.contract.arrays import Array
 from sim_bridge.plant.library import car_library
+from sim_bridge.scenario.table import Table, constant
 
 S, EY, EPSI = 0, 1, 2
 """columns of a pose on the road: s_m, ey_m, epsi_rad"""
@@ -25,22 +25,8 @@ class _Curvature(ctypes.Structure):
     )
 
 
-class CurvatureTable(NamedTuple):
-    """Curvature over arc length, as polynomials of third order; constant outside of the knots."""
-
-    starts_m: Array
-    """(n,), increasing"""
-    coefficients: Array
-    """(n, 4), ascending powers of the distance from the start of the piece"""
-
-
-def constant_curvature(curvature_per_m: float) -> CurvatureTable:
-    """The table of a circle."""
-    return CurvatureTable(np.zeros(1), np.array([[curvature_per_m, 0.0, 0.0, 0.0]]))
-
-
 def advance_along(
-    before: Array, motion: Array, curvature: CurvatureTable, step_s: float, pose: Array
+    before: Array, motion: Array, curvature: Table, step_s: float, pose: Array
 ) -> None:
     """Integrate `pose` (s_m, ey_m, epsi_rad) over a piece of motion, in place.
 
@@ -68,7 +54,7 @@ def integrate_poses(
         motion: (K * steps_per_period + 1, 3), (vx_mps, vy_mps, yaw_rate_radps).
     """
     n_periods = (len(motion) - 1) // steps_per_period
-    circle = constant_curvature(curvature_per_m)
+    circle = constant(curvature_per_m)
     road = _road(circle)
     moved = np.ascontiguousarray(motion, dtype=float)
     poses = np.empty((n_periods + 1, 3))
@@ -78,7 +64,7 @@ def integrate_poses(
     return poses
 
 
-def _road(curvature: CurvatureTable) -> _Curvature:
+def _road(curvature: Table) -> _Curvature:
     """Valid as long as the table is."""
-    starts_m, coefficients = curvature
+    starts_m, coefficients = curvature.starts, curvature.coefficients
     return _Curvature(len(starts_m), starts_m.ctypes.data, coefficients.ctypes.data)

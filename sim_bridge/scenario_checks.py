@@ -17,19 +17,11 @@ from sim_bridge.scenario import Scenario
 from sim_bridge.scenario.checks import problems
 from sim_bridge.scenario.limits import KMH_PER_MPS
 from sim_bridge.scenario.nominal_drive import drive_nominally
+from sim_bridge.scenario.table import constant
 
 SHORT_S = 1.0
 LOW_SPEED_MPS = 8.0
 """below it the low-speed law of the controller drives with the whole lock, by default"""
-_FIELDS = {
-    "friction_left": "road.friction",
-    "friction_right": "road.friction_right",
-    "bank_rad": "road.bank_deg",
-    "grade_rad": "road.grade_percent",
-    "wind_forward_mps": "tail_wind_mps",
-    "wind_left_mps": "cross_wind_mps",
-}
-"""names in a scenario file of the fields of `RoadAt` that act on a plant"""
 
 
 def require_road(plant: Plant, scenario: Scenario) -> None:
@@ -39,19 +31,20 @@ def require_road(plant: Plant, scenario: Scenario) -> None:
         ConfigError: it does not.
     """
     takes = plant.road_inputs if isinstance(plant, RoadTakingPlant) else frozenset[str]()
-    road = scenario.road
-    needed = set()
-    if road.uniform_friction is None:
-        needed |= {"friction_left", "friction_right"}
-    for field, table in (
-        ("bank_rad", road.bank_rad),
-        ("grade_rad", road.grade),
-        ("wind_forward_mps", scenario.tail_wind_mps),
-        ("wind_left_mps", scenario.cross_wind_mps),
-    ):
-        if table.lowest().value != 0.0 or table.highest().value != 0.0:
-            needed.add(field)
-    missing = [name for field, name in _FIELDS.items() if field in needed - takes]
+    road, still = scenario.road, constant(0.0)
+    is_uniform = road.uniform_friction is not None
+    missing = [
+        name
+        for field, name, table in (
+            ("friction_left", "road.friction", still if is_uniform else road.friction_left),
+            ("friction_right", "road.friction_right", still if is_uniform else road.friction_right),
+            ("bank_rad", "road.bank_deg", road.bank_rad),
+            ("grade_rad", "road.grade_percent", road.grade),
+            ("wind_forward_mps", "tail_wind_mps", scenario.tail_wind_mps),
+            ("wind_left_mps", "cross_wind_mps", scenario.cross_wind_mps),
+        )
+        if field not in takes and np.any(table.coefficients)
+    ]
     if missing:
         raise ConfigError(
             f"scenario {scenario.name!r}: expected a plant that takes {', '.join(missing)}, found "

@@ -2,12 +2,14 @@
 
 from math import atan, hypot
 
-from rt_controller.contract.signals import ControlInput, CurvaturePreview, Mode, VehicleState
+import numpy as np
+
+from rt_controller.contract.signals import ControlInput, Mode, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.car_figures import CarFigure
 from rt_controller.gateway.vehicle_envelope import OwnMotion, off_path_m
 from sim_bridge.scenario import Scenario
-from sim_bridge.scenario.metrics import DriveLog, LogRow, judged, measure, peak, rms
+from sim_bridge.scenario.metrics import LogRow, judged, measure, peak, rms
 from sim_bridge.scenario.speed import next_progress
 
 AT_REST_MPS = 0.3
@@ -26,7 +28,7 @@ class ScenarioRun:
         """since the car was first driven"""
         self._is_end_requested = False
         self._progress = scenario.first_progress
-        self._log = DriveLog()
+        self._log: list[LogRow] = []
         self.path = scenario.path_ahead(s_m, state.vx_mps)
         """what a path planner sends from where the car is"""
         self._place(state, s_m)
@@ -47,10 +49,6 @@ class ScenarioRun:
     def is_moving(self) -> bool:
         """False if a stop has brought the car to rest."""
         return self.speed_mps > AT_REST_MPS
-
-    def preview(self) -> CurvaturePreview | None:
-        """Curvature of the road ahead, as far as it fits a preview."""
-        return self.scenario.preview_ahead(self.s_m, self.state.vx_mps, self.path.v_mps)
 
     def end_mission(self) -> None:
         """End the mission with the next period, as if the duration of the scenario were over."""
@@ -83,23 +81,12 @@ class ScenarioRun:
             self.end_ticks += 1
             self.motion = self.motion._replace(is_mission_on=False)
             return
-        self._log.append(
-            LogRow(
-                time_s=self.time_s,
-                s_m=s_m,
-                ey_m=state.ey_m,
-                epsi_rad=state.epsi_rad,
-                curvature_per_m=self.curvature_per_m,
-                vx_mps=speed_mps,
-                vy_mps=state.vy_mps,
-                yaw_rate_radps=state.yaw_rate_radps,
-                steer_rad=applied.steer_rad,
-                wanted_ey_m=self.path.c0_m,
-                wanted_epsi_rad=atan(self.path.c1),
-                wanted_mps=self.path.v_mps,
-                stop=self._progress.stops_done if self._progress.is_holding else -1,
-            )
-        )
+        stop = self._progress.stops_done if self._progress.is_holding else -1
+        vx_mps, vy_mps, yaw_rate_radps, _, ey_m, epsi_rad = state
+        place = self.time_s, s_m, ey_m, epsi_rad, self.curvature_per_m
+        motion = vx_mps, vy_mps, yaw_rate_radps, applied.steer_rad
+        wanted = self.path.c0_m, atan(self.path.c1), self.path.v_mps
+        self._log.append(LogRow(*place, *motion, *wanted, stop))
 
     def figures(self) -> tuple[CarFigure, ...]:
         """The figures that the scenario names or limits, so far."""
@@ -109,7 +96,7 @@ class ScenarioRun:
 
     def ey_error_rms_and_peak_m(self) -> tuple[float, float]:
         """Of the lateral error, so far."""
-        errors_m = self._log.ey_error_m()
+        errors_m = np.array([row.ey_m - row.wanted_ey_m for row in self._log])
         return rms(errors_m), peak(errors_m)
 
     def _is_mission_on(self, mode: Mode | None, is_braking: bool) -> bool:

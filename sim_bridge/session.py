@@ -145,7 +145,7 @@ def build_car(scenario: Scenario, choice: CarSettings | Plant = OWN_CAR) -> Car:
         car = Car(plant, start.speed_mps)
         # One period for nothing: what is loaded at first use is loaded here and not in the loop.
         car.set_road(scenario.road_at(start.s_m, 0.0))
-        car.advance(NEUTRAL_INPUT, scenario.road.frame())
+        car.advance(NEUTRAL_INPUT, scenario.road.curvature_per_m)
         if plant.failure is not None:
             raise ConfigError(
                 f"Expected a plant that drives a first control period, found a failure of "

@@ -7,6 +7,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.names import hint
 
 Entry = TypeVar("Entry")
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -60,9 +61,10 @@ def read_shipped_or_own(name_or_path: str | Path, folder: str, kind: str) -> str
     if name in shipped_names(folder):
         return (resources.files("sim_bridge") / folder / f"{name}.toml").read_text("utf-8")
     if not name.endswith(".toml"):
+        shipped = shipped_names(folder)
         raise ConfigError(
-            f"{kind} {name!r}: expected one of {', '.join(shipped_names(folder))} or the path of a "
-            f".toml file."
+            f"{kind} {name!r}: expected one of {', '.join(shipped)} or the path of a "
+            f".toml file{hint(name, shipped)}."
         )
     from rt_controller.contract.files import read_text  # numpy, which --help does without
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from benchmarks.false_alarms.conditions import sensor_noise
 from sim_bridge.scenario import Scenario
-from sim_bridge.scenario.file import ScenarioFile
+from sim_bridge.scenario.scenario import ScenarioFile
 
 METRICS = ("ey_rms_m", "speed_rms_mps")
 _NOISE_SEED = 11

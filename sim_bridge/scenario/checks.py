@@ -4,21 +4,20 @@ The scenario is driven once as a point that follows the reference exactly.
 """
 
 from collections.abc import Iterator
-from math import sqrt
+from itertools import pairwise
+from math import inf, sqrt
 
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.grip import AHEAD_S, FAR, MOST_LATERAL_MPS2, NEAR
 from rt_controller.contract.physics import GRAVITY_MPS2
 from rt_controller.contract.preview import REACH_S
 from sim_bridge.faults.fault import late_faults
-from sim_bridge.scenario.lanes import Poses, road_margin_m
 from sim_bridge.scenario.limits import KMH_PER_MPS
-from sim_bridge.scenario.metrics import OF_STOPS, SLIDING_MPS
 from sim_bridge.scenario.nominal_drive import NominalDrive, drive_nominally
+from sim_bridge.scenario.road import Road
 from sim_bridge.scenario.scenario import PREVIEW_MIN_M, Scenario
-from sim_bridge.scenario.speed_checks import grip_mps2, speed_problems, stop_problems
+from sim_bridge.scenario.speed import STOP_WINDOW_M
 
 MAX_SLOPE = 0.5
 """of the path against the road; limited by the value range of the frames, with a margin"""
@@ -26,10 +25,10 @@ LARGEST_C2_PER_M, LARGEST_C3_PER_M2 = 0.030, 0.006
 """of the cubic of the path: value ranges of the frames, with a margin"""
 LEAST_GAP = 0.5
 """of 1 - curvature * e_y: the car stays on the outer half of the way to the centre of a bend"""
-SLOWEST_OVER_TIME_MPS = 3.0
-"""slowest speed with a lateral position over time: its slope against the road is v_y / v_x"""
+LEAST_GAP_M = 2.0 * STOP_WINDOW_M
+"""between two stops: a car cannot stand at both"""
+_TOLERANCE_MPS2 = 1e-6
 _FIT_EVERY = 4
-_COURSES = "reference.ey_m of kind iso_3888_1, iso_3888_2"
 
 
 def problems(scenario: Scenario) -> list[str]:
@@ -42,18 +41,15 @@ def problems(scenario: Scenario) -> list[str]:
     drive = drive_nominally(scenario)
     return [
         *late_faults(scenario.faults, scenario.duration_s),
-        *_limit_problems(scenario, drive),
-        *_pose_problems(scenario),
-        *_lateral_problems(scenario, drive),
-        *speed_problems(scenario, drive),
-        *stop_problems(scenario, drive),
+        *_path_problems(scenario, drive),
+        *_speed_problems(scenario, drive),
+        *_stop_problems(scenario, drive),
     ]
 
 
-def _lateral_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
+def _path_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
     s_m, ey_m = drive.s_m, drive.ey_m
     slope = np.gradient(ey_m, s_m)
-    bend = np.gradient(slope, s_m)
     curvature, width = scenario.road.curvature_per_m(s_m), scenario.road.width_m
     if width is not None:
         out_m = np.abs(ey_m) + 0.5 * scenario.course.body.width_m - 0.5 * width(s_m)
@@ -65,16 +61,11 @@ def _lateral_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
                 f"move."
             )
     i, k = int(np.argmax(np.abs(slope))), int(np.argmax(curvature * ey_m))
-    is_slow = bool(scenario.stops) or drive.speed_mps.min() < SLOWEST_OVER_TIME_MPS
-    if scenario.lateral.is_over_time and is_slow:
-        yield (
-            f"reference.ey_m: expected a position over s_m where the car is slower than "
-            f"{SLOWEST_OVER_TIME_MPS:g} m/s, found one over time. Use s_m, or wavelength_m."
-        )
-    elif abs(slope[i]) > MAX_SLOPE:
+    if abs(slope[i]) > MAX_SLOPE:
         yield (
             f"reference.ey_m: expected a slope of at most {MAX_SLOPE}, found {abs(slope[i]):.2f} "
-            f"at s = {s_m[i]:.1f} m. Increase length_m or the distance of the knots."
+            f"at s = {s_m[i]:.1f} m. Increase length_m or the distance of the knots; where the car "
+            f"is slow, give ey_m over s_m and not over t_s."
         )
     elif 1.0 - curvature[k] * ey_m[k] < LEAST_GAP:
         yield (
@@ -82,15 +73,13 @@ def _lateral_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
             f"{ey_m[k]:.2f} m with a curvature of {curvature[k]:.3g} 1/m at s = {s_m[k]:.1f} m."
         )
     else:
-        yield from _grip_problems(scenario, drive, bend)
+        yield from _grip_problems(scenario, drive, np.gradient(slope, s_m))
         yield from _fit_problems(scenario, drive)
 
 
 def _fit_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
     """Cubics that do not fit into the frames, or that the controller refuses."""
-    s_m = drive.s_m[::_FIT_EVERY]
-    time_s = np.interp(s_m, drive.s_m, drive.time_s)
-    speed_mps = np.interp(s_m, drive.s_m, drive.speed_mps)
+    s_m, time_s, speed_mps = (part[::_FIT_EVERY] for part in drive[:3])
     signed = scenario.cubics_ahead(s_m, time_s, speed_mps, speed_mps)
     cubics = np.abs(signed)
     for k, largest, unit in ((2, LARGEST_C2_PER_M, "1/m"), (3, LARGEST_C3_PER_M2, "1/m^2")):
@@ -102,41 +91,21 @@ def _fit_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
                 f"{largest:g} {unit}, found {cubics[i, k]:.3g} at s = {s_m[i]:.1f} m. "
                 f"Lengthen the move."
             )
-    for share in (NEAR, FAR):
-        ahead_m = share * AHEAD_S * speed_mps
-        turn = scenario.road.curvature_per_m(s_m + ahead_m)
-        turn = turn + 2.0 * signed[:, 2] + 6.0 * signed[:, 3] * ahead_m
-        needed_mps2 = np.abs(turn) * speed_mps**2
-        i = int(np.argmax(needed_mps2))
-        if needed_mps2[i] > MOST_LATERAL_MPS2:
-            yield (
-                f"reference.ey_m: expected a path that the controller follows, with a lateral "
-                f"acceleration of at most {MOST_LATERAL_MPS2:g} m/s^2, found "
-                f"{needed_mps2[i]:.1f} m/s^2 at s = {s_m[i]:.1f} m. Lengthen the moves, or lower "
-                f"reference.speed_kmh."
-            )
-            return
 
 
 def _grip_problems(scenario: Scenario, drive: NominalDrive, bend: Array) -> Iterator[str]:
     """The place whose lateral acceleration exceeds the grip most; `bend` (n,) is the path's."""
     s_m = drive.s_m
-    grip = grip_mps2(scenario.road, s_m)
+    grip = _grip_mps2(scenario.road, s_m)
     gravity_mps2 = GRAVITY_MPS2 * np.sin(scenario.road.bank_rad(s_m))
     curvature = scenario.road.curvature_per_m(s_m)
     wanted_mps2 = (bend + curvature) * drive.speed_mps**2 + gravity_mps2
     i = int(np.argmax(np.abs(wanted_mps2) - grip))
     if abs(wanted_mps2[i]) < grip[i]:
         return
-    if abs(gravity_mps2[i]) >= grip[i]:
-        yield (
-            f"road.bank_deg: expected a bank with an acceleration below the grip of {grip[i]:.1f} "
-            f"m/s^2, found {abs(gravity_mps2[i]):.1f} m/s^2 at s = {s_m[i]:.1f} m. Lower it."
-        )
-        return
-    turn = float(bend[i] + curvature[i])
+    turn = float(bend[i] + curvature[i]) or 1e-9
     able_mps2 = grip[i] - np.sign(turn) * gravity_mps2[i]
-    possible_kmh = KMH_PER_MPS * sqrt(able_mps2 / abs(turn))
+    possible_kmh = KMH_PER_MPS * sqrt(max(able_mps2, 0.0) / abs(turn))
     field, remedy = "reference.ey_m", "lengthen the moves, or interpolate with pchip or spline"
     if abs(curvature[i]) >= abs(bend[i]):
         field, remedy = "reference.speed_kmh", "or choose a wider bend in road.curvature_per_m"
@@ -148,34 +117,54 @@ def _grip_problems(scenario: Scenario, drive: NominalDrive, bend: Array) -> Iter
     )
 
 
-def _limit_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
-    """Limits of figures that the drive cannot have."""
-    course, end_m = scenario.course, float(drive.s_m[-1])
-    for names, applies, needed in (
-        (("cone_hits",), any(cone.s_m < end_m for cone in course.cones), f"{_COURSES} or slalom"),
-        (("lane_margin_m",), any(lane.start_m < end_m for lane in course.lanes), _COURSES),
-        (("road_margin_m",), scenario.road.width_m is not None, "road.width_m"),
-        (("sideslip_peak_rad",), drive.speed_mps.max() > SLIDING_MPS, f"{SLIDING_MPS:g} m/s"),
-        (OF_STOPS, bool(scenario.stops), "[[stops]] or another speed with stops"),
-    ):
-        for metric in scenario.limits:
-            if metric in names and not applies:
-                yield (
-                    f"limits.{metric}: expected a scenario with {needed}, found none on the "
-                    f"{end_m - scenario.start.s_m:.0f} m of its drive."
-                )
-
-
-def _pose_problems(scenario: Scenario) -> Iterator[str]:
-    """Starts beside the road."""
-    start, road = scenario.start, scenario.road
-    if road.width_m is None:
-        return
-    s_m, ey_m, epsi_rad = np.array([[start.s_m], [start.ey_m], [start.epsi_rad]])
-    pose = Poses(s_m, ey_m, epsi_rad, road.curvature_per_m(s_m))
-    margin_m = road_margin_m(scenario.course.body, pose, road.width_m)
-    if margin_m < 0.0:
+def _speed_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
+    """The acceleration along the road that exceeds its friction most."""
+    motion, road = drive.motion, scenario.road
+    grip, grade = _grip_mps2(road, motion.s_m), road.grade(motion.s_m)
+    excess = np.abs(motion.acceleration_mps2 + GRAVITY_MPS2 * grade) - grip
+    i = int(np.argmax(excess))
+    if excess[i] > _TOLERANCE_MPS2:
+        part = "deceleration_mps2" if motion.acceleration_mps2[i] < 0.0 else "acceleration_mps2"
+        name = f"stops.{part}" if motion.is_for_stop[i] else "reference.speed_kmh"
+        slope = "" if grade[i] == 0.0 else f" on a slope of {100.0 * grade[i]:+.1f} %"
         yield (
-            f"initial.ey_m: expected a car that starts on its road of road.width_m, found a "
-            f"corner {-margin_m:.2f} m beside it. Reduce ey_m or epsi_deg."
+            f"{name}: expected an acceleration below the grip of {grip[i]:.1f} m/s^2, found "
+            f"{motion.acceleration_mps2[i]:.1f} m/s^2{slope} at s = {motion.s_m[i]:.1f} m, t = "
+            f"{motion.time_s[i]:.2f} s. Lower it, or move the knots apart."
         )
+
+
+def _stop_problems(scenario: Scenario, drive: NominalDrive) -> Iterator[str]:
+    """A line for a stop that cannot be made or is not reached."""
+    stops, start = scenario.stops, scenario.start
+    if not stops:
+        return
+    for stop, following in pairwise(stops):
+        if following.at_s_m - stop.at_s_m < LEAST_GAP_M or stop.hold_s == inf:
+            yield (
+                f"stops: expected stops {LEAST_GAP_M:g} m apart or more, each but the last with a "
+                f"hold_s, found one at {following.at_s_m:g} m after that at {stop.at_s_m:g} m with "
+                f"hold_s = {stop.hold_s:g}."
+            )
+            return
+    distance_m = stops[0].at_s_m - start.s_m
+    # With less grip than the deceleration needs, the acceleration is refused, or this.
+    able_mps2 = min(stops[0].deceleration_mps2, float(_grip_mps2(scenario.road, drive.s_m).max()))
+    need_m = 0.5 * start.speed_mps**2 / able_mps2
+    if distance_m <= 0.0 or (distance_m < need_m and scenario.speed.highest_mps > 0.0):
+        yield (
+            f"stops: expected at least the braking distance of {need_m:.1f} m between the start "
+            f"and the first stop, found {distance_m:.1f} m. Move it, or increase "
+            f"deceleration_mps2 where the friction allows it."
+        )
+    elif drive.stops_reached < len(stops):
+        yield (
+            f"stops: expected places that the drive reaches within duration_s = "
+            f"{scenario.duration_s:g} and the end of the road, found "
+            f"{stops[drive.stops_reached].at_s_m:g}. Increase duration_s."
+        )
+
+
+def _grip_mps2(road: Road, s_m: Array) -> Array:
+    """The acceleration that the friction at arc lengths `s_m` can give, same shape."""
+    return 0.5 * GRAVITY_MPS2 * (road.friction_left(s_m) + road.friction_right(s_m))

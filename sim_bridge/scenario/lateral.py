@@ -1,17 +1,19 @@
 """The wanted lateral position on the road: moves, sines and tables."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from math import inf, pi
-from typing import Annotated, ClassVar, Literal, Protocol, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from rt_controller.contract.arrays import Array
 from sim_bridge.scenario.limits import LARGEST_EY_M
-from sim_bridge.scenario.table import Table
-from sim_bridge.scenario.values import NotNegative
+from sim_bridge.scenario.table import Interpolation, constant
+from sim_bridge.scenario.values import NotNegative, OverDistance, OverTime, require_within
 from sim_bridge.toml_file import FileTable, Number, at_most
 
 NEAREST_KNOTS_M = 0.25
@@ -19,17 +21,17 @@ NEAREST_KNOTS_M = 0.25
 Ey = Annotated[Number, Field(ge=-LARGEST_EY_M, le=LARGEST_EY_M)]
 
 
-class Lateral(Protocol):
+@dataclass(frozen=True, slots=True, eq=False)
+class Lateral:
     """A wanted lateral deviation from the reference line, positive to the left."""
 
-    @property
-    def is_over_time(self) -> bool:
-        """True if it depends on the time, False if on the arc length."""
-        ...
+    law: Callable[[Array], Array]
+    """from arc lengths in m, or times in s, to deviations in m; same shape"""
+    is_over_time: bool = False
 
     def ey_m(self, s_m: Array, time_s: Array) -> Array:
         """The deviation at arc lengths `s_m`, reached at times `time_s`; same shape."""
-        ...
+        return self.law(time_s if self.is_over_time else s_m)
 
 
 class Move(FileTable):
@@ -46,20 +48,17 @@ class Moves(FileTable):
 
     kind: Literal["moves"]
     moves: Annotated[tuple[Move, ...], at_most(10_000)]
-    is_over_time: ClassVar[bool] = False
 
     @model_validator(mode="after")
     def _require_order(self) -> Self:
-        problems, end_m = [], -inf
+        end_m = -inf
         for i, move in enumerate(self.moves):
             if move.start_m < end_m:
-                problems.append(
+                raise ValueError(
                     f"moves[{i}].start_m: expected at least {end_m:g} (moves must not overlap), "
-                    f"found {move.start_m:g}."
+                    f"found {move.start_m:g}"
                 )
             end_m = move.start_m + move.length_m
-        if problems:
-            raise ValueError("\n".join(problems))
         return self
 
     @cached_property
@@ -67,8 +66,11 @@ class Moves(FileTable):
         """(3, n) start, length and target of each move."""
         return np.array([(m.start_m, m.length_m, m.to_m) for m in self.moves]).T
 
-    def ey_m(self, s_m: Array, time_s: Array) -> Array:
-        """See `Lateral`."""
+    def lateral(self) -> Lateral:
+        """The path."""
+        return Lateral(self._ey_m)
+
+    def _ey_m(self, s_m: Array) -> Array:
         if not self.moves:
             return np.zeros_like(s_m)
         start_m, length_m, to_m = self.columns
@@ -100,7 +102,7 @@ class Sine(FileTable):
         if (self.wavelength_m is None) == (self.frequency_hz is None):
             raise ValueError("wavelength_m: expected it or frequency_hz, found both or none")
         right, wrong = "start_s_m with wavelength_m", "start_t_s"
-        if self.is_over_time:
+        if self.wavelength_m is None:
             right, wrong = "start_t_s with frequency_hz", "start_s_m"
         if getattr(self, wrong) is not None:
             raise ValueError(f"{wrong}: expected {right}, found {wrong}")
@@ -111,25 +113,14 @@ class Sine(FileTable):
             )
         return self
 
-    @property
-    def is_over_time(self) -> bool:
-        """See `Lateral`."""
-        return self.wavelength_m is None
+    def lateral(self) -> Lateral:
+        """The path."""
+        return Lateral(self._ey_m, self.wavelength_m is None)
 
-    @property
-    def _start(self) -> float:
-        """Arc length or time of the first zero."""
-        return self.start_s_m or self.start_t_s or 0.0
-
-    @property
-    def _period(self) -> float:
-        """Length in m, or duration in s."""
-        return self.wavelength_m or 1.0 / (self.frequency_hz or 1.0)
-
-    def ey_m(self, s_m: Array, time_s: Array) -> Array:
-        """See `Lateral`."""
-        x = time_s if self.is_over_time else s_m
-        turns = np.clip((x - self._start) / self._period, 0.0, self.periods)
+    def _ey_m(self, x: Array) -> Array:
+        start = self.start_s_m or self.start_t_s or 0.0
+        period = self.wavelength_m or 1.0 / (self.frequency_hz or 1.0)
+        turns = np.clip((x - start) / period, 0.0, self.periods)
         grown = np.ones_like(turns)
         if self.fade_periods > 0.0:
             rise = np.minimum(turns, self.periods - turns) / self.fade_periods
@@ -137,36 +128,23 @@ class Sine(FileTable):
         return np.asarray(self.amplitude_m * grown * np.sin(2.0 * pi * turns))
 
 
-@dataclass(frozen=True, slots=True)
-class LateralTable:
-    """A table over arc length or time."""
-
-    table: Table
-    is_over_time: bool = False
-
-    def ey_m(self, s_m: Array, time_s: Array) -> Array:
-        """See `Lateral`."""
-        return self.table(time_s if self.is_over_time else s_m)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LateralOfDrive:
-    """A law over time, at the times at which a drive at the wanted speed reaches each place.
-
-    The path is fixed to the road by this: a car that is slower, in a stop for example, can follow
-    it, too.
-    """
-
-    over_time: Lateral
-    s_m: Array
-    """(n,), increasing"""
-    time_s: Array
-    """(n,)"""
-    is_over_time: bool = False
-
-    def ey_m(self, s_m: Array, time_s: Array) -> Array:
-        """See `Lateral`."""
-        return self.over_time.ey_m(s_m, np.interp(s_m, self.s_m, self.time_s))
+def on_road(found: Any) -> Any:
+    """The path of a file: its table, or its kind."""
+    if isinstance(found, OverDistance | OverTime):
+        if found.interpolation is Interpolation.STEP:
+            raise ValueError("interpolation: expected linear, pchip or spline, found step")
+        nearest_m = min((b - a for a, b in pairwise(found.x)), default=inf)
+        if isinstance(found, OverDistance) and nearest_m < NEAREST_KNOTS_M:
+            raise ValueError(
+                f"s_m: expected knots {NEAREST_KNOTS_M:g} m apart or more, found {nearest_m:.3g} m"
+            )
+        table = found.table()
+    elif isinstance(found, int | float):
+        table = constant(found)
+    else:
+        return found.lateral() if isinstance(found, Moves | Sine) else found
+    require_within(table, -LARGEST_EY_M, LARGEST_EY_M, "m")
+    return Lateral(table, isinstance(found, OverTime))
 
 
 def _smooth(t: Array) -> Array:

@@ -8,30 +8,22 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.files import read_text
-from rt_controller.contract.names import hint
 from rt_controller.contract.settings_errors import LISTED_ERRORS, dotted, explain_field, unlisted
 from sim_bridge.faults.fault import FaultFile, late_faults
 from sim_bridge.scenario.checks import problems
-from sim_bridge.scenario.file import ScenarioFile
-from sim_bridge.scenario.maps.map_drive import scenario_of_map
+from sim_bridge.scenario.map_drive import scenario_of_map
 from sim_bridge.scenario.nominal_drive import fix_path
-from sim_bridge.scenario.scenario import Scenario
-from sim_bridge.scenario.values import Form, is_tag
-from sim_bridge.toml_file import read_shipped_or_own, shipped_names
+from sim_bridge.scenario.scenario import Scenario, ScenarioFile
+from sim_bridge.scenario.values import is_tag
+from sim_bridge.toml_file import FileTable, read_shipped_or_own, shipped_names
 
 SCENARIOS_FOLDER = "scenarios"
-OPENDRIVE_SUFFIX = ".xodr"
-_FORMAT_1 = (
-    "Files of format 1 are no longer read. In format 2, speed_kmh is in [reference], moves are "
-    '[reference.ey_m] with kind = "moves", and [road] has curvature_per_m and, for '
-    "road_friction, friction."
-)
 _FIELD_FIRST = re.compile(r"[a-z_0-9]+(\[\d+\]\.[a-z_]+)?: expected")
 
 
@@ -52,14 +44,8 @@ def load_scenario(name_or_path: str) -> Scenario:
             finds.
     """
     path, _, roads = name_or_path.partition("#")
-    if path.endswith(OPENDRIVE_SUFFIX):
-        return _checked(name_or_path, lambda: scenario_of_map(Path(path), roads))
-    shipped = shipped_scenarios()
-    if name_or_path not in shipped and not name_or_path.endswith(".toml"):
-        raise ConfigError(
-            f"scenario {name_or_path!r}: expected one of {', '.join(shipped)} or the path of a "
-            f".toml or .xodr file{hint(name_or_path, shipped)}."
-        )
+    if path.endswith(".xodr"):
+        return _checked(name_or_path, {}, lambda: scenario_of_map(Path(path), roads))
     where = f"scenario {name_or_path}"
     raw = _toml(where, read_shipped_or_own(name_or_path, SCENARIOS_FOLDER, "scenario"))
     return parse_scenario(raw, where, Path(name_or_path).parent)
@@ -76,13 +62,7 @@ def parse_scenario(raw: Mapping[str, Any], where: str, folder: Path = Path()) ->
     Raises:
         ConfigError: see `load_scenario`.
     """
-    version = raw.get("format")
-    if version != 2 or isinstance(version, bool):
-        found = "none" if version is None else repr(version)
-        is_first = version == 1 or (version is None and "reference" not in raw)
-        remedy = f" {_FORMAT_1}" if is_first else ""
-        raise ConfigError(f"{where}: format: expected 2, found {found}.{remedy}")
-    return _checked(where, lambda: ScenarioFile.model_validate(raw, context=folder).scenario())
+    return _checked(where, raw, lambda: ScenarioFile.model_validate(raw, context=folder).scenario())
 
 
 def add_faults(scenario: Scenario, path: Path) -> Scenario:
@@ -96,7 +76,7 @@ def add_faults(scenario: Scenario, path: Path) -> Scenario:
         raw = _toml(where, read_text(path))
         faults = FaultFile.model_validate(raw).faults
     except ValidationError as error:
-        raise ConfigError(_listed(where, list(_lines(error, ScenarioFile)))) from error
+        raise ConfigError(_listed(where, list(_lines(error, raw)))) from error
     except (OSError, ValueError) as error:
         raise ConfigError(
             f"{where}: expected a TOML file in UTF-8, found an error: {error}. Correct the file."
@@ -116,13 +96,13 @@ def _toml(where: str, text: str) -> dict[str, Any]:
         ) from error
 
 
-def _checked(where: str, read: Callable[[], Scenario]) -> Scenario:
+def _checked(where: str, raw: Mapping[str, Any], read: Callable[[], Scenario]) -> Scenario:
     """The scenario that `read` returns, if it can be driven."""
     try:
         scenario = read()
         found = problems(scenario)
     except ValidationError as error:
-        raise ConfigError(_listed(where, list(_lines(error, ScenarioFile)))) from error
+        raise ConfigError(_listed(where, list(_lines(error, raw)))) from error
     except ValueError as error:
         raise ConfigError(_listed(where, [str(error)])) from error
     if found:
@@ -134,13 +114,14 @@ def _listed(where: str, lines: list[str]) -> str:
     return f"{where}: {lines[0]}" if len(lines) == 1 else "\n  ".join([f"{where}:", *lines])
 
 
-def _lines(refused: ValidationError, table: type[BaseModel]) -> Iterator[str]:
+def _lines(refused: ValidationError, raw: Mapping[str, Any]) -> Iterator[str]:
     errors = [each for each in refused.errors() if each["type"] != "default_factory_not_called"]
     for error in errors[:LISTED_ERRORS]:
-        place = dotted(tuple(part for part in error["loc"] if not is_tag(part)))
-        place = place.removesuffix(".[key]")
+        parts = tuple(part for part in error["loc"] if not is_tag(part))
+        place = dotted(parts).removesuffix(".[key]")
         if error["type"] != "value_error":
-            yield explain_field([error], place, sorted(_known_beside(table, error["loc"])))
+            is_unknown = error["type"] == "extra_forbidden"
+            yield explain_field([error], place, _known_beside(raw, parts) if is_unknown else [])
             continue
         # A check of a whole table begins each line with the field.
         is_table = isinstance(error["input"], Mapping)
@@ -150,30 +131,17 @@ def _lines(refused: ValidationError, table: type[BaseModel]) -> Iterator[str]:
     yield from unlisted(len(errors))
 
 
-def _known_beside(table: type[BaseModel], place: tuple[str | int, ...]) -> set[str]:
-    """Names of the fields that may stand at a place in a file, in any form of a value there."""
-    *before, last = (part for part in place if isinstance(part, str) and not is_tag(part))
-    tables = [table]
-    for part in before:
-        tables = [inner for each in tables for inner in fields_of(each).get(part, ())]
-    return {name for each in tables for name in fields_of(each)} - {last}
+def _known_beside(raw: Any, parts: tuple[str | int, ...]) -> list[str]:
+    """The fields of the table that has the most of the names beside a misspelt one."""
+    for part in parts[:-1]:
+        raw = raw[part]
+    names = max(field_names(), key=lambda known: (len(known & set(raw)), -len(known)))
+    return sorted(names - {str(parts[-1])})
 
 
-def fields_of(table: type[BaseModel]) -> dict[str, list[type[BaseModel]]]:
-    """Names of the fields of a table, as in a file, and the tables that each may contain."""
-    return {
-        field.alias or name: [
-            inner for part in (field.annotation, *field.metadata) for inner in _tables_in(part)
-        ]
-        for name, field in table.model_fields.items()
-    }
-
-
-def _tables_in(part: Any) -> Iterator[type[BaseModel]]:
-    """The tables that a value of this type, or of this form, may be or contain."""
-    if isinstance(part, Form):
-        yield from (*part.axes, *part.kinds)
-    elif isinstance(part, type) and issubclass(part, BaseModel):
-        yield part
-    for inner in get_args(part):
-        yield from _tables_in(inner)
+def field_names(table: type[FileTable] = FileTable) -> list[set[str]]:
+    """Names of the fields of each table of a scenario file."""
+    inner = [names for each in table.__subclasses__() for names in field_names(each)]
+    is_own = table.__module__.startswith(("sim_bridge.scenario", "sim_bridge.faults.fault"))
+    own = {field.alias or name for name, field in table.model_fields.items()}
+    return [own, *inner] if is_own else inner

@@ -8,13 +8,7 @@ import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.drive.car_figures import CarFigure
-from sim_bridge.scenario.lanes import (
-    Course,
-    Poses,
-    cone_hits,
-    lane_margin_m,
-    road_margin_m,
-)
+from sim_bridge.scenario.courses import Course, Poses, cone_hits, lane_margin_m, road_margin_m
 from sim_bridge.scenario.speed import STOP_WINDOW_M, Stop
 from sim_bridge.scenario.table import Table
 
@@ -54,8 +48,6 @@ class Metrics(NamedTuple):
 
 SLIDING_MPS = 5.0
 """speed above which sideslip is measured"""
-OF_STOPS = ("stop_error_m", "creep_m", "hold_steer_rad", "stops_missed")
-"""figures that apply to drives with stops"""
 HIGHER_IS_BETTER = frozenset({"lane_margin_m", "road_margin_m"})
 
 
@@ -96,34 +88,18 @@ class LogRow(NamedTuple):
     """number of the stop where the car is held; -1: none"""
 
 
-class DriveLog(list[LogRow]):
-    """The rows of a drive."""
-
-    def column(self, name: str) -> Array:
-        """(n,) values of one field of `LogRow`."""
-        return np.array([getattr(row, name) for row in self], dtype=np.float64)
-
-    def ey_error_m(self) -> Array:
-        """(n,) lateral deviation from the wanted position."""
-        return self.column("ey_m") - self.column("wanted_ey_m")
-
-
 def measure(
-    log: DriveLog, stops: Sequence[Stop], course: Course, road_width_m: Table | None = None
+    rows: Sequence[LogRow], stops: Sequence[Stop], course: Course, road_width_m: Table | None = None
 ) -> Metrics:
     """The figures of a drive."""
-    if len(log) == 0:
+    if not rows:
         return Metrics()
-    vx, ey = log.column("vx_mps"), log.column("ey_m")
-    epsi, curvature = log.column("epsi_rad"), log.column("curvature_per_m")
-    ey_error = log.ey_error_m()
-    epsi_error = epsi - log.column("wanted_epsi_rad")
-    speed_error = vx - log.column("wanted_mps")
-    fast = vx > SLIDING_MPS
-    slip = np.abs(np.arctan2(log.column("vy_mps")[fast], vx[fast]))
-    poses = Poses(log.column("s_m"), ey, epsi, curvature)
-    number = log.column("stop")
-    holds = [np.flatnonzero(number == k) for k in range(len(stops))]
+    columns = [(name, float) for name in LogRow._fields]
+    log = np.rec.fromarrays(list(np.array(rows).T), columns)
+    fast = log.vx_mps > SLIDING_MPS
+    slip = np.abs(np.arctan2(log.vy_mps[fast], log.vx_mps[fast]))
+    poses = Poses(log.s_m, log.ey_m, log.epsi_rad, log.curvature_per_m)
+    holds = [np.flatnonzero(log.stop == k) for k in range(len(stops))]
     errors_m = [
         abs(float(poses.s_m[hold[0]]) - stop.at_s_m) if len(hold) else inf
         for hold, stop in zip(holds, stops, strict=True)
@@ -136,18 +112,18 @@ def measure(
         return max((float(np.ptp(values[hold])) for hold in holds if len(hold)), default=nan)
 
     return Metrics(
-        ey_rms_m=rms(ey_error),
-        ey_peak_m=peak(ey_error),
-        epsi_rms_rad=rms(epsi_error),
-        epsi_peak_rad=peak(epsi_error),
-        speed_rms_mps=rms(speed_error),
-        speed_peak_mps=peak(speed_error),
-        lateral_peak_mps2=peak(vx * log.column("yaw_rate_radps")),
+        ey_rms_m=rms(log.ey_m - log.wanted_ey_m),
+        ey_peak_m=peak(log.ey_m - log.wanted_ey_m),
+        epsi_rms_rad=rms(log.epsi_rad - log.wanted_epsi_rad),
+        epsi_peak_rad=peak(log.epsi_rad - log.wanted_epsi_rad),
+        speed_rms_mps=rms(log.vx_mps - log.wanted_mps),
+        speed_peak_mps=peak(log.vx_mps - log.wanted_mps),
+        lateral_peak_mps2=peak(log.vx_mps * log.yaw_rate_radps),
         sideslip_peak_rad=float(slip.max()) if len(slip) else nan,
-        steer_peak_rad=peak(log.column("steer_rad")),
+        steer_peak_rad=peak(log.steer_rad),
         stop_error_m=max(errors_m, default=nan),
         creep_m=largest_span(poses.s_m),
-        hold_steer_rad=largest_span(log.column("steer_rad")),
+        hold_steer_rad=largest_span(log.steer_rad),
         stops_missed=missed if stops else nan,
         cone_hits=float(cone_hits(course, poses)) if course.cones else nan,
         lane_margin_m=nan if margin_m == inf else margin_m,

@@ -7,7 +7,7 @@ import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.timing import PERIOD_S
-from sim_bridge.scenario.lateral import NEAREST_KNOTS_M, LateralOfDrive
+from sim_bridge.scenario.lateral import NEAREST_KNOTS_M, Lateral
 from sim_bridge.scenario.limits import LONGEST_ROAD_M
 from sim_bridge.scenario.scenario import Scenario
 from sim_bridge.scenario.speed import braking_speed, next_progress
@@ -26,8 +26,8 @@ class Motion(NamedTuple):
     speed_mps: Array
     acceleration_mps2: Array
     """of the wanted speed, from this row to the next one"""
-    stop: Array
-    """number of the stop that the car brakes for or drives off from; -1: none"""
+    is_for_stop: Array
+    """1 where the car brakes for a stop or drives off from one, else 0"""
 
 
 class NominalDrive(NamedTuple):
@@ -64,17 +64,20 @@ def drive_nominally(scenario: Scenario) -> NominalDrive:
 
 
 def fix_path(scenario: Scenario) -> Scenario:
-    """The scenario with a path that depends on the place only; see `LateralOfDrive`.
+    """The scenario with a path that depends on the place only, at the times of the nominal drive.
 
-    Beyond the end of the drive the path continues with the last speed.
+    A car that is slower, in a stop for example, can follow it, too. Beyond the end of the drive
+    the path continues with the last speed.
     """
-    if not scenario.lateral.is_over_time:
+    over_time = scenario.lateral
+    if not over_time.is_over_time:
         return scenario
     drive = drive_nominally(scenario)
     beyond_m = max(drive.speed_mps[-1], 1.0) * scenario.duration_s
     s_m = np.append(drive.s_m, drive.s_m[-1] + beyond_m)
     time_s = np.append(drive.time_s, drive.time_s[-1] + scenario.duration_s)
-    return replace(scenario, lateral=LateralOfDrive(scenario.lateral, s_m, time_s))
+    lateral = Lateral(lambda place: over_time.law(np.interp(place, s_m, time_s)))
+    return replace(scenario, lateral=lateral)
 
 
 def _at_constant_speed(scenario: Scenario) -> Motion:
@@ -83,7 +86,7 @@ def _at_constant_speed(scenario: Scenario) -> Motion:
         duration_s = min(duration_s, (scenario.end_m - start.s_m) / start.speed_mps)
     time_s = np.array([0.0, duration_s])
     speed_mps = np.full(2, start.speed_mps)
-    return Motion(start.s_m + speed_mps * time_s, time_s, speed_mps, np.zeros(2), np.full(2, -1))
+    return Motion(start.s_m + speed_mps * time_s, time_s, speed_mps, *np.zeros((2, 2)))
 
 
 def _period_by_period(scenario: Scenario) -> tuple[Motion, int]:
@@ -91,7 +94,7 @@ def _period_by_period(scenario: Scenario) -> tuple[Motion, int]:
     s_m, progress, stops = scenario.start.s_m, scenario.first_progress, scenario.stops
     before_mps = scenario.reference_speed_mps(s_m, 0.0, progress)
     speed_mps = scenario.start.speed_mps
-    rows: list[tuple[float, float, float, float, int]] = []
+    rows: list[tuple[float, float, float, float, bool]] = []
     for tick in range(scenario.ticks + 1):
         time_s = tick * PERIOD_S
         wanted_mps = scenario.reference_speed_mps(s_m, time_s, progress)
@@ -101,15 +104,12 @@ def _period_by_period(scenario: Scenario) -> tuple[Motion, int]:
         if progress.is_holding or is_ahead:
             # Whole periods would give more where the car comes to rest.
             acceleration_mps2 = max(acceleration_mps2, -stops[stop].deceleration_mps2)
-        else:
-            stop = max(stop - 1, 0)
-        if wanted_mps >= scenario.speed.at(s_m, time_s):
-            stop = -1
         if rows:
-            rows[-1] = (*rows[-1][:3], acceleration_mps2, stop)
+            is_for_stop = wanted_mps < scenario.speed.at(s_m, time_s)
+            rows[-1] = (*rows[-1][:3], acceleration_mps2, is_for_stop)
             speed_mps = _approached(wanted_mps, speed_mps, speed_mps - before_mps)
         progress = next_progress(progress, stops, s_m, speed_mps, time_s)
-        rows.append((s_m, time_s, speed_mps, 0.0, -1))
+        rows.append((s_m, time_s, speed_mps, 0.0, False))
         before_mps = wanted_mps
         s_m += speed_mps * PERIOD_S
         if s_m >= scenario.end_m:

@@ -1,30 +1,135 @@
 """`Road`: what the ground of a scenario is like, as tables over the arc length s."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cached_property
-from math import atan, degrees, inf, radians
+from math import atan, inf, radians
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, Self
 
-import numpy as np
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
-from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.limits import LEAST_FRICTION, MOST_FRICTION
-from sim_bridge.frenet import CurvatureTable
 from sim_bridge.plant.protocol import RoadAt
-from sim_bridge.scenario.curvature import Circle, CourseOfBends, Spiral, Step
 from sim_bridge.scenario.limits import (
     DRY_ASPHALT,
     LARGEST_CURVATURE_PER_M,
+    SMALLEST_RADIUS_M,
     STEEPEST_BANK_DEG,
     STEEPEST_PERCENT,
 )
-from sim_bridge.scenario.maps.opendrive import ReferenceLine, read_reference_line
-from sim_bridge.scenario.table import Table, constant
-from sim_bridge.scenario.values import Positive, form_of_table, require_within
-from sim_bridge.toml_file import FileTable
+from sim_bridge.scenario.opendrive import ReferenceLine, read_reference_line
+from sim_bridge.scenario.table import Ramp, Table, chained, constant
+from sim_bridge.scenario.values import NotNegative, Positive, form_of_table
+from sim_bridge.toml_file import FileTable, Number, at_most, not_empty
+
+_Radius = Annotated[Number, Field(ge=SMALLEST_RADIUS_M)]
+_PerM = Annotated[Number, Field(ge=-LARGEST_CURVATURE_PER_M, le=LARGEST_CURVATURE_PER_M)]
+
+
+class Circle(FileTable):
+    """A circle, entered from a straight."""
+
+    kind: Literal["circle"]
+    radius_m: _Radius
+    direction: Literal["left", "right"] = "left"
+    entry_s_m: NotNegative = 0.0
+    """end of the straight; 0: no straight"""
+    spiral_m: NotNegative = 0.0
+    """length of the clothoid after the straight"""
+
+    def table(self) -> Table:
+        """Curvature in 1/m."""
+        per_m = (1.0 if self.direction == "left" else -1.0) / self.radius_m
+        if self.entry_s_m == 0.0 and self.spiral_m == 0.0:
+            return constant(per_m)
+        return _ramp(self.entry_s_m, self.spiral_m, 0.0, per_m)
+
+
+class Spiral(FileTable):
+    """A clothoid: curvature that changes linearly with arc length."""
+
+    kind: Literal["spiral"]
+    start_s_m: NotNegative
+    length_m: Positive
+    from_per_m: _PerM = 0.0
+    to_per_m: _PerM
+
+    def table(self) -> Table:
+        """Curvature in 1/m."""
+        return _ramp(self.start_s_m, self.length_m, self.from_per_m, self.to_per_m)
+
+
+class Step(FileTable):
+    """A jump of curvature."""
+
+    kind: Literal["step"]
+    at_s_m: NotNegative
+    from_per_m: _PerM = 0.0
+    to_per_m: _PerM
+
+    def table(self) -> Table:
+        """Curvature in 1/m."""
+        return _ramp(self.at_s_m, 0.0, self.from_per_m, self.to_per_m)
+
+
+class Bend(FileTable):
+    """A part of a course: a straight, or a bend between two clothoids."""
+
+    straight_m: NotNegative = 0.0
+    """before the bend"""
+    radius_m: _Radius | None = None
+    turn_deg: Annotated[Number, Field(ge=-720.0, le=720.0)] = 0.0
+    """change of heading over the whole bend, positive to the left"""
+    spiral_m: NotNegative = 0.0
+    """length of the clothoid at each end of the bend"""
+
+    @model_validator(mode="after")
+    def _require_bend(self) -> Self:
+        if (self.radius_m is None) != (self.turn_deg == 0.0):
+            raise ValueError("turn_deg: expected together with radius_m, found one of them alone")
+        if self.radius_m is None and (self.straight_m == 0.0 or self.spiral_m > 0.0):
+            raise ValueError("straight_m: expected a straight or a bend with radius_m, found none")
+        if self._arc_m < 0.0:
+            raise ValueError(
+                f"spiral_m: expected at most radius_m times the turn, "
+                f"{self._arc_m + self.spiral_m:g}, found {self.spiral_m:g}"
+            )
+        return self
+
+    @property
+    def _arc_m(self) -> float:
+        """Length of the part of constant curvature; the clothoids turn by half as much."""
+        return abs(radians(self.turn_deg)) * (self.radius_m or 0.0) - self.spiral_m
+
+    def ramps(self) -> list[Ramp]:
+        """Its parts, without those of no length."""
+        parts = [Ramp(self.straight_m, 0.0, 0.0)]
+        if self.radius_m is not None:
+            peak = (1.0 if self.turn_deg > 0.0 else -1.0) / self.radius_m
+            parts.append(Ramp(self.spiral_m, 0.0, peak))
+            parts.append(Ramp(self._arc_m, peak, peak))
+            parts.append(Ramp(self.spiral_m, peak, 0.0))
+        return [part for part in parts if part.length > 0.0]
+
+
+class CourseOfBends(FileTable):
+    """Straights and bends in a row; straight after the last one."""
+
+    kind: Literal["course"]
+    bends: Annotated[tuple[Bend, ...], at_most(1000), AfterValidator(not_empty)]
+
+    def table(self) -> Table:
+        """Curvature in 1/m."""
+        ramps = [ramp for bend in self.bends for ramp in bend.ramps()]
+        return chained([*ramps, Ramp(1.0, 0.0, 0.0)])
+
+
+def _ramp(at_m: float, length_m: float, before_per_m: float, to_per_m: float) -> Table:
+    """A clothoid between two constant curvatures; a step if its length is 0."""
+    ramps = [] if length_m == 0.0 else [Ramp(length_m, before_per_m, to_per_m)]
+    parts = [Ramp(1.0, before_per_m, before_per_m), *ramps, Ramp(1.0, to_per_m, to_per_m)]
+    return chained(parts, at_m - 1.0)
+
 
 _Curvature = Annotated[
     Table,
@@ -40,6 +145,7 @@ _Bank = Annotated[
     Table, form_of_table(-STEEPEST_BANK_DEG, STEEPEST_BANK_DEG, "deg", factor=radians(1.0))
 ]
 _Grade = Annotated[Table, form_of_table(-STEEPEST_PERCENT, STEEPEST_PERCENT, "%", factor=0.01)]
+_Length = Annotated[float, Field(gt=0.0, strict=True)]
 _Width = Annotated[Table, form_of_table(2.0, 100.0, "m")]
 
 
@@ -65,34 +171,21 @@ class OpenDrive(FileTable):
         """The line as tables.
 
         Raises:
-            ConfigError: the file cannot be used, or the line is out of the limits of a road.
+            ConfigError: the file cannot be used.
         """
         line = read_reference_line(self.file, self.roads)
-        if self.flat:
-            line = line._replace(bank_rad=constant(0.0), grade=constant(0.0))
-        for name, table, most, unit in (
-            ("curvature_per_m", line.curvature_per_m, LARGEST_CURVATURE_PER_M, "1/m"),
-            ("bank_deg", line.bank_rad.scaled(degrees(1.0)), STEEPEST_BANK_DEG, "deg"),
-            ("grade_percent", line.grade.scaled(100.0), STEEPEST_PERCENT, "%"),
-        ):
-            try:
-                require_within(table, -most, most, unit)
-            except ValueError as error:
-                raise ConfigError(
-                    f"{self.file}: road.{name}: {error}. Choose another road; flat = true leaves "
-                    f"out bank and grade."
-                ) from error
-        return line
+        flat = constant(0.0)
+        return line._replace(bank_rad=flat, grade=flat) if self.flat else line
 
 
-def _of_map(part: str, otherwise: Any) -> Callable[[dict[str, Any]], Any]:
-    """The default of a field: what an OpenDRIVE file has, or `otherwise` without one."""
+def _of_map(part: str, otherwise: Any, alias: str | None = None) -> Any:
+    """A field whose default is what an OpenDRIVE file has, or `otherwise` without one."""
 
     def default(read: dict[str, Any]) -> Any:
         source = read.get("opendrive")
         return otherwise if source is None else getattr(source.line, part)
 
-    return default
+    return Field(default_factory=default, validate_default=True, alias=alias)
 
 
 def _of_both_sides(read: dict[str, Any]) -> Table:
@@ -105,20 +198,20 @@ class Road(FileTable):
 
     opendrive: OpenDrive | None = None
     """instead of curvature, bank, grade and length"""
-    curvature_per_m: _Curvature = Field(default_factory=_of_map("curvature_per_m", constant(0.0)))
+    curvature_per_m: _Curvature = _of_map("curvature_per_m", constant(0.0))
     """positive to the left"""
     friction: _Friction | None = None
     """default of both sides; 1 is the road of the tyre test"""
     friction_left: _Friction = Field(default_factory=_of_both_sides)
     """under the left wheels"""
     friction_right: _Friction = Field(default_factory=_of_both_sides)
-    bank_rad: _Bank = Field(alias="bank_deg", default_factory=_of_map("bank_rad", constant(0.0)))
+    bank_rad: _Bank = _of_map("bank_rad", constant(0.0), "bank_deg")
     """cross slope, positive if the left side is higher"""
-    grade: _Grade = Field(alias="grade_percent", default_factory=_of_map("grade", constant(0.0)))
+    grade: _Grade = _of_map("grade", constant(0.0), "grade_percent")
     """rise over distance, positive uphill"""
     width_m: _Width | None = None
     """of the lane around the reference line; None: not limited"""
-    length_m: Positive = Field(default_factory=_of_map("length_m", inf))
+    length_m: _Length = _of_map("length_m", inf)
     """the drive is over where the road ends"""
 
     @model_validator(mode="before")
@@ -148,20 +241,9 @@ class Road(FileTable):
             wind_left_mps=cross_wind_mps,
         )
 
-    def curvature_ahead(self, s_m: float, reach_m: float, count: int) -> Array:
-        """(count,) curvature in 1/m at equal distances from the car to `reach_m` ahead of it."""
-        return self.curvature_per_m(s_m + np.linspace(0.0, reach_m, count))
-
-    def frame(self) -> CurvatureTable:
-        """The curvature as the compiled road frame reads it."""
-        table = self.curvature_per_m
-        return CurvatureTable(table.starts, table.coefficients)
-
     @property
     def uniform_friction(self) -> float | None:
         """The friction, if it is the same everywhere and on both sides; None if it is not."""
         left, right = self.friction_left, self.friction_right
-        values = {left.at(0.0), right.at(0.0)}
-        if left.is_constant and right.is_constant and len(values) == 1:
-            return values.pop()
-        return None
+        is_uniform = left.is_constant and right.is_constant and left.at(0.0) == right.at(0.0)
+        return left.at(0.0) if is_uniform else None

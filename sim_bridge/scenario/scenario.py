@@ -1,28 +1,32 @@
-"""`Scenario`: a road, what is wanted along it, and by which figures the drive is judged."""
+"""`Scenario`: a road, what is wanted along it, how the drive is judged; and the file of one."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from math import ceil, inf, nan, radians
-from typing import Annotated
+from math import ceil, inf, isnan, nan, radians
+from operator import attrgetter
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, field_validator
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.preview import REACH_S, fit_preview
 from rt_controller.contract.signals import CurvaturePreview, PathReference
 from rt_controller.contract.timing import PERIOD_S
-from sim_bridge.faults.fault import Fault
+from sim_bridge.faults.fault import Fault, Faults
 from sim_bridge.plant.parts import NO_PAYLOAD, Payload
 from sim_bridge.plant.protocol import RoadAt
-from sim_bridge.scenario.lanes import Course
-from sim_bridge.scenario.lateral import Lateral, LateralTable
+from sim_bridge.scenario.courses import Body, Course, IsoLaneChange, Slalom
+from sim_bridge.scenario.lateral import Lateral, Moves, Sine, on_road
 from sim_bridge.scenario.limits import (
     FASTEST_KMH,
     KMH_PER_MPS,
     LARGEST_START_EPSI_DEG,
     LARGEST_START_EY_M,
+    LONGEST_S,
+    STRONGEST_WIND_MPS,
 )
+from sim_bridge.scenario.metrics import HIGHER_IS_BETTER, Metrics
 from sim_bridge.scenario.road import Road
 from sim_bridge.scenario.speed import (
     STANDING_MPS,
@@ -30,14 +34,22 @@ from sim_bridge.scenario.speed import (
     Progress,
     SpeedProfile,
     Stop,
+    WantedSpeed,
     reference_speed,
 )
 from sim_bridge.scenario.table import Table, constant
-from sim_bridge.scenario.values import NotNegative
-from sim_bridge.toml_file import FileTable, Number
+from sim_bridge.scenario.values import (
+    Form,
+    NotNegative,
+    OverDistance,
+    OverTime,
+    Positive,
+    form_of_table,
+)
+from sim_bridge.toml_file import FileTable, Number, at_most
 
 PREVIEW_MIN_M = 4.0
-_CURVATURE_SAMPLES = 33
+_CURVATURE_AT = np.linspace(0.0, 1.0, 33)
 _PREVIEW_NODES = np.linspace(0.0, 1.0, 13)[1:]
 _PREVIEW_TIMES_S = (REACH_S * _PREVIEW_NODES).tolist()
 _NODE_WEIGHTS = (_PREVIEW_NODES + 0.05) ** -2.0
@@ -77,7 +89,7 @@ class Scenario:
     start: Start
     road: Road
     speed: SpeedProfile
-    lateral: Lateral = field(default_factory=lambda: LateralTable(constant(0.0)))
+    lateral: Lateral = field(default_factory=lambda: Lateral(constant(0.0)))
     stops: tuple[Stop, ...] = ()
     cross_wind_mps: Table = field(default_factory=lambda: constant(0.0))
     """across the road over time, positive towards the left"""
@@ -169,32 +181,18 @@ class Scenario:
         return np.hstack((here_m, scaled / reach_m ** np.array([1, 2, 3])))
 
     def preview_ahead(self, s_m: float, vx_mps: float, wanted_mps: float) -> CurvaturePreview:
-        """The curvature of the road that a path planner would send for a car at `s_m`.
-
-        It reaches as far as `path_ahead`.
-
-        Args:
-            s_m: arc length.
-            vx_mps: speed of the car.
-            wanted_mps: its wanted speed.
-        """
-        reach_m = _reach_m(vx_mps, wanted_mps)
-        return fit_preview(self.road.curvature_ahead(s_m, reach_m, _CURVATURE_SAMPLES), reach_m)
+        """The curvature of the road over the reach of `path_ahead`, as a path planner sends it."""
+        reach_m = max(REACH_S * max(vx_mps, wanted_mps), PREVIEW_MIN_M)
+        return fit_preview(self.road.curvature_per_m(s_m + _CURVATURE_AT * reach_m), reach_m)
 
     def with_friction(self, friction: float | None, right: float | None = None) -> "Scenario":
         """The same drive with the same friction everywhere; None: that of its own road.
 
         `friction` holds on both sides, or on the left one if `right` is given.
         """
-        if friction is None and right is None:
-            return self
-        road = self.road
-        if friction is not None:
-            both = constant(friction)
-            road = road.model_copy(update={"friction_left": both, "friction_right": both})
-        if right is not None:
-            road = road.model_copy(update={"friction_right": constant(right)})
-        return replace(self, road=road)
+        sides = {"friction_left": friction, "friction_right": friction if right is None else right}
+        update = {side: constant(found) for side, found in sides.items() if found is not None}
+        return replace(self, road=self.road.model_copy(update=update))
 
     def _acceleration_ahead(
         self, speed_mps: float, s_m: float, time_s: float, progress: Progress
@@ -217,5 +215,88 @@ class Scenario:
         return product / square
 
 
-def _reach_m(vx_mps: float, wanted_mps: float) -> float:
-    return max(REACH_S * max(vx_mps, wanted_mps), PREVIEW_MIN_M)
+class Reference(FileTable):
+    """`[reference]`: what the car is asked for."""
+
+    speed_kmh: WantedSpeed
+    ey_m: Annotated[
+        Lateral | Slalom | IsoLaneChange,
+        Form((OverDistance, OverTime), on_road, (Moves, Sine, Slalom, IsoLaneChange)),
+    ] = Lateral(constant(0.0))
+
+
+class LimitedPayload(FileTable):
+    """`[payload]`: a load in the car, within the limits of a file."""
+
+    mass_kg: Annotated[Number, Field(ge=0.0, le=1000.0)]
+    ahead_m: Annotated[Number, Field(ge=-2.0, le=2.0)] = NO_PAYLOAD.ahead_m
+    height_m: Annotated[Number, Field(ge=0.0, le=3.0)] = NO_PAYLOAD.height_m
+
+
+def _known_metric(name: str) -> str:
+    if name not in Metrics._fields:
+        raise ValueError(f"expected one of {', '.join(Metrics._fields)}, found {name!r}")
+    return name
+
+
+_MetricName = Annotated[str, AfterValidator(_known_metric)]
+_Wind = Annotated[
+    Table, form_of_table(-STRONGEST_WIND_MPS, STRONGEST_WIND_MPS, "m/s", over=OverTime)
+]
+
+
+class ScenarioFile(FileTable):
+    """A whole file of format 2."""
+
+    format: Literal[2]
+    name: Annotated[str, Field(min_length=1)]
+    duration_s: Annotated[Number, Field(gt=0.0, le=LONGEST_S)]
+    distance_m: Positive = inf
+    initial: Start = Start()
+    road: Road = Field(default_factory=Road)
+    reference: Reference
+    stops: Annotated[tuple[Stop, ...], at_most(1000)] = ()
+    cross_wind_mps: _Wind = constant(0.0)
+    tail_wind_mps: _Wind = constant(0.0)
+    payload: LimitedPayload | None = None
+    body: Body = Body()
+    faults: Faults = ()
+    metrics: tuple[_MetricName, ...] = ()
+    limits: dict[_MetricName, Number] = Field(default_factory=dict)
+
+    @field_validator("limits")
+    @classmethod
+    def _reachable(cls, limits: dict[str, float]) -> dict[str, float]:
+        for name, value in limits.items():
+            if value < 0.0 and name not in HIGHER_IS_BETTER:
+                raise ValueError(f"{name}: expected at least 0, found {value:g}")
+        return limits
+
+    def scenario(self) -> Scenario:
+        """The drive.
+
+        Raises:
+            ValueError: fields do not fit each other; the message names them.
+        """
+        road, start, path = self.road, self.initial, self.reference.ey_m
+        end_m = min(road.length_m, start.s_m + self.distance_m)
+        fastest_m = start.s_m + self.duration_s * FASTEST_KMH / KMH_PER_MPS
+        speed = self.reference.speed_kmh
+        if not isinstance(speed, SpeedProfile):
+            speed = speed.on_road(road.curvature_per_m, min(end_m, fastest_m))
+        if isinstance(path, Lateral):
+            course, lateral = Course(self.body), path
+        else:
+            course, lateral = path.driven_by(self.body)
+        if isnan(start.speed_mps):
+            start = start.model_copy(update={"speed_mps": speed.at(start.s_m, 0.0)})
+        same = ("name", "duration_s", "distance_m", "road", "cross_wind_mps", "tail_wind_mps")
+        return Scenario(
+            start=start,
+            speed=speed,
+            lateral=lateral,
+            stops=tuple(sorted((*speed.stops, *self.stops), key=attrgetter("at_s_m"))),
+            payload=NO_PAYLOAD if self.payload is None else Payload(**dict(self.payload)),
+            course=course,
+            **{name: getattr(self, name) for name in (*same, "faults", "metrics", "limits")},
+        )

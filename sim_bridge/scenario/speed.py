@@ -7,10 +7,10 @@ from math import inf, sqrt
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field, PrivateAttr
+from pydantic import Field
 
 from sim_bridge.scenario.limits import FASTEST_KMH, KMH_PER_MPS, SLOWEST_KMH
-from sim_bridge.scenario.table import Interpolation, Table, constant, through
+from sim_bridge.scenario.table import Table, constant, through
 from sim_bridge.scenario.values import (
     Form,
     NotNegative,
@@ -38,23 +38,6 @@ class Stop(FileTable):
     """inf: to the end of the drive"""
     deceleration_mps2: _Acceleration = 2.5
     acceleration_mps2: _Acceleration = 2.0
-    _entry: str = PrivateAttr("")
-
-    @property
-    def entry(self) -> str:
-        """What a file calls it, such as "stops[0]"; "": it belongs to the speed."""
-        return self._entry
-
-    def field(self, part: str) -> str:
-        """What a file calls a part of it, or the speed that it belongs to."""
-        return f"{self._entry}.{part}" if self._entry else "reference.speed_kmh"
-
-
-def numbered(stops: tuple[Stop, ...]) -> tuple[Stop, ...]:
-    """The stops of a file, which get their names."""
-    for k, stop in enumerate(stops):
-        stop._entry = f"stops[{k}]"
-    return stops
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,10 +66,6 @@ class SpeedProfile:
         """The largest speed of the profile."""
         highest = self.table.highest().value
         return sqrt(max(highest, 0.0)) if self.is_over_distance else highest
-
-    def on_road(self, curvature: Table, end_m: float) -> "SpeedProfile":
-        """The profile itself; see `CurveSpeed.on_road`."""
-        return self
 
 
 def constant_speed(mps: float) -> SpeedProfile:
@@ -174,11 +153,6 @@ def _wanted(found: Any) -> Speed:
             raise ValueError(f"expected 0 or at least {SLOWEST_KMH:g} km/h, found {found:g}")
         return constant_speed(found / KMH_PER_MPS)
     if isinstance(found, OverTime):
-        if found.interpolation not in (Interpolation.LINEAR, Interpolation.PCHIP):
-            raise ValueError(
-                f"interpolation: expected linear or pchip for a speed over time, found "
-                f"{found.interpolation.value}"
-            )
         require_within(found.table(), 0.0, FASTEST_KMH, "km/h")
         return SpeedProfile(found.table().scaled(1.0 / KMH_PER_MPS))
     if "interpolation" in found.model_fields_set:

@@ -10,7 +10,7 @@ from math import inf
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial import polynomial
+from numpy.polynomial import Polynomial, polynomial
 
 from rt_controller.contract.arrays import Array
 
@@ -98,7 +98,8 @@ class Table:
             if last <= max(start, 0.0):
                 continue
             starts.append(length - last)
-            coefficients.append(_around(c, last - start) * (1.0, -1.0, 1.0, -1.0))
+            mirrored: Array = Polynomial(c)(Polynomial((last - start, -1.0))).coef.astype(float)
+            coefficients.append(np.pad(mirrored, (0, 4 - len(mirrored))))
         starts.append(length - max(float(self.starts[0]), 0.0))
         coefficients.append(np.array([self.at(0.0), 0.0, 0.0, 0.0]))
         order = np.argsort(starts, kind="stable")
@@ -132,19 +133,6 @@ def joined(tables: Sequence[Table], lengths: Sequence[float]) -> Table:
         at += length
     last = constant(tables[-1].at(lengths[-1]))
     return Table(np.array([*starts, at]), np.array([*coefficients, last.coefficients[0]]))
-
-
-def _around(c: Array, d: float) -> Array:
-    """(4,) coefficients of the same polynomial around the place `d`."""
-    c0, c1, c2, c3 = c.tolist()
-    return np.array(
-        [
-            c0 + d * (c1 + d * (c2 + d * c3)),
-            c1 + d * (2.0 * c2 + d * 3.0 * c3),
-            c2 + d * 3.0 * c3,
-            c3,
-        ]
-    )
 
 
 def constant(value: float) -> Table:

@@ -1,6 +1,6 @@
 """How a scenario file may give a value: a number, a table with knots, or a kind with its fields."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import date, time
 from itertools import pairwise
@@ -13,12 +13,15 @@ from sim_bridge.scenario.table import Interpolation, Table, constant, through
 from sim_bridge.toml_file import FileTable, Number
 
 MAX_KNOTS = 20_000
-NEAREST_KNOTS, FARTHEST_KNOT = 1e-6, 1e9
+NEAREST_KNOTS = 1e-6
 TOLERANCE = 1e-9
 
 Positive = Annotated[Number, Field(gt=0.0)]
 NotNegative = Annotated[Number, Field(ge=0.0)]
 _Numbers = Annotated[tuple[Number, ...], Field(max_length=MAX_KNOTS)]
+_Places = Annotated[
+    tuple[Annotated[Number, Field(ge=-1e9, le=1e9)], ...], Field(max_length=MAX_KNOTS)
+]
 
 
 class Knots(FileTable):
@@ -37,8 +40,6 @@ class Knots(FileTable):
             raise ValueError(
                 f"value: expected {len(x)} entries, as {name} has, found {len(self.value)}"
             )
-        if max(map(abs, x)) > FARTHEST_KNOT:
-            raise ValueError(f"{name}: expected knots within {FARTHEST_KNOT:g}, found one beyond")
         for before, after in pairwise(x):
             if not after - before >= NEAREST_KNOTS:
                 raise ValueError(
@@ -61,14 +62,14 @@ class OverDistance(Knots):
     """A value over the arc length s."""
 
     axis = "s_m"
-    s_m: _Numbers
+    s_m: _Places
 
 
 class OverTime(Knots):
     """A value over the time t since the start of the drive."""
 
     axis = "t_s"
-    t_s: _Numbers
+    t_s: _Places
 
 
 @dataclass(frozen=True)
@@ -87,27 +88,23 @@ class Form:
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
         """The number, table or kind by its tag, then `then`."""
-        tables = {each.axis: each for each in self.axes} | dict(self._named_kinds())
+        kinds = {
+            kind: table
+            for table in self.kinds
+            for kind in get_args(table.model_fields["kind"].annotation)
+        }
+        tables = {each.axis: each for each in self.axes} | kinds
         choices = {f"({tag})": handler.generate_schema(table) for tag, table in tables.items()}
         choices |= {_NUMBER: handler.generate_schema(Number), _OBJECT: core_schema.any_schema()}
+        axes = " or ".join(each.axis for each in self.axes)
+        known = f", or kind = {', '.join(kinds)} with its fields" if kinds else ""
         form = core_schema.tagged_union_schema(
             choices,
             _tag,
             custom_error_type="scenario_form",
-            custom_error_message=f"expected {self._expected()}",
+            custom_error_message=f"expected a number, a table with value and {axes}{known}",
         )
         return core_schema.no_info_after_validator_function(self.then, form)
-
-    def _named_kinds(self) -> Iterator[tuple[str, type[FileTable]]]:
-        for table in self.kinds:
-            for kind in get_args(table.model_fields["kind"].annotation):
-                yield kind, table
-
-    def _expected(self) -> str:
-        axes = " or ".join(each.axis for each in self.axes)
-        names = [kind for kind, _ in self._named_kinds()]
-        known = f", or kind = {', '.join(names)} with its fields" if names else ""
-        return f"a number, a table with value and {axes}{known}"
 
 
 _NUMBER, _OBJECT = "(number)", "(object)"
@@ -143,7 +140,8 @@ def form_of_table(
     """
 
     def then(found: Any) -> Table:
-        if isinstance(found, Table):
+        if isinstance(found, Table):  # of a map, in SI units
+            require_within(found.scaled(1.0 / factor), low, high, unit)
             return found
         table = constant(found) if isinstance(found, int | float) else found.table()
         require_within(table, low, high, unit)

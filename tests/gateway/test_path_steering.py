@@ -78,7 +78,7 @@ def test_a_car_that_brakes_in_a_lane_change_stays_on_its_lane(name: str, begin_s
     """The path is driven by this law alone."""
     scenario = load_scenario(name)
     car = build_car(scenario)
-    curvature = scenario.road.frame()
+    curvature = scenario.road.curvature_per_m
     steer_rad, brake_n, farthest_m = 0.0, 0.0, 0.0
     for tick in range(500):
         path = scenario.path_ahead(car.s_m, car.state.vx_mps)

@@ -5,6 +5,7 @@ import pytest
 
 from rt_controller.contract.arrays import Array
 from sim_bridge import frenet
+from sim_bridge.scenario.table import constant
 
 STEP_S = 0.001
 STEPS = 25
@@ -84,7 +85,7 @@ def test_poses_advanced_by_periods_equal_poses_integrated_at_once() -> None:
     motion = wandering_motion(seed=4, n_steps=250)
     poses = frenet.integrate_poses(motion, -0.002, 0.3, 0.02, STEPS, STEP_S)
     pose = np.array((0.0, 0.3, 0.02))
-    circle = frenet.constant_curvature(-0.002)
+    circle = constant(-0.002)
     for k in range(10):
         piece = motion[k * STEPS : (k + 1) * STEPS + 1]
         frenet.advance_along(piece[0], piece[1:], circle, STEP_S, pose)

@@ -85,7 +85,7 @@ def brake(road: dict[str, Any], periods: int) -> float:
     car = build_car(drive)
     for _ in range(periods):
         car.set_road(drive.road_at(car.s_m, 0.0))
-        car.advance(ControlInput(0.0, 120.0, 0.0), drive.road.frame())
+        car.advance(ControlInput(0.0, 120.0, 0.0), drive.road.curvature_per_m)
     return car.state.vx_mps
 
 
@@ -102,7 +102,7 @@ def coasted(road: dict[str, Any], **parts: Any) -> tuple[float, float]:
     require_road(car.plant, drive)
     for tick in range(80):
         car.set_road(drive.road_at(car.s_m, tick * PERIOD_S))
-        car.advance(NEUTRAL_INPUT, drive.road.frame())
+        car.advance(NEUTRAL_INPUT, drive.road.curvature_per_m)
     return car.state.vx_mps, car.state.ey_m
 
 
@@ -129,7 +129,7 @@ def test_split_friction_turns_a_braking_car() -> None:
     car = build_car(drive)
     for _ in range(30):
         car.set_road(drive.road_at(car.s_m, 0.0))
-        car.advance(ControlInput(0.0, 80.0, 0.0), drive.road.frame())
+        car.advance(ControlInput(0.0, 80.0, 0.0), drive.road.curvature_per_m)
     assert car.state.yaw_rate_radps > 0.02
 
 

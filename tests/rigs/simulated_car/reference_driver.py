@@ -9,7 +9,7 @@ from rt_controller.bus.messages import REFERENCE
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.scenario import Scenario
-from sim_bridge.scenario.metrics import DriveLog, LogRow, Metrics, measure
+from sim_bridge.scenario.metrics import LogRow, Metrics, measure
 from sim_bridge.scenario.speed import next_progress
 from sim_bridge.session import build_car
 
@@ -51,7 +51,7 @@ def follow(state: VehicleState, path: PathReference, curvature_per_m: float) -> 
 def drive(scenario: Scenario, ticks: int | None = None) -> DrivenScenario:
     """Drive with the own car; fails if a state is not finite or a path does not fit the frames."""
     car = build_car(scenario)
-    frame, log = scenario.road.frame(), DriveLog()
+    frame, log = scenario.road.curvature_per_m, list[LogRow]()
     progress, state, done = scenario.first_progress, car.state, 0
     for tick in range(min(scenario.ticks, ticks or scenario.ticks)):
         time_s = tick * PERIOD_S

@@ -3,18 +3,20 @@
 import numpy as np
 import pytest
 
-from sim_bridge.scenario.cone_courses import ConeCourse, IsoLaneChange, Slalom
-from sim_bridge.scenario.lanes import (
+from sim_bridge.scenario.courses import (
     CONE_RADIUS_M,
     Body,
     Cone,
     Course,
+    IsoLaneChange,
     Lane,
     Poses,
+    Slalom,
     cone_hits,
     lane_margin_m,
     road_margin_m,
 )
+from sim_bridge.scenario.lateral import Lateral
 from sim_bridge.scenario.table import through
 
 BODY = Body(width_m=1.8, front_m=2.0, rear_m=2.5)
@@ -26,14 +28,16 @@ def drive_past(ey_m: float, curvature: float = 0.0, epsi_rad: float = 0.0) -> Po
     return Poses(s_m, ey_m * same, epsi_rad * same, curvature * same)
 
 
-def iso(part: int, start_m: float, body: Body = BODY, clearance_m: float = 0.1) -> ConeCourse:
+def iso(
+    part: int, start_m: float, body: Body = BODY, clearance_m: float = 0.1
+) -> tuple[Course, Lateral]:
     fields = {"kind": f"iso_3888_{part}", "start_s_m": start_m, "clearance_m": clearance_m}
     return IsoLaneChange.model_validate(fields).driven_by(body)
 
 
-def along(course: ConeCourse) -> Poses:
+def along(course: tuple[Course, Lateral]) -> Poses:
     s_m = np.arange(0.0, 400.0, 0.2)
-    ey_m = course.lateral.ey_m(s_m, s_m)
+    ey_m = course[1].ey_m(s_m, s_m)
     return Poses(s_m, ey_m, np.arctan(np.gradient(ey_m, s_m)), 0.0 * s_m)
 
 
@@ -83,7 +87,7 @@ def test_without_lanes_there_is_no_margin() -> None:
 def test_the_sections_of_iso_3888_have_their_lengths_and_widths(
     part: int, start_m: list[float], lengths: list[float], widths: list[float]
 ) -> None:
-    first, second, *_ = lanes = iso(part, 40.0).course.lanes
+    first, second, *_ = lanes = iso(part, 40.0)[0].lanes
     assert [lane.start_m for lane in lanes] == pytest.approx(start_m)
     assert [lane.end_m - lane.start_m for lane in lanes] == pytest.approx(lengths)
     assert [lane.left_m - lane.right_m for lane in lanes] == pytest.approx(widths)
@@ -97,8 +101,8 @@ def test_the_sections_of_iso_3888_have_their_lengths_and_widths(
 @pytest.mark.parametrize("width_m", [1.6, 1.8, 2.1])
 def test_the_path_through_an_iso_course_hits_no_cone(part: int, width_m: float) -> None:
     course = iso(part, 40.0, BODY.model_copy(update={"width_m": width_m}))
-    assert cone_hits(course.course, along(course)) == 0
-    assert lane_margin_m(course.course, along(course)) > 0.02
+    assert cone_hits(course[0], along(course)) == 0
+    assert lane_margin_m(course[0], along(course)) > 0.02
 
 
 def test_a_body_that_does_not_fit_is_refused() -> None:
@@ -108,8 +112,8 @@ def test_a_body_that_does_not_fit_is_refused() -> None:
 
 def test_the_path_of_a_slalom_passes_its_cones_in_turn_with_its_clearance() -> None:
     course = Slalom(kind="slalom", start_s_m=10.0, spacing_m=36.0, cones=5).driven_by(BODY)
-    sides = [float(course.lateral.ey_m(np.array([c.s_m]), np.zeros(1))[0])
-             for c in course.course.cones]  # fmt: skip
+    sides = [float(course[1].ey_m(np.array([c.s_m]), np.zeros(1))[0])
+             for c in course[0].cones]  # fmt: skip
     assert np.sign(sides).tolist() == [1.0, -1.0, 1.0, -1.0, 1.0]
     assert np.abs(sides) == pytest.approx(0.9 + CONE_RADIUS_M + 0.3, abs=1e-6)
-    assert cone_hits(course.course, along(course)) == 0
+    assert cone_hits(course[0], along(course)) == 0

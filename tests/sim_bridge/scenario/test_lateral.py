@@ -14,7 +14,7 @@ NEAR_S = 0.4 * REACH_S
 def test_a_sine_begins_and_ends_without_a_step_of_heading() -> None:
     sine = Sine(kind="sine", amplitude_m=0.5, frequency_hz=0.5, start_t_s=1.0, periods=6.0)
     time_s = np.arange(0.0, 16.0, 1e-3)
-    ey_m = sine.ey_m(0.0 * time_s, time_s)
+    ey_m = sine.lateral().law(time_s)
     slope = np.gradient(ey_m, time_s)
     assert np.abs(ey_m[(time_s < 1.0) | (time_s > 13.0)]).max() == 0.0
     assert np.abs(np.diff(slope)).max() < 0.01

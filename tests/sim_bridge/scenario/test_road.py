@@ -6,8 +6,7 @@ import pytest
 from rt_controller.contract.preview import REACH_S
 from sim_bridge import frenet
 from sim_bridge.scenario import load_scenario
-from sim_bridge.scenario.curvature import CourseOfBends, Step
-from sim_bridge.scenario.road import Road
+from sim_bridge.scenario.road import CourseOfBends, Road
 from sim_bridge.scenario.table import Interpolation, through
 
 STEP_S = 0.001
@@ -22,7 +21,7 @@ def drive_along(road: Road, speed_mps: float, seconds: float) -> np.ndarray:
         frenet.advance_along(
             np.array([speed_mps, 0.0, speed_mps * before]),
             np.array([[speed_mps, 0.0, speed_mps * after]]),
-            road.frame(),
+            road.curvature_per_m,
             STEP_S,
             pose,
         )
@@ -47,7 +46,7 @@ def test_a_body_that_turns_with_the_road_stays_on_it(interpolation: Interpolatio
 def test_the_compiled_curvature_is_that_of_the_table() -> None:
     """A car that does not turn loses heading by the curvature times its way."""
     curvature = through((3.0, 20.0, 50.0), (0.002, 0.01, -0.008), Interpolation.SPLINE)
-    table = road(curvature).frame()
+    table = road(curvature).curvature_per_m
     ahead = np.array([[1.0, 0.0, 0.0]])
     for s_m in (-1.0, 3.0, 11.7, 20.0, 49.999, 50.0, 200.0):
         pose = np.array([s_m, 0.0, 0.0])
@@ -66,12 +65,6 @@ def test_the_ground_at_the_car_has_all_quantities() -> None:
     ground = Road.model_validate(content).at(50.0, tail_wind_mps=-2.0, cross_wind_mps=4.0)
     expected = (0.005, 0.0001, 0.9, 0.3, np.radians(2.0), np.arctan(0.05), -2.0, 4.0)
     assert ground == pytest.approx(expected)
-
-
-def test_curvature_ahead_is_that_of_the_road_at_equal_distances() -> None:
-    step = Step(kind="step", at_s_m=60.0, to_per_m=0.003).table()
-    ahead = road(step).curvature_ahead(50.0, 20.0, 5)
-    assert ahead.tolist() == [0.0, 0.0, 0.003, 0.003, 0.003]
 
 
 def test_a_bend_of_a_course_turns_by_its_angle() -> None:

@@ -14,7 +14,6 @@ from sim_bridge.scenario.speed import (
     constant_speed,
     next_progress,
     reference_speed,
-    speed_over_distance,
 )
 from sim_bridge.scenario.table import Interpolation, through
 
@@ -24,12 +23,6 @@ STOP = Stop(at_s_m=100.0, hold_s=3.0, deceleration_mps2=2.0, acceleration_mps2=1
 def scenario(speed: object, **parts: object) -> Scenario:
     content = {"format": 2, "name": "x", "duration_s": 60.0, "reference": {"speed_kmh": speed}}
     return parse_scenario(content | parts, "test")
-
-
-def test_a_profile_over_distance_has_constant_acceleration() -> None:
-    profile = speed_over_distance((0.0, 50.0), (20.0, 10.0))
-    assert profile.at(25.0, 0.0) == pytest.approx(sqrt(250.0))
-    assert profile.at(80.0, 0.0) == 10.0
 
 
 def test_before_a_stop_the_speed_falls_with_its_deceleration() -> None:
@@ -50,12 +43,6 @@ def test_a_car_that_stands_near_its_target_is_held_and_released() -> None:
     released = next_progress(held, stops, 99.9, 0.0, 8.0)
     assert released == Progress(1, None, 8.0)
     assert reference_speed(constant_speed(20.0), stops, released, 99.9, 10.0) == pytest.approx(3.0)
-
-
-def test_a_stop_without_hold_time_lasts_to_the_end() -> None:
-    stop = Stop(at_s_m=10.0)
-    held = next_progress(START, [stop], 10.0, 0.0, 1.0)
-    assert next_progress(held, [stop], 10.0, 0.0, 3600.0) == held
 
 
 def test_the_path_carries_deceleration_hold_and_start() -> None:

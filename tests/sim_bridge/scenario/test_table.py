@@ -10,7 +10,7 @@ PLACES = np.linspace(-5.0, 50.0, 400)
 
 
 @pytest.mark.parametrize("interpolation", list(Interpolation))
-def test_a_table_passes_through_its_knots_and_is_constant_outside(
+def test_a_table_has_its_knots_slopes_extremes_and_its_mirror(
     interpolation: Interpolation,
 ) -> None:
     table = through(X, Y, interpolation)
@@ -18,6 +18,15 @@ def test_a_table_passes_through_its_knots_and_is_constant_outside(
     assert table.at(-3.0) == pytest.approx(Y[0])
     assert table.at(100.0) == pytest.approx(Y[-1])
     assert [table.at(x) for x in PLACES] == pytest.approx(table(PLACES).tolist())
+    for x in (1.0, 7.3, 12.0, 33.3):
+        found = (table.at(x + 1e-5) - table.at(x - 1e-5)) / 2e-5
+        assert table.slope_at(x) == pytest.approx(found, abs=1e-6)
+    values = table(np.linspace(0.0, 40.0, 40_001))
+    assert table.lowest().value == pytest.approx(values.min(), abs=1e-5)
+    assert table.highest().value == pytest.approx(values.max(), abs=1e-5)
+    assert table.at(table.highest().x) == pytest.approx(table.highest().value)
+    inside = np.linspace(0.01, 29.99, 200)
+    np.testing.assert_allclose(table.backwards(30.0)(30.0 - inside), table(inside), atol=1e-9)
 
 
 def test_linear_and_step_tables_have_the_expected_values_between() -> None:
@@ -26,39 +35,9 @@ def test_linear_and_step_tables_have_the_expected_values_between() -> None:
     assert through(X, Y, Interpolation.STEP).at(9.999) == 1.0
 
 
-@pytest.mark.parametrize("interpolation", list(Interpolation))
-def test_slopes_are_derivatives(interpolation: Interpolation) -> None:
-    table = through(X, Y, interpolation)
-    for x in (1.0, 7.3, 12.0, 33.3):
-        found = (table.at(x + 1e-5) - table.at(x - 1e-5)) / 2e-5
-        assert table.slope_at(x) == pytest.approx(found, abs=1e-6)
-
-
-@pytest.mark.parametrize("interpolation", list(Interpolation))
-def test_extremes_include_the_overshoot_between_knots(interpolation: Interpolation) -> None:
-    table = through(X, Y, interpolation)
-    values = table(np.linspace(0.0, 40.0, 40_001))
-    assert table.lowest().value == pytest.approx(values.min(), abs=1e-5)
-    assert table.highest().value == pytest.approx(values.max(), abs=1e-5)
-    assert table.at(table.highest().x) == pytest.approx(table.highest().value)
-
-
-def test_a_constant_is_exact() -> None:
-    assert constant(0.1).at(12.3) == 0.1
-    assert constant(0.1)(PLACES).tolist() == [0.1] * len(PLACES)
-
-
 def test_ramps_in_a_row_may_jump() -> None:
     table = chained([Ramp(10.0, 0.0, 1.0), Ramp(5.0, 3.0, 3.0)], start=2.0)
     assert [table.at(x) for x in (0.0, 7.0, 12.0, 16.0, 99.0)] == pytest.approx([0, 0.5, 3, 3, 3])
-
-
-@pytest.mark.parametrize("interpolation", list(Interpolation))
-def test_a_table_seen_backwards_has_the_same_values(interpolation: Interpolation) -> None:
-    table = through(X, Y, interpolation)
-    backwards = table.backwards(30.0)
-    inside = np.linspace(0.01, 29.99, 200)
-    np.testing.assert_allclose(backwards(30.0 - inside), table(inside), atol=1e-9)
 
 
 def test_joined_tables_follow_each_other() -> None:

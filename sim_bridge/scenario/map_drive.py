@@ -5,10 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rt_controller.contract.errors import ConfigError
-from sim_bridge.scenario.limits import FASTEST_KMH, KMH_PER_MPS, LONGEST_S
-from sim_bridge.scenario.road import OpenDrive, Road
-from sim_bridge.scenario.scenario import Scenario, Start
+from sim_bridge.scenario.limits import FASTEST_KMH, KMH_PER_MPS
+from sim_bridge.scenario.road import OpenDrive
+from sim_bridge.scenario.scenario import Scenario, ScenarioFile
 from sim_bridge.scenario.speed import CurveSpeed
 from sim_bridge.scenario.table import Table
 
@@ -27,8 +26,8 @@ def scenario_of_map(path: Path, roads: str) -> Scenario:
         roads: ids in driving order with commas between them; "": the only road of the file.
 
     Raises:
-        ConfigError: the file cannot be read, there are no such roads, they are out of the limits
-            of a road, or the drive is too long.
+        ConfigError: the file cannot be read, or there are no such roads.
+        ValidationError: they are out of the limits of a road, or the drive is too long.
     """
     ids = tuple(name.strip() for name in roads.split(",") if name.strip())
     source = OpenDrive(file=path, roads=ids)
@@ -41,11 +40,5 @@ def scenario_of_map(path: Path, roads: str) -> Scenario:
     s_m = np.linspace(0.0, line.length_m, max(2, ceil(line.length_m)))
     mps = np.array([max(speed.at(s, 0.0), 0.5) for s in s_m.tolist()])
     needed_s = _SPARE_S + float(np.sum(np.diff(s_m) * 2.0 / (mps[1:] + mps[:-1])))
-    if needed_s > LONGEST_S:
-        raise ConfigError(
-            f"{path}: expected a drive of at most {LONGEST_S:g} s, found {needed_s:.0f} s for "
-            f"{line.length_m:.0f} m. Choose a shorter route."
-        )
-    road = Road.model_validate({"opendrive": source})
-    start = Start.model_construct(speed_mps=speed.at(0.0, 0.0))
-    return Scenario(path.stem, needed_s, start, road, speed)
+    content = {"name": path.stem, "road": {"opendrive": source}, "reference": {"speed_kmh": speed}}
+    return ScenarioFile.model_validate({"format": 2, "duration_s": needed_s, **content}).scenario()
