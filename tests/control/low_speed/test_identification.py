@@ -21,7 +21,7 @@ from rt_controller.planner import choose_low_speed_car
 @pytest.mark.parametrize("model", ["mdk-net", "mdk-net-paper", "lti"])
 def test_the_brake_gain_of_every_shipped_model_is_that_of_the_car(model: str) -> None:
     gains = identify_gains(load_bundle(shipped_model(model)), 9.0)
-    assert gains.brake_mps2_per_n == pytest.approx(0.047, rel=0.2)
+    assert gains.brake_mps2_per_n == pytest.approx(0.047, rel=0.1)
     assert THROTTLE_LIMITS_MPS2[0] <= gains.throttle_mps2 <= 8.0
 
 
