@@ -27,9 +27,9 @@ from benchmarks.rivals.drive import (
 from benchmarks.rivals.scenarios import NOISY, SEARCH
 from benchmarks.rivals.stanley import Gains
 from rt_controller import ControllerConfig, Drive
-from rt_controller.contract.figures import require_writable, write_figures
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.planner import build_mpc
+from rt_controller.contract.files import require_writable, write_figures
+from rt_controller.model.bundle import Bundle
+from rt_controller.node import build_mpc
 from rt_controller.settings import CarSettings
 from rt_controller.simulation import drive_in_lockstep
 from rt_controller.terminal.command_line import run_command

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from rt_controller.config import ControllerConfig as ControllerConfig
     from rt_controller.config import MpcSettings as MpcSettings
     from rt_controller.contract.errors import RtControllerError as RtControllerError
-    from rt_controller.contract.model.bundle import Bundle as Bundle
     from rt_controller.contract.preview import fit_preview as fit_preview
     from rt_controller.contract.signals import ControlInput as ControlInput
     from rt_controller.contract.signals import CurvaturePreview as CurvaturePreview
@@ -32,12 +31,13 @@ if TYPE_CHECKING:
     from rt_controller.controller import Controller as Controller
     from rt_controller.controller import Plan as Plan
     from rt_controller.drive.table import Drive as Drive
+    from rt_controller.model.bundle import Bundle as Bundle
     from rt_controller.simulation import simulate as simulate
 
 __all__, __getattr__, __dir__ = public_names(
     __name__,
     {
-        "Bundle": "contract.model.bundle",
+        "Bundle": "model.bundle",
         "ControlInput": "contract.signals",
         "Controller": "controller",
         "ControllerConfig": "config",

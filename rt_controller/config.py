@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
+from rt_controller.contract.limits import LARGEST, SMALLEST
 from rt_controller.contract.signals import ControlInput, VehicleState
-from rt_controller.contract.steering_geometry import LARGEST, SMALLEST
 from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_MS
 from rt_controller.settings_table import Settings
 
 if TYPE_CHECKING:
-    from rt_controller.contract.model.bundle import Bundle
     from rt_controller.control.terms import TrackingCost
+    from rt_controller.model.bundle import Bundle
 
 
 ShippedModel = Literal["mdk-net", "mdk-net-paper", "lti"]

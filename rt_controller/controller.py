@@ -11,7 +11,6 @@ from threadpoolctl import ThreadpoolController
 
 from rt_controller.config import ControllerConfig, require_config
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.preview import require_curvature, require_range
 from rt_controller.contract.signal_ranges import (
     LARGEST_PATH,
@@ -28,8 +27,9 @@ from rt_controller.contract.signals import (
     VehicleState,
 )
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.control.solver import SolveStatus
-from rt_controller.planner import build_mpc
+from rt_controller.control.program import SolveStatus
+from rt_controller.model.bundle import Bundle
+from rt_controller.node import build_mpc
 
 Vector = TypeVar("Vector", VehicleState, PathReference, CurvaturePreview, ControlInput)
 

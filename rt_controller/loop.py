@@ -9,13 +9,49 @@ from rt_controller.bus.messages import Fault
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.trace import DriveTrace
-from rt_controller.preparation import Schedule, prepare_tick
-from rt_controller.realtime.accounting import DeadlineAccount
 from rt_controller.realtime.clock import Clock
-from rt_controller.realtime.kernel_counters import KernelCounters
-from rt_controller.realtime.tick_timer import MeasuredTick, TickTimer
+from rt_controller.realtime.timing import DeadlineAccount, KernelCounters, MeasuredTick, TickTimer
 from rt_controller.safety.modes import BUS_CAUSES, STANDING_MPS, StopCause
 from rt_controller.step import ControlStep, StepResult
+
+WARM_UP_LEADS_NS = (2_400_000, 1_500_000, 800_000)
+"""before a tick: the first dry run has cold caches, the last must end before the tick"""
+
+
+class Schedule(NamedTuple):
+    """How long before a tick each part of its preparation begins."""
+
+    update_matrices_ns: int
+    warm_ups_ns: tuple[int, ...]
+
+
+def schedule_preparation(prepare_ms: float, is_lockstep: bool) -> Schedule | None:
+    """The schedule of `--realtime.prepare-ms`; None for 0: nothing is prepared.
+
+    In lockstep there is one warm-up: the solver starts from its solution. More of them would only
+    make a step faster.
+    """
+    prepare_ns = round(prepare_ms * 1e6)
+    if prepare_ns == 0:
+        return None
+    if is_lockstep:
+        return Schedule(prepare_ns, WARM_UP_LEADS_NS[:1])
+    return Schedule(prepare_ns, tuple(lead for lead in WARM_UP_LEADS_NS if lead < prepare_ns))
+
+
+def prepare_tick(step: ControlStep, clock: Clock, schedule: Schedule, timer: TickTimer) -> None:
+    """Do each part of the preparation for which there is time before the next tick."""
+    if clock.sleep_until_before_tick(schedule.update_matrices_ns):
+        timer.time_preparation(step.update_matrices)
+    took_ns = 0
+    for lead_ns in schedule.warm_ups_ns:
+        if took_ns > lead_ns:
+            return  # the next warm-up would end after the tick too
+        if clock.sleep_until_before_tick(lead_ns):
+            took_ns = timer.time_reading(step.read_ahead) + timer.time_preparation(step.warm_up)
+        else:
+            took_ns = 0
+
 
 RELEASE_TICKS = 4
 """of STANDBY at the end of a mission: one frame may be lost, and a car with messages of its own may

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple, TypeVar
 import can
 
 from rt_controller.bus.condition import BusState
-from rt_controller.bus.debounce import Engagement, PeerCatalogue
+from rt_controller.bus.identity import Engagement, PeerCatalogue
 from rt_controller.bus.messages import (
     FEEDBACK,
     MISSION,

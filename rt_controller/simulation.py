@@ -13,16 +13,94 @@ from threadpoolctl import threadpool_limits
 
 from rt_controller.config import ControllerConfig, require_config
 from rt_controller.contract.errors import ConfigError, PlantError, require_type
-from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.limits import SteeringGeometry
 from rt_controller.contract.settings_errors import dotted, explain
 from rt_controller.control.mpc import Mpc
+from rt_controller.drive.car_figures import LateralError
+from rt_controller.drive.scenario import ConeAt, DrivenScenario, LaneAt
 from rt_controller.drive.table import Drive
-from rt_controller.planner import build_mpc
+from rt_controller.model.bundle import Bundle
+from rt_controller.node import build_mpc
 from rt_controller.realtime.clock import LockstepClock
 from rt_controller.safety.checks import CHECKS, Check
 from rt_controller.session import ControllerSession
 from rt_controller.settings import OWN, VIRTUAL, BusSettings, CarSettings
-from rt_controller.virtual_car import driven_scenario, open_virtual_car, require_scenario
+
+if TYPE_CHECKING:
+    from sim_bridge.plant.protocol import Plant
+    from sim_bridge.scenario import Scenario
+    from sim_bridge.session import BridgeSession
+
+
+def open_virtual_car(
+    bus: BusSettings,
+    settings: CarSettings,
+    plant: "Plant | None" = None,
+    scenario: "Scenario | None" = None,
+) -> "BridgeSession":
+    """Settle the car, and open its end of the bus.
+
+    `plant` and `scenario` replace those that the settings name.
+
+    Raises:
+        MissingExtraError: the car is not compiled, or the plant's dependencies are not installed.
+        ConfigError: there is no such scenario or plant.
+        PlantError: the plant raised an exception in its reset or first step.
+        BusError: the bus cannot be opened.
+    """
+    from sim_bridge.session import open_session
+
+    return open_session(
+        bus, scenario or settings.scenario, plant=plant or settings, faults=settings.faults
+    )
+
+
+def driven_scenario(car: "BridgeSession") -> DrivenScenario:
+    """What the car of a session drives."""
+    scenario, course = car.bridge.scenario, car.bridge.scenario.course
+    return DrivenScenario(
+        name=scenario.name,
+        plant=car.bridge.plant_name,
+        friction=scenario.road.uniform_friction,
+        start_s_m=scenario.start.s_m,
+        cones=tuple(ConeAt(*cone) for cone in course.cones),
+        lanes=tuple(LaneAt(*lane) for lane in course.lanes),
+    )
+
+
+def car_error(car: "BridgeSession") -> LateralError:
+    """Lateral error of the car of a session so far, as the simulation has it."""
+    summary = car.bridge.summary()
+    return LateralError(summary.ey_rms_m, summary.ey_peak_m)
+
+
+def steering_note(car: "BridgeSession", geometry: SteeringGeometry) -> str | None:
+    """A sentence if the scenario needs more steering than the controller may command."""
+    from sim_bridge.scenario_checks import steering_note as note
+
+    return note(car.bridge.scenario, geometry)
+
+
+def grip_note(car: "BridgeSession", friction: float | None) -> str | None:
+    """A sentence if the scenario needs more grip than this friction gives, if one is set."""
+    if friction is None:
+        return None
+    from sim_bridge.scenario_checks import grip_note as note
+
+    return note(car.bridge.scenario)
+
+
+def require_scenario(found: object) -> None:
+    """Return if an argument is a `Scenario`.
+
+    Raises:
+        TypeError: it is not.
+    """
+    from sim_bridge.scenario import Scenario
+
+    expected = "the name or path of a scenario, or a sim_bridge.Scenario"
+    require_type("scenario", found, Scenario, expected)
+
 
 if TYPE_CHECKING:
     from sim_bridge.plant.protocol import Plant

@@ -25,7 +25,7 @@ from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, PathReference
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS
 from rt_controller.control.input_planner import InputPlanner, PlannedInput
-from rt_controller.control.low_speed.law import LowSpeedLaw
+from rt_controller.control.low_speed import LowSpeedLaw
 from rt_controller.control.mpc import MOST_UNDER_WAY, Mpc
 from rt_controller.control.steering_actuator import SteeringActuator
 from rt_controller.realtime.clock import TimeSource

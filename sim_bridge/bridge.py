@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import can
 
-from rt_controller.bus.debounce import DISENGAGED_FRAMES
-from rt_controller.bus.identity import own_identity, require_same_catalogue
+from rt_controller.bus.identity import DISENGAGED_FRAMES, own_identity, require_same_catalogue
 from rt_controller.bus.log.recorder import Recorder
 from rt_controller.bus.messages import (
     CONTROLLER_IDENTITY,

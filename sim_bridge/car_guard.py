@@ -3,7 +3,7 @@
 from collections import Counter
 from enum import Enum
 
-from rt_controller.bus.debounce import PeerCatalogue, is_heartbeat_of
+from rt_controller.bus.identity import PeerCatalogue, is_heartbeat_of
 from rt_controller.bus.messages import (
     COMMAND,
     CONTROLLER_IDENTITY,
@@ -13,7 +13,7 @@ from rt_controller.bus.messages import (
     Refusal,
 )
 from rt_controller.bus.receive import Inbox, Received
-from rt_controller.contract.grip import (
+from rt_controller.contract.limits import (
     BRAKE_RATE_N_PER_S,
     FULL_BRAKE_N,
     FULL_BRAKE_RATE_N_PER_S,

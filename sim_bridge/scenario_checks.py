@@ -5,7 +5,7 @@ from math import degrees
 import numpy as np
 
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.steering_geometry import (
+from rt_controller.contract.limits import (
     DEFAULT_GEOMETRY,
     PLAN_STEER_RAD,
     PLAN_TURN_MPS2,

@@ -10,7 +10,7 @@ from typing import Any
 
 from benchmarks.figures.results import Figures, Part, hashes_of
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.model.artifact import SHIPPED_MODEL
+from rt_controller.model.artifact import SHIPPED_MODEL
 from sim_bridge.faults.matrix.summary import MatrixSummary, lines_of
 
 Found = Mapping[str, Any]

@@ -6,9 +6,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rt_controller.contract.figures import write_figures
-from rt_controller.contract.model.artifact import shipped_model
-from rt_controller.contract.model.bundle import Bundle
+from rt_controller.contract.files import write_figures
+from rt_controller.model.artifact import shipped_model
+from rt_controller.model.bundle import Bundle
 
 Figures = dict[str, Any]
 """numbers by name; each name ends in its unit"""

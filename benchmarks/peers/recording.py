@@ -8,13 +8,12 @@ from typing import Literal, NamedTuple
 from benchmarks.lockstep import drive_scenario
 from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.model.artifact import load_bundle, shipped_model
-from rt_controller.contract.model.bundle import Bundle
 from rt_controller.control.mpc import Mpc
-from rt_controller.control.program import QuadraticProgram
+from rt_controller.control.program import QuadraticProgram, SolveStatus, open_solver
 from rt_controller.control.qp import Features
-from rt_controller.control.solver import SolveStatus, open_solver
 from rt_controller.control.terms import Corridor
+from rt_controller.model.artifact import load_bundle, shipped_model
+from rt_controller.model.bundle import Bundle
 
 Tier = Literal["box", "slew", "corridor"]
 TIERS: dict[Tier, Features] = {

@@ -13,8 +13,8 @@ from benchmarks.peers.recording import Matrices, Recording
 from benchmarks.peers.solvers.registry import COLD, DEFAULT, TOLERANCES, SolverEntry
 from benchmarks.tables import percentiles, summarise, timed
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.schema import N_INPUTS
-from rt_controller.control.solver import SolveStatus
+from rt_controller.contract.signals import N_INPUTS
+from rt_controller.control.program import SolveStatus
 from rt_controller.report.table import Column
 
 KKT_TOLERANCE = 1e-7

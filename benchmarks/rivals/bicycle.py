@@ -18,13 +18,19 @@ from scipy.optimize import least_squares
 from benchmarks.rivals.scenarios import FIT
 from rt_controller import simulate
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.figures import write_figures
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.physics import GRAVITY_MPS2
-from rt_controller.contract.schema import N_INPUTS, N_STATES
-from rt_controller.contract.signals import AT_REST, ControlInput, StateColumn, VehicleState
-from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY
+from rt_controller.contract.files import write_figures
+from rt_controller.contract.limits import DEFAULT_GEOMETRY
+from rt_controller.contract.signals import (
+    AT_REST,
+    GRAVITY_MPS2,
+    N_INPUTS,
+    N_STATES,
+    ControlInput,
+    StateColumn,
+    VehicleState,
+)
 from rt_controller.contract.timing import PERIOD_S
+from rt_controller.model.bundle import Bundle
 
 FILE = Path(__file__).with_name("bicycle.json")
 COMMAND, DRIVER = "python -m benchmarks.rivals.bicycle", "mdk-net"

@@ -15,22 +15,22 @@ import numpy as np
 
 from benchmarks.rivals.bicycle import Bicycle
 from benchmarks.rivals.ltv_mpc import BicycleEstimator
-from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.schema import N_INPUTS, N_STATES
+from rt_controller.contract.limits import DEFAULT_GEOMETRY, INPUT_LIMITS
 from rt_controller.contract.signals import (
     AT_REST,
+    N_INPUTS,
+    N_STATES,
     ControlInput,
     CurvaturePreview,
     PathReference,
     StateColumn,
     VehicleState,
 )
-from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY
 from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_S
 from rt_controller.control.knots import place_knots
 from rt_controller.control.pedals import Pedal, PedalChoice, limit_pedals
+from rt_controller.control.program import SolveStatus
 from rt_controller.control.reference import ReferenceHorizon
-from rt_controller.control.solver import SolveStatus
 from rt_controller.control.terms import constrain_inputs
 
 _AHEAD = 12

@@ -9,8 +9,8 @@ from offline.data.manifest import describe_training
 from offline.evaluation.predictor import Predictor
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.lift import LiftSample
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.lift import LiftSample
 from rt_controller.report.table import Fact
 
 ModelClass = Literal["linear", "recurrent", "other"]

@@ -36,12 +36,9 @@ from offline.baselines.fitting import (
 from offline.data.dataset import Dataset
 from offline.data.signals import Scaling, fit_scaling, last_rows, past_names
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.model.bilinear import Bilinear
-from rt_controller.contract.model.bundle import Bundle, spectral_radius_of
-from rt_controller.contract.model.follow import Follow
-from rt_controller.contract.model.identity_encoder import IR_VERSION, OPSET
-from rt_controller.contract.model.lift import Lift, LiftSample
-from rt_controller.contract.model.rollout import Matrices, roll_out
+from rt_controller.model.bundle import Bundle, spectral_radius_of
+from rt_controller.model.dynamics import Bilinear, Follow, Matrices, roll_out
+from rt_controller.model.lift import IR_VERSION, OPSET, Lift, LiftSample
 from rt_controller.report.table import Fact
 
 HIGHEST_DEGREE = 6

@@ -20,7 +20,7 @@ from offline.data.signals import Roles, Trajectories, history_rows
 from offline.evaluation.predictor import Predictor, prediction_errors
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.schema import Schema
+from rt_controller.contract.signals import Schema
 
 RIDGES = (1e-10, 1e-8, 1e-6, 1e-5, 1e-4, 1e-3)
 MOST_TRANSITIONS = 250_000

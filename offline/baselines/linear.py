@@ -12,11 +12,10 @@ from offline.baselines.baseline import describe_fit, require_windows
 from offline.data.dataset import Dataset
 from offline.data.signals import Roles, Scaling, Trajectories, fit_scaling
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.model.bundle import Bundle, spectral_radius_of
-from rt_controller.contract.model.identity_encoder import identity_encoder
-from rt_controller.contract.model.lift import Lift, LiftSample
-from rt_controller.contract.model.rollout import Matrices, roll_out
-from rt_controller.contract.schema import Schema
+from rt_controller.contract.signals import Schema
+from rt_controller.model.bundle import Bundle, spectral_radius_of
+from rt_controller.model.dynamics import Matrices, roll_out
+from rt_controller.model.lift import Lift, LiftSample, identity_encoder
 from rt_controller.report.table import Fact
 
 _CHUNK = 1_000

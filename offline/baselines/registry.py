@@ -19,8 +19,8 @@ from offline.evaluation.predictor import Predictor
 from offline.evaluation.test_sets import library_set
 from offline.model.bundle_predictor import BundlePredictor
 from rt_controller.contract.errors import ConfigError, DatasetError
-from rt_controller.contract.model.artifact import load_bundle, shipped_model
-from rt_controller.contract.model.bundle import Bundle
+from rt_controller.model.artifact import load_bundle, shipped_model
+from rt_controller.model.bundle import Bundle
 from rt_controller.report.table import Fact
 
 SHIPPED = "mdk-net-paper"

@@ -11,8 +11,7 @@ Paper: eq. (2), "set of states and inputs".
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from rt_controller.contract.schema import VEHICLE, Schema
-from rt_controller.contract.signals import MOTION, StateColumn
+from rt_controller.contract.signals import MOTION, VEHICLE, Schema, StateColumn
 
 ITERATIONS = 5
 """each divides the error by 20, on a road of 100 m radius at 30 m/s"""

@@ -34,8 +34,8 @@ from offline.baselines.road_path import Learned, path_states, split_path
 from offline.data.dataset import Dataset
 from offline.data.signals import Roles, Scaling, fit_scaling, past_columns
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.model.follow import Follow
-from rt_controller.contract.schema import Schema
+from rt_controller.contract.signals import Schema
+from rt_controller.model.dynamics import Follow
 from rt_controller.report.table import Fact
 
 

@@ -23,10 +23,10 @@ from offline.training.run_folder import open_run
 from offline.training.state import load_checkpoint
 from rt_controller.bundle_checks.plan_check import with_plans
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.model.artifact import save_bundle
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.lift import Lift
-from rt_controller.contract.model.validation import find_objection_to_driving
+from rt_controller.model.artifact import save_bundle
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.lift import Lift
+from rt_controller.model.validation import find_objection_to_driving
 from rt_controller.report.table import Fact, print_table
 
 

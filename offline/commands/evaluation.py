@@ -37,8 +37,8 @@ from offline.evaluation.test_sets import (
 )
 from offline.model.bundle_predictor import BundlePredictor
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.model.artifact import find_model, load_bundle
-from rt_controller.contract.model.bundle import Bundle
+from rt_controller.model.artifact import find_model, load_bundle
+from rt_controller.model.bundle import Bundle
 from rt_controller.report.table import print_table
 
 

@@ -25,7 +25,7 @@ from offline.logs.mapping import read_mapping
 from offline.logs.readers.source import find_logs, read_log, source_file, source_files
 from offline.logs.series import to_drive
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.schema import VEHICLE, Schema
+from rt_controller.contract.signals import VEHICLE, Schema
 from rt_controller.mapping.reference_line import read_line
 from rt_controller.report.table import print_table
 

@@ -6,8 +6,8 @@ from typing import Any
 from offline.commands.terminal import STDOUT
 from rt_controller.bundle_checks.plan_check import require_stored_plans, with_plans
 from rt_controller.contract.errors import ArtifactError, ConfigError
-from rt_controller.contract.model.artifact import CARD_FILE, find_model, load_bundle, save_bundle
-from rt_controller.contract.model.validation import require_drivable
+from rt_controller.model.artifact import CARD_FILE, find_model, load_bundle, save_bundle
+from rt_controller.model.validation import require_drivable
 
 
 def store_plans(model: Path, output: Path | None) -> dict[str, Any]:

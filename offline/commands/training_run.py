@@ -15,8 +15,8 @@ from offline.training.run_folder import RunFolder, create_run, open_run, rewrite
 from offline.training.state import Checkpoint, TrainingState, find_device, load_checkpoint
 from offline.training.train import train
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.model.artifact import find_model, load_bundle
-from rt_controller.contract.model.bundle import Bundle
+from rt_controller.model.artifact import find_model, load_bundle
+from rt_controller.model.bundle import Bundle
 from rt_controller.terminal.entry import INTERRUPTED
 
 REFRESH_S = 0.25

@@ -23,7 +23,7 @@ from offline.data.generate import (
 from offline.data.manifest import Roads, Simulated, read_manifest
 from offline.data.signals import VEHICLE_ROLES
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.signals import VEHICLE
 
 EPISODE_BYTES = 22_100
 """on disk, of an episode of 10 s"""

@@ -23,8 +23,8 @@ from offline.data.recording import PATH_STATES, Anchor, Recording, Starts, cut
 from offline.data.signals import Array32, Roles, Rows, Trajectories
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.files import DamagedArchiveError, atomic_write, read_arrays, write_text
-from rt_controller.contract.schema import Schema
-from rt_controller.contract.steering_geometry import SteeringGeometry
+from rt_controller.contract.limits import SteeringGeometry
+from rt_controller.contract.signals import Schema
 
 Part = Literal["train", "validation", "test"]
 

@@ -35,13 +35,13 @@ from offline.data.variation import VARIED, Variation
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.files import DamagedArchiveError, atomic_write, read_arrays
-from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.signals import InputColumn, StateColumn
-from rt_controller.contract.steering_geometry import (
+from rt_controller.contract.limits import (
+    INPUT_LIMITS,
     PLAN_STEER_RAD,
     PLAN_TURN_MPS2,
     SteeringGeometry,
 )
+from rt_controller.contract.signals import InputColumn, StateColumn
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.frenet import integrate_poses
 from sim_bridge.plant.library import STEP_S, STEPS_PER_PERIOD, settle, simulate

@@ -20,9 +20,9 @@ from offline.data.signals import Roles
 from offline.data.variation import describe
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.files import read_text
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.schema import Schema
-from rt_controller.contract.steering_geometry import SteeringGeometry
+from rt_controller.contract.limits import SteeringGeometry
+from rt_controller.contract.signals import Schema
+from rt_controller.model.bundle import Bundle
 from sim_bridge.plant.shipped_cars import DEFAULT_CAR
 
 FORMAT_VERSION = 2

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from offline.config import PAST_STEPS, STEPS
 from offline.data.signals import Array32, Roles, Rows, Trajectories, past_columns
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.schema import Schema
+from rt_controller.contract.signals import Schema
 
 PATH_STATES = ("ds_m", "ey_m", "epsi_rad")
 """the last states of the car's schema, which a recording with poses does not contain"""

@@ -24,7 +24,7 @@ from offline.data.signals import (
 )
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.schema import Schema
+from rt_controller.contract.signals import Schema
 
 
 class Instants(NamedTuple):

@@ -1,6 +1,6 @@
 """Signals: the role of each in the learning, and its scale.
 
-The schema of a data set (`rt_controller.contract.schema`) names the signals. `Roles` says which of
+The schema of a data set (`rt_controller.contract.signals`) names the signals. `Roles` says which of
 them are centred, change sign when left and right are exchanged, and belong to the history.
 `Scaling` is fitted once, on the training trajectories. Measurement noise is on what a model reads:
 the first state of a prediction, and the past.
@@ -15,11 +15,9 @@ from numpy.typing import NDArray
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.model.drift import Drift
-from rt_controller.contract.model.rollout import Matrices
-from rt_controller.contract.model.validation import DRIVABLE_HISTORY
-from rt_controller.contract.schema import VEHICLE, Schema
-from rt_controller.contract.signals import InputColumn
+from rt_controller.contract.signals import VEHICLE, InputColumn, Schema
+from rt_controller.model.dynamics import Drift, Matrices
+from rt_controller.model.validation import DRIVABLE_HISTORY
 
 Array32 = NDArray[np.float32]
 Rows = NDArray[np.integer] | NDArray[np.bool_] | slice

@@ -19,7 +19,7 @@ from offline.evaluation.metrics import (
 from offline.evaluation.predictor import Predictor
 from offline.evaluation.series import Series, Slice
 from offline.evaluation.test_sets import LIBRARY, TestSet
-from rt_controller.contract.schema import Schema
+from rt_controller.contract.signals import Schema
 
 FAIR_LTI = "fair lti"
 """for each state the better of `LTI_BASELINES`"""

@@ -10,8 +10,8 @@ from offline.data.manifest import Manifest, Simulated, is_held_out, read_manifes
 from offline.data.signals import past_names
 from offline.training.run_folder import open_run
 from rt_controller.contract.errors import ArtifactError, DatasetError
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.schema import Schema
+from rt_controller.contract.signals import Schema
+from rt_controller.model.bundle import Bundle
 
 
 def choose_test_data(

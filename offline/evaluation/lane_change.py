@@ -15,8 +15,7 @@ from offline.data.recording import Anchor, Recording, Starts, cut, onto_road
 from offline.data.signals import VEHICLE_ROLES, Trajectories
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.schema import VEHICLE
-from rt_controller.contract.signals import ControlInput
+from rt_controller.contract.signals import VEHICLE, ControlInput
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.plant.parameters import default_car, with_road_friction
 from sim_bridge.scenario import Scenario, load_scenario

@@ -29,7 +29,7 @@ from offline.evaluation.bootstrap import (
 from offline.evaluation.predictor import Predictor, prediction_errors
 from offline.evaluation.test_sets import TestSet
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.schema import Schema
+from rt_controller.contract.signals import Schema
 
 SHARES = (0.5, 0.9, 0.99)
 """quantiles over the trajectories"""

@@ -12,8 +12,7 @@ from offline.evaluation.lane_change import LaneChange
 from offline.evaluation.metrics import SHARES, ratio_of, state_units
 from offline.evaluation.test_sets import LIBRARY, NEW_ROADS
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.schema import VEHICLE
-from rt_controller.contract.signals import InputColumn, StateColumn
+from rt_controller.contract.signals import VEHICLE, InputColumn, StateColumn
 from rt_controller.report.canvas import (
     FAINT,
     INK,

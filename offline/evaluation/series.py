@@ -20,7 +20,7 @@ from offline.evaluation.test_sets import (
     TestSet,
 )
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.schema import Schema
+from rt_controller.contract.signals import Schema
 
 WHOLE_SETS = "sets"
 """name of the series of whole test sets"""

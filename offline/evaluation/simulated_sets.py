@@ -33,8 +33,7 @@ from offline.evaluation.test_sets import (
 )
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.schema import VEHICLE
-from rt_controller.contract.signals import InputColumn
+from rt_controller.contract.signals import VEHICLE, InputColumn
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.frenet import integrate_poses
 from sim_bridge.plant.library import STEP_S, STEPS_PER_PERIOD, settle, simulate

@@ -24,7 +24,7 @@ from offline.data.recording import Starts, cut
 from offline.data.signals import STANDARD_DEVIATIONS, Roles, Trajectories, noise_matrix, past_names
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, DatasetError
-from rt_controller.contract.schema import Schema
+from rt_controller.contract.signals import Schema
 
 LIBRARY, NEW_ROADS, ROBUSTNESS, VARIED = "library", "new-roads", "robustness", "varied"
 NOISE, SLIDING, FAST, BRAKING = "noise", "sliding", "fast", "braking"

@@ -19,7 +19,7 @@ from offline.logs.mapping import LogMapping, SplitSettings
 from offline.logs.series import LoggedDrive, Stretch, find_stretches, grid, resample, runs
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, DatasetError
-from rt_controller.contract.schema import VEHICLE, Schema, Signal
+from rt_controller.contract.signals import VEHICLE, Schema, Signal
 from rt_controller.mapping.reference_line import ReferenceLine
 
 LEAST_SAMPLES = PAST_STEPS + STEPS + 1

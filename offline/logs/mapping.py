@@ -22,7 +22,7 @@ from offline.data.recording import PATH_STATES
 from offline.data.signals import Roles
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.files import read_text
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.signals import VEHICLE
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.mapping.car_signals import CarSignals
 from rt_controller.mapping.quantity import Quantity, quantity_of_name

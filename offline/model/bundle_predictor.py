@@ -5,10 +5,10 @@ import numpy as np
 from offline.data.signals import last_rows
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.lift import LiftSample
-from rt_controller.contract.model.rollout import roll_out
 from rt_controller.control.lift import open_encoder
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.dynamics import roll_out
+from rt_controller.model.lift import LiftSample
 
 
 class BundlePredictor:

@@ -9,8 +9,8 @@ from offline.data.dataset import Dataset
 from offline.model.bundle_predictor import BundlePredictor
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.driven import (
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.driven import (
     BoxStability,
     DrivenStability,
     box_stability,

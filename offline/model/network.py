@@ -27,9 +27,8 @@ from offline.model.observables import (
 )
 from offline.model.rollout import roll_out, roll_out_gains
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.model.drift import NO_SIGNAL
-from rt_controller.contract.model.follow import Follow
-from rt_controller.contract.schema import Schema
+from rt_controller.contract.signals import Schema
+from rt_controller.model.dynamics import NO_SIGNAL, Follow
 
 # Standard deviations of the Gaussian start, which the paper leaves open. With these, roll-outs of
 # 80 steps are bounded before the first update.
@@ -211,7 +210,7 @@ class MdkNet(nn.Module):
     With a bilinear rank R the column of input i is B_i + sum_r N_ri g(S_ri psi), where g is the
     hyperbolic tangent if the gains saturate. Over a roll-out, this psi is the predicted lifted
     state of each step, the free response of psi_0, or psi_0 (`config.bilinear_follows`). For the
-    drift see `rt_controller.contract.model.drift`.
+    drift see `rt_controller.model.dynamics`.
     """
 
     def __init__(

@@ -21,7 +21,7 @@ from torch import Tensor
 
 from offline.config import TrainingConfig
 from offline.data.recording import PATH_STATES
-from rt_controller.contract.schema import Schema
+from rt_controller.contract.signals import Schema
 
 SPEED = "vx_mps"
 ROAD_SIGNALS = ("curvature_per_m",)

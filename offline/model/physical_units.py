@@ -17,10 +17,8 @@ from offline.data.dataset import Dataset
 from offline.data.signals import Scaling, last_rows
 from offline.model.network import Encoder, MdkNet, with_zero_row
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.model.bilinear import Bilinear
-from rt_controller.contract.model.drift import Drift
-from rt_controller.contract.model.lift import Lift, LiftSample
-from rt_controller.contract.model.rollout import Matrices
+from rt_controller.model.dynamics import Bilinear, Drift, Matrices
+from rt_controller.model.lift import Lift, LiftSample
 
 
 class PhysicalEncoder(nn.Module):

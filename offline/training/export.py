@@ -17,9 +17,9 @@ from offline.model.physical_units import (
 )
 from offline.training.state import Checkpoint, load_weights
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.lift import Lift
-from rt_controller.contract.schema import Schema
+from rt_controller.contract.signals import Schema
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.lift import Lift
 
 
 def restore_model(

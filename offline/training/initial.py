@@ -22,7 +22,7 @@ from offline.model.physical_units import scaling_of_lift
 from offline.training.state import Checkpoint
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError, ConfigError
-from rt_controller.contract.model.bundle import Bundle
+from rt_controller.model.bundle import Bundle
 
 STRUCTURE = (
     "activation",

@@ -32,7 +32,7 @@ from offline.training.state import (
     save_checkpoint,
 )
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.model.bundle import Bundle
+from rt_controller.model.bundle import Bundle
 
 
 @denormals_as_zero()

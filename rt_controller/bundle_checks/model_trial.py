@@ -16,14 +16,13 @@ import numpy as np
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError, BusError, MissingExtraError
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.rollout import roll_out
-from rt_controller.contract.schema import N_STATES, VEHICLE
-from rt_controller.contract.signals import ControlInput, Mode, VehicleState
-from rt_controller.contract.user_cache import is_marked, mark
+from rt_controller.contract.files import is_marked, mark
+from rt_controller.contract.signals import N_STATES, VEHICLE, ControlInput, Mode, VehicleState
 from rt_controller.control.lift import Encoder, History
 from rt_controller.drive.table import Drive
 from rt_controller.loop import Ending
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.dynamics import roll_out
 from rt_controller.simulation import simulate
 
 SCENARIO = Path(__file__).with_name("model_trial.toml")

@@ -11,8 +11,6 @@ import numpy as np
 
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.model.bundle import Bundle, PlanSample
-from rt_controller.contract.model.validation import find_objection_to_driving
 from rt_controller.contract.signals import (
     AT_REST,
     NEUTRAL_INPUT,
@@ -22,8 +20,10 @@ from rt_controller.contract.signals import (
 )
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.mpc import Mpc
-from rt_controller.control.solver import SolveStatus, open_solver
+from rt_controller.control.program import SolveStatus, open_solver
 from rt_controller.control.terms import TrackingCost
+from rt_controller.model.bundle import Bundle, PlanSample
+from rt_controller.model.validation import find_objection_to_driving
 
 HORIZON = 20
 COST = TrackingCost(

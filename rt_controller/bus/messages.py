@@ -17,8 +17,8 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 from rt_controller.bus.codec import FrameCodec, FrameSpec
 from rt_controller.bus.dbc import DBC_PATH, FD_DBC_PATH, misfit, read_dbc
-from rt_controller.contract.schema import N_STATES
 from rt_controller.contract.signals import (
+    N_STATES,
     ControlInput,
     CurvaturePreview,
     Mode,

@@ -1,9 +1,9 @@
-"""Bounds and slew rates of the control inputs, for data, plan and envelope; range of friction."""
+"""Limits of the inputs: bounds and rates, grip beside the brake, geometry that bounds the wheel."""
 
-from math import radians
+from math import atan, radians
 from typing import NamedTuple
 
-from rt_controller.contract.signals import ControlInput
+from rt_controller.contract.signals import GRAVITY_MPS2, ControlInput
 
 
 class InputLimits(NamedTuple):
@@ -29,3 +29,100 @@ LEAST_FRICTION, MOST_FRICTION = 0.05, 1.5
 
 PEDAL_CHANGE_S = 0.15
 """time to move the foot from one pedal to the other"""
+
+
+MOST_LATERAL_MPS2 = 8.5
+"""that a path may need at its wanted speed: what a car can do on a dry road"""
+GRIP_AHEAD_S, NEAR, FAR = 0.5, 0.2113, 0.7887
+"""time ahead over which a path is compared with it, about the horizon of the controller, and the
+places in it. These are the Gauss points: there a fitted cubic has about the curvature of its path,
+at its ends up to 1.5 times as much"""
+MOST_BRAKE_N, BRAKE_RATE_N_PER_S = 75.0, 150.0
+"""of a straight car, about 0.4 g: with more, a wet road (friction 0.5) leaves nothing to steer"""
+LEAST_BRAKE_N = 25.0
+HARD_BRAKE_N, HARD_BRAKE_RATE_N_PER_S = 100.0, 300.0
+"""about 0.5 g, of a car whose place is not known: only a short stop keeps it near its path"""
+LESS_BRAKE_N_PER_MPS2 = 20.0
+"""on a wet road (friction 0.6) 100 N and a lateral acceleration of 3 m/s^2 exceed the grip"""
+FULL_BRAKE_N, FULL_BRAKE_RATE_N_PER_S = (
+    INPUT_LIMITS.upper.brake_n,
+    INPUT_LIMITS.rate_per_s.brake_n,
+)
+"""of a car that cannot be steered: only the brake still acts"""
+OPEN_THROTTLE_N = 120.0
+"""brake force that balances a throttle that is fully open"""
+
+
+def brake_beside_n(
+    lateral_mps2: float,
+    wanted_mps2: float,
+    open_throttle: float = 0.0,
+    most_n: float = MOST_BRAKE_N,
+) -> float:
+    """Brake force that leaves grip to a car that turns, in N.
+
+    A car that turns otherwise than its wheel slides: it needs the grip of both.
+
+    Args:
+        lateral_mps2: lateral acceleration of the car, left positive.
+        wanted_mps2: that of a steady turn with its wheel.
+        open_throttle: by which the throttle is open against its command.
+        most_n: of a straight car whose throttle is closed.
+    """
+    slide_mps2 = abs(wanted_mps2 - lateral_mps2)
+    used_mps2 = max(abs(lateral_mps2), abs(wanted_mps2)) + slide_mps2
+    beside_n = max(HARD_BRAKE_N - LESS_BRAKE_N_PER_MPS2 * used_mps2, LEAST_BRAKE_N)
+    driven_n = OPEN_THROTTLE_N * max(open_throttle, 0.0)
+    return min(min(beside_n, most_n) + driven_n, FULL_BRAKE_N)
+
+
+class SteeringGeometry(NamedTuple):
+    """A car that rolls without sideslip of its tyres, as it does at walking pace."""
+
+    wheelbase_m: float
+    """front axle to rear axle"""
+    rear_axle_m: float
+    """centre of gravity to rear axle"""
+    steering_ratio: float
+    """angle of the steering wheel over the angle of the front wheels"""
+    lock_rad: float = INPUT_LIMITS.upper.steer_rad
+    """largest angle of the steering wheel; by default no more than that of the plan"""
+
+    def steady_wheel_rad(self, vx_mps: float, yaw_rate_radps: float) -> float:
+        """Steering-wheel angle of a steady turn, with the understeer of the default car."""
+        rolling_rad = atan(self.wheelbase_m * yaw_rate_radps / vx_mps)
+        return self.steering_ratio * (
+            rolling_rad + UNDERSTEER_RAD_PER_MPS2 * yaw_rate_radps * vx_mps
+        )
+
+    def steady_lateral_mps2(self, vx_mps: float, steer_rad: float) -> float:
+        """Lateral acceleration of a steady turn with this steering-wheel angle."""
+        front_rad, squared = steer_rad / self.steering_ratio, vx_mps**2
+        return squared * front_rad / (self.wheelbase_m + UNDERSTEER_RAD_PER_MPS2 * squared)
+
+    def largest_wheel_rad(self, vx_mps: float, lateral_mps2: float) -> float:
+        """Bound of the steering-wheel angle at a speed: 40 deg, or more at low speed.
+
+        Beyond 40 deg a steady turn stays within `lateral_mps2`, and the wheel within its lock.
+        """
+        per_rad_mps2 = self.steady_lateral_mps2(vx_mps, 1.0)
+        by_speed_rad = min(self.lock_rad, lateral_mps2 / max(per_rad_mps2, 1e-6))
+        return max(by_speed_rad, INPUT_LIMITS.upper.steer_rad)
+
+
+SMALLEST = SteeringGeometry(wheelbase_m=0.5, rear_axle_m=0.0, steering_ratio=1.0, lock_rad=0.1)
+LARGEST = SteeringGeometry(wheelbase_m=10.0, rear_axle_m=10.0, steering_ratio=100.0, lock_rad=30.0)
+"""limits of a road vehicle, 1:1 models included"""
+
+DEFAULT_GEOMETRY = SteeringGeometry(
+    wheelbase_m=2.910, rear_axle_m=1.8604, steering_ratio=18.5, lock_rad=radians(540.0)
+)
+"""of the default car (`sim_bridge/cars/c_class_150kw_awd.toml`)"""
+UNNAMED_GEOMETRY = DEFAULT_GEOMETRY._replace(lock_rad=INPUT_LIMITS.upper.steer_rad)
+"""for models of an unnamed car"""
+PLAN_TURN_MPS2 = 7.0
+"""lateral acceleration up to which a plan may use a larger angle than 40 deg"""
+PLAN_STEER_RAD = radians(180.0)
+"""largest angle of a plan, and of training data"""
+UNDERSTEER_RAD_PER_MPS2 = radians(1.43) / GRAVITY_MPS2
+"""of the front wheels with compliance, per lateral acceleration: target of the default car"""

@@ -1,13 +1,13 @@
-"""Order, names and units of every vector that the packages exchange.
+"""Signals of car and controller in SI units: states, inputs, path, modes, and their schema."""
 
-The `_fields` of these tuples are the vector order everywhere: in arrays and in the model
-bundle. An array's column is named by `StateColumn` or `InputColumn`, never by its number. SI
-units; the unit is the end of each name.
-Paper: eq. (2), "set of states and inputs".
-"""
-
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
+
+from rt_controller.contract.timing import PERIOD_S
+
+GRAVITY_MPS2 = 9.80665
+"""standard gravity"""
 
 
 class VehicleState(NamedTuple):
@@ -149,3 +149,46 @@ STATE_UNITS = ("m/s", "m/s", "rad/s", "m", "m", "rad")
 INPUT_UNITS = ("1", "N", "rad")
 EXOGENOUS_FIELDS = ("curvature_per_m",)
 EXOGENOUS_UNITS = ("1/m",)
+
+
+class Signal(NamedTuple):
+    """One column of numbers."""
+
+    name: str
+    """ends in the unit where there is one"""
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Schema:
+    """Names, order, units and period of the signals of a model."""
+
+    states: tuple[Signal, ...]
+    inputs: tuple[Signal, ...]
+    exogenous: tuple[Signal, ...]
+    """known ahead but not chosen by the controller"""
+    dt_s: float
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        return tuple(signal.name for signal in self.states)
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        return tuple(signal.name for signal in self.inputs)
+
+    @property
+    def exogenous_names(self) -> tuple[str, ...]:
+        return tuple(signal.name for signal in self.exogenous)
+
+
+VEHICLE = Schema(
+    states=tuple(map(Signal, VehicleState._fields, STATE_UNITS)),
+    inputs=tuple(map(Signal, ControlInput._fields, INPUT_UNITS)),
+    exogenous=tuple(map(Signal, EXOGENOUS_FIELDS, EXOGENOUS_UNITS)),
+    dt_s=PERIOD_S,
+)
+"""of the car in the Frenet frame of its road"""
+N_STATES = len(VEHICLE.states)
+N_INPUTS = len(VEHICLE.inputs)
+N_EXOGENOUS = len(VEHICLE.exogenous)

@@ -5,11 +5,16 @@ from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.kinematics import heading_change_rad, lateral_change_along_m
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.rollout import Step
-from rt_controller.contract.schema import N_INPUTS, N_STATES
-from rt_controller.contract.signals import ControlInput, StateColumn, VehicleState
+from rt_controller.contract.signals import (
+    N_INPUTS,
+    N_STATES,
+    ControlInput,
+    StateColumn,
+    VehicleState,
+)
 from rt_controller.contract.timing import PERIOD_S
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.dynamics import Step
 
 STEPS = 10
 """periods of the prediction whose error is the disturbance"""

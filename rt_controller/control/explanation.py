@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.schema import N_INPUTS
-from rt_controller.contract.signals import ControlInput, StateColumn, VehicleState
-from rt_controller.control.program import QuadraticProgram
-from rt_controller.control.solver import SolveStatus, open_solver
+from rt_controller.contract.signals import N_INPUTS, ControlInput, StateColumn, VehicleState
+from rt_controller.control.program import QuadraticProgram, SolveStatus, open_solver
 from rt_controller.control.terms import TrackingCost
 
 ACTIVE = 1e-6

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.schema import N_STATES
-from rt_controller.contract.signals import ControlInput, VehicleState
+from rt_controller.contract.signals import N_STATES, ControlInput, VehicleState
+from rt_controller.model.bundle import Bundle
 
 # onnxruntime starts a telemetry thread on import unless it is told not to.
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")

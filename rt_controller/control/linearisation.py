@@ -6,12 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.follow import Follow
-from rt_controller.contract.model.rollout import Step
-from rt_controller.contract.schema import N_INPUTS
+from rt_controller.contract.signals import N_INPUTS
 from rt_controller.control.knots import Knots
 from rt_controller.control.pedals import WITH_PEDAL
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.dynamics import Follow, Step
 
 ALL_INPUTS = slice(None)
 
@@ -19,7 +18,7 @@ ALL_INPUTS = slice(None)
 class Linearisation:
     """Predicted states under nominal inputs, and their exact derivatives, in preallocated memory.
 
-    With the gains of `contract.model.rollout.Step`,
+    With the gains of `model.dynamics.Step`,
 
         psi+ = A psi + B_uc u + N (t m - a o) + B_uw kappa + c
 

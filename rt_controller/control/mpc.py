@@ -7,12 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.rollout import roll_out
-from rt_controller.contract.model.validation import require_drivable
-from rt_controller.contract.schema import N_INPUTS, N_STATES
 from rt_controller.contract.signals import (
     AT_REST,
+    N_INPUTS,
+    N_STATES,
     ControlInput,
     CurvaturePreview,
     PathReference,
@@ -29,11 +27,13 @@ from rt_controller.control.explanation import (
 from rt_controller.control.knots import place_knots
 from rt_controller.control.lift import Encoder, History
 from rt_controller.control.pedals import PedalChoice
-from rt_controller.control.program import QuadraticProgram
+from rt_controller.control.program import QuadraticProgram, Solver, SolveStatus, open_solver
 from rt_controller.control.qp import WITH_SLEW, CondensedQp, Features
 from rt_controller.control.reference import ReferenceHorizon
-from rt_controller.control.solver import Solver, SolveStatus, open_solver
 from rt_controller.control.terms import TrackingCost
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.dynamics import roll_out
+from rt_controller.model.validation import require_drivable
 
 INTEGRAL_GAIN, LARGEST_INTEGRAL_M, INTEGRATED_M = 0.005, 0.03, 0.1
 """of the lateral error, in one period; a larger error is not integrated"""

@@ -4,13 +4,12 @@ import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.schema import N_INPUTS, N_STATES
-from rt_controller.contract.signals import StateColumn
+from rt_controller.contract.signals import N_INPUTS, N_STATES, StateColumn
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.linearisation import Linearisation
 from rt_controller.control.program import QpParameters
 from rt_controller.control.terms import CostTerms
+from rt_controller.model.bundle import Bundle
 
 SLOWEST_MPS = 3.0
 """the course of a slower car is computed with this speed"""

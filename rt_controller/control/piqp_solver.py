@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from rt_controller.contract.errors import ConfigError
-from rt_controller.control.program import QuadraticProgram
-from rt_controller.control.solver import SolveStatus
+from rt_controller.control.program import QuadraticProgram, SolveStatus
 
 MAX_ITERATIONS = 24
 """more than any problem recorded in a drive needed"""

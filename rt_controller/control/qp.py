@@ -7,9 +7,7 @@ import numpy as np
 
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.schema import N_INPUTS
-from rt_controller.contract.signals import InputColumn
+from rt_controller.contract.signals import N_INPUTS, InputColumn
 from rt_controller.control.knots import place_knots
 from rt_controller.control.linearisation import ALL_INPUTS
 from rt_controller.control.objective import Objective, require_convex
@@ -22,6 +20,7 @@ from rt_controller.control.terms import (
     constrain_inputs,
     cost_terms,
 )
+from rt_controller.model.bundle import Bundle
 
 
 class Features(NamedTuple):

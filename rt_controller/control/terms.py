@@ -7,8 +7,7 @@ import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.schema import N_INPUTS
-from rt_controller.contract.signals import ControlInput, StateColumn, VehicleState
+from rt_controller.contract.signals import N_INPUTS, ControlInput, StateColumn, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.knots import Knots
 

@@ -8,8 +8,7 @@ from scipy.linalg import lapack
 
 from rt_controller.contract.arrays import Array
 from rt_controller.control.piqp_solver import PiqpSolver
-from rt_controller.control.program import QuadraticProgram
-from rt_controller.control.solver import SolveStatus
+from rt_controller.control.program import QuadraticProgram, SolveStatus
 
 MAX_ROUNDS = 4
 """a round costs about a tenth of PIQP's solve; most solutions come in the first one"""

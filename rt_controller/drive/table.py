@@ -10,8 +10,7 @@ import numpy as np
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, needs_extra, require_type
 from rt_controller.contract.files import atomic_write
-from rt_controller.contract.schema import VEHICLE, Signal
-from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
+from rt_controller.contract.signals import NEUTRAL_INPUT, VEHICLE, ControlInput, Mode, Signal
 from rt_controller.drive.car_figures import CarFigure
 from rt_controller.drive.scenario import DrivenScenario
 

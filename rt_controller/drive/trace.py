@@ -5,8 +5,7 @@ from math import atan, nan
 import numpy as np
 
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.schema import N_STATES
-from rt_controller.contract.signals import EXOGENOUS_FIELDS, ControlInput, Mode
+from rt_controller.contract.signals import EXOGENOUS_FIELDS, N_STATES, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.table import COLUMNS, REFERENCE, Drive, TrackingErrors
 from rt_controller.step import StepResult

@@ -10,8 +10,7 @@ from operator import eq
 
 import can
 
-from rt_controller.bus.debounce import is_heartbeat_of
-from rt_controller.bus.identity import own_identity
+from rt_controller.bus.identity import is_heartbeat_of, own_identity
 from rt_controller.bus.messages import (
     COMMAND,
     FEEDBACK,
@@ -29,12 +28,7 @@ from rt_controller.bus.messages import (
 )
 from rt_controller.bus.receive import Inbox, Received
 from rt_controller.bus.send import Outbox, SendingBus
-from rt_controller.contract.signals import (
-    ControlInput,
-    Mode,
-    PathReference,
-    VehicleState,
-)
+from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
 from rt_controller.contract.timing import (
     IDENT_PERIOD_TICKS,
     MISSION_PERIOD_TICKS,

@@ -22,14 +22,13 @@ from scipy.optimize import least_squares
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.rollout import Step
-from rt_controller.contract.schema import N_STATES
-from rt_controller.contract.signals import VehicleState
-from rt_controller.contract.steering_geometry import UNNAMED_GEOMETRY, SteeringGeometry
+from rt_controller.contract.limits import UNNAMED_GEOMETRY, SteeringGeometry
+from rt_controller.contract.signals import N_STATES, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.lift import Encoder
 from rt_controller.mapping.car_file import CarFile
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.dynamics import Step
 
 SLOWEST_MPS = 1.0
 """the equation has no solution at rest; below, v_y is that of rolling: b r"""

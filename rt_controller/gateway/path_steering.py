@@ -3,14 +3,15 @@
 from math import copysign, isfinite
 from typing import NamedTuple
 
-from rt_controller.contract.grip import LEAST_BRAKE_N, brake_beside_n
-from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.signals import PathReference, VehicleState
-from rt_controller.contract.steering_geometry import (
+from rt_controller.contract.limits import (
     DEFAULT_GEOMETRY,
+    INPUT_LIMITS,
+    LEAST_BRAKE_N,
     UNDERSTEER_RAD_PER_MPS2,
     SteeringGeometry,
+    brake_beside_n,
 )
+from rt_controller.contract.signals import PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 
 PREVIEW_S = 0.7

@@ -14,12 +14,12 @@ import can
 from rt_controller.bus.messages import Command
 from rt_controller.bus.receive import Received
 from rt_controller.contract.errors import BusError
-from rt_controller.contract.grip import BRAKE_RATE_N_PER_S
-from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
-from rt_controller.contract.steering_geometry import (
+from rt_controller.contract.limits import (
+    BRAKE_RATE_N_PER_S,
     DEFAULT_GEOMETRY,
     SteeringGeometry,
 )
+from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import (
     COMMAND_TIMEOUT_NS,
     COMMAND_TIMEOUT_TICKS,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.steering_geometry import (
+from rt_controller.contract.limits import (
     DEFAULT_GEOMETRY,
     UNDERSTEER_RAD_PER_MPS2,
     SteeringGeometry,

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.signals import VEHICLE
 from rt_controller.mapping.car_signals import DrivingMapping, SwitchMapping
 from rt_controller.mapping.quantity import limits_of, quantity_of_name, si_unit_of_name
 from rt_controller.mapping.tables import ColumnMapping, SignalMapping

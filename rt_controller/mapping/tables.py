@@ -20,8 +20,7 @@ from pydantic import (
     ValidationInfo,
 )
 
-from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.steering_geometry import LARGEST, SMALLEST, SteeringGeometry
+from rt_controller.contract.limits import INPUT_LIMITS, LARGEST, SMALLEST, SteeringGeometry
 from rt_controller.mapping.quantity import Quantity
 from rt_controller.mapping.units import find_unit, near_units
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from rt_controller.bus.log.recorder import Recorder, epoch_offset_ns
 from rt_controller.config import ControllerConfig
-from rt_controller.contract.model.bundle import Bundle
+from rt_controller.model.bundle import Bundle
 from rt_controller.recording.header import describe_run
 from rt_controller.recording.journal import Journal
 

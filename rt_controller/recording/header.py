@@ -10,8 +10,8 @@ from typing import Any
 from rt_controller.bus.identity import dbc_hash
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.model.artifact import find_model, load_bundle
-from rt_controller.contract.model.bundle import Bundle
+from rt_controller.model.artifact import find_model, load_bundle
+from rt_controller.model.bundle import Bundle
 
 _PACKAGES = ("rt-controller", "numpy", "scipy", "onnxruntime", "piqp")
 """those on which the bits of a command depend"""

@@ -13,9 +13,9 @@ import can
 
 from rt_controller.bus.messages import COMMAND
 from rt_controller.config import ControllerConfig
-from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.signals import ControlInput
 from rt_controller.control.mpc import Mpc
+from rt_controller.model.bundle import Bundle
 from rt_controller.node import ControlNode, build_node
 from rt_controller.recording.journal import BUS_FAILURE, RECEIVED, SENT
 from rt_controller.recording.recorded_drive import RecordedDrive, RecordedTick

@@ -7,7 +7,7 @@ from enum import Enum, IntEnum, auto
 from math import copysign, inf
 from typing import NamedTuple
 
-from rt_controller.contract.grip import MOST_LATERAL_MPS2
+from rt_controller.contract.limits import MOST_LATERAL_MPS2
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.safety.modes import StopCause
 

@@ -13,17 +13,20 @@ from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, VehicleS
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.safety.actuators import CommandRange
 from rt_controller.safety.checks import CHECKS, NEVER, NOT_COMPUTED, Check, Quantity
-from rt_controller.safety.cornering import Cornering, cornering_of
-from rt_controller.safety.finding import Finding, Windows, finding_of, finding_of_state
+from rt_controller.safety.coast_model import Cornering, PedalEffect, StoppingCar, cornering_of
 from rt_controller.safety.inputs import QualifiedInputs, ReceivedInputs, with_replaced_signals
-from rt_controller.safety.isolation import Faulty, SignalMask, isolate_path
+from rt_controller.safety.isolation import (
+    Faulty,
+    Finding,
+    SignalMask,
+    Windows,
+    finding_of,
+    finding_of_state,
+    isolate_path,
+)
 from rt_controller.safety.modes import StopCause
-from rt_controller.safety.path.last_road import LastRoad
-from rt_controller.safety.path.path_checks import PathChecks
-from rt_controller.safety.pedal_effect import PedalEffect
-from rt_controller.safety.prediction import MotionPrediction
-from rt_controller.safety.residuals import Residuals, have_moved
-from rt_controller.safety.stopping_car import StoppingCar
+from rt_controller.safety.motion import MotionPrediction, Residuals, have_moved
+from rt_controller.safety.path import LastRoad, PathChecks
 
 _NOT_COMPUTED = [NOT_COMPUTED] * len(Quantity)
 _OF_STATE = range(Quantity.PROGRESS_STEP_M, Quantity.FROZEN_TICKS + 1)

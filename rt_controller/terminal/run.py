@@ -12,10 +12,7 @@ from rt_controller.bus.log.recorder import require_recordable
 from rt_controller.bus.messages import STATE
 from rt_controller.bus.transport import close_bus, require_interface
 from rt_controller.contract.errors import BusError, OutputError, PlantError, RtControllerError
-from rt_controller.contract.figures import require_writable, write_figures
-from rt_controller.contract.model.artifact import find_model, load_bundle
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.validation import explain_missing_plans
+from rt_controller.contract.files import require_writable, write_figures
 from rt_controller.drive.car_figures import (
     EXIT_LIMIT,
     CarFigure,
@@ -24,13 +21,23 @@ from rt_controller.drive.car_figures import (
     limits_missed,
 )
 from rt_controller.loop import Ending
-from rt_controller.planner import build_mpc, choose_low_speed_car
+from rt_controller.model.artifact import find_model, load_bundle
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.validation import explain_missing_plans
+from rt_controller.node import build_mpc, choose_low_speed_car
 from rt_controller.realtime.clock import Clock, LockstepClock, RealtimeClock
 from rt_controller.recording.files import NO_FILES, RecordingFiles
 from rt_controller.report.table import Fact, facts_table, print_table
 from rt_controller.safety.modes import BUS_CAUSES, RECOVERABLE_BUS_CAUSES, StopCause
 from rt_controller.session import ControllerSession
 from rt_controller.settings import CAR_PRIORITY
+from rt_controller.simulation import (
+    car_error,
+    driven_scenario,
+    grip_note,
+    open_virtual_car,
+    steering_note,
+)
 from rt_controller.terminal.command_line import print_error
 from rt_controller.terminal.entry import INTERRUPTED
 from rt_controller.terminal.progress import SETTLING, announce, show, watch
@@ -51,13 +58,6 @@ from rt_controller.terminal.summary import (
     why_late,
 )
 from rt_controller.terminal.tick_file import write_ticks
-from rt_controller.virtual_car import (
-    car_error,
-    driven_scenario,
-    grip_note,
-    open_virtual_car,
-    steering_note,
-)
 
 if TYPE_CHECKING:
     from rt_controller.terminal.options import RunOptions

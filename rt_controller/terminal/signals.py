@@ -10,14 +10,13 @@ from rich.console import Console
 
 from rt_controller.bus.transport import close_bus
 from rt_controller.contract.errors import ConfigError, DatasetError
-from rt_controller.contract.figures import require_writable, write_figures
-from rt_controller.contract.files import open_regular
-from rt_controller.contract.model.artifact import find_model, load_bundle
+from rt_controller.contract.files import open_regular, require_writable, write_figures
 from rt_controller.gateway.lateral_speed import choose_geometry, choose_lateral_speed
 from rt_controller.gateway.process import LEAVING_REQUEST, Gateway, run_gateway
 from rt_controller.gateway.signals_check import CheckReport, check_signals
 from rt_controller.mapping.car_file import read_car
 from rt_controller.mapping.log_damage import explain_damage
+from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.realtime.scheduling import real_time_process, set_thread_priority
 from rt_controller.report.table import Cell, Column, Table, format_number, print_table
 from rt_controller.settings import BusSettings

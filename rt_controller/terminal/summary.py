@@ -11,8 +11,7 @@ from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.drive.car_figures import LateralError
 from rt_controller.drive.scenario import DrivenScenario
 from rt_controller.loop import Ending, RunRecord
-from rt_controller.realtime.accounting import DeadlineAccount, Percentiles
-from rt_controller.realtime.tick_times import TickTimes
+from rt_controller.realtime.timing import DeadlineAccount, Percentiles, TickTimes
 from rt_controller.report.table import Fact, Table, facts_table
 from rt_controller.safety.modes import STANDING_MPS
 from rt_controller.session import ControllerSession

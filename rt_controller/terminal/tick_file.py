@@ -6,8 +6,7 @@ import numpy as np
 
 from rt_controller.contract.errors import OutputError
 from rt_controller.contract.files import atomic_write
-from rt_controller.realtime.accounting import DeadlineAccount
-from rt_controller.realtime.tick_times import TickTimes
+from rt_controller.realtime.timing import DeadlineAccount, TickTimes
 
 
 def write_ticks(path: Path | None, deadlines: DeadlineAccount) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from rt_controller.contract.physics import GRAVITY_MPS2
+from rt_controller.contract.signals import GRAVITY_MPS2
 from sim_bridge.plant import parts
 
 if TYPE_CHECKING:

@@ -14,9 +14,9 @@ import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import MissingExtraError
+from rt_controller.contract.files import user_cache_folder
 from rt_controller.contract.signals import ControlInput
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.contract.user_cache import user_cache_folder
 from sim_bridge.plant.car_record import car_record
 from sim_bridge.plant.compiler import BUILT, CompileError, car_library_name, compile_car
 from sim_bridge.plant.parameters import Parameters

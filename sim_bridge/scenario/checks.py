@@ -10,8 +10,8 @@ from math import inf, sqrt
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.physics import GRAVITY_MPS2
 from rt_controller.contract.preview import REACH_S
+from rt_controller.contract.signals import GRAVITY_MPS2
 from sim_bridge.faults.fault import late_faults
 from sim_bridge.scenario.limits import KMH_PER_MPS
 from sim_bridge.scenario.nominal_drive import NominalDrive, drive_nominally

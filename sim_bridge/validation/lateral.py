@@ -7,7 +7,7 @@ from math import nan, pi, radians
 
 import numpy as np
 
-from rt_controller.contract.physics import GRAVITY_MPS2
+from rt_controller.contract.signals import GRAVITY_MPS2
 from sim_bridge.plant.parameters import Parameters, with_road_friction
 from sim_bridge.validation.driver_model import (
     DRIVER_PERIOD_S,

@@ -4,8 +4,7 @@ from math import atan, isfinite, nan, radians, tan
 
 import numpy as np
 
-from rt_controller.contract.physics import GRAVITY_MPS2
-from rt_controller.contract.signals import ControlInput
+from rt_controller.contract.signals import GRAVITY_MPS2, ControlInput
 from sim_bridge.plant.parameters import Parameters, with_road_friction
 from sim_bridge.validation.driver_model import SpeedControl
 from sim_bridge.validation.run import (

@@ -12,8 +12,13 @@ from numpy import float64
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import PlantError
-from rt_controller.contract.physics import GRAVITY_MPS2
-from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, InputColumn, StateColumn
+from rt_controller.contract.signals import (
+    GRAVITY_MPS2,
+    NEUTRAL_INPUT,
+    ControlInput,
+    InputColumn,
+    StateColumn,
+)
 from sim_bridge import frenet
 from sim_bridge.adapters.own_car import OwnCar
 from sim_bridge.car import Car

@@ -6,14 +6,14 @@ import pytest
 from benchmarks.figures.closed_loop import RIVALS
 from benchmarks.tables import percentiles
 from rt_controller.config import MpcSettings
-from rt_controller.contract.model.artifact import load_bundle, shipped_model
-from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
 from rt_controller.control.lift import Encoder
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.pedals import PedalChoice
+from rt_controller.control.program import SolveStatus
 from rt_controller.control.qp import CondensedQp
-from rt_controller.control.solver import SolveStatus
+from rt_controller.model.artifact import load_bundle, shipped_model
+from rt_controller.model.bundle import Bundle
 
 STATE = VehicleState(22.0, -0.05, 0.06, 0.55, 1.2, 0.07)
 PATH = PathReference(1.3, 0.09, 0.004, -0.0004, 22.2, 0.0)

@@ -7,10 +7,10 @@ import pytest
 from scripted_vehicle import Rig, build_rig
 
 from rt_controller.config import MpcSettings
-from rt_controller.contract.model.artifact import load_bundle, shipped_model
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.control.mpc import Mpc
+from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.realtime.clock import sleep_until
 
 

@@ -15,7 +15,7 @@ from offline.data.signals import VEHICLE_ROLES
 from offline.model.losses import draw_times, total_loss
 from offline.model.network import MdkNet, sizes_of
 from offline.model.stability import growth_excess
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.signals import VEHICLE
 
 SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
 BATCH, STEPS = 128, 80

@@ -18,11 +18,11 @@ from rt_controller.bundle_checks.model_trial import (
     try_model,
 )
 from rt_controller.config import ControllerConfig, MpcSettings
-from rt_controller.contract import user_cache
+from rt_controller.contract import files
 from rt_controller.contract.errors import ArtifactError, MissingExtraError
-from rt_controller.contract.model.artifact import load_bundle, shipped_model
-from rt_controller.contract.model.bundle import Bundle
 from rt_controller.loop import Ending
+from rt_controller.model.artifact import load_bundle, shipped_model
+from rt_controller.model.bundle import Bundle
 from rt_controller.simulation import simulate
 
 CONFIG = ControllerConfig()
@@ -69,7 +69,7 @@ def test_without_a_cache_folder_no_model_has_passed(
     lti: Bundle, drives: Drives, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drives()
-    monkeypatch.setattr(user_cache, "user_cache_folder", lambda: None)
+    monkeypatch.setattr(files, "user_cache_folder", lambda: None)
     assert try_model(lti, CONFIG) is None
     assert not has_passed(lti, CONFIG)
 

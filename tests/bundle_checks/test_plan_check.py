@@ -9,11 +9,11 @@ import pytest
 from rt_controller.bundle_checks.plan_check import SITUATIONS, require_stored_plans, with_plans
 from rt_controller.config import MpcSettings
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.model.artifact import load_bundle, save_bundle, shipped_model
-from rt_controller.contract.model.bundle import Bundle, PlanSample
-from rt_controller.contract.schema import VEHICLE
-from rt_controller.contract.steering_geometry import SteeringGeometry
-from rt_controller.planner import build_mpc
+from rt_controller.contract.limits import SteeringGeometry
+from rt_controller.contract.signals import VEHICLE
+from rt_controller.model.artifact import load_bundle, save_bundle, shipped_model
+from rt_controller.model.bundle import Bundle, PlanSample
+from rt_controller.node import build_mpc
 
 
 @pytest.fixture(scope="module", params=["lti", "mdk-net"])

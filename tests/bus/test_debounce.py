@@ -3,14 +3,14 @@
 import pytest
 from made_frames import CONTROL, ENGAGED
 
-from rt_controller.bus.debounce import (
+from rt_controller.bus.identity import (
     DISENGAGED_FRAMES,
     MISMATCHED_FRAMES,
     Engagement,
     PeerCatalogue,
     is_heartbeat_of,
+    own_identity,
 )
-from rt_controller.bus.identity import own_identity
 from rt_controller.bus.messages import Command, Fault, Heartbeat, Identity, Mission
 from rt_controller.bus.receive import Received
 from rt_controller.contract.signals import Mode

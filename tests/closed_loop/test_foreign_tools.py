@@ -24,7 +24,7 @@ from rt_controller.bus.dbc import DBC_PATH
 from rt_controller.bus.messages import CATALOGUE, Node
 from rt_controller.bus.receive import Inbox
 from rt_controller.bus.transport import close_bus, open_bus
-from rt_controller.contract.model.artifact import shipped_model
+from rt_controller.model.artifact import shipped_model
 
 PATIENCE_S = 300.0
 DRIVE_S, MOST_DRIVES = 3.0, 5

@@ -14,10 +14,10 @@ from made_models import WITH_ALL, make_bundle
 from virtual_drive import drive
 
 from rt_controller.bus.messages import FEEDBACK, STATE
-from rt_controller.contract.model.artifact import save_bundle
 from rt_controller.contract.signals import VehicleState
 from rt_controller.control import estimator
 from rt_controller.control.lift import Encoder
+from rt_controller.model.artifact import save_bundle
 
 STEPS = WITH_ALL.history_steps
 HALF_A_STEP_OF_THE_FRAMES = np.array([1e-6, 1e-6, 1e-6, 1.01e-5, 1.26e-3, 1.76e-4])

@@ -12,8 +12,8 @@ from own_car import EXAMPLE, command_reader
 from virtual_drive import SHORT_LANE_CHANGE
 
 from benchmarks.processes import program, start
-from rt_controller.contract.model.artifact import shipped_model
 from rt_controller.mapping.car_file import read_car
+from rt_controller.model.artifact import shipped_model
 
 CAR = """
 [car]

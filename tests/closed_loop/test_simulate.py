@@ -11,8 +11,8 @@ from kinematic_plant import KinematicCar
 
 from rt_controller import Bundle, Drive, cli, simulate
 from rt_controller.contract.errors import ConfigError, MissingExtraError, PlantError
-from rt_controller.contract.model.artifact import load_bundle, shipped_model
 from rt_controller.contract.signals import ControlInput, Mode
+from rt_controller.model.artifact import load_bundle, shipped_model
 
 
 @pytest.fixture(scope="module")

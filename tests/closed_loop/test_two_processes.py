@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from benchmarks.processes import program, start, start_bus_server
-from rt_controller.contract.model.artifact import shipped_model
+from rt_controller.model.artifact import shipped_model
 
 PATIENCE_S = 90.0
 

@@ -13,9 +13,14 @@ import numpy as np
 import pytest
 
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.files import atomic_write, open_regular, read_text, write_text
-from rt_controller.contract.model.artifact import LARGEST_FILE_BYTES, load_bundle
-from rt_controller.contract.user_cache import user_cache_folder
+from rt_controller.contract.files import (
+    atomic_write,
+    open_regular,
+    read_text,
+    user_cache_folder,
+    write_text,
+)
+from rt_controller.model.artifact import LARGEST_FILE_BYTES, load_bundle
 
 
 @pytest.mark.parametrize("name", ["koopman.npz", "encoder.onnx"])

@@ -4,8 +4,8 @@ from math import atan, radians
 
 import pytest
 
-from rt_controller.contract.physics import GRAVITY_MPS2
-from rt_controller.contract.steering_geometry import SteeringGeometry
+from rt_controller.contract.limits import SteeringGeometry
+from rt_controller.contract.signals import GRAVITY_MPS2
 
 CAR = SteeringGeometry(wheelbase_m=3.0, rear_axle_m=1.5, steering_ratio=16.0)
 

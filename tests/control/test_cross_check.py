@@ -10,9 +10,8 @@ from virtual_drive import SHORT_LANE_CHANGE
 
 from benchmarks.peers.recording import TIERS as RECORDED_TIERS
 from benchmarks.peers.recording import Matrices, record
-from rt_controller.control.program import QuadraticProgram
+from rt_controller.control.program import QuadraticProgram, Solver, SolveStatus
 from rt_controller.control.qp import CondensedQp
-from rt_controller.control.solver import Solver, SolveStatus
 from rt_controller.control.warm_start import WarmStartedSolver
 
 MAX_DIFFERENCE = 1e-4

@@ -5,15 +5,15 @@ import pytest
 from made_models import make_bundle
 
 from rt_controller.config import MpcSettings
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.lift import Lift
-from rt_controller.contract.model.rollout import one_step
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control import estimator as estimator_module
 from rt_controller.control.estimator import KEPT, STEPS, DisturbanceResponse, Estimator
 from rt_controller.control.mpc import Mpc
-from rt_controller.control.solver import SolveStatus
+from rt_controller.control.program import SolveStatus
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.dynamics import one_step
+from rt_controller.model.lift import Lift
 
 LINEAR = make_bundle(Lift(), latents=0)
 DISTURBANCE = np.array(VehicleState(0.0005, -0.01, 0.004, 0.0, 0.003, 0.001))

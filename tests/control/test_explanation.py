@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 
 from rt_controller.config import MpcSettings
-from rt_controller.contract.model.artifact import load_bundle, shipped_model
-from rt_controller.contract.model.rollout import roll_out
-from rt_controller.contract.schema import N_STATES
-from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
+from rt_controller.contract.signals import N_STATES, ControlInput, PathReference, VehicleState
 from rt_controller.control.explanation import cost_shares
 from rt_controller.control.mpc import Mpc
+from rt_controller.control.program import SolveStatus
 from rt_controller.control.qp import WITH_SLEW, Features
-from rt_controller.control.solver import SolveStatus
 from rt_controller.control.terms import Corridor, Heading
+from rt_controller.model.artifact import load_bundle, shipped_model
+from rt_controller.model.dynamics import roll_out
 
 STATE = VehicleState(21.0, 0.1, 0.05, 0.52, -0.6, 0.02)
 PATH = PathReference(0.0, 0.01, 0.0, 0.0, 20.5, 0.0)

@@ -4,9 +4,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rt_controller.contract.model.validation import DRIVABLE_HISTORY
 from rt_controller.contract.signals import ControlInput, VehicleState
 from rt_controller.control.lift import History
+from rt_controller.model.validation import DRIVABLE_HISTORY
 
 STEPS = 4
 

@@ -9,11 +9,11 @@ import pytest
 from made_models import WITH_ALL, WITH_PAST, WITH_ROAD, make_bundle
 
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.model.artifact import load_bundle, shipped_model
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.lift import Lift
 from rt_controller.contract.signals import VehicleState
 from rt_controller.control.lift import Encoder
+from rt_controller.model.artifact import load_bundle, shipped_model
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.lift import Lift
 
 STATE = VehicleState(22.0, 0.1, 0.05, 0.55, -0.3, 0.02)
 WIDTH = 6

@@ -8,13 +8,12 @@ from made_models import WITH_ALL
 from model_classes import RANGE, VARIANTS, knots_of, made
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.model.artifact import load_bundle, shipped_model
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.follow import Follow
-from rt_controller.contract.model.rollout import roll_out
-from rt_controller.contract.schema import N_STATES
+from rt_controller.contract.signals import N_STATES
 from rt_controller.control.knots import place_knots
 from rt_controller.control.linearisation import ALL_INPUTS, Linearisation
+from rt_controller.model.artifact import load_bundle, shipped_model
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.dynamics import Follow, roll_out
 
 HORIZON, CURVATURE_PER_M = 20, 0.002
 CASES = [

@@ -11,13 +11,8 @@ from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.model.artifact import load_bundle, shipped_model
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.follow import Follow
-from rt_controller.contract.model.lift import Lift
-from rt_controller.contract.model.rollout import one_step
-from rt_controller.contract.schema import VEHICLE
 from rt_controller.contract.signals import (
+    VEHICLE,
     ControlInput,
     CurvaturePreview,
     InputColumn,
@@ -27,7 +22,11 @@ from rt_controller.contract.signals import (
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.lift import Encoder
 from rt_controller.control.mpc import Mpc
-from rt_controller.control.solver import SolveStatus
+from rt_controller.control.program import SolveStatus
+from rt_controller.model.artifact import load_bundle, shipped_model
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.dynamics import Follow, one_step
+from rt_controller.model.lift import Lift
 
 STATE = VehicleState(21.0, 0.1, 0.05, 0.52, -0.3, 0.02)
 PATH = PathReference(0.0, 0.01, 0.0, 0.0, 20.0, 0.0)

@@ -9,19 +9,17 @@ from model_classes import RANGE, VARIANTS, knots_of, made
 
 from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.lift import Lift
-from rt_controller.contract.model.rollout import one_step
-from rt_controller.contract.schema import N_STATES
-from rt_controller.contract.signals import ControlInput
+from rt_controller.contract.signals import N_STATES, ControlInput
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.objective import SLOWEST_MPS
 from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.piqp_solver import PiqpSolver
-from rt_controller.control.program import QpParameters
+from rt_controller.control.program import QpParameters, SolveStatus
 from rt_controller.control.qp import CondensedQp
-from rt_controller.control.solver import SolveStatus
 from rt_controller.control.terms import Heading, TrackingCost
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.dynamics import one_step
+from rt_controller.model.lift import Lift
 
 HORIZON = 12
 COSTS = [

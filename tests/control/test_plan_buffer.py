@@ -3,7 +3,7 @@
 import numpy as np
 
 from rt_controller.contract.signals import ControlInput
-from rt_controller.control.plan_buffer import PlanBuffer
+from rt_controller.control.input_planner import PlanBuffer
 
 
 def test_inputs_are_returned_in_turn_and_none_after_the_last() -> None:

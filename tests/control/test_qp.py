@@ -15,14 +15,14 @@ from random_problems import (
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.signals import ControlInput
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.objective import SLOWEST_MPS
 from rt_controller.control.piqp_solver import PiqpSolver
+from rt_controller.control.program import SolveStatus
 from rt_controller.control.qp import CondensedQp, Features
-from rt_controller.control.solver import SolveStatus
 from rt_controller.control.terms import Corridor, Heading, TrackingCost
+from rt_controller.model.bundle import Bundle
 
 
 def sparse_plan(

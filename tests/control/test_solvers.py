@@ -9,8 +9,7 @@ from random_problems import open_precise
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.control.piqp_solver import PiqpSolver
-from rt_controller.control.program import QuadraticProgram
-from rt_controller.control.solver import Solver, SolveStatus
+from rt_controller.control.program import QuadraticProgram, Solver, SolveStatus
 from rt_controller.control.warm_start import ActiveSetIteration, WarmStartedSolver
 
 NV = 30

@@ -8,8 +8,8 @@ from scripted_vehicle import Rig, build_rig
 
 from rt_controller import cli
 from rt_controller.config import MpcSettings
-from rt_controller.contract.model.artifact import load_bundle, shipped_model
 from rt_controller.control.mpc import Mpc
+from rt_controller.model.artifact import load_bundle, shipped_model
 
 
 @pytest.fixture(scope="session")

@@ -11,8 +11,8 @@ from rt_controller.bus.send import Outbox
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.signals import NEUTRAL_INPUT, Mode
 from rt_controller.control.mpc import Mpc
-from rt_controller.handshake import wait_for_vehicle
 from rt_controller.loop import StopRequest
+from rt_controller.session import wait_for_vehicle
 
 
 @pytest.fixture

@@ -12,10 +12,10 @@ from scripted_vehicle import CRUISING, ENGAGED, STRAIGHT, Rig, build_rig
 
 from rt_controller.bus.messages import STATE, Command, Fault, StateSample
 from rt_controller.config import MpcSettings
-from rt_controller.contract.model.validation import DRIVABLE_HISTORY
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, VehicleState
 from rt_controller.control.lift import Encoder
 from rt_controller.control.mpc import Mpc
+from rt_controller.model.validation import DRIVABLE_HISTORY
 from rt_controller.step import StepResult
 
 STEPS = WITH_PAST.history_steps

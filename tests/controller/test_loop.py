@@ -14,10 +14,10 @@ from rt_controller.loop import (
     RunRecord,
     StopRequest,
     run_loop,
+    schedule_preparation,
 )
-from rt_controller.preparation import schedule_preparation
-from rt_controller.realtime.accounting import DeadlineAccount
 from rt_controller.realtime.clock import Tick
+from rt_controller.realtime.timing import DeadlineAccount
 from rt_controller.safety.modes import StopCause
 
 SECOND_NS = 10**9

@@ -3,7 +3,7 @@
 import pytest
 from scripted_vehicle import CRUISING, STRAIGHT, Rig
 
-from rt_controller.bus.debounce import DISENGAGED_FRAMES
+from rt_controller.bus.identity import DISENGAGED_FRAMES
 from rt_controller.contract.signals import AT_REST, Mode
 from rt_controller.contract.timing import HOLD_PLAN_TICKS
 

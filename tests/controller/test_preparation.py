@@ -2,15 +2,14 @@
 
 import pytest
 
-from rt_controller.preparation import (
+from rt_controller.loop import (
     WARM_UP_LEADS_NS,
     Schedule,
     prepare_tick,
     schedule_preparation,
 )
-from rt_controller.realtime import tick_timer
-from rt_controller.realtime.accounting import DeadlineAccount
-from rt_controller.realtime.tick_timer import TickTimer
+from rt_controller.realtime import timing
+from rt_controller.realtime.timing import DeadlineAccount, TickTimer
 
 MS = 1_000_000
 
@@ -79,7 +78,7 @@ def test_each_part_is_done_at_its_time_or_left_out(
     expected: list[tuple[str, int]],
 ) -> None:
     clock = ScriptedClock(left_ns)
-    monkeypatch.setattr(tick_timer.time, "perf_counter_ns", lambda: -clock.left_ns)
+    monkeypatch.setattr(timing.time, "perf_counter_ns", lambda: -clock.left_ns)
     step = ScriptedStep(clock, update_ns, warm_up_ns)
     timer = TickTimer(clock, DeadlineAccount(1, 0))  # type: ignore[arg-type]
     prepare_tick(step, clock, SCHEDULE, timer)  # type: ignore[arg-type]

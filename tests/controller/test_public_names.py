@@ -24,8 +24,8 @@ from rt_controller import (
 )
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.model.artifact import load_bundle, shipped_model
-from rt_controller.control.solver import SolveStatus
+from rt_controller.control.program import SolveStatus
+from rt_controller.model.artifact import load_bundle, shipped_model
 
 STATE = VehicleState(20.0, 0.0, 0.0, 0.5, 0.3, 0.0)
 LANE = PathReference(0.0, 0.0, 0.0, 0.0, 20.0, 0.0)

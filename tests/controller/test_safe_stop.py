@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scripted_vehicle import CRUISING, ENGAGED, STANDING, STRAIGHT, Rig, fail, mode_and_cause
 
-from rt_controller.bus.debounce import MISMATCHED_FRAMES
+from rt_controller.bus.identity import MISMATCHED_FRAMES
 from rt_controller.bus.messages import (
     COMMAND,
     VEHICLE_IDENTITY,

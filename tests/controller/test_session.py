@@ -6,8 +6,8 @@ import pytest
 
 from rt_controller.bus import transport
 from rt_controller.config import ControllerConfig
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.planner import build_mpc
+from rt_controller.model.bundle import Bundle
+from rt_controller.node import build_mpc
 from rt_controller.realtime.clock import LockstepClock
 from rt_controller.session import ControllerSession
 from rt_controller.settings import BusSettings

@@ -12,7 +12,7 @@ from rt_controller import Controller, ControllerConfig, MpcSettings
 from rt_controller.bus import transport
 from rt_controller.config import ShippedModel, Tolerances
 from rt_controller.contract.errors import ConfigError, RtControllerError
-from rt_controller.contract.model.artifact import load_bundle, shipped_model
+from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.settings import (
     BusSettings,
     CarSettings,

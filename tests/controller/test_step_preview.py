@@ -8,7 +8,7 @@ from scripted_vehicle import Rig
 
 from rt_controller.bus.messages import PREVIEW, Fault
 from rt_controller.contract.signals import CurvaturePreview, Mode
-from rt_controller.control.solver import SolveStatus
+from rt_controller.control.program import SolveStatus
 
 
 def previews_of(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> list[CurvaturePreview | None]:

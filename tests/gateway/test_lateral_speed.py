@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY
+from rt_controller.contract.limits import DEFAULT_GEOMETRY
 from rt_controller.gateway.lateral_speed import LateralSpeed, RearAxle, identify
+from rt_controller.model.bundle import Bundle
 
 MASS_KG, INERTIA, FRONT_M, REAR_M = 1800.0, 3000.0, 1.2, 1.7
 FRONT_STIFFNESS, REAR_STIFFNESS = 110e3, 130e3

@@ -4,10 +4,13 @@ from math import hypot, inf, nan, radians
 
 import pytest
 
-from rt_controller.contract.grip import LEAST_BRAKE_N, MOST_BRAKE_N
-from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.limits import (
+    DEFAULT_GEOMETRY,
+    INPUT_LIMITS,
+    LEAST_BRAKE_N,
+    MOST_BRAKE_N,
+)
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
-from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.gateway.path_steering import Course, largest_brake_n, steer_along
 from sim_bridge.scenario import load_scenario

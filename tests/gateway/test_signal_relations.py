@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY, UNDERSTEER_RAD_PER_MPS2
+from rt_controller.contract.limits import DEFAULT_GEOMETRY, UNDERSTEER_RAD_PER_MPS2
 from rt_controller.gateway.signal_relations import check_relations
 
 SPEED_MPS, STEP_S, TICKS = 20.0, 0.025, 800

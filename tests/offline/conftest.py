@@ -14,7 +14,7 @@ from offline.data.generate import EPISODE_STEPS, SLICES, Episode, Generated, ass
 from offline.data.manifest import Roads, Simulated
 from offline.data.signals import VEHICLE_ROLES
 from offline.training.run_folder import RunFolder, create_run
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.signals import VEHICLE
 
 EPISODES = 40
 CURVATURES = (-4e-3, 0.0, 4e-3)

@@ -9,7 +9,7 @@ from offline.data.sampling import Instants
 from offline.data.signals import VEHICLE_ROLES
 from offline.model.network import MdkNet, sizes_of
 from offline.model.rollout import roll_out
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.signals import VEHICLE
 
 SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
 

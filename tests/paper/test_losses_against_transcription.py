@@ -15,7 +15,7 @@ from offline.model.losses import (
 )
 from offline.model.network import MdkNet, sizes_of
 from offline.model.stability import GROWTH_BOUND_OF_A, eigenvalue_excess, growth_excess
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.signals import VEHICLE
 
 pytestmark = pytest.mark.usefixtures("double_precision")
 

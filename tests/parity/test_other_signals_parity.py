@@ -11,9 +11,9 @@ from offline.data.signals import Roles, Scaling
 from offline.model.network import MdkNet, sizes_of
 from offline.model.physical_units import PhysicalEncoder, physical_matrices, tensors_of, to_onnx
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.model.lift import Lift, LiftSample
-from rt_controller.contract.model.rollout import roll_out
-from rt_controller.contract.schema import VEHICLE, Schema, Signal
+from rt_controller.contract.signals import VEHICLE, Schema, Signal
+from rt_controller.model.dynamics import roll_out
+from rt_controller.model.lift import Lift, LiftSample
 
 STEPS, BATCH, HISTORY = 40, 5, 2
 CURVATURE, WIND = VEHICLE.exogenous[0], Signal("wind_mps", "m/s")

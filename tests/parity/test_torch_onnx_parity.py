@@ -19,10 +19,10 @@ from offline.data.signals import VEHICLE_ROLES, Scaling, Trajectories
 from offline.model.bundle_predictor import BundlePredictor
 from offline.model.network import MdkNet, sizes_of
 from offline.model.physical_units import PhysicalEncoder, physical_matrices, to_onnx
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.follow import Follow
-from rt_controller.contract.model.lift import Lift, LiftSample
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.signals import VEHICLE
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.dynamics import Follow
+from rt_controller.model.lift import Lift, LiftSample
 
 STEPS = 80
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.cadence.drive import CadenceRun, aggregate
-from rt_controller.realtime.tick_times import TickTimes
+from rt_controller.realtime.timing import TickTimes
 
 FIELDS = ("tick", *TickTimes._fields)
 

@@ -14,7 +14,7 @@ from benchmarks.rivals.bicycle import Bicycle
 from benchmarks.rivals.drive import build_rival, drive_with, tuned_values
 from benchmarks.rivals.scenarios import FIT, SEARCH
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
-from rt_controller.control.solver import SolveStatus
+from rt_controller.control.program import SolveStatus
 from rt_controller.terminal.command_line import run_command
 
 STATE = VehicleState(22.0, -0.05, 0.06, 0.55, 0.2, 0.02)

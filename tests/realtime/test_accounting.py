@@ -4,9 +4,7 @@ import tracemalloc
 
 import numpy as np
 
-from rt_controller.realtime.accounting import DeadlineAccount
-from rt_controller.realtime.kernel_counters import LateCause
-from rt_controller.realtime.tick_times import TickTimes
+from rt_controller.realtime.timing import DeadlineAccount, LateCause, TickTimes
 
 DEADLINE_NS = 10_000_000
 

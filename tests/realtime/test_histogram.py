@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rt_controller.realtime.accounting import Histogram
+from rt_controller.realtime.timing import Histogram
 
 
 def of(values: np.ndarray) -> Histogram:

@@ -2,8 +2,7 @@
 
 import pytest
 
-from rt_controller.realtime.kernel_counters import Counts, KernelCounters, LateCause, late_cause
-from rt_controller.realtime.tick_times import TickTimes
+from rt_controller.realtime.timing import Counts, KernelCounters, LateCause, TickTimes, late_cause
 
 QUIET = TickTimes(*(0.0 for _ in TickTimes._fields))._replace(
     wake_us=50.0, step_us=400.0, cpu_us=400.0, qp_us=100.0, receive_us=50.0, send_us=30.0

@@ -34,8 +34,8 @@ def fit_linear_model(folder: Path) -> Path:
     from offline.data.generate import assemble, make_episode
     from offline.data.manifest import Roads, Simulated
     from offline.data.signals import VEHICLE_ROLES
-    from rt_controller.contract.model.bundle import Bundle
-    from rt_controller.contract.schema import VEHICLE
+    from rt_controller.contract.signals import VEHICLE
+    from rt_controller.model.bundle import Bundle
 
     recipe = Recipe()
     drives = assemble(

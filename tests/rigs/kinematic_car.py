@@ -7,7 +7,6 @@ from itertools import count
 import numpy as np
 
 from rt_controller.contract.kinematics import heading_change_rad, lateral_change_m, progress_m
-from rt_controller.contract.model.rollout import Matrices
 from rt_controller.contract.signals import (
     NEUTRAL_INPUT,
     ControlInput,
@@ -16,9 +15,10 @@ from rt_controller.contract.signals import (
     VehicleState,
 )
 from rt_controller.contract.timing import PERIOD_S
+from rt_controller.model.dynamics import Matrices
 from rt_controller.safety.checks import CHECKS, Check, Quantity
 from rt_controller.safety.inputs import QualifiedInputs, ReceivedInputs
-from rt_controller.safety.prediction import MotionPrediction
+from rt_controller.safety.motion import MotionPrediction
 from rt_controller.safety.supervisor import Supervisor
 
 STEER_TO_YAW = 0.3

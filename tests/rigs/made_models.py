@@ -10,12 +10,11 @@ import numpy as np
 import onnx_bytes
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.model.artifact import load_bundle, shipped_model
-from rt_controller.contract.model.bilinear import Bilinear
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.drift import NO_SIGNAL, Drift
-from rt_controller.contract.model.lift import Lift, LiftSample
-from rt_controller.contract.model.validation import DRIVABLE_HISTORY
+from rt_controller.model.artifact import load_bundle, shipped_model
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.dynamics import NO_SIGNAL, Bilinear, Drift
+from rt_controller.model.lift import Lift, LiftSample
+from rt_controller.model.validation import DRIVABLE_HISTORY
 
 N_LATENTS = 5
 SHOWN_TYPICALLY = {

@@ -7,10 +7,10 @@ from made_models import make_bundle
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.follow import Follow
-from rt_controller.contract.model.lift import Lift
-from rt_controller.contract.schema import N_INPUTS
+from rt_controller.contract.signals import N_INPUTS
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.dynamics import Follow
+from rt_controller.model.lift import Lift
 
 RANGE = np.subtract(INPUT_LIMITS.upper, INPUT_LIMITS.lower)
 DISTURBANCE = np.array([0.01, -0.005, 0.002, 0.0, 0.003, -0.001])

@@ -5,17 +5,15 @@ import piqp
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.model.bilinear import Bilinear
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.drift import Drift
-from rt_controller.contract.model.follow import Follow
-from rt_controller.contract.model.lift import LiftSample
 from rt_controller.contract.signals import ControlInput, VehicleState
 from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.piqp_solver import PiqpSolver
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.qp import CondensedQp, Features
 from rt_controller.control.terms import Corridor, TrackingCost
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.dynamics import Bilinear, Drift, Follow
+from rt_controller.model.lift import LiftSample
 
 HORIZON = 12
 N_OBSERVABLES = 10

@@ -6,12 +6,10 @@
 from dataclasses import dataclass
 from math import atan, cos, sin, tan
 
+from rt_controller.contract.limits import DEFAULT_GEOMETRY, SteeringGeometry
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, VehicleState
-from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY, SteeringGeometry
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.control.low_speed.handover import SpeedRange
-from rt_controller.control.low_speed.law import LowSpeedCar
-from rt_controller.control.low_speed.speed import PedalGains
+from rt_controller.control.low_speed import LowSpeedCar, PedalGains, SpeedRange
 
 ASSUMED = LowSpeedCar(
     DEFAULT_GEOMETRY,

@@ -26,7 +26,7 @@ from rt_controller.bus.receive import Inbox, Received
 from rt_controller.bus.send import Outbox
 from rt_controller.bus.transport import open_bus
 from rt_controller.contract.signals import CurvaturePreview, Mode, PathReference, VehicleState
-from rt_controller.control.low_speed.law import LowSpeedLaw
+from rt_controller.control.low_speed import LowSpeedLaw
 from rt_controller.control.mpc import Mpc
 from rt_controller.realtime.clock import LockstepClock
 from rt_controller.safety.modes import StopCause

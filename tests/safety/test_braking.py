@@ -5,7 +5,7 @@ from math import radians
 import pytest
 
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
-from rt_controller.safety.cornering import Cornering
+from rt_controller.safety.coast_model import Cornering
 from rt_controller.safety.fallback import (
     ALONG_PATH,
     COUNTER_STEERING,

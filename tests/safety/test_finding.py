@@ -3,8 +3,7 @@
 import pytest
 
 from rt_controller.safety.checks import CHECKS, Check, Quantity, Reaction
-from rt_controller.safety.finding import Windows, finding_of, finding_of_state
-from rt_controller.safety.isolation import Evidence, Faulty
+from rt_controller.safety.isolation import Evidence, Faulty, Windows, finding_of, finding_of_state
 from rt_controller.safety.modes import StopCause
 
 GROUP = range(2)

@@ -4,7 +4,7 @@ import pytest
 
 from rt_controller.contract.signals import NEUTRAL_INPUT
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.safety.pedal_effect import HILL_MPS2, LAG_S, OPEN_MPS2, PedalEffect
+from rt_controller.safety.coast_model import HILL_MPS2, LAG_S, OPEN_MPS2, PedalEffect
 
 OPEN = NEUTRAL_INPUT._replace(throttle=0.5)
 BRAKED = NEUTRAL_INPUT._replace(brake_n=40.0)

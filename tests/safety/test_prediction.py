@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 from kinematic_car import BRAKE_TO_SPEED, linear_model
 
-from rt_controller.contract.model.bilinear import Bilinear
-from rt_controller.contract.model.drift import Drift
-from rt_controller.contract.model.rollout import Matrices, one_step
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
-from rt_controller.safety.prediction import STEPS, MotionPrediction
+from rt_controller.model.dynamics import Bilinear, Drift, Matrices, one_step
+from rt_controller.safety.motion import STEPS, MotionPrediction
 
 BRAKING = NEUTRAL_INPUT._replace(brake_n=40.0)
 

@@ -7,7 +7,7 @@ from made_residuals import predicted, residuals
 
 from rt_controller.contract.signals import ControlInput, VehicleState
 from rt_controller.safety.checks import Quantity
-from rt_controller.safety.residuals import Residuals
+from rt_controller.safety.motion import Residuals
 
 CRUISING = VehicleState(20.0, 0.0, 0.0, 0.5, 0.0, 0.0)
 Q = Quantity

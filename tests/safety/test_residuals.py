@@ -8,7 +8,7 @@ from made_residuals import predicted, residuals, steady
 from rt_controller.contract.signals import VehicleState
 from rt_controller.safety.checks import Quantity
 from rt_controller.safety.isolation import Faulty
-from rt_controller.safety.residuals import Residuals
+from rt_controller.safety.motion import Residuals
 
 CRUISING = VehicleState(20.0, 0.0, 0.0, 0.5, 0.0, 0.0)
 TURNING = VehicleState(20.0, 0.4, 0.2, 0.5, 0.3, 0.05)

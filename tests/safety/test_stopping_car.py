@@ -5,7 +5,7 @@ from math import tan
 import pytest
 
 from rt_controller.contract.signals import ControlInput
-from rt_controller.safety.stopping_car import StoppingCar
+from rt_controller.safety.coast_model import StoppingCar
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])

@@ -8,7 +8,7 @@ from bridge_rig import CRUISE, BridgeRig, open_bridge
 
 from rt_controller.bus.messages import FEEDBACK, MISSION
 from rt_controller.contract.errors import BusError
-from rt_controller.contract.grip import MOST_BRAKE_N
+from rt_controller.contract.limits import MOST_BRAKE_N
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.bridge import END_TICKS, LONGEST_END_TICKS

@@ -6,8 +6,7 @@ Each class imports its library when it is opened, so that any of them may be mis
 import numpy as np
 
 from benchmarks.peers.solvers.rows import OneSidedRows, upper_triangle
-from rt_controller.control.program import QuadraticProgram
-from rt_controller.control.solver import SolveStatus
+from rt_controller.control.program import QuadraticProgram, SolveStatus
 
 
 class QocoSolver:

@@ -9,8 +9,7 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 from benchmarks.peers.solvers.rows import OneSidedRows, TwoSidedRows, upper_triangle
-from rt_controller.control.program import QuadraticProgram
-from rt_controller.control.solver import SolveStatus
+from rt_controller.control.program import QuadraticProgram, SolveStatus
 
 
 class OsqpSolver:

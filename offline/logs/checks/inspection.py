@@ -39,7 +39,7 @@ from offline.logs.episode import LEAST_SAMPLES, CutDrive
 from offline.logs.mapping import LogMapping
 from offline.logs.series import LoggedDrive
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.schema import Schema
+from rt_controller.contract.signals import Schema
 from rt_controller.mapping.quantity import Quantity
 from rt_controller.report.table import Column, Row, Table, format_number
 

@@ -10,7 +10,7 @@ from offline.logs.episode import LogEpisode
 from offline.logs.mapping import LogMapping
 from offline.logs.series import LoggedDrive
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.schema import Schema
+from rt_controller.contract.signals import Schema
 from rt_controller.mapping.quantity import Quantity
 
 BINS = 8

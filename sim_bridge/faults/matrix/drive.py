@@ -10,9 +10,9 @@ from threadpoolctl import threadpool_limits
 
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.errors import RtControllerError
-from rt_controller.contract.model.bundle import Bundle
 from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
-from rt_controller.planner import build_mpc
+from rt_controller.model.bundle import Bundle
+from rt_controller.node import build_mpc
 from rt_controller.realtime.clock import LockstepClock
 from rt_controller.safety.checks import CHECKS
 from rt_controller.session import ControllerSession

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rt_controller.contract.signals import Mode, PathReference
-from rt_controller.control.low_speed.handover import (
+from rt_controller.control.low_speed import (
     ARRIVE,
     AT_REST_MPS,
     STAY,

@@ -7,15 +7,15 @@ import pytest
 
 from rt_controller.config import LowSpeedSettings
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.model.artifact import load_bundle, shipped_model
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.steering_geometry import SteeringGeometry
-from rt_controller.control.low_speed.identification import (
+from rt_controller.contract.limits import SteeringGeometry
+from rt_controller.control.identification import (
     BRAKE_LIMITS_MPS2_PER_N,
     THROTTLE_LIMITS_MPS2,
     identify_gains,
 )
-from rt_controller.planner import choose_low_speed_car
+from rt_controller.model.artifact import load_bundle, shipped_model
+from rt_controller.model.bundle import Bundle
+from rt_controller.node import choose_low_speed_car
 
 
 @pytest.mark.parametrize("model", ["mdk-net", "mdk-net-paper", "lti"])

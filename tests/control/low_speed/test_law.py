@@ -14,7 +14,7 @@ from rolling_car import ASSUMED, RollingCar
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, PathReference
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.control.low_speed.law import ROLLING_MPS, LowSpeedLaw
+from rt_controller.control.low_speed import ROLLING_MPS, LowSpeedLaw
 from rt_controller.safety.envelope import limit
 
 Planner = Callable[[RollingCar, float], PathReference]

@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rolling_car import RollingCar
 
+from rt_controller.contract.limits import DEFAULT_GEOMETRY, SteeringGeometry
 from rt_controller.contract.signals import ControlInput, PathReference
-from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY, SteeringGeometry
-from rt_controller.control.low_speed.steering import (
+from rt_controller.control.steering import (
     path_curvature_per_m,
     roll_towards,
     wheel_angle_rad,

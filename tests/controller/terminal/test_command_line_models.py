@@ -11,14 +11,14 @@ import pytest
 from made_models import make_bundle
 
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.model.artifact import (
+from rt_controller.contract.signals import VEHICLE
+from rt_controller.model.artifact import (
     find_model,
     load_bundle,
     save_bundle,
     shipped_model,
 )
-from rt_controller.contract.model.lift import Lift
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.model.lift import Lift
 from rt_controller.terminal import run as terminal_run
 
 Run = Callable[..., tuple[int, str]]

@@ -12,8 +12,8 @@ import pytest
 from rt_controller.contract.signals import Mode
 from rt_controller.drive.trace import DriveTrace
 from rt_controller.loop import RunRecord
-from rt_controller.realtime.accounting import DeadlineAccount
 from rt_controller.realtime.scheduling import NO_GUARANTEES
+from rt_controller.realtime.timing import DeadlineAccount
 from rt_controller.session import ControllerSession
 from rt_controller.step import StepResult
 from rt_controller.terminal import progress

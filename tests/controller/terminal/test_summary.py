@@ -14,8 +14,8 @@ from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.drive.car_figures import LateralError
 from rt_controller.drive.trace import DriveTrace
 from rt_controller.loop import Ending, RunRecord
-from rt_controller.realtime.accounting import DeadlineAccount
 from rt_controller.realtime.scheduling import NO_GUARANTEES
+from rt_controller.realtime.timing import DeadlineAccount
 from rt_controller.report.table import print_table
 from rt_controller.session import ControllerSession
 from rt_controller.step import StepResult

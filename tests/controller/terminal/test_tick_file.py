@@ -5,8 +5,7 @@ import csv
 import pytest
 
 from rt_controller.contract.errors import RtControllerError
-from rt_controller.realtime.accounting import DeadlineAccount
-from rt_controller.realtime.tick_times import TickTimes
+from rt_controller.realtime.timing import DeadlineAccount, TickTimes
 from rt_controller.terminal.tick_file import write_ticks
 
 

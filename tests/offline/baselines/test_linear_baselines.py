@@ -22,8 +22,8 @@ from offline.data.signals import past_names
 from offline.model.bundle_predictor import BundlePredictor
 from offline.model.physical_units import choose_selftest
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.model.artifact import load_bundle, save_bundle
-from rt_controller.contract.model.lift import Lift
+from rt_controller.model.artifact import load_bundle, save_bundle
+from rt_controller.model.lift import Lift
 
 A = np.array([[0.97, 0.01, 0.0], [0.05, 1.0, 0.0], [0.0, 0.02, 0.9]])
 B = np.array([[0.1, 0.0], [0.0, 0.02], [-0.05, 0.1]])

@@ -20,7 +20,7 @@ from offline.baselines.registry import (
 from offline.data.manifest import describe_training
 from offline.model.bundle_predictor import BundlePredictor
 from rt_controller.contract.errors import ConfigError, DatasetError
-from rt_controller.contract.model.artifact import load_bundle, shipped_model
+from rt_controller.model.artifact import load_bundle, shipped_model
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ from offline.config import TrainingConfig
 from offline.data.dataset import load_dataset
 from offline.data.manifest import Imported, SourceFile
 from offline.training.state import load_checkpoint, save_checkpoint
-from rt_controller.contract.model.artifact import load_bundle
+from rt_controller.model.artifact import load_bundle
 
 ENTRY_POINTS = (
     cli.data_main,

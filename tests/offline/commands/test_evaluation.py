@@ -27,8 +27,8 @@ from offline.evaluation.simulated_sets import SIMULATED, open_simulated_set
 from offline.evaluation.tables import comparison_tables
 from offline.evaluation.test_sets import ROBUSTNESS, SET_NAMES
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.model.artifact import load_bundle, save_bundle, shipped_model
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.signals import VEHICLE
+from rt_controller.model.artifact import load_bundle, save_bundle, shipped_model
 from rt_controller.report.table import Fact
 from sim_bridge.scenario import load_scenario
 

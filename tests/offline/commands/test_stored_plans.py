@@ -9,8 +9,8 @@ import pytest
 
 from offline import cli
 from rt_controller.bundle_checks.plan_check import require_stored_plans
-from rt_controller.contract.model.artifact import load_bundle, save_bundle, shipped_model
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.signals import VEHICLE
+from rt_controller.model.artifact import load_bundle, save_bundle, shipped_model
 
 
 def export(monkeypatch: pytest.MonkeyPatch, *options: str | Path) -> int:

@@ -3,7 +3,7 @@
 import pytest
 
 from offline.data.signals import VEHICLE_ROLES, Scaling, fit_scaling
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.signals import VEHICLE
 
 
 @pytest.fixture(scope="module")

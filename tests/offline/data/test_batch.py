@@ -8,7 +8,7 @@ from offline.config import PAST_STEPS
 from offline.data.recording import Starts, cut
 from offline.data.sampling import Batch, scale
 from offline.data.signals import VEHICLE_ROLES, Scaling, Trajectories
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.signals import VEHICLE
 
 STEPS, HISTORY = 12, 4
 

@@ -25,8 +25,8 @@ from offline.data.recording import cut
 from offline.data.signals import VEHICLE_ROLES
 from offline.data.variation import VARIED
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.schema import VEHICLE
-from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY
+from rt_controller.contract.limits import DEFAULT_GEOMETRY
+from rt_controller.contract.signals import VEHICLE
 
 
 def save_again(folder, dataset, **changes):

@@ -26,7 +26,7 @@ from offline.data.recording import cut
 from offline.data.signals import VEHICLE_ROLES
 from offline.data.variation import VARIED, Variation
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.signals import VEHICLE
 from sim_bridge.plant.protocol import PlantOutputs
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from offline.config import PAST_STEPS, STEPS
 from offline.data.recording import Anchor, Recording, Starts, cut, possible_starts
 from offline.data.signals import VEHICLE_ROLES, Roles, mirror_signs
-from rt_controller.contract.schema import VEHICLE, Schema, Signal
+from rt_controller.contract.signals import VEHICLE, Schema, Signal
 from sim_bridge.frenet import integrate_poses
 from sim_bridge.plant.library import settle, simulate
 from sim_bridge.plant.parameters import default_car

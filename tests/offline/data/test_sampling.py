@@ -24,7 +24,7 @@ from offline.data.sampling import (
 )
 from offline.data.signals import STANDARD_DEVIATIONS, VEHICLE_ROLES, mirror_signs, past_names
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.signals import VEHICLE
 
 HISTORY = 3
 

@@ -15,7 +15,7 @@ from offline.data.signals import (
     signal_range,
 )
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.schema import VEHICLE, Signal
+from rt_controller.contract.signals import VEHICLE, Signal
 
 
 def fit(trajectories: Trajectories) -> Scaling:

@@ -6,7 +6,7 @@ from toy_predictors import WithError, made_test_set, made_trajectories, with_ran
 
 from offline.evaluation.comparison import FAIR_LTI, compare_models
 from offline.evaluation.series import Series, Slice
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.signals import VEHICLE
 
 MADE = made_trajectories(100)
 LIBRARY = made_test_set(MADE)

@@ -17,9 +17,9 @@ from offline.data.variation import VARIED
 from offline.evaluation import held_out
 from offline.evaluation.held_out import choose_test_data, find_objection
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.model.artifact import load_bundle, shipped_model
-from rt_controller.contract.model.lift import Lift
-from rt_controller.contract.schema import VEHICLE, Signal
+from rt_controller.contract.signals import VEHICLE, Signal
+from rt_controller.model.artifact import load_bundle, shipped_model
+from rt_controller.model.lift import Lift
 
 NO_RUN = "no/such/run"
 

@@ -15,7 +15,7 @@ from offline.evaluation.metrics import (
     state_units,
 )
 from offline.evaluation.predictor import prediction_errors
-from rt_controller.contract.schema import VEHICLE, Schema, Signal
+from rt_controller.contract.signals import VEHICLE, Schema, Signal
 
 CAR = state_units(VEHICLE)
 

@@ -9,13 +9,11 @@ from toy_predictors import made_test_set, made_trajectories, with_random_error
 from offline.evaluation.comparison import compare_models
 from offline.evaluation.model_card import model_facts, write_card
 from offline.model.export_checks import ExportFigures
-from rt_controller.contract.model.artifact import load_bundle, shipped_model
-from rt_controller.contract.model.bilinear import Bilinear
-from rt_controller.contract.model.drift import Drift
-from rt_controller.contract.model.driven import BoxStability, DrivenStability
-from rt_controller.contract.model.follow import Follow
-from rt_controller.contract.model.lift import Lift
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.signals import VEHICLE
+from rt_controller.model.artifact import load_bundle, shipped_model
+from rt_controller.model.driven import BoxStability, DrivenStability
+from rt_controller.model.dynamics import Bilinear, Drift, Follow
+from rt_controller.model.lift import Lift
 from rt_controller.report.table import Fact, format_number
 
 CHECKS = ExportFigures(

@@ -11,7 +11,7 @@ from offline.evaluation.comparison import compare_models
 from offline.evaluation.report import evaluation_page, lane_change_section
 from offline.evaluation.series import Series, Slice
 from offline.evaluation.tables import mse_table, ratio_table, series_tables
-from rt_controller.contract.schema import VEHICLE, Schema, Signal
+from rt_controller.contract.signals import VEHICLE, Schema, Signal
 from rt_controller.report.canvas import to_svg
 from rt_controller.report.page import render_page
 from rt_controller.report.table import Fact, facts_table

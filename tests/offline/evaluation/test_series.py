@@ -5,7 +5,7 @@ import pytest
 from toy_predictors import made_test_set, made_trajectories
 
 from offline.evaluation.series import make_series
-from rt_controller.contract.schema import VEHICLE, Schema, Signal
+from rt_controller.contract.signals import VEHICLE, Schema, Signal
 
 COUNT = 20
 

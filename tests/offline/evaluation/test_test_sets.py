@@ -19,7 +19,7 @@ from offline.evaluation.test_sets import (
     noisy_set,
 )
 from rt_controller.contract.errors import ConfigError, DatasetError
-from rt_controller.contract.schema import VEHICLE, Schema, Signal
+from rt_controller.contract.signals import VEHICLE, Schema, Signal
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from offline.data.signals import VEHICLE_ROLES
 from offline.logs.episode import LogEpisode, assign_parts, join_episodes, roads_of, slice_windows
 from offline.logs.mapping import SplitSettings
 from rt_controller.contract.errors import ConfigError, DatasetError
-from rt_controller.contract.schema import VEHICLE, Schema, Signal
+from rt_controller.contract.signals import VEHICLE, Schema, Signal
 
 SIGNALS = ["vx_mps", "vy_mps", "yaw_rate_radps", "road_wheel_rad", "force_n", "brake_n"]
 BRAKE = 'brake_n = { column = "side", unit = "N" }\n'

@@ -8,7 +8,7 @@ from made_logs import MAPPING, POSE, log_of, make_drive
 
 from offline.logs.episode import LEAST_SAMPLES, cut_drive, make_schema
 from offline.logs.series import to_drive
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.signals import VEHICLE
 from rt_controller.mapping.reference_line import make_line
 
 

@@ -11,8 +11,8 @@ from made_logs import MAPPING, POSE, make_drive, write_csv
 
 from offline.data.dataset import load_dataset
 from offline.data.manifest import Imported, read_manifest
-from rt_controller.contract.schema import VEHICLE
-from rt_controller.contract.steering_geometry import SteeringGeometry
+from rt_controller.contract.limits import SteeringGeometry
+from rt_controller.contract.signals import VEHICLE
 
 DBC = """VERSION ""
 BU_: ECU

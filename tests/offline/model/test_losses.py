@@ -17,8 +17,8 @@ from offline.model.losses import (
     total_loss,
 )
 from offline.model.network import MdkNet, sizes_of
-from rt_controller.contract.model.follow import Follow
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.signals import VEHICLE
+from rt_controller.model.dynamics import Follow
 
 pytestmark = pytest.mark.usefixtures("double_precision")
 

@@ -5,7 +5,7 @@ import torch
 
 from offline.config import PRESETS
 from offline.model.observables import Observables, PathColumns, observables_of, path_columns
-from rt_controller.contract.schema import VEHICLE, Schema, Signal
+from rt_controller.contract.signals import VEHICLE, Schema, Signal
 
 PATH = PathColumns(ds=3, ey=4, epsi=5)
 CAR = Observables(6, PATH, 3, 2, has_constant=True)

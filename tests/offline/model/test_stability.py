@@ -18,7 +18,7 @@ from offline.model.stability import (
     radius_excess,
     stability_loss,
 )
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.signals import VEHICLE
 
 pytestmark = pytest.mark.usefixtures("double_precision")
 

@@ -23,13 +23,11 @@ from offline.training.state import load_checkpoint
 from offline.training.train import train
 from rt_controller.contract.errors import ArtifactError, DatasetError
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.model.artifact import load_bundle, save_bundle
-from rt_controller.contract.model.bilinear import Bilinear
-from rt_controller.contract.model.bundle import Bundle
-from rt_controller.contract.model.drift import Drift
-from rt_controller.contract.model.driven import DrivenStability, box_stability
-from rt_controller.contract.model.lift import Lift
-from rt_controller.contract.model.rollout import Matrices
+from rt_controller.model.artifact import load_bundle, save_bundle
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.driven import DrivenStability, box_stability
+from rt_controller.model.dynamics import Bilinear, Drift, Matrices
+from rt_controller.model.lift import Lift
 
 
 @pytest.fixture(scope="module")

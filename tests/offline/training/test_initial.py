@@ -14,7 +14,7 @@ from offline.training.initial import with_structure_of
 from offline.training.state import load_checkpoint
 from offline.training.train import train
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.model.bundle import Bundle
+from rt_controller.model.bundle import Bundle
 
 
 @pytest.fixture(autouse=True)

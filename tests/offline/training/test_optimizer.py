@@ -7,7 +7,7 @@ from offline.config import PRESETS, TrainingConfig
 from offline.data.signals import VEHICLE_ROLES
 from offline.model.network import MdkNet, sizes_of
 from offline.training.optimizer import Optimizer
-from rt_controller.contract.schema import VEHICLE
+from rt_controller.contract.signals import VEHICLE
 
 SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
 SMALL = {"hidden": (8, 8), "latents": 7, "path_latents": 2, "path_hidden": (6,)}

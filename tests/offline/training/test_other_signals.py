@@ -21,9 +21,9 @@ from offline.training.run_folder import RunFolder, create_run
 from offline.training.state import load_checkpoint
 from offline.training.train import train
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.model.artifact import load_bundle, save_bundle
-from rt_controller.contract.model.validation import require_drivable
-from rt_controller.contract.schema import Schema, Signal
+from rt_controller.contract.signals import Schema, Signal
+from rt_controller.model.artifact import load_bundle, save_bundle
+from rt_controller.model.validation import require_drivable
 
 DT_S = 0.05
 BOAT = Schema(

@@ -7,7 +7,7 @@ from offline.data.dataset import Dataset, split_episodes
 from offline.data.manifest import Imported, Manifest
 from offline.data.recording import Recording, Starts
 from offline.data.signals import Roles
-from rt_controller.contract.schema import Schema, Signal
+from rt_controller.contract.signals import Schema, Signal
 
 SCHEMA = Schema(
     states=(Signal("speed_mps", "m/s"), Signal("level_m", "m"), Signal("swing_rad", "rad")),

@@ -5,7 +5,7 @@ from math import e
 import pytest
 
 from rt_controller.contract.signals import PathReference
-from rt_controller.safety.path.last_path import LastPath, known_length_m
+from rt_controller.safety.path import LastPath, known_length_m
 
 PATH = PathReference(0.5, 0.05, 1e-3, -2e-5, 20.0, 0.0)
 

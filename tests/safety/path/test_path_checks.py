@@ -2,11 +2,10 @@
 
 import pytest
 
-from rt_controller.contract.grip import FAR, NEAR
+from rt_controller.contract.limits import FAR, NEAR
 from rt_controller.contract.signals import CurvaturePreview, PathReference
 from rt_controller.safety.checks import NOT_COMPUTED, Quantity, is_computed
-from rt_controller.safety.path.path_checks import PathChecks
-from rt_controller.safety.path.path_demand import lateral_demand
+from rt_controller.safety.path import PathChecks, lateral_demand
 
 STRAIGHT = PathReference(0.0, 0.0, 0.0, 0.0, 20.0, 0.0)
 ROAD = CurvaturePreview(4.0, 0.0, 0.001, 0.002, 0.003, 0.004)

@@ -3,9 +3,7 @@
 import pytest
 from kinematic_car import STRAIGHT, WatchedCar, growing, nothing, only, shifted, undisturbed
 
-from rt_controller.contract.signals import (
-    VehicleState,
-)
+from rt_controller.contract.signals import VehicleState
 from rt_controller.safety import supervisor
 from rt_controller.safety.checks import Quantity, Reaction
 from rt_controller.safety.inputs import QualifiedInputs

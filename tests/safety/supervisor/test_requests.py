@@ -8,7 +8,7 @@ from rt_controller.contract.signals import PathReference
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.safety.checks import Quantity
 from rt_controller.safety.modes import StopCause
-from rt_controller.safety.path.followed_path import SLOW_DOWN_MPS2, SPEED_UP_MPS2
+from rt_controller.safety.path import SLOW_DOWN_MPS2, SPEED_UP_MPS2
 
 CHECKS = [check for check in WITHOUT_FROZEN if check.quantity is not Quantity.TRACKING_M]
 """the scripted car does not follow its path"""

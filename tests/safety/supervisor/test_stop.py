@@ -10,8 +10,8 @@ from kinematic_car import (
     turning,
 )
 
+from rt_controller.contract.limits import DEFAULT_GEOMETRY
 from rt_controller.contract.signals import NEUTRAL_INPUT
-from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY
 
 
 def test_a_lost_state_is_estimated_along_the_last_path() -> None:

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.settings import BusSettings, CarSettings
-from rt_controller.virtual_car import open_virtual_car
+from rt_controller.simulation import open_virtual_car
 from sim_bridge.faults.bus import CODECS
 from sim_bridge.faults.fault import SHORTHANDS, Fault
 from sim_bridge.faults.kinds import KINDS

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.physics import GRAVITY_MPS2
-from rt_controller.contract.signals import ControlInput
+from rt_controller.contract.signals import GRAVITY_MPS2, ControlInput
 from sim_bridge.plant.car_record import car_record
 from sim_bridge.plant.library import settle, simulate, steady_pressures_mpa
 from sim_bridge.plant.parameters import Parameters, default_car, with_road_friction

@@ -8,7 +8,7 @@ from made_tyre import TYRE_FILE_TEXT
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.physics import GRAVITY_MPS2
+from rt_controller.contract.signals import GRAVITY_MPS2
 from sim_bridge.plant.library import STEP_S, settle, simulate
 from sim_bridge.plant.parameters import (
     Parameters,

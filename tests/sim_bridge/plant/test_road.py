@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from wandering_inputs import wandering_inputs
 
-from rt_controller.contract.physics import GRAVITY_MPS2
-from rt_controller.contract.signals import ControlInput
+from rt_controller.contract.signals import GRAVITY_MPS2, ControlInput
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge import frenet
 from sim_bridge.adapters.own_car import OwnCar

@@ -17,8 +17,8 @@ import pytest
 from kernel_bus import CHANNEL, switch
 
 from rt_controller.bus.messages import CATALOGUE
-from rt_controller.contract.model.artifact import shipped_model
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS, PERIOD_S
+from rt_controller.model.artifact import shipped_model
 
 PATIENCE_S = 120.0
 EXIT_BUS = 5

@@ -7,7 +7,7 @@ from made_logs import MAPPING
 
 from offline.logs.checks.samples import BINS, find_occupancy, find_ranges
 from offline.logs.episode import LogEpisode
-from rt_controller.contract.schema import Schema, Signal
+from rt_controller.contract.signals import Schema, Signal
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ from made_logs import MAPPING, POSE, episode_of, make_drive
 
 from offline.logs.checks.pairs import find_proportions, find_unchecked
 from offline.logs.checks.samples import find_ranges
-from rt_controller.contract.schema import Schema, Signal
+from rt_controller.contract.signals import Schema, Signal
 
 ROWS_ONLY = MAPPING.replace('column = "time"', "period_s = 0.02")
 SCHEMA = Schema(

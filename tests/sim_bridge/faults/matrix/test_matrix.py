@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.model.artifact import find_model, load_bundle
-from rt_controller.contract.model.bundle import Bundle
+from rt_controller.model.artifact import find_model, load_bundle
+from rt_controller.model.bundle import Bundle
 from sim_bridge.faults.kinds import KINDS
 from sim_bridge.faults.matrix.cases import (
     CASES_FILE,

@@ -1,0 +1,347 @@
+"""The law that drives where no model is trained: start, creep, stop and hold."""
+
+from collections.abc import Sequence
+from math import inf, sqrt
+from typing import NamedTuple
+
+from rt_controller.contract.limits import INPUT_LIMITS, PLAN_TURN_MPS2, SteeringGeometry
+from rt_controller.contract.signals import (
+    ControlInput,
+    CurvaturePreview,
+    Mode,
+    PathReference,
+    VehicleState,
+)
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.steering import (
+    AT_REST_MPS,
+    LARGEST_TURN_MPS2,
+    NO_ERROR,
+    curvature_of,
+    curvature_to_meet,
+    largest_wheel_rad,
+    path_curvature_per_m,
+    roll_towards,
+    wheel_angle_rad,
+)
+
+
+class RestReference(NamedTuple):
+    """Limits of the reference of a standing car."""
+
+    v_mps: float
+    """highest speed that is no start"""
+    a_mps2: float
+    """largest acceleration that is no start"""
+    stop_m: float
+    """longest distance to the next stop"""
+    braking_mps2: float
+    """least deceleration that is a stop, not a change of speed"""
+
+
+ARRIVE = RestReference(v_mps=AT_REST_MPS, a_mps2=0.1, stop_m=0.15, braking_mps2=0.2)
+"""a slow car comes to rest within these limits"""
+STAY = RestReference(v_mps=0.2, a_mps2=0.2, stop_m=0.3, braking_mps2=0.1)
+"""a standing car is held within these limits"""
+
+
+class SpeedRange(NamedTuple):
+    """Hysteresis between the model and the low-speed law."""
+
+    leave_mps: float
+    """below this speed the low-speed law takes over from the model"""
+    resume_mps: float
+    """above this speed the model takes over from the low-speed law"""
+
+
+def stop_distance_m(path: PathReference) -> float:
+    """Distance in which the reference speed falls to zero; inf if it does not fall.
+
+    A path planner that sends v = sqrt(2 b d) and a = -b sends the distance d to the stop with it.
+    """
+    if path.a_mps2 >= 0.0:
+        return inf
+    return path.v_mps * path.v_mps / (-2.0 * path.a_mps2)
+
+
+def wants_rest(path: PathReference, is_resting: bool) -> bool:
+    """True if the reference is that of a standing car; `is_resting`: the last answer."""
+    rest = STAY if is_resting else ARRIVE
+    if path.a_mps2 > rest.a_mps2:
+        return False
+    is_stop = path.a_mps2 <= -rest.braking_mps2 and stop_distance_m(path) < rest.stop_m
+    return is_stop or path.v_mps <= rest.v_mps
+
+
+def next_law(
+    law: Mode, vx_mps: float, path: PathReference, speeds: SpeedRange, is_turned: bool = False
+) -> Mode:
+    """The law of this tick after `law`: NOMINAL (the model), LOW_SPEED or STANDSTILL.
+
+    The model does not take over a car whose wheel `is_turned` beyond the bound of its plans.
+
+    Every threshold has a hysteresis, so noise of speed and reference does not change the law twice.
+    """
+    limit_mps = speeds.leave_mps if law is Mode.NOMINAL else speeds.resume_mps
+    if vx_mps >= limit_mps and not (is_turned and law is not Mode.NOMINAL):
+        return Mode.NOMINAL
+    # A held car that rolls is for the brake too: the pedals of the law would release it.
+    is_resting = law is Mode.STANDSTILL
+    may_hold = is_resting or vx_mps < AT_REST_MPS
+    return Mode.STANDSTILL if may_hold and wants_rest(path, is_resting) else Mode.LOW_SPEED
+
+
+SPEED_GAIN_PER_S = 3.0
+"""acceleration per speed error"""
+STRONGEST_MPS2 = 2.0
+"""acceleration, and braking beyond that of the reference"""
+LARGEST_CHANGE_MPS2 = 10.0 * PERIOD_S
+"""of the wanted acceleration in one period: a jerk of 10 m/s^3"""
+PEDAL_LAG_S = 0.3
+"""time constant from pedals to acceleration, usual for engines and hydraulic brakes"""
+DISTURBANCE_TIME_S = 1.5
+"""time constant of the estimated disturbance: longer than the lag"""
+LARGEST_DISTURBANCE_MPS2 = 3.0
+BRAKED_MPS = 0.3
+"""a braked car that is wanted to move and seems slower than this may stand"""
+PRESS_BRAKE_MPS2 = -0.3
+"""pedal acceleration below which a released or pressed accelerator gives way to the brake"""
+PRESS_THROTTLE_MPS2 = 0.1
+"""pedal acceleration above which the brake gives way to the accelerator"""
+SLOWEST_RATIO_MPS = 0.1
+"""least reference speed in the ratio of the speed to it, in the braking towards a stop"""
+FASTEST_RATIO = 1.6
+"""largest ratio of the speed to its reference, in the braking towards a stop"""
+FINAL_MPS2 = 1.0
+"""least deceleration towards a reference that stands: the car does not creep to rest"""
+
+
+class PedalGains(NamedTuple):
+    """Steady acceleration of the car at low speed per unit of each pedal."""
+
+    throttle_mps2: float
+    """of the whole travel"""
+    brake_mps2_per_n: float
+    """deceleration"""
+
+
+def wanted_mps2(vx_mps: float, path: PathReference) -> float:
+    """Acceleration that leads the speed to its reference.
+
+    Towards a stop the reference v = sqrt(2 b d) falls with the distance d. A car that is slower
+    needs less than b to stop in the same distance, and a faster one more: b (v_x / v)^2.
+    """
+    v_mps, a_mps2 = path.v_mps, path.a_mps2
+    forward = a_mps2
+    if a_mps2 < 0.0:
+        ratio = min(max(vx_mps, 0.0) / max(v_mps, SLOWEST_RATIO_MPS), FASTEST_RATIO)
+        forward = a_mps2 * ratio * ratio
+    if v_mps < ARRIVE.v_mps and a_mps2 < ARRIVE.a_mps2 and vx_mps > 0.0:
+        forward -= FINAL_MPS2
+    strongest_braking = min(a_mps2, 0.0) - STRONGEST_MPS2
+    wanted = forward + SPEED_GAIN_PER_S * (v_mps - vx_mps)
+    return min(max(wanted, strongest_braking), max(a_mps2, 0.0) + STRONGEST_MPS2)
+
+
+def pedal_mps2(control: ControlInput, gains: PedalGains) -> float:
+    """Acceleration that the pedals cause."""
+    return control.throttle * gains.throttle_mps2 - control.brake_n * gains.brake_mps2_per_n
+
+
+def lagged_mps2(before_mps2: float, pedals_mps2: float) -> float:
+    """Acceleration that the pedals cause by now, from that of one period before."""
+    return before_mps2 + PERIOD_S / PEDAL_LAG_S * (pedals_mps2 - before_mps2)
+
+
+def next_disturbance(disturbance_mps2: float, found_mps2: float) -> float:
+    """The estimate one period later, from the acceleration that the pedals do not explain."""
+    share = PERIOD_S / DISTURBANCE_TIME_S
+    estimate = disturbance_mps2 + share * (found_mps2 - disturbance_mps2)
+    return min(max(estimate, -LARGEST_DISTURBANCE_MPS2), LARGEST_DISTURBANCE_MPS2)
+
+
+def pedals_for(
+    acceleration_mps2: float, previous: ControlInput, gains: PedalGains
+) -> tuple[float, float]:
+    """(throttle, brake_n) for an acceleration by the pedals, one of them 0.
+
+    Between the two thresholds both are released, if the wanted pedal is not pressed already.
+    """
+    if acceleration_mps2 < (0.0 if previous.brake_n > 0.0 else PRESS_BRAKE_MPS2):
+        return 0.0, -acceleration_mps2 / gains.brake_mps2_per_n
+    if acceleration_mps2 > (0.0 if previous.throttle > 0.0 else PRESS_THROTTLE_MPS2):
+        return acceleration_mps2 / gains.throttle_mps2, 0.0
+    return 0.0, 0.0
+
+
+HOLD_RATE_N_PER_S = 150.0
+"""the brake pedal of a standing car is pressed further at this rate"""
+ROLLING_MPS = 0.5
+"""the wheel of a car that rolls through its hold faster than this follows the path"""
+
+
+class LowSpeedCar(NamedTuple):
+    """Numbers of the car that the law is computed from."""
+
+    geometry: SteeringGeometry
+    gains: PedalGains
+    speeds: SpeedRange
+    hold_n: float
+    """force on the brake pedal of a standing car"""
+    model_rad: float = INPUT_LIMITS.upper.steer_rad
+    """largest angle of the steering wheel that the model was trained with"""
+
+
+class LowSpeedLaw:
+    """Input at low speed and at standstill; remembers law, disturbance and last acceleration."""
+
+    def __init__(self, car: LowSpeedCar) -> None:
+        self.law = self._law_before = Mode.NOMINAL
+        """that of the last tick: NOMINAL, LOW_SPEED or STANDSTILL"""
+        self._car = car
+        self._disturbance_mps2 = 0.0
+        self._pedals_mps2 = 0.0
+        self._wanted_mps2 = 0.0
+        self._last_vx_mps: float | None = None
+        self._turn_error = NO_ERROR
+
+    def observe(self, state: VehicleState, applied: ControlInput) -> None:
+        """Estimate the disturbances from the motion after `applied` acted for one period."""
+        vx_mps = state.vx_mps
+        self._turn_error = self._turn_error.after(state, applied.steer_rad, self._car.geometry)
+        last_mps, self._last_vx_mps = self._last_vx_mps, vx_mps
+        self._pedals_mps2 = lagged_mps2(self._pedals_mps2, pedal_mps2(applied, self._car.gains))
+        if self.law is Mode.STANDSTILL or last_mps is None:
+            return
+        found_mps2 = (vx_mps - last_mps) / PERIOD_S - self._pedals_mps2
+        mean_mps = 0.5 * (last_mps + vx_mps)  # its noise is independent of the acceleration's
+        if self._pedals_mps2 < 0.0:
+            # At rest, and rolling back, the brake does not act like a deceleration. An estimate
+            # that keeps it pressed would hold a car that is wanted to move: it decays.
+            if mean_mps < BRAKED_MPS and self._wanted_mps2 > 0.0:
+                found_mps2 = min(self._disturbance_mps2, 0.0)
+            elif mean_mps < AT_REST_MPS:
+                return
+        self._disturbance_mps2 = next_disturbance(self._disturbance_mps2, found_mps2)
+
+    def forget(self) -> None:
+        """A period is missing before the next state: no acceleration can be computed from it."""
+        self._last_vx_mps = None
+
+    def reset(self) -> None:
+        """Forget everything: another driver has the car."""
+        self.forget()
+        self.law = self._law_before = Mode.NOMINAL
+        self._disturbance_mps2 = self._pedals_mps2 = self._wanted_mps2 = 0.0
+        self._turn_error = NO_ERROR
+
+    def largest_wheel_rad(self, vx_mps: float) -> float:
+        """Bound of the wheel angle at this speed."""
+        return largest_wheel_rad(vx_mps, self._car.geometry)
+
+    def largest_plan_rad(self, vx_mps: float) -> float:
+        """Bound of the wheel angle of the model's plans at this speed."""
+        car = self._car
+        return min(car.geometry.largest_wheel_rad(vx_mps, PLAN_TURN_MPS2), car.model_rad)
+
+    def choose(self, vx_mps: float, path: PathReference, wheel_rad: float = 0.0) -> Mode:
+        """The law of this tick, with the wheel at `wheel_rad`."""
+        is_turned = abs(wheel_rad) > self.largest_plan_rad(vx_mps)
+        following = next_law(self.law, vx_mps, path, self._car.speeds, is_turned)
+        self._law_before, self.law = self.law, following
+        return self.law
+
+    def control(
+        self,
+        state: VehicleState,
+        curvature_per_m: float,
+        path: PathReference,
+        last: ControlInput,
+        under_way: Sequence[ControlInput] = (),
+        preview: CurvaturePreview | None = None,
+    ) -> ControlInput:
+        """Input of this tick, after `last`; of the law that was chosen.
+
+        Args:
+            state: of the car.
+            curvature_per_m: of the road at the car.
+            path: to follow.
+            last: input of the last tick.
+            under_way: inputs that were sent and act before it.
+            preview: curvature of the road ahead; None: constant.
+        """
+        if preview is not None and state.vx_mps >= AT_REST_MPS:
+            delay_m = state.vx_mps * PERIOD_S * len(under_way)
+            curvature_per_m = curvature_to_meet(
+                preview, delay_m, state.vx_mps, last.steer_rad, self._car.geometry
+            )
+        if self.law is Mode.STANDSTILL:
+            held = hold(state.vx_mps, last, self._car.hold_n)
+            if state.vx_mps < ROLLING_MPS:
+                return held
+            return held._replace(steer_rad=self.steer_rad(state, curvature_per_m, path, last))
+        gains = self._car.gains
+        if self._law_before is Mode.STANDSTILL:
+            self._wanted_mps2 = 0.0
+        elif self._law_before is Mode.NOMINAL:  # continue from the present acceleration
+            self._wanted_mps2 = pedal_mps2(last, gains) + self._disturbance_mps2
+        is_turned = abs(last.steer_rad) > self.largest_plan_rad(state.vx_mps)
+        path = self._slowed(path, curvature_per_m, is_turned)
+        wanted = wanted_mps2(self._speed_after(under_way, state.vx_mps), path)
+        change = min(max(wanted - self._wanted_mps2, -LARGEST_CHANGE_MPS2), LARGEST_CHANGE_MPS2)
+        self._wanted_mps2 += change
+        throttle, brake_n = pedals_for(self._wanted_mps2 - self._disturbance_mps2, last, gains)
+        return ControlInput(
+            throttle=min(throttle, INPUT_LIMITS.upper.throttle),
+            brake_n=min(brake_n, INPUT_LIMITS.upper.brake_n),
+            steer_rad=self.steer_rad(state, curvature_per_m, path, last),
+        )
+
+    def _slowed(
+        self, path: PathReference, curvature_per_m: float, is_turned: bool
+    ) -> PathReference:
+        """The path at a speed that its curvature allows, and the wheel: see `next_law`."""
+        turn_per_m = abs(curvature_per_m + 2.0 * path.c2_per_m)
+        v_mps = sqrt(LARGEST_TURN_MPS2 / max(turn_per_m, 1e-6))
+        if is_turned:
+            v_mps = min(v_mps, self._car.speeds.resume_mps)
+        return (
+            path
+            if path.v_mps <= v_mps
+            else path._replace(v_mps=v_mps, a_mps2=min(path.a_mps2, 0.0))
+        )
+
+    def _speed_after(self, under_way: Sequence[ControlInput], vx_mps: float) -> float:
+        """Speed that is predicted when the inputs under way have acted."""
+        pedals_mps2 = self._pedals_mps2
+        for control in under_way:
+            pedals_mps2 = lagged_mps2(pedals_mps2, pedal_mps2(control, self._car.gains))
+            vx_mps += PERIOD_S * (pedals_mps2 + self._disturbance_mps2)
+        return vx_mps
+
+    def steer_rad(
+        self, state: VehicleState, curvature_per_m: float, path: PathReference, last: ControlInput
+    ) -> float:
+        """Wheel angle along the path, as far as the car rolls."""
+        geometry = self._car.geometry
+        most_rad = self.largest_wheel_rad(state.vx_mps)
+        curvature = path_curvature_per_m(
+            state,
+            path,
+            curvature_per_m,
+            geometry,
+            curvature_of(most_rad, geometry),
+            self._turn_error,
+        )
+        wanted_rad = min(
+            max(wheel_angle_rad(curvature, state.vx_mps, geometry), -most_rad), most_rad
+        )
+        return roll_towards(wanted_rad, last.steer_rad, state.vx_mps)
+
+
+def hold(vx_mps: float, last: ControlInput, hold_n: float) -> ControlInput:
+    """Input of a standing car: brake pressed, wheel where it is; harder if the car rolls."""
+    rolls = abs(vx_mps) >= AT_REST_MPS
+    target_n = INPUT_LIMITS.upper.brake_n if rolls else max(hold_n, last.brake_n)
+    brake_n = min(last.brake_n + HOLD_RATE_N_PER_S * PERIOD_S, target_n)
+    return ControlInput(throttle=0.0, brake_n=brake_n, steer_rad=last.steer_rad)

@@ -1,0 +1,306 @@
+"""A model bundle on disk: a folder of three files.
+
+- `encoder.onnx`: from the inputs that `Lift` names to "psi" (batch, n) float32, whose first entries
+  are the states themselves;
+- `koopman.npz`: psi+ = A psi + B_uc u_c + B_uw w + c, all in physical units, with the names, units
+  and period of the signals, the bilinear part, saturation, the inputs of the lift, the growth of
+  the model, its training configuration, the SHA-256 of the encoder and of the whole model, a few
+  pairs (x, w, history; psi) for a self-test, the geometry of the car's steering where it is known,
+  and the range of the inputs;
+- `card.md`: for people.
+
+Paper: eqs. (6)-(8) and (14).
+"""
+
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.files import (
+    DamagedArchiveError,
+    atomic_write,
+    open_regular,
+    read_arrays,
+)
+from rt_controller.contract.limits import SteeringGeometry
+from rt_controller.contract.names import MODEL_FOLDER, name_or
+from rt_controller.contract.signals import Schema, Signal
+from rt_controller.model.bundle import Bundle, PlanSample
+from rt_controller.model.dynamics import Bilinear, Drift, Follow, no_drift
+from rt_controller.model.lift import Lift, LiftSample
+from rt_controller.model.validation import check_field, require_fitting_parts
+
+SHIPPED_MODEL = "mdk-net"
+"""the model that drives if none is chosen"""
+
+FORMAT_VERSION = 4
+LARGEST_FILE_BYTES = 64_000_000
+LARGEST_UNPACKED_BYTES = 256_000_000
+"""a hundred times the shipped models"""
+ENCODER_FILE = "encoder.onnx"
+KOOPMAN_FILE = "koopman.npz"
+CARD_FILE = "card.md"
+
+TEXT, WHOLE, FLOAT, TRUTH = "U", "i", "f", "b"
+UNCHANGED = ("name", "A", "B_uc", "B_uw", "c", "selftest_psi", "training", "data_sha256")
+"""fields of `koopman.npz` that are attributes of `Bundle` of the same name"""
+SIGNALS = {"state": "states", "input": "inputs", "exogenous": "exogenous"}
+"""beginning of the fields that describe signals, and the attribute of `Schema`"""
+Fields = dict[str, tuple[str, int]]
+FIELDS: Fields = {
+    **dict.fromkeys(("name", "training", "data_sha256"), (TEXT, 0)),
+    **dict.fromkeys(("encoder_sha256", "bundle_sha256", "bilinear_follows"), (TEXT, 0)),
+    **dict.fromkeys(("state_fields", "input_fields", "exogenous_fields"), (TEXT, 1)),
+    **dict.fromkeys(("state_units", "input_units", "exogenous_units"), (TEXT, 1)),
+    **dict.fromkeys(("lift_inputs", "history_fields"), (TEXT, 1)),
+    "history_steps": (WHOLE, 0),
+    "dt_s": (FLOAT, 0),
+    "c": (FLOAT, 1),
+    **dict.fromkeys(("A", "B_uc", "B_uw", "bilinear_s0"), (FLOAT, 2)),
+    **dict.fromkeys(("selftest_x", "selftest_w", "selftest_psi"), (FLOAT, 2)),
+    "bilinear_saturates": (TRUTH, 0),
+    **dict.fromkeys(("drift_N", "drift_S"), (FLOAT, 2)),
+    "drift_s0": (FLOAT, 1),
+    "drift_signal": (WHOLE, 1),
+    **dict.fromkeys(("bilinear_N", "bilinear_S", "selftest_history"), (FLOAT, 3)),
+}
+"""type and number of dimensions of each field that is read"""
+OPTIONAL = {**dict.fromkeys(SteeringGeometry._fields, (FLOAT, 0)), "signal_range": (FLOAT, 2)}
+"""the same, of fields that a bundle need not have"""
+PLANS = {
+    **dict.fromkeys(("plan_state", "plan_path", "plan_previous"), (FLOAT, 2)),
+    "plan_curvature_per_m": (FLOAT, 1),
+    "plan_inputs": (FLOAT, 3),
+}
+"""the same, of fields that models of other signals do not have"""
+
+
+def shipped_model(name: str = SHIPPED_MODEL) -> Path:
+    """The folder of a bundle that ships with the package: "mdk-net", "mdk-net-paper" or "lti"."""
+    return Path(str(resources.files("rt_controller") / "models" / name))
+
+
+def find_model(model: str | Path | None) -> Path:
+    """The folder of a model: the shipped one of that name, otherwise the path itself.
+
+    Raises:
+        ArtifactError: neither a shipped model nor an existing path.
+    """
+    if model is None:
+        return shipped_model()
+    is_name = Path(model).name == str(model)
+    shipped = shipped_model(str(model))
+    if is_name and shipped.is_dir():
+        return shipped
+    if not Path(model).exists():
+        names = sorted(folder.name for folder in shipped_model().parent.iterdir())
+        raise ArtifactError(
+            f"model {str(model)!r}: {name_or(Path(model).name, names, MODEL_FOLDER)}."
+        )
+    return Path(model)
+
+
+def save_bundle(folder: Path, bundle: Bundle, card: str) -> None:
+    """Write the three files; an existing bundle is replaced file by file, each atomically.
+
+    Raises:
+        ArtifactError: the parts of the bundle do not fit each other; nothing is written.
+    """
+    require_fitting_parts(bundle, folder / KOOPMAN_FILE)
+    folder.mkdir(parents=True, exist_ok=True)
+    with atomic_write(folder / ENCODER_FILE) as file:
+        file.write(bundle.encoder_onnx)
+    with atomic_write(folder / KOOPMAN_FILE) as file:
+        np.savez_compressed(file, **_fields_of(bundle))
+    with atomic_write(folder / CARD_FILE) as file:
+        file.write(card.encode())
+
+
+def load_bundle(folder: Path) -> Bundle:
+    """Read a bundle of any signals and check all that can be checked without running the encoder.
+
+    Raises:
+        ArtifactError: a file is missing, truncated or altered, of another format, or its parts do
+            not fit each other.
+    """
+    path, encoder_path = folder / KOOPMAN_FILE, folder / ENCODER_FILE
+    found = _read_fields(path)
+    lift = Lift("w" in found["lift_inputs"], found["history_steps"], found["history_fields"])
+    check_field(path, "lift_inputs", lift.inputs, found["lift_inputs"])
+    states, inputs, exogenous = (_signals(path, found, kind) for kind in SIGNALS)
+    bundle = Bundle(
+        schema=Schema(states, inputs, exogenous, found["dt_s"]),
+        bilinear=_bilinear(path, found),
+        drift=_drift(found),
+        lift=lift,
+        geometry=_geometry(path, found),
+        plans=_plans(found),
+        signal_range=found.get("signal_range"),
+        encoder_onnx=_read_encoder(encoder_path),
+        selftest=LiftSample(*(found[f"selftest_{name}"] for name in LiftSample._fields)),
+        **{name: found[name] for name in UNCHANGED},
+    )
+    require_fitting_parts(bundle, path)
+    _check_hash(encoder_path, found["encoder_sha256"], bundle.encoder_sha256, "encoder")
+    _check_hash(path, found["bundle_sha256"], bundle.sha256, "model")
+    return bundle
+
+
+def _fields_of(bundle: Bundle) -> dict[str, Any]:
+    """The fields of `koopman.npz` by name, as numpy takes them."""
+    n, m = bundle.n_observables, bundle.B_uc.shape[1]
+    no_gains = Bilinear(np.zeros((0, n, m)), np.zeros((0, m, n)), np.zeros((0, m)))
+    signals = {kind: getattr(bundle.schema, name) for kind, name in SIGNALS.items()}
+    texts = {
+        **{f"{kind}_fields": [signal.name for signal in each] for kind, each in signals.items()},
+        **{f"{kind}_units": [signal.unit for signal in each] for kind, each in signals.items()},
+        "lift_inputs": bundle.lift.inputs,
+        "history_fields": bundle.lift.history_fields,
+    }
+    return {
+        "format_version": FORMAT_VERSION,
+        **{name: getattr(bundle, name) for name in UNCHANGED},
+        **{name: np.array(listed, dtype=np.str_) for name, listed in texts.items()},
+        "dt_s": bundle.schema.dt_s,
+        "history_steps": bundle.lift.history_steps,
+        **{
+            f"bilinear_{name}": part
+            for name, part in (bundle.bilinear or no_gains)._asdict().items()
+        },
+        **{f"drift_{name}": part for name, part in (bundle.drift or no_drift(n))._asdict().items()},
+        "spectral_radius": bundle.spectral_radius,
+        "growth_20": bundle.growth(20),
+        "growth_80": bundle.growth(80),
+        "encoder_sha256": bundle.encoder_sha256,
+        "bundle_sha256": bundle.sha256,
+        **{f"selftest_{name}": part for name, part in bundle.selftest._asdict().items()},
+        **(bundle.geometry._asdict() if bundle.geometry else {}),
+        **({} if bundle.signal_range is None else {"signal_range": bundle.signal_range}),
+        **{
+            f"plan_{name}": part
+            for name, part in (bundle.plans._asdict() if bundle.plans else {}).items()
+        },
+    }
+
+
+def _signals(path: Path, found: dict[str, Any], kind: str) -> tuple[Signal, ...]:
+    names, units = found[f"{kind}_fields"], found[f"{kind}_units"]
+    check_field(path, f"number of {kind}_units", len(names), len(units))
+    return tuple(map(Signal, names, units))
+
+
+def _bilinear(path: Path, found: dict[str, Any]) -> Bilinear | None:
+    N, S, s0, follows = (found[f"bilinear_{name}"] for name in ("N", "S", "s0", "follows"))
+    if follows not in list(Follow):
+        check_field(path, "bilinear_follows", " or ".join(Follow), follows)
+    if not max(len(N), len(S), len(s0)):
+        return None
+    return Bilinear(N, S, s0, Follow(follows), found["bilinear_saturates"])
+
+
+def _drift(found: dict[str, Any]) -> Drift | None:
+    if not max(len(found[f"drift_{name}"]) for name in ("S", "s0")):
+        return None
+    return Drift(*(found[f"drift_{name}"] for name in Drift._fields))
+
+
+def _geometry(path: Path, found: dict[str, Any]) -> SteeringGeometry | None:
+    present = [name for name in SteeringGeometry._fields if name in found]
+    if not present:
+        return None
+    needed = tuple(name for name in SteeringGeometry._fields if name != "lock_rad")
+    check_field(path, "fields of the car", needed, tuple(n for n in present if n != "lock_rad"))
+    return SteeringGeometry(**{name: found[name] for name in present})
+
+
+def _plans(found: dict[str, Any]) -> PlanSample | None:
+    if "plan_state" not in found:
+        return None
+    return PlanSample(*(found[f"plan_{name}"] for name in PlanSample._fields))
+
+
+def _check_hash(path: Path, expected: str, found: str, what: str) -> None:
+    if found != expected:
+        raise ArtifactError(
+            f"{path}: expected the {what} of SHA-256 {expected:.16}…, found {found:.16}…: the two "
+            f"files are not of one export, or one was altered. Run offline-export again."
+        )
+
+
+def _read_encoder(path: Path) -> bytes:
+    try:
+        with open_regular(path, LARGEST_FILE_BYTES) as file:
+            return file.read()
+    except OSError as error:
+        raise _unreadable(path, "the encoder", error) from error
+
+
+def _unreadable(path: Path, what: str, error: OSError) -> ArtifactError:
+    return ArtifactError(
+        f"{path}: expected {what} of a model bundle, found nothing readable ({error.strerror}). "
+        f"Point `model` at a folder that offline-export wrote."
+    )
+
+
+def _read_fields(path: Path) -> dict[str, Any]:
+    """The fields of `koopman.npz` as the texts, numbers, tuples and arrays that `FIELDS` lists.
+
+    Raises:
+        ArtifactError: the file is missing, truncated, altered, or not an npz archive without
+            pickles; or a field is missing or of another type, shape or format.
+    """
+    try:
+        arrays = read_arrays(path, LARGEST_FILE_BYTES, LARGEST_UNPACKED_BYTES)
+    except OSError as error:
+        raise _unreadable(path, "the matrices", error) from error
+    except DamagedArchiveError as error:
+        raise ArtifactError(
+            f"{path}: expected an npz archive without pickles, found something else, or a "
+            f"truncated or altered file ({error}). Run offline-export again."
+        ) from error
+    version = arrays["format_version"].tolist() if "format_version" in arrays else FORMAT_VERSION
+    if version != FORMAT_VERSION:
+        missing = ", ".join(sorted(FIELDS.keys() - arrays)) or "nothing"
+        raise ArtifactError(
+            f"{path}: expected format_version = {FORMAT_VERSION}, found {version!s:.40}; of the "
+            f"fields of this format it lacks {missing:.200}. Run offline-export RUN again with "
+            f"this version; for a newer bundle install a newer rt-controller."
+        )
+    required = FIELDS | (PLANS if "plan_state" in arrays else {})
+    for key in ("format_version", *required):
+        if key not in arrays:
+            raise ArtifactError(
+                f"{path}: expected a field {key!r}, found {sorted(arrays)}. "
+                f"Run offline-export again."
+            )
+    present = required | {key: kind for key, kind in OPTIONAL.items() if key in arrays}
+    return {key: _checked(path, key, arrays[key], *kind) for key, kind in present.items()}
+
+
+def _checked(path: Path, key: str, found: NDArray[Any], kind: str, dimensions: int) -> Any:
+    """The content of one field; numbers have eight bytes and are finite, arrays in C order."""
+    is_wide = kind in (TEXT, TRUTH) or found.dtype in (np.float64, np.int64)
+    if found.dtype.kind != kind or found.ndim != dimensions or not is_wide:
+        expected = {
+            (TEXT, 0): "one text",
+            (TEXT, 1): "a list of texts",
+            (WHOLE, 0): "one whole number",
+            (WHOLE, 1): "a list of whole numbers",
+            (TRUTH, 0): "true or false",
+        }.get((kind, dimensions), f"float64 numbers in {dimensions} dimensions")
+        raise ArtifactError(
+            f"{path}: expected {expected} in {key}, found {found.dtype} of shape {found.shape}. "
+            f"Run offline-export again."
+        )
+    if kind == FLOAT and not np.all(np.isfinite(found)):
+        raise ArtifactError(
+            f"{path}: expected finite numbers in {key}, found "
+            f"{np.count_nonzero(~np.isfinite(found))} that are not. Run offline-export again."
+        )
+    if dimensions == 0:
+        return found.item()
+    return tuple(found.tolist()) if kind == TEXT else np.asarray(found, order="C")

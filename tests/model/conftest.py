@@ -1,0 +1,84 @@
+"""A bundle with every optional part, and one of other signals than the car's."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rt_controller.contract.signals import Schema, Signal
+from rt_controller.model.artifact import save_bundle
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.dynamics import NO_SIGNAL, Bilinear, Drift
+from rt_controller.model.lift import Lift, LiftSample
+from rt_controller.model.validation import DRIVABLE_HISTORY
+
+PLANAR = Schema(
+    states=(Signal("vx_mps", "m/s"), Signal("vy_mps", "m/s"), Signal("yaw_rate_radps", "rad/s")),
+    inputs=(Signal("steer_rad", "rad"), Signal("force_n", "N")),
+    exogenous=(),
+    dt_s=0.01,
+)
+
+
+@pytest.fixture
+def bundle() -> Bundle:
+    """A model of the car: saturating gains of rank 2, a drift, curvature and history."""
+    rng = np.random.default_rng(1)
+    n, rank = 9, 2
+    return Bundle(
+        name="random",
+        A=np.eye(n) + 0.01 * rng.normal(size=(n, n)),
+        B_uc=rng.normal(size=(n, 3)),
+        B_uw=rng.normal(size=(n, 1)),
+        c=rng.normal(size=n),
+        bilinear=Bilinear(
+            N=rng.normal(size=(rank, n, 3)),
+            S=rng.normal(size=(rank, 3, n)),
+            s0=rng.normal(size=(rank, 3)),
+            saturates=True,
+        ),
+        drift=Drift(
+            N=rng.normal(size=(n, 3)),
+            S=rng.normal(size=(3, n)),
+            s0=rng.normal(size=3),
+            signal=np.array([NO_SIGNAL, 0, NO_SIGNAL]),
+        ),
+        signal_range=np.array([[0.0, 0.0, -6.0, -0.02], [1.0, 150.0, 6.0, 0.02]]),
+        lift=Lift(True, history_steps=4, history_fields=DRIVABLE_HISTORY),
+        encoder_onnx=b"not run here",
+        selftest=LiftSample(
+            x=rng.normal(size=(5, 6)), w=rng.normal(size=(5, 1)), history=rng.normal(size=(5, 4, 6))
+        ),
+        selftest_psi=rng.normal(size=(5, n)),
+        training="{}",
+        data_sha256="0" * 64,
+    )
+
+
+@pytest.fixture
+def folder(bundle: Bundle, tmp_path: Path) -> Path:
+    save_bundle(tmp_path, bundle, "# a card\n")
+    return tmp_path
+
+
+@pytest.fixture
+def planar() -> Bundle:
+    """A model of three states and two inputs at 10 ms, without curvature: not drivable."""
+    rng = np.random.default_rng(2)
+    n = 5
+    return Bundle(
+        name="planar",
+        schema=PLANAR,
+        A=0.9 * np.eye(n),
+        B_uc=rng.normal(size=(n, 2)),
+        B_uw=np.zeros((n, 0)),
+        c=np.zeros(n),
+        lift=Lift(history_steps=2, history_fields=("yaw_rate_radps", "force_n")),
+        encoder_onnx=b"not run here",
+        selftest=LiftSample(
+            x=rng.normal(size=(4, 3)), w=np.zeros((4, 0)), history=rng.normal(size=(4, 2, 2))
+        ),
+        selftest_psi=rng.normal(size=(4, n)),
+        training="{}",
+        data_sha256="0" * 64,
+    )

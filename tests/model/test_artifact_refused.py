@@ -1,0 +1,220 @@
+"""A bundle whose fields do not fit is refused with expected, found, remedy."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from rt_controller.contract.errors import ArtifactError
+from rt_controller.contract.limits import SteeringGeometry
+from rt_controller.model.artifact import load_bundle, save_bundle
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.lift import LiftSample
+
+
+def rewrite(folder: Path, **changes: object) -> None:
+    """The npz with some fields replaced (or, given None, removed)."""
+    path = folder / "koopman.npz"
+    with np.load(path) as archive:
+        fields = {key: archive[key] for key in archive.files}
+    fields.update(changes)
+    np.savez(path, **{key: value for key, value in fields.items() if value is not None})
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        *("A", "B_uc", "B_uw", "c", "bilinear_N", "bilinear_S", "bilinear_s0"),
+        *("drift_N", "drift_S", "drift_s0", "signal_range"),
+    ],
+)
+def test_an_altered_matrix_is_refused(folder: Path, key: str) -> None:
+    with np.load(folder / "koopman.npz") as archive:
+        altered = 0.9 * archive[key]
+    rewrite(folder, **{key: altered})
+    with pytest.raises(ArtifactError, match="expected the model of SHA-256"):
+        load_bundle(folder)
+
+
+CAR = SteeringGeometry(wheelbase_m=3.2, rear_axle_m=1.5, steering_ratio=16.0)
+
+
+def test_an_altered_or_missing_geometry_is_refused(bundle: Bundle, tmp_path: Path) -> None:
+    save_bundle(tmp_path, replace(bundle, geometry=CAR), "card")
+    rewrite(tmp_path, wheelbase_m=np.float64(3.3))
+    with pytest.raises(ArtifactError, match="SHA-256"):
+        load_bundle(tmp_path)
+    rewrite(tmp_path, wheelbase_m=None)
+    with pytest.raises(ArtifactError, match="wheelbase_m"):
+        load_bundle(tmp_path)
+
+
+def test_a_geometry_of_no_road_vehicle_is_refused(bundle: Bundle, tmp_path: Path) -> None:
+    other = replace(bundle, geometry=CAR._replace(wheelbase_m=2910.0, steering_ratio=0.05))
+    with pytest.raises(ArtifactError, match=r"wheelbase_m: .* 2910; steering_ratio: .* 0.05"):
+        save_bundle(tmp_path, other, "card")
+
+
+HISTORY = ("vx_mps", "vy_mps", "yaw_rate_radps", "throttle", "brake_n", "steer_rad")
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("format_version", np.int64(1), "format_version = 4, found 1;"),
+        ("format_version", np.int64(99), "format_version"),
+        ("format_version", np.str_("one"), "format_version = 4, found one;"),
+        ("format_version", np.str_("2"), "format_version"),
+        ("format_version", np.array([2]), "format_version"),
+        ("format_version", np.eye(2), "format_version"),
+        ("format_version", None, "'format_version'"),
+        # Other signals are another model: the numbers may fit, the hash does not.
+        ("state_fields", np.array([*"abcdef"]), "history_fields out of"),
+        ("state_units", np.array(["km/h", "m/s", "rad/s", "m", "m", "rad"]), "SHA-256"),
+        ("dt_s", np.float64(0.024), "SHA-256"),
+        ("state_fields", np.array(["vx_mps", "vy_mps"]), "number of state_units = 2, found 6"),
+        ("state_units", np.array(["m/s"]), "number of state_units = 6, found 1"),
+        ("state_fields", np.array(["vx_mps"] * 6), "different names for all signals"),
+        (
+            "input_fields",
+            np.array(["throttle", "brake_n", "ey_m"]),
+            "different names for all signals",
+        ),
+        ("exogenous_fields", np.array(["throttle"]), "different names for all signals"),
+        ("state_fields", np.str_("vx_mps"), "list of texts in state_fields"),
+        ("input_fields", np.arange(3.0), "list of texts in input_fields"),
+        ("exogenous_units", None, "'exogenous_units'"),
+        ("dt_s", np.float64(0.0), "positive dt_s"),
+        ("dt_s", np.float64(-0.025), "positive dt_s"),
+        ("dt_s", np.str_("fast"), "numbers in 0 dimensions in dt_s"),
+        ("dt_s", np.array([0.025, 0.025]), "numbers in 0 dimensions in dt_s"),
+        ("dt_s", np.float64(np.nan), "finite numbers in dt_s"),
+        ("lift_inputs", np.array(["x"]), "expected lift_inputs = "),
+        ("lift_inputs", np.array(["x", "history"]), "SHA-256"),
+        ("lift_inputs", np.array(["history", "x"]), "expected lift_inputs = "),
+        ("lift_inputs", np.array(["x", "w", "history", "u"]), "expected lift_inputs = "),
+        ("lift_inputs", np.str_("x"), "list of texts in lift_inputs"),
+        ("history_steps", np.int64(3), "shape of selftest_history"),
+        ("history_steps", np.int64(0), "a history with steps and fields, or neither"),
+        ("history_steps", np.float64(4.0), "whole number in history_steps"),
+        ("history_steps", np.array([4]), "whole number in history_steps"),
+        ("history_fields", np.array(HISTORY[:5]), "shape of selftest_history"),
+        ("history_fields", np.array(HISTORY[::-1]), "history_fields out of"),
+        ("history_fields", np.array([*HISTORY[:5], "curvature_per_m"]), "history_fields out of"),
+        ("history_fields", np.array([*HISTORY[:5], HISTORY[0]]), "history_fields out of"),
+        ("A", np.ones((9, 8)), "shape of A"),
+        ("A", np.full((9, 9), np.nan), "finite"),
+        ("A", np.str_("a matrix"), "numbers in 2 dimensions in A, found <U8"),
+        ("A", np.array([["a", "b"]]), "numbers in 2 dimensions in A"),
+        ("A", np.float64(1.0), "numbers in 2 dimensions in A"),
+        ("A", np.eye(9, dtype=np.float32), "float64 numbers"),
+        ("A", np.eye(9, dtype=np.complex128), "float64 numbers"),
+        ("A", np.zeros((0, 0)), "shape of B_uc"),
+        ("B_uc", np.zeros((9, 4)), "shape of B_uc"),
+        ("B_uw", np.zeros((9, 0)), "shape of B_uw"),
+        ("c", None, "'c'"),
+        ("c", np.ones((9, 1)), "numbers in 1 dimensions in c"),
+        ("bilinear_N", np.zeros((2, 9, 2)), "shape of bilinear_N"),
+        ("bilinear_N", np.zeros((3, 9, 3)), "shape of bilinear_N"),
+        ("bilinear_N", np.zeros((0, 9, 3)), "shape of bilinear_N"),
+        ("bilinear_N", None, "'bilinear_N'"),
+        ("bilinear_S", np.zeros((2, 9, 3)), "shape of bilinear_S"),
+        ("bilinear_S", np.full((2, 3, 9), np.inf), "finite"),
+        ("bilinear_s0", np.zeros((1, 3)), "shape of bilinear_N"),
+        ("bilinear_s0", np.zeros(3), "numbers in 2 dimensions in bilinear_s0"),
+        ("bilinear_saturates", np.bool_(False), "SHA-256"),
+        ("bilinear_saturates", np.int64(1), "true or false in bilinear_saturates"),
+        ("bilinear_saturates", np.array([True]), "true or false in bilinear_saturates"),
+        ("bilinear_saturates", None, "'bilinear_saturates'"),
+        ("drift_N", np.zeros((9, 2)), "shape of drift_N"),
+        ("drift_N", np.zeros((8, 3)), "shape of drift_N"),
+        ("drift_N", np.full((9, 3), np.nan), "finite"),
+        ("drift_N", None, "'drift_N'"),
+        ("drift_S", np.zeros((3, 8)), "shape of drift_S"),
+        ("drift_S", np.full((3, 9), np.inf), "finite"),
+        ("drift_S", np.zeros((0, 9)), "shape of drift_S"),
+        ("drift_s0", np.zeros(2), "shape of drift_N"),
+        ("drift_s0", np.zeros((3, 1)), "numbers in 1 dimensions in drift_s0"),
+        ("drift_signal", np.array([0, 0, -1]), "SHA-256"),
+        ("drift_signal", np.array([0, -1]), "shape of drift_signal"),
+        ("drift_signal", np.array([0, -1, 1]), "drift_signal from -1 to 0, found .0, -1, 1."),
+        ("drift_signal", np.array([0, -1, -2]), "drift_signal from -1 to 0"),
+        ("drift_signal", np.zeros(3), "list of whole numbers in drift_signal"),
+        ("drift_signal", np.zeros(3, dtype=np.int32), "list of whole numbers in drift_signal"),
+        ("signal_range", np.zeros((2, 3)), "shape of signal_range"),
+        ("signal_range", np.zeros(4), "numbers in 2 dimensions in signal_range"),
+        ("signal_range", np.full((2, 4), np.nan), "finite"),
+        ("signal_range", None, "SHA-256"),
+        ("selftest_x", np.zeros((0, 6)), "shape of selftest_w"),
+        ("selftest_x", np.zeros((5, 7)), "shape of selftest_x"),
+        ("selftest_w", np.zeros((5, 2)), "shape of selftest_w"),
+        ("selftest_history", np.zeros((5, 4, 5)), "shape of selftest_history"),
+        ("selftest_history", np.zeros((5, 24)), "numbers in 3 dimensions in selftest_history"),
+        ("selftest_psi", np.float64(0.0), "selftest_psi"),
+        ("selftest_psi", np.zeros((4, 9)), "shape of selftest_psi"),
+        ("name", np.array(["a", "list"]), "one text in name"),
+        ("name", np.str_("mdk\x1b[2J"), "printable characters"),
+        ("name", np.str_("m" * 101), "1 to 100 printable characters"),
+        ("training", np.float64(1.0), "one text in training"),
+        ("data_sha256", np.zeros(3), "one text in data_sha256"),
+        ("encoder_sha256", np.int64(0), "one text in encoder_sha256"),
+        ("bundle_sha256", np.zeros(64), "one text in bundle_sha256"),
+        ("bundle_sha256", None, "'bundle_sha256'"),
+    ],
+)
+def test_fields_that_do_not_fit_are_refused(
+    folder: Path, field: str, value: NDArray[np.generic] | None, message: str
+) -> None:
+    rewrite(folder, **{field: value})
+    with pytest.raises(ArtifactError, match=message) as error:
+        load_bundle(folder)
+    assert "expected" in str(error.value)
+    assert "found" in str(error.value)
+    assert "offline-export" in str(error.value)
+
+
+def test_a_bundle_without_self_test_is_refused(bundle: Bundle, tmp_path: Path) -> None:
+    nothing = LiftSample(*(part[:0] for part in bundle.selftest))
+    with pytest.raises(ArtifactError, match="self-test instants, found 9 and 0"):
+        save_bundle(
+            tmp_path, replace(bundle, selftest=nothing, selftest_psi=np.zeros((0, 9))), "card"
+        )
+
+
+def test_fewer_observables_than_states_are_refused(bundle: Bundle, tmp_path: Path) -> None:
+    small = replace(
+        bundle,
+        A=np.eye(5),
+        B_uc=bundle.B_uc[:5],
+        B_uw=bundle.B_uw[:5],
+        c=bundle.c[:5],
+        bilinear=None,
+        drift=None,
+        selftest_psi=bundle.selftest_psi[:, :5],
+    )
+    with pytest.raises(ArtifactError, match="at least 6 observables"):
+        save_bundle(tmp_path, small, "card")
+
+
+def test_pickles_are_never_loaded(folder: Path) -> None:
+    rewrite(folder, c=np.array([{"a": "pickle"}], dtype=object))
+    with pytest.raises(ArtifactError, match="pickles"):
+        load_bundle(folder)
+
+
+@pytest.mark.parametrize(
+    "content", [b"PK\x03\x04", b"\x93NUMPY", b"text", b"PK\x05\x06" + bytes(18)]
+)
+def test_files_that_are_not_a_bundle_are_refused(folder: Path, content: bytes) -> None:
+    (folder / "koopman.npz").write_bytes(content)
+    with pytest.raises(ArtifactError, match="expected"):
+        load_bundle(folder)
+
+
+def test_a_folder_in_place_of_a_file_is_refused(folder: Path) -> None:
+    (folder / "koopman.npz").unlink()
+    (folder / "koopman.npz").mkdir()
+    with pytest.raises(ArtifactError, match="nothing readable"):
+        load_bundle(folder)

@@ -1,0 +1,207 @@
+"""Growth of a model under inputs, against values by hand and the derivative of one step."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.signals import Schema, Signal
+from rt_controller.model.bundle import Bundle
+from rt_controller.model.driven import (
+    MOST_SIGNALS,
+    box_stability,
+    driven_matrices,
+    n_gains,
+    signal_box,
+    stability_of,
+)
+from rt_controller.model.dynamics import NO_SIGNAL, Bilinear, Drift, one_step
+
+LEVEL = (Signal("level_m", "m"),)
+TANK = Schema(LEVEL, (Signal("valve", "1"),), (Signal("rain_mps", "m/s"),), dt_s=0.1)
+
+
+def tank(
+    a: float = 0.9,
+    gain: float | None = None,
+    *,
+    saturates: bool = False,
+    drift: tuple[float, int] | None = None,
+) -> Bundle:
+    """One state, one input and one exogenous signal.
+
+    `gain` is n s of the bilinear part, `drift` n s and the signal of the drift.
+    """
+    one, nothing = np.ones((1, 1)), np.zeros((1, 1))
+    linear = Bundle.linear(np.array([[a]]), one, nothing, schema=TANK)
+    bilinear = gain and Bilinear(gain * one[None], one[None], nothing, saturates=saturates)
+    added = drift and Drift(drift[0] * one, one, np.zeros(1), np.array([drift[1]]))
+    return replace(linear, bilinear=bilinear or None, drift=added)
+
+
+def box(valve: tuple[float, float] = (0.0, 0.0), rain: tuple[float, float] = (0.0, 0.0)) -> Array:
+    return np.array([valve, rain]).T
+
+
+def test_the_radius_of_a_linear_model_is_that_of_a() -> None:
+    found = box_stability(tank(-0.8), box((-5.0, 5.0), (-1.0, 1.0)))
+    for part in found:
+        assert part.radius == pytest.approx(0.8)
+        assert part.growth == pytest.approx(0.8**80)
+
+
+@pytest.mark.parametrize("saturates", [False, True])
+def test_the_radius_of_a_bilinear_model_is_a_plus_u_n_s_at_its_largest(saturates: bool) -> None:
+    """0.9 + 3 * 0.1 for the highest input; |0.9 - 23 * 0.1| for the lowest of the second box."""
+    model = tank(0.9, 0.1, saturates=saturates)
+    assert box_stability(model, box((-2.0, 3.0))).unsaturated.radius == pytest.approx(1.2)
+    assert box_stability(model, box((-23.0, 3.0))).unsaturated.radius == pytest.approx(1.4)
+
+
+def test_entirely_saturated_gains_do_not_act_if_they_saturate() -> None:
+    always_on = box((-2.0, -2.0))
+    saturating = box_stability(tank(0.9, 0.1, saturates=True), always_on)
+    assert saturating.unsaturated.radius == pytest.approx(0.7)
+    assert saturating.saturated.radius == pytest.approx(0.9)
+    linear = box_stability(tank(0.9, 0.1), always_on)
+    assert [part.radius for part in linear] == pytest.approx([0.7] * 3)
+
+
+def test_points_inside_of_the_box_are_evaluated() -> None:
+    """J = [[0, 1 - u], [u, 0]] has the radius sqrt(u (1 - u)): 0 at both bounds, 0.5 between."""
+    pair = Schema((*LEVEL, Signal("flow_mps", "m/s")), (Signal("valve", "1"),), (), dt_s=0.1)
+    linear = Bundle.linear(
+        np.array([[0.0, 1.0], [0.0, 0.0]]), np.zeros((2, 1)), np.zeros((2, 0)), schema=pair
+    )
+    N, S = np.array([[-1.0, 0.0], [0.0, 1.0]]), np.array([[0.0, 1.0], [1.0, 0.0]])
+    bilinear = Bilinear(N[:, :, None], S[:, None, :], np.zeros((2, 1)))
+    found = box_stability(replace(linear, bilinear=bilinear), np.array([[0.0], [1.0]]))
+    assert found.unsaturated.radius == pytest.approx(0.5, abs=1e-3)
+    assert found.at_states.radius == pytest.approx(0.5, abs=1e-3)
+    assert found.saturated.radius == 0.0
+
+
+@pytest.mark.parametrize("level", [1.0, 0.0])
+def test_gains_are_also_as_saturated_as_in_the_self_test(level: float) -> None:
+    """The drift, which is saturated at a level of 1 and not at 0, then does not damp the input.
+
+    With all gains J is 0.9 + 0.3 - 0.2, without any 0.9, and with the first alone 0.9 + 0.3.
+    """
+    model = tank(0.9, 0.3, saturates=True, drift=(-0.2, 0))
+    assert model.bilinear is not None
+    assert model.drift is not None
+    weak, strong = 1e-3, 10.0
+    model = replace(
+        model,
+        bilinear=model.bilinear._replace(N=model.bilinear.N / weak, S=model.bilinear.S * weak),
+        drift=model.drift._replace(N=model.drift.N / strong, S=model.drift.S * strong),
+        selftest_psi=np.full((2, 1), level),
+    )
+    found = box_stability(model, box((1.0, 1.0), (1.0, 1.0)))
+    assert found.unsaturated.radius == pytest.approx(1.0)
+    assert found.saturated.radius == pytest.approx(0.9)
+    assert found.at_states.radius == pytest.approx(1.2 if level == 1.0 else 1.0)
+
+
+def test_saturation_of_the_drift_takes_its_part_from_a() -> None:
+    """J is a where the gain is not saturated, and a - n s where it is."""
+    saturation = tank(0.9, drift=(-0.3, NO_SIGNAL))
+    signals = np.zeros((3, 2))
+    found = driven_matrices(saturation, signals, np.array([[1.0], [0.5], [0.0]]))
+    np.testing.assert_allclose(found[:, 0, 0], [0.9, 1.05, 1.2])
+    parts = box_stability(saturation, box())
+    assert parts.unsaturated.radius == pytest.approx(0.9)
+    assert parts.saturated.radius == pytest.approx(1.2)
+
+
+def test_a_product_with_an_exogenous_signal_acts_like_an_input() -> None:
+    product = tank(0.9, drift=(0.5, 0))
+    assert box_stability(product, box(rain=(-0.1, 0.4))).unsaturated.radius == pytest.approx(1.1)
+    assert box_stability(product, box((-9.0, 9.0))).unsaturated.radius == pytest.approx(0.9)
+
+
+def test_the_growth_of_a_chain_is_in_units_of_the_spread() -> None:
+    """||A^80||_2 of two integrators, the second observable a hundred times as large."""
+    pair = Schema((Signal("v", "m/s"), Signal("s", "m")), (), (), dt_s=1.0)
+    chain = Bundle.linear(
+        np.array([[1.0, 0.0], [1.0, 1.0]]), np.zeros((2, 0)), np.zeros((2, 0)), schema=pair
+    )
+    psi = np.array([[-1.0, -100.0], [1.0, 100.0]])
+    found = box_stability(replace(chain, selftest_psi=psi), np.zeros((2, 0))).unsaturated
+    assert found.growth == pytest.approx(np.linalg.norm([[1.0, 0.0], [0.8, 1.0]], 2))
+    assert found.radius == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("a", "radius"), [(1e6, 1e6), (np.inf, np.inf), (np.nan, np.inf)])
+def test_a_growth_beyond_all_numbers_is_infinite(a: float, radius: float) -> None:
+    found = stability_of(np.full((1, 1, 1), a), tank())
+    assert found == (radius, np.inf)
+
+
+@pytest.mark.parametrize(("count", "is_found"), [(MOST_SIGNALS, True), (MOST_SIGNALS + 1, False)])
+def test_all_corners_are_evaluated_up_to_ten_signals(count: int, is_found: bool) -> None:
+    """The radius is largest where one half of the inputs is high and the other half low."""
+    inputs = tuple(Signal(f"valve_{i}", "1") for i in range(count))
+    many = Schema(LEVEL, inputs, (), dt_s=0.1)
+    linear = Bundle.linear(np.array([[0.5]]), np.zeros((1, count)), np.zeros((1, 0)), schema=many)
+    signs = np.where(np.arange(count) % 2 == 0, 0.1, -0.1)
+    bilinear = Bilinear(signs[None, None], np.ones((1, count, 1)), np.zeros((1, count)))
+    found = box_stability(
+        replace(linear, bilinear=bilinear), np.array([[-1.0], [1.0]]) * np.ones(count)
+    ).unsaturated
+    assert found.radius <= 0.5 + 0.1 * count
+    assert (found.radius == pytest.approx(0.5 + 0.1 * count)) is is_found
+
+
+def test_the_gains_are_those_of_the_inputs_and_of_the_drift(bundle: Bundle) -> None:
+    assert n_gains(bundle) == 2 * 3 + 3
+    assert n_gains(replace(bundle, drift=None)) == 6
+    assert n_gains(replace(bundle, bilinear=None)) == 3
+
+
+@pytest.mark.parametrize("saturates", [False, True])
+def test_j_is_the_derivative_of_one_step(bundle: Bundle, saturates: bool) -> None:
+    assert bundle.bilinear is not None
+    assert bundle.drift is not None
+    bundle = replace(bundle, bilinear=bundle.bilinear._replace(saturates=saturates))
+    assert bundle.bilinear is not None
+    rng = np.random.default_rng(6)
+    psi, u, w, step = 0.3 * rng.normal(size=9), rng.normal(size=3), rng.normal(size=1), 1e-5
+    moved = psi + step * np.vstack([np.eye(9), -np.eye(9)])
+    after = one_step(bundle, moved, np.tile(u, (18, 1)), np.tile(w, (18, 1)))
+    derivative = (after[:9] - after[9:]).T / (2.0 * step)
+    shares = np.concatenate(
+        [
+            bundle.bilinear._replace(saturates=False).gains(psi).reshape(-1),
+            psi @ bundle.drift.S.T + bundle.drift.s0,
+        ]
+    )
+    slopes = 1.0 - np.tanh(shares) ** 2
+    J = driven_matrices(bundle, np.concatenate([u, w])[None], slopes[None])[0]
+    np.testing.assert_allclose(J, derivative, rtol=1e-6, atol=1e-7)
+
+
+def test_the_box_of_a_bundle_is_its_range_or_the_limits_of_the_car(
+    bundle: Bundle, planar: Bundle
+) -> None:
+    assert bundle.signal_range is not None
+    np.testing.assert_array_equal(signal_box(bundle), bundle.signal_range)
+    limits = [[*INPUT_LIMITS.lower, 0.0], [*INPUT_LIMITS.upper, 0.0]]
+    np.testing.assert_array_equal(signal_box(replace(bundle, signal_range=None)), limits)
+    np.testing.assert_array_equal(signal_box(planar), np.zeros((2, 2)))
+
+
+def test_an_observable_that_is_constant_has_no_part_in_the_growth() -> None:
+    """The offset of a state is large in the column of the constant, where nothing differs."""
+    pair = Schema((Signal("level_m", "m"), Signal("one", "1")), (), (), dt_s=1.0)
+    A = np.array([[0.5, 1e6], [0.0, 1.0]])
+    model = Bundle.linear(A, np.zeros((2, 0)), np.zeros((2, 0)), schema=pair)
+    box_without_signals = np.zeros((2, 0))
+    constant = replace(model, selftest_psi=np.array([[0.0, 1.0], [1.0, 1.0]]))
+    found = box_stability(constant, box_without_signals).unsaturated
+    assert found.radius == pytest.approx(0.5)
+    assert found.growth == pytest.approx(0.5**80)
+    varying = replace(model, selftest_psi=np.array([[0.0, 1.0], [1.0, 2.0]]))
+    assert box_stability(varying, box_without_signals).unsaturated.growth > 1e5
