@@ -6,10 +6,10 @@ from typing import NamedTuple
 from rt_controller.contract.limits import (
     DEFAULT_GEOMETRY,
     INPUT_LIMITS,
-    LEAST_BRAKE_N,
     UNDERSTEER_RAD_PER_MPS2,
     SteeringGeometry,
     brake_beside_n,
+    least_brake_n,
 )
 from rt_controller.contract.signals import PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
@@ -104,5 +104,6 @@ def largest_brake_n(
     beyond_m = max(abs(state.ey_m - path.c0_m) - TOLERATED_OFF_PATH_M, 0.0)
     lateral_mps2 = state.vx_mps * state.yaw_rate_radps
     wanted_mps2 = geometry.steady_lateral_mps2(state.vx_mps, steer_rad)
-    force_n = brake_beside_n(lateral_mps2, wanted_mps2, open_throttle)
-    return max(force_n - LESS_BRAKE_N_PER_M * beyond_m, LEAST_BRAKE_N)
+    least_n = least_brake_n(state.vx_mps)
+    force_n = brake_beside_n(lateral_mps2, wanted_mps2, open_throttle, least_n=least_n)
+    return max(force_n - LESS_BRAKE_N_PER_M * beyond_m, least_n)

@@ -3,7 +3,13 @@
 from math import tan
 from typing import NamedTuple
 
-from rt_controller.contract.limits import DEFAULT_GEOMETRY, SteeringGeometry
+from rt_controller.contract.limits import (
+    DEFAULT_GEOMETRY,
+    LEAST_BRAKE_N,
+    SLOW_MPS,
+    SteeringGeometry,
+    least_brake_n,
+)
 from rt_controller.contract.signals import ControlInput, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 
@@ -30,10 +36,6 @@ class StoppingCar(NamedTuple):
         return vx_mps, rear_axle_m * yaw_rate, yaw_rate
 
 
-SLOWEST_TURN_MPS = 3.0
-"""below it the yaw rate says little about the wheel"""
-
-
 class Cornering(NamedTuple):
     """The turn of a car in one tick."""
 
@@ -43,6 +45,8 @@ class Cornering(NamedTuple):
     """speed times yaw rate"""
     wanted_mps2: float = 0.0
     """lateral acceleration of a steady turn with this wheel"""
+    least_brake_n: float = LEAST_BRAKE_N
+    """of a stop at this speed"""
 
 
 def cornering_of(
@@ -53,10 +57,11 @@ def cornering_of(
         return Cornering()
     lateral_mps2 = state.vx_mps * state.yaw_rate_radps
     wanted_mps2 = geometry.steady_lateral_mps2(state.vx_mps, steer_rad)
-    if state.vx_mps < SLOWEST_TURN_MPS:
-        return Cornering(0.0, lateral_mps2, wanted_mps2)
+    least_n = least_brake_n(state.vx_mps)
+    if state.vx_mps < SLOW_MPS:  # its stop is short, and its yaw rate says little about the wheel
+        return Cornering(0.0, lateral_mps2, wanted_mps2, least_n)
     steady_rad = geometry.steady_wheel_rad(state.vx_mps, state.yaw_rate_radps)
-    return Cornering(steer_rad - steady_rad, lateral_mps2, wanted_mps2)
+    return Cornering(steer_rad - steady_rad, lateral_mps2, wanted_mps2, least_n)
 
 
 LAG_S = 0.3

@@ -64,7 +64,11 @@ def braking_for(
         return COUNTER_STEERING
     straight = ALONG_PATH if is_known else LOST
     most_n = brake_beside_n(
-        cornering.lateral_mps2, cornering.wanted_mps2, open_throttle, straight.most_n
+        cornering.lateral_mps2,
+        cornering.wanted_mps2,
+        open_throttle,
+        straight.most_n,
+        cornering.least_brake_n,
     )
     return straight._replace(most_n=most_n)
 

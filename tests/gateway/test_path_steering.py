@@ -182,3 +182,8 @@ def test_a_car_that_does_not_turn_as_its_wheel_brakes_with_less_force(side: floa
 def test_a_car_that_leaves_its_path_brakes_with_less_force() -> None:
     away = Course(STRAIGHT, CRUISING._replace(ey_m=0.8), 0.0)
     assert largest_brake_n(away, 0.0) == pytest.approx(25.0)
+
+
+def test_a_slow_car_brakes_for_a_short_stop_also_beside_its_path() -> None:
+    away = Course(STRAIGHT, CRUISING._replace(vx_mps=8.9, ey_m=3.0), 0.0)
+    assert largest_brake_n(away, 0.1) == pytest.approx(60.0)

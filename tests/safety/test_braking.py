@@ -44,6 +44,11 @@ def test_a_stop_is_as_short_as_its_cause_demands_and_the_grip_allows(
     assert braking_for(cause, is_known, cornering) == pytest.approx(braking)
 
 
+def test_a_slow_car_has_a_least_force() -> None:
+    found = braking_for(StopCause.NONE, True, Cornering(0.0, 4.0, 4.0, least_brake_n=60.0))
+    assert found.most_n == pytest.approx(60.0)
+
+
 @pytest.mark.parametrize(
     ("open_throttle", "lateral_mps2", "most_n"),
     [(0.05, 0.0, 81.0), (0.05, 3.0, 46.0), (1.0, 0.0, 150.0)],
