@@ -20,68 +20,31 @@ class Event(Enum):
     RESET = "an explicit request to leave SAFE_STOP"
 
 
-TRANSITIONS: dict[Mode, dict[Event, Mode]] = {
-    Mode.STANDBY: {
-        Event.IDLE: Mode.STANDBY,
-        Event.PLANNED: Mode.NOMINAL,
-        Event.LOW_SPEED: Mode.LOW_SPEED,
-        Event.STANDSTILL: Mode.STANDSTILL,
-        Event.HOLDING: Mode.STANDBY,  # not engaged yet: there is no plan to hold
-        Event.PLAN_LOST: Mode.STANDBY,
-        Event.FAULT: Mode.SAFE_STOP,
-        Event.RESET: Mode.STANDBY,
-    },
-    Mode.NOMINAL: {
-        Event.IDLE: Mode.STANDBY,
-        Event.PLANNED: Mode.NOMINAL,
-        Event.LOW_SPEED: Mode.LOW_SPEED,
-        Event.STANDSTILL: Mode.STANDSTILL,
-        Event.HOLDING: Mode.HOLD_PLAN,
-        Event.PLAN_LOST: Mode.SAFE_STOP,
-        Event.FAULT: Mode.SAFE_STOP,
-        Event.RESET: Mode.NOMINAL,
-    },
-    Mode.LOW_SPEED: {
-        Event.IDLE: Mode.STANDBY,
-        Event.PLANNED: Mode.NOMINAL,
-        Event.LOW_SPEED: Mode.LOW_SPEED,
-        Event.STANDSTILL: Mode.STANDSTILL,
-        Event.HOLDING: Mode.HOLD_PLAN,
-        Event.PLAN_LOST: Mode.SAFE_STOP,
-        Event.FAULT: Mode.SAFE_STOP,
-        Event.RESET: Mode.LOW_SPEED,
-    },
-    Mode.STANDSTILL: {
-        Event.IDLE: Mode.STANDBY,
-        Event.PLANNED: Mode.NOMINAL,
-        Event.LOW_SPEED: Mode.LOW_SPEED,
-        Event.STANDSTILL: Mode.STANDSTILL,
-        Event.HOLDING: Mode.HOLD_PLAN,
-        Event.PLAN_LOST: Mode.SAFE_STOP,
-        Event.FAULT: Mode.SAFE_STOP,
-        Event.RESET: Mode.STANDSTILL,
-    },
-    Mode.HOLD_PLAN: {
-        Event.IDLE: Mode.STANDBY,
-        Event.PLANNED: Mode.NOMINAL,
-        Event.LOW_SPEED: Mode.LOW_SPEED,
-        Event.STANDSTILL: Mode.STANDSTILL,
-        Event.HOLDING: Mode.HOLD_PLAN,
-        Event.PLAN_LOST: Mode.SAFE_STOP,
-        Event.FAULT: Mode.SAFE_STOP,
-        Event.RESET: Mode.HOLD_PLAN,
-    },
-    Mode.SAFE_STOP: {
-        Event.IDLE: Mode.SAFE_STOP,
-        Event.PLANNED: Mode.SAFE_STOP,
-        Event.LOW_SPEED: Mode.SAFE_STOP,
-        Event.STANDSTILL: Mode.SAFE_STOP,
-        Event.HOLDING: Mode.SAFE_STOP,
-        Event.PLAN_LOST: Mode.SAFE_STOP,
-        Event.FAULT: Mode.SAFE_STOP,
-        Event.RESET: Mode.STANDBY,
-    },
+_FOLLOWING = {
+    Event.IDLE: Mode.STANDBY,
+    Event.PLANNED: Mode.NOMINAL,
+    Event.LOW_SPEED: Mode.LOW_SPEED,
+    Event.STANDSTILL: Mode.STANDSTILL,
+    Event.HOLDING: Mode.HOLD_PLAN,
+    Event.PLAN_LOST: Mode.SAFE_STOP,
+    Event.FAULT: Mode.SAFE_STOP,
 }
+"""of a car that is driven; a request to leave SAFE_STOP changes nothing there"""
+
+
+def _after(mode: Mode, event: Event) -> Mode:
+    if mode is Mode.SAFE_STOP:  # never left without an explicit request
+        return Mode.STANDBY if event is Event.RESET else Mode.SAFE_STOP
+    is_without_plan = event in (Event.HOLDING, Event.PLAN_LOST)
+    if mode is Mode.STANDBY and is_without_plan:  # not engaged yet: there is no plan to hold
+        return Mode.STANDBY
+    return _FOLLOWING.get(event, mode)
+
+
+TRANSITIONS: dict[Mode, dict[Event, Mode]] = {
+    mode: {event: _after(mode, event) for event in Event} for mode in Mode
+}
+"""the whole table, for the loop and for people"""
 
 
 def next_mode(mode: Mode, event: Event) -> Mode:
