@@ -214,8 +214,8 @@ def test_help_offers_only_interfaces_that_other_processes_reach(run: Run) -> Non
 
 def test_a_scenario_that_needs_too_much_steering_has_a_note_at_the_start(run: Run) -> None:
     content = {
-        "format": 2, "name": "tight", "duration_s": 5.0, "road": {"curvature_per_m": 0.025},
-        "reference": {"speed_kmh": 40.0},
+        "format": 2, "name": "tight", "duration_s": 5.0, "road": {"curvature_per_m": 1.0 / 15.0},
+        "reference": {"speed_kmh": 30.0},
     }  # fmt: skip
     _, _, message = run(Session(1, DRIVEN, scenario=parse_scenario(content, "test")))
-    assert "note: scenario 'tight': a steady state needs about 85 deg" in message
+    assert "note: scenario 'tight': a steady state needs about 218 deg" in message

@@ -186,8 +186,9 @@ def test_too_little_friction_is_noted_with_place_demand_and_grip() -> None:
 @pytest.mark.parametrize(
     ("radius_m", "speed_kmh", "text"),
     [
-        (40.0, 30.0, "about 82 deg at the steering wheel at s = 0 m (radius 40 m, 30 km/h)"),
-        (100.0, 85.0, "radius 100 m, 85 km/h"),  # by understeer alone
+        (15.0, 30.0, "about 218 deg at the steering wheel at s = 0 m (radius 15 m, 30 km/h)"),
+        (70.0, 85.0, "radius 70 m, 85 km/h"),
+        (40.0, 30.0, None),
         (100.0, 40.0, None),
         (80.0, 10.0, None),
     ],

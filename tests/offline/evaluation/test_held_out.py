@@ -199,8 +199,9 @@ def test_a_bundle_of_unknown_origin_is_evaluated_on_its_own_data_only(toy_datase
     assert not is_held_out(unknown, replace(toy_dataset.manifest, sha256="other"))
 
 
-def test_all_shipped_models_are_of_one_data_set_so_that_they_can_be_compared():
-    shipped = [load_bundle(shipped_model(name)) for name in ("mdk-net", "mdk-net-paper", "lti")]
+def test_the_learned_models_are_of_one_data_set_so_that_they_can_be_compared():
+    """`lti` is not: export refuses a linear fit to drives with large steering angles."""
+    shipped = [load_bundle(shipped_model(name)) for name in ("mdk-net", "mdk-net-paper")]
     sha256s = {bundle.data_sha256 for bundle in shipped}
     assert len(sha256s) == 1
     manifest = SimpleNamespace(sha256=sha256s.pop(), origin=None)
