@@ -16,7 +16,7 @@ from offline.config import TrainingConfig
 from offline.data.dataset import exists
 from offline.evaluation.tables import ratio_table, rms_table
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.files import require_writable, write_figures
+from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.report.table import to_markdown
 from rt_controller.terminal.command_line import run_command
 

@@ -27,7 +27,7 @@ from benchmarks.rivals.drive import (
 from benchmarks.rivals.scenarios import NOISY, SEARCH
 from benchmarks.rivals.stanley import Gains
 from rt_controller import ControllerConfig, Drive
-from rt_controller.contract.files import require_writable, write_figures
+from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.model.bundle import Bundle
 from rt_controller.node import build_mpc
 from rt_controller.settings import CarSettings

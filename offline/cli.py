@@ -29,7 +29,7 @@ from offline.config import PRESETS
 from offline.data.variation import RecipeName, choose_variation
 from offline.experiments.backend import Backend
 from rt_controller.contract.errors import ConfigError, require_packages
-from rt_controller.contract.files import require_writable, write_figures
+from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.terminal.command_line import new_app, run_command
 from sim_bridge.plant.shipped_cars import DEFAULT_CAR
 

@@ -10,7 +10,7 @@ from rich.console import Console
 from rt_controller.bus.log.recorder import Recorder, open_recorder, require_recordable
 from rt_controller.bus.transport import require_interface
 from rt_controller.contract.errors import BusError, ConfigError, OutputError, PlantError
-from rt_controller.contract.files import require_writable, write_figures
+from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.timing import PERIOD_MS
 from rt_controller.drive.car_figures import (
     EXIT_LIMIT,

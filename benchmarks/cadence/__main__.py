@@ -7,7 +7,7 @@ import cyclopts
 from rich.console import Console
 
 from benchmarks.cadence.drive import CadenceRun, Transport, aggregate, drive_in_real_time
-from rt_controller.contract.files import require_writable, write_figures
+from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.model.artifact import shipped_model
 from rt_controller.realtime.timing import TickTimes

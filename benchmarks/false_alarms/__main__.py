@@ -25,7 +25,7 @@ from benchmarks.false_alarms.conditions import Condition, conditions
 from benchmarks.false_alarms.drive import DriveResult, measure, result_from
 from benchmarks.false_alarms.summary import driven_h, json_of, table_of
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.files import require_writable, write_figures
+from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.model.artifact import SHIPPED_MODEL
 from rt_controller.model.bundle import Bundle
 from rt_controller.report.table import to_markdown

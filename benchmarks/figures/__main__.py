@@ -13,7 +13,7 @@ from benchmarks.figures.imports import SOURCES, read_import
 from benchmarks.figures.results import Part, Results
 from benchmarks.figures.tables import blocks
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.files import require_writable, write_figures
+from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.model.artifact import SHIPPED_MODEL
 from rt_controller.terminal.command_line import run_command
 

@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rt_controller.contract.files import write_figures
+from rt_controller.contract.figures import write_figures
 from rt_controller.model.artifact import shipped_model
 from rt_controller.model.bundle import Bundle
 

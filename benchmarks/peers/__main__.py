@@ -13,7 +13,7 @@ from benchmarks.peers.solver_comparison import HEADS, Mode, compare
 from benchmarks.peers.solvers.registry import find_solvers, require_names
 from benchmarks.tables import to_plain, to_tables
 from rt_controller.config import ShippedModel
-from rt_controller.contract.files import require_writable, write_figures
+from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.report.drive_figure import require_figure_file
 from rt_controller.report.table import print_table
 from rt_controller.terminal.command_line import run_command

@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 from benchmarks.rivals.scenarios import FIT
 from rt_controller import simulate
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.files import write_figures
+from rt_controller.contract.figures import write_figures
 from rt_controller.contract.limits import DEFAULT_GEOMETRY
 from rt_controller.contract.signals import (
     AT_REST,

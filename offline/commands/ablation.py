@@ -17,7 +17,7 @@ from offline.commands.options import (
 from offline.commands.terminal import STDERR, STDOUT, progress_bar
 from offline.experiments.backend import Backend
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.files import write_figures
+from rt_controller.contract.figures import write_figures
 
 if TYPE_CHECKING:
     from offline.experiments.comparison import Row

@@ -10,7 +10,7 @@ from offline.config import TrainingConfig
 from offline.data.variation import Variation
 from offline.experiments.backend import Backend
 from rt_controller.contract.errors import require_packages
-from rt_controller.contract.files import require_writable
+from rt_controller.contract.figures import require_writable
 
 RUNS = Path("runs")
 LATEST_RUN = RUNS / "latest"

@@ -16,7 +16,8 @@ from offline.evaluation.model_card import identity_facts, model_facts, stability
 from offline.evaluation.predictor import predict_trajectories
 from offline.evaluation.report import evaluation_page, lane_change_section
 from rt_controller.contract.errors import OutputError
-from rt_controller.contract.files import require_writable, write_text
+from rt_controller.contract.figures import require_writable
+from rt_controller.contract.files import write_text
 from rt_controller.report.page import Page, Section, render_page
 from rt_controller.report.table import Fact, facts_table
 

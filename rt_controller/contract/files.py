@@ -7,13 +7,12 @@ noticed.
 
 import errno
 import io
-import json
 import os
 import select
 import shutil
 import stat
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -21,8 +20,6 @@ from uuid import uuid4
 
 import numpy as np
 from numpy.typing import NDArray
-
-from rt_controller.contract.errors import ConfigError, OutputError
 
 LARGEST_TEXT_BYTES = 64_000_000
 _LONGEST_STALL_S = 2.0
@@ -169,64 +166,6 @@ def read_arrays(
         # zipfile, zlib and numpy's header parser raise many types, few of them documented.
         except Exception as error:
             raise DamagedArchiveError(str(error) or type(error).__name__) from error
-
-
-def require_writable(path: Path | None, option: str = "--json") -> None:
-    """Return if a file can be written there later; no file is made. With None there is no file.
-
-    `option` is the option that named it. A long run must not end without its file.
-
-    Raises:
-        ConfigError: it cannot.
-    """
-    if path is None:
-        return
-    obstacle = _obstacle(path)
-    if obstacle:
-        raise ConfigError(
-            f"{option} {path}: expected a file that can be written, found {obstacle}. Name another "
-            f"file, in a folder that exists."
-        )
-
-
-def write_figures(path: Path | None, figures: Mapping[str, Any] | Sequence[Any]) -> None:
-    """Write the figures as JSON, in place of a file that exists; None writes nothing.
-
-    A number that is not finite becomes null, since JSON has no infinity.
-
-    Raises:
-        OutputError: the file can no longer be written; an existing one is left as it was.
-    """
-    if path is None:
-        return
-    finite = json.loads(json.dumps(figures), parse_constant=lambda infinite: None)
-    text = json.dumps(finite, indent=2, allow_nan=False) + "\n"
-    from rt_controller.contract.files import atomic_write  # numpy, which --help does without
-
-    try:
-        with atomic_write(path) as file:
-            file.write(text.encode())
-    except OSError as error:
-        raise OutputError(
-            f"--json {path}: expected room for the figures, found {error.strerror}. The run itself "
-            f"is done; only this file is missing. Free some space before the next one."
-        ) from error
-
-
-def _obstacle(path: Path) -> str | None:
-    """The reason why no file can be written there; None if it can."""
-    try:
-        with suppress(FileNotFoundError, NotADirectoryError):
-            path.stat()  # a link that leads to itself neither exists nor can be made
-        if path.is_dir():
-            return "a folder of that name"
-        if path.exists():
-            return None if os.access(path, os.W_OK) else "a file without permission to write"
-        if not path.parent.is_dir():
-            return f"no folder {path.parent}"
-    except OSError as error:
-        return error.strerror
-    return None if os.access(path.parent, os.W_OK | os.X_OK) else "a folder closed to writing"
 
 
 def user_cache_folder() -> Path | None:

@@ -8,7 +8,7 @@ import numpy as np
 from rich.console import Console
 from threadpoolctl import threadpool_limits
 
-from rt_controller.contract.files import require_writable, write_figures
+from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.signals import ControlInput, Mode, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.explanation import PlanExplanation

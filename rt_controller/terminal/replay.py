@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Console
 from threadpoolctl import threadpool_limits
 
-from rt_controller.contract.files import require_writable, write_figures
+from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.drive.car_figures import EXIT_LIMIT
 from rt_controller.node import build_mpc
 from rt_controller.recording.header import (

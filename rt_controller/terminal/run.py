@@ -12,7 +12,7 @@ from rt_controller.bus.log.recorder import require_recordable
 from rt_controller.bus.messages import STATE
 from rt_controller.bus.transport import close_bus, require_interface
 from rt_controller.contract.errors import BusError, OutputError, PlantError, RtControllerError
-from rt_controller.contract.files import require_writable, write_figures
+from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.drive.car_figures import (
     EXIT_LIMIT,
     CarFigure,

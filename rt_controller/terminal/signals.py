@@ -10,7 +10,8 @@ from rich.console import Console
 
 from rt_controller.bus.transport import close_bus
 from rt_controller.contract.errors import ConfigError, DatasetError
-from rt_controller.contract.files import open_regular, require_writable, write_figures
+from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.files import open_regular
 from rt_controller.gateway.lateral_speed import choose_geometry, choose_lateral_speed
 from rt_controller.gateway.process import LEAVING_REQUEST, Gateway, run_gateway
 from rt_controller.gateway.signals_check import CheckReport, check_signals

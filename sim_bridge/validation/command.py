@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from rt_controller.contract.files import require_writable, write_figures, write_text
+from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.files import write_text
 from rt_controller.report.page import (
     Links,
     Page,

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from rt_controller.contract.errors import ConfigError, RtControllerError
-from rt_controller.contract.files import require_writable, write_figures
+from rt_controller.contract.figures import require_writable, write_figures
 
 
 def test_the_check_makes_no_file(tmp_path: Path) -> None:

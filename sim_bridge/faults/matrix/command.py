@@ -12,7 +12,8 @@ from typing import NamedTuple
 from rich.console import Console
 
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.files import read_text, require_writable, write_figures
+from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.files import read_text
 from rt_controller.contract.names import hint
 from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.model.bundle import Bundle

@@ -16,7 +16,7 @@ from offline.evaluation.tables import (
     ratio_table,
     series_tables,
 )
-from rt_controller.contract.files import write_figures
+from rt_controller.contract.figures import write_figures
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.report.table import format_number
 
