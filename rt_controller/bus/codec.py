@@ -197,10 +197,7 @@ class FrameCodec:
             return frame[2] if is_intact else DAMAGED
         head = frame[1]
         counter = head & COUNTER_MASK
-        t = _TABLE
-        crc, a, b, c, d, e, f, g = frame  # as in `crc8`, without the call
-        body = t[t[t[t[t[t[t[0xFF ^ a] ^ b] ^ c] ^ d] ^ e] ^ f] ^ g]
-        if t[body ^ self.data_ids[counter]] ^ 0xFF != crc:
+        if crc8(frame, self.data_ids[counter]) != frame[0]:
             return DAMAGED
         return counter | (head >> 5) * COUNTER_MODULUS if self._has_cycle else counter
 

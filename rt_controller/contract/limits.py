@@ -41,8 +41,8 @@ MOST_BRAKE_N, BRAKE_RATE_N_PER_S = 75.0, 150.0
 """of a straight car, about 0.4 g: with more, a wet road (friction 0.5) leaves nothing to steer"""
 LEAST_BRAKE_N = 25.0
 SLOW_MPS, SLOW_BRAKE_N = 9.0, 60.0
-"""a slower car brakes with at least this force, 3 m/s^2: it stops within 14 m, also on a grade of
-20 % downhill, on which the least force of a faster one does not stop it"""
+"""a slower car brakes with at least this force, 3 m/s^2: it stops within 14 m on a level road, and
+also 20 % downhill, where the least force of a faster one does not stop it"""
 HARD_BRAKE_N, HARD_BRAKE_RATE_N_PER_S = 100.0, 300.0
 """about 0.5 g, of a car whose place is not known: only a short stop keeps it near its path"""
 LESS_BRAKE_N_PER_MPS2 = 20.0
@@ -96,7 +96,7 @@ class SteeringGeometry(NamedTuple):
     steering_ratio: float
     """angle of the steering wheel over the angle of the front wheels"""
     lock_rad: float = INPUT_LIMITS.upper.steer_rad
-    """largest angle of the steering wheel; by default no more than that of the plan"""
+    """largest angle of the steering wheel; where it is not known 40 deg, which every car can turn"""
 
     def steady_wheel_rad(self, vx_mps: float, yaw_rate_radps: float) -> float:
         """Steering-wheel angle of a steady turn, with the understeer of the default car."""

@@ -1,4 +1,10 @@
-"""Signals of car and controller in SI units: states, inputs, path, modes, and their schema."""
+"""Order, names and units of every vector that the packages exchange.
+
+The `_fields` of these tuples are the vector order everywhere: in arrays and in the model
+bundle. An array's column is named by `StateColumn` or `InputColumn`, never by its number. SI
+units; the unit is the end of each name.
+Paper: eq. (2), "set of states and inputs".
+"""
 
 from dataclasses import dataclass
 from enum import IntEnum
