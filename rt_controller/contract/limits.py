@@ -96,7 +96,7 @@ class SteeringGeometry(NamedTuple):
     steering_ratio: float
     """angle of the steering wheel over the angle of the front wheels"""
     lock_rad: float = INPUT_LIMITS.upper.steer_rad
-    """largest angle of the steering wheel; where it is not known 40 deg, which every car can turn"""
+    """largest angle of the steering wheel; where it is not known 40 deg"""
 
     def steady_wheel_rad(self, vx_mps: float, yaw_rate_radps: float) -> float:
         """Steering-wheel angle of a steady turn, with the understeer of the default car."""
