@@ -102,7 +102,9 @@ def _checked(where: str, raw: Mapping[str, Any], read: Callable[[], Scenario]) -
         scenario = read()
         found = problems(scenario)
     except ValidationError as error:
-        raise ConfigError(_listed(where, list(_lines(error, raw)))) from error
+        told = " The end of docs/scenarios.md says how format 1 becomes format 2."
+        lines = [f"{x}{told * x.startswith('format:')}" for x in _lines(error, raw)]
+        raise ConfigError(_listed(where, lines)) from error
     except ValueError as error:
         raise ConfigError(_listed(where, [str(error)])) from error
     if found:
