@@ -5,7 +5,7 @@ from math import atan, hypot
 from rt_controller.contract.signals import ControlInput, CurvaturePreview, Mode, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.car_figures import CarFigure
-from rt_controller.gateway.vehicle_envelope import OwnMotion, off_path_m
+from rt_controller.vehicle.vehicle_envelope import OwnMotion, off_path_m
 from sim_bridge.scenario import Scenario
 from sim_bridge.scenario.metrics import DriveLog, LogRow, judged, measure, peak, rms
 from sim_bridge.scenario.speed import next_progress

@@ -45,7 +45,6 @@ from rt_controller.contract.timing import (
 from rt_controller.gateway.lateral_speed import LateralSpeed
 from rt_controller.gateway.line_ahead import preview_on, stop_at_end
 from rt_controller.gateway.motion import Motion, MotionHistory
-from rt_controller.gateway.path_steering import Course
 from rt_controller.gateway.road_place import PlaceMeasured, PlaceOnLine, RoadPlace
 from rt_controller.gateway.samples import Samples
 from rt_controller.gateway.speed_slope import SpeedSlope
@@ -53,6 +52,7 @@ from rt_controller.mapping.car_file import CarFile
 from rt_controller.mapping.signal_reader import SignalReader
 from rt_controller.mapping.signal_writer import SignalWriter
 from rt_controller.mapping.slots import command_slots, measured_slots
+from rt_controller.vehicle.path_steering import Course
 
 MISSION_ID = 1
 

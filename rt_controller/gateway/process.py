@@ -27,11 +27,17 @@ from rt_controller.contract.timing import (
     PERIOD_S,
     counter_lag,
 )
-from rt_controller.gateway.braking_cause import BrakingCause
 from rt_controller.gateway.car_end import CarEnd
 from rt_controller.gateway.lateral_speed import LateralSpeed
-from rt_controller.gateway.path_steering import largest_brake_n, steer_along
-from rt_controller.gateway.vehicle_envelope import (
+from rt_controller.mapping.car_file import CarFile
+from rt_controller.mapping.frame_queue import MAX_FRAMES
+from rt_controller.realtime.clock import RealtimeClock
+from rt_controller.safety.envelope import limit
+from rt_controller.safety.fallback import Braking, safe_stop, stand_by
+from rt_controller.safety.modes import STANDING_MPS
+from rt_controller.vehicle.braking_cause import BrakingCause
+from rt_controller.vehicle.path_steering import largest_brake_n, steer_along
+from rt_controller.vehicle.vehicle_envelope import (
     FARTHEST_OFF_PATH_M,
     LARGEST_LATERAL_MPS2,
     STANDING,
@@ -40,12 +46,6 @@ from rt_controller.gateway.vehicle_envelope import (
     off_path_m,
     refusals,
 )
-from rt_controller.mapping.car_file import CarFile
-from rt_controller.mapping.frame_queue import MAX_FRAMES
-from rt_controller.realtime.clock import RealtimeClock
-from rt_controller.safety.envelope import limit
-from rt_controller.safety.fallback import Braking, safe_stop, stand_by
-from rt_controller.safety.modes import STANDING_MPS
 
 POLLS = 10
 """of both buses in a period, so that a command is late by 2.5 ms at most"""

@@ -10,7 +10,7 @@ from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.gateway.vehicle_envelope import (
+from rt_controller.vehicle.vehicle_envelope import (
     LARGEST_LATERAL_MPS2,
     STANDING,
     OwnMotion,
