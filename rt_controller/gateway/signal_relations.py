@@ -110,7 +110,7 @@ def _relations(geometry: SteeringGeometry) -> tuple[Relation, ...]:
     motion, place = (VX, YAW_RATE), (HEADING, CURVATURE, VX, YAW_RATE)
     wheels = tuple(
         Relation(
-            f"{name} = wheel angle of the yaw rate by the geometry of the car",
+            f"{name} = wheel angle of the yaw rate",
             (name, *motion),
             partial(_steering, name, geometry),
             0.03,
