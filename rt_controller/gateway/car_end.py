@@ -29,12 +29,7 @@ from rt_controller.bus.messages import (
 )
 from rt_controller.bus.receive import Inbox, Received
 from rt_controller.bus.send import Outbox, SendingBus
-from rt_controller.contract.signals import (
-    ControlInput,
-    Mode,
-    PathReference,
-    VehicleState,
-)
+from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
 from rt_controller.contract.timing import (
     IDENT_PERIOD_TICKS,
     MISSION_PERIOD_TICKS,
@@ -43,14 +38,16 @@ from rt_controller.contract.timing import (
     counter_lag,
 )
 from rt_controller.gateway.lateral_speed import LateralSpeed
-from rt_controller.gateway.line_ahead import preview_on, stop_at_end
-from rt_controller.gateway.motion import Motion, MotionHistory
-from rt_controller.gateway.road_place import PlaceMeasured, PlaceOnLine, RoadPlace
-from rt_controller.gateway.samples import Samples
-from rt_controller.gateway.speed_slope import SpeedSlope
+from rt_controller.gateway.road_place import (
+    PlaceMeasured,
+    PlaceOnLine,
+    RoadPlace,
+    preview_on,
+    stop_at_end,
+)
+from rt_controller.gateway.samples import Motion, MotionHistory, Samples, SpeedSlope
 from rt_controller.mapping.car_file import CarFile
-from rt_controller.mapping.signal_reader import SignalReader
-from rt_controller.mapping.signal_writer import SignalWriter
+from rt_controller.mapping.signal_frames import SignalReader, SignalWriter
 from rt_controller.mapping.slots import command_slots, measured_slots
 from rt_controller.vehicle.path_steering import Course
 

@@ -16,10 +16,7 @@ from rt_controller.bus.receive import Received
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.grip import BRAKE_RATE_N_PER_S
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
-from rt_controller.contract.steering_geometry import (
-    DEFAULT_GEOMETRY,
-    SteeringGeometry,
-)
+from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY, SteeringGeometry
 from rt_controller.contract.timing import (
     COMMAND_TIMEOUT_NS,
     COMMAND_TIMEOUT_TICKS,
@@ -30,7 +27,7 @@ from rt_controller.contract.timing import (
 from rt_controller.gateway.car_end import CarEnd
 from rt_controller.gateway.lateral_speed import LateralSpeed
 from rt_controller.mapping.car_file import CarFile
-from rt_controller.mapping.frame_queue import MAX_FRAMES
+from rt_controller.mapping.signal_frames import MAX_FRAMES
 from rt_controller.realtime.clock import RealtimeClock
 from rt_controller.safety.envelope import limit
 from rt_controller.safety.fallback import Braking, safe_stop, stand_by

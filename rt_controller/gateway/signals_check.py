@@ -12,7 +12,7 @@ import can
 from rt_controller.gateway.samples import longest_gap_s
 from rt_controller.gateway.signal_relations import COMMANDED, Track, Verdict, check_relations
 from rt_controller.mapping.car_file import CarFile
-from rt_controller.mapping.signal_reader import SignalReader
+from rt_controller.mapping.signal_frames import SignalReader
 from rt_controller.mapping.slots import Slot, command_slots, measured_slots
 
 ALLOWED_UNUSABLE_SHARE = 0.01

@@ -6,11 +6,11 @@ from typing import NamedTuple
 from cantools.database.can import Database
 from pydantic import TypeAdapter
 
-from rt_controller.contract.errors import ConfigError, require_packages
+from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.files import read_text
-from rt_controller.mapping.car_signals import DrivingMapping
 from rt_controller.mapping.dbc_signals import load_dbc
 from rt_controller.mapping.reference_line import ReferenceLine, read_line
+from rt_controller.mapping.tables import DrivingMapping
 from rt_controller.mapping.toml_file import parse
 
 
@@ -30,9 +30,7 @@ def read_car(path: Path) -> CarFile:
         ConfigError: a file cannot be read, or fields are missing, unknown or wrong; all such fields
             are named at once.
         DatasetError: the reference line is damaged.
-        MissingExtraError: the package that converts units is not installed.
     """
-    require_packages("signals", ("pint",), f"{path}: a car with its own messages")
     try:
         text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:

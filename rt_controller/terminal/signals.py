@@ -41,7 +41,7 @@ def check_at_terminal(
     """Print what arrives of each signal; 0, or 8 if something was found.
 
     Raises:
-        ConfigError, DatasetError, BusError, MissingExtraError: mapping, log or bus do not fit.
+        ConfigError, DatasetError, BusError: mapping, log or bus do not fit.
     """
     require_writable(json_file)
     if (log is None) == (bus is None):

@@ -11,10 +11,7 @@ from typing import NamedTuple
 from rt_controller.bus.messages import NO_REFUSAL, Command, Refusal
 from rt_controller.contract.limits import INPUT_LIMITS, RELEASED_BRAKE_N, RELEASED_THROTTLE
 from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
-from rt_controller.contract.steering_geometry import (
-    DEFAULT_GEOMETRY,
-    SteeringGeometry,
-)
+from rt_controller.contract.steering_geometry import DEFAULT_GEOMETRY, SteeringGeometry
 from rt_controller.contract.timing import COMMAND_TIMEOUT_TICKS, PERIOD_S
 
 LARGEST_LATERAL_MPS2 = 7.5

@@ -4,7 +4,7 @@ from math import cos, sin
 
 import pytest
 
-from rt_controller.gateway.motion import Motion, MotionHistory
+from rt_controller.gateway.samples import Motion, MotionHistory
 
 PERIOD_NS = 25_000_000
 YAW_RATE = 0.4

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
-from rt_controller.gateway.speed_slope import LARGEST_MPS2, SpeedSlope
+from rt_controller.gateway.samples import LARGEST_MPS2, SpeedSlope
 
 
 def after(speeds_mps: list[float]) -> float:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rt_controller.mapping.quantity import si_unit_of_name
+from rt_controller.mapping.units import si_unit_of_name
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,8 @@
 """Units as loggers and FMUs write them are converted to SI, or refused with similar spellings."""
 
-from importlib import util
-
 import pytest
 
-from rt_controller.contract.errors import ConfigError, MissingExtraError
-from rt_controller.mapping import units
+from rt_controller.contract.errors import ConfigError
 from rt_controller.mapping.units import (
     find_unit,
     near_units,
@@ -91,12 +88,3 @@ def test_a_unit_written_in_base_units_is_recognised_by_its_exponents():
     assert unit_of_exponents(1, 1, -2, 0, 1e3).quantity == "force"
     assert unit_of_exponents(0, 0, -1, 0, 1.0).si == "rad/s"
     assert unit_of_exponents(0, 0, 0, 3, 1.0) is None
-
-
-def test_without_pint_the_message_has_the_install_line(monkeypatch):
-    monkeypatch.setattr(util, "find_spec", lambda _: None)
-    monkeypatch.setattr(units, "find_spec", util.find_spec)
-    units._registry.cache_clear()
-    units._to_si.cache_clear()
-    with pytest.raises(MissingExtraError, match=r"pip install .*\[logs\]"):
-        find_unit("km/h")
