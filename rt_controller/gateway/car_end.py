@@ -60,13 +60,7 @@ class CarEnd:
     def __init__(
         self, car: CarFile, lateral_speed: LateralSpeed, bus: SendingBus, is_fd: bool = False
     ) -> None:
-        """Find every signal in the DBC.
-
-        Args:
-            car: mapping file, DBC and reference line.
-            lateral_speed: estimates v_y where the car does not send it.
-            bus: receives the frames of the contract.
-            is_fd: these are frames of CAN FD.
+        """Find every signal in the DBC; `bus` receives the frames of the contract.
 
         Raises:
             ConfigError: a column is not in the DBC.
@@ -137,9 +131,8 @@ class CarEnd:
 
     def command_frames(self, control: ControlInput, mode: Mode) -> list[can.Message]:
         """The frames for the car that are due with this command."""
-        frames = self._frames(control, mode, self._commands)
         self._commands += 1
-        return frames
+        return self._frames(control, mode, self._commands - 1)
 
     def last_frames(self, control: ControlInput, mode: Mode) -> list[can.Message]:
         """Every frame for the car, due or not: a released car gets released pedals."""
@@ -219,16 +212,9 @@ class CarEnd:
         return ControlInput(*values)
 
     def _state(self, motion: Motion, place: RoadPlace, now_ns: int) -> StateSample:
-        state = VehicleState(
-            motion.vx_mps,
-            motion.vy_mps,
-            motion.yaw_rate_radps,
-            place.ds_m,
-            place.ey_m,
-            place.epsi_rad,
-        )
+        _, vx_mps, vy_mps, yaw_rate = motion
         return StateSample(
-            state=state,
+            state=VehicleState(vx_mps, vy_mps, yaw_rate, place.ds_m, place.ey_m, place.epsi_rad),
             curvature_per_m=place.curvature_per_m,
             sample_time_ns=now_ns,
             command_echo=None if self.command is None else self.command.counter,

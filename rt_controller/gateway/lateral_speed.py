@@ -161,10 +161,10 @@ def choose_lateral_speed(car: CarFile, bundle: Bundle) -> LateralSpeed:
     It is not used if the car measures v_y.
     """
     data, geometry = car.mapping.car, choose_geometry(car, bundle)
+    rear_m = geometry.rear_axle_m
     if "vy_mps" in car.mapping.states:
-        return LateralSpeed(RearAxle(geometry.rear_axle_m, 0.0, 0.0))
+        return LateralSpeed(RearAxle(rear_m, 0.0, 0.0))
     if data is not None and data.rear_slip_s2_per_m is not None:
-        inertia_m = geometry.rear_axle_m if data.yaw_inertia_m is None else data.yaw_inertia_m
-        constants = RearAxle(geometry.rear_axle_m, data.rear_slip_s2_per_m, inertia_m)
-        return LateralSpeed(constants)
+        inertia_m = rear_m if data.yaw_inertia_m is None else data.yaw_inertia_m
+        return LateralSpeed(RearAxle(rear_m, data.rear_slip_s2_per_m, inertia_m))
     return LateralSpeed(identify(bundle, geometry))

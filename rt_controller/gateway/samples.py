@@ -6,7 +6,7 @@ from math import cos, isfinite, isnan, sin
 from typing import NamedTuple
 
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.mapping.dbc_signals import Source
+from rt_controller.mapping.car_file import Source
 from rt_controller.mapping.slots import Slot
 
 LONGEST_GAP_PERIODS = 3.5
@@ -29,10 +29,9 @@ class Samples:
 
     def __init__(self, slots: Sequence[Slot], sources: Mapping[str, Source]) -> None:
         self._newest: dict[str, tuple[Sample, int]] = {}
-        self._delay_ns = {slot.name: round(1e9 * slot.column.delay_s) for slot in slots}
-        self._gap_ns = {
-            slot.name: round(1e9 * longest_gap_s(slot, sources[slot.name])) for slot in slots
-        }
+        self._delay_ns = {each.name: round(1e9 * each.column.delay_s) for each in slots}
+        gaps_s = {each.name: longest_gap_s(each, sources[each.name]) for each in slots}
+        self._gap_ns = {name: round(1e9 * gap_s) for name, gap_s in gaps_s.items()}
 
     def add(self, values: Mapping[str, float], arrival_ns: int) -> None:
         """Add the values of one frame, by slot."""

@@ -15,7 +15,7 @@ from cantools.database.can import Database, Message, Signal
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.mapping.dbc_signals import Source, find_source
+from rt_controller.mapping.car_file import Source, find_source
 from rt_controller.mapping.slots import Scaling, Slot, scaling_of
 from rt_controller.mapping.tables import Checksum, ChecksumKind, MessageMapping
 

@@ -63,6 +63,7 @@ def _in_folder(path: Path, info: ValidationInfo) -> Path:
 Interval = Annotated[tuple[float, float], AfterValidator(_in_order)]
 UnitName = Annotated[str, AfterValidator(_allowed)]
 RelativePath = Annotated[Path, AfterValidator(_in_folder)]
+ChecksumKind = Literal["crc8_0x1d", "crc8_0x2f", "xor8", "sum8"]
 
 
 class MappingTable(BaseModel):
@@ -87,15 +88,11 @@ class Clock(MappingTable):
 
     column: str | None = None
     other_names: tuple[str, ...] = ()
-    """of the column, in logs that have none of the first name"""
     file: str | None = None
     """file of the times, beside that of the values; {name}: name of that file without its ending"""
     unit: Annotated[str, AfterValidator(_of_time)] | None = None
-    """or one of `TEXT_TIMES`; None: the one behind the column's name in the file, or s"""
     period_s: PositiveFloat | None = None
-    """time between two rows; compared with the column if there is one"""
     repeated: Literal["refuse", "skip"] = "refuse"
-    """rows with the time of the row before"""
     starts_at_zero: bool = False
     """the times of every file count from its own first row, which all files recorded together"""
 
@@ -110,13 +107,9 @@ class ColumnMapping(MappingTable):
 
     column: str
     other_names: tuple[str, ...] = ()
-    """of the column, in logs that have none of the first name"""
     file: str | None = None
-    """file of a drive that has one for each signal; None: every drive is one file"""
     time: Clock | None = None
-    """clock of this column alone; None: that of [time]"""
     unit: UnitName | None = None
-    """None: the unit that the log itself gives"""
     sign: Literal[1, -1] = 1
     factor: Annotated[FiniteFloat, AfterValidator(_not_zero)] = 1.0
     offset: FiniteFloat = 0.0
@@ -125,7 +118,6 @@ class ColumnMapping(MappingTable):
     sampling: Sampling = Sampling.SAMPLED
     missing: Literal["refuse", "skip"] = "refuse"
     longest_gap_s: PositiveFloat | None = None
-    """between two samples; None: that of [time]"""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -137,7 +129,6 @@ class SignalMapping(ColumnMapping):
     """A column that becomes a signal of the data set."""
 
     quantity: Quantity | None = None
-    """None: derived from the signal's name"""
     keep: Interval | None = None
     """in SI; the drive is cut where the signal is outside"""
     plausible: Interval | None = None
@@ -150,13 +141,13 @@ class SignalMapping(ColumnMapping):
 class CarData(MappingTable):
     """The car of the logs: the controller steers with it below the speeds of the model."""
 
-    wheelbase_m: Annotated[float, Field(ge=SMALLEST.wheelbase_m, le=LARGEST.wheelbase_m)]
-    rear_axle_m: Annotated[float, Field(ge=SMALLEST.rear_axle_m, le=LARGEST.rear_axle_m)]
+    wheelbase_m: float = Field(ge=SMALLEST.wheelbase_m, le=LARGEST.wheelbase_m)
+    rear_axle_m: float = Field(ge=SMALLEST.rear_axle_m, le=LARGEST.rear_axle_m)
     """centre of gravity to rear axle"""
-    steering_ratio: Annotated[float, Field(ge=SMALLEST.steering_ratio, le=LARGEST.steering_ratio)]
+    steering_ratio: float = Field(ge=SMALLEST.steering_ratio, le=LARGEST.steering_ratio)
     """angle of the steering wheel over the angle of the front wheels"""
-    lock_rad: Annotated[float, Field(ge=SMALLEST.lock_rad, le=LARGEST.lock_rad)] = (
-        INPUT_LIMITS.upper.steer_rad
+    lock_rad: float = Field(
+        default=INPUT_LIMITS.upper.steer_rad, ge=SMALLEST.lock_rad, le=LARGEST.lock_rad
     )
     """largest angle of the steering wheel; the faster the car, the less of it is used"""
     rear_slip_s2_per_m: Annotated[float, Field(ge=1e-4, le=0.05)] | None = None
@@ -169,16 +160,14 @@ class CarData(MappingTable):
     @property
     def geometry(self) -> SteeringGeometry:
         """The same numbers as the model bundle carries them."""
-        return SteeringGeometry(
-            self.wheelbase_m, self.rear_axle_m, self.steering_ratio, self.lock_rad
-        )
+        return SteeringGeometry(*(getattr(self, name) for name in SteeringGeometry._fields))
 
 
 class RoadsMapping(MappingTable):
     """The roads that may be placed under a recording with poses."""
 
-    curvatures_per_m: Annotated[tuple[float, ...], Field(min_length=1)] = (
-        *(-4e-3, -2e-3, 0.0, 2e-3, 4e-3),
+    curvatures_per_m: tuple[float, ...] = Field(
+        default=(-4e-3, -2e-3, 0.0, 2e-3, 4e-3), min_length=1
     )
     ey_m: PositiveFloat = 2.0
     epsi_deg: PositiveFloat = 10.0
@@ -205,11 +194,8 @@ class CanSettings(MappingTable):
 
     dbc: RelativePath
     channel: int | str | None = None
-    """as python-can names it; None: all channels"""
 
 
-ChecksumKind = Literal["crc8_0x1d", "crc8_0x2f", "xor8", "sum8"]
-"""CRC-8 of AUTOSAR (SAE J1850) or CRC8H2F, exclusive or, or sum of all other bytes of the frame"""
 Value = SignalMapping | FiniteFloat
 """a signal of the bus, or a constant in SI"""
 
@@ -218,7 +204,6 @@ class Checksum(MappingTable):
     """Checksum of a message: eight bits over all of its other bytes, and those of `data_id`."""
 
     signal: str
-    """one whole byte of the frame"""
     kind: ChecksumKind
     data_id: tuple[Annotated[int, Field(ge=0, le=255)], ...] = ()
     """bytes that are not transmitted, after those of the frame"""
@@ -230,12 +215,10 @@ class MessageMapping(MappingTable):
     period_s: PositiveFloat | None = None
     """None: GenMsgCycleTime of the DBC; of a command at least a control period"""
     counter: str | None = None
-    """signal that counts up by one with each frame"""
     checksum: Checksum | None = None
     driving: dict[str, FiniteFloat] = Field(default_factory=dict)
     """other signals of a message with commands, while the controller drives or brakes the car"""
     standby: dict[str, FiniteFloat] = Field(default_factory=dict)
-    """the same while it does not"""
 
 
 class CommandsMapping(MappingTable):
@@ -245,7 +228,6 @@ class CommandsMapping(MappingTable):
     brake_n: ColumnMapping
     steer_rad: ColumnMapping
     mode: ColumnMapping | None = None
-    """number of the controller's mode, see the value table of ACT_CMD.Mode"""
 
 
 class ReferenceMapping(MappingTable):
@@ -272,9 +254,7 @@ class MissionMapping(MappingTable):
     """Who starts and ends the drive."""
 
     engage: SwitchMapping | Literal[True]
-    """on while the controller is to drive; true: from its start to its end"""
     acknowledge: SwitchMapping | None = None
-    """on: request to leave a safe stop"""
     car_brakes: SwitchMapping | None = None
     """on while the car does not follow the commands: its own watchdog, or its driver"""
 

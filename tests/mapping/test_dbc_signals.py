@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from rt_controller.mapping.dbc_signals import find_source, load_dbc
+from rt_controller.mapping.car_file import find_source, load_dbc
 
 DBC = """VERSION ""
 BU_: CAR
