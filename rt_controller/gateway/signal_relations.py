@@ -10,7 +10,6 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.steering_geometry import (
@@ -35,6 +34,7 @@ STEADY_HEADING = 0.3
 REAR_SLIP_S2_PER_M = 0.005
 """side-slip angle of the rear axle per lateral acceleration, of the default car"""
 LARGEST_LATERAL_MPS2 = 15.0
+NOT_COMPARED = "not compared: "
 
 Track = Sequence[tuple[float, float]]
 """time in s and SI value, of one signal"""
@@ -62,48 +62,29 @@ class Relation(NamedTuple):
     """a factor of 1.5 either way; mph for km/h is 1.6"""
 
 
-class Verdict(NamedTuple):
-    """Of one relation."""
-
-    text: str
-    contradicts: bool | None
-    """None: not compared"""
-    reason: str = ""
-    """why it was not compared"""
-
-    @property
-    def words(self) -> str:
-        """Answer to "contradicts kinematics?"."""
-        if self.contradicts is None:
-            return f"not compared: {self.reason}"
-        return "yes" if self.contradicts else "no"
-
-
 def check_relations(
     tracks: Mapping[str, Track], geometry: SteeringGeometry | None
-) -> list[Verdict]:
-    """Which relations the usable samples of the mapped slots contradict.
+) -> dict[str, str]:
+    """Does each relation of mapped slots contradict kinematics: "yes", "no", "not compared: …".
 
     Args:
-        tracks: by slot.
+        tracks: usable samples by slot.
         geometry: of the car; None: not known, that of the default car is assumed.
     """
-    ends_s = [time_s for track in tracks.values() for time_s, _ in track]
-    end_s = max(ends_s, default=0.0)
-    start_s = max(min(ends_s, default=0.0), end_s - LONGEST_LOG_S)
-    times_s = np.arange(start_s, end_s + STEP_S, STEP_S)
+    ends_s = [time_s for track in tracks.values() for time_s, _ in track] or [0.0]
+    start_s = max(min(ends_s), max(ends_s) - LONGEST_LOG_S)
+    times_s = np.arange(start_s, max(ends_s) + STEP_S, STEP_S)
     signals = {name: _on_grid(track, times_s, name == YAW) for name, track in tracks.items()}
     # At rest the course has no angle.
     signals[VX][~(np.abs(signals[VX]) > LEAST_SPEED_MPS)] = np.nan
-    verdicts = []
+    answers = {}
     for relation in _relations(geometry or DEFAULT_GEOMETRY):
         if not all(name in tracks for name in relation.needs):
             continue
-        if empty := [name for name in relation.needs if not tracks[name]]:
-            verdicts.append(Verdict(relation.text, None, f"no samples of {', '.join(empty)}"))
-        else:
-            verdicts.append(_check(relation, signals))
-    return verdicts
+        empty = ", ".join(name for name in relation.needs if not tracks[name])
+        absent = f"{NOT_COMPARED}no samples of {empty}"
+        answers[relation.text] = absent if empty else _answer(relation, signals)
+    return answers
 
 
 def _relations(geometry: SteeringGeometry) -> tuple[Relation, ...]:
@@ -137,7 +118,7 @@ def _relations(geometry: SteeringGeometry) -> tuple[Relation, ...]:
     )
 
 
-def _check(relation: Relation, signals: Signals) -> Verdict:
+def _answer(relation: Relation, signals: Signals) -> str:
     """Compare with the delay of the largest correlation."""
     expected, found = relation.windows(signals)
     best, agreement, n_windows = -1.0, 0.0, 0
@@ -151,10 +132,10 @@ def _check(relation: Relation, signals: Signals) -> Verdict:
         if correlation > best:
             best, agreement, n_windows = correlation, xy / max(xx, yy, 1e-12), len(x)
     if n_windows < LEAST_WINDOWS:
-        return Verdict(relation.text, None, "too little motion")
+        return f"{NOT_COMPARED}too little motion"
     if relation.needs[0] == COMMANDED and best < LEAST_CORRELATION:
-        return Verdict(relation.text, None, "commands that are not followed")
-    return Verdict(relation.text, agreement < relation.least_agreement)
+        return f"{NOT_COMPARED}commands that are not followed"
+    return "yes" if agreement < relation.least_agreement else "no"
 
 
 def _lateral(s: Signals) -> tuple[Array, Array]:
@@ -163,20 +144,23 @@ def _lateral(s: Signals) -> tuple[Array, Array]:
 
 
 def _turn_of_pose(s: Signals) -> tuple[Array, Array]:
-    moving = 0.0 * s[VX]
+    moving = 0.0 * s[VX]  # NaN of a slow car
     return _changes(s[YAW] + moving, MIDDLE, JUMP_RAD), _integrals(s[YAW_RATE], MIDDLE)
 
 
 def _speed_of_pose(s: Signals) -> tuple[Array, Array]:
-    moved = np.hypot(_changes(s[X], MIDDLE, JUMP_M), _changes(s[Y], MIDDLE, JUMP_M))
-    return moved, _integrals(s[VX], MIDDLE)
+    return np.hypot(*_moved(s)), _integrals(s[VX], MIDDLE)
 
 
 def _course(s: Signals) -> tuple[Array, Array]:
     """Way of the pose in a window, and its part in the direction of the heading."""
-    dx, dy = _changes(s[X], MIDDLE, JUMP_M), _changes(s[Y], MIDDLE, JUMP_M)
+    dx, dy = _moved(s)
     yaw = s[YAW][MIDDLE // 2 :][: len(dx)]
     return np.hypot(dx, dy), dx * np.cos(yaw) + dy * np.sin(yaw)
+
+
+def _moved(s: Signals) -> tuple[Array, Array]:
+    return _changes(s[X], MIDDLE, JUMP_M), _changes(s[Y], MIDDLE, JUMP_M)
 
 
 def _curvature(s: Signals) -> tuple[Array, Array]:
@@ -229,7 +213,7 @@ def _on_grid(track: Track, times_s: Array, is_angle: bool) -> Array:
 
 def _integrals(values: Array, steps: int) -> Array:
     """Integral (N - steps,) over each window."""
-    return _sums(STEP_S * 0.5 * (values[1:] + values[:-1]), steps)
+    return _sums(0.5 * STEP_S * (values[1:] + values[:-1]), steps)
 
 
 def _changes(values: Array, steps: int, least_jump: float) -> Array:
@@ -242,9 +226,7 @@ def _changes(values: Array, steps: int, least_jump: float) -> Array:
 
 
 def _sums(values: Array, steps: int) -> Array:
-    if len(values) < steps:
-        return np.empty(0)
-    return np.asarray(sliding_window_view(values, steps).sum(axis=1))
+    return np.convolve(values, np.ones(steps), "valid") if len(values) >= steps else np.empty(0)
 
 
 def _centred(values: Array) -> Array:

@@ -10,7 +10,7 @@ from typing import Any
 import can
 
 from rt_controller.gateway.samples import longest_gap_s
-from rt_controller.gateway.signal_relations import COMMANDED, Track, Verdict, check_relations
+from rt_controller.gateway.signal_relations import COMMANDED, NOT_COMPARED, Track, check_relations
 from rt_controller.mapping.car_file import CarFile
 from rt_controller.mapping.signal_frames import SignalReader
 from rt_controller.mapping.slots import Slot, command_slots, measured_slots
@@ -55,16 +55,15 @@ class CheckReport:
     duration_s: float
     frames: int
     slots: list[SlotReport]
-    relations: list[Verdict]
+    relations: dict[str, str]
+    """whether they contradict kinematics, see `check_relations`"""
     dropped: dict[str, int]
     """frames by message that were damaged or repeated"""
 
     @property
     def is_ok(self) -> bool:
         """True if every signal arrives and no relation is contradicted."""
-        return all(each.ok for each in self.slots) and not any(
-            each.contradicts for each in self.relations
-        )
+        return all(each.ok for each in self.slots) and "yes" not in self.relations.values()
 
     def figures(self) -> dict[str, Any]:
         """For `--json`."""
@@ -74,12 +73,14 @@ class CheckReport:
             "frames": self.frames,
             "signals": [asdict(each) for each in self.slots],
             "contradictions": [
-                {"problem": each.text, "remedy": HELP}
-                for each in self.relations
-                if each.contradicts
+                {"problem": text, "remedy": HELP}
+                for text, answer in self.relations.items()
+                if answer == "yes"
             ],
             "not_compared": [
-                f"{each.text} ({each.reason})" for each in self.relations if each.reason
+                f"{text} ({answer.removeprefix(NOT_COMPARED)})"
+                for text, answer in self.relations.items()
+                if answer.startswith(NOT_COMPARED)
             ],
             "dropped_frames": self.dropped,
         }

@@ -160,12 +160,12 @@ def _print(report: CheckReport) -> None:
     title = f"{report.frames} frames in {report.duration_s:.1f} s"
     print_table(Table(title, columns, rows), Console())
     relations = tuple(
-        (each.text, Cell(each.words, status="bad" if each.contradicts else ""))
-        for each in report.relations
+        (text, Cell(answer, status="bad" if answer == "yes" else ""))
+        for text, answer in report.relations.items()
     )
     heads = (Column("relation", is_text=True), Column("contradicts kinematics", is_text=True))
     print_table(Table("Relations between signals", heads, relations), Console())
-    if any(each.contradicts for each in report.relations):
+    if "yes" in report.relations.values():
         Console().print(f"{HELP}.", highlight=False, markup=False, soft_wrap=True)
     for name, count in report.dropped.items():
         Console().print(
