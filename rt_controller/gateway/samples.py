@@ -110,13 +110,12 @@ class MotionHistory:
         The motion between two samples is taken as that of the later one.
         """
         parts: list[tuple[Motion, float]] = []
-        for k in range(len(self._motions) - 1, -1, -1):
-            motion = self._motions[k]
-            begin_ns = self._motions[k - 1].time_ns if k > 0 else since_ns
-            begin_ns = max(begin_ns, since_ns)
-            if motion.time_ns <= begin_ns:
+        motions = list(self._motions)
+        for k in range(len(motions) - 1, -1, -1):
+            begin_ns = max(motions[k - 1].time_ns if k else since_ns, since_ns)
+            if motions[k].time_ns <= begin_ns:
                 break
-            parts.append((motion, 1e-9 * (motion.time_ns - begin_ns)))
+            parts.append((motions[k], 1e-9 * (motions[k].time_ns - begin_ns)))
         return parts
 
 

@@ -7,6 +7,7 @@ from rt_controller.mapping.units import (
     find_unit,
     near_units,
     require_unit,
+    si_unit_of_name,
     unit_of_exponents,
     unit_of_name,
 )
@@ -88,3 +89,25 @@ def test_a_unit_written_in_base_units_is_recognised_by_its_exponents():
     assert unit_of_exponents(1, 1, -2, 0, 1e3).quantity == "force"
     assert unit_of_exponents(0, 0, -1, 0, 1.0).si == "rad/s"
     assert unit_of_exponents(0, 0, 0, 3, 1.0) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("vx_mps", "m/s"),
+        ("yaw_rate_radps", "rad/s"),
+        ("steer_rad", "rad"),
+        ("curvature_per_m", "1/m"),
+        ("ax_mps2", "m/s^2"),
+        ("brake_n", "N"),
+        ("throttle", None),
+    ],
+)
+def test_the_suffix_of_a_name_is_its_si_unit(name, unit):
+    assert si_unit_of_name(name) == unit
+
+
+@pytest.mark.parametrize("ending", ["kmh", "rpm", "mpa"])
+def test_a_name_with_a_suffix_outside_si_is_refused(ending):
+    with pytest.raises(ValueError, match=f"SI unit, found '{ending}'"):
+        si_unit_of_name(f"signal_{ending}")
