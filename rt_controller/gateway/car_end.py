@@ -199,17 +199,13 @@ class CarEnd:
 
         The controller compares them with its commands, so old ones must not be sent again.
         """
-        values, times = [], []
-        for name in ControlInput._fields:
-            sample = self.samples.newest(f"inputs.{name}", now_ns)
-            if sample is None or not isfinite(sample.value):
-                return None
-            values.append(sample.value)
-            times.append(sample.measured_ns)
-        if any(map(eq, times, self._feedback_ns)):
+        samples = [self.samples.newest(f"inputs.{name}", now_ns) for name in ControlInput._fields]
+        known = [each for each in samples if each is not None and isfinite(each.value)]
+        times = tuple(each.measured_ns for each in known)
+        if len(known) < len(samples) or any(map(eq, times, self._feedback_ns)):
             return None
-        self._feedback_ns = tuple(times)
-        return ControlInput(*values)
+        self._feedback_ns = times
+        return ControlInput(*(each.value for each in known))
 
     def _state(self, motion: Motion, place: RoadPlace, now_ns: int) -> StateSample:
         _, vx_mps, vy_mps, yaw_rate = motion

@@ -38,13 +38,8 @@ class FrameQueue:
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Keep a copy."""
-        self.frames.append(
-            can.Message(
-                arbitration_id=msg.arbitration_id,
-                is_extended_id=msg.is_extended_id,
-                data=bytes(msg.data),
-            )
-        )
+        number, data = msg.arbitration_id, bytes(msg.data)
+        self.frames.append(can.Message(0.0, number, msg.is_extended_id, data=data))
 
 
 @dataclass(slots=True)
@@ -205,12 +200,7 @@ class SignalWriter:
         database: Database,
         where: str,
     ) -> None:
-        """Find every slot in the DBC.
-
-        Raises:
-            ConfigError: a column is not in the DBC, or [messages] names a signal that is not.
-            DatasetError: a unit is missing or does not fit.
-        """
+        """Find every slot in the DBC; raises as `SignalReader` does."""
         self._frames: dict[tuple[str, int | None], _Frame] = {}
         self._counters: dict[str, int] = {}
         found = list(_located(slots, database, where))
@@ -262,13 +252,8 @@ class SignalWriter:
         data = bytearray(message.encode(raws, scaling=False, strict=False))
         if frame.checksum_place is not None:
             data[frame.checksum_place] = frame.checksum(data)
-        return can.Message(
-            arbitration_id=message.frame_id,
-            is_extended_id=message.is_extended_frame,
-            is_rx=False,
-            data=data,
-            check=True,
-        )
+        number, is_extended = message.frame_id, message.is_extended_frame
+        return can.Message(0.0, number, is_extended, is_rx=False, data=data, check=True)
 
 
 def _located(

@@ -101,8 +101,7 @@ def scaling_of(
     Args:
         where: file and column, for messages.
         own: unit that the file gives; None: none.
-        column: its mapping.
-        name: of the signal.
+        column: mapping of the signal `name`.
         si: unit that the signal must have in SI; None: any.
 
     Raises:
@@ -132,9 +131,6 @@ def scaling_of(
             f"{own or column.unit}, which is converted to {unit.si}. Name another column, "
             f"or write the unit in the mapping."
         )
-    sign = column.sign
-    return Scaling(
-        unit.si,
-        sign * unit.factor * column.factor,
-        sign * (unit.factor * column.offset + unit.offset),
-    )
+    factor = column.sign * unit.factor
+    offset = factor * column.offset + column.sign * unit.offset
+    return Scaling(unit.si, factor * column.factor, offset)
