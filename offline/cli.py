@@ -116,7 +116,7 @@ def import_logs(
         data: folder for the data set; default: none, the logs are only checked
         replace: overwrite an existing data set
     """
-    require_packages("offline,logs", ("pandas", "pint"), "offline-import")
+    require_packages("offline,logs", ("pandas",), "offline-import")
     require_writable(json_file)
     from offline.commands import log_import
 
@@ -245,7 +245,7 @@ def replay(
         to_s: use the log until this time
         friction: of the road of the recording; default: that of the car file
     """
-    require_packages("offline,logs", ("pandas", "pint"), "offline-replay")
+    require_packages("offline,logs", ("pandas",), "offline-replay")
     require_writable(json_file)
     from offline.commands.replay import replay_logs
     from offline.logs.recorded_drive import Window

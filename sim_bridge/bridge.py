@@ -32,9 +32,9 @@ from rt_controller.contract.timing import (
     MISSION_VALID_NS,
 )
 from rt_controller.drive.car_figures import CarFigure
-from rt_controller.gateway.braking_cause import BrakingCause
-from rt_controller.gateway.path_steering import Course, largest_brake_n, steer_along
-from rt_controller.gateway.vehicle_envelope import STANDING
+from rt_controller.vehicle.braking_cause import BrakingCause
+from rt_controller.vehicle.path_steering import Course, largest_brake_n, steer_along
+from rt_controller.vehicle.vehicle_envelope import STANDING
 from sim_bridge.car import FASTEST_MPS, Car
 from sim_bridge.car_guard import Actuator, ActuatorWatchdog, CommandCheck, FailedActuators
 from sim_bridge.faults.bus import FaultyBus

@@ -27,8 +27,8 @@ from rt_controller.contract.timing import (
     PERIOD_S,
     counter_lag,
 )
-from rt_controller.gateway.braking_cause import BrakingCause
-from rt_controller.gateway.vehicle_envelope import (
+from rt_controller.vehicle.braking_cause import BrakingCause
+from rt_controller.vehicle.vehicle_envelope import (
     FARTHEST_OFF_PATH_M,
     OwnMotion,
     leaves_path,

@@ -32,9 +32,7 @@ from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS
 from rt_controller.mapping.car_file import CarFile
-from rt_controller.mapping.frame_queue import FrameQueue
-from rt_controller.mapping.signal_reader import SignalReader
-from rt_controller.mapping.signal_writer import SignalWriter
+from rt_controller.mapping.signal_frames import FrameQueue, SignalReader, SignalWriter
 from rt_controller.mapping.slots import Slot, command_slots, driving_slot, measured_slots
 from sim_bridge.scenario import Scenario
 

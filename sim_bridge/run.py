@@ -18,8 +18,6 @@ from rt_controller.drive.car_figures import (
     figures_to_json,
     limits_missed,
 )
-from rt_controller.gateway.braking_cause import BrakingCause
-from rt_controller.gateway.vehicle_envelope import FARTHEST_DRIVEN_M, FARTHEST_OFF_PATH_M
 from rt_controller.realtime.scheduling import real_time_process
 from rt_controller.report.table import Fact, facts_table, print_table
 from rt_controller.settings import VIRTUAL
@@ -28,6 +26,8 @@ from rt_controller.terminal.log_summary import log_to_json
 from rt_controller.terminal.progress import SETTLING, Line, announce, show, watch
 from rt_controller.terminal.stop_signals import stop_on_signals
 from rt_controller.terminal.streams import lost_output
+from rt_controller.vehicle.braking_cause import BrakingCause
+from rt_controller.vehicle.vehicle_envelope import FARTHEST_DRIVEN_M, FARTHEST_OFF_PATH_M
 from sim_bridge.bridge import Bridge, BridgeSummary
 from sim_bridge.scenario_checks import grip_note, steering_note
 from sim_bridge.scenario_run import AT_REST_MPS

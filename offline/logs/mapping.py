@@ -24,9 +24,14 @@ from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.files import read_text
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.mapping.car_signals import CarSignals
 from rt_controller.mapping.quantity import Quantity, quantity_of_name
-from rt_controller.mapping.tables import Clock, ColumnMapping, MappingTable, SignalMapping
+from rt_controller.mapping.tables import (
+    CarSignals,
+    Clock,
+    ColumnMapping,
+    MappingTable,
+    SignalMapping,
+)
 from rt_controller.mapping.toml_file import parse
 
 

@@ -11,9 +11,10 @@ from offline.logs.mapping import LogMapping
 from offline.logs.readers.log import Log, Series
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
-from rt_controller.mapping.quantity import limits_of, si_unit_of_name
-from rt_controller.mapping.scaling import scaling_of
+from rt_controller.mapping.quantity import limits_of
+from rt_controller.mapping.slots import scaling_of
 from rt_controller.mapping.tables import ColumnMapping, Sampling, SignalMapping
+from rt_controller.mapping.units import si_unit_of_name
 
 LONGEST_GAP_PERIODS = 3.5
 """longest gap in usual sampling periods: two lost samples are bridged"""

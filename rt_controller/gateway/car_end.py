@@ -37,16 +37,18 @@ from rt_controller.contract.timing import (
     counter_lag,
 )
 from rt_controller.gateway.lateral_speed import LateralSpeed
-from rt_controller.gateway.line_ahead import preview_on, stop_at_end
-from rt_controller.gateway.motion import Motion, MotionHistory
-from rt_controller.gateway.path_steering import Course
-from rt_controller.gateway.road_place import PlaceMeasured, PlaceOnLine, RoadPlace
-from rt_controller.gateway.samples import Samples
-from rt_controller.gateway.speed_slope import SpeedSlope
+from rt_controller.gateway.road_place import (
+    PlaceMeasured,
+    PlaceOnLine,
+    RoadPlace,
+    preview_on,
+    stop_at_end,
+)
+from rt_controller.gateway.samples import Motion, MotionHistory, Samples, SpeedSlope
 from rt_controller.mapping.car_file import CarFile
-from rt_controller.mapping.signal_reader import SignalReader
-from rt_controller.mapping.signal_writer import SignalWriter
+from rt_controller.mapping.signal_frames import SignalReader, SignalWriter
 from rt_controller.mapping.slots import command_slots, measured_slots
+from rt_controller.vehicle.path_steering import Course
 
 MISSION_ID = 1
 
@@ -57,13 +59,7 @@ class CarEnd:
     def __init__(
         self, car: CarFile, lateral_speed: LateralSpeed, bus: SendingBus, is_fd: bool = False
     ) -> None:
-        """Find every signal in the DBC.
-
-        Args:
-            car: mapping file, DBC and reference line.
-            lateral_speed: estimates v_y where the car does not send it.
-            bus: receives the frames of the contract.
-            is_fd: these are frames of CAN FD.
+        """Find every signal in the DBC; `bus` receives the frames of the contract.
 
         Raises:
             ConfigError: a column is not in the DBC.
@@ -134,9 +130,8 @@ class CarEnd:
 
     def command_frames(self, control: ControlInput, mode: Mode) -> list[can.Message]:
         """The frames for the car that are due with this command."""
-        frames = self._frames(control, mode, self._commands)
         self._commands += 1
-        return frames
+        return self._frames(control, mode, self._commands - 1)
 
     def last_frames(self, control: ControlInput, mode: Mode) -> list[can.Message]:
         """Every frame for the car, due or not: a released car gets released pedals."""
@@ -203,29 +198,18 @@ class CarEnd:
 
         The controller compares them with its commands, so old ones must not be sent again.
         """
-        values, times = [], []
-        for name in ControlInput._fields:
-            sample = self.samples.newest(f"inputs.{name}", now_ns)
-            if sample is None or not isfinite(sample.value):
-                return None
-            values.append(sample.value)
-            times.append(sample.measured_ns)
-        if any(map(eq, times, self._feedback_ns)):
+        samples = [self.samples.newest(f"inputs.{name}", now_ns) for name in ControlInput._fields]
+        known = [each for each in samples if each is not None and isfinite(each.value)]
+        times = tuple(each.measured_ns for each in known)
+        if len(known) < len(samples) or any(map(eq, times, self._feedback_ns)):
             return None
-        self._feedback_ns = tuple(times)
-        return ControlInput(*values)
+        self._feedback_ns = times
+        return ControlInput(*(each.value for each in known))
 
     def _state(self, motion: Motion, place: RoadPlace, now_ns: int) -> StateSample:
-        state = VehicleState(
-            motion.vx_mps,
-            motion.vy_mps,
-            motion.yaw_rate_radps,
-            place.ds_m,
-            place.ey_m,
-            place.epsi_rad,
-        )
+        _, vx_mps, vy_mps, yaw_rate = motion
         return StateSample(
-            state=state,
+            state=VehicleState(vx_mps, vy_mps, yaw_rate, place.ds_m, place.ey_m, place.epsi_rad),
             curvature_per_m=place.curvature_per_m,
             sample_time_ns=now_ns,
             command_echo=None if self.command is None else self.command.counter,

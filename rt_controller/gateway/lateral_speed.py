@@ -104,8 +104,12 @@ def identify(bundle: Bundle, geometry: SteeringGeometry) -> RearAxle:
     drives = _roll_outs(bundle, geometry.steering_ratio)
 
     def errors(constants: Array) -> Array:
-        estimator = RearAxle(geometry.rear_axle_m, *constants.tolist())
-        return np.concatenate([_estimates(estimator, drive) - drive[:, 1] for drive in drives])
+        differences = []
+        for drive in drives:
+            estimator = LateralSpeed(RearAxle(geometry.rear_axle_m, *constants.tolist()))
+            for vx_mps, vy_mps, yaw_rate_radps in drive[:, :3].tolist():
+                differences.append(estimator.update(vx_mps, yaw_rate_radps) - vy_mps)
+        return np.array(differences)
 
     fit = least_squares(errors, _FIRST_GUESS, x_scale=(1e-3, 1.0), bounds=_BOUNDS)
     size = np.linalg.norm(np.concatenate([drive[:, 1] for drive in drives]))
@@ -121,11 +125,6 @@ def _no_constants(found: str) -> ConfigError:
         f"{found}. Map vy_mps, or write [car] with rear_slip_s2_per_m and yaw_inertia_m, or choose "
         f"a lifted model."
     )
-
-
-def _estimates(rear_axle: RearAxle, drive: Array) -> Array:
-    estimator = LateralSpeed(rear_axle)
-    return np.array([estimator.update(vx, yaw_rate) for vx, _, yaw_rate in drive[:, :3].tolist()])
 
 
 def _roll_outs(bundle: Bundle, steering_ratio: float) -> list[Array]:
@@ -160,10 +159,10 @@ def choose_lateral_speed(car: CarFile, bundle: Bundle) -> LateralSpeed:
     It is not used if the car measures v_y.
     """
     data, geometry = car.mapping.car, choose_geometry(car, bundle)
+    rear_m = geometry.rear_axle_m
     if "vy_mps" in car.mapping.states:
-        return LateralSpeed(RearAxle(geometry.rear_axle_m, 0.0, 0.0))
+        return LateralSpeed(RearAxle(rear_m, 0.0, 0.0))
     if data is not None and data.rear_slip_s2_per_m is not None:
-        inertia_m = geometry.rear_axle_m if data.yaw_inertia_m is None else data.yaw_inertia_m
-        constants = RearAxle(geometry.rear_axle_m, data.rear_slip_s2_per_m, inertia_m)
-        return LateralSpeed(constants)
+        inertia_m = rear_m if data.yaw_inertia_m is None else data.yaw_inertia_m
+        return LateralSpeed(RearAxle(rear_m, data.rear_slip_s2_per_m, inertia_m))
     return LateralSpeed(identify(bundle, geometry))

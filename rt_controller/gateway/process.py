@@ -14,11 +14,7 @@ import can
 from rt_controller.bus.messages import Command
 from rt_controller.bus.receive import Received
 from rt_controller.contract.errors import BusError
-from rt_controller.contract.limits import (
-    BRAKE_RATE_N_PER_S,
-    DEFAULT_GEOMETRY,
-    SteeringGeometry,
-)
+from rt_controller.contract.limits import BRAKE_RATE_N_PER_S, DEFAULT_GEOMETRY, SteeringGeometry
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import (
     COMMAND_TIMEOUT_NS,
@@ -27,11 +23,17 @@ from rt_controller.contract.timing import (
     PERIOD_S,
     counter_lag,
 )
-from rt_controller.gateway.braking_cause import BrakingCause
 from rt_controller.gateway.car_end import CarEnd
 from rt_controller.gateway.lateral_speed import LateralSpeed
-from rt_controller.gateway.path_steering import largest_brake_n, steer_along
-from rt_controller.gateway.vehicle_envelope import (
+from rt_controller.mapping.car_file import CarFile
+from rt_controller.mapping.signal_frames import MAX_FRAMES
+from rt_controller.realtime.clock import RealtimeClock
+from rt_controller.safety.envelope import limit
+from rt_controller.safety.fallback import Braking, safe_stop, stand_by
+from rt_controller.safety.modes import STANDING_MPS
+from rt_controller.vehicle.braking_cause import BrakingCause
+from rt_controller.vehicle.path_steering import largest_brake_n, steer_along
+from rt_controller.vehicle.vehicle_envelope import (
     FARTHEST_OFF_PATH_M,
     LARGEST_LATERAL_MPS2,
     STANDING,
@@ -40,12 +42,6 @@ from rt_controller.gateway.vehicle_envelope import (
     off_path_m,
     refusals,
 )
-from rt_controller.mapping.car_file import CarFile
-from rt_controller.mapping.frame_queue import MAX_FRAMES
-from rt_controller.realtime.clock import RealtimeClock
-from rt_controller.safety.envelope import limit
-from rt_controller.safety.fallback import Braking, safe_stop, stand_by
-from rt_controller.safety.modes import STANDING_MPS
 
 POLLS = 10
 """of both buses in a period, so that a command is late by 2.5 ms at most"""
@@ -94,15 +90,12 @@ class Gateway:
         """Nothing is sent yet.
 
         Args:
-            car_bus: with the car's own messages.
-            bus: with those of the contract.
+            car_bus: with the car's own messages; always classic CAN.
+            bus: with those of the contract, in frames of CAN FD if `is_fd`.
             car: its mapping.
             lateral_speed: estimates v_y where the car does not send it.
-            is_fd: `bus` has frames of CAN FD; that of the car has not.
+            is_fd: see `bus`.
             geometry: of the car.
-
-        Raises:
-            ConfigError, DatasetError: see `CarEnd`.
         """
         self.car_end = CarEnd(car, lateral_speed, bus, is_fd)
         self.counts = GatewayCounts()
@@ -126,11 +119,9 @@ class Gateway:
     @property
     def has_ended(self) -> bool:
         """True after a request once the car is not driven or stands; at once after the third."""
-        is_at_rest = (
-            self._motion.speed_mps < STANDING_MPS
-            if self._ticks_without_course == 0
-            else self._ticks_without_course > LONGEST_STOP_WITHOUT_SPEED_TICKS
-        )
+        is_at_rest = self._motion.speed_mps < STANDING_MPS
+        if self._ticks_without_course:
+            is_at_rest = self._ticks_without_course > LONGEST_STOP_WITHOUT_SPEED_TICKS
         may_end = self._mode is Mode.STANDBY or is_at_rest
         return self.requests >= LEAVING_REQUEST or (self.requests > 0 and may_end)
 
@@ -140,12 +131,27 @@ class Gateway:
         Raises:
             can.CanError: a bus cannot be read.
         """
-        read_frames(self._car_bus, self.car_end, now_ns, self._last_read_ns, has_wall_clock)
+        self._read_car(now_ns, has_wall_clock)
         self._last_read_ns = now_ns
         while (frame := self._bus.recv(0)) is not None:
             before = self.car_end.command
             if self.car_end.accept_command(frame, now_ns) and not self.car_end.is_braking:
                 self._pass_on(before, now_ns)
+
+    def _read_car(self, now_ns: int, has_wall_clock: bool) -> None:
+        """Pass the waiting frames of the car's bus to its end.
+
+        A frame arrived between the last call and this one. Where frames have time stamps of this
+        machine, these say when; a clock that was set cannot make it earlier or later than that.
+        """
+        wall_s = time.time() if has_wall_clock else 0.0
+        for _ in range(MAX_FRAMES):
+            frame: Any = self._car_bus.recv(0)
+            if frame is None:
+                return
+            age_ns = round(1e9 * (wall_s - frame.timestamp)) if has_wall_clock else 0
+            age_ns = min(max(age_ns, 0), now_ns - self._last_read_ns)
+            self.car_end.accept(frame, now_ns - age_ns)
 
     def tick(self, now_ns: int, skipped: int = 0) -> None:
         """Send the states of one period; brake the car if its commands may not be followed."""
@@ -171,24 +177,21 @@ class Gateway:
         if found:
             car_end.command = before
             counts.refused += 1
-            for refusal in found:
-                name = refusal.name or ""
+            for name in (refusal.name or "" for refusal in found):
                 counts.refused_because[name] = counts.refused_because.get(name, 0) + 1
         else:
             self._applied = self._limit(command.content.control)
             self._mode = command.content.mode
             counts.commands += 1
-            counts.limited += _differ(self._applied, command.content.control)
+            differences = zip(self._applied, command.content.control, ROUNDING, strict=True)
+            counts.limited += any(abs(a - b) > step for a, b, step in differences)
         self._send(self._applied, self._mode)
 
     def _limit(self, control: ControlInput) -> ControlInput:
         """The input nearest to it that may follow the last one."""
         speed_mps = self._motion.speed_mps
-        return limit(
-            control,
-            self._applied,
-            self._geometry.largest_wheel_rad(speed_mps, LARGEST_LATERAL_MPS2),
-        )
+        largest_rad = self._geometry.largest_wheel_rad(speed_mps, LARGEST_LATERAL_MPS2)
+        return limit(control, self._applied, largest_rad)
 
     def _watch(self, now_ns: int) -> None:
         """Brake a car whose commands may not be followed; go on releasing one that was released."""
@@ -213,11 +216,14 @@ class Gateway:
             self._send(self._applied, Mode.STANDBY)
 
     def _cause_to_brake(self, now_ns: int, is_silent: bool) -> BrakingCause | None:
-        """None: the commands may be followed on."""
+        """None: the commands may be followed on. A driver may steer the car off its path."""
         if is_silent:
             return BrakingCause.NO_COMMAND
-        if self._is_leaving(now_ns):
-            return BrakingCause.LEAVING_PATH
+        command = self.car_end.command
+        if command is not None and not self._has_driver(now_ns):
+            motion = self._motion._replace(is_mission_on=self._is_driven(now_ns))
+            if leaves_path(command.content, motion, self._has_reached_path):
+                return BrakingCause.LEAVING_PATH
         return BrakingCause.END_REQUESTED if self.requests > 0 else None
 
     def _measure(self) -> None:
@@ -231,17 +237,8 @@ class Gateway:
         state = course.state
         self._motion = OwnMotion(hypot(state.vx_mps, state.vy_mps), off_path_m(*course), True)
         is_near = abs(self._motion.off_path_m) < FARTHEST_OFF_PATH_M
-        self._has_reached_path = self._mode is not Mode.STANDBY and (
-            self._has_reached_path or is_near
-        )
-
-    def _is_leaving(self, now_ns: int) -> bool:
-        """True if the commands lead the car off its path; False while a driver steers it."""
-        command = self.car_end.command
-        if command is None or self._has_driver(now_ns):
-            return False
-        motion = self._motion._replace(is_mission_on=self._is_driven(now_ns))
-        return leaves_path(command.content, motion, self._has_reached_path)
+        is_driven = self._mode is not Mode.STANDBY
+        self._has_reached_path = is_driven and (self._has_reached_path or is_near)
 
     def _is_driven(self, now_ns: int) -> bool:
         """True if the car is driven and `engage` is on or missing."""
@@ -277,30 +274,6 @@ class Gateway:
                 self._car_bus.send(frame, timeout=0)
             except can.CanError:
                 self.counts.send_failures += 1
-
-
-def _differ(one: ControlInput, other: ControlInput) -> bool:
-    return any(abs(a - b) > step for a, b, step in zip(one, other, ROUNDING, strict=True))
-
-
-def read_frames(
-    bus: can.BusABC, car_end: CarEnd, now_ns: int, last_read_ns: int, has_wall_clock: bool
-) -> None:
-    """Pass the waiting frames of the car's bus to its end.
-
-    A frame arrived between the last call and this one. Where frames have time stamps of this
-    machine, these say when; a clock that was set cannot make it earlier or later than that.
-    """
-    wall_s = time.time() if has_wall_clock else 0.0
-    for _ in range(MAX_FRAMES):
-        frame: Any = bus.recv(0)
-        if frame is None:
-            return
-        age_ns = 0
-        if has_wall_clock:
-            age_ns = round(1e9 * (wall_s - frame.timestamp))
-            age_ns = min(max(age_ns, 0), now_ns - last_read_ns)
-        car_end.accept(frame, now_ns - age_ns)
 
 
 def run_gateway(gateway: Gateway) -> None:

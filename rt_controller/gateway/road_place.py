@@ -4,17 +4,20 @@ A measurement is moved on by the motion since then, so that a slow or delayed si
 in every period.
 """
 
-from math import isfinite, nan, remainder, tau
+from math import isfinite, isnan, nan, remainder, sqrt, tau
 from typing import NamedTuple
 
 import numpy as np
 
 from rt_controller.contract.kinematics import progress_m
-from rt_controller.contract.signals import VehicleState
-from rt_controller.gateway.motion import Motion, MotionHistory
-from rt_controller.gateway.samples import Sample, Samples
+from rt_controller.contract.preview import REACH_S, fit_preview
+from rt_controller.contract.signals import CurvaturePreview, PathReference, VehicleState
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.gateway.samples import Motion, MotionHistory, Sample, Samples
 from rt_controller.mapping.reference_line import ReferenceLine
 
+PREVIEW_MIN_M, PREVIEW_VALUES = 4.0, 33
+"""least reach, and resolution of the curvature ahead, as docs/connect.md recommends"""
 LARGEST_JUMP_M = 3.0
 """of the arc length in one period beyond the motion: more is a pose that jumped"""
 
@@ -86,3 +89,30 @@ def _progress_m(motion: Motion, ey_m: float, epsi_rad: float, curvature_per_m: f
 
 def _driven(motion: Motion, since: Sample) -> float:
     return motion.vx_mps * 1e-9 * (motion.time_ns - since.measured_ns)
+
+
+def preview_on(
+    line: ReferenceLine | None, s_m: float, vx_mps: float, wanted_mps: float
+) -> CurvaturePreview | None:
+    """The curvature ahead of s; None: no line, no place on it, or beyond the range of the bus."""
+    if line is None or not isfinite(s_m + vx_mps + wanted_mps):
+        return None
+    reach_m = max(REACH_S * max(vx_mps, wanted_mps), PREVIEW_MIN_M)
+    ahead = line.curvature_ahead(s_m, reach_m, PREVIEW_VALUES)
+    try:
+        return fit_preview(ahead, reach_m)
+    except ValueError:  # beyond the range of the bus: the controller takes the curvature here
+        return None
+
+
+def stop_at_end(
+    line: ReferenceLine, path: PathReference, s_m: float, vx_mps: float, stop_mps2: float
+) -> PathReference:
+    """The path, with the speed and deceleration that end at the end of an open line."""
+    if line.is_closed or isnan(s_m):
+        return path
+    left_m = max(line.length_m - s_m - max(vx_mps, 0.0) * PERIOD_S, 0.0)
+    stopping_mps = sqrt(2.0 * stop_mps2 * left_m)
+    if stopping_mps >= path.v_mps:
+        return path
+    return path._replace(v_mps=stopping_mps, a_mps2=-stop_mps2 if left_m > 0.0 else 0.0)

@@ -1,12 +1,12 @@
-"""Relations between the signals of a car that hold for every car, and contradictions to them.
+"""Relations between the signals of a car that hold for every car, and which a log contradicts.
 
-d(e_psi)/dt = yaw rate - curvature * v_x
-d(e_y)/dt   = v_x e_psi + v_y
-yaw rate    = curvature * v_x                       where e_psi hardly changes
-yaw rate    = v_x * wheel / (ratio * (L + K v_x^2)) roughly
+Integrals and changes over windows are compared, not derivatives, so that noise has little effect.
+Expected and found are compared by the sum of their products over the larger sum of squares: 1 if
+equal, 1/f for a factor f either way, 0 if unrelated, negative for opposite signs.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -17,219 +17,219 @@ from rt_controller.contract.limits import (
     UNDERSTEER_RAD_PER_MPS2,
     SteeringGeometry,
 )
-from rt_controller.gateway.contradiction import (
-    CURVATURE,
-    HEADING,
-    LATERAL,
-    NOT_COMPARED,
-    OFFSET,
-    SPEED,
-    WANTED,
-    WHEELS,
-    YAW_RATE,
-    Relation,
-    remedy,
-    sentence,
-)
-from rt_controller.gateway.window_comparison import (
-    LEAST_WINDOWS,
-    Agreement,
-    Comparison,
-    Track,
-    best_delay,
-    centred,
-    changes,
-    compare,
-    correlation,
-    grid_of,
-    integrals,
-    on_grid,
-)
 
-SHORT, MIDDLE, LONG = 12, 20, 40
-"""steps of a window: 0.6 s, 1 s and 2 s"""
-LARGEST_CURVATURE_FACTOR = 2.0
-"""in a lane change on a road of 0.001 1/m, noise and bias of two usual sensors made it 1.6"""
-LARGEST_STEERING_FACTOR = 2.5
-"""between the yaw rate of the assumed geometry and the measured one"""
-LEAST_SPEED_MPS = 3.0
-LEAST_HEADING_RAD = 0.02
-LEAST_LATERAL_M = 0.1
-LEAST_DRIFT_M, LEAST_DRIFT_SHARE = 0.08, 0.15
-"""by v_y, and its share of the lateral motion: less may be a delay of another signal"""
-REAR_SLIP_S2_PER_M = 0.005
-"""side-slip angle of the rear axle per lateral acceleration, of the default car"""
-LEAST_ROAD_TURN_RAD = 0.08
-LEAST_YAW_RATE_RADPS = 0.05
-"""less is an offset of a few degrees of the steering wheel"""
-JUMP_RAD, JUMP_M = 0.2, 0.5
-"""in a step of 0.05 s: no motion, but another lane"""
+STEP_S, SHORT, MIDDLE, LONG = 0.05, 12, 20, 40
+"""windows begin every 50 ms and are 0.6 s, 1 s or 2 s long"""
+LONGEST_GAP_S, LONGEST_LOG_S = 0.5, 4.0 * 3600.0
+"""shorter gaps are interpolated; of a longer log, or one whose clock was set, the end counts"""
+LEAST_WINDOWS, LEAST_SPEED_MPS, LEAST_CORRELATION = 20, 3.0, 0.8
+LARGEST_DELAY = 6
+"""steps between expected and found"""
+UNEXPECTED = 3.0
+"""times the least motion: a change that is not expected and no noise"""
+JUMP, JUMP_RAD, JUMP_M = 10.0, 0.2, 0.5
+"""a step beyond 10 times the 90th percentile and beyond these is no motion, but another lane"""
 STEADY_HEADING = 0.3
 """largest change of e_psi per turn of the car on a road that it follows"""
-STEADY_SPEED = 0.03
-LONGEST_STEERING_DELAY = 6
-"""steps"""
-LEAST_CORRELATION = 0.8
-"""between yaw rate and commands that are followed"""
+REAR_SLIP_S2_PER_M = 0.005
+"""side-slip angle of the rear axle per lateral acceleration, of the default car"""
+LARGEST_LATERAL_MPS2 = 15.0
+NOT_COMPARED = "not compared: "
+
+Track = Sequence[tuple[float, float]]
+"""time in s and SI value, of one signal"""
+Signals = Mapping[str, Array]
+"""values (N,) on a grid of `STEP_S`, by slot; NaN where there are none"""
+
+VX, VY, YAW_RATE = "states.vx_mps", "states.vy_mps", "states.yaw_rate_radps"
+OFFSET, HEADING, CURVATURE = "states.ey_m", "states.epsi_rad", "exogenous.curvature_per_m"
+X, Y, YAW = "pose.x", "pose.y", "pose.yaw"
+WHEEL, COMMANDED = "inputs.steer_rad", "commands.steer_rad"
+ENGAGE, CAR_BRAKES = "mission.engage", "mission.car_brakes"
 
 
-class Findings(NamedTuple):
-    """What `check_relations` returns."""
+class Relation(NamedTuple):
+    """What is expected and what is found of mapped signals."""
 
-    contradictions: tuple[tuple[str, str], ...]
-    """each with its remedy"""
-    not_compared: tuple[str, ...]
-    """each with its reason"""
+    text: str
+    needs: tuple[str, ...]
+    """slots; the relation is left out if one is not mapped"""
+    windows: Callable[[Signals], tuple[Array, Array]]
+    """expected and found in each window"""
+    least: float
+    """a window with less of both has too little motion"""
+    least_agreement: float = 0.67
+    """a factor of 1.5 either way; mph for km/h is 1.6"""
 
 
 def check_relations(
-    tracks: Mapping[str, Track], has_pose: bool, geometry: SteeringGeometry | None
-) -> Findings:
-    """Contradictions between signals, of which `tracks` has the usable samples.
+    tracks: Mapping[str, Track], geometry: SteeringGeometry | None
+) -> dict[str, str]:
+    """Does each relation of mapped slots contradict kinematics: "yes", "no", "not compared: …".
 
     Args:
-        tracks: by slot; without those that are not mapped.
-        has_pose: place on the road may be computed from the pose.
+        tracks: usable samples by slot.
         geometry: of the car; None: not known, that of the default car is assumed.
     """
-    times_s = grid_of(list(tracks.values()))
-    values = {name: on_grid(track, times_s) for name, track in tracks.items()}
-    absent: list[str] = []
-    found: list[Relation] = []
-    for signal, others, make in (
-        (CURVATURE, (YAW_RATE, SPEED, HEADING), _curvature),
-        (HEADING, (YAW_RATE, SPEED, CURVATURE), _heading),
-        (OFFSET, (SPEED, HEADING), _lateral),
-    ):
-        needed = (signal, *others)
-        if has_pose and signal not in tracks:
+    ends_s = [time_s for track in tracks.values() for time_s, _ in track] or [0.0]
+    start_s = max(min(ends_s), max(ends_s) - LONGEST_LOG_S)
+    times_s = np.arange(start_s, max(ends_s) + STEP_S, STEP_S)
+    signals = {name: _on_grid(track, times_s, name == YAW) for name, track in tracks.items()}
+    # At rest the course has no angle.
+    signals[VX][~(np.abs(signals[VX]) > LEAST_SPEED_MPS)] = np.nan
+    answers = {}
+    for relation in _relations(geometry or DEFAULT_GEOMETRY):
+        if not all(name in tracks for name in relation.needs):
             continue
-        if missing := [name for name in needed if not tracks.get(name)]:
-            absent.append(f"{signal} (no samples of {', '.join(missing)})")
-        else:
-            found += make(values, found)
-    for signal in WHEELS:
-        if signal not in tracks:
-            if signal == WHEELS[0]:
-                absent.append(f"{signal} (not mapped)")
-        elif missing := [name for name in (signal, YAW_RATE, SPEED) if not tracks[name]]:
-            absent.append(f"{signal} (no samples of {', '.join(missing)})")
-        else:
-            found.append(_wheel(signal, values, geometry))
-    if tracks.get(WANTED) and tracks.get("mission.engage"):
-        found.append(_speed(values))
-    for each in found:
-        if each.result.agreement in NOT_COMPARED:
-            name = f"{SPEED} with {WANTED}" if each.signal == SPEED else each.signal
-            absent.append(f"{name} ({NOT_COMPARED[each.result.agreement]})")
-    wrong = [each for each in found if each.is_contradiction]
-    is_geometry_known = geometry is not None
-    contradictions = tuple((sentence(each), remedy(each, is_geometry_known)) for each in wrong)
-    return Findings(contradictions, tuple(absent))
+        empty = ", ".join(name for name in relation.needs if not tracks[name])
+        absent = f"{NOT_COMPARED}no samples of {empty}"
+        answers[relation.text] = absent if empty else _answer(relation, signals)
+    return answers
 
 
-def _moving(values: Mapping[str, Array], steps: int) -> Array:
-    """1 for windows with motion, else NaN (N - steps,)."""
-    mean_mps = integrals(values[SPEED], steps) / integrals(np.ones(len(values[SPEED])), steps)
-    return np.where(mean_mps > LEAST_SPEED_MPS, 1.0, np.nan)
-
-
-def _curvature(values: Mapping[str, Array], _: list[Relation]) -> Iterator[Relation]:
-    turned, heading = integrals(values[YAW_RATE], LONG), changes(values[HEADING], LONG, JUMP_RAD)
-    road = integrals(values[CURVATURE] * values[SPEED], LONG)
-    largest = STEADY_HEADING * np.maximum(np.abs(turned), np.abs(road))
-    turned = np.where(np.abs(heading) < largest, turned, np.nan)
-    result = compare(turned * _moving(values, LONG), road, LEAST_ROAD_TURN_RAD)
-    words = "yaw rate / v_x where the car follows the road"
-    yield Relation(CURVATURE, words, result, LARGEST_CURVATURE_FACTOR)
-
-
-def _heading(values: Mapping[str, Array], before: list[Relation]) -> Iterator[Relation]:
-    turned = integrals(values[YAW_RATE], SHORT)
-    road = integrals(values[CURVATURE] * values[SPEED], SHORT)
-    if any(each.is_contradiction for each in before):  # parts of the road that seem straight
-        road[np.abs(road) > 0.5 * LEAST_HEADING_RAD] = np.nan
-    expected = centred((turned - road) * _moving(values, SHORT))
-    result = compare(
-        expected, centred(changes(values[HEADING], SHORT, JUMP_RAD)), LEAST_HEADING_RAD
-    )
-    words = "a slope of yaw rate - curvature * v_x"
-    yield Relation(HEADING, words, result)
-
-
-def _lateral(values: Mapping[str, Array], _: list[Relation]) -> Iterator[Relation]:
-    speed, is_measured = values[SPEED], LATERAL in values
-    # At rest and in reverse the course has no angle; such windows are left out anyway.
-    speed = np.where(speed > LEAST_SPEED_MPS, speed, np.nan)
-    across = values[LATERAL] if is_measured else _steady_lateral(speed, values[YAW_RATE])
-    moved = centred(changes(values[OFFSET], MIDDLE, JUMP_M))
-    expected, turned = (
-        integrals(speed * centred(values[HEADING] + sign * across / speed), MIDDLE)
-        for sign in (1.0, -1.0)
-    )
-    least_m = LEAST_LATERAL_M if is_measured else 2.0 * LEAST_LATERAL_M
-    drift = np.abs(centred(integrals(across, MIDDLE)))
-    sideways = (drift > LEAST_DRIFT_M) & np.isfinite(moved) & np.isfinite(expected)
-    sideways &= np.sum(drift[sideways]) > LEAST_DRIFT_SHARE * np.sum(np.abs(moved[sideways]))
-    if is_measured:
-        as_mapped, mirrored = (np.abs(moved - by)[sideways].sum() for by in (expected, turned))
-        drift_of = Relation(
-            LATERAL,
-            "the slope of e_y - v_x sin(e_psi)",
-            Comparison(Agreement.TOO_LITTLE_MOTION),
+def _relations(geometry: SteeringGeometry) -> tuple[Relation, ...]:
+    motion, place = (VX, YAW_RATE), (HEADING, CURVATURE, VX, YAW_RATE)
+    wheels = tuple(
+        Relation(
+            f"{name} = wheel angle of the yaw rate",
+            (name, *motion),
+            partial(_steering, name, geometry),
+            0.03,
+            0.4,
         )
-        if np.count_nonzero(sideways) < LEAST_WINDOWS:
-            yield drift_of
-        elif mirrored < 0.5 * as_mapped:
-            yield drift_of._replace(result=Comparison(Agreement.OPPOSITE_SIGN))
-            return
-    words = "a slope of v_x sin(e_psi) + v_y cos(e_psi)"
-    result = compare(expected, moved, least_m)
-    yield Relation(OFFSET, words, result)
-
-
-def _steady_lateral(speed: Array, yaw_rate: Array) -> Array:
-    """v_y of the default car in a steady turn, for a car that does not measure it."""
-    return (DEFAULT_GEOMETRY.rear_axle_m - REAR_SLIP_S2_PER_M * speed**2) * yaw_rate
-
-
-def _wheel(signal: str, values: Mapping[str, Array], geometry: SteeringGeometry | None) -> Relation:
-    length_m, _, ratio, _ = geometry or DEFAULT_GEOMETRY
-    speed = values[SPEED]
-    per_turn = ratio * (length_m + UNDERSTEER_RAD_PER_MPS2 * speed**2)
-    expected = integrals(_driven(signal, values) * speed / per_turn, SHORT)
-    yaw = integrals(values[YAW_RATE], SHORT) * _moving(values, SHORT)
-    window_s = integrals(np.ones(len(speed)), SHORT)
-    delayed = best_delay(expected, yaw, LONGEST_STEERING_DELAY)
-    result = compare(yaw / window_s, delayed / window_s, LEAST_YAW_RATE_RADPS)
-    if signal == WHEELS[1] and correlation(delayed, yaw) < LEAST_CORRELATION:
-        result = Comparison(Agreement.UNCLEAR)
-    if result.agreement is Agreement.NONE:  # such as a sliding car
-        result = Comparison(Agreement.UNCLEAR)
-    return Relation(
-        signal,
-        "the wheel angle of the yaw rate by the geometry of the car",
-        result,
-        LARGEST_STEERING_FACTOR,
+        for name in (WHEEL, COMMANDED)
+    )
+    return (
+        Relation("v_x * yaw rate is at most 15 m/s^2", motion, _lateral, 0.0, 0.95),
+        Relation("slope of pose.yaw = yaw rate", (YAW, *motion), _turn_of_pose, 0.02, 0.87),
+        Relation("speed of the pose = v_x", (X, Y, VX), _speed_of_pose, LEAST_SPEED_MPS, 0.87),
+        # 0.94: cos(20 deg) between heading and direction of motion
+        Relation("direction of motion of the pose = pose.yaw", (X, Y, YAW), _course, 3.0, 0.94),
+        Relation("curvature_per_m = yaw rate / v_x", place, _curvature, 0.08, 0.5),
+        Relation("slope of epsi_rad = yaw rate - curvature * v_x", place, _heading, 0.02),
+        Relation(
+            "slope of ey_m = v_x sin(e_psi) + v_y cos(e_psi)",
+            (OFFSET, HEADING, *motion),
+            _offset,
+            0.1,
+        ),
+        Relation("sign of vy_mps", (VY, OFFSET, HEADING, VX), _drift, 0.08, 0.0),
+        *wheels,
     )
 
 
-def _driven(signal: str, values: Mapping[str, Array]) -> Array:
-    """The signal; commands only while the car follows them."""
-    if signal != WHEELS[1]:
-        return values[signal]
-    follows = values.get("mission.engage", 1.0) > np.float64(0.5)
-    follows = follows & ~(values.get("mission.car_brakes", 0.0) > np.float64(0.5))
-    return np.where(follows, values[signal], np.nan)
+def _answer(relation: Relation, signals: Signals) -> str:
+    """Compare with the delay of the largest correlation."""
+    expected, found = relation.windows(signals)
+    best, agreement, n_windows = -1.0, 0.0, 0
+    for delay in range(-LARGEST_DELAY, LARGEST_DELAY + 1):
+        n = max(len(expected) - abs(delay), 0)
+        x, y = expected[max(-delay, 0) :][:n], found[max(delay, 0) :][:n]
+        moving = np.maximum(np.abs(x), np.abs(y) / UNEXPECTED) > relation.least  # NaN: False
+        x, y = x[moving], y[moving]
+        xx, yy, xy = float(x @ x), float(y @ y), float(x @ y)
+        correlation = abs(xy) / max((xx * yy) ** 0.5, 1e-12)
+        if correlation > best:
+            best, agreement, n_windows = correlation, xy / max(xx, yy, 1e-12), len(x)
+    if n_windows < LEAST_WINDOWS:
+        return f"{NOT_COMPARED}too little motion"
+    if relation.needs[0] == COMMANDED and best < LEAST_CORRELATION:
+        return f"{NOT_COMPARED}commands that are not followed"
+    return "yes" if agreement < relation.least_agreement else "no"
 
 
-def _speed(values: Mapping[str, Array]) -> Relation:
-    wanted = np.where(values["mission.engage"] > 0.5, values[WANTED], np.nan)
-    is_steady = np.ones(max(len(wanted) - LONG, 0), dtype=bool)
-    for each in (wanted, values[SPEED]):
-        mean_mps = integrals(each, LONG) / integrals(np.ones(len(each)), LONG)
-        is_steady &= np.abs(each[LONG:] - each[:-LONG]) < STEADY_SPEED * mean_mps
-        is_steady &= mean_mps > LEAST_SPEED_MPS
-    expected = np.where(is_steady, integrals(wanted, LONG), np.nan)
-    result = compare(expected, integrals(values[SPEED], LONG), LEAST_SPEED_MPS)
-    return Relation(SPEED, "the wanted speed, at a steady speed", result)
+def _lateral(s: Signals) -> tuple[Array, Array]:
+    lateral = s[VX] * s[YAW_RATE]
+    return lateral, np.clip(lateral, -LARGEST_LATERAL_MPS2, LARGEST_LATERAL_MPS2)
+
+
+def _turn_of_pose(s: Signals) -> tuple[Array, Array]:
+    moving = 0.0 * s[VX]  # NaN of a slow car
+    return _changes(s[YAW] + moving, MIDDLE, JUMP_RAD), _integrals(s[YAW_RATE], MIDDLE)
+
+
+def _speed_of_pose(s: Signals) -> tuple[Array, Array]:
+    return np.hypot(*_moved(s)), _integrals(s[VX], MIDDLE)
+
+
+def _course(s: Signals) -> tuple[Array, Array]:
+    """Way of the pose in a window, and its part in the direction of the heading."""
+    dx, dy = _moved(s)
+    yaw = s[YAW][MIDDLE // 2 :][: len(dx)]
+    return np.hypot(dx, dy), dx * np.cos(yaw) + dy * np.sin(yaw)
+
+
+def _moved(s: Signals) -> tuple[Array, Array]:
+    return _changes(s[X], MIDDLE, JUMP_M), _changes(s[Y], MIDDLE, JUMP_M)
+
+
+def _curvature(s: Signals) -> tuple[Array, Array]:
+    turned, road = _integrals(s[YAW_RATE], LONG), _integrals(s[CURVATURE] * s[VX], LONG)
+    steady = STEADY_HEADING * np.maximum(np.abs(turned), np.abs(road))
+    is_steady = np.abs(_changes(s[HEADING], LONG, JUMP_RAD)) < steady
+    return np.where(is_steady, turned, np.nan), road
+
+
+def _heading(s: Signals) -> tuple[Array, Array]:
+    turned = _integrals(s[YAW_RATE] - s[CURVATURE] * s[VX], SHORT)
+    return _centred(turned), _centred(_changes(s[HEADING], SHORT, JUMP_RAD))
+
+
+def _offset(s: Signals) -> tuple[Array, Array]:
+    """Without v_y: that of the default car in a steady turn."""
+    steady = (DEFAULT_GEOMETRY.rear_axle_m - REAR_SLIP_S2_PER_M * s[VX] ** 2) * s[YAW_RATE]
+    course = _centred(s[HEADING] + s.get(VY, steady) / s[VX])
+    return _integrals(s[VX] * course, MIDDLE), _centred(_changes(s[OFFSET], MIDDLE, JUMP_M))
+
+
+def _drift(s: Signals) -> tuple[Array, Array]:
+    ahead = _integrals(s[VX] * _centred(s[HEADING]), MIDDLE)
+    rest = _centred(_changes(s[OFFSET], MIDDLE, JUMP_M) - ahead)
+    return _centred(_integrals(s[VY], MIDDLE)), rest
+
+
+def _steering(name: str, geometry: SteeringGeometry, s: Signals) -> tuple[Array, Array]:
+    """Commands count only while the car follows them."""
+    wheel = s[name]
+    if name == COMMANDED:
+        follows = (s.get(ENGAGE, np.ones(1)) > 0.5) & ~(s.get(CAR_BRAKES, np.zeros(1)) > 0.5)
+        wheel = np.where(follows, wheel, np.nan)
+    length_m = geometry.wheelbase_m + UNDERSTEER_RAD_PER_MPS2 * s[VX] ** 2
+    turned = wheel * s[VX] / (geometry.steering_ratio * length_m)
+    return _integrals(s[YAW_RATE], SHORT), _integrals(turned, SHORT)
+
+
+def _on_grid(track: Track, times_s: Array, is_angle: bool) -> Array:
+    """Values (N,) at the times, NaN outside of the track and in its gaps."""
+    if len(track) < 2:
+        return np.full(len(times_s), np.nan)
+    sampled_s, values = np.array(sorted(track)).T
+    values = np.unwrap(values) if is_angle else values
+    found: Array = np.interp(times_s, sampled_s, values, left=np.nan, right=np.nan)
+    after = np.clip(np.searchsorted(sampled_s, times_s), 1, len(sampled_s) - 1)
+    found[sampled_s[after] - sampled_s[after - 1] > LONGEST_GAP_S] = np.nan
+    return found
+
+
+def _integrals(values: Array, steps: int) -> Array:
+    """Integral (N - steps,) over each window."""
+    return _sums(0.5 * STEP_S * (values[1:] + values[:-1]), steps)
+
+
+def _changes(values: Array, steps: int, least_jump: float) -> Array:
+    """Change (N - steps,) over each window, NaN where the signal jumps."""
+    step = np.diff(values)
+    size = np.abs(step[np.isfinite(step)])
+    if size.size:
+        step[np.abs(step) > max(JUMP * np.percentile(size, 90.0), least_jump)] = np.nan
+    return _sums(step, steps)
+
+
+def _sums(values: Array, steps: int) -> Array:
+    return np.convolve(values, np.ones(steps), "valid") if len(values) >= steps else np.empty(0)
+
+
+def _centred(values: Array) -> Array:
+    """Without the median, which is that of a constant bias of a sensor."""
+    known = values[np.isfinite(values)]
+    return values - np.median(known) if known.size else values

@@ -6,7 +6,6 @@ The readers of python-can raise errors of many types whose texts describe their 
 import re
 from pathlib import Path
 
-_CANDUMP_FORM = "(seconds) channel ID#DATA with ID and DATA in hexadecimal digits"
 _CANDUMP_LINE = re.compile(
     r"\(\d+\.\d+\)\s+\S+\s+"
     r"[0-9A-F]{1,8}#"
@@ -14,8 +13,6 @@ _CANDUMP_LINE = re.compile(
     r"(\s+[RT])?",  # python-can adds the direction
     re.ASCII | re.IGNORECASE,
 )
-_SHOWN_CHARACTERS = 80
-_SUFFIX = ".log"
 
 
 def is_candump_line(line: str) -> bool:
@@ -26,18 +23,16 @@ def is_candump_line(line: str) -> bool:
 def explain_candump_line(path: Path, number: int, line: str) -> str:
     """The place, and what was expected and found there, of a line in another form."""
     text = line.strip()
-    shown = text if len(text) <= _SHOWN_CHARACTERS else f"{text[:_SHOWN_CHARACTERS]}…"
-    return f"{path}, line {number}: expected {_CANDUMP_FORM}, found {shown!r}"
+    shown = text if len(text) <= 80 else f"{text[:80]}…"
+    return (
+        f"{path}, line {number}: expected (seconds) channel ID#DATA with ID and DATA in "
+        f"hexadecimal digits, found {shown!r}"
+    )
 
 
 def explain_damage(path: Path, n_frames: int) -> str:
-    """The place, and what was expected and found there; of a log that a reader has refused.
-
-    Args:
-        path: of the log.
-        n_frames: that were read before.
-    """
-    if path.suffix.lower() == _SUFFIX:
+    """The place, and what was expected and found there, of a log refused after `n_frames`."""
+    if path.suffix.lower() == ".log":
         with path.open(encoding="utf-8", errors="replace") as lines:
             for number, line in enumerate(lines, start=1):
                 if line.strip() and not is_candump_line(line):

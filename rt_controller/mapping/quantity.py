@@ -1,9 +1,8 @@
-"""What a signal measures, the limits of that quantity in a road vehicle, and units in names."""
+"""What a signal measures, and the limits of that quantity in a road vehicle."""
 
 from enum import StrEnum
+from math import inf
 from typing import NamedTuple
-
-from rt_controller.mapping.units import is_si, unit_of_name
 
 
 class Quantity(StrEnum):
@@ -27,56 +26,41 @@ class Quantity(StrEnum):
 class Limits(NamedTuple):
     """Values and rates of change that no road vehicle exceeds, in SI."""
 
-    low: float
-    high: float
-    steepest_per_s: float
+    low: float = -inf
+    high: float = inf
+    steepest_per_s: float = inf
 
-
-_NO_LIMITS = Limits(float("-inf"), float("inf"), float("inf"))
 
 _LIMITS = {
     (Quantity.SPEED, "m/s"): Limits(-20.0, 120.0, 60.0),
     (Quantity.LATERAL_SPEED, "m/s"): Limits(-30.0, 30.0, 60.0),
     (Quantity.YAW_RATE, "rad/s"): Limits(-5.0, 5.0, 60.0),
     (Quantity.STEERING, "rad"): Limits(-20.0, 20.0, 60.0),
-    (Quantity.DRIVE, "1"): Limits(-1.05, 1.05, float("inf")),
-    (Quantity.DRIVE, "N"): Limits(-4e5, 4e5, float("inf")),
-    (Quantity.BRAKE, "1"): Limits(-0.05, 1.05, float("inf")),
-    (Quantity.BRAKE, "N"): Limits(-4e5, 4e5, float("inf")),
-    (Quantity.BRAKE, "Pa"): Limits(-1e6, 4e7, float("inf")),
+    (Quantity.DRIVE, "1"): Limits(-1.05, 1.05),
+    (Quantity.DRIVE, "N"): Limits(-4e5, 4e5),
+    (Quantity.BRAKE, "1"): Limits(-0.05, 1.05),
+    (Quantity.BRAKE, "N"): Limits(-4e5, 4e5),
+    (Quantity.BRAKE, "Pa"): Limits(-1e6, 4e7),
 }
 """Lower limits below zero allow for sensor offsets and for reversing."""
 
-_NAMES = {
-    Quantity.SPEED: ("vx_mps",),
-    Quantity.LATERAL_SPEED: ("vy_mps",),
-    Quantity.YAW_RATE: ("yaw_rate_radps",),
-    Quantity.STEERING: ("steer_rad", "road_wheel_rad"),
-    Quantity.DRIVE: ("throttle", "force_n"),
-    Quantity.BRAKE: ("brake", "brake_n", "brake_pa"),
-    Quantity.LONGITUDINAL_ACCELERATION: ("ax_mps2",),
-    Quantity.LATERAL_ACCELERATION: ("ay_mps2",),
+_QUANTITIES = {
+    "vx_mps": Quantity.SPEED,
+    "vy_mps": Quantity.LATERAL_SPEED,
+    "yaw_rate_radps": Quantity.YAW_RATE,
+    **dict.fromkeys(("steer_rad", "road_wheel_rad"), Quantity.STEERING),
+    **dict.fromkeys(("throttle", "force_n"), Quantity.DRIVE),
+    **dict.fromkeys(("brake", "brake_n", "brake_pa"), Quantity.BRAKE),
+    "ax_mps2": Quantity.LONGITUDINAL_ACCELERATION,
+    "ay_mps2": Quantity.LATERAL_ACCELERATION,
 }
 
 
 def quantity_of_name(name: str) -> Quantity:
     """Quantity of a signal with this name, for signals whose mapping does not give one."""
-    fits = (quantity for quantity, names in _NAMES.items() if name in names)
-    return next(fits, Quantity.OTHER)
+    return _QUANTITIES.get(name, Quantity.OTHER)
 
 
 def limits_of(quantity: Quantity, unit: str) -> Limits:
     """Limits of the quantity in this SI unit; infinite ones if there are none."""
-    return _LIMITS.get((quantity, unit), _NO_LIMITS)
-
-
-def si_unit_of_name(name: str) -> str | None:
-    """The SI unit that a name ends in; None if in none; `ValueError` if in one outside SI."""
-    unit = unit_of_name(name)
-    if unit is not None and not is_si(unit):
-        raise ValueError(
-            f"{name}: expected a name that ends in an SI unit, found {name.rpartition('_')[2]!r}. "
-            f"Data sets are in SI: use such a name (for example vx_mps, yaw_rate_radps, "
-            f"steer_rad), and give the log's unit in `unit`"
-        )
-    return unit
+    return _LIMITS.get((quantity, unit), Limits())

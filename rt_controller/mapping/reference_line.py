@@ -19,11 +19,9 @@ from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.files import read_text
 from rt_controller.mapping.tables import PoseMapping
 
-LEAST_POINTS = 8
+LEAST_POINTS, NODE_SPACING_M, NEWTON_STEPS = 8, 0.25, 3
 DEGREE = 5
 """of the spline: its curvature has three continuous derivatives"""
-NODE_SPACING_M = 0.25
-_NEWTON_STEPS = 3
 
 
 class LinePose(NamedTuple):
@@ -62,7 +60,7 @@ class ReferenceLine:
         _, nearest = self.tree.query(pose[:, :2])
         u = self.parameter[nearest]
         low, high = self.parameter[0], self.parameter[-1]
-        for _ in range(_NEWTON_STEPS):
+        for _ in range(NEWTON_STEPS):
             away = self._at(u, 0) - point
             tangent, bend = self._at(u, 1), self._at(u, 2)
             curve = np.sum(tangent * tangent + away * bend, axis=0)
@@ -70,15 +68,14 @@ class ReferenceLine:
             step = np.sum(away * tangent, axis=0) / np.abs(curve + 1e-30)
             u = u - np.where(curve > 0.0, step, 0.0)
             u = low + np.mod(u - low, high - low) if self.is_closed else np.clip(u, low, high)
-        tangent, bend = self._at(u, 1), self._at(u, 2)
-        speed = np.hypot(*tangent)
-        dx, dy = point - self._at(u, 0)
-        heading = np.arctan2(tangent[1] / speed, tangent[0] / speed)
+        (tx, ty), (dx, dy) = self._at(u, 1), point - self._at(u, 0)
+        speed = np.hypot(tx, ty)
+        heading = np.arctan2(ty / speed, tx / speed)
         return LinePose(
             s_m=np.interp(u, self.parameter, self.s_m),
-            ey_m=tangent[0] / speed * dy - tangent[1] / speed * dx,
+            ey_m=tx / speed * dy - ty / speed * dx,
             epsi_rad=np.remainder(pose[:, 2] - heading + np.pi, 2.0 * np.pi) - np.pi,
-            curvature_per_m=(tangent[0] * bend[1] - tangent[1] * bend[0]) / speed**3,
+            curvature_per_m=self._curvature(u),
         )
 
     def place(self, s_m: float, ey_m: float, epsi_rad: float) -> tuple[float, float, float]:
@@ -99,10 +96,7 @@ class ReferenceLine:
         along_m = s_m + np.linspace(0.0, reach_m, count)
         if self.is_closed:
             along_m = np.mod(along_m, self.length_m)
-        u = np.interp(along_m, self.s_m, self.parameter)
-        tangent, bend = self._at(u, 1), self._at(u, 2)
-        speed = np.hypot(*tangent)
-        return np.asarray((tangent[0] * bend[1] - tangent[1] * bend[0]) / speed**3)
+        return self._curvature(np.interp(along_m, self.s_m, self.parameter))
 
     def progress(self, s_m: Array) -> Array:
         """Distance driven (T-1,) between neighbouring stations (T,)."""
@@ -110,6 +104,10 @@ class ReferenceLine:
         if not self.is_closed:
             return way
         return np.remainder(way + 0.5 * self.length_m, self.length_m) - 0.5 * self.length_m
+
+    def _curvature(self, u: Array) -> Array:
+        (tx, ty), (bx, by) = self._at(u, 1), self._at(u, 2)
+        return np.asarray((tx * by - ty * bx) / np.hypot(tx, ty) ** 3)
 
     def _at(self, u: Array, derivative: int) -> Array:
         return np.asarray(splev(u, self.spline, der=derivative))
@@ -124,8 +122,7 @@ def read_line(settings: PoseMapping) -> ReferenceLine | None:
     path = settings.reference_line
     if path is None:
         return None
-    points = _read_points(path)
-    return make_line(points, settings.closed, settings.smoothing_m, path)
+    return make_line(_read_points(path), settings.closed, settings.smoothing_m, path)
 
 
 def _read_points(path: Path) -> Array:

@@ -1,20 +1,17 @@
 """Slots: each signal that a car sends or receives, by the name of its place in the mapping file."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from math import inf
 from typing import NamedTuple
 
+from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.signals import VEHICLE
-from rt_controller.mapping.car_signals import DrivingMapping, SwitchMapping
-from rt_controller.mapping.quantity import limits_of, quantity_of_name, si_unit_of_name
-from rt_controller.mapping.tables import ColumnMapping, SignalMapping
-from rt_controller.mapping.units import find_unit
+from rt_controller.mapping.quantity import limits_of, quantity_of_name
+from rt_controller.mapping.tables import ColumnMapping, DrivingMapping, SignalMapping, SwitchMapping
+from rt_controller.mapping.units import find_unit, near_units, si_unit_of_name
 
-_INFINITE = (float("-inf"), float("inf"))
-_SLOPE = "c1"
-"""of the path: a ratio, or for small angles the angle"""
 _UNITS = {
-    **{signal.name: signal.unit for signal in (*VEHICLE.states, *VEHICLE.inputs)},
-    **{signal.name: signal.unit for signal in VEHICLE.exogenous},
+    **{each.name: each.unit for each in (*VEHICLE.states, *VEHICLE.inputs, *VEHICLE.exogenous)},
     "x": "m",
     "y": "m",
     "yaw": "rad",
@@ -29,7 +26,7 @@ class Slot(NamedTuple):
     column: ColumnMapping
     si: str
     """SI unit"""
-    plausible: tuple[float, float]
+    plausible: tuple[float, float] = (-inf, inf)
     """in SI"""
     on: frozenset[int] | None = None
     """raw values of a switch that mean 1, all others 0; None: its value is in SI"""
@@ -37,16 +34,19 @@ class Slot(NamedTuple):
 
 def measured_slots(mapping: DrivingMapping) -> tuple[Slot, ...]:
     """What the car sends: states, inputs, curvature, pose, reference, mission."""
-    return tuple(_measured(mapping))
+    poses = zip(("x", "y", "yaw"), mapping.pose_columns, strict=False)
+    tables = {
+        **{name: getattr(mapping, name).items() for name in ("states", "inputs", "exogenous")},
+        "pose": poses,
+        "reference": mapping.reference,
+        "mission": mapping.mission,
+    }
+    return tuple(slot for name, table in tables.items() for slot in _slots(name, table))
 
 
 def command_slots(mapping: DrivingMapping) -> tuple[Slot, ...]:
     """What the car receives."""
-    return tuple(
-        _slot("commands", name, column)
-        for name, column in mapping.commands
-        if isinstance(column, ColumnMapping)
-    )
+    return tuple(_slots("commands", mapping.commands))
 
 
 def driving_slot(mapping: DrivingMapping) -> tuple[Slot, ...]:
@@ -59,34 +59,78 @@ def driving_slot(mapping: DrivingMapping) -> tuple[Slot, ...]:
             standby = message.standby.get(signal, driving)
             if driving != standby:
                 factor = 1.0 / (driving - standby)
-                column = ColumnMapping(
-                    column=f"{name}.{signal}", unit="1", factor=factor, offset=-standby * factor
-                )
-                return (Slot("driving", column, "1", _INFINITE),)
+                offset = -standby * factor
+                column = f"{name}.{signal}"
+                mapped = ColumnMapping(column=column, unit="1", factor=factor, offset=offset)
+                return (Slot("driving", mapped, "1"),)
     return ()
 
 
-def _measured(mapping: DrivingMapping) -> Iterator[Slot]:
-    for table in ("states", "inputs", "exogenous"):
-        for name, signal in getattr(mapping, table).items():
-            yield _slot(table, name, signal)
-    if mapping.pose is not None:
-        for name, column in zip(("x", "y", "yaw"), mapping.pose_columns, strict=True):
-            yield _slot("pose", name, column)
-    for table in ("reference", "mission"):
-        for name, value in getattr(mapping, table):
-            if isinstance(value, ColumnMapping):
-                yield _slot(table, name, value)
+def _slots(table: str, columns: Iterable[tuple[str, object]]) -> Iterator[Slot]:
+    for name, column in columns:
+        if not isinstance(column, ColumnMapping):  # a constant
+            continue
+        si = _UNITS.get(name) or si_unit_of_name(name) or "1"
+        unit = find_unit(column.unit) if column.unit else None
+        if name == "c1" and unit is not None and unit.si == "rad":
+            si = "rad"  # a slope: a ratio, or for small angles the angle
+        limits = limits_of(quantity_of_name(name), si)
+        plausible = (limits.low, limits.high) if table in ("states", "inputs") else (-inf, inf)
+        if isinstance(column, SignalMapping) and column.plausible is not None:
+            plausible = column.plausible
+        on = column.on if isinstance(column, SwitchMapping) else None
+        yield Slot(f"{table}.{name}", column, si, plausible, frozenset(on) if on else None)
 
 
-def _slot(table: str, name: str, column: ColumnMapping) -> Slot:
-    si = _UNITS.get(name) or si_unit_of_name(name) or "1"
-    unit = find_unit(column.unit) if name == _SLOPE and column.unit else None
-    if unit is not None and unit.si == "rad":
-        si = "rad"
-    limits = limits_of(quantity_of_name(name), si)
-    plausible = (limits.low, limits.high) if table in ("states", "inputs") else _INFINITE
-    if isinstance(column, SignalMapping) and column.plausible is not None:
-        plausible = column.plausible
-    on = column.on if isinstance(column, SwitchMapping) else None
-    return Slot(f"{table}.{name}", column, si, plausible, frozenset(on) if on else None)
+class Scaling(NamedTuple):
+    """SI value = factor * number + offset."""
+
+    si: str
+    factor: float
+    offset: float
+
+
+def scaling_of(
+    where: str, own: str | None, column: ColumnMapping, name: str, si: str | None
+) -> Scaling:
+    """The conversion of a column, in the unit of the mapping or else in that of the file.
+
+    A factor may convert to another quantity, such as bar at the wheel to N at the pedal: then the
+    unit of the mapping is that of the product, and the unit of the file does not count.
+
+    Args:
+        where: file and column, for messages.
+        own: unit that the file gives; None: none.
+        column: mapping of the signal `name`.
+        si: unit that the signal must have in SI; None: any.
+
+    Raises:
+        DatasetError: no unit, or one that does not fit.
+    """
+    of_file = find_unit(own) if own is not None else None
+    of_mapping = find_unit(column.unit) if column.unit is not None else None
+    if of_mapping and of_file and of_mapping != of_file:
+        is_other = of_mapping.si != of_file.si
+        if not is_other or column.factor == 1.0:
+            hint = f"; or write a factor that converts {own} to {column.unit}" if is_other else ""
+            raise DatasetError(
+                f"{where}: expected numbers in {column.unit} as the mapping says of {name}, found "
+                f"{column.column!r} in {own}, as the file says. Correct the unit in the mapping or "
+                f"in that file{hint}. All logs of one import need the same units."
+            )
+    unit = of_mapping or of_file
+    if unit is None:
+        found = repr(own) if own else "no unit in the file"
+        raise DatasetError(
+            f"{where}: expected a unit, found {found} and none in the mapping. Write unit for "
+            f"{name}; {near_units(own or '')}."
+        )
+    if si and unit.si != si:
+        raise DatasetError(
+            f"{where}: expected a unit that is converted to {si} as in the name {name}, found "
+            f"{own or column.unit}, which is converted to {unit.si}. Name another column, "
+            f"or write the unit in the mapping."
+        )
+    factor = column.sign * unit.factor
+    offset = factor * column.offset + column.sign * unit.offset
+    return Scaling(unit.si, factor * column.factor, offset)

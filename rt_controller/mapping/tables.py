@@ -7,7 +7,7 @@ docs/own-data.md and docs/own-car.md explain every field.
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -18,11 +18,12 @@ from pydantic import (
     NonNegativeFloat,
     PositiveFloat,
     ValidationInfo,
+    model_validator,
 )
 
 from rt_controller.contract.limits import INPUT_LIMITS, LARGEST, SMALLEST, SteeringGeometry
-from rt_controller.mapping.quantity import Quantity
-from rt_controller.mapping.units import find_unit, near_units
+from rt_controller.mapping.quantity import Quantity, quantity_of_name
+from rt_controller.mapping.units import find_unit, near_units, si_unit_of_name
 
 DATE, TIME_OF_DAY = TEXT_TIMES = ("iso8601", "hh:mm:ss")
 """times that are written as text"""
@@ -61,6 +62,7 @@ def _in_folder(path: Path, info: ValidationInfo) -> Path:
 Interval = Annotated[tuple[float, float], AfterValidator(_in_order)]
 UnitName = Annotated[str, AfterValidator(_allowed)]
 RelativePath = Annotated[Path, AfterValidator(_in_folder)]
+ChecksumKind = Literal["crc8_0x1d", "crc8_0x2f", "xor8", "sum8"]
 
 
 class MappingTable(BaseModel):
@@ -85,15 +87,11 @@ class Clock(MappingTable):
 
     column: str | None = None
     other_names: tuple[str, ...] = ()
-    """of the column, in logs that have none of the first name"""
     file: str | None = None
     """file of the times, beside that of the values; {name}: name of that file without its ending"""
     unit: Annotated[str, AfterValidator(_of_time)] | None = None
-    """or one of `TEXT_TIMES`; None: the one behind the column's name in the file, or s"""
     period_s: PositiveFloat | None = None
-    """time between two rows; compared with the column if there is one"""
     repeated: Literal["refuse", "skip"] = "refuse"
-    """rows with the time of the row before"""
     starts_at_zero: bool = False
     """the times of every file count from its own first row, which all files recorded together"""
 
@@ -108,13 +106,9 @@ class ColumnMapping(MappingTable):
 
     column: str
     other_names: tuple[str, ...] = ()
-    """of the column, in logs that have none of the first name"""
     file: str | None = None
-    """file of a drive that has one for each signal; None: every drive is one file"""
     time: Clock | None = None
-    """clock of this column alone; None: that of [time]"""
     unit: UnitName | None = None
-    """None: the unit that the log itself gives"""
     sign: Literal[1, -1] = 1
     factor: Annotated[FiniteFloat, AfterValidator(_not_zero)] = 1.0
     offset: FiniteFloat = 0.0
@@ -123,7 +117,6 @@ class ColumnMapping(MappingTable):
     sampling: Sampling = Sampling.SAMPLED
     missing: Literal["refuse", "skip"] = "refuse"
     longest_gap_s: PositiveFloat | None = None
-    """between two samples; None: that of [time]"""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -135,7 +128,6 @@ class SignalMapping(ColumnMapping):
     """A column that becomes a signal of the data set."""
 
     quantity: Quantity | None = None
-    """None: derived from the signal's name"""
     keep: Interval | None = None
     """in SI; the drive is cut where the signal is outside"""
     plausible: Interval | None = None
@@ -148,13 +140,13 @@ class SignalMapping(ColumnMapping):
 class CarData(MappingTable):
     """The car of the logs: the controller steers with it below the speeds of the model."""
 
-    wheelbase_m: Annotated[float, Field(ge=SMALLEST.wheelbase_m, le=LARGEST.wheelbase_m)]
-    rear_axle_m: Annotated[float, Field(ge=SMALLEST.rear_axle_m, le=LARGEST.rear_axle_m)]
+    wheelbase_m: float = Field(ge=SMALLEST.wheelbase_m, le=LARGEST.wheelbase_m)
+    rear_axle_m: float = Field(ge=SMALLEST.rear_axle_m, le=LARGEST.rear_axle_m)
     """centre of gravity to rear axle"""
-    steering_ratio: Annotated[float, Field(ge=SMALLEST.steering_ratio, le=LARGEST.steering_ratio)]
+    steering_ratio: float = Field(ge=SMALLEST.steering_ratio, le=LARGEST.steering_ratio)
     """angle of the steering wheel over the angle of the front wheels"""
-    lock_rad: Annotated[float, Field(ge=SMALLEST.lock_rad, le=LARGEST.lock_rad)] = (
-        INPUT_LIMITS.upper.steer_rad
+    lock_rad: float = Field(
+        default=INPUT_LIMITS.upper.steer_rad, ge=SMALLEST.lock_rad, le=LARGEST.lock_rad
     )
     """largest angle of the steering wheel; the faster the car, the less of it is used"""
     rear_slip_s2_per_m: Annotated[float, Field(ge=1e-4, le=0.05)] | None = None
@@ -167,16 +159,14 @@ class CarData(MappingTable):
     @property
     def geometry(self) -> SteeringGeometry:
         """The same numbers as the model bundle carries them."""
-        return SteeringGeometry(
-            self.wheelbase_m, self.rear_axle_m, self.steering_ratio, self.lock_rad
-        )
+        return SteeringGeometry(*(getattr(self, name) for name in SteeringGeometry._fields))
 
 
 class RoadsMapping(MappingTable):
     """The roads that may be placed under a recording with poses."""
 
-    curvatures_per_m: Annotated[tuple[float, ...], Field(min_length=1)] = (
-        *(-4e-3, -2e-3, 0.0, 2e-3, 4e-3),
+    curvatures_per_m: tuple[float, ...] = Field(
+        default=(-4e-3, -2e-3, 0.0, 2e-3, 4e-3), min_length=1
     )
     ey_m: PositiveFloat = 2.0
     epsi_deg: PositiveFloat = 10.0
@@ -203,4 +193,167 @@ class CanSettings(MappingTable):
 
     dbc: RelativePath
     channel: int | str | None = None
-    """as python-can names it; None: all channels"""
+
+
+Value = SignalMapping | FiniteFloat
+"""a signal of the bus, or a constant in SI"""
+
+
+class Checksum(MappingTable):
+    """Checksum of a message: eight bits over all of its other bytes, and those of `data_id`."""
+
+    signal: str
+    kind: ChecksumKind
+    data_id: tuple[Annotated[int, Field(ge=0, le=255)], ...] = ()
+    """bytes that are not transmitted, after those of the frame"""
+
+
+class MessageMapping(MappingTable):
+    """Protection and period of a message, and what else a message with commands contains."""
+
+    period_s: PositiveFloat | None = None
+    """None: GenMsgCycleTime of the DBC; of a command at least a control period"""
+    counter: str | None = None
+    checksum: Checksum | None = None
+    driving: dict[str, FiniteFloat] = Field(default_factory=dict)
+    """other signals of a message with commands, while the controller drives or brakes the car"""
+    standby: dict[str, FiniteFloat] = Field(default_factory=dict)
+
+
+class CommandsMapping(MappingTable):
+    """Signals of the car that receive the inputs of the controller."""
+
+    throttle: ColumnMapping
+    brake_n: ColumnMapping
+    steer_rad: ColumnMapping
+    mode: ColumnMapping | None = None
+
+
+class ReferenceMapping(MappingTable):
+    """The path relative to the reference line, and the speed: signals of the car or constants."""
+
+    v_mps: Value
+    a_mps2: Value = 0.0
+    c0_m: Value = 0.0
+    c1: Value = 0.0
+    c2_per_m: Value = 0.0
+    c3_per_m2: Value = 0.0
+    stop_mps2: PositiveFloat = 2.0
+    """deceleration before the end of a reference line that is not closed"""
+
+
+class SwitchMapping(SignalMapping):
+    """A signal that is on or off."""
+
+    on: Annotated[tuple[int, ...], Field(min_length=1)] | None = None
+    """raw values that mean on, all others mean off; None: SI values above 0.5"""
+
+
+class MissionMapping(MappingTable):
+    """Who starts and ends the drive."""
+
+    engage: SwitchMapping | Literal[True]
+    acknowledge: SwitchMapping | None = None
+    car_brakes: SwitchMapping | None = None
+    """on while the car does not follow the commands: its own watchdog, or its driver"""
+
+
+class CarSignals(MappingTable):
+    """Tables of a mapping file that describe a car; those for logs only are in `offline.logs`."""
+
+    states: dict[str, SignalMapping]
+    inputs: dict[str, SignalMapping] = Field(default_factory=dict)
+    exogenous: dict[str, SignalMapping] = Field(default_factory=dict)
+    pose: PoseMapping | None = None
+    can: CanSettings | None = None
+    car: CarData | None = None
+    commands: CommandsMapping | None = None
+    messages: dict[str, MessageMapping] = Field(default_factory=dict)
+    reference: ReferenceMapping | None = None
+    mission: MissionMapping | None = None
+
+    @property
+    def signals(self) -> dict[str, SignalMapping]:
+        """States, inputs, exogenous signals, in this order, by name."""
+        return {**self.states, **self.inputs, **self.exogenous}
+
+    @property
+    def pose_columns(self) -> tuple[ColumnMapping, ...]:
+        """x, y and yaw; empty without [pose]."""
+        return (self.pose.x, self.pose.y, self.pose.yaw) if self.pose else ()
+
+    def quantity(self, name: str) -> Quantity:
+        """What a signal measures."""
+        return self.signals[name].quantity or quantity_of_name(name)
+
+    def unit_mistakes(self) -> list[str]:
+        """A sentence for each signal whose unit does not fit the unit in its name."""
+        mistakes = []
+        for name, signal in self.signals.items():
+            expected, unit = si_unit_of_name(name), find_unit(signal.unit) if signal.unit else None
+            if expected and unit and unit.si != expected:
+                mistakes.append(
+                    f"{name}: expected a unit that is converted to {expected}, as in the name, "
+                    f"found {signal.unit!r}, which is converted to {unit.si}"
+                )
+        return mistakes
+
+
+CAR_STATES = ("vx_mps", "vy_mps", "yaw_rate_radps", "ey_m", "epsi_rad")
+"""states that a car may measure; progress is computed"""
+REQUIRED_STATES = ("vx_mps", "yaw_rate_radps")
+INPUTS = ("throttle", "brake_n", "steer_rad")
+
+
+class DrivingMapping(CarSignals):
+    """A mapping file as the gateway reads it; tables for logs are not looked at."""
+
+    can: CanSettings
+    commands: CommandsMapping
+    reference: ReferenceMapping
+    mission: MissionMapping
+    period_s: Any = None
+    time: Any = None
+    csv: Any = None
+    split: Any = None
+    roles: Any = None
+    checks: Any = None
+
+    @model_validator(mode="after")
+    def _require_consistency(self) -> Self:
+        mistakes = self.unit_mistakes()
+        missing = [name for name in REQUIRED_STATES if name not in self.states]
+        if missing:
+            mistakes.append(
+                f"states: expected {', '.join(REQUIRED_STATES)}, found none for "
+                f"{', '.join(missing)}. Map a signal of the car"
+            )
+        for table, known in (("states", CAR_STATES), ("inputs", INPUTS)):
+            unknown = [name for name in getattr(self, table) if name not in known]
+            if unknown:
+                mistakes.append(
+                    f"{table}: expected names among {', '.join(known)}, found "
+                    f"{', '.join(unknown)}. The controller drives with these only; leave the "
+                    f"others out, or keep them in a file for offline-import"
+                )
+        if self.inputs and len(self.inputs) < len(INPUTS):
+            mistakes.append(
+                f"inputs: expected all of {', '.join(INPUTS)} or none, found "
+                f"{', '.join(self.inputs)}. Map the others, or leave the table out"
+            )
+        has_line = self.pose is not None and self.pose.reference_line is not None
+        place = [name for name in ("ey_m", "epsi_rad") if name in self.states]
+        if not has_line and (len(place) < 2 or "curvature_per_m" not in self.exogenous):
+            mistakes.append(
+                "expected the place on the road: [pose] with a reference_line, or the states "
+                "ey_m and epsi_rad with the exogenous signal curvature_per_m, found neither. A "
+                "reference_line is a CSV of x and y in m along the road"
+            )
+        elif has_line and len(place) == 1:
+            mistakes.append(
+                f"states: expected ey_m and epsi_rad together or neither, found {place[0]} alone. "
+                f"Leave it out: [pose] has a reference_line"
+            )
+        if mistakes:
+            raise ValueError("\n".join(mistakes))
+        return self

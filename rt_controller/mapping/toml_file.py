@@ -41,18 +41,13 @@ def parse(
     try:
         return schema.validate_python(raw, context=context)
     except ValidationError as error:
-        explained = _explain(error)
+        first = error.errors()[0]
+        explained = explain(error, dotted)
+        if not first["loc"] and "error" in first.get("ctx", {}):  # it names several fields itself
+            explained = str(first["ctx"]["error"])
         for name, remedy in remedies.items():
             misplaced = rf"^(\S+\.{name}: no such setting\.)$"
             explained = re.sub(misplaced, rf"\1 {remedy}", explained, flags=re.MULTILINE)
         lines = explained.splitlines()
         listed = f" {lines[0]}" if len(lines) == 1 else "".join(f"\n  {line}" for line in lines)
         raise ConfigError(f"{where}:{listed}") from error
-
-
-def _explain(refused: ValidationError) -> str:
-    """A check of several fields together names them in its own message."""
-    errors = refused.errors()
-    if not errors[0]["loc"] and "error" in errors[0].get("ctx", {}):
-        return str(errors[0]["ctx"]["error"])
-    return explain(refused, dotted)

@@ -14,7 +14,7 @@ from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.files import open_regular
 from rt_controller.gateway.lateral_speed import choose_geometry, choose_lateral_speed
 from rt_controller.gateway.process import LEAVING_REQUEST, Gateway, run_gateway
-from rt_controller.gateway.signals_check import CheckReport, check_signals
+from rt_controller.gateway.signals_check import HELP, CheckReport, check_signals
 from rt_controller.mapping.car_file import read_car
 from rt_controller.mapping.log_damage import explain_damage
 from rt_controller.model.artifact import find_model, load_bundle
@@ -41,7 +41,7 @@ def check_at_terminal(
     """Print what arrives of each signal; 0, or 8 if something was found.
 
     Raises:
-        ConfigError, DatasetError, BusError, MissingExtraError: mapping, log or bus do not fit.
+        ConfigError, DatasetError, BusError: mapping, log or bus do not fit.
     """
     require_writable(json_file)
     if (log is None) == (bus is None):
@@ -145,26 +145,28 @@ def _print(report: CheckReport) -> None:
     )
     rows = tuple(
         (
-            each.slot.name,
-            each.slot.column.column,
+            each.signal,
+            each.column,
             f"{each.message} {each.identifier}",
             str(each.samples),
             _milliseconds(each.period_s),
             _number(each.lowest),
             _number(each.highest),
-            each.slot.si,
+            each.unit,
             Cell(text, status="bad") if text else "ok",
         )
         for each, text in zip(report.slots, _problems(report), strict=True)
     )
     title = f"{report.frames} frames in {report.duration_s:.1f} s"
     print_table(Table(title, columns, rows), Console())
-    for problem, remedy in report.relations:
-        Console().print(
-            f"{problem}. {remedy}.", style="red", highlight=False, markup=False, soft_wrap=True
-        )
-    for relation in report.not_compared:
-        Console().print(f"not compared: {relation}", highlight=False, markup=False, soft_wrap=True)
+    relations = tuple(
+        (text, Cell(answer, status="bad" if answer == "yes" else ""))
+        for text, answer in report.relations.items()
+    )
+    heads = (Column("relation", is_text=True), Column("contradicts kinematics", is_text=True))
+    print_table(Table("Relations between signals", heads, relations), Console())
+    if "yes" in report.relations.values():
+        Console().print(f"{HELP}.", highlight=False, markup=False, soft_wrap=True)
     for name, count in report.dropped.items():
         Console().print(
             f"{name}: {count} frames damaged or repeated", highlight=False, markup=False
@@ -175,13 +177,11 @@ def _problems(report: CheckReport) -> Iterator[str]:
     """What is wrong with each signal; the same text of one message only once."""
     first: dict[tuple[str, str], str] = {}
     for each in report.slots:
-        name = first.setdefault((each.message, each.problem), each.slot.name)
+        name = first.setdefault((each.message, each.problem), each.signal)
         if not each.problem:
             yield ""
         else:
-            yield (
-                f"{each.problem}. {each.remedy}." if name == each.slot.name else f"same as {name}"
-            )
+            yield (f"{each.problem}. {each.remedy}." if name == each.signal else f"same as {name}")
 
 
 def _number(value: float | None) -> str:

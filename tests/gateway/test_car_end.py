@@ -19,7 +19,7 @@ from rt_controller.contract.signals import ControlInput
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.gateway.car_end import CarEnd
 from rt_controller.gateway.lateral_speed import LateralSpeed
-from rt_controller.mapping.frame_queue import FrameQueue
+from rt_controller.mapping.signal_frames import FrameQueue
 
 
 class Rig:

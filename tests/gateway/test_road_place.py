@@ -5,9 +5,8 @@ from typing import cast
 import pytest
 
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.gateway.motion import Motion, MotionHistory
 from rt_controller.gateway.road_place import PlaceMeasured
-from rt_controller.gateway.samples import Sample, Samples
+from rt_controller.gateway.samples import Motion, MotionHistory, Sample, Samples
 
 MOTION = Motion(time_ns=0, vx_mps=20.0, vy_mps=0.0, yaw_rate_radps=0.0)
 

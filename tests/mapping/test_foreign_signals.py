@@ -6,11 +6,9 @@ import cantools
 import pytest
 
 from rt_controller.contract.errors import DatasetError
-from rt_controller.mapping.car_signals import SwitchMapping
-from rt_controller.mapping.signal_reader import SignalReader
-from rt_controller.mapping.signal_writer import SignalWriter
+from rt_controller.mapping.signal_frames import SignalReader, SignalWriter
 from rt_controller.mapping.slots import Slot
-from rt_controller.mapping.tables import ColumnMapping
+from rt_controller.mapping.tables import ColumnMapping, SwitchMapping
 
 DBC = """VERSION ""
 BU_: CAR PC

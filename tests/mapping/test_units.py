@@ -1,15 +1,13 @@
 """Units as loggers and FMUs write them are converted to SI, or refused with similar spellings."""
 
-from importlib import util
-
 import pytest
 
-from rt_controller.contract.errors import ConfigError, MissingExtraError
-from rt_controller.mapping import units
+from rt_controller.contract.errors import ConfigError
 from rt_controller.mapping.units import (
     find_unit,
     near_units,
     require_unit,
+    si_unit_of_name,
     unit_of_exponents,
     unit_of_name,
 )
@@ -93,10 +91,23 @@ def test_a_unit_written_in_base_units_is_recognised_by_its_exponents():
     assert unit_of_exponents(0, 0, 0, 3, 1.0) is None
 
 
-def test_without_pint_the_message_has_the_install_line(monkeypatch):
-    monkeypatch.setattr(util, "find_spec", lambda _: None)
-    monkeypatch.setattr(units, "find_spec", util.find_spec)
-    units._registry.cache_clear()
-    units._to_si.cache_clear()
-    with pytest.raises(MissingExtraError, match=r"pip install .*\[logs\]"):
-        find_unit("km/h")
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("vx_mps", "m/s"),
+        ("yaw_rate_radps", "rad/s"),
+        ("steer_rad", "rad"),
+        ("curvature_per_m", "1/m"),
+        ("ax_mps2", "m/s^2"),
+        ("brake_n", "N"),
+        ("throttle", None),
+    ],
+)
+def test_the_suffix_of_a_name_is_its_si_unit(name, unit):
+    assert si_unit_of_name(name) == unit
+
+
+@pytest.mark.parametrize("ending", ["kmh", "rpm", "mpa"])
+def test_a_name_with_a_suffix_outside_si_is_refused(ending):
+    with pytest.raises(ValueError, match=f"SI unit, found '{ending}'"):
+        si_unit_of_name(f"signal_{ending}")

@@ -9,7 +9,7 @@ from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.gateway.lateral_speed import LateralSpeed, RearAxle
 from rt_controller.gateway.process import Gateway
 from rt_controller.mapping.car_file import read_car
-from rt_controller.mapping.frame_queue import FrameQueue
+from rt_controller.mapping.signal_frames import FrameQueue
 
 REAR_AXLE = RearAxle(1.86, 0.005, 0.5)
 

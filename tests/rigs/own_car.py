@@ -3,8 +3,7 @@
 from pathlib import Path
 
 from rt_controller.mapping.car_file import CarFile, read_car
-from rt_controller.mapping.signal_reader import SignalReader
-from rt_controller.mapping.signal_writer import SignalWriter
+from rt_controller.mapping.signal_frames import SignalReader, SignalWriter
 from rt_controller.mapping.slots import command_slots, driving_slot, measured_slots
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own_car" / "car.toml"

@@ -23,8 +23,8 @@ from rt_controller.bus.messages import (
 from rt_controller.bus.receive import Inbox, Received
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import COMMAND_TIMEOUT_TICKS, PERIOD_NS
-from rt_controller.gateway.braking_cause import BrakingCause
-from rt_controller.gateway.vehicle_envelope import FARTHEST_OFF_PATH_M, STANDING, OwnMotion
+from rt_controller.vehicle.braking_cause import BrakingCause
+from rt_controller.vehicle.vehicle_envelope import FARTHEST_OFF_PATH_M, STANDING, OwnMotion
 from sim_bridge.car_guard import (
     FAILED_TICKS,
     FOREIGN_TICKS,

@@ -17,11 +17,11 @@ import numpy as np
 import pandas as pd
 
 from offline.logs.checks.samples import Issue, Range
+from offline.logs.checks.unit_mistakes import find_mistake
 from offline.logs.episode import LogEpisode
 from offline.logs.mapping import LogMapping
 from rt_controller.contract.arrays import Array
 from rt_controller.mapping.quantity import Quantity
-from rt_controller.mapping.unit_mistakes import find_mistake
 
 LEAST_CORRELATION = 0.8
 """below, two signals are too unrelated for a ratio"""

@@ -17,7 +17,7 @@ from cantools.database.can import Database
 
 from offline.logs.readers.log import Log, Names, RowsOf, Series, readable
 from rt_controller.contract.errors import ConfigError, DatasetError
-from rt_controller.mapping.dbc_signals import Source, find_source, load_dbc
+from rt_controller.mapping.car_file import Source, find_source, load_dbc
 from rt_controller.mapping.log_damage import explain_damage
 from rt_controller.mapping.tables import CanSettings
 

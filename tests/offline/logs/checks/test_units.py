@@ -5,7 +5,7 @@ import pytest
 from made_logs import MAPPING, POSE, episode_of, make_drive
 
 from offline.logs.checks.pairs import find_proportions, unit_issues
-from rt_controller.mapping.unit_mistakes import find_mistake
+from offline.logs.checks.unit_mistakes import find_mistake
 
 DT_S = 0.02
 

@@ -10,7 +10,7 @@ from rt_controller.contract.signals import (
     PathReference,
     VehicleState,
 )
-from rt_controller.gateway.vehicle_envelope import (
+from rt_controller.vehicle.vehicle_envelope import (
     FARTHEST_OFF_PATH_M,
     OwnMotion,
     leaves_path,

@@ -12,7 +12,7 @@ from rt_controller.contract.limits import (
 )
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.gateway.path_steering import Course, largest_brake_n, steer_along
+from rt_controller.vehicle.path_steering import Course, largest_brake_n, steer_along
 from sim_bridge.scenario import load_scenario
 from sim_bridge.session import build_car
 

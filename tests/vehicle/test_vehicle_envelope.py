@@ -9,7 +9,7 @@ from rt_controller.bus.messages import NO_REFUSAL, Command, Refusal
 from rt_controller.contract.limits import DEFAULT_GEOMETRY, INPUT_LIMITS
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.gateway.vehicle_envelope import (
+from rt_controller.vehicle.vehicle_envelope import (
     LARGEST_LATERAL_MPS2,
     STANDING,
     OwnMotion,

@@ -4,7 +4,7 @@ import pytest
 from own_car import EXAMPLE, example
 
 from rt_controller.contract.errors import ConfigError
-from rt_controller.mapping.car_file import read_car
+from rt_controller.mapping.car_file import find_source, load_dbc, read_car
 
 
 def changed(tmp_path, *replacements):
@@ -32,30 +32,34 @@ def test_the_example_is_a_mapping_of_offline_import_too():
     assert mapping.places_roads is False
 
 
-def test_a_speed_is_required(tmp_path):
-    path = changed(tmp_path, ("vx_mps = {", "vy_mps = {"))
-    with pytest.raises(ConfigError, match=r"states: expected vx_mps, yaw_rate_radps"):
-        read_car(path)
-
-
-def test_a_place_on_the_road_is_required(tmp_path):
-    path = changed(tmp_path, ('reference_line = "line.csv"\n', ""))
-    with pytest.raises(ConfigError, match="expected the place on the road"):
-        read_car(path)
-
-
-def test_a_unit_of_another_quantity_is_refused(tmp_path):
-    path = changed(tmp_path, ('"VehicleSpeed", unit = "km/h"', '"VehicleSpeed", unit = "deg/s"'))
-    with pytest.raises(ConfigError, match=r"vx_mps: expected a unit that is converted to m/s"):
-        read_car(path)
-
-
-def test_a_message_that_is_not_in_the_dbc_is_refused(tmp_path):
-    path = changed(tmp_path, ("[messages.WheelSpeed]", "[messages.WheelSped]"))
-    with pytest.raises(ConfigError, match=r"messages of car\.dbc, found WheelSped"):
-        read_car(path)
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("vx_mps = {", "vy_mps = {", r"states: expected vx_mps, yaw_rate_radps"),
+        ('reference_line = "line.csv"\n', "", "expected the place on the road"),
+        (
+            *('"VehicleSpeed", unit = "km/h"', '"VehicleSpeed", unit = "deg/s"'),
+            r"vx_mps: expected a unit that is converted to m/s",
+        ),
+        (
+            *("[messages.WheelSpeed]", "[messages.WheelSped]"),
+            r"messages of car\.dbc, found WheelSped",
+        ),
+    ],
+)
+def test_a_mapping_for_driving_is_refused_with_what_is_missing(tmp_path, old, new, message):
+    with pytest.raises(ConfigError, match=message):
+        read_car(changed(tmp_path, (old, new)))
 
 
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(ConfigError, match=r".*none\.toml: expected a mapping file"):
         read_car(tmp_path / "none.toml")
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-8"])
+def test_a_unit_is_read_in_either_encoding_of_a_dbc(tmp_path, encoding):
+    path = tmp_path / "car.dbc"
+    message = 'BO_ 291 Inertial: 8 CAR\n SG_ YawRate : 7|16@0- (0.01,0) [-300|300] "°/s" CAR\n'
+    path.write_bytes(f'VERSION ""\nBU_: CAR\n{message}'.encode(encoding))
+    assert find_source("here", load_dbc(path), "YawRate").signal.unit == "°/s"
