@@ -102,11 +102,7 @@ class Drive:
         )
 
     def __getitem__(self, column: str) -> Array:
-        """One column (ticks,).
-
-        Raises:
-            KeyError: no such column.
-        """
+        """One column (ticks,)."""
         if column not in self.columns:
             raise KeyError(f"expected one of {', '.join(self.columns)}, found {column!r}")
         values: Array = self.values[:, self.columns.index(column)]
@@ -119,12 +115,7 @@ class Drive:
         return replace(self, values=values, car_figures=car_figures, scenario=scenario)
 
     def to_csv(self, file: Path | str) -> None:
-        """Write the table as CSV, one column for each name.
-
-        Raises:
-            ConfigError: the file cannot be written.
-            TypeError: `file` is no path.
-        """
+        """Write the table as CSV, one column for each name."""
         require_type("file", file, str | Path, "the path of a file")
         try:
             with atomic_write(Path(file)) as out:
@@ -137,11 +128,7 @@ class Drive:
             ) from error
 
     def to_pandas(self) -> Any:
-        """The table as a `pandas.DataFrame`, its units in `attrs["units"]`.
-
-        Raises:
-            MissingExtraError: pandas is not installed.
-        """
+        """The table as a `pandas.DataFrame`, its units in `attrs["units"]`."""
         with needs_extra("logs", "A data frame"):
             import pandas as pd
 
@@ -154,11 +141,6 @@ class Drive:
 
         Args:
             file: also write the figure there; the suffix chooses the format (.png, .svg, .pdf).
-
-        Raises:
-            MissingExtraError: matplotlib is not installed.
-            ConfigError: the file cannot be written, or its format is unknown.
-            TypeError: `file` is no path.
         """
         require_type("file", file, str | Path | None, "the path of a file")
         from rt_controller.report.drive_figure import draw_drive

@@ -207,11 +207,7 @@ class Journal:
     """`Sink` that writes the journal of a log."""
 
     def __init__(self, log: Path, header: Header, replaces: bool = False) -> None:
-        """Open the journal beside `log`.
-
-        Raises:
-            ConfigError: it cannot be written, or exists already and `replaces` is False.
-        """
+        """Open the journal beside `log`, as `LogFile`."""
         self._file = LogFile(journal_path(log), replaces)
         self._lines = [_line(header.model_dump())]
         """not yet written"""
@@ -331,10 +327,6 @@ def open_recording(
     """The recorder of a drive on a bus of this name; None if nothing is recorded.
 
     In lockstep stamps are simulated time, and a slow disk is waited for.
-
-    Raises:
-        ConfigError: a file cannot be written, or exists already.
-        MissingExtraError: MCAP needs a package that is not installed.
     """
     if files.log is None and files.mcap is None:
         return None

@@ -75,18 +75,7 @@ class McapSink:
     def __init__(
         self, path: Path, epoch_offset_ns: int = 0, replaces: bool = False, is_fd: bool = False
     ) -> None:
-        """Open the file.
-
-        Args:
-            path: of the MCAP file.
-            epoch_offset_ns: added to every stamp, to turn monotonic into calendar time.
-            replaces: replace an existing file.
-            is_fd: the frames are those of CAN FD.
-
-        Raises:
-            ConfigError: the file cannot be written, or exists already.
-            MissingExtraError: foxglove-sdk is not installed.
-        """
+        """Open the file, as `LogFile`; `epoch_offset_ns` is added to every stamp."""
         with needs_extra("record", "MCAP"):
             import foxglove
         from foxglove.mcap import MCAPWriteOptions

@@ -49,10 +49,6 @@ def explain_at_terminal(
     """Print the explanation of a tick; the exit code of the program.
 
     Without a `number` it is the tick in which the last safe stop began.
-
-    Raises:
-        ConfigError, ArtifactError, MissingExtraError: the drive cannot be replayed, or has no such
-            tick.
     """
     require_writable(json_file)
     with announce(f"reading {log}", is_quiet):

@@ -35,11 +35,7 @@ def replay_at_terminal(
     json_file: Path | None,
     is_quiet: bool,
 ) -> int:
-    """Replay a log, print what differs; the exit code of the program.
-
-    Raises:
-        ConfigError, ArtifactError, MissingExtraError: the drive cannot be replayed.
-    """
+    """Replay a log, print what differs; the exit code of the program."""
     require_writable(json_file)
     found: list[Difference] = []
     with (

@@ -76,11 +76,7 @@ EXIT_SAFE_STOP = 6
 
 
 def run_at_terminal(options: "RunOptions") -> int:
-    """Drive one mission and print its summary; the exit code of the program.
-
-    Raises:
-        ConfigError, ArtifactError, MissingExtraError, BusError: found before the first tick.
-    """
+    """Drive one mission and print its summary; the exit code of the program."""
     options.require_consistent()
     require_interface(options.bus)
     require_writable(options.json_file)
@@ -136,12 +132,7 @@ def run_at_terminal(options: "RunOptions") -> int:
 
 
 def _try_model(bundle: Bundle, options: "RunOptions") -> None:
-    """Return if the model holds the simulated car, or needs no trial before this drive.
-
-    Raises:
-        ArtifactError: it does not.
-        ConfigError, MissingExtraError, BusError: the bus of the drive cannot be opened.
-    """
+    """Return if the model holds the simulated car, or needs no trial before this drive."""
     if options.model_trial == "off" or (options.is_virtual and not options.check):
         return
     if has_passed(bundle, options) and not options.check:

@@ -41,11 +41,7 @@ def check_at_terminal(
     json_file: Path | None,
     is_quiet: bool,
 ) -> int:
-    """Print what arrives of each signal; 0, or 8 if something was found.
-
-    Raises:
-        ConfigError, DatasetError, BusError, MissingExtraError: mapping, log or bus do not fit.
-    """
+    """Print what arrives of each signal; 0, or 8 if something was found."""
     require_writable(json_file)
     if (log is None) == (bus is None):
         raise ConfigError(
@@ -83,12 +79,7 @@ def gateway_at_terminal(
     priority: int,
     json_file: Path | None,
 ) -> int:
-    """Translate until Ctrl-C.
-
-    Raises:
-        ConfigError, DatasetError, ArtifactError, BusError, MissingExtraError: before the first
-            frame; BusError also if a bus fails.
-    """
+    """Translate until Ctrl-C."""
     require_writable(json_file)
     car = read_car(file)
     bundle = load_bundle(find_model(model))

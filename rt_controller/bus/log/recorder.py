@@ -236,11 +236,7 @@ class Recorder(AbstractContextManager["Recorder"]):
 def open_recorder(
     path: Path | None, channel: str, is_lockstep: bool = False, replaces: bool = False
 ) -> Recorder | None:
-    """A recorder with calendar time in its stamps; None if no file is named.
-
-    Raises:
-        ConfigError: the file cannot be written, or exists already and `replaces` is False.
-    """
+    """A recorder with calendar time in its stamps; None if no file is named."""
     if path is None:
         return None
     offset_ns = epoch_offset_ns(is_lockstep)
@@ -260,11 +256,7 @@ def log_to_json(recorder: Recorder | None) -> dict[str, Any]:
 
 
 def require_recordable(path: Path | None, replaces: bool = False) -> None:
-    """Return if a log can be recorded there, or None is given; an existing log is left as it is.
-
-    Raises:
-        ConfigError: as `open_recorder`.
-    """
+    """Return if a log can be recorded there, or None is given; an existing log is left as it is."""
     if path is not None:
         _open_log(path, replaces).close()
 

@@ -43,7 +43,7 @@ LONG = "/tmp/[/x]/[sim]/" + 20 * "long-folder/"
         ("--bus virtual --no-such-option 1", "--no-such-option"),
         (
             "--bus virtual --mpc.horizon 1 --realtime.phase-ms 99",
-            "--mpc.horizon: expected at least 3, found '1'.\n--realtime.phase-ms: expected less than",
+            "--mpc.horizon: expected at least 3, found '1'.\n--realtime.phase-ms: expected less",
         ),
         (f"--bus virtual --model {LONG}", LONG),  # neither wrapped nor read as markup
         (
