@@ -78,7 +78,7 @@ def read_recorded_drive(path: Path) -> RecordedDrive:
         ConfigError: the log or its journal cannot be read, or they do not belong together.
     """
     header, ticks = read_journal(path)
-    frames = _frames(path)
+    frames = read_frames(path)
 
     def with_frames(call: Call) -> Call:
         found = tuple(islice(frames, call.n_frames))
@@ -93,13 +93,17 @@ def read_recorded_drive(path: Path) -> RecordedDrive:
     return RecordedDrive(path, header, tuple(joined))
 
 
-def _frames(path: Path) -> Iterator[can.Message]:
-    """The frames with data, in the order of the log."""
+def read_frames(path: Path, remedy: str = _COPY_AGAIN) -> Iterator[can.Message]:
+    """The frames with data of a CAN log (.log, .blf, .asc, .trc), in its order.
+
+    Raises:
+        ConfigError: it cannot be read, or is damaged; the message ends with `remedy`.
+    """
     n_frames = 0
     try:
         open_regular(path).close()  # a pipe is not waited for
         if path.suffix.lower() == SUFFIX:
-            yield from _candump_frames(path)
+            yield from _candump_frames(path, remedy)
             return
         with can.LogReader(path) as reader:
             for frame in reader:
@@ -108,29 +112,31 @@ def _frames(path: Path) -> Iterator[can.Message]:
                     yield frame
     except OSError as error:
         raise ConfigError(
-            f"{path}: expected a log that can be read, found {error.strerror}. Correct the path or "
-            f"the permissions."
+            f"{path}: expected a log that can be read, found {error.strerror or error}. Correct "
+            f"the path or the permissions."
         ) from error
     except ConfigError:
         raise
     except Exception as error:  # python-can's readers raise many types
-        raise ConfigError(f"{explain_damage(path, n_frames)}. {_COPY_AGAIN}") from error
+        raise ConfigError(f"{explain_damage(path, n_frames)}. {remedy}") from error
 
 
-def _candump_frames(path: Path) -> Iterator[can.Message]:
+def _candump_frames(path: Path, remedy: str) -> Iterator[can.Message]:
     """Those of a candump log; python-can would take error frames of most classes for data."""
     with path.open(encoding="utf-8", errors="replace") as lines:
         for number, line in enumerate(lines, start=1):
             if not line.strip():
                 continue
             if not is_candump_line(line):
-                raise ConfigError(f"{explain_candump_line(path, number, line)}. {_COPY_AGAIN}")
-            digits, _, data = line.split()[2].partition("#")
+                raise ConfigError(f"{explain_candump_line(path, number, line)}. {remedy}")
+            stamp, _, content = line.split()[:3]
+            digits, _, data = content.partition("#")
             identifier, is_extended = int(digits, 16), len(digits) == 8
             if (is_extended and identifier & ERROR_FLAG) or data.startswith("R"):
                 continue
             is_fd = data.startswith("#")  # with a digit of flags
             yield can.Message(
+                timestamp=float(stamp.strip("()")),
                 arbitration_id=identifier,
                 is_extended_id=is_extended,
                 is_fd=is_fd,

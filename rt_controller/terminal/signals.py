@@ -4,28 +4,29 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import can
 from rich.console import Console
 
 from rt_controller.bus.transport import close_bus
-from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
-from rt_controller.contract.files import open_regular
 from rt_controller.contract.model.artifact import find_model, load_bundle
 from rt_controller.gateway.lateral_speed import choose_geometry, choose_lateral_speed
 from rt_controller.gateway.process import LEAVING_REQUEST, Gateway, run_gateway
 from rt_controller.gateway.signals_check import CheckReport, check_signals
 from rt_controller.mapping.car_file import read_car
-from rt_controller.mapping.log_damage import explain_damage
 from rt_controller.realtime.scheduling import real_time_process, set_thread_priority
+from rt_controller.recording.replay import read_frames
 from rt_controller.report.table import Cell, Column, Table, format_number, print_table
 from rt_controller.settings import BusSettings
 from rt_controller.terminal.entry import INTERRUPTED
 from rt_controller.terminal.progress import announce, show
 from rt_controller.terminal.stop_signals import stop_on_signals
 
+REMEDY = "Name another log (.blf, .asc, .log, .trc), or record it again."
 EXIT_FOUND = 8
 """a signal is missing or implausible"""
 _LONGEST_WAIT_S = 0.02
@@ -58,7 +59,7 @@ def check_at_terminal(
             opened.enter_context(announce(f"listening for {listen_s:g} s", is_quiet))
             frames = _listen(listened, listen_s, pauses_s)
         elif log is not None:
-            frames = _logged(log)
+            frames = ((each.timestamp, each) for each in read_frames(log, REMEDY))
         report = check_signals(car, frames)
     _print(report)
     if pauses_s:
@@ -125,35 +126,10 @@ def _listen(
         last_s = now_s
 
 
-def _logged(log: Path) -> Iterator[tuple[float, can.Message]]:
-    n_frames = 0
-    try:
-        open_regular(log).close()  # a pipe is not waited for
-        with can.LogReader(log) as reader:
-            for frame in reader:
-                n_frames += 1
-                yield frame.timestamp, frame
-    except OSError as error:
-        raise DatasetError(
-            f"{log}: expected a CAN log (.blf, .asc, .log, .trc) that can be read, found "
-            f"{error.strerror or error}. Name another log, or record it again."
-        ) from error
-    except Exception as error:  # each reader raises its own types
-        raise DatasetError(
-            f"{explain_damage(log, n_frames)}. Name another log (.blf, .asc, .log, .trc), or "
-            f"record it again."
-        ) from error
-
-
 def _print(report: CheckReport) -> None:
     columns = (
-        Column("signal", is_text=True),
-        Column("column", is_text=True),
-        Column("message", is_text=True),
-        Column("samples"),
-        Column("period", "ms"),
-        Column("lowest"),
-        Column("highest"),
+        *(Column(name, is_text=True) for name in ("signal", "column", "message")),
+        *(Column("samples"), Column("period", "ms"), Column("lowest"), Column("highest")),
         Column("unit", is_text=True),
         Column("", is_text=True, width="long"),
     )
@@ -163,7 +139,7 @@ def _print(report: CheckReport) -> None:
             each.slot.column.column,
             f"{each.message} {each.identifier}",
             str(each.samples),
-            _milliseconds(each.period_s),
+            _number(each.period_s, 3, 1e3),
             _number(each.lowest),
             _number(each.highest),
             each.slot.si,
@@ -173,16 +149,13 @@ def _print(report: CheckReport) -> None:
     )
     title = f"{report.frames} frames in {report.duration_s:.1f} s"
     print_table(Table(title, columns, rows), Console())
+    plain = partial(Console().print, highlight=False, markup=False, soft_wrap=True)
     for problem, remedy in report.relations:
-        Console().print(
-            f"{problem}. {remedy}.", style="red", highlight=False, markup=False, soft_wrap=True
-        )
+        plain(f"{problem}. {remedy}.", style="red")
     for relation in report.not_compared:
-        Console().print(f"not compared: {relation}", highlight=False, markup=False, soft_wrap=True)
+        plain(f"not compared: {relation}")
     for name, count in report.dropped.items():
-        Console().print(
-            f"{name}: {count} frames damaged or repeated", highlight=False, markup=False
-        )
+        plain(f"{name}: {count} frames damaged or repeated")
 
 
 def _problems(report: CheckReport) -> Iterator[str]:
@@ -190,17 +163,10 @@ def _problems(report: CheckReport) -> Iterator[str]:
     first: dict[tuple[str, str], str] = {}
     for each in report.slots:
         name = first.setdefault((each.message, each.problem), each.slot.name)
-        if not each.problem:
-            yield ""
-        else:
-            yield (
-                f"{each.problem}. {each.remedy}." if name == each.slot.name else f"same as {name}"
-            )
+        is_first = name == each.slot.name
+        text = f"{each.problem}. {each.remedy}." if is_first else f"same as {name}"
+        yield text if each.problem else ""
 
 
-def _number(value: float | None) -> str:
-    return "–" if value is None else format_number(value)
-
-
-def _milliseconds(value_s: float | None) -> str:
-    return "–" if value_s is None else format_number(1e3 * value_s, 3)
+def _number(value: float | None, digits: int = 4, factor: float = 1.0) -> str:
+    return "–" if value is None else format_number(factor * value, digits)
