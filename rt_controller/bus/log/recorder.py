@@ -29,8 +29,6 @@ _WRITE_INTERVAL_S = 0.2
 _FRAMES_PER_WRITE = 512
 LONGEST_CLOSE_S = 2.0
 """for what is left at the end; later the log counts as incomplete"""
-_LONGEST_STALL_S = 2.0
-"""after which a disk that takes nothing is not waited for in lockstep"""
 _OTHER_SUFFIXES = (".asc", ".blf", ".mf4", ".trc", ".csv", ".db")
 """formats that python-can converts a candump log into"""
 
@@ -95,7 +93,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         Args:
             path: of the log, or a folder, as `LogFile`; None: no log.
             channel: name of the bus.
-            is_lockstep: `record` may wait for a slow disk.
+            is_lockstep: `record` waits for the disk.
             capacity: of the queue, in frames and events.
             epoch_offset_ns: added to every stamp, to turn monotonic into calendar time.
             replaces: replace an existing log.
@@ -106,7 +104,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         """
         self.written = 0
         self._taken = self._overflowed = self._unwritable = 0
-        self._capacity, self._waits = capacity, is_lockstep
+        self._capacity, self._is_lockstep = capacity, is_lockstep
         self._channel, self._epoch_offset_ns = "_".join(channel.split()) or "can", epoch_offset_ns
         self._log = None if path is None else _open_log(path, replaces)
         self._sinks: list[Sink] = []
@@ -198,11 +196,9 @@ class Recorder(AbstractContextManager["Recorder"]):
         return self._sinks if self._log is None else [self._log, *self._sinks]
 
     def _has_room(self) -> bool:
-        """True if the queue has room; in lockstep a slow disk gets time, a stalled one none."""
-        end_s = time.monotonic() + _LONGEST_STALL_S
+        """True if the queue has room; in lockstep the disk is waited for."""
         while len(self._queue) >= self._capacity:
-            self._waits = self._waits and time.monotonic() < end_s
-            if not self._waits:
+            if not self._is_lockstep:
                 return False
             time.sleep(1e-3)
         return True
