@@ -140,6 +140,8 @@ def replay(
     log: Path,
     *,
     model: str | Path | None = None,
+    mcap: Path | None = None,
+    overwrite: bool = False,
     json_file: Annotated[Path | None, Parameter(name="--json")] = None,
     quiet: bool = False,
 ) -> int:
@@ -153,6 +155,10 @@ def replay(
         log that --record wrote, with its .journal beside it
     model
         another model, to see what it would have commanded; default: the recorded one
+    mcap
+        write decoded signals, plan and cause of every replayed tick to this MCAP file
+    overwrite
+        replace an existing file of --mcap
     json_file
         write the result to this JSON file
     quiet
@@ -160,7 +166,7 @@ def replay(
     """
     from rt_controller.terminal.replay import replay_at_terminal
 
-    return replay_at_terminal(log, model, json_file, quiet)
+    return replay_at_terminal(log, model, mcap, overwrite, json_file, quiet)
 
 
 @app.command

@@ -8,7 +8,6 @@ from threading import Thread
 import can
 
 from rt_controller.bus.identity import require_same_catalogue
-from rt_controller.bus.log.recorder import LoopEvent
 from rt_controller.bus.messages import REFERENCE, STATE, VEHICLE_IDENTITY
 from rt_controller.bus.receive import Inbox
 from rt_controller.bus.transport import close_bus
@@ -28,14 +27,14 @@ from rt_controller.realtime.scheduling import (
     set_thread_priority,
 )
 from rt_controller.realtime.timing import DeadlineAccount, KernelCounters
-from rt_controller.recording.files import NO_FILES, RecordingFiles, open_recording
 from rt_controller.recording.journal import (
     BUS_FAILURE,
-    CALL,
-    PLAN,
-    TICK,
-    JournalEntry,
-    PlannedTrajectory,
+    NO_FILES,
+    DrivenTick,
+    RecordingFiles,
+    TickRecord,
+    describe_run,
+    open_recording,
 )
 from rt_controller.safety.checks import CHECKS, Check
 from rt_controller.settings import BusSettings
@@ -168,15 +167,8 @@ class ControllerSession:
             bus = bus_settings.open_bus()
             opened.callback(close_bus, bus)
             self._bus = bus
-            self.recorder = open_recording(
-                files,
-                bus_settings.channel,
-                self._is_lockstep,
-                config,
-                bundle,
-                mpc.max_iterations,
-                bus_settings.fd,
-            )
+            header = describe_run(config, bundle, mpc.max_iterations, bus_settings.fd)
+            self.recorder = open_recording(files, bus_settings.channel, self._is_lockstep, header)
             if self.recorder is not None:
                 opened.callback(self.recorder.close)
             self._mpc, self._keeps_plans = mpc, files.mcap is not None
@@ -238,7 +230,7 @@ class ControllerSession:
 
     def _record_call(self, name: str) -> None:
         if self.recorder is not None:
-            self.recorder.record_event(LoopEvent(CALL, name))
+            self.recorder.record_event(name)
 
     def _after_tick(self, tick: FinishedTick) -> None:
         if tick.number == self.record.stop_tick:
@@ -247,13 +239,27 @@ class ControllerSession:
         if recorder is None:
             return
         if failures > self._receive_failures:
-            recorder.record_event(LoopEvent(BUS_FAILURE))
+            recorder.record_event(BUS_FAILURE)
         self._receive_failures = failures
-        recorder.record_event(LoopEvent(TICK, JournalEntry(tick, recorder.dropped)))
+        result, measured = tick.result, tick.measured
+        record = TickRecord(
+            tick.number,
+            tick.began_ns,
+            measured.scheduled_ns,
+            measured.skipped,
+            tick.missed_last,
+            result.mode,
+            result.cause,
+            result.control,
+            int(result.faults),
+            recorder.dropped,
+            measured.sent_after_ns / 1e3,
+            None if measured.cause is None else measured.cause.value,
+            {name: round(value, 1) for name, value in measured.times._asdict().items()},
+        )
         states = self._mpc.predicted_states() if self._keeps_plans else None
-        if states is not None:
-            plan = PlannedTrajectory(tick.began_ns, self._mpc.inputs.copy(), states)
-            recorder.record_event(LoopEvent(PLAN, plan))
+        plan = None if states is None else (self._mpc.inputs.copy(), states)
+        recorder.record_event(DrivenTick(record, result, plan))
 
     def _run(self, duration_s: float | None, waits_for_missions: bool, wait_s: float) -> None:
         settings, clock = self._settings, self._clock

@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from rt_controller.bus.log.recorder import Recorder, open_recorder, require_recordable
+from rt_controller.bus.log.recorder import (
+    Recorder,
+    log_to_json,
+    open_recorder,
+    require_recordable,
+)
 from rt_controller.bus.transport import require_interface
 from rt_controller.contract.errors import BusError, ConfigError, OutputError, PlantError
 from rt_controller.contract.figures import require_writable, write_figures
@@ -22,7 +27,6 @@ from rt_controller.realtime.scheduling import real_time_process
 from rt_controller.report.table import Fact, facts_table, print_table
 from rt_controller.settings import VIRTUAL
 from rt_controller.terminal.command_line import print_error
-from rt_controller.terminal.log_summary import log_to_json
 from rt_controller.terminal.progress import SETTLING, Line, announce, show, watch
 from rt_controller.terminal.stop_signals import stop_on_signals
 from rt_controller.terminal.streams import lost_output

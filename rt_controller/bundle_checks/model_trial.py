@@ -55,15 +55,7 @@ def has_passed(bundle: Bundle, config: ControllerConfig) -> bool:
 
 
 def try_model(bundle: Bundle, config: ControllerConfig) -> str | None:
-    """Drive the simulated car with a model; a remark where that is not compiled, otherwise None.
-
-    Args:
-        bundle: the model.
-        config: settings of the planner, with which it will drive.
-
-    Raises:
-        ArtifactError: the model does not hold the car on its path, or predicts another one.
-    """
+    """Drive the simulated car with a model; a remark where that is not compiled, otherwise None."""
     try:
         drive = drive_trial(bundle, config)
     except MissingExtraError:
@@ -74,12 +66,7 @@ def try_model(bundle: Bundle, config: ControllerConfig) -> str | None:
 
 
 def drive_trial(bundle: Bundle, config: ControllerConfig | None = None) -> Drive:
-    """The short drive of the simulated car.
-
-    Raises:
-        MissingExtraError: the car is not compiled.
-        ArtifactError: no plan is found with the model, so that the car is never driven.
-    """
+    """The short drive of the simulated car."""
     try:
         return simulate(SCENARIO, model=bundle, config=config)
     except BusError as error:
@@ -90,11 +77,7 @@ def drive_trial(bundle: Bundle, config: ControllerConfig | None = None) -> Drive
 
 
 def require_passed(drive: Drive, bundle: Bundle) -> None:
-    """Return if a drive of the trial is one of a good model.
-
-    Raises:
-        ArtifactError: it is not.
-    """
+    """Return if a drive of the trial is one of a good model."""
     found = trial_figures(drive, bundle)
     is_within = all(figure <= limit for figure, limit in zip(found, LARGEST, strict=True))
     if is_within and drive.ending == Ending.MISSION_OVER.value:
@@ -114,17 +97,10 @@ def require_passed(drive: Drive, bundle: Bundle) -> None:
 def trial_figures(drive: Drive, bundle: Bundle) -> TrialFigures:
     """The figures of a drive; those of the prediction are NaN if no 0.5 s were driven nominally."""
     errors = prediction_errors(drive, bundle)
-    rms = np.full(N_STATES, np.nan)
-    if len(errors):
-        rms = np.sqrt(np.mean(np.square(errors), axis=0))
-    of = VehicleState(*rms.tolist())
-    return TrialFigures(
-        drive.errors.ey_peak_m,
-        drive.errors.vx_peak_mps,
-        of.vx_mps,
-        of.yaw_rate_radps,
-        of.epsi_rad,
-    )
+    rms = np.sqrt(np.mean(np.square(errors), axis=0)) if len(errors) else np.full(N_STATES, np.nan)
+    of, tracking = VehicleState(*rms.tolist()), drive.errors
+    predicted = of.vx_mps, of.yaw_rate_radps, of.epsi_rad
+    return TrialFigures(tracking.ey_peak_m, tracking.vx_peak_mps, *predicted)
 
 
 def prediction_errors(drive: Drive, bundle: Bundle) -> Array:

@@ -101,11 +101,7 @@ class Drive:
         )
 
     def __getitem__(self, column: str) -> Array:
-        """One column (ticks,).
-
-        Raises:
-            KeyError: no such column.
-        """
+        """One column (ticks,)."""
         if column not in self.columns:
             raise KeyError(f"expected one of {', '.join(self.columns)}, found {column!r}")
         values: Array = self.values[:, self.columns.index(column)]
@@ -118,12 +114,7 @@ class Drive:
         return replace(self, values=values, car_figures=car_figures, scenario=scenario)
 
     def to_csv(self, file: Path | str) -> None:
-        """Write the table as CSV, one column for each name.
-
-        Raises:
-            ConfigError: the file cannot be written.
-            TypeError: `file` is no path.
-        """
+        """Write the table as CSV, one column for each name."""
         require_type("file", file, str | Path, "the path of a file")
         try:
             with atomic_write(Path(file)) as out:
@@ -136,11 +127,7 @@ class Drive:
             ) from error
 
     def to_pandas(self) -> Any:
-        """The table as a `pandas.DataFrame`, its units in `attrs["units"]`.
-
-        Raises:
-            MissingExtraError: pandas is not installed.
-        """
+        """The table as a `pandas.DataFrame`, its units in `attrs["units"]`."""
         with needs_extra("logs", "A data frame"):
             import pandas as pd
 
@@ -153,11 +140,6 @@ class Drive:
 
         Args:
             file: also write the figure there; the suffix chooses the format (.png, .svg, .pdf).
-
-        Raises:
-            MissingExtraError: matplotlib is not installed.
-            ConfigError: the file cannot be written, or its format is unknown.
-            TypeError: `file` is no path.
         """
         require_type("file", file, str | Path | None, "the path of a file")
         from rt_controller.report.drive_figure import draw_drive

@@ -1,27 +1,27 @@
 """Explanation of one tick of a recorded drive, by a replay up to this tick."""
 
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import can
 from cantools.database.can import Database
 
 from rt_controller.bus.dbc import dbc_path, read_dbc
-from rt_controller.bus.messages import Fault
+from rt_controller.bus.messages import MISSION, PREVIEW, REFERENCE, Fault
+from rt_controller.bus.receive import Inbox
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.signals import INPUT_UNITS, NEUTRAL_INPUT, ControlInput, Mode
+from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.explanation import PlanExplanation
-from rt_controller.recording.header import recorded_config
-from rt_controller.recording.journal import RECEIVED, SENT, JournalTick
-from rt_controller.recording.margins import (
-    Margin,
-    command_margins,
-    data_margins,
-    exceeded,
-    plausibility_margins,
+from rt_controller.recording.journal import RECEIVED, SENT, TickRecord
+from rt_controller.recording.replay import Difference, RecordedDrive, Replay, differences
+from rt_controller.safety.checks import CHECKS, is_computed
+from rt_controller.safety.freshness import (
+    REFERENCE_MAX_AGE_NS,
+    STATE_MAX_AGE_NS,
+    TIMING_SLACK_NS,
 )
-from rt_controller.recording.recorded_drive import RecordedDrive, RecordedTick
-from rt_controller.recording.replay import Difference, Replay, differences
 from rt_controller.safety.modes import StopCause
 from rt_controller.step import StepResult
 
@@ -34,6 +34,87 @@ _WITHOUT_QP = {
     Mode.SAFE_STOP: "pedals of a safe stop, without a QP (last plan: {})",
 }
 """by mode; the last plan is filled in"""
+_UNITS = {
+    "PER_M": "1/m",
+    "M": "m",
+    "MPS": "m/s",
+    "MPS2": "m/s^2",
+    "MPS3": "m/s^3",
+    "RAD": "rad",
+    "RADPS": "rad/s",
+    "N": "N",
+    "TICKS": "ticks",
+}
+"""by the end of the name of a quantity, the longer one first"""
+
+
+class Margin(NamedTuple):
+    """A quantity that a check compares with its limit."""
+
+    check: str
+    value: float | None
+    """None: there is nothing to check, which is a fault of its own where the check needs it"""
+    limit: float
+    unit: str
+
+    @property
+    def margin(self) -> float | None:
+        """Limit minus value; negative if the value is beyond the limit."""
+        return None if self.value is None else self.limit - self.value
+
+    @property
+    def text(self) -> str:
+        """Check, value and limit for people."""
+        value = "nothing to check" if self.value is None else f"{self.value:.4g}"
+        return f"{self.check}, {value} of {self.limit:.4g} {self.unit}"
+
+
+def plausibility_margins(values: Sequence[float]) -> list[Margin]:
+    """The quantities of a tick, by `Quantity`, against the thresholds of the table of checks."""
+    margins = []
+    for check in CHECKS:
+        value, name = values[check.quantity], check.quantity.name
+        unit = next((unit for end, unit in _UNITS.items() if name.endswith(f"_{end}")), "1")
+        computed = value if is_computed(value) else None
+        margins.append(Margin(check.name, computed, check.threshold, unit))
+    return margins
+
+
+def exceeded(margins: Iterable[Margin]) -> list[Margin]:
+    """Those whose value is beyond its limit; some checks act only after several ticks in a row."""
+    return [each for each in margins if each.margin is not None and each.margin < 0.0]
+
+
+def _data_margins(inbox: Inbox, now_ns: int, state_age_ns: int | None) -> Iterator[Margin]:
+    """Ages of what was received, at the beginning of a tick."""
+    path, preview, mission = (inbox.newest(each) for each in (REFERENCE, PREVIEW, MISSION))
+    valid_for_ns = 0 if mission is None else mission.content.valid_for_ns
+    ages_ns = [
+        None if each is None else now_ns - each.arrival_ns for each in (path, preview, mission)
+    ]
+    path_limit_ns = REFERENCE_MAX_AGE_NS + TIMING_SLACK_NS
+    for name, age_ns, limit_ns in (
+        ("age of the state, with its transport", state_age_ns, STATE_MAX_AGE_NS),
+        ("age of the path", ages_ns[0], path_limit_ns),
+        ("age of the curvature ahead", ages_ns[1], path_limit_ns),
+        ("age of the mission", ages_ns[2], valid_for_ns + TIMING_SLACK_NS),
+    ):
+        yield Margin(name, None if age_ns is None else age_ns * 1e-6, limit_ns * 1e-6, "ms")
+
+
+def _command_margins(
+    now: ControlInput, before: ControlInput, most_steer_rad: float
+) -> Iterator[Margin]:
+    """The command of a tick against its bounds and rates; the envelope keeps it within them."""
+    upper = INPUT_LIMITS.upper._replace(steer_rad=most_steer_rad)
+    names = now._fields
+    for name, value, bound, unit in zip(names, now, upper, INPUT_UNITS, strict=True):
+        yield Margin(f"size of {name}", abs(value), bound, unit)
+    rates = INPUT_LIMITS.rate_per_s
+    for name, value, old, rate, unit in zip(names, now, before, rates, INPUT_UNITS, strict=True):
+        if name != "throttle" or value >= old:  # a throttle that closes is not limited
+            change = abs(value - old)
+            yield Margin(f"change of {name} in this period", change, rate * PERIOD_S, unit)
 
 
 class ExplainedFrame(NamedTuple):
@@ -53,7 +134,7 @@ class ExplainedFrame(NamedTuple):
 class TickExplanation:
     """What a tick received, computed and sent, and why."""
 
-    journal: JournalTick
+    record: TickRecord
     result: StepResult
     frames: tuple[ExplainedFrame, ...]
     differences: tuple[Difference, ...]
@@ -74,15 +155,35 @@ def explain_tick(drive: RecordedDrive, replay: Replay, number: int) -> TickExpla
     Raises:
         ConfigError: the drive has no such tick.
     """
-    before: ControlInput = NEUTRAL_INPUT
-    last_plan: int | None = None
+    before, last_plan = NEUTRAL_INPUT, "none"
+    deadline_us = 1e3 * replay.config.realtime.deadline_ms
     for tick in replay.ticks():
-        if tick.result.qp_ns > 0:
-            last_plan = tick.recorded.journal.number
-        if tick.recorded.journal.number == number:
-            differing = tuple(differences(tick))
-            return _explain(drive, replay, tick.recorded, before, last_plan, differing)
-        before = tick.result.control
+        record, result = tick.recorded, tick.result
+        if result.qp_ns > 0:
+            last_plan = f"tick {record.tick}"
+        if record.tick != number:
+            before = result.control
+            continue
+        node = replay.node
+        margins = (
+            *_data_margins(node.inbox, record.began_ns, node.step.state_age_ns(record.began_ns)),
+            *plausibility_margins(node.supervisor.values),
+            *_command_margins(result.control, before, result.most_steer_rad),
+        )
+        beyond = [f"beyond its limit: {each.text}" for each in exceeded(margins)]
+        plan = replay.mpc.explain_plan() if result.qp_ns > 0 else None
+        sent = Margin("time until the frames were sent", record.sent_after_us, deadline_us, "us")
+        return TickExplanation(
+            record,
+            result,
+            tuple(_frames(record, read_dbc(dbc_path(drive.header.is_fd)))),
+            tuple(differences(tick)),
+            plan,
+            (*margins, sent),
+            deadline_us,
+            (*_reasons(record, result, deadline_us), *beyond),
+            _command_from(result, plan, last_plan),
+        )
     raise ConfigError(
         f"--tick {number}: expected a tick of {drive.path}, found {_numbers_of(drive)}. Choose one "
         f"of these."
@@ -95,110 +196,66 @@ def safe_stop_tick(drive: RecordedDrive) -> int:
     Raises:
         ConfigError: it has none.
     """
-    found, before = None, Mode.STANDBY
-    for each in drive.ticks:
-        journal = each.journal
-        if journal.mode is Mode.SAFE_STOP and before is not Mode.SAFE_STOP and journal.number >= 0:
-            found = journal.number
-        before = journal.mode
-    if found is None:
+    modes = [tick.mode for tick in drive.driven]
+    begins = [
+        tick.tick
+        for tick, before in zip(drive.driven, [Mode.STANDBY, *modes], strict=False)
+        if tick.mode is Mode.SAFE_STOP and before is not Mode.SAFE_STOP
+    ]
+    if not begins:
         raise ConfigError(
             f"{drive.path}: expected a drive with a safe stop, whose first tick is explained "
             f"without --tick, found none. Choose one of the ticks {_numbers_of(drive)} with --tick."
         )
-    return found
-
-
-def _explain(
-    drive: RecordedDrive,
-    replay: Replay,
-    recorded: RecordedTick,
-    before: ControlInput,
-    last_plan: int | None,
-    differing: tuple[Difference, ...],
-) -> TickExplanation:
-    journal, step = recorded.journal, replay.node.step
-    result = step.result
-    deadline_us = 1e3 * recorded_config(drive.header).realtime.deadline_ms
-    now_ns = journal.began_ns
-    margins = (
-        *data_margins(replay.node.inbox, now_ns, step.state_age_ns(now_ns)),
-        *plausibility_margins(replay.node.supervisor.values),
-        *command_margins(result.control, before, result.most_steer_rad),
-        Margin("time until the frames were sent", journal.sent_after_us, deadline_us, "us"),
-    )
-    plan = replay.mpc.explain_plan() if result.qp_ns > 0 else None
-    return TickExplanation(
-        journal,
-        result,
-        _frames(recorded, read_dbc(dbc_path(drive.is_fd))),
-        differing,
-        plan,
-        margins,
-        deadline_us,
-        (*_reasons(journal, result, deadline_us), *_beyond(margins[:-1])),
-        _command_from(result, plan, last_plan),
-    )
+    return begins[-1]
 
 
 def _numbers_of(drive: RecordedDrive) -> str:
-    numbers = [each.journal.number for each in drive.ticks if each.journal.number >= 0]
+    numbers = [tick.tick for tick in drive.driven]
     return f"{numbers[0]} to {numbers[-1]}" if numbers else "none"
 
 
-def _frames(recorded: RecordedTick, database: Database) -> tuple[ExplainedFrame, ...]:
-    return tuple(
-        _frame(frame, call.name == SENT, call.stamp_ns - recorded.journal.began_ns, database)
-        for call, frames in recorded.calls
-        if call.name in (RECEIVED, SENT)
-        for frame in frames
-    )
+def _frames(record: TickRecord, database: Database) -> Iterator[ExplainedFrame]:
+    for call in record.calls:
+        if call.name not in (RECEIVED, SENT):
+            continue
+        for frame in call.frames:
+            data, name = bytes(frame.data), f"{frame.arbitration_id:#x}"
+            signals: dict[str, float | str] = {}
+            try:
+                message = database.get_message_by_frame_id(frame.arbitration_id)
+                name = message.name
+                for signal, value in message.decode_simple(data).items():
+                    unit = message.get_signal_by_name(signal).unit
+                    text = value if isinstance(value, int | float) else str(value)
+                    signals[f"{signal}, {unit}" if unit else signal] = text
+            except Exception:  # of another catalogue, or damaged: the bytes are shown
+                signals = {}
+            before_us = (record.began_ns - call.stamp_ns) / 1e3
+            yield ExplainedFrame(call.name == SENT, before_us, name, data.hex().upper(), signals)
 
 
-def _frame(frame: can.Message, is_sent: bool, after_ns: int, database: Database) -> ExplainedFrame:
-    data, name = bytes(frame.data), f"{frame.arbitration_id:#x}"
-    signals: dict[str, float | str] = {}
-    try:
-        message = database.get_message_by_frame_id(frame.arbitration_id)
-        name = message.name
-        decoded = message.decode_simple(data)
-    except Exception:  # of another catalogue, or damaged: the bytes are shown
-        decoded = {}
-    for signal, value in decoded.items():
-        unit = message.get_signal_by_name(signal).unit
-        text = value if isinstance(value, int | float) else str(value)
-        signals[f"{signal}, {unit}" if unit else signal] = text
-    return ExplainedFrame(is_sent, -after_ns / 1e3, name, data.hex().upper(), signals)
-
-
-def _reasons(journal: JournalTick, result: StepResult, deadline_us: float) -> list[str]:
-    reasons = []
+def _reasons(record: TickRecord, result: StepResult, deadline_us: float) -> Iterator[str]:
     if result.cause is not StopCause.NONE:
-        reasons.append(f"{result.mode.name}: {result.cause.value}")
-    if journal.skipped:
-        reasons.append(f"{journal.skipped} periods were skipped before this tick")
-    if journal.sent_after_us > deadline_us:
-        cause = journal.late_cause or "not recorded"
-        reasons.append(
-            f"late: sent {journal.sent_after_us:.0f} us after the scheduled instant, "
-            f"{journal.sent_after_us - deadline_us:.0f} us after the deadline: {cause}"
+        yield f"{result.mode.name}: {result.cause.value}"
+    if record.skipped:
+        yield f"{record.skipped} periods were skipped before this tick"
+    if record.sent_after_us > deadline_us:
+        yield (
+            f"late: sent {record.sent_after_us:.0f} us after the scheduled instant, "
+            f"{record.sent_after_us - deadline_us:.0f} us after the deadline: "
+            f"{record.late_cause or 'not recorded'}"
         )
     for fault in Fault(result.faults):
-        reasons.append(f"fault in the heartbeat: {fault.name}")
-    return reasons
+        yield f"fault in the heartbeat: {fault.name}"
 
 
-def _beyond(margins: tuple[Margin, ...]) -> list[str]:
-    return [f"beyond its limit: {each.text}" for each in exceeded(margins)]
-
-
-def _command_from(result: StepResult, plan: PlanExplanation | None, last_plan: int | None) -> str:
-    if result.mode is Mode.SAFE_STOP:
-        text = "pedals of a safe stop, steering wheel of the plan of this tick"
-    else:
-        text = "plan of this tick"
+def _command_from(result: StepResult, plan: PlanExplanation | None, last_plan: str) -> str:
     if plan is None:
-        return _WITHOUT_QP[result.mode].format("none" if last_plan is None else f"tick {last_plan}")
+        return _WITHOUT_QP[result.mode].format(last_plan)
+    text = "plan of this tick"
+    if result.mode is Mode.SAFE_STOP:
+        text = f"pedals of a safe stop, steering wheel of the {text}"
     if result.state is None:
         return f"{text}, which begins at an estimated state: none was received"
     if Fault.STATE_IMPLAUSIBLE in result.faults:
@@ -208,10 +265,10 @@ def _command_from(result: StepResult, plan: PlanExplanation | None, last_plan: i
 
 def to_json(tick: TickExplanation) -> dict[str, Any]:
     """The explanation with units in its keys."""
-    journal, result, plan = tick.journal, tick.result, tick.plan
+    record, result, plan = tick.record, tick.result, tick.plan
     return {
-        "tick": journal.number,
-        "began_ns": journal.began_ns,
+        "tick": record.tick,
+        "began_ns": record.began_ns,
         "mode": result.mode.name,
         "cause": result.cause.name,
         "reasons": list(tick.reasons),
@@ -224,22 +281,20 @@ def to_json(tick: TickExplanation) -> dict[str, Any]:
         "control": result.control._asdict(),
         "faults": [fault.name for fault in Fault(result.faults)],
         "frames": [each._asdict() for each in tick.frames],
-        "plan": None if plan is None else _plan_to_json(plan),
+        "plan": None
+        if plan is None
+        else {
+            "inputs": [ControlInput(*row)._asdict() for row in plan.inputs.tolist()],
+            "predicted_states": plan.states.tolist(),
+            "reference_states": plan.reference.tolist(),
+            "active_bounds": [each._asdict() for each in plan.active],
+            "cost_shares": [each._asdict() for each in plan.costs],
+            "second_solution": {**plan.second._asdict(), "status": plan.second.status.name},
+        },
         "checks": [{**each._asdict(), "margin": each.margin} for each in tick.margins],
         "deadline_us": tick.deadline_us,
-        "sent_after_us": journal.sent_after_us,
-        "late_cause": journal.late_cause if journal.sent_after_us > tick.deadline_us else None,
-        "skipped_ticks": journal.skipped,
-        "stage_times": dict(journal.times),
-    }
-
-
-def _plan_to_json(plan: PlanExplanation) -> dict[str, Any]:
-    return {
-        "inputs": [ControlInput(*row)._asdict() for row in plan.inputs.tolist()],
-        "predicted_states": plan.states.tolist(),
-        "reference_states": plan.reference.tolist(),
-        "active_bounds": [each._asdict() for each in plan.active],
-        "cost_shares": [each._asdict() for each in plan.costs],
-        "second_solution": {**plan.second._asdict(), "status": plan.second.status.name},
+        "sent_after_us": record.sent_after_us,
+        "late_cause": record.late_cause if record.sent_after_us > tick.deadline_us else None,
+        "skipped_ticks": record.skipped,
+        "stage_times": dict(record.times),
     }

@@ -6,33 +6,36 @@ the log, so the log stays one that every reader of its format opens. The first l
 """
 
 import json
+import os
+import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import Enum
 from functools import partial
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import BaseModel, BeforeValidator, NonNegativeInt, PositiveInt, TypeAdapter
 from pydantic import ValidationError as Refused
 
-from rt_controller.bus.log.frame_log import RecordedFrame
+from rt_controller.bus.identity import dbc_hash
 from rt_controller.bus.log.log_file import LogFile
-from rt_controller.bus.log.recorder import Entry
+from rt_controller.bus.log.recorder import RecordedFrame, Recorder, epoch_offset_ns
+from rt_controller.config import ControllerConfig
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.files import open_regular
 from rt_controller.contract.settings_errors import dotted, explain
 from rt_controller.contract.signals import ControlInput, Mode
-from rt_controller.loop import FinishedTick
+from rt_controller.model.artifact import find_model, load_bundle
+from rt_controller.model.bundle import Bundle
 from rt_controller.safety.modes import StopCause
+from rt_controller.step import StepResult
 
-FORMAT = 1
+FORMAT: Literal[1] = 1
 SUFFIX = ".journal"
-TICK, CALL, BUS_FAILURE, PLAN = "tick", "call", "bus_failure", "plan"
-"""kinds of `LoopEvent`; the contents are a `JournalEntry`, the name of a call, nothing, and a
-`PlannedTrajectory`, which only other sinks use"""
-RECEIVED, SENT = "received", "sent"
+RECEIVED, SENT, BUS_FAILURE = "received", "sent", "bus_failure"
 _CallName = Literal[
     "received",
     "sent",
@@ -42,34 +45,20 @@ _CallName = Literal[
     "request_stop",
     "send_safe_command",
 ]
-
-
-class JournalEntry(NamedTuple):
-    """A finished tick, and the frames that were missing in the log by then."""
-
-    tick: FinishedTick
-    dropped: int
-
-
-class PlannedTrajectory(NamedTuple):
-    """A plan at one instant, copied."""
-
-    stamp_ns: int
-    inputs: Array
-    """(N, 3)"""
-    states: Array
-    """(N + 1, 6), predicted"""
+_PACKAGES = ("rt-controller", "numpy", "scipy", "onnxruntime", "piqp")
+"""those on which the bits of a command depend"""
 
 
 class Call(NamedTuple):
     """Something that happened before the end of a tick."""
 
     name: _CallName
-    """RECEIVED, SENT, BUS_FAILURE, or a call of the step"""
     stamp_ns: NonNegativeInt = 0
     """of frames"""
-    frames: NonNegativeInt = 0
+    n_frames: NonNegativeInt = 0
     """that the log has, one after the other"""
+    frames: tuple[Any, ...] = ()
+    """these frames, as `can.Message`, of a drive that was read"""
 
 
 def _member(kind: type[Enum], name: object) -> Enum:
@@ -80,12 +69,11 @@ def _member(kind: type[Enum], name: object) -> Enum:
 
 
 @dataclass(frozen=True, slots=True)
-class JournalTick:
-    """One line of the journal."""
+class TickRecord:
+    """One tick; with its calls all that its result depends on. The fields of a line."""
 
-    number: int
-    """counted from zero; -1: calls after the last tick"""
-    calls: tuple[Call, ...]
+    tick: int
+    """its number, counted from zero; -1: calls after the last tick"""
     began_ns: NonNegativeInt = 0
     scheduled_ns: NonNegativeInt = 0
     skipped: NonNegativeInt = 0
@@ -95,33 +83,119 @@ class JournalTick:
     control: ControlInput | None = None
     faults: int = 0
     dropped: NonNegativeInt = 0
+    """frames that were missing in the log by then"""
     sent_after_us: float = 0.0
+    late_cause: str | None = None
     times: Mapping[str, float] = field(default_factory=dict)
     """by field of `TickTimes`"""
-    late_cause: str | None = None
+    calls: tuple[Call, ...] = ()
+
+    def frames(self, name: str) -> list[Any]:
+        """All frames that were received, or sent, before the end of the tick."""
+        return [frame for call in self.calls if call.name == name for frame in call.frames]
 
 
-_TICK = TypeAdapter(JournalTick)
-_FIELDS = tuple(JournalTick.__dataclass_fields__)[2:]
-"""of a tick, by the same name in its line"""
+class DrivenTick(NamedTuple):
+    """A tick as the controller computed it in this process, for a `Sink`."""
+
+    record: TickRecord
+    """without its calls, which the sinks see one by one"""
+    result: StepResult
+    plan: tuple[Array, Array] | None
+    """inputs (N, 3) and predicted states (N + 1, 6), copied; None: not kept, or there is none"""
 
 
-class _Model(BaseModel):
-    name: str
-    sha256: str
+class Header(BaseModel):
+    """The first line: settings, model and versions that a replay needs."""
 
-
-class _Header(BaseModel):
-    """What the first line has at least."""
-
+    journal_format: Literal[1]
     version: str
-    model: _Model
+    model: dict[str, str]
+    """name, sha256"""
     config: dict[str, Any]
     max_iterations: PositiveInt | None
+    """of a solve, where its time is limited"""
     catalogue: str
+    """hash of the messages"""
     is_fd: bool = False
     packages: dict[str, str | None]
     machine: str
+
+    def controller_config(self) -> ControllerConfig:
+        """The settings of the run; without its core, which this machine may not have.
+
+        Raises:
+            ConfigError: this version has other settings.
+        """
+        try:
+            realtime = {**self.config.get("realtime", {}), "cpu": None}
+            return ControllerConfig(**{**self.config, "realtime": realtime})
+        except ConfigError as error:
+            raise ConfigError(
+                f"Settings in the journal: {error} Replay the drive with the version that recorded "
+                f"it ({self.version})."
+            ) from None
+
+    def load_model(self, model: str | Path | None = None) -> Bundle:
+        """The model of the run, or another one if `model` names it.
+
+        Raises:
+            ArtifactError: it cannot be loaded.
+            ConfigError: none is named, and that of the run has changed since.
+        """
+        source = self.config.get("model") if model is None else model
+        bundle = load_bundle(find_model(source))
+        recorded = self.model.get("sha256", "")
+        if model is None and bundle.sha256 != recorded:
+            raise ConfigError(
+                f"the model {source or bundle.name}: expected the recorded one, {recorded[:8]}, "
+                f"found {bundle.sha256[:8]}. Name its folder with --model, or another model to see "
+                f"what it would have commanded."
+            )
+        return bundle
+
+    def changed_versions(self) -> list[str]:
+        """Packages, messages and the type of machine that are others now, for people."""
+        recorded = {**self.packages, "messages": self.catalogue, "machine": self.machine}
+        now = {name: _version(name) for name in self.packages}
+        now |= {"messages": f"{dbc_hash(self.is_fd):08x}", "machine": _machine()}
+        return [
+            f"{name} {then} then, {now[name]} now"
+            for name, then in recorded.items()
+            if then != now[name]
+        ]
+
+
+def describe_run(
+    config: ControllerConfig, bundle: Bundle, max_iterations: int | None, is_fd: bool = False
+) -> Header:
+    """Settings, model, limits found at the start, and versions."""
+    settings = {name: getattr(config, name) for name in ControllerConfig.model_fields}
+    settings["mpc"] = config.mpc.for_model(bundle)
+    if config.model is not None and os.path.exists(str(config.model)):
+        settings["model"] = str(Path(config.model).resolve())
+    return Header(
+        journal_format=FORMAT,
+        version=version("rt-controller"),
+        model={"name": bundle.name, "sha256": bundle.sha256},
+        config=ControllerConfig(**settings).model_dump(),
+        max_iterations=max_iterations,
+        catalogue=f"{dbc_hash(is_fd):08x}",
+        is_fd=is_fd,
+        packages={name: _version(name) for name in _PACKAGES},
+        machine=_machine(),
+    )
+
+
+def _machine() -> str:
+    return f"{platform.system()} {platform.machine()}"
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
 
 
 def journal_path(log: Path) -> Path:
@@ -132,14 +206,10 @@ def journal_path(log: Path) -> Path:
 class Journal:
     """`Sink` that writes the journal of a log."""
 
-    def __init__(self, log: Path, header: Mapping[str, Any], replaces: bool = False) -> None:
-        """Open the journal beside `log`.
-
-        Raises:
-            ConfigError: it cannot be written, or exists already and `replaces` is False.
-        """
+    def __init__(self, log: Path, header: Header, replaces: bool = False) -> None:
+        """Open the journal beside `log`, as `LogFile`."""
         self._file = LogFile(journal_path(log), replaces)
-        self._lines = [_line({"journal_format": FORMAT, **header})]
+        self._lines = [_line(header.model_dump())]
         """not yet written"""
         self._calls: list[list[str | int]] = []
 
@@ -151,18 +221,21 @@ class Journal:
     def failure(self) -> str:
         return self._file.failure
 
-    def append(self, entries: Sequence[Entry], n_logged: int) -> None:
+    def append(self, entries: Sequence[object], n_logged: int) -> None:
         for entry in entries:
             if isinstance(entry, RecordedFrame):
                 n_logged -= 1
-                if n_logged >= 0 and is_replayed(entry.is_remote, entry.is_error):
+                # The step uses frames with data only, and some formats reorder the others.
+                if n_logged >= 0 and not (entry.is_remote or entry.is_error):
                     self._add_frame(entry)
-            elif entry.kind == TICK and isinstance(entry.content, JournalEntry):
-                self._lines.append(_line({**_tick_to_json(entry.content), "calls": self._calls}))
+            elif isinstance(entry, DrivenTick):
+                record = entry.record
+                line = {each.name: getattr(record, each.name) for each in fields(record)}
+                names = {"mode": record.mode.name, "cause": record.cause.name}
+                self._lines.append(_line({**line, **names, "calls": self._calls}))
                 self._calls = []
-            elif entry.kind in (CALL, BUS_FAILURE):
-                name = entry.content if entry.kind == CALL else BUS_FAILURE
-                self._calls.append([str(name)])
+            else:
+                self._calls.append([str(entry)])
         self._file.append(self._lines)
         self._lines = []
 
@@ -180,64 +253,48 @@ class Journal:
             self._calls.append([name, frame.stamp_ns, 1])
 
 
-def is_replayed(is_remote: bool, is_error: bool) -> bool:
-    """True for frames with data; the step uses no others, and some formats reorder those."""
-    return not (is_remote or is_error)
+def _line(content: Mapping[str, Any]) -> bytes:
+    return json.dumps(content, separators=(",", ":"), default=str).encode() + b"\n"
 
 
-def read_journal(log: Path) -> tuple[dict[str, Any], list[JournalTick]]:
+def read_journal(log: Path) -> tuple[Header, list[TickRecord]]:
     """Header and ticks of the journal beside `log`.
 
     Raises:
         ConfigError: there is none, or it is not one.
     """
-    path = journal_path(log)
-    if log.suffix.lower() in (".mcap", ".mf4"):
-        raise ConfigError(
-            f"{log}: expected a log of frames (.log, .blf, .asc), found the suffix {log.suffix}. "
-            f"Name the log that --record wrote in the same drive."
-        )
-    number = 1
+    path, number = journal_path(log), 1
+    tick = TypeAdapter(TickRecord)
     try:
         with open_regular(path) as file:
-            header = _object(file.readline())
-            if _require(header, "journal_format") != FORMAT:
-                raise ConfigError(
-                    f"{path}: expected a journal of format {FORMAT}, found "
-                    f"{header['journal_format']}. Replay it with the version that recorded it "
-                    f"({header.get('version')})."
-                )
-            _Header.model_validate(header)
+            header = Header.model_validate(_object(file.readline()))
             ticks = []
             for line in file:
                 number += 1
-                ticks.append(_tick_from_json(_object(line)))
+                ticks.append(tick.validate_python(_object(line)))
         return header, ticks
-    except Refused as error:
+    except (Refused, _NoObjectError) as error:
+        found = explain(error, dotted) if isinstance(error, Refused) else "found another text."
         raise ConfigError(
-            f"{path}, line {number}: expected the journal of a log, found a line that was edited "
-            f"or damaged:\n{explain(error, dotted)}\nCopy it again."
+            f"{path}, line {number}: expected the journal of a log, one line of JSON a tick, "
+            f"written by this version:\n{found}\nCopy it again, or use the version that recorded "
+            f"it; a journal that was cut off may end after any line."
         ) from error
     except FileNotFoundError:
         raise ConfigError(
             f"{log}: expected its journal {path.name} in the same folder, found none. It says what "
             f"each tick had read: rt-controller --record writes both; keep them together. A log "
-            f"of another program has none, and cannot be replayed."
+            f"of another program, or an MCAP file, has none, and cannot be replayed."
         ) from None
     except OSError as error:
         raise ConfigError(
             f"{path}: expected a journal that can be read, found {error.strerror}. Correct its "
             f"permissions."
         ) from error
-    except _DamagedLineError as error:
-        raise ConfigError(
-            f"{path}, line {number}: expected the journal of a log, one line of JSON a tick, found "
-            f"{error}. Copy it again; a journal that was cut off may end after any line."
-        ) from error
 
 
-class _DamagedLineError(Exception):
-    """What was found in place of a line."""
+class _NoObjectError(Exception):
+    """A line is no JSON object."""
 
 
 def _object(line: str | bytes) -> dict[str, Any]:
@@ -246,41 +303,45 @@ def _object(line: str | bytes) -> dict[str, Any]:
     except (ValueError, RecursionError):
         content = None
     if not isinstance(content, dict):
-        raise _DamagedLineError("another text" if line.strip() else "an empty line")
+        raise _NoObjectError
     return content
 
 
-def _require(line: Mapping[str, Any], name: str) -> Any:
-    if name not in line:
-        raise _DamagedLineError(f"no field {name!r}")
-    return line[name]
+class RecordingFiles(NamedTuple):
+    """Where a drive is recorded; None: not there."""
+
+    log: Path | None = None
+    """frames; its journal is written beside it"""
+    mcap: Path | None = None
+    """decoded signals, plan and cause"""
+    overwrites: bool = False
+    """replace existing files"""
 
 
-def _line(content: Mapping[str, Any]) -> bytes:
-    return json.dumps(content, separators=(",", ":"), default=str).encode() + b"\n"
+NO_FILES = RecordingFiles()
 
 
-def _tick_to_json(entry: JournalEntry) -> dict[str, Any]:
-    tick, measured = entry.tick, entry.tick.measured
-    return {
-        "tick": tick.number,
-        "began_ns": tick.began_ns,
-        "scheduled_ns": measured.scheduled_ns,
-        "skipped": measured.skipped,
-        "missed_last": tick.missed_last,
-        "mode": tick.result.mode.name,
-        "cause": tick.result.cause.name,
-        "control": list(tick.result.control),
-        "faults": int(tick.result.faults),
-        "dropped": entry.dropped,
-        "sent_after_us": measured.sent_after_ns / 1e3,
-        "late_cause": None if measured.cause is None else measured.cause.value,
-        "times": {name: round(value, 1) for name, value in measured.times._asdict().items()},
-    }
+def open_recording(
+    files: RecordingFiles, channel: str, is_lockstep: bool, header: Header
+) -> Recorder | None:
+    """The recorder of a drive on a bus of this name; None if nothing is recorded.
 
+    In lockstep stamps are simulated time, and a slow disk is waited for.
+    """
+    if files.log is None and files.mcap is None:
+        return None
+    offset_ns, replaces = epoch_offset_ns(is_lockstep), files.overwrites
+    recorder = Recorder(
+        files.log, channel, is_lockstep=is_lockstep, epoch_offset_ns=offset_ns, replaces=replaces
+    )
+    try:
+        if recorder.path is not None and recorder.path.is_file():  # no device, no pipe
+            recorder.add(Journal(recorder.path, header, replaces))
+        if files.mcap is not None:
+            from rt_controller.recording.mcap import McapSink
 
-def _tick_from_json(line: Mapping[str, Any]) -> JournalTick:
-    number, calls = _require(line, "tick"), _require(line, "calls")
-    names = () if number == -1 else _FIELDS
-    fields = {name: _require(line, name) for name in names}
-    return _TICK.validate_python({"number": number, "calls": calls, **fields})
+            recorder.add(McapSink(files.mcap, offset_ns, replaces, header.is_fd))
+    except BaseException:
+        recorder.close()
+        raise
+    return recorder

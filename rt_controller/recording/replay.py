@@ -7,18 +7,30 @@ same bits.
 
 from collections import deque
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import can
 
+from rt_controller.bus.log.log_file import SUFFIX
+from rt_controller.bus.log.recorder import ERROR_FLAG
 from rt_controller.bus.messages import COMMAND
-from rt_controller.config import ControllerConfig
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.files import open_regular
 from rt_controller.contract.signals import ControlInput
-from rt_controller.control.mpc import Mpc
-from rt_controller.model.bundle import Bundle
-from rt_controller.node import ControlNode, build_node
-from rt_controller.recording.journal import BUS_FAILURE, RECEIVED, SENT
-from rt_controller.recording.recorded_drive import RecordedDrive, RecordedTick
+from rt_controller.mapping.log_damage import explain_candump_line, explain_damage, is_candump_line
+from rt_controller.node import ControlNode, build_mpc, build_node
+from rt_controller.recording.journal import (
+    BUS_FAILURE,
+    RECEIVED,
+    SENT,
+    Call,
+    Header,
+    TickRecord,
+    read_journal,
+)
 from rt_controller.step import ControlStep, StepResult
 
 _CALLS = {
@@ -29,12 +41,112 @@ _CALLS = {
 }
 _COMMAND_ID = COMMAND.codecs[0].arbitration_id
 FRAME = "ACT_CMD"
+_COPY_AGAIN = (
+    "Copy it again together with its journal; a file that was cut off or damaged cannot be "
+    "replayed."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedDrive:
+    """Header and ticks of a log and its journal."""
+
+    path: Path
+    header: Header
+    ticks: tuple[TickRecord, ...]
+    """the last one may have the number -1: calls after the last tick"""
+
+    @property
+    def driven(self) -> list[TickRecord]:
+        """The ticks, without the calls after the last one."""
+        return [tick for tick in self.ticks if tick.tick >= 0]
+
+    @property
+    def incomplete_from(self) -> int | None:
+        """Number of the first tick before whose end something was dropped; None: nothing was."""
+        for expected, tick in enumerate(self.ticks):
+            if tick.dropped or tick.tick not in (expected, -1):
+                return max(tick.tick, 0)
+        return None
+
+
+def read_recorded_drive(path: Path) -> RecordedDrive:
+    """The drive that was recorded to this log.
+
+    Raises:
+        ConfigError: the log or its journal cannot be read, or they do not belong together.
+    """
+    header, ticks = read_journal(path)
+    frames = read_frames(path)
+
+    def with_frames(call: Call) -> Call:
+        found = tuple(islice(frames, call.n_frames))
+        if len(found) < call.n_frames:
+            raise ConfigError(
+                f"{path}: expected at least the frames that its journal counts, found fewer: one "
+                f"of the two was cut off or edited. Copy both again."
+            )
+        return call._replace(frames=found)
+
+    joined = (replace(tick, calls=tuple(map(with_frames, tick.calls))) for tick in ticks)
+    return RecordedDrive(path, header, tuple(joined))
+
+
+def read_frames(path: Path, remedy: str = _COPY_AGAIN) -> Iterator[can.Message]:
+    """The frames with data of a CAN log (.log, .blf, .asc, .trc), in its order.
+
+    Raises:
+        ConfigError: it cannot be read, or is damaged; the message ends with `remedy`.
+    """
+    n_frames = 0
+    try:
+        open_regular(path).close()  # a pipe is not waited for
+        if path.suffix.lower() == SUFFIX:
+            yield from _candump_frames(path, remedy)
+            return
+        with can.LogReader(path) as reader:
+            for frame in reader:
+                n_frames += 1
+                if not (frame.is_remote_frame or frame.is_error_frame):
+                    yield frame
+    except OSError as error:
+        raise ConfigError(
+            f"{path}: expected a log that can be read, found {error.strerror or error}. Correct "
+            f"the path or the permissions."
+        ) from error
+    except ConfigError:
+        raise
+    except Exception as error:  # python-can's readers raise many types
+        raise ConfigError(f"{explain_damage(path, n_frames)}. {remedy}") from error
+
+
+def _candump_frames(path: Path, remedy: str) -> Iterator[can.Message]:
+    """Those of a candump log; python-can would take error frames of most classes for data."""
+    with path.open(encoding="utf-8", errors="replace") as lines:
+        for number, line in enumerate(lines, start=1):
+            if not line.strip():
+                continue
+            if not is_candump_line(line):
+                raise ConfigError(f"{explain_candump_line(path, number, line)}. {remedy}")
+            stamp, _, content = line.split()[:3]
+            digits, _, data = content.partition("#")
+            identifier, is_extended = int(digits, 16), len(digits) == 8
+            if (is_extended and identifier & ERROR_FLAG) or data.startswith("R"):
+                continue
+            is_fd = data.startswith("#")  # with a digit of flags
+            yield can.Message(
+                timestamp=float(stamp.strip("()")),
+                arbitration_id=identifier,
+                is_extended_id=is_extended,
+                is_fd=is_fd,
+                data=bytes.fromhex(data[2:] if is_fd else data),
+            )
 
 
 class ReplayedTick(NamedTuple):
     """One tick of the recorded drive, and what the controller does with its frames now."""
 
-    recorded: RecordedTick
+    recorded: TickRecord
     result: StepResult
     sent: tuple[can.Message, ...]
 
@@ -49,21 +161,24 @@ class Difference(NamedTuple):
 
 
 class Replay:
-    """The controller of a recorded drive, before its first tick.
+    """The controller that the header of a recorded drive describes, before its first tick."""
 
-    Raises:
-        ArtifactError: the model's encoder cannot be used.
-    """
+    def __init__(self, drive: RecordedDrive, model: str | Path | None = None) -> None:
+        """Load the model of the drive, or another one if `model` names it.
 
-    def __init__(
-        self, drive: RecordedDrive, config: ControllerConfig, bundle: Bundle, mpc: Mpc
-    ) -> None:
-        self.mpc = mpc
+        Raises:
+            ArtifactError: the model cannot be used.
+            ConfigError: this version has other settings, or the model has changed since.
+        """
+        header = drive.header
+        self.config = header.controller_config()
+        bundle = header.load_model(model)
+        self.mpc = build_mpc(bundle, self.config.mpc, header.max_iterations)
         self._drive = drive
         self._clock = _RecordedClock()
         self._bus = _RecordedBus()
         self.node: ControlNode = build_node(
-            self._bus, config, bundle, mpc, self._clock, is_fd=drive.is_fd
+            self._bus, self.config, bundle, self.mpc, self._clock, is_fd=header.is_fd
         )
 
     def ticks(self) -> Iterator[ReplayedTick]:
@@ -75,21 +190,21 @@ class Replay:
         """Shut down the bus of the replay."""
         self._bus.shutdown()
 
-    def _replay(self, tick: RecordedTick) -> ReplayedTick:
-        step, journal = self.node.step, tick.journal
+    def _replay(self, tick: TickRecord) -> ReplayedTick:
+        step = self.node.step
         self._bus.sent.clear()
-        for call, frames in tick.calls:
+        for call in tick.calls:
             if call.name == RECEIVED:
-                self._clock.set(call.stamp_ns)
-                self._bus.waiting.extend(frames)
-                self.node.inbox.drain(self._bus, call.stamp_ns, len(frames))
+                self._clock.time_ns = call.stamp_ns
+                self._bus.waiting.extend(call.frames)
+                self.node.inbox.drain(self._bus, call.stamp_ns, len(call.frames))
             elif call.name == BUS_FAILURE:
                 self._bus.fails = True
             elif call.name != SENT:
                 _CALLS[call.name](step)
-        if journal.number >= 0:
-            self._clock.set(journal.began_ns)
-            step.run(journal.skipped, journal.missed_last)
+        if tick.tick >= 0:
+            self._clock.time_ns = tick.began_ns
+            step.run(tick.skipped, tick.missed_last)
         return ReplayedTick(tick, step.result, tuple(self._bus.sent))
 
 
@@ -99,25 +214,18 @@ def differences(tick: ReplayedTick) -> list[Difference]:
     The commands are compared as they were computed, before they were rounded into their frame, and
     then the frame.
     """
-    journal = tick.recorded.journal
+    then, now = tick.recorded, tick.result
     pairs: dict[str, tuple[Any, Any]] = {}
-    if journal.control is not None:
-        pairs = dict(
-            zip(
-                ControlInput._fields,
-                zip(journal.control, tick.result.control, strict=True),
-                strict=True,
-            )
-        )
-        pairs["mode"] = journal.mode.name, tick.result.mode.name
-        pairs["cause"] = journal.cause.name, tick.result.cause.name
-    recorded = _commands(tick.recorded.frames(SENT))
+    if then.control is not None:
+        values = zip(then.control, now.control, strict=True)
+        pairs = dict(zip(ControlInput._fields, values, strict=True))
+        pairs["mode"] = then.mode.name, now.mode.name
+        pairs["cause"] = then.cause.name, now.cause.name
+    recorded = _commands(then.frames(SENT))
     if recorded:  # else the interface did not take it
         pairs[FRAME] = recorded[-1], next(iter(_commands(tick.sent)[-1:]), None)
     return [
-        Difference(journal.number, name, then, now)
-        for name, (then, now) in pairs.items()
-        if then != now
+        Difference(then.tick, name, *pair) for name, pair in pairs.items() if pair[0] != pair[1]
     ]
 
 
@@ -130,14 +238,10 @@ def _commands(frames: Iterable[can.Message]) -> list[str]:
 class _RecordedClock:
     """The recorded time."""
 
-    def __init__(self) -> None:
-        self._now_ns = 0
-
-    def set(self, now_ns: int) -> None:
-        self._now_ns = now_ns
+    time_ns = 0
 
     def now_ns(self) -> int:
-        return self._now_ns
+        return self.time_ns
 
 
 class _RecordedBus(can.BusABC):

@@ -3,6 +3,7 @@
 Imported before anything heavy, so that `--help` and a mistyped option answer at once.
 """
 
+import errno
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -14,17 +15,9 @@ from pydantic import BaseModel
 from rich.console import Console
 
 from rt_controller.contract.errors import ConfigError, OutputError, RtControllerError
-from rt_controller.contract.settings_errors import (
-    Location,
-    dotted,
-    explain,
-    option,
-    with_options,
-)
+from rt_controller.contract.settings_errors import Location, dotted, explain, option, with_options
 from rt_controller.terminal.entry import INTERRUPTED, SENTENCE
-from rt_controller.terminal.file_errors import explain_file_error
 from rt_controller.terminal.streams import lost_output, protect_streams
-from rt_controller.terminal.surroundings import explain_lack_of_memory, require_surroundings
 
 
 def new_app(name: str, help_text: str, arguments: str = "") -> App:
@@ -55,10 +48,9 @@ def run_command(app: App, arguments: Sequence[str] | None = None) -> None:
     tokens = sys.argv[1:] if arguments is None else arguments
     protect_streams()
     try:
-        require_surroundings()
         code = _call(app, tokens)
-    except (RtControllerError, OSError, ImportError, MemoryError) as error:
-        explained = error if isinstance(error, RtControllerError) else _explain(error)
+    except (RtControllerError, OSError) as error:
+        explained = _explain_file_error(error) if isinstance(error, OSError) else error
         print_error(program, with_options(str(explained), _options_of(app, tokens)))
         code = explained.exit_code
     except KeyboardInterrupt:
@@ -77,21 +69,26 @@ def print_error(program: str, message: str) -> None:
     )
 
 
-def _explain(error: Exception) -> RtControllerError:
-    explained = explain_lack_of_memory(error)
-    if explained is not None:
-        return explained
-    if isinstance(error, OSError):
-        return explain_file_error(error)
-    raise error
+def _explain_file_error(error: OSError) -> RtControllerError:
+    """The message for a file that no other code has explained; another error is raised again."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return OutputError(
+            f"{error.filename or 'A file'}: expected room to write, found {error.strerror}. Free "
+            f"some space, or choose another folder, and start again."
+        )
+    if error.filename is None:
+        raise error
+    return ConfigError(
+        f"{error.filename}: expected a file or folder that can be read and written, found "
+        f"{error.strerror}. Correct its path or its permissions, or name another one."
+    )
 
 
 def _call(app: App, arguments: Sequence[str]) -> int:
-    asks_for_help = bool({"--help", "-h"} & set(arguments))
     entry = app.meta if app.meta.default_command is not None else app
     app.suppress_keyboard_interrupt = entry.suppress_keyboard_interrupt = False
     try:
-        with _short_search_for_help() if asks_for_help else nullcontext():
+        with _short_search_for_help() if {"--help", "-h"} & set(arguments) else nullcontext():
             code = entry(
                 arguments, exit_on_error=False, print_error=False, result_action="return_value"
             )
@@ -107,11 +104,8 @@ def _explain_usage(error: CycloptsError) -> str:
 
         def name_of(place: Location) -> str:
             """A field of a table of options, or an option of its own, or a part of that."""
-            return (
-                option(place)
-                if place[:1] and isinstance(place[0], str)
-                else written + dotted(place)
-            )
+            is_field = place[:1] and isinstance(place[0], str)
+            return option(place) if is_field else written + dotted(place)
 
         return explain(refused, name_of)
     if isinstance(error, MissingArgumentError) and error.argument is not None:
@@ -131,11 +125,10 @@ def _options_of(app: App, arguments: Sequence[str]) -> set[str]:
 
 @contextmanager
 def _short_search_for_help() -> Iterator[None]:
-    """Within it cyclopts does not look for help texts in the source of pydantic's `BaseModel`.
+    """Within it cyclopts reads no source of pydantic's `BaseModel`, which has no help texts.
 
-    It reads the source of all base classes of each table of options. That one is long, contains
-    none, and takes a quarter of the time of `--help`: its docstring counts as empty. Line breaks
-    in a help text become blanks.
+    It would read it once for each table of options, half of the time of `--help`. Line breaks in a
+    help text become blanks.
     """
     import docstring_parser
     from docstring_parser import Docstring, DocstringStyle
@@ -143,10 +136,10 @@ def _short_search_for_help() -> Iterator[None]:
     parse = docstring_parser.parse_from_object
 
     def parse_short(obj: Any, style: DocstringStyle = DocstringStyle.AUTO) -> Docstring:
-        found = Docstring() if obj is BaseModel else parse(obj, style)
-        for parameter in found.params:
-            parameter.description = " ".join((parameter.description or "").split())
-        return found
+        parsed = Docstring() if obj is BaseModel else parse(obj, style)
+        for each in parsed.params:
+            each.description = " ".join((each.description or "").split())
+        return parsed
 
     docstring_parser.parse_from_object = parse_short
     try:

@@ -7,14 +7,11 @@ in another error of the module that is half initialised.
 import os
 import signal
 import sys
-from contextlib import suppress
 from importlib import import_module
-from types import FrameType
 
 INTERRUPTED = 130
 """exit code after Ctrl-C, as a shell expects it"""
 SENTENCE = "ended by Ctrl-C"
-_IMPORTER = "<frozen importlib._bootstrap>"
 
 
 def start(program: str, module: str, function: str = "main") -> None:
@@ -22,33 +19,17 @@ def start(program: str, module: str, function: str = "main") -> None:
 
     An ignored Ctrl-C, as of a job in the background, stays ignored.
     """
-
-    def interrupt(_: int, frame: FrameType | None) -> None:
-        """End at once during an import; otherwise raise, so that the command can clean up."""
-        if not _is_importing(frame):
-            raise KeyboardInterrupt
-        _tell(program)
-        os._exit(INTERRUPTED)
-
+    message = f"{program}: {SENTENCE}\n".encode()
+    is_default = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     try:
-        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-            signal.signal(signal.SIGINT, interrupt)
-        getattr(import_module(module), function)()
+        if is_default:
+            signal.signal(signal.SIGINT, lambda *_: (os.write(2, message), os._exit(INTERRUPTED)))
+        imported = import_module(module)
+        if is_default:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        getattr(imported, function)()
     except KeyboardInterrupt:
-        _tell(program)
+        os.write(2, message)
         sys.exit(INTERRUPTED)
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # the interpreter ends
-
-
-def _is_importing(frame: FrameType | None) -> bool:
-    while frame is not None:
-        if frame.f_code.co_filename == _IMPORTER:
-            return True
-        frame = frame.f_back
-    return False
-
-
-def _tell(program: str) -> None:
-    with suppress(OSError):
-        os.write(2, f"{program}: {SENTENCE}\n".encode())

@@ -1,4 +1,4 @@
-"""`rt-controller explain`: one tick of a recorded drive as tables."""
+"""`rt-controller explain`: one tick of a recorded drive as a sentence and tables."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
@@ -12,30 +12,31 @@ from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.signals import ControlInput, Mode, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.explanation import PlanExplanation
-from rt_controller.recording.explain import (
-    TickExplanation,
-    explain_tick,
-    safe_stop_tick,
-    to_json,
-)
-from rt_controller.recording.margins import Margin
-from rt_controller.recording.recorded_drive import read_recorded_drive
+from rt_controller.recording.explain import TickExplanation, explain_tick, safe_stop_tick, to_json
+from rt_controller.recording.replay import Replay, read_recorded_drive
 from rt_controller.report.table import (
     NO_VALUE,
     Cell,
     Column,
     Fact,
+    Row,
     Table,
     facts_table,
     format_number,
     print_table,
 )
+from rt_controller.safety.modes import StopCause
 from rt_controller.terminal.progress import announce
-from rt_controller.terminal.replay import open_replay
+from rt_controller.terminal.stop_message import remedy_of
 
 _ROUNDING = 1e-12
 ONLY_STEERING = " (only its steering wheel is used)"
 """of the plan of a safe stop, whose pedals are those of the stop"""
+_DEGRADED = {
+    Mode.SAFE_STOP: "was part of a safe stop",
+    Mode.HOLD_PLAN: "followed the last plan",
+    Mode.STANDBY: "did not drive",
+}
 
 
 def explain_at_terminal(
@@ -48,10 +49,6 @@ def explain_at_terminal(
     """Print the explanation of a tick; the exit code of the program.
 
     Without a `number` it is the tick in which the last safe stop began.
-
-    Raises:
-        ConfigError, ArtifactError, MissingExtraError: the drive cannot be replayed, or has no such
-            tick.
     """
     require_writable(json_file)
     with announce(f"reading {log}", is_quiet):
@@ -60,32 +57,82 @@ def explain_at_terminal(
     with (
         announce(f"replaying {log} up to tick {number}", is_quiet),
         threadpool_limits(1, "blas"),
-        closing(open_replay(drive, model)) as replay,
+        closing(Replay(drive, model)) as replay,
     ):
         tick = explain_tick(drive, replay, number)
+    Console().print(_sentence(tick), highlight=False, markup=False, soft_wrap=True)
     for table in _tables(tick):
         print_table(table, Console())
     write_figures(json_file, to_json(tick))
     return 0
 
 
+def _sentence(tick: TickExplanation) -> str:
+    """What happened, why, and what to do."""
+    number, result = tick.record.tick, tick.result
+    if tick.differences:
+        names = ", ".join(each.signal for each in tick.differences)
+        return (
+            f"Tick {number} is explained as this program computes it, with another {names} than "
+            f"was recorded; use the version and the model that recorded it to see what happened."
+        )
+    happened = _DEGRADED.get(result.mode, "drove")
+    if result.cause is not StopCause.NONE:
+        return f"Tick {number} {happened}: {result.cause.value}. {remedy_of(result.cause)}".strip()
+    if tick.reasons:
+        return f"Tick {number} {happened}; {tick.reasons[0]}."
+    return f"Tick {number} {happened}, and nothing was wrong: {tick.command_from}."
+
+
 def _tables(tick: TickExplanation) -> Iterator[Table]:
-    yield facts_table(_facts(tick), f"tick {tick.journal.number}")
-    yield _frames(tick)
+    yield facts_table(_facts(tick), f"tick {tick.record.tick}")
+    frames = (
+        (
+            "sent" if frame.is_sent else "received",
+            f"{frame.before_tick_us:.0f}",
+            frame.name,
+            _listed(frame.signals) if frame.signals else frame.data_hex,
+        )
+        for frame in tick.frames
+    )
+    yield _table("frames", "<|before the tick, us|message<|signals<", frames)
     if tick.plan is not None:
         is_stop = tick.result.mode is Mode.SAFE_STOP
         yield from _plan_tables(tick.plan, ONLY_STEERING if is_stop else "")
-    yield _checks(tick)
-    if tick.journal.times:
-        yield _times(tick.journal.times)
+    checks = (
+        (
+            each.check,
+            format_number(np.nan if each.value is None else each.value),
+            format_number(each.limit),
+            Cell(NO_VALUE)
+            if each.margin is None
+            else Cell(format_number(each.margin), status="bad" if each.margin < 0.0 else ""),
+            each.unit,
+        )
+        for each in tick.margins
+    )
+    yield _table("checks", "check<|value|limit|margin|unit<", checks)
+    times = (
+        (name.removesuffix("_us").replace("_", " "), f"{value:.1f}")
+        for name, value in tick.record.times.items()
+        if name.endswith("_us")
+    )
+    if tick.record.times:
+        yield _table("times of the stages", "stage<|time, us", times)
+
+
+def _table(title: str, heads: str, rows: Iterator[Row]) -> Table:
+    """A table of columns "title, unit|title<"; the mark < makes one of text."""
+    columns = []
+    for head in heads.split("|"):
+        name, _, unit = head.rstrip("<").partition(", ")
+        columns.append(Column(name, unit, is_text=head.endswith("<")))
+    return Table(title, tuple(columns), tuple(rows))
 
 
 def _facts(tick: TickExplanation) -> Iterator[Fact]:
     result = tick.result
     yield Fact("mode", result.mode.name)
-    if tick.differences:
-        names = ", ".join(each.signal for each in tick.differences)
-        yield Fact("note", f"this program computes another {names} than was recorded")
     for reason in tick.reasons:
         yield Fact("why", reason)
     if result.state is not None:
@@ -106,110 +153,34 @@ def _facts(tick: TickExplanation) -> Iterator[Fact]:
         )
 
 
-def _frames(tick: TickExplanation) -> Table:
-    columns = (
-        Column("", is_text=True),
-        Column("before the tick", "us"),
-        Column("message", is_text=True),
-        Column("signals", is_text=True),
-    )
-    rows = tuple(
-        (
-            "sent" if frame.is_sent else "received",
-            f"{frame.before_tick_us:.0f}",
-            frame.name,
-            _listed(frame.signals) if frame.signals else frame.data_hex,
-        )
-        for frame in tick.frames
-    )
-    return Table("frames", columns, rows)
-
-
 def _plan_tables(plan: PlanExplanation, note: str) -> Iterator[Table]:
-    names = (*VehicleState._fields, *ControlInput._fields)
-    columns = (Column("in", "s"), *(Column(name) for name in names))
     nothing = np.full((1, plan.inputs.shape[1]), np.nan)
-    rows = np.hstack([plan.states, np.vstack([plan.inputs, nothing])])
-    rows[np.abs(rows) < _ROUNDING] = 0.0
-    yield Table(
-        f"plan{note}: predicted states and inputs",
-        columns,
-        tuple(
-            (f"{stage * PERIOD_S:.3f}", *(format_number(value) for value in row))
-            for stage, row in enumerate(rows.tolist())
-        ),
+    values = np.hstack([plan.states, np.vstack([plan.inputs, nothing])])
+    values[np.abs(values) < _ROUNDING] = 0.0
+    stages = (
+        (f"{stage * PERIOD_S:.3f}", *map(format_number, row))
+        for stage, row in enumerate(values.tolist())
     )
-    heads = (
-        Column("bound", is_text=True),
-        Column("stages", is_text=True),
-        Column("largest multiplier"),
-    )
+    heads = "|".join(("in, s", *VehicleState._fields, *ControlInput._fields))
+    yield _table(f"plan{note}: predicted states and inputs", heads, stages)
     grouped: dict[str, list[tuple[int, float]]] = {}
     for bound in plan.active:
         name = f"{bound.kind} of {bound.signal}, {bound.side}"
         grouped.setdefault(name, []).append((bound.stage, bound.multiplier))
-    yield Table(
-        "active bounds",
-        heads,
-        tuple(
-            (
-                name,
-                _ranges([stage for stage, _ in found]),
-                f"{max(abs(m) for _, m in found):.3g}",
-            )
-            for name, found in grouped.items()
-        ),
+    bounds = (
+        (name, _ranges([stage for stage, _ in found]), f"{max(abs(m) for _, m in found):.3g}")
+        for name, found in grouped.items()
     )
-    yield Table(
-        "cost",
-        (Column("term", is_text=True), Column("cost"), Column("share", "%")),
-        tuple(
-            (
-                each.term,
-                format_number(each.cost if each.share > _ROUNDING else 0.0),
-                f"{100 * each.share:.1f}",
-            )
-            for each in plan.costs
-        ),
-    )
-
-
-def _checks(tick: TickExplanation) -> Table:
-    columns = (
-        Column("check", is_text=True),
-        Column("value"),
-        Column("limit"),
-        Column("margin"),
-        Column("unit", is_text=True),
-    )
-    rows = tuple(
+    yield _table("active bounds", "bound<|stages<|largest multiplier", bounds)
+    costs = (
         (
-            each.check,
-            format_number(np.nan if each.value is None else each.value),
-            format_number(each.limit),
-            _margin(each),
-            each.unit,
+            each.term,
+            format_number(each.cost if each.share > _ROUNDING else 0.0),
+            f"{100 * each.share:.1f}",
         )
-        for each in tick.margins
+        for each in plan.costs
     )
-    return Table("checks", columns, rows)
-
-
-def _margin(of: Margin) -> Cell:
-    """Marked where the value is beyond the limit."""
-    if of.margin is None:
-        return Cell(NO_VALUE)
-    return Cell(format_number(of.margin), status="bad" if of.margin < 0.0 else "")
-
-
-def _times(times: Mapping[str, float]) -> Table:
-    columns = (Column("stage", is_text=True), Column("time", "us"))
-    rows = tuple(
-        (name.removesuffix("_us").replace("_", " "), f"{value:.1f}")
-        for name, value in times.items()
-        if name.endswith("_us")
-    )
-    return Table("times of the stages", columns, rows)
+    yield _table("cost", "term<|cost|share, %", costs)
 
 
 def _ranges(stages: Sequence[int]) -> str:

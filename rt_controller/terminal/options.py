@@ -54,6 +54,8 @@ class RunOptions(ControllerConfig, CarSettings, BusSettings):
     virtual; off: never, for a car that differs much from the simulated one"""
     quiet: bool = False
     """no progress on stderr; errors and the result remain"""
+    verbose: Annotated[bool, Parameter(alias="-v")] = False
+    """show the times of the loop, the counts of frames and the real-time settings too"""
 
     model_config = ConfigDict(populate_by_name=True)
 
@@ -82,7 +84,17 @@ class RunOptions(ControllerConfig, CarSettings, BusSettings):
             ConfigError: an option of the simulated car without `--bus virtual`, or one file for two
                 outputs.
         """
-        self._require_different_files()
+        options: dict[str, str] = {}
+        for name in ("record", "mcap", "json_file", "ticks", "plot"):
+            path, option = getattr(self, name), f"--{name.removesuffix('_file')}"
+            if path is None or (path.exists() and not path.is_file()):  # a folder, a device
+                continue
+            other = options.setdefault(os.path.realpath(path), option)
+            if other != option:
+                raise ConfigError(
+                    f"{option} {path}: expected a file of its own, found that of {other}. Name "
+                    f"another one."
+                )
         if self.is_virtual:
             return
         if self.is_lockstep:
@@ -96,30 +108,6 @@ class RunOptions(ControllerConfig, CarSettings, BusSettings):
                 f"--{changed[0].replace('_', '-')}: expected --bus virtual, found {self.bus!r}. On "
                 f"another bus the car is chosen where sim-bridge is started."
             )
-
-    def _require_different_files(self) -> None:
-        named = {
-            "--record": self.record,
-            "--mcap": self.mcap,
-            "--json": self.json_file,
-            "--ticks": self.ticks,
-            "--plot": self.plot,
-        }
-        options: dict[str, str] = {}
-        for option, path in named.items():
-            if path is None or (path.exists() and not path.is_file()):  # a folder, a device
-                continue
-            if "\0" in str(path):  # a settings file can write one
-                raise ConfigError(
-                    f"{option}: expected a path, found {str(path)!r}, with a null character. "
-                    f"Correct the settings file."
-                )
-            other = options.setdefault(os.path.realpath(path), option)
-            if other != option:
-                raise ConfigError(
-                    f"{option} {path}: expected a file of its own, found that of {other}. Name "
-                    f"another one."
-                )
 
 
 def read_config_file(path: Path) -> Dict:

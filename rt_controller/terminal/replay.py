@@ -1,69 +1,81 @@
 """`rt-controller replay`: the commands of a recorded drive computed again, and the differences."""
 
 from collections import Counter
-from contextlib import closing
+from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from threadpoolctl import threadpool_limits
 
+from rt_controller.bus.log.recorder import RecordedFrame
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.drive.car_figures import EXIT_LIMIT
-from rt_controller.node import build_mpc
-from rt_controller.recording.header import (
-    changed_versions,
-    load_recorded_model,
-    recorded_config,
+from rt_controller.recording.journal import RECEIVED, SENT, DrivenTick
+from rt_controller.recording.replay import (
+    Difference,
+    Replay,
+    ReplayedTick,
+    differences,
+    read_recorded_drive,
 )
-from rt_controller.recording.recorded_drive import RecordedDrive, read_recorded_drive
-from rt_controller.recording.replay import Difference, Replay, differences
 from rt_controller.report.table import Column, Table, print_table
 from rt_controller.terminal.command_line import print_error
 from rt_controller.terminal.progress import announce, show
 
 PROGRAM = "rt-controller replay"
-EXIT_DIFFERENT = EXIT_LIMIT
 SHOWN = 20
 """differences on the terminal; the JSON file has all"""
 
 
-def open_replay(drive: RecordedDrive, model: str | Path | None) -> Replay:
-    """The controller that the header of a recorded drive describes.
-
-    Raises:
-        ArtifactError: the model cannot be used.
-        ConfigError: this version has other settings, or the model has changed since.
-    """
-    config = recorded_config(drive.header)
-    bundle = load_recorded_model(drive.header, model)
-    mpc = build_mpc(bundle, config.mpc, drive.header["max_iterations"])
-    return Replay(drive, config, bundle, mpc)
-
-
 def replay_at_terminal(
-    log: Path, model: str | Path | None, json_file: Path | None, is_quiet: bool
+    log: Path,
+    model: str | Path | None,
+    mcap: Path | None,
+    overwrite: bool,
+    json_file: Path | None,
+    is_quiet: bool,
 ) -> int:
-    """Replay a log, print what differs; the exit code of the program.
-
-    Raises:
-        ConfigError, ArtifactError, MissingExtraError: the drive cannot be replayed.
-    """
+    """Replay a log, print what differs; the exit code of the program."""
     require_writable(json_file)
     found: list[Difference] = []
-    with announce(f"replaying {log}", is_quiet), threadpool_limits(1, "blas"):
+    with (
+        announce(f"replaying {log}", is_quiet),
+        threadpool_limits(1, "blas"),
+        ExitStack() as opened,
+    ):
         drive = read_recorded_drive(log)
-        with closing(open_replay(drive, model)) as replay:
-            for tick in replay.ticks():
-                found += differences(tick)
-    for change in changed_versions(drive.header):
+        replay = opened.enter_context(closing(Replay(drive, model)))
+        sink = None
+        if mcap is not None:
+            from rt_controller.recording.mcap import McapSink
+
+            sink = McapSink(mcap, 0, overwrite, drive.header.is_fd)
+            opened.enter_context(closing(sink))
+        for tick in replay.ticks():
+            found += differences(tick)
+            if sink is not None:
+                sink.append(_entries(tick, replay), 0)
+    changed = drive.header.changed_versions()
+    for change in changed:
         show(f"note: {change}", is_quiet)
-    ticks, missing_from = drive.driven_ticks, drive.incomplete_from
+    ticks, missing_from = len(drive.driven), drive.incomplete_from
     differing = len({each.tick for each in found})
     if found:
         print_table(_to_table(found), Console())
     print(f"{log}: {ticks} ticks replayed, {differing} with another command")
-    write_figures(json_file, _to_json(drive, found))
+    figures = {
+        "log": str(drive.path),
+        "model": drive.header.model,
+        "recorded_with": drive.header.packages,
+        "changed_versions": changed,
+        "ticks": ticks,
+        "ticks_with_other_command": differing,
+        "incomplete_from_tick": missing_from,
+        "is_identical": not found and missing_from is None,
+        "differences_by_signal": dict(Counter(each.signal for each in found)),
+        "differences": [each._asdict() for each in found],
+    }
+    write_figures(json_file, figures)
     if missing_from is not None:
         print_error(
             PROGRAM,
@@ -71,30 +83,39 @@ def replay_at_terminal(
             f"{missing_from} on: the queue or the disk was full. Later ticks cannot be compared; "
             f"record to a disk with more room",
         )
-    return EXIT_DIFFERENT if found or missing_from is not None else 0
+    if sink is not None and sink.failure:
+        print_error(PROGRAM, f"{mcap}: expected room for the file, found {sink.failure}")
+    return EXIT_LIMIT if found or missing_from is not None else 0
 
 
-def _to_json(drive: RecordedDrive, found: list[Difference]) -> dict[str, Any]:
-    return {
-        "log": str(drive.path),
-        "model": drive.header["model"],
-        "recorded_with": drive.header["packages"],
-        "changed_versions": changed_versions(drive.header),
-        "ticks": drive.driven_ticks,
-        "ticks_with_other_command": len({each.tick for each in found}),
-        "incomplete_from_tick": drive.incomplete_from,
-        "is_identical": not found and drive.incomplete_from is None,
-        "differences_by_signal": dict(Counter(each.signal for each in found)),
-        "differences": [each._asdict() for each in found],
-    }
+def _entries(tick: ReplayedTick, replay: Replay) -> list[object]:
+    """The frames of a tick as they were recorded, and what the controller computes from them."""
+    entries: list[object] = [
+        RecordedFrame(
+            call.stamp_ns,
+            call.name == SENT,
+            frame.arbitration_id,
+            frame.is_extended_id,
+            frame.is_remote_frame,
+            frame.is_error_frame,
+            frame.is_fd,
+            bytes(frame.data),
+        )
+        for call in tick.recorded.calls
+        if call.name in (RECEIVED, SENT)
+        for frame in call.frames
+    ]
+    if tick.recorded.tick >= 0:
+        states = replay.mpc.predicted_states()
+        plan = None if states is None else (replay.mpc.inputs.copy(), states)
+        entries.append(DrivenTick(tick.recorded, tick.result, plan))
+    return entries
 
 
 def _to_table(found: list[Difference]) -> Table:
     columns = (
         Column("tick"),
-        Column("signal", is_text=True),
-        Column("recorded", is_text=True),
-        Column("replayed", is_text=True),
+        *(Column(title, is_text=True) for title in ("signal", "recorded", "replayed")),
     )
     rows = tuple(tuple(map(str, each)) for each in found[:SHOWN])
     more = (f"and {len(found) - SHOWN} more; --json lists all",) if len(found) > SHOWN else ()

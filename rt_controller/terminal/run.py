@@ -26,9 +26,9 @@ from rt_controller.model.bundle import Bundle
 from rt_controller.model.validation import explain_missing_plans
 from rt_controller.node import build_mpc, choose_low_speed_car
 from rt_controller.realtime.clock import Clock, LockstepClock, RealtimeClock
-from rt_controller.recording.files import NO_FILES, RecordingFiles
+from rt_controller.recording.journal import NO_FILES, RecordingFiles
 from rt_controller.report.table import Fact, facts_table, print_table
-from rt_controller.safety.modes import BUS_CAUSES, RECOVERABLE_BUS_CAUSES, StopCause
+from rt_controller.safety.modes import BUS_CAUSES, RECOVERABLE_BUS_CAUSES
 from rt_controller.session import ControllerSession
 from rt_controller.settings import CAR_PRIORITY
 from rt_controller.simulation import (
@@ -51,13 +51,17 @@ from rt_controller.terminal.stop_message import (
 from rt_controller.terminal.stop_signals import stop_on_signals
 from rt_controller.terminal.streams import lost_output
 from rt_controller.terminal.summary import (
+    NOT_ENGAGED,
     driven_to_json,
+    explain_end_at_once,
+    fault_sentences,
     live_lines,
     to_json,
     to_table,
+    verdict,
     why_late,
+    write_ticks,
 )
-from rt_controller.terminal.tick_file import write_ticks
 
 if TYPE_CHECKING:
     from rt_controller.terminal.options import RunOptions
@@ -68,19 +72,11 @@ VIRTUAL_MISS_SHARE = 0.02
 """of the ticks that may be late on the virtual bus, where only a simulated car depends on them"""
 TRYING = "trying the model on the simulated car (the first time)"
 EXIT_DEADLINE = 4
-NOT_ENGAGED = (
-    f"{StopCause.NOT_ENGAGED.value}: expected it within 1 m of the path and 0.15 rad of its "
-    f"heading, and a path that can be driven; found otherwise for 5 s. Start closer to the path."
-)
 EXIT_SAFE_STOP = 6
 
 
 def run_at_terminal(options: "RunOptions") -> int:
-    """Drive one mission and print its summary; the exit code of the program.
-
-    Raises:
-        ConfigError, ArtifactError, MissingExtraError, BusError: found before the first tick.
-    """
+    """Drive one mission and print its summary; the exit code of the program."""
     options.require_consistent()
     require_interface(options.bus)
     require_writable(options.json_file)
@@ -136,12 +132,7 @@ def run_at_terminal(options: "RunOptions") -> int:
 
 
 def _try_model(bundle: Bundle, options: "RunOptions") -> None:
-    """Return if the model holds the simulated car, or needs no trial before this drive.
-
-    Raises:
-        ArtifactError: it does not.
-        ConfigError, MissingExtraError, BusError: the bus of the drive cannot be opened.
-    """
+    """Return if the model holds the simulated car, or needs no trial before this drive."""
     if options.model_trial == "off" or (options.is_virtual and not options.check):
         return
     if has_passed(bundle, options) and not options.check:
@@ -164,13 +155,14 @@ def _write(
     plant_failure = None if car is None else car.bridge.summary().plant_failure
     if plant_failure is not None:
         print_error(PROGRAM, f"the car's plant failed: {plant_failure}")
-    if session.record.deadlines.ticks == 0:
-        show("ended before the first tick: nothing was driven")
     error = None if car is None else car_error(car)
-    print_table(to_table(session, error, _vehicle_braking(session, car)), Console())
+    braking, console = _vehicle_braking(session, car), Console()
+    for sentence in (verdict(session, error, braking), *fault_sentences(session.record)):
+        console.print(sentence, highlight=False, markup=False, soft_wrap=True)
+    print_table(to_table(session, error, braking, options.verbose), console)
     if figures:
         facts = (Fact(figure.name, figure.text) for figure in figures)
-        print_table(facts_table(facts, "figures of the scenario"), Console())
+        print_table(facts_table(facts, "figures of the scenario"), console)
     scenario = None if car is None else driven_scenario(car)
     output = {
         "driven": driven_to_json(options, scenario),
@@ -195,8 +187,8 @@ def _write(
     ):
         try:
             write()
-        except RtControllerError as error:
-            failures.append(str(error))
+        except RtControllerError as refused:
+            failures.append(str(refused))
     for failure in filter(None, failures):
         print_error(PROGRAM, failure)
     return not any(failures)
@@ -226,7 +218,7 @@ def _exit_code(
     record, deadlines = session.record, session.record.deadlines
     late = f"{why_late(deadlines)}; " if deadlines.deadline_misses else ""
     if record.ending is Ending.ENDED_AT_ONCE:
-        print_error(PROGRAM, _explain_end_at_once(record.result.speed_mps))
+        print_error(PROGRAM, explain_end_at_once(record.result.speed_mps))
         return INTERRUPTED
     if record.ending is Ending.REFUSED:
         print_error(PROGRAM, NOT_ENGAGED)
@@ -254,11 +246,6 @@ def _exit_code(
     if missed:
         print_error(PROGRAM, explain_missed(missed))
     return EXIT_LIMIT if missed else 0
-
-
-def _explain_end_at_once(speed_mps: float | None) -> str:
-    at = "an unknown speed" if speed_mps is None else f"{3.6 * speed_mps:.0f} km/h"
-    return f"ended at once at {at}: the last frame was a safe command, the vehicle brakes the car"
 
 
 def _allowed_misses(options: "RunOptions", ticks: int) -> int:

@@ -1,33 +1,37 @@
 """`rt-controller signals`: check a mapping against a bus or a log, or run it as a gateway."""
 
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import can
 from rich.console import Console
 
 from rt_controller.bus.transport import close_bus
-from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
-from rt_controller.contract.files import open_regular
 from rt_controller.gateway.lateral_speed import choose_geometry, choose_lateral_speed
 from rt_controller.gateway.process import LEAVING_REQUEST, Gateway, run_gateway
 from rt_controller.gateway.signals_check import HELP, CheckReport, check_signals
 from rt_controller.mapping.car_file import read_car
-from rt_controller.mapping.log_damage import explain_damage
 from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.realtime.scheduling import real_time_process, set_thread_priority
+from rt_controller.recording.replay import read_frames
 from rt_controller.report.table import Cell, Column, Table, format_number, print_table
 from rt_controller.settings import BusSettings
 from rt_controller.terminal.entry import INTERRUPTED
-from rt_controller.terminal.listening import Listening
 from rt_controller.terminal.progress import announce, show
 from rt_controller.terminal.stop_signals import stop_on_signals
 
+REMEDY = "Name another log (.blf, .asc, .log, .trc), or record it again."
 EXIT_FOUND = 8
 """a signal is missing or implausible"""
+_LONGEST_WAIT_S = 0.02
+_PAUSE_S = 0.05
+"""between two reads, from which on this program was not run"""
 
 
 def check_at_terminal(
@@ -38,11 +42,7 @@ def check_at_terminal(
     json_file: Path | None,
     is_quiet: bool,
 ) -> int:
-    """Print what arrives of each signal; 0, or 8 if something was found.
-
-    Raises:
-        ConfigError, DatasetError, BusError: mapping, log or bus do not fit.
-    """
+    """Print what arrives of each signal; 0, or 8 if something was found."""
     require_writable(json_file)
     if (log is None) == (bus is None):
         raise ConfigError(
@@ -51,22 +51,23 @@ def check_at_terminal(
             + ". Name a CAN log (.blf, .asc, .log, .trc), or the bus to listen to."
         )
     car = read_car(file)
-    listening: Listening | None = None
+    pauses_s: list[float] = []
     with ExitStack() as opened:
         if bus is not None:
             listened = bus.open_bus()
             opened.callback(close_bus, listened)
             opened.enter_context(announce(f"listening for {listen_s:g} s", is_quiet))
-            listening = Listening(listened, listen_s)
-            frames = listening.frames()
+            frames = _listen(listened, listen_s, pauses_s)
         elif log is not None:
-            frames = _logged(log)
+            frames = ((each.timestamp, each) for each in read_frames(log, REMEDY))
         report = check_signals(car, frames)
     _print(report)
-    note = None if listening is None else listening.explain_pauses()
-    if note is not None:
-        show(f"note: {note}")
-    pauses_s = [] if listening is None else listening.pauses_s
+    if pauses_s:
+        show(
+            f"note: this program was not run for {max(pauses_s):.3g} s at most, "
+            f"{sum(pauses_s):.3g} s in all. If a gap is reported, repeat the check on a machine "
+            f"with less load."
+        )
     write_figures(json_file, {**report.figures(), "not_run_s": pauses_s})
     return 0 if report.is_ok else EXIT_FOUND
 
@@ -79,12 +80,7 @@ def gateway_at_terminal(
     priority: int,
     json_file: Path | None,
 ) -> int:
-    """Translate until Ctrl-C.
-
-    Raises:
-        ConfigError, DatasetError, ArtifactError, BusError, MissingExtraError: before the first
-            frame; BusError also if a bus fails.
-    """
+    """Translate until Ctrl-C."""
     require_writable(json_file)
     car = read_car(file)
     bundle = load_bundle(find_model(model))
@@ -111,35 +107,29 @@ def gateway_at_terminal(
     return INTERRUPTED if gateway.requests >= LEAVING_REQUEST else 0
 
 
-def _logged(log: Path) -> Iterator[tuple[float, can.Message]]:
-    n_frames = 0
-    try:
-        open_regular(log).close()  # a pipe is not waited for
-        with can.LogReader(log) as reader:
-            for frame in reader:
-                n_frames += 1
-                yield frame.timestamp, frame
-    except OSError as error:
-        raise DatasetError(
-            f"{log}: expected a CAN log (.blf, .asc, .log, .trc) that can be read, found "
-            f"{error.strerror or error}. Name another log, or record it again."
-        ) from error
-    except Exception as error:  # each reader raises its own types
-        raise DatasetError(
-            f"{explain_damage(log, n_frames)}. Name another log (.blf, .asc, .log, .trc), or "
-            f"record it again."
-        ) from error
+def _listen(
+    bus: can.BusABC, listen_s: float, pauses_s: list[float]
+) -> Iterator[tuple[float, can.Message]]:
+    """Each frame with its stamp in s, which counts also if this program was not run meanwhile.
+
+    The lengths of such pauses are appended to `pauses_s`.
+    """
+    last_s = time.monotonic()
+    end_s = last_s + listen_s
+    while last_s < end_s:
+        frame = bus.recv(min(_LONGEST_WAIT_S, end_s - last_s))
+        now_s = time.monotonic()
+        if now_s - last_s > _PAUSE_S:
+            pauses_s.append(now_s - last_s)
+        if frame is not None:
+            yield frame.timestamp or now_s, frame
+        last_s = now_s
 
 
 def _print(report: CheckReport) -> None:
     columns = (
-        Column("signal", is_text=True),
-        Column("column", is_text=True),
-        Column("message", is_text=True),
-        Column("samples"),
-        Column("period", "ms"),
-        Column("lowest"),
-        Column("highest"),
+        *(Column(name, is_text=True) for name in ("signal", "column", "message")),
+        *(Column("samples"), Column("period", "ms"), Column("lowest"), Column("highest")),
         Column("unit", is_text=True),
         Column("", is_text=True, width="long"),
     )
@@ -149,7 +139,7 @@ def _print(report: CheckReport) -> None:
             each.column,
             f"{each.message} {each.identifier}",
             str(each.samples),
-            _milliseconds(each.period_s),
+            _number(each.period_s, 3, 1e3),
             _number(each.lowest),
             _number(each.highest),
             each.unit,
@@ -165,12 +155,11 @@ def _print(report: CheckReport) -> None:
     )
     heads = (Column("relation", is_text=True), Column("contradicts kinematics", is_text=True))
     print_table(Table("Relations between signals", heads, relations), Console())
+    plain = partial(Console().print, highlight=False, markup=False, soft_wrap=True)
     if "yes" in report.relations.values():
-        Console().print(f"{HELP}.", highlight=False, markup=False, soft_wrap=True)
+        plain(f"{HELP}.")
     for name, count in report.dropped.items():
-        Console().print(
-            f"{name}: {count} frames damaged or repeated", highlight=False, markup=False
-        )
+        plain(f"{name}: {count} frames damaged or repeated")
 
 
 def _problems(report: CheckReport) -> Iterator[str]:
@@ -178,15 +167,10 @@ def _problems(report: CheckReport) -> Iterator[str]:
     first: dict[tuple[str, str], str] = {}
     for each in report.slots:
         name = first.setdefault((each.message, each.problem), each.signal)
-        if not each.problem:
-            yield ""
-        else:
-            yield (f"{each.problem}. {each.remedy}." if name == each.signal else f"same as {name}")
+        is_first = name == each.signal
+        text = f"{each.problem}. {each.remedy}." if is_first else f"same as {name}"
+        yield text if each.problem else ""
 
 
-def _number(value: float | None) -> str:
-    return "–" if value is None else format_number(value)
-
-
-def _milliseconds(value_s: float | None) -> str:
-    return "–" if value_s is None else format_number(1e3 * value_s, 3)
+def _number(value: float | None, digits: int = 4, factor: float = 1.0) -> str:
+    return "–" if value is None else format_number(factor * value, digits)

@@ -1,11 +1,11 @@
-"""Message of a safe stop: when it began and why, with what to check."""
+"""Words for what went wrong in a drive: the message of a safe stop, a sentence for each fault."""
 
 from collections.abc import Sequence
 from typing import Any
 
-from rt_controller.bus.messages import REFERENCE, STATE, Message
+from rt_controller.bus.messages import REFERENCE, STATE, Fault, Message
 from rt_controller.bus.receive import Inbox
-from rt_controller.recording.margins import Margin, exceeded, plausibility_margins
+from rt_controller.recording.explain import Margin, exceeded, plausibility_margins
 from rt_controller.safety.checks import CHECKS
 from rt_controller.safety.modes import StopCause
 from rt_controller.session import ControllerSession
@@ -37,6 +37,31 @@ _MESSAGES: dict[StopCause, Message[Any]] = {
 }
 _OF_CHECKS = {StopCause.STATE_OLD, *(check.cause for check in CHECKS)}
 """causes that a check of plausibility finds"""
+FAULT_SENTENCES = {
+    Fault.STATE_STALE: "No new vehicle state arrived in time.",
+    Fault.STATE_INVALID: "The vehicle state had values that may not be used.",
+    Fault.SOLVER_FAILED: "The QP was not solved.",
+    Fault.DEADLINE_MISSED: "The commands were sent after their deadline.",
+    Fault.MISSION_MISSING: "There was no valid mission.",
+    Fault.BUS_FAULT: "The bus could not be read, or was off.",
+    Fault.PEER_MISMATCH: "The vehicle used another message catalogue.",
+    Fault.PREVIEW_IMPLAUSIBLE: "The curvature ahead contradicted the state or the one before, and "
+    "was not used.",
+    Fault.COMMANDS_UNANSWERED: "The vehicle did not accept the commands in time.",
+    Fault.SOURCE_CONFLICT: "A second participant sent states or commands.",
+    Fault.STATE_IMPLAUSIBLE: "Values of the vehicle state contradicted each other or the model; an "
+    "estimate replaced them.",
+    Fault.PATH_IMPLAUSIBLE: "The path jumped, was too sharp, or led away from the car.",
+    Fault.ACTUATOR_MISMATCH: "An actuator did not follow the commands.",
+    Fault.NOT_ENGAGED: "The car was outside of the window in which the controller may begin to "
+    "drive.",
+}
+
+
+def remedy_of(cause: StopCause) -> str:
+    """What to do about a cause, as a sentence; empty where the cause says it."""
+    remedy = _REMEDIES.get(cause, _OF_VALUES if cause in _OF_CHECKS else "")
+    return f"{remedy}." if remedy else ""
 
 
 def failed_checks(session: ControllerSession) -> list[Margin]:
@@ -79,23 +104,21 @@ def explain_stop(
     """
     text = cause.value
     if failed:
-        text = f"{text} ({'; '.join(each.text for each in failed)})"
+        text += f" ({'; '.join(each.text for each in failed)})"
     if bus_fault not in (cause, StopCause.NONE):
-        text = f"{text}, then: {bus_fault.value}"
+        text += f", then: {bus_fault.value}"
     if StopCause.BUS_FAILED in (cause, bus_fault):
         return (
             f"{text}: expected frames or silence, found {inbox.last_failure}. Check the "
             f"interface and its connection, then start again."
         )
     if cause is StopCause.VEHICLE_BRAKING:
-        text = (
-            f"{text}. {VEHICLE_KNOWS}" if braking in ("", VEHICLE_KNOWS) else f"{text}: {braking}"
-        )
+        text += f". {VEHICLE_KNOWS}" if braking in ("", VEHICLE_KNOWS) else f": {braking}"
     elif braking:
-        text = f"{text}; {explain_braking(braking)}"
+        text += f"; {explain_braking(braking)}"
     if cause in _MESSAGES:
-        text = f"{text}. {inbox.explain_out_of_range(_MESSAGES[cause])}."
+        text += f". {inbox.explain_out_of_range(_MESSAGES[cause])}."
     if faults:
         return f"{text.rstrip('.')}. Faults of this drive: {', '.join(faults)}."
-    remedy = _REMEDIES.get(cause, _OF_VALUES if failed else "")
-    return f"{text}. {remedy}." if remedy else text
+    remedy = remedy_of(cause)
+    return f"{text}. {remedy}" if remedy else text

@@ -4,7 +4,6 @@ A drive must not end because the pipe or the disk of its output is gone.
 """
 
 import io
-import os
 import select
 import sys
 from typing import TextIO
@@ -29,36 +28,26 @@ class LossyFile(io.FileIO):
         rest = view
         try:
             while rest:
-                if self._longest_wait_s is not None and not self._is_ready():
+                if self._longest_wait_s is not None and not self._is_ready(self._longest_wait_s):
                     raise BlockingIOError(0, "a reader that does not read")
-                written = super().write(rest[: select.PIPE_BUF])
-                rest = rest[written or 0 :]
+                rest = rest[super().write(rest[: select.PIPE_BUF]) or 0 :]
         except OSError as error:
             self.failure = error.strerror or str(error)
         return len(view)
 
-    def _is_ready(self) -> bool:
-        """True if a write will not block, at the latest after the longest wait."""
+    def _is_ready(self, longest_wait_s: float) -> bool:
+        """True if a write will not block; after a failure nothing is waited for."""
         waiting = select.poll()
         waiting.register(self.fileno(), select.POLLOUT)
-        longest_wait_s = 0.0 if self.failure else self._longest_wait_s or 0.0
-        return bool(waiting.poll(1e3 * longest_wait_s))
+        return bool(waiting.poll(0.0 if self.failure else 1e3 * longest_wait_s))
 
 
 def protect_streams() -> None:
-    """Make stdout and stderr of this process lossy; descriptors that are closed discard all.
-
-    Streams that someone else has replaced are left as they are.
-    """
-    for descriptor in (0, 1, 2):
-        try:
-            os.fstat(descriptor)
-        except OSError:  # else the next file that is opened would become the stream
-            os.open(os.devnull, os.O_RDWR)
-    if sys.stdout is sys.__stdout__:
-        sys.stdout = _lossy(sys.stdout, 1, None)
-    if sys.stderr is sys.__stderr__:
-        sys.stderr = _lossy(sys.stderr, 2, LONGEST_WAIT_S)
+    """Make stdout and stderr of this process lossy; others that replace them are left alone."""
+    if sys.__stdout__ is not None and sys.stdout is sys.__stdout__:
+        sys.stdout = _lossy(sys.__stdout__, 1, None)
+    if sys.__stderr__ is not None and sys.stderr is sys.__stderr__:
+        sys.stderr = _lossy(sys.__stderr__, 2, LONGEST_WAIT_S)
 
 
 def lost_output() -> dict[str, str]:
@@ -73,11 +62,11 @@ def lost_output() -> dict[str, str]:
     return failures
 
 
-def _lossy(stream: TextIO | None, descriptor: int, longest_wait_s: float | None) -> TextIO:
+def _lossy(stream: TextIO, descriptor: int, longest_wait_s: float | None) -> TextIO:
     raw = LossyFile(descriptor, longest_wait_s)
     return io.TextIOWrapper(
         io.BufferedWriter(raw),
-        encoding=stream.encoding if stream is not None else "utf-8",
+        encoding=stream.encoding,
         errors="backslashreplace",
         line_buffering=raw.isatty() or descriptor == 2,
     )

@@ -1,24 +1,29 @@
-"""Summary of a run: for people a table, for programs JSON with the same figures."""
+"""Summary of a run: for people a verdict and a table, for programs JSON with the same figures."""
 
 from collections.abc import Iterator
 from dataclasses import asdict
 from importlib.metadata import version
-from math import degrees
+from math import ceil, degrees
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from rt_controller.bus.log.recorder import log_to_json
 from rt_controller.bus.messages import Fault
+from rt_controller.contract.errors import OutputError
+from rt_controller.contract.files import atomic_write
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.drive.car_figures import LateralError
 from rt_controller.drive.scenario import DrivenScenario
 from rt_controller.loop import Ending, RunRecord
 from rt_controller.realtime.timing import DeadlineAccount, Percentiles, TickTimes
 from rt_controller.report.table import Fact, Table, facts_table
-from rt_controller.safety.modes import STANDING_MPS
+from rt_controller.safety.modes import STANDING_MPS, StopCause
 from rt_controller.session import ControllerSession
 from rt_controller.settings import OWN
-from rt_controller.terminal.log_summary import log_sentence, log_to_json
 from rt_controller.terminal.progress import Line
-from rt_controller.terminal.stop_message import failed_checks
+from rt_controller.terminal.stop_message import FAULT_SENTENCES, explain_braking, failed_checks
 
 if TYPE_CHECKING:
     from rt_controller.terminal.options import RunOptions
@@ -27,6 +32,10 @@ AS_RECEIVED = ", as received"
 """of errors with states that a check refused"""
 STOPPING = "stopping: braking to rest; press Ctrl-C twice more to end at once"
 STILL_STOPPING = "stopping: braking to rest; press Ctrl-C once more to end at once"
+NOT_ENGAGED = (
+    f"{StopCause.NOT_ENGAGED.value}: expected it within 1 m of the path and 0.15 rad of its "
+    f"heading, and a path that can be driven; found otherwise for 5 s. Start closer to the path."
+)
 
 
 def driven_to_json(options: "RunOptions", scenario: DrivenScenario | None) -> dict[str, Any]:
@@ -85,10 +94,64 @@ def to_json(session: ControllerSession, car: LateralError | None = None) -> dict
     }
 
 
+def verdict(session: ControllerSession, car: LateralError | None = None, braking: str = "") -> str:
+    """How the drive went, in one sentence; `car` and `braking` are those of `to_table`."""
+    record, deadlines = session.record, session.record.deadlines
+    speed_mps = record.result.speed_mps
+    if deadlines.ticks == 0:
+        return "Nothing was driven: the drive ended before the first tick."
+    if record.ending is Ending.ENDED_AT_ONCE:
+        return f"The drive was {explain_end_at_once(speed_mps)}."
+    if record.ending is Ending.REFUSED:
+        return f"The car was not taken over: {StopCause.NOT_ENGAGED.value}."
+    if record.ending is Ending.SAFE_STOPPED:
+        after = "" if record.stop_s is None else f" after {record.stop_s:.1f} s"
+        return f"The drive ended in a safe stop{after}: {record.result.cause.value}."
+    errors = record.trace.errors()
+    if not any(errors):
+        return f"The car was not driven: {record.ending.value}."
+    is_true = car is not None and has_rejected_states(record)
+    peak_m = car.peak_m if car is not None and is_true else errors.ey_peak_m
+    within = f"{peak_m:.1f} m" if peak_m >= 1.0 else f"{max(ceil(100 * peak_m), 1)} cm"
+    late = f"{deadlines.deadline_misses} of {deadlines.ticks} steps were late"
+    text = f"The car followed its path within {within}; "
+    text += late if deadlines.deadline_misses else "no step was late"
+    if record.ending is Ending.STOPPED:
+        text += "; it was stopped on request"
+    elif speed_mps is not None and speed_mps > STANDING_MPS:
+        text += f"; it was released at {speed_mps * 3.6:.0f} km/h"
+    return f"{text}; {explain_braking(braking)}." if braking else f"{text}."
+
+
+def fault_sentences(record: RunRecord) -> list[str]:
+    """A sentence for each fault that occurred, with the number of its ticks."""
+    return [
+        f"{FAULT_SENTENCES[fault]} ({fault.name}, {n} tick{'s' if n > 1 else ''})"
+        for fault, n in record.ticks_by_fault.items()
+        if n
+    ]
+
+
+def explain_end_at_once(speed_mps: float | None) -> str:
+    """How a third request ended the drive."""
+    at = "an unknown speed" if speed_mps is None else f"{3.6 * speed_mps:.0f} km/h"
+    return f"ended at once at {at}: the last frame was a safe command, the vehicle brakes the car"
+
+
 def to_table(
-    session: ControllerSession, car: LateralError | None = None, braking: str = ""
+    session: ControllerSession,
+    car: LateralError | None = None,
+    braking: str = "",
+    is_verbose: bool = False,
 ) -> Table:
-    """The same figures for a terminal; `braking` says why the vehicle brakes by itself."""
+    """The figures for a terminal.
+
+    Args:
+        session: that has ended.
+        car: true lateral error, of a simulated car in this process.
+        braking: why the vehicle brakes by itself; empty if it does not.
+        is_verbose: with times, frames and real-time settings.
+    """
     record, deadlines = session.record, session.record.deadlines
     e, worst, counts = record.trace.errors(), deadlines.worst, session.inbox.counts
     dropped = counts.crc_errors + counts.repeated + counts.out_of_range
@@ -98,46 +161,49 @@ def to_table(
         f"lateral error{received}": f"RMS {e.ey_rms_m:.3f} m, peak {e.ey_peak_m:.3f} m",
         "true lateral error": f"RMS {car.rms_m:.3f} m, peak {car.peak_m:.3f} m"
         if is_rejected and car is not None
-        else None,
+        else "",
         f"heading error{received}": f"RMS {degrees(e.epsi_rms_rad):.2f} deg, "
         f"peak {degrees(e.epsi_peak_rad):.2f} deg",
         f"speed error{received}": f"RMS {e.vx_rms_mps:.3f} m/s, peak {e.vx_peak_mps:.3f} m/s",
-        "inputs at their limit": _limited(record) or None,
+        "inputs at their limit": _limited(record),
         "ticks": f"{deadlines.ticks}, {deadlines.deadline_misses} missed their deadline, "
         f"{deadlines.skipped_ticks} skipped",
-        "control step": _line(deadlines.percentiles("step_us"), "us"),
-        "step and reading ahead": _line(deadlines.percentiles("total_us"), "us"),
-        "worst tick": worst
-        and f"{worst.tick}, sent after {worst.late_us:.0f} us: {worst.cause.value}",
-        "wake-up lateness": _line(deadlines.percentiles("wake_us"), "us"),
-        "QP solve": _line(deadlines.percentiles("qp_us"), "us"),
-        "QP iterations": _line(deadlines.percentiles("qp_iterations"), ""),
-        "frames": f"{session.outbox.sent} sent, {session.outbox.send_failures} send errors; "
-        f"{dropped} received ones dropped, {counts.counter_gap_frames} missing (counter gaps)",
-        "bus": _bus_line(session) or None,
-        "ticks with faults": ", ".join(
-            f"{n} {fault.name}" for fault, n in record.ticks_by_fault.items() if n
-        )
-        or None,
-        "final mode": record.result.mode.name,
-        "safe stop": (
-            record.stop_s is not None and f"from {record.stop_s:.3f} s on (tick {record.stop_tick})"
-        )
-        or None,
-        "vehicle brakes by itself": braking or None,
-        "log": log_sentence(session.recorder),
-        "real-time settings": session.guarantees.sentence(),
     }
-    rows = (Fact(name, value) for name, value in facts.items() if value is not None)
-    return facts_table(rows, f"{session.model}: {record.ending.value}{_released(record)}")
+    if is_verbose:
+        for name, field, unit in (
+            ("control step", "step_us", " us"),
+            ("step and reading ahead", "total_us", " us"),
+            ("wake-up lateness", "wake_us", " us"),
+            ("QP solve", "qp_us", " us"),
+            ("QP iterations", "qp_iterations", ""),
+        ):
+            facts[name] = _line(deadlines.percentiles(field)) + unit
+        if worst is not None:
+            late = f"{worst.tick}, sent after {worst.late_us:.0f} us: {worst.cause.value}"
+            facts["worst tick"] = late
+        facts["frames"] = (
+            f"{session.outbox.sent} sent, {session.outbox.send_failures} send errors; "
+            f"{dropped} received ones dropped, {counts.counter_gap_frames} missing (counter gaps)"
+        )
+        facts["real-time settings"] = session.guarantees.sentence()
+    facts |= {
+        "bus": _bus_line(session),
+        "final mode": record.result.mode.name,
+        "safe stop": ""
+        if record.stop_s is None
+        else f"from {record.stop_s:.3f} s on (tick {record.stop_tick})",
+        "vehicle brakes by itself": braking,
+        "log": _log_line(session),
+    }
+    return facts_table((Fact(*fact) for fact in facts.items() if fact[1]), session.model)
 
 
-def _released(record: RunRecord) -> str:
-    """At which speed a driver took over a car that moves; empty if it stands."""
-    speed_mps = record.result.speed_mps
-    if record.ending is not Ending.MISSION_OVER or speed_mps is None or speed_mps <= STANDING_MPS:
+def _log_line(session: ControllerSession) -> str:
+    recorder = session.recorder
+    if recorder is None or recorder.path is None:
         return ""
-    return f"; the car was released at {speed_mps * 3.6:.0f} km/h"
+    lost = f": {recorder.last_failure}" if recorder.last_failure else ""
+    return f"{recorder.path}, {recorder.written} frames, {recorder.dropped} dropped{lost}"
 
 
 def has_rejected_states(record: RunRecord) -> bool:
@@ -181,8 +247,8 @@ def why_late(deadlines: DeadlineAccount) -> str:
     return f"{listed}: {missed}" if listed else missed
 
 
-def _line(p: Percentiles, unit: str) -> str:
-    return f"p50 {p.p50:.0f}, p99 {p.p99:.0f}, p99.9 {p.p999:.0f}, max {p.max:.0f} {unit}".rstrip()
+def _line(p: Percentiles) -> str:
+    return f"p50 {p.p50:.0f}, p99 {p.p99:.0f}, p99.9 {p.p999:.0f}, max {p.max:.0f}"
 
 
 def live_lines(session: ControllerSession) -> Iterator[Line]:
@@ -222,3 +288,27 @@ def _live_line(record: RunRecord) -> Line:
         f"{where}wheel {degrees(result.control.steer_rad):+5.1f} deg"
     )
     return Line(f"{result.mode.name:10s}", figures)
+
+
+def write_ticks(path: Path | None, deadlines: DeadlineAccount) -> None:
+    """Write a CSV row for each of the last ticks, oldest first; None writes nothing.
+
+    Columns: the number of the tick in the run, then the fields of `TickTimes`.
+
+    Raises:
+        OutputError: the file cannot be written any more.
+    """
+    if path is None:
+        return
+    times = deadlines.last()
+    rows = np.column_stack([np.arange(deadlines.ticks - len(times), deadlines.ticks), times])
+    header = ",".join(("tick", *TickTimes._fields))
+    formats = ["%d", *["%.1f"] * times.shape[1]]
+    try:
+        with atomic_write(path) as file:
+            np.savetxt(file, rows, fmt=formats, delimiter=",", header=header, comments="")
+    except OSError as error:
+        raise OutputError(
+            f"--ticks {path}: expected a file that can be written, found {error.strerror}. The run "
+            f"itself is complete; only this file is missing. Free some space before the next one."
+        ) from error

@@ -44,6 +44,7 @@ def test_a_tick_is_explained_from_its_frames_to_its_command(
     assert found["command_from"] == "plan of this tick"
     assert found["stage_times"]["plan_us"] > 0.0
     printed = capsys.readouterr().out
+    assert printed.startswith("Tick 30 drove, and nothing was wrong: plan of this tick.\n")
     assert "value of brake_n, both" in printed
     assert "change of steer_rad" in printed
     for title in ("frames", "plan: predicted", "active bounds", "cost", "checks", "times of"):
@@ -90,7 +91,9 @@ def test_without_a_tick_the_begin_of_the_safe_stop_is_explained(
     found = explain(log, None, tmp_path)
     assert found["tick"] == summary["stop_tick"]
     assert found["reasons"][0] == "SAFE_STOP: stop requested"
-    assert "plan (only its steering wheel is used)" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert printed.startswith("Tick 20 was part of a safe stop: stop requested.\n")
+    assert "plan (only its steering wheel is used)" in printed
     later = {each["check"]: each["value"] for each in explain(log, 40, tmp_path)["checks"]}
     assert later["tracking"] is None  # not judged in a stop
     assert later["progress"] is not None

@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 
 from rt_controller.contract.errors import ConfigError
-from rt_controller.recording.header import changed_versions, recorded_config
-from rt_controller.recording.journal import journal_path, read_journal
+from rt_controller.recording.journal import Header, journal_path, read_journal
 
 HEADER: dict[str, Any] = {
     "journal_format": 1,
@@ -49,93 +48,62 @@ def test_a_line_has_the_calls_and_the_command_of_its_tick(tmp_path: Path) -> Non
     last = {"tick": -1, "calls": [["send_safe_command"]]}
     _, (tick, after) = read_journal(log_with_journal(tmp_path, HEADER, TICK, last))
     assert [call.name for call in tick.calls] == ["warm_up", "received"]
-    assert (tick.number, tick.calls[1].frames, tick.mode.name) == (0, 9, "STANDBY")
-    assert (after.number, after.calls[0].name) == (-1, "send_safe_command")
+    assert (tick.tick, tick.calls[1].n_frames, tick.mode.name) == (0, 9, "STANDBY")
+    assert (after.tick, after.calls[0].name) == (-1, "send_safe_command")
 
 
 @pytest.mark.parametrize(
-    ("field", "value"),
+    ("line", "changed", "expected"),
     [
-        ("config", []),
-        ("model", "lti"),
-        ("packages", [1]),
-        ("max_iterations", "many"),
-        ("max_iterations", -1),
-        ("is_fd", "both"),
+        (1, {"journal_format": 2}, "journal_format: expected 1, found 2"),
+        (1, {"config": []}, "config: expected a table, found"),
+        (1, {"model": "lti"}, "model: expected a table, found 'lti'"),
+        (1, {"packages": [1]}, "packages: expected a table, found"),
+        (1, {"max_iterations": -1}, "max_iterations: expected more than 0, found -1"),
+        (1, {"version": None}, "version: expected a text, found None"),
+        (2, {"began_ns": "early"}, "began_ns: expected an integer, found 'early'"),
+        (2, {"skipped": -4}, "skipped: expected at least 0, found -4"),
+        (2, {"control": ["a", "b", "c"]}, r"control\[0\]: expected a number, found 'a'"),
+        (2, {"mode": "FAST"}, "mode: expected one of STANDBY, "),
+        (2, {"calls": [["jump"]]}, r"calls\[0\]\[0\]: expected 'received', "),
+        (2, {"calls": [["received", 1, -3]]}, r"calls\[0\]\[2\]: expected at least 0"),
+        (2, {"calls": ["warm_up"]}, r"calls\[0\]"),
+        (3, '{"tick":1,"cal', "found another text"),
+        (3, "[1, 2]", "found another text"),
+        (3, "", "found another text"),
+        (3, '{"calls": []}', "tick: expected a value, found none"),
     ],
 )
-def test_a_header_with_a_field_of_another_type_is_refused_by_its_name(
-    tmp_path: Path, field: str, value: object
+def test_a_line_that_was_edited_or_damaged_is_refused_with_its_number_and_field(
+    tmp_path: Path, line: int, changed: dict[str, Any] | str, expected: str
 ) -> None:
-    with pytest.raises(ConfigError, match=rf"{field}: expected .*, found .*\nCopy it again"):
-        read_journal(log_with_journal(tmp_path, {**HEADER, field: value}))
-
-
-@pytest.mark.parametrize("field", ["version", "config", "model", "packages", "max_iterations"])
-def test_a_header_without_a_field_is_refused_by_its_name(tmp_path: Path, field: str) -> None:
-    header = {name: value for name, value in HEADER.items() if name != field}
-    with pytest.raises(ConfigError, match=rf"{field}: expected a value, found none"):
-        read_journal(log_with_journal(tmp_path, header))
-
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [
-        ("began_ns", "early"),
-        ("began_ns", None),
-        ("skipped", -4),
-        ("control", ["a", "b", "c"]),
-        ("times", [1]),
-        ("sent_after_us", "x"),
-        ("mode", "FAST"),
-        ("calls", [["jump"]]),
-        ("calls", [["received", 1, -3]]),
-        ("calls", [["received", 1, "x"]]),
-        ("calls", ["warm_up"]),
-    ],
-)
-def test_a_tick_with_another_content_is_refused(tmp_path: Path, field: str, value: object) -> None:
-    with pytest.raises(ConfigError, match=r"expected the journal of a log, .*found"):
-        read_journal(log_with_journal(tmp_path, HEADER, {**TICK, field: value}))
+    header, tick = HEADER, TICK
+    if isinstance(changed, dict):
+        header, tick = (
+            {**each, **changed} if n == line else each for n, each in ((1, header), (2, tick))
+        )
+    log = log_with_journal(tmp_path, header, tick)
+    if isinstance(changed, str):
+        with journal_path(log).open("a") as file:
+            file.write(f"{changed}\n")
+    with pytest.raises(
+        ConfigError, match=rf"(?s)\.journal, line {line}: .*{expected}.*Copy it again"
+    ):
+        read_journal(log)
 
 
 def test_settings_of_another_version_are_named_with_the_version_that_has_them() -> None:
     with pytest.raises(ConfigError, match=r"turbo: no such setting.* recorded it \(0\.1\.0\)"):
-        recorded_config({**HEADER, "config": {"turbo": 1}})
+        Header(**{**HEADER, "config": {"turbo": 1}}).controller_config()
 
 
 def test_a_drive_on_a_core_that_this_machine_lacks_can_be_replayed() -> None:
-    config = recorded_config({**HEADER, "config": {"realtime": {"cpu": 4096, "phase_ms": 3.0}}})
+    header = {**HEADER, "config": {"realtime": {"cpu": 4096, "phase_ms": 3.0}}}
+    config = Header(**header).controller_config()
     assert (config.realtime.cpu, config.realtime.phase_ms) == (None, 3.0)
 
 
 def test_other_messages_and_another_machine_are_named() -> None:
-    messages, machine = changed_versions({**HEADER, "machine": "Linux other"})
+    messages, machine = Header(**{**HEADER, "machine": "Linux other"}).changed_versions()
     assert messages.startswith("messages 00000000 then, ")
     assert machine.startswith("machine Linux other then, ")
-
-
-@pytest.mark.parametrize(
-    ("last_line", "found"),
-    [
-        ('{"tick":1,"cal', "another text"),
-        ("[1, 2]", "another text"),
-        ("", "an empty line"),
-        ('{"calls": []}', "no field 'tick'"),
-        ('{"tick": 1, "calls": []}', "no field 'began_ns'"),
-    ],
-)
-def test_a_line_that_is_no_tick_is_refused_with_its_number_and_what_it_is(
-    tmp_path: Path, last_line: str, found: str
-) -> None:
-    log = log_with_journal(tmp_path, HEADER, TICK)
-    with journal_path(log).open("a") as file:
-        file.write(f"{last_line}\n")
-    with pytest.raises(ConfigError, match=rf"\.journal, line 3: .* found {found}\. Copy it again"):
-        read_journal(log)
-
-
-def test_a_tick_of_an_unknown_mode_is_refused_with_the_modes(tmp_path: Path) -> None:
-    log = log_with_journal(tmp_path, HEADER, {**TICK, "mode": "FAST"})
-    with pytest.raises(ConfigError, match=r"line 2: .*\n.*mode: expected one of STANDBY, "):
-        read_journal(log)

@@ -1,7 +1,9 @@
 """A recorded drive is replayed to the bit; every other command is listed."""
 
 import json
+import re
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -102,21 +104,6 @@ def test_another_model_commands_other_inputs(recorded_log: Path) -> None:
     assert figures["differences_by_signal"]["steer_rad"] > 10
 
 
-def test_a_log_of_another_program_is_refused(tmp_path: Path) -> None:
-    log = tmp_path / "run.log"
-    log.write_text("(1.0) can0 100#0102030405060708\n")
-    with pytest.raises(ConfigError, match=r"expected its journal run\.log\.journal .* keep them"):
-        replay(log)
-
-
-@pytest.mark.parametrize("suffix", [".mcap", ".mf4"])
-def test_a_file_of_another_kind_is_refused_with_the_file_to_name(
-    tmp_path: Path, suffix: str
-) -> None:
-    with pytest.raises(ConfigError, match=rf"found the suffix {suffix}.* log that --record wrote"):
-        replay(tmp_path / f"run{suffix}")
-
-
 def test_error_frames_of_any_class_do_not_shift_the_frames_of_a_candump_log(
     recorded_log: Path, tmp_path: Path
 ) -> None:
@@ -127,42 +114,6 @@ def test_error_frames_of_any_class_do_not_shift_the_frames_of_a_candump_log(
     log.write_text("".join(lines))
     code, figures = replay(log)
     assert (code, figures["is_identical"]) == (0, True)
-
-
-def test_a_log_that_was_cut_off_is_refused(recorded_log: Path, tmp_path: Path) -> None:
-    log = copy_of(recorded_log, tmp_path)
-    log.write_text("".join(log.read_text().splitlines(keepends=True)[:300]))
-    with pytest.raises(ConfigError, match=r"found fewer: one of the two was cut off"):
-        replay(log)
-
-
-def test_a_log_that_is_none_is_refused_with_the_remedy(recorded_log: Path, tmp_path: Path) -> None:
-    log = copy_of(recorded_log, tmp_path)
-    log.write_text("not a frame\n")
-    with pytest.raises(ConfigError, match=r"line 1: expected \(seconds\) .*Copy it again"):
-        replay(log)
-
-
-def test_a_log_with_a_damaged_line_is_refused_with_the_line(
-    recorded_log: Path, tmp_path: Path
-) -> None:
-    log = copy_of(recorded_log, tmp_path)
-    lines = log.read_text().splitlines(keepends=True)
-    lines[200] = lines[200].replace("#", "#Z")
-    log.write_text("".join(lines))
-    with pytest.raises(ConfigError, match=r"line 201: expected \(seconds\) .*, found '.*#Z"):
-        replay(log)
-
-
-def test_a_damaged_blf_log_is_refused_without_words_of_python(
-    recorded_log: Path, tmp_path: Path
-) -> None:
-    log = tmp_path / "run.blf"
-    log.write_bytes(b"LOGG damaged")
-    shutil.copy(journal_path(recorded_log), journal_path(log))
-    with pytest.raises(ConfigError, match="in the format of its suffix") as refused:
-        replay(log)
-    assert "Error" not in str(refused.value)
 
 
 def test_frames_that_were_dropped_make_a_replay_incomplete(
@@ -176,11 +127,45 @@ def test_frames_that_were_dropped_make_a_replay_incomplete(
     assert (code, figures["incomplete_from_tick"], figures["is_identical"]) == (8, 50, False)
 
 
-def test_a_model_that_has_changed_since_is_refused(recorded_log: Path, tmp_path: Path) -> None:
-    log = copy_of(recorded_log, tmp_path)
-    header, *ticks = journal_path(log).read_text().splitlines(keepends=True)
-    changed = json.loads(header)
-    changed["model"]["sha256"] = "0" * 64
-    journal_path(log).write_text("".join([json.dumps(changed) + "\n", *ticks]))
-    with pytest.raises(ConfigError, match=r"expected the recorded one, 00000000, found .*--model"):
+def damaged(lines: list[str]) -> list[str]:
+    return [*lines[:200], lines[200].replace("#", "#Z"), *lines[201:]]
+
+
+@pytest.mark.parametrize(
+    ("name", "edit", "expected"),
+    [
+        ("run.log", lambda lines: lines[:300], "found fewer: one of the two was cut off"),
+        ("run.log", lambda _: ["not a frame\n"], r"line 1: expected \(seconds\) .*Copy it again"),
+        ("run.log", damaged, r"line 201: expected \(seconds\) .*, found '.*#Z"),
+        (
+            "run.blf",
+            lambda _: ["LOGG damaged"],
+            "in the format of its suffix, found a file",
+        ),
+        ("run.log.journal", lambda _: None, r"expected its journal run\.log\.journal .* keep them"),
+        (
+            "run.log.journal",
+            lambda lines: [re.sub('sha256":".{64}', f'sha256":"{64 * "0"}', lines[0]), *lines[1:]],
+            r"expected the recorded one, 00000000, found .*--model",
+        ),
+    ],
+)
+def test_files_that_cannot_be_replayed_are_refused_with_the_remedy(
+    recorded_log: Path,
+    tmp_path: Path,
+    name: str,
+    edit: Callable[[list[str]], list[str] | None],
+    expected: str,
+) -> None:
+    log, file = copy_of(recorded_log, tmp_path), tmp_path / name
+    if name.endswith(".blf"):
+        log = file
+        shutil.copy(journal_path(recorded_log), journal_path(log))
+        file.touch()
+    edited = edit(file.read_text().splitlines(keepends=True))
+    if edited is None:
+        file.unlink()
+    else:
+        file.write_text("".join(edited))
+    with pytest.raises(ConfigError, match=expected):
         replay(log)

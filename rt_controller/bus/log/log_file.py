@@ -3,12 +3,12 @@
 A log is overwritten only on request: it may be the only record of a drive.
 """
 
-import fcntl
 import os
 import stat
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from itertools import accumulate, count
 from pathlib import Path
 
 from rt_controller.contract.errors import ConfigError
@@ -28,21 +28,23 @@ class LogFile:
             replaces: replace the content of an existing file.
 
         Raises:
-            ConfigError: there is a log of that name already, another process writes it, or it
-                cannot be written.
+            ConfigError: there is a log of that name already, or it cannot be written.
         """
         self.path = _named_after_time(path) if path.is_dir() else path
         self.failure = ""
         """why records are missing, for people; empty if none are"""
         self._descriptor, self._is_new = _open(self.path)
-        self._is_regular = stat.S_ISREG(os.fstat(self._descriptor).st_mode)
+        status = os.fstat(self._descriptor)
+        self._is_regular = stat.S_ISREG(status.st_mode)
         self._size = 0
         """of the whole records that were written"""
-        try:
-            self._require_free(replaces)
-        except ConfigError:
+        if self._is_regular and status.st_size > 0 and not replaces:
             os.close(self._descriptor)
-            raise
+            raise ConfigError(
+                f"{self.path}: expected no log of that name yet, found one, which is left as it "
+                f"is. Name another file, or a folder, in which every run makes a new log; "
+                f"--overwrite replaces the log."
+            )
         os.set_blocking(self._descriptor, True)
 
     def append(self, records: Sequence[bytes]) -> int:
@@ -50,6 +52,7 @@ class LogFile:
         if not records:
             return 0
         rest = memoryview(b"".join(records))
+        n_bytes = len(rest)
         try:
             if self._size == 0 and self._is_regular:
                 os.ftruncate(self._descriptor, 0)
@@ -57,13 +60,13 @@ class LogFile:
                 rest = rest[os.write(self._descriptor, rest) :]
         except OSError as error:
             self.failure = str(error.strerror)
-        n_whole, size = _whole(records, sum(map(len, records)) - len(rest))
-        self._size += size
-        if n_whole < len(records) and self._is_regular:
+        whole = [end for end in accumulate(map(len, records)) if end <= n_bytes - len(rest)]
+        self._size += whole[-1] if whole else 0
+        if len(whole) < len(records) and self._is_regular:
             with suppress(OSError):
                 os.ftruncate(self._descriptor, self._size)
                 os.lseek(self._descriptor, self._size, os.SEEK_SET)
-        return n_whole
+        return len(whole)
 
     def close(self) -> None:
         """Close the file; one that was made for this log and got no record is removed."""
@@ -73,19 +76,6 @@ class LogFile:
             os.close(self._descriptor)
         except OSError as error:  # some file systems write, and fail, only now
             self.failure = str(error.strerror)
-
-    def _require_free(self, replaces: bool) -> None:
-        if not self._is_regular:
-            return
-        try:
-            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise ConfigError(
-                f"{self.path}: expected a log that no other process writes, found one that another "
-                f"writes now. Name another file."
-            ) from error
-        if os.fstat(self._descriptor).st_size > 0 and not replaces:
-            raise _exists(self.path)
 
 
 def _open(path: Path) -> tuple[int, bool]:
@@ -97,36 +87,14 @@ def _open(path: Path) -> tuple[int, bool]:
         except FileExistsError:
             return os.open(path, flags), False
     except OSError as error:
-        is_pipe = path.is_fifo()
-        found = "a pipe that no process reads" if is_pipe else error.strerror
+        found = "a pipe that no process reads" if path.is_fifo() else error.strerror
         raise ConfigError(
             f"{path}: expected a file that the log of the bus can be written to, found "
             f"{found}. Name another file, in a folder that exists."
         ) from error
 
 
-def _exists(path: Path) -> ConfigError:
-    return ConfigError(
-        f"{path}: expected no log of that name yet, found one, which is left as it is. Name "
-        f"another file, or a folder, in which every run makes a new log; --overwrite replaces the "
-        f"log."
-    )
-
-
 def _named_after_time(folder: Path) -> Path:
     name = time.strftime("%Y%m%d-%H%M%S")
-    path, number = folder / f"{name}{SUFFIX}", 1
-    while path.exists():
-        number += 1
-        path = folder / f"{name}-{number}{SUFFIX}"
-    return path
-
-
-def _whole(records: Sequence[bytes], n_bytes: int) -> tuple[int, int]:
-    """How many of the records are within the first bytes of all, and their size."""
-    size = 0
-    for number, record in enumerate(records):
-        if size + len(record) > n_bytes:
-            return number, size
-        size += len(record)
-    return len(records), size
+    paths = (folder / f"{name}{f'-{n}' if n > 1 else ''}{SUFFIX}" for n in count(1))
+    return next(path for path in paths if not path.exists())

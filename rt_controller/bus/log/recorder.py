@@ -1,8 +1,11 @@
-"""Recorder of a drive: frames to a log, and with what the loop did between them to other sinks.
+"""Recorder of a drive: frames to a candump log, and with what the loop did to further sinks.
 
 The loop only appends to a bounded queue; a separate thread writes and closes the files. Frames that
 do not fit are dropped and counted, and so are those that the disk does not take. In lockstep the
 drive waits for room in the queue, so the same drive gives the same bytes.
+
+The lines are made here: python-can's CanutilsLogWriter appends the direction to every line, rounds
+stamps through floats, and replaces the class of error frames.
 """
 
 import threading
@@ -11,31 +14,47 @@ from collections import deque
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import can
 
-from rt_controller.bus.log.frame_log import CandumpLog, RecordedFrame
+from rt_controller.bus.log.log_file import LogFile
+from rt_controller.contract.errors import ConfigError
 
 QUEUE_FRAMES = 65_536
 """three minutes of this project's frames, in case the disk blocks for that long"""
+ERROR_FLAG = 0x2000_0000
+"""of an identifier in a candump log"""
 _WRITE_INTERVAL_S = 0.2
 _FRAMES_PER_WRITE = 512
 LONGEST_CLOSE_S = 2.0
 """for what is left at the end; later the log counts as incomplete"""
-_LONGEST_STALL_S = 2.0
-"""after which a disk that takes nothing is not waited for in lockstep"""
+_OTHER_SUFFIXES = (".asc", ".blf", ".mf4", ".trc", ".csv", ".db")
+"""formats that python-can converts a candump log into"""
 
 
-class LoopEvent(NamedTuple):
-    """What the loop did between two frames."""
+class RecordedFrame(NamedTuple):
+    """A copy of one frame as it was received or sent."""
 
-    kind: str
-    content: object = None
-    """does not change afterwards"""
+    stamp_ns: int
+    """on the clock of the loop"""
+    is_sent: bool
+    """True if it was sent by the program that records"""
+    identifier: int
+    is_extended: bool
+    is_remote: bool
+    is_error: bool
+    is_fd: bool
+    data: bytes
 
-
-Entry = RecordedFrame | LoopEvent
+    @property
+    def line(self) -> str:
+        """Identifier and data as `candump -L` writes them."""
+        identifier, data = self.identifier, self.data.hex().upper()
+        if self.is_error:
+            return f"{identifier | ERROR_FLAG:08X}#{data}"
+        digits = f"{identifier:0{8 if self.is_extended else 3}X}"
+        return f"{digits}#{'R' if self.is_remote else '#0' if self.is_fd else ''}{data}"
 
 
 class Sink(Protocol):
@@ -49,8 +68,8 @@ class Sink(Protocol):
     def failure(self) -> str:
         """Why something is missing, for people; empty if nothing is."""
 
-    def append(self, entries: Sequence[Entry], n_logged: int) -> None:
-        """Take these entries; the log took the first `n_logged` of their frames."""
+    def append(self, entries: Sequence[object], n_logged: int) -> None:
+        """Take frames and events; the log took the first `n_logged` of the frames."""
 
     def close(self) -> None:
         """Complete what is written."""
@@ -72,31 +91,26 @@ class Recorder(AbstractContextManager["Recorder"]):
         """Open the log.
 
         Args:
-            path: of the log, as `CandumpLog`; None: no log.
+            path: of the log, or a folder, as `LogFile`; None: no log.
             channel: name of the bus.
-            is_lockstep: `record` may wait for a slow disk.
+            is_lockstep: `record` waits for the disk.
             capacity: of the queue, in frames and events.
             epoch_offset_ns: added to every stamp, to turn monotonic into calendar time.
             replaces: replace an existing log.
 
         Raises:
-            ConfigError: the file cannot be written, or exists already.
+            ConfigError: the file cannot be written, or exists already, or its suffix is that of
+                another format.
         """
         self.written = 0
-        self._taken = 0
-        self._overflowed = 0
-        self._unwritable = 0
-        self._capacity = capacity
-        self._waits = is_lockstep
-        self._log: CandumpLog | None = None
-        if path is not None:
-            self._log = CandumpLog(path, channel, epoch_offset_ns, replaces)
+        self._taken = self._overflowed = self._unwritable = 0
+        self._capacity, self._is_lockstep = capacity, is_lockstep
+        self._channel, self._epoch_offset_ns = "_".join(channel.split()) or "can", epoch_offset_ns
+        self._log = None if path is None else _open_log(path, replaces)
         self._sinks: list[Sink] = []
-        self._is_closed = False
-        self._is_explained = False
-        self._queue: deque[Entry] = deque()
+        self._is_closed = self._is_explained = self._is_given_up = False
+        self._queue: deque[object] = deque()
         self._is_closing = threading.Event()
-        self._is_given_up = False
         self._writer = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._writer.start()
 
@@ -124,19 +138,14 @@ class Recorder(AbstractContextManager["Recorder"]):
         """The message about a file that is incomplete; empty if none is."""
         if not self.last_failure:
             return ""
-        failed = [each.path for each in self._files if each.failure]
-        path = next(iter((*failed, *(each.path for each in self._files))))
+        failed = [each.path for each in self._files if each.failure] or [self._files[0].path]
         missing = (
             f"{self.dropped} frames are missing in the log" if self.dropped else "it ends early"
         )
         return (
-            f"{path}: expected room for the log of the bus, found {self.last_failure}: {missing}. "
-            f"Free some space, or name another file."
+            f"{failed[0]}: expected room for the log of the bus, found {self.last_failure}: "
+            f"{missing}. Free some space, or name another file."
         )
-
-    @property
-    def _files(self) -> Sequence[CandumpLog | Sink]:
-        return self._sinks if self._log is None else [self._log, *self._sinks]
 
     def new_failure(self) -> str:
         """The same message at the first call after frames were lost, otherwise empty."""
@@ -163,8 +172,8 @@ class Recorder(AbstractContextManager["Recorder"]):
             )
         )
 
-    def record_event(self, event: LoopEvent) -> None:
-        """Keep an event; none where the queue is full."""
+    def record_event(self, event: object) -> None:
+        """Keep an event for the sinks, not changed any more; none where the queue is full."""
         if self._sinks and self._has_room():
             self._queue.append(event)
 
@@ -182,12 +191,14 @@ class Recorder(AbstractContextManager["Recorder"]):
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    @property
+    def _files(self) -> Sequence[LogFile | Sink]:
+        return self._sinks if self._log is None else [self._log, *self._sinks]
+
     def _has_room(self) -> bool:
-        """True if the queue has room; in lockstep a slow disk gets time, a stalled one none."""
-        end_s = time.monotonic() + _LONGEST_STALL_S
+        """True if the queue has room; in lockstep the disk is waited for."""
         while len(self._queue) >= self._capacity:
-            self._waits = self._waits and time.monotonic() < end_s
-            if not self._waits:
+            if not self._is_lockstep:
                 return False
             time.sleep(1e-3)
         return True
@@ -204,43 +215,46 @@ class Recorder(AbstractContextManager["Recorder"]):
         while self._queue and not self._is_given_up:
             n_entries = min(len(self._queue), _FRAMES_PER_WRITE)
             entries = [self._queue.popleft() for _ in range(n_entries)]
-            frames = [entry for entry in entries if isinstance(entry, RecordedFrame)]
-            n_written = len(frames) if self._log is None else self._log.append(frames)
+            lines = [self._line(each) for each in entries if isinstance(each, RecordedFrame)]
+            n_written = len(lines) if self._log is None else self._log.append(lines)
             if self._is_given_up:
                 return
             self.written += n_written
-            self._unwritable += len(frames) - n_written
+            self._unwritable += len(lines) - n_written
             for sink in self._sinks:
                 sink.append(entries, n_written)
+
+    def _line(self, frame: RecordedFrame) -> bytes:
+        seconds, rest_ns = divmod(frame.stamp_ns + self._epoch_offset_ns, 1_000_000_000)
+        return f"({seconds}.{rest_ns // 1000:06d}) {self._channel} {frame.line}\n".encode()
 
 
 def open_recorder(
     path: Path | None, channel: str, is_lockstep: bool = False, replaces: bool = False
 ) -> Recorder | None:
-    """A recorder with calendar time in its stamps; None if no file is named.
-
-    Raises:
-        ConfigError: the file cannot be written, or exists already and `replaces` is False.
-    """
+    """A recorder with calendar time in its stamps; None if no file is named."""
     if path is None:
         return None
+    offset_ns = epoch_offset_ns(is_lockstep)
     return Recorder(
-        path,
-        channel,
-        is_lockstep=is_lockstep,
-        epoch_offset_ns=epoch_offset_ns(is_lockstep),
-        replaces=replaces,
+        path, channel, is_lockstep=is_lockstep, epoch_offset_ns=offset_ns, replaces=replaces
     )
 
 
-def require_recordable(path: Path | None, replaces: bool = False) -> None:
-    """Return if a log can be recorded there, or None is given; an existing log is left as it is.
+def log_to_json(recorder: Recorder | None) -> dict[str, Any]:
+    """The figures of a log; its name is null without one, and its failure if it is complete."""
+    return {
+        "log_file": None if recorder is None or recorder.path is None else str(recorder.path),
+        "log_frames_written": 0 if recorder is None else recorder.written,
+        "log_frames_dropped": 0 if recorder is None else recorder.dropped,
+        "log_failure": (recorder and recorder.last_failure) or None,
+    }
 
-    Raises:
-        ConfigError: as `open_recorder`.
-    """
+
+def require_recordable(path: Path | None, replaces: bool = False) -> None:
+    """Return if a log can be recorded there, or None is given; an existing log is left as it is."""
     if path is not None:
-        CandumpLog(path, "", 0, replaces).close()
+        _open_log(path, replaces).close()
 
 
 def epoch_offset_ns(is_lockstep: bool) -> int:
@@ -249,3 +263,18 @@ def epoch_offset_ns(is_lockstep: bool) -> int:
     In lockstep the stamps are simulated time: the same run gives the same bytes.
     """
     return 0 if is_lockstep else time.time_ns() - time.monotonic_ns()
+
+
+def _open_log(path: Path, replaces: bool) -> LogFile:
+    suffix = path.suffix.lower()
+    if suffix in _OTHER_SUFFIXES and not path.is_dir():
+        raise ConfigError(
+            f"{path}: expected a candump log (.log), found the suffix of another format. Record a "
+            f".log and convert it: can_logconvert drive.log drive{suffix}"
+        )
+    if suffix == ".mcap":
+        raise ConfigError(
+            f"{path}: expected a log of frames, found the suffix of MCAP, which has decoded "
+            f"signals. Name the MCAP file with --mcap; --record may name a .log beside it."
+        )
+    return LogFile(path, replaces)

@@ -53,14 +53,6 @@ def test_a_folder_gets_a_new_log_for_every_run(tmp_path: Path) -> None:
     assert {path.parent for path in names} == {tmp_path}
 
 
-def test_a_log_that_another_run_writes_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "drive.log"
-    writing = LogFile(path)
-    with pytest.raises(ConfigError, match="another writes now"):
-        LogFile(path, replaces=True)
-    writing.close()
-
-
 def test_a_pipe_without_a_reader_is_refused_instead_of_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(ConfigError, match="a pipe that no process reads"):

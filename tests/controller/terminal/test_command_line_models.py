@@ -22,24 +22,11 @@ from rt_controller.model.lift import Lift
 from rt_controller.terminal import run as terminal_run
 
 Run = Callable[..., tuple[int, str]]
-ON_SOCKETCAN = ("--bus", "socketcan", "--channel", "can0")
-
-
-def test_a_folder_without_a_bundle_is_refused(run: Run, tmp_path: Path) -> None:
-    code, message = run(*ON_SOCKETCAN, "--model", tmp_path)
-    assert code == 2
-    assert "koopman.npz" in message
 
 
 def test_a_shipped_model_is_found_by_its_name() -> None:
     assert find_model("lti") == shipped_model("lti")
     assert find_model(None) == shipped_model("mdk-net")
-
-
-def test_a_misspelt_model_is_refused_with_the_shipped_ones(run: Run) -> None:
-    code, message = run(*ON_SOCKETCAN, "--model", "mdknet")
-    assert code == 2
-    assert "--model: expected one of mdk-net, mdk-net-paper, lti (did you mean mdk-net?)" in message
 
 
 def test_all_names_and_ranges_are_refused_in_one_message_before_anything_is_loaded(
@@ -72,29 +59,40 @@ def test_a_path_is_never_taken_for_a_shipped_name(
         assert find_model(folder) == Path(folder)
 
 
-def test_an_encoder_of_another_export_is_refused(run: Run, tmp_path: Path) -> None:
-    folder = tmp_path / "mixed"
+def empty(folder: Path) -> None:
+    folder.mkdir()
+
+
+def mixed(folder: Path) -> None:
     shutil.copytree(shipped_model("mdk-net-paper"), folder)
     shutil.copy(shipped_model("lti") / "encoder.onnx", folder / "encoder.onnx")
-    code, message = run(*ON_SOCKETCAN, "--model", folder)
-    assert code == 2
-    assert "SHA-256" in message
 
 
-def test_a_bundle_of_another_format_is_refused(run: Run, tmp_path: Path) -> None:
-    save_bundle(tmp_path, load_bundle(shipped_model("lti")), "card")
-    with np.load(tmp_path / "koopman.npz") as archive:
+def older(folder: Path) -> None:
+    save_bundle(folder, load_bundle(shipped_model("lti")), "card")
+    with np.load(folder / "koopman.npz") as archive:
         arrays = dict(archive)
-    np.savez(tmp_path / "koopman.npz", **{**arrays, "format_version": np.int64(1)})
-    code, message = run(*ON_SOCKETCAN, "--model", tmp_path)
-    assert code == 2
-    assert "expected format_version = 4, found 1" in message
-    assert "Run offline-export RUN again" in message
+    np.savez(folder / "koopman.npz", **{**arrays, "format_version": np.int64(1)})
 
 
-def test_a_model_with_another_period_is_refused(run: Run, tmp_path: Path) -> None:
-    slower = replace(make_bundle(Lift()), schema=replace(VEHICLE, dt_s=2.0 * VEHICLE.dt_s))
-    save_bundle(tmp_path, slower, "card")
-    code, message = run(*ON_SOCKETCAN, "--model", tmp_path)
+def slower(folder: Path) -> None:
+    schema = replace(VEHICLE, dt_s=0.05)
+    save_bundle(folder, replace(make_bundle(Lift()), schema=schema), "card")
+
+
+@pytest.mark.parametrize(
+    ("make", "expected"),
+    [
+        (empty, "koopman.npz"),
+        (mixed, "SHA-256"),
+        (older, "expected format_version = 4, found 1"),
+        (slower, "expected period in s = 0.025, found 0.05"),
+    ],
+)
+def test_a_folder_with_another_bundle_is_refused(
+    run: Run, tmp_path: Path, make: Callable[[Path], None], expected: str
+) -> None:
+    make(tmp_path / "model")
+    code, message = run("--bus", "socketcan", "--channel", "can0", "--model", tmp_path / "model")
     assert code == 2
-    assert f"expected period in s = {VEHICLE.dt_s:g}, found {2.0 * VEHICLE.dt_s:g}" in message
+    assert expected in message

@@ -1,6 +1,8 @@
-"""The summary of a run: the same figures for people and for programs."""
+"""The summary of a run: a verdict, and the same figures for people and for programs."""
 
+import csv
 from math import radians
+from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
 
@@ -8,26 +10,46 @@ import pytest
 from rich.console import Console
 
 from rt_controller.bus.condition import BusCondition
-from rt_controller.bus.messages import Fault
+from rt_controller.bus.messages import Fault, StateSample
 from rt_controller.bus.receive import ReceptionCounts
-from rt_controller.contract.signals import ControlInput, Mode
+from rt_controller.contract.errors import OutputError
+from rt_controller.contract.signals import AT_REST, ControlInput, Mode, PathReference
 from rt_controller.drive.car_figures import LateralError
 from rt_controller.drive.trace import DriveTrace
 from rt_controller.loop import Ending, RunRecord
 from rt_controller.realtime.scheduling import NO_GUARANTEES
-from rt_controller.realtime.timing import DeadlineAccount
+from rt_controller.realtime.timing import DeadlineAccount, TickTimes
 from rt_controller.report.table import print_table
+from rt_controller.safety.modes import StopCause
 from rt_controller.session import ControllerSession
 from rt_controller.step import StepResult
 from rt_controller.terminal.options import RunOptions
-from rt_controller.terminal.summary import driven_to_json, to_json, to_table
+from rt_controller.terminal.stop_message import FAULT_SENTENCES
+from rt_controller.terminal.summary import (
+    driven_to_json,
+    fault_sentences,
+    to_json,
+    to_table,
+    verdict,
+    write_ticks,
+)
+
+PATH = PathReference(0.0, 0.0, 0.0, 0.0, 20.0, 0.0)
+TRUE = LateralError(0.1, 0.25)
 
 
-def session_with(*faults: Fault) -> ControllerSession:
-    """After one tick with each of these faults."""
-    record = RunRecord(DeadlineAccount(10, 1), DriveTrace(10))
-    for tick, fault in enumerate(faults):
-        record.add(StepResult(faults=fault), tick)
+def account(ticks: int) -> DeadlineAccount:
+    found = DeadlineAccount(5, 10_000_000)
+    for tick in range(ticks):
+        found.record(TickTimes(*(100.0 * tick + k for k in range(len(TickTimes._fields)))), 0, 0)
+    return found
+
+
+def session_with(*results: StepResult) -> ControllerSession:
+    """After one tick with each of these results."""
+    record = RunRecord(account(len(results)), DriveTrace(100))
+    for tick, result in enumerate(results):
+        record.add(result, tick * 25_000_000)
     session = SimpleNamespace(
         guarantees=NO_GUARANTEES,
         inbox=SimpleNamespace(counts=ReceptionCounts(), condition=BusCondition()),
@@ -40,30 +62,148 @@ def session_with(*faults: Fault) -> ControllerSession:
     return cast("ControllerSession", session)
 
 
-def text(session: ControllerSession, car: LateralError | None = None) -> str:
+def driving(ey_m: float = 0.0, **others: object) -> StepResult:
+    state = StateSample(AT_REST._replace(vx_mps=20.0, ey_m=ey_m), 0.0, 0, None, False)
+    fields = {"mode": Mode.NOMINAL, "state": state, "path": PATH, "speed_mps": 20.0, **others}
+    return StepResult(**fields)  # type: ignore[arg-type]
+
+
+def text(session: ControllerSession, is_verbose: bool = False) -> str:
     console = Console(width=100)
     with console.capture() as shown:
-        print_table(to_table(session, car), console)
-    return shown.get()
+        print_table(to_table(session, TRUE, is_verbose=is_verbose), console)
+    return "\n".join(line.strip() for line in shown.get().strip().splitlines())
 
 
-def test_ticks_with_faults_are_in_both_forms() -> None:
+STOP = driving(0.1, mode=Mode.SAFE_STOP, cause=StopCause.SOLVER_FAILED)
+
+
+@pytest.mark.parametrize(
+    ("results", "ending", "braking", "expected"),
+    [
+        (
+            [driving(0.034), driving(-0.01)],
+            Ending.MISSION_OVER,
+            "",
+            "The car followed its path within 4 cm; no step was late; it was released at 72 km/h.",
+        ),
+        (
+            [driving(1.26, speed_mps=0.0)],
+            Ending.STOPPED,
+            "it slid",
+            "The car followed its path within 1.3 m; no step was late; it was stopped on request; "
+            "the vehicle then braked by itself: it slid.",
+        ),
+        (
+            [driving(0.034, faults=Fault.STATE_IMPLAUSIBLE, speed_mps=None)],
+            Ending.MISSION_OVER,
+            "",
+            "The car followed its path within 25 cm; no step was late.",
+        ),
+        (
+            [driving(), driving(), STOP],
+            Ending.SAFE_STOPPED,
+            "",
+            "The drive ended in a safe stop after 0.1 s: the QP was not solved.",
+        ),
+        (
+            [driving(speed_mps=10.0)],
+            Ending.ENDED_AT_ONCE,
+            "",
+            "The drive was ended at once at 36 km/h: the last frame was a safe command, the "
+            "vehicle brakes the car.",
+        ),
+        (
+            [StepResult()],
+            Ending.REFUSED,
+            "",
+            f"The car was not taken over: {StopCause.NOT_ENGAGED.value}.",
+        ),
+        ([StepResult()], Ending.STOPPED, "", "The car was not driven: stopped on request."),
+        (
+            [],
+            Ending.STOPPED,
+            "",
+            "Nothing was driven: the drive ended before the first tick.",
+        ),
+    ],
+)
+def test_the_verdict_is_one_sentence_about_the_drive(
+    results: list[StepResult], ending: Ending, braking: str, expected: str
+) -> None:
+    session = session_with(*results)
+    session.record.ending = ending
+    assert verdict(session, TRUE, braking) == expected
+
+
+def test_every_fault_that_occurred_is_explained_in_a_sentence() -> None:
     both = Fault.PREVIEW_IMPLAUSIBLE | Fault.DEADLINE_MISSED
-    session = session_with(both, Fault.PREVIEW_IMPLAUSIBLE, Fault(0))
+    session = session_with(
+        *(driving(faults=f) for f in (both, Fault.PREVIEW_IMPLAUSIBLE, Fault(0)))
+    )
     assert to_json(session)["ticks_by_fault"] == {"DEADLINE_MISSED": 1, "PREVIEW_IMPLAUSIBLE": 2}
-    assert "1 DEADLINE_MISSED, 2 PREVIEW_IMPLAUSIBLE" in text(session)
+    assert fault_sentences(session.record) == [
+        "The commands were sent after their deadline. (DEADLINE_MISSED, 1 tick)",
+        "The curvature ahead contradicted the state or the one before, and was not used. "
+        "(PREVIEW_IMPLAUSIBLE, 2 ticks)",
+    ]
+    assert set(FAULT_SENTENCES) == set(Fault)
+    assert fault_sentences(session_with(driving()).record) == []
 
 
-def test_the_time_of_an_input_at_its_limit_is_in_both_forms() -> None:
-    session = session_with()
-    assert "inputs at their limit" not in text(session)
-    for _ in range(80):
-        result = StepResult(control=ControlInput(0.5, 0.0, -radians(40.0)), mode=Mode.NOMINAL)
-        session.record.add(result, 0)
-    assert to_json(session)["at_limit_s"] == {"throttle": 0.0, "brake_n": 0.0, "steer_rad": 2.0}
-    limited = "steering wheel (that of its speed) for 2.0 s"
-    assert f"inputs at their limit: {limited}" in " ".join(
-        text(session).replace("limit  ", "limit: ").split()
+def test_a_regular_drive_is_shown_in_a_few_lines_and_with_verbose_in_all() -> None:
+    session = session_with(driving(0.03), driving(-0.04))
+    short = text(session)
+    assert (
+        short
+        == """lti
+
+lateral error   RMS 0.035 m, peak 0.040 m
+heading error   RMS 0.00 deg, peak 0.00 deg
+speed error     RMS 0.000 m/s, peak 0.000 m/s
+ticks           2, 0 missed their deadline, 0 skipped
+final mode      NOMINAL"""
+    )
+    names = ("control step", "step and reading ahead", "wake-up lateness", "QP solve")
+    for name in (*names, "QP iterations", "frames", "real-time settings"):
+        assert f"\n{name}  " in text(session, is_verbose=True)
+
+
+def test_what_went_wrong_is_shown_in_both_forms() -> None:
+    limited = driving(0.1, control=ControlInput(0.5, 0.0, -radians(40.0)))
+    refused = driving(0.1, faults=Fault.STATE_IMPLAUSIBLE)
+    session = session_with(*[limited] * 80, refused, STOP, driving(), STOP, STOP)
+    session.inbox.condition.bus_off = 2
+    session.inbox.counts.overflowed = 5
+    session.outbox.queue_full = 7
+    shown = " ".join(text(session).split())
+    for expected in (
+        "lateral error, as received RMS 0.099 m, peak 0.100 m",
+        "true lateral error RMS 0.100 m, peak 0.250 m",
+        "inputs at their limit steering wheel (that of its speed) for 2.0 s",
+        "bus 2 times bus-off, 5 frames lost in the receive buffer, 7 frames refused by a full "
+        "queue; at last error-active",
+        "safe stop from 2.075 s on (tick 83)",
+    ):
+        assert expected in shown
+    figures = to_json(session, TRUE)
+    expected_figures = {
+        "at_limit_s": {"throttle": 0.0, "brake_n": 0.0, "steer_rad": 2.0},
+        "errors_as_received": True,
+        "car_ey_rms_m": 0.1,
+        "car_ey_peak_m": 0.25,
+        "stop_tick": 83,
+        "stop_s": 2.075,
+        "send_queue_full": 7,
+    }
+    assert {name: figures[name] for name in expected_figures} == expected_figures
+    assert (figures["bus_condition"]["bus_off"], figures["bus_condition"]["state"]) == (2, "ACTIVE")
+    assert figures["frames_received"]["overflowed"] == 5
+    plain = to_json(session_with(driving()))
+    assert (plain["stop_tick"], plain["car_ey_peak_m"], plain["errors_as_received"]) == (
+        None,
+        None,
+        False,
     )
 
 
@@ -73,66 +213,15 @@ def test_on_a_bus_to_another_vehicle_only_the_own_end_is_known() -> None:
     assert {driven[name] for name in ("scenario", "plant", "car", "friction")} == {None}
 
 
-@pytest.mark.parametrize(
-    ("ending", "speed_mps", "expected"),
-    [
-        (Ending.MISSION_OVER, 100.0 / 3.6, "; the car was released at 100 km/h"),
-        (Ending.MISSION_OVER, 0.2, ""),
-        (Ending.MISSION_OVER, None, ""),
-        (Ending.SAFE_STOPPED, 100.0 / 3.6, ""),
-    ],
-)
-def test_a_mission_that_ends_with_a_moving_car_says_its_speed(
-    ending: Ending, speed_mps: float | None, expected: str
+@pytest.mark.parametrize(("ticks", "first"), [(3, 0), (12, 7)])
+def test_the_file_of_ticks_has_a_row_for_each_of_the_last_ones_oldest_first(
+    tmp_path: Path, ticks: int, first: int
 ) -> None:
-    session = session_with(Fault(0))
-    session.record.ending = ending
-    session.record.result = StepResult(speed_mps=speed_mps)
-    assert to_table(session).title == f"lti: {ending.value}{expected}"
-
-
-def test_errors_with_refused_states_are_marked_and_the_true_one_is_beside_them() -> None:
-    car = LateralError(0.1, 0.25)
-    plain, marked = session_with(Fault(0)), session_with(Fault.STATE_IMPLAUSIBLE)
-    assert not to_json(plain, car)["errors_as_received"]
-    assert "as received" not in text(plain)
-    figures = to_json(marked, car)
-    assert figures["errors_as_received"]
-    assert (figures["car_ey_rms_m"], figures["car_ey_peak_m"]) == car
-    assert to_json(marked)["car_ey_peak_m"] is None
-    shown = text(marked, car)
-    assert "lateral error, as received" in shown
-    assert "RMS 0.100 m, peak 0.250 m" in shown
-
-
-def test_the_begin_of_the_last_safe_stop_is_in_both_forms() -> None:
-    session = session_with()
-    assert to_json(session)["stop_tick"] is None
-    modes = [Mode.NOMINAL, Mode.SAFE_STOP, Mode.STANDBY, Mode.SAFE_STOP, Mode.SAFE_STOP]
-    for tick, mode in enumerate(modes):
-        session.record.add(StepResult(mode=mode), tick * 25_000_000)
-    figures = to_json(session)
-    assert (figures["stop_tick"], figures["stop_s"]) == (3, 0.075)
-    assert "from 0.075 s on (tick 3)" in text(session)
-
-
-def test_a_run_without_faults_lists_none() -> None:
-    session = session_with(Fault(0))
-    assert to_json(session)["ticks_by_fault"] == {}
-    assert "ticks with faults" not in text(session)
-
-
-def test_what_the_bus_reported_of_itself_is_in_both_forms() -> None:
-    session = session_with()
-    assert "bus-off" not in text(session)
-    session.inbox.condition.bus_off = 2
-    session.inbox.counts.overflowed = 5
-    session.outbox.queue_full = 7
-    figures = to_json(session)
-    assert figures["bus_condition"]["bus_off"] == 2
-    assert figures["bus_condition"]["state"] == "ACTIVE"
-    assert figures["send_queue_full"] == 7
-    assert figures["frames_received"]["overflowed"] == 5
-    shown = " ".join(text(session).split())
-    assert "2 times bus-off, 5 frames lost in the receive buffer" in shown
-    assert "7 frames refused by a full queue; at last error-active" in shown
+    write_ticks(tmp_path / "ticks.csv", account(ticks))
+    with (tmp_path / "ticks.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["tick"]) for row in rows] == list(range(first, ticks))
+    assert list(rows[0]) == ["tick", *TickTimes._fields]
+    assert [float(row["wake_us"]) for row in rows] == [100.0 * int(row["tick"]) for row in rows]
+    with pytest.raises(OutputError, match="--ticks"):
+        write_ticks(tmp_path / "gone" / "ticks.csv", account(3))

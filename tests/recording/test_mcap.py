@@ -12,9 +12,10 @@ from virtual_drive import SHORT_LANE_CHANGE, drive
 pytest.importorskip("foxglove")
 reader = pytest.importorskip("mcap.reader")
 
-from rt_controller.bus.log.frame_log import RecordedFrame  # noqa: E402
+from rt_controller.bus.log.recorder import RecordedFrame  # noqa: E402
+from rt_controller.cli import app  # noqa: E402
 from rt_controller.contract.errors import ConfigError  # noqa: E402
-from rt_controller.recording.mcap_sink import McapSink  # noqa: E402
+from rt_controller.recording.mcap import McapSink  # noqa: E402
 
 Messages = dict[str, list[tuple[int, dict[str, Any]]]]
 FRAMES = [
@@ -52,8 +53,9 @@ def read(path: Path) -> tuple[Messages, dict[str, dict[str, Any]]]:
 
 
 def test_a_drive_is_written_with_units_plan_and_cause(tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-    figures = drive(tmp_path, "lti", "--scenario", SHORT_LANE_CHANGE, "--mcap", str(path))
+    path, log = tmp_path / "run.mcap", tmp_path / "run.log"
+    files = ("--mcap", str(path), "--record", str(log))
+    figures = drive(tmp_path, "lti", "--scenario", SHORT_LANE_CHANGE, *files)
     messages, schemas = read(path)
     ticks = [content for _, content in messages["/controller"]]
     assert [tick["tick"] for tick in ticks] == list(range(figures["ticks"]))
@@ -69,6 +71,10 @@ def test_a_drive_is_written_with_units_plan_and_cause(tmp_path: Path) -> None:
     assert plan["steer_rad"][0] == pytest.approx(control["steer_rad"])
     assert len(plan["ey_m"]) == len(plan["time_s"]) == len(plan["throttle"]) + 1
     assert plan["vx_mps"][0] == pytest.approx(state["vx_mps"], abs=0.05)  # two periods later
+    again = tmp_path / "again.mcap"
+    assert app.meta(["replay", str(log), "--mcap", str(again)], result_action="return_value") == 0
+    assert read(again)[0]["/plan"] == messages["/plan"]
+    assert read(again)[0]["/state"] == messages["/state"]
 
 
 def test_an_existing_file_is_not_replaced_unasked(tmp_path: Path) -> None:
