@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import NamedTuple
 
-from rt_controller.bus.messages import Fault
+from rt_controller.contract.faults import Fault
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.trace import DriveTrace

@@ -12,15 +12,14 @@ from rt_controller.bus.messages import (
     COMMAND,
     CONTROLLER_IDENTITY,
     HEARTBEAT,
-    NO_FAULT,
     Command,
-    Fault,
     Heartbeat,
     Node,
     StateSample,
 )
 from rt_controller.bus.receive import Inbox
 from rt_controller.bus.send import DiscardBus, Outbox
+from rt_controller.contract.faults import NO_FAULT, Fault
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, PathReference
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS

@@ -1,7 +1,8 @@
 """Between the bus and the supervisor: its inputs in a tick, and the fault bits of its findings."""
 
-from rt_controller.bus.messages import COMMAND, NO_FAULT, Fault
+from rt_controller.bus.messages import COMMAND
 from rt_controller.bus.send import Outbox
+from rt_controller.contract.faults import NO_FAULT, Fault
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.control.steering_actuator import LONGEST_DELAY, SteeringActuator
 from rt_controller.receiver import FreshData

@@ -12,7 +12,6 @@ from rt_controller.bus.messages import (
     CONTROLLER_IDENTITY,
     FEEDBACK,
     MISSION,
-    NO_REFUSAL,
     PREVIEW,
     REFERENCE,
     STATE,
@@ -25,6 +24,7 @@ from rt_controller.bus.messages import (
 from rt_controller.bus.receive import Inbox, Received
 from rt_controller.bus.send import Outbox
 from rt_controller.contract.errors import BusError
+from rt_controller.contract.faults import NO_REFUSAL
 from rt_controller.contract.signals import NEUTRAL_INPUT, Mode
 from rt_controller.contract.timing import (
     IDENT_PERIOD_TICKS,

@@ -4,15 +4,9 @@ from collections import Counter
 from enum import Enum
 
 from rt_controller.bus.identity import PeerCatalogue, is_heartbeat_of
-from rt_controller.bus.messages import (
-    COMMAND,
-    CONTROLLER_IDENTITY,
-    HEARTBEAT,
-    NO_REFUSAL,
-    Command,
-    Refusal,
-)
+from rt_controller.bus.messages import COMMAND, CONTROLLER_IDENTITY, HEARTBEAT, Command
 from rt_controller.bus.receive import Inbox, Received
+from rt_controller.contract.faults import NO_REFUSAL, Refusal
 from rt_controller.contract.limits import (
     BRAKE_RATE_N_PER_S,
     FULL_BRAKE_N,

@@ -18,7 +18,6 @@ from rt_controller.bus.messages import (
     FEEDBACK,
     HEARTBEAT,
     MISSION,
-    NO_FAULT,
     REFERENCE,
     STATE,
     Command,
@@ -29,6 +28,7 @@ from rt_controller.bus.messages import (
 from rt_controller.bus.receive import Inbox, Received
 from rt_controller.bus.send import Outbox
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.faults import NO_FAULT
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS
 from rt_controller.mapping.car_file import CarFile

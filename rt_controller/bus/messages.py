@@ -9,7 +9,7 @@ A new message needs its frames in `messages.dbc`, its frame in `messages_fd.dbc`
 """
 
 from collections.abc import Callable, Iterable
-from enum import IntFlag, StrEnum
+from enum import StrEnum
 from itertools import accumulate, chain, takewhile
 from math import degrees, isnan, nan, radians
 from pathlib import Path
@@ -17,6 +17,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 from rt_controller.bus.codec import FrameCodec, FrameSpec
 from rt_controller.bus.dbc import DBC_PATH, FD_DBC_PATH, misfit, read_dbc
+from rt_controller.contract.faults import NO_REFUSAL, Fault, Refusal
 from rt_controller.contract.signals import (
     N_STATES,
     ControlInput,
@@ -33,52 +34,6 @@ from rt_controller.contract.timing import (
 )
 
 T = TypeVar("T")
-
-
-class Fault(IntFlag):
-    """The fault bits of CTRL_HB."""
-
-    STATE_STALE = 1
-    STATE_INVALID = 2
-    SOLVER_FAILED = 4
-    DEADLINE_MISSED = 8
-    MISSION_MISSING = 16
-    BUS_FAULT = 32
-    PEER_MISMATCH = 64
-    PREVIEW_IMPLAUSIBLE = 128
-    COMMANDS_UNANSWERED = 256
-    SOURCE_CONFLICT = 512
-    STATE_IMPLAUSIBLE = 1024
-    PATH_IMPLAUSIBLE = 2048
-    ACTUATOR_MISMATCH = 4096
-    NOT_ENGAGED = 8192
-
-
-NO_FAULT = Fault(0)
-
-
-class Refusal(IntFlag):
-    """The bits of VehicleFaults in STATE_C: why the vehicle refuses a command."""
-
-    BRAKING = 1
-    """it brakes by itself"""
-    LATE = 2
-    """no command, or one that answers an old state"""
-    HEARTBEAT = 4
-    """no heartbeat with the counter and the mode of the command"""
-    MODE = 8
-    """the input contradicts the mode"""
-    PEDALS = 16
-    """both pedals"""
-    STEERING = 32
-    """an input that is not finite or out of bounds, or the wheel moves too fast"""
-    LATERAL_ACCELERATION = 64
-    """more steering than the speed allows"""
-    SOURCE = 128
-    """commands of another controller, or of another message catalogue"""
-
-
-NO_REFUSAL = Refusal(0)
 
 
 class Command(NamedTuple):

@@ -16,7 +16,6 @@ from rt_controller.bus.messages import (
     FEEDBACK,
     HEARTBEAT,
     MISSION,
-    NO_REFUSAL,
     PREVIEW,
     REFERENCE,
     STATE,
@@ -28,6 +27,7 @@ from rt_controller.bus.messages import (
 )
 from rt_controller.bus.receive import Inbox, Received
 from rt_controller.bus.send import Outbox, SendingBus
+from rt_controller.contract.faults import NO_REFUSAL
 from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
 from rt_controller.contract.timing import (
     IDENT_PERIOD_TICKS,

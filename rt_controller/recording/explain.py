@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 from cantools.database.can import Database
 
 from rt_controller.bus.dbc import dbc_path, read_dbc
-from rt_controller.bus.messages import MISSION, PREVIEW, REFERENCE, Fault
+from rt_controller.bus.messages import MISSION, PREVIEW, REFERENCE
 from rt_controller.bus.receive import Inbox
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.faults import Fault
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import INPUT_UNITS, NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S

@@ -15,9 +15,9 @@ from rt_controller.bus.codec import NOT_AVAILABLE
 from rt_controller.bus.dbc import dbc_path, read_dbc
 from rt_controller.bus.log.log_file import LogFile
 from rt_controller.bus.log.recorder import RecordedFrame
-from rt_controller.bus.messages import Fault
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import needs_extra
+from rt_controller.contract.faults import Fault
 from rt_controller.contract.signals import (
     INPUT_UNITS,
     STATE_UNITS,

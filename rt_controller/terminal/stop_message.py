@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from typing import Any
 
-from rt_controller.bus.messages import REFERENCE, STATE, Fault, Message
+from rt_controller.bus.messages import REFERENCE, STATE, Message
 from rt_controller.bus.receive import Inbox
+from rt_controller.contract.faults import Fault
 from rt_controller.recording.explain import Margin, exceeded, plausibility_margins
 from rt_controller.safety.checks import CHECKS
 from rt_controller.safety.modes import StopCause

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rt_controller.bus.log.recorder import log_to_json
-from rt_controller.bus.messages import Fault
 from rt_controller.contract.errors import OutputError
+from rt_controller.contract.faults import Fault
 from rt_controller.contract.files import atomic_write
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.drive.car_figures import LateralError

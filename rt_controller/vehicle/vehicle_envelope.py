@@ -8,7 +8,8 @@ vehicle with smaller ones.
 from math import atan, isfinite, radians
 from typing import NamedTuple
 
-from rt_controller.bus.messages import NO_REFUSAL, Command, Refusal
+from rt_controller.bus.messages import Command
+from rt_controller.contract.faults import NO_REFUSAL, Refusal
 from rt_controller.contract.limits import (
     DEFAULT_GEOMETRY,
     INPUT_LIMITS,

@@ -19,12 +19,11 @@ from rt_controller.bus.messages import (
     STATE,
     VEHICLE_IDENTITY,
     Command,
-    Fault,
     Heartbeat,
     Identity,
     Mission,
-    Refusal,
 )
+from rt_controller.contract.faults import Fault, Refusal
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import (
     ControlInput,

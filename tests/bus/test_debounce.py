@@ -11,8 +11,9 @@ from rt_controller.bus.identity import (
     is_heartbeat_of,
     own_identity,
 )
-from rt_controller.bus.messages import Command, Fault, Heartbeat, Identity, Mission
+from rt_controller.bus.messages import Command, Heartbeat, Identity, Mission
 from rt_controller.bus.receive import Received
+from rt_controller.contract.faults import Fault
 from rt_controller.contract.signals import Mode
 
 OVER = ENGAGED._replace(is_engaged=False)

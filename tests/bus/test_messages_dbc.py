@@ -10,8 +10,9 @@ from cantools.database.can import Message, Signal
 from rt_controller.bus.codec import FrameCodec, FrameSpec
 from rt_controller.bus.cycle_times import with_cycle_times
 from rt_controller.bus.dbc import DBC_PATH, dbc_path, read_dbc
-from rt_controller.bus.messages import CATALOGUE, COMMAND, REFERENCE, Fault, Refusal
+from rt_controller.bus.messages import CATALOGUE, COMMAND, REFERENCE
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.faults import Fault, Refusal
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import Mode
 

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from made_models import WITH_PAST, make_bundle
 from scripted_vehicle import CRUISING, ENGAGED, STRAIGHT, Rig, build_rig
 
-from rt_controller.bus.messages import STATE, Command, Fault, StateSample
+from rt_controller.bus.messages import STATE, Command, StateSample
 from rt_controller.config import MpcSettings
+from rt_controller.contract.faults import Fault
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, VehicleState
 from rt_controller.control.lift import Encoder
 from rt_controller.control.mpc import Mpc

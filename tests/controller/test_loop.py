@@ -3,7 +3,8 @@
 import pytest
 from scripted_vehicle import CRUISING, STANDBY_TICKS, STANDING, VALID_NS, Rig, fail
 
-from rt_controller.bus.messages import COMMAND, Fault, Mission
+from rt_controller.bus.messages import COMMAND, Mission
+from rt_controller.contract.faults import Fault
 from rt_controller.contract.signals import CurvaturePreview, Mode
 from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
 from rt_controller.drive.trace import DriveTrace

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 from scripted_vehicle import Rig, build_rig
 
-from rt_controller.bus.messages import Fault
+from rt_controller.contract.faults import Fault
 from rt_controller.contract.signals import Mode
 from rt_controller.control.mpc import Mpc
 

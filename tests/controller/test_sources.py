@@ -6,8 +6,9 @@ import can
 import pytest
 from scripted_vehicle import CRUISING, ENGAGED, STRAIGHT, Rig, build_rig, mode_and_cause
 
-from rt_controller.bus.messages import MISSION, REFERENCE, STATE, Fault, Node, StateSample
+from rt_controller.bus.messages import MISSION, REFERENCE, STATE, Node, StateSample
 from rt_controller.bus.send import Outbox
+from rt_controller.contract.faults import Fault
 from rt_controller.contract.signals import Mode
 from rt_controller.control.mpc import Mpc
 from rt_controller.safety.modes import StopCause

@@ -6,7 +6,8 @@ import pytest
 from scripted_vehicle import CRUISING, ENGAGED, VALID_NS, Rig, build_rig, mode_and_cause
 
 from rt_controller.bus.identity import DISENGAGED_FRAMES
-from rt_controller.bus.messages import CONTROLLER_IDENTITY, STATE, Fault
+from rt_controller.bus.messages import CONTROLLER_IDENTITY, STATE
+from rt_controller.contract.faults import Fault
 from rt_controller.contract.signals import Mode, PathReference
 from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_NS
 from rt_controller.control.mpc import Mpc

@@ -6,7 +6,8 @@ import pytest
 from made_frames import BEND
 from scripted_vehicle import Rig
 
-from rt_controller.bus.messages import PREVIEW, Fault
+from rt_controller.bus.messages import PREVIEW
+from rt_controller.contract.faults import Fault
 from rt_controller.contract.signals import CurvaturePreview, Mode
 from rt_controller.control.program import SolveStatus
 

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from scripted_vehicle import CRUISING, ENGAGED, STANDBY_TICKS, Rig
 
-from rt_controller.bus.messages import STATE, Fault
+from rt_controller.bus.messages import STATE
+from rt_controller.contract.faults import Fault
 from rt_controller.contract.signals import Mode
 from rt_controller.receiver import READ_AHEAD_FRAMES
 from rt_controller.safety.freshness import STATE_MAX_AGE_NS

@@ -2,8 +2,9 @@
 
 from own_car import EXAMPLE, VALUES, command_reader, example, state_writer
 
-from rt_controller.bus.messages import COMMAND, HEARTBEAT, Command, Fault, Heartbeat, Node
+from rt_controller.bus.messages import COMMAND, HEARTBEAT, Command, Heartbeat, Node
 from rt_controller.bus.send import Outbox
+from rt_controller.contract.faults import Fault
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.gateway.lateral_speed import LateralSpeed, RearAxle

@@ -5,7 +5,8 @@ from typing import TypeVar
 import can
 
 from rt_controller.bus.codec import Frame, FrameCodec
-from rt_controller.bus.messages import Fault, Heartbeat, Message, Mission, StateSample
+from rt_controller.bus.messages import Heartbeat, Message, Mission, StateSample
+from rt_controller.contract.faults import Fault
 from rt_controller.contract.signals import (
     ControlInput,
     CurvaturePreview,

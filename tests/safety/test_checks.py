@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rt_controller.bus.messages import Fault
+from rt_controller.contract.faults import Fault
 from rt_controller.safety.checks import CHECKS, LARGEST_CURVATURE_STEP_PER_M, Quantity, Reaction
 from rt_controller.safety.modes import StopCause
 

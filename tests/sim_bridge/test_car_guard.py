@@ -10,17 +10,15 @@ from rt_controller.bus.messages import (
     COMMAND,
     CONTROLLER_IDENTITY,
     HEARTBEAT,
-    NO_REFUSAL,
     STATE,
     Command,
-    Fault,
     Heartbeat,
     Identity,
     Node,
-    Refusal,
     StateSample,
 )
 from rt_controller.bus.receive import Inbox, Received
+from rt_controller.contract.faults import NO_REFUSAL, Fault, Refusal
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import COMMAND_TIMEOUT_TICKS, PERIOD_NS
 from rt_controller.vehicle.braking_cause import BrakingCause

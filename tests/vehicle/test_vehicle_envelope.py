@@ -5,7 +5,8 @@ from random import Random
 
 import pytest
 
-from rt_controller.bus.messages import NO_REFUSAL, Command, Refusal
+from rt_controller.bus.messages import Command
+from rt_controller.contract.faults import NO_REFUSAL, Refusal
 from rt_controller.contract.limits import DEFAULT_GEOMETRY, INPUT_LIMITS
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S

@@ -10,9 +10,10 @@ import pytest
 from rich.console import Console
 
 from rt_controller.bus.condition import BusCondition
-from rt_controller.bus.messages import Fault, StateSample
+from rt_controller.bus.messages import StateSample
 from rt_controller.bus.receive import ReceptionCounts
 from rt_controller.contract.errors import OutputError
+from rt_controller.contract.faults import Fault
 from rt_controller.contract.signals import AT_REST, ControlInput, Mode, PathReference
 from rt_controller.drive.car_figures import LateralError
 from rt_controller.drive.trace import DriveTrace

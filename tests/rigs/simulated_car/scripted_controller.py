@@ -1,7 +1,8 @@
 """A scripted controller at the other end of a virtual bus, for the tests of the vehicle."""
 
-from rt_controller.bus.messages import COMMAND, HEARTBEAT, Command, Fault, Heartbeat
+from rt_controller.bus.messages import COMMAND, HEARTBEAT, Command, Heartbeat
 from rt_controller.bus.send import Outbox
+from rt_controller.contract.faults import Fault
 
 
 def send_command(outbox: Outbox, command: Command, now_ns: int, counter: int) -> None:
