@@ -5,13 +5,13 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import NamedTuple
 
-from rt_controller.contract.faults import Fault
+from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.trace import DriveTrace
 from rt_controller.realtime.clock import Clock
 from rt_controller.realtime.timing import DeadlineAccount, KernelCounters, MeasuredTick, TickTimer
-from rt_controller.safety.modes import BUS_CAUSES, STANDING_MPS, StopCause
+from rt_controller.safety.modes import BUS_CAUSES, STANDING_MPS
 from rt_controller.step import ControlStep, StepResult
 
 WARM_UP_LEADS_NS = (2_400_000, 1_500_000, 800_000)

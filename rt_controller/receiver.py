@@ -19,6 +19,7 @@ from rt_controller.bus.messages import (
     StateSample,
 )
 from rt_controller.bus.receive import Inbox, Received
+from rt_controller.contract.faults import StopCause
 from rt_controller.contract.preview import is_plausible
 from rt_controller.contract.signals import ControlInput, CurvaturePreview, PathReference
 from rt_controller.contract.timing import LONG_COUNTER_MODULUS, counter_lag
@@ -30,7 +31,6 @@ from rt_controller.safety.freshness import (
     TransportDelay,
     is_fresh,
 )
-from rt_controller.safety.modes import StopCause
 
 _STATE_LOSS = {BusState.BUS_OFF: StopCause.BUS_OFF, BusState.DOWN: StopCause.INTERFACE_DOWN}
 T = TypeVar("T")

@@ -19,7 +19,7 @@ from rt_controller.bus.messages import (
 )
 from rt_controller.bus.receive import Inbox
 from rt_controller.bus.send import DiscardBus, Outbox
-from rt_controller.contract.faults import NO_FAULT, Fault
+from rt_controller.contract.faults import NO_FAULT, Fault, StopCause
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, PathReference
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS
@@ -34,7 +34,7 @@ from rt_controller.safety.envelope import limit
 from rt_controller.safety.fallback import braking_for, input_for
 from rt_controller.safety.freshness import ROUND_TRIP_MAX_TICKS
 from rt_controller.safety.inputs import QualifiedInputs
-from rt_controller.safety.modes import StopCause, decide
+from rt_controller.safety.modes import decide
 from rt_controller.safety.supervisor import Supervisor
 from rt_controller.supervision import (
     accepted_commands,

@@ -2,12 +2,12 @@
 
 from rt_controller.bus.messages import COMMAND
 from rt_controller.bus.send import Outbox
-from rt_controller.contract.faults import NO_FAULT, Fault
+from rt_controller.contract.faults import NO_FAULT, Fault, StopCause
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.control.steering_actuator import LONGEST_DELAY, SteeringActuator
 from rt_controller.receiver import FreshData
 from rt_controller.safety.inputs import QualifiedInputs, ReceivedInputs
-from rt_controller.safety.modes import STANDING_MPS, StopCause, TickFacts
+from rt_controller.safety.modes import STANDING_MPS, TickFacts
 
 _FAULT_OF_CAUSE = {
     StopCause.SPEED_IMPLAUSIBLE: Fault.STATE_IMPLAUSIBLE,

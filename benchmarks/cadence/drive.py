@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from benchmarks.processes import program, start, start_bus_server
 from rt_controller.contract.errors import BusError
+from rt_controller.contract.faults import StopCause
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.realtime.timing import SOLVE_FIELDS, Histogram
-from rt_controller.safety.modes import StopCause
 
 SPEED_KMH = 80.0
 SPACING_M = 400.0

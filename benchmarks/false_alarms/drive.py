@@ -11,6 +11,7 @@ from benchmarks.false_alarms.conditions import Condition, disturbed
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import PlantError
+from rt_controller.contract.faults import StopCause
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.table import Drive
 from rt_controller.model.bundle import Bundle
@@ -18,7 +19,6 @@ from rt_controller.node import build_mpc
 from rt_controller.safety.checks import CHECKS, Check, Quantity, Reaction
 from rt_controller.safety.inputs import QualifiedInputs, ReceivedInputs
 from rt_controller.safety.isolation import Windows
-from rt_controller.safety.modes import StopCause
 from rt_controller.safety.supervisor import Supervisor
 from rt_controller.settings import CarSettings
 from rt_controller.simulation import drive_in_lockstep

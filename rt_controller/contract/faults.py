@@ -1,6 +1,6 @@
-"""Bits that the two ends of the bus report: faults of the controller, refusals of the vehicle."""
+"""What is wrong: bits that the two ends of the bus report, and the causes of a stop."""
 
-from enum import IntFlag
+from enum import IntFlag, StrEnum
 
 
 class Fault(IntFlag):
@@ -47,3 +47,81 @@ class Refusal(IntFlag):
 
 
 NO_REFUSAL = Refusal(0)
+
+
+class StopCause(StrEnum):
+    """Why the plan is held, or the car is stopped; with the bit of the heartbeat that says so."""
+
+    fault: Fault
+    """NO_FAULT: another bit says it, or none does"""
+
+    def __new__(cls, text: str, fault: Fault = NO_FAULT) -> "StopCause":
+        cause = str.__new__(cls, text)
+        cause._value_, cause.fault = text, fault
+        return cause
+
+    NONE = "none"
+    STATE_LOST = "no new vehicle state arrived in time"
+    STATE_CONFLICT = "states of a second vehicle, or old ones, arrive among those of the vehicle"
+    COMMANDS_UNANSWERED = "the vehicle does not accept the commands in time"
+    STATE_INVALID = "the vehicle state arrives with values that may not be used"
+    REFERENCE_LOST = "no fresh path reference"
+    REFERENCE_INVALID = "the path reference arrives with values that may not be used"
+    MISSION_LOST = "the mission is no longer valid"
+    SOLVER_FAILED = "the QP was not solved"
+    BUS_FAILED = "the bus cannot be read"
+    BUS_OFF = "no new vehicle state arrives: the CAN controller is bus-off"
+    INTERFACE_DOWN = "no new vehicle state arrives: the CAN interface is down"
+    SECOND_CONTROLLER = "another controller sends commands on this bus"
+    PEER_MISMATCH = "the vehicle uses another message catalogue"
+    VEHICLE_BRAKING = "the vehicle's own watchdog is braking"
+    STOP_REQUESTED = "stop requested"
+    SPEED_IMPLAUSIBLE = (
+        "v_x contradicts the progress along the road, or the model",
+        Fault.STATE_IMPLAUSIBLE,
+    )
+    PROGRESS_IMPLAUSIBLE = "the progress along the road contradicts v_x", Fault.STATE_IMPLAUSIBLE
+    LATERAL_SPEED_IMPLAUSIBLE = (
+        "v_y contradicts the change of the lateral error, or the model",
+        Fault.STATE_IMPLAUSIBLE,
+    )
+    YAW_RATE_IMPLAUSIBLE = (
+        "the yaw rate contradicts the change of the heading, or the model",
+        Fault.STATE_IMPLAUSIBLE,
+    )
+    HEADING_IMPLAUSIBLE = (
+        "the heading error contradicts the yaw rate and the curvature",
+        Fault.STATE_IMPLAUSIBLE,
+    )
+    LATERAL_ERROR_IMPLAUSIBLE = (
+        "the lateral error contradicts speed and heading",
+        Fault.STATE_IMPLAUSIBLE,
+    )
+    CURVATURE_IMPLAUSIBLE = (
+        "the curvature contradicts yaw rate and heading",
+        Fault.STATE_IMPLAUSIBLE,
+    )
+    STATE_FROZEN = "the vehicle state does not change while the car moves", Fault.STATE_IMPLAUSIBLE
+    STATE_OLD = "old values of the vehicle state arrive in new frames", Fault.STATE_IMPLAUSIBLE
+    STEERING_MISMATCH = "the steering wheel does not follow the commands", Fault.ACTUATOR_MISMATCH
+    THROTTLE_MISMATCH = "the accelerator does not follow the commands", Fault.ACTUATOR_MISMATCH
+    BRAKE_MISMATCH = "the brake does not follow the commands", Fault.ACTUATOR_MISMATCH
+    TRACKING_LOST = "the car is too far from its path", Fault.STATE_IMPLAUSIBLE
+    PATH_JUMP = "the path jumps", Fault.PATH_IMPLAUSIBLE
+    PATH_INCONSISTENT = (
+        "the path does not continue the path that was sent before",
+        Fault.PATH_IMPLAUSIBLE,
+    )
+    PATH_SPEED_JUMP = "the wanted speed jumps", Fault.PATH_IMPLAUSIBLE
+    PREVIEW_JUMP = (
+        "the curvature ahead does not continue the one that was sent before",
+        Fault.PATH_IMPLAUSIBLE,
+    )
+    PATH_TOO_SHARP = (
+        "the path needs more lateral acceleration than is allowed",
+        Fault.PATH_IMPLAUSIBLE,
+    )
+    NOT_ENGAGED = (
+        "the car is outside of the window in which the controller may begin to drive",
+        Fault.NOT_ENGAGED,
+    )

@@ -10,7 +10,7 @@ from rt_controller.bus.dbc import dbc_path, read_dbc
 from rt_controller.bus.messages import MISSION, PREVIEW, REFERENCE
 from rt_controller.bus.receive import Inbox
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.faults import Fault
+from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import INPUT_UNITS, NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
@@ -23,7 +23,6 @@ from rt_controller.safety.freshness import (
     STATE_MAX_AGE_NS,
     TIMING_SLACK_NS,
 )
-from rt_controller.safety.modes import StopCause
 from rt_controller.step import StepResult
 
 _WITHOUT_QP = {

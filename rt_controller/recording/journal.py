@@ -25,12 +25,12 @@ from rt_controller.bus.log.recorder import RecordedFrame, Recorder, epoch_offset
 from rt_controller.config import ControllerConfig
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.faults import StopCause
 from rt_controller.contract.files import open_regular
 from rt_controller.contract.settings_errors import dotted, explain
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.model.bundle import Bundle
-from rt_controller.safety.modes import StopCause
 from rt_controller.step import StepResult
 
 FORMAT: Literal[1] = 1

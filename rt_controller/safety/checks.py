@@ -7,9 +7,9 @@ from enum import Enum, IntEnum, auto
 from math import copysign, inf
 from typing import NamedTuple
 
+from rt_controller.contract.faults import StopCause
 from rt_controller.contract.limits import MOST_LATERAL_MPS2
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.safety.modes import StopCause
 
 
 class Quantity(IntEnum):

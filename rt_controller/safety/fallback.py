@@ -3,6 +3,7 @@
 from math import radians
 from typing import NamedTuple
 
+from rt_controller.contract.faults import StopCause
 from rt_controller.contract.limits import (
     BRAKE_RATE_N_PER_S,
     FULL_BRAKE_N,
@@ -15,7 +16,6 @@ from rt_controller.contract.limits import (
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.safety.coast_model import Cornering
-from rt_controller.safety.modes import StopCause
 
 
 class Braking(NamedTuple):

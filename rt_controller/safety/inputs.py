@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from rt_controller.contract.faults import StopCause
 from rt_controller.contract.signals import (
     ControlInput,
     CurvaturePreview,
@@ -10,7 +11,6 @@ from rt_controller.contract.signals import (
 )
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.safety.isolation import Faulty, SignalMask
-from rt_controller.safety.modes import StopCause
 
 
 class ReceivedInputs(NamedTuple):

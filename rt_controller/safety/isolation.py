@@ -11,8 +11,8 @@ from functools import reduce
 from operator import or_
 from typing import NamedTuple
 
+from rt_controller.contract.faults import StopCause
 from rt_controller.safety.checks import Check, Quantity, Reaction
-from rt_controller.safety.modes import StopCause
 
 SignalMask = int
 """bits of `Faulty`"""

@@ -1,8 +1,9 @@
 """The mode machine: the facts of a tick give an event, and one table gives the next mode."""
 
-from enum import Enum, StrEnum
+from enum import Enum
 from typing import NamedTuple
 
+from rt_controller.contract.faults import StopCause
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import HOLD_PLAN_TICKS
 
@@ -50,46 +51,6 @@ TRANSITIONS: dict[Mode, dict[Event, Mode]] = {
 def next_mode(mode: Mode, event: Event) -> Mode:
     """The mode after `event`; no other code changes the mode."""
     return TRANSITIONS[mode][event]
-
-
-class StopCause(StrEnum):
-    """Why the plan is held, or the car is stopped."""
-
-    NONE = "none"
-    STATE_LOST = "no new vehicle state arrived in time"
-    STATE_CONFLICT = "states of a second vehicle, or old ones, arrive among those of the vehicle"
-    COMMANDS_UNANSWERED = "the vehicle does not accept the commands in time"
-    STATE_INVALID = "the vehicle state arrives with values that may not be used"
-    REFERENCE_LOST = "no fresh path reference"
-    REFERENCE_INVALID = "the path reference arrives with values that may not be used"
-    MISSION_LOST = "the mission is no longer valid"
-    SOLVER_FAILED = "the QP was not solved"
-    BUS_FAILED = "the bus cannot be read"
-    BUS_OFF = "no new vehicle state arrives: the CAN controller is bus-off"
-    INTERFACE_DOWN = "no new vehicle state arrives: the CAN interface is down"
-    SECOND_CONTROLLER = "another controller sends commands on this bus"
-    PEER_MISMATCH = "the vehicle uses another message catalogue"
-    VEHICLE_BRAKING = "the vehicle's own watchdog is braking"
-    STOP_REQUESTED = "stop requested"
-    SPEED_IMPLAUSIBLE = "v_x contradicts the progress along the road, or the model"
-    PROGRESS_IMPLAUSIBLE = "the progress along the road contradicts v_x"
-    LATERAL_SPEED_IMPLAUSIBLE = "v_y contradicts the change of the lateral error, or the model"
-    YAW_RATE_IMPLAUSIBLE = "the yaw rate contradicts the change of the heading, or the model"
-    HEADING_IMPLAUSIBLE = "the heading error contradicts the yaw rate and the curvature"
-    LATERAL_ERROR_IMPLAUSIBLE = "the lateral error contradicts speed and heading"
-    CURVATURE_IMPLAUSIBLE = "the curvature contradicts yaw rate and heading"
-    STATE_FROZEN = "the vehicle state does not change while the car moves"
-    STATE_OLD = "old values of the vehicle state arrive in new frames"
-    STEERING_MISMATCH = "the steering wheel does not follow the commands"
-    THROTTLE_MISMATCH = "the accelerator does not follow the commands"
-    BRAKE_MISMATCH = "the brake does not follow the commands"
-    TRACKING_LOST = "the car is too far from its path"
-    PATH_JUMP = "the path jumps"
-    PATH_INCONSISTENT = "the path does not continue the path that was sent before"
-    PATH_SPEED_JUMP = "the wanted speed jumps"
-    PREVIEW_JUMP = "the curvature ahead does not continue the one that was sent before"
-    PATH_TOO_SHARP = "the path needs more lateral acceleration than is allowed"
-    NOT_ENGAGED = "the car is outside of the window in which the controller may begin to drive"
 
 
 STANDING_MPS = 0.3

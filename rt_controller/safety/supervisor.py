@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from math import atan
 
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.faults import StopCause
 from rt_controller.contract.kinematics import farthest_m, speed_of
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, VehicleState
 from rt_controller.contract.timing import PERIOD_S
@@ -24,7 +25,6 @@ from rt_controller.safety.isolation import (
     finding_of_state,
     isolate_path,
 )
-from rt_controller.safety.modes import StopCause
 from rt_controller.safety.motion import MotionPrediction, Residuals, have_moved
 from rt_controller.safety.path import LastRoad, PathChecks
 

@@ -8,6 +8,7 @@ import numpy as np
 from rich.console import Console
 from threadpoolctl import threadpool_limits
 
+from rt_controller.contract.faults import StopCause
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.signals import ControlInput, Mode, VehicleState
 from rt_controller.contract.timing import PERIOD_S
@@ -25,7 +26,6 @@ from rt_controller.report.table import (
     format_number,
     print_table,
 )
-from rt_controller.safety.modes import StopCause
 from rt_controller.terminal.progress import announce
 from rt_controller.terminal.stop_message import remedy_of
 

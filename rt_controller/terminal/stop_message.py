@@ -5,10 +5,9 @@ from typing import Any
 
 from rt_controller.bus.messages import REFERENCE, STATE, Message
 from rt_controller.bus.receive import Inbox
-from rt_controller.contract.faults import Fault
+from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.recording.explain import Margin, exceeded, plausibility_margins
 from rt_controller.safety.checks import CHECKS
-from rt_controller.safety.modes import StopCause
 from rt_controller.session import ControllerSession
 
 VEHICLE_KNOWS = "The vehicle's program (sim-bridge, or the gateway) names the cause at its end"

@@ -11,7 +11,7 @@ import numpy as np
 
 from rt_controller.bus.log.recorder import log_to_json
 from rt_controller.contract.errors import OutputError
-from rt_controller.contract.faults import Fault
+from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.files import atomic_write
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.drive.car_figures import LateralError
@@ -19,7 +19,7 @@ from rt_controller.drive.scenario import DrivenScenario
 from rt_controller.loop import Ending, RunRecord
 from rt_controller.realtime.timing import DeadlineAccount, Percentiles, TickTimes
 from rt_controller.report.table import Fact, Table, facts_table
-from rt_controller.safety.modes import STANDING_MPS, StopCause
+from rt_controller.safety.modes import STANDING_MPS
 from rt_controller.session import ControllerSession
 from rt_controller.settings import OWN
 from rt_controller.terminal.progress import Line

@@ -4,7 +4,7 @@ import pytest
 from scripted_vehicle import CRUISING, STANDBY_TICKS, STANDING, VALID_NS, Rig, fail
 
 from rt_controller.bus.messages import COMMAND, Mission
-from rt_controller.contract.faults import Fault
+from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.signals import CurvaturePreview, Mode
 from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
 from rt_controller.drive.trace import DriveTrace
@@ -19,7 +19,6 @@ from rt_controller.loop import (
 )
 from rt_controller.realtime.clock import Tick
 from rt_controller.realtime.timing import DeadlineAccount
-from rt_controller.safety.modes import StopCause
 
 SECOND_NS = 10**9
 TICKS_PER_S = SECOND_NS // PERIOD_NS

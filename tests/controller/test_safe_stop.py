@@ -11,11 +11,10 @@ from scripted_vehicle import CRUISING, ENGAGED, STANDING, STRAIGHT, Rig, fail, m
 from rt_controller.bus.identity import MISMATCHED_FRAMES
 from rt_controller.bus.messages import COMMAND, VEHICLE_IDENTITY, Command, Identity, Mission, Node
 from rt_controller.bus.send import Outbox
-from rt_controller.contract.faults import Fault
+from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, Mode
 from rt_controller.safety.fallback import ALONG_PATH
-from rt_controller.safety.modes import StopCause
 
 
 def test_a_vehicle_whose_watchdog_brakes_causes_a_safe_stop(rig: Rig) -> None:

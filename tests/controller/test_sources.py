@@ -8,10 +8,9 @@ from scripted_vehicle import CRUISING, ENGAGED, STRAIGHT, Rig, build_rig, mode_a
 
 from rt_controller.bus.messages import MISSION, REFERENCE, STATE, Node, StateSample
 from rt_controller.bus.send import Outbox
-from rt_controller.contract.faults import Fault
+from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.signals import Mode
 from rt_controller.control.mpc import Mpc
-from rt_controller.safety.modes import StopCause
 
 
 @pytest.fixture(params=[False, True], ids=["classic", "fd"])

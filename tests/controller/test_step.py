@@ -7,12 +7,11 @@ from scripted_vehicle import CRUISING, ENGAGED, VALID_NS, Rig, build_rig, mode_a
 
 from rt_controller.bus.identity import DISENGAGED_FRAMES
 from rt_controller.bus.messages import CONTROLLER_IDENTITY, STATE
-from rt_controller.contract.faults import Fault
+from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.signals import Mode, PathReference
 from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_NS
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.program import SolveStatus
-from rt_controller.safety.modes import StopCause
 
 NOT_ENGAGED = ENGAGED._replace(is_engaged=False)
 

@@ -25,11 +25,11 @@ from rt_controller.bus.messages import (
 from rt_controller.bus.receive import Inbox, Received
 from rt_controller.bus.send import Outbox
 from rt_controller.bus.transport import open_bus
+from rt_controller.contract.faults import StopCause
 from rt_controller.contract.signals import CurvaturePreview, Mode, PathReference, VehicleState
 from rt_controller.control.low_speed import LowSpeedLaw
 from rt_controller.control.mpc import Mpc
 from rt_controller.realtime.clock import LockstepClock
-from rt_controller.safety.modes import StopCause
 from rt_controller.safety.supervisor import Supervisor
 from rt_controller.step import ControlStep, StepResult
 

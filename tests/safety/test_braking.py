@@ -4,6 +4,7 @@ from math import radians
 
 import pytest
 
+from rt_controller.contract.faults import StopCause
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.safety.coast_model import Cornering
 from rt_controller.safety.fallback import (
@@ -16,7 +17,6 @@ from rt_controller.safety.fallback import (
     input_for,
     stand_by,
 )
-from rt_controller.safety.modes import StopCause
 
 
 @pytest.mark.parametrize(

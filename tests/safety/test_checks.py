@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from rt_controller.contract.faults import Fault
+from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.safety.checks import CHECKS, LARGEST_CURVATURE_STEP_PER_M, Quantity, Reaction
-from rt_controller.safety.modes import StopCause
 
 PAGE = Path(__file__).parents[2] / "docs" / "safety.md"
 Q = Quantity

@@ -2,9 +2,9 @@
 
 import pytest
 
+from rt_controller.contract.faults import StopCause
 from rt_controller.safety.checks import CHECKS, Check, Quantity, Reaction
 from rt_controller.safety.isolation import Evidence, Faulty, Windows, finding_of, finding_of_state
-from rt_controller.safety.modes import StopCause
 
 GROUP = range(2)
 FIRST = Check("a", Quantity(0), 1.0, 1, Reaction.REJECT_STATE, StopCause.SPEED_IMPLAUSIBLE)

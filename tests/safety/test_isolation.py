@@ -2,6 +2,7 @@
 
 import pytest
 
+from rt_controller.contract.faults import StopCause
 from rt_controller.safety.checks import CHECKS, Quantity
 from rt_controller.safety.isolation import (
     Evidence,
@@ -11,7 +12,6 @@ from rt_controller.safety.isolation import (
     isolate,
     isolate_path,
 )
-from rt_controller.safety.modes import StopCause
 
 NOTHING = Evidence(0.0, 0.0, False, False, False, False, False, 0.0, 0.0, 0.0)
 TURNED = NOTHING._replace(lateral_by_heading_m=0.2)

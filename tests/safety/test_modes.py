@@ -4,6 +4,7 @@ import itertools
 
 import pytest
 
+from rt_controller.contract.faults import StopCause
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import HOLD_PLAN_TICKS
 from rt_controller.safety.modes import (
@@ -11,7 +12,6 @@ from rt_controller.safety.modes import (
     STANDING_MPS,
     TRANSITIONS,
     Event,
-    StopCause,
     TickFacts,
     classify,
     decide,

@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import pytest
 
 from rt_controller.contract.errors import RtControllerError
+from rt_controller.contract.faults import StopCause
 from rt_controller.contract.signals import Mode
 from rt_controller.drive.scenario import DrivenScenario
 from rt_controller.loop import Ending
-from rt_controller.safety.modes import StopCause
 from rt_controller.session import ControllerSession
 from rt_controller.step import StepResult
 from rt_controller.terminal import run as terminal_run

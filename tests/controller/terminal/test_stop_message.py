@@ -8,8 +8,8 @@ from made_frames import PATH, SAMPLE, can_frames
 
 from rt_controller.bus.messages import REFERENCE, STATE, Message, Node
 from rt_controller.bus.receive import Inbox
+from rt_controller.contract.faults import StopCause
 from rt_controller.safety.checks import NOT_COMPUTED, Quantity
-from rt_controller.safety.modes import StopCause
 from rt_controller.session import ControllerSession
 from rt_controller.step import StepResult
 from rt_controller.terminal.stop_message import (

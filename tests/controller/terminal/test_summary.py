@@ -13,7 +13,7 @@ from rt_controller.bus.condition import BusCondition
 from rt_controller.bus.messages import StateSample
 from rt_controller.bus.receive import ReceptionCounts
 from rt_controller.contract.errors import OutputError
-from rt_controller.contract.faults import Fault
+from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.signals import AT_REST, ControlInput, Mode, PathReference
 from rt_controller.drive.car_figures import LateralError
 from rt_controller.drive.trace import DriveTrace
@@ -21,7 +21,6 @@ from rt_controller.loop import Ending, RunRecord
 from rt_controller.realtime.scheduling import NO_GUARANTEES
 from rt_controller.realtime.timing import DeadlineAccount, TickTimes
 from rt_controller.report.table import print_table
-from rt_controller.safety.modes import StopCause
 from rt_controller.session import ControllerSession
 from rt_controller.step import StepResult
 from rt_controller.terminal.options import RunOptions

@@ -5,7 +5,7 @@ from kinematic_car import (
     WatchedCar,
 )
 
-from rt_controller.safety.modes import StopCause
+from rt_controller.contract.faults import StopCause
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from kinematic_car import (
     replaced,
 )
 
-from rt_controller.safety.modes import StopCause
+from rt_controller.contract.faults import StopCause
 
 
 @pytest.mark.parametrize(("ey_m", "epsi_rad"), [(1.5, 0.0), (0.0, 0.5), (-2.0, -0.3), (0.8, 0.1)])

@@ -13,11 +13,11 @@ from kinematic_car import (
     undisturbed,
 )
 
+from rt_controller.contract.faults import StopCause
 from rt_controller.contract.signals import NEUTRAL_INPUT, CurvaturePreview, VehicleState
 from rt_controller.safety.checks import Quantity, Reaction
 from rt_controller.safety.inputs import QualifiedInputs
 from rt_controller.safety.isolation import Faulty
-from rt_controller.safety.modes import StopCause
 from rt_controller.safety.motion import MotionPrediction
 
 RAMP = CurvaturePreview(5.0, 0.0, 0.002, 0.004, 0.006, 0.008)

@@ -3,11 +3,11 @@
 import pytest
 from kinematic_car import STRAIGHT, WatchedCar, growing, nothing, only, shifted, undisturbed
 
+from rt_controller.contract.faults import StopCause
 from rt_controller.contract.signals import VehicleState
 from rt_controller.safety import supervisor
 from rt_controller.safety.checks import Quantity, Reaction
 from rt_controller.safety.inputs import QualifiedInputs
-from rt_controller.safety.modes import StopCause
 
 JUMPED = STRAIGHT._replace(c0_m=0.6)
 

@@ -12,10 +12,10 @@ from kinematic_car import (
     undisturbed,
 )
 
+from rt_controller.contract.faults import StopCause
 from rt_controller.contract.signals import ControlInput, CurvaturePreview, PathReference
 from rt_controller.safety.checks import CHECKS, Quantity
 from rt_controller.safety.coast_model import StoppingCar
-from rt_controller.safety.modes import StopCause
 
 RAMP = CurvaturePreview(5.0, 0.0, 0.002, 0.004, 0.006, 0.008)
 

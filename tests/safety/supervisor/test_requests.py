@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from kinematic_car import STRAIGHT, WITHOUT_FROZEN, WatchedCar
 
+from rt_controller.contract.faults import StopCause
 from rt_controller.contract.signals import PathReference
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.safety.checks import Quantity
-from rt_controller.safety.modes import StopCause
 from rt_controller.safety.path import SLOW_DOWN_MPS2, SPEED_UP_MPS2
 
 CHECKS = [check for check in WITHOUT_FROZEN if check.quantity is not Quantity.TRACKING_M]

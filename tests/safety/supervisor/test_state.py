@@ -11,10 +11,10 @@ from kinematic_car import (
     turning,
 )
 
+from rt_controller.contract.faults import StopCause
 from rt_controller.contract.signals import VehicleState
 from rt_controller.safety.checks import CHECKS, Quantity
 from rt_controller.safety.inputs import ReceivedInputs
-from rt_controller.safety.modes import StopCause
 
 
 def test_a_car_whose_states_fit_together_is_accepted() -> None:
