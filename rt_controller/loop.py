@@ -12,7 +12,8 @@ from rt_controller.drive.trace import DriveTrace
 from rt_controller.realtime.clock import Clock
 from rt_controller.realtime.timing import DeadlineAccount, KernelCounters, MeasuredTick, TickTimer
 from rt_controller.safety.modes import BUS_CAUSES, STANDING_MPS
-from rt_controller.step import ControlStep, StepResult
+from rt_controller.safety.tick import Tick
+from rt_controller.step import ControlStep
 
 WARM_UP_LEADS_NS = (2_400_000, 1_500_000, 800_000)
 """before a tick: the first dry run has cold caches, the last must end before the tick"""
@@ -104,7 +105,7 @@ class RunRecord:
 
     deadlines: DeadlineAccount
     trace: DriveTrace
-    result: StepResult = field(default_factory=StepResult)
+    result: Tick = field(default_factory=Tick)
     """of the last step"""
     ending: Ending = Ending.STOPPED
     ticks_by_fault: dict[Fault, int] = field(default_factory=lambda: dict.fromkeys(Fault, 0))
@@ -114,7 +115,7 @@ class RunRecord:
     stop_s: float | None = None
     """time of that tick since the first one"""
 
-    def add(self, result: StepResult, scheduled_ns: int) -> None:
+    def add(self, result: Tick, scheduled_ns: int) -> None:
         """Add the result of one tick."""
         is_new_stop = result.mode is Mode.SAFE_STOP and self.result.mode is not Mode.SAFE_STOP
         self.result = result
@@ -134,7 +135,7 @@ class FinishedTick(NamedTuple):
     """on the clock of the loop"""
     missed_last: bool
     """True if the tick before missed its deadline"""
-    result: StepResult
+    result: Tick
     measured: MeasuredTick
 
 
@@ -204,10 +205,10 @@ class _EndConditions:
         self._ticks_refused = 0
         self._ticks_released = 0
 
-    def are_met(self, result: StepResult, is_stopping: bool) -> bool:
+    def are_met(self, result: Tick, is_stopping: bool) -> bool:
         """True if the mission is over, or the car is at rest in a safe stop that ends the run."""
         self._has_driven = self._has_driven or result.mode.drives
-        is_known = result.speed_mps is not None
+        is_known = result.estimate.speed_mps is not None
         self._ticks_without_state = 0 if is_known else self._ticks_without_state + 1
         is_released = result.mode is Mode.STANDBY and self._has_driven
         self._ticks_released = self._ticks_released + 1 if is_released else 0
@@ -226,7 +227,7 @@ class _EndConditions:
             self._record.ending = Ending.SAFE_STOPPED
         return is_over
 
-    def _is_at_rest(self, result: StepResult) -> bool:
-        if result.speed_mps is None:
+    def _is_at_rest(self, result: Tick) -> bool:
+        if result.estimate.speed_mps is None:
             return self._ticks_without_state > MAX_TICKS_WITHOUT_STATE
-        return abs(result.speed_mps) < STANDING_MPS
+        return abs(result.estimate.speed_mps) < STANDING_MPS

@@ -17,9 +17,9 @@ from rt_controller.drive.table import Drive
 from rt_controller.model.bundle import Bundle
 from rt_controller.node import build_mpc
 from rt_controller.safety.checks import CHECKS, Check, Quantity, Reaction
-from rt_controller.safety.inputs import QualifiedInputs, ReceivedInputs
 from rt_controller.safety.isolation import Windows
 from rt_controller.safety.supervisor import Supervisor
+from rt_controller.safety.tick import Estimate, Tick
 from rt_controller.settings import CarSettings
 from rt_controller.simulation import drive_in_lockstep
 
@@ -104,12 +104,12 @@ def _watching(largest: Array, failed: set[str], is_stop_requested: bool) -> Iter
     Those in a stop count only if it was requested: another one begins with a false alarm, and its
     consequences are no further ones.
     """
-    judge, failing = Supervisor.judge, Windows.failing
+    check, failing = Supervisor.check, Windows.failing
     of_tick = list[Check]()
 
-    def noted(supervisor: Supervisor, received: ReceivedInputs) -> QualifiedInputs:
+    def noted(supervisor: Supervisor, received: Tick) -> Estimate:
         of_tick.clear()
-        qualified = judge(supervisor, received)
+        qualified = check(supervisor, received)
         if received.is_driven and (is_stop_requested or not received.is_stopping):
             np.maximum(largest, supervisor.values, out=largest)
             if {qualified.alarm, qualified.rejection} != {StopCause.NONE}:
@@ -121,8 +121,8 @@ def _watching(largest: Array, failed: set[str], is_stop_requested: bool) -> Iter
         of_tick.extend(found)
         return found
 
-    Supervisor.judge, Windows.failing = noted, named  # type: ignore[method-assign, assignment]
+    Supervisor.check, Windows.failing = noted, named  # type: ignore[method-assign, assignment]
     try:
         yield
     finally:
-        Supervisor.judge, Windows.failing = judge, failing  # type: ignore[method-assign]
+        Supervisor.check, Windows.failing = check, failing  # type: ignore[method-assign]

@@ -77,14 +77,14 @@ class Engagement:
         self._is_engaged = False
         self._disengaged = 0
 
-    def confirmed(self, mission: Received[Mission]) -> Mission:
-        """The newest mission, engaged as long as its end is not confirmed; call it every period."""
+    def confirmed(self, mission: Received[Mission]) -> bool:
+        """True while the end of the newest mission is not confirmed; call it every period."""
         if mission is not self._last:
             self._last = mission
             self._disengaged = 0 if mission.content.is_engaged else self._disengaged + 1
             if self._disengaged == 0 or self._disengaged >= DISENGAGED_FRAMES:
                 self._is_engaged = mission.content.is_engaged
-        return mission.content._replace(is_engaged=self._is_engaged)
+        return self._is_engaged
 
 
 class PeerCatalogue:

@@ -47,6 +47,8 @@ class Refusal(IntFlag):
 
 
 NO_REFUSAL = Refusal(0)
+_STATE, _PATH = Fault.STATE_IMPLAUSIBLE, Fault.PATH_IMPLAUSIBLE
+_ACTUATOR = Fault.ACTUATOR_MISMATCH
 
 
 class StopCause(StrEnum):
@@ -78,48 +80,48 @@ class StopCause(StrEnum):
     STOP_REQUESTED = "stop requested"
     SPEED_IMPLAUSIBLE = (
         "v_x contradicts the progress along the road, or the model",
-        Fault.STATE_IMPLAUSIBLE,
+        _STATE,
     )
-    PROGRESS_IMPLAUSIBLE = "the progress along the road contradicts v_x", Fault.STATE_IMPLAUSIBLE
+    PROGRESS_IMPLAUSIBLE = "the progress along the road contradicts v_x", _STATE
     LATERAL_SPEED_IMPLAUSIBLE = (
         "v_y contradicts the change of the lateral error, or the model",
-        Fault.STATE_IMPLAUSIBLE,
+        _STATE,
     )
     YAW_RATE_IMPLAUSIBLE = (
         "the yaw rate contradicts the change of the heading, or the model",
-        Fault.STATE_IMPLAUSIBLE,
+        _STATE,
     )
     HEADING_IMPLAUSIBLE = (
         "the heading error contradicts the yaw rate and the curvature",
-        Fault.STATE_IMPLAUSIBLE,
+        _STATE,
     )
     LATERAL_ERROR_IMPLAUSIBLE = (
         "the lateral error contradicts speed and heading",
-        Fault.STATE_IMPLAUSIBLE,
+        _STATE,
     )
     CURVATURE_IMPLAUSIBLE = (
         "the curvature contradicts yaw rate and heading",
-        Fault.STATE_IMPLAUSIBLE,
+        _STATE,
     )
-    STATE_FROZEN = "the vehicle state does not change while the car moves", Fault.STATE_IMPLAUSIBLE
-    STATE_OLD = "old values of the vehicle state arrive in new frames", Fault.STATE_IMPLAUSIBLE
-    STEERING_MISMATCH = "the steering wheel does not follow the commands", Fault.ACTUATOR_MISMATCH
-    THROTTLE_MISMATCH = "the accelerator does not follow the commands", Fault.ACTUATOR_MISMATCH
-    BRAKE_MISMATCH = "the brake does not follow the commands", Fault.ACTUATOR_MISMATCH
-    TRACKING_LOST = "the car is too far from its path", Fault.STATE_IMPLAUSIBLE
-    PATH_JUMP = "the path jumps", Fault.PATH_IMPLAUSIBLE
+    STATE_FROZEN = "the vehicle state does not change while the car moves", _STATE
+    STATE_OLD = "old values of the vehicle state arrive in new frames", _STATE
+    STEERING_MISMATCH = "the steering wheel does not follow the commands", _ACTUATOR
+    THROTTLE_MISMATCH = "the accelerator does not follow the commands", _ACTUATOR
+    BRAKE_MISMATCH = "the brake does not follow the commands", _ACTUATOR
+    TRACKING_LOST = "the car is too far from its path", _STATE
+    PATH_JUMP = "the path jumps", _PATH
     PATH_INCONSISTENT = (
         "the path does not continue the path that was sent before",
-        Fault.PATH_IMPLAUSIBLE,
+        _PATH,
     )
-    PATH_SPEED_JUMP = "the wanted speed jumps", Fault.PATH_IMPLAUSIBLE
+    PATH_SPEED_JUMP = "the wanted speed jumps", _PATH
     PREVIEW_JUMP = (
         "the curvature ahead does not continue the one that was sent before",
-        Fault.PATH_IMPLAUSIBLE,
+        _PATH,
     )
     PATH_TOO_SHARP = (
         "the path needs more lateral acceleration than is allowed",
-        Fault.PATH_IMPLAUSIBLE,
+        _PATH,
     )
     NOT_ENGAGED = (
         "the car is outside of the window in which the controller may begin to drive",

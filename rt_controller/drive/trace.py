@@ -8,7 +8,7 @@ from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import EXOGENOUS_FIELDS, N_STATES, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.table import COLUMNS, REFERENCE, Drive, TrackingErrors
-from rt_controller.step import StepResult
+from rt_controller.safety.tick import Tick
 
 _NO_STATE = (nan,) * (N_STATES + len(EXOGENOUS_FIELDS))
 _NO_PATH = (nan,) * len(REFERENCE)
@@ -29,20 +29,20 @@ class DriveTrace:
         self._drove = False
         """True if the tick before drove, so that the car has moved since"""
 
-    def record(self, result: StepResult, now_ns: int) -> None:
+    def record(self, result: Tick, now_ns: int) -> None:
         """Add one tick at `now_ns` on the clock of the loop."""
         if self._start_ns is None:
             self._start_ns = now_ns
         state, path = result.state, result.path
         if state is not None:
-            self._ds_m = state.state.ds_m
+            self._ds_m = state.ds_m
         if self._drove:
             self._s_m += self._ds_m
         self._drove = result.mode is not Mode.STANDBY
         reference = _NO_PATH if path is None else (path.c0_m, atan(path.c1), path.v_mps)
         self._rows[self._ticks % len(self._rows)] = (
             (now_ns - self._start_ns) * 1e-9,
-            *(_NO_STATE if state is None else (*state.state, state.curvature_per_m)),
+            *(_NO_STATE if state is None else (*state, result.curvature_per_m)),
             *reference,
             *result.control,
             result.mode,
@@ -56,7 +56,7 @@ class DriveTrace:
         if result.mode is Mode.STANDBY or state is None or path is None:
             return
         self._driven_ticks += 1
-        car = (state.state.ey_m, state.state.epsi_rad, state.state.vx_mps)
+        car = (state.ey_m, state.epsi_rad, state.vx_mps)
         for i, (found, wanted) in enumerate(zip(car, reference, strict=True)):
             error = found - wanted
             self._squares[i] += error * error

@@ -19,7 +19,7 @@ POLL_INTERVAL_S = 0.0005
 """between two looks at the bus; short compared with the phase of the loop"""
 
 
-class Tick(NamedTuple):
+class ScheduledTick(NamedTuple):
     """One tick of a clock."""
 
     scheduled_ns: int
@@ -53,13 +53,13 @@ class RealtimeClock:
         sleep_until(deadline_ns)
         return time.monotonic_ns() < deadline_ns + MAX_OVERSLEEP_NS
 
-    def wait(self) -> Tick:
+    def wait(self) -> ScheduledTick:
         """The next tick, at its instant."""
         skipped = max(0, (time.monotonic_ns() - self._next_ns) // PERIOD_NS)
         scheduled_ns = self._next_ns + skipped * PERIOD_NS
         busy_wait_until(scheduled_ns)
         self._next_ns = scheduled_ns + PERIOD_NS
-        return Tick(scheduled_ns, time.monotonic_ns() - scheduled_ns, skipped)
+        return ScheduledTick(scheduled_ns, time.monotonic_ns() - scheduled_ns, skipped)
 
     def poll(self) -> None:
         """Wait for a short time while no tick is scheduled yet."""
@@ -86,10 +86,10 @@ class LockstepClock:
     def sleep_until_before_tick(self, lead_ns: int) -> bool:
         return True
 
-    def wait(self) -> Tick:
+    def wait(self) -> ScheduledTick:
         self._now_ns += PERIOD_NS
         self._peer(self._now_ns)
-        return Tick(self._now_ns, 0, 0)
+        return ScheduledTick(self._now_ns, 0, 0)
 
     def poll(self) -> None:
         self.wait()

@@ -12,7 +12,7 @@ import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.timing import PERIOD_NS
-from rt_controller.realtime.clock import Clock, Tick
+from rt_controller.realtime.clock import Clock, ScheduledTick
 
 
 class TickTimes(NamedTuple):
@@ -23,15 +23,19 @@ class TickTimes(NamedTuple):
     read_ahead_us: float
     """before the tick: reading the frames that had arrived"""
     receive_us: float
-    """reading the frames that arrived since then, and checking what is fresh and valid"""
+    """reading the frames that arrived since then, and choosing what is fresh and valid"""
+    check_us: float
+    """the plausibility checks, and the estimate of what they refuse"""
     plan_us: float
     """lifting, expanding the reference, updating the QP and solving it"""
     qp_us: float
     """the solver's part of `plan_us`"""
+    decide_us: float
+    """choosing the mode and the input, and limiting it"""
     send_us: float
-    """choosing the mode, limiting, and handing the frames to the bus"""
+    """packing the frames, and handing them to the bus"""
     step_us: float
-    """receiving, planning and sending together"""
+    """the five stages together"""
     cpu_us: float
     """the step's time on the processor; in the rest of `step_us` others ran"""
     total_us: float
@@ -62,6 +66,7 @@ class LateCause(StrEnum):
     PAGE_FAULT = "memory had to be read from disk"
     SOLVER = "the QP took long"
     BUS = "reading or sending frames took long"
+    CHECKING = "the plausibility checks took long"
     COMPUTING = "the rest of the step took long"
     PREPARING = "the preparation of its plan was not done in time"
     OVERRUN = "the step before it took too long"
@@ -124,7 +129,8 @@ def late_cause(counts: Counts, times: TickTimes) -> LateCause:
         LateCause.PREEMPTED: waited_us,
         LateCause.SOLVER: min(times.qp_us, computed_us),
         LateCause.BUS: min(bus_us, computed_us),
-        LateCause.COMPUTING: computed_us - times.qp_us - bus_us,
+        LateCause.CHECKING: min(times.check_us, computed_us),
+        LateCause.COMPUTING: computed_us - times.qp_us - bus_us - times.check_us,
     }
     return max(shares_us, key=lambda cause: shares_us[cause])
 
@@ -283,7 +289,7 @@ class TickTimer:
         self._clock = clock
         self._account = account
         self._kernel_counters = kernel_counters
-        self._tick = Tick(0, 0, 0)
+        self._tick = ScheduledTick(0, 0, 0)
         self._read_ahead_ns = self._preparation_ns = self._preparation_cpu_ns = 0
         self._prepared_at_ns = 0
         self._stage_ends_ns: list[int] = []
@@ -302,7 +308,7 @@ class TickTimer:
         self._preparation_ns += took_ns
         return took_ns
 
-    def wait(self) -> Tick:
+    def wait(self) -> ScheduledTick:
         """Wait for the tick; the first stage of its step begins now."""
         self._prepared_at_ns = self._clock.now_ns()
         self._tick = self._clock.wait()
@@ -312,12 +318,13 @@ class TickTimer:
         return self._tick
 
     def end_stage(self) -> None:
-        """The step received, planned or sent."""
+        """The step received, checked, planned or decided; sending is the last stage."""
         self._stage_ends_ns.append(time.perf_counter_ns())
 
     def record(self, qp_ns: int, qp_iterations: int) -> MeasuredTick:
         """The step has sent its frames: record the tick in the account."""
-        began_ns, received_ns, planned_ns, sent_ns = (*self._stage_ends_ns, time.perf_counter_ns())
+        self._stage_ends_ns.append(time.perf_counter_ns())
+        began_ns, received_ns, checked_ns, planned_ns, decided_ns, sent_ns = self._stage_ends_ns
         cpu_ns = time.thread_time_ns() - self._began_cpu_ns
         sent_at_ns, tick = self._clock.now_ns(), self._tick
 
@@ -331,9 +338,11 @@ class TickTimer:
             wake_us=(tick.lateness_ns + skipped_ns) / 1e3,
             read_ahead_us=self._read_ahead_ns / 1e3,
             receive_us=(received_ns - began_ns) / 1e3,
-            plan_us=(planned_ns - received_ns) / 1e3,
+            check_us=(checked_ns - received_ns) / 1e3,
+            plan_us=(planned_ns - checked_ns) / 1e3,
             qp_us=qp_ns / 1e3,
-            send_us=(sent_ns - planned_ns) / 1e3,
+            decide_us=(decided_ns - planned_ns) / 1e3,
+            send_us=(sent_ns - decided_ns) / 1e3,
             step_us=step_ns / 1e3,
             cpu_us=cpu_ns / 1e3,
             total_us=(self._read_ahead_ns + step_ns) / 1e3,

@@ -23,7 +23,7 @@ from rt_controller.safety.freshness import (
     STATE_MAX_AGE_NS,
     TIMING_SLACK_NS,
 )
-from rt_controller.step import StepResult
+from rt_controller.safety.tick import Tick
 
 _WITHOUT_QP = {
     Mode.STANDBY: "pedals released: the controller does not drive",
@@ -135,7 +135,7 @@ class TickExplanation:
     """What a tick received, computed and sent, and why."""
 
     record: TickRecord
-    result: StepResult
+    result: Tick
     frames: tuple[ExplainedFrame, ...]
     differences: tuple[Difference, ...]
     """from the recorded command; if there are any, another computation is explained"""
@@ -235,7 +235,7 @@ def _frames(record: TickRecord, database: Database) -> Iterator[ExplainedFrame]:
             yield ExplainedFrame(call.name == SENT, before_us, name, data.hex().upper(), signals)
 
 
-def _reasons(record: TickRecord, result: StepResult, deadline_us: float) -> Iterator[str]:
+def _reasons(record: TickRecord, result: Tick, deadline_us: float) -> Iterator[str]:
     if result.cause is not StopCause.NONE:
         yield f"{result.mode.name}: {result.cause.value}"
     if record.skipped:
@@ -250,7 +250,7 @@ def _reasons(record: TickRecord, result: StepResult, deadline_us: float) -> Iter
         yield f"fault in the heartbeat: {fault.name}"
 
 
-def _command_from(result: StepResult, plan: PlanExplanation | None, last_plan: str) -> str:
+def _command_from(result: Tick, plan: PlanExplanation | None, last_plan: str) -> str:
     if plan is None:
         return _WITHOUT_QP[result.mode].format(last_plan)
     text = "plan of this tick"
@@ -275,8 +275,8 @@ def to_json(tick: TickExplanation) -> dict[str, Any]:
         "command_from": tick.command_from,
         "is_identical": not tick.differences,
         "differences": [each._asdict() for each in tick.differences],
-        "state": None if result.state is None else result.state.state._asdict(),
-        "curvature_per_m": None if result.state is None else result.state.curvature_per_m,
+        "state": None if result.state is None else result.state._asdict(),
+        "curvature_per_m": None if result.state is None else result.curvature_per_m,
         "path": None if result.path is None else result.path._asdict(),
         "control": result.control._asdict(),
         "faults": [fault.name for fault in Fault(result.faults)],

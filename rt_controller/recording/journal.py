@@ -31,7 +31,7 @@ from rt_controller.contract.settings_errors import dotted, explain
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.model.bundle import Bundle
-from rt_controller.step import StepResult
+from rt_controller.safety.tick import Tick
 
 FORMAT: Literal[1] = 1
 SUFFIX = ".journal"
@@ -100,7 +100,7 @@ class DrivenTick(NamedTuple):
 
     record: TickRecord
     """without its calls, which the sinks see one by one"""
-    result: StepResult
+    result: Tick
     plan: tuple[Array, Array] | None
     """inputs (N, 3) and predicted states (N + 1, 6), copied; None: not kept, or there is none"""
 

@@ -133,10 +133,8 @@ class McapSink:
     def _add_tick(self, tick: DrivenTick) -> None:
         record, result, began_ns = tick.record, tick.result, tick.record.began_ns
         if result.state is not None:
-            state = result.state.state._asdict()
-            self._log(
-                "/state", began_ns, {**state, "curvature_per_m": result.state.curvature_per_m}
-            )
+            state = result.state._asdict()
+            self._log("/state", began_ns, {**state, "curvature_per_m": result.curvature_per_m})
         if result.path is not None:
             self._log("/path", began_ns, result.path._asdict())
         content = {

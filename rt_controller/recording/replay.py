@@ -31,7 +31,8 @@ from rt_controller.recording.journal import (
     TickRecord,
     read_journal,
 )
-from rt_controller.step import ControlStep, StepResult
+from rt_controller.safety.tick import Tick
+from rt_controller.step import ControlStep
 
 _CALLS = {
     "update_matrices": ControlStep.update_matrices,
@@ -147,7 +148,7 @@ class ReplayedTick(NamedTuple):
     """One tick of the recorded drive, and what the controller does with its frames now."""
 
     recorded: TickRecord
-    result: StepResult
+    result: Tick
     sent: tuple[can.Message, ...]
 
 
@@ -205,7 +206,7 @@ class Replay:
         if tick.tick >= 0:
             self._clock.time_ns = tick.began_ns
             step.run(tick.skipped, tick.missed_last)
-        return ReplayedTick(tick, step.result, tuple(self._bus.sent))
+        return ReplayedTick(tick, step.last, tuple(self._bus.sent))
 
 
 def differences(tick: ReplayedTick) -> list[Difference]:

@@ -1,11 +1,11 @@
-"""The mode machine: the facts of a tick give an event, and one table gives the next mode."""
+"""The mode machine: a tick gives an event, and one table gives the next mode."""
 
 from enum import Enum
-from typing import NamedTuple
 
 from rt_controller.contract.faults import StopCause
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import HOLD_PLAN_TICKS
+from rt_controller.safety.tick import Tick
 
 
 class Event(Enum):
@@ -67,91 +67,60 @@ _EVENT_OF_LAW = {
 _MODES_WITH_CAUSE = (Mode.HOLD_PLAN, Mode.SAFE_STOP)
 
 
-class TickFacts(NamedTuple):
-    """What one tick received and planned, as far as the mode depends on it."""
-
-    bus_fault: StopCause
-    """one of `BUS_CAUSES`, or NONE"""
-    has_state: bool
-    has_path: bool
-    has_invalid_state: bool
-    """frames of the state with values that may not be used were received"""
-    has_invalid_path: bool
-    """the same of the path"""
-    has_mission: bool
-    is_engaged: bool
-    is_reset_requested: bool
-    """by a mission message that is new in this tick"""
-    is_stop_requested: bool
-    is_vehicle_braking: bool
-    is_standing: bool
-    periods_held: int
-    """periods since the plan was made; 0: in this tick"""
-    law: Mode
-    """what made the plan: NOMINAL the model, LOW_SPEED or STANDSTILL the low-speed law"""
-    has_input: bool
-    """the last good plan has an input for this tick"""
-    is_answered: bool = True
-    """the vehicle accepts the commands"""
-    has_conflict: bool = False
-    """states contradict each other"""
-    alarm: StopCause = StopCause.NONE
-    """of a plausibility check that stops the car"""
-    rejection: StopCause = StopCause.NONE
-    """why a check refuses the state or the path of this tick, or the car in STANDBY"""
-    state_loss: StopCause = StopCause.STATE_LOST
-    """STATE_LOST or one of `RECOVERABLE_BUS_CAUSES`: the cause if no state arrives"""
-
-
-def decide(facts: TickFacts, mode: Mode, cause: StopCause) -> tuple[Mode, StopCause]:
-    """The next mode and its cause, after `mode` and its `cause`.
+def decide(tick: Tick, cause: StopCause) -> tuple[Mode, StopCause]:
+    """The mode of a tick that is planned, and its cause; `cause` is that of the tick before.
 
     A safe stop keeps the cause that it began with. STANDBY has one only while a car is refused.
     """
-    event, new_cause = classify(facts, mode)
-    following = next_mode(mode, event)
-    if following is Mode.SAFE_STOP and mode is Mode.SAFE_STOP:
+    event, new_cause = classify(tick)
+    following = next_mode(tick.last_mode, event)
+    if following is Mode.SAFE_STOP and tick.last_mode is Mode.SAFE_STOP:
         return following, cause
     if new_cause is StopCause.NOT_ENGAGED:
         return following, new_cause
     return following, new_cause if following in _MODES_WITH_CAUSE else StopCause.NONE
 
 
-def classify(facts: TickFacts, mode: Mode) -> tuple[Event, StopCause]:
-    """The event of a tick that began in `mode`, and its cause; NONE where nothing is wrong."""
-    fault = _fault(facts, mode)
+def classify(tick: Tick) -> tuple[Event, StopCause]:
+    """The event of a tick that is planned, and its cause; NONE where nothing is wrong."""
+    fault, mode = _fault(tick), tick.last_mode
     if fault is not StopCause.NONE:
         return Event.FAULT, fault
-    if not facts.has_mission:
+    if not tick.has_mission:
         return Event.PLAN_LOST, StopCause.MISSION_LOST
-    if facts.is_reset_requested and mode is Mode.SAFE_STOP and facts.is_standing:
+    if tick.is_reset_requested and mode is Mode.SAFE_STOP and _is_standing(tick):
         return Event.RESET, StopCause.NONE
-    is_ready = facts.is_answered or mode is not Mode.STANDBY
-    if not facts.is_engaged or facts.is_vehicle_braking or not is_ready:
+    is_ready = tick.is_answered or mode is not Mode.STANDBY
+    if not tick.is_engaged or tick.is_vehicle_braking or not is_ready:
         return Event.IDLE, StopCause.NONE  # a drive begins after the vehicle accepts commands
-    if facts.periods_held == 0:
-        return _EVENT_OF_LAW[facts.law], StopCause.NONE
-    may_hold = facts.has_input and facts.periods_held <= HOLD_PLAN_TICKS
-    return Event.HOLDING if may_hold else Event.PLAN_LOST, _missing_part(facts)
+    if tick.periods_held == 0:
+        return _EVENT_OF_LAW[tick.law], StopCause.NONE
+    may_hold = tick.planned is not None and tick.periods_held <= HOLD_PLAN_TICKS
+    return Event.HOLDING if may_hold else Event.PLAN_LOST, _missing_part(tick)
 
 
-def _fault(facts: TickFacts, mode: Mode) -> StopCause:
-    if facts.bus_fault is not StopCause.NONE or mode is Mode.STANDBY:
-        return facts.bus_fault  # in STANDBY the controller does not drive: no other fault counts
-    if facts.is_stop_requested:
+def _is_standing(tick: Tick) -> bool:
+    speed_mps = tick.estimate.speed_mps
+    return speed_mps is not None and abs(speed_mps) < STANDING_MPS
+
+
+def _fault(tick: Tick) -> StopCause:
+    if tick.bus_fault is not StopCause.NONE or tick.last_mode is Mode.STANDBY:
+        return tick.bus_fault  # in STANDBY the controller does not drive: no other fault counts
+    if tick.is_stop_requested:
         return StopCause.STOP_REQUESTED
-    return StopCause.VEHICLE_BRAKING if facts.is_vehicle_braking else facts.alarm
+    return StopCause.VEHICLE_BRAKING if tick.is_vehicle_braking else tick.estimate.alarm
 
 
-def _missing_part(facts: TickFacts) -> StopCause:
-    if facts.rejection is not StopCause.NONE:
-        return facts.rejection
-    if not facts.has_state:
-        if facts.has_conflict:
+def _missing_part(tick: Tick) -> StopCause:
+    if tick.estimate.rejection is not StopCause.NONE:
+        return tick.estimate.rejection
+    if tick.state is None:
+        if tick.has_conflict:
             return StopCause.STATE_CONFLICT
-        if not facts.is_answered:
+        if not tick.is_answered:
             return StopCause.COMMANDS_UNANSWERED
-        return StopCause.STATE_INVALID if facts.has_invalid_state else facts.state_loss
-    if facts.has_path:
+        return StopCause.STATE_INVALID if tick.has_invalid_state else tick.state_loss
+    if tick.path is not None:
         return StopCause.SOLVER_FAILED
-    return StopCause.REFERENCE_INVALID if facts.has_invalid_path else StopCause.REFERENCE_LOST
+    return StopCause.REFERENCE_INVALID if tick.has_invalid_path else StopCause.REFERENCE_LOST

@@ -335,3 +335,21 @@ def have_moved(before: ControlInput | None, now: ControlInput | None) -> bool:
 
 def _is_jump(before: float, now: float) -> bool:
     return abs(now - before) > JUMP_SHARE * abs(now)
+
+
+def with_replaced_signals(
+    measured: VehicleState, expected: VehicleState, faulty: SignalMask
+) -> VehicleState:
+    """The measured state with the faulty signals of its motion replaced."""
+    if faulty == Faulty.NONE:
+        return measured
+    vx_mps, vy_mps, yaw_rate, ds_m, ey_m, epsi_rad = measured
+    if faulty & Faulty.SPEED:
+        vx_mps = expected.vx_mps if faulty & Faulty.PROGRESS else ds_m / PERIOD_S
+    if faulty & Faulty.PROGRESS:
+        ds_m = vx_mps * PERIOD_S
+    if faulty & Faulty.LATERAL_SPEED:
+        vy_mps = expected.vy_mps
+    if faulty & Faulty.YAW_RATE:
+        yaw_rate = expected.yaw_rate_radps
+    return VehicleState(vx_mps, vy_mps, yaw_rate, ds_m, ey_m, epsi_rad)

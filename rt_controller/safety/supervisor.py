@@ -15,7 +15,6 @@ from rt_controller.contract.timing import PERIOD_S
 from rt_controller.safety.actuators import CommandRange
 from rt_controller.safety.checks import CHECKS, NEVER, NOT_COMPUTED, Check, Quantity
 from rt_controller.safety.coast_model import Cornering, PedalEffect, StoppingCar, cornering_of
-from rt_controller.safety.inputs import QualifiedInputs, ReceivedInputs, with_replaced_signals
 from rt_controller.safety.isolation import (
     Faulty,
     Finding,
@@ -25,8 +24,14 @@ from rt_controller.safety.isolation import (
     finding_of_state,
     isolate_path,
 )
-from rt_controller.safety.motion import MotionPrediction, Residuals, have_moved
+from rt_controller.safety.motion import (
+    MotionPrediction,
+    Residuals,
+    have_moved,
+    with_replaced_signals,
+)
 from rt_controller.safety.path import LastRoad, PathChecks
+from rt_controller.safety.tick import Estimate, Tick
 
 _NOT_COMPUTED = [NOT_COMPUTED] * len(Quantity)
 _OF_STATE = range(Quantity.PROGRESS_STEP_M, Quantity.FROZEN_TICKS + 1)
@@ -67,20 +72,18 @@ class Supervisor:
         self._rejections = 0.0
         self._is_motion_measured = False
 
-    def judge(self, received: ReceivedInputs) -> QualifiedInputs:
+    def check(self, tick: Tick) -> Estimate:
         """State and path of this tick to plan from, and the cause of a stop or of a rejection."""
         self.values[:] = _NOT_COMPUTED
         before = self._state
-        if before is None or not received.is_driven:
-            return self._begin(received)
-        self._road.move(before.vx_mps * PERIOD_S * received.periods)
+        if before is None or not tick.is_driven:
+            return self._begin(tick)
+        self._road.move(before.vx_mps * PERIOD_S * tick.periods)
         if not self._faulty & Faulty.PREVIEW:
-            self._road.take(
-                received.preview, None if received.state is None else received.curvature_per_m
-            )
-        state, failed_state = self._judge_state(received, before)
-        failed_path = self._judge_path(received, state)
-        self._compare_car(received, state, failed_state is None, failed_path is None)
+            self._road.take(tick.preview, None if tick.state is None else tick.curvature_per_m)
+        state, failed_state = self._check_state(tick, before)
+        failed_path = self._check_path(tick, state)
+        self._compare_car(tick, state, failed_state is None, failed_path is None)
         failing = self._windows.failing(_OF_CAR)
         failed_car = finding_of(failing, [Faulty.NONE] * len(failing)) if failing else None
         alarm = rejection = StopCause.NONE
@@ -88,7 +91,7 @@ class Supervisor:
             if failed is None:
                 continue
             is_stop = failed.is_stop
-            if is_stop or received.is_stopping:
+            if is_stop or tick.is_stopping:
                 self._faulty |= failed.faulty
             if is_stop and alarm is StopCause.NONE:
                 alarm = failed.cause
@@ -99,7 +102,7 @@ class Supervisor:
             self._rejections += 1.0
             if self._rejections > MAX_REJECTIONS and alarm is StopCause.NONE:
                 alarm = rejection
-        return self._qualified(received, state, failed_state, failed_path, alarm, rejection)
+        return self._estimate(tick, state, failed_state, failed_path, alarm, rejection)
 
     def note(self, control: ControlInput, psi: Array | None) -> None:
         """After the tick: what was sent, and the lifted state (n,) that the model starts from."""
@@ -120,23 +123,23 @@ class Supervisor:
         """How the car turns, in the accepted state with this input."""
         return cornering_of(self._state, control.steer_rad, self._car.geometry)
 
-    def _begin(self, received: ReceivedInputs) -> QualifiedInputs:
+    def _begin(self, tick: Tick) -> Estimate:
         """Restart; a car outside of the engagement window is refused."""
         self._faulty = Faulty.NONE
         self._rejections = 0.0
-        self._state, self._curvature_per_m = received.state, received.curvature_per_m
+        self._state, self._curvature_per_m = tick.state, tick.curvature_per_m
         self._windows.begin()
         self._paths.begin()
-        self._road.begin(received.preview)
+        self._road.begin(tick.preview)
         self._pedals.begin()
         self.clear_predictions()
         failing: list[Check] = []
-        path = received.path
-        if received.state is not None:
-            self._residuals.begin(received.state)
+        path = tick.path
+        if tick.state is not None:
+            self._residuals.begin(tick.state)
             if path is not None:
-                state, values = received.state, self.values
-                road = received.curvature_per_m, received.preview, state.vx_mps
+                state, values = tick.state, self.values
+                road = tick.curvature_per_m, tick.preview, state.vx_mps
                 self._paths.compare(path, *road)
                 heading_rad = state.epsi_rad - atan(path.c1)
                 away_mps = state.vx_mps * heading_rad + state.vy_mps
@@ -144,55 +147,53 @@ class Supervisor:
                 values[Quantity.ENGAGE_EPSI_RAD] = abs(heading_rad)
                 failing = self._windows.failing(_OF_ENGAGEMENT)
                 self._paths.accept(path, state.vx_mps)
-                path = self._paths.follow(path, state.vx_mps, received.periods)
-        return QualifiedInputs(
-            received.state,
-            received.curvature_per_m,
+                path = self._paths.follow(path, state.vx_mps, tick.periods)
+        return Estimate(
+            tick.state,
+            tick.curvature_per_m,
             path,
-            received.preview,
-            received.state is not None and not failing,
-            received.path is not None,
-            None if received.state is None else received.state.vx_mps,
+            tick.preview,
+            tick.state is not None and not failing,
+            tick.path is not None,
+            None if tick.state is None else tick.state.vx_mps,
             rejection=StopCause.NOT_ENGAGED if failing else StopCause.NONE,
         )
 
-    def _judge_state(
-        self, received: ReceivedInputs, before: VehicleState
-    ) -> tuple[VehicleState, Finding | None]:
+    def _check_state(self, tick: Tick, before: VehicleState) -> tuple[VehicleState, Finding | None]:
         """The accepted state, and which measured signals contradict it, if any."""
         residuals, faulty = self._residuals, self._faulty
         self._is_motion_measured = False
-        vx_mps, vy_mps, yaw_rate = self._expected_motion(received, before)
+        vx_mps, vy_mps, yaw_rate = self._expected_motion(tick, before)
         expected = before._replace(
             vx_mps=vx_mps, vy_mps=vy_mps, yaw_rate_radps=yaw_rate, ds_m=vx_mps * PERIOD_S
         )
         last_curvature_per_m = self._curvature_per_m
         road_per_m = self._road.curvature_here(last_curvature_per_m)
-        if received.state is None:
+        if tick.state is None:
             self._curvature_per_m = road_per_m
             mean_per_m = 0.5 * (last_curvature_per_m + road_per_m)
-            state = residuals.advance(before, expected, mean_per_m, received.periods, Faulty.STATE)
+            state = residuals.advance(before, expected, mean_per_m, tick.periods, Faulty.STATE)
             self._state = state
             return state, None
 
         observed, failed = residuals.observed, None
         curvature_per_m = road_per_m
         if not faulty & Faulty.CURVATURE:
-            curvature_per_m = received.curvature_per_m
+            curvature_per_m = tick.curvature_per_m
             self._road.compare(curvature_per_m)
         mean_per_m = 0.5 * (last_curvature_per_m + curvature_per_m)
-        measured = with_replaced_signals(received.state, expected, faulty)
-        state = residuals.advance(before, measured, mean_per_m, received.periods, faulty)
-        feedback = received.feedback
-        actuators = None if have_moved(received.applied, feedback) else feedback
-        residuals.compare(before, state, received.state, mean_per_m, received.periods, actuators)
-        self._compare_pedals(received, before.vx_mps, state.vx_mps)
+        measured = with_replaced_signals(tick.state, expected, faulty)
+        state = residuals.advance(before, measured, mean_per_m, tick.periods, faulty)
+        feedback = tick.feedback
+        actuators = None if have_moved(tick.applied, feedback) else feedback
+        residuals.compare(before, state, tick.state, mean_per_m, tick.periods, actuators)
+        self._compare_pedals(tick, before.vx_mps, state.vx_mps)
         failing = self._windows.failing(_OF_STATE)
         if failing:
             evidence = residuals.evidence(before, state, abs(curvature_per_m - road_per_m))
             evidence = evidence._replace(estimated=faulty)
             failed = finding_of_state(failing, evidence, residuals.is_repeated)
-            if received.is_stopping and not failed.faulty:
+            if tick.is_stopping and not failed.faulty:
                 failed = None  # the grip or an actuator explains it: nothing more to do in a stop
         if failed is not None:
             is_new = failed.faulty & Faulty.MOTION and not faulty & Faulty.MOTION
@@ -205,31 +206,27 @@ class Supervisor:
             if faulty & Faulty.CURVATURE:
                 curvature_per_m = road_per_m
                 mean_per_m = 0.5 * (last_curvature_per_m + curvature_per_m)
-            measured = with_replaced_signals(received.state, expected, faulty)
-            state = residuals.advance(before, measured, mean_per_m, received.periods, faulty)
+            measured = with_replaced_signals(tick.state, expected, faulty)
+            state = residuals.advance(before, measured, mean_per_m, tick.periods, faulty)
             if failed.is_stop:
                 residuals.correct(state, faulty)
-                self._paths.blend(before, state, received.periods)
+                self._paths.blend(before, state, tick.periods)
         residuals.follow(state, faulty)
         self._is_motion_measured = not faulty & Faulty.MOTION
         self._state, self._curvature_per_m = state, curvature_per_m
         return state, failed
 
-    def _compare_pedals(self, received: ReceivedInputs, before_mps: float, now_mps: float) -> None:
+    def _compare_pedals(self, tick: Tick, before_mps: float, now_mps: float) -> None:
         """Compare a slow car with its pedals; a faster one is compared with the model."""
-        if received.applied is None or max(before_mps, now_mps) > self._car.modelled_mps:
+        if tick.applied is None or max(before_mps, now_mps) > self._car.modelled_mps:
             self._pedals.begin()
             return
-        missing_mps = self._pedals.missing_mps(
-            received.applied, before_mps, now_mps, received.periods
-        )
+        missing_mps = self._pedals.missing_mps(tick.applied, before_mps, now_mps, tick.periods)
         self.values[Quantity.PEDAL_SPEED_MPS] = missing_mps
 
-    def _expected_motion(
-        self, received: ReceivedInputs, before: VehicleState
-    ) -> tuple[float, float, float]:
+    def _expected_motion(self, tick: Tick, before: VehicleState) -> tuple[float, float, float]:
         """(v_x, v_y, yaw rate) of this tick by the model, or by braking where it has none."""
-        applied = self._control if received.state is None else received.applied
+        applied = self._control if tick.state is None else tick.applied
         prediction = self._prediction
         if applied is None:
             self.clear_predictions()
@@ -238,16 +235,16 @@ class Supervisor:
             self.clear_predictions()
         if prediction is None or not prediction.has_any:
             return self._car.motion(before.vx_mps, applied)
-        for _ in range(min(received.periods, 4)):
+        for _ in range(min(tick.periods, 4)):
             prediction.advance(applied, self._curvature_per_m)
         return prediction.newest()
 
-    def _judge_path(self, received: ReceivedInputs, state: VehicleState) -> Finding | None:
+    def _check_path(self, tick: Tick, state: VehicleState) -> Finding | None:
         paths = self._paths
-        paths.move(state.ds_m * received.periods, state.vx_mps)
-        path = None if self._faulty & Faulty.PATH else received.path
+        paths.move(state.ds_m * tick.periods, state.vx_mps)
+        path = None if self._faulty & Faulty.PATH else tick.path
         if path is not None:
-            preview = self._road.ahead(received.preview)
+            preview = self._road.ahead(tick.preview)
             road = self._curvature_per_m, preview, state.vx_mps
             paths.compare(path, *road)
         failing = self._windows.failing(_OF_PATH)
@@ -260,50 +257,50 @@ class Supervisor:
         return found
 
     def _compare_car(
-        self, received: ReceivedInputs, state: VehicleState, is_state_good: bool, is_path_good: bool
+        self, tick: Tick, state: VehicleState, is_state_good: bool, is_path_good: bool
     ) -> None:
         values = self.values
-        if received.feedback is not None:
-            outside = self._commands.distance(received.feedback, received.late_ticks)
+        if tick.feedback is not None:
+            outside = self._commands.distance(tick.feedback, tick.late_ticks)
             values[Quantity.THROTTLE], values[Quantity.BRAKE_N], values[Quantity.STEERING_RAD] = (
                 outside
             )
-        is_known = received.state is not None and is_state_good and is_path_good
-        if received.path is not None and is_known and not received.is_stopping:
-            values[Quantity.TRACKING_M] = abs(state.ey_m - received.path.c0_m)
+        is_known = tick.state is not None and is_state_good and is_path_good
+        if tick.path is not None and is_known and not tick.is_stopping:
+            values[Quantity.TRACKING_M] = abs(state.ey_m - tick.path.c0_m)
 
-    def _qualified(
+    def _estimate(
         self,
-        received: ReceivedInputs,
+        tick: Tick,
         state: VehicleState,
         failed_state: Finding | None,
         failed_path: Finding | None,
         alarm: StopCause,
         rejection: StopCause,
-    ) -> QualifiedInputs:
+    ) -> Estimate:
         faulty, last = self._faulty, self._paths.last
         if failed_state is not None:
             faulty |= failed_state.faulty
-        is_measured = received.state is not None and not faulty & (Faulty.STATE | Faulty.CURVATURE)
+        is_measured = tick.state is not None and not faulty & (Faulty.STATE | Faulty.CURVATURE)
         is_speed_wrong = failed_path is not None and not failed_path.faulty
-        is_path = received.path is not None and not faulty & Faulty.PATH
-        is_path = is_path and (failed_path is None or (is_speed_wrong and received.is_stopping))
-        path, preview = received.path, received.preview
+        is_path = tick.path is not None and not faulty & Faulty.PATH
+        is_path = is_path and (failed_path is None or (is_speed_wrong and tick.is_stopping))
+        path, preview = tick.path, tick.preview
         is_replaced = failed_path is None or failed_path.faulty & Faulty.PATH
         if is_speed_wrong or (is_replaced and not is_path):
             path = None if last is None else last.path_here()
         if path is not None:
-            path = self._paths.follow(path, state.vx_mps, received.periods)
-            if received.is_stopping and not faulty & Faulty.LATERAL_MOTION:
+            path = self._paths.follow(path, state.vx_mps, tick.periods)
+            if tick.is_stopping and not faulty & Faulty.LATERAL_MOTION:
                 # The place of each stage is that of a car that brakes. With an estimated yaw rate
                 # on a wet road this was worse: docs/safety.md, Not covered.
                 braking_mps2 = self._car.brake_mps2_per_n * self._control.brake_n
                 path = path._replace(v_mps=state.vx_mps, a_mps2=-braking_mps2)
-        if preview is not None or received.state is None or faulty & Faulty.CURVATURE:
+        if preview is not None or tick.state is None or faulty & Faulty.CURVATURE:
             preview = self._road.ahead(preview)
         is_slow_known = not faulty & Faulty.SPEED or not faulty & Faulty.PROGRESS
-        speed_mps = speed_of(state) if received.state is not None and is_slow_known else None
-        return QualifiedInputs(
+        speed_mps = speed_of(state) if tick.state is not None and is_slow_known else None
+        return Estimate(
             state,
             self._curvature_per_m,
             path,

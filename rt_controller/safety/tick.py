@@ -36,6 +36,9 @@ class Estimate(NamedTuple):
     """why state or path of this tick are not used, or why the drive does not begin"""
 
 
+NO_ESTIMATE = Estimate()
+
+
 @dataclass(slots=True)
 class Tick:
     """One tick, filled in by its stages: receive, check, plan, decide.
@@ -88,7 +91,7 @@ class Tick:
     """STATE_LOST or one of `RECOVERABLE_BUS_CAUSES`: the cause if no state arrives"""
     is_stop_requested: bool = False
 
-    estimate: Estimate = Estimate()
+    estimate: Estimate = NO_ESTIMATE
     """what the checks accept"""
 
     # planned

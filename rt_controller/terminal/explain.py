@@ -136,8 +136,8 @@ def _facts(tick: TickExplanation) -> Iterator[Fact]:
     for reason in tick.reasons:
         yield Fact("why", reason)
     if result.state is not None:
-        yield Fact("state", _listed(result.state.state._asdict()))
-        yield Fact("curvature", f"{result.state.curvature_per_m:.6g} 1/m")
+        yield Fact("state", _listed(result.state._asdict()))
+        yield Fact("curvature", f"{result.curvature_per_m:.6g} 1/m")
     if result.path is not None:
         yield Fact("path", _listed(result.path._asdict()))
     yield Fact("command", _listed(result.control._asdict()))

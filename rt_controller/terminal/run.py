@@ -218,7 +218,7 @@ def _exit_code(
     record, deadlines = session.record, session.record.deadlines
     late = f"{why_late(deadlines)}; " if deadlines.deadline_misses else ""
     if record.ending is Ending.ENDED_AT_ONCE:
-        print_error(PROGRAM, explain_end_at_once(record.result.speed_mps))
+        print_error(PROGRAM, explain_end_at_once(record.result.estimate.speed_mps))
         return INTERRUPTED
     if record.ending is Ending.REFUSED:
         print_error(PROGRAM, NOT_ENGAGED)

@@ -97,7 +97,7 @@ def to_json(session: ControllerSession, car: LateralError | None = None) -> dict
 def verdict(session: ControllerSession, car: LateralError | None = None, braking: str = "") -> str:
     """How the drive went, in one sentence; `car` and `braking` are those of `to_table`."""
     record, deadlines = session.record, session.record.deadlines
-    speed_mps = record.result.speed_mps
+    speed_mps = record.result.estimate.speed_mps
     if deadlines.ticks == 0:
         return "Nothing was driven: the drive ended before the first tick."
     if record.ending is Ending.ENDED_AT_ONCE:
@@ -280,8 +280,7 @@ def _live_line(record: RunRecord) -> Line:
     where = (
         " " * 34
         if state is None or path is None
-        else f"{state.state.vx_mps * 3.6:3.0f} km/h  "
-        f"lateral error {state.state.ey_m - path.c0_m:+.3f} m  "
+        else f"{state.vx_mps * 3.6:3.0f} km/h  lateral error {state.ey_m - path.c0_m:+.3f} m  "
     )
     figures = (
         f"{deadlines.ticks:6d}  missed {deadlines.deadline_misses}  "

@@ -17,7 +17,7 @@ from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, Ve
 from rt_controller.control.lift import Encoder
 from rt_controller.control.mpc import Mpc
 from rt_controller.model.validation import DRIVABLE_HISTORY
-from rt_controller.step import StepResult
+from rt_controller.safety.tick import Tick
 
 STEPS = WITH_PAST.history_steps
 RESOLUTION = np.array([0.0, 0.0, 0.0, 1.1e-5, 1.3e-3, 1.8e-4])
@@ -45,7 +45,7 @@ class Watched:
         known = len(self._accepted) >= self.echo_lag
         return self._accepted[-self.echo_lag] if known else None
 
-    def tick(self, skipped: int = 0, **vehicle: object) -> StepResult:
+    def tick(self, skipped: int = 0, **vehicle: object) -> Tick:
         """One tick; the keywords change what the vehicle sends from now on."""
         command = self.applied
         self.rig.vehicle.command_echo = None if command is None else command[0]
@@ -153,7 +153,7 @@ def test_a_missing_state_restarts_the_history(watched: Watched) -> None:
     assert watched.tick(state=moving(8)).mode is Mode.NOMINAL
     assert_restarted(watched, held)
     first = row(watched.received(), held)
-    known = row(watched.received(), watched.rig.step.result.control)
+    known = row(watched.received(), watched.rig.step.last.control)
     watched.tick(state=moving(9))
     assert_shown(watched, [first] * (STEPS - 1) + [known])
 
@@ -171,7 +171,7 @@ def test_a_state_that_was_not_planned_from_restarts_the_history(
     watched: Watched,
 ) -> None:
     drive_ticks(watched, 6)
-    sent = watched.rig.step.result.control
+    sent = watched.rig.step.last.control
     send_one_more_state(watched, 6)
     watched.tick(state=moving(7))
     assert_restarted(watched, sent)
@@ -180,7 +180,7 @@ def test_a_state_that_was_not_planned_from_restarts_the_history(
 @pytest.mark.parametrize("vehicle_stalls_too", [True, False])
 def test_skipped_ticks_restart_the_history(watched: Watched, vehicle_stalls_too: bool) -> None:
     drive_ticks(watched, 6)
-    sent = watched.rig.step.result.control
+    sent = watched.rig.step.last.control
     if not vehicle_stalls_too:
         send_one_more_state(watched, 6)
     watched.tick(skipped=1, state=moving(7))
@@ -209,7 +209,7 @@ def test_standby_restarts_the_history(watched: Watched) -> None:
 def test_a_braking_watchdog_restarts_the_history(watched: Watched) -> None:
     drive_ticks(watched, 6)
     for k in range(6, 9):
-        sent = watched.rig.step.result.control
+        sent = watched.rig.step.last.control
         result = watched.tick(state=moving(k), is_watchdog_braking=True)
         assert result.mode is Mode.SAFE_STOP
     assert_restarted(watched, sent)
@@ -220,7 +220,7 @@ def test_without_a_known_command_the_history_restarts_in_each_tick(watched: Watc
     for k in range(3):
         ahead = watched.rig.vehicle.counter + 3
         watched.tick(state=moving(k), command_echo=ahead)
-        assert watched.rig.step.result.mode is Mode.NOMINAL
+        assert watched.rig.step.last.mode is Mode.NOMINAL
         assert_restarted(watched, NEUTRAL_INPUT)
 
 
@@ -261,7 +261,7 @@ def test_consecutive_rows_are_one_period_apart_for_any_sequence_of_events(
         past: list[Row] = []
         last: VehicleState | None = None
         for k, event in enumerate(script):
-            is_standby = watched.rig.step.result.mode is Mode.STANDBY
+            is_standby = watched.rig.step.last.mode is Mode.STANDBY
             watched.echo_lag = 2 if event == "late" else 1
             command = watched.applied
             watched.tick(

@@ -17,7 +17,7 @@ from rt_controller.loop import (
     run_loop,
     schedule_preparation,
 )
-from rt_controller.realtime.clock import Tick
+from rt_controller.realtime.clock import ScheduledTick
 from rt_controller.realtime.timing import DeadlineAccount
 
 SECOND_NS = 10**9
@@ -264,7 +264,7 @@ def test_skipped_periods_count_as_a_missed_deadline(rig: Rig, record: RunRecord)
         def __getattr__(self, name: str) -> object:
             return getattr(rig.clock, name)
 
-        def wait(self) -> Tick:
+        def wait(self) -> ScheduledTick:
             self.ticks += 1
             return rig.clock.wait()._replace(skipped=20 if self.ticks == 10 else 0)
 
@@ -286,7 +286,10 @@ def test_every_stage_of_a_prepared_tick_is_measured(rig: Rig, record: RunRecord)
     run_loop(rig.step, rig.clock, record, UrgentAt(rig, SECOND_NS), schedule=schedule)
     p50 = {
         stage: record.deadlines.percentiles(f"{stage}_us").p50
-        for stage in ("read_ahead", "receive", "plan", "qp", "send", "step", "preparation")
+        for stage in (
+            *("read_ahead", "receive", "check", "plan", "qp", "decide", "send", "step"),
+            "preparation",
+        )
     }
     assert all(time_us > 0.0 for time_us in p50.values())
     assert p50["qp"] < p50["plan"] < p50["step"]

@@ -61,7 +61,7 @@ def test_the_model_continues_with_the_pedal_that_is_pressed(rig: Rig) -> None:
     rig.vehicle.state = CREEPING
     rig.vehicle.path = STRAIGHT
     assert rig.tick(40).control.throttle > 0.2
-    before = rig.step.result.control.throttle
+    before = rig.step.last.control.throttle
     rig.vehicle.state = CREEPING._replace(vx_mps=4.1, ds_m=0.1)
     result = rig.tick()
     assert result.mode is Mode.NOMINAL

@@ -31,7 +31,7 @@ def test_steps_keep_no_memory(windows: int, steps: int, max_grown_blocks: int) -
             gc.collect()
             blocks.append(sys.getallocatedblocks())
             run_steps(rig, steps)
-        assert rig.step.result.mode is Mode.NOMINAL
+        assert rig.step.last.mode is Mode.NOMINAL
     assert min(after - before for before, after in pairwise(blocks)) < max_grown_blocks
 
 

@@ -98,7 +98,7 @@ def test_a_safe_stop_keeps_the_brake_of_a_held_car_and_presses_it_if_the_car_rol
     assert held_n > ALONG_PATH.most_n
     rig.step.request_stop()
     forces = [rig.tick().control.brake_n for _ in range(10)]
-    assert rig.step.result.mode is Mode.SAFE_STOP
+    assert rig.step.last.mode is Mode.SAFE_STOP
     assert [held_n, *forces] == sorted([held_n, *forces])
     rig.vehicle.state, rig.vehicle.path = None, STRAIGHT
     assert rig.tick(60).control.brake_n == forces[-1]
@@ -130,7 +130,7 @@ def test_a_safe_stop_without_a_mission_is_steered_along_the_path(
     assert rig.tick(60).mode is Mode.SAFE_STOP
     rig.vehicle.mission = mission
     assert rig.tick(60).control.steer_rad == pytest.approx(before)
-    assert rig.step.result.mode is Mode.SAFE_STOP
+    assert rig.step.last.mode is Mode.SAFE_STOP
 
 
 def test_a_failed_send_sets_the_bus_fault_of_the_next_heartbeat(
@@ -156,7 +156,7 @@ def test_an_interface_that_is_down_is_the_named_cause_of_a_stop_that_a_reset_end
         assert mode_and_cause(rig.tick()) == (Mode.HOLD_PLAN, StopCause.INTERFACE_DOWN)
         assert mode_and_cause(rig.tick(2)) == (Mode.SAFE_STOP, StopCause.INTERFACE_DOWN)
     rig.tick(2)
-    assert rig.step.result.state is not None
+    assert rig.step.last.state is not None
     assert mode_and_cause(rig.tick()) == (Mode.SAFE_STOP, StopCause.INTERFACE_DOWN)
 
 

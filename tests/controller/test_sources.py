@@ -110,7 +110,7 @@ def test_commands_that_no_longer_arrive_stop_the_car(rig: Rig) -> None:
     modes = [rig.tick().mode for _ in range(8)]
     assert modes[:3] == [Mode.NOMINAL] * 3
     assert modes[-1] is Mode.SAFE_STOP
-    assert rig.step.result.cause is StopCause.COMMANDS_UNANSWERED
+    assert rig.step.last.cause is StopCause.COMMANDS_UNANSWERED
 
 
 def test_damaged_frames_among_good_ones_end_in_a_safe_stop(rig: Rig) -> None:

@@ -72,7 +72,7 @@ def test_a_state_marked_invalid_counts_as_missing(rig: Rig) -> None:
     rig.vehicle.is_valid = False
     assert rig.tick(3).mode is Mode.SAFE_STOP
     assert rig.heartbeat.faults == Fault.STATE_STALE | Fault.STATE_INVALID
-    assert rig.step.result.cause is StopCause.STATE_INVALID
+    assert rig.step.last.cause is StopCause.STATE_INVALID
     assert rig.inbox.explain_out_of_range(STATE) == "STATE_A: Valid: expected 1, found 0"
 
 

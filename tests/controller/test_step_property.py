@@ -31,7 +31,7 @@ def test_every_command_is_within_bounds_slew_limited_and_on_one_pedal(
     with build_rig(mpc_of_session) as rig:
         held = 0
         for rig.vehicle.state, rig.vehicle.path, rig.vehicle.mission in script:
-            previous, was = rig.step.result.control, rig.step.result.mode
+            previous, was = rig.step.last.control, rig.step.last.mode
             result = rig.tick()
             assert_within_limits(result.control, previous)
             held = held + 1 if result.mode is Mode.HOLD_PLAN else 0

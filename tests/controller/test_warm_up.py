@@ -8,9 +8,9 @@ from scripted_vehicle import CRUISING, ENGAGED, STANDBY_TICKS, Rig
 from rt_controller.bus.messages import STATE
 from rt_controller.contract.faults import Fault
 from rt_controller.contract.signals import Mode
-from rt_controller.receiver import READ_AHEAD_FRAMES
+from rt_controller.receive import READ_AHEAD_FRAMES
 from rt_controller.safety.freshness import STATE_MAX_AGE_NS
-from rt_controller.step import StepResult
+from rt_controller.safety.tick import Tick
 
 AHEAD_NS = 1_500_000
 
@@ -20,7 +20,7 @@ def read_ahead_and_warm_up(rig: Rig) -> None:
     rig.step.warm_up()
 
 
-def prepared_tick(rig: Rig, warm_ups: int = 2) -> StepResult:
+def prepared_tick(rig: Rig, warm_ups: int = 2) -> Tick:
     """One tick that was prepared `AHEAD_NS` before, when the vehicle had sent its frames."""
     rig.step.update_matrices()
     rig.clock.wait()
@@ -46,7 +46,7 @@ def test_frames_read_ahead_are_used_in_the_tick(rig: Rig) -> None:
     assert result.state is not None
     newest = rig.inbox.newest(STATE)
     assert newest is not None
-    assert newest.content is result.state
+    assert newest.content.state is result.state
     assert newest.counter == STANDBY_TICKS + 3  # that of the fourth state
     assert newest.arrival_ns == rig.clock.now_ns()  # not that of the tick
     assert result.qp_iterations > 0

@@ -31,6 +31,7 @@ def counted(waited_us: float = 0.0, faults: int = 0, steal: int = 0) -> Counts:
         (counted(faults=1), QUIET._replace(step_us=9_000.0), LateCause.PAGE_FAULT),
         (counted(), BUSY._replace(qp_us=8_000.0), LateCause.SOLVER),
         (counted(), BUSY._replace(receive_us=8_000.0), LateCause.BUS),
+        (counted(), BUSY._replace(check_us=8_000.0), LateCause.CHECKING),
         (counted(), BUSY, LateCause.COMPUTING),
     ],
 )

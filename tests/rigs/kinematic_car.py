@@ -1,7 +1,7 @@
 """A car whose states fit together, and a supervisor that watches it; for tests of the checks."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import count
 
 import numpy as np
@@ -11,15 +11,16 @@ from rt_controller.contract.signals import (
     NEUTRAL_INPUT,
     ControlInput,
     CurvaturePreview,
+    Mode,
     PathReference,
     VehicleState,
 )
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.model.dynamics import Matrices
 from rt_controller.safety.checks import CHECKS, Check, Quantity
-from rt_controller.safety.inputs import QualifiedInputs, ReceivedInputs
 from rt_controller.safety.motion import MotionPrediction
 from rt_controller.safety.supervisor import Supervisor
+from rt_controller.safety.tick import Estimate, Tick
 
 STEER_TO_YAW = 0.3
 """yaw rate of the linear model per radian at the wheel, within one period"""
@@ -51,10 +52,10 @@ class WatchedCar:
     control: ControlInput = NEUTRAL_INPUT
     path: PathReference | None = STRAIGHT
     preview: CurvaturePreview | None = None
-    disturb: Callable[[ReceivedInputs], ReceivedInputs] = lambda received: received
+    disturb: Callable[[Tick], Tick] = lambda received: received
     has_model: bool = True
     is_stopping: bool = False
-    qualified: list[QualifiedInputs] = field(default_factory=list)
+    qualified: list[Estimate] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         prediction = MotionPrediction(linear_model(), 6) if self.has_model else None
@@ -65,23 +66,22 @@ class WatchedCar:
         self.is_driven = False
         self.feedback: ControlInput | None = None
 
-    def tick(self, times: int = 1) -> QualifiedInputs:
+    def tick(self, times: int = 1) -> Estimate:
         """The qualified of the last of so many periods."""
         for _ in range(times):
             if self.is_driven:
                 self._move()
-            received = ReceivedInputs(
-                self.state,
-                self.curvature_per_m,
-                None if self.path is None else PathReference(*self.path),
-                None if self.preview is None else CurvaturePreview(*self.preview),
-                self.control,
-                self.feedback,
-                self.is_driven,
-                self.is_stopping,
-                1,
+            driving = Mode.SAFE_STOP if self.is_stopping else Mode.NOMINAL
+            received = Tick(
+                last_mode=driving if self.is_driven else Mode.STANDBY,
+                state=self.state,
+                curvature_per_m=self.curvature_per_m,
+                path=None if self.path is None else PathReference(*self.path),
+                preview=None if self.preview is None else CurvaturePreview(*self.preview),
+                applied=self.control,
+                feedback=self.feedback,
             )
-            qualified = self.supervisor.judge(self.disturb(received))
+            qualified = self.supervisor.check(self.disturb(received))
             psi = None if qualified.state is None else np.array(qualified.state)
             self.supervisor.note(self.control, psi)
             self.is_driven = True
@@ -106,42 +106,42 @@ def turning(**arguments: object) -> WatchedCar:
     return car
 
 
-def replaced(**signals: float) -> Callable[[ReceivedInputs], ReceivedInputs]:
+def replaced(**signals: float) -> Callable[[Tick], Tick]:
     """These signals of the state have these values."""
-    return lambda received: received._replace(
-        state=None if received.state is None else received.state._replace(**signals)
+    return lambda received: replace(
+        received, state=None if received.state is None else received.state._replace(**signals)
     )
 
 
-def shifted(**signals: float) -> Callable[[ReceivedInputs], ReceivedInputs]:
+def shifted(**signals: float) -> Callable[[Tick], Tick]:
     """These signals of the state have these offsets."""
 
-    def change(received: ReceivedInputs) -> ReceivedInputs:
+    def change(received: Tick) -> Tick:
         assert received.state is not None
         moved = {name: getattr(received.state, name) + value for name, value in signals.items()}
-        return received._replace(state=received.state._replace(**moved))
+        return replace(received, state=received.state._replace(**moved))
 
     return change
 
 
-def growing(signal: str, per_tick: float) -> Callable[[ReceivedInputs], ReceivedInputs]:
+def growing(signal: str, per_tick: float) -> Callable[[Tick], Tick]:
     """The offset of this signal grows from tick to tick."""
     ticks = count(1)
 
-    def change(received: ReceivedInputs) -> ReceivedInputs:
+    def change(received: Tick) -> Tick:
         return shifted(**{signal: per_tick * next(ticks)})(received)
 
     return change
 
 
-def undisturbed(received: ReceivedInputs) -> ReceivedInputs:
+def undisturbed(received: Tick) -> Tick:
     """All arrives as it is."""
     return received
 
 
-def nothing(received: ReceivedInputs) -> ReceivedInputs:
+def nothing(received: Tick) -> Tick:
     """Neither state nor path arrives."""
-    return received._replace(state=None, path=None, preview=None)
+    return replace(received, state=None, path=None, preview=None)
 
 
 def only(*quantities: Quantity) -> list[Check]:

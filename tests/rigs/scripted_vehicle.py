@@ -31,7 +31,8 @@ from rt_controller.control.low_speed import LowSpeedLaw
 from rt_controller.control.mpc import Mpc
 from rt_controller.realtime.clock import LockstepClock
 from rt_controller.safety.supervisor import Supervisor
-from rt_controller.step import ControlStep, StepResult
+from rt_controller.safety.tick import Tick
+from rt_controller.step import ControlStep
 
 CRUISING = VehicleState(20.0, 0.0, 0.0, 0.5, 0.2, 0.01)
 STANDING = CRUISING._replace(vx_mps=0.0, ds_m=0.0)
@@ -47,7 +48,7 @@ def fail(*_: object, **__: object) -> None:
     raise can.CanOperationError("unplugged")
 
 
-def mode_and_cause(result: StepResult) -> tuple[Mode, StopCause]:
+def mode_and_cause(result: Tick) -> tuple[Mode, StopCause]:
     return result.mode, result.cause
 
 
@@ -109,7 +110,7 @@ class Rig:
     inbox: Inbox
     received: Inbox
 
-    def tick(self, times: int = 1, skipped: int = 0) -> StepResult:
+    def tick(self, times: int = 1, skipped: int = 0) -> Tick:
         for _ in range(times):
             self.clock.wait()
             result = self.step.run(skipped)

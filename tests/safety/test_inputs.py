@@ -3,8 +3,8 @@
 import pytest
 
 from rt_controller.contract.signals import VehicleState
-from rt_controller.safety.inputs import with_replaced_signals
 from rt_controller.safety.isolation import Faulty
+from rt_controller.safety.motion import with_replaced_signals
 
 MEASURED = VehicleState(20.0, 0.1, 0.2, 0.4, 0.5, 0.01)
 EXPECTED = VehicleState(18.0, 0.0, 0.1, 0.45, 0.6, 0.02)

@@ -25,7 +25,7 @@ from rt_controller.bus.send import Outbox
 from rt_controller.contract.errors import BusError
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
-from rt_controller.receiver import Receiver
+from rt_controller.receive import Receiver
 from sim_bridge.bridge import Delay
 
 

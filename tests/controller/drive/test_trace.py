@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from rt_controller.bus.messages import StateSample
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, Mode
 from rt_controller.drive.trace import DriveTrace
-from rt_controller.step import StepResult
+from rt_controller.safety.tick import Tick
 
 
 def test_arc_length_begins_with_the_drive_and_counts_lost_states() -> None:
@@ -15,7 +14,7 @@ def test_arc_length_begins_with_the_drive_and_counts_lost_states() -> None:
         (Mode.STANDBY, True), (Mode.NOMINAL, True), (Mode.NOMINAL, True), (Mode.HOLD_PLAN, False),
         (Mode.NOMINAL, True), (Mode.STANDBY, True),
     ):  # fmt: skip
-        state = StateSample(moving, 0.0, 0, None, False) if is_received else None
-        trace.record(StepResult(mode=mode, state=state, control=NEUTRAL_INPUT), 0)
+        state = moving if is_received else None
+        trace.record(Tick(mode=mode, state=state, control=NEUTRAL_INPUT), 0)
     found = trace.drive("model", "over")["s_m"]
     np.testing.assert_allclose(found, [0.0, 0.0, 0.5, 1.0, 1.5, 2.0])

@@ -12,8 +12,8 @@ from rt_controller.contract.faults import StopCause
 from rt_controller.contract.signals import Mode
 from rt_controller.drive.scenario import DrivenScenario
 from rt_controller.loop import Ending
+from rt_controller.safety.tick import Tick
 from rt_controller.session import ControllerSession
-from rt_controller.step import StepResult
 from rt_controller.terminal import run as terminal_run
 from rt_controller.terminal.command_line import new_app, run_command
 from rt_controller.terminal.entry import INTERRUPTED
@@ -175,7 +175,7 @@ def test_a_safe_stop_names_the_fault_of_the_scenario(
 ) -> None:
     def end(session: ControllerSession) -> None:
         session.record.ending = Ending.SAFE_STOPPED
-        session.record.result = StepResult(mode=Mode.SAFE_STOP, cause=StopCause.STATE_LOST)
+        session.record.result = Tick(mode=Mode.SAFE_STOP, cause=StopCause.STATE_LOST)
 
     end_at_start(monkeypatch, end)
     code, message = run("--bus", "virtual", "--pace", "lockstep")
@@ -189,7 +189,7 @@ def test_a_bus_that_failed_in_a_stop_that_began_for_another_reason_gives_its_exi
 ) -> None:
     def end(session: ControllerSession) -> None:
         session.record.ending = ending
-        session.record.result = StepResult(
+        session.record.result = Tick(
             mode=Mode.SAFE_STOP, cause=StopCause.STATE_LOST, bus_fault=StopCause.BUS_FAILED
         )
 

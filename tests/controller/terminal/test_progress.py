@@ -14,8 +14,8 @@ from rt_controller.drive.trace import DriveTrace
 from rt_controller.loop import RunRecord
 from rt_controller.realtime.scheduling import NO_GUARANTEES
 from rt_controller.realtime.timing import DeadlineAccount
+from rt_controller.safety.tick import Tick
 from rt_controller.session import ControllerSession
-from rt_controller.step import StepResult
 from rt_controller.terminal import progress
 from rt_controller.terminal.progress import Line
 from rt_controller.terminal.summary import STILL_STOPPING, STOPPING, live_lines
@@ -77,7 +77,7 @@ def test_the_lines_of_a_run_show_each_mode_once_and_what_the_system_granted(
         session.is_joined = True
         for _ in range(10):
             calls.acquire()
-        session.record.result = StepResult(mode=Mode.NOMINAL)
+        session.record.result = Tick(mode=Mode.NOMINAL)
         for _ in range(10):
             calls.acquire()
         for _ in range(3):

@@ -10,8 +10,8 @@ from rt_controller.bus.messages import REFERENCE, STATE, Message, Node
 from rt_controller.bus.receive import Inbox
 from rt_controller.contract.faults import StopCause
 from rt_controller.safety.checks import NOT_COMPUTED, Quantity
+from rt_controller.safety.tick import Tick
 from rt_controller.session import ControllerSession
-from rt_controller.step import StepResult
 from rt_controller.terminal.stop_message import (
     VEHICLE_KNOWS,
     begin_of_stop,
@@ -102,7 +102,7 @@ def stopped(cause: StopCause) -> ControllerSession:
     """After a safe stop in whose first tick the brake was 15 N beside its commands."""
     values = [NOT_COMPUTED] * len(Quantity)
     values[Quantity.BRAKE_N] = 15.0
-    record = SimpleNamespace(stop_tick=184, stop_s=4.6, result=StepResult(cause=cause))
+    record = SimpleNamespace(stop_tick=184, stop_s=4.6, result=Tick(cause=cause))
     return cast("ControllerSession", SimpleNamespace(stop_values=values, record=record))
 
 

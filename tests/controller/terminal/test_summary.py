@@ -10,7 +10,6 @@ import pytest
 from rich.console import Console
 
 from rt_controller.bus.condition import BusCondition
-from rt_controller.bus.messages import StateSample
 from rt_controller.bus.receive import ReceptionCounts
 from rt_controller.contract.errors import OutputError
 from rt_controller.contract.faults import Fault, StopCause
@@ -21,8 +20,8 @@ from rt_controller.loop import Ending, RunRecord
 from rt_controller.realtime.scheduling import NO_GUARANTEES
 from rt_controller.realtime.timing import DeadlineAccount, TickTimes
 from rt_controller.report.table import print_table
+from rt_controller.safety.tick import Estimate, Tick
 from rt_controller.session import ControllerSession
-from rt_controller.step import StepResult
 from rt_controller.terminal.options import RunOptions
 from rt_controller.terminal.stop_message import FAULT_SENTENCES
 from rt_controller.terminal.summary import (
@@ -45,7 +44,7 @@ def account(ticks: int) -> DeadlineAccount:
     return found
 
 
-def session_with(*results: StepResult) -> ControllerSession:
+def session_with(*results: Tick) -> ControllerSession:
     """After one tick with each of these results."""
     record = RunRecord(account(len(results)), DriveTrace(100))
     for tick, result in enumerate(results):
@@ -62,10 +61,10 @@ def session_with(*results: StepResult) -> ControllerSession:
     return cast("ControllerSession", session)
 
 
-def driving(ey_m: float = 0.0, **others: object) -> StepResult:
-    state = StateSample(AT_REST._replace(vx_mps=20.0, ey_m=ey_m), 0.0, 0, None, False)
-    fields = {"mode": Mode.NOMINAL, "state": state, "path": PATH, "speed_mps": 20.0, **others}
-    return StepResult(**fields)  # type: ignore[arg-type]
+def driving(ey_m: float = 0.0, speed_mps: float | None = 20.0, **others: object) -> Tick:
+    state, estimate = AT_REST._replace(vx_mps=20.0, ey_m=ey_m), Estimate(speed_mps=speed_mps)
+    fields = {"mode": Mode.NOMINAL, "state": state, "path": PATH, "estimate": estimate, **others}
+    return Tick(**fields)  # type: ignore[arg-type]
 
 
 def text(session: ControllerSession, is_verbose: bool = False) -> str:
@@ -114,12 +113,12 @@ STOP = driving(0.1, mode=Mode.SAFE_STOP, cause=StopCause.SOLVER_FAILED)
             "vehicle brakes the car.",
         ),
         (
-            [StepResult()],
+            [Tick()],
             Ending.REFUSED,
             "",
             f"The car was not taken over: {StopCause.NOT_ENGAGED.value}.",
         ),
-        ([StepResult()], Ending.STOPPED, "", "The car was not driven: stopped on request."),
+        ([Tick()], Ending.STOPPED, "", "The car was not driven: stopped on request."),
         (
             [],
             Ending.STOPPED,
@@ -129,7 +128,7 @@ STOP = driving(0.1, mode=Mode.SAFE_STOP, cause=StopCause.SOLVER_FAILED)
     ],
 )
 def test_the_verdict_is_one_sentence_about_the_drive(
-    results: list[StepResult], ending: Ending, braking: str, expected: str
+    results: list[Tick], ending: Ending, braking: str, expected: str
 ) -> None:
     session = session_with(*results)
     session.record.ending = ending

@@ -1,5 +1,7 @@
 """What a lost or faulty state is replaced by, and when a prediction begins."""
 
+from dataclasses import replace
+
 import pytest
 from kinematic_car import (
     STRAIGHT,
@@ -16,9 +18,9 @@ from kinematic_car import (
 from rt_controller.contract.faults import StopCause
 from rt_controller.contract.signals import NEUTRAL_INPUT, CurvaturePreview, VehicleState
 from rt_controller.safety.checks import Quantity, Reaction
-from rt_controller.safety.inputs import QualifiedInputs
 from rt_controller.safety.isolation import Faulty
 from rt_controller.safety.motion import MotionPrediction
+from rt_controller.safety.tick import Estimate
 
 RAMP = CurvaturePreview(5.0, 0.0, 0.002, 0.004, 0.006, 0.008)
 
@@ -78,7 +80,7 @@ def test_skipped_periods_move_road_path_and_predictions_on(periods: int) -> None
     car = WatchedCar(checks=(), preview=RAMP, path=sloped)
     calls = spy(car)
     car.tick()
-    car.disturb = lambda received: nothing(received)._replace(periods=periods)
+    car.disturb = lambda received: replace(nothing(received), periods=periods)
     qualified = car.tick()
     assert qualified.curvature_per_m == pytest.approx(0.0004 * 0.5 * periods)
     assert qualified.path is not None
@@ -91,7 +93,7 @@ def test_a_lost_state_moves_with_the_command_that_was_sent() -> None:
     car.tick(2)
     car.control = NEUTRAL_INPUT._replace(brake_n=40.0)
     car.tick()
-    car.disturb = lambda received: nothing(received)._replace(applied=NEUTRAL_INPUT)
+    car.disturb = lambda received: replace(nothing(received), applied=NEUTRAL_INPUT)
     qualified = car.tick()
     assert qualified.state is not None
     assert qualified.state.vx_mps == pytest.approx(car.qualified[-2].state.vx_mps - 0.05)  # type: ignore[union-attr]
@@ -232,7 +234,7 @@ def test_a_car_without_checks_repeats_what_it_receives() -> None:
     car.tick(3)
     qualified = car.qualified[-1]
     assert isinstance(qualified.state, VehicleState)
-    assert qualified == QualifiedInputs(car.state, 0.0, STRAIGHT, None, True, True, 20.0)
+    assert qualified == Estimate(car.state, 0.0, STRAIGHT, None, True, True, 20.0)
 
 
 def test_a_heading_is_integrated_with_the_road_when_the_curvature_is_faulty() -> None:
@@ -240,7 +242,7 @@ def test_a_heading_is_integrated_with_the_road_when_the_curvature_is_faulty() ->
     road = CurvaturePreview(5.0, *[0.003] * 5)
     car = WatchedCar(checks=checks, curvature_per_m=0.003, preview=road)
     car.tick(5)
-    car.disturb, car.is_stopping = lambda received: received._replace(curvature_per_m=0.013), True
+    car.disturb, car.is_stopping = lambda received: replace(received, curvature_per_m=0.013), True
     for _ in range(3):
         qualified = car.tick()
         assert qualified.curvature_per_m == pytest.approx(0.003)

@@ -1,5 +1,7 @@
 """The supervisor at its limits: which tick, which of several findings, which window."""
 
+from dataclasses import replace
+
 import pytest
 from kinematic_car import STRAIGHT, WatchedCar, growing, nothing, only, shifted, undisturbed
 
@@ -7,7 +9,7 @@ from rt_controller.contract.faults import StopCause
 from rt_controller.contract.signals import VehicleState
 from rt_controller.safety import supervisor
 from rt_controller.safety.checks import Quantity, Reaction
-from rt_controller.safety.inputs import QualifiedInputs
+from rt_controller.safety.tick import Estimate
 
 JUMPED = STRAIGHT._replace(c0_m=0.6)
 
@@ -127,9 +129,9 @@ def test_the_engagement_window_lies_around_the_path(
 
 def test_in_standby_nothing_is_known_without_a_state() -> None:
     car = WatchedCar()
-    car.disturb = lambda received: received._replace(state=None)
+    car.disturb = lambda received: replace(received, state=None)
     qualified = car.tick()
-    assert qualified == QualifiedInputs(None, 0.0, STRAIGHT, None, False, True, None)
+    assert qualified == Estimate(None, 0.0, STRAIGHT, None, False, True, None)
 
 
 def test_a_path_that_arrived_in_standby_is_the_last_known_one() -> None:
@@ -154,7 +156,7 @@ def test_a_frozen_state_stops_the_car_in_the_eighth_tick() -> None:
     car.control = car.control._replace(steer_rad=0.2)
     car.tick(20)
     kept = car.state
-    car.disturb = lambda received: received._replace(state=kept)
+    car.disturb = lambda received: replace(received, state=kept)
     alarms = [car.tick().alarm for _ in range(8)]
     assert alarms == [StopCause.NONE] * 7 + [StopCause.STATE_FROZEN]
 
@@ -186,6 +188,6 @@ def test_an_old_state_stops_the_car_in_the_tick_in_which_it_is_found() -> None:
         seen_states.append(car.state)
     car.control = car.control._replace(steer_rad=0.0)
     old = iter(seen_states[:2])
-    car.disturb = lambda received: received._replace(state=next(old))
+    car.disturb = lambda received: replace(received, state=next(old))
     car.tick()
     assert car.tick().alarm is StopCause.STATE_OLD

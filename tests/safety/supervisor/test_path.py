@@ -1,5 +1,7 @@
 """Which path and which road ahead the supervisor passes on, and how the car tracks the path."""
 
+from dataclasses import replace
+
 import pytest
 from kinematic_car import (
     STRAIGHT,
@@ -55,7 +57,7 @@ def test_a_curvature_ahead_that_contradicts_the_state_is_rejected_only_without_o
     car.tick(5)
     car.preview = CurvaturePreview(5.0, *[0.02] * 5)
     if is_state_lost:
-        car.disturb = lambda received: received._replace(state=None)
+        car.disturb = lambda received: replace(received, state=None)
     expected = StopCause.PREVIEW_JUMP if is_state_lost else StopCause.NONE
     assert car.tick().rejection is expected
 
@@ -126,7 +128,7 @@ def test_a_rejected_state_is_not_measured_against_the_path() -> None:
         (undisturbed, STRAIGHT._replace(c0_m=1.2), True, False),
         (shifted(ds_m=0.1), STRAIGHT._replace(c0_m=1.2), False, False),
         (undisturbed, STRAIGHT._replace(c0_m=1.2, c1=0.1), False, False),
-        (lambda received: received._replace(state=None), STRAIGHT._replace(c0_m=1.2), False, False),
+        (lambda received: replace(received, state=None), STRAIGHT._replace(c0_m=1.2), False, False),
         (undisturbed, None, False, False),
     ):
         checks = [tracking, *only(Quantity.PROGRESS_STEP_M, Quantity.PATH_TURN_RAD)]
@@ -146,7 +148,7 @@ def test_the_deviation_from_the_path_is_that_of_car_and_path_together() -> None:
 def test_a_path_that_is_received_again_is_passed_on_as_it_is() -> None:
     path = STRAIGHT._replace(c1=0.06)
     car = WatchedCar(checks=(), path=path)
-    car.disturb = lambda received: received._replace(path=path)
+    car.disturb = lambda received: replace(received, path=path)
     car.tick(3)
     assert car.qualified[-1].path is path
 
@@ -225,7 +227,7 @@ def test_a_car_that_stays_far_from_its_path_is_stopped() -> None:
 def test_a_curvature_that_contradicts_the_preview_is_replaced_by_it() -> None:
     car = WatchedCar(WITHOUT_FROZEN, preview=CurvaturePreview(5.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     car.tick(20)
-    car.disturb = lambda received: received._replace(curvature_per_m=0.003)
+    car.disturb = lambda received: replace(received, curvature_per_m=0.003)
     causes = {car.tick().alarm for _ in range(20)}
     assert causes == {StopCause.NONE, StopCause.CURVATURE_IMPLAUSIBLE}
     assert car.qualified[-1].curvature_per_m == 0.0
@@ -239,8 +241,8 @@ def test_curvatures_that_are_wrong_together_are_replaced_by_the_road_before(
     car = turning(preview=road)
     car.tick(20)
     wrong = CurvaturePreview(5.0, *[0.003 + curvature_per_m] * 5)
-    car.disturb = lambda received: received._replace(
-        curvature_per_m=0.003 + curvature_per_m, preview=CurvaturePreview(*wrong)
+    car.disturb = lambda received: replace(
+        received, curvature_per_m=0.003 + curvature_per_m, preview=CurvaturePreview(*wrong)
     )
     qualified = car.tick()
     assert qualified.rejection is StopCause.CURVATURE_IMPLAUSIBLE
@@ -255,8 +257,8 @@ def test_curvatures_that_are_wrong_together_are_replaced_by_the_road_before(
 def test_a_curvature_ahead_that_jumps_with_the_right_beginning_is_not_used() -> None:
     car = WatchedCar(preview=CurvaturePreview(5.0, *[0.0] * 5))
     car.tick(20)
-    car.disturb = lambda received: received._replace(
-        preview=CurvaturePreview(5.0, 0.0, 0.0, 0.0, 0.02, 0.02)
+    car.disturb = lambda received: replace(
+        received, preview=CurvaturePreview(5.0, 0.0, 0.0, 0.0, 0.02, 0.02)
     )
     qualified = car.tick()
     assert (qualified.rejection, qualified.is_path_received) == (StopCause.PREVIEW_JUMP, False)

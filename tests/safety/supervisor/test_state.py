@@ -1,5 +1,7 @@
 """Signals of the state that contradict each other or the model: found, replaced, or a stop."""
 
+from dataclasses import replace
+
 import pytest
 from kinematic_car import (
     TURNING_RAD,
@@ -14,7 +16,7 @@ from kinematic_car import (
 from rt_controller.contract.faults import StopCause
 from rt_controller.contract.signals import VehicleState
 from rt_controller.safety.checks import CHECKS, Quantity
-from rt_controller.safety.inputs import ReceivedInputs
+from rt_controller.safety.tick import Tick
 
 
 def test_a_car_whose_states_fit_together_is_accepted() -> None:
@@ -59,16 +61,17 @@ def test_several_signals_that_jump_together_are_all_replaced_until_the_car_stand
     car = turning(epsi_rad=0.05, ey_m=1.0)
     car.tick(20)
 
-    def mirrored(received: ReceivedInputs) -> ReceivedInputs:
+    def mirrored(received: Tick) -> Tick:
         assert received.state is not None
         state = received.state
-        return received._replace(
+        return replace(
+            received,
             state=state._replace(
                 vy_mps=-state.vy_mps,
                 yaw_rate_radps=-state.yaw_rate_radps,
                 ey_m=-state.ey_m,
                 epsi_rad=-state.epsi_rad,
-            )
+            ),
         )
 
     car.disturb = mirrored
@@ -113,9 +116,10 @@ def test_a_signal_that_is_rejected_again_and_again_stops_the_car() -> None:
 def test_a_yaw_rate_of_the_wrong_sign_is_replaced_by_that_of_the_model() -> None:
     car = WatchedCar()
     car.tick(20)
-    car.disturb = lambda received: received._replace(
+    car.disturb = lambda received: replace(
+        received,
         state=received.state
-        and received.state._replace(yaw_rate_radps=-received.state.yaw_rate_radps)
+        and received.state._replace(yaw_rate_radps=-received.state.yaw_rate_radps),
     )
     car.control = car.control._replace(steer_rad=TURNING_RAD)
     qualified = car.tick(2)
@@ -162,14 +166,14 @@ def test_a_car_that_does_not_turn_as_the_model_says_is_stopped_with_its_measured
     car.tick(20)
     car.control = car.control._replace(steer_rad=0.6)
     still = car.state
-    car.disturb = lambda received: received._replace(state=still._replace(ds_m=0.5))
+    car.disturb = lambda received: replace(received, state=still._replace(ds_m=0.5))
     alarms = [car.tick().alarm for _ in range(30)]
     assert any(alarm is not StopCause.NONE for alarm in alarms)
 
 
 def frozen(car: WatchedCar) -> None:
     kept = car.state
-    car.disturb = lambda received: received._replace(state=kept)
+    car.disturb = lambda received: replace(received, state=kept)
 
 
 @pytest.mark.parametrize(
@@ -182,8 +186,8 @@ def test_a_car_that_slides_stops_and_has_no_further_fault_in_the_stop(
     over_ten = [check for check in CHECKS if check.quantity is Quantity.YAW_RATE_TEN_RADPS]
     car = turning(is_stopping=is_stopping, checks=over_ten)
     car.tick(20)
-    car.disturb = lambda received: received._replace(
-        applied=car.control._replace(steer_rad=car.control.steer_rad + 1.2)
+    car.disturb = lambda received: replace(
+        received, applied=car.control._replace(steer_rad=car.control.steer_rad + 1.2)
     )
     qualified = car.tick(30)
     assert car.supervisor.values[Quantity.YAW_RATE_TEN_RADPS] > over_ten[0].threshold
@@ -226,7 +230,7 @@ def test_states_of_before_with_new_counters_are_replaced_by_an_estimate() -> Non
         car.tick()
         seen_states.append(car.state)
     old = iter(seen_states[3:])
-    car.disturb = lambda received: received._replace(state=next(old))
+    car.disturb = lambda received: replace(received, state=next(old))
     qualified = [car.tick() for _ in range(6)]
     assert StopCause.STATE_OLD in [qualified.alarm for qualified in qualified]
     assert not qualified[-1].is_measured

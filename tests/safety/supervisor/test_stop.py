@@ -1,5 +1,7 @@
 """The state that a stop is driven from, if none arrives or it is faulty."""
 
+from dataclasses import replace
+
 import pytest
 from kinematic_car import (
     STRAIGHT,
@@ -40,7 +42,7 @@ def test_a_braking_car_without_states_comes_to_rest() -> None:
 
 def test_without_any_state_nothing_is_accepted() -> None:
     car = WatchedCar()
-    car.disturb = lambda received: received._replace(state=None)
+    car.disturb = lambda received: replace(received, state=None)
     assert car.tick(3).state is None
 
 
@@ -71,7 +73,7 @@ def test_a_stop_without_speed_and_progress_has_no_known_speed() -> None:
 def test_a_command_that_is_not_known_ends_the_predictions() -> None:
     car = WatchedCar()
     car.tick(20)
-    car.disturb = lambda received: received._replace(applied=None)
+    car.disturb = lambda received: replace(received, applied=None)
     assert car.tick(5).is_measured
 
 
