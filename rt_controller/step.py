@@ -220,9 +220,11 @@ class ControlStep:
         return self._planner.most_steer_rad(vx_mps)
 
     def update_matrices(self) -> None:
-        """Before the next tick: update the QP's matrices for the state that is predicted."""
+        """Before the next tick: update the matrices of the QP, and predict the next motion."""
         self._note_call("update_matrices")
         self._planner.prepare()
+        delay = self._receiver.transport_periods + self._actuation_periods
+        self._supervisor.prepare(self._sent[max(-1 - delay, -len(self._sent))])
 
     def read_ahead(self) -> None:
         """Just before the next tick: read the frames that have arrived."""

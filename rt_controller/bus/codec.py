@@ -15,7 +15,7 @@ one data id of 16 bits). Source: AUTOSAR FO PRS E2EProtocol.
 import struct
 from binascii import crc_hqx
 from collections.abc import Sequence
-from math import isnan, nan
+from math import nan
 from typing import NamedTuple
 
 from cantools.database.can import Database, Message, Signal
@@ -145,16 +145,18 @@ class FrameCodec:
         self._flag_byte, self._flag_shift = (3, 0) if message.is_fd else (1, 4)
         self._flag_mask = VALID if self._has_cycle else 0xFF
         head, head_bits = ("<xxBB", 32) if message.is_fd else ("<xB", 16)
-        self._struct = struct.Struct(
-            head + _struct_format(self.name, body, head_bits, 8 * self.length)
-        )
-        self._head_values = 2 if message.is_fd else 1
+        codes = _struct_format(self.name, body, head_bits, 8 * self.length)
+        self._struct = struct.Struct(head + codes)
+        self._body = struct.Struct(head.replace("B", "x") + codes)
+        """without counter and flags"""
         # Half an LSB of tolerance: a value that rounds into the range is in range.
         self._encode_rules = tuple(
             (s.scale, s.offset, s.raw_min - 0.5, s.raw_max + 0.5, s.raw_not_available)
             for s in self.signals
         )
-        self._decode_rules = tuple((s.scale, s.offset, s.raw_min, s.raw_max) for s in self.signals)
+        self._read_rules = tuple(
+            (s.scale, s.offset, s.raw_min, s.raw_max, s.name in self.required) for s in self.signals
+        )
 
     def encode(self, values: Sequence[float], counter: int, flags: int) -> bytes:
         """Protected frame with these physical values, in the order of `signals`.
@@ -210,21 +212,29 @@ class FrameCodec:
         flag = frame[self._flag_byte] >> self._flag_shift & self._flag_mask
         if flag not in self._usable_flags:
             return None
-        values = self.decode(frame)
-        if isnan(sum(values)) and any(isnan(values[i]) for i in self._required_places):
-            return None
-        return values if self._has_valid_flag else (flag, *values)
+        values: list[float] = [] if self._has_valid_flag else [flag]
+        for raw, (scale, offset, low, high, is_required) in zip(
+            self._body.unpack(frame), self._read_rules, strict=True
+        ):
+            if low <= raw <= high:
+                values.append(raw * scale + offset)
+            elif is_required:
+                return None
+            else:
+                values.append(nan)
+        return tuple(values)
 
     def decode(self, frame: Frame) -> tuple[float, ...]:
         """Physical values in the order of `signals`; NaN where not available or out of range.
 
         The frame has the length of the message; CRC, counter and flags are not checked.
         """
-        raws = self._struct.unpack(frame)[self._head_values :]
         return tuple(
             [
                 raw * scale + offset if low <= raw <= high else nan
-                for raw, (scale, offset, low, high) in zip(raws, self._decode_rules, strict=True)
+                for raw, (scale, offset, low, high, _) in zip(
+                    self._body.unpack(frame), self._read_rules, strict=True
+                )
             ]
         )
 
@@ -235,7 +245,7 @@ class FrameCodec:
     def objections(self, frame: Frame) -> str:
         """Why `read` does not return the values of this intact frame, for people."""
         flag = self.flag_of(frame)
-        raws = self._struct.unpack(frame)[self._head_values :]
+        raws = self._body.unpack(frame)
         found = [self.signals[i].objection(raws[i]) for i in self._required_places]
         if flag not in self._usable_flags:
             usable = ", ".join(map(str, sorted(self._usable_flags)))

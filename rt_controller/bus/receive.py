@@ -343,7 +343,7 @@ class Inbox:
         if slot.is_own:
             self.foreign_frames += delta != 0
         elif is_good:
-            self._keep(slot, frame, arrival_ns)
+            self._keep(slot, frame, counter, arrival_ns)
 
     def _note_wrong_counter(
         self, slot: _Slot, delta: int, frame: bytearray, arrival_ns: int
@@ -361,10 +361,10 @@ class Inbox:
         if is_conflict:
             assembly.conflict_ns = arrival_ns
 
-    def _keep(self, slot: _Slot, frame: bytearray, arrival_ns: int) -> None:
+    def _keep(self, slot: _Slot, frame: bytearray, counter: int, arrival_ns: int) -> None:
         """The values of a frame; with the last frame of a counter the content is complete."""
-        codec, assembly, counter = slot.codec, slot.assembly, slot.counter
-        place, counters = slot.place, assembly.counters
+        codec, assembly, place = slot.codec, slot.assembly, slot.place
+        counters = assembly.counters
         values = codec.read(frame)
         if values is None:
             counters[place] = _NO_COUNTER

@@ -54,6 +54,8 @@ class MotionPrediction:
         self._age_of_newest = 0
         self._begun = 0
         """roll-outs in a row without a gap between them"""
+        self._ahead: tuple[ControlInput, float, Array] | None = None
+        """roll-outs of the next tick, and the input and the curvature that they expect"""
 
     @property
     def has_any(self) -> bool:
@@ -75,12 +77,25 @@ class MotionPrediction:
         self._psi[self._newest] = psi
         self._begun = self._begun + 1 if self._age_of_newest <= 1 else 1
         self._age_of_newest = 0
+        self._ahead = None
+
+    def prepare(self, applied: ControlInput, curvature_per_m: float) -> None:
+        """Before a tick, while there is time: roll out one step with the input that is expected."""
+        if self._begun > 0:
+            self._ahead = applied, curvature_per_m, self._rolled_out(applied, curvature_per_m)
 
     def advance(self, applied: ControlInput, curvature_per_m: float) -> None:
         """Advance all roll-outs by the period in which `applied` acted."""
-        self._inputs[:-1] = *applied, curvature_per_m
-        self._psi = self._step(self._psi, self._inputs)
+        ahead, self._ahead = self._ahead, None
+        if ahead is not None and ahead[0] == applied and ahead[1] == curvature_per_m:
+            self._psi = ahead[2]
+        else:
+            self._psi = self._rolled_out(applied, curvature_per_m)
         self._age_of_newest += 1
+
+    def _rolled_out(self, applied: ControlInput, curvature_per_m: float) -> Array:
+        self._inputs[:-1] = *applied, curvature_per_m
+        return self._step(self._psi, self._inputs)
 
     def fall_back(self) -> None:
         """Go on with the roll-out that began ten ticks ago, since later states were faulty."""
@@ -88,10 +103,12 @@ class MotionPrediction:
             self._newest = (self._newest + 1) % STEPS
             self._age_of_newest = STEPS
             self._begun = 1
+            self._ahead = None
 
     def clear(self) -> None:
         """End all roll-outs."""
         self._begun = self._age_of_newest = 0
+        self._ahead = None
 
     def newest(self) -> tuple[float, float, float]:
         """(v_x, v_y, yaw rate) by the roll-out that began last."""

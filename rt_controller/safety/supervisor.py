@@ -114,6 +114,11 @@ class Supervisor:
         if self._is_motion_measured or not prediction.has_any or prediction.is_old:
             prediction.begin(psi)
 
+    def prepare(self, applied: ControlInput) -> None:
+        """Before a tick, while there is time: predict the motion under the input that will act."""
+        if self._prediction is not None:
+            self._prediction.prepare(applied, self._curvature_per_m)
+
     def clear_predictions(self) -> None:
         """The model does not describe the present motion: another law or the vehicle drives."""
         if self._prediction is not None:

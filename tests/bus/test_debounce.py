@@ -29,8 +29,7 @@ def confirmed(script: str) -> list[bool]:
         received = Received(content, place, place)
         for _ in range(4):  # the same one in each period
             answer = engagement.confirmed(received)
-            assert answer._replace(is_engaged=letter == "E") == content
-        answers.append(answer.is_engaged)
+        answers.append(answer)
     return answers
 
 
