@@ -116,30 +116,23 @@ class Message(Generic[T]):
         self.fd_codecs = fd_codecs
         """of CAN FD, where the content is in one frame"""
         self.cycle_ticks = cycle_ticks
-        self._encode = encode
+        self.values_of = encode
+        """physical values of all frames, flat, from a content"""
         self._decode = decode
-        ends = accumulate(codec.n_values for codec in codecs)
-        self._parts = tuple(
-            (codec, slice(end - codec.n_values, end))
-            for codec, end in zip(codecs, ends, strict=True)
-        )
 
     def codecs_of(self, is_fd: bool) -> tuple[FrameCodec, ...]:
         """Those of CAN FD, or of classic CAN."""
         return self.fd_codecs if is_fd else self.codecs
 
+    def parts_of(self, is_fd: bool) -> list[tuple[FrameCodec, slice]]:
+        """The codec of each frame, and its part of the values."""
+        codecs = self.codecs_of(is_fd)
+        ends = accumulate(codec.n_values for codec in codecs)
+        return [(c, slice(end - c.n_values, end)) for c, end in zip(codecs, ends, strict=True)]
+
     @property
     def cycle_ms(self) -> float:
         return self.cycle_ticks * PERIOD_MS
-
-    def encode(
-        self, content: T, counter: int, is_valid: bool = True, is_fd: bool = False
-    ) -> list[bytes]:
-        """One protected frame for each codec, all with this counter."""
-        values = self._encode(content)
-        if is_fd or len(self.codecs) == 1:
-            return [codec.write(values, counter, is_valid) for codec in self.codecs_of(is_fd)]
-        return [codec.write(values[part], counter, is_valid) for codec, part in self._parts]
 
     def decode(self, parts: Iterable[tuple[float, ...]]) -> T:
         """The content of what `FrameCodec.read` returned for each frame."""

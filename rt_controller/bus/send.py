@@ -38,22 +38,28 @@ class _Outgoing:
     a frame when `send` returns.
     """
 
-    __slots__ = ("contents", "counter", "frames", "modulus")
+    __slots__ = ("contents", "counter", "frames", "modulus", "values_of")
 
     def __init__(self, message: Message[Any], is_fd: bool) -> None:
         self.counter = -1
-        self.modulus = max(LONG_COUNTER_MODULUS, message.codecs_of(is_fd)[0].counter_modulus)
+        parts = message.parts_of(is_fd)
+        self.modulus = max(LONG_COUNTER_MODULUS, parts[0][0].counter_modulus)
+        self.values_of = message.values_of
         self.contents: list[Any] = [None] * LONG_COUNTER_MODULUS
         self.frames = [
-            can.Message(
-                arbitration_id=codec.arbitration_id,
-                is_extended_id=False,
-                is_rx=False,
-                is_fd=codec.is_fd,
-                data=bytes(codec.length),
-                check=True,
+            (
+                can.Message(
+                    arbitration_id=codec.arbitration_id,
+                    is_extended_id=False,
+                    is_rx=False,
+                    is_fd=codec.is_fd,
+                    data=bytes(codec.length),
+                    check=True,
+                ),
+                codec,
+                part,
             )
-            for codec in message.codecs_of(is_fd)
+            for codec, part in parts
         ]
 
 
@@ -107,9 +113,9 @@ class Outbox:
         if counter != outgoing.counter:  # the receiver drops a repeated one
             outgoing.contents[counter % LONG_COUNTER_MODULUS] = content
         outgoing.counter = counter
-        encoded = message.encode(content, counter, is_valid, self.is_fd)
-        for frame, data in zip(outgoing.frames, encoded, strict=True):
-            frame.data[:] = data
+        values = outgoing.values_of(content)
+        for frame, codec, part in outgoing.frames:
+            frame.data[:] = codec.write(values[part], counter, is_valid)
             try:
                 self._bus.send(frame, timeout=0)
             except Exception as error:  # each backend raises its own type

@@ -347,7 +347,12 @@ def have_moved(before: ControlInput | None, now: ControlInput | None) -> bool:
     """True if one of two inputs that are known differs clearly."""
     if before is None or now is None:
         return False
-    return any(abs(b - a) > m for a, b, m in zip(before, now, MOVED_ACTUATORS, strict=True))
+    throttle, brake_n, steer_rad = MOVED_ACTUATORS
+    return (
+        abs(now.throttle - before.throttle) > throttle
+        or abs(now.brake_n - before.brake_n) > brake_n
+        or abs(now.steer_rad - before.steer_rad) > steer_rad
+    )
 
 
 def _is_jump(before: float, now: float) -> bool:

@@ -1,6 +1,6 @@
 """One tick: what is received, what of it is accepted, what is planned, and what is sent."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from rt_controller.contract.faults import NO_FAULT, Fault, StopCause
@@ -116,12 +116,11 @@ class Tick:
     most_steer_rad: float = INPUT_LIMITS.upper.steer_rad
     """bound of the steering wheel in this tick"""
 
-    @property
-    def is_stopping(self) -> bool:
-        """True if a safe stop has begun before this tick."""
-        return self.last_mode is Mode.SAFE_STOP
+    is_driven: bool = field(init=False)
+    """this program has driven the car until now"""
+    is_stopping: bool = field(init=False)
+    """a safe stop has begun before this tick"""
 
-    @property
-    def is_driven(self) -> bool:
-        """True if this program has driven the car until now."""
-        return self.last_mode is not Mode.STANDBY
+    def __post_init__(self) -> None:
+        self.is_driven = self.last_mode is not Mode.STANDBY
+        self.is_stopping = self.last_mode is Mode.SAFE_STOP

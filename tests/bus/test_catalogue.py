@@ -5,7 +5,7 @@ from math import inf, nan, radians
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_frames import BEND, CONTROL, PATH, SAMPLE, decode_frames, round_trip
+from made_frames import BEND, CONTROL, PATH, SAMPLE, decode_frames, encode_frames, round_trip
 
 from rt_controller.bus.messages import (
     COMMAND,
@@ -87,7 +87,7 @@ def test_the_state_arrives_within_half_an_lsb_and_in_the_order_of_the_contract()
 @pytest.mark.parametrize("field", VehicleState._fields)
 def test_only_the_frame_with_an_impossible_value_is_refused(field: str, bad: float) -> None:
     sample = SAMPLE._replace(state=SAMPLE.state._replace(**{field: bad}))
-    frames = STATE.encode(sample, 0)
+    frames = encode_frames(STATE, sample, 0)
     refused = [codec.read(frame) is None for codec, frame in zip(STATE.codecs, frames, strict=True)]
     is_in_first = field in VehicleState._fields[:3]
     assert refused == [is_in_first, not is_in_first, False]
@@ -98,7 +98,9 @@ def test_a_state_without_curvature_is_not_decoded() -> None:
 
 
 def test_every_frame_that_its_sender_marks_as_invalid_is_refused() -> None:
-    for codec, frame in zip(STATE.codecs, STATE.encode(SAMPLE, 0, is_valid=False), strict=True):
+    for codec, frame in zip(
+        STATE.codecs, encode_frames(STATE, SAMPLE, 0, is_valid=False), strict=True
+    ):
         assert codec.check(frame) >= 0
         assert codec.read(frame) is None
 
@@ -183,7 +185,7 @@ def test_without_spacing_or_first_value_nothing_is_known(field: str) -> None:
 
 def test_a_vehicle_without_a_road_ahead_sends_not_available() -> None:
     """With values that are not available, or all zero as before a first calculation."""
-    for frame, codec in zip(PREVIEW.encode(None, 3), PREVIEW.codecs, strict=True):
+    for frame, codec in zip(encode_frames(PREVIEW, None, 3), PREVIEW.codecs, strict=True):
         assert codec.read(frame) is not None  # no fault: the frame says that nothing is known
     assert round_trip(PREVIEW, None) is None
     zeros = [codec.encode([0.0] * 3, 3, 1) for codec in PREVIEW.codecs]
@@ -203,7 +205,7 @@ def test_a_mission_that_is_valid_for_too_long_is_not_decoded() -> None:
 
 @pytest.mark.parametrize("raw", [2, 37, 254, 255])
 def test_an_engage_byte_that_is_neither_on_nor_off_is_not_decoded(raw: int) -> None:
-    frame = bytearray(MISSION.encode(Mission(True, False, 1, 0), 3)[0])
+    frame = bytearray(encode_frames(MISSION, Mission(True, False, 1, 0), 3)[0])
     frame[2] = raw
     assert decode_frames(MISSION, frame) is None
 

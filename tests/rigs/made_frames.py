@@ -42,8 +42,16 @@ def can_frames(
     message: Message[T], content: T, counter: int = 0, is_valid: bool = True
 ) -> list[can.Message]:
     """All frames of one message."""
-    encoded = message.encode(content, counter, is_valid)
+    encoded = encode_frames(message, content, counter, is_valid)
     return [can_frame(codec, data) for codec, data in zip(message.codecs, encoded, strict=True)]
+
+
+def encode_frames(
+    message: Message[T], content: T, counter: int, is_valid: bool = True, is_fd: bool = False
+) -> list[bytes]:
+    """One protected frame for each codec, all with this counter."""
+    values = message.values_of(content)
+    return [c.write(values[part], counter, is_valid) for c, part in message.parts_of(is_fd)]
 
 
 def decode_frames(message: Message[T], *frames: Frame) -> T | None:
@@ -55,4 +63,4 @@ def decode_frames(message: Message[T], *frames: Frame) -> T | None:
 
 def round_trip(message: Message[T], content: T, is_valid: bool = True) -> T | None:
     """The content after encoding and decoding."""
-    return decode_frames(message, *message.encode(content, 3, is_valid))
+    return decode_frames(message, *encode_frames(message, content, 3, is_valid))

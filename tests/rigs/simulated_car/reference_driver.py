@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from math import atan, isfinite
 
 import numpy as np
+from made_frames import round_trip
 
 from rt_controller.bus.messages import REFERENCE
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
@@ -58,7 +59,7 @@ def drive(scenario: Scenario, ticks: int | None = None) -> DrivenScenario:
         ground = scenario.road_at(car.s_m, time_s)
         path = scenario.path_ahead(car.s_m, state.vx_mps, time_s, progress)
         assert all(map(isfinite, path)), f"path {path} at s = {car.s_m}"
-        assert _as_received(REFERENCE, path) is not None, f"{path} does not fit the frames"
+        assert round_trip(REFERENCE, path) is not None, f"{path} does not fit the frames"
         car.set_road(ground)
         control = follow(state, path, ground.curvature_per_m)
         state = car.advance(control, frame)
@@ -76,9 +77,3 @@ def drive(scenario: Scenario, ticks: int | None = None) -> DrivenScenario:
         if car.s_m >= scenario.end_m:
             break
     return DrivenScenario(measure(log, scenario.stops, scenario.course), done, car.s_m)
-
-
-def _as_received(message, content):
-    parts = [codec.read(frame) for codec, frame in zip(
-        message.codecs, message.encode(content, 1, True), strict=True)]  # fmt: skip
-    return None if any(part is None for part in parts) else message.decode(parts)
