@@ -90,7 +90,7 @@ def import_logs(
                 len(episodes),
                 mapping.split.seed,
             ),
-            geometry=None if mapping.car is None else mapping.car.geometry,
+            geometry=None if mapping.car is None else mapping.car.car.geometry,
             rejected=sum(len(cut.left_out) for cut in cuts),
         )
         figures |= {"folder": str(folder), "sha256": dataset.sha256}

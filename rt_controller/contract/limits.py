@@ -31,6 +31,8 @@ PEDAL_CHANGE_S = 0.15
 """time to move the foot from one pedal to the other"""
 
 
+LARGEST_LATERAL_MPS2 = 7.5
+"""of a command, in steady state by the single-track model; the shipped scenarios need up to 6.7"""
 MOST_LATERAL_MPS2 = 8.5
 """that a path may need at its wanted speed: what a car can do on a dry road"""
 GRIP_AHEAD_S, NEAR, FAR = 0.5, 0.2113, 0.7887

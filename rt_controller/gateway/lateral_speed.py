@@ -21,6 +21,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.car import Car
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.limits import UNNAMED_GEOMETRY, SteeringGeometry
 from rt_controller.contract.signals import N_STATES, VehicleState
@@ -147,10 +148,10 @@ def _roll_outs(bundle: Bundle, steering_ratio: float) -> list[Array]:
     return drives
 
 
-def choose_geometry(car: CarFile, bundle: Bundle) -> SteeringGeometry:
+def choose_car(car: CarFile, bundle: Bundle) -> Car:
     """That of the mapping, else that of the model, else that of the default car."""
     data = car.mapping.car
-    return data.geometry if data is not None else bundle.geometry or UNNAMED_GEOMETRY
+    return data.car if data is not None else Car(bundle.geometry or UNNAMED_GEOMETRY)
 
 
 def choose_lateral_speed(car: CarFile, bundle: Bundle) -> LateralSpeed:
@@ -158,7 +159,7 @@ def choose_lateral_speed(car: CarFile, bundle: Bundle) -> LateralSpeed:
 
     It is not used if the car measures v_y.
     """
-    data, geometry = car.mapping.car, choose_geometry(car, bundle)
+    data, geometry = car.mapping.car, choose_car(car, bundle).geometry
     rear_m = geometry.rear_axle_m
     if "vy_mps" in car.mapping.states:
         return LateralSpeed(RearAxle(rear_m, 0.0, 0.0))

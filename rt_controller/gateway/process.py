@@ -13,8 +13,9 @@ import can
 
 from rt_controller.bus.messages import Command
 from rt_controller.bus.receive import Received
+from rt_controller.contract.car import DEFAULT_CAR, Car
 from rt_controller.contract.errors import BusError
-from rt_controller.contract.limits import BRAKE_RATE_N_PER_S, DEFAULT_GEOMETRY, SteeringGeometry
+from rt_controller.contract.limits import BRAKE_RATE_N_PER_S
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import (
     COMMAND_TIMEOUT_NS,
@@ -35,7 +36,6 @@ from rt_controller.vehicle.braking_cause import BrakingCause
 from rt_controller.vehicle.path_steering import largest_brake_n, steer_along
 from rt_controller.vehicle.vehicle_envelope import (
     FARTHEST_OFF_PATH_M,
-    LARGEST_LATERAL_MPS2,
     STANDING,
     OwnMotion,
     leaves_path,
@@ -85,7 +85,7 @@ class Gateway:
         car: CarFile,
         lateral_speed: LateralSpeed,
         is_fd: bool = False,
-        geometry: SteeringGeometry = DEFAULT_GEOMETRY,
+        description: Car = DEFAULT_CAR,
     ) -> None:
         """Nothing is sent yet.
 
@@ -95,13 +95,13 @@ class Gateway:
             car: its mapping.
             lateral_speed: estimates v_y where the car does not send it.
             is_fd: see `bus`.
-            geometry: of the car.
+            description: of the car.
         """
         self.car_end = CarEnd(car, lateral_speed, bus, is_fd)
         self.counts = GatewayCounts()
         self._car_bus = car_bus
         self._bus = bus
-        self._geometry = geometry
+        self._description = description
         self._last_read_ns = 0
         self._applied = NEUTRAL_INPUT
         self._mode = Mode.STANDBY
@@ -172,7 +172,7 @@ class Gateway:
             last, periods = before.content.control, counter_lag(command.counter, before.counter)
         is_requested = self._is_driven(now_ns) and not self._has_driver(now_ns)
         motion = self._motion._replace(is_mission_on=is_requested)
-        found = refusals(command.content, last, periods, motion, self._geometry)
+        found = refusals(command.content, last, periods, motion, self._description)
         car_end.refusals = found
         if found:
             car_end.command = before
@@ -190,8 +190,9 @@ class Gateway:
     def _limit(self, control: ControlInput) -> ControlInput:
         """The input nearest to it that may follow the last one."""
         speed_mps = self._motion.speed_mps
-        largest_rad = self._geometry.largest_wheel_rad(speed_mps, LARGEST_LATERAL_MPS2)
-        return limit(control, self._applied, largest_rad)
+        car = self._description
+        largest_rad = car.geometry.largest_wheel_rad(speed_mps, car.largest_lateral_mps2)
+        return limit(control, self._applied, largest_rad, car.limits)
 
     def _watch(self, now_ns: int) -> None:
         """Brake a car whose commands may not be followed; go on releasing one that was released."""
@@ -254,9 +255,9 @@ class Gateway:
         course, before = self.car_end.course, self._applied
         if course is None:
             return safe_stop(before, None, is_held=True)
-        steer_rad = steer_along(*course, before.steer_rad, self._geometry)
-        force_n = largest_brake_n(course, before.steer_rad, geometry=self._geometry)
-        braking = Braking(force_n, BRAKE_RATE_N_PER_S)
+        steer_rad = steer_along(*course, before.steer_rad, self._description)
+        force_n = largest_brake_n(course, before.steer_rad, car=self._description)
+        braking = Braking(force_n, BRAKE_RATE_N_PER_S * self._description.force_scale)
         return safe_stop(before, before._replace(steer_rad=steer_rad), False, braking)
 
     def end(self) -> None:

@@ -118,7 +118,7 @@ def check_signals(car: CarFile, frames: Iterable[tuple[float, can.Message]]) -> 
         times[-1] - times[0] if times else 0.0,
         len(times),
         [_report(slot, tracks[slot.name], reader, len(times)) for slot in slots],
-        check_relations(usable, mapping.car.geometry if mapping.car else None),
+        check_relations(usable, mapping.car.car.geometry if mapping.car else None),
         {name: count for name, count in dropped.items() if count},
     )
 

@@ -21,7 +21,7 @@ from pydantic import (
     model_validator,
 )
 
-from rt_controller.contract.limits import INPUT_LIMITS, LARGEST, SMALLEST, SteeringGeometry
+from rt_controller.contract.car import RANGES, Car, car_of
 from rt_controller.mapping.quantity import Quantity, quantity_of_name
 from rt_controller.mapping.units import find_unit, near_units, si_unit_of_name
 
@@ -137,18 +137,39 @@ class SignalMapping(ColumnMapping):
     may_be_constant: bool = False
 
 
-class CarData(MappingTable):
-    """The car of the logs: the controller steers with it below the speeds of the model."""
+def _within(name: str) -> Any:
+    low, high = RANGES[name]
+    return Field(ge=low, le=high)
 
-    wheelbase_m: float = Field(ge=SMALLEST.wheelbase_m, le=LARGEST.wheelbase_m)
-    rear_axle_m: float = Field(ge=SMALLEST.rear_axle_m, le=LARGEST.rear_axle_m)
+
+class CarData(MappingTable):
+    """The car, as controller, gateway and checks have to know it; see `contract/car.py`."""
+
+    wheelbase_m: Annotated[float, _within("wheelbase_m")]
+    rear_axle_m: Annotated[float, _within("rear_axle_m")]
     """centre of gravity to rear axle"""
-    steering_ratio: float = Field(ge=SMALLEST.steering_ratio, le=LARGEST.steering_ratio)
+    steering_ratio: Annotated[float, _within("steering_ratio")]
     """angle of the steering wheel over the angle of the front wheels"""
-    lock_rad: float = Field(
-        default=INPUT_LIMITS.upper.steer_rad, ge=SMALLEST.lock_rad, le=LARGEST.lock_rad
-    )
-    """largest angle of the steering wheel; the faster the car, the less of it is used"""
+    lock_rad: Annotated[float, _within("lock_rad")] | None = None
+    """largest angle of the steering wheel, default 40 deg; the faster the car, the less is used"""
+    largest_brake_n: Annotated[float, _within("largest_brake_n")] | None = None
+    """largest command of the brake"""
+    throttle_rate_per_s: Annotated[float, _within("throttle_rate_per_s")] | None = None
+    """largest change of each input in a second, which commands do not exceed"""
+    brake_rate_n_per_s: Annotated[float, _within("brake_rate_n_per_s")] | None = None
+    steer_rate_radps: Annotated[float, _within("steer_rate_radps")] | None = None
+    plan_lateral_mps2: Annotated[float, _within("plan_lateral_mps2")] | None = None
+    """lateral acceleration up to which a plan turns the wheel further than 40 deg"""
+    largest_lateral_mps2: Annotated[float, _within("largest_lateral_mps2")] | None = None
+    """that a command may ask for in steady state; the gateway refuses more"""
+    path_lateral_mps2: Annotated[float, _within("path_lateral_mps2")] | None = None
+    """that a path may need; a sharper one stops the car"""
+    throttle_mps2: Annotated[float, _within("throttle_mps2")] | None = None
+    """acceleration of the full throttle at low speed; default: as the model predicts"""
+    brake_mps2_per_n: Annotated[float, _within("brake_mps2_per_n")] | None = None
+    """deceleration per newton on the brake pedal; the forces of a stop follow from it"""
+    thresholds: dict[str, PositiveFloat] = Field(default_factory=dict)
+    """of the plausibility checks, by quantity; others keep theirs"""
     rear_slip_s2_per_m: Annotated[float, Field(ge=1e-4, le=0.05)] | None = None
     """side-slip angle of the rear axle per lateral acceleration, in rad; rt-controller estimates a
     lateral speed that is not measured with it; None: identified from the model"""
@@ -157,9 +178,10 @@ class CarData(MappingTable):
     with rear_slip_s2_per_m"""
 
     @property
-    def geometry(self) -> SteeringGeometry:
-        """The same numbers as the model bundle carries them."""
-        return SteeringGeometry(*(getattr(self, name) for name in SteeringGeometry._fields))
+    def car(self) -> Car:
+        """The same as model bundle and gateway carry it."""
+        found = self.model_dump(exclude={"rear_slip_s2_per_m", "yaw_inertia_m"})
+        return car_of(found)
 
 
 class RoadsMapping(MappingTable):

@@ -7,8 +7,11 @@ from enum import Enum, IntEnum, auto
 from math import copysign, inf
 from typing import NamedTuple
 
+from rt_controller.contract.car import Car
+from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.faults import StopCause
 from rt_controller.contract.limits import MOST_LATERAL_MPS2
+from rt_controller.contract.names import hint
 from rt_controller.contract.timing import PERIOD_S
 
 
@@ -93,8 +96,8 @@ def _ticks(time_s: float) -> int:
 
 
 LARGEST_CURVATURE_STEP_PER_M = 2e-3
-LARGEST_LATERAL_MPS2 = MOST_LATERAL_MPS2 + 0.5
-"""of a car that is 3 % faster than wanted"""
+_FASTER_MPS2 = 0.5
+"""lateral acceleration that a car needs besides, if it is 3 % faster than wanted"""
 _Q, _R, _C = Quantity, Reaction, StopCause
 CHECKS: tuple[Check, ...] = (
     Check("progress", _Q.PROGRESS_STEP_M, 0.02, 1, _R.REJECT_STATE, _C.PROGRESS_IMPLAUSIBLE),
@@ -167,7 +170,7 @@ CHECKS: tuple[Check, ...] = (
     Check(
         "path acceleration",
         _Q.PATH_LATERAL_MPS2,
-        LARGEST_LATERAL_MPS2,
+        MOST_LATERAL_MPS2 + _FASTER_MPS2,
         1,
         _R.REJECT_PATH,
         _C.PATH_TOO_SHARP,
@@ -175,6 +178,28 @@ CHECKS: tuple[Check, ...] = (
     Check("engagement, lateral", _Q.ENGAGE_EY_M, 1.0, 1, _R.REFUSE, _C.NOT_ENGAGED),
     Check("engagement, heading", _Q.ENGAGE_EPSI_RAD, 0.15, 1, _R.REFUSE, _C.NOT_ENGAGED),
 )
+
+
+def checks_of(car: Car) -> tuple[Check, ...]:
+    """The table with the thresholds of this car.
+
+    Raises:
+        ConfigError: a threshold of a quantity that no check compares.
+    """
+    names = {check.quantity.name.lower(): check.quantity for check in CHECKS}
+    unknown = [name for name in car.thresholds if name not in names]
+    if unknown:
+        raise ConfigError(
+            f"[car.thresholds]: expected quantities of the checks ({', '.join(names)}), found "
+            f"{', '.join(unknown)}{hint(unknown[0], names)}. Correct the name."
+        )
+    chosen = {Quantity.PATH_LATERAL_MPS2: car.path_lateral_mps2 + _FASTER_MPS2}
+    chosen.update((names[name], value) for name, value in car.thresholds.items())
+    return tuple(
+        check._replace(threshold=chosen.get(check.quantity, check.threshold)) for check in CHECKS
+    )
+
+
 NEVER = inf
 NOT_COMPUTED = -0.0
 """value of a quantity in a tick that has nothing to compute it from: above no threshold, and told

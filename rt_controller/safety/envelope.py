@@ -2,18 +2,21 @@
 
 from math import isfinite
 
-from rt_controller.contract.limits import INPUT_LIMITS, RELEASED_BRAKE_N, RELEASED_THROTTLE
+from rt_controller.contract.limits import (
+    INPUT_LIMITS,
+    RELEASED_BRAKE_N,
+    RELEASED_THROTTLE,
+    InputLimits,
+)
 from rt_controller.contract.signals import ControlInput
 from rt_controller.contract.timing import PERIOD_S
-
-_LARGEST_CHANGE = ControlInput(*(rate * PERIOD_S for rate in INPUT_LIMITS.rate_per_s))
-"""in one period"""
 
 
 def limit(
     wanted: ControlInput,
     previous: ControlInput,
     most_steer_rad: float = INPUT_LIMITS.upper.steer_rad,
+    limits: InputLimits = INPUT_LIMITS,
 ) -> ControlInput:
     """The input nearest to `wanted` that may follow `previous` one period later.
 
@@ -23,9 +26,11 @@ def limit(
     a wanted throttle of 0 closes the throttle at once. If both pedals are wanted, the one that was
     pressed before must be released first; if neither was pressed, the brake has priority.
     """
-    lower = INPUT_LIMITS.lower._replace(steer_rad=-most_steer_rad)
-    upper = INPUT_LIMITS.upper._replace(steer_rad=most_steer_rad)
-    throttle, brake_n, steer_rad = map(_limit_one, wanted, previous, lower, upper, _LARGEST_CHANGE)
+    lower = limits.lower._replace(steer_rad=-most_steer_rad)
+    upper = limits.upper._replace(steer_rad=most_steer_rad)
+    throttle, brake_n, steer_rad = map(
+        _limit_one, wanted, previous, lower, upper, limits.rate_per_s
+    )
     if wanted.throttle <= lower.throttle:
         throttle = lower.throttle
     throttle = 0.0 if throttle < RELEASED_THROTTLE else throttle
@@ -38,8 +43,9 @@ def limit(
     return ControlInput(throttle=throttle, brake_n=brake_n, steer_rad=steer_rad)
 
 
-def _limit_one(wanted: float, previous: float, low: float, high: float, change: float) -> float:
+def _limit_one(wanted: float, previous: float, low: float, high: float, rate_per_s: float) -> float:
     if not isfinite(wanted):
         wanted = previous
     bounded = min(max(wanted, low), high)
+    change = rate_per_s * PERIOD_S
     return min(max(bounded, previous - change), previous + change)

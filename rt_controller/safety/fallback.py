@@ -24,6 +24,10 @@ class Braking(NamedTuple):
     most_n: float
     rate_n_per_s: float
 
+    def scaled(self, by: float) -> "Braking":
+        """The same deceleration, of a car whose brake needs `by` times the force."""
+        return self if by == 1.0 else Braking(by * self.most_n, by * self.rate_n_per_s)
+
 
 ALONG_PATH = Braking(MOST_BRAKE_N, BRAKE_RATE_N_PER_S)
 """as the watchdog of the vehicle"""
@@ -45,6 +49,7 @@ def braking_for(
     is_known: bool,
     cornering: Cornering,
     open_throttle: float = 0.0,
+    force_scale: float = 1.0,
 ) -> Braking:
     """How a safe stop brakes in this tick: beside what the tyres give to the path.
 
@@ -57,11 +62,12 @@ def braking_for(
         is_known: state and path arrive and are accepted, though single signals may be estimated.
         cornering: of the car in this tick.
         open_throttle: by which the throttle is open against its command.
+        force_scale: of the car's brake, see `Car`.
     """
     if alarm is StopCause.STEERING_MISMATCH:
         return FULL
     if is_known and abs(cornering.counter_steering_rad) > COUNTER_STEERING_RAD:
-        return COUNTER_STEERING
+        return COUNTER_STEERING.scaled(force_scale)
     straight = ALONG_PATH if is_known else LOST
     most_n = brake_beside_n(
         cornering.lateral_mps2,
@@ -70,7 +76,7 @@ def braking_for(
         straight.most_n,
         cornering.least_brake_n,
     )
-    return straight._replace(most_n=most_n)
+    return Braking(most_n, straight.rate_n_per_s).scaled(force_scale)
 
 
 def input_for(

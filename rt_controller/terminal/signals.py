@@ -13,7 +13,7 @@ from rich.console import Console
 from rt_controller.bus.transport import close_bus
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
-from rt_controller.gateway.lateral_speed import choose_geometry, choose_lateral_speed
+from rt_controller.gateway.lateral_speed import choose_car, choose_lateral_speed
 from rt_controller.gateway.process import LEAVING_REQUEST, Gateway, run_gateway
 from rt_controller.gateway.signals_check import HELP, CheckReport, check_signals
 from rt_controller.mapping.car_file import read_car
@@ -84,7 +84,7 @@ def gateway_at_terminal(
     require_writable(json_file)
     car = read_car(file)
     bundle = load_bundle(find_model(model))
-    lateral_speed, geometry = choose_lateral_speed(car, bundle), choose_geometry(car, bundle)
+    lateral_speed, description = choose_lateral_speed(car, bundle), choose_car(car, bundle)
     with ExitStack() as opened:
         # First: the threads that a bus starts inherit the settings of the process.
         guarantees = opened.enter_context(real_time_process(priority))
@@ -92,7 +92,7 @@ def gateway_at_terminal(
         opened.callback(close_bus, below)
         above = bus.open_bus()
         opened.callback(close_bus, above)
-        gateway = Gateway(below, above, car, lateral_speed, bus.fd, geometry)
+        gateway = Gateway(below, above, car, lateral_speed, bus.fd, description)
         opened.enter_context(stop_on_signals(gateway.request_end))
         guarantees = set_thread_priority(priority, process=guarantees)
         show(f"translating between {below.channel_info} and {above.channel_info}")

@@ -3,11 +3,9 @@
 from math import copysign, isfinite
 from typing import NamedTuple
 
+from rt_controller.contract.car import DEFAULT_CAR, Car
 from rt_controller.contract.limits import (
-    DEFAULT_GEOMETRY,
-    INPUT_LIMITS,
     UNDERSTEER_RAD_PER_MPS2,
-    SteeringGeometry,
     brake_beside_n,
     least_brake_n,
 )
@@ -46,7 +44,7 @@ def steer_along(
     state: VehicleState,
     curvature_per_m: float,
     previous_rad: float,
-    geometry: SteeringGeometry = DEFAULT_GEOMETRY,
+    car: Car = DEFAULT_CAR,
 ) -> float:
     """Wheel angle of the coming period that leads the car to its path, in rad.
 
@@ -58,7 +56,7 @@ def steer_along(
         state: of the car, measured by itself.
         curvature_per_m: of the road at the car.
         previous_rad: of the last period; kept at standstill and if a value is not finite.
-        geometry: of the car.
+        car: the description of the car.
     """
     speed_mps = state.vx_mps
     if not speed_mps > SLOWEST_MPS:
@@ -72,14 +70,15 @@ def steer_along(
         return previous_rad
     largest_per_m = LARGEST_BRAKED_LATERAL_MPS2 / speed_mps**2
     turn_per_m = copysign(min(abs(turn_per_m), largest_per_m), turn_per_m)
+    geometry, limits = car.geometry, car.limits
     per_turn = geometry.wheelbase_m + UNDERSTEER_RAD_PER_MPS2 * speed_mps**2
     damping_rad = YAW_DAMPING_S * (turn_per_m * speed_mps - state.yaw_rate_radps)
     wanted_rad = geometry.steering_ratio * (per_turn * turn_per_m + damping_rad)
-    most_rad = INPUT_LIMITS.upper.steer_rad
+    most_rad = limits.upper.steer_rad
     if speed_mps < LOCK_BELOW_MPS:
         most_rad = geometry.largest_wheel_rad(speed_mps, LARGEST_TURN_MPS2)
     wanted_rad = min(max(wanted_rad, -most_rad), most_rad)
-    change_rad = INPUT_LIMITS.rate_per_s.steer_rad * PERIOD_S
+    change_rad = limits.rate_per_s.steer_rad * PERIOD_S
     return previous_rad + min(max(wanted_rad - previous_rad, -change_rad), change_rad)
 
 
@@ -87,7 +86,7 @@ def largest_brake_n(
     course: Course,
     steer_rad: float,
     open_throttle: float = 0.0,
-    geometry: SteeringGeometry = DEFAULT_GEOMETRY,
+    car: Car = DEFAULT_CAR,
 ) -> float:
     """Brake force that leaves the tyres enough grip to steer, in N.
 
@@ -98,12 +97,12 @@ def largest_brake_n(
         course: of the car.
         steer_rad: wheel angle.
         open_throttle: by which the throttle is open against its command.
-        geometry: of the car.
+        car: the description of the car.
     """
     path, state, _ = course
     beyond_m = max(abs(state.ey_m - path.c0_m) - TOLERATED_OFF_PATH_M, 0.0)
     lateral_mps2 = state.vx_mps * state.yaw_rate_radps
-    wanted_mps2 = geometry.steady_lateral_mps2(state.vx_mps, steer_rad)
+    wanted_mps2 = car.geometry.steady_lateral_mps2(state.vx_mps, steer_rad)
     least_n = least_brake_n(state.vx_mps)
     force_n = brake_beside_n(lateral_mps2, wanted_mps2, open_throttle, least_n=least_n)
-    return max(force_n - LESS_BRAKE_N_PER_M * beyond_m, least_n)
+    return car.force_scale * max(force_n - LESS_BRAKE_N_PER_M * beyond_m, least_n)

@@ -9,19 +9,15 @@ from math import atan, isfinite, radians
 from typing import NamedTuple
 
 from rt_controller.bus.messages import Command
+from rt_controller.contract.car import DEFAULT_CAR, Car
 from rt_controller.contract.faults import NO_REFUSAL, Refusal
 from rt_controller.contract.limits import (
-    DEFAULT_GEOMETRY,
-    INPUT_LIMITS,
     RELEASED_BRAKE_N,
     RELEASED_THROTTLE,
-    SteeringGeometry,
 )
 from rt_controller.contract.signals import ControlInput, Mode, PathReference, VehicleState
 from rt_controller.contract.timing import COMMAND_TIMEOUT_TICKS, PERIOD_S
 
-LARGEST_LATERAL_MPS2 = 7.5
-"""in steady state, by the single-track model; the shipped scenarios need up to 6.7"""
 MOVING_MPS = 1.0
 """a slower car is about to stand"""
 OFF_PATH_AHEAD_S = 0.3
@@ -50,7 +46,7 @@ def refusals(
     before: ControlInput,
     periods: int,
     motion: OwnMotion,
-    geometry: SteeringGeometry = DEFAULT_GEOMETRY,
+    car: Car = DEFAULT_CAR,
 ) -> Refusal:
     """Why the content of a command must not be followed; none if it may.
 
@@ -59,7 +55,7 @@ def refusals(
         before: the last command that was followed.
         periods: since `before`; the wheel may have moved in each of them.
         motion: of the car, by its own measurement.
-        geometry: of the car.
+        car: the description of the car.
     """
     control = command.control
     if not all(map(isfinite, control)):
@@ -69,11 +65,11 @@ def refusals(
         found |= Refusal.MODE
     if control.throttle > RELEASED_THROTTLE and control.brake_n > RELEASED_BRAKE_N:
         found |= Refusal.PEDALS
-    is_bounded = is_within_bounds(control, geometry.lock_rad)
-    if not is_bounded or not is_reachable(control, before, periods):
+    is_bounded = is_within_bounds(control, car)
+    if not is_bounded or not is_reachable(control, before, periods, car):
         found |= Refusal.STEERING
-    lateral_mps2 = geometry.steady_lateral_mps2(motion.speed_mps, control.steer_rad)
-    if abs(lateral_mps2) > LARGEST_LATERAL_MPS2:
+    lateral_mps2 = car.geometry.steady_lateral_mps2(motion.speed_mps, control.steer_rad)
+    if abs(lateral_mps2) > car.largest_lateral_mps2:
         found |= Refusal.LATERAL_ACCELERATION
     return found
 
@@ -102,19 +98,21 @@ def leaves_path(command: Command, motion: OwnMotion, has_reached_path: bool) -> 
     return is_judged and abs(motion.off_path_m) > FARTHEST_DRIVEN_M
 
 
-def is_within_bounds(control: ControlInput, most_steer_rad: float) -> bool:
+def is_within_bounds(control: ControlInput, car: Car = DEFAULT_CAR) -> bool:
     """True if each input is within its bounds, but for the rounding of a frame."""
-    lower = INPUT_LIMITS.lower._replace(steer_rad=-most_steer_rad)
-    upper = INPUT_LIMITS.upper._replace(steer_rad=most_steer_rad)
+    lower = car.limits.lower._replace(steer_rad=-car.geometry.lock_rad)
+    upper = car.limits.upper._replace(steer_rad=car.geometry.lock_rad)
     return all(
         low - step <= value <= high + step
         for value, low, high, step in zip(control, lower, upper, _ROUNDING, strict=True)
     )
 
 
-def is_reachable(control: ControlInput, before: ControlInput, periods: int) -> bool:
+def is_reachable(
+    control: ControlInput, before: ControlInput, periods: int, car: Car = DEFAULT_CAR
+) -> bool:
     """True if the wheel can have moved so far within its rate, in at most a time-out."""
-    change_rad = INPUT_LIMITS.rate_per_s.steer_rad * PERIOD_S
+    change_rad = car.limits.rate_per_s.steer_rad * PERIOD_S
     largest_rad = change_rad * min(max(periods, 1), COMMAND_TIMEOUT_TICKS)
     return abs(control.steer_rad - before.steer_rad) <= largest_rad + 2.0 * _ROUNDING.steer_rad
 

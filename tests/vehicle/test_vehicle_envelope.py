@@ -7,11 +7,10 @@ import pytest
 
 from rt_controller.bus.messages import Command
 from rt_controller.contract.faults import NO_REFUSAL, Refusal
-from rt_controller.contract.limits import DEFAULT_GEOMETRY, INPUT_LIMITS
+from rt_controller.contract.limits import DEFAULT_GEOMETRY, INPUT_LIMITS, LARGEST_LATERAL_MPS2
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.vehicle.vehicle_envelope import (
-    LARGEST_LATERAL_MPS2,
     STANDING,
     OwnMotion,
     leaves_path,
