@@ -28,9 +28,9 @@ from rt_controller.control.knots import place_knots
 from rt_controller.control.lift import Encoder, History
 from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.program import QuadraticProgram, Solver, SolveStatus, open_solver
-from rt_controller.control.qp import WITH_SLEW, CondensedQp, Features
+from rt_controller.control.qp import CondensedQp
 from rt_controller.control.reference import ReferenceHorizon
-from rt_controller.control.terms import TrackingCost
+from rt_controller.control.terms import Corridor, TrackingCost
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.dynamics import roll_out
 from rt_controller.model.validation import require_drivable
@@ -58,7 +58,7 @@ class Mpc:
         bundle: Bundle,
         horizon: int,
         cost: TrackingCost,
-        features: Features = WITH_SLEW,
+        corridor: Corridor | None = None,
         open_solver: Callable[[QuadraticProgram], Solver] = open_solver,
         knots: int | None = None,
         disturbance_gain: float = MOTION_GAIN,
@@ -66,12 +66,12 @@ class Mpc:
         """`knots` over `horizon`, as of `place_knots`; `disturbance_gain` of `Estimator`."""
         require_drivable(bundle)
         self._bundle = bundle
-        self._cost, self._corridor = cost, features.corridor
+        self._cost, self._corridor = cost, corridor
         self._encoder = Encoder(bundle)
         rows = self._encoder.history
         self._history = None if rows is None else History(rows)
         self._pedals = PedalChoice()
-        self._qp = CondensedQp(bundle, horizon, cost, features, knots)
+        self._qp = CondensedQp(bundle, horizon, cost, corridor, knots)
         self._reference = ReferenceHorizon(self._qp.knots)
         self._solver = open_solver(self._qp.program)
         self._knots = np.array([0, *self._qp.knots.ends])

@@ -3,13 +3,25 @@
 Everything that runs a finished model uses these: controller, evaluation and linear baselines.
 """
 
+from enum import StrEnum
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
-from rt_controller.model.follow import Follow
+
+
+class Follow(StrEnum):
+    """From which lifted state the input matrix is computed in each step of a prediction."""
+
+    PREDICTION = "prediction"
+    """that of the step itself, as in a bilinear model. The controller uses the states that its last
+    plan predicted"""
+    FREE_RESPONSE = "free-response"
+    """what the first lifted state becomes without inputs"""
+    START = "start"
+    """the first lifted state, in all steps"""
 
 
 class Bilinear(NamedTuple):
@@ -183,12 +195,7 @@ class Step:
 
 def one_step(model: Dynamics, psi: Array, u: Array, w: Array) -> Array:
     """psi_(k+1) (..., n) from psi (..., n), inputs u (..., m) and exogenous signals w (..., p)."""
-    return Step(model)(psi, with_one(u, w))
-
-
-def with_one(u: Array, w: Array) -> Array:
-    """[u; w; 1] (..., m + p + 1)."""
-    return np.asarray(np.concatenate((u, w, np.ones((*u.shape[:-1], 1))), axis=-1))
+    return Step(model)(psi, np.concatenate((u, w, np.ones((*u.shape[:-1], 1))), axis=-1))
 
 
 def roll_out(model: Dynamics, psi0: Array, U: Array, W: Array, outputs: int) -> Array:
@@ -201,7 +208,8 @@ def roll_out(model: Dynamics, psi0: Array, U: Array, W: Array, outputs: int) -> 
     follow = Follow.PREDICTION if model.bilinear is None else model.bilinear.follows
     found = np.empty((len(psi0), U.shape[1] + 1, outputs))
     found[:, 0] = psi0[:, :outputs]
-    step, inputs, psi = Step(model), with_one(U, W), psi0
+    step, psi = Step(model), psi0
+    inputs = np.concatenate((U, W, np.ones((*U.shape[:-1], 1))), axis=-1)
     followed = None if follow is Follow.PREDICTION else psi0
     for k in range(U.shape[1]):
         psi = step(psi, inputs[:, k], followed)

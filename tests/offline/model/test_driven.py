@@ -5,18 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from offline.model.driven import (
+    MOST_SIGNALS,
+    box_stability,
+    driven_matrices,
+    signal_box,
+    stability_of,
+)
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import Schema, Signal
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.driven import (
-    MOST_SIGNALS,
-    box_stability,
-    driven_matrices,
-    n_gains,
-    signal_box,
-    stability_of,
-)
 from rt_controller.model.dynamics import NO_SIGNAL, Bilinear, Drift, one_step
 
 LEVEL = (Signal("level_m", "m"),)
@@ -153,12 +152,6 @@ def test_all_corners_are_evaluated_up_to_ten_signals(count: int, is_found: bool)
     ).unsaturated
     assert found.radius <= 0.5 + 0.1 * count
     assert (found.radius == pytest.approx(0.5 + 0.1 * count)) is is_found
-
-
-def test_the_gains_are_those_of_the_inputs_and_of_the_drift(bundle: Bundle) -> None:
-    assert n_gains(bundle) == 2 * 3 + 3
-    assert n_gains(replace(bundle, drift=None)) == 6
-    assert n_gains(replace(bundle, bilinear=None)) == 3
 
 
 @pytest.mark.parametrize("saturates", [False, True])
