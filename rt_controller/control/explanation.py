@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import N_INPUTS, ControlInput, StateColumn, VehicleState
+from rt_controller.control.objective import QpParameters
 from rt_controller.control.program import QuadraticProgram, SolveStatus, open_solver
-from rt_controller.control.terms import TrackingCost
+from rt_controller.control.terms import Corridor, TrackingCost
 
 ACTIVE = 1e-6
 """distance to a bound, in units of an input's range, from which on it is active"""
@@ -132,30 +133,22 @@ def _multipliers(program: QuadraticProgram, z: Array) -> tuple[Array, float]:
 
 def cost_shares(
     cost: TrackingCost,
+    corridor: Corridor | None,
     states: Array,
-    reference: Array,
-    intervals: Array,
+    parameters: QpParameters,
     inputs: Array,
-    previous: Array,
     length_m: Array,
-    corridor: tuple[float, float] | None = None,
+    intervals: Array,
 ) -> tuple[CostShare, ...]:
     """The terms of eq. (14) that are not zero, the largest first; a half of each square.
 
-    Args:
-        cost: tolerances.
-        states: (K + 1, 6) at the knots and at the end, as the model predicts them.
-        reference: (K + 1, 6) at the same stages, counted as the states are.
-        intervals: (K,), periods between them.
-        inputs: (N, 3).
-        previous: (3,), the input of the last period.
-        length_m: (K,), over which the course of each interval is computed.
-        corridor: half of its width in m, and its weight; None: there is none.
+    `states` (K + 1, 6) are predicted under `inputs` (N, 3) at the knots and at the end, `intervals`
+    (K,) the periods between them, `length_m` (K,) that over which the course is computed.
     """
     stage_weights = intervals.copy()
     stage_weights[-1] *= cost.terminal_factor
     names, ey = list(VehicleState._fields), StateColumn.ey_m
-    all_stages = states - reference
+    all_stages = states - parameters.reference
     deviation = all_stages[1:].copy()
     if cost.heading == "course":
         names[StateColumn.epsi_rad] = "course"
@@ -164,14 +157,13 @@ def cost_shares(
         f"deviation of {name}": stage_weights @ np.square(deviation[:, i] / cost.state[i])
         for i, name in enumerate(names)
     }
-    changes = np.diff(inputs, axis=0, prepend=previous[None])
+    changes = np.diff(inputs, axis=0, prepend=parameters.previous[None])
     for i, name in enumerate(ControlInput._fields):
         terms[f"size of {name}"] = np.square(inputs[:, i] / cost.control[i]).sum()
         terms[f"change of {name}"] = np.square(changes[:, i] / cost.control_change[i]).sum()
     if corridor is not None:
-        half_width_m, weight = corridor
-        excess_m = np.abs(deviation[:, ey]) - half_width_m
-        terms["beyond the corridor"] = weight * np.square(np.maximum(excess_m, 0.0)).sum()
+        excess_m = np.abs(deviation[:, ey]) - corridor.half_width_m
+        terms["beyond the corridor"] = corridor.weight * np.square(np.maximum(excess_m, 0.0)).sum()
     total = float(sum(terms.values()))
     shares = [
         CostShare(name, 0.5 * float(value), float(value) / total if total else 0.0)

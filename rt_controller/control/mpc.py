@@ -120,7 +120,9 @@ class Mpc:
 
         psi = self._encoder.lift(state, curvature_per_m)
         parameters = self._qp.parameters
-        parameters.psi[:] = self._after(psi, under_way, curvature_per_m)
+        for each in under_way:
+            psi = self._estimator.step(psi, each, curvature_per_m)
+        parameters.psi[:] = psi
         parameters.curvature_per_m = curvature_per_m
         parameters.previous[:] = previous
         parameters.reference[:] = self._reference.expand(
@@ -156,12 +158,6 @@ class Mpc:
             self._integral_m = min(max(changed_m, -LARGEST_INTEGRAL_M), LARGEST_INTEGRAL_M)
         return self._integral_m
 
-    def _after(self, psi: Array, inputs: Sequence[ControlInput], curvature_per_m: float) -> Array:
-        """Lifted state (n,) that is predicted after some inputs, one in each period."""
-        for each in inputs:
-            psi = self._estimator.step(psi, each, curvature_per_m)
-        return psi
-
     def prepare(self) -> None:
         """Build the matrices of the next period's QP, around its predicted state.
 
@@ -172,14 +168,12 @@ class Mpc:
         self._is_prepared = False
         if not self._has_plan:
             return
-        parameters = self._qp.parameters
-        acting = self._under_way[0] if self._under_way else ControlInput(*self.inputs[0].tolist())
-        self._estimator.advance(self._encoder.psi, acting, parameters.curvature_per_m)
-        psi = parameters.psi
-        psi[:] = self._after(
-            psi, [ControlInput(*self.inputs[0].tolist())], parameters.curvature_per_m
-        )
-        parameters.previous[:] = self.inputs[0]
+        parameters, first = self._qp.parameters, ControlInput(*self.inputs[0].tolist())
+        curvature_per_m, psi = parameters.curvature_per_m, parameters.psi
+        acting = self._under_way[0] if self._under_way else first
+        self._estimator.advance(self._encoder.psi, acting, curvature_per_m)
+        psi[:] = self._estimator.step(psi, first, curvature_per_m)
+        parameters.previous[:] = first
         self._is_prepared = self._update_matrices()
         self._has_plan = False  # a plan is the nominal trajectory of one period only
 
@@ -202,10 +196,8 @@ class Mpc:
 
     def observe(self, state: VehicleState, held: ControlInput) -> None:
         """Filter `state` and add it to the history; `held` was applied until now."""
-        self._observed, self._estimate = (
-            state,
-            self._estimator.estimate(state, self._qp.parameters.curvature_per_m),
-        )
+        self._observed = state
+        self._estimate = self._estimator.estimate(state, self._qp.parameters.curvature_per_m)
         if self._history is not None:
             self._history.advance(self._estimate, held)
 
@@ -240,11 +232,7 @@ class Mpc:
         self._qp.limit_steering(most_rad, rate_radps)
 
     def limit_solve_time(self, budget_ns: int) -> None:
-        """Limit the time of a solve.
-
-        Raises:
-            ConfigError: a typical solve needs more time than that.
-        """
+        """Limit the time of a solve, as `Solver.limit_solve_time`."""
         self.max_iterations = self._solver.limit_solve_time(budget_ns)
 
     @property
@@ -298,13 +286,12 @@ class Mpc:
         reference = self._all_stages()
         costs = cost_shares(
             self._cost,
-            states[[0, *knots.ends]],
-            parameters.reference,
-            knots.intervals,
+            self._corridor,
+            states[self._knots],
+            parameters,
             self.inputs,
-            parameters.previous,
             self._qp.objective.length_m,
-            self._corridor and (self._corridor.half_width_m, self._corridor.weight),
+            knots.intervals,
         )
         return PlanExplanation(
             self.inputs.copy(),

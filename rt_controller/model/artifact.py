@@ -129,19 +129,29 @@ def load_bundle(folder: Path) -> Bundle:
     """
     path, encoder_path = folder / KOOPMAN_FILE, folder / ENCODER_FILE
     found = _read_fields(path)
+    try:
+        with open_regular(encoder_path, LARGEST_FILE_BYTES) as file:
+            encoder = file.read()
+    except OSError as error:
+        raise _unreadable(encoder_path, "the encoder", error) from error
     lift = Lift("w" in found["lift_inputs"], found["history_steps"], found["history_fields"])
     check_field(path, "lift_inputs", lift.inputs, found["lift_inputs"])
     states, inputs, exogenous = (_signals(path, found, kind) for kind in SIGNALS)
+    if found["bilinear_follows"] not in list(Follow):
+        check_field(path, "bilinear_follows", " or ".join(Follow), found["bilinear_follows"])
+    bilinear = _part(Bilinear, "bilinear", found)
+    bilinear = bilinear._replace(follows=Follow(bilinear.follows))
+    has_drift = len(found["drift_S"]) or len(found["drift_s0"])
     bundle = Bundle(
         schema=Schema(states, inputs, exogenous, found["dt_s"]),
-        bilinear=_bilinear(path, found),
-        drift=_drift(found),
+        bilinear=bilinear if max(map(len, bilinear[:3])) else None,
+        drift=_part(Drift, "drift", found) if has_drift else None,
         lift=lift,
         geometry=_geometry(path, found),
-        plans=_plans(found),
+        plans=_part(PlanSample, "plan", found) if "plan_state" in found else None,
         signal_range=found.get("signal_range"),
-        encoder_onnx=_read_encoder(encoder_path),
-        selftest=LiftSample(*(found[f"selftest_{name}"] for name in LiftSample._fields)),
+        encoder_onnx=encoder,
+        selftest=_part(LiftSample, "selftest", found),
         **{name: found[name] for name in UNCHANGED},
     )
     require_fitting_parts(bundle, path)
@@ -152,8 +162,14 @@ def load_bundle(folder: Path) -> Bundle:
 
 def _fields_of(bundle: Bundle) -> dict[str, Any]:
     """The fields of `koopman.npz` by name, as numpy takes them."""
-    n, m = bundle.n_observables, bundle.B_uc.shape[1]
-    no_gains = Bilinear(np.zeros((0, n, m)), np.zeros((0, m, n)), np.zeros((0, m)))
+    n, m = bundle.B_uc.shape
+    parts = {
+        "bilinear": bundle.bilinear
+        or Bilinear(np.zeros((0, n, m)), np.zeros((0, m, n)), np.zeros((0, m))),
+        "drift": bundle.drift or no_drift(n),
+        "selftest": bundle.selftest,
+        "plan": bundle.plans,
+    }
     signals = {kind: getattr(bundle.schema, name) for kind, name in SIGNALS.items()}
     texts = {
         **{f"{kind}_fields": [signal.name for signal in each] for kind, each in signals.items()},
@@ -168,22 +184,18 @@ def _fields_of(bundle: Bundle) -> dict[str, Any]:
         "dt_s": bundle.schema.dt_s,
         "history_steps": bundle.lift.history_steps,
         **{
-            f"bilinear_{name}": part
-            for name, part in (bundle.bilinear or no_gains)._asdict().items()
+            f"{kind}_{name}": value
+            for kind, part in parts.items()
+            if part is not None
+            for name, value in part._asdict().items()
         },
-        **{f"drift_{name}": part for name, part in (bundle.drift or no_drift(n))._asdict().items()},
         "spectral_radius": bundle.spectral_radius,
         "growth_20": bundle.growth(20),
         "growth_80": bundle.growth(80),
         "encoder_sha256": bundle.encoder_sha256,
         "bundle_sha256": bundle.sha256,
-        **{f"selftest_{name}": part for name, part in bundle.selftest._asdict().items()},
         **(bundle.geometry._asdict() if bundle.geometry else {}),
         **({} if bundle.signal_range is None else {"signal_range": bundle.signal_range}),
-        **{
-            f"plan_{name}": part
-            for name, part in (bundle.plans._asdict() if bundle.plans else {}).items()
-        },
     }
 
 
@@ -193,19 +205,9 @@ def _signals(path: Path, found: dict[str, Any], kind: str) -> tuple[Signal, ...]
     return tuple(map(Signal, names, units))
 
 
-def _bilinear(path: Path, found: dict[str, Any]) -> Bilinear | None:
-    N, S, s0, follows = (found[f"bilinear_{name}"] for name in ("N", "S", "s0", "follows"))
-    if follows not in list(Follow):
-        check_field(path, "bilinear_follows", " or ".join(Follow), follows)
-    if not max(len(N), len(S), len(s0)):
-        return None
-    return Bilinear(N, S, s0, Follow(follows), found["bilinear_saturates"])
-
-
-def _drift(found: dict[str, Any]) -> Drift | None:
-    if not max(len(found[f"drift_{name}"]) for name in ("S", "s0")):
-        return None
-    return Drift(*(found[f"drift_{name}"] for name in Drift._fields))
+def _part(kind: Any, name: str, found: dict[str, Any]) -> Any:
+    """The NamedTuple `kind` of the fields that begin with `name`."""
+    return kind(*(found[f"{name}_{field}"] for field in kind._fields))
 
 
 def _geometry(path: Path, found: dict[str, Any]) -> SteeringGeometry | None:
@@ -217,26 +219,12 @@ def _geometry(path: Path, found: dict[str, Any]) -> SteeringGeometry | None:
     return SteeringGeometry(**{name: found[name] for name in present})
 
 
-def _plans(found: dict[str, Any]) -> PlanSample | None:
-    if "plan_state" not in found:
-        return None
-    return PlanSample(*(found[f"plan_{name}"] for name in PlanSample._fields))
-
-
 def _check_hash(path: Path, expected: str, found: str, what: str) -> None:
     if found != expected:
         raise ArtifactError(
             f"{path}: expected the {what} of SHA-256 {expected:.16}…, found {found:.16}…: the two "
             f"files are not of one export, or one was altered. Run offline-export again."
         )
-
-
-def _read_encoder(path: Path) -> bytes:
-    try:
-        with open_regular(path, LARGEST_FILE_BYTES) as file:
-            return file.read()
-    except OSError as error:
-        raise _unreadable(path, "the encoder", error) from error
 
 
 def _unreadable(path: Path, what: str, error: OSError) -> ArtifactError:
@@ -247,12 +235,7 @@ def _unreadable(path: Path, what: str, error: OSError) -> ArtifactError:
 
 
 def _read_fields(path: Path) -> dict[str, Any]:
-    """The fields of `koopman.npz` as the texts, numbers, tuples and arrays that `FIELDS` lists.
-
-    Raises:
-        ArtifactError: the file is missing, truncated, altered, or not an npz archive without
-            pickles; or a field is missing or of another type, shape or format.
-    """
+    """The fields of `koopman.npz` as the texts, numbers, tuples and arrays that `FIELDS` lists."""
     try:
         arrays = read_arrays(path, LARGEST_FILE_BYTES, LARGEST_UNPACKED_BYTES)
     except OSError as error:
@@ -264,11 +247,10 @@ def _read_fields(path: Path) -> dict[str, Any]:
         ) from error
     version = arrays["format_version"].tolist() if "format_version" in arrays else FORMAT_VERSION
     if version != FORMAT_VERSION:
-        missing = ", ".join(sorted(FIELDS.keys() - arrays)) or "nothing"
         raise ArtifactError(
-            f"{path}: expected format_version = {FORMAT_VERSION}, found {version!s:.40}; of the "
-            f"fields of this format it lacks {missing:.200}. Run offline-export RUN again with "
-            f"this version; for a newer bundle install a newer rt-controller."
+            f"{path}: expected format_version = {FORMAT_VERSION}, found {version!s:.40}. Run "
+            f"offline-export RUN again with this version; for a newer bundle install a newer "
+            f"rt-controller."
         )
     required = FIELDS | (PLANS if "plan_state" in arrays else {})
     for key in ("format_version", *required):

@@ -51,12 +51,6 @@ class Bilinear(NamedTuple):
     def rank(self) -> int:
         return int(self.s0.shape[0])
 
-    def gains(self, psi: Array) -> Array:
-        """The share of each direction at psi (..., n): (..., R, m)."""
-        flat: Array = psi @ self.S.reshape(-1, self.S.shape[2]).T
-        shares: Array = flat.reshape(*psi.shape[:-1], *self.s0.shape) + self.s0
-        return np.tanh(shares, out=shares) if self.saturates else shares
-
 
 NO_SIGNAL = -1
 """in place of a column; the last one of [w, 1]"""
@@ -94,11 +88,6 @@ class Drift(NamedTuple):
         """What tanh(a) is multiplied by (..., D): an exogenous signal of w (..., p), or 1."""
         ones = np.ones((*w.shape[:-1], 1))
         return np.asarray(np.concatenate((w, ones), axis=-1)[..., self.signal])
-
-    def terms(self, psi: Array, w: Array) -> Array:
-        """t (..., D) at psi (..., n), with the exogenous signals w (..., p)."""
-        a = psi @ self.S.T + self.s0
-        return np.asarray(np.tanh(a) * self.factors(w) - a * self.is_saturation)
 
 
 def no_drift(n: int) -> Drift:

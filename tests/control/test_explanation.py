@@ -40,12 +40,12 @@ def test_the_cost_shares_add_up_to_the_objective_of_the_qp(
     (free,) = roll_out(bundle, parameters.psi[None], nothing[None], W, N_STATES)
     without = cost_shares(
         settings.cost(),
+        None,
         free[[0, *knots.ends]],
-        parameters.reference,
-        knots.intervals,
+        parameters,
         nothing,
-        np.array(PREVIOUS),
         mpc._qp.objective.length_m,
+        knots.intervals,
     )
     z = mpc._solver.solution
     objective = 0.5 * z @ program.P @ z + program.q @ z

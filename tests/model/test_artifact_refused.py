@@ -63,9 +63,9 @@ HISTORY = ("vx_mps", "vy_mps", "yaw_rate_radps", "throttle", "brake_n", "steer_r
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("format_version", np.int64(1), "format_version = 4, found 1;"),
+        ("format_version", np.int64(1), "format_version = 4, found 1."),
         ("format_version", np.int64(99), "format_version"),
-        ("format_version", np.str_("one"), "format_version = 4, found one;"),
+        ("format_version", np.str_("one"), "format_version = 4, found one."),
         ("format_version", np.str_("2"), "format_version"),
         ("format_version", np.array([2]), "format_version"),
         ("format_version", np.eye(2), "format_version"),
@@ -147,9 +147,9 @@ HISTORY = ("vx_mps", "vy_mps", "yaw_rate_radps", "throttle", "brake_n", "steer_r
         ("signal_range", np.zeros(4), "numbers in 2 dimensions in signal_range"),
         ("signal_range", np.full((2, 4), np.nan), "finite"),
         ("signal_range", None, "SHA-256"),
-        ("selftest_x", np.zeros((0, 6)), "shape of selftest_w"),
+        ("selftest_x", np.zeros((0, 6)), "shape of selftest_psi"),
         ("selftest_x", np.zeros((5, 7)), "shape of selftest_x"),
-        ("selftest_w", np.zeros((5, 2)), "shape of selftest_w"),
+        ("selftest_w", np.zeros((5, 2)), "shape of selftest_psi"),
         ("selftest_history", np.zeros((5, 4, 5)), "shape of selftest_history"),
         ("selftest_history", np.zeros((5, 24)), "numbers in 3 dimensions in selftest_history"),
         ("selftest_psi", np.float64(0.0), "selftest_psi"),

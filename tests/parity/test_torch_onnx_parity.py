@@ -10,7 +10,7 @@ import numpy as np
 import onnxruntime
 import pytest
 import torch
-from made_models import added_columns
+from made_models import added_columns, drift_terms
 from numpy.typing import NDArray
 
 from offline.config import PAST_STEPS, PRESETS, TrainingConfig
@@ -232,7 +232,7 @@ def test_the_roll_out_in_physical_units_equals_the_scaled_one(exported):
             assert bilinear.follows is model.follows
             assert np.abs(B_eff - B_uc).max() > 1e-3
         if drift is not None:
-            added = drift.terms(seen[model.follows], w[k]) @ drift.N.T
+            added = drift_terms(drift, seen[model.follows], w[k]) @ drift.N.T
             assert np.abs(added).max() > 1e-3
         undriven = w[k] @ B_uw.T + c
         psi = psi @ A.T + np.einsum("bnm,bm->bn", B_eff, u[k]) + undriven + added
