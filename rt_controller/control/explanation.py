@@ -85,7 +85,7 @@ def solve_again(program: QuadraticProgram, z: Array | None, n_inputs: int) -> Se
     difference = np.nan
     if status is SolveStatus.SOLVED:
         difference = float(np.abs(solver.solution - z)[:n_inputs].max())
-    return SecondSolution(status, solver.iterations, difference, _multipliers(program, z)[1])
+    return SecondSolution(status, solver.iterations, difference, _multipliers(program, z)[-1])
 
 
 def active_bounds(
@@ -93,15 +93,13 @@ def active_bounds(
 ) -> tuple[ActiveBound, ...]:
     """The bounds that are active at the solution `z` (n,), by variable, then by row."""
     n_inputs = N_INPUTS * len(knot_stages)
-    indices, signs = _active(program, z)
-    multipliers, _ = _multipliers(program, z)
-    n_slews = len(program.G) - (program.size - n_inputs)
+    indices, signs, multipliers, _ = _multipliers(program, z)
     found = []
-    for index, sign, multiplier in zip(indices, signs, multipliers, strict=True):
-        place = int(index) - program.size
-        knot, column = divmod(int(index) if place < 0 else place, N_INPUTS)
-        if place >= n_slews:
-            kind, signal, stage = "corridor", "ey_m", place - n_slews + 1
+    for index, sign, multiplier in zip(indices.tolist(), signs, multipliers, strict=True):
+        place = index - program.size
+        knot, column = divmod(index if place < 0 else place, N_INPUTS)
+        if place >= n_inputs:
+            kind, signal, stage = "corridor", "ey_m", place - n_inputs + 1
         else:
             kind, signal = "value" if place < 0 else "change", ControlInput._fields[column]
             stage = knot_stages[knot]
@@ -111,24 +109,23 @@ def active_bounds(
     return tuple(found)
 
 
-def _active(program: QuadraticProgram, z: Array) -> tuple[NDArray[np.int64], Array]:
-    """Indices among variables and rows, and +1 for an upper bound, -1 for a lower one."""
+def _multipliers(
+    program: QuadraticProgram, z: Array
+) -> tuple[NDArray[np.int64], Array, Array, float]:
+    """The active bounds, their multipliers by least squares, and what of the gradient remains.
+
+    Indices among variables and rows, and +1 for an upper bound, -1 for a lower one.
+    """
     values = np.concatenate([z, program.G @ z])
     above = program.all_upper - values <= ACTIVE
-    below = values - program.all_lower <= ACTIVE
-    indices = np.flatnonzero(above | below)
-    return indices, np.where(above[indices], 1.0, -1.0)
-
-
-def _multipliers(program: QuadraticProgram, z: Array) -> tuple[Array, float]:
-    """Multipliers of the active bounds by least squares, and what of the gradient remains."""
-    indices, signs = _active(program, z)
+    indices = np.flatnonzero(above | (values - program.all_lower <= ACTIVE))
+    signs = np.where(above[indices], 1.0, -1.0)
     normals = np.vstack([np.eye(program.size), program.G])[indices] * signs[:, None]
     gradient = program.P @ z + program.q
-    if len(indices) == 0:
-        return np.zeros(0), float(np.abs(gradient).max())
-    multipliers = np.asarray(np.linalg.lstsq(normals.T, -gradient, rcond=None)[0], dtype=np.float64)
-    return multipliers, float(np.abs(normals.T @ multipliers + gradient).max())
+    multipliers = np.zeros(len(indices))
+    if len(indices):
+        multipliers[:] = np.linalg.lstsq(normals.T, -gradient, rcond=None)[0]
+    return indices, signs, multipliers, float(np.abs(normals.T @ multipliers + gradient).max())
 
 
 def cost_shares(

@@ -31,9 +31,6 @@ class PlannedInput(NamedTuple):
     """the state as the model lifts it; None: the model did not plan"""
 
 
-NO_INPUT = PlannedInput(None)
-
-
 class InputPlanner:
     """Model predictive control, the law below its speeds, and the memory of both."""
 
@@ -58,10 +55,13 @@ class InputPlanner:
 
     def hold(self, periods: int) -> PlannedInput:
         """The input of the last plan, `periods` after the last one; no control after its end."""
+        return PlannedInput(self._input_after(periods))
+
+    def _input_after(self, periods: int) -> ControlInput | None:
         self.periods_held += periods
         if self.periods_held >= len(self._inputs):
-            return NO_INPUT
-        return PlannedInput(ControlInput(*self._inputs[self.periods_held].tolist()))
+            return None
+        return ControlInput(*self._inputs[self.periods_held].tolist())
 
     def plan(
         self,
@@ -102,16 +102,15 @@ class InputPlanner:
         if steering_rate_radps < inf and under_way:
             last = last._replace(steer_rad=under_way[-1].steer_rad)
         # A wheel that was turned further at a lower speed returns with its rate.
-        most_rad = max(self._low_speed.largest_plan_rad(state.vx_mps), abs(last.steer_rad))
+        most_rad = max(self._low_speed.most_plan_rad, abs(last.steer_rad))
         self._mpc.limit_steering(most_rad, steering_rate_radps)
         status = self._mpc.plan(state, curvature_per_m, path, last, preview, under_way)
         is_solved = status is SolveStatus.SOLVED
         if is_solved:
-            self._inputs[:], self.periods_held = self._mpc.inputs, -periods
-        control = self.hold(periods).control
-        return PlannedInput(
-            control, not is_solved, self._mpc.iterations, self._mpc.solve_ns, self._mpc.lifted
-        )
+            self._inputs[:], self.periods_held = self._mpc.inputs, 0
+        control = self._input_after(0 if is_solved else periods)
+        mpc = self._mpc
+        return PlannedInput(control, not is_solved, mpc.iterations, mpc.solve_ns, mpc.lifted)
 
     def prepare(self) -> None:
         """Update the QP's matrices for the state that is predicted."""

@@ -195,6 +195,10 @@ class LowSpeedLaw:
         self._wanted_mps2 = 0.0
         self._last_vx_mps: float | None = None
         self._turn_error = NO_ERROR
+        self._is_turned = False
+        """the wheel is turned beyond the bound of the model's plans"""
+        self.most_plan_rad = car.model_rad
+        """that bound, in this tick"""
 
     def observe(self, state: VehicleState, applied: ControlInput) -> None:
         """Estimate the disturbances from the motion after `applied` acted for one period."""
@@ -240,9 +244,10 @@ class LowSpeedLaw:
 
     def choose(self, vx_mps: float, path: PathReference, wheel_rad: float = 0.0) -> Mode:
         """The law of this tick, with the wheel at `wheel_rad`."""
-        is_turned = abs(wheel_rad) > self.largest_plan_rad(vx_mps)
+        self.most_plan_rad = self.largest_plan_rad(vx_mps)
+        self._is_turned = abs(wheel_rad) > self.most_plan_rad
         self._law_before = self.law
-        self.law = next_law(self.law, vx_mps, path, self._car.speeds, is_turned)
+        self.law = next_law(self.law, vx_mps, path, self._car.speeds, self._is_turned)
         return self.law
 
     def control(
@@ -270,8 +275,7 @@ class LowSpeedLaw:
             self._wanted_mps2 = 0.0
         elif self._law_before is Mode.NOMINAL:  # continue from the present acceleration
             self._wanted_mps2 = pedal_mps2(last, gains) + self._disturbance_mps2
-        is_turned = abs(last.steer_rad) > self.largest_plan_rad(state.vx_mps)
-        path = self._slowed(path, curvature_per_m, is_turned)
+        path = self._slowed(path, curvature_per_m)
         wanted = wanted_mps2(self._speed_after(under_way, state.vx_mps), path)
         change = wanted - self._wanted_mps2
         self._wanted_mps2 += min(max(change, -LARGEST_CHANGE_MPS2), LARGEST_CHANGE_MPS2)
@@ -282,13 +286,11 @@ class LowSpeedLaw:
             steer_rad=self.steer_rad(state, curvature_per_m, path, last),
         )
 
-    def _slowed(
-        self, path: PathReference, curvature_per_m: float, is_turned: bool
-    ) -> PathReference:
+    def _slowed(self, path: PathReference, curvature_per_m: float) -> PathReference:
         """The path at a speed that its curvature allows, and the wheel: see `next_law`."""
         turn_per_m = abs(curvature_per_m + 2.0 * path.c2_per_m)
         v_mps = sqrt(LARGEST_TURN_MPS2 / max(turn_per_m, 1e-6))
-        if is_turned:
+        if self._is_turned:
             v_mps = min(v_mps, self._car.speeds.resume_mps)
         if path.v_mps <= v_mps:
             return path

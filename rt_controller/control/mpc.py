@@ -17,13 +17,8 @@ from rt_controller.contract.signals import (
     StateColumn,
     VehicleState,
 )
+from rt_controller.control import explanation
 from rt_controller.control.estimator import MOTION_GAIN, Estimator
-from rt_controller.control.explanation import (
-    PlanExplanation,
-    active_bounds,
-    cost_shares,
-    solve_again,
-)
 from rt_controller.control.knots import place_knots
 from rt_controller.control.lift import Encoder, History
 from rt_controller.control.pedals import PedalChoice
@@ -46,9 +41,6 @@ class Mpc:
     """The MPC of eq. (14) with the model of one bundle, everything allocated at start.
 
     A period is `observe`, `plan`, and, in the time until the next one, `prepare` and `warm_up`.
-
-    Raises:
-        ArtifactError: the bundle is not of this car, or its encoder or QP cannot be used.
 
     Paper: eq. (14).
     """
@@ -269,7 +261,7 @@ class Mpc:
         psi, inputs = parameters.psi[None], self.inputs[None]
         return np.asarray(roll_out(self._bundle, psi, inputs, W, N_STATES)[0])
 
-    def explain_plan(self) -> PlanExplanation:
+    def explain_plan(self) -> explanation.PlanExplanation:
         """The last plan explained, for people; its QP is solved once more from a cold start.
 
         Right after a `plan`. Without a solution its numbers are NaN, and the second one says why.
@@ -278,13 +270,13 @@ class Mpc:
         n_inputs, horizon = self._qp.scale.size, knots.horizon
         if not self._has_plan:
             nothing = np.full((horizon + 1, N_STATES), np.nan)
-            second = solve_again(program, None, n_inputs)
+            second = explanation.solve_again(program, None, n_inputs)
             inputs = np.full((horizon, N_INPUTS), np.nan)
-            return PlanExplanation(inputs, nothing, nothing[1:], (), (), second)
+            return explanation.PlanExplanation(inputs, nothing, nothing[1:], (), (), second)
         z = self._solver.solution.copy()
         states = self._prediction()
         reference = self._all_stages()
-        costs = cost_shares(
+        costs = explanation.cost_shares(
             self._cost,
             self._corridor,
             states[self._knots],
@@ -293,13 +285,13 @@ class Mpc:
             self._qp.objective.length_m,
             knots.intervals,
         )
-        return PlanExplanation(
+        return explanation.PlanExplanation(
             self.inputs.copy(),
             reference.counted_from_road(states + self._deviations(np.arange(horizon + 1))),
             reference.states[1:].copy(),
-            active_bounds(program, z, knots.stages),
+            explanation.active_bounds(program, z, knots.stages),
             costs,
-            solve_again(program, z, n_inputs),
+            explanation.solve_again(program, z, n_inputs),
         )
 
     def _update_matrices(self) -> bool:

@@ -45,38 +45,39 @@ ENCODER_FILE = "encoder.onnx"
 KOOPMAN_FILE = "koopman.npz"
 CARD_FILE = "card.md"
 
-TEXT, WHOLE, FLOAT, TRUTH = "U", "i", "f", "b"
 UNCHANGED = ("name", "A", "B_uc", "B_uw", "c", "selftest_psi", "training", "data_sha256")
 """fields of `koopman.npz` that are attributes of `Bundle` of the same name"""
 SIGNALS = {"state": "states", "input": "inputs", "exogenous": "exogenous"}
 """beginning of the fields that describe signals, and the attribute of `Schema`"""
-Fields = dict[str, tuple[str, int]]
-FIELDS: Fields = {
-    **dict.fromkeys(("name", "training", "data_sha256"), (TEXT, 0)),
-    **dict.fromkeys(("encoder_sha256", "bundle_sha256", "bilinear_follows"), (TEXT, 0)),
-    **dict.fromkeys(("state_fields", "input_fields", "exogenous_fields"), (TEXT, 1)),
-    **dict.fromkeys(("state_units", "input_units", "exogenous_units"), (TEXT, 1)),
-    **dict.fromkeys(("lift_inputs", "history_fields"), (TEXT, 1)),
-    "history_steps": (WHOLE, 0),
-    "dt_s": (FLOAT, 0),
-    "c": (FLOAT, 1),
-    **dict.fromkeys(("A", "B_uc", "B_uw", "bilinear_s0"), (FLOAT, 2)),
-    **dict.fromkeys(("selftest_x", "selftest_w", "selftest_psi"), (FLOAT, 2)),
-    "bilinear_saturates": (TRUTH, 0),
-    **dict.fromkeys(("drift_N", "drift_S"), (FLOAT, 2)),
-    "drift_s0": (FLOAT, 1),
-    "drift_signal": (WHOLE, 1),
-    **dict.fromkeys(("bilinear_N", "bilinear_S", "selftest_history"), (FLOAT, 3)),
-}
-"""type and number of dimensions of each field that is read"""
-OPTIONAL = {**dict.fromkeys(SteeringGeometry._fields, (FLOAT, 0)), "signal_range": (FLOAT, 2)}
-"""the same, of fields that a bundle need not have"""
-PLANS = {
-    **dict.fromkeys(("plan_state", "plan_path", "plan_previous"), (FLOAT, 2)),
-    "plan_curvature_per_m": (FLOAT, 1),
-    "plan_inputs": (FLOAT, 3),
-}
-"""the same, of fields that models of other signals do not have"""
+
+
+def _table(text: str) -> dict[str, tuple[str, int]]:
+    """Kind of numpy type (U, i, f, b) and number of dimensions of each field in lines of text."""
+    rows = (line.split() for line in text.strip().splitlines())
+    return {name: (kind[0], int(kind[1])) for kind, *names in rows for name in names}
+
+
+FIELDS = _table("""
+    U0 name training data_sha256 encoder_sha256 bundle_sha256 bilinear_follows
+    U1 state_fields input_fields exogenous_fields state_units input_units exogenous_units
+    U1 lift_inputs history_fields
+    i0 history_steps
+    i1 drift_signal
+    b0 bilinear_saturates
+    f0 dt_s
+    f1 c drift_s0
+    f2 A B_uc B_uw bilinear_s0 drift_N drift_S selftest_x selftest_w selftest_psi
+    f3 bilinear_N bilinear_S selftest_history
+""")
+"""each field that is read"""
+OPTIONAL = {**dict.fromkeys(SteeringGeometry._fields, ("f", 0)), "signal_range": ("f", 2)}
+"""fields that a bundle need not have"""
+PLANS = _table("""
+    f1 plan_curvature_per_m
+    f2 plan_state plan_path plan_previous
+    f3 plan_inputs
+""")
+"""fields that models of other signals do not have"""
 
 
 def shipped_model(name: str = SHIPPED_MODEL) -> Path:
@@ -85,16 +86,11 @@ def shipped_model(name: str = SHIPPED_MODEL) -> Path:
 
 
 def find_model(model: str | Path | None) -> Path:
-    """The folder of a model: the shipped one of that name, otherwise the path itself.
-
-    Raises:
-        ArtifactError: neither a shipped model nor an existing path.
-    """
+    """The folder of a model: the shipped one of that name, otherwise the path, if it exists."""
     if model is None:
         return shipped_model()
-    is_name = Path(model).name == str(model)
     shipped = shipped_model(str(model))
-    if is_name and shipped.is_dir():
+    if Path(model).name == str(model) and shipped.is_dir():
         return shipped
     if not Path(model).exists():
         names = sorted(folder.name for folder in shipped_model().parent.iterdir())
@@ -105,11 +101,7 @@ def find_model(model: str | Path | None) -> Path:
 
 
 def save_bundle(folder: Path, bundle: Bundle, card: str) -> None:
-    """Write the three files; an existing bundle is replaced file by file, each atomically.
-
-    Raises:
-        ArtifactError: the parts of the bundle do not fit each other; nothing is written.
-    """
+    """Write the three files, if the parts of the bundle fit each other; each atomically."""
     require_fitting_parts(bundle, folder / KOOPMAN_FILE)
     folder.mkdir(parents=True, exist_ok=True)
     with atomic_write(folder / ENCODER_FILE) as file:
@@ -265,24 +257,24 @@ def _read_fields(path: Path) -> dict[str, Any]:
 
 def _checked(path: Path, key: str, found: NDArray[Any], kind: str, dimensions: int) -> Any:
     """The content of one field; numbers have eight bytes and are finite, arrays in C order."""
-    is_wide = kind in (TEXT, TRUTH) or found.dtype in (np.float64, np.int64)
+    is_wide = kind in "Ub" or found.dtype in (np.float64, np.int64)
     if found.dtype.kind != kind or found.ndim != dimensions or not is_wide:
         expected = {
-            (TEXT, 0): "one text",
-            (TEXT, 1): "a list of texts",
-            (WHOLE, 0): "one whole number",
-            (WHOLE, 1): "a list of whole numbers",
-            (TRUTH, 0): "true or false",
+            ("U", 0): "one text",
+            ("U", 1): "a list of texts",
+            ("i", 0): "one whole number",
+            ("i", 1): "a list of whole numbers",
+            ("b", 0): "true or false",
         }.get((kind, dimensions), f"float64 numbers in {dimensions} dimensions")
         raise ArtifactError(
             f"{path}: expected {expected} in {key}, found {found.dtype} of shape {found.shape}. "
             f"Run offline-export again."
         )
-    if kind == FLOAT and not np.all(np.isfinite(found)):
+    if kind == "f" and not np.all(np.isfinite(found)):
         raise ArtifactError(
             f"{path}: expected finite numbers in {key}, found "
             f"{np.count_nonzero(~np.isfinite(found))} that are not. Run offline-export again."
         )
     if dimensions == 0:
         return found.item()
-    return tuple(found.tolist()) if kind == TEXT else np.asarray(found, order="C")
+    return tuple(found.tolist()) if kind == "U" else np.asarray(found, order="C")

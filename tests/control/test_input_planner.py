@@ -23,7 +23,7 @@ class Planned:
 
     law = Mode.NOMINAL
     iterations = solve_ns = 0
-    lifted = None
+    lifted, most_plan_rad = None, 1.0
     status = SolveStatus.SOLVED
 
     def __init__(self, horizon: int) -> None:
@@ -36,9 +36,6 @@ class Planned:
 
     def choose(self, *_: Any) -> Mode:
         return Mode.NOMINAL
-
-    def largest_plan_rad(self, *_: Any) -> float:
-        return 1.0
 
 
 def plan(planner: InputPlanner) -> ControlInput | None:
