@@ -21,7 +21,6 @@ from rt_controller.control.identification import identify_gains
 from rt_controller.control.low_speed import LowSpeedCar, LowSpeedLaw, PedalGains, SpeedRange
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.program import SolveStatus, open_solver
-from rt_controller.control.qp import Features
 from rt_controller.control.terms import Corridor
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.validation import require_drivable
@@ -57,7 +56,7 @@ def build_mpc(bundle: Bundle, settings: MpcSettings, max_iterations: int | None 
         bundle,
         settings.horizon,
         settings.cost(),
-        Features(corridor=corridor),
+        corridor,
         partial(open_solver, max_iterations=max_iterations),
         settings.knots,
         settings.disturbance_gain,

@@ -16,8 +16,7 @@ from rt_controller.contract.errors import ConfigError, PlantError, require_type
 from rt_controller.contract.limits import SteeringGeometry
 from rt_controller.contract.settings_errors import dotted, explain
 from rt_controller.control.mpc import Mpc
-from rt_controller.drive.car_figures import LateralError
-from rt_controller.drive.scenario import ConeAt, DrivenScenario, LaneAt
+from rt_controller.drive.scenario import ConeAt, DrivenScenario, LaneAt, LateralError
 from rt_controller.drive.table import Drive
 from rt_controller.model.bundle import Bundle
 from rt_controller.node import build_mpc

@@ -31,7 +31,7 @@ from rt_controller.contract.timing import (
     MISSION_PERIOD_TICKS,
     MISSION_VALID_NS,
 )
-from rt_controller.drive.car_figures import CarFigure
+from rt_controller.drive.scenario import CarFigure
 from rt_controller.vehicle.braking_cause import BrakingCause
 from rt_controller.vehicle.path_steering import Course, largest_brake_n, steer_along
 from rt_controller.vehicle.vehicle_envelope import STANDING

@@ -17,7 +17,7 @@ from rt_controller.bus.transport import require_interface
 from rt_controller.contract.errors import BusError, ConfigError, OutputError, PlantError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.timing import PERIOD_MS
-from rt_controller.drive.car_figures import (
+from rt_controller.drive.scenario import (
     EXIT_LIMIT,
     explain_missed,
     figures_to_json,

@@ -6,7 +6,7 @@ import numpy as np
 
 from rt_controller.contract.signals import ControlInput, Mode, VehicleState
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.drive.car_figures import CarFigure
+from rt_controller.drive.scenario import CarFigure
 from rt_controller.vehicle.vehicle_envelope import OwnMotion, off_path_m
 from sim_bridge.scenario import Scenario
 from sim_bridge.scenario.metrics import LogRow, judged, measure, peak, rms

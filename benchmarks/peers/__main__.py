@@ -46,7 +46,7 @@ def main(
     models
         Shipped models to drive with; mdk-net has a new Hessian every period.
     tiers
-        box: the paper's QP; slew: with slew rates; corridor: with soft bounds on e_y.
+        slew: with slew rates; corridor: also with soft bounds on e_y.
     scenarios
         mild: the shipped double lane change; hard: one near the limit of grip.
     modes

@@ -10,18 +10,16 @@ from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.program import QuadraticProgram, SolveStatus, open_solver
-from rt_controller.control.qp import Features
 from rt_controller.control.terms import Corridor
 from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.model.bundle import Bundle
 
-Tier = Literal["box", "slew", "corridor"]
-TIERS: dict[Tier, Features] = {
-    "box": Features(has_slew_rows=False),
-    "slew": Features(),
-    "corridor": Features(corridor=Corridor(half_width_m=0.1, beyond_m=0.05)),
+Tier = Literal["slew", "corridor"]
+TIERS: dict[Tier, Corridor | None] = {
+    "slew": None,
+    "corridor": Corridor(half_width_m=0.1, beyond_m=0.05),
 }
-"""60 bounded variables; with 60 rows; with 100 rows and 40 more variables"""
+"""60 bounded variables with 60 rows; with 100 rows and 40 more variables"""
 
 
 class Matrices(NamedTuple):
@@ -60,10 +58,10 @@ class Recording:
             yield event
 
 
-def record(model: str, scenario: str, features: Features) -> Recording:
+def record(model: str, scenario: str, corridor: Corridor | None) -> Recording:
     """All problems of driving `scenario` in lockstep with a shipped model."""
     settings, bundle = MpcSettings(), load_bundle(shipped_model(model))
-    mpc = _RecordingMpc(bundle, settings, features)
+    mpc = _RecordingMpc(bundle, settings, corridor)
     solver = mpc.recorder
     recording = Recording(model, Path(scenario).stem, solver.program.copy(), solver.events)
     drive_scenario(bundle, mpc, scenario)
@@ -101,9 +99,9 @@ class _RecordingMpc(Mpc):
 
     recorder: _RecordingSolver
 
-    def __init__(self, bundle: Bundle, settings: MpcSettings, features: Features) -> None:
+    def __init__(self, bundle: Bundle, settings: MpcSettings, corridor: Corridor | None) -> None:
         horizon, cost, knots = settings.horizon, settings.cost(), settings.knots
-        super().__init__(bundle, horizon, cost, features, self._open_recorder, knots)
+        super().__init__(bundle, horizon, cost, corridor, self._open_recorder, knots)
 
     def _open_recorder(self, program: QuadraticProgram) -> _RecordingSolver:
         self.recorder = _RecordingSolver(program)

@@ -31,7 +31,7 @@ from rt_controller.control.knots import place_knots
 from rt_controller.control.pedals import Pedal, PedalChoice, limit_pedals
 from rt_controller.control.program import SolveStatus
 from rt_controller.control.reference import ReferenceHorizon
-from rt_controller.control.terms import constrain_inputs
+from rt_controller.control.terms import bound_inputs
 
 _AHEAD = 12
 """periods over which the path is evaluated"""
@@ -69,7 +69,7 @@ class Stanley:
     def __init__(self, bicycle: Bicycle, gains: Gains) -> None:
         self._bicycle, self._gains = bicycle, gains
         self._reference = ReferenceHorizon(place_knots(_AHEAD, _AHEAD))
-        self._bounds = constrain_inputs(place_knots(1, 1))
+        self._bounds = bound_inputs(place_knots(1, 1))
         self._pedals = PedalChoice()
         self._estimator = BicycleEstimator(bicycle, bicycle.bundle())
         self._observed = self._estimate = AT_REST
@@ -101,12 +101,13 @@ class Stanley:
         self._acting = under_way[0] if under_way else None
         wheel_rad = self._front_wheel_rad(after, reference) * DEFAULT_GEOMETRY.steering_ratio
         throttle, brake_n = self._pedals_of(state.vx_mps, path)
-        wanted = np.array([throttle, brake_n, wheel_rad]) / self._bounds.scale
-        last, slew = np.array(previous) / self._bounds.scale, self._bounds.slew
-        upper = self._bounds.upper[None].copy()
+        scale = self._bounds.scale[0]
+        wanted = np.array([throttle, brake_n, wheel_rad]) / scale
+        last, slew = np.array(previous) / scale, self._bounds.slew[0]
+        upper = self._bounds.upper.copy()
         limit_pedals(upper, np.ones(1, dtype=np.int64), self._pedals, last, slew)
-        wanted = np.clip(wanted, self._bounds.lower, upper[0])
-        self.inputs[:] = np.clip(wanted, last - slew, last + slew) * self._bounds.scale
+        wanted = np.clip(wanted, self._bounds.lower[0], upper[0])
+        self.inputs[:] = np.clip(wanted, last - slew, last + slew) * scale
         self._has_plan = True
         return SolveStatus.SOLVED
 

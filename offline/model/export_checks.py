@@ -7,15 +7,15 @@ import numpy as np
 from offline.config import TrainingConfig
 from offline.data.dataset import Dataset
 from offline.model.bundle_predictor import BundlePredictor
-from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import ArtifactError
-from rt_controller.model.bundle import Bundle
-from rt_controller.model.driven import (
+from offline.model.driven import (
     BoxStability,
     DrivenStability,
     box_stability,
     signal_box,
 )
+from rt_controller.contract.arrays import Array
+from rt_controller.contract.errors import ArtifactError
+from rt_controller.model.bundle import Bundle
 
 PENALISED = DrivenStability(radius=1.001, growth=10.0)
 """of a model whose growth under inputs is penalised in training, gains not or entirely saturated"""

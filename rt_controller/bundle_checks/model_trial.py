@@ -79,13 +79,11 @@ def drive_trial(bundle: Bundle, config: ControllerConfig | None = None) -> Drive
 def require_passed(drive: Drive, bundle: Bundle) -> None:
     """Return if a drive of the trial is one of a good model."""
     found = trial_figures(drive, bundle)
-    is_within = all(figure <= limit for figure, limit in zip(found, LARGEST, strict=True))
+    rows = list(zip(LARGEST._fields, found, LARGEST, strict=True))
+    is_within = all(figure <= limit for _, figure, limit in rows)
     if is_within and drive.ending == Ending.MISSION_OVER.value:
         return
-    figures = ", ".join(
-        f"{name} {figure:.3g} (at most {limit:g})"
-        for name, figure, limit in zip(LARGEST._fields, found, LARGEST, strict=True)
-    )
+    figures = ", ".join(f"{name} {figure:.3g} (at most {limit:g})" for name, figure, limit in rows)
     raise ArtifactError(
         f"The model {drive.model}: expected it to hold and to predict the simulated car in a short "
         f"drive, found {figures} and the end {drive.ending!r}. Choose another `model`; only for a "
@@ -99,8 +97,9 @@ def trial_figures(drive: Drive, bundle: Bundle) -> TrialFigures:
     errors = prediction_errors(drive, bundle)
     rms = np.sqrt(np.mean(np.square(errors), axis=0)) if len(errors) else np.full(N_STATES, np.nan)
     of, tracking = VehicleState(*rms.tolist()), drive.errors
-    predicted = of.vx_mps, of.yaw_rate_radps, of.epsi_rad
-    return TrialFigures(tracking.ey_peak_m, tracking.vx_peak_mps, *predicted)
+    return TrialFigures(
+        tracking.ey_peak_m, tracking.vx_peak_mps, of.vx_mps, of.yaw_rate_radps, of.epsi_rad
+    )
 
 
 def prediction_errors(drive: Drive, bundle: Bundle) -> Array:
@@ -109,24 +108,16 @@ def prediction_errors(drive: Drive, bundle: Bundle) -> Array:
     A roll-out begins in each tick around which the drive was nominal, with the inputs that were
     sent.
     """
-    states = _columns(drive, VEHICLE.state_names)
-    inputs = _columns(drive, VEHICLE.input_names)
-    curvature = _columns(drive, VEHICLE.exogenous_names)
+    states, inputs, curvature = (
+        np.stack([drive[name] for name in names], axis=1)
+        for names in (VEHICLE.state_names, VEHICLE.input_names, VEHICLE.exogenous_names)
+    )
     is_good = (drive["mode"] == Mode.NOMINAL) & np.isfinite(states).all(axis=1)
     needed, steps = 1 + bundle.lift.history_steps, PREDICTED_PERIODS
     is_whole = np.convolve(is_good, np.ones(needed + steps)) == needed + steps
     starts = np.flatnonzero(is_whole) - steps
     if len(starts) == 0:
         return np.empty((0, N_STATES))
-    psi = _lifted(bundle, states, inputs, curvature)
-    ahead = starts[:, None] + np.arange(steps)
-    predicted = roll_out(bundle, psi[starts], inputs[ahead], curvature[ahead], N_STATES)
-    errors: Array = predicted[:, -1] - states[starts + steps]
-    return errors
-
-
-def _lifted(bundle: Bundle, states: Array, inputs: Array, curvature: Array) -> Array:
-    """psi (ticks, n) of each tick."""
     encoder = Encoder(bundle)
     history = None if encoder.history is None else History(encoder.history)
     psi = np.empty((len(states), bundle.n_observables))
@@ -135,16 +126,15 @@ def _lifted(bundle: Bundle, states: Array, inputs: Array, curvature: Array) -> A
         if history is not None:
             history.advance(state, ControlInput(*inputs[max(k - 1, 0)].tolist()))
         psi[k] = encoder.lift(state, float(curvature[k, 0]))
-    return psi
-
-
-def _columns(drive: Drive, names: tuple[str, ...]) -> Array:
-    return np.stack([drive[name] for name in names], axis=1)
+    ahead = starts[:, None] + np.arange(steps)
+    predicted = roll_out(bundle, psi[starts], inputs[ahead], curvature[ahead], N_STATES)
+    errors: Array = predicted[:, -1] - states[starts + steps]
+    return errors
 
 
 def _name_of_trial(bundle: Bundle, config: ControllerConfig) -> str:
     """Hash of all that the trial depends on: version, model, settings, drive and limits."""
     settings = config.model_dump_json(include={"mpc", "low_speed"})
-    trial = (SCENARIO.read_text("utf-8"), str(LARGEST))
-    words = (version("rt-controller"), bundle.sha256, settings, *trial)
+    scenario = SCENARIO.read_text("utf-8")
+    words = (version("rt-controller"), bundle.sha256, settings, scenario, str(LARGEST))
     return hashlib.sha256(" ".join(words).encode()).hexdigest()

@@ -12,8 +12,6 @@ import numpy as np
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import (
-    AT_REST,
-    NEUTRAL_INPUT,
     ControlInput,
     PathReference,
     VehicleState,
@@ -51,27 +49,20 @@ def with_plans(bundle: Bundle) -> Bundle:
     """The bundle with stored plans; the same one if the controller cannot drive with it."""
     if find_objection_to_driving(bundle) is not None:
         return bundle
-    states = [
-        AT_REST._replace(vx_mps=vx, ds_m=vx * PERIOD_S, ey_m=ey, epsi_rad=epsi)
-        for vx, ey, epsi, _, _ in SITUATIONS
-    ]
-    paths = [PathReference(0.0, 0.0, 0.0, 0.0, v_mps=v, a_mps2=0.0) for *_, v in SITUATIONS]
+    vx, ey, epsi, curvature, v_ref = np.array(SITUATIONS).T
+    zero = np.zeros(len(SITUATIONS))
     sample = PlanSample(
-        state=np.array(states),
-        curvature_per_m=np.array([curvature for *_, curvature, _ in SITUATIONS]),
-        path=np.array(paths),
+        state=np.stack([vx, zero, zero, vx * PERIOD_S, ey, epsi], axis=1),
+        curvature_per_m=curvature,
+        path=np.stack([zero, zero, zero, zero, v_ref, zero], axis=1),
         previous=np.array([_PREVIOUS] * len(SITUATIONS)),
-        inputs=np.zeros((len(SITUATIONS), HORIZON, len(NEUTRAL_INPUT))),
+        inputs=np.zeros((len(SITUATIONS), HORIZON, len(_PREVIOUS))),
     )
     return replace(bundle, plans=sample._replace(inputs=_plan(bundle, sample)))
 
 
 def require_stored_plans(bundle: Bundle) -> None:
-    """Return if the bundle plans as where it was exported, or has no stored plans.
-
-    Raises:
-        ArtifactError: it plans otherwise, or its QP is not solved.
-    """
+    """Refuse a bundle that does not plan as where it was exported; it may have no stored plans."""
     stored = bundle.plans
     if stored is None:
         return
@@ -100,12 +91,8 @@ def _plan(bundle: Bundle, sample: PlanSample) -> np.ndarray:
         applied = ControlInput(*previous.tolist())
         mpc.forget()
         mpc.resume(applied)
-        status = mpc.plan(
-            VehicleState(*state.tolist()),
-            float(curvature_per_m),
-            PathReference(*path.tolist()),
-            applied,
-        )
+        seen = VehicleState(*state.tolist()), float(curvature_per_m), PathReference(*path.tolist())
+        status = mpc.plan(*seen, applied)
         if status is not SolveStatus.SOLVED:
             raise ArtifactError(
                 f"The model {bundle.name!r}: expected a plan at {state[0]:.1f} m/s, found a QP "

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import N_INPUTS, ControlInput, StateColumn, VehicleState
+from rt_controller.control.objective import QpParameters
 from rt_controller.control.program import QuadraticProgram, SolveStatus, open_solver
-from rt_controller.control.terms import TrackingCost
+from rt_controller.control.terms import Corridor, TrackingCost
 
 ACTIVE = 1e-6
 """distance to a bound, in units of an input's range, from which on it is active"""
@@ -84,7 +85,7 @@ def solve_again(program: QuadraticProgram, z: Array | None, n_inputs: int) -> Se
     difference = np.nan
     if status is SolveStatus.SOLVED:
         difference = float(np.abs(solver.solution - z)[:n_inputs].max())
-    return SecondSolution(status, solver.iterations, difference, _multipliers(program, z)[1])
+    return SecondSolution(status, solver.iterations, difference, _multipliers(program, z)[-1])
 
 
 def active_bounds(
@@ -92,15 +93,13 @@ def active_bounds(
 ) -> tuple[ActiveBound, ...]:
     """The bounds that are active at the solution `z` (n,), by variable, then by row."""
     n_inputs = N_INPUTS * len(knot_stages)
-    indices, signs = _active(program, z)
-    multipliers, _ = _multipliers(program, z)
-    n_slews = len(program.G) - (program.size - n_inputs)
+    indices, signs, multipliers, _ = _multipliers(program, z)
     found = []
-    for index, sign, multiplier in zip(indices, signs, multipliers, strict=True):
-        place = int(index) - program.size
-        knot, column = divmod(int(index) if place < 0 else place, N_INPUTS)
-        if place >= n_slews:
-            kind, signal, stage = "corridor", "ey_m", place - n_slews + 1
+    for index, sign, multiplier in zip(indices.tolist(), signs, multipliers, strict=True):
+        place = index - program.size
+        knot, column = divmod(index if place < 0 else place, N_INPUTS)
+        if place >= n_inputs:
+            kind, signal, stage = "corridor", "ey_m", place - n_inputs + 1
         else:
             kind, signal = "value" if place < 0 else "change", ControlInput._fields[column]
             stage = knot_stages[knot]
@@ -110,52 +109,43 @@ def active_bounds(
     return tuple(found)
 
 
-def _active(program: QuadraticProgram, z: Array) -> tuple[NDArray[np.int64], Array]:
-    """Indices among variables and rows, and +1 for an upper bound, -1 for a lower one."""
+def _multipliers(
+    program: QuadraticProgram, z: Array
+) -> tuple[NDArray[np.int64], Array, Array, float]:
+    """The active bounds, their multipliers by least squares, and what of the gradient remains.
+
+    Indices among variables and rows, and +1 for an upper bound, -1 for a lower one.
+    """
     values = np.concatenate([z, program.G @ z])
     above = program.all_upper - values <= ACTIVE
-    below = values - program.all_lower <= ACTIVE
-    indices = np.flatnonzero(above | below)
-    return indices, np.where(above[indices], 1.0, -1.0)
-
-
-def _multipliers(program: QuadraticProgram, z: Array) -> tuple[Array, float]:
-    """Multipliers of the active bounds by least squares, and what of the gradient remains."""
-    indices, signs = _active(program, z)
+    indices = np.flatnonzero(above | (values - program.all_lower <= ACTIVE))
+    signs = np.where(above[indices], 1.0, -1.0)
     normals = np.vstack([np.eye(program.size), program.G])[indices] * signs[:, None]
     gradient = program.P @ z + program.q
-    if len(indices) == 0:
-        return np.zeros(0), float(np.abs(gradient).max())
-    multipliers = np.asarray(np.linalg.lstsq(normals.T, -gradient, rcond=None)[0], dtype=np.float64)
-    return multipliers, float(np.abs(normals.T @ multipliers + gradient).max())
+    multipliers = np.zeros(len(indices))
+    if len(indices):
+        multipliers[:] = np.linalg.lstsq(normals.T, -gradient, rcond=None)[0]
+    return indices, signs, multipliers, float(np.abs(normals.T @ multipliers + gradient).max())
 
 
 def cost_shares(
     cost: TrackingCost,
+    corridor: Corridor | None,
     states: Array,
-    reference: Array,
-    intervals: Array,
+    parameters: QpParameters,
     inputs: Array,
-    previous: Array,
     length_m: Array,
-    corridor: tuple[float, float] | None = None,
+    intervals: Array,
 ) -> tuple[CostShare, ...]:
     """The terms of eq. (14) that are not zero, the largest first; a half of each square.
 
-    Args:
-        cost: tolerances.
-        states: (K + 1, 6) at the knots and at the end, as the model predicts them.
-        reference: (K + 1, 6) at the same stages, counted as the states are.
-        intervals: (K,), periods between them.
-        inputs: (N, 3).
-        previous: (3,), the input of the last period.
-        length_m: (K,), over which the course of each interval is computed.
-        corridor: half of its width in m, and its weight; None: there is none.
+    `states` (K + 1, 6) are predicted under `inputs` (N, 3) at the knots and at the end, `intervals`
+    (K,) the periods between them, `length_m` (K,) that over which the course is computed.
     """
     stage_weights = intervals.copy()
     stage_weights[-1] *= cost.terminal_factor
     names, ey = list(VehicleState._fields), StateColumn.ey_m
-    all_stages = states - reference
+    all_stages = states - parameters.reference
     deviation = all_stages[1:].copy()
     if cost.heading == "course":
         names[StateColumn.epsi_rad] = "course"
@@ -164,14 +154,13 @@ def cost_shares(
         f"deviation of {name}": stage_weights @ np.square(deviation[:, i] / cost.state[i])
         for i, name in enumerate(names)
     }
-    changes = np.diff(inputs, axis=0, prepend=previous[None])
+    changes = np.diff(inputs, axis=0, prepend=parameters.previous[None])
     for i, name in enumerate(ControlInput._fields):
         terms[f"size of {name}"] = np.square(inputs[:, i] / cost.control[i]).sum()
         terms[f"change of {name}"] = np.square(changes[:, i] / cost.control_change[i]).sum()
     if corridor is not None:
-        half_width_m, weight = corridor
-        excess_m = np.abs(deviation[:, ey]) - half_width_m
-        terms["beyond the corridor"] = weight * np.square(np.maximum(excess_m, 0.0)).sum()
+        excess_m = np.abs(deviation[:, ey]) - corridor.half_width_m
+        terms["beyond the corridor"] = corridor.weight * np.square(np.maximum(excess_m, 0.0)).sum()
     total = float(sum(terms.values()))
     shares = [
         CostShare(name, 0.5 * float(value), float(value) / total if total else 0.0)

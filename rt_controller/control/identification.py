@@ -28,22 +28,10 @@ BRAKE_LIMITS_MPS2_PER_N = (0.005, 0.5)
 
 
 def identify_gains(bundle: Bundle, speed_mps: float) -> PedalGains:
-    """The predicted gains at the speed at which the model takes over, within limits.
-
-    A gain that is too large makes the law slow, one that is much too small makes it oscillate.
-
-    Raises:
-        ArtifactError: the model predicts no finite speeds.
-    """
-    found = predict_gains(bundle, speed_mps)
-    return PedalGains(
-        throttle_mps2=_within(found.throttle_mps2, THROTTLE_LIMITS_MPS2),
-        brake_mps2_per_n=_within(found.brake_mps2_per_n, BRAKE_LIMITS_MPS2_PER_N),
-    )
-
-
-def predict_gains(bundle: Bundle, speed_mps: float) -> PedalGains:
     """Mean acceleration over a step of each pedal from `speed_mps`, per unit of the pedal.
+
+    `speed_mps` is that at which the model takes over. The gains are kept within limits: one that is
+    too large makes the law slow, one that is much too small makes it oscillate.
 
     Raises:
         ArtifactError: the model predicts no finite speeds.
@@ -67,11 +55,10 @@ def predict_gains(bundle: Bundle, speed_mps: float) -> PedalGains:
             f"again, or choose another one."
         )
     free, driven, braked = ends_mps.tolist()
-    return PedalGains(
+    gains = PedalGains(
         throttle_mps2=(driven - free) / STEP_S / THROTTLE_STEP,
         brake_mps2_per_n=(free - braked) / STEP_S / BRAKE_STEP_N,
     )
-
-
-def _within(found: float, limits: tuple[float, float]) -> float:
-    return min(max(found, limits[0]), limits[1])
+    limits = THROTTLE_LIMITS_MPS2, BRAKE_LIMITS_MPS2_PER_N
+    pairs = zip(gains, limits, strict=True)
+    return PedalGains(*(min(max(gain, low), high) for gain, (low, high) in pairs))

@@ -19,35 +19,6 @@ from rt_controller.control.mpc import Mpc
 from rt_controller.control.program import SolveStatus
 
 
-class PlanBuffer:
-    """Inputs over a horizon, read one a period until a newer plan replaces them."""
-
-    def __init__(self, horizon: int) -> None:
-        self._inputs = np.zeros((horizon, len(ControlInput._fields)))
-        self.periods_held = horizon
-        """periods since the plan was made; at least the horizon if there was none yet"""
-
-    def store(self, inputs: Array) -> ControlInput:
-        """First input of a new plan (N, 3), which is copied."""
-        self._inputs[:] = inputs
-        self.periods_held = 0
-        return self._input()
-
-    def store_constant(self, control: ControlInput) -> ControlInput:
-        """The same input as a new plan: it is held over the horizon."""
-        self._inputs[:] = control
-        self.periods_held = 0
-        return control
-
-    def next(self, periods: int = 1) -> ControlInput | None:
-        """Input of the plan `periods` later; None after its last stage."""
-        self.periods_held += periods
-        return self._input() if self.periods_held < len(self._inputs) else None
-
-    def _input(self) -> ControlInput:
-        return ControlInput(*self._inputs[self.periods_held].tolist())
-
-
 class PlannedInput(NamedTuple):
     """What is planned for a tick."""
 
@@ -66,7 +37,10 @@ class InputPlanner:
     def __init__(self, mpc: Mpc, low_speed: LowSpeedLaw) -> None:
         self._mpc = mpc
         self._low_speed = low_speed
-        self._plan = PlanBuffer(len(mpc.inputs))
+        self._inputs = np.zeros_like(mpc.inputs)
+        """(N, 3), the last good plan"""
+        self.periods_held = len(mpc.inputs)
+        """periods since that plan was made; at least N if there was none yet"""
 
     @property
     def law(self) -> Mode:
@@ -79,14 +53,15 @@ class InputPlanner:
             return self._low_speed.largest_plan_rad(vx_mps)
         return self._low_speed.largest_wheel_rad(vx_mps)
 
-    @property
-    def periods_held(self) -> int:
-        """Periods since the plan was made."""
-        return self._plan.periods_held
-
     def hold(self, periods: int) -> PlannedInput:
-        """The input of the last plan, `periods` after the last one."""
-        return PlannedInput(self._plan.next(periods))
+        """The input of the last plan, `periods` after the last one; no control after its end."""
+        return PlannedInput(self._input_after(periods))
+
+    def _input_after(self, periods: int) -> ControlInput | None:
+        self.periods_held += periods
+        if self.periods_held >= len(self._inputs):
+            return None
+        return ControlInput(*self._inputs[self.periods_held].tolist())
 
     def plan(
         self,
@@ -120,20 +95,22 @@ class InputPlanner:
             slow = self._low_speed.control(
                 state, curvature_per_m, slow_path, last, under_way, preview
             )
-            return PlannedInput(self._plan.store_constant(slow))
+            self._inputs[:], self.periods_held = slow, 0
+            return PlannedInput(slow)
         if previous_law is not Mode.NOMINAL:
             self._mpc.resume(last)
         if steering_rate_radps < inf and under_way:
             last = last._replace(steer_rad=under_way[-1].steer_rad)
         # A wheel that was turned further at a lower speed returns with its rate.
-        most_rad = max(self._low_speed.largest_plan_rad(state.vx_mps), abs(last.steer_rad))
+        most_rad = max(self._low_speed.most_plan_rad, abs(last.steer_rad))
         self._mpc.limit_steering(most_rad, steering_rate_radps)
         status = self._mpc.plan(state, curvature_per_m, path, last, preview, under_way)
         is_solved = status is SolveStatus.SOLVED
-        control = self._plan.store(self._mpc.inputs) if is_solved else self._plan.next(periods)
-        return PlannedInput(
-            control, not is_solved, self._mpc.iterations, self._mpc.solve_ns, self._mpc.lifted
-        )
+        if is_solved:
+            self._inputs[:], self.periods_held = self._mpc.inputs, 0
+        control = self._input_after(0 if is_solved else periods)
+        mpc = self._mpc
+        return PlannedInput(control, not is_solved, mpc.iterations, mpc.solve_ns, mpc.lifted)
 
     def prepare(self) -> None:
         """Update the QP's matrices for the state that is predicted."""

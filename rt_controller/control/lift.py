@@ -28,8 +28,7 @@ class Encoder:
     """The lift of one bundle, of one state or a batch of states, in preallocated memory.
 
     Raises:
-        ArtifactError: the file is not an ONNX model, has other tensors than the bundle says, or
-            does not reproduce its self-test pairs.
+        ArtifactError: it cannot be opened, or does not reproduce its self-test pairs.
 
     Paper: eq. (7).
     """
@@ -38,20 +37,18 @@ class Encoder:
         """`bundle` has the signals of the car (`validation.require_drivable`)."""
         shapes = _input_shapes(bundle)
         self._session = open_encoder(bundle)
-        self._inputs = {
-            name: np.zeros((1, *shape), dtype=np.float32) for name, shape in shapes.items()
-        }
-        self._x = self._inputs["x"]
-        self._w = self._inputs.get("w", np.zeros((1, 1), dtype=np.float32))
-        self.history: Rows | None = self._inputs["history"][0] if "history" in shapes else None
+        inputs = {name: np.zeros((1, *shape), dtype=np.float32) for name, shape in shapes.items()}
+        self._x, self._w = inputs["x"], inputs.get("w", np.zeros((1, 1), dtype=np.float32))
+        self.history: Rows | None = inputs["history"][0] if "history" in shapes else None
         """(H, h), the history that `lift` reads: to be written in place"""
+        self._sees_curvature = "w" in shapes
         n = bundle.n_observables
         self._psi = np.zeros((1, n), dtype=np.float32)
         self.psi = np.zeros(n)
         """(n,), the last lifted state; overwritten by the next"""
         # An OrtValue made from a numpy array shares its memory, so inputs are written in place.
         self._binding = self._session.io_binding()
-        for name, array in self._inputs.items():
+        for name, array in inputs.items():
             self._binding.bind_ortvalue_input(name, ort.OrtValue.ortvalue_from_numpy(array))
         self._binding.bind_ortvalue_output("psi", ort.OrtValue.ortvalue_from_numpy(self._psi))
         self._check(bundle)
@@ -68,7 +65,7 @@ class Encoder:
     def lift_batch(self, states: Array, curvature_per_m: float) -> Array:
         """psi (batch, n) of states (batch, 6), all at one curvature; for a lift without history."""
         inputs = {"x": states.astype(np.float32)}
-        if "w" in self._inputs:
+        if self._sees_curvature:
             inputs["w"] = np.full((len(states), 1), curvature_per_m, dtype=np.float32)
         (psi,) = self._session.run(["psi"], inputs)
         lifted: Array = psi.astype(np.float64)
@@ -77,8 +74,11 @@ class Encoder:
 
     def _check(self, bundle: Bundle) -> None:
         try:
-            samples = zip(*bundle.selftest, strict=True)
-            found = np.stack([self._lift_sample(*sample) for sample in samples])
+            found = np.zeros((len(bundle.selftest.x), bundle.n_observables))
+            for i, (x, w, history) in enumerate(zip(*bundle.selftest, strict=True)):
+                if self.history is not None:
+                    self.history[:] = history
+                found[i] = self.lift(VehicleState(*x), w[0])
         except Exception as error:  # onnxruntime raises many types, none public
             raise ArtifactError(
                 f"encoder.onnx: expected an encoder that lifts one state, found that it cannot "
@@ -92,11 +92,6 @@ class Encoder:
                 f"{worst:.3g}. The encoder is not the one that was exported, or onnxruntime "
                 f"computes it with less than float32: run offline-export again."
             )
-
-    def _lift_sample(self, x: Array, w: Array, history: Array) -> Array:
-        if self.history is not None:
-            self.history[:] = history
-        return self.lift(VehicleState(*x), w[0]).copy()
 
 
 def _input_shapes(bundle: Bundle) -> dict[str, tuple[int, ...]]:
@@ -143,18 +138,15 @@ def open_encoder(bundle: Bundle) -> ort.InferenceSession:
 def _check_tensors(
     what: str, found: Sequence[ort.NodeArg], expected: Mapping[str, tuple[int, ...]]
 ) -> None:
-    """Return if `found` are the expected tensors and no others: float (any batch, *shape)."""
-    if {tensor.name for tensor in found} == expected.keys() and all(
-        tensor.type == "tensor(float)"
-        and len(tensor.shape) > 0
-        and not isinstance(tensor.shape[0], int)
-        and tuple(tensor.shape[1:]) == expected[tensor.name]
+    """Refuse tensors that are not exactly the expected ones: float (any batch, *shape)."""
+    shapes = {
+        tensor.name: tuple(tensor.shape[1:])
         for tensor in found
-    ):
+        if tensor.type == "tensor(float)" and tensor.shape and not isinstance(tensor.shape[0], int)
+    }
+    if shapes == expected and len(found) == len(expected):
         return
-    required = ", ".join(
-        f"{name}: tensor(float) {['batch', *shape]}" for name, shape in expected.items()
-    )
+    required = ", ".join(f"{name}: tensor(float) {['batch', *s]}" for name, s in expected.items())
     listed = ", ".join(f"{tensor.name}: {tensor.type} {tensor.shape}" for tensor in found)
     raise ArtifactError(
         f"encoder.onnx: expected {len(expected)} {what} {required} for any batch, found "
@@ -187,17 +179,15 @@ class History:
 
     def advance(self, state: VehicleState, held: ControlInput) -> None:
         """Add the present `state`; `held` was applied in the period that ended here."""
+        begin = self._present or state
+        row = (begin.vx_mps, begin.vy_mps, begin.yaw_rate_radps, *held)
         if self._present is None:
-            self._rows[:] = _row(state, held)
+            self._rows[:] = row
         else:
             self._rows[:-1] = self._rows[1:]
-            self._rows[-1] = _row(self._present, held)
+            self._rows[-1] = row
         self._present = state
 
     def forget(self) -> None:
         """Discard all rows: the next state does not follow on the last one."""
         self._present = None
-
-
-def _row(state: VehicleState, held: ControlInput) -> tuple[float, ...]:
-    return (state.vx_mps, state.vy_mps, state.yaw_rate_radps, *held)

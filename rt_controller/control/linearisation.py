@@ -10,8 +10,7 @@ from rt_controller.contract.signals import N_INPUTS
 from rt_controller.control.knots import Knots
 from rt_controller.control.pedals import WITH_PEDAL
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import Step
-from rt_controller.model.follow import Follow
+from rt_controller.model.dynamics import Follow, Step
 
 ALL_INPUTS = slice(None)
 

@@ -1,7 +1,7 @@
 """The law that drives where no model is trained: start, creep, stop and hold."""
 
 from collections.abc import Sequence
-from math import inf, sqrt
+from math import inf, sqrt, tan
 from typing import NamedTuple
 
 from rt_controller.contract.limits import INPUT_LIMITS, PLAN_TURN_MPS2, SteeringGeometry
@@ -17,9 +17,7 @@ from rt_controller.control.steering import (
     AT_REST_MPS,
     LARGEST_TURN_MPS2,
     NO_ERROR,
-    curvature_of,
     curvature_to_meet,
-    largest_wheel_rad,
     path_curvature_per_m,
     roll_towards,
     wheel_angle_rad,
@@ -148,16 +146,9 @@ def pedal_mps2(control: ControlInput, gains: PedalGains) -> float:
     return control.throttle * gains.throttle_mps2 - control.brake_n * gains.brake_mps2_per_n
 
 
-def lagged_mps2(before_mps2: float, pedals_mps2: float) -> float:
-    """Acceleration that the pedals cause by now, from that of one period before."""
-    return before_mps2 + PERIOD_S / PEDAL_LAG_S * (pedals_mps2 - before_mps2)
-
-
-def next_disturbance(disturbance_mps2: float, found_mps2: float) -> float:
-    """The estimate one period later, from the acceleration that the pedals do not explain."""
-    share = PERIOD_S / DISTURBANCE_TIME_S
-    estimate = disturbance_mps2 + share * (found_mps2 - disturbance_mps2)
-    return min(max(estimate, -LARGEST_DISTURBANCE_MPS2), LARGEST_DISTURBANCE_MPS2)
+def lagged(before: float, target: float, time_s: float) -> float:
+    """First-order lag of time constant `time_s` towards `target`, a period later."""
+    return before + PERIOD_S / time_s * (target - before)
 
 
 def pedals_for(
@@ -204,13 +195,18 @@ class LowSpeedLaw:
         self._wanted_mps2 = 0.0
         self._last_vx_mps: float | None = None
         self._turn_error = NO_ERROR
+        self._is_turned = False
+        """the wheel is turned beyond the bound of the model's plans"""
+        self.most_plan_rad = car.model_rad
+        """that bound, in this tick"""
 
     def observe(self, state: VehicleState, applied: ControlInput) -> None:
         """Estimate the disturbances from the motion after `applied` acted for one period."""
         vx_mps = state.vx_mps
         self._turn_error = self._turn_error.after(state, applied.steer_rad, self._car.geometry)
         last_mps, self._last_vx_mps = self._last_vx_mps, vx_mps
-        self._pedals_mps2 = lagged_mps2(self._pedals_mps2, pedal_mps2(applied, self._car.gains))
+        pedals_mps2 = pedal_mps2(applied, self._car.gains)
+        self._pedals_mps2 = lagged(self._pedals_mps2, pedals_mps2, PEDAL_LAG_S)
         if self.law is Mode.STANDSTILL or last_mps is None:
             return
         found_mps2 = (vx_mps - last_mps) / PERIOD_S - self._pedals_mps2
@@ -222,7 +218,9 @@ class LowSpeedLaw:
                 found_mps2 = min(self._disturbance_mps2, 0.0)
             elif mean_mps < AT_REST_MPS:
                 return
-        self._disturbance_mps2 = next_disturbance(self._disturbance_mps2, found_mps2)
+        estimate = lagged(self._disturbance_mps2, found_mps2, DISTURBANCE_TIME_S)
+        most = LARGEST_DISTURBANCE_MPS2
+        self._disturbance_mps2 = min(max(estimate, -most), most)
 
     def forget(self) -> None:
         """A period is missing before the next state: no acceleration can be computed from it."""
@@ -237,7 +235,7 @@ class LowSpeedLaw:
 
     def largest_wheel_rad(self, vx_mps: float) -> float:
         """Bound of the wheel angle at this speed."""
-        return largest_wheel_rad(vx_mps, self._car.geometry)
+        return self._car.geometry.largest_wheel_rad(vx_mps, LARGEST_TURN_MPS2)
 
     def largest_plan_rad(self, vx_mps: float) -> float:
         """Bound of the wheel angle of the model's plans at this speed."""
@@ -246,9 +244,10 @@ class LowSpeedLaw:
 
     def choose(self, vx_mps: float, path: PathReference, wheel_rad: float = 0.0) -> Mode:
         """The law of this tick, with the wheel at `wheel_rad`."""
-        is_turned = abs(wheel_rad) > self.largest_plan_rad(vx_mps)
-        following = next_law(self.law, vx_mps, path, self._car.speeds, is_turned)
-        self._law_before, self.law = self.law, following
+        self.most_plan_rad = self.largest_plan_rad(vx_mps)
+        self._is_turned = abs(wheel_rad) > self.most_plan_rad
+        self._law_before = self.law
+        self.law = next_law(self.law, vx_mps, path, self._car.speeds, self._is_turned)
         return self.law
 
     def control(
@@ -260,16 +259,7 @@ class LowSpeedLaw:
         under_way: Sequence[ControlInput] = (),
         preview: CurvaturePreview | None = None,
     ) -> ControlInput:
-        """Input of this tick, after `last`; of the law that was chosen.
-
-        Args:
-            state: of the car.
-            curvature_per_m: of the road at the car.
-            path: to follow.
-            last: input of the last tick.
-            under_way: inputs that were sent and act before it.
-            preview: curvature of the road ahead; None: constant.
-        """
+        """Input of this tick, of the law that was chosen; arguments as of `InputPlanner.plan`."""
         if preview is not None and state.vx_mps >= AT_REST_MPS:
             delay_m = state.vx_mps * PERIOD_S * len(under_way)
             curvature_per_m = curvature_to_meet(
@@ -285,11 +275,10 @@ class LowSpeedLaw:
             self._wanted_mps2 = 0.0
         elif self._law_before is Mode.NOMINAL:  # continue from the present acceleration
             self._wanted_mps2 = pedal_mps2(last, gains) + self._disturbance_mps2
-        is_turned = abs(last.steer_rad) > self.largest_plan_rad(state.vx_mps)
-        path = self._slowed(path, curvature_per_m, is_turned)
+        path = self._slowed(path, curvature_per_m)
         wanted = wanted_mps2(self._speed_after(under_way, state.vx_mps), path)
-        change = min(max(wanted - self._wanted_mps2, -LARGEST_CHANGE_MPS2), LARGEST_CHANGE_MPS2)
-        self._wanted_mps2 += change
+        change = wanted - self._wanted_mps2
+        self._wanted_mps2 += min(max(change, -LARGEST_CHANGE_MPS2), LARGEST_CHANGE_MPS2)
         throttle, brake_n = pedals_for(self._wanted_mps2 - self._disturbance_mps2, last, gains)
         return ControlInput(
             throttle=min(throttle, INPUT_LIMITS.upper.throttle),
@@ -297,25 +286,22 @@ class LowSpeedLaw:
             steer_rad=self.steer_rad(state, curvature_per_m, path, last),
         )
 
-    def _slowed(
-        self, path: PathReference, curvature_per_m: float, is_turned: bool
-    ) -> PathReference:
+    def _slowed(self, path: PathReference, curvature_per_m: float) -> PathReference:
         """The path at a speed that its curvature allows, and the wheel: see `next_law`."""
         turn_per_m = abs(curvature_per_m + 2.0 * path.c2_per_m)
         v_mps = sqrt(LARGEST_TURN_MPS2 / max(turn_per_m, 1e-6))
-        if is_turned:
+        if self._is_turned:
             v_mps = min(v_mps, self._car.speeds.resume_mps)
-        return (
-            path
-            if path.v_mps <= v_mps
-            else path._replace(v_mps=v_mps, a_mps2=min(path.a_mps2, 0.0))
-        )
+        if path.v_mps <= v_mps:
+            return path
+        return path._replace(v_mps=v_mps, a_mps2=min(path.a_mps2, 0.0))
 
     def _speed_after(self, under_way: Sequence[ControlInput], vx_mps: float) -> float:
         """Speed that is predicted when the inputs under way have acted."""
         pedals_mps2 = self._pedals_mps2
         for control in under_way:
-            pedals_mps2 = lagged_mps2(pedals_mps2, pedal_mps2(control, self._car.gains))
+            target_mps2 = pedal_mps2(control, self._car.gains)
+            pedals_mps2 = lagged(pedals_mps2, target_mps2, PEDAL_LAG_S)
             vx_mps += PERIOD_S * (pedals_mps2 + self._disturbance_mps2)
         return vx_mps
 
@@ -323,19 +309,13 @@ class LowSpeedLaw:
         self, state: VehicleState, curvature_per_m: float, path: PathReference, last: ControlInput
     ) -> float:
         """Wheel angle along the path, as far as the car rolls."""
-        geometry = self._car.geometry
-        most_rad = self.largest_wheel_rad(state.vx_mps)
-        curvature = path_curvature_per_m(
-            state,
-            path,
-            curvature_per_m,
-            geometry,
-            curvature_of(most_rad, geometry),
-            self._turn_error,
+        geometry, most_rad = self._car.geometry, self.largest_wheel_rad(state.vx_mps)
+        largest_per_m = tan(most_rad / geometry.steering_ratio) / geometry.wheelbase_m
+        curvature_per_m = path_curvature_per_m(
+            state, path, curvature_per_m, geometry, largest_per_m, self._turn_error
         )
-        wanted_rad = min(
-            max(wheel_angle_rad(curvature, state.vx_mps, geometry), -most_rad), most_rad
-        )
+        wheel_rad = wheel_angle_rad(curvature_per_m, state.vx_mps, geometry)
+        wanted_rad = min(max(wheel_rad, -most_rad), most_rad)
         return roll_towards(wanted_rad, last.steer_rad, state.vx_mps)
 
 

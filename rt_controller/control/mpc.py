@@ -17,20 +17,15 @@ from rt_controller.contract.signals import (
     StateColumn,
     VehicleState,
 )
+from rt_controller.control import explanation
 from rt_controller.control.estimator import MOTION_GAIN, Estimator
-from rt_controller.control.explanation import (
-    PlanExplanation,
-    active_bounds,
-    cost_shares,
-    solve_again,
-)
 from rt_controller.control.knots import place_knots
 from rt_controller.control.lift import Encoder, History
 from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.program import QuadraticProgram, Solver, SolveStatus, open_solver
-from rt_controller.control.qp import WITH_SLEW, CondensedQp, Features
+from rt_controller.control.qp import CondensedQp
 from rt_controller.control.reference import ReferenceHorizon
-from rt_controller.control.terms import TrackingCost
+from rt_controller.control.terms import Corridor, TrackingCost
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.dynamics import roll_out
 from rt_controller.model.validation import require_drivable
@@ -47,9 +42,6 @@ class Mpc:
 
     A period is `observe`, `plan`, and, in the time until the next one, `prepare` and `warm_up`.
 
-    Raises:
-        ArtifactError: the bundle is not of this car, or its encoder or QP cannot be used.
-
     Paper: eq. (14).
     """
 
@@ -58,7 +50,7 @@ class Mpc:
         bundle: Bundle,
         horizon: int,
         cost: TrackingCost,
-        features: Features = WITH_SLEW,
+        corridor: Corridor | None = None,
         open_solver: Callable[[QuadraticProgram], Solver] = open_solver,
         knots: int | None = None,
         disturbance_gain: float = MOTION_GAIN,
@@ -66,12 +58,12 @@ class Mpc:
         """`knots` over `horizon`, as of `place_knots`; `disturbance_gain` of `Estimator`."""
         require_drivable(bundle)
         self._bundle = bundle
-        self._cost, self._corridor = cost, features.corridor
+        self._cost, self._corridor = cost, corridor
         self._encoder = Encoder(bundle)
         rows = self._encoder.history
         self._history = None if rows is None else History(rows)
         self._pedals = PedalChoice()
-        self._qp = CondensedQp(bundle, horizon, cost, features, knots)
+        self._qp = CondensedQp(bundle, horizon, cost, corridor, knots)
         self._reference = ReferenceHorizon(self._qp.knots)
         self._solver = open_solver(self._qp.program)
         self._knots = np.array([0, *self._qp.knots.ends])
@@ -120,7 +112,9 @@ class Mpc:
 
         psi = self._encoder.lift(state, curvature_per_m)
         parameters = self._qp.parameters
-        parameters.psi[:] = self._after(psi, under_way, curvature_per_m)
+        for each in under_way:
+            psi = self._estimator.step(psi, each, curvature_per_m)
+        parameters.psi[:] = psi
         parameters.curvature_per_m = curvature_per_m
         parameters.previous[:] = previous
         parameters.reference[:] = self._reference.expand(
@@ -156,12 +150,6 @@ class Mpc:
             self._integral_m = min(max(changed_m, -LARGEST_INTEGRAL_M), LARGEST_INTEGRAL_M)
         return self._integral_m
 
-    def _after(self, psi: Array, inputs: Sequence[ControlInput], curvature_per_m: float) -> Array:
-        """Lifted state (n,) that is predicted after some inputs, one in each period."""
-        for each in inputs:
-            psi = self._estimator.step(psi, each, curvature_per_m)
-        return psi
-
     def prepare(self) -> None:
         """Build the matrices of the next period's QP, around its predicted state.
 
@@ -172,14 +160,12 @@ class Mpc:
         self._is_prepared = False
         if not self._has_plan:
             return
-        parameters = self._qp.parameters
-        acting = self._under_way[0] if self._under_way else ControlInput(*self.inputs[0].tolist())
-        self._estimator.advance(self._encoder.psi, acting, parameters.curvature_per_m)
-        psi = parameters.psi
-        psi[:] = self._after(
-            psi, [ControlInput(*self.inputs[0].tolist())], parameters.curvature_per_m
-        )
-        parameters.previous[:] = self.inputs[0]
+        parameters, first = self._qp.parameters, ControlInput(*self.inputs[0].tolist())
+        curvature_per_m, psi = parameters.curvature_per_m, parameters.psi
+        acting = self._under_way[0] if self._under_way else first
+        self._estimator.advance(self._encoder.psi, acting, curvature_per_m)
+        psi[:] = self._estimator.step(psi, first, curvature_per_m)
+        parameters.previous[:] = first
         self._is_prepared = self._update_matrices()
         self._has_plan = False  # a plan is the nominal trajectory of one period only
 
@@ -202,10 +188,8 @@ class Mpc:
 
     def observe(self, state: VehicleState, held: ControlInput) -> None:
         """Filter `state` and add it to the history; `held` was applied until now."""
-        self._observed, self._estimate = (
-            state,
-            self._estimator.estimate(state, self._qp.parameters.curvature_per_m),
-        )
+        self._observed = state
+        self._estimate = self._estimator.estimate(state, self._qp.parameters.curvature_per_m)
         if self._history is not None:
             self._history.advance(self._estimate, held)
 
@@ -240,11 +224,7 @@ class Mpc:
         self._qp.limit_steering(most_rad, rate_radps)
 
     def limit_solve_time(self, budget_ns: int) -> None:
-        """Limit the time of a solve.
-
-        Raises:
-            ConfigError: a typical solve needs more time than that.
-        """
+        """Limit the time of a solve, as `Solver.limit_solve_time`."""
         self.max_iterations = self._solver.limit_solve_time(budget_ns)
 
     @property
@@ -281,7 +261,7 @@ class Mpc:
         psi, inputs = parameters.psi[None], self.inputs[None]
         return np.asarray(roll_out(self._bundle, psi, inputs, W, N_STATES)[0])
 
-    def explain_plan(self) -> PlanExplanation:
+    def explain_plan(self) -> explanation.PlanExplanation:
         """The last plan explained, for people; its QP is solved once more from a cold start.
 
         Right after a `plan`. Without a solution its numbers are NaN, and the second one says why.
@@ -290,29 +270,28 @@ class Mpc:
         n_inputs, horizon = self._qp.scale.size, knots.horizon
         if not self._has_plan:
             nothing = np.full((horizon + 1, N_STATES), np.nan)
-            second = solve_again(program, None, n_inputs)
+            second = explanation.solve_again(program, None, n_inputs)
             inputs = np.full((horizon, N_INPUTS), np.nan)
-            return PlanExplanation(inputs, nothing, nothing[1:], (), (), second)
+            return explanation.PlanExplanation(inputs, nothing, nothing[1:], (), (), second)
         z = self._solver.solution.copy()
         states = self._prediction()
         reference = self._all_stages()
-        costs = cost_shares(
+        costs = explanation.cost_shares(
             self._cost,
-            states[[0, *knots.ends]],
-            parameters.reference,
-            knots.intervals,
+            self._corridor,
+            states[self._knots],
+            parameters,
             self.inputs,
-            parameters.previous,
             self._qp.objective.length_m,
-            self._corridor and (self._corridor.half_width_m, self._corridor.weight),
+            knots.intervals,
         )
-        return PlanExplanation(
+        return explanation.PlanExplanation(
             self.inputs.copy(),
             reference.counted_from_road(states + self._deviations(np.arange(horizon + 1))),
             reference.states[1:].copy(),
-            active_bounds(program, z, knots.stages),
+            explanation.active_bounds(program, z, knots.stages),
             costs,
-            solve_again(program, z, n_inputs),
+            explanation.solve_again(program, z, n_inputs),
         )
 
     def _update_matrices(self) -> bool:

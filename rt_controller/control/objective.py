@@ -6,9 +6,9 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.signals import N_INPUTS, N_STATES, StateColumn
 from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.knots import Knots
 from rt_controller.control.linearisation import Linearisation
-from rt_controller.control.program import QpParameters
-from rt_controller.control.terms import CostTerms
+from rt_controller.control.terms import TrackingCost
 from rt_controller.model.bundle import Bundle
 
 SLOWEST_MPS = 3.0
@@ -16,11 +16,7 @@ SLOWEST_MPS = 3.0
 
 
 def require_convex(H: Array) -> None:
-    """Return if H is positive definite.
-
-    Raises:
-        ArtifactError: H is not positive definite.
-    """
+    """Refuse a Hessian H that is not positive definite."""
     smallest = float(np.linalg.eigvalsh(H)[0])
     if smallest <= 0.0:
         raise ArtifactError(
@@ -28,6 +24,24 @@ def require_convex(H: Array) -> None:
             f"Hessian, found {smallest:.3g}. Give every input a finite tolerance of change in "
             f"`mpc.tolerance`."
         )
+
+
+class QpParameters:
+    """What changes from one period to the next."""
+
+    def __init__(self, n_observables: int, knots: Knots) -> None:
+        self.psi = np.zeros(n_observables)
+        """(n,), psi_0"""
+        self.curvature_per_m = 0.0
+        """kappa, constant over the horizon"""
+        self.previous = np.zeros(N_INPUTS)
+        """(3,), the input of the last period"""
+        self.reference = np.zeros((knots.count + 1, N_STATES))
+        """(K + 1, 6), reference states at the knots and at the end of the horizon"""
+        self.nominal_knots = np.zeros((knots.count, N_INPUTS))
+        """(K, 3), the inputs along which the model is linearised"""
+        self.nominal_inputs = np.zeros((knots.horizon, N_INPUTS))
+        """(N, 3), the same at all stages"""
 
 
 class Objective:
@@ -44,17 +58,29 @@ class Objective:
     Paper: eq. (14).
     """
 
-    def __init__(self, bundle: Bundle, cost: CostTerms) -> None:
-        knots, n, nv = cost.knots, bundle.n_observables, cost.scale.size
-        K, p = cost.weights.shape
-        self._columns, self._has_course = list(cost.columns), cost.has_course
-        self._ey = self._columns.index(StateColumn.ey_m)
+    def __init__(self, bundle: Bundle, cost: TrackingCost, knots: Knots, scale: Array) -> None:
+        """`scale` (nv,): the range of each input at the knots."""
+        with np.errstate(over="ignore"):  # no weight, as an infinite tolerance
+            stage = 1.0 / np.square(np.array(cost.state, dtype=float))
+        ey, epsi = StateColumn.ey_m, StateColumn.epsi_rad
+        self._has_course = bool(cost.heading == "course" and stage[epsi] > 0.0)
+        """the course is the last output, in place of epsi"""
+        self._columns = [c for c in StateColumn if stage[c] > 0.0 or c is ey]
+        if self._has_course:
+            self._columns.remove(epsi)
+        self._ey = self._columns.index(ey)
+        # A state counts for all periods of its interval.
+        weights = knots.intervals[:, None] * stage[[*self._columns, *[epsi] * self._has_course]]
+        weights[-1] *= cost.terminal_factor
+        self._scale, self._weights = scale, weights.reshape(-1)
+        """(K p,), the diagonal of Q at the end of each interval between knots"""
+        self._sqrt_weights = np.sqrt(self._weights)
+        self._H_inputs, self._from_previous = _cost_of_inputs(cost, knots, scale)
         self._linearisation = Linearisation(bundle, knots, self._columns)
-        self.hessian_varies = cost.has_course or not self._linearisation.is_linear
+        self.hessian_varies = self._has_course or not self._linearisation.is_linear
         if self.hessian_varies:
-            require_convex(cost.H)  # then H is convex for every state
-        self._H_inputs, self._scale, self._from_previous = cost.H, cost.scale, cost.from_previous
-        self._weights, self._sqrt_weights = cost.weights.reshape(-1), np.sqrt(cost.weights)
+            require_convex(self._H_inputs)  # then H is convex for every state
+        n, nv, (K, p) = bundle.n_observables, scale.size, weights.shape
         self._at_knots = [0, *knots.ends]
         self._outputs = np.zeros((K, p))
         """of the nominal prediction"""
@@ -100,7 +126,7 @@ class Objective:
         gamma = self._gamma
         by_inputs = self._by_inputs.transpose(3, 2, 0, 1).reshape(gamma.shape)
         np.multiply(by_inputs, self._scale[:, None], out=gamma)
-        np.multiply(gamma, self._sqrt_weights.reshape(-1), out=self._gamma_q)
+        np.multiply(gamma, self._sqrt_weights, out=self._gamma_q)
         np.dot(self._gamma_q, self._gamma_q.T, out=self.H)
         self.H += self._H_inputs
         v = parameters.nominal_knots.reshape(-1) / self._scale
@@ -135,3 +161,20 @@ class Objective:
             np.subtract(ey_m[1:], ey_m[:-1], out=course[1:])
             np.subtract(ey_m[:1], first_ey_m, out=course[:1])
             course /= self.length_m.reshape(-1, *[1] * (course.ndim - 1))
+
+
+def _cost_of_inputs(cost: TrackingCost, knots: Knots, scale: Array) -> tuple[Array, Array]:
+    """H (nv, nv) and f (3,) of 1/2 v' H v + (f * u_prev)' v_0: inputs and their changes.
+
+    Paper: eq. (14), with the cost of changes added.
+    """
+    to_stages = np.kron(knots.interpolation, np.eye(N_INPUTS)) * scale
+    """(3 N, nv), v -> the inputs of all stages"""
+    change = to_stages - np.vstack([np.zeros((N_INPUTS, scale.size)), to_stages[:-N_INPUTS]])
+    r, s = (
+        np.tile(1.0 / np.square(np.array(tolerance, dtype=float)), knots.horizon)
+        for tolerance in (cost.control, cost.control_change)
+    )
+    # u_prev enters the change of the first stage only: -s (u_0 - u_prev).
+    from_previous = -s[:N_INPUTS] * scale[:N_INPUTS]
+    return (to_stages.T * r) @ to_stages + (change.T * s) @ change, from_previous

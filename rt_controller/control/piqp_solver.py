@@ -20,6 +20,7 @@ MIN_ITERATIONS = 12
 """with a lower limit the first input may be wrong by more than 1e-4 of its range"""
 EPS_ABS = 1e-6
 EPS_DUALITY_GAP_ABS = 2e-9
+"""with them the first input is within 1e-4 of its range"""
 MEASURED_SOLVES = 21
 COLD_FACTOR = 2.0
 """time of an iteration once a period, relative to repeated solves: its data has left the cache"""
@@ -51,21 +52,21 @@ class PiqpSolver:
         self._P = csc_matrix(np.ones_like(program.P))
         self._G = csc_matrix(program.pattern, dtype=float)
         self._read_matrices()
-        self._has_rows = len(program.G) > 0
-        self._workspace = open_workspace(max_iterations)
+        self._workspace = piqp.SparseSolver()
+        settings = self._workspace.settings
+        # The fastest factorisation here, of dense matrices too.
+        settings.kkt_solver = piqp.KKTSolver.sparse_multistage
+        settings.eps_abs, settings.eps_duality_gap_abs = EPS_ABS, EPS_DUALITY_GAP_ABS
+        settings.max_iter = max_iterations
+        # Scaling the problem again costs more than it gains for matrices that change little.
+        settings.preconditioner_reuse_on_update = True
         self._has_valid_matrices = True
         self.solution = np.zeros(program.size)
         self.iterations = 0
-        rows = (self._G, program.row_lower, program.row_upper)
-        self._workspace.setup(
-            self._P,
-            program.q,
-            None,
-            None,
-            *(rows if self._has_rows else (None, None, None)),
-            program.lower,
-            program.upper,
-        )
+        rows = (self._G, program.row_lower, program.row_upper) if len(program.G) else (None,) * 3
+        self._has_rows = rows[0] is not None
+        box = program.lower, program.upper
+        self._workspace.setup(self._P, program.q, None, None, *rows, *box)
         if self._workspace.solve() not in _STATUS:
             raise ConfigError(
                 "PIQP refuses the assembled problem: expected a convex QP, found numerical "
@@ -79,7 +80,12 @@ class PiqpSolver:
         refused; the median tells what fits beside the other programs. While those need
         the processor, a solve may exceed the budget.
         """
-        times_ns = [COLD_FACTOR * time_ns for time_ns in self._measure_iterations_ns()]
+        times_ns = []
+        for _ in range(MEASURED_SOLVES):
+            begun_ns = time.perf_counter_ns()
+            self._workspace.solve()
+            spent_ns = time.perf_counter_ns() - begun_ns
+            times_ns.append(COLD_FACTOR * (spent_ns / max(1, self._workspace.result.info.iter)))
         fastest_ns = min(times_ns)
         most = int(budget_ns / fastest_ns)
         if most < MIN_ITERATIONS:
@@ -100,10 +106,7 @@ class PiqpSolver:
         self._has_valid_matrices = program.has_finite_matrices()
         if self._has_valid_matrices and program.hessian_varies:
             self._read_matrices()
-            self._workspace.update(
-                P=self._P,
-                G=self._G if program.rows_vary else None,
-            )
+            self._workspace.update(P=self._P, G=self._G if program.rows_vary else None)
         return self._has_valid_matrices
 
     def solve(self) -> SolveStatus:
@@ -118,10 +121,16 @@ class PiqpSolver:
             x_l=program.lower,
             x_u=program.upper,
         )
-        status = solve_workspace(self._workspace)
-        result = self._workspace.result
-        self.iterations = result.info.iter
+        status = _STATUS.get(self._workspace.solve(), SolveStatus.NUMERICS)
+        result, info = self._workspace.result, self._workspace.result.info
+        self.iterations = info.iter
+        if status is SolveStatus.ITERATION_LIMIT:  # solved, where the residuals are small enough
+            residual = max(info.primal_res, info.dual_res)
+            if residual < USABLE_RESIDUAL and info.duality_gap < USABLE_GAP:
+                status = SolveStatus.SOLVED
         if status is SolveStatus.SOLVED:
+            if not np.isfinite(result.x).all():
+                return SolveStatus.NUMERICS
             self.solution[:] = result.x
         return status
 
@@ -140,42 +149,3 @@ class PiqpSolver:
         program = self._program
         self._P.data[:] = program.P.reshape(-1)
         self._G.data[:] = program.G.T[program.pattern.T]
-
-    def _measure_iterations_ns(self) -> list[float]:
-        """Time of an iteration in each of several solves."""
-        times_ns: list[float] = []
-        for _ in range(MEASURED_SOLVES):
-            begun_ns = time.perf_counter_ns()
-            self._workspace.solve()
-            spent_ns = time.perf_counter_ns() - begun_ns
-            times_ns.append(spent_ns / max(1, self._workspace.result.info.iter))
-        return times_ns
-
-
-def open_workspace(max_iterations: int) -> piqp.SparseSolver:
-    """PIQP with tolerances that keep the first input within 1e-4 of its range.
-
-    `sparse_multistage` is its fastest factorisation here, of dense matrices too.
-    """
-    workspace = piqp.SparseSolver()
-    settings = workspace.settings
-    settings.kkt_solver = piqp.KKTSolver.sparse_multistage
-    settings.eps_abs = EPS_ABS
-    settings.eps_duality_gap_abs = EPS_DUALITY_GAP_ABS
-    settings.max_iter = max_iterations
-    # Scaling the problem again costs more than it gains for matrices that change little.
-    settings.preconditioner_reuse_on_update = True
-    return workspace
-
-
-def solve_workspace(workspace: piqp.SparseSolver) -> SolveStatus:
-    """Status of a solve; SOLVED at the iteration limit too if the residuals are small enough."""
-    status = _STATUS.get(workspace.solve(), SolveStatus.NUMERICS)
-    result, info = workspace.result, workspace.result.info
-    if status is SolveStatus.ITERATION_LIMIT:
-        has_small_residuals = info.primal_res < USABLE_RESIDUAL and info.dual_res < USABLE_RESIDUAL
-        if has_small_residuals and info.duality_gap < USABLE_GAP:
-            status = SolveStatus.SOLVED
-    if status is SolveStatus.SOLVED and not np.isfinite(result.x).all():
-        return SolveStatus.NUMERICS
-    return status

@@ -8,8 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.signals import N_INPUTS, N_STATES
-from rt_controller.control.knots import Knots
 
 
 class QuadraticProgram:
@@ -37,8 +35,9 @@ class QuadraticProgram:
         """(2, n + r), lower then upper bounds, of the variables and then of the rows"""
         self.bounds[0], self.bounds[1] = -np.inf, np.inf
         # Views of `bounds`:
-        self.all_lower: Array = self.bounds[0]
-        self.all_upper: Array = self.bounds[1]
+        self.all_lower: Array
+        self.all_upper: Array
+        self.all_lower, self.all_upper = self.bounds
         self.lower, self.row_lower = self.all_lower[:n], self.all_lower[n:]
         self.upper, self.row_upper = self.all_upper[:n], self.all_upper[n:]
 
@@ -52,34 +51,10 @@ class QuadraticProgram:
         return isfinite(self.P.sum()) and (not self.rows_vary or isfinite(self.G.sum()))
 
     def copy(self) -> "QuadraticProgram":
-        program = QuadraticProgram(
-            self.P.copy(),
-            self.q.copy(),
-            self.G.copy(),
-            self.pattern,
-            self.hessian_varies,
-            self.rows_vary,
-        )
+        matrices = (self.P.copy(), self.q.copy(), self.G.copy(), self.pattern)
+        program = QuadraticProgram(*matrices, self.hessian_varies, self.rows_vary)
         program.bounds[:] = self.bounds
         return program
-
-
-class QpParameters:
-    """What changes from one period to the next."""
-
-    def __init__(self, n_observables: int, knots: Knots) -> None:
-        self.psi = np.zeros(n_observables)
-        """(n,), psi_0"""
-        self.curvature_per_m = 0.0
-        """kappa, constant over the horizon"""
-        self.previous = np.zeros(N_INPUTS)
-        """(3,), the input of the last period"""
-        self.reference = np.zeros((knots.count + 1, N_STATES))
-        """(K + 1, 6), reference states at the knots and at the end of the horizon"""
-        self.nominal_knots = np.zeros((knots.count, N_INPUTS))
-        """(K, 3), the inputs along which the model is linearised"""
-        self.nominal_inputs = np.zeros((knots.horizon, N_INPUTS))
-        """(N, 3), the same at all stages"""
 
 
 class SolveStatus(Enum):
@@ -100,9 +75,7 @@ class Solver(Protocol):
     """of the last solve"""
 
     def limit_solve_time(self, budget_ns: int) -> int:
-        """Limit the time of a solve, from what an iteration takes on this machine.
-
-        Returns the most iterations of a solve from now on.
+        """Limit the time of a solve; returns its most iterations on this machine from now on.
 
         Raises:
             ConfigError: a typical solve needs more time than that.
@@ -124,9 +97,6 @@ def open_solver(
     """Workspace of PIQP on this program; with `warm_start` the last active set is tried before.
 
     `max_iterations` of a solve of PIQP; None: those of its module.
-
-    Raises:
-        ConfigError: PIQP refuses the program.
     """
     # Imported here: these modules import the types above.
     from rt_controller.control import piqp_solver

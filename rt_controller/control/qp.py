@@ -1,7 +1,6 @@
 """The MPC problem of eq. (14) as a condensed QP, over the inputs of the horizon."""
 
 from math import inf
-from typing import NamedTuple
 
 import numpy as np
 
@@ -10,38 +9,20 @@ from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import N_INPUTS, InputColumn
 from rt_controller.control.knots import place_knots
 from rt_controller.control.linearisation import ALL_INPUTS
-from rt_controller.control.objective import Objective, require_convex
+from rt_controller.control.objective import Objective, QpParameters, require_convex
 from rt_controller.control.pedals import PedalChoice, limit_pedals
-from rt_controller.control.program import QpParameters, QuadraticProgram
-from rt_controller.control.terms import (
-    Corridor,
-    InputConstraints,
-    TrackingCost,
-    constrain_inputs,
-    cost_terms,
-)
+from rt_controller.control.program import QuadraticProgram
+from rt_controller.control.terms import Corridor, TrackingCost, bound_inputs
 from rt_controller.model.bundle import Bundle
-
-
-class Features(NamedTuple):
-    """Constraints beyond those of the paper, which bounds the inputs only."""
-
-    has_slew_rows: bool = True
-    """changes of the inputs are bounded too"""
-    corridor: Corridor | None = None
-    """soft bounds on e_y"""
-
-
-WITH_SLEW = Features()
 
 
 class CondensedQp:
     """Eq. (14) over z = [v; s]: v the inputs at K knots in units of their ranges, s the slacks.
 
     The states are eliminated, so the size does not depend on the number of latents. Between the
-    knots the inputs are straight lines. Allocated once; a period writes `parameters` and calls
-    `update_vectors`. Where the matrices depend on the parameters too, they are those of the last
-    `update_matrices`.
+    knots the inputs are straight lines. Their changes are bounded too, and with a corridor e_y
+    softly. Allocated once; a period writes `parameters` and calls `update_vectors`. Where the
+    matrices depend on the parameters too, they are those of the last `update_matrices`.
 
     Raises:
         ArtifactError: the bundle's model makes the problem non-convex or not finite.
@@ -54,74 +35,80 @@ class CondensedQp:
         bundle: Bundle,
         horizon: int,
         cost: TrackingCost,
-        features: Features = WITH_SLEW,
+        corridor: Corridor | None = None,
         knots: int | None = None,
     ) -> None:
         """`knots` over `horizon` periods, as of `place_knots`."""
         self.knots = place_knots(horizon, knots)
-        inputs = constrain_inputs(self.knots)
-        terms = cost_terms(cost, inputs, self.knots)
-        self.objective = Objective(bundle, terms)
-        self.parameters = QpParameters(bundle.n_observables, self.knots)
-        self.scale = inputs.scale
+        inputs = bound_inputs(self.knots)
+        self.scale = inputs.scale.reshape(-1)
         """(nv,), the range of each input: u = scale * v"""
         self.interpolation = self.knots.interpolation
         """(N, K), from the knots to all stages"""
-        self.program = _assemble(self.objective, inputs, features)
-        self.matrices_vary = self.objective.hessian_varies
-        self._periods_to_knot = 1 + np.array(self.knots.stages)
-        self._all_slews = inputs.slew
-        self._slew = inputs.slew[:N_INPUTS]
-        self._usual_steering_slew = inputs.slew[InputColumn.steer_rad :: N_INPUTS].copy()
+        self.parameters = QpParameters(bundle.n_observables, self.knots)
+        self.objective = objective = Objective(bundle, cost, self.knots, self.scale)
+        self.matrices_vary = objective.hessian_varies
+        self._corridor = corridor
+        self._slew, self._range = inputs.slew, self.scale[:N_INPUTS]
+        self._usual_steering_slew = inputs.slew[:, InputColumn.steer_rad].copy()
         self._steering_rate_radps = inf
-        self._has_slew_rows = features.has_slew_rows
-        self._lower = self.program.lower[: self.scale.size].reshape(-1, N_INPUTS)
-        self._upper = self.program.upper[: self.scale.size].reshape(-1, N_INPUTS)
-        self._corridor = features.corridor
+        self._periods_to_knot = 1 + np.array(self.knots.stages)
+
+        nv, slacks = self.scale.size, 0 if corridor is None else self.knots.count
+        P, q = objective.H, objective.gradient
+        if corridor is not None:
+            P, q = np.diag(np.full(nv + slacks, corridor.weight)), np.zeros(nv + slacks)
+        G = np.zeros((nv + slacks, nv + slacks))
+        G[:nv, :nv] = np.eye(nv) - np.eye(nv, k=-N_INPUTS)
+        G[nv:, nv:] = np.eye(slacks)
+        pattern = G != 0.0
+        pattern[nv:, :nv] = True
+        varies = objective.hessian_varies
+        self.program = program = QuadraticProgram(P, q, G, pattern, varies, varies and slacks > 0)
+        self._lower, self._upper, self._row_lower, self._row_upper = (
+            bounds[:nv].reshape(-1, N_INPUTS)
+            for bounds in (program.lower, program.upper, program.row_lower, program.row_upper)
+        )
+        self._lower[:], self._upper[:] = inputs.lower, inputs.upper
+        self._row_lower[:], self._row_upper[:] = -inputs.slew, inputs.slew
+        self._corridor_lower, self._corridor_upper = program.row_lower[nv:], program.row_upper[nv:]
         self._check_at_typical_state(bundle)
 
     def limit_steering(self, most_rad: float, rate_radps: float) -> None:
         """Bound the wheel to ±`most_rad`, and its changes by a rate below the usual one."""
-        most = most_rad / self.scale[InputColumn.steer_rad]
-        self._upper[:, InputColumn.steer_rad] = most
-        self._lower[:, InputColumn.steer_rad] = -most
+        steer = InputColumn.steer_rad
+        most = most_rad / self._range[steer]
+        self._upper[:, steer] = most
+        self._lower[:, steer] = -most
         if rate_radps == self._steering_rate_radps:
             return
         self._steering_rate_radps = rate_radps
         share = min(rate_radps / INPUT_LIMITS.rate_per_s.steer_rad, 1.0)
-        of_wheel = slice(InputColumn.steer_rad, None, N_INPUTS)
-        self._all_slews[of_wheel] = share * self._usual_steering_slew
-        if self._has_slew_rows:
-            rows = slice(N_INPUTS, self._all_slews.size)
-            np.negative(self._all_slews[rows], out=self.program.row_lower[rows])
-            self.program.row_upper[rows] = self._all_slews[rows]
+        self._slew[:, steer] = share * self._usual_steering_slew
+        self._row_lower[1:], self._row_upper[1:] = -self._slew[1:], self._slew[1:]
 
     def update_matrices(self, used: slice = ALL_INPUTS) -> None:
         """Update P and G of `program` for the present parameters and the inputs that are used."""
-        objective, program = self.objective, self.program
+        objective, program, nv = self.objective, self.program, self.scale.size
         objective.update_matrices(self.parameters, used)
         if self._corridor is not None:
-            nv = self.scale.size
             program.P[:nv, :nv] = objective.H
-            program.G[-self.knots.count :, :nv] = objective.ey_response
+            program.G[nv:, :nv] = objective.ey_response
 
     def update_vectors(self, pedals: PedalChoice) -> None:
         """Update q and the bounds of `program` for the present parameters."""
-        parameters, program = self.parameters, self.program
-        self.objective.update_vectors(parameters)
-        v_prev = parameters.previous / self.scale[:N_INPUTS]
-        if self._has_slew_rows:
-            np.subtract(v_prev, self._slew, out=program.row_lower[:N_INPUTS])
-            np.add(v_prev, self._slew, out=program.row_upper[:N_INPUTS])
-        limit_pedals(self._upper, self._periods_to_knot, pedals, v_prev, self._slew)
+        self.objective.update_vectors(self.parameters)
+        v_prev, slew = self.parameters.previous / self._range, self._slew[0]
+        np.subtract(v_prev, slew, out=self._row_lower[0])
+        np.add(v_prev, slew, out=self._row_upper[0])
+        limit_pedals(self._upper, self._periods_to_knot, pedals, v_prev, slew)
         if self._corridor is not None:
             # -half <= e_y - e_y,r + s <= half: one slack of an interval serves both sides.
-            of_corridor = slice(-self.knots.count, None)
-            lower, upper = program.row_lower[of_corridor], program.row_upper[of_corridor]
+            lower, upper = self._corridor_lower, self._corridor_upper
             np.negative(self.objective.ey_deviation_m, out=upper)
             np.subtract(upper, self._corridor.half_width_m, out=lower)
             upper += self._corridor.half_width_m
-            program.q[: self.scale.size] = self.objective.gradient
+            self.program.q[: self.scale.size] = self.objective.gradient
 
     def _check_at_typical_state(self, bundle: Bundle) -> None:
         self.parameters.psi[:] = np.mean(bundle.selftest_psi, axis=0)
@@ -134,25 +121,3 @@ class CondensedQp:
                 "stays bounded, found one that overflows. Train again, or shorten `mpc.horizon`."
             )
         require_convex(self.program.P)
-
-
-def _assemble(
-    objective: Objective, inputs: InputConstraints, features: Features
-) -> QuadraticProgram:
-    """The program, with everything written that `CondensedQp` does not update."""
-    nv = inputs.scale.size
-    slacks = 0 if features.corridor is None else nv // N_INPUTS
-    slews = nv if features.has_slew_rows else 0
-    P, q = objective.H, objective.gradient
-    if features.corridor is not None:
-        P, q = np.diag(np.full(nv + slacks, features.corridor.weight)), np.zeros(nv + slacks)
-    G = np.zeros((slews + slacks, nv + slacks))
-    G[:slews, :nv] = inputs.D[:slews]
-    G[slews:, nv:] = np.eye(slacks)
-    pattern = G != 0.0
-    pattern[slews:, :nv] |= slacks > 0
-    varies = objective.hessian_varies
-    program = QuadraticProgram(P, q, G, pattern, varies, varies and slacks > 0)
-    program.lower[:nv], program.upper[:nv] = inputs.lower, inputs.upper
-    program.row_lower[:slews], program.row_upper[:slews] = -inputs.slew[:slews], inputs.slew[:slews]
-    return program

@@ -1,6 +1,6 @@
 """Steering of a slowly rolling car along its path, by the geometry of the single-track model."""
 
-from math import atan, copysign, sqrt, tan
+from math import atan, copysign, sqrt
 from typing import NamedTuple
 
 from rt_controller.contract.limits import INPUT_LIMITS, SteeringGeometry
@@ -92,16 +92,6 @@ def wheel_angle_rad(curvature_per_m: float, vx_mps: float, geometry: SteeringGeo
     return geometry.steady_wheel_rad(rolling_mps, curvature_per_m * rolling_mps)
 
 
-def curvature_of(wheel_rad: float, geometry: SteeringGeometry) -> float:
-    """Curvature that a slowly rolling car drives with this angle of the steering wheel."""
-    return tan(wheel_rad / geometry.steering_ratio) / geometry.wheelbase_m
-
-
-def largest_wheel_rad(vx_mps: float, geometry: SteeringGeometry) -> float:
-    """Bound of the wheel angle of the low-speed law."""
-    return geometry.largest_wheel_rad(vx_mps, LARGEST_TURN_MPS2)
-
-
 def curvature_to_meet(
     preview: CurvaturePreview,
     delay_m: float,
@@ -120,13 +110,10 @@ def curvature_to_meet(
     rate_per_m = wheel_rate_radps(vx_mps) / vx_mps
     spacing_m = preview.spacing_m
     ahead = delay_m / spacing_m
-    found = preview.curvature_at(ahead)
+    found, lag_m = preview.curvature_at(ahead), LAG_SHARE * geometry.rear_axle_m
     for knot, curvature in enumerate(preview[1:]):
         way_m = abs(wheel_angle_rad(curvature, vx_mps, geometry) - previous_rad) / rate_per_m
-        if (
-            knot > ahead
-            and 0.5 * way_m - LAG_SHARE * geometry.rear_axle_m >= knot * spacing_m - delay_m
-        ):
+        if knot > ahead and 0.5 * way_m - lag_m >= knot * spacing_m - delay_m:
             found = curvature
     return found
 

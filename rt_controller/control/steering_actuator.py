@@ -80,9 +80,8 @@ class SteeringActuator:
             return
         self._angles_rad.append(angle_rad)
         self._residuals_rad.append([command - angle_rad for command in commands_rad])
-        if self.is_slow:
-            self._recover()
-        least_rad = LEAST_SLOW_ERROR_RAD if self.is_slow else LEAST_ERROR_RAD
+        is_slow = self.rate_radps < inf and self._is_slow_after_recovery()
+        least_rad = LEAST_SLOW_ERROR_RAD if is_slow else LEAST_ERROR_RAD
         if len(self._angles_rad) < SAMPLES or self._error_rad(self.delay_periods) < least_rad:
             return
         delays = range(self._configured, LONGEST_DELAY + 1)
@@ -97,19 +96,17 @@ class SteeringActuator:
 
         Called once a period. The slower the car, the more slowly its wheel has to turn.
         """
-        if self.is_slow and self._is_at_rate():
+        change_rad = AT_RATE * self.rate_radps * PERIOD_S
+        is_slow = self.rate_radps < inf
+        if is_slow and any(abs(b - a) > change_rad for a, b in pairwise(self._angles_rad)):
             self._most_mps = max(min(self._most_mps, vx_mps) - SLOWING_MPS2 * PERIOD_S, SLOWEST_MPS)
             if path.v_mps > self._most_mps:
                 return path._replace(v_mps=self._most_mps, a_mps2=min(path.a_mps2, -SLOWING_MPS2))
-        elif not self.is_slow:
+        elif not is_slow:
             self._most_mps += RESUMING_MPS2 * PERIOD_S
         if path.v_mps > self._most_mps:
             return path._replace(v_mps=self._most_mps, a_mps2=min(path.a_mps2, 0.0))
         return path
-
-    def _is_at_rate(self) -> bool:
-        change_rad = AT_RATE * self.rate_radps * PERIOD_S
-        return any(abs(b - a) > change_rad for a, b in pairwise(self._angles_rad))
 
     def angles_under_way(self, commands_rad: Sequence[float]) -> list[float]:
         """The angles that a slow wheel reaches in the next periods, with the commands under way."""
@@ -124,7 +121,10 @@ class SteeringActuator:
 
     def _error_rad(self, delay: int) -> float:
         """The largest of the last samples with this delay."""
-        return max([abs(each[delay]) for each in self._residuals_rad])
+        largest_rad = 0.0
+        for residuals_rad in self._residuals_rad:
+            largest_rad = max(largest_rad, abs(residuals_rad[delay]))
+        return largest_rad
 
     def _find_rate(self, least_rad: float) -> None:
         changes = [after - before for before, after in pairwise(self._angles_rad)]
@@ -137,10 +137,12 @@ class SteeringActuator:
         if is_steady and abs(mean) > LEAST_CHANGE_RAD and ahead > least_rad:
             self.rate_radps = rate_radps if rate_radps < AT_RATE * _USUAL_RADPS else inf
 
-    def _recover(self) -> None:
+    def _is_slow_after_recovery(self) -> bool:
+        """True if the raised limit of the rate is still below that of the commands."""
         if len(self._angles_rad) > 1:
             shown_radps = abs(self._angles_rad[-1] - self._angles_rad[-2]) / PERIOD_S
             self.rate_radps = max(self.rate_radps, shown_radps)
         self.rate_radps *= 1.0 + RECOVERY_PER_S * PERIOD_S
         if self.rate_radps >= _USUAL_RADPS:
             self.rate_radps = inf
+        return self.rate_radps < inf

@@ -1,7 +1,5 @@
 """Warm start of PIQP: the active set of the last solution is tried before it."""
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
@@ -19,20 +17,6 @@ WRONG_SIGN = 1e-9
 DEPENDENT = 1e-10
 """of the largest pivot; below it a bound is implied by others"""
 
-Indices = NDArray[np.int64]
-Flags = NDArray[np.bool_]
-
-
-class ActiveSet(NamedTuple):
-    """k bounds taken as equations, each array (k,)."""
-
-    indices: Indices
-    """among the n variables and r rows"""
-    signs: Array
-    """+1 for an upper bound, -1 for a lower one"""
-    bound_indices: Indices
-    """of their values in `QuadraticProgram.bounds`, flat"""
-
 
 class ActiveSetIteration:
     """Primal-dual active-set iteration, which keeps the active set of the last solution.
@@ -42,90 +26,45 @@ class ActiveSetIteration:
     wrong sign. Otherwise the violated bounds and wrong signs give the next active set
     (Hintermüller, Ito and Kunisch, 2003). The iteration need not converge, so the number of rounds
     is limited.
-    """
-
-    def __init__(self, program: QuadraticProgram) -> None:
-        self._program = program
-        self._equality_qp = _EqualityQp(program)
-        self._flat_bounds = program.bounds.reshape(-1)
-        self._violation = np.zeros(program.bounds.shape)
-        inactive = np.zeros(program.bounds.shape[1], dtype=bool)
-        self._active = _active_set(inactive, inactive)
-        self.rounds = 0
-        """of the last `solve`"""
-
-    def update_matrices(self) -> bool:
-        """Read P and G again; False if P is not positive definite."""
-        return self._equality_qp.update_matrices()
-
-    def solve(self, max_rounds: int) -> Array | None:
-        """Solution (n,) of the program with its present vectors; None if none was found."""
-        program, active = self._program, self._active
-        self.rounds = 0
-        if not program.has_finite_vectors():
-            return None
-        self._equality_qp.update_q(program.q)
-        while self.rounds < max_rounds:
-            self.rounds += 1
-            bounds = self._flat_bounds[active.bound_indices]
-            solved = self._equality_qp.solve(active.indices, bounds)
-            if solved is None:
-                return None
-            values, multipliers = solved
-            following = self._next_active_set(values, multipliers * active.signs, active)
-            if following is None:
-                self._active = active
-                return values[: program.size]
-            active = following
-        return None
-
-    def start_from(self, upper_active: Flags, lower_active: Flags) -> None:
-        """Begin the next solve with these upper and lower bounds (n + r,) active."""
-        self._active = _active_set(upper_active, lower_active)
-
-    def _next_active_set(
-        self, values: Array, multipliers: Array, active: ActiveSet
-    ) -> ActiveSet | None:
-        """The active set of the next round; None if the values (n + r,) are optimal."""
-        below, above = self._violation
-        np.subtract(values, self._program.all_upper, out=above)
-        np.subtract(self._program.all_lower, values, out=below)
-        is_feasible = self._violation.max() <= VIOLATION
-        if is_feasible and (multipliers.size == 0 or multipliers.min() > -WRONG_SIGN):
-            return None
-        # Where both bounds are equal, either may be active.
-        remains = (multipliers > -WRONG_SIGN) | ((below + above)[active.indices] >= 0.0)
-        if is_feasible and remains.all():
-            return None
-        upper_active, lower_active = above > VIOLATION, below > VIOLATION
-        upper_active[active.indices] = remains & (active.signs > 0.0)
-        lower_active[active.indices] = remains & (active.signs < 0.0)
-        return _active_set(upper_active, lower_active)
-
-
-class _EqualityQp:
-    """The program with bounds as equations; everything independent of vectors is precomputed.
 
     With C = [I; G], all values are C z = -C P^-1 q - D' multipliers, where D are the rows of
-    C P^-1 C' of the active bounds.
+    C P^-1 C' of the active bounds. What does not depend on the vectors is computed beforehand.
     """
 
     def __init__(self, program: QuadraticProgram) -> None:
         self._program = program
         self._C = np.vstack([np.eye(program.size), program.G])
         """(n + r, n)"""
+        rows = len(self._C)
         self._unconstrained_map = np.zeros(self._C.shape)
         """(n + r, n), -C P^-1"""
-        self._dual_hessian = np.zeros((len(self._C), len(self._C)))
+        self._dual_hessian = np.zeros((rows, rows))
         """(n + r, n + r), C P^-1 C'"""
-        self._unconstrained = np.zeros(len(self._C))
+        self._unconstrained = np.zeros(rows)
         """(n + r,), values without any bound"""
-        self._factor: _Factor | None = None
+        self._violation = np.zeros(program.bounds.shape)
+        self._independent: NDArray[np.int64] | None = None
+        """active bounds that imply the others; None if all are independent"""
+        inactive = np.zeros(rows, dtype=bool)
+        self.start_from(inactive, inactive)
+        self.rounds = 0
+        """of the last `solve`"""
         self.update_matrices()
 
+    def start_from(self, upper_active: NDArray[np.bool_], lower_active: NDArray[np.bool_]) -> None:
+        """Begin the next solve with these upper and lower bounds (n + r,) active."""
+        self._active = active = np.flatnonzero(upper_active | lower_active)
+        """(k,) indices of the active bounds among variables and rows"""
+        is_upper = upper_active[active]
+        self._signs = np.where(is_upper, 1.0, -1.0)
+        """(k,), +1 for an upper bound, -1 for a lower one"""
+        self._bound_indices = active + len(upper_active) * is_upper
+        """(k,) of their values in `QuadraticProgram.bounds`, flat"""
+        self._is_factorised = False
+
     def update_matrices(self) -> bool:
-        """Read P and G; False if P is not positive definite."""
-        program, self._factor = self._program, None
+        """Read P and G again; False if P is not positive definite."""
+        program, self._is_factorised = self._program, False
         if not program.has_finite_matrices():
             return False
         L, info = lapack.dpotrf(program.P.T, lower=1)
@@ -140,69 +79,81 @@ class _EqualityQp:
         np.negative(self._unconstrained_map, out=self._unconstrained_map)
         return True
 
-    def update_q(self, q: Array) -> None:
-        np.dot(self._unconstrained_map, q, out=self._unconstrained)
+    def solve(self, max_rounds: int) -> Array | None:
+        """Solution (n,) of the program with its present vectors; None if none was found."""
+        program, self.rounds = self._program, 0
+        if not program.has_finite_vectors():
+            return None
+        np.dot(self._unconstrained_map, program.q, out=self._unconstrained)
+        begun_from = self._active, self._signs, self._bound_indices
+        while self.rounds < max_rounds:
+            self.rounds += 1
+            if not (self._is_factorised or self._factorise()):
+                break
+            values, multipliers = self._solve_equations()
+            if self._is_optimal(values, multipliers * self._signs):
+                return values[: program.size]
+        self._active, self._signs, self._bound_indices = begun_from
+        self._is_factorised = False
+        return None
 
-    def solve(self, indices: Indices, bounds: Array) -> tuple[Array, Array] | None:
-        """Values (n + r,) and multipliers (k,) where `indices` have the values `bounds`.
+    def _factorise(self) -> bool:
+        """Factorise the equations of the active set; False if there is no such point.
+
+        Equations may depend on each other: the upper bound of a pedal that falls at the slew rate,
+        for example, depends on the slew row. Then an independent subset is used.
+        """
+        self._rows = self._dual_hessian[self._active]
+        self._independent = None
+        self._is_factorised = True
+        if len(self._active) == 0:
+            return True
+        block = self._rows[:, self._active]
+        self._L, info = lapack.dpotrf(block.T, lower=1, clean=0)
+        smallest = DEPENDENT * block.diagonal().max()
+        if info == 0 and self._L.diagonal().min() ** 2 > smallest:
+            return True
+        _, order, rank, _ = lapack.dpstrf(block, lower=1, tol=smallest)
+        self._independent = chosen = np.sort(order[:rank] - 1).astype(np.int64)
+        self._L, info = lapack.dpotrf(block[np.ix_(chosen, chosen)].T, lower=1, clean=0)
+        self._is_factorised = info == 0
+        return self._is_factorised
+
+    def _solve_equations(self) -> tuple[Array, Array]:
+        """Values (n + r,) and multipliers (k,) where the active bounds hold with equality.
 
         A multiplier is positive where an upper bound is active, and zero where other equations
-        imply its own. None if there is no such point.
+        imply its own.
         """
-        if self._factor is None or self._factor.indices is not indices:
-            self._factor = _factorise(self._dual_hessian, indices)
-        if self._factor is None:
-            return None
-        _, L, independent, rows = self._factor
-        values = self._unconstrained
-        if len(indices) == 0:
+        values, active, chosen = self._unconstrained, self._active, self._independent
+        if len(active) == 0:
             return values, values[:0]
-        residual = values[indices] - bounds
-        if independent is None:
-            multipliers, _ = lapack.dpotrs(L, residual, lower=1)
+        residual = values[active] - self._program.bounds.reshape(-1)[self._bound_indices]
+        if chosen is None:
+            multipliers, _ = lapack.dpotrs(self._L, residual, lower=1)
         else:
-            multipliers = np.zeros(len(indices))
-            multipliers[independent], _ = lapack.dpotrs(L, residual[independent], lower=1)
-        return values - multipliers @ rows, multipliers
+            multipliers = np.zeros(len(active))
+            multipliers[chosen], _ = lapack.dpotrs(self._L, residual[chosen], lower=1)
+        return values - multipliers @ self._rows, multipliers
 
-
-class _Factor(NamedTuple):
-    """Factorisation for one active set, whatever the values of its bounds."""
-
-    indices: Indices
-    L: Array
-    """Cholesky factor of the dual Hessian of the independent equations"""
-    independent: Indices | None
-    """the equations that imply the others; None if all are independent"""
-    rows: Array
-    """(k, n + r), of the dual Hessian"""
-
-
-def _factorise(dual_hessian: Array, indices: Indices) -> _Factor | None:
-    """The factorisation; None if there is none.
-
-    Equations may depend on each other: the upper bound of a pedal that falls at the slew rate, for
-    example, depends on the slew row. Then an independent subset is used.
-    """
-    rows = dual_hessian[indices]
-    if len(indices) == 0:
-        return _Factor(indices, np.zeros((0, 0)), None, rows)
-    block = rows[:, indices]
-    L, info = lapack.dpotrf(block.T, lower=1, clean=0)
-    smallest = DEPENDENT * block.diagonal().max()
-    if info == 0 and L.diagonal().min() ** 2 > smallest:
-        return _Factor(indices, L, None, rows)
-    _, order, rank, _ = lapack.dpstrf(block, lower=1, tol=smallest)
-    independent = np.sort(order[:rank] - 1).astype(np.int64)
-    L, info = lapack.dpotrf(block[np.ix_(independent, independent)].T, lower=1, clean=0)
-    return _Factor(indices, L, independent, rows) if info == 0 else None
-
-
-def _active_set(upper_active: Flags, lower_active: Flags) -> ActiveSet:
-    indices = np.flatnonzero(upper_active | lower_active)
-    is_upper = upper_active[indices]
-    signs = np.where(is_upper, 1.0, -1.0)
-    return ActiveSet(indices, signs, indices + len(upper_active) * is_upper)
+    def _is_optimal(self, values: Array, multipliers: Array) -> bool:
+        """True if the values (n + r,) are optimal; otherwise the next active set replaces this."""
+        below, above = self._violation
+        np.subtract(values, self._program.all_upper, out=above)
+        np.subtract(self._program.all_lower, values, out=below)
+        is_feasible = self._violation.max() <= VIOLATION
+        if is_feasible and (multipliers.size == 0 or multipliers.min() > -WRONG_SIGN):
+            return True
+        # Where both bounds are equal, either may be active.
+        active = self._active
+        remains = (multipliers > -WRONG_SIGN) | ((below + above)[active] >= 0.0)
+        if is_feasible and remains.all():
+            return True
+        upper_active, lower_active = above > VIOLATION, below > VIOLATION
+        upper_active[active] = remains & (self._signs > 0.0)
+        lower_active[active] = remains & (self._signs < 0.0)
+        self.start_from(upper_active, lower_active)
+        return False
 
 
 class WarmStartedSolver:
@@ -219,10 +170,7 @@ class WarmStartedSolver:
         """`_is_read`: PIQP, which is rarely needed, has the present matrices"""
         self.solution = np.zeros(program.size)
         self.iterations = 0
-
-    def limit_solve_time(self, budget_ns: int) -> int:
-        """Limit PIQP; the active-set iteration is limited by its rounds."""
-        return self._solver.limit_solve_time(budget_ns)
+        self.limit_solve_time = solver.limit_solve_time
 
     def update_matrices(self) -> bool:
         self._has_valid_matrices = self._active_set.update_matrices()

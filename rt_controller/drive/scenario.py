@@ -1,6 +1,10 @@
-"""`DrivenScenario`: what a simulated drive was asked to do, for its summary and its figure."""
+"""What a simulated drive was asked to do, and the figures that its scenario asks for."""
 
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+EXIT_LIMIT = 8
+"""exit code of a drive to its end that missed a limit of its scenario"""
 
 
 class ConeAt(NamedTuple):
@@ -31,3 +35,52 @@ class DrivenScenario(NamedTuple):
     start_s_m: float = 0.0
     cones: tuple[ConeAt, ...] = ()
     lanes: tuple[LaneAt, ...] = ()
+
+
+class LateralError(NamedTuple):
+    """Distance of the simulated car from its path, as it is, not as it was sent."""
+
+    rms_m: float
+    peak_m: float
+
+
+class CarFigure(NamedTuple):
+    """One figure, and the limit that the scenario sets for it."""
+
+    name: str
+    """ends in its unit"""
+    value: float
+    """NaN if it does not apply to the drive, inf if it was not reached"""
+    limit: float | None
+    """worst value with which the drive passes; None: no limit"""
+    is_kept: bool
+    """True if the limit is kept, or there is none"""
+
+    @property
+    def text(self) -> str:
+        """Value and limit for people."""
+        if self.limit is None:
+            return f"{self.value:.4g}"
+        return f"{self.value:.4g} (limit {self.limit:g}{'' if self.is_kept else ', MISSED'})"
+
+
+def limits_missed(figures: Iterable[CarFigure]) -> list[str]:
+    """Names of the figures that do not keep their limit."""
+    return [figure.name for figure in figures if not figure.is_kept]
+
+
+def explain_missed(missed: Iterable[str]) -> str:
+    """A message about the limits of a scenario that a drive missed."""
+    return (
+        f"expected a drive that keeps the limits of its scenario, found {', '.join(missed)} "
+        f"missed; the figures are in the summary. Change the controller, or [limits]"
+    )
+
+
+def figures_to_json(figures: Iterable[CarFigure]) -> dict[str, Any]:
+    """The figures, and the names of those with a missed limit, for a summary in JSON."""
+    listed = list(figures)
+    return {
+        "car_figures": [figure._asdict() for figure in listed],
+        "limits_missed": limits_missed(listed),
+    }

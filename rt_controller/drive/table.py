@@ -11,18 +11,13 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, needs_extra, require_type
 from rt_controller.contract.files import atomic_write
 from rt_controller.contract.signals import NEUTRAL_INPUT, VEHICLE, ControlInput, Mode, Signal
-from rt_controller.drive.car_figures import CarFigure
-from rt_controller.drive.scenario import DrivenScenario
+from rt_controller.drive.scenario import CarFigure, DrivenScenario
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TIME = Signal("time_s", "s")
-REFERENCE = (
-    Signal("path_ey_m", "m"),
-    Signal("path_epsi_rad", "rad"),
-    Signal("path_vx_mps", "m/s"),
-)
+REFERENCE = Signal("path_ey_m", "m"), Signal("path_epsi_rad", "rad"), Signal("path_vx_mps", "m/s")
 MODE = Signal("mode", "1")
 PLACE = Signal("s_m", "m")
 COLUMNS = (TIME, *VEHICLE.states, *VEHICLE.exogenous, *REFERENCE, *VEHICLE.inputs, MODE, PLACE)

@@ -74,9 +74,8 @@ class DriveTrace:
 
     def errors(self) -> TrackingErrors:
         """Over all ticks that drove; zeros if there was none."""
-        rms = (np.sqrt(np.array(self._squares) / max(self._driven_ticks, 1))).tolist()
-        pairs = zip(rms, self._peaks, strict=True)
-        return TrackingErrors(*(number for pair in pairs for number in pair))
+        rms = np.sqrt(np.array(self._squares) / max(self._driven_ticks, 1))
+        return TrackingErrors(*np.stack([rms, self._peaks], axis=1).ravel().tolist())
 
     def at_limit_s(self) -> ControlInput:
         """Time for which each input was at its upper bound, the steering wheel at either."""

@@ -30,8 +30,7 @@ from rt_controller.contract.limits import SteeringGeometry
 from rt_controller.contract.names import MODEL_FOLDER, name_or
 from rt_controller.contract.signals import Schema, Signal
 from rt_controller.model.bundle import Bundle, PlanSample
-from rt_controller.model.dynamics import Bilinear, Drift, no_drift
-from rt_controller.model.follow import Follow
+from rt_controller.model.dynamics import Bilinear, Drift, Follow, no_drift
 from rt_controller.model.lift import Lift, LiftSample
 from rt_controller.model.validation import check_field, require_fitting_parts
 
@@ -46,38 +45,39 @@ ENCODER_FILE = "encoder.onnx"
 KOOPMAN_FILE = "koopman.npz"
 CARD_FILE = "card.md"
 
-TEXT, WHOLE, FLOAT, TRUTH = "U", "i", "f", "b"
 UNCHANGED = ("name", "A", "B_uc", "B_uw", "c", "selftest_psi", "training", "data_sha256")
 """fields of `koopman.npz` that are attributes of `Bundle` of the same name"""
 SIGNALS = {"state": "states", "input": "inputs", "exogenous": "exogenous"}
 """beginning of the fields that describe signals, and the attribute of `Schema`"""
-Fields = dict[str, tuple[str, int]]
-FIELDS: Fields = {
-    **dict.fromkeys(("name", "training", "data_sha256"), (TEXT, 0)),
-    **dict.fromkeys(("encoder_sha256", "bundle_sha256", "bilinear_follows"), (TEXT, 0)),
-    **dict.fromkeys(("state_fields", "input_fields", "exogenous_fields"), (TEXT, 1)),
-    **dict.fromkeys(("state_units", "input_units", "exogenous_units"), (TEXT, 1)),
-    **dict.fromkeys(("lift_inputs", "history_fields"), (TEXT, 1)),
-    "history_steps": (WHOLE, 0),
-    "dt_s": (FLOAT, 0),
-    "c": (FLOAT, 1),
-    **dict.fromkeys(("A", "B_uc", "B_uw", "bilinear_s0"), (FLOAT, 2)),
-    **dict.fromkeys(("selftest_x", "selftest_w", "selftest_psi"), (FLOAT, 2)),
-    "bilinear_saturates": (TRUTH, 0),
-    **dict.fromkeys(("drift_N", "drift_S"), (FLOAT, 2)),
-    "drift_s0": (FLOAT, 1),
-    "drift_signal": (WHOLE, 1),
-    **dict.fromkeys(("bilinear_N", "bilinear_S", "selftest_history"), (FLOAT, 3)),
-}
-"""type and number of dimensions of each field that is read"""
-OPTIONAL = {**dict.fromkeys(SteeringGeometry._fields, (FLOAT, 0)), "signal_range": (FLOAT, 2)}
-"""the same, of fields that a bundle need not have"""
-PLANS = {
-    **dict.fromkeys(("plan_state", "plan_path", "plan_previous"), (FLOAT, 2)),
-    "plan_curvature_per_m": (FLOAT, 1),
-    "plan_inputs": (FLOAT, 3),
-}
-"""the same, of fields that models of other signals do not have"""
+
+
+def _table(text: str) -> dict[str, tuple[str, int]]:
+    """Kind of numpy type (U, i, f, b) and number of dimensions of each field in lines of text."""
+    rows = (line.split() for line in text.strip().splitlines())
+    return {name: (kind[0], int(kind[1])) for kind, *names in rows for name in names}
+
+
+FIELDS = _table("""
+    U0 name training data_sha256 encoder_sha256 bundle_sha256 bilinear_follows
+    U1 state_fields input_fields exogenous_fields state_units input_units exogenous_units
+    U1 lift_inputs history_fields
+    i0 history_steps
+    i1 drift_signal
+    b0 bilinear_saturates
+    f0 dt_s
+    f1 c drift_s0
+    f2 A B_uc B_uw bilinear_s0 drift_N drift_S selftest_x selftest_w selftest_psi
+    f3 bilinear_N bilinear_S selftest_history
+""")
+"""each field that is read"""
+OPTIONAL = {**dict.fromkeys(SteeringGeometry._fields, ("f", 0)), "signal_range": ("f", 2)}
+"""fields that a bundle need not have"""
+PLANS = _table("""
+    f1 plan_curvature_per_m
+    f2 plan_state plan_path plan_previous
+    f3 plan_inputs
+""")
+"""fields that models of other signals do not have"""
 
 
 def shipped_model(name: str = SHIPPED_MODEL) -> Path:
@@ -86,16 +86,11 @@ def shipped_model(name: str = SHIPPED_MODEL) -> Path:
 
 
 def find_model(model: str | Path | None) -> Path:
-    """The folder of a model: the shipped one of that name, otherwise the path itself.
-
-    Raises:
-        ArtifactError: neither a shipped model nor an existing path.
-    """
+    """The folder of a model: the shipped one of that name, otherwise the path, if it exists."""
     if model is None:
         return shipped_model()
-    is_name = Path(model).name == str(model)
     shipped = shipped_model(str(model))
-    if is_name and shipped.is_dir():
+    if Path(model).name == str(model) and shipped.is_dir():
         return shipped
     if not Path(model).exists():
         names = sorted(folder.name for folder in shipped_model().parent.iterdir())
@@ -106,11 +101,7 @@ def find_model(model: str | Path | None) -> Path:
 
 
 def save_bundle(folder: Path, bundle: Bundle, card: str) -> None:
-    """Write the three files; an existing bundle is replaced file by file, each atomically.
-
-    Raises:
-        ArtifactError: the parts of the bundle do not fit each other; nothing is written.
-    """
+    """Write the three files, if the parts of the bundle fit each other; each atomically."""
     require_fitting_parts(bundle, folder / KOOPMAN_FILE)
     folder.mkdir(parents=True, exist_ok=True)
     with atomic_write(folder / ENCODER_FILE) as file:
@@ -130,19 +121,29 @@ def load_bundle(folder: Path) -> Bundle:
     """
     path, encoder_path = folder / KOOPMAN_FILE, folder / ENCODER_FILE
     found = _read_fields(path)
+    try:
+        with open_regular(encoder_path, LARGEST_FILE_BYTES) as file:
+            encoder = file.read()
+    except OSError as error:
+        raise _unreadable(encoder_path, "the encoder", error) from error
     lift = Lift("w" in found["lift_inputs"], found["history_steps"], found["history_fields"])
     check_field(path, "lift_inputs", lift.inputs, found["lift_inputs"])
     states, inputs, exogenous = (_signals(path, found, kind) for kind in SIGNALS)
+    if found["bilinear_follows"] not in list(Follow):
+        check_field(path, "bilinear_follows", " or ".join(Follow), found["bilinear_follows"])
+    bilinear = _part(Bilinear, "bilinear", found)
+    bilinear = bilinear._replace(follows=Follow(bilinear.follows))
+    has_drift = len(found["drift_S"]) or len(found["drift_s0"])
     bundle = Bundle(
         schema=Schema(states, inputs, exogenous, found["dt_s"]),
-        bilinear=_bilinear(path, found),
-        drift=_drift(found),
+        bilinear=bilinear if max(map(len, bilinear[:3])) else None,
+        drift=_part(Drift, "drift", found) if has_drift else None,
         lift=lift,
         geometry=_geometry(path, found),
-        plans=_plans(found),
+        plans=_part(PlanSample, "plan", found) if "plan_state" in found else None,
         signal_range=found.get("signal_range"),
-        encoder_onnx=_read_encoder(encoder_path),
-        selftest=LiftSample(*(found[f"selftest_{name}"] for name in LiftSample._fields)),
+        encoder_onnx=encoder,
+        selftest=_part(LiftSample, "selftest", found),
         **{name: found[name] for name in UNCHANGED},
     )
     require_fitting_parts(bundle, path)
@@ -153,8 +154,14 @@ def load_bundle(folder: Path) -> Bundle:
 
 def _fields_of(bundle: Bundle) -> dict[str, Any]:
     """The fields of `koopman.npz` by name, as numpy takes them."""
-    n, m = bundle.n_observables, bundle.B_uc.shape[1]
-    no_gains = Bilinear(np.zeros((0, n, m)), np.zeros((0, m, n)), np.zeros((0, m)))
+    n, m = bundle.B_uc.shape
+    parts = {
+        "bilinear": bundle.bilinear
+        or Bilinear(np.zeros((0, n, m)), np.zeros((0, m, n)), np.zeros((0, m))),
+        "drift": bundle.drift or no_drift(n),
+        "selftest": bundle.selftest,
+        "plan": bundle.plans,
+    }
     signals = {kind: getattr(bundle.schema, name) for kind, name in SIGNALS.items()}
     texts = {
         **{f"{kind}_fields": [signal.name for signal in each] for kind, each in signals.items()},
@@ -169,22 +176,18 @@ def _fields_of(bundle: Bundle) -> dict[str, Any]:
         "dt_s": bundle.schema.dt_s,
         "history_steps": bundle.lift.history_steps,
         **{
-            f"bilinear_{name}": part
-            for name, part in (bundle.bilinear or no_gains)._asdict().items()
+            f"{kind}_{name}": value
+            for kind, part in parts.items()
+            if part is not None
+            for name, value in part._asdict().items()
         },
-        **{f"drift_{name}": part for name, part in (bundle.drift or no_drift(n))._asdict().items()},
         "spectral_radius": bundle.spectral_radius,
         "growth_20": bundle.growth(20),
         "growth_80": bundle.growth(80),
         "encoder_sha256": bundle.encoder_sha256,
         "bundle_sha256": bundle.sha256,
-        **{f"selftest_{name}": part for name, part in bundle.selftest._asdict().items()},
         **(bundle.geometry._asdict() if bundle.geometry else {}),
         **({} if bundle.signal_range is None else {"signal_range": bundle.signal_range}),
-        **{
-            f"plan_{name}": part
-            for name, part in (bundle.plans._asdict() if bundle.plans else {}).items()
-        },
     }
 
 
@@ -194,19 +197,9 @@ def _signals(path: Path, found: dict[str, Any], kind: str) -> tuple[Signal, ...]
     return tuple(map(Signal, names, units))
 
 
-def _bilinear(path: Path, found: dict[str, Any]) -> Bilinear | None:
-    N, S, s0, follows = (found[f"bilinear_{name}"] for name in ("N", "S", "s0", "follows"))
-    if follows not in list(Follow):
-        check_field(path, "bilinear_follows", " or ".join(Follow), follows)
-    if not max(len(N), len(S), len(s0)):
-        return None
-    return Bilinear(N, S, s0, Follow(follows), found["bilinear_saturates"])
-
-
-def _drift(found: dict[str, Any]) -> Drift | None:
-    if not max(len(found[f"drift_{name}"]) for name in ("S", "s0")):
-        return None
-    return Drift(*(found[f"drift_{name}"] for name in Drift._fields))
+def _part(kind: Any, name: str, found: dict[str, Any]) -> Any:
+    """The NamedTuple `kind` of the fields that begin with `name`."""
+    return kind(*(found[f"{name}_{field}"] for field in kind._fields))
 
 
 def _geometry(path: Path, found: dict[str, Any]) -> SteeringGeometry | None:
@@ -218,26 +211,12 @@ def _geometry(path: Path, found: dict[str, Any]) -> SteeringGeometry | None:
     return SteeringGeometry(**{name: found[name] for name in present})
 
 
-def _plans(found: dict[str, Any]) -> PlanSample | None:
-    if "plan_state" not in found:
-        return None
-    return PlanSample(*(found[f"plan_{name}"] for name in PlanSample._fields))
-
-
 def _check_hash(path: Path, expected: str, found: str, what: str) -> None:
     if found != expected:
         raise ArtifactError(
             f"{path}: expected the {what} of SHA-256 {expected:.16}…, found {found:.16}…: the two "
             f"files are not of one export, or one was altered. Run offline-export again."
         )
-
-
-def _read_encoder(path: Path) -> bytes:
-    try:
-        with open_regular(path, LARGEST_FILE_BYTES) as file:
-            return file.read()
-    except OSError as error:
-        raise _unreadable(path, "the encoder", error) from error
 
 
 def _unreadable(path: Path, what: str, error: OSError) -> ArtifactError:
@@ -248,12 +227,7 @@ def _unreadable(path: Path, what: str, error: OSError) -> ArtifactError:
 
 
 def _read_fields(path: Path) -> dict[str, Any]:
-    """The fields of `koopman.npz` as the texts, numbers, tuples and arrays that `FIELDS` lists.
-
-    Raises:
-        ArtifactError: the file is missing, truncated, altered, or not an npz archive without
-            pickles; or a field is missing or of another type, shape or format.
-    """
+    """The fields of `koopman.npz` as the texts, numbers, tuples and arrays that `FIELDS` lists."""
     try:
         arrays = read_arrays(path, LARGEST_FILE_BYTES, LARGEST_UNPACKED_BYTES)
     except OSError as error:
@@ -265,11 +239,10 @@ def _read_fields(path: Path) -> dict[str, Any]:
         ) from error
     version = arrays["format_version"].tolist() if "format_version" in arrays else FORMAT_VERSION
     if version != FORMAT_VERSION:
-        missing = ", ".join(sorted(FIELDS.keys() - arrays)) or "nothing"
         raise ArtifactError(
-            f"{path}: expected format_version = {FORMAT_VERSION}, found {version!s:.40}; of the "
-            f"fields of this format it lacks {missing:.200}. Run offline-export RUN again with "
-            f"this version; for a newer bundle install a newer rt-controller."
+            f"{path}: expected format_version = {FORMAT_VERSION}, found {version!s:.40}. Run "
+            f"offline-export RUN again with this version; for a newer bundle install a newer "
+            f"rt-controller."
         )
     required = FIELDS | (PLANS if "plan_state" in arrays else {})
     for key in ("format_version", *required):
@@ -284,24 +257,24 @@ def _read_fields(path: Path) -> dict[str, Any]:
 
 def _checked(path: Path, key: str, found: NDArray[Any], kind: str, dimensions: int) -> Any:
     """The content of one field; numbers have eight bytes and are finite, arrays in C order."""
-    is_wide = kind in (TEXT, TRUTH) or found.dtype in (np.float64, np.int64)
+    is_wide = kind in "Ub" or found.dtype in (np.float64, np.int64)
     if found.dtype.kind != kind or found.ndim != dimensions or not is_wide:
         expected = {
-            (TEXT, 0): "one text",
-            (TEXT, 1): "a list of texts",
-            (WHOLE, 0): "one whole number",
-            (WHOLE, 1): "a list of whole numbers",
-            (TRUTH, 0): "true or false",
+            ("U", 0): "one text",
+            ("U", 1): "a list of texts",
+            ("i", 0): "one whole number",
+            ("i", 1): "a list of whole numbers",
+            ("b", 0): "true or false",
         }.get((kind, dimensions), f"float64 numbers in {dimensions} dimensions")
         raise ArtifactError(
             f"{path}: expected {expected} in {key}, found {found.dtype} of shape {found.shape}. "
             f"Run offline-export again."
         )
-    if kind == FLOAT and not np.all(np.isfinite(found)):
+    if kind == "f" and not np.all(np.isfinite(found)):
         raise ArtifactError(
             f"{path}: expected finite numbers in {key}, found "
             f"{np.count_nonzero(~np.isfinite(found))} that are not. Run offline-export again."
         )
     if dimensions == 0:
         return found.item()
-    return tuple(found.tolist()) if kind == TEXT else np.asarray(found, order="C")
+    return tuple(found.tolist()) if kind == "U" else np.asarray(found, order="C")

@@ -16,6 +16,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import INPUT_LIMITS, SteeringGeometry
 from rt_controller.contract.signals import VEHICLE, InputColumn, Schema
 from rt_controller.model.dynamics import Bilinear, Drift
@@ -88,16 +89,9 @@ class Bundle:
     def load(cls, model: "str | Path | Bundle | None" = None) -> "Bundle":
         """The bundle in a folder, or the shipped one of that name.
 
-        Warns where a model of this car has no stored plans.
-
-        Args:
-            model: "mdk-net", "mdk-net-paper", "lti", or a folder that `save` or offline-export
-                wrote; None: "mdk-net". A `Bundle` is returned as it is.
-
-        Raises:
-            ArtifactError: a file is missing, damaged or of another format, or its parts do not fit
-                each other.
-            TypeError: `model` is of another type.
+        Warns where a model of this car has no stored plans. `model` is "mdk-net" (as None is),
+        "mdk-net-paper", "lti", a folder that `save` or offline-export wrote, or a `Bundle`, which
+        is returned as it is.
         """
         if isinstance(model, Bundle):
             return model
@@ -132,35 +126,31 @@ class Bundle:
         All in the units of `schema`, over one of its periods. For the car, x is a `VehicleState`
         (n_x = 6), u a `ControlInput` (m = 3) and w the curvature of the road in 1/m (p = 1).
 
-        Args:
-            A: (n_x, n_x).
-            B_uc: (n_x, m).
-            B_uw: (n_x, p).
-            offset: (n_x,); None: zeros.
-            name: kind of model, for summaries.
-            schema: names, units and period of the signals; default: those of the car.
-
-        Raises:
-            ArtifactError: a matrix has another shape, or an entry that is not a finite real number.
+        A (n_x, n_x), B_uc (n_x, m), B_uw (n_x, p), offset (n_x,) or None: zeros. `name` is the kind
+        of model in summaries; `schema` has names, units and period of the signals.
         """
-        from rt_controller.model.validation import require_fitting_parts, require_matrix
+        from rt_controller.model.validation import require_fitting_parts
 
-        n_x = len(schema.states)
+        n_x, m, p = len(schema.states), len(schema.inputs), len(schema.exogenous)
         offset = np.zeros(n_x) if offset is None else offset
-        require_matrix("A", A, (n_x, n_x))
-        require_matrix("B_uc", B_uc, (n_x, len(schema.inputs)))
-        require_matrix("B_uw", B_uw, (n_x, len(schema.exogenous)))
-        require_matrix("offset", offset, (n_x,))
+        shapes = {"A": (n_x, n_x), "B_uc": (n_x, m), "B_uw": (n_x, p), "offset": (n_x,)}
+        found = [np.asarray(matrix) for matrix in (A, B_uc, B_uw, offset)]
+        for (key, shape), matrix in zip(shapes.items(), found, strict=True):
+            if matrix.shape != shape:
+                raise ArtifactError(f"{key}: expected the shape {shape}, found {matrix.shape}.")
+            if not (np.isrealobj(matrix) and np.isfinite(matrix.astype(np.float64)).all()):
+                raise ArtifactError(f"{key}: expected finite real numbers, found others.")
+        A, B_uc, B_uw, c = (matrix.astype(np.float64) for matrix in found)
         x = np.vstack([np.zeros(n_x), np.ones(n_x)])
         bundle = cls(
             name=name,
             schema=schema,
-            A=np.array(A, dtype=np.float64),
-            B_uc=np.array(B_uc, dtype=np.float64),
-            B_uw=np.array(B_uw, dtype=np.float64),
-            c=np.array(offset, dtype=np.float64),
+            A=A,
+            B_uc=B_uc,
+            B_uw=B_uw,
+            c=c,
             encoder_onnx=identity_encoder(n_x),
-            selftest=LiftSample(x, np.zeros((2, len(schema.exogenous))), np.zeros((2, 0, 0))),
+            selftest=LiftSample(x, np.zeros((2, p)), np.zeros((2, 0, 0))),
             selftest_psi=x.copy(),
             training=json.dumps({"kind": name}),
         )
@@ -170,12 +160,8 @@ class Bundle:
     def save(self, folder: str | Path, card: str = "") -> Self:
         """Write the bundle to a folder, from which `load` and --model read it; returns itself.
 
-        Args:
-            folder: is made if needed; an existing bundle is replaced file by file, each atomically.
-            card: text of the model card, in Markdown.
-
-        Raises:
-            ArtifactError: the parts of the bundle do not fit each other; nothing is written.
+        The folder is made if needed; an existing bundle is replaced file by file, each atomically.
+        `card` is the text of the model card, in Markdown.
         """
         from rt_controller.model.artifact import save_bundle
 

@@ -3,13 +3,25 @@
 Everything that runs a finished model uses these: controller, evaluation and linear baselines.
 """
 
+from enum import StrEnum
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
-from rt_controller.model.follow import Follow
+
+
+class Follow(StrEnum):
+    """From which lifted state the input matrix is computed in each step of a prediction."""
+
+    PREDICTION = "prediction"
+    """that of the step itself, as in a bilinear model. The controller uses the states that its last
+    plan predicted"""
+    FREE_RESPONSE = "free-response"
+    """what the first lifted state becomes without inputs"""
+    START = "start"
+    """the first lifted state, in all steps"""
 
 
 class Bilinear(NamedTuple):
@@ -38,12 +50,6 @@ class Bilinear(NamedTuple):
     @property
     def rank(self) -> int:
         return int(self.s0.shape[0])
-
-    def gains(self, psi: Array) -> Array:
-        """The share of each direction at psi (..., n): (..., R, m)."""
-        flat: Array = psi @ self.S.reshape(-1, self.S.shape[2]).T
-        shares: Array = flat.reshape(*psi.shape[:-1], *self.s0.shape) + self.s0
-        return np.tanh(shares, out=shares) if self.saturates else shares
 
 
 NO_SIGNAL = -1
@@ -82,11 +88,6 @@ class Drift(NamedTuple):
         """What tanh(a) is multiplied by (..., D): an exogenous signal of w (..., p), or 1."""
         ones = np.ones((*w.shape[:-1], 1))
         return np.asarray(np.concatenate((w, ones), axis=-1)[..., self.signal])
-
-    def terms(self, psi: Array, w: Array) -> Array:
-        """t (..., D) at psi (..., n), with the exogenous signals w (..., p)."""
-        a = psi @ self.S.T + self.s0
-        return np.asarray(np.tanh(a) * self.factors(w) - a * self.is_saturation)
 
 
 def no_drift(n: int) -> Drift:
@@ -183,12 +184,7 @@ class Step:
 
 def one_step(model: Dynamics, psi: Array, u: Array, w: Array) -> Array:
     """psi_(k+1) (..., n) from psi (..., n), inputs u (..., m) and exogenous signals w (..., p)."""
-    return Step(model)(psi, with_one(u, w))
-
-
-def with_one(u: Array, w: Array) -> Array:
-    """[u; w; 1] (..., m + p + 1)."""
-    return np.asarray(np.concatenate((u, w, np.ones((*u.shape[:-1], 1))), axis=-1))
+    return Step(model)(psi, np.concatenate((u, w, np.ones((*u.shape[:-1], 1))), axis=-1))
 
 
 def roll_out(model: Dynamics, psi0: Array, U: Array, W: Array, outputs: int) -> Array:
@@ -201,7 +197,8 @@ def roll_out(model: Dynamics, psi0: Array, U: Array, W: Array, outputs: int) -> 
     follow = Follow.PREDICTION if model.bilinear is None else model.bilinear.follows
     found = np.empty((len(psi0), U.shape[1] + 1, outputs))
     found[:, 0] = psi0[:, :outputs]
-    step, inputs, psi = Step(model), with_one(U, W), psi0
+    step, psi = Step(model), psi0
+    inputs = np.concatenate((U, W, np.ones((*U.shape[:-1], 1))), axis=-1)
     followed = None if follow is Follow.PREDICTION else psi0
     for k in range(U.shape[1]):
         psi = step(psi, inputs[:, k], followed)

@@ -21,8 +21,7 @@ class Lift:
     - "history" (batch, H, h): the last H instants, oldest first. Row i holds the named states at
       instant k - H + i, and the named inputs held from that instant to the next one.
 
-    Raises:
-        ArtifactError: a history without steps or without fields.
+    A history has steps and fields, or neither.
     """
 
     sees_exogenous: bool = False
@@ -69,30 +68,28 @@ class LiftSample(NamedTuple):
 OPSET = 18
 IR_VERSION = 10
 """of the file format, low enough for every onnxruntime that this project supports"""
-_FLOAT = 1
 
 
 def identity_encoder(states: int) -> bytes:
     """An ONNX model that returns its input "x" (batch, states) float32 as "psi"."""
-    node = _bytes(1, b"x") + _bytes(2, b"psi") + _bytes(4, b"Identity")
-    graph = _bytes(1, node) + _bytes(2, b"lift")
-    graph += _bytes(11, _tensor(b"x", states)) + _bytes(12, _tensor(b"psi", states))
-    opset = _bytes(1, b"") + _integer(2, OPSET)
-    return _integer(1, IR_VERSION) + _bytes(7, graph) + _bytes(8, opset)
+    node = _field(1, b"x") + _field(2, b"psi") + _field(4, b"Identity")
+    graph = _field(1, node) + _field(2, b"lift")
+    graph += _field(11, _tensor(b"x", states)) + _field(12, _tensor(b"psi", states))
+    opset = _field(1, b"") + _field(2, OPSET)
+    return _field(1, IR_VERSION) + _field(7, graph) + _field(8, opset)
 
 
 def _tensor(name: bytes, columns: int) -> bytes:
-    """A ValueInfoProto of shape ("batch", columns)."""
-    shape = _bytes(1, _bytes(2, b"batch")) + _bytes(1, _integer(1, columns))
-    return _bytes(1, name) + _bytes(2, _bytes(1, _integer(1, _FLOAT) + _bytes(2, shape)))
+    """A ValueInfoProto of float32 numbers (1) of shape ("batch", columns)."""
+    shape = _field(1, _field(2, b"batch")) + _field(1, _field(1, columns))
+    return _field(1, name) + _field(2, _field(1, _field(1, 1) + _field(2, shape)))
 
 
-def _bytes(field: int, content: bytes) -> bytes:
-    return _varint(field << 3 | 2) + _varint(len(content)) + content
-
-
-def _integer(field: int, value: int) -> bytes:
-    return _varint(field << 3) + _varint(value)
+def _field(number: int, content: bytes | int) -> bytes:
+    """A field of a protobuf message."""
+    if isinstance(content, int):
+        return _varint(number << 3) + _varint(content)
+    return _varint(number << 3 | 2) + _varint(len(content)) + content
 
 
 def _varint(number: int) -> bytes:

@@ -3,10 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import LARGEST, SMALLEST, SteeringGeometry
 from rt_controller.contract.signals import VEHICLE
@@ -28,102 +24,78 @@ def require_fitting_parts(bundle: Bundle, path: Path | str) -> None:
     schema, lift, n = bundle.schema, bundle.lift, bundle.n_observables
     n_x, m, p = len(schema.states), len(schema.inputs), len(schema.exogenous)
     b = bundle.selftest.x.shape[0]
-    names = schema.state_names + schema.input_names + schema.exogenous_names
-    if not schema.states or len(set(names)) < len(names) or not schema.dt_s > 0.0:
-        raise ArtifactError(
-            f"{path}: expected at least one state, different names for all signals, and a positive "
-            f"dt_s, found {names} and {schema.dt_s}. Run offline-export again."
-        )
     known = schema.state_names + schema.input_names
-    if lift.history_fields != tuple(name for name in known if name in lift.history_fields):
-        raise ArtifactError(
-            f"{path}: expected history_fields out of {known}, in this order, found "
-            f"{lift.history_fields}. Run offline-export again."
-        )
-    shapes: dict[str, tuple[NDArray[Any], tuple[int, ...]]] = {
-        "A": (bundle.A, (n, n)),
-        "B_uc": (bundle.B_uc, (n, m)),
-        "B_uw": (bundle.B_uw, (n, p)),
-        "c": (bundle.c, (n,)),
-        "selftest_x": (bundle.selftest.x, (b, n_x)),
-        "selftest_w": (bundle.selftest.w, (b, p)),
-        "selftest_history": (
-            bundle.selftest.history,
-            (b, lift.history_steps, len(lift.history_fields)),
-        ),
-        "selftest_psi": (bundle.selftest_psi, (b, n)),
-    }
-    if bundle.bilinear is not None:
-        R = bundle.bilinear.rank
-        shapes["bilinear_N"] = (bundle.bilinear.N, (R, n, m))
-        shapes["bilinear_S"] = (bundle.bilinear.S, (R, m, n))
-        shapes["bilinear_s0"] = (bundle.bilinear.s0, (R, m))
-    if bundle.drift is not None:
-        D = bundle.drift.rank
-        shapes["drift_N"] = (bundle.drift.N, (n, D))
-        shapes["drift_S"] = (bundle.drift.S, (D, n))
-        shapes["drift_s0"] = (bundle.drift.s0, (D,))
-        shapes["drift_signal"] = (bundle.drift.signal, (D,))
-    if bundle.signal_range is not None:
-        shapes["signal_range"] = (bundle.signal_range, (2, m + p))
-    if bundle.plans is not None:
-        T, N = bundle.plans.inputs.shape[:2]
-        plan_shapes = ((T, n_x), (T,), (T, 6), (T, m), (T, N, m))
-        for name, array, shape in zip(bundle.plans._fields, bundle.plans, plan_shapes, strict=True):
-            shapes[f"plan_{name}"] = (array, shape)
-    for key, (array, shape) in shapes.items():
-        check_field(path, f"shape of {key}", shape, array.shape)
-    if bundle.geometry is not None and find_objection_to_geometry(bundle.geometry):
-        raise ArtifactError(f"{path}: {find_objection_to_geometry(bundle.geometry)}")
-    if bundle.drift is not None and not set(bundle.drift.signal.tolist()) <= set(range(-1, p)):
-        raise ArtifactError(
-            f"{path}: expected drift_signal from -1 to {p - 1}, found "
-            f"{bundle.drift.signal.tolist()!s:.200}. Run offline-export again."
-        )
-    if n < n_x or not 1 <= b <= MOST_INSTANTS:
-        raise ArtifactError(
-            f"{path}: expected at least {n_x} observables and 1 to {MOST_INSTANTS} self-test "
-            f"instants, found {n} and {b}. Run offline-export again."
-        )
-    if not bundle.name.isprintable() or not 0 < len(bundle.name) <= LONGEST_NAME:
-        raise ArtifactError(
-            f"{path}: expected a name of 1 to {LONGEST_NAME} printable characters, found "
-            f"{bundle.name!r:.60}. Run offline-export again."
-        )
+    names = known + schema.exogenous_names
+    signal = [] if bundle.drift is None else bundle.drift.signal.tolist()
 
+    def refuse_unless(is_right: object, expected: str, found: object) -> None:
+        if not is_right:
+            raise ArtifactError(
+                f"{path}: expected {expected}, found {found!s:.200}. Run offline-export again."
+            )
 
-def require_matrix(name: str, matrix: Array, shape: tuple[int, ...]) -> None:
-    """Return if a matrix has this shape and finite real numbers.
-
-    Raises:
-        ArtifactError: it has not.
-    """
-    array = np.asarray(matrix)
-    if array.shape != shape:
-        raise ArtifactError(f"{name}: expected the shape {shape}, found {array.shape}.")
-    if not (np.isrealobj(array) and np.isfinite(array.astype(np.float64)).all()):
-        raise ArtifactError(f"{name}: expected finite real numbers, found others.")
-
-
-def find_objection_to_geometry(geometry: SteeringGeometry) -> str | None:
-    """The numbers of the car that are no road vehicle's; None if there are none."""
-    wrong = [
-        f"{name}: expected {low:g} to {high:g}, found {value:g}"
-        for name, value, low, high in zip(
-            SteeringGeometry._fields, geometry, SMALLEST, LARGEST, strict=True
-        )
-        if not low <= value <= high
+    refuse_unless(
+        schema.states and len(set(names)) == len(names) and schema.dt_s > 0.0,
+        "at least one state, different names for all signals, and a positive dt_s",
+        f"{names} and {schema.dt_s}",
+    )
+    refuse_unless(
+        lift.history_fields == tuple(name for name in known if name in lift.history_fields),
+        f"history_fields out of {known}, in this order",
+        lift.history_fields,
+    )
+    wanted: list[tuple[str, Any, tuple[int, ...]]] = [
+        ("A", bundle.A, (n, n)),
+        ("B_uc", bundle.B_uc, (n, m)),
+        ("B_uw", bundle.B_uw, (n, p)),
+        ("c", bundle.c, (n,)),
+        ("selftest_psi", bundle.selftest_psi, (b, n)),
+        ("signal_range", bundle.signal_range, (2, m + p)),
     ]
-    return "; ".join(wrong) + "." if wrong else None
+    R, D = bundle.bilinear and bundle.bilinear.rank, bundle.drift and bundle.drift.rank
+    T, N = bundle.plans.inputs.shape[:2] if bundle.plans else (0, 0)
+    parts: tuple[tuple[str, Any, tuple[tuple[Any, ...], ...]], ...] = (
+        (
+            "selftest",
+            bundle.selftest,
+            ((b, n_x), (b, p), (b, lift.history_steps, len(lift.history_fields))),
+        ),
+        ("bilinear", bundle.bilinear, ((R, n, m), (R, m, n), (R, m))),
+        ("drift", bundle.drift, ((n, D), (D, n), (D,), (D,))),
+        ("plan", bundle.plans, ((T, n_x), (T,), (T, 6), (T, m), (T, N, m))),
+    )
+    for kind, part, shapes in parts:
+        if part is not None:
+            fields = zip(part._fields, part, shapes, strict=False)
+            wanted += [(f"{kind}_{name}", array, shape) for name, array, shape in fields]
+    for key, array, shape in wanted:
+        if array is not None:
+            check_field(path, f"shape of {key}", shape, array.shape)
+    refuse_unless(set(signal) <= set(range(-1, p)), f"drift_signal from -1 to {p - 1}", signal)
+    refuse_unless(
+        n >= n_x and 1 <= b <= MOST_INSTANTS,
+        f"at least {n_x} observables and 1 to {MOST_INSTANTS} self-test instants",
+        f"{n} and {b}",
+    )
+    refuse_unless(
+        bundle.name.isprintable() and 0 < len(bundle.name) <= LONGEST_NAME,
+        f"a name of 1 to {LONGEST_NAME} printable characters",
+        f"{bundle.name!r:.60}",
+    )
+    if bundle.geometry is not None:
+        outside = [
+            f"{name}: expected {low:g} to {high:g}, found {value:g}"
+            for name, value, low, high in zip(
+                SteeringGeometry._fields, bundle.geometry, SMALLEST, LARGEST, strict=True
+            )
+            if not low <= value <= high
+        ]
+        if outside:
+            raise ArtifactError(f"{path}: {'; '.join(outside)}.")
 
 
 def require_drivable(bundle: Bundle) -> None:
-    """Return if the controller can drive the car with this model.
-
-    Raises:
-        ArtifactError: it has other signals, another period, or a history that the controller does
-            not keep.
-    """
+    """Refuse a model with which the controller cannot drive the car."""
     objection = find_objection_to_driving(bundle)
     if objection is not None:
         raise ArtifactError(f"{objection} Choose another `model`.")
@@ -171,11 +143,7 @@ def _plain(part: object) -> str:
 
 
 def check_field(path: Path | str, key: str, expected: object, found: object) -> None:
-    """Return if both are equal.
-
-    Raises:
-        ArtifactError: they are not.
-    """
+    """Refuse a field of a bundle that is not as expected."""
     if expected != found:
         raise ArtifactError(
             f"{path}: expected {key} = {expected}, found {found!s:.200}. This bundle was made for "

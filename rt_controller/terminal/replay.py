@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from rt_controller.bus.log.recorder import RecordedFrame
 from rt_controller.contract.figures import require_writable, write_figures
-from rt_controller.drive.car_figures import EXIT_LIMIT
+from rt_controller.drive.scenario import EXIT_LIMIT
 from rt_controller.recording.journal import RECEIVED, SENT, DrivenTick
 from rt_controller.recording.replay import (
     Difference,

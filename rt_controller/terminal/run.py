@@ -13,7 +13,7 @@ from rt_controller.bus.messages import STATE
 from rt_controller.bus.transport import close_bus, require_interface
 from rt_controller.contract.errors import BusError, OutputError, PlantError, RtControllerError
 from rt_controller.contract.figures import require_writable, write_figures
-from rt_controller.drive.car_figures import (
+from rt_controller.drive.scenario import (
     EXIT_LIMIT,
     CarFigure,
     explain_missed,

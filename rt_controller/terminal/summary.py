@@ -14,8 +14,7 @@ from rt_controller.contract.errors import OutputError
 from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.files import atomic_write
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.drive.car_figures import LateralError
-from rt_controller.drive.scenario import DrivenScenario
+from rt_controller.drive.scenario import DrivenScenario, LateralError
 from rt_controller.loop import Ending, RunRecord
 from rt_controller.realtime.timing import DeadlineAccount, Percentiles, TickTimes
 from rt_controller.report.table import Fact, Table, facts_table

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.drive.car_figures import CarFigure
+from rt_controller.drive.scenario import CarFigure
 from sim_bridge.scenario.courses import Course, Poses, cone_hits, lane_margin_m, road_margin_m
 from sim_bridge.scenario.speed import STOP_WINDOW_M, Stop
 from sim_bridge.scenario.table import Table

@@ -13,7 +13,7 @@ from rt_controller.bus.identity import DISENGAGED_FRAMES
 from rt_controller.contract.errors import PlantError
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import MISSION_PERIOD_TICKS, PERIOD_S
-from rt_controller.drive.car_figures import EXIT_LIMIT, limits_missed
+from rt_controller.drive.scenario import EXIT_LIMIT, limits_missed
 from rt_controller.loop import RELEASE_TICKS, Ending
 from rt_controller.model.artifact import load_bundle, shipped_model
 from sim_bridge import parse_scenario, session

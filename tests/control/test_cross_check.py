@@ -40,8 +40,8 @@ def test_warm_start_and_piqp_agree_on_random_problems(problems: int) -> None:
     for number in range(problems // 25):
         rng = np.random.default_rng(25 * number)
         bundle = random_bundle(rng, rank=(0, 1, 4)[number % 3])
-        features = tiers[number // 3 % len(tiers)]
-        qp = CondensedQp(bundle, HORIZON, COST, features)
+        corridor = tiers[number // 3 % len(tiers)]
+        qp = CondensedQp(bundle, HORIZON, COST, corridor)
         solvers = open_both(qp.program)
         for _ in range(25):
             update_vectors(qp, rng)
@@ -54,12 +54,12 @@ def test_warm_start_and_piqp_agree_on_random_problems(problems: int) -> None:
     [SHORT_LANE_CHANGE, pytest.param("double_lane_change", marks=pytest.mark.nightly)],
     ids=["short", "whole"],
 )
-@pytest.mark.parametrize("features", RECORDED_TIERS.values(), ids=RECORDED_TIERS.keys())
+@pytest.mark.parametrize("corridor", RECORDED_TIERS.values(), ids=RECORDED_TIERS.keys())
 @pytest.mark.parametrize("model", ["mdk-net", "mdk-net-paper"])
 def test_warm_start_and_piqp_agree_on_recorded_problems(
-    model: str, features, scenario: str
+    model: str, corridor, scenario: str
 ) -> None:
-    recording = record(model, scenario, features)
+    recording = record(model, scenario, corridor)
     program = recording.program.copy()
     solvers = open_both(program)
     for event in recording.replay(program):

@@ -8,7 +8,6 @@ from rt_controller.contract.signals import N_STATES, ControlInput, PathReference
 from rt_controller.control.explanation import cost_shares
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.program import SolveStatus
-from rt_controller.control.qp import WITH_SLEW, Features
 from rt_controller.control.terms import Corridor, Heading
 from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.model.dynamics import roll_out
@@ -19,9 +18,9 @@ PREVIOUS = ControlInput(0.2, 0.0, 0.05)
 DEFAULT = MpcSettings()
 
 
-def planned(features: Features = WITH_SLEW, settings: MpcSettings = DEFAULT) -> Mpc:
+def planned(corridor: Corridor | None = None, settings: MpcSettings = DEFAULT) -> Mpc:
     bundle, knots = load_bundle(shipped_model("lti")), settings.knots
-    mpc = Mpc(bundle, settings.horizon, settings.cost(), features, knots=knots)
+    mpc = Mpc(bundle, settings.horizon, settings.cost(), corridor, knots=knots)
     assert mpc.plan(STATE, 0.001, PATH, PREVIOUS) is SolveStatus.SOLVED
     return mpc
 
@@ -33,7 +32,7 @@ def test_the_cost_shares_add_up_to_the_objective_of_the_qp(
 ) -> None:
     """Of a linear model: the objective is the sum without what does not depend on the inputs."""
     settings = MpcSettings(heading=heading)
-    mpc = planned(Features(True, corridor), settings)
+    mpc = planned(corridor, settings)
     costs = mpc.explain_plan().costs
     program, parameters, bundle = mpc._qp.program, mpc._qp.parameters, mpc._bundle
     nothing, knots = np.zeros_like(mpc.inputs), mpc._qp.knots
@@ -41,12 +40,12 @@ def test_the_cost_shares_add_up_to_the_objective_of_the_qp(
     (free,) = roll_out(bundle, parameters.psi[None], nothing[None], W, N_STATES)
     without = cost_shares(
         settings.cost(),
+        None,
         free[[0, *knots.ends]],
-        parameters.reference,
-        knots.intervals,
+        parameters,
         nothing,
-        np.array(PREVIOUS),
         mpc._qp.objective.length_m,
+        knots.intervals,
     )
     z = mpc._solver.solution
     objective = 0.5 * z @ program.P @ z + program.q @ z

@@ -11,10 +11,10 @@ from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import N_STATES, ControlInput
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.control.objective import SLOWEST_MPS
+from rt_controller.control.objective import SLOWEST_MPS, QpParameters
 from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.piqp_solver import PiqpSolver
-from rt_controller.control.program import QpParameters, SolveStatus
+from rt_controller.control.program import SolveStatus
 from rt_controller.control.qp import CondensedQp
 from rt_controller.control.terms import Heading, TrackingCost
 from rt_controller.model.bundle import Bundle

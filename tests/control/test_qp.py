@@ -20,19 +20,19 @@ from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.objective import SLOWEST_MPS
 from rt_controller.control.piqp_solver import PiqpSolver
 from rt_controller.control.program import SolveStatus
-from rt_controller.control.qp import CondensedQp, Features
+from rt_controller.control.qp import CondensedQp
 from rt_controller.control.terms import Corridor, Heading, TrackingCost
 from rt_controller.model.bundle import Bundle
 
 
 def sparse_plan(
-    qp: CondensedQp, bundle: Bundle, cost: TrackingCost, features: Features
+    qp: CondensedQp, bundle: Bundle, cost: TrackingCost, corridor: Corridor | None
 ) -> tuple[Array, Array]:
     """Inputs at the knots (K, 3) and slacks of eq. (14) with the states as variables."""
     now = qp.parameters
     n, N, nv = bundle.n_observables, HORIZON, qp.scale.size
     ends, between = np.array(qp.knots.ends), qp.knots.intervals[:, None]
-    slacks = 0 if features.corridor is None else len(ends)
+    slacks = 0 if corridor is None else len(ends)
     of_states, of_slacks = slice(nv, nv + N * n), slice(nv + N * n, nv + N * n + slacks)
     size = nv + N * n + slacks
     inputs = np.zeros((N * 3, size))  # of all stages, from v
@@ -62,23 +62,24 @@ def sparse_plan(
         (inputs, np.zeros(3 * N), np.tile(1.0 / np.square(np.array(cost.control)), N)),
         (changes, changed_from, np.tile(1.0 / np.square(np.array(cost.control_change)), N)),
     ]
-    if features.corridor is not None:
-        weight = np.full(slacks, features.corridor.weight)
+    if corridor is not None:
+        weight = np.full(slacks, corridor.weight)
         squares.append((np.eye(size)[of_slacks], np.zeros(slacks), weight))
     P = sum((rows.T * w) @ rows for rows, _, w in squares)
     q = -sum((rows.T * w) @ wanted for rows, wanted, w in squares)
 
-    G, low, high = np.zeros((0, size)), np.zeros(0), np.zeros(0)
-    if features.has_slew_rows:
-        D = np.eye(nv, size) - np.eye(nv, size, k=-3)
-        since = np.concatenate([[[1.0]], between[:-1]])
-        slew = since * np.array(INPUT_LIMITS.rate_per_s) * PERIOD_S / RANGE
-        G, low, high = D, -slew.reshape(-1), slew.reshape(-1)
-        low[:3] += now.previous / RANGE
-        high[:3] += now.previous / RANGE
-    if features.corridor is not None:
+    since = np.concatenate([[[1.0]], between[:-1]])
+    slew = since * np.array(INPUT_LIMITS.rate_per_s) * PERIOD_S / RANGE
+    G, low, high = (
+        np.eye(nv, size) - np.eye(nv, size, k=-3),
+        -slew.reshape(-1),
+        slew.reshape(-1),
+    )
+    low[:3] += now.previous / RANGE
+    high[:3] += now.previous / RANGE
+    if corridor is not None:
         G = np.vstack([G, states[ends - 1, 4] + np.eye(size)[of_slacks]])
-        half_m = features.corridor.half_width_m
+        half_m = corridor.half_width_m
         low = np.append(low, now.reference[1:, 4] - half_m)
         high = np.append(high, now.reference[1:, 4] + half_m)
     free = np.full(size - nv, np.inf)
@@ -88,20 +89,20 @@ def sparse_plan(
     return x[:nv].reshape(-1, 3), x[of_slacks]
 
 
-@pytest.mark.parametrize("features", TIERS.values(), ids=TIERS.keys())
+@pytest.mark.parametrize("corridor", TIERS.values(), ids=TIERS.keys())
 @pytest.mark.parametrize("heading", ["course", "epsi"])
 @pytest.mark.parametrize("knots", [HORIZON, 5])
 def test_condensed_and_sparse_forms_have_the_same_plan(
-    knots: int, heading: Heading, features: Features
+    knots: int, heading: Heading, corridor: Corridor | None
 ) -> None:
     rng = np.random.default_rng(7)
     bundle, cost = random_bundle(rng), COST._replace(heading=heading)
-    qp = CondensedQp(bundle, HORIZON, cost, features, knots)
+    qp = CondensedQp(bundle, HORIZON, cost, corridor, knots)
     solver, program = PiqpSolver(qp.program), qp.program
     for _ in range(5):
         update_vectors(qp, rng)
         assert solver.update_matrices()
-        sparse, slacks = sparse_plan(qp, bundle, cost, features)
+        sparse, slacks = sparse_plan(qp, bundle, cost, corridor)
         bounds = (program.row_lower, program.row_upper, program.lower, program.upper)
         exact = optimum(program.P, program.q, program.G, bounds, None, None)
         nv = qp.scale.size
@@ -114,8 +115,8 @@ def test_condensed_and_sparse_forms_have_the_same_plan(
 @pytest.mark.parametrize(("half_width_m", "is_left"), [(0.02, True), (50.0, False)])
 def test_slacks_are_nonzero_only_outside_the_corridor(half_width_m: float, is_left: bool) -> None:
     """A corridor that is never left would pass the comparison above."""
-    features = Features(corridor=Corridor(half_width_m, 0.05))
-    qp = CondensedQp(random_bundle(np.random.default_rng(3)), HORIZON, COST, features)
+    corridor = Corridor(half_width_m, 0.05)
+    qp = CondensedQp(random_bundle(np.random.default_rng(3)), HORIZON, COST, corridor)
     update_vectors(qp, np.random.default_rng(3))
     solver = PiqpSolver(qp.program)
     assert solver.solve() is SolveStatus.SOLVED
@@ -125,9 +126,9 @@ def test_slacks_are_nonzero_only_outside_the_corridor(half_width_m: float, is_le
 
 @pytest.mark.parametrize("rank", [0, 2])
 def test_a_corridor_needs_no_tolerance_of_the_lateral_deviation(rank: int) -> None:
-    bundle, features = random_bundle(np.random.default_rng(8), rank), TIERS["corridor"]
+    bundle, corridor = random_bundle(np.random.default_rng(8), rank), TIERS["corridor"]
     without = COST._replace(state=COST.state._replace(ey_m=np.inf))
-    qps = [CondensedQp(bundle, HORIZON, cost, features) for cost in (COST, without)]
+    qps = [CondensedQp(bundle, HORIZON, cost, corridor) for cost in (COST, without)]
     for qp in qps:
         update_vectors(qp, np.random.default_rng(8))
     np.testing.assert_allclose(qps[0].program.G, qps[1].program.G, rtol=1e-12)

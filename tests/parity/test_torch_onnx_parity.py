@@ -10,7 +10,7 @@ import numpy as np
 import onnxruntime
 import pytest
 import torch
-from made_models import added_columns
+from made_models import added_columns, drift_terms
 from numpy.typing import NDArray
 
 from offline.config import PAST_STEPS, PRESETS, TrainingConfig
@@ -21,7 +21,7 @@ from offline.model.network import MdkNet, sizes_of
 from offline.model.physical_units import PhysicalEncoder, physical_matrices, to_onnx
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.follow import Follow
+from rt_controller.model.dynamics import Follow
 from rt_controller.model.lift import Lift, LiftSample
 
 STEPS = 80
@@ -232,7 +232,7 @@ def test_the_roll_out_in_physical_units_equals_the_scaled_one(exported):
             assert bilinear.follows is model.follows
             assert np.abs(B_eff - B_uc).max() > 1e-3
         if drift is not None:
-            added = drift.terms(seen[model.follows], w[k]) @ drift.N.T
+            added = drift_terms(drift, seen[model.follows], w[k]) @ drift.N.T
             assert np.abs(added).max() > 1e-3
         undriven = w[k] @ B_uw.T + c
         psi = psi @ A.T + np.einsum("bnm,bm->bn", B_eff, u[k]) + undriven + added

@@ -19,7 +19,7 @@ NO_FILE = "/no-such-folder/figures.json"
         (peers.app, ("--json", NO_FILE), "--json /no-such-folder"),
         (peers.app, ("--plot", "/no-such-folder/times.svg"), "--plot /no-such-folder"),
         (peers.app, ("--plot", "times.tif"), "one of .png, .svg, .pdf"),
-        (peers.app, ("--tiers", "slow"), '--tiers. Choose from: "box", "slew"'),
+        (peers.app, ("--tiers", "slow"), '--tiers. Choose from: "slew", "corridor"'),
         (peers.app, ("--scenarios", "mlid"), '--scenarios. Choose from: "mild", "hard"'),
         (peers.app, ("--only", "OQSP"), "--only 'OQSP': expected one of"),
         (peers.app, ("--only", "OQSP"), "(did you mean OSQP?)"),

@@ -155,7 +155,7 @@ def _drift(psi: np.ndarray, rank: int, bend: float, rng: np.random.Generator) ->
 
 def added_columns(bilinear: Bilinear, psi: Array) -> Array:
     """B_eff - B_uc at the lifted states psi (..., n): (..., n, m)."""
-    columns: Array = np.einsum("rni,...ri->...ni", bilinear.N, bilinear.gains(psi))
+    columns: Array = np.einsum("rni,...ri->...ni", bilinear.N, gains_of(bilinear, psi))
     return columns
 
 
@@ -164,3 +164,15 @@ def input_matrix(bundle: Bundle, psi: Array) -> Array:
     if bundle.bilinear is None:
         return np.broadcast_to(bundle.B_uc, (*psi.shape[:-1], *bundle.B_uc.shape))
     return bundle.B_uc + added_columns(bundle.bilinear, psi)
+
+
+def gains_of(bilinear: Bilinear, psi: Array) -> Array:
+    """The share of each direction at psi (..., n): (..., R, m)."""
+    shares: Array = np.einsum("rin,...n->...ri", bilinear.S, psi) + bilinear.s0
+    return np.tanh(shares) if bilinear.saturates else shares
+
+
+def drift_terms(drift: Drift, psi: Array, w: Array) -> Array:
+    """tanh(a) - a or tanh(a) w (..., D) at psi (..., n), with w (..., p)."""
+    a = psi @ drift.S.T + drift.s0
+    return np.asarray(np.tanh(a) * drift.factors(w) - a * drift.is_saturation)

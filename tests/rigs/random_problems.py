@@ -9,11 +9,10 @@ from rt_controller.contract.signals import ControlInput, VehicleState
 from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.piqp_solver import PiqpSolver
 from rt_controller.control.program import QuadraticProgram
-from rt_controller.control.qp import CondensedQp, Features
+from rt_controller.control.qp import CondensedQp
 from rt_controller.control.terms import Corridor, TrackingCost
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import Bilinear, Drift
-from rt_controller.model.follow import Follow
+from rt_controller.model.dynamics import Bilinear, Drift, Follow
 from rt_controller.model.lift import LiftSample
 
 HORIZON = 12
@@ -27,12 +26,7 @@ COST = TrackingCost(
 RANGE = np.array(INPUT_LIMITS.upper) - np.array(INPUT_LIMITS.lower)
 
 
-TIERS = {
-    "input box": Features(has_slew_rows=False),
-    "slew rows": Features(),
-    "corridor": Features(corridor=Corridor(0.2, 0.05)),
-    "corridor without slew rows": Features(False, Corridor(0.2, 0.05)),
-}
+TIERS = {"slew rows": None, "corridor": Corridor(0.2, 0.05)}
 
 
 def random_bundle(rng: np.random.Generator, rank: int = 0, drift: int = 0) -> Bundle:

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from rt_controller.contract.errors import BusError
-from rt_controller.drive.car_figures import EXIT_LIMIT, CarFigure
+from rt_controller.drive.scenario import EXIT_LIMIT, CarFigure
 from rt_controller.terminal.stop_signals import SIGNALS
 from sim_bridge import cli
 from sim_bridge import run as terminal

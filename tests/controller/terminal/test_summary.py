@@ -14,7 +14,7 @@ from rt_controller.bus.receive import ReceptionCounts
 from rt_controller.contract.errors import OutputError
 from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.signals import AT_REST, ControlInput, Mode, PathReference
-from rt_controller.drive.car_figures import LateralError
+from rt_controller.drive.scenario import LateralError
 from rt_controller.drive.trace import DriveTrace
 from rt_controller.loop import Ending, RunRecord
 from rt_controller.realtime.scheduling import NO_GUARANTEES

@@ -8,12 +8,11 @@ from toy_predictors import made_test_set, made_trajectories, with_random_error
 
 from offline.evaluation.comparison import compare_models
 from offline.evaluation.model_card import model_facts, write_card
+from offline.model.driven import BoxStability, DrivenStability
 from offline.model.export_checks import ExportFigures
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.model.artifact import load_bundle, shipped_model
-from rt_controller.model.driven import BoxStability, DrivenStability
-from rt_controller.model.dynamics import Bilinear, Drift
-from rt_controller.model.follow import Follow
+from rt_controller.model.dynamics import Bilinear, Drift, Follow
 from rt_controller.model.lift import Lift
 from rt_controller.report.table import Fact, format_number
 

@@ -11,6 +11,7 @@ from fitted_network import fitted
 
 from offline.data.manifest import describe_training
 from offline.data.signals import fit_scaling
+from offline.model.driven import DrivenStability, box_stability
 from offline.model.export_checks import (
     OTHERS,
     PENALISED,
@@ -25,7 +26,6 @@ from rt_controller.contract.errors import ArtifactError, DatasetError
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.model.artifact import load_bundle, save_bundle
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.driven import DrivenStability, box_stability
 from rt_controller.model.dynamics import Bilinear, Drift, Matrices
 from rt_controller.model.lift import Lift
 

@@ -17,6 +17,7 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.model.bundle import Bundle
+from rt_controller.model.dynamics import Step
 
 STEPS = 80
 SAMPLES = 500
@@ -64,7 +65,10 @@ def box_stability(bundle: Bundle, box: Array, seed: int = 0) -> BoxStability:
     corners = np.array(list(product(*box.T)) if count <= MOST_SIGNALS else [*box])
     inside = rng.uniform(box[0], box[1], size=(SAMPLES, count))
     points = np.concatenate([corners, inside])
-    slopes = np.ones((len(points), n_gains(bundle)))
+    gains = Step(bundle)
+    slopes = np.ones((len(points), gains.count))
+    psi = bundle.selftest_psi[rng.integers(len(bundle.selftest_psi), size=len(points))]
+    slopes_at_psi = 1.0 - np.square(np.tanh(psi @ gains.S.T + gains.s0))
 
     def stability(signals: Array, slopes: Array) -> DrivenStability:
         return stability_of(driven_matrices(bundle, signals, slopes), bundle)
@@ -72,61 +76,24 @@ def box_stability(bundle: Bundle, box: Array, seed: int = 0) -> BoxStability:
     return BoxStability(
         stability(points, slopes),
         stability(corners, 0.0 * slopes[: len(corners)]),
-        stability(points, _slopes(bundle, len(points), rng)),
+        stability(points, slopes_at_psi),
     )
-
-
-def _slopes(bundle: Bundle, count: int, rng: np.random.Generator) -> Array:
-    """(count, q) at random instants of the self-test."""
-    psi = bundle.selftest_psi[rng.integers(len(bundle.selftest_psi), size=count)]
-    arguments = [np.zeros((count, 0))]
-    if bundle.bilinear is not None:
-        linear = bundle.bilinear._replace(saturates=False)
-        arguments.append(linear.gains(psi).reshape(count, -1))
-    if bundle.drift is not None:
-        arguments.append(psi @ bundle.drift.S.T + bundle.drift.s0)
-    return np.asarray(1.0 - np.square(np.tanh(np.concatenate(arguments, axis=1))))
 
 
 def is_constant(bundle: Bundle) -> NDArray[np.bool_]:
     """(n,) True for observables that keep the value that every self-test instant has."""
-    n = bundle.n_observables
-    forcing = [bundle.B_uc, bundle.B_uw, bundle.c[:, None]]
-    if bundle.bilinear is not None:
-        forcing.append(bundle.bilinear.N.transpose(1, 0, 2).reshape(n, -1))
-    if bundle.drift is not None:
-        forcing.append(bundle.drift.N)
-    is_kept = np.all(np.eye(n) == bundle.A, axis=1) & ~np.concatenate(forcing, axis=1).any(axis=1)
+    forcing = np.column_stack([bundle.B_uc, bundle.B_uw, bundle.c, Step(bundle).N])
+    is_kept = np.all(np.eye(len(bundle.A)) == bundle.A, axis=1) & ~forcing.any(axis=1)
     return np.asarray(is_kept & (np.ptp(bundle.selftest_psi, axis=0) == 0.0))
 
 
-def n_gains(bundle: Bundle) -> int:
-    """q, the number of gains of a model: those of its inputs, then those of the drift."""
-    of_inputs = 0 if bundle.bilinear is None else bundle.bilinear.s0.size
-    return of_inputs + (0 if bundle.drift is None else bundle.drift.rank)
-
-
 def driven_matrices(bundle: Bundle, signals: Array, slopes: Array) -> Array:
-    """J (c, n, n) under constant signals (c, m + p), with slopes (c, q): (R, m), then D."""
-    n, m = bundle.B_uc.shape
-    inputs, exogenous = signals[:, :m], signals[:, m:]
-    S, N = [np.zeros((0, n))], [np.zeros((n, 0))]
-    weights = [np.zeros((len(signals), 0))]
-    first = 0
-    if bundle.bilinear is not None:
-        bilinear = bundle.bilinear
-        first = bilinear.s0.size
-        S.append(bilinear.S.reshape(-1, n))
-        N.append(bilinear.N.transpose(1, 0, 2).reshape(n, -1))
-        repeated = np.tile(inputs, bilinear.rank)
-        weights.append(repeated * slopes[:, :first] if bilinear.saturates else repeated)
-    if bundle.drift is not None:
-        S.append(bundle.drift.S)
-        N.append(bundle.drift.N)
-        drift = bundle.drift
-        weights.append(slopes[:, first:] * drift.factors(exogenous) - drift.is_saturation)
-    columns = np.concatenate(N, axis=1) * np.concatenate(weights, axis=1)[:, None]
-    matrices: Array = bundle.A + columns @ np.concatenate(S)
+    """J (c, n, n) under constant signals (c, m + p), with slopes (c, q) of the gains of `Step`."""
+    gains = Step(bundle)
+    slopes = np.where(np.arange(gains.count) < gains.first_saturating, 1.0, slopes)
+    factors = np.column_stack([signals, np.ones(len(signals))])[:, gains.factors]
+    columns = gains.N * (slopes * factors - gains.is_saturation)[:, None]
+    matrices: Array = bundle.A + columns @ gains.S
     return matrices
 
 

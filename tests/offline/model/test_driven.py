@@ -4,20 +4,27 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_models import WITH_ALL, gains_of, make_bundle
 
+from offline.model.driven import (
+    MOST_SIGNALS,
+    box_stability,
+    driven_matrices,
+    signal_box,
+    stability_of,
+)
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import Schema, Signal
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.driven import (
-    MOST_SIGNALS,
-    box_stability,
-    driven_matrices,
-    n_gains,
-    signal_box,
-    stability_of,
-)
 from rt_controller.model.dynamics import NO_SIGNAL, Bilinear, Drift, one_step
+
+
+@pytest.fixture
+def bundle() -> Bundle:
+    """Saturating gains of rank 2, and a drift of two terms."""
+    return make_bundle(WITH_ALL, rank=2, saturates=True, drift=1, latents=3)
+
 
 LEVEL = (Signal("level_m", "m"),)
 TANK = Schema(LEVEL, (Signal("valve", "1"),), (Signal("rain_mps", "m/s"),), dt_s=0.1)
@@ -155,12 +162,6 @@ def test_all_corners_are_evaluated_up_to_ten_signals(count: int, is_found: bool)
     assert (found.radius == pytest.approx(0.5 + 0.1 * count)) is is_found
 
 
-def test_the_gains_are_those_of_the_inputs_and_of_the_drift(bundle: Bundle) -> None:
-    assert n_gains(bundle) == 2 * 3 + 3
-    assert n_gains(replace(bundle, drift=None)) == 6
-    assert n_gains(replace(bundle, bilinear=None)) == 3
-
-
 @pytest.mark.parametrize("saturates", [False, True])
 def test_j_is_the_derivative_of_one_step(bundle: Bundle, saturates: bool) -> None:
     assert bundle.bilinear is not None
@@ -174,7 +175,7 @@ def test_j_is_the_derivative_of_one_step(bundle: Bundle, saturates: bool) -> Non
     derivative = (after[:9] - after[9:]).T / (2.0 * step)
     shares = np.concatenate(
         [
-            bundle.bilinear._replace(saturates=False).gains(psi).reshape(-1),
+            gains_of(bundle.bilinear._replace(saturates=False), psi).reshape(-1),
             psi @ bundle.drift.S.T + bundle.drift.s0,
         ]
     )
@@ -183,14 +184,12 @@ def test_j_is_the_derivative_of_one_step(bundle: Bundle, saturates: bool) -> Non
     np.testing.assert_allclose(J, derivative, rtol=1e-6, atol=1e-7)
 
 
-def test_the_box_of_a_bundle_is_its_range_or_the_limits_of_the_car(
-    bundle: Bundle, planar: Bundle
-) -> None:
-    assert bundle.signal_range is not None
-    np.testing.assert_array_equal(signal_box(bundle), bundle.signal_range)
+def test_the_box_of_a_bundle_is_its_range_or_the_limits_of_the_car(bundle: Bundle) -> None:
+    known = np.array([[0.0, 0.0, -6.0, -0.02], [1.0, 150.0, 6.0, 0.02]])
+    np.testing.assert_array_equal(signal_box(replace(bundle, signal_range=known)), known)
     limits = [[*INPUT_LIMITS.lower, 0.0], [*INPUT_LIMITS.upper, 0.0]]
     np.testing.assert_array_equal(signal_box(replace(bundle, signal_range=None)), limits)
-    np.testing.assert_array_equal(signal_box(planar), np.zeros((2, 2)))
+    np.testing.assert_array_equal(signal_box(tank()), np.zeros((2, 2)))
 
 
 def test_an_observable_that_is_constant_has_no_part_in_the_growth() -> None:
