@@ -13,8 +13,9 @@ from rt_controller.bus.messages import Node
 from rt_controller.bus.receive import Inbox
 from rt_controller.bus.send import Outbox
 from rt_controller.config import ControllerConfig, LowSpeedSettings, MpcSettings
+from rt_controller.contract.car import UNNAMED_CAR
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.limits import INPUT_LIMITS, UNNAMED_GEOMETRY, SteeringGeometry
+from rt_controller.contract.limits import SteeringGeometry
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, PathReference
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.identification import identify_gains
@@ -25,7 +26,7 @@ from rt_controller.control.terms import Corridor
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.validation import require_drivable
 from rt_controller.realtime.clock import TimeSource
-from rt_controller.safety.checks import CHECKS, Check
+from rt_controller.safety.checks import Check, checks_of
 from rt_controller.safety.coast_model import LEAST_MODELLED_MPS, StoppingCar
 from rt_controller.safety.motion import MotionPrediction
 from rt_controller.safety.supervisor import Supervisor
@@ -72,24 +73,20 @@ def choose_low_speed_car(bundle: Bundle, settings: LowSpeedSettings) -> LowSpeed
         ArtifactError: the model's encoder cannot be used.
     """
     speeds = SpeedRange(settings.below_mps, settings.below_mps + RESUME_ABOVE_MPS)
-    found = identify_gains(bundle, speeds.resume_mps)
+    car, found = bundle.car or UNNAMED_CAR, identify_gains(bundle, speeds.resume_mps)
     gains = PedalGains(
-        _first(settings.throttle_mps2, found.throttle_mps2),
-        _first(settings.brake_mps2_per_n, found.brake_mps2_per_n),
+        _first(settings.throttle_mps2, car.throttle_mps2, found.throttle_mps2),
+        _first(settings.brake_mps2_per_n, car.brake_mps2_per_n, found.brake_mps2_per_n),
     )
-    own = bundle.geometry or UNNAMED_GEOMETRY
-    geometry = SteeringGeometry(
-        _first(settings.wheelbase_m, own.wheelbase_m),
-        _first(settings.rear_axle_m, own.rear_axle_m),
-        _first(settings.steering_ratio, own.steering_ratio),
-        _first(settings.lock_rad, own.lock_rad),
-    )
-    hold_n = min(settings.hold_mps2 / gains.brake_mps2_per_n, INPUT_LIMITS.upper.brake_n)
-    return LowSpeedCar(geometry, gains, speeds, hold_n, bundle.largest_steer_rad)
+    chosen = {name: getattr(settings, name) for name in SteeringGeometry._fields}
+    set_ = {name: value for name, value in chosen.items() if value is not None}
+    car = car._replace(geometry=car.geometry._replace(**set_))
+    hold_n = min(settings.hold_mps2 / gains.brake_mps2_per_n, car.limits.upper.brake_n)
+    return LowSpeedCar(car, gains, speeds, hold_n, bundle.largest_steer_rad)
 
 
-def _first(chosen: float | None, otherwise: float) -> float:
-    return otherwise if chosen is None else chosen
+def _first(*chosen: float | None) -> float:
+    return next(value for value in chosen if value is not None)
 
 
 def plan_at_constant_speed(mpc: Mpc) -> None:
@@ -127,7 +124,7 @@ def build_node(
     recorder: Recorder | None = None,
     is_fd: bool = False,
     note_call: Callable[[str], None] = lambda name: None,
-    checks: Sequence[Check] = CHECKS,
+    checks: Sequence[Check] | None = None,
 ) -> ControlNode:
     """The parts, connected; nothing is sent yet.
 
@@ -140,10 +137,11 @@ def build_node(
         recorder: of frames; None: they are not recorded.
         is_fd: the bus has frames of CAN FD.
         note_call: as of `ControlStep`.
-        checks: of the supervisor.
+        checks: of the supervisor; None: all, with the thresholds of the model's car.
 
     Raises:
         ArtifactError: the model's encoder cannot be used.
+        ConfigError: the model's car has thresholds of quantities that do not exist.
     """
     inbox = Inbox(Node.CONTROLLER, recorder, is_fd=is_fd)
     outbox = Outbox(bus, Node.CONTROLLER, recorder, is_fd=is_fd)
@@ -156,7 +154,7 @@ def build_node(
             low_speed_car.gains.throttle_mps2,
             max(low_speed_car.speeds.leave_mps, LEAST_MODELLED_MPS),
         ),
-        checks,
+        checks_of(low_speed_car.car) if checks is None else checks,
     )
     step = ControlStep(
         bus=bus,
@@ -164,6 +162,7 @@ def build_node(
         outbox=outbox,
         mpc=mpc,
         low_speed=LowSpeedLaw(low_speed_car),
+        car=low_speed_car.car,
         clock=clock,
         model_hash=model_hash(bundle.sha256),
         supervisor=supervisor,

@@ -36,7 +36,7 @@ from rt_controller.recording.journal import (
     describe_run,
     open_recording,
 )
-from rt_controller.safety.checks import CHECKS, Check
+from rt_controller.safety.checks import Check
 from rt_controller.settings import BusSettings
 
 LONGEST_LOCKSTEP_WAIT_NS = 5_000_000_000
@@ -119,7 +119,7 @@ class ControllerSession:
         mpc: Mpc,
         clock: Clock,
         files: RecordingFiles = NO_FILES,
-        checks: Sequence[Check] = CHECKS,
+        checks: Sequence[Check] | None = None,
     ) -> None:
         """Open bus and log, and check that the solver is fast enough; nothing is sent yet.
 

@@ -21,7 +21,7 @@ from rt_controller.drive.table import Drive
 from rt_controller.model.bundle import Bundle
 from rt_controller.node import build_mpc
 from rt_controller.realtime.clock import LockstepClock
-from rt_controller.safety.checks import CHECKS, Check
+from rt_controller.safety.checks import Check
 from rt_controller.session import ControllerSession
 from rt_controller.settings import OWN, VIRTUAL, BusSettings, CarSettings
 
@@ -181,7 +181,7 @@ def drive_in_lockstep(
     plant: "Plant | None" = None,
     duration_s: float | None = None,
     scenario: "Scenario | None" = None,
-    checks: Sequence[Check] = CHECKS,
+    checks: Sequence[Check] | None = None,
 ) -> Drive:
     """A drive in simulated time with `mpc`, which plans with `bundle`, over a bus of its own.
 

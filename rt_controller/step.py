@@ -18,6 +18,7 @@ from rt_controller.bus.messages import (
 )
 from rt_controller.bus.receive import Inbox
 from rt_controller.bus.send import DiscardBus, Outbox
+from rt_controller.contract.car import DEFAULT_CAR, Car
 from rt_controller.contract.faults import NO_FAULT, Fault, StopCause
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS
@@ -52,6 +53,7 @@ class ControlStep:
         outbox: Outbox,
         mpc: Mpc,
         low_speed: LowSpeedLaw,
+        car: Car = DEFAULT_CAR,
         clock: TimeSource,
         model_hash: int,
         supervisor: Supervisor,
@@ -68,6 +70,7 @@ class ControlStep:
         self._dry_run_outbox = Outbox(DiscardBus(), Node.CONTROLLER, is_fd=outbox.is_fd)
         self._planner = InputPlanner(mpc, low_speed)
         self._low_speed = low_speed
+        self._car, self._force_scale = car, car.force_scale
         self._clock = clock
         self._identity = own_identity(model_hash, outbox.is_fd)
         self._supervisor = supervisor
@@ -75,7 +78,7 @@ class ControlStep:
         self._ticks = 0
         self._is_stop_requested = False
         self._actuation_periods = actuation_periods
-        self._steering = SteeringActuator(actuation_periods)
+        self._steering = SteeringActuator(actuation_periods, car.limits.rate_per_s.steer_rad)
         self._sent = deque([NEUTRAL_INPUT] * MOST_UNDER_WAY, maxlen=MOST_UNDER_WAY)
         self._is_history_estimated = False
 
@@ -117,10 +120,11 @@ class ControlStep:
             estimate.speed_mps is not None and estimate.is_path_received,
             supervisor.cornering(last.control),
             supervisor.values[Quantity.THROTTLE],
+            self._force_scale,
         )
         wanted = input_for(tick.mode, plan.control, last.control, law is Mode.STANDSTILL, braking)
         tick.most_steer_rad = self._most_steer_rad(tick)
-        control = tick.control = limit(wanted, last.control, tick.most_steer_rad)
+        control = tick.control = limit(wanted, last.control, tick.most_steer_rad, self._car.limits)
         supervisor.note(control, plan.lifted)
         self._sent.append(control)
         tick.faults = self._faults(tick, missed_deadline)
@@ -239,7 +243,7 @@ class ControlStep:
         self._note_call("warm_up")
         now_ns = self._clock.now_ns()
         self._planner.warm_up()
-        limit(self.last.control, self.last.control)
+        limit(self.last.control, self.last.control, limits=self._car.limits)
         self._send(self._dry_run_outbox, now_ns)
 
     def request_stop(self) -> None:
@@ -252,7 +256,8 @@ class ControlStep:
         """Send one last command before the loop ends: that of a safe stop, without planning."""
         self._note_call("send_safe_command")
         last, is_held = self.last.control, self._planner.law is Mode.STANDSTILL
-        control = limit(input_for(Mode.SAFE_STOP, None, last, is_held), last, inf)
+        wanted = input_for(Mode.SAFE_STOP, None, last, is_held)
+        control = limit(wanted, last, inf, self._car.limits)
         self._receiver.counter += 1
         self.last = replace(self.last, mode=Mode.SAFE_STOP, control=control)
         self._send(self._outbox, self._clock.now_ns())

@@ -177,7 +177,7 @@ def to_bundle(name: str, model: LiftedModel, dataset: Dataset, sample: LiftSampl
     return Bundle(
         name=name,
         schema=dataset.schema,
-        geometry=dataset.geometry,
+        car=dataset.car,
         **scaling.to_physical(model.matrices)._asdict(),
         lift=Lift(True, past_steps, fields),
         encoder_onnx=_encoder(dictionary, psi.shape[1]),

@@ -128,7 +128,7 @@ def to_bundle(name: str, model: LinearModel, dataset: Dataset, sample: LiftSampl
     return Bundle(
         name=name,
         schema=dataset.schema,
-        geometry=dataset.geometry,
+        car=dataset.car,
         **model.matrices._asdict(),
         lift=Lift(),
         encoder_onnx=identity_encoder(sample.x.shape[1]),

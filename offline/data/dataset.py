@@ -21,6 +21,7 @@ from offline.data.conditions import FrictionBand
 from offline.data.manifest import Imported, Manifest, Origin, Roads, read_manifest
 from offline.data.recording import PATH_STATES, Anchor, Recording, Starts, cut
 from offline.data.signals import Array32, Roles, Rows, Trajectories
+from rt_controller.contract.car import Car
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.files import DamagedArchiveError, atomic_write, read_arrays, write_text
 from rt_controller.contract.limits import SteeringGeometry
@@ -56,6 +57,11 @@ class Dataset:
     @property
     def origin(self) -> Origin:
         return self.manifest.origin
+
+    @property
+    def car(self) -> Car | None:
+        """That the data is of; None: not known."""
+        return None if self.geometry is None else Car(self.geometry)
 
     @property
     def geometry(self) -> SteeringGeometry | None:

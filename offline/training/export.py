@@ -68,7 +68,7 @@ def export_checkpoint(
     bundle = Bundle(
         name="mdk-net" if is_default else f"mdk-net-{config.preset}",
         schema=dataset.schema,
-        geometry=dataset.geometry,
+        car=dataset.car,
         **physical_matrices(model, scaling)._asdict(),
         lift=lift,
         encoder_onnx=to_onnx(physical, lift, selftest),

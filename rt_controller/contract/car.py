@@ -54,11 +54,15 @@ class Car(NamedTuple):
         gain = self.brake_mps2_per_n
         return 1.0 if gain is None else DEFAULT_BRAKE_MPS2_PER_N / gain
 
-    def table(self) -> dict[str, Any]:
-        """The values of [car] that differ from those of the default car, and the geometry."""
+    @property
+    def own_values(self) -> dict[str, Any]:
+        """Of the table [car] without the geometry: the values that are not the default ones."""
+        usual = DEFAULT_CAR._values()
+        return {name: value for name, value in self._values().items() if value != usual[name]}
+
+    def _values(self) -> dict[str, Any]:
         upper, rate = self.limits.upper, self.limits.rate_per_s
-        values = {
-            **self.geometry._asdict(),
+        return {
             "largest_brake_n": upper.brake_n,
             "throttle_rate_per_s": rate.throttle,
             "brake_rate_n_per_s": rate.brake_n,
@@ -66,9 +70,6 @@ class Car(NamedTuple):
             **{name: getattr(self, name) for name in Car._fields[2:-1]},
             "thresholds": dict(self.thresholds),
         }
-        usual = {} if self is DEFAULT_CAR else DEFAULT_CAR.table()
-        of_geometry = SteeringGeometry._fields
-        return {k: v for k, v in values.items() if k in of_geometry or v != usual.get(k, v)}
 
 
 def car_of(table: Mapping[str, Any]) -> Car:
@@ -79,10 +80,13 @@ def car_of(table: Mapping[str, Any]) -> Car:
     """
     found = {name: value for name, value in table.items() if value is not None}
     thresholds = found.pop("thresholds", {})
+    wrong = []
     for name, value in (*found.items(), *((f"thresholds.{k}", v) for k, v in thresholds.items())):
         low, high = RANGES.get(name, (0.0, inf))
         if not isinstance(value, int | float) or not low <= value <= high:
-            raise ValueError(f"car.{name}: expected {low:g} to {high:g}, found {value!r}")
+            wrong.append(f"{name}: expected {low:g} to {high:g}, found {value!r}")
+    if wrong:
+        raise ValueError("; ".join(wrong))
     upper, rate = INPUT_LIMITS.upper, INPUT_LIMITS.rate_per_s
     geometry = {name: found[name] for name in SteeringGeometry._fields if name in found}
     return Car(

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from math import inf, sqrt, tan
 from typing import NamedTuple
 
-from rt_controller.contract.limits import INPUT_LIMITS, PLAN_TURN_MPS2, SteeringGeometry
+from rt_controller.contract.car import Car
+from rt_controller.contract.limits import INPUT_LIMITS, SteeringGeometry
 from rt_controller.contract.signals import (
     ControlInput,
     CurvaturePreview,
@@ -174,13 +175,17 @@ ROLLING_MPS = 0.5
 class LowSpeedCar(NamedTuple):
     """Numbers of the car that the law is computed from."""
 
-    geometry: SteeringGeometry
+    car: Car
     gains: PedalGains
     speeds: SpeedRange
     hold_n: float
     """force on the brake pedal of a standing car"""
     model_rad: float = INPUT_LIMITS.upper.steer_rad
     """largest angle of the steering wheel that the model was trained with"""
+
+    @property
+    def geometry(self) -> SteeringGeometry:
+        return self.car.geometry
 
 
 class LowSpeedLaw:
@@ -239,8 +244,8 @@ class LowSpeedLaw:
 
     def largest_plan_rad(self, vx_mps: float) -> float:
         """Bound of the wheel angle of the model's plans at this speed."""
-        car = self._car
-        return min(car.geometry.largest_wheel_rad(vx_mps, PLAN_TURN_MPS2), car.model_rad)
+        car, model_rad = self._car.car, self._car.model_rad
+        return min(car.geometry.largest_wheel_rad(vx_mps, car.plan_lateral_mps2), model_rad)
 
     def choose(self, vx_mps: float, path: PathReference, wheel_rad: float = 0.0) -> Mode:
         """The law of this tick, with the wheel at `wheel_rad`."""
@@ -280,9 +285,10 @@ class LowSpeedLaw:
         change = wanted - self._wanted_mps2
         self._wanted_mps2 += min(max(change, -LARGEST_CHANGE_MPS2), LARGEST_CHANGE_MPS2)
         throttle, brake_n = pedals_for(self._wanted_mps2 - self._disturbance_mps2, last, gains)
+        upper = self._car.car.limits.upper
         return ControlInput(
-            throttle=min(throttle, INPUT_LIMITS.upper.throttle),
-            brake_n=min(brake_n, INPUT_LIMITS.upper.brake_n),
+            throttle=min(throttle, upper.throttle),
+            brake_n=min(brake_n, upper.brake_n),
             steer_rad=self.steer_rad(state, curvature_per_m, path, last),
         )
 

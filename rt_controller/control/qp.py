@@ -4,8 +4,8 @@ from math import inf
 
 import numpy as np
 
+from rt_controller.contract.car import DEFAULT_CAR
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import N_INPUTS, InputColumn
 from rt_controller.control.knots import place_knots
 from rt_controller.control.linearisation import ALL_INPUTS
@@ -40,7 +40,8 @@ class CondensedQp:
     ) -> None:
         """`knots` over `horizon` periods, as of `place_knots`."""
         self.knots = place_knots(horizon, knots)
-        inputs = bound_inputs(self.knots)
+        limits = (bundle.car or DEFAULT_CAR).limits
+        inputs = bound_inputs(self.knots, limits)
         self.scale = inputs.scale.reshape(-1)
         """(nv,), the range of each input: u = scale * v"""
         self.interpolation = self.knots.interpolation
@@ -51,7 +52,7 @@ class CondensedQp:
         self._corridor = corridor
         self._slew, self._range = inputs.slew, self.scale[:N_INPUTS]
         self._usual_steering_slew = inputs.slew[:, InputColumn.steer_rad].copy()
-        self._steering_rate_radps = inf
+        self._usual_radps, self._steering_rate_radps = limits.rate_per_s.steer_rad, inf
         self._periods_to_knot = 1 + np.array(self.knots.stages)
 
         nv, slacks = self.scale.size, 0 if corridor is None else self.knots.count
@@ -83,7 +84,7 @@ class CondensedQp:
         if rate_radps == self._steering_rate_radps:
             return
         self._steering_rate_radps = rate_radps
-        share = min(rate_radps / INPUT_LIMITS.rate_per_s.steer_rad, 1.0)
+        share = min(rate_radps / self._usual_radps, 1.0)
         self._slew[:, steer] = share * self._usual_steering_slew
         self._row_lower[1:], self._row_upper[1:] = -self._slew[1:], self._slew[1:]
 

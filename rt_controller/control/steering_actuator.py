@@ -33,7 +33,6 @@ AT_RATE = 0.9
 """share of the largest rate at which the wheel counts as turning at it"""
 SLOWEST_MPS = 5.0
 """the wanted speed of a car with a slow wheel is not reduced further"""
-_USUAL_RADPS = INPUT_LIMITS.rate_per_s.steer_rad
 
 
 class SteeringActuator:
@@ -44,8 +43,11 @@ class SteeringActuator:
     found if no delay explains them, and the wheel turns steadily towards a command that is ahead.
     """
 
-    def __init__(self, configured_periods: int) -> None:
-        """`configured_periods`: shortest delay, that of a car without a fault."""
+    def __init__(
+        self, configured_periods: int, usual_radps: float = INPUT_LIMITS.rate_per_s.steer_rad
+    ) -> None:
+        """The shortest delay, that of a car without a fault, and the rate of its commands."""
+        self._usual_radps = usual_radps
         self.delay_periods = self._configured = configured_periods
         self.rate_radps = inf
         """largest rate that the wheel shows; inf: it follows each command"""
@@ -135,7 +137,7 @@ class SteeringActuator:
         )
         rate_radps = abs(mean) / PERIOD_S
         if is_steady and abs(mean) > LEAST_CHANGE_RAD and ahead > least_rad:
-            self.rate_radps = rate_radps if rate_radps < AT_RATE * _USUAL_RADPS else inf
+            self.rate_radps = rate_radps if rate_radps < AT_RATE * self._usual_radps else inf
 
     def _is_slow_after_recovery(self) -> bool:
         """True if the raised limit of the rate is still below that of the commands."""
@@ -143,6 +145,6 @@ class SteeringActuator:
             shown_radps = abs(self._angles_rad[-1] - self._angles_rad[-2]) / PERIOD_S
             self.rate_radps = max(self.rate_radps, shown_radps)
         self.rate_radps *= 1.0 + RECOVERY_PER_S * PERIOD_S
-        if self.rate_radps >= _USUAL_RADPS:
+        if self.rate_radps >= self._usual_radps:
             self.rate_radps = inf
         return self.rate_radps < inf

@@ -5,7 +5,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.limits import INPUT_LIMITS, InputLimits
 from rt_controller.contract.signals import ControlInput, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.knots import Knots
@@ -56,11 +56,11 @@ class InputBounds(NamedTuple):
     """largest change since the knot before; at the first one since the input of the last period"""
 
 
-def bound_inputs(knots: Knots) -> InputBounds:
+def bound_inputs(knots: Knots, limits: InputLimits = INPUT_LIMITS) -> InputBounds:
     """Bounds of the inputs at the knots. Paper: eq. (14), with slew rates added."""
-    lower, upper = np.array(INPUT_LIMITS.lower), np.array(INPUT_LIMITS.upper)
-    range_ = upper - lower
-    per_period = np.array(INPUT_LIMITS.rate_per_s) * PERIOD_S / range_
+    lower, upper = np.array(limits.lower), np.array(limits.upper)
+    range_ = np.subtract(INPUT_LIMITS.upper, INPUT_LIMITS.lower)
+    per_period = np.array(limits.rate_per_s) * PERIOD_S / range_
     rows = range_, lower / range_, upper / range_, per_period
     scale, lower, upper, slew = (np.tile(row, (knots.count, 1)) for row in rows)
     slew[1:] *= knots.intervals[:-1, None]

@@ -21,9 +21,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.car import Car
+from rt_controller.contract.car import UNNAMED_CAR, Car
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.limits import UNNAMED_GEOMETRY, SteeringGeometry
+from rt_controller.contract.limits import SteeringGeometry
 from rt_controller.contract.signals import N_STATES, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.lift import Encoder
@@ -151,7 +151,7 @@ def _roll_outs(bundle: Bundle, steering_ratio: float) -> list[Array]:
 def choose_car(car: CarFile, bundle: Bundle) -> Car:
     """That of the mapping, else that of the model, else that of the default car."""
     data = car.mapping.car
-    return data.car if data is not None else Car(bundle.geometry or UNNAMED_GEOMETRY)
+    return data.car if data is not None else bundle.car or UNNAMED_CAR
 
 
 def choose_lateral_speed(car: CarFile, bundle: Bundle) -> LateralSpeed:

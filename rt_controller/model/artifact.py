@@ -12,6 +12,7 @@
 Paper: eqs. (6)-(8) and (14).
 """
 
+import json
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rt_controller.contract.car import Car, car_of
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.files import (
     DamagedArchiveError,
@@ -70,7 +72,11 @@ FIELDS = _table("""
     f3 bilinear_N bilinear_S selftest_history
 """)
 """each field that is read"""
-OPTIONAL = {**dict.fromkeys(SteeringGeometry._fields, ("f", 0)), "signal_range": ("f", 2)}
+OPTIONAL = {
+    **dict.fromkeys(SteeringGeometry._fields, ("f", 0)),
+    "car": ("U", 0),
+    "signal_range": ("f", 2),
+}
 """fields that a bundle need not have"""
 PLANS = _table("""
     f1 plan_curvature_per_m
@@ -139,7 +145,7 @@ def load_bundle(folder: Path) -> Bundle:
         bilinear=bilinear if max(map(len, bilinear[:3])) else None,
         drift=_part(Drift, "drift", found) if has_drift else None,
         lift=lift,
-        geometry=_geometry(path, found),
+        car=_car(path, found),
         plans=_part(PlanSample, "plan", found) if "plan_state" in found else None,
         signal_range=found.get("signal_range"),
         encoder_onnx=encoder,
@@ -186,7 +192,8 @@ def _fields_of(bundle: Bundle) -> dict[str, Any]:
         "growth_80": bundle.growth(80),
         "encoder_sha256": bundle.encoder_sha256,
         "bundle_sha256": bundle.sha256,
-        **(bundle.geometry._asdict() if bundle.geometry else {}),
+        **({} if bundle.car is None else bundle.car.geometry._asdict()),
+        **({} if bundle.car is None else {"car": json.dumps(bundle.car.own_values)}),
         **({} if bundle.signal_range is None else {"signal_range": bundle.signal_range}),
     }
 
@@ -202,13 +209,17 @@ def _part(kind: Any, name: str, found: dict[str, Any]) -> Any:
     return kind(*(found[f"{name}_{field}"] for field in kind._fields))
 
 
-def _geometry(path: Path, found: dict[str, Any]) -> SteeringGeometry | None:
+def _car(path: Path, found: dict[str, Any]) -> Car | None:
     present = [name for name in SteeringGeometry._fields if name in found]
     if not present:
         return None
     needed = tuple(name for name in SteeringGeometry._fields if name != "lock_rad")
     check_field(path, "fields of the car", needed, tuple(n for n in present if n != "lock_rad"))
-    return SteeringGeometry(**{name: found[name] for name in present})
+    try:
+        own = json.loads(found.get("car", "{}"))
+        return car_of({**{name: found[name] for name in present}, **own})
+    except (ValueError, AttributeError, TypeError) as error:
+        raise ArtifactError(f"{path}: {error}. Run offline-export again.") from error
 
 
 def _check_hash(path: Path, expected: str, found: str, what: str) -> None:

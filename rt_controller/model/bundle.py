@@ -16,6 +16,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.car import Car
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import INPUT_LIMITS, SteeringGeometry
 from rt_controller.contract.signals import VEHICLE, InputColumn, Schema
@@ -78,8 +79,8 @@ class Bundle:
     """(b, n), the encoder's output for them where it was trained"""
     training: str = "{}"
     """resolved training configuration, JSON"""
-    geometry: SteeringGeometry | None = None
-    """of the steering of the car that the model is of; None: not known"""
+    car: Car | None = None
+    """that the model is of; None: not known"""
     data_sha256: str = ""
     """hash of the data set it was trained on; empty if there was none"""
     plans: PlanSample | None = None
@@ -169,6 +170,11 @@ class Bundle:
         return self
 
     @property
+    def geometry(self) -> SteeringGeometry | None:
+        """Of the steering of that car; None: not known."""
+        return None if self.car is None else self.car.geometry
+
+    @property
     def n_observables(self) -> int:
         return int(self.A.shape[0])
 
@@ -191,7 +197,8 @@ class Bundle:
             [lift.inputs, lift.history_steps, lift.history_fields],
             None if bilinear is None else bilinear.follows,
             self.encoder_sha256,
-            *(() if self.geometry is None else [self.geometry[:3]]),
+            *(() if self.car is None else [self.car.geometry[:3]]),
+            *(() if self.car is None or not self.car.own_values else [self.car.own_values]),
             *(("saturates",) if bilinear is not None and bilinear.saturates else ()),
             *(() if drift is None else [drift.signal.tolist()]),
         ]

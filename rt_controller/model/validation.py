@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import Any
 
+from rt_controller.contract.car import car_of
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.limits import LARGEST, SMALLEST, SteeringGeometry
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.model.bundle import Bundle
 
@@ -82,16 +82,11 @@ def require_fitting_parts(bundle: Bundle, path: Path | str) -> None:
         f"a name of 1 to {LONGEST_NAME} printable characters",
         f"{bundle.name!r:.60}",
     )
-    if bundle.geometry is not None:
-        outside = [
-            f"{name}: expected {low:g} to {high:g}, found {value:g}"
-            for name, value, low, high in zip(
-                SteeringGeometry._fields, bundle.geometry, SMALLEST, LARGEST, strict=True
-            )
-            if not low <= value <= high
-        ]
-        if outside:
-            raise ArtifactError(f"{path}: {'; '.join(outside)}.")
+    if bundle.car is not None:
+        try:
+            car_of({**bundle.car.geometry._asdict(), **bundle.car.own_values})
+        except ValueError as error:
+            raise ArtifactError(f"{path}: {error}.") from error
 
 
 def require_drivable(bundle: Bundle) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rt_controller.contract.car import Car
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import SteeringGeometry
 from rt_controller.model.artifact import load_bundle, save_bundle
@@ -26,7 +27,7 @@ PLAIN = (
 
 
 def equal(one: Bundle, other: Bundle) -> bool:
-    if (one.schema, one.lift, one.geometry) != (other.schema, other.lift, other.geometry):
+    if (one.schema, one.lift, one.car) != (other.schema, other.lift, other.car):
         return False
     parts = [
         (
@@ -59,7 +60,7 @@ CAR = SteeringGeometry(wheelbase_m=3.2, rear_axle_m=1.5, steering_ratio=16.0)
 
 
 def test_the_geometry_of_the_car_is_part_of_a_bundle(bundle: Bundle, tmp_path: Path) -> None:
-    known = replace(bundle, geometry=CAR)
+    known = replace(bundle, car=Car(CAR))
     save_bundle(tmp_path, known, "card")
     assert load_bundle(tmp_path).geometry == CAR
     assert known.sha256 != bundle.sha256

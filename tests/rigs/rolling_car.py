@@ -6,13 +6,14 @@
 from dataclasses import dataclass
 from math import atan, cos, sin, tan
 
+from rt_controller.contract.car import DEFAULT_CAR
 from rt_controller.contract.limits import DEFAULT_GEOMETRY, SteeringGeometry
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.low_speed import LowSpeedCar, PedalGains, SpeedRange
 
 ASSUMED = LowSpeedCar(
-    DEFAULT_GEOMETRY,
+    DEFAULT_CAR,
     PedalGains(throttle_mps2=6.0, brake_mps2_per_n=0.053),
     SpeedRange(leave_mps=3.0, resume_mps=4.0),
     hold_n=75.0,
