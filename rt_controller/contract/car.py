@@ -83,8 +83,10 @@ def car_of(table: Mapping[str, Any]) -> Car:
     wrong = []
     for name, value in (*found.items(), *((f"thresholds.{k}", v) for k, v in thresholds.items())):
         low, high = RANGES.get(name, (0.0, inf))
-        if not isinstance(value, int | float) or not low <= value <= high:
-            wrong.append(f"{name}: expected {low:g} to {high:g}, found {value!r}")
+        if not isinstance(value, int | float):
+            wrong.append(f"{name}: expected a number, found {value!r}")
+        elif not low <= value <= high:
+            wrong.append(f"{name}: expected {low:g} to {high:g}, found {value:g}")
     if wrong:
         raise ValueError("; ".join(wrong))
     upper, rate = INPUT_LIMITS.upper, INPUT_LIMITS.rate_per_s
