@@ -10,7 +10,7 @@ from rt_controller.bus.messages import Fault
 from rt_controller.safety.checks import CHECKS, LARGEST_CURVATURE_STEP_PER_M, Quantity, Reaction
 from rt_controller.safety.modes import StopCause
 
-PAGE = Path(__file__).parents[2] / "docs" / "safety.md"
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "monitors.md"
 Q = Quantity
 ROWS = {
     "progress": (Q.PROGRESS_STEP_M,),
