@@ -46,7 +46,7 @@ class TrialFigures(NamedTuple):
 
 LARGEST = TrialFigures(0.75, 1.5, 0.45, 0.045, 0.013)
 """at least 1.4 times the figures of the worst shipped model, and of one of `--preset quick`
-(decision 066)"""
+(decision 037)"""
 
 
 def has_passed(bundle: Bundle, config: ControllerConfig) -> bool:

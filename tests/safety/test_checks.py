@@ -9,7 +9,7 @@ import pytest
 from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.safety.checks import CHECKS, LARGEST_CURVATURE_STEP_PER_M, Quantity, Reaction
 
-PAGE = Path(__file__).parents[2] / "docs" / "safety.md"
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "monitors.md"
 Q = Quantity
 ROWS = {
     "progress": (Q.PROGRESS_STEP_M,),

@@ -10,7 +10,11 @@ from sim_bridge.scenario import parse_scenario, shipped_scenarios
 from sim_bridge.scenario.loading import field_names
 from sim_bridge.scenario.metrics import Metrics
 
-GUIDE = (Path(__file__).parents[3] / "docs" / "scenarios.md").read_text(encoding="utf-8")
+DOCS = Path(__file__).parents[3] / "docs"
+GUIDE = "".join(
+    (DOCS / page).read_text(encoding="utf-8")
+    for page in ("scenarios.md", "reference/scenario-fields.md")
+)
 EXAMPLES = [
     block
     for block in re.findall(r"```toml\n(.*?)```", GUIDE, re.DOTALL)
