@@ -19,13 +19,13 @@ from rt_controller.contract.signals import (
 )
 from rt_controller.control import explanation
 from rt_controller.control.estimator import MOTION_GAIN, Estimator
-from rt_controller.control.knots import place_knots
 from rt_controller.control.lift import Encoder, History
 from rt_controller.control.pedals import PedalChoice
-from rt_controller.control.program import QuadraticProgram, Solver, SolveStatus, open_solver
+from rt_controller.control.program import QuadraticProgram, Solver, SolveStatus
 from rt_controller.control.qp import CondensedQp
 from rt_controller.control.reference import ReferenceHorizon
-from rt_controller.control.terms import Corridor, TrackingCost
+from rt_controller.control.terms import Corridor, TrackingCost, place_knots
+from rt_controller.control.warm_start import open_solver
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.dynamics import roll_out
 from rt_controller.model.validation import require_drivable
