@@ -25,31 +25,26 @@ from rt_controller.control.steering import (
 
 
 class RestReference(NamedTuple):
-    """Limits of the reference of a standing car."""
+    """Reference of a standing car: highest speed and acceleration, and what is a stop."""
 
     v_mps: float
-    """highest speed that is no start"""
     a_mps2: float
-    """largest acceleration that is no start"""
     stop_m: float
-    """longest distance to the next stop"""
+    """longest distance to the stop"""
     braking_mps2: float
     """least deceleration that is a stop, not a change of speed"""
 
 
 ARRIVE = RestReference(v_mps=AT_REST_MPS, a_mps2=0.1, stop_m=0.15, braking_mps2=0.2)
-"""a slow car comes to rest within these limits"""
+"""a slow car comes to rest within these limits, and is held within the next ones"""
 STAY = RestReference(v_mps=0.2, a_mps2=0.2, stop_m=0.3, braking_mps2=0.1)
-"""a standing car is held within these limits"""
 
 
 class SpeedRange(NamedTuple):
-    """Hysteresis between the model and the low-speed law."""
+    """The low-speed law takes over below the first speed, the model above the second one."""
 
     leave_mps: float
-    """below this speed the low-speed law takes over from the model"""
     resume_mps: float
-    """above this speed the model takes over from the low-speed law"""
 
 
 def stop_distance_m(path: PathReference) -> float:
@@ -102,14 +97,10 @@ DISTURBANCE_TIME_S = 1.5
 LARGEST_DISTURBANCE_MPS2 = 3.0
 BRAKED_MPS = 0.3
 """a braked car that is wanted to move and seems slower than this may stand"""
-PRESS_BRAKE_MPS2 = -0.3
-"""pedal acceleration below which a released or pressed accelerator gives way to the brake"""
-PRESS_THROTTLE_MPS2 = 0.1
-"""pedal acceleration above which the brake gives way to the accelerator"""
-SLOWEST_RATIO_MPS = 0.1
-"""least reference speed in the ratio of the speed to it, in the braking towards a stop"""
-FASTEST_RATIO = 1.6
-"""largest ratio of the speed to its reference, in the braking towards a stop"""
+PRESS_BRAKE_MPS2, PRESS_THROTTLE_MPS2 = -0.3, 0.1
+"""acceleration by the pedals, below and above which the other pedal gives way to this one"""
+SLOWEST_RATIO_MPS, FASTEST_RATIO = 0.1, 1.6
+"""least reference speed, and largest ratio of the speed to it, in the braking towards a stop"""
 FINAL_MPS2 = 1.0
 """least deceleration towards a reference that stands: the car does not creep to rest"""
 
