@@ -257,10 +257,13 @@ class LowSpeedLaw:
                 preview, delay_m, state.vx_mps, last.steer_rad, self._car.geometry
             )
         if self.law is Mode.STANDSTILL:
-            held = hold(state.vx_mps, last, self._car.hold_n)
+            # The brake is pressed further up to that of a hold, and entirely if the car rolls.
+            rolls = abs(state.vx_mps) >= AT_REST_MPS
+            most_n = INPUT_LIMITS.upper.brake_n if rolls else max(self._car.hold_n, last.brake_n)
+            brake_n = min(last.brake_n + HOLD_RATE_N_PER_S * PERIOD_S, most_n)
             if state.vx_mps < ROLLING_MPS:
-                return held
-            return held._replace(steer_rad=self.steer_rad(state, curvature_per_m, path, last))
+                return ControlInput(0.0, brake_n, last.steer_rad)
+            return ControlInput(0.0, brake_n, self.steer_rad(state, curvature_per_m, path, last))
         gains = self._car.gains
         if self._law_before is Mode.STANDSTILL:
             self._wanted_mps2 = 0.0
@@ -308,11 +311,3 @@ class LowSpeedLaw:
         wheel_rad = wheel_angle_rad(curvature_per_m, state.vx_mps, geometry)
         wanted_rad = min(max(wheel_rad, -most_rad), most_rad)
         return roll_towards(wanted_rad, last.steer_rad, state.vx_mps)
-
-
-def hold(vx_mps: float, last: ControlInput, hold_n: float) -> ControlInput:
-    """Input of a standing car: brake pressed, wheel where it is; harder if the car rolls."""
-    rolls = abs(vx_mps) >= AT_REST_MPS
-    target_n = INPUT_LIMITS.upper.brake_n if rolls else max(hold_n, last.brake_n)
-    brake_n = min(last.brake_n + HOLD_RATE_N_PER_S * PERIOD_S, target_n)
-    return ControlInput(throttle=0.0, brake_n=brake_n, steer_rad=last.steer_rad)
