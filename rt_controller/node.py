@@ -21,8 +21,9 @@ from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.identification import identify_gains
 from rt_controller.control.low_speed import LowSpeedCar, LowSpeedLaw, PedalGains, SpeedRange
 from rt_controller.control.mpc import Mpc
-from rt_controller.control.program import SolveStatus, open_solver
+from rt_controller.control.program import SolveStatus
 from rt_controller.control.terms import Corridor
+from rt_controller.control.warm_start import open_solver
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.validation import require_drivable
 from rt_controller.realtime.clock import TimeSource

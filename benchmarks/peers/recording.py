@@ -9,8 +9,9 @@ from benchmarks.lockstep import drive_scenario
 from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
 from rt_controller.control.mpc import Mpc
-from rt_controller.control.program import QuadraticProgram, SolveStatus, open_solver
+from rt_controller.control.program import QuadraticProgram, SolveStatus
 from rt_controller.control.terms import Corridor
+from rt_controller.control.warm_start import open_solver
 from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.model.bundle import Bundle
 

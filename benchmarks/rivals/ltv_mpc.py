@@ -17,10 +17,10 @@ from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import N_INPUTS, N_STATES, ControlInput
 from rt_controller.control.estimator import MOTION_GAIN, Estimator
-from rt_controller.control.knots import Knots
 from rt_controller.control.linearisation import ALL_INPUTS
 from rt_controller.control.mpc import MOST_UNDER_WAY, Mpc
 from rt_controller.control.program import SolveStatus
+from rt_controller.control.terms import Knots
 from rt_controller.model.bundle import Bundle
 
 CONVERGED, MOST_ITERATIONS = 1e-4, 10

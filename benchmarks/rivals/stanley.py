@@ -27,11 +27,10 @@ from rt_controller.contract.signals import (
     VehicleState,
 )
 from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_S
-from rt_controller.control.knots import place_knots
 from rt_controller.control.pedals import Pedal, PedalChoice, limit_pedals
 from rt_controller.control.program import SolveStatus
 from rt_controller.control.reference import ReferenceHorizon
-from rt_controller.control.terms import bound_inputs
+from rt_controller.control.terms import bound_inputs, place_knots
 
 _AHEAD = 12
 """periods over which the path is evaluated"""

@@ -18,8 +18,9 @@ from rt_controller.contract.signals import (
 )
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.mpc import Mpc
-from rt_controller.control.program import SolveStatus, open_solver
+from rt_controller.control.program import SolveStatus
 from rt_controller.control.terms import TrackingCost
+from rt_controller.control.warm_start import open_solver
 from rt_controller.model.bundle import Bundle, PlanSample
 from rt_controller.model.validation import find_objection_to_driving
 

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import N_INPUTS, ControlInput, StateColumn, VehicleState
 from rt_controller.control.objective import QpParameters
-from rt_controller.control.program import QuadraticProgram, SolveStatus, open_solver
+from rt_controller.control.program import QuadraticProgram, SolveStatus
 from rt_controller.control.terms import Corridor, TrackingCost
+from rt_controller.control.warm_start import open_solver
 
 ACTIVE = 1e-6
 """distance to a bound, in units of an input's range, from which on it is active"""

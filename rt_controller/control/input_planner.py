@@ -81,12 +81,12 @@ class InputPlanner:
         Args:
             state: measured or estimated.
             curvature_per_m: of the road at the car.
-            path: to follow.
+            path: to follow, as seen from the car.
             preview: curvature of the road ahead; None: constant.
-            last: input of the last tick.
+            last: input of the last tick, `periods` ago.
             periods: since the last tick.
             stops: the car is to be brought to rest, whatever speed the path says.
-            under_way: inputs that were sent, and act before the one of this tick.
+            under_way: inputs that were sent and act, one a period, before the one of this tick.
             steering_rate_radps: largest rate of the wheel, if it is below that of the commands.
         """
         previous_law = self._low_speed.law
@@ -130,11 +130,8 @@ class InputPlanner:
     ) -> None:
         """Take the measured state of this period and the input that acted until now.
 
-        Args:
-            state: measured.
-            applied: input of the last period.
-            is_driven: this program drives the car.
-            continues: no period lies between the last state and this one, and the input is known.
+        `is_driven`: this program drives the car. `continues`: no period lies between the last state
+        and this one, and the input is known.
         """
         if not continues:
             self.forget()

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import N_INPUTS
-from rt_controller.control.knots import Knots
 from rt_controller.control.pedals import WITH_PEDAL
+from rt_controller.control.terms import Knots
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.dynamics import Follow, Step
 

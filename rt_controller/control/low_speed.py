@@ -26,31 +26,26 @@ from rt_controller.control.steering import (
 
 
 class RestReference(NamedTuple):
-    """Limits of the reference of a standing car."""
+    """Reference of a standing car: highest speed and acceleration, and what is a stop."""
 
     v_mps: float
-    """highest speed that is no start"""
     a_mps2: float
-    """largest acceleration that is no start"""
     stop_m: float
-    """longest distance to the next stop"""
+    """longest distance to the stop"""
     braking_mps2: float
     """least deceleration that is a stop, not a change of speed"""
 
 
 ARRIVE = RestReference(v_mps=AT_REST_MPS, a_mps2=0.1, stop_m=0.15, braking_mps2=0.2)
-"""a slow car comes to rest within these limits"""
+"""a slow car comes to rest within these limits, and is held within the next ones"""
 STAY = RestReference(v_mps=0.2, a_mps2=0.2, stop_m=0.3, braking_mps2=0.1)
-"""a standing car is held within these limits"""
 
 
 class SpeedRange(NamedTuple):
-    """Hysteresis between the model and the low-speed law."""
+    """The low-speed law takes over below the first speed, the model above the second one."""
 
     leave_mps: float
-    """below this speed the low-speed law takes over from the model"""
     resume_mps: float
-    """above this speed the model takes over from the low-speed law"""
 
 
 def stop_distance_m(path: PathReference) -> float:
@@ -103,14 +98,10 @@ DISTURBANCE_TIME_S = 1.5
 LARGEST_DISTURBANCE_MPS2 = 3.0
 BRAKED_MPS = 0.3
 """a braked car that is wanted to move and seems slower than this may stand"""
-PRESS_BRAKE_MPS2 = -0.3
-"""pedal acceleration below which a released or pressed accelerator gives way to the brake"""
-PRESS_THROTTLE_MPS2 = 0.1
-"""pedal acceleration above which the brake gives way to the accelerator"""
-SLOWEST_RATIO_MPS = 0.1
-"""least reference speed in the ratio of the speed to it, in the braking towards a stop"""
-FASTEST_RATIO = 1.6
-"""largest ratio of the speed to its reference, in the braking towards a stop"""
+PRESS_BRAKE_MPS2, PRESS_THROTTLE_MPS2 = -0.3, 0.1
+"""acceleration by the pedals, below and above which the other pedal gives way to this one"""
+SLOWEST_RATIO_MPS, FASTEST_RATIO = 0.1, 1.6
+"""least reference speed, and largest ratio of the speed to it, in the braking towards a stop"""
 FINAL_MPS2 = 1.0
 """least deceleration towards a reference that stands: the car does not creep to rest"""
 
@@ -271,10 +262,13 @@ class LowSpeedLaw:
                 preview, delay_m, state.vx_mps, last.steer_rad, self._car.geometry
             )
         if self.law is Mode.STANDSTILL:
-            held = hold(state.vx_mps, last, self._car.hold_n)
+            # The brake is pressed further up to that of a hold, and entirely if the car rolls.
+            rolls = abs(state.vx_mps) >= AT_REST_MPS
+            most_n = INPUT_LIMITS.upper.brake_n if rolls else max(self._car.hold_n, last.brake_n)
+            brake_n = min(last.brake_n + HOLD_RATE_N_PER_S * PERIOD_S, most_n)
             if state.vx_mps < ROLLING_MPS:
-                return held
-            return held._replace(steer_rad=self.steer_rad(state, curvature_per_m, path, last))
+                return ControlInput(0.0, brake_n, last.steer_rad)
+            return ControlInput(0.0, brake_n, self.steer_rad(state, curvature_per_m, path, last))
         gains = self._car.gains
         if self._law_before is Mode.STANDSTILL:
             self._wanted_mps2 = 0.0
@@ -323,11 +317,3 @@ class LowSpeedLaw:
         wheel_rad = wheel_angle_rad(curvature_per_m, state.vx_mps, geometry)
         wanted_rad = min(max(wheel_rad, -most_rad), most_rad)
         return roll_towards(wanted_rad, last.steer_rad, state.vx_mps)
-
-
-def hold(vx_mps: float, last: ControlInput, hold_n: float) -> ControlInput:
-    """Input of a standing car: brake pressed, wheel where it is; harder if the car rolls."""
-    rolls = abs(vx_mps) >= AT_REST_MPS
-    target_n = INPUT_LIMITS.upper.brake_n if rolls else max(hold_n, last.brake_n)
-    brake_n = min(last.brake_n + HOLD_RATE_N_PER_S * PERIOD_S, target_n)
-    return ControlInput(throttle=0.0, brake_n=brake_n, steer_rad=last.steer_rad)

@@ -19,13 +19,13 @@ from rt_controller.contract.signals import (
 )
 from rt_controller.control import explanation
 from rt_controller.control.estimator import MOTION_GAIN, Estimator
-from rt_controller.control.knots import place_knots
 from rt_controller.control.lift import Encoder, History
 from rt_controller.control.pedals import PedalChoice
-from rt_controller.control.program import QuadraticProgram, Solver, SolveStatus, open_solver
+from rt_controller.control.program import QuadraticProgram, Solver, SolveStatus
 from rt_controller.control.qp import CondensedQp
 from rt_controller.control.reference import ReferenceHorizon
-from rt_controller.control.terms import Corridor, TrackingCost
+from rt_controller.control.terms import Corridor, TrackingCost, place_knots
+from rt_controller.control.warm_start import open_solver
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.dynamics import roll_out
 from rt_controller.model.validation import require_drivable
@@ -92,16 +92,10 @@ class Mpc:
         preview: CurvaturePreview | None = None,
         under_way: Sequence[ControlInput] = (),
     ) -> SolveStatus:
-        """Status of planning from `state`; on SOLVED, `inputs` holds the plan.
+        """Status of planning from `state`, the one observed last; SOLVED: `inputs` is the plan.
 
-        Args:
-            state: the one observed last, if any was.
-            curvature_per_m: of the road at the car.
-            path: as seen from the car.
-            previous: the input of the last period: slew rates and the cost of change start from it.
-            preview: of the road ahead; None: its curvature is constant.
-            under_way: inputs of earlier plans that act from now on, one in each period; the plan
-                begins after them.
+        Slew rates and the cost of change start from the input `previous` of the last period. The
+        plan begins after the inputs `under_way`; without a `preview` the curvature is constant.
         """
         if self._history is not None and not self._history.is_begun:
             self._history.advance(state, previous)
@@ -130,8 +124,7 @@ class Mpc:
         status = self._solver.solve()
         self.solve_ns = time.perf_counter_ns() - begun_ns
 
-        self._is_prepared = False
-        self._has_plan = status is SolveStatus.SOLVED
+        self._is_prepared, self._has_plan = False, status is SolveStatus.SOLVED
         if self._has_plan:
             v = self._solver.solution[: self._qp.scale.size]
             knots = (v * self._qp.scale).reshape(-1, N_INPUTS)
@@ -140,8 +133,8 @@ class Mpc:
 
     def _deviations(self, stages: NDArray[np.int64]) -> Array:
         """What the disturbance adds to the states that are predicted at some stages."""
-        periods = stages + len(self._under_way)
-        return self._estimator.deviations(periods, self._planned_from.vx_mps)
+        vx_mps, periods = self._planned_from.vx_mps, stages + len(self._under_way)
+        return self._estimator.deviations(periods, vx_mps)
 
     def _integrate(self, error_m: float) -> float:
         """Slow integral of the lateral error: what the disturbance leaves over."""
@@ -151,11 +144,10 @@ class Mpc:
         return self._integral_m
 
     def prepare(self) -> None:
-        """Build the matrices of the next period's QP, around its predicted state.
+        """Build the matrices of the next period's QP around its predicted state, after a plan.
 
-        Does nothing unless the last `plan` succeeded. The next plan then needs the same time with
-        every model (the preparation phase of the real-time iteration: Diehl, Bock and Schlöder,
-        2005).
+        The next one then needs the same time with every model (the preparation phase of the
+        real-time iteration: Diehl, Bock and Schlöder, 2005).
         """
         self._is_prepared = False
         if not self._has_plan:

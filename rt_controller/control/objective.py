@@ -6,9 +6,8 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.signals import N_INPUTS, N_STATES, StateColumn
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.control.knots import Knots
 from rt_controller.control.linearisation import Linearisation
-from rt_controller.control.terms import TrackingCost
+from rt_controller.control.terms import Knots, TrackingCost
 from rt_controller.model.bundle import Bundle
 
 SLOWEST_MPS = 3.0

@@ -89,18 +89,3 @@ class Solver(Protocol):
 
     def solve(self) -> SolveStatus:
         """Status of solving the program with its present vectors."""
-
-
-def open_solver(
-    program: QuadraticProgram, warm_start: bool = True, max_iterations: int | None = None
-) -> Solver:
-    """Workspace of PIQP on this program; with `warm_start` the last active set is tried before.
-
-    `max_iterations` of a solve of PIQP; None: those of its module.
-    """
-    # Imported here: these modules import the types above.
-    from rt_controller.control import piqp_solver
-    from rt_controller.control.warm_start import WarmStartedSolver
-
-    solver = piqp_solver.PiqpSolver(program, max_iterations or piqp_solver.MAX_ITERATIONS)
-    return WarmStartedSolver(program, solver) if warm_start else solver

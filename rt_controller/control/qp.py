@@ -7,12 +7,11 @@ import numpy as np
 from rt_controller.contract.car import DEFAULT_CAR
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.signals import N_INPUTS, InputColumn
-from rt_controller.control.knots import place_knots
 from rt_controller.control.linearisation import ALL_INPUTS
 from rt_controller.control.objective import Objective, QpParameters, require_convex
 from rt_controller.control.pedals import PedalChoice, limit_pedals
 from rt_controller.control.program import QuadraticProgram
-from rt_controller.control.terms import Corridor, TrackingCost, bound_inputs
+from rt_controller.control.terms import Corridor, TrackingCost, bound_inputs, place_knots
 from rt_controller.model.bundle import Bundle
 
 

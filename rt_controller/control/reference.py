@@ -11,7 +11,7 @@ from rt_controller.contract.signals import (
     VehicleState,
 )
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.control.knots import Knots
+from rt_controller.control.terms import Knots
 
 _POWERS = 4
 _OF_RAMPS = np.array([[1.0 / 6.0], [1.0 / 2.0], [1.0]])
@@ -66,16 +66,10 @@ class ReferenceHorizon:
         preview: CurvaturePreview | None = None,
         delay: int = 0,
     ) -> Array:
-        """Reference states (K + 1, 6) along `path`, seen from `state`.
+        """Reference states (K + 1, 6) along `path`, seen from the present `state`.
 
-        The reference of the lateral velocity is zero.
-
-        Args:
-            path: of e_y and speed.
-            state: the present one.
-            curvature_per_m: of the road at the car.
-            preview: of the road ahead; None: the curvature is constant.
-            delay: periods from now to the first knot.
+        That of the lateral velocity is zero. The first knot is `delay` periods ahead; without a
+        `preview` the curvature of the road is constant.
         """
         np.add(self._stage_s, delay * PERIOD_S, out=self._elapsed_s)
         c0, c1, c2, c3, v_mps, a_mps2 = path

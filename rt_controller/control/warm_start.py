@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from rt_controller.contract.arrays import Array
-from rt_controller.control.piqp_solver import PiqpSolver
-from rt_controller.control.program import QuadraticProgram, SolveStatus
+from rt_controller.control.piqp_solver import MAX_ITERATIONS, PiqpSolver
+from rt_controller.control.program import QuadraticProgram, Solver, SolveStatus
 
 MAX_ROUNDS = 4
 """a round costs about a tenth of PIQP's solve; most solutions come in the first one"""
@@ -195,3 +195,14 @@ class WarmStartedSolver:
             self.solution[:] = self._solver.solution
             self._active_set.start_from(*self._solver.active_bounds())
         return status
+
+
+def open_solver(
+    program: QuadraticProgram, warm_start: bool = True, max_iterations: int | None = None
+) -> Solver:
+    """Workspace of PIQP on this program; with `warm_start` the last active set is tried before.
+
+    `max_iterations` of a solve of PIQP; None: those of its module.
+    """
+    solver = PiqpSolver(program, max_iterations or MAX_ITERATIONS)
+    return WarmStartedSolver(program, solver) if warm_start else solver

@@ -98,25 +98,19 @@ def require_drivable(bundle: Bundle) -> None:
 
 def find_objection_to_driving(bundle: Bundle) -> str | None:
     """The reason why the controller cannot drive the car with this model; None if it can."""
-    found, expected = bundle.schema, VEHICLE
+    found, expected, history = bundle.schema, VEHICLE, bundle.lift.history_fields
     for what, theirs, ours in (
         ("states", found.states, expected.states),
         ("inputs", found.inputs, expected.inputs),
         ("exogenous signals", found.exogenous, expected.exogenous),
         ("period in s", found.dt_s, expected.dt_s),
+        ("history_fields", str(history), str(DRIVABLE_HISTORY if history else ())),
     ):
         if theirs != ours:
             return (
                 f"The model {bundle.name!r} is not a model of this car: expected {what} = "
                 f"{_plain(ours)}, found {_plain(theirs)}. It can be evaluated, but not driven with."
             )
-    fields = bundle.lift.history_fields
-    if bundle.lift.sees_history and fields != DRIVABLE_HISTORY:
-        return (
-            f"The model {bundle.name!r} needs a history that the controller does not keep: "
-            f"expected history_fields = {DRIVABLE_HISTORY}, found {fields}. It can be evaluated, "
-            f"but not driven with."
-        )
     return None
 
 

@@ -6,7 +6,8 @@ import pytest
 from virtual_drive import SHORT_LANE_CHANGE
 
 from benchmarks.peers.recording import TIERS, Matrices, Recording, record
-from rt_controller.control.program import SolveStatus, open_solver
+from rt_controller.control.program import SolveStatus
+from rt_controller.control.warm_start import open_solver
 
 SOLVERS = {
     "piqp-cold": {"warm_start": False},

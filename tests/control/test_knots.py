@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rt_controller.contract.errors import ConfigError
-from rt_controller.control.knots import place_knots
+from rt_controller.control.terms import place_knots
 
 
 def test_intervals_are_two_periods_first_and_then_four() -> None:

@@ -9,8 +9,8 @@ from model_classes import RANGE, VARIANTS, knots_of, made
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import N_STATES
-from rt_controller.control.knots import place_knots
 from rt_controller.control.linearisation import ALL_INPUTS, Linearisation
+from rt_controller.control.terms import place_knots
 from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.dynamics import Follow, roll_out

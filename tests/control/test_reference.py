@@ -8,8 +8,8 @@ import pytest
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import CurvaturePreview, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.control.knots import place_knots
 from rt_controller.control.reference import ReferenceHorizon
+from rt_controller.control.terms import place_knots
 
 KNOTS = place_knots(20, 20)
 CRUISING = VehicleState(20.0, 0.0, 0.0, 20.0 * PERIOD_S, 0.0, 0.0)

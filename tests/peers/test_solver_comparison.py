@@ -25,7 +25,8 @@ from benchmarks.peers.solver_comparison import (
 )
 from benchmarks.peers.solvers.registry import OWN, SolverEntry, find_solvers
 from benchmarks.tables import Ratio, percentiles, summarise, to_tables
-from rt_controller.control.program import SolveStatus, open_solver
+from rt_controller.control.program import SolveStatus
+from rt_controller.control.warm_start import open_solver
 from rt_controller.report.table import print_table
 
 

@@ -9,7 +9,8 @@ from benchmarks.peers.solvers import cold_solvers, warm_solvers
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.names import hint
-from rt_controller.control.program import QuadraticProgram, SolveStatus, open_solver
+from rt_controller.control.program import QuadraticProgram, SolveStatus
+from rt_controller.control.warm_start import open_solver
 
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 DEFAULT = "PIQP, warm"

@@ -1,0 +1,111 @@
+"""One description of the car: what a table [car] may say, and who reads it."""
+
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rt_controller import ControllerConfig, simulate
+from rt_controller.bus.messages import Command
+from rt_controller.contract.car import DEFAULT_CAR, RANGES, UNNAMED_CAR, Car, car_of
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.faults import NO_REFUSAL, Refusal, StopCause
+from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.mapping.tables import CarData
+from rt_controller.model.artifact import load_bundle, save_bundle, shipped_model
+from rt_controller.model.bundle import Bundle
+from rt_controller.node import choose_low_speed_car
+from rt_controller.safety.checks import CHECKS, Quantity, checks_of
+from rt_controller.safety.coast_model import Cornering
+from rt_controller.safety.fallback import braking_for
+from rt_controller.vehicle.vehicle_envelope import OwnMotion, refusals
+
+TABLE = """
+wheelbase_m = 2.7
+rear_axle_m = 1.4
+steering_ratio = 15.0
+lock_rad = 8.0
+largest_brake_n = 90.0
+steer_rate_radps = 1.2
+brake_mps2_per_n = 0.1
+largest_lateral_mps2 = 4.0
+path_lateral_mps2 = 5.0
+thresholds = { tracking_m = 0.5 }
+"""
+OWN = CarData.model_validate(tomllib.loads(TABLE)).car
+
+
+def test_a_table_gives_the_car_and_the_rest_is_that_of_the_default_car() -> None:
+    assert OWN.geometry == (2.7, 1.4, 15.0, 8.0)
+    assert OWN.limits.upper == DEFAULT_CAR.limits.upper._replace(brake_n=90.0)
+    assert OWN.limits.rate_per_s == DEFAULT_CAR.limits.rate_per_s._replace(steer_rad=1.2)
+    assert (OWN.plan_lateral_mps2, OWN.throttle_mps2) == (7.0, None)
+    assert DEFAULT_CAR.own_values == UNNAMED_CAR.own_values == {}
+
+
+def test_a_bundle_carries_the_whole_car(tmp_path: object) -> None:
+    bundle = replace(load_bundle(shipped_model("lti")), car=OWN)
+    save_bundle(tmp_path, bundle, "card")  # type: ignore[arg-type]
+    loaded = load_bundle(tmp_path)  # type: ignore[arg-type]
+    assert loaded.car == OWN
+    assert loaded.sha256 == bundle.sha256 != replace(bundle, car=Car(OWN.geometry)).sha256
+
+
+@pytest.mark.parametrize("name", RANGES)
+def test_a_value_outside_its_range_is_named_with_the_range(name: str) -> None:
+    low, high = RANGES[name]
+    car_of({name: high})
+    for wrong in (low - 0.01, 1.01 * high):
+        with pytest.raises(ValueError, match=rf"{name}: expected {low:g} to {high:g}, found"):
+            car_of({name: wrong})
+
+
+def test_thresholds_of_the_car_replace_those_of_the_table() -> None:
+    found = {check.quantity: check.threshold for check in checks_of(OWN)}
+    changed = {Quantity.TRACKING_M: 0.5, Quantity.PATH_LATERAL_MPS2: 5.5}
+    assert found == {check.quantity: check.threshold for check in CHECKS} | changed
+    assert checks_of(DEFAULT_CAR) == CHECKS
+    with pytest.raises(ConfigError, match=r"found traking_m \(did you mean tracking_m\?\)"):
+        checks_of(car_of({"thresholds": {"traking_m": 1.0}}))
+
+
+def test_the_envelope_of_the_vehicle_is_that_of_its_car() -> None:
+    def found(control: ControlInput, before: ControlInput = NEUTRAL_INPUT) -> Refusal:
+        motion = OwnMotion(25.0, 0.0, is_mission_on=True)
+        return refusals(Command(control, Mode.NOMINAL), before, 1, motion, OWN)
+
+    assert found(NEUTRAL_INPUT._replace(brake_n=90.0)) == NO_REFUSAL
+    assert found(NEUTRAL_INPUT._replace(brake_n=91.0)) == Refusal.STEERING
+    turned = NEUTRAL_INPUT._replace(steer_rad=1.2 * PERIOD_S)
+    assert found(turned) == NO_REFUSAL
+    assert found(turned._replace(steer_rad=1.3 * PERIOD_S)) == Refusal.STEERING
+    wide = NEUTRAL_INPUT._replace(steer_rad=0.5)
+    assert found(wide, wide) == Refusal.LATERAL_ACCELERATION
+
+
+def test_a_stop_of_a_car_with_a_stronger_brake_needs_less_force() -> None:
+    usual = braking_for(StopCause.NONE, True, Cornering())
+    found = braking_for(StopCause.NONE, True, Cornering(), force_scale=OWN.force_scale)
+    assert found == (0.5 * usual.most_n, 0.5 * usual.rate_n_per_s)
+
+
+def test_the_low_speed_law_takes_gains_of_the_car_unless_they_are_set() -> None:
+    bundle, settings = replace(Bundle.load(), car=OWN), ControllerConfig().low_speed
+    assert choose_low_speed_car(bundle, settings).gains.brake_mps2_per_n == 0.1
+    own = settings.model_copy(update={"brake_mps2_per_n": 0.07, "wheelbase_m": 3.0})
+    found = choose_low_speed_car(bundle, own)
+    assert (found.gains.brake_mps2_per_n, found.geometry.wheelbase_m) == (0.07, 3.0)
+
+
+def test_a_drive_keeps_the_limits_of_the_car() -> None:
+    """The default car with a slow wheel and a weak brake, of which the plan knows."""
+    own = car_of({**DEFAULT_CAR.geometry._asdict(), "steer_rate_radps": 1.5, "largest_brake_n": 40})
+    model = replace(Bundle.load(), car=own, plans=None)
+    drive = simulate("double_lane_change", model=model)
+    assert np.abs(np.diff(drive["steer_rad"])).max() == pytest.approx(1.5 * PERIOD_S)
+    assert (drive.stop_cause, drive.errors.ey_rms_m < 0.01) == (StopCause.NONE.name, True)
+    stop = simulate("straight", model=model, duration_s=2.0)
+    assert stop["brake_n"].max() == 40.0
+    assert stop["vx_mps"][-1] < 1.0
