@@ -8,17 +8,15 @@ against frames under a wrong identifier. Here that means three rules:
    and with it the data id.
 3. Eight bytes 0x00 and eight bytes 0xFF are not an intact frame of any message.
 
-Commands: `python -m rt_controller.bus.data_ids --help`.
+`python -m rt_controller.bus.data_ids [DBC ...]` checks the DBC files of one bus (default:
+messages.dbc), and prints the attribute line of each message that has no data ids.
 """
 
 import sys
-from argparse import ArgumentParser
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 from random import Random
-
-from cantools.database.can import Message
 
 from rt_controller.bus.codec import COUNTER_MASK, FRAME_LENGTH, crc8
 from rt_controller.bus.dbc import DATA_IDS_ATTRIBUTE, DBC_PATH, data_ids_of, read_dbc
@@ -30,11 +28,6 @@ _COUNTER_PLACE = 8
 """bit of the frame at which the counter begins"""
 _ENCODING = "cp1252"
 """of DBC files that other tools write; ASCII is a part of it"""
-_RULES = (
-    "Under one counter all messages have different data ids.",
-    "In each message every error of one or two bits is detected.",
-    "Eight bytes 0x00 and eight bytes 0xFF are not an intact frame.",
-)
 
 
 def _undetected_differences() -> dict[int, set[int]]:
@@ -59,7 +52,7 @@ _UNDETECTED = _undetected_differences()
 
 
 def find_objection(ids: Sequence[int], others: Mapping[str, Sequence[int]]) -> str | None:
-    """The reason why the last of these data ids of a message breaks a rule; None if it does not.
+    """Which rule the last of these data ids of a message breaks; None if none.
 
     Args:
         ids: of the counters 0, 1, …
@@ -120,76 +113,43 @@ def choose(name: str, others: Mapping[str, Sequence[int]]) -> bytes:
     return bytes(found)
 
 
-def read_data_ids(paths: Iterable[Path]) -> tuple[dict[str, bytes], dict[str, Message]]:
-    """Data ids of the protected messages of DBC files, and the messages without any.
+def new_lines(paths: Sequence[Path]) -> list[str]:
+    """The DBC line with data ids for each message that has none, in the DBC files of one bus.
 
-    Both by name and path of the file. Files that do not define the attribute E2EDataIdList are
-    left out.
+    Files that do not define the attribute E2EDataIdList count as other tools' and are left out.
 
     Raises:
-        ConfigError: a file is not a DBC, or a list is not 16 hexadecimal bytes.
+        ConfigError: a file is not a DBC, or a data id breaks a rule.
     """
-    known: dict[str, bytes] = {}
-    missing: dict[str, Message] = {}
+    known, missing = {}, []
     for path in paths:
         database = read_dbc(path, _ENCODING, "a DBC file", "Correct the file, or name another.")
         if database.dbc is None or DATA_IDS_ATTRIBUTE not in database.dbc.attribute_definitions:
             continue
         for message in database.messages:
-            name = f"{message.name} ({path})"
-            if message.dbc is not None and DATA_IDS_ATTRIBUTE in message.dbc.attributes:
-                known[name] = data_ids_of(message)
+            has_ids = message.dbc is not None and DATA_IDS_ATTRIBUTE in message.dbc.attributes
+            if has_ids:
+                known[f"{message.name} ({path})"] = data_ids_of(message)
             else:
-                missing[name] = message
-    return known, missing
-
-
-def attribute_line(identifier: int, ids: bytes) -> str:
-    """The line of a DBC that gives a message its data ids."""
-    return f'BA_ "E2EDataIdList" BO_ {identifier} "{ids.hex(" ").upper()}";'
-
-
-def main(arguments: Sequence[str] | None = None) -> str:
-    """What the command prints.
-
-    Raises:
-        ConfigError: a data id breaks a rule, or see `read_data_ids` and `choose`.
-    """
-    parser = ArgumentParser(
-        prog="python -m rt_controller.bus.data_ids",
-        description="Print the attribute line with new data ids for each message that has none.",
-    )
-    parser.add_argument("--check", action="store_true", help="check the data ids of all messages")
-    parser.add_argument(
-        "dbc", nargs="*", type=Path, help="all DBC files of one bus (default: messages.dbc)"
-    )
-    options = parser.parse_args(arguments)
-    known, missing = read_data_ids(options.dbc or [DBC_PATH])
-    objections = [
-        *find_objections(known),
-        *(f"{name}: found no E2EDataIdList." for name in missing if options.check),
-    ]
+                missing.append(message)
+    objections = list(find_objections(known))
     if objections:
         raise ConfigError(
-            "\n".join(objections) + f"\nExpected of all data ids: {' '.join(_RULES)} Delete the "
-            "lines of these messages from the DBC and run this command without --check."
+            "\n".join(objections) + "\nExpected data ids that obey the rules of "
+            "rt_controller/bus/data_ids.py. Delete the lines of these messages from the DBC and "
+            "run this command again."
         )
-    if options.check:
-        rules = "\n".join(f"- {rule}" for rule in _RULES)
-        return f"{len(known)} messages with 16 data ids each, no objection:\n{rules}"
     lines = []
-    for name, message in missing.items():
-        known[name] = choose(message.name, known)
-        lines.append(attribute_line(message.frame_id, known[name]))
-    return "\n".join(lines) or (
-        f"All {len(known)} messages have data ids. Add the lines of the new message (BO_, SG_) to "
-        f"the DBC first."
-    )
+    for message in missing:
+        ids = known[message.name] = choose(message.name, known)
+        lines.append(f'BA_ "{DATA_IDS_ATTRIBUTE}" BO_ {message.frame_id} "{ids.hex(" ").upper()}";')
+    return lines
 
 
 if __name__ == "__main__":
     try:
-        print(main())
+        chosen = new_lines([Path(name) for name in sys.argv[1:]] or [DBC_PATH])
+        print("\n".join(chosen) or "All messages have data ids, and all obey the rules.")
     except RtControllerError as error:
         print(error, file=sys.stderr)
         sys.exit(error.exit_code)

@@ -6,21 +6,22 @@ from pathlib import Path
 import pytest
 
 from rt_controller.bus.codec import crc8
-from rt_controller.bus.data_ids import choose, find_objections, main, read_data_ids
-from rt_controller.bus.dbc import DBC_PATH
+from rt_controller.bus.data_ids import choose, find_objections, new_lines
+from rt_controller.bus.dbc import DBC_PATH, data_ids_of, read_dbc
 from rt_controller.contract.errors import ConfigError
 
 TEXT = DBC_PATH.read_text(encoding="ascii")
 LINE = next(line for line in TEXT.splitlines() if line.startswith('BA_ "E2EDataIdList" BO_ 312 '))
 
 
-N_MESSAGES = TEXT.count("\nBO_ ")
-
-
-def written(folder: Path, text: str) -> str:
+def written(folder: Path, text: str) -> Path:
     path = folder / "messages.dbc"
     path.write_text(text, encoding="ascii")
-    return str(path)
+    return path
+
+
+def shipped() -> dict[str, bytes]:
+    return {each.name: data_ids_of(each) for each in read_dbc(DBC_PATH).messages}
 
 
 def with_ids(ids: bytes) -> str:
@@ -32,22 +33,18 @@ def ids_of_mission() -> bytearray:
 
 
 def test_the_shipped_data_ids_obey_all_rules() -> None:
-    report = main(["--check"])
-    assert report.startswith(f"{N_MESSAGES} messages with 16 data ids each, no objection:")
-    assert report.count("\n- ") == 3
+    assert new_lines([DBC_PATH]) == []
 
 
 def test_a_message_without_data_ids_gets_a_line_that_passes_the_check(tmp_path: Path) -> None:
-    line = main([written(tmp_path, TEXT.replace(LINE, ""))])
+    (line,) = new_lines([written(tmp_path, TEXT.replace(LINE, ""))])
     assert line.startswith('BA_ "E2EDataIdList" BO_ 312 "')
-    assert f"{N_MESSAGES} messages" in main(
-        ["--check", written(tmp_path, TEXT.replace(LINE, line))]
-    )
+    assert new_lines([written(tmp_path, TEXT.replace(LINE, line))]) == []
 
 
 def test_chosen_data_ids_detect_every_error_of_one_or_two_bits() -> None:
     """Tried on a frame, while the choice itself uses the linearity of the CRC."""
-    ids = choose("NEW", read_data_ids([DBC_PATH])[0])
+    ids = choose("NEW", shipped())
     for counter in range(16):
         frame = bytearray([0, counter, 1, 2, 3, 4, 5, 6])
         frame[0] = crc8(frame, ids[counter])
@@ -59,7 +56,7 @@ def test_chosen_data_ids_detect_every_error_of_one_or_two_bits() -> None:
 
 
 def test_forty_new_messages_find_data_ids() -> None:
-    known = dict(read_data_ids([DBC_PATH])[0])
+    known = shipped()
     for number in range(40):
         known[f"NEW_{number}"] = choose(f"NEW_{number}", known)
     assert list(find_objections(known)) == []
@@ -78,7 +75,7 @@ def test_a_data_id_that_breaks_a_rule_is_reported(
     ids = ids_of_mission()
     ids[counter] = data_id
     with pytest.raises(ConfigError, match=rf"MISSION .*{objection}(?s:.*)Delete the lines"):
-        main(["--check", written(tmp_path, with_ids(ids))])
+        new_lines([written(tmp_path, with_ids(ids))])
 
 
 @pytest.mark.parametrize(("counter", "byte"), [(0, 0x00), (15, 0xFF)])
@@ -91,38 +88,15 @@ def test_a_data_id_that_makes_a_dead_line_an_intact_frame_is_reported(
     assert any(f"eight 0x{byte:02X} are intact" in text for text in find_objections({"NEW": ids}))
 
 
-def test_a_message_without_data_ids_fails_the_check(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"MISSION .*found no E2EDataIdList"):
-        main(["--check", written(tmp_path, TEXT.replace(LINE, ""))])
-
-
 def test_messages_of_another_dbc_on_the_same_bus_count(tmp_path: Path) -> None:
-    other = TEXT.replace("Mode of the controller.", "Grad: °")
-    (tmp_path / "other.dbc").write_text(other, encoding="cp1252")
+    other = tmp_path / "other.dbc"
+    other.write_text(TEXT.replace("Mode of the controller.", "Grad: °"), encoding="cp1252")
     with pytest.raises(ConfigError, match=r"ACT_CMD \(.*other.dbc\): .* as in ACT_CMD \(.*mess"):
-        main(["--check", str(DBC_PATH), str(tmp_path / "other.dbc")])
-    (tmp_path / "other.dbc").write_text('VERSION ""\nBU_: A\nBO_ 9 X: 8 A\n', encoding="cp1252")
-    report = main(["--check", str(DBC_PATH), str(tmp_path / "other.dbc")])
-    assert report.startswith(f"{N_MESSAGES} messages")
-
-
-def test_files_of_one_name_in_two_folders_are_both_checked(tmp_path: Path) -> None:
-    (tmp_path / "chassis").mkdir()
-    paths = [written(tmp_path, TEXT), written(tmp_path / "chassis", TEXT)]
-    with pytest.raises(ConfigError, match="as in ACT_CMD"):
-        main(["--check", *paths])
-
-
-def test_the_proposed_data_ids_do_not_depend_on_the_folder(tmp_path: Path) -> None:
-    (tmp_path / "chassis").mkdir()
-    text = TEXT.replace(LINE, "")
-    assert main([written(tmp_path, text)]) == main([written(tmp_path / "chassis", text)])
+        new_lines([DBC_PATH, other])
+    other.write_text('VERSION ""\nBU_: A\nBO_ 9 X: 8 A\n', encoding="cp1252")
+    assert new_lines([DBC_PATH, other]) == []
 
 
 def test_a_file_that_does_not_exist_is_named_with_a_remedy_that_fits(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"radar\.dbc: expected a DBC file.*name another"):
-        main([str(tmp_path / "radar.dbc")])
-
-
-def test_without_a_new_message_nothing_is_proposed() -> None:
-    assert main([]).startswith(f"All {N_MESSAGES} messages have data ids.")
+        new_lines([tmp_path / "radar.dbc"])
