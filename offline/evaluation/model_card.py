@@ -8,7 +8,7 @@ from offline.evaluation.tables import mse_table
 from offline.model.driven import SAMPLES, BoxStability
 from offline.model.export_checks import ExportFigures
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import Follow
+from rt_controller.model.follow import Follow
 from rt_controller.model.validation import find_objection_to_driving
 from rt_controller.report.table import Fact, facts_table, to_markdown
 

@@ -28,7 +28,8 @@ from offline.model.observables import (
 from offline.model.rollout import roll_out, roll_out_gains
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import Schema
-from rt_controller.model.dynamics import NO_SIGNAL, Follow
+from rt_controller.model.dynamics import NO_SIGNAL
+from rt_controller.model.follow import Follow
 
 # Standard deviations of the Gaussian start, which the paper leaves open. With these, roll-outs of
 # 80 steps are bounded before the first update.

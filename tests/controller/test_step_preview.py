@@ -53,15 +53,15 @@ def test_a_preview_is_used_for_three_periods_and_its_loss_stops_nothing(
 def test_a_damaged_preview_is_not_used(
     rig: Rig, monkeypatch: pytest.MonkeyPatch, damaged_byte: int
 ) -> None:
-    encode = PREVIEW.encode
+    codec = PREVIEW.codecs[1]
+    write = codec.write
 
-    def damage(*arguments: Any) -> list[bytes]:
-        first, second = encode(*arguments)
-        damaged = bytearray(second)
+    def damage(*arguments: Any) -> bytes:
+        damaged = bytearray(write(*arguments))
         damaged[damaged_byte] ^= 0x10
-        return [first, bytes(damaged)]
+        return bytes(damaged)
 
-    monkeypatch.setattr(PREVIEW, "encode", damage)
+    monkeypatch.setattr(codec, "write", damage)
     rig.vehicle.preview = BEND
     seen = previews_of(rig, monkeypatch)
     assert rig.tick(3).mode is Mode.NOMINAL

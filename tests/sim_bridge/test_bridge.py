@@ -26,6 +26,7 @@ from rt_controller.contract.errors import BusError
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
 from rt_controller.receive import Receiver
+from rt_controller.safety.tick import Tick
 from sim_bridge.bridge import Delay
 
 
@@ -150,5 +151,5 @@ def test_the_receiver_measures_the_transport_delay(transport_periods: int) -> No
             command = Command(CRUISE, Mode.NOMINAL)
             send_command(rig.controller, command, rig.now_ns, receiver.counter)
             rig.bridge.tick(rig.now_ns)
-            receiver.receive(rig.now_ns, 1, is_standby=False)
+            receiver.receive(Tick(last_mode=Mode.NOMINAL), rig.now_ns)
         assert receiver.transport_periods == transport_periods

@@ -18,7 +18,7 @@ from offline.model.losses import (
 )
 from offline.model.network import MdkNet, sizes_of
 from rt_controller.contract.signals import VEHICLE
-from rt_controller.model.dynamics import Follow
+from rt_controller.model.follow import Follow
 
 pytestmark = pytest.mark.usefixtures("double_precision")
 

@@ -13,7 +13,8 @@ from offline.data.signals import VEHICLE_ROLES, Roles
 from offline.model.network import FADING_S, MdkNet, Sizes, sizes_of
 from offline.model.observables import PathColumns
 from rt_controller.contract.signals import VEHICLE, Schema, Signal
-from rt_controller.model.dynamics import NO_SIGNAL, Follow
+from rt_controller.model.dynamics import NO_SIGNAL
+from rt_controller.model.follow import Follow
 
 SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
 STATES, LATENTS, HISTORY, RANK, BATCH = 6, 7, 3, 2, 4

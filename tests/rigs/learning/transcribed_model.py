@@ -4,7 +4,8 @@ import torch
 from torch import Tensor
 
 from offline.model.network import MdkNet
-from rt_controller.model.dynamics import NO_SIGNAL, Follow
+from rt_controller.model.dynamics import NO_SIGNAL
+from rt_controller.model.follow import Follow
 
 
 def step(model: MdkNet, psi: Tensor, followed: Tensor, u: Tensor, w: Tensor) -> Tensor:
