@@ -134,7 +134,8 @@ class Drive:
         """Position, lateral error, steering wheel, pedals, speed over time: a matplotlib figure.
 
         Args:
-            file: also write the figure there; the suffix chooses the format (.png, .svg, .pdf).
+            file: also write the figure there; the suffix chooses the format (.png, .svg,
+                .pdf; .gif is a moving picture of the car from above).
         """
         require_type("file", file, str | Path | None, "the path of a file")
         from rt_controller.report.drive_figure import draw_drive

@@ -18,14 +18,15 @@ if TYPE_CHECKING:
 KMH_PER_MPS = 3.6
 CONE, LANE = "#d9822b", "#1f2933"
 """colours"""
-FORMATS = (".png", ".svg", ".pdf")
+MOVING = ".gif"
+FORMATS = (".png", ".svg", ".pdf", MOVING)
 
 
 def require_figure_file(file: Path) -> None:
     """Return if a figure can be drawn into a file of that name.
 
     Raises:
-        ConfigError: the suffix is none of .png, .svg, .pdf.
+        ConfigError: the suffix is none of `FORMATS`.
         MissingExtraError: matplotlib is not installed.
     """
     if file.suffix.lower() not in FORMATS:
@@ -89,7 +90,12 @@ def draw_drive(drive: Drive, file: Path | None = None) -> "Figure":
     if file is not None:
         try:
             with atomic_write(file) as out:
-                figure.savefig(out, format=file.suffix[1:].lower())
+                if file.suffix.lower() == MOVING:
+                    from rt_controller.report.drive_from_above import animate
+
+                    out.write(animate(drive))
+                else:
+                    figure.savefig(out, format=file.suffix[1:].lower())
         except OSError as error:
             raise ConfigError(
                 f"{file}: expected a file that can be written, found {error.strerror}. Free some "

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from kinematic_plant import KinematicCar
+from PIL import Image
 
 from rt_controller import Bundle, Drive, cli, simulate
 from rt_controller.contract.errors import ConfigError, MissingExtraError, PlantError
@@ -118,6 +119,14 @@ def test_a_drive_is_drawn(drive: Drive, tmp_path: Path) -> None:
     assert figure._repr_png_().startswith(b"\x89PNG")  # what a notebook shows
     with pytest.raises(ConfigError, match=r"\.png, \.svg, \.pdf"):
         drive.plot(tmp_path / "drive.xyz")
+
+
+def test_a_moving_picture_has_a_frame_each_tenth_of_a_second(tmp_path: Path) -> None:
+    short = simulate("double_lane_change", model="lti", duration_s=0.5)
+    short.plot(tmp_path / "drive.gif")
+    with Image.open(tmp_path / "drive.gif") as picture:
+        found = picture.format, picture.info["duration"], picture.n_frames  # type: ignore[attr-defined]
+    assert found == ("GIF", 100, -(-len(short) // 4))
 
 
 def test_a_plant_that_fails_is_an_error(lti: Bundle) -> None:
