@@ -36,8 +36,7 @@ from offline.experiments.training_task import (
     run_training,
     shared_dataset,
 )
-from offline.training.run_folder import RunFolder
-from offline.training.state import load_checkpoint
+from offline.training.run import RunFolder, load_checkpoint
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.settings_errors import option
 

@@ -19,7 +19,7 @@ from offline.data.dataset import Dataset
 from offline.data.signals import Scaling, fit_scaling, past_columns
 from offline.model.network import Encoder, MdkNet
 from offline.model.physical_units import scaling_of_lift
-from offline.training.state import Checkpoint
+from offline.training.run import Checkpoint
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError, ConfigError
 from rt_controller.model.bundle import Bundle

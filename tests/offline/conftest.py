@@ -13,7 +13,7 @@ from offline.data.excitation import Recipe
 from offline.data.generate import EPISODE_STEPS, SLICES, Episode, Generated, assemble
 from offline.data.manifest import Roads, Simulated
 from offline.data.signals import VEHICLE_ROLES
-from offline.training.run_folder import RunFolder, create_run
+from offline.training.run import RunFolder, create_run
 from rt_controller.contract.signals import VEHICLE
 
 EPISODES = 40

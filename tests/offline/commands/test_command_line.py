@@ -19,7 +19,7 @@ from offline.commands import bundle, terminal, training_run
 from offline.config import TrainingConfig
 from offline.data.dataset import load_dataset
 from offline.data.manifest import Imported, SourceFile
-from offline.training.state import load_checkpoint, save_checkpoint
+from offline.training.run import load_checkpoint, save_checkpoint
 from rt_controller.model.artifact import load_bundle
 
 ENTRY_POINTS = (

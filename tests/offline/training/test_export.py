@@ -20,7 +20,7 @@ from offline.model.export_checks import (
 )
 from offline.model.physical_units import choose_selftest
 from offline.training.export import export_checkpoint
-from offline.training.state import load_checkpoint
+from offline.training.run import load_checkpoint
 from offline.training.train import train
 from rt_controller.contract.errors import ArtifactError, DatasetError
 from rt_controller.contract.limits import INPUT_LIMITS
