@@ -8,9 +8,8 @@ from offline.baselines import registry
 from offline.baselines.registry import baseline_facts, compare_with_plain_baselines
 from offline.commands.terminal import STDERR, STDOUT
 from offline.config import PAST_STEPS
-from offline.data.cache import full_folder
-from offline.data.dataset import Dataset, exists, load_dataset
-from offline.data.manifest import car_of
+from offline.data.dataset import Dataset, describe_car, exists, load_dataset
+from offline.data.generate import full_folder
 from offline.data.signals import past_names
 from offline.evaluation.figures import library_figures
 from offline.evaluation.model_card import driven_text, stability_text, write_card
@@ -91,7 +90,7 @@ def _deliver(
         f"{origin.episodes} episodes, {dataset.manifest.trajectories} trajectories, "
         f"seed {origin.seed}"
     )
-    car = Fact("car", car_of(origin))
+    car = Fact("car", describe_car(origin))
     facts = [*facts, Fact("revision, exported", revision), Fact("data set", data), car]
     comparison = compare_with_plain_baselines(bundle, dataset)
     bundle = with_plans(bundle)

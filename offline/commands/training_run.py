@@ -40,7 +40,7 @@ def start_run(
     """Figures and exit code of `offline-train` for a new run."""
     config = resolve(chosen)
     find_device(config.device)
-    folder, dataset = ensure_dataset(data, config.episodes, config.data_seed, backend)
+    folder, dataset = ensure_dataset(data, config, backend)
     config = config_of_data(folder, dataset.origin, config, chosen)
     first_model = None
     if config.init is not None:

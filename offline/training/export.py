@@ -3,8 +3,7 @@
 import torch
 
 from offline.config import TrainingConfig
-from offline.data.dataset import Dataset
-from offline.data.manifest import describe_training
+from offline.data.dataset import Dataset, describe_training
 from offline.data.signals import past_names, signal_range
 from offline.model.export_checks import ExportFigures, check_export, limits_of
 from offline.model.network import MakeEncoder

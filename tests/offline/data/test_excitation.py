@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from offline.data.excitation import (
+from offline.data.recipe import (
     Pedals,
     Recipe,
     draw_inputs,
