@@ -12,12 +12,14 @@ Paper: section III-A, data acquisition.
 
 import hashlib
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from math import degrees, radians
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
+import joblib
 import numpy as np
 from numpy.typing import NDArray
 
@@ -42,11 +44,10 @@ from offline.data.recipe import (
 )
 from offline.data.recording import Anchor, Recording, Starts
 from offline.data.signals import VEHICLE_ROLES, Array32
-from offline.data.tasks import run_tasks
 from offline.data.variation import VARIED, Variation
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.car import Car
-from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.errors import DatasetError, RtControllerError
 from rt_controller.contract.files import DamagedArchiveError, atomic_write, read_arrays
 from rt_controller.contract.limits import (
     INPUT_LIMITS,
@@ -65,6 +66,8 @@ MOST_REJECTED = 500
 """drives in a row under the same conditions"""
 EPISODE_STEPS = PAST_STEPS + SLICES * STEPS
 CHUNK_EPISODES = 20
+
+Result = TypeVar("Result")
 
 EPISODE_BYTES = 22_100
 """on disk, of an episode of 10 s"""
@@ -375,3 +378,33 @@ def make_dataset(
     )
     shutil.rmtree(parts, ignore_errors=True)
     return dataset
+
+
+class WorkersLostError(RtControllerError):
+    """A worker process died."""
+
+
+def run_tasks(
+    function: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: int | None = None
+) -> Iterator[tuple[int, Result]]:
+    """Index of each task and the result of function(*task), in the order of completion.
+
+    Number and place of the workers follow from the active joblib backend if `jobs` is None.
+
+    Raises:
+        WorkersLostError: a worker process died.
+    """
+    parallel = joblib.Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
+    # Arguments travel as one tuple: joblib would store large ones on a single Dask worker.
+    calls = (joblib.delayed(_run)(function, index, task) for index, task in enumerate(tasks))
+    try:
+        yield from parallel(calls)
+    except BrokenProcessPool as error:
+        raise WorkersLostError(
+            f"expected workers to finish {len(tasks)} tasks, found that one died ({error}). Look "
+            f"for lack of memory, and run the command again: what is finished is kept."
+        ) from error
+
+
+def _run(function: Callable[..., Result], index: int, task: tuple[Any, ...]) -> tuple[int, Result]:
+    return index, function(*task)

@@ -31,6 +31,7 @@ from offline.files import write_json
 from offline.model.export_checks import limits_of
 from offline.model.losses import state_errors
 from offline.model.stability import driven_radius
+from offline.training.optimizer import is_evaluated
 from offline.training.run import (
     LATEST_LINK,
     Checkpoint,
@@ -42,7 +43,6 @@ from offline.training.run import (
     open_run,
     restore_model,
 )
-from offline.training.schedule import is_evaluated
 from offline.training.train import train
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, DatasetError

@@ -13,6 +13,14 @@ from offline.model.losses import LossFunction, draw_times, evaluate, horizon_of_
 from offline.model.network import MakeEncoder
 from offline.model.stability import spectral_radius
 from offline.training.initial import choose_scaling, take_weights
+from offline.training.optimizer import (
+    cosine_rate,
+    is_evaluated,
+    is_over,
+    keep_as_printed,
+    keep_lowest,
+    loss_of_kept_model,
+)
 from offline.training.run import (
     Checkpoint,
     RunFolder,
@@ -24,14 +32,6 @@ from offline.training.run import (
     initialise,
     recover,
     save_checkpoint,
-)
-from offline.training.schedule import (
-    cosine_rate,
-    is_evaluated,
-    is_over,
-    keep_as_printed,
-    keep_lowest,
-    loss_of_kept_model,
 )
 from rt_controller.contract.errors import DatasetError
 from rt_controller.model.bundle import Bundle

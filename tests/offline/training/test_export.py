@@ -11,10 +11,11 @@ from fitted_network import fitted
 
 from offline.data.dataset import describe_training
 from offline.data.signals import fit_scaling
-from offline.model.driven import DrivenStability, box_stability
 from offline.model.export_checks import (
     OTHERS,
     PENALISED,
+    DrivenStability,
+    box_stability,
     check_export,
     limits_of,
 )
