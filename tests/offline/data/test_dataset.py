@@ -203,11 +203,12 @@ def test_the_name_of_a_cache_folder_depends_on_recipe_length_seed_and_car(monkey
     others = [
         replace(first, recipe=Recipe(segment_s=(1.0,))),
         replace(first, recipe=Recipe(variation=VARIED)),
+        replace(first, recipe=Recipe(largest_steer_deg=40.0)),
         replace(first, episodes=101),
         replace(first, seed=1),
         replace(first, plant_fingerprint="another car"),
     ]
-    assert len({first.name, *(other.name for other in others)}) == 6
+    assert len({first.name, *(other.name for other in others)}) == 7
     assert first.name == Simulated(Recipe(), 100, 0, "car").name
 
 
