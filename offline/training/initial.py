@@ -123,6 +123,8 @@ def take_weights(model: MdkNet, bundle: Bundle, scaling: Scaling) -> None:
         ArtifactError: the encoder in the bundle has other layers.
     """
     weights = _weights(bundle)
+    if any(name.endswith("own_spread") for name in weights):
+        weights = {}  # those of an encoder of its own are for inputs scaled in another way
     centre, spread = scaling_of_lift(model, scaling)
     with torch.no_grad():
         for i, encoder in enumerate(model.encoders):
