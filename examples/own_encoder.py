@@ -16,8 +16,7 @@ from offline.evaluation.predictor import prediction_errors
 from offline.model.bundle_predictor import BundlePredictor
 from offline.model.losses import state_errors, total_loss
 from offline.training.export import export_checkpoint
-from offline.training.run_folder import create_run
-from offline.training.state import load_checkpoint
+from offline.training.run import create_run, load_checkpoint
 from offline.training.train import train
 
 

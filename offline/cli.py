@@ -75,6 +75,7 @@ def make_data(
     seed: int = PRESETS["paper"].data_seed,
     recipe: RecipeName = "nominal",
     ranges: Ranges = None,
+    largest_steer_deg: Annotated[float | None, Parameter(negative_none="no-")] = None,
     data: DataFolder = None,
     backend: Backend = THIS_MACHINE,
     json_file: JsonFile = None,
@@ -86,17 +87,26 @@ def make_data(
         seed: seed of the random streams and of the split into parts
         recipe: nominal: the car and the road of the car file, without wind; varied: other roads,
             wind, load and tyres too. The ranges below replace or add to those of the recipe
+        largest_steer_deg: largest angle of the steering wheel, 40 to 180; default: what a plan may
+            use at the speed, up to 180. Linear baselines need small angles
     """
     if episodes < LEAST_EPISODES:
         raise ConfigError(
             f"--episodes: expected at least {LEAST_EPISODES}, so that train, validation and test "
             f"each get some, found {episodes}."
         )
+    if largest_steer_deg is not None and not 40.0 <= largest_steer_deg <= 180.0:
+        raise ConfigError(
+            f"--largest-steer-deg: expected 40 to 180, the angles that the controller may use, "
+            f"found {largest_steer_deg:g}."
+        )
     variation = choose_variation(recipe, ranges)
     require_ready(json_file)
     from offline.commands import dataset
+    from offline.data.recipe import Recipe
 
-    write_figures(json_file, dataset.make_data(episodes, seed, variation, data, backend))
+    wanted = Recipe(variation=variation, largest_steer_deg=largest_steer_deg)
+    write_figures(json_file, dataset.make_data(episodes, seed, wanted, data, backend))
 
 
 @import_app.default

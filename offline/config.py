@@ -20,6 +20,8 @@ STEPS = round(TRAJECTORY_S / PERIOD_S)
 PAST_STEPS = round(LONGEST_PAST_S / PERIOD_S)
 
 Weight = Annotated[float, Field(ge=0.0)]
+LargestSteer = Annotated[float, Field(ge=40.0, le=180.0)]
+"""in deg, from the bound of the controller at every speed to the largest one"""
 
 
 class TrainingConfig(Settings):
@@ -157,6 +159,8 @@ class TrainingConfig(Settings):
     """episodes of 10 s in the data set"""
     data_seed: int = 0
     """seed of the data set"""
+    largest_steer_deg: LargestSteer | None = None
+    """largest angle of the steering wheel in the data set; none: what a plan may use, up to 180"""
 
 
 RECOMMENDED = TrainingConfig()

@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 from offline.baselines.baseline import Baseline, FittedBaseline
 from offline.baselines.catalogue import CATALOGUE
-from offline.data.cache import cache
-from offline.data.dataset import Dataset
+from offline.data.dataset import Dataset, cache
 from offline.evaluation.comparison import Comparison, compare_models
 from offline.evaluation.held_out import find_objection
 from offline.evaluation.model_card import identity_facts

@@ -8,19 +8,17 @@ from offline.baselines import registry
 from offline.baselines.registry import baseline_facts, compare_with_plain_baselines
 from offline.commands.terminal import STDERR, STDOUT
 from offline.config import PAST_STEPS
-from offline.data.cache import full_folder
-from offline.data.code_identity import source_revision
-from offline.data.dataset import Dataset, exists, load_dataset
-from offline.data.manifest import car_of
+from offline.data.dataset import Dataset, describe_car, exists, load_dataset
+from offline.data.generate import full_folder
 from offline.data.signals import past_names
 from offline.evaluation.figures import library_figures
 from offline.evaluation.model_card import driven_text, stability_text, write_card
 from offline.evaluation.tables import mse_table
+from offline.files import source_revision
 from offline.model.export_checks import ExportFigures, check_export
 from offline.model.physical_units import choose_selftest
 from offline.training.export import export_checkpoint
-from offline.training.run_folder import open_run
-from offline.training.state import load_checkpoint
+from offline.training.run import load_checkpoint, open_run
 from rt_controller.bundle_checks.plan_check import with_plans
 from rt_controller.contract.errors import ConfigError
 from rt_controller.model.artifact import save_bundle
@@ -92,7 +90,7 @@ def _deliver(
         f"{origin.episodes} episodes, {dataset.manifest.trajectories} trajectories, "
         f"seed {origin.seed}"
     )
-    car = Fact("car", car_of(origin))
+    car = Fact("car", describe_car(origin))
     facts = [*facts, Fact("revision, exported", revision), Fact("data set", data), car]
     comparison = compare_with_plain_baselines(bundle, dataset)
     bundle = with_plans(bundle)

@@ -1,16 +1,24 @@
 """The data set of a command: loaded from its folder, or made now with a progress bar."""
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from offline.commands.terminal import STDERR, STDOUT, progress_bar, stop_on_signals
 from offline.config import TrainingConfig, explicit_fields
-from offline.data.cache import cache_folder, make_dataset, simulated_origin
-from offline.data.dataset import Dataset, exists, load_dataset
-from offline.data.excitation import Recipe
-from offline.data.manifest import Imported, Origin
-from offline.data.variation import Variation, describe
+from offline.data.dataset import (
+    Dataset,
+    Imported,
+    Origin,
+    Simulated,
+    cache_folder,
+    exists,
+    load_dataset,
+)
+from offline.data.generate import make_dataset, simulated_origin
+from offline.data.recipe import Recipe
+from offline.data.variation import describe
 from offline.experiments.backend import Backend
 from offline.experiments.training_task import CampaignData, measure_linear_model
 from rt_controller.contract.errors import DatasetError
@@ -60,11 +68,10 @@ def _print_conditions(figures: dict[str, Any]) -> None:
 
 
 def make_data(
-    episodes: int, seed: int, variation: Variation | None, data: Path | None, backend: Backend
+    episodes: int, seed: int, recipe: Recipe, data: Path | None, backend: Backend
 ) -> dict[str, Any]:
     """Figures of `offline-data`."""
     begun = time.monotonic()
-    recipe = Recipe(variation=variation)
     folder, dataset = _find_or_make(data, episodes, seed, recipe, backend)
     wall_s = time.monotonic() - begun
     require_origin(folder, dataset.origin, episodes, seed, recipe)
@@ -83,7 +90,7 @@ def make_data(
         "sha256": dataset.sha256,
         "wall_s": wall_s,
     }
-    if variation is None:
+    if (variation := recipe.variation) is None:
         return figures
     conditions = condition_figures(dataset)
     STDOUT.print(f"drawn with {describe(variation)}", soft_wrap=True)
@@ -92,7 +99,7 @@ def make_data(
 
 
 def ensure_dataset(
-    data: Path | None, episodes: int, seed: int, backend: Backend
+    data: Path | None, config: TrainingConfig, backend: Backend
 ) -> tuple[Path, Dataset]:
     """Folder and content of a named data set, or of the nominal one of this length in the cache.
 
@@ -104,7 +111,8 @@ def ensure_dataset(
     """
     if data is not None:
         return data, load_dataset(data)
-    return _find_or_make(None, episodes, seed, Recipe(), backend)
+    recipe = Recipe(largest_steer_deg=config.largest_steer_deg)
+    return _find_or_make(None, config.episodes, config.data_seed, recipe, backend)
 
 
 def _find_or_make(
@@ -159,10 +167,10 @@ def require_origin(
             f"{folder}: expected {episodes} episodes of seed {seed}, found a data set of "
             f"{origin.episodes} episodes of seed {origin.seed}. Choose another --data."
         )
-    if recipe is not None and origin.recipe.variation != recipe.variation:
+    if recipe is not None and origin.recipe.text != recipe.text:
         raise DatasetError(
-            f"{folder}: expected a data set drawn with {describe(recipe.variation)}, found one "
-            f"drawn with {describe(origin.recipe.variation)}. Choose another --data."
+            f"{folder}: expected a data set drawn with {recipe.text}, found one drawn with "
+            f"{origin.recipe.text}. Choose another --data."
         )
 
 
@@ -175,15 +183,20 @@ def config_of_data(
         DatasetError: the options explicitly chose other values.
     """
     explicit = explicit_fields(chosen)
-    of_data = {"episodes": origin.episodes, "data_seed": origin.seed}
+    of_data: dict[str, Any] = {"episodes": origin.episodes, "data_seed": origin.seed}
+    recipe = None
+    if isinstance(origin, Simulated):
+        of_data["largest_steer_deg"] = origin.recipe.largest_steer_deg
+        if "largest_steer_deg" in explicit:
+            recipe = replace(origin.recipe, largest_steer_deg=explicit["largest_steer_deg"])
     asked = {**of_data, **{name: explicit[name] for name in of_data if name in explicit}}
-    require_origin(folder, origin, asked["episodes"], asked["data_seed"])
+    require_origin(folder, origin, asked["episodes"], asked["data_seed"], recipe)
     return config.model_copy(update=of_data)
 
 
 def open_campaign_data(
     data: Path | None, config: TrainingConfig, chosen: TrainingConfig | None, backend: Backend
-) -> tuple[CampaignData, dict[str, int]]:
+) -> tuple[CampaignData, dict[str, Any]]:
     """The data set of a comparison or a study, and the fields of a configuration that follow.
 
     It is that of `ensure_dataset`, and comes with the errors of the linear model on it.
@@ -192,8 +205,9 @@ def open_campaign_data(
         DatasetError: the named folder holds no data set, or another one than the options
             explicitly chose.
     """
-    folder, dataset = ensure_dataset(data, config.episodes, config.data_seed, backend)
+    folder, dataset = ensure_dataset(data, config, backend)
     config = config_of_data(folder, dataset.origin, config, chosen)
     with STDERR.status("fair linear model"):
         shared = measure_linear_model(folder, dataset)
-    return shared, {"episodes": config.episodes, "data_seed": config.data_seed}
+    of_data = ("episodes", "data_seed", "largest_steer_deg")
+    return shared, {name: getattr(config, name) for name in of_data}

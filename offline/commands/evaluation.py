@@ -14,9 +14,7 @@ from offline.baselines.registry import (
 )
 from offline.commands.options import LATEST_RUN, EvaluationOptions
 from offline.commands.terminal import STDERR, STDOUT
-from offline.data.code_identity import source_revision
-from offline.data.dataset import Dataset
-from offline.data.manifest import Simulated
+from offline.data.dataset import Dataset, Simulated
 from offline.evaluation.comparison import Comparison, compare_models
 from offline.evaluation.figures import comparison_figures
 from offline.evaluation.held_out import choose_test_data, find_objection
@@ -35,6 +33,7 @@ from offline.evaluation.test_sets import (
     new_roads_set,
     noisy_set,
 )
+from offline.files import source_revision
 from offline.model.bundle_predictor import BundlePredictor
 from rt_controller.contract.errors import ConfigError
 from rt_controller.model.artifact import find_model, load_bundle

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from offline.commands.terminal import STDERR, STDOUT
-from offline.data.dataset import exists, save_dataset
-from offline.data.manifest import CAR_OF_LOGS, Imported
+from offline.data.dataset import CAR_OF_LOGS, Imported, exists, save_dataset
 from offline.logs.checks.inspection import inspect_drives, require_episodes
 from offline.logs.episode import (
     assign_parts,
@@ -90,7 +89,7 @@ def import_logs(
                 len(episodes),
                 mapping.split.seed,
             ),
-            geometry=None if mapping.car is None else mapping.car.car.geometry,
+            car=None if mapping.car is None else mapping.car.car,
             rejected=sum(len(cut.left_out) for cut in cuts),
         )
         figures |= {"folder": str(folder), "sha256": dataset.sha256}

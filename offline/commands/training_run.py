@@ -11,8 +11,16 @@ from offline.config import TrainingConfig, explicit_fields, resolve
 from offline.data.dataset import Dataset, load_dataset
 from offline.experiments.backend import Backend
 from offline.training.initial import with_structure_of
-from offline.training.run_folder import RunFolder, create_run, open_run, rewrite_config
-from offline.training.state import Checkpoint, TrainingState, find_device, load_checkpoint
+from offline.training.run import (
+    Checkpoint,
+    RunFolder,
+    TrainingState,
+    create_run,
+    find_device,
+    load_checkpoint,
+    open_run,
+    rewrite_config,
+)
 from offline.training.train import train
 from rt_controller.contract.errors import ConfigError
 from rt_controller.model.artifact import find_model, load_bundle
@@ -32,7 +40,7 @@ def start_run(
     """Figures and exit code of `offline-train` for a new run."""
     config = resolve(chosen)
     find_device(config.device)
-    folder, dataset = ensure_dataset(data, config.episodes, config.data_seed, backend)
+    folder, dataset = ensure_dataset(data, config, backend)
     config = config_of_data(folder, dataset.origin, config, chosen)
     first_model = None
     if config.init is not None:

@@ -1,42 +1,233 @@
 """The data set: whole episodes, the slices of them, and which part each episode belongs to.
 
-On disk: recording.npz, and manifest.json with signals, origin and the SHA-256 of all numbers.
+On disk: recording.npz, and manifest.json with signals, origin and the SHA-256 of all numbers. Those
+of the simulated car are in the cache, in folders named after what they follow from.
 
 Slices are the paper's trajectories, on which every model is validated and tested. A model may
 learn from any window of the training episodes.
+
+Two simulated data sets of one seed but different lengths share episodes and split them
+differently, so one may train on what the other tests on. With equal seed and length the split is
+the same; with different seeds no episode is shared. Both hold whatever the recipes vary.
 """
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter, ValidationError
 
-from offline.data.conditions import FrictionBand
-from offline.data.manifest import Imported, Manifest, Origin, Roads, read_manifest
+from offline.data.recipe import FrictionBand, Recipe
 from offline.data.recording import PATH_STATES, Anchor, Recording, Starts, cut
 from offline.data.signals import Array32, Roles, Rows, Trajectories
-from rt_controller.contract.car import Car
+from rt_controller.contract.car import Car, car_of
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.files import DamagedArchiveError, atomic_write, read_arrays, write_text
+from rt_controller.contract.files import (
+    DamagedArchiveError,
+    atomic_write,
+    read_arrays,
+    read_text,
+    write_text,
+)
 from rt_controller.contract.limits import SteeringGeometry
 from rt_controller.contract.signals import Schema
+from rt_controller.model.bundle import Bundle
+from sim_bridge.plant.shipped_cars import DEFAULT_CAR
 
 Part = Literal["train", "validation", "test"]
 
+FORMAT_VERSION = 2
 RECORDING_FILE = "recording.npz"
 MANIFEST_FILE = "manifest.json"
 PARTS: tuple[Part, ...] = ("train", "validation", "test")
 HELD_BACK = 0.1
 """share of the episodes for validation, and the same share for the test"""
+CAR_OF_LOGS = (
+    "the car of the logs, not the simulated one: rt-controller --bus virtual drives another car "
+    "with it"
+)
 
 _POSE_COLUMNS = ("X_m", "Y_m", "yaw_rad")
 _SLICE_ARRAYS = ("slice_row", "slice_episode", *(f"slice_{name}" for name in Anchor._fields))
+
+
+@dataclass(frozen=True, slots=True)
+class Simulated:
+    """What a data set of the simulated car was made from; it determines every number."""
+
+    recipe: Recipe
+    episodes: int
+    seed: int
+    """of the random streams and of the split into parts"""
+    plant_fingerprint: str
+    """as from `offline.data.generate.plant_fingerprint`"""
+
+    @property
+    def name(self) -> str:
+        """Folder name of such a data set in the cache."""
+        fields = asdict(self)
+        recipe = fields["recipe"]
+        # A data set of an older recipe keeps the name that it has in existing caches.
+        if recipe["largest_steer_deg"] is None:
+            del recipe["largest_steer_deg"]
+        if (variation := recipe.pop("variation")) is None:
+            recipe |= {"road_friction": None, "mass_factor": None}
+        else:
+            recipe["variation"] = variation.model_dump()
+        digest = hashlib.sha256(json.dumps(fields, sort_keys=True).encode())
+        return f"{self.episodes}-episodes-{digest.hexdigest():.16}"
+
+
+@dataclass(frozen=True, slots=True)
+class SourceFile:
+    """A log that a data set was made from."""
+
+    name: str
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """Logs of a real car or another simulator, and how they were read."""
+
+    files: tuple[SourceFile, ...]
+    mapping: str
+    """the text of the mapping file"""
+    episodes: int
+    """stretches without a gap"""
+    seed: int
+    """of the split into parts"""
+
+
+Origin = Simulated | Imported
+
+
+@dataclass(frozen=True, slots=True)
+class Roads:
+    """The roads on which windows of a recording with poses may be placed."""
+
+    curvatures_per_m: tuple[float, ...]
+    ey_m: float
+    """largest lateral error at the start of a window"""
+    epsi_rad: float
+    """largest heading error there"""
+
+
+@dataclass(frozen=True, slots=True)
+class Manifest:
+    """The contents of manifest.json."""
+
+    schema: Schema
+    roles: Roles
+    roads: Roads | None
+    """None: the recording has no poses and stays on the road where it was made"""
+    sha256: str
+    """of all numbers, and of schema, roles and roads above"""
+    trajectories: int
+    """number of slices"""
+    rejected_episodes: int
+    versions: Mapping[str, str]
+    """by package"""
+    origin: Origin
+    geometry: SteeringGeometry | None = None
+    """of the car; None: not known"""
+    conditions: tuple[str, ...] = ()
+    """columns of the conditions in the recording; none: it has no conditions"""
+    rejected_by_friction: tuple[FrictionBand, ...] = ()
+    """if conditions vary"""
+    car: Mapping[str, Any] = field(default_factory=dict)
+    """further values of the car that are not the default ones, as `Car.own_values`"""
+    format_version: int = FORMAT_VERSION
+
+    @property
+    def rejected_fraction(self) -> float:
+        """Share of the drawn episodes that were rejected."""
+        return self.rejected_episodes / (self.rejected_episodes + self.origin.episodes)
+
+    def to_json(self) -> str:
+        """The text of the file; `read_manifest` is the inverse."""
+        fields = _MANIFEST.dump_python(self, mode="json")
+        if not self.car:
+            del fields["car"]
+        recipe = fields["origin"].get("recipe", {})
+        if recipe.get("largest_steer_deg", 0.0) is None:
+            del recipe["largest_steer_deg"]
+        return json.dumps(fields, indent=2) + "\n"
+
+
+_MANIFEST = TypeAdapter(Manifest)
+
+
+def read_manifest(path: Path) -> Manifest:
+    """The manifest of a data set.
+
+    Raises:
+        DatasetError: it is missing, damaged or of another format.
+    """
+    try:
+        fields = json.loads(read_text(path))
+        found = fields.get("format_version") if isinstance(fields, dict) else type(fields).__name__
+        if found != FORMAT_VERSION:
+            expected = f"a JSON object with format_version = {FORMAT_VERSION}, found {found}"
+        else:
+            manifest = _MANIFEST.validate_python(fields)
+            if manifest.geometry is not None:
+                car_of({**manifest.geometry._asdict(), **manifest.car})
+            return manifest
+    except FileNotFoundError as error:
+        raise DatasetError(
+            f"{path}: expected the manifest of a data set, found no such file. Make one with "
+            f"offline-data, or point --data at its folder."
+        ) from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        expected = f"a complete manifest, found for {place}: {first['msg']}"
+    except (OSError, ValueError, RecursionError) as error:
+        expected = f"a manifest in JSON, found something unreadable ({error})"
+    raise DatasetError(
+        f"{path}: expected {expected}. Delete the folder and make the data set again with "
+        f"offline-data or offline-import."
+    )
+
+
+def describe_car(origin: Origin) -> str:
+    """The car that a model of this data set is of, as printed on its card."""
+    return f"simulated {DEFAULT_CAR}" if isinstance(origin, Simulated) else CAR_OF_LOGS
+
+
+def describe_training(settings: Mapping[str, object], origin: Origin) -> str:
+    """The field `training` of a bundle as JSON: the settings, and the origin of the episodes."""
+    kind = {"data": "imported"}
+    if isinstance(origin, Simulated):
+        kind = {"data": "driven", "conditions": origin.recipe.text}
+    return json.dumps({**settings, **kind, "episodes": origin.episodes, "data_seed": origin.seed})
+
+
+def is_held_out(bundle: Bundle, manifest: Manifest) -> bool:
+    """True if no test episode of that data set was used to train the model.
+
+    Two imports may share a log, so a model trained on one import is not held out from another.
+    """
+    if bundle.data_sha256 == manifest.sha256:
+        return True
+    try:
+        training = json.loads(bundle.training)
+        is_of_drives = bool(training["data"] == "driven")
+        seed, episodes = int(training["data_seed"]), int(training["episodes"])
+    except (ValueError, KeyError, TypeError):
+        return False
+    origin = manifest.origin
+    if not (is_of_drives and isinstance(origin, Simulated)):
+        return is_of_drives != isinstance(origin, Simulated)
+    return seed != origin.seed or episodes == origin.episodes
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,12 +252,10 @@ class Dataset:
     @property
     def car(self) -> Car | None:
         """That the data is of; None: not known."""
-        return None if self.geometry is None else Car(self.geometry)
-
-    @property
-    def geometry(self) -> SteeringGeometry | None:
-        """Of the car's steering; None: not known."""
-        return self.manifest.geometry
+        geometry = self.manifest.geometry
+        if geometry is None:
+            return None
+        return car_of({**geometry._asdict(), **self.manifest.car})._replace(geometry=geometry)
 
     @property
     def schema(self) -> Schema:
@@ -121,7 +310,7 @@ def save_dataset(
     roles: Roles,
     roads: Roads | None,
     origin: Origin,
-    geometry: SteeringGeometry | None = None,
+    car: Car | None = None,
     conditions: tuple[str, ...] = (),
     rejected: int = 0,
     rejected_by_friction: tuple[FrictionBand, ...] = (),
@@ -132,11 +321,10 @@ def save_dataset(
         DatasetError: a number is not finite, or the folder has no room.
     """
     anchor = slices.anchor or Anchor(*(np.zeros(0) for _ in Anchor._fields))
-    slice_arrays = (slices.row, slices.episode, *anchor)
     arrays: dict[str, NDArray[Any]] = {
         **{name: array for name, array in recording._asdict().items() if array is not None},
         "part": part,
-        **dict(zip(_SLICE_ARRAYS, slice_arrays, strict=True)),
+        **dict(zip(_SLICE_ARRAYS, (slices.row, slices.episode, *anchor), strict=True)),
     }
     manifest = Manifest(
         schema=schema,
@@ -147,9 +335,10 @@ def save_dataset(
         rejected_episodes=rejected,
         versions={name: version(name) for name in ("rt-controller", "numpy")},
         origin=origin,
-        geometry=geometry,
+        geometry=car and car.geometry,
         conditions=conditions,
         rejected_by_friction=rejected_by_friction,
+        car=car.own_values if car else {},
     )
     dataset = Dataset(recording, slices, part, manifest)
     _require_valid(folder / RECORDING_FILE, dataset)
@@ -181,26 +370,6 @@ def load_dataset(folder: Path) -> Dataset:
     path = folder / RECORDING_FILE
     command = "offline-import" if isinstance(manifest.origin, Imported) else "offline-data"
     remedy = f"Delete the folder and run {command} again."
-    arrays = _read_arrays(path, manifest, remedy)
-    found = _digest(arrays, manifest.schema, manifest.roles, manifest.roads, manifest.conditions)
-    if found != manifest.sha256:
-        raise DatasetError(
-            f"{path}: expected numbers of SHA-256 {manifest.sha256:.16}…, found {found:.16}…: the "
-            f"file or its manifest was altered, or they are not of one data set. {remedy}"
-        )
-    row, episode, *columns = (arrays[name] for name in _SLICE_ARRAYS)
-    anchor = Anchor(*columns)
-    dataset = Dataset(
-        Recording(**{name: arrays[name] for name in Recording._fields if name in arrays}),
-        Starts(row, episode, anchor if len(anchor.ey_m) == len(row) else None),
-        arrays["part"],
-        manifest,
-    )
-    _require_valid(path, dataset)
-    return dataset
-
-
-def _read_arrays(path: Path, manifest: Manifest, remedy: str) -> dict[str, NDArray[Any]]:
     names = [*Recording._fields, "part", *_SLICE_ARRAYS]
     if not manifest.conditions:
         names.remove("conditions")
@@ -220,7 +389,22 @@ def _read_arrays(path: Path, manifest: Manifest, remedy: str) -> dict[str, NDArr
             f"{path}: expected the arrays {', '.join(names)}, found "
             f"{', '.join(sorted(arrays))}. {remedy}"
         )
-    return arrays
+    found = _digest(arrays, manifest.schema, manifest.roles, manifest.roads, manifest.conditions)
+    if found != manifest.sha256:
+        raise DatasetError(
+            f"{path}: expected numbers of SHA-256 {manifest.sha256:.16}…, found {found:.16}…: the "
+            f"file or its manifest was altered, or they are not of one data set. {remedy}"
+        )
+    row, episode, *columns = (arrays[name] for name in _SLICE_ARRAYS)
+    anchor = Anchor(*columns)
+    dataset = Dataset(
+        Recording(**{name: arrays[name] for name in Recording._fields if name in arrays}),
+        Starts(row, episode, anchor if len(anchor.ey_m) == len(row) else None),
+        arrays["part"],
+        manifest,
+    )
+    _require_valid(path, dataset)
+    return dataset
 
 
 def _digest(
@@ -248,20 +432,13 @@ def _require_valid(path: Path, dataset: Dataset) -> None:
         DatasetError: they do not.
     """
     recording, slices, schema = dataset.recording, dataset.slices, dataset.schema
-    has_roads = dataset.manifest.roads is not None
+    has_roads, names = dataset.manifest.roads is not None, dataset.manifest.conditions
     path_states = len(PATH_STATES) if recording.has_poses else 0
     samples = len(recording.x)
     conditions = np.zeros((samples, 0)) if recording.conditions is None else recording.conditions
-    names_of_conditions = dataset.manifest.conditions
-    expected = (
-        len(schema.states) - path_states,
-        len(schema.inputs),
-        len(schema.exogenous),
-        (samples, len(names_of_conditions)),
-        has_roads,
-        has_roads,
-    )
-    columns = tuple(array.shape[1] for array in (recording.x, recording.u, recording.w))
+    sizes = (len(schema.states) - path_states, len(schema.inputs), len(schema.exogenous))
+    expected = (*sizes, (samples, len(names)), has_roads, has_roads)
+    columns = (array.shape[1] for array in (recording.x, recording.u, recording.w))
     found = (*columns, conditions.shape, recording.has_poses, slices.anchor is not None)
     if expected != found:
         raise DatasetError(
@@ -270,19 +447,20 @@ def _require_valid(path: Path, dataset: Dataset) -> None:
             f"on roads: {expected[5]}, found {', '.join(str(part) for part in found)}. Manifest "
             f"and recording are not of one data set: make it again."
         )
-    for array, names in (
+    series = (
         (recording.x, schema.state_names),
         (recording.u, schema.input_names),
         (recording.w, schema.exogenous_names),
         (recording.pose, _POSE_COLUMNS),
-        (conditions, names_of_conditions),
-    ):
+        (conditions, names),
+    )
+    for array, signals in series:
         if not np.all(np.isfinite(array)):
             row, column = np.argwhere(~np.isfinite(array))[0]
             episode = int(np.searchsorted(recording.first, row, side="right")) - 1
             raise DatasetError(
                 f"{path}: expected finite numbers, found {array[row, column]} for "
-                f"{names[column]} at sample {row - recording.first[episode]} of episode "
+                f"{signals[column]} at sample {row - recording.first[episode]} of episode "
                 f"{episode}. Leave that episode out, or make the data set again."
             )
     for name, values in slices.anchor._asdict().items() if slices.anchor else ():
@@ -292,3 +470,35 @@ def _require_valid(path: Path, dataset: Dataset) -> None:
                 f"{path}: expected finite numbers, found {values[row]} for {name} of slice {row}. "
                 f"Leave that slice out, or make the data set again."
             )
+
+
+def cache() -> Path:
+    """The folder of all data sets: below $XDG_CACHE_HOME, otherwise below ~/.cache.
+
+    Raises:
+        DatasetError: there is neither.
+    """
+    try:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    except RuntimeError as error:
+        raise DatasetError(
+            "Expected a folder for data sets, found neither XDG_CACHE_HOME nor a home of this "
+            "user. Set one of them, or name a folder with --data."
+        ) from error
+    return base / "rt-controller" / "datasets"
+
+
+def cache_folder(origin: Simulated) -> Path:
+    """The folder of the data set of that origin."""
+    return cache() / origin.name
+
+
+def find_dataset(sha256: str) -> Path | None:
+    """The folder in the cache whose data set has this digest; None if there is none."""
+    for manifest in sorted(cache().glob(f"*/{MANIFEST_FILE}")):
+        try:
+            if read_manifest(manifest).sha256 == sha256:
+                return manifest.parent
+        except DatasetError:
+            continue  # damaged, or of another version
+    return None

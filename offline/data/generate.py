@@ -11,37 +11,50 @@ Paper: section III-A, data acquisition.
 """
 
 import hashlib
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from math import degrees, radians
 from pathlib import Path
-from typing import Any, NamedTuple
+from tempfile import TemporaryFile
+from typing import Any, NamedTuple, TypeVar
 
+import joblib
 import numpy as np
+from numpy.typing import NDArray
 
-from offline.config import PAST_STEPS, STEPS
-from offline.data.conditions import (
+from offline.config import PAST_STEPS, PRESETS, STEPS
+from offline.data.dataset import (
+    Dataset,
+    Roads,
+    Simulated,
+    cache_folder,
+    save_dataset,
+    split_episodes,
+)
+from offline.data.recipe import (
     CONDITIONS,
     FRICTION_COLUMNS,
     Conditions,
     FrictionBand,
+    Recipe,
     by_friction,
     draw_conditions,
+    draw_inputs,
 )
-from offline.data.excitation import Recipe, draw_inputs
 from offline.data.recording import Anchor, Recording, Starts
-from offline.data.signals import Array32
-from offline.data.tasks import run_tasks
+from offline.data.signals import VEHICLE_ROLES, Array32
 from offline.data.variation import VARIED, Variation
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import DatasetError
+from rt_controller.contract.car import Car
+from rt_controller.contract.errors import DatasetError, RtControllerError
 from rt_controller.contract.files import DamagedArchiveError, atomic_write, read_arrays
 from rt_controller.contract.limits import (
     INPUT_LIMITS,
-    PLAN_STEER_RAD,
     PLAN_TURN_MPS2,
     SteeringGeometry,
 )
-from rt_controller.contract.signals import InputColumn, StateColumn
+from rt_controller.contract.signals import VEHICLE, InputColumn, StateColumn
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.frenet import integrate_poses
 from sim_bridge.plant.library import STEP_S, STEPS_PER_PERIOD, settle, simulate
@@ -53,6 +66,13 @@ MOST_REJECTED = 500
 """drives in a row under the same conditions"""
 EPISODE_STEPS = PAST_STEPS + SLICES * STEPS
 CHUNK_EPISODES = 20
+
+Result = TypeVar("Result")
+
+EPISODE_BYTES = 22_100
+"""on disk, of an episode of 10 s"""
+CONDITIONS_BYTES = 15_200
+"""of its conditions"""
 
 _ALL_CHANGING = {"nominal_share": 0.0, "changing_share": 1.0}
 
@@ -260,7 +280,7 @@ def _try_episode(
     curvature_per_m = float(rng.choice(recipe.curvatures_per_m))
     first_speed_mps = float(rng.uniform(*recipe.first_speed_mps))
     most_rad = steering_geometry().largest_wheel_rad(first_speed_mps, PLAN_TURN_MPS2)
-    inputs = draw_inputs(rng, recipe, EPISODE_STEPS, min(most_rad, PLAN_STEER_RAD))
+    inputs = draw_inputs(rng, recipe, EPISODE_STEPS, min(most_rad, recipe.largest_steer_rad))
     first_errors = rng.uniform(-1.0, 1.0, (SLICES, 2)) * (FIRST_EY_M, FIRST_EPSI_RAD)
     car, roads, rows = conditions or (default_car(), None, None)
     start = settle(first_speed_mps, car)
@@ -280,3 +300,111 @@ def _concatenate_held(episodes: list[Array]) -> Array32:
 
 def _make_chunk(recipe: Recipe, seeds: list[np.random.SeedSequence]) -> list[Episode]:
     return [make_episode(recipe, seed) for seed in seeds]
+
+
+def simulated_origin(recipe: Recipe, episodes: int, seed: int) -> Simulated:
+    """The origin of a data set made now; compiles the vehicle model."""
+    return Simulated(recipe, episodes, seed, plant_fingerprint(recipe.variation))
+
+
+def full_folder() -> Path:
+    """The folder of the paper's data set, of the current recipe and car."""
+    paper = PRESETS["paper"]
+    return cache_folder(simulated_origin(Recipe(), paper.episodes, paper.data_seed))
+
+
+def require_room(folder: Path, needed_bytes: int) -> None:
+    """Return if files of this size can be written to a folder, which is made.
+
+    Raises:
+        DatasetError: they cannot.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=folder):
+            pass
+        free_bytes = shutil.disk_usage(folder).free
+    except OSError as error:
+        found = str(error.strerror)
+    else:
+        if free_bytes >= needed_bytes:
+            return
+        found = f"{free_bytes / 1e6:.1f} MB where {needed_bytes / 1e6:.1f} MB are needed"
+    raise DatasetError(
+        f"{folder}: expected a folder with room for a data set, found: {found}. Choose another "
+        f"with --data."
+    )
+
+
+def make_dataset(
+    folder: Path,
+    origin: Simulated,
+    part: NDArray[np.int8] | None = None,
+    jobs: int | None = None,
+    on_progress: Callable[[int], None] = lambda done: None,
+) -> Dataset:
+    """A new data set of simulated episodes in that folder.
+
+    Args:
+        folder: where it is written.
+        origin: what it is made from.
+        part: (E,) part of each episode, as in `Dataset`; None: drawn at random.
+        jobs: number of processes; None: the active joblib backend.
+        on_progress: called with the number of episodes made so far, also by an earlier call that
+            was interrupted: what it made is kept beside the folder.
+
+    Raises:
+        DatasetError: the folder has no room; as far as possible raised before the simulation.
+    """
+    recipe, episodes, seed = origin.recipe, origin.episodes, origin.seed
+    is_varied = recipe.variation is not None
+    require_room(folder, episodes * (EPISODE_BYTES + is_varied * CONDITIONS_BYTES))
+    parts = folder.with_name(f".{origin.name}")
+    parts.mkdir(parents=True, exist_ok=True)
+    made = generate(recipe, episodes, seed, jobs, on_progress, parts)
+    dataset = save_dataset(
+        folder,
+        made.recording,
+        made.slices,
+        split_episodes(episodes, seed) if part is None else part,
+        schema=VEHICLE,
+        roles=VEHICLE_ROLES,
+        roads=Roads(recipe.curvatures_per_m, FIRST_EY_M, FIRST_EPSI_RAD),
+        origin=origin,
+        car=Car(steering_geometry()),
+        conditions=() if made.recording.conditions is None else CONDITIONS,
+        rejected=made.rejected,
+        rejected_by_friction=made.rejected_by_friction,
+    )
+    shutil.rmtree(parts, ignore_errors=True)
+    return dataset
+
+
+class WorkersLostError(RtControllerError):
+    """A worker process died."""
+
+
+def run_tasks(
+    function: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: int | None = None
+) -> Iterator[tuple[int, Result]]:
+    """Index of each task and the result of function(*task), in the order of completion.
+
+    Number and place of the workers follow from the active joblib backend if `jobs` is None.
+
+    Raises:
+        WorkersLostError: a worker process died.
+    """
+    parallel = joblib.Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
+    # Arguments travel as one tuple: joblib would store large ones on a single Dask worker.
+    calls = (joblib.delayed(_run)(function, index, task) for index, task in enumerate(tasks))
+    try:
+        yield from parallel(calls)
+    except BrokenProcessPool as error:
+        raise WorkersLostError(
+            f"expected workers to finish {len(tasks)} tasks, found that one died ({error}). Look "
+            f"for lack of memory, and run the command again: what is finished is kept."
+        ) from error
+
+
+def _run(function: Callable[..., Result], index: int, task: tuple[Any, ...]) -> tuple[int, Result]:
+    return index, function(*task)

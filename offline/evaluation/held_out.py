@@ -4,11 +4,20 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from offline.config import PAST_STEPS
-from offline.data.cache import find_dataset, full_folder
-from offline.data.dataset import MANIFEST_FILE, Dataset, exists, load_dataset
-from offline.data.manifest import Manifest, Simulated, is_held_out, read_manifest
+from offline.data.dataset import (
+    MANIFEST_FILE,
+    Dataset,
+    Manifest,
+    Simulated,
+    exists,
+    find_dataset,
+    is_held_out,
+    load_dataset,
+    read_manifest,
+)
+from offline.data.generate import full_folder
 from offline.data.signals import past_names
-from offline.training.run_folder import open_run
+from offline.training.run import open_run
 from rt_controller.contract.errors import ArtifactError, DatasetError
 from rt_controller.contract.signals import Schema
 from rt_controller.model.bundle import Bundle

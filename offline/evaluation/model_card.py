@@ -5,8 +5,7 @@ from collections.abc import Sequence
 
 from offline.evaluation.comparison import Comparison
 from offline.evaluation.tables import mse_table
-from offline.model.driven import SAMPLES, BoxStability
-from offline.model.export_checks import ExportFigures
+from offline.model.export_checks import SAMPLES, BoxStability, ExportFigures
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.follow import Follow
 from rt_controller.model.validation import find_objection_to_driving

@@ -10,10 +10,17 @@ from hashlib import sha256
 import numpy as np
 
 from offline.config import PAST_STEPS, STEPS
-from offline.data.cache import cache_folder, make_dataset, simulated_origin
-from offline.data.dataset import PARTS, Dataset, exists, load_dataset
-from offline.data.excitation import Recipe
-from offline.data.generate import FIRST_EPSI_RAD, FIRST_EY_M, SLICES, Episode, assemble
+from offline.data.dataset import PARTS, Dataset, cache_folder, exists, load_dataset
+from offline.data.generate import (
+    FIRST_EPSI_RAD,
+    FIRST_EY_M,
+    SLICES,
+    Episode,
+    assemble,
+    make_dataset,
+    simulated_origin,
+)
+from offline.data.recipe import Recipe
 from offline.data.recording import cut
 from offline.data.signals import VEHICLE_ROLES
 from offline.data.variation import VARIED as VARIED_CONDITIONS

@@ -16,7 +16,7 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import BaseModel, Field, TypeAdapter
 
 from offline.config import PRESETS, TrainingConfig
-from offline.data.tasks import run_tasks
+from offline.data.generate import run_tasks
 from offline.experiments.backend import Backend
 from offline.experiments.settings import FolderName, Preset, changed, read_toml, require_unique
 from offline.experiments.training_task import (

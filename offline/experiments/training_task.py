@@ -31,11 +31,18 @@ from offline.files import write_json
 from offline.model.export_checks import limits_of
 from offline.model.losses import state_errors
 from offline.model.stability import driven_radius
-from offline.training.export import restore_model
-from offline.training.recovery import TrainingDivergedError
-from offline.training.run_folder import LATEST_LINK, RunFolder, create_run, open_run
-from offline.training.schedule import is_evaluated
-from offline.training.state import Checkpoint, TrainingState, load_checkpoint
+from offline.training.optimizer import is_evaluated
+from offline.training.run import (
+    LATEST_LINK,
+    Checkpoint,
+    RunFolder,
+    TrainingDivergedError,
+    TrainingState,
+    create_run,
+    load_checkpoint,
+    open_run,
+    restore_model,
+)
 from offline.training.train import train
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, DatasetError

@@ -25,7 +25,7 @@ from optuna.trial import TrialState
 from pydantic import BaseModel, Field, TypeAdapter, model_validator
 
 from offline.config import PRESETS, TrainingConfig
-from offline.data.tasks import run_tasks
+from offline.data.generate import run_tasks
 from offline.experiments.backend import Backend
 from offline.experiments.settings import FolderName, Preset, changed, read_toml, require_unique
 from offline.experiments.training_task import (
@@ -36,8 +36,7 @@ from offline.experiments.training_task import (
     run_training,
     shared_dataset,
 )
-from offline.training.run_folder import RunFolder
-from offline.training.state import load_checkpoint
+from offline.training.run import RunFolder, load_checkpoint
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.settings_errors import option
 

@@ -46,60 +46,48 @@ class PhysicalEncoder(nn.Module):
         return torch.cat([x, *(encoder(seen) for encoder in self.encoders)], dim=-1)
 
 
-class _ScaledLayers(nn.Module):
-    """Own layers, from physical inputs (..., width) to latents (..., latents), or one more of 1."""
-
-    def __init__(self, layers: nn.Module, centre: Tensor, spread: Tensor) -> None:
-        super().__init__()
-        self.layers, self.has_constant = layers, False
-        self.input_centre: Tensor
-        self.input_spread: Tensor
-        self.register_buffer("input_centre", centre.float())
-        self.register_buffer("input_spread", spread.float())
-
-    def forward(self, inputs: Tensor) -> Tensor:
-        latents: Tensor = self.layers((inputs - self.input_centre) / self.input_spread)
-        return nn.functional.pad(latents, (0, 1), value=1.0) if self.has_constant else latents
-
-
 class _FoldedEncoder(nn.Module):
-    """One encoder, from physical signals to its latents."""
+    """One encoder, from physical signals to its latents, or one more of 1."""
 
     def __init__(self, encoder: Encoder, centre: Tensor, spread: Tensor) -> None:
         super().__init__()
         self.encoder = copy.deepcopy(encoder).cpu()
-        layers = self.encoder.layers
-        if isinstance(layers, nn.Sequential):
-            first = _linear(layers[0])
+        self.is_perceptron, self.pads_constant = isinstance(encoder.layers, nn.Sequential), False
+        # Products use scaled signals; folded, they would be differences of large numbers. The
+        # names of the buffers tell a training that begins with the bundle which encoder it has.
+        self.centre: Tensor
+        self.spread: Tensor
+        self.own_centre: Tensor
+        self.own_spread: Tensor
+        prefix, scaled = ("", encoder.present) if self.is_perceptron else ("own_", len(centre))
+        self.register_buffer(f"{prefix}centre", centre[:scaled].float())
+        self.register_buffer(f"{prefix}spread", spread[:scaled].float())
+        if self.is_perceptron:
+            first = _linear(self.encoder.layers, 0)
             weight = first.weight.data.double() / spread
             bias = first.bias.data.double() - weight @ centre
             first.weight.data, first.bias.data = weight.float(), bias.float()
-        else:
-            self.encoder.layers = _ScaledLayers(layers, centre, spread)
-        self.centre: Tensor
-        self.spread: Tensor
-        present = encoder.present
-        self.register_buffer("centre", centre[:present].float())
-        self.register_buffer("spread", spread[:present].float())
 
     def add_constant(self) -> None:
         """One more latent, which is 1."""
-        layers = self.encoder.layers
-        if isinstance(layers, nn.Sequential):
-            last = _linear(layers[-1])
-            last.weight.data = with_zero_row(last.weight.data)
-            last.bias.data = torch.cat([last.bias.data, torch.ones(1)])
-        elif isinstance(layers, _ScaledLayers):
-            layers.has_constant = True
+        if not self.is_perceptron:
+            self.pads_constant = True
+            return
+        last = _linear(self.encoder.layers, -1)
+        last.weight.data = with_zero_row(last.weight.data)
+        last.bias.data = torch.cat([last.bias.data, torch.ones(1)])
         if self.encoder.products is not None:
             weights = self.encoder.products.weights
             weights.weight.data = with_zero_row(weights.weight.data)
 
     def forward(self, seen: Tensor) -> Tensor:
-        inputs = seen[..., self.encoder.columns]
-        # Products use scaled signals; folded, they would be differences of large numbers.
-        present = (inputs[..., : self.encoder.present] - self.centre) / self.spread
-        return self.encoder.latents(inputs, present)
+        inputs, present = seen[..., self.encoder.columns], self.encoder.present
+        if self.is_perceptron:
+            factors = (inputs[..., :present] - self.centre) / self.spread
+            return self.encoder.latents(inputs, factors)
+        scaled = (inputs - self.own_centre) / self.own_spread
+        latents = self.encoder.latents(scaled, scaled[..., :present])
+        return nn.functional.pad(latents, (0, 1), value=1.0) if self.pads_constant else latents
 
 
 def physical_matrices(model: MdkNet, scaling: Scaling) -> Matrices:
@@ -139,9 +127,10 @@ def _numbers(tensor: Tensor) -> Array:
     return np.asarray(tensor.detach().double().cpu().numpy())
 
 
-def _linear(layer: nn.Module) -> nn.Linear:
-    if not isinstance(layer, nn.Linear):
-        raise TypeError(f"expected a linear layer, found {type(layer).__name__}")
+def _linear(layers: nn.Module, index: int) -> nn.Linear:
+    assert isinstance(layers, nn.Sequential)
+    layer = layers[index]
+    assert isinstance(layer, nn.Linear)
     return layer
 
 

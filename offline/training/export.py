@@ -3,11 +3,10 @@
 import torch
 
 from offline.config import TrainingConfig
-from offline.data.dataset import Dataset
-from offline.data.manifest import describe_training
-from offline.data.signals import Roles, past_names, signal_range
+from offline.data.dataset import Dataset, describe_training
+from offline.data.signals import past_names, signal_range
 from offline.model.export_checks import ExportFigures, check_export, limits_of
-from offline.model.network import MakeEncoder, MdkNet, sizes_of
+from offline.model.network import MakeEncoder
 from offline.model.physical_units import (
     PhysicalEncoder,
     choose_selftest,
@@ -15,24 +14,10 @@ from offline.model.physical_units import (
     tensors_of,
     to_onnx,
 )
-from offline.training.state import Checkpoint, load_weights
+from offline.training.run import Checkpoint, restore_model
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.signals import Schema
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.lift import Lift
-
-
-def restore_model(
-    checkpoint: Checkpoint, schema: Schema, roles: Roles, encoder: MakeEncoder | None = None
-) -> MdkNet:
-    """The model of a checkpoint, in evaluation mode; `encoder` as it was passed to `train`.
-
-    Raises:
-        ArtifactError: the weights do not fit, as with another encoder.
-    """
-    model = MdkNet(checkpoint.config, sizes_of(schema, roles), encoder=encoder)
-    load_weights(model, checkpoint)
-    return model.eval()
 
 
 def export_checkpoint(

@@ -19,7 +19,7 @@ from offline.data.dataset import Dataset
 from offline.data.signals import Scaling, fit_scaling, past_columns
 from offline.model.network import Encoder, MdkNet
 from offline.model.physical_units import scaling_of_lift
-from offline.training.state import Checkpoint
+from offline.training.run import Checkpoint
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError, ConfigError
 from rt_controller.model.bundle import Bundle
@@ -123,6 +123,8 @@ def take_weights(model: MdkNet, bundle: Bundle, scaling: Scaling) -> None:
         ArtifactError: the encoder in the bundle has other layers.
     """
     weights = _weights(bundle)
+    if any(name.endswith("own_spread") for name in weights):
+        weights = {}  # those of an encoder of its own are for inputs scaled in another way
     centre, spread = scaling_of_lift(model, scaling)
     with torch.no_grad():
         for i, encoder in enumerate(model.encoders):

@@ -7,15 +7,13 @@ import torch
 from torch.nn.utils import clip_grad_norm_
 
 from offline.config import TrainingConfig
-from offline.data.dataset import Dataset, Part
+from offline.data.dataset import PARTS, Dataset
 from offline.data.sampling import open_source, scale
 from offline.model.losses import LossFunction, draw_times, evaluate, horizon_of_step, total_loss
 from offline.model.network import MakeEncoder
 from offline.model.stability import spectral_radius
 from offline.training.initial import choose_scaling, take_weights
-from offline.training.recovery import Recovery
-from offline.training.run_folder import RunFolder, append_history, cut_history
-from offline.training.schedule import (
+from offline.training.optimizer import (
     cosine_rate,
     is_evaluated,
     is_over,
@@ -23,12 +21,16 @@ from offline.training.schedule import (
     keep_lowest,
     loss_of_kept_model,
 )
-from offline.training.state import (
+from offline.training.run import (
     Checkpoint,
+    RunFolder,
     TrainingState,
+    append_history,
+    cut_history,
     denormals_as_zero,
     find_device,
     initialise,
+    recover,
     save_checkpoint,
 )
 from rt_controller.contract.errors import DatasetError
@@ -63,15 +65,16 @@ def train(
     """
     # 1: initialise. 2: normalise; the data set is partitioned when it is made.
     torch.set_num_threads(config.threads)
-    _require_parts(dataset)
+    for part in PARTS[:2]:
+        if not len(dataset.select(part).episode):
+            raise DatasetError(
+                f"expected slices in the {part} part of the data set, found none: it has "
+                f"{len(dataset.part)} episodes. Record more, or name another --data."
+            )
     scaling = choose_scaling(dataset, first_model, resume_from)
     source = open_source(config, dataset, scaling)
     validation_part = scale(
-        dataset.select("validation"),
-        scaling,
-        dataset.schema,
-        dataset.roles,
-        config.history_steps,
+        dataset.select("validation"), scaling, dataset.schema, dataset.roles, config.history_steps
     )
     state = initialise(config, dataset, scaling, find_device(config.device), encoder)
     model, optimizer = state.model, state.optimizer
@@ -80,7 +83,6 @@ def train(
     elif first_model is not None:
         take_weights(model, first_model, scaling)
     cut_history(run, state.step)
-    recovery = Recovery(run, dataset, scaling)
     rule = keep_as_printed if config.best_rule == "as-printed" else keep_lowest
     state.best_validation_loss = loss_of_kept_model(state.validation_losses, config.patience, rule)
 
@@ -107,13 +109,13 @@ def train(
 
         # 17: count the step.
         state.count_step(losses, is_taken)
-        if recovery.is_needed(state):
+        if recover(run, state, dataset, scaling):
             continue
 
         # 8-10: evaluate.
         if is_evaluated(state.step, config):
             validation = evaluate(model, config, validation_part, state.device, loss)
-            if recovery.is_needed(state, validation.total):
+            if recover(run, state, dataset, scaling, validation.total):
                 continue
             state.validation_losses.append(validation.total)
             state.spectral_radius = spectral_radius(model)
@@ -146,13 +148,3 @@ def train(
     state.is_finished = is_over(state.step, state.scheduled_rate, config)
     save_checkpoint(run.last, state.to_checkpoint(config, scaling, dataset.sha256))
     return state
-
-
-def _require_parts(dataset: Dataset) -> None:
-    needed: tuple[Part, ...] = ("train", "validation")
-    for part in needed:
-        if not len(dataset.select(part).episode):
-            raise DatasetError(
-                f"expected slices in the {part} part of the data set, found none: it has "
-                f"{len(dataset.part)} episodes. Record more, or name another --data."
-            )

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from offline.config import PRESETS
-from offline.training.schedule import keep_as_printed, keep_lowest, loss_of_kept_model
+from offline.training.optimizer import keep_as_printed, keep_lowest, loss_of_kept_model
 
 PATIENCE = 3
 losses = st.lists(st.floats(0.0, 10.0), min_size=1, max_size=30)

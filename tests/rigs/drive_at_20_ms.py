@@ -29,10 +29,9 @@ def fit_linear_model(folder: Path) -> Path:
     import numpy as np
 
     from offline.baselines.linear import fit_linear
-    from offline.data.dataset import load_dataset, save_dataset, split_episodes
-    from offline.data.excitation import Recipe
+    from offline.data.dataset import Roads, Simulated, load_dataset, save_dataset, split_episodes
     from offline.data.generate import assemble, make_episode
-    from offline.data.manifest import Roads, Simulated
+    from offline.data.recipe import Recipe
     from offline.data.signals import VEHICLE_ROLES
     from rt_controller.contract.signals import VEHICLE
     from rt_controller.model.bundle import Bundle

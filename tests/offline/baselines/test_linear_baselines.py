@@ -80,7 +80,7 @@ def test_a_linear_bundle_has_its_kind_and_data_set(toy_dataset):
     bundle = to_bundle("lti", fit_linear(toy_dataset), toy_dataset, sample_of(toy_dataset))
     training = json.loads(bundle.training)
     assert bundle.name == "lti"
-    assert bundle.geometry is toy_dataset.geometry is None
+    assert bundle.geometry is toy_dataset.car is None
     known = replace(
         toy_dataset, manifest=replace(toy_dataset.manifest, geometry=steering_geometry())
     )

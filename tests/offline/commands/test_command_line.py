@@ -17,9 +17,8 @@ from fitted_network import fitted
 from offline import cli
 from offline.commands import bundle, terminal, training_run
 from offline.config import TrainingConfig
-from offline.data.dataset import load_dataset
-from offline.data.manifest import Imported, SourceFile
-from offline.training.state import load_checkpoint, save_checkpoint
+from offline.data.dataset import Imported, SourceFile, load_dataset
+from offline.training.run import load_checkpoint, save_checkpoint
 from rt_controller.model.artifact import load_bundle
 
 ENTRY_POINTS = (
@@ -297,6 +296,7 @@ def test_a_varied_data_set_reports_what_was_drawn_and_is_found_again(command, tm
         (("--bank-rad", 0.1, -0.1), ("--bank-rad: expected the lower end first",)),
         (("--gust-mps", 3), ("--changing-share", "--gust-mps")),
         (("--recipe", "variable"), ("nominal", "varied")),
+        (("--largest-steer-deg", 20), ("--largest-steer-deg: expected 40 to 180",)),
         (("--recipe", "varied", "--nominal-share", 0.9), ("--nominal-share", "at most 1")),
     ],
 )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from offline.data.conditions import CONDITIONS, FRICTION_COLUMNS, PATCH_S, draw_conditions
+from offline.data.recipe import CONDITIONS, FRICTION_COLUMNS, PATCH_S, draw_conditions
 from offline.data.variation import VARIED, Variation
 from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.plant.parameters import default_car

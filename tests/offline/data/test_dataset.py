@@ -8,22 +8,25 @@ import pytest
 from dataset_numbers import same_numbers
 
 from offline.config import PAST_STEPS, STEPS
-from offline.data.cache import cache, make_dataset, require_room
-from offline.data.conditions import FrictionBand
 from offline.data.dataset import (
     MANIFEST_FILE,
     PARTS,
+    Imported,
+    Simulated,
+    SourceFile,
+    cache,
     exists,
     load_dataset,
+    read_manifest,
     save_dataset,
     split_episodes,
 )
-from offline.data.excitation import Recipe
-from offline.data.generate import steering_geometry
-from offline.data.manifest import Imported, Simulated, SourceFile, read_manifest
+from offline.data.generate import make_dataset, require_room, steering_geometry
+from offline.data.recipe import FrictionBand, Recipe
 from offline.data.recording import cut
 from offline.data.signals import VEHICLE_ROLES
 from offline.data.variation import VARIED
+from rt_controller.contract.car import Car
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.limits import DEFAULT_GEOMETRY
 from rt_controller.contract.signals import VEHICLE
@@ -83,11 +86,15 @@ def test_the_manifest_of_imported_logs_contains_their_names_and_the_mapping(toy_
     assert load_dataset(tmp_path).origin == origin
 
 
-def test_the_geometry_of_the_car_is_kept_and_may_be_missing(toy_dataset, tmp_path):
-    assert toy_dataset.geometry is None
-    save_again(tmp_path, toy_dataset, geometry=steering_geometry())
+def test_the_car_is_kept_with_its_own_values_and_may_be_missing(toy_dataset, tmp_path):
+    assert toy_dataset.car is None
+    car = Car(steering_geometry(), plan_lateral_mps2=3.0, thresholds={"yaw_rate": 0.1})
+    save_again(tmp_path, toy_dataset, car=car)
     loaded = load_dataset(tmp_path)
-    assert loaded.geometry == steering_geometry()
+    assert loaded.car == car
+    save_again(tmp_path / "default", toy_dataset, car=Car(steering_geometry()))
+    assert load_dataset(tmp_path / "default").car == Car()
+    assert '"car"' not in (tmp_path / "default" / MANIFEST_FILE).read_text()
     assert steering_geometry() == DEFAULT_GEOMETRY
     assert loaded.sha256 == toy_dataset.sha256
 
@@ -196,11 +203,12 @@ def test_the_name_of_a_cache_folder_depends_on_recipe_length_seed_and_car(monkey
     others = [
         replace(first, recipe=Recipe(segment_s=(1.0,))),
         replace(first, recipe=Recipe(variation=VARIED)),
+        replace(first, recipe=Recipe(largest_steer_deg=40.0)),
         replace(first, episodes=101),
         replace(first, seed=1),
         replace(first, plant_fingerprint="another car"),
     ]
-    assert len({first.name, *(other.name for other in others)}) == 6
+    assert len({first.name, *(other.name for other in others)}) == 7
     assert first.name == Simulated(Recipe(), 100, 0, "car").name
 
 
@@ -251,7 +259,7 @@ def test_poses_and_roads_belong_together(toy_dataset, tmp_path, roads):
 
 
 def test_a_disk_without_room_is_refused_before_the_simulation(tmp_path, monkeypatch):
-    monkeypatch.setattr("offline.data.cache.generate", pytest.fail)
+    monkeypatch.setattr("offline.data.generate.generate", pytest.fail)
     origin = Simulated(Recipe(), 10**12, 0, "car")
     with pytest.raises(DatasetError, match=r"MB where 22100000000\.0 MB are needed"):
         make_dataset(tmp_path / "data", origin)

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from offline.data.excitation import (
+from offline.data.generate import make_episode
+from offline.data.recipe import (
     Pedals,
     Recipe,
     draw_inputs,
@@ -13,7 +14,7 @@ from offline.data.excitation import (
     limit_rate,
     monotone_cubic,
 )
-from rt_controller.contract.limits import INPUT_LIMITS, PEDAL_CHANGE_S
+from rt_controller.contract.limits import INPUT_LIMITS, PEDAL_CHANGE_S, PLAN_STEER_RAD
 from rt_controller.contract.timing import PERIOD_S
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -48,6 +49,18 @@ def test_changing_pedals_takes_the_configured_time(seed):
 def test_equal_seeds_give_equal_inputs():
     first, second = (draw_inputs(np.random.default_rng(5), Recipe(), 401) for _ in range(2))
     assert np.array_equal(first, second)
+
+
+def test_the_largest_angle_of_the_recipe_bounds_the_wheel():
+    small, usual = Recipe(largest_steer_deg=40.0), Recipe()
+    assert usual.largest_steer_rad == PLAN_STEER_RAD
+    for seed in range(5):
+        one, other = (
+            make_episode(recipe, np.random.SeedSequence(seed)).inputs for recipe in (small, usual)
+        )
+        assert np.abs(one[:, 2]).max() <= np.radians(40.0) + 1e-12
+        assert np.array_equal(one[:3, :2], other[:3, :2])
+    assert small.text == "recipe nominal, steering wheel up to 40 deg"
 
 
 def test_inputs_reach_both_ends_of_their_ranges():

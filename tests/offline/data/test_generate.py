@@ -7,8 +7,6 @@ import pytest
 
 from offline.config import PAST_STEPS, STEPS
 from offline.data import generate as generate_module
-from offline.data.conditions import CONDITIONS, draw_conditions
-from offline.data.excitation import Recipe
 from offline.data.generate import (
     EPISODE_STEPS,
     FIRST_EPSI_RAD,
@@ -22,6 +20,7 @@ from offline.data.generate import (
     make_episode,
     plant_fingerprint,
 )
+from offline.data.recipe import CONDITIONS, Recipe, draw_conditions
 from offline.data.recording import cut
 from offline.data.signals import VEHICLE_ROLES
 from offline.data.variation import VARIED, Variation

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from offline.data.conditions import FrictionBand, by_friction
+from offline.data.recipe import FrictionBand, by_friction
 
 
 def test_each_episode_is_counted_in_the_band_of_its_lowest_friction():

@@ -4,7 +4,7 @@ import joblib
 import pytest
 from worker_tasks import die, fail, square
 
-from offline.data.tasks import WorkersLostError, run_tasks
+from offline.data.generate import WorkersLostError, run_tasks
 
 NUMBERS = [(number,) for number in range(20)]
 SQUARES = {number: number * number for (number,) in NUMBERS}

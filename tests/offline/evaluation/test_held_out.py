@@ -7,11 +7,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from offline.data.cache import cache
-from offline.data.dataset import save_dataset, split_episodes
-from offline.data.excitation import Recipe
+from offline.data.dataset import (
+    Imported,
+    cache,
+    describe_training,
+    is_held_out,
+    save_dataset,
+    split_episodes,
+)
 from offline.data.generate import generate
-from offline.data.manifest import Imported, describe_training, is_held_out
+from offline.data.recipe import Recipe
 from offline.data.recording import Recording
 from offline.data.variation import VARIED
 from offline.evaluation import held_out

@@ -8,8 +8,7 @@ from toy_predictors import made_test_set, made_trajectories, with_random_error
 
 from offline.evaluation.comparison import compare_models
 from offline.evaluation.model_card import model_facts, write_card
-from offline.model.driven import BoxStability, DrivenStability
-from offline.model.export_checks import ExportFigures
+from offline.model.export_checks import BoxStability, DrivenStability, ExportFigures
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.model.dynamics import Bilinear, Drift

@@ -12,7 +12,7 @@ from offline import cli
 from offline.commands.ablation import ablate, parse_seeds
 from offline.experiments import training_task
 from offline.experiments.backend import Backend
-from offline.training.run_folder import create_run
+from offline.training.run import create_run
 from rt_controller.contract.errors import ConfigError
 
 EARLIER = datetime(2026, 1, 1)

@@ -9,7 +9,7 @@ import pytest
 from worker_tasks import square
 
 from offline import cli
-from offline.data.tasks import run_tasks
+from offline.data.generate import run_tasks
 from offline.experiments import backend as backend_module
 from offline.experiments.backend import Backend
 from rt_controller.contract.errors import ConfigError, MissingExtraError

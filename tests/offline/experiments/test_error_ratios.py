@@ -17,7 +17,7 @@ from offline.experiments.training_task import (
 )
 from offline.model.bundle_predictor import BundlePredictor
 from offline.training.export import export_checkpoint
-from offline.training.state import load_checkpoint
+from offline.training.run import load_checkpoint
 from offline.training.train import train
 
 

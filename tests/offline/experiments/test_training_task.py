@@ -15,7 +15,7 @@ from offline.experiments.training_task import (
     load_result,
 )
 from offline.files import write_json
-from offline.training.run_folder import create_run
+from offline.training.run import create_run
 from rt_controller.contract.errors import ConfigError
 
 

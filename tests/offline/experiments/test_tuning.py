@@ -14,7 +14,7 @@ from offline.commands.tuning import tune
 from offline.config import TrainingConfig, resolve
 from offline.experiments import training_task
 from offline.experiments.backend import Backend
-from offline.training.state import load_checkpoint
+from offline.training.run import load_checkpoint
 from rt_controller.contract.errors import ConfigError
 
 optuna = pytest.importorskip("optuna")

@@ -9,8 +9,7 @@ import pytest
 from made_import import change_log, columns_of, make_place, run_import
 from made_logs import MAPPING, POSE, make_drive, write_csv
 
-from offline.data.dataset import load_dataset
-from offline.data.manifest import Imported, read_manifest
+from offline.data.dataset import Imported, load_dataset, read_manifest
 from rt_controller.contract.limits import SteeringGeometry
 from rt_controller.contract.signals import VEHICLE
 
@@ -71,11 +70,15 @@ def test_the_data_set_records_its_logs_and_its_mapping(place):
 
 def test_the_car_of_the_mapping_goes_into_the_data_set(place):
     run_import(place, "--data", place / "unknown")
-    assert load_dataset(place / "unknown").geometry is None
-    car = "[car]\nwheelbase_m = 3.2\nrear_axle_m = 1.5\nsteering_ratio = 16.0\n"
-    (place / "map.toml").write_text(MAPPING + car)
+    assert load_dataset(place / "unknown").car is None
+    car = (
+        "[car]\nwheelbase_m = 3.2\nrear_axle_m = 1.5\nsteering_ratio = 16.0\nlargest_brake_n = 90\n"
+    )
+    (place / "map.toml").write_text(f"{MAPPING}[car]\n{car}")
     run_import(place, "--data", place / "known")
-    assert load_dataset(place / "known").geometry == SteeringGeometry(3.2, 1.5, 16.0)
+    car = load_dataset(place / "known").car
+    assert car.geometry == SteeringGeometry(3.2, 1.5, 16.0)
+    assert car.own_values == {"largest_brake_n": 90.0}
 
 
 def test_the_same_logs_give_the_same_numbers(place):

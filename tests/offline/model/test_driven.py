@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_models import WITH_ALL, gains_of, make_bundle
 
-from offline.model.driven import (
+from offline.model.export_checks import (
     MOST_SIGNALS,
     box_stability,
     driven_matrices,

@@ -10,8 +10,7 @@ import pytest
 import rt_controller
 from offline.config import TrainingConfig
 from offline.model.bundle_predictor import BundlePredictor
-from offline.model.driven import box_stability, signal_box
-from offline.model.export_checks import limits_of, require_stable
+from offline.model.export_checks import box_stability, limits_of, require_stable, signal_box
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.model.artifact import load_bundle
 from rt_controller.model.dynamics import roll_out

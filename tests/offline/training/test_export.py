@@ -9,18 +9,19 @@ import pytest
 import torch
 from fitted_network import fitted
 
-from offline.data.manifest import describe_training
+from offline.data.dataset import describe_training
 from offline.data.signals import fit_scaling
-from offline.model.driven import DrivenStability, box_stability
 from offline.model.export_checks import (
     OTHERS,
     PENALISED,
+    DrivenStability,
+    box_stability,
     check_export,
     limits_of,
 )
 from offline.model.physical_units import choose_selftest
 from offline.training.export import export_checkpoint
-from offline.training.state import load_checkpoint
+from offline.training.run import load_checkpoint
 from offline.training.train import train
 from rt_controller.contract.errors import ArtifactError, DatasetError
 from rt_controller.contract.limits import INPUT_LIMITS

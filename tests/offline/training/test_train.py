@@ -14,10 +14,8 @@ from offline.data.sampling import SliceSource, scale
 from offline.data.signals import fit_scaling
 from offline.model.losses import evaluate
 from offline.training import train as training
-from offline.training.export import restore_model
-from offline.training.recovery import TrainingDivergedError
-from offline.training.schedule import cosine_rate
-from offline.training.state import load_checkpoint
+from offline.training.optimizer import cosine_rate
+from offline.training.run import TrainingDivergedError, load_checkpoint, restore_model
 from offline.training.train import train
 from rt_controller.contract.errors import DatasetError
 
@@ -103,7 +101,7 @@ def test_a_resumed_run_equals_an_uninterrupted_one_bit_by_bit(
     assert whole.history.read_bytes() == halved.history.read_bytes()
     one, other = load_checkpoint(whole.last), load_checkpoint(halved.last)
     assert weights_equal(one.model, other.model)
-    assert torch.equal(one.batch_rng, other.batch_rng)
+    assert torch.equal(one.training["batch_rng"], other.training["batch_rng"])
     assert weights_equal(load_checkpoint(whole.best).model, load_checkpoint(halved.best).model)
 
 

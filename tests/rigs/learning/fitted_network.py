@@ -7,8 +7,7 @@ import torch
 from offline.data.dataset import Dataset
 from offline.data.sampling import scale
 from offline.model.network import MakeEncoder
-from offline.training.export import restore_model
-from offline.training.state import Checkpoint
+from offline.training.run import Checkpoint, restore_model
 
 RIDGE = 1e-6
 FADING = 0.5

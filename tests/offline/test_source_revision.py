@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from offline.data import code_identity
+from offline import files
 
-SCRIPT = "from offline.data.code_identity import source_revision; print(source_revision())"
+SCRIPT = "from offline.files import source_revision; print(source_revision())"
 
 
 @pytest.fixture
@@ -20,10 +20,9 @@ def repository(tmp_path):
         author = ("-c", "user.name=a", "-c", "user.email=a@b.c", "-c", "commit.gpgsign=false")
         subprocess.run(["git", *author, *arguments], cwd=tmp_path, check=True, capture_output=True)
 
-    room = tmp_path / "offline" / "data"
-    room.mkdir(parents=True)
-    shutil.copy(Path(code_identity.__file__), room)
-    (tmp_path / "offline" / "__init__.py").touch()
+    room = tmp_path / "offline"
+    room.mkdir()
+    shutil.copy(Path(files.__file__), room)
     (room / "__init__.py").touch()
     (tmp_path / "rt_controller" / "models" / "lti").mkdir(parents=True)
     (tmp_path / "rt_controller" / "models" / "lti" / "card.md").write_text("# a card\n")
