@@ -1,1 +1,0 @@
-"""The model bundle: its parts, its files, its checks, and prediction with it."""
