@@ -87,7 +87,7 @@ class Receiver:
         tick.has_invalid_path = self._is_invalid(REFERENCE)
         inbox.end_period(now_ns)
         tick.bus_fault = self._bus_fault()
-        tick.state_loss = _STATE_LOSS.get(self.bus_state, StopCause.STATE_LOST)
+        tick.state_loss = _STATE_LOSS.get(inbox.condition.state, StopCause.STATE_LOST)
 
     def _receive_state(self, tick: Tick, now_ns: int) -> None:
         """The state, if it is new, in time, and answers a command that is recent enough."""

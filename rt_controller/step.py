@@ -70,7 +70,7 @@ class ControlStep:
         self._dry_run_outbox = Outbox(DiscardBus(), Node.CONTROLLER, is_fd=outbox.is_fd)
         self._planner = InputPlanner(mpc, low_speed)
         self._low_speed = low_speed
-        self._car, self._force_scale = car, car.force_scale
+        self._limits, self._force_scale = car.limits, car.force_scale
         self._clock = clock
         self._identity = own_identity(model_hash, outbox.is_fd)
         self._supervisor = supervisor
@@ -123,8 +123,8 @@ class ControlStep:
             self._force_scale,
         )
         wanted = input_for(tick.mode, plan.control, last.control, law is Mode.STANDSTILL, braking)
-        tick.most_steer_rad = self._most_steer_rad(tick)
-        control = tick.control = limit(wanted, last.control, tick.most_steer_rad, self._car.limits)
+        tick.limits = self._limits.with_wheel(self._most_steer_rad(tick))
+        control = tick.control = limit(wanted, last.control, tick.limits)
         supervisor.note(control, plan.lifted)
         self._sent.append(control)
         tick.faults = self._faults(tick, missed_deadline)
@@ -243,7 +243,7 @@ class ControlStep:
         self._note_call("warm_up")
         now_ns = self._clock.now_ns()
         self._planner.warm_up()
-        limit(self.last.control, self.last.control, limits=self._car.limits)
+        limit(self.last.control, self.last.control, self._limits)
         self._send(self._dry_run_outbox, now_ns)
 
     def request_stop(self) -> None:
@@ -257,7 +257,7 @@ class ControlStep:
         self._note_call("send_safe_command")
         last, is_held = self.last.control, self._planner.law is Mode.STANDSTILL
         wanted = input_for(Mode.SAFE_STOP, None, last, is_held)
-        control = limit(wanted, last, inf, self._car.limits)
+        control = limit(wanted, last, self._limits.with_wheel(inf))
         self._receiver.counter += 1
         self.last = replace(self.last, mode=Mode.SAFE_STOP, control=control)
         self._send(self._outbox, self._clock.now_ns())

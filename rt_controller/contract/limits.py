@@ -13,6 +13,13 @@ class InputLimits(NamedTuple):
     upper: ControlInput
     rate_per_s: ControlInput
 
+    def with_wheel(self, most_rad: float) -> "InputLimits":
+        """The same with a steering wheel between ±`most_rad`."""
+        lower, upper, rate_per_s = self
+        return InputLimits(
+            lower._replace(steer_rad=-most_rad), upper._replace(steer_rad=most_rad), rate_per_s
+        )
+
 
 INPUT_LIMITS = InputLimits(
     lower=ControlInput(throttle=0.0, brake_n=0.0, steer_rad=-radians(40.0)),

@@ -119,7 +119,7 @@ def curvature_to_meet(
 
 
 def wheel_rate_radps(vx_mps: float) -> float:
-    """Largest rate of the wheel of a car that rolls."""
+    """Largest rate of the wheel of a car that rolls; the last limit keeps that of the car."""
     return min(STEER_PER_M * vx_mps, INPUT_LIMITS.rate_per_s.steer_rad)
 
 

@@ -4,7 +4,6 @@ from math import atan, nan
 
 import numpy as np
 
-from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import EXOGENOUS_FIELDS, N_STATES, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.drive.table import COLUMNS, REFERENCE, Drive, TrackingErrors
@@ -50,8 +49,8 @@ class DriveTrace:
         )
         self._ticks += 1
         if self._drove:
-            limits = INPUT_LIMITS.upper._replace(steer_rad=result.most_steer_rad)
-            for i, (value, bound) in enumerate(zip(result.control, limits, strict=True)):
+            bounds = result.limits.upper
+            for i, (value, bound) in enumerate(zip(result.control, bounds, strict=True)):
                 self._ticks_at_limit[i] += abs(value) >= (1.0 - 1e-6) * bound
         if result.mode is Mode.STANDBY or state is None or path is None:
             return

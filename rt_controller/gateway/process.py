@@ -192,7 +192,7 @@ class Gateway:
         speed_mps = self._motion.speed_mps
         car = self._description
         largest_rad = car.geometry.largest_wheel_rad(speed_mps, car.largest_lateral_mps2)
-        return limit(control, self._applied, largest_rad, car.limits)
+        return limit(control, self._applied, car.limits.with_wheel(largest_rad))
 
     def _watch(self, now_ns: int) -> None:
         """Brake a car whose commands may not be followed; go on releasing one that was released."""

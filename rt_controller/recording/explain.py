@@ -11,7 +11,7 @@ from rt_controller.bus.messages import MISSION, PREVIEW, REFERENCE
 from rt_controller.bus.receive import Inbox
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.faults import Fault, StopCause
-from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.limits import InputLimits
 from rt_controller.contract.signals import INPUT_UNITS, NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.explanation import PlanExplanation
@@ -103,14 +103,13 @@ def _data_margins(inbox: Inbox, now_ns: int, state_age_ns: int | None) -> Iterat
 
 
 def _command_margins(
-    now: ControlInput, before: ControlInput, most_steer_rad: float
+    now: ControlInput, before: ControlInput, limits: InputLimits
 ) -> Iterator[Margin]:
     """The command of a tick against its bounds and rates; the envelope keeps it within them."""
-    upper = INPUT_LIMITS.upper._replace(steer_rad=most_steer_rad)
     names = now._fields
-    for name, value, bound, unit in zip(names, now, upper, INPUT_UNITS, strict=True):
+    for name, value, bound, unit in zip(names, now, limits.upper, INPUT_UNITS, strict=True):
         yield Margin(f"size of {name}", abs(value), bound, unit)
-    rates = INPUT_LIMITS.rate_per_s
+    rates = limits.rate_per_s
     for name, value, old, rate, unit in zip(names, now, before, rates, INPUT_UNITS, strict=True):
         if name != "throttle" or value >= old:  # a throttle that closes is not limited
             change = abs(value - old)
@@ -168,7 +167,7 @@ def explain_tick(drive: RecordedDrive, replay: Replay, number: int) -> TickExpla
         margins = (
             *_data_margins(node.inbox, record.began_ns, node.step.state_age_ns(record.began_ns)),
             *plausibility_margins(node.supervisor.values),
-            *_command_margins(result.control, before, result.most_steer_rad),
+            *_command_margins(result.control, before, result.limits),
         )
         beyond = [f"beyond its limit: {each.text}" for each in exceeded(margins)]
         plan = replay.mpc.explain_plan() if result.qp_ns > 0 else None

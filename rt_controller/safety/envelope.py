@@ -15,22 +15,18 @@ from rt_controller.contract.timing import PERIOD_S
 def limit(
     wanted: ControlInput,
     previous: ControlInput,
-    most_steer_rad: float = INPUT_LIMITS.upper.steer_rad,
     limits: InputLimits = INPUT_LIMITS,
 ) -> ControlInput:
     """The input nearest to `wanted` that may follow `previous` one period later.
 
-    The wheel is bounded to `most_steer_rad`; from beyond it it returns with its largest rate.
+    A wheel that is beyond its bound returns with its largest rate.
 
     A value that is not finite is replaced by the previous one. Rates hold in both directions, but
     a wanted throttle of 0 closes the throttle at once. If both pedals are wanted, the one that was
     pressed before must be released first; if neither was pressed, the brake has priority.
     """
-    lower = limits.lower._replace(steer_rad=-most_steer_rad)
-    upper = limits.upper._replace(steer_rad=most_steer_rad)
-    throttle, brake_n, steer_rad = map(
-        _limit_one, wanted, previous, lower, upper, limits.rate_per_s
-    )
+    lower = limits.lower
+    throttle, brake_n, steer_rad = map(_limit_one, wanted, previous, *limits)
     if wanted.throttle <= lower.throttle:
         throttle = lower.throttle
     throttle = 0.0 if throttle < RELEASED_THROTTLE else throttle

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from rt_controller.contract.faults import NO_FAULT, Fault, StopCause
-from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.limits import INPUT_LIMITS, InputLimits
 from rt_controller.contract.signals import (
     NEUTRAL_INPUT,
     ControlInput,
@@ -113,8 +113,8 @@ class Tick:
     control: ControlInput = NEUTRAL_INPUT
     faults: Fault = NO_FAULT
     """as in the heartbeat"""
-    most_steer_rad: float = INPUT_LIMITS.upper.steer_rad
-    """bound of the steering wheel in this tick"""
+    limits: InputLimits = INPUT_LIMITS
+    """of the car, in this tick: the bound of the steering wheel depends on the speed"""
 
     is_driven: bool = field(init=False)
     """this program has driven the car until now"""

@@ -13,7 +13,6 @@ from rt_controller.bus.log.recorder import log_to_json
 from rt_controller.contract.errors import OutputError
 from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.files import atomic_write
-from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.drive.scenario import DrivenScenario, LateralError
 from rt_controller.loop import Ending, RunRecord
 from rt_controller.realtime.timing import DeadlineAccount, Percentiles, TickTimes
@@ -228,7 +227,7 @@ def _bus_line(session: ControllerSession) -> str:
 
 def _limited(record: RunRecord) -> str:
     """Which inputs were at their limit, and for how long."""
-    upper = INPUT_LIMITS.upper
+    upper = record.result.limits.upper
     names = (
         f"throttle ({upper.throttle:g})",
         f"brake ({upper.brake_n:g} N)",
