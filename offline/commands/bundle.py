@@ -13,7 +13,7 @@ from offline.data.code_identity import source_revision
 from offline.data.dataset import Dataset, exists, load_dataset
 from offline.data.manifest import car_of
 from offline.data.signals import past_names
-from offline.evaluation.figures import library_figures
+from offline.evaluation.comparison import library_figures
 from offline.evaluation.model_card import driven_text, stability_text, write_card
 from offline.evaluation.tables import mse_table
 from offline.model.export_checks import ExportFigures, check_export
