@@ -1,6 +1,6 @@
 """One run of the controller: everything opened and checked first, then the loop in its thread."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from threading import Thread
@@ -156,6 +156,8 @@ class ControllerSession:
         """True after the vehicle was found"""
         self.stop_values: tuple[float, ...] = ()
         """of the checks, by `Quantity`, in the tick in which the last safe stop began"""
+        self.observe: Callable[[ControllerSession], None] = lambda session: None
+        """called after each tick"""
         self._request = StopRequest()
         self._thread: Thread | None = None
         self._receive_failures = 0
@@ -233,6 +235,7 @@ class ControllerSession:
             self.recorder.record_event(name)
 
     def _after_tick(self, tick: FinishedTick) -> None:
+        self.observe(self)
         if tick.number == self.record.stop_tick:
             self.stop_values = tuple(self._supervisor.values)
         recorder, failures = self.recorder, self.inbox.counts.receive_failures

@@ -1,6 +1,6 @@
 """A simulated drive as a function: scenario, plant and model in, table of the drive out."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from itertools import count
 from math import inf
@@ -182,11 +182,12 @@ def drive_in_lockstep(
     duration_s: float | None = None,
     scenario: "Scenario | None" = None,
     checks: Sequence[Check] | None = None,
+    after_tick: Callable[[ControllerSession], None] = lambda session: None,
 ) -> Drive:
     """A drive in simulated time with `mpc`, which plans with `bundle`, over a bus of its own.
 
     `plant` and `scenario` replace those that `car` names; `checks` are those of the supervisor;
-    otherwise as `simulate`.
+    `after_tick` is called after each step; otherwise as `simulate`.
     """
     bus = BusSettings(bus=VIRTUAL, channel=f"simulate-{next(_numbers)}")
     with (
@@ -195,6 +196,7 @@ def drive_in_lockstep(
     ):
         clock = LockstepClock(virtual.tick)
         with closing(ControllerSession(bus, config, bundle, mpc, clock, checks=checks)) as session:
+            session.observe = after_tick
             session.start(duration_s, False, _LONGEST_WAIT_S).join()
     if session.failure is not None:
         raise session.failure

@@ -1,7 +1,6 @@
 """One drive without a fault: the largest value of each quantity, and the checks that failed."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -9,7 +8,6 @@ import numpy as np
 
 from benchmarks.false_alarms.conditions import Condition, disturbed
 from rt_controller.config import ControllerConfig
-from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import PlantError
 from rt_controller.contract.faults import StopCause
 from rt_controller.contract.timing import PERIOD_S
@@ -17,9 +15,7 @@ from rt_controller.drive.table import Drive
 from rt_controller.model.bundle import Bundle
 from rt_controller.node import build_mpc
 from rt_controller.safety.checks import CHECKS, Check, Quantity, Reaction
-from rt_controller.safety.isolation import Windows
-from rt_controller.safety.supervisor import Supervisor
-from rt_controller.safety.tick import Estimate, Tick
+from rt_controller.session import ControllerSession
 from rt_controller.settings import CarSettings
 from rt_controller.simulation import drive_in_lockstep
 
@@ -62,22 +58,45 @@ def result_from(figures: dict[str, Any]) -> DriveResult:
     return DriveResult(**{**figures, "condition": condition, "failed_checks": failed})
 
 
+class _Watch:
+    """The largest values and the failing checks of the supervisor of a drive.
+
+    Those in a stop count only if it was requested: another one begins with a false alarm, and its
+    consequences are no further ones.
+    """
+
+    def __init__(self, is_stop_requested: bool) -> None:
+        self._is_stop_requested = is_stop_requested
+        self.largest, self.failed = np.zeros(len(Quantity)), set[str]()
+
+    def note(self, session: ControllerSession) -> None:
+        """After a tick."""
+        supervisor, tick = session._supervisor, session._step.last
+        if not tick.is_driven or (tick.is_stopping and not self._is_stop_requested):
+            return
+        np.maximum(self.largest, supervisor.values, out=self.largest)
+        if {tick.estimate.alarm, tick.estimate.rejection} != {StopCause.NONE}:
+            failing = (c.name for c in supervisor.failing if c.reaction is not Reaction.REFUSE)
+            self.failed.update(failing)
+
+
 def measure(condition: Condition, model: str | None) -> DriveResult:
     """One drive in simulated time."""
-    largest, failed = np.zeros(len(Quantity)), set[str]()
-    with _watching(largest, failed, condition.stop_at_s is not None):
-        drive = _drive(condition, model)
+    watch = _Watch(condition.stop_at_s is not None)
+    drive = _drive(condition, model, watch)
     return DriveResult(
         condition=condition,
         driven_s=PERIOD_S * int(np.sum(drive["mode"] > 0)),
         ey_peak_m=round(drive.errors.ey_peak_m, 4),
-        unchecked_ey_peak_m=_unchecked_ey_peak_m(condition, model) if failed else None,
-        failed_checks=tuple(sorted(failed)),
-        largest={q.name.lower(): round(float(largest[q]), 6) for q in Quantity},
+        unchecked_ey_peak_m=_unchecked_ey_peak_m(condition, model) if watch.failed else None,
+        failed_checks=tuple(sorted(watch.failed)),
+        largest={q.name.lower(): round(float(watch.largest[q]), 6) for q in Quantity},
     )
 
 
-def _drive(condition: Condition, model: str | None, checks: Sequence[Check] = CHECKS) -> Drive:
+def _drive(
+    condition: Condition, model: str | None, watch: _Watch, checks: Sequence[Check] = CHECKS
+) -> Drive:
     config, bundle = ControllerConfig(), Bundle.load(model)
     return drive_in_lockstep(
         config,
@@ -87,42 +106,12 @@ def _drive(condition: Condition, model: str | None, checks: Sequence[Check] = CH
         duration_s=condition.stop_at_s,
         scenario=disturbed(condition),
         checks=checks,
+        after_tick=watch.note,
     )
 
 
 def _unchecked_ey_peak_m(condition: Condition, model: str | None) -> float | None:
     try:
-        return round(_drive(condition, model, checks=()).errors.ey_peak_m, 4)
+        return round(_drive(condition, model, _Watch(False), checks=()).errors.ey_peak_m, 4)
     except PlantError:  # such as a car that does not come to rest: not decided
         return None
-
-
-@contextmanager
-def _watching(largest: Array, failed: set[str], is_stop_requested: bool) -> Iterator[None]:
-    """Collect the values and the failing checks of all supervisors in this process.
-
-    Those in a stop count only if it was requested: another one begins with a false alarm, and its
-    consequences are no further ones.
-    """
-    check, failing = Supervisor.check, Windows.failing
-    of_tick = list[Check]()
-
-    def noted(supervisor: Supervisor, received: Tick) -> Estimate:
-        of_tick.clear()
-        qualified = check(supervisor, received)
-        if received.is_driven and (is_stop_requested or not received.is_stopping):
-            np.maximum(largest, supervisor.values, out=largest)
-            if {qualified.alarm, qualified.rejection} != {StopCause.NONE}:
-                failed.update(c.name for c in of_tick if c.reaction is not Reaction.REFUSE)
-        return qualified
-
-    def named(windows: Windows, group: range) -> list[Check]:
-        found = failing(windows, group)
-        of_tick.extend(found)
-        return found
-
-    Supervisor.check, Windows.failing = noted, named  # type: ignore[method-assign, assignment]
-    try:
-        yield
-    finally:
-        Supervisor.check, Windows.failing = check, failing  # type: ignore[method-assign]

@@ -11,7 +11,7 @@ from offline.config import PAST_STEPS
 from offline.data.dataset import Dataset, describe_car, exists, load_dataset
 from offline.data.generate import full_folder
 from offline.data.signals import past_names
-from offline.evaluation.figures import library_figures
+from offline.evaluation.comparison import library_figures
 from offline.evaluation.model_card import driven_text, stability_text, write_card
 from offline.evaluation.tables import mse_table
 from offline.files import source_revision

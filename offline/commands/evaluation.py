@@ -16,7 +16,6 @@ from offline.commands.options import LATEST_RUN, EvaluationOptions
 from offline.commands.terminal import STDERR, STDOUT
 from offline.data.dataset import Dataset, Simulated
 from offline.evaluation.comparison import Comparison, compare_models
-from offline.evaluation.figures import comparison_figures
 from offline.evaluation.held_out import choose_test_data, find_objection
 from offline.evaluation.predictor import Predictor
 from offline.evaluation.series import make_series
@@ -69,7 +68,7 @@ def evaluation_figures(evaluation: Evaluation) -> dict[str, Any]:
         "revision": evaluation.revision,
         "model_sha256": dict(zip(names, hashes, strict=True)),
         "data_sha256": evaluation.dataset.sha256,
-        **comparison_figures(evaluation.comparison),
+        **evaluation.comparison.figures,
     }
 
 

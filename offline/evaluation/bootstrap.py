@@ -19,16 +19,10 @@ RESAMPLES = 2_000
 CONFIDENCE = 0.95
 SEED = 46
 _ROWS = 128
-"""draws computed at once"""
-
-
-class EpisodeSums(NamedTuple):
-    """Sums over the trajectories of each of E episodes."""
-
-    total: Array
-    """(E, ...)"""
-    summands: Array
-    """(E,) number of trajectories"""
+"""draws computed at once: all of them need 40 MB for 2,400 values"""
+_ROUNDING = 1e-9
+"""0.9 * 10 is slightly above 9 in binary; with this tolerance the rank is 9"""
+Episodes = NDArray[np.integer]
 
 
 class Estimate(NamedTuple):
@@ -38,33 +32,6 @@ class Estimate(NamedTuple):
     low: Array
     """NaN if there is only one episode"""
     high: Array
-
-    def at(self, *index: int) -> "Estimate":
-        """One entry."""
-        return Estimate(*(np.asarray(part[index]) for part in self))
-
-
-def sum_by_episode(values: Array, episode: NDArray[np.integer]) -> EpisodeSums:
-    """Sums of values (N, ...) within each episode, in the order of the episode numbers (N,)."""
-    order = np.argsort(episode, kind="stable")
-    _, first, count = np.unique(episode[order], return_index=True, return_counts=True)
-    with np.errstate(over="ignore", invalid="ignore"):
-        total = np.add.reduceat(values[order], first, axis=0)
-    return EpisodeSums(total, count.astype(np.float64))
-
-
-def mean_draws(sums: EpisodeSums) -> Array:
-    """Means (1 + R, ...): of the sample itself, then of each of R resamples.
-
-    Any statistic of means is computed row by row from these, which gives its interval. A mean over
-    a value that is not finite is infinite in every row.
-    """
-    weights = _weights(len(sums.summands))
-    flat = sums.total.reshape(len(sums.summands), -1)
-    finite = np.isfinite(flat)
-    means = weights @ np.where(finite, flat, 0.0) / (weights @ sums.summands)[:, None]
-    means[:, ~finite.all(axis=0)] = np.inf
-    return means.reshape(len(weights), *sums.total.shape[1:])
 
 
 def estimate(draws: Array) -> Estimate:
@@ -78,60 +45,67 @@ def estimate(draws: Array) -> Estimate:
     return Estimate(draws[0], low, high)
 
 
-def quantile_draws(values: Array, episode: NDArray[np.integer], shares: tuple[float, ...]) -> Array:
+def mean_draws(values: Array, episode: Episodes) -> Array:
+    """Means (1 + R, ...) of values (N, ...): of the sample itself, then of each of R resamples.
+
+    Any statistic of means is computed row by row from these, which gives its interval. A mean over
+    a value that is not finite is infinite in every row.
+    """
+    order = np.argsort(episode, kind="stable")
+    _, first, count = np.unique(episode[order], return_index=True, return_counts=True)
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = np.add.reduceat(values[order], first, axis=0).reshape(len(first), -1)
+    weights, finite = _weights(len(first)), np.isfinite(total)
+    summands = weights @ count.astype(np.float64)
+    means = weights @ np.where(finite, total, 0.0) / summands[:, None]
+    means[:, ~finite.all(axis=0)] = np.inf
+    return means.reshape(len(weights), *values.shape[1:])
+
+
+def quantile_draws(values: Array, episode: Episodes, shares: tuple[float, ...]) -> Array:
     """Quantiles (1 + R, S, ...) of values (N, ...): of the sample, then of each resample.
 
     The quantile of a share is the smallest value with at least that share at or below it.
     """
     flat = values.reshape(len(values), -1)
     found = np.empty((len(_weights(_count(episode))), len(shares), flat.shape[1]))
-    for column in range(flat.shape[1]):
-        order = np.argsort(flat[:, column])
-        ordered = flat[order, column]
-        for rows, drawn in _drawn(episode, order):
-            counted = np.cumsum(drawn, axis=1)
+    for i, column in enumerate(flat.T):
+        order = np.argsort(column)
+        for rows, _, counted in _drawn(episode, order):
             for s, share in enumerate(shares):
-                # 0.9 * 10 is slightly above 9 in binary; the tolerance keeps the rank at 9.
-                wanted = np.ceil(share * counted[:, -1:] - 1e-9)
-                found[rows, s, column] = ordered[np.argmax(counted >= wanted, axis=1)]
+                wanted = np.ceil(share * counted[:, -1:] - _ROUNDING)
+                found[rows, s, i] = column[order][np.argmax(counted >= wanted, axis=1)]
     return found.reshape(len(found), len(shares), *values.shape[1:])
 
 
-def tail_draws(values: Array, episode: NDArray[np.integer], share: float) -> Array:
-    """Part (1 + R, ...) of the sum of values (N, ...) that the largest of them have.
+def tail_draws(values: Array, episode: Episodes, share: float) -> Array:
+    """Part (1 + R, n) of the sum of values (N, n) that the largest of them have.
 
     These are the share of the values, rounded up: of the sample, then of each resample. NaN if the
     sum is not finite or zero.
     """
-    flat = values.reshape(len(values), -1)
-    found = np.empty((len(_weights(_count(episode))), flat.shape[1]))
-    for column in range(flat.shape[1]):
-        order = np.argsort(flat[:, column])[::-1]
-        ordered = flat[order, column]
-        for rows, drawn in _drawn(episode, order):
-            counted = np.cumsum(drawn, axis=1)
-            wanted = np.ceil(share * counted[:, -1:] - 1e-9)
+    found = np.empty((len(_weights(_count(episode))), values.shape[1]))
+    for i, column in enumerate(values.T):
+        order = np.argsort(column)[::-1]
+        for rows, drawn, counted in _drawn(episode, order):
+            wanted = np.ceil(share * counted[:, -1:] - _ROUNDING)
             largest = np.clip(wanted - (counted - drawn), 0.0, drawn)
             with np.errstate(invalid="ignore"):
-                found[rows, column] = (largest @ ordered) / (drawn @ ordered)
-    return found.reshape(len(found), *values.shape[1:])
+                found[rows, i] = (largest @ column[order]) / (drawn @ column[order])
+    return found
 
 
-def _drawn(
-    episode: NDArray[np.integer], order: NDArray[np.integer]
-) -> Iterator[tuple[slice, Array]]:
-    """How often each value counts (rows, N), in that order, in a few rows of the draws at a time.
-
-    All draws at once need 40 MB for 2,400 values.
-    """
+def _drawn(episode: Episodes, order: NDArray[np.integer]) -> Iterator[tuple[slice, Array, Array]]:
+    """How often each value counts (rows, N), in that order, and the sum so far; some rows each."""
     _, member = np.unique(episode, return_inverse=True)
     weights = _weights(_count(episode))
     for first in range(0, len(weights), _ROWS):
         rows = slice(first, first + _ROWS)
-        yield rows, weights[rows][:, member[order]]
+        drawn = weights[rows][:, member[order]]
+        yield rows, drawn, np.cumsum(drawn, axis=1)
 
 
-def _count(episode: NDArray[np.integer]) -> int:
+def _count(episode: Episodes) -> int:
     return len(np.unique(episode))
 
 

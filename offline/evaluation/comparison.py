@@ -1,24 +1,40 @@
-"""Models compared with baselines on all test sets; tables, plots and JSON are made from it."""
+"""Models compared with baselines on all test sets.
+
+Every number is computed once, into the tree that `--json` writes; tables, the page and its plots
+are made from it.
+"""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from offline.evaluation.bootstrap import (
+    CONFIDENCE,
+    RESAMPLES,
+    SEED,
+    estimate,
+    mean_draws,
+    quantile_draws,
+)
 from offline.evaluation.metrics import (
+    LARGEST_RATIO_ON_NEW_ROADS,
+    MARKED_STEPS,
     SHARES,
-    Ratio,
-    Scores,
+    WORST_SHARE,
+    Figures,
     StateUnit,
     TrajectoryErrors,
+    by_key,
+    errors_on,
     geometric_mean,
-    ratio_of,
-    score,
+    ratios_of,
     state_units,
 )
 from offline.evaluation.predictor import Predictor
-from offline.evaluation.series import Series, Slice
-from offline.evaluation.test_sets import LIBRARY, TestSet
+from offline.evaluation.series import Series
+from offline.evaluation.test_sets import LIBRARY, NEW_ROADS, TestSet
+from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import Schema
 
 FAIR_LTI = "fair lti"
@@ -29,28 +45,32 @@ LTI_BASELINES = ("lti", "lti-per-curvature")
 LINEAR = "linear"
 """class of the baselines whose best one is named for each set and slice"""
 
+SHARE_KEYS = tuple(f"p{100 * share:g}" for share in SHARES)
+
 ErrorsByName = Mapping[str, TrajectoryErrors]
 """of models and baselines on the same trajectories"""
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Scores of models and baselines on the same test sets."""
+    """Errors of models and baselines on the same test sets."""
 
     columns: tuple[StateUnit, ...]
     dt_s: float
+    steps: int
+    """K, the length of the horizon"""
     models: tuple[str, ...]
     """names of the evaluated models"""
     baselines: tuple[str, ...]
-    classes: Mapping[str, str]
-    """of the baselines that have one, as `Baseline.model_class`"""
     not_converged: tuple[str, ...]
     """baselines whose training ended before their validation error was flat"""
     sets: tuple[TestSet, ...]
     """the library first"""
-    scores: Mapping[str, Mapping[str, Scores]]
-    """by name of the set, then of the model or baseline"""
     series: tuple[Series, ...]
+    errors: Mapping[str, ErrorsByName]
+    """by name of the set"""
+    figures: Figures
+    """all results, as `--json` has them"""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -58,82 +78,20 @@ class Comparison:
         return self.models + self.baselines
 
     @property
-    def steps(self) -> int:
-        """K, the length of the horizon."""
-        return int(next(iter(self.library.values())).squared.total.shape[1])
-
-    @property
-    def library(self) -> Mapping[str, Scores]:
-        """Scores by model on the library, the reference of the other sets."""
-        return self.scores[LIBRARY]
+    def library(self) -> Figures:
+        """Results on the library, the reference of the other sets."""
+        found: Figures = self.figures["sets"][LIBRARY]
+        return found
 
     def find_set(self, name: str) -> TestSet | None:
         """The test set of that name; None if it is not part of the comparison."""
         return next((test for test in self.sets if test.name == name), None)
 
-    def errors_on(self, name: str) -> dict[str, TrajectoryErrors]:
-        """Errors by model and baseline on a whole test set."""
-        return {model: scores.by_trajectory for model, scores in self.scores[name].items()}
-
-    def errors_in(self, part: Slice) -> dict[str, TrajectoryErrors]:
-        """Errors by model and baseline on a slice of a test set."""
-        return {name: each.take(part.rows) for name, each in self.errors_on(part.of).items()}
-
-    def size_of(self, part: Slice) -> tuple[int, int]:
-        """Numbers of trajectories and of episodes in a slice."""
-        episode = next(iter(self.errors_in(part).values())).episode
-        return len(episode), len(np.unique(episode))
-
-    def ratios(self, model: str, errors: ErrorsByName) -> dict[str, Ratio]:
-        """By baseline: its mean errors over those of the model, so above 1 the model is better."""
-        own = errors[model].mean_draws
-        return {
-            name: ratio_of(errors[name].mean_draws, own, self.columns) for name in self.baselines
-        }
-
-    def ratios_to_baselines(self, model: str, on: str = LIBRARY) -> dict[str, Ratio]:
-        """`ratios` on a whole test set, and first that of the fair LTI if there are both of its.
-
-        The better linear model of a state is chosen anew in every draw.
-        """
-        errors = self.errors_on(on)
-        linear = [errors[name].mean_draws for name in LTI_BASELINES if name in self.baselines]
-        found = self.ratios(model, errors)
-        if len(linear) < len(LTI_BASELINES):
-            return found
-        fair = ratio_of(np.min(linear, axis=0), errors[model].mean_draws, self.columns)
-        return {FAIR_LTI: fair, **found}
-
-    def ratios_of_quantiles(self, model: str) -> dict[float, dict[str, Ratio]]:
-        """By share of `SHARES` and baseline: quantiles of its errors over those of the model."""
-        draws = {name: errors.quantile_draws for name, errors in self.errors_on(LIBRARY).items()}
-        return {
-            share: {
-                name: ratio_of(draws[name][:, s], draws[model][:, s], self.columns)
-                for name in self.baselines
-            }
-            for s, share in enumerate(SHARES)
-        }
-
-    def growth(self, name: str, errors: TrajectoryErrors) -> Ratio:
-        """Mean errors of a model or baseline over its own on the library."""
-        own = self.library[name].by_trajectory.mean_draws
-        return ratio_of(errors.mean_draws, own, self.columns)
-
-    def ratio_to_library(self, name: str, on: str) -> Ratio:
-        """Errors of a model or baseline on another set over its own on the library."""
-        return self.growth(name, self.scores[on][name].by_trajectory)
-
-    def best_linear(self, errors: ErrorsByName) -> str | None:
-        """The linear baseline with the smallest geometric mean over the states of its mean errors.
-
-        None if there is none.
-        """
-        return min(
-            (name for name in self.baselines if self.classes.get(name) == LINEAR),
-            key=lambda name: float(geometric_mean(errors[name].mean_draws[0])),
-            default=None,
-        )
+    def worst_state(self, ratios: Figures) -> tuple[str, float]:
+        """The state with the largest of these ratios, and the ratio; NaN counts as infinite."""
+        by_state = {each.name: ratios[each.name]["value"] for each in self.columns}
+        name = max(by_state, key=lambda name: np.nan_to_num(by_state[name], nan=np.inf))
+        return name, by_state[name]
 
 
 def compare_models(
@@ -159,21 +117,225 @@ def compare_models(
         series: slices of these sets.
         on_progress: called with the name of the model and of the set before each evaluation.
     """
-    columns = state_units(schema)
-    scores: dict[str, dict[str, Scores]] = {test.name: {} for test in sets}
+    columns, steps, classes = state_units(schema), 0, dict(classes or {})
+    errors: dict[str, dict[str, TrajectoryErrors]] = {test.name: {} for test in sets}
+    details: Figures = {}
     for test in sets:
         for name, model in {**models, **baselines}.items():
             on_progress(name, test.name)
-            scores[test.name][name] = score(model, test, columns)
-
+            by_step, errors[test.name][name] = errors_on(model, test, columns)
+            if test.name == LIBRARY:
+                steps = by_step.shape[1]
+                details[name] = _of_steps(by_step, test, columns, schema.dt_s)
+    linear = [name for name in baselines if classes.get(name) == LINEAR]
+    tree = _Tree(columns, tuple(models), tuple(baselines), linear, errors)
+    figures = {
+        "models": list(models),
+        "baselines": list(baselines),
+        "class_of_baseline": classes,
+        "not_converged": list(not_converged),
+        "dt_s": schema.dt_s,
+        "bootstrap": {
+            "by": "episode",
+            "resamples": RESAMPLES,
+            "confidence": CONFIDENCE,
+            "seed": SEED,
+        },
+        "sets": {test.name: tree.of_set(test, details) for test in sets},
+        "series": {
+            each.name: {
+                "quantity": each.quantity,
+                "unit": each.unit,
+                "description": each.on,
+                "slices": [
+                    {"label": part.label, "set": part.of}
+                    | tree.of_slice(
+                        {name: one.take(part.rows) for name, one in errors[part.of].items()}
+                    )
+                    for part in each.slices
+                ],
+            }
+            for each in series
+        },
+    }
     return Comparison(
-        columns=columns,
-        dt_s=schema.dt_s,
-        models=tuple(models),
-        baselines=tuple(baselines),
-        classes=dict(classes or {}),
-        not_converged=tuple(not_converged),
-        sets=tuple(sets),
-        scores=scores,
-        series=tuple(series),
+        columns,
+        schema.dt_s,
+        steps,
+        tuple(models),
+        tuple(baselines),
+        tuple(not_converged),
+        tuple(sets),
+        tuple(series),
+        errors,
+        figures,
     )
+
+
+def library_figures(comparison: Comparison) -> Figures:
+    """The MSE table over all roads of the library."""
+    library = comparison.library
+    models = {name: {"mse": found["mse"]} for name, found in library["models"].items()}
+    return {**{key: library[key] for key in ("n_trajectories", "n_episodes")}, "models": models}
+
+
+def _of_steps(
+    errors: Array, test: TestSet, columns: Sequence[StateUnit], dt_s: float
+) -> dict[str, Figures]:
+    """RMS and quantiles of the absolute errors (N, K, n) of each step, and those after some."""
+    keys, episode = [column.key for column in columns], test.trajectories.episode
+    with np.errstate(over="ignore"):
+        rms = estimate(np.sqrt(mean_draws(np.square(errors), episode)))
+    quantiles = np.quantile(errors, SHARES, axis=0, method="inverted_cdf")
+    marked = [step for step in MARKED_STEPS if step <= errors.shape[1]]
+    draws = quantile_draws(errors[:, [step - 1 for step in marked]], episode, SHARES)
+    return {
+        "by_step": {
+            "rms": {
+                key: {part: values[:, i].tolist() for part, values in rms._asdict().items()}
+                for i, key in enumerate(keys)
+            },
+            "absolute_error": {
+                share: {key: quantiles[q, :, i].tolist() for i, key in enumerate(keys)}
+                for q, share in enumerate(SHARE_KEYS)
+            },
+        },
+        "absolute_error_quantiles": {
+            f"after_{step * dt_s:g}_s": {
+                share: by_key(estimate(draws[:, q, m]), keys) for q, share in enumerate(SHARE_KEYS)
+            }
+            for m, step in enumerate(marked)
+        },
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class _Tree:
+    """Figures of sets and slices from the errors of all models."""
+
+    columns: tuple[StateUnit, ...]
+    models: tuple[str, ...]
+    baselines: tuple[str, ...]
+    linear: Sequence[str]
+    errors: Mapping[str, ErrorsByName]
+
+    def of_set(self, test: TestSet, details: Mapping[str, Mapping[str, Figures]]) -> Figures:
+        """`details` of the steps, by model, are those of the library."""
+        errors, found = self.errors[test.name], dict[str, Figures]()
+        for name, each in errors.items():
+            rms = estimate(np.sqrt(each.mean_draws))
+            found[name] = {
+                "mse": self._mse(each.mean_draws),
+                "rms": by_key(rms, [column.key for column in self.columns]),
+                "mse_by_curvature_per_m": {
+                    f"{kappa:g}": self._mse(each.take(test.is_on_road(kappa)).mean_draws)
+                    for kappa in test.curvatures_per_m
+                },
+                "trajectories_without_finite_prediction": each.diverged,
+            }
+        figures = {
+            "description": test.description,
+            "data_sha256": test.data_sha256,
+            "n_trajectories": test.n_trajectories,
+            "n_episodes": test.n_episodes,
+            "models": found,
+            "best_baseline": self._best(errors),
+            "baseline_mse_over_model_mse": {
+                model: self._fair(errors, model) | self._ratios(errors, model)
+                for model in self.models
+            },
+        }
+        if test.name != LIBRARY:
+            growth = self._growth(errors)
+            figures["mse_over_library_mse"] = growth
+            if test.name == NEW_ROADS:
+                goal = LARGEST_RATIO_ON_NEW_ROADS
+                figures["goal"] = goal
+                figures["is_within_goal"] = {
+                    name: all(each[column.name]["value"] <= goal for column in self.columns)
+                    for name, each in growth.items()
+                }
+            return figures
+        for name, each in errors.items():
+            states = [column.name for column in self.columns]
+            found[name]["part_of_mse_of_worst_trajectories"] = by_key(each.worst_part(), states)
+            found[name]["mse_quantiles_over_trajectories"] = {
+                share: self._mse(each.quantile_draws[:, q]) for q, share in enumerate(SHARE_KEYS)
+            }
+        return {
+            **figures,
+            "worst_share": WORST_SHARE,
+            "baseline_mse_quantile_over_model_mse_quantile": {
+                model: {
+                    share: {
+                        name: ratios_of(
+                            errors[name].quantile_draws[:, q],
+                            errors[model].quantile_draws[:, q],
+                            self.columns,
+                        )
+                        for name in self.baselines
+                    }
+                    for q, share in enumerate(SHARE_KEYS)
+                }
+                for model in self.models
+            },
+            "absolute_error_quantiles": {
+                model: details[model]["absolute_error_quantiles"] for model in self.models
+            },
+            "by_step": {name: each["by_step"] for name, each in details.items()},
+        }
+
+    def of_slice(self, errors: ErrorsByName) -> Figures:
+        episode = next(iter(errors.values())).episode
+        ratios = {model: self._ratios(errors, model) for model in self.models}
+        states = [column.name for column in self.columns]
+        return {
+            "n_trajectories": len(episode),
+            "n_episodes": len(np.unique(episode)),
+            "best_baseline": self._best(errors),
+            "baseline_mse_over_model_mse": ratios,
+            "state_of_smallest_ratio": {
+                model: {
+                    name: min(states, key=lambda s: np.nan_to_num(each[s]["value"], nan=np.inf))
+                    for name, each in by_name.items()
+                }
+                for model, by_name in ratios.items()
+            },
+            "mse": {name: self._mse(each.mean_draws) for name, each in errors.items()},
+            "mse_over_library_mse": self._growth(errors),
+        }
+
+    def _mse(self, draws: Array) -> Figures:
+        return by_key(estimate(draws), [column.squared_key for column in self.columns])
+
+    def _ratios(self, errors: ErrorsByName, model: str) -> Figures:
+        """By baseline: its mean errors over those of the model, so above 1 the model is better."""
+        own = errors[model].mean_draws
+        return {
+            name: ratios_of(errors[name].mean_draws, own, self.columns) for name in self.baselines
+        }
+
+    def _fair(self, errors: ErrorsByName, model: str) -> Figures:
+        """The same of the better linear model of each state, chosen anew in every draw."""
+        if not set(LTI_BASELINES) <= set(self.baselines):
+            return {}
+        fair = np.min([errors[name].mean_draws for name in LTI_BASELINES], axis=0)
+        return {FAIR_LTI: ratios_of(fair, errors[model].mean_draws, self.columns)}
+
+    def _growth(self, errors: ErrorsByName) -> Figures:
+        """By model or baseline: its mean errors over its own on the library."""
+        library = self.errors[LIBRARY]
+        return {
+            name: ratios_of(each.mean_draws, library[name].mean_draws, self.columns)
+            for name, each in errors.items()
+        }
+
+    def _best(self, errors: ErrorsByName) -> dict[str, str]:
+        """The linear baseline with the smallest geometric mean of its mean errors, if any."""
+        if not self.linear:
+            return {}
+        best = min(
+            self.linear,
+            key=lambda name: float(geometric_mean(errors[name].mean_draws[0])),
+        )
+        return {LINEAR: best}

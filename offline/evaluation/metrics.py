@@ -8,24 +8,16 @@ Paper: section IV, Table I.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from offline.data.signals import Rows
-from offline.evaluation.bootstrap import (
-    EpisodeSums,
-    Estimate,
-    estimate,
-    mean_draws,
-    quantile_draws,
-    sum_by_episode,
-    tail_draws,
-)
+from offline.evaluation.bootstrap import Estimate, estimate, mean_draws, quantile_draws, tail_draws
 from offline.evaluation.predictor import Predictor, prediction_errors
 from offline.evaluation.test_sets import TestSet
 from rt_controller.contract.arrays import Array
@@ -46,6 +38,12 @@ LARGEST_RATIO_ON_NEW_ROADS = 1.5
 PROGRESS = "ds"
 """progress per period: the speed once more (correlation 0.997 on the training data), so the
 geometric mean over all states counts the speed twice"""
+WITHOUT_PROGRESS = f"geometric_mean_without_{PROGRESS}"
+
+MEANS = ("geometric_mean", WITHOUT_PROGRESS)
+
+Figures = dict[str, Any]
+"""a tree for JSON; a value with an interval is {value, low, high}"""
 
 _TABLE_UNITS = {
     "m/s": ("km/h", 3.6),
@@ -114,6 +112,8 @@ class TrajectoryErrors:
     """(N, n); infinite where a prediction is not finite"""
     episode: NDArray[np.int32]
     """(N,)"""
+    diverged: int = 0
+    """number of trajectories with a prediction that is not finite"""
 
     def take(self, rows: Rows) -> "TrajectoryErrors":
         """The errors of these trajectories."""
@@ -121,23 +121,14 @@ class TrajectoryErrors:
 
     @cached_property
     def mean_draws(self) -> Array:
-        """Means (1 + R, n) over the trajectories."""
-        return mean_draws(sum_by_episode(self.mse, self.episode))
+        """Means (1 + R, n) over the trajectories. Paper: Table I."""
+        return mean_draws(self.mse, self.episode)
 
     @cached_property
     def quantile_draws(self) -> Array:
         """Quantiles (1 + R, S, n) over the trajectories, S as `SHARES`."""
         return quantile_draws(self.mse, self.episode, SHARES)
 
-    def mean(self) -> Estimate:
-        """Mean squared error (n,) over steps and trajectories. Paper: Table I."""
-        return estimate(self.mean_draws)
-
-    def quantiles(self) -> Estimate:
-        """Quantiles (S, n) over the trajectories."""
-        return estimate(self.quantile_draws)
-
-    @cached_property
     def worst_part(self) -> Estimate:
         """Part (n,) of the sum of squared errors that the worst trajectories have.
 
@@ -146,108 +137,40 @@ class TrajectoryErrors:
         return estimate(tail_draws(self.mse, self.episode, WORST_SHARE))
 
 
-@dataclass(frozen=True, slots=True)
-class Scores:
-    """Errors of one model on one test set; n states in the units of Table I."""
-
-    squared: EpisodeSums
-    """(E, K, n) squared errors of each step"""
-    by_trajectory: TrajectoryErrors
-    quantiles: Array
-    """(S, K, n) of the absolute error at each step, S as `SHARES`"""
-    marked_steps: tuple[int, ...]
-    """M, those of `MARKED_STEPS` within the horizon"""
-    marked: NDArray[np.float32]
-    """(N, M, n) absolute errors at the marked steps"""
-    diverged: int
-    """number of trajectories with a prediction that is not finite"""
-
-    def mse(self) -> Estimate:
-        """Mean squared error (n,) of each state. Paper: Table I."""
-        return self.by_trajectory.mean()
-
-    def rms(self) -> Estimate:
-        """Root mean square error (n,)."""
-        return estimate(np.sqrt(self.by_trajectory.mean_draws))
-
-    def rms_by_step(self) -> Estimate:
-        """Root mean square error (K, n) of each step."""
-        return estimate(np.sqrt(mean_draws(self.squared)))
-
-    def quantiles_at_marks(self) -> Estimate:
-        """Quantiles (S, M, n) of the absolute error at the marked steps, S as `SHARES`."""
-        marked, episode = self.marked.astype(np.float64), self.by_trajectory.episode
-        return estimate(quantile_draws(marked, episode, SHARES))
-
-
-def score(model: Predictor, test: TestSet, columns: tuple[StateUnit, ...]) -> Scores:
-    """Errors of the model on the test set."""
+def errors_on(
+    model: Predictor, test: TestSet, columns: Sequence[StateUnit]
+) -> tuple[Array, TrajectoryErrors]:
+    """Absolute errors (N, K, n) of each step, infinite where not finite; means of squares."""
     errors = prediction_errors(model, test.trajectories)
     with np.errstate(over="ignore"):
         errors *= [column.per_si for column in columns]
-    episode = test.trajectories.episode
-    marked = tuple(step for step in MARKED_STEPS if step <= errors.shape[1])
-    magnitude = np.where(np.isnan(errors), np.inf, np.abs(errors))
-    with np.errstate(over="ignore"):
-        squared = np.square(errors)
-        by_trajectory = np.square(magnitude).mean(axis=1)
-        at_marks = magnitude[:, [step - 1 for step in marked]].astype(np.float32)
-    return Scores(
-        squared=sum_by_episode(squared, episode),
-        by_trajectory=TrajectoryErrors(by_trajectory, episode),
-        quantiles=np.quantile(magnitude, SHARES, axis=0, method="inverted_cdf"),
-        marked_steps=marked,
-        marked=at_marks,
-        diverged=int(np.count_nonzero(~np.isfinite(errors).all(axis=(1, 2)))),
-    )
+        magnitude = np.where(np.isnan(errors), np.inf, np.abs(errors))
+        mse = np.square(magnitude).mean(axis=1)
+    diverged = int(np.count_nonzero(~np.isfinite(errors).all(axis=(1, 2))))
+    return magnitude, TrajectoryErrors(mse, test.trajectories.episode, diverged)
 
 
-class Ratio(NamedTuple):
-    """A ratio of errors."""
-
-    by_state: Estimate
-    """(n,)"""
-    geometric_mean: Estimate
-    """(), over the states"""
-    without_progress: Estimate | None
-    """(), over the states but `PROGRESS`; None if there is no such state"""
-
-    @property
-    def means(self) -> tuple[Estimate, ...]:
-        """The geometric means that there are."""
-        return tuple(mean for mean in self[1:] if mean is not None)
-
-    @property
-    def worst_state(self) -> int:
-        """Index of the state with the largest ratio; NaN counts as infinite."""
-        return int(np.argmax(np.nan_to_num(self.by_state.value, nan=np.inf)))
-
-    @property
-    def least_state(self) -> int:
-        """Index of the state with the smallest ratio."""
-        return int(np.argmin(np.nan_to_num(self.by_state.value, nan=np.inf)))
-
-    @property
-    def is_within_goal(self) -> bool:
-        """True if no state exceeds the goal for new roads."""
-        return bool(np.all(self.by_state.value <= LARGEST_RATIO_ON_NEW_ROADS))
+def by_key(found: Estimate, keys: Iterable[str]) -> Figures:
+    """{value, low, high} by key, of the entries of an estimate (n,)."""
+    numbers = np.transpose(found).tolist()
+    return {key: Estimate(*row)._asdict() for key, row in zip(keys, numbers, strict=True)}
 
 
-def ratio_of(above: Array, below: Array, columns: Sequence[StateUnit]) -> Ratio:
-    """Ratio of two errors, given their draws (1 + R, n).
+def ratios_of(above: Array, below: Array, columns: Sequence[StateUnit]) -> Figures:
+    """Ratio of two errors, given their draws (1 + R, n): of each state, and geometric means.
 
-    There is no interval if one of them has only the sample.
+    The second mean is without `PROGRESS`, if that is one of several states. There is no interval if
+    one of the errors has only the sample.
     """
     draws = min(len(above), len(below))
+    names = [column.name for column in columns]
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = above[:draws] / below[:draws]
-    others = [i for i, column in enumerate(columns) if column.name != PROGRESS]
-    has_progress = 0 < len(others) < len(columns)
-    return Ratio(
-        estimate(ratios),
-        estimate(geometric_mean(ratios)),
-        estimate(geometric_mean(ratios[:, others])) if has_progress else None,
-    )
+    means = {"geometric_mean": geometric_mean(ratios)}
+    others = [i for i, name in enumerate(names) if name != PROGRESS]
+    if 0 < len(others) < len(names):
+        means[WITHOUT_PROGRESS] = geometric_mean(ratios[:, others])
+    return by_key(estimate(np.column_stack([ratios, *means.values()])), [*names, *means])
 
 
 def geometric_mean(ratios: Array) -> Array:

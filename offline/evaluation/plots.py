@@ -1,15 +1,15 @@
 """The plots of the report page, one function each, in the units of the tables."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from offline.evaluation.bootstrap import Estimate
-from offline.evaluation.comparison import Comparison
+from offline.evaluation.comparison import LINEAR, Comparison
 from offline.evaluation.lane_change import LaneChange
-from offline.evaluation.metrics import SHARES, ratio_of, state_units
+from offline.evaluation.metrics import Figures, ratios_of, state_units
+from offline.evaluation.tables import SHARE_NAMES
 from offline.evaluation.test_sets import LIBRARY, NEW_ROADS
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import VEHICLE, InputColumn, StateColumn
@@ -34,16 +34,17 @@ def rms_over_time(comparison: Comparison) -> Figure:
     figure, panels = _state_panels(comparison)
     time_s = _time_s(comparison)
     styles = line_styles(comparison.models, comparison.baselines)
-    found = {name: comparison.library[name].rms_by_step() for name in comparison.names}
-    for i, axes in enumerate(panels):
-        for k, (name, by_step) in enumerate(found.items()):
-            value, low, high = (_finite_or_nan(part[:, i]) for part in by_step)
+    found = comparison.library["by_step"]
+    for column, axes in zip(comparison.columns, panels, strict=True):
+        for k, name in enumerate(comparison.names):
+            value, low, high = map(_finite_or_nan, found[name]["rms"][column.key].values())
             axes.plot(time_s, value, **styles[name], label=name, zorder=3 - 0.01 * k)
             if name in comparison.models:
                 color = styles[name]["color"]
                 axes.fill_between(time_s, low, high, color=color, alpha=0.18, linewidth=0.0)
         axes.set_yscale("log")
-        errors = np.concatenate([found[name].value[:, i] for name in comparison.models])
+        rms = (found[name]["rms"][column.key]["value"] for name in comparison.models)
+        errors = np.concatenate([*rms])
         drawn = errors[np.isfinite(errors) & (errors > 0.0)]
         if len(drawn):  # a baseline with very large errors would flatten the models
             bottom, top = axes.get_ylim()
@@ -58,13 +59,13 @@ def quantiles_over_time(comparison: Comparison, model: str) -> Figure:
     """Absolute error of each step: quantiles over the trajectories."""
     figure, panels = _state_panels(comparison)
     time_s = _time_s(comparison)
-    quantiles = comparison.library[model].quantiles
-    for i, axes in enumerate(panels):
-        for q in reversed(range(len(SHARES))):
-            label = "median" if SHARES[q] == 0.5 else f"{100 * SHARES[q]:g} %"
+    quantiles = comparison.library["by_step"][model]["absolute_error"].values()
+    drawn = [*zip(quantiles, SHARE_NAMES, (0.75, 0.35, 0.15), strict=True)]
+    for column, axes in zip(comparison.columns, panels, strict=True):
+        for by_state, label, alpha in reversed(drawn):
             axes.fill_between(
-                time_s, 0.0, _finite_or_nan(quantiles[q, :, i]), label=label,
-                color=_BETTER, alpha=(0.75, 0.35, 0.15)[q], linewidth=0.0,
+                time_s, 0.0, _finite_or_nan(by_state[column.key]), label=label,
+                color=_BETTER, alpha=alpha, linewidth=0.0,
             )  # fmt: skip
         axes.set_ylim(bottom=0.0)
     add_legend(figure, panels[0])
@@ -73,14 +74,14 @@ def quantiles_over_time(comparison: Comparison, model: str) -> Figure:
 
 def ratio_bars(comparison: Comparison, model: str) -> Figure:
     """Errors of each baseline over the model's: a panel for each state and the geometric mean."""
-    ratios = comparison.ratios_to_baselines(model)
-    heads = [column.name for column in comparison.columns] + ["geom. mean"]
+    ratios = comparison.library["baseline_mse_over_model_mse"][model]
+    heads = {column.name: column.name for column in comparison.columns}
+    heads["geometric_mean"] = "geom. mean"
     figure, panels = empty_figure(1, len(heads), 0.9 + 0.3 * len(ratios), sharex=True, sharey=True)
     ends = [1.0]
-    for i, (axes, head) in enumerate(zip(panels, heads, strict=True)):
+    for axes, (key, head) in zip(panels, heads.items(), strict=True):
         for row, ratio in enumerate(ratios.values()):
-            is_state = i < len(comparison.columns)
-            ends += _bar(axes, row, ratio.by_state.at(i) if is_state else ratio.geometric_mean)
+            ends += _bar(axes, row, ratio[key])
         axes.axvline(1.0, color=INK, linewidth=0.8)
         axes.set_title(head)
         axes.grid(visible=False, axis="y")
@@ -102,25 +103,22 @@ def errors_by_condition(comparison: Comparison) -> Figure:
     model on the library; bars are intervals.
     """
     drawn = [each for each in comparison.series if each.is_ordered]
-    unit = comparison.library[comparison.models[0]].by_trajectory.mean_draws
+    unit = comparison.errors[LIBRARY][comparison.models[0]].mean_draws
     styles = line_styles(comparison.models, ("best linear",))
     rows = -(-len(drawn) // 2)
     figure, panels = empty_figure(rows, 2, 0.6 + 2.4 * rows)
     for axes, series in zip(panels, drawn, strict=False):
         slices = series.slices
-        found = [comparison.errors_in(part) for part in slices]
-        curves = {name: [each[name] for each in found] for name in comparison.models}
-        best = [comparison.best_linear(each) for each in found]
-        if None not in best:
-            curves["best linear"] = [
-                each[str(name)] for each, name in zip(found, best, strict=True)
-            ]
-        for label, errors in curves.items():
-            means = [
-                ratio_of(each.mean_draws, unit, comparison.columns).geometric_mean
-                for each in errors
-            ]
-            value, low, high = (_finite_or_nan(np.array(part)) for part in zip(*means, strict=True))
+        parts = comparison.figures["series"][series.name]["slices"]
+        curves = {name: [name] * len(slices) for name in comparison.models}
+        if all(part["best_baseline"] for part in parts):
+            curves["best linear"] = [part["best_baseline"][LINEAR] for part in parts]
+        for label, names in curves.items():
+            means = []
+            for part, name in zip(slices, names, strict=True):
+                draws = comparison.errors[part.of][name].take(part.rows).mean_draws
+                means.append(ratios_of(draws, unit, comparison.columns)["geometric_mean"].values())
+            value, low, high = map(_finite_or_nan, zip(*means, strict=True))
             axes.errorbar(
                 range(len(slices)), value, [value - low, high - value],
                 **styles[label], label=label, marker="o", markersize=3.5, elinewidth=0.9,
@@ -138,12 +136,13 @@ def errors_by_condition(comparison: Comparison) -> Figure:
 
 def road_heat_map(comparison: Comparison, model: str) -> Figure:
     """RMS error on each road over that on all roads of the library; new roads have a star."""
-    pooled = comparison.library[model].mse().value
+    sets = comparison.figures["sets"]
+    pooled = _values(sets[LIBRARY]["models"][model]["mse"])
     found = {
-        kappa: (errors.take(test.is_on_road(kappa)).mean().value, test.name)
+        kappa: (_values(by_road[f"{kappa:g}"]), test.name)
         for test in comparison.sets
         if test.name in (LIBRARY, NEW_ROADS)
-        for errors in [comparison.scores[test.name][model].by_trajectory]
+        for by_road in [sets[test.name]["models"][model]["mse_by_curvature_per_m"]]
         for kappa in test.curvatures_per_m
     }
     roads = sorted(found)
@@ -206,9 +205,9 @@ def lane_change_plot(
     return figure
 
 
-def _bar(axes: Axes, row: int, estimate: Estimate) -> list[float]:
+def _bar(axes: Axes, row: int, estimate: Figures) -> list[float]:
     """Draw a bar from 1 to a ratio with its interval and number; returns the drawn ends."""
-    value, low, high = (float(part) for part in estimate)
+    value, low, high = estimate.values()
     if not (np.isfinite(value) and value > 0.0):
         axes.text(1.0, row, " not finite", va="center", fontsize=7, color=FAINT)
         return []
@@ -246,5 +245,9 @@ def _time_s(comparison: Comparison) -> Array:
     return np.asarray(comparison.dt_s * np.arange(1, comparison.steps + 1), dtype=np.float64)
 
 
-def _finite_or_nan(values: Array) -> Array:
+def _values(by_state: Figures) -> Array:
+    return np.array([each["value"] for each in by_state.values()])
+
+
+def _finite_or_nan(values: Sequence[float]) -> Array:
     return np.asarray(np.where(np.isfinite(values), values, np.nan), dtype=np.float64)

@@ -4,19 +4,20 @@ from collections.abc import Mapping, Sequence
 
 from offline.evaluation import plots
 from offline.evaluation.bootstrap import CONFIDENCE, RESAMPLES, SEED
-from offline.evaluation.comparison import FAIR_LTI, LTI_BASELINES, Comparison
+from offline.evaluation.comparison import FAIR_LTI, LINEAR, LTI_BASELINES, Comparison
 from offline.evaluation.lane_change import LaneChange
-from offline.evaluation.metrics import PROGRESS, Ratio
+from offline.evaluation.metrics import PROGRESS, Figures
 from offline.evaluation.tables import (
     TABLES_OF_RATIOS,
     error_tables,
     interval_cells,
     library_ratio_table,
+    means_of,
     quantile_ratio_table,
     quantile_table,
     ratio_table,
     road_tables,
-    series_tables,
+    series_table,
 )
 from offline.evaluation.test_sets import LIBRARY, NEW_ROADS, ROBUSTNESS
 from rt_controller.contract.arrays import Array
@@ -78,10 +79,11 @@ def _introduction(comparison: Comparison) -> tuple[Part, ...]:
 def _main_results(comparison: Comparison) -> list[str]:
     """A sentence for each model and question."""
     lines = []
-    best = comparison.best_linear(comparison.errors_on(LIBRARY))
+    library = comparison.library
+    best = library["best_baseline"].get(LINEAR)
     for model in comparison.models:
-        ratios = comparison.ratios_to_baselines(model)
-        medians = comparison.ratios_of_quantiles(model)[0.5]
+        ratios = library["baseline_mse_over_model_mse"][model]
+        medians = library["baseline_mse_quantile_over_model_mse_quantile"][model]["p50"]
         if FAIR_LTI in ratios:
             lines.append(
                 f"On the {LIBRARY}, the mean squared error of the better of "
@@ -95,20 +97,19 @@ def _main_results(comparison: Comparison) -> list[str]:
                 f"trajectories it is {_means(comparison, medians[best], f'that of {model}')}."
             )
         for test in filter(None, map(comparison.find_set, TABLES_OF_RATIOS)):
-            ratio = comparison.ratio_to_library(model, test.name)
-            worst = ratio.worst_state
-            largest = format_number(float(ratio.by_state.value[worst]), 3)
+            ratio = comparison.figures["sets"][test.name]["mse_over_library_mse"][model]
+            worst, largest = comparison.worst_state(ratio)
             lines.append(
                 f"On {test.name}, the mean squared error of {model} is "
-                f"{_means(comparison, ratio, f'its own on the {LIBRARY}')}, {largest} times in the "
-                f"worst state, {comparison.columns[worst].name}."
+                f"{_means(comparison, ratio, f'its own on the {LIBRARY}')}, "
+                f"{format_number(largest, 3)} times in the worst state, {worst}."
             )
     return lines
 
 
-def _means(comparison: Comparison, ratio: Ratio, of: str) -> str:
+def _means(comparison: Comparison, ratio: Figures, of: str) -> str:
     """Geometric means, the first with its interval, as text."""
-    cell, *others = interval_cells(*ratio.means)
+    cell, *others = interval_cells(means_of(ratio))
     interval = f" ({cell.detail})" if cell.detail else ""
     text = f"{cell.text}{interval} times {of} in the geometric mean of "
     text += f"{len(comparison.columns)} states"
@@ -161,7 +162,7 @@ def _conditions(comparison: Comparison) -> Section:
         )
         parts.append(Plot(plots.errors_by_condition(comparison), caption))
     for model in comparison.models:
-        parts += series_tables(comparison, model)
+        parts += [series_table(comparison, model, each) for each in comparison.series]
     return Section("Conditions", tuple(parts))
 
 

@@ -184,6 +184,8 @@ class Windows:
             for group in groups
         }
         self._over = [0] * len(checks)
+        self.failed: list[Check] = []
+        """that `failing` has returned since this list was cleared"""
 
     def begin(self) -> None:
         """Set all counts to zero."""
@@ -200,6 +202,7 @@ class Windows:
             over[i] += 1
             if over[i] >= window_ticks:
                 found.append(check)
+        self.failed += found
         return found
 
 

@@ -58,6 +58,8 @@ class Supervisor:
         self.values = list(_NOT_COMPUTED)
         """of this tick, by `Quantity`; overwritten by the next"""
         self._windows = Windows(self.values, checks, (_OF_STATE, _OF_CAR, _OF_PATH, _OF_ENGAGEMENT))
+        self.failing = self._windows.failed
+        """checks of this tick; overwritten by the next"""
         self._car = car or StoppingCar()
         self._prediction = prediction
         self._residuals = Residuals(self.values, prediction, limits)
@@ -75,6 +77,7 @@ class Supervisor:
     def check(self, tick: Tick) -> Estimate:
         """State and path of this tick to plan from, and the cause of a stop or of a rejection."""
         self.values[:] = _NOT_COMPUTED
+        self.failing.clear()
         before = self._state
         if before is None or not tick.is_driven:
             return self._begin(tick)

@@ -1,12 +1,51 @@
-"""Solvers without a warm start, called through their own interfaces.
+"""Solvers without a warm start: set up for each problem by qpsolvers, and QOCO by itself."""
 
-Each class imports its library when it is opened, so that any of them may be missing.
-"""
+from typing import Any
 
 import numpy as np
+import qpsolvers
 
 from benchmarks.peers.solvers.rows import OneSidedRows, upper_triangle
 from rt_controller.control.program import QuadraticProgram, SolveStatus
+
+
+class ColdSolver:
+    """A solver of qpsolvers; `options` are those of its `solve_problem`."""
+
+    def __init__(self, program: QuadraticProgram, solver: str, **options: Any) -> None:
+        self._program, self._rows = program, OneSidedRows(program)
+        self._solver, self._options = solver, options
+        self.solution = np.zeros(program.size)
+
+    def update_matrices(self) -> bool:
+        self._rows.update_matrices()
+        return True
+
+    def solve(self) -> SolveStatus:
+        self._rows.update_vectors()
+        P, q, C, d = self._program.P, self._program.q, self._rows.C, self._rows.d
+        if self._solver == "quadprog":  # dense
+            C = C.toarray()
+        else:
+            P = upper_triangle(P)
+        found = qpsolvers.solve_problem(
+            qpsolvers.Problem(P, q, C, d), self._solver, **self._options
+        )
+        if not found.found:
+            return SolveStatus.NUMERICS
+        self.solution[:] = found.x
+        return SolveStatus.SOLVED
+
+
+def open_clarabel(program: QuadraticProgram, tolerance: float) -> ColdSolver:
+    """Clarabel, an interior-point method for conic programs: Goulart and Chen, 2024."""
+    names = ("tol_gap_abs", "tol_gap_rel", "tol_feas")
+    return ColdSolver(program, "clarabel", max_threads=1, **dict.fromkeys(names, tolerance))
+
+
+def open_quadprog(program: QuadraticProgram, _: float) -> ColdSolver:
+    """The dual active-set method of Goldfarb and Idnani, 1983; it has no tolerance."""
+    return ColdSolver(program, "quadprog")
 
 
 class QocoSolver:
@@ -41,71 +80,4 @@ class QocoSolver:
         if result.status not in ("QOCO_SOLVED", "QOCO_SOLVED_INACCURATE"):
             return SolveStatus.NUMERICS
         self.solution[:] = result.x
-        return SolveStatus.SOLVED
-
-
-class ClarabelSolver:
-    """Clarabel, an interior-point method for conic programs: Goulart and Chen, 2024."""
-
-    def __init__(self, program: QuadraticProgram, tolerance: float) -> None:
-        import clarabel
-
-        self._program, self._rows = program, OneSidedRows(program)
-        self.solution = np.zeros(program.size)
-        settings = clarabel.DefaultSettings()
-        settings.verbose, settings.max_threads = False, 1
-        settings.presolve_enable = False  # otherwise it refuses new data
-        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
-        objective = (upper_triangle(program.P), program.q)
-        cones = [clarabel.NonnegativeConeT(len(self._rows.d))]
-        self._solver = clarabel.DefaultSolver(
-            *objective, self._rows.C, self._rows.d, cones, settings
-        )
-        self._usable = (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved)
-
-    def update_matrices(self) -> bool:
-        if self._program.hessian_varies:
-            self._solver.update(P=upper_triangle(self._program.P).data)
-        if self._program.rows_vary:
-            self._rows.update_matrices()
-            self._solver.update(A=self._rows.C.data)
-        return True
-
-    def solve(self) -> SolveStatus:
-        self._rows.update_vectors()
-        self._solver.update(q=self._program.q, b=self._rows.d)
-        result = self._solver.solve()
-        if result.status not in self._usable:
-            return SolveStatus.NUMERICS
-        self.solution[:] = result.x
-        return SolveStatus.SOLVED
-
-
-class QuadprogSolver:
-    """The dual active-set method of Goldfarb and Idnani, 1983; it has no tolerance.
-
-    It keeps no workspace; the inverse factor of P is computed in `update_matrices`.
-    """
-
-    def __init__(self, program: QuadraticProgram, _: float) -> None:
-        self._program, self._rows = program, OneSidedRows(program)
-        self.solution = np.zeros(program.size)
-        self.update_matrices()
-
-    def update_matrices(self) -> bool:
-        self._rows.update_matrices()
-        self._C = np.ascontiguousarray(-self._rows.C.toarray().T)
-        self._inverse_factor = np.linalg.inv(np.linalg.cholesky(self._program.P).T)
-        return True
-
-    def solve(self) -> SolveStatus:
-        import quadprog
-
-        self._rows.update_vectors()
-        problem = (self._inverse_factor, -self._program.q, self._C, -self._rows.d)
-        try:
-            x, *_ = quadprog.solve_qp(*problem, factorized=True)
-        except ValueError:  # constraints that it finds inconsistent
-            return SolveStatus.NUMERICS
-        self.solution[:] = x
         return SolveStatus.SOLVED

@@ -54,8 +54,8 @@ PEERS = (
     SolverEntry("SCS", "scs", warm_solvers.ScsSolver),
     SolverEntry("QOCO", "qoco", cold_solvers.QocoSolver),
     SolverEntry("qpOASES (CasADi)", "casadi", warm_solvers.QpoasesSolver, False),
-    SolverEntry("Clarabel", "clarabel", cold_solvers.ClarabelSolver),
-    SolverEntry("quadprog", "quadprog", cold_solvers.QuadprogSolver, False),
+    SolverEntry("Clarabel", "clarabel", cold_solvers.open_clarabel),
+    SolverEntry("quadprog", "quadprog", cold_solvers.open_quadprog, False),
 )
 
 

@@ -12,23 +12,37 @@ MADE = made_trajectories(100)
 LIBRARY = made_test_set(MADE)
 
 
+def constant(*errors):
+    return WithError(MADE, np.array(errors, dtype=float))
+
+
+def compared(model, baselines, sets=(LIBRARY,), **options):
+    return compare_models({"model": model}, baselines, sets, VEHICLE, **options)
+
+
 def ratios(model, **baselines):
-    comparison = compare_models({"model": model}, baselines, [LIBRARY], VEHICLE)
-    return comparison.ratios_to_baselines("model")
+    return compared(model, baselines).library["baseline_mse_over_model_mse"]["model"]
+
+
+def states_of(ratio, part="value"):
+    return np.array([each[part] for each in ratio.values()])[:6]
+
+
+def mean_of(ratio, part="value"):
+    return ratio["geometric_mean"][part]
 
 
 @pytest.mark.parametrize(("factor", "ratio"), [(1.0, 1.0), (2.0, 4.0)])
 def test_proportional_errors_have_an_exact_ratio_because_the_draws_are_the_same(factor, ratio):
     (found,) = ratios(with_random_error(MADE), other=with_random_error(MADE, factor)).values()
-    for part in (*found.by_state, *found.geometric_mean):
-        assert np.allclose(part, ratio, rtol=1e-12)
+    assert np.allclose([[*each.values()] for each in found.values()], ratio, rtol=1e-12)
 
 
 def test_ratio_of_independent_errors_has_an_interval():
     (found,) = ratios(with_random_error(MADE), other=with_random_error(MADE, seed=1)).values()
-    assert np.all(found.by_state.low < found.by_state.value)
-    assert np.all(found.by_state.value < found.by_state.high)
-    assert found.geometric_mean.low < 1.0 < found.geometric_mean.high
+    assert np.all(states_of(found, "low") < states_of(found))
+    assert np.all(states_of(found) < states_of(found, "high"))
+    assert mean_of(found, "low") < 1.0 < mean_of(found, "high")
 
 
 def test_geometric_mean_is_over_all_states():
@@ -36,22 +50,18 @@ def test_geometric_mean_is_over_all_states():
     error = model.predict(MADE.x[:, 0].astype(float), None, None, None) - MADE.x
     error[..., 0] *= 8.0
     (found,) = ratios(model, one_state_worse=WithError(MADE, error)).values()
-    assert found.by_state.value == pytest.approx([64.0, 1.0, 1.0, 1.0, 1.0, 1.0])
-    assert found.geometric_mean.value == pytest.approx(2.0)
+    assert states_of(found) == pytest.approx([64.0, 1.0, 1.0, 1.0, 1.0, 1.0])
+    assert mean_of(found) == pytest.approx(2.0)
 
 
 def test_fair_lti_is_in_each_state_the_better_of_the_two_linear_baselines():
-    def constant(*errors):
-        return WithError(MADE, np.array(errors))
-
     found = ratios(
         constant(1, 1, 1, 1, 1, 1),
         **{"lti": constant(2, 3, 2, 3, 2, 3), "lti-per-curvature": constant(3, 2, 3, 2, 3, 1)},
         persistence=constant(1, 1, 1, 1, 1, 1),
     )
-    assert next(iter(found)) == FAIR_LTI
-    assert found[FAIR_LTI].by_state.value == pytest.approx([4.0, 4.0, 4.0, 4.0, 4.0, 1.0])
-    assert set(found) == {FAIR_LTI, "lti", "lti-per-curvature", "persistence"}
+    assert list(found) == [FAIR_LTI, "lti", "lti-per-curvature", "persistence"]
+    assert states_of(found[FAIR_LTI]) == pytest.approx([4.0, 4.0, 4.0, 4.0, 4.0, 1.0])
 
 
 def test_fair_lti_is_chosen_anew_in_each_draw():
@@ -61,28 +71,24 @@ def test_fair_lti_is_chosen_anew_in_each_draw():
     }
     found = ratios(with_random_error(MADE), **linear)
     for name in linear:
-        assert np.all(found[FAIR_LTI].by_state.high <= found[name].by_state.high)
-        assert np.all(found[FAIR_LTI].by_state.low <= found[name].by_state.low)
+        for part in ("low", "high"):
+            assert np.all(states_of(found[FAIR_LTI], part) <= states_of(found[name], part))
+
+
+def test_without_linear_baselines_there_is_no_fair_lti():
+    assert set(ratios(with_random_error(MADE), other=with_random_error(MADE))) == {"other"}
 
 
 def test_the_best_linear_baseline_has_the_smallest_geometric_mean():
-    def constant(*errors):
-        return WithError(MADE, np.array(errors, dtype=float))
-
     baselines = {
         "slow": constant(9, 1, 1, 1, 1, 1),
         "blind": constant(1, 2, 2, 1, 1, 1),
         "gru": constant(1, 1, 1, 1, 1, 2),
         "guess": constant(1, 1, 1, 1, 1, 1),
     }
-    comparison = compare_models(
-        {"model": constant(1, 1, 1, 1, 1, 1)},
-        baselines,
-        [LIBRARY],
-        VEHICLE,
-        classes={"slow": "linear", "blind": "linear", "gru": "recurrent", "guess": "other"},
-    )
-    assert comparison.best_linear(comparison.errors_on("library")) == "blind"
+    classes = {"slow": "linear", "blind": "linear", "gru": "recurrent", "guess": "other"}
+    comparison = compared(constant(1, 1, 1, 1, 1, 1), baselines, classes=classes)
+    assert comparison.library["best_baseline"] == {"linear": "blind"}
 
 
 def test_the_best_baseline_is_chosen_for_each_slice():
@@ -90,46 +96,46 @@ def test_the_best_baseline_is_chosen_for_each_slice():
     error[:50] = 3.0
     rows = np.arange(100) < 50
     slices = (Slice("first", "library", rows), Slice("last", "library", ~rows))
-    comparison = compare_models(
-        {"model": with_random_error(MADE)},
+    comparison = compared(
+        with_random_error(MADE),
         {"a": WithError(MADE, error), "b": WithError(MADE, 4.0 - error)},
-        [LIBRARY],
-        VEHICLE,
         classes={"a": "linear", "b": "linear"},
         series=[Series("half", "half", "", "library", slices)],
     )
-    errors = [comparison.errors_in(part) for part in slices]
-    assert [comparison.best_linear(each) for each in errors] == ["b", "a"]
-    assert [comparison.size_of(part) for part in slices] == [(50, 10), (50, 10)]
-    assert comparison.growth("a", errors[0]["a"]).geometric_mean.value == pytest.approx(1.8)
+    found = comparison.figures["series"]["half"]["slices"]
+    assert [part["best_baseline"]["linear"] for part in found] == ["b", "a"]
+    assert [(part["n_trajectories"], part["n_episodes"]) for part in found] == [(50, 10)] * 2
+    assert mean_of(found[0]["mse_over_library_mse"]["a"]) == pytest.approx(1.8)
 
 
-def test_a_diverging_baseline_is_the_best_linear_one_only_if_there_is_no_other():
+def test_the_smallest_ratio_of_a_slice_is_that_of_the_state_where_the_model_leads_least():
+    baselines = {"other": constant(4, 3, np.nan, 9, 2, np.inf)}
+    series = [Series("all", "all", "", "", (Slice("all", "library", np.ones(100, dtype=bool)),))]
+    comparison = compared(constant(1, 1, 1, 1, 1, 1), baselines, series=series)
+    (found,) = comparison.figures["series"]["all"]["slices"]
+    assert found["state_of_smallest_ratio"] == {"model": {"other": "ey"}}
+
+
+@pytest.mark.parametrize(("names", "best"), [(("broken", "fine"), "fine"), (("broken",), "broken")])
+def test_a_diverging_baseline_is_the_best_linear_one_only_if_there_is_no_other(names, best):
     error = np.ones(MADE.x.shape)
     error[3, 4:, 2] = np.nan
-    broken, fine = WithError(MADE, error), with_random_error(MADE, 100.0)
-    for baselines, best in (
-        ({"broken": broken, "fine": fine}, "fine"),
-        ({"broken": broken}, "broken"),
-    ):
-        classes = dict.fromkeys(baselines, "linear")
-        comparison = compare_models({}, baselines, [LIBRARY], VEHICLE, classes=classes)
-        assert comparison.best_linear(comparison.errors_on("library")) == best
+    known = {"broken": WithError(MADE, error), "fine": with_random_error(MADE, 100.0)}
+    baselines = {name: known[name] for name in names}
+    classes = dict.fromkeys(names, "linear")
+    comparison = compare_models({}, baselines, [LIBRARY], VEHICLE, classes=classes)
+    assert comparison.library["best_baseline"] == {"linear": best}
 
 
 def test_ratios_of_medians_ignore_a_single_bad_trajectory():
     error = np.ones(MADE.x.shape)
     error[7] = 1e3
-    baselines = {"other": WithError(MADE, 2.0 * np.ones(MADE.x.shape))}
-    comparison = compare_models({"model": WithError(MADE, error)}, baselines, [LIBRARY], VEHICLE)
-    by_share = comparison.ratios_of_quantiles("model")
-    assert by_share[0.5]["other"].geometric_mean.value == pytest.approx(4.0)
-    assert by_share[0.5]["other"].without_progress.value == pytest.approx(4.0)
-    assert comparison.ratios_to_baselines("model")["other"].geometric_mean.value < 1e-3
-
-
-def test_without_linear_baselines_there_is_no_fair_lti():
-    assert set(ratios(with_random_error(MADE), other=with_random_error(MADE))) == {"other"}
+    library = compared(WithError(MADE, error), {"other": constant(2, 2, 2, 2, 2, 2)}).library
+    by_share = library["baseline_mse_quantile_over_model_mse_quantile"]["model"]
+    median = by_share["p50"]["other"]
+    assert mean_of(median) == pytest.approx(4.0)
+    assert median["geometric_mean_without_ds"]["value"] == pytest.approx(4.0)
+    assert mean_of(library["baseline_mse_over_model_mse"]["model"]["other"]) < 1e-3
 
 
 def test_a_diverging_baseline_has_an_infinite_ratio_and_does_not_change_the_others():
@@ -137,29 +143,30 @@ def test_a_diverging_baseline_has_an_infinite_ratio_and_does_not_change_the_othe
     error[7, 5:] = np.nan
     model = with_random_error(MADE)
     found = ratios(model, broken=WithError(MADE, error), equal=with_random_error(MADE))
-    assert np.all(np.isinf(found["broken"].by_state.value))
-    assert np.all(found["equal"].by_state.value == 1.0)
+    assert np.all(np.isinf(states_of(found["broken"])))
+    assert np.all(states_of(found["equal"]) == 1.0)
 
 
-def test_errors_on_another_set_are_divided_by_those_on_the_library():
+@pytest.mark.parametrize(
+    ("error", "largest", "is_within"), [([2.0, 1, 1, 1, 1, 1], 4.0, False), ([1.0] * 6, 1.0, True)]
+)
+def test_errors_on_another_set_are_divided_by_those_on_the_library(error, largest, is_within):
     far = made_trajectories(50, seed=3)
     both = MADE._replace(x=np.concatenate([MADE.x, far.x]))
-    error = np.ones(both.x.shape)
-    error[100:] = [2.0, 1.0, 1.0, 1.0, 1.0, 1.0]
-    sets = [LIBRARY, made_test_set(far, name="robustness")]
-    comparison = compare_models({"model": WithError(both, error)}, {}, sets, VEHICLE)
-    ratio = comparison.ratio_to_library("model", "robustness")
-    assert ratio.by_state.value == pytest.approx([4.0, 1.0, 1.0, 1.0, 1.0, 1.0])
-    assert ratio.worst_state == 0
-    assert not ratio.is_within_goal
-    assert comparison.ratio_to_library("model", "library").is_within_goal
+    errors = np.ones(both.x.shape)
+    errors[100:] = error
+    sets = [LIBRARY, made_test_set(far, name="new-roads")]
+    comparison = compared(WithError(both, errors), {}, sets)
+    found = comparison.figures["sets"]["new-roads"]
+    ratio = found["mse_over_library_mse"]["model"]
+    assert states_of(ratio) == pytest.approx(np.square(error))
+    assert comparison.worst_state(ratio)[1] == pytest.approx(largest)
+    assert found["is_within_goal"] == {"model": is_within}
 
 
 def test_a_model_that_diverges_on_both_sets_misses_the_goal():
-    error = np.ones(MADE.x.shape)
-    error[..., 2] = np.inf
     sets = [LIBRARY, made_test_set(MADE, name="new-roads")]
-    comparison = compare_models({"model": WithError(MADE, error)}, {}, sets, VEHICLE)
-    ratio = comparison.ratio_to_library("model", "new-roads")
-    assert ratio.worst_state == 2
-    assert not ratio.is_within_goal
+    comparison = compared(constant(1, 1, np.inf, 1, 1, 1), {}, sets)
+    found = comparison.figures["sets"]["new-roads"]
+    assert comparison.worst_state(found["mse_over_library_mse"]["model"])[0] == "yaw_rate"
+    assert found["is_within_goal"] == {"model": False}

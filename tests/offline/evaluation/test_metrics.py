@@ -5,13 +5,15 @@ import pytest
 from toy_predictors import WithError, made_test_set, made_trajectories, with_random_error
 
 from offline.evaluation import predictor
+from offline.evaluation.comparison import compare_models
 from offline.evaluation.metrics import (
+    MEANS,
     SHARES,
     StateUnit,
     TrajectoryErrors,
+    errors_on,
     geometric_mean,
-    ratio_of,
-    score,
+    ratios_of,
     state_units,
 )
 from offline.evaluation.predictor import prediction_errors
@@ -20,22 +22,34 @@ from rt_controller.contract.signals import VEHICLE, Schema, Signal
 CAR = state_units(VEHICLE)
 
 
+def figures_of(model, test, schema=VEHICLE):
+    """Figures of the library, of a model on this test set."""
+    return compare_models({"m": model}, {}, [test], schema).library
+
+
+def values(by_state, part="value"):
+    return [each[part] for each in by_state.values()]
+
+
+def mse_of(model, test, schema=VEHICLE):
+    return values(figures_of(model, test, schema)["models"]["m"]["mse"])
+
+
 def test_errors_are_in_the_squared_units_of_the_papers_table():
     """Errors of 1 m/s, 1 rad/s, 1 m and 1 rad everywhere."""
     made = made_trajectories(10)
-    found = score(WithError(made, [1.0, -1.0, 1.0, 1.0, -1.0, 1.0]), made_test_set(made), CAR)
+    model = WithError(made, [1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
+    found = figures_of(model, made_test_set(made))["models"]["m"]
     degrees = np.degrees(1.0) ** 2
-    assert np.allclose(found.mse().value, [12.96, 12.96, degrees, 1.0, 1.0, degrees])
-    assert np.allclose(found.rms().value, np.sqrt(found.mse().value))
+    assert np.allclose(values(found["mse"]), [12.96, 12.96, degrees, 1.0, 1.0, degrees])
+    assert np.allclose(values(found["rms"]), np.sqrt(values(found["mse"])))
 
 
 def test_the_first_state_does_not_count():
     made = made_trajectories(10)
     error = np.zeros(made.x.shape)
     error[:, 0] = 1e6
-    found = score(WithError(made, error), made_test_set(made), CAR)
-    assert found.squared.total.shape == (2, 80, 6)
-    assert np.all(found.mse().value == 0.0)
+    assert mse_of(WithError(made, error), made_test_set(made)) == [0.0] * 6
 
 
 def test_states_of_any_schema_have_errors():
@@ -43,9 +57,9 @@ def test_states_of_any_schema_have_errors():
         (Signal("speed_mps", "m/s"), Signal("heat_k", "K")), (Signal("power", "1"),), (), 0.1
     )
     made = made_trajectories(10, steps=30, states=2)
-    found = score(WithError(made, [1.0, 2.0]), made_test_set(made), state_units(schema))
-    assert np.allclose(found.mse().value, [12.96, 4.0])
-    assert found.marked_steps == (20,)
+    found = figures_of(WithError(made, [1.0, 2.0]), made_test_set(made), schema)
+    assert np.allclose(values(found["models"]["m"]["mse"]), [12.96, 4.0])
+    assert list(found["absolute_error_quantiles"]["m"]) == ["after_2_s"]
 
 
 def test_rms_error_is_given_for_each_step():
@@ -53,10 +67,10 @@ def test_rms_error_is_given_for_each_step():
     made = made_trajectories(20)
     error = np.zeros(made.x.shape)
     error[..., 4] = np.arange(81)
-    by_step = score(WithError(made, error), made_test_set(made), CAR).rms_by_step()
-    assert np.allclose(by_step.value[:, 4], np.arange(1, 81))
-    assert np.allclose(by_step.low[:, 4], np.arange(1, 81))
-    assert np.all(by_step.value[:, 0] == 0.0)
+    by_step = figures_of(WithError(made, error), made_test_set(made))["by_step"]["m"]["rms"]
+    assert np.allclose(by_step["ey_m"]["value"], np.arange(1, 81))
+    assert np.allclose(by_step["ey_m"]["low"], np.arange(1, 81))
+    assert by_step["vx_kmh"]["value"] == [0.0] * 80
 
 
 def test_all_trajectories_have_the_same_weight_in_episodes_of_any_length():
@@ -64,8 +78,7 @@ def test_all_trajectories_have_the_same_weight_in_episodes_of_any_length():
     made = made._replace(episode=np.array([0, 0, 0, 1], dtype=np.int32))
     error = np.zeros(made.x.shape)
     error[3, :, 3] = 2.0
-    found = score(WithError(made, error), made_test_set(made), CAR)
-    assert found.mse().value[3] == pytest.approx(1.0)
+    assert mse_of(WithError(made, error), made_test_set(made))[3] == pytest.approx(1.0)
 
 
 def test_quantiles_are_of_the_absolute_errors_of_the_trajectories():
@@ -73,25 +86,23 @@ def test_quantiles_are_of_the_absolute_errors_of_the_trajectories():
     made = made_trajectories(100)
     error = np.zeros(made.x.shape)
     error[..., 4] = -np.arange(1.0, 101.0)[:, None]
-    found = score(WithError(made, error), made_test_set(made), CAR)
-    assert found.quantiles.shape == (len(SHARES), 80, 6)
-    assert np.allclose(found.quantiles[:, 7, 4], [50.0, 90.0, 99.0])
-    marked = found.quantiles_at_marks()
-    assert marked.value.shape == (3, 3, 6)
-    assert np.allclose(marked.value[:, 1, 4], [50.0, 90.0, 99.0])
-    assert np.all(marked.low[:, 1, 4] < marked.value[:, 1, 4])
-    assert np.all(marked.value[:2, 1, 4] < marked.high[:2, 1, 4])
+    found = figures_of(WithError(made, error), made_test_set(made))
+    by_step = found["by_step"]["m"]["absolute_error"]
+    assert [by_step[share]["ey_m"][7] for share in by_step] == pytest.approx([50.0, 90.0, 99.0])
+    marked = found["absolute_error_quantiles"]["m"]
+    assert list(marked) == ["after_0.5_s", "after_1_s", "after_2_s"]
+    shares = [each["ey_m"] for each in marked["after_1_s"].values()]
+    assert [each["value"] for each in shares] == pytest.approx([50.0, 90.0, 99.0])
+    assert all(each["low"] < each["value"] for each in shares)
+    assert all(each["value"] < each["high"] for each in shares[:2])
 
 
 def test_pooled_errors_are_the_mean_of_those_on_each_road():
     made = made_trajectories(40)
-    curvature = np.repeat([-1e-3, 0.0], [30, 10])
-    test = made_test_set(made, curvature)
-    found = score(with_random_error(made), test, CAR)
-    right, straight = (
-        found.by_trajectory.take(test.is_on_road(kappa)).mean().value for kappa in (-1e-3, 0.0)
-    )
-    assert np.allclose(0.75 * right + 0.25 * straight, found.mse().value)
+    test = made_test_set(made, np.repeat([-1e-3, 0.0], [30, 10]))
+    found = figures_of(with_random_error(made), test)["models"]["m"]
+    right, straight = map(np.array, map(values, found["mse_by_curvature_per_m"].values()))
+    assert np.allclose(0.75 * right + 0.25 * straight, values(found["mse"]))
     assert not np.allclose(right, straight)
 
 
@@ -101,12 +112,13 @@ def test_diverging_predictions_have_infinite_errors_and_are_counted():
     error[3, 40:, 0] = np.inf
     error[4, 40:, 0] = np.nan
     error[5, :, 1] = 1e200  # finite, but not its square
-    found = score(WithError(made, error), made_test_set(made), CAR)
-    assert found.diverged == 2
-    assert np.isinf(found.mse().value).tolist() == [True, True, False, False, False, False]
-    by_step = found.rms_by_step().value
-    assert np.all(by_step[:39, 0] == 0.0)
-    assert np.all(np.isinf(by_step[39:, 0]))
+    found = figures_of(WithError(made, error), made_test_set(made))
+    model = found["models"]["m"]
+    assert model["trajectories_without_finite_prediction"] == 2
+    assert np.isinf(values(model["mse"])).tolist() == [True, True, False, False, False, False]
+    by_step = np.array(found["by_step"]["m"]["rms"]["vx_kmh"]["value"])
+    assert np.all(by_step[:39] == 0.0)
+    assert np.all(np.isinf(by_step[39:]))
 
 
 def test_batches_of_a_long_test_set_give_the_same_errors(monkeypatch):
@@ -127,7 +139,7 @@ def test_a_model_gets_the_inputs_curvature_and_past_of_each_trajectory():
             seen.update(x0=x0, past=past, U=U, W=W)
             return made.x.astype(float)
 
-    score(Watching(), made_test_set(made), CAR)
+    errors_on(Watching(), made_test_set(made), CAR)
     assert np.array_equal(seen["x0"], made.x[:, 0])
     for name, array in (("past", made.past), ("U", made.u), ("W", made.w)):
         assert np.array_equal(seen[name], array)
@@ -180,7 +192,7 @@ def test_an_error_is_averaged_over_the_steps_of_its_trajectory():
     made = made_trajectories(20)
     error = np.zeros(made.x.shape)
     error[3, :, 4] = np.arange(81)
-    found = score(WithError(made, error), made_test_set(made), state_units(VEHICLE)).by_trajectory
+    _, found = errors_on(WithError(made, error), made_test_set(made), CAR)
     assert found.mse[3, 4] == pytest.approx(np.square(np.arange(1, 81)).mean())
     assert np.count_nonzero(found.mse) == 1
 
@@ -189,22 +201,22 @@ def test_one_bad_trajectory_moves_the_mean_and_not_the_median():
     mse = np.ones((200, 2))
     mse[17, 0] = 1e4
     found = TrajectoryErrors(mse, np.arange(200, dtype=np.int32) // 5)
-    assert found.mean().value == pytest.approx([50.995, 1.0])
-    assert np.all(found.quantiles().value[SHARES.index(0.5)] == 1.0)
-    assert np.all(found.quantiles().value[SHARES.index(0.99)] == 1.0)
-    assert found.worst_part.value == pytest.approx([10_001 / 10_199, 0.01])
+    assert found.mean_draws[0] == pytest.approx([50.995, 1.0])
+    assert np.all(found.quantile_draws[0, SHARES.index(0.5)] == 1.0)
+    assert np.all(found.quantile_draws[0, SHARES.index(0.99)] == 1.0)
+    assert found.worst_part().value == pytest.approx([10_001 / 10_199, 0.01])
 
 
 def test_a_prediction_that_is_not_finite_has_infinite_error_and_no_part_of_the_sum():
     made = made_trajectories(20)
     error = np.ones(made.x.shape)
     error[3, 40:, 0] = np.nan
-    found = score(WithError(made, error), made_test_set(made), state_units(VEHICLE)).by_trajectory
+    _, found = errors_on(WithError(made, error), made_test_set(made), CAR)
     assert np.isinf(found.mse[3, 0])
-    assert np.isinf(found.mean().value[0])
-    assert found.quantiles().value[0, 0] == pytest.approx(3.6**2)
-    assert np.isnan(found.worst_part.value[0])
-    assert np.isfinite(found.worst_part.value[1])
+    assert np.isinf(found.mean_draws[0, 0])
+    assert found.quantile_draws[0, 0, 0] == pytest.approx(3.6**2)
+    assert np.isnan(found.worst_part().value[0])
+    assert np.isfinite(found.worst_part().value[1])
 
 
 def test_some_of_the_trajectories_keep_their_errors_and_episodes():
@@ -218,35 +230,28 @@ def draws(*values, count=5):
     return np.tile(np.array(values, dtype=float), (count, 1))
 
 
+def means(found):
+    return [found[name]["value"] for name in MEANS if name in found]
+
+
 def test_the_second_mean_leaves_out_progress():
     """Progress, the fourth state, has the only error."""
-    found = ratio_of(draws(1, 1, 1, 64, 1, 1), draws(1, 1, 1, 1, 1, 1), CAR)
-    assert found.geometric_mean.value == pytest.approx(2.0)
-    assert found.without_progress.value == pytest.approx(1.0)
-    found = ratio_of(draws(32, 1, 1, 64, 1, 1), draws(1, 1, 1, 1, 1, 1), CAR)
-    assert found.without_progress.value == pytest.approx(2.0)
+    one = draws(1, 1, 1, 1, 1, 1)
+    assert means(ratios_of(draws(1, 1, 1, 64, 1, 1), one, CAR)) == pytest.approx([2.0, 1.0])
+    assert means(ratios_of(draws(32, 1, 1, 64, 1, 1), one, CAR))[1] == pytest.approx(2.0)
 
 
 def test_states_without_progress_have_one_mean():
     columns = (StateUnit("speed", "km/h", 3.6), StateUnit("heat", "K", 1.0))
-    found = ratio_of(draws(4, 1), draws(1, 1), columns)
-    assert found.geometric_mean.value == pytest.approx(2.0)
-    assert found.without_progress is None
-    assert ratio_of(draws(4), draws(1), (StateUnit("ds", "m", 1.0),)).without_progress is None
+    assert means(ratios_of(draws(4, 1), draws(1, 1), columns)) == pytest.approx([2.0])
+    assert len(means(ratios_of(draws(4), draws(1), (StateUnit("ds", "m", 1.0),)))) == 1
 
 
 def test_a_ratio_to_a_single_episode_has_no_interval():
     many = np.random.default_rng(0).uniform(1.0, 2.0, (2001, 6))
-    found = ratio_of(draws(1, 1, 1, 1, 1, 1, count=1), many, CAR)
-    assert np.isnan(found.geometric_mean.low)
-    assert np.isnan(found.by_state.high).all()
-    assert found.by_state.value == pytest.approx(1.0 / many[0])
-
-
-def test_the_smallest_ratio_is_that_of_the_state_where_the_model_leads_least():
-    found = ratio_of(draws(4, 3, np.nan, 9, 2, np.inf), draws(1, 1, 1, 1, 1, 1), CAR)
-    assert CAR[found.least_state].name == "ey"
-    assert CAR[found.worst_state].name == "yaw_rate"
+    found = ratios_of(draws(1, 1, 1, 1, 1, 1, count=1), many, CAR)
+    assert np.isnan([*values(found, "low"), *values(found, "high")]).all()
+    assert values(found)[:6] == pytest.approx(1.0 / many[0])
 
 
 def test_a_ratio_of_zero_makes_the_mean_zero():

@@ -46,8 +46,8 @@ def test_card_has_facts_hashes_and_every_error_with_its_interval(lti):
     assert "as trained: 2.5e-07" in card
     assert "vx_mps 1.5, vy_mps 2.5, yaw_rate_radps 3.5" in card
     assert "epsi_rad 650" in card
-    for scores in comparison.library.values():
-        value, low, high = (float(part[4]) for part in scores.mse())
+    for model in comparison.library["models"].values():
+        value, low, high = model["mse"]["ey_m_squared"].values()
         interval = f"{format_number(low, 3)}–{format_number(high, 3)}"
         assert f"{format_number(value)} ({interval})" in card
 

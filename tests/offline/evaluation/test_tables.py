@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 from toy_predictors import WithError, made_test_set, made_trajectories, with_random_error
 
-from offline.evaluation.comparison import compare_models
-from offline.evaluation.figures import comparison_figures, library_figures
+from offline.evaluation.comparison import compare_models, library_figures
 from offline.evaluation.series import Series, Slice
 from offline.evaluation.tables import (
     comparison_tables,
     library_ratio_table,
     mse_table,
     ratio_table,
-    series_tables,
+    series_table,
 )
 from rt_controller.contract.figures import write_figures
 from rt_controller.contract.signals import VEHICLE
@@ -55,7 +54,7 @@ def comparison():
 
 @pytest.fixture(scope="module")
 def figures(comparison):
-    return comparison_figures(comparison)
+    return comparison.figures
 
 
 def numbers_in(figures):
@@ -135,7 +134,7 @@ def test_errors_of_a_diverging_model_are_null_in_json_and_named_below_the_table(
     error[0, 3:] = np.inf
     broken = {"broken": WithError(MADE, error)}
     comparison = compare_models(broken, {}, [made_test_set(MADE)], VEHICLE)
-    write_figures(tmp_path / "figures.json", comparison_figures(comparison))
+    write_figures(tmp_path / "figures.json", comparison.figures)
     figures = json.loads((tmp_path / "figures.json").read_text())
     model = figures["sets"]["library"]["models"]["broken"]
     assert model["mse"]["vx_kmh_squared"]["value"] is None
@@ -168,7 +167,7 @@ def test_every_mean_over_the_states_is_beside_that_without_progress(comparison):
 
 
 def test_a_series_names_the_best_linear_baseline_of_each_slice_and_counts_what_is_in_it(comparison):
-    (table,) = series_tables(comparison, "mdk-net")
+    table = series_table(comparison, "mdk-net", comparison.series[0])
     heads = [column.title for column in table.columns]
     assert table.columns[0].unit == "deg"
     assert "of mdk-net" in table.title
@@ -184,7 +183,7 @@ def test_a_baseline_that_did_not_converge_is_named_below_tables_and_in_json():
     comparison = compare_models(*models, [library], VEHICLE, not_converged=("gru",))
     for table in (mse_table(comparison, library), ratio_table(comparison, "m", library)):
         assert any("Not converged" in note and "gru" in note for note in table.footnotes)
-    assert comparison_figures(comparison)["not_converged"] == ["gru"]
+    assert comparison.figures["not_converged"] == ["gru"]
 
 
 def test_a_comparison_without_baselines_has_no_tables_of_ratios_to_them():
