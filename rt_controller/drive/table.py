@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -99,6 +100,19 @@ class Drive:
             f"<Drive of {len(self)} ticks with {self.model}, {self.ending}: "
             f"lateral error RMS {self.errors.ey_rms_m:.3f} m, peak {self.errors.ey_peak_m:.3f} m>"
         )
+
+    def _repr_html_(self) -> str:
+        """The drive in a notebook: its figure, if matplotlib is installed, and its errors."""
+        rows = "".join(
+            f"<tr><td>{name}</td><td>{value:.4g}</td></tr>"
+            for name, value in self.errors._asdict().items()
+        )
+        text = f"<p>{escape(repr(self)[1:-1])}</p><table>{rows}</table>"
+        try:
+            from rt_controller.report.canvas import to_svg
+        except ImportError:
+            return text
+        return to_svg(self.plot()) + text
 
     def __getitem__(self, column: str) -> Array:
         """One column (ticks,)."""
