@@ -3,13 +3,14 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from html import escape
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import ConfigError, needs_extra, require_type
+from rt_controller.contract.errors import ConfigError, MissingExtraError, needs_extra, require_type
 from rt_controller.contract.files import atomic_write
 from rt_controller.contract.signals import NEUTRAL_INPUT, VEHICLE, ControlInput, Mode, Signal
 from rt_controller.drive.car_figures import CarFigure
@@ -108,11 +109,13 @@ class Drive:
             for name, value in self.errors._asdict().items()
         )
         text = f"<p>{escape(repr(self)[1:-1])}</p><table>{rows}</table>"
+        file = BytesIO()
         try:
-            from rt_controller.report.canvas import to_svg
-        except ImportError:
+            self.plot().savefig(file, format="svg")
+        except MissingExtraError:
             return text
-        return to_svg(self.plot()) + text
+        svg = file.getvalue().decode()
+        return svg[svg.index("<svg") :] + text
 
     def __getitem__(self, column: str) -> Array:
         """One column (ticks,)."""
