@@ -35,6 +35,23 @@ from sim_bridge.plant.shipped_cars import DEFAULT_CAR
 
 LEAST_EPISODES = 10
 HELD_OUT = EvaluationOptions()
+_MAIN_OPTIONS = (
+    "VARIANTS SPACE preset steps seed seeds trials only folder data resume runs init json"
+)
+_TRAINING = {
+    "Main options": _MAIN_OPTIONS,
+    "Data": "episodes data-seed windows rare-share mirror noise",
+    "Optimisation": "batch optimizer learning-rate matrix-rate operator-rate rate-schedule "
+    "patience evaluate-every gradient-clip best-rule",
+    "Loss": "objective horizon-start horizon-growth forgetting weight-single-step "
+    "weight-multi-step weight-stability weight-regularisation decay-encoder decay-operator "
+    "operator-prior stability through-last-step target-samples",
+    "Model": "activation hidden latents latents-start constant-observable lift-exogenous products "
+    "history-steps separate-motion path-latents path-hidden bilinear-rank path-rank "
+    "saturating-gains drift-rank bilinear-follows",
+    "Machine and campaign": "threads device backend address jobs lists spaces search-seed",
+}
+"""options of offline-train, and of the commands that train many models, by group"""
 
 data_app = new_app("offline-data", "Make the data set: episodes of the simulated car.")
 import_app = new_app(
@@ -44,7 +61,9 @@ import_app = new_app(
     "MAPPING LOGS",
 )
 train_app = new_app(
-    "offline-train", "Train a model; the defaults are those of the preset recommended."
+    "offline-train",
+    "Train a model; the defaults are those of the preset recommended.",
+    groups=_TRAINING,
 )
 export_app = new_app("offline-export", "Make the bundle that rt-controller drives with.", "[RUN]")
 evaluate_app = new_app(
@@ -64,8 +83,9 @@ ablate_app = new_app(
     "offline-ablate",
     "Train variants of a model on the same data, and compare them.",
     "[VARIANTS]",
+    _TRAINING,
 )
-tune_app = new_app("offline-tune", "Search for the settings of a training.", "[SPACE]")
+tune_app = new_app("offline-tune", "Search for the settings of a training.", "[SPACE]", _TRAINING)
 
 
 @data_app.default

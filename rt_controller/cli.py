@@ -26,6 +26,14 @@ app = new_app(
     "simulated drive missed a limit of its scenario, 9 a log, a result file or an output stream is "
     "incomplete, 130 ended at once by a third Ctrl-C, or by one while it was loading.",
     "--bus NAME",
+    {
+        "Main options": "bus channel scenario car model duration-s record plot json config",
+        "Bus": "bitrate fd bus-option wait-s stay",
+        "Simulated car (--bus virtual)": "plant plant-mapping friction friction-right "
+        "transport-delay actuation-delay faults pace",
+        "Results": "mcap overwrite ticks quiet verbose max-misses",
+        "Check of the model": "check model-trial",
+    },
 )
 
 

@@ -26,6 +26,12 @@ app = new_app(
     "a limit of its scenario, 9 a log, a result file or an output stream is incomplete, 130 ended "
     "by Ctrl-C while it was loading.",
     "--bus NAME",
+    {
+        "Main options": "bus channel scenario car friction faults signals record json",
+        "Bus": "bitrate fd bus-option wait-s priority",
+        "Simulated car": "plant plant-mapping friction-right transport-delay actuation-delay",
+        "Results": "overwrite quiet",
+    },
 )
 
 

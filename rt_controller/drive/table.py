@@ -2,13 +2,15 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from html import escape
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import ConfigError, needs_extra, require_type
+from rt_controller.contract.errors import ConfigError, MissingExtraError, needs_extra, require_type
 from rt_controller.contract.files import atomic_write
 from rt_controller.contract.signals import NEUTRAL_INPUT, VEHICLE, ControlInput, Mode, Signal
 from rt_controller.drive.scenario import CarFigure, DrivenScenario
@@ -94,6 +96,21 @@ class Drive:
             f"<Drive of {len(self)} ticks with {self.model}, {self.ending}: "
             f"lateral error RMS {self.errors.ey_rms_m:.3f} m, peak {self.errors.ey_peak_m:.3f} m>"
         )
+
+    def _repr_html_(self) -> str:
+        """The drive in a notebook: its figure, if matplotlib is installed, and its errors."""
+        rows = "".join(
+            f"<tr><td>{name}</td><td>{value:.4g}</td></tr>"
+            for name, value in self.errors._asdict().items()
+        )
+        text = f"<p>{escape(repr(self)[1:-1])}</p><table>{rows}</table>"
+        file = BytesIO()
+        try:
+            self.plot().savefig(file, format="svg")
+        except MissingExtraError:
+            return text
+        svg = file.getvalue().decode()
+        return svg[svg.index("<svg") :] + text
 
     def __getitem__(self, column: str) -> Array:
         """One column (ticks,)."""

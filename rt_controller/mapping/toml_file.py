@@ -42,11 +42,11 @@ def parse(
         return schema.validate_python(raw, context=context)
     except ValidationError as error:
         first = error.errors()[0]
-        explained = explain(error, dotted)
+        explained = explain(error, dotted, getattr(schema, "_type", None))
         if not first["loc"] and "error" in first.get("ctx", {}):  # it names several fields itself
             explained = str(first["ctx"]["error"])
         for name, remedy in remedies.items():
-            misplaced = rf"^(\S+\.{name}: no such setting\.)$"
+            misplaced = rf"^(\S+\.{name}: no such setting.*)$"
             explained = re.sub(misplaced, rf"\1 {remedy}", explained, flags=re.MULTILINE)
         lines = explained.splitlines()
         listed = f" {lines[0]}" if len(lines) == 1 else "".join(f"\n  {line}" for line in lines)

@@ -5,8 +5,8 @@ A program builds a `Table` of finished texts and passes it to `print_table`, `to
 not from the rounded texts of a table.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -93,11 +93,41 @@ def format_number(number: float, digits: int = 4) -> str:
 
 
 def print_table(table: Table, console: Console) -> None:
-    """Print the table; if the terminal is too narrow, its lines break, but no number is cut."""
-    shown = to_rich(table)
-    needed = Measurement.get(console, console.options.update(max_width=1_000), shown).minimum
-    options = console.options.update(width=max(console.width, needed))
-    console.print(Segments(console.render(shown, options)), crop=False, end="")
+    """Print the table; one that is too wide in several parts, which all have the first column.
+
+    Texts are wrapped, but no number is cut: a single column may be wider than the console.
+    """
+    for part in _parts(table, console):
+        shown = to_rich(part)
+        options = console.options.update(width=max(console.width, _least_width(part, console)))
+        console.print(Segments(console.render(shown, options)), crop=False, end="")
+
+
+def _parts(table: Table, console: Console) -> Iterator[Table]:
+    """The table with as many columns as fit, then the others; footnotes below the last part."""
+    title, chosen = table.title, [0]
+    for i in range(1, len(table.columns)):
+        is_too_wide = _least_width(_select(table, [*chosen, i]), console) > console.width
+        if is_too_wide and len(chosen) > 1:
+            yield replace(_select(table, chosen), title=title, footnotes=())
+            title, chosen = "", [0]
+        chosen.append(i)
+    yield replace(_select(table, chosen), title=title)
+
+
+def _select(table: Table, chosen: Sequence[int]) -> Table:
+    """The table with these columns only; rows of a single cell are kept."""
+    rows = [
+        tuple(row[i] for i in chosen) if len(row) == len(table.columns) else row
+        for row in table.rows
+    ]
+    return replace(table, columns=tuple(table.columns[i] for i in chosen), rows=tuple(rows))
+
+
+def _least_width(table: Table, console: Console) -> int:
+    """Number of characters of a line in which every number fits."""
+    options = console.options.update(max_width=1_000)
+    return Measurement.get(console, options, to_rich(table)).minimum
 
 
 def to_rich(table: Table) -> RichTable:

@@ -5,25 +5,42 @@ Imported before anything heavy, so that `--help` and a mistyped option answer at
 
 import errno
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
+from functools import partial
 from importlib.metadata import version
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cyclopts import App, CycloptsError, MissingArgumentError
 from pydantic import BaseModel
-from rich.console import Console
+from rich.console import Console, ConsoleOptions
+from rich.text import Text
 
 from rt_controller.contract.errors import ConfigError, OutputError, RtControllerError
 from rt_controller.contract.settings_errors import Location, dotted, explain, option, with_options
 from rt_controller.terminal.entry import INTERRUPTED, SENTENCE
 from rt_controller.terminal.streams import lost_output, protect_streams
 
+if TYPE_CHECKING:
+    from cyclopts.help import HelpEntry, HelpPanel
 
-def new_app(name: str, help_text: str, arguments: str = "") -> App:
+_HELP_ALL = "--help-all"
+_HELP_FLAGS = {"--help", "-h", _HELP_ALL}
+_SHORT_LIST = 13
+"""options of a command that `--help` shows all, whatever their names"""
+
+
+def new_app(
+    name: str, help_text: str, arguments: str = "", groups: Mapping[str, str] | None = None
+) -> App:
     """A command with `--help`, `--version` (of the distribution) and `--install-completion`.
 
-    `arguments` are those that the usage line names.
+    Args:
+        name: of the program.
+        help_text: what it does, and its exit codes.
+        arguments: those that the usage line names.
+        groups: names of options by the title of their group. Of a long list `--help` shows the
+            first group only. Others are grouped by the part of their name before the last dot.
     """
     # Markdown, the default, would import a parser and colours for source code.
     app = App(
@@ -31,7 +48,9 @@ def new_app(name: str, help_text: str, arguments: str = "") -> App:
         help=help_text,
         help_format="plaintext",
         version=lambda: version("rt-controller"),
+        help_flags=("--help", "-h", _HELP_ALL),
     )
+    app.help_formatter = _HelpFormatter(groups or {"Main options": ""})
     app.usage = " ".join(["Usage:", name, *arguments.split(), "[OPTIONS]"])
     app.register_install_completion_command()
     return app
@@ -88,13 +107,34 @@ def _call(app: App, arguments: Sequence[str]) -> int:
     entry = app.meta if app.meta.default_command is not None else app
     app.suppress_keyboard_interrupt = entry.suppress_keyboard_interrupt = False
     try:
-        with _short_search_for_help() if {"--help", "-h"} & set(arguments) else nullcontext():
+        with _short_search_for_help() if _HELP_FLAGS & set(arguments) else nullcontext():
             code = entry(
                 arguments, exit_on_error=False, print_error=False, result_action="return_value"
             )
     except CycloptsError as error:
         raise ConfigError(_explain_usage(error)) from error
     return code if isinstance(code, int) else 0
+
+
+@contextmanager
+def _short_search_for_help() -> Iterator[None]:
+    """Within it cyclopts reads no source of pydantic's `BaseModel`, which has no help texts.
+
+    It would read it once for each table of options, a third of the time of `--help`.
+    """
+    import docstring_parser
+    from docstring_parser import Docstring, DocstringStyle
+
+    parse = docstring_parser.parse_from_object
+
+    def parse_short(obj: Any, style: DocstringStyle = DocstringStyle.AUTO) -> Docstring:
+        return Docstring() if obj is BaseModel else parse(obj, style)
+
+    docstring_parser.parse_from_object = parse_short
+    try:
+        yield
+    finally:
+        docstring_parser.parse_from_object = parse
 
 
 def _explain_usage(error: CycloptsError) -> str:
@@ -123,26 +163,38 @@ def _options_of(app: App, arguments: Sequence[str]) -> set[str]:
     return {name for found in command.assemble_argument_collection() for name in found.names}
 
 
-@contextmanager
-def _short_search_for_help() -> Iterator[None]:
-    """Within it cyclopts reads no source of pydantic's `BaseModel`, which has no help texts.
+class _HelpFormatter:
+    """Prints a short list of options as it is, and a long one shortened, or in its groups."""
 
-    It would read it once for each table of options, half of the time of `--help`. Line breaks in a
-    help text become blanks.
-    """
-    import docstring_parser
-    from docstring_parser import Docstring, DocstringStyle
+    def __init__(self, groups: Mapping[str, str]) -> None:
+        self.groups = groups
+        self._titles = {name: title for title, names in groups.items() for name in names.split()}
 
-    parse = docstring_parser.parse_from_object
+    def render_usage(self, console: Console, options: ConsoleOptions, usage: object) -> None:
+        from cyclopts.help import DefaultFormatter  # here, since only the help needs it
 
-    def parse_short(obj: Any, style: DocstringStyle = DocstringStyle.AUTO) -> Docstring:
-        parsed = Docstring() if obj is BaseModel else parse(obj, style)
-        for each in parsed.params:
-            each.description = " ".join((each.description or "").split())
-        return parsed
+        DefaultFormatter().render_usage(console, options, usage)
 
-    docstring_parser.parse_from_object = parse_short
-    try:
-        yield
-    finally:
-        docstring_parser.parse_from_object = parse
+    def __call__(self, console: Console, options: ConsoleOptions, panel: "HelpPanel") -> None:
+        from cyclopts.help import DefaultFormatter
+
+        show = partial(DefaultFormatter(), console, options)
+        for entry in panel.entries:
+            text = getattr(entry.description, "primary_renderable", None)
+            if isinstance(text, Text):
+                text.plain = " ".join(text.plain.split())  # of lines of a docstring
+        if panel.format != "parameter" or len(panel.entries) <= _SHORT_LIST:
+            show(panel)
+            return
+        found: dict[str, list[HelpEntry]] = {title: [] for title in self.groups}
+        for entry in panel.entries:
+            name = entry.display_labels[0].removeprefix("--")
+            prefix = name.rpartition(".")[0]
+            title = self._titles.get(name, f"--{prefix}" if prefix else str(panel.title))
+            found.setdefault(title, []).append(entry)
+        shows_all = _HELP_ALL in sys.argv
+        for title, entries in list(found.items())[: None if shows_all else 1]:
+            if entries:
+                show(panel.copy(title=title, entries=entries))
+        if not shows_all:
+            console.print(f"All options: {_HELP_ALL}")

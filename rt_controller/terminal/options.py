@@ -65,6 +65,11 @@ class RunOptions(ControllerConfig, CarSettings, BusSettings):
         shipped = get_args(ShippedModel)
         if found is not None and found not in shipped and not Path(found).exists():
             raise ValueError(name_or(str(found), shipped, MODEL_FOLDER))
+        if found not in shipped and (Path(str(found)) / "config.json").is_file():  # of a run
+            bundle = Path(str(found)) / "bundle"
+            export = f"export it first: offline-export {found}"
+            remedy = f"its bundle is {bundle}" if bundle.is_dir() else export
+            raise ValueError(f"expected a bundle, found the folder of a run: {remedy}")
         return found
 
     @property

@@ -32,9 +32,6 @@ from sim_bridge.validation.run import Curve, Measured
 if TYPE_CHECKING:  # matplotlib is of the extra `report`
     from matplotlib.figure import Figure
 
-_LEAST_WIDTH = 150
-"""of the printed table, also if the output is no terminal"""
-
 
 def validate(
     car: str | None = None, html: Path | None = None, json_file: Path | None = None
@@ -47,7 +44,6 @@ def validate(
     with announce("driving"):
         results, measured = drive_all(car)
     console = Console()
-    console.width = max(console.width, _LEAST_WIDTH)
     print_table(acceptance_table(results), console)
     write_figures(json_file, [line._asdict() for line in results])
     if html is not None:

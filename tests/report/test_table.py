@@ -49,6 +49,21 @@ def test_long_text_wraps_inside_the_terminal():
     assert text.count("words") == 40
 
 
+@pytest.mark.parametrize("columns", [2, 13, 30])
+def test_a_wide_table_is_printed_in_parts_of_80_columns_that_repeat_its_names(columns):
+    heads = (
+        Column("signal", is_text=True),
+        *(Column(f"state {i}", "m/s^2") for i in range(columns)),
+    )
+    rows = (("a heading",), *((f"row {k}", *["-0.12345"] * columns) for k in range(3)))
+    text = printed(Table("wide", heads, rows, ("the note",)), 80)
+    assert max(map(len, text.splitlines())) <= 80
+    assert text.count("-0.12345") == 3 * columns
+    assert text.count("row 2") == text.count("signal")
+    assert text.count("the note") == text.count("wide") == 1
+    assert all(f"state {i}" in text for i in range(columns))
+
+
 def test_markdown_has_the_detail_in_brackets_and_escapes_bars():
     assert to_markdown(TABLE).splitlines() == [
         "| model | vx, km/h | verdict |",

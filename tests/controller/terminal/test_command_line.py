@@ -50,6 +50,8 @@ LONG = "/tmp/[/x]/[sim]/" + 20 * "long-folder/"
             "--bus virtual --record drive.log --json folder/../drive.log",
             "expected a file of its own, found that of --record",
         ),
+        ("--bus virtual --model run", "a run: its bundle is run/bundle."),
+        ("--bus virtual --model folder", "export it first: offline-export folder."),
         ("--bus virtual --json missing/file", "--json missing/file: expected a file"),
         ("--bus virtual --ticks missing/file", "--ticks missing/file: expected a file"),
         ("--bus virtual --record drive.trc", "can_logconvert"),
@@ -60,7 +62,10 @@ def test_what_does_not_fit_is_refused_before_the_drive_with_what_was_expected(
     run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, arguments: str, expected: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "run" / "bundle").mkdir(parents=True)
     (tmp_path / "folder").mkdir()
+    for run_folder in ("run", "folder"):
+        (tmp_path / run_folder / "config.json").touch()
     (tmp_path / "loop.svg").symlink_to("loop.svg")
     code, message = run(*arguments.split())
     assert code == 2
