@@ -54,6 +54,18 @@ def open_virtual_car(
     )
 
 
+def named_scenario(car: CarSettings) -> "Scenario":
+    """The scenario that the settings name, read and checked.
+
+    Raises:
+        MissingExtraError: the car is not compiled.
+        ConfigError: there is no such scenario, or it is refused.
+    """
+    from sim_bridge.scenario.loading import load_scenario
+
+    return load_scenario(car.scenario)
+
+
 def driven_scenario(car: "BridgeSession") -> DrivenScenario:
     """What the car of a session drives."""
     scenario, course = car.bridge.scenario, car.bridge.scenario.course

@@ -35,6 +35,7 @@ from rt_controller.simulation import (
     car_error,
     driven_scenario,
     grip_note,
+    named_scenario,
     open_virtual_car,
     steering_note,
 )
@@ -87,6 +88,7 @@ def run_at_terminal(options: "RunOptions") -> int:
 
         require_figure_file(options.plot)
     require_recordable(options.record, options.overwrite)
+    scenario = named_scenario(options) if options.is_virtual else None
     with announce("loading the model, assembling the QP", options.quiet):
         folder = find_model(options.model)
         bundle = load_bundle(folder)
@@ -101,7 +103,9 @@ def run_at_terminal(options: "RunOptions") -> int:
             clock: Clock = RealtimeClock()
             if options.is_virtual:
                 with announce(SETTLING, options.quiet):
-                    car = opened.enter_context(closing(open_virtual_car(options, options)))
+                    car = opened.enter_context(
+                        closing(open_virtual_car(options, options, scenario=scenario))
+                    )
                 clock = LockstepClock(car.tick) if options.is_lockstep else clock
                 geometry = choose_low_speed_car(bundle, options.low_speed).geometry
                 for note in (steering_note(car, geometry), grip_note(car, options.friction)):
