@@ -66,7 +66,7 @@ def test_a_command_with_an_impossible_value_is_not_decoded(field: str, bad: floa
     assert round_trip(FEEDBACK, control) is None
 
 
-@pytest.mark.parametrize("nibble", range(len(Mode), 16))
+@pytest.mark.parametrize("nibble", [len(Mode), 15])
 @pytest.mark.parametrize("message", [COMMAND, HEARTBEAT])
 def test_an_unknown_mode_is_not_decoded(message, nibble: int) -> None:
     (codec,) = message.codecs
@@ -91,10 +91,6 @@ def test_only_the_frame_with_an_impossible_value_is_refused(field: str, bad: flo
     refused = [codec.read(frame) is None for codec, frame in zip(STATE.codecs, frames, strict=True)]
     is_in_first = field in VehicleState._fields[:3]
     assert refused == [is_in_first, not is_in_first, False]
-
-
-def test_a_state_without_curvature_is_not_decoded() -> None:
-    assert round_trip(STATE, SAMPLE._replace(curvature_per_m=nan)) is None
 
 
 def test_every_frame_that_its_sender_marks_as_invalid_is_refused() -> None:
@@ -123,11 +119,6 @@ def test_the_sample_time_wraps_and_keeps_a_tenth_of_a_millisecond(sample_time_ns
     sample = round_trip(STATE, SAMPLE._replace(sample_time_ns=sample_time_ns))
     assert sample is not None
     assert 0 <= sample_time_ns % SAMPLE_TIME_WRAP_NS - sample.sample_time_ns < 100_000
-
-
-def test_sample_time_wraps_at_6553_5_ms() -> None:
-    """One less than the raw field holds: its last value means "not available"."""
-    assert SAMPLE_TIME_WRAP_NS == 6_553_500_000
 
 
 def test_the_decoded_path_is_within_2_mm_of_the_path_sent_over_20_m() -> None:
@@ -169,7 +160,7 @@ def test_the_curvature_of_a_circle_is_that_of_the_state(curvature_per_m: float) 
 
 
 @pytest.mark.parametrize("bad", [nan, inf, 0.2])
-@pytest.mark.parametrize("first_missing", range(2, 6))
+@pytest.mark.parametrize("first_missing", [2, 5])
 def test_from_a_missing_value_on_the_curvature_ahead_is_the_last_one(
     first_missing: int, bad: float
 ) -> None:
@@ -203,7 +194,7 @@ def test_a_mission_that_is_valid_for_too_long_is_not_decoded() -> None:
     assert round_trip(MISSION, Mission(True, False, 1, 61_000_000_000)) is None
 
 
-@pytest.mark.parametrize("raw", [2, 37, 254, 255])
+@pytest.mark.parametrize("raw", [2, 255])
 def test_an_engage_byte_that_is_neither_on_nor_off_is_not_decoded(raw: int) -> None:
     frame = bytearray(encode_frames(MISSION, Mission(True, False, 1, 0), 3)[0])
     frame[2] = raw

@@ -134,7 +134,7 @@ import sys, can
 from pathlib import Path
 from rt_controller.bus import local
 local.SHARED_MEMORY = Path(sys.argv[1])
-local.REFRESH_NS = 1_000_000_000  # time for a receiver that the machine keeps waiting
+local.REFRESH_NS = 300_000_000  # time for a receiver that the machine keeps waiting
 bus = local.LocalBus("road")
 bus.send(can.Message(arbitration_id=0x42, is_extended_id=False, data=bytes(8)))
 bus.shutdown()
