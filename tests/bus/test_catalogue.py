@@ -139,8 +139,7 @@ def test_a_reference_with_an_impossible_value_is_not_decoded(field: str) -> None
 
 @seeded
 @given(
-    spacing_m=st.floats(0.05, 65.5),
-    values=st.lists(st.floats(-0.16, 0.16), min_size=5, max_size=5),
+    spacing_m=st.floats(0.05, 65.5), values=st.lists(st.floats(-0.16, 0.16), min_size=5, max_size=5)
 )
 def test_the_road_ahead_arrives_within_half_an_lsb(spacing_m: float, values: list[float]) -> None:
     received = round_trip(PREVIEW, CurvaturePreview(spacing_m, *values))

@@ -8,13 +8,7 @@ import pytest
 from made_frames import CONTENTS, CONTROL, SAMPLE
 
 from rt_controller.bus.identity import dbc_hash
-from rt_controller.bus.messages import (
-    COMMAND,
-    STATE,
-    Command,
-    Message,
-    Node,
-)
+from rt_controller.bus.messages import COMMAND, STATE, Command, Message, Node
 from rt_controller.bus.receive import Inbox, ReceptionCounts
 from rt_controller.bus.send import Outbox
 from rt_controller.contract.signals import Mode

@@ -6,10 +6,7 @@ import can
 import pytest
 from made_frames import CONTENTS, can_frames
 
-from rt_controller.bus.messages import (
-    CATALOGUE,
-    Node,
-)
+from rt_controller.bus.messages import CATALOGUE, Node
 from rt_controller.bus.receive import Inbox
 from rt_controller.contract.timing import PERIOD_NS
 

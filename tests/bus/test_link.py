@@ -9,13 +9,7 @@ from made_frames import can_frame
 
 from rt_controller.bus.codec import FrameCodec
 from rt_controller.bus.messages import COMMAND, MISSION, Node
-from rt_controller.bus.receive import (
-    MAX_DELTA_COUNTER,
-    Inbox,
-    Link,
-    LinkState,
-    ReceptionCounts,
-)
+from rt_controller.bus.receive import MAX_DELTA_COUNTER, Inbox, Link, LinkState, ReceptionCounts
 
 OK, OTHER, ERROR, NOTHING = "OK", "OTHER", "ERROR", "NONEWDATA"
 CODECS = {16: COMMAND.codecs[0], 128: MISSION.codecs[0], 256: COMMAND.fd_codecs[0]}

@@ -1,21 +1,10 @@
 """What is sent: frames that the other side decodes, counters without gaps, no blocking."""
 
 import pytest
-from made_frames import (
-    CONTENTS,
-    CONTROL,
-    SAMPLE,
-    decode_frames,
-    encode_frames,
-)
+from made_frames import CONTENTS, CONTROL, SAMPLE, decode_frames, encode_frames
 from recorded_frames import RecordedFrames
 
-from rt_controller.bus.messages import (
-    COMMAND,
-    STATE,
-    Command,
-    Node,
-)
+from rt_controller.bus.messages import COMMAND, STATE, Command, Node
 from rt_controller.bus.receive import Inbox, ReceptionCounts
 from rt_controller.bus.send import DiscardBus, Outbox
 from rt_controller.bus.transport import open_bus
@@ -27,8 +16,7 @@ def throttle(value: float) -> Command:
 
 
 @pytest.mark.parametrize(
-    ("sender", "receiver"),
-    [(Node.VEHICLE, Node.CONTROLLER), (Node.CONTROLLER, Node.VEHICLE)],
+    ("sender", "receiver"), [(Node.VEHICLE, Node.CONTROLLER), (Node.CONTROLLER, Node.VEHICLE)]
 )
 def test_all_that_one_end_sends_arrives_at_the_other(sender: Node, receiver: Node) -> None:
     contents = {message: each for message, each in CONTENTS.items() if message.sender is sender}

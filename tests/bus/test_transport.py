@@ -14,12 +14,7 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from rt_controller.bus import transport
-from rt_controller.bus.transport import (
-    close_bus,
-    explain_failure,
-    open_bus,
-    parse_options,
-)
+from rt_controller.bus.transport import close_bus, explain_failure, open_bus, parse_options
 from rt_controller.contract.errors import BusError, ConfigError, MissingExtraError
 
 
@@ -85,12 +80,7 @@ def test_a_bus_that_cannot_be_opened_is_refused(
         ("socketcan", OSError(errno.ENETDOWN, "is down"), BusError, "is down"),
         ("remote", ConnectionRefusedError(errno.ECONNREFUSED, "x"), BusError, "Start it first"),
         ("pcan", can.CanInitializationError("no hardware"), BusError, "no hardware"),
-        (
-            "slcan",
-            can.CanInterfaceNotImplementedError("no serial"),
-            MissingExtraError,
-            "no serial",
-        ),
+        ("slcan", can.CanInterfaceNotImplementedError("no serial"), MissingExtraError, "no serial"),
     ],
 )
 def test_every_failure_is_explained(

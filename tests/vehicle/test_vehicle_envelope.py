@@ -10,12 +10,7 @@ from rt_controller.contract.faults import NO_REFUSAL, Refusal
 from rt_controller.contract.limits import DEFAULT_GEOMETRY, INPUT_LIMITS, LARGEST_LATERAL_MPS2
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.vehicle.vehicle_envelope import (
-    STANDING,
-    OwnMotion,
-    leaves_path,
-    refusals,
-)
+from rt_controller.vehicle.vehicle_envelope import STANDING, OwnMotion, leaves_path, refusals
 
 CRUISE = ControlInput(0.2, 0.0, 0.1)
 MOVING = OwnMotion(20.0, 0.0, is_mission_on=True)
