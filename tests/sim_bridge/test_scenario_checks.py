@@ -74,22 +74,6 @@ def test_what_a_plant_does_not_take_is_refused_by_name(road, parts, field: str) 
         require_road(LevelCar(default_car()), scenario(road, **parts))
 
 
-def brake(road: dict[str, Any], periods: int) -> float:
-    """Speed after braking fully for some periods."""
-    drive = scenario(road)
-    car = build_car(drive)
-    for _ in range(periods):
-        car.set_road(drive.road_at(car.s_m, 0.0))
-        car.advance(ControlInput(0.0, 120.0, 0.0), drive.road.curvature_per_m)
-    return car.state.vx_mps
-
-
-def test_the_own_car_brakes_on_the_friction_under_it() -> None:
-    dry, patch, ice = (brake(road, 100) for road in ({}, PATCH, {"friction": 0.2}))
-    assert dry < patch - 1.0
-    assert patch < ice - 1.0
-
-
 def coasted(road: dict[str, Any], **parts: Any) -> tuple[float, float]:
     """Speed and lateral position after two seconds without pedals and steering."""
     drive = scenario(road, **parts)
