@@ -66,7 +66,7 @@ def test_a_command_with_an_impossible_value_is_not_decoded(field: str, bad: floa
     assert round_trip(FEEDBACK, control) is None
 
 
-@pytest.mark.parametrize("nibble", range(len(Mode), 16))
+@pytest.mark.parametrize("nibble", [len(Mode), 15])
 @pytest.mark.parametrize("message", [COMMAND, HEARTBEAT])
 def test_an_unknown_mode_is_not_decoded(message, nibble: int) -> None:
     (codec,) = message.codecs
@@ -91,10 +91,6 @@ def test_only_the_frame_with_an_impossible_value_is_refused(field: str, bad: flo
     refused = [codec.read(frame) is None for codec, frame in zip(STATE.codecs, frames, strict=True)]
     is_in_first = field in VehicleState._fields[:3]
     assert refused == [is_in_first, not is_in_first, False]
-
-
-def test_a_state_without_curvature_is_not_decoded() -> None:
-    assert round_trip(STATE, SAMPLE._replace(curvature_per_m=nan)) is None
 
 
 def test_every_frame_that_its_sender_marks_as_invalid_is_refused() -> None:
@@ -125,11 +121,6 @@ def test_the_sample_time_wraps_and_keeps_a_tenth_of_a_millisecond(sample_time_ns
     assert 0 <= sample_time_ns % SAMPLE_TIME_WRAP_NS - sample.sample_time_ns < 100_000
 
 
-def test_sample_time_wraps_at_6553_5_ms() -> None:
-    """One less than the raw field holds: its last value means "not available"."""
-    assert SAMPLE_TIME_WRAP_NS == 6_553_500_000
-
-
 def test_the_decoded_path_is_within_2_mm_of_the_path_sent_over_20_m() -> None:
     sent = PathReference(1.25, -0.04, 0.0012, -3.4e-5, 22.222, -0.5)
     received = round_trip(REFERENCE, sent)
@@ -148,8 +139,7 @@ def test_a_reference_with_an_impossible_value_is_not_decoded(field: str) -> None
 
 @seeded
 @given(
-    spacing_m=st.floats(0.05, 65.5),
-    values=st.lists(st.floats(-0.16, 0.16), min_size=5, max_size=5),
+    spacing_m=st.floats(0.05, 65.5), values=st.lists(st.floats(-0.16, 0.16), min_size=5, max_size=5)
 )
 def test_the_road_ahead_arrives_within_half_an_lsb(spacing_m: float, values: list[float]) -> None:
     received = round_trip(PREVIEW, CurvaturePreview(spacing_m, *values))
@@ -169,7 +159,7 @@ def test_the_curvature_of_a_circle_is_that_of_the_state(curvature_per_m: float) 
 
 
 @pytest.mark.parametrize("bad", [nan, inf, 0.2])
-@pytest.mark.parametrize("first_missing", range(2, 6))
+@pytest.mark.parametrize("first_missing", [2, 5])
 def test_from_a_missing_value_on_the_curvature_ahead_is_the_last_one(
     first_missing: int, bad: float
 ) -> None:
@@ -203,7 +193,7 @@ def test_a_mission_that_is_valid_for_too_long_is_not_decoded() -> None:
     assert round_trip(MISSION, Mission(True, False, 1, 61_000_000_000)) is None
 
 
-@pytest.mark.parametrize("raw", [2, 37, 254, 255])
+@pytest.mark.parametrize("raw", [2, 255])
 def test_an_engage_byte_that_is_neither_on_nor_off_is_not_decoded(raw: int) -> None:
     frame = bytearray(encode_frames(MISSION, Mission(True, False, 1, 0), 3)[0])
     frame[2] = raw

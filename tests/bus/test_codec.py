@@ -37,10 +37,7 @@ def test_values_in_range_encode_to_the_bits_of_cantools(
     counter = data.draw(st.integers(0, 15))
     nibble = data.draw(st.integers(0, 5))
     values = [
-        data.draw(
-            st.floats(float(signal.minimum), float(signal.maximum)),
-            label=layout.name,
-        )
+        data.draw(st.floats(float(signal.minimum), float(signal.maximum)), label=layout.name)
         for layout in codec.signals
         for signal in [oracle.get_signal_by_name(layout.name)]
     ]

@@ -40,32 +40,26 @@ def test_an_error_frame_gives_the_state(classes: int, detail: int, state: BusSta
     assert condition.bus_off == (state is BusState.BUS_OFF)
 
 
-def test_a_restart_ends_bus_off_and_is_counted() -> None:
+@pytest.mark.parametrize(
+    ("frames", "state", "counts"),
+    [
+        (((0x040, 0), (0x100, 0)), BusState.ACTIVE, {"bus_off": 1, "restarts": 1}),
+        (((0x004, 0x20), (0x004, 0x40)), BusState.ACTIVE, {}),
+        (((0x004, 0x01),), BusState.ACTIVE, {"controller_overflows": 1}),
+        (((0x004, 0x02),), BusState.ACTIVE, {"controller_overflows": 1}),
+        (((0x004, None),), BusState.ACTIVE, {}),
+    ],
+)
+def test_recoveries_overflows_and_frames_without_data_are_counted(
+    frames: tuple[tuple[int, int | None], ...], state: BusState, counts: dict[str, int]
+) -> None:
     condition = BusCondition()
-    for frame in (error_frame(0x040), error_frame(0x100)):
+    for classes, detail in frames:
+        frame = error_frame(classes, detail or 0)
+        if detail is None:
+            frame.data = bytearray()
         condition.note_error_frame(frame)
-    assert (condition.state, condition.bus_off, condition.restarts) == (BusState.ACTIVE, 1, 1)
-
-
-def test_a_controller_that_recovers_says_so() -> None:
-    condition = BusCondition()
-    for detail in (0x20, 0x40):
-        condition.note_error_frame(error_frame(0x004, detail))
-    assert condition.state is BusState.ACTIVE
-
-
-@pytest.mark.parametrize("detail", [0x01, 0x02])
-def test_an_overflow_of_the_controller_is_counted(detail: int) -> None:
-    condition = BusCondition()
-    condition.note_error_frame(error_frame(0x004, detail))
-    assert (condition.controller_overflows, condition.state) == (1, BusState.ACTIVE)
-
-
-def test_an_error_frame_without_data_is_only_counted() -> None:
-    condition = BusCondition()
-    frame = can.Message(arbitration_id=0x004, is_extended_id=False, is_error_frame=True)
-    condition.note_error_frame(frame)
-    assert (condition.error_frames, condition.state) == (1, BusState.ACTIVE)
+    assert condition == BusCondition(state, error_frames=len(frames), **counts)
 
 
 def test_an_interface_that_is_down_is_no_failure_and_recovers_with_the_next_frame() -> None:
@@ -81,12 +75,6 @@ def test_any_other_failure_is_one(number: int | None) -> None:
     condition = BusCondition()
     assert not condition.note_failure(can.CanOperationError("gone", number))
     assert condition == BusCondition()
-
-
-def test_a_frame_leaves_a_state_that_is_not_silent() -> None:
-    condition = BusCondition(BusState.PASSIVE)
-    condition.note_frame()
-    assert condition.state is BusState.PASSIVE
 
 
 def test_a_full_queue_is_distinguished_from_other_failures() -> None:

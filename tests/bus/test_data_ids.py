@@ -55,13 +55,6 @@ def test_chosen_data_ids_detect_every_error_of_one_or_two_bits() -> None:
                 assert crc8(received, ids[received[1] & 0xF]) != received[0]
 
 
-def test_forty_new_messages_find_data_ids() -> None:
-    known = shipped()
-    for number in range(40):
-        known[f"NEW_{number}"] = choose(f"NEW_{number}", known)
-    assert list(find_objections(known)) == []
-
-
 @pytest.mark.parametrize(
     ("counter", "data_id", "objection"),
     [

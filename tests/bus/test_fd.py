@@ -5,41 +5,14 @@ from typing import Any
 
 import can
 import pytest
-from made_frames import BEND, CONTROL, ENGAGED, HOLDING, PATH, SAMPLE
+from made_frames import CONTENTS, CONTROL, SAMPLE
 
 from rt_controller.bus.identity import dbc_hash
-from rt_controller.bus.messages import (
-    CATALOGUE,
-    COMMAND,
-    CONTROLLER_IDENTITY,
-    FEEDBACK,
-    HEARTBEAT,
-    MISSION,
-    PREVIEW,
-    REFERENCE,
-    STATE,
-    VEHICLE_IDENTITY,
-    Command,
-    Identity,
-    Message,
-    Node,
-)
+from rt_controller.bus.messages import COMMAND, STATE, Command, Message, Node
 from rt_controller.bus.receive import Inbox, ReceptionCounts
 from rt_controller.bus.send import Outbox
 from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_NS
-
-CONTENTS: dict[Message[Any], Any] = {
-    COMMAND: Command(CONTROL, Mode.NOMINAL),
-    HEARTBEAT: HOLDING,
-    STATE: SAMPLE,
-    REFERENCE: PATH,
-    PREVIEW: BEND,
-    MISSION: ENGAGED,
-    FEEDBACK: CONTROL,
-    CONTROLLER_IDENTITY: Identity(1, 2),
-    VEHICLE_IDENTITY: Identity(1, None),
-}
 
 
 class Wire:
@@ -73,10 +46,6 @@ def peer_of(message: Message[Any]) -> Node:
     return Node.CONTROLLER if message.sender is Node.VEHICLE else Node.VEHICLE
 
 
-def test_the_contents_are_those_of_the_catalogue() -> None:
-    assert set(CONTENTS) == set(CATALOGUE.messages)
-
-
 @pytest.mark.parametrize("message", CONTENTS, ids=lambda message: message.fd_codecs[0].name)
 def test_a_content_arrives_as_over_classic_can_also_when_the_counter_wraps(
     message: Message[Any],
@@ -98,7 +67,7 @@ def test_a_content_arrives_as_over_classic_can_also_when_the_counter_wraps(
     assert inbox.counts == ReceptionCounts()
 
 
-@pytest.mark.parametrize("lost", [0, 1, 5, 6, 100, 254])
+@pytest.mark.parametrize("lost", [0, 5, 6, 254])
 def test_a_counter_that_is_too_far_ahead_or_goes_back_is_refused(lost: int) -> None:
     first, *_, last = sent(STATE, range(10, 12 + lost))
     inbox = Inbox(Node.CONTROLLER, is_fd=True)

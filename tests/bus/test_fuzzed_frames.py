@@ -4,39 +4,13 @@ from random import Random
 
 import can
 import pytest
-from made_frames import CONTROL, ENGAGED, HOLDING, PATH, SAMPLE, can_frames
+from made_frames import CONTENTS, can_frames
 
-from rt_controller.bus.messages import (
-    CATALOGUE,
-    COMMAND,
-    CONTROLLER_IDENTITY,
-    FEEDBACK,
-    HEARTBEAT,
-    MISSION,
-    PREVIEW,
-    REFERENCE,
-    STATE,
-    VEHICLE_IDENTITY,
-    Command,
-    Identity,
-    Node,
-)
+from rt_controller.bus.messages import CATALOGUE, Node
 from rt_controller.bus.receive import Inbox
-from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import PERIOD_NS
 
 CODECS = [codec for message in CATALOGUE.messages for codec in message.codecs]
-CONTENTS = {
-    COMMAND: Command(CONTROL, Mode.NOMINAL),
-    HEARTBEAT: HOLDING,
-    STATE: SAMPLE,
-    REFERENCE: PATH,
-    PREVIEW: None,
-    MISSION: ENGAGED,
-    FEEDBACK: CONTROL,
-    CONTROLLER_IDENTITY: Identity(1, 2),
-    VEHICLE_IDENTITY: Identity(1, None),
-}
 
 
 def fuzzed_frame(rng: Random) -> can.Message:

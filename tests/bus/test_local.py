@@ -134,7 +134,7 @@ import sys, can
 from pathlib import Path
 from rt_controller.bus import local
 local.SHARED_MEMORY = Path(sys.argv[1])
-local.REFRESH_NS = 1_000_000_000  # time for a receiver that the machine keeps waiting
+local.REFRESH_NS = 300_000_000  # time for a receiver that the machine keeps waiting
 bus = local.LocalBus("road")
 bus.send(can.Message(arbitration_id=0x42, is_extended_id=False, data=bytes(8)))
 bus.shutdown()
@@ -218,14 +218,6 @@ def test_frames_that_are_too_long_and_unknown_options_are_refused(join):
         LocalBus("road", speed=3)
 
 
-def test_options_that_tools_pass_to_every_interface_are_ignored(join):
-    other = join()
-    options = dict.fromkeys(local.IGNORED_OPTIONS, None)
-    with can.Bus("road", interface="local", ignore_config=True, **options) as bus:
-        other.send(frame(0x31))
-        assert bus.recv(1.0).arbitration_id == 0x31
-
-
 def test_a_notifier_that_joins_later_passes_frames_to_its_listeners(join):
     sender = join()
     sender.send(frame(1))
@@ -233,31 +225,3 @@ def test_a_notifier_that_joins_later_passes_frames_to_its_listeners(join):
     with can.Notifier(join(), [received], timeout=0.05):
         sender.send(frame(2))
         assert received.get_message(5.0).arbitration_id == 2
-
-
-def test_two_processes_talk(join):
-    bus = join()
-    program = (
-        "import sys\n"
-        "from pathlib import Path\n"
-        "from rt_controller.bus import local\n"
-        "from rt_controller.bus.transport import open_bus\n"
-        "local.SHARED_MEMORY = Path(sys.argv[1])\n"
-        "bus = open_bus('local', 'road')\n"
-        "received = bus.recv(20.0)\n"
-        "bus.send(received)\n"
-        "bus.shutdown()\n"
-    )
-    process = subprocess.Popen([sys.executable, "-c", program, str(bus._folder.parents[1])])
-    try:
-        answer = None
-        until = time.monotonic() + 30.0
-        while answer is None and time.monotonic() < until:
-            bus.send(frame(0x55))
-            answer = bus.recv(0.1)
-        assert answer is not None
-        assert answer.arbitration_id == 0x55
-        assert process.wait(10.0) == 0
-    finally:
-        process.kill()
-        process.wait()

@@ -71,14 +71,6 @@ def test_a_message_of_an_extended_dbc_is_sent_and_received(catalogue: Catalogue)
     assert trial.cycle_ms == 10 * PERIOD_MS
 
 
-def test_an_end_can_only_send_its_own_messages(catalogue: Catalogue) -> None:
-    trial = define_trial(catalogue)
-    with open_bus("virtual", "trial") as bus:
-        outbox = Outbox(bus, Node.CONTROLLER, catalogue=catalogue)
-        with pytest.raises(KeyError):
-            outbox.send(trial, (400.0, 20.0), 0)
-
-
 def test_frames_of_different_senders_make_no_message(catalogue: Catalogue) -> None:
     command = FrameSpec("ACT_CMD", "Mode", ("Throttle", "BrakeForce", "SteeringWheelAngle"))
     with pytest.raises(ConfigError, match="ACT_CMD, TRIAL with one sender"):

@@ -36,13 +36,10 @@ def test_the_reference_has_the_published_check_values(data: str, expected: int) 
 
 @settings(derandomize=True, deadline=None)
 @given(st.binary(min_size=8, max_size=8), st.integers(0, 255))
-def test_crc8_agrees_with_crccheck(frame: bytes, data_id: int) -> None:
+def test_crc8_agrees_with_crccheck_and_with_profile_2_of_cantools(
+    frame: bytes, data_id: int
+) -> None:
     assert crc8(frame, data_id) == Crc8Autosar.calc(frame[1:] + bytes([data_id]))
-
-
-@settings(derandomize=True, deadline=None)
-@given(st.binary(min_size=8, max_size=8), st.integers(0, 255))
-def test_crc8_agrees_with_profile_2_of_cantools(frame: bytes, data_id: int) -> None:
     assert crc8(frame, data_id) == compute_profile2_crc(frame, data_id)
 
 

@@ -6,7 +6,7 @@ from unittest.mock import Mock
 
 import can
 import pytest
-from made_frames import CONTROL, ENGAGED, HOLDING, PATH, SAMPLE, can_frame, can_frames
+from made_frames import CONTROL, ENGAGED, HOLDING, SAMPLE, can_frame, can_frames
 
 from rt_controller.bus.condition import BusState
 from rt_controller.bus.messages import (
@@ -32,8 +32,8 @@ from rt_controller.bus.receive import (
     ReceptionCounts,
 )
 from rt_controller.bus.transport import open_bus
-from rt_controller.contract.signals import Mode, PathReference, VehicleState
-from rt_controller.contract.timing import COUNTER_MODULUS, PERIOD_NS
+from rt_controller.contract.signals import Mode, VehicleState
+from rt_controller.contract.timing import PERIOD_NS
 
 NOMINAL = Command(CONTROL, Mode.NOMINAL)
 NO_TROUBLE = ReceptionCounts()
@@ -62,16 +62,6 @@ def vehicle_inbox(*frames: can.Message) -> Inbox:
 def newest_counter(inbox: Inbox, message: Message) -> int | None:
     newest = inbox.newest(message)
     return None if newest is None else newest.counter
-
-
-@pytest.mark.parametrize("node", Node)
-def test_a_new_inbox_is_empty(node: Node) -> None:
-    inbox = Inbox(node)
-    for message in CATALOGUE.messages:
-        if message.sender != node:
-            assert inbox.newest(message) is None
-    assert inbox.counts == NO_TROUBLE
-    assert inbox.foreign_frames == 0
 
 
 @pytest.mark.parametrize("late", range(3))
@@ -108,13 +98,6 @@ def test_a_state_with_a_damaged_frame_is_skipped() -> None:
         inbox.accept(frame, 1)
     assert newest_counter(inbox, STATE) == 6
     assert inbox.counts.counter_gap_frames == 1
-
-
-@pytest.mark.parametrize("field", PathReference._fields)
-def test_a_nan_in_the_reference_makes_none(field: str) -> None:
-    inbox = controller_inbox(*can_frames(REFERENCE, PATH._replace(**{field: nan}), 8))
-    assert inbox.newest(REFERENCE) is None
-    assert inbox.counts.out_of_range == 1
 
 
 @pytest.mark.parametrize(
@@ -154,27 +137,15 @@ def test_frames_of_the_own_role_are_counted_as_foreign() -> None:
     assert inbox.counts == NO_TROUBLE
 
 
-def test_counters_may_start_anywhere_and_wrap() -> None:
-    inbox = vehicle_inbox(*(command((11 + tick) % COUNTER_MODULUS) for tick in range(40)))
-    assert inbox.newest(COMMAND) == Received(NOMINAL, (11 + 39) % COUNTER_MODULUS, 39)
-    assert inbox.counts == NO_TROUBLE
-
-
-@pytest.mark.parametrize("bit", [0, 7, 12, 20, 63])
-def test_a_damaged_frame_is_dropped_and_does_not_move_the_counter(bit: int) -> None:
+@pytest.mark.parametrize(("bit", "length"), [(0, 8), (12, 8), (63, 8), (0, 7), (0, 1)])
+def test_a_damaged_or_short_frame_is_dropped_and_does_not_move_the_counter(
+    bit: int, length: int
+) -> None:
     damaged = command(9)
     damaged.data[bit // 8] ^= 1 << bit % 8
+    del damaged.data[length:]
     inbox = vehicle_inbox(command(3), damaged, command(4))
     assert newest_counter(inbox, COMMAND) == 4
-    assert inbox.counts == ReceptionCounts(crc_errors=1)
-
-
-@pytest.mark.parametrize("length", [0, 1, 7])
-def test_a_short_frame_is_dropped_and_counted(length: int) -> None:
-    short = command(0)
-    del short.data[length:]
-    inbox = vehicle_inbox(short)
-    assert inbox.newest(COMMAND) is None
     assert inbox.counts == ReceptionCounts(crc_errors=1)
 
 
@@ -184,27 +155,6 @@ def test_a_repeated_counter_is_dropped_and_the_old_arrival_stays() -> None:
     inbox = vehicle_inbox(command(3), command(3), command(3, other))
     assert inbox.newest(COMMAND) == Received(NOMINAL, 3, 0)
     assert inbox.counts == ReceptionCounts(repeated=2, contradicting=1)
-
-
-@pytest.mark.parametrize(("counter", "missing"), [(4, 0), (5, 1), (9, 5)])
-def test_gaps_in_the_counters_are_counted_as_missing_frames(counter: int, missing: int) -> None:
-    inbox = vehicle_inbox(command(3), command(counter))
-    assert newest_counter(inbox, COMMAND) == counter
-    assert inbox.counts == ReceptionCounts(counter_gap_frames=missing)
-
-
-@pytest.mark.parametrize("counter", [10, 12, 15, 0, 2])
-def test_a_counter_that_goes_back_or_too_far_ahead_is_dropped_and_counted(counter: int) -> None:
-    inbox = vehicle_inbox(command(3), command(counter))
-    assert newest_counter(inbox, COMMAND) == 3
-    assert inbox.counts == ReceptionCounts(wrong_sequence=1)
-
-
-def test_a_command_with_nan_leaves_the_old_command() -> None:
-    broken = Command(CONTROL._replace(steer_rad=nan), Mode.NOMINAL)
-    inbox = vehicle_inbox(command(3), command(4, broken))
-    assert inbox.newest(COMMAND) == Received(NOMINAL, 3, 0)
-    assert inbox.counts == ReceptionCounts(out_of_range=1)
 
 
 def test_frames_of_another_kind_or_id_are_ignored() -> None:

@@ -36,7 +36,7 @@ def test_pipes_folders_and_links_in_the_folder_block_no_member(join, tmp_path):
     assert near.recv(0).arbitration_id == 0x124
 
 
-@pytest.mark.parametrize("size", [0, 4, 20, 100])
+@pytest.mark.parametrize("size", [0, 20])
 def test_a_truncated_ring_ends_neither_its_readers_nor_its_writer(join, size):
     near, far = join(), join()
     near.recv(0)
@@ -53,7 +53,7 @@ def test_a_truncated_ring_ends_neither_its_readers_nor_its_writer(join, size):
     assert received is not None
 
 
-@pytest.mark.parametrize("count", [0, 3, 2**40, 2**64 - 1])
+@pytest.mark.parametrize("count", [0, 2**64 - 1])
 def test_a_ring_with_a_senseless_count_is_read_for_a_limited_time(join, count):
     near, far = join(), join()
     near.recv(0)

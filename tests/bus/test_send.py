@@ -1,39 +1,14 @@
 """What is sent: frames that the other side decodes, counters without gaps, no blocking."""
 
 import pytest
-from made_frames import CONTROL, ENGAGED, HOLDING, PATH, SAMPLE, decode_frames, encode_frames
+from made_frames import CONTENTS, CONTROL, SAMPLE, decode_frames, encode_frames
 from recorded_frames import RecordedFrames
 
-from rt_controller.bus.identity import own_identity
-from rt_controller.bus.messages import (
-    COMMAND,
-    CONTROLLER_IDENTITY,
-    FEEDBACK,
-    HEARTBEAT,
-    MISSION,
-    REFERENCE,
-    STATE,
-    VEHICLE_IDENTITY,
-    Command,
-    Node,
-)
+from rt_controller.bus.messages import COMMAND, STATE, Command, Node
 from rt_controller.bus.receive import Inbox, ReceptionCounts
 from rt_controller.bus.send import DiscardBus, Outbox
 from rt_controller.bus.transport import open_bus
 from rt_controller.contract.signals import Mode
-
-VEHICLE_SENDS = {
-    STATE: SAMPLE,
-    FEEDBACK: CONTROL,
-    REFERENCE: PATH,
-    MISSION: ENGAGED,
-    VEHICLE_IDENTITY: own_identity(None),
-}
-CONTROLLER_SENDS = {
-    COMMAND: Command(CONTROL, Mode.NOMINAL),
-    HEARTBEAT: HOLDING,
-    CONTROLLER_IDENTITY: own_identity(1234),
-}
 
 
 def throttle(value: float) -> Command:
@@ -41,13 +16,10 @@ def throttle(value: float) -> Command:
 
 
 @pytest.mark.parametrize(
-    ("sender", "receiver", "contents"),
-    [
-        (Node.VEHICLE, Node.CONTROLLER, VEHICLE_SENDS),
-        (Node.CONTROLLER, Node.VEHICLE, CONTROLLER_SENDS),
-    ],
+    ("sender", "receiver"), [(Node.VEHICLE, Node.CONTROLLER), (Node.CONTROLLER, Node.VEHICLE)]
 )
-def test_all_that_one_end_sends_arrives_at_the_other(sender, receiver, contents) -> None:
+def test_all_that_one_end_sends_arrives_at_the_other(sender: Node, receiver: Node) -> None:
+    contents = {message: each for message, each in CONTENTS.items() if message.sender is sender}
     inbox = Inbox(receiver)
     n_frames = sum(len(message.codecs) for message in contents)
     with open_bus("virtual", "both-ends") as near, open_bus("virtual", "both-ends") as far:
@@ -63,15 +35,6 @@ def test_all_that_one_end_sends_arrives_at_the_other(sender, receiver, contents)
         assert newest is not None
         assert encode_frames(message, newest.content, 0) == encode_frames(message, content, 0)
         assert (newest.counter, newest.arrival_ns) == (19 % message.codecs[0].counter_modulus, 19)
-
-
-def test_a_state_marked_as_invalid_is_not_received() -> None:
-    inbox = Inbox(Node.CONTROLLER)
-    with open_bus("virtual", "invalid") as near, open_bus("virtual", "invalid") as far:
-        Outbox(far, Node.VEHICLE).send(STATE, SAMPLE, 0, is_valid=False)
-        assert inbox.drain(near, 0) == 3
-    assert inbox.newest(STATE) is None
-    assert inbox.counts.out_of_range == 3
 
 
 def test_frames_that_wait_on_the_bus_do_not_change_when_the_next_is_sent() -> None:
@@ -105,14 +68,6 @@ def test_a_full_queue_is_counted_and_appears_as_a_gap() -> None:
     newest = inbox.newest(COMMAND)
     assert newest is not None
     assert newest.counter == 5
-
-
-def test_a_closed_bus_is_counted_and_raises_nothing() -> None:
-    bus = open_bus("virtual", "shut")
-    outbox = Outbox(bus, Node.VEHICLE)
-    bus.shutdown()
-    outbox.send(STATE, SAMPLE, 0)
-    assert (outbox.sent, outbox.send_failures) == (0, 3)
 
 
 def test_sent_and_received_frames_are_recorded() -> None:

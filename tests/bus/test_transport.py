@@ -7,19 +7,14 @@ import socket
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import can
 import pytest
 from can.interfaces.virtual import VirtualBus
 
 from rt_controller.bus import transport
-from rt_controller.bus.transport import (
-    VIRTUAL_QUEUE_FRAMES,
-    close_bus,
-    explain_failure,
-    open_bus,
-    parse_options,
-)
+from rt_controller.bus.transport import close_bus, explain_failure, open_bus, parse_options
 from rt_controller.contract.errors import BusError, ConfigError, MissingExtraError
 
 
@@ -34,14 +29,6 @@ def test_a_virtual_bus_reaches_others_but_not_itself() -> None:
         received = far.recv(0)
         assert received is not None
         assert received.data == b"\x01"
-
-
-def test_an_unread_virtual_bus_is_bounded() -> None:
-    with open_bus("virtual", "unread") as near, open_bus("virtual", "unread"):
-        for _ in range(VIRTUAL_QUEUE_FRAMES):
-            near.send(message(b""), timeout=0)
-        with pytest.raises(can.CanOperationError):
-            near.send(message(b""), timeout=0)
 
 
 def test_settings_of_the_environment_are_ignored(
@@ -65,36 +52,24 @@ def test_options_reach_the_interface() -> None:
         assert bus.recv(0) is not None
 
 
-def test_an_unknown_interface_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(ConfigError, match=r"'soketcan'.*virtual, local.*did you mean socketcan\?"):
-        open_bus("soketcan", "vcan0")
-
-
-def test_an_interface_that_returns_the_frames_that_were_sent_is_refused() -> None:
-    with pytest.raises(ConfigError, match=r"udp_multicast: expected .* Choose local or remote"):
-        open_bus("udp_multicast", "239.0.0.1")
-
-
-def test_a_channel_with_a_null_character_is_refused() -> None:
-    with pytest.raises(ConfigError, match=r"`channel`: expected .*, found 'a\\x00b'"):
-        open_bus("virtual", "a\0b")
-
-
-def test_a_channel_that_does_not_exist_is_refused() -> None:
-    """On a kernel without CAN the message says that; either way it is a BusError with a remedy."""
-    with pytest.raises(BusError, match=r"socketcan vcan77: expected .* found"):
-        open_bus("socketcan", "vcan77")
-
-
-@pytest.mark.parametrize("interface", ["virtual", "socketcan"])
-def test_a_bitrate_where_none_can_be_set_is_refused(interface: str) -> None:
-    with pytest.raises(ConfigError, match=r"expected no bitrate, found 500000"):
-        open_bus(interface, "can0", bitrate=500_000)
-
-
-def test_options_that_the_interface_does_not_take_are_refused() -> None:
-    with pytest.raises(BusError, match=r"found TypeError.*options"):
-        open_bus("virtual", "x", options={"interface": "other"})
+@pytest.mark.parametrize(
+    ("interface", "channel", "more", "error", "words"),
+    [
+        ("soketcan", "vcan0", {}, ConfigError, "'soketcan'.*virtual, local.*did you mean socketc"),
+        ("udp_multicast", "239.0.0.1", {}, ConfigError, "udp_multicast: expected .* Choose local"),
+        ("virtual", "a\0b", {}, ConfigError, r"`channel`: expected .*, found 'a\\x00b'"),
+        # On a kernel without CAN the message says that; either way it has a remedy.
+        ("socketcan", "vcan77", {}, BusError, "socketcan vcan77: expected .* found"),
+        ("virtual", "can0", {"bitrate": 500_000}, ConfigError, "expected no bitrate, found 500000"),
+        ("socketcan", "can0", {"bitrate": 500_000}, ConfigError, "expected no bitrate"),
+        ("virtual", "x", {"options": {"interface": "y"}}, BusError, "found TypeError.*options"),
+    ],
+)
+def test_a_bus_that_cannot_be_opened_is_refused(
+    interface: str, channel: str, more: dict[str, Any], error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        open_bus(interface, channel, **more)
 
 
 @pytest.mark.parametrize(
@@ -105,12 +80,7 @@ def test_options_that_the_interface_does_not_take_are_refused() -> None:
         ("socketcan", OSError(errno.ENETDOWN, "is down"), BusError, "is down"),
         ("remote", ConnectionRefusedError(errno.ECONNREFUSED, "x"), BusError, "Start it first"),
         ("pcan", can.CanInitializationError("no hardware"), BusError, "no hardware"),
-        (
-            "slcan",
-            can.CanInterfaceNotImplementedError("no serial"),
-            MissingExtraError,
-            "no serial",
-        ),
+        ("slcan", can.CanInterfaceNotImplementedError("no serial"), MissingExtraError, "no serial"),
     ],
 )
 def test_every_failure_is_explained(

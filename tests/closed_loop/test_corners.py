@@ -36,8 +36,9 @@ def u_turn(**changes: Any) -> Scenario:
     return parse_scenario({**content, **changes}, "test")
 
 
-@pytest.mark.parametrize("car", ["c_class_150kw_awd", "c_class_150kw_bev"])
-@pytest.mark.parametrize("name", ["u_turn", "corner"])
+@pytest.mark.parametrize(
+    ("name", "car"), [("u_turn", "c_class_150kw_awd"), ("corner", "c_class_150kw_bev")]
+)
 def test_a_corner_is_driven_near_its_path(name: str, car: str) -> None:
     driven = simulate(name, car=car)
     assert driven.ending == "the mission is over"

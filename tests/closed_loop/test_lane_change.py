@@ -55,12 +55,6 @@ def test_the_same_run_twice_gives_the_same_frames(
     assert log.read_bytes() == recorded[1].read_bytes()
 
 
-def test_a_linear_model_drives_with_the_same_code(tmp_path: Path) -> None:
-    figures = drive(tmp_path, "lti")
-    assert figures["model"].startswith("lti")
-    assert figures["ey_peak_m"] <= 1.0
-
-
 def test_far_from_the_middle_of_its_speeds_a_network_drives_better_than_a_linear_model(
     tmp_path: Path,
 ) -> None:

@@ -54,10 +54,9 @@ def pedal_changes(drive: Drive, after_s: float) -> int:
     return int(np.count_nonzero(np.diff(pressed)))
 
 
-@pytest.mark.parametrize("model", ["mdk-net", "lti"])
 @pytest.mark.parametrize(
-    ("braking_mps2", "friction", "curvature"),
-    [(2.5, 0.85, 0.0), (1.0, 0.85, 0.005), (1.5, 0.3, -0.005)],
+    ("model", "braking_mps2", "friction", "curvature"),
+    [("mdk-net", 2.5, 0.85, 0.0), ("lti", 1.0, 0.85, 0.005), ("mdk-net", 1.5, 0.3, -0.005)],
 )
 def test_a_stop_is_at_its_target_held_and_left(
     model: str, braking_mps2: float, friction: float, curvature: float
@@ -71,9 +70,8 @@ def test_a_stop_is_at_its_target_held_and_left(
     assert np.abs(drive["vx_mps"] - drive["path_vx_mps"])[drive["vx_mps"] > 4.0].max() < 1.0
 
 
-@pytest.mark.parametrize("model", ["mdk-net", "lti"])
-def test_a_car_stops_from_60_km_per_h_is_held_for_ten_seconds_and_drives_on(model: str) -> None:
-    drive = simulate(stop_and_go(1.8, cruise_kmh=60.0, hold_s=10.0), model=model)
+def test_a_car_stops_from_60_km_per_h_is_held_for_ten_seconds_and_drives_on() -> None:
+    drive = simulate(stop_and_go(1.8, cruise_kmh=60.0, hold_s=10.0), model="mdk-net")
     found = {figure.name: figure.value for figure in drive.car_figures}
     assert found["stop_error_m"] < 0.2
     assert found["creep_m"] < 0.02
@@ -83,18 +81,15 @@ def test_a_car_stops_from_60_km_per_h_is_held_for_ten_seconds_and_drives_on(mode
     assert drive.errors.ey_peak_m < 0.1
 
 
-@pytest.mark.parametrize("model", ["mdk-net", "mdk-net-paper", "lti"])
-@pytest.mark.parametrize("speed_kmh", [18.0, 25.0, 32.0, 36.0])
+@pytest.mark.parametrize(
+    ("model", "speed_kmh"),
+    [("mdk-net", 18.0), ("mdk-net", 32.0), ("mdk-net-paper", 36.0), ("lti", 25.0)],
+)
 def test_a_constant_speed_near_the_handover_needs_no_change_of_the_pedal(
     model: str, speed_kmh: float
 ) -> None:
     scenario = parse_scenario(
-        {
-            "format": 2,
-            "name": "constant",
-            "duration_s": 8.0,
-            "reference": {"speed_kmh": speed_kmh},
-        },
+        {"format": 2, "name": "constant", "duration_s": 8.0, "reference": {"speed_kmh": speed_kmh}},
         "a test",
     )
     drive = simulate(scenario, model=model)
@@ -114,7 +109,7 @@ def test_a_car_that_stands_at_the_start_drives_off() -> None:
     assert drive.errors.ey_peak_m < 0.02
 
 
-@pytest.mark.parametrize("duration_s", [1.0, 4.9])
+@pytest.mark.parametrize("duration_s", [4.9])
 def test_a_requested_stop_ends_also_when_the_mission_ends_meanwhile(duration_s: float) -> None:
     drive = simulate("straight", model="lti", duration_s=duration_s)
     assert drive.ending == "stopped on request"

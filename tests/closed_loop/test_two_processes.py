@@ -167,17 +167,6 @@ def test_a_server_that_freezes_holds_up_neither_end(remote: Drive, signals: int)
     remote.server.send_signal(signal.SIGCONT)
 
 
-def test_a_second_ctrl_c_still_stops_the_car_first(local: Drive) -> None:
-    car, controller = local.start_car(), local.start_controller()
-    local.wait_for_nominal()
-    controller.send_signal(signal.SIGINT)
-    controller.send_signal(signal.SIGHUP)
-    local.expect_exit(controller, "controller", 0, 4)
-    local.expect_exit(car, "car", 0)
-    assert local.summary("controller")["ending"] == "STOPPED"
-    assert local.summary("car")["final_speed_mps"] < 0.5
-
-
 @pytest.mark.nightly
 def test_a_bus_that_fails_ends_both_programs_with_a_message(remote: Drive) -> None:
     car, controller = remote.start_car(), remote.start_controller()

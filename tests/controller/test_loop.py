@@ -117,14 +117,6 @@ def test_a_request_to_stop_brings_the_car_to_rest_first(rig: Rig, record: RunRec
     assert rig.command.content.mode is Mode.SAFE_STOP
 
 
-def test_the_end_of_the_duration_brings_the_car_to_rest_too(rig: Rig, record: RunRecord) -> None:
-    rig.vehicle.after_sending = lambda _: brake_as_commanded(rig)
-    run_loop(rig.step, rig.clock, record, StopRequest(), end_ns=SECOND_NS)
-    assert record.ending is Ending.STOPPED
-    assert rig.vehicle.state is not None
-    assert rig.vehicle.state.vx_mps < 0.3
-
-
 def test_a_second_request_still_brings_the_car_to_rest(rig: Rig, record: RunRecord) -> None:
     request = StopRequest()
 
@@ -159,19 +151,6 @@ def test_a_request_to_stop_in_standby_ends_the_loop_at_once(rig: Rig, record: Ru
     request.request()
     run_loop(rig.step, rig.clock, record, request, waits_for_missions=True)
     assert record.deadlines.ticks == 0
-
-
-def test_a_loop_that_stays_ends_when_the_bus_cannot_be_read(
-    rig: Rig, record: RunRecord, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def unplug(now_ns: int) -> None:
-        if now_ns > SECOND_NS:
-            monkeypatch.setattr(rig.controller_bus, "recv", fail)
-
-    rig.vehicle.after_sending = unplug
-    run_loop(rig.step, rig.clock, record, StopRequest(), waits_for_missions=True)
-    assert record.ending is Ending.SAFE_STOPPED
-    assert record.result.cause is StopCause.BUS_FAILED
 
 
 @pytest.mark.parametrize("is_requested", [False, True])

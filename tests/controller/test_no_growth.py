@@ -12,13 +12,13 @@ from rt_controller.contract.signals import Mode
 from rt_controller.control.mpc import Mpc
 from rt_controller.model.artifact import load_bundle, shipped_model
 
-WARM_UP_STEPS = 500
+WARM_UP_STEPS = 300
 """in which most of the caches of the interpreter fill"""
 
 
 @pytest.mark.parametrize(
     ("windows", "steps", "max_grown_blocks"),
-    [(12, 200, 13), pytest.param(5, 4_000, 40, marks=pytest.mark.nightly)],
+    [(6, 150, 13), pytest.param(5, 4_000, 40, marks=pytest.mark.nightly)],
 )
 def test_steps_keep_no_memory(windows: int, steps: int, max_grown_blocks: int) -> None:
     """Memory that each step keeps grows in every window; a cache grows in some of them only."""

@@ -2,12 +2,7 @@
 
 import pytest
 
-from rt_controller.loop import (
-    WARM_UP_LEADS_NS,
-    Schedule,
-    prepare_tick,
-    schedule_preparation,
-)
+from rt_controller.loop import WARM_UP_LEADS_NS, Schedule, prepare_tick, schedule_preparation
 from rt_controller.realtime import timing
 from rt_controller.realtime.timing import DeadlineAccount, TickTimer
 
@@ -93,14 +88,7 @@ def test_warm_ups_are_scheduled_after_the_update_of_the_matrices(
     assert schedule is not None
     assert schedule.update_matrices_ns == round(prepare_ms * MS)
     assert schedule.warm_ups_ns == WARM_UP_LEADS_NS[len(WARM_UP_LEADS_NS) - warm_ups :]
-
-
-@pytest.mark.parametrize("is_lockstep", [False, True])
-def test_a_preparation_time_of_zero_gives_no_schedule(is_lockstep: bool) -> None:
-    assert schedule_preparation(0.0, is_lockstep) is None
-
-
-def test_in_lockstep_there_is_one_warm_up() -> None:
-    schedule = schedule_preparation(4.0, is_lockstep=True)
-    assert schedule is not None
-    assert len(schedule.warm_ups_ns) == 1
+    in_lockstep = schedule_preparation(prepare_ms, is_lockstep=True)
+    assert in_lockstep is not None
+    assert len(in_lockstep.warm_ups_ns) == 1
+    assert schedule_preparation(0.0, is_lockstep=False) is None

@@ -31,14 +31,6 @@ def test_another_message_catalogue_causes_a_safe_stop(rig: Rig) -> None:
     assert mode_and_cause(rig.tick()) == (Mode.SAFE_STOP, StopCause.PEER_MISMATCH)
 
 
-def test_a_safe_stop_goes_on_when_states_are_received_again(rig: Rig) -> None:
-    rig.tick(3)
-    rig.vehicle.state = None
-    rig.tick(3)
-    rig.vehicle.state = CRUISING
-    assert rig.tick(10).mode is Mode.SAFE_STOP
-
-
 def test_a_reset_is_granted_only_when_the_car_stands(rig: Rig) -> None:
     rig.tick(3)
     rig.vehicle.state = None

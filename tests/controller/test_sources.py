@@ -28,7 +28,7 @@ def send_state(rig: Rig, outbox: Outbox, counter: int) -> None:
     outbox.send(STATE, sample, rig.clock.now_ns(), counter=counter)
 
 
-@pytest.mark.parametrize("offset", [0, 1, 2, 5, 16, 64, 100, 127])
+@pytest.mark.parametrize("offset", [0, 1, 16, 127])
 def test_a_second_vehicle_ends_in_a_safe_stop_whatever_its_counter(rig: Rig, offset: int) -> None:
     rig.tick(10)
     other = Outbox(rig.vehicle_bus, Node.VEHICLE, is_fd=rig.inbox.is_fd)
@@ -39,7 +39,7 @@ def test_a_second_vehicle_ends_in_a_safe_stop_whatever_its_counter(rig: Rig, off
     assert rig.heartbeat.faults & Fault.SOURCE_CONFLICT
 
 
-@pytest.mark.parametrize("age", [8, 16, 48, 112])
+@pytest.mark.parametrize("age", [8, 112])
 def test_one_old_state_among_new_ones_is_not_used_and_stops_nothing(rig: Rig, age: int) -> None:
     rig.tick(10)
     other = Outbox(rig.vehicle_bus, Node.VEHICLE, is_fd=rig.inbox.is_fd)
@@ -50,7 +50,7 @@ def test_one_old_state_among_new_ones_is_not_used_and_stops_nothing(rig: Rig, ag
     assert rig.tick().mode is Mode.NOMINAL
 
 
-@pytest.mark.parametrize("offset", [0, 1, 2, 100])
+@pytest.mark.parametrize("offset", [0, 1, 100])
 def test_a_foreign_path_is_not_driven(rig: Rig, offset: int) -> None:
     rig.tick(10)
     other = Outbox(rig.vehicle_bus, Node.VEHICLE, is_fd=rig.inbox.is_fd)
@@ -69,7 +69,7 @@ def test_a_foreign_path_is_not_driven(rig: Rig, offset: int) -> None:
         assert result.path.c0_m == pytest.approx(STRAIGHT.c0_m)
 
 
-@pytest.mark.parametrize("lag", [4, 12, 16, 19, 100])
+@pytest.mark.parametrize("lag", [4, 16, 100])
 def test_a_path_that_lags_behind_the_states_is_not_used(rig: Rig, lag: int) -> None:
     """Also by a multiple of 16: the frames tell 128 periods apart."""
     rig.tick(10)
@@ -93,7 +93,7 @@ def test_one_mission_without_engage_does_not_end_a_drive(rig: Rig) -> None:
     assert rig.inbox.newest(MISSION) is not None
 
 
-@pytest.mark.parametrize("lag", [5, 12, 16, 19, 60])
+@pytest.mark.parametrize("lag", [5, 16, 60])
 def test_commands_that_arrive_late_from_the_first_frame_on_are_detected(rig: Rig, lag: int) -> None:
     rig.vehicle.mission = None
     rig.tick(70)

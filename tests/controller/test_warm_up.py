@@ -79,13 +79,6 @@ def test_the_plan_is_the_same_with_and_without_warm_ups(rig: Rig) -> None:
     np.testing.assert_allclose(plans[0] / span, plans[1] / span, rtol=0.0, atol=1e-4)
 
 
-def test_a_reset_request_that_was_read_ahead_counts_in_the_tick(rig: Rig) -> None:
-    safe_stop(rig)
-    rig.vehicle.state = CRUISING._replace(vx_mps=0.0, ds_m=0.0)
-    rig.vehicle.mission = ENGAGED._replace(is_reset_requested=True)
-    assert prepared_tick(rig).mode is Mode.STANDBY
-
-
 def test_a_reset_request_while_the_car_moved_has_no_later_effect(rig: Rig) -> None:
     safe_stop(rig)
     rig.vehicle.state = CRUISING

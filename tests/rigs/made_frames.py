@@ -1,11 +1,27 @@
 """Contents for the messages of the bus, and the CAN frames that carry them."""
 
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import can
 
 from rt_controller.bus.codec import Frame, FrameCodec
-from rt_controller.bus.messages import Heartbeat, Message, Mission, StateSample
+from rt_controller.bus.messages import (
+    COMMAND,
+    CONTROLLER_IDENTITY,
+    FEEDBACK,
+    HEARTBEAT,
+    MISSION,
+    PREVIEW,
+    REFERENCE,
+    STATE,
+    VEHICLE_IDENTITY,
+    Command,
+    Heartbeat,
+    Identity,
+    Message,
+    Mission,
+    StateSample,
+)
 from rt_controller.contract.faults import Fault
 from rt_controller.contract.signals import (
     ControlInput,
@@ -25,6 +41,17 @@ BEND = CurvaturePreview(3.0, 0.001, 0.002, 0.003, 0.004, 0.005)
 CONTROL = ControlInput(0.5, 0.0, 0.0)
 ENGAGED = Mission(True, False, 4, 300_000_000)
 HOLDING = Heartbeat(Mode.HOLD_PLAN, Fault.SOLVER_FAILED, 77, 500_000, 1_000_000, 30)
+CONTENTS: dict[Message[Any], Any] = {
+    COMMAND: Command(CONTROL, Mode.NOMINAL),
+    HEARTBEAT: HOLDING,
+    STATE: SAMPLE,
+    REFERENCE: PATH,
+    PREVIEW: BEND,
+    MISSION: ENGAGED,
+    FEEDBACK: CONTROL,
+    CONTROLLER_IDENTITY: Identity(1, 2),
+    VEHICLE_IDENTITY: Identity(1, None),
+}
 
 
 def can_frame(codec: FrameCodec, data: bytes) -> can.Message:

@@ -1,13 +1,10 @@
 """The vehicle's end of the bus, with a scripted controller at the other."""
 
-from collections import deque
 from collections.abc import Iterator
 
-import can
 import numpy as np
 import pytest
 from bridge_rig import CRUISE, BridgeRig, open_bridge
-from recorded_frames import RecordedFrames
 from scripted_controller import send_command
 
 from rt_controller.bus.messages import (
@@ -64,12 +61,6 @@ def test_a_command_moves_the_car_and_comes_back_as_feedback(rig: BridgeRig) -> N
     assert rig.newest(FEEDBACK).steer_rad == pytest.approx(0.2, abs=1e-3)
 
 
-def test_a_car_that_is_driven_slowly_has_left_its_start(rig: BridgeRig) -> None:
-    rig.tick(CRUISE, Mode.LOW_SPEED)
-    rig.tick(CRUISE, Mode.LOW_SPEED)
-    assert not rig.bridge.is_waiting
-
-
 def test_a_car_beyond_the_speeds_of_the_bus_is_a_failed_plant(
     rig: BridgeRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -92,41 +83,13 @@ def test_a_second_vehicle_is_recognised_before_anything_is_sent(rig: BridgeRig) 
         rig.bridge.listen(0)
 
 
-def test_a_frozen_counter_counts_as_no_command(rig: BridgeRig) -> None:
-    rig.tick()
-    stuck = can.Message(arbitration_id=0x100, is_extended_id=False)
-    recorder = RecordedFrames()
-    tapped = Outbox(rig.controller_bus, Node.CONTROLLER, recorder)
-    send_command(tapped, Command(CRUISE, Mode.NOMINAL), rig.now_ns, rig.counter)
-    first = recorder.frames[0][2]
-    stuck.data, stuck.dlc = bytearray(first), len(first)
-    for _ in range(8):
-        rig.controller_bus.send(stuck)
-        sample = rig.tick(control=None)
-    assert sample.is_watchdog_braking
-
-
 def test_a_controller_of_another_catalogue_is_refused(rig: BridgeRig) -> None:
     rig.controller.send(CONTROLLER_IDENTITY, Identity(0xABCD, None), 0)
     with pytest.raises(BusError, match="0000abcd"):
         rig.tick()
 
 
-def test_commands_that_arrive_a_second_late_are_ignored(rig: BridgeRig) -> None:
-    late: deque[tuple[ControlInput, int]] = deque()
-    for _ in range(20):
-        rig.tick()
-    for _ in range(60):
-        late.append((CRUISE, rig.counter))
-        if len(late) > 40:
-            control, counter = late.popleft()
-            command = Command(control, Mode.NOMINAL)
-            send_command(rig.controller, command, rig.now_ns, counter)
-        sample = rig.tick(control=None)
-    assert sample.is_watchdog_braking
-
-
-@pytest.mark.parametrize("delay", [Delay(0, 0), Delay(1, 0), Delay(1, 1), Delay(3, 5)])
+@pytest.mark.parametrize("delay", [Delay(0, 0), Delay(3, 5)])
 def test_a_command_acts_its_delay_after_the_state_that_it_answers(delay: Delay) -> None:
     with open_bridge(delay) as rig:
         for _ in range(12):
@@ -141,7 +104,7 @@ def test_a_command_acts_its_delay_after_the_state_that_it_answers(delay: Delay) 
         assert rig.counter == first + 12
 
 
-@pytest.mark.parametrize("transport_periods", [0, 1, 3])
+@pytest.mark.parametrize("transport_periods", [0, 3])
 def test_the_receiver_measures_the_transport_delay(transport_periods: int) -> None:
     with open_bridge(Delay(transport_periods, 2)) as rig:
         inbox = Inbox(Node.CONTROLLER)

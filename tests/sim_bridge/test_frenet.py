@@ -62,25 +62,6 @@ def test_on_a_circular_road_the_pose_is_in_polar_coordinates(
     np.testing.assert_allclose(poses[:, frenet.EPSI], yaw - tangent, atol=1e-8)
 
 
-@pytest.mark.parametrize("ey0", [0.0, 2.0, -3.0])
-def test_a_car_that_turns_with_the_road_has_constant_lateral_error(ey0: float) -> None:
-    curvature, vx = 0.01, 25.0
-    yaw_rate = curvature * vx / (1.0 - curvature * ey0)
-    poses = frenet.integrate_poses(
-        constant_motion(vx, 0.0, yaw_rate, 10_000), curvature, ey0, 0.0, STEPS, STEP_S
-    )
-    np.testing.assert_allclose(poses[:, frenet.EY], ey0, atol=1e-9)
-    np.testing.assert_allclose(poses[:, frenet.EPSI], 0.0, atol=1e-9)
-    assert poses[-1, frenet.S] == pytest.approx(10.0 * vx / (1.0 - curvature * ey0))
-
-
-def test_mirrored_motion_on_a_mirrored_road_is_mirrored() -> None:
-    motion = wandering_motion(seed=3, n_steps=1000)
-    poses = frenet.integrate_poses(motion, 0.003, 0.8, -0.06, STEPS, STEP_S)
-    mirrored = frenet.integrate_poses(motion * (1, -1, -1), -0.003, -0.8, 0.06, STEPS, STEP_S)
-    np.testing.assert_array_equal(mirrored, poses * (1, -1, -1))
-
-
 def test_poses_advanced_by_periods_equal_poses_integrated_at_once() -> None:
     motion = wandering_motion(seed=4, n_steps=250)
     poses = frenet.integrate_poses(motion, -0.002, 0.3, 0.02, STEPS, STEP_S)

@@ -141,6 +141,14 @@ def test_a_summary_that_cannot_be_written_hides_no_other_failure(
     assert "--json /dev/full: expected room for the figures" in message
 
 
+def test_a_failed_plant_has_its_own_exit_code_and_its_reason_is_said(run: Run) -> None:
+    failed = replace(DRIVEN, plant_failure="no fuel left")
+    bridge = Session(0, failed)
+    code, _, message = run(bridge, "--quiet")
+    assert code == 7
+    assert "no fuel left" in " ".join(message.split())
+
+
 def test_a_bus_that_failed_in_the_drive_is_named_after_the_summary(
     run: Run, tmp_path: Path
 ) -> None:

@@ -126,10 +126,7 @@ def test_a_full_disk_does_not_end_the_drive(
 @pytest.mark.parametrize("begins_before_the_end", [False, True])
 @pytest.mark.parametrize("is_lockstep", [False, True])
 def test_a_disk_that_does_not_answer_does_not_hold_up_the_end(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    is_lockstep: bool,
-    begins_before_the_end: bool,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_lockstep: bool, begins_before_the_end: bool
 ) -> None:
     answers = Event()
     if begins_before_the_end:

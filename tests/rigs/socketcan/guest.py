@@ -22,7 +22,6 @@ MODULES = (
 )
 _SYS_FINIT_MODULE = 313
 _POWER_OFF = 0x4321FEDC
-_READ_ONLY = 1
 _libc = ctypes.CDLL(None, use_errno=True)
 
 

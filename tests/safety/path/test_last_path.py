@@ -38,11 +38,6 @@ def test_a_path_is_used_for_half_a_second(vx_mps: float, length_m: float) -> Non
     assert known_length_m(0.0, PATH._replace(v_mps=0.0)) == 4.0
 
 
-def test_at_the_end_of_its_known_part_a_path_is_still_the_same_curve() -> None:
-    end = LastPath(PATH, 10.0).moved(10.0).path_here()
-    assert value(end, 5.0) == pytest.approx(value(PATH, 15.0))
-
-
 def test_the_slope_decays_by_a_factor_e_over_six_tenths_of_the_known_part() -> None:
     gentle = LastPath(PATH._replace(c1=0.03), 10.0)
     end, behind = gentle.moved(10.0).path_here(), gentle.moved(16.0).path_here()

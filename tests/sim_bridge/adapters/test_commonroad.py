@@ -1,6 +1,6 @@
 """CommonRoad's multi-body car with the model of the actuators."""
 
-from math import nan, radians
+from math import nan
 
 import numpy as np
 import pytest
@@ -40,12 +40,6 @@ def test_the_steady_turn_of_vehicle_2_has_the_yaw_rate_of_the_model() -> None:
     assert outputs.ay_mps2 == pytest.approx(car.state.yaw_rate_radps * car.state.vx_mps, rel=0.05)
 
 
-def test_road_wheels_turn_at_most_at_the_rate_of_the_model() -> None:
-    car = Car(CommonRoadPlant(2, 1.0), 10.0)
-    car.advance(ControlInput(0.0, 0.0, radians(120.0)), 0.0)
-    assert car.plant.outputs().road_wheel_rad == pytest.approx(0.4 * 0.025)
-
-
 def test_acceleration_is_proportional_to_the_pedals() -> None:
     standing = commanded_mps2(ControlInput(1.0, 0.0, 0.0), 0.0, 0.001)
     assert standing == pytest.approx(FULL_THROTTLE_MPS2, abs=0.06)
@@ -69,16 +63,6 @@ def test_a_braked_car_pitches_forward_and_stops() -> None:
     assert abs(car.state.vx_mps) < 1e-6
     assert abs(car.s_m - s_m) < 1e-3
     assert car.is_sound
-
-
-def test_lateral_acceleration_is_limited_by_the_friction_of_the_road() -> None:
-    peaks = []
-    for friction in (1.0, 0.3):
-        car = Car(CommonRoadPlant(2, friction), 22.2)
-        drive(car, ControlInput(CRUISE_22, 0.0, 0.04 * STEERING_RATIO), 60)
-        peaks.append(car.plant.outputs().ay_mps2)
-    assert peaks[0] > 6.0
-    assert peaks[1] < 0.3 * 9.81 * 1.1
 
 
 def test_a_state_that_is_not_finite_is_a_failure() -> None:

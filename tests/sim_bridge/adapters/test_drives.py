@@ -1,8 +1,6 @@
 """Whole drives over the bus with FMUs and CommonRoad's car behind the bridge."""
 
 import json
-import threading
-import uuid
 from math import isnan
 from pathlib import Path
 
@@ -26,7 +24,6 @@ from rt_controller.contract.errors import ConfigError, PlantError
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.settings import CarSettings
-from sim_bridge import cli as bridge_cli
 from sim_bridge.adapters.plants import open_plant
 from sim_bridge.bridge import END_TICKS, Bridge, Delay
 from sim_bridge.fmu_export.archive import build_fmu
@@ -141,44 +138,6 @@ def test_a_failed_plant_is_sent_as_an_invalid_state_until_the_bridge_ends(
     assert summary.plant_failure is not None
     assert summary.final_speed_mps == pytest.approx(state.content.state.vx_mps, abs=0.01)
     bridge.close()
-
-
-def test_sim_bridge_ends_with_the_reason_of_a_failed_plant(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    fmu = make_foreign_car(
-        tmp_path, "FailsLater", FOREIGN_MAPPING.replace("trailers = 1", "fails_at_s = 0.2")
-    )
-    figures, channel = tmp_path / "car.json", f"test-{uuid.uuid4().hex}"
-    base = ("--bus", "local", "--quiet", "--channel", channel, "--json", str(figures))
-    monkeypatch.setattr("sys.argv", ["sim-bridge", *base, "--plant", f"fmu:{fmu}"])
-    over = threading.Event()
-    controller = threading.Thread(target=command, args=(channel, over))
-    controller.start()
-    try:
-        with pytest.raises(SystemExit) as ended:
-            bridge_cli.main()
-    finally:
-        over.set()
-        controller.join()
-    assert ended.value.code == 7
-    assert "no fuel left" in " ".join(capsys.readouterr().err.split())
-    summary = json.loads(figures.read_text())
-    assert summary["ticks"] == 8
-    assert "no fuel left" in summary["plant_failure"]
-
-
-def command(channel: str, over: threading.Event) -> None:
-    """A controller that sends the same command in response to every state."""
-    with open_bus("local", channel) as bus:
-        outbox, inbox = Outbox(bus, Node.CONTROLLER), Inbox(Node.CONTROLLER)
-        answered = None
-        while not over.wait(0.005):
-            inbox.drain(bus, 0)
-            state = inbox.newest(STATE)
-            if state is not None and state is not answered:
-                answered = state
-                send_command(outbox, Command(CRUISE, Mode.NOMINAL), 0, state.counter)
 
 
 def test_a_plant_is_refused_before_the_drive_if_it_has_no_friction_or_no_first_period(

@@ -16,7 +16,7 @@ from rt_controller.contract.signals import ControlInput
 from rt_controller.settings import CarSettings
 from sim_bridge.adapters.plants import open_plant
 from sim_bridge.car import Car
-from sim_bridge.fmu_export.archive import build_fmu, mapping_text
+from sim_bridge.fmu_export.archive import build_fmu
 from sim_bridge.plant.protocol import RoadAt
 
 pytestmark = needs_c_compiler
@@ -62,19 +62,6 @@ def test_an_exported_car_drives_the_same_run(exported: Path) -> None:
     fmu.plant.close()
 
 
-def test_friction_of_both_sides_reaches_the_exported_car(exported: Path) -> None:
-    choices = (
-        CarSettings(friction=0.9, friction_right=0.3),
-        CarSettings(plant=f"fmu:{exported}", friction=0.9, friction_right=0.3),
-    )
-    own, fmu = (Car(open_plant(choice, 0.85), 25.0) for choice in choices)
-    assert worst_difference(own, fmu) <= 1e-9
-    for _ in range(20):
-        fmu.advance(ControlInput(0.0, 120.0, 0.0), 0.0)
-    assert abs(fmu.state.yaw_rate_radps) > 0.02
-    fmu.plant.close()
-
-
 def test_a_road_that_changes_on_the_way_acts_on_the_exported_car(exported: Path) -> None:
     """Friction, bank, grade and wind reach it through the section [road] of its mapping."""
     own = open_plant(CarSettings(), 0.85)
@@ -90,31 +77,6 @@ def test_a_road_that_changes_on_the_way_acts_on_the_exported_car(exported: Path)
             motions.append(plant.step(ControlInput(0.0, 120.0, 0.3), 0.025))
         np.testing.assert_allclose(motions[1], motions[0], rtol=1e-9, atol=1e-9)
     fmu.close()
-
-
-def test_a_reset_forgets_the_road_that_was_set_before_it(exported: Path) -> None:
-    fmu = open_plant(CarSettings(plant=f"fmu:{exported}"), 0.85)
-    motions = []
-    for _ in range(2):
-        fmu.reset(20.0)
-        motions.append(fmu.step(ControlInput(0.0, 120.0, 0.0), 0.025).copy())
-        fmu.set_road(RoadAt(0.0, 0.0, 0.1, 0.1, 0.02, 0.3, 1.0, 2.0))
-    np.testing.assert_array_equal(motions[1], motions[0])
-    fmu.close()
-
-
-def test_an_exported_car_takes_steps_that_are_no_part_of_the_period(
-    exported: Path, tmp_path: Path
-) -> None:
-    """With steps of 10 ms against periods of 25 ms its motion stays that of the own car."""
-    mapping = tmp_path / "coarse.toml"
-    mapping.write_text(mapping_text().replace("= 0.001", "= 0.01"))
-    settings = CarSettings(plant=f"fmu:{exported}", plant_mapping=mapping)
-    own, fmu = Car(open_plant(CarSettings(), 0.85), 20.0), Car(open_plant(settings, 0.85), 20.0)
-    for _ in range(100):
-        states = [car.advance(ControlInput(0.2, 0.0, 0.3), 0.0) for car in (own, fmu)]
-    np.testing.assert_allclose(states[1], states[0], rtol=1e-4, atol=1e-4)
-    fmu.plant.close()
 
 
 def test_a_car_file_is_contained_in_the_fmu(front_driven: Path, tmp_path: Path) -> None:

@@ -9,13 +9,7 @@ import pytest
 pytest.importorskip("fmpy", reason="the extra [fmu] is not installed")
 pytest.importorskip("pythonfmu", reason="the extra [test] is not installed")
 
-from made_fmus import (
-    FOREIGN_MAPPING,
-    make_from_library,
-    remap,
-    rewrite_description,
-    wrap_as_fmi3,
-)
+from made_fmus import FOREIGN_MAPPING, make_from_library, remap, rewrite_description, wrap_as_fmi3
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
@@ -100,16 +94,6 @@ def test_a_sample_model_of_pythonfmu_is_a_plant(tmp_path: Path, version: int) ->
     assert_sample_model_is_a_plant(Path(FmuBuilder.build_FMU(script, dest=str(tmp_path))))
 
 
-def test_runs_after_a_reset_are_equal(foreign_car: Path) -> None:
-    car = Car(FmuPlant(foreign_car, None, 0.9), 10.0)
-    runs = []
-    for _ in range(2):
-        car.reset(12.0)
-        runs.append([car.advance(ControlInput(0.5, 0.0, 0.2), 0.0) for _ in range(20)])
-    assert runs[0] == runs[1]
-    car.plant.close()
-
-
 def test_outputs_without_a_variable_in_the_mapping_are_nan(foreign_car: Path) -> None:
     remap(foreign_car, "[start]", 'ay_mps2 = {variable = "slide_mps", unit = "m/s2"}\n[start]')
     plant = FmuPlant(foreign_car, None, 0.9)
@@ -158,16 +142,6 @@ def test_all_errors_of_a_mapping_are_reported_at_once(foreign_car: Path) -> None
         assert words in line
 
 
-def test_the_unit_of_the_fmu_is_used_if_the_mapping_has_none(foreign_car: Path) -> None:
-    rewrite_description(foreign_car, "<Real/>", '<Real unit="km/h"/>')
-    remap(foreign_car, '"turn_degps", unit = "deg/s"', '"turn_degps", scale = 1.0')
-    remap(foreign_car, 'yaw_rate_radps = {variable = "turn_degps", unit = "deg/s", sign = -1}',
-          'yaw_rate_radps = {variable = "slide_mps", scale = 1.0}')  # fmt: skip
-    plant = FmuPlant(foreign_car, None, 0.85)
-    assert plant.reset(20.0)[0] == pytest.approx(20.0)
-    plant.close()
-
-
 def test_a_unit_defined_by_base_units_is_converted(foreign_car: Path) -> None:
     """Some tools write m.s-1 or a name of their own, with a definition by base units."""
     rewrite_description(
@@ -212,7 +186,7 @@ def test_the_remedy_for_a_fixed_step_that_is_no_part_of_the_period_works(
     plant.close()
 
 
-@pytest.mark.parametrize("step_s", [0.0007, 0.003, 0.0125, 0.025, 0.04, 0.1])
+@pytest.mark.parametrize("step_s", [0.0007, 0.0125, 0.04])
 def test_every_instant_of_the_motion_is_that_of_the_fmu(foreign_car: Path, step_s: float) -> None:
     """A constant pull of 2 m/s^2, on any grid."""
     plant = FmuPlant(remap(foreign_car, "0.005", str(step_s)), None, 1.0)

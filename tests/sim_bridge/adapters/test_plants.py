@@ -78,10 +78,7 @@ def test_the_named_car_is_simulated() -> None:
 
 @pytest.mark.parametrize(
     ("module", "plant", "extra"),
-    [
-        ("fmpy", "fmu:car.fmu", "[fmu]"),
-        ("vehiclemodels", "commonroad:2", "[commonroad]"),
-    ],
+    [("fmpy", "fmu:car.fmu", "[fmu]"), ("vehiclemodels", "commonroad:2", "[commonroad]")],
 )
 def test_a_missing_extra_is_refused_by_name(
     monkeypatch: pytest.MonkeyPatch, module: str, plant: str, extra: str

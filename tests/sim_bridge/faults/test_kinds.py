@@ -124,15 +124,6 @@ def test_lost_commands_make_the_watchdog_brake(drive: FaultyDrive) -> None:
     assert drive.run(FAULTY_TICKS).bridge.summary().watchdog_braked
 
 
-@under("state_offset", signal="ey_m", value=0.5)
-def test_an_offset_is_added_to_one_signal(drive: FaultyDrive) -> None:
-    with closing(FaultyDrive(()).run(START_TICK - 1)) as good:
-        true = received(good, "ey_m", FAULTY_TICKS + 1)
-    seen = received(drive, "ey_m", FAULTY_TICKS + 1)
-    offsets = [a - b for a, b in zip(seen, true, strict=True)]
-    assert offsets == pytest.approx([0.5] * FAULTY_TICKS + [0.0], abs=2e-3)
-
-
 @under("delay", messages=["state"], delay_s=0.075)
 def test_delayed_frames_arrive_later_and_together_with_the_next_ones_at_the_end(
     drive: FaultyDrive,
@@ -143,14 +134,6 @@ def test_delayed_frames_arrive_later_and_together_with_the_next_ones_at_the_end(
     drive.tick()
     assert len(of_id(drive.to_controller[frames:], "STATE_A")) == 4
     assert drive.received.counts.counter_gap_frames == 0
-
-
-@under("stuck", signals=["steer_rad"])
-def test_a_stuck_actuator_does_not_follow_and_the_feedback_shows_it(drive: FaultyDrive) -> None:
-    before = len(drive.applied)
-    *wheel, after = [c.steer_rad for c in drive.run(FAULTY_TICKS + 1).applied[before:]]
-    assert len(set(wheel)) == 1
-    assert after > wheel[0]
 
 
 @under("masquerade", messages=["ACT_CMD"], values={"SteeringWheelAngle": -30.0})

@@ -107,14 +107,6 @@ def test_a_missing_compiler_is_refused_with_the_package_to_install(
         build_fmu(tmp_path / "car.fmu", CAR)
 
 
-def test_the_compiler_of_the_environment_may_have_options(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setenv("CC", "cc -Wl,--build-id=none -g0")
-    build_fmu(tmp_path / "car.fmu", CAR)
-    assert (tmp_path / "car.fmu").is_file()
-
-
 def test_a_compiler_that_fails_is_refused_with_what_it_said(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -12,7 +12,6 @@ from c_compiler import needs_c_compiler
 from exported_fmu import CAR, ExportedFmu, exported
 from fmpy.validation import validate_fmu
 
-from sim_bridge.fmu_export.description import OUTPUT_FIELDS
 from sim_bridge.plant.library import STEP_S
 from sim_bridge.plant.parameters import load_parameters
 
@@ -61,16 +60,6 @@ def test_the_road_starts_as_in_the_car_file_and_is_tunable(file: Path) -> None:
     for name, value in load_parameters(CAR).road._asdict().items():
         assert float(variables[f"road.{name}"].start) == value
         assert variables[f"road.{name}"].variability == "tunable"
-
-
-def test_initial_unknowns_are_the_outputs(file: Path) -> None:
-    root = description_of(file)
-    variables = list(root.find("ModelVariables"))  # type: ignore[arg-type]
-    for group in ("Outputs", "InitialUnknowns"):
-        found = root.find(f"ModelStructure/{group}")
-        assert found is not None
-        names = [variables[int(u.get("index", 0)) - 1].get("name") for u in found]
-        assert names == list(OUTPUT_FIELDS)
 
 
 def test_the_flags_are_what_the_library_does(file: Path) -> None:

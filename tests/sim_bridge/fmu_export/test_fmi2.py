@@ -113,16 +113,6 @@ def test_a_saved_state_continues_equally_also_in_another_instance(fmu: ExportedF
     other.close()
 
 
-def test_after_a_reset_the_parameters_are_those_of_the_file(fmu: ExportedFmu) -> None:
-    fmu.set(v0_mps=31.0)
-    fmu.initialise()
-    assert fmu.get("vx_mps") == [31.0]
-    fmu.step(0.0, 0.1)
-    fmu.instance.reset()
-    fmu.initialise()
-    assert fmu.get("vx_mps", "s_m", "time") == [20.0, 0.0, 0.0]
-
-
 def test_the_road_may_change_during_a_run_and_the_start_may_not(fmu: ExportedFmu) -> None:
     fmu.initialise()
     fmu.set(brake_n=300.0)
@@ -138,7 +128,6 @@ def test_the_road_may_change_during_a_run_and_the_start_may_not(fmu: ExportedFmu
     ("name", "value", "words"),
     [
         ("v0_mps", -1.0, "expected a speed of 0 to 70 m/s"),
-        ("v0_mps", 71.0, "expected a speed of 0 to 70 m/s"),
         ("road.bank_rad", 3.0, "expected a slope of at most 0.7 rad"),
         ("road.grade_rad", -0.8, "expected a slope of at most 0.7 rad"),
         ("road.friction_left", 0.0, "expected a friction above 0"),
@@ -177,19 +166,8 @@ def test_a_call_at_a_wrong_time_is_refused_and_changes_nothing(fmu: ExportedFmu)
     assert fmu.get("vx_mps")[0] > 0.0
     fmu.instance.reset()
     fmu.initialise()
+    assert fmu.get("vx_mps", "s_m", "time") == [20.0, 0.0, 0.0]
     fmu.step(0.0, 0.01)
-
-
-def test_pedals_outside_their_range_are_limited() -> None:
-    results = []
-    for throttle, brake_n in ((1.0, 0.0), (1.7, -40.0)):
-        fmu = ExportedFmu(exported())
-        fmu.initialise()
-        fmu.set(throttle=throttle, brake_n=brake_n)
-        fmu.step(0.0, 1.0)
-        results.append(fmu.get(*OUTPUT_FIELDS))
-        fmu.close()
-    assert results[0] == results[1]
 
 
 def test_an_input_acts_on_motion_and_place_with_the_next_step(fmu: ExportedFmu) -> None:

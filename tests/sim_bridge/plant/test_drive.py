@@ -12,8 +12,7 @@ from sim_bridge.plant.library import advance, settle, steady_pressures_mpa
 from sim_bridge.plant.parameters import Parameters, default_car, load_parameters, with_road_friction
 from sim_bridge.plant.parts import NO_ANTI_LOCK, NO_TRACTION_CONTROL
 from sim_bridge.plant.states import AT
-from sim_bridge.validation.run import Run, cruising_throttle, input_table, replay
-from sim_bridge.validation.signal_metrics import reversals
+from sim_bridge.validation.run import Run, input_table, replay
 
 CAR = default_car()
 FRONT_DRIVE = load_parameters("c_class_125kw_fwd")
@@ -28,10 +27,6 @@ def drive(
     """A drive straight ahead."""
     inputs = input_table(round(seconds / PERIOD_S), throttle, brake_n)
     return replay(car, v0_kmh / 3.6, inputs, PERIOD_S)
-
-
-def reached_s(run: Run, kmh: float) -> float:
-    return float(run.time_s[np.argmax(run.speed_mps >= kmh / 3.6)])
 
 
 def rim_share(run: Run, car: Parameters) -> Array:
@@ -77,15 +72,6 @@ def test_the_governor_keeps_idle_speed_and_the_closed_throttle_brakes() -> None:
     assert 1.1 * air_and_road_mps2 < deceleration_mps2 < 0.08 * GRAVITY_MPS2
 
 
-@pytest.mark.parametrize("throttle", [0.05, 0.1, 0.2, 0.35, 0.6, 1.0])
-@pytest.mark.parametrize("v0_mps", [5.0, 15.0, 35.0])
-def test_the_gearbox_does_not_hunt_at_a_constant_pedal(throttle: float, v0_mps: float) -> None:
-    """The shift direction changes at most once, and the last 10 s have one gear."""
-    gear = drive(CAR, v0_mps * 3.6, 120.0, throttle).column("gear")
-    assert reversals(gear) <= 1
-    assert np.ptp(gear[-400:]) == 0.0
-
-
 def test_full_throttle_shifts_up_one_by_one_with_a_dip_of_the_acceleration(
     full_throttle: Run,
 ) -> None:
@@ -100,17 +86,6 @@ def test_full_throttle_shifts_up_one_by_one_with_a_dip_of_the_acceleration(
     assert np.all(np.diff(full_throttle.speed_mps[40:]) > 0.0)
 
 
-def test_the_twist_of_the_shafts_settles_at_the_steady_torque() -> None:
-    """After a throttle step at 40 km/h; the axle drives lose some of it."""
-    run = drive(CAR, 40.0, 4.0, np.where(np.arange(160) < 40, 0.1, 0.5))
-    twist = run.column("wind_up_rad")
-    wheels_nm = CAR.driveline.shaft_stiffness_nmprad * CAR.driveline.final_efficiency * twist[-1]
-    body_nm = CAR.body.mass_kg * run.column("ax_mps2")[-1] * CAR.tyre.rolling_radius_m
-    assert twist[-1] > 2.0 * twist[39]
-    assert 0.8 * wheels_nm < body_nm < wheels_nm
-    assert np.ptp(twist[-10:]) < 0.02 * twist[-1]
-
-
 def test_the_front_drive_car_drives_its_front_wheels_only() -> None:
     ice = with_road_friction(FRONT_DRIVE, 0.2)._replace(traction_control=NO_TRACTION_CONTROL)
     front_left, _, *rear = rim_share(drive(ice, 7.2, 2.0, throttle=1.0), ice)[-1]
@@ -118,39 +93,9 @@ def test_the_front_drive_car_drives_its_front_wheels_only() -> None:
     np.testing.assert_allclose(rear, 1.0, rtol=0.02)
 
 
-def test_the_front_drive_car_has_the_part_throttle_torque_of_its_reference() -> None:
-    assert cruising_throttle(FRONT_DRIVE, 120.0 / 3.6) == pytest.approx(0.15, abs=0.01)
-    run = drive(FRONT_DRIVE, 120.0, 1.0, 0.15)
-    assert run.column("engine_nm")[-1] == pytest.approx(77.0, rel=0.1)
-
-
-@pytest.mark.parametrize(("kmh", "seconds"), [(20.0, 4.30), (40.0, 6.83), (60.0, 10.83)])
-def test_the_launch_takes_the_time_of_the_reference(kmh: float, seconds: float) -> None:
-    """The pedal is pressed to 0.2 in a ramp of 5 s."""
-    throttle = np.minimum(0.2, 0.2 / 5.0 * PERIOD_S * np.arange(600))
-    run = drive(FRONT_DRIVE, 0.0, 15.0, throttle)
-    assert reached_s(run, kmh) == pytest.approx(seconds, rel=0.1)
-
-
-def test_the_electric_car_accelerates_in_one_gear() -> None:
-    run = drive(ELECTRIC, 0.0, 14.0, 1.0)
-    assert reached_s(run, 100.0) == pytest.approx(7.3, rel=0.1)
-    assert set(run.column("gear")) == {1.0}
-    assert drive(ELECTRIC, 216.0, 0.1, 0.3).column("gear").max() == 1.0
-    assert np.all(np.diff(run.speed_mps[20:]) > 0.0)
-
-
 def test_the_electric_car_neither_creeps_nor_rolls_back_at_the_released_pedal() -> None:
     assert np.abs(drive(ELECTRIC, 0.0, 3.0).motion).max() < 1e-6
     assert drive(ELECTRIC, 60.0, 30.0).speed_mps.min() > -0.01
-
-
-def test_the_electric_car_regenerates_at_the_released_pedal() -> None:
-    run = drive(ELECTRIC, 80.0, 4.0)
-    assert run.column("ax_mps2")[80] / GRAVITY_MPS2 == pytest.approx(-0.08, abs=0.02)
-    power_w = run.column("engine_nm") * run.column("engine_rpm") * pi / 30.0
-    assert -31e3 < power_w.min() < -15e3
-    assert drive(CAR, 80.0, 4.0).column("ax_mps2")[80] > -0.6
 
 
 def test_the_rear_brake_pressure_is_reduced_above_its_knee() -> None:
@@ -174,27 +119,7 @@ def test_without_anti_lock_no_wheel_locks_with_150_n_and_all_lock_on_ice() -> No
     assert rim_share(run, car)[40].max() < 0.05
 
 
-@pytest.mark.parametrize("car", [CAR, FRONT_DRIVE, ELECTRIC])
-@pytest.mark.parametrize("brake_n", [0.0, 30.0, 55.0, 75.0, 95.0])
-def test_braking_in_a_turn_neither_tightens_it_much_nor_spins_the_car(
-    car: Parameters, brake_n: float
-) -> None:
-    """Radius 100 m at 80 km/h, steering held, pedal released: up to 0.45 g of braking."""
-    throttle = cruising_throttle(car, 80.0 / 3.6)
-    time_s = PERIOD_S * np.arange(400)
-    brakes = time_s >= 6.0
-    inputs = input_table(
-        400, np.where(brakes, 0.0, 1.6 * throttle), np.where(brakes, brake_n, 0.0),
-        np.minimum(1.0, time_s / 2.0) * 0.73,
-    )  # fmt: skip
-    run = replay(car, 80.0 / 3.6, inputs, PERIOD_S)
-    before, after = (np.interp(at_s, run.time_s, run.yaw_rate_degps) for at_s in (6.0, 7.0))
-    assert run.column("ay_mps2")[239] == pytest.approx(4.9, abs=0.6)
-    assert 0.85 < after / before < 1.25
-    assert np.abs(np.degrees(run.column("sideslip_rad"))).max() < 4.0
-
-
-@pytest.mark.parametrize("friction", [0.2, 0.5, 0.85])
+@pytest.mark.parametrize("friction", [0.2, 0.85])
 def test_the_anti_lock_system_keeps_the_wheels_turning_and_shortens_the_way(
     friction: float,
 ) -> None:
@@ -210,7 +135,7 @@ def test_the_anti_lock_system_keeps_the_wheels_turning_and_shortens_the_way(
     assert np.abs(helped.motion[-20:]).max() < 0.01
 
 
-@pytest.mark.parametrize("friction", [0.2, 0.5])
+@pytest.mark.parametrize("friction", [0.2])
 def test_traction_control_limits_the_slip_of_the_driven_wheels(friction: float) -> None:
     road = with_road_friction(ELECTRIC, friction)
     without = road._replace(traction_control=NO_TRACTION_CONTROL)

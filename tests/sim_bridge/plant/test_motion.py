@@ -74,22 +74,15 @@ def test_the_sum_of_wheel_loads_is_the_weight_at_rest_and_in_a_steady_turn() -> 
     assert moment_nm == pytest.approx(overturning_nm + sway_nm, rel=0.02)
 
 
-@pytest.mark.parametrize(("v0_kmh", "amplitude_deg"), [(80.0, 40.0), (120.0, 40.0), (60.0, 120.0)])
-def test_mirrored_steering_gives_the_mirrored_run(v0_kmh: float, amplitude_deg: float) -> None:
-    inputs = lane_change(amplitude_deg)
-    left, right = drive(v0_kmh, inputs), drive(v0_kmh, inputs * (1.0, 1.0, -1.0))
+def test_mirrored_steering_gives_the_mirrored_run() -> None:
+    inputs = lane_change(120.0)
+    left, right = drive(60.0, inputs), drive(60.0, inputs * (1.0, 1.0, -1.0))
     np.testing.assert_allclose(right.motion * MIRROR, left.motion, atol=1e-9)
 
 
 @pytest.mark.parametrize(
     ("v0_kmh", "amplitude_deg", "yaw_rate_degps", "lateral_limit_m"),
-    [
-        (80.0, 40.0, 0.1, 0.005),
-        (120.0, 40.0, 0.1, 0.005),
-        (60.0, 120.0, 0.1, 0.005),
-        (80.0, 120.0, 0.1, 0.005),
-        (120.0, 100.0, 0.2, 0.045),
-    ],
+    [(120.0, 40.0, 0.1, 0.005), (80.0, 120.0, 0.1, 0.005), (120.0, 100.0, 0.2, 0.045)],
 )
 def test_half_the_step_gives_the_same_lane_change(
     v0_kmh: float, amplitude_deg: float, yaw_rate_degps: float, lateral_limit_m: float
@@ -114,10 +107,9 @@ def test_wheels_that_start_to_turn_do_not_oscillate(car: Parameters) -> None:
     np.testing.assert_allclose(coarse.spins_radps, fine.spins_radps, atol=0.005)
 
 
-@pytest.mark.parametrize("v0_kmh", [50.0, 90.0, 130.0])
-def test_coasting_straight_never_gains_energy(v0_kmh: float) -> None:
+def test_coasting_straight_never_gains_energy() -> None:
     """With the throttle closed, in gear, including down-shifts."""
-    run = drive(v0_kmh, held(30.0))
+    run = drive(90.0, held(30.0))
     energy_j = 0.5 * CAR.body.mass_kg * run.speed_mps**2
     energy_j += 0.5 * CAR.tyre.spin_inertia_kgm2 * (run.spins_radps**2).sum(axis=1)
     rolling = (run.column("throttle")[:-1] < 1e-3) & (run.speed_mps[1:] > 4.0)
@@ -132,7 +124,7 @@ def test_coasting_in_turns_never_gains_energy_over_a_second() -> None:
     assert np.all(np.diff(0.5 * motion**2 @ masses) < 0.0)
 
 
-@pytest.mark.parametrize("steer_deg", [0.0, 40.0, -120.0])
+@pytest.mark.parametrize("steer_deg", [0.0, -120.0])
 def test_a_car_at_rest_with_brake_does_not_move(steer_deg: float) -> None:
     """Also while it is steered; that moves the body, which the idling engine pitches, by um."""
     swung_rad = 2.5 * np.radians(steer_deg) * np.sin(np.arange(240) / 30)
@@ -150,8 +142,7 @@ def test_without_brake_the_car_creeps_at_walking_pace() -> None:
     assert 4.0 < drive(0.0, held(15.0)).speed_mps[-1] * 3.6 < 8.0
 
 
-@pytest.mark.parametrize("friction", [0.3, 0.85, 1.0])
-@pytest.mark.parametrize("brake_n", [150.0, 400.0])
+@pytest.mark.parametrize(("friction", "brake_n"), [(0.3, 400.0), (1.0, 150.0)])
 def test_braking_ends_at_rest_and_rocks_back_only_slightly(friction: float, brake_n: float) -> None:
     """Also with locked wheels; the oscillation on the tyres decays."""
     run = drive(61.0, held(12.0, brake_n=brake_n), with_road_friction(CAR, friction))
@@ -165,7 +156,7 @@ Pair = tuple[float, float]
 frictions, angles, winds = st.floats(0.1, 1.2), st.floats(-0.3, 0.3), st.floats(-30.0, 30.0)
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None, derandomize=True)
 @given(
     name=st.sampled_from(shipped_cars()),
     v0_kmh=st.floats(0.0, 200.0),
@@ -193,15 +184,7 @@ def test_the_roll_angle_of_a_car_that_rolls_over_ends_at_90_degrees() -> None:
     assert run.roll_deg.max() == pytest.approx(90.0, abs=0.1)
 
 
-def test_braking_with_one_slippery_side_yaws_to_the_other_side() -> None:
-    """With ice on the left the car turns right, with ice on the right it turns left."""
-    ice_left = drive(60.0, held(1.0, brake_n=60.0), with_road_friction(CAR, 0.2, 0.9))
-    ice_right = drive(60.0, held(1.0, brake_n=60.0), with_road_friction(CAR, 0.9, 0.2))
-    assert ice_left.yaw_rate_degps[-1] < -1.5
-    np.testing.assert_allclose(ice_right.motion * MIRROR, ice_left.motion, atol=1e-9)
-
-
-@pytest.mark.parametrize("v0_kmh", [30.0, 55.0, 80.0, 105.0, 130.0])
+@pytest.mark.parametrize("v0_kmh", [30.0, 130.0])
 def test_a_settled_car_keeps_its_speed_gear_and_engine_speed(v0_kmh: float) -> None:
     state = settle(v0_kmh / 3.6, CAR)
     assert state[AT.vx_mps] == v0_kmh / 3.6

@@ -80,11 +80,7 @@ def test_every_number_of_a_shipped_car_has_a_source(name: str) -> None:
         ("ratios", "[3.538, 2.06, 1.0]", "gearbox.ratios: expected at least 6 entries"),
         ("final_efficiency", "1.2", "driveline.final_efficiency: expected at most 1"),
         ("up_rpm_full", "2000.0", "gearbox.up_rpm: expected up-shifts above"),
-        (
-            "lateral_relaxation_end_slip",
-            "0.0175",
-            "tyre.lateral_relaxation_end_slip: expected",
-        ),
+        ("lateral_relaxation_end_slip", "0.0175", "tyre.lateral_relaxation_end_slip: expected"),
         ("speed_limit_rpm", "600.0", "engine.speed_limit_rpm: expected more than idle_speed_rpm"),
     ],
 )
@@ -98,11 +94,7 @@ def test_a_number_out_of_its_limits_is_refused_with_the_name_of_the_field(
 @pytest.mark.parametrize(
     ("old", "new", "named"),
     [
-        (
-            "lag_s =",
-            "lag_ms =",
-            r"brakes\.lag_s: expected a value.*\n.*lag_ms: no such",
-        ),
+        ("lag_s =", "lag_ms =", r"brakes\.lag_s: expected a value.*\n.*lag_ms: no such"),
         ("[aero]", "[air]", r"aero: expected a value, found none\.\n  air: no such setting"),
         (DRAG, "drag = 0.30", r"aero\.drag: expected \{ value, source \}"),
         (DRAG, DRAG.replace("public data", " "), r"aero\.drag: expected a source in words"),

@@ -17,7 +17,7 @@ from rt_controller.contract.errors import ConfigError
 from sim_bridge.plant.car_record import car_record
 from sim_bridge.plant.library import tyre_force
 from sim_bridge.plant.parameters import default_car, load_parameters
-from sim_bridge.plant.tyre_file import parse_tyre_file, read_tyre_file
+from sim_bridge.plant.tyre_file import parse_tyre_file
 from sim_bridge.validation.run import input_table, replay
 
 CAR = default_car()
@@ -84,11 +84,6 @@ def test_a_tyre_file_has_the_stiffness_and_the_peaks_of_its_coefficients() -> No
     assert peaks_n(4500.0, road=0.5, tyre=FILE)[1] == pytest.approx(0.48 * 4500.0, rel=2e-3)
 
 
-@pytest.mark.parametrize(("load_n", "axle_npr"), [(4705.0, 153e3), (2655.0, 96e3)])
-def test_axles_have_the_stated_cornering_stiffness(load_n: float, axle_npr: float) -> None:
-    assert 2.0 * side_n(0.8, load_n) / radians(0.8) == pytest.approx(axle_npr, rel=0.03)
-
-
 def test_friction_decreases_with_load_and_stiffness_is_degressive() -> None:
     loads = np.linspace(1000.0, 9000.0, 9)
     friction = np.array([peaks_n(load_n) / load_n for load_n in loads])
@@ -98,7 +93,7 @@ def test_friction_decreases_with_load_and_stiffness_is_degressive() -> None:
     assert np.all(np.diff(stiffness, 2) < 0.0)
 
 
-@pytest.mark.parametrize("road", [0.3, 0.5, 0.85])
+@pytest.mark.parametrize("road", [0.3, 0.85])
 def test_a_slippery_road_scales_the_curve_by_similarity(road: float) -> None:
     """F = mu f(slip / mu): the stiffness is constant, peak and its slip decrease together."""
     for slip in (0.001, 0.02, 0.1, 0.3):
@@ -107,7 +102,7 @@ def test_a_slippery_road_scales_the_curve_by_similarity(road: float) -> None:
         assert here[:2] == pytest.approx((road * there.forward_n, road * there.left_n))
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None, derandomize=True)
 @given(
     across=st.floats(-3.0, 3.0),
     along=st.floats(-3.0, 3.0),
@@ -123,13 +118,7 @@ def test_combined_force_stays_within_friction(
     assert hypot(*shares) <= 1.005
 
 
-def test_each_slip_reduces_the_force_in_the_other_direction() -> None:
-    for slip in (0.02, 0.05, 0.1, 0.3):
-        assert 0.0 < force(0.05, slip).left_n < force(0.05).left_n
-        assert 0.0 < force(slip, 0.05).forward_n < force(0.0, 0.05).forward_n
-
-
-@pytest.mark.parametrize("angle_deg", [5.0, 20.0, 45.0, 70.0])
+@pytest.mark.parametrize("angle_deg", [5.0, 45.0])
 def test_the_force_of_a_locked_wheel_is_opposite_to_its_sliding(angle_deg: float) -> None:
     """A locked wheel has slip -1 and the tangent of the angle."""
     found = force(-tan(radians(angle_deg)), -1.0)
@@ -170,8 +159,8 @@ SHIFTED = TYRE._replace(
 """with shifts, a residual moment, and the arm of the longitudinal force"""
 
 
-@pytest.mark.parametrize("across", [-1.5, -0.05, 0.0, 0.01, 0.1])
-@pytest.mark.parametrize("along", [-0.5, 0.0, 0.03])
+@pytest.mark.parametrize("across", [-1.5, 0.01])
+@pytest.mark.parametrize("along", [-0.5, 0.03])
 def test_road_and_signs_act_on_all_that_the_formula_has_them_in(
     across: float, along: float
 ) -> None:
@@ -243,17 +232,6 @@ def test_a_faulty_file_is_refused_with_the_name_of_the_key(
     assert old in TYRE_FILE_TEXT
     with pytest.raises(ConfigError, match=r"made\.tir:\n  .*" + re.escape(message)):
         parse_tyre_file(TYRE_FILE_TEXT.replace(old, new), "made.tir")
-
-
-def test_all_faults_of_a_file_are_reported_at_once() -> None:
-    text = TYRE_FILE_TEXT.replace("PKY2 = 2.48\n", "").replace("'radians'", "'degree'")
-    with pytest.raises(ConfigError, match=r"(?s)UNITS\.ANGLE.*PKY2"):
-        parse_tyre_file(text, "made.tir")
-
-
-def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="expected a tyre file"):
-        read_tyre_file(tmp_path / "none.tir")
 
 
 def write_car(folder: Path, car_text: str, tyre_text: str = TYRE_FILE_TEXT) -> Path:

@@ -28,10 +28,8 @@ def drive_past(ey_m: float, curvature: float = 0.0, epsi_rad: float = 0.0) -> Po
     return Poses(s_m, ey_m * same, epsi_rad * same, curvature * same)
 
 
-def iso(
-    part: int, start_m: float, body: Body = BODY, clearance_m: float = 0.1
-) -> tuple[Course, Lateral]:
-    fields = {"kind": f"iso_3888_{part}", "start_s_m": start_m, "clearance_m": clearance_m}
+def iso(part: int, start_m: float, body: Body = BODY) -> tuple[Course, Lateral]:
+    fields = {"kind": f"iso_3888_{part}", "start_s_m": start_m, "clearance_m": 0.1}
     return IsoLaneChange.model_validate(fields).driven_by(body)
 
 
@@ -73,10 +71,6 @@ def test_the_margin_to_the_road_follows_its_width() -> None:
     assert road_margin_m(BODY, drive_past(1.0), width_m) < 0.0
 
 
-def test_without_lanes_there_is_no_margin() -> None:
-    assert lane_margin_m(Course(BODY), drive_past(0.0)) == np.inf
-
-
 @pytest.mark.parametrize(
     ("part", "start_m", "lengths", "widths"),
     [
@@ -98,16 +92,11 @@ def test_the_sections_of_iso_3888_have_their_lengths_and_widths(
 
 
 @pytest.mark.parametrize("part", [1, 2])
-@pytest.mark.parametrize("width_m", [1.6, 1.8, 2.1])
+@pytest.mark.parametrize("width_m", [1.6, 2.1])
 def test_the_path_through_an_iso_course_hits_no_cone(part: int, width_m: float) -> None:
     course = iso(part, 40.0, BODY.model_copy(update={"width_m": width_m}))
     assert cone_hits(course[0], along(course)) == 0
     assert lane_margin_m(course[0], along(course)) > 0.02
-
-
-def test_a_body_that_does_not_fit_is_refused() -> None:
-    with pytest.raises(ValueError, match="clearance_m: expected lanes"):
-        iso(1, 40.0, clearance_m=0.3)
 
 
 def test_the_path_of_a_slalom_passes_its_cones_in_turn_with_its_clearance() -> None:

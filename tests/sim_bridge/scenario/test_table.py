@@ -10,9 +10,7 @@ PLACES = np.linspace(-5.0, 50.0, 400)
 
 
 @pytest.mark.parametrize("interpolation", list(Interpolation))
-def test_a_table_has_its_knots_slopes_extremes_and_its_mirror(
-    interpolation: Interpolation,
-) -> None:
+def test_a_table_has_its_knots_slopes_extremes_and_its_mirror(interpolation: Interpolation) -> None:
     table = through(X, Y, interpolation)
     np.testing.assert_allclose(table(np.array(X)), Y, atol=1e-12)
     assert table.at(-3.0) == pytest.approx(Y[0])

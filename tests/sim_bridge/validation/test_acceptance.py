@@ -72,23 +72,6 @@ def test_a_line_that_is_not_judged_says_why(
     assert (found.ok, found.not_judged, found.is_within) == (None, reason, is_within)
 
 
-def test_a_target_for_any_car_is_judged_with_every_car() -> None:
-    assert result(0.2, "another car", **AT_MOST, any_car=True).ok is False
-
-
-def test_a_result_has_the_bounds_and_the_source_of_its_target() -> None:
-    two_sided = result(8.7, **NEAR)
-    assert (two_sided.low, two_sided.high, two_sided.tolerance) == (8.0, 9.0, "±0.5 s")
-    one_sided = result(1.0, target=5.0, bound="at most", source="a paper", kind="regulation")
-    assert (one_sided.low, one_sided.high, one_sided.source) == (None, 5.0, "a paper")
-    assert (two_sided.source, two_sided.kind, one_sided.kind) == (
-        "a book",
-        "measured",
-        "regulation",
-    )
-    assert result(1.0).source is None
-
-
 def test_misses_stay_visible_in_the_table_and_in_the_count() -> None:
     gap = result(5.0, **NEAR, not_judged="known gap")
     lines = [gap, result(nan, **NEAR), result(8.5, **NEAR, fitted=True), result(5.0, **NEAR)]
