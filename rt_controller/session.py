@@ -202,6 +202,11 @@ class ControllerSession:
         return self._thread
 
     @property
+    def checks(self) -> Sequence[Check]:
+        """Of plausibility, with the thresholds of the model's car."""
+        return self._supervisor.checks
+
+    @property
     def stop_requests(self) -> int:
         """Number of requests to end."""
         return self._request.times

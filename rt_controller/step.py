@@ -30,7 +30,7 @@ from rt_controller.realtime.clock import TimeSource
 from rt_controller.receive import Receiver
 from rt_controller.safety.checks import Quantity
 from rt_controller.safety.envelope import limit
-from rt_controller.safety.fallback import braking_for, input_for
+from rt_controller.safety.fallback import ALONG_PATH, braking_for, input_for
 from rt_controller.safety.freshness import ROUND_TRIP_MAX_TICKS
 from rt_controller.safety.modes import decide
 from rt_controller.safety.supervisor import Supervisor
@@ -71,6 +71,7 @@ class ControlStep:
         self._planner = InputPlanner(mpc, low_speed)
         self._low_speed = low_speed
         self._limits, self._force_scale = car.limits, car.force_scale
+        self._along_path = ALONG_PATH.scaled(car.force_scale)
         self._clock = clock
         self._identity = own_identity(model_hash, outbox.is_fd)
         self._supervisor = supervisor
@@ -115,14 +116,16 @@ class ControlStep:
         end_stage()
 
         tick.mode, tick.cause = decide(tick, last.cause)
+        is_held = law is Mode.STANDSTILL
         braking = braking_for(
             estimate.alarm,
             estimate.speed_mps is not None and estimate.is_path_received,
             supervisor.cornering(last.control),
             supervisor.values[Quantity.THROTTLE],
             self._force_scale,
+            is_held,
         )
-        wanted = input_for(tick.mode, plan.control, last.control, law is Mode.STANDSTILL, braking)
+        wanted = input_for(tick.mode, plan.control, last.control, is_held, braking)
         tick.limits = self._limits.with_wheel(self._most_steer_rad(tick))
         control = tick.control = limit(wanted, last.control, tick.limits)
         supervisor.note(control, plan.lifted)
@@ -256,7 +259,7 @@ class ControlStep:
         """Send one last command before the loop ends: that of a safe stop, without planning."""
         self._note_call("send_safe_command")
         last, is_held = self.last.control, self._planner.law is Mode.STANDSTILL
-        wanted = input_for(Mode.SAFE_STOP, None, last, is_held)
+        wanted = input_for(Mode.SAFE_STOP, None, last, is_held, self._along_path)
         control = limit(wanted, last, self._limits.with_wheel(inf))
         self._receiver.counter += 1
         self.last = replace(self.last, mode=Mode.SAFE_STOP, control=control)

@@ -4,8 +4,7 @@ The bundle of a model carries it, and the mapping file of a car with messages of
 limits, low-speed law, envelope and gateway read it.
 """
 
-from collections.abc import Mapping
-from math import inf
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -21,6 +20,7 @@ from rt_controller.contract.limits import (
     InputLimits,
     SteeringGeometry,
 )
+from rt_controller.contract.names import hint
 from rt_controller.contract.signals import ControlInput
 
 DEFAULT_BRAKE_MPS2_PER_N = 0.05
@@ -76,17 +76,16 @@ def car_of(table: Mapping[str, Any]) -> Car:
     """The car of the values of a table [car], checked by `RANGES`; None and missing: the default.
 
     Raises:
-        ValueError: a value outside its range, or no number.
+        ValueError: values that are unknown, no numbers, or outside their range; all are named.
     """
     found = {name: value for name, value in table.items() if value is not None}
     thresholds = found.pop("thresholds", {})
-    wrong = []
-    for name, value in (*found.items(), *((f"thresholds.{k}", v) for k, v in thresholds.items())):
-        low, high = RANGES.get(name, (0.0, inf))
-        if not isinstance(value, int | float):
-            wrong.append(f"{name}: expected a number, found {value!r}")
-        elif not low <= value <= high:
-            wrong.append(f"{name}: expected {low:g} to {high:g}, found {value:g}")
+    if not isinstance(thresholds, Mapping):
+        raise ValueError(f"thresholds: expected a table, found {thresholds!r:.40}")
+    wrong = [
+        *_objections(found, RANGES),
+        *_objections(thresholds, dict.fromkeys(THRESHOLDS, THRESHOLD_RANGE), "thresholds."),
+    ]
     if wrong:
         raise ValueError("; ".join(wrong))
     upper, rate = INPUT_LIMITS.upper, INPUT_LIMITS.rate_per_s
@@ -105,6 +104,20 @@ def car_of(table: Mapping[str, Any]) -> Car:
         **{name: found[name] for name in Car._fields[2:-1] if name in found},
         thresholds=MappingProxyType(dict(thresholds)),
     )
+
+
+def _objections(
+    values: Mapping[str, Any], ranges: Mapping[str, tuple[float, float]], place: str = ""
+) -> Iterator[str]:
+    for name, value in values.items():
+        if name not in ranges:
+            yield f"{place}{name}: no such value{hint(name, ranges)}. Known: {', '.join(ranges)}"
+            continue
+        low, high = ranges[name]
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            yield f"{place}{name}: expected a number, found {value!r:.40}"
+        elif not low <= value <= high:
+            yield f"{place}{name}: expected {low:g} to {high:g}, found {value!r:.40}"
 
 
 DEFAULT_CAR = Car()
@@ -128,3 +141,33 @@ RANGES: Mapping[str, tuple[float, float]] = MappingProxyType(
     }
 )
 """of the values of [car]; limits end at those within which the models are trained"""
+THRESHOLDS = (
+    "progress_step_m",
+    "progress_speed_mps",
+    "speed_step_mps",
+    "speed_ten_mps",
+    "lateral_speed_step_mps",
+    "lateral_speed_ten_mps",
+    "yaw_rate_step_radps",
+    "yaw_rate_ten_radps",
+    "heading_rad",
+    "lateral_error_m",
+    "curvature_step_per_m",
+    "pedal_speed_mps",
+    "frozen_ticks",
+    "steering_rad",
+    "throttle",
+    "brake_n",
+    "tracking_m",
+    "path_step_m",
+    "path_drift_m",
+    "path_frozen_m",
+    "path_turn_rad",
+    "path_speed_step_mps",
+    "preview_step_per_m",
+    "path_lateral_mps2",
+    "engage_ey_m",
+    "engage_epsi_rad",
+)
+"""quantities of the plausibility checks (`safety/checks.py`), whose thresholds a car may set"""
+THRESHOLD_RANGE = (1e-6, 1e6)

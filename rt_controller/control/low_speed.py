@@ -259,13 +259,20 @@ class LowSpeedLaw:
         if preview is not None and state.vx_mps >= AT_REST_MPS:
             delay_m = state.vx_mps * PERIOD_S * len(under_way)
             curvature_per_m = curvature_to_meet(
-                preview, delay_m, state.vx_mps, last.steer_rad, self._car.geometry
+                preview,
+                delay_m,
+                state.vx_mps,
+                last.steer_rad,
+                self._car.geometry,
+                self._car.car.limits.rate_per_s.steer_rad,
             )
         if self.law is Mode.STANDSTILL:
             # The brake is pressed further up to that of a hold, and entirely if the car rolls.
             rolls = abs(state.vx_mps) >= AT_REST_MPS
-            most_n = INPUT_LIMITS.upper.brake_n if rolls else max(self._car.hold_n, last.brake_n)
-            brake_n = min(last.brake_n + HOLD_RATE_N_PER_S * PERIOD_S, most_n)
+            scale = self._car.car.force_scale
+            entirely_n = min(scale, 1.0) * self._car.car.limits.upper.brake_n
+            most_n = entirely_n if rolls else max(self._car.hold_n, last.brake_n)
+            brake_n = min(last.brake_n + scale * HOLD_RATE_N_PER_S * PERIOD_S, most_n)
             if state.vx_mps < ROLLING_MPS:
                 return ControlInput(0.0, brake_n, last.steer_rad)
             return ControlInput(0.0, brake_n, self.steer_rad(state, curvature_per_m, path, last))
@@ -316,4 +323,5 @@ class LowSpeedLaw:
         )
         wheel_rad = wheel_angle_rad(curvature_per_m, state.vx_mps, geometry)
         wanted_rad = min(max(wheel_rad, -most_rad), most_rad)
-        return roll_towards(wanted_rad, last.steer_rad, state.vx_mps)
+        largest_radps = self._car.car.limits.rate_per_s.steer_rad
+        return roll_towards(wanted_rad, last.steer_rad, state.vx_mps, largest_radps)

@@ -4,6 +4,7 @@
 the upper bound of the other one falls to zero at its slew rate.
 """
 
+from collections.abc import Sequence
 from enum import IntEnum
 from math import ceil
 
@@ -69,16 +70,24 @@ class PedalChoice:
 
 
 def limit_pedals(
-    upper: Array, periods: NDArray[np.int64], choice: PedalChoice, previous: Array, slew: Array
+    upper: Array,
+    periods: NDArray[np.int64],
+    choice: PedalChoice,
+    previous: Array,
+    slew: Array,
+    most: Sequence[float] = (1.0, 1.0),
 ) -> None:
     """Set the upper bounds of both pedals at the knots of the horizon, in place.
 
     `upper` (K, 3), `previous` (3,) the input of the last period and `slew` (3,) its largest change
-    in one period, all in units of the inputs' ranges; `periods` (K,) from the last one to the knot.
+    in one period, and `most` the bounds of both pedals, all in units of the inputs' ranges;
+    `periods` (K,) from the last one to the knot. A pedal beyond its bound is released at its rate.
     """
     pressed = choice.pedal
     released = Pedal.BRAKE if pressed is Pedal.THROTTLE else Pedal.THROTTLE
-    upper[:, pressed] = 1.0
+    upper[:, pressed] = most[pressed]
+    if previous[pressed] > most[pressed]:
+        upper[:, pressed] = np.maximum(previous[pressed] - slew[pressed] * periods, most[pressed])
     upper[:, released] = 0.0
     if previous[released] > 0.0:
         upper[:, released] = np.maximum(previous[released] - slew[released] * periods, 0.0)

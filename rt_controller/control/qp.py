@@ -51,6 +51,7 @@ class CondensedQp:
         self._corridor = corridor
         self._slew, self._range = inputs.slew, self.scale[:N_INPUTS]
         self._usual_steering_slew = inputs.slew[:, InputColumn.steer_rad].copy()
+        self._most_pedals = inputs.upper[0, :2].tolist()
         self._usual_radps, self._steering_rate_radps = limits.rate_per_s.steer_rad, inf
         self._periods_to_knot = 1 + np.array(self.knots.stages)
 
@@ -101,7 +102,7 @@ class CondensedQp:
         v_prev, slew = self.parameters.previous / self._range, self._slew[0]
         np.subtract(v_prev, slew, out=self._row_lower[0])
         np.add(v_prev, slew, out=self._row_upper[0])
-        limit_pedals(self._upper, self._periods_to_knot, pedals, v_prev, slew)
+        limit_pedals(self._upper, self._periods_to_knot, pedals, v_prev, slew, self._most_pedals)
         if self._corridor is not None:
             # -half <= e_y - e_y,r + s <= half: one slack of an interval serves both sides.
             lower, upper = self._corridor_lower, self._corridor_upper

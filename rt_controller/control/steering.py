@@ -98,6 +98,7 @@ def curvature_to_meet(
     vx_mps: float,
     previous_rad: float,
     geometry: SteeringGeometry,
+    largest_radps: float = INPUT_LIMITS.rate_per_s.steer_rad,
 ) -> float:
     """Curvature of the road that the wheel has to turn to now, in 1/m.
 
@@ -107,7 +108,7 @@ def curvature_to_meet(
     has begun, the farthest one counts; without any it is that at which the input acts, `delay_m`
     ahead.
     """
-    rate_per_m = wheel_rate_radps(vx_mps) / vx_mps
+    rate_per_m = min(STEER_PER_M * vx_mps, largest_radps) / vx_mps
     spacing_m = preview.spacing_m
     ahead = delay_m / spacing_m
     found, lag_m = preview.curvature_at(ahead), LAG_SHARE * geometry.rear_axle_m
@@ -118,12 +119,12 @@ def curvature_to_meet(
     return found
 
 
-def wheel_rate_radps(vx_mps: float) -> float:
-    """Largest rate of the wheel of a car that rolls; the last limit keeps that of the car."""
-    return min(STEER_PER_M * vx_mps, INPUT_LIMITS.rate_per_s.steer_rad)
-
-
-def roll_towards(wanted_rad: float, previous_rad: float, vx_mps: float) -> float:
+def roll_towards(
+    wanted_rad: float,
+    previous_rad: float,
+    vx_mps: float,
+    largest_radps: float = INPUT_LIMITS.rate_per_s.steer_rad,
+) -> float:
     """The wheel angle of the next period: `wanted_rad` as far as the rolled distance allows.
 
     The wheel of a car that stands or rolls back stays where it is: noise of the speed does not turn
@@ -131,5 +132,5 @@ def roll_towards(wanted_rad: float, previous_rad: float, vx_mps: float) -> float
     """
     if vx_mps < AT_REST_MPS:
         return previous_rad
-    change_rad = wheel_rate_radps(vx_mps) * PERIOD_S
+    change_rad = min(STEER_PER_M * vx_mps, largest_radps) * PERIOD_S
     return previous_rad + min(max(wanted_rad - previous_rad, -change_rad), change_rad)

@@ -149,7 +149,7 @@ def _roll_outs(bundle: Bundle, steering_ratio: float) -> list[Array]:
 
 
 def choose_car(car: CarFile, bundle: Bundle) -> Car:
-    """That of the mapping, else that of the model, else that of the default car."""
+    """That of the mapping, else that of the model, else an unnamed one."""
     data = car.mapping.car
     return data.car if data is not None else bundle.car or UNNAMED_CAR
 

@@ -30,7 +30,7 @@ from rt_controller.mapping.car_file import CarFile
 from rt_controller.mapping.signal_frames import MAX_FRAMES
 from rt_controller.realtime.clock import RealtimeClock
 from rt_controller.safety.envelope import limit
-from rt_controller.safety.fallback import Braking, safe_stop, stand_by
+from rt_controller.safety.fallback import ALONG_PATH, Braking, safe_stop, stand_by
 from rt_controller.safety.modes import STANDING_MPS
 from rt_controller.vehicle.braking_cause import BrakingCause
 from rt_controller.vehicle.path_steering import largest_brake_n, steer_along
@@ -254,7 +254,8 @@ class Gateway:
         """Input of one period of a stop along the path; without one the wheel returns to zero."""
         course, before = self.car_end.course, self._applied
         if course is None:
-            return safe_stop(before, None, is_held=True)
+            along_path = ALONG_PATH.scaled(self._description.force_scale)
+            return safe_stop(before, None, True, along_path)
         steer_rad = steer_along(*course, before.steer_rad, self._description)
         force_n = largest_brake_n(course, before.steer_rad, car=self._description)
         braking = Braking(force_n, BRAKE_RATE_N_PER_S * self._description.force_scale)

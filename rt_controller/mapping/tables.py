@@ -139,7 +139,7 @@ class SignalMapping(ColumnMapping):
 
 def _within(name: str) -> Any:
     low, high = RANGES[name]
-    return Field(ge=low, le=high)
+    return Field(ge=low, le=high, strict=True)
 
 
 class CarData(MappingTable):
@@ -168,7 +168,7 @@ class CarData(MappingTable):
     """acceleration of the full throttle at low speed; default: as the model predicts"""
     brake_mps2_per_n: Annotated[float, _within("brake_mps2_per_n")] | None = None
     """deceleration per newton on the brake pedal; the forces of a stop follow from it"""
-    thresholds: dict[str, PositiveFloat] = Field(default_factory=dict)
+    thresholds: dict[str, Any] = Field(default_factory=dict)
     """of the plausibility checks, by quantity; others keep theirs"""
     rear_slip_s2_per_m: Annotated[float, Field(ge=1e-4, le=0.05)] | None = None
     """side-slip angle of the rear axle per lateral acceleration, in rad; rt-controller estimates a
@@ -176,6 +176,11 @@ class CarData(MappingTable):
     yaw_inertia_m: Annotated[float, Field(ge=0.0, le=10.0)] | None = None
     """moment of inertia about z over mass and distance from centre of gravity to front axle; goes
     with rear_slip_s2_per_m"""
+
+    @model_validator(mode="after")
+    def _require_known_thresholds(self) -> Self:
+        car_of({"thresholds": self.thresholds})
+        return self
 
     @property
     def car(self) -> Car:

@@ -84,9 +84,10 @@ def require_fitting_parts(bundle: Bundle, path: Path | str) -> None:
     )
     if bundle.car is not None:
         try:
-            car_of({**bundle.car.geometry._asdict(), **bundle.car.own_values})
+            car = car_of({**bundle.car.geometry._asdict(), **bundle.car.own_values})
         except ValueError as error:
             raise ArtifactError(f"{path}: {error}.") from error
+        refuse_unless(car == bundle.car, "a car of the values of a table [car]", bundle.car)
 
 
 def require_drivable(bundle: Bundle) -> None:

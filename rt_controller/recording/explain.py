@@ -17,7 +17,7 @@ from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.explanation import PlanExplanation
 from rt_controller.recording.journal import RECEIVED, SENT, TickRecord
 from rt_controller.recording.replay import Difference, RecordedDrive, Replay, differences
-from rt_controller.safety.checks import CHECKS, is_computed
+from rt_controller.safety.checks import Check, is_computed
 from rt_controller.safety.freshness import (
     REFERENCE_MAX_AGE_NS,
     STATE_MAX_AGE_NS,
@@ -69,10 +69,10 @@ class Margin(NamedTuple):
         return f"{self.check}, {value} of {self.limit:.4g} {self.unit}"
 
 
-def plausibility_margins(values: Sequence[float]) -> list[Margin]:
-    """The quantities of a tick, by `Quantity`, against the thresholds of the table of checks."""
+def plausibility_margins(values: Sequence[float], checks: Sequence[Check]) -> list[Margin]:
+    """The quantities of a tick, by `Quantity`, against the thresholds of these checks."""
     margins = []
-    for check in CHECKS:
+    for check in checks:
         value, name = values[check.quantity], check.quantity.name
         unit = next((unit for end, unit in _UNITS.items() if name.endswith(f"_{end}")), "1")
         computed = value if is_computed(value) else None
@@ -166,7 +166,7 @@ def explain_tick(drive: RecordedDrive, replay: Replay, number: int) -> TickExpla
         node = replay.node
         margins = (
             *_data_margins(node.inbox, record.began_ns, node.step.state_age_ns(record.began_ns)),
-            *plausibility_margins(node.supervisor.values),
+            *plausibility_margins(node.supervisor.values, node.supervisor.checks),
             *_command_margins(result.control, before, result.limits),
         )
         beyond = [f"beyond its limit: {each.text}" for each in exceeded(margins)]

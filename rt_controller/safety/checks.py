@@ -8,10 +8,8 @@ from math import copysign, inf
 from typing import NamedTuple
 
 from rt_controller.contract.car import Car
-from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.faults import StopCause
 from rt_controller.contract.limits import MOST_LATERAL_MPS2
-from rt_controller.contract.names import hint
 from rt_controller.contract.timing import PERIOD_S
 
 
@@ -181,19 +179,13 @@ CHECKS: tuple[Check, ...] = (
 
 
 def checks_of(car: Car) -> tuple[Check, ...]:
-    """The table with the thresholds of this car.
-
-    Raises:
-        ConfigError: a threshold of a quantity that no check compares.
-    """
+    """The table with the thresholds of this car."""
     names = {check.quantity.name.lower(): check.quantity for check in CHECKS}
-    unknown = [name for name in car.thresholds if name not in names]
-    if unknown:
-        raise ConfigError(
-            f"[car.thresholds]: expected quantities of the checks ({', '.join(names)}), found "
-            f"{', '.join(unknown)}{hint(unknown[0], names)}. Correct the name."
-        )
-    chosen = {Quantity.PATH_LATERAL_MPS2: car.path_lateral_mps2 + _FASTER_MPS2}
+    brake_n = next(check.threshold for check in CHECKS if check.quantity is Quantity.BRAKE_N)
+    chosen = {
+        Quantity.PATH_LATERAL_MPS2: car.path_lateral_mps2 + _FASTER_MPS2,
+        Quantity.BRAKE_N: min(car.force_scale, 1.0) * brake_n,
+    }
     chosen.update((names[name], value) for name, value in car.thresholds.items())
     return tuple(
         check._replace(threshold=chosen.get(check.quantity, check.threshold)) for check in CHECKS

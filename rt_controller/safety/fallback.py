@@ -50,6 +50,7 @@ def braking_for(
     cornering: Cornering,
     open_throttle: float = 0.0,
     force_scale: float = 1.0,
+    is_held: bool = False,
 ) -> Braking:
     """How a safe stop brakes in this tick: beside what the tyres give to the path.
 
@@ -63,9 +64,12 @@ def braking_for(
         cornering: of the car in this tick.
         open_throttle: by which the throttle is open against its command.
         force_scale: of the car's brake, see `Car`.
+        is_held: the brake holds a standing car.
     """
+    if is_held:
+        return ALONG_PATH.scaled(force_scale)
     if alarm is StopCause.STEERING_MISMATCH:
-        return FULL
+        return FULL.scaled(min(force_scale, 1.0))
     if is_known and abs(cornering.counter_steering_rad) > COUNTER_STEERING_RAD:
         return COUNTER_STEERING.scaled(force_scale)
     straight = ALONG_PATH if is_known else LOST
@@ -119,8 +123,6 @@ def safe_stop(
     would leave the road. Without a plan it returns to zero. The brake of a car that is held may be
     pressed further than that of a stopping car, and is not released.
     """
-    if is_held:
-        braking = ALONG_PATH
     brake_n = min(previous.brake_n + braking.rate_n_per_s * PERIOD_S, braking.most_n)
     if is_held:
         brake_n = max(brake_n, previous.brake_n, brake_n if planned is None else planned.brake_n)

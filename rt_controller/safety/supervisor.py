@@ -55,6 +55,7 @@ class Supervisor:
         limits = [NEVER] * len(Quantity)
         for check in checks:
             limits[check.quantity] = check.threshold
+        self.checks = checks
         self.values = list(_NOT_COMPUTED)
         """of this tick, by `Quantity`; overwritten by the next"""
         self._windows = Windows(self.values, checks, (_OF_STATE, _OF_CAR, _OF_PATH, _OF_ENGAGEMENT))

@@ -11,6 +11,7 @@ import can
 from rich.console import Console
 
 from rt_controller.bus.transport import close_bus
+from rt_controller.contract.car import DEFAULT_CAR
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.gateway.lateral_speed import choose_car, choose_lateral_speed
@@ -85,6 +86,13 @@ def gateway_at_terminal(
     car = read_car(file)
     bundle = load_bundle(find_model(model))
     lateral_speed, description = choose_lateral_speed(car, bundle), choose_car(car, bundle)
+    of_model = (bundle.car or DEFAULT_CAR).own_values
+    if description.own_values != of_model:
+        show(
+            f"note: [car] of {file} has {description.own_values or 'no values'} beside the "
+            f"geometry, the model {bundle.name} {of_model or 'none'}: the gateway refuses commands "
+            f"beyond its limits. Drive with a model that was exported with the same table."
+        )
     with ExitStack() as opened:
         # First: the threads that a bus starts inherit the settings of the process.
         guarantees = opened.enter_context(real_time_process(priority))

@@ -1,8 +1,7 @@
 """The vehicle's own envelope: which commands it refuses, from any sender.
 
-Pure functions of a command and of the vehicle's own measurements. The limits are those of the
-controller (`rt_controller.contract.limits`) with the rounding of a frame; replace them for a
-vehicle with smaller ones.
+Pure functions of a command, of the vehicle's own measurements, and of the description of the car
+(`rt_controller.contract.car`), whose limits are taken with the rounding of a frame.
 """
 
 from math import atan, isfinite, radians

@@ -1,5 +1,7 @@
 """One description of the car: what a table [car] may say, and who reads it."""
 
+import math
+import re
 import tomllib
 from dataclasses import replace
 
@@ -8,15 +10,15 @@ import pytest
 
 from rt_controller import ControllerConfig, simulate
 from rt_controller.bus.messages import Command
-from rt_controller.contract.car import DEFAULT_CAR, RANGES, UNNAMED_CAR, Car, car_of
-from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.car import DEFAULT_CAR, RANGES, THRESHOLDS, UNNAMED_CAR, Car, car_of
 from rt_controller.contract.faults import NO_REFUSAL, Refusal, StopCause
-from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
+from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, ControlInput, Mode, PathReference
 from rt_controller.contract.timing import PERIOD_S
+from rt_controller.control.program import SolveStatus
 from rt_controller.mapping.tables import CarData
 from rt_controller.model.artifact import load_bundle, save_bundle, shipped_model
 from rt_controller.model.bundle import Bundle
-from rt_controller.node import choose_low_speed_car
+from rt_controller.node import build_mpc, choose_low_speed_car
 from rt_controller.safety.checks import CHECKS, Quantity, checks_of
 from rt_controller.safety.coast_model import Cornering
 from rt_controller.safety.fallback import braking_for
@@ -62,13 +64,38 @@ def test_a_value_outside_its_range_is_named_with_the_range(name: str) -> None:
             car_of({name: wrong})
 
 
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ({"steering_ratio": True}, "steering_ratio: expected a number, found True"),
+        ({"lock_rad": "8"}, "lock_rad: expected a number, found '8'"),
+        ({"lock_rad": math.nan}, "lock_rad: expected 0.1 to 30, found nan"),
+        ({"wheel_base_m": 3.0}, "wheel_base_m: no such value (did you mean wheelbase_m?)"),
+        ({"thresholds": {"hedaing_rad": 1.0}}, "hedaing_rad: no such value (did you mean heading"),
+        (
+            {"thresholds": {"heading_rad": math.inf}},
+            "heading_rad: expected 1e-06 to 1e+06, found",
+        ),
+        ({"thresholds": {"heading_rad": 0.0}}, "heading_rad: expected 1e-06 to 1e+06, found 0"),
+        ({"thresholds": {"heading_rad": True}}, "heading_rad: expected a number, found True"),
+        ({"thresholds": 5}, "thresholds: expected a table, found 5"),
+        ({"largest_brake_n": 10**400}, "largest_brake_n: expected 10 to 150, found 1000"),
+    ],
+)
+def test_a_wrong_table_is_refused(table: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(message)):
+        car_of(table)
+    complete = {"wheelbase_m": 2.7, "rear_axle_m": 1.4, "steering_ratio": 15.0, **table}
+    with pytest.raises(ValueError, match="1 validation error for CarData"):
+        CarData.model_validate(complete)
+
+
 def test_thresholds_of_the_car_replace_those_of_the_table() -> None:
     found = {check.quantity: check.threshold for check in checks_of(OWN)}
-    changed = {Quantity.TRACKING_M: 0.5, Quantity.PATH_LATERAL_MPS2: 5.5}
+    changed = {Quantity.TRACKING_M: 0.5, Quantity.PATH_LATERAL_MPS2: 5.5, Quantity.BRAKE_N: 5.0}
     assert found == {check.quantity: check.threshold for check in CHECKS} | changed
     assert checks_of(DEFAULT_CAR) == CHECKS
-    with pytest.raises(ConfigError, match=r"found traking_m \(did you mean tracking_m\?\)"):
-        checks_of(car_of({"thresholds": {"traking_m": 1.0}}))
+    assert set(THRESHOLDS) == {check.quantity.name.lower() for check in CHECKS}
 
 
 def test_the_envelope_of_the_vehicle_is_that_of_its_car() -> None:
@@ -89,6 +116,27 @@ def test_a_stop_of_a_car_with_a_stronger_brake_needs_less_force() -> None:
     usual = braking_for(StopCause.NONE, True, Cornering())
     found = braking_for(StopCause.NONE, True, Cornering(), force_scale=OWN.force_scale)
     assert found == (0.5 * usual.most_n, 0.5 * usual.rate_n_per_s)
+    full = braking_for(StopCause.STEERING_MISMATCH, True, Cornering(), force_scale=0.1)
+    assert full == (15.0, 50.0)
+
+
+def test_the_plan_knows_the_bounds_of_the_car() -> None:
+    """A strong braking: the plan itself, not only what is sent, stays within the limits."""
+    own = car_of({"largest_brake_n": 40.0, "brake_rate_n_per_s": 80.0, "throttle_rate_per_s": 0.5})
+    mpc = build_mpc(replace(Bundle.load(), car=own, plans=None), ControllerConfig().mpc)
+    state = AT_REST._replace(vx_mps=25.0, ds_m=25.0 * PERIOD_S)
+    slower = PathReference(0.0, 0.0, 0.0, 0.0, 12.0, -4.0)
+    for applied in (NEUTRAL_INPUT, NEUTRAL_INPUT._replace(brake_n=60.0)):
+        assert mpc.plan(state, 0.0, slower, applied) is SolveStatus.SOLVED
+        brake_n = np.concatenate([[applied.brake_n], mpc.inputs[:, 1]])
+        assert brake_n.max() <= max(40.0, applied.brake_n) + 1e-6
+        assert np.abs(np.diff(brake_n)).max() <= 80.0 * PERIOD_S + 1e-6
+    assert mpc.inputs[-1, 1] <= 40.0 + 1e-6
+    faster = PathReference(0.0, 0.0, 0.0, 0.0, 40.0, 4.0)
+    for _ in range(20):
+        assert mpc.plan(state, 0.0, faster, NEUTRAL_INPUT) is SolveStatus.SOLVED
+    throttle = np.concatenate([[0.0], mpc.inputs[:, 0]])
+    assert np.diff(throttle).max() <= 0.5 * PERIOD_S + 1e-6
 
 
 def test_the_low_speed_law_takes_gains_of_the_car_unless_they_are_set() -> None:

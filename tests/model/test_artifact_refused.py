@@ -54,7 +54,7 @@ def test_an_altered_or_missing_geometry_is_refused(bundle: Bundle, tmp_path: Pat
 
 def test_a_geometry_of_no_road_vehicle_is_refused(bundle: Bundle, tmp_path: Path) -> None:
     other = replace(bundle, car=Car(CAR._replace(wheelbase_m=2910.0, steering_ratio=0.05)))
-    with pytest.raises(ArtifactError, match=r"wheelbase_m: .* 2910; steering_ratio: .* 0.05"):
+    with pytest.raises(ArtifactError, match=r"wheelbase_m: .* 2910.0; steering_ratio: .* 0.05"):
         save_bundle(tmp_path, other, "card")
 
 

@@ -92,5 +92,5 @@ def test_forces_and_rates_are_the_documented_ones(
 
 @pytest.mark.parametrize("planned", [None, NEUTRAL_INPUT])
 def test_a_held_car_is_braked_as_along_the_path(planned: ControlInput | None) -> None:
-    first = input_for(Mode.SAFE_STOP, planned, NEUTRAL_INPUT, True, FULL)
-    assert first.brake_n == 3.75
+    held = braking_for(StopCause.STEERING_MISMATCH, True, Cornering(), is_held=True)
+    assert input_for(Mode.SAFE_STOP, planned, NEUTRAL_INPUT, True, held).brake_n == 3.75

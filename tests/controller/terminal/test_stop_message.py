@@ -9,7 +9,7 @@ from made_frames import PATH, SAMPLE, can_frames
 from rt_controller.bus.messages import REFERENCE, STATE, Message, Node
 from rt_controller.bus.receive import Inbox
 from rt_controller.contract.faults import StopCause
-from rt_controller.safety.checks import NOT_COMPUTED, Quantity
+from rt_controller.safety.checks import CHECKS, NOT_COMPUTED, Quantity
 from rt_controller.safety.tick import Tick
 from rt_controller.session import ControllerSession
 from rt_controller.terminal.stop_message import (
@@ -103,7 +103,8 @@ def stopped(cause: StopCause) -> ControllerSession:
     values = [NOT_COMPUTED] * len(Quantity)
     values[Quantity.BRAKE_N] = 15.0
     record = SimpleNamespace(stop_tick=184, stop_s=4.6, result=Tick(cause=cause))
-    return cast("ControllerSession", SimpleNamespace(stop_values=values, record=record))
+    session = SimpleNamespace(stop_values=values, checks=CHECKS, record=record)
+    return cast("ControllerSession", session)
 
 
 def test_a_safe_stop_names_its_tick_and_the_check_with_value_and_limit() -> None:

@@ -20,6 +20,7 @@ from rt_controller.loop import Ending, RunRecord
 from rt_controller.realtime.scheduling import NO_GUARANTEES
 from rt_controller.realtime.timing import DeadlineAccount, TickTimes
 from rt_controller.report.table import print_table
+from rt_controller.safety.checks import CHECKS
 from rt_controller.safety.tick import Estimate, Tick
 from rt_controller.session import ControllerSession
 from rt_controller.terminal.options import RunOptions
@@ -57,6 +58,7 @@ def session_with(*results: Tick) -> ControllerSession:
         record=record,
         recorder=None,
         stop_values=(),
+        checks=CHECKS,
     )
     return cast("ControllerSession", session)
 
