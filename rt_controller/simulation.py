@@ -55,15 +55,18 @@ def open_virtual_car(
 
 
 def named_scenario(car: CarSettings) -> "Scenario":
-    """The scenario that the settings name, read and checked.
+    """The scenario that the settings name, read and checked; their faults are checked too.
 
     Raises:
         MissingExtraError: the car is not compiled.
         ConfigError: there is no such scenario, or it is refused.
     """
-    from sim_bridge.scenario.loading import load_scenario
+    from sim_bridge.scenario.loading import add_faults, load_scenario
 
-    return load_scenario(car.scenario)
+    scenario = load_scenario(car.scenario)
+    if car.faults is not None:
+        add_faults(scenario, car.faults)
+    return scenario
 
 
 def driven_scenario(car: "BridgeSession") -> DrivenScenario:

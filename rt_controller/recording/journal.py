@@ -281,6 +281,10 @@ def read_journal(log: Path) -> tuple[Header, list[TickRecord]]:
             f"it; a journal that was cut off may end after any line."
         ) from error
     except FileNotFoundError:
+        if not log.exists():
+            raise ConfigError(
+                f"{log}: expected a log that --record wrote, found no such file. Correct the path."
+            ) from None
         raise ConfigError(
             f"{log}: expected its journal {path.name} in the same folder, found none. It says what "
             f"each tick had read: rt-controller --record writes both; keep them together. A log "

@@ -41,7 +41,6 @@ def animate(drive: Drive) -> bytes:
     path, vx, wheel = (_filled(drive[name]) for name in ("path_ey_m", "vx_mps", "steer_rad"))
     middle_m = 0.5 * (np.min(path) + np.max(path))
     axes.set_aspect("equal")
-    axes.set_ylim(middle_m - BESIDE_M, middle_m + BESIDE_M)
     axes.set_xlabel("place on the road / m")
     axes.set_ylabel("e_y / m")
     _draw_cones(axes, drive)
@@ -55,6 +54,9 @@ def animate(drive: Drive) -> bytes:
         trail.set_data(s[: k + 1], ey[: k + 1])
         car.set_xy(_corners(s[k], ey[k], epsi[k]))
         axes.set_xlim(s[k] - BEHIND_M, s[k] + AHEAD_M)
+        seen_m = BESIDE_M - 0.5 * LENGTH_M  # a car that leaves its path stays in the picture
+        centre_m = min(max(middle_m, ey[k] - seen_m), ey[k] + seen_m)
+        axes.set_ylim(centre_m - BESIDE_M, centre_m + BESIDE_M)
         axes.set_title(
             f"{k * PERIOD_S:4.1f} s   {KMH_PER_MPS * vx[k]:3.0f} km/h   lateral error "
             f"{1e3 * (ey[k] - path[k]):+4.0f} mm   steering wheel {np.degrees(wheel[k]):+4.0f} deg",

@@ -77,7 +77,11 @@ def add_faults(scenario: Scenario, path: Path) -> Scenario:
         faults = FaultFile.model_validate(raw).faults
     except ValidationError as error:
         raise ConfigError(_listed(where, list(_lines(error, raw)))) from error
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise ConfigError(
+            f"{where}: expected a TOML file, found {error.strerror}. Correct the path."
+        ) from error
+    except ValueError as error:
         raise ConfigError(
             f"{where}: expected a TOML file in UTF-8, found an error: {error}. Correct the file."
         ) from error
@@ -138,6 +142,8 @@ def _known_beside(raw: Any, parts: tuple[str | int, ...]) -> list[str]:
     for part in parts[:-1]:
         raw = raw[part]
     names = max(field_names(), key=lambda known: (len(known & set(raw)), -len(known)))
+    if not names & set(raw):  # nothing says which table it is
+        return sorted(set[str]().union(*field_names()))
     return sorted(names - {str(parts[-1])})
 
 

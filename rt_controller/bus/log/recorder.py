@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, Protocol
 
 import can
 
-from rt_controller.bus.log.log_file import LogFile
+from rt_controller.bus.log.log_file import SUFFIX, LogFile
 from rt_controller.contract.errors import ConfigError
 
 QUEUE_FRAMES = 65_536
@@ -276,5 +276,10 @@ def _open_log(path: Path, replaces: bool) -> LogFile:
         raise ConfigError(
             f"{path}: expected a log of frames, found the suffix of MCAP, which has decoded "
             f"signals. Name the MCAP file with --mcap; --record may name a .log beside it."
+        )
+    if suffix != SUFFIX and (path.is_file() or not path.exists()):
+        raise ConfigError(
+            f"{path}: expected a log with the suffix {SUFFIX}, or a folder that exists, found "
+            f"neither. Name it {path.name}{SUFFIX}, or make the folder first."
         )
     return LogFile(path, replaces)
