@@ -6,7 +6,7 @@ import pytest
 
 from rt_controller.bus.codec import crc8
 from rt_controller.bus.data_ids import choose, find_objections, new_lines
-from rt_controller.bus.dbc import DBC_PATH, data_ids_of, read_dbc
+from rt_controller.bus.dbc import DBC_PATH
 from rt_controller.contract.errors import ConfigError
 
 TEXT = DBC_PATH.read_text(encoding="ascii")
@@ -17,10 +17,6 @@ def written(folder: Path, text: str) -> Path:
     path = folder / "messages.dbc"
     path.write_text(text, encoding="ascii")
     return path
-
-
-def shipped() -> dict[str, bytes]:
-    return {each.name: data_ids_of(each) for each in read_dbc(DBC_PATH).messages}
 
 
 def with_ids(ids: bytes) -> str:
