@@ -79,7 +79,7 @@ def test_every_quantity_has_a_unit_and_a_raw_value_that_is_never_valid() -> None
     [
         ("ACT_CMD", "Mode", Mode, max(Mode)),
         ("CTRL_HB", "Mode", Mode, max(Mode)),
-        ("CTRL_HB", "Faults", (Fault(0), *Fault), 32767),
+        ("CTRL_HB", "Faults", (Fault(0), *Fault), 65534),
         # A command of two sources is not looked into.
         ("STATE_C", "VehicleFaults", (Refusal(0), *Refusal), sum(Refusal) - 1),
     ],
@@ -90,7 +90,7 @@ def test_modes_and_bits_have_the_names_of_the_contract(
     found = DATABASE.get_message_by_name(message).get_signal_by_name(signal)
     names = {raw: str(text) for raw, text in found.choices.items() if text != "NotAvailable"}
     assert names == {int(each): each.name or "NONE" for each in values}
-    assert found.maximum >= largest
+    assert (found.minimum, found.maximum) == (0, largest)
 
 
 def test_the_command_has_the_highest_priority() -> None:

@@ -6,21 +6,15 @@ from unittest.mock import Mock
 
 import can
 import pytest
-from made_frames import CONTROL, ENGAGED, HOLDING, SAMPLE, can_frame, can_frames
+from made_frames import CONTROL, SAMPLE, can_frame, can_frames
 
 from rt_controller.bus.condition import BusState
 from rt_controller.bus.messages import (
     CATALOGUE,
     COMMAND,
-    CONTROLLER_IDENTITY,
-    FEEDBACK,
-    HEARTBEAT,
-    MISSION,
     REFERENCE,
     STATE,
-    VEHICLE_IDENTITY,
     Command,
-    Identity,
     Message,
     Node,
 )
@@ -98,26 +92,6 @@ def test_a_state_with_a_damaged_frame_is_skipped() -> None:
         inbox.accept(frame, 1)
     assert newest_counter(inbox, STATE) == 6
     assert inbox.counts.counter_gap_frames == 1
-
-
-@pytest.mark.parametrize(
-    ("message", "content"),
-    [
-        (MISSION, ENGAGED),
-        (FEEDBACK, CONTROL),
-        (VEHICLE_IDENTITY, Identity(77, None)),
-        (COMMAND, NOMINAL),
-        (HEARTBEAT, HOLDING),
-        (CONTROLLER_IDENTITY, Identity(77, 5)),
-    ],
-)
-def test_a_message_of_one_frame_arrives_with_counter_and_arrival(message, content) -> None:
-    node = Node.VEHICLE if message.sender is Node.CONTROLLER else Node.CONTROLLER
-    inbox = Inbox(node)
-    for frame in can_frames(message, content, 15):
-        inbox.accept(frame, 20)
-    assert inbox.newest(message) == Received(content, counter=15, arrival_ns=20)
-    assert inbox.counts == NO_TROUBLE
 
 
 @pytest.mark.parametrize("message", CATALOGUE.messages)

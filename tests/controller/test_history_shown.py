@@ -129,19 +129,6 @@ def test_rows_are_states_with_the_commands_sent_for_them(watched: Watched) -> No
     assert len(set(driven)) == len(driven)
 
 
-def test_a_missing_state_restarts_the_history(watched: Watched) -> None:
-    drive_ticks(watched, 6)
-    result = watched.tick(state=None)
-    assert result.mode is Mode.HOLD_PLAN
-    held = result.control
-    assert watched.tick(state=moving(8)).mode is Mode.NOMINAL
-    assert_restarted(watched, held)
-    first = row(watched.received(), held)
-    known = row(watched.received(), watched.rig.step.last.control)
-    watched.tick(state=moving(9))
-    assert_shown(watched, [first] * (STEPS - 1) + [known])
-
-
 def send_one_more_state(watched: Watched, k: int) -> None:
     """The vehicle sends a second state before the controller reads the first."""
     rig = watched.rig

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
-from kinematic_car import linear_model
+from kinematic_car import BRAKE_TO_SPEED, linear_model
 
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
 from rt_controller.model.dynamics import Bilinear, Drift, Matrices, one_step
 from rt_controller.safety.motion import STEPS, MotionPrediction
+
+BRAKING = NEUTRAL_INPUT._replace(brake_n=40.0)
 
 
 @pytest.fixture
@@ -16,6 +18,19 @@ def prediction() -> MotionPrediction:
 
 def begin(prediction: MotionPrediction, vx_mps: float) -> None:
     prediction.begin(np.array([vx_mps, 0.0, 0.0, 0.0, 0.0, 0.0]))
+
+
+def test_one_and_ten_steps_are_those_of_the_model(prediction: MotionPrediction) -> None:
+    assert not prediction.has_any
+    for k in range(STEPS):
+        begin(prediction, 20.0 + k)
+        prediction.advance(BRAKING, 0.0)
+        assert prediction.has_ten == (k == STEPS - 1)
+    braked = 40.0 * BRAKE_TO_SPEED
+    assert prediction.newest()[0] == pytest.approx(20.0 + STEPS - 1 + braked)
+    assert prediction.oldest()[0] == pytest.approx(20.0 + STEPS * braked)
+    begin(prediction, 20.0)
+    assert not prediction.has_ten  # the oldest one that is left has advanced nine steps
 
 
 @pytest.mark.parametrize("rank", [0, 1, 2])
@@ -62,6 +77,12 @@ def test_a_missing_start_ends_the_row_of_ten(prediction: MotionPrediction) -> No
     begin(prediction, 20.0)
     prediction.advance(NEUTRAL_INPUT, 0.0)
     assert not prediction.has_ten
+
+
+def test_after_clearing_there_is_none(prediction: MotionPrediction) -> None:
+    begin(prediction, 20.0)
+    prediction.clear()
+    assert not prediction.has_any
 
 
 def test_falling_back_goes_on_with_the_oldest(prediction: MotionPrediction) -> None:

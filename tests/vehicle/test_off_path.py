@@ -4,6 +4,7 @@ import pytest
 
 from rt_controller.bus.messages import Command
 from rt_controller.contract.signals import (
+    NEUTRAL_INPUT,
     ControlInput,
     Mode,
     PathReference,
@@ -19,6 +20,7 @@ from sim_bridge.scenario import load_scenario
 from sim_bridge.scenario_run import ScenarioRun
 
 CRUISE = ControlInput(0.2, 0.0, 0.1)
+MOVING = OwnMotion(20.0, 0.0, is_mission_on=True)
 
 
 @pytest.mark.parametrize("mode", Mode)
@@ -46,6 +48,14 @@ def test_a_controller_that_drives_leaves_the_path_at_90_cm(
     is_driven = mode not in (Mode.STANDBY, Mode.SAFE_STOP) and is_mission_on and has_reached_path
     is_leaving = mode is Mode.SAFE_STOP or (is_driven and is_far)
     assert leaves_path(Command(CRUISE, mode), motion, has_reached_path) is is_leaving
+
+
+@pytest.mark.parametrize(
+    ("off_m", "is_left"), [(0.49, False), (0.5, False), (0.51, True), (-0.5, False), (-0.51, True)]
+)
+def test_half_a_metre_off_the_path_is_left(off_m: float, is_left: bool) -> None:
+    motion = MOVING._replace(off_path_m=off_m)
+    assert leaves_path(Command(NEUTRAL_INPUT, Mode.SAFE_STOP), motion, True) is is_left
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])

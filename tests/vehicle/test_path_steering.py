@@ -8,6 +8,8 @@ from rt_controller.contract.car import Car
 from rt_controller.contract.limits import (
     DEFAULT_GEOMETRY,
     INPUT_LIMITS,
+    LEAST_BRAKE_N,
+    MOST_BRAKE_N,
 )
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
@@ -29,10 +31,21 @@ def steady_brake_n(state: VehicleState, off_path_m: float, open_throttle: float 
 CHANGE_RAD = INPUT_LIMITS.rate_per_s.steer_rad * PERIOD_S
 
 
+def test_on_a_straight_path_the_wheel_stays_straight() -> None:
+    assert steer_along(STRAIGHT, CRUISING, 0.0, 0.0) == 0.0
+
+
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_the_wheel_turns_towards_the_path_and_no_faster_than_its_rate(side: float) -> None:
     path = STRAIGHT._replace(c0_m=3.0 * side)
     assert steer_along(path, CRUISING, 0.0, 0.0) == pytest.approx(side * CHANGE_RAD)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_bend_is_followed_with_the_curvature_of_the_road(side: float) -> None:
+    turning = CRUISING._replace(yaw_rate_radps=side * 0.003 * 20.0)
+    angle = steer_along(STRAIGHT, turning, side * 0.003, side * 0.16)
+    assert angle == pytest.approx(side * 18.5 * 0.003 * (2.91 + 0.002544 * 400.0), rel=1e-3)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -88,6 +101,19 @@ def test_a_car_that_brakes_in_a_lane_change_stays_on_its_lane(name: str, begin_s
     assert state.vx_mps < 0.3
     assert farthest_m < 1.0
     car.plant.close()
+
+
+@pytest.mark.parametrize("yaw_rate_radps", [0.0, 0.05, -0.05, 0.3])
+def test_a_car_that_turns_is_braked_with_less_force(yaw_rate_radps: float) -> None:
+    force_n = steady_brake_n(CRUISING._replace(yaw_rate_radps=yaw_rate_radps), 0.2)
+    expected_n = min(max(100.0 - 400.0 * abs(yaw_rate_radps), LEAST_BRAKE_N), MOST_BRAKE_N)
+    assert force_n == pytest.approx(expected_n, abs=0.2)
+
+
+def test_a_car_that_leaves_its_path_brakes_less() -> None:
+    assert steady_brake_n(CRUISING, 0.0) == MOST_BRAKE_N
+    assert steady_brake_n(CRUISING, -0.8) == pytest.approx(MOST_BRAKE_N - 50.0)
+    assert steady_brake_n(CRUISING, 5.0) == 25.0
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])

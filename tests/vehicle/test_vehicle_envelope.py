@@ -223,3 +223,9 @@ def test_exactly_7_5_m_per_s2_are_allowed(side: float) -> None:
     wheel = NEUTRAL_INPUT._replace(steer_rad=side * high)
     found = judge(wheel, before=wheel, motion=MOVING._replace(speed_mps=40.0))
     assert found == NO_REFUSAL
+
+
+def test_the_largest_change_of_the_wheel_is_allowed() -> None:
+    largest_rad = CHANGE_RAD * 1 + 2.0 * radians(0.02)
+    wheel = NEUTRAL_INPUT._replace(steer_rad=largest_rad)
+    assert judge(wheel, before=NEUTRAL_INPUT, motion=STANDING) == NO_REFUSAL

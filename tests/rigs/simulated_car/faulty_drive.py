@@ -68,10 +68,8 @@ class FaultyDrive:
         self.now_ns = 0
         self._ticks = -STANDBY_TICKS
         self.to_controller: list[Frame] = []
-        self.applied: list[ControlInput] = []
         for _ in range(STANDBY_TICKS):
             self.tick()
-        self.applied.clear()
 
     def close(self) -> None:
         """Shut down both ends."""
@@ -91,7 +89,6 @@ class FaultyDrive:
             command = Command(NEUTRAL_INPUT, Mode.STANDBY)
         send_command(self._controller, command, self.now_ns, counter)
         self.bridge.tick(self.now_ns)
-        self.applied.append(self.bridge.applied)
         while (message := self._controller_bus.recv(0)) is not None:
             frame = Frame(self._ticks, message.arbitration_id, bytes(message.data))
             self.to_controller.append(frame)

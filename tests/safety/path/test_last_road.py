@@ -194,3 +194,12 @@ def test_behind_the_begin_of_the_road_its_curvature_is_the_first_one() -> None:
     preview = road.ahead(None)
     assert preview is not None
     assert preview[1:] == (0.0005,) * 5
+
+
+def test_a_bend_that_was_seen_ahead_is_no_step() -> None:
+    bend = CurvaturePreview(4.0, 0.0, 0.0, 0.01, 0.01, 0.01)
+    for moved_m in (3.0, 5.0, 7.0, 9.0):
+        road, values = begun(bend)
+        road.move(moved_m)
+        road.compare(0.0 if moved_m < 6.0 else 0.01)
+        assert values[Quantity.CURVATURE_STEP_PER_M] == 0.0

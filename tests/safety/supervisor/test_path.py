@@ -73,6 +73,17 @@ def test_a_missing_curvature_ahead_is_estimated_only_with_the_state(is_state_los
     assert (preview is None) is not is_state_lost
 
 
+def test_a_lost_path_is_replaced_by_the_last_one_moved_along() -> None:
+    car = WatchedCar(path=STRAIGHT._replace(c1=0.02), epsi_rad=0.02)
+    car.tick()
+    car.path = None
+    qualified = car.tick()
+    assert not qualified.is_path_received
+    assert qualified.is_measured
+    assert qualified.path is not None
+    assert qualified.path.c0_m == pytest.approx(0.01, rel=1e-3)
+
+
 def test_in_a_stop_the_path_has_the_speed_of_the_braking_car() -> None:
     car = WatchedCar(checks=(), control=ControlInput(0.0, 60.0, 0.0))
     car.tick(3)
@@ -101,6 +112,12 @@ def test_a_path_whose_speed_jumps_keeps_its_course(is_stopping: bool) -> None:
         assert (qualified.path.c0_m, qualified.path.v_mps) == (c0_m, STRAIGHT.v_mps)
     car.path = STRAIGHT
     assert car.tick().rejection is StopCause.NONE
+
+
+def test_without_any_path_there_is_none() -> None:
+    car = WatchedCar(path=None)
+    car.tick(2)
+    assert car.qualified[-1].path is None
 
 
 def test_a_rejected_state_is_not_measured_against_the_path() -> None:
@@ -136,6 +153,11 @@ def test_a_path_that_is_received_again_is_passed_on_as_it_is() -> None:
     assert car.qualified[-1].path is path
 
 
+def test_a_car_without_a_path_is_not_refused_before_one_arrives() -> None:
+    qualified = WatchedCar(path=None).tick()
+    assert (qualified.is_path_received, qualified.rejection) == (False, StopCause.NONE)
+
+
 @pytest.mark.parametrize("c0_m", [30.0, 0.6, -3.0])
 def test_a_path_that_jumps_is_not_followed_but_the_last_one_is(c0_m: float) -> None:
     car = WatchedCar()
@@ -144,6 +166,16 @@ def test_a_path_that_jumps_is_not_followed_but_the_last_one_is(c0_m: float) -> N
     qualified = car.tick()
     assert (qualified.rejection, qualified.is_path_received) == (StopCause.PATH_JUMP, False)
     assert qualified.path == STRAIGHT
+
+
+def test_a_path_that_turns_at_once_is_not_followed() -> None:
+    car = WatchedCar(epsi_rad=0.06, path=STRAIGHT._replace(c1=0.06))
+    car.tick(2)
+    car.path = STRAIGHT._replace(c0_m=2 * 0.06 * 0.5, c1=-0.06)
+    qualified = car.tick()
+    assert qualified.rejection is StopCause.PATH_JUMP
+    assert qualified.path is not None
+    assert qualified.path.c1 == 0.06
 
 
 def test_a_path_that_is_frozen_while_the_car_moves_along_it_stops_the_car() -> None:
@@ -157,6 +189,15 @@ def test_a_path_that_is_frozen_while_the_car_moves_along_it_stops_the_car() -> N
     assert path.c0_m == pytest.approx(0.06 * 0.5 * first, abs=0.1)
 
 
+def test_a_path_that_continues_the_one_before_is_followed() -> None:
+    car = WatchedCar(epsi_rad=0.06)
+    for k in range(40):
+        car.path = STRAIGHT._replace(c0_m=0.06 * 0.5 * k, c1=0.06)
+        qualified = car.tick()
+        assert qualified.alarm is StopCause.NONE
+        assert qualified.is_path_received
+
+
 def test_a_path_that_is_too_sharp_is_not_followed() -> None:
     car = WatchedCar(vx_mps=33.0)
     car.tick(5)
@@ -164,6 +205,14 @@ def test_a_path_that_is_too_sharp_is_not_followed() -> None:
     qualified = car.tick()
     assert qualified.rejection is StopCause.PATH_TOO_SHARP
     assert not qualified.is_path_received
+
+
+def test_a_wanted_speed_that_no_request_has_is_not_driven() -> None:
+    car = WatchedCar()
+    car.tick(5)
+    car.path = STRAIGHT._replace(v_mps=100.0)
+    qualified = car.tick()
+    assert (qualified.rejection, qualified.is_path_received) == (StopCause.PATH_SPEED_JUMP, False)
 
 
 def test_a_car_that_stays_far_from_its_path_is_stopped() -> None:

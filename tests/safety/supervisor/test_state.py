@@ -7,12 +7,14 @@ from kinematic_car import (
     TURNING_RAD,
     WITHOUT_FROZEN,
     WatchedCar,
+    growing,
     replaced,
     shifted,
     turning,
 )
 
 from rt_controller.contract.faults import StopCause
+from rt_controller.contract.signals import VehicleState
 from rt_controller.safety.checks import CHECKS, Quantity
 from rt_controller.safety.tick import Tick
 
@@ -91,6 +93,26 @@ def test_a_speed_that_stays_at_zero_while_the_throttle_is_open_stops_the_car() -
     assert qualified[-1].speed_mps is None  # a car that seems to stand may be moving
 
 
+def test_a_single_outlier_is_forgotten_in_the_next_tick() -> None:
+    car = WatchedCar()
+    car.tick(20)
+    car.disturb = shifted(ey_m=1.0)
+    car.tick()
+    car.disturb = lambda received: received
+    assert car.tick().is_measured
+
+
+def test_a_signal_that_is_rejected_again_and_again_stops_the_car() -> None:
+    car = WatchedCar()
+    car.tick(20)
+    wrong = shifted(ey_m=1.0)
+    alarms = []
+    for k in range(16):
+        car.disturb = wrong if k % 2 else lambda received: received
+        alarms.append(car.tick().alarm)
+    assert StopCause.LATERAL_ERROR_IMPLAUSIBLE in alarms
+
+
 def test_a_yaw_rate_of_the_wrong_sign_is_replaced_by_that_of_the_model() -> None:
     car = WatchedCar()
     car.tick(20)
@@ -112,6 +134,31 @@ def test_a_yaw_rate_that_drifts_below_the_threshold_of_a_jump_is_found_by_the_he
     car.disturb = shifted(yaw_rate_radps=0.03)
     causes = {car.tick().alarm for _ in range(40)}
     assert causes == {StopCause.NONE, StopCause.YAW_RATE_IMPLAUSIBLE}
+
+
+def test_a_heading_that_drifts_is_found_by_the_lateral_error() -> None:
+    car = WatchedCar(vx_mps=30.0)
+    car.tick(5)
+    car.disturb = growing("epsi_rad", 0.0008)
+    causes = [car.tick().alarm for _ in range(60)]
+    found = [cause for cause in causes if cause is not StopCause.NONE]
+    assert found[0] is StopCause.HEADING_IMPLAUSIBLE
+
+
+def test_a_progress_that_is_slightly_wrong_for_long_stops_the_car() -> None:
+    car = WatchedCar()
+    car.tick(20)
+    car.disturb = shifted(ds_m=0.018)
+    causes = [car.tick().alarm for _ in range(60)]
+    assert StopCause.PROGRESS_IMPLAUSIBLE in causes
+    assert causes[0] is StopCause.NONE
+
+
+def test_a_slow_drift_of_the_lateral_error_is_found_above_its_rate() -> None:
+    car = WatchedCar()
+    car.tick(20)
+    car.disturb = growing("ey_m", 0.3 / 40)
+    assert StopCause.LATERAL_ERROR_IMPLAUSIBLE in {car.tick().alarm for _ in range(120)}
 
 
 def test_a_car_that_does_not_turn_as_the_model_says_is_stopped_with_its_measured_state() -> None:
@@ -149,6 +196,17 @@ def test_a_car_that_slides_stops_and_has_no_further_fault_in_the_stop(
     assert qualified.state == car.state
 
 
+def test_a_state_that_is_frozen_in_a_turn_stops_the_car() -> None:
+    car = WatchedCar(checks=[c for c in CHECKS if c.quantity is Quantity.FROZEN_TICKS])
+    car.control = car.control._replace(steer_rad=TURNING_RAD)
+    car.tick(20)
+    frozen(car)
+    alarms = [car.tick().alarm for _ in range(20)]
+    assert alarms[5] is StopCause.NONE
+    assert StopCause.STATE_FROZEN in alarms
+    assert car.qualified[-1].speed_mps is None
+
+
 def test_a_steady_car_on_a_straight_road_may_repeat_its_state() -> None:
     car = WatchedCar()
     car.tick(5)
@@ -163,6 +221,21 @@ def test_a_standing_car_may_repeat_its_state() -> None:
     assert {car.tick().alarm for _ in range(50)} == {StopCause.NONE}
 
 
+def test_states_of_before_with_new_counters_are_replaced_by_an_estimate() -> None:
+    car = turning()
+    car.tick(20)
+    seen_states: list[VehicleState] = []
+    for k in range(12):
+        car.control = car.control._replace(steer_rad=0.6 + 0.02 * k)
+        car.tick()
+        seen_states.append(car.state)
+    old = iter(seen_states[3:])
+    car.disturb = lambda received: replace(received, state=next(old))
+    qualified = [car.tick() for _ in range(6)]
+    assert StopCause.STATE_OLD in [qualified.alarm for qualified in qualified]
+    assert not qualified[-1].is_measured
+
+
 def test_a_jump_in_the_second_tick_is_found_without_earlier_states() -> None:
     car = WatchedCar()
     car.tick()
@@ -170,3 +243,13 @@ def test_a_jump_in_the_second_tick_is_found_without_earlier_states() -> None:
     qualified = car.tick()
     assert not qualified.is_measured
     assert qualified.rejection is not StopCause.NONE
+
+
+def test_with_no_checks_everything_is_accepted() -> None:
+    car = WatchedCar(checks=())
+    car.tick(5)
+    car.disturb = replaced(vx_mps=0.0, ey_m=20.0)
+    qualified = car.tick(5)
+    assert qualified.is_measured
+    assert qualified.state is not None
+    assert qualified.state.ey_m == 20.0

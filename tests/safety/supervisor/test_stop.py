@@ -3,10 +3,24 @@
 from dataclasses import replace
 
 import pytest
-from kinematic_car import STRAIGHT, WatchedCar, nothing, replaced, turning
+from kinematic_car import STRAIGHT, WatchedCar, nothing, replaced, shifted, turning
 
 from rt_controller.contract.limits import DEFAULT_GEOMETRY
 from rt_controller.contract.signals import NEUTRAL_INPUT
+
+
+def test_a_lost_state_is_estimated_along_the_last_path() -> None:
+    car = turning(path=STRAIGHT)
+    car.tick(20)
+    car.disturb, car.is_stopping = nothing, True
+    qualified = car.tick(40)
+    assert qualified.speed_mps is None
+    assert not qualified.is_measured
+    assert not qualified.is_path_received
+    assert qualified.state is not None
+    assert qualified.state.ey_m == pytest.approx(car.state.ey_m, abs=0.05)
+    assert qualified.state.epsi_rad == pytest.approx(car.state.epsi_rad, abs=0.005)
+    assert qualified.path is not None
 
 
 def test_a_braking_car_without_states_comes_to_rest() -> None:
@@ -17,6 +31,24 @@ def test_a_braking_car_without_states_comes_to_rest() -> None:
     qualified = car.tick(300)
     assert qualified.state is not None
     assert qualified.state.vx_mps == 0.0
+
+
+def test_without_any_state_nothing_is_accepted() -> None:
+    car = WatchedCar()
+    car.disturb = lambda received: replace(received, state=None)
+    assert car.tick(3).state is None
+
+
+def test_faulty_signals_of_a_safe_stop_last_until_standby() -> None:
+    car = WatchedCar()
+    car.tick(20)
+    car.disturb, car.is_stopping = shifted(ey_m=2.0), True
+    car.tick(3)
+    car.disturb = shifted(ey_m=0.1)
+    qualified = car.tick(5)
+    assert not qualified.is_measured
+    car.is_driven = False
+    assert car.tick().is_measured
 
 
 def test_a_stop_without_speed_and_progress_has_no_known_speed() -> None:
