@@ -24,13 +24,10 @@ _REMEDIES = {
     StopCause.INTERFACE_DOWN: "Bring the interface up (ip link set CHANNEL up)",
     StopCause.SECOND_CONTROLLER: "Stop the other one, or choose another channel",
     StopCause.PEER_MISMATCH: "Start the same version at both ends",
-    StopCause.SOLVER_FAILED: "Check the tolerances of --mpc and the model; rt-controller explain "
-    "shows the QP of a recorded drive",
+    StopCause.SOLVER_FAILED: "Check the tolerances of --mpc and the model",
 }
-_OF_VALUES = (
-    "Check what sends or measures these values; rt-controller explain shows the checks of a "
-    "recorded drive"
-)
+_OF_VALUES = "Check what sends or measures these values"
+_RECORDED = "rt-controller explain shows more of a recorded drive."
 _MESSAGES: dict[StopCause, Message[Any]] = {
     StopCause.STATE_INVALID: STATE,
     StopCause.REFERENCE_INVALID: REFERENCE,
@@ -121,4 +118,6 @@ def explain_stop(
     if faults:
         return f"{text.rstrip('.')}. Faults of this drive: {', '.join(faults)}."
     remedy = remedy_of(cause)
+    if cause in _OF_CHECKS or cause is StopCause.SOLVER_FAILED:
+        remedy += f" {_RECORDED}"
     return f"{text}. {remedy}" if remedy else text

@@ -277,7 +277,8 @@ def _open_log(path: Path, replaces: bool) -> LogFile:
             f"{path}: expected a log of frames, found the suffix of MCAP, which has decoded "
             f"signals. Name the MCAP file with --mcap; --record may name a .log beside it."
         )
-    if suffix != SUFFIX and (path.is_file() or not path.exists()):
+    is_new = not path.exists() and not path.is_symlink()
+    if suffix != SUFFIX and (path.is_file() or is_new):
         raise ConfigError(
             f"{path}: expected a log with the suffix {SUFFIX}, or a folder that exists, found "
             f"neither. Name it {path.name}{SUFFIX}, or make the folder first."

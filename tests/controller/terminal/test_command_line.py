@@ -105,7 +105,7 @@ class NoCar:
 def replace_car(monkeypatch: pytest.MonkeyPatch) -> None:
     """Replace the simulated car by none."""
     none = DrivenScenario("none", "none", None)
-    monkeypatch.setattr(terminal_run, "open_virtual_car", lambda *_: NoCar())
+    monkeypatch.setattr(terminal_run, "open_virtual_car", lambda *_, **__: NoCar())
     monkeypatch.setattr(terminal_run, "driven_scenario", lambda _: none)
     monkeypatch.setattr(terminal_run, "steering_note", lambda *_: None)
 
