@@ -17,7 +17,6 @@ from offline.data.dataset import (
 )
 from offline.data.generate import full_folder
 from offline.data.signals import past_names
-from offline.training.run import open_run
 from rt_controller.contract.errors import ArtifactError, DatasetError
 from rt_controller.contract.signals import Schema
 from rt_controller.model.bundle import Bundle
@@ -103,6 +102,8 @@ def _signals(schema: Schema) -> list[str]:
 
 def _data_folder(run: Path) -> Path | None:
     try:
+        from offline.training.run import open_run  # torch, which linear baselines do without
+
         return open_run(run).data_folder
     except ArtifactError:
         return None

@@ -74,7 +74,7 @@ def test_the_car_of_the_mapping_goes_into_the_data_set(place):
     car = (
         "[car]\nwheelbase_m = 3.2\nrear_axle_m = 1.5\nsteering_ratio = 16.0\nlargest_brake_n = 90\n"
     )
-    (place / "map.toml").write_text(f"{MAPPING}[car]\n{car}")
+    (place / "map.toml").write_text(f"{MAPPING}{car}")
     run_import(place, "--data", place / "known")
     car = load_dataset(place / "known").car
     assert car.geometry == SteeringGeometry(3.2, 1.5, 16.0)

@@ -128,7 +128,7 @@ def test_help_lists_options_without_importing_compiler_and_tools(
 ) -> None:
     program = (
         "import atexit, sys; from sim_bridge.cli import main;"
-        f"sys.argv = {['sim-bridge', *command, '--help']};"
+        f"sys.argv = {['sim-bridge', *command, '--help-all']};"
         "atexit.register(lambda: print(*sys.modules)); main()"
     )
     ended = subprocess.run(
