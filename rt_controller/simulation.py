@@ -88,11 +88,13 @@ def car_error(car: "BridgeSession") -> LateralError:
     return LateralError(summary.ey_rms_m, summary.ey_peak_m)
 
 
-def steering_note(car: "BridgeSession", geometry: SteeringGeometry) -> str | None:
+def steering_note(
+    car: "BridgeSession", geometry: SteeringGeometry, most_plan_rad: float
+) -> str | None:
     """A sentence if the scenario needs more steering than the controller may command."""
     from sim_bridge.scenario_checks import steering_note as note
 
-    return note(car.bridge.scenario, geometry)
+    return note(car.bridge.scenario, geometry, most_plan_rad)
 
 
 def grip_note(car: "BridgeSession", friction: float | None) -> str | None:

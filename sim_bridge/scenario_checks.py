@@ -67,7 +67,11 @@ def grip_note(scenario: Scenario) -> str | None:
     return f"scenario {scenario.name!r} with this --friction: {found[0]} It is driven all the same."
 
 
-def steering_note(scenario: Scenario, geometry: SteeringGeometry = DEFAULT_GEOMETRY) -> str | None:
+def steering_note(
+    scenario: Scenario,
+    geometry: SteeringGeometry = DEFAULT_GEOMETRY,
+    most_plan_rad: float = PLAN_STEER_RAD,
+) -> str | None:
     """A sentence if the reference needs more than the limit of the steering wheel; else None.
 
     Only what is needed for longer than `SHORT_S` counts: a car averages shorter peaks. The estimate
@@ -77,6 +81,7 @@ def steering_note(scenario: Scenario, geometry: SteeringGeometry = DEFAULT_GEOME
     Args:
         scenario: to be driven.
         geometry: of the car.
+        most_plan_rad: largest angle that the model was trained with.
     """
     drive = drive_nominally(scenario)
     bend = np.gradient(np.gradient(drive.ey_m, drive.s_m), drive.s_m)
@@ -85,7 +90,7 @@ def steering_note(scenario: Scenario, geometry: SteeringGeometry = DEFAULT_GEOME
     wheel_rad = geometry.steering_ratio * np.abs(turn) * per_turn
     is_slow = drive.speed_mps < LOW_SPEED_MPS
     by_speed = [geometry.largest_wheel_rad(v, PLAN_TURN_MPS2) for v in drive.speed_mps.tolist()]
-    limit_rad = np.where(is_slow, geometry.lock_rad, np.minimum(by_speed, PLAN_STEER_RAD))
+    limit_rad = np.where(is_slow, geometry.lock_rad, np.minimum(by_speed, most_plan_rad))
     edges = np.diff((wheel_rad > limit_rad).astype(int), prepend=0, append=0)
     firsts, lasts = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
     long = [

@@ -107,8 +107,9 @@ def run_at_terminal(options: "RunOptions") -> int:
                         closing(open_virtual_car(options, options, scenario=scenario))
                     )
                 clock = LockstepClock(car.tick) if options.is_lockstep else clock
-                geometry = choose_low_speed_car(bundle, options.low_speed).geometry
-                for note in (steering_note(car, geometry), grip_note(car, options.friction)):
+                known = choose_low_speed_car(bundle, options.low_speed)
+                steering = steering_note(car, known.geometry, known.model_rad)
+                for note in (steering, grip_note(car, options.friction)):
                     if note is not None:
                         show(f"note: {note}", options.quiet)
             files = RecordingFiles(options.record, options.mcap, options.overwrite)
