@@ -88,7 +88,7 @@ def test_the_manifest_of_imported_logs_contains_their_names_and_the_mapping(toy_
 
 def test_the_car_is_kept_with_its_own_values_and_may_be_missing(toy_dataset, tmp_path):
     assert toy_dataset.car is None
-    car = Car(steering_geometry(), plan_lateral_mps2=3.0, thresholds={"yaw_rate": 0.1})
+    car = Car(steering_geometry(), plan_lateral_mps2=3.0, thresholds={"yaw_rate_ten_radps": 0.1})
     save_again(tmp_path, toy_dataset, car=car)
     loaded = load_dataset(tmp_path)
     assert loaded.car == car
