@@ -76,8 +76,9 @@ class MpcSettings(Settings):
     """stages of one period each; beyond the reach of the path on the bus it is extrapolated, and
     the road's curvature constant"""
     knots: Annotated[int, Field(ge=HOLD_PLAN_TICKS + 1, le=160)] | None = None
-    """planned values of each input, with straight lines between them: first one in two periods,
-    then one in four; none: one in each period up to 20 periods, otherwise about a third"""
+    """planned values of each input, with straight lines between them: at first one every two
+    periods, later one every four; none: one in each period up to 20 periods, otherwise
+    about a third"""
     heading: Literal["course", "epsi"] = "course"
     """angle that follows the direction of the path: course, the change of e_y over the distance, or
     epsi, as printed in the paper"""
@@ -148,7 +149,8 @@ class LowSpeedSettings(Settings):
     brake_mps2_per_n: Annotated[float, Field(ge=0.005, le=0.5)] | None = None
     """deceleration per newton on the brake pedal; none: as the model predicts"""
     hold_mps2: Annotated[float, Field(ge=0.5, le=8.0)] = 4.0
-    """the brake holds a standing car like one that decelerates so: 4 for slopes up to 40 %"""
+    """force of the brake at a standstill, as the deceleration that it would give: 4 holds the car
+    on slopes up to 40 %"""
 
 
 class RealtimeSettings(Settings):
