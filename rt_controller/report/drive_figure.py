@@ -58,7 +58,7 @@ def draw_drive(drive: Drive, file: Path | None = None) -> "Figure":
     if drive.scenario is not None:
         _draw_course(position, drive, drive.scenario)
     position.plot(t, drive["path_ey_m"], color=FAINT, linestyle="--", label="path")
-    position.plot(t, drive["ey_m"], label="car")
+    position.plot(t, drive["ey_m"], label="car, as received")
     error.plot(t, drive["ey_m"] - drive["path_ey_m"])
     wheel.plot(t, np.degrees(drive["steer_rad"]))
     throttle.plot(t, drive["throttle"])
