@@ -25,6 +25,7 @@ _EXPECTED = {
     "path_type": "a path",
     **dict.fromkeys(("literal_error", "enum"), "{expected}"),
     **dict.fromkeys(("int_parsing", "int_type", "int_from_float"), "an integer"),
+    "int_parsing_size": "an integer of fewer digits",
     **dict.fromkeys(("float_parsing", "float_type"), "a number"),
     **dict.fromkeys(("bool_parsing", "bool_type"), "true or false"),
     **dict.fromkeys(("dict_type", "model_type", "model_attributes_type"), "a table"),

@@ -44,65 +44,96 @@ def knots(
     return table
 
 
-def table(optional: Content | None = None, **required: Any) -> st.SearchStrategy[Content]:
-    """A table of these fields; those that are no strategies have the value itself."""
-    each = {k: v if isinstance(v, st.SearchStrategy) else st.just(v) for k, v in required.items()}
-    return st.fixed_dictionaries(each, optional=optional or {})
-
-
-_BEND = table(
-    straight_m=number(1.0, 100.0), radius_m=number(60.0, 500.0),
-    turn_deg=number(30.0, 120.0) | number(-120.0, -30.0),
+_BEND = st.fixed_dictionaries(
+    {
+        "straight_m": number(1.0, 100.0),
+        "radius_m": number(60.0, 500.0),
+        "turn_deg": number(30.0, 120.0) | number(-120.0, -30.0),
+    },
     optional={"spiral_m": number(0.0, 30.0)},
-)  # fmt: skip
+)
 _CURVATURE = st.one_of(
     number(-0.005, 0.005),
     knots("s_m", -0.008, 0.008, 20.0, ["linear", "step", "pchip", "spline"]),
-    table(kind="circle", radius_m=number(60.0, 800.0), optional={
-        "direction": st.sampled_from(["left", "right"]), "entry_s_m": number(0.0, 50.0),
-        "spiral_m": number(0.0, 50.0)}),
-    table(kind="spiral", start_s_m=number(0.0, 50.0), length_m=number(10.0, 200.0),
-          to_per_m=number(-0.008, 0.008), optional={"from_per_m": number(-0.008, 0.008)}),
-    table(kind="step", at_s_m=number(0.0, 50.0), to_per_m=number(-0.005, 0.005),
-          optional={"from_per_m": number(-0.005, 0.005)}),
-    table(kind="course", bends=st.lists(_BEND, min_size=1, max_size=4)),
-)  # fmt: skip
+    st.fixed_dictionaries(
+        {"kind": st.just("circle"), "radius_m": number(60.0, 800.0)},
+        optional={
+            "direction": st.sampled_from(["left", "right"]),
+            "entry_s_m": number(0.0, 50.0),
+            "spiral_m": number(0.0, 50.0),
+        },
+    ),
+    st.fixed_dictionaries(
+        {
+            "kind": st.just("spiral"),
+            "start_s_m": number(0.0, 50.0),
+            "length_m": number(10.0, 200.0),
+            "to_per_m": number(-0.008, 0.008),
+        },
+        optional={"from_per_m": number(-0.008, 0.008)},
+    ),
+    st.fixed_dictionaries(
+        {"kind": st.just("step"), "at_s_m": number(0.0, 50.0), "to_per_m": number(-0.005, 0.005)},
+        optional={"from_per_m": number(-0.005, 0.005)},
+    ),
+    st.fixed_dictionaries(
+        {"kind": st.just("course"), "bends": st.lists(_BEND, min_size=1, max_size=4)}
+    ),
+)
 _FRICTION = number(0.4, 1.1) | knots("s_m", 0.4, 1.1, 5.0, ["linear", "step", "pchip"])
 _GROUND = st.one_of(
-    table(), table(friction=_FRICTION), table(friction_left=_FRICTION, friction_right=_FRICTION)
+    st.just({}),
+    st.fixed_dictionaries({"friction": _FRICTION}),
+    st.fixed_dictionaries({"friction_left": _FRICTION, "friction_right": _FRICTION}),
 )
 _KINDS = ["linear", "pchip"]
-_WIDTH = table({"width_m": number(4.0, 20.0) | knots("s_m", 6.0, 20.0, 20.0, _KINDS)})
-_LINE = table(
-    {
+_WIDTH = st.fixed_dictionaries(
+    {}, optional={"width_m": number(4.0, 20.0) | knots("s_m", 6.0, 20.0, 20.0, _KINDS)}
+)
+_LINE = st.fixed_dictionaries(
+    {},
+    optional={
         "curvature_per_m": _CURVATURE,
         "bank_deg": number(-6.0, 6.0) | knots("s_m", -6.0, 6.0, 30.0, _KINDS),
         "grade_percent": number(-8.0, 8.0) | knots("s_m", -8.0, 8.0, 30.0, _KINDS),
         "length_m": number(60.0, 2000.0),
+    },
+) | st.fixed_dictionaries(
+    {
+        "opendrive": st.fixed_dictionaries(
+            {"file": st.just(MAP_FILE)},
+            optional={"roads": st.sampled_from([["1"], ["-1"]]), "flat": st.booleans()},
+        )
     }
-) | table(
-    opendrive=table(
-        {"roads": st.sampled_from([["1"], ["-1"]]), "flat": st.booleans()}, file=MAP_FILE
-    )
 )
 _WIND = number(-15.0, 15.0) | knots("t_s", -15.0, 15.0, 1.0, _KINDS)
 _SPEED = st.one_of(
     number(0.0, 160.0),
     knots("t_s", 0.0, 110.0, 12.0, ["linear", "pchip"]),
     knots("s_m", 5.0, 110.0, 200.0, []),
-    table(kind="curve_speed", max_kmh=number(20.0, 160.0), optional={
-        "lateral_mps2": number(0.5, 3.0), "acceleration_mps2": number(0.5, 2.0)}),
-    table(kind="stop_and_go", cruise_kmh=number(5.0, 60.0), first_stop_s_m=number(60.0, 100.0),
-          spacing_m=number(20.0, 60.0), count=st.integers(1, 3), hold_s=number(0.0, 2.0),
-          optional={"deceleration_mps2": number(1.0, 4.0), "acceleration_mps2": number(0.5, 3.0)}),
-)  # fmt: skip
-_STOP = table(
-    {
+    st.fixed_dictionaries(
+        {"kind": st.just("curve_speed"), "max_kmh": number(20.0, 160.0)},
+        optional={"lateral_mps2": number(0.5, 3.0), "acceleration_mps2": number(0.5, 2.0)},
+    ),
+    st.fixed_dictionaries(
+        {
+            "kind": st.just("stop_and_go"),
+            "cruise_kmh": number(5.0, 60.0),
+            "first_stop_s_m": number(60.0, 100.0),
+            "spacing_m": number(20.0, 60.0),
+            "count": st.integers(1, 3),
+            "hold_s": number(0.0, 2.0),
+        },
+        optional={"deceleration_mps2": number(1.0, 4.0), "acceleration_mps2": number(0.5, 3.0)},
+    ),
+)
+_STOP = st.fixed_dictionaries(
+    {"at_s_m": number(20.0, 400.0)},
+    optional={
         "hold_s": number(0.0, 3.0),
         "deceleration_mps2": number(1.0, 6.0),
         "acceleration_mps2": number(0.5, 3.0),
     },
-    at_s_m=number(20.0, 400.0),
 )
 _MOVES = st.lists(
     st.tuples(number(0.0, 50.0), number(30.0, 120.0), number(-3.0, 3.0)), max_size=4
@@ -125,23 +156,45 @@ _LATERAL = st.one_of(
     number(-3.0, 3.0),
     _MOVES,
     knots("s_m", -1.0, 1.0, 60.0, ["pchip", "spline"]),
-    table(kind="sine", amplitude_m=number(-1.0, 1.0), wavelength_m=number(60, 200),
-          optional={"start_s_m": number(0.0, 60.0), **_WAVES}),
-    table(kind="sine", amplitude_m=number(-0.5, 0.5), frequency_hz=number(0.1, 0.4),
-          optional={"start_t_s": number(0.0, 3.0), **_WAVES}),
+    st.fixed_dictionaries(
+        {
+            "kind": st.just("sine"),
+            "amplitude_m": number(-1.0, 1.0),
+            "wavelength_m": number(60, 200),
+        },
+        optional={"start_s_m": number(0.0, 60.0), **_WAVES},
+    ),
+    st.fixed_dictionaries(
+        {
+            "kind": st.just("sine"),
+            "amplitude_m": number(-0.5, 0.5),
+            "frequency_hz": number(0.1, 0.4),
+        },
+        optional={"start_t_s": number(0.0, 3.0), **_WAVES},
+    ),
     knots("t_s", -1.0, 1.0, 4.0, ["pchip", "spline"]),
-    table(kind="slalom", start_s_m=number(0.0, 20.0), spacing_m=number(30.0, 60.0),
-          cones=st.integers(2, 6), optional=_CLEARANCE),
-    table(kind=st.sampled_from(["iso_3888_1", "iso_3888_2"]), start_s_m=number(0.0, 40.0),
-          optional=_CLEARANCE),
-)  # fmt: skip
-_INITIAL = table(
-    {
+    st.fixed_dictionaries(
+        {
+            "kind": st.just("slalom"),
+            "start_s_m": number(0.0, 20.0),
+            "spacing_m": number(30.0, 60.0),
+            "cones": st.integers(2, 6),
+        },
+        optional=_CLEARANCE,
+    ),
+    st.fixed_dictionaries(
+        {"kind": st.sampled_from(["iso_3888_1", "iso_3888_2"]), "start_s_m": number(0.0, 40.0)},
+        optional=_CLEARANCE,
+    ),
+)
+_INITIAL = st.fixed_dictionaries(
+    {},
+    optional={
         "s_m": number(0.0, 20.0),
         "ey_m": number(-0.5, 0.5),
         "epsi_deg": number(-3.0, 3.0),
         "speed_kmh": number(0.0, 100.0),
-    }
+    },
 )
 
 
@@ -161,25 +214,39 @@ def _faults(draw: st.DrawFn) -> Content:
     return fault
 
 
-CONTENTS = table(
-    format=2, name=st.text(min_size=1, max_size=10), duration_s=number(3.0, 60.0),
-    reference=table({"ey_m": _LATERAL}, speed_kmh=_SPEED),
-    road=st.tuples(_GROUND, _LINE, _WIDTH).map(lambda each: {**each[0], **each[1], **each[2]}),
+CONTENTS = st.fixed_dictionaries(
+    {
+        "format": st.just(2),
+        "name": st.text(min_size=1, max_size=10),
+        "duration_s": number(3.0, 60.0),
+        "reference": st.fixed_dictionaries({"speed_kmh": _SPEED}, optional={"ey_m": _LATERAL}),
+        "road": st.tuples(_GROUND, _LINE, _WIDTH).map(
+            lambda parts: {**parts[0], **parts[1], **parts[2]}
+        ),
+    },
     optional={
         "distance_m": number(20.0, 400.0),
         "initial": _INITIAL,
         "stops": st.lists(_STOP, max_size=2),
         "cross_wind_mps": _WIND,
         "tail_wind_mps": _WIND,
-        "body": table({"width_m": number(1.4, 2.2), "front_m": number(1.0, 3.0),
-                       "rear_m": number(1.0, 3.0)}),
-        "payload": table({"ahead_m": number(-1.5, 1.0), "height_m": number(0.2, 1.2)},
-                         mass_kg=number(0.0, 500.0)),
+        "body": st.fixed_dictionaries(
+            {},
+            optional={
+                "width_m": number(1.4, 2.2),
+                "front_m": number(1.0, 3.0),
+                "rear_m": number(1.0, 3.0),
+            },
+        ),
+        "payload": st.fixed_dictionaries(
+            {"mass_kg": number(0.0, 500.0)},
+            optional={"ahead_m": number(-1.5, 1.0), "height_m": number(0.2, 1.2)},
+        ),
         "faults": st.lists(_faults(), max_size=3),
         "metrics": st.lists(st.sampled_from(Metrics._fields), max_size=4),
         "limits": st.dictionaries(st.sampled_from(Metrics._fields), number(0.0, 5.0), max_size=3),
     },
-)  # fmt: skip
+)
 """content of files of format 2; most are valid, in some the parts do not fit each other"""
 
 

@@ -1,6 +1,7 @@
-"""Random scenarios are driven over the bus, or refused with the names of fields.
+"""Random scenarios are driven without a fault, or refused with the names of fields.
 
-A drive may end early only where the scenario itself draws a fault.
+A part of the drives is over the bus with the controller and the shipped linear model. They may
+end early only where the scenario itself draws a fault.
 """
 
 import re
@@ -10,6 +11,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from random_scenarios import CONTENTS, Content, spoilt_contents, write_random_map
+from reference_driver import drive
 
 from rt_controller import Bundle, simulate
 from rt_controller.contract.errors import ConfigError
@@ -21,6 +23,7 @@ FIELD = re.compile(
     r"(reference|initial|stops|road|duration_s|limits|faults)[\w.\[\]]*: expected .*, found "
 )
 LINE = re.compile(r"[a-z_0-9.\[\]]+: (expected .*, found |no such setting)", re.IGNORECASE)
+DRIVEN_TICKS = 120
 TOO_DIFFICULT = {"TRACKING_LOST", "PATH_TOO_SHARP", "VEHICLE_BRAKING"}
 """why a drive without a fault may be stopped: a path that this car cannot follow on this road"""
 OTHER_MOTION = {f"{signal}_IMPLAUSIBLE" for signal in ("SPEED", "LATERAL_SPEED", "YAW_RATE")}
@@ -68,7 +71,13 @@ def check_over_the_bus(scenario: Scenario, lti: Bundle) -> None:
         assert slides or driven.stop_cause in TOO_DIFFICULT
 
 
-@settings(max_examples=8, deadline=None, derandomize=True)
+@settings(max_examples=20, deadline=None, derandomize=True)
+@given(content=CONTENTS)
+def test_a_random_valid_scenario_is_driven_without_a_fault(content: Content, maps: Path) -> None:
+    assert drive(load(content, maps), DRIVEN_TICKS).ticks > 0
+
+
+@settings(max_examples=6, deadline=None, derandomize=True)
 @given(content=CONTENTS)
 def test_a_random_valid_scenario_is_driven_over_the_bus_to_its_end(
     content: Content, maps: Path, lti: Bundle
