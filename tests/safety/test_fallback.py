@@ -4,7 +4,12 @@ import pytest
 
 from rt_controller.contract.signals import ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.safety.fallback import ALONG_PATH, input_for, safe_stop, stand_by
+from rt_controller.safety.fallback import (
+    ALONG_PATH,
+    input_for,
+    safe_stop,
+    stand_by,
+)
 
 
 def test_a_safe_stop_ramps_the_brake_to_its_maximum_and_holds_it() -> None:

@@ -51,7 +51,10 @@ def test_a_new_drive_restarts_the_window() -> None:
 def test_the_cause_is_that_of_the_first_check_that_names_a_signal() -> None:
     ten, heading = BY_QUANTITY[Quantity.YAW_RATE_TEN_RADPS], BY_QUANTITY[Quantity.HEADING_RAD]
     lateral = BY_QUANTITY[Quantity.LATERAL_ERROR_M]
-    found = finding_of([ten, heading, lateral], [Faulty.NONE, Faulty.HEADING, Faulty.LATERAL_ERROR])
+    found = finding_of(
+        [ten, heading, lateral],
+        [Faulty.NONE, Faulty.HEADING, Faulty.LATERAL_ERROR],
+    )
     assert found == (Faulty.PLACE, StopCause.HEADING_IMPLAUSIBLE, True)
     only = finding_of([heading], [Faulty.HEADING])
     assert only == (Faulty.HEADING, StopCause.HEADING_IMPLAUSIBLE, False)
@@ -66,8 +69,18 @@ def test_without_a_faulty_signal_the_cause_is_that_of_the_first_check() -> None:
 @pytest.mark.parametrize(
     ("quantities", "is_heading_jump", "is_repeated", "expected"),
     [
-        ([HEADING], True, False, (Faulty.HEADING, StopCause.HEADING_IMPLAUSIBLE, False)),
-        ([HEADING], False, False, (Faulty.YAW_RATE, StopCause.YAW_RATE_IMPLAUSIBLE, True)),
+        (
+            [HEADING],
+            True,
+            False,
+            (Faulty.HEADING, StopCause.HEADING_IMPLAUSIBLE, False),
+        ),
+        (
+            [HEADING],
+            False,
+            False,
+            (Faulty.YAW_RATE, StopCause.YAW_RATE_IMPLAUSIBLE, True),
+        ),
         (
             [HEADING, LATERAL_ERROR],
             True,

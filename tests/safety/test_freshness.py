@@ -57,6 +57,32 @@ def stamp(sent_ns: int, clock_offset_ns: int = 123_456_789) -> int:
     return (sent_ns + clock_offset_ns) % WRAP_NS // 100_000 * 100_000
 
 
+def test_a_constant_delay_is_not_measured() -> None:
+    delay = TransportDelay(WRAP_NS)
+    for k in range(1000):  # the stamp wraps around several times
+        sent_ns = k * PERIOD_NS
+        assert delay.measure(sent_ns + 7_000_000, stamp(sent_ns)) < 300_000
+
+
+def test_a_delay_beyond_the_fastest_message_is_measured_in_full() -> None:
+    delay = TransportDelay(WRAP_NS)
+    for k in range(100):
+        delay.measure(k * PERIOD_NS + 2_000_000, stamp(k * PERIOD_NS))
+    for k, late_ns in enumerate((40_000_000, 400_000_000, 1_000_000_000), start=100):
+        extra_ns = delay.measure(k * PERIOD_NS + late_ns, stamp(k * PERIOD_NS))
+        assert extra_ns == pytest.approx(late_ns - 2_000_000, abs=2_000_000)  # fades by 1 ms/s
+
+
+def test_two_faster_messages_in_a_row_become_the_fastest() -> None:
+    delay = TransportDelay(WRAP_NS)
+    delay.measure(30_000_000, stamp(0))
+    assert delay.measure(PERIOD_NS + 1_000_000, stamp(PERIOD_NS)) == 0
+    assert delay.measure(2 * PERIOD_NS + 3_000_000, stamp(2 * PERIOD_NS)) == 0
+    late_ns = delay.measure(3 * PERIOD_NS + 30_000_000, stamp(3 * PERIOD_NS))
+    assert late_ns == pytest.approx(27_000_000, abs=300_000)
+    assert delay.measure(4 * PERIOD_NS + 1_000_000, stamp(4 * PERIOD_NS)) == 0
+
+
 @pytest.mark.parametrize(
     ("on_the_way_ns", "extra_ns"),
     [

@@ -17,7 +17,10 @@ EXPECTED = VehicleState(18.0, 0.0, 0.1, 0.45, 0.6, 0.02)
         (Faulty.PLACE, MEASURED),
         (Faulty.SPEED, MEASURED._replace(vx_mps=0.4 / 0.025)),
         (Faulty.PROGRESS, MEASURED._replace(ds_m=20.0 * 0.025)),
-        (Faulty.SPEED | Faulty.PROGRESS, MEASURED._replace(vx_mps=18.0, ds_m=18.0 * 0.025)),
+        (
+            Faulty.SPEED | Faulty.PROGRESS,
+            MEASURED._replace(vx_mps=18.0, ds_m=18.0 * 0.025),
+        ),
         (Faulty.LATERAL_SPEED, MEASURED._replace(vy_mps=0.0)),
         (Faulty.YAW_RATE, MEASURED._replace(yaw_rate_radps=0.1)),
     ],

@@ -119,7 +119,11 @@ def test_a_stop_request_and_a_braking_vehicle_are_faults_except_in_standby(
         (HELD, Event.HOLDING, StopCause.SOLVER_FAILED),
         (with_(HELD, path=None), Event.HOLDING, StopCause.REFERENCE_LOST),
         (with_(HELD, state=None), Event.HOLDING, StopCause.STATE_LOST),
-        (with_(HELD, state=None, state_loss=StopCause.BUS_OFF), Event.HOLDING, StopCause.BUS_OFF),
+        (
+            with_(HELD, state=None, state_loss=StopCause.BUS_OFF),
+            Event.HOLDING,
+            StopCause.BUS_OFF,
+        ),
         (with_(HELD, state_loss=StopCause.BUS_OFF), Event.HOLDING, StopCause.SOLVER_FAILED),
         (
             with_(HELD, path=None, has_invalid_path=True),

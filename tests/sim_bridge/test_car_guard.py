@@ -143,7 +143,7 @@ def test_a_command_that_answers_an_old_state_is_refused(rig: Rig, lag: int) -> N
     assert rig.judge() == (Refusal.LATE if lag >= COMMAND_TIMEOUT_TICKS else NO_REFUSAL)
 
 
-@pytest.mark.parametrize("silent", [1, 5, 6, 11])
+@pytest.mark.parametrize("silent", range(1, 12))
 def test_a_heartbeat_that_was_silent_for_long_is_not_used(rig: Rig, silent: int) -> None:
     for _ in range(silent):
         rig.accept(COMMAND, CRUISE, rig.counter)
@@ -261,7 +261,7 @@ def test_a_command_that_dawdled_on_the_bus_is_as_old_as_the_state_it_answers(
     assert watchdog.is_braking
 
 
-@pytest.mark.parametrize("lag", [0, 1, 2, 3, 4, 5, 63, 64, 65, 122, 123, 124, 125, 127])
+@pytest.mark.parametrize("lag", range(128))
 def test_every_lag_is_braked_for_but_those_of_a_command_ahead(watchdog: Watchdog, lag: int) -> None:
     watchdog.apply(command(), 0, lag)
     assert watchdog.is_braking is (4 <= lag < 124)

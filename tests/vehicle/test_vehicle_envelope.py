@@ -7,10 +7,15 @@ import pytest
 
 from rt_controller.bus.messages import Command
 from rt_controller.contract.faults import NO_REFUSAL, Refusal
-from rt_controller.contract.limits import DEFAULT_GEOMETRY, INPUT_LIMITS
+from rt_controller.contract.limits import DEFAULT_GEOMETRY, INPUT_LIMITS, LARGEST_LATERAL_MPS2
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.vehicle.vehicle_envelope import STANDING, OwnMotion, leaves_path, refusals
+from rt_controller.vehicle.vehicle_envelope import (
+    STANDING,
+    OwnMotion,
+    leaves_path,
+    refusals,
+)
 
 CRUISE = ControlInput(0.2, 0.0, 0.1)
 MOVING = OwnMotion(20.0, 0.0, is_mission_on=True)
@@ -25,6 +30,10 @@ def judge(
     motion: OwnMotion = MOVING,
 ) -> Refusal:
     return refusals(Command(control, mode), before, periods, motion)
+
+
+def test_a_command_within_all_limits_is_followed() -> None:
+    assert judge(CRUISE) == NO_REFUSAL
 
 
 @pytest.mark.parametrize("bad", [nan, inf, -inf])
@@ -73,6 +82,10 @@ def test_the_wheel_may_move_as_far_as_its_rate_allows_and_no_farther(
         assert found == expected
 
 
+def test_a_step_of_120_deg_is_refused() -> None:
+    assert judge(CRUISE._replace(steer_rad=radians(120.0))) & Refusal.STEERING
+
+
 @pytest.mark.parametrize(
     ("throttle", "brake_n", "expected"),
     [
@@ -108,6 +121,24 @@ def test_a_moving_car_is_not_left_in_standby_before_its_mission_is_over(
     found = judge(CRUISE._replace(throttle=0.0), mode, motion=motion)
     is_left = mode is Mode.STANDBY and speed_mps > 1.0 and is_mission_on
     assert found == (Refusal.MODE if is_left else NO_REFUSAL)
+
+
+@pytest.mark.parametrize("speed_mps", [40.0, 60.0, 90.0])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_more_lateral_acceleration_than_the_limit_is_refused(speed_mps: float, side: float) -> None:
+    low, high = 0.0, radians(40.0)
+    for _ in range(60):  # bisection
+        middle = 0.5 * (low + high)
+        is_less = DEFAULT_GEOMETRY.steady_lateral_mps2(speed_mps, middle) < LARGEST_LATERAL_MPS2
+        low, high = (middle, high) if is_less else (low, middle)
+    for share, expected in ((0.999, NO_REFUSAL), (1.001, Refusal.LATERAL_ACCELERATION)):
+        wheel = NEUTRAL_INPUT._replace(steer_rad=side * share * low)
+        assert judge(wheel, before=wheel, motion=MOVING._replace(speed_mps=speed_mps)) == expected
+
+
+def test_a_slow_car_without_understeer_turns_by_its_geometry() -> None:
+    expected = 2.0**2 * 0.5 / 18.5 / (2.910 + 0.0025 * 4.0)
+    assert -DEFAULT_GEOMETRY.steady_lateral_mps2(2.0, -0.5) == pytest.approx(expected, rel=1e-3)
 
 
 def fuzzed(rng: Random) -> float:
@@ -209,6 +240,12 @@ def test_the_lateral_acceleration_is_that_of_the_single_track_model(speed_mps: f
         assert found == pytest.approx(expected, rel=1e-3)
 
 
+def test_the_largest_change_of_the_wheel_is_allowed() -> None:
+    largest_rad = CHANGE_RAD * 1 + 2.0 * radians(0.02)
+    wheel = NEUTRAL_INPUT._replace(steer_rad=largest_rad)
+    assert judge(wheel, before=NEUTRAL_INPUT, motion=STANDING) == NO_REFUSAL
+
+
 def test_a_standing_car_is_on_its_path_and_requests_to_be_driven() -> None:
     assert STANDING == (0.0, 0.0, True)
 
@@ -223,9 +260,3 @@ def test_exactly_7_5_m_per_s2_are_allowed(side: float) -> None:
     wheel = NEUTRAL_INPUT._replace(steer_rad=side * high)
     found = judge(wheel, before=wheel, motion=MOVING._replace(speed_mps=40.0))
     assert found == NO_REFUSAL
-
-
-def test_the_largest_change_of_the_wheel_is_allowed() -> None:
-    largest_rad = CHANGE_RAD * 1 + 2.0 * radians(0.02)
-    wheel = NEUTRAL_INPUT._replace(steer_rad=largest_rad)
-    assert judge(wheel, before=NEUTRAL_INPUT, motion=STANDING) == NO_REFUSAL

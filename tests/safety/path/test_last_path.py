@@ -38,6 +38,11 @@ def test_a_path_is_used_for_half_a_second(vx_mps: float, length_m: float) -> Non
     assert known_length_m(0.0, PATH._replace(v_mps=0.0)) == 4.0
 
 
+def test_at_the_end_of_its_known_part_a_path_is_still_the_same_curve() -> None:
+    end = LastPath(PATH, 10.0).moved(10.0).path_here()
+    assert value(end, 5.0) == pytest.approx(value(PATH, 15.0))
+
+
 def test_the_slope_decays_by_a_factor_e_over_six_tenths_of_the_known_part() -> None:
     gentle = LastPath(PATH._replace(c1=0.03), 10.0)
     end, behind = gentle.moved(10.0).path_here(), gentle.moved(16.0).path_here()
@@ -56,8 +61,3 @@ def test_a_steep_path_becomes_parallel_with_4_m_per_s2(slope: float) -> None:
     assert lateral_mps2 == pytest.approx(-4.0 if slope > 0.0 else 4.0, rel=1e-3)
     gentle = LastPath(PathReference(0.0, slope / 10.0, 0.0, 0.0, speed_mps, 0.0), known_m)
     assert gentle.moved(known_m + 1e-6).path_here().c2_per_m == pytest.approx(-slope / 180.0)
-
-
-def test_at_the_end_of_its_known_part_a_path_is_still_the_same_curve() -> None:
-    end = LastPath(PATH, 10.0).moved(10.0).path_here()
-    assert value(end, 5.0) == pytest.approx(value(PATH, 15.0))

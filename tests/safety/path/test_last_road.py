@@ -39,6 +39,15 @@ def test_behind_its_end_and_without_a_preview_the_curvature_is_the_last_one() ->
     assert road.ahead(None) is None
 
 
+def test_a_preview_that_continues_the_one_before_is_used() -> None:
+    road, values = begun(ROAD)
+    road.move(2.0)
+    next_one = CurvaturePreview(4.0, 0.0005, 0.0015, 0.0025, 0.0035, 0.0045)
+    road.take(next_one, 0.0005)
+    assert values[Quantity.PREVIEW_STEP_PER_M] == 0.0
+    assert road.ahead(next_one) is next_one
+
+
 @pytest.mark.parametrize("knot", range(4))
 def test_a_preview_that_jumps_anywhere_is_replaced_by_the_one_before(knot: int) -> None:
     road, values = begun(FLAT)
@@ -57,6 +66,15 @@ def test_a_preview_that_contradicts_the_curvature_at_the_car_is_no_finding() -> 
     road.begin(FLAT)
     road.take(wrong, None)
     assert values[Quantity.PREVIEW_STEP_PER_M] == pytest.approx(0.009)
+
+
+def test_a_preview_after_a_long_gap_is_accepted() -> None:
+    road, values = begun(FLAT)
+    road.move(20.0)
+    other = CurvaturePreview(4.0, *[0.01] * 5)
+    road.take(other, 0.01)
+    assert values[Quantity.PREVIEW_STEP_PER_M] == 0.0
+    assert road.ahead(other) is other
 
 
 def test_a_preview_that_was_taken_before_is_not_compared_again() -> None:
@@ -80,6 +98,15 @@ def test_the_curvature_at_the_car_is_compared_as_far_as_the_road_is_known(
     road.move(moved_m)
     road.compare(curvature_per_m)
     assert values[Quantity.CURVATURE_STEP_PER_M] == pytest.approx(step_per_m)
+
+
+def test_a_bend_that_was_seen_ahead_is_no_step() -> None:
+    bend = CurvaturePreview(4.0, 0.0, 0.0, 0.01, 0.01, 0.01)
+    for moved_m in (3.0, 5.0, 7.0, 9.0):
+        road, values = begun(bend)
+        road.move(moved_m)
+        road.compare(0.0 if moved_m < 6.0 else 0.01)
+        assert values[Quantity.CURVATURE_STEP_PER_M] == 0.0
 
 
 @pytest.mark.parametrize("step_per_m", [0.0015, -0.0015, 0.002])
@@ -194,12 +221,3 @@ def test_behind_the_begin_of_the_road_its_curvature_is_the_first_one() -> None:
     preview = road.ahead(None)
     assert preview is not None
     assert preview[1:] == (0.0005,) * 5
-
-
-def test_a_bend_that_was_seen_ahead_is_no_step() -> None:
-    bend = CurvaturePreview(4.0, 0.0, 0.0, 0.01, 0.01, 0.01)
-    for moved_m in (3.0, 5.0, 7.0, 9.0):
-        road, values = begun(bend)
-        road.move(moved_m)
-        road.compare(0.0 if moved_m < 6.0 else 0.01)
-        assert values[Quantity.CURVATURE_STEP_PER_M] == 0.0

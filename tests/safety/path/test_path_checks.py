@@ -39,6 +39,32 @@ def test_a_path_that_was_compared_before_is_not_compared_again() -> None:
     assert values[Quantity.PATH_STEP_M] == 0.0
 
 
+def test_a_jump_that_is_rejected_does_not_move_the_last_path() -> None:
+    checks = PathChecks([0.0] * len(Quantity))
+    checks.reject()
+    assert checks.last is None
+    checks.accept(STRAIGHT, 20.0)
+    checks.compare(STRAIGHT._replace(c0_m=5.0), 0.0, None, 20.0)
+    checks.reject()
+    assert checks.last is not None
+    assert checks.last.path_here().c0_m == 0.0
+
+
+def test_after_a_drift_the_path_of_250_ms_before_is_followed() -> None:
+    checks = PathChecks([0.0] * len(Quantity))
+    sloped = STRAIGHT._replace(c1=0.06)
+    for k in range(18):  # from the ninth on it is frozen
+        checks.move(0.5, 20.0)
+        path = sloped._replace(c0_m=0.06 * 0.5 * min(k, 8))
+        checks.compare(path, 0.0, None, 20.0)
+        checks.accept(path, 20.0)
+    checks.reject()
+    assert checks.last is not None
+    assert checks.last.path_here().c0_m == pytest.approx(17 * 0.06 * 0.5, rel=0.02)
+    checks.move(0.5, 20.0)
+    assert checks.last.path_here().c0_m == pytest.approx(18 * 0.06 * 0.5, rel=0.02)
+
+
 def test_a_path_turns_against_the_path_before() -> None:
     values = [0.0] * len(Quantity)
     checks = PathChecks(values)
@@ -181,18 +207,3 @@ def test_a_path_that_repeats_itself_should_have_changed_with_the_way(
     for c0_m in (-9.0, 9.0):
         checks.compare(path._replace(c0_m=c0_m), 0.0, None, 20.0)
         assert values[Quantity.PATH_FROZEN_M] == 0.0
-
-
-def test_after_a_drift_the_path_of_250_ms_before_is_followed() -> None:
-    checks = PathChecks([0.0] * len(Quantity))
-    sloped = STRAIGHT._replace(c1=0.06)
-    for k in range(18):  # from the ninth on it is frozen
-        checks.move(0.5, 20.0)
-        path = sloped._replace(c0_m=0.06 * 0.5 * min(k, 8))
-        checks.compare(path, 0.0, None, 20.0)
-        checks.accept(path, 20.0)
-    checks.reject()
-    assert checks.last is not None
-    assert checks.last.path_here().c0_m == pytest.approx(17 * 0.06 * 0.5, rel=0.02)
-    checks.move(0.5, 20.0)
-    assert checks.last.path_here().c0_m == pytest.approx(18 * 0.06 * 0.5, rel=0.02)

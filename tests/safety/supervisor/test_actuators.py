@@ -1,7 +1,9 @@
 """The supervisor stops a car whose actuators do not follow their commands."""
 
 import pytest
-from kinematic_car import WatchedCar
+from kinematic_car import (
+    WatchedCar,
+)
 
 from rt_controller.contract.faults import StopCause
 

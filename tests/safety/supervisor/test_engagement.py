@@ -1,7 +1,11 @@
 """The supervisor refuses a car that is not where it can be taken over."""
 
 import pytest
-from kinematic_car import STRAIGHT, WatchedCar, replaced
+from kinematic_car import (
+    STRAIGHT,
+    WatchedCar,
+    replaced,
+)
 
 from rt_controller.contract.faults import StopCause
 

@@ -3,7 +3,14 @@
 from dataclasses import replace
 
 import pytest
-from kinematic_car import STRAIGHT, WatchedCar, nothing, replaced, shifted, turning
+from kinematic_car import (
+    STRAIGHT,
+    WatchedCar,
+    nothing,
+    replaced,
+    shifted,
+    turning,
+)
 
 from rt_controller.contract.limits import DEFAULT_GEOMETRY
 from rt_controller.contract.signals import NEUTRAL_INPUT
