@@ -4,7 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
-from offline.data.dataset import Dataset, describe_training
+from offline.data.dataset import Dataset
+from offline.data.manifest import describe_training
 from offline.evaluation.predictor import Predictor
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError

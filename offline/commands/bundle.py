@@ -8,8 +8,9 @@ from offline.baselines import registry
 from offline.baselines.registry import baseline_facts, compare_with_plain_baselines
 from offline.commands.terminal import STDERR, STDOUT
 from offline.config import PAST_STEPS
-from offline.data.dataset import Dataset, describe_car, exists, load_dataset
+from offline.data.dataset import Dataset, exists, load_dataset
 from offline.data.generate import full_folder
+from offline.data.manifest import describe_car
 from offline.data.signals import past_names
 from offline.evaluation.comparison import library_figures
 from offline.evaluation.model_card import driven_text, stability_text, write_card

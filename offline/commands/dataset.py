@@ -7,16 +7,9 @@ from typing import Any
 
 from offline.commands.terminal import STDERR, STDOUT, progress_bar, stop_on_signals
 from offline.config import TrainingConfig, explicit_fields
-from offline.data.dataset import (
-    Dataset,
-    Imported,
-    Origin,
-    Simulated,
-    cache_folder,
-    exists,
-    load_dataset,
-)
+from offline.data.dataset import Dataset, cache_folder, exists, load_dataset
 from offline.data.generate import make_dataset, simulated_origin
+from offline.data.manifest import Imported, Origin, Simulated
 from offline.data.recipe import Recipe
 from offline.data.variation import describe
 from offline.experiments.backend import Backend

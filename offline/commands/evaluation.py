@@ -14,7 +14,8 @@ from offline.baselines.registry import (
 )
 from offline.commands.options import LATEST_RUN, EvaluationOptions
 from offline.commands.terminal import STDERR, STDOUT
-from offline.data.dataset import Dataset, Simulated
+from offline.data.dataset import Dataset
+from offline.data.manifest import Simulated
 from offline.evaluation.comparison import Comparison, compare_models
 from offline.evaluation.held_out import choose_test_data, find_objection
 from offline.evaluation.predictor import Predictor

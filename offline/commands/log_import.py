@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from offline.commands.terminal import STDERR, STDOUT
-from offline.data.dataset import CAR_OF_LOGS, Imported, exists, save_dataset
+from offline.data.dataset import exists, save_dataset
+from offline.data.manifest import CAR_OF_LOGS, Imported
 from offline.logs.checks.inspection import inspect_drives, require_episodes
 from offline.logs.episode import (
     assign_parts,

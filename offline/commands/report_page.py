@@ -8,7 +8,7 @@ from offline.baselines.registry import SHIPPED, baseline_facts
 from offline.commands.evaluation import Evaluation, evaluation_figures, run_evaluation
 from offline.commands.options import EvaluationOptions
 from offline.commands.terminal import STDERR, STDOUT
-from offline.data.dataset import Imported, Manifest, Simulated
+from offline.data.manifest import Imported, Manifest, Simulated
 from offline.evaluation.comparison import LTI_BASELINES
 from offline.evaluation.lane_change import drive_lane_change
 from offline.evaluation.model_card import identity_facts, model_facts, stability_text

@@ -24,14 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from offline.config import PAST_STEPS, PRESETS, STEPS
-from offline.data.dataset import (
-    Dataset,
-    Roads,
-    Simulated,
-    cache_folder,
-    save_dataset,
-    split_episodes,
-)
+from offline.data.dataset import Dataset, cache_folder, save_dataset, split_episodes
+from offline.data.manifest import Roads, Simulated
 from offline.data.recipe import (
     CONDITIONS,
     FRICTION_COLUMNS,

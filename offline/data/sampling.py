@@ -9,7 +9,8 @@ from scipy.ndimage import maximum_filter1d
 from torch import Tensor
 
 from offline.config import STEPS, TrainingConfig
-from offline.data.dataset import Dataset, Roads
+from offline.data.dataset import Dataset
+from offline.data.manifest import Roads
 from offline.data.recording import Anchor, Starts, cut, possible_starts
 from offline.data.signals import (
     STANDARD_DEVIATIONS,

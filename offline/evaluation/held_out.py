@@ -4,18 +4,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from offline.config import PAST_STEPS
-from offline.data.dataset import (
-    MANIFEST_FILE,
-    Dataset,
-    Manifest,
-    Simulated,
-    exists,
-    find_dataset,
-    is_held_out,
-    load_dataset,
-    read_manifest,
-)
+from offline.data.dataset import Dataset, exists, find_dataset, load_dataset
 from offline.data.generate import full_folder
+from offline.data.manifest import MANIFEST_FILE, Manifest, Simulated, is_held_out, read_manifest
 from offline.data.signals import past_names
 from rt_controller.contract.errors import ArtifactError, DatasetError
 from rt_controller.contract.signals import Schema

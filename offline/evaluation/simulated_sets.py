@@ -10,7 +10,7 @@ from hashlib import sha256
 import numpy as np
 
 from offline.config import PAST_STEPS, STEPS
-from offline.data.dataset import PARTS, Dataset, cache_folder, exists, load_dataset
+from offline.data.dataset import Dataset, cache_folder, exists, load_dataset
 from offline.data.generate import (
     FIRST_EPSI_RAD,
     FIRST_EY_M,
@@ -20,6 +20,7 @@ from offline.data.generate import (
     make_dataset,
     simulated_origin,
 )
+from offline.data.manifest import PARTS
 from offline.data.recipe import Recipe
 from offline.data.recording import cut
 from offline.data.signals import VEHICLE_ROLES

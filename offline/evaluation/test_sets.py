@@ -18,7 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from offline.data.dataset import Dataset, Imported, Origin
+from offline.data.dataset import Dataset
+from offline.data.manifest import Imported, Origin
 from offline.data.recording import Starts, cut
 from offline.data.signals import STANDARD_DEVIATIONS, Roles, Trajectories, noise_matrix, past_names
 from rt_controller.contract.arrays import Array

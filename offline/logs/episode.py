@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from offline.config import PAST_STEPS, STEPS
-from offline.data.dataset import PARTS, Roads
+from offline.data.manifest import PARTS, Roads
 from offline.data.recording import Anchor, Recording, Starts
 from offline.logs.mapping import LogMapping, SplitSettings
 from offline.logs.series import LoggedDrive, Stretch, find_stretches, grid, resample, runs

@@ -17,7 +17,7 @@ from pydantic import (
     model_validator,
 )
 
-from offline.data.dataset import HELD_BACK
+from offline.data.manifest import HELD_BACK
 from offline.data.recording import PATH_STATES
 from offline.data.signals import Roles
 from rt_controller.contract.errors import ConfigError

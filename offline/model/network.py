@@ -17,27 +17,19 @@ The eigenvalues of the two integrators are then exactly 1, and those of all othe
 those of two blocks without integrators. Signals without a path have one block of all observables.
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from itertools import pairwise
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
 from offline.config import TrainingConfig
-from offline.data.recording import PATH_STATES
 from offline.data.sampling import Instants
-from offline.data.signals import Roles, past_columns
+from offline.model.encoder import Encoder, MakeEncoder
+from offline.model.observables import Observables, Sizes, observables_of
 from offline.model.rollout import roll_out, roll_out_gains
-from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.signals import Schema
 from rt_controller.model.dynamics import NO_SIGNAL
 from rt_controller.model.follow import Follow
-
-SPEED = "vx_mps"
-ROAD_SIGNALS = ("curvature_per_m",)
-"""exogenous signals that act on the path only"""
 
 # Standard deviations of the Gaussian start, which the paper leaves open. With these, roll-outs of
 # 80 steps are bounded before the first update.
@@ -49,133 +41,6 @@ FADING_S = (0.05, 5.0)
 """range of the initial time constants of the latents, from tyre to engine dynamics"""
 FADING_LAST_LAYER_SHARE = 0.1
 """of the usual spread, for the last layer of the encoder if the latents fade at the start"""
-
-MakeEncoder = Callable[[int, int], nn.Module]
-"""(width, latents) -> a module from scaled inputs (..., width) to latents (..., latents)"""
-
-
-class PathColumns(NamedTuple):
-    """Columns of the path states among the states."""
-
-    ds: int
-    ey: int
-    epsi: int
-
-
-def path_columns(schema: Schema) -> PathColumns | None:
-    """The columns of the path states; None if the signals have no path."""
-    names = schema.state_names
-    if not set(PATH_STATES) <= set(names):
-        return None
-    return PathColumns(*(names.index(name) for name in PATH_STATES))
-
-
-class Observables(NamedTuple):
-    """Numbers of observables of each kind, in their order."""
-
-    states: int
-    path: PathColumns | None
-    """None: one block"""
-    motion_latents: int
-    """all learned latents if there is one block"""
-    path_latents: int
-    has_constant: bool
-
-    @property
-    def n(self) -> int:
-        return self.states + self.motion_latents + self.path_latents + int(self.has_constant)
-
-    @property
-    def is_motion(self) -> Tensor:
-        """(n,) True for the states and latents of the motion, and for the constant."""
-        found = torch.ones(self.n, dtype=torch.bool)
-        if self.path is not None:
-            found[list(self.path)] = False
-            found[self._path_latents] = False
-        return found
-
-    @property
-    def is_gain_of_path(self) -> Tensor:
-        """(n,) True for what the effect of an input on the path may depend on."""
-        found = self.is_motion
-        found[self._path_latents] = True
-        return found
-
-    def blocks(self) -> list[Tensor]:
-        """Indices of the blocks of A that have eigenvalues of their own.
-
-        Without the constant and, if the motion is separate, without the path states.
-        """
-        motion = self.is_motion
-        if self.has_constant:
-            motion[-1] = False
-        path = ~self.is_motion
-        path[: self.states] = False
-        return [block for block in (motion.nonzero()[:, 0], path.nonzero()[:, 0]) if len(block)]
-
-    def coupling(self) -> tuple[Tensor, Tensor]:
-        """Which entries of A are learned, and those that are 1; (n, n), True or False."""
-        one = torch.zeros(self.n, self.n, dtype=torch.bool)
-        if self.path is None:
-            return ~one, one
-        motion, learned = self.is_motion, one.clone()
-        learned[motion] = motion
-        learned[~motion] = self.is_gain_of_path
-        _, ey, epsi = self.path
-        learned[ey, epsi] = True
-        one[ey, ey] = one[epsi, epsi] = True
-        return learned, one
-
-    @property
-    def _path_latents(self) -> slice:
-        first = self.states + self.motion_latents
-        return slice(first, first + self.path_latents)
-
-
-def observables_of(config: TrainingConfig, states: int, path: PathColumns | None) -> Observables:
-    """The observables of a model with this configuration.
-
-    At most half of the learned latents describe the path.
-    """
-    learned = config.latents - int(config.constant_observable)
-    path = path if config.separate_motion else None
-    path_latents = min(config.path_latents, learned // 2) if path is not None else 0
-    return Observables(
-        states, path, learned - path_latents, path_latents, config.constant_observable
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class Sizes:
-    """Number of signals of each kind, the sampling period, and the columns of path and road."""
-
-    states: int
-    inputs: int
-    exogenous: int
-    remembered: int
-    """signals in one row of the history"""
-    dt_s: float
-    path: PathColumns | None = None
-    """of the path states; None: the signals have none"""
-    road: tuple[int, ...] = ()
-    """exogenous signals that act on the path only"""
-    speed: int | None = None
-    """column of the longitudinal speed, which progress is nearly proportional to"""
-
-
-def sizes_of(schema: Schema, roles: Roles) -> Sizes:
-    """The sizes of a model of these signals."""
-    states, inputs = past_columns(schema, roles)
-    return Sizes(
-        len(schema.states),
-        len(schema.inputs),
-        len(schema.exogenous),
-        len(states) + len(inputs),
-        schema.dt_s,
-        path_columns(schema),
-        tuple(i for i, name in enumerate(schema.exogenous_names) if name in ROAD_SIGNALS),
-        schema.state_names.index(SPEED) if SPEED in schema.state_names else None,
-    )
 
 
 class Operator(NamedTuple):
@@ -207,98 +72,6 @@ class Ranks(NamedTuple):
     """of each road signal, acting on the path alone and determined by the motion"""
     saturation: int
     """of the motion without inputs"""
-
-
-class Products(nn.Module):
-    """A linear layer of the products of every two signals, squares included.
-
-    Kinematics consists of such products (speed times heading error, yaw rate or curvature), which
-    a multilayer perceptron can only approximate.
-    """
-
-    def __init__(self, signals: int, latents: int) -> None:
-        super().__init__()
-        first, second = torch.triu_indices(signals, signals)
-        self.first: Tensor
-        self.second: Tensor
-        self.register_buffer("first", first, persistent=False)
-        self.register_buffer("second", second, persistent=False)
-        self.weights = nn.Linear(len(first), latents, bias=False)
-        nn.init.zeros_(self.weights.weight)
-
-    def forward(self, signals: Tensor) -> Tensor:
-        """Latents (..., latents) of signals (..., signals)."""
-        latents: Tensor = self.weights(signals[..., self.first] * signals[..., self.second])
-        return latents
-
-
-class OwnLayers(nn.Module):
-    """A module that was passed in, in place of the multilayer perceptron.
-
-    Its weights have other names than those of a perceptron, so neither is taken for the other.
-    """
-
-    def __init__(self, make: MakeEncoder, width: int, latents: int) -> None:
-        super().__init__()
-        self.own = make(width, latents)
-        with torch.no_grad():
-            found = tuple(self.own(torch.zeros(1, 2, width)).shape)
-        if found != (1, 2, latents):
-            raise ConfigError(
-                f"encoder: expected a module from inputs (..., {width}) to latents (..., "
-                f"{latents}), found {found} of inputs (1, 2, {width}). Return a module of this "
-                f"shape from the function."
-            )
-
-    def forward(self, inputs: Tensor) -> Tensor:
-        latents: Tensor = self.own(inputs)
-        return latents
-
-
-class Encoder(nn.Module):
-    """Latents of the encoder's input: a multilayer perceptron, plus products if asked for.
-
-    Paper: phi_theta of eq. (7).
-    """
-
-    def __init__(
-        self,
-        columns: list[int],
-        present: int,
-        hidden: tuple[int, ...],
-        latents: int,
-        *,
-        activation: type[nn.Module],
-        last_layer_share: float,
-        has_products: bool,
-        make: MakeEncoder | None = None,
-    ) -> None:
-        """Of all that the lift sees, `columns` are read.
-
-        Only the first `present` of them, those of the current instant, enter the products. With
-        `make` its module replaces the perceptron.
-        """
-        super().__init__()
-        self.present = present
-        self.columns: Tensor
-        self.register_buffer("columns", torch.tensor(columns), persistent=False)
-        widths = (len(columns), *hidden, latents)
-        self.layers: nn.Module = (
-            _perceptron(widths, activation, last_layer_share)
-            if make is None
-            else OwnLayers(make, len(columns), latents)
-        )
-        self.products = Products(present, latents) if has_products else None
-
-    def forward(self, seen: Tensor) -> Tensor:
-        """Latents (..., latents) of all scaled signals (..., s) that the lift sees."""
-        inputs = seen[..., self.columns]
-        return self.latents(inputs, inputs[..., : self.present])
-
-    def latents(self, inputs: Tensor, factors: Tensor) -> Tensor:
-        """Latents if the factors (..., present) of the products are scaled unlike the inputs."""
-        latents: Tensor = self.layers(inputs)
-        return latents if self.products is None else latents + self.products(factors)
 
 
 class MdkNet(nn.Module):
@@ -544,24 +317,3 @@ def _first_operator(config: TrainingConfig, sizes: Sizes, known: Observables) ->
     if known.path is not None and sizes.speed is not None:
         start[known.path.ds, sizes.speed] = 1.0
     return start + OPERATOR_NOISE * torch.randn(n, n)
-
-
-def _perceptron(
-    widths: tuple[int, ...], activation: type[nn.Module], last_layer_share: float
-) -> nn.Sequential:
-    """Hidden layers with `activation`, a linear output; Gaussian weights, zero biases.
-
-    The spread sqrt(2 / fan_in) keeps the size of the signal through ReLU layers (He et al., 2015);
-    the last layer has `last_layer_share` of it.
-    """
-    layers: list[nn.Module] = []
-    last = len(widths) - 2
-    for i, (fan_in, fan_out) in enumerate(pairwise(widths)):
-        linear = nn.Linear(fan_in, fan_out)
-        share = last_layer_share if i == last else 1.0
-        nn.init.normal_(linear.weight, std=share * (2.0 / fan_in) ** 0.5)
-        nn.init.zeros_(linear.bias)
-        layers.append(linear)
-        if i < last:
-            layers.append(activation())
-    return nn.Sequential(*layers)

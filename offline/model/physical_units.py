@@ -15,7 +15,8 @@ from torch import Tensor, nn
 
 from offline.data.dataset import Dataset
 from offline.data.signals import Scaling, last_rows
-from offline.model.network import Encoder, MdkNet, with_zero_row
+from offline.model.encoder import Encoder
+from offline.model.network import MdkNet, with_zero_row
 from rt_controller.contract.arrays import Array
 from rt_controller.model.dynamics import Bilinear, Drift, Matrices
 from rt_controller.model.lift import Lift, LiftSample

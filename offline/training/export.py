@@ -3,10 +3,11 @@
 import torch
 
 from offline.config import TrainingConfig
-from offline.data.dataset import Dataset, describe_training
+from offline.data.dataset import Dataset
+from offline.data.manifest import describe_training
 from offline.data.signals import past_names, signal_range
+from offline.model.encoder import MakeEncoder
 from offline.model.export_checks import ExportFigures, check_export, limits_of
-from offline.model.network import MakeEncoder
 from offline.model.physical_units import (
     PhysicalEncoder,
     choose_selftest,

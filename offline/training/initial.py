@@ -17,7 +17,8 @@ from torch import Tensor
 from offline.config import TrainingConfig
 from offline.data.dataset import Dataset
 from offline.data.signals import Scaling, fit_scaling, past_columns
-from offline.model.network import Encoder, MdkNet
+from offline.model.encoder import Encoder
+from offline.model.network import MdkNet
 from offline.model.physical_units import scaling_of_lift
 from offline.training.run import Checkpoint
 from rt_controller.contract.arrays import Array

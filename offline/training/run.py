@@ -28,8 +28,10 @@ from offline.config import TrainingConfig
 from offline.data.dataset import Dataset
 from offline.data.signals import Roles, Scaling, signal_range
 from offline.files import source_revision, write_json
+from offline.model.encoder import MakeEncoder
 from offline.model.losses import Losses
-from offline.model.network import MakeEncoder, MdkNet, sizes_of
+from offline.model.network import MdkNet
+from offline.model.observables import sizes_of
 from offline.model.stability import spectral_radius
 from offline.training.optimizer import Optimizer
 from rt_controller.contract.errors import ArtifactError, ConfigError, OutputError, RtControllerError

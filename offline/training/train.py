@@ -7,10 +7,11 @@ import torch
 from torch.nn.utils import clip_grad_norm_
 
 from offline.config import TrainingConfig
-from offline.data.dataset import PARTS, Dataset
+from offline.data.dataset import Dataset
+from offline.data.manifest import PARTS
 from offline.data.sampling import open_source, scale
+from offline.model.encoder import MakeEncoder
 from offline.model.losses import LossFunction, draw_times, evaluate, horizon_of_step, total_loss
-from offline.model.network import MakeEncoder
 from offline.model.stability import spectral_radius
 from offline.training.initial import choose_scaling, take_weights
 from offline.training.optimizer import (

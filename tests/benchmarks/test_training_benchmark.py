@@ -13,7 +13,8 @@ from offline.config import PRESETS, TrainingConfig
 from offline.data.sampling import Batch
 from offline.data.signals import VEHICLE_ROLES
 from offline.model.losses import draw_times, total_loss
-from offline.model.network import MdkNet, sizes_of
+from offline.model.network import MdkNet
+from offline.model.observables import sizes_of
 from offline.model.stability import growth_excess
 from rt_controller.contract.signals import VEHICLE
 

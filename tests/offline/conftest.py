@@ -8,15 +8,9 @@ import numpy as np
 import pytest
 
 from offline.config import PRESETS, TrainingConfig
-from offline.data.dataset import (
-    Dataset,
-    Roads,
-    Simulated,
-    load_dataset,
-    save_dataset,
-    split_episodes,
-)
+from offline.data.dataset import Dataset, load_dataset, save_dataset, split_episodes
 from offline.data.generate import EPISODE_STEPS, SLICES, Episode, Generated, assemble
+from offline.data.manifest import Roads, Simulated
 from offline.data.recipe import Recipe
 from offline.data.signals import VEHICLE_ROLES
 from offline.training.run import RunFolder, create_run

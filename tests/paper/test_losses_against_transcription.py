@@ -13,7 +13,8 @@ from offline.model.losses import (
     regularisation_loss,
     total_loss,
 )
-from offline.model.network import MdkNet, sizes_of
+from offline.model.network import MdkNet
+from offline.model.observables import sizes_of
 from offline.model.stability import GROWTH_BOUND_OF_A, eigenvalue_excess, growth_excess
 from rt_controller.contract.signals import VEHICLE
 

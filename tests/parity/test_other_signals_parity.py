@@ -8,7 +8,8 @@ import torch
 from offline.config import PRESETS
 from offline.data.sampling import Instants
 from offline.data.signals import Roles, Scaling
-from offline.model.network import MdkNet, sizes_of
+from offline.model.network import MdkNet
+from offline.model.observables import sizes_of
 from offline.model.physical_units import PhysicalEncoder, physical_matrices, tensors_of, to_onnx
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import VEHICLE, Schema, Signal

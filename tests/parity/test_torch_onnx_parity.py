@@ -17,7 +17,8 @@ from offline.config import PAST_STEPS, PRESETS, TrainingConfig
 from offline.data.sampling import Batch, scale
 from offline.data.signals import VEHICLE_ROLES, Scaling, Trajectories
 from offline.model.bundle_predictor import BundlePredictor
-from offline.model.network import MdkNet, sizes_of
+from offline.model.network import MdkNet
+from offline.model.observables import sizes_of
 from offline.model.physical_units import PhysicalEncoder, physical_matrices, to_onnx
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.model.bundle import Bundle

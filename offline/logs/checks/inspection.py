@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from offline.config import STEPS
-from offline.data.dataset import PARTS
+from offline.data.manifest import PARTS
 from offline.data.recording import Starts
 from offline.logs.checks.pairs import (
     Proportion,

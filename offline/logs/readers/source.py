@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from offline.data.dataset import SourceFile
+from offline.data.manifest import SourceFile
 from offline.logs.mapping import CsvSettings, LogMapping
 from offline.logs.readers.array_log import read_mat, read_npy, read_npz, read_parquet
 from offline.logs.readers.csv_log import CSV_SUFFIXES, read_csv

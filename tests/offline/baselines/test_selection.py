@@ -17,7 +17,7 @@ from offline.baselines.registry import (
     not_converged,
     open_baselines,
 )
-from offline.data.dataset import describe_training
+from offline.data.manifest import describe_training
 from offline.model.bundle_predictor import BundlePredictor
 from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.model.artifact import load_bundle, shipped_model

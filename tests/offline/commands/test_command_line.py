@@ -17,7 +17,8 @@ from fitted_network import fitted
 from offline import cli
 from offline.commands import bundle, terminal, training_run
 from offline.config import TrainingConfig
-from offline.data.dataset import Imported, SourceFile, load_dataset
+from offline.data.dataset import load_dataset
+from offline.data.manifest import Imported, SourceFile
 from offline.training.run import load_checkpoint, save_checkpoint
 from rt_controller.model.artifact import load_bundle
 

@@ -20,7 +20,7 @@ from offline.commands.evaluation import (
 )
 from offline.commands.options import EvaluationOptions
 from offline.commands.report_page import write_report
-from offline.data.dataset import Imported, describe_training
+from offline.data.manifest import Imported, describe_training
 from offline.evaluation import lane_change
 from offline.evaluation.comparison import compare_models
 from offline.evaluation.simulated_sets import SIMULATED, open_simulated_set

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from dataset_numbers import same_numbers
 
-from offline.data.dataset import MANIFEST_FILE, RECORDING_FILE, exists, load_dataset
+from offline.data.dataset import exists, load_dataset
+from offline.data.manifest import MANIFEST_FILE, RECORDING_FILE
 from rt_controller.contract.errors import DatasetError
 
 

@@ -8,20 +8,16 @@ import pytest
 from dataset_numbers import same_numbers
 
 from offline.config import PAST_STEPS, STEPS
-from offline.data.dataset import (
+from offline.data.dataset import cache, exists, load_dataset, save_dataset, split_episodes
+from offline.data.generate import make_dataset, require_room, steering_geometry
+from offline.data.manifest import (
     MANIFEST_FILE,
     PARTS,
     Imported,
     Simulated,
     SourceFile,
-    cache,
-    exists,
-    load_dataset,
     read_manifest,
-    save_dataset,
-    split_episodes,
 )
-from offline.data.generate import make_dataset, require_room, steering_geometry
 from offline.data.recipe import FrictionBand, Recipe
 from offline.data.recording import cut
 from offline.data.signals import VEHICLE_ROLES

@@ -8,7 +8,8 @@ import torch
 
 from offline.config import PRESETS, STEPS
 from offline.data import sampling as source_module
-from offline.data.dataset import Dataset, Roads
+from offline.data.dataset import Dataset
+from offline.data.manifest import Roads
 from offline.data.recording import cut, possible_starts
 from offline.data.sampling import (
     Batch,

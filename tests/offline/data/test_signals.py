@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline.data.dataset import PARTS
+from offline.data.manifest import PARTS
 from offline.data.signals import (
     VEHICLE_ROLES,
     Scaling,

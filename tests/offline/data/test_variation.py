@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from offline.data.dataset import Simulated
+from offline.data.manifest import Simulated
 from offline.data.recipe import Recipe
 from offline.data.variation import NOMINAL, VARIED, Variation, choose_variation, describe
 from rt_controller.contract.errors import ConfigError

@@ -7,15 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from offline.data.dataset import (
-    Imported,
-    cache,
-    describe_training,
-    is_held_out,
-    save_dataset,
-    split_episodes,
-)
+from offline.data.dataset import cache, save_dataset, split_episodes
 from offline.data.generate import generate
+from offline.data.manifest import Imported, describe_training, is_held_out
 from offline.data.recipe import Recipe
 from offline.data.recording import Recording
 from offline.data.variation import VARIED

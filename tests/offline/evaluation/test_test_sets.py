@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from toy_predictors import made_test_set, made_trajectories
 
-from offline.data.dataset import Roads
+from offline.data.manifest import Roads
 from offline.data.recording import Starts
 from offline.data.signals import STANDARD_DEVIATIONS, VEHICLE_ROLES, Roles, past_names
 from offline.evaluation import test_sets

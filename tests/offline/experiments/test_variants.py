@@ -12,7 +12,8 @@ from offline.data.sampling import open_source
 from offline.data.signals import fit_scaling
 from offline.experiments.comparison import BUDGET, SHIPPED, read_variants
 from offline.model.losses import total_loss
-from offline.model.network import MdkNet, sizes_of
+from offline.model.network import MdkNet
+from offline.model.observables import sizes_of
 from rt_controller.contract.errors import ConfigError
 
 NOT_LEARNED = {"preset", "threads"}

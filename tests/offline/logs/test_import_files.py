@@ -7,7 +7,8 @@ import pytest
 from made_import import change_log, run_import
 from made_logs import MAPPING, make_drive, write_csv
 
-from offline.data.dataset import Imported, load_dataset, read_manifest
+from offline.data.dataset import load_dataset
+from offline.data.manifest import Imported, read_manifest
 from rt_controller.contract.errors import ConfigError, DatasetError
 
 EXAMPLES = Path(__file__).parents[3] / "examples"

@@ -9,7 +9,8 @@ import pytest
 from made_import import change_log, columns_of, make_place, run_import
 from made_logs import MAPPING, POSE, make_drive, write_csv
 
-from offline.data.dataset import Imported, load_dataset, read_manifest
+from offline.data.dataset import load_dataset
+from offline.data.manifest import Imported, read_manifest
 from rt_controller.contract.limits import SteeringGeometry
 from rt_controller.contract.signals import VEHICLE
 

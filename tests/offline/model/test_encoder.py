@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import nn
 
-from offline.model.network import Encoder, Products
+from offline.model.encoder import Encoder, Products
 
 SHOWN, PRESENT, LATENTS = 11, 4, 5
 

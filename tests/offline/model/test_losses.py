@@ -16,7 +16,8 @@ from offline.model.losses import (
     state_errors,
     total_loss,
 )
-from offline.model.network import MdkNet, sizes_of
+from offline.model.network import MdkNet
+from offline.model.observables import sizes_of
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.model.follow import Follow
 

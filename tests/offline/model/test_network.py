@@ -10,7 +10,8 @@ from torch import Tensor
 from offline.config import PRESETS, TrainingConfig
 from offline.data.sampling import Instants
 from offline.data.signals import VEHICLE_ROLES, Roles
-from offline.model.network import FADING_S, MdkNet, PathColumns, Sizes, sizes_of
+from offline.model.network import FADING_S, MdkNet
+from offline.model.observables import PathColumns, Sizes, sizes_of
 from rt_controller.contract.signals import VEHICLE, Schema, Signal
 from rt_controller.model.dynamics import NO_SIGNAL
 from rt_controller.model.follow import Follow

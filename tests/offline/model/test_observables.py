@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from offline.config import PRESETS
-from offline.model.network import Observables, PathColumns, observables_of, path_columns
+from offline.model.observables import Observables, PathColumns, observables_of, path_columns
 from rt_controller.contract.signals import VEHICLE, Schema, Signal
 
 PATH = PathColumns(ds=3, ey=4, epsi=5)

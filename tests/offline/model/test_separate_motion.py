@@ -7,7 +7,8 @@ from torch import Tensor
 from offline.config import PRESETS
 from offline.data.sampling import Instants
 from offline.data.signals import VEHICLE_ROLES
-from offline.model.network import MdkNet, sizes_of
+from offline.model.network import MdkNet
+from offline.model.observables import sizes_of
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.model.follow import Follow
 

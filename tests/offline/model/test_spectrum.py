@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from offline.config import PRESETS
-from offline.model.network import MdkNet, Sizes
+from offline.model.network import MdkNet
+from offline.model.observables import Sizes
 from offline.model.stability import all_corners, driven_radius, spectral_radius
 
 SIZES = Sizes(states=3, inputs=2, exogenous=1, remembered=0, dt_s=0.1)

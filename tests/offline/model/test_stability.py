@@ -8,7 +8,8 @@ from torch import Tensor
 
 from offline.config import PRESETS
 from offline.data.signals import VEHICLE_ROLES
-from offline.model.network import MdkNet, Sizes, sizes_of
+from offline.model.network import MdkNet
+from offline.model.observables import Sizes, sizes_of
 from offline.model.stability import (
     DRAWN,
     MOST_CORNERS,

@@ -8,7 +8,8 @@ from offline.data.sampling import Batch, scale
 from offline.data.signals import fit_scaling
 from offline.model import losses
 from offline.model.losses import evaluate, log_error, state_errors, total_loss
-from offline.model.network import MdkNet, sizes_of
+from offline.model.network import MdkNet
+from offline.model.observables import sizes_of
 
 CPU = torch.device("cpu")
 

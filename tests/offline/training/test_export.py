@@ -9,7 +9,7 @@ import pytest
 import torch
 from fitted_network import fitted
 
-from offline.data.dataset import describe_training
+from offline.data.manifest import describe_training
 from offline.data.signals import fit_scaling
 from offline.model.export_checks import (
     OTHERS,

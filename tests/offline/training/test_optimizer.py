@@ -5,7 +5,8 @@ import torch
 
 from offline.config import PRESETS, TrainingConfig
 from offline.data.signals import VEHICLE_ROLES
-from offline.model.network import MdkNet, sizes_of
+from offline.model.network import MdkNet
+from offline.model.observables import sizes_of
 from offline.training.optimizer import Optimizer
 from rt_controller.contract.signals import VEHICLE
 

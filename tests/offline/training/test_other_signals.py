@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from offline.config import PAST_STEPS, PRESETS, STEPS, TrainingConfig
-from offline.data.dataset import Dataset, Imported, SourceFile, load_dataset, save_dataset
+from offline.data.dataset import Dataset, load_dataset, save_dataset
+from offline.data.manifest import Imported, SourceFile
 from offline.data.recording import Recording, Starts
 from offline.data.signals import Roles
 from offline.model.bundle_predictor import BundlePredictor

@@ -9,7 +9,7 @@ import torch
 from run_contents import history, weights_equal
 
 from offline.config import PRESETS
-from offline.data.dataset import PARTS
+from offline.data.manifest import PARTS
 from offline.data.sampling import SliceSource, scale
 from offline.data.signals import fit_scaling
 from offline.model.losses import evaluate

@@ -6,7 +6,7 @@ import torch
 
 from offline.data.dataset import Dataset
 from offline.data.sampling import scale
-from offline.model.network import MakeEncoder
+from offline.model.encoder import MakeEncoder
 from offline.training.run import Checkpoint, restore_model
 
 RIDGE = 1e-6

@@ -3,7 +3,8 @@
 import numpy as np
 
 from offline.config import PAST_STEPS, STEPS
-from offline.data.dataset import Dataset, Imported, Manifest, split_episodes
+from offline.data.dataset import Dataset, split_episodes
+from offline.data.manifest import Imported, Manifest
 from offline.data.recording import Recording, Starts
 from offline.data.signals import Roles
 from rt_controller.contract.signals import Schema, Signal
