@@ -22,8 +22,6 @@ from rt_controller.contract.figures import write_figures
 if TYPE_CHECKING:
     from offline.experiments.comparison import Row
 
-NO_OPTIONS = {"preset": "the name of the list", "seed": "--seeds"}
-
 
 def ablate(
     variants: str = "ladder",
@@ -58,21 +56,23 @@ def ablate(
     from offline.files import write_json
     from rt_controller.contract.files import write_text
 
-    numbers = parse_seeds(seeds)
+    try:
+        numbers = list(dict.fromkeys(int(part) for part in seeds.split(",")))
+    except ValueError as error:
+        raise ConfigError(f"--seeds: expected numbers like 0,1,2, found {seeds!r}.") from error
     names = [part.strip() for part in only.split(",") if part.strip()]
-    title, chosen = comparison.read_variants(
-        variants, lists, common_fields(config, NO_OPTIONS), names
-    )
-    lines = [f"  {each.variant.name:<20}  {each.variant.why}" for each in chosen]
-    STDERR.print("\n".join((title, *lines)), soft_wrap=True, markup=False, highlight=False)
+    common = common_fields(config, {"preset": "the name of the list", "seed": "--seeds"})
+    title, chosen = comparison.read_variants(variants, lists, common, names)
+    lines = [title, *(f"  {each.variant.name:<20}  {each.variant.why}" for each in chosen)]
     campaign = folder or RUNS / f"ablation-{variants}"
     shared, of_data = open_campaign_data(data, chosen[0].config, config, backend)
+    lines += [f"campaign {campaign}", f"data {shared.folder}"]
+    STDERR.print("\n".join(lines), soft_wrap=True, markup=False, highlight=False)
     trainings = [
         each._replace(config=each.config.model_copy(update={**of_data, "seed": seed}))
         for each in chosen
         for seed in numbers
     ]
-    STDERR.print(f"campaign {campaign}\ndata {shared.folder}", soft_wrap=True)
     with progress_bar("trainings", len(trainings)) as show:
         rows = comparison.compare(
             trainings, shared, campaign, backend, lambda done, row: show(done, _to_text(row))
@@ -86,22 +86,10 @@ def ablate(
     }
     write_text(campaign / "table.md", comparison.comparison_markdown(figures))
     write_json(campaign / "table.json", figures)
+    write_figures(json_file, figures)
     lines = [_to_text(row) for row in rows if row.result.mse_ratio is None]
     lines.append(f"{variants}: {campaign / 'table.md'}")
     STDOUT.print("\n".join(lines), soft_wrap=True, markup=False)
-    write_figures(json_file, figures)
-
-
-def parse_seeds(text: str) -> list[int]:
-    """Integers of a comma-separated list, each once, in their order.
-
-    Raises:
-        ConfigError: a part is no integer.
-    """
-    try:
-        return list(dict.fromkeys(int(part) for part in text.split(",")))
-    except ValueError as error:
-        raise ConfigError(f"--seeds: expected numbers like 0,1,2, found {text!r}.") from error
 
 
 def _to_text(row: "Row") -> str:

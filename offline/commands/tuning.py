@@ -74,26 +74,22 @@ def tune(
     complete, pruned = count_ended(study)
     best = study.best_trial if complete else None
     command = best and train_command(plan.configure(best.params), shared.folder)
-    write_figures(
-        json_file,
-        {
-            "space": space,
-            "folder": str(path),
-            "data_sha256": shared.sha256,
-            "n_trials": complete + pruned,
-            "n_pruned": pruned,
-            "best_trial": best and best.number,
-            "geometric_mean_ratio": best and best.value,
-            "values": searched.values(best.params) if best else {},
-            "command": command,
-        },
-    )
-    STDOUT.print(f"{complete + pruned} of {trials} trials, {pruned} of them pruned")
+    figures = {
+        "space": space,
+        "folder": str(path),
+        "data_sha256": shared.sha256,
+        "n_trials": complete + pruned,
+        "n_pruned": pruned,
+        "best_trial": best and best.number,
+        "geometric_mean_ratio": best and best.value,
+        "values": searched.values(best.params) if best else {},
+        "command": command,
+    }
+    write_figures(json_file, figures)
+    text = f"{complete + pruned} of {trials} trials, {pruned} of them pruned"
     if best is not None:
-        STDOUT.print(
-            f"Trial {best.number} is {best.value:.3g} times better than the fair linear model. "
-            f"Train with its settings:\n  {command}",
-            soft_wrap=True,
-            markup=False,
-            highlight=False,
+        text += (
+            f"\nTrial {best.number} is {best.value:.3g} times better than the fair linear model. "
+            f"Train with its settings:\n  {command}"
         )
+    STDOUT.print(text, soft_wrap=True, markup=False, highlight=False)

@@ -10,10 +10,8 @@ from cyclopts import Parameter
 from rt_controller.contract.errors import ConfigError, require_packages
 
 BackendName = Literal["loky", "threading", "dask", "ray"]
-
 CLUSTERS = {"dask": "distributed", "ray": "ray"}
 """backends that accept an address, and the package that each needs"""
-
 CONNECT_S = 10.0
 
 
@@ -37,7 +35,6 @@ class Backend:
     address: Annotated[
         str | None, Parameter(help="HOST:PORT of the cluster; default: a new one on this machine")
     ] = None
-    """of Dask's scheduler or of Ray's head"""
     jobs: Annotated[int, Parameter(help="processes; -1 is one per core")] = -1
     """on this machine; unused with an address"""
 
@@ -69,7 +66,7 @@ class Backend:
                 f"--address {self.address}: expected a {self.name} cluster to answer, found "
                 f"none ({error}). Start it, or name another HOST:PORT."
             ) from error
-        # On a cluster its workers limit the number of tasks.
+        # The workers of Dask limit the number of tasks.
         jobs = -1 if self.name == "dask" else self.jobs
         with cluster, joblib.parallel_config(self.name, n_jobs=jobs):
             yield

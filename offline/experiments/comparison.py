@@ -18,17 +18,22 @@ from pydantic import BaseModel, Field, TypeAdapter
 from offline.config import PRESETS, TrainingConfig
 from offline.data.generate import run_tasks
 from offline.experiments.backend import Backend
-from offline.experiments.settings import FolderName, Preset, changed, read_toml, require_unique
+from offline.experiments.settings import (
+    FolderName,
+    Preset,
+    changed,
+    read_toml,
+    require_consistent,
+)
 from offline.experiments.training_task import (
     CampaignData,
     Result,
-    exclusive_folder,
     geometric_mean,
     load_result,
+    make_folder,
     run_training,
 )
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.settings_errors import option
 from rt_controller.report.table import NO_VALUE, Column, Table, format_number, to_markdown
 
 SHIPPED = "variants.toml"
@@ -97,7 +102,7 @@ def read_variants(
         )
     found = lists[name]
     names = [variant.name for variant in found.variant]
-    require_unique(names, name)
+    require_consistent(name, names, (), common)
     if unknown := sorted(set(only) - set(names)):
         raise ConfigError(
             f"--only: expected names among {', '.join(names)}, found {', '.join(unknown)}."
@@ -109,14 +114,9 @@ def read_variants(
         where = f"{name}, variant {variant.name}"
         changes = {**(changes if found.cumulative else {}), **variant.changes}
         config = changed(changed(base, changes, where), common, name)
-        if only and variant.name not in only:
-            continue
-        if undone := sorted(set(changes) & set(common)):
-            raise ConfigError(
-                f"{where}: expected no option for a field that this variant sets, found "
-                f"{option((undone[0],))}. Leave it out."
-            )
-        trainings.append(Training(variant, config))
+        if not only or variant.name in only:
+            require_consistent(where, (), changes, common)
+            trainings.append(Training(variant, config))
     return f"{name}: {found.why}", tuple(trainings)
 
 
@@ -132,7 +132,7 @@ def compare(
     `on_result` is called with the number of ended trainings and the newest one.
 
     Raises:
-        ConfigError: the folder has trainings of other settings, is in use, or cannot be written.
+        ConfigError: the folder has trainings of other settings, or cannot be written.
         WorkersLostError: a worker died.
     """
     tasks = [
@@ -140,9 +140,10 @@ def compare(
         for variant, config in trainings
     ]
     rows: dict[int, Row] = {}
-    with exclusive_folder(folder), backend.active():
-        for task in tasks:
-            load_result(*task)  # refuses other settings before any training
+    make_folder(folder)
+    for task in tasks:
+        load_result(*task)  # refuses other settings before any training
+    with backend.active():
         for index, result in run_tasks(run_training, tasks):
             rows[index] = Row(trainings[index], result)
             on_result(len(rows), rows[index])

@@ -1,7 +1,7 @@
 """Training configurations that a TOML file or a command line changes; every change is checked."""
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
@@ -70,10 +70,21 @@ def read_toml(file: Path | None, shipped: str, option: str, form: TypeAdapter[T]
     return parse(text, form, str(where))
 
 
-def require_unique(names: Sequence[str], where: str) -> None:
-    """Raise a `ConfigError` if a name occurs twice."""
+def require_consistent(
+    where: str, names: Sequence[str], fields: Collection[str], common: Collection[str]
+) -> None:
+    """Return if every name occurs once, and no option of `common` sets one of these fields.
+
+    Raises:
+        ConfigError: otherwise.
+    """
     if repeated := sorted({name for name in names if names.count(name) > 1}):
         raise ConfigError(f"{where}: expected every name once, found {', '.join(repeated)} again.")
+    if undone := sorted(set(fields) & set(common)):
+        raise ConfigError(
+            f"{where}: expected no option for a field that is set here, found "
+            f"{option((undone[0],))}. Leave it out."
+        )
 
 
 def train_command(config: TrainingConfig, data: Path) -> str:

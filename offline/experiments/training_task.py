@@ -7,17 +7,15 @@ takes seconds.
 
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import torch
-from filelock import FileLock, Timeout
 from pydantic import ConfigDict, TypeAdapter
 
 from offline.baselines import registry
@@ -35,7 +33,6 @@ from offline.training.optimizer import is_evaluated
 from offline.training.run import (
     LATEST_LINK,
     Checkpoint,
-    RunFolder,
     TrainingDivergedError,
     TrainingState,
     create_run,
@@ -49,9 +46,7 @@ from rt_controller.contract.errors import ConfigError, DatasetError
 
 CHUNK = 2_000
 """trajectories predicted at once, to limit the memory"""
-LOCK_FILE = "lock"
 RESULT_FILE = "result.json"
-
 _ONE_TRAINING = threading.Lock()
 """torch has one random generator and one number of threads per process"""
 
@@ -77,9 +72,8 @@ class Result:
 
     __pydantic_config__: ClassVar = ConfigDict(extra="forbid")
 
-    ending: Literal["finished", "diverged", "refused", "pruned"]
-    """diverged: the loss is not finite; refused: the model cannot be exported; pruned: the study
-    stopped a training that was worse than the median"""
+    ending: Literal["finished", "diverged", "refused"]
+    """diverged: the loss is not finite; refused: the model cannot be exported"""
     step: int
     """of the model that was evaluated; without one, the last step"""
     training_cpu_s: float
@@ -122,6 +116,10 @@ def mean_squared_errors(model: Predictor, dataset: Dataset) -> Array:
         return _finite(np.square(errors).mean(axis=(0, 1)))
 
 
+def _finite(errors: Array) -> Array:
+    return np.where(np.isfinite(errors), errors, np.inf)
+
+
 def measure_linear_model(folder: Path, dataset: Dataset) -> CampaignData:
     """The data set in that folder with the errors of the fair linear model.
 
@@ -137,42 +135,27 @@ def measure_linear_model(folder: Path, dataset: Dataset) -> CampaignData:
     return CampaignData(folder.resolve(), dataset.sha256, by_state)
 
 
-def _finite(errors: Array) -> Array:
-    return np.where(np.isfinite(errors), errors, np.inf)
-
-
-@contextmanager
-def exclusive_folder(folder: Path) -> Iterator[None]:
-    """Context in which no other command works in the folder, which is made if there is none.
-
-    Raises:
-        ConfigError: another command works in it, or it cannot be written.
-    """
+def make_folder(folder: Path) -> None:
+    """Make the folder of a command; `ConfigError` if it cannot be made."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(folder / LOCK_FILE).acquire(blocking=False)
     except OSError as error:
-        found = "another command in it" if isinstance(error, Timeout) else error.strerror
         raise ConfigError(
-            f"--folder {folder}: expected a writable folder and no other command in it, found: "
-            f"{found}. Wait for its end, or choose another --folder."
+            f"--folder {folder}: expected a writable folder, found: {error.strerror}. Choose "
+            f"another --folder."
         ) from error
-    with lock:
-        yield
 
 
 def run_training(
     folder: Path,
     config: TrainingConfig,
     data: CampaignData,
-    on_evaluation: Callable[[RunFolder], bool] = lambda run: True,
+    on_evaluation: Callable[[int, Array], None] | None = None,
 ) -> Result:
     """The result of the training in that folder, read if it has ended before.
 
-    `on_evaluation` is called after each evaluation and its checkpoint; False prunes the training.
-
-    Raises:
-        ConfigError: as `load_result`.
+    `on_evaluation` gets the step and the mean squared errors (n,) of each evaluation, and may raise
+    to end the training without a result.
     """
     result = load_result(folder, config, data)
     if result is None:
@@ -194,45 +177,45 @@ def load_result(folder: Path, config: TrainingConfig, data: CampaignData) -> Res
     try:
         result = TypeAdapter(Result).validate_json(file.read_bytes())
     except ValueError as error:
-        raise ConfigError(
-            f"{file}: expected the result of a training, found something else ({error}). Delete "
-            f"it, and train again."
-        ) from error
+        raise ConfigError(f"{file}: expected a result. Delete it, and train again.") from error
     run = open_run(folder / LATEST_LINK)
     found = {**run.config.model_dump(), "data set": run.data_sha256}
-    expected = {**config.model_dump(), "data set": data.sha256}
-    if different := [name for name, value in expected.items() if found[name] != value]:
-        raise ConfigError(
-            f"{folder}: expected a training of the same configuration, found one that "
-            f"differs in {', '.join(different)}. Choose another --folder, or delete this one."
-        )
+    require_same(folder, {**config.model_dump(), "data set": data.sha256}, found)
     return result
+
+
+def require_same(folder: Path, expected: Mapping[str, Any], found: Mapping[str, Any]) -> None:
+    """Raise a `ConfigError` if what the folder has was made with other settings."""
+    if different := [name for name, value in expected.items() if found.get(name) != value]:
+        raise ConfigError(
+            f"--folder {folder}: expected work of the same settings, found some that differs in "
+            f"{', '.join(different)}. Choose another --folder, or delete this one."
+        )
 
 
 def _train(
     folder: Path,
     config: TrainingConfig,
     data: CampaignData,
-    on_evaluation: Callable[[RunFolder], bool],
+    on_evaluation: Callable[[int, Array], None] | None,
 ) -> Result:
-    dataset = shared_dataset(data.folder, data.sha256)
+    dataset = _shared_dataset(data.folder, data.sha256)
     run = create_run(folder, config, data.folder, data.sha256, datetime.now())
-    begun_s = time.process_time()
-    step, is_pruned = 0, False
+    begun_s, step = time.process_time(), 0
 
     def on_progress(state: TrainingState) -> None:
-        nonlocal step, is_pruned
+        nonlocal step
         if is_evaluated(state.step, config):
-            step, is_pruned = state.step, not on_evaluation(run)
+            step = state.step
+            if on_evaluation is not None:
+                on_evaluation(step, checkpoint_mse(load_checkpoint(run.last), dataset))
 
     try:
-        train(config, dataset, run, on_progress=on_progress, stop_requested=lambda: is_pruned)
+        train(config, dataset, run, on_progress=on_progress)
     except TrainingDivergedError as error:
         reason = str(error).removeprefix(f"{run.path}: ")
         return Result("diverged", step, time.process_time() - begun_s, reason)
     cpu_s = time.process_time() - begun_s
-    if is_pruned:
-        return Result("pruned", step, cpu_s)
     best = load_checkpoint(run.best)
     model = restore_model(best, dataset.schema, dataset.roles)
     radius = driven_radius(model)
@@ -246,7 +229,7 @@ def _train(
 
 
 @lru_cache(maxsize=1)
-def shared_dataset(folder: Path, sha256: str) -> Dataset:
+def _shared_dataset(folder: Path, sha256: str) -> Dataset:
     """The data set in that folder, loaded once per process; `DatasetError` if it is another one."""
     dataset = load_dataset(folder)
     if dataset.sha256 != sha256:

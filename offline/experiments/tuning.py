@@ -1,8 +1,7 @@
 """An Optuna study of training settings in a search space that is read from TOML.
 
 The trials are independent tasks. The random numbers of a trial follow from the seed of the search
-and its number, so a study run by one process is repeatable. A trial whose process ended before it
-is a failed one (docs/decisions/048).
+and its number, so a study run by one process is repeatable (docs/decisions/048).
 """
 
 import json
@@ -27,18 +26,22 @@ from pydantic import BaseModel, Field, TypeAdapter, model_validator
 from offline.config import PRESETS, TrainingConfig
 from offline.data.generate import run_tasks
 from offline.experiments.backend import Backend
-from offline.experiments.settings import FolderName, Preset, changed, read_toml, require_unique
+from offline.experiments.settings import (
+    FolderName,
+    Preset,
+    changed,
+    read_toml,
+    require_consistent,
+)
 from offline.experiments.training_task import (
     CampaignData,
-    checkpoint_mse,
-    exclusive_folder,
     geometric_mean,
+    make_folder,
+    require_same,
     run_training,
-    shared_dataset,
 )
-from offline.training.run import RunFolder, load_checkpoint
+from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.settings_errors import option
 
 SHIPPED = "spaces.toml"
 
@@ -64,17 +67,16 @@ class Parameter(BaseModel, frozen=True, extra="forbid"):
         Raises:
             ValueError: neither a range nor choices, both, or a range that is empty.
         """
-        if self.choices is not None:
-            if (self.low, self.high) != (None, None):
-                raise ValueError("expected either low and high, or choices")
+        low, high, is_log = self.low, self.high, self.scale == "log"
+        if self.choices is not None and (low, high) == (None, None):
             return CategoricalDistribution([json.dumps(choice) for choice in self.choices])
-        if self.low is None or self.high is None:
+        if self.choices is not None or low is None or high is None:
             raise ValueError("expected either low and high, or choices")
-        if not self.low < self.high:
-            raise ValueError(f"expected low below high, found {self.low} and {self.high}")
-        if isinstance(self.low, int) and isinstance(self.high, int):
-            return IntDistribution(self.low, self.high, log=self.scale == "log")
-        return FloatDistribution(self.low, self.high, log=self.scale == "log")
+        if not low < high:
+            raise ValueError(f"expected low below high, found {low} and {high}")
+        if isinstance(low, int) and isinstance(high, int):
+            return IntDistribution(low, high, log=is_log)
+        return FloatDistribution(low, high, log=is_log)
 
 
 class Space(BaseModel, frozen=True, extra="forbid"):
@@ -88,9 +90,7 @@ class Space(BaseModel, frozen=True, extra="forbid"):
     def values(self, params: Mapping[str, Any]) -> dict[str, Any]:
         """Values of the fields for the parameters that Optuna stored."""
         return {
-            each.field: params[each.field]
-            if each.choices is None
-            else json.loads(params[each.field])
+            each.field: json.loads(params[each.field]) if each.choices else params[each.field]
             for each in self.parameter
         }
 
@@ -115,13 +115,9 @@ def read_space(
         raise ConfigError(f"space: expected one of {known}, found {name!r}.")
     space = spaces[name]
     base = changed(changed(PRESETS[space.base], space.common, name), common, name)
-    require_unique([parameter.field for parameter in space.parameter], name)
+    fields = [parameter.field for parameter in space.parameter]
+    require_consistent(name, fields, fields, common)
     for parameter in space.parameter:
-        if parameter.field in common:
-            raise ConfigError(
-                f"{name}: expected no option for a field that is searched, found "
-                f"{option((parameter.field,))}. Leave it out."
-            )
         for value in parameter.choices or (parameter.low, parameter.high):
             changed(base, {parameter.field: value}, f"{name}, {parameter.field}")
     return space, base
@@ -169,6 +165,16 @@ class StudyPlan:
             ),
         )
 
+    @property
+    def question(self) -> dict[str, Any]:
+        """What may not change between two commands on one study."""
+        return {
+            "base": self.base.model_dump(mode="json"),
+            "parameters": [each.model_dump(mode="json") for each in self.space.parameter],
+            "search_seed": self.seed,
+            "data_sha256": self.data.sha256,
+        }
+
     def configure(self, params: Mapping[str, Any]) -> TrainingConfig:
         """The configuration of a trial with these parameters."""
         return changed(self.base, self.space.values(params), f"trial in {self.folder}")
@@ -180,14 +186,15 @@ def search(
     """The study when no trial is left; `on_trial` is called at the start and after each trial.
 
     Raises:
-        ConfigError: the folder has a study of another question, is in use, or cannot be written.
+        ConfigError: the folder has a study of another question, or cannot be written.
         WorkersLostError: a worker died.
     """
-    with exclusive_folder(plan.folder), backend.active():
+    make_folder(plan.folder)
+    with backend.active():
         study = plan.open_study()
-        _require_same_question(study, plan)
-        for trial in study.get_trials(states=(TrialState.RUNNING,)):
-            study.tell(trial.number, state=TrialState.FAIL)
+        if QUESTION not in study.user_attrs:
+            study.set_user_attr(QUESTION, plan.question)
+        require_same(plan.folder, plan.question, study.user_attrs[QUESTION])
         on_trial(study)
         first, left = len(study.trials), plan.n_trials - sum(count_ended(study))
         for _ in run_tasks(_run_trial, [(plan, first + k) for k in range(left)]):
@@ -196,47 +203,29 @@ def search(
 
 
 def count_ended(study: optuna.Study) -> tuple[int, int]:
-    """Number of trials with a value, and of pruned ones; failed ones are not counted."""
+    """Number of trials with a value, and of pruned ones; interrupted ones are not counted."""
     states = [trial.state for trial in study.get_trials(deepcopy=False)]
     return states.count(TrialState.COMPLETE), states.count(TrialState.PRUNED)
 
 
 def _run_trial(plan: StudyPlan, draw: int) -> None:
-    """Run one trial: its value is the geometric mean of the error ratios, 0 without a model.
-
-    A trial that ends with an exception is left as running, as that of a process that was killed.
-    """
+    """Run one trial: its value is the geometric mean of the error ratios, 0 without a model."""
     study = plan.open_study(draw)
     trial = study.ask({each.field: each.distribution for each in plan.space.parameter})
 
-    def on_evaluation(run: RunFolder) -> bool:
-        checkpoint = load_checkpoint(run.last)
-        mse = checkpoint_mse(checkpoint, shared_dataset(plan.data.folder, plan.data.sha256))
-        trial.report(geometric_mean(plan.data.ratios(mse).values()), checkpoint.step)
-        return not trial.should_prune()
+    def on_evaluation(step: int, mse: Array) -> None:
+        trial.report(geometric_mean(plan.data.ratios(mse).values()), step)
+        if trial.should_prune():
+            raise optuna.TrialPruned
 
     folder = plan.folder / "trials" / f"{trial.number:04d}"
-    result = run_training(folder, plan.configure(trial.params), plan.data, on_evaluation)
-    trial.set_user_attr("ending", result.ending)
-    if result.ending == "pruned":
+    try:
+        result = run_training(folder, plan.configure(trial.params), plan.data, on_evaluation)
+    except optuna.TrialPruned:
         study.tell(trial, state=TrialState.PRUNED)
+    except BaseException:
+        study.tell(trial, state=TrialState.FAIL)
+        raise
     else:
+        trial.set_user_attr("ending", result.ending)
         study.tell(trial, result.geometric_mean_ratio or 0.0)
-
-
-def _require_same_question(study: optuna.Study, plan: StudyPlan) -> None:
-    """Store the question in a new study; raise if the study in the folder has another one."""
-    question = {
-        "base": plan.base.model_dump(mode="json"),
-        "parameters": [each.model_dump(mode="json") for each in plan.space.parameter],
-        "search_seed": plan.seed,
-        "data_sha256": plan.data.sha256,
-    }
-    if QUESTION not in study.user_attrs:
-        study.set_user_attr(QUESTION, question)
-    stored = study.user_attrs[QUESTION]
-    if different := [name for name, value in question.items() if stored.get(name) != value]:
-        raise ConfigError(
-            f"--folder {plan.folder}: expected a study of the same question, found one that "
-            f"differs in {', '.join(different)}. Choose another --folder, or the same options."
-        )

@@ -1,4 +1,4 @@
-"""Small lists of variants and search spaces."""
+"""Small lists of variants and search spaces, and the commands on the toy data set."""
 
 from collections.abc import Iterator
 from pathlib import Path
