@@ -1,6 +1,10 @@
-"""`python -m benchmarks.figures`: the results that README and docs print, and their tables."""
+"""`python -m benchmarks.figures`: the results that README and docs print, and their tables.
 
-from collections.abc import Callable, Iterable
+A table stands between `<!-- figures: NAME -->` and `<!-- end -->`.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -8,9 +12,7 @@ import cyclopts
 from rich.console import Console
 
 from benchmarks.figures import closed_loop
-from benchmarks.figures.documents import changed_files
-from benchmarks.figures.imports import SOURCES, read_import
-from benchmarks.figures.results import Part, Results
+from benchmarks.figures.results import SOURCES, Part, Results, read_import
 from benchmarks.figures.tables import blocks
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.figures import require_writable, write_figures
@@ -87,18 +89,47 @@ def _measure(results: Results, piece: str, again: bool, console: Console) -> Non
 def _update_documents(root: Path, results: Results, check: bool, console: Console) -> int:
     pieces = {name: list(parts()) for name, parts in PIECES.items()}
     pieces |= {name: [Part("all", (SHIPPED_MODEL,), dict)] for name in SOURCES}
-    measured = results.pieces
-    outdated = [name for name in measured if results.missing(name, pieces.get(name, []))]
-    complete = measured.keys() - set(outdated)
+    outdated = [name for name in results.found if results.missing(name, pieces.get(name, []))]
+    complete = results.found.keys() - set(outdated)
     for name in [name for name in pieces if name not in complete]:
         console.print(f"{name}: no results of the shipped models, its tables stay as they are")
-    files = [root / "README.md", *sorted((root / "docs").glob("*.md"))]
-    changed = changed_files(files, blocks(measured, complete))
-    for file, text in changed.items():
-        console.print(f"{file}: {'differs from the results' if check else 'written'}")
-        if not check:
-            file.write_text(text, encoding="utf-8")
-    return EXIT_DIFFERENT if check and (changed or outdated) else 0
+    texts, is_changed = blocks(results.pieces, complete), False
+    for file in (root / "README.md", *sorted((root / "docs").glob("*.md"))):
+        before = file.read_text(encoding="utf-8")
+        after = replace_blocks(before, texts, str(file))
+        if before != after:
+            is_changed = True
+            console.print(f"{file}: {'differs from the results' if check else 'written'}")
+            if not check:
+                file.write_text(after, encoding="utf-8")
+    return EXIT_DIFFERENT if check and (is_changed or outdated) else 0
+
+
+_MARKER = re.compile(r"^<!-- figures: (\S+) -->$", re.MULTILINE)
+_BLOCK = re.compile(
+    r"^(<!-- figures: (\S+) -->\n)(?:(?!^<!-- figures).)*?^<!-- end -->$", re.DOTALL | re.MULTILINE
+)
+
+
+def replace_blocks(text: str, blocks: Mapping[str, str | None], where: str) -> str:
+    """The text with the content of each block; a block whose text is None stays as it is.
+
+    Raises:
+        ConfigError: a marker names no block, or has no end.
+    """
+    found = list(_BLOCK.finditer(text))
+    unknown = {match[2] for match in found} - blocks.keys()
+    if unknown or len(found) != len(_MARKER.findall(text)):
+        raise ConfigError(
+            f"{where}: expected markers of {', '.join(blocks)}, each with <!-- end --> after it, "
+            f"found {', '.join(sorted(unknown)) or 'one without an end'}. Correct the marker."
+        )
+
+    def replaced(match: re.Match[str]) -> str:
+        block = blocks[match[2]]
+        return match[0] if block is None else f"{match[1]}\n{block}\n\n<!-- end -->"
+
+    return _BLOCK.sub(replaced, text)
 
 
 if __name__ == "__main__":

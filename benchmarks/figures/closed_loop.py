@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.false_alarms.conditions import sensor_noise
+from benchmarks.conditions import sensor_noise
 from benchmarks.figures.results import Figures, Part
 from rt_controller import Drive, simulate
 from sim_bridge.faults.fault import Fault
@@ -62,7 +62,7 @@ _WET_AND_HEAVY = {"friction": 0.6, "mass_kg": _MASS_20_PERCENT_KG}
 _LANE_CHANGES = {60: "lane_change_60", 80: "double_lane_change", 120: "lane_change_120"}
 ROWS = (
     *(Row(f"lane change, {v} km/h", name) for v, name in _LANE_CHANGES.items()),
-    Row("lane change over 38 m, 80 km/h", "benchmarks/peers/hard_lane_change.toml"),
+    Row("lane change over 38 m, 80 km/h", "benchmarks/scenarios/hard_lane_change.toml"),
     Row("slalom", "slalom"),
     Row("sine, 60 km/h", "sine_60"),
     Row("sine, 110 km/h", "sine_110"),

@@ -1,24 +1,24 @@
 """`python -m benchmarks.peers`: the controller's QPs through every solver that is installed."""
 
 import platform
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import cyclopts
 from rich.console import Console
 
+from benchmarks.peers.comparison import Mode, compare, tables_of
 from benchmarks.peers.recording import TIERS, Tier, record
-from benchmarks.peers.solver_comparison import HEADS, Mode, compare
-from benchmarks.peers.solvers.registry import find_solvers, require_names
-from benchmarks.tables import to_plain, to_tables
+from benchmarks.peers.solvers import COLD, DEFAULT, find_solvers
 from rt_controller.config import ShippedModel
 from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.report.drive_figure import require_figure_file
 from rt_controller.report.table import print_table
 from rt_controller.terminal.command_line import run_command
 
-HARD = Path(__file__).parent / "hard_lane_change.toml"
+HARD = Path(__file__).parents[1] / "scenarios" / "hard_lane_change.toml"
 Scenario = Literal["mild", "hard"]
 SCENARIOS: dict[Scenario, str] = {"mild": "double_lane_change", "hard": str(HARD)}
 PLOTTED = {"tier": "slew", "mode": Mode.PREPARED.value}
@@ -64,7 +64,6 @@ def main(
     if plot is not None:
         require_writable(plot, "--plot")
         require_figure_file(plot)
-    require_names(only)
     console = Console()
     entries, missing = find_solvers(only)
     if missing:
@@ -78,7 +77,7 @@ def main(
             title = ", ".join(names.values())
             with console.status(title):
                 recordings.append((names, compare(recording, entries, mode, rounds)))
-            for table in to_tables(title, recordings[-1][1], HEADS):
+            for table in tables_of(title, recordings[-1][1]):
                 print_table(table, console)
     figures = {
         "machine": platform.processor() or platform.machine(),
@@ -86,12 +85,10 @@ def main(
         "rounds": rounds,
         "versions": {entry.name: entry.version for entry in entries},
         "not_installed": missing,
-        "recordings": [names | {"solvers": to_plain(one)} for names, one in recordings],
+        "recordings": [names | {"solvers": one} for names, one in recordings],
     }
     write_figures(json, figures)
     if plot is not None:
-        from benchmarks.peers.plot import plot as write_plot
-
         shown = {"model": models[0], **PLOTTED}
         panels = [
             ("QP of {model}\n{scenario} lane change, {tier}, {mode}".format(**names), one)
@@ -101,6 +98,32 @@ def main(
         write_plot(panels, plot)
         console.print(str(plot))
     return 0
+
+
+def write_plot(panels: Sequence[tuple[str, dict[str, dict[str, Any]]]], file: Path) -> None:
+    """Write the times, median to p99: a panel for each title and figures, the fastest at the top.
+
+    A solver that is not accurate, or leaves problems unsolved, has a hollow marker.
+    """
+    from matplotlib.figure import Figure
+
+    rows = max(len(solvers) for _, solvers in panels)
+    figure = Figure(figsize=(3.4 * len(panels), 0.23 * rows + 1.2), layout="constrained")
+    all_axes = figure.subplots(1, len(panels), squeeze=False)[0]
+    for axes, (title, solvers) in zip(all_axes, panels, strict=True):
+        for row, (name, one) in enumerate(reversed(solvers.items())):
+            is_hollow = not one["is_accurate"] or one["unsolved"] > 0
+            color = "#2f6fb3" if name in (DEFAULT, COLD) else "#8a97a5"
+            axes.plot([one["p50_us"], one["p99_us"]], [row, row], color=color, linewidth=2.0)
+            fill: Any = "none" if is_hollow else "full"
+            axes.plot(one["p50_us"], row, "o", color=color, fillstyle=fill)
+        axes.set_xscale("log")
+        axes.set_title(title, fontsize=8, loc="left")
+        axes.grid(axis="x", linewidth=0.4)
+        axes.set_xlabel("us, median to p99", fontsize=8)
+        axes.tick_params(labelsize=8)
+        axes.set_yticks(range(len(solvers)), list(reversed(solvers)))
+    figure.savefig(file)
 
 
 if __name__ == "__main__":

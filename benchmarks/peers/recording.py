@@ -5,15 +5,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from benchmarks.lockstep import drive_scenario
-from rt_controller.config import MpcSettings
+from rt_controller.config import ControllerConfig, MpcSettings
 from rt_controller.contract.arrays import Array
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.program import QuadraticProgram, SolveStatus
 from rt_controller.control.terms import Corridor
 from rt_controller.control.warm_start import open_solver
 from rt_controller.model.artifact import load_bundle, shipped_model
-from rt_controller.model.bundle import Bundle
+from rt_controller.node import plan_at_constant_speed
+from rt_controller.settings import CarSettings
+from rt_controller.simulation import drive_in_lockstep
 
 Tier = Literal["slew", "corridor"]
 TIERS: dict[Tier, Corridor | None] = {
@@ -62,10 +63,18 @@ class Recording:
 def record(model: str, scenario: str, corridor: Corridor | None) -> Recording:
     """All problems of driving `scenario` in lockstep with a shipped model."""
     settings, bundle = MpcSettings(), load_bundle(shipped_model(model))
-    mpc = _RecordingMpc(bundle, settings, corridor)
-    solver = mpc.recorder
-    recording = Recording(model, Path(scenario).stem, solver.program.copy(), solver.events)
-    drive_scenario(bundle, mpc, scenario)
+    solvers: list[_RecordingSolver] = []
+
+    def open_recorder(program: QuadraticProgram) -> _RecordingSolver:
+        solvers.append(_RecordingSolver(program))
+        return solvers[0]
+
+    horizon, cost, knots = settings.horizon, settings.cost(), settings.knots
+    mpc = _MarkingMpc(bundle, horizon, cost, corridor, open_recorder, knots)
+    mpc.recorder = recorder = solvers[0]
+    recording = Recording(model, Path(scenario).stem, recorder.program.copy(), recorder.events)
+    plan_at_constant_speed(mpc)
+    drive_in_lockstep(ControllerConfig(), bundle, mpc, CarSettings(scenario=scenario))
     return recording
 
 
@@ -95,18 +104,10 @@ class _RecordingSolver:
         return status
 
 
-class _RecordingMpc(Mpc):
+class _MarkingMpc(Mpc):
     """Marks the problems that are solved in `warm_up`."""
 
     recorder: _RecordingSolver
-
-    def __init__(self, bundle: Bundle, settings: MpcSettings, corridor: Corridor | None) -> None:
-        horizon, cost, knots = settings.horizon, settings.cost(), settings.knots
-        super().__init__(bundle, horizon, cost, corridor, self._open_recorder, knots)
-
-    def _open_recorder(self, program: QuadraticProgram) -> _RecordingSolver:
-        self.recorder = _RecordingSolver(program)
-        return self.recorder
 
     def warm_up(self) -> None:
         self.recorder.is_warm_up = True

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.false_alarms.conditions import sensor_noise
+from benchmarks.conditions import sensor_noise
 from sim_bridge.scenario import Scenario
 from sim_bridge.scenario.scenario import ScenarioFile
 

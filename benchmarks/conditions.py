@@ -1,4 +1,4 @@
-"""The drives: every scenario with other roads, cars, wind and requests, and noise of sensors."""
+"""Scenarios with other roads, cars, wind and requests, and noise of sensors."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

@@ -1,1 +1,0 @@
-"""The whole step in real time: vehicle and controller in two processes, once a period."""

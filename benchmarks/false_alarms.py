@@ -1,0 +1,274 @@
+"""`python -m benchmarks.false_alarms`: how often a car without a fault is stopped.
+
+Every scenario is driven in simulated time with friction 0.5 to 1, mass -15 % to +15 %, grades,
+bank, side wind, all shipped cars, steps of the wanted speed and of the path, and the noise and
+offsets of production sensors, a quarter of the drives without them. Half of the drives end in a
+stop that is requested at any time of the scenario. A drive in which a check fails is driven again
+without checks: if the car leaves its path there too, it has too little grip and the stop is right;
+else the alarm is a false one.
+"""
+
+import json as json_module
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from functools import partial
+from itertools import islice
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Annotated, Any
+
+import cyclopts
+import numpy as np
+from rich.console import Console
+
+from benchmarks.conditions import Condition, conditions, disturbed
+from rt_controller.config import ControllerConfig
+from rt_controller.contract.errors import ConfigError, PlantError
+from rt_controller.contract.faults import StopCause
+from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.drive.table import Drive
+from rt_controller.model.artifact import SHIPPED_MODEL
+from rt_controller.model.bundle import Bundle
+from rt_controller.node import build_mpc
+from rt_controller.report.table import Column, Table, to_markdown
+from rt_controller.safety.checks import CHECKS, Check, Quantity, Reaction
+from rt_controller.session import ControllerSession
+from rt_controller.settings import CarSettings
+from rt_controller.simulation import drive_in_lockstep
+from rt_controller.terminal.command_line import run_command
+from sim_bridge.scenario import shipped_scenarios
+
+OFF_PATH_M = next(c.threshold for c in CHECKS if c.quantity is Quantity.TRACKING_M)
+"""from there on TRACKING_LOST is true"""
+ZERO_EVENTS_95, PER_EVENT_95 = 3.0, 2.0
+"""upper bound, with 95 % confidence, of the expected number of events of which none was seen; what
+each event that was seen adds to it"""
+
+app = cyclopts.App(name="python -m benchmarks.false_alarms", version_flags=[])
+
+
+@dataclass(frozen=True, slots=True)
+class DriveResult:
+    """Values and failed checks of the supervisor in one drive."""
+
+    condition: Condition
+    driven_s: float
+    ey_peak_m: float
+    unchecked_ey_peak_m: float | None
+    """of the same drive without checks; None: no check failed, or that drive had no end"""
+    failed_checks: tuple[str, ...]
+    largest: dict[str, float]
+    """of each quantity, by its name with its unit"""
+
+    @property
+    def has_lost_path(self) -> bool:
+        """True if a check failed and the car leaves its path without checks too."""
+        unchecked_m = self.unchecked_ey_peak_m
+        return bool(self.failed_checks) and unchecked_m is not None and unchecked_m > OFF_PATH_M
+
+    @property
+    def false_checks(self) -> tuple[str, ...]:
+        """The checks that stopped a car which keeps its path without them."""
+        return () if self.has_lost_path else self.failed_checks
+
+    def figures(self) -> dict[str, Any]:
+        """For a line of JSON."""
+        return {**asdict(self), "condition": self.condition._asdict()}
+
+
+@app.default
+def main(
+    *,
+    model: str | None = None,
+    scenarios: tuple[str, ...] = (),
+    hours: float = 10.0,
+    jobs: int = 1,
+    drives: Path | None = None,
+    json: Annotated[Path | None, cyclopts.Parameter(name="--json")] = None,
+) -> None:
+    """Drive until so many hours are reached, and print the rate of false alarms of each check.
+
+    Args:
+        model: name of a shipped model, or folder of a bundle.
+        scenarios: names; default: all that are shipped.
+        hours: of simulated driving.
+        jobs: processes.
+        drives: file with one line of JSON for each drive. What it already has is not driven again:
+            an interrupted run goes on with the same command.
+        json: also write the figures there.
+    """
+    require_writable(json)
+    require_writable(drives, "--drives")
+    bundle = Bundle.load(model)
+    found = _earlier(drives, bundle.sha256[:16])
+    done = {each.condition for each in found}
+    todo = (each for each in conditions(scenarios or shipped_scenarios()) if each not in done)
+    for each in _drive_all(todo, model, max(jobs, 1), 3600.0 * hours - _driven_s(found)):
+        found.append(each)
+        if drives is not None:
+            line = {"model": bundle.sha256[:16], "drive": each.figures()}
+            with drives.open("a", encoding="utf-8") as file:
+                file.write(json_module.dumps(line) + "\n")
+        driven_h = _driven_s(found) / 3600.0
+        print(f"{driven_h:.3f} h {each.condition} {each.failed_checks}", flush=True)
+    if not found:
+        return
+    figures = figures_of(found)
+    table = table_of(figures)
+    Console().print(f"{table.title}\n\n{to_markdown(table)}", highlight=False)
+    for each in found:
+        if each.false_checks:
+            print(f"{each.condition}: {each.false_checks}, |e_y| {each.ey_peak_m:.2f} m")
+    write_figures(json, {"model_sha256": {model or SHIPPED_MODEL: bundle.sha256}, **figures})
+
+
+def _drive_all(
+    todo: Iterator[Condition], model: str | None, jobs: int, seconds: float
+) -> Iterator[DriveResult]:
+    """Drives in order until so many seconds of driving are reached."""
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        while seconds > 0.0:
+            for found in pool.map(partial(measure, model=model), islice(todo, 4 * jobs)):
+                seconds -= found.driven_s
+                yield found
+
+
+def _earlier(path: Path | None, model: str) -> list[DriveResult]:
+    """The drives of an interrupted run.
+
+    Raises:
+        ConfigError: they are of another model.
+    """
+    if path is None or not path.exists():
+        return []
+    lines = [json_module.loads(line) for line in path.read_text().splitlines()]
+    if others := {line["model"] for line in lines} - {model}:
+        raise ConfigError(
+            f"--drives {path}: expected drives of the model {model}, found {', '.join(others)}. "
+            f"Name another file, or the same model."
+        )
+    drives = [line["drive"] for line in lines]
+    return [
+        DriveResult(
+            **{
+                **drive,
+                "condition": Condition(**drive["condition"]),
+                "failed_checks": tuple(drive["failed_checks"]),
+            }
+        )
+        for drive in drives
+    ]
+
+
+def measure(condition: Condition, model: str | None) -> DriveResult:
+    """One drive in simulated time: the largest values and the failed checks of its supervisor.
+
+    Those in a stop count only if it was requested: another one begins with a false alarm, and its
+    consequences are no further ones.
+    """
+    largest, failed = np.zeros(len(Quantity)), set[str]()
+
+    def note(session: ControllerSession) -> None:
+        supervisor, tick = session._supervisor, session._step.last
+        if not tick.is_driven or (tick.is_stopping and condition.stop_at_s is None):
+            return
+        np.maximum(largest, supervisor.values, out=largest)
+        if {tick.estimate.alarm, tick.estimate.rejection} != {StopCause.NONE}:
+            failing = (c.name for c in supervisor.failing if c.reaction is not Reaction.REFUSE)
+            failed.update(failing)
+
+    drive = _drive(condition, model, after_tick=note)
+    unchecked_m = None
+    if failed:
+        with suppress(PlantError):  # such as a car that does not come to rest: not decided
+            unchecked_m = round(_drive(condition, model, checks=()).errors.ey_peak_m, 4)
+    return DriveResult(
+        condition=condition,
+        driven_s=PERIOD_S * int(np.sum(drive["mode"] > 0)),
+        ey_peak_m=round(drive.errors.ey_peak_m, 4),
+        unchecked_ey_peak_m=unchecked_m,
+        failed_checks=tuple(sorted(failed)),
+        largest={q.name.lower(): round(float(largest[q]), 6) for q in Quantity},
+    )
+
+
+def _drive(
+    condition: Condition, model: str | None, checks: Sequence[Check] = CHECKS, **observed: Any
+) -> Drive:
+    config, bundle = ControllerConfig(), Bundle.load(model)
+    return drive_in_lockstep(
+        config,
+        bundle,
+        build_mpc(bundle, config.mpc),
+        CarSettings(car=condition.car),
+        duration_s=condition.stop_at_s,
+        scenario=disturbed(condition),
+        checks=checks,
+        **observed,
+    )
+
+
+def _driven_s(found: Sequence[DriveResult]) -> float:
+    return sum(each.driven_s for each in found)
+
+
+def figures_of(found: Sequence[DriveResult]) -> dict[str, Any]:
+    """Counts of all drives, and margin and rate of each check that acts while driving."""
+    hours, rows = max(_driven_s(found) / 3600.0, 1e-9), []
+    sound = [each for each in found if not each.has_lost_path]
+    for check in CHECKS:
+        if check.reaction is Reaction.REFUSE:
+            continue
+        quantity = check.quantity.name.lower()
+        largest = max((each.largest[quantity] for each in sound), default=0.0)
+        count = sum(check.name in each.false_checks for each in found)
+        rows.append(
+            {
+                "check": check.name,
+                "threshold": check.threshold,
+                "quantity": quantity,
+                "largest": largest,
+                "largest_share_of_threshold": round(largest / check.threshold, 3),
+                "drives_with_false_alarm": count,
+                "false_alarms_per_h": count / hours,
+                "false_alarms_per_h_95_upper": (ZERO_EVENTS_95 + PER_EVENT_95 * count) / hours,
+            }
+        )
+    false = [each.figures() for each in found if each.false_checks]
+    return {
+        "driven_h": hours,
+        "drives": len(found),
+        "drives_with_false_alarm": len(false),
+        "drives_that_lose_the_path_without_checks_too": len(found) - len(sound),
+        "checks": rows,
+        "false_alarms": false,
+    }
+
+
+def table_of(figures: dict[str, Any]) -> Table:
+    """The checks, for reading."""
+    heads = ("check", "threshold", "largest", "share", "false alarms", "per hour, 95 % bound")
+    rows = tuple(
+        (
+            each["check"],
+            f"{each['threshold']:g}",
+            f"{each['largest']:.4g}",
+            f"{each['largest_share_of_threshold']:.2f}",
+            f"{each['drives_with_false_alarm']}",
+            f"{each['false_alarms_per_h_95_upper']:.2g}",
+        )
+        for each in figures["checks"]
+    )
+    title = (
+        "{driven_h:.2f} h of driving, {drives} drives, {drives_with_false_alarm} with a false "
+        "alarm; {drives_that_lose_the_path_without_checks_too} left the path, with checks and "
+        "without"
+    ).format(**figures)
+    return Table(title, tuple(Column(head) for head in heads), rows)
+
+
+if __name__ == "__main__":
+    run_command(app)
