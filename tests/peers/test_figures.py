@@ -7,10 +7,9 @@ from typing import Any
 import pytest
 
 from benchmarks.figures import __main__ as figures
-from benchmarks.figures import closed_loop, imports
+from benchmarks.figures import closed_loop
 from benchmarks.figures.closed_loop import ROWS, Controller, Row, scenario_of
-from benchmarks.figures.documents import replace_blocks
-from benchmarks.figures.results import Part, Results, hashes_of
+from benchmarks.figures.results import Part, Results, hashes_of, read_import
 from benchmarks.figures.tables import TABLES, by_controller, by_name
 from rt_controller import simulate
 from rt_controller.contract.errors import ConfigError
@@ -112,22 +111,13 @@ def test_a_part_of_another_model_is_missing(tmp_path: Path) -> None:
 )
 def test_a_marker_without_a_table_or_an_end_is_refused(text: str, expected: str) -> None:
     with pytest.raises(ConfigError, match=expected):
-        replace_blocks(text, {"a": "x"}, "README.md")
+        figures.replace_blocks(text, {"a": "x"}, "README.md")
 
 
 def test_a_safe_stop_is_marked_and_a_drive_that_was_not_made_is_empty() -> None:
     drives = {"lti: a": DRIVE, "mdk-net: a": {**DRIVE, "stop_s": 3.0}}
     table = by_controller(drives, lambda found: f"{found['ey_rms_m']}", "ab", ("lti", "mdk-net"))
     assert table.splitlines()[2:] == ["| a | 0.0164 | 0.0164, stopped |", "| b |  |  |"]
-
-
-def test_numbers_medians_and_intervals_of_an_imported_table() -> None:
-    row = {"p50_us": 12.345, "ratio": {"median": 2.0}, "name": "x", "number": 7, "none": None,
-           "mean": {"value": 39.2, "low": 23.1, "high": 106.4}}  # fmt: skip
-    table = by_name({"t": {"a": row, "b": row}}, "t", "solver", only=("b", "missing"))
-    head, _, line = table.splitlines()
-    assert head == "| solver | p50 us | ratio | name | number | none | mean |"
-    assert line == "| b | 12.3 | 2 | x | 7 | – | 39.2 (23.1 to 106) |"
 
 
 def test_a_file_of_another_command_is_imported_under_its_piece(root: Path) -> None:
@@ -150,7 +140,7 @@ def test_an_evaluation_of_another_model_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "evaluation.json"
     file.write_text(json.dumps({"sets": {}, "series": {}, "model_sha256": {"mdk-net": "0"}}))
     with pytest.raises(ConfigError, match="found those of another model"):
-        imports.read_import(file)
+        read_import(file)
 
 
 def test_every_row_is_a_scenario_that_is_judged_by_the_car_itself() -> None:
@@ -225,6 +215,6 @@ def test_the_file_of_each_command_becomes_a_table(
         found = {**found, "model_sha256": hashes_of(("mdk-net",))}
     file = tmp_path / "found.json"
     file.write_text(json.dumps(found))
-    piece, part = imports.read_import(file)
+    piece, part = read_import(file)
     assert piece == TABLES[name][0]
     assert line in by_name(part.measure(), name, "name").splitlines()
