@@ -83,27 +83,29 @@ def conditions(scenarios: Sequence[str]) -> Iterator[Condition]:
                 steepest = CLIMBED_GRADE * SPLIT_FRICTION
             elif scenario.start.speed_mps == 0.0:
                 steepest = CLIMBED_GRADE * friction
-            is_flat, has_request = rng.random() < ON_FLAT_ROAD, rng.random() < WITH_REQUEST
+            slope, has_request = rng.random() >= ON_FLAT_ROAD, rng.random() < WITH_REQUEST
+            has_speed_request = has_request and scenario.speed.is_constant
             condition = Condition(
-                scenario=name,
-                friction=friction,
-                mass_kg=mass_kg,
-                seed=seed,
-                stop_at_s=stop_at_s if seed % 2 == 1 else None,
+                *(name, friction, mass_kg, seed, stop_at_s if seed % 2 == 1 else None),
                 car=cars[int(rng.integers(len(cars)))],
-                grade=_drawn(rng, -steepest, steepest) * (not is_flat),
-                bank_deg=_drawn(rng, -BANK_DEG, BANK_DEG) * (not is_flat),
-                wind_mps=_drawn(rng, -WIND_MPS, WIND_MPS) * (not is_flat),
-                speed_step_mps=_drawn(rng, -SPEED_STEP_MPS, SPEED_STEP_MPS)
-                * (has_request and scenario.speed.is_constant),
+                grade=_drawn(rng, -steepest, steepest) * slope,
+                bank_deg=_drawn(rng, -BANK_DEG, BANK_DEG) * slope,
+                wind_mps=_drawn(rng, -WIND_MPS, WIND_MPS) * slope,
+                speed_step_mps=_drawn(rng, -SPEED_STEP_MPS, SPEED_STEP_MPS) * has_speed_request,
                 path_step_m=_drawn(rng, -PATH_STEP_M, PATH_STEP_M) * has_request,
                 request_at_s=_drawn(rng, EARLIEST_STOP_S, 0.8 * scenario.duration_s),
                 has_noise=rng.random() >= WITHOUT_NOISE,
             )
-            if problems(disturbed(condition)):  # too little grip for the slope or the bank
+            driven = disturbed(condition)
+            if problems(driven):  # too little grip for the slope or the bank
                 condition = condition._replace(grade=0.0, bank_deg=0.0)
-            if condition.speed_step_mps and problems(_faster(disturbed(condition), condition)):
-                condition = condition._replace(speed_step_mps=0.0)  # the path is too sharp for it
+                driven = disturbed(condition)
+            if condition.speed_step_mps:
+                speed_mps = driven.speed.highest_mps + condition.speed_step_mps
+                start = driven.start.model_copy(update={"speed_mps": speed_mps})
+                faster = replace(driven, speed=constant_speed(speed_mps), start=start)
+                if problems(faster):  # the path is too sharp for it
+                    condition = condition._replace(speed_step_mps=0.0)
             yield condition
 
 
@@ -114,30 +116,31 @@ def _drawn(rng: np.random.Generator, least: float, most: float) -> float:
 def sensor_noise(rng: np.random.Generator) -> list[Fault]:
     """Noise of all states, and constant errors of some."""
     spread = {**NOISE._asdict(), "curvature_per_m": CURVATURE_NOISE_PER_M}
-    faults = [_noise(name, std, int(rng.integers(1 << 30))) for name, std in spread.items()]
-    return faults + [_offset(name, float(rng.uniform(-most, most))) for name, most in _OFFSETS]
+    noise = [
+        Fault(kind="noise", signals=(name,), value=std, seed=int(rng.integers(1 << 30)))
+        for name, std in spread.items()
+    ]
+    return noise + [_offset(name, float(rng.uniform(-most, most))) for name, most in _OFFSETS]
+
+
+def _offset(signal: str, value: float, start_s: float = 0.0) -> Fault:
+    return Fault(kind="bias", signals=(signal,), value=value, start_s=start_s)
 
 
 def disturbed(condition: Condition) -> Scenario:
     """The scenario of a condition, with its road, wind and requests, and noise on all states."""
     rng = np.random.default_rng((condition.seed, len(condition.scenario)))
     scenario = load_scenario(condition.scenario)
-    faults: list[Fault] = []
-    if condition.has_noise:
-        faults += sensor_noise(rng)
+    faults = sensor_noise(rng) if condition.has_noise else []
     requests = (("v_mps", condition.speed_step_mps), ("c0_m", condition.path_step_m))
     faults += [_offset(name, by, condition.request_at_s) for name, by in requests if by]
+    slope = {"grade": condition.grade, "bank_rad": radians(condition.bank_deg)}
     changed = replace(
         scenario,
         payload=Payload(mass_kg=condition.mass_kg),
         faults=tuple(faults),
         cross_wind_mps=constant(condition.wind_mps),
-        road=scenario.road.model_copy(
-            update={
-                "grade": constant(condition.grade),
-                "bank_rad": constant(radians(condition.bank_deg)),
-            }
-        ),
+        road=scenario.road.model_copy(update={name: constant(x) for name, x in slope.items()}),
     )
     return changed if _is_split(scenario) else changed.with_friction(condition.friction)
 
@@ -145,18 +148,3 @@ def disturbed(condition: Condition) -> Scenario:
 def _is_split(scenario: Scenario) -> bool:
     """True if the friction is part of the scenario."""
     return scenario.name.startswith("braking on split")
-
-
-def _noise(signal: str, value: float, seed: int) -> Fault:
-    return Fault(kind="noise", signals=(signal,), value=value, seed=seed)
-
-
-def _faster(scenario: Scenario, condition: Condition) -> Scenario:
-    """A scenario that is driven with the requested speed from the beginning."""
-    speed_mps = scenario.speed.highest_mps + condition.speed_step_mps
-    start = scenario.start.model_copy(update={"speed_mps": speed_mps})
-    return replace(scenario, speed=constant_speed(speed_mps), start=start)
-
-
-def _offset(signal: str, value: float, start_s: float = 0.0) -> Fault:
-    return Fault(kind="bias", signals=(signal,), value=value, start_s=start_s)

@@ -1,8 +1,8 @@
 """`python -m benchmarks.real_data`: the tables of docs/real-data.md, from logs of two real cars."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import cyclopts
 
@@ -25,32 +25,20 @@ SEVERAL = cyclopts.Parameter(consume_multiple=True, negative="")
 BASELINES = ("persistence", "lti", "dmdc-delays-path", "lti-scheduled-delays", "edmd-bilinear")
 
 
-class Experiment(NamedTuple):
-    """A data set of recorded drives, and which of them are held back."""
-
-    name: str
-    mapping: str
-    """file among the examples"""
-    split: str = ""
-    """[split] in its place"""
-
-
-GTI = (
-    Experiment("gti", "import_gti.toml"),
-    Experiment(
-        "gti-other-courses",
-        "import_gti.toml",
-        '[split]\nvalidation = ["*exp_8.npz"]\ntest = ["*exp_6.npz", "*exp_11.npz"]\n'
-        "longest_episode_s = 15.0\n",
-    ),
-)
-AV21 = (Experiment("av21", "import_av21.toml"),)
-OTHER_TRACK = Experiment(
-    "av21-other-track",
-    "import_av21.toml",
-    '[split]\ntest = ["{test}"]\nlongest_episode_s = 10.0\nshare = 0.2\n',
-)
+_COURSES = """\
+[split]
+validation = ["*exp_8.npz"]
+test = ["*exp_6.npz", "*exp_11.npz"]
+longest_episode_s = 15.0
+"""
+_TRACK = """\
+[split]
+test = ["{test}"]
+longest_episode_s = 10.0
+share = 0.2
+"""
 """trained on one track, tested on the other"""
+
 
 app = cyclopts.App(name="python -m benchmarks.real_data", version_flags=[])
 
@@ -94,72 +82,55 @@ def main(
         File for all figures.
     """
     require_writable(json)
+    if gti is None and av21 is None:
+        raise ConfigError("expected logs, found none. Name them with --gti or --av21.")
     figures = {}
-    for experiment, logs in _experiments(gti, av21, other_track):
-        place = folder / experiment.name
-        data = place / "data"
-        imported = {} if exists(data) else _import(experiment, logs, place)
-        models = [
-            _model(place / "models" / name, data, config)
-            for name, config in _configs(preset, steps, seeds)
-        ]
+    for name, mapping, split, logs in _experiments(gti, av21, other_track):
+        place = folder / name
+        data, imported = place / "data", {}
+        if not exists(data):
+            text = (EXAMPLES / mapping).read_text(encoding="utf-8")
+            place.mkdir(parents=True, exist_ok=True)
+            own = text[: text.index("[split]")] + split if split else text
+            (place / mapping).write_text(own, encoding="utf-8")
+            imported = import_logs(place / mapping, logs, data, replace=False)
+        given: dict[str, Any] = {"preset": preset} | ({} if steps is None else {"steps": steps})
+        configs = {f"lifted-{seed}": TrainingConfig(seed=seed, **given) for seed in seeds}
+        constant_b = TrainingConfig(seed=seeds[0], bilinear_rank=0, **given)
+        models = []
+        for model, config in {**configs, "lifted-constant-b": constant_b}.items():
+            models.append(place / "models" / model)
+            if not models[-1].is_dir():
+                trained, exit_code = start_run(config, place / "runs", data, THIS_MACHINE)
+                if exit_code:
+                    return exit_code
+                export_run(Path(trained["run"]), models[-1], None)
         options = EvaluationOptions(models, data, list(baselines), sets=["library"])
         evaluation = run_evaluation(options)
         comparison = evaluation.comparison
         library = comparison.sets[0]
-        STDOUT.print(f"\n**{experiment.name}**\n", markup=False)
+        STDOUT.print(f"\n**{name}**\n", markup=False)
         ratios = (ratio_table(comparison, model, library) for model in comparison.models)
         for table in (rms_table(comparison, library, with_intervals=True), *ratios):
             lines = (table.title, "", to_markdown(table), "", *table.footnotes, "")
             STDOUT.print("\n".join(lines), soft_wrap=True, markup=False, highlight=False)
-        figures[experiment.name] = {"import": imported, **evaluation_figures(evaluation)}
+        figures[name] = {"import": imported, **evaluation_figures(evaluation)}
     write_figures(json, figures)
     return 0
 
 
 def _experiments(
     gti: Path | None, av21: Path | None, other_track: Path | None
-) -> Iterator[tuple[Experiment, Sequence[Path]]]:
-    """Those of the logs that are given, with their logs."""
-    if gti is None and av21 is None:
-        raise ConfigError("expected logs, found none. Name them with --gti or --av21.")
-    for experiment in GTI if gti else ():
-        yield experiment, [gti] if gti else []
-    for experiment in AV21 if av21 else ():
-        yield experiment, [av21] if av21 else []
+) -> Iterator[tuple[str, str, str, list[Path]]]:
+    """Name, mapping among the examples, [split] in its place, and logs of each experiment."""
+    if gti:
+        yield "gti", "import_gti.toml", "", [gti]
+        yield "gti-other-courses", "import_gti.toml", _COURSES, [gti]
+    if av21:
+        yield "av21", "import_av21.toml", "", [av21]
     if av21 and other_track:
-        split = OTHER_TRACK.split.replace("{test}", other_track.name)
-        yield OTHER_TRACK._replace(split=split), [av21, other_track]
-
-
-def _import(experiment: Experiment, logs: Sequence[Path], place: Path) -> dict[str, Any]:
-    text = (EXAMPLES / experiment.mapping).read_text(encoding="utf-8")
-    if experiment.split:
-        text = text[: text.index("[split]")] + experiment.split
-    place.mkdir(parents=True, exist_ok=True)
-    mapping = place / experiment.mapping
-    mapping.write_text(text, encoding="utf-8")
-    return import_logs(mapping, logs, place / "data", replace=False)
-
-
-def _configs(
-    preset: str, steps: int | None, seeds: Sequence[int]
-) -> Iterator[tuple[str, TrainingConfig]]:
-    """Name and configuration of every model."""
-    given: dict[str, Any] = {"preset": preset} | ({} if steps is None else {"steps": steps})
-    for seed in seeds:
-        yield f"lifted-{seed}", TrainingConfig(seed=seed, **given)
-    yield "lifted-constant-b", TrainingConfig(seed=seeds[0], bilinear_rank=0, **given)
-
-
-def _model(bundle: Path, data: Path, config: TrainingConfig) -> Path:
-    """The bundle, trained on the data set unless it exists."""
-    if not bundle.is_dir():
-        trained, exit_code = start_run(config, bundle.parents[1] / "runs", data, THIS_MACHINE)
-        if exit_code:
-            raise SystemExit(exit_code)
-        export_run(Path(trained["run"]), bundle, None)
-    return bundle
+        split = _TRACK.format(test=other_track.name)
+        yield "av21-other-track", "import_av21.toml", split, [av21, other_track]
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ error in m/s, of the car itself, and 0.01 for each deg/s of the steering wheel a
 straight road with noisy sensors. A safe stop costs 1.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from math import inf, isfinite
 from pathlib import Path
@@ -74,13 +74,6 @@ def cost_of(drive: Drive, scenario: Scenario) -> float:
     return cost if isfinite(cost) else WORST
 
 
-def costs_of(controller: str, values: dict[str, float]) -> Iterator[tuple[str, float]]:
-    """Name and cost of one drive after the other."""
-    drive = _driver(controller, values)
-    for scenario in SEARCH:
-        yield scenario.name, cost_of(drive(scenario), scenario)
-
-
 def _driver(controller: str, values: dict[str, float]) -> Callable[[Scenario], Drive]:
     if controller in TUNED:
         return partial(drive_with, build_rival(controller, values))
@@ -113,10 +106,13 @@ def main(
 
     def run(trial: Any) -> float:
         values = {name: trial.suggest_float(name, *ends, log=True) for name, ends in space.items()}
-        total, best = 0.0, study.best_value if trial.number else inf
-        for step, (name, cost) in enumerate(costs_of(controller, values)):
+        drive, total, best = _driver(controller, values), 0.0, inf
+        if trial.number:
+            best = study.best_value
+        for step, scenario in enumerate(SEARCH):
+            cost = cost_of(drive(scenario), scenario)
             total += cost
-            trial.set_user_attr(name, cost)
+            trial.set_user_attr(scenario.name, cost)
             trial.report(total, step)
             if total > best:  # costs are positive: this trial cannot be the best one
                 raise optuna.TrialPruned
@@ -124,7 +120,9 @@ def main(
         return total
 
     study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=seed, multivariate=True))
-    study.enqueue_trial(defaults_of(controller))
+    settings = settings_of({})
+    known = {**settings.model_dump(), **settings.tolerance.model_dump(), **Gains()._asdict()}
+    study.enqueue_trial({name: known[name] for name in space})
     study.optimize(run, n_trials=trials)
     best = study.best_trial
     options = f"--controller {controller} --trials {trials} --seed {seed}"
@@ -138,15 +136,6 @@ def main(
     write_figures(json, figures)
     console.print(figures)
     return 0
-
-
-def defaults_of(controller: str) -> dict[str, float]:
-    """The values that the search begins with."""
-    if controller == STANLEY:
-        return Gains()._asdict()
-    settings = settings_of({})
-    known = {**settings.model_dump(), **settings.tolerance.model_dump()}
-    return {name: known[name] for name in _WEIGHTS}
 
 
 if __name__ == "__main__":

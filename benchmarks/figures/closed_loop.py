@@ -2,7 +2,7 @@
 
 import runpy
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import chdir, redirect_stdout
 from dataclasses import replace
 from functools import partial
@@ -53,7 +53,7 @@ class Controller(NamedTuple):
     """with the name of the plant, as in `simulate`"""
     models: tuple[str, ...] = ()
     """shipped models that it uses"""
-    rows: tuple[str, ...] | None = None
+    rows: Sequence[str] | None = None
     """the rows that it drives; None: all"""
 
 
@@ -107,7 +107,7 @@ def _drive_with_example(scenario: Scenario, plant: str) -> Drive:
     return simulate(scenario, model=bundle, plant=plant)
 
 
-def _drive_with(model: str, scenario: Scenario, plant: str) -> Drive:
+def _drive_with_model(model: str, scenario: Scenario, plant: str) -> Drive:
     return simulate(scenario, model=model, plant=plant)
 
 
@@ -127,16 +127,11 @@ _AT_LIMITS = (
 )
 """where the solution of a nonlinear program may differ from its first linearisation"""
 CONTROLLERS = {
-    **{model: Controller(partial(_drive_with, model), (model,)) for model in MODELS},
+    **{model: Controller(partial(_drive_with_model, model), (model,)) for model in MODELS},
     "linear_model.py": Controller(_drive_with_example, rows=("lane change, 80 km/h",)),
-    **{
-        name: Controller(
-            partial(_drive_with_rival, name),
-            rows=_AT_LIMITS if name == "bicycle-nmpc" else _MOVING,
-        )
-        for name in RIVALS
-    },
+    **{name: Controller(partial(_drive_with_rival, name), rows=_MOVING) for name in RIVALS},
 }
+CONTROLLERS["bicycle-nmpc"] = CONTROLLERS["bicycle-nmpc"]._replace(rows=_AT_LIMITS)
 
 
 def parts() -> Iterator[Part]:
@@ -164,9 +159,8 @@ def measure_drive(controller: Controller, row: Row) -> Figures:
         "stop_s": drive.stop_s,
     }
     if row.settled_s:
-        time_s = drive["time_s"][is_driven]
-        is_settled = time_s > time_s[-1] - row.settled_s
-        offset_m = (drive["ey_m"] - drive["path_ey_m"])[is_driven][is_settled]
+        is_settled = is_driven & (drive["time_s"] > drive["time_s"][is_driven][-1] - row.settled_s)
+        offset_m = (drive["ey_m"] - drive["path_ey_m"])[is_settled]
         figures["ey_settled_m"] = float(np.nanmean(offset_m))
     if row.has_stop:
         pedal = np.sign(drive["throttle"] - drive["brake_n"] / 150.0)
@@ -174,7 +168,7 @@ def measure_drive(controller: Controller, row: Row) -> Figures:
         figures["pedal_changes"] = int(np.count_nonzero(np.diff(pressed)))
         figures["mode_changes"] = sum(a is not b for a, b in pairwise(drive.modes))
     return {
-        name: value if value is None or isinstance(value, int) else float(f"{value:.5g}")
+        name: float(f"{value:.5g}") if isinstance(value, float) else value
         for name, value in figures.items()
     }
 

@@ -1,11 +1,12 @@
 """Every table and sentence that the documents have of the results, in Markdown."""
 
+import re
 from collections.abc import Callable, Iterable
 from functools import partial
 from math import nan
 from typing import Any
 
-from benchmarks.figures.closed_loop import CONTROLLERS, MODELS, RIVALS, ROWS, part_name
+from benchmarks.figures.closed_loop import CONTROLLERS, MODELS, RIVALS, ROWS, Row, part_name
 from benchmarks.figures.results import Figures, Pieces
 from rt_controller.report.table import Column, Table, format_number, to_markdown
 
@@ -16,7 +17,7 @@ def _markdown(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 
 def by_controller(
-    drives: Figures, text: Callable[[Figures], str], rows: Iterable[str], controllers: Iterable[str]
+    drives: Figures, text: str, rows: Iterable[str], controllers: Iterable[str]
 ) -> str:
     """A line for each row, a column for each controller; a safe stop is marked."""
     shown = tuple(controllers)
@@ -25,7 +26,10 @@ def by_controller(
         found = drives.get(part_name(controller, row))
         if found is None:
             return ""
-        return text(found) + ("" if found["stop_s"] is None else ", stopped")
+        in_mm = {
+            f"{name}m": 1e3 * x for name, x in found.items() if name[-2:] == "_m" and x is not None
+        }
+        return text.format(**found, **in_mm) + ("" if found["stop_s"] is None else ", stopped")
 
     lines = ([row, *(cell(controller, row) for controller in shown)] for row in rows)
     return _markdown(["drive", *(f"`{name}`" for name in shown)], lines)
@@ -44,17 +48,16 @@ def by_name(figures: Figures, name: str, head: str, only: Iterable[str] = ()) ->
 
 SYMBOLS = {"vx": "v_x", "vy": "v_y", "yaw_rate": "yaw rate", "ds": "Δs", "ey": "e_y", "epsi": "e_ψ"}
 UNITS = {"": "", "kmh": "km/h", "degps": "deg/s", "m": "m", "deg": "deg"}
+_STATE = re.compile(f"({'|'.join(SYMBOLS)})_?({'|'.join(UNITS)})(_squared)?")
 
 
 def _head(key: str) -> str:
     """The name of a column; of a state or its squared error the symbol and the unit."""
-    state, _, unit = key.removesuffix("_squared").partition("_")
-    if key.startswith("yaw_rate"):
-        state, unit = "yaw_rate", key.removesuffix("_squared").removeprefix("yaw_rate").strip("_")
-    if state not in SYMBOLS or unit not in UNITS:
+    match = _STATE.fullmatch(key)
+    if match is None:
         return key.replace("_", " ")
-    shown = f"({UNITS[unit]})²" if key.endswith("_squared") else UNITS[unit]
-    return f"{SYMBOLS[state]} {shown}".strip()
+    unit = f"({UNITS[match[2]]})²" if match[3] else UNITS[match[2]]
+    return f"{SYMBOLS[match[1]]} {unit}".strip()
 
 
 def _text(x: Any) -> str:
@@ -67,62 +70,43 @@ def _text(x: Any) -> str:
     return format_number(nan if number is None else number, 3)
 
 
-def _lateral(found: Figures) -> str:
-    return f"{found['ey_rms_m']:.3f}, {found['ey_peak_m']:.3f}"
-
-
-def _lateral_rms(found: Figures) -> str:
-    return f"{found['ey_rms_m']:.3f}"
-
-
-def _lateral_and_wheel(found: Figures) -> str:
-    return f"{found['ey_rms_m']:.3f}, {found['wheel_rate_rms_degps']:.0f}"
-
-
-def _speed_and_wheel(found: Figures) -> str:
-    return f"{found['speed_rms_mps']:.2f}, {found['wheel_rate_rms_degps']:.0f}"
-
-
-def _settled(found: Figures) -> str:
-    return f"{1e3 * found['ey_settled_m']:.0f}"
-
-
-def _stop(found: Figures) -> str:
-    return (
-        f"{1e3 * found['stop_error_m']:.0f}, {1e3 * found['creep_m']:.0f}, "
-        f"{found['mode_changes']}, {found['pedal_changes']}"
-    )
-
-
 def _drives(
-    text: Callable[[Figures], str],
-    shown: Callable[[str], bool] = lambda row: True,
-    controllers: Iterable[str] = MODELS,
+    text: str, rows: Iterable[str], controllers: Iterable[str] = MODELS
 ) -> tuple[str, Callable[[Figures], str]]:
-    rows = tuple(row.name for row in ROWS if shown(row.name))
-    return "closed_loop", partial(by_controller, text=text, rows=rows, controllers=controllers)
+    shown, columns = tuple(rows), tuple(controllers)
+    return "closed_loop", lambda drives: by_controller(drives, text, shown, columns)
 
 
-_LANE_CHANGES = {row.name for row in ROWS[:3]}
-_OF_README = {
-    *_LANE_CHANGES,
-    *(row.name for row in ROWS if row.name in ("slalom", "road course", "bend of 100 m, 60 km/h")),
-    *(row.name for row in ROWS if "friction 0.6" in row.name or "vehicle 1" in row.name),
-}
-_MOVING = {row.name for row in ROWS if not row.has_stop}
-_SETTLED = {row.name for row in ROWS if row.settled_s}
-_STOPS = {row.name for row in ROWS if row.has_stop}
+def _rows(shown: Callable[[Row], object]) -> list[str]:
+    return [row.name for row in ROWS if shown(row)]
+
+
+_LANE_CHANGES = [row.name for row in ROWS[:3]]
+_OF_README = re.compile(
+    "lane change, [0-9]+ km/h$|slalom|road course$|bend of 100|.*(0.6|vehicle 1)"
+)
 _SHORT = ("mdk-net", "edmd-bilinear", "mdk-net-paper", "lti")
+_STOP = "{stop_error_mm:.0f}, {creep_mm:.0f}, {mode_changes}, {pedal_changes}"
 TABLES: dict[str, tuple[str, Callable[[Figures], str]]] = {
     "lane_changes": _drives(
-        _lateral, _LANE_CHANGES.__contains__, [name for name in CONTROLLERS if name not in RIVALS]
+        "{ey_rms_m:.3f}, {ey_peak_m:.3f}",
+        _LANE_CHANGES,
+        [name for name in CONTROLLERS if name not in RIVALS],
     ),
-    "rivals_short": _drives(_lateral_rms, _OF_README.__contains__, ("mdk-net", *RIVALS[::2])),
-    "rivals": _drives(_lateral_and_wheel, _MOVING.__contains__, ("mdk-net", *RIVALS)),
-    "lateral_error": _drives(_lateral),
-    "speed_and_wheel": _drives(_speed_and_wheel),
-    "settled_offset": _drives(_settled, _SETTLED.__contains__),
-    "stopping": _drives(_stop, _STOPS.__contains__),
+    "rivals_short": _drives(
+        "{ey_rms_m:.3f}", _rows(lambda row: _OF_README.match(row.name)), ("mdk-net", *RIVALS[::2])
+    ),
+    "rivals": _drives(
+        "{ey_rms_m:.3f}, {wheel_rate_rms_degps:.0f}",
+        _rows(lambda row: not row.has_stop),
+        ("mdk-net", *RIVALS),
+    ),
+    "lateral_error": _drives("{ey_rms_m:.3f}, {ey_peak_m:.3f}", _rows(lambda row: True)),
+    "speed_and_wheel": _drives(
+        "{speed_rms_mps:.2f}, {wheel_rate_rms_degps:.0f}", _rows(lambda row: True)
+    ),
+    "settled_offset": _drives("{ey_settled_mm:.0f}", _rows(lambda row: row.settled_s)),
+    "stopping": _drives(_STOP, _rows(lambda row: row.has_stop)),
     "mse_short": ("evaluation", partial(by_name, name="mse", head="model", only=_SHORT)),
     **{
         name: (piece, partial(by_name, name=name, head=head))

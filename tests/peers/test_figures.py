@@ -116,7 +116,7 @@ def test_a_marker_without_a_table_or_an_end_is_refused(text: str, expected: str)
 
 def test_a_safe_stop_is_marked_and_a_drive_that_was_not_made_is_empty() -> None:
     drives = {"lti: a": DRIVE, "mdk-net: a": {**DRIVE, "stop_s": 3.0}}
-    table = by_controller(drives, lambda found: f"{found['ey_rms_m']}", "ab", ("lti", "mdk-net"))
+    table = by_controller(drives, "{ey_rms_m}", "ab", ("lti", "mdk-net"))
     assert table.splitlines()[2:] == ["| a | 0.0164 | 0.0164, stopped |", "| b |  |  |"]
 
 
