@@ -112,9 +112,9 @@ def _drive_with_model(model: str, scenario: Scenario, plant: str) -> Drive:
 
 
 def _drive_with_rival(name: str, scenario: Scenario, plant: str) -> Drive:
-    from benchmarks.rivals.drive import drive_tuned  # needs the extra [peers]
+    from benchmarks.rivals.drive import build_rival, drive_with, tuned_values  # extra [peers]
 
-    return drive_tuned(name, scenario, plant)
+    return drive_with(build_rival(name, tuned_values(name)), scenario, plant)
 
 
 _MOVING = tuple(row.name for row in ROWS if not row.has_stop)

@@ -2,6 +2,7 @@
 
 import platform
 from collections.abc import Sequence
+from importlib.metadata import version
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
@@ -83,7 +84,7 @@ def main(
         "machine": platform.processor() or platform.machine(),
         "python": platform.python_version(),
         "rounds": rounds,
-        "versions": {entry.name: entry.version for entry in entries},
+        "versions": {entry.name: version(entry.package) for entry in entries},
         "not_installed": missing,
         "recordings": [names | {"solvers": one} for names, one in recordings],
     }

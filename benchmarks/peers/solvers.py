@@ -5,9 +5,8 @@ each problem. Each library is imported when its solver is opened, so any of them
 """
 
 from collections.abc import Callable, Sequence
-from importlib import metadata
 from importlib.util import find_spec
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import csc_matrix
@@ -20,16 +19,6 @@ from rt_controller.control.warm_start import open_solver
 
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 DEFAULT, COLD = "PIQP, warm", "PIQP"
-
-
-class PeerSolver(Protocol):
-    """The part of `Solver` that is compared."""
-
-    solution: Array
-
-    def update_matrices(self) -> bool: ...
-
-    def solve(self) -> SolveStatus: ...
 
 
 def one_sided_problem(program: QuadraticProgram, is_sparse: bool = False) -> Any:
@@ -188,14 +177,10 @@ class SolverEntry(NamedTuple):
     name: str
     package: str
     """whose version is reported"""
-    open: Callable[[QuadraticProgram, float], PeerSolver]
-    """on a program, with a tolerance"""
+    open: Callable[[QuadraticProgram, float], Any]
+    """on a program, with a tolerance: a solver with the methods of `Solver` that are compared"""
     has_tolerance: bool = True
     """False: the tolerance is ignored"""
-
-    @property
-    def version(self) -> str:
-        return metadata.version(self.package)
 
 
 def _cold(name: str, package: str, *tolerances: str, **more: Any) -> SolverEntry:

@@ -152,18 +152,13 @@ class Bicycle:
         found = np.array(self._derivatives(states.T, inputs.T, curvature_per_m))
         return found.reshape(N_STATES, len(states), -1).transpose(1, 0, 2)
 
-    def derivatives_at(self, state: Array) -> Array:
-        """(6, 10), the same at one state (6,) with the inputs and the curvature zero."""
-        stages = self._horizon
-        states, inputs = np.tile(state, (stages, 1)), np.zeros((stages, N_INPUTS))
-        return np.asarray(self.derivatives(states, inputs, 0.0)[0])
-
     def bundle(self) -> Bundle:
         """The car linearised at 15 m/s: pedal gains at low speed, and the interface of `Mpc`."""
         state = np.array(AT_REST._replace(vx_mps=_CARRIER_MPS))
-        blocks = np.split(self.derivatives_at(state), [N_STATES, N_STATES + N_INPUTS], axis=1)
-        following = self.predict(state, np.zeros((self._horizon, N_INPUTS)), 0.0)[1]
-        A, B_uc, B_uw = blocks
+        at_rest = np.zeros((self._horizon, N_INPUTS))
+        derivatives = self.derivatives(np.tile(state, (self._horizon, 1)), at_rest, 0.0)[0]
+        A, B_uc, B_uw = np.split(derivatives, [N_STATES, N_STATES + N_INPUTS], axis=1)
+        following = self.predict(state, at_rest, 0.0)[1]
         return Bundle.linear(A, B_uc, B_uw, following - A @ state, name="bicycle")
 
 

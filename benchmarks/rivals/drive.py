@@ -30,9 +30,8 @@ def settings_of(values: Values) -> MpcSettings:
 
 def tuned_values(name: str) -> dict[str, float]:
     """What the search found for a rival."""
-    file = Path(__file__).with_name(TUNED[name])
-    values: dict[str, float] = json.loads(file.read_text(encoding="utf-8"))["values"]
-    return values
+    text = Path(__file__).with_name(TUNED[name]).read_text(encoding="utf-8")
+    return cast("dict[str, float]", json.loads(text)["values"])
 
 
 def build_rival(name: str, values: Values) -> Mpc:
@@ -45,11 +44,5 @@ def build_rival(name: str, values: Values) -> Mpc:
 
 def drive_with(mpc: Mpc, scenario: Scenario, plant: str = "own") -> Drive:
     """A drive with a rival; the low-speed law gets its pedal gains from the bicycle."""
-    bundle = Bicycle(1).bundle()
     car = CarSettings(plant=plant)
-    return drive_in_lockstep(ControllerConfig(), bundle, mpc, car, scenario=scenario)
-
-
-def drive_tuned(name: str, scenario: Scenario, plant: str) -> Drive:
-    """A drive with a rival as the search left it."""
-    return drive_with(build_rival(name, tuned_values(name)), scenario, plant)
+    return drive_in_lockstep(ControllerConfig(), Bicycle(1).bundle(), mpc, car, scenario=scenario)

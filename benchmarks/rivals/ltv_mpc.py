@@ -41,11 +41,7 @@ class BicycleLinearisation:
         self.by_curvature, self.by_psi = np.zeros(shape), np.zeros((*shape, N_STATES))
 
     def update(
-        self,
-        psi: Array,
-        curvature_per_m: float,
-        inputs: Array,
-        used: slice = ALL_INPUTS,
+        self, psi: Array, curvature_per_m: float, inputs: Array, used: slice = ALL_INPUTS
     ) -> None:
         """As `Linearisation.update`: derivatives by psi, curvature and knots, stage by stage."""
         bicycle, knots = self._bicycle, self._knots
@@ -88,12 +84,7 @@ class BicycleEstimator(Estimator):
 class BicycleMpc(Mpc):
     """Linear time-varying MPC with the bicycle; nonlinear MPC if `is_iterated`."""
 
-    def __init__(
-        self,
-        bicycle: Bicycle,
-        settings: MpcSettings,
-        is_iterated: bool = False,
-    ) -> None:
+    def __init__(self, bicycle: Bicycle, settings: MpcSettings, is_iterated: bool = False) -> None:
         bundle = bicycle.bundle()
         super().__init__(bundle, settings.horizon, settings.cost())
         objective, knots = self._qp.objective, self._qp.knots
@@ -107,22 +98,22 @@ class BicycleMpc(Mpc):
 
     def plan(self, *arguments: Any) -> SolveStatus:
         status = super().plan(*arguments)
-        parameters, qp = self._qp.parameters, self._qp
+        parameters, qp, solver = self._qp.parameters, self._qp, self._solver
         for _ in range(self._iterations_left):
             if status is not SolveStatus.SOLVED:
                 break
-            knots = (self._solver.solution[: qp.scale.size] * qp.scale).reshape(-1, N_INPUTS)
-            before = self._solver.solution.copy()
+            before = solver.solution.copy()
+            knots = (before[: qp.scale.size] * qp.scale).reshape(-1, N_INPUTS)
             parameters.nominal_knots[:], parameters.nominal_inputs[:] = knots, self.inputs
             qp.update_matrices(self._pedals.used_inputs(parameters.previous))
-            self._solver.update_matrices()
+            solver.update_matrices()
             qp.update_vectors(self._pedals)
-            status = self._solver.solve()
+            status = solver.solve()
             self._has_plan = status is SolveStatus.SOLVED
             if self._has_plan:
-                knots = (self._solver.solution[: qp.scale.size] * qp.scale).reshape(-1, N_INPUTS)
+                knots = (solver.solution[: qp.scale.size] * qp.scale).reshape(-1, N_INPUTS)
                 np.dot(qp.interpolation, knots, out=self.inputs)
-                if np.abs(self._solver.solution - before).max() < CONVERGED:
+                if np.abs(solver.solution - before).max() < CONVERGED:
                     break
         return status
 

@@ -16,15 +16,9 @@ _NOISE_SEED = 11
 def _scenario(
     name: str, duration_s: float, speed_kmh: Any, ey_m: Any = 0.0, **others: Any
 ) -> Scenario:
-    fields = {
-        "format": 2,
-        "name": name,
-        "duration_s": duration_s,
-        "reference": {"speed_kmh": speed_kmh, "ey_m": ey_m},
-        "metrics": METRICS,
-        **others,
-    }
-    return ScenarioFile.model_validate(fields).scenario()
+    reference = {"speed_kmh": speed_kmh, "ey_m": ey_m}
+    fields = {"format": 2, "name": name, "duration_s": duration_s, "metrics": METRICS, **others}
+    return ScenarioFile.model_validate({**fields, "reference": reference}).scenario()
 
 
 def _move(length_m: float) -> dict[str, Any]:

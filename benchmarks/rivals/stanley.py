@@ -119,17 +119,13 @@ class Stanley:
         times_s = PERIOD_S * np.arange(len(reference))
         here, ahead = np.interp((0.0, gains.preview_s), times_s, curvatures).tolist()
         wheelbase_m, rear_m, *_ = DEFAULT_GEOMETRY
-        front_m, slip_rad = (
-            wheelbase_m - rear_m,
-            here * (rear_m - gains.sideslip_s2_per_m * speed_mps**2),
-        )
+        front_m = wheelbase_m - rear_m
+        slip_rad = here * (rear_m - gains.sideslip_s2_per_m * speed_mps**2)
         heading_rad = state.epsi_rad + slip_rad - reference[0, StateColumn.epsi_rad]
         error_m = state.ey_m - reference[0, StateColumn.ey_m]
         if abs(error_m) < _INTEGRATED_M:
-            change_m = gains.integral_per_s * PERIOD_S * error_m
-            self._offset_m = float(
-                np.clip(self._offset_m + change_m, -_MOST_OFFSET_M, _MOST_OFFSET_M)
-            )
+            changed_m = self._offset_m + gains.integral_per_s * PERIOD_S * error_m
+            self._offset_m = min(max(changed_m, -_MOST_OFFSET_M), _MOST_OFFSET_M)
         error_m += front_m * heading_rad + self._offset_m
         forward = wheelbase_m * ahead + gains.understeer_rad_per_mps2 * speed_mps**2 * ahead
         turning = state.yaw_rate_radps - speed_mps * here
@@ -145,9 +141,7 @@ class Stanley:
         self._pedals.update(-error_mps, path.a_mps2)
         if abs(error_mps) < _INTEGRATED_MPS:
             changed = self._speed_integral_mps2 + gains.speed_integral_per_s2 * PERIOD_S * error_mps
-            self._speed_integral_mps2 = float(
-                np.clip(changed, -_MOST_INTEGRAL_MPS2, _MOST_INTEGRAL_MPS2)
-            )
+            self._speed_integral_mps2 = min(max(changed, -_MOST_INTEGRAL_MPS2), _MOST_INTEGRAL_MPS2)
         wanted = path.a_mps2 + gains.speed_per_s * error_mps + self._speed_integral_mps2
         wanted += car.rolling_mps2 + car.drag_per_m * speed_mps**2
         if self._pedals.pedal is Pedal.BRAKE:
@@ -160,9 +154,6 @@ class Stanley:
             acting = self._acting or ControlInput(*self.inputs[0].tolist())
             self._estimator.advance(self._now, acting, self._curvature_per_m)
         self._has_plan = False
-
-    def warm_up(self) -> None:
-        """Do nothing: a plan takes microseconds."""
 
     def observe(self, state: VehicleState, held: ControlInput) -> None:
         """Filter `state` as `Mpc` does."""
@@ -186,11 +177,7 @@ class Stanley:
         """Continue after another law."""
         self._pedals.resume(previous)
 
-    def limit_steering(self, most_rad: float, rate_radps: float) -> None:
-        """Do nothing: the law has no plan, and the cars of the comparison follow its commands."""
+    def _do_nothing(self, *_: Any) -> None:
+        """There is no plan and no solver, and the cars of the comparison follow its commands."""
 
-    def limit_solve_time(self, budget_ns: int) -> None:
-        """Do nothing: nothing is solved."""
-
-    def predicted_states(self) -> None:
-        """None: there is no plan."""
+    warm_up = limit_steering = limit_solve_time = predicted_states = _do_nothing
