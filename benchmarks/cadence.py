@@ -82,23 +82,15 @@ def main(
 ) -> int:
     """Drive in real time and print the time of each stage of the step.
 
-    Parameters
-    ----------
-    variants
-        default; unprepared: nothing done before the tick; paper, lti: other models.
-    ticks
-        Ticks of each variant in a round: 40,000 take 17 minutes. If the host stalls and the car is
-        stopped, another drive supplies the missing ticks.
-    rounds
-        Repetitions of all variants in turn; figures are of all ticks.
-    transport
-        local: shared memory; remote: python-can-remote and its server.
-    car_cpu
-        Core of the vehicle, and of the server.
-    controller_cpu
-        Core of the controller.
-    json
-        File for all figures.
+    Args:
+        variants: default; unprepared: nothing done before the tick; paper, lti: other models.
+        ticks: of each variant in a round: 40,000 take 17 minutes. If the host stalls and the car is
+            stopped, another drive supplies the missing ticks.
+        rounds: repetitions of all variants in turn; figures are of all ticks.
+        transport: local: shared memory; remote: python-can-remote and its server.
+        car_cpu: core of the vehicle, and of the server.
+        controller_cpu: core of the controller.
+        json: file for all figures.
     """
     require_writable(json)
     console = Console()
@@ -221,20 +213,13 @@ def drive_in_real_time(
             _, channel = start_bus_server(folder / "bus.log", running, car_cpu)
         bus = ("--bus", transport.value, "--channel", channel, "--quiet")
         car_log, controller_log = folder / "car.log", folder / "controller.log"
-        start(
-            *program("sim_bridge.cli", *bus, "--scenario", str(scenario)),
-            log=car_log,
-            cpu=car_cpu,
-            running=running,
-        )
         summary_file, ticks_file = folder / "controller.json", folder / "ticks.csv"
-        controller = start(
-            *program("rt_controller.cli", *bus, "--realtime.cpu", str(controller_cpu)),
-            *("--model-trial", "off"),
-            *("--json", str(summary_file), "--ticks", str(ticks_file), *options),
-            log=controller_log,
-            running=running,
-        )
+        car = program("sim_bridge.cli", *bus, "--scenario", str(scenario))
+        start(*car, log=car_log, cpu=car_cpu, running=running)
+        files = ("--json", str(summary_file), "--ticks", str(ticks_file), "--model-trial", "off")
+        cpu = ("--realtime.cpu", str(controller_cpu))
+        command = program("rt_controller.cli", *bus, *cpu, *files, *options)
+        controller = start(*command, log=controller_log, running=running)
         controller.wait(ticks * PERIOD_S + TIMEOUT_S)
         if not summary_file.exists():
             raise BusError(controller_log.read_text()[-1000:])

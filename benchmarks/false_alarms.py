@@ -150,17 +150,12 @@ def _earlier(path: Path | None, model: str) -> list[DriveResult]:
             f"--drives {path}: expected drives of the model {model}, found {', '.join(others)}. "
             f"Name another file, or the same model."
         )
-    drives = [line["drive"] for line in lines]
-    return [
-        DriveResult(
-            **{
-                **drive,
-                "condition": Condition(**drive["condition"]),
-                "failed_checks": tuple(drive["failed_checks"]),
-            }
-        )
-        for drive in drives
-    ]
+    results = []
+    for line in lines:
+        drive = line["drive"]
+        condition, failed = Condition(**drive["condition"]), tuple(drive["failed_checks"])
+        results.append(DriveResult(**{**drive, "condition": condition, "failed_checks": failed}))
+    return results
 
 
 def measure(condition: Condition, model: str | None) -> DriveResult:
@@ -250,16 +245,17 @@ def figures_of(found: Sequence[DriveResult]) -> dict[str, Any]:
 
 def table_of(figures: dict[str, Any]) -> Table:
     """The checks, for reading."""
-    heads = ("check", "threshold", "largest", "share", "false alarms", "per hour, 95 % bound")
-    rows = tuple(
-        (
-            each["check"],
-            f"{each['threshold']:g}",
-            f"{each['largest']:.4g}",
-            f"{each['largest_share_of_threshold']:.2f}",
-            f"{each['drives_with_false_alarm']}",
-            f"{each['false_alarms_per_h_95_upper']:.2g}",
-        )
+    columns = {
+        "check": ("check", "{}"),
+        "threshold": ("threshold", "{:g}"),
+        "largest": ("largest", "{:.4g}"),
+        "largest_share_of_threshold": ("share", "{:.2f}"),
+        "drives_with_false_alarm": ("false alarms", "{}"),
+        "false_alarms_per_h_95_upper": ("per hour, 95 % bound", "{:.2g}"),
+    }
+    heads = tuple(Column(head) for head, _ in columns.values())
+    rows = (
+        tuple(form.format(each[key]) for key, (_, form) in columns.items())
         for each in figures["checks"]
     )
     title = (
@@ -267,7 +263,7 @@ def table_of(figures: dict[str, Any]) -> Table:
         "alarm; {drives_that_lose_the_path_without_checks_too} left the path, with checks and "
         "without"
     ).format(**figures)
-    return Table(title, tuple(Column(head) for head in heads), rows)
+    return Table(title, heads, tuple(rows))
 
 
 if __name__ == "__main__":

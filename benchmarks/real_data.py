@@ -60,26 +60,17 @@ def main(
 
     What the folder has already is not made again.
 
-    Parameters
-    ----------
-    folder
-        Gets mappings, data sets, runs and models, in a folder for each experiment.
-    gti
-        Folder of the drives exp_*.npz.
-    av21
-        Log of one track, Putnam_park2023_run4_2.csv.
-    other_track
-        Log of another track, such as LVMS_23_01_04_B.csv: the test of an experiment of its own.
-    preset
-        Of the training.
-    steps
-        Of the training; default: those of the preset.
-    seeds
-        One model for each; the first is also trained with a constant B.
-    baselines
-        As in offline-evaluate.
-    json
-        File for all figures.
+    Args:
+        folder: gets mappings, data sets, runs and models, in a folder for each experiment.
+        gti: folder of the drives exp_*.npz.
+        av21: log of one track, Putnam_park2023_run4_2.csv.
+        other_track: log of another track, such as LVMS_23_01_04_B.csv: the test of an experiment of
+            its own.
+        preset: of the training.
+        steps: of the training; default: those of the preset.
+        seeds: one model for each; the first is also trained with a constant B.
+        baselines: as in offline-evaluate.
+        json: file for all figures.
     """
     require_writable(json)
     if gti is None and av21 is None:

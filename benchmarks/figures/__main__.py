@@ -49,8 +49,8 @@ def main(
 
     Args:
         only: pieces to measure.
-        imports: JSON files of offline-evaluate, sim-bridge fault-matrix, benchmarks.false_alarms,
-            benchmarks.peers and benchmarks.cadence, of the shipped models.
+        imports: JSON files of offline-evaluate, sim-bridge fault-matrix and
+            benchmarks.false_alarms, of the shipped models.
         again: forget what the file has of these pieces, then measure.
         tables: measure nothing, write the tables only.
         check: measure and write nothing; exit code 1 if a table is not that of the file, or the

@@ -129,41 +129,10 @@ def _false_alarms(found: Found) -> Figures:
     return {"false_alarms": sentence, "alarm_margins": shares}
 
 
-def _solvers(found: Found) -> Figures:
-    """Of the QP of the shipped controller: slew rates, vectors known at the tick."""
-    qps = {"model": SHIPPED_MODEL, "tier": "slew", "mode": "prepared"}
-    times = ("p50_us", "p99_us", "p50_us_over_default", "p99_us_over_default")
-    recordings = [one for one in found["recordings"] if qps.items() <= one.items()]
-    return {"solvers": _side_by_side(recordings, times)}
-
-
-def _side_by_side(scenarios: list[Found], columns: tuple[str, ...]) -> Figures:
-    table: Figures = {}
-    for one in scenarios:
-        for name, figures in one["solvers"].items():
-            named = {f"{one['scenario']}: {column}": figures[column] for column in columns}
-            table[name] = table.get(name, {}) | named
-    return table
-
-
-def _cadence(found: Found) -> Figures:
-    stages = ("step", "receive", "plan", "send", "qp", "read_ahead", "total", "preparation")
-    quantiles = ("p50", "p99", "p999", "max")
-    return {
-        "cadence": {
-            f"{one['variant']}: {stage}": {f"{q}_us": one[f"{stage}_us"][q] for q in quantiles}
-            for one in found["variants"]
-            for stage in stages
-        }
-    }
-
-
 SOURCES: dict[str, tuple[set[str], Callable[[Found], Figures]]] = {
     "evaluation": ({"sets", "series", "model_sha256"}, _evaluation),
     "fault_matrix": ({"rows", "summary"}, _fault_matrix),
     "false_alarms": ({"driven_h", "checks"}, _false_alarms),
-    "solvers": ({"recordings", "not_installed"}, _solvers),
-    "cadence": ({"variants", "transport"}, _cadence),
 }
 """by piece: the keys that only its files have together, and what is kept of them"""
 

@@ -117,8 +117,6 @@ TABLES: dict[str, tuple[str, Callable[[Figures], str]]] = {
             ("fault_matrix", "fault_matrix", ""),
             ("false_alarms", "false_alarms", ""),
             ("false_alarms", "alarm_margins", "check"),
-            ("solvers", "solvers", "solver"),
-            ("cadence", "cadence", "variant and stage"),
         )
     },
 }

@@ -42,24 +42,15 @@ def main(
 ) -> int:
     """Record closed-loop drives, then solve the same quadratic programs with every solver.
 
-    Parameters
-    ----------
-    models
-        Shipped models to drive with; mdk-net has a new Hessian every period.
-    tiers
-        slew: with slew rates; corridor: also with soft bounds on e_y.
-    scenarios
-        mild: the shipped double lane change; hard: one near the limit of grip.
-    modes
-        What a solver is given before the clock starts.
-    only
-        Names of the solvers to compare; the controller's own are always included.
-    rounds
-        Repetitions of all solvers; ratios are taken within a round.
-    json
-        File for all figures.
-    plot
-        File (SVG or PNG) for a plot of the first model: slew, prepared.
+    Args:
+        models: shipped models to drive with; mdk-net has a new Hessian every period.
+        tiers: slew: with slew rates; corridor: also with soft bounds on e_y.
+        scenarios: mild: the shipped double lane change; hard: one near the limit of grip.
+        modes: what a solver is given before the clock starts.
+        only: names of the solvers to compare; the controller's own are always included.
+        rounds: repetitions of all solvers; ratios are taken within a round.
+        json: file for all figures.
+        plot: file (SVG or PNG) for a plot of the first model: slew, prepared.
     """
     require_writable(json)
     if plot is not None:

@@ -173,10 +173,6 @@ SLICE = {
     "best_baseline": {"linear": "lti"},
     "baseline_mse_over_model_mse": {"mdk-net": {"lti": RATIO}},
 }  # fmt: skip
-TIMES = {"p50_us": 1.0, "p99_us": 2.0, "p50_us_over_default": {"median": 1.0},
-         "p99_us_over_default": {"median": 1.0}}  # fmt: skip
-STAGE = {"p50": 1.0, "p99": 2.0, "p999": 3.0, "max": 4.0}
-STAGES = ("step", "receive", "plan", "send", "qp", "read_ahead", "total", "preparation")
 LIBRARY = {
     "models": {"mdk-net": {"mse": {"vx_kmh_squared": {"value": 0.156}}}},
     "baseline_mse_over_model_mse": {"mdk-net": {"lti": RATIO}},
@@ -192,19 +188,6 @@ LIBRARY = {
             {"sets": {"library": LIBRARY}, "series": {"brake": {"slices": [SLICE]}}},
             "mse_slices",
             "| library, no brake | 9 | lti | 2 | 2 (1 to 3) |",
-        ),
-        (
-            {"not_installed": [], "recordings": [
-                {"model": "mdk-net", "tier": "slew", "mode": "prepared", "scenario": scenario,
-                 "solvers": {"OSQP": TIMES}} for scenario in ("mild", "hard")]},
-            "solvers",
-            "| OSQP | 1 | 2 | 1 | 1 | 1 | 2 | 1 | 1 |",
-        ),
-        (
-            {"transport": "local", "variants": [
-                {"variant": "lti", **{f"{name}_us": STAGE for name in STAGES}}]},
-            "cadence",
-            "| lti: read ahead | 1 | 2 | 3 | 4 |",
         ),
     ],
 )  # fmt: skip
