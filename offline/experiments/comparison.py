@@ -151,37 +151,33 @@ def compare(
 
 
 def comparison_figures(title: str, data: CampaignData, rows: Sequence[Row]) -> dict[str, Any]:
-    """The figures for `--json`.
+    """The figures for `--json`; those of a variant are pooled over its seeds.
 
-    Those of a variant are pooled over its seeds. A ratio is that of the mean squared errors of the
-    fair linear model to those of the variant.
+    A ratio is that of the mean squared errors of the fair linear model to those of the variant.
     """
-    groups = groupby(rows, key=lambda row: row.training.variant)
-    return {
-        "title": title,
-        "baseline_mse_si": dict(data.linear_mse),
-        "variants": [_variant_figures(variant, list(group)) for variant, group in groups],
-    }
-
-
-def _variant_figures(variant: Variant, rows: Sequence[Row]) -> dict[str, Any]:
-    config = rows[0].training.config
-    models = [row.result for row in rows if row.result.mse_ratio]
-    ratios = [each.mse_ratio or {} for each in models]
-    means = [geometric_mean(each.values()) for each in ratios]
-    by_state = {name: geometric_mean(each[name] for each in ratios) for name in (*ratios, {})[0]}
-    return {
-        **variant.model_dump(),
-        "n_steps": config.steps,
-        "n_trajectories_per_step": config.batch,
-        "n_parameters": models[0].n_parameters if models else None,
-        "geometric_mean_ratio": geometric_mean(means) if means else None,
-        "least_geometric_mean_ratio": min(means, default=None),
-        "most_geometric_mean_ratio": max(means, default=None),
-        "mse_ratio": by_state or None,
-        "training_cpu_s": fmean(each.training_cpu_s for each in models) if models else None,
-        "trainings": [{"seed": row.training.config.seed, **asdict(row.result)} for row in rows],
-    }
+    variants = []
+    for variant, group in groupby(rows, key=lambda row: row.training.variant):
+        seeds = list(group)
+        config, models = seeds[0].training.config, [r.result for r in seeds if r.result.mse_ratio]
+        ratios = [model.mse_ratio or {} for model in models]
+        means = [geometric_mean(each.values()) for each in ratios]
+        names = ratios[0] if ratios else ()
+        by_state = {name: geometric_mean(each[name] for each in ratios) for name in names}
+        variants.append(
+            {
+                **variant.model_dump(),
+                "n_steps": config.steps,
+                "n_trajectories_per_step": config.batch,
+                "n_parameters": models[0].n_parameters if models else None,
+                "geometric_mean_ratio": geometric_mean(means) if means else None,
+                "least_geometric_mean_ratio": min(means, default=None),
+                "most_geometric_mean_ratio": max(means, default=None),
+                "mse_ratio": by_state or None,
+                "training_cpu_s": fmean(m.training_cpu_s for m in models) if models else None,
+                "trainings": [{"seed": r.training.config.seed, **asdict(r.result)} for r in seeds],
+            }
+        )
+    return {"title": title, "baseline_mse_si": dict(data.linear_mse), "variants": variants}
 
 
 def comparison_markdown(figures: Mapping[str, Any]) -> str:

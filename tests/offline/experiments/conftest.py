@@ -8,91 +8,60 @@ import pytest
 from offline.experiments.backend import Backend
 from offline.experiments.training_task import CampaignData, measure_linear_model
 
-LISTS = """
-[tiny]
+_COMMON = """
 why = "small enough for a test"
 base = "recommended"
-
-[tiny.common]
+[{name}.common]
 steps = 12
 batch = 8
-evaluate_every = 5
 hidden = [8]
 latents = 4
-history_steps = 3
 stability = "gelfand"
+"""
+_TINY, _WILD = "[tiny]" + _COMMON.format(name="tiny"), "[wild]" + _COMMON.format(name="wild")
 
+LISTS = f"""
+{_TINY}
+evaluate_every = 5
+history_steps = 3
 [[tiny.variant]]
 name = "whole"
 why = "nothing left out"
-
 [[tiny.variant]]
 name = "without-bilinear"
 why = "a constant B"
-changes = { bilinear_rank = 0 }
+changes = {{ bilinear_rank = 0 }}
 
-[wild]
-why = "one that diverges, and one that does not"
-base = "recommended"
-
-[wild.common]
-steps = 12
-batch = 8
+{_WILD}
 evaluate_every = 5
-hidden = [8]
-latents = 4
-stability = "gelfand"
-
 [[wild.variant]]
 name = "too-fast"
 why = "a learning rate that diverges"
-changes = { learning_rate = 1e30, gradient_clip = "none" }
-
+changes = {{ learning_rate = 1e30, gradient_clip = "none" }}
 [[wild.variant]]
 name = "sane"
 why = "the usual learning rate"
 """
 
-SPACES = """
-[tiny]
-why = "small enough for a test"
-base = "recommended"
-
-[tiny.common]
-steps = 12
-batch = 8
+SPACES = f"""
+{_TINY}
 evaluate_every = 3
-latents = 4
 history_steps = 3
-stability = "gelfand"
-
 [[tiny.parameter]]
 field = "learning_rate"
 low = 1e-4
 high = 1e-2
 scale = "log"
-
 [[tiny.parameter]]
 field = "hidden"
 choices = [[4], [8], [8, 8]]
-
 [[tiny.parameter]]
 field = "bilinear_rank"
 low = 0
 high = 3
 
-[wild]
-why = "learning rates that diverge"
-base = "recommended"
-
-[wild.common]
-steps = 12
-batch = 8
-hidden = [4]
-latents = 4
-stability = "gelfand"
+{_WILD}
 gradient_clip = "none"
-
 [[wild.parameter]]
 field = "learning_rate"
 low = 1e29
@@ -115,8 +84,8 @@ def lists(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def spaces(tmp_path_factory) -> Path:
-    file = tmp_path_factory.mktemp("spaces") / "spaces.toml"
+def spaces(lists) -> Path:
+    file = lists.with_name("spaces.toml")
     file.write_text(SPACES)
     return file
 

@@ -81,42 +81,15 @@ def test_contradictory_options_are_refused(arguments, complaint):
         Backend(*arguments)
 
 
-@pytest.mark.parametrize("options", [(), ("--backend", "threading", "--jobs", "2")])
-def test_data_set_has_the_same_bytes_with_every_backend(
-    tmp_path, monkeypatch, options, small_chunks
-):
-    hashes = []
-    for name, where in (("one", ("--jobs", "1")), ("other", options)):
-        figures = tmp_path / f"{name}.json"
-        arguments = ["offline-data", "--episodes", "10", "--data", str(tmp_path / name), *where]
+def test_data_set_has_the_same_bytes_with_every_backend(tmp_path, monkeypatch):
+    monkeypatch.setattr("offline.data.generate.CHUNK_EPISODES", 2)  # five tasks instead of one
+    hashes = set()
+    for where in (("--jobs", "1"), ("--jobs", "2"), ("--backend", "threading", "--jobs", "2")):
+        folder, figures = tmp_path / "-".join(where), tmp_path / "figures.json"
+        arguments = ["offline-data", "--episodes", "10", "--data", str(folder), *where]
         monkeypatch.setattr(sys, "argv", [*arguments, "--json", str(figures)])
         with pytest.raises(SystemExit) as exit_info:
             cli.data_main()
         assert exit_info.value.code in (0, None)
-        hashes.append(json.loads(figures.read_text())["sha256"])
-    assert hashes[0] == hashes[1]
-
-
-@pytest.fixture
-def small_chunks(monkeypatch):
-    """Five tasks instead of one."""
-    monkeypatch.setattr("offline.data.generate.CHUNK_EPISODES", 2)
-
-
-@pytest.mark.parametrize(
-    ("options", "complaint"),
-    [
-        (("--address", "127.0.0.1:8786"), "--backend dask or ray"),
-        (("--jobs", "0"), "--jobs"),
-    ],
-)
-def test_backend_that_cannot_work_ends_the_command_with_exit_code_2(
-    tmp_path, monkeypatch, capsys, options, complaint
-):
-    arguments = ["offline-data", "--episodes", "10", "--data", str(tmp_path / "data"), *options]
-    monkeypatch.setattr(sys, "argv", arguments)
-    with pytest.raises(SystemExit) as exit_info:
-        cli.data_main()
-    assert exit_info.value.code == 2
-    assert complaint in " ".join(capsys.readouterr().err.split())
-    assert not (tmp_path / "data").exists()
+        hashes.add(json.loads(figures.read_text())["sha256"])
+    assert len(hashes) == 1
