@@ -1,5 +1,6 @@
-"""The log: readable by python-can, the same bytes for the same drive, never blocking."""
+"""The log: whole records, never overwritten unasked, readable by python-can, never blocking."""
 
+import errno
 import os
 import time
 from collections.abc import Callable
@@ -9,17 +10,86 @@ from threading import Event
 import can
 import pytest
 
+from rt_controller.bus.log.log_file import LogFile
 from rt_controller.bus.log.recorder import Recorder
 from rt_controller.contract.errors import ConfigError
+
+RECORDS = [b"first\n", b"second\n", b"third\n"]
+
+
+@pytest.fixture
+def earlier_log(tmp_path: Path) -> Path:
+    """A earlier_log of an earlier drive."""
+    path = tmp_path / "drive.log"
+    path.write_text("earlier\n")
+    return path
+
+
+def test_an_existing_log_is_refused_and_stays_as_it_is(earlier_log):
+    with pytest.raises(ConfigError, match=r"expected no log .* found one.*--overwrite"):
+        LogFile(earlier_log)
+    assert earlier_log.read_text() == "earlier\n"
+
+
+def test_an_existing_log_is_replaced_when_asked_with_the_first_record(earlier_log):
+    file = LogFile(earlier_log, replaces=True)
+    assert earlier_log.read_text() == "earlier\n"
+    file.append(RECORDS)
+    file.close()
+    assert earlier_log.read_bytes() == b"".join(RECORDS)
+
+
+def test_a_run_without_records_neither_replaces_a_log_nor_leaves_one(earlier_log):
+    LogFile(earlier_log, replaces=True).close()
+    assert earlier_log.read_text() == "earlier\n"
+    new = earlier_log.with_name("new.log")
+    LogFile(new).close()
+    assert not new.exists()
+
+
+def test_a_folder_gets_a_new_log_for_every_run(tmp_path):
+    names = set()
+    for _ in range(3):
+        file = LogFile(tmp_path)
+        file.append(RECORDS)
+        file.close()
+        names.add(file.path)
+    assert len(names) == 3
+    assert {path.parent for path in names} == {tmp_path}
+
+
+def test_a_pipe_without_a_reader_is_refused_instead_of_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(ConfigError, match="a pipe that no process reads"):
+        LogFile(tmp_path / "pipe")
+
+
+def test_a_full_disk_keeps_whole_records_and_says_how_many(tmp_path, monkeypatch):
+    room, write = 9, os.write
+
+    def write_until_full(descriptor, data):
+        nonlocal room
+        if room == 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        written = write(descriptor, data[:room])
+        room -= written
+        return written
+
+    file = LogFile(tmp_path / "drive.log")
+    monkeypatch.setattr("rt_controller.bus.log.log_file.os.write", write_until_full)
+    assert file.append(RECORDS) == 1
+    assert file.failure == "No space left on device"
+    room = 100
+    assert file.append(RECORDS[1:]) == 2
+    file.close()
+    assert file.path.read_bytes() == b"".join(RECORDS)
 
 
 def message(arbitration_id: int, data: bytes) -> can.Message:
     return can.Message(arbitration_id=arbitration_id, is_extended_id=False, data=data, check=True)
 
 
-def test_every_kind_of_frame_is_the_line_that_candump_writes_and_is_read_back(
-    tmp_path: Path,
-) -> None:
+def test_every_kind_of_frame_is_the_line_that_candump_writes_and_is_read_back(tmp_path):
     path, standard = tmp_path / "drive.log", {"is_extended_id": False}
     frames = [
         (can.Message(arbitration_id=0x12345, data=b"\x01"), "00012345#01"),
@@ -54,9 +124,7 @@ def test_every_kind_of_frame_is_the_line_that_candump_writes_and_is_read_back(
         ("drive.mcap", r"Name the MCAP file with --mcap"),
     ],
 )
-def test_a_file_that_cannot_be_such_a_log_is_refused(
-    tmp_path: Path, name: str, expected: str
-) -> None:
+def test_a_file_that_cannot_be_such_a_log_is_refused(tmp_path, name, expected):
     with pytest.raises(ConfigError, match=expected):
         Recorder(tmp_path / name, "can0", is_lockstep=False)
     assert not list(tmp_path.iterdir())
@@ -74,9 +142,7 @@ def wait_until(condition: Callable[[], object]) -> None:
     pytest.fail("expected the writer to have written")
 
 
-def test_the_writer_writes_while_the_drive_goes_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_writer_writes_while_the_drive_goes_on(tmp_path, monkeypatch):
     """So the log of a killed controller lacks only the last frames."""
     write_often(monkeypatch)
     path = tmp_path / "drive.log"
@@ -86,7 +152,7 @@ def test_the_writer_writes_while_the_drive_goes_on(
         assert path.read_text() == "(0.000000) can0 100#01\n"
 
 
-def test_a_message_may_change_after_it_was_recorded(tmp_path: Path) -> None:
+def test_a_message_may_change_after_it_was_recorded(tmp_path):
     path = tmp_path / "drive.log"
     reused = message(0x100, bytes(8))
     with Recorder(path, "can0", is_lockstep=False) as recorder:
@@ -96,18 +162,8 @@ def test_a_message_may_change_after_it_was_recorded(tmp_path: Path) -> None:
     assert [each.data[0] for each in can.CanutilsLogReader(path)] == [1, 2, 3]
 
 
-def test_a_full_queue_drops_and_counts_but_never_blocks(tmp_path: Path) -> None:
-    path = tmp_path / "drive.log"
-    with Recorder(path, "can0", is_lockstep=False, capacity=0) as recorder:
-        for _ in range(10):
-            recorder.record(message(0x100, bytes(8)), 0)
-    assert (recorder.written, recorder.dropped) == (0, 10)
-
-
 @pytest.mark.parametrize("is_lockstep", [False, True])
-def test_a_full_disk_does_not_end_the_drive(
-    is_lockstep: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_does_not_end_the_drive(is_lockstep, monkeypatch):
     write_often(monkeypatch)
     full = Path("/dev/full")
     if not full.exists():
@@ -126,8 +182,8 @@ def test_a_full_disk_does_not_end_the_drive(
 @pytest.mark.parametrize("begins_before_the_end", [False, True])
 @pytest.mark.parametrize("is_lockstep", [False, True])
 def test_a_disk_that_does_not_answer_does_not_hold_up_the_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_lockstep: bool, begins_before_the_end: bool
-) -> None:
+    tmp_path, monkeypatch, is_lockstep, begins_before_the_end
+):
     answers = Event()
     if begins_before_the_end:
         write_often(monkeypatch)
@@ -145,13 +201,11 @@ def test_a_disk_that_does_not_answer_does_not_hold_up_the_end(
     answers.set()
 
 
-def test_a_disk_that_stalls_delays_no_frame(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_disk_that_stalls_delays_no_frame(tmp_path, monkeypatch):
     """`record` returns while the writer waits; what it took meanwhile is written afterwards."""
     is_stalled, answers, write = Event(), Event(), os.write
 
-    def stall(descriptor: int, data: bytes) -> int:
+    def stall(descriptor, data):
         is_stalled.set()
         assert answers.wait(60.0)
         return write(descriptor, data)
@@ -168,9 +222,7 @@ def test_a_disk_that_stalls_delays_no_frame(
     assert (recorder.written, recorder.dropped, recorder.explain_failure()) == (2001, 0, "")
 
 
-def test_a_drive_in_lockstep_waits_for_a_slow_disk(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_drive_in_lockstep_waits_for_a_slow_disk(tmp_path, monkeypatch):
     write_often(monkeypatch)
     with Recorder(tmp_path / "slow.log", "can0", is_lockstep=True, capacity=8) as recorder:
         for _ in range(100):
