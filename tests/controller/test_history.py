@@ -12,7 +12,6 @@ from scripted_vehicle import CRUISING, ENGAGED, STRAIGHT, Rig, build_rig
 
 from rt_controller.bus.messages import STATE, Command, StateSample
 from rt_controller.config import MpcSettings
-from rt_controller.contract.faults import Fault
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, VehicleState
 from rt_controller.control.lift import Encoder
 from rt_controller.control.mpc import Mpc
@@ -22,7 +21,6 @@ from rt_controller.safety.tick import Tick
 STEPS = WITH_PAST.history_steps
 RESOLUTION = np.array([0.0, 0.0, 0.0, 1.1e-5, 1.3e-3, 1.8e-4])
 """resolution of a row: exact states, and commands as the frames quantise them"""
-
 Row = tuple[float, ...]
 
 
@@ -59,7 +57,6 @@ class Watched:
     def received(self) -> VehicleState:
         """The newest state, as received over the bus."""
         newest = self.rig.inbox.newest(STATE)
-        assert newest is not None
         return newest.content.state
 
 
@@ -71,7 +68,6 @@ def watch(mpc: Mpc) -> Iterator[Watched]:
         watched = Watched(rig)
 
         def watched_lift(encoder: Encoder, state: VehicleState, curvature: float) -> np.ndarray:
-            assert encoder.history is not None
             watched.shown = encoder.history.copy()
             return lift(encoder, state, curvature)
 
@@ -120,7 +116,7 @@ def drive_ticks(watched: Watched, ticks: int, first: int = 0) -> list[Row]:
     return driven
 
 
-def test_rows_are_states_with_the_commands_sent_for_them(watched: Watched) -> None:
+def test_rows_are_states_with_the_commands_sent_for_them(watched):
     driven = drive_ticks(watched, 1)
     before = (*driven[0][:3], *NEUTRAL_INPUT)
     for k in range(1, 3 * STEPS):
@@ -138,7 +134,7 @@ def send_one_more_state(watched: Watched, k: int) -> None:
     rig.vehicle.outbox.send(STATE, sample, rig.clock.now_ns(), counter=rig.vehicle.counter)
 
 
-def test_a_state_that_was_not_planned_from_restarts_the_history(watched: Watched) -> None:
+def test_a_state_that_was_not_planned_from_restarts_the_history(watched):
     drive_ticks(watched, 6)
     sent = watched.rig.step.last.control
     send_one_more_state(watched, 6)
@@ -146,34 +142,7 @@ def test_a_state_that_was_not_planned_from_restarts_the_history(watched: Watched
     assert_restarted(watched, sent)
 
 
-def test_a_delayed_state_restarts_the_history(watched: Watched) -> None:
-    drive_ticks(watched, 6)
-    result = watched.tick(state=moving(6), stamped_late_ns=60_000_000)
-    assert result.mode is Mode.HOLD_PLAN
-    held = result.control
-    watched.tick(state=moving(7), stamped_late_ns=0)
-    assert_restarted(watched, held)
-
-
-def test_without_a_known_command_the_history_restarts_in_each_tick(watched: Watched) -> None:
-    """The vehicle still echoes the commands of an earlier controller."""
-    for k in range(3):
-        ahead = watched.rig.vehicle.counter + 3
-        watched.tick(state=moving(k), command_echo=ahead)
-        assert watched.rig.step.last.mode is Mode.NOMINAL
-        assert_restarted(watched, NEUTRAL_INPUT)
-
-
-def test_a_vehicle_that_echoes_no_command_is_not_driven(watched: Watched) -> None:
-    watched.echo_lag = 10**9
-    for k in range(3):
-        assert watched.tick(state=moving(k)).mode is Mode.STANDBY
-    assert watched.rig.heartbeat.faults == Fault.COMMANDS_UNANSWERED
-    watched.echo_lag = 1
-    assert watched.tick(state=moving(3)).mode is Mode.NOMINAL
-
-
-def test_the_history_goes_on_while_the_plan_is_held_for_a_missing_path(watched: Watched) -> None:
+def test_the_history_goes_on_while_the_plan_is_held_for_a_missing_path(watched):
     driven = drive_ticks(watched, 6)
     watched.rig.vehicle.path = None
     modes = []
@@ -189,11 +158,9 @@ def test_the_history_goes_on_while_the_plan_is_held_for_a_missing_path(watched: 
 events = st.sampled_from(["state", "state", "state", "none", "skip", "standby", "brakes", "late"])
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(st.lists(events, min_size=1, max_size=40))
-def test_consecutive_rows_are_one_period_apart_for_any_sequence_of_events(
-    mpc: Mpc, script: list[str]
-) -> None:
+def test_consecutive_rows_are_one_period_apart_for_any_sequence_of_events(mpc, script):
     """Each row is a state and the input applied from it, in the period before the next row."""
     with watch(mpc) as watched:
         past: list[Row] = []
