@@ -44,21 +44,11 @@ def log_with_journal(folder: Path, header: dict[str, Any], *ticks: dict[str, Any
     return log
 
 
-def test_a_line_has_the_calls_and_the_command_of_its_tick(tmp_path: Path) -> None:
-    last = {"tick": -1, "calls": [["send_safe_command"]]}
-    _, (tick, after) = read_journal(log_with_journal(tmp_path, HEADER, TICK, last))
-    assert [call.name for call in tick.calls] == ["warm_up", "received"]
-    assert (tick.tick, tick.calls[1].n_frames, tick.mode.name) == (0, 9, "STANDBY")
-    assert (after.tick, after.calls[0].name) == (-1, "send_safe_command")
-
-
 @pytest.mark.parametrize(
     ("line", "changed", "expected"),
     [
         (1, {"journal_format": 2}, "journal_format: expected 1, found 2"),
-        (1, {"config": []}, "config: expected a table, found"),
         (1, {"model": "lti"}, "model: expected a table, found 'lti'"),
-        (1, {"packages": [1]}, "packages: expected a table, found"),
         (1, {"max_iterations": -1}, "max_iterations: expected more than 0, found -1"),
         (1, {"version": None}, "version: expected a text, found None"),
         (2, {"began_ns": "early"}, "began_ns: expected an integer, found 'early'"),
@@ -67,16 +57,14 @@ def test_a_line_has_the_calls_and_the_command_of_its_tick(tmp_path: Path) -> Non
         (2, {"mode": "FAST"}, "mode: expected one of STANDBY, "),
         (2, {"calls": [["jump"]]}, r"calls\[0\]\[0\]: expected 'received', "),
         (2, {"calls": [["received", 1, -3]]}, r"calls\[0\]\[2\]: expected at least 0"),
-        (2, {"calls": ["warm_up"]}, r"calls\[0\]"),
         (3, '{"tick":1,"cal', "found another text"),
         (3, "[1, 2]", "found another text"),
-        (3, "", "found another text"),
         (3, '{"calls": []}', "tick: expected a value, found none"),
     ],
 )
 def test_a_line_that_was_edited_or_damaged_is_refused_with_its_number_and_field(
-    tmp_path: Path, line: int, changed: dict[str, Any] | str, expected: str
-) -> None:
+    tmp_path, line, changed, expected
+):
     header, tick = HEADER, TICK
     if isinstance(changed, dict):
         header, tick = (
@@ -92,18 +80,18 @@ def test_a_line_that_was_edited_or_damaged_is_refused_with_its_number_and_field(
         read_journal(log)
 
 
-def test_settings_of_another_version_are_named_with_the_version_that_has_them() -> None:
+def test_settings_of_another_version_are_named_with_the_version_that_has_them():
     with pytest.raises(ConfigError, match=r"turbo: no such setting.* recorded it \(0\.1\.0\)"):
         Header(**{**HEADER, "config": {"turbo": 1}}).controller_config()
 
 
-def test_a_drive_on_a_core_that_this_machine_lacks_can_be_replayed() -> None:
+def test_a_drive_on_a_core_that_this_machine_lacks_can_be_replayed():
     header = {**HEADER, "config": {"realtime": {"cpu": 4096, "phase_ms": 3.0}}}
     config = Header(**header).controller_config()
     assert (config.realtime.cpu, config.realtime.phase_ms) == (None, 3.0)
 
 
-def test_other_messages_and_another_machine_are_named() -> None:
+def test_other_messages_and_another_machine_are_named():
     messages, machine = Header(**{**HEADER, "machine": "Linux other"}).changed_versions()
     assert messages.startswith("messages 00000000 then, ")
     assert machine.startswith("machine Linux other then, ")

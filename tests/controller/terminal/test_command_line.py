@@ -28,7 +28,6 @@ from rt_controller.terminal.command_line import new_app, run_command
 from rt_controller.terminal.entry import INTERRUPTED
 from rt_controller.terminal.stop_message import VEHICLE_KNOWS
 
-Run = Callable[..., tuple[int, str]]
 LINKED = ("--json", "--ticks", "--plot", "--record")
 LONG = "/tmp/[/x]/[sim]/" + 20 * "long-folder/"
 

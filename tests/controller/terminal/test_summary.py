@@ -294,7 +294,8 @@ def test_a_safe_stop_names_its_tick_and_the_check_with_value_and_limit():
         (
             StopCause.STATE_LOST,
             {"bus_fault": StopCause.BUS_FAILED},
-            ", then: the bus cannot be read: expected frames or silence, found WebsocketClosed: 1006. Check the interface and its connection, then start again.",
+            ", then: the bus cannot be read: expected frames or silence, found WebsocketClosed: "
+            "1006. Check the interface and its connection, then start again.",
         ),
     ],
 )
