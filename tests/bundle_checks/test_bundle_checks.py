@@ -164,26 +164,6 @@ def test_another_model_with_a_hash_of_its_own_is_refused(exported, tmp_path, mat
         build_mpc(load_bundle(tmp_path), MpcSettings())
 
 
-@pytest.mark.parametrize("input_", range(3))
-def test_one_negated_input_is_refused(exported, input_):
-    signs = np.ones(3)
-    signs[input_] = -1.0
-    bilinear = exported.bilinear
-    if bilinear is not None:
-        bilinear = bilinear._replace(N=bilinear.N * signs)
-    with pytest.raises(ArtifactError, match="found"):
-        require_stored_plans(replace(exported, B_uc=exported.B_uc * signs, bilinear=bilinear))
-
-
-def test_the_newer_format_needs_its_plans(exported, tmp_path):
-    save_bundle(tmp_path, exported, "card")
-    with np.load(tmp_path / "koopman.npz") as archive:
-        arrays = {name: archive[name] for name in archive.files if name != "plan_inputs"}
-    np.savez(tmp_path / "koopman.npz", **arrays)
-    with pytest.raises(ArtifactError, match="expected a field 'plan_inputs'"):
-        load_bundle(tmp_path)
-
-
 def test_a_model_that_cannot_be_driven_with_gets_no_plans():
     lti = replace(load_bundle(shipped_model("lti")), plans=None)
     slow = replace(lti, schema=replace(VEHICLE, dt_s=0.05))

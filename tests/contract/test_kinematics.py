@@ -63,19 +63,6 @@ def test_the_progress_is_finite_beyond_the_centre_of_the_bend():
     assert progress_m(state, state, CURVATURE_PER_M) == pytest.approx(10.0 * PERIOD_S / 0.05)
 
 
-@pytest.mark.parametrize(
-    ("before", "now", "curvature_per_m", "expected_m"),
-    [
-        # a mean of 12 m/s along, and 1 m/s to the left, at an angle of 0.1 rad
-        ((10.0, 0.5), (14.0, 1.5), 0.0, 0.025 * (12.0 * cos(0.1) - 1.0 * sin(0.1))),
-        ((10.0, 0.5), (14.0, 1.5), 0.02, 0.025 * (12.0 * cos(0.1) - 1.0 * sin(0.1)) / 0.96),
-    ],
-)
-def test_the_progress_is_that_of_the_mean_velocities(before, now, curvature_per_m, expected_m):
-    states = [VehicleState(*each, 0.0, 0.0, 2.0, 0.1) for each in (before, now)]
-    assert progress_m(states[0], states[1], curvature_per_m) == pytest.approx(expected_m)
-
-
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_the_farthest_distance_is_where_the_car_turns_back(side):
     assert farthest_m(side * 0.5, 0.0) == 0.5

@@ -100,13 +100,6 @@ def test_a_sudden_bend_is_plausible_on_the_way_to_it_and_for_three_periods(
     assert is_plausible(fit_preview(road, reach_m), now)
 
 
-@seeded
-@given(curvatures, curvatures, st.integers(0, 3))
-def test_a_clothoid_is_plausible_for_three_periods(first, last, age):
-    now = first + (last - first) * age / 24.0
-    assert is_plausible(fit_preview(np.linspace(first, last, 33), 13.3), now)
-
-
 def test_a_preview_of_another_road_is_not_plausible():
     circle = CurvaturePreview(3.0, *[0.005] * KNOTS)
     assert not is_plausible(circle, 0.0)

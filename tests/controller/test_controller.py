@@ -13,7 +13,6 @@ import pytest
 
 import rt_controller
 from rt_controller import (
-    Bundle,
     ControlInput,
     Controller,
     ControllerConfig,
@@ -25,7 +24,7 @@ from rt_controller import (
 )
 from rt_controller.bus import transport
 from rt_controller.config import ShippedModel, Tolerances
-from rt_controller.contract.errors import ArtifactError, ConfigError, RtControllerError
+from rt_controller.contract.errors import ConfigError, RtControllerError
 from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, Mode
 from rt_controller.control.program import SolveStatus
 from rt_controller.drive.trace import DriveTrace
@@ -169,12 +168,6 @@ def test_a_controller_is_made_of_a_model_and_settings_and_refuses_others():
     assert plan.inputs.shape == (8, 3)
 
 
-@pytest.mark.parametrize("A", [np.full((6, 6), np.nan), np.eye(5), np.eye(6) * 1j])
-def test_a_linear_model_of_other_matrices_is_refused(A):
-    with pytest.raises(ArtifactError, match=r"^A: expected"):
-        Bundle.linear(A, np.zeros((6, 3)), np.zeros((6, 1)))
-
-
 @pytest.mark.parametrize(
     ("table", "values", "expected"),
     [
@@ -251,20 +244,3 @@ def test_arc_length_begins_with_the_drive_and_counts_lost_states():
         trace.record(Tick(mode=mode, state=state, control=NEUTRAL_INPUT), 0)
     found = trace.drive("model", "over")["s_m"]
     np.testing.assert_allclose(found, [0.0, 0.0, 0.5, 1.0, 1.5, 2.0])
-
-
-@pytest.mark.parametrize("has_matplotlib", [False, True])
-def test_a_drive_in_a_notebook_shows_its_errors_and_a_figure_if_one_can_be_drawn(
-    has_matplotlib, monkeypatch
-):
-    if has_matplotlib:
-        pytest.importorskip("matplotlib")
-    else:
-        monkeypatch.setitem(sys.modules, "matplotlib", None)
-        monkeypatch.delitem(sys.modules, "rt_controller.report.canvas", raising=False)
-    trace = DriveTrace(10)
-    trace.record(Tick(mode=Mode.NOMINAL, state=AT_REST, control=NEUTRAL_INPUT), 0)
-    shown = trace.drive("a <model>", "over")._repr_html_()
-    assert "a &lt;model&gt;" in shown
-    assert "<td>ey_peak_m</td>" in shown
-    assert ("<svg" in shown) is has_matplotlib

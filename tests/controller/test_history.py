@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_models import WITH_PAST, make_bundle
-from scripted_vehicle import CRUISING, ENGAGED, STRAIGHT, Rig, build_rig
+from scripted_vehicle import CRUISING, ENGAGED, Rig, build_rig
 
 from rt_controller.bus.messages import STATE, Command, StateSample
 from rt_controller.config import MpcSettings
@@ -140,19 +140,6 @@ def test_a_state_that_was_not_planned_from_restarts_the_history(watched):
     send_one_more_state(watched, 6)
     watched.tick(state=moving(7))
     assert_restarted(watched, sent)
-
-
-def test_the_history_goes_on_while_the_plan_is_held_for_a_missing_path(watched):
-    driven = drive_ticks(watched, 6)
-    watched.rig.vehicle.path = None
-    modes = []
-    for k in range(6, 11):
-        result = watched.tick(state=moving(k))
-        driven.append(row(watched.received(), result.control))
-        modes.append(result.mode)
-    assert modes[-1] is Mode.HOLD_PLAN
-    watched.tick(state=moving(11), path=STRAIGHT)
-    assert_shown(watched, driven[-STEPS:])
 
 
 events = st.sampled_from(["state", "state", "state", "none", "skip", "standby", "brakes", "late"])

@@ -14,7 +14,7 @@ from rt_controller.config import MpcSettings
 from rt_controller.contract.faults import Fault
 from rt_controller.contract.signals import Mode
 from rt_controller.control.mpc import Mpc
-from rt_controller.loop import WARM_UP_LEADS_NS, Schedule, prepare_tick, schedule_preparation
+from rt_controller.loop import Schedule, prepare_tick
 from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.realtime import timing
 from rt_controller.realtime.timing import DeadlineAccount, TickTimer
@@ -90,16 +90,6 @@ def test_each_part_is_done_at_its_time_or_left_out(
     timer = TickTimer(clock, DeadlineAccount(1, 0))
     prepare_tick(step, clock, SCHEDULE, timer)
     assert step.done == expected
-
-
-@pytest.mark.parametrize(("prepare_ms", "warm_ups"), [(4.0, 3), (2.0, 2), (1.0, 1), (0.5, 0)])
-def test_warm_ups_are_scheduled_after_the_update_of_the_matrices(prepare_ms, warm_ups):
-    schedule = schedule_preparation(prepare_ms, is_lockstep=False)
-    assert schedule.update_matrices_ns == round(prepare_ms * MS)
-    assert schedule.warm_ups_ns == WARM_UP_LEADS_NS[len(WARM_UP_LEADS_NS) - warm_ups :]
-    in_lockstep = schedule_preparation(prepare_ms, is_lockstep=True)
-    assert len(in_lockstep.warm_ups_ns) == 1
-    assert schedule_preparation(0.0, is_lockstep=False) is None
 
 
 AHEAD_NS = 1_500_000

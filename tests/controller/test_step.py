@@ -5,13 +5,13 @@ import math
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scripted_vehicle import CRUISING, ENGAGED, STRAIGHT, VALID_NS, build_rig, mode_and_cause
+from scripted_vehicle import CRUISING, ENGAGED, STRAIGHT, VALID_NS, Rig, build_rig, mode_and_cause
 
 from rt_controller.bus.identity import DISENGAGED_FRAMES
 from rt_controller.bus.messages import CONTROLLER_IDENTITY, STATE, Mission
 from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.signals import ControlInput, Mode
+from rt_controller.contract.signals import AT_REST, ControlInput, Mode
 from rt_controller.contract.timing import HOLD_PLAN_TICKS, PERIOD_NS, PERIOD_S
 from rt_controller.control.program import SolveStatus
 
@@ -210,3 +210,63 @@ def assert_within_limits(control: ControlInput, previous: ControlInput) -> None:
     # A brake force below one thousandth of the pedal's travel is sent as 0.
     assert abs(control.brake_n - previous.brake_n) <= rate.brake_n * PERIOD_S + 0.15
     assert abs(control.steer_rad - previous.steer_rad) <= rate.steer_rad * PERIOD_S + 1e-9
+
+
+REST = STRAIGHT._replace(v_mps=0.0)
+CREEPING = CRUISING._replace(vx_mps=2.0, ds_m=0.05, ey_m=0.0, epsi_rad=0.0)
+
+
+def stand(rig: Rig) -> None:
+    rig.vehicle.state, rig.vehicle.path = AT_REST, REST
+
+
+def test_a_standing_car_is_held_with_the_wheel_where_it_is(rig):
+    stand(rig)
+    result = rig.tick(40)
+    assert result.mode is Mode.STANDSTILL
+    assert rig.command.content.mode is Mode.STANDSTILL
+    assert result.control.throttle == 0.0
+    assert result.control.brake_n == pytest.approx(75.0)
+    assert result.control.steer_rad == 0.0
+    assert result.qp_iterations == 0
+
+
+def test_the_brake_is_released_before_the_car_starts(rig):
+    stand(rig)
+    rig.tick(40)
+    rig.vehicle.path = REST._replace(a_mps2=1.5)
+    modes, controls = [], []
+    for k in range(40):
+        rig.vehicle.path = REST._replace(v_mps=1.5 * 0.025 * k, a_mps2=1.5)
+        result = rig.tick()
+        modes.append(result.mode)
+        controls.append(result.control)
+    assert set(modes) == {Mode.LOW_SPEED}
+    assert all(control.throttle == 0.0 or control.brake_n == 0.0 for control in controls)
+    assert controls[-1].throttle > 0.1
+
+
+def test_a_slow_car_is_driven_without_the_model_and_a_faster_one_with_it(rig):
+    rig.vehicle.state = CREEPING
+    assert rig.tick().mode is Mode.LOW_SPEED
+    rig.vehicle.state = CREEPING._replace(vx_mps=4.5, ds_m=0.11)
+    result = rig.tick()
+    assert result.mode is Mode.NOMINAL
+    assert result.qp_iterations > 0
+    rig.vehicle.state = CREEPING._replace(vx_mps=3.5, ds_m=0.09)
+    assert rig.tick().mode is Mode.NOMINAL
+    rig.vehicle.state = CREEPING
+    assert rig.tick().mode is Mode.LOW_SPEED
+
+
+def test_without_states_the_input_is_held_and_then_the_car_stopped(rig):
+    stand(rig)
+    held = rig.tick(40).control
+    rig.vehicle.state = None
+    for _ in range(HOLD_PLAN_TICKS):
+        result = rig.tick()
+        assert result.mode is Mode.HOLD_PLAN
+        assert result.control == held
+    result = rig.tick()
+    assert result.mode is Mode.SAFE_STOP
+    assert result.control == held

@@ -12,7 +12,6 @@ from rt_controller.realtime.timing import (
     Counts,
     DeadlineAccount,
     Histogram,
-    KernelCounters,
     LateCause,
     TickTimer,
     TickTimes,
@@ -254,12 +253,3 @@ def counted(waited_us: float = 0.0, faults: int = 0, steal: int = 0) -> Counts:
 )
 def test_the_largest_share_is_the_cause(counts, times, cause):
     assert late_cause(counts, times) is cause
-
-
-def test_counts_are_those_since_the_last_reading(monkeypatch):
-    waited_ns = iter([1_000, 1_000, 1_250, 1_600])
-    monkeypatch.setattr(KernelCounters, "_read", lambda _: Counts(next(waited_ns), 3, 70))
-    kernel_counters = KernelCounters()
-    found = [kernel_counters.since_last() for _ in range(3)]
-    kernel_counters.close()
-    assert found == [Counts(0, 0, 0), Counts(250, 0, 0), Counts(350, 0, 0)]

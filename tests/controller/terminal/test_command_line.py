@@ -12,10 +12,7 @@ from types import SimpleNamespace
 
 import pytest
 
-import offline.cli
-import rt_controller.cli
-import sim_bridge.cli
-from rt_controller.contract.errors import ArtifactError, RtControllerError
+from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.faults import StopCause
 from rt_controller.contract.signals import Mode
 from rt_controller.drive.scenario import DrivenScenario
@@ -24,8 +21,6 @@ from rt_controller.model.artifact import find_model
 from rt_controller.safety.tick import Tick
 from rt_controller.session import ControllerSession
 from rt_controller.terminal import run as terminal_run
-from rt_controller.terminal.command_line import new_app, run_command
-from rt_controller.terminal.entry import INTERRUPTED
 from rt_controller.terminal.stop_message import VEHICLE_KNOWS
 
 LINKED = ("--json", "--ticks", "--plot", "--record")
@@ -137,57 +132,6 @@ def end_at_start(monkeypatch: pytest.MonkeyPatch, end: Callable[[ControllerSessi
 
     replace_car(monkeypatch)
     monkeypatch.setattr(ControllerSession, "start", start)
-
-
-@pytest.mark.parametrize("has_ended", [False, True])
-def test_a_requested_stop_in_which_the_vehicle_braked_by_itself_names_its_cause(
-    run, monkeypatch, has_ended
-):
-    def end(session):
-        session.record.ending = Ending.STOPPED
-
-    end_at_start(monkeypatch, end)
-    summary = NoCar.bridge.summary()
-    summary.braking_cause = "LEAVING_PATH"
-    summary.braking_text = "the car was about to leave its path"
-    summary.controller_ended = has_ended  # the car stands, nothing is wrong
-    monkeypatch.setattr(NoCar.bridge, "summary", lambda: summary)
-    code, message = run("--bus", "virtual", "--pace", "lockstep", "--quiet")
-    cause = "stopped on request; the vehicle then braked by itself: the car was about to leave"
-    assert (code, cause in message) == ((0, False) if has_ended else (6, True))
-
-
-def test_a_message_names_options_of_the_chosen_command_only(capsys):
-    app = new_app("tool", "A tool.")
-
-    @app.command
-    def show(*, model=""):
-        raise RtControllerError("Choose another `model`, or give the log's unit in `unit`.")
-
-    with pytest.raises(SystemExit):
-        run_command(app, ["show"])
-    assert "another --model, or give the log's unit in `unit`." in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("has_meta", [False, True])
-def test_a_command_that_is_interrupted_ends_with_one_line_and_its_code(has_meta, capsys):
-    app = new_app("program", "A program.", "--option")
-
-    @app.default
-    def work():
-        raise KeyboardInterrupt
-
-    if has_meta:
-
-        @app.meta.default
-        def with_more():
-            app([], exit_on_error=False, print_error=False, result_action="return_value")
-            return 0
-
-    with pytest.raises(SystemExit) as ended:
-        run_command(app, [])
-    assert ended.value.code == INTERRUPTED
-    assert capsys.readouterr().err == "program: ended by Ctrl-C\n"
 
 
 def fail_a_bus(session: ControllerSession) -> None:
@@ -335,16 +279,3 @@ def test_help_shows_the_main_options_and_help_all_every_one_in_groups(
     assert hidden not in text
     options = re.findall(r"^│ [* ]*--", text.partition("─ Commands ─")[2].partition("╰")[2], re.M)
     assert "--help-all" in arguments or len(options) <= 13
-
-
-def test_every_option_named_in_a_group_is_an_option_of_its_command():
-    for app in (rt_controller.cli.app, sim_bridge.cli.app, offline.cli.train_app):
-        names = set(" ".join(app.help_formatter.groups.values()).split())
-        options = {
-            name.removeprefix("--")
-            for part in (app, offline.cli.ablate_app, offline.cli.tune_app, app.meta)
-            if part.default_command is not None
-            for argument in part.assemble_argument_collection()
-            for name in argument.names
-        }
-        assert names - options - {"VARIANTS", "SPACE"} == set()
