@@ -12,7 +12,7 @@ from cantools.autosar.end_to_end import (
     compute_profile5_crc,
 )
 from crccheck.crc import Crc8Autosar, Crc16Autosar
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rt_controller.bus.codec import COUNTER_MASK, FrameCodec, crc8, crc16
@@ -35,7 +35,6 @@ def _nibble(codec: FrameCodec, nibble: int) -> dict[str, int]:
 
 
 @every_frame
-@settings(derandomize=True, deadline=None)
 @given(data=st.data())
 def test_values_in_range_encode_to_the_bits_of_cantools(codec, data):
     oracle = _oracle(codec)
@@ -59,7 +58,6 @@ def test_values_in_range_encode_to_the_bits_of_cantools(codec, data):
 
 
 @every_frame
-@settings(derandomize=True, deadline=None)
 @given(data=st.data())
 def test_raw_values_in_range_decode_to_the_floats_of_cantools(codec, data):
     oracle = _oracle(codec)
@@ -75,7 +73,6 @@ def test_raw_values_in_range_decode_to_the_floats_of_cantools(codec, data):
 
 
 @every_frame
-@settings(derandomize=True, deadline=None)
 @given(data=st.data())
 def test_any_eight_bytes_decode_to_values_in_range_or_to_nan(codec, data):
     oracle = _oracle(codec)
@@ -145,7 +142,6 @@ def is_intact(codec: FrameCodec, frame: bytes, flipped: tuple[int, ...] = ()) ->
     return codec.check(word.to_bytes(len(frame), "little")) >= 0
 
 
-@settings(derandomize=True, deadline=None)
 @given(st.binary(min_size=8, max_size=64), st.integers(0, 0xFFFF))
 def test_both_checksums_are_those_of_crccheck_and_of_cantools(frame, data_id):
     """CRC-8 of AUTOSAR's profile 2 over 8 bytes, CRC-16 of its profile 5 over any number."""

@@ -209,3 +209,11 @@ def test_a_peer_with_another_catalogue_is_refused():
     peer = Identity(dbc_hash() ^ 1, None)
     with pytest.raises(BusError, match=r"expected .* found .*one version"):
         require_same_catalogue(peer)
+
+
+def test_every_message_has_comment_sender_receiver_and_protection():
+    for message in MESSAGES:
+        assert all((message.comment, *(signal.comment for signal in message.signals))), message.name
+        assert (message.length, message.is_extended_frame, len(message.senders)) == (8, False, 1)
+        assert message.receivers | set(message.senders) == {"CONTROLLER", "VEHICLE"}
+        assert set(message.dbc.attributes) >= {"GenMsgCycleTime", "E2EDataIdList"}, message.name

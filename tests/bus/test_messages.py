@@ -4,7 +4,7 @@ from math import inf, nan, radians
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from made_frames import BEND, CONTROL, PATH, SAMPLE, decode_frames, encode_frames, round_trip
 
@@ -50,8 +50,6 @@ from rt_controller.contract.signals import (
 )
 from rt_controller.contract.timing import PERIOD_MS
 
-seeded = settings(derandomize=True, deadline=None)
-
 
 @pytest.mark.parametrize("nibble", [len(Mode), 15])
 @pytest.mark.parametrize("message", [COMMAND, HEARTBEAT])
@@ -70,7 +68,6 @@ def test_only_the_frame_with_an_impossible_value_is_refused(field, bad):
     assert refused == [is_in_first, not is_in_first, False]
 
 
-@seeded
 @given(st.integers(0, 2**63))
 def test_the_sample_time_wraps_and_keeps_a_tenth_of_a_millisecond(sample_time_ns):
     sample = round_trip(STATE, SAMPLE._replace(sample_time_ns=sample_time_ns))
@@ -153,7 +150,6 @@ paths = st.builds(PathReference, *map(st.floats, SMALLEST_PATH, LARGEST_PATH))
 states = st.builds(VehicleState, *map(st.floats, SMALLEST_STATE, LARGEST_STATE))
 
 
-@seeded
 @given(inputs, st.sampled_from(Mode), previews, paths, states)
 def test_every_allowed_value_arrives_within_half_an_lsb(control, mode, preview, path, state):
     command = round_trip(COMMAND, Command(control, mode))

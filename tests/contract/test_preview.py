@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rt_controller.bus.messages import PREVIEW
@@ -20,7 +20,6 @@ from rt_controller.contract.preview import (
 )
 from rt_controller.contract.signals import CurvaturePreview
 
-seeded = settings(derandomize=True, deadline=None, max_examples=50)
 curvatures = st.floats(-0.03, 0.03)
 unclipped = st.floats(-0.02, 0.02)
 """the fit of a step between two of these stays within the signals of the bus"""
@@ -35,14 +34,12 @@ def curvature_of(preview: CurvaturePreview, distance_m: Array) -> Array:
     return np.interp(distance_m, preview.spacing_m * np.arange(KNOTS), preview[1:])
 
 
-@seeded
 @given(curvatures, st.floats(0.2, 100.0), st.integers(KNOTS, 60))
 def test_a_circle_has_five_equal_values(curvature, reach_m, count):
     preview = fit_preview(np.full(count, curvature), reach_m)
     assert preview == (reach_m / INTERVALS, *[curvature] * KNOTS)
 
 
-@seeded
 @given(st.lists(curvatures, min_size=KNOTS, max_size=KNOTS), st.integers(1, 12))
 def test_straight_lines_between_the_five_places_are_exact(values, parts):
     place = np.linspace(0.0, INTERVALS, INTERVALS * parts + 1)
@@ -50,7 +47,6 @@ def test_straight_lines_between_the_five_places_are_exact(values, parts):
     np.testing.assert_allclose(preview[1:], values, atol=1e-12)
 
 
-@seeded
 @given(st.floats(0.0, 1.0), curvatures, curvatures)
 def test_of_a_sudden_bend_the_heading_is_kept(place, before, after):
     """To an eighth of what the car turns by within one spacing; five samples: to a half."""
@@ -89,7 +85,6 @@ def test_values_that_the_bus_cannot_carry_are_refused(values, reach_m, message):
         fit_preview(values, reach_m)
 
 
-@seeded
 @given(st.floats(0.0, 1.0), unclipped, unclipped, st.integers(0, 3))
 def test_a_sudden_bend_is_plausible_on_the_way_to_it_and_for_three_periods(
     place, before, after, age

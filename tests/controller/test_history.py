@@ -145,7 +145,7 @@ def test_a_state_that_was_not_planned_from_restarts_the_history(watched):
 events = st.sampled_from(["state", "state", "state", "none", "skip", "standby", "brakes", "late"])
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(events, min_size=1, max_size=40))
 def test_consecutive_rows_are_one_period_apart_for_any_sequence_of_events(mpc, script):
     """Each row is a state and the input applied from it, in the period before the next row."""

@@ -183,7 +183,7 @@ missions = st.one_of(
 )
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(st.tuples(states, paths, missions), min_size=1, max_size=30))
 def test_every_command_is_within_bounds_slew_limited_and_on_one_pedal(mpc_of_session, script):
     with build_rig(mpc_of_session) as rig:
