@@ -10,8 +10,7 @@ from rt_controller.contract.signals import N_INPUTS
 from rt_controller.control.pedals import WITH_PEDAL
 from rt_controller.control.terms import Knots
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import Step
-from rt_controller.model.follow import Follow
+from rt_controller.model.dynamics import Follow, Step
 
 ALL_INPUTS = slice(None)
 
@@ -47,7 +46,7 @@ class Linearisation:
         self._bundle, self._gains, self._knots = bundle, Step(bundle), knots
         gains, q = self._gains, self._gains.count
         self.is_linear = q == 0
-        self._follow = bundle.bilinear.follows if bundle.bilinear else Follow.PREDICTION
+        self._follow = bundle.gains.follows if bundle.gains else Follow.PREDICTION
 
         # Nominal prediction: [a; psi; u; 1; t m - a o] of each stage.
         A, S, N = bundle.A, gains.S, gains.N

@@ -9,8 +9,15 @@ from made_models import input_matrix
 
 from rt_controller.contract.arrays import Array
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import NO_SIGNAL, Bilinear, Drift, Matrices, one_step, roll_out
-from rt_controller.model.follow import Follow
+from rt_controller.model.dynamics import (
+    NO_SIGNAL,
+    Bilinear,
+    Drift,
+    Follow,
+    Matrices,
+    one_step,
+    roll_out,
+)
 
 
 def drift_of(bundle: Bundle, psi: Array, w: Array) -> Array:

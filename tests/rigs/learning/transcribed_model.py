@@ -4,8 +4,7 @@ import torch
 from torch import Tensor
 
 from offline.model.network import MdkNet
-from rt_controller.model.dynamics import NO_SIGNAL
-from rt_controller.model.follow import Follow
+from rt_controller.model.dynamics import NO_SIGNAL, Follow
 
 
 def step(model: MdkNet, psi: Tensor, followed: Tensor, u: Tensor, w: Tensor) -> Tensor:
