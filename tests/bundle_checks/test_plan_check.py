@@ -52,11 +52,11 @@ def test_another_model_with_a_hash_of_its_own_is_refused(
 def test_one_negated_input_is_refused(exported: Bundle, input_: int) -> None:
     signs = np.ones(3)
     signs[input_] = -1.0
-    bilinear = exported.bilinear
-    if bilinear is not None:
-        bilinear = bilinear._replace(N=bilinear.N * signs)
+    gains = exported.gains
+    if gains is not None:
+        gains = gains._replace(N=gains.N * np.append(signs, [1.0, 1.0])[gains.factor])
     with pytest.raises(ArtifactError, match="found"):
-        require_stored_plans(replace(exported, B_uc=exported.B_uc * signs, bilinear=bilinear))
+        require_stored_plans(replace(exported, B_uc=exported.B_uc * signs, gains=gains))
 
 
 def test_a_bundle_without_plans_drives(tmp_path: Path) -> None:

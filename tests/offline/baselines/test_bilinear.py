@@ -59,7 +59,7 @@ def test_products_with_the_inputs_fit_a_bilinear_system():
     made = drive(bilinear_step)
     found = fit_bilinear(made, settings_of(14))
     assert found.dictionary.gains == (0, 1, 2)
-    assert found.matrices.bilinear.follows is Follow.PREDICTION
+    assert found.matrices.gains.follows is Follow.PREDICTION
     assert relative_error(found, made.select("test"))[1] < 1e-4
 
 
