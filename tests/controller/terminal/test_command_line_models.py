@@ -85,7 +85,7 @@ def slower(folder: Path) -> None:
     [
         (empty, "koopman.npz"),
         (mixed, "SHA-256"),
-        (older, "expected format_version = 4, found 1"),
+        (older, "expected format_version = 5, found 1"),
         (slower, "expected period in s = 0.025, found 0.05"),
     ],
 )
