@@ -162,8 +162,7 @@ def _print(report: CheckReport) -> None:
     title = f"{report.frames} frames in {report.duration_s:.1f} s"
     print_table(Table(title, columns, rows), Console())
     relations = tuple(
-        (text, _VERDICTS.get(answer, answer))
-        for text, answer in report.relations.items()
+        (text, _VERDICTS.get(answer, answer)) for text, answer in report.relations.items()
     )
     heads = (Column("relation", is_text=True), Column("", is_text=True))
     print_table(Table("Relations between signals", heads, relations), Console())
