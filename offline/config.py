@@ -9,7 +9,7 @@ from pydantic import Field, PositiveFloat, PositiveInt
 
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.model.dynamics import Follow
+from rt_controller.model.follow import Follow
 from rt_controller.settings_table import Settings
 
 TRAJECTORY_S = 2.0

@@ -37,7 +37,8 @@ from offline.data.dataset import Dataset
 from offline.data.signals import Scaling, fit_scaling, last_rows, past_names
 from rt_controller.contract.arrays import Array
 from rt_controller.model.bundle import Bundle, spectral_radius_of
-from rt_controller.model.dynamics import Follow, Gains, Matrices, Shape, roll_out
+from rt_controller.model.dynamics import Gains, Matrices, Shape, roll_out
+from rt_controller.model.follow import Follow
 from rt_controller.model.lift import IR_VERSION, OPSET, Lift, LiftSample
 from rt_controller.report.table import Fact
 

@@ -35,7 +35,7 @@ from offline.data.dataset import Dataset
 from offline.data.signals import Roles, Scaling, fit_scaling, past_columns
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import Schema
-from rt_controller.model.dynamics import Follow
+from rt_controller.model.follow import Follow
 from rt_controller.report.table import Fact
 
 

@@ -9,7 +9,8 @@ from offline.evaluation.comparison import Comparison
 from offline.evaluation.tables import mse_table
 from offline.model.export_checks import SAMPLES, BoxStability, ExportFigures
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import Follow, Shape
+from rt_controller.model.dynamics import Shape
+from rt_controller.model.follow import Follow
 from rt_controller.model.validation import find_objection_to_driving
 from rt_controller.report.table import Fact, facts_table, to_markdown
 

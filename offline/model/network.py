@@ -28,7 +28,8 @@ from offline.data.sampling import Instants
 from offline.model.encoder import Encoder, MakeEncoder
 from offline.model.observables import Observables, Sizes, observables_of
 from offline.model.rollout import roll_out, roll_out_gains
-from rt_controller.model.dynamics import Follow, Shape
+from rt_controller.model.dynamics import Shape
+from rt_controller.model.follow import Follow
 
 # Standard deviations of the Gaussian start, which the paper leaves open. With these, roll-outs of
 # 80 steps are bounded before the first update.

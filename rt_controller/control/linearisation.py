@@ -10,7 +10,8 @@ from rt_controller.contract.signals import N_INPUTS
 from rt_controller.control.pedals import WITH_PEDAL
 from rt_controller.control.terms import Knots
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import Follow, Step
+from rt_controller.model.dynamics import Step
+from rt_controller.model.follow import Follow
 
 ALL_INPUTS = slice(None)
 

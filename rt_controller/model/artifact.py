@@ -32,7 +32,8 @@ from rt_controller.contract.limits import SteeringGeometry
 from rt_controller.contract.names import MODEL_FOLDER, name_or
 from rt_controller.contract.signals import Schema, Signal
 from rt_controller.model.bundle import Bundle, PlanSample
-from rt_controller.model.dynamics import Follow, Gains, no_gains
+from rt_controller.model.dynamics import Gains, no_gains
+from rt_controller.model.follow import Follow
 from rt_controller.model.lift import Lift, LiftSample
 from rt_controller.model.validation import check_field, require_fitting_parts
 

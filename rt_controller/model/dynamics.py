@@ -3,25 +3,14 @@
 Everything that runs a finished model uses these: controller, evaluation and linear baselines.
 """
 
-from enum import IntEnum, StrEnum
+from enum import IntEnum
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
-
-
-class Follow(StrEnum):
-    """From which lifted state the gains are computed in each step of a prediction."""
-
-    PREDICTION = "prediction"
-    """that of the step itself, as in a bilinear model. The controller uses the states that its last
-    plan predicted"""
-    FREE_RESPONSE = "free-response"
-    """what the first lifted state becomes without inputs"""
-    START = "start"
-    """the first lifted state, in all steps"""
+from rt_controller.model.follow import Follow
 
 
 class Shape(IntEnum):

@@ -13,7 +13,8 @@ from rt_controller.control.linearisation import ALL_INPUTS, Linearisation
 from rt_controller.control.terms import place_knots
 from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import Follow, roll_out
+from rt_controller.model.dynamics import roll_out
+from rt_controller.model.follow import Follow
 
 HORIZON, CURVATURE_PER_M = 20, 0.002
 CASES = [

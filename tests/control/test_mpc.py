@@ -25,7 +25,7 @@ from rt_controller.control.mpc import Mpc
 from rt_controller.control.program import SolveStatus
 from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import Follow
+from rt_controller.model.follow import Follow
 from rt_controller.model.lift import Lift
 
 STATE = VehicleState(21.0, 0.1, 0.05, 0.52, -0.3, 0.02)

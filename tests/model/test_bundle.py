@@ -7,7 +7,7 @@ import pytest
 
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import Follow
+from rt_controller.model.follow import Follow
 from rt_controller.model.lift import Lift
 
 

@@ -9,7 +9,8 @@ from made_models import one_step
 
 from rt_controller.contract.arrays import Array
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import Follow, Gains, Matrices, Shape, no_gains, roll_out
+from rt_controller.model.dynamics import Gains, Matrices, Shape, no_gains, roll_out
+from rt_controller.model.follow import Follow
 
 
 def written_out(bundle: Bundle, psi: Array, followed: Array, u: Array, w: Array) -> Array:

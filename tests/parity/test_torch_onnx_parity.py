@@ -22,7 +22,7 @@ from offline.model.observables import sizes_of
 from offline.model.physical_units import PhysicalEncoder, physical_matrices, to_onnx
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import Follow
+from rt_controller.model.follow import Follow
 from rt_controller.model.lift import Lift, LiftSample
 
 STEPS = 80

@@ -9,7 +9,7 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import N_INPUTS
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import Follow
+from rt_controller.model.follow import Follow
 from rt_controller.model.lift import Lift
 
 RANGE = np.subtract(INPUT_LIMITS.upper, INPUT_LIMITS.lower)

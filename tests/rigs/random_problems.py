@@ -13,7 +13,7 @@ from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.qp import CondensedQp
 from rt_controller.control.terms import Corridor, TrackingCost
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import Follow
+from rt_controller.model.follow import Follow
 from rt_controller.model.lift import LiftSample
 
 HORIZON = 12

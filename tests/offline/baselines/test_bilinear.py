@@ -20,7 +20,7 @@ from offline.model.bundle_predictor import BundlePredictor
 from offline.model.physical_units import SELFTEST_STATES
 from rt_controller.contract.errors import DatasetError
 from rt_controller.model.artifact import load_bundle, save_bundle
-from rt_controller.model.dynamics import Follow
+from rt_controller.model.follow import Follow
 from rt_controller.model.lift import LiftSample
 
 RIDGES = (1e-12, 1e-9, 1e-6)

@@ -13,7 +13,7 @@ from offline.baselines.scheduled import ScheduledSettings, fit_scheduled, hat_fu
 from offline.data.signals import past_names
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.signals import VEHICLE, Signal
-from rt_controller.model.dynamics import Follow
+from rt_controller.model.follow import Follow
 
 B = np.array([[0.1, 0.0], [0.0, 0.02], [-0.05, 0.1]])
 FEW = ScheduledSettings(ridges=(1e-12,))

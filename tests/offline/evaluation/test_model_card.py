@@ -12,7 +12,8 @@ from offline.evaluation.model_card import model_facts, write_card
 from offline.model.export_checks import BoxStability, DrivenStability, ExportFigures
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.model.artifact import load_bundle, shipped_model
-from rt_controller.model.dynamics import Follow, Shape
+from rt_controller.model.dynamics import Shape
+from rt_controller.model.follow import Follow
 from rt_controller.model.lift import Lift
 from rt_controller.report.table import Fact, format_number
 

@@ -9,7 +9,7 @@ from offline.cli import train_app
 from offline.config import PRESETS, TrainingConfig, resolve
 from offline.experiments.settings import common_fields, train_command
 from rt_controller.contract.errors import ConfigError
-from rt_controller.model.dynamics import Follow
+from rt_controller.model.follow import Follow
 
 
 def test_each_training_has_one_thread_unless_an_option_says_more():

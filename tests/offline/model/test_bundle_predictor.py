@@ -10,7 +10,7 @@ from made_models import WITH_PAST, input_matrix, make_bundle
 from offline.model.bundle_predictor import BundlePredictor
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.model.artifact import load_bundle, shipped_model
-from rt_controller.model.dynamics import Follow
+from rt_controller.model.follow import Follow
 from rt_controller.model.lift import LiftSample
 
 

@@ -19,7 +19,7 @@ from offline.model.losses import (
 from offline.model.network import MdkNet
 from offline.model.observables import sizes_of
 from rt_controller.contract.signals import VEHICLE
-from rt_controller.model.dynamics import Follow
+from rt_controller.model.follow import Follow
 
 pytestmark = pytest.mark.usefixtures("double_precision")
 

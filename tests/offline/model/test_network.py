@@ -13,7 +13,7 @@ from offline.data.signals import VEHICLE_ROLES, Roles
 from offline.model.network import FADING_S, MdkNet
 from offline.model.observables import PathColumns, Sizes, sizes_of
 from rt_controller.contract.signals import VEHICLE, Schema, Signal
-from rt_controller.model.dynamics import Follow
+from rt_controller.model.follow import Follow
 
 SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
 STATES, LATENTS, HISTORY, RANK, BATCH = 6, 7, 3, 2, 4

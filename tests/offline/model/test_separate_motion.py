@@ -10,7 +10,7 @@ from offline.data.signals import VEHICLE_ROLES
 from offline.model.network import MdkNet
 from offline.model.observables import sizes_of
 from rt_controller.contract.signals import VEHICLE
-from rt_controller.model.dynamics import Follow
+from rt_controller.model.follow import Follow
 
 SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
 MOTION, PATH = [0, 1, 2], [3, 4, 5]

@@ -4,7 +4,8 @@ import torch
 from torch import Tensor
 
 from offline.model.network import MdkNet
-from rt_controller.model.dynamics import Follow, Shape
+from rt_controller.model.dynamics import Shape
+from rt_controller.model.follow import Follow
 
 
 def step(model: MdkNet, psi: Tensor, followed: Tensor, u: Tensor, w: Tensor) -> Tensor:
