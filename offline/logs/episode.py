@@ -84,31 +84,27 @@ def make_schema(mapping: LogMapping, drives: Sequence[LoggedDrive]) -> Schema:
 
 def cut_drive(drive: LoggedDrive, mapping: LogMapping, line: ReferenceLine | None) -> CutDrive:
     """The episodes of a drive, and the stretches that are too short for one."""
-    stretches = find_stretches(drive)
+    stretches, period_s = find_stretches(drive), mapping.period_s
     episodes: list[LogEpisode] = []
     left_out: list[Stretch] = []
     off_line = 0
     for stretch in stretches:
-        sampled = _sample(drive, mapping.period_s, stretch)
+        t_s = grid(stretch, period_s)
+        signals = {each.name: resample(each, stretch, t_s, period_s) for each in drive.signals}
+        poses = [resample(each, stretch, t_s, period_s) for each in drive.poses]
+        pose = np.stack(poses, axis=1) if poses else np.zeros((len(t_s), 0))
+        sampled = LogEpisode(drive.name, stretch.begin_s, pd.DataFrame(signals), pose)
         parts = [sampled]
         if line is not None and mapping.pose is not None:
-            parts = _along_line(sampled, line, mapping.pose.farthest_m, mapping.period_s)
+            parts = _along_line(sampled, line, mapping.pose.farthest_m, period_s)
             off_line += len(sampled) - 1 - sum(len(part) for part in parts)
         for piece in (piece for part in parts for piece in _pieces(part, mapping)):
             if len(piece) >= LEAST_SAMPLES:
                 episodes.append(piece)
             else:
-                end_s = piece.begin_s + mapping.period_s * max(len(piece) - 1, 0)
+                end_s = piece.begin_s + period_s * max(len(piece) - 1, 0)
                 left_out.append(Stretch(piece.begin_s, end_s))
     return CutDrive(tuple(episodes), tuple(left_out), len(stretches), off_line)
-
-
-def _sample(drive: LoggedDrive, period_s: float, stretch: Stretch) -> LogEpisode:
-    t_s = grid(stretch, period_s)
-    signals = {each.name: resample(each, stretch, t_s, period_s) for each in drive.signals}
-    poses = [resample(each, stretch, t_s, period_s) for each in drive.poses]
-    pose = np.stack(poses, axis=1) if poses else np.zeros((len(t_s), 0))
-    return LogEpisode(drive.name, stretch.begin_s, pd.DataFrame(signals), pose)
 
 
 def _along_line(
@@ -121,10 +117,8 @@ def _along_line(
     at = line.locate(sampled.pose)
     progress_m = line.progress(at.s_m)
     driven_m = np.hypot(*np.diff(sampled.pose[:, :2], axis=0).T)
-    is_near = np.abs(at.ey_m) <= farthest_m
-    is_projected = at.curvature_per_m * at.ey_m < 0.5
-    is_inside = line.is_closed | ((at.s_m > 0.0) & (at.s_m < line.length_m))
-    is_good = is_near & is_projected & is_inside
+    is_good = (np.abs(at.ey_m) <= farthest_m) & (at.curvature_per_m * at.ey_m < 0.5)
+    is_good &= line.is_closed | ((at.s_m > 0.0) & (at.s_m < line.length_m))
     has_not_jumped = np.abs(progress_m) <= LARGEST_DETOUR * driven_m + _STANDING_M
     parts = []
     for a, b in runs(is_good[:-1] & is_good[1:] & has_not_jumped):
@@ -205,27 +199,26 @@ def assign_parts(files: Sequence[str], settings: SplitSettings) -> NDArray[np.in
         ConfigError: a pattern fits no file, or a file is in both parts.
         DatasetError: too few episodes or files for three parts.
     """
-    validation = _named(files, "validation", settings.validation)
-    test = _named(files, "test", settings.test)
-    if validation & test:
+    named = {name: _named(files, name, getattr(settings, name)) for name in PARTS[1:]}
+    both = sorted(set.intersection(*named.values()))
+    if both:
         raise ConfigError(
             f"[split]: expected each file in one part, found in validation and in test: "
-            f"{', '.join(sorted(validation & test))}."
+            f"{', '.join(both)}."
         )
-    free = [e for e, file in enumerate(files) if file not in validation | test]
-    units = [files[e] if settings.by == "file" else str(e) for e in free]
-    unique = list(dict.fromkeys(units))
-    order = np.random.default_rng([settings.seed, len(unique)]).permutation(len(unique))
-    drawn = [unique[k] for k in order]
+    taken = set.union(*named.values())
+    units = [file if settings.by == "file" else str(e) for e, file in enumerate(files)]
+    free = list(dict.fromkeys(u for u, f in zip(units, files, strict=True) if f not in taken))
+    rng = np.random.default_rng([settings.seed, len(free)])
+    drawn = [free[k] for k in rng.permutation(len(free))]
     count = max(1, round(settings.share * len(drawn)))
     part = np.full(len(files), PARTS.index("train"), dtype=np.int8)
-    for name, named in (("validation", validation), ("test", test)):
-        if named:
-            held_back = [e for e, file in enumerate(files) if file in named]
+    for name, own in named.items():
+        if own:
+            part[[file in own for file in files]] = PARTS.index(name)
         else:
             chosen, drawn = drawn[:count], drawn[count:]
-            held_back = [e for e, unit in zip(free, units, strict=True) if unit in chosen]
-        part[held_back] = PARTS.index(name)
+            part[[unit in chosen for unit in units]] = PARTS.index(name)
     for k, name in enumerate(PARTS):
         if k not in part:
             raise DatasetError(
@@ -239,13 +232,10 @@ def assign_parts(files: Sequence[str], settings: SplitSettings) -> NDArray[np.in
 
 def _named(files: Sequence[str], part: str, patterns: Sequence[str]) -> set[str]:
     """The files that fit the patterns of one part."""
-    named: set[str] = set()
     for pattern in patterns:
-        fits = {file for file in files if fnmatch(file, pattern)}
-        if not fits:
+        if not any(fnmatch(file, pattern) for file in files):
             raise ConfigError(
                 f"[split] {part}: expected names or patterns of logs with episodes, found "
                 f"{pattern!r}, which fits none of {', '.join(sorted(set(files)))}."
             )
-        named |= fits
-    return named
+    return {file for file in files if any(fnmatch(file, pattern) for pattern in patterns)}

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from offline.logs.readers.log import Series
-from offline.logs.readers.source import read_table
+from offline.logs.readers.formats import read_file
+from offline.logs.readers.log import Request, Series
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
 from rt_controller.mapping.tables import Clock
@@ -81,7 +81,7 @@ def load_drive(
     Raises:
         ConfigError: an assignment is wrong; a signal is missing; there is a gap; a value is no
             number; the car stands, drives backwards or too fast; or the drive is too short.
-        DatasetError: see `read_table`; also for times that do not increase.
+        DatasetError: see `read_file`; also for times that do not increase.
     """
     assigned = dict(_parse(text) for text in assignments)
     # An empty last name: the column may be missing.
@@ -98,7 +98,7 @@ def load_drive(
             clock = Clock(column=assigned[name], unit=name.removeprefix("time_"))
     if period_s is not None:
         clock = Clock(period_s=period_s)
-    log = read_table(path, list(wanted.values()), clock)
+    log = read_file(Request(path, list(wanted.values()), clock))
     found: dict[str, tuple[Series, float]] = {}
     name_of = {column.lstrip("-"): (name, column) for name, column in assigned.items()}
     for series in log.channels:

@@ -77,21 +77,28 @@ def parts_of(files, part):
     return {file: set(part[[f == file for f in files]].tolist()) for file in files}
 
 
-def test_a_tenth_of_the_episodes_is_held_back_for_each_part():
-    part = assign_parts(FILES, SplitSettings())
-    assert np.bincount(part).tolist() == [32, 4, 4]
-    assert not np.array_equal(part, assign_parts(FILES, SplitSettings(seed=1)))
-    assert np.array_equal(part, assign_parts(FILES, SplitSettings()))
+@pytest.mark.parametrize(
+    ("settings", "counts"),
+    [
+        (SplitSettings(), [32, 4, 4]),
+        (SplitSettings(share=0.2), [24, 8, 8]),
+        (SplitSettings(by="file"), [32, 4, 4]),
+        (SplitSettings(by="file", test=("run_0.csv",)), [32, 4, 4]),
+    ],
+)
+def test_a_share_of_the_episodes_or_files_is_drawn_for_each_part(settings, counts):
+    part = assign_parts(FILES, settings)
+    assert np.bincount(part).tolist() == counts
+    assert np.array_equal(part, assign_parts(FILES, settings))
+    if settings.by == "file":
+        assert all(len(parts) == 1 for parts in parts_of(FILES, part).values())
+    if settings.test:
+        assert parts_of(FILES, part)["run_0.csv"] == {2}
 
 
-def test_the_share_can_be_set():
-    assert np.bincount(assign_parts(FILES, SplitSettings(share=0.2))).tolist() == [24, 8, 8]
-
-
-def test_by_file_no_file_is_in_two_parts():
-    part = assign_parts(FILES, SplitSettings(by="file"))
-    assert np.bincount(part).tolist() == [32, 4, 4]
-    assert all(len(parts) == 1 for parts in parts_of(FILES, part).values())
+def test_another_seed_draws_others():
+    drawn = (assign_parts(FILES, SplitSettings(seed=seed)) for seed in (0, 1))
+    assert not np.array_equal(*drawn)
 
 
 def test_named_files_are_the_only_ones_in_their_part():
@@ -101,28 +108,15 @@ def test_named_files_are_the_only_ones_in_their_part():
     }
 
 
-def test_a_part_without_names_is_drawn_from_the_other_files():
-    part = assign_parts(FILES, SplitSettings(by="file", test=("run_0.csv",)))
-    assert parts_of(FILES, part)["run_0.csv"] == {2}
-    assert np.bincount(part).tolist() == [32, 4, 4]
-
-
-def test_three_drives_give_one_to_each_part():
-    assert sorted(assign_parts(["a", "b", "c"], SplitSettings()).tolist()) == [0, 1, 2]
-
-
-def test_too_few_drives_are_refused_with_the_remedy():
-    with pytest.raises(DatasetError, match="longest_episode_s"):
-        assign_parts(["a", "b"], SplitSettings())
-    with pytest.raises(DatasetError, match="none for train"):
-        assign_parts(["a", "b"], SplitSettings(validation=("a",), test=("b",)))
-
-
-def test_a_pattern_that_fits_no_file_is_refused():
-    with pytest.raises(ConfigError, match=r"'run_99\.csv', which fits none"):
-        assign_parts(FILES, SplitSettings(test=("run_99.csv",)))
-
-
-def test_a_file_in_two_parts_is_refused():
-    with pytest.raises(ConfigError, match=r"in validation and in test: run_1\.csv"):
-        assign_parts(FILES, SplitSettings(validation=("run_1.csv",), test=("run_1*",)))
+@pytest.mark.parametrize(
+    ("files", "settings", "message"),
+    [
+        (["a", "b"], {}, "longest_episode_s"),
+        (["a", "b"], {"validation": ("a",), "test": ("b",)}, "none for train"),
+        (FILES, {"test": ("run_99.csv",)}, r"'run_99\.csv', which fits none"),
+        (FILES, {"validation": ("run_1.csv",), "test": ("run_1*",)}, r"in test: run_1\.csv"),
+    ],
+)
+def test_a_split_without_three_parts_is_refused(files, settings, message):
+    with pytest.raises((ConfigError, DatasetError), match=message):
+        assign_parts(files, SplitSettings(**settings))

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from offline.logs.readers.log import RowsOf, Series
+from offline.logs.readers.log import Series
 from offline.logs.series import (
     LoggedDrive,
     Stretch,
@@ -23,11 +23,8 @@ PERIOD_S = 0.025
 def series(t_s, values, sampling=Sampling.SAMPLED, longest_s=0.1):
     t_s, values = np.asarray(t_s, dtype=float), np.asarray(values, dtype=float)
     connected = np.diff(t_s) <= longest_s
-    rows = np.arange(len(t_s))
-    of = RowsOf(Path("a.csv"), "line")
-    return Series(
-        "v", t_s, values, rows, "m/s", of, name="v", sampling=sampling, connected=connected
-    )
+    rows, names = np.arange(len(t_s)), {"path": Path("a.csv"), "name": "v"}
+    return Series("v", t_s, values, rows, "m/s", **names, sampling=sampling, connected=connected)
 
 
 def whole(one):
@@ -37,14 +34,8 @@ def whole(one):
 def test_stretches_are_where_all_signals_are_known():
     fast = series([0.0, 0.05, 0.1, 0.5, 0.55, 0.6], range(6))
     late = series([0.02, 0.08, 0.14, 0.2, 0.28, 0.36, 0.44, 0.52, 0.58], range(9))
-    drive = LoggedDrive("a.csv", 6, (fast, late), ())
+    drive = LoggedDrive("a.csv", 6, (fast, late))
     assert find_stretches(drive) == [Stretch(0.02, 0.1), Stretch(0.5, 0.58)]
-
-
-def test_stretches_use_times_with_delays_subtracted():
-    on_time, late = series([0.0, 0.05, 0.1], range(3)), series([-0.03, 0.02, 0.07], range(3))
-    drive = LoggedDrive("a.csv", 3, (on_time, late), ())
-    assert find_stretches(drive) == [Stretch(0.0, 0.07)]
 
 
 def test_the_grid_loses_no_sample_to_rounding():
