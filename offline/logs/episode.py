@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from itertools import pairwise
-from math import ceil, radians
+from math import ceil, inf, radians
 from typing import NamedTuple
 
 import numpy as np
@@ -65,15 +65,14 @@ class CutDrive(NamedTuple):
 def make_schema(mapping: LogMapping, drives: Sequence[LoggedDrive]) -> Schema:
     """The signals of the data set in the units of the drives; `DatasetError` if these differ."""
     first = drives[0]
-    for drive in drives[1:]:
-        for one, other in zip(first.signals, drive.signals, strict=True):
-            if one.unit != other.unit:
-                raise DatasetError(
-                    f"{other.place}: expected {one.name} in {one.unit} as in {first.name}, "
-                    f"found {other.unit}. All logs of one import need the same units; convert that "
-                    f"one."
-                )
-    units = {signal.name: signal.unit for signal in (*VEHICLE.states, *VEHICLE.exogenous)}
+    for series in (each for drive in drives for each in drive.signals):
+        unit = next(each.unit for each in first.signals if each.name == series.name)
+        if series.unit != unit:
+            raise DatasetError(
+                f"{series.place}: expected {series.name} in {unit} as in {first.name}, found "
+                f"{series.unit}. All logs of one import need the same units; convert that one."
+            )
+    units = {each.name: each.unit for each in (*VEHICLE.states, *VEHICLE.exogenous)}
     units |= {series.name: series.unit for series in first.signals}
     states, inputs, exogenous = (
         tuple(Signal(name, units[name]) for name in names)
@@ -134,13 +133,11 @@ def _along_line(
 
 
 def _pieces(part: LogEpisode, mapping: LogMapping) -> list[LogEpisode]:
-    """Pieces of equal length if the part is longer than `longest_episode_s`, else the part."""
-    longest_s = mapping.split.longest_episode_s
-    if longest_s is None or len(part) * mapping.period_s <= longest_s:
-        return [part]
-    count = ceil(len(part) * mapping.period_s / longest_s)
-    edges = np.linspace(0, len(part), count + 1).astype(int)
-    return [part.piece(int(a), int(b), mapping.period_s) for a, b in pairwise(edges)]
+    """The part, in pieces of equal length if it is longer than `longest_episode_s`."""
+    longest_s = mapping.split.longest_episode_s or inf
+    count = max(1, ceil(len(part) * mapping.period_s / longest_s))
+    edges = np.linspace(0, len(part), count + 1).astype(int).tolist()
+    return [part.piece(a, b, mapping.period_s) for a, b in pairwise(edges)]
 
 
 def join_episodes(episodes: Sequence[LogEpisode], mapping: LogMapping) -> Recording:
@@ -167,9 +164,9 @@ def slice_windows(recording: Recording, roads: Roads | None, seed: int) -> Start
     random road, lateral error and heading error.
     """
     counts = (recording.lengths - 1 - PAST_STEPS) // STEPS
-    begins = zip(recording.first + PAST_STEPS, counts, strict=True)
-    rows = [begin + STEPS * np.arange(count) for begin, count in begins]
     episode = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+    number = np.concatenate([np.arange(count) for count in counts])
+    row = recording.first[episode] + PAST_STEPS + STEPS * number
     anchor = None
     if roads is not None:
         rng = np.random.default_rng([seed, len(episode)])
@@ -178,7 +175,7 @@ def slice_windows(recording: Recording, roads: Roads | None, seed: int) -> Start
             roads.ey_m * rng.uniform(-1.0, 1.0, len(episode)),
             roads.epsi_rad * rng.uniform(-1.0, 1.0, len(episode)),
         )
-    return Starts(np.concatenate(rows).astype(np.int64), episode, anchor)
+    return Starts(row.astype(np.int64), episode, anchor)
 
 
 def roads_of(mapping: LogMapping) -> Roads | None:

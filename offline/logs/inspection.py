@@ -103,25 +103,13 @@ def inspect_drives(
 
 
 def report_tables(figures: Figures) -> Iterator[Table]:
-    """Logs, ranges of the signals, time shifts and issues."""
-    files = (
-        (f["name"], f["rows"], f["duration_s"], 1e3 * f["slowest_step_s"])
-        + (f["stretches"], f["episodes"], f["kept_s"])
-        for f in figures["files"]
-    )
-    heads: tuple[str, ...]
-    heads = "log", "rows", "duration, s", "row every, ms", "stretches", "episodes", "kept, s"
-    yield _table("Logs", heads, 1, files)
-    heads = "signal", "unit", "lowest", "5 %", "median", "95 %", "highest"
+    """Logs, ranges of the signals, and issues."""
+    heads = ("log", "rows", "duration, s", "row every, ms", "stretches", "episodes", "kept, s")
+    keys = ("name", "rows", "duration_s", "slowest_step_ms", "stretches", "episodes", "kept_s")
+    files = ({**f, "slowest_step_ms": 1e3 * f["slowest_step_s"]} for f in figures["files"])
+    yield _table("Logs", heads, 1, ([file[key] for key in keys] for file in files))
+    heads = ("signal", "unit", "lowest", "5 %", "median", "95 %", "highest")
     yield _table("Coverage", heads, 2, map(dict.values, figures["ranges"]))
-    if figures["time_shifts"]:
-        shifts = (
-            (s["cause"], s["response"], f"{s['lag_s']:+.3f}", f"{s['correlation']:.3f}")
-            + (f"{s['expected'][0]:.2f}..{s['expected'][2]:.2f}",)
-            for s in figures["time_shifts"]
-        )
-        heads = "cause", "response", "lag, s", "correlation", "expected, s"
-        yield _table("Time shifts", heads, 2, shifts)
     if figures["issues"]:
         heads, issues = ("check", "subject", "issue"), map(dict.values, figures["issues"])
         yield _table("Check these before training", heads, 3, issues)
@@ -167,23 +155,22 @@ def require_episodes(
         for drive, cut in zip(drives, cuts, strict=True)
         for stretch in cut.left_out
     ]
-    if not stretches and mapping.pose and off_line:
-        raise DatasetError(
-            f"{drives[0].name}: expected a drive within {mapping.pose.farthest_m:g} m of "
-            f"{mapping.pose.reference_line}, found all {off_line} periods farther away, in "
-            f"{len(drives)} logs. Give the line in the frame of the pose and in m, or correct "
-            f"farthest_m in [pose]."
-        )
     place, longest = drives[0].name, "no time at which all signals are known"
+    remedy = (
+        "Record longer drives, or correct what cuts them: longest_gap_s in [time], keep and "
+        "steepest_per_s of the signals, delay_s, the unit of time"
+    )
     if stretches:
         duration_s, series, begin_s = max(stretches, key=lambda each: each[0])
         place = series.place_of(min(int(np.searchsorted(series.t_s, begin_s)), len(series.row) - 1))
         longest = f"one of {round(duration_s / mapping.period_s) + 1} and none longer"
+    elif mapping.pose and off_line:
+        near = f"{mapping.pose.farthest_m:g} m of {mapping.pose.reference_line}"
+        longest = f"all {off_line} periods not within {near}"
+        remedy = "Give the line in the frame of the pose and in m, or correct farthest_m in [pose]"
     raise DatasetError(
         f"{place}: expected a stretch without gap of at least {LEAST_SAMPLES} samples at "
-        f"{1e3 * mapping.period_s:g} ms, found {longest}, in {len(drives)} logs. Record longer "
-        f"drives, or correct what cuts them: longest_gap_s in [time], keep and steepest_per_s of "
-        f"the signals, delay_s, the unit of time."
+        f"{1e3 * mapping.period_s:g} ms, found {longest}, in {len(drives)} logs. {remedy}."
     )
 
 
@@ -270,11 +257,10 @@ def _cuts(files: Sequence[Figures], drives: Sequence[LoggedDrive]) -> Iterator[I
 
 def _slow(drives: Sequence[LoggedDrive], mapping: LogMapping) -> Iterator[Issue]:
     """An issue about the signals that are sampled less often than the data set."""
-    slow = {}
-    for i, name in enumerate(mapping.signals):
-        step_s = max(drive.signals[i].usual_step_s for drive in drives)
-        if step_s > 1.01 * mapping.period_s:
-            slow[name] = step_s
+    of_drives = zip(*(drive.signals for drive in drives), strict=True)
+    steps_s = (max(series.usual_step_s for series in each) for each in of_drives)
+    named = zip(mapping.signals, steps_s, strict=False)
+    slow = {name: step_s for name, step_s in named if step_s > 1.01 * mapping.period_s}
     if slow:
         yield Issue(
             "rate",

@@ -190,7 +190,7 @@ def constant(place):
             r"run_1\.csv, column speed, from line 2 on: .*degrees taken for radians",
         ),
         (constant, r"column force, lines 2 to 1502: expected force_n to change, found 12 N"),
-        (far_line, r"within 15 m of .*track\.csv, found all 1800 periods"),
+        (far_line, r"found all 1800 periods not within 15 m of .*track\.csv.*farthest_m"),
         (
             too_short,
             r"run_0\.csv, column speed, line 2: .*at least 101 samples at 25 ms, found one of 10",
