@@ -55,7 +55,7 @@ def inspect_drives(
     ratios, lags = find_relations(episodes, mapping)
     suspected = list(unit_issues(ratios))
     if suspected and not mapping.checks.accept_units:
-        listed = (f"  {_where(each.subject, drives)}: {each.message}.\n" for each in suspected)
+        listed = (f"  {each.subject}: {each.message}.\n" for each in suspected)
         raise DatasetError(
             f"expected units as in the mapping, found signals that contradict them:\n"
             f"{''.join(listed)}If all units are correct, write accept_units = true in [checks]."
@@ -104,15 +104,16 @@ def inspect_drives(
 
 def report_tables(figures: Figures) -> Iterator[Table]:
     """Logs, ranges of the signals, and issues."""
-    heads = ("log", "rows", "duration, s", "row every, ms", "stretches", "episodes", "kept, s")
-    keys = ("name", "rows", "duration_s", "slowest_step_ms", "stretches", "episodes", "kept_s")
-    files = ({**f, "slowest_step_ms": 1e3 * f["slowest_step_s"]} for f in figures["files"])
-    yield _table("Logs", heads, 1, ([file[key] for key in keys] for file in files))
-    heads = ("signal", "unit", "lowest", "5 %", "median", "95 %", "highest")
+    files = pd.DataFrame(figures["files"])
+    files.insert(0, "step_ms", 1e3 * files["slowest_step_s"])
+    keys = ["name", "rows", "duration_s", "step_ms", "stretches", "episodes", "kept_s"]
+    heads = ["log", "rows", "duration, s", "row every, ms", "stretches", "episodes", "kept, s"]
+    yield _table("Logs", heads, 1, files[keys].itertuples(index=False))
+    heads = ["signal", "unit", "lowest", "5 %", "median", "95 %", "highest"]
     yield _table("Coverage", heads, 2, map(dict.values, figures["ranges"]))
     if figures["issues"]:
-        heads, issues = ("check", "subject", "issue"), map(dict.values, figures["issues"])
-        yield _table("Check these before training", heads, 3, issues)
+        issues = map(dict.values, figures["issues"])
+        yield _table("Check these before training", ("check", "subject", "issue"), 3, issues)
 
 
 def _table(
@@ -192,16 +193,6 @@ def _find_constant(drives: Sequence[LoggedDrive], mapping: LogMapping) -> list[s
             )
         constant.append(name)
     return constant
-
-
-def _where(subject: str, drives: Sequence[LoggedDrive]) -> str:
-    """The file and its first row, or the column that a signal comes from."""
-    for drive in drives:
-        if drive.name == subject:
-            first = drive.signals[0]
-            return f"{first.place}, from {first.word} {first.row[0]} on"
-    places = (each.place for drive in drives for each in drive.all_series if each.name == subject)
-    return next(places, subject)
 
 
 def _file(drive: LoggedDrive, cut: CutDrive, mapping: LogMapping) -> Figures:

@@ -8,11 +8,10 @@ import lzma
 import re
 from collections.abc import Callable, Sequence
 from itertools import islice
-from typing import Any, NamedTuple
+from typing import Any
 
 import pandas as pd
 
-from offline.logs.mapping import CsvSettings
 from offline.logs.readers.log import Log, Request
 from rt_controller.contract.errors import DatasetError
 from rt_controller.mapping.tables import DATE, TIME_OF_DAY
@@ -31,18 +30,6 @@ _MISSING = (
 OPENERS: dict[str, Callable[..., Any]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
 
 
-class _Layout(NamedTuple):
-    """How the lines of a file are read."""
-
-    delimiter: str
-    """a space: any number of spaces"""
-    names: list[str]
-    units: list[str]
-    """of the columns, from a line of their own; or empty"""
-    skipped: int
-    """lines before the first row"""
-
-
 def read_csv(ask: Request) -> Log:
     """The wanted columns of a CSV file."""
     path, style = ask.path, ask.csv
@@ -52,50 +39,50 @@ def read_csv(ask: Request) -> Log:
     encoding = "utf-16" if is_utf16 else style.encoding
     with opener(path, "rt", encoding=encoding, newline="") as file:
         head = list(islice(file, max(_HEAD_LINES, style.header_line or 0, style.units_line or 0)))
-    layout = _find_layout(ask, head)
+    delimiter, names, units, skipped = _find_layout(ask, head)
     try:
-        columns = ask.choose(layout.names)
+        columns = ask.choose(names)
     except DatasetError as error:
         raise DatasetError(
-            f"{error} If these are no names, correct [csv] delimiter ({layout.delimiter!r} is "
+            f"{error} If these are no names, correct [csv] delimiter ({delimiter!r} is "
             f"used) or header_line; with header_line = 0 the columns are named 1, 2, and so on."
         ) from error
-    width = len(layout.names)
+    width = len(names)
     texts = pd.read_csv(
         path,
-        sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
+        sep=r"\s+" if delimiter == " " else delimiter,
         header=None,
         names=[*range(width + 1)],  # one more, for rows that end with a delimiter
         index_col=False,
-        skiprows=layout.skipped,
+        skiprows=skipped,
         skip_blank_lines=False,
         dtype=str,
         na_filter=False,
         encoding=encoding,
     )
-    texts.index += layout.skipped + 1
+    texts.index += skipped + 1
     surplus = texts.index[texts[width].str.strip() != ""]
     if len(surplus):
         raise DatasetError(
             f"{path}, line {surplus[0]}: expected {width} cells as in the header, found more. "
-            f"Correct [csv] delimiter ({layout.delimiter!r} is used), or leave the line out."
+            f"Correct [csv] delimiter ({delimiter!r} is used), or leave the line out."
         )
     texts = texts[(texts != "").any(axis=1)]
     frame = pd.DataFrame(index=texts.index)
-    for column in columns.texts:
-        is_time = columns.time is not None and column == columns.time.text
-        cells = texts[layout.names.index(column)].str.strip()
-        frame[column] = _to_numbers(ask, column, cells, ask.clock.unit if is_time else None)
-    units = dict(zip(layout.names, layout.units, strict=False))
-    return ask.to_log(frame, columns, units.get, "line")
+    for k, column in enumerate(columns):
+        cells, is_time = texts[names.index(column.text)].str.strip(), k == 0 and ask.clock.column
+        if column.text not in frame:
+            unit = ask.clock.unit if is_time else None
+            frame[column.text] = _to_numbers(ask, column.text, cells, unit)
+    return ask.to_log(frame, columns, dict(zip(names, units, strict=False)), "line")
 
 
-def _find_layout(ask: Request, head: Sequence[str]) -> _Layout:
-    """The layout of a file with these first lines.
+def _find_layout(ask: Request, head: Sequence[str]) -> tuple[str, list[str], list[str], int]:
+    """Delimiter (a space: any number of them), names, units, and lines before the first row.
 
     The header is the first line that is no comment; or the last comment if numbers follow it.
     """
-    style: CsvSettings = ask.csv
+    style = ask.csv
     comments = next(
         (k for k, line in enumerate(head) if line.strip() and not line.startswith(_COMMENT)),
         len(head),
@@ -121,7 +108,7 @@ def _find_layout(ask: Request, head: Sequence[str]) -> _Layout:
     units = _split(head[style.units_line - 1], delimiter) if style.units_line else []
     if not header_line:
         names = [str(k + 1) for k in range(len(names))]
-    return _Layout(delimiter, names, units, skipped)
+    return delimiter, names, units, skipped
 
 
 def _split(line: str, delimiter: str) -> list[str]:

@@ -95,7 +95,7 @@ def _arrays_to_log(ask: Request, arrays: Mapping[str, NDArray[Any]]) -> Log:
     """The wanted vectors; numbers keep their type, so that large time stamps stay exact."""
     columns = ask.choose(list(arrays))
     vectors = {}
-    for text in columns.texts:
+    for text in dict.fromkeys(each.text for each in columns):
         vector = np.squeeze(arrays[text])
         if vector.ndim != 1 or vector.dtype.kind not in "fiubM":
             raise DatasetError(
@@ -121,11 +121,13 @@ def _read_parquet(ask: Request) -> Log:
     from pyarrow import parquet, types
 
     columns = ask.choose(parquet.read_schema(ask.path).names)
-    content = parquet.read_table(ask.path, columns=columns.texts)
+    content = parquet.read_table(
+        ask.path, columns=list(dict.fromkeys(each.text for each in columns))
+    )
     numeric = (types.is_floating, types.is_integer, types.is_boolean, types.is_decimal)
     units = {}
     for field in content.schema:
-        is_time = columns.time is not None and field.name == columns.time.text
+        is_time = bool(ask.clock.column) and field.name == columns[0].text
         is_date = is_time and types.is_timestamp(field.type)
         if not is_date and not any(is_kind(field.type) for is_kind in numeric):
             raise DatasetError(
@@ -135,7 +137,7 @@ def _read_parquet(ask: Request) -> Log:
         units[field.name] = (field.metadata or {}).get(b"unit", b"").decode("utf-8", "replace")
     frame = content.to_pandas(ignore_metadata=True)
     frame.index += 1
-    return ask.to_log(frame, columns, units.get)
+    return ask.to_log(frame, columns, units)
 
 
 _TIME_CHANNELS = ("t", "time")

@@ -4,9 +4,10 @@ A reader takes a `Request` and returns a `Log`; `offline.logs.readers.formats` h
 """
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -101,19 +102,6 @@ class Heading(NamedTuple):
     """behind the name in the file, or None"""
 
 
-class Columns(NamedTuple):
-    """The columns of a table that are read."""
-
-    time: Heading | None
-    values: list[Heading]
-
-    @property
-    def texts(self) -> list[str]:
-        """Names of all columns to read, as the file has them."""
-        every = ([self.time] if self.time else []) + self.values
-        return list(dict.fromkeys(each.text for each in every))
-
-
 class Request(NamedTuple):
     """What is read from one file, and how."""
 
@@ -123,70 +111,62 @@ class Request(NamedTuple):
     csv: CsvSettings = CsvSettings()
     can: CanSettings | None = None
 
-    def choose(self, available: Sequence[str]) -> Columns:
-        """The wanted columns and that of time, among those of a table."""
-        clock = self.clock
-        if not clock.column and clock.period_s is None:
+    def choose(self, available: Sequence[str]) -> list[Heading]:
+        """The wanted columns among those of a table; that of time, if there is one, first."""
+        if not self.clock.column and self.clock.period_s is None:
             raise DatasetError(
                 f"{self.path}: expected the time of each row, found neither a column nor a period "
                 f'in the mapping. Write [time] with column = "…" and its unit, or with period_s if '
                 f"the rows have a fixed rate; the file has: {', '.join(available)}."
             )
-        stamps = find_headings(self.path, [clock.names], available) if clock.column else [None]
-        return Columns(stamps[0], find_headings(self.path, self.wanted, available))
+        time = [self.clock.names] if self.clock.column else []
+        parts = (find_headings(self.path, names, available) for names in (time, self.wanted))
+        return [heading for part in parts for heading in part]
 
     def to_log(
         self,
         frame: pd.DataFrame,
-        columns: Columns,
-        unit_of: Callable[[str], str | None] = lambda text: None,
+        columns: Sequence[Heading],
+        units: Mapping[str, str] = MappingProxyType({}),
         word: str = "row",
     ) -> Log:
         """The wanted columns of a table with the time of each row.
 
         Args:
             frame: columns of numbers, time also as dates; the index is the row number in the file.
-            columns: those to read.
-            unit_of: gives the unit of a column that the file has elsewhere than in its name.
+            columns: see `choose`.
+            units: of columns, where the file has them elsewhere than in the name.
             word: name of a row.
         """
-        path, clock = self.path, self.clock
+        path, clock, begin_s = self.path, self.clock, None
         if len(frame) < 2:
             raise DatasetError(
                 f"{path}: expected at least two rows of numbers, found {len(frame)}. Leave the "
                 f"file out."
             )
-        begin_s = None
-        if columns.time is None:
-            t_s = (clock.period_s or 0.0) * np.arange(len(frame), dtype=np.float64)
-        else:
+        t_s = (clock.period_s or 0.0) * np.arange(len(frame), dtype=np.float64)
+        if clock.column or clock.file:
+            time, *columns = columns
             # Columns of different length in one table end in empty rows.
-            frame = frame[frame[columns.texts].notna().any(axis=1)]
-            place = f"{path}, column {columns.time.name}"
-            stamps = frame[columns.time.text]
+            frame = frame[frame.notna().any(axis=1)]
+            place, stamps = f"{path}, column {time.name}, {word}", frame[time.text]
             missing = np.flatnonzero(stamps.isna() | stamps.isin([np.inf, -np.inf]))
             if len(missing):
                 raise DatasetError(
-                    f"{place}, {word} {frame.index[missing[0]]}: expected a time, found none. "
-                    f"Leave out rows without a time ({len(missing)} of them)."
+                    f"{place} {frame.index[missing[0]]}: expected a time, found none. Leave out "
+                    f"rows without a time ({len(missing)} of them)."
                 )
             if clock.repeated == "skip":
                 frame = frame[stamps != stamps.shift()]
-            t_s, begin_s = _seconds(place, word, frame[columns.time.text], columns.time, clock)
+            t_s, begin_s = _seconds(place, frame[time.text], time, clock)
         rows = frame.index.to_numpy(np.int64)
-        channels = tuple(
-            Series(
-                each.name,
-                t_s,
-                frame[each.text].to_numpy(np.float64),
-                rows,
-                unit_of(each.text) or each.unit or "",
-                path,
-                word,
-            )
-            for each in columns.values
-        )
-        return Log(path.name, channels, len(frame), None if clock.starts_at_zero else begin_s)
+        channels = []
+        for each in columns:
+            values = frame[each.text].to_numpy(np.float64)
+            unit = units.get(each.text) or each.unit or ""
+            channels.append(Series(each.name, t_s, values, rows, unit, path, word))
+        begin_s = None if clock.starts_at_zero else begin_s
+        return Log(path.name, tuple(channels), len(frame), begin_s)
 
 
 _BRACKETED = re.compile(r"(?P<name>.*\S)\s*[(\[{<](?P<unit>[^()\[\]{}<>]*)[)\]}>]")
@@ -214,38 +194,33 @@ def find_headings(path: Path, wanted: Sequence[Names], texts: Sequence[str]) -> 
     Raises:
         DatasetError: the file has none, or several, of a wanted name.
     """
-    known = [_split_unit(text) for text in texts]
-    found = (_find(path, names, texts, known) for names in wanted)
-    return list(dict.fromkeys(heading for heading in found if heading is not None))
-
-
-def _find(
-    path: Path, names: Names, texts: Sequence[str], known: Sequence[Heading]
-) -> Heading | None:
-    for name in filter(None, names):
-        fits = [e for e in known if name == e.text] or [e for e in known if name == e.name]
-        if len(fits) == 1:
-            return fits[0]._replace(name=name)
-        if fits:
+    known, found = [_split_unit(text) for text in texts], []
+    for names in wanted:
+        fits = (
+            (name, [e for e in known if name == e.text] or [e for e in known if name == e.name])
+            for name in names
+        )
+        name, own = next((each for each in fits if each[1]), ("", []))
+        if len(own) > 1:
             raise DatasetError(
-                f"{path}, column {name}: expected one column of that name, found {len(fits)}. "
+                f"{path}, column {name}: expected one column of that name, found {len(own)}. "
                 f"Rename them in the file."
             )
-    if "" in names:
-        return None
-    raise DatasetError(
-        f"{path}: expected a column {' or '.join(map(repr, names))}, found none of that name. "
-        f"{columns_of('file', names[0], texts)} Name the column in the mapping as the file does."
-    )
+        if not own and "" not in names:
+            raise DatasetError(
+                f"{path}: expected a column {' or '.join(map(repr, names))}, found none of that "
+                f"name. {columns_of('file', names[0], texts)} Name the column in the mapping as "
+                f"the file does."
+            )
+        found += [heading._replace(name=name) for heading in own]
+    return list(dict.fromkeys(found))
 
 
 PERIOD_TOLERANCE = 0.01
 """share by which the usual time between rows may differ from `period_s` of the clock"""
 
 
-def _seconds(
-    place: str, word: str, stamps: pd.Series, column: Heading, clock: Clock
-) -> tuple[Array, float]:
+def _seconds(place: str, stamps: pd.Series, column: Heading, clock: Clock) -> tuple[Array, float]:
     """Time (T,) of the rows since the first, and the time of that.
 
     Stamps that count from 1970 keep their microseconds because the first is subtracted first.
@@ -263,8 +238,8 @@ def _seconds(
         own, given = find_unit(column.unit or ""), find_unit(clock.unit or column.unit or "s")
         if given is None or (column.unit and own != given):
             raise DatasetError(
-                f"{place}: expected a time in {clock.unit}, as the mapping says, found "
-                f"{column.text!r}. Correct the unit in [time], or leave it out."
+                f"{place} {stamps.index[0]}: expected a time in {clock.unit}, as the mapping says, "
+                f"found {column.text!r}. Correct the unit in [time], or leave it out."
             )
         t_s = given.factor * elapsed.to_numpy(np.float64)
         begin_s = given.factor * float(first)
@@ -274,7 +249,7 @@ def _seconds(
         k = int(backwards[0]) + 1
         now, before = (str(s) if is_text else f"{s:.10g}" for s in stamps.iloc[[k, k - 1]])
         raise DatasetError(
-            f"{place}, {word} {stamps.index[k]}: expected time to increase, found {now} after "
+            f"{place} {stamps.index[k]}: expected time to increase, found {now} after "
             f"{before} ({len(backwards)} such places). Split the file where time starts again; if "
             f'rows have the time of the row before, repeated = "skip" in [time] leaves them out.'
         )
@@ -282,7 +257,7 @@ def _seconds(
     if period_s is not None and abs(usual_s - period_s) > PERIOD_TOLERANCE * period_s:
         k = int(np.argmax(np.abs(steps - period_s) > PERIOD_TOLERANCE * period_s)) + 1
         raise DatasetError(
-            f"{place}, {word} {stamps.index[k]}: expected a row every {1e3 * period_s:.6g} ms as "
+            f"{place} {stamps.index[k]}: expected a row every {1e3 * period_s:.6g} ms as "
             f"in [time] period_s, found one every {1e3 * usual_s:.6g} ms. Correct period_s or the "
             f"unit of time, or leave period_s out: the logs are converted to the data set's period "
             f"anyway."

@@ -20,7 +20,7 @@ import pandas as pd
 from offline.data.manifest import SourceFile
 from offline.logs.mapping import LogMapping
 from offline.logs.readers.formats import SUFFIXES, read_file
-from offline.logs.readers.log import Columns, Heading, Log, Names, Request
+from offline.logs.readers.log import Heading, Log, Names, Request
 from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.mapping.tables import Clock
 
@@ -171,7 +171,7 @@ def _read_part(ask: Request) -> Log:
     frame[str(beside)] = stamps.values
     time = Heading(f"{stamps.column} of {beside}", str(beside), stamps.unit)
     headings = [Heading(each.column, each.column, each.unit) for each in log.channels]
-    return ask.to_log(frame, Columns(time, headings), word=first.word)
+    return ask.to_log(frame, [time, *headings], word=first.word)
 
 
 def _file_of_times(path: Path, pattern: str) -> Path:

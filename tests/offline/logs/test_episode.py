@@ -66,15 +66,6 @@ def test_long_stretches_are_cut_into_equal_pieces_that_share_no_sample(parse, ma
     assert ends == pytest.approx([e.begin_s for e in found.episodes[1:]])
 
 
-def test_poses_are_kept_so_that_roads_can_be_placed(parse, made_drive):
-    found = cut(parse, made_drive, MAPPING + POSE)
-    (episode,) = found.episodes
-    assert episode.pose.shape == (1201, 3)
-    np.testing.assert_allclose(
-        episode.pose[40], [made_drive.x[100], made_drive.y[100], made_drive.yaw[100]], atol=2e-3
-    )
-
-
 def circle_drive(duration_s=20.0, dt_s=0.01, radius_m=40.0, ey_m=1.5):
     """Around a circle with constant lateral error, 10 m/s along the line."""
     made = make_drive(duration_s, dt_s)

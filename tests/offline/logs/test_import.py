@@ -179,7 +179,7 @@ def constant(place):
     [
         (
             lambda place: change_log(place, speed=lambda v: v * 3.6),
-            r"run_1\.csv, column speed, from line 2 on: .*km/h taken for m/s",
+            r"run_1\.csv: .*km/h taken for m/s",
         ),
         (
             lambda place: change_log(place, turn=np.degrees),
@@ -187,7 +187,7 @@ def constant(place):
         ),
         (
             lambda place: change_log(place, wheel=np.degrees),
-            r"run_1\.csv, column speed, from line 2 on: .*degrees taken for radians",
+            r"run_1\.csv: .*degrees taken for radians",
         ),
         (constant, r"column force, lines 2 to 1502: expected force_n to change, found 12 N"),
         (far_line, r"found all 1800 periods not within 15 m of .*track\.csv.*farthest_m"),

@@ -1,7 +1,5 @@
 """Drives with one file for each signal become the same data set as one table for each drive."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from made_import import change_log, run_import
@@ -11,7 +9,6 @@ from offline.data.dataset import load_dataset
 from offline.data.manifest import Imported, read_manifest
 from rt_controller.contract.errors import ConfigError, DatasetError
 
-EXAMPLES = Path(__file__).parents[3] / "examples"
 SIGNALS = ("speed", "side", "turn", "wheel", "force")
 
 
@@ -85,16 +82,14 @@ def test_arrays_with_the_times_in_another_array_are_read(place):
         for name, t_s, values in parts_of(seed):
             folder = place / "logs" / "route" / str(seed) / name
             folder.mkdir(parents=True)
-            for file, array in (("t", 1e3 * t_s), ("value", values[:, None])):
-                with (folder / file).open("wb") as opened:
-                    np.save(opened, array)
-    time = 'file = "t"\ncolumn = "1"\nunit = "ms"'
-    (place / "map.toml").write_text(mapping_of("{}/value", "1", time))
+            np.save(folder / "t.npy", 1e3 * t_s)
+            np.save(folder / "value.npy", values[:, None])
+    time = 'file = "t.npy"\ncolumn = "1"\nunit = "ms"'
+    (place / "map.toml").write_text(mapping_of("{}/value.npy", "1", time))
     run_import(place, "--data", place / "data")
-    dataset = load_dataset(place / "data")
-    assert len(dataset.recording.first) == 3
+    assert len(load_dataset(place / "data").recording.first) == 3
     origin = read_manifest(place / "data" / "manifest.json").origin
-    assert "route/0/speed/t" in {file.name for file in origin.files}
+    assert "route/0/speed/t.npy" in {file.name for file in origin.files}
 
 
 def test_the_file_of_times_may_have_the_name_of_the_signal(place):
@@ -165,26 +160,3 @@ def test_a_folder_without_the_files_and_a_file_are_refused(place):
     (place / "logs").write_text("")
     with pytest.raises(ConfigError, match="expected a folder, because `file`"):
         run_import(place)
-
-
-def test_the_example_reads_a_folder_of_csv_files(place):
-    columns = {
-        "speed": ("speed", 3.6),
-        "lateral_speed": ("side", 1.0),
-        "yaw_rate": ("turn", 180 / np.pi),
-        "steering_wheel": ("wheel", 15 * 180 / np.pi),
-        "throttle": ("force", 0.01),
-        "brake_pressure": ("force", -0.005),
-    }
-    for seed in range(3):
-        (place / "logs" / f"drive {seed}").mkdir()
-        made = make_drive(15.0, 0.01, seed)
-        for file, (name, factor) in columns.items():
-            values = np.maximum(factor * getattr(made, name), 0.0 if name == "force" else -1e9)
-            table = {"t": made.time.tolist(), "value": values.tolist()}
-            write_csv(place / "logs" / f"drive {seed}" / f"{file}.csv", table)
-    (place / "map.toml").write_text((EXAMPLES / "import_files.toml").read_text())
-    run_import(place, "--data", place / "data")
-    dataset = load_dataset(place / "data")
-    assert dataset.schema.input_names == ("steer_rad", "throttle", "brake_pa")
-    assert dataset.recording.x[:, 0].mean() == pytest.approx(15.0, abs=3.0)

@@ -137,7 +137,7 @@ def test_a_column_may_have_other_names(csv):
         ("t,v\n0,1\n.024,2\n", {"clock": Clock(column="t", period_s=0.025)})
         + ("column t, line 3: expected a row every 25 ms as in [time] period_s, found",),
         ("t(ms),v\n0,1\n1,2\n", {"clock": Clock(column="t", unit="s")})
-        + ("column t: expected a time in s, as the mapping says, found 't(ms)'",),
+        + ("column t, line 2: expected a time in s, as the mapping says, found 't(ms)'",),
         ("t,v\nten,1\n", {"clock": Clock(column="t", unit="hh:mm:ss")}, "a time such as 10:00:00"),
         ("t,v,°\n0,1,2\n".encode("latin-1"), {}, "[csv] encoding"),
         ("t,v\n0,1\n", {"encoding": "latin-99"}, "[csv] encoding"),

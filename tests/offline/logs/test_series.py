@@ -36,23 +36,11 @@ def series(parse, values, state="", unit="m/s", extra=""):
     return series_of(to_drive(log_of(values, unit), mapping), "vx_mps")
 
 
-def test_factor_offset_unit_and_sign_apply_in_this_order(parse):
-    state = ', unit = "km/h", factor = 2.0, offset = -1.0, sign = -1'
+def test_factor_offset_unit_and_sign_apply_in_this_order_and_the_delay_is_subtracted(parse):
+    state = ', unit = "km/h", factor = 2.0, offset = -1.0, sign = -1, delay_s = 0.32'
     found = series(parse, [10.0, 19.0], state, unit=None)
     assert found.values == pytest.approx([-(2 * 10 - 1) / 3.6, -(2 * 19 - 1) / 3.6])
-
-
-def test_the_offset_of_a_unit_is_applied(parse):
-    mapping = parse(
-        '[states]\nheat_k = { column = "v", unit = "degC" }\n'
-        '[inputs]\nsteer_rad = { column = "d", unit = "rad" }\n'
-    )
-    assert series_of(to_drive(log_of([20.0, 30.0]), mapping), "heat_k").values[0] == 293.15
-
-
-def test_the_delay_is_subtracted_from_the_time_stamps(parse):
-    found = series(parse, [1.0, 2.0, 3.0], ", delay_s = 0.32")
-    assert found.t_s == pytest.approx([-0.32, -0.22, -0.12])
+    assert found.t_s == pytest.approx([-0.32, -0.22])
 
 
 @pytest.mark.parametrize(
@@ -97,10 +85,19 @@ def test_time_that_runs_backwards_is_refused_with_its_place(parse):
         to_drive(log, mapping)
 
 
-def test_the_drive_is_cut_where_a_signal_changes_faster_than_possible(parse):
-    found = series(parse, [10.0, 10.1, 40.0, 40.1])
-    assert found.connected.tolist() == [True, False, True]
-    assert found.jumps == 1
+@pytest.mark.parametrize(
+    ("values", "state", "connected", "jumps"),
+    [
+        ([10.0, 10.1, 40.0, 40.1], "", [True, False, True], 1),
+        ([1.0, 3.5, 4.0, 4.5, 2.0], ", keep = [3.0, 60.0]", [False, True, True, False], 0),
+    ],
+)
+def test_the_drive_is_cut_where_a_signal_jumps_or_leaves_its_keep_interval(
+    parse, values, state, connected, jumps
+):
+    found = series(parse, values, state)
+    assert found.connected.tolist() == connected
+    assert found.jumps == jumps
 
 
 def test_noise_of_fast_samples_is_not_a_jump(parse):
@@ -108,11 +105,6 @@ def test_noise_of_fast_samples_is_not_a_jump(parse):
     noisy = 10.0 + 0.3 * np.random.default_rng(0).choice([-1.0, 1.0], 1000)
     found = series_of(to_drive(log_of(noisy, dt_s=0.001), mapping), "vx_mps")
     assert found.jumps == 0
-
-
-def test_the_drive_is_cut_where_a_signal_leaves_its_keep_interval(parse):
-    found = series(parse, [1.0, 3.5, 4.0, 4.5, 2.0], ", keep = [3.0, 60.0]")
-    assert found.connected.tolist() == [False, True, True, False]
 
 
 def test_the_first_seconds_can_be_skipped(parse):
