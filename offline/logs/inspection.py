@@ -69,10 +69,9 @@ def inspect_drives(
     ranges.insert(1, "unit", [signal.unit for signal in known])
     issues = [
         *suspected,
-        *_cuts(files, drives),
+        *_sampling_issues(files, drives, mapping),
         *time_shift_issues(lags),
         *(Issue("constant", name, "constant, as the mapping allows") for name in constant),
-        *_slow(drives, mapping),
     ]
     counts = np.bincount(part[slices.episode], minlength=len(PARTS)).tolist()
     return {
@@ -215,8 +214,10 @@ def _file(drive: LoggedDrive, cut: CutDrive, mapping: LogMapping) -> Figures:
     }
 
 
-def _cuts(files: Sequence[Figures], drives: Sequence[LoggedDrive]) -> Iterator[Issue]:
-    """Issues about what cuts the drives: gaps, a line that they leave, jumps of signals."""
+def _sampling_issues(
+    files: Sequence[Figures], drives: Sequence[LoggedDrive], mapping: LogMapping
+) -> Iterator[Issue]:
+    """Issues about gaps, a line that drives leave, jumps, and signals that are sampled slowly."""
     for file in files:
         gaps = file["gaps"]
         if gaps["number"]:
@@ -244,14 +245,12 @@ def _cuts(files: Sequence[Figures], drives: Sequence[LoggedDrive]) -> Iterator[I
                 f"there. skip_first_s in [time] leaves out filters that settle, steepest_per_s "
                 f"sets the limit",
             )
-
-
-def _slow(drives: Sequence[LoggedDrive], mapping: LogMapping) -> Iterator[Issue]:
-    """An issue about the signals that are sampled less often than the data set."""
-    of_drives = zip(*(drive.signals for drive in drives), strict=True)
-    steps_s = (max(series.usual_step_s for series in each) for each in of_drives)
-    named = zip(mapping.signals, steps_s, strict=False)
-    slow = {name: step_s for name, step_s in named if step_s > 1.01 * mapping.period_s}
+    steps_s = {
+        each[0].name: max(series.usual_step_s for series in each)
+        for each in zip(*(drive.signals for drive in drives), strict=True)
+        if each[0].name in mapping.signals
+    }
+    slow = {name: step_s for name, step_s in steps_s.items() if step_s > 1.01 * mapping.period_s}
     if slow:
         yield Issue(
             "rate",

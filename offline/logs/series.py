@@ -99,14 +99,6 @@ def _to_series(
             f"{channel.place}: expected at least two samples, found {np.count_nonzero(kept)}. "
             f"Leave the file out."
         )
-    backwards = np.flatnonzero(np.diff(channel.t_s) <= 0.0)
-    if len(backwards):
-        k = int(backwards[0]) + 1
-        raise DatasetError(
-            f"{channel.place_of(k)}: expected time to increase, found "
-            f"{channel.t_s[k]:.10g} s after {channel.t_s[k - 1]:.10g} s. Split the log where time "
-            f"starts again, or choose one channel of the bus."
-        )
     steps = np.diff(channel.t_s[kept])
     longest_s = column.longest_gap_s or mapping.time.longest_gap_s
     is_near = steps <= (longest_s or LONGEST_GAP_PERIODS * np.median(steps))

@@ -85,6 +85,18 @@ class Log:
     begin_s: float | None = 0.0
     """instant that the times count from, on the clock of the file; None: the file has no clock"""
 
+    def __post_init__(self) -> None:
+        for each in self.channels:
+            backwards = np.flatnonzero(np.diff(each.t_s) <= 0.0)
+            if len(backwards):
+                k = int(backwards[0]) + 1
+                raise DatasetError(
+                    f"{each.place_of(k)}: expected time to increase, found {each.t_s[k]:.10g} s "
+                    f"after {each.t_s[k - 1]:.10g} s ({len(backwards)} such places). Split the log "
+                    f"where time starts again, or choose one channel of the bus; if rows have the "
+                    f'time of the row before, repeated = "skip" in [time] leaves them out.'
+                )
+
     def channel(self, *names: str, file: str | None = None) -> Series:
         """The channel of a wanted column with one of these names."""
         fits = [each for each in self.channels if each.file == file]
@@ -229,7 +241,7 @@ def _seconds(place: str, stamps: pd.Series, column: Heading, clock: Clock) -> tu
         stamps = stamps.astype(np.int64)
     first: Any = stamps.iloc[0]
     elapsed = stamps - first
-    if is_text := isinstance(first, pd.Timestamp | pd.Timedelta):
+    if isinstance(first, pd.Timestamp | pd.Timedelta):
         t_s = (elapsed / pd.Timedelta(seconds=1)).to_numpy(np.float64)
         begin_s = float(
             first.timestamp() if isinstance(first, pd.Timestamp) else first.total_seconds()
@@ -244,15 +256,6 @@ def _seconds(place: str, stamps: pd.Series, column: Heading, clock: Clock) -> tu
         t_s = given.factor * elapsed.to_numpy(np.float64)
         begin_s = given.factor * float(first)
     steps = np.diff(t_s)
-    backwards = np.flatnonzero(steps <= 0.0)
-    if len(backwards):
-        k = int(backwards[0]) + 1
-        now, before = (str(s) if is_text else f"{s:.10g}" for s in stamps.iloc[[k, k - 1]])
-        raise DatasetError(
-            f"{place} {stamps.index[k]}: expected time to increase, found {now} after "
-            f"{before} ({len(backwards)} such places). Split the file where time starts again; if "
-            f'rows have the time of the row before, repeated = "skip" in [time] leaves them out.'
-        )
     usual_s, period_s = float(np.median(steps)), clock.period_s
     if period_s is not None and abs(usual_s - period_s) > PERIOD_TOLERANCE * period_s:
         k = int(np.argmax(np.abs(steps - period_s) > PERIOD_TOLERANCE * period_s)) + 1

@@ -77,14 +77,6 @@ def test_the_mapping_can_allow_them(parse, values, state, unit, found):
     assert series(parse, values, state, unit=unit).values == pytest.approx(found)
 
 
-def test_time_that_runs_backwards_is_refused_with_its_place(parse):
-    mapping = parse(ONE_OF_EACH.format(state=', unit = "m/s"'))
-    log = log_of([1.0, 2.0, 3.0])
-    log.channels[0].t_s[2] = 0.05
-    with pytest.raises(DatasetError, match="line 4: expected time to increase"):
-        to_drive(log, mapping)
-
-
 @pytest.mark.parametrize(
     ("values", "state", "connected", "jumps"),
     [
