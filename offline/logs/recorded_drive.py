@@ -126,8 +126,7 @@ def load_drive(
 
 def _on_grid(path: Path, found: dict[str, Series], window: Window) -> RecordedDrive:
     t_s = found["vx_mps"].t_s
-    inside = (t_s >= window.from_s) & (t_s <= window.to_s)
-    t_s = t_s[inside]
+    t_s = t_s[(t_s >= window.from_s) & (t_s <= window.to_s)]
     if len(t_s) < 2 or t_s[-1] - t_s[0] < _SHORTEST_S:
         raise ConfigError(
             f"{path}: expected at least {_SHORTEST_S:g} s, found "
@@ -144,15 +143,16 @@ def _on_grid(path: Path, found: dict[str, Series], window: Window) -> RecordedDr
     grid_s = np.arange(t_s[0], t_s[-1] + 1e-9, PERIOD_S)
     even: dict[str, Array] = {}
     for signal, series in found.items():
-        values = series.values[inside]
+        own = (series.t_s >= window.from_s) & (series.t_s <= window.to_s)
+        own_t_s, values = series.t_s[own], series.values[own]
         wrong = np.flatnonzero(~np.isfinite(values))
         if len(wrong):
             raise ConfigError(
                 f"{series.place}: expected numbers, found {values[wrong[0]]} at "
-                f"{t_s[wrong[0]]:.6g} s, and {len(wrong)} such samples. Fill them, or use the part "
+                f"{own_t_s[wrong[0]]:.6g} s, and {len(wrong)} such samples. Fill them, or use the part "
                 f"before or after by --from-s and --to-s."
             )
-        even[signal] = np.interp(grid_s, t_s, values)
+        even[signal] = np.interp(grid_s, own_t_s, values)
     speed_mps = even.pop("vx_mps")
     is_usable = (speed_mps >= _LEAST_SPEED_MPS) & (speed_mps <= FASTEST_START_MPS)
     if not is_usable.all():

@@ -158,14 +158,17 @@ def _read_mf4(ask: Request) -> Log:
         each.__del__ = lambda _: None
     with MDF(ask.path) as mdf:
         names = [name for name in mdf.channels_db if name not in _TIME_CHANNELS]
-        channels = tuple(_read_channel(ask, mdf, wanted, names) for wanted in ask.wanted)
+        channels = tuple(c for each in ask.wanted for c in _read_channel(ask, mdf, each, names))
     return Log(ask.path.name, channels, max(len(channel.t_s) for channel in channels))
 
 
-def _read_channel(ask: Request, mdf: Any, wanted: Names, texts: list[str]) -> Series:
-    """A channel with one of the wanted names, which may have the number of its group."""
+def _read_channel(ask: Request, mdf: Any, wanted: Names, texts: list[str]) -> Iterator[Series]:
+    """The channel with one of the wanted names, which may have the number of its group."""
     plain = [each.partition("@")[0] for each in wanted]
-    (heading,) = find_headings(ask.path, [plain], texts)
+    found = find_headings(ask.path, [plain], texts)
+    if not found:
+        return
+    heading = found[0]
     column = wanted[plain.index(heading.name)]
     name, number = heading.text, column.partition("@")[2]
     places = mdf.channels_db[name]
@@ -184,7 +187,7 @@ def _read_channel(ask: Request, mdf: Any, wanted: Names, texts: list[str]) -> Se
         )
     t_s, rows = np.asarray(signal.timestamps, dtype=np.float64), np.arange(1, len(values) + 1)
     unit = signal.unit or heading.unit or ""
-    return Series(column, t_s, values.astype(np.float64), rows, unit, ask.path)
+    yield Series(column, t_s, values.astype(np.float64), rows, unit, ask.path)
 
 
 def _read_can(ask: Request) -> Log:

@@ -29,14 +29,11 @@ _EVERY_ROW = Clock(period_s=1.0)
 
 
 class DriveFiles(NamedTuple):
-    """Where one drive is recorded."""
+    """Where one drive is recorded: one log, or a folder and its files by `file` of the mapping."""
 
     name: str
-    """by which the split and the messages call it"""
     path: Path
-    """the log, or the folder that the names of its files are relative to"""
     parts: Mapping[str, Path] = MappingProxyType({})
-    """by `file` of the mapping; empty if the drive is one log"""
 
 
 def find_logs(places: Sequence[Path], mapping: LogMapping) -> list[DriveFiles]:

@@ -51,7 +51,6 @@ def place(tmp_path):
     [
         ("can/{}.csv", 1.7e9),
         ("{drive}_{}.csv", 0.0),
-        ("{}/{drive}.csv", 50.0),
         ("{drive}/{}-{drive}.csv", 0.0),
     ],
 )
