@@ -149,8 +149,8 @@ def _on_grid(path: Path, found: dict[str, Series], window: Window) -> RecordedDr
         if len(wrong):
             raise ConfigError(
                 f"{series.place}: expected numbers, found {values[wrong[0]]} at "
-                f"{own_t_s[wrong[0]]:.6g} s, and {len(wrong)} such samples. Fill them, or use the part "
-                f"before or after by --from-s and --to-s."
+                f"{own_t_s[wrong[0]]:.6g} s, and {len(wrong)} such samples. Fill them, or use "
+                f"the part before or after by --from-s and --to-s."
             )
         even[signal] = np.interp(grid_s, own_t_s, values)
     speed_mps = even.pop("vx_mps")
