@@ -99,7 +99,7 @@ class MpcSettings(Settings):
 
     def for_model(self, bundle: "Bundle") -> "MpcSettings":
         """The same, with the values of its preset where none was chosen."""
-        is_linear = bundle.bilinear is None and bundle.drift is None
+        is_linear = bundle.gains is None
         if (self.preset or ("paper" if is_linear else "course")) != "paper":
             return self
         chosen, tolerance = self.model_fields_set, self.tolerance

@@ -37,7 +37,7 @@ from offline.data.dataset import Dataset
 from offline.data.signals import Scaling, fit_scaling, last_rows, past_names
 from rt_controller.contract.arrays import Array
 from rt_controller.model.bundle import Bundle, spectral_radius_of
-from rt_controller.model.dynamics import Bilinear, Matrices, roll_out
+from rt_controller.model.dynamics import Gains, Matrices, Shape, roll_out
 from rt_controller.model.follow import Follow
 from rt_controller.model.lift import IR_VERSION, OPSET, Lift, LiftSample
 from rt_controller.report.table import Fact
@@ -49,7 +49,7 @@ _SAMPLES = 40_000
 _CHOICE_RIDGE = 1e-8
 
 
-class Gains(StrEnum):
+class GainColumns(StrEnum):
     """Which observables the inputs are multiplied by."""
 
     SPEED = "speed"
@@ -67,7 +67,7 @@ class BilinearSettings:
     """sizes of psi; 66 are those of the paper's network, its states among them"""
     past_steps: tuple[int, ...] = (4, 12)
     ridges: tuple[float, ...] = RIDGES
-    gains: tuple[Gains, ...] = tuple(Gains)
+    gains: tuple[GainColumns, ...] = tuple(GainColumns)
 
 
 class Dictionary(NamedTuple):
@@ -206,13 +206,13 @@ def _models(dataset: Dataset, settings: BilinearSettings) -> Iterator[LiftedMode
                     yield LiftedModel(dictionary, _solve(dictionary, of, ridge), ridge)
 
 
-def _columns_of(gains: Gains, dictionary: Dictionary, dataset: Dataset) -> tuple[int, ...]:
+def _columns_of(gains: GainColumns, dictionary: Dictionary, dataset: Dataset) -> tuple[int, ...]:
     """Entries of psi that inputs are multiplied by."""
     degrees = (dictionary.monomials < dictionary.variables).sum(axis=1)
     first, states = dictionary.first_monomial, tuple(range(len(dictionary.scaling.x_scale)))
-    if gains is Gains.PRODUCTS:
+    if gains is GainColumns.PRODUCTS:
         return (*states, *(first + np.flatnonzero(degrees == 2)).tolist())
-    if gains is Gains.STATES or not dataset.roles.centred:
+    if gains is GainColumns.STATES or not dataset.roles.centred:
         return states
     speed = dataset.schema.state_names.index(dataset.roles.centred[0])
     is_power = (dictionary.monomials == speed).sum(axis=1) == degrees
@@ -289,12 +289,10 @@ def _solve(dictionary: Dictionary, of: Moments, ridge: float) -> Matrices:
     operator = _operator(of, ridge)
     n, m, p = len(operator), len(dictionary.scaling.u_scale), len(dictionary.scaling.w_scale)
     A, B_uc, B_uw, N = np.split(operator, [n, n + m, n + m + p], axis=1)
-    R = len(dictionary.gains)
-    S = np.zeros((R, m, n))
-    S[np.arange(R), :, dictionary.gains] = 1.0
-    N = N.reshape(n, R, m).transpose(1, 0, 2)
-    bilinear = Bilinear(N, S, np.zeros((R, m)), Follow.PREDICTION)
-    return Matrices(A, B_uc, B_uw, np.zeros(n), bilinear)
+    S = np.repeat(np.eye(n)[list(dictionary.gains)], m, axis=0)
+    factor, linear = np.tile(np.arange(m), len(dictionary.gains)), np.full(len(S), Shape.LINEAR)
+    gains = Gains(N, S, np.zeros(len(S)), factor, linear)
+    return Matrices(A, B_uc, B_uw, np.zeros(n), gains)
 
 
 def _encoder(dictionary: Dictionary, n: int) -> bytes:

@@ -20,44 +20,14 @@ from rt_controller.report.table import Column, Table, print_table
 EXTREMES = ("minimum", "mean", "maximum")
 
 
-def condition_figures(dataset: Dataset) -> dict[str, Any]:
-    """Extremes and means over all samples, and the rejected drives by friction."""
+def condition_figures(dataset: Dataset) -> dict[str, dict[str, float]]:
+    """Extremes and means of each condition over all samples."""
     rows = dataset.conditions_at(slice(None))
     extremes = zip(rows.min(axis=0), rows.mean(axis=0, dtype=float), rows.max(axis=0), strict=True)
     return {
-        "conditions": {
-            name: dict(zip(EXTREMES, map(float, values), strict=True))
-            for name, values in zip(dataset.manifest.conditions, extremes, strict=True)
-        },
-        "rejected_by_lowest_friction": [
-            {
-                "friction_from": band.friction[0],
-                "friction_below": band.friction[1],
-                "n_episodes": band.episodes,
-                "rejected_fraction": band.rejected_fraction,
-            }
-            for band in dataset.manifest.rejected_by_friction
-        ],
+        name: dict(zip(EXTREMES, map(float, values), strict=True))
+        for name, values in zip(dataset.manifest.conditions, extremes, strict=True)
     }
-
-
-def _print_conditions(figures: dict[str, Any]) -> None:
-    conditions = tuple(
-        (name, *(f"{value:.3f}" for value in values.values()))
-        for name, values in figures["conditions"].items()
-    )
-    heads = (Column("condition", is_text=True), *map(Column, EXTREMES))
-    print_table(Table("conditions of all samples", heads, conditions), STDOUT)
-    bands = tuple(
-        (
-            f"{band['friction_from']:g} to {band['friction_below']:g}",
-            str(band["n_episodes"]),
-            f"{100 * band['rejected_fraction']:.1f}",
-        )
-        for band in figures["rejected_by_lowest_friction"]
-    )
-    heads = (Column("lowest friction", is_text=True), Column("episodes"), Column("rejected", "%"))
-    print_table(Table("rejected drives", heads, bands), STDOUT)
 
 
 def make_data(
@@ -87,8 +57,10 @@ def make_data(
         return figures
     conditions = condition_figures(dataset)
     STDOUT.print(f"drawn with {describe(variation)}", soft_wrap=True)
-    _print_conditions(conditions)
-    return {**figures, "recipe": variation.model_dump(), **conditions}
+    heads = (Column("condition", is_text=True), *map(Column, EXTREMES))
+    rows = ((name, *(f"{v:.3f}" for v in found.values())) for name, found in conditions.items())
+    print_table(Table("conditions of all samples", heads, tuple(rows)), STDOUT)
+    return {**figures, "recipe": variation.model_dump(), "conditions": conditions}
 
 
 def ensure_dataset(
@@ -118,29 +90,18 @@ def _find_or_make(
     if exists(folder):
         return folder, load_dataset(folder)
     STDERR.print(f"making a data set of {episodes} episodes in {folder}", soft_wrap=True)
-    made = 0
-    try:
-        with (
-            stop_on_signals() as is_stopped,
-            backend.active(),
-            progress_bar("simulating", episodes) as show,
-        ):
+    with (
+        stop_on_signals() as is_stopped,
+        backend.active(),
+        progress_bar("simulating", episodes) as show,
+    ):
 
-            def on_progress(done: int) -> None:
-                nonlocal made
-                made = done
-                show(done, "")
-                if is_stopped():
-                    raise KeyboardInterrupt
+        def on_progress(done: int) -> None:
+            show(done, "")
+            if is_stopped():
+                raise KeyboardInterrupt
 
-            return folder, make_dataset(folder, origin, on_progress=on_progress)
-    except KeyboardInterrupt:
-        STDERR.print(
-            f"Stopped after {made} of {episodes} episodes, which are kept. The same command goes "
-            f"on with them.",
-            soft_wrap=True,
-        )
-        raise
+        return folder, make_dataset(folder, origin, on_progress=on_progress)
 
 
 def require_origin(

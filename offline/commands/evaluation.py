@@ -21,7 +21,7 @@ from offline.evaluation.held_out import choose_test_data, find_objection
 from offline.evaluation.predictor import Predictor
 from offline.evaluation.series import make_series
 from offline.evaluation.simulated_sets import SIMULATED, open_simulated_set, straight_braking_set
-from offline.evaluation.tables import comparison_tables
+from offline.evaluation.tables import comparison_tables, headline
 from offline.evaluation.test_sets import (
     BRAKING,
     NEW_ROADS,
@@ -194,9 +194,10 @@ def label_models(folders: Sequence[Path], taken: Collection[str] = ()) -> tuple[
 
 
 def print_comparison(comparison: Comparison) -> None:
-    """Print all tables."""
-    for test in comparison.sets:
-        STDOUT.print(f"{test.name}: {test.description}; {test.count}", soft_wrap=True)
+    """Print the first sentence, and all tables."""
+    library = comparison.sets[0]
+    STDOUT.print(headline(comparison), markup=False)
+    STDOUT.print(f"{library.name}: {library.description}; {library.count}", soft_wrap=True)
     for table in comparison_tables(comparison):
         print_table(table, STDOUT)
 

@@ -12,7 +12,6 @@ import numpy as np
 from offline.commands.terminal import STDERR, STDOUT
 from offline.data.dataset import exists, save_dataset
 from offline.data.manifest import CAR_OF_LOGS, Imported
-from offline.logs.checks.inspection import inspect_drives, require_episodes
 from offline.logs.episode import (
     assign_parts,
     cut_drive,
@@ -21,6 +20,7 @@ from offline.logs.episode import (
     roads_of,
     slice_windows,
 )
+from offline.logs.inspection import inspect_drives, report_tables, require_episodes, summary
 from offline.logs.mapping import read_mapping
 from offline.logs.readers.source import find_logs, read_log, source_file, source_files
 from offline.logs.series import to_drive
@@ -66,12 +66,12 @@ def import_logs(
         slices = slice_windows(recording, roads, mapping.split.seed)
         status.update("checking")
         report = inspect_drives(drives, cuts, slices, part, mapping, schema)
-    for table in report.tables():
+    for table in report_tables(report):
         print_table(table, STDOUT)
-    for sentence in filter(None, (report.summary(), report.limits(), *_limits_of_use(schema))):
+    for sentence in (summary(report), *_limits_of_use(schema)):
         STDOUT.print(sentence)
     others = [mapping.pose and mapping.pose.reference_line, mapping.can and mapping.can.dbc]
-    figures = {"folder": None, "sha256": None, "car": CAR_OF_LOGS, **report.figures()}
+    figures = {"folder": None, "sha256": None, "car": CAR_OF_LOGS, **report}
     if folder is not None:
         dataset = save_dataset(
             folder,

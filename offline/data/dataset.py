@@ -14,7 +14,8 @@ the same; with different seeds no episode is shared. Both hold whatever the reci
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -36,7 +37,6 @@ from offline.data.manifest import (
     Simulated,
     read_manifest,
 )
-from offline.data.recipe import FrictionBand
 from offline.data.recording import PATH_STATES, Anchor, Recording, Starts, cut
 from offline.data.signals import Array32, Roles, Rows, Trajectories
 from rt_controller.contract.car import Car, car_of
@@ -136,7 +136,6 @@ def save_dataset(
     car: Car | None = None,
     conditions: tuple[str, ...] = (),
     rejected: int = 0,
-    rejected_by_friction: tuple[FrictionBand, ...] = (),
 ) -> Dataset:
     """Write a data set; the manifest is written last and makes it valid.
 
@@ -160,22 +159,28 @@ def save_dataset(
         origin=origin,
         geometry=car and car.geometry,
         conditions=conditions,
-        rejected_by_friction=rejected_by_friction,
         car=car.own_values if car else {},
     )
     dataset = Dataset(recording, slices, part, manifest)
     _require_valid(folder / RECORDING_FILE, dataset)
-    try:
+    with writable(folder):
         folder.mkdir(parents=True, exist_ok=True)
         with atomic_write(folder / RECORDING_FILE) as stream:
             np.savez(stream, **arrays)  # type: ignore[arg-type]
         write_text(folder / MANIFEST_FILE, manifest.to_json())
+    return dataset
+
+
+@contextmanager
+def writable(folder: Path) -> Iterator[None]:
+    """Context in which a failure to write becomes a `DatasetError` about the folder."""
+    try:
+        yield
     except OSError as error:
         raise DatasetError(
             f"{folder}: expected a folder with room for a data set, found: {error.strerror}. "
             f"Choose another with --data."
         ) from error
-    return dataset
 
 
 def exists(folder: Path) -> bool:

@@ -11,12 +11,10 @@ Paper: section III-A, data acquisition.
 """
 
 import hashlib
-import shutil
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from math import degrees, radians
 from pathlib import Path
-from tempfile import TemporaryFile
 from typing import Any, NamedTuple, TypeVar
 
 import joblib
@@ -24,15 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from offline.config import PAST_STEPS, PRESETS, STEPS
-from offline.data.dataset import Dataset, cache_folder, save_dataset, split_episodes
+from offline.data.dataset import Dataset, cache_folder, save_dataset, split_episodes, writable
 from offline.data.manifest import Roads, Simulated
 from offline.data.recipe import (
     CONDITIONS,
-    FRICTION_COLUMNS,
     Conditions,
-    FrictionBand,
     Recipe,
-    by_friction,
     draw_conditions,
     draw_inputs,
 )
@@ -42,7 +37,6 @@ from offline.data.variation import VARIED, Variation
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.car import Car
 from rt_controller.contract.errors import DatasetError, RtControllerError
-from rt_controller.contract.files import DamagedArchiveError, atomic_write, read_arrays
 from rt_controller.contract.limits import (
     INPUT_LIMITS,
     PLAN_TURN_MPS2,
@@ -62,11 +56,6 @@ EPISODE_STEPS = PAST_STEPS + SLICES * STEPS
 CHUNK_EPISODES = 20
 
 Result = TypeVar("Result")
-
-EPISODE_BYTES = 22_100
-"""on disk, of an episode of 10 s"""
-CONDITIONS_BYTES = 15_200
-"""of its conditions"""
 
 _ALL_CHANGING = {"nominal_share": 0.0, "changing_share": 1.0}
 
@@ -100,8 +89,6 @@ class Generated(NamedTuple):
     recording: Recording
     slices: Starts
     rejected: int
-    rejected_by_friction: tuple[FrictionBand, ...] = ()
-    """if conditions vary"""
 
 
 def steering_geometry() -> SteeringGeometry:
@@ -121,54 +108,21 @@ def generate(
     seed: int,
     jobs: int | None = -1,
     on_progress: Callable[[int], None] = lambda done: None,
-    parts: Path | None = None,
 ) -> Generated:
     """`episodes` episodes, in order, made by `jobs` processes (-1: one per core).
 
     With `jobs` None, the active joblib backend determines the number and place of the workers.
-    `on_progress` is called with the number of episodes made so far. In the folder `parts` what is
-    made is kept at once: an interrupted call goes on from there.
+    `on_progress` is called with the number of episodes made so far.
     """
     seeds = np.random.SeedSequence(seed).spawn(episodes)
-    chunks = range(0, episodes, CHUNK_EPISODES)
-    made = {} if parts is None else _read_parts(parts, episodes)
-    missing = [i for i in range(len(chunks)) if i not in made]
-    tasks = [(recipe, seeds[chunks[i] : chunks[i] + CHUNK_EPISODES]) for i in missing]
-    on_progress(sum(map(len, made.values())))
+    firsts = range(0, episodes, CHUNK_EPISODES)
+    tasks = [(recipe, seeds[first : first + CHUNK_EPISODES]) for first in firsts]
+    made: dict[int, list[Episode]] = {}
+    on_progress(0)
     for task, chunk in run_tasks(_make_chunk, tasks, jobs):
-        made[missing[task]] = chunk
-        if parts is not None:
-            _write_part(parts, missing[task], chunk)
+        made[task] = chunk
         on_progress(sum(map(len, made.values())))
     return assemble([episode for _, chunk in sorted(made.items()) for episode in chunk])
-
-
-def _write_part(folder: Path, index: int, chunk: list[Episode]) -> None:
-    columns: dict[str, Any] = {
-        name: np.stack([getattr(episode, name) for episode in chunk])
-        for name in Episode._fields
-        if getattr(chunk[0], name) is not None
-    }
-    with atomic_write(folder / f"{index}.npz") as file:
-        np.savez(file, **columns)
-
-
-def _read_parts(folder: Path, episodes: int) -> dict[int, list[Episode]]:
-    """Whole chunks of a data set of that length; a damaged file counts as missing."""
-    found = {}
-    for file in folder.glob("*.npz"):
-        index = int(file.stem)
-        size = min(CHUNK_EPISODES, episodes - index * CHUNK_EPISODES)
-        try:
-            columns = read_arrays(file)
-        except (OSError, DamagedArchiveError):
-            continue
-        if len(columns["motion"]) == size:
-            found[index] = [
-                Episode(**{name: column[i] for name, column in columns.items()})
-                for i in range(size)
-            ]
-    return found
 
 
 def make_episode(recipe: Recipe, seed: np.random.SeedSequence) -> Episode:
@@ -220,10 +174,7 @@ def assemble(episodes: list[Episode]) -> Generated:
         episode=np.repeat(np.arange(count, dtype=np.int32), SLICES),
         anchor=Anchor(np.repeat(curvature, SLICES), errors[:, 0].copy(), errors[:, 1].copy()),
     )
-    rejected = np.array([e.rejected for e in episodes])
-    lowest_friction = np.array([rows[:, FRICTION_COLUMNS].min() for rows in conditions])
-    bands = by_friction(lowest_friction, rejected) if conditions else ()
-    return Generated(recording, slices, int(rejected.sum()), bands)
+    return Generated(recording, slices, sum(e.rejected for e in episodes))
 
 
 def plant_fingerprint(variation: Variation | None = None) -> str:
@@ -307,29 +258,6 @@ def full_folder() -> Path:
     return cache_folder(simulated_origin(Recipe(), paper.episodes, paper.data_seed))
 
 
-def require_room(folder: Path, needed_bytes: int) -> None:
-    """Return if files of this size can be written to a folder, which is made.
-
-    Raises:
-        DatasetError: they cannot.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with TemporaryFile(dir=folder):
-            pass
-        free_bytes = shutil.disk_usage(folder).free
-    except OSError as error:
-        found = str(error.strerror)
-    else:
-        if free_bytes >= needed_bytes:
-            return
-        found = f"{free_bytes / 1e6:.1f} MB where {needed_bytes / 1e6:.1f} MB are needed"
-    raise DatasetError(
-        f"{folder}: expected a folder with room for a data set, found: {found}. Choose another "
-        f"with --data."
-    )
-
-
 def make_dataset(
     folder: Path,
     origin: Simulated,
@@ -344,19 +272,16 @@ def make_dataset(
         origin: what it is made from.
         part: (E,) part of each episode, as in `Dataset`; None: drawn at random.
         jobs: number of processes; None: the active joblib backend.
-        on_progress: called with the number of episodes made so far, also by an earlier call that
-            was interrupted: what it made is kept beside the folder.
+        on_progress: called with the number of episodes made so far.
 
     Raises:
-        DatasetError: the folder has no room; as far as possible raised before the simulation.
+        DatasetError: the folder cannot be made (before the simulation), or has no room.
     """
     recipe, episodes, seed = origin.recipe, origin.episodes, origin.seed
-    is_varied = recipe.variation is not None
-    require_room(folder, episodes * (EPISODE_BYTES + is_varied * CONDITIONS_BYTES))
-    parts = folder.with_name(f".{origin.name}")
-    parts.mkdir(parents=True, exist_ok=True)
-    made = generate(recipe, episodes, seed, jobs, on_progress, parts)
-    dataset = save_dataset(
+    with writable(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    made = generate(recipe, episodes, seed, jobs, on_progress)
+    return save_dataset(
         folder,
         made.recording,
         made.slices,
@@ -368,10 +293,7 @@ def make_dataset(
         car=Car(steering_geometry()),
         conditions=() if made.recording.conditions is None else CONDITIONS,
         rejected=made.rejected,
-        rejected_by_friction=made.rejected_by_friction,
     )
-    shutil.rmtree(parts, ignore_errors=True)
-    return dataset
 
 
 class WorkersLostError(RtControllerError):

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from pydantic import TypeAdapter, ValidationError
 
-from offline.data.recipe import FrictionBand, Recipe
+from offline.data.recipe import Recipe
 from offline.data.signals import Roles
 from rt_controller.contract.car import car_of
 from rt_controller.contract.errors import DatasetError
@@ -117,8 +117,6 @@ class Manifest:
     """of the car; None: not known"""
     conditions: tuple[str, ...] = ()
     """columns of the conditions in the recording; none: it has no conditions"""
-    rejected_by_friction: tuple[FrictionBand, ...] = ()
-    """if conditions vary"""
     car: Mapping[str, Any] = field(default_factory=dict)
     """further values of the car that are not the default ones, as `Car.own_values`"""
     format_version: int = FORMAT_VERSION

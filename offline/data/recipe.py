@@ -7,7 +7,6 @@ can plan. Paper: section III-A, data acquisition.
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 from math import radians
 from typing import NamedTuple
 
@@ -281,39 +280,3 @@ def _draw_curve(rng: np.random.Generator, limits: Range, spacing_s: float, perio
 
 def _draw(rng: np.random.Generator, limits: Range | None, otherwise: float) -> float:
     return otherwise if limits is None else float(rng.uniform(*limits))
-
-
-EDGES = (0.0, 0.4, 0.55, 0.7, 0.85, 2.0)
-"""of the bands of friction"""
-
-
-@dataclass(frozen=True, slots=True)
-class FrictionBand:
-    """The episodes whose lowest friction lies in one band."""
-
-    friction: tuple[float, float]
-    """lowest friction in these episodes, first value included"""
-    episodes: int
-    rejected: int
-    """drawn before them, under the same conditions"""
-
-    @property
-    def rejected_fraction(self) -> float:
-        """Share of the drawn drives that were rejected."""
-        return self.rejected / max(1, self.rejected + self.episodes)
-
-
-def by_friction(lowest_friction: Array, rejected: Array) -> tuple[FrictionBand, ...]:
-    """The bands that contain episodes, from the slippery end.
-
-    Args:
-        lowest_friction: (E,) of each episode, on either side.
-        rejected: (E,) number of rejected drives before each.
-    """
-    bands = []
-    for low, high in pairwise(EDGES):
-        is_inside = (lowest_friction >= low) & (lowest_friction < high)
-        if np.any(is_inside):
-            count = int(np.sum(is_inside))
-            bands.append(FrictionBand((low, high), count, int(np.sum(rejected[is_inside]))))
-    return tuple(bands)

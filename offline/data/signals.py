@@ -16,7 +16,7 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import VEHICLE, InputColumn, Schema
-from rt_controller.model.dynamics import Drift, Matrices
+from rt_controller.model.dynamics import Matrices
 from rt_controller.model.validation import DRIVABLE_HISTORY
 
 Array32 = NDArray[np.float32]
@@ -146,28 +146,21 @@ class Scaling:
 
         With psi_n = (psi - t) / s of the scaled model, psi+ = S A S^-1 psi + S B U^-1 u + S c +
         (I - S A S^-1) t, where s and t scale and centre the states and leave the others unchanged.
-        The gains S_ri psi_n become (S_ri / s) psi - (S_ri / s) t.
+        The arguments S psi_n of the gains become (S / s) psi - (S / s) t.
         """
         s, t = np.ones(len(scaled.A)), np.zeros(len(scaled.A))
         s[: len(self.x_scale)], t[: len(self.x_scale)] = self.x_scale, self.x_centre
         A = scaled.A * s[:, None] / s[None, :]
-        bilinear, drift = scaled.bilinear, scaled.drift
-        if bilinear is not None:
-            S = bilinear.S / s
-            bilinear = bilinear._replace(
-                N=bilinear.N * s[:, None] / self.u_scale, S=S, s0=bilinear.s0 - S @ t
-            )
-        if drift is not None:
-            S = drift.S / s
-            N = drift.N * s[:, None] / drift.factors(self.w_scale)
-            drift = Drift(N, S, drift.s0 - S @ t, drift.signal)
+        gains = scaled.gains
+        if gains is not None:
+            N, S = gains.N * s[:, None] / gains.factors(self.u_scale, self.w_scale), gains.S / s
+            gains = gains._replace(N=N, S=S, s0=gains.s0 - S @ t)
         return Matrices(
             A,
             np.ascontiguousarray(scaled.B_uc * s[:, None] / self.u_scale),
             np.ascontiguousarray(scaled.B_uw * s[:, None] / self.w_scale),
             t + s * scaled.c - A @ t,
-            bilinear,
-            drift,
+            gains,
         )
 
 

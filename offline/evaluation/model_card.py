@@ -3,10 +3,13 @@
 import json
 from collections.abc import Sequence
 
+import numpy as np
+
 from offline.evaluation.comparison import Comparison
 from offline.evaluation.tables import mse_table
 from offline.model.export_checks import SAMPLES, BoxStability, ExportFigures
 from rt_controller.model.bundle import Bundle
+from rt_controller.model.dynamics import Shape
 from rt_controller.model.follow import Follow
 from rt_controller.model.validation import find_objection_to_driving
 from rt_controller.report.table import Fact, facts_table, to_markdown
@@ -30,18 +33,19 @@ def model_facts(bundle: Bundle) -> list[Fact]:
             f"({1000 * lift.history_steps * schema.dt_s:g} ms) of {', '.join(lift.history_fields)}"
         )
     matrix, drift = "constant", "linear in the lifted state"
-    if bundle.bilinear is not None:
-        saturating = "saturating, " if bundle.bilinear.saturates else ""
-        matrix = (
-            f"{saturating}bilinear of rank {bundle.bilinear.rank}, "
-            f"{_FOLLOWED[bundle.bilinear.follows]}"
-        )
-    if bundle.drift is not None:
-        saturations = int(bundle.drift.is_saturation.sum())
-        drift = (
-            f"saturating with rank {saturations}, and {bundle.drift.rank - saturations} products "
-            f"with {' and '.join(schema.exogenous_names)}"
-        )
+    if bundle.gains is not None:
+        m, gains = len(schema.inputs), bundle.gains
+        is_of_input = gains.factor < m
+        saturations = int(np.count_nonzero(gains.shape == Shape.SATURATION))
+        if count := int(np.count_nonzero(is_of_input)):
+            saturating = "saturating, " if Shape.TANH in gains.shape[is_of_input] else ""
+            rank = f"bilinear of rank {count / m:g}"
+            matrix = f"{saturating}{rank}, {_FOLLOWED[gains.follows]}"
+        if count < len(gains.factor):
+            drift = (
+                f"saturating with rank {saturations}, and {len(gains.factor) - count - saturations}"
+                f" products with {' and '.join(schema.exogenous_names)}"
+            )
     return [
         Fact("observables", f"{bundle.n_observables}, lifted from {'; '.join(sources)}"),
         Fact("input matrix", matrix),
@@ -92,7 +96,7 @@ def write_card(
     )
     return f"""# {bundle.name}
 
-A lifted {"linear" if bundle.bilinear is None else "bilinear"} model with {bundle.n_observables} \
+A lifted {"linear" if bundle.gains is None else "bilinear"} model with {bundle.n_observables} \
 observables, sampled every {1000 * bundle.schema.dt_s:g} ms, in physical units. Load it with \
 `rt_controller.Bundle.load`\
 {", drive with `rt-controller --bus virtual --model`" if is_drivable else ""}.

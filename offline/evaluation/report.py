@@ -8,30 +8,19 @@ from offline.evaluation.comparison import FAIR_LTI, LINEAR, LTI_BASELINES, Compa
 from offline.evaluation.lane_change import LaneChange
 from offline.evaluation.metrics import PROGRESS, Figures
 from offline.evaluation.tables import (
-    TABLES_OF_RATIOS,
-    error_tables,
+    MEANINGS,
+    conditions_table,
+    headline,
     interval_cells,
-    library_ratio_table,
     means_of,
-    quantile_ratio_table,
-    quantile_table,
+    mse_table,
     ratio_table,
-    road_tables,
-    series_table,
+    rms_table,
 )
 from offline.evaluation.test_sets import LIBRARY, NEW_ROADS, ROBUSTNESS
 from rt_controller.contract.arrays import Array
-from rt_controller.report.page import Bullets, Details, Page, Part, Plot, Section
+from rt_controller.report.page import Bullets, Page, Part, Plot, Section
 from rt_controller.report.table import Fact, Table, facts_table, format_number
-
-_MEANINGS = {
-    "vx": "longitudinal speed",
-    "vy": "lateral speed, positive to the left",
-    "yaw_rate": "yaw rate, positive to the left",
-    "ds": "progress along the road in one period",
-    "ey": "lateral distance from the road's line, positive to the left",
-    "epsi": "heading relative to the road's line",
-}
 
 
 def evaluation_page(
@@ -45,9 +34,7 @@ def evaluation_page(
         _errors(comparison),
         _ratios(comparison),
         _conditions(comparison),
-        _steps(comparison),
         _roads(comparison),
-        _robustness(comparison),
         lane_change,
         _sources(comparison, sources),
     )
@@ -63,6 +50,10 @@ def evaluation_page(
 def _introduction(comparison: Comparison) -> tuple[Part, ...]:
     library = comparison.sets[0]
     seconds = comparison.dt_s * comparison.steps
+    caption = (
+        "RMS error over the time since the measured state; the bands are intervals. The "
+        "controller plans 20 steps ahead."
+    )
     task = (
         f"Each model gets one measured state, the past before it, and the inputs of the next "
         f"{seconds:g} s; it predicts the states of these {seconds:g} s without further "
@@ -71,9 +62,11 @@ def _introduction(comparison: Comparison) -> tuple[Part, ...]:
         f"({library.description})."
     )
     names = [column.name for column in comparison.columns]
-    states = "; ".join(f"{name}: {_MEANINGS[name]}" for name in names if name in _MEANINGS)
+    states = "; ".join(f"{name}: {MEANINGS[name]}" for name in names if name in MEANINGS)
     described = (f"States: {states}.",) if states else ()
-    return (task, *described, Bullets(tuple(_main_results(comparison))))
+    results = Bullets(tuple(_main_results(comparison)))
+    plot = Plot(plots.rms_over_time(comparison), caption)
+    return (headline(comparison), plot, task, *described, results)
 
 
 def _main_results(comparison: Comparison) -> list[str]:
@@ -96,7 +89,7 @@ def _main_results(comparison: Comparison) -> list[str]:
                 f"{_means(comparison, ratios[best], f'that of {model}')}; in the median over the "
                 f"trajectories it is {_means(comparison, medians[best], f'that of {model}')}."
             )
-        for test in filter(None, map(comparison.find_set, TABLES_OF_RATIOS)):
+        for test in filter(None, map(comparison.find_set, (NEW_ROADS, ROBUSTNESS))):
             ratio = comparison.figures["sets"][test.name]["mse_over_library_mse"][model]
             worst, largest = comparison.worst_state(ratio)
             lines.append(
@@ -122,9 +115,12 @@ def _errors(comparison: Comparison) -> Section:
         f"Intervals: {100 * CONFIDENCE:g} %, from {RESAMPLES} bootstrap resamples of whole "
         "episodes, because trajectories of one episode are not independent."
     )
-    roads = tuple(road_tables(comparison))
-    details = (Details("By curvature", roads),) if roads else ()
-    return Section("Errors", (text, *error_tables(comparison), *details))
+    library = comparison.sets[0]
+    parts: list[Part] = [text, mse_table(comparison, library), rms_table(comparison, library)]
+    for model in comparison.models:
+        caption = f"Absolute error of {model}: median, 90 % and 99 % quantile of the trajectories."
+        parts.append(Plot(plots.quantiles_over_time(comparison, model), caption))
+    return Section("Errors", tuple(parts))
 
 
 def _ratios(comparison: Comparison) -> Section:
@@ -143,7 +139,6 @@ def _ratios(comparison: Comparison) -> Section:
         bars = plots.ratio_bars(comparison, model)
         parts.append(Plot(bars, f"Errors of the baselines over {model}."))
         parts.append(ratio_table(comparison, model, comparison.sets[0]))
-        parts.append(quantile_ratio_table(comparison, model))
     return Section("Comparison with baselines", tuple(parts))
 
 
@@ -161,22 +156,8 @@ def _conditions(comparison: Comparison) -> Section:
             f"{comparison.models[0]} on the library; bars are intervals."
         )
         parts.append(Plot(plots.errors_by_condition(comparison), caption))
-    for model in comparison.models:
-        parts += [series_table(comparison, model, each) for each in comparison.series]
+    parts += [conditions_table(comparison, model) for model in comparison.models]
     return Section("Conditions", tuple(parts))
-
-
-def _steps(comparison: Comparison) -> Section:
-    caption = (
-        "RMS error over the time since the measured state; the bands are intervals. The "
-        "controller plans 20 steps ahead."
-    )
-    parts: list[Part] = [Plot(plots.rms_over_time(comparison), caption)]
-    for model in comparison.models:
-        caption = f"Absolute error of {model}: median, 90 % and 99 % quantile of the trajectories."
-        parts.append(Plot(plots.quantiles_over_time(comparison, model), caption))
-        parts.append(quantile_table(comparison, model))
-    return Section("Error over the horizon", tuple(parts))
 
 
 def _roads(comparison: Comparison) -> Section | None:
@@ -193,23 +174,7 @@ def _roads(comparison: Comparison) -> Section | None:
     for model in comparison.models:
         caption = f"RMS error of {model} on each road, over that on all roads of the library."
         parts.append(Plot(plots.road_heat_map(comparison, model), caption))
-    if new is not None:
-        parts.append(library_ratio_table(comparison, new))
     return Section("Roads", tuple(parts))
-
-
-def _robustness(comparison: Comparison) -> Section | None:
-    test = comparison.find_set(ROBUSTNESS)
-    if test is None:
-        return None
-    text = (
-        f"The same models on cars and roads that differ from the training data "
-        f"({test.description}). These are other drives than the library's, so the intervals "
-        "contain the random variation of both sets."
-    )
-    ratios = (ratio_table(comparison, model, test) for model in comparison.models)
-    parts: tuple[Part, ...] = (text, library_ratio_table(comparison, test), *ratios)
-    return Section("Other cars and road friction", parts)
 
 
 def lane_change_section(

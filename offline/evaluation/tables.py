@@ -1,4 +1,4 @@
-"""The tables of an evaluation, for the terminal, the model card and the report page.
+"""The sentence and the tables of an evaluation, for the terminal, the model card and the page.
 
 They are views of `Comparison.figures`. The title of each table says what is compared with what, on
 which trajectories.
@@ -7,67 +7,63 @@ which trajectories.
 from collections.abc import Iterable, Mapping, Sequence
 
 from offline.evaluation.bootstrap import CONFIDENCE, RESAMPLES
-from offline.evaluation.comparison import FAIR_LTI, LINEAR, LTI_BASELINES, SHARE_KEYS, Comparison
-from offline.evaluation.metrics import (
-    LARGEST_RATIO_ON_NEW_ROADS,
-    MEANS,
-    PROGRESS,
-    SHARES,
-    WORST_SHARE,
-    Figures,
-)
-from offline.evaluation.series import Series
-from offline.evaluation.test_sets import LIBRARY, NEW_ROADS, ROBUSTNESS, TestSet
+from offline.evaluation.comparison import FAIR_LTI, LINEAR, LTI_BASELINES, Comparison
+from offline.evaluation.metrics import MEANS, PROGRESS, SHARES, Figures
+from offline.evaluation.test_sets import LIBRARY, TestSet
 from rt_controller.report.table import NO_VALUE, Cell, Column, Row, Table, format_number
 
 INTERVALS = (
     f"Second line: {100 * CONFIDENCE:g} % interval, bootstrap by episode, {RESAMPLES} resamples."
 )
-TABLES_OF_RATIOS = (NEW_ROADS, ROBUSTNESS)
-"""test sets with a table of the ratio to the library in each state; all are in the series"""
-
 SHARE_NAMES = tuple("median" if share == 0.5 else f"{100 * share:g} %" for share in SHARES)
+MEANINGS = {
+    "vx": "longitudinal speed",
+    "vy": "lateral speed, positive to the left",
+    "yaw_rate": "yaw rate, positive to the left",
+    "ds": "progress along the road in one period",
+    "ey": "lateral distance from the road's line, positive to the left",
+    "epsi": "heading relative to the road's line",
+}
+_FIRST = {"ey": "lateral position", "vx": "speed"}
+"""states of the first sentence, in its words; of data without them the first two"""
+
+
+def headline(comparison: Comparison) -> str:
+    """How far each model and the best linear baseline are off at the end of the horizon."""
+    by_step, library = comparison.library["by_step"], comparison.sets[0]
+    columns = {column.name: column for column in comparison.columns}
+    words = {name: text for name, text in _FIRST.items() if name in columns}
+    words = words or {name: name for name in [*columns][:2]}
+
+    def errors(model: str) -> str:
+        rms = by_step[model]["rms"]
+        ends = {name: rms[columns[name].key]["value"][-1] for name in words}
+        texts = (
+            f"{format_number(ends[name], 2)} {columns[name].unit} in {words[name]}"
+            for name in words
+        )
+        return " and ".join(texts)
+
+    first, *others = comparison.models
+    text = (
+        f"From one measurement and the inputs, {first} predicts the next "
+        f"{comparison.dt_s * comparison.steps:g} s of a drive; at their end it is off by "
+        f"{errors(first)}, root mean square over {library.n_trajectories} trajectories."
+    )
+    text += "".join(f" {name} is off by {errors(name)}." for name in others)
+    best = comparison.library["best_baseline"].get(LINEAR)
+    return text + (f" The best linear model, {best}, is off by {errors(best)}." if best else "")
 
 
 def comparison_tables(comparison: Comparison) -> list[Table]:
-    """All tables, in the order in which `offline-evaluate` prints them."""
-    tables = error_tables(comparison) + road_tables(comparison)
+    """The tables in the order in which `offline-evaluate` prints them; the page has them too."""
+    library = comparison.sets[0]
+    tables = [mse_table(comparison, library), rms_table(comparison, library)]
     for model in comparison.models:
-        tables.append(quantile_table(comparison, model))
         if comparison.baselines:
-            tables.append(ratio_table(comparison, model, comparison.sets[0]))
-            tables.append(quantile_ratio_table(comparison, model))
-        tables += [series_table(comparison, model, each) for each in comparison.series]
-    found = (comparison.find_set(name) for name in TABLES_OF_RATIOS)
-    return tables + [library_ratio_table(comparison, test) for test in found if test is not None]
-
-
-def error_tables(comparison: Comparison) -> list[Table]:
-    """Means, roots, medians, and the worst trajectories on the library."""
-    library, models = comparison.sets[0], comparison.library["models"]
-    median = SHARE_KEYS[SHARES.index(0.5)]
-    return [
-        mse_table(comparison, library),
-        rms_table(comparison, library),
-        _table(
-            f"MSE of the median trajectory of each model on {library.size}",
-            ["model", *_squared(comparison)],
-            {
-                name: interval_cells(each["mse_quantiles_over_trajectories"][median].values())
-                for name, each in models.items()
-            },
-        ),
-        _table(
-            f"Part of the MSE of each model that its worst {100 * WORST_SHARE:g} % of the "
-            f"trajectories have, {library.size}",
-            ["model", *(Column(each.name) for each in comparison.columns)],
-            {
-                name: interval_cells(each["part_of_mse_of_worst_trajectories"].values())
-                for name, each in models.items()
-            },
-            ["1: all of it. The worst trajectories are chosen for each model and state."],
-        ),
-    ]
+            tables.append(ratio_table(comparison, model, library))
+        tables.append(conditions_table(comparison, model))
+    return tables
 
 
 def mse_table(comparison: Comparison, test: TestSet) -> Table:
@@ -95,38 +91,6 @@ def rms_table(comparison: Comparison, test: TestSet, with_intervals: bool = Fals
     )
 
 
-def road_tables(comparison: Comparison) -> list[Table]:
-    """Mean squared errors on the roads of each curvature of the library."""
-    library, models = comparison.sets[0], comparison.library["models"]
-    return [
-        _table(
-            f"MSE of each model on curvature {kappa:g} 1/m, {library.name}",
-            ["model", *_squared(comparison)],
-            {
-                name: _values(each["mse_by_curvature_per_m"][f"{kappa:g}"].values())
-                for name, each in models.items()
-            },
-        )
-        for kappa in library.curvatures_per_m
-    ]
-
-
-def quantile_table(comparison: Comparison, model: str) -> Table:
-    """Quantiles of the absolute error after 0.5, 1 and 2 s."""
-    found = comparison.library["absolute_error_quantiles"][model]
-    return _table(
-        f"Absolute error of {model}: quantiles over trajectories, {LIBRARY}",
-        ["after", *_states(comparison)],
-        {
-            f"{after.removeprefix('after_').replace('_', ' ')}, {share}": interval_cells(
-                shares[key].values()
-            )
-            for after, shares in found.items()
-            for key, share in zip(SHARE_KEYS, SHARE_NAMES, strict=True)
-        },
-    )
-
-
 def ratio_table(comparison: Comparison, model: str, test: TestSet) -> Table:
     """Mean errors of each baseline over those of the model."""
     found = comparison.figures["sets"][test.name]
@@ -140,67 +104,32 @@ def ratio_table(comparison: Comparison, model: str, test: TestSet) -> Table:
     return _ratio_table(title, "baseline", comparison, ratios, notes + _not_converged(comparison))
 
 
-def quantile_ratio_table(comparison: Comparison, model: str) -> Table:
-    """Medians and tails of the errors of each baseline over those of the model, on the library."""
-    library = comparison.library
-    by_share = library["baseline_mse_quantile_over_model_mse_quantile"][model]
-    ratios = [library["baseline_mse_over_model_mse"][model], *by_share.values()]
-    heads = _mean_heads(comparison)
-    return _table(
-        f"Mean, median, 90 % and 99 % quantile over trajectories of the squared error of each "
-        f"baseline, over the same of {model}: geometric means over the states, "
-        f"{comparison.sets[0].size}",
-        ["baseline", *(Column(each, h.unit) for each in ("mean", *SHARE_NAMES) for h in heads)],
-        {
-            name: [cell for found in ratios for cell in interval_cells(means_of(found[name]))]
-            for name in comparison.baselines
-        },
-    )
-
-
-def library_ratio_table(comparison: Comparison, test: TestSet) -> Table:
-    """Errors of every model on another set over those on the library."""
-    found = comparison.figures["sets"][test.name]
-    ratios, notes = found["mse_over_library_mse"], []
-    if test.name == NEW_ROADS:
-        texts = []
-        for model in comparison.models:
-            verdict = "reached" if found["is_within_goal"][model] else "missed"
-            state, ratio = comparison.worst_state(ratios[model])
-            figure = format_number(ratio, 3)
-            texts.append(f"{model}: {verdict}, worst state {state} with {figure}")
-        notes = [f"Goal: no state above {LARGEST_RATIO_ON_NEW_ROADS:g}. {'; '.join(texts)}"]
-    title = f"MSE of each model on {test.name} over its own on {LIBRARY}, {test.count}"
-    return _ratio_table(title, "model", comparison, ratios, notes)
-
-
-def series_table(comparison: Comparison, model: str, series: Series) -> Table:
-    """For each slice: the best linear baseline over the model, and the model over itself."""
-    slices = comparison.figures["series"][series.name]["slices"]
-    has_linear = any(part["best_baseline"] for part in slices)
-    rows: list[Row] = []
-    for part in slices:
-        cells = [part["label"], str(part["n_trajectories"]), str(part["n_episodes"])]
-        if best := part["best_baseline"].get(LINEAR):
-            ratios = part["baseline_mse_over_model_mse"][model][best]
-            state = part["state_of_smallest_ratio"][model][best]
-            smallest = Cell(format_number(ratios[state]["value"]), state)
-            cells += [best, *interval_cells(means_of(ratios)), smallest]
-        growth = part["mse_over_library_mse"][model]
-        rows.append((*cells, *interval_cells(means_of(growth))))
-    columns = [Column(series.quantity, series.unit, is_text=True)]
-    columns += map(Column, ("trajectories", "episodes"))
+def conditions_table(comparison: Comparison, model: str) -> Table:
+    """Each slice of each series: the best linear baseline over the model, the model over itself."""
+    means, rows, has_linear = _mean_heads(comparison), list[Row](), bool(comparison.baselines)
+    for series in comparison.figures["series"].values():
+        unit = f", {series['unit']}" if series["unit"] else ""
+        rows.append((f"{series['quantity']}{unit}",))
+        for part in series["slices"]:
+            cells = [part["label"], f"{part['n_trajectories']}"]
+            if best := part["best_baseline"].get(LINEAR):
+                ratios = part["baseline_mse_over_model_mse"][model][best]
+                state = part["state_of_smallest_ratio"][model][best]
+                smallest = Cell(format_number(ratios[state]["value"]), state)
+                cells += [best, *interval_cells(means_of(ratios)), smallest]
+            elif has_linear:
+                cells += [NO_VALUE] * (2 + len(means))
+            growth = part["mse_over_library_mse"][model]
+            rows.append((*cells, *interval_cells(means_of(growth))))
+    columns = [Column("part", is_text=True), Column("trajectories")]
     compared = f"MSE of {model} over its own on the whole {LIBRARY}"
-    heads = _mean_heads(comparison)
     if has_linear:
         compared = f"MSE of the best linear baseline over that of {model}, and {compared}"
         columns.append(Column("best linear", is_text=True, width="short"))
-        columns += [head._replace(title="MSE ratio") for head in heads]
+        columns += [head._replace(title="MSE ratio") for head in means]
         columns.append(Column("smallest", "of a state"))
-    columns += [head._replace(title=f"over {LIBRARY}") for head in heads]
-    head = series.quantity.capitalize() + (f" ({series.unit})" if series.unit else "")
-    title = f"{head}: {compared}; geometric means over the states; {series.on}"
-    return Table(title, tuple(columns), tuple(rows))
+    columns += [head._replace(title=f"over {LIBRARY}") for head in means]
+    return Table(f"{compared}; geometric means over the states", tuple(columns), tuple(rows))
 
 
 def means_of(ratios: Figures) -> list[Figures]:

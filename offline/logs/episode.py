@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from itertools import pairwise
-from math import ceil, radians
+from math import ceil, inf, radians
 from typing import NamedTuple
 
 import numpy as np
@@ -65,15 +65,14 @@ class CutDrive(NamedTuple):
 def make_schema(mapping: LogMapping, drives: Sequence[LoggedDrive]) -> Schema:
     """The signals of the data set in the units of the drives; `DatasetError` if these differ."""
     first = drives[0]
-    for drive in drives[1:]:
-        for one, other in zip(first.signals, drive.signals, strict=True):
-            if one.unit != other.unit:
-                raise DatasetError(
-                    f"{other.place}: expected {one.name} in {one.unit} as in {first.name}, "
-                    f"found {other.unit}. All logs of one import need the same units; convert that "
-                    f"one."
-                )
-    units = {signal.name: signal.unit for signal in (*VEHICLE.states, *VEHICLE.exogenous)}
+    for series in (each for drive in drives for each in drive.signals):
+        unit = next(each.unit for each in first.signals if each.name == series.name)
+        if series.unit != unit:
+            raise DatasetError(
+                f"{series.place}: expected {series.name} in {unit} as in {first.name}, found "
+                f"{series.unit}. All logs of one import need the same units; convert that one."
+            )
+    units = {each.name: each.unit for each in (*VEHICLE.states, *VEHICLE.exogenous)}
     units |= {series.name: series.unit for series in first.signals}
     states, inputs, exogenous = (
         tuple(Signal(name, units[name]) for name in names)
@@ -84,31 +83,27 @@ def make_schema(mapping: LogMapping, drives: Sequence[LoggedDrive]) -> Schema:
 
 def cut_drive(drive: LoggedDrive, mapping: LogMapping, line: ReferenceLine | None) -> CutDrive:
     """The episodes of a drive, and the stretches that are too short for one."""
-    stretches = find_stretches(drive)
+    stretches, period_s = find_stretches(drive), mapping.period_s
     episodes: list[LogEpisode] = []
     left_out: list[Stretch] = []
     off_line = 0
     for stretch in stretches:
-        sampled = _sample(drive, mapping.period_s, stretch)
+        t_s = grid(stretch, period_s)
+        signals = {each.name: resample(each, stretch, t_s, period_s) for each in drive.signals}
+        poses = [resample(each, stretch, t_s, period_s) for each in drive.poses]
+        pose = np.stack(poses, axis=1) if poses else np.zeros((len(t_s), 0))
+        sampled = LogEpisode(drive.name, stretch.begin_s, pd.DataFrame(signals), pose)
         parts = [sampled]
         if line is not None and mapping.pose is not None:
-            parts = _along_line(sampled, line, mapping.pose.farthest_m, mapping.period_s)
+            parts = _along_line(sampled, line, mapping.pose.farthest_m, period_s)
             off_line += len(sampled) - 1 - sum(len(part) for part in parts)
         for piece in (piece for part in parts for piece in _pieces(part, mapping)):
             if len(piece) >= LEAST_SAMPLES:
                 episodes.append(piece)
             else:
-                end_s = piece.begin_s + mapping.period_s * max(len(piece) - 1, 0)
+                end_s = piece.begin_s + period_s * max(len(piece) - 1, 0)
                 left_out.append(Stretch(piece.begin_s, end_s))
     return CutDrive(tuple(episodes), tuple(left_out), len(stretches), off_line)
-
-
-def _sample(drive: LoggedDrive, period_s: float, stretch: Stretch) -> LogEpisode:
-    t_s = grid(stretch, period_s)
-    signals = {each.name: resample(each, stretch, t_s, period_s) for each in drive.signals}
-    poses = [resample(each, stretch, t_s, period_s) for each in drive.poses]
-    pose = np.stack(poses, axis=1) if poses else np.zeros((len(t_s), 0))
-    return LogEpisode(drive.name, stretch.begin_s, pd.DataFrame(signals), pose)
 
 
 def _along_line(
@@ -121,10 +116,8 @@ def _along_line(
     at = line.locate(sampled.pose)
     progress_m = line.progress(at.s_m)
     driven_m = np.hypot(*np.diff(sampled.pose[:, :2], axis=0).T)
-    is_near = np.abs(at.ey_m) <= farthest_m
-    is_projected = at.curvature_per_m * at.ey_m < 0.5
-    is_inside = line.is_closed | ((at.s_m > 0.0) & (at.s_m < line.length_m))
-    is_good = is_near & is_projected & is_inside
+    is_good = (np.abs(at.ey_m) <= farthest_m) & (at.curvature_per_m * at.ey_m < 0.5)
+    is_good &= line.is_closed | ((at.s_m > 0.0) & (at.s_m < line.length_m))
     has_not_jumped = np.abs(progress_m) <= LARGEST_DETOUR * driven_m + _STANDING_M
     parts = []
     for a, b in runs(is_good[:-1] & is_good[1:] & has_not_jumped):
@@ -140,13 +133,11 @@ def _along_line(
 
 
 def _pieces(part: LogEpisode, mapping: LogMapping) -> list[LogEpisode]:
-    """Pieces of equal length if the part is longer than `longest_episode_s`, else the part."""
-    longest_s = mapping.split.longest_episode_s
-    if longest_s is None or len(part) * mapping.period_s <= longest_s:
-        return [part]
-    count = ceil(len(part) * mapping.period_s / longest_s)
-    edges = np.linspace(0, len(part), count + 1).astype(int)
-    return [part.piece(int(a), int(b), mapping.period_s) for a, b in pairwise(edges)]
+    """The part, in pieces of equal length if it is longer than `longest_episode_s`."""
+    longest_s = mapping.split.longest_episode_s or inf
+    count = max(1, ceil(len(part) * mapping.period_s / longest_s))
+    edges = np.linspace(0, len(part), count + 1).astype(int).tolist()
+    return [part.piece(a, b, mapping.period_s) for a, b in pairwise(edges)]
 
 
 def join_episodes(episodes: Sequence[LogEpisode], mapping: LogMapping) -> Recording:
@@ -173,9 +164,9 @@ def slice_windows(recording: Recording, roads: Roads | None, seed: int) -> Start
     random road, lateral error and heading error.
     """
     counts = (recording.lengths - 1 - PAST_STEPS) // STEPS
-    begins = zip(recording.first + PAST_STEPS, counts, strict=True)
-    rows = [begin + STEPS * np.arange(count) for begin, count in begins]
     episode = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+    number = np.concatenate([np.arange(count) for count in counts])
+    row = recording.first[episode] + PAST_STEPS + STEPS * number
     anchor = None
     if roads is not None:
         rng = np.random.default_rng([seed, len(episode)])
@@ -184,7 +175,7 @@ def slice_windows(recording: Recording, roads: Roads | None, seed: int) -> Start
             roads.ey_m * rng.uniform(-1.0, 1.0, len(episode)),
             roads.epsi_rad * rng.uniform(-1.0, 1.0, len(episode)),
         )
-    return Starts(np.concatenate(rows).astype(np.int64), episode, anchor)
+    return Starts(row.astype(np.int64), episode, anchor)
 
 
 def roads_of(mapping: LogMapping) -> Roads | None:
@@ -205,27 +196,26 @@ def assign_parts(files: Sequence[str], settings: SplitSettings) -> NDArray[np.in
         ConfigError: a pattern fits no file, or a file is in both parts.
         DatasetError: too few episodes or files for three parts.
     """
-    validation = _named(files, "validation", settings.validation)
-    test = _named(files, "test", settings.test)
-    if validation & test:
+    named = {name: _named(files, name, getattr(settings, name)) for name in PARTS[1:]}
+    both = sorted(set.intersection(*named.values()))
+    if both:
         raise ConfigError(
             f"[split]: expected each file in one part, found in validation and in test: "
-            f"{', '.join(sorted(validation & test))}."
+            f"{', '.join(both)}."
         )
-    free = [e for e, file in enumerate(files) if file not in validation | test]
-    units = [files[e] if settings.by == "file" else str(e) for e in free]
-    unique = list(dict.fromkeys(units))
-    order = np.random.default_rng([settings.seed, len(unique)]).permutation(len(unique))
-    drawn = [unique[k] for k in order]
+    taken = set.union(*named.values())
+    units = [file if settings.by == "file" else str(e) for e, file in enumerate(files)]
+    free = list(dict.fromkeys(u for u, f in zip(units, files, strict=True) if f not in taken))
+    rng = np.random.default_rng([settings.seed, len(free)])
+    drawn = [free[k] for k in rng.permutation(len(free))]
     count = max(1, round(settings.share * len(drawn)))
     part = np.full(len(files), PARTS.index("train"), dtype=np.int8)
-    for name, named in (("validation", validation), ("test", test)):
-        if named:
-            held_back = [e for e, file in enumerate(files) if file in named]
+    for name, own in named.items():
+        if own:
+            part[[file in own for file in files]] = PARTS.index(name)
         else:
             chosen, drawn = drawn[:count], drawn[count:]
-            held_back = [e for e, unit in zip(free, units, strict=True) if unit in chosen]
-        part[held_back] = PARTS.index(name)
+            part[[unit in chosen for unit in units]] = PARTS.index(name)
     for k, name in enumerate(PARTS):
         if k not in part:
             raise DatasetError(
@@ -239,13 +229,10 @@ def assign_parts(files: Sequence[str], settings: SplitSettings) -> NDArray[np.in
 
 def _named(files: Sequence[str], part: str, patterns: Sequence[str]) -> set[str]:
     """The files that fit the patterns of one part."""
-    named: set[str] = set()
     for pattern in patterns:
-        fits = {file for file in files if fnmatch(file, pattern)}
-        if not fits:
+        if not any(fnmatch(file, pattern) for file in files):
             raise ConfigError(
                 f"[split] {part}: expected names or patterns of logs with episodes, found "
                 f"{pattern!r}, which fits none of {', '.join(sorted(set(files)))}."
             )
-        named |= fits
-    return named
+    return {file for file in files if any(fnmatch(file, pattern) for pattern in patterns)}

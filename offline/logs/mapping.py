@@ -4,6 +4,7 @@ Tables of the signals, and those that the controller shares, are in `rt_controll
 docs/own-data.md explains every field.
 """
 
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -151,11 +152,21 @@ class LogMapping(CarSignals):
         if not self.states or not self.inputs:
             raise ValueError("expected at least one state and one input, found none")
         names = [*self.state_names, *self.inputs, *self.exogenous_names]
-        every_name = [*names, *self.checks.signals]
-        repeated = sorted({name for name in every_name if every_name.count(name) > 1})
-        mistakes = [f"{name}: expected each name once, found it twice" for name in repeated]
+        counts = Counter([*names, *self.checks.signals])
+        mistakes = [
+            f"{name}: expected each name once, found it twice"
+            for name in sorted(counts)
+            if counts[name] > 1
+        ]
         mistakes += self.unit_mistakes()
-        mistakes += self._file_mistakes()
+        mistakes += [
+            f"column {each.column}: expected a file, as others have, found none"
+            for each in self.every_column
+            if self.files and not each.file
+        ]
+        clocks = (self.time, *(each.time for each in self.every_column if each.time))
+        if not self.files and any(clock.file for clock in clocks):
+            mistakes.append("time.file: expected a file for each signal too, found none")
         for role, chosen in self.roles.model_dump(exclude_none=True).items():
             known = [*self.states, *self.inputs] if role == "past" else names
             unknown = [name for name in chosen if name not in known]
@@ -168,24 +179,12 @@ class LogMapping(CarSignals):
             mistakes.append(
                 f"pose without a reference_line: expected the states {', '.join(CAR_STATES)} in "
                 f"this order and no exogenous signal, so that roads can be placed under the "
-                f"drives, found {', '.join(self.states)} and "
-                f"{', '.join(self.exogenous) or 'no exogenous signal'}. Name a reference_line, or "
-                f"leave [pose] out"
+                f"drives, found {', '.join((*self.states, *self.exogenous))}. Name a "
+                f"reference_line, or leave [pose] out"
             )
         if mistakes:
             raise ValueError("\n".join(mistakes))
         return self
-
-    def _file_mistakes(self) -> list[str]:
-        """A sentence for each column without a file in a mapping where others have one."""
-        without = [each.column for each in self.every_column if self.files and not each.file]
-        mistakes = [
-            f"column {name}: expected a file, as others have, found none" for name in without
-        ]
-        clocks = (self.time, *(each.time for each in self.every_column if each.time))
-        if not self.files and any(clock.file for clock in clocks):
-            mistakes.append("time.file: expected a file for each signal too, found none")
-        return mistakes
 
 
 def read_mapping(path: Path) -> tuple[LogMapping, str]:

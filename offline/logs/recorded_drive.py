@@ -6,15 +6,16 @@ side. `NAME=-COLUMN` changes the sign, for logs with z down.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from offline.logs.readers.log import Series
-from offline.logs.readers.source import read_table
+from offline.logs.readers.formats import read_file
+from offline.logs.readers.log import Request, Series
+from offline.logs.series import runs
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
 from rt_controller.mapping.tables import Clock
@@ -39,6 +40,8 @@ _NAMES = {
     "steer_rad": ("steer_rad", "steer_deg"),
     "road_wheel_rad": ("road_wheel_rad", "road_wheel_deg"),
 } | COMPARED
+_OPTIONAL = ("",)
+"""the column may be missing"""
 _SIGNAL_OF = {name: signal for signal, names in _NAMES.items() for name in names}
 
 
@@ -81,64 +84,49 @@ def load_drive(
     Raises:
         ConfigError: an assignment is wrong; a signal is missing; there is a gap; a value is no
             number; the car stands, drives backwards or too fast; or the drive is too short.
-        DatasetError: see `read_table`; also for times that do not increase.
+        DatasetError: see `read_file`; also for times that do not increase.
     """
-    assigned = dict(_parse(text) for text in assignments)
-    # An empty last name: the column may be missing.
-    wanted = {
-        signal: (names if signal == "vx_mps" else (*names, "")) for signal, names in _NAMES.items()
-    } | {
-        _SIGNAL_OF[name]: (column.lstrip("-"),)
-        for name, column in assigned.items()
-        if name in _SIGNAL_OF
-    }
+    names = {signal: (*own, *_OPTIONAL) for signal, own in _NAMES.items()}
+    names["vx_mps"] = _NAMES["vx_mps"]
     clock = Clock(column=_TIMES[0], other_names=_TIMES[1:2])
-    for name in _TIMES:
-        if name in assigned:
-            clock = Clock(column=assigned[name], unit=name.removeprefix("time_"))
+    name_of = {}
+    for text in assignments:
+        name, _, column = text.partition("=")
+        if not column or name not in (*_SIGNAL_OF, *_TIMES):
+            raise ConfigError(
+                f"--column {text}: expected NAME=COLUMN with a name out of "
+                f"{', '.join((*_TIMES, *_SIGNAL_OF))}, found {name!r}."
+            )
+        if name in _TIMES:
+            clock = Clock(column=column, unit=name.removeprefix("time_"))
+        else:
+            names[_SIGNAL_OF[name]] = (column.lstrip("-"),)
+            name_of[column.lstrip("-")] = name, -1.0 if column.startswith("-") else 1.0
     if period_s is not None:
         clock = Clock(period_s=period_s)
-    log = read_table(path, list(wanted.values()), clock)
-    found: dict[str, tuple[Series, float]] = {}
-    name_of = {column.lstrip("-"): (name, column) for name, column in assigned.items()}
+    log, found = read_file(Request(path, list(names.values()), clock)), {}
     for series in log.channels:
-        name, column = name_of.get(series.column, (series.column, ""))
-        factor = require_unit(unit_of_name(name) or "", name).factor
-        found[_SIGNAL_OF[name]] = series, -factor if column.startswith("-") else factor
-    _require_signals(path, set(found))
-    return _on_grid(path, found, window)
-
-
-def _parse(text: str) -> tuple[str, str]:
-    name, separator, column = text.partition("=")
-    if not separator or not column or name not in (*_SIGNAL_OF, *_TIMES):
-        raise ConfigError(
-            f"--column {text}: expected NAME=COLUMN with a name out of "
-            f"{', '.join((*_TIMES, *_SIGNAL_OF))}, found {name!r}."
-        )
-    return name, column
-
-
-def _require_signals(path: Path, found: set[str]) -> None:
-    """Return if steering and a signal to compare are there."""
+        name, sign = name_of.get(series.column, (series.column, 1.0))
+        factor = sign * require_unit(unit_of_name(name) or "", name).factor
+        found[_SIGNAL_OF[name]] = replace(series, values=factor * series.values)
     example = "Name columns by --column NAME=COLUMN, as in --column yaw_rate_degps=r."
-    if len(found & {"steer_rad", "road_wheel_rad"}) != 1:
+    if len(found.keys() & {"steer_rad", "road_wheel_rad"}) != 1:
         raise ConfigError(
             f"{path}: expected either the angle of the steering wheel, steer_rad or steer_deg, or "
             f"that of the road wheels, road_wheel_rad or road_wheel_deg, found "
             f"{'both' if 'steer_rad' in found else 'neither'}. {example}"
         )
-    if not found & set(COMPARED):
-        listed = ", ".join(name for names in COMPARED.values() for name in names)
+    if not found.keys() & COMPARED.keys():
+        listed = ", ".join(name for own in COMPARED.values() for name in own)
         raise ConfigError(
             f"{path}: expected one of {listed} to compare with, found none. {example}"
         )
+    return _on_grid(path, found, window)
 
 
-def _on_grid(path: Path, found: dict[str, tuple[Series, float]], window: Window) -> RecordedDrive:
-    t_s = found["vx_mps"][0].t_s
-    inside = (t_s >= window.from_s) & (t_s <= window.to_s)
-    t_s = t_s[inside]
+def _on_grid(path: Path, found: dict[str, Series], window: Window) -> RecordedDrive:
+    t_s = found["vx_mps"].t_s
+    t_s = t_s[(t_s >= window.from_s) & (t_s <= window.to_s)]
     if len(t_s) < 2 or t_s[-1] - t_s[0] < _SHORTEST_S:
         raise ConfigError(
             f"{path}: expected at least {_SHORTEST_S:g} s, found "
@@ -154,32 +142,29 @@ def _on_grid(path: Path, found: dict[str, tuple[Series, float]], window: Window)
         )
     grid_s = np.arange(t_s[0], t_s[-1] + 1e-9, PERIOD_S)
     even: dict[str, Array] = {}
-    for signal, (series, factor) in found.items():
-        values = factor * series.values[inside]
+    for signal, series in found.items():
+        own = (series.t_s >= window.from_s) & (series.t_s <= window.to_s)
+        own_t_s, values = series.t_s[own], series.values[own]
         wrong = np.flatnonzero(~np.isfinite(values))
         if len(wrong):
             raise ConfigError(
                 f"{series.place}: expected numbers, found {values[wrong[0]]} at "
-                f"{t_s[wrong[0]]:.6g} s, and {len(wrong)} such samples. Fill them, or use the part "
-                f"before or after by --from-s and --to-s."
+                f"{own_t_s[wrong[0]]:.6g} s, and {len(wrong)} such samples. Fill them, or use "
+                f"the part before or after by --from-s and --to-s."
             )
-        even[signal] = np.interp(grid_s, t_s, values)
-    speed_mps = even["vx_mps"]
-    outside = (speed_mps < _LEAST_SPEED_MPS) | (speed_mps > FASTEST_START_MPS)
-    if outside.any():
-        k = int(np.argmax(outside))
-        edges = np.flatnonzero(np.diff([1, *outside.astype(int), 1]))
-        begin, end = max(
-            edges.reshape(-1, 2).tolist(), key=lambda run: run[1] - run[0], default=(0, 0)
-        )
-        part = f"--from-s {grid_s[begin]:.2f} --to-s {grid_s[end - 1]:.2f}" if end > begin else ""
+        even[signal] = np.interp(grid_s, own_t_s, values)
+    speed_mps = even.pop("vx_mps")
+    is_usable = (speed_mps >= _LEAST_SPEED_MPS) & (speed_mps <= FASTEST_START_MPS)
+    if not is_usable.all():
+        k = int(np.argmin(is_usable))
+        begin, end = max(runs(is_usable), key=lambda run: run[1] - run[0], default=(0, 0))
+        part = f"--from-s {grid_s[begin]:.2f} --to-s {grid_s[end - 1]:.2f}" if end else "none"
         raise ConfigError(
             f"{path}: expected a car that drives forward with {_LEAST_SPEED_MPS:g} to "
             f"{FASTEST_START_MPS:g} m/s, found {speed_mps[k]:.4g} m/s at {grid_s[k]:.6g} s. Are "
             f"unit and sign of the speed right (--column vx_kmh=COLUMN)? The longest usable part: "
-            f"{part or 'none'}."
+            f"{part}."
         )
     is_road_wheel = "road_wheel_rad" in even
-    steer_rad = even["road_wheel_rad" if is_road_wheel else "steer_rad"]
-    signals = {name: even[name] for name in COMPARED if name in even}
-    return RecordedDrive(path.name, speed_mps, steer_rad, is_road_wheel, signals)
+    steer_rad = even.pop("road_wheel_rad" if is_road_wheel else "steer_rad")
+    return RecordedDrive(path.name, speed_mps, steer_rad, is_road_wheel, even)

@@ -1,6 +1,6 @@
 """The signals of a drive in SI: from columns of a log, checked sample by sample, to one period."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -22,10 +22,13 @@ SHORTEST_STEP_S = 0.02
 """time over which a change is judged, so that noise of fast samples does not count as a jump"""
 POSE_SIGNALS = (("x", "m", 120.0), ("y", "m", 120.0), ("yaw", "rad", 5.0))
 """name, SI unit and largest rate of change per second"""
+AVERAGED_FROM = 2.0
+"""samples per period from which a signal is averaged instead of interpolated"""
+_SLACK = 1e-6
+"""of a period, so that rounding of time stamps loses no sample"""
 
 
-@dataclass(frozen=True, slots=True)
-class LoggedDrive:
+class LoggedDrive(NamedTuple):
     """All signals of one log, and its poses if the mapping has [pose]."""
 
     name: str
@@ -33,13 +36,20 @@ class LoggedDrive:
     """in its longest file"""
     signals: tuple[Series, ...]
     """in the order of `LogMapping.read_signals`"""
-    poses: tuple[Series, ...]
+    poses: tuple[Series, ...] = ()
     """x, y, and yaw continuous over full turns; or none"""
 
     @property
     def all_series(self) -> tuple[Series, ...]:
         """Signals and poses."""
         return (*self.signals, *self.poses)
+
+
+class Stretch(NamedTuple):
+    """A time interval without gap."""
+
+    begin_s: float
+    end_s: float
 
 
 def to_drive(log: Log, mapping: LogMapping) -> LoggedDrive:
@@ -49,26 +59,31 @@ def to_drive(log: Log, mapping: LogMapping) -> LoggedDrive:
         DatasetError: a number is missing or impossible, time runs backwards, or units do not fit.
     """
     begin_s = min((channel.t_s[0] for channel in log.channels if len(channel.t_s)), default=0.0)
-    first_s = begin_s + mapping.time.skip_first_s
-    gap_s = mapping.time.longest_gap_s
-    signals = []
-    for name, column in mapping.read_signals.items():
-        series = _to_series(log, name, si_unit_of_name(name), column, first_s, gap_s)
-        signals.append(_within_limits(mapping, series, column))
+    signals = tuple(
+        _within_limits(mapping, _to_series(log, mapping, begin_s, name, column), column)
+        for name, column in mapping.read_signals.items()
+    )
     poses = []
     for (name, unit, steepest), pose in zip(POSE_SIGNALS, mapping.pose_columns, strict=False):
-        series = _to_series(log, name, unit, pose, first_s, gap_s)
+        series = _to_series(log, mapping, begin_s, name, pose, unit)
         if name == "yaw":
             series = replace(series, values=np.unwrap(series.values))
         poses.append(_without_jumps(series, steepest))
-    return LoggedDrive(log.name, log.rows, tuple(signals), tuple(poses))
+    return LoggedDrive(log.name, log.rows, signals, tuple(poses))
 
 
 def _to_series(
-    log: Log, name: str, si: str | None, column: ColumnMapping, first_s: float, gap_s: float | None
+    log: Log,
+    mapping: LogMapping,
+    begin_s: float,
+    name: str,
+    column: ColumnMapping,
+    unit: str | None = None,
 ) -> Series:
     channel = log.channel(*column.names, file=column.file)
-    scaling = scaling_of(channel.place, channel.unit or None, column, name, si)
+    scaling = scaling_of(
+        channel.place, channel.unit or None, column, name, unit or si_unit_of_name(name)
+    )
     is_known = np.isfinite(channel.values)
     missing = np.flatnonzero(~is_known)
     if column.missing == "refuse" and len(missing):
@@ -78,22 +93,15 @@ def _to_series(
             f"({len(missing)} of {len(is_known)} samples). Export the column without empty cells, "
             f'or write missing = "skip" for {name} if other columns are sampled faster.'
         )
-    kept = is_known & (channel.t_s >= first_s)
+    kept = is_known & (channel.t_s >= begin_s + mapping.time.skip_first_s)
     if np.count_nonzero(kept) < 2:
         raise DatasetError(
-            f"{channel.place}: expected at least two samples, "
-            f"found {np.count_nonzero(kept)}. Leave the file out."
-        )
-    backwards = np.flatnonzero(np.diff(channel.t_s) <= 0.0)
-    if len(backwards):
-        k = int(backwards[0]) + 1
-        raise DatasetError(
-            f"{channel.place_of(k)}: expected time to increase, found "
-            f"{channel.t_s[k]:.10g} s after {channel.t_s[k - 1]:.10g} s. Split the log where time "
-            f"starts again, or choose one channel of the bus."
+            f"{channel.place}: expected at least two samples, found {np.count_nonzero(kept)}. "
+            f"Leave the file out."
         )
     steps = np.diff(channel.t_s[kept])
-    longest_s = column.longest_gap_s or gap_s or LONGEST_GAP_PERIODS * np.median(steps)
+    longest_s = column.longest_gap_s or mapping.time.longest_gap_s
+    is_near = steps <= (longest_s or LONGEST_GAP_PERIODS * np.median(steps))
     return replace(
         channel,
         name=name,
@@ -102,8 +110,8 @@ def _to_series(
         values=scaling.factor * channel.values[kept] + scaling.offset,
         row=channel.row[kept],
         sampling=column.sampling,
-        connected=steps <= longest_s,
-        gaps=tuple(np.flatnonzero(steps > longest_s).tolist()),
+        connected=is_near,
+        gaps=tuple(np.flatnonzero(~is_near).tolist()),
     )
 
 
@@ -134,19 +142,6 @@ def _without_jumps(series: Series, steepest_per_s: float) -> Series:
     return replace(series, connected=series.connected & ~jumps, jumps=int(np.count_nonzero(jumps)))
 
 
-AVERAGED_FROM = 2.0
-"""samples per period from which a signal is averaged instead of interpolated"""
-_SLACK = 1e-6
-"""of a period, so that rounding of time stamps loses no sample"""
-
-
-class Stretch(NamedTuple):
-    """A time interval without gap."""
-
-    begin_s: float
-    end_s: float
-
-
 def find_stretches(drive: LoggedDrive) -> list[Stretch]:
     """The intervals in which all signals of a drive are known, in order."""
     changes = sorted(
@@ -161,6 +156,12 @@ def find_stretches(drive: LoggedDrive) -> list[Stretch]:
         if known == len(drive.all_series):
             stretches.append(Stretch(begin_s, end_s))
     return stretches
+
+
+def runs(is_true: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Begin and end of each unbroken run of true values."""
+    edges = np.flatnonzero(np.diff(is_true.astype(np.int8), prepend=0, append=0))
+    return [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]
 
 
 def grid(stretch: Stretch, period_s: float) -> Array:
@@ -194,28 +195,20 @@ def window_mean(t_s: Array, values: Array, low_s: Array, high_s: Array, is_held:
 
     Windows are limited to the signal's duration; a window of zero width gives the value there.
     """
-    low, high = (np.clip(edge, t_s[0], t_s[-1]) for edge in (low_s, high_s))
-    width = high - low
-    area = _integral(t_s, values, high, is_held) - _integral(t_s, values, low, is_held)
-    k = np.clip(np.searchsorted(t_s, low, side="right") - 1, 0, len(t_s) - 1)
-    here = values[k] if is_held else np.interp(low, t_s, values)
-    has_width = width > _SLACK * np.maximum(high_s - low_s, _SLACK)
-    return np.where(has_width, area / np.where(has_width, width, 1.0), here)
-
-
-def runs(is_true: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Begin and end of each unbroken run of true values."""
-    edges = np.diff(np.concatenate([[0], is_true.astype(np.int8), [0]]))
-    begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-    return list(zip(begins.tolist(), ends.tolist(), strict=True))
-
-
-def _integral(t_s: Array, values: Array, until_s: Array, is_held: bool) -> Array:
-    """Integral of the signal from its first sample to each instant."""
     steps = np.diff(t_s)
     heights = values[:-1] if is_held else 0.5 * (values[:-1] + values[1:])
+    slopes = np.zeros_like(steps) if is_held else np.diff(values) / steps
     complete = np.concatenate([[0.0], np.cumsum(heights * steps)])
-    k = np.clip(np.searchsorted(t_s, until_s, side="right") - 1, 0, len(steps) - 1)
-    rest = until_s - t_s[k]
-    slope = np.zeros_like(rest) if is_held else np.diff(values)[k] / steps[k]
-    return np.asarray(complete[k] + rest * (values[k] + 0.5 * slope * rest))
+
+    def integral(until_s: Array) -> Array:
+        k = np.clip(np.searchsorted(t_s, until_s, side="right") - 1, 0, len(steps) - 1)
+        rest = until_s - t_s[k]
+        return np.asarray(complete[k] + rest * (values[k] + 0.5 * slopes[k] * rest))
+
+    low, high = (np.clip(edge, t_s[0], t_s[-1]) for edge in (low_s, high_s))
+    k = np.searchsorted(t_s, low, side="right") - 1
+    here = values[k] if is_held else np.interp(low, t_s, values)
+    width = high - low
+    has_width = width > _SLACK * np.maximum(high_s - low_s, _SLACK)
+    mean = (integral(high) - integral(low)) / np.where(has_width, width, 1.0)
+    return np.where(has_width, mean, here)

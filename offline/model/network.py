@@ -28,7 +28,7 @@ from offline.data.sampling import Instants
 from offline.model.encoder import Encoder, MakeEncoder
 from offline.model.observables import Observables, Sizes, observables_of
 from offline.model.rollout import roll_out, roll_out_gains
-from rt_controller.model.dynamics import NO_SIGNAL
+from rt_controller.model.dynamics import Shape
 from rt_controller.model.follow import Follow
 
 # Standard deviations of the Gaussian start, which the paper leaves open. With these, roll-outs of
@@ -52,26 +52,24 @@ class Operator(NamedTuple):
     """(n, m + p), columns: inputs, then exogenous signals"""
 
 
-class Gains(NamedTuple):
-    """The part of B that depends on psi, and the drift: q gains."""
+class GainMatrices(NamedTuple):
+    """Those of the q gains (`rt_controller.model.dynamics.Gains`)."""
 
     S: Tensor
     """(q, n)"""
     N: Tensor
-    """(n, q): rank by rank one column for each input, then those of the drift"""
+    """(n, q)"""
 
 
-class Ranks(NamedTuple):
-    """Numbers of gains of each kind."""
+class Term(NamedTuple):
+    """Gains of one kind; a variant of the model is another list of these (`terms_of`)."""
 
-    motion: int
-    """of each input, determined by the motion"""
-    path: int
-    """of each input, acting on the path alone"""
-    road: int
-    """of each road signal, acting on the path alone and determined by the motion"""
-    saturation: int
-    """of the motion without inputs"""
+    shape: Shape
+    factors: tuple[int, ...]
+    """columns of [u; w; 1], one for each gain"""
+    acts_on_path_alone: bool = False
+    is_determined_by_path: bool = False
+    """by the observables `Observables.is_gain_of_path`, otherwise by the motion"""
 
 
 class MdkNet(nn.Module):
@@ -80,10 +78,9 @@ class MdkNet(nn.Module):
     With a constant observable the last entry of psi is 1 and the last row of A is [0 ... 0 1];
     neither is trained.
 
-    With a bilinear rank R the column of input i is B_i + sum_r N_ri g(S_ri psi), where g is the
-    hyperbolic tangent if the gains saturate. Over a roll-out, this psi is the predicted lifted
-    state of each step, the free response of psi_0, or psi_0 (`config.bilinear_follows`). For the
-    drift see `rt_controller.model.dynamics`.
+    To it come the gains N g(S psi) f of `rt_controller.model.dynamics.Gains`, with the terms of
+    `terms_of`. Over a roll-out, the psi of a gain is the predicted lifted state of each step, the
+    free response of psi_0, or psi_0 (`config.bilinear_follows`).
     """
 
     def __init__(
@@ -110,33 +107,9 @@ class MdkNet(nn.Module):
         self.history_steps = config.history_steps if sizes.remembered else 0
         self.follows = config.bilinear_follows if config.bilinear_rank else Follow.PREDICTION
         self.saturates = config.saturating_gains
-        is_separate = self.observables.path is not None
-        path_rank = config.path_rank if is_separate and config.bilinear_rank else 0
-        has_drift = int(config.saturating_gains)
-        self.ranks = Ranks(
-            config.bilinear_rank,
-            path_rank,
-            has_drift * path_rank * len(sizes.road),
-            has_drift * config.drift_rank,
-        )
+        self.terms = terms_of(config, sizes, self.observables)
         self.encoders = nn.ModuleList(self._encoders(config, encoder))
         self._add_operator(config)
-
-    @property
-    def rank(self) -> int:
-        """R, all gains of one input."""
-        return self.ranks.motion + self.ranks.path
-
-    @property
-    def drift_rank(self) -> int:
-        """D, all gains of the drift: those of road signals first."""
-        return self.ranks.road + self.ranks.saturation
-
-    @property
-    def drift_signal(self) -> list[int]:
-        """(D,) exogenous signal that each gain of the drift is multiplied by, or `NO_SIGNAL`."""
-        repeats = self.ranks.road // max(len(self.sizes.road), 1)
-        return [*self.sizes.road] * repeats + [NO_SIGNAL] * self.ranks.saturation
 
     @property
     def n_observables(self) -> int:
@@ -152,10 +125,10 @@ class MdkNet(nn.Module):
         last_A[0, -1] = 1.0
         return Operator(torch.cat([A, last_A]), with_zero_row(B))
 
-    def gains(self) -> Gains:
+    def gains(self) -> GainMatrices:
         """S and N."""
         N = self.N_rows * self.N_learned
-        return Gains(self.S * self.S_learned, with_zero_row(N) if self.has_constant else N)
+        return GainMatrices(self.S * self.S_learned, with_zero_row(N) if self.has_constant else N)
 
     def seen(self, instants: Instants) -> Tensor:
         """The signals (..., s) that the lift sees: x, then w and the history if configured."""
@@ -180,15 +153,16 @@ class MdkNet(nn.Module):
         u is (K, batch, m) and w (K, batch, p). Paper: the predicted term of eq. (10).
         """
         A, B = self.operator()
-        if self.follows is Follow.PREDICTION and self.rank + self.drift_rank:
+        if self.follows is Follow.PREDICTION and len(self.S):
             S, N = self.gains()
-            forcing, linear = torch.cat([u, w], dim=-1) @ B.t(), len(S) - self.ranks.saturation
+            forcing = torch.cat([u, w], dim=-1) @ B.t()
             # tanh(a) - a: its linear part belongs to the operator of the recursion.
+            linear = len(S) - int(self.is_saturation.count_nonzero())
             A = A - N[:, linear:] @ S[linear:]
             factors = self.factors(u, w)
             return roll_out_gains(psi0, A, forcing, S, N, factors, saturates=self.saturates)
         psi = psi0[None]
-        if self.rank and self.follows is Follow.FREE_RESPONSE:
+        if self.follows is Follow.FREE_RESPONSE:
             exogenous = w @ B[:, self.sizes.inputs :].t()
             psi = torch.cat([psi, roll_out(psi0, A, exogenous)[:-1]])
         return roll_out(psi0, A, self.forcing(psi, u, w))
@@ -201,7 +175,7 @@ class MdkNet(nn.Module):
         """
         _, B = self.operator()
         forcing = torch.cat([u, w], dim=-1) @ B.t()
-        if not self.rank + self.drift_rank:
+        if not len(self.S):
             return forcing
         S, N = self.gains()
         shares = psi @ S.t()
@@ -274,29 +248,51 @@ class MdkNet(nn.Module):
         self._add_gains(rows)
 
     def _add_gains(self, rows: int) -> None:
-        known, m, p = self.observables, self.sizes.inputs, self.sizes.exogenous
-        of_motion, of_path = self.ranks.motion * m, self.ranks.path * m
-        q = of_motion + of_path + self.drift_rank
-        columns = [*range(m)] * self.rank
-        columns += [m + p if signal == NO_SIGNAL else m + signal for signal in self.drift_signal]
+        known = self.observables
+        of_gain = [term for term in self.terms for _ in term.factors]
+        q = len(of_gain)
         self.factor_columns: Tensor
-        self.register_buffer("factor_columns", torch.tensor(columns, dtype=torch.long), False)
-        acts_on_path_alone = torch.zeros(q, dtype=torch.bool)
-        acts_on_path_alone[of_motion : q - self.ranks.saturation] = True
-        is_determined_by_path = torch.zeros(q, dtype=torch.bool)
-        is_determined_by_path[of_motion : of_motion + of_path] = True
-        determines = torch.where(
-            is_determined_by_path[:, None], known.is_gain_of_path, known.is_motion
-        )
-        self._add_mask("N_learned", ~(known.is_motion[:rows, None] & acts_on_path_alone))
-        self._add_mask("S_learned", determines)
+        self.shape: Tensor
         self.is_saturation: Tensor
-        self._add_mask("is_saturation", torch.arange(q) >= q - self.ranks.saturation)
+        columns = torch.tensor([c for term in self.terms for c in term.factors], dtype=torch.long)
+        self.register_buffer("factor_columns", columns, False)
+        shape = torch.tensor([int(term.shape) for term in of_gain], dtype=torch.long)
+        self.register_buffer("shape", shape, False)
+        self._add_mask("is_saturation", shape == Shape.SATURATION)
+        on_path_alone = torch.tensor([t.acts_on_path_alone for t in of_gain], dtype=torch.bool)
+        by_path = torch.tensor([t.is_determined_by_path for t in of_gain], dtype=torch.bool)
+        determines = torch.where(by_path[:, None], known.is_gain_of_path, known.is_motion)
+        self._add_mask("N_learned", ~(known.is_motion[:rows, None] & on_path_alone))
+        self._add_mask("S_learned", determines)
         self.N_rows = nn.Parameter(INPUT_MATRIX_SPREAD * torch.randn(rows, q))
         self.S = nn.Parameter(GAIN_SPREAD * torch.randn(q, known.n))
 
     def _add_mask(self, name: str, learned: Tensor) -> None:
         self.register_buffer(name, learned.to(torch.get_default_dtype()), persistent=False)
+
+
+def terms_of(config: TrainingConfig, sizes: Sizes, known: Observables) -> tuple[Term, ...]:
+    """The terms that are not linear, as `Shape` orders them.
+
+    Each input acts through gains of the motion; on the path also through gains of the path. Where
+    gains saturate, the path is also turned by the road's signals times gains of the motion, and the
+    motion without inputs saturates.
+    """
+    inputs, one = tuple(range(sizes.inputs)), sizes.inputs + sizes.exogenous
+    road = tuple(sizes.inputs + signal for signal in sizes.road)
+    path_rank = config.path_rank if known.path is not None and config.bilinear_rank else 0
+    shape = Shape.TANH if config.saturating_gains else Shape.LINEAR
+    terms = (
+        Term(shape, inputs * config.bilinear_rank),
+        Term(shape, inputs * path_rank, acts_on_path_alone=True, is_determined_by_path=True),
+    )
+    if not config.saturating_gains:
+        return terms
+    return (
+        *terms,
+        Term(Shape.TANH, road * path_rank, acts_on_path_alone=True),
+        Term(Shape.SATURATION, (one,) * config.drift_rank),
+    )
 
 
 def with_zero_row(matrix: Tensor, dim: int = 0) -> Tensor:

@@ -18,7 +18,7 @@ from offline.data.signals import Scaling, last_rows
 from offline.model.encoder import Encoder
 from offline.model.network import MdkNet, with_zero_row
 from rt_controller.contract.arrays import Array
-from rt_controller.model.dynamics import Bilinear, Drift, Matrices
+from rt_controller.model.dynamics import Gains, Matrices
 from rt_controller.model.lift import Lift, LiftSample
 
 
@@ -96,21 +96,9 @@ def physical_matrices(model: MdkNet, scaling: Scaling) -> Matrices:
     A, B = (_numbers(matrix) for matrix in model.operator())
     B_uc, B_uw = np.split(B, [model.sizes.inputs], axis=1)
     S, N = (_numbers(matrix) for matrix in model.gains())
-    n, m, R = len(A), model.sizes.inputs, model.rank
-    bilinear = drift = None
-    if R:
-        bilinear = Bilinear(
-            N[:, : R * m].reshape(n, R, m).transpose(1, 0, 2),
-            S[: R * m].reshape(R, m, n),
-            np.zeros((R, m)),
-            model.follows,
-            model.saturates,
-        )
-    if model.drift_rank:
-        drift = Drift(
-            N[:, R * m :], S[R * m :], np.zeros(model.drift_rank), np.array(model.drift_signal)
-        )
-    return scaling.to_physical(Matrices(A, B_uc, B_uw, np.zeros(len(A)), bilinear, drift))
+    factor, shape = model.factor_columns.cpu().numpy(), model.shape.cpu().numpy()
+    gains = Gains(N, S, np.zeros(len(S)), factor, shape, model.follows) if len(S) else None
+    return scaling.to_physical(Matrices(A, B_uc, B_uw, np.zeros(len(A)), gains))
 
 
 def scaling_of_lift(model: MdkNet, scaling: Scaling) -> tuple[Array, Array]:

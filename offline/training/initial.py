@@ -24,6 +24,7 @@ from offline.training.run import Checkpoint
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError, ConfigError
 from rt_controller.model.bundle import Bundle
+from rt_controller.model.dynamics import no_gains
 
 STRUCTURE = (
     "activation",
@@ -165,19 +166,13 @@ def _take_operator(model: MdkNet, bundle: Bundle, scaling: Scaling) -> None:
     s[: len(scaling.x_scale)] = scaling.x_scale
     A = bundle.A / s[:, None] * s
     B = np.hstack([bundle.B_uc * scaling.u_scale, bundle.B_uw * scaling.w_scale]) / s[:, None]
-    N, S = [np.zeros((len(s), 0))], [np.zeros((0, len(s)))]
-    if (bilinear := bundle.bilinear) is not None:
-        n, m = len(s), bilinear.N.shape[2]
-        N.append((bilinear.N * scaling.u_scale).transpose(1, 0, 2).reshape(n, -1) / s[:, None])
-        S.append(bilinear.S.reshape(bilinear.rank * m, n) * s)
-    if (drift := bundle.drift) is not None:
-        N.append(drift.N * drift.factors(scaling.w_scale) / s[:, None])
-        S.append(drift.S * s)
+    gains = bundle.gains or no_gains(len(s))
+    N = gains.N * gains.factors(scaling.u_scale, scaling.w_scale) / s[:, None]
     rows = len(model.A_rows)
     model.A_rows.copy_(_float(A[:rows]))
     model.B_rows.copy_(_float(B[:rows]))
-    model.N_rows.copy_(_float(np.hstack(N)[:rows]))
-    model.S.copy_(_float(np.vstack(S)))
+    model.N_rows.copy_(_float(N[:rows]))
+    model.S.copy_(_float(gains.S * s))
 
 
 def _weights(bundle: Bundle) -> dict[str, Array]:

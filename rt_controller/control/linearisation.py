@@ -47,7 +47,7 @@ class Linearisation:
         self._bundle, self._gains, self._knots = bundle, Step(bundle), knots
         gains, q = self._gains, self._gains.count
         self.is_linear = q == 0
-        self._follow = bundle.bilinear.follows if bundle.bilinear else Follow.PREDICTION
+        self._follow = bundle.gains.follows if bundle.gains else Follow.PREDICTION
 
         # Nominal prediction: [a; psi; u; 1; t m - a o] of each stage.
         A, S, N = bundle.A, gains.S, gains.N

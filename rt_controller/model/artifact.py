@@ -2,11 +2,11 @@
 
 - `encoder.onnx`: from the inputs that `Lift` names to "psi" (batch, n) float32, whose first entries
   are the states themselves;
-- `koopman.npz`: psi+ = A psi + B_uc u_c + B_uw w + c, all in physical units, with the names, units
-  and period of the signals, the bilinear part, saturation, the inputs of the lift, the growth of
-  the model, its training configuration, the SHA-256 of the encoder and of the whole model, a few
-  pairs (x, w, history; psi) for a self-test, the geometry of the car's steering where it is known,
-  and the range of the inputs;
+- `koopman.npz`: psi+ = A psi + B_uc u_c + B_uw w + c + gains, all in physical units, with the
+  names, units and period of the signals, the inputs of the lift, the growth of the model, its
+  training configuration, the SHA-256 of the encoder and of the whole model, a few pairs (x, w,
+  history; psi) for a self-test, the geometry of the car's steering where it is known, and the range
+  of the inputs;
 - `card.md`: for people.
 
 Paper: eqs. (6)-(8) and (14).
@@ -32,7 +32,7 @@ from rt_controller.contract.limits import SteeringGeometry
 from rt_controller.contract.names import MODEL_FOLDER, name_or
 from rt_controller.contract.signals import Schema, Signal
 from rt_controller.model.bundle import Bundle, PlanSample
-from rt_controller.model.dynamics import Bilinear, Drift, no_drift
+from rt_controller.model.dynamics import Gains, no_gains
 from rt_controller.model.follow import Follow
 from rt_controller.model.lift import Lift, LiftSample
 from rt_controller.model.validation import check_field, require_fitting_parts
@@ -40,7 +40,7 @@ from rt_controller.model.validation import check_field, require_fitting_parts
 SHIPPED_MODEL = "mdk-net"
 """the model that drives if none is chosen"""
 
-FORMAT_VERSION = 4
+FORMAT_VERSION = 5
 LARGEST_FILE_BYTES = 64_000_000
 LARGEST_UNPACKED_BYTES = 256_000_000
 """a hundred times the shipped models"""
@@ -55,22 +55,21 @@ SIGNALS = {"state": "states", "input": "inputs", "exogenous": "exogenous"}
 
 
 def _table(text: str) -> dict[str, tuple[str, int]]:
-    """Kind of numpy type (U, i, f, b) and number of dimensions of each field in lines of text."""
+    """Kind of numpy type (U, i, f) and number of dimensions of each field in lines of text."""
     rows = (line.split() for line in text.strip().splitlines())
     return {name: (kind[0], int(kind[1])) for kind, *names in rows for name in names}
 
 
 FIELDS = _table("""
-    U0 name training data_sha256 encoder_sha256 bundle_sha256 bilinear_follows
+    U0 name training data_sha256 encoder_sha256 bundle_sha256 gains_follows
     U1 state_fields input_fields exogenous_fields state_units input_units exogenous_units
     U1 lift_inputs history_fields
     i0 history_steps
-    i1 drift_signal
-    b0 bilinear_saturates
+    i1 gains_factor gains_shape
     f0 dt_s
-    f1 c drift_s0
-    f2 A B_uc B_uw bilinear_s0 drift_N drift_S selftest_x selftest_w selftest_psi
-    f3 bilinear_N bilinear_S selftest_history
+    f1 c gains_s0
+    f2 A B_uc B_uw gains_N gains_S selftest_x selftest_w selftest_psi
+    f3 selftest_history
 """)
 """each field that is read"""
 OPTIONAL = {
@@ -136,15 +135,13 @@ def load_bundle(folder: Path) -> Bundle:
     lift = Lift("w" in found["lift_inputs"], found["history_steps"], found["history_fields"])
     check_field(path, "lift_inputs", lift.inputs, found["lift_inputs"])
     states, inputs, exogenous = (_signals(path, found, kind) for kind in SIGNALS)
-    if found["bilinear_follows"] not in list(Follow):
-        check_field(path, "bilinear_follows", " or ".join(Follow), found["bilinear_follows"])
-    bilinear = _part(Bilinear, "bilinear", found)
-    bilinear = bilinear._replace(follows=Follow(bilinear.follows))
-    has_drift = len(found["drift_S"]) or len(found["drift_s0"])
+    if found["gains_follows"] not in list(Follow):
+        check_field(path, "gains_follows", " or ".join(Follow), found["gains_follows"])
+    gains = _part(Gains, "gains", found)
+    gains = gains._replace(follows=Follow(gains.follows))
     bundle = Bundle(
         schema=Schema(states, inputs, exogenous, found["dt_s"]),
-        bilinear=bilinear if max(map(len, bilinear[:3])) else None,
-        drift=_part(Drift, "drift", found) if has_drift else None,
+        gains=gains if any(map(np.size, gains[:-1])) else None,
         lift=lift,
         car=_car(path, found),
         plans=_part(PlanSample, "plan", found) if "plan_state" in found else None,
@@ -161,11 +158,8 @@ def load_bundle(folder: Path) -> Bundle:
 
 def _fields_of(bundle: Bundle) -> dict[str, Any]:
     """The fields of `koopman.npz` by name, as numpy takes them."""
-    n, m = bundle.B_uc.shape
     parts = {
-        "bilinear": bundle.bilinear
-        or Bilinear(np.zeros((0, n, m)), np.zeros((0, m, n)), np.zeros((0, m))),
-        "drift": bundle.drift or no_drift(n),
+        "gains": bundle.gains or no_gains(bundle.n_observables),
         "selftest": bundle.selftest,
         "plan": bundle.plans,
     }
@@ -269,14 +263,13 @@ def _read_fields(path: Path) -> dict[str, Any]:
 
 def _checked(path: Path, key: str, found: NDArray[Any], kind: str, dimensions: int) -> Any:
     """The content of one field; numbers have eight bytes and are finite, arrays in C order."""
-    is_wide = kind in "Ub" or found.dtype in (np.float64, np.int64)
+    is_wide = kind == "U" or found.dtype in (np.float64, np.int64)
     if found.dtype.kind != kind or found.ndim != dimensions or not is_wide:
         expected = {
             ("U", 0): "one text",
             ("U", 1): "a list of texts",
             ("i", 0): "one whole number",
             ("i", 1): "a list of whole numbers",
-            ("b", 0): "true or false",
         }.get((kind, dimensions), f"float64 numbers in {dimensions} dimensions")
         raise ArtifactError(
             f"{path}: expected {expected} in {key}, found {found.dtype} of shape {found.shape}. "

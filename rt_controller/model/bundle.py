@@ -1,8 +1,7 @@
 """The model bundle: everything that training passes to the vehicle.
 
-psi_(k+1) = A psi_k + B_eff u_k + B_uw w_k + c in physical units, where psi = [x; latents] is what
-the encoder computes, and B_eff is constant or depends on the lifted state. Saturation of the motion
-without inputs may be added.
+psi_(k+1) = A psi_k + B_uc u_k + B_uw w_k + c + gains in physical units, where psi = [x; latents] is
+what the encoder computes, and the gains are terms that depend on the lifted state.
 Paper: eqs. (6)-(8) and (14).
 """
 
@@ -20,7 +19,7 @@ from rt_controller.contract.car import Car
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import INPUT_LIMITS, SteeringGeometry
 from rt_controller.contract.signals import VEHICLE, InputColumn, Schema
-from rt_controller.model.dynamics import Bilinear, Drift
+from rt_controller.model.dynamics import Gains
 from rt_controller.model.lift import STATES_ONLY, Lift, LiftSample, identity_encoder
 
 
@@ -48,7 +47,7 @@ SMALLEST_SPREAD = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bundle:
-    """A lifted linear or bilinear model in physical units, with the encoder that lifts into it.
+    """A lifted model in physical units, with the encoder that lifts into it.
 
     `n` is the number of observables, the n_x states first; `m` inputs, `p` exogenous signals.
     """
@@ -64,10 +63,8 @@ class Bundle:
     """(n, p)"""
     c: Array
     """(n,), the offset that remains from centring"""
-    bilinear: Bilinear | None = None
-    """None: B_uc is the whole input matrix"""
-    drift: Drift | None = None
-    """None: the motion without inputs is linear in psi"""
+    gains: Gains | None = None
+    """None: the model is linear in psi"""
     signal_range: Array | None = None
     """(2, m + p), lowest and highest value of each input and exogenous signal that the model was
     made for; None: not known"""
@@ -189,25 +186,20 @@ class Bundle:
         Over name, signals, period, lift, encoder, matrices, and, where they are known, the geometry
         of the car and the range of the signals; not over lock, training and self-test.
         """
-        schema, lift = self.schema, self.lift
-        bilinear, drift = self.bilinear, self.drift
+        schema, lift, gains = self.schema, self.lift, self.gains
         words = [
             self.name,
             [schema.states, schema.inputs, schema.exogenous, schema.dt_s],
             [lift.inputs, lift.history_steps, lift.history_fields],
-            None if bilinear is None else bilinear.follows,
+            None if gains is None else [gains.follows, gains.factor.tolist(), gains.shape.tolist()],
             self.encoder_sha256,
             *(() if self.car is None else [self.car.geometry[:3]]),
             *(() if self.car is None or not self.car.own_values else [self.car.own_values]),
-            *(("saturates",) if bilinear is not None and bilinear.saturates else ()),
-            *(() if drift is None else [drift.signal.tolist()]),
         ]
         digest = hashlib.sha256(json.dumps(words).encode())
         matrices = {"A": self.A, "B_uc": self.B_uc, "B_uw": self.B_uw, "c": self.c}
-        if bilinear is not None:
-            matrices |= {"N": bilinear.N, "S": bilinear.S, "s0": bilinear.s0}
-        if drift is not None:
-            matrices |= {"drift_N": drift.N, "drift_S": drift.S, "drift_s0": drift.s0}
+        if gains is not None:
+            matrices |= {"N": gains.N, "S": gains.S, "s0": gains.s0}
         if self.signal_range is not None:
             matrices["signal_range"] = self.signal_range
         for key, matrix in matrices.items():

@@ -1,10 +1,10 @@
-"""The lifted state that the input matrix of a bilinear model follows."""
+"""The lifted state that the gains of a model follow."""
 
 from enum import StrEnum
 
 
 class Follow(StrEnum):
-    """From which lifted state the input matrix is computed in each step of a prediction."""
+    """From which lifted state the gains are computed in each step of a prediction."""
 
     PREDICTION = "prediction"
     """that of the step itself, as in a bilinear model. The controller uses the states that its last

@@ -3,10 +3,13 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from rt_controller.contract.car import car_of
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.model.bundle import Bundle
+from rt_controller.model.dynamics import Shape, no_gains
 
 DRIVABLE_HISTORY = ("vx_mps", "vy_mps", "yaw_rate_radps", "throttle", "brake_n", "steer_rad")
 """the history that the controller keeps: motion and inputs of the car, not its place on the road"""
@@ -26,7 +29,6 @@ def require_fitting_parts(bundle: Bundle, path: Path | str) -> None:
     b = bundle.selftest.x.shape[0]
     known = schema.state_names + schema.input_names
     names = known + schema.exogenous_names
-    signal = [] if bundle.drift is None else bundle.drift.signal.tolist()
 
     def refuse_unless(is_right: object, expected: str, found: object) -> None:
         if not is_right:
@@ -52,7 +54,8 @@ def require_fitting_parts(bundle: Bundle, path: Path | str) -> None:
         ("selftest_psi", bundle.selftest_psi, (b, n)),
         ("signal_range", bundle.signal_range, (2, m + p)),
     ]
-    R, D = bundle.bilinear and bundle.bilinear.rank, bundle.drift and bundle.drift.rank
+    gains = bundle.gains or no_gains(n)
+    q = len(gains.s0)
     T, N = bundle.plans.inputs.shape[:2] if bundle.plans else (0, 0)
     parts: tuple[tuple[str, Any, tuple[tuple[Any, ...], ...]], ...] = (
         (
@@ -60,8 +63,7 @@ def require_fitting_parts(bundle: Bundle, path: Path | str) -> None:
             bundle.selftest,
             ((b, n_x), (b, p), (b, lift.history_steps, len(lift.history_fields))),
         ),
-        ("bilinear", bundle.bilinear, ((R, n, m), (R, m, n), (R, m))),
-        ("drift", bundle.drift, ((n, D), (D, n), (D,), (D,))),
+        ("gains", gains, ((n, q), (q, n), (q,), (q,), (q,))),
         ("plan", bundle.plans, ((T, n_x), (T,), (T, 6), (T, m), (T, N, m))),
     )
     for kind, part, shapes in parts:
@@ -71,7 +73,21 @@ def require_fitting_parts(bundle: Bundle, path: Path | str) -> None:
     for key, array, shape in wanted:
         if array is not None:
             check_field(path, f"shape of {key}", shape, array.shape)
-    refuse_unless(set(signal) <= set(range(-1, p)), f"drift_signal from -1 to {p - 1}", signal)
+    refuse_unless(
+        np.isin(gains.factor, range(m + p + 1)).all(),
+        f"columns 0 to {m + p} of [u; w; 1] in gains_factor",
+        gains.factor,
+    )
+    refuse_unless(
+        np.isin(gains.shape, list(Shape)).all() and np.all(np.diff(gains.shape) >= 0),
+        f"numbers 0 to {max(Shape)} in ascending order in gains_shape",
+        gains.shape,
+    )
+    refuse_unless(
+        np.all(gains.factor[gains.shape == Shape.SATURATION] == m + p),
+        f"{m + p} in gains_factor where gains_shape is {Shape.SATURATION}",
+        gains.factor,
+    )
     refuse_unless(
         n >= n_x and 1 <= b <= MOST_INSTANTS,
         f"at least {n_x} observables and 1 to {MOST_INSTANTS} self-test instants",

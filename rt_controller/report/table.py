@@ -93,14 +93,32 @@ def format_number(number: float, digits: int = 4) -> str:
 
 
 def print_table(table: Table, console: Console) -> None:
-    """Print the table; one that is too wide in several parts, which all have the first column.
+    """Print the table. Of one that is too wide, the texts at the end of a row stand below its name.
 
-    Texts are wrapped, but no number is cut: a single column may be wider than the console.
+    If it still does not fit, it is printed in several parts, which all have the first column. Texts
+    are wrapped, but no number is cut: a single column may be wider than the console.
     """
+    if _least_width(table, console) > console.width:
+        table = _stacked(table)
     for part in _parts(table, console):
         shown = to_rich(part)
         options = console.options.update(width=max(console.width, _least_width(part, console)))
         console.print(Segments(console.render(shown, options)), crop=False, end="")
+
+
+def _stacked(table: Table) -> Table:
+    """The table with the text columns after its last number below the first cell of each row."""
+    numbers = [i for i, column in enumerate(table.columns) if not column.is_text]
+    kept = max(numbers, default=len(table.columns) - 1) + 1
+    first, *others = table.columns[:kept]
+    below = [column.title for column in table.columns[kept:]]
+    head = first._replace(title="\n".join(filter(None, (first.title, "; ".join(below)))))
+    rows = []
+    for row in table.rows:
+        name, texts = _as_cell(row[0]), [_lines(cell).plain for cell in row[kept:]]
+        detail = "; ".join(filter(None, (name.detail, *texts)))
+        rows.append((name._replace(detail=detail), *row[1:kept]))
+    return replace(table, columns=(head, *others), rows=tuple(rows))
 
 
 def _parts(table: Table, console: Console) -> Iterator[Table]:

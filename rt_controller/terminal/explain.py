@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,13 @@ from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.contract.signals import ControlInput, Mode, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.explanation import PlanExplanation
-from rt_controller.recording.explain import TickExplanation, explain_tick, safe_stop_tick, to_json
+from rt_controller.recording.explain import (
+    Margin,
+    TickExplanation,
+    explain_tick,
+    safe_stop_tick,
+    to_json,
+)
 from rt_controller.recording.replay import Replay, read_recorded_drive
 from rt_controller.report.table import (
     NO_VALUE,
@@ -84,8 +91,26 @@ def _sentence(tick: TickExplanation) -> str:
     return f"Tick {number} {happened}, and nothing was wrong: {tick.command_from}."
 
 
+def _share_left(of: Margin) -> float:
+    """What is left of the limit of a check; checks without a value come last."""
+    return inf if of.margin is None else of.margin / (abs(of.limit) or 1.0)
+
+
 def _tables(tick: TickExplanation) -> Iterator[Table]:
     yield facts_table(_facts(tick), f"tick {tick.record.tick}")
+    checks = (
+        (
+            each.check,
+            format_number(np.nan if each.value is None else each.value),
+            format_number(each.limit),
+            Cell(NO_VALUE)
+            if each.margin is None
+            else Cell(format_number(each.margin), status="bad" if each.margin < 0.0 else ""),
+            each.unit,
+        )
+        for each in sorted(tick.margins, key=_share_left)
+    )
+    yield _table("checks", "check<|value|limit|margin|unit<", checks)
     frames = (
         (
             "sent" if frame.is_sent else "received",
@@ -99,19 +124,6 @@ def _tables(tick: TickExplanation) -> Iterator[Table]:
     if tick.plan is not None:
         is_stop = tick.result.mode is Mode.SAFE_STOP
         yield from _plan_tables(tick.plan, ONLY_STEERING if is_stop else "")
-    checks = (
-        (
-            each.check,
-            format_number(np.nan if each.value is None else each.value),
-            format_number(each.limit),
-            Cell(NO_VALUE)
-            if each.margin is None
-            else Cell(format_number(each.margin), status="bad" if each.margin < 0.0 else ""),
-            each.unit,
-        )
-        for each in tick.margins
-    )
-    yield _table("checks", "check<|value|limit|margin|unit<", checks)
     times = (
         (name.removesuffix("_us").replace("_", " "), f"{value:.1f}")
         for name, value in tick.record.times.items()

@@ -12,6 +12,7 @@ from rt_controller.contract.figures import require_writable, write_figures
 from rt_controller.drive.scenario import EXIT_LIMIT
 from rt_controller.recording.journal import RECEIVED, SENT, DrivenTick
 from rt_controller.recording.replay import (
+    FRAME,
     Difference,
     Replay,
     ReplayedTick,
@@ -117,6 +118,11 @@ def _to_table(found: list[Difference]) -> Table:
         Column("tick"),
         *(Column(title, is_text=True) for title in ("signal", "recorded", "replayed")),
     )
-    rows = tuple(tuple(map(str, each)) for each in found[:SHOWN])
-    more = (f"and {len(found) - SHOWN} more; --json lists all",) if len(found) > SHOWN else ()
+    explained = {each.tick for each in found if each.signal != FRAME}
+    shown = [each for each in found if each.signal != FRAME or each.tick not in explained]
+    rows = tuple(
+        (str(tick), signal, *(f"{v:.6g}" if isinstance(v, float) else str(v) for v in values))
+        for tick, signal, *values in shown[:SHOWN]
+    )
+    more = (f"and {len(shown) - SHOWN} more; --json lists all",) if len(shown) > SHOWN else ()
     return Table("commands that differ", columns, rows, more)

@@ -1,33 +1,112 @@
 """Which frames become the newest content of a message, and that every other frame is counted."""
 
 import errno
+from collections.abc import Iterator
+from itertools import permutations
 from math import nan
+from typing import Any
 from unittest.mock import Mock
 
 import can
 import pytest
-from made_frames import CONTROL, SAMPLE, can_frame, can_frames
+from made_frames import CONTENTS, CONTROL, PATH, SAMPLE, can_frames, decode_frames, encode_frames
+from recorded_frames import RecordedFrames
 
 from rt_controller.bus.condition import BusState
-from rt_controller.bus.messages import (
-    CATALOGUE,
-    COMMAND,
-    REFERENCE,
-    STATE,
-    Command,
-    Message,
-    Node,
-)
+from rt_controller.bus.messages import COMMAND, REFERENCE, STATE, Command, Message, Node
 from rt_controller.bus.receive import (
     BACKLOG_FRAMES,
     MAX_FRAMES_PER_DRAIN,
+    MAX_SPREAD_NS,
     Inbox,
     Received,
     ReceptionCounts,
 )
+from rt_controller.bus.send import DiscardBus, Outbox
 from rt_controller.bus.transport import open_bus
-from rt_controller.contract.signals import Mode, VehicleState
-from rt_controller.contract.timing import PERIOD_NS
+from rt_controller.contract.signals import Mode
+from rt_controller.contract.timing import COUNTER_MODULUS, PERIOD_NS
+
+
+def throttle(value: float) -> Command:
+    return Command(CONTROL._replace(throttle=value), Mode.NOMINAL)
+
+
+@pytest.mark.parametrize(
+    ("sender", "receiver"), [(Node.VEHICLE, Node.CONTROLLER), (Node.CONTROLLER, Node.VEHICLE)]
+)
+def test_all_that_one_end_sends_arrives_at_the_other(sender, receiver):
+    contents = {message: each for message, each in CONTENTS.items() if message.sender is sender}
+    inbox = Inbox(receiver)
+    n_frames = sum(len(message.codecs) for message in contents)
+    with open_bus("virtual", "both-ends") as near, open_bus("virtual", "both-ends") as far:
+        outbox = Outbox(far, sender)
+        for tick in range(20):
+            for message, content in contents.items():
+                outbox.send(message, content, tick)
+            assert inbox.drain(near, tick) == n_frames
+    assert inbox.counts == ReceptionCounts()
+    assert (outbox.sent, outbox.send_failures, outbox.last_failure) == (20 * n_frames, 0, "")
+    for message, content in contents.items():
+        newest = inbox.newest(message)
+        assert encode_frames(message, newest.content, 0) == encode_frames(message, content, 0)
+        assert (newest.counter, newest.arrival_ns) == (19 % message.codecs[0].counter_modulus, 19)
+
+
+def test_frames_that_wait_on_the_bus_do_not_change_when_the_next_is_sent():
+    """The frames are prepared once and used again, so the bus must have its own copy."""
+    with open_bus("virtual", "aliasing") as near, open_bus("virtual", "aliasing") as far:
+        outbox = Outbox(near, Node.CONTROLLER)
+        for value in (0.1, 0.2, 0.3):
+            outbox.send(COMMAND, throttle(value), 0)
+        waiting = [far.recv(0) for _ in range(3)]
+    decoded = [decode_frames(COMMAND, each.data) for each in waiting if each is not None]
+    assert [each.control.throttle for each in decoded if each is not None] == pytest.approx(
+        [0.1, 0.2, 0.3]
+    )
+
+
+def test_a_full_queue_is_counted_and_appears_as_a_gap():
+    inbox = Inbox(Node.VEHICLE)
+    with (
+        open_bus("virtual", "full") as near,
+        open_bus("virtual", "full", options={"rx_queue_size": 2}) as far,
+    ):
+        outbox = Outbox(near, Node.CONTROLLER)
+        for tick in range(5):
+            outbox.send(COMMAND, throttle(0.1), tick)
+        assert (outbox.sent, outbox.send_failures) == (2, 3)
+        assert "Could not send" in outbox.last_failure
+        inbox.drain(far, 0)
+        outbox.send(COMMAND, throttle(0.1), 5)
+        inbox.drain(far, 1)
+    assert inbox.counts.counter_gap_frames == 3
+    newest = inbox.newest(COMMAND)
+    assert newest.counter == 5
+
+
+def test_sent_and_received_frames_are_recorded():
+    sent, read = RecordedFrames(), RecordedFrames()
+    inbox = Inbox(Node.CONTROLLER, read)
+    with open_bus("virtual", "recorded") as near, open_bus("virtual", "recorded") as far:
+        Outbox(far, Node.VEHICLE, sent).send(STATE, SAMPLE, 1)
+        Outbox(far, Node.CONTROLLER, sent).send(COMMAND, throttle(0.1), 2)
+        inbox.drain(near, 3)
+    assert [stamp for stamp, _, _ in sent.frames] == [1, 1, 1, 2]
+    assert [stamp for stamp, _, _ in read.frames] == [3] * 4
+    assert [frame[1:] for frame in sent.frames] == [frame[1:] for frame in read.frames]
+
+
+def test_a_content_is_found_under_the_counter_it_was_sent_with():
+    outbox = Outbox(DiscardBus(), Node.CONTROLLER)
+    assert outbox.contents_until(COMMAND, 15, 1) == []
+    outbox.send(COMMAND, throttle(0.5), 0, counter=15)
+    assert outbox.contents_until(COMMAND, 15, 3) == [throttle(0.5)]
+    for counter in range(3, 3 + 140):
+        outbox.send(COMMAND, throttle(0.005 * counter), 0, counter=counter)
+    for counter in range(15, 15 + 128):
+        assert outbox.contents_until(COMMAND, counter % 128, 1) == [throttle(0.005 * counter)]
+
 
 NOMINAL = Command(CONTROL, Mode.NOMINAL)
 NO_TROUBLE = ReceptionCounts()
@@ -58,23 +137,8 @@ def newest_counter(inbox: Inbox, message: Message) -> int | None:
     return None if newest is None else newest.counter
 
 
-@pytest.mark.parametrize("late", range(3))
-def test_frames_with_different_counters_make_no_state(late: int) -> None:
-    older, newer = can_frames(STATE, SAMPLE, 5), can_frames(STATE, SAMPLE, 6)
-    mixed = [older[index] if index == late else newer[index] for index in range(3)]
-    assert controller_inbox(*mixed).newest(STATE) is None
-
-
-def test_an_incomplete_newer_state_leaves_the_complete_older_one() -> None:
-    newer = can_frames(STATE, SAMPLE, 6)
-    inbox = controller_inbox(*can_frames(STATE, SAMPLE, 5), *newer[:2])
-    assert newest_counter(inbox, STATE) == 5
-    inbox.accept(newer[2], 1)
-    assert newest_counter(inbox, STATE) == 6
-
-
-@pytest.mark.parametrize("field", VehicleState._fields)
-def test_a_nan_in_any_state_frame_makes_no_state(field: str) -> None:
+@pytest.mark.parametrize("field", ["vx_mps", "epsi_rad"])
+def test_a_nan_in_any_state_frame_makes_no_state(field):
     bad = SAMPLE._replace(state=SAMPLE.state._replace(**{field: nan}))
     inbox = controller_inbox(*can_frames(STATE, SAMPLE, 5), *can_frames(STATE, bad, 6))
     assert newest_counter(inbox, STATE) == 5
@@ -82,39 +146,8 @@ def test_a_nan_in_any_state_frame_makes_no_state(field: str) -> None:
     assert (inbox.out_of_range(STATE), inbox.out_of_range(REFERENCE)) == (1, 0)
 
 
-def test_a_state_with_a_damaged_frame_is_skipped() -> None:
-    a, b, c = can_frames(STATE, SAMPLE, 5)
-    b.data[3] ^= 0x10
-    inbox = controller_inbox(*can_frames(STATE, SAMPLE, 4), a, b, c)
-    assert newest_counter(inbox, STATE) == 4
-    assert inbox.counts.crc_errors == 1
-    for frame in can_frames(STATE, SAMPLE, 6):
-        inbox.accept(frame, 1)
-    assert newest_counter(inbox, STATE) == 6
-    assert inbox.counts.counter_gap_frames == 1
-
-
-@pytest.mark.parametrize("message", CATALOGUE.messages)
-def test_a_frame_without_values_is_counted_and_changes_nothing(message) -> None:
-    inbox = Inbox(Node.VEHICLE if message.sender is Node.CONTROLLER else Node.CONTROLLER)
-    for codec in message.codecs:
-        inbox.accept(can_frame(codec, codec.encode([nan] * len(codec.signals), 0, 1)), 0)
-    refused = [codec for codec in message.codecs if codec.required]
-    assert inbox.counts == ReceptionCounts(out_of_range=len(refused))
-    assert (inbox.newest(message) is None) == bool(refused), "only optional signals may all be NaN"
-
-
-def test_frames_of_the_own_role_are_counted_as_foreign() -> None:
-    assert controller_inbox(command(3)).foreign_frames == 1
-    inbox = vehicle_inbox(*can_frames(STATE, SAMPLE, 5))
-    assert inbox.foreign_frames == 3
-    assert inbox.counts == NO_TROUBLE
-
-
-@pytest.mark.parametrize(("bit", "length"), [(0, 8), (12, 8), (63, 8), (0, 7), (0, 1)])
-def test_a_damaged_or_short_frame_is_dropped_and_does_not_move_the_counter(
-    bit: int, length: int
-) -> None:
+@pytest.mark.parametrize(("bit", "length"), [(0, 8), (12, 8), (0, 7)])
+def test_a_damaged_or_short_frame_is_dropped_and_does_not_move_the_counter(bit, length):
     damaged = command(9)
     damaged.data[bit // 8] ^= 1 << bit % 8
     del damaged.data[length:]
@@ -123,7 +156,7 @@ def test_a_damaged_or_short_frame_is_dropped_and_does_not_move_the_counter(
     assert inbox.counts == ReceptionCounts(crc_errors=1)
 
 
-def test_a_repeated_counter_is_dropped_and_the_old_arrival_stays() -> None:
+def test_a_repeated_counter_is_dropped_and_the_old_arrival_stays():
     """So a stuck controller looks as silent as a dead one, and the vehicle brakes."""
     other = Command(CONTROL._replace(throttle=0.9), Mode.NOMINAL)
     inbox = vehicle_inbox(command(3), command(3), command(3, other))
@@ -131,36 +164,7 @@ def test_a_repeated_counter_is_dropped_and_the_old_arrival_stays() -> None:
     assert inbox.counts == ReceptionCounts(repeated=2, contradicting=1)
 
 
-def test_frames_of_another_kind_or_id_are_ignored() -> None:
-    extended, remote, other = command(0), command(0), command(0)
-    extended.is_extended_id = True
-    remote.is_remote_frame = True
-    other.arbitration_id = 0x555
-    inbox = vehicle_inbox(extended, remote, other)
-    assert inbox.newest(COMMAND) is None
-    assert inbox.counts == NO_TROUBLE
-
-
-def test_error_frames_are_counted() -> None:
-    error = command(0)
-    error.is_error_frame = True
-    inbox = vehicle_inbox(error)
-    assert inbox.newest(COMMAND) is None
-    assert inbox.counts == ReceptionCounts()
-    assert inbox.condition.error_frames == 1
-
-
-def test_draining_reads_all_waiting_frames_and_stamps_them_with_the_given_time() -> None:
-    inbox = Inbox(Node.VEHICLE)
-    with open_bus("virtual", "drain") as near, open_bus("virtual", "drain") as far:
-        for counter in range(5):
-            far.send(command(counter), timeout=0)
-        assert inbox.drain(near, 777) == 5
-        assert inbox.drain(near, 888) == 0
-    assert inbox.newest(COMMAND) == Received(NOMINAL, 4, 777)
-
-
-def test_a_flooded_bus_does_not_delay_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_flooded_bus_does_not_delay_the_step(monkeypatch):
     inbox = Inbox(Node.VEHICLE)
     with open_bus("virtual", "flood") as bus:
         monkeypatch.setattr(bus, "recv", lambda timeout: command(0))
@@ -169,7 +173,7 @@ def test_a_flooded_bus_does_not_delay_the_step(monkeypatch: pytest.MonkeyPatch) 
     assert MAX_FRAMES_PER_DRAIN * fewest_bits_of_a_frame * 1e9 / PERIOD_NS > 1.5e6
 
 
-def test_an_interface_that_is_down_is_no_failure(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interface_that_is_down_is_no_failure(monkeypatch):
     """SocketCAN reports it once, and then delivers frames again when the interface is up."""
     inbox = Inbox(Node.VEHICLE)
     down = can.CanOperationError("Error receiving: Network is down", errno.ENETDOWN)
@@ -185,9 +189,7 @@ def test_an_interface_that_is_down_is_no_failure(monkeypatch: pytest.MonkeyPatch
     assert inbox.counts == NO_TROUBLE
 
 
-def test_frames_that_the_socket_lost_are_counted_after_a_backlog(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_frames_that_the_socket_lost_are_counted_after_a_backlog(monkeypatch):
     monkeypatch.setattr("rt_controller.bus.receive.overflowed_frames", lambda bus: 7)
     inbox = Inbox(Node.VEHICLE)
     with open_bus("virtual", "lost") as near, open_bus("virtual", "lost") as far:
@@ -198,7 +200,7 @@ def test_frames_that_the_socket_lost_are_counted_after_a_backlog(
             assert inbox.counts.overflowed == lost
 
 
-def test_a_bus_that_fails_is_counted_and_explained_but_raises_nothing() -> None:
+def test_a_bus_that_fails_is_counted_and_explained_but_raises_nothing():
     inbox = Inbox(Node.VEHICLE)
     bus = open_bus("virtual", "closed")
     bus.shutdown()
@@ -207,3 +209,122 @@ def test_a_bus_that_fails_is_counted_and_explained_but_raises_nothing() -> None:
     assert inbox.drain(bus, 1) == 0
     assert inbox.counts == ReceptionCounts(receive_failures=2)
     assert "closed" in inbox.last_failure
+
+
+def test_frames_that_are_foreign_or_of_another_kind_are_ignored():
+    """Those of the own role are counted, and error frames by the condition of the bus."""
+    extended, remote, other, error = command(0), command(0), command(0), command(0)
+    extended.is_extended_id = remote.is_remote_frame = error.is_error_frame = True
+    other.arbitration_id = 0x555
+    inbox = vehicle_inbox(extended, remote, other, error, *can_frames(STATE, SAMPLE, 5))
+    assert inbox.newest(COMMAND) is None
+    assert (inbox.counts, inbox.foreign_frames) == (NO_TROUBLE, 3)
+    assert inbox.condition.error_frames == 1
+    assert controller_inbox(command(3)).foreign_frames == 1
+
+
+@pytest.mark.parametrize(
+    ("message", "content", "order"),
+    [(STATE, SAMPLE, order) for order in permutations(range(3))]
+    + [(REFERENCE, PATH, order) for order in permutations(range(2))],
+)
+def test_frames_with_one_counter_make_a_content_in_any_order(message, content, order):
+    inbox = Inbox(Node.CONTROLLER)
+    frames = can_frames(message, content, 5)
+    for position, index in enumerate(order):
+        assert inbox.newest(message) is None
+        inbox.accept(frames[index], 100 + position)
+    newest = inbox.newest(message)
+    assert encode_frames(message, newest.content, 5) == encode_frames(message, content, 5)
+    assert (newest.counter, newest.arrival_ns) == (5, 100)
+
+
+@pytest.mark.parametrize(("message", "content"), [(STATE, SAMPLE), (REFERENCE, PATH)])
+def test_frames_of_different_cycles_of_the_counter_make_no_content(message, content):
+    """A four-bit counter repeats every 16 periods: later it is another sample."""
+    inbox = Inbox(Node.CONTROLLER)
+    first, *others = can_frames(message, content, 5)
+    inbox.accept(first, 0)
+    for frame in others:
+        inbox.accept(frame, COUNTER_MODULUS * PERIOD_NS)
+    assert inbox.newest(message) is None
+
+
+def test_the_allowed_spread_is_within_one_cycle_of_the_counter():
+    assert PERIOD_NS < MAX_SPREAD_NS < (COUNTER_MODULUS - 1) * PERIOD_NS
+    inbox = Inbox(Node.CONTROLLER)
+    for frame, arrival_ns in zip(can_frames(STATE, SAMPLE, 5), (0, 1, MAX_SPREAD_NS), strict=True):
+        inbox.accept(frame, arrival_ns)
+    assert inbox.newest(STATE) is not None
+
+
+class Wire:
+    """A bus that keeps copies of what is sent_over_fd."""
+
+    def __init__(self) -> None:
+        self.frames: list[can.Message] = []
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        self.frames.append(
+            can.Message(
+                arbitration_id=msg.arbitration_id,
+                is_extended_id=False,
+                is_fd=msg.is_fd,
+                data=bytes(msg.data),
+                check=True,
+            )
+        )
+
+
+def sent_over_fd(message: Message[Any], counters: range) -> Iterator[can.Message]:
+    """The frames of a message of CAN FD with these counters."""
+    wire = Wire()
+    outbox = Outbox(wire, message.sender, is_fd=True)
+    for counter in counters:
+        outbox.send(message, CONTENTS[message], 0, counter=counter)
+    return iter(wire.frames)
+
+
+def peer_of(message: Message[Any]) -> Node:
+    return Node.CONTROLLER if message.sender is Node.VEHICLE else Node.VEHICLE
+
+
+@pytest.mark.parametrize("message", CONTENTS, ids=lambda message: message.fd_codecs[0].name)
+def test_a_content_arrives_as_over_classic_can_also_when_the_counter_wraps(message):
+    classic_wire = Wire()
+    Outbox(classic_wire, message.sender).send(message, CONTENTS[message], 0, counter=259)
+    classic = Inbox(peer_of(message))
+    for frame in classic_wire.frames:
+        classic.accept(frame, 0)
+    inbox = Inbox(peer_of(message), is_fd=True)
+    for tick, frame in enumerate(sent_over_fd(message, range(250, 260))):
+        assert frame.is_fd
+        inbox.accept(frame, tick * PERIOD_NS)
+    newest, expected = inbox.newest_valid(message, 20 * PERIOD_NS), classic.newest(message)
+    assert newest.content == expected.content
+    assert newest.counter == 259 % 256
+    assert inbox.counts == ReceptionCounts()
+
+
+@pytest.mark.parametrize("lost", [0, 5, 6, 254])
+def test_a_counter_that_is_too_far_ahead_or_goes_back_is_refused(lost):
+    first, *_, last = sent_over_fd(STATE, range(10, 12 + lost))
+    inbox = Inbox(Node.CONTROLLER, is_fd=True)
+    inbox.accept(first, 0)
+    inbox.accept(last, PERIOD_NS)
+    newest = inbox.newest(STATE)
+    is_accepted = lost <= 5
+    assert newest.counter == (11 + lost if is_accepted else 10)
+    assert inbox.counts.wrong_sequence == (not is_accepted)
+    assert inbox.has_conflict(STATE, PERIOD_NS) is not is_accepted
+
+
+@pytest.mark.parametrize("is_fd", [False, True])
+def test_frames_of_the_other_format_are_counted_and_dropped(is_fd):
+    wire = Wire()
+    Outbox(wire, Node.VEHICLE, is_fd=is_fd).send(STATE, SAMPLE, 0)
+    inbox = Inbox(Node.CONTROLLER, is_fd=not is_fd)
+    for frame in wire.frames:
+        inbox.accept(frame, 0)
+    assert inbox.newest(STATE) is None
+    assert inbox.counts == ReceptionCounts(other_format=1)  # both have the identifier of STATE_A

@@ -1,19 +1,19 @@
-"""Opening a bus: what works, and messages with a remedy for what does not."""
+"""Opening and closing a bus, its condition, and messages with a remedy for what does not work."""
 
 import errno
 import gc
 import os
 import socket
 import threading
+import tty
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
 
 import can
 import pytest
 from can.interfaces.virtual import VirtualBus
 
 from rt_controller.bus import transport
+from rt_controller.bus.condition import BusCondition, BusState, is_queue_full
 from rt_controller.bus.transport import close_bus, explain_failure, open_bus, parse_options
 from rt_controller.contract.errors import BusError, ConfigError, MissingExtraError
 
@@ -22,18 +22,7 @@ def message(data: bytes) -> can.Message:
     return can.Message(arbitration_id=0x123, is_extended_id=False, data=data, check=True)
 
 
-def test_a_virtual_bus_reaches_others_but_not_itself() -> None:
-    with open_bus("virtual", "pair") as near, open_bus("virtual", "pair") as far:
-        near.send(message(b"\x01"), timeout=0)
-        assert near.recv(0) is None
-        received = far.recv(0)
-        assert received is not None
-        assert received.data == b"\x01"
-
-
-def test_settings_of_the_environment_are_ignored(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_settings_of_the_environment_are_ignored(tmp_path, monkeypatch):
     """python-can would read receive_own_messages from can.ini in the working directory."""
     (tmp_path / "can.ini").write_text(
         "[default]\ninterface = virtual\nchannel = ambient\nreceive_own_messages = True\n"
@@ -44,12 +33,6 @@ def test_settings_of_the_environment_are_ignored(
         bus.send(message(b"\x01"), timeout=0)
         assert bus.recv(0) is None
         assert "explicit" in bus.channel_info
-
-
-def test_options_reach_the_interface() -> None:
-    with open_bus("virtual", "own", options={"receive_own_messages": True}) as bus:
-        bus.send(message(b"\x01"), timeout=0)
-        assert bus.recv(0) is not None
 
 
 @pytest.mark.parametrize(
@@ -65,9 +48,7 @@ def test_options_reach_the_interface() -> None:
         ("virtual", "x", {"options": {"interface": "y"}}, BusError, "found TypeError.*options"),
     ],
 )
-def test_a_bus_that_cannot_be_opened_is_refused(
-    interface: str, channel: str, more: dict[str, Any], error: type[Exception], words: str
-) -> None:
+def test_a_bus_that_cannot_be_opened_is_refused(interface, channel, more, error, words):
     with pytest.raises(error, match=words):
         open_bus(interface, channel, **more)
 
@@ -83,18 +64,14 @@ def test_a_bus_that_cannot_be_opened_is_refused(
         ("slcan", can.CanInterfaceNotImplementedError("no serial"), MissingExtraError, "no serial"),
     ],
 )
-def test_every_failure_is_explained(
-    interface: str, error: Exception, expected: type[Exception], words: str
-) -> None:
+def test_every_failure_is_explained(interface, error, expected, words):
     explained = explain_failure(interface, "can7", error)
     assert type(explained) is expected
     assert words in str(explained)
     assert str(explained).startswith(f"{interface} can7: expected ")
 
 
-def test_the_interface_remote_without_its_package_names_the_extra(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_interface_remote_without_its_package_names_the_extra(monkeypatch):
     without = frozenset(can.VALID_INTERFACES) - {"remote"}
     monkeypatch.setattr(can, "VALID_INTERFACES", without)
     with pytest.raises(MissingExtraError, match=r"pip install .*\[remote\]"):
@@ -116,28 +93,18 @@ def remote_channel() -> Iterator[str]:
     thread.join()
 
 
-def test_two_ends_of_a_remote_bus_reach_each_other(remote_channel: str) -> None:
+def test_two_ends_of_a_remote_bus_reach_each_other(remote_channel):
     with (
         open_bus("remote", remote_channel, bitrate=500_000) as near,
         open_bus("remote", remote_channel) as far,
     ):
         near.send(message(b"\x01\x02"), timeout=0)
         received = far.recv(5.0)
-        assert received is not None
         assert received.data == b"\x01\x02"
         assert near.recv(0) is None
 
 
-def test_a_remote_bus_without_server_is_refused() -> None:
-    pytest.importorskip("can_remote")
-    with socket.socket() as unused:
-        unused.bind(("127.0.0.1", 0))
-        port = unused.getsockname()[1]
-    with pytest.raises(BusError, match=r"expected a server .* found none"):
-        open_bus("remote", f"ws://127.0.0.1:{port}/")
-
-
-def test_written_options_get_their_toml_type() -> None:
+def test_written_options_get_their_toml_type():
     written = {"fd": "true", "loopback": "false", "ttyBaudrate": "115200", "host": "127.0.0.1"}
     parsed = parse_options({**written, "ratio": "0.5", "day": "2026-01-01"})
     assert parsed == {
@@ -150,13 +117,11 @@ def test_written_options_get_their_toml_type() -> None:
     }
 
 
-def test_closing_a_bus_that_has_failed_raises_nothing(
-    monkeypatch: pytest.MonkeyPatch, recwarn: pytest.WarningsRecorder
-) -> None:
+def test_closing_a_bus_that_has_failed_raises_nothing(monkeypatch, recwarn):
     class Gone(VirtualBus):
         attempts = 0
 
-        def shutdown(self) -> None:
+        def shutdown(self):
             Gone.attempts += 1
             raise OSError("the other end is gone")
 
@@ -168,13 +133,11 @@ def test_closing_a_bus_that_has_failed_raises_nothing(
     assert not [each for each in recwarn if "unraisable" in str(each.message).lower()]
 
 
-def test_closing_a_bus_whose_other_end_does_not_answer_is_given_up(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_closing_a_bus_whose_other_end_does_not_answer_is_given_up(monkeypatch):
     answered = threading.Event()
 
     class Frozen(VirtualBus):
-        def shutdown(self) -> None:
+        def shutdown(self):
             answered.wait()
 
     monkeypatch.setattr(transport, "LONGEST_CLOSE_S", 0.01)
@@ -184,11 +147,111 @@ def test_closing_a_bus_whose_other_end_does_not_answer_is_given_up(
     answered.set()
 
 
-def test_a_server_that_accepts_and_says_nothing_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+MOST_FRAMES = 100_000
+
+
+def test_a_full_buffer_of_the_port_is_an_error_of_the_send():
+    pytest.importorskip("serial")
+    adapter, port = os.openpty()
+    tty.setraw(port)
+    bus = open_bus("slcan", os.ttyname(port), 500_000, {"sleep_after_open": 0.0})
+    errors: list[can.CanError] = []
+
+    def send():
+        frame = can.Message(arbitration_id=0x123, is_extended_id=False, data=bytes(8))
+        for _ in range(MOST_FRAMES):
+            try:
+                bus.send(frame, timeout=0.0)
+            except can.CanError as error:
+                errors.append(error)
+                return
+
+    sender = threading.Thread(target=send, daemon=True)
+    sender.start()
+    sender.join(10.0)
+    os.close(adapter)
+    os.close(port)
+    assert not sender.is_alive()
+    assert len(errors) == 1
+    close_bus(bus)
+
+
+def error_frame(classes: int, detail: int = 0) -> can.Message:
+    return can.Message(
+        arbitration_id=classes,
+        is_extended_id=False,
+        is_error_frame=True,
+        data=bytes((0, detail, 0, 0, 0, 0, 0, 0)),
+    )
+
+
+@pytest.mark.parametrize(
+    ("classes", "detail", "state"),
+    [
+        (0x004, 0x04, BusState.WARNING),
+        (0x004, 0x20, BusState.PASSIVE),
+        (0x204, 0x0C | 0x30, BusState.PASSIVE),
+        (0x040, 0x00, BusState.BUS_OFF),
+        (0x0C8, 0x00, BusState.BUS_OFF),
+        (0x008, 0x3C, BusState.ACTIVE),
+        (0x020, 0x00, BusState.ACTIVE),
+    ],
+)
+def test_an_error_frame_gives_the_state(classes, detail, state):
+    condition = BusCondition()
+    condition.note_error_frame(error_frame(classes, detail))
+    assert condition.state is state
+    assert condition.error_frames == 1
+    assert state.is_disturbed == (state not in (BusState.ACTIVE, BusState.WARNING))
+    assert condition.bus_off == (state is BusState.BUS_OFF)
+
+
+@pytest.mark.parametrize(
+    ("frames", "state", "counts"),
+    [
+        (((0x040, 0), (0x100, 0)), BusState.ACTIVE, {"bus_off": 1, "restarts": 1}),
+        (((0x004, 0x20), (0x004, 0x40)), BusState.ACTIVE, {}),
+        (((0x004, 0x01),), BusState.ACTIVE, {"controller_overflows": 1}),
+        (((0x004, 0x02),), BusState.ACTIVE, {"controller_overflows": 1}),
+        (((0x004, None),), BusState.ACTIVE, {}),
+    ],
+)
+def test_recoveries_overflows_and_frames_without_data_are_counted(frames, state, counts):
+    condition = BusCondition()
+    for classes, detail in frames:
+        frame = error_frame(classes, detail or 0)
+        if detail is None:
+            frame.data = bytearray()
+        condition.note_error_frame(frame)
+    assert condition == BusCondition(state, error_frames=len(frames), **counts)
+
+
+def test_an_interface_that_is_down_is_no_failure_and_recovers_with_the_next_frame():
+    condition = BusCondition()
+    assert condition.note_failure(can.CanOperationError("Network is down", errno.ENETDOWN))
+    assert (condition.state, condition.link_downs) == (BusState.DOWN, 1)
+    condition.note_frame()
+    assert condition.state is BusState.ACTIVE
+    for number in (errno.ENODEV, errno.EBADF, None):
+        assert not condition.note_failure(can.CanOperationError("gone", number))
+    assert condition == BusCondition(link_downs=1)
+
+
+def test_a_full_queue_is_distinguished_from_other_failures():
+    assert is_queue_full(can.CanOperationError("No buffer space available", errno.ENOBUFS))
+    assert is_queue_full(can.CanOperationError("Transmit buffer full"))
+    assert not is_queue_full(can.CanOperationError("Network is down", errno.ENETDOWN))
+
+
+@pytest.mark.parametrize("listens", [False, True])
+def test_a_server_that_is_missing_or_says_nothing_is_refused(monkeypatch, listens):
     pytest.importorskip("can_remote")
     monkeypatch.setattr(transport, "CONNECTION_TIMEOUT_S", 0.05)
-    with socket.create_server(("127.0.0.1", 0)) as silent:
-        port = silent.getsockname()[1]
-        with pytest.raises(BusError, match=r"expected a server that answers .* found none"):
-            open_bus("remote", f"ws://127.0.0.1:{port}/")
+    with socket.socket() as server:
+        server.bind(("127.0.0.1", 0))
+        if listens:
+            server.listen()
+        expected = "a server that answers" if listens else "a server"
+        with pytest.raises(BusError, match=rf"expected {expected} .* found none"):
+            open_bus("remote", f"ws://127.0.0.1:{server.getsockname()[1]}/")
     assert socket.getdefaulttimeout() is None

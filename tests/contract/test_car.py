@@ -12,13 +12,13 @@ from rt_controller import ControllerConfig, simulate
 from rt_controller.bus.messages import Command
 from rt_controller.contract.car import DEFAULT_CAR, RANGES, THRESHOLDS, UNNAMED_CAR, Car, car_of
 from rt_controller.contract.faults import NO_REFUSAL, Refusal, StopCause
-from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, ControlInput, Mode, PathReference
+from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, Mode, PathReference
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.program import SolveStatus
 from rt_controller.mapping.tables import CarData
 from rt_controller.model.artifact import load_bundle, save_bundle, shipped_model
 from rt_controller.model.bundle import Bundle
-from rt_controller.node import build_mpc, choose_low_speed_car
+from rt_controller.node import build_mpc
 from rt_controller.safety.checks import CHECKS, Quantity, checks_of
 from rt_controller.safety.coast_model import Cornering
 from rt_controller.safety.fallback import braking_for
@@ -39,7 +39,7 @@ thresholds = { tracking_m = 0.5 }
 OWN = CarData.model_validate(tomllib.loads(TABLE)).car
 
 
-def test_a_table_gives_the_car_and_the_rest_is_that_of_the_default_car() -> None:
+def test_a_table_gives_the_car_and_the_rest_is_that_of_the_default_car():
     assert OWN.geometry == (2.7, 1.4, 15.0, 8.0)
     assert OWN.limits.upper == DEFAULT_CAR.limits.upper._replace(brake_n=90.0)
     assert OWN.limits.rate_per_s == DEFAULT_CAR.limits.rate_per_s._replace(steer_rad=1.2)
@@ -47,16 +47,16 @@ def test_a_table_gives_the_car_and_the_rest_is_that_of_the_default_car() -> None
     assert DEFAULT_CAR.own_values == UNNAMED_CAR.own_values == {}
 
 
-def test_a_bundle_carries_the_whole_car(tmp_path: object) -> None:
+def test_a_bundle_carries_the_whole_car(tmp_path):
     bundle = replace(load_bundle(shipped_model("lti")), car=OWN)
-    save_bundle(tmp_path, bundle, "card")  # type: ignore[arg-type]
-    loaded = load_bundle(tmp_path)  # type: ignore[arg-type]
+    save_bundle(tmp_path, bundle, "card")
+    loaded = load_bundle(tmp_path)
     assert loaded.car == OWN
     assert loaded.sha256 == bundle.sha256 != replace(bundle, car=Car(OWN.geometry)).sha256
 
 
 @pytest.mark.parametrize("name", RANGES)
-def test_a_value_outside_its_range_is_named_with_the_range(name: str) -> None:
+def test_a_value_outside_its_range_is_named_with_the_range(name):
     low, high = RANGES[name]
     car_of({name: high})
     for wrong in (low - 0.01, 1.01 * high):
@@ -69,20 +69,15 @@ def test_a_value_outside_its_range_is_named_with_the_range(name: str) -> None:
     [
         ({"steering_ratio": True}, "steering_ratio: expected a number, found True"),
         ({"lock_rad": "8"}, "lock_rad: expected a number, found '8'"),
-        ({"lock_rad": math.nan}, "lock_rad: expected 0.1 to 30, found nan"),
         ({"wheel_base_m": 3.0}, "wheel_base_m: no such value (did you mean wheelbase_m?)"),
         ({"thresholds": {"hedaing_rad": 1.0}}, "hedaing_rad: no such value (did you mean heading"),
-        (
-            {"thresholds": {"heading_rad": math.inf}},
-            "heading_rad: expected 1e-06 to 1e+06, found",
-        ),
+        ({"thresholds": {"heading_rad": math.inf}}, "heading_rad: expected 1e-06 to 1e+06, found"),
         ({"thresholds": {"heading_rad": 0.0}}, "heading_rad: expected 1e-06 to 1e+06, found 0"),
-        ({"thresholds": {"heading_rad": True}}, "heading_rad: expected a number, found True"),
         ({"thresholds": 5}, "thresholds: expected a table, found 5"),
         ({"largest_brake_n": 10**400}, "largest_brake_n: expected 10 to 150, found 1000"),
     ],
 )
-def test_a_wrong_table_is_refused(table: dict[str, object], message: str) -> None:
+def test_a_wrong_table_is_refused(table, message):
     with pytest.raises(ValueError, match=re.escape(message)):
         car_of(table)
     complete = {"wheelbase_m": 2.7, "rear_axle_m": 1.4, "steering_ratio": 15.0, **table}
@@ -90,7 +85,7 @@ def test_a_wrong_table_is_refused(table: dict[str, object], message: str) -> Non
         CarData.model_validate(complete)
 
 
-def test_thresholds_of_the_car_replace_those_of_the_table() -> None:
+def test_thresholds_of_the_car_replace_those_of_the_table():
     found = {check.quantity: check.threshold for check in checks_of(OWN)}
     changed = {Quantity.TRACKING_M: 0.5, Quantity.PATH_LATERAL_MPS2: 5.5, Quantity.BRAKE_N: 5.0}
     assert found == {check.quantity: check.threshold for check in CHECKS} | changed
@@ -98,8 +93,8 @@ def test_thresholds_of_the_car_replace_those_of_the_table() -> None:
     assert set(THRESHOLDS) == {check.quantity.name.lower() for check in CHECKS}
 
 
-def test_the_envelope_of_the_vehicle_is_that_of_its_car() -> None:
-    def found(control: ControlInput, before: ControlInput = NEUTRAL_INPUT) -> Refusal:
+def test_the_envelope_of_the_vehicle_is_that_of_its_car():
+    def found(control, before=NEUTRAL_INPUT):
         motion = OwnMotion(25.0, 0.0, is_mission_on=True)
         return refusals(Command(control, Mode.NOMINAL), before, 1, motion, OWN)
 
@@ -112,7 +107,7 @@ def test_the_envelope_of_the_vehicle_is_that_of_its_car() -> None:
     assert found(wide, wide) == Refusal.LATERAL_ACCELERATION
 
 
-def test_a_stop_of_a_car_with_a_stronger_brake_needs_less_force() -> None:
+def test_a_stop_of_a_car_with_a_stronger_brake_needs_less_force():
     usual = braking_for(StopCause.NONE, True, Cornering())
     found = braking_for(StopCause.NONE, True, Cornering(), force_scale=OWN.force_scale)
     assert found == (0.5 * usual.most_n, 0.5 * usual.rate_n_per_s)
@@ -120,7 +115,7 @@ def test_a_stop_of_a_car_with_a_stronger_brake_needs_less_force() -> None:
     assert full == (15.0, 50.0)
 
 
-def test_the_plan_knows_the_bounds_of_the_car() -> None:
+def test_the_plan_knows_the_bounds_of_the_car():
     """A strong braking: the plan itself, not only what is sent, stays within the limits."""
     own = car_of({"largest_brake_n": 40.0, "brake_rate_n_per_s": 80.0, "throttle_rate_per_s": 0.5})
     mpc = build_mpc(replace(Bundle.load(), car=own, plans=None), ControllerConfig().mpc)
@@ -139,15 +134,7 @@ def test_the_plan_knows_the_bounds_of_the_car() -> None:
     assert np.diff(throttle).max() <= 0.5 * PERIOD_S + 1e-6
 
 
-def test_the_low_speed_law_takes_gains_of_the_car_unless_they_are_set() -> None:
-    bundle, settings = replace(Bundle.load(), car=OWN), ControllerConfig().low_speed
-    assert choose_low_speed_car(bundle, settings).gains.brake_mps2_per_n == 0.1
-    own = settings.model_copy(update={"brake_mps2_per_n": 0.07, "wheelbase_m": 3.0})
-    found = choose_low_speed_car(bundle, own)
-    assert (found.gains.brake_mps2_per_n, found.geometry.wheelbase_m) == (0.07, 3.0)
-
-
-def test_a_drive_keeps_the_limits_of_the_car() -> None:
+def test_a_drive_keeps_the_limits_of_the_car():
     """The default car with a slow wheel and a weak brake, of which the plan knows."""
     own = car_of({**DEFAULT_CAR.geometry._asdict(), "steer_rate_radps": 1.5, "largest_brake_n": 40})
     model = replace(Bundle.load(), car=own, plans=None)

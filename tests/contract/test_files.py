@@ -1,6 +1,8 @@
-"""Files are replaced as a whole, and read if they have a reasonable size; no cache is needed."""
+"""Files are replaced as a whole or refused with the reason; no cache is needed."""
 
 import errno
+import json
+import math
 import os
 import resource
 from collections.abc import Iterator
@@ -8,27 +10,12 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from rt_controller.contract.files import (
-    atomic_write,
-    open_regular,
-    read_text,
-    user_cache_folder,
-    write_text,
-)
-
-
-def test_an_endless_device_is_no_regular_file() -> None:
-    with pytest.raises(OSError, match="Not a regular file"):
-        open_regular(Path("/dev/zero"))
-
-
-def test_a_file_within_the_limit_is_read(tmp_path: Path) -> None:
-    np.save(tmp_path / "a.npy", np.arange(3))
-    with open_regular(tmp_path / "a.npy", 1000) as file:
-        assert np.load(file).tolist() == [0, 1, 2]
+from rt_controller.contract import errors
+from rt_controller.contract.errors import ConfigError, RtControllerError
+from rt_controller.contract.figures import require_writable, write_figures
+from rt_controller.contract.files import atomic_write, read_text, user_cache_folder, write_text
 
 
 @contextmanager
@@ -42,7 +29,7 @@ def full_disk() -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-def test_a_disk_without_room_leaves_the_file_as_it_was(tmp_path: Path) -> None:
+def test_a_disk_without_room_leaves_the_file_as_it_was(tmp_path):
     file = tmp_path / "figures.json"
     file.write_text("of an earlier run")
     with full_disk(), pytest.raises(OSError, match="too large") as refused:
@@ -53,29 +40,22 @@ def test_a_disk_without_room_leaves_the_file_as_it_was(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [file]
 
 
-def test_a_replaced_file_keeps_its_permissions_and_a_link_stays_one(tmp_path: Path) -> None:
+def test_a_replaced_file_keeps_its_permissions_and_a_link_stays_one(tmp_path):
     file, link = tmp_path / "figures.json", tmp_path / "latest.json"
     file.touch(mode=0o600)
     link.symlink_to(file.name)
+    for name in ("x" * 255, "loop"):
+        (tmp_path / "loop").unlink(missing_ok=True)
+        (tmp_path / "loop").symlink_to("loop")
+        write_text(tmp_path / name, "new")
+        assert (tmp_path / name).read_text() == "new"
     write_text(link, "new")
     assert link.is_symlink()
     assert file.read_text() == "new"
     assert file.stat().st_mode & 0o777 == 0o600
 
 
-def test_a_link_that_leads_to_itself_does_not_lose_the_content(tmp_path: Path) -> None:
-    loop = tmp_path / "figures.json"
-    loop.symlink_to(loop.name)
-    write_text(loop, "new")
-    assert loop.read_text() == "new"
-
-
-def test_a_name_of_the_longest_length_is_written(tmp_path: Path) -> None:
-    write_text(tmp_path / ("x" * 255), "new")
-    assert (tmp_path / ("x" * 255)).read_text() == "new"
-
-
-def test_a_device_and_a_pipe_are_written_in_place(tmp_path: Path) -> None:
+def test_a_device_and_a_pipe_are_written_in_place(tmp_path):
     write_text(Path("/dev/null"), "new")
     assert Path("/dev/null").is_char_device()
     pipe = tmp_path / "pipe"
@@ -87,15 +67,13 @@ def test_a_device_and_a_pipe_are_written_in_place(tmp_path: Path) -> None:
     assert pipe.is_fifo()
 
 
-def test_a_pipe_without_a_reader_is_refused_instead_of_waited_for(tmp_path: Path) -> None:
+def test_a_pipe_without_a_reader_is_refused_instead_of_waited_for(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(OSError, match="a pipe that no process reads"):
         write_text(tmp_path / "pipe", "new")
 
 
-def test_a_pipe_that_is_not_read_is_given_up(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_pipe_that_is_not_read_is_given_up(tmp_path, monkeypatch):
     monkeypatch.setattr("rt_controller.contract.files._LONGEST_STALL_S", 0.01)
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
@@ -106,7 +84,7 @@ def test_a_pipe_that_is_not_read_is_given_up(
     assert refused.value.filename == str(pipe)
 
 
-def test_a_pipe_that_is_read_slowly_gets_everything(tmp_path: Path) -> None:
+def test_a_pipe_that_is_read_slowly_gets_everything(tmp_path):
     pipe, text = tmp_path / "pipe", "0123456789" * 30_000
     os.mkfifo(pipe)
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
@@ -123,39 +101,33 @@ def test_a_pipe_that_is_read_slowly_gets_everything(tmp_path: Path) -> None:
     assert read.decode() == text
 
 
-def test_stdout_that_is_a_file_is_not_replaced_by_another_one(tmp_path: Path) -> None:
+def test_stdout_that_is_a_file_is_not_replaced_by_another_one(tmp_path):
     with (tmp_path / "out.txt").open("w") as out:
         write_text(Path(f"/dev/fd/{out.fileno()}"), "new")
         assert os.fstat(out.fileno()).st_nlink == 1
     assert (tmp_path / "out.txt").read_text() == "new"
 
 
-def test_an_exception_leaves_the_file_as_it_was(tmp_path: Path) -> None:
+def test_an_exception_leaves_the_file_as_it_was(tmp_path):
     file = tmp_path / "figures.json"
     file.write_text("of an earlier run")
     with pytest.raises(TypeError), atomic_write(file) as stream:
-        stream.writelines([b"half", "no bytes"])  # type: ignore[list-item]
+        stream.writelines([b"half", "no bytes"])
     assert file.read_text() == "of an earlier run"
     assert list(tmp_path.iterdir()) == [file]
 
 
 @pytest.mark.parametrize("content", [b"\xef\xbb\xbfa\nb", b"a\r\nb", b"a\rb", b"a\nb"])
-def test_a_text_is_read_with_a_byte_order_mark_and_with_any_line_ends(
-    tmp_path: Path, content: bytes
-) -> None:
+def test_a_text_is_read_with_a_byte_order_mark_and_with_any_line_ends(tmp_path, content):
     (tmp_path / "a.toml").write_bytes(content)
     assert read_text(tmp_path / "a.toml") == "a\nb"
+    os.mkfifo(tmp_path / "pipe")
+    for never_read in (tmp_path / "pipe", Path("/dev/zero")):
+        with pytest.raises(OSError, match="Not a regular file"):
+            read_text(never_read)
 
 
-def test_a_text_of_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "a.toml")
-    with pytest.raises(OSError, match="Not a regular file"):
-        read_text(tmp_path / "a.toml")
-
-
-def test_the_cache_folder_is_made_or_missing(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_the_cache_folder_is_made_or_missing(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     assert user_cache_folder() == tmp_path / "cache" / "rt-controller"
     (tmp_path / "file").touch()
@@ -168,3 +140,53 @@ def test_the_cache_folder_is_made_or_missing(
 
 def raise_no_home() -> Path:
     raise RuntimeError("Could not determine home directory.")
+
+
+@pytest.mark.parametrize(
+    ("name", "obstacle"),
+    [
+        ("nowhere/figures.json", "no folder"),
+        (".", "a folder of that name"),
+        ("file/figures.json", "no folder"),
+        ("x" * 300, "name too long"),
+        ("loop", "symbolic links"),
+    ],
+)
+def test_a_path_that_cannot_be_written_is_refused_with_the_reason(tmp_path, name, obstacle):
+    (tmp_path / "file").touch()
+    (tmp_path / "loop").symlink_to("loop")
+    with pytest.raises(ConfigError, match="--json") as error:
+        require_writable(tmp_path / name)
+    assert obstacle in str(error.value)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is closed to the superuser")
+def test_a_folder_without_permission_is_refused(tmp_path):
+    closed = tmp_path / "closed"
+    closed.mkdir(mode=0o500)
+    with pytest.raises(ConfigError, match="closed to writing"):
+        require_writable(closed / "figures.json")
+
+
+def test_figures_are_read_back_with_null_for_numbers_that_are_not_finite(tmp_path):
+    path = tmp_path / "figures.json"
+    require_writable(path)
+    require_writable(None)
+    write_figures(None, {"figure": 1.0})
+    assert list(tmp_path.iterdir()) == []
+    write_figures(path, {"a": 1.5, "b": math.inf, "c": {"d": [1, math.nan]}, "e": None})
+    text = path.read_text()
+    assert json.loads(text) == {"a": 1.5, "b": None, "c": {"d": [1, None]}, "e": None}
+    assert "NaN" not in text
+
+
+def test_a_folder_that_was_removed_during_the_run_is_an_error(tmp_path):
+    with pytest.raises(RtControllerError, match="only this file is missing"):
+        write_figures(tmp_path / "gone" / "figures.json", {"a": 1})
+
+
+def test_an_extra_is_installed_into_a_checkout_or_by_the_name_of_the_package(monkeypatch, tmp_path):
+    monkeypatch.setattr(errors, "__file__", str(tmp_path / "rt_controller/contract/errors.py"))
+    assert errors.install_command("logs,tune") == 'pip install "rt-controller[logs,tune]"'
+    (tmp_path / "pyproject.toml").touch()
+    assert errors.install_command("offline") == 'pip install -e ".[offline]"'

@@ -1,9 +1,10 @@
-"""The kinematic relations against a fine integration of the road frame."""
+"""Relations of the motion against a fine integration, and the order of the vectors."""
 
-from math import cos, sin
+from math import atan, cos, radians, sin
 
 import pytest
 
+from rt_controller.bus.messages import REFERENCE, STATE
 from rt_controller.contract.kinematics import (
     farthest_m,
     heading_change_rad,
@@ -11,7 +12,23 @@ from rt_controller.contract.kinematics import (
     progress_m,
     speed_of,
 )
-from rt_controller.contract.signals import VehicleState
+from rt_controller.contract.limits import SteeringGeometry
+from rt_controller.contract.signal_ranges import (
+    LARGEST_PATH,
+    LARGEST_STATE,
+    SMALLEST_PATH,
+    SMALLEST_STATE,
+)
+from rt_controller.contract.signals import (
+    GRAVITY_MPS2,
+    MOTION,
+    PATH_STATES,
+    STATE_UNITS,
+    ControlInput,
+    InputColumn,
+    StateColumn,
+    VehicleState,
+)
 from rt_controller.contract.timing import PERIOD_S
 
 CURVATURE_PER_M = 0.004
@@ -30,7 +47,7 @@ def finely(before: VehicleState, now: VehicleState, steps: int = 2000) -> tuple[
     return s_m, ey_m, epsi_rad
 
 
-def test_progress_heading_and_lateral_error_follow_from_the_motion() -> None:
+def test_progress_heading_and_lateral_error_follow_from_the_motion():
     before = VehicleState(20.0, 0.3, 0.2, 0.0, 1.5, 0.08)
     now = VehicleState(20.2, 0.25, 0.26, 0.0, 0.0, 0.0)
     s_m, ey_m, epsi_rad = finely(before, now)
@@ -41,28 +58,13 @@ def test_progress_heading_and_lateral_error_follow_from_the_motion() -> None:
     assert before.ey_m + lateral_change_m(before, now) == pytest.approx(ey_m, abs=1e-4)
 
 
-def test_the_progress_is_finite_beyond_the_centre_of_the_bend() -> None:
+def test_the_progress_is_finite_beyond_the_centre_of_the_bend():
     state = VehicleState(10.0, 0.0, 0.0, 0.0, 300.0, 0.0)
     assert progress_m(state, state, CURVATURE_PER_M) == pytest.approx(10.0 * PERIOD_S / 0.05)
 
 
-@pytest.mark.parametrize(
-    ("before", "now", "curvature_per_m", "expected_m"),
-    [
-        # a mean of 12 m/s along, and 1 m/s to the left, at an angle of 0.1 rad
-        ((10.0, 0.5), (14.0, 1.5), 0.0, 0.025 * (12.0 * cos(0.1) - 1.0 * sin(0.1))),
-        ((10.0, 0.5), (14.0, 1.5), 0.02, 0.025 * (12.0 * cos(0.1) - 1.0 * sin(0.1)) / 0.96),
-    ],
-)
-def test_the_progress_is_that_of_the_mean_velocities(
-    before: tuple[float, float], now: tuple[float, float], curvature_per_m: float, expected_m: float
-) -> None:
-    states = [VehicleState(*each, 0.0, 0.0, 2.0, 0.1) for each in (before, now)]
-    assert progress_m(states[0], states[1], curvature_per_m) == pytest.approx(expected_m)
-
-
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_the_farthest_distance_is_where_the_car_turns_back(side: float) -> None:
+def test_the_farthest_distance_is_where_the_car_turns_back(side):
     assert farthest_m(side * 0.5, 0.0) == 0.5
     assert farthest_m(side * 0.5, side * 2.0) == pytest.approx(0.5 + 0.4 + 0.5)
     assert farthest_m(side * 0.5, side * -0.5) == 0.5  # it has not crossed the path
@@ -73,8 +75,36 @@ def test_the_farthest_distance_is_where_the_car_turns_back(side: float) -> None:
     ("vx_mps", "vy_mps", "speed_mps"),
     [(0.1, 0.9, 0.1), (-0.2, -0.9, -0.2), (0.0, 8.0, 8.0), (0.0, -8.0, 8.0), (3.0, 4.0, 5.0)],
 )
-def test_a_car_that_slides_sideways_is_not_at_rest(
-    vx_mps: float, vy_mps: float, speed_mps: float
-) -> None:
+def test_a_car_that_slides_sideways_is_not_at_rest(vx_mps, vy_mps, speed_mps):
     state = VehicleState(vx_mps, vy_mps, 0.0, 0.0, 0.0, 0.0)
     assert speed_of(state) == pytest.approx(speed_mps)
+
+
+CAR = SteeringGeometry(wheelbase_m=3.0, rear_axle_m=1.5, steering_ratio=16.0)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_the_wheel_of_a_steady_turn_is_that_of_the_radius_and_the_understeer(side):
+    slow_rad = CAR.steady_wheel_rad(1.0, side * 0.1)
+    assert slow_rad == pytest.approx(side * 16.0 * atan(0.3), rel=0.01)
+    of_1_g = CAR.steady_wheel_rad(20.0, side * GRAVITY_MPS2 / 20.0)
+    rolling_rad = atan(3.0 * GRAVITY_MPS2 / 400.0)
+    assert of_1_g == pytest.approx(side * 16.0 * (rolling_rad + radians(1.43)))
+
+
+def test_columns_have_the_order_of_the_vectors():
+    assert tuple(column.name for column in StateColumn) == VehicleState._fields
+    assert tuple(column.name for column in InputColumn) == ControlInput._fields
+    assert [*StateColumn] == [*range(len(VehicleState._fields))]
+    assert [*range(6)[MOTION], *range(6)[PATH_STATES]] == [*range(6)]
+    assert len(STATE_UNITS) == len(VehicleState._fields)
+
+
+@pytest.mark.parametrize(
+    ("message", "smallest", "largest"),
+    [(STATE, SMALLEST_STATE, LARGEST_STATE), (REFERENCE, SMALLEST_PATH, LARGEST_PATH)],
+)
+def test_the_ranges_are_those_of_the_message_catalogue(message, smallest, largest):
+    signals = [signal for codec in message.codecs for signal in codec.signals][: len(smallest)]
+    assert [s.raw_min * s.scale + s.offset for s in signals] == pytest.approx(list(smallest))
+    assert [s.raw_max * s.scale + s.offset for s in signals] == pytest.approx(list(largest))

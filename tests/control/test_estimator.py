@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from made_models import make_bundle
+from made_models import make_bundle, one_step
 
 from rt_controller.config import MpcSettings
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
@@ -12,7 +12,6 @@ from rt_controller.control.estimator import KEPT, STEPS, DisturbanceResponse, Es
 from rt_controller.control.mpc import Mpc
 from rt_controller.control.program import SolveStatus
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import one_step
 from rt_controller.model.lift import Lift
 
 LINEAR = make_bundle(Lift(), latents=0)

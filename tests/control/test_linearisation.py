@@ -51,7 +51,7 @@ def assert_derivatives(bundle: Bundle, psi: Array, count: int, used: slice = ALL
         step[knot, column] = 1e-4 * RANGE[column]
         expected[..., column, knot] = (at_ends(step) - at_ends(-step)) / 2e-4
     assert_near(found.by_inputs[:, :, used] * RANGE[used, None], expected[:, :, used])
-    if bundle.bilinear is not None and bundle.bilinear.follows is not Follow.PREDICTION:
+    if bundle.gains is not None and bundle.gains.follows is not Follow.PREDICTION:
         return
     none = np.zeros(plan.shape)
     by_curvature = at_ends(none, CURVATURE_PER_M + 1e-6) - at_ends(none, CURVATURE_PER_M - 1e-6)

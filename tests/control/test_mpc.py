@@ -5,7 +5,7 @@ from math import inf
 
 import numpy as np
 import pytest
-from made_models import WITH_ALL, WITH_PAST, WITH_ROAD, input_matrix, make_bundle
+from made_models import WITH_ALL, WITH_PAST, WITH_ROAD, input_matrix, make_bundle, one_step
 
 from rt_controller.config import MpcSettings
 from rt_controller.contract.arrays import Array
@@ -25,7 +25,6 @@ from rt_controller.control.mpc import Mpc
 from rt_controller.control.program import SolveStatus
 from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import one_step
 from rt_controller.model.follow import Follow
 from rt_controller.model.lift import Lift
 
@@ -51,13 +50,12 @@ def plan(mpc: Mpc, curvature_per_m: float = CURVATURE_PER_M) -> Array:
 
 def test_a_frozen_bilinear_model_has_the_plan_of_its_linear_model() -> None:
     bundle = make_bundle(WITH_ROAD, rank=2)
-    assert bundle.bilinear is not None
-    bundle = replace(bundle, bilinear=bundle.bilinear._replace(follows=Follow.START))
+    bundle = replace(bundle, gains=bundle.gains._replace(follows=Follow.START))
     psi_0 = Encoder(bundle).lift(STATE, CURVATURE_PER_M)
-    frozen = replace(bundle, B_uc=input_matrix(bundle, psi_0), bilinear=None)
+    frozen = replace(bundle, B_uc=input_matrix(bundle, psi_0), gains=None)
     found = plan(build(bundle))
     np.testing.assert_allclose(found, plan(build(frozen)), rtol=0.0, atol=1e-3)
-    constant = plan(build(replace(bundle, bilinear=None)))
+    constant = plan(build(replace(bundle, gains=None)))
     assert np.abs(found - constant).max() > 0.01
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_models import make_bundle
+from made_models import make_bundle, one_step
 from model_classes import RANGE, VARIANTS, knots_of, made
 
 from rt_controller.config import MpcSettings
@@ -18,7 +18,6 @@ from rt_controller.control.program import SolveStatus
 from rt_controller.control.qp import CondensedQp
 from rt_controller.control.terms import Heading, TrackingCost
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import one_step
 from rt_controller.model.lift import Lift
 
 HORIZON = 12
@@ -131,12 +130,11 @@ def test_of_a_linear_model_the_gradient_follows_state_and_road_without_new_matri
 
 def test_with_zero_gains_the_objective_is_that_of_the_linear_model() -> None:
     bundle = make_bundle(Lift(), rank=3)
-    assert bundle.bilinear is not None
-    S, s0 = 0.0 * bundle.bilinear.S, 0.0 * bundle.bilinear.s0
-    still = replace(bundle, bilinear=bundle.bilinear._replace(S=S, s0=s0))
+    S, s0 = 0.0 * bundle.gains.S, 0.0 * bundle.gains.s0
+    still = replace(bundle, gains=bundle.gains._replace(S=S, s0=s0))
     one, other = (
         built(each, COSTS[0], 5, bundle.selftest_psi[0]).objective
-        for each in (still, replace(bundle, bilinear=None))
+        for each in (still, replace(bundle, gains=None))
     )
     np.testing.assert_allclose(one.H, other.H, rtol=0.0, atol=1e-12 * np.abs(other.H).max())
     scale = np.abs(other.gradient).max()

@@ -145,8 +145,7 @@ def test_a_model_that_overflows_is_refused(rank: int) -> None:
 
 def test_gains_that_overflow_are_refused() -> None:
     bundle = random_bundle(np.random.default_rng(5), rank=2)
-    assert bundle.bilinear is not None
-    bundle.bilinear.s0[:] = 1e200
+    bundle.gains.s0[:] = 1e200
     with pytest.raises(ArtifactError, match="not finite"):
         CondensedQp(bundle, HORIZON, COST)
 

@@ -18,12 +18,6 @@ def mpc_of_session() -> Mpc:
     return Mpc(load_bundle(shipped_model("lti")), settings.horizon, settings.cost())
 
 
-@pytest.fixture(scope="session")
-def mpc_of_three_stages() -> Mpc:
-    settings = MpcSettings(horizon=3)
-    return Mpc(load_bundle(shipped_model("lti")), 3, settings.cost())
-
-
 @pytest.fixture
 def rig(mpc_of_session: Mpc) -> Iterator[Rig]:
     with build_rig(mpc_of_session) as built:

@@ -1,10 +1,26 @@
-"""Which parts of the preparation are done before a tick, and when they are left out."""
+"""What is done before a tick: frames are read; the dry run has no other effect."""
 
+import gc
+import sys
+from itertools import pairwise
+
+import can
+import numpy as np
 import pytest
+from scripted_vehicle import CRUISING, ENGAGED, STANDBY_TICKS, Rig, build_rig
 
-from rt_controller.loop import WARM_UP_LEADS_NS, Schedule, prepare_tick, schedule_preparation
+from rt_controller.bus.messages import STATE
+from rt_controller.config import MpcSettings
+from rt_controller.contract.faults import Fault
+from rt_controller.contract.signals import Mode
+from rt_controller.control.mpc import Mpc
+from rt_controller.loop import Schedule, prepare_tick
+from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.realtime import timing
 from rt_controller.realtime.timing import DeadlineAccount, TickTimer
+from rt_controller.receive import READ_AHEAD_FRAMES
+from rt_controller.safety.freshness import STATE_MAX_AGE_NS
+from rt_controller.safety.tick import Tick
 
 MS = 1_000_000
 
@@ -66,29 +82,119 @@ SECOND_WARM_UP = [("read_ahead", MS), ("warm_up", MS)]
     ],
 )
 def test_each_part_is_done_at_its_time_or_left_out(
-    monkeypatch: pytest.MonkeyPatch,
-    left_ns: int,
-    update_ns: int,
-    warm_up_ns: int,
-    expected: list[tuple[str, int]],
-) -> None:
+    monkeypatch, left_ns, update_ns, warm_up_ns, expected
+):
     clock = ScriptedClock(left_ns)
     monkeypatch.setattr(timing.time, "perf_counter_ns", lambda: -clock.left_ns)
     step = ScriptedStep(clock, update_ns, warm_up_ns)
-    timer = TickTimer(clock, DeadlineAccount(1, 0))  # type: ignore[arg-type]
-    prepare_tick(step, clock, SCHEDULE, timer)  # type: ignore[arg-type]
+    timer = TickTimer(clock, DeadlineAccount(1, 0))
+    prepare_tick(step, clock, SCHEDULE, timer)
     assert step.done == expected
 
 
-@pytest.mark.parametrize(("prepare_ms", "warm_ups"), [(4.0, 3), (2.0, 2), (1.0, 1), (0.5, 0)])
-def test_warm_ups_are_scheduled_after_the_update_of_the_matrices(
-    prepare_ms: float, warm_ups: int
-) -> None:
-    schedule = schedule_preparation(prepare_ms, is_lockstep=False)
-    assert schedule is not None
-    assert schedule.update_matrices_ns == round(prepare_ms * MS)
-    assert schedule.warm_ups_ns == WARM_UP_LEADS_NS[len(WARM_UP_LEADS_NS) - warm_ups :]
-    in_lockstep = schedule_preparation(prepare_ms, is_lockstep=True)
-    assert in_lockstep is not None
-    assert len(in_lockstep.warm_ups_ns) == 1
-    assert schedule_preparation(0.0, is_lockstep=False) is None
+AHEAD_NS = 1_500_000
+
+
+def read_ahead_and_warm_up(rig: Rig) -> None:
+    rig.step.read_ahead()
+    rig.step.warm_up()
+
+
+def prepared_tick(rig: Rig, warm_ups: int = 2) -> Tick:
+    """One tick that was prepared `AHEAD_NS` before, when the vehicle had sent its frames."""
+    rig.step.update_matrices()
+    rig.clock.wait()
+    for _ in range(warm_ups):
+        read_ahead_and_warm_up(rig)
+    rig.clock._now_ns += AHEAD_NS
+    result = rig.step.run()
+    rig.clock._now_ns -= AHEAD_NS
+    rig.received.drain(rig.vehicle_bus, rig.clock.now_ns())
+    return result
+
+
+def test_frames_read_ahead_are_used_in_the_tick(rig):
+    rig.tick(3)
+    result = prepared_tick(rig)
+    assert result.mode is Mode.NOMINAL
+    assert result.state is not None
+    newest = rig.inbox.newest(STATE)
+    assert newest.content.state is result.state
+    assert newest.counter == STANDBY_TICKS + 3  # that of the fourth state
+    assert newest.arrival_ns == rig.clock.now_ns()  # not that of the tick
+    assert result.qp_iterations > 0
+
+
+def test_a_warm_up_sends_nothing_and_uses_no_counter(rig):
+    rig.tick(3)
+    counter, repeated = rig.command.counter, rig.received.counts.repeated
+    rig.step.update_matrices()
+    for _ in range(3):
+        read_ahead_and_warm_up(rig)
+    assert rig.vehicle_bus.recv(0.0) is None
+    rig.tick()
+    assert (rig.command.counter - counter) % 16 == 1
+    assert rig.received.counts.counter_gap_frames == 0
+    assert rig.received.counts.repeated == repeated
+
+
+def test_the_plan_is_the_same_with_and_without_warm_ups(rig):
+    plans = []
+    for warm_ups in (0, 3):
+        rig.vehicle.mission = ENGAGED._replace(is_engaged=False)
+        rig.tick(60)  # the wheel is straight and the pedals are released again
+        rig.vehicle.mission = ENGAGED
+        for tick in range(5):
+            rig.vehicle.state = CRUISING._replace(ey_m=0.2 - 0.01 * tick)
+            prepared_tick(rig, warm_ups)
+        plans.append(rig.mpc.inputs.copy())
+    span = np.array([1.0, 15e3, 2 * np.pi])
+    np.testing.assert_allclose(plans[0] / span, plans[1] / span, rtol=0.0, atol=1e-4)
+
+
+def test_the_age_of_a_state_counts_from_when_it_was_read_ahead(rig):
+    rig.tick(3)
+    rig.clock.wait()
+    read_ahead_and_warm_up(rig)
+    rig.clock._now_ns += STATE_MAX_AGE_NS + 1_000_000  # the machine does not run for so long
+    assert rig.step.run(skipped_ticks=1).mode is Mode.HOLD_PLAN
+    rig.received.drain(rig.vehicle_bus, rig.clock.now_ns())
+    assert Fault.STATE_STALE in rig.heartbeat.faults
+
+
+def test_reading_ahead_ends_after_a_number_of_frames(rig):
+    rig.tick(3)
+    for _ in range(3 * READ_AHEAD_FRAMES):
+        rig.vehicle_bus.send(can.Message(arbitration_id=0x7FF, is_extended_id=False, data=b"x"))
+    rig.step.read_ahead()
+    waiting = 0
+    while rig.controller_bus.recv(0.0) is not None:
+        waiting += 1
+    assert waiting == 2 * READ_AHEAD_FRAMES
+
+
+WARM_UP_STEPS = 300
+"""in which most of the caches of the interpreter fill"""
+
+
+def test_steps_keep_no_memory():
+    """Memory that each step keeps grows in every window; a cache grows in some of them only."""
+    settings = MpcSettings()
+    bundle = load_bundle(shipped_model())
+    blocks = []
+    with build_rig(Mpc(bundle, settings.horizon, settings.cost())) as rig:
+        run_steps(rig, WARM_UP_STEPS)
+        for _ in range(7):
+            gc.collect()
+            blocks.append(sys.getallocatedblocks())
+            run_steps(rig, 150)
+        assert rig.step.last.mode is Mode.NOMINAL
+    assert min(after - before for before, after in pairwise(blocks)) < 13
+
+
+def run_steps(rig: Rig, steps: int) -> None:
+    for _ in range(steps):
+        rig.tick()
+        rig.step.update_matrices()
+        rig.step.read_ahead()
+        rig.step.warm_up()

@@ -6,10 +6,10 @@ from unittest.mock import Mock
 import can
 import numpy as np
 import pytest
-from scripted_vehicle import CRUISING, ENGAGED, STANDING, STRAIGHT, Rig, fail, mode_and_cause
+from scripted_vehicle import CRUISING, ENGAGED, STANDING, STRAIGHT, fail, mode_and_cause
 
 from rt_controller.bus.identity import MISMATCHED_FRAMES
-from rt_controller.bus.messages import COMMAND, VEHICLE_IDENTITY, Command, Identity, Mission, Node
+from rt_controller.bus.messages import COMMAND, VEHICLE_IDENTITY, Command, Identity, Node
 from rt_controller.bus.send import Outbox
 from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.limits import INPUT_LIMITS
@@ -17,13 +17,13 @@ from rt_controller.contract.signals import AT_REST, NEUTRAL_INPUT, Mode
 from rt_controller.safety.fallback import ALONG_PATH
 
 
-def test_a_vehicle_whose_watchdog_brakes_causes_a_safe_stop(rig: Rig) -> None:
+def test_a_vehicle_whose_watchdog_brakes_causes_a_safe_stop(rig):
     rig.tick(3)
     rig.vehicle.is_watchdog_braking = True
     assert mode_and_cause(rig.tick()) == (Mode.SAFE_STOP, StopCause.VEHICLE_BRAKING)
 
 
-def test_another_message_catalogue_causes_a_safe_stop(rig: Rig) -> None:
+def test_another_message_catalogue_causes_a_safe_stop(rig):
     rig.tick(3)
     for frame in range(MISMATCHED_FRAMES):  # one alone may be of a foreign device
         assert rig.tick(5).mode is Mode.NOMINAL, frame
@@ -31,7 +31,7 @@ def test_another_message_catalogue_causes_a_safe_stop(rig: Rig) -> None:
     assert mode_and_cause(rig.tick()) == (Mode.SAFE_STOP, StopCause.PEER_MISMATCH)
 
 
-def test_a_reset_is_granted_only_when_the_car_stands(rig: Rig) -> None:
+def test_a_reset_is_granted_only_when_the_car_stands(rig):
     rig.tick(3)
     rig.vehicle.state = None
     rig.tick(3)
@@ -44,23 +44,7 @@ def test_a_reset_is_granted_only_when_the_car_stands(rig: Rig) -> None:
     assert rig.tick().mode is Mode.LOW_SPEED
 
 
-def test_the_last_command_is_that_of_a_safe_stop(rig: Rig) -> None:
-    rig.tick(30)
-    rig.step.send_safe_command()
-    rig.received.drain(rig.vehicle_bus, rig.clock.now_ns())
-    assert rig.command.content.mode is Mode.SAFE_STOP
-    assert rig.command.content.control.throttle == 0.0
-    assert rig.command.content.control.brake_n > 0.0
-
-
-def test_a_controller_started_while_the_watchdog_brakes_stands_by(rig: Rig) -> None:
-    rig.vehicle.is_watchdog_braking = True
-    assert rig.tick(5).mode is Mode.STANDBY
-    rig.vehicle.is_watchdog_braking = False
-    assert rig.tick().mode is Mode.NOMINAL
-
-
-def test_a_safe_stop_is_steered_along_the_path_until_the_car_stands(rig: Rig) -> None:
+def test_a_safe_stop_is_steered_along_the_path_until_the_car_stands(rig):
     rig.tick(3)
     rig.vehicle.is_watchdog_braking = True
     rig.tick()
@@ -80,9 +64,7 @@ def test_a_safe_stop_is_steered_along_the_path_until_the_car_stands(rig: Rig) ->
 
 
 @pytest.mark.parametrize("vx_mps", [0.2, -0.2])
-def test_a_safe_stop_keeps_the_brake_of_a_held_car_and_presses_it_if_the_car_rolls(
-    rig: Rig, vx_mps: float
-) -> None:
+def test_a_safe_stop_keeps_the_brake_of_a_held_car_and_presses_it_if_the_car_rolls(rig, vx_mps):
     rig.vehicle.state, rig.vehicle.path = AT_REST, STRAIGHT._replace(v_mps=0.0)
     rig.tick(40)
     rig.vehicle.state = AT_REST._replace(vx_mps=vx_mps)
@@ -98,24 +80,22 @@ def test_a_safe_stop_keeps_the_brake_of_a_held_car_and_presses_it_if_the_car_rol
     assert rig.tick(40).control.brake_n == INPUT_LIMITS.upper.brake_n
 
 
-def test_the_wheel_of_a_car_that_a_safe_stop_holds_does_not_turn_with_noise(rig: Rig) -> None:
+def test_the_wheel_of_a_car_that_a_safe_stop_holds_does_not_turn_with_noise(rig):
     rng = np.random.default_rng(0)
     rig.vehicle.state, rig.vehicle.path = AT_REST, STRAIGHT._replace(c0_m=0.5)
     rig.tick(3)
     rig.step.request_stop()
     before = rig.tick(2).control.steer_rad
-    for _ in range(200):
+    for _ in range(60):
         rig.vehicle.state = AT_REST._replace(vx_mps=rng.normal(0.0, 0.05))
         assert rig.tick().control.steer_rad == before
 
 
 @pytest.mark.parametrize("mission", [None, ENGAGED._replace(is_engaged=False)])
-def test_a_safe_stop_without_a_mission_is_steered_along_the_path(
-    rig: Rig, mission: Mission | None
-) -> None:
+def test_a_safe_stop_without_a_mission_is_steered_along_the_path(rig, mission):
     rig.vehicle.state = CRUISING._replace(vx_mps=2.5, ds_m=0.0625, ey_m=0.0, epsi_rad=0.0)
     rig.vehicle.path = STRAIGHT._replace(v_mps=2.5, c2_per_m=0.01)
-    before = rig.tick(300).control.steer_rad
+    before = rig.tick(100).control.steer_rad
     if mission is not None:
         rig.step.request_stop()
     rig.vehicle.mission = None
@@ -125,9 +105,7 @@ def test_a_safe_stop_without_a_mission_is_steered_along_the_path(
     assert rig.step.last.mode is Mode.SAFE_STOP
 
 
-def test_a_failed_send_sets_the_bus_fault_of_the_next_heartbeat(
-    rig: Rig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failed_send_sets_the_bus_fault_of_the_next_heartbeat(rig, monkeypatch):
     rig.tick(2)
     with monkeypatch.context() as broken:
         broken.setattr(rig.controller_bus, "send", fail)
@@ -138,9 +116,7 @@ def test_a_failed_send_sets_the_bus_fault_of_the_next_heartbeat(
     assert not rig.heartbeat.faults & Fault.BUS_FAULT
 
 
-def test_an_interface_that_is_down_is_the_named_cause_of_a_stop_that_a_reset_ends(
-    rig: Rig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interface_that_is_down_is_the_named_cause_of_a_stop_that_a_reset_ends(rig, monkeypatch):
     down = can.CanOperationError("Error receiving: Network is down", errno.ENETDOWN)
     rig.tick(2)
     with monkeypatch.context() as switched_off:
@@ -152,7 +128,7 @@ def test_an_interface_that_is_down_is_the_named_cause_of_a_stop_that_a_reset_end
     assert mode_and_cause(rig.tick()) == (Mode.SAFE_STOP, StopCause.INTERFACE_DOWN)
 
 
-def test_an_error_passive_controller_drives_on_and_says_so(rig: Rig) -> None:
+def test_an_error_passive_controller_drives_on_and_says_so(rig):
     passive, active = 0x20, 0x40
     rig.tick(2)
     for detail, is_disturbed in ((passive, True), (active, False)):
@@ -167,15 +143,13 @@ def test_an_error_passive_controller_drives_on_and_says_so(rig: Rig) -> None:
         assert bool(rig.heartbeat.faults & Fault.BUS_FAULT) == is_disturbed
 
 
-def test_a_bus_that_cannot_be_read_causes_a_safe_stop(
-    rig: Rig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_bus_that_cannot_be_read_causes_a_safe_stop(rig, monkeypatch):
     rig.tick(2)
     monkeypatch.setattr(rig.controller_bus, "recv", fail)
     assert mode_and_cause(rig.tick()) == (Mode.SAFE_STOP, StopCause.BUS_FAILED)
 
 
-def test_a_second_controller_on_the_bus_causes_a_safe_stop(rig: Rig) -> None:
+def test_a_second_controller_on_the_bus_causes_a_safe_stop(rig):
     rig.tick(3)
     other = Outbox(rig.vehicle_bus, Node.CONTROLLER)
     other.send(COMMAND, Command(NEUTRAL_INPUT, Mode.NOMINAL), 0)

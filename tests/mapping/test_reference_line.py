@@ -83,19 +83,14 @@ def settings(path):
     return PoseMapping(**columns, yaw=yaw, reference_line=path, closed=True)
 
 
-def test_a_line_is_read_from_points(tmp_path):
+def test_a_line_is_read_from_points_and_refused_with_what_is_wrong(tmp_path):
     x, y = circle()
     path = write_csv(tmp_path / "track.csv", {"x": x, "y": y})
     assert read_line(settings(path)).length_m == pytest.approx(2 * np.pi * RADIUS_M, rel=1e-3)
-
-
-def test_too_few_points_are_refused(tmp_path):
-    path = write_csv(tmp_path / "track.csv", {"x": [0, 1, 1, 2], "y": [0, 0, 0, 1]})
-    with pytest.raises(DatasetError, match=r"track\.csv: expected at least 8 different points"):
-        read_line(settings(path))
-
-
-def test_a_missing_number_in_the_line_is_refused_with_its_line_number(tmp_path):
-    path = write_csv(tmp_path / "track.csv", {"x": [0, 1, ""], "y": [0, 0, 0]})
-    with pytest.raises(DatasetError, match=r"track\.csv, line 4: expected x and y"):
-        read_line(settings(path))
+    for x, message in (
+        ([0, 1, 1, 2], ": expected at least 8 different points"),
+        ([0, 1, "", 1], ", line 4: expected x and y"),
+    ):
+        path = write_csv(tmp_path / "track.csv", {"x": x, "y": [0, 0, 0, 1]})
+        with pytest.raises(DatasetError, match=rf"track\.csv{message}"):
+            read_line(settings(path))

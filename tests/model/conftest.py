@@ -8,9 +8,13 @@ import pytest
 from rt_controller.contract.signals import Schema, Signal
 from rt_controller.model.artifact import save_bundle
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import NO_SIGNAL, Bilinear, Drift
+from rt_controller.model.dynamics import Gains, Shape
 from rt_controller.model.lift import Lift, LiftSample
 from rt_controller.model.validation import DRIVABLE_HISTORY
+
+FACTOR = np.array([0, 1, 2, 0, 1, 2, 3, 4, 4])
+"""throttle, brake, steering, curvature, 1"""
+SHAPE = np.array([Shape.LINEAR] * 3 + [Shape.TANH] * 4 + [Shape.SATURATION] * 2)
 
 PLANAR = Schema(
     states=(Signal("vx_mps", "m/s"), Signal("vy_mps", "m/s"), Signal("yaw_rate_radps", "rad/s")),
@@ -22,26 +26,21 @@ PLANAR = Schema(
 
 @pytest.fixture
 def bundle() -> Bundle:
-    """A model of the car: saturating gains of rank 2, a drift, curvature and history."""
+    """A model of the car: gains of every shape and factor, curvature and history."""
     rng = np.random.default_rng(1)
-    n, rank = 9, 2
+    n = 9
     return Bundle(
         name="random",
         A=np.eye(n) + 0.01 * rng.normal(size=(n, n)),
         B_uc=rng.normal(size=(n, 3)),
         B_uw=rng.normal(size=(n, 1)),
         c=rng.normal(size=n),
-        bilinear=Bilinear(
-            N=rng.normal(size=(rank, n, 3)),
-            S=rng.normal(size=(rank, 3, n)),
-            s0=rng.normal(size=(rank, 3)),
-            saturates=True,
-        ),
-        drift=Drift(
-            N=rng.normal(size=(n, 3)),
-            S=rng.normal(size=(3, n)),
-            s0=rng.normal(size=3),
-            signal=np.array([NO_SIGNAL, 0, NO_SIGNAL]),
+        gains=Gains(
+            N=rng.normal(size=(n, len(FACTOR))),
+            S=rng.normal(size=(len(FACTOR), n)),
+            s0=rng.normal(size=len(FACTOR)),
+            factor=FACTOR,
+            shape=SHAPE,
         ),
         signal_range=np.array([[0.0, 0.0, -6.0, -0.02], [1.0, 150.0, 6.0, 0.02]]),
         lift=Lift(True, history_steps=4, history_fields=DRIVABLE_HISTORY),

@@ -32,8 +32,7 @@ def equal(one: Bundle, other: Bundle) -> bool:
     parts = [
         (
             *bundle.selftest,
-            *(bundle.bilinear or ()),
-            *(bundle.drift or ()),
+            *(bundle.gains or ()),
             *(bundle.plans or ()),
             *(() if bundle.signal_range is None else bundle.signal_range),
         )
@@ -49,7 +48,7 @@ def equal(one: Bundle, other: Bundle) -> bool:
 
 
 def test_a_saved_bundle_loads_equal(bundle: Bundle, folder: Path) -> None:
-    compared = {*PLAIN, "schema", "lift", "car", "selftest", "bilinear", "drift", "plans"}
+    compared = {*PLAIN, "schema", "lift", "car", "selftest", "gains", "plans"}
     compared.add("signal_range")
     assert compared == {field.name for field in fields(Bundle)}
     assert equal(load_bundle(folder), bundle)
@@ -71,7 +70,7 @@ def test_a_model_of_other_signals_loads_equal(planar: Bundle, tmp_path: Path) ->
     assert equal(load_bundle(tmp_path), planar)
 
 
-@pytest.mark.parametrize("part", ["bilinear", "drift", "signal_range"])
+@pytest.mark.parametrize("part", ["gains", "signal_range"])
 def test_a_part_that_a_model_does_not_have_is_not_loaded(
     bundle: Bundle, tmp_path: Path, part: str
 ) -> None:
@@ -104,7 +103,7 @@ def rewrite(folder: Path, *, without: str) -> None:
     np.savez(path, **kept)
 
 
-@pytest.mark.parametrize("missing", ["plan_path", "bilinear_saturates", "drift_N", "drift_signal"])
+@pytest.mark.parametrize("missing", ["plan_path", "gains_shape", "c"])
 def test_a_field_that_the_format_requires_is_named(
     bundle: Bundle, tmp_path: Path, missing: str
 ) -> None:

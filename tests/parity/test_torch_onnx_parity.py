@@ -10,7 +10,7 @@ import numpy as np
 import onnxruntime
 import pytest
 import torch
-from made_models import added_columns, drift_terms
+from made_models import added_by_gains
 from numpy.typing import NDArray
 
 from offline.config import PAST_STEPS, PRESETS, TrainingConfig
@@ -217,26 +217,22 @@ def in_physical_units(psi: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def test_the_roll_out_in_physical_units_equals_the_scaled_one(exported):
-    """The folded operator with its offset, its bilinear part and its drift, in double precision."""
+    """The folded operator with its offset and its gains, in double precision."""
     model, trajectories = exported.model, drives(4)
-    A, B_uc, B_uw, c, bilinear, drift = physical_matrices(model, SCALING)
+    A, B_uc, B_uw, c, gains = physical_matrices(model, SCALING)
     batch = scaled(trajectories, model)
     u, w = batch.u.numpy() * SCALING.u_scale, batch.w.numpy() * SCALING.w_scale
-    assert (bilinear is None) == (model.rank == 0)
-    assert (drift is None) == (model.drift_rank == 0)
+    assert (gains is None) == (len(model.S) == 0)
     first = psi = free = in_physical_units(lift_precisely(model, trajectories))
     for k in range(STEPS):
-        B_eff, added = np.broadcast_to(B_uc, (4, *B_uc.shape)), 0.0
+        added = np.zeros(psi.shape)
         seen = {Follow.PREDICTION: psi, Follow.FREE_RESPONSE: free, Follow.START: first}
-        if bilinear is not None:
-            B_eff = B_uc + added_columns(bilinear, seen[model.follows])
-            assert bilinear.follows is model.follows
-            assert np.abs(B_eff - B_uc).max() > 1e-3
-        if drift is not None:
-            added = drift_terms(drift, seen[model.follows], w[k]) @ drift.N.T
+        if gains is not None:
+            assert gains.follows is model.follows
+            added = added_by_gains(gains, seen[model.follows], u[k], w[k])
             assert np.abs(added).max() > 1e-3
         undriven = w[k] @ B_uw.T + c
-        psi = psi @ A.T + np.einsum("bnm,bm->bn", B_eff, u[k]) + undriven + added
+        psi = psi @ A.T + u[k] @ B_uc.T + undriven + added
         free = free @ A.T + undriven
     expected = in_physical_units(roll_out_scaled(model, trajectories)[-1])
     assert np.allclose(psi, expected, rtol=1e-9, atol=1e-9)

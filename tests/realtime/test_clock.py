@@ -2,7 +2,6 @@
 
 import itertools
 import time
-from collections.abc import Callable
 
 import pytest
 
@@ -31,7 +30,7 @@ class ScriptedTime:
         self.now_ns = max(self.now_ns, deadline_ns + self.oversleep_ns)
 
 
-def test_ticks_are_one_period_apart_for_any_work_within_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ticks_are_one_period_apart_for_any_work_within_it(monkeypatch):
     scripted = ScriptedTime(monkeypatch)
     clock = RealtimeClock()
     ticks = []
@@ -43,33 +42,20 @@ def test_ticks_are_one_period_apart_for_any_work_within_it(monkeypatch: pytest.M
     assert all(tick.skipped == 0 and tick.lateness_ns == 0 for tick in ticks)
 
 
-def test_a_late_tick_is_late_but_not_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
-    scripted = ScriptedTime(monkeypatch)
-    clock = RealtimeClock()
-    first = clock.wait()
-    scripted.now_ns += PERIOD_NS + 4_000_000
-    second = clock.wait()
-    assert second.scheduled_ns == first.scheduled_ns + PERIOD_NS
-    assert second.lateness_ns == 4_000_000
-    assert second.skipped == 0
-
-
-def test_after_a_stall_whole_periods_are_skipped_and_the_phase_is_kept(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_after_a_stall_whole_periods_are_skipped_and_the_phase_is_kept(monkeypatch):
     scripted = ScriptedTime(monkeypatch)
     clock = RealtimeClock()
     first = clock.wait()
     scripted.now_ns += 4 * PERIOD_NS + 1_000_000
     after = clock.wait()
-    assert after.skipped == 3
+    assert (after.skipped, after.lateness_ns) == (3, 1_000_000)
     assert (after.scheduled_ns - first.scheduled_ns) % PERIOD_NS == 0
     following = clock.wait()
     assert following.scheduled_ns == after.scheduled_ns + PERIOD_NS
     assert following.skipped == 0
 
 
-def test_aligning_sets_the_phase_and_never_the_past(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_aligning_sets_the_phase_and_never_the_past(monkeypatch):
     scripted = ScriptedTime(monkeypatch)
     clock = RealtimeClock()
     wanted_ns = scripted.now_ns - 3 * PERIOD_NS + 7
@@ -82,8 +68,8 @@ def test_aligning_sets_the_phase_and_never_the_past(monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.parametrize(("oversleep_ns", "is_in_time"), [(0, True), (MAX_OVERSLEEP_NS, False)])
 def test_a_sleep_before_a_tick_reports_whether_it_ended_in_time(
-    monkeypatch: pytest.MonkeyPatch, oversleep_ns: int, is_in_time: bool
-) -> None:
+    monkeypatch, oversleep_ns, is_in_time
+):
     scripted = ScriptedTime(monkeypatch)
     clock = RealtimeClock()
     lead_ns = 4_000_000
@@ -98,14 +84,14 @@ def test_a_sleep_before_a_tick_reports_whether_it_ended_in_time(
 
 
 @pytest.mark.parametrize("sleep", [sleep_until, busy_wait_until])
-@pytest.mark.parametrize("ahead_ns", [2_000_000, 50_000, -5_000_000])
-def test_a_sleep_never_ends_early(sleep: Callable[[int], None], ahead_ns: int) -> None:
+@pytest.mark.parametrize("ahead_ns", [2_000_000, -5_000_000])
+def test_a_sleep_never_ends_early(sleep, ahead_ns):
     deadline_ns = time.monotonic_ns() + ahead_ns
     sleep(deadline_ns)
     assert time.monotonic_ns() >= deadline_ns
 
 
-def test_in_lockstep_the_peer_acts_before_every_tick() -> None:
+def test_in_lockstep_the_peer_acts_before_every_tick():
     calls: list[int] = []
     clock = LockstepClock(calls.append)
     for n in range(1, 4):

@@ -4,7 +4,6 @@ import gc
 import os
 import sys
 import threading
-from collections.abc import Iterator
 from contextlib import ExitStack
 
 import pytest
@@ -18,12 +17,6 @@ from rt_controller.realtime.scheduling import (
 )
 
 
-@pytest.fixture
-def prepared() -> Iterator[Guarantees]:
-    with real_time_process(priority=50) as guarantees:
-        yield guarantees
-
-
 def in_a_thread(work: object) -> object:
     results: list[object] = []
     thread = threading.Thread(target=lambda: results.append(work()))
@@ -34,8 +27,8 @@ def in_a_thread(work: object) -> object:
 
 @pytest.mark.parametrize("was_collecting", [True, False])
 def test_collector_and_switch_interval_are_those_that_were_found_when_the_context_ends(
-    was_collecting: bool,
-) -> None:
+    was_collecting,
+):
     interval_s = sys.getswitchinterval()
     sys.setswitchinterval(0.02)
     if not was_collecting:
@@ -44,6 +37,7 @@ def test_collector_and_switch_interval_are_those_that_were_found_when_the_contex
         with real_time_process(priority=0, lock_memory=False) as process:
             assert process.collector_off
             assert not gc.isenabled()
+            assert in_a_thread(gc.isenabled) is False
             assert sys.getswitchinterval() == pytest.approx(scheduling.SWITCH_INTERVAL_S)
         assert gc.isenabled() is was_collecting
         assert sys.getswitchinterval() == pytest.approx(0.02)
@@ -52,7 +46,7 @@ def test_collector_and_switch_interval_are_those_that_were_found_when_the_contex
         sys.setswitchinterval(interval_s)
 
 
-def test_the_last_of_several_contexts_restores_the_collector() -> None:
+def test_the_last_of_several_contexts_restores_the_collector():
     with ExitStack() as second:
         with real_time_process(priority=0, lock_memory=False):
             second.enter_context(real_time_process(priority=0, lock_memory=False))
@@ -60,12 +54,10 @@ def test_the_last_of_several_contexts_restores_the_collector() -> None:
     assert gc.isenabled()
 
 
-def test_the_end_of_the_context_gives_a_priority_back_that_was_found(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_end_of_the_context_gives_a_priority_back_that_was_found(monkeypatch):
     present = (os.SCHED_FIFO, os.sched_param(30))
 
-    def change(_: int, policy: int, parameter: os.sched_param) -> None:
+    def change(_, policy, parameter):
         nonlocal present
         present = (policy, parameter)
 
@@ -77,13 +69,7 @@ def test_the_end_of_the_context_gives_a_priority_back_that_was_found(
     assert present == (os.SCHED_FIFO, os.sched_param(30))
 
 
-def test_the_settings_of_the_process_outlive_a_thread(prepared: Guarantees) -> None:
-    in_a_thread(lambda: set_thread_priority(40))
-    assert not gc.isenabled()
-    assert in_a_thread(gc.isenabled) is False
-
-
-def test_other_threads_inherit_the_lowest_real_time_priority() -> None:
+def test_other_threads_inherit_the_lowest_real_time_priority():
     with real_time_process(priority=50):
         if os.sched_getscheduler(0) != os.SCHED_FIFO:
             pytest.skip("this system grants no real-time scheduling")
@@ -93,8 +79,8 @@ def test_other_threads_inherit_the_lowest_real_time_priority() -> None:
     assert os.sched_getscheduler(0) == os.SCHED_OTHER
 
 
-def test_a_refused_priority_is_not_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object) -> None:
+def test_a_refused_priority_is_not_reported(monkeypatch):
+    def refuse(*_):
         raise PermissionError
 
     monkeypatch.setattr(scheduling.os, "sched_setscheduler", refuse)
@@ -103,11 +89,11 @@ def test_a_refused_priority_is_not_reported(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 @pytest.mark.parametrize("cpu", [10**6, 10**30])
-def test_a_core_that_does_not_exist_is_not_reported(cpu: int) -> None:
+def test_a_core_that_does_not_exist_is_not_reported(cpu):
     assert in_a_thread(lambda: set_thread_priority(0, cpu)) == NO_GUARANTEES
 
 
-def test_the_sentence_names_all_guarantees() -> None:
+def test_the_sentence_names_all_guarantees():
     assert NO_GUARANTEES.sentence() == (
         "SCHED_OTHER, memory NOT locked, garbage collector ON, any core"
     )

@@ -1,11 +1,22 @@
-"""The times of a tick, measured on scripted clocks."""
+"""Times of ticks on scripted clocks; every tick is counted, in memory that does not grow."""
 
+import tracemalloc
+
+import numpy as np
 import pytest
 
 from rt_controller.contract.timing import PERIOD_NS
 from rt_controller.realtime import timing
 from rt_controller.realtime.clock import ScheduledTick
-from rt_controller.realtime.timing import Counts, DeadlineAccount, LateCause, TickTimer, TickTimes
+from rt_controller.realtime.timing import (
+    Counts,
+    DeadlineAccount,
+    Histogram,
+    LateCause,
+    TickTimer,
+    TickTimes,
+    late_cause,
+)
 
 US = 1_000
 PROCESSOR_SHARE = 0.5
@@ -65,10 +76,8 @@ def last(account: DeadlineAccount) -> TickTimes:
     return TickTimes(*account.last()[-1])
 
 
-def test_the_stages_of_a_step_are_measured_separately(
-    time: ScriptedTime, account: DeadlineAccount
-) -> None:
-    run_tick(time, TickTimer(time, account))  # type: ignore[arg-type]
+def test_the_stages_of_a_step_are_measured_separately(time, account):
+    run_tick(time, TickTimer(time, account))
     found = last(account)
     assert (found.receive_us, found.check_us, found.plan_us) == (50.0, 20.0, 300.0)
     assert (found.decide_us, found.send_us) == (10.0, 40.0)
@@ -76,10 +85,8 @@ def test_the_stages_of_a_step_are_measured_separately(
     assert (found.step_us, found.cpu_us) == (420.0, 210.0)
 
 
-def test_work_before_a_tick_counts_for_that_tick_only(
-    time: ScriptedTime, account: DeadlineAccount
-) -> None:
-    timer = TickTimer(time, account)  # type: ignore[arg-type]
+def test_work_before_a_tick_counts_for_that_tick_only(time, account):
+    timer = TickTimer(time, account)
     run_tick(time, timer)
     assert timer.time_preparation(lambda: time.work(700)) == 700 * US
     assert timer.time_reading(lambda: time.work(60)) == 60 * US
@@ -92,10 +99,8 @@ def test_work_before_a_tick_counts_for_that_tick_only(
     assert (found.preparation_us, found.read_ahead_us) == (0.0, 0.0)
 
 
-def test_a_step_longer_than_a_period_is_the_overrun_of_the_next_tick(
-    time: ScriptedTime, account: DeadlineAccount
-) -> None:
-    timer = TickTimer(time, account, ScriptedCounters())  # type: ignore[arg-type]
+def test_a_step_longer_than_a_period_is_the_overrun_of_the_next_tick(time, account):
+    timer = TickTimer(time, account, ScriptedCounters())
     run_tick(time, timer, plan_us=60_000)
     assert account.deadline_misses == 1
     run_tick(time, timer)
@@ -106,12 +111,145 @@ def test_a_step_longer_than_a_period_is_the_overrun_of_the_next_tick(
     assert account.misses_by_cause[LateCause.OVERRUN] == 1
 
 
-def test_a_late_preparation_counts_with_its_time_on_the_processor(
-    time: ScriptedTime, account: DeadlineAccount
-) -> None:
-    timer = TickTimer(time, account)  # type: ignore[arg-type]
+def test_a_late_preparation_counts_with_its_time_on_the_processor(time, account):
+    timer = TickTimer(time, account)
     run_tick(time, timer)
     run_tick(time, timer, prepare_us=40_000)
     found = last(account)
     assert found.wake_us == 420.0 + 40_000.0 - PERIOD_NS / US
     assert found.preparation_late_us == min(found.wake_us, PROCESSOR_SHARE * 40_000.0)
+
+
+DEADLINE_NS = 10_000_000
+
+
+def times(step_us: float = 900.0, qp_us: float = 80.0, qp_iterations: float = 5) -> TickTimes:
+    zeros = TickTimes(*(0.0 for _ in TickTimes._fields))
+    return zeros._replace(
+        step_us=step_us, qp_us=qp_us, plan_us=qp_us + 20.0, qp_iterations=qp_iterations
+    )
+
+
+def make_account(capacity: int = 10) -> DeadlineAccount:
+    return DeadlineAccount(capacity, DEADLINE_NS)
+
+
+def test_a_deadline_counts_from_the_scheduled_instant():
+    account = make_account()
+    account.record(times(), 0, sent_after_ns=DEADLINE_NS)
+    assert (account.deadline_misses, account.missed_last) == (0, False)
+    account.record(times(), 0, sent_after_ns=DEADLINE_NS + 1)
+    assert (account.deadline_misses, account.missed_last) == (1, True)
+    account.record(times(), 0, sent_after_ns=0)
+    assert (account.deadline_misses, account.missed_last) == (1, False)
+
+
+def test_the_ring_has_the_last_ticks_oldest_first():
+    account = make_account(capacity=4)
+    step = TickTimes._fields.index("step_us")
+    for n in range(3):
+        account.record(times(step_us=float(n)), 0, 0)
+    np.testing.assert_array_equal(account.last()[:, step], [0.0, 1.0, 2.0])
+    for n in range(3, 10):
+        account.record(times(step_us=float(n)), 0, 0)
+    np.testing.assert_array_equal(account.last()[:, step], [6.0, 7.0, 8.0, 9.0])
+    assert (account.ticks, account.percentiles("step_us").max) == (10, 9.0)  # of all ticks
+
+
+def test_percentiles_of_solves_leave_out_ticks_without_a_solve():
+    account = make_account()
+    account.record(times(qp_us=0.0, qp_iterations=0), 0, 0)
+    account.record(times(qp_us=80.0, qp_iterations=9), 0, 0)
+    assert account.percentiles("qp_us").p50 == 80.0
+    assert account.percentiles("plan_us").p50 == 100.0
+    assert account.percentiles("qp_iterations").p50 == 9.0
+
+
+def test_the_worst_tick_and_every_missed_deadline_have_a_cause():
+    account = make_account()
+    account.record(times(), 0, 900_000, LateCause.COMPUTING)
+    account.record(times(), 0, 800_000, LateCause.BUS)
+    account.record(times(), 0, DEADLINE_NS + 5_000, LateCause.HOST)
+    account.record(times(), 0, DEADLINE_NS + 4_000, LateCause.PREEMPTED)
+    assert account.worst == (2, DEADLINE_NS / 1e3 + 5.0, LateCause.HOST)
+    assert account.misses_by_cause[LateCause.HOST] == 1
+    assert account.misses_by_cause[LateCause.PREEMPTED] == 1
+    assert account.misses_by_cause[LateCause.COMPUTING] == 0
+
+
+def test_the_memory_of_an_account_does_not_grow_with_the_ticks():
+    account = make_account(capacity=100)
+    rng = np.random.default_rng(0)
+    ticks = [times(step_us=step_us) for step_us in rng.lognormal(5.0, 1.0, size=1_000)]
+    for tick in ticks[:100]:
+        account.record(tick, 0, 0)
+    tracemalloc.start()
+    for tick in ticks:
+        account.record(tick, 0, 0)
+    grown, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert grown < 2_000
+
+
+def histogram_of(values: np.ndarray) -> Histogram:
+    histogram = Histogram()
+    for value in values.tolist():
+        histogram.add(value)
+    return histogram
+
+
+def test_a_percentile_is_a_recorded_value_at_most_one_per_cent_above_the_exact_one():
+    values = np.random.default_rng(0).lognormal(5.0, 1.5, size=20_000)
+    found = histogram_of(values).percentiles()
+    exact = np.sort(values)[[9_999, 19_799, 19_979]]
+    for value, expected in zip(found[:3], exact, strict=True):
+        assert value in values
+        assert expected <= value <= 1.01 * expected
+    assert found.max == values.max()
+    assert found.mean == pytest.approx(values.mean())
+
+
+def test_few_zero_and_very_large_values_are_counted_too():
+    assert Histogram().percentiles() == (0.0,) * 5
+    whole = histogram_of(np.repeat([1.0, 2.0, 16.0], [98, 1, 1])).percentiles()
+    assert whole == (1.0, 2.0, 16.0, 16.0, pytest.approx(1.16))
+    for value in (0.0, -3.0, 0.05):
+        found = histogram_of(np.array([value, 5.0, 7.0, 9.0])).percentiles()
+        assert (found.p50, found.max) == (5.0, 9.0)
+    for value in (1e9, 1e12, float("inf")):
+        assert histogram_of(np.array([5.0, value])).percentiles().max == value
+
+
+QUIET = TickTimes(*(0.0 for _ in TickTimes._fields))._replace(
+    wake_us=50.0, step_us=400.0, cpu_us=400.0, qp_us=100.0, receive_us=50.0, send_us=30.0
+)
+BUSY = QUIET._replace(step_us=9_000.0, cpu_us=9_000.0)
+
+
+def counted(waited_us: float = 0.0, faults: int = 0, steal: int = 0) -> Counts:
+    return Counts(round(1e3 * waited_us), faults, steal)
+
+
+@pytest.mark.parametrize(
+    ("counts", "times", "cause"),
+    [
+        (counted(), QUIET._replace(wake_us=9_000.0), LateCause.HOST),
+        (counted(), QUIET._replace(step_us=9_000.0), LateCause.HOST),
+        (counted(steal=1), BUSY, LateCause.HOST),
+        (counted(waited_us=8_500.0), QUIET._replace(wake_us=9_000.0), LateCause.PREEMPTED),
+        (counted(waited_us=8_500.0), QUIET._replace(step_us=9_000.0), LateCause.PREEMPTED),
+        (
+            counted(),
+            QUIET._replace(wake_us=9_000.0, preparation_late_us=8_900.0),
+            LateCause.PREPARING,
+        ),
+        (counted(), QUIET._replace(wake_us=49_000.0, overrun_us=48_000.0), LateCause.OVERRUN),
+        (counted(faults=1), QUIET._replace(step_us=9_000.0), LateCause.PAGE_FAULT),
+        (counted(), BUSY._replace(qp_us=8_000.0), LateCause.SOLVER),
+        (counted(), BUSY._replace(receive_us=8_000.0), LateCause.BUS),
+        (counted(), BUSY._replace(check_us=8_000.0), LateCause.CHECKING),
+        (counted(), BUSY, LateCause.COMPUTING),
+    ],
+)
+def test_the_largest_share_is_the_cause(counts, times, cause):
+    assert late_cause(counts, times) is cause

@@ -81,3 +81,19 @@ def test_markdown_has_the_detail_in_brackets_and_escapes_bars():
 )  # fmt: skip
 def test_numbers_have_four_digits_and_powers_of_ten_only_when_large(number, text):
     assert format_number(number) == text
+
+
+def test_texts_behind_the_numbers_of_a_wide_table_stand_below_the_name():
+    heads = (
+        Column("line", is_text=True),
+        Column("reached"),
+        *(Column(title, is_text=True) for title in ("kind", "remark")),
+    )
+    rows = (("a heading",), ("roll", "4.476", "measured", "words " * 20))
+    table = Table("", heads, rows)
+    wide, narrow = printed(table, 200).splitlines(), printed(table, 40).splitlines()
+    assert any("roll" in line and "measured" in line for line in wide)
+    (row,) = (k for k, line in enumerate(narrow) if "roll" in line)
+    assert "4.476" in narrow[row]
+    assert "measured" in narrow[row + 1]
+    assert max(map(len, narrow)) <= 40

@@ -12,7 +12,7 @@ import onnx_bytes
 from rt_controller.contract.arrays import Array
 from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import NO_SIGNAL, Bilinear, Drift
+from rt_controller.model.dynamics import Dynamics, Gains, Shape, Step
 from rt_controller.model.lift import Lift, LiftSample
 from rt_controller.model.validation import DRIVABLE_HISTORY
 
@@ -56,6 +56,8 @@ def make_bundle(
     W /= np.sqrt(len(W)) * np.concatenate(_typical(lift))[:, None]
     bias = 0.1 * rng.normal(size=latents)
     psi = lift_by_hand(lift, W, bias, sample)
+    parts = [_bend(B_uc, psi, rank, bend, rng, saturates)] if rank else []
+    parts += [_drift(psi, drift, bend, rng)] if drift else []
     return replace(
         linear,
         name="made",
@@ -64,8 +66,7 @@ def make_bundle(
         B_uc=B_uc,
         B_uw=B_uw,
         c=c,
-        bilinear=None if rank == 0 else _bend(B_uc, psi, rank, bend, rng, saturates),
-        drift=None if drift == 0 else _drift(psi, drift, bend, rng),
+        gains=join_gains(*parts) if parts else None,
         lift=lift,
         encoder_onnx=write_encoder(lift, W, bias),
         selftest=sample,
@@ -133,46 +134,75 @@ def _bend(
     bend: float,
     rng: np.random.Generator,
     saturates: bool,
-) -> Bilinear:
+) -> Gains:
     """Directions as large as `bend` times B_uc, read from psi with gains around one."""
     n, m = B_uc.shape
     S = rng.normal(size=(rank, m, n)) / (psi.std(axis=0) * np.sqrt(n))
     s0 = rng.normal(size=(rank, m)) - np.einsum("rin,n->ri", S, psi.mean(axis=0))
     N = bend * B_uc * rng.normal(size=(rank, n, m)) / np.sqrt(rank)
-    return Bilinear(N, S, s0, saturates=saturates)
+    return input_gains(N, S, s0, saturates)
 
 
-def _drift(psi: np.ndarray, rank: int, bend: float, rng: np.random.Generator) -> Drift:
+def _drift(psi: np.ndarray, rank: int, bend: float, rng: np.random.Generator) -> Gains:
     """Terms that change a typical lifted state by a tenth of `bend` times its spread."""
     n, D = psi.shape[1], 2 * rank
     S = rng.normal(size=(D, n)) / (psi.std(axis=0) * np.sqrt(n))
     s0 = 0.5 * rng.normal(size=D) - S @ psi.mean(axis=0)
-    signal = np.repeat([NO_SIGNAL, 0], rank)
-    size = np.where(signal == NO_SIGNAL, 1.0, 1.0 / SHOWN_TYPICALLY["w"])
+    factor = np.repeat([4, 3], rank)
+    size = np.where(factor == 4, 1.0, 1.0 / SHOWN_TYPICALLY["w"])
     N = 0.1 * bend * psi.std(axis=0)[:, None] * rng.normal(size=(n, D)) * size
-    return Drift(N, S, s0, signal)
+    return saturations(N, S, s0, factor, one=4)
 
 
-def added_columns(bilinear: Bilinear, psi: Array) -> Array:
-    """B_eff - B_uc at the lifted states psi (..., n): (..., n, m)."""
-    columns: Array = np.einsum("rni,...ri->...ni", bilinear.N, gains_of(bilinear, psi))
-    return columns
+def input_gains(N: Array, S: Array, s0: Array, saturates: bool) -> Gains:
+    """Gains of all m inputs, given R directions each: N (R, n, m), S (R, m, n), s0 (R, m)."""
+    R, n, m = N.shape
+    shape = np.full(R * m, Shape.TANH if saturates else Shape.LINEAR, dtype=np.int64)
+    directions = N.transpose(1, 0, 2).reshape(n, -1)
+    return Gains(directions, S.reshape(-1, n), s0.reshape(-1), np.arange(R * m) % m, shape)
+
+
+def saturations(N: Array, S: Array, s0: Array, factor: Array, one: int) -> Gains:
+    """Gains N (n, D), S (D, n), s0 (D,): tanh(a) - a where the factor is `one`, else tanh(a)."""
+    shape = np.where(factor == one, Shape.SATURATION, Shape.TANH)
+    return join_gains(Gains(N, S, s0, factor, shape))
+
+
+def join_gains(*parts: Gains) -> Gains:
+    """One list of gains, in the order of their shapes."""
+    N = np.concatenate([part.N for part in parts], axis=1)
+    S, s0, factor, shape = (
+        np.concatenate([part[i] for part in parts]) for i in range(1, len(parts[0]) - 1)
+    )
+    order = np.argsort(shape, kind="stable")
+    return Gains(N[:, order], S[order], s0[order], factor[order], shape[order], parts[0].follows)
+
+
+def one_step(model: Dynamics, psi: Array, u: Array, w: Array) -> Array:
+    """psi_(k+1) (..., n) from psi (..., n), inputs u (..., m) and exogenous signals w (..., p)."""
+    return Step(model)(psi, np.concatenate((u, w, np.ones((*u.shape[:-1], 1))), axis=-1))
+
+
+def added_by_gains(gains: Gains, psi: Array, u: Array, w: Array) -> Array:
+    """What the gains add (..., n) at psi (..., n), written out one by one."""
+    added = np.zeros(psi.shape)
+    factors = np.concatenate((u, w, np.ones((*u.shape[:-1], 1))), axis=-1)
+    for N, S, s0, factor, shape in zip(gains.N.T, *gains[1:5], strict=True):
+        a = psi @ S + s0
+        t = {Shape.LINEAR: a, Shape.TANH: np.tanh(a), Shape.SATURATION: np.tanh(a) - a}[shape]
+        added += (t * factors[..., factor])[..., None] * N
+    return added
 
 
 def input_matrix(bundle: Bundle, psi: Array) -> Array:
-    """B_eff (..., n, m) at the lifted states psi (..., n), those of `Bilinear.follows`."""
-    if bundle.bilinear is None:
-        return np.broadcast_to(bundle.B_uc, (*psi.shape[:-1], *bundle.B_uc.shape))
-    return bundle.B_uc + added_columns(bundle.bilinear, psi)
-
-
-def gains_of(bilinear: Bilinear, psi: Array) -> Array:
-    """The share of each direction at psi (..., n): (..., R, m)."""
-    shares: Array = np.einsum("rin,...n->...ri", bilinear.S, psi) + bilinear.s0
-    return np.tanh(shares) if bilinear.saturates else shares
-
-
-def drift_terms(drift: Drift, psi: Array, w: Array) -> Array:
-    """tanh(a) - a or tanh(a) w (..., D) at psi (..., n), with w (..., p)."""
-    a = psi @ drift.S.T + drift.s0
-    return np.asarray(np.tanh(a) * drift.factors(w) - a * drift.is_saturation)
+    """B_eff (..., n, m) at the lifted states psi (..., n), those of `Gains.follows`."""
+    B = np.broadcast_to(bundle.B_uc, (*psi.shape[:-1], *bundle.B_uc.shape))
+    if bundle.gains is None:
+        return B
+    m, w = B.shape[-1], np.zeros((*psi.shape[:-1], bundle.B_uw.shape[1]))
+    undriven = added_by_gains(bundle.gains, psi, np.zeros((*psi.shape[:-1], m)), w)
+    columns = [
+        added_by_gains(bundle.gains, psi, np.broadcast_to(u, (*psi.shape[:-1], m)), w) - undriven
+        for u in np.eye(m)
+    ]
+    return B + np.stack(columns, axis=-1)

@@ -27,9 +27,9 @@ VARIANTS = {
 
 def made(variant: str, follows: Follow = Follow.PREDICTION, lift: Lift | None = None) -> Bundle:
     bundle = make_bundle(lift or Lift(), bend=0.5, **VARIANTS[variant])
-    if bundle.bilinear is None:
+    if "rank" not in VARIANTS[variant]:
         return bundle
-    return replace(bundle, bilinear=bundle.bilinear._replace(follows=follows))
+    return replace(bundle, gains=bundle.gains._replace(follows=follows))
 
 
 def knots_of(count: int) -> Array:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import piqp
+from made_models import input_gains, join_gains, saturations
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import INPUT_LIMITS
@@ -12,7 +13,6 @@ from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.qp import CondensedQp
 from rt_controller.control.terms import Corridor, TrackingCost
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import Bilinear, Drift
 from rt_controller.model.follow import Follow
 from rt_controller.model.lift import LiftSample
 
@@ -36,27 +36,28 @@ def random_bundle(rng: np.random.Generator, rank: int = 0, drift: int = 0) -> Bu
     A = rng.normal(size=(n, n))
     A *= 0.97 / max(abs(np.linalg.eigvals(A)))
     size = np.array([0.3, 0.003, 0.4])
-    bilinear = Bilinear(
+    of_inputs = input_gains(
         N=rng.normal(size=(rank, n, 3)) * size,
         S=rng.normal(size=(rank, 3, n)),
         s0=rng.normal(size=(rank, 3)),
-        follows=Follow.START if rank % 2 else Follow.FREE_RESPONSE,
         saturates=drift > 0 and rank % 2 == 0,
     )
-    terms = Drift(
+    of_drift = saturations(
         N=0.03 * rng.normal(size=(n, drift)),
         S=rng.normal(size=(drift, n)),
         s0=rng.normal(size=drift),
-        signal=np.arange(drift) % 2 - 1,
+        factor=4 - np.arange(drift) % 2,
+        one=4,
     )
+    follows = Follow.START if rank % 2 else Follow.FREE_RESPONSE
+    gains = join_gains(of_inputs, of_drift)._replace(follows=follows if rank else Follow.PREDICTION)
     return Bundle(
         name="random",
         A=A,
         B_uc=rng.normal(size=(n, 3)) * size,
         B_uw=rng.normal(size=(n, 1)),
         c=0.05 * rng.normal(size=n),
-        bilinear=bilinear if rank > 0 else None,
-        drift=terms if drift > 0 else None,
+        gains=gains if rank or drift else None,
         encoder_onnx=b"",
         selftest=LiftSample(np.zeros((1, 6)), np.zeros((1, 1)), np.zeros((1, 0, 0))),
         selftest_psi=np.zeros((1, n)),

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from kinematic_car import BRAKE_TO_SPEED, linear_model
+from made_models import input_gains, join_gains, one_step, saturations
 
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
-from rt_controller.model.dynamics import Bilinear, Drift, Matrices, one_step
+from rt_controller.model.dynamics import Matrices
 from rt_controller.safety.motion import STEPS, MotionPrediction
 
 BRAKING = NEUTRAL_INPUT._replace(brake_n=40.0)
@@ -39,25 +40,27 @@ def test_one_and_ten_steps_are_those_of_the_model(prediction: MotionPrediction) 
 def test_a_step_is_that_of_the_contract(rank: int, drift: int, saturates: bool) -> None:
     rng = np.random.default_rng(rank)
     n, m = 7, 3
-    bilinear = Bilinear(
-        rng.normal(size=(rank, n, m)),
-        rng.normal(size=(rank, m, n)),
-        rng.normal(size=(rank, m)),
-        saturates=saturates,
-    )
-    terms = Drift(
-        rng.normal(size=(n, drift)),
-        rng.normal(size=(drift, n)),
-        rng.normal(size=drift),
-        np.arange(drift) % 2 - 1,
-    )
+    parts = [
+        input_gains(
+            rng.normal(size=(rank, n, m)),
+            rng.normal(size=(rank, m, n)),
+            rng.normal(size=(rank, m)),
+            saturates,
+        ),
+        saturations(
+            rng.normal(size=(n, drift)),
+            rng.normal(size=(drift, n)),
+            rng.normal(size=drift),
+            m + 1 - np.arange(drift) % 2,
+            one=m + 1,
+        ),
+    ]
     model = Matrices(
         rng.normal(size=(n, n)),
         rng.normal(size=(n, m)),
         rng.normal(size=(n, 1)),
         rng.normal(size=n),
-        bilinear if rank else None,
-        terms if drift else None,
+        join_gains(*parts) if rank or drift else None,
     )
     prediction, psi = MotionPrediction(model, n), rng.normal(size=n)
     prediction.begin(psi)

@@ -1,5 +1,10 @@
 """`rt-controller` refuses what does not fit, with a message that names it and an exit code."""
 
+import os
+import pkgutil
+import re
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from threading import Thread
@@ -7,19 +12,17 @@ from types import SimpleNamespace
 
 import pytest
 
-from rt_controller.contract.errors import RtControllerError
+from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.faults import StopCause
 from rt_controller.contract.signals import Mode
 from rt_controller.drive.scenario import DrivenScenario
 from rt_controller.loop import Ending
+from rt_controller.model.artifact import find_model
 from rt_controller.safety.tick import Tick
 from rt_controller.session import ControllerSession
 from rt_controller.terminal import run as terminal_run
-from rt_controller.terminal.command_line import new_app, run_command
-from rt_controller.terminal.entry import INTERRUPTED
 from rt_controller.terminal.stop_message import VEHICLE_KNOWS
 
-Run = Callable[..., tuple[int, str]]
 LINKED = ("--json", "--ticks", "--plot", "--record")
 LONG = "/tmp/[/x]/[sim]/" + 20 * "long-folder/"
 
@@ -33,14 +36,21 @@ LONG = "/tmp/[/x]/[sim]/" + 20 * "long-folder/"
         ("--bus virtual --bus-option fd", "written --bus-option.KEY VALUE, found 'fd'"),
         ("--bus socketcan --pace lockstep", "--pace lockstep: expected --bus virtual"),
         ("--bus socketcan --scenario straight", "--scenario: expected --bus virtual"),
-        ("--bus virtual --mpc.horizon 2", "--mpc.horizon: expected at least 3, found '2'"),
+        ("explain run.log --tick=-1", "--tick: expected at least 0, found -1."),
+        (
+            "signals check car.toml --bus local --listen-s=nan",
+            "--listen-s: expected a finite number",
+        ),
+        (
+            "signals check car.toml --bus local --bitrate=-5",
+            "--bitrate: expected more than 0, found",
+        ),
         ("--bus virtual --mpc.tolerance.ey-m=-0.1", "--mpc.tolerance.ey-m: expected at least"),
-        ("--bus virtual --realtime.priority 100", "--realtime.priority: expected at most 99"),
         ("--bus virtual --realtime.cpu 99999999999999999999999", "--realtime.cpu"),
         ("--bus virtual --pace leisurely", "--pace"),
         ("--bus virtual --duration-s 0", "--duration-s: expected more than 0.0"),
-        ("--bus virtual --duration-s inf", "--duration-s: expected a finite number"),
         ("--bus virtual --no-such-option 1", "--no-such-option"),
+        ("--bus socketcan --channel can0 --model empty", "koopman.npz"),
         (
             "--bus virtual --mpc.horizon 1 --realtime.phase-ms 99",
             "--mpc.horizon: expected at least 3, found '1'.\n--realtime.phase-ms: expected less",
@@ -59,11 +69,12 @@ LONG = "/tmp/[/x]/[sim]/" + 20 * "long-folder/"
     ],
 )
 def test_what_does_not_fit_is_refused_before_the_drive_with_what_was_expected(
-    run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, arguments: str, expected: str
-) -> None:
+    run, monkeypatch, tmp_path, arguments, expected
+):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "run" / "bundle").mkdir(parents=True)
-    (tmp_path / "folder").mkdir()
+    for name in ("folder", "empty"):
+        (tmp_path / name).mkdir()
     for run_folder in ("run", "folder"):
         (tmp_path / run_folder / "config.json").touch()
     (tmp_path / "loop.svg").symlink_to("loop.svg")
@@ -73,7 +84,7 @@ def test_what_does_not_fit_is_refused_before_the_drive_with_what_was_expected(
     assert not list(tmp_path.glob("drive*"))
 
 
-def test_a_missing_network_interface_is_named(run: Run) -> None:
+def test_a_missing_network_interface_is_named(run):
     code, message = run("--bus", "socketcan", "--channel", "vcan77")
     assert code == 5
     assert "vcan77" in message
@@ -123,119 +134,148 @@ def end_at_start(monkeypatch: pytest.MonkeyPatch, end: Callable[[ControllerSessi
     monkeypatch.setattr(ControllerSession, "start", start)
 
 
-@pytest.mark.parametrize(
-    ("ending", "expected"),
-    [(Ending.STOPPED, 0), (Ending.SAFE_STOPPED, 6), (Ending.ENDED_AT_ONCE, 130)],
-)
-def test_a_request_that_came_too_late_to_end_the_loop_does_not_change_the_exit_code(
-    run: Run, monkeypatch: pytest.MonkeyPatch, ending: Ending, expected: int
-) -> None:
-    def end(session: ControllerSession) -> None:
-        for _ in range(3):
-            session.request_stop()
-        session.record.ending = ending
-
-    end_at_start(monkeypatch, end)
-    code, message = run("--bus", "virtual", "--pace", "lockstep", "--quiet")
-    assert code == expected
-    assert ("ended at once at an unknown speed" in message) == (expected == 130)
-
-
-@pytest.mark.parametrize("has_ended", [False, True])
-def test_a_requested_stop_in_which_the_vehicle_braked_by_itself_names_its_cause(
-    run: Run, monkeypatch: pytest.MonkeyPatch, has_ended: bool
-) -> None:
-    def end(session: ControllerSession) -> None:
-        session.record.ending = Ending.STOPPED
-
-    end_at_start(monkeypatch, end)
-    summary = NoCar.bridge.summary()
-    summary.braking_cause = "LEAVING_PATH"
-    summary.braking_text = "the car was about to leave its path"
-    summary.controller_ended = has_ended  # the car stands, nothing is wrong
-    monkeypatch.setattr(NoCar.bridge, "summary", lambda: summary)
-    code, message = run("--bus", "virtual", "--pace", "lockstep", "--quiet")
-    cause = "stopped on request; the vehicle then braked by itself: the car was about to leave"
-    assert (code, cause in message) == ((0, False) if has_ended else (6, True))
-
-
-def test_a_requested_stop_names_the_braking_that_only_the_vehicle_can_explain(
-    run: Run, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
-) -> None:
-    def end(session: ControllerSession) -> None:
-        session.record.ending = Ending.STOPPED
-        braking = SimpleNamespace(content=SimpleNamespace(is_watchdog_braking=True))
-        monkeypatch.setattr(session.inbox, "newest", lambda _: braking)
-
-    end_at_start(monkeypatch, end)
-    code, message = run(
-        "--bus", "local", "--channel", request.node.name[:20], "--model-trial", "off"
+def fail_a_bus(session: ControllerSession) -> None:
+    session.record.result = Tick(
+        mode=Mode.SAFE_STOP, cause=StopCause.STATE_LOST, bus_fault=StopCause.BUS_FAILED
     )
-    assert code == 6
-    assert f"the vehicle then braked by itself. {VEHICLE_KNOWS}" in message
 
 
-def test_a_safe_stop_names_the_fault_of_the_scenario(
-    run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def end(session: ControllerSession) -> None:
-        session.record.ending = Ending.SAFE_STOPPED
-        session.record.result = Tick(mode=Mode.SAFE_STOP, cause=StopCause.STATE_LOST)
-
-    end_at_start(monkeypatch, end)
-    code, message = run("--bus", "virtual", "--pace", "lockstep")
-    assert code == 6
-    assert "no new vehicle state arrived in time. Faults of this drive: state_lost" in message
+def lose_the_state(session: ControllerSession) -> None:
+    session.record.result = Tick(mode=Mode.SAFE_STOP, cause=StopCause.STATE_LOST)
 
 
-@pytest.mark.parametrize("ending", [Ending.SAFE_STOPPED, Ending.STOPPED])
-def test_a_bus_that_failed_in_a_stop_that_began_for_another_reason_gives_its_exit_code(
-    run: Run, monkeypatch: pytest.MonkeyPatch, ending: Ending
-) -> None:
-    def end(session: ControllerSession) -> None:
+def request_thrice(session: ControllerSession) -> None:
+    for _ in range(3):
+        session.request_stop()  # too late to end the loop
+
+
+def brake_alone(session: ControllerSession) -> None:
+    braking = SimpleNamespace(content=SimpleNamespace(is_watchdog_braking=True))
+    session.inbox.newest = lambda _: braking
+
+
+@pytest.mark.parametrize(
+    ("ending", "happen", "bus", "code", "expected"),
+    [
+        (Ending.STOPPED, request_thrice, "virtual", 0, ""),
+        (Ending.SAFE_STOPPED, request_thrice, "virtual", 6, "Faults of this drive: state_lost"),
+        (Ending.ENDED_AT_ONCE, request_thrice, "virtual", 130, "ended at once at an unknown speed"),
+        (
+            Ending.SAFE_STOPPED,
+            lose_the_state,
+            "virtual",
+            6,
+            "no new vehicle state arrived in time. Fau",
+        ),
+        (Ending.SAFE_STOPPED, fail_a_bus, "virtual", 5, "then: the bus cannot be read"),
+        (Ending.STOPPED, fail_a_bus, "virtual", 5, "then: the bus cannot be read"),
+        (Ending.STOPPED, brake_alone, "local", 6, f"then braked by itself. {VEHICLE_KNOWS}"),
+    ],
+)
+def test_the_exit_code_and_the_message_say_how_a_drive_ended(
+    run, monkeypatch, tmp_path, ending, happen, bus, code, expected
+):
+    def end(session):
+        happen(session)
         session.record.ending = ending
-        session.record.result = Tick(
-            mode=Mode.SAFE_STOP, cause=StopCause.STATE_LOST, bus_fault=StopCause.BUS_FAILED
-        )
 
     end_at_start(monkeypatch, end)
-    code, message = run("--bus", "virtual", "--pace", "lockstep")
-    assert code == 5
-    assert "then: the bus cannot be read" in message
+    pace = ("--pace", "lockstep") if bus == "virtual" else ("--channel", tmp_path.name[-20:])
+    found, message = run("--bus", bus, *pace, "--model-trial", "off", "--quiet")
+    assert found == code
+    assert expected in message
 
 
-def test_a_message_names_options_of_the_chosen_command_only(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    app = new_app("tool", "A tool.")
+def test_all_names_and_ranges_are_refused_in_one_message_before_anything_is_loaded(
+    run, monkeypatch
+):
+    monkeypatch.setattr(terminal_run, "Bundle", None)
+    wrong = {
+        "--model": "lit",
+        "--scenario": "strait",
+        "--car": "none.toml",
+        "--friction": "7",
+        "--plant": "mine",
+        "--mpc.horizon": "2",
+    }
+    code, message = run("--bus", "virtual", *(part for item in wrong.items() for part in item))
+    assert code == 2
+    for option, value in wrong.items():
+        assert re.search(f"{option}: expected .*, found '{value}'", message), option
+    assert "(did you mean straight?)" in message
 
-    @app.command
-    def show(*, model: str = "") -> None:
-        raise RtControllerError("Choose another `model`, or give the log's unit in `unit`.")
 
-    with pytest.raises(SystemExit):
-        run_command(app, ["show"])
-    assert "another --model, or give the log's unit in `unit`." in capsys.readouterr().err
+def test_a_path_is_never_taken_for_a_shipped_name(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ArtifactError, match=r"'\./lti'.*\(did you mean lti\?\)"):
+        find_model("./lti")
+    for folder in ("./lti", "runs/lti"):
+        Path(folder).mkdir(parents=True)
+        assert find_model(folder) == Path(folder)
 
 
-@pytest.mark.parametrize("has_meta", [False, True])
-def test_a_command_that_is_interrupted_ends_with_one_line_and_its_code(
-    has_meta: bool, capsys: pytest.CaptureFixture[str]
-) -> None:
-    app = new_app("program", "A program.", "--option")
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        (b'bus = "sockketcan"', "--bus 'nosuchbus'"),  # the command line comes first
+        (
+            b"[mpc]\nhorizont = 10\n[mpc.tolerance]\ney_m = -3\n[realtime]\nphase_ms = 99\n",
+            r"mpc.tolerance.ey_m: expected at least 1e-06, found -3.\n"
+            r"mpc.horizont: no such setting \(did you mean horizon\?\).\nrealtime.phase_ms: ",
+        ),
+        (b"\xe4 = 1\n", "expected a TOML file in UTF-8"),
+        (b"a = " + b"[" * 20_000, "expected a TOML file in UTF-8"),
+        (None, "expected a TOML file, found Not a regular file"),
+    ],
+)
+def test_every_mistake_of_a_settings_file_is_named(run, tmp_path, content, expected):
+    file = tmp_path / "controller.toml"
+    if content is None:
+        os.mkfifo(file)
+    else:
+        file.write_bytes(content)
+    code, message = run("--config", file, "--bus", "nosuchbus")
+    assert code == 2
+    assert re.search(expected, message)
 
-    @app.default
-    def work() -> None:
-        raise KeyboardInterrupt
 
-    if has_meta:
+@pytest.mark.parametrize("module", ["rt_controller.cli", "sim_bridge.cli"])
+def test_help_and_version_import_neither_python_can_nor_numpy(module):
+    program = (
+        f"import sys; from {module} import main; sys.argv = ['program', '--help']\n"
+        "try: main()\n"
+        "except SystemExit: pass\n"
+        "heavy = {'can', 'numpy', 'scipy', 'onnxruntime'} & set(sys.modules)\n"
+        "sys.exit(f'imported {heavy}' if heavy else 0)"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+    assert found.returncode == 0, found.stderr
+    assert "Exit codes" in found.stdout
 
-        @app.meta.default
-        def with_more() -> int:
-            app([], exit_on_error=False, print_error=False, result_action="return_value")
-            return 0
 
+@pytest.mark.parametrize(
+    ("program", "arguments", "shown", "hidden"),
+    [
+        ("rt_controller.cli.main", "--help", "--scenario", "--mpc.horizon"),
+        ("rt_controller.cli.main", "--help-all", "--mpc.tolerance.ey-m", "All options:"),
+        ("rt_controller.cli.main", "replay --help", "--mcap", "All options:"),
+        ("sim_bridge.cli.main", "--help", "--signals", "--friction-right"),
+        ("offline.cli.train_main", "--help", "--steps", "--bilinear-rank"),
+        ("offline.cli.evaluate_main", "--help", "--noise", "All options:"),
+    ],
+)
+def test_help_shows_the_main_options_and_help_all_every_one_in_groups(
+    monkeypatch, capsys, program, arguments, shown, hidden
+):
+    monkeypatch.setattr("sys.argv", ["program", *arguments.split()])
     with pytest.raises(SystemExit) as ended:
-        run_command(app, [])
-    assert ended.value.code == INTERRUPTED
-    assert capsys.readouterr().err == "program: ended by Ctrl-C\n"
+        pkgutil.resolve_name(program)()
+    text = capsys.readouterr().out
+    assert ended.value.code == 0
+    assert text.startswith("Usage: ")
+    assert shown in text
+    assert hidden not in text
+    options = re.findall(r"^│ [* ]*--", text.partition("─ Commands ─")[2].partition("╰")[2], re.M)
+    assert "--help-all" in arguments or len(options) <= 13

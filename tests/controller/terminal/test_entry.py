@@ -1,15 +1,16 @@
-"""Ctrl-C at any time of the start of a command ends it with one line and exit code 130."""
+"""Ctrl-C, SIGTERM and SIGHUP at any time end a program well; a lost output ends no drive."""
 
+import os
 import signal
 import subprocess
 import sys
-import time
 import tomllib
 from pathlib import Path
 
 import pytest
 
 from rt_controller.terminal.entry import INTERRUPTED, start
+from rt_controller.terminal.stop_signals import SIGNALS, stop_on_signals
 
 PROJECT = Path(__file__).parents[3] / "pyproject.toml"
 COMMANDS: dict[str, str] = tomllib.loads(PROJECT.read_text())["project"]["scripts"]
@@ -18,50 +19,17 @@ LISTENING = "import signal; signal.signal(signal.SIGINT, signal.default_int_hand
 """first, because a test run in the background ignores Ctrl-C"""
 WAIT = "for _ in range(3000): time.sleep(0.02)"
 """a signal just before a long sleep would be handled only after it"""
-LONGEST_START_S = 1.0
-"""later signals meet some of the commands at work"""
 
 
-def interrupted_after(delay_s: float, script: str) -> tuple[int, str]:
-    """Exit code and stderr of a script that gets Ctrl-C so long after it has imported its entry."""
+def interrupted(script: str) -> tuple[int, str]:
+    """Exit code and stderr of a script that gets Ctrl-C when it has started."""
     process = subprocess.Popen(
-        [sys.executable, "-c", script],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
+        [sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
-    assert process.stdout is not None
     assert process.stdout.readline().strip() == STARTED
-    time.sleep(delay_s)
     process.send_signal(signal.SIGINT)
     err = process.communicate(timeout=60)[1]
     return process.returncode, err
-
-
-def script_of(command: str) -> str:
-    """As the console script, with a wait at the end, so that it does not end before the signal."""
-    module, function = COMMANDS[command].split(":")
-    return f"""{LISTENING}
-import sys, time
-from {module} import {function}
-sys.argv = [{command!r}, "--version"]
-print({STARTED!r}, file=sys.__stdout__, flush=True)
-leave = sys.exit
-def leave_or_wait(code):
-    if code == {INTERRUPTED}:
-        leave(code)
-    {WAIT}
-sys.exit = leave_or_wait
-{function}()
-"""
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("command", COMMANDS)
-@pytest.mark.parametrize("step", [3, 12])
-def test_ctrl_c_while_a_command_is_loading_ends_it_with_one_line(command: str, step: int) -> None:
-    code, err = interrupted_after(LONGEST_START_S * step / 20, script_of(command))
-    assert (code, err) == (INTERRUPTED, f"{command}: ended by Ctrl-C\n")
 
 
 def waiting_module(folder: Path, text: str) -> str:
@@ -94,12 +62,12 @@ def main():
 """,
     ],
 )
-def test_ctrl_c_ends_an_import_and_the_work_after_it(text: str, tmp_path: Path) -> None:
-    code, err = interrupted_after(0.0, LISTENING + waiting_module(tmp_path, text))
+def test_ctrl_c_ends_an_import_and_the_work_after_it(text, tmp_path):
+    code, err = interrupted(LISTENING + waiting_module(tmp_path, text))
     assert (code, err) == (INTERRUPTED, "program: ended by Ctrl-C\n")
 
 
-def test_a_command_at_work_cleans_up_after_ctrl_c(tmp_path: Path) -> None:
+def test_a_command_at_work_cleans_up_after_ctrl_c(tmp_path):
     text = f"""
 import time
 def main():
@@ -109,11 +77,11 @@ def main():
     finally:
         open({str(tmp_path / "cleaned")!r}, "w").close()
 """
-    assert interrupted_after(0.0, LISTENING + waiting_module(tmp_path, text))[0] == INTERRUPTED
+    assert interrupted(LISTENING + waiting_module(tmp_path, text))[0] == INTERRUPTED
     assert (tmp_path / "cleaned").exists()
 
 
-def test_an_ignored_ctrl_c_stays_ignored(tmp_path: Path) -> None:
+def test_an_ignored_ctrl_c_stays_ignored(tmp_path):
     text = f"""
 import os, signal
 def main():
@@ -121,11 +89,11 @@ def main():
     os.kill(os.getpid(), signal.SIGINT)
 """
     script = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)"
-    code, err = interrupted_after(0.0, script + waiting_module(tmp_path, text))
+    code, err = interrupted(script + waiting_module(tmp_path, text))
     assert (code, err) == (0, "")
 
 
-def test_every_command_starts_by_its_entry(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_command_starts_by_its_entry(monkeypatch):
     """With the handler of Ctrl-C set before the command's modules are imported."""
     assert start.__module__ == "rt_controller.terminal.entry"
     for name, target in COMMANDS.items():
@@ -133,3 +101,119 @@ def test_every_command_starts_by_its_entry(monkeypatch: pytest.MonkeyPatch) -> N
         entry = getattr(__import__(module, fromlist=[function]), function)
         assert entry.func is start
         assert entry.args[0] == name
+
+
+SIGNALLED_WHILE_IT_ENDS = """
+import atexit, signal, sys
+from rt_controller.terminal.stop_signals import SIGNALS, stop_on_signals
+for number in SIGNALS:
+    atexit.register(signal.raise_signal, number)
+with stop_on_signals(lambda: None):
+    pass
+sys.exit(6)
+"""
+
+
+@pytest.mark.usefixtures("default_hang_up")
+def test_every_signal_requests_a_stop_and_the_handlers_are_put_back():
+    before = [signal.getsignal(number) for number in SIGNALS]
+    requests: list[None] = []
+    with stop_on_signals(lambda: requests.append(None)):
+        for number in SIGNALS:
+            signal.raise_signal(number)
+            signal.raise_signal(number)
+    assert len(requests) == 2 * len(SIGNALS) == 6
+    assert [signal.getsignal(number) for number in SIGNALS] == before
+
+
+@pytest.mark.usefixtures("default_hang_up")
+def test_a_signal_while_the_interpreter_ends_does_not_change_the_exit_code():
+    ended = subprocess.run([sys.executable, "-c", SIGNALLED_WHILE_IT_ENDS], check=False)
+    assert ended.returncode == 6
+
+
+STUCK = """
+import os, signal, sys, threading
+from rt_controller.terminal import stop_signals
+stop_signals.LONGEST_LEAVE_S = 0.05
+with stop_signals.stop_on_signals(lambda: None):
+    for _ in range(int(sys.argv[1])):
+        signal.raise_signal(signal.SIGTERM)
+    stuck = threading.Lock()
+    stuck.acquire()
+    print(stuck.acquire(timeout=float(sys.argv[2])))
+sys.exit(6)
+"""
+
+
+@pytest.mark.parametrize(("signals", "wait_s", "expected"), [(2, 0.2, 6), (3, 60.0, 130)])
+def test_the_third_signal_ends_a_process_that_does_not_end_by_itself(signals, wait_s, expected):
+    command = [sys.executable, "-c", STUCK, str(signals), str(wait_s)]
+    assert subprocess.run(command, check=False, capture_output=True).returncode == expected
+
+
+@pytest.mark.usefixtures("default_hang_up")
+def test_a_hang_up_that_was_ignored_at_the_start_stays_ignored():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    requests: list[None] = []
+    try:
+        with stop_on_signals(lambda: requests.append(None)):
+            signal.raise_signal(signal.SIGHUP)
+        assert not requests
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+PRINT_LATE = """
+import sys
+from rt_controller.terminal.streams import lost_output, protect_streams
+protect_streams()
+sys.stdin.read()
+for stream in (sys.stdout, sys.stderr):
+    for _ in range(3):
+        print("a line of progress", file=stream)
+    stream.flush()
+with open(sys.argv[1], "w") as file:
+    print(sorted(lost_output()), file=file)
+sys.exit(6)
+"""
+
+
+@pytest.mark.parametrize(
+    ("target", "expected"), [("a closed pipe", ["stderr", "stdout"]), ("/dev/full", ["stdout"])]
+)
+def test_output_that_cannot_be_written_raises_nothing_and_is_remembered(tmp_path, target, expected):
+    result, is_pipe = tmp_path / "lost", target == "a closed pipe"
+    if not is_pipe and not Path(target).exists():
+        pytest.skip(f"no {target} on this system")
+    with subprocess.Popen(
+        [sys.executable, "-c", PRINT_LATE, result],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE if is_pipe else Path(target).open("wb"),
+        stderr=subprocess.PIPE if is_pipe else subprocess.DEVNULL,
+    ) as process:
+        for stream in (process.stdout, process.stderr, process.stdin):
+            if stream is not None:
+                stream.close()
+        assert process.wait() == 6
+    assert result.read_text() == f"{expected}\n"
+
+
+COUNT_THREADS = "import rt_controller.cli, numpy, os; print(len(os.listdir('/proc/self/task')))"
+
+
+def threads_after_import(blas_threads: str | None) -> int:
+    chosen = {} if blas_threads is None else {"OPENBLAS_NUM_THREADS": blas_threads}
+    inherited = {k: v for k, v in os.environ.items() if k != "OPENBLAS_NUM_THREADS"}
+    environment = {**inherited, "OMP_NUM_THREADS": "2", **chosen}
+    command = [sys.executable, "-c", COUNT_THREADS]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    return int(done.stdout)
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="threads are counted on Linux")
+def test_linear_algebra_runs_in_one_thread_unless_the_user_sets_more():
+    single = threads_after_import("1")
+    assert threads_after_import(None) == single
+    if len(os.sched_getaffinity(0)) > 1:
+        assert threads_after_import("2") > single

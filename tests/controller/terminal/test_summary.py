@@ -1,16 +1,17 @@
-"""The summary of a run: a verdict, and the same figures for people and for programs."""
+"""The summary of a run: a verdict, its causes, and the same figures for people and for programs."""
 
 import csv
 from math import radians
-from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
 
 import pytest
+from made_frames import PATH, SAMPLE, can_frames
 from rich.console import Console
 
 from rt_controller.bus.condition import BusCondition
-from rt_controller.bus.receive import ReceptionCounts
+from rt_controller.bus.messages import REFERENCE, STATE, Node
+from rt_controller.bus.receive import Inbox, ReceptionCounts
 from rt_controller.contract.errors import OutputError
 from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.signals import AT_REST, ControlInput, Mode, PathReference
@@ -20,21 +21,19 @@ from rt_controller.loop import Ending, RunRecord
 from rt_controller.realtime.scheduling import NO_GUARANTEES
 from rt_controller.realtime.timing import DeadlineAccount, TickTimes
 from rt_controller.report.table import print_table
-from rt_controller.safety.checks import CHECKS
+from rt_controller.safety.checks import CHECKS, NOT_COMPUTED, Quantity
 from rt_controller.safety.tick import Estimate, Tick
 from rt_controller.session import ControllerSession
-from rt_controller.terminal.options import RunOptions
-from rt_controller.terminal.stop_message import FAULT_SENTENCES
-from rt_controller.terminal.summary import (
-    driven_to_json,
-    fault_sentences,
-    to_json,
-    to_table,
-    verdict,
-    write_ticks,
+from rt_controller.terminal.stop_message import (
+    FAULT_SENTENCES,
+    VEHICLE_KNOWS,
+    begin_of_stop,
+    explain_stop,
+    failed_checks,
 )
+from rt_controller.terminal.summary import fault_sentences, to_json, to_table, verdict, write_ticks
 
-PATH = PathReference(0.0, 0.0, 0.0, 0.0, 20.0, 0.0)
+LANE = PathReference(0.0, 0.0, 0.0, 0.0, 20.0, 0.0)
 TRUE = LateralError(0.1, 0.25)
 
 
@@ -65,8 +64,8 @@ def session_with(*results: Tick) -> ControllerSession:
 
 def driving(ey_m: float = 0.0, speed_mps: float | None = 20.0, **others: object) -> Tick:
     state, estimate = AT_REST._replace(vx_mps=20.0, ey_m=ey_m), Estimate(speed_mps=speed_mps)
-    fields = {"mode": Mode.NOMINAL, "state": state, "path": PATH, "estimate": estimate, **others}
-    return Tick(**fields)  # type: ignore[arg-type]
+    fields = {"mode": Mode.NOMINAL, "state": state, "path": LANE, "estimate": estimate, **others}
+    return Tick(**fields)
 
 
 def text(session: ControllerSession, is_verbose: bool = False) -> str:
@@ -121,23 +120,16 @@ STOP = driving(0.1, mode=Mode.SAFE_STOP, cause=StopCause.SOLVER_FAILED)
             f"The car was not taken over: {StopCause.NOT_ENGAGED.value}.",
         ),
         ([Tick()], Ending.STOPPED, "", "The car was not driven: stopped on request."),
-        (
-            [],
-            Ending.STOPPED,
-            "",
-            "Nothing was driven: the drive ended before the first tick.",
-        ),
+        ([], Ending.STOPPED, "", "Nothing was driven: the drive ended before the first tick."),
     ],
 )
-def test_the_verdict_is_one_sentence_about_the_drive(
-    results: list[Tick], ending: Ending, braking: str, expected: str
-) -> None:
+def test_the_verdict_is_one_sentence_about_the_drive(results, ending, braking, expected):
     session = session_with(*results)
     session.record.ending = ending
     assert verdict(session, TRUE, braking) == expected
 
 
-def test_every_fault_that_occurred_is_explained_in_a_sentence() -> None:
+def test_every_fault_that_occurred_is_explained_in_a_sentence():
     both = Fault.PREVIEW_IMPLAUSIBLE | Fault.DEADLINE_MISSED
     session = session_with(
         *(driving(faults=f) for f in (both, Fault.PREVIEW_IMPLAUSIBLE, Fault(0)))
@@ -152,7 +144,7 @@ def test_every_fault_that_occurred_is_explained_in_a_sentence() -> None:
     assert fault_sentences(session_with(driving()).record) == []
 
 
-def test_a_regular_drive_is_shown_in_a_few_lines_and_with_verbose_in_all() -> None:
+def test_a_regular_drive_is_shown_in_a_few_lines_and_with_verbose_in_all():
     session = session_with(driving(0.03), driving(-0.04))
     short = text(session)
     assert (
@@ -170,7 +162,7 @@ final mode      NOMINAL"""
         assert f"\n{name}  " in text(session, is_verbose=True)
 
 
-def test_what_went_wrong_is_shown_in_both_forms() -> None:
+def test_what_went_wrong_is_shown_in_both_forms():
     limited = driving(0.1, control=ControlInput(0.5, 0.0, -radians(40.0)))
     refused = driving(0.1, faults=Fault.STATE_IMPLAUSIBLE)
     session = session_with(*[limited] * 80, refused, STOP, driving(), STOP, STOP)
@@ -208,16 +200,8 @@ def test_what_went_wrong_is_shown_in_both_forms() -> None:
     )
 
 
-def test_on_a_bus_to_another_vehicle_only_the_own_end_is_known() -> None:
-    driven = driven_to_json(RunOptions(bus="local", channel="a"), None)
-    assert (driven["bus"], driven["channel"], driven["pace"]) == ("local", "a", "realtime")
-    assert {driven[name] for name in ("scenario", "plant", "car", "friction")} == {None}
-
-
 @pytest.mark.parametrize(("ticks", "first"), [(3, 0), (12, 7)])
-def test_the_file_of_ticks_has_a_row_for_each_of_the_last_ones_oldest_first(
-    tmp_path: Path, ticks: int, first: int
-) -> None:
+def test_the_file_of_ticks_has_a_row_for_each_of_the_last_ones_oldest_first(tmp_path, ticks, first):
     write_ticks(tmp_path / "ticks.csv", account(ticks))
     with (tmp_path / "ticks.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -226,3 +210,77 @@ def test_the_file_of_ticks_has_a_row_for_each_of_the_last_ones_oldest_first(
     assert [float(row["wake_us"]) for row in rows] == [100.0 * int(row["tick"]) for row in rows]
     with pytest.raises(OutputError, match="--ticks"):
         write_ticks(tmp_path / "gone" / "ticks.csv", account(3))
+
+
+@pytest.mark.parametrize(
+    ("cause", "message", "content", "expected"),
+    [
+        (
+            StopCause.STATE_INVALID,
+            *(STATE, SAMPLE._replace(state=SAMPLE.state._replace(ey_m=30.1))),
+            "STATE_B: LateralError: expected a value of -30 to 30 m, found none or one beyond it",
+        ),
+        (
+            StopCause.REFERENCE_INVALID,
+            *(REFERENCE, PATH._replace(c0_m=-31.0)),
+            "REF_PATH: C0: expected a value of -30 to 30 m, found none or one beyond it",
+        ),
+    ],
+)
+def test_a_safe_stop_names_the_signal_that_is_out_of_range(cause, message, content, expected):
+    inbox = Inbox(Node.CONTROLLER)
+    for frame in can_frames(message, content, 1):
+        inbox.accept(frame, 0)
+    assert explain_stop(cause, inbox, ()) == f"{cause.value}. {expected}."
+
+
+def stopped(cause: StopCause) -> ControllerSession:
+    """After a safe stop in whose first tick the brake was 15 N beside its commands."""
+    values = [NOT_COMPUTED] * len(Quantity)
+    values[Quantity.BRAKE_N] = 15.0
+    record = SimpleNamespace(stop_tick=184, stop_s=4.6, result=Tick(cause=cause))
+    session = SimpleNamespace(stop_values=values, checks=CHECKS, record=record)
+    return cast("ControllerSession", session)
+
+
+def test_a_safe_stop_names_its_tick_and_the_check_with_value_and_limit():
+    assert failed_checks(stopped(StopCause.MISSION_LOST)) == []
+    session = stopped(StopCause.BRAKE_MISMATCH)
+    assert begin_of_stop(session) == "safe stop at 4.600 s (tick 184)"
+    failed = failed_checks(session)
+    assert explain_stop(
+        StopCause.BRAKE_MISMATCH, Inbox(Node.CONTROLLER), ("stuck",), failed=failed
+    ) == (
+        "the brake does not follow the commands (brake feedback, 15 of 10 N). Faults of this "
+        "drive: stuck."
+    )
+
+
+@pytest.mark.parametrize(
+    ("cause", "options", "expected"),
+    [
+        (StopCause.VEHICLE_BRAKING, {}, f". {VEHICLE_KNOWS}"),
+        (StopCause.VEHICLE_BRAKING, {"braking": VEHICLE_KNOWS}, f". {VEHICLE_KNOWS}"),
+        (
+            StopCause.VEHICLE_BRAKING,
+            {"braking": "the throttle stays open", "faults": ("stuck from 2 s",)},
+            ": the throttle stays open. Faults of this drive: stuck from 2 s.",
+        ),
+        (
+            StopCause.STATE_OLD,
+            {"braking": "it slid"},
+            "; the vehicle then braked by itself: it slid. ",
+        ),
+        (
+            StopCause.STATE_LOST,
+            {"bus_fault": StopCause.BUS_FAILED},
+            ", then: the bus cannot be read: expected frames or silence, found WebsocketClosed: "
+            "1006. Check the interface and its connection, then start again.",
+        ),
+    ],
+)
+def test_a_stop_says_its_cause_and_what_else_happened(cause, options, expected):
+    inbox = Inbox(Node.CONTROLLER)
+    inbox.last_failure = "WebsocketClosed: 1006"
+    text = explain_stop(cause, inbox, **{"faults": (), **options})
+    assert text.startswith(cause.value + expected)

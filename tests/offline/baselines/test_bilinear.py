@@ -9,7 +9,7 @@ from made_drives import drive, relative_error
 
 from offline.baselines.bilinear import (
     BilinearSettings,
-    Gains,
+    GainColumns,
     evaluate_monomials,
     fit_bilinear,
     monomials_of,
@@ -44,7 +44,7 @@ def late_step(x, u, w, u_before):
     return 0.95 * x + 0.1 * np.stack([x[:, 2], u_before[:, 1], u[:, 0]], axis=1)
 
 
-def settings_of(*observables, past_steps=(0,), gains=(Gains.STATES,), ridges=RIDGES):
+def settings_of(*observables, past_steps=(0,), gains=(GainColumns.STATES,), ridges=RIDGES):
     return BilinearSettings(observables, past_steps, ridges, gains)
 
 
@@ -59,7 +59,7 @@ def test_products_with_the_inputs_fit_a_bilinear_system():
     made = drive(bilinear_step)
     found = fit_bilinear(made, settings_of(14))
     assert found.dictionary.gains == (0, 1, 2)
-    assert found.matrices.bilinear.follows is Follow.PREDICTION
+    assert found.matrices.gains.follows is Follow.PREDICTION
     assert relative_error(found, made.select("test"))[1] < 1e-4
 
 
@@ -78,7 +78,7 @@ def test_a_dictionary_of_given_size_has_the_most_relevant_monomials():
 
 def test_the_search_is_repeatable():
     made = drive(bilinear_step)
-    settings = settings_of(12, past_steps=(0, 1), gains=tuple(Gains))
+    settings = settings_of(12, past_steps=(0, 1), gains=tuple(GainColumns))
     one, other = fit_bilinear(made, settings), fit_bilinear(made, settings)
     assert np.array_equal(one.matrices.A, other.matrices.A)
     assert np.array_equal(one.dictionary.monomials, other.dictionary.monomials)
@@ -117,9 +117,9 @@ def selftest_of(dataset):
 @pytest.mark.parametrize(
     "settings",
     [
-        settings_of(20, past_steps=(2,), gains=(Gains.PRODUCTS,), ridges=(1e-6,)),
-        settings_of(34, gains=(Gains.SPEED,), ridges=(1e-6,)),
-        settings_of(20, gains=(Gains.STATES,), ridges=(1e-6,)),
+        settings_of(20, past_steps=(2,), gains=(GainColumns.PRODUCTS,), ridges=(1e-6,)),
+        settings_of(34, gains=(GainColumns.SPEED,), ridges=(1e-6,)),
+        settings_of(20, gains=(GainColumns.STATES,), ridges=(1e-6,)),
     ],
     ids=["products and past", "speed", "states"],
 )
@@ -138,7 +138,7 @@ def test_the_bundle_predicts_what_the_model_predicts(settings, tmp_path):
 
 
 def test_speed_gains_are_the_first_centred_state_and_its_powers(toy_dataset):
-    settings = settings_of(80, past_steps=(1,), gains=(Gains.SPEED,))
+    settings = settings_of(80, past_steps=(1,), gains=(GainColumns.SPEED,))
     model = fit_bilinear(toy_dataset, settings)
     windows = toy_dataset.select("test")
     x, w, past = (windows[i].astype(np.float64) for i in (0, 2, 3))

@@ -9,7 +9,7 @@ from dataset_numbers import same_numbers
 
 from offline.config import PAST_STEPS, STEPS
 from offline.data.dataset import cache, exists, load_dataset, save_dataset, split_episodes
-from offline.data.generate import make_dataset, require_room, steering_geometry
+from offline.data.generate import make_dataset, simulated_origin, steering_geometry
 from offline.data.manifest import (
     MANIFEST_FILE,
     PARTS,
@@ -18,7 +18,7 @@ from offline.data.manifest import (
     SourceFile,
     read_manifest,
 )
-from offline.data.recipe import FrictionBand, Recipe
+from offline.data.recipe import Recipe
 from offline.data.recording import cut
 from offline.data.signals import VEHICLE_ROLES
 from offline.data.variation import VARIED
@@ -101,7 +101,6 @@ def with_conditions(dataset):
     return {
         "recording": dataset.recording._replace(conditions=np.column_stack([t, -t])),
         "conditions": ("friction_left", "bank_rad"),
-        "rejected_by_friction": (FrictionBand((0.0, 0.4), 30, 10),),
     }
 
 
@@ -111,7 +110,6 @@ def test_conditions_are_kept_with_their_names_and_change_the_hash(toy_dataset, t
     assert same_numbers(loaded, saved)
     assert loaded.manifest == saved.manifest
     assert loaded.manifest.conditions == ("friction_left", "bank_rad")
-    assert loaded.manifest.rejected_by_friction[0].rejected_fraction == 0.25
     assert loaded.sha256 != toy_dataset.sha256
     assert loaded.conditions_at(np.array([[3, 5]])).tolist() == [[[3.0, -3.0], [5.0, -5.0]]]
 
@@ -254,14 +252,7 @@ def test_poses_and_roads_belong_together(toy_dataset, tmp_path, roads):
         save_again(tmp_path, toy_dataset, **changes)
 
 
-def test_a_disk_without_room_is_refused_before_the_simulation(tmp_path, monkeypatch):
-    monkeypatch.setattr("offline.data.generate.generate", pytest.fail)
-    origin = Simulated(Recipe(), 10**12, 0, "car")
-    with pytest.raises(DatasetError, match=r"MB where 22100000000\.0 MB are needed"):
-        make_dataset(tmp_path / "data", origin)
-
-
 def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(DatasetError, match="expected a folder with room for a data set"):
-        require_room(tmp_path / "file" / "data", 0)
+        make_dataset(tmp_path / "file" / "data", simulated_origin(Recipe(), 10**9, 0))

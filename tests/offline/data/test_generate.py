@@ -129,7 +129,6 @@ def test_data_do_not_depend_on_the_number_of_processes(variation):
     recipe = Recipe(variation=variation)
     alone, together = (generate(recipe, 24, seed=5, jobs=jobs) for jobs in (1, 2))
     assert alone.rejected == together.rejected
-    assert alone.rejected_by_friction == together.rejected_by_friction
     for one, other in zip(alone.recording, together.recording, strict=True):
         assert np.array_equal(one, other)
     for one, other in zip(alone.slices.anchor, together.slices.anchor, strict=True):
@@ -207,13 +206,11 @@ def test_conditions_are_recorded_for_every_sample_and_cut_with_the_windows():
     assert windows.conditions.shape == (20, STEPS, len(CONDITIONS))
     assert np.array_equal(windows.conditions[:, 0], conditions[made.slices.row])
     assert np.array_equal(windows.take(slice(2)).conditions, windows.conditions[:2])
-    assert sum(band.episodes for band in made.rejected_by_friction) == 4
 
 
 def test_a_recipe_without_variation_has_no_conditions():
     made = generate(Recipe(**CALM), 2, seed=5, jobs=1)
     assert made.recording.conditions is None
-    assert made.rejected_by_friction == ()
 
 
 def test_the_default_recipe_makes_the_same_bytes():

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_models import input_gains, join_gains, saturations
 from toy_predictors import made_test_set, made_trajectories, with_random_error
 
 from offline.evaluation.comparison import compare_models
@@ -11,7 +12,7 @@ from offline.evaluation.model_card import model_facts, write_card
 from offline.model.export_checks import BoxStability, DrivenStability, ExportFigures
 from rt_controller.contract.signals import VEHICLE
 from rt_controller.model.artifact import load_bundle, shipped_model
-from rt_controller.model.dynamics import Bilinear, Drift
+from rt_controller.model.dynamics import Shape
 from rt_controller.model.follow import Follow
 from rt_controller.model.lift import Lift
 from rt_controller.report.table import Fact, format_number
@@ -61,19 +62,17 @@ def test_card_says_what_the_lift_uses_and_how_the_inputs_act(lti):
     richer = replace(
         lti,
         lift=Lift(True, 4, ("vx_mps", "steer_rad")),
-        bilinear=Bilinear(np.zeros((3, n, 3)), np.zeros((3, 3, n)), np.zeros((3, 3))),
+        gains=input_gains(np.zeros((3, n, 3)), np.zeros((3, 3, n)), np.zeros((3, 3)), False),
     )
     found = dict(model_facts(richer))
     assert "rank 3, following the lifted state" in found["input matrix"]
     assert "curvature_per_m" in found["observables"]
     assert "the last 4 periods (100 ms) of vx_mps, steer_rad" in found["observables"]
-    frozen = replace(richer, bilinear=richer.bilinear._replace(follows=Follow.START))
+    frozen = replace(richer, gains=richer.gains._replace(follows=Follow.START))
     assert "rank 3, frozen at the first" in dict(model_facts(frozen))["input matrix"]
-    bent = replace(
-        richer,
-        bilinear=richer.bilinear._replace(saturates=True),
-        drift=Drift(np.zeros((n, 3)), np.zeros((3, n)), np.zeros(3), np.array([-1, 0, -1])),
-    )
+    shape = np.full(9, Shape.TANH)
+    drift = saturations(np.zeros((n, 3)), np.zeros((3, n)), np.zeros(3), np.array([4, 3, 4]), one=4)
+    bent = replace(richer, gains=join_gains(richer.gains._replace(shape=shape), drift))
     facts = dict(model_facts(bent))
     assert facts["input matrix"].startswith("saturating, bilinear of rank 3")
     expected = "saturating with rank 2, and 1 products with curvature_per_m"

@@ -10,7 +10,7 @@ from offline.evaluation import lane_change, plots
 from offline.evaluation.comparison import compare_models
 from offline.evaluation.report import evaluation_page, lane_change_section
 from offline.evaluation.series import Series, Slice
-from offline.evaluation.tables import mse_table, ratio_table, series_table
+from offline.evaluation.tables import conditions_table, headline, mse_table, ratio_table
 from rt_controller.contract.signals import VEHICLE, Schema, Signal
 from rt_controller.report.canvas import to_svg
 from rt_controller.report.page import render_page
@@ -73,7 +73,9 @@ def test_page_shows_tables_plots_models_and_sources_without_a_script(comparison,
                 head = f"{column.title}, {column.unit}" if column.unit else column.title
                 shown = f"{cell.text}<br><small>{cell.detail}</small>"
                 assert f'<td data-label="{head}">{shown}</td>' in html
-    assert series_table(comparison, "mdk-net", comparison.series[0]).title in html
+    assert conditions_table(comparison, "mdk-net").title in html
+    body = html[html.index("<h1") :]
+    assert body.index(headline(comparison)) < body.index("<svg") < body.index("<table")
     assert "the mean squared error of lti, the best linear baseline, is" in html
     for text in ("abcdef", "b7c81e03e3c7", "0" * 64, "new-roads", "robustness",
                  "80 km/h", "lti-per-curvature &lt;x&gt;"):  # fmt: skip

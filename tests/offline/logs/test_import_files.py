@@ -1,7 +1,5 @@
 """Drives with one file for each signal become the same data set as one table for each drive."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from made_import import change_log, run_import
@@ -11,7 +9,6 @@ from offline.data.dataset import load_dataset
 from offline.data.manifest import Imported, read_manifest
 from rt_controller.contract.errors import ConfigError, DatasetError
 
-EXAMPLES = Path(__file__).parents[3] / "examples"
 SIGNALS = ("speed", "side", "turn", "wheel", "force")
 
 
@@ -54,7 +51,6 @@ def place(tmp_path):
     [
         ("can/{}.csv", 1.7e9),
         ("{drive}_{}.csv", 0.0),
-        ("{}/{drive}.csv", 50.0),
         ("{drive}/{}-{drive}.csv", 0.0),
     ],
 )
@@ -85,16 +81,14 @@ def test_arrays_with_the_times_in_another_array_are_read(place):
         for name, t_s, values in parts_of(seed):
             folder = place / "logs" / "route" / str(seed) / name
             folder.mkdir(parents=True)
-            for file, array in (("t", 1e3 * t_s), ("value", values[:, None])):
-                with (folder / file).open("wb") as opened:
-                    np.save(opened, array)
-    time = 'file = "t"\ncolumn = "1"\nunit = "ms"'
-    (place / "map.toml").write_text(mapping_of("{}/value", "1", time))
+            np.save(folder / "t.npy", 1e3 * t_s)
+            np.save(folder / "value.npy", values[:, None])
+    time = 'file = "t.npy"\ncolumn = "1"\nunit = "ms"'
+    (place / "map.toml").write_text(mapping_of("{}/value.npy", "1", time))
     run_import(place, "--data", place / "data")
-    dataset = load_dataset(place / "data")
-    assert len(dataset.recording.first) == 3
+    assert len(load_dataset(place / "data").recording.first) == 3
     origin = read_manifest(place / "data" / "manifest.json").origin
-    assert "route/0/speed/t" in {file.name for file in origin.files}
+    assert "route/0/speed/t.npy" in {file.name for file in origin.files}
 
 
 def test_the_file_of_times_may_have_the_name_of_the_signal(place):
@@ -140,18 +134,20 @@ def test_files_that_started_together_need_no_common_clock(place):
     assert run_import(place) == 0
 
 
-def test_a_drive_that_lacks_a_file_or_has_two_is_refused_with_its_folder(place):
+@pytest.mark.parametrize(
+    ("files", "message"),
+    [
+        (["a_turn.csv", "turn.csv"], r"run_1, .*one file \*turn\*\.csv, found 2 \(a_turn"),
+        ([], r"run_1, .*one file \*turn\*\.csv, found none"),
+    ],
+)
+def test_a_drive_that_lacks_a_file_or_has_two_is_refused_with_its_folder(place, files, message):
     write_parts(place, "{}.csv")
     (place / "map.toml").write_text(mapping_of("*{}*.csv"))
-    turn = place / "logs" / "run_1" / "turn.csv"
-    turn.rename(turn.with_name("a_turn.csv"))
-    assert run_import(place) == 0
-    write_csv(turn, {"time": [0], "value": [0]})
-    with pytest.raises(DatasetError, match=r"run_1, .*one file \*turn\*\.csv, found 2 \(a_turn"):
-        run_import(place)
-    turn.unlink()
-    turn.with_name("a_turn.csv").unlink()
-    with pytest.raises(DatasetError, match=r"run_1, .*one file \*turn\*\.csv, found none"):
+    (place / "logs" / "run_1" / "turn.csv").unlink()
+    for name in files:
+        write_csv(place / "logs" / "run_1" / name, {"time": [0], "value": [0]})
+    with pytest.raises(DatasetError, match=message):
         run_import(place)
 
 
@@ -163,34 +159,3 @@ def test_a_folder_without_the_files_and_a_file_are_refused(place):
     (place / "logs").write_text("")
     with pytest.raises(ConfigError, match="expected a folder, because `file`"):
         run_import(place)
-
-
-def test_a_mapping_needs_a_file_for_all_columns_or_for_none(parse):
-    text = mapping_of("{}.csv").replace('file = "side.csv", column = "value"', 'column = "side"')
-    with pytest.raises(ConfigError, match="column side: expected a file, as others have"):
-        parse(text)
-    with pytest.raises(ConfigError, match=r"time\.file: expected a file for each signal"):
-        parse(MAPPING.replace('column = "time"', 'file = "t.npy"'))
-
-
-def test_the_example_reads_a_folder_of_csv_files(place):
-    columns = {
-        "speed": ("speed", 3.6),
-        "lateral_speed": ("side", 1.0),
-        "yaw_rate": ("turn", 180 / np.pi),
-        "steering_wheel": ("wheel", 15 * 180 / np.pi),
-        "throttle": ("force", 0.01),
-        "brake_pressure": ("force", -0.005),
-    }
-    for seed in range(3):
-        (place / "logs" / f"drive {seed}").mkdir()
-        made = make_drive(15.0, 0.01, seed)
-        for file, (name, factor) in columns.items():
-            values = np.maximum(factor * getattr(made, name), 0.0 if name == "force" else -1e9)
-            table = {"t": made.time.tolist(), "value": values.tolist()}
-            write_csv(place / "logs" / f"drive {seed}" / f"{file}.csv", table)
-    (place / "map.toml").write_text((EXAMPLES / "import_files.toml").read_text())
-    run_import(place, "--data", place / "data")
-    dataset = load_dataset(place / "data")
-    assert dataset.schema.input_names == ("steer_rad", "throttle", "brake_pa")
-    assert dataset.recording.x[:, 0].mean() == pytest.approx(15.0, abs=3.0)

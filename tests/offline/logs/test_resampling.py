@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from offline.logs.readers.log import RowsOf, Series
+from offline.logs.readers.log import Series
 from offline.logs.series import (
     LoggedDrive,
     Stretch,
@@ -23,11 +23,8 @@ PERIOD_S = 0.025
 def series(t_s, values, sampling=Sampling.SAMPLED, longest_s=0.1):
     t_s, values = np.asarray(t_s, dtype=float), np.asarray(values, dtype=float)
     connected = np.diff(t_s) <= longest_s
-    rows = np.arange(len(t_s))
-    of = RowsOf(Path("a.csv"), "line")
-    return Series(
-        "v", t_s, values, rows, "m/s", of, name="v", sampling=sampling, connected=connected
-    )
+    rows, names = np.arange(len(t_s)), {"path": Path("a.csv"), "name": "v"}
+    return Series("v", t_s, values, rows, "m/s", **names, sampling=sampling, connected=connected)
 
 
 def whole(one):
@@ -37,14 +34,8 @@ def whole(one):
 def test_stretches_are_where_all_signals_are_known():
     fast = series([0.0, 0.05, 0.1, 0.5, 0.55, 0.6], range(6))
     late = series([0.02, 0.08, 0.14, 0.2, 0.28, 0.36, 0.44, 0.52, 0.58], range(9))
-    drive = LoggedDrive("a.csv", 6, (fast, late), ())
+    drive = LoggedDrive("a.csv", 6, (fast, late))
     assert find_stretches(drive) == [Stretch(0.02, 0.1), Stretch(0.5, 0.58)]
-
-
-def test_stretches_use_times_with_delays_subtracted():
-    on_time, late = series([0.0, 0.05, 0.1], range(3)), series([-0.03, 0.02, 0.07], range(3))
-    drive = LoggedDrive("a.csv", 3, (on_time, late), ())
-    assert find_stretches(drive) == [Stretch(0.0, 0.07)]
 
 
 def test_the_grid_loses_no_sample_to_rounding():
@@ -52,17 +43,26 @@ def test_the_grid_loses_no_sample_to_rounding():
     assert len(grid(Stretch(0.1, 0.1 + 79.9 * PERIOD_S), PERIOD_S)) == 80
 
 
-def test_samples_at_the_period_are_unchanged():
-    values = np.random.default_rng(0).normal(size=50)
-    one = series(3.0 + PERIOD_S * np.arange(50), values)
-    t_s = grid(whole(one), PERIOD_S)
-    np.testing.assert_allclose(resample(one, whole(one), t_s, PERIOD_S), values, atol=1e-9)
+RAMP = 0.01 * np.arange(101)
+NOISE = np.random.default_rng(0).normal(size=50)
 
 
-def test_slow_samples_are_interpolated_linearly():
-    one = series([0.0, 0.04, 0.08], [0.0, 4.0, 0.0])
-    t_s = grid(whole(one), PERIOD_S)
-    assert resample(one, whole(one), t_s, PERIOD_S) == pytest.approx([0.0, 2.5, 3.0, 0.5])
+@pytest.mark.parametrize(
+    ("sampling", "t_s", "values", "expected"),
+    [
+        (Sampling.SAMPLED, 3.0 + PERIOD_S * np.arange(50), NOISE, NOISE),
+        (Sampling.SAMPLED, [0.0, 0.04, 0.08], [0.0, 4.0, 0.0], [0.0, 2.5, 3.0, 0.5]),
+        # Averaging does not shift a ramp at its ends.
+        (Sampling.SAMPLED, RAMP, 7.0 * RAMP, 7.0 * PERIOD_S * np.arange(41)),
+        (Sampling.MEAN, RAMP, RAMP, [*PERIOD_S * (np.arange(40) + 0.5), 1.0]),
+        # A held command is weighted by its duration.
+        (Sampling.HELD, [0.0, 0.01, 0.04, 0.1], [1.0, 2.0, 4.0, 8.0], [1.6, 2.8, 4.0, 4.0, 8.0]),
+    ],
+)
+def test_a_signal_gets_one_sample_per_period(sampling, t_s, values, expected):
+    one = series(t_s, values, sampling)
+    found = resample(one, whole(one), grid(whole(one), PERIOD_S), PERIOD_S)
+    assert found == pytest.approx(np.asarray(expected), abs=1e-9)
 
 
 def test_fast_samples_are_averaged_so_that_no_frequency_is_aliased():
@@ -74,26 +74,6 @@ def test_fast_samples_are_averaged_so_that_no_frequency_is_aliased():
     found = resample(one, whole(one), t_s, PERIOD_S)
     expected = np.sin(2 * np.pi * t_s)
     assert np.max(np.abs(found - expected)[1:-1]) < 0.01
-
-
-def test_averaging_does_not_shift_a_ramp_at_its_ends():
-    one = series(0.01 * np.arange(101), 7.0 * 0.01 * np.arange(101))
-    t_s = grid(whole(one), PERIOD_S)
-    assert resample(one, whole(one), t_s, PERIOD_S) == pytest.approx(7.0 * t_s)
-
-
-def test_a_held_command_is_weighted_by_its_duration():
-    one = series([0.0, 0.01, 0.04, 0.1], [1.0, 2.0, 4.0, 8.0], Sampling.HELD)
-    t_s = grid(whole(one), PERIOD_S)
-    found = resample(one, whole(one), t_s, PERIOD_S)
-    assert found == pytest.approx([(0.01 * 1 + 0.015 * 2) / 0.025, 2.8, 4.0, 4.0, 8.0])
-
-
-def test_the_mean_of_a_ramp_over_the_period_is_its_value_half_a_period_later():
-    one = series(0.005 * np.arange(101), 0.005 * np.arange(101), Sampling.MEAN)
-    t_s = grid(whole(one), PERIOD_S)
-    found = resample(one, whole(one), t_s, PERIOD_S)
-    assert found[:-1] == pytest.approx(t_s[:-1] + 0.5 * PERIOD_S)
 
 
 def test_samples_beyond_a_gap_do_not_influence_a_stretch():

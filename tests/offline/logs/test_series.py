@@ -8,7 +8,7 @@ import pytest
 from made_logs import MAPPING, series_of
 from made_logs import log_of as made_log
 
-from offline.logs.readers.log import Log, RowsOf, Series
+from offline.logs.readers.log import Log, Series
 from offline.logs.series import to_drive
 from rt_controller.contract.errors import DatasetError
 
@@ -23,12 +23,12 @@ steer_rad = {{ column = "d", unit = "rad" }}
 def log_of(values, unit=None, dt_s=0.1):
     values = np.asarray(values, dtype=float)
     t_s = dt_s * np.arange(len(values))
-    rows, of = np.arange(2, len(values) + 2), RowsOf(Path("a.csv"), "line")
+    rows, of = np.arange(2, len(values) + 2), (Path("a.csv"), "line")
     channels = (
-        Series("v", t_s, values, rows, unit, of),
-        Series("d", t_s, np.linspace(0, 0.1, len(values)), rows, None, of),
+        Series("v", t_s, values, rows, unit, *of),
+        Series("d", t_s, np.linspace(0, 0.1, len(values)), rows, None, *of),
     )
-    return Log("a.csv", Path("a.csv"), channels, len(values))
+    return Log("a.csv", channels, len(values))
 
 
 def series(parse, values, state="", unit="m/s", extra=""):
@@ -36,76 +36,60 @@ def series(parse, values, state="", unit="m/s", extra=""):
     return series_of(to_drive(log_of(values, unit), mapping), "vx_mps")
 
 
-def test_factor_offset_unit_and_sign_apply_in_this_order(parse):
-    state = ', unit = "km/h", factor = 2.0, offset = -1.0, sign = -1'
+def test_factor_offset_unit_and_sign_apply_in_this_order_and_the_delay_is_subtracted(parse):
+    state = ', unit = "km/h", factor = 2.0, offset = -1.0, sign = -1, delay_s = 0.32'
     found = series(parse, [10.0, 19.0], state, unit=None)
     assert found.values == pytest.approx([-(2 * 10 - 1) / 3.6, -(2 * 19 - 1) / 3.6])
+    assert found.t_s == pytest.approx([-0.32, -0.22])
 
 
-def test_the_offset_of_a_unit_is_applied(parse):
-    mapping = parse(
-        '[states]\nheat_k = { column = "v", unit = "degC" }\n'
-        '[inputs]\nsteer_rad = { column = "d", unit = "rad" }\n'
-    )
-    assert series_of(to_drive(log_of([20.0, 30.0]), mapping), "heat_k").values[0] == 293.15
+@pytest.mark.parametrize(
+    ("values", "state", "unit", "message"),
+    [
+        ([1.0, np.nan, 3.0], "", "m/s", r"a\.csv, column v, line 3: expected a number"),
+        ([1.0, 2.0, np.inf], "", "m/s", r"column v, line 4: expected a number, found an inf"),
+        ([1.0, 2.0], ', unit = "m/s"', "kph", r"column v: expected numbers in m/s.*in kph"),
+        ([1.0, 2.0], "", None, r"column v: expected a unit, found no unit"),
+        ([1.0, 2.0], "", "blah", "found 'blah'"),
+        ([1.0, 2.0], "", "deg/s", "converted to m/s as in the name vx_mps"),
+        ([90.0, 100.0, 180.0], "", "m/s", r"v, line 4: .*between -20 and 120 m/s.*180"),
+        ([1.0], "", "m/s", "at least two samples"),
+    ],
+)
+def test_numbers_and_units_that_cannot_be_are_refused_with_their_place(
+    parse, values, state, unit, message
+):
+    with pytest.raises(DatasetError, match=message):
+        series(parse, values, state, unit=unit)
 
 
-def test_the_delay_is_subtracted_from_the_time_stamps(parse):
-    found = series(parse, [1.0, 2.0, 3.0], ", delay_s = 0.32")
-    assert found.t_s == pytest.approx([-0.32, -0.22, -0.12])
+@pytest.mark.parametrize(
+    ("values", "state", "unit", "found"),
+    [
+        ([1.0, np.nan, 3.0], ', missing = "skip"', "m/s", [1.0, 3.0]),
+        ([1.0, 2.0], ', unit = "m/s"', "blah", [1.0, 2.0]),
+        ([3.6, 7.2], ', unit = "kph"', "km/h", [1.0, 2.0]),
+        ([3.6, 7.2], "", "km/h", [1.0, 2.0]),
+        ([90.0, 180.0], ", plausible = [0.0, 200.0]", "m/s", [90.0, 180.0]),
+    ],
+)
+def test_the_mapping_can_allow_them(parse, values, state, unit, found):
+    assert series(parse, values, state, unit=unit).values == pytest.approx(found)
 
 
-def test_a_missing_number_is_refused_with_its_place_or_skipped_if_allowed(parse):
-    with pytest.raises(DatasetError, match=r"a\.csv, column v, line 3: expected a number"):
-        series(parse, [1.0, np.nan, 3.0])
-    assert series(parse, [1.0, np.nan, 3.0], ', missing = "skip"').values.tolist() == [1.0, 3.0]
-
-
-def test_an_infinite_number_is_refused(parse):
-    with pytest.raises(DatasetError, match=r"column v, line 4: expected a number, found an inf"):
-        series(parse, [1.0, 2.0, np.inf, 3.0])
-
-
-def test_a_unit_of_the_file_that_differs_from_the_mapping_is_refused(parse):
-    with pytest.raises(DatasetError, match=r"column v: expected numbers in m/s.*in kph"):
-        series(parse, [1.0, 2.0], ', unit = "m/s"', unit="kph")
-    assert series(parse, [1.0, 2.0], ', unit = "kph"', unit="km/h").unit == "m/s"
-
-
-def test_a_signal_without_any_unit_is_refused(parse):
-    with pytest.raises(DatasetError, match=r"column v: expected a unit, found no unit"):
-        series(parse, [1.0, 2.0], unit=None)
-
-
-def test_an_unknown_unit_of_the_file_is_ignored_if_the_mapping_has_one(parse):
-    with pytest.raises(DatasetError, match="found 'blah'"):
-        series(parse, [1.0, 2.0], unit="blah")
-    assert series(parse, [1.0, 2.0], ', unit = "m/s"', unit="blah").values[1] == 2.0
-
-
-def test_a_unit_of_another_quantity_than_the_name_is_refused(parse):
-    with pytest.raises(DatasetError, match="converted to m/s as in the name vx_mps"):
-        series(parse, [1.0, 2.0], unit="deg/s")
-
-
-def test_a_number_outside_the_limits_is_refused_with_its_place(parse):
-    with pytest.raises(DatasetError, match=r"column v, line 4: .*between -20 and 120 m/s.*180"):
-        series(parse, [90.0, 100.0, 180.0])
-    assert series(parse, [90.0, 100.0, 180.0], ", plausible = [0.0, 200.0]").values[2] == 180.0
-
-
-def test_time_that_runs_backwards_is_refused_with_its_place(parse):
-    mapping = parse(ONE_OF_EACH.format(state=', unit = "m/s"'))
-    log = log_of([1.0, 2.0, 3.0])
-    log.channels[0].t_s[2] = 0.05
-    with pytest.raises(DatasetError, match="line 4: expected time to increase"):
-        to_drive(log, mapping)
-
-
-def test_the_drive_is_cut_where_a_signal_changes_faster_than_possible(parse):
-    found = series(parse, [10.0, 10.1, 40.0, 40.1])
-    assert found.connected.tolist() == [True, False, True]
-    assert found.jumps == 1
+@pytest.mark.parametrize(
+    ("values", "state", "connected", "jumps"),
+    [
+        ([10.0, 10.1, 40.0, 40.1], "", [True, False, True], 1),
+        ([1.0, 3.5, 4.0, 4.5, 2.0], ", keep = [3.0, 60.0]", [False, True, True, False], 0),
+    ],
+)
+def test_the_drive_is_cut_where_a_signal_jumps_or_leaves_its_keep_interval(
+    parse, values, state, connected, jumps
+):
+    found = series(parse, values, state)
+    assert found.connected.tolist() == connected
+    assert found.jumps == jumps
 
 
 def test_noise_of_fast_samples_is_not_a_jump(parse):
@@ -113,11 +97,6 @@ def test_noise_of_fast_samples_is_not_a_jump(parse):
     noisy = 10.0 + 0.3 * np.random.default_rng(0).choice([-1.0, 1.0], 1000)
     found = series_of(to_drive(log_of(noisy, dt_s=0.001), mapping), "vx_mps")
     assert found.jumps == 0
-
-
-def test_the_drive_is_cut_where_a_signal_leaves_its_keep_interval(parse):
-    found = series(parse, [1.0, 3.5, 4.0, 4.5, 2.0], ", keep = [3.0, 60.0]")
-    assert found.connected.tolist() == [False, True, True, False]
 
 
 def test_the_first_seconds_can_be_skipped(parse):

@@ -33,7 +33,7 @@ def test_a_linear_bundle_is_lifted_once_and_rolled_out():
 def test_a_frozen_bilinear_bundle_keeps_the_input_matrix_of_its_first_lifted_state():
     """It is lifted with the last rows of the past."""
     bundle = make_bundle(WITH_PAST, rank=2, bend=0.05)
-    bundle = replace(bundle, bilinear=bundle.bilinear._replace(follows=Follow.START))
+    bundle = replace(bundle, gains=bundle.gains._replace(follows=Follow.START))
     rng = np.random.default_rng(0)
     x0, past = bundle.selftest.x[:3], rng.normal(size=(3, 20, 6))
     U, W = rng.normal(size=(3, 4, 3)), rng.normal(size=(3, 4, 1))

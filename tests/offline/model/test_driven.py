@@ -4,7 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_models import WITH_ALL, gains_of, make_bundle
+from made_models import (
+    WITH_ALL,
+    input_gains,
+    join_gains,
+    make_bundle,
+    one_step,
+    saturations,
+)
 
 from offline.model.export_checks import (
     MOST_SIGNALS,
@@ -17,15 +24,17 @@ from rt_controller.contract.arrays import Array
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import Schema, Signal
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import NO_SIGNAL, Bilinear, Drift, one_step
+from rt_controller.model.dynamics import Shape
 
 
 @pytest.fixture
 def bundle() -> Bundle:
-    """Saturating gains of rank 2, and a drift of two terms."""
+    """Saturating gains of the inputs, of the curvature, and of the motion without inputs."""
     return make_bundle(WITH_ALL, rank=2, saturates=True, drift=1, latents=3)
 
 
+RAIN, ONE = 1, 2
+"""columns of [u; w; 1]"""
 LEVEL = (Signal("level_m", "m"),)
 TANK = Schema(LEVEL, (Signal("valve", "1"),), (Signal("rain_mps", "m/s"),), dt_s=0.1)
 
@@ -39,13 +48,14 @@ def tank(
 ) -> Bundle:
     """One state, one input and one exogenous signal.
 
-    `gain` is n s of the bilinear part, `drift` n s and the signal of the drift.
+    `gain` is n s of the input, `drift` n s and the factor of a saturation.
     """
     one, nothing = np.ones((1, 1)), np.zeros((1, 1))
     linear = Bundle.linear(np.array([[a]]), one, nothing, schema=TANK)
-    bilinear = gain and Bilinear(gain * one[None], one[None], nothing, saturates=saturates)
-    added = drift and Drift(drift[0] * one, one, np.zeros(1), np.array([drift[1]]))
-    return replace(linear, bilinear=bilinear or None, drift=added)
+    parts = [input_gains(gain * one[None], one[None], nothing, saturates)] if gain else []
+    if drift:
+        parts.append(saturations(drift[0] * one, one, np.zeros(1), np.array([drift[1]]), ONE))
+    return replace(linear, gains=join_gains(*parts) if parts else None)
 
 
 def box(valve: tuple[float, float] = (0.0, 0.0), rain: tuple[float, float] = (0.0, 0.0)) -> Array:
@@ -83,8 +93,8 @@ def test_points_inside_of_the_box_are_evaluated() -> None:
         np.array([[0.0, 1.0], [0.0, 0.0]]), np.zeros((2, 1)), np.zeros((2, 0)), schema=pair
     )
     N, S = np.array([[-1.0, 0.0], [0.0, 1.0]]), np.array([[0.0, 1.0], [1.0, 0.0]])
-    bilinear = Bilinear(N[:, :, None], S[:, None, :], np.zeros((2, 1)))
-    found = box_stability(replace(linear, bilinear=bilinear), np.array([[0.0], [1.0]]))
+    gains = input_gains(N[:, :, None], S[:, None, :], np.zeros((2, 1)), saturates=False)
+    found = box_stability(replace(linear, gains=gains), np.array([[0.0], [1.0]]))
     assert found.unsaturated.radius == pytest.approx(0.5, abs=1e-3)
     assert found.at_states.radius == pytest.approx(0.5, abs=1e-3)
     assert found.saturated.radius == 0.0
@@ -96,14 +106,11 @@ def test_gains_are_also_as_saturated_as_in_the_self_test(level: float) -> None:
 
     With all gains J is 0.9 + 0.3 - 0.2, without any 0.9, and with the first alone 0.9 + 0.3.
     """
-    model = tank(0.9, 0.3, saturates=True, drift=(-0.2, 0))
-    assert model.bilinear is not None
-    assert model.drift is not None
-    weak, strong = 1e-3, 10.0
+    model = tank(0.9, 0.3, saturates=True, drift=(-0.2, RAIN))
+    size = np.array([1e-3, 10.0])
     model = replace(
         model,
-        bilinear=model.bilinear._replace(N=model.bilinear.N / weak, S=model.bilinear.S * weak),
-        drift=model.drift._replace(N=model.drift.N / strong, S=model.drift.S * strong),
+        gains=model.gains._replace(N=model.gains.N / size, S=model.gains.S * size[:, None]),
         selftest_psi=np.full((2, 1), level),
     )
     found = box_stability(model, box((1.0, 1.0), (1.0, 1.0)))
@@ -114,7 +121,7 @@ def test_gains_are_also_as_saturated_as_in_the_self_test(level: float) -> None:
 
 def test_saturation_of_the_drift_takes_its_part_from_a() -> None:
     """J is a where the gain is not saturated, and a - n s where it is."""
-    saturation = tank(0.9, drift=(-0.3, NO_SIGNAL))
+    saturation = tank(0.9, drift=(-0.3, ONE))
     signals = np.zeros((3, 2))
     found = driven_matrices(saturation, signals, np.array([[1.0], [0.5], [0.0]]))
     np.testing.assert_allclose(found[:, 0, 0], [0.9, 1.05, 1.2])
@@ -124,7 +131,7 @@ def test_saturation_of_the_drift_takes_its_part_from_a() -> None:
 
 
 def test_a_product_with_an_exogenous_signal_acts_like_an_input() -> None:
-    product = tank(0.9, drift=(0.5, 0))
+    product = tank(0.9, drift=(0.5, RAIN))
     assert box_stability(product, box(rain=(-0.1, 0.4))).unsaturated.radius == pytest.approx(1.1)
     assert box_stability(product, box((-9.0, 9.0))).unsaturated.radius == pytest.approx(0.9)
 
@@ -154,9 +161,9 @@ def test_all_corners_are_evaluated_up_to_ten_signals(count: int, is_found: bool)
     many = Schema(LEVEL, inputs, (), dt_s=0.1)
     linear = Bundle.linear(np.array([[0.5]]), np.zeros((1, count)), np.zeros((1, 0)), schema=many)
     signs = np.where(np.arange(count) % 2 == 0, 0.1, -0.1)
-    bilinear = Bilinear(signs[None, None], np.ones((1, count, 1)), np.zeros((1, count)))
+    gains = input_gains(signs[None, None], np.ones((1, count, 1)), np.zeros((1, count)), False)
     found = box_stability(
-        replace(linear, bilinear=bilinear), np.array([[-1.0], [1.0]]) * np.ones(count)
+        replace(linear, gains=gains), np.array([[-1.0], [1.0]]) * np.ones(count)
     ).unsaturated
     assert found.radius <= 0.5 + 0.1 * count
     assert (found.radius == pytest.approx(0.5 + 0.1 * count)) is is_found
@@ -164,22 +171,16 @@ def test_all_corners_are_evaluated_up_to_ten_signals(count: int, is_found: bool)
 
 @pytest.mark.parametrize("saturates", [False, True])
 def test_j_is_the_derivative_of_one_step(bundle: Bundle, saturates: bool) -> None:
-    assert bundle.bilinear is not None
-    assert bundle.drift is not None
-    bundle = replace(bundle, bilinear=bundle.bilinear._replace(saturates=saturates))
-    assert bundle.bilinear is not None
+    if not saturates:
+        is_of_input = bundle.gains.factor < 3
+        shape = np.where(is_of_input, Shape.LINEAR, bundle.gains.shape)
+        bundle = replace(bundle, gains=bundle.gains._replace(shape=shape))
     rng = np.random.default_rng(6)
     psi, u, w, step = 0.3 * rng.normal(size=9), rng.normal(size=3), rng.normal(size=1), 1e-5
     moved = psi + step * np.vstack([np.eye(9), -np.eye(9)])
     after = one_step(bundle, moved, np.tile(u, (18, 1)), np.tile(w, (18, 1)))
     derivative = (after[:9] - after[9:]).T / (2.0 * step)
-    shares = np.concatenate(
-        [
-            gains_of(bundle.bilinear._replace(saturates=False), psi).reshape(-1),
-            psi @ bundle.drift.S.T + bundle.drift.s0,
-        ]
-    )
-    slopes = 1.0 - np.tanh(shares) ** 2
+    slopes = 1.0 - np.tanh(psi @ bundle.gains.S.T + bundle.gains.s0) ** 2
     J = driven_matrices(bundle, np.concatenate([u, w])[None], slopes[None])[0]
     np.testing.assert_allclose(J, derivative, rtol=1e-6, atol=1e-7)
 

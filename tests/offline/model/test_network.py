@@ -13,7 +13,6 @@ from offline.data.signals import VEHICLE_ROLES, Roles
 from offline.model.network import FADING_S, MdkNet
 from offline.model.observables import PathColumns, Sizes, sizes_of
 from rt_controller.contract.signals import VEHICLE, Schema, Signal
-from rt_controller.model.dynamics import NO_SIGNAL
 from rt_controller.model.follow import Follow
 
 SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
@@ -175,7 +174,8 @@ ROADS = Schema(
 def test_a_roll_out_of_other_signals_equals_the_recursion_written_out(sizes):
     model = a_model(sizes)
     assert_written_out(model)
-    assert model.drift_rank == a_config().drift_rank + bool(sizes.path) * len(sizes.road)
+    drift = a_config().drift_rank + bool(sizes.path) * len(sizes.road)
+    assert int((model.factor_columns >= sizes.inputs).sum()) == drift
 
 
 def assert_written_out(model: MdkNet) -> None:
@@ -236,7 +236,7 @@ def test_the_effect_of_inputs_depends_on_the_state_only_with_a_bilinear_part():
 
 def test_without_saturation_exogenous_signals_have_no_bilinear_part():
     model = a_model(saturating_gains=False)
-    assert model.drift_rank == 0
+    assert model.factor_columns.max() < 3
     here, there = torch.randn(2, BATCH, model.n_observables)
     u, w = torch.zeros(1, BATCH, 3), torch.randn(1, BATCH, 1)
     assert torch.equal(model.forcing(here[None], u, w), model.forcing(there[None], u, w))
@@ -258,20 +258,14 @@ def test_the_constant_observable_stays_exactly_one(rank):
 
 def test_a_linear_model_has_no_gains():
     linear, bent = a_model(bilinear_rank=0, drift_rank=0), a_model()
-    assert (linear.rank, linear.drift_rank) == (0, 0)
     assert linear.N_rows.numel() == linear.S.numel() == 0
-    assert (bent.rank, bent.drift_rank) == (RANK + 1, 1 + 2)
+    assert bent.factor_columns.tolist() == [0, 1, 2] * (RANK + 1) + [3, 4, 4]
     assert bent.S.shape == (3 * (RANK + 1) + 3, STATES + LATENTS)
-
-
-def test_without_saturation_there_is_no_drift():
-    model = a_model(saturating_gains=False)
-    assert (model.rank, model.drift_rank) == (RANK + 1, 0)
 
 
 def test_one_block_of_observables_has_no_gains_of_the_path():
     model = a_model(separate_motion=False)
-    assert (model.rank, model.drift_signal) == (RANK, [NO_SIGNAL] * 2)
+    assert model.factor_columns.tolist() == [0, 1, 2] * RANK + [4, 4]
     assert model.A_learned.all()
     assert model.N_learned.all()
     assert model.S_learned.all()

@@ -8,6 +8,7 @@ import onnx
 import pytest
 import torch
 from fitted_network import fitted
+from made_models import input_gains, join_gains, saturations
 
 from offline.data.manifest import describe_training
 from offline.data.signals import fit_scaling
@@ -27,7 +28,7 @@ from rt_controller.contract.errors import ArtifactError, DatasetError
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.model.artifact import load_bundle, save_bundle
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import Bilinear, Drift, Matrices
+from rt_controller.model.dynamics import Matrices
 from rt_controller.model.lift import Lift
 
 
@@ -149,7 +150,7 @@ def with_feedback_of_the_steering(bundle, size, saturates):
     lowest, highest = (np.append(limit, 0.0) for limit in INPUT_LIMITS[:2])
     return replace(
         bundle,
-        bilinear=Bilinear(N, S, np.zeros((1, 3)), saturates=saturates),
+        gains=input_gains(N, S, np.zeros((1, 3)), saturates),
         signal_range=np.stack([lowest, highest]),
     )
 
@@ -211,12 +212,11 @@ def growing_where_a_drift_is_saturated(bundle, by):
     N, S = np.zeros((1, 6, 3)), np.zeros((1, 3, 6))
     weak, strong, curvature_per_m = 1e-6, 10.0, 0.01
     N[0, 0, 0], S[0, 0, 0] = by / weak, weak
-    drift = Drift(np.zeros((6, 1)), np.zeros((1, 6)), np.zeros(1), np.array([0]))
+    drift = saturations(np.zeros((6, 1)), np.zeros((1, 6)), np.zeros(1), np.array([3]), one=4)
     drift.N[0, 0], drift.S[0, 0] = -by / curvature_per_m / strong, strong
     return replace(
         bundle,
-        bilinear=Bilinear(N, S, np.zeros((1, 3)), saturates=True),
-        drift=drift,
+        gains=join_gains(input_gains(N, S, np.zeros((1, 3)), True), drift),
         signal_range=np.tile([1.0, 0.0, 0.0, curvature_per_m], (2, 1)),
     )
 
@@ -248,16 +248,12 @@ def test_a_matrix_that_is_not_finite_is_refused(lti, toy_dataset, field):
 
 
 @pytest.mark.parametrize("field", ["N", "S", "s0"])
-def test_gains_or_a_drift_that_are_not_finite_are_refused(lti, toy_dataset, field):
+def test_gains_that_are_not_finite_are_refused(lti, toy_dataset, field):
     bent = with_feedback_of_the_steering(lti, 0.0, True)
-    gains = bent.bilinear._replace(**{field: with_nan(getattr(bent.bilinear, field))})
+    check_export(bent, toy_dataset)
+    gains = bent.gains._replace(**{field: with_nan(getattr(bent.gains, field))})
     with pytest.raises(ArtifactError, match="finite numbers"):
-        check_export(replace(bent, bilinear=gains), toy_dataset)
-    drift = Drift(np.zeros((6, 1)), np.zeros((1, 6)), np.zeros(1), np.array([-1]))
-    check_export(replace(lti, drift=drift), toy_dataset)
-    broken = drift._replace(**{field: with_nan(getattr(drift, field))})
-    with pytest.raises(ArtifactError, match="finite numbers"):
-        check_export(replace(lti, drift=broken), toy_dataset)
+        check_export(replace(bent, gains=gains), toy_dataset)
 
 
 def test_an_encoder_that_differs_from_training_is_not_exported(lti, toy_dataset):

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from offline.logs.episode import LogEpisode
-from offline.logs.readers.log import Log, RowsOf, Series
+from offline.logs.readers.log import Log, Series
 
 WHEELBASE_M = 2.7
 MASS_KG = 1500.0
@@ -98,9 +98,9 @@ def episode_of(made: Made, file="a.csv") -> LogEpisode:
 
 def log_of(t_s, columns, file="a.csv", unit=None) -> Log:
     """A log of these columns, its rows counted from 1."""
-    of, rows = RowsOf(Path(file), "row"), np.arange(1, len(t_s) + 1)
-    channels = tuple(Series(name, t_s, v, rows, unit, of) for name, v in columns.items())
-    return Log(file, Path(file), channels, len(rows))
+    rows = np.arange(1, len(t_s) + 1)
+    channels = tuple(Series(name, t_s, v, rows, unit, Path(file)) for name, v in columns.items())
+    return Log(file, channels, len(rows))
 
 
 def series_of(drive, name):

@@ -4,29 +4,25 @@ import torch
 from torch import Tensor
 
 from offline.model.network import MdkNet
-from rt_controller.model.dynamics import NO_SIGNAL
+from rt_controller.model.dynamics import Shape
 from rt_controller.model.follow import Follow
 
 
 def step(model: MdkNet, psi: Tensor, followed: Tensor, u: Tensor, w: Tensor) -> Tensor:
-    """psi_(k+1) (n,): A psi + (B_i + sum_r N_ri g(S_ri psi')) u_i + B_w w + drift at psi'.
+    """psi_(k+1) (n,): A psi + B [u; w] + sum_r N_r g_r(S_r psi') f_r.
 
-    g is the hyperbolic tangent if the gains saturate. psi' is `followed` (n,); u (m,), w (p,).
+    psi' is `followed` (n,); u (m,), w (p,).
     """
     A, B = model.operator()
     S, N = model.gains()
-    m = model.sizes.inputs
-    after = A @ psi + B[:, m:] @ w
-    for i in range(m):
-        column = B[:, i]
-        for r in range(model.rank):
-            share = S[r * m + i] @ followed
-            column = column + N[:, r * m + i] * (share.tanh() if model.saturates else share)
-        after = after + column * u[i]
-    for d, signal in enumerate(model.drift_signal):
-        share = S[model.rank * m + d] @ followed
-        term = share.tanh() - share if signal == NO_SIGNAL else share.tanh() * w[signal]
-        after = after + N[:, model.rank * m + d] * term
+    after = A @ psi + B @ torch.cat([u, w])
+    signals = [*u, *w, 1.0]
+    columns = [column for term in model.terms for column in term.factors]
+    shapes = [term.shape for term in model.terms for _ in term.factors]
+    for r, (column, shape) in enumerate(zip(columns, shapes, strict=True)):
+        a = S[r] @ followed
+        t = {Shape.LINEAR: a, Shape.TANH: a.tanh(), Shape.SATURATION: a.tanh() - a}[shape]
+        after = after + N[:, r] * t * signals[column]
     return after
 
 

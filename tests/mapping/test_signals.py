@@ -1,0 +1,304 @@
+"""What is written in a car's own messages is read back; an independent decoder agrees."""
+
+from math import degrees, isnan, pi
+
+import can
+import cantools
+import crccheck
+import pytest
+from own_car import (
+    EXAMPLE,
+    VALUES,
+    command_reader,
+    command_writer,
+    example,
+    state_reader,
+    state_writer,
+)
+
+from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.mapping.car_file import find_source, load_dbc, read_car
+from rt_controller.mapping.log_damage import explain_damage, is_candump_line
+from rt_controller.mapping.signal_frames import SignalReader, SignalWriter
+from rt_controller.mapping.slots import Slot
+from rt_controller.mapping.tables import ColumnMapping, SwitchMapping
+
+CONTROL = {
+    "commands.throttle": 0.25,
+    "commands.brake_n": 30.0,
+    "commands.steer_rad": 0.3,
+    "commands.mode": 1.0,
+}
+
+
+def decoded(frames):
+    """The physical values as cantools decodes them, by signal."""
+    database = example().database
+    found = {}
+    for frame in frames:
+        message = database.get_message_by_frame_id(frame.arbitration_id)
+        found |= message.decode(bytes(frame.data), decode_choices=False)
+    return found
+
+
+def test_every_signal_of_the_car_is_read_back_in_si():
+    car = example()
+    reader, found = state_reader(car), {}
+    for frame in state_writer(car).frames(VALUES, 0):
+        found |= reader.read(frame)
+    assert found == pytest.approx(VALUES, rel=2e-3, abs=1e-4)
+
+
+def test_units_signs_pages_and_identifiers_are_those_of_the_dbc():
+    frames = state_writer(example()).frames(VALUES, 0)
+    found = decoded(frames)
+    assert found["VehicleSpeed"] == pytest.approx(72.0)
+    assert found["YawRateRight"] == pytest.approx(-degrees(0.02), abs=0.005)
+    assert found["WheelAngleRight"] == pytest.approx(-degrees(0.1), abs=0.02)
+    assert found["Offset"] == pytest.approx(50.0)
+    localisation = [frame for frame in frames if frame.arbitration_id == 0x18FF0600]
+    assert [frame.data[0] & 0xF for frame in localisation] == [0, 1, 2]
+    assert all(frame.is_extended_id for frame in localisation)
+
+
+def test_messages_are_sent_with_the_periods_of_the_dbc():
+    writer = state_writer(example())
+    sent = [{frame.arbitration_id for frame in writer.frames(VALUES, k)} for k in range(4)]
+    assert [0x123 in ids for ids in sent] == [True] * 4
+    assert [0x321 in ids for ids in sent] == [True, False, True, False]
+    assert [0x322 in ids for ids in sent] == [True, False, False, False]
+
+
+def test_a_command_is_two_pages_with_the_enable_bit_counter_and_checksum():
+    writer, reader = command_writer(example()), command_reader(example())
+    driving, standby = writer.frames(CONTROL, 0, True), writer.frames(CONTROL, 1, False)
+    assert [frame.data[1] for frame in (*driving, *standby)] == [0, 1, 2, 3]
+    for frame in driving:
+        others = bytes([*frame.data[:2], *frame.data[3:], 0xA5])
+        assert frame.data[2] == crccheck.crc.Crc8Autosar.calc(others)
+    found = {}
+    for frame in driving:
+        found |= reader.read(frame)
+    assert found == pytest.approx({**CONTROL, "driving": 1.0}, abs=1e-3)
+    assert reader.read(standby[0])["driving"] == 0.0
+
+
+def test_a_command_beyond_the_range_of_its_signal_is_sent_at_the_limit():
+    writer = command_writer(example())
+    found = decoded(writer.frames({**CONTROL, "commands.brake_n": 900.0}, 0))
+    assert found["BrakeRequest"] == pytest.approx(500.0)
+
+
+def test_a_value_that_is_not_known_is_not_sent():
+    frames = state_writer(example()).frames({**VALUES, "states.vx_mps": float("nan")}, 0)
+    assert 0x123 not in {frame.arbitration_id for frame in frames}
+
+
+@pytest.fixture
+def speed_frames():
+    """Two frames of the speed, which has counter and checksum."""
+    writer = state_writer(example())
+    return [writer.frames(VALUES, k)[0] for k in range(2)]
+
+
+def test_a_damaged_and_a_repeated_frame_are_dropped(speed_frames):
+    reader = state_reader(example())
+    first, second = speed_frames
+    assert reader.read(first) is not None
+    assert reader.read(first) is None
+    damaged = can.Message(arbitration_id=0x123, is_extended_id=False, data=bytes(second.data))
+    damaged.data[0] ^= 1
+    assert reader.read(damaged) is None
+    assert reader.read(second) is not None
+    counts = reader.counts["WheelSpeed"]
+    assert (counts.accepted, counts.repeated, counts.wrong_checksum) == (2, 1, 1)
+
+
+def test_a_frame_that_is_too_short_or_of_the_other_kind_of_identifier_is_dropped(speed_frames):
+    reader = state_reader(example())
+    short = can.Message(arbitration_id=0x123, is_extended_id=False, data=b"\0\0\0")
+    other = can.Message(arbitration_id=0x123, is_extended_id=True, data=speed_frames[0].data)
+    assert reader.read(short) is None
+    assert reader.read(other) is None
+    assert reader.counts["WheelSpeed"].wrong_length == 1
+
+
+@pytest.mark.parametrize(("raw", "is_used"), [(60000, True), (65535, False)])
+def test_a_value_outside_the_range_of_the_dbc_is_none(raw, is_used):
+    car = example()
+    message = car.database.get_message_by_name("SpeedWish")
+    data = message.encode({"Speed": raw, "Acceleration": 0}, scaling=False, strict=False)
+    frame = can.Message(arbitration_id=0x321, is_extended_id=False, data=data)
+    found = state_reader(car).read(frame)["reference.v_mps"]
+    assert isnan(found) is not is_used
+
+
+DBC = """VERSION ""
+BU_: CAR PC
+BO_ 16 Status: 8 CAR
+ SG_ State : 0|3@1+ (1,0) [0|7] "" PC
+ SG_ Heading : 8|16@1+ (0.01,0) [0|359.99] "deg" PC
+ SG_ Pressure : 24|12@1+ (0.1,0) [0|250] "bar" PC
+ SG_ Pedal : 40|8@1+ (0.5,0) [0|100] "" PC
+VAL_ 16 State 0 "Off" 1 "Ready" 2 "Active" 6 "Fault" 7 "SNA" ;
+"""
+ANY = (float("-inf"), float("inf"))
+
+
+def both_ways(slot, value):
+    """What is read of a value that was written."""
+    database = cantools.database.load_string(DBC, "dbc")
+    (frame,) = SignalWriter([slot], {}, database, "car").frames({slot.name: value}, 0)
+    found = SignalReader([slot], {}, database, "car").read(frame)[slot.name]
+    return database.decode_message(16, bytes(frame.data), decode_choices=False), found
+
+
+def switch(*on):
+    column = SwitchMapping(column="State", on=on)
+    return Slot("mission.engage", column, "1", ANY, frozenset(on))
+
+
+def test_a_switch_is_on_at_its_values_only():
+    database = cantools.database.load_string(DBC, "dbc")
+    reader, message = SignalReader([switch(2, 3)], {}, database, "car"), database.messages[0]
+    found = []
+    for raw in range(8):
+        (frame,) = SignalWriter([switch(raw)], {}, database, "car").frames(
+            {"mission.engage": 1.0}, 0
+        )
+        found.append(reader.read(frame)["mission.engage"])
+    assert message.get_signal_by_name("State").choices[7] == "SNA"
+    assert found[:7] == [0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0]
+    assert isnan(found[7])
+
+
+@pytest.mark.parametrize(("on", "off"), [((2, 3), 0), ((0,), 1)])
+def test_a_simulated_car_sends_a_switch_with_its_values(on, off):
+    assert both_ways(switch(*on), 1.0)[0]["State"] == min(on)
+    assert both_ways(switch(*on), 0.0)[0]["State"] == off
+
+
+@pytest.mark.parametrize("yaw_rad", [-3.0, 0.0, 2.1, 7.0])
+def test_a_compass_heading_is_sent_in_the_range_of_its_signal(yaw_rad):
+    """Clockwise from north, 0 to 360 deg."""
+    column = ColumnMapping(column="Heading", unit="deg", sign=-1, offset=-90.0)
+    sent, found = both_ways(Slot("pose.yaw", column, "rad", ANY), yaw_rad)
+    assert sent["Heading"] == pytest.approx((90.0 - yaw_rad * 180.0 / pi) % 360.0, abs=0.006)
+    assert (found - yaw_rad + 0.1) % (2.0 * pi) == pytest.approx(0.1, abs=1e-4)
+
+
+def test_a_factor_converts_to_another_quantity():
+    column = ColumnMapping(column="Pressure", unit="N", factor=3.0)
+    sent, found = both_ways(Slot("commands.brake_n", column, "N", ANY), 60.0)
+    assert sent["Pressure"] == pytest.approx(20.0)
+    assert found == pytest.approx(60.0)
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor", "si", "hint"),
+    [("N", 1.0, "N", "factor that converts bar to N"), ("kPa", 2.0, "Pa", "Correct the unit")],
+)
+def test_another_unit_than_that_of_the_dbc_is_refused(unit, factor, si, hint):
+    column = ColumnMapping(column="Pressure", unit=unit, factor=factor)
+    with pytest.raises(DatasetError, match=hint):
+        both_ways(Slot("commands.brake_n", column, si, ANY), 1.0)
+
+
+def test_a_signal_without_a_unit_in_the_dbc_has_that_of_the_mapping():
+    column = ColumnMapping(column="Pedal", unit="%")
+    sent, found = both_ways(Slot("commands.throttle", column, "1", ANY), 0.25)
+    assert sent["Pedal"] == 25.0
+    assert found == pytest.approx(0.25)
+
+
+def changed(tmp_path, *replacements):
+    text = EXAMPLE.read_text()
+    for old, new in replacements:
+        assert old in text
+        text = text.replace(old, new)
+    for name in ("car.dbc", "line.csv"):
+        (tmp_path / name).write_text((EXAMPLE.parent / name).read_text())
+    path = tmp_path / "car.toml"
+    path.write_text(text)
+    return path
+
+
+def test_the_example_is_a_mapping_of_offline_import_too():
+    log_mapping = pytest.importorskip("offline.logs.mapping")
+    mapping, _ = log_mapping.read_mapping(EXAMPLE)
+    assert mapping.state_names == ("vx_mps", "yaw_rate_radps", "ds_m", "ey_m", "epsi_rad")
+    assert mapping.places_roads is False
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("vx_mps = {", "vy_mps = {", r"states: expected vx_mps, yaw_rate_radps"),
+        ("[messages.", "[mesages.", r"mesages: no such setting \(did you mean messages\?\)"),
+        ('reference_line = "line.csv"\n', "", "expected the place on the road"),
+        (
+            *('"VehicleSpeed", unit = "km/h"', '"VehicleSpeed", unit = "deg/s"'),
+            r"vx_mps: expected a unit that is converted to m/s",
+        ),
+        (
+            *("[messages.WheelSpeed]", "[messages.WheelSped]"),
+            r"messages of car\.dbc, found WheelSped",
+        ),
+    ],
+)
+def test_a_mapping_for_driving_is_refused_with_what_is_missing(tmp_path, old, new, message):
+    with pytest.raises(ConfigError, match=message):
+        read_car(changed(tmp_path, (old, new)))
+    with pytest.raises(ConfigError, match=r".*none\.toml: expected a mapping file"):
+        read_car(tmp_path / "none.toml")
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-8"])
+def test_a_unit_is_read_in_either_encoding_of_a_dbc(tmp_path, encoding):
+    path = tmp_path / "car.dbc"
+    message = 'BO_ 291 Inertial: 8 CAR\n SG_ YawRate : 7|16@0- (0.01,0) [-300|300] "°/s" CAR\n'
+    path.write_bytes(f'VERSION ""\nBU_: CAR\n{message}'.encode(encoding))
+    assert find_source("here", load_dbc(path), "YawRate").signal.unit == "°/s"
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "(1.000000) can0 123#",
+        "(1.000000) can0 00000123#0102 R\n",
+        "(1.000000) can0 123##10102",
+        "(1.000000) can0 123#R8",
+        "(1.000000) can0 20000004#0000000000000000",
+    ],
+)
+def test_lines_of_candump_are_whole(line):
+    assert is_candump_line(line)
+
+
+@pytest.mark.parametrize(
+    "line", ["(17", "(1.0) can0", "(x) can0 123#00", "(1.0) can0 123#ZZ", "(1.0) can0 123#012"]
+)
+def test_a_damaged_line_of_candump_is_named_with_its_number(tmp_path, line):
+    log = tmp_path / "a.log"
+    log.write_text(f"(1.0) can0 123#00\n\n{line}\n")
+    expected = r"(seconds) channel ID#DATA with ID and DATA in hexadecimal digits"
+    assert explain_damage(log, 1) == f"{log}, line 3: expected {expected}, found {line!r}"
+
+
+def test_a_damaged_log_of_another_format_is_named_with_the_frame(tmp_path):
+    log = tmp_path / "a.asc"
+    with can.ASCWriter(log) as writer:
+        for number in range(3):
+            writer.on_message_received(can.Message(timestamp=number, data=[number]))
+    log.write_text(log.read_text().replace(" 02\n", " ZZ\n"))
+    n_frames = 0
+    with pytest.raises(ValueError, match="ZZ"), can.LogReader(log) as reader:  # noqa: PT012
+        for _ in reader:
+            n_frames += 1
+    assert f"{log}, frame 3: expected a frame in the format .asc" in explain_damage(log, n_frames)
+
+
+def test_a_log_without_any_frame_is_no_log_of_its_format(tmp_path):
+    log = tmp_path / "a.blf"
+    log.write_bytes(b"text")
+    assert "expected a CAN log in the format of its suffix" in explain_damage(log, 0)
