@@ -1,4 +1,4 @@
-"""An encoder reproduces its self-test, or is refused at start."""
+"""An encoder reproduces its self-test, or is refused at start; the rows of its history."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,33 +6,34 @@ from dataclasses import replace
 import numpy as np
 import onnx_bytes
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from made_models import WITH_ALL, WITH_PAST, WITH_ROAD, make_bundle
 
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.signals import VehicleState
-from rt_controller.control.lift import Encoder
+from rt_controller.contract.signals import ControlInput, VehicleState
+from rt_controller.control.lift import Encoder, History
 from rt_controller.model.artifact import load_bundle, shipped_model
-from rt_controller.model.bundle import Bundle
 from rt_controller.model.lift import Lift
+from rt_controller.model.validation import DRIVABLE_HISTORY
 
 STATE = VehicleState(22.0, 0.1, 0.05, 0.55, -0.3, 0.02)
 WIDTH = 6
-
 Tensors = Sequence[tuple[str, Sequence[str | int]]]
 
 
 @pytest.fixture
-def identity() -> Bundle:
+def identity():
     """Lifts by the identity: six observables."""
     return load_bundle(shipped_model("lti"))
 
 
 @pytest.fixture(params=["mdk-net", "mdk-net-paper"])
-def learned(request: pytest.FixtureRequest) -> Bundle:
+def learned(request):
     return load_bundle(shipped_model(request.param))
 
 
-def encoder_of_too_many_rows() -> bytes:
+def encoder_of_too_many_rows():
     """Encoder with the right tensors, which returns one row for each number of a state."""
     return onnx_bytes.model(
         [
@@ -46,7 +47,7 @@ def encoder_of_too_many_rows() -> bytes:
     )
 
 
-def refusal(bundle: Bundle) -> str:
+def refusal(bundle):
     with pytest.raises(ArtifactError) as error:
         Encoder(bundle)
     message = str(error.value)
@@ -56,7 +57,7 @@ def refusal(bundle: Bundle) -> str:
     return message
 
 
-def lifted(bundle: Bundle) -> np.ndarray:
+def lifted(bundle):
     """psi (b, n) of the self-test samples, one by one."""
     lift = Encoder(bundle)
     psi = []
@@ -68,7 +69,7 @@ def lifted(bundle: Bundle) -> np.ndarray:
 
 
 @pytest.mark.parametrize("lift_of", [Lift(), WITH_ROAD])
-def test_one_state_and_a_batch_have_the_same_lift(lift_of: Lift) -> None:
+def test_one_state_and_a_batch_have_the_same_lift(lift_of):
     bundle = make_bundle(lift_of)
     lift = Encoder(bundle)
     states = bundle.selftest.x[:5]
@@ -76,26 +77,26 @@ def test_one_state_and_a_batch_have_the_same_lift(lift_of: Lift) -> None:
     np.testing.assert_allclose(one_by_one, lift.lift_batch(states, 0.001), rtol=1e-4, atol=1e-7)
 
 
-def test_the_physical_states_keep_double_precision(learned: Bundle) -> None:
+def test_the_physical_states_keep_double_precision(learned):
     psi = Encoder(learned).lift(STATE, 0.0)
     assert psi.shape == (learned.n_observables,)
     assert tuple(psi[:WIDTH]) == STATE
 
 
 @pytest.mark.parametrize("name", ["lti", "mdk-net", "mdk-net-paper"])
-def test_shipped_models_reproduce_training_within_1e_5_of_each_spread(name: str) -> None:
+def test_shipped_models_reproduce_training_within_1e_5_of_each_spread(name):
     bundle = load_bundle(shipped_model(name))
     assert bundle.parity_error(lifted(bundle)) < 1e-5
 
 
 @pytest.mark.parametrize("lift", [Lift(), WITH_ROAD, WITH_PAST, WITH_ALL])
-def test_an_encoder_gets_the_inputs_that_its_bundle_names(lift: Lift) -> None:
+def test_an_encoder_gets_the_inputs_that_its_bundle_names(lift):
     """The latents depend on every number of every input, so a wrong order would show."""
     bundle = make_bundle(lift)
     assert bundle.parity_error(lifted(bundle)) < 1e-5
 
 
-def test_only_a_lift_with_curvature_depends_on_the_curvature() -> None:
+def test_only_a_lift_with_curvature_depends_on_the_curvature():
     with_curvature, without = Encoder(make_bundle(WITH_ROAD)), Encoder(make_bundle(Lift()))
     for lift, changes in ((with_curvature, True), (without, False)):
         straight = lift.lift(STATE, 0.0)[WIDTH:].copy()
@@ -105,9 +106,8 @@ def test_only_a_lift_with_curvature_depends_on_the_curvature() -> None:
         np.testing.assert_allclose(by_batch[WIDTH:], bend, rtol=1e-5)
 
 
-def test_the_lift_depends_on_every_entry_of_the_history() -> None:
+def test_the_lift_depends_on_every_entry_of_the_history():
     lift = Encoder(make_bundle(WITH_PAST))
-    assert lift.history is not None
     before = lift.lift(STATE, 0.0).copy()
     for row in range(WITH_PAST.history_steps):
         for column in range(len(WITH_PAST.history_fields)):
@@ -117,16 +117,16 @@ def test_the_lift_depends_on_every_entry_of_the_history() -> None:
             lift.history[row, column] -= 10.0
 
 
-def test_a_lift_of_states_and_curvature_has_no_history() -> None:
+def test_a_lift_of_states_and_curvature_has_no_history():
     assert Encoder(make_bundle(WITH_ROAD)).history is None
 
 
 @pytest.mark.parametrize("damage", [b"", b"not an encoder", b"\x08\x0a" * 20])
-def test_invalid_onnx_bytes_are_refused(identity: Bundle, damage: bytes) -> None:
+def test_invalid_onnx_bytes_are_refused(identity, damage):
     assert "expected an ONNX model" in refusal(replace(identity, encoder_onnx=damage))
 
 
-def test_data_in_another_file_are_refused(identity: Bundle) -> None:
+def test_data_in_another_file_are_refused(identity):
     """Where they are is an entry of the tensor (field 13) with the key "location"."""
     weights = onnx_bytes.constant("w", np.zeros((0,), np.float32))
     entry = b"\x0a\x08location" + b"\x12\x0bweights.bin"
@@ -141,11 +141,11 @@ def test_data_in_another_file_are_refused(identity: Bundle) -> None:
 
 
 @pytest.mark.parametrize("name", ["lti", "mdk-net", "mdk-net-paper"])
-def test_the_shipped_encoders_contain_their_data(name: str) -> None:
+def test_the_shipped_encoders_contain_their_data(name):
     Encoder(load_bundle(shipped_model(name)))
 
 
-def test_an_encoder_of_another_width_than_the_matrices_is_refused(identity: Bundle) -> None:
+def test_an_encoder_of_another_width_than_the_matrices_is_refused(identity):
     wider = make_bundle(Lift())
     message = refusal(replace(wider, encoder_onnx=identity.encoder_onnx))
     assert f"psi: tensor(float) ['batch', {wider.n_observables}]" in message
@@ -167,8 +167,8 @@ def test_an_encoder_of_another_width_than_the_matrices_is_refused(identity: Bund
     ],
 )
 def test_an_encoder_with_other_tensors_than_the_controller_needs_is_refused(
-    identity: Bundle, inputs: Tensors, outputs: Tensors, complaint: str
-) -> None:
+    identity, inputs, outputs, complaint
+):
     encoder = onnx_bytes.passes_on(inputs, outputs)
     assert complaint in refusal(replace(identity, encoder_onnx=encoder))
 
@@ -192,30 +192,28 @@ X, CURVATURE, HISTORY = ("x", ("batch", 6)), ("w", ("batch", 1)), ("history", ("
         [X, CURVATURE, HISTORY, ("u", ("batch", 3))],
     ],
 )
-def test_an_encoder_with_other_inputs_than_its_bundle_is_refused(
-    inputs: Tensors,
-) -> None:
+def test_an_encoder_with_other_inputs_than_its_bundle_is_refused(inputs):
     bundle = make_bundle(WITH_ALL, latents=0)
     message = refusal(replace(bundle, encoder_onnx=onnx_bytes.passes_on(inputs)))
     assert "3 input x: tensor(float) ['batch', 6], w: tensor(float) ['batch', 1]" in message
 
 
-def test_the_order_of_tensors_in_the_file_does_not_matter() -> None:
+def test_the_order_of_tensors_in_the_file_does_not_matter():
     bundle = make_bundle(WITH_ALL, latents=0)
     Encoder(replace(bundle, encoder_onnx=onnx_bytes.passes_on([X, HISTORY, CURVATURE])))
 
 
-def test_an_encoder_in_double_precision_is_refused(identity: Bundle) -> None:
+def test_an_encoder_in_double_precision_is_refused(identity):
     encoder = onnx_bytes.passes_on(kind=onnx_bytes.DOUBLE)
     assert "tensor(double)" in refusal(replace(identity, encoder_onnx=encoder))
 
 
-def test_an_encoder_that_cannot_lift_one_state_is_refused(identity: Bundle) -> None:
+def test_an_encoder_that_cannot_lift_one_state_is_refused(identity):
     message = refusal(replace(identity, encoder_onnx=encoder_of_too_many_rows()))
     assert "lifts one state" in message
 
 
-def test_a_latent_wrong_by_a_thousandth_of_its_spread_is_refused(learned: Bundle) -> None:
+def test_a_latent_wrong_by_a_thousandth_of_its_spread_is_refused(learned):
     """Also for the latent with the smallest values."""
     column = WIDTH + int(np.argmin(learned.spread[WIDTH:-1]))
     psi = learned.selftest_psi.copy()
@@ -223,15 +221,93 @@ def test_a_latent_wrong_by_a_thousandth_of_its_spread_is_refused(learned: Bundle
     assert "self-test" in refusal(replace(learned, selftest_psi=psi))
 
 
-def test_an_encoder_with_latents_of_other_samples_is_refused(learned: Bundle) -> None:
+def test_an_encoder_with_latents_of_other_samples_is_refused(learned):
     psi = learned.selftest_psi.copy()
     psi[:, WIDTH:] = np.roll(psi[:, WIDTH:], 1, axis=0)
     assert "self-test" in refusal(replace(learned, selftest_psi=psi))
 
 
 @pytest.mark.parametrize("name", ["w", "history"])
-def test_the_self_test_includes_curvature_and_history(name: str) -> None:
+def test_the_self_test_includes_curvature_and_history(name):
     bundle = make_bundle(WITH_ALL)
     wrong = np.roll(getattr(bundle.selftest, name), 1, axis=0)
     other = replace(bundle, selftest=bundle.selftest._replace(**{name: wrong}))
     assert "self-test" in refusal(other)
+
+
+STEPS = 4
+
+
+def state(k):
+    return VehicleState(20.0 + k, 0.1 * k, -0.01 * k, 0.5, 7.0, 7.0)
+
+
+def held(k):
+    """The input from instant k to the next."""
+    return ControlInput(0.01 * k, 1.0 * k, -0.1 * k)
+
+
+def row(x, u):
+    named = {**x._asdict(), **u._asdict()}
+    return tuple(named[name] for name in DRIVABLE_HISTORY)
+
+
+def memory():
+    return np.full((STEPS, len(DRIVABLE_HISTORY)), np.nan, dtype=np.float32)
+
+
+def as_float32(rows):
+    return np.array(rows, dtype=np.float32)
+
+
+def test_a_row_is_a_state_and_the_input_that_acted_from_it():
+    rows = memory()
+    history = History(rows)
+    for k in range(10):
+        history.advance(state(k), held(k - 1))
+    expected = [row(state(k), held(k)) for k in (5, 6, 7, 8)]
+    np.testing.assert_array_equal(rows, as_float32(expected))
+
+
+def test_before_the_oldest_state_the_rows_repeat_it_with_the_input_then_in_force():
+    rows = memory()
+    history = History(rows)
+    history.advance(state(0), held(-1))
+    before = row(state(0), held(-1))
+    np.testing.assert_array_equal(rows, as_float32([before] * 4))
+    history.advance(state(1), held(0))
+    np.testing.assert_array_equal(rows, as_float32([before] * 3 + [row(state(0), held(0))]))
+    for k in (2, 3, 4):
+        history.advance(state(k), held(k - 1))
+    np.testing.assert_array_equal(rows, as_float32([row(state(k), held(k)) for k in range(4)]))
+
+
+def test_forgotten_rows_do_not_come_back():
+    rows = memory()
+    history = History(rows)
+    for k in range(6):
+        history.advance(state(k), held(k - 1))
+    history.forget()
+    assert not history.is_begun
+    history.advance(state(8), held(7))
+    assert history.is_begun
+    np.testing.assert_array_equal(rows, as_float32([row(state(8), held(7))] * 4))
+
+
+@given(st.lists(st.booleans(), min_size=1, max_size=40), st.integers(1, 6))
+def test_all_rows_were_observed_since_the_last_gap(is_seen, steps):
+    """Compared with the definition, written with a list."""
+    rows = np.full((steps, len(DRIVABLE_HISTORY)), np.nan, dtype=np.float32)
+    history = History(rows)
+    begun_at = None
+    for k, seen in enumerate(is_seen):
+        if not seen:
+            history.forget()
+            begun_at = None
+            continue
+        history.advance(state(k), held(k - 1))
+        if begun_at is None:
+            begun_at = k
+        since = [row(state(j), held(j)) for j in range(begun_at, k)]
+        before = [row(state(begun_at), held(begun_at - 1))] * steps
+        np.testing.assert_array_equal(rows, as_float32((before + since)[-steps:]))

@@ -1,22 +1,112 @@
-"""Which signal is faulty for which residuals."""
+"""The table of checks, windows, and which signal is faulty for which residuals."""
+
+import re
+from math import inf
+from pathlib import Path
 
 import pytest
 
-from rt_controller.contract.faults import StopCause
-from rt_controller.safety.checks import CHECKS, Quantity
+from rt_controller.contract.faults import Fault, StopCause
+from rt_controller.safety.checks import (
+    CHECKS,
+    LARGEST_CURVATURE_STEP_PER_M,
+    Check,
+    Quantity,
+    Reaction,
+)
 from rt_controller.safety.isolation import (
     Evidence,
     Faulty,
+    Windows,
     cause_of,
+    finding_of,
+    finding_of_state,
     is_jump,
     isolate,
     isolate_path,
 )
 
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "monitors.md"
+Q = Quantity
+ROWS = {
+    "progress": (Q.PROGRESS_STEP_M,),
+    "speed and progress": (Q.PROGRESS_SPEED_MPS,),
+    "v_x, v_y, yaw rate, one step": (
+        *(Q.SPEED_STEP_MPS, Q.LATERAL_SPEED_STEP_MPS, Q.YAW_RATE_STEP_RADPS),
+    ),
+    "v_x, v_y, yaw rate, ten steps": (
+        *(Q.SPEED_TEN_MPS, Q.LATERAL_SPEED_TEN_MPS, Q.YAW_RATE_TEN_RADPS),
+    ),
+    "heading": (Q.HEADING_RAD,),
+    "lateral error": (Q.LATERAL_ERROR_M,),
+    "curvature step, curvature ahead": (Q.CURVATURE_STEP_PER_M, Q.PREVIEW_STEP_PER_M),
+    "feedback of steering, throttle, brake": (Q.STEERING_RAD, Q.THROTTLE, Q.BRAKE_N),
+    "tracking": (Q.TRACKING_M,),
+    "path step, path drift": (Q.PATH_STEP_M, Q.PATH_DRIFT_M),
+    "path frozen": (Q.PATH_FROZEN_M,),
+    "path turn": (Q.PATH_TURN_RAD,),
+    "wanted speed": (Q.PATH_SPEED_STEP_MPS,),
+    "speed by pedals": (Q.PEDAL_SPEED_MPS,),
+    "path acceleration": (Q.PATH_LATERAL_MPS2,),
+    "engagement": (Q.ENGAGE_EY_M, Q.ENGAGE_EPSI_RAD),
+}
+"""rows of the page with thresholds; where one is for all quantities it is written once"""
+
+
+def documented():
+    """Threshold and window in ticks, by the page."""
+    page = PAGE.read_text(encoding="utf-8")
+    found = {}
+    for label, quantities in ROWS.items():
+        (row,) = re.findall(rf"^\| {label} \| [^|]+ \| ([^|]+) \| ([^|]+) \|$", page, re.MULTILINE)
+        thresholds = [float(part.split()[0]) for part in row[0].split(",")]
+        if len(thresholds) == 1:
+            thresholds *= len(quantities)
+        length, unit = row[1].split()
+        ticks = round(float(length) / 25.0) if unit == "ms" else int(length)
+        for quantity, threshold in zip(quantities, thresholds, strict=True):
+            found[quantity] = (threshold, ticks)
+    return found
+
+
+@pytest.mark.skipif(not PAGE.exists(), reason="not in a checkout")
+def test_thresholds_and_windows_are_the_documented_ones():
+    expected = documented()
+    found = {each.quantity: (each.threshold, each.window_ticks) for each in CHECKS}
+    del found[Quantity.FROZEN_TICKS]  # counts ticks itself
+    assert found == expected
+    assert expected[Quantity.PREVIEW_STEP_PER_M][0] == LARGEST_CURVATURE_STEP_PER_M
+
+
+def test_the_quantities_count_up_from_zero():
+    assert list(Quantity) == list(range(len(Quantity)))
+
+
+def test_every_check_has_a_threshold_and_a_window():
+    assert {check.quantity for check in CHECKS} == set(Quantity)
+    for check in CHECKS:
+        assert 0.0 < check.threshold < inf
+        assert check.window_ticks >= 1
+        assert (check.reaction is Reaction.REFUSE) == (check.cause is StopCause.NOT_ENGAGED)
+        assert check.window_ticks * 0.025 <= 0.5
+
+
+@pytest.mark.skipif(not PAGE.exists(), reason="not in a checkout")
+def test_every_heartbeat_bit_and_every_cause_of_a_stop_has_a_fault_in_the_table():
+    section = PAGE.read_text(encoding="utf-8").split("## Faults\n")[1].split("\n## ")[0]
+    rows = [line.split(" | ") for line in section.splitlines() if line.startswith("| ")]
+    names = [row[1].partition(" · ") for row in rows if len(row) == 5]
+    bits = {bit for before, _, _ in names for bit in re.findall(r"[A-Z]+_[A-Z_]+", before)}
+    causes = {cause for _, _, after in names for cause in re.findall(r"[A-Z]+_[A-Z_]+", after)}
+    assert bits >= {bit.name for bit in Fault}
+    assert causes >= {cause.name for cause in StopCause} - {"NONE"}
+    known = {bit.name for bit in Fault} | {cause.name for cause in StopCause}
+    assert bits | causes <= known
+
+
 NOTHING = Evidence(0.0, 0.0, False, False, False, False, False, 0.0, 0.0, 0.0)
 TURNED = NOTHING._replace(lateral_by_heading_m=0.2)
 BY_QUANTITY = {check.quantity: check for check in CHECKS}
-Q = Quantity
 
 
 @pytest.mark.parametrize(
@@ -55,19 +145,17 @@ Q = Quantity
         (Q.HEADING_RAD, TURNED._replace(lateral_by_yaw_rate_m=0.2), Faulty.YAW_RATE),
     ],
 )
-def test_the_other_residuals_decide_which_signal_is_faulty(
-    quantity: Quantity, evidence: Evidence, faulty: int
-) -> None:
+def test_the_other_residuals_decide_which_signal_is_faulty(quantity, evidence, faulty):
     assert isolate(BY_QUANTITY[quantity], evidence) == faulty
 
 
-def test_of_a_path_the_curvature_ahead_is_faulty_or_the_rest() -> None:
+def test_of_a_path_the_curvature_ahead_is_faulty_or_the_rest():
     assert isolate_path(BY_QUANTITY[Q.PREVIEW_STEP_PER_M]) == Faulty.PREVIEW
     assert isolate_path(BY_QUANTITY[Q.PATH_DRIFT_M]) == Faulty.PATH
     assert isolate_path(BY_QUANTITY[Q.PATH_SPEED_STEP_MPS]) == Faulty.NONE
 
 
-def test_the_cause_names_the_faulty_signal() -> None:
+def test_the_cause_names_the_faulty_signal():
     heading = BY_QUANTITY[Q.HEADING_RAD]
     assert cause_of(heading, Faulty.YAW_RATE) is StopCause.YAW_RATE_IMPLAUSIBLE
     assert cause_of(heading, Faulty.NONE) is StopCause.HEADING_IMPLAUSIBLE
@@ -78,19 +166,98 @@ def test_the_cause_names_the_faulty_signal() -> None:
 
 
 @pytest.mark.parametrize("flag", [True, False])
-def test_a_jump_is_distinguished_from_a_drift(flag: bool) -> None:
+def test_a_jump_is_distinguished_from_a_drift(flag):
     evidence = NOTHING._replace(is_heading_jump=flag, is_lateral_jump=not flag)
     assert is_jump(BY_QUANTITY[Q.HEADING_RAD], evidence) == flag
     assert is_jump(BY_QUANTITY[Q.LATERAL_ERROR_M], evidence) != flag
 
 
-def test_each_signal_has_its_own_bit() -> None:
+def test_each_signal_has_its_own_bit():
     names = {"PLACE", "LATERAL_MOTION", "MOTION", "STATE"}
     single = [each for each in Faulty if each.name not in names]
     assert sorted(single) == [0, *(2**k for k in range(9))]
 
 
-def test_place_motion_and_state_are_the_signals_of_the_state() -> None:
+def test_place_motion_and_state_are_the_signals_of_the_state():
     assert Faulty.PLACE == Faulty.HEADING | Faulty.LATERAL_ERROR
     assert Faulty.MOTION == Faulty.SPEED | Faulty.LATERAL_SPEED | Faulty.YAW_RATE
     assert Faulty.STATE == Faulty.PLACE | Faulty.MOTION | Faulty.PROGRESS
+
+
+GROUP = range(2)
+FIRST = Check("a", Quantity(0), 1.0, 1, Reaction.REJECT_STATE, StopCause.SPEED_IMPLAUSIBLE)
+SECOND = Check("b", Quantity(1), 2.0, 3, Reaction.STOP, StopCause.TRACKING_LOST)
+OF_OTHER_GROUP = FIRST._replace(quantity=Quantity(2))
+HEADING, LATERAL_ERROR = Quantity.HEADING_RAD, Quantity.LATERAL_ERROR_M
+
+
+def windows(values):
+    return Windows(values, (FIRST, SECOND, OF_OTHER_GROUP), (GROUP,))
+
+
+def test_a_value_at_its_threshold_is_no_finding():
+    values = [1.0, 2.0, 9.0]
+    assert windows(values).failing(GROUP) == []
+    values[0] = 1.01
+    assert windows(values).failing(GROUP) == [FIRST]
+
+
+def test_a_check_fails_from_the_last_tick_of_its_window_on():
+    each = windows([0.0, 2.1, 9.0])
+    assert [each.failing(GROUP) for _ in range(5)] == [[], [], [SECOND], [SECOND], [SECOND]]
+
+
+def test_a_tick_below_the_threshold_restarts_the_window():
+    values = [0.0, 2.1, 9.0]
+    each = windows(values)
+    found = []
+    for value in (2.1, 2.1, 2.0, 2.1, 2.1, 2.1):
+        values[1] = value
+        found.append(len(each.failing(GROUP)))
+    assert found == [0, 0, 0, 0, 0, 1]
+
+
+def test_a_new_drive_restarts_the_window():
+    each = windows([0.0, 2.1, 9.0])
+    for _ in range(2):
+        each.failing(GROUP)
+    each.begin()
+    assert [len(each.failing(GROUP)) for _ in range(3)] == [0, 0, 1]
+
+
+def test_the_cause_is_that_of_the_first_check_that_names_a_signal():
+    ten, heading = BY_QUANTITY[Quantity.YAW_RATE_TEN_RADPS], BY_QUANTITY[Quantity.HEADING_RAD]
+    lateral = BY_QUANTITY[Quantity.LATERAL_ERROR_M]
+    found = finding_of([ten, heading, lateral], [Faulty.NONE, Faulty.HEADING, Faulty.LATERAL_ERROR])
+    assert found == (Faulty.PLACE, StopCause.HEADING_IMPLAUSIBLE, True)
+    only = finding_of([heading], [Faulty.HEADING])
+    assert only == (Faulty.HEADING, StopCause.HEADING_IMPLAUSIBLE, False)
+
+
+def test_without_a_faulty_signal_the_cause_is_that_of_the_first_check():
+    speed, yaw = BY_QUANTITY[Quantity.SPEED_TEN_MPS], BY_QUANTITY[Quantity.YAW_RATE_TEN_RADPS]
+    found = finding_of([speed, yaw], [Faulty.NONE, Faulty.NONE])
+    assert found == (Faulty.NONE, StopCause.SPEED_IMPLAUSIBLE, True)
+
+
+@pytest.mark.parametrize(
+    ("quantities", "is_heading_jump", "is_repeated", "expected"),
+    [
+        ([HEADING], True, False, (Faulty.HEADING, StopCause.HEADING_IMPLAUSIBLE, False)),
+        ([HEADING], False, False, (Faulty.YAW_RATE, StopCause.YAW_RATE_IMPLAUSIBLE, True)),
+        (
+            [HEADING, LATERAL_ERROR],
+            True,
+            False,
+            (Faulty.STATE, StopCause.HEADING_IMPLAUSIBLE, False),
+        ),
+        ([Quantity.SPEED_STEP_MPS], True, True, (Faulty.STATE, StopCause.STATE_OLD, True)),
+    ],
+    ids=["a jump is rejected", "a drift stops the car", "two signals", "an old state"],
+)
+def test_checks_of_the_state_name_the_faulty_signals(
+    quantities, is_heading_jump, is_repeated, expected
+):
+    evidence = Evidence(0.0, 0.0, 0.0, 0.0, is_heading_jump, True, False, 0.0, 0.0, 0.0)
+    failing = [BY_QUANTITY[quantity] for quantity in quantities]
+    assert finding_of_state(failing, evidence, is_repeated) == expected

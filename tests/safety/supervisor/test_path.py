@@ -1,7 +1,8 @@
-"""Which path and which road ahead the supervisor passes on, and how the car tracks the path."""
+"""Paths and curvatures: rejected, replaced, a stop, or approached smoothly."""
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from kinematic_car import (
     STRAIGHT,
@@ -16,13 +17,14 @@ from kinematic_car import (
 
 from rt_controller.contract.faults import StopCause
 from rt_controller.contract.signals import ControlInput, CurvaturePreview, PathReference
+from rt_controller.contract.timing import PERIOD_S
 from rt_controller.safety.checks import CHECKS, Quantity
 from rt_controller.safety.coast_model import StoppingCar
 
 RAMP = CurvaturePreview(5.0, 0.0, 0.002, 0.004, 0.006, 0.008)
 
 
-def test_a_path_that_is_faulty_in_a_stop_is_not_compared_or_followed_again() -> None:
+def test_a_path_that_is_faulty_in_a_stop_is_not_compared_or_followed_again():
     car = WatchedCar(checks=only(Quantity.PATH_STEP_M))
     car.tick(5)
     car.is_stopping = True
@@ -35,7 +37,7 @@ def test_a_path_that_is_faulty_in_a_stop_is_not_compared_or_followed_again() -> 
     assert car.supervisor.values[Quantity.PATH_STEP_M] == 0.0
 
 
-def test_a_curvature_ahead_that_is_faulty_in_a_stop_is_not_used_again() -> None:
+def test_a_curvature_ahead_that_is_faulty_in_a_stop_is_not_used_again():
     flat = CurvaturePreview(5.0, *[0.0] * 5)
     car = WatchedCar(checks=only(Quantity.PREVIEW_STEP_PER_M), preview=flat)
     car.tick(5)
@@ -50,9 +52,7 @@ def test_a_curvature_ahead_that_is_faulty_in_a_stop_is_not_used_again() -> None:
 
 
 @pytest.mark.parametrize("is_state_lost", [False, True])
-def test_a_curvature_ahead_that_contradicts_the_state_is_rejected_only_without_one(
-    is_state_lost: bool,
-) -> None:
+def test_a_curvature_ahead_that_contradicts_the_state_is_rejected_only_without_one(is_state_lost):
     car = WatchedCar(preview=CurvaturePreview(5.0, *[0.0] * 5))
     car.tick(5)
     car.preview = CurvaturePreview(5.0, *[0.02] * 5)
@@ -63,7 +63,7 @@ def test_a_curvature_ahead_that_contradicts_the_state_is_rejected_only_without_o
 
 
 @pytest.mark.parametrize("is_state_lost", [False, True])
-def test_a_missing_curvature_ahead_is_estimated_only_with_the_state(is_state_lost: bool) -> None:
+def test_a_missing_curvature_ahead_is_estimated_only_with_the_state(is_state_lost):
     car = WatchedCar(preview=RAMP, checks=())
     car.tick()
     car.preview = None
@@ -73,32 +73,29 @@ def test_a_missing_curvature_ahead_is_estimated_only_with_the_state(is_state_los
     assert (preview is None) is not is_state_lost
 
 
-def test_a_lost_path_is_replaced_by_the_last_one_moved_along() -> None:
+def test_a_lost_path_is_replaced_by_the_last_one_moved_along():
     car = WatchedCar(path=STRAIGHT._replace(c1=0.02), epsi_rad=0.02)
     car.tick()
     car.path = None
     qualified = car.tick()
     assert not qualified.is_path_received
     assert qualified.is_measured
-    assert qualified.path is not None
     assert qualified.path.c0_m == pytest.approx(0.01, rel=1e-3)
 
 
-def test_in_a_stop_the_path_has_the_speed_of_the_braking_car() -> None:
+def test_in_a_stop_the_path_has_the_speed_of_the_braking_car():
     car = WatchedCar(checks=(), control=ControlInput(0.0, 60.0, 0.0))
     car.tick(3)
     driven = car.qualified[-1].path
-    assert driven is not None
     assert driven.v_mps == STRAIGHT.v_mps
     car.is_stopping = True
     qualified = car.tick(10)
-    assert qualified.path is not None
     assert qualified.path.v_mps == pytest.approx(car.state.vx_mps)
     assert qualified.path.a_mps2 == pytest.approx(-60.0 * StoppingCar().brake_mps2_per_n)
 
 
 @pytest.mark.parametrize("is_stopping", [False, True])
-def test_a_path_whose_speed_jumps_keeps_its_course(is_stopping: bool) -> None:
+def test_a_path_whose_speed_jumps_keeps_its_course(is_stopping):
     """The drive is held and then stopped, each time along the path that arrives."""
     car = WatchedCar(checks=only(Quantity.PATH_SPEED_STEP_MPS))
     car.tick(5)
@@ -108,19 +105,18 @@ def test_a_path_whose_speed_jumps_keeps_its_course(is_stopping: bool) -> None:
         qualified = car.tick()
         assert qualified.rejection is StopCause.PATH_SPEED_JUMP
         assert qualified.is_path_received is is_stopping
-        assert qualified.path is not None
         assert (qualified.path.c0_m, qualified.path.v_mps) == (c0_m, STRAIGHT.v_mps)
     car.path = STRAIGHT
     assert car.tick().rejection is StopCause.NONE
 
 
-def test_without_any_path_there_is_none() -> None:
+def test_without_any_path_there_is_none():
     car = WatchedCar(path=None)
     car.tick(2)
     assert car.qualified[-1].path is None
 
 
-def test_a_rejected_state_is_not_measured_against_the_path() -> None:
+def test_a_rejected_state_is_not_measured_against_the_path():
     tracking = only(Quantity.TRACKING_M)[0]._replace(window_ticks=1)
     for disturbance, path, is_stopping, is_found in (
         (undisturbed, STRAIGHT._replace(c0_m=1.2), False, True),
@@ -138,14 +134,14 @@ def test_a_rejected_state_is_not_measured_against_the_path() -> None:
         assert (car.tick().alarm is StopCause.TRACKING_LOST) is is_found
 
 
-def test_the_deviation_from_the_path_is_that_of_car_and_path_together() -> None:
+def test_the_deviation_from_the_path_is_that_of_car_and_path_together():
     path = PathReference(2.0, 0.0, 0.0, 0.0, 20.0, 0.0)
     car = WatchedCar(checks=only(Quantity.TRACKING_M), ey_m=2.5, path=path)
     car.tick(2)
     assert car.supervisor.values[Quantity.TRACKING_M] == pytest.approx(0.5)
 
 
-def test_a_path_that_is_received_again_is_passed_on_as_it_is() -> None:
+def test_a_path_that_is_received_again_is_passed_on_as_it_is():
     path = STRAIGHT._replace(c1=0.06)
     car = WatchedCar(checks=(), path=path)
     car.disturb = lambda received: replace(received, path=path)
@@ -153,13 +149,13 @@ def test_a_path_that_is_received_again_is_passed_on_as_it_is() -> None:
     assert car.qualified[-1].path is path
 
 
-def test_a_car_without_a_path_is_not_refused_before_one_arrives() -> None:
+def test_a_car_without_a_path_is_not_refused_before_one_arrives():
     qualified = WatchedCar(path=None).tick()
     assert (qualified.is_path_received, qualified.rejection) == (False, StopCause.NONE)
 
 
 @pytest.mark.parametrize("c0_m", [30.0, 0.6, -3.0])
-def test_a_path_that_jumps_is_not_followed_but_the_last_one_is(c0_m: float) -> None:
+def test_a_path_that_jumps_is_not_followed_but_the_last_one_is(c0_m):
     car = WatchedCar()
     car.tick(20)
     car.path = STRAIGHT._replace(c0_m=c0_m)
@@ -168,28 +164,26 @@ def test_a_path_that_jumps_is_not_followed_but_the_last_one_is(c0_m: float) -> N
     assert qualified.path == STRAIGHT
 
 
-def test_a_path_that_turns_at_once_is_not_followed() -> None:
+def test_a_path_that_turns_at_once_is_not_followed():
     car = WatchedCar(epsi_rad=0.06, path=STRAIGHT._replace(c1=0.06))
     car.tick(2)
     car.path = STRAIGHT._replace(c0_m=2 * 0.06 * 0.5, c1=-0.06)
     qualified = car.tick()
     assert qualified.rejection is StopCause.PATH_JUMP
-    assert qualified.path is not None
     assert qualified.path.c1 == 0.06
 
 
-def test_a_path_that_is_frozen_while_the_car_moves_along_it_stops_the_car() -> None:
+def test_a_path_that_is_frozen_while_the_car_moves_along_it_stops_the_car():
     sloped = STRAIGHT._replace(c1=0.06)
     car = WatchedCar(epsi_rad=0.06, path=sloped)
     alarms = [car.tick().alarm for _ in range(30)]
     assert StopCause.PATH_INCONSISTENT in alarms
     first = alarms.index(StopCause.PATH_INCONSISTENT)
     path = car.qualified[first].path
-    assert path is not None
     assert path.c0_m == pytest.approx(0.06 * 0.5 * first, abs=0.1)
 
 
-def test_a_path_that_continues_the_one_before_is_followed() -> None:
+def test_a_path_that_continues_the_one_before_is_followed():
     car = WatchedCar(epsi_rad=0.06)
     for k in range(40):
         car.path = STRAIGHT._replace(c0_m=0.06 * 0.5 * k, c1=0.06)
@@ -198,7 +192,7 @@ def test_a_path_that_continues_the_one_before_is_followed() -> None:
         assert qualified.is_path_received
 
 
-def test_a_path_that_is_too_sharp_is_not_followed() -> None:
+def test_a_path_that_is_too_sharp_is_not_followed():
     car = WatchedCar(vx_mps=33.0)
     car.tick(5)
     car.path = STRAIGHT._replace(c2_per_m=0.005)
@@ -207,7 +201,7 @@ def test_a_path_that_is_too_sharp_is_not_followed() -> None:
     assert not qualified.is_path_received
 
 
-def test_a_wanted_speed_that_no_request_has_is_not_driven() -> None:
+def test_a_wanted_speed_that_no_request_has_is_not_driven():
     car = WatchedCar()
     car.tick(5)
     car.path = STRAIGHT._replace(v_mps=100.0)
@@ -215,7 +209,7 @@ def test_a_wanted_speed_that_no_request_has_is_not_driven() -> None:
     assert (qualified.rejection, qualified.is_path_received) == (StopCause.PATH_SPEED_JUMP, False)
 
 
-def test_a_car_that_stays_far_from_its_path_is_stopped() -> None:
+def test_a_car_that_stays_far_from_its_path_is_stopped():
     car = WatchedCar(checks=[c for c in CHECKS if c.quantity is Quantity.TRACKING_M])
     car.tick(5)
     car.path = STRAIGHT._replace(c0_m=1.2)
@@ -224,7 +218,7 @@ def test_a_car_that_stays_far_from_its_path_is_stopped() -> None:
     assert alarms[7] is StopCause.TRACKING_LOST
 
 
-def test_a_curvature_that_contradicts_the_preview_is_replaced_by_it() -> None:
+def test_a_curvature_that_contradicts_the_preview_is_replaced_by_it():
     car = WatchedCar(WITHOUT_FROZEN, preview=CurvaturePreview(5.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     car.tick(20)
     car.disturb = lambda received: replace(received, curvature_per_m=0.003)
@@ -234,9 +228,7 @@ def test_a_curvature_that_contradicts_the_preview_is_replaced_by_it() -> None:
 
 
 @pytest.mark.parametrize("curvature_per_m", [0.01, -0.01])
-def test_curvatures_that_are_wrong_together_are_replaced_by_the_road_before(
-    curvature_per_m: float,
-) -> None:
+def test_curvatures_that_are_wrong_together_are_replaced_by_the_road_before(curvature_per_m):
     road = CurvaturePreview(5.0, *[0.003] * 5)
     car = turning(preview=road)
     car.tick(20)
@@ -250,11 +242,10 @@ def test_curvatures_that_are_wrong_together_are_replaced_by_the_road_before(
     car.is_stopping = True
     qualified = car.tick(100)
     assert qualified.curvature_per_m == 0.003
-    assert qualified.preview is not None
     assert qualified.preview.k0_per_m == 0.003
 
 
-def test_a_curvature_ahead_that_jumps_with_the_right_beginning_is_not_used() -> None:
+def test_a_curvature_ahead_that_jumps_with_the_right_beginning_is_not_used():
     car = WatchedCar(preview=CurvaturePreview(5.0, *[0.0] * 5))
     car.tick(20)
     car.disturb = lambda received: replace(
@@ -263,3 +254,76 @@ def test_a_curvature_ahead_that_jumps_with_the_right_beginning_is_not_used() -> 
     qualified = car.tick()
     assert (qualified.rejection, qualified.is_path_received) == (StopCause.PREVIEW_JUMP, False)
     assert qualified.path == STRAIGHT
+
+
+FOLLOWED = [check for check in WITHOUT_FROZEN if check.quantity is not Quantity.TRACKING_M]
+"""the scripted car does not follow its path"""
+
+
+def followed(paths):
+    """What is to be followed, with these paths, one in each period; no check fails."""
+    car = WatchedCar(FOLLOWED)
+    car.tick(5)
+    found = []
+    for path in paths:
+        car.path = path
+        qualified = car.tick()
+        assert (qualified.alarm, qualified.rejection) == (StopCause.NONE, StopCause.NONE)
+        assert qualified.is_path_received
+        assert qualified.path is not None
+        found.append(qualified.path)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("v_mps", "a_mps2", "lowest_mps2", "highest_mps2"),
+    [
+        (17.0, 0.0, -3.0, 0.0),
+        (0.0, 0.0, -3.0, 0.0),
+        (15.0, -5.0, -8.0, -5.0),
+        (25.0, 0.0, 0.0, 2.0),
+        (28.0, 3.0, 3.0, 5.0),
+    ],
+)
+def test_another_wanted_speed_is_approached_at_a_comfortable_rate(
+    v_mps, a_mps2, lowest_mps2, highest_mps2
+):
+    found = followed([STRAIGHT._replace(v_mps=v_mps, a_mps2=a_mps2)] * 600)
+    speeds = np.array([20.0, *(path.v_mps for path in found)])
+    rates = np.diff(speeds) / PERIOD_S
+    is_on_the_way = np.abs(speeds[1:] - v_mps) > 0.5
+    assert np.all(rates[is_on_the_way] >= lowest_mps2 - 1e-6)
+    assert np.all(rates[is_on_the_way] <= highest_mps2 + 1e-6)
+    fastest = rates.max() if v_mps > 20.0 else rates.min()
+    assert fastest == pytest.approx(highest_mps2 if v_mps > 20.0 else lowest_mps2, abs=0.2)
+    assert found[-1] == STRAIGHT._replace(v_mps=v_mps, a_mps2=a_mps2)
+
+
+@pytest.mark.parametrize("a_mps2", [-8.0, -3.0, 1.0, 4.0])
+def test_a_speed_that_changes_with_its_acceleration_is_followed_as_it_is(a_mps2):
+    paths = [
+        STRAIGHT._replace(v_mps=20.0 + a_mps2 * PERIOD_S * k, a_mps2=a_mps2) for k in range(80)
+    ]
+    assert followed(paths) == paths
+
+
+@pytest.mark.parametrize("step_m", [0.15, 0.3, -0.5])
+def test_a_path_that_moves_sideways_is_approached_within_two_seconds(step_m):
+    found = followed([STRAIGHT._replace(c0_m=step_m)] * 160)
+    places = np.array([path.c0_m for path in found])
+    assert abs(places[0]) < 0.01
+    assert places[80] == pytest.approx(step_m, abs=0.03)
+    assert found[-1] == STRAIGHT._replace(c0_m=step_m)
+    speeds = np.diff(places[:80]) / PERIOD_S
+    accelerations = np.diff(speeds) / PERIOD_S
+    assert np.abs(accelerations).max() < 3.0 * abs(step_m)
+    assert np.abs(np.diff(accelerations)).max() / PERIOD_S < 45.0 * abs(step_m)
+    for path, speed_mps in zip(found[1:79], speeds[1:], strict=True):
+        assert path.c1 == pytest.approx(speed_mps / 20.0, abs=2e-3)
+
+
+def test_two_requests_in_a_row_are_one_steady_path():
+    moved = [STRAIGHT._replace(c0_m=0.4)] * 10 + [STRAIGHT._replace(c0_m=-0.1)] * 200
+    places = np.array([path.c0_m for path in followed(moved)])
+    assert np.abs(np.diff(places)).max() < 0.02
+    assert places[-1] == -0.1

@@ -10,23 +10,22 @@ ROAD = CurvaturePreview(4.0, 0.0, 0.001, 0.002, 0.003, 0.004)
 FLAT = CurvaturePreview(4.0, *[0.001] * 5)
 
 
-def begun(preview: CurvaturePreview | None) -> tuple[LastRoad, list[float]]:
+def begun(preview):
     values = [0.0] * len(Quantity)
     road = LastRoad(values, 2e-3)
     road.begin(preview)
     return road, values
 
 
-def test_the_road_ahead_moves_with_the_car_and_is_constant_behind_its_last_value() -> None:
+def test_the_road_ahead_moves_with_the_car_and_is_constant_behind_its_last_value():
     road, _ = begun(ROAD)
     road.move(6.0)
     assert road.curvature_here(0.5) == pytest.approx(0.0015)
     preview = road.ahead(None)
-    assert preview is not None
     assert preview[1:] == pytest.approx((0.0015, 0.0025, 0.0035, 0.004, 0.004))
 
 
-def test_behind_its_end_and_without_a_preview_the_curvature_is_the_last_one() -> None:
+def test_behind_its_end_and_without_a_preview_the_curvature_is_the_last_one():
     road, _ = begun(ROAD)
     road.move(16.0)
     assert road.curvature_here(0.5) == 0.5
@@ -39,7 +38,7 @@ def test_behind_its_end_and_without_a_preview_the_curvature_is_the_last_one() ->
     assert road.ahead(None) is None
 
 
-def test_a_preview_that_continues_the_one_before_is_used() -> None:
+def test_a_preview_that_continues_the_one_before_is_used():
     road, values = begun(ROAD)
     road.move(2.0)
     next_one = CurvaturePreview(4.0, 0.0005, 0.0015, 0.0025, 0.0035, 0.0045)
@@ -49,7 +48,7 @@ def test_a_preview_that_continues_the_one_before_is_used() -> None:
 
 
 @pytest.mark.parametrize("knot", range(4))
-def test_a_preview_that_jumps_anywhere_is_replaced_by_the_one_before(knot: int) -> None:
+def test_a_preview_that_jumps_anywhere_is_replaced_by_the_one_before(knot):
     road, values = begun(FLAT)
     wrong = FLAT._replace(**{f"k{knot}_per_m": 0.01})
     road.take(wrong, wrong.k0_per_m)
@@ -57,7 +56,7 @@ def test_a_preview_that_jumps_anywhere_is_replaced_by_the_one_before(knot: int) 
     assert road.ahead(wrong) == FLAT
 
 
-def test_a_preview_that_contradicts_the_curvature_at_the_car_is_no_finding() -> None:
+def test_a_preview_that_contradicts_the_curvature_at_the_car_is_no_finding():
     road, values = begun(FLAT)
     wrong = CurvaturePreview(4.0, *[0.01] * 5)
     road.take(wrong, 0.001)
@@ -68,7 +67,7 @@ def test_a_preview_that_contradicts_the_curvature_at_the_car_is_no_finding() -> 
     assert values[Quantity.PREVIEW_STEP_PER_M] == pytest.approx(0.009)
 
 
-def test_a_preview_after_a_long_gap_is_accepted() -> None:
+def test_a_preview_after_a_long_gap_is_accepted():
     road, values = begun(FLAT)
     road.move(20.0)
     other = CurvaturePreview(4.0, *[0.01] * 5)
@@ -77,7 +76,7 @@ def test_a_preview_after_a_long_gap_is_accepted() -> None:
     assert road.ahead(other) is other
 
 
-def test_a_preview_that_was_taken_before_is_not_compared_again() -> None:
+def test_a_preview_that_was_taken_before_is_not_compared_again():
     road, values = begun(FLAT)
     wrong = FLAT._replace(k2_per_m=0.01)
     road.take(wrong, 0.001)
@@ -92,15 +91,15 @@ def test_a_preview_that_was_taken_before_is_not_compared_again() -> None:
     [(2.0, 0.001, 0.0), (2.0, 0.006, 0.005), (30.0, 0.03, 0.0)],
 )
 def test_the_curvature_at_the_car_is_compared_as_far_as_the_road_is_known(
-    moved_m: float, curvature_per_m: float, step_per_m: float
-) -> None:
+    moved_m, curvature_per_m, step_per_m
+):
     road, values = begun(FLAT)
     road.move(moved_m)
     road.compare(curvature_per_m)
     assert values[Quantity.CURVATURE_STEP_PER_M] == pytest.approx(step_per_m)
 
 
-def test_a_bend_that_was_seen_ahead_is_no_step() -> None:
+def test_a_bend_that_was_seen_ahead_is_no_step():
     bend = CurvaturePreview(4.0, 0.0, 0.0, 0.01, 0.01, 0.01)
     for moved_m in (3.0, 5.0, 7.0, 9.0):
         road, values = begun(bend)
@@ -110,9 +109,7 @@ def test_a_bend_that_was_seen_ahead_is_no_step() -> None:
 
 
 @pytest.mark.parametrize("step_per_m", [0.0015, -0.0015, 0.002])
-def test_a_small_step_at_the_car_is_measured_against_the_road_at_this_place(
-    step_per_m: float,
-) -> None:
+def test_a_small_step_at_the_car_is_measured_against_the_road_at_this_place(step_per_m):
     road, values = begun(ROAD)
     road.move(2.0)
     road.compare(0.0005 + step_per_m)
@@ -121,16 +118,14 @@ def test_a_small_step_at_the_car_is_measured_against_the_road_at_this_place(
 
 @pytest.mark.parametrize("knot", range(4))
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_a_jump_is_reduced_by_one_and_a_half_times_the_changes_of_the_road(
-    knot: int, side: float
-) -> None:
+def test_a_jump_is_reduced_by_one_and_a_half_times_the_changes_of_the_road(knot, side):
     road, values = begun(ROAD)
     wrong = ROAD._replace(**{f"k{knot}_per_m": 0.001 * knot + side * 0.005})
     road.take(wrong, None)
     assert values[Quantity.PREVIEW_STEP_PER_M] == pytest.approx(0.0035)
 
 
-def test_the_end_of_the_road_that_is_known_is_not_compared() -> None:
+def test_the_end_of_the_road_that_is_known_is_not_compared():
     for moved_m, expected in ((15.9, 0.1 - 0.003975 - 0.0015), (16.0, 0.0)):
         road, values = begun(ROAD)
         road.move(moved_m)
@@ -139,13 +134,13 @@ def test_the_end_of_the_road_that_is_known_is_not_compared() -> None:
         assert road.curvature_here(0.5) == pytest.approx(0.003975 if expected else 0.5)
 
 
-def test_a_place_on_the_last_of_the_five_values_has_this_value() -> None:
+def test_a_place_on_the_last_of_the_five_values_has_this_value():
     road, _ = begun(ROAD)
     road.move(4.0)
     assert road.ahead(None) == pytest.approx((4.0, 0.001, 0.002, 0.003, 0.004, 0.004))
 
 
-def test_the_change_of_the_nearest_interval_counts_on_both_sides_and_no_other() -> None:
+def test_the_change_of_the_nearest_interval_counts_on_both_sides_and_no_other():
     late_bend = CurvaturePreview(4.0, 0.0, 0.0, 0.0, 0.0, 0.01)
     early_bend = CurvaturePreview(4.0, 0.01, 0.0, 0.0, 0.0, 0.0)
     for bend, moved_m, expected in (
@@ -160,7 +155,7 @@ def test_the_change_of_the_nearest_interval_counts_on_both_sides_and_no_other() 
         assert values[Quantity.CURVATURE_STEP_PER_M] == pytest.approx(expected)
 
 
-def test_a_step_of_the_largest_allowed_size_is_accepted() -> None:
+def test_a_step_of_the_largest_allowed_size_is_accepted():
     road, values = begun(CurvaturePreview(4.0, *[0.0] * 5))
     stepped = CurvaturePreview(4.0, *[0.002] * 5)
     road.take(stepped, None)
@@ -169,7 +164,7 @@ def test_a_step_of_the_largest_allowed_size_is_accepted() -> None:
     assert road.curvature_here(0.5) == 0.002
 
 
-def test_an_accepted_preview_begins_at_the_car() -> None:
+def test_an_accepted_preview_begins_at_the_car():
     road, _ = begun(ROAD)
     road.move(4.0)
     road.take(ROAD._replace(k4_per_m=0.004, k0_per_m=0.0015), None)
@@ -180,7 +175,7 @@ def test_an_accepted_preview_begins_at_the_car() -> None:
     assert road.curvature_here(0.5) == 0.0
 
 
-def test_where_no_road_is_known_any_more_a_preview_that_contradicts_the_car_is_not_taken() -> None:
+def test_where_no_road_is_known_any_more_a_preview_that_contradicts_the_car_is_not_taken():
     road, _ = begun(FLAT)
     road.move(16.0)
     wrong = CurvaturePreview(4.0, *[0.01] * 5)
@@ -192,9 +187,7 @@ def test_where_no_road_is_known_any_more_a_preview_that_contradicts_the_car_is_n
 
 
 @pytest.mark.parametrize("back_m", [-3.9, -4.0, -7.0, -100.0, float("-inf"), float("nan")])
-def test_a_car_that_has_rolled_back_raises_nothing_and_has_the_road_from_its_beginning(
-    back_m: float,
-) -> None:
+def test_a_car_that_has_rolled_back_raises_nothing_and_has_the_road_from_its_beginning(back_m):
     road, values = begun(ROAD)
     road.move(back_m)
     road.compare(0.0)
@@ -205,19 +198,16 @@ def test_a_car_that_has_rolled_back_raises_nothing_and_has_the_road_from_its_beg
 
 
 @pytest.mark.parametrize(("back_m", "is_compared"), [(3.9, True), (4.0, False)])
-def test_from_one_interval_behind_the_begin_of_the_road_nothing_is_compared(
-    back_m: float, is_compared: bool
-) -> None:
+def test_from_one_interval_behind_the_begin_of_the_road_nothing_is_compared(back_m, is_compared):
     road, values = begun(ROAD)
     road.move(-back_m)
     road.compare(-10.0)
     assert (values[Quantity.CURVATURE_STEP_PER_M] > 0.0) is is_compared
 
 
-def test_behind_the_begin_of_the_road_its_curvature_is_the_first_one() -> None:
+def test_behind_the_begin_of_the_road_its_curvature_is_the_first_one():
     road, _ = begun(ROAD._replace(k0_per_m=0.0005))
     road.move(-40.0)
     assert road.curvature_here(0.5) == 0.0005
     preview = road.ahead(None)
-    assert preview is not None
     assert preview[1:] == (0.0005,) * 5
