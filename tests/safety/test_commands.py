@@ -57,54 +57,31 @@ def test_no_input_changes_faster_than_its_rate(wanted, previous):
     assert abs(out.steer_rad - previous.steer_rad) <= rate.steer_rad * PERIOD_S + 1e-9
 
 
-def test_an_input_within_all_limits_is_unchanged():
-    wanted = ControlInput(0.21, 0.0, 0.05)
-    assert limit(wanted, ControlInput(0.2, 0.0, 0.04)) == wanted
+NOTHING = (math.nan, math.inf, -math.inf)
 
 
-def test_a_wanted_throttle_of_zero_closes_it_at_once():
-    assert limit(NEUTRAL_INPUT, ControlInput(0.8, 0.0, 0.0)).throttle == 0.0
-
-
-def test_the_brake_stays_released_while_the_throttle_is_pressed():
-    out = limit(ControlInput(0.5, 50.0, 0.0), ControlInput(0.6, 0.0, 0.0))
-    assert out.throttle > 0.0
-    assert out.brake_n == 0.0
-
-
-def test_the_brake_has_priority_if_neither_pedal_was_pressed():
-    out = limit(ControlInput(0.5, 50.0, 0.0), NEUTRAL_INPUT)
-    assert out.throttle == 0.0
-    assert out.brake_n > 0.0
-
-
-def test_values_that_are_not_finite_repeat_the_last_command():
-    previous = ControlInput(0.3, 0.0, 0.2)
-    assert limit(ControlInput(math.nan, math.inf, -math.inf), previous) == previous
-
-
-def test_a_wanted_throttle_below_zero_closes_it_at_once():
-    assert limit(ControlInput(-0.1, 0.0, 0.0), ControlInput(0.8, 0.0, 0.0)).throttle == 0.0
-
-
-def test_the_brake_is_pressed_in_the_tick_that_closes_the_throttle():
-    out = limit(ControlInput(0.0, 50.0, 0.0), ControlInput(0.8, 0.0, 0.0))
-    assert (out.throttle, out.brake_n) == (0.0, 12.5)
-
-
-def test_the_throttle_is_pressed_from_rest():
-    out = limit(ControlInput(0.5, 0.0, 0.0), NEUTRAL_INPUT)
-    assert (out.throttle, out.brake_n) == (0.0625, 0.0)
-
-
-@pytest.mark.parametrize(("throttle", "expected"), [(0.9e-3, 0.0), (1e-3, 1e-3), (1.1e-3, 1.1e-3)])
-def test_a_thousandth_of_the_throttle_is_released(throttle, expected):
-    assert limit(NEUTRAL_INPUT._replace(throttle=throttle), NEUTRAL_INPUT).throttle == expected
-
-
-@pytest.mark.parametrize(("brake_n", "expected"), [(0.149, 0.0), (0.15, 0.15), (0.2, 0.2)])
-def test_a_thousandth_of_the_brake_is_released(brake_n, expected):
-    assert limit(NEUTRAL_INPUT._replace(brake_n=brake_n), NEUTRAL_INPUT).brake_n == expected
+@pytest.mark.parametrize(
+    ("wanted", "previous", "expected"),
+    [
+        ((0.21, 0.0, 0.05), (0.2, 0.0, 0.04), (0.21, 0.0, 0.05)),  # within all limits
+        (NOTHING, (0.3, 0.0, 0.2), (0.3, 0.0, 0.2)),  # the last command is repeated
+        ((0.0, 0.0, 0.0), (0.8, 0.0, 0.0), (0.0, 0.0, 0.0)),  # the throttle closes at once
+        ((-0.1, 0.0, 0.0), (0.8, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        ((0.0, 50.0, 0.0), (0.8, 0.0, 0.0), (0.0, 12.5, 0.0)),  # and the brake is pressed with it
+        ((0.5, 50.0, 0.0), (0.6, 0.0, 0.0), (0.5375, 0.0, 0.0)),  # the pedal in use stays
+        ((0.5, 50.0, 0.0), (0.0, 0.0, 0.0), (0.0, 12.5, 0.0)),  # the brake has priority
+        ((0.5, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0625, 0.0, 0.0)),
+        # less than a thousandth of a pedal is released
+        ((0.9e-3, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        ((1e-3, 0.0, 0.0), (0.0, 0.0, 0.0), (1e-3, 0.0, 0.0)),
+        ((1.1e-3, 0.0, 0.0), (0.0, 0.0, 0.0), (1.1e-3, 0.0, 0.0)),
+        ((0.0, 0.149, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        ((0.0, 0.15, 0.0), (0.0, 0.0, 0.0), (0.0, 0.15, 0.0)),
+        ((0.0, 0.2, 0.0), (0.0, 0.0, 0.0), (0.0, 0.2, 0.0)),
+    ],
+)
+def test_a_wanted_input_is_limited_on_one_pedal(wanted, previous, expected):
+    assert limit(ControlInput(*wanted), ControlInput(*previous)) == expected
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -151,12 +128,13 @@ def test_the_brake_of_a_held_car_is_not_released_and_pressed_as_planned():
     assert safe_stop(held, held, is_held=False).brake_n == ALONG_PATH.most_n
 
 
-@pytest.mark.parametrize("steer_rad", [-0.5, -0.001, 0.0, 0.001, 0.5])
-def test_standby_releases_the_pedals_and_returns_the_steering_to_zero(steer_rad):
+@pytest.mark.parametrize(
+    ("steer_rad", "expected_rad"),
+    [(0.5, 0.4825), (-0.5, -0.4825), (0.01, 0.0), (-0.01, 0.0), (0.0, 0.0)],
+)
+def test_standby_releases_the_pedals_and_returns_the_wheel_at_40_deg_per_s(steer_rad, expected_rad):
     control = stand_by(ControlInput(0.3, 0.0, steer_rad))
-    assert (control.throttle, control.brake_n) == (0.0, 0.0)
-    assert abs(control.steer_rad) <= abs(steer_rad)
-    assert control.steer_rad * steer_rad >= 0.0
+    assert control == pytest.approx((0.0, 0.0, expected_rad))
 
 
 def test_a_driven_mode_sends_the_plan_and_without_one_a_safe_stop():
@@ -167,14 +145,6 @@ def test_a_driven_mode_sends_the_plan_and_without_one_a_safe_stop():
     stopped = input_for(Mode.SAFE_STOP, planned, previous, is_held=False)
     assert stopped == safe_stop(previous, planned, is_held=False)
     assert input_for(Mode.STANDBY, planned, previous, is_held=False) == stand_by(previous)
-
-
-@pytest.mark.parametrize(
-    ("steer_rad", "expected_rad"), [(0.5, 0.4825), (-0.5, -0.4825), (0.01, 0.0), (-0.01, 0.0)]
-)
-def test_the_wheel_returns_at_40_deg_per_s(steer_rad, expected_rad):
-    returned = stand_by(ControlInput(0.0, 0.0, steer_rad))
-    assert returned.steer_rad == pytest.approx(expected_rad)
 
 
 @pytest.mark.parametrize(
@@ -198,35 +168,21 @@ def test_a_stop_is_as_short_as_its_cause_demands_and_the_grip_allows(
     assert braking_for(cause, is_known, cornering) == pytest.approx(braking)
 
 
-def test_a_slow_car_has_a_least_force():
-    found = braking_for(StopCause.NONE, True, Cornering(0.0, 4.0, 4.0, least_brake_n=60.0))
-    assert found.most_n == pytest.approx(60.0)
-
-
 @pytest.mark.parametrize(
-    ("open_throttle", "lateral_mps2", "most_n"),
-    [(0.05, 0.0, 81.0), (0.05, 3.0, 46.0), (1.0, 0.0, 150.0)],
+    ("cause", "lateral_mps2", "more", "most_n"),
+    [
+        (StopCause.NONE, 4.0, {"least_brake_n": 60.0}, 60.0),  # a slow car has a least force
+        (StopCause.THROTTLE_MISMATCH, 0.0, {"open_throttle": 0.05}, 81.0),
+        (StopCause.THROTTLE_MISMATCH, 3.0, {"open_throttle": 0.05}, 46.0),
+        (StopCause.THROTTLE_MISMATCH, 0.0, {"open_throttle": 1.0}, 150.0),
+    ],
 )
-def test_a_throttle_that_stays_open_is_braked_beside_the_turn_of_the_car(
-    open_throttle, lateral_mps2, most_n
+def test_the_brake_works_against_an_open_throttle_beside_the_turn(
+    cause, lateral_mps2, more, most_n
 ):
-    turning = Cornering(0.0, lateral_mps2, lateral_mps2)
-    found = braking_for(StopCause.THROTTLE_MISMATCH, True, turning, open_throttle)
-    assert found.most_n == pytest.approx(most_n)
-
-
-@pytest.mark.parametrize("braking", [ALONG_PATH, LOST, FULL, COUNTER_STEERING])
-def test_the_brake_is_ramped_to_the_force_of_the_stop(braking):
-    first = input_for(Mode.SAFE_STOP, None, NEUTRAL_INPUT, False, braking)
-    assert first.brake_n == pytest.approx(0.025 * braking.rate_n_per_s)
-    pressed = NEUTRAL_INPUT._replace(brake_n=braking.most_n)
-    assert input_for(Mode.SAFE_STOP, None, pressed, False, braking).brake_n == braking.most_n
-
-
-def test_standby_and_plans_are_not_braked():
-    assert input_for(Mode.STANDBY, None, NEUTRAL_INPUT, False) == stand_by(NEUTRAL_INPUT)
-    planned = NEUTRAL_INPUT._replace(throttle=0.2)
-    assert input_for(Mode.NOMINAL, planned, NEUTRAL_INPUT, False) == planned
+    least_n, throttle = more.get("least_brake_n", 0.0), more.get("open_throttle", 0.0)
+    turning = Cornering(0.0, lateral_mps2, lateral_mps2, least_brake_n=least_n)
+    assert braking_for(cause, True, turning, throttle).most_n == pytest.approx(most_n)
 
 
 @pytest.mark.parametrize(
@@ -238,8 +194,12 @@ def test_standby_and_plans_are_not_braked():
         (COUNTER_STEERING, 20.0, 150.0),
     ],
 )
-def test_forces_and_rates_are_the_documented_ones(braking, most_n, rate_n_per_s):
+def test_the_brake_is_ramped_to_the_documented_force_of_the_stop(braking, most_n, rate_n_per_s):
     assert braking == (most_n, rate_n_per_s)
+    first = input_for(Mode.SAFE_STOP, None, NEUTRAL_INPUT, False, braking)
+    assert first.brake_n == pytest.approx(0.025 * rate_n_per_s)
+    pressed = NEUTRAL_INPUT._replace(brake_n=most_n)
+    assert input_for(Mode.SAFE_STOP, None, pressed, False, braking).brake_n == most_n
 
 
 @pytest.mark.parametrize("planned", [None, NEUTRAL_INPUT])

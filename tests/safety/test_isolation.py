@@ -78,11 +78,8 @@ def test_thresholds_and_windows_are_the_documented_ones():
     assert expected[Quantity.PREVIEW_STEP_PER_M][0] == LARGEST_CURVATURE_STEP_PER_M
 
 
-def test_the_quantities_count_up_from_zero():
-    assert list(Quantity) == list(range(len(Quantity)))
-
-
 def test_every_check_has_a_threshold_and_a_window():
+    assert list(Quantity) == list(range(len(Quantity)))
     assert {check.quantity for check in CHECKS} == set(Quantity)
     for check in CHECKS:
         assert 0.0 < check.threshold < inf
@@ -149,20 +146,30 @@ def test_the_other_residuals_decide_which_signal_is_faulty(quantity, evidence, f
     assert isolate(BY_QUANTITY[quantity], evidence) == faulty
 
 
-def test_of_a_path_the_curvature_ahead_is_faulty_or_the_rest():
-    assert isolate_path(BY_QUANTITY[Q.PREVIEW_STEP_PER_M]) == Faulty.PREVIEW
-    assert isolate_path(BY_QUANTITY[Q.PATH_DRIFT_M]) == Faulty.PATH
-    assert isolate_path(BY_QUANTITY[Q.PATH_SPEED_STEP_MPS]) == Faulty.NONE
+@pytest.mark.parametrize(
+    ("quantity", "faulty", "cause"),
+    [
+        (Q.HEADING_RAD, Faulty.YAW_RATE, StopCause.YAW_RATE_IMPLAUSIBLE),
+        (Q.HEADING_RAD, Faulty.NONE, StopCause.HEADING_IMPLAUSIBLE),
+        (Q.ENGAGE_EY_M, Faulty.NONE, StopCause.NOT_ENGAGED),
+    ],
+)
+def test_the_cause_names_the_faulty_signal(quantity, faulty, cause):
+    assert cause_of(BY_QUANTITY[quantity], faulty) is cause
 
 
-def test_the_cause_names_the_faulty_signal():
-    heading = BY_QUANTITY[Q.HEADING_RAD]
-    assert cause_of(heading, Faulty.YAW_RATE) is StopCause.YAW_RATE_IMPLAUSIBLE
-    assert cause_of(heading, Faulty.NONE) is StopCause.HEADING_IMPLAUSIBLE
-    assert cause_of(BY_QUANTITY[Q.PATH_STEP_M], Faulty.PATH) is StopCause.PATH_JUMP
-    ahead = BY_QUANTITY[Q.PREVIEW_STEP_PER_M]
-    assert cause_of(ahead, Faulty.PREVIEW) is StopCause.PREVIEW_JUMP
-    assert cause_of(BY_QUANTITY[Q.ENGAGE_EY_M], Faulty.NONE) is StopCause.NOT_ENGAGED
+@pytest.mark.parametrize(
+    ("quantity", "faulty", "cause"),
+    [
+        (Q.PREVIEW_STEP_PER_M, Faulty.PREVIEW, StopCause.PREVIEW_JUMP),
+        (Q.PATH_STEP_M, Faulty.PATH, StopCause.PATH_JUMP),
+        (Q.PATH_DRIFT_M, Faulty.PATH, StopCause.PATH_INCONSISTENT),
+        (Q.PATH_SPEED_STEP_MPS, Faulty.NONE, StopCause.PATH_SPEED_JUMP),
+    ],
+)
+def test_of_a_path_the_curvature_ahead_is_faulty_or_the_rest(quantity, faulty, cause):
+    assert isolate_path(BY_QUANTITY[quantity]) == faulty
+    assert cause_of(BY_QUANTITY[quantity], faulty) is cause
 
 
 @pytest.mark.parametrize("flag", [True, False])
@@ -172,13 +179,10 @@ def test_a_jump_is_distinguished_from_a_drift(flag):
     assert is_jump(BY_QUANTITY[Q.LATERAL_ERROR_M], evidence) != flag
 
 
-def test_each_signal_has_its_own_bit():
+def test_each_signal_has_its_own_bit_and_the_state_is_all_of_its_signals():
     names = {"PLACE", "LATERAL_MOTION", "MOTION", "STATE"}
     single = [each for each in Faulty if each.name not in names]
     assert sorted(single) == [0, *(2**k for k in range(9))]
-
-
-def test_place_motion_and_state_are_the_signals_of_the_state():
     assert Faulty.PLACE == Faulty.HEADING | Faulty.LATERAL_ERROR
     assert Faulty.MOTION == Faulty.SPEED | Faulty.LATERAL_SPEED | Faulty.YAW_RATE
     assert Faulty.STATE == Faulty.PLACE | Faulty.MOTION | Faulty.PROGRESS
@@ -195,49 +199,57 @@ def windows(values):
     return Windows(values, (FIRST, SECOND, OF_OTHER_GROUP), (GROUP,))
 
 
-def test_a_value_at_its_threshold_is_no_finding():
-    values = [1.0, 2.0, 9.0]
-    assert windows(values).failing(GROUP) == []
-    values[0] = 1.01
-    assert windows(values).failing(GROUP) == [FIRST]
+def failing(first, second, begins_at=None):
+    """Names of the checks that fail, tick by tick, with these values of both."""
+    values = [0.0, 0.0, 9.0]
+    each, found = windows(values), []
+    for tick, values[:2] in enumerate(zip(first, second, strict=True)):
+        if tick == begins_at:
+            each.begin()
+        found.append("".join(check.name for check in each.failing(GROUP)))
+    return found
 
 
-def test_a_check_fails_from_the_last_tick_of_its_window_on():
-    each = windows([0.0, 2.1, 9.0])
-    assert [each.failing(GROUP) for _ in range(5)] == [[], [], [SECOND], [SECOND], [SECOND]]
+@pytest.mark.parametrize(
+    ("second", "begins_at", "expected"),
+    [
+        ([2.1] * 5, None, ["", "", "b", "b", "b"]),
+        ([2.0] * 5, None, [""] * 5),  # at the threshold
+        ([2.1, 2.1, 2.0, 2.1, 2.1, 2.1], None, ["", "", "", "", "", "b"]),
+        ([2.1] * 5, 2, ["", "", "", "", "b"]),  # a new drive
+    ],
+)
+def test_a_check_fails_from_the_last_tick_of_its_window_on(second, begins_at, expected):
+    assert failing([0.0] * len(second), second, begins_at) == expected
+    assert failing([1.0, 1.01, 1.0], [0.0] * 3) == ["", "a", ""]
 
 
-def test_a_tick_below_the_threshold_restarts_the_window():
-    values = [0.0, 2.1, 9.0]
-    each = windows(values)
-    found = []
-    for value in (2.1, 2.1, 2.0, 2.1, 2.1, 2.1):
-        values[1] = value
-        found.append(len(each.failing(GROUP)))
-    assert found == [0, 0, 0, 0, 0, 1]
-
-
-def test_a_new_drive_restarts_the_window():
-    each = windows([0.0, 2.1, 9.0])
-    for _ in range(2):
-        each.failing(GROUP)
-    each.begin()
-    assert [len(each.failing(GROUP)) for _ in range(3)] == [0, 0, 1]
-
-
-def test_the_cause_is_that_of_the_first_check_that_names_a_signal():
-    ten, heading = BY_QUANTITY[Quantity.YAW_RATE_TEN_RADPS], BY_QUANTITY[Quantity.HEADING_RAD]
-    lateral = BY_QUANTITY[Quantity.LATERAL_ERROR_M]
-    found = finding_of([ten, heading, lateral], [Faulty.NONE, Faulty.HEADING, Faulty.LATERAL_ERROR])
-    assert found == (Faulty.PLACE, StopCause.HEADING_IMPLAUSIBLE, True)
-    only = finding_of([heading], [Faulty.HEADING])
-    assert only == (Faulty.HEADING, StopCause.HEADING_IMPLAUSIBLE, False)
-
-
-def test_without_a_faulty_signal_the_cause_is_that_of_the_first_check():
-    speed, yaw = BY_QUANTITY[Quantity.SPEED_TEN_MPS], BY_QUANTITY[Quantity.YAW_RATE_TEN_RADPS]
-    found = finding_of([speed, yaw], [Faulty.NONE, Faulty.NONE])
-    assert found == (Faulty.NONE, StopCause.SPEED_IMPLAUSIBLE, True)
+@pytest.mark.parametrize(
+    ("findings", "expected"),
+    [
+        (
+            [
+                (Q.YAW_RATE_TEN_RADPS, Faulty.NONE),
+                (Q.HEADING_RAD, Faulty.HEADING),
+                (Q.LATERAL_ERROR_M, Faulty.LATERAL_ERROR),
+            ],
+            (Faulty.PLACE, StopCause.HEADING_IMPLAUSIBLE, True),
+        ),
+        (
+            [(Q.HEADING_RAD, Faulty.HEADING)],
+            (Faulty.HEADING, StopCause.HEADING_IMPLAUSIBLE, False),
+        ),
+        (
+            [(Q.SPEED_TEN_MPS, Faulty.NONE), (Q.YAW_RATE_TEN_RADPS, Faulty.NONE)],
+            (Faulty.NONE, StopCause.SPEED_IMPLAUSIBLE, True),
+        ),
+    ],
+)
+def test_the_cause_is_that_of_the_first_check_that_names_a_signal_or_of_the_first(
+    findings, expected
+):
+    quantities, faulty = zip(*findings, strict=True)
+    assert finding_of([BY_QUANTITY[each] for each in quantities], list(faulty)) == expected
 
 
 @pytest.mark.parametrize(
@@ -246,12 +258,10 @@ def test_without_a_faulty_signal_the_cause_is_that_of_the_first_check():
         ([HEADING], True, False, (Faulty.HEADING, StopCause.HEADING_IMPLAUSIBLE, False)),
         ([HEADING], False, False, (Faulty.YAW_RATE, StopCause.YAW_RATE_IMPLAUSIBLE, True)),
         (
-            [HEADING, LATERAL_ERROR],
-            True,
-            False,
+            *([HEADING, LATERAL_ERROR], True, False),
             (Faulty.STATE, StopCause.HEADING_IMPLAUSIBLE, False),
         ),
-        ([Quantity.SPEED_STEP_MPS], True, True, (Faulty.STATE, StopCause.STATE_OLD, True)),
+        ([Q.SPEED_STEP_MPS], True, True, (Faulty.STATE, StopCause.STATE_OLD, True)),
     ],
     ids=["a jump is rejected", "a drift stops the car", "two signals", "an old state"],
 )

@@ -7,6 +7,7 @@ from kinematic_car import (
     STRAIGHT,
     WITHOUT_FROZEN,
     WatchedCar,
+    driven,
     growing,
     nothing,
     only,
@@ -59,8 +60,7 @@ def test_a_drive_begins_without_predictions():
 
 
 def test_a_lost_state_is_estimated_on_the_road_that_was_seen_ahead():
-    car = WatchedCar(checks=(), preview=RAMP)
-    car.tick()
+    car = driven(1, checks=(), preview=RAMP)
     car.disturb = nothing
     heading_rad, place_m = 0.0, 0.0
     for _ in range(3):
@@ -87,8 +87,7 @@ def test_skipped_periods_move_road_path_and_predictions_on(periods):
 
 
 def test_a_lost_state_moves_with_the_command_that_was_sent():
-    car = WatchedCar(checks=())
-    car.tick(2)
+    car = driven(2, checks=())
     car.control = NEUTRAL_INPUT._replace(brake_n=40.0)
     car.tick()
     car.disturb = lambda received: replace(nothing(received), applied=NEUTRAL_INPUT)
@@ -120,56 +119,41 @@ def test_without_a_lifted_state_no_prediction_begins():
     assert calls == []
 
 
-def test_a_drift_of_the_motion_takes_the_predictions_back_once():
-    checks = [
-        check._replace(reaction=Reaction.STOP) for check in only(Quantity.YAW_RATE_STEP_RADPS)
-    ]
-    car = WatchedCar(checks=checks)
-    calls = spy(car)
-    car.tick(20)
-    car.disturb = shifted(yaw_rate_radps=0.3)
-    car.tick(5)
-    assert calls.count("fall_back") == 1
-
-
 @pytest.mark.parametrize(
-    ("quantity", "reaction", "signals"),
+    ("quantity", "reaction", "signals", "ticks", "times"),
     [
-        (Quantity.LATERAL_ERROR_M, Reaction.STOP, {"ey_m": 1.0}),
-        (Quantity.YAW_RATE_STEP_RADPS, Reaction.REJECT_STATE, {"yaw_rate_radps": 0.3}),
+        (Quantity.YAW_RATE_STEP_RADPS, Reaction.STOP, {"yaw_rate_radps": 0.3}, 5, 1),
+        (Quantity.YAW_RATE_STEP_RADPS, Reaction.REJECT_STATE, {"yaw_rate_radps": 0.3}, 1, 0),
+        (Quantity.LATERAL_ERROR_M, Reaction.STOP, {"ey_m": 1.0}, 1, 0),
     ],
+    ids=["a drift", "an outlier", "a place"],
 )
-def test_neither_a_place_nor_an_outlier_takes_the_predictions_back(quantity, reaction, signals):
+def test_only_a_drift_of_the_motion_takes_the_predictions_back_and_once(
+    quantity, reaction, signals, ticks, times
+):
     car = WatchedCar(checks=[only(quantity)[0]._replace(reaction=reaction)])
     calls = spy(car)
     car.tick(20)
     car.disturb = shifted(**signals)
     assert not car.tick().is_measured
-    assert "fall_back" not in calls
+    car.tick(ticks)
+    assert calls.count("fall_back") == times
 
 
-def test_a_heading_that_jumps_alone_leaves_the_other_signals_measured():
-    car = WatchedCar(checks=only(Quantity.HEADING_RAD, Quantity.LATERAL_ERROR_M))
-    car.tick(20)
-    car.disturb = shifted(epsi_rad=0.1, vx_mps=0.2)
+@pytest.mark.parametrize(("ey_m", "vx_mps"), [(0.0, 20.2), (1.0, 20.0)])
+def test_a_heading_that_jumps_alone_leaves_the_other_signals_measured(ey_m, vx_mps):
+    """Together with the lateral error it replaces the whole state."""
+    car = driven(20, only(Quantity.HEADING_RAD, Quantity.LATERAL_ERROR_M))
+    car.disturb = shifted(epsi_rad=0.1, vx_mps=0.2, ey_m=ey_m)
     qualified = car.tick()
     assert qualified.rejection is StopCause.HEADING_IMPLAUSIBLE
-    assert qualified.state.vx_mps == pytest.approx(20.2)
+    assert qualified.state.vx_mps == pytest.approx(vx_mps)
     assert qualified.state.epsi_rad == pytest.approx(0.0, abs=1e-3)
-
-
-def test_heading_and_lateral_error_that_jump_together_replace_the_whole_state():
-    car = WatchedCar(checks=only(Quantity.HEADING_RAD, Quantity.LATERAL_ERROR_M))
-    car.tick(20)
-    car.disturb = shifted(epsi_rad=0.1, ey_m=1.0, vx_mps=0.2)
-    qualified = car.tick()
-    assert qualified.state.vx_mps == pytest.approx(20.0)
     assert qualified.state.ey_m == pytest.approx(0.0, abs=1e-3)
 
 
 def test_the_speed_difference_is_cleared_only_if_speed_or_progress_is_faulty():
-    car = WatchedCar(checks=only(Quantity.PROGRESS_STEP_M, Quantity.LATERAL_ERROR_M))
-    car.tick(20)
+    car = driven(20, checks=only(Quantity.PROGRESS_STEP_M, Quantity.LATERAL_ERROR_M))
     car.is_stopping = True
     slips = []
     for disturbance in (shifted(ds_m=0.015), shifted(ds_m=0.015, ey_m=1.0), shifted(ds_m=0.015)):
@@ -212,8 +196,7 @@ def test_a_speed_is_known_from_speed_or_progress():
 
 
 def test_a_faulty_curvature_makes_the_state_estimated():
-    car = WatchedCar(checks=(), preview=RAMP)
-    car.tick(1)
+    car = driven(1, checks=(), preview=RAMP)
     car.supervisor._faulty = Faulty.CURVATURE
     car.preview = None
     qualified = car.tick()
@@ -223,8 +206,7 @@ def test_a_faulty_curvature_makes_the_state_estimated():
 
 
 def test_a_car_without_checks_repeats_what_it_receives():
-    car = WatchedCar(checks=())
-    car.tick(3)
+    car = driven(3, checks=())
     qualified = car.qualified[-1]
     assert isinstance(qualified.state, VehicleState)
     assert qualified == Estimate(car.state, 0.0, STRAIGHT, None, True, True, 20.0)
@@ -233,8 +215,7 @@ def test_a_car_without_checks_repeats_what_it_receives():
 def test_a_heading_is_integrated_with_the_road_when_the_curvature_is_faulty():
     checks = only(Quantity.CURVATURE_STEP_PER_M)
     road = CurvaturePreview(5.0, *[0.003] * 5)
-    car = WatchedCar(checks=checks, curvature_per_m=0.003, preview=road)
-    car.tick(5)
+    car = driven(5, checks=checks, curvature_per_m=0.003, preview=road)
     car.disturb, car.is_stopping = lambda received: replace(received, curvature_per_m=0.013), True
     for _ in range(3):
         qualified = car.tick()
@@ -243,8 +224,7 @@ def test_a_heading_is_integrated_with_the_road_when_the_curvature_is_faulty():
 
 
 def test_after_a_drift_of_v_y_the_measured_lateral_error_is_accepted():
-    car = WatchedCar()
-    car.tick(20)
+    car = driven(20)
     car.disturb = growing("vy_mps", 0.03)
     while not car.is_stopping:
         assert len(car.qualified) < 80
@@ -267,23 +247,15 @@ def test_a_lost_state_is_estimated_along_the_last_path():
 
 
 def test_a_braking_car_without_states_comes_to_rest():
-    car = WatchedCar(has_model=False)
-    car.tick(5)
+    car = driven(5, has_model=False)
     car.disturb, car.is_stopping = nothing, True
     car.control = car.control._replace(brake_n=75.0)
     qualified = car.tick(300)
     assert qualified.state.vx_mps == 0.0
 
 
-def test_without_any_state_nothing_is_accepted():
-    car = WatchedCar()
-    car.disturb = lambda received: replace(received, state=None)
-    assert car.tick(3).state is None
-
-
 def test_faulty_signals_of_a_safe_stop_last_until_standby():
-    car = WatchedCar()
-    car.tick(20)
+    car = driven(20)
     car.disturb, car.is_stopping = shifted(ey_m=2.0), True
     car.tick(3)
     car.disturb = shifted(ey_m=0.1)
@@ -294,8 +266,7 @@ def test_faulty_signals_of_a_safe_stop_last_until_standby():
 
 
 def test_a_stop_without_speed_and_progress_has_no_known_speed():
-    car = WatchedCar()
-    car.tick(20)
+    car = driven(20)
     car.is_stopping = True
     car.disturb = replaced(vx_mps=0.0)
     assert car.tick(3).speed_mps == pytest.approx(20.0, abs=0.2)
@@ -306,8 +277,7 @@ def test_a_stop_without_speed_and_progress_has_no_known_speed():
 
 
 def test_a_command_that_is_not_known_ends_the_predictions():
-    car = WatchedCar()
-    car.tick(20)
+    car = driven(20)
     car.disturb = lambda received: replace(received, applied=None)
     assert car.tick(5).is_measured
 
@@ -326,8 +296,7 @@ def test_counter_steering_is_the_wheel_beyond_that_of_a_steady_turn():
 
 @pytest.mark.parametrize(("vx_mps", "expected_rad"), [(9.1, 0.3), (8.9, 0.0)])
 def test_a_slow_car_has_no_counter_steering(vx_mps, expected_rad):
-    car = WatchedCar(vx_mps=vx_mps)
-    car.tick(5)
+    car = driven(5, vx_mps=vx_mps)
     turned = NEUTRAL_INPUT._replace(steer_rad=0.3)
     found_rad = car.supervisor.cornering(turned).counter_steering_rad
     assert found_rad == pytest.approx(expected_rad, abs=1e-6)

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from kinematic_car import STRAIGHT, WatchedCar, growing, nothing, only, shifted, undisturbed
+from kinematic_car import STRAIGHT, WatchedCar, driven, growing, nothing, only, shifted, undisturbed
 
 from rt_controller.contract.faults import StopCause
 from rt_controller.safety import supervisor
@@ -22,34 +22,27 @@ def rejections(car, ticks):
     return alarms
 
 
-@pytest.mark.parametrize("good_ticks", [5, 100])
-def test_the_fifth_rejection_in_a_row_stops_the_car(good_ticks):
-    car = WatchedCar(checks=only(Quantity.PATH_STEP_M))
-    car.tick(good_ticks)
-    assert rejections(car, 5) == [StopCause.NONE] * 4 + [StopCause.PATH_JUMP]
-
-
 @pytest.mark.parametrize(
-    ("good_ticks", "allowed"), [(0, 0), (5, 0), (7, 1), (14, 1), (16, 2), (60, 4)]
+    ("before", "good_ticks", "allowed"),
+    # without earlier rejections the fifth one in a row stops the car; each fades in ten good ticks
+    [(0, 5, 4), (0, 100, 4), (4, 0, 0), (4, 5, 0), (4, 7, 1), (4, 14, 1), (4, 16, 2), (4, 60, 4)],
 )
-def test_a_rejection_no_longer_counts_after_ten_good_ticks(good_ticks, allowed):
-    car = WatchedCar(checks=only(Quantity.PATH_STEP_M))
-    car.tick(5)
-    rejections(car, 4)
-    if good_ticks > 0:
+def test_more_than_four_recent_rejections_stop_the_car(before, good_ticks, allowed):
+    car = driven(5, only(Quantity.PATH_STEP_M))
+    if before:
+        rejections(car, before)
+    if good_ticks:
         car.tick(good_ticks)
     expected = [StopCause.NONE] * allowed + [StopCause.PATH_JUMP]
     assert rejections(car, allowed + 1) == expected
 
 
 def test_a_sum_of_exactly_four_rejections_does_not_stop_the_car():
-    car = WatchedCar(checks=only(Quantity.PATH_STEP_M))
-    car.tick(5)
+    car = driven(5, only(Quantity.PATH_STEP_M))
     rejections(car, 1)
     car.tick(6)
-    alarms = rejections(car, 4)
+    assert rejections(car, 4) == [StopCause.NONE] * 4
     assert car.supervisor._rejections == 4.0
-    assert alarms == [StopCause.NONE] * 4
 
 
 def test_a_new_drive_clears_rejections_and_windows():
@@ -64,44 +57,26 @@ def test_a_new_drive_clears_rejections_and_windows():
         assert car.tick().alarm is StopCause.TRACKING_LOST
 
 
-def test_the_cause_of_an_alarm_is_that_of_the_state_before_that_of_the_path():
-    checks = [
-        only(Quantity.PROGRESS_STEP_M)[0]._replace(reaction=Reaction.STOP),
-        only(Quantity.PATH_STEP_M)[0]._replace(reaction=Reaction.STOP),
-    ]
-    car = WatchedCar(checks=checks)
-    car.tick(5)
+@pytest.mark.parametrize(
+    ("of_state", "of_path", "alarm", "rejection"),
+    [
+        (Reaction.STOP, Reaction.STOP, StopCause.PROGRESS_IMPLAUSIBLE, StopCause.PATH_JUMP),
+        (Reaction.REJECT_STATE, None, StopCause.NONE, StopCause.PROGRESS_IMPLAUSIBLE),
+        (Reaction.REJECT_STATE, Reaction.STOP, StopCause.PATH_JUMP, StopCause.PROGRESS_IMPLAUSIBLE),
+    ],
+)
+def test_alarm_and_rejection_name_the_state_before_the_path(of_state, of_path, alarm, rejection):
+    state, path = only(Quantity.PROGRESS_STEP_M, Quantity.PATH_STEP_M)
+    path = path if of_path is None else path._replace(reaction=of_path)
+    car = driven(5, [state._replace(reaction=of_state), path])
     car.path, car.disturb = JUMPED, shifted(ds_m=0.1)
     qualified = car.tick()
-    assert qualified.alarm is StopCause.PROGRESS_IMPLAUSIBLE
-    assert qualified.rejection is StopCause.PATH_JUMP
-
-
-def test_the_cause_of_a_rejection_is_that_of_the_state_before_that_of_the_path():
-    car = WatchedCar(checks=only(Quantity.PROGRESS_STEP_M, Quantity.PATH_STEP_M))
-    car.tick(5)
-    car.path, car.disturb = JUMPED, shifted(ds_m=0.1)
-    qualified = car.tick()
-    assert (qualified.alarm, qualified.rejection) == (
-        StopCause.NONE,
-        StopCause.PROGRESS_IMPLAUSIBLE,
-    )
-
-
-def test_a_stop_and_a_rejection_have_their_own_causes():
-    path = only(Quantity.PATH_STEP_M)[0]._replace(reaction=Reaction.STOP)
-    car = WatchedCar(checks=[*only(Quantity.PROGRESS_STEP_M), path])
-    car.tick(5)
-    car.path, car.disturb = JUMPED, shifted(ds_m=0.1)
-    qualified = car.tick()
-    assert qualified.alarm is StopCause.PATH_JUMP
-    assert qualified.rejection is StopCause.PROGRESS_IMPLAUSIBLE
+    assert (qualified.alarm, qualified.rejection) == (alarm, rejection)
 
 
 @pytest.mark.parametrize("is_stopping", [False, True])
 def test_a_rejected_signal_is_faulty_for_good_only_in_a_stop(is_stopping):
-    car = WatchedCar(checks=only(Quantity.PROGRESS_STEP_M))
-    car.tick(5)
+    car = driven(5, checks=only(Quantity.PROGRESS_STEP_M))
     car.disturb, car.is_stopping = shifted(ds_m=0.1), is_stopping
     assert not car.tick().is_measured
     car.disturb = undisturbed
@@ -132,8 +107,7 @@ def test_in_standby_nothing_is_known_without_a_state():
 
 
 def test_a_path_that_arrived_in_standby_is_the_last_known_one():
-    car = WatchedCar()
-    car.tick()
+    car = driven(1)
     car.disturb = nothing
     assert car.tick().path == STRAIGHT
 
@@ -165,8 +139,7 @@ def test_each_quantity_is_judged_once_in_a_tick():
 
 @pytest.mark.parametrize("signal", ["ey_m", "epsi_rad"])
 def test_a_place_that_drifts_stops_the_car_in_the_tick_in_which_it_is_found(signal):
-    car = WatchedCar(checks=only(Quantity.HEADING_RAD, Quantity.LATERAL_ERROR_M))
-    car.tick(5)
+    car = driven(5, checks=only(Quantity.HEADING_RAD, Quantity.LATERAL_ERROR_M))
     car.disturb = growing(signal, 0.0075 if signal == "ey_m" else 0.0008)
     qualified = [car.tick() for _ in range(120)]
     first = next(each for each in qualified if not each.is_measured)
@@ -174,8 +147,7 @@ def test_a_place_that_drifts_stops_the_car_in_the_tick_in_which_it_is_found(sign
 
 
 def test_an_old_state_stops_the_car_in_the_tick_in_which_it_is_found():
-    car = WatchedCar(checks=only(Quantity.YAW_RATE_STEP_RADPS))
-    car.tick(5)
+    car = driven(5, checks=only(Quantity.YAW_RATE_STEP_RADPS))
     seen_states = []
     for k in range(4):
         car.control = car.control._replace(steer_rad=0.6 + 0.1 * k)

@@ -8,10 +8,12 @@ from kinematic_car import (
     TURNING_RAD,
     WITHOUT_FROZEN,
     WatchedCar,
+    driven,
     growing,
     replaced,
     shifted,
     turning,
+    undisturbed,
 )
 
 from rt_controller.contract.faults import StopCause
@@ -28,48 +30,38 @@ def test_a_car_whose_states_fit_together_is_accepted():
 
 
 @pytest.mark.parametrize(
-    ("signals", "cause"),
+    ("disturb", "cause"),
     [
-        ({"vx_mps": 0.0}, StopCause.SPEED_IMPLAUSIBLE),
-        ({"ds_m": 0.0}, StopCause.PROGRESS_IMPLAUSIBLE),
-        ({"vy_mps": 1.0}, StopCause.LATERAL_SPEED_IMPLAUSIBLE),
-        ({"yaw_rate_radps": 0.3}, StopCause.YAW_RATE_IMPLAUSIBLE),
-        ({"epsi_rad": 0.1}, StopCause.HEADING_IMPLAUSIBLE),
-        ({"ey_m": 1.0}, StopCause.LATERAL_ERROR_IMPLAUSIBLE),
+        (replaced(vx_mps=0.0), StopCause.SPEED_IMPLAUSIBLE),
+        (replaced(ds_m=0.0), StopCause.PROGRESS_IMPLAUSIBLE),
+        (shifted(vy_mps=1.0), StopCause.LATERAL_SPEED_IMPLAUSIBLE),
+        (shifted(yaw_rate_radps=0.3), StopCause.YAW_RATE_IMPLAUSIBLE),
+        (shifted(epsi_rad=0.1), StopCause.HEADING_IMPLAUSIBLE),
+        (shifted(ey_m=1.0), StopCause.LATERAL_ERROR_IMPLAUSIBLE),
     ],
 )
-def test_a_signal_that_jumps_is_rejected_at_once_and_named(signals, cause):
-    car = WatchedCar()
-    car.tick(20)
-    car.disturb = (
-        shifted(**signals)
-        if "vx_mps" not in signals and "ds_m" not in signals
-        else replaced(**signals)
-    )
+def test_a_signal_that_jumps_is_rejected_at_once_named_and_forgotten(disturb, cause):
+    car = driven(20)
+    car.disturb = disturb
     qualified = car.tick()
     assert (qualified.rejection, qualified.is_measured) == (cause, False)
     assert qualified.state.vx_mps == pytest.approx(20.0, abs=0.1)
     assert qualified.state.ey_m == pytest.approx(0.0, abs=0.05)
+    car.disturb = undisturbed
+    assert car.tick().is_measured
+
+
+def mirrored(received):
+    """The whole lateral motion with the other sign."""
+    names = ("vy_mps", "yaw_rate_radps", "ey_m", "epsi_rad")
+    other = {name: -getattr(received.state, name) for name in names}
+    return replace(received, state=received.state._replace(**other))
 
 
 def test_several_signals_that_jump_together_are_all_replaced_until_the_car_stands():
     """In the second tick the jump is no longer new: it stays one while it is there."""
     car = turning(epsi_rad=0.05, ey_m=1.0)
     car.tick(20)
-
-    def mirrored(received):
-        assert received.state is not None
-        state = received.state
-        return replace(
-            received,
-            state=state._replace(
-                vy_mps=-state.vy_mps,
-                yaw_rate_radps=-state.yaw_rate_radps,
-                ey_m=-state.ey_m,
-                epsi_rad=-state.epsi_rad,
-            ),
-        )
-
     car.disturb = mirrored
     for _ in range(4):
         qualified = car.tick()
@@ -88,29 +80,18 @@ def test_a_speed_that_stays_at_zero_while_the_throttle_is_open_stops_the_car():
     assert qualified[-1].speed_mps is None  # a car that seems to stand may be moving
 
 
-def test_a_single_outlier_is_forgotten_in_the_next_tick():
-    car = WatchedCar()
-    car.tick(20)
-    car.disturb = shifted(ey_m=1.0)
-    car.tick()
-    car.disturb = lambda received: received
-    assert car.tick().is_measured
-
-
 def test_a_signal_that_is_rejected_again_and_again_stops_the_car():
-    car = WatchedCar()
-    car.tick(20)
+    car = driven(20)
     wrong = shifted(ey_m=1.0)
     alarms = []
     for k in range(16):
-        car.disturb = wrong if k % 2 else lambda received: received
+        car.disturb = wrong if k % 2 else undisturbed
         alarms.append(car.tick().alarm)
     assert StopCause.LATERAL_ERROR_IMPLAUSIBLE in alarms
 
 
 def test_a_yaw_rate_of_the_wrong_sign_is_replaced_by_that_of_the_model():
-    car = WatchedCar()
-    car.tick(20)
+    car = driven(20)
     car.disturb = lambda received: replace(
         received,
         state=received.state
@@ -122,42 +103,29 @@ def test_a_yaw_rate_of_the_wrong_sign_is_replaced_by_that_of_the_model():
     assert qualified.state.yaw_rate_radps == pytest.approx(car.state.yaw_rate_radps)
 
 
-def test_a_yaw_rate_that_drifts_below_the_threshold_of_a_jump_is_found_by_the_heading():
-    car = WatchedCar(has_model=False, checks=WITHOUT_FROZEN)
-    car.tick(20)
-    car.disturb = shifted(yaw_rate_radps=0.03)
-    causes = {car.tick().alarm for _ in range(40)}
-    assert causes == {StopCause.NONE, StopCause.YAW_RATE_IMPLAUSIBLE}
+WITHOUT_MODEL = {"has_model": False, "checks": WITHOUT_FROZEN}
 
 
-def test_a_heading_that_drifts_is_found_by_the_lateral_error():
-    car = WatchedCar(vx_mps=30.0)
-    car.tick(5)
-    car.disturb = growing("epsi_rad", 0.0008)
-    causes = [car.tick().alarm for _ in range(60)]
-    found = [cause for cause in causes if cause is not StopCause.NONE]
-    assert found[0] is StopCause.HEADING_IMPLAUSIBLE
-
-
-def test_a_progress_that_is_slightly_wrong_for_long_stops_the_car():
-    car = WatchedCar()
-    car.tick(20)
-    car.disturb = shifted(ds_m=0.018)
-    causes = [car.tick().alarm for _ in range(60)]
-    assert StopCause.PROGRESS_IMPLAUSIBLE in causes
-    assert causes[0] is StopCause.NONE
-
-
-def test_a_slow_drift_of_the_lateral_error_is_found_above_its_rate():
-    car = WatchedCar()
-    car.tick(20)
-    car.disturb = growing("ey_m", 0.3 / 40)
-    assert StopCause.LATERAL_ERROR_IMPLAUSIBLE in {car.tick().alarm for _ in range(120)}
+@pytest.mark.parametrize(
+    ("car", "disturb", "ticks", "cause"),
+    [
+        (WITHOUT_MODEL, shifted(yaw_rate_radps=0.03), 40, StopCause.YAW_RATE_IMPLAUSIBLE),
+        ({"vx_mps": 30.0}, growing("epsi_rad", 0.0008), 60, StopCause.HEADING_IMPLAUSIBLE),
+        ({}, shifted(ds_m=0.018), 60, StopCause.PROGRESS_IMPLAUSIBLE),
+        ({}, growing("ey_m", 0.3 / 40), 120, StopCause.LATERAL_ERROR_IMPLAUSIBLE),
+    ],
+    ids=["yaw rate, by the heading", "heading, by the lateral error", "progress", "lateral error"],
+)
+def test_a_drift_below_the_threshold_of_a_jump_stops_the_car(car, disturb, ticks, cause):
+    watched = driven(20, **car)
+    watched.disturb = disturb
+    alarms = [watched.tick().alarm for _ in range(ticks)]
+    assert alarms[0] is StopCause.NONE
+    assert next(alarm for alarm in alarms if alarm is not StopCause.NONE) is cause
 
 
 def test_a_car_that_does_not_turn_as_the_model_says_is_stopped_with_its_measured_state():
-    car = WatchedCar()
-    car.tick(20)
+    car = driven(20)
     car.control = car.control._replace(steer_rad=0.6)
     still = car.state
     car.disturb = lambda received: replace(received, state=still._replace(ds_m=0.5))
@@ -199,18 +167,11 @@ def test_a_state_that_is_frozen_in_a_turn_stops_the_car():
     assert car.qualified[-1].speed_mps is None
 
 
-def test_a_steady_car_on_a_straight_road_may_repeat_its_state():
-    car = WatchedCar()
-    car.tick(5)
-    frozen(car)
-    assert {car.tick().alarm for _ in range(200)} == {StopCause.NONE}
-
-
-def test_a_standing_car_may_repeat_its_state():
-    car = WatchedCar(vx_mps=0.0, epsi_rad=0.1)
-    car.tick(5)
-    frozen(car)
-    assert {car.tick().alarm for _ in range(50)} == {StopCause.NONE}
+@pytest.mark.parametrize("car", [{}, {"vx_mps": 0.0, "epsi_rad": 0.1}], ids=["steady", "standing"])
+def test_a_car_whose_state_does_not_change_may_repeat_it(car):
+    watched = driven(5, **car)
+    frozen(watched)
+    assert {watched.tick().alarm for _ in range(200)} == {StopCause.NONE}
 
 
 def test_states_of_before_with_new_counters_are_replaced_by_an_estimate():
@@ -229,8 +190,7 @@ def test_states_of_before_with_new_counters_are_replaced_by_an_estimate():
 
 
 def test_a_jump_in_the_second_tick_is_found_without_earlier_states():
-    car = WatchedCar()
-    car.tick()
+    car = driven(1)
     car.disturb = shifted(ey_m=1.0, epsi_rad=0.1, yaw_rate_radps=0.2)
     qualified = car.tick()
     assert not qualified.is_measured
@@ -238,8 +198,7 @@ def test_a_jump_in_the_second_tick_is_found_without_earlier_states():
 
 
 def test_with_no_checks_everything_is_accepted():
-    car = WatchedCar(checks=())
-    car.tick(5)
+    car = driven(5, checks=())
     car.disturb = replaced(vx_mps=0.0, ey_m=20.0)
     qualified = car.tick(5)
     assert qualified.is_measured
@@ -271,26 +230,23 @@ def test_an_actuator_that_is_150_ms_late_is_no_fault():
         assert car.tick().alarm not in (StopCause.STEERING_MISMATCH,)
 
 
-@pytest.mark.parametrize(("ey_m", "epsi_rad"), [(1.5, 0.0), (0.0, 0.5), (-2.0, -0.3), (0.8, 0.1)])
-def test_a_car_outside_of_the_engagement_window_is_refused(ey_m, epsi_rad):
-    qualified = WatchedCar(ey_m=ey_m, epsi_rad=epsi_rad).tick()
-    assert (qualified.rejection, qualified.is_measured) == (StopCause.NOT_ENGAGED, False)
-
-
-def test_a_path_that_is_too_sharp_is_refused_at_the_start():
-    car = WatchedCar(vx_mps=33.0, path=STRAIGHT._replace(c2_per_m=0.005))
-    assert car.tick().rejection is StopCause.NOT_ENGAGED
-
-
-def test_a_car_inside_of_the_window_is_taken_over():
-    qualified = WatchedCar(ey_m=0.8, epsi_rad=-0.1).tick()
-    assert (qualified.rejection, qualified.is_measured) == (StopCause.NONE, True)
-
-
-@pytest.mark.parametrize(("vx_mps", "is_refused"), [(16.7, False), (33.3, True)])
-def test_a_heading_that_leads_far_from_the_path_at_this_speed_is_refused(vx_mps, is_refused):
-    qualified = WatchedCar(vx_mps=vx_mps, epsi_rad=0.1).tick()
-    assert (qualified.rejection is StopCause.NOT_ENGAGED) == is_refused
+@pytest.mark.parametrize(
+    ("car", "is_refused"),
+    [
+        ({"ey_m": 1.5}, True),
+        ({"epsi_rad": 0.5}, True),
+        ({"ey_m": -2.0, "epsi_rad": -0.3}, True),
+        ({"ey_m": 0.8, "epsi_rad": 0.1}, True),
+        ({"ey_m": 0.8, "epsi_rad": -0.1}, False),
+        ({"vx_mps": 16.7, "epsi_rad": 0.1}, False),
+        ({"vx_mps": 33.3, "epsi_rad": 0.1}, True),
+        ({"vx_mps": 33.0, "path": STRAIGHT._replace(c2_per_m=0.005)}, True),
+    ],
+)
+def test_only_a_car_inside_of_the_engagement_window_is_taken_over(car, is_refused):
+    qualified = WatchedCar(**car).tick()
+    assert (qualified.rejection is StopCause.NOT_ENGAGED) is is_refused
+    assert qualified.is_measured is not is_refused
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
