@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import onnx_bytes
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from made_models import WITH_ALL, WITH_PAST, WITH_ROAD, make_bundle
 
@@ -117,32 +117,33 @@ def test_the_lift_depends_on_every_entry_of_the_history():
             lift.history[row, column] -= 10.0
 
 
-def test_a_lift_of_states_and_curvature_has_no_history():
-    assert Encoder(make_bundle(WITH_ROAD)).history is None
-
-
-@pytest.mark.parametrize("damage", [b"", b"not an encoder", b"\x08\x0a" * 20])
-def test_invalid_onnx_bytes_are_refused(identity, damage):
-    assert "expected an ONNX model" in refusal(replace(identity, encoder_onnx=damage))
-
-
-def test_data_in_another_file_are_refused(identity):
+def encoder_with_data_in_another_file():
     """Where they are is an entry of the tensor (field 13) with the key "location"."""
     weights = onnx_bytes.constant("w", np.zeros((0,), np.float32))
     entry = b"\x0a\x08location" + b"\x12\x0bweights.bin"
     external = weights + bytes([13 << 3 | 2, len(entry)]) + entry + bytes([14 << 3, 1])
-    encoder = onnx_bytes.model(
+    return onnx_bytes.model(
         [onnx_bytes.node("MatMul", ["x", "w"], "psi")],
         [onnx_bytes.value("x", ("batch", 6))],
         [onnx_bytes.value("psi", ("batch", 6))],
         [external],
     )
-    assert "found data in another file" in refusal(replace(identity, encoder_onnx=encoder))
 
 
-@pytest.mark.parametrize("name", ["lti", "mdk-net", "mdk-net-paper"])
-def test_the_shipped_encoders_contain_their_data(name):
-    Encoder(load_bundle(shipped_model(name)))
+@pytest.mark.parametrize(
+    ("encoder", "complaint"),
+    [
+        (b"", "expected an ONNX model"),
+        (b"not an encoder", "expected an ONNX model"),
+        (b"\x08\x0a" * 20, "expected an ONNX model"),
+        (encoder_with_data_in_another_file(), "found data in another file"),
+        (onnx_bytes.passes_on(kind=onnx_bytes.DOUBLE), "tensor(double)"),
+        (encoder_of_too_many_rows(), "lifts one state"),
+    ],
+    ids=["empty", "text", "cut", "data elsewhere", "double precision", "too many rows"],
+)
+def test_an_encoder_that_cannot_be_used_is_refused(identity, encoder, complaint):
+    assert complaint in refusal(replace(identity, encoder_onnx=encoder))
 
 
 def test_an_encoder_of_another_width_than_the_matrices_is_refused(identity):
@@ -203,27 +204,15 @@ def test_the_order_of_tensors_in_the_file_does_not_matter():
     Encoder(replace(bundle, encoder_onnx=onnx_bytes.passes_on([X, HISTORY, CURVATURE])))
 
 
-def test_an_encoder_in_double_precision_is_refused(identity):
-    encoder = onnx_bytes.passes_on(kind=onnx_bytes.DOUBLE)
-    assert "tensor(double)" in refusal(replace(identity, encoder_onnx=encoder))
-
-
-def test_an_encoder_that_cannot_lift_one_state_is_refused(identity):
-    message = refusal(replace(identity, encoder_onnx=encoder_of_too_many_rows()))
-    assert "lifts one state" in message
-
-
-def test_a_latent_wrong_by_a_thousandth_of_its_spread_is_refused(learned):
+@pytest.mark.parametrize("wrong", ["a thousandth of a spread", "other samples"])
+def test_latents_that_are_not_those_of_the_self_test_are_refused(learned, wrong):
     """Also for the latent with the smallest values."""
-    column = WIDTH + int(np.argmin(learned.spread[WIDTH:-1]))
     psi = learned.selftest_psi.copy()
-    psi[3, column] += 1e-3 * learned.spread[column]
-    assert "self-test" in refusal(replace(learned, selftest_psi=psi))
-
-
-def test_an_encoder_with_latents_of_other_samples_is_refused(learned):
-    psi = learned.selftest_psi.copy()
-    psi[:, WIDTH:] = np.roll(psi[:, WIDTH:], 1, axis=0)
+    if wrong == "other samples":
+        psi[:, WIDTH:] = np.roll(psi[:, WIDTH:], 1, axis=0)
+    else:
+        column = WIDTH + int(np.argmin(learned.spread[WIDTH:-1]))
+        psi[3, column] += 1e-3 * learned.spread[column]
     assert "self-test" in refusal(replace(learned, selftest_psi=psi))
 
 
@@ -233,9 +222,6 @@ def test_the_self_test_includes_curvature_and_history(name):
     wrong = np.roll(getattr(bundle.selftest, name), 1, axis=0)
     other = replace(bundle, selftest=bundle.selftest._replace(**{name: wrong}))
     assert "self-test" in refusal(other)
-
-
-STEPS = 4
 
 
 def state(k):
@@ -252,62 +238,22 @@ def row(x, u):
     return tuple(named[name] for name in DRIVABLE_HISTORY)
 
 
-def memory():
-    return np.full((STEPS, len(DRIVABLE_HISTORY)), np.nan, dtype=np.float32)
-
-
-def as_float32(rows):
-    return np.array(rows, dtype=np.float32)
-
-
-def test_a_row_is_a_state_and_the_input_that_acted_from_it():
-    rows = memory()
-    history = History(rows)
-    for k in range(10):
-        history.advance(state(k), held(k - 1))
-    expected = [row(state(k), held(k)) for k in (5, 6, 7, 8)]
-    np.testing.assert_array_equal(rows, as_float32(expected))
-
-
-def test_before_the_oldest_state_the_rows_repeat_it_with_the_input_then_in_force():
-    rows = memory()
-    history = History(rows)
-    history.advance(state(0), held(-1))
-    before = row(state(0), held(-1))
-    np.testing.assert_array_equal(rows, as_float32([before] * 4))
-    history.advance(state(1), held(0))
-    np.testing.assert_array_equal(rows, as_float32([before] * 3 + [row(state(0), held(0))]))
-    for k in (2, 3, 4):
-        history.advance(state(k), held(k - 1))
-    np.testing.assert_array_equal(rows, as_float32([row(state(k), held(k)) for k in range(4)]))
-
-
-def test_forgotten_rows_do_not_come_back():
-    rows = memory()
-    history = History(rows)
-    for k in range(6):
-        history.advance(state(k), held(k - 1))
-    history.forget()
-    assert not history.is_begun
-    history.advance(state(8), held(7))
-    assert history.is_begun
-    np.testing.assert_array_equal(rows, as_float32([row(state(8), held(7))] * 4))
-
-
 @given(st.lists(st.booleans(), min_size=1, max_size=40), st.integers(1, 6))
-def test_all_rows_were_observed_since_the_last_gap(is_seen, steps):
-    """Compared with the definition, written with a list."""
+@example([True] * 10, 4)
+@example([True] * 6 + [False, True], 4)
+def test_a_row_is_a_state_and_the_input_that_followed_since_the_last_gap(is_seen, steps):
+    """Compared with the definition; the oldest state is repeated with the input then in force."""
     rows = np.full((steps, len(DRIVABLE_HISTORY)), np.nan, dtype=np.float32)
-    history = History(rows)
-    begun_at = None
+    history, begun_at = History(rows), None
     for k, seen in enumerate(is_seen):
         if not seen:
             history.forget()
             begun_at = None
+            assert not history.is_begun
             continue
         history.advance(state(k), held(k - 1))
-        if begun_at is None:
-            begun_at = k
+        assert history.is_begun
+        begun_at = k if begun_at is None else begun_at
         since = [row(state(j), held(j)) for j in range(begun_at, k)]
         before = [row(state(begun_at), held(begun_at - 1))] * steps
-        np.testing.assert_array_equal(rows, as_float32((before + since)[-steps:]))
+        np.testing.assert_array_equal(rows, np.array((before + since)[-steps:], dtype=np.float32))

@@ -143,33 +143,6 @@ def test_predicted_states_are_the_model_rolled_out_under_the_plan(rank):
     assert mpc.predicted_states() is None
 
 
-def test_a_circle_ahead_changes_no_bit_of_the_plan():
-    bundle = make_bundle(WITH_ROAD, rank=2)
-    plain, previewing = build(bundle), build(bundle)
-    circle = CurvaturePreview(3.0, *[CURVATURE_PER_M] * 5)
-    for _ in range(3):
-        assert plain.plan(STATE, CURVATURE_PER_M, PATH, PREVIOUS) is SolveStatus.SOLVED
-        previewing.plan(STATE, CURVATURE_PER_M, PATH, PREVIOUS, circle)
-        np.testing.assert_array_equal(previewing.inputs, plain.inputs)
-        for mpc in (plain, previewing):
-            mpc.prepare()
-            mpc.warm_up()
-
-
-def test_before_a_bend_the_wheel_turns_towards_it():
-    state, path = VehicleState(20.0, 0.0, 0.0, 0.5, 0.0, 0.0), PATH._replace(c1=0.0)
-    mpc = Mpc(load_bundle(shipped_model("lti")), 20, MpcSettings().cost())
-    steer_rad = []
-    for sign in (0.0, 1.0, -1.0):
-        mpc.forget()
-        ahead = CurvaturePreview(3.0, 0.0, *[0.004 * sign] * 4)
-        previous = PREVIOUS._replace(steer_rad=0.0)
-        assert mpc.plan(state, 0.0, path, previous, ahead) is SolveStatus.SOLVED
-        steer_rad.append(mpc.inputs[:4, 2].copy() - (steer_rad[0] if steer_rad else 0.0))
-    assert np.all(steer_rad[1] > 0.005)
-    assert np.all(steer_rad[2] < -0.005)
-
-
 def test_the_plan_along_a_previewed_road_is_predicted_to_follow_the_road():
     state, path = VehicleState(20.0, 0.0, 0.0, 0.5, 0.0, 0.0), PATH._replace(c1=0.0)
     mpc = Mpc(load_bundle(shipped_model("mdk-net")), 20, MpcSettings().cost())

@@ -6,8 +6,6 @@ import pytest
 from random_problems import COST, HORIZON, TIERS, open_precise, random_bundle, update_vectors
 from virtual_drive import SHORT_LANE_CHANGE
 
-from benchmarks.peers.recording import TIERS as RECORDED_TIERS
-from benchmarks.peers.recording import Matrices, record
 from rt_controller.contract.errors import ConfigError
 from rt_controller.control.piqp_solver import PiqpSolver
 from rt_controller.control.program import QuadraticProgram, SolveStatus
@@ -97,29 +95,41 @@ def test_solutions_of_changing_programs_meet_the_optimality_conditions(open_solv
         assert_optimal(solver.solution, program)
 
 
-@every_solver
-def test_contradictory_bounds_are_not_solved(open_solver):
-    program = make_program()
-    solver = open_solver(program)
-    assert solver.solve() is SolveStatus.SOLVED
-    expected = solver.solution.copy()
+def contradict(program):
     program.row_lower[:3], program.row_upper[:3] = 0.5, 0.6
     program.upper[:3] = 0.1
-    assert solver.solve() in REFUSED
-    program.upper[:3], program.row_lower[:3], program.row_upper[:3] = 1.0, -SLEW, SLEW
-    assert solver.solve() is SolveStatus.SOLVED
-    np.testing.assert_allclose(solver.solution, expected, atol=1e-4)
+
+
+def cross_bounds(program):
+    program.upper[4] = -0.5
+
+
+def turn_concave(program, size=2.0):
+    program.P[:] -= size * np.linalg.eigvalsh(program.P)[-1] * np.eye(NV)
+
+
+def turn_very_concave(program):
+    turn_concave(program, 1e3)
 
 
 @every_solver
-def test_a_lower_bound_above_the_upper_one_is_not_solved(open_solver):
-    program = make_program()
+@pytest.mark.parametrize("spoil", [contradict, cross_bounds, turn_concave, turn_very_concave])
+def test_a_program_without_a_solution_is_a_status_and_does_not_affect_the_next_solve(
+    open_solver, spoil
+):
+    program = make_program(varies=True)
     solver = open_solver(program)
-    program.upper[4] = -0.5
-    assert solver.solve() in REFUSED
-    program.upper[4] = 1.0
     assert solver.solve() is SolveStatus.SOLVED
-    assert_optimal(solver.solution, program)
+    names = ("P", "upper", "row_lower", "row_upper")
+    expected, kept = solver.solution.copy(), {name: getattr(program, name).copy() for name in names}
+    spoil(program)
+    solver.update_matrices()
+    assert solver.solve() in REFUSED
+    for name, values in kept.items():
+        getattr(program, name)[:] = values
+    assert solver.update_matrices()
+    assert solver.solve() is SolveStatus.SOLVED
+    np.testing.assert_allclose(solver.solution, expected, atol=1e-4)
 
 
 @every_solver
@@ -150,22 +160,6 @@ def test_non_finite_values_are_not_solved_and_do_not_affect_the_next_solve(open_
 
 
 @every_solver
-@pytest.mark.parametrize("size", [2.0, 1e3])
-def test_a_non_convex_program_is_not_solved_and_does_not_affect_the_next_solve(open_solver, size):
-    program = make_program(varies=True)
-    solver = open_solver(program)
-    assert solver.solve() is SolveStatus.SOLVED
-    expected, P = solver.solution.copy(), program.P.copy()
-    program.P[:] -= size * np.linalg.eigvalsh(P)[-1] * np.eye(NV)
-    solver.update_matrices()
-    assert solver.solve() in REFUSED
-    program.P[:] = P
-    assert solver.update_matrices()
-    assert solver.solve() is SolveStatus.SOLVED
-    np.testing.assert_allclose(solver.solution, expected, atol=1e-4)
-
-
-@every_solver
 def test_a_new_hessian_replaces_the_last_one(open_solver):
     """Also where it is far from the Hessian that PIQP computed its scaling from."""
     program = make_program(varies=True)
@@ -183,13 +177,16 @@ def test_a_solve_stopped_far_from_the_optimum_is_not_solved():
     assert PiqpSolver(make_program(), max_iterations=2).solve() is SolveStatus.ITERATION_LIMIT
 
 
+def give_durations(monkeypatch, durations_ns):
+    times_ns = iter([t for d in durations_ns for t in (0, d)])
+    monkeypatch.setattr("time.perf_counter_ns", lambda: next(times_ns))
+
+
 @pytest.mark.parametrize(("fast_ns", "is_accepted"), [(50_000, True), (5_000_000, False)])
 def test_the_budget_is_judged_by_the_fastest_solve(monkeypatch, fast_ns, is_accepted):
     """On a busy machine the other solves say how busy it is."""
     solver = PiqpSolver(make_program())
-    durations_ns = [fast_ns if i == 17 else 80_000_000 for i in range(21)]
-    times_ns = iter([t for d in durations_ns for t in (0, d)])
-    monkeypatch.setattr("time.perf_counter_ns", lambda: next(times_ns))
+    give_durations(monkeypatch, [fast_ns if i == 17 else 80_000_000 for i in range(21)])
     if is_accepted:
         solver.limit_solve_time(5_000_000)
         assert solver._workspace.settings.max_iter == 12
@@ -202,8 +199,7 @@ def test_the_iterations_that_fit_are_those_of_the_median_solve(monkeypatch):
     solver = PiqpSolver(make_program())
     solver.solve()
     usual_ns = round(5e6 / 2.0 / 14.5 * solver.iterations)
-    times_ns = iter([t for i in range(21) for t in (0, usual_ns // 10 if i == 17 else usual_ns)])
-    monkeypatch.setattr("time.perf_counter_ns", lambda: next(times_ns))
+    give_durations(monkeypatch, [usual_ns // 10 if i == 17 else usual_ns for i in range(21)])
     solver.limit_solve_time(5_000_000)
     assert solver._workspace.settings.max_iter == 14
 
@@ -262,7 +258,6 @@ def test_piqp_solves_what_the_active_set_iteration_does_not_solve_in_its_rounds(
     assert_optimal(solver.solution, program)
 
 
-pytest.importorskip("benchmarks", reason="the benchmarks are not part of the installed package")
 MAX_DIFFERENCE = 1e-4
 """of two solutions' first inputs, as a share of the range"""
 
@@ -303,14 +298,16 @@ def test_warm_start_and_piqp_agree_on_random_problems(problems):
     [SHORT_LANE_CHANGE, pytest.param("double_lane_change", marks=pytest.mark.nightly)],
     ids=["short", "whole"],
 )
-@pytest.mark.parametrize("corridor", RECORDED_TIERS.values(), ids=RECORDED_TIERS.keys())
-@pytest.mark.parametrize("model", ["mdk-net", "mdk-net-paper"])
-def test_warm_start_and_piqp_agree_on_recorded_problems(model, corridor, scenario):
-    recording = record(model, scenario, corridor)
-    program = recording.program.copy()
+@pytest.mark.parametrize(
+    ("model", "tier"), [("mdk-net", "slew"), ("mdk-net", "corridor"), ("mdk-net-paper", "slew")]
+)
+def test_warm_start_and_piqp_agree_on_recorded_problems(model, tier, scenario):
+    recording = pytest.importorskip("benchmarks.peers.recording", reason="only in a checkout")
+    recorded = recording.record(model, scenario, recording.TIERS[tier])
+    program = recorded.program.copy()
     solvers = open_both(program)
-    for event in recording.replay(program):
-        if isinstance(event, Matrices):
+    for event in recorded.replay(program):
+        if isinstance(event, recording.Matrices):
             assert all(solver.update_matrices() for solver in solvers)
         else:
             assert_same_first_input(solvers)

@@ -113,7 +113,7 @@ cars = st.builds(
 )
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(cars, st.floats(0.8, 3.0), st.integers(0, 2**31))
 def test_a_car_that_is_not_known_well_stops_at_its_target_holds_and_starts(car, braking_mps2, seed):
     target_m = 5.0 + car.vx_mps**2 / 2.0 / braking_mps2
@@ -164,10 +164,10 @@ def test_a_start_on_an_unknown_slope_rolls_back_little(slope_mps2, most_m):
     assert min(tick.s_m for tick in started) >= held[-1].s_m - most_m
 
 
-@pytest.mark.parametrize("slope_mps2", [-0.8, 0.0, 0.8])
+@pytest.mark.parametrize("slope_mps2", [-0.8, 0.8])
 @pytest.mark.parametrize("acceleration_mps2", [0.3, 1.0])
 @pytest.mark.parametrize(
-    ("vx_sigma_mps", "vx_offset_mps"), [(0.05, 0.0), (0.1, 0.0), (0.01, 0.12), (0.01, -0.12)]
+    ("vx_sigma_mps", "vx_offset_mps"), [(0.1, 0.0), (0.01, 0.12), (0.01, -0.12)]
 )
 def test_a_disturbed_speed_during_a_hold_does_not_prevent_the_start(
     slope_mps2, acceleration_mps2, vx_sigma_mps, vx_offset_mps
@@ -256,40 +256,35 @@ def test_a_start_is_wanted_as_soon_as_the_reference_accelerates():
     assert not wants_rest(REST._replace(v_mps=0.3), is_resting=True)
 
 
-def test_a_car_that_stands_just_before_its_stop_has_arrived_and_stays():
-    assert next_law(Mode.LOW_SPEED, 0.05, stop_in(0.9 * ARRIVE.stop_m), SPEEDS) is Mode.STANDSTILL
-    assert next_law(Mode.STANDSTILL, 0.0, stop_in(0.9 * STAY.stop_m), SPEEDS) is Mode.STANDSTILL
+MODEL, SLOW, HELD = LAWS
+START = REST._replace(v_mps=0.5, a_mps2=1.0)
 
 
-def test_a_car_that_stands_far_before_its_stop_drives_on():
-    assert next_law(Mode.LOW_SPEED, 0.0, stop_in(1.0), SPEEDS) is Mode.LOW_SPEED
-    assert next_law(Mode.STANDSTILL, 0.0, stop_in(1.0), SPEEDS) is Mode.LOW_SPEED
-
-
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("vx_mps", [-0.2, -3.0])
-def test_a_car_that_rolls_back_is_braked_unless_it_is_to_start(law, vx_mps):
-    assert next_law(law, vx_mps, REST, SPEEDS) is Mode.STANDSTILL
-    assert next_law(law, vx_mps, REST._replace(v_mps=0.5, a_mps2=1.0), SPEEDS) is Mode.LOW_SPEED
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_a_fast_car_is_driven_by_the_model_whatever_the_reference(law):
-    for path in (REST, CRUISE, stop_in(1.0)):
-        assert next_law(law, 20.0, path, SPEEDS) is Mode.NOMINAL
-
-
-def test_the_model_drives_again_only_well_above_the_speed_at_which_it_stopped():
-    assert next_law(Mode.NOMINAL, 2.99, CRUISE, SPEEDS) is Mode.LOW_SPEED
-    assert next_law(Mode.LOW_SPEED, 3.99, CRUISE, SPEEDS) is Mode.LOW_SPEED
-    assert next_law(Mode.LOW_SPEED, 4.0, CRUISE, SPEEDS) is Mode.NOMINAL
-    assert next_law(Mode.NOMINAL, 3.01, CRUISE, SPEEDS) is Mode.NOMINAL
-
-
-def test_a_held_car_that_rolls_forwards_is_braked_up_to_the_speed_of_the_model():
-    assert next_law(Mode.STANDSTILL, 3.9, REST, SPEEDS) is Mode.STANDSTILL
-    assert next_law(Mode.STANDSTILL, 4.0, REST, SPEEDS) is Mode.NOMINAL
-    assert next_law(Mode.STANDSTILL, 2.0, CRUISE, SPEEDS) is Mode.LOW_SPEED
+@pytest.mark.parametrize(
+    ("law", "vx_mps", "path", "following"),
+    [
+        # a car that stands just before its stop has arrived and stays, far before it drives on
+        (SLOW, 0.05, stop_in(0.9 * ARRIVE.stop_m), HELD),
+        (HELD, 0.0, stop_in(0.9 * STAY.stop_m), HELD),
+        (SLOW, 0.0, stop_in(1.0), SLOW),
+        (HELD, 0.0, stop_in(1.0), SLOW),
+        # one that rolls back is braked unless it is to start
+        *((law, vx_mps, REST, HELD) for law in LAWS for vx_mps in (-0.2, -3.0)),
+        *((law, vx_mps, START, SLOW) for law in LAWS for vx_mps in (-0.2, -3.0)),
+        # a fast one is driven by the model, with hysteresis
+        *((law, 20.0, path, MODEL) for law in LAWS for path in (REST, CRUISE, stop_in(1.0))),
+        (MODEL, 2.99, CRUISE, SLOW),
+        (MODEL, 3.01, CRUISE, MODEL),
+        (SLOW, 3.99, CRUISE, SLOW),
+        (SLOW, 4.0, CRUISE, MODEL),
+        # one that is held and rolls forwards is braked up to the speed of the model
+        (HELD, 3.9, REST, HELD),
+        (HELD, 4.0, REST, MODEL),
+        (HELD, 2.0, CRUISE, SLOW),
+    ],
+)
+def test_the_next_law_follows_from_speed_and_reference(law, vx_mps, path, following):
+    assert next_law(law, vx_mps, path, SPEEDS) is following
 
 
 @given(
