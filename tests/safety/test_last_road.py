@@ -17,12 +17,22 @@ def begun(preview):
     return road, values
 
 
-def test_the_road_ahead_moves_with_the_car_and_is_constant_behind_its_last_value():
+@pytest.mark.parametrize(
+    ("moved_m", "ahead_per_m"),
+    [
+        (6.0, (0.0015, 0.0025, 0.0035, 0.004, 0.004)),  # constant behind its last value
+        (4.0, (0.001, 0.002, 0.003, 0.004, 0.004)),
+        (-40.0, (0.0,) * 5),  # and before its first one
+    ],
+)
+def test_the_road_ahead_moves_with_the_car(moved_m, ahead_per_m):
     road, _ = begun(ROAD)
-    road.move(6.0)
-    assert road.curvature_here(0.5) == pytest.approx(0.0015)
-    preview = road.ahead(None)
-    assert preview[1:] == pytest.approx((0.0015, 0.0025, 0.0035, 0.004, 0.004))
+    road.move(moved_m)
+    assert road.curvature_here(0.5) == pytest.approx(ahead_per_m[0])
+    assert road.ahead(None) == pytest.approx((4.0, *ahead_per_m))
+    road, _ = begun(ROAD._replace(k0_per_m=0.0005))
+    road.move(-40.0)
+    assert road.curvature_here(0.5) == 0.0005
 
 
 def test_behind_its_end_and_without_a_preview_the_curvature_is_the_last_one():
@@ -48,12 +58,17 @@ def test_a_preview_that_continues_the_one_before_is_used():
 
 
 @pytest.mark.parametrize("knot", range(4))
-def test_a_preview_that_jumps_anywhere_is_replaced_by_the_one_before(knot):
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_preview_that_jumps_anywhere_is_replaced_by_the_one_before(knot, side):
+    """A jump is reduced by one and a half times the changes of the road."""
     road, values = begun(FLAT)
-    wrong = FLAT._replace(**{f"k{knot}_per_m": 0.01})
+    wrong = FLAT._replace(**{f"k{knot}_per_m": 0.001 + side * 0.009})
     road.take(wrong, wrong.k0_per_m)
     assert values[Quantity.PREVIEW_STEP_PER_M] == pytest.approx(0.009)
     assert road.ahead(wrong) == FLAT
+    road, values = begun(ROAD)
+    road.take(ROAD._replace(**{f"k{knot}_per_m": 0.001 * knot + side * 0.005}), None)
+    assert values[Quantity.PREVIEW_STEP_PER_M] == pytest.approx(0.0035)
 
 
 def test_a_preview_that_contradicts_the_curvature_at_the_car_is_no_finding():
@@ -86,43 +101,42 @@ def test_a_preview_that_was_taken_before_is_not_compared_again():
     assert values[Quantity.PREVIEW_STEP_PER_M] == 0.0
 
 
+BEND = CurvaturePreview(4.0, 0.0, 0.0, 0.01, 0.01, 0.01)
+EARLY, LATE = (CurvaturePreview(4.0, *ends) for ends in ((0.01, 0, 0, 0, 0), (0, 0, 0, 0, 0.01)))
+
+
 @pytest.mark.parametrize(
-    ("moved_m", "curvature_per_m", "step_per_m"),
-    [(2.0, 0.001, 0.0), (2.0, 0.006, 0.005), (30.0, 0.03, 0.0)],
+    ("preview", "moved_m", "curvature_per_m", "step_per_m"),
+    [
+        (FLAT, 2.0, 0.001, 0.0),
+        (FLAT, 2.0, 0.006, 0.005),
+        (FLAT, 30.0, 0.03, 0.0),  # the road is known no further
+        (ROAD, -4.0, -10.0, 0.0),  # nor from one interval behind its begin
+        *((ROAD, 2.0, 0.0005 + step, abs(step)) for step in (0.0015, -0.0015, 0.002)),
+        # a bend that was seen ahead is no step
+        *((BEND, moved_m, 0.0, 0.0) for moved_m in (3.0, 5.0)),
+        *((BEND, moved_m, 0.01, 0.0) for moved_m in (7.0, 9.0)),
+        # the change of the nearest interval counts on both sides, and no other
+        (LATE, 6.0, 0.01, 0.01),
+        (LATE, 10.0, 0.01, 0.0),
+        (EARLY, 6.0, 0.01, 0.0),
+        (EARLY, 10.0, 0.01, 0.01),
+    ],
 )
 def test_the_curvature_at_the_car_is_compared_as_far_as_the_road_is_known(
-    moved_m, curvature_per_m, step_per_m
+    preview, moved_m, curvature_per_m, step_per_m
 ):
-    road, values = begun(FLAT)
+    road, values = begun(preview)
     road.move(moved_m)
     road.compare(curvature_per_m)
     assert values[Quantity.CURVATURE_STEP_PER_M] == pytest.approx(step_per_m)
 
 
-def test_a_bend_that_was_seen_ahead_is_no_step():
-    bend = CurvaturePreview(4.0, 0.0, 0.0, 0.01, 0.01, 0.01)
-    for moved_m in (3.0, 5.0, 7.0, 9.0):
-        road, values = begun(bend)
-        road.move(moved_m)
-        road.compare(0.0 if moved_m < 6.0 else 0.01)
-        assert values[Quantity.CURVATURE_STEP_PER_M] == 0.0
-
-
-@pytest.mark.parametrize("step_per_m", [0.0015, -0.0015, 0.002])
-def test_a_small_step_at_the_car_is_measured_against_the_road_at_this_place(step_per_m):
+def test_within_one_interval_behind_its_begin_the_road_is_compared():
     road, values = begun(ROAD)
-    road.move(2.0)
-    road.compare(0.0005 + step_per_m)
-    assert values[Quantity.CURVATURE_STEP_PER_M] == pytest.approx(abs(step_per_m))
-
-
-@pytest.mark.parametrize("knot", range(4))
-@pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_a_jump_is_reduced_by_one_and_a_half_times_the_changes_of_the_road(knot, side):
-    road, values = begun(ROAD)
-    wrong = ROAD._replace(**{f"k{knot}_per_m": 0.001 * knot + side * 0.005})
-    road.take(wrong, None)
-    assert values[Quantity.PREVIEW_STEP_PER_M] == pytest.approx(0.0035)
+    road.move(-3.9)
+    road.compare(-10.0)
+    assert values[Quantity.CURVATURE_STEP_PER_M] > 0.0
 
 
 def test_the_end_of_the_road_that_is_known_is_not_compared():
@@ -132,27 +146,6 @@ def test_the_end_of_the_road_that_is_known_is_not_compared():
         road.compare(0.1)
         assert values[Quantity.CURVATURE_STEP_PER_M] == pytest.approx(expected)
         assert road.curvature_here(0.5) == pytest.approx(0.003975 if expected else 0.5)
-
-
-def test_a_place_on_the_last_of_the_five_values_has_this_value():
-    road, _ = begun(ROAD)
-    road.move(4.0)
-    assert road.ahead(None) == pytest.approx((4.0, 0.001, 0.002, 0.003, 0.004, 0.004))
-
-
-def test_the_change_of_the_nearest_interval_counts_on_both_sides_and_no_other():
-    late_bend = CurvaturePreview(4.0, 0.0, 0.0, 0.0, 0.0, 0.01)
-    early_bend = CurvaturePreview(4.0, 0.01, 0.0, 0.0, 0.0, 0.0)
-    for bend, moved_m, expected in (
-        (late_bend, 6.0, 0.01),
-        (late_bend, 10.0, 0.0),
-        (early_bend, 6.0, 0.0),
-        (early_bend, 10.0, 0.01),
-    ):
-        road, values = begun(bend)
-        road.move(moved_m)
-        road.compare(0.01)
-        assert values[Quantity.CURVATURE_STEP_PER_M] == pytest.approx(expected)
 
 
 def test_a_step_of_the_largest_allowed_size_is_accepted():
@@ -195,19 +188,3 @@ def test_a_car_that_has_rolled_back_raises_nothing_and_has_the_road_from_its_beg
     road.take(FLAT._replace(spacing_m=0.05), 0.001)
     assert abs(road.curvature_here(0.0)) <= 1e-3
     road.ahead(None)
-
-
-@pytest.mark.parametrize(("back_m", "is_compared"), [(3.9, True), (4.0, False)])
-def test_from_one_interval_behind_the_begin_of_the_road_nothing_is_compared(back_m, is_compared):
-    road, values = begun(ROAD)
-    road.move(-back_m)
-    road.compare(-10.0)
-    assert (values[Quantity.CURVATURE_STEP_PER_M] > 0.0) is is_compared
-
-
-def test_behind_the_begin_of_the_road_its_curvature_is_the_first_one():
-    road, _ = begun(ROAD._replace(k0_per_m=0.0005))
-    road.move(-40.0)
-    assert road.curvature_here(0.5) == 0.0005
-    preview = road.ahead(None)
-    assert preview[1:] == (0.0005,) * 5

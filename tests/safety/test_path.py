@@ -16,6 +16,14 @@ from rt_controller.safety.path import (
 )
 
 STRAIGHT = PathReference(0.0, 0.0, 0.0, 0.0, 20.0, 0.0)
+
+
+def path_checks():
+    """Checks of the path, and their values by `Quantity`."""
+    values = [0.0] * len(Quantity)
+    return PathChecks(values), values
+
+
 ROAD = CurvaturePreview(4.0, 0.0, 0.001, 0.002, 0.003, 0.004)
 
 
@@ -33,8 +41,7 @@ def test_a_bend_that_grows_along_the_path_counts_where_it_is_largest():
 
 
 def test_a_path_that_was_compared_before_is_not_compared_again():
-    values = [0.0] * len(Quantity)
-    checks = PathChecks(values)
+    checks, values = path_checks()
     checks.move(1.0, 20.0)
     checks.compare(STRAIGHT, 0.0, None, 20.0)
     checks.accept(STRAIGHT, 20.0)
@@ -48,7 +55,7 @@ def test_a_path_that_was_compared_before_is_not_compared_again():
 
 
 def test_a_jump_that_is_rejected_does_not_move_the_last_path():
-    checks = PathChecks([0.0] * len(Quantity))
+    checks, _ = path_checks()
     checks.reject()
     assert checks.last is None
     checks.accept(STRAIGHT, 20.0)
@@ -58,7 +65,7 @@ def test_a_jump_that_is_rejected_does_not_move_the_last_path():
 
 
 def test_after_a_drift_the_path_of_250_ms_before_is_followed():
-    checks = PathChecks([0.0] * len(Quantity))
+    checks, _ = path_checks()
     sloped = STRAIGHT._replace(c1=0.06)
     for k in range(18):  # from the ninth on it is frozen
         checks.move(0.5, 20.0)
@@ -72,8 +79,7 @@ def test_after_a_drift_the_path_of_250_ms_before_is_followed():
 
 
 def test_a_path_turns_against_the_path_before():
-    values = [0.0] * len(Quantity)
-    checks = PathChecks(values)
+    checks, values = path_checks()
     checks.compare(STRAIGHT, 0.0, None, 20.0)
     assert values[Quantity.PATH_TURN_RAD] == 0.0
     checks.accept(STRAIGHT, 20.0)
@@ -110,19 +116,12 @@ def followed(checks, values, c0_m):
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_the_drift_sums_up_steps_and_loses_them_within_two_seconds(side):
-    values = [0.0] * len(Quantity)
-    checks = PathChecks(values)
-    steps = [0.0, 0.1, 0.2, 0.3, 0.3]
-    found = followed(checks, values, [side * each for each in steps])
     left = 1.0 - 0.025 / 2.0
     expected = [0.0, 0.1, 0.1 * (1.0 + left), 0.1 * (1.0 + left + left**2)]
+    found = followed(*path_checks(), [side * each for each in (0.0, 0.1, 0.2, 0.3, 0.3)])
     assert found == pytest.approx([*expected, expected[-1] * left])
-
-
-@pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_one_step_counts_with_12_cm_at_most_in_the_drift(side):
-    values = [0.0] * len(Quantity)
-    assert followed(PathChecks(values), values, [0.0, side * 3.0]) == pytest.approx([0.0, 0.12])
+    most = followed(*path_checks(), [0.0, side * 3.0])
+    assert most == pytest.approx([0.0, 0.12])  # of one step
 
 
 def test_the_first_path_is_compared_with_none_and_only_its_demand_is_computed():
@@ -133,8 +132,7 @@ def test_the_first_path_is_compared_with_none_and_only_its_demand_is_computed():
 
 
 def test_a_new_drive_has_no_drift():
-    values = [0.0] * len(Quantity)
-    checks = PathChecks(values)
+    checks, values = path_checks()
     followed(checks, values, [0.0, 0.1])
     checks.begin()
     assert checks.last is None
@@ -145,8 +143,7 @@ def test_a_new_drive_has_no_drift():
 
 
 def test_a_rejected_step_leaves_no_drift():
-    values = [0.0] * len(Quantity)
-    checks = PathChecks(values)
+    checks, values = path_checks()
     followed(checks, values, [0.0])
     checks.compare(STRAIGHT._replace(c0_m=0.3), 0.0, None, 20.0)
     checks.reject()
@@ -154,8 +151,7 @@ def test_a_rejected_step_leaves_no_drift():
 
 
 def test_the_oldest_of_ten_paths_is_followed_after_a_drift_without_what_it_had_drifted():
-    values = [0.0] * len(Quantity)
-    checks = PathChecks(values)
+    checks, values = path_checks()
     drifts = followed(checks, values, [0.05 * k for k in range(12)])
     checks.reject()
     assert checks.last.path_here().c0_m == pytest.approx(0.05 * 2 - drifts[2])
@@ -166,8 +162,7 @@ def test_the_oldest_of_ten_paths_is_followed_after_a_drift_without_what_it_had_d
 
 @pytest.mark.parametrize(("v_mps", "step_mps"), [(23.0, 3.0), (100.0, 80.0), (0.0, 0.0)])
 def test_a_wanted_speed_steps_upwards(v_mps, step_mps):
-    values = [0.0] * len(Quantity)
-    checks = PathChecks(values)
+    checks, values = path_checks()
     checks.accept(STRAIGHT, 20.0)
     checks.compare(STRAIGHT._replace(v_mps=v_mps), 0.0, None, 20.0)
     assert values[Quantity.PATH_SPEED_STEP_MPS] == step_mps
@@ -175,7 +170,7 @@ def test_a_wanted_speed_steps_upwards(v_mps, step_mps):
 
 @pytest.mark.parametrize("step_m", [0.1, 0.5])
 def test_after_one_step_the_newest_path_is_followed(step_m):
-    checks = PathChecks([0.0] * len(Quantity))
+    checks, _ = path_checks()
     for v_mps in (20.0, 21.0):
         path = STRAIGHT._replace(v_mps=v_mps)
         checks.compare(path, 0.0, None, 20.0)
@@ -196,8 +191,7 @@ def test_after_one_step_the_newest_path_is_followed(step_m):
     ],
 )
 def test_a_path_that_repeats_itself_should_have_changed_with_the_way(path, expected_m):
-    values = [0.0] * len(Quantity)
-    checks = PathChecks(values)
+    checks, values = path_checks()
     checks.move(5.0, 20.0)
     for _ in range(3):
         checks.compare(path._replace(), 0.0, None, 20.0)
@@ -266,11 +260,12 @@ def value(path, s):
     return path.c0_m + s * (path.c1 + s * (path.c2_per_m + s * path.c3_per_m2))
 
 
-def test_a_path_that_moved_along_is_the_same_curve():
+def test_a_path_that_moved_along_is_the_same_curve_to_the_end_of_its_known_part():
     moved = LastPath(CURVED, 20.0).moved(3.0).moved(4.0)
     for ahead in (0.0, 2.0, 5.0):
         assert value(moved.path_here(), ahead) == pytest.approx(value(CURVED, 7.0 + ahead))
-    assert moved.path_here().c0_m == pytest.approx(value(CURVED, 7.0))
+    end = LastPath(CURVED, 10.0).moved(10.0).path_here()
+    assert value(end, 5.0) == pytest.approx(value(CURVED, 15.0))
 
 
 def test_behind_its_known_part_a_path_eases_into_the_road():
@@ -288,11 +283,6 @@ def test_behind_its_known_part_a_path_eases_into_the_road():
 def test_a_path_is_used_for_half_a_second(vx_mps, length_m):
     assert known_length_m(vx_mps, CURVED) == length_m
     assert known_length_m(0.0, CURVED._replace(v_mps=0.0)) == 4.0
-
-
-def test_at_the_end_of_its_known_part_a_path_is_still_the_same_curve():
-    end = LastPath(CURVED, 10.0).moved(10.0).path_here()
-    assert value(end, 5.0) == pytest.approx(value(CURVED, 15.0))
 
 
 def test_the_slope_decays_by_a_factor_e_over_six_tenths_of_the_known_part():

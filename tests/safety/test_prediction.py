@@ -22,21 +22,79 @@ def prediction():
     return MotionPrediction(linear_model(), 6)
 
 
-def begin(prediction, vx_mps):
-    prediction.begin(np.array([vx_mps, 0.0, 0.0, 0.0, 0.0, 0.0]))
+def begin(prediction, speeds_mps, applied=NEUTRAL_INPUT):
+    """Begin a roll-out at each of these speeds; after each of them, whether there are ten steps."""
+    found = []
+    for vx_mps in speeds_mps:
+        prediction.begin(np.array([vx_mps, 0.0, 0.0, 0.0, 0.0, 0.0]))
+        assert prediction.has_any
+        prediction.advance(applied, 0.0)
+        found.append(prediction.has_ten)
+    return found
 
 
-def test_one_and_ten_steps_are_those_of_the_model(prediction):
+def advance(prediction, steps):
+    for _ in range(steps):
+        prediction.advance(NEUTRAL_INPUT, 0.0)
+
+
+def test_there_are_ten_roll_outs_of_at_most_80_steps(prediction):
     assert not prediction.has_any
-    for k in range(STEPS):
-        begin(prediction, 20.0 + k)
-        prediction.advance(BRAKING, 0.0)
-        assert prediction.has_ten == (k == STEPS - 1)
+    assert begin(prediction, range(12), BRAKING) == [False] * 9 + [True] * 3
     braked = 40.0 * BRAKE_TO_SPEED
-    assert prediction.newest()[0] == pytest.approx(20.0 + STEPS - 1 + braked)
-    assert prediction.oldest()[0] == pytest.approx(20.0 + STEPS * braked)
-    begin(prediction, 20.0)
+    assert prediction.newest()[0] == pytest.approx(11.0 + braked)
+    assert prediction.oldest()[0] == pytest.approx(2.0 + STEPS * braked)
+    advance(prediction, 78)
+    assert not prediction.is_old
+    advance(prediction, 1)
+    assert prediction.is_old
+
+
+def test_a_new_roll_out_replaces_the_oldest_one_before_it_is_advanced(prediction):
+    begin(prediction, [20.0] * STEPS)
+    prediction.begin(np.array([20.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     assert not prediction.has_ten  # the oldest one that is left has advanced nine steps
+
+
+def test_a_missing_start_ends_the_row_of_ten(prediction):
+    begin(prediction, [20.0] * STEPS)
+    advance(prediction, 1)
+    assert prediction.has_any
+    assert not prediction.has_ten
+    assert begin(prediction, [20.0]) == [False]
+
+
+def test_falling_back_goes_on_with_the_oldest(prediction):
+    begin(prediction, [20.0])
+    prediction.fall_back()
+    assert prediction.newest()[0] == 20.0
+    begin(prediction, range(21, 20 + STEPS))
+    prediction.fall_back()
+    assert prediction.newest()[0] == 20.0
+    assert prediction.has_any
+    assert not prediction.has_ten
+    assert not prediction.is_old
+    advance(prediction, 80)
+    assert prediction.is_old
+
+
+def test_after_falling_back_the_roll_out_is_ten_steps_old(prediction):
+    begin(prediction, range(10))
+    prediction.fall_back()
+    advance(prediction, 69)
+    assert not prediction.is_old
+    advance(prediction, 1)
+    assert prediction.is_old
+    assert begin(prediction, range(30, 40)) == [False] * 9 + [True]
+    assert prediction.oldest()[0] == 30.0
+
+
+def test_after_clearing_ten_new_roll_outs_are_begun(prediction):
+    begin(prediction, [20.0] * 10)
+    prediction.clear()
+    assert not prediction.has_any
+    assert begin(prediction, range(10)) == [False] * 9 + [True]
+    assert prediction.oldest()[0] == 0.0
 
 
 @pytest.mark.parametrize("rank", [0, 1, 2])
@@ -73,87 +131,6 @@ def test_a_step_is_that_of_the_contract(rank, drift, saturates):
         prediction.advance(applied, 0.004)
         psi = one_step(model, psi, np.array(applied), np.array([0.004]))
     assert prediction.newest() == pytest.approx(tuple(psi[:3]))
-
-
-def test_a_missing_start_ends_the_row_of_ten(prediction):
-    for _ in range(STEPS):
-        begin(prediction, 20.0)
-        prediction.advance(NEUTRAL_INPUT, 0.0)
-    prediction.advance(NEUTRAL_INPUT, 0.0)
-    assert prediction.has_any
-    assert not prediction.has_ten
-    begin(prediction, 20.0)
-    prediction.advance(NEUTRAL_INPUT, 0.0)
-    assert not prediction.has_ten
-
-
-def test_after_clearing_there_is_none(prediction):
-    begin(prediction, 20.0)
-    prediction.clear()
-    assert not prediction.has_any
-
-
-def test_falling_back_goes_on_with_the_oldest(prediction):
-    begin(prediction, 20.0)
-    prediction.advance(NEUTRAL_INPUT, 0.0)
-    prediction.fall_back()
-    assert prediction.newest()[0] == 20.0
-    for k in range(1, STEPS):
-        begin(prediction, 20.0 + k)
-        prediction.advance(NEUTRAL_INPUT, 0.0)
-    prediction.fall_back()
-    assert prediction.newest()[0] == 20.0
-    assert prediction.has_any
-    assert not prediction.has_ten
-    assert not prediction.is_old
-    for _ in range(80):
-        prediction.advance(NEUTRAL_INPUT, 0.0)
-    assert prediction.is_old
-
-
-def test_there_are_ten_roll_outs_of_at_most_80_steps(prediction):
-    for k in range(12):
-        begin(prediction, float(k))
-        prediction.advance(NEUTRAL_INPUT, 0.0)
-        assert prediction.has_ten == (k >= 9)
-    assert prediction.newest()[0] == 11.0
-    assert prediction.oldest()[0] == 2.0
-    for _ in range(78):
-        prediction.advance(NEUTRAL_INPUT, 0.0)
-    assert not prediction.is_old
-    prediction.advance(NEUTRAL_INPUT, 0.0)
-    assert prediction.is_old
-
-
-def test_after_falling_back_the_roll_out_is_ten_steps_old(prediction):
-    for k in range(10):
-        begin(prediction, float(k))
-        prediction.advance(NEUTRAL_INPUT, 0.0)
-    prediction.fall_back()
-    for _ in range(69):
-        prediction.advance(NEUTRAL_INPUT, 0.0)
-    assert not prediction.is_old
-    prediction.advance(NEUTRAL_INPUT, 0.0)
-    assert prediction.is_old
-    for k in range(10):
-        begin(prediction, 30.0 + k)
-        prediction.advance(NEUTRAL_INPUT, 0.0)
-        assert prediction.has_ten == (k == 9)
-    assert prediction.oldest()[0] == 30.0
-
-
-def test_after_clearing_ten_new_roll_outs_are_begun(prediction):
-    for _ in range(10):
-        begin(prediction, 20.0)
-        prediction.advance(NEUTRAL_INPUT, 0.0)
-    prediction.clear()
-    for k in range(10):
-        assert not prediction.has_ten
-        begin(prediction, float(k))
-        assert prediction.has_any
-        prediction.advance(NEUTRAL_INPUT, 0.0)
-    assert prediction.has_ten
-    assert prediction.oldest()[0] == 0.0
 
 
 def test_v_x_v_y_and_yaw_rate_are_returned_in_this_order(prediction):
@@ -258,12 +235,9 @@ def test_two_states_in_a_row_of_the_last_second_are_repeated(ticks_between, is_r
     assert not found.is_repeated
 
 
-def test_states_that_were_not_two_in_a_row_are_not_repeated():
-    assert not received([]).is_repeated
-    assert not received([changing(0)]).is_repeated
-    assert not received([changing(0), changing(1)]).is_repeated
-    assert not received([changing(0), changing(2), changing(0), changing(1)]).is_repeated
-    assert not received([changing(1), changing(0), changing(0), changing(1)]).is_repeated
+@pytest.mark.parametrize("ticks", [[], [0], [0, 1], [0, 2, 0, 1], [1, 0, 0, 1]])
+def test_states_that_were_not_two_in_a_row_are_not_repeated(ticks):
+    assert not received(map(changing, ticks)).is_repeated
 
 
 @pytest.mark.parametrize(("signals", "is_repeated"), [(2, False), (3, True), (4, True)])
@@ -282,13 +256,6 @@ def test_a_car_brakes_and_rolls_along_the_circle_of_its_wheels(side):
     assert vy == pytest.approx(1.8604 * yaw_rate)
 
 
-def test_a_car_stands_still_in_the_end():
+def test_a_stopping_car_stands_still_in_the_end():
     assert StoppingCar().motion(0.05, ControlInput(0.0, 80.0, 0.3)) == (0.0, 0.0, 0.0)
-
-
-def test_a_slow_car_is_not_modelled():
-    assert StoppingCar().modelled_mps == 7.0
-
-
-def test_a_car_reaches_6_m_per_s2_with_its_throttle_fully_open():
-    assert StoppingCar().throttle_mps2 == 6.0
+    assert (StoppingCar().modelled_mps, StoppingCar().throttle_mps2) == (7.0, 6.0)
