@@ -167,31 +167,32 @@ def u_turn(**changes):
     return parse_scenario({**content, **changes}, "test")
 
 
+OWN_CAR = "another ratio and lock"
+
+
 @pytest.mark.parametrize(
-    ("name", "car"), [("u_turn", "c_class_150kw_awd"), ("corner", "c_class_150kw_bev")]
+    ("scenario", "car"),
+    [
+        ("u_turn", "c_class_150kw_awd"),
+        ("corner", "c_class_150kw_bev"),
+        ("noise", "c_class_150kw_awd"),
+        ("u_turn", OWN_CAR),
+    ],
 )
-def test_a_corner_is_driven_near_its_path(name, car):
-    driven = simulate(name, car=car)
+def test_a_corner_is_driven_near_its_path(scenario, car, tmp_path):
+    config = ControllerConfig()
+    if car == OWN_CAR:
+        text = (CARS / "c_class_150kw_awd.toml").read_text("utf-8")
+        own = text.replace("ratio = { value = 18.5", "ratio = { value = 14.0")
+        (tmp_path / "own.toml").write_text(own, "utf-8")
+        car = str(tmp_path / "own.toml")
+        config = ControllerConfig(low_speed={"steering_ratio": 14.0, "lock_rad": 7.5})
+    chosen = u_turn(faults=NOISE) if scenario == "noise" else scenario
+    driven = simulate(chosen, car=car, config=config)
     assert driven.ending == "the mission is over"
     assert driven.errors.ey_peak_m < LARGEST_EY_M
     assert set(driven.modes) <= {Mode.STANDBY, Mode.LOW_SPEED}
     assert abs(driven["steer_rad"]).max() > 3.0
-
-
-def test_noise_of_the_sensors_does_not_turn_the_car_off_its_path():
-    driven = simulate(u_turn(faults=NOISE))
-    assert driven.ending == "the mission is over"
-    assert driven.errors.ey_peak_m < LARGEST_EY_M
-
-
-def test_a_car_with_another_ratio_and_lock_turns_too(tmp_path):
-    own = tmp_path / "own.toml"
-    text = (CARS / "c_class_150kw_awd.toml").read_text("utf-8")
-    own.write_text(text.replace("ratio = { value = 18.5", "ratio = { value = 14.0"), "utf-8")
-    config = ControllerConfig(low_speed={"steering_ratio": 14.0, "lock_rad": 7.5})
-    driven = simulate("u_turn", car=str(own), config=config)
-    assert driven.ending == "the mission is over"
-    assert driven.errors.ey_peak_m < LARGEST_EY_M
 
 
 def test_a_car_stops_and_starts_inside_its_turn():

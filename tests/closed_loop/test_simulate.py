@@ -47,10 +47,25 @@ def test_a_drive_says_why_and_in_which_tick_its_safe_stop_began(drive):
     assert drive.stop_s == pytest.approx(drive["time_s"][drive.stop_tick])
 
 
-@pytest.mark.parametrize("duration_s", [0.0, np.nan, np.inf])
-def test_a_duration_that_is_no_time_is_refused(lti, duration_s):
-    with pytest.raises(ConfigError, match="duration_s"):
-        simulate("straight", model=lti, plant=KinematicCar(), duration_s=duration_s)
+@pytest.mark.parametrize(
+    ("name", "wrong", "error", "words"),
+    [
+        *(("duration_s", value, ConfigError, "duration_s") for value in (0.0, np.nan, np.inf)),
+        ("duration_s", "long", TypeError, "^duration_s: expected .*, found 'long'"),
+        ("scenario", None, TypeError, "^scenario: expected .*, found None"),
+        ("car", 3, TypeError, "^car: expected .*, found 3"),
+        ("friction", "wet", TypeError, "^friction: expected .*, found 'wet'"),
+    ],
+)
+def test_an_argument_that_cannot_be_used_is_refused_by_its_name(lti, name, wrong, error, words):
+    with pytest.raises(error, match=words):
+        simulate(**{"scenario": "straight", "model": lti, name: wrong})
+
+
+@pytest.mark.parametrize("write", ["plot", "to_csv"])
+def test_a_file_that_is_no_path_is_refused_by_name(drive, write):
+    with pytest.raises(TypeError, match="file: expected the path of a file, found 3"):
+        getattr(drive, write)(3)
 
 
 def test_a_drive_is_written_as_csv(drive, tmp_path):
@@ -72,20 +87,6 @@ def test_a_drive_becomes_a_data_frame_with_units(drive, monkeypatch):
     frame = drive.to_pandas()
     assert list(frame.columns) == list(drive.columns)
     assert frame.attrs["units"]["ey_m"] == "m"
-
-
-@pytest.mark.parametrize("write", ["plot", "to_csv"])
-def test_a_file_that_is_no_path_is_refused_by_name(drive, write):
-    with pytest.raises(TypeError, match="file: expected the path of a file, found 3"):
-        getattr(drive, write)(3)
-
-
-@pytest.mark.parametrize(
-    ("name", "wrong"), [("scenario", None), ("car", 3), ("friction", "wet"), ("duration_s", "long")]
-)
-def test_an_argument_of_another_type_is_refused_by_its_name(name, wrong):
-    with pytest.raises(TypeError, match=f"^{name}: expected .*, found {wrong!r}"):
-        simulate(**{"scenario": "straight", name: wrong})
 
 
 def test_refused_choices_are_named_all_at_once_as_arguments():
@@ -119,30 +120,37 @@ def test_a_plant_that_fails_is_an_error(lti):
         simulate("straight", model=lti, plant=KinematicCar(fails_after_s=1.0))
 
 
+class RaisingCar(KinematicCar):
+    """A plant that raises from this call on."""
+
+    is_closed = False
+
+    def __init__(self, first_bad_call):
+        super().__init__()
+        self.good_calls = first_bad_call - 1
+
+    def count(self):
+        self.good_calls -= 1
+        if self.good_calls < 0:
+            raise ZeroDivisionError("no tyre")
+
+    def reset(self, v0_mps):
+        self.count()
+        return super().reset(v0_mps)
+
+    def step(self, control, dt_s):
+        self.count()
+        return super().step(control, dt_s)
+
+    def close(self):
+        self.is_closed = True
+
+
 @pytest.mark.parametrize(
     ("first_bad_call", "named"), [(1, "the reset to 16.67 m/s"), (5, r"step \d+ after")]
 )
 def test_a_plant_that_raises_is_closed_and_named_with_the_call(lti, first_bad_call, named):
-    class RaisingCar(KinematicCar):
-        calls, is_closed = 0, False
-
-        def count(self):
-            self.calls += 1
-            if self.calls >= first_bad_call:
-                raise ZeroDivisionError("no tyre")
-
-        def reset(self, v0_mps):
-            self.count()
-            return super().reset(v0_mps)
-
-        def step(self, control, dt_s):
-            self.count()
-            return super().step(control, dt_s)
-
-        def close(self):
-            self.is_closed = True
-
-    plant = RaisingCar()
+    plant = RaisingCar(first_bad_call)
     expected = rf"plant kinematic: .* {named}.* ZeroDivisionError: no tyre"
     with pytest.raises(PlantError, match=expected) as raised:
         simulate("straight", model=lti, plant=plant)

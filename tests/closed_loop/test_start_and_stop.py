@@ -82,8 +82,7 @@ def test_a_car_stops_from_60_km_per_h_is_held_for_ten_seconds_and_drives_on():
 
 
 @pytest.mark.parametrize(
-    ("model", "speed_kmh"),
-    [("mdk-net", 18.0), ("mdk-net", 32.0), ("mdk-net-paper", 36.0), ("lti", 25.0)],
+    ("model", "speed_kmh"), [("mdk-net", 18.0), ("mdk-net-paper", 36.0), ("lti", 25.0)]
 )
 def test_a_constant_speed_near_the_handover_needs_no_change_of_the_pedal(model, speed_kmh):
     scenario = parse_scenario(
@@ -107,13 +106,12 @@ def test_a_car_that_stands_at_the_start_drives_off():
     assert drive.errors.ey_peak_m < 0.02
 
 
-@pytest.mark.parametrize("duration_s", [4.9])
-def test_a_requested_stop_ends_also_when_the_mission_ends_meanwhile(duration_s):
-    drive = simulate("straight", model="lti", duration_s=duration_s)
+def test_a_requested_stop_ends_also_when_the_mission_ends_meanwhile():
+    drive = simulate("straight", model="lti", duration_s=4.9)
     assert drive.ending == "stopped on request"
     assert drive.modes[-1] is Mode.SAFE_STOP
     assert abs(drive["vx_mps"][-1]) < 0.3
-    assert drive["time_s"][-1] < duration_s + 6.0
+    assert drive["time_s"][-1] < 10.9
 
 
 def bend():

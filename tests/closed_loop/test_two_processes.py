@@ -178,46 +178,33 @@ def test_a_bus_that_fails_ends_both_programs_with_a_message(remote):
 
 
 @pytest.mark.nightly
-def test_a_second_vehicle_is_refused_and_does_not_disturb_the_first(local):
+@pytest.mark.parametrize("second", ["vehicle", "controller"])
+def test_a_second_vehicle_or_controller_is_refused_and_does_not_disturb_the_first(local, second):
     car, controller = local.start_car(), local.start_controller()
     local.wait_for_nominal()
-    second = local.start_program("second", "sim_bridge.cli")
-    local.expect_exit(second, "second", 5)
+    if second == "vehicle":
+        refused = local.start_program("second", "sim_bridge.cli")
+    else:
+        refused = local.start_controller("second")
+    local.expect_exit(refused, "second", 5)
     assert "another one" in local.log("second")
     controller.send_signal(signal.SIGINT)
     local.expect_exit(controller, "controller", 0, 4)
     local.expect_exit(car, "car", 0)
-
-
-@pytest.mark.nightly
-def test_a_second_controller_is_refused_and_does_not_disturb_the_first(local):
-    local.start_car()
-    controller = local.start_controller()
-    local.wait_for_nominal()
-    second = local.start_controller("second")
-    local.expect_exit(second, "second", 5)
-    assert "another one" in local.log("second")
-    controller.send_signal(signal.SIGINT)
-    controller.wait(PATIENCE_S)
     assert local.summary("controller")["stop_cause"] != "SECOND_CONTROLLER"
 
 
 DRIVE = ("--bus", "virtual", "--pace", "lockstep", "--scenario", "straight", "--model", "lti")
 
 
-def run_without_reader(*options):
-    """Exit code of a drive whose output has no reader after its first line."""
-    command = program("rt_controller.cli", *DRIVE, *options)
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as running:
-        running.stdout.readline()
-        running.stdout.close()
-        return running.wait()
-
-
 @pytest.mark.nightly
 def test_a_drive_goes_on_without_its_output_and_says_so(tmp_path):
     figures = tmp_path / "figures.json"
-    assert run_without_reader("--json", str(figures)) == 9
+    command = program("rt_controller.cli", *DRIVE, "--json", str(figures))
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as running:
+        running.stdout.readline()
+        running.stdout.close()
+        assert running.wait() == 9
     found = json.loads(figures.read_text())
     assert found["ending"] == "MISSION_OVER"
     assert found["lost_output"]
