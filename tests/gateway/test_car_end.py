@@ -1,7 +1,7 @@
 """From the frames of the car to those of the contract and back; place, motion and v_y."""
 
 from math import cos, isnan, nan, pi, sin
-from typing import cast
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -31,7 +31,6 @@ from rt_controller.gateway.samples import (
     Motion,
     MotionHistory,
     Sample,
-    Samples,
     SpeedSlope,
 )
 from rt_controller.mapping.signal_frames import FrameQueue
@@ -167,20 +166,6 @@ def test_a_mission_that_ends_is_sent_at_once(rig):
 MOTION = Motion(time_ns=0, vx_mps=20.0, vy_mps=0.0, yaw_rate_radps=0.0)
 
 
-class MeasuredPlace:
-    """Samples of e_y, e_psi and the curvature."""
-
-    def __init__(self, ey_m, epsi_rad, curvature_per_m):
-        self.values = {
-            "states.ey_m": ey_m,
-            "states.epsi_rad": epsi_rad,
-            "exogenous.curvature_per_m": curvature_per_m,
-        }
-
-    def newest(self, name, now_ns):
-        return Sample(self.values[name], now_ns)
-
-
 @pytest.mark.parametrize(
     ("ey_m", "curvature_per_m", "expected_m"),
     [
@@ -190,8 +175,9 @@ class MeasuredPlace:
     ],
 )
 def test_progress_is_finite_everywhere(ey_m, curvature_per_m, expected_m):
-    samples = cast("Samples", MeasuredPlace(ey_m, 0.0, curvature_per_m))
-    place = PlaceMeasured().locate(samples, MotionHistory(), MOTION)
+    values = {"states.ey_m": ey_m, "exogenous.curvature_per_m": curvature_per_m}
+    measured = SimpleNamespace(newest=lambda name, ns: Sample(values.get(name, 0.0), ns))
+    place = PlaceMeasured().locate(measured, MotionHistory(), MOTION)
     assert place.ds_m == pytest.approx(expected_m)
 
 
@@ -225,31 +211,31 @@ def test_a_measurement_of_the_present_is_not_moved():
     assert MotionHistory().moved(0, 0.0) == (0.0, 0.0)
 
 
-def after(speeds_mps):
+@pytest.mark.parametrize(
+    ("speeds_mps", "expected_mps2", "share"),
+    [
+        ([20.0], 0.0, 0.0),
+        ([20.0] * 50, 0.0, 0.0),
+        ([20.0 - 2.0 * PERIOD_S * k for k in range(50)], -2.0, 1e-6),
+        ([20.0 + 0.2 * (k // 4) for k in range(61)], 2.0, 0.1),  # in steps
+        ([20.0, 25.0], LARGEST_MPS2, 0.0),
+        # a speed that is not available does not stay in the slope
+        ([20.0, nan], 0.0, 0.0),
+        ([20.0, nan, 20.0, 20.0 + PERIOD_S], 1.0, 1e-6),
+    ],
+)
+def test_the_slope_of_the_wanted_speed_is_that_of_a_ramp_and_limited(
+    speeds_mps, expected_mps2, share
+):
     slope = SpeedSlope()
-    return [slope.mps2(v, k * PERIOD_NS) for k, v in enumerate(speeds_mps)][-1]
+    found = [slope.mps2(v, k * PERIOD_NS) for k, v in enumerate(speeds_mps)]
+    assert found[-1] == pytest.approx(expected_mps2, rel=share)
 
 
-def test_a_constant_speed_has_no_slope():
-    assert after([20.0]) == 0.0
-    assert after([20.0] * 50) == 0.0
-
-
-def test_a_ramp_has_its_slope_also_if_it_comes_in_steps():
-    assert after([20.0 - 2.0 * PERIOD_S * k for k in range(50)]) == pytest.approx(-2.0)
-    assert after([20.0 + 0.2 * (k // 4) for k in range(61)]) == pytest.approx(2.0, rel=0.1)
-
-
-def test_a_step_is_limited_and_a_gap_is_not_a_slope():
-    assert after([20.0, 25.0]) == LARGEST_MPS2
+def test_a_gap_is_not_a_slope():
     slope = SpeedSlope()
     slope.mps2(20.0, 0)
     assert slope.mps2(25.0, 10 * 10**9) == 0.0
-
-
-def test_a_speed_that_is_not_available_does_not_stay_in_the_slope():
-    assert after([20.0, nan]) == 0.0
-    assert after([20.0, nan, 20.0, 20.0 + PERIOD_S]) == pytest.approx(1.0)
 
 
 MASS_KG, INERTIA, FRONT_M, REAR_M = 1800.0, 3000.0, 1.2, 1.7

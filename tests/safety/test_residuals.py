@@ -70,12 +70,10 @@ def test_residuals_are_sizes_per_period(side, periods):
     now = CRUISING._replace(vx_mps=20.0 + side * 0.2, ey_m=side * 0.1, epsi_rad=side * 0.01)
     now = now._replace(ds_m=0.025 * (20.0 + side * 0.1) * cos(0.01) + side * 0.03)
     found.compare(CRUISING, now, now, 0.0, periods)
-    share = 1.0 / periods
-    assert values[Q.PROGRESS_STEP_M] == pytest.approx(0.03 * share)
+    quantities = (Q.PROGRESS_STEP_M, Q.HEADING_RAD, Q.LATERAL_ERROR_M, Q.SPEED_STEP_MPS)
+    sizes = [periods * values[each] for each in quantities]
+    assert sizes == pytest.approx([0.03, 0.01, 0.1, 0.2])
     assert values[Q.PROGRESS_SPEED_MPS] == pytest.approx(0.1 * 0.03 / 0.025)
-    assert values[Q.HEADING_RAD] == pytest.approx(0.01 * share)
-    assert values[Q.LATERAL_ERROR_M] == pytest.approx(0.1 * share)
-    assert values[Q.SPEED_STEP_MPS] == pytest.approx(0.2 * share)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -103,13 +101,11 @@ def test_one_and_ten_steps_are_compared_with_the_model(side, periods):
         vx_mps=21.0 + side * 2.0, vy_mps=0.1 + side * 0.3, yaw_rate_radps=0.02 + side * 0.1
     )
     found.compare(CRUISING, now, now, 0.0, periods)
-    share = 1.0 / periods
-    assert values[Q.SPEED_STEP_MPS] == pytest.approx(2.0 * share)
-    assert values[Q.LATERAL_SPEED_STEP_MPS] == pytest.approx(0.3 * share)
-    assert values[Q.YAW_RATE_STEP_RADPS] == pytest.approx(0.1 * share)
-    assert values[Q.SPEED_TEN_MPS] == pytest.approx(abs(1.0 + side * 2.0))
-    assert values[Q.LATERAL_SPEED_TEN_MPS] == pytest.approx(abs(0.08 + side * 0.3))
-    assert values[Q.YAW_RATE_TEN_RADPS] == pytest.approx(abs(0.01 + side * 0.1))
+    one = (Q.SPEED_STEP_MPS, Q.LATERAL_SPEED_STEP_MPS, Q.YAW_RATE_STEP_RADPS)
+    ten = (Q.SPEED_TEN_MPS, Q.LATERAL_SPEED_TEN_MPS, Q.YAW_RATE_TEN_RADPS)
+    assert [periods * values[each] for each in one] == pytest.approx([2.0, 0.3, 0.1])
+    expected = [abs(1.0 + side * 2.0), abs(0.08 + side * 0.3), abs(0.01 + side * 0.1)]
+    assert [values[each] for each in ten] == pytest.approx(expected)
 
 
 def test_without_ten_steps_one_step_is_compared():
@@ -221,45 +217,52 @@ def test_a_car_that_answers_its_pedals_misses_no_speed():
         assert effect.missing_mps(OPEN, before, v_mps, 1) == pytest.approx(0.0, abs=1e-12)
 
 
+def missed(control, v_mps=0.0, mps2=0.0, effect=None):
+    """Missing speed in each of 120 periods of a car with this acceleration."""
+    effect, found = effect or PedalEffect(OPEN_MPS2, 0.05), []
+    for _ in range(120):
+        before, v_mps = v_mps, v_mps + PERIOD_S * mps2
+        found.append(effect.missing_mps(control, before, v_mps, 1))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("control", "mps2"),
+    [
+        # another car that answers its throttle
+        *((OPEN, part * (3.0 - HILL_MPS2)) for part in (0.05, 0.5, 2.0)),
+        # one that the throttle holds on a hill, or the brake
+        (NEUTRAL_INPUT._replace(throttle=HILL_MPS2 / OPEN_MPS2), 0.0),
+        (BRAKED, 0.0),
+    ],
+)
+def test_a_car_that_answers_its_pedals_or_is_held_misses_nothing(control, mps2):
+    assert set(missed(control, mps2=mps2)) == {0.0}
+
+
+def test_while_the_brake_is_being_released_nothing_is_missed():
+    effect = PedalEffect(OPEN_MPS2, 0.05)
+    missed(BRAKED, effect=effect)
+    assert effect.missing_mps(OPEN, 0.0, 0.0, 1) == 0.0
+
+
 @pytest.mark.parametrize("v_mps", [0.0, 3.0])
 def test_a_speed_that_stays_while_the_throttle_is_open_is_missed_more_and_more(v_mps):
-    effect = PedalEffect(OPEN_MPS2, 0.05)
-    found = [effect.missing_mps(OPEN, v_mps, v_mps, 1) for _ in range(120)]
+    found = missed(OPEN, v_mps)
     assert found == sorted(found)
     assert found[-1] == pytest.approx(3.0 - HILL_MPS2, rel=0.1)
-
-
-@pytest.mark.parametrize("part", [0.05, 0.5, 2.0])
-def test_another_car_that_answers_its_throttle_misses_nothing(part):
-    effect, v_mps = PedalEffect(OPEN_MPS2, 0.05), 0.0
-    for _ in range(120):
-        before, v_mps = v_mps, v_mps + PERIOD_S * part * (3.0 - HILL_MPS2)
-        assert effect.missing_mps(OPEN, before, v_mps, 1) == 0.0
-
-
-def test_a_car_that_the_throttle_holds_on_a_hill_misses_nothing():
-    effect = PedalEffect(OPEN_MPS2, 0.05)
-    held = NEUTRAL_INPUT._replace(throttle=HILL_MPS2 / OPEN_MPS2)
-    assert all(effect.missing_mps(held, 0.0, 0.0, 1) == 0.0 for _ in range(120))
-
-
-def test_a_braked_car_that_stands_misses_nothing():
-    effect = PedalEffect(OPEN_MPS2, 0.05)
-    assert all(effect.missing_mps(BRAKED, 0.0, 0.0, 1) == 0.0 for _ in range(40))
-    assert effect.missing_mps(OPEN, 0.0, 0.0, 1) == 0.0  # the brake is still being released
+    assert missed(OPEN, mps2=0.03 * (3.0 - HILL_MPS2))[-1] > 0.8  # it hardly changes
 
 
 def test_the_brake_takes_away_from_the_throttle():
-    wide = NEUTRAL_INPUT._replace(throttle=0.75)
-    both = wide._replace(brake_n=30.0)  # as OPEN alone
-    effects = PedalEffect(OPEN_MPS2, 0.05), PedalEffect(OPEN_MPS2, 0.05)
-    for _ in range(40):
-        braked, alone = (
-            effect.missing_mps(pedals, 0.0, 0.0, 1)
-            for effect, pedals in zip(effects, (both, OPEN), strict=True)
-        )
-        assert braked == pytest.approx(alone)
-    assert alone > 0.1
+    both = NEUTRAL_INPUT._replace(throttle=0.75, brake_n=30.0)  # as OPEN alone
+    assert missed(both) == pytest.approx(missed(OPEN))
+
+
+@pytest.mark.parametrize("throttle_mps2", [1.5, 3.0, 9.0])
+def test_of_a_weaker_or_stronger_car_the_same_share_is_missing(throttle_mps2):
+    found = missed(OPEN, effect=PedalEffect(throttle_mps2, 0.05))
+    assert found[-1] == pytest.approx(missed(OPEN)[-1])
 
 
 def test_several_periods_count_once_each_and_a_new_drive_begins_with_none():
@@ -270,22 +273,6 @@ def test_several_periods_count_once_each_and_a_new_drive_begins_with_none():
     effect.missing_mps(OPEN, 0.0, 0.0, 20)
     effect.begin()
     assert effect.missing_mps(NEUTRAL_INPUT, 0.0, 0.0, 1) == 0.0
-
-
-def test_a_speed_that_hardly_changes_is_missed():
-    effect, v_mps = PedalEffect(OPEN_MPS2, 0.05), 0.0
-    for _ in range(120):
-        before, v_mps = v_mps, v_mps + PERIOD_S * 0.03 * (3.0 - HILL_MPS2)
-        found = effect.missing_mps(OPEN, before, v_mps, 1)
-    assert found > 0.8
-
-
-@pytest.mark.parametrize("throttle_mps2", [1.5, 3.0, 9.0])
-def test_of_a_weaker_or_stronger_car_the_same_share_is_missing(throttle_mps2):
-    effects = PedalEffect(OPEN_MPS2, 0.05), PedalEffect(throttle_mps2, 0.05)
-    for _ in range(80):
-        usual, other = (effect.missing_mps(OPEN, 0.0, 0.0, 1) for effect in effects)
-    assert other == pytest.approx(usual)
 
 
 MEASURED = VehicleState(20.0, 0.1, 0.2, 0.4, 0.5, 0.01)

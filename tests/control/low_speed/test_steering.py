@@ -82,16 +82,19 @@ def test_a_path_beside_the_line_is_reached_without_overshoot():
     assert 0.49 < car.ey_m <= highest < 0.54
 
 
-def test_the_wheel_of_a_standing_car_stays_where_it_is():
-    assert roll_towards(0.6, 0.1, 0.0) == 0.1
-    assert roll_towards(0.6, 0.1, 1.0) == pytest.approx(0.1 + 2.0 * 0.025)
-    assert roll_towards(0.6, 0.1, 5.0) == pytest.approx(0.1 + radians(200.0) * 0.025)
-    assert roll_towards(0.6, 0.1, 0.09) == 0.1  # noise of the speed
-    assert roll_towards(0.1001, 0.1, 3.0) == 0.1001
-
-
-def test_the_wheel_of_a_car_that_rolls_back_stays_where_it_is():
-    assert roll_towards(0.6, 0.1, -1.0) == 0.1
+@pytest.mark.parametrize(
+    ("wanted_rad", "vx_mps", "expected_rad"),
+    [
+        (0.6, -1.0, 0.1),
+        (0.6, 0.0, 0.1),
+        (0.6, 0.09, 0.1),  # noise of the speed
+        (0.6, 1.0, 0.1 + 2.0 * 0.025),
+        (0.6, 5.0, 0.1 + radians(200.0) * 0.025),
+        (0.1001, 3.0, 0.1001),
+    ],
+)
+def test_the_wheel_turns_only_while_the_car_rolls_forwards(wanted_rad, vx_mps, expected_rad):
+    assert roll_towards(wanted_rad, 0.1, vx_mps) == pytest.approx(expected_rad, abs=1e-12)
 
 
 @pytest.mark.parametrize("model", ["mdk-net", "mdk-net-paper", "lti"])
@@ -108,16 +111,17 @@ def made(throttle_mps2, brake_mps2_per_n):
     return Bundle.linear(A, B, np.zeros((6, 1)))
 
 
-def test_the_gains_of_a_known_model_are_found():
-    gains = identify_gains(made(7.0, 0.08), 4.0)
-    assert gains.throttle_mps2 == pytest.approx(7.0)
-    assert gains.brake_mps2_per_n == pytest.approx(0.08)
-
-
-def test_gains_of_a_model_without_pedals_stay_within_limits():
-    gains = identify_gains(made(-1.0, 0.0), 4.0)
-    assert gains.throttle_mps2 == THROTTLE_LIMITS_MPS2[0]
-    assert gains.brake_mps2_per_n == BRAKE_LIMITS_MPS2_PER_N[0]
+@pytest.mark.parametrize(
+    ("of_model", "expected"),
+    [
+        ((7.0, 0.08), (7.0, 0.08)),
+        ((-1.0, 0.0), (THROTTLE_LIMITS_MPS2[0], BRAKE_LIMITS_MPS2_PER_N[0])),
+    ],
+    ids=["known", "without pedals"],
+)
+def test_the_gains_of_a_model_are_found_within_limits(of_model, expected):
+    gains = identify_gains(made(*of_model), 4.0)
+    assert (gains.throttle_mps2, gains.brake_mps2_per_n) == pytest.approx(expected)
 
 
 def test_a_model_without_finite_speeds_is_refused():
