@@ -25,7 +25,7 @@ from rt_controller.bus.transport import close_bus, open_bus
 from rt_controller.model.artifact import shipped_model
 
 PATIENCE_S = 300.0
-DRIVE_S, MOST_DRIVES = 3.0, 5
+DRIVE_S = 3.0
 SAFE_STOPPED, VEHICLE_BRAKED = 6, 5
 SCENARIO = f'format = 2\nname = "straight"\nduration_s = {DRIVE_S}\nreference.speed_kmh = 30.0\n'
 CAN_LOGGER = (
@@ -65,7 +65,7 @@ def bus(request, tmp_path):
             channels = _always(start_bus_server(tmp_path / "server.log", running)[1])
         else:
             pytest.importorskip("serial", reason="pyserial is not installed")
-            channels = iter(running.enter_context(SlcanHub(5 * MOST_DRIVES + 2)).ports)
+            channels = iter(running.enter_context(SlcanHub(7)).ports)
         yield SharedBus(request.param, channels)
 
 
@@ -77,8 +77,8 @@ def run_tool(main, *arguments, monkeypatch):
 @pytest.mark.nightly
 def test_tools_read_a_drive_and_play_it_again(bus, tmp_path, monkeypatch, capsys):
     log = tmp_path / "bus.log"
-    found = drive_in_time(bus, tmp_path, log)
-    assert found["final_mode"] == "STANDBY"
+    found = drive_beside_tools(bus, tmp_path, log)
+    # Beside three tools, states may arrive 50 ms late on two busy cores: a safe stop is allowed.
     assert found["ey_peak_m"] < 0.1
     assert found["frames_received"]["crc_errors"] == 0
     assert found["frames_received"]["wrong_sequence"] == 0
@@ -106,20 +106,6 @@ def test_tools_read_a_drive_and_play_it_again(bus, tmp_path, monkeypatch, capsys
         while read < len(states) and time.monotonic() < give_up:
             read += inbox.drain(reader, 0)
         assert (read, inbox.counts.crc_errors) == (len(states), 0)
-
-
-def drive_in_time(bus, folder, log):
-    """The summary of a drive without a safe stop, if this machine is fast enough for one.
-
-    Beside three tools, states may arrive 50 ms late on two busy cores; that says nothing about the
-    tools.
-    """
-    for _ in range(MOST_DRIVES):
-        found = drive_beside_tools(bus, folder, log)
-        if found["final_mode"] == "STANDBY":
-            break
-        log.unlink()
-    return found
 
 
 def drive_beside_tools(bus, folder, log):

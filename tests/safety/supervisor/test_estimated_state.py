@@ -19,7 +19,7 @@ from kinematic_car import (
 
 from rt_controller.contract.faults import StopCause
 from rt_controller.contract.limits import DEFAULT_GEOMETRY
-from rt_controller.contract.signals import NEUTRAL_INPUT, CurvaturePreview, VehicleState
+from rt_controller.contract.signals import NEUTRAL_INPUT, CurvaturePreview
 from rt_controller.safety.checks import Quantity, Reaction
 from rt_controller.safety.isolation import Faulty
 from rt_controller.safety.motion import MotionPrediction
@@ -206,10 +206,12 @@ def test_a_faulty_curvature_makes_the_state_estimated():
 
 
 def test_a_car_without_checks_repeats_what_it_receives():
-    car = driven(3, checks=())
-    qualified = car.qualified[-1]
-    assert isinstance(qualified.state, VehicleState)
-    assert qualified == Estimate(car.state, 0.0, STRAIGHT, None, True, True, 20.0)
+    car = driven(3, ())
+    assert car.qualified[-1] == Estimate(car.state, 0.0, STRAIGHT, None, True, True, 20.0)
+    car.disturb = replaced(vx_mps=0.0, ey_m=20.0)
+    qualified = car.tick(5)
+    assert qualified.is_measured
+    assert qualified.state.ey_m == 20.0
 
 
 def test_a_heading_is_integrated_with_the_road_when_the_curvature_is_faulty():

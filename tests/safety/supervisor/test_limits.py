@@ -120,7 +120,7 @@ def test_up_to_7_m_per_s_the_speed_is_compared_with_the_pedals(vx_mps, is_compar
     assert (car.supervisor.values[Quantity.PEDAL_SPEED_MPS] > 0.0) is is_compared
 
 
-def test_a_frozen_state_stops_the_car_in_the_eighth_tick():
+def test_a_state_that_is_frozen_in_a_turn_stops_the_car_in_the_eighth_tick():
     car = WatchedCar(checks=only(Quantity.FROZEN_TICKS))
     car.control = car.control._replace(steer_rad=0.2)
     car.tick(20)
@@ -128,6 +128,8 @@ def test_a_frozen_state_stops_the_car_in_the_eighth_tick():
     car.disturb = lambda received: replace(received, state=kept)
     alarms = [car.tick().alarm for _ in range(8)]
     assert alarms == [StopCause.NONE] * 7 + [StopCause.STATE_FROZEN]
+    car.tick(12)
+    assert car.qualified[-1].speed_mps is None
 
 
 def test_each_quantity_is_judged_once_in_a_tick():
