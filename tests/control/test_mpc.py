@@ -56,8 +56,7 @@ def test_a_frozen_bilinear_model_has_the_plan_of_its_linear_model():
     frozen = replace(bundle, B_uc=input_matrix(bundle, psi_0), gains=None)
     found = plan(build(bundle))
     np.testing.assert_allclose(found, plan(build(frozen)), rtol=0.0, atol=1e-3)
-    constant = plan(build(replace(bundle, gains=None)))
-    assert np.abs(found - constant).max() > 0.01
+    assert np.abs(found - plan(build(replace(bundle, gains=None)))).max() > 0.01
 
 
 @pytest.mark.parametrize("lift", [Lift(), WITH_ROAD, WITH_PAST, WITH_ALL])
@@ -228,8 +227,7 @@ def test_active_bounds_are_named_with_signal_stage_and_side():
     assert ("value", "brake_n", "both") in first
     assert {each.stage for each in active} <= set(mpc_stages)
     for each in active:
-        sign = {"upper": 1.0, "lower": -1.0, "both": 0.0}[each.side]
-        assert sign * each.multiplier >= -1e-8
+        assert {"upper": 1.0, "lower": -1.0, "both": 0.0}[each.side] * each.multiplier >= -1e-8
 
 
 def test_a_plan_that_failed_is_explained_by_the_second_solve():

@@ -133,8 +133,7 @@ def test_the_brake_of_a_held_car_is_not_released_and_pressed_as_planned():
     [(0.5, 0.4825), (-0.5, -0.4825), (0.01, 0.0), (-0.01, 0.0), (0.0, 0.0)],
 )
 def test_standby_releases_the_pedals_and_returns_the_wheel_at_40_deg_per_s(steer_rad, expected_rad):
-    control = stand_by(ControlInput(0.3, 0.0, steer_rad))
-    assert control == pytest.approx((0.0, 0.0, expected_rad))
+    assert stand_by(ControlInput(0.3, 0.0, steer_rad)) == pytest.approx((0.0, 0.0, expected_rad))
 
 
 def test_a_driven_mode_sends_the_plan_and_without_one_a_safe_stop():

@@ -35,8 +35,7 @@ def test_the_demand_of_a_bend_is_that_of_road_and_path_together():
 
 def test_a_bend_that_grows_along_the_path_counts_where_it_is_largest():
     growing = STRAIGHT._replace(c3_per_m2=1e-4)
-    found = lateral_demand(growing, 0.0, None, 20.0)
-    assert found == pytest.approx(6e-4 * FAR * 10.0 * 400.0)
+    assert lateral_demand(growing, 0.0, None, 20.0) == pytest.approx(6e-4 * FAR * 10.0 * 400.0)
     assert lateral_demand(growing, 0.0, None, -1.0) == 0.0
 
 
@@ -99,8 +98,7 @@ def test_a_path_turns_against_the_path_before():
 def test_the_demand_is_the_larger_one_of_two_places_ahead(near_per_m, far_per_m, largest_per_m):
     path = STRAIGHT._replace(c2_per_m=0.0002, c3_per_m2=1e-5)
     road = CurvaturePreview(4.0, 0.02, near_per_m, 0.02, far_per_m, 0.02)
-    found = lateral_demand(path, 0.02, road, 20.0)
-    assert found == pytest.approx(400.0 * largest_per_m)
+    assert lateral_demand(path, 0.02, road, 20.0) == pytest.approx(400.0 * largest_per_m)
 
 
 def followed(checks, values, c0_m):
@@ -249,8 +247,7 @@ def test_the_acceleration_towards_another_speed_grows_by_six_in_a_second():
         wanted = PATH._replace(v_mps=wanted_mps)
         rates = [followed.follow(wanted, 20.0, 1).a_mps2 for _ in range(3)]
         assert rates == pytest.approx([sign * 0.15, sign * 0.30, sign * 0.45])
-        skipped = followed.follow(wanted, 20.0, 3).a_mps2
-        assert skipped == pytest.approx(sign * 0.90)
+        assert followed.follow(wanted, 20.0, 3).a_mps2 == pytest.approx(sign * 0.90)
 
 
 CURVED = PathReference(0.5, 0.05, 1e-3, -2e-5, 20.0, 0.0)

@@ -91,8 +91,7 @@ def test_a_lost_state_moves_with_the_command_that_was_sent():
     car.control = NEUTRAL_INPUT._replace(brake_n=40.0)
     car.tick()
     car.disturb = lambda received: replace(nothing(received), applied=NEUTRAL_INPUT)
-    qualified = car.tick()
-    assert qualified.state.vx_mps == pytest.approx(car.qualified[-2].state.vx_mps - 0.05)
+    assert car.tick().state.vx_mps == pytest.approx(car.qualified[-2].state.vx_mps - 0.05)
 
 
 @pytest.mark.parametrize(("vx_mps", "is_modelled"), [(7.0, True), (6.99, False)])
@@ -220,8 +219,7 @@ def test_a_heading_is_integrated_with_the_road_when_the_curvature_is_faulty():
     car = driven(5, checks=checks, curvature_per_m=0.003, preview=road)
     car.disturb, car.is_stopping = lambda received: replace(received, curvature_per_m=0.013), True
     for _ in range(3):
-        qualified = car.tick()
-        assert qualified.curvature_per_m == pytest.approx(0.003)
+        assert car.tick().curvature_per_m == pytest.approx(0.003)
     assert car.supervisor.values[Quantity.HEADING_RAD] == pytest.approx(0.0, abs=1e-6)
 
 
@@ -231,8 +229,7 @@ def test_after_a_drift_of_v_y_the_measured_lateral_error_is_accepted():
     while not car.is_stopping:
         assert len(car.qualified) < 80
         car.is_stopping = car.tick().alarm is StopCause.LATERAL_SPEED_IMPLAUSIBLE
-    last = car.tick(5).state
-    assert last.ey_m == car.state.ey_m
+    assert car.tick(5).state.ey_m == car.state.ey_m
 
 
 def test_a_lost_state_is_estimated_along_the_last_path():
@@ -252,8 +249,7 @@ def test_a_braking_car_without_states_comes_to_rest():
     car = driven(5, has_model=False)
     car.disturb, car.is_stopping = nothing, True
     car.control = car.control._replace(brake_n=75.0)
-    qualified = car.tick(300)
-    assert qualified.state.vx_mps == 0.0
+    assert car.tick(300).state.vx_mps == 0.0
 
 
 def test_faulty_signals_of_a_safe_stop_last_until_standby():
@@ -261,8 +257,7 @@ def test_faulty_signals_of_a_safe_stop_last_until_standby():
     car.disturb, car.is_stopping = shifted(ey_m=2.0), True
     car.tick(3)
     car.disturb = shifted(ey_m=0.1)
-    qualified = car.tick(5)
-    assert not qualified.is_measured
+    assert not car.tick(5).is_measured
     car.is_driven = False
     assert car.tick().is_measured
 

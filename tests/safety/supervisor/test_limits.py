@@ -102,8 +102,7 @@ def test_the_engagement_window_lies_around_the_path(side, share, is_refused):
 def test_in_standby_nothing_is_known_without_a_state():
     car = WatchedCar()
     car.disturb = lambda received: replace(received, state=None)
-    qualified = car.tick()
-    assert qualified == Estimate(None, 0.0, STRAIGHT, None, False, True, None)
+    assert car.tick() == Estimate(None, 0.0, STRAIGHT, None, False, True, None)
 
 
 def test_a_path_that_arrived_in_standby_is_the_last_known_one():
@@ -144,8 +143,7 @@ def test_a_place_that_drifts_stops_the_car_in_the_tick_in_which_it_is_found(sign
     car = driven(5, checks=only(Quantity.HEADING_RAD, Quantity.LATERAL_ERROR_M))
     car.disturb = growing(signal, 0.0075 if signal == "ey_m" else 0.0008)
     qualified = [car.tick() for _ in range(120)]
-    first = next(each for each in qualified if not each.is_measured)
-    assert first.alarm is not StopCause.NONE
+    assert next(each for each in qualified if not each.is_measured).alarm is not StopCause.NONE
 
 
 def test_an_old_state_stops_the_car_in_the_tick_in_which_it_is_found():

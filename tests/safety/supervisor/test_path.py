@@ -170,8 +170,7 @@ def test_a_path_that_is_frozen_while_the_car_moves_along_it_stops_the_car():
     alarms = [car.tick().alarm for _ in range(30)]
     assert StopCause.PATH_INCONSISTENT in alarms
     first = alarms.index(StopCause.PATH_INCONSISTENT)
-    path = car.qualified[first].path
-    assert path.c0_m == pytest.approx(0.06 * 0.5 * first, abs=0.1)
+    assert car.qualified[first].path.c0_m == pytest.approx(0.06 * 0.5 * first, abs=0.1)
 
 
 def test_a_path_that_continues_the_one_before_is_followed():
