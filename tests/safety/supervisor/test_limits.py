@@ -99,10 +99,11 @@ def test_the_engagement_window_lies_around_the_path(side, share, is_refused):
         assert qualified.speed_mps == vx_mps
 
 
-def test_in_standby_nothing_is_known_without_a_state():
+def test_nothing_is_known_without_any_state():
     car = WatchedCar()
     car.disturb = lambda received: replace(received, state=None)
     assert car.tick() == Estimate(None, 0.0, STRAIGHT, None, False, True, None)
+    assert car.tick(2).state is None  # nor in a drive
 
 
 def test_a_path_that_arrived_in_standby_is_the_last_known_one():
