@@ -1,17 +1,18 @@
-"""Driven scenarios: those that ship against their own limits; cones, lengths, limits of others."""
+"""Scenarios and corners: those that ship against their own limits, cones, lengths, other cars."""
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from kinematic_plant import KinematicCar
 
-from rt_controller import Bundle, Drive, cli, simulate
+from rt_controller import cli, simulate
 from rt_controller.bus.identity import DISENGAGED_FRAMES
+from rt_controller.config import ControllerConfig
 from rt_controller.contract.errors import PlantError
-from rt_controller.contract.signals import ControlInput, Mode
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.signals import Mode
 from rt_controller.contract.timing import MISSION_PERIOD_TICKS, PERIOD_S
 from rt_controller.drive.scenario import EXIT_LIMIT, limits_missed
 from rt_controller.loop import RELEASE_TICKS, Ending
@@ -24,7 +25,7 @@ LONGEST_S = 15.0
 """of a scenario that is driven with every change"""
 
 
-def shipped() -> list[Any]:
+def shipped():
     """All shipped scenarios; those that last longer are left to the slow tests."""
     slow = pytest.mark.nightly
     return [
@@ -34,19 +35,19 @@ def shipped() -> list[Any]:
 
 
 @pytest.fixture(scope="module")
-def lti() -> Bundle:
+def lti():
     return load_bundle(shipped_model("lti"))
 
 
 @pytest.mark.parametrize("name", shipped())
-def test_a_shipped_scenario_is_driven_within_its_own_limits(name: str) -> None:
+def test_a_shipped_scenario_is_driven_within_its_own_limits(name):
     driven = simulate(name, model="mdk-net")
     assert limits_missed(driven.car_figures) == []
     assert set(driven.modes) <= DRIVING
     assert driven.ending == "the mission is over"
 
 
-def test_a_scenario_built_in_python_is_driven_and_judged(lti: Bundle) -> None:
+def test_a_scenario_built_in_python_is_driven_and_judged(lti):
     content = {
         "format": 2, "name": "built", "duration_s": 2.0, "reference": {"speed_kmh": 60.0},
         "metrics": ["speed_peak_mps"], "limits": {"ey_peak_m": 0.05},
@@ -56,9 +57,7 @@ def test_a_scenario_built_in_python_is_driven_and_judged(lti: Bundle) -> None:
     assert driven.car_figures[0].is_kept
 
 
-def test_a_missed_limit_is_an_exit_code_of_the_program(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missed_limit_is_an_exit_code_of_the_program(tmp_path, monkeypatch):
     summary, scenario = tmp_path / "drive.json", tmp_path / "off.toml"
     scenario.write_text(
         'format = 2\nname = "off"\nduration_s = 0.5\ninitial.ey_m = 0.2\n'
@@ -74,12 +73,12 @@ def test_a_missed_limit_is_an_exit_code_of_the_program(
         assert json.loads(summary.read_text())["limits_missed"] == ["ey_peak_m"]
 
 
-def first_driven(driven: Drive) -> int:
+def first_driven(driven):
     """Index of the first tick in which the controller drives; before it the vehicle answers."""
     return next(k for k, mode in enumerate(driven.modes) if mode.drives)
 
 
-def test_place_cones_and_time_at_the_limit_of_the_wheel_are_of_the_drive(lti: Bundle) -> None:
+def test_place_cones_and_time_at_the_limit_of_the_wheel_are_of_the_drive(lti):
     pytest.importorskip("matplotlib")
     content = {
         "format": 2, "name": "too tight", "duration_s": 3.0,
@@ -101,7 +100,7 @@ def test_place_cones_and_time_at_the_limit_of_the_wheel_are_of_the_drive(lti: Bu
     assert np.asarray(cones.get_xdata()) == pytest.approx(reached_s)
 
 
-def test_a_drive_ends_when_the_end_of_its_road_is_confirmed(lti: Bundle) -> None:
+def test_a_drive_ends_when_the_end_of_its_road_is_confirmed(lti):
     content = {
         "format": 2, "name": "short", "duration_s": 60.0, "reference": {"speed_kmh": 60.0},
         "road": {"length_m": 30.0},
@@ -114,7 +113,7 @@ def test_a_drive_ends_when_the_end_of_its_road_is_confirmed(lti: Bundle) -> None
     assert end_s < ended_s < end_s + confirmed_s + released_s
 
 
-def test_a_safe_stop_that_begins_after_the_end_of_the_scenario_brakes_to_rest(lti: Bundle) -> None:
+def test_a_safe_stop_that_begins_after_the_end_of_the_scenario_brakes_to_rest(lti):
     content = {
         "format": 2, "name": "late", "duration_s": 10.0, "distance_m": 20.0,
         "reference": {"speed_kmh": 42.0},
@@ -128,13 +127,11 @@ def test_a_safe_stop_that_begins_after_the_end_of_the_scenario_brakes_to_rest(lt
     assert driven["time_s"][-1] < 15.0
 
 
-def test_a_car_that_its_brake_cannot_stop_is_an_error(
-    lti: Bundle, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_car_that_its_brake_cannot_stop_is_an_error(lti, monkeypatch):
     monkeypatch.setattr(session, "LONGEST_STOP_S", 4.0)
 
     class NoBrake(KinematicCar):
-        def step(self, control: ControlInput, dt_s: float) -> np.ndarray:
+        def step(self, control, dt_s):
             return super().step(control._replace(throttle=0.1, brake_n=0.0), dt_s)
 
     faults = [{"kind": "state_lost", "start_s": 1.0, "duration_s": 1.0}]
@@ -144,3 +141,78 @@ def test_a_car_that_its_brake_cannot_stop_is_an_error(
     }  # fmt: skip
     with pytest.raises(PlantError, match="at rest within 4 s"):
         simulate(parse_scenario(content, "on"), model=lti, plant=NoBrake())
+
+
+CARS = Path(__file__).parents[2] / "sim_bridge" / "cars"
+LARGEST_EY_M = 0.3
+NOISE = [
+    {"kind": "noise", "signals": [signal], "value": value, "seed": seed}
+    for seed, (signal, value) in enumerate(
+        {
+            "vx_mps": 0.02, "vy_mps": 0.02, "yaw_rate_radps": 0.003, "ey_m": 0.01,
+            "epsi_rad": 0.001,
+        }.items()
+    )
+]  # fmt: skip
+TURN = {"kind": "course", "bends": [
+    {"straight_m": 10.0, "radius_m": 8.0, "turn_deg": 180.0}, {"straight_m": 20.0},
+]}  # fmt: skip
+
+
+def u_turn(**changes):
+    content = {
+        "format": 2, "name": "U-turn", "duration_s": 25.0, "initial": {"speed_kmh": 7.2},
+        "road": {"curvature_per_m": TURN}, "reference": {"speed_kmh": 7.2},
+    }  # fmt: skip
+    return parse_scenario({**content, **changes}, "test")
+
+
+OWN_CAR = "another ratio and lock"
+
+
+@pytest.mark.parametrize(
+    ("scenario", "car"),
+    [
+        ("u_turn", "c_class_150kw_awd"),
+        ("corner", "c_class_150kw_bev"),
+        ("noise", "c_class_150kw_awd"),
+        ("u_turn", OWN_CAR),
+    ],
+)
+def test_a_corner_is_driven_near_its_path(scenario, car, tmp_path):
+    config = ControllerConfig()
+    if car == OWN_CAR:
+        text = (CARS / "c_class_150kw_awd.toml").read_text("utf-8")
+        own = text.replace("ratio = { value = 18.5", "ratio = { value = 14.0")
+        (tmp_path / "own.toml").write_text(own, "utf-8")
+        car = str(tmp_path / "own.toml")
+        config = ControllerConfig(low_speed={"steering_ratio": 14.0, "lock_rad": 7.5})
+    chosen = u_turn(faults=NOISE) if scenario == "noise" else scenario
+    driven = simulate(chosen, car=car, config=config)
+    assert driven.ending == "the mission is over"
+    assert driven.errors.ey_peak_m < LARGEST_EY_M
+    assert set(driven.modes) <= {Mode.STANDBY, Mode.LOW_SPEED}
+    assert abs(driven["steer_rad"]).max() > 3.0
+
+
+def test_a_car_stops_and_starts_inside_its_turn():
+    speed = {"kind": "stop_and_go", "cruise_kmh": 7.2, "first_stop_s_m": 20.0, "spacing_m": 20.0,
+             "count": 1, "hold_s": 2.0}  # fmt: skip
+    driven = simulate(u_turn(reference={"speed_kmh": speed}, initial={"speed_kmh": 0.0}))
+    assert {Mode.STANDSTILL, Mode.LOW_SPEED} <= set(driven.modes)
+    assert Mode.SAFE_STOP not in driven.modes
+    assert driven.errors.ey_peak_m < LARGEST_EY_M
+
+
+def test_the_model_takes_over_when_the_wheel_is_within_the_bound_of_its_plan():
+    course = {"kind": "course", "bends": [
+        {"straight_m": 20.0, "radius_m": 20.0, "turn_deg": 90.0}, {"straight_m": 150.0},
+    ]}  # fmt: skip
+    speed = {"kind": "curve_speed", "max_kmh": 50.0, "lateral_mps2": 2.0}
+    content = {"road": {"curvature_per_m": course}, "reference": {"speed_kmh": speed}}
+    driven = simulate(u_turn(initial={"speed_kmh": 22.0}, duration_s=15.0, **content))
+    is_model = [mode is Mode.NOMINAL for mode in driven.modes]
+    assert any(is_model)
+    assert driven.ending == "the mission is over"
+    assert abs(driven["steer_rad"][is_model]).max() <= INPUT_LIMITS.upper.steer_rad
+    assert abs(driven["steer_rad"]).max() > 2.0

@@ -3,36 +3,35 @@
 import csv
 import json
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from kinematic_plant import KinematicCar
 from PIL import Image
 
-from rt_controller import Bundle, Drive, cli, simulate
+from rt_controller import cli, simulate
 from rt_controller.contract.errors import ConfigError, MissingExtraError, PlantError
-from rt_controller.contract.signals import ControlInput, Mode
+from rt_controller.contract.signals import Mode
 from rt_controller.model.artifact import load_bundle, shipped_model
 
 
 @pytest.fixture(scope="module")
-def lti() -> Bundle:
+def lti():
     return load_bundle(shipped_model("lti"))
 
 
 @pytest.fixture(scope="module")
-def drive(lti: Bundle) -> Drive:
+def drive(lti):
     return simulate("straight", model=lti, plant=KinematicCar(), duration_s=2.0)
 
 
-def test_a_plant_of_any_class_can_be_driven(drive: Drive) -> None:
+def test_a_plant_of_any_class_can_be_driven(drive):
     nominal = np.array(drive.modes) == Mode.NOMINAL
     assert nominal.sum() >= 60
     assert np.abs(drive["ey_m"][nominal]).max() < 0.05
 
 
-def test_columns_have_names_and_units(drive: Drive) -> None:
+def test_columns_have_names_and_units(drive):
     assert drive.values.shape == (len(drive), len(drive.columns))
     assert drive.units["steer_rad"] == "rad"
     assert tuple(drive) == drive.columns
@@ -42,19 +41,34 @@ def test_columns_have_names_and_units(drive: Drive) -> None:
         drive["speed"]
 
 
-def test_a_drive_says_why_and_in_which_tick_its_safe_stop_began(drive: Drive) -> None:
+def test_a_drive_says_why_and_in_which_tick_its_safe_stop_began(drive):
     assert drive.stop_cause == "STOP_REQUESTED"
     assert drive.stop_tick == drive.modes.index(Mode.SAFE_STOP)
     assert drive.stop_s == pytest.approx(drive["time_s"][drive.stop_tick])
 
 
-@pytest.mark.parametrize("duration_s", [0.0, np.nan, np.inf])
-def test_a_duration_that_is_no_time_is_refused(lti: Bundle, duration_s: float) -> None:
-    with pytest.raises(ConfigError, match="duration_s"):
-        simulate("straight", model=lti, plant=KinematicCar(), duration_s=duration_s)
+@pytest.mark.parametrize(
+    ("name", "wrong", "error", "words"),
+    [
+        *(("duration_s", value, ConfigError, "duration_s") for value in (0.0, np.nan, np.inf)),
+        ("duration_s", "long", TypeError, "^duration_s: expected .*, found 'long'"),
+        ("scenario", None, TypeError, "^scenario: expected .*, found None"),
+        ("car", 3, TypeError, "^car: expected .*, found 3"),
+        ("friction", "wet", TypeError, "^friction: expected .*, found 'wet'"),
+    ],
+)
+def test_an_argument_that_cannot_be_used_is_refused_by_its_name(lti, name, wrong, error, words):
+    with pytest.raises(error, match=words):
+        simulate(**{"scenario": "straight", "model": lti, name: wrong})
 
 
-def test_a_drive_is_written_as_csv(drive: Drive, tmp_path: Path) -> None:
+@pytest.mark.parametrize("write", ["plot", "to_csv"])
+def test_a_file_that_is_no_path_is_refused_by_name(drive, write):
+    with pytest.raises(TypeError, match="file: expected the path of a file, found 3"):
+        getattr(drive, write)(3)
+
+
+def test_a_drive_is_written_as_csv(drive, tmp_path):
     drive.to_csv(tmp_path / "drive.csv")
     with (tmp_path / "drive.csv").open(encoding="utf-8") as file:
         rows = list(csv.reader(file))
@@ -64,9 +78,7 @@ def test_a_drive_is_written_as_csv(drive: Drive, tmp_path: Path) -> None:
         drive.to_csv(tmp_path / "missing" / "drive.csv")
 
 
-def test_a_drive_becomes_a_data_frame_with_units(
-    drive: Drive, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_drive_becomes_a_data_frame_with_units(drive, monkeypatch):
     with monkeypatch.context() as patched:
         patched.setitem(sys.modules, "pandas", None)
         with pytest.raises(MissingExtraError, match=r"\[logs\]"):
@@ -77,28 +89,14 @@ def test_a_drive_becomes_a_data_frame_with_units(
     assert frame.attrs["units"]["ey_m"] == "m"
 
 
-@pytest.mark.parametrize("write", ["plot", "to_csv"])
-def test_a_file_that_is_no_path_is_refused_by_name(drive: Drive, write: str) -> None:
-    with pytest.raises(TypeError, match="file: expected the path of a file, found 3"):
-        getattr(drive, write)(3)
-
-
-@pytest.mark.parametrize(
-    ("name", "wrong"), [("scenario", None), ("car", 3), ("friction", "wet"), ("duration_s", "long")]
-)
-def test_an_argument_of_another_type_is_refused_by_its_name(name: str, wrong: object) -> None:
-    with pytest.raises(TypeError, match=f"^{name}: expected .*, found {wrong!r}"):
-        simulate(**{"scenario": "straight", name: wrong})
-
-
-def test_refused_choices_are_named_all_at_once_as_arguments() -> None:
+def test_refused_choices_are_named_all_at_once_as_arguments():
     with pytest.raises(ConfigError) as refused:
         simulate("strait", model="lti", car="lorry", friction=7.0)
     starts = [line.split(":")[0] for line in str(refused.value).splitlines()]
     assert starts == ["scenario", "car", "friction"]
 
 
-def test_a_drive_is_drawn(drive: Drive, tmp_path: Path) -> None:
+def test_a_drive_is_drawn(drive, tmp_path):
     pytest.importorskip("matplotlib")
     figure = drive.plot(tmp_path / "drive.svg")
     assert (tmp_path / "drive.svg").read_text().count("steering wheel / deg") >= 1
@@ -109,45 +107,50 @@ def test_a_drive_is_drawn(drive: Drive, tmp_path: Path) -> None:
         drive.plot(tmp_path / "drive.xyz")
 
 
-def test_a_moving_picture_has_a_frame_each_tenth_of_a_second(tmp_path: Path) -> None:
+def test_a_moving_picture_has_a_frame_each_tenth_of_a_second(tmp_path):
     short = simulate("double_lane_change", model="lti", duration_s=0.5)
     short.plot(tmp_path / "drive.gif")
     with Image.open(tmp_path / "drive.gif") as picture:
-        found = picture.format, picture.info["duration"], picture.n_frames  # type: ignore[attr-defined]
+        found = picture.format, picture.info["duration"], picture.n_frames
     assert found == ("GIF", 100, -(-len(short) // 4))
 
 
-def test_a_plant_that_fails_is_an_error(lti: Bundle) -> None:
+def test_a_plant_that_fails_is_an_error(lti):
     with pytest.raises(PlantError, match="the test"):
         simulate("straight", model=lti, plant=KinematicCar(fails_after_s=1.0))
+
+
+class RaisingCar(KinematicCar):
+    """A plant that raises from this call on."""
+
+    is_closed = False
+
+    def __init__(self, first_bad_call):
+        super().__init__()
+        self.good_calls = first_bad_call - 1
+
+    def count(self):
+        self.good_calls -= 1
+        if self.good_calls < 0:
+            raise ZeroDivisionError("no tyre")
+
+    def reset(self, v0_mps):
+        self.count()
+        return super().reset(v0_mps)
+
+    def step(self, control, dt_s):
+        self.count()
+        return super().step(control, dt_s)
+
+    def close(self):
+        self.is_closed = True
 
 
 @pytest.mark.parametrize(
     ("first_bad_call", "named"), [(1, "the reset to 16.67 m/s"), (5, r"step \d+ after")]
 )
-def test_a_plant_that_raises_is_closed_and_named_with_the_call(
-    lti: Bundle, first_bad_call: int, named: str
-) -> None:
-    class RaisingCar(KinematicCar):
-        calls, is_closed = 0, False
-
-        def count(self) -> None:
-            self.calls += 1
-            if self.calls >= first_bad_call:
-                raise ZeroDivisionError("no tyre")
-
-        def reset(self, v0_mps: float) -> np.ndarray:
-            self.count()
-            return super().reset(v0_mps)
-
-        def step(self, control: ControlInput, dt_s: float) -> np.ndarray:
-            self.count()
-            return super().step(control, dt_s)
-
-        def close(self) -> None:
-            self.is_closed = True
-
-    plant = RaisingCar()
+def test_a_plant_that_raises_is_closed_and_named_with_the_call(lti, first_bad_call, named):
+    plant = RaisingCar(first_bad_call)
     expected = rf"plant kinematic: .* {named}.* ZeroDivisionError: no tyre"
     with pytest.raises(PlantError, match=expected) as raised:
         simulate("straight", model=lti, plant=plant)
@@ -160,17 +163,17 @@ class WithoutClose:
 
     name, failure = "incomplete", None
 
-    def reset(self, v0_mps: float) -> np.ndarray:
+    def reset(self, v0_mps):
         return np.array([v0_mps, 0.0, 0.0])
 
-    def step(self, control: ControlInput, dt_s: float) -> np.ndarray:
+    def step(self, control, dt_s):
         return np.zeros((1, 3))
 
 
 class FlatMotion(KinematicCar):
     """A plant whose motion has one dimension only."""
 
-    def step(self, control: ControlInput, dt_s: float) -> np.ndarray:
+    def step(self, control, dt_s):
         return np.zeros(3)
 
 
@@ -182,14 +185,12 @@ class FlatMotion(KinematicCar):
         (FlatMotion(), r"plant\.step: expected an array \(n, 3\) .* found the shape \(3,\)"),
     ],
 )
-def test_a_plant_with_a_mistake_is_refused_before_the_drive(lti: Bundle, plant, message) -> None:
+def test_a_plant_with_a_mistake_is_refused_before_the_drive(lti, plant, message):
     with pytest.raises(ConfigError, match=message):
         simulate("straight", model=lti, plant=plant)
 
 
-def test_the_program_writes_the_same_figures(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_program_writes_the_same_figures(tmp_path, monkeypatch):
     pytest.importorskip("matplotlib")
     options = "--bus virtual --pace lockstep --quiet --scenario lane_change_60 --model lti"
     files = ("--json", str(tmp_path / "drive.json"), "--plot", str(tmp_path / "drive.png"))

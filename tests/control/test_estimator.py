@@ -20,7 +20,7 @@ START = VehicleState(20.0, 0.0, 0.0, 0.5, 0.0, 0.0)
 OBSERVED = [0, 1, 2, 4, 5]
 
 
-def kinematic_car() -> Bundle:
+def kinematic_car():
     """Turns with the steering wheel; lateral motion fades, place and heading integrate."""
     A, B = np.diag(KEPT), np.zeros((6, 3))
     A[5, 2] = A[4, 1] = PERIOD_S
@@ -33,19 +33,19 @@ def kinematic_car() -> Bundle:
 CAR = kinematic_car()
 
 
-def after(bundle: Bundle, state: VehicleState, u: ControlInput) -> VehicleState:
+def after(bundle, state, u):
     """The next state of a car that is the model, with the disturbance."""
     following = one_step(bundle, np.array(state), np.array(u), np.zeros(1))
     return VehicleState(*(following + DISTURBANCE).tolist())
 
 
 @pytest.fixture
-def unfiltered(monkeypatch: pytest.MonkeyPatch) -> None:
+def unfiltered(monkeypatch):
     """The model that is driven has no kinematics of a car: its states are taken as measured."""
     monkeypatch.setattr(estimator_module, "GAIN", VehicleState(*[1.0] * 6))
 
 
-def estimated(periods: int, missing: int | None = None) -> Estimator:
+def estimated(periods, missing=None):
     """The estimator after so many periods of changing inputs."""
     rng, estimator, state = np.random.default_rng(0), Estimator(CAR, 40), START
     for period in range(periods):
@@ -58,7 +58,7 @@ def estimated(periods: int, missing: int | None = None) -> Estimator:
     return estimator
 
 
-def test_the_response_to_a_disturbance_is_that_of_the_kinematics() -> None:
+def test_the_response_to_a_disturbance_is_that_of_the_kinematics():
     response, deviation = DisturbanceResponse(30), np.zeros(6)
     for k in range(31):
         found = response.at(k, DISTURBANCE, START.vx_mps)[OBSERVED]
@@ -70,13 +70,13 @@ def test_the_response_to_a_disturbance_is_that_of_the_kinematics() -> None:
 
 
 @pytest.mark.usefixtures("unfiltered")
-def test_the_estimate_converges_to_a_constant_disturbance() -> None:
+def test_the_estimate_converges_to_a_constant_disturbance():
     found = estimated(450).disturbance[OBSERVED]
     np.testing.assert_allclose(found, DISTURBANCE[OBSERVED], rtol=0.02, atol=2e-5)
 
 
 @pytest.mark.usefixtures("unfiltered")
-def test_the_estimate_outlasts_a_missing_period_and_not_another_drive() -> None:
+def test_the_estimate_outlasts_a_missing_period_and_not_another_drive():
     estimator = estimated(450, missing=445)
     np.testing.assert_allclose(
         estimator.disturbance[OBSERVED], DISTURBANCE[OBSERVED], rtol=0.02, atol=2e-5
@@ -85,12 +85,12 @@ def test_the_estimate_outlasts_a_missing_period_and_not_another_drive() -> None:
     assert not estimator.disturbance.any()
 
 
-def test_no_roll_out_is_compared_across_a_missing_period() -> None:
+def test_no_roll_out_is_compared_across_a_missing_period():
     assert not estimated(STEPS + 5, missing=STEPS // 2 + 5).disturbance.any()
     assert estimated(STEPS + 5).disturbance.any()
 
 
-def offset_m(under_way: int, *, is_estimated: bool) -> float:
+def offset_m(under_way, *, is_estimated):
     """e_y of the disturbed car at the end of a straight drive, whose inputs act with a delay."""
     settings = MpcSettings()
     mpc = Mpc(LINEAR, settings.horizon, settings.cost(), knots=settings.knots)
@@ -111,13 +111,13 @@ def offset_m(under_way: int, *, is_estimated: bool) -> float:
     return abs(state.ey_m)
 
 
-def test_the_lateral_offset_of_a_disturbed_car_vanishes() -> None:
+def test_the_lateral_offset_of_a_disturbed_car_vanishes():
     for under_way in (0, 2):
         assert offset_m(under_way, is_estimated=True) < 0.005
         assert offset_m(under_way, is_estimated=False) > 0.02
 
 
-def test_the_first_state_and_that_after_a_missing_period_are_the_measured_ones() -> None:
+def test_the_first_state_and_that_after_a_missing_period_are_the_measured_ones():
     estimator = Estimator(LINEAR, 40)
     assert estimator.estimate(START, 0.0) == START
     estimator.advance(np.array(START), ControlInput(0.1, 0.0, 0.0), 0.0)
@@ -127,7 +127,7 @@ def test_the_first_state_and_that_after_a_missing_period_are_the_measured_ones()
     assert estimator.estimate(measured, 0.0) == measured
 
 
-def test_the_noise_of_the_lateral_place_is_averaged() -> None:
+def test_the_noise_of_the_lateral_place_is_averaged():
     rng, estimator, errors_m = np.random.default_rng(3), Estimator(LINEAR, 40), []
     for _ in range(400):
         noise_m = 0.02 * rng.normal()

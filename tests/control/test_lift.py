@@ -1,4 +1,4 @@
-"""An encoder reproduces its self-test, or is refused at start."""
+"""An encoder reproduces its self-test, or is refused at start; the rows of its history."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,33 +6,34 @@ from dataclasses import replace
 import numpy as np
 import onnx_bytes
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 from made_models import WITH_ALL, WITH_PAST, WITH_ROAD, make_bundle
 
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.signals import VehicleState
-from rt_controller.control.lift import Encoder
+from rt_controller.contract.signals import ControlInput, VehicleState
+from rt_controller.control.lift import Encoder, History
 from rt_controller.model.artifact import load_bundle, shipped_model
-from rt_controller.model.bundle import Bundle
 from rt_controller.model.lift import Lift
+from rt_controller.model.validation import DRIVABLE_HISTORY
 
 STATE = VehicleState(22.0, 0.1, 0.05, 0.55, -0.3, 0.02)
 WIDTH = 6
-
 Tensors = Sequence[tuple[str, Sequence[str | int]]]
 
 
 @pytest.fixture
-def identity() -> Bundle:
+def identity():
     """Lifts by the identity: six observables."""
     return load_bundle(shipped_model("lti"))
 
 
 @pytest.fixture(params=["mdk-net", "mdk-net-paper"])
-def learned(request: pytest.FixtureRequest) -> Bundle:
+def learned(request):
     return load_bundle(shipped_model(request.param))
 
 
-def encoder_of_too_many_rows() -> bytes:
+def encoder_of_too_many_rows():
     """Encoder with the right tensors, which returns one row for each number of a state."""
     return onnx_bytes.model(
         [
@@ -46,7 +47,7 @@ def encoder_of_too_many_rows() -> bytes:
     )
 
 
-def refusal(bundle: Bundle) -> str:
+def refusal(bundle):
     with pytest.raises(ArtifactError) as error:
         Encoder(bundle)
     message = str(error.value)
@@ -56,7 +57,7 @@ def refusal(bundle: Bundle) -> str:
     return message
 
 
-def lifted(bundle: Bundle) -> np.ndarray:
+def lifted(bundle):
     """psi (b, n) of the self-test samples, one by one."""
     lift = Encoder(bundle)
     psi = []
@@ -68,7 +69,7 @@ def lifted(bundle: Bundle) -> np.ndarray:
 
 
 @pytest.mark.parametrize("lift_of", [Lift(), WITH_ROAD])
-def test_one_state_and_a_batch_have_the_same_lift(lift_of: Lift) -> None:
+def test_one_state_and_a_batch_have_the_same_lift(lift_of):
     bundle = make_bundle(lift_of)
     lift = Encoder(bundle)
     states = bundle.selftest.x[:5]
@@ -76,26 +77,26 @@ def test_one_state_and_a_batch_have_the_same_lift(lift_of: Lift) -> None:
     np.testing.assert_allclose(one_by_one, lift.lift_batch(states, 0.001), rtol=1e-4, atol=1e-7)
 
 
-def test_the_physical_states_keep_double_precision(learned: Bundle) -> None:
+def test_the_physical_states_keep_double_precision(learned):
     psi = Encoder(learned).lift(STATE, 0.0)
     assert psi.shape == (learned.n_observables,)
     assert tuple(psi[:WIDTH]) == STATE
 
 
 @pytest.mark.parametrize("name", ["lti", "mdk-net", "mdk-net-paper"])
-def test_shipped_models_reproduce_training_within_1e_5_of_each_spread(name: str) -> None:
+def test_shipped_models_reproduce_training_within_1e_5_of_each_spread(name):
     bundle = load_bundle(shipped_model(name))
     assert bundle.parity_error(lifted(bundle)) < 1e-5
 
 
 @pytest.mark.parametrize("lift", [Lift(), WITH_ROAD, WITH_PAST, WITH_ALL])
-def test_an_encoder_gets_the_inputs_that_its_bundle_names(lift: Lift) -> None:
+def test_an_encoder_gets_the_inputs_that_its_bundle_names(lift):
     """The latents depend on every number of every input, so a wrong order would show."""
     bundle = make_bundle(lift)
     assert bundle.parity_error(lifted(bundle)) < 1e-5
 
 
-def test_only_a_lift_with_curvature_depends_on_the_curvature() -> None:
+def test_only_a_lift_with_curvature_depends_on_the_curvature():
     with_curvature, without = Encoder(make_bundle(WITH_ROAD)), Encoder(make_bundle(Lift()))
     for lift, changes in ((with_curvature, True), (without, False)):
         straight = lift.lift(STATE, 0.0)[WIDTH:].copy()
@@ -105,9 +106,8 @@ def test_only_a_lift_with_curvature_depends_on_the_curvature() -> None:
         np.testing.assert_allclose(by_batch[WIDTH:], bend, rtol=1e-5)
 
 
-def test_the_lift_depends_on_every_entry_of_the_history() -> None:
+def test_the_lift_depends_on_every_entry_of_the_history():
     lift = Encoder(make_bundle(WITH_PAST))
-    assert lift.history is not None
     before = lift.lift(STATE, 0.0).copy()
     for row in range(WITH_PAST.history_steps):
         for column in range(len(WITH_PAST.history_fields)):
@@ -117,35 +117,36 @@ def test_the_lift_depends_on_every_entry_of_the_history() -> None:
             lift.history[row, column] -= 10.0
 
 
-def test_a_lift_of_states_and_curvature_has_no_history() -> None:
-    assert Encoder(make_bundle(WITH_ROAD)).history is None
-
-
-@pytest.mark.parametrize("damage", [b"", b"not an encoder", b"\x08\x0a" * 20])
-def test_invalid_onnx_bytes_are_refused(identity: Bundle, damage: bytes) -> None:
-    assert "expected an ONNX model" in refusal(replace(identity, encoder_onnx=damage))
-
-
-def test_data_in_another_file_are_refused(identity: Bundle) -> None:
+def encoder_with_data_in_another_file():
     """Where they are is an entry of the tensor (field 13) with the key "location"."""
     weights = onnx_bytes.constant("w", np.zeros((0,), np.float32))
     entry = b"\x0a\x08location" + b"\x12\x0bweights.bin"
     external = weights + bytes([13 << 3 | 2, len(entry)]) + entry + bytes([14 << 3, 1])
-    encoder = onnx_bytes.model(
+    return onnx_bytes.model(
         [onnx_bytes.node("MatMul", ["x", "w"], "psi")],
         [onnx_bytes.value("x", ("batch", 6))],
         [onnx_bytes.value("psi", ("batch", 6))],
         [external],
     )
-    assert "found data in another file" in refusal(replace(identity, encoder_onnx=encoder))
 
 
-@pytest.mark.parametrize("name", ["lti", "mdk-net", "mdk-net-paper"])
-def test_the_shipped_encoders_contain_their_data(name: str) -> None:
-    Encoder(load_bundle(shipped_model(name)))
+@pytest.mark.parametrize(
+    ("encoder", "complaint"),
+    [
+        (b"", "expected an ONNX model"),
+        (b"not an encoder", "expected an ONNX model"),
+        (b"\x08\x0a" * 20, "expected an ONNX model"),
+        (encoder_with_data_in_another_file(), "found data in another file"),
+        (onnx_bytes.passes_on(kind=onnx_bytes.DOUBLE), "tensor(double)"),
+        (encoder_of_too_many_rows(), "lifts one state"),
+    ],
+    ids=["empty", "text", "cut", "data elsewhere", "double precision", "too many rows"],
+)
+def test_an_encoder_that_cannot_be_used_is_refused(identity, encoder, complaint):
+    assert complaint in refusal(replace(identity, encoder_onnx=encoder))
 
 
-def test_an_encoder_of_another_width_than_the_matrices_is_refused(identity: Bundle) -> None:
+def test_an_encoder_of_another_width_than_the_matrices_is_refused(identity):
     wider = make_bundle(Lift())
     message = refusal(replace(wider, encoder_onnx=identity.encoder_onnx))
     assert f"psi: tensor(float) ['batch', {wider.n_observables}]" in message
@@ -167,8 +168,8 @@ def test_an_encoder_of_another_width_than_the_matrices_is_refused(identity: Bund
     ],
 )
 def test_an_encoder_with_other_tensors_than_the_controller_needs_is_refused(
-    identity: Bundle, inputs: Tensors, outputs: Tensors, complaint: str
-) -> None:
+    identity, inputs, outputs, complaint
+):
     encoder = onnx_bytes.passes_on(inputs, outputs)
     assert complaint in refusal(replace(identity, encoder_onnx=encoder))
 
@@ -192,46 +193,67 @@ X, CURVATURE, HISTORY = ("x", ("batch", 6)), ("w", ("batch", 1)), ("history", ("
         [X, CURVATURE, HISTORY, ("u", ("batch", 3))],
     ],
 )
-def test_an_encoder_with_other_inputs_than_its_bundle_is_refused(
-    inputs: Tensors,
-) -> None:
+def test_an_encoder_with_other_inputs_than_its_bundle_is_refused(inputs):
     bundle = make_bundle(WITH_ALL, latents=0)
     message = refusal(replace(bundle, encoder_onnx=onnx_bytes.passes_on(inputs)))
     assert "3 input x: tensor(float) ['batch', 6], w: tensor(float) ['batch', 1]" in message
 
 
-def test_the_order_of_tensors_in_the_file_does_not_matter() -> None:
+def test_the_order_of_tensors_in_the_file_does_not_matter():
     bundle = make_bundle(WITH_ALL, latents=0)
     Encoder(replace(bundle, encoder_onnx=onnx_bytes.passes_on([X, HISTORY, CURVATURE])))
 
 
-def test_an_encoder_in_double_precision_is_refused(identity: Bundle) -> None:
-    encoder = onnx_bytes.passes_on(kind=onnx_bytes.DOUBLE)
-    assert "tensor(double)" in refusal(replace(identity, encoder_onnx=encoder))
-
-
-def test_an_encoder_that_cannot_lift_one_state_is_refused(identity: Bundle) -> None:
-    message = refusal(replace(identity, encoder_onnx=encoder_of_too_many_rows()))
-    assert "lifts one state" in message
-
-
-def test_a_latent_wrong_by_a_thousandth_of_its_spread_is_refused(learned: Bundle) -> None:
+@pytest.mark.parametrize("wrong", ["a thousandth of a spread", "other samples"])
+def test_latents_that_are_not_those_of_the_self_test_are_refused(learned, wrong):
     """Also for the latent with the smallest values."""
-    column = WIDTH + int(np.argmin(learned.spread[WIDTH:-1]))
     psi = learned.selftest_psi.copy()
-    psi[3, column] += 1e-3 * learned.spread[column]
-    assert "self-test" in refusal(replace(learned, selftest_psi=psi))
-
-
-def test_an_encoder_with_latents_of_other_samples_is_refused(learned: Bundle) -> None:
-    psi = learned.selftest_psi.copy()
-    psi[:, WIDTH:] = np.roll(psi[:, WIDTH:], 1, axis=0)
+    if wrong == "other samples":
+        psi[:, WIDTH:] = np.roll(psi[:, WIDTH:], 1, axis=0)
+    else:
+        column = WIDTH + int(np.argmin(learned.spread[WIDTH:-1]))
+        psi[3, column] += 1e-3 * learned.spread[column]
     assert "self-test" in refusal(replace(learned, selftest_psi=psi))
 
 
 @pytest.mark.parametrize("name", ["w", "history"])
-def test_the_self_test_includes_curvature_and_history(name: str) -> None:
+def test_the_self_test_includes_curvature_and_history(name):
     bundle = make_bundle(WITH_ALL)
     wrong = np.roll(getattr(bundle.selftest, name), 1, axis=0)
     other = replace(bundle, selftest=bundle.selftest._replace(**{name: wrong}))
     assert "self-test" in refusal(other)
+
+
+def state(k):
+    return VehicleState(20.0 + k, 0.1 * k, -0.01 * k, 0.5, 7.0, 7.0)
+
+
+def held(k):
+    """The input from instant k to the next."""
+    return ControlInput(0.01 * k, 1.0 * k, -0.1 * k)
+
+
+def row(x, u):
+    named = {**x._asdict(), **u._asdict()}
+    return tuple(named[name] for name in DRIVABLE_HISTORY)
+
+
+@given(st.lists(st.booleans(), min_size=1, max_size=40), st.integers(1, 6))
+@example([True] * 10, 4)
+@example([True] * 6 + [False, True], 4)
+def test_a_row_is_a_state_and_the_input_that_followed_since_the_last_gap(is_seen, steps):
+    """Compared with the definition; the oldest state is repeated with the input then in force."""
+    rows = np.full((steps, len(DRIVABLE_HISTORY)), np.nan, dtype=np.float32)
+    history, begun_at = History(rows), None
+    for k, seen in enumerate(is_seen):
+        if not seen:
+            history.forget()
+            begun_at = None
+            assert not history.is_begun
+            continue
+        history.advance(state(k), held(k - 1))
+        assert history.is_begun
+        begun_at = k if begun_at is None else begun_at
+        since = [row(state(j), held(j)) for j in range(begun_at, k)]
+        before = [row(state(begun_at), held(begun_at - 1))] * steps
+        np.testing.assert_array_equal(rows, np.array((before + since)[-steps:], dtype=np.float32))

@@ -7,12 +7,10 @@ import pytest
 from made_models import WITH_ALL
 from model_classes import RANGE, VARIANTS, knots_of, made
 
-from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import N_STATES
 from rt_controller.control.linearisation import ALL_INPUTS, Linearisation
 from rt_controller.control.terms import place_knots
 from rt_controller.model.artifact import load_bundle, shipped_model
-from rt_controller.model.bundle import Bundle
 from rt_controller.model.dynamics import roll_out
 from rt_controller.model.follow import Follow
 
@@ -25,22 +23,20 @@ CASES = [
 SHIPPED = ("lti", "mdk-net", "mdk-net-paper")
 
 
-def rolled(bundle: Bundle, psi: Array, curvature_per_m: float, inputs: Array) -> Array:
+def rolled(bundle, psi, curvature_per_m, inputs):
     """States of stages 1 … N, (N, 6)."""
     W = np.full((1, len(inputs), 1), curvature_per_m)
     return roll_out(bundle, psi[None], inputs[None], W, N_STATES)[0, 1:]
 
 
-def assert_derivatives(bundle: Bundle, psi: Array, count: int, used: slice = ALL_INPUTS) -> None:
+def assert_derivatives(bundle, psi, count, used=ALL_INPUTS):
     """By the used inputs at each knot, the curvature and psi_0, to 1e-6 of the largest."""
     knots, plan = place_knots(HORIZON, count), knots_of(count)
     found = Linearisation(bundle, knots, list(range(N_STATES)))
     inputs = knots.interpolation @ plan
     found.update(psi, CURVATURE_PER_M, inputs, used)
 
-    def at_ends(
-        change: Array, curvature_per_m: float = CURVATURE_PER_M, start: Array = psi
-    ) -> Array:
+    def at_ends(change, curvature_per_m=CURVATURE_PER_M, start=psi):
         stages = np.array(knots.ends) - 1
         moved = knots.interpolation @ (plan + change)
         return rolled(bundle, start, curvature_per_m, moved)[stages]
@@ -61,19 +57,18 @@ def assert_derivatives(bundle: Bundle, psi: Array, count: int, used: slice = ALL
         assert_near(found.by_psi @ step, 0.5 * ends)
 
 
-def assert_near(found: Array, expected: Array) -> None:
+def assert_near(found, expected):
     """To 1e-6 of the largest value of each state."""
     others = (0, *range(2, expected.ndim))
     error, largest = (np.abs(each).max(axis=others) for each in (found - expected, expected))
     assert np.all(error <= 1e-6 * largest)
 
 
-@pytest.mark.parametrize("used", [ALL_INPUTS, slice(0, 3, 2), slice(1, 3)])
-@pytest.mark.parametrize("knots", [7, 10, HORIZON])
+@pytest.mark.parametrize(
+    ("knots", "used"), [(7, ALL_INPUTS), (10, slice(0, 3, 2)), (HORIZON, slice(1, 3))]
+)
 @pytest.mark.parametrize(("variant", "follows"), CASES)
-def test_derivatives_are_finite_differences_of_the_roll_out(
-    variant: str, follows: Follow, knots: int, used: slice
-) -> None:
+def test_derivatives_are_finite_differences_of_the_roll_out(variant, follows, knots, used):
     bundle = made(variant, follows)
     if variant == "linear":
         used = ALL_INPUTS  # its derivatives are constant
@@ -82,20 +77,20 @@ def test_derivatives_are_finite_differences_of_the_roll_out(
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_the_same_with_a_history(variant: str) -> None:
+def test_the_same_with_a_history(variant):
     bundle = made(variant, lift=WITH_ALL)
     assert_derivatives(bundle, bundle.selftest_psi[0], count=7)
 
 
 @pytest.mark.parametrize("model", SHIPPED)
-def test_the_same_of_the_shipped_models(model: str) -> None:
+def test_the_same_of_the_shipped_models(model):
     bundle = load_bundle(shipped_model(model))
     for psi in bundle.selftest_psi[:4]:
         assert_derivatives(bundle, psi, count=10)
 
 
 @pytest.mark.parametrize(("variant", "follows"), CASES)
-def test_the_nominal_prediction_is_the_roll_out(variant: str, follows: Follow) -> None:
+def test_the_nominal_prediction_is_the_roll_out(variant, follows):
     bundle, inputs = made(variant, follows), knots_of(HORIZON)
     psi = bundle.selftest_psi[0]
     found = Linearisation(bundle, place_knots(HORIZON, HORIZON), [0])

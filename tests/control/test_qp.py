@@ -1,33 +1,25 @@
-"""The condensed QP has the optimum of eq. (14) written with its states."""
+"""The condensed QP: its objective is the predicted cost, its solution that of the sparse QP."""
 
 import numpy as np
 import pytest
-from random_problems import (
-    COST,
-    HORIZON,
-    RANGE,
-    TIERS,
-    optimum,
-    random_bundle,
-    update_vectors,
-)
+from made_models import one_step
+from model_classes import RANGE, VARIANTS, knots_of, made
+from random_problems import COST, HORIZON, TIERS, optimum, random_bundle, update_vectors
 
-from rt_controller.contract.arrays import Array
+from rt_controller.config import MpcSettings
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.signals import ControlInput
+from rt_controller.contract.signals import N_STATES, ControlInput
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.objective import SLOWEST_MPS
+from rt_controller.control.pedals import PedalChoice
 from rt_controller.control.piqp_solver import PiqpSolver
 from rt_controller.control.program import SolveStatus
 from rt_controller.control.qp import CondensedQp
-from rt_controller.control.terms import Corridor, Heading, TrackingCost
-from rt_controller.model.bundle import Bundle
+from rt_controller.control.terms import Corridor
 
 
-def sparse_plan(
-    qp: CondensedQp, bundle: Bundle, cost: TrackingCost, corridor: Corridor | None
-) -> tuple[Array, Array]:
+def sparse_plan(qp, bundle, cost, corridor):
     """Inputs at the knots (K, 3) and slacks of eq. (14) with the states as variables."""
     now = qp.parameters
     n, N, nv = bundle.n_observables, HORIZON, qp.scale.size
@@ -70,11 +62,7 @@ def sparse_plan(
 
     since = np.concatenate([[[1.0]], between[:-1]])
     slew = since * np.array(INPUT_LIMITS.rate_per_s) * PERIOD_S / RANGE
-    G, low, high = (
-        np.eye(nv, size) - np.eye(nv, size, k=-3),
-        -slew.reshape(-1),
-        slew.reshape(-1),
-    )
+    G, low, high = (np.eye(nv, size) - np.eye(nv, size, k=-3), -slew.reshape(-1), slew.reshape(-1))
     low[:3] += now.previous / RANGE
     high[:3] += now.previous / RANGE
     if corridor is not None:
@@ -92,9 +80,7 @@ def sparse_plan(
 @pytest.mark.parametrize("corridor", TIERS.values(), ids=TIERS.keys())
 @pytest.mark.parametrize("heading", ["course", "epsi"])
 @pytest.mark.parametrize("knots", [HORIZON, 5])
-def test_condensed_and_sparse_forms_have_the_same_plan(
-    knots: int, heading: Heading, corridor: Corridor | None
-) -> None:
+def test_condensed_and_sparse_forms_have_the_same_plan(knots, heading, corridor):
     rng = np.random.default_rng(7)
     bundle, cost = random_bundle(rng), COST._replace(heading=heading)
     qp = CondensedQp(bundle, HORIZON, cost, corridor, knots)
@@ -113,7 +99,7 @@ def test_condensed_and_sparse_forms_have_the_same_plan(
 
 
 @pytest.mark.parametrize(("half_width_m", "is_left"), [(0.02, True), (50.0, False)])
-def test_slacks_are_nonzero_only_outside_the_corridor(half_width_m: float, is_left: bool) -> None:
+def test_slacks_are_nonzero_only_outside_the_corridor(half_width_m, is_left):
     """A corridor that is never left would pass the comparison above."""
     corridor = Corridor(half_width_m, 0.05)
     qp = CondensedQp(random_bundle(np.random.default_rng(3)), HORIZON, COST, corridor)
@@ -125,7 +111,7 @@ def test_slacks_are_nonzero_only_outside_the_corridor(half_width_m: float, is_le
 
 
 @pytest.mark.parametrize("rank", [0, 2])
-def test_a_corridor_needs_no_tolerance_of_the_lateral_deviation(rank: int) -> None:
+def test_a_corridor_needs_no_tolerance_of_the_lateral_deviation(rank):
     bundle, corridor = random_bundle(np.random.default_rng(8), rank), TIERS["corridor"]
     without = COST._replace(state=COST.state._replace(ey_m=np.inf))
     qps = [CondensedQp(bundle, HORIZON, cost, corridor) for cost in (COST, without)]
@@ -135,25 +121,131 @@ def test_a_corridor_needs_no_tolerance_of_the_lateral_deviation(rank: int) -> No
     assert PiqpSolver(qps[1].program).solve() is SolveStatus.SOLVED
 
 
-@pytest.mark.parametrize("rank", [0, 2])
-def test_a_model_that_overflows_is_refused(rank: int) -> None:
-    bundle = random_bundle(np.random.default_rng(5), rank)
-    bundle.A[:] = 1e200
-    with np.errstate(all="ignore"), pytest.raises(ArtifactError, match="not finite"):
-        CondensedQp(bundle, HORIZON, COST)
-
-
-def test_gains_that_overflow_are_refused() -> None:
-    bundle = random_bundle(np.random.default_rng(5), rank=2)
-    bundle.gains.s0[:] = 1e200
-    with pytest.raises(ArtifactError, match="not finite"):
-        CondensedQp(bundle, HORIZON, COST)
+FREE = ControlInput(np.inf, np.inf, np.inf)
 
 
 @pytest.mark.parametrize("rank", [0, 2])
-def test_an_input_without_cost_is_refused(rank: int) -> None:
-    bundle = random_bundle(np.random.default_rng(6), rank)
-    bundle.B_uc[:, 1] = 0.0
-    free = ControlInput(np.inf, np.inf, np.inf)
-    with pytest.raises(ArtifactError, match="convex"):
-        CondensedQp(bundle, HORIZON, COST._replace(control=free, control_change=free))
+@pytest.mark.parametrize("wrong", ["A", "gains", "input without cost"])
+def test_a_model_without_a_convex_finite_objective_is_refused(rank, wrong):
+    bundle, cost, complaint = random_bundle(np.random.default_rng(5), rank), COST, "not finite"
+    if wrong == "A" or (rank == 0 and wrong == "gains"):
+        bundle.A[:] = 1e200
+    elif wrong == "gains":
+        bundle.gains.s0[:] = 1e200
+    else:
+        bundle.B_uc[:, 1], complaint = 0.0, "convex"
+        cost = COST._replace(control=FREE, control_change=FREE)
+    with np.errstate(all="ignore"), pytest.raises(ArtifactError, match=complaint):
+        CondensedQp(bundle, HORIZON, cost)
+
+
+COSTS = [
+    MpcSettings(terminal_factor=factor, heading=heading)
+    .cost()
+    ._replace(control=ControlInput(1.0, 100.0, 2.0))
+    for heading in ("course", "epsi")
+    for factor in (1.0, 4.0)
+]
+
+
+def built(bundle, cost, knots, psi):
+    """The QP linearised along a plan, with parameters that are the same for every model."""
+    qp, rng = CondensedQp(bundle, HORIZON, cost, knots=knots), np.random.default_rng(1)
+    parameters = qp.parameters
+    parameters.psi[:], parameters.curvature_per_m = psi, 0.002
+    parameters.previous[:] = (0.2, 10.0, 0.1)
+    parameters.reference[:] = psi[:N_STATES] + 0.2 * rng.normal(size=parameters.reference.shape)
+    parameters.nominal_knots[:] = knots_of(knots)
+    parameters.nominal_inputs[:] = qp.interpolation @ parameters.nominal_knots
+    qp.update_matrices()
+    qp.update_vectors(PedalChoice())
+    return qp
+
+
+def predicted(bundle, now, inputs):
+    """States (N + 1, 6), the present one first."""
+    psi, found = now.psi, [now.psi[:N_STATES]]
+    for u in inputs:
+        psi = one_step(bundle, psi, u, np.array([now.curvature_per_m]))
+        found.append(psi[:N_STATES])
+    return np.array(found)
+
+
+def naive_cost(qp, bundle, cost, knots):
+    """Cost of eq. (14); the course is a change of e_y over the distance in the nominal plan."""
+    now, inputs = qp.parameters, qp.interpolation @ knots
+    nominal_mps = predicted(bundle, now, now.nominal_inputs)[:, 0]
+    states, before, total = predicted(bundle, now, inputs), now.previous, 0.0
+    begins, ends = qp.knots.stages, qp.knots.ends
+    for j, (begin, end) in enumerate(zip(begins, ends, strict=True)):
+        errors = states[end] - now.reference[j + 1]
+        if cost.heading == "course":
+            turned_m = errors[4] - (states[begin, 4] - now.reference[j, 4])
+            time_s = PERIOD_S * (end - begin)
+            errors[5] = turned_m / (time_s * max(nominal_mps[end], SLOWEST_MPS))
+        factor = cost.terminal_factor if end == HORIZON else 1.0
+        total += factor * (end - begin) * np.sum((errors / np.array(cost.state)) ** 2)
+    for u in inputs:
+        total += np.sum((u / np.array(cost.control)) ** 2)
+        total += np.sum(((u - before) / np.array(cost.control_change)) ** 2)
+        before = u
+    return 0.5 * float(total)
+
+
+def objective_of(qp, knots):
+    v = (knots / RANGE).reshape(-1)
+    return float(0.5 * v @ qp.objective.H @ v + qp.objective.gradient @ v)
+
+
+@pytest.mark.parametrize("knots", [5, HORIZON])
+@pytest.mark.parametrize("cost", COSTS, ids=lambda c: f"{c.heading} {c.terminal_factor:g}")
+def test_the_objective_of_a_linear_model_is_the_cost_of_its_prediction(cost, knots):
+    bundle, rng = made("linear"), np.random.default_rng(2)
+    for psi in bundle.selftest_psi[:3]:
+        qp = built(bundle, cost, knots, psi)
+        at_rest = naive_cost(qp, bundle, cost, np.zeros((knots, 3)))
+        for _ in range(3):
+            plan = RANGE * 0.3 * rng.normal(size=(knots, 3))
+            expected = naive_cost(qp, bundle, cost, plan) - at_rest
+            assert objective_of(qp, plan) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(("heading", "knots"), [("course", 5), ("epsi", HORIZON)])
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_along_the_nominal_plan_the_gradient_is_that_of_the_cost_of_the_model(
+    variant, heading, knots
+):
+    """So a plan that repeats itself is stationary for the nonlinear model."""
+    bundle, cost = made(variant), COSTS[-1]._replace(heading=heading)
+    qp = built(bundle, cost, knots, bundle.selftest_psi[0])
+    nominal = qp.parameters.nominal_knots.copy()
+    found = qp.objective.H @ (nominal / RANGE).reshape(-1) + qp.objective.gradient
+    expected = np.zeros_like(found)
+    for i in range(found.size):
+        step = np.zeros(found.size)
+        step[i] = 1e-4
+        step = RANGE * step.reshape(-1, 3)
+        after, before = (naive_cost(qp, bundle, cost, nominal + s * step) for s in (1.0, -1.0))
+        expected[i] = (after - before) / 2e-4
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())
+
+
+def test_of_a_linear_model_the_gradient_follows_state_and_road_without_new_matrices():
+    bundle = made("linear")
+    qp = built(bundle, COSTS[-1], 5, bundle.selftest_psi[0])
+    qp.parameters.psi[:] = bundle.selftest_psi[1]
+    qp.parameters.curvature_per_m = -0.004
+    qp.update_vectors(PedalChoice())
+    found = qp.objective.gradient.copy()
+    qp.update_matrices()
+    qp.update_vectors(PedalChoice())
+    scale = np.abs(found).max()
+    np.testing.assert_allclose(found, qp.objective.gradient, rtol=0.0, atol=1e-10 * scale)
+
+
+@pytest.mark.parametrize("heading", ["course", "epsi"])
+def test_only_the_matrices_of_a_linear_model_with_a_cost_of_epsi_are_constant(heading):
+    cost = COSTS[0]._replace(heading=heading)
+    for variant in VARIANTS:
+        is_constant = variant == "linear" and heading == "epsi"
+        assert CondensedQp(made(variant), HORIZON, cost).matrices_vary is not is_constant

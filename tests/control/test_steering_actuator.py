@@ -18,13 +18,13 @@ PATH = PathReference(0.0, 0.0, 0.0, 0.0, 20.0, 0.0)
 class Wheel:
     """Sends commands to a wheel that is late or slow, and notes what it shows."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.steering = SteeringActuator(CONFIGURED)
         self.angle_rad = 0.0
         self.delay, self.rate_radps = CONFIGURED, inf
         self._commands = deque([0.0] * (LONGEST_DELAY + 1), maxlen=LONGEST_DELAY + 1)
 
-    def follow(self, commands: list[float]) -> SteeringActuator:
+    def follow(self, commands):
         for command in commands:
             self._commands.appendleft(command)
             change = self.rate_radps * PERIOD_S
@@ -35,13 +35,13 @@ class Wheel:
         return self.steering
 
 
-def slalom(periods: int, amplitude_rad: float = 0.5, period_s: float = 2.0) -> list[float]:
+def slalom(periods, amplitude_rad=0.5, period_s=2.0):
     times = PERIOD_S * np.arange(periods)
     return (amplitude_rad * np.sin(2.0 * np.pi * times / period_s)).tolist()
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_wheel_that_follows_has_exactly_the_configured_delay(seed: int) -> None:
+def test_a_wheel_that_follows_has_exactly_the_configured_delay(seed):
     rng, wheel = np.random.default_rng(seed), Wheel()
     for commands in (slalom(200), [0.3] * 50, rng.uniform(-0.7, 0.7, 200).tolist()):
         for command in commands:
@@ -50,7 +50,7 @@ def test_a_wheel_that_follows_has_exactly_the_configured_delay(seed: int) -> Non
 
 
 @pytest.mark.parametrize("late", [1, 2, 4, 8])
-def test_a_late_wheel_is_found_while_it_turns_and_forgotten_when_it_follows(late: int) -> None:
+def test_a_late_wheel_is_found_while_it_turns_and_forgotten_when_it_follows(late):
     wheel = Wheel()
     wheel.follow(slalom(80))
     wheel.delay = CONFIGURED + late
@@ -60,7 +60,7 @@ def test_a_late_wheel_is_found_while_it_turns_and_forgotten_when_it_follows(late
     assert wheel.follow(slalom(80)).late_periods == 0
 
 
-def test_a_delay_is_found_within_four_periods() -> None:
+def test_a_delay_is_found_within_four_periods():
     wheel = Wheel()
     commands = slalom(60)
     wheel.follow(commands[:40])
@@ -68,14 +68,14 @@ def test_a_delay_is_found_within_four_periods() -> None:
     assert wheel.follow(commands[40 : 40 + SAMPLES]).late_periods == 4
 
 
-def test_constant_commands_show_no_delay() -> None:
+def test_constant_commands_show_no_delay():
     wheel = Wheel()
     wheel.delay = CONFIGURED + 4
     assert wheel.follow([0.0] * 50).late_periods == 0
 
 
 @pytest.mark.parametrize("place", [0, 25])
-def test_a_stuck_wheel_is_neither_late_nor_slow(place: int) -> None:
+def test_a_stuck_wheel_is_neither_late_nor_slow(place):
     wheel = Wheel()
     commands = slalom(120)
     wheel.follow([*[0.0] * 20, *commands[:place]])
@@ -86,7 +86,7 @@ def test_a_stuck_wheel_is_neither_late_nor_slow(place: int) -> None:
 
 
 @pytest.mark.parametrize("rate_degps", [20.0, 30.0, 50.0])
-def test_the_rate_of_a_slow_wheel_is_found(rate_degps: float) -> None:
+def test_the_rate_of_a_slow_wheel_is_found(rate_degps):
     wheel = Wheel()
     wheel.rate_radps = radians(rate_degps)
     steering = wheel.follow(slalom(70, amplitude_rad=0.6))
@@ -94,7 +94,7 @@ def test_the_rate_of_a_slow_wheel_is_found(rate_degps: float) -> None:
     assert steering.late_periods == 0
 
 
-def test_a_rate_that_is_no_longer_limited_is_forgotten_in_seconds() -> None:
+def test_a_rate_that_is_no_longer_limited_is_forgotten_in_seconds():
     wheel = Wheel()
     wheel.rate_radps = radians(30.0)
     assert wheel.follow(slalom(70)).is_slow
@@ -102,7 +102,7 @@ def test_a_rate_that_is_no_longer_limited_is_forgotten_in_seconds() -> None:
     assert not wheel.follow(slalom(round(20.0 / PERIOD_S))).is_slow
 
 
-def test_without_feedback_nothing_changes() -> None:
+def test_without_feedback_nothing_changes():
     wheel = Wheel()
     wheel.delay = CONFIGURED + 2
     wheel.follow(slalom(80))
@@ -112,7 +112,7 @@ def test_without_feedback_nothing_changes() -> None:
     assert wheel.steering.angles_under_way([0.1, 0.2]) == [0.1, 0.2]
 
 
-def test_the_angles_under_way_of_a_slow_wheel_are_those_that_it_reaches() -> None:
+def test_the_angles_under_way_of_a_slow_wheel_are_those_that_it_reaches():
     wheel = Wheel()
     assert wheel.steering.angles_under_way([0.4, -0.4]) == [0.4, -0.4]
     wheel.rate_radps = radians(30.0)
@@ -124,7 +124,7 @@ def test_the_angles_under_way_of_a_slow_wheel_are_those_that_it_reaches() -> Non
     assert steering.angles_under_way(commands) == pytest.approx(expected)
 
 
-def test_a_car_with_a_slow_wheel_is_slowed_and_drives_on_faster_afterwards() -> None:
+def test_a_car_with_a_slow_wheel_is_slowed_and_drives_on_faster_afterwards():
     wheel = Wheel()
     assert wheel.steering.slowed(PATH, 20.0) == PATH
     wheel.rate_radps = radians(30.0)

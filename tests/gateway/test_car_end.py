@@ -1,5 +1,9 @@
-"""From the frames of the car to the frames of the contract, and back."""
+"""From the frames of the car to those of the contract and back; place, motion and v_y."""
 
+from math import cos, isnan, nan, pi, sin
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 from car_gateway import REAR_AXLE, send_command
 from own_car import VALUES, command_reader, example, state_writer
@@ -15,11 +19,22 @@ from rt_controller.bus.messages import (
 )
 from rt_controller.bus.receive import Inbox
 from rt_controller.bus.send import Outbox
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.limits import DEFAULT_GEOMETRY
 from rt_controller.contract.signals import ControlInput
-from rt_controller.contract.timing import PERIOD_NS
+from rt_controller.contract.timing import PERIOD_NS, PERIOD_S
 from rt_controller.gateway.car_end import CarEnd
-from rt_controller.gateway.lateral_speed import LateralSpeed
+from rt_controller.gateway.lateral_speed import LateralSpeed, RearAxle, identify
+from rt_controller.gateway.road_place import PlaceMeasured
+from rt_controller.gateway.samples import (
+    LARGEST_MPS2,
+    Motion,
+    MotionHistory,
+    Sample,
+    SpeedSlope,
+)
 from rt_controller.mapping.signal_frames import FrameQueue
+from rt_controller.model.bundle import Bundle
 
 
 class Rig:
@@ -146,3 +161,133 @@ def test_a_mission_that_ends_is_sent_at_once(rig):
         rig.end.accept(message, rig.tick * PERIOD_NS)
     rig.drive(1, without=(0x322,))  # DriverPanel; the mission is otherwise due every fourth tick
     assert not rig.inbox.newest(MISSION).content.is_engaged
+
+
+MOTION = Motion(time_ns=0, vx_mps=20.0, vy_mps=0.0, yaw_rate_radps=0.0)
+
+
+@pytest.mark.parametrize(
+    ("ey_m", "curvature_per_m", "expected_m"),
+    [
+        (0.0, 0.0, 20.0 * PERIOD_S),
+        (10.0, 0.02, 20.0 * PERIOD_S / 0.8),
+        (10.0, 0.1, 20.0 * PERIOD_S / 0.05),  # at the centre of the bend: limited
+    ],
+)
+def test_progress_is_finite_everywhere(ey_m, curvature_per_m, expected_m):
+    values = {"states.ey_m": ey_m, "exogenous.curvature_per_m": curvature_per_m}
+    measured = SimpleNamespace(newest=lambda name, ns: Sample(values.get(name, 0.0), ns))
+    place = PlaceMeasured().locate(measured, MotionHistory(), MOTION)
+    assert place.ds_m == pytest.approx(expected_m)
+
+
+YAW_RATE = 0.4
+
+
+def circle(periods, vx_mps=20.0):
+    history = MotionHistory()
+    for k in range(periods):
+        history.add(Motion(k * PERIOD_NS, vx_mps, 0.0, YAW_RATE))
+    return history
+
+
+def test_the_heading_turns_by_the_yaw_rate_since_the_measurement():
+    assert circle(10).turned(5 * PERIOD_NS) == pytest.approx(YAW_RATE * 4 * 0.025)
+    assert circle(10).turned(9 * PERIOD_NS) == 0.0
+    assert circle(10).turned(round(8.5 * PERIOD_NS)) == pytest.approx(YAW_RATE * 0.5 * 0.025)
+
+
+def test_the_position_moves_along_the_circle():
+    history, now_s, then_s = circle(10), 9 * 0.025, 2 * 0.025
+    radius = 20.0 / YAW_RATE
+    yaw = YAW_RATE * now_s
+    x = radius * (sin(yaw) - sin(YAW_RATE * then_s))
+    y = radius * (cos(YAW_RATE * then_s) - cos(yaw))
+    assert history.moved(2 * PERIOD_NS, yaw) == pytest.approx((x, y), abs=1e-4)
+
+
+def test_a_measurement_of_the_present_is_not_moved():
+    assert circle(3).moved(2 * PERIOD_NS, 1.0) == (0.0, 0.0)
+    assert MotionHistory().moved(0, 0.0) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("speeds_mps", "expected_mps2", "share"),
+    [
+        ([20.0], 0.0, 0.0),
+        ([20.0] * 50, 0.0, 0.0),
+        ([20.0 - 2.0 * PERIOD_S * k for k in range(50)], -2.0, 1e-6),
+        ([20.0 + 0.2 * (k // 4) for k in range(61)], 2.0, 0.1),  # in steps
+        ([20.0, 25.0], LARGEST_MPS2, 0.0),
+        # a speed that is not available does not stay in the slope
+        ([20.0, nan], 0.0, 0.0),
+        ([20.0, nan, 20.0, 20.0 + PERIOD_S], 1.0, 1e-6),
+    ],
+)
+def test_the_slope_of_the_wanted_speed_is_that_of_a_ramp_and_limited(
+    speeds_mps, expected_mps2, share
+):
+    slope = SpeedSlope()
+    found = [slope.mps2(v, k * PERIOD_NS) for k, v in enumerate(speeds_mps)]
+    assert found[-1] == pytest.approx(expected_mps2, rel=share)
+
+
+def test_a_gap_is_not_a_slope():
+    slope = SpeedSlope()
+    slope.mps2(20.0, 0)
+    assert slope.mps2(25.0, 10 * 10**9) == 0.0
+
+
+MASS_KG, INERTIA, FRONT_M, REAR_M = 1800.0, 3000.0, 1.2, 1.7
+FRONT_STIFFNESS, REAR_STIFFNESS = 110e3, 130e3
+CAR = RearAxle(
+    REAR_M, MASS_KG * FRONT_M / ((FRONT_M + REAR_M) * REAR_STIFFNESS), INERTIA / (MASS_KG * FRONT_M)
+)
+
+
+def single_track(vx_mps, steps):
+    """(v_y, yaw rate) every 25 ms of a linear single-track car in a sine of 1 Hz."""
+    vy = yaw_rate = 0.0
+    dt, found = 2.5e-4, []
+    for k in range(100 * steps):
+        if k % 100 == 0:
+            found.append((vy, yaw_rate))
+        wheel = 0.02 * sin(2.0 * pi * k * dt)
+        front = FRONT_STIFFNESS * (wheel - (vy + FRONT_M * yaw_rate) / vx_mps)
+        rear = -REAR_STIFFNESS * (vy - REAR_M * yaw_rate) / vx_mps
+        vy += dt * ((front + rear) / MASS_KG - vx_mps * yaw_rate)
+        yaw_rate += dt * (FRONT_M * front - REAR_M * rear) / INERTIA
+    return np.array(found)
+
+
+@pytest.mark.parametrize("vx_mps", [17.0, 22.0, 33.0])
+def test_the_estimate_is_that_of_a_single_track_car(vx_mps):
+    motion, estimator = single_track(vx_mps, 80), LateralSpeed(CAR)
+    found = np.array([estimator.update(vx_mps, yaw_rate) for _, yaw_rate in motion])
+    assert np.max(np.abs(found - motion[:, 0])) < 0.02 * np.max(np.abs(motion[:, 0]))
+
+
+def test_the_rear_axle_of_a_slow_car_rolls_without_slip():
+    estimator = LateralSpeed(CAR)
+    assert estimator.update(0.5, 0.1) == pytest.approx(0.1 * REAR_M)
+    assert estimator.update(0.0, 0.1) == 0.0
+
+
+def test_a_missing_value_gives_none_and_is_forgotten():
+    estimator = LateralSpeed(CAR)
+    steady = estimator.update(20.0, 0.1)
+    estimator.update(20.0, -0.4)
+    assert isnan(estimator.update(float("nan"), 0.1))
+    assert estimator.update(20.0, 0.1) == steady
+
+
+def test_the_constants_come_from_the_learned_model():
+    found = identify(Bundle.load("mdk-net"), DEFAULT_GEOMETRY)
+    assert found.rear_axle_m == DEFAULT_GEOMETRY.rear_axle_m
+    assert 0.004 < found.slip_s2_per_m < 0.0065
+    assert 0.2 < found.inertia_m < 1.2
+
+
+def test_a_linear_model_is_refused_with_the_remedy():
+    with pytest.raises(ConfigError, match=r"expected vy_mps, .*rear_slip_s2_per_m"):
+        identify(Bundle.load("lti"), DEFAULT_GEOMETRY)

@@ -11,6 +11,13 @@ from rt_controller.loop import RELEASE_TICKS
 CRUISE = ControlInput(0.05, 0.0, 0.02)
 
 
+def driven(ticks, command=CRUISE):
+    """A gateway after so many periods with this command."""
+    rig = GatewayRig()
+    drive_straight(rig, ticks, command)
+    return rig
+
+
 def drive_straight(rig, ticks, command=CRUISE, mode=Mode.NOMINAL):
     """The car moves on along its line while the commands are good."""
     for _ in range(ticks):
@@ -35,29 +42,23 @@ def test_the_gateway_brakes_the_car_when_commands_stop():
 def test_the_gateway_releases_a_car_that_is_no_longer_engaged():
     """The last command of a controller has the mode SAFE_STOP, also at the end of a mission."""
     rig = GatewayRig()
-    for _ in range(10):
-        rig.drive(ControlInput(0.0, 3.0, 0.1), Mode.SAFE_STOP)
+    drive_straight(rig, 10, ControlInput(0.0, 3.0, 0.1), Mode.SAFE_STOP)
     assert rig.found["driving"] == 1.0
     rig.values["mission.engage"] = 0.0
-    for _ in range(8):
-        rig.drive()
+    drive_straight(rig, 8, None)
     assert rig.gateway.counts.brakings == 0
     assert rig.found["driving"] == 0.0
     assert rig.found["commands.brake_n"] == 0.0
 
 
 def test_a_car_that_was_released_does_not_receive_the_last_command_of_a_run():
-    rig = GatewayRig()
-    for _ in range(5):
-        rig.drive(ControlInput(0.1, 0.0, 0.0))
+    rig = driven(5, ControlInput(0.1, 0.0, 0.0))
     rig.values["mission.engage"] = 0.0
-    for _ in range(5):
-        rig.drive(ControlInput(0.0, 0.0, 0.0), Mode.STANDBY)
+    drive_straight(rig, 5, ControlInput(0.0, 0.0, 0.0), Mode.STANDBY)
     for _ in range(3):
         assert rig.drive(ControlInput(0.0, 3.0, 0.0), Mode.SAFE_STOP)["driving"] == 0.0
     rig.values["mission.engage"] = 1.0
-    for _ in range(5):
-        rig.drive(ControlInput(0.0, 3.0, 0.0), Mode.SAFE_STOP)
+    drive_straight(rig, 5, ControlInput(0.0, 3.0, 0.0), Mode.SAFE_STOP)
     assert rig.found["driving"] == 1.0
 
 
@@ -67,8 +68,7 @@ def test_the_gateway_steers_a_car_that_it_brakes_along_its_path(side):
     # A line of 1e-3 1/m; the path is beside the car, and straight on the wheel would be 0.
     rig.values |= {"reference.c0_m": 3.0 * side, "reference.c1": 0.0, "pose.y": 0.2}
     rig.values |= {"reference.c2_per_m": 0.0, "reference.c3_per_m2": 0.0, "pose.yaw": 0.02}
-    for _ in range(10):
-        rig.drive(ControlInput(0.3, 0.0, 0.0))
+    drive_straight(rig, 10, ControlInput(0.3, 0.0, 0.0))
     for _ in range(20):
         found = rig.drive()
     assert found["commands.steer_rad"] * side > 0.1
@@ -86,8 +86,7 @@ def test_the_gateway_steers_a_car_that_it_brakes_along_its_path(side):
     ],
 )
 def test_the_gateway_limits_how_fast_a_pedal_is_pressed(wanted, name, most):
-    rig = GatewayRig()
-    drive_straight(rig, 5, ControlInput(0.0, 0.0, 0.0))
+    rig = driven(5, ControlInput(0.0, 0.0, 0.0))
     assert rig.gateway.counts.limited == 0
     assert 0.9 * most <= rig.drive(wanted)[name] <= most
     assert rig.gateway.counts.limited == 1
@@ -114,8 +113,7 @@ def test_a_command_that_the_car_must_not_follow_leaves_the_one_before(reason, wa
 
 @pytest.mark.parametrize(("reason", "wanted", "mode"), BAD)
 def test_a_car_whose_commands_go_on_being_refused_is_braked(reason, wanted, mode):
-    rig = GatewayRig()
-    drive_straight(rig, 5)
+    rig = driven(5)
     steered = [rig.drive(wanted, mode)["commands.steer_rad"] for _ in range(8)]
     assert max(map(abs, steered[:5])) < radians(5.0)
     assert rig.gateway.counts.brakings == 1
@@ -153,10 +151,8 @@ def test_a_car_that_begins_beside_its_path_is_led_to_it():
 
 
 def test_a_command_after_lost_ones_may_have_turned_the_wheel_in_each_period():
-    rig = GatewayRig()
-    drive_straight(rig, 5, ControlInput(0.0, 0.0, 0.0))
-    for _ in range(2):
-        rig.drive()
+    rig = driven(5, ControlInput(0.0, 0.0, 0.0))
+    drive_straight(rig, 2, None)
     rig.drive(ControlInput(0.0, 0.0, radians(14.0)))
     assert rig.gateway.counts.refused == 0
     rig.drive(ControlInput(0.0, 0.0, radians(20.0)))
@@ -168,12 +164,10 @@ def test_a_car_that_was_braked_and_released_is_driven_again():
     rig = GatewayRig()
     for step in range(8):
         rig.drive(ControlInput(0.0, 0.0, radians(4.0 * step)))
-    for _ in range(10):
-        rig.drive()
+    drive_straight(rig, 10, None)
     assert rig.gateway.counts.brakings == 1
     rig.values["mission.engage"] = 0.0
-    for _ in range(60):
-        rig.drive()
+    drive_straight(rig, 60, None)
     assert rig.found["driving"] == 0.0
     rig.values["mission.engage"] = 1.0
     rig.tick += 512  # four times around the counter of the states
@@ -194,8 +188,8 @@ def test_a_driver_who_leaves_the_path_is_not_braked():
     assert rig.gateway.counts.brakings == 0
 
 
-@pytest.mark.parametrize("period_s", [0.025, 0.05, 0.1, 0.25])
-@pytest.mark.parametrize("missed", range(4))
+@pytest.mark.parametrize("period_s", [0.025, 0.05, 0.25])
+@pytest.mark.parametrize("missed", [0, 3])
 def test_the_last_command_of_a_mission_is_the_release(tmp_path, period_s, missed):
     """Whatever the period of the message, and when the last frames of the controller are lost."""
     rig = GatewayRig(with_period(tmp_path, period_s))
@@ -204,8 +198,7 @@ def test_the_last_command_of_a_mission_is_the_release(tmp_path, period_s, missed
     rig.values["mission.engage"] = 0.0
     for _ in range(RELEASE_TICKS - missed):
         rig.drive(ControlInput(0.0, 90.0, 0.25), Mode.STANDBY)
-    for _ in range(60):
-        rig.drive()
+    drive_straight(rig, 60, None)
     assert rig.found["driving"] == 0.0
     assert rig.found["commands.throttle"] == 0.0
     assert rig.found["commands.brake_n"] == 0.0
@@ -214,8 +207,7 @@ def test_the_last_command_of_a_mission_is_the_release(tmp_path, period_s, missed
 
 
 def test_the_first_and_the_second_request_to_end_brake_the_car_and_the_third_ends_at_once():
-    rig = GatewayRig()
-    drive_straight(rig, 5)
+    rig = driven(5)
     for request in range(3):
         assert not rig.gateway.has_ended
         rig.gateway.request_end()
@@ -227,8 +219,7 @@ def test_the_first_and_the_second_request_to_end_brake_the_car_and_the_third_end
 
 
 def test_a_car_that_stands_ends_a_requested_stop():
-    rig = GatewayRig()
-    drive_straight(rig, 5)
+    rig = driven(5)
     rig.gateway.request_end()
     drive_straight(rig, 5)
     rig.values["states.vx_mps"] = 0.1
@@ -240,8 +231,7 @@ def test_a_car_that_stands_ends_a_requested_stop():
 
 
 def test_a_car_that_is_not_heard_ends_a_requested_stop_after_ten_seconds():
-    rig = GatewayRig()
-    drive_straight(rig, 5)
+    rig = driven(5)
     rig.gateway.request_end()
     for _ in range(400):
         rig.drive(is_car_silent=True)

@@ -98,6 +98,13 @@ class WatchedCar:
         self.state = now._replace(ey_m=before.ey_m + lateral_change_m(before, now))
 
 
+def driven(ticks: int, *checks: Sequence[Check], **arguments: object) -> WatchedCar:
+    """A car that was driven for so many periods."""
+    car = WatchedCar(*checks, **arguments)  # type: ignore[arg-type]
+    car.tick(ticks)
+    return car
+
+
 def turning(**arguments: object) -> WatchedCar:
     """A car that turns with its road."""
     car = WatchedCar(curvature_per_m=0.003, **arguments)  # type: ignore[arg-type]

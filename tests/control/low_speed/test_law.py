@@ -14,7 +14,17 @@ from rolling_car import ASSUMED, RollingCar
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode, PathReference
 from rt_controller.contract.timing import PERIOD_S
-from rt_controller.control.low_speed import ROLLING_MPS, LowSpeedLaw
+from rt_controller.control.low_speed import (
+    ARRIVE,
+    AT_REST_MPS,
+    ROLLING_MPS,
+    STAY,
+    LowSpeedLaw,
+    SpeedRange,
+    next_law,
+    stop_distance_m,
+    wants_rest,
+)
 from rt_controller.safety.envelope import limit
 
 Planner = Callable[[RollingCar, float], PathReference]
@@ -30,17 +40,10 @@ class Tick(NamedTuple):
     control: ControlInput
 
 
-def drive(
-    car: RollingCar,
-    planner: Planner,
-    duration_s: float,
-    noise: np.random.Generator | None = None,
-    vx_sigma_mps: float = 0.01,
-    vx_offset_mps: float = 0.0,
-) -> list[Tick]:
+def drive(car, planner, duration_s, noise=None, vx_sigma_mps=0.01, vx_offset_mps=0.0):
     """The law, above its speeds a driver who knows the car; commands pass the envelope."""
     law, control, state = LowSpeedLaw(ASSUMED), NEUTRAL_INPUT, car.state()
-    ticks: list[Tick] = []
+    ticks = []
     for k in range(round(duration_s / PERIOD_S)):
         seen = state
         if noise is not None:
@@ -74,12 +77,12 @@ def drive(
 class StopThenGo:
     """Plans a stop at `at_m` with `braking_mps2`, a hold, and a start; the car moves before it."""
 
-    def __init__(self, at_m: float, braking_mps2: float, cruise_mps: float, hold_s: float) -> None:
+    def __init__(self, at_m, braking_mps2, cruise_mps, hold_s):
         self.at_m, self.braking_mps2, self.cruise_mps = at_m, braking_mps2, cruise_mps
         self.hold_s = hold_s
         self._stood_s = inf
 
-    def __call__(self, car: RollingCar, time_s: float) -> PathReference:
+    def __call__(self, car, time_s):
         started_s = self._stood_s + self.hold_s
         if time_s >= started_s:
             return STRAIGHT._replace(
@@ -95,7 +98,7 @@ class StopThenGo:
         return STRAIGHT._replace(v_mps=v_mps, a_mps2=-self.braking_mps2)
 
 
-def changes(ticks: list[Tick]) -> int:
+def changes(ticks):
     return sum(a.law is not b.law for a, b in pairwise(ticks))
 
 
@@ -110,11 +113,9 @@ cars = st.builds(
 )
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(cars, st.floats(0.8, 3.0), st.integers(0, 2**31))
-def test_a_car_that_is_not_known_well_stops_at_its_target_holds_and_starts(
-    car: RollingCar, braking_mps2: float, seed: int
-) -> None:
+def test_a_car_that_is_not_known_well_stops_at_its_target_holds_and_starts(car, braking_mps2, seed):
     target_m = 5.0 + car.vx_mps**2 / 2.0 / braking_mps2
     planner = StopThenGo(target_m, braking_mps2, car.vx_mps, hold_s=3.0)
     ticks = drive(car, planner, 25.0, np.random.default_rng(seed))
@@ -129,9 +130,7 @@ def test_a_car_that_is_not_known_well_stops_at_its_target_holds_and_starts(
 
 @settings(max_examples=15, deadline=None)
 @given(cars, st.floats(0.0, 6.0), st.integers(0, 2**31))
-def test_a_constant_reference_speed_is_held_without_chatter(
-    car: RollingCar, reference_mps: float, seed: int
-) -> None:
+def test_a_constant_reference_speed_is_held_without_chatter(car, reference_mps, seed):
     path = STRAIGHT._replace(v_mps=reference_mps)
     ticks = drive(car, lambda car, time_s: path, 20.0, np.random.default_rng(seed))
     assert changes(ticks) <= 3
@@ -142,7 +141,7 @@ def test_a_constant_reference_speed_is_held_without_chatter(
     assert late[-1].vx_mps == pytest.approx(reference_mps, abs=0.4)
 
 
-def test_a_reference_of_zero_stops_the_car_at_once_and_holds_it() -> None:
+def test_a_reference_of_zero_stops_the_car_at_once_and_holds_it():
     ticks = drive(RollingCar(3.9), lambda car, time_s: STRAIGHT, 10.0)
     stood = next(tick for tick in ticks if tick.law is Mode.STANDSTILL)
     assert stood.time_s < 2.5
@@ -151,8 +150,8 @@ def test_a_reference_of_zero_stops_the_car_at_once_and_holds_it() -> None:
 
 
 @pytest.mark.parametrize(("slope_mps2", "most_m"), [(-2.0, 0.2), (-1.0, 0.05), (1.5, 0.0)])
-def test_a_start_on_an_unknown_slope_rolls_back_little(slope_mps2: float, most_m: float) -> None:
-    def planner(car: RollingCar, time_s: float) -> PathReference:
+def test_a_start_on_an_unknown_slope_rolls_back_little(slope_mps2, most_m):
+    def planner(car, time_s):
         if time_s < 2.0:
             return STRAIGHT
         return STRAIGHT._replace(v_mps=1.0 * (time_s - 2.0), a_mps2=1.0)
@@ -165,15 +164,15 @@ def test_a_start_on_an_unknown_slope_rolls_back_little(slope_mps2: float, most_m
     assert min(tick.s_m for tick in started) >= held[-1].s_m - most_m
 
 
-@pytest.mark.parametrize("slope_mps2", [-0.8, 0.0, 0.8])
+@pytest.mark.parametrize("slope_mps2", [-0.8, 0.8])
 @pytest.mark.parametrize("acceleration_mps2", [0.3, 1.0])
 @pytest.mark.parametrize(
-    ("vx_sigma_mps", "vx_offset_mps"), [(0.05, 0.0), (0.1, 0.0), (0.01, 0.12), (0.01, -0.12)]
+    ("vx_sigma_mps", "vx_offset_mps"), [(0.1, 0.0), (0.01, 0.12), (0.01, -0.12)]
 )
 def test_a_disturbed_speed_during_a_hold_does_not_prevent_the_start(
-    slope_mps2: float, acceleration_mps2: float, vx_sigma_mps: float, vx_offset_mps: float
-) -> None:
-    def planner(car: RollingCar, time_s: float) -> PathReference:
+    slope_mps2, acceleration_mps2, vx_sigma_mps, vx_offset_mps
+):
+    def planner(car, time_s):
         v_mps = acceleration_mps2 * (time_s - 10.0)
         if v_mps <= 0.0:
             return STRAIGHT
@@ -191,7 +190,7 @@ def test_a_disturbed_speed_during_a_hold_does_not_prevent_the_start(
     assert ticks[-1].vx_mps == pytest.approx(1.1 - vx_offset_mps, abs=0.2)
 
 
-def test_the_pedals_do_not_jump_when_the_law_takes_over() -> None:
+def test_the_pedals_do_not_jump_when_the_law_takes_over():
     car = RollingCar(6.0)
     planner = StopThenGo(12.0, 1.5, 6.0, 3.0)
     ticks = drive(car, planner, 10.0)
@@ -201,7 +200,7 @@ def test_the_pedals_do_not_jump_when_the_law_takes_over() -> None:
     assert abs(after.throttle - before.throttle) * car.throttle_mps2 < 0.3
 
 
-def test_a_rolling_car_is_held_with_all_of_the_brake() -> None:
+def test_a_rolling_car_is_held_with_all_of_the_brake():
     law = LowSpeedLaw(ASSUMED)
     state = RollingCar(0.0).state()
     control = NEUTRAL_INPUT
@@ -217,12 +216,10 @@ def test_a_rolling_car_is_held_with_all_of_the_brake() -> None:
 
 
 @pytest.mark.parametrize("slope_mps2", [2.0, 2.8])
-def test_a_car_that_slips_through_its_hold_is_stopped_and_stays_on_the_path(
-    slope_mps2: float,
-) -> None:
+def test_a_car_that_slips_through_its_hold_is_stopped_and_stays_on_the_path(slope_mps2):
     car = RollingCar(0.0, creep_mps2=0.0, brake_mps2_per_n=0.02, ey_m=0.2)
 
-    def planner(car: RollingCar, time_s: float) -> PathReference:
+    def planner(car, time_s):
         car.slope_mps2 = 0.0 if time_s < 2.0 else slope_mps2
         return STRAIGHT
 
@@ -233,3 +230,89 @@ def test_a_car_that_slips_through_its_hold_is_stopped_and_stays_on_the_path(
     assert ticks[-1].vx_mps == 0.0
     is_steered = rolling[-1].control.steer_rad != rolling[0].control.steer_rad
     assert is_steered == any(tick.vx_mps >= ROLLING_MPS for tick in rolling)
+
+
+SPEEDS = SpeedRange(leave_mps=3.0, resume_mps=4.0)
+REST = PathReference(0.0, 0.0, 0.0, 0.0, v_mps=0.0, a_mps2=0.0)
+CRUISE = REST._replace(v_mps=15.0)
+LAWS = [Mode.NOMINAL, Mode.LOW_SPEED, Mode.STANDSTILL]
+seeds = st.integers(0, 2**31)
+
+
+def stop_in(distance_m, braking_mps2=2.0):
+    return REST._replace(v_mps=sqrt(2.0 * braking_mps2 * distance_m), a_mps2=-braking_mps2)
+
+
+@pytest.mark.parametrize("braking_mps2", [0.5, 1.5, 4.0])
+@pytest.mark.parametrize("distance_m", [0.0, 0.1, 3.0, 50.0])
+def test_speed_and_deceleration_carry_the_distance_to_the_stop(distance_m, braking_mps2):
+    assert stop_distance_m(stop_in(distance_m, braking_mps2)) == pytest.approx(distance_m)
+    assert stop_distance_m(CRUISE) == inf
+
+
+def test_a_start_is_wanted_as_soon_as_the_reference_accelerates():
+    assert wants_rest(REST, is_resting=True)
+    assert not wants_rest(REST._replace(a_mps2=1.5), is_resting=True)
+    assert not wants_rest(REST._replace(v_mps=0.3), is_resting=True)
+
+
+MODEL, SLOW, HELD = LAWS
+START = REST._replace(v_mps=0.5, a_mps2=1.0)
+
+
+@pytest.mark.parametrize(
+    ("law", "vx_mps", "path", "following"),
+    [
+        # a car that stands just before its stop has arrived and stays, far before it drives on
+        (SLOW, 0.05, stop_in(0.9 * ARRIVE.stop_m), HELD),
+        (HELD, 0.0, stop_in(0.9 * STAY.stop_m), HELD),
+        (SLOW, 0.0, stop_in(1.0), SLOW),
+        (HELD, 0.0, stop_in(1.0), SLOW),
+        # one that rolls back is braked unless it is to start
+        *((law, vx_mps, REST, HELD) for law in LAWS for vx_mps in (-0.2, -3.0)),
+        *((law, vx_mps, START, SLOW) for law in LAWS for vx_mps in (-0.2, -3.0)),
+        # a fast one is driven by the model, with hysteresis
+        *((law, 20.0, path, MODEL) for law in LAWS for path in (REST, CRUISE, stop_in(1.0))),
+        (MODEL, 2.99, CRUISE, SLOW),
+        (MODEL, 3.01, CRUISE, MODEL),
+        (SLOW, 3.99, CRUISE, SLOW),
+        (SLOW, 4.0, CRUISE, MODEL),
+        # one that is held and rolls forwards is braked up to the speed of the model
+        (HELD, 3.9, REST, HELD),
+        (HELD, 4.0, REST, MODEL),
+        (HELD, 2.0, CRUISE, SLOW),
+    ],
+)
+def test_the_next_law_follows_from_speed_and_reference(law, vx_mps, path, following):
+    assert next_law(law, vx_mps, path, SPEEDS) is following
+
+
+@given(
+    st.floats(-1.0, 1.0), st.floats(0.0, 0.5), st.floats(-1.0, 1.0), st.sampled_from(LAWS), seeds
+)
+def test_noise_across_the_limits_of_rest_changes_the_law_twice_at_most(
+    speed_mps, reference_mps, reference_mps2, law, seed
+):
+    rng = np.random.default_rng(seed)
+    laws = [law]
+    for _ in range(200):
+        v_mps = max(reference_mps + 0.02 * rng.uniform(-1.0, 1.0), 0.0)
+        a_mps2 = reference_mps2 + 0.03 * rng.uniform(-1.0, 1.0)
+        path = REST._replace(v_mps=v_mps, a_mps2=a_mps2)
+        laws.append(next_law(laws[-1], speed_mps, path, SPEEDS))
+    assert sum(a is not b for a, b in pairwise(laws)) <= 2
+
+
+@given(st.floats(-1.0, 8.0), st.floats(0.0, 8.0), seeds)
+def test_noise_of_speed_and_reference_changes_the_law_twice_at_most(speed_mps, reference_mps, seed):
+    rng = np.random.default_rng(seed)
+    law, changes = Mode.NOMINAL, 0
+    for _ in range(200):
+        path = REST._replace(
+            v_mps=max(reference_mps + 0.4 * AT_REST_MPS * rng.uniform(-1.0, 1.0), 0.0),
+            a_mps2=0.09 * rng.uniform(-1.0, 1.0),
+        )
+        following = next_law(law, speed_mps + 0.15 * rng.uniform(-1.0, 1.0), path, SPEEDS)
+        changes += following is not law
+        law = following
+    assert changes <= 2

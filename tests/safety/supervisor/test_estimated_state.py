@@ -1,4 +1,4 @@
-"""What a lost or faulty state is replaced by, and when a prediction begins."""
+"""What a lost or faulty state is replaced by, in a drive and in a stop."""
 
 from dataclasses import replace
 
@@ -7,16 +7,19 @@ from kinematic_car import (
     STRAIGHT,
     WITHOUT_FROZEN,
     WatchedCar,
+    driven,
     growing,
     nothing,
     only,
     replaced,
     shifted,
+    turning,
     undisturbed,
 )
 
 from rt_controller.contract.faults import StopCause
-from rt_controller.contract.signals import NEUTRAL_INPUT, CurvaturePreview, VehicleState
+from rt_controller.contract.limits import DEFAULT_GEOMETRY
+from rt_controller.contract.signals import NEUTRAL_INPUT, CurvaturePreview
 from rt_controller.safety.checks import Quantity, Reaction
 from rt_controller.safety.isolation import Faulty
 from rt_controller.safety.motion import MotionPrediction
@@ -25,29 +28,28 @@ from rt_controller.safety.tick import Estimate
 RAMP = CurvaturePreview(5.0, 0.0, 0.002, 0.004, 0.006, 0.008)
 
 
-def spy(car: WatchedCar) -> list[str]:
+def spy(car):
     """Names of the calls that begin, end or advance predictions."""
-    calls: list[str] = []
+    calls = []
 
     class Spy(MotionPrediction):
-        def begin(self, psi: object) -> None:
+        def begin(self, psi):
             calls.append("begin")
-            super().begin(psi)  # type: ignore[arg-type]
+            super().begin(psi)
 
-        def advance(self, applied: object, curvature_per_m: float) -> None:
+        def advance(self, applied, curvature_per_m):
             calls.append("advance")
-            super().advance(applied, curvature_per_m)  # type: ignore[arg-type]
+            super().advance(applied, curvature_per_m)
 
-        def fall_back(self) -> None:
+        def fall_back(self):
             calls.append("fall_back")
             super().fall_back()
 
-    assert car.supervisor._prediction is not None
     car.supervisor._prediction.__class__ = Spy
     return calls
 
 
-def test_a_drive_begins_without_predictions() -> None:
+def test_a_drive_begins_without_predictions():
     car = WatchedCar()
     calls = spy(car)
     car.tick(3)
@@ -57,9 +59,8 @@ def test_a_drive_begins_without_predictions() -> None:
     assert car.tick().rejection is StopCause.NONE
 
 
-def test_a_lost_state_is_estimated_on_the_road_that_was_seen_ahead() -> None:
-    car = WatchedCar(checks=(), preview=RAMP)
-    car.tick()
+def test_a_lost_state_is_estimated_on_the_road_that_was_seen_ahead():
+    car = driven(1, checks=(), preview=RAMP)
     car.disturb = nothing
     heading_rad, place_m = 0.0, 0.0
     for _ in range(3):
@@ -67,15 +68,13 @@ def test_a_lost_state_is_estimated_on_the_road_that_was_seen_ahead() -> None:
         heading_rad -= 0.5 * (0.0004 * place_m + 0.0004 * (place_m + 0.5)) * 0.5
         place_m += 0.5
         assert qualified.curvature_per_m == pytest.approx(0.0004 * place_m)
-        assert qualified.state is not None
         assert qualified.state.epsi_rad == pytest.approx(heading_rad)
         assert qualified.state.ds_m == 0.5
-        assert qualified.preview is not None
         assert qualified.preview.k0_per_m == pytest.approx(0.0004 * place_m)
 
 
 @pytest.mark.parametrize("periods", [1, 3, 4, 6])
-def test_skipped_periods_move_road_path_and_predictions_on(periods: int) -> None:
+def test_skipped_periods_move_road_path_and_predictions_on(periods):
     sloped = STRAIGHT._replace(c1=0.06)
     car = WatchedCar(checks=(), preview=RAMP, path=sloped)
     calls = spy(car)
@@ -83,31 +82,27 @@ def test_skipped_periods_move_road_path_and_predictions_on(periods: int) -> None
     car.disturb = lambda received: replace(nothing(received), periods=periods)
     qualified = car.tick()
     assert qualified.curvature_per_m == pytest.approx(0.0004 * 0.5 * periods)
-    assert qualified.path is not None
     assert qualified.path.c0_m == pytest.approx(0.06 * 0.5 * periods)
     assert calls == ["begin", *["advance"] * min(periods, 4)]
 
 
-def test_a_lost_state_moves_with_the_command_that_was_sent() -> None:
-    car = WatchedCar(checks=())
-    car.tick(2)
+def test_a_lost_state_moves_with_the_command_that_was_sent():
+    car = driven(2, checks=())
     car.control = NEUTRAL_INPUT._replace(brake_n=40.0)
     car.tick()
     car.disturb = lambda received: replace(nothing(received), applied=NEUTRAL_INPUT)
-    qualified = car.tick()
-    assert qualified.state is not None
-    assert qualified.state.vx_mps == pytest.approx(car.qualified[-2].state.vx_mps - 0.05)  # type: ignore[union-attr]
+    assert car.tick().state.vx_mps == pytest.approx(car.qualified[-2].state.vx_mps - 0.05)
 
 
 @pytest.mark.parametrize(("vx_mps", "is_modelled"), [(7.0, True), (6.99, False)])
-def test_below_7_m_per_s_the_model_is_not_used(vx_mps: float, is_modelled: bool) -> None:
+def test_below_7_m_per_s_the_model_is_not_used(vx_mps, is_modelled):
     car = WatchedCar(checks=(), vx_mps=vx_mps)
     calls = spy(car)
     car.tick(2)
     assert ("advance" in calls) is is_modelled
 
 
-def test_without_measured_motion_predictions_go_on_until_they_are_old() -> None:
+def test_without_measured_motion_predictions_go_on_until_they_are_old():
     car = WatchedCar(checks=())
     calls = spy(car)
     car.tick()
@@ -116,67 +111,48 @@ def test_without_measured_motion_predictions_go_on_until_they_are_old() -> None:
     assert calls == ["begin", *["advance"] * 80, "begin"]
 
 
-def test_without_a_lifted_state_no_prediction_begins() -> None:
+def test_without_a_lifted_state_no_prediction_begins():
     car = WatchedCar()
     calls = spy(car)
     car.supervisor.note(car.control, None)
     assert calls == []
 
 
-def test_a_drift_of_the_motion_takes_the_predictions_back_once() -> None:
-    checks = [
-        check._replace(reaction=Reaction.STOP) for check in only(Quantity.YAW_RATE_STEP_RADPS)
-    ]
-    car = WatchedCar(checks=checks)
-    calls = spy(car)
-    car.tick(20)
-    car.disturb = shifted(yaw_rate_radps=0.3)
-    car.tick(5)
-    assert calls.count("fall_back") == 1
-
-
 @pytest.mark.parametrize(
-    ("quantity", "reaction", "signals"),
+    ("quantity", "reaction", "signals", "ticks", "times"),
     [
-        (Quantity.LATERAL_ERROR_M, Reaction.STOP, {"ey_m": 1.0}),
-        (Quantity.YAW_RATE_STEP_RADPS, Reaction.REJECT_STATE, {"yaw_rate_radps": 0.3}),
+        (Quantity.YAW_RATE_STEP_RADPS, Reaction.STOP, {"yaw_rate_radps": 0.3}, 5, 1),
+        (Quantity.YAW_RATE_STEP_RADPS, Reaction.REJECT_STATE, {"yaw_rate_radps": 0.3}, 1, 0),
+        (Quantity.LATERAL_ERROR_M, Reaction.STOP, {"ey_m": 1.0}, 1, 0),
     ],
+    ids=["a drift", "an outlier", "a place"],
 )
-def test_neither_a_place_nor_an_outlier_takes_the_predictions_back(
-    quantity: Quantity, reaction: Reaction, signals: dict[str, float]
-) -> None:
+def test_only_a_drift_of_the_motion_takes_the_predictions_back_and_once(
+    quantity, reaction, signals, ticks, times
+):
     car = WatchedCar(checks=[only(quantity)[0]._replace(reaction=reaction)])
     calls = spy(car)
     car.tick(20)
     car.disturb = shifted(**signals)
     assert not car.tick().is_measured
-    assert "fall_back" not in calls
+    car.tick(ticks)
+    assert calls.count("fall_back") == times
 
 
-def test_a_heading_that_jumps_alone_leaves_the_other_signals_measured() -> None:
-    car = WatchedCar(checks=only(Quantity.HEADING_RAD, Quantity.LATERAL_ERROR_M))
-    car.tick(20)
-    car.disturb = shifted(epsi_rad=0.1, vx_mps=0.2)
+@pytest.mark.parametrize(("ey_m", "vx_mps"), [(0.0, 20.2), (1.0, 20.0)])
+def test_a_heading_that_jumps_alone_leaves_the_other_signals_measured(ey_m, vx_mps):
+    """Together with the lateral error it replaces the whole state."""
+    car = driven(20, only(Quantity.HEADING_RAD, Quantity.LATERAL_ERROR_M))
+    car.disturb = shifted(epsi_rad=0.1, vx_mps=0.2, ey_m=ey_m)
     qualified = car.tick()
     assert qualified.rejection is StopCause.HEADING_IMPLAUSIBLE
-    assert qualified.state is not None
-    assert qualified.state.vx_mps == pytest.approx(20.2)
+    assert qualified.state.vx_mps == pytest.approx(vx_mps)
     assert qualified.state.epsi_rad == pytest.approx(0.0, abs=1e-3)
-
-
-def test_heading_and_lateral_error_that_jump_together_replace_the_whole_state() -> None:
-    car = WatchedCar(checks=only(Quantity.HEADING_RAD, Quantity.LATERAL_ERROR_M))
-    car.tick(20)
-    car.disturb = shifted(epsi_rad=0.1, ey_m=1.0, vx_mps=0.2)
-    qualified = car.tick()
-    assert qualified.state is not None
-    assert qualified.state.vx_mps == pytest.approx(20.0)
     assert qualified.state.ey_m == pytest.approx(0.0, abs=1e-3)
 
 
-def test_the_speed_difference_is_cleared_only_if_speed_or_progress_is_faulty() -> None:
-    car = WatchedCar(checks=only(Quantity.PROGRESS_STEP_M, Quantity.LATERAL_ERROR_M))
-    car.tick(20)
+def test_the_speed_difference_is_cleared_only_if_speed_or_progress_is_faulty():
+    car = driven(20, checks=only(Quantity.PROGRESS_STEP_M, Quantity.LATERAL_ERROR_M))
     car.is_stopping = True
     slips = []
     for disturbance in (shifted(ds_m=0.015), shifted(ds_m=0.015, ey_m=1.0), shifted(ds_m=0.015)):
@@ -191,7 +167,7 @@ def test_the_speed_difference_is_cleared_only_if_speed_or_progress_is_faulty() -
     assert car.supervisor.values[Quantity.PROGRESS_SPEED_MPS] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_equal_curvatures_do_not_make_the_curvature_suspicious() -> None:
+def test_equal_curvatures_do_not_make_the_curvature_suspicious():
     road = CurvaturePreview(5.0, *[0.003] * 5)
     car = WatchedCar(WITHOUT_FROZEN, curvature_per_m=0.003, preview=road, has_model=False)
     car.control = car.control._replace(steer_rad=0.2)
@@ -201,7 +177,7 @@ def test_equal_curvatures_do_not_make_the_curvature_suspicious() -> None:
     assert causes - {StopCause.NONE} == {StopCause.YAW_RATE_IMPLAUSIBLE}
 
 
-def test_a_speed_is_known_from_speed_or_progress() -> None:
+def test_a_speed_is_known_from_speed_or_progress():
     for faulty, expected_mps in (
         (Faulty.SPEED, 0.4 / 0.025),
         (Faulty.PROGRESS, 20.0),
@@ -218,9 +194,8 @@ def test_a_speed_is_known_from_speed_or_progress() -> None:
         assert not qualified.is_measured
 
 
-def test_a_faulty_curvature_makes_the_state_estimated() -> None:
-    car = WatchedCar(checks=(), preview=RAMP)
-    car.tick(1)
+def test_a_faulty_curvature_makes_the_state_estimated():
+    car = driven(1, checks=(), preview=RAMP)
     car.supervisor._faulty = Faulty.CURVATURE
     car.preview = None
     qualified = car.tick()
@@ -229,33 +204,96 @@ def test_a_faulty_curvature_makes_the_state_estimated() -> None:
     assert qualified.preview is not None
 
 
-def test_a_car_without_checks_repeats_what_it_receives() -> None:
-    car = WatchedCar(checks=())
-    car.tick(3)
-    qualified = car.qualified[-1]
-    assert isinstance(qualified.state, VehicleState)
-    assert qualified == Estimate(car.state, 0.0, STRAIGHT, None, True, True, 20.0)
+def test_a_car_without_checks_repeats_what_it_receives():
+    car = driven(3, ())
+    assert car.qualified[-1] == Estimate(car.state, 0.0, STRAIGHT, None, True, True, 20.0)
+    car.disturb = replaced(vx_mps=0.0, ey_m=20.0)
+    qualified = car.tick(5)
+    assert qualified.is_measured
+    assert qualified.state.ey_m == 20.0
 
 
-def test_a_heading_is_integrated_with_the_road_when_the_curvature_is_faulty() -> None:
+def test_a_heading_is_integrated_with_the_road_when_the_curvature_is_faulty():
     checks = only(Quantity.CURVATURE_STEP_PER_M)
     road = CurvaturePreview(5.0, *[0.003] * 5)
-    car = WatchedCar(checks=checks, curvature_per_m=0.003, preview=road)
-    car.tick(5)
+    car = driven(5, checks=checks, curvature_per_m=0.003, preview=road)
     car.disturb, car.is_stopping = lambda received: replace(received, curvature_per_m=0.013), True
     for _ in range(3):
-        qualified = car.tick()
-        assert qualified.curvature_per_m == pytest.approx(0.003)
+        assert car.tick().curvature_per_m == pytest.approx(0.003)
     assert car.supervisor.values[Quantity.HEADING_RAD] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_after_a_drift_of_v_y_the_measured_lateral_error_is_accepted() -> None:
-    car = WatchedCar()
-    car.tick(20)
+def test_after_a_drift_of_v_y_the_measured_lateral_error_is_accepted():
+    car = driven(20)
     car.disturb = growing("vy_mps", 0.03)
     while not car.is_stopping:
         assert len(car.qualified) < 80
         car.is_stopping = car.tick().alarm is StopCause.LATERAL_SPEED_IMPLAUSIBLE
-    last = car.tick(5).state
-    assert last is not None
-    assert last.ey_m == car.state.ey_m
+    assert car.tick(5).state.ey_m == car.state.ey_m
+
+
+def test_a_lost_state_is_estimated_along_the_last_path():
+    car = turning(path=STRAIGHT)
+    car.tick(20)
+    car.disturb, car.is_stopping = nothing, True
+    qualified = car.tick(40)
+    assert qualified.speed_mps is None
+    assert not qualified.is_measured
+    assert not qualified.is_path_received
+    assert qualified.state.ey_m == pytest.approx(car.state.ey_m, abs=0.05)
+    assert qualified.state.epsi_rad == pytest.approx(car.state.epsi_rad, abs=0.005)
+    assert qualified.path is not None
+
+
+def test_a_braking_car_without_states_comes_to_rest():
+    car = driven(5, has_model=False)
+    car.disturb, car.is_stopping = nothing, True
+    car.control = car.control._replace(brake_n=75.0)
+    assert car.tick(300).state.vx_mps == 0.0
+
+
+def test_faulty_signals_of_a_safe_stop_last_until_standby():
+    car = driven(20)
+    car.disturb, car.is_stopping = shifted(ey_m=2.0), True
+    car.tick(3)
+    car.disturb = shifted(ey_m=0.1)
+    assert not car.tick(5).is_measured
+    car.is_driven = False
+    assert car.tick().is_measured
+
+
+def test_a_stop_without_speed_and_progress_has_no_known_speed():
+    car = driven(20)
+    car.is_stopping = True
+    car.disturb = replaced(vx_mps=0.0)
+    assert car.tick(3).speed_mps == pytest.approx(20.0, abs=0.2)
+    car.disturb = replaced(vx_mps=0.0, ds_m=0.3)
+    car.tick(20)
+    qualified = car.tick()
+    assert qualified.speed_mps is None or qualified.speed_mps > 10.0
+
+
+def test_a_command_that_is_not_known_ends_the_predictions():
+    car = driven(20)
+    car.disturb = lambda received: replace(received, applied=None)
+    assert car.tick(5).is_measured
+
+
+def test_counter_steering_is_the_wheel_beyond_that_of_a_steady_turn():
+    car = turning(path=STRAIGHT)
+    assert car.supervisor.cornering(NEUTRAL_INPUT)[:3] == (0.0, 0.0, 0.0)
+    car.tick(20)
+    state, geometry = car.state, DEFAULT_GEOMETRY
+    steady_rad = geometry.steady_wheel_rad(state.vx_mps, state.yaw_rate_radps)
+    turned = NEUTRAL_INPUT._replace(steer_rad=0.3)
+    found = car.supervisor.cornering(turned)
+    assert found.counter_steering_rad == pytest.approx(0.3 - steady_rad)
+    assert found.lateral_mps2 == pytest.approx(state.vx_mps * state.yaw_rate_radps)
+
+
+@pytest.mark.parametrize(("vx_mps", "expected_rad"), [(9.1, 0.3), (8.9, 0.0)])
+def test_a_slow_car_has_no_counter_steering(vx_mps, expected_rad):
+    car = driven(5, vx_mps=vx_mps)
+    turned = NEUTRAL_INPUT._replace(steer_rad=0.3)
+    found_rad = car.supervisor.cornering(turned).counter_steering_rad
+    assert found_rad == pytest.approx(expected_rad, abs=1e-6)

@@ -1,25 +1,26 @@
-"""Signals of the state that contradict each other or the model: found, replaced, or a stop."""
+"""Signals that contradict each other, the model, the commands or a takeover."""
 
 from dataclasses import replace
 
 import pytest
 from kinematic_car import (
+    STRAIGHT,
     TURNING_RAD,
     WITHOUT_FROZEN,
     WatchedCar,
+    driven,
     growing,
     replaced,
     shifted,
     turning,
+    undisturbed,
 )
 
 from rt_controller.contract.faults import StopCause
-from rt_controller.contract.signals import VehicleState
 from rt_controller.safety.checks import CHECKS, Quantity
-from rt_controller.safety.tick import Tick
 
 
-def test_a_car_whose_states_fit_together_is_accepted() -> None:
+def test_a_car_whose_states_fit_together_is_accepted():
     car = turning()
     car.tick(100)
     assert all(qualified.is_measured for qualified in car.qualified)
@@ -29,61 +30,47 @@ def test_a_car_whose_states_fit_together_is_accepted() -> None:
 
 
 @pytest.mark.parametrize(
-    ("signals", "cause"),
+    ("disturb", "cause"),
     [
-        ({"vx_mps": 0.0}, StopCause.SPEED_IMPLAUSIBLE),
-        ({"ds_m": 0.0}, StopCause.PROGRESS_IMPLAUSIBLE),
-        ({"vy_mps": 1.0}, StopCause.LATERAL_SPEED_IMPLAUSIBLE),
-        ({"yaw_rate_radps": 0.3}, StopCause.YAW_RATE_IMPLAUSIBLE),
-        ({"epsi_rad": 0.1}, StopCause.HEADING_IMPLAUSIBLE),
-        ({"ey_m": 1.0}, StopCause.LATERAL_ERROR_IMPLAUSIBLE),
+        (replaced(vx_mps=0.0), StopCause.SPEED_IMPLAUSIBLE),
+        (replaced(ds_m=0.0), StopCause.PROGRESS_IMPLAUSIBLE),
+        (shifted(vy_mps=1.0), StopCause.LATERAL_SPEED_IMPLAUSIBLE),
+        (shifted(yaw_rate_radps=0.3), StopCause.YAW_RATE_IMPLAUSIBLE),
+        (shifted(epsi_rad=0.1), StopCause.HEADING_IMPLAUSIBLE),
+        (shifted(ey_m=1.0), StopCause.LATERAL_ERROR_IMPLAUSIBLE),
     ],
 )
-def test_a_signal_that_jumps_is_rejected_at_once_and_named(
-    signals: dict[str, float], cause: StopCause
-) -> None:
-    car = WatchedCar()
-    car.tick(20)
-    car.disturb = (
-        shifted(**signals)
-        if "vx_mps" not in signals and "ds_m" not in signals
-        else replaced(**signals)
-    )
+def test_a_signal_that_jumps_is_rejected_at_once_named_and_forgotten(disturb, cause):
+    car = driven(20)
+    car.disturb = disturb
     qualified = car.tick()
     assert (qualified.rejection, qualified.is_measured) == (cause, False)
-    assert qualified.state is not None
     assert qualified.state.vx_mps == pytest.approx(20.0, abs=0.1)
     assert qualified.state.ey_m == pytest.approx(0.0, abs=0.05)
+    car.disturb = undisturbed
+    assert car.tick().is_measured
 
 
-def test_several_signals_that_jump_together_are_all_replaced_until_the_car_stands() -> None:
+def mirrored(received):
+    """The whole lateral motion with the other sign."""
+    names = ("vy_mps", "yaw_rate_radps", "ey_m", "epsi_rad")
+    other = {name: -getattr(received.state, name) for name in names}
+    return replace(received, state=received.state._replace(**other))
+
+
+def test_several_signals_that_jump_together_are_all_replaced_until_the_car_stands():
     """In the second tick the jump is no longer new: it stays one while it is there."""
     car = turning(epsi_rad=0.05, ey_m=1.0)
     car.tick(20)
-
-    def mirrored(received: Tick) -> Tick:
-        assert received.state is not None
-        state = received.state
-        return replace(
-            received,
-            state=state._replace(
-                vy_mps=-state.vy_mps,
-                yaw_rate_radps=-state.yaw_rate_radps,
-                ey_m=-state.ey_m,
-                epsi_rad=-state.epsi_rad,
-            ),
-        )
-
     car.disturb = mirrored
     for _ in range(4):
         qualified = car.tick()
         assert not qualified.is_measured
-        assert qualified.state is not None
         assert qualified.state.ey_m == pytest.approx(car.state.ey_m, abs=0.1)
         assert qualified.state.epsi_rad == pytest.approx(car.state.epsi_rad, abs=0.01)
 
 
-def test_a_speed_that_stays_at_zero_while_the_throttle_is_open_stops_the_car() -> None:
+def test_a_speed_that_stays_at_zero_while_the_throttle_is_open_stops_the_car():
     car = WatchedCar(vx_mps=0.0)
     car.control = car.control._replace(throttle=0.8)
     car.disturb = replaced(vx_mps=0.0, ds_m=0.0)
@@ -93,77 +80,50 @@ def test_a_speed_that_stays_at_zero_while_the_throttle_is_open_stops_the_car() -
     assert qualified[-1].speed_mps is None  # a car that seems to stand may be moving
 
 
-def test_a_single_outlier_is_forgotten_in_the_next_tick() -> None:
-    car = WatchedCar()
-    car.tick(20)
-    car.disturb = shifted(ey_m=1.0)
-    car.tick()
-    car.disturb = lambda received: received
-    assert car.tick().is_measured
-
-
-def test_a_signal_that_is_rejected_again_and_again_stops_the_car() -> None:
-    car = WatchedCar()
-    car.tick(20)
+def test_a_signal_that_is_rejected_again_and_again_stops_the_car():
+    car = driven(20)
     wrong = shifted(ey_m=1.0)
     alarms = []
     for k in range(16):
-        car.disturb = wrong if k % 2 else lambda received: received
+        car.disturb = wrong if k % 2 else undisturbed
         alarms.append(car.tick().alarm)
     assert StopCause.LATERAL_ERROR_IMPLAUSIBLE in alarms
 
 
-def test_a_yaw_rate_of_the_wrong_sign_is_replaced_by_that_of_the_model() -> None:
-    car = WatchedCar()
-    car.tick(20)
+def test_a_yaw_rate_of_the_wrong_sign_is_replaced_by_that_of_the_model():
+    car = driven(20)
     car.disturb = lambda received: replace(
-        received,
-        state=received.state
-        and received.state._replace(yaw_rate_radps=-received.state.yaw_rate_radps),
+        received, state=received.state._replace(yaw_rate_radps=-received.state.yaw_rate_radps)
     )
     car.control = car.control._replace(steer_rad=TURNING_RAD)
     qualified = car.tick(2)
     assert qualified.rejection is StopCause.YAW_RATE_IMPLAUSIBLE
-    assert qualified.state is not None
     assert qualified.state.yaw_rate_radps == pytest.approx(car.state.yaw_rate_radps)
 
 
-def test_a_yaw_rate_that_drifts_below_the_threshold_of_a_jump_is_found_by_the_heading() -> None:
-    car = WatchedCar(has_model=False, checks=WITHOUT_FROZEN)
-    car.tick(20)
-    car.disturb = shifted(yaw_rate_radps=0.03)
-    causes = {car.tick().alarm for _ in range(40)}
-    assert causes == {StopCause.NONE, StopCause.YAW_RATE_IMPLAUSIBLE}
+WITHOUT_MODEL = {"has_model": False, "checks": WITHOUT_FROZEN}
 
 
-def test_a_heading_that_drifts_is_found_by_the_lateral_error() -> None:
-    car = WatchedCar(vx_mps=30.0)
-    car.tick(5)
-    car.disturb = growing("epsi_rad", 0.0008)
-    causes = [car.tick().alarm for _ in range(60)]
-    found = [cause for cause in causes if cause is not StopCause.NONE]
-    assert found[0] is StopCause.HEADING_IMPLAUSIBLE
+@pytest.mark.parametrize(
+    ("car", "disturb", "ticks", "cause"),
+    [
+        (WITHOUT_MODEL, shifted(yaw_rate_radps=0.03), 40, StopCause.YAW_RATE_IMPLAUSIBLE),
+        ({"vx_mps": 30.0}, growing("epsi_rad", 0.0008), 60, StopCause.HEADING_IMPLAUSIBLE),
+        ({}, shifted(ds_m=0.018), 60, StopCause.PROGRESS_IMPLAUSIBLE),
+        ({}, growing("ey_m", 0.3 / 40), 120, StopCause.LATERAL_ERROR_IMPLAUSIBLE),
+    ],
+    ids=["yaw rate, by the heading", "heading, by the lateral error", "progress", "lateral error"],
+)
+def test_a_drift_below_the_threshold_of_a_jump_stops_the_car(car, disturb, ticks, cause):
+    watched = driven(20, **car)
+    watched.disturb = disturb
+    alarms = [watched.tick().alarm for _ in range(ticks)]
+    assert alarms[0] is StopCause.NONE
+    assert next(alarm for alarm in alarms if alarm is not StopCause.NONE) is cause
 
 
-def test_a_progress_that_is_slightly_wrong_for_long_stops_the_car() -> None:
-    car = WatchedCar()
-    car.tick(20)
-    car.disturb = shifted(ds_m=0.018)
-    causes = [car.tick().alarm for _ in range(60)]
-    assert StopCause.PROGRESS_IMPLAUSIBLE in causes
-    assert causes[0] is StopCause.NONE
-
-
-def test_a_slow_drift_of_the_lateral_error_is_found_above_its_rate() -> None:
-    car = WatchedCar()
-    car.tick(20)
-    car.disturb = growing("ey_m", 0.3 / 40)
-    assert StopCause.LATERAL_ERROR_IMPLAUSIBLE in {car.tick().alarm for _ in range(120)}
-
-
-def test_a_car_that_does_not_turn_as_the_model_says_is_stopped_with_its_measured_state() -> None:
-    car = WatchedCar()
-    car.tick(20)
+def test_a_car_that_does_not_turn_as_the_model_says_is_stopped_with_its_measured_state():
+    car = driven(20)
     car.control = car.control._replace(steer_rad=0.6)
     still = car.state
     car.disturb = lambda received: replace(received, state=still._replace(ds_m=0.5))
@@ -171,7 +131,7 @@ def test_a_car_that_does_not_turn_as_the_model_says_is_stopped_with_its_measured
     assert any(alarm is not StopCause.NONE for alarm in alarms)
 
 
-def frozen(car: WatchedCar) -> None:
+def frozen(car):
     kept = car.state
     car.disturb = lambda received: replace(received, state=kept)
 
@@ -179,9 +139,7 @@ def frozen(car: WatchedCar) -> None:
 @pytest.mark.parametrize(
     ("is_stopping", "alarm"), [(False, StopCause.YAW_RATE_IMPLAUSIBLE), (True, StopCause.NONE)]
 )
-def test_a_car_that_slides_stops_and_has_no_further_fault_in_the_stop(
-    is_stopping: bool, alarm: StopCause
-) -> None:
+def test_a_car_that_slides_stops_and_has_no_further_fault_in_the_stop(is_stopping, alarm):
     """It turns less than the model predicts for its wheel; its states fit together."""
     over_ten = [check for check in CHECKS if check.quantity is Quantity.YAW_RATE_TEN_RADPS]
     car = turning(is_stopping=is_stopping, checks=over_ten)
@@ -196,35 +154,17 @@ def test_a_car_that_slides_stops_and_has_no_further_fault_in_the_stop(
     assert qualified.state == car.state
 
 
-def test_a_state_that_is_frozen_in_a_turn_stops_the_car() -> None:
-    car = WatchedCar(checks=[c for c in CHECKS if c.quantity is Quantity.FROZEN_TICKS])
-    car.control = car.control._replace(steer_rad=TURNING_RAD)
-    car.tick(20)
-    frozen(car)
-    alarms = [car.tick().alarm for _ in range(20)]
-    assert alarms[5] is StopCause.NONE
-    assert StopCause.STATE_FROZEN in alarms
-    assert car.qualified[-1].speed_mps is None
+@pytest.mark.parametrize("car", [{}, {"vx_mps": 0.0, "epsi_rad": 0.1}], ids=["steady", "standing"])
+def test_a_car_whose_state_does_not_change_may_repeat_it(car):
+    watched = driven(5, **car)
+    frozen(watched)
+    assert {watched.tick().alarm for _ in range(200)} == {StopCause.NONE}
 
 
-def test_a_steady_car_on_a_straight_road_may_repeat_its_state() -> None:
-    car = WatchedCar()
-    car.tick(5)
-    frozen(car)
-    assert {car.tick().alarm for _ in range(200)} == {StopCause.NONE}
-
-
-def test_a_standing_car_may_repeat_its_state() -> None:
-    car = WatchedCar(vx_mps=0.0, epsi_rad=0.1)
-    car.tick(5)
-    frozen(car)
-    assert {car.tick().alarm for _ in range(50)} == {StopCause.NONE}
-
-
-def test_states_of_before_with_new_counters_are_replaced_by_an_estimate() -> None:
+def test_states_of_before_with_new_counters_are_replaced_by_an_estimate():
     car = turning()
     car.tick(20)
-    seen_states: list[VehicleState] = []
+    seen_states = []
     for k in range(12):
         car.control = car.control._replace(steer_rad=0.6 + 0.02 * k)
         car.tick()
@@ -236,20 +176,58 @@ def test_states_of_before_with_new_counters_are_replaced_by_an_estimate() -> Non
     assert not qualified[-1].is_measured
 
 
-def test_a_jump_in_the_second_tick_is_found_without_earlier_states() -> None:
-    car = WatchedCar()
-    car.tick()
+def test_a_jump_in_the_second_tick_is_found_without_earlier_states():
+    car = driven(1)
     car.disturb = shifted(ey_m=1.0, epsi_rad=0.1, yaw_rate_radps=0.2)
     qualified = car.tick()
     assert not qualified.is_measured
     assert qualified.rejection is not StopCause.NONE
 
 
-def test_with_no_checks_everything_is_accepted() -> None:
-    car = WatchedCar(checks=())
-    car.tick(5)
-    car.disturb = replaced(vx_mps=0.0, ey_m=20.0)
-    qualified = car.tick(5)
-    assert qualified.is_measured
-    assert qualified.state is not None
-    assert qualified.state.ey_m == 20.0
+@pytest.mark.parametrize(
+    ("change", "cause"),
+    [
+        ({"steer_rad": 0.3}, StopCause.STEERING_MISMATCH),
+        ({"throttle": 0.5}, StopCause.THROTTLE_MISMATCH),
+        ({"brake_n": 40.0}, StopCause.BRAKE_MISMATCH),
+    ],
+)
+def test_an_actuator_that_does_not_follow_its_commands_stops_the_car(change, cause):
+    car = WatchedCar()
+    car.feedback = car.control
+    assert car.tick(20).alarm is StopCause.NONE
+    car.feedback = car.control._replace(**change)
+    assert [car.tick().alarm for _ in range(8)][-1] is cause
+
+
+def test_an_actuator_that_is_150_ms_late_is_no_fault():
+    car = WatchedCar()
+    commands = [car.control._replace(steer_rad=0.05 * k) for k in range(8)]
+    for k in range(30):
+        car.control = commands[min(k, 7)]
+        car.feedback = commands[min(max(k - 6, 0), 7)]
+        assert car.tick().alarm not in (StopCause.STEERING_MISMATCH,)
+
+
+@pytest.mark.parametrize(
+    ("car", "is_refused"),
+    [
+        ({"ey_m": -2.0, "epsi_rad": -0.3}, True),
+        ({"ey_m": 0.8, "epsi_rad": 0.1}, True),
+        ({"ey_m": 0.8, "epsi_rad": -0.1}, False),
+        ({"vx_mps": 16.7, "epsi_rad": 0.1}, False),
+        ({"vx_mps": 33.3, "epsi_rad": 0.1}, True),
+        ({"vx_mps": 33.0, "path": STRAIGHT._replace(c2_per_m=0.005)}, True),
+    ],
+)
+def test_only_a_car_inside_of_the_engagement_window_is_taken_over(car, is_refused):
+    qualified = WatchedCar(**car).tick()
+    assert (qualified.rejection is StopCause.NOT_ENGAGED) is is_refused
+    assert qualified.is_measured is not is_refused
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize(("away_mps", "is_refused"), [(-1.0, False), (1.0, True)])
+def test_a_car_that_slides_away_from_the_path_is_refused(side, away_mps, is_refused):
+    car = WatchedCar(ey_m=0.9 * side, disturb=replaced(vy_mps=away_mps * side))
+    assert (car.tick().rejection is StopCause.NOT_ENGAGED) == is_refused
