@@ -12,7 +12,7 @@ pytest.importorskip("pythonfmu", reason="the extra [test] is not installed")
 from c_compiler import needs_c_compiler
 from made_fmus import FOREIGN_MAPPING, make_foreign_car
 from recorded_frames import RecordedFrames
-from scripted_controller import send_command
+from bridge_rig import send_command
 from virtual_drive import SHORT_LANE_CHANGE
 
 from rt_controller import cli
