@@ -47,6 +47,7 @@ class ExportedFmu:
         self.instance: Any = instantiate_fmu(
             self._folder.name, self.description, "CoSimulation", logger=self._log
         )
+        self.step, self.close = self.instance.doStep, self.instance.freeInstance
 
     def set(self, **values: float) -> None:
         """Set variables; `road__bank_rad` is road.bank_rad."""
@@ -62,14 +63,6 @@ class ExportedFmu:
         self.instance.setupExperiment(startTime=start_s)
         self.instance.enterInitializationMode()
         self.instance.exitInitializationMode()
-
-    def step(self, time_s: float, step_s: float) -> None:
-        """Compute one communication step."""
-        self.instance.doStep(time_s, step_s)
-
-    def close(self) -> None:
-        """Free the instance."""
-        self.instance.freeInstance()
 
     def _log(self, *arguments: Any) -> None:
         message = arguments[-1]

@@ -9,7 +9,6 @@ import pytest
 pytest.importorskip("fmpy", reason="the extra [fmu] is not installed")
 pytest.importorskip("pythonfmu", reason="the extra [test] is not installed")
 
-from c_compiler import needs_c_compiler
 from made_fmus import FOREIGN_MAPPING, make_foreign_car
 from recorded_frames import RecordedFrames
 from bridge_rig import send_command
@@ -60,7 +59,6 @@ def drive(folder: Path, monkeypatch: pytest.MonkeyPatch, *options: str) -> tuple
     return ended.value.code or 0, json.loads(figures.read_text())
 
 
-@needs_c_compiler
 def test_the_exported_car_and_the_own_car_drive_the_same_lane_change(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from c_compiler import needs_c_compiler
 
 from rt_controller.contract.errors import ConfigError, MissingExtraError
 from rt_controller.contract.signals import ControlInput
@@ -142,7 +141,6 @@ def test_help_lists_options_without_importing_compiler_and_tools(
     assert "sim_bridge.cli" in modules.split()
 
 
-@needs_c_compiler
 def test_the_command_line_writes_an_fmu_and_its_mapping(command_line, tmp_path: Path) -> None:
     assert command_line("export-fmu", str(tmp_path / "mine.fmu")) == 0
     with zipfile.ZipFile(tmp_path / "mine.fmu") as archive:

@@ -1,4 +1,4 @@
-"""The faults of the matrix, and drives with some of them."""
+"""The matrix of faults: its cases, its drives, its rules and its summary."""
 
 import json
 from pathlib import Path
@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.signals import Mode
 from rt_controller.model.artifact import find_model, load_bundle
 from rt_controller.model.bundle import Bundle
 from sim_bridge.faults.kinds import KINDS
@@ -13,11 +14,14 @@ from sim_bridge.faults.matrix.cases import (
     CASES_FILE,
     CONDITIONS,
     SPEEDS_KMH,
+    Case,
     load_cases,
     whole_matrix,
 )
 from sim_bridge.faults.matrix.command import Task, fault_matrix, sample
 from sim_bridge.faults.matrix.drive import drive_case
+from sim_bridge.faults.matrix.row import MatrixRow, Observed, judge
+from sim_bridge.faults.matrix.summary import lines_of, summarise
 
 CASES = {case.name: case for case in load_cases()}
 
@@ -138,3 +142,113 @@ def test_an_interrupted_matrix_goes_on_after_the_drives_of_its_file(tmp_path: Pa
     assert written["summary"]["drives_ok"] == 1
     with pytest.raises(ConfigError, match="expected drives of the model"):
         fault_matrix(None, ["none"], [60.0], 1, path, drives_file=drives)
+
+
+GOOD = Observed(Mode.NOMINAL, False, False, True, False, ey_m=0.1, speed_mps=20.0, wanted_mps=20.0)
+BAD = GOOD._replace(is_faulty=True)
+STOPPED = BAD._replace(mode=Mode.SAFE_STOP, speed_mps=0.0)
+
+
+def judged(
+    *periods: Observed,
+    failure: str | None = None,
+    fault_free: bool = False,
+    unchecked_m: float | None = None,
+) -> MatrixRow:
+    case = Case(faults=() if fault_free else ({"kind": "bus_off"},))
+    return judge(case, 60.0, periods, failure, unchecked_m)
+
+
+def test_the_time_to_detection_counts_from_the_first_faulty_period() -> None:
+    found = judged(*[GOOD] * 10, *[BAD] * 4, *[STOPPED] * 3)
+    assert (found.detect_ms, found.mode, found.ok) == (100.0, "SAFE_STOP", True)
+
+
+def test_the_times_to_both_stops_count_from_the_first_faulty_period() -> None:
+    found = judged(GOOD, BAD, STOPPED, STOPPED._replace(is_vehicle_braking=True))
+    assert (found.safe_stop_ms, found.vehicle_braking_ms) == (25.0, 50.0)
+    assert judged(GOOD, BAD).safe_stop_ms is None
+
+
+@pytest.mark.parametrize(
+    "sign",
+    [
+        BAD._replace(has_fault_bit=True),
+        BAD._replace(is_vehicle_braking=True),
+        BAD._replace(mode=Mode.HOLD_PLAN),
+        BAD._replace(mode=None),
+        BAD._replace(mode=Mode.STANDBY),
+    ],
+)
+def test_each_sign_of_a_fault_counts_as_detection(sign: Observed) -> None:
+    assert judged(BAD, sign, STOPPED).detect_ms == 25.0
+
+
+@pytest.mark.parametrize(
+    ("periods", "reason"),
+    [
+        ([BAD._replace(ey_m=1.2)] * 5, "not detected in time"),
+        ([BAD._replace(speed_mps=24.0)] * 5, "not detected in time"),
+        ([*[BAD._replace(ey_m=1.2)] * 21, STOPPED], "not detected in time"),
+        ([STOPPED._replace(ey_m=-1.8)], "left the lane"),
+        ([*[BAD._replace(ey_m=-1.1, has_fault_bit=True)] * 13, STOPPED], "driven on far"),
+        ([STOPPED._replace(speed_mps=3.0)], "not brought to rest"),
+    ],
+)
+def test_a_drive_that_breaks_a_rule_is_not_ok(periods: list[Observed], reason: str) -> None:
+    found = judged(*periods)
+    assert not found.ok
+    assert any(each.startswith(reason) for each in found.reasons)
+
+
+def test_a_fault_that_changes_nothing_is_harmless_and_a_failure_or_false_alarm_is_not() -> None:
+    found = judged(GOOD, *[BAD] * 100)
+    assert (found.detect_ms, found.ok, found.reasons) == (None, True, ())
+    assert judged(STOPPED, failure="it failed").reasons == ("it failed",)
+    assert judged(GOOD, GOOD, fault_free=True).ok
+    assert not judged(GOOD, GOOD._replace(has_fault_bit=True), GOOD, fault_free=True).ok
+
+
+def test_a_controller_has_to_detect_a_car_that_does_not_follow_its_commands() -> None:
+    waiting = BAD._replace(is_driven=False)
+    assert judged(waiting._replace(mode=Mode.STANDBY), *[waiting] * 60).reasons == (
+        "not detected in time",
+    )
+    assert judged(waiting, waiting._replace(mode=Mode.SAFE_STOP)).ok
+
+
+@pytest.mark.parametrize(("unchecked_m", "is_ok"), [(0.29, False), (0.31, True), (None, True)])
+def test_a_drive_that_is_worse_than_without_checks_is_not_ok(
+    unchecked_m: float | None, is_ok: bool
+) -> None:
+    row = judged(BAD._replace(ey_m=0.5), STOPPED, unchecked_m=unchecked_m)
+    assert row.ok is is_ok
+    assert is_ok or row.reasons == ("worse than without checks by 0.21 m",)
+
+
+ROW = MatrixRow(
+    fault="state_lost", speed_mps=22.222, mode="SAFE_STOP", detect_ms=25.0, max_ey_m=0.5, ok=True,
+    nominal_far_s=0.0, max_speed_error_mps=0.1, final_speed_mps=0.2, safe_stop_ms=75.0,
+    vehicle_braking_ms=None, manoeuvre="lane_change", reasons=(), known_limit="",
+)  # fmt: skip
+DEAD = ROW._replace(fault="controller_silent", detect_ms=None, vehicle_braking_ms=100.0)
+OPEN = ROW._replace(fault="a", ok=False, max_ey_m=1.8, reasons=("left the lane",))
+LIMIT = OPEN._replace(fault="b", max_ey_m=4.0, known_limit="only the brake is left")
+
+
+def test_the_summary_counts_drives_by_detection_and_known_limits() -> None:
+    late, missed = ROW._replace(detect_ms=700.0), ROW._replace(detect_ms=None)
+    none = missed._replace(fault="none", is_fault_free=True)
+    found = summarise([ROW, DEAD, OPEN, LIMIT])
+    assert (found.drives_detected, found.drives_harmless) == (3, 1)
+    assert lines_of(found)[0] == "2 of 4 drives are ok; not ok: 1 with a known limit, 1 others"
+    assert summarise([ROW, LIMIT]).max_ey_m == 0.5, "a known limit does not hide the others"
+    assert lines_of(summarise([ROW, late, late._replace(ok=False), missed, none]))[1] == (
+        "detected within 0.5 s: 1; harmless and detected later: 1; harmless and not detected: 1; "
+        "without a fault: 1"
+    )
+    found = summarise([ROW, ROW._replace(detect_ms=0.0), DEAD])
+    assert (found.state_loss_flagged_ms, found.state_loss_safe_stop_ms) == (25.0, 75.0)
+    assert "dead controller to braking 100 ms (limit 100)" in lines_of(found)[-1]
+    assert summarise([ROW, ROW._replace(safe_stop_ms=None)]).state_loss_safe_stop_ms is None
+    assert len(lines_of(summarise([OPEN]))) == 3
