@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import isnan, nan
 from typing import Any, cast
 
 import can
@@ -74,18 +75,31 @@ def test_a_command_moves_the_car_and_comes_back_as_feedback(rig: BridgeRig) -> N
     assert rig.newest(FEEDBACK).steer_rad == pytest.approx(0.2, abs=1e-3)
 
 
-def test_a_car_beyond_the_speeds_of_the_bus_is_a_failed_plant(
-    rig: BridgeRig, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("speed_mps", "words"), [(650.0, "of at most 100 m/s, found 650 m/s"), (nan, "nan")]
+)
+def test_a_failed_plant_is_sent_as_an_invalid_state_until_the_bridge_ends(
+    rig: BridgeRig, monkeypatch: pytest.MonkeyPatch, speed_mps: float, words: str
 ) -> None:
-    rig.tick()
-    runaway = np.array(((650.0, 0.0, 0.0),))
+    """The controller keeps the last valid state, whose age grows."""
+    for _ in range(8):
+        last = rig.tick()
+    runaway = np.array(((speed_mps, 0.0, 0.0),))
     monkeypatch.setattr(rig.bridge._car.plant, "step", lambda control, dt_s: runaway)
-    for _ in range(3):
-        rig.tick()
+    sent = len(rig.arrived.of(STATE.codecs[1]))
+    while not rig.bridge.is_over:
+        kept = rig.tick()
     assert rig.bridge.has_failed
-    failure = rig.bridge.summary().plant_failure
-    assert failure is not None
-    assert "expected a finite motion of at most 100 m/s, found 650 m/s" in failure
+    assert kept == last
+    assert rig.newest(MISSION).is_engaged
+    for codec in STATE.codecs[:2]:
+        is_valid = [frame[1] >> 4 & 1 for frame in rig.arrived.of(codec)]
+        assert is_valid == [1] * sent + [0] * (END_TICKS + 1)
+    for frame in rig.arrived.of(STATE.codecs[1])[sent:]:
+        assert any(isnan(value) for value in STATE.codecs[1].decode(frame))
+    summary = rig.bridge.summary()
+    assert words in str(summary.plant_failure)
+    assert summary.final_speed_mps == pytest.approx(last.state.vx_mps, abs=0.01)
 
 
 def test_a_second_vehicle_is_recognised_before_anything_is_sent(rig: BridgeRig) -> None:

@@ -1,50 +1,105 @@
-"""Whole drives over the bus with FMUs and CommonRoad's car behind the bridge."""
+"""CommonRoad's car and FMUs behind the bridge: motion of the first, and whole drives."""
 
 import json
-from math import isnan
+from math import nan
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+pytest.importorskip("vehiclemodels", reason="the extra [commonroad] is not installed")
 pytest.importorskip("fmpy", reason="the extra [fmu] is not installed")
 pytest.importorskip("pythonfmu", reason="the extra [test] is not installed")
 
 from made_fmus import FOREIGN_MAPPING, make_foreign_car
-from recorded_frames import RecordedFrames
-from bridge_rig import send_command
 from virtual_drive import SHORT_LANE_CHANGE
 
 from rt_controller import cli
-from rt_controller.bus.messages import MISSION, STATE, Command, Node
-from rt_controller.bus.receive import Inbox
-from rt_controller.bus.send import Outbox
-from rt_controller.bus.transport import open_bus
 from rt_controller.contract.errors import ConfigError, PlantError
-from rt_controller.contract.signals import ControlInput, Mode
-from rt_controller.contract.timing import PERIOD_NS
+from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
 from rt_controller.settings import CarSettings
+from sim_bridge.adapters.commonroad import (
+    BRAKE_MPS2_PER_N,
+    FULL_THROTTLE_MPS2,
+    STEERING_RATIO,
+    CommonRoadPlant,
+    commanded_mps2,
+)
 from sim_bridge.adapters.plants import open_plant
-from sim_bridge.bridge import END_TICKS, Bridge, Delay
+from sim_bridge.car import Car
 from sim_bridge.fmu_export.archive import build_fmu
 from sim_bridge.scenario import load_scenario
 from sim_bridge.session import build_car
 
-CRUISE = ControlInput(0.1, 0.0, 0.0)
+CRUISE_22 = 0.068
+"""throttle that about holds 22 m/s"""
 
 
-@pytest.mark.parametrize(
-    ("option", "value"),
-    [("--plant", "commonroad:2"), ("--plant-mapping", "x.toml"), ("--friction", "0.5")],
-)
-def test_options_of_the_plant_are_refused_on_a_real_bus(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], option: str, value: str
-) -> None:
-    arguments = ("--bus", "socketcan", "--channel", "can0", option, value)
-    monkeypatch.setattr("sys.argv", ["rt-controller", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    assert ended.value.code == 2
-    assert f"{option}: expected --bus virtual" in " ".join(capsys.readouterr().err.split())
+def run(car: Car, control: ControlInput, periods: int) -> None:
+    for _ in range(periods):
+        car.advance(control, 0.0)
+
+
+def test_the_steady_turn_of_vehicle_2_has_the_yaw_rate_of_the_model() -> None:
+    """0.02 rad at the road wheels and 22.2 m/s: 10.0 deg/s, roll 3.5 deg, to the side it should."""
+    car = Car(CommonRoadPlant(2, 1.0), 22.2)
+    steer_rad = 0.02 * STEERING_RATIO
+    run(car, ControlInput(CRUISE_22, 0.0, steer_rad), 120)
+    assert car.state.vx_mps == pytest.approx(22.2, abs=0.15)
+    assert np.degrees(car.state.yaw_rate_radps) == pytest.approx(10.02, rel=0.03)
+    outputs = car.plant.outputs()
+    assert np.degrees(outputs.roll_rad) == pytest.approx(3.53, rel=0.1)
+    assert outputs.road_wheel_rad == pytest.approx(0.02)
+    assert outputs.ay_mps2 == pytest.approx(car.state.yaw_rate_radps * car.state.vx_mps, rel=0.05)
+
+
+def test_acceleration_is_proportional_to_the_pedals() -> None:
+    standing = commanded_mps2(ControlInput(1.0, 0.0, 0.0), 0.0, 0.001)
+    assert standing == pytest.approx(FULL_THROTTLE_MPS2, abs=0.06)
+    coasting = commanded_mps2(NEUTRAL_INPUT, 30.0, 0.001)
+    assert coasting < 0.0
+    braking = commanded_mps2(ControlInput(0.0, 150.0, 0.0), 30.0, 0.001)
+    assert braking - coasting == pytest.approx(-150.0 * BRAKE_MPS2_PER_N)
+    fast = commanded_mps2(ControlInput(1.0, 0.0, 0.0), 40.0, 0.001)
+    assert fast - commanded_mps2(NEUTRAL_INPUT, 40.0, 0.001) == pytest.approx(90.0 / 40.0)
+
+
+def test_a_braked_car_pitches_forward_and_stops() -> None:
+    car = Car(CommonRoadPlant(2, 0.85), 15.0)
+    brake = ControlInput(0.0, 100.0, 0.2)
+    run(car, brake, 40)
+    assert car.plant.outputs().ax_mps2 == pytest.approx(-100.0 * BRAKE_MPS2_PER_N, rel=0.1)
+    assert np.degrees(car.plant.outputs().pitch_rad) > 0.5
+    run(car, brake, 140)
+    s_m = car.s_m
+    run(car, brake, 40)
+    assert abs(car.state.vx_mps) < 1e-6
+    assert abs(car.s_m - s_m) < 1e-3
+    assert car.is_sound
+
+
+def test_a_state_that_is_not_finite_is_a_failure() -> None:
+    car = Car(CommonRoadPlant(2, 0.85), 20.0)
+    run(car, ControlInput(0.2, 0.0, nan), 2)
+    assert not car.is_sound
+    assert car.plant.failure is not None
+    assert "commonroad:2: at 0.001 s" in car.plant.failure
+    car.reset(20.0)
+    run(car, NEUTRAL_INPUT, 2)
+    assert car.is_sound
+
+
+def test_a_car_that_rolls_over_is_a_failure() -> None:
+    """The model itself continues, with accelerations of a hundred m/s^2."""
+    car = Car(CommonRoadPlant(2, 1.0), 22.2)
+    run(car, ControlInput(CRUISE_22, 0.0, 0.08 * STEERING_RATIO), 60)
+    assert not car.is_sound
+    assert "rolled over" in (car.plant.failure or "")
+
+
+def test_a_negative_initial_speed_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"initial speed: expected 0\.\.70 m/s"):
+        CommonRoadPlant(2, 0.85).reset(-1.0)
 
 
 def drive(folder: Path, monkeypatch: pytest.MonkeyPatch, *options: str) -> tuple[int, dict]:
@@ -95,47 +150,6 @@ def test_an_fmu_that_fails_in_mid_drive_ends_in_a_safe_stop_and_a_message(
     received = " ".join(capsys.readouterr().err.split())
     assert "the car's plant failed" in received
     assert "no fuel left" in received
-
-
-@pytest.mark.parametrize("parameter", ["fails_at_s", "loses_itself_at_s"])
-def test_a_failed_plant_is_sent_as_an_invalid_state_until_the_bridge_ends(
-    tmp_path: Path, parameter: str
-) -> None:
-    fmu = make_foreign_car(
-        tmp_path, "Broken", FOREIGN_MAPPING.replace("trailers = 1", f"{parameter} = 0.2")
-    )
-    scenario = load_scenario("straight")
-    car = build_car(scenario, CarSettings(plant=f"fmu:{fmu}"))
-    channel = tmp_path.name
-    recorder = RecordedFrames()
-    with open_bus("virtual", channel) as bus, open_bus("virtual", channel) as far_end:
-        bridge = Bridge(bus, car, scenario, recorder, delay=Delay(0, 0))
-        controller = Outbox(far_end, Node.CONTROLLER)
-        received = Inbox(Node.CONTROLLER)
-        now_ns, ticks = 0, 0
-        while not bridge.is_over:
-            now_ns += PERIOD_NS
-            ticks += 1
-            # The first command is not used yet.
-            send_command(controller, Command(CRUISE, Mode.NOMINAL), now_ns, ticks - 2)
-            bridge.tick(now_ns)
-            received.drain(far_end, now_ns)
-    assert ticks == 1 + 8 + 1 + END_TICKS
-    for codec in STATE.codecs[:2]:
-        assert [frame[1] >> 4 & 1 for frame in recorder.of(codec)] == [1] * 9 + [0] * (ticks - 9)
-    for frame in recorder.of(STATE.codecs[1])[9:]:
-        assert any(isnan(value) for value in STATE.codecs[1].decode(frame))
-    # The controller keeps the last valid state, whose age grows.
-    state, mission = received.newest(STATE), received.newest(MISSION)
-    assert state is not None
-    assert state.arrival_ns == 9 * PERIOD_NS
-    assert mission is not None
-    assert mission.content.is_engaged
-    summary = bridge.summary()
-    assert summary.ticks == 8
-    assert summary.plant_failure is not None
-    assert summary.final_speed_mps == pytest.approx(state.content.state.vx_mps, abs=0.01)
-    bridge.close()
 
 
 def test_a_plant_is_refused_before_the_drive_if_it_has_no_friction_or_no_first_period(
