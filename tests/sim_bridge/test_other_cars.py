@@ -14,6 +14,7 @@ pytest.importorskip("pythonfmu", reason="the extra [test] is not installed")
 from made_fmus import FOREIGN_MAPPING, make_foreign_car
 from virtual_drive import SHORT_LANE_CHANGE
 
+import sim_bridge.cli
 from rt_controller import cli
 from rt_controller.contract.errors import ConfigError, PlantError
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
@@ -27,7 +28,6 @@ from sim_bridge.adapters.commonroad import (
 )
 from sim_bridge.adapters.plants import open_plant
 from sim_bridge.car import Car
-from sim_bridge.fmu_export.archive import build_fmu
 from sim_bridge.scenario import load_scenario
 from sim_bridge.session import build_car
 
@@ -117,7 +117,10 @@ def drive(folder: Path, monkeypatch: pytest.MonkeyPatch, *options: str) -> tuple
 def test_the_exported_car_and_the_own_car_drive_the_same_lane_change(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    build_fmu(tmp_path / "car.fmu")
+    monkeypatch.setattr("sys.argv", ["sim-bridge", "export-fmu", str(tmp_path / "car.fmu")])
+    with pytest.raises(SystemExit) as ended:
+        sim_bridge.cli.main()
+    assert not ended.value.code
     runs = [
         drive(tmp_path, monkeypatch, "--scenario", SHORT_LANE_CHANGE, "--plant", plant)
         for plant in ("own", f"fmu:{tmp_path / 'car.fmu'}")
@@ -131,8 +134,9 @@ def test_commonroads_car_is_driven_through_the_lane_change(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The controller's model was not learned from this car."""
-    pytest.importorskip("vehiclemodels", reason="the extra [commonroad] is not installed")
-    code, figures = drive(tmp_path, monkeypatch, "--plant", "commonroad:2")
+    code, figures = drive(
+        tmp_path, monkeypatch, "--plant", "commonroad:2", "--scenario", SHORT_LANE_CHANGE
+    )
     assert code == 0
     assert figures["final_mode"] == "STANDBY"
     assert figures["ey_peak_m"] <= 0.5

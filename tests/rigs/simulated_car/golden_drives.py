@@ -17,7 +17,7 @@ from sim_bridge.plant.parts import RoadParameters
 from sim_bridge.plant.shipped_cars import DEFAULT_CAR, shipped_cars
 from sim_bridge.plant.tyre_file import parse_tyre_file
 
-GOLDEN_FILE = Path(__file__).parents[2] / "sim_bridge" / "plant" / "golden" / "trajectories.npz"
+GOLDEN_FILE = Path(__file__).parents[2] / "sim_bridge" / "golden" / "trajectories.npz"
 N_PERIODS = 100
 STEPS_PER_PERIOD = 25
 STEP_S = 0.001
