@@ -47,28 +47,6 @@ def test_every_case_is_a_scenario_with_its_faults(file: str, least: int) -> None
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("[a]\nvalue = 1\n", "a.faults: expected a value"),
-        ("[a]\nfaults = []\nmanoeuver = 1\n", "a.manoeuver: no such setting"),
-        ('[a]\nmanoeuvre = "slalon"\nfaults = []\n', "did you mean slalom"),
-        ("a = 1\n", "a: expected a table"),
-        ("[a\n", "expected a TOML file"),
-        ("", "at least 1"),
-        (None, "expected a TOML file"),
-    ],
-)
-def test_a_file_without_cases_is_refused(tmp_path: Path, text: str | None, message: str) -> None:
-    path = tmp_path / "own.toml"
-    if text is not None:
-        path.write_text(text)
-    with pytest.raises(ConfigError) as refused:
-        load_cases(path)
-    assert str(path) in str(refused.value)
-    assert message in str(refused.value)
-
-
-@pytest.mark.parametrize(
     ("name", "mode", "detect_ms", "is_at_rest"),
     [
         ("none", "NOMINAL", None, False),
@@ -82,18 +60,6 @@ def test_a_drive_is_followed_to_its_end(
     found = drive_case(CASES[name], 60.0, lti)
     assert (found.mode, found.detect_ms, found.ok) == (mode, detect_ms, True)
     assert (found.final_speed_mps < 1.0) is is_at_rest
-
-
-@pytest.mark.parametrize(
-    ("only", "conditions", "message"),
-    [
-        (["state_lots"], [], "--only: .*did you mean state_lost"),
-        (["none"], ["wet_s_bent"], "--conditions: .*did you mean wet_s_bend"),
-    ],
-)
-def test_unknown_names_are_refused(only: list[str], conditions: list[str], message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        fault_matrix("lti", only, [60.0], 1, None, conditions=conditions)
 
 
 def test_a_car_with_a_late_steering_wheel_is_driven_to_the_end() -> None:
@@ -146,6 +112,7 @@ def test_an_interrupted_matrix_goes_on_after_the_drives_of_its_file(tmp_path: Pa
 
 GOOD = Observed(Mode.NOMINAL, False, False, True, False, ey_m=0.1, speed_mps=20.0, wanted_mps=20.0)
 BAD = GOOD._replace(is_faulty=True)
+WAITING = BAD._replace(is_driven=False)
 STOPPED = BAD._replace(mode=Mode.SAFE_STOP, speed_mps=0.0)
 
 
@@ -157,73 +124,6 @@ def judged(
 ) -> MatrixRow:
     case = Case(faults=() if fault_free else ({"kind": "bus_off"},))
     return judge(case, 60.0, periods, failure, unchecked_m)
-
-
-def test_the_time_to_detection_counts_from_the_first_faulty_period() -> None:
-    found = judged(*[GOOD] * 10, *[BAD] * 4, *[STOPPED] * 3)
-    assert (found.detect_ms, found.mode, found.ok) == (100.0, "SAFE_STOP", True)
-
-
-def test_the_times_to_both_stops_count_from_the_first_faulty_period() -> None:
-    found = judged(GOOD, BAD, STOPPED, STOPPED._replace(is_vehicle_braking=True))
-    assert (found.safe_stop_ms, found.vehicle_braking_ms) == (25.0, 50.0)
-    assert judged(GOOD, BAD).safe_stop_ms is None
-
-
-@pytest.mark.parametrize(
-    "sign",
-    [
-        BAD._replace(has_fault_bit=True),
-        BAD._replace(is_vehicle_braking=True),
-        BAD._replace(mode=Mode.HOLD_PLAN),
-        BAD._replace(mode=None),
-        BAD._replace(mode=Mode.STANDBY),
-    ],
-)
-def test_each_sign_of_a_fault_counts_as_detection(sign: Observed) -> None:
-    assert judged(BAD, sign, STOPPED).detect_ms == 25.0
-
-
-@pytest.mark.parametrize(
-    ("periods", "reason"),
-    [
-        ([BAD._replace(ey_m=1.2)] * 5, "not detected in time"),
-        ([BAD._replace(speed_mps=24.0)] * 5, "not detected in time"),
-        ([*[BAD._replace(ey_m=1.2)] * 21, STOPPED], "not detected in time"),
-        ([STOPPED._replace(ey_m=-1.8)], "left the lane"),
-        ([*[BAD._replace(ey_m=-1.1, has_fault_bit=True)] * 13, STOPPED], "driven on far"),
-        ([STOPPED._replace(speed_mps=3.0)], "not brought to rest"),
-    ],
-)
-def test_a_drive_that_breaks_a_rule_is_not_ok(periods: list[Observed], reason: str) -> None:
-    found = judged(*periods)
-    assert not found.ok
-    assert any(each.startswith(reason) for each in found.reasons)
-
-
-def test_a_fault_that_changes_nothing_is_harmless_and_a_failure_or_false_alarm_is_not() -> None:
-    found = judged(GOOD, *[BAD] * 100)
-    assert (found.detect_ms, found.ok, found.reasons) == (None, True, ())
-    assert judged(STOPPED, failure="it failed").reasons == ("it failed",)
-    assert judged(GOOD, GOOD, fault_free=True).ok
-    assert not judged(GOOD, GOOD._replace(has_fault_bit=True), GOOD, fault_free=True).ok
-
-
-def test_a_controller_has_to_detect_a_car_that_does_not_follow_its_commands() -> None:
-    waiting = BAD._replace(is_driven=False)
-    assert judged(waiting._replace(mode=Mode.STANDBY), *[waiting] * 60).reasons == (
-        "not detected in time",
-    )
-    assert judged(waiting, waiting._replace(mode=Mode.SAFE_STOP)).ok
-
-
-@pytest.mark.parametrize(("unchecked_m", "is_ok"), [(0.29, False), (0.31, True), (None, True)])
-def test_a_drive_that_is_worse_than_without_checks_is_not_ok(
-    unchecked_m: float | None, is_ok: bool
-) -> None:
-    row = judged(BAD._replace(ey_m=0.5), STOPPED, unchecked_m=unchecked_m)
-    assert row.ok is is_ok
-    assert is_ok or row.reasons == ("worse than without checks by 0.21 m",)
 
 
 ROW = MatrixRow(
@@ -252,3 +152,71 @@ def test_the_summary_counts_drives_by_detection_and_known_limits() -> None:
     assert "dead controller to braking 100 ms (limit 100)" in lines_of(found)[-1]
     assert summarise([ROW, ROW._replace(safe_stop_ms=None)]).state_loss_safe_stop_ms is None
     assert len(lines_of(summarise([OPEN]))) == 3
+
+
+@pytest.mark.parametrize(
+    ("periods", "detect_ms", "reason"),
+    [
+        ([GOOD] * 10 + [BAD] * 4 + [STOPPED] * 3, 100.0, None),
+        ([BAD, BAD._replace(has_fault_bit=True), STOPPED], 25.0, None),
+        ([BAD, BAD._replace(is_vehicle_braking=True), STOPPED], 25.0, None),
+        *(([BAD, BAD._replace(mode=mode), STOPPED], 25.0, None)
+          for mode in (Mode.HOLD_PLAN, Mode.STANDBY, None)),
+        ([GOOD] + [BAD] * 100, None, None),  # harmless
+        ([WAITING._replace(mode=Mode.STANDBY)] + [WAITING] * 60, None, "not detected in time"),
+        ([WAITING, WAITING._replace(mode=Mode.SAFE_STOP)], 25.0, None),
+        ([BAD._replace(ey_m=1.2)] * 5, None, "not detected in time"),
+        ([BAD._replace(speed_mps=24.0)] * 5, None, "not detected in time"),
+        ([BAD._replace(ey_m=1.2)] * 21 + [STOPPED], 525.0, "not detected in time"),
+        ([STOPPED._replace(ey_m=-1.8)], 0.0, "left the lane"),
+        ([BAD._replace(ey_m=-1.1, has_fault_bit=True)] * 13 + [STOPPED], 0.0, "driven on far"),
+        ([STOPPED._replace(speed_mps=3.0)], 0.0, "not brought to rest"),
+    ],
+)  # fmt: skip
+def test_a_drive_is_judged_by_its_detection_and_where_it_went(
+    periods: list[Observed], detect_ms: float | None, reason: str | None
+) -> None:
+    """The time of detection counts from the first faulty period."""
+    found = judged(*periods)
+    assert (found.detect_ms, found.ok) == (detect_ms, reason is None)
+    assert reason is None or any(each.startswith(reason) for each in found.reasons)
+
+
+def test_failures_false_alarms_and_harmful_checks_are_not_ok() -> None:
+    found = judged(GOOD, BAD, STOPPED, STOPPED._replace(is_vehicle_braking=True))
+    assert (found.safe_stop_ms, found.vehicle_braking_ms) == (25.0, 50.0)
+    assert judged(GOOD, BAD).safe_stop_ms is None
+    assert judged(STOPPED, failure="it failed").reasons == ("it failed",)
+    assert judged(GOOD, GOOD, fault_free=True).ok
+    assert not judged(GOOD, GOOD._replace(has_fault_bit=True), GOOD, fault_free=True).ok
+    for unchecked_m, reasons in (
+        (0.29, ("worse than without checks by 0.21 m",)), (0.31, ()), (None, ()),
+    ):  # fmt: skip
+        row = judged(BAD._replace(ey_m=0.5), STOPPED, unchecked_m=unchecked_m)
+        assert row.reasons == reasons
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[a]\nvalue = 1\n", "a.faults: expected a value"),
+        ("[a]\nfaults = []\nmanoeuver = 1\n", "a.manoeuver: no such setting"),
+        ('[a]\nmanoeuvre = "slalon"\nfaults = []\n', "did you mean slalom"),
+        ("", "at least 1"),
+        (None, "expected a TOML file"),
+    ],
+)
+def test_a_file_without_cases_and_unknown_names_are_refused(
+    tmp_path: Path, text: str | None, message: str
+) -> None:
+    path = tmp_path / "own.toml"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(ConfigError) as refused:
+        load_cases(path)
+    assert str(path) in str(refused.value)
+    assert message in str(refused.value)
+    with pytest.raises(ConfigError, match=r"--only: .*did you mean state_lost"):
+        fault_matrix("lti", ["state_lots"], [60.0], 1, None)
+    with pytest.raises(ConfigError, match=r"--conditions: .*did you mean wet_s_bend"):
+        fault_matrix("lti", ["none"], [60.0], 1, None, conditions=["wet_s_bent"])

@@ -27,7 +27,7 @@ from sim_bridge.fmu_export.archive import build_fmu
 from sim_bridge.fmu_export.description import OUTPUT_FIELDS, STATE_FIELDS
 from sim_bridge.plant.car_record import car_record
 from sim_bridge.plant.compiler import CompileError, compile_library, find_compiler
-from sim_bridge.plant.library import STEP_S, advance, settle
+from sim_bridge.plant.library import advance, settle
 from sim_bridge.plant.parameters import load_parameters, with_road
 from sim_bridge.plant.parts import RoadParameters
 from sim_bridge.plant.protocol import RoadAt
@@ -68,24 +68,6 @@ def test_every_variable_has_a_unit_and_a_description(file: Path) -> None:
     assert (pressure.kg, pressure.m, pressure.s) == (1, -1, -2)
     assert pressure.factor == pytest.approx(1e6)
     assert units["rad"].displayUnits[0].name == "deg"
-
-
-def test_the_road_starts_as_in_the_car_file_and_is_tunable(file: Path) -> None:
-    variables = {v.name: v for v in ExportedFmu(file).description.modelVariables}
-    for name, value in load_parameters(CAR).road._asdict().items():
-        assert float(variables[f"road.{name}"].start) == value
-        assert variables[f"road.{name}"].variability == "tunable"
-
-
-def test_the_flags_are_what_the_library_does(file: Path) -> None:
-    root = description_of(file)
-    flags = dict(root.find("CoSimulation").attrib)  # type: ignore[union-attr]
-    assert flags["canHandleVariableCommunicationStepSize"] == "true"
-    assert flags["canGetAndSetFMUstate"] == "true"
-    assert not {"fixedInternalStepSize", "canSerializeFMUstate"} & set(flags)
-    experiment = root.find("DefaultExperiment")
-    assert experiment is not None
-    assert float(experiment.get("stepSize", 0)) == STEP_S
 
 
 @pytest.fixture

@@ -1,7 +1,6 @@
 """The whole car in motion and at rest: properties that hold for any parameters and roads."""
 
 from ctypes import byref, c_int
-from math import atan, radians
 
 import numpy as np
 import pytest
@@ -34,7 +33,7 @@ from sim_bridge.plant.parameters import (
     with_road_friction,
 )
 from sim_bridge.plant.parts import RoadParameters
-from sim_bridge.plant.protocol import PlantOutputs, RoadAt
+from sim_bridge.plant.protocol import RoadAt
 from sim_bridge.plant.shipped_cars import shipped_cars
 from sim_bridge.plant.states import AT, N_STATES
 from sim_bridge.validation.run import (
@@ -267,17 +266,6 @@ def test_a_grade_needs_throttle_and_shifts_load_to_the_rear() -> None:
     assert standing.loads_n[-1].sum() == pytest.approx(on_slope_n, rel=1e-4)
 
 
-def test_in_a_banked_bend_the_accelerometer_reads_less() -> None:
-    """A left bend whose outer, right side is higher: a bank of minus the lateral acceleration."""
-    steer_rad = radians(20.0)
-    flat = replay(on(), 22.0, input_table(200, 0.13, steer_rad=steer_rad), 0.025)
-    bank_rad = -atan(0.5 * flat.column("ay_mps2")[-1] / GRAVITY_MPS2)
-    banked = replay(on(bank_rad=bank_rad), 22.0, input_table(200, 0.13, steer_rad=steer_rad), 0.025)
-    read = banked.column("accelerometer_left_mps2")[-1]
-    assert read < 0.7 * flat.column("accelerometer_left_mps2")[-1]
-    assert abs(banked.roll_deg[-1]) < 0.7 * abs(flat.roll_deg[-1])
-
-
 def test_a_car_stepped_by_periods_equals_the_simulated_episode() -> None:
     """To the last bit."""
     inputs = wandering_inputs(120)
@@ -312,42 +300,6 @@ def test_a_road_that_changes_by_the_period_acts_as_behind_the_bridge() -> None:
     assert np.abs(motion - on_flat).max() > 0.05
 
 
-def swing(state_index: int, offset: float, name: str, car: Parameters = CAR) -> Array:
-    """An output every 5 ms after a state of the settled car was moved by `offset`."""
-    state = settle(20.0, car)
-    state[state_index] += offset
-    _, rows = simulate(state, input_table(400, 0.12), car, 5)
-    swung: Array = rows[:, PlantOutputs._fields.index(name)]
-    return swung
-
-
-@pytest.mark.parametrize(
-    ("state", "offset", "output"),
-    [(AT.heave_m, 0.05, "travel_rear_left_m"), (AT.roll_rad, 0.04, "roll_rad")],
-)
-def test_the_released_body_hardly_swings_to_the_other_side(
-    state: int, offset: float, output: str
-) -> None:
-    """The dampers are stiff at low speed."""
-    motion = swing(state, offset, output)
-    motion = motion - motion[-1]
-    assert (-np.sign(motion[0]) * motion).max() < 0.25 * abs(motion[0])
-
-
-@pytest.mark.parametrize(("offset_m", "acts"), [(-0.11, True), (0.11, True), (-0.015, False)])
-def test_stops_push_back_beyond_their_gap_only(offset_m: float, acts: bool) -> None:
-    without = CAR._replace(
-        suspension=CAR.suspension._replace(stop_front_npm2=0.0, stop_rear_npm2=0.0)
-    )
-    stopped, free = (
-        np.abs(swing(AT.heave_m, offset_m, "travel_front_left_m", car)[:10])
-        for car in (CAR, without)
-    )
-    assert CAR.suspension.stop_gap_front_m > 0.015
-    assert (stopped[5] < 0.95 * free[5]) == acts
-    assert acts or stopped == pytest.approx(free)
-
-
 def test_the_car_dives_when_it_brakes_and_squats_when_it_accelerates() -> None:
     run = replay(CAR, 100.0 / 3.6, input_table(60, brake_n=50.0), PERIOD_S)
     pitch_deg = np.degrees(run.column("pitch_rad")[40:].mean())
@@ -373,16 +325,3 @@ def test_the_car_understeers_and_does_not_spin_beyond_the_limit() -> None:
     assert 0.7 < run.lateral_g.max() < 0.85
     assert front_slip > 1.5 * abs(rear_rad)
     assert abs(run.sideslip_deg[-1]) < 5.0
-
-
-def test_parallel_front_wheels_scrub_in_a_tight_turn() -> None:
-    """With Ackermann they roll freely, and the car keeps more of its speed."""
-    steer_rad = radians(400.0) * np.minimum(1.0, np.arange(240) / 60)
-    free, parallel = (
-        replay(
-            CAR._replace(steering=CAR.steering._replace(ackermann=share)),
-            1.5, input_table(240, 0.05, steer_rad=steer_rad), PERIOD_S,
-        ).speed_mps[-1]
-        for share in (1.0, 0.0)
-    )  # fmt: skip
-    assert parallel < free

@@ -232,24 +232,11 @@ def test_what_the_road_can_carry_is_not_refused_for_another_place() -> None:
     plain(road={"grade_percent": 10.0, "friction": 0.25}, stops=[{"at_s_m": 200.0}])
 
 
-def test_the_nominal_drive_begins_with_the_initial_speed_and_approaches_the_wanted_one() -> None:
-    for first_kmh in (20.0, 90.0):
-        driven = drive_nominally(plain(initial={"speed_kmh": first_kmh})).motion.speed_mps
-        assert driven[0] == pytest.approx(first_kmh / 3.6)
-        assert np.abs(np.diff(driven)).max() == pytest.approx(0.05)
-        assert driven[-1] == pytest.approx(60.0 / 3.6)
-
-
 def test_the_nominal_drive_stops_with_the_deceleration_of_the_stop() -> None:
     motion = drive_nominally(plain(stops=[{"at_s_m": 100.0, "hold_s": 2.0}])).motion
     assert motion.acceleration_mps2.min() == pytest.approx(-2.5)
     assert motion.acceleration_mps2.max() == pytest.approx(2.0)
     assert set(motion.is_for_stop) == {0.0, 1.0}
-
-
-def test_a_long_drive_is_looked_at_as_closely_as_a_short_one() -> None:
-    drive = drive_nominally(plain(duration_s=3600.0))
-    assert np.diff(drive.s_m).max() <= 0.25
 
 
 SPLIT = {"friction_left": 0.85, "friction_right": 0.2}

@@ -1,8 +1,7 @@
-"""`sim-bridge validate`: its runs, the lines of its table, its files and its exit code."""
+"""`sim-bridge validate`: the lines of its table, its files and its exit code."""
 
 import json
 import re
-from dataclasses import dataclass
 from importlib import resources
 from math import inf, nan
 from pathlib import Path
@@ -12,11 +11,8 @@ import numpy as np
 import pytest
 
 from rt_controller.contract.errors import ConfigError, PlantError
-from rt_controller.contract.signals import ControlInput
 from rt_controller.report.table import to_markdown
-from sim_bridge.plant.parameters import default_car
 from sim_bridge.validation.acceptance import (
-    MANOEUVRES,
     TESTS,
     AcceptanceTest,
     Line,
@@ -26,27 +22,21 @@ from sim_bridge.validation.acceptance import (
     count_sentence,
 )
 from sim_bridge.validation.command import validate
-from sim_bridge.validation.driver_model import DRIVER_PERIOD_S
-from sim_bridge.validation.run import Observation, Run, replay, run_driver
+from sim_bridge.validation.run import Run
+
+NEAR = {"target": 8.5, "width": 0.5}
+AT_MOST = {"target": 0.1, "bound": "at most"}
+AT_LEAST = {"target": 6.0, "bound": "at least"}
+GAP = AT_MOST | {"not_judged": "known gap"}
 
 
 def result(reached: float, car: str = "this car", **line: Any) -> LineResult:
     one = Line(name="a line", unit="s", **line)
     test = AcceptanceTest(
-        title="A test",
-        manoeuvre="braking",
-        cars=("this car",),
-        kind="measured",
-        text="",
-        source="a book",
-        lines=(one,),
-    )
+        title="A test", manoeuvre="braking", cars=("this car",), kind="measured", text="",
+        source="a book", lines=(one,),
+    )  # fmt: skip
     return check_line(1, test, one, reached, car)
-
-
-NEAR = {"target": 8.5, "width": 0.5}
-AT_MOST = {"target": 0.1, "bound": "at most"}
-AT_LEAST = {"target": 6.0, "bound": "at least"}
 
 
 @pytest.mark.parametrize(
@@ -72,8 +62,8 @@ def test_numbers_within_the_bounds_of_a_target_pass(
         (NEAR, nan, "this car", "no such value in this drive", None),
         (AT_LEAST, inf, "this car", "no such value in this drive", None),
         (NEAR, 8.5, "another car", "target of another car", None),
-        (AT_MOST | {"not_judged": "known gap"}, 0.2, "this car", "known gap", False),
-        (AT_MOST | {"not_judged": "known gap"}, 0.1, "this car", "known gap", True),
+        (GAP, 0.2, "this car", "known gap", False),
+        (GAP, 0.1, "this car", "known gap", True),
         ({}, 3.0, "this car", None, None),
     ],
 )
@@ -97,83 +87,41 @@ def test_misses_stay_visible_in_the_table_and_in_the_count() -> None:
     assert "nan" not in text
 
 
-def test_every_row_of_the_table_is_complete() -> None:
-    for test in TESTS.values():
-        assert test.manoeuvre in MANOEUVRES
-        assert len({line.name for line in test.lines}) == len(test.lines)
-        for line in test.lines:
-            tolerances = [line.share, line.width, line.bound]
-            assert sum(t is not None for t in tolerances) == (line.target is not None), line.name
-            assert line.target is None or line.source or test.source, line.name
+def test_every_judged_line_has_a_source_passes_and_known_gaps_are_shown(tmp_path: Path) -> None:
+    """Each test with the car that its targets belong to; half of the lines were not fitted."""
+    page, figures = tmp_path / "page.html", tmp_path / "figures.json"
+    assert validate(html=page, json_file=figures) == 0
+    lines, html = json.loads(figures.read_text("utf-8")), page.read_text("utf-8")
+    assert [line["name"] for line in lines if line["ok"] is False] == []
+    gaps = {line["name"] for line in lines if line["is_within"] is False}
+    assert {"load transfer, rear axle", "largest sideslip within 2 s, full pedal"} <= gaps
+    judged = [line for line in lines if line["ok"] is not None]
+    assert sum(line["fitted"] for line in judged) <= 0.5 * len(judged)
+    for number, test in TESTS.items():
+        assert f"<h2>{number} · " in html
+        assert all(line.target is None or line.source or test.source for line in test.lines)
+    assert html.count("<svg") == 6
+    for axis in ("steering wheel / deg", "yaw rate / (deg/s)", "sideslip / deg"):
+        assert axis in html
+    assert "<script src=" not in html
+    assert "<link" not in html
 
 
-@dataclass(frozen=True, slots=True)
-class ValidationRun:
-    exit_code: int
-    lines: list[dict[str, Any]]
-    html: str
-
-
-def run_validation(folder: Path, car: str | None) -> ValidationRun:
-    page, figures = folder / "page.html", folder / "figures.json"
-    code = validate(car=car, html=page, json_file=figures)
-    return ValidationRun(code, json.loads(figures.read_text("utf-8")), page.read_text("utf-8"))
-
-
-@pytest.fixture(scope="module")
-def table(tmp_path_factory: pytest.TempPathFactory) -> ValidationRun:
-    """Each test with the car that its targets belong to."""
-    return run_validation(tmp_path_factory.mktemp("table"), None)
-
-
-@pytest.fixture(scope="module")
-def strong_rear(tmp_path_factory: pytest.TempPathFactory) -> ValidationRun:
-    """A car without anti-lock, whose rear brakes are as strong as its front brakes."""
-    folder = tmp_path_factory.mktemp("strong_rear")
-    file = resources.files("sim_bridge") / "cars" / "c_class_150kw_awd.toml"
-    text = file.read_text("utf-8")
+def test_another_car_is_judged_only_by_the_targets_for_any_car(tmp_path: Path) -> None:
+    """Rear brakes as strong as the front brakes, and no anti-lock."""
+    text = (resources.files("sim_bridge") / "cars" / "c_class_150kw_awd.toml").read_text("utf-8")
     changed = text.replace("rear_nm_per_mpa = { value = 150.0", "rear_nm_per_mpa = { value = 250.0")
     changed = changed.replace("slope_above_knee = { value = 0.3", "slope_above_knee = { value = 1")
     changed = re.sub(r"(\[anti_lock\]\nslip = \{ value = )[0-9.]+", r"\g<1>0.0", changed)
-    car = folder / "strong_rear_brakes.toml"
+    car, figures = tmp_path / "strong_rear_brakes.toml", tmp_path / "figures.json"
     car.write_text(changed, "utf-8")
-    return run_validation(folder, str(car))
-
-
-def test_every_judged_line_passes_and_known_gaps_are_shown(table: ValidationRun) -> None:
-    assert [line["name"] for line in table.lines if line["ok"] is False] == []
-    assert table.exit_code == 0
-    gaps = {line["name"] for line in table.lines if line["is_within"] is False}
-    assert {"load transfer, rear axle", "largest sideslip within 2 s, full pedal"} <= gaps
-
-
-def test_at_least_half_of_the_judged_lines_were_not_fitted(table: ValidationRun) -> None:
-    judged = [line for line in table.lines if line["ok"] is not None]
-    assert sum(line["fitted"] for line in judged) <= 0.5 * len(judged)
-
-
-def test_the_page_has_a_section_for_each_test_its_figures_and_no_links(
-    table: ValidationRun,
-) -> None:
-    for test in TESTS:
-        assert f"<h2>{test} · " in table.html
-    assert table.html.count("<svg") == 6
-    for axis in ("steering wheel / deg", "yaw rate / (deg/s)", "sideslip / deg"):
-        assert axis in table.html
-    assert "<script src=" not in table.html
-    assert "<link" not in table.html
-
-
-def test_another_car_is_judged_only_by_the_targets_for_any_car(strong_rear: ValidationRun) -> None:
-    """Rear brakes as strong as the front brakes, and no anti-lock."""
-    missed = [line["name"] for line in strong_rear.lines if line["ok"] is False]
-    assert "brakings in which a rear wheel locks first" in missed
-    assert strong_rear.exit_code == 1
-    by_name = {line["name"]: line for line in strong_rear.lines}
-    effort = by_name["steering effort"]
+    assert validate(car=str(car), json_file=figures) == 1
+    lines = {line["name"]: line for line in json.loads(figures.read_text("utf-8"))}
+    assert lines["brakings in which a rear wheel locks first"]["ok"] is False
+    effort = lines["steering effort"]
     assert (effort["target"], effort["ok"]) == (88.0, None)
     assert effort["not_judged"] == "target of another car"
-    assert by_name["creep in 10 s with the brake on a grade of 20 %"]["ok"] is True
+    assert lines["creep in 10 s with the brake on a grade of 20 %"]["ok"] is True
 
 
 @pytest.mark.parametrize(
@@ -185,21 +133,6 @@ def test_an_option_that_cannot_be_used_is_refused_by_name(
 ) -> None:
     with pytest.raises(ConfigError, match=named):
         validate(**options)
-
-
-CAR = default_car()
-SPEED_MPS = 80.0 / 3.6
-
-
-def test_the_replay_of_a_drive_s_inputs_equals_the_drive() -> None:
-    def driver(now: Observation) -> ControlInput:
-        return ControlInput(0.2, 0.0, 0.5 * float(np.sin(2.0 * now.time_s)))
-
-    driven = run_driver(CAR, SPEED_MPS, driver, 2.0, DRIVER_PERIOD_S)
-    again = replay(CAR, SPEED_MPS, driven.inputs[1:], driven.period_s)
-    np.testing.assert_allclose(again.motion, driven.motion, atol=1e-12)
-    np.testing.assert_allclose(again.pose, driven.pose, atol=1e-12)
-    np.testing.assert_allclose(again.outputs[1:], driven.outputs[1:], rtol=1e-9, atol=1e-9)
 
 
 def test_a_car_that_fails_is_refused_with_the_time() -> None:
