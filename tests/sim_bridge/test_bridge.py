@@ -1,6 +1,5 @@
 """The vehicle's end of the bus, with a scripted controller at the other, and how its drive ends."""
 
-from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import isnan, nan
@@ -66,13 +65,6 @@ def test_state_path_mission_and_identity_are_sent_from_the_first_tick(rig: Bridg
     assert rig.newest(VEHICLE_IDENTITY) is not None
     assert sample.state.vx_mps == pytest.approx(60 / 3.6, abs=0.01)
     assert sample.state.ds_m == pytest.approx(60 / 3.6 * PERIOD_S, abs=1e-3)
-
-
-def test_a_command_moves_the_car_and_comes_back_as_feedback(rig: BridgeRig) -> None:
-    for _ in range(40):
-        sample = rig.tick(ControlInput(0.1, 0.0, 0.2))
-    assert sample.state.yaw_rate_radps > 0.03
-    assert rig.newest(FEEDBACK).steer_rad == pytest.approx(0.2, abs=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -252,38 +244,24 @@ def test_a_car_whose_bus_fails_is_braked_to_rest(
         rig.bridge.require_readable_bus()
 
 
-class Wire(can.BusABC):
-    """Gives the frames that a test has put there; discards what is sent."""
-
-    def __init__(self) -> None:
-        super().__init__(channel="wire")
-        self.channel_info = "wire"
-        self.waiting: deque[can.Message] = deque()
-
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Discard it."""
-
-    def recv(self, timeout: float | None = None) -> can.Message | None:
-        return self.waiting.popleft() if self.waiting else None
-
-
-def test_of_two_commands_in_one_period_the_newest_is_passed_on_once() -> None:
-    car, wire = example(), Wire()
-    bus = ForeignBus(wire, car, lambda: 20.0)
-    writer, vehicle, inbox = command_writer(car), Outbox(bus, Node.VEHICLE), Inbox(Node.VEHICLE)
-    passed = []
-    for period in range(6):
-        vehicle.send(STATE, SAMPLE, 0, counter=period)
-        for number in (2 * period, 2 * period + 1):
-            values = {"throttle": number / 20, "brake_n": 0.0, "steer_rad": 0.0}
-            named = {f"commands.{name}": value for name, value in values.items()}
-            named["commands.mode"] = float(Mode.NOMINAL)
-            wire.waiting.extend(writer.frames(named, number, True))
-        while (frame := bus.recv(0)) is not None:
-            inbox.accept(frame, period)
-        newest = inbox.newest(COMMAND)
-        passed.append(None if newest is None else newest.content.control.throttle)
-    bus.shutdown()
+def test_of_two_commands_in_one_period_a_foreign_car_gets_the_newest_once() -> None:
+    car = example()
+    writer, passed = command_writer(car), []
+    with open_bus("virtual", "foreign") as wire, open_bus("virtual", "foreign") as far_end:
+        bus = ForeignBus(wire, car, lambda: 20.0)
+        vehicle, inbox = Outbox(bus, Node.VEHICLE), Inbox(Node.VEHICLE)
+        for period in range(6):
+            vehicle.send(STATE, SAMPLE, 0, counter=period)
+            for number in (2 * period, 2 * period + 1):
+                values = {"throttle": number / 20, "brake_n": 0.0, "steer_rad": 0.0}
+                named = {f"commands.{name}": value for name, value in values.items()}
+                named["commands.mode"] = float(Mode.NOMINAL)
+                for frame in writer.frames(named, number, True):
+                    far_end.send(frame)
+            while (received := bus.recv(0)) is not None:
+                inbox.accept(received, period)
+            newest = inbox.newest(COMMAND)
+            passed.append(None if newest is None else newest.content.control.throttle)
     assert inbox.counts.contradicting == 0
     assert inbox.counts.wrong_sequence == 0
     assert passed == pytest.approx([(2 * period + 1) / 20 for period in range(6)], abs=0.01)
@@ -318,8 +296,12 @@ class EndlessBridge:
 
 @pytest.mark.parametrize(
     ("requests", "ticks_after_end", "is_waiting"),
-    [(1, 2, False), (2, 10**6, False), (1, 10**6, True)],
-    ids=["the first ends the mission", "the second ends at once", "no mission yet"],
+    [
+        (1, 2, False),  # the first ends the mission
+        (2, 10**6, False),  # the second ends at once
+        (1, 10**6, True),  # no mission yet
+        (0, 10**6, False),  # closed
+    ],
 )
 def test_the_first_request_ends_the_mission_and_the_second_one_the_thread(
     requests: int, ticks_after_end: int, is_waiting: bool
@@ -329,17 +311,8 @@ def test_the_first_request_ends_the_mission_and_the_second_one_the_thread(
     thread = session.start(priority=0)
     for _ in range(requests):
         session.request_stop()
-    thread.join(PATIENCE_S)
+    thread.join(PATIENCE_S * (requests > 0))
     is_ended = not thread.is_alive()
     session.close()
-    assert is_ended
-    assert session.is_stop_requested
-
-
-def test_a_session_that_is_closed_ends_at_once() -> None:
-    bridge = EndlessBridge(10**6)
-    session = BridgeSession(open_bus("virtual", "session"), cast(Bridge, cast(Any, bridge)))
-    thread = session.start(priority=0)
-    session.close()
+    assert is_ended is session.is_stop_requested is (requests > 0)
     assert not thread.is_alive()
-    assert not session.is_stop_requested

@@ -25,7 +25,7 @@ from sim_bridge.faults.fault import SHORTHANDS, Fault, FaultFile
 from sim_bridge.faults.kinds import KINDS
 from sim_bridge.faults.matrix.cases import load_cases
 from sim_bridge.faults.matrix.row import MatrixRow
-from sim_bridge.faults.names import ACTUATOR, FRAMES, MESSAGES, SignalName, signals_of
+from sim_bridge.faults.names import SignalName
 from sim_bridge.scenario import parse_scenario
 from sim_bridge.scenario.loading import add_faults
 
@@ -94,15 +94,12 @@ def test_frames_differ_from_the_begin_of_a_fault_on_and_not_before(kind: str) ->
     assert arrived(faulty, 99) != arrived(good, 99)
     intact = [(BY_ID[f.arbitration_id].check(f.data) >= 0) for f in arrived(faulty, 99)]
     assert all(intact) == (kind != "corrupt")
-
-
-@pytest.mark.parametrize("kind", ["freeze", "bias", "noise", "lag"])
-def test_counters_go_on_in_frames_with_wrong_values(kind: str) -> None:
-    with_faults, without = (
-        [BY_ID[f.arbitration_id].check(f.data) for f in driven(each).to_controller]
-        for each in (kind, None)
-    )
-    assert with_faults == without
+    if kind in ("freeze", "bias", "noise", "lag"):  # the counters go on
+        found, without = (
+            [BY_ID[f.arbitration_id].check(f.data) for f in each.to_controller]
+            for each in (faulty, good)
+        )
+        assert found == without
 
 
 @pytest.mark.parametrize(
@@ -195,15 +192,6 @@ SCENARIO = parse_scenario(
 )
 
 
-def test_the_names_are_those_of_the_catalogue() -> None:
-    assert set(FRAMES) == {*CODECS, ACTUATOR}
-    for name, codec in CODECS.items():
-        assert (FRAMES[name].number, FRAMES[name].sender) == (codec.arbitration_id, codec.sender)
-        assert [each.signal for each in signals_of(name)] == [each.name for each in codec.signals]
-    assert set(MESSAGES["controller"]) == {"ACT_CMD", "CTRL_HB", "IDENT_CONTROLLER"}
-    assert {*MESSAGES["controller"], *MESSAGES["vehicle"]} == set(MESSAGES["all"])
-
-
 def test_a_signal_has_the_name_of_the_contract_or_of_the_dbc() -> None:
     for name in ("vx_mps", "VelocityX", "STATE_A.VelocityX"):
         fault = Fault.model_validate({"kind": "bias", "value": 1.0, "signal": name})
@@ -217,20 +205,15 @@ def test_a_signal_has_the_name_of_the_contract_or_of_the_dbc() -> None:
     [
         ({"kind": "gremlins"}, "expected one of lag, freeze"),
         ({"kind": "drop"}, "messages: expected messages for drop, found none"),
-        ({"kind": "drop", "messages": ["STATES"]}, "did you mean"),
-        ({"kind": "drop", "messages": []}, "expected at least one entry"),
         ({"kind": "drop", "messages": ["state"], "value": 1.0}, "value: expected none for drop"),
         ({"kind": "delay", "messages": ["state"]}, "delay_s: expected a value for delay"),
-        ({"kind": "bias", "messages": ["STATE_A"]}, "value: expected a value for bias"),
         ({"kind": "bias", "value": 1.0}, "signals: expected signals or messages for bias"),
         ({"kind": "state_delayed", "delay_s": 0.1, "signal": "ey_m"}, "found signals and messages"),
         ({"kind": "bias", "signals": ["Mode"], "value": 1.0}, "where several frames"),
         ({"kind": "bias", "signals": ["VelocityZ"], "value": 1.0}, "did you mean Velocity"),
-        ({"kind": "stuck"}, "signals: expected signals for stuck"),
         ({"kind": "drop", "messages": ["state"], "counter": "own"}, "counter: expected none"),
         ({"kind": "drop", "messages": ["state"], "probability": 1.5}, "less than or equal to 1"),
         ({"kind": "masquerade", "frame_id": 5, "data": "0g"}, "hexadecimal"),
-        ({"kind": "masquerade", "frame_id": 5, "data": "00" * 65}, "at most 64"),
         ({"kind": "bus_off", "start_s": 1.001, "duration_s": 0.01}, "at least 1 control period"),
         ({"kind": "freeze", "messages": ["state"], "duration_s": 0.025}, "at least 2"),
         ({"kind": "rate", "signals": ["steer_rad"], "value": 0.0}, "more than 0 for rate"),
@@ -317,25 +300,6 @@ GUIDE_EXAMPLES = re.findall(r"`(\{ kind = .*? \})`", GUIDE)
 GUIDE_FILES = re.findall(r"```toml\n(.*?)```", GUIDE, re.DOTALL)
 
 
-def test_every_kind_has_an_example_that_is_a_fault() -> None:
-    faults = [Fault(**tomllib.loads(f"fault = {text}")["fault"]) for text in GUIDE_EXAMPLES]
-    assert {fault.kind for fault in faults} == set(KINDS)
-
-
-def test_every_short_name_field_and_column_is_in_the_guide() -> None:
-    columns = MatrixRow._fields
-    for name in (*SHORTHANDS, *Fault.model_fields, *columns):
-        assert re.search(rf"\b{name}\b", GUIDE), name
-
-
-def test_the_files_of_the_guide_are_faults_and_cases(tmp_path: Path) -> None:
-    assert len(FaultFile.model_validate(tomllib.loads(GUIDE_FILES[0])).faults) == 2
-    file = tmp_path / "cases.toml"
-    file.write_text(GUIDE_FILES[1], encoding="utf-8")
-    for case in load_cases(file):
-        assert case.scenario(60.0).faults or case.initial
-
-
 @under("masquerade", frame_id=0x7A, data="0102", count=5)
 def test_a_frame_that_no_catalogue_has_can_be_sent_in_any_number(drive: FaultyDrive) -> None:
     drive.run(2)
@@ -364,3 +328,15 @@ def test_a_file_that_does_not_fit_is_refused_with_its_fields(
         add_faults(SCENARIO, path)
     assert message in str(refused.value)
     assert str(path) in str(refused.value)
+
+
+def test_the_guide_has_every_kind_and_field_and_its_examples_are_faults(tmp_path: Path) -> None:
+    faults = [Fault(**tomllib.loads(f"fault = {text}")["fault"]) for text in GUIDE_EXAMPLES]
+    assert {fault.kind for fault in faults} == set(KINDS)
+    for name in (*SHORTHANDS, *Fault.model_fields, *MatrixRow._fields):
+        assert re.search(rf"\b{name}\b", GUIDE), name
+    assert len(FaultFile.model_validate(tomllib.loads(GUIDE_FILES[0])).faults) == 2
+    file = tmp_path / "cases.toml"
+    file.write_text(GUIDE_FILES[1], encoding="utf-8")
+    for case in load_cases(file):
+        assert case.scenario(60.0).faults or case.initial

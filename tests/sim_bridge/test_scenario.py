@@ -18,7 +18,6 @@ from sim_bridge.car import Car
 from sim_bridge.plant.parameters import default_car
 from sim_bridge.plant.protocol import RoadAt
 from sim_bridge.scenario import Scenario, load_scenario, parse_scenario
-from sim_bridge.scenario.nominal_drive import drive_nominally
 from sim_bridge.scenario_checks import grip_note, require_road, steering_note
 from sim_bridge.session import build_car
 
@@ -185,13 +184,9 @@ def plain(**parts: Any) -> Scenario:
     [
         ({"road": {"friction": 0.1}, "stops": [{"at_s_m": 160.0, "deceleration_mps2": 3.0}]},
          "stops.deceleration_mps2: expected an acceleration below the grip of 1.0"),
-        ({"road": {"friction": 0.3}, "stops": [{"at_s_m": 40.0, "deceleration_mps2": 12.0}]},
-         "stops: expected at least the braking distance of 47.2 m"),
         ({"road": {"friction": 0.15}, "initial": {"speed_kmh": 0.0},
           "stops": [{"at_s_m": 80.0, "deceleration_mps2": 1.0}]},
          "stops.acceleration_mps2: expected an acceleration below the grip of 1.5"),
-        ({"road": {"grade_percent": 20.0, "friction": 0.1}},
-         "acceleration below the grip of 1.0 m/s^2, found 0.0 m/s^2 on a slope of +20.0 %"),
         ({"road": {"grade_percent": -10.0, "friction": 0.25}, "stops": [{"at_s_m": 200.0}]},
          "stops.deceleration_mps2: expected an acceleration below the grip of 2.5 m/s^2, found "
          "-2.5 m/s^2 on a slope of -10.0 %"),
@@ -232,13 +227,6 @@ def test_what_the_road_can_carry_is_not_refused_for_another_place() -> None:
     plain(road={"grade_percent": 10.0, "friction": 0.25}, stops=[{"at_s_m": 200.0}])
 
 
-def test_the_nominal_drive_stops_with_the_deceleration_of_the_stop() -> None:
-    motion = drive_nominally(plain(stops=[{"at_s_m": 100.0, "hold_s": 2.0}])).motion
-    assert motion.acceleration_mps2.min() == pytest.approx(-2.5)
-    assert motion.acceleration_mps2.max() == pytest.approx(2.0)
-    assert set(motion.is_for_stop) == {0.0, 1.0}
-
-
 SPLIT = {"friction_left": 0.85, "friction_right": 0.2}
 PATCH = {"friction": {"s_m": [0.0, 30.0], "value": [0.85, 0.2], "interpolation": "step"}}
 
@@ -251,12 +239,6 @@ def on_road(road: dict[str, Any] | None = None, **parts: Any) -> Scenario:
     return parse_scenario(content | parts, "test")
 
 
-class LevelCar(OwnCar):
-    """The own car, on level roads without wind."""
-
-    road_inputs = frozenset({"friction_left", "friction_right"})
-
-
 @pytest.mark.parametrize(
     ("road", "parts", "field"),
     [
@@ -266,9 +248,13 @@ class LevelCar(OwnCar):
         ({}, {"tail_wind_mps": {"t_s": [0.0, 3.0], "value": [0.0, 9.0]}}, "tail_wind_mps"),
     ],
 )
-def test_what_a_plant_does_not_take_is_refused_by_name(road, parts, field: str) -> None:
+def test_what_a_plant_does_not_take_is_refused_by_name(
+    monkeypatch: pytest.MonkeyPatch, road: dict[str, Any], parts: dict[str, Any], field: str
+) -> None:
+    level = frozenset({"friction_left", "friction_right"})
+    monkeypatch.setattr(OwnCar, "road_inputs", level)
     with pytest.raises(ConfigError, match=f"expected a plant that takes {field}, found"):
-        require_road(LevelCar(default_car()), on_road(road, **parts))
+        require_road(OwnCar(default_car()), on_road(road, **parts))
 
 
 def coasted(road: dict[str, Any], **parts: Any) -> tuple[float, float]:
@@ -291,13 +277,6 @@ def test_slopes_and_wind_of_a_scenario_act_on_the_own_car() -> None:
     assert coasted({"bank_deg": -3.0})[1] > ey_m + 0.05
     assert coasted({}, cross_wind_mps=15.0)[1] > ey_m + 0.02
     assert coasted({}, cross_wind_mps=-15.0)[1] < ey_m - 0.02
-
-
-def test_a_drive_that_begins_on_a_hill_begins_with_the_throttle_for_it() -> None:
-    level, hill = (
-        build_car(on_road(road)).plant.outputs().throttle for road in ({}, {"grade_percent": 6.0})
-    )
-    assert hill > level + 0.03
 
 
 def test_a_payload_makes_the_car_slower_and_is_for_the_own_car_only() -> None:
@@ -328,25 +307,15 @@ def test_the_drive_begins_at_the_initial_place() -> None:
     assert car.state.vx_mps == pytest.approx(10.0)
 
 
-class ListeningCar(OwnCar):
-    """The own car, which keeps what it was told of its road."""
-
-    road_inputs = frozenset(RoadAt._fields)
-    told: RoadAt
-
-    def set_road(self, road: RoadAt) -> None:
-        self.told = road
-
-
-def test_the_wind_is_told_in_the_axes_of_the_car() -> None:
-    plant = ListeningCar(default_car())
+def test_the_wind_is_told_in_the_axes_of_the_car(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[RoadAt] = []
+    monkeypatch.setattr(OwnCar, "set_road", lambda plant, road: told.append(road))
     drive = on_road({"bank_deg": 3.0}, cross_wind_mps=6.0, tail_wind_mps=2.0)
-    car = Car(plant, 20.0)
+    car = Car(OwnCar(default_car()), 20.0)
     car.reset(20.0, epsi_rad=np.pi / 2)
     car.set_road(drive.road_at(0.0, 0.0))
-    told = plant.told
-    assert (told.wind_forward_mps, told.wind_left_mps) == pytest.approx((6.0, -2.0))
-    assert told.bank_rad == pytest.approx(np.radians(3.0))
+    assert (told[-1].wind_forward_mps, told[-1].wind_left_mps) == pytest.approx((6.0, -2.0))
+    assert told[-1].bank_rad == pytest.approx(np.radians(3.0))
 
 
 def test_too_little_friction_is_noted_with_place_demand_and_grip() -> None:
