@@ -48,6 +48,11 @@ def rig() -> Iterator[BridgeRig]:
 
 def test_the_car_waits_at_its_start_until_a_controller_drives(rig: BridgeRig) -> None:
     first = rig.tick(control=None)
+    assert rig.newest(REFERENCE) is not None
+    assert rig.newest(MISSION).is_engaged
+    assert rig.newest(VEHICLE_IDENTITY) is not None
+    assert first.state.vx_mps == pytest.approx(60 / 3.6, abs=0.01)
+    assert first.state.ds_m == pytest.approx(60 / 3.6 * PERIOD_S, abs=1e-3)
     for _ in range(20):
         waiting = rig.tick(CRUISE, Mode.STANDBY)
     assert waiting.state == first.state
@@ -56,15 +61,6 @@ def test_the_car_waits_at_its_start_until_a_controller_drives(rig: BridgeRig) ->
     rig.tick()
     rig.tick()  # the command arrives a period later
     assert not rig.bridge.is_waiting
-
-
-def test_state_path_mission_and_identity_are_sent_from_the_first_tick(rig: BridgeRig) -> None:
-    sample = rig.tick(control=None)
-    assert rig.newest(REFERENCE) is not None
-    assert rig.newest(MISSION).is_engaged
-    assert rig.newest(VEHICLE_IDENTITY) is not None
-    assert sample.state.vx_mps == pytest.approx(60 / 3.6, abs=0.01)
-    assert sample.state.ds_m == pytest.approx(60 / 3.6 * PERIOD_S, abs=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -218,18 +214,13 @@ def _unplug(*_: object, **__: object) -> None:
     raise can.CanOperationError("unplugged")
 
 
-def test_a_bus_that_cannot_be_read_ends_the_bridge_before_the_drive(
+def test_a_car_whose_bus_fails_is_braked_to_rest_and_before_the_drive_it_is_an_error(
     rig: BridgeRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rig.tick(control=None)
-    monkeypatch.setattr(rig.bus, "recv", _unplug)
-    with pytest.raises(BusError, match="unplugged"):
-        rig.tick(control=None)
-
-
-def test_a_car_whose_bus_fails_is_braked_to_rest(
-    rig: BridgeRig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    with monkeypatch.context() as patch, open_bridge() as other:
+        patch.setattr(other.bus, "recv", _unplug)
+        with pytest.raises(BusError, match="unplugged"):
+            other.tick(control=None)
     for _ in range(10):
         rig.tick()
     monkeypatch.setattr(rig.bus, "recv", _unplug)

@@ -17,7 +17,6 @@ from made_fmus import (
     make_foreign_car,
     remap,
     rewrite_description,
-    wrap_as_fmi3,
 )
 
 from rt_controller.contract.errors import ConfigError
@@ -109,29 +108,6 @@ def test_a_unit_defined_by_base_units_is_converted(foreign_car: Path) -> None:
     )
     plant = FmuPlant(foreign_car, None, 0.85)
     assert plant.reset(20.0)[0] == pytest.approx(20.0)
-    plant.close()
-
-
-def test_the_remedy_for_a_fixed_step_that_is_no_part_of_the_period_works(
-    foreign_car: Path, tmp_path: Path
-) -> None:
-    """The container computes whole steps of 10 ms only; the control period is 25 ms."""
-    container = wrap_as_fmi3(foreign_car, tmp_path / "container.fmu", 0.01)
-    mapping = FOREIGN_MAPPING.replace("[parameters]\ntrailers = 1\n", "")
-    file = tmp_path / "container.toml"
-    for step_s in ("0.025", "0.005"):
-        file.write_text(mapping.replace("0.005", step_s))
-        with pytest.raises(ConfigError, match=r"Write communication_step_s = 0\.01 in"):
-            FmuPlant(container, None, 0.85)
-    file.write_text(mapping.replace("0.005", "0.01"))
-    plant = FmuPlant(container, None, 1.0)
-    plant.reset(20.0)
-    # 4 m/s^2 from the start; the second period's input counts from the point at 30 ms.
-    first = plant.step(ControlInput(1.0, 0.0, 0.0), PERIOD_S).copy()
-    np.testing.assert_allclose(first[:, 0], 20.0 + 4.0 * np.arange(1, 26) * 1e-3, rtol=1e-12)
-    second = plant.step(ControlInput(0.0, 0.0, 0.0), PERIOD_S)
-    t = 0.025 + np.arange(1, 26) * 1e-3
-    np.testing.assert_allclose(second[:, 0], 20.0 + 4.0 * np.minimum(t, 0.03), rtol=1e-12)
     plant.close()
 
 
@@ -258,18 +234,41 @@ def test_a_file_that_cannot_be_driven_is_refused(
         FmuPlant(fmu, mapping if mapping.exists() else None, 0.85)
 
 
-@pytest.mark.parametrize("version", [2, 3])
-def test_a_sample_model_of_pythonfmu_is_a_plant(tmp_path: Path, version: int) -> None:
-    """Both packages ship a slave whose output is its own time; parameters of four types are set."""
+def sample_model(folder: Path, version: int) -> Path:
+    """Both packages ship a slave whose output is its own time; its mapping beside it."""
     maker = pytest.importorskip("pythonfmu" if version == 2 else "pythonfmu3")
-    script = tmp_path / f"library{version}_copy.py"
+    script = folder / f"sample_{folder.name}_{version}.py"
     slave = Path(maker.__file__).parent / "tests" / "slaves" / "pythonslave.py"
     script.write_text(slave.read_text())
-    fmu = build(script, tmp_path) if version == 2 else maker.FmuBuilder.build_FMU(script, tmp_path)
+    fmu = build(script, folder) if version == 2 else maker.FmuBuilder.build_FMU(script, folder)
     Path(fmu).with_suffix(".toml").write_text(SAMPLE_MAPPING)
-    plant = FmuPlant(Path(fmu), None, 0.85)
+    return Path(fmu)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_sample_model_of_pythonfmu_is_a_plant(tmp_path: Path, version: int) -> None:
+    """Parameters of four types are set."""
+    plant = FmuPlant(sample_model(tmp_path, version), None, 0.85)
     plant.reset(10.0)
     motion = plant.step(ControlInput(0.4, 0.0, 0.0), PERIOD_S)
     np.testing.assert_allclose(motion, [[7.0125, 0.4, 0.25], [7.025, 0.4, 0.25]])
     assert isnan(plant.outputs().roll_rad), "a further output that the mapping does not have"
+    plant.close()
+
+
+def test_the_remedy_for_a_fixed_step_that_is_no_part_of_the_period_works(tmp_path: Path) -> None:
+    """An FMU that computes whole steps of 10 ms only; the control period is 25 ms."""
+    fmu = sample_model(tmp_path, 3)
+    rewrite_description(fmu, "<CoSimulation ", '<CoSimulation fixedInternalStepSize="0.01" ')
+    for step_s in ("0.0125", "0.025", "0.005"):
+        fmu.with_suffix(".toml").write_text(SAMPLE_MAPPING.replace("0.0125", step_s))
+        with pytest.raises(ConfigError, match=r"Write communication_step_s = 0\.01 in"):
+            FmuPlant(fmu, None, 0.85)
+    fmu.with_suffix(".toml").write_text(SAMPLE_MAPPING.replace("0.0125", "0.01"))
+    plant = FmuPlant(fmu, None, 1.0)
+    plant.reset(10.0)
+    plant.step(NEUTRAL_INPUT, PERIOD_S)
+    found = plant.step(NEUTRAL_INPUT, PERIOD_S)[:, 0]  # the output is the time
+    wanted = 7.0 + PERIOD_S + PERIOD_S * np.arange(1, len(found) + 1) / len(found)
+    np.testing.assert_allclose(found, wanted, rtol=1e-12)
     plant.close()

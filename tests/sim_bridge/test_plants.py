@@ -99,27 +99,17 @@ def test_the_command_line_says_what_it_expected(
     assert words in " ".join(capsys.readouterr().err.split())
 
 
-@pytest.mark.parametrize(
-    ("command", "words"),
-    [
-        ((), ("export-fmu", "validate", "--plant-mapping", "commonroad:NUMBER")),
-        (("validate",), ("--json", "--html")),
-        (("export-fmu",), ("--car", "c_class_150kw_awd")),
-    ],
-)
-def test_help_lists_options_without_importing_compiler_and_tools(
-    command: tuple[str, ...], words: tuple[str, ...]
-) -> None:
+def test_help_lists_options_without_importing_compiler_and_tools() -> None:
     program = (
         "import atexit, sys; from sim_bridge.cli import main;"
-        f"sys.argv = {['sim-bridge', *command, '--help-all']};"
+        "sys.argv = ['sim-bridge', '--help-all'];"
         "atexit.register(lambda: print(*sys.modules)); main()"
     )
     ended = subprocess.run(
         [sys.executable, "-c", program], check=True, capture_output=True, text=True
     )
     text, _, modules = ended.stdout.rstrip().rpartition("\n")
-    for word in words:
+    for word in ("export-fmu", "validate", "--plant-mapping", "commonroad:NUMBER"):
         assert word in text
     tools = {"scipy", "fmpy", "vehiclemodels", "matplotlib"}
     assert not tools & set(modules.split())

@@ -8,7 +8,6 @@ import pytest
 
 from rt_controller.contract.preview import REACH_S
 from sim_bridge.scenario import Scenario, load_scenario, parse_scenario
-from sim_bridge.scenario.lateral import Sine
 from sim_bridge.scenario.speed import (
     START,
     CurveSpeed,
@@ -124,16 +123,6 @@ def test_a_speed_over_distance_that_ends_with_zero_is_a_stop() -> None:
 
 
 NEAR_S = 0.4 * REACH_S
-
-
-def test_a_sine_begins_and_ends_without_a_step_of_heading() -> None:
-    sine = Sine(kind="sine", amplitude_m=0.5, frequency_hz=0.5, start_t_s=1.0, periods=6.0)
-    time_s = np.arange(0.0, 16.0, 1e-3)
-    ey_m = sine.lateral().law(time_s)
-    slope = np.gradient(ey_m, time_s)
-    assert np.abs(ey_m[(time_s < 1.0) | (time_s > 13.0)]).max() == 0.0
-    assert np.abs(np.diff(slope)).max() < 0.01
-    assert ey_m.max() == pytest.approx(0.5, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", ["sine_60", "sine_110"])

@@ -2,7 +2,7 @@
 
 import re
 from importlib import resources
-from math import degrees, hypot, radians, tan
+from math import hypot, radians, tan
 from pathlib import Path
 from typing import NamedTuple
 
@@ -116,14 +116,6 @@ def test_combined_force_stays_within_friction(
 ) -> None:
     shares = force(across, along, lean, load_n, road, tyre)[:2] / peaks_n(load_n, lean, road, tyre)
     assert hypot(*shares) <= 1.005
-
-
-@pytest.mark.parametrize("angle_deg", [5.0, 45.0])
-def test_the_force_of_a_locked_wheel_is_opposite_to_its_sliding(angle_deg: float) -> None:
-    """A locked wheel has slip -1 and the tangent of the angle."""
-    found = force(-tan(radians(angle_deg)), -1.0)
-    against = degrees(np.arctan2(-found.left_n, -found.forward_n))
-    assert against == pytest.approx(angle_deg, abs=2.0)
 
 
 def test_the_aligning_moment_ends_before_the_side_force() -> None:

@@ -4,10 +4,6 @@ import sys
 import zipfile
 from pathlib import Path
 
-import fmpy
-from fmpy.container_fmu.cli import create_container_fmu
-from fmpy.container_fmu.config import Component, Configuration
-from fmpy.model_description import CoSimulation, ModelDescription, ModelVariable
 from pythonfmu import FmuBuilder
 
 FOREIGN_CAR = """
@@ -97,50 +93,6 @@ def remap(fmu: Path, old: str, new: str) -> Path:
     assert old in FOREIGN_MAPPING
     fmu.with_suffix(".toml").write_text(FOREIGN_MAPPING.replace(old, new))
     return fmu
-
-
-def wrap_as_fmi3(fmu: Path, outer: Path, step_s: float) -> Path:
-    """An FMI 3 container around an FMU, with the same variable names."""
-    inner = fmpy.read_model_description(str(fmu))
-    component = Component(name="inner", filename=fmu, modelDescription=inner)
-    description = ModelDescription(
-        fmiVersion="3.0",
-        modelName="Container",
-        instantiationToken="container",
-        coSimulation=CoSimulation(modelIdentifier="container_fmu", fixedInternalStepSize=step_s),
-    )
-    time = ModelVariable(
-        name="time", type="Float64", causality="independent", variability="continuous"
-    )
-    description.modelVariables.append(time)
-    mappings = {}
-    for variable in inner.modelVariables:
-        if variable.type != "Real":
-            continue
-        outside = ModelVariable(
-            name=variable.name,
-            type="Float64",
-            causality=variable.causality,
-            variability=variable.variability,
-            initial=None if variable.causality == "input" else variable.initial,
-            start=variable.start,
-        )
-        description.modelVariables.append(outside)
-        mappings[outside] = [(component, variable)]
-    folder = outer.parent / f"{outer.stem}-unpacked"
-    folder.mkdir()
-    create_container_fmu(
-        Configuration(
-            parallelDoStep=False,
-            modelDescription=description,
-            components=[component],
-            connections=[],
-            variableMappings=mappings,
-        ),
-        folder,
-        outer,
-    )
-    return outer
 
 
 def rewrite_description(fmu: Path, old: str, new: str) -> None:
