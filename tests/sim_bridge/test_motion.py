@@ -4,10 +4,9 @@ from ctypes import byref, c_int
 
 import numpy as np
 import pytest
-from golden_drives import GOLDEN_FILE, trajectories
+from golden_drives import GOLDEN_FILE, trajectories, wandering_inputs
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from wandering_inputs import wandering_inputs
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError

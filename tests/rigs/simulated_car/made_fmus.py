@@ -1,4 +1,4 @@
-"""FMUs built during a test: a small car with its own units and signs, and FMI 3 containers."""
+"""FMUs built during a test: a small car with its own units and signs."""
 
 import sys
 import zipfile
