@@ -128,12 +128,7 @@ def _typical(lift: Lift) -> list[np.ndarray]:
 
 
 def _bend(
-    B_uc: np.ndarray,
-    psi: np.ndarray,
-    rank: int,
-    bend: float,
-    rng: np.random.Generator,
-    saturates: bool,
+    B_uc: Array, psi: Array, rank: int, bend: float, rng: np.random.Generator, saturates: bool
 ) -> Gains:
     """Directions as large as `bend` times B_uc, read from psi with gains around one."""
     n, m = B_uc.shape

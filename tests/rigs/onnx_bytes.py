@@ -21,44 +21,31 @@ def model(
     constants: Sequence[bytes] = (),
 ) -> bytes:
     """A ModelProto."""
-    graph = b"".join(
-        [
-            *(_field(1, each) for each in nodes),
-            _field(2, b"lift"),
-            *(_field(5, each) for each in constants),
-            *(_field(11, each) for each in inputs),
-            *(_field(12, each) for each in outputs),
-        ]
-    )
-    opset = _field(1, b"") + _number(2, OPSET)
-    return _number(1, IR_VERSION) + _field(7, graph) + _field(8, opset)
+    parts = ((1, nodes), (2, [b"lift"]), (5, constants), (11, inputs), (12, outputs))
+    graph = [(number, each) for number, contents in parts for each in contents]
+    return _message((1, IR_VERSION), (7, _message(*graph)), (8, _message((1, b""), (2, OPSET))))
 
 
 def node(operator: str, inputs: Sequence[str], output: str, axis: int | None = None) -> bytes:
     """A NodeProto with at most the one attribute that an encoder needs."""
-    parts = [_field(1, name.encode()) for name in inputs]
-    parts += [_field(2, output.encode()), _field(4, operator.encode())]
-    if axis is not None:
-        parts.append(_field(5, _field(1, b"axis") + _number(3, axis) + _number(20, 2)))
-    return b"".join(parts)
+    attributes = [] if axis is None else [(5, _message((1, b"axis"), (3, axis), (20, 2)))]
+    names = [(1, name.encode()) for name in inputs]
+    return _message(*names, (2, output.encode()), (4, operator.encode()), *attributes)
 
 
 def value(name: str, shape: Shape, kind: int = FLOAT) -> bytes:
     """A ValueInfoProto; a word in the shape is a dimension that is open."""
-    dimensions = b"".join(
-        _field(1, _number(1, each) if isinstance(each, int) else _field(2, each.encode()))
-        for each in shape
-    )
-    tensor = _number(1, kind) + _field(2, dimensions)
-    return _field(1, name.encode()) + _field(2, _field(1, tensor))
+    sizes = [(1, each) if isinstance(each, int) else (2, each.encode()) for each in shape]
+    dimensions = _message(*((1, _message(size)) for size in sizes))
+    return _message((1, name.encode()), (2, _message((1, _message((1, kind), (2, dimensions))))))
 
 
 def constant(name: str, numbers: np.ndarray) -> bytes:
     """A TensorProto of float32 or int64 numbers."""
     kind = INT64 if numbers.dtype == np.int64 else FLOAT
     raw = numbers.astype("<i8" if kind == INT64 else "<f4").tobytes()
-    dimensions = b"".join(_number(1, size) for size in numbers.shape)
-    return dimensions + _number(2, kind) + _field(8, name.encode()) + _field(9, raw)
+    sizes = [(1, size) for size in numbers.shape]
+    return _message(*sizes, (2, kind), (8, name.encode()), (9, raw))
 
 
 def passes_on(
@@ -74,18 +61,19 @@ def passes_on(
     )
 
 
-def _field(number: int, content: bytes) -> bytes:
-    return _varint(number << 3 | 2) + _varint(len(content)) + content
-
-
-def _number(number: int, content: int) -> bytes:
-    return _varint(number << 3) + _varint(content)
+def _message(*fields: tuple[int, int | bytes]) -> bytes:
+    """Numbered fields: whole numbers, and contents with their length."""
+    return b"".join(
+        _varint(number << 3) + _varint(content)
+        if isinstance(content, int)
+        else _varint(number << 3 | 2) + _varint(len(content)) + content
+        for number, content in fields
+    )
 
 
 def _varint(number: int) -> bytes:
     whole = bytearray()
-    while True:
-        low, number = number & 0x7F, number >> 7
-        whole.append(low | 0x80 if number else low)
-        if not number:
-            return bytes(whole)
+    while number >= 0x80:
+        whole.append(number & 0x7F | 0x80)
+        number >>= 7
+    return bytes((*whole, number))

@@ -76,17 +76,6 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
     return call
 
 
-@pytest.mark.parametrize(("signals", "expected"), [(0, 5), (1, 0), (2, 0)])
-def test_a_request_to_stop_while_it_waits_is_no_error_and_a_missing_controller_is_one(
-    run: Run, signals: int, expected: int
-) -> None:
-    code, out, message = run(Session(signals, NOTHING_DRIVEN), "--quiet")
-    assert code == expected
-    nothing_driven = "ended before a controller took the car: nothing was driven\n"
-    assert out == (nothing_driven if expected == 0 else "")
-    assert message == "" or expected == 5
-
-
 def test_signals_while_the_summary_is_written_change_nothing(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -118,17 +107,80 @@ def test_a_bus_that_does_not_open_leaves_neither_the_log_nor_the_process_changed
     assert gc.isenabled()
 
 
-def test_a_drive_to_its_end_that_missed_a_limit_has_its_own_exit_code(
-    run: Run, tmp_path: Path
+def test_a_scenario_that_needs_too_much_steering_has_a_note_at_the_start(run: Run) -> None:
+    content = {
+        "format": 2, "name": "tight", "duration_s": 5.0, "road": {"curvature_per_m": 1.0 / 15.0},
+        "reference": {"speed_kmh": 30.0},
+    }  # fmt: skip
+    _, _, message = run(Session(1, DRIVEN, scenario=parse_scenario(content, "test")))
+    assert "note: scenario 'tight': a steady state needs about 218 deg" in message
+
+
+@pytest.mark.parametrize(("signals", "expected"), [(0, 5), (1, 0), (2, 0)])
+def test_a_request_to_stop_while_it_waits_is_no_error_and_a_missing_controller_is_one(
+    run: Run, signals: int, expected: int
 ) -> None:
-    figures = (CarFigure("ey_peak_m", 0.3, 0.2, False), CarFigure("creep_m", 0.0, None, True))
-    summary = tmp_path / "summary.json"
-    session = Session(0, DRIVEN, figures=lambda: figures)
-    code, out, message = run(session, "--quiet", "--json", summary)
-    assert code == EXIT_LIMIT == 8
-    assert out.index("figures of the scenario") < out.index("ey_peak_m   0.3 (limit 0.2")
-    assert "found ey_peak_m missed" in message
-    assert json.loads(summary.read_text())["limits_missed"] == ["ey_peak_m"]
+    code, out, message = run(Session(signals, NOTHING_DRIVEN), "--quiet")
+    assert code == expected
+    assert out.startswith("ended before a controller took the car") is (expected == 0)
+    assert message == "" or expected == 5
+
+
+FIGURES = (CarFigure("ey_peak_m", 0.3, 0.2, False), CarFigure("creep_m", 0.0, None, True))
+FAST = replace(DRIVEN, final_speed_mps=100.0 / 3.6)
+
+
+def unreadable() -> None:
+    raise BusError("unplugged")
+
+
+def braked(cause: str, *failed: str, **refused: int) -> BridgeSummary:
+    return replace(BRAKED, braking_cause=cause, failed_actuators=failed, refused_ticks=refused)
+
+
+@pytest.mark.parametrize(
+    ("summary", "bridge", "expected", "shown", "said"),
+    [
+        (DRIVEN, {"figures": lambda: FIGURES}, EXIT_LIMIT, "ey_peak_m   0.3 (limit 0.2",
+         "found ey_peak_m missed"),
+        (replace(DRIVEN, plant_failure="no fuel left"), {}, 7, "40 ticks", "no fuel left"),
+        (BRAKED, {"require_readable_bus": unreadable}, 5, "BRAKED BY THE WATCHDOG", "unplugged"),
+        (braked("NO_COMMAND"), {}, 5, "BRAKED BY THE WATCHDOG: ",
+         "for 100 ms. The controller stopped sending"),
+        (braked("NO_COMMAND", LATE=4), {}, 5, "BRAKED",
+         "for 100 ms. There were ticks with refused commands: 4 LATE."),
+        (braked("NO_COMMAND", "THROTTLE"), {}, 5, "BRAKED",
+         "the throttle stays open. The controller stopped"),
+        (braked("LEAVING_PATH"), {}, 5, "BRAKED",
+         "within 0.9 m of its path (0.5 m in a safe stop), found that"),
+        (braked("LEAVING_PATH", "STEERING_WHEEL"), {}, 5, "BRAKED",
+         "its path; the steering wheel does not move."),
+        (braked("ACTUATOR_FAILED", "STEERING_WHEEL"), {}, 5, "BRAKED",
+         "found that the steering wheel does not"),
+        (replace(FAST, released=True), {}, 0, "released at 100 km/h", ""),
+        (FAST, {}, 0, "stopped on request before the end", ""),
+    ],
+)  # fmt: skip
+def test_the_end_of_a_drive_has_its_exit_code_its_summary_and_its_message(
+    run: Run,
+    tmp_path: Path,
+    summary: BridgeSummary,
+    bridge: dict[str, Any],
+    expected: int,
+    shown: str,
+    said: str,
+) -> None:
+    file = tmp_path / "summary.json"
+    code, out, message = run(Session(expected == 0, summary, **bridge), "--quiet", "--json", file)
+    assert code == expected
+    assert shown in out
+    assert said in " ".join(message.split())
+    assert ("released at" in out) is summary.released
+    written = json.loads(file.read_text())
+    assert written["limits_missed"] == (["ey_peak_m"] if "figures" in bridge else [])
+    assert written["watchdog_braked"] is summary.watchdog_braked
+    assert written["braking_cause"] == summary.braking_cause
+    assert written["failed_actuators"] == list(summary.failed_actuators)
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
@@ -139,91 +191,3 @@ def test_a_summary_that_cannot_be_written_hides_no_other_failure(
     code, _, message = run(Session(0, summary), "--quiet", "--json", "/dev/full")
     assert code == expected
     assert "--json /dev/full: expected room for the figures" in message
-
-
-def test_a_failed_plant_has_its_own_exit_code_and_its_reason_is_said(run: Run) -> None:
-    failed = replace(DRIVEN, plant_failure="no fuel left")
-    bridge = Session(0, failed)
-    code, _, message = run(bridge, "--quiet")
-    assert code == 7
-    assert "no fuel left" in " ".join(message.split())
-
-
-def test_a_bus_that_failed_in_the_drive_is_named_after_the_summary(
-    run: Run, tmp_path: Path
-) -> None:
-    def fail() -> None:
-        raise BusError("unplugged")
-
-    summary = tmp_path / "summary.json"
-    session = Session(0, BRAKED, require_readable_bus=fail)
-    code, out, message = run(session, "--quiet", "--json", summary)
-    assert code == 5
-    assert "BRAKED BY THE WATCHDOG" in out
-    assert "unplugged" in message
-    assert json.loads(summary.read_text())["watchdog_braked"]
-
-
-@pytest.mark.parametrize(
-    ("cause", "failed", "refused", "expected"),
-    [
-        ("NO_COMMAND", (), {}, "for 100 ms. The controller stopped sending"),
-        (
-            "NO_COMMAND",
-            (),
-            {"LATE": 4},
-            "for 100 ms. There were ticks with refused commands: 4 LATE.",
-        ),
-        ("NO_COMMAND", ("THROTTLE",), {}, "the throttle stays open. The controller stopped"),
-        ("LEAVING_PATH", (), {}, "within 0.9 m of its path (0.5 m in a safe stop), found that"),
-        ("LEAVING_PATH", ("STEERING_WHEEL",), {}, "its path; the steering wheel does not move."),
-        ("ACTUATOR_FAILED", ("STEERING_WHEEL",), {}, "found that the steering wheel does not"),
-    ],
-)
-def test_the_cause_of_the_braking_is_in_the_message_and_in_the_summary(
-    run: Run,
-    tmp_path: Path,
-    cause: str,
-    failed: tuple[str, ...],
-    refused: dict[str, int],
-    expected: str,
-) -> None:
-    summary = replace(BRAKED, braking_cause=cause, failed_actuators=failed, refused_ticks=refused)
-    file = tmp_path / "summary.json"
-    code, out, message = run(Session(0, summary), "--quiet", "--json", file)
-    assert code == 5
-    assert expected in message
-    assert ("stopped sending" in message) is (cause == "NO_COMMAND" and not refused)
-    assert f"BRAKED BY THE WATCHDOG: {summary.braking_text}" in out
-    written = json.loads(file.read_text())
-    assert (written["braking_cause"], written["failed_actuators"]) == (cause, list(failed))
-
-
-@pytest.mark.parametrize(
-    ("released", "speed_mps", "is_said"),
-    [(True, 100.0 / 3.6, True), (True, 0.2, False), (False, 100.0 / 3.6, False)],
-)
-def test_the_summary_says_that_a_drive_was_stopped_and_the_speed_of_a_released_car(
-    run: Run, released: bool, speed_mps: float, is_said: bool
-) -> None:
-    summary = replace(DRIVEN, released=released, final_speed_mps=speed_mps)
-    code, out, _ = run(Session(1, summary), "--quiet")
-    assert code == 0
-    assert "40 ticks" in out
-    assert "stopped on request before the end" in out
-    assert ("released at 100 km/h" in out) is is_said
-
-
-def test_help_offers_only_interfaces_that_other_processes_reach(run: Run) -> None:
-    _, shown, _ = run(Session(0, DRIVEN), "--help")
-    assert "socketcan" in shown
-    assert "virtual" not in shown
-
-
-def test_a_scenario_that_needs_too_much_steering_has_a_note_at_the_start(run: Run) -> None:
-    content = {
-        "format": 2, "name": "tight", "duration_s": 5.0, "road": {"curvature_per_m": 1.0 / 15.0},
-        "reference": {"speed_kmh": 30.0},
-    }  # fmt: skip
-    _, _, message = run(Session(1, DRIVEN, scenario=parse_scenario(content, "test")))
-    assert "note: scenario 'tight': a steady state needs about 218 deg" in message

@@ -8,8 +8,6 @@ from rt_controller.contract.car import Car
 from rt_controller.contract.limits import (
     DEFAULT_GEOMETRY,
     INPUT_LIMITS,
-    LEAST_BRAKE_N,
-    MOST_BRAKE_N,
 )
 from rt_controller.contract.signals import ControlInput, PathReference, VehicleState
 from rt_controller.contract.timing import PERIOD_S
@@ -21,18 +19,7 @@ STRAIGHT = PathReference(0.0, 0.0, 0.0, 0.0, 20.0, 0.0)
 CRUISING = VehicleState(20.0, 0.0, 0.0, 0.5, 0.0, 0.0)
 
 
-def steady_brake_n(state: VehicleState, off_path_m: float, open_throttle: float = 0.0) -> float:
-    """Of a car whose wheel is that of a steady turn."""
-    steer_rad = DEFAULT_GEOMETRY.steady_wheel_rad(state.vx_mps, state.yaw_rate_radps)
-    course = Course(STRAIGHT, state._replace(ey_m=off_path_m), 0.0)
-    return largest_brake_n(course, steer_rad, open_throttle)
-
-
 CHANGE_RAD = INPUT_LIMITS.rate_per_s.steer_rad * PERIOD_S
-
-
-def test_on_a_straight_path_the_wheel_stays_straight() -> None:
-    assert steer_along(STRAIGHT, CRUISING, 0.0, 0.0) == 0.0
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -65,19 +52,8 @@ def test_the_wheel_stays_within_its_bounds(side: float) -> None:
         assert found == pytest.approx(side * radians(bound_deg))
 
 
-@pytest.mark.parametrize("vx_mps", [0.2, 0.0, -1.0, nan])
-def test_the_wheel_of_a_standing_car_stays_where_it_is(vx_mps: float) -> None:
-    state = CRUISING._replace(vx_mps=vx_mps)
-    assert steer_along(STRAIGHT._replace(c0_m=3.0), state, 0.0, 0.2) == 0.2
-
-
-@pytest.mark.parametrize("bad", [nan, inf])
-def test_without_a_path_the_last_wheel_angle_is_kept(bad: float) -> None:
-    assert steer_along(STRAIGHT._replace(c0_m=bad), CRUISING, 0.0, 0.2) == 0.2
-
-
 @pytest.mark.parametrize("name", ["lane_change_60", "double_lane_change", "lane_change_120"])
-@pytest.mark.parametrize("begin_s", [0.6, 0.9, 1.2, 2.0])
+@pytest.mark.parametrize("begin_s", [0.6, 1.2, 2.0])
 def test_a_car_that_brakes_in_a_lane_change_stays_on_its_lane(name: str, begin_s: float) -> None:
     """The path is driven by this law alone."""
     scenario = load_scenario(name)
@@ -101,19 +77,6 @@ def test_a_car_that_brakes_in_a_lane_change_stays_on_its_lane(name: str, begin_s
     assert state.vx_mps < 0.3
     assert farthest_m < 1.0
     car.plant.close()
-
-
-@pytest.mark.parametrize("yaw_rate_radps", [0.0, 0.05, -0.05, 0.3])
-def test_a_car_that_turns_is_braked_with_less_force(yaw_rate_radps: float) -> None:
-    force_n = steady_brake_n(CRUISING._replace(yaw_rate_radps=yaw_rate_radps), 0.2)
-    expected_n = min(max(100.0 - 400.0 * abs(yaw_rate_radps), LEAST_BRAKE_N), MOST_BRAKE_N)
-    assert force_n == pytest.approx(expected_n, abs=0.2)
-
-
-def test_a_car_that_leaves_its_path_brakes_less() -> None:
-    assert steady_brake_n(CRUISING, 0.0) == MOST_BRAKE_N
-    assert steady_brake_n(CRUISING, -0.8) == pytest.approx(MOST_BRAKE_N - 50.0)
-    assert steady_brake_n(CRUISING, 5.0) == 25.0
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -142,49 +105,57 @@ def test_a_braked_car_turns_with_4_m_per_s2_at_most(side: float) -> None:
         assert found_rad == pytest.approx(expected_rad, rel=1e-4)
 
 
-def test_at_0_3_m_per_s_the_wheel_stays_where_it_is() -> None:
-    path = STRAIGHT._replace(c0_m=3.0)
-    assert steer_along(path, CRUISING._replace(vx_mps=0.3), 0.0, 0.2) == 0.2
-    assert steer_along(path, CRUISING._replace(vx_mps=0.31), 0.0, 0.2) > 0.2
-
-
 @pytest.mark.parametrize(
-    ("vx_mps", "yaw_rate_radps", "force_n"),
+    ("vx_mps", "c0_m", "expected_rad"),
     [
-        (20.0, 0.0, 75.0),
-        (20.0, 0.1, 60.0),
-        (20.0, -0.1, 60.0),
-        (10.0, 0.1, 75.0),
-        (20.0, 0.2, 25.0),
+        (20.0, 0.0, 0.2 - CHANGE_RAD),
+        *((vx_mps, 3.0, 0.2) for vx_mps in (0.3, 0.2, 0.0, -1.0, nan)),
+        (20.0, nan, 0.2),
+        (20.0, inf, 0.2),
+        (0.31, 3.0, 0.2 + CHANGE_RAD),
+    ],
+)
+def test_a_standing_car_and_one_without_a_path_keep_their_wheel(
+    vx_mps: float, c0_m: float, expected_rad: float
+) -> None:
+    found = steer_along(STRAIGHT._replace(c0_m=c0_m), CRUISING._replace(vx_mps=vx_mps), 0.0, 0.2)
+    assert found == pytest.approx(expected_rad)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize(
+    ("vx_mps", "yaw_rate_radps", "off_m", "open_throttle", "force_n"),
+    [
+        (20.0, 0.0, 0.0, 0.0, 75.0),
+        (20.0, 0.05, 0.2, 0.0, 75.0),
+        (20.0, 0.1, 0.3, 0.0, 60.0),  # in a turn with less force
+        (10.0, 0.1, 0.3, 0.0, 75.0),
+        (20.0, 0.2, 0.3, 0.0, 25.0),
+        (20.0, 0.3, 0.2, 0.0, 25.0),
+        (20.0, 0.0, 0.8, 0.0, 25.0),  # and beside the path
+        (20.0, 0.0, 5.0, 0.0, 25.0),
+        (20.0, 0.0, 0.0, 0.05, 81.0),  # a throttle that stays open is balanced
+        (20.0, 0.0, 0.0, 1.0, 150.0),
     ],
 )
 def test_the_brake_force_is_75_n_and_at_least_25_n(
-    vx_mps: float, yaw_rate_radps: float, force_n: float
+    side: float,
+    vx_mps: float,
+    yaw_rate_radps: float,
+    off_m: float,
+    open_throttle: float,
+    force_n: float,
 ) -> None:
-    state = CRUISING._replace(vx_mps=vx_mps, yaw_rate_radps=yaw_rate_radps)
-    assert steady_brake_n(state, 0.3) == pytest.approx(force_n, abs=0.2)
-
-
-@pytest.mark.parametrize(("open_throttle", "force_n"), [(0.05, 81.0), (1.0, 150.0)])
-def test_a_throttle_that_stays_open_is_balanced_by_the_brake(
-    open_throttle: float, force_n: float
-) -> None:
-    assert steady_brake_n(CRUISING, 0.0, open_throttle) == pytest.approx(force_n)
+    state = CRUISING._replace(vx_mps=vx_mps, yaw_rate_radps=side * yaw_rate_radps, ey_m=off_m)
+    steer_rad = DEFAULT_GEOMETRY.steady_wheel_rad(vx_mps, side * yaw_rate_radps)
+    found = largest_brake_n(Course(STRAIGHT, state, 0.0), steer_rad, open_throttle)
+    assert found == pytest.approx(force_n, abs=0.2)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_a_car_that_does_not_turn_as_its_wheel_brakes_with_less_force(side: float) -> None:
-    sliding = CRUISING._replace(yaw_rate_radps=side * 0.05)
-    course = Course(STRAIGHT, sliding, 0.0)
+    course = Course(STRAIGHT, CRUISING._replace(yaw_rate_radps=side * 0.05), 0.0)
     assert largest_brake_n(course, 0.0) == pytest.approx(60.0)
     assert largest_brake_n(course, -side * 0.1) < 60.0
-
-
-def test_a_car_that_leaves_its_path_brakes_with_less_force() -> None:
-    away = Course(STRAIGHT, CRUISING._replace(ey_m=0.8), 0.0)
-    assert largest_brake_n(away, 0.0) == pytest.approx(25.0)
-
-
-def test_a_slow_car_brakes_for_a_short_stop_also_beside_its_path() -> None:
-    away = Course(STRAIGHT, CRUISING._replace(vx_mps=8.9, ey_m=3.0), 0.0)
-    assert largest_brake_n(away, 0.1) == pytest.approx(60.0)
+    slow = Course(STRAIGHT, CRUISING._replace(vx_mps=8.9, ey_m=3.0), 0.0)
+    assert largest_brake_n(slow, 0.1) == pytest.approx(60.0)  # a short stop, also beside the path

@@ -12,12 +12,14 @@ import numpy as np
 from made_tyre import TYRE_FILE_TEXT
 
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.signals import ControlInput
+from rt_controller.contract.timing import PERIOD_S
 from sim_bridge.plant.parameters import Parameters, load_parameters
 from sim_bridge.plant.parts import RoadParameters
 from sim_bridge.plant.shipped_cars import DEFAULT_CAR, shipped_cars
 from sim_bridge.plant.tyre_file import parse_tyre_file
 
-GOLDEN_FILE = Path(__file__).parents[2] / "sim_bridge" / "plant" / "golden" / "trajectories.npz"
+GOLDEN_FILE = Path(__file__).parents[2] / "sim_bridge" / "golden" / "trajectories.npz"
 N_PERIODS = 100
 STEPS_PER_PERIOD = 25
 STEP_S = 0.001
@@ -96,6 +98,15 @@ def trajectories(
             results[f"{key}/motion"] = motion[::STEPS_PER_PERIOD].copy()
             results[f"{key}/outputs"] = outputs[::OUTPUTS_EVERY].copy()
     return results
+
+
+def wandering_inputs(n_periods: int) -> list[ControlInput]:
+    """Other inputs in every period: drive, brake, and steering to both sides."""
+    t = np.arange(n_periods) * PERIOD_S
+    return [
+        ControlInput(max(0.0, np.sin(x)), 60.0 * max(0.0, -np.sin(x)), float(s))
+        for x, s in zip(t, 0.6 * np.sin(1.7 * t), strict=True)
+    ]
 
 
 if __name__ == "__main__":

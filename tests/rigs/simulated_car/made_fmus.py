@@ -1,14 +1,9 @@
-"""FMUs built during a test: a small car with its own units and signs, and FMI 3 containers."""
+"""FMUs built during a test: a small car with its own units and signs."""
 
-import shutil
 import sys
 import zipfile
 from pathlib import Path
 
-import fmpy
-from fmpy.container_fmu.cli import create_container_fmu
-from fmpy.container_fmu.config import Component, Configuration
-from fmpy.model_description import CoSimulation, ModelDescription, ModelVariable
 from pythonfmu import FmuBuilder
 
 FOREIGN_CAR = """
@@ -74,16 +69,21 @@ trailers = 1
 """
 
 
-def make_fmu(folder: Path, name: str, source: str = FOREIGN_CAR) -> Path:
-    """An FMI 2 FMU of a pythonfmu slave; its class is called `name`."""
-    script = folder / f"{name.lower()}_slave.py"
-    script.write_text(source.replace("{name}", name))
-    return _build(script, folder / f"{name}.fmu")
+def build(script: Path, folder: Path) -> Path:
+    """An FMI 2 FMU of a pythonfmu slave."""
+    # The builder adds the script's folder to the path of this process.
+    path = list(sys.path)
+    try:
+        return Path(FmuBuilder.build_FMU(script, dest=folder))
+    finally:
+        sys.path[:] = path
 
 
 def make_foreign_car(folder: Path, name: str, mapping: str = FOREIGN_MAPPING) -> Path:
-    """An FMU of the small car with its mapping file beside it."""
-    fmu = make_fmu(folder, name)
+    """An FMU of the small car with its mapping file beside it; its class is called `name`."""
+    script = folder / f"{name.lower()}_slave.py"
+    script.write_text(FOREIGN_CAR.replace("{name}", name))
+    fmu = build(script, folder)
     fmu.with_suffix(".toml").write_text(mapping)
     return fmu
 
@@ -93,57 +93,6 @@ def remap(fmu: Path, old: str, new: str) -> Path:
     assert old in FOREIGN_MAPPING
     fmu.with_suffix(".toml").write_text(FOREIGN_MAPPING.replace(old, new))
     return fmu
-
-
-def make_from_library(folder: Path, script: Path, name: str) -> Path:
-    """An FMI 2 FMU of a slave from another package."""
-    copy = folder / f"{name.lower()}_copy.py"
-    shutil.copy(script, copy)
-    return _build(copy, folder / f"{name}.fmu")
-
-
-def wrap_as_fmi3(fmu: Path, outer: Path, step_s: float) -> Path:
-    """An FMI 3 container around an FMU, with the same variable names."""
-    inner = fmpy.read_model_description(str(fmu))
-    component = Component(name="inner", filename=fmu, modelDescription=inner)
-    description = ModelDescription(
-        fmiVersion="3.0",
-        modelName="Container",
-        instantiationToken="container",
-        coSimulation=CoSimulation(modelIdentifier="container_fmu", fixedInternalStepSize=step_s),
-    )
-    time = ModelVariable(
-        name="time", type="Float64", causality="independent", variability="continuous"
-    )
-    description.modelVariables.append(time)
-    mappings = {}
-    for variable in inner.modelVariables:
-        if variable.type != "Real":
-            continue
-        outside = ModelVariable(
-            name=variable.name,
-            type="Float64",
-            causality=variable.causality,
-            variability=variable.variability,
-            initial=None if variable.causality == "input" else variable.initial,
-            start=variable.start,
-        )
-        description.modelVariables.append(outside)
-        mappings[outside] = [(component, variable)]
-    folder = outer.parent / f"{outer.stem}-unpacked"
-    folder.mkdir()
-    create_container_fmu(
-        Configuration(
-            parallelDoStep=False,
-            modelDescription=description,
-            components=[component],
-            connections=[],
-            variableMappings=mappings,
-        ),
-        folder,
-        outer,
-    )
-    return outer
 
 
 def rewrite_description(fmu: Path, old: str, new: str) -> None:
@@ -158,13 +107,3 @@ def rewrite_description(fmu: Path, old: str, new: str) -> None:
                 content = text.replace(old, new).encode()
             target.writestr(item, content)
     changed.replace(fmu)
-
-
-def _build(script: Path, fmu: Path) -> Path:
-    # The builder adds the script's folder to the path of this process.
-    path = list(sys.path)
-    try:
-        FmuBuilder.build_FMU(script, dest=fmu)
-    finally:
-        sys.path[:] = path
-    return fmu

@@ -138,11 +138,8 @@ def test_a_file_of_format_2_takes_its_road_from_a_map(simple: Path) -> None:
             r"geometry at s = 9 m: at most 0.5 m and 2.9 deg .*compare s, x, y and hdg of both",
         ),
         ([road([(9, "<arc/>")])], "a.xodr", "as attribute curvature of <arc>, found none"),
-        ([road([(9, '<arc curvature="nan"/>')])], "a.xodr", "curvature of <arc>, found 'nan'"),
-        ([road([(9, LINE)]).replace('"9"', '"inf"')], "a.xodr", "attribute length of <geometry>"),
         ([road([(9, LINE)]).replace('"9"', '"1e9"')], "a.xodr", "length of 0..250000 m expected"),
         ([road([(9, LINE)], "1", ELEVATION.replace("72", "0"))], "a.xodr", "max above 0, no limit"),
-        ([road([(9, LINE)], "1", ELEVATION.replace("72", "-9"))], "a.xodr", "max above 0, no limi"),
         (
             [road([(9, LINE)], "1", ELEVATION.replace("km/h", "kmh"))],
             "a.xodr",
@@ -150,7 +147,6 @@ def test_a_file_of_format_2_takes_its_road_from_a_map(simple: Path) -> None:
         ),
         ([road([(9, '<arc curvature="0.2"/>')])], "a.xodr", "road.curvature_per_m: expected -0."),
         ([road([(9, LINE)], "1", ELEVATION.replace("0.05", "0.25"))], "a.xodr", "road.grade: exp"),
-        ([road([(9, LINE)], "1", ELEVATION.replace("0.03", "0.3"))], "a.xodr", "road.bank_rad: ex"),
         ([road([(9e4, LINE)])], "a.xodr", "duration_s: expected at most 3600"),
         ([road([])], "a.xodr", "no geometry in planView"),
         ([], "a.xodr", "expected an OpenDRIVE file with roads"),
@@ -172,8 +168,6 @@ EXTERNAL = """<!DOCTYPE a [<!ENTITY a SYSTEM "/etc/hostname">]><OpenDRIVE>&a;</O
     ("content", "message"),
     [
         ("no xml", "syntax error"),
-        ("", "no element found"),
-        ('<?xml version="1.0" encoding="no-such"?><a/>', "unknown encoding"),
         (BOMB, "no <!DOCTYPE> expected, found one"),
         (EXTERNAL, "no <!DOCTYPE> expected, found one"),
         ("<a/>", "found <a>"),

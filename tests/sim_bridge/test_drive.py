@@ -1,14 +1,24 @@
-"""Engine, motor, converter, gearbox, brakes and their helpers, by what they do to the car."""
+"""Engine, gearbox, brakes and their helpers, by what they do to the car; how it is compiled."""
 
+import ctypes
+from collections.abc import Iterator
 from math import pi
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.signals import GRAVITY_MPS2, ControlInput
+from rt_controller.contract.errors import MissingExtraError
+from rt_controller.contract.signals import ControlInput
+from sim_bridge.plant import compiler, library
 from sim_bridge.plant.car_record import car_record
-from sim_bridge.plant.library import advance, settle, steady_pressures_mpa
+from sim_bridge.plant.compiler import SOURCES, compile_library
+from sim_bridge.plant.library import (
+    advance,
+    settle,
+    steady_pressures_mpa,
+)
 from sim_bridge.plant.parameters import Parameters, default_car, load_parameters, with_road_friction
 from sim_bridge.plant.parts import NO_ANTI_LOCK, NO_TRACTION_CONTROL
 from sim_bridge.plant.states import AT
@@ -61,17 +71,6 @@ def test_at_stall_engine_and_shafts_have_the_torque_of_the_converter(throttle: f
     assert shafts_nm == pytest.approx(1.864 * gear * engine_nm, rel=1e-3)
 
 
-def test_the_governor_keeps_idle_speed_and_the_closed_throttle_brakes() -> None:
-    idle = drive(CAR, 0.0, 2.0, brake_n=60.0)
-    assert idle.column("engine_rpm")[-1] == pytest.approx(CAR.engine.idle_speed_rpm, rel=0.05)
-    coasting = drive(CAR, 22.0 * 3.6, 3.0)
-    assert coasting.column("engine_nm")[-1] < -20.0
-    deceleration_mps2 = (coasting.speed_mps[20] - coasting.speed_mps[-1]) / 2.5
-    air_n = 0.5 * CAR.aero.air_density_kgpm3 * CAR.aero.area_m2 * CAR.aero.drag * 22.0**2
-    air_and_road_mps2 = air_n / CAR.body.mass_kg + 0.006 * GRAVITY_MPS2
-    assert 1.1 * air_and_road_mps2 < deceleration_mps2 < 0.08 * GRAVITY_MPS2
-
-
 def test_full_throttle_shifts_up_one_by_one_with_a_dip_of_the_acceleration(
     full_throttle: Run,
 ) -> None:
@@ -109,14 +108,6 @@ def test_pressure_follows_the_pedal_with_its_lag() -> None:
     run = drive(CAR, 90.0, 0.5, brake_n=100.0)
     expected = 4.0 * (1.0 - np.exp(-run.time_s / 0.06))
     np.testing.assert_allclose(run.column("brake_mpa"), expected, atol=1e-9)
-
-
-def test_without_anti_lock_no_wheel_locks_with_150_n_and_all_lock_on_ice() -> None:
-    car = CAR._replace(anti_lock=NO_ANTI_LOCK)
-    run = drive(car, 100.0, 5.0, brake_n=150.0)
-    assert rim_share(run, car)[run.speed_mps > 3.0].min() > 0.8
-    run = drive(with_road_friction(car, 0.3), 60.0, 2.0, brake_n=400.0)
-    assert rim_share(run, car)[40].max() < 0.05
 
 
 @pytest.mark.parametrize("friction", [0.2, 0.85])
@@ -165,3 +156,59 @@ def test_traction_control_acts_on_spinning_wheels_and_not_in_a_tight_turn(
         cuts.append(state[AT.torque_cut])
     assert least <= max(cuts) <= most
     assert state[AT.vx_mps] > 2.0
+
+
+@pytest.fixture
+def fresh_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """An installation whose car is not compiled yet; its folder for the car."""
+    monkeypatch.setattr(library, "BUILT", tmp_path / "built")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    library.car_library.cache_clear()
+    yield tmp_path / "built"
+    library.car_library.cache_clear()
+
+
+def test_the_car_is_compiled_at_the_first_use(fresh_library: Path) -> None:
+    assert np.isfinite(library.settle(10.0, default_car())).all()
+    assert [file.name for file in fresh_library.iterdir()] == [compiler.car_library_name()]
+
+
+def test_a_read_only_installation_compiles_into_the_users_cache(
+    fresh_library: Path, tmp_path: Path
+) -> None:
+    fresh_library.write_text("a file, where a folder is expected")
+    assert np.isfinite(library.settle(10.0, default_car())).all()
+    assert (tmp_path / "cache" / "rt-controller" / "car" / compiler.car_library_name()).exists()
+
+
+@pytest.mark.parametrize(
+    ("cc", "words"),
+    [
+        ("no-such-compiler --fast", "CC=no-such-compiler, which is no program"),
+        ("false", "expected a C99 compiler with the headers of the C library"),
+    ],
+)
+def test_without_a_compiler_the_message_says_what_to_install(
+    fresh_library: Path, monkeypatch: pytest.MonkeyPatch, cc: str, words: str
+) -> None:
+    monkeypatch.setenv("CC", cc)
+    with pytest.raises(MissingExtraError, match="apt-get install") as refusal:
+        library.settle(10.0, default_car())
+    assert words in str(refusal.value)
+    assert not list(fresh_library.glob("*"))
+
+
+@pytest.mark.parametrize(
+    "state", [np.zeros(50, dtype=np.float32), np.zeros((50, 2))[:, 0], [0.0] * 50]
+)
+def test_other_arrays_are_refused_before_the_call(state: object) -> None:
+    """A wrong one would be memory that is not ours."""
+    with pytest.raises(ctypes.ArgumentError):
+        library.car_library().car_settle(10.0, np.zeros(434), state)
+
+
+STRICT = ("-Wall", "-Wextra", "-Wconversion", "-Werror")
+
+
+def test_the_car_compiles_without_a_warning(tmp_path: Path) -> None:
+    compile_library(sorted(SOURCES.glob("*.c")), tmp_path / "car.so", STRICT)

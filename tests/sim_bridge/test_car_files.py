@@ -70,15 +70,11 @@ def test_every_number_of_a_shipped_car_has_a_source(name: str) -> None:
     [
         ("mass_kg", "-1501.0", "body.mass_kg: expected more than 0.0, found -1501.0"),
         ("mass_kg", "1600.0", "body.mass_kg: expected the sum of sprung and unsprung"),
-        ("mass_kg", "1600.0", "sprung_mass_kg = 1369.0, sprung_front_axle_m = 1.0175, sprung_rear"),
         ("track_rear_m", "nan", "body.track_rear_m: expected a finite number, found nan"),
         ("rear_axle_m", "2.5", "body.rear_axle_m: expected the wheelbase"),
         ("front_axle_m", "1.35", "body.front_axle_m: expected the centre of gravity of the masses"),
         ("rolling_radius_m", '"big"', "tyre.rolling_radius_m: expected a number, found 'big'"),
-        ("rolling_radius_m", "true", "tyre.rolling_radius_m: expected a number, found True"),
         ("ratios", "[3.5, 2.1, 2.2, 1.0, 0.7, 0.6]", "gearbox.ratios: expected ratios that decr"),
-        ("ratios", "[3.538, 2.06, 1.0]", "gearbox.ratios: expected at least 6 entries"),
-        ("final_efficiency", "1.2", "driveline.final_efficiency: expected at most 1"),
         ("up_rpm_full", "2000.0", "gearbox.up_rpm: expected up-shifts above"),
         ("lateral_relaxation_end_slip", "0.0175", "tyre.lateral_relaxation_end_slip: expected"),
         ("speed_limit_rpm", "600.0", "engine.speed_limit_rpm: expected more than idle_speed_rpm"),
@@ -124,13 +120,10 @@ def test_changed_cars_have_the_changed_numbers() -> None:
     assert heavy.body.sprung_roll_inertia_kgm2 == 1.1 * CAR.body.sprung_roll_inertia_kgm2
     assert with_road_friction(CAR, 0.5).road[:2] == (0.5, 0.5)
     assert with_road_friction(CAR, 0.5, 0.9).road[:2] == (0.5, 0.9)
-
-
-@pytest.mark.parametrize("number", [0.0, -0.9, float("nan"), float("inf")])
-def test_a_friction_or_factor_that_is_not_positive_is_refused(number: float) -> None:
     for change in (with_road_friction, with_cornering_stiffness, with_mass_factor):
-        with pytest.raises(ConfigError, match="expected a positive number"):
-            change(CAR, number)
+        for number in (0.0, -0.9, float("nan"), float("inf")):
+            with pytest.raises(ConfigError, match="expected a positive number"):
+                change(CAR, number)
 
 
 def test_an_impossible_road_is_refused_with_all_its_fields() -> None:

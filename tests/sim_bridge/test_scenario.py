@@ -1,0 +1,346 @@
+"""Scenarios: the fields of a file, what is refused by name, and checks before a drive."""
+
+from copy import deepcopy
+from math import radians
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from kinematic_plant import KinematicCar
+
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput
+from rt_controller.contract.timing import PERIOD_S
+from rt_controller.settings import CarSettings
+from sim_bridge.adapters.own_car import OwnCar
+from sim_bridge.car import Car
+from sim_bridge.plant.parameters import default_car
+from sim_bridge.plant.protocol import RoadAt
+from sim_bridge.scenario import Scenario, load_scenario, parse_scenario
+from sim_bridge.scenario_checks import grip_note, require_road, steering_note
+from sim_bridge.session import build_car
+
+GOOD: dict[str, Any] = {
+    "format": 2,
+    "name": "good",
+    "duration_s": 20.0,
+    "initial": {"speed_kmh": 70.0, "s_m": 5.0, "ey_m": 0.2, "epsi_deg": 1.0},
+    "road": {
+        "curvature_per_m": {"s_m": [0.0, 100.0], "value": [0.0, 0.002]},
+        "friction": 0.9,
+        "bank_deg": 2.0,
+        "grade_percent": {"s_m": [0.0, 50.0], "value": [0.0, 4.0], "interpolation": "pchip"},
+        "width_m": 8.0,
+    },
+    "reference": {"speed_kmh": 72.0, "ey_m": {"s_m": [20.0, 90.0], "value": [0.0, 1.0],
+                                              "interpolation": "pchip"}},
+    "cross_wind_mps": {"t_s": [0.0, 2.0], "value": [0.0, 8.0]},
+    "payload": {"mass_kg": 150.0, "ahead_m": -1.0},
+    "stops": [{"at_s_m": 200.0, "hold_s": 2.0}],
+    "faults": [{"kind": "state_lost", "start_s": 3.0, "duration_s": 0.05}],
+    "metrics": ["creep_m"],
+    "limits": {"ey_peak_m": 0.5},
+}  # fmt: skip
+
+
+def changed(path: str, value: Any) -> dict[str, Any]:
+    """The good content with another value; None: without the field."""
+    content = deepcopy(GOOD)
+    *folders, name = (int(part) if part.isdigit() else part for part in path.split("/"))
+    table: Any = content
+    for folder in folders:
+        table = table[folder]
+    if value is None:
+        del table[name]
+    else:
+        table[name] = value
+    return content
+
+
+def refusal(content: dict[str, Any]) -> str:
+    with pytest.raises(ConfigError) as refused:
+        parse_scenario(content, "test")
+    return str(refused.value)
+
+
+def test_the_fields_of_a_file_are_those_of_the_scenario() -> None:
+    scenario: Scenario = parse_scenario(GOOD, "test")
+    assert scenario.start.speed_mps == pytest.approx(70.0 / 3.6)
+    assert scenario.start.epsi_rad == pytest.approx(radians(1.0))
+    ground = scenario.road_at(100.0, 2.0)
+    assert ground.curvature_per_m == pytest.approx(0.002)
+    assert ground.friction_left == ground.friction_right == 0.9
+    assert ground.bank_rad == pytest.approx(radians(2.0))
+    assert ground.grade_rad == pytest.approx(0.04, abs=1e-4)
+    assert ground.wind_left_mps == 8.0
+    assert scenario.payload.mass_kg == 150.0
+    assert scenario.stops[0].hold_s == 2.0
+    assert scenario.faults[0].ticks == range(120, 122)
+    assert scenario.limits == {"ey_peak_m": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        ("format", 3, "format: expected 2, found 3."),
+        ("name", "", "name: expected a text that is not empty"),
+        ("duration_s", 0.0, "duration_s: expected more than 0.0"),
+        ("road/lenght_m", 3.0, "road.lenght_m: no such setting (did you mean length_m?)"),
+        ("stops/0/at_s", 3.0, "stops[0].at_s: no such setting (did you mean at_s_m?)"),
+        ("reference/speed_kmh", 300.0, "reference.speed_kmh: expected 0..250 km/h, found 300"),
+        ("reference/speed_kmh", {"t_s": [0.0, 1e308], "value": [50.0, 9.0]}, "t_s[1]: expected"),
+        ("road/curvature_per_m", [0.0, 0.01],
+         "road.curvature_per_m: expected a number, a table with value and s_m, or kind = circle"),
+        ("reference/speed_kmh", {"s_m": [0.0], "value": [50.0], "interpolation": "step"},
+         "reference.speed_kmh.interpolation: expected none for a speed over s_m, whose"),
+        ("reference/speed_kmh", {"t_s": [0.0], "s_m": [0.0], "value": [50.0]},
+         "reference.speed_kmh.s_m: no such setting."),
+        ("reference/ey_m", {"kind": "slalom", "start_m": 5.0, "spacing_m": 40.0, "cones": 3},
+         "reference.ey_m.start_m: no such setting (did you mean start_s_m?)"),
+        ("reference/speed_kmh", {"s_m": [0.0, 9.0], "value": [0.0, 9.0]}, "cannot leave a stands"),
+        ("reference/speed_kmh", {"t_s": [0.0, 1.0], "value": [0.0, 100.0]},
+         "below the grip of 8.8 m/s^2, found 27.8"),
+        ("reference/speed_kmh", {"t_s": [0.0, 1.0], "value": [50.0]}, "value: expected 2 entries"),
+        ("reference/speed_kmh", {"t_s": [1.0, 0.0], "value": [50.0, 9.0]}, "t_s: expected knots"),
+        ("reference/ey_m", 11.0, "reference.ey_m: expected -10..10 m, found 11"),
+        ("reference/ey_m", {"s_m": [20.0, 23.0], "value": [0.0, 3.0]}, "slope of at most 0.5"),
+        ("reference/ey_m", {"kind": "sine", "amplitude_m": 1.0}, "ey_m.wavelength_m: expected it"),
+        ("reference/ey_m", {"kind": "sine", "amplitude_m": 1.0, "frequency_hz": 0.2},
+         "slope of at most 0.5"),
+        ("reference/ey_m", {"kind": "iso_3888_1", "start_s_m": 20.0, "clearance_m": 1.0},
+         "reference.ey_m.clearance_m: expected lanes"),
+        ("reference/ey_m", {"kind": "moves", "moves": [
+            {"start_m": 10.0, "length_m": 40.0, "to_m": 1.0},
+            {"start_m": 30.0, "length_m": 40.0, "to_m": 0.0}]},
+         "ey_m.moves[1].start_m: expected at least 50 (moves must not overlap), found 30."),
+        ("reference/ey_m", {"kind": "sine", "amplitude_m": 0.01, "wavelength_m": 1.5},
+         "reference.ey_m.wavelength_m: expected at least 2.0, found 1.5"),
+        ("reference/ey_m", {"s_m": [20.0, 20.1, 20.2], "value": [0.0, 0.02, 0.0]},
+         "reference.ey_m.s_m: expected knots 0.25 m apart or more, found 0.1 m"),
+        ("reference/ey_m", 3.5, "stays on its road of road.width_m"),
+        ("road/curvature_per_m", {"kind": "circle", "radius_m": 5.0},
+         "road.curvature_per_m.radius_m: expected at least 6.7, found 5"),
+        ("road/curvature_per_m", {"kind": "course", "bends": [{"radius_m": 50.0}]},
+         "road.curvature_per_m.bends[0].turn_deg: expected together"),
+        ("road/curvature_per_m", {"kind": "course", "bends": [
+            {"radius_m": 50.0, "turn_deg": 30.0, "spiral_m": 40.0}]},
+         "road.curvature_per_m.bends[0].spiral_m: expected at most"),
+        ("road/curvature_per_m", {"s_m": [0.0], "value": [0.025]},
+         "below the grip of 8.8 m/s^2, found 10.8 m/s^2"),
+        ("road/friction", {"s_m": [0, 9], "value": [0.5, 2.0]}, "found 2 at 9"),
+        ("road/friction_left", 0.5, "road.friction: expected it, or"),
+        ("road/opendrive", {"file": "a.xodr"}, "bank_deg: expected none beside opendrive"),
+        ("road/length_m", 4.0, "initial.s_m: expected less than the length of the road"),
+        ("stops/0/at_s_m", 20.0, "stops: expected at least the braking distance"),
+        ("stops/0/at_s_m", 900.0, "stops: expected places that the drive reaches"),
+        ("faults/0/duration_s", 1e-9,
+         "faults[0].duration_s: expected at least 1 control periods of 25 ms for drop"),
+        ("faults/0/start_s", 20.0,
+         "faults[0].start_s: expected less than duration_s, 20 s, found 20"),
+        ("limits", {"beauty": 1.0}, "limits.beauty: expected one of ey_rms_m"),
+    ],
+)  # fmt: skip
+def test_a_field_that_does_not_fit_is_refused_by_name(path: str, value: Any, message: str) -> None:
+    text = refusal(changed(path, value))
+    assert text.startswith("test:")
+    assert message in text
+
+
+def test_all_errors_are_reported_at_once_also_those_of_a_fault_of_a_wrong_kind() -> None:
+    content = changed("road/friction", 9.0)
+    content["initial"]["ey_m"] = 50.0
+    content["faults"] = [{"kind": "lost", "signal": "ey", "start_s": "3", "duration_s": -1.0}]
+    text = refusal(content)
+    for field in ("road.friction", "initial.ey_m"):
+        assert f"\n  {field}: " in text
+    for name in ("kind", "signals[0]", "start_s", "duration_s"):
+        assert f"faults[0].{name}: expected" in text
+
+
+def test_a_file_that_is_no_toml_or_not_there_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "x.toml"
+    path.write_text("format = ")
+    with pytest.raises(ConfigError, match="expected a TOML file"):
+        load_scenario(str(path))
+    with pytest.raises(ConfigError, match=r"double_lane_change.*did you mean double_lane_chan"):
+        load_scenario("dubble_lane_change")
+
+
+PLAIN: dict[str, Any] = {
+    "format": 2, "name": "good", "duration_s": 30.0, "reference": {"speed_kmh": 60.0},
+}  # fmt: skip
+ICE_LATER = {"friction": {"s_m": [0.0, 120.0], "value": [0.9, 0.1], "interpolation": "step"}}
+BRAKING = {"speed_kmh": {"t_s": [0.0, 1.0, 3.0], "value": [60.0, 60.0, 30.0]}}
+TIME_SINE = {"kind": "sine", "amplitude_m": 0.5, "frequency_hz": 0.4}
+
+
+def plain(**parts: Any) -> Scenario:
+    return parse_scenario(PLAIN | parts, "test")
+
+
+@pytest.mark.parametrize(
+    ("parts", "message"),
+    [
+        ({"road": {"friction": 0.1}, "stops": [{"at_s_m": 160.0, "deceleration_mps2": 3.0}]},
+         "stops.deceleration_mps2: expected an acceleration below the grip of 1.0"),
+        ({"road": {"friction": 0.15}, "initial": {"speed_kmh": 0.0},
+          "stops": [{"at_s_m": 80.0, "deceleration_mps2": 1.0}]},
+         "stops.acceleration_mps2: expected an acceleration below the grip of 1.5"),
+        ({"road": {"grade_percent": -10.0, "friction": 0.25}, "stops": [{"at_s_m": 200.0}]},
+         "stops.deceleration_mps2: expected an acceleration below the grip of 2.5 m/s^2, found "
+         "-2.5 m/s^2 on a slope of -10.0 %"),
+        ({"road": {"friction": {"s_m": [0.0, 30.0], "value": [0.9, 0.1], "interpolation": "step"}},
+          "reference": BRAKING}, "reference.speed_kmh: expected an acceleration below the grip"),
+        ({"reference": {"speed_kmh": {
+            "kind": "stop_and_go", "cruise_kmh": 60.0, "first_stop_s_m": 20.0, "spacing_m": 80.0,
+            "count": 2}}, "stops": [{"at_s_m": 300.0}]},
+         "stops: expected at least the braking distance of 55.6 m"),
+        ({"initial": {"speed_kmh": 0.0}, "reference": {"speed_kmh": 60.0, "ey_m": TIME_SINE}},
+         "reference.ey_m: expected a path whose cubic over the next 1.1 s or 4 m fits the frames"),
+        ({"initial": {"speed_kmh": 200.0}, "road": {"curvature_per_m": 0.01}},
+         "reference.speed_kmh: expected a lateral acceleration below the grip of 8.3 m/s^2, "
+         "found 30.9 m/s^2 at 200 km/h, s = 0.0 m, the bank included. The radius there is 100 m, "
+         "on which less than 104 km/h is possible. Lower reference.speed_kmh, or choose a wider "
+         "bend in road.curvature_per_m."),
+        ({"road": {"curvature_per_m": -0.02, "bank_deg": 5.0}, "reference": {"speed_kmh": 80.0}},
+         "less than 77 km/h is possible"),
+        ({"stops": [{"at_s_m": 100.0, "hold_s": 1.0}, {"at_s_m": 100.4}]},
+         "expected stops 1 m apart or more, each but the last with a hold_s, found one at 100.4 m"),
+        ({"duration_s": 3600.0, "reference": {"speed_kmh": 50.0, "ey_m": {
+            "kind": "moves", "moves": [{"start_m": 30_000.0, "length_m": 20.0, "to_m": 5.0}]}}},
+         "reference.ey_m: expected a lateral acceleration below the grip of 8.3 m/s^2"),
+    ],
+)  # fmt: skip
+def test_what_the_road_cannot_carry_is_refused_by_its_field(
+    parts: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ConfigError) as refused:
+        plain(**parts)
+    assert message in str(refused.value)
+
+
+def test_what_the_road_can_carry_is_not_refused_for_another_place() -> None:
+    plain(road=ICE_LATER, reference=BRAKING, duration_s=10.0)
+    plain(road=ICE_LATER, stops=[{"at_s_m": 100.0, "deceleration_mps2": 6.0}])
+    plain(road={"curvature_per_m": 0.02, "bank_deg": -8.0, "friction": 0.5})
+    plain(road={"grade_percent": 10.0, "friction": 0.25}, stops=[{"at_s_m": 200.0}])
+
+
+SPLIT = {"friction_left": 0.85, "friction_right": 0.2}
+PATCH = {"friction": {"s_m": [0.0, 30.0], "value": [0.85, 0.2], "interpolation": "step"}}
+
+
+def on_road(road: dict[str, Any] | None = None, **parts: Any) -> Scenario:
+    content = {
+        "format": 2, "name": "x", "duration_s": 5.0, "reference": {"speed_kmh": 72.0},
+        "road": road or {},
+    }  # fmt: skip
+    return parse_scenario(content | parts, "test")
+
+
+@pytest.mark.parametrize(
+    ("road", "parts", "field"),
+    [
+        ({"bank_deg": 2.0}, {}, "road.bank_deg"),
+        ({"grade_percent": -3.0}, {}, "road.grade_percent"),
+        ({}, {"cross_wind_mps": 5.0}, "cross_wind_mps"),
+        ({}, {"tail_wind_mps": {"t_s": [0.0, 3.0], "value": [0.0, 9.0]}}, "tail_wind_mps"),
+    ],
+)
+def test_what_a_plant_does_not_take_is_refused_by_name(
+    monkeypatch: pytest.MonkeyPatch, road: dict[str, Any], parts: dict[str, Any], field: str
+) -> None:
+    level = frozenset({"friction_left", "friction_right"})
+    monkeypatch.setattr(OwnCar, "road_inputs", level)
+    with pytest.raises(ConfigError, match=f"expected a plant that takes {field}, found"):
+        require_road(OwnCar(default_car()), on_road(road, **parts))
+
+
+def coasted(road: dict[str, Any], **parts: Any) -> tuple[float, float]:
+    """Speed and lateral position after two seconds without pedals and steering."""
+    drive = on_road(road, **parts)
+    car = build_car(drive)
+    require_road(car.plant, drive)
+    for tick in range(80):
+        car.set_road(drive.road_at(car.s_m, tick * PERIOD_S))
+        car.advance(NEUTRAL_INPUT, drive.road.curvature_per_m)
+    return car.state.vx_mps, car.state.ey_m
+
+
+def test_slopes_and_wind_of_a_scenario_act_on_the_own_car() -> None:
+    speed_mps, ey_m = coasted({})
+    assert coasted({"grade_percent": 6.0})[0] < speed_mps - 0.8
+    assert coasted({"grade_percent": -6.0})[0] > speed_mps + 0.8
+    assert coasted({}, tail_wind_mps=15.0)[0] > speed_mps + 0.05
+    assert coasted({"bank_deg": 3.0})[1] < ey_m - 0.05
+    assert coasted({"bank_deg": -3.0})[1] > ey_m + 0.05
+    assert coasted({}, cross_wind_mps=15.0)[1] > ey_m + 0.02
+    assert coasted({}, cross_wind_mps=-15.0)[1] < ey_m - 0.02
+
+
+def test_a_payload_makes_the_car_slower_and_is_for_the_own_car_only() -> None:
+    def speed_after_launch(payload: dict[str, float]) -> float:
+        car = build_car(on_road(payload=payload))
+        for _ in range(80):
+            car.advance(ControlInput(1.0, 0.0, 0.0), 0.0)
+        return car.state.vx_mps
+
+    assert speed_after_launch({"mass_kg": 400.0}) < speed_after_launch({"mass_kg": 0.0}) - 0.3
+    with pytest.raises(ConfigError, match="payload: expected --plant own"):
+        build_car(on_road(payload={"mass_kg": 100.0}), CarSettings(plant="commonroad:2"))
+
+
+def test_a_plant_with_one_friction_is_refused_where_it_changes() -> None:
+    require_road(KinematicCar(), on_road({"friction_left": 0.4, "friction_right": 0.4}))
+    for road in (SPLIT, PATCH):
+        require_road(OwnCar(default_car()), on_road(road))
+        with pytest.raises(ConfigError, match=r"takes road.friction.*, found kinematic"):
+            require_road(KinematicCar(), on_road(road))
+
+
+def test_the_drive_begins_at_the_initial_place() -> None:
+    drive = on_road(initial={"s_m": 12.0, "ey_m": 0.4, "epsi_deg": 3.0, "speed_kmh": 36.0})
+    car = build_car(drive)
+    assert (car.s_m, car.state.ey_m) == (12.0, 0.4)
+    assert car.state.epsi_rad == pytest.approx(np.radians(3.0))
+    assert car.state.vx_mps == pytest.approx(10.0)
+
+
+def test_the_wind_is_told_in_the_axes_of_the_car(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[RoadAt] = []
+    monkeypatch.setattr(OwnCar, "set_road", lambda plant, road: told.append(road))
+    drive = on_road({"bank_deg": 3.0}, cross_wind_mps=6.0, tail_wind_mps=2.0)
+    car = Car(OwnCar(default_car()), 20.0)
+    car.reset(20.0, epsi_rad=np.pi / 2)
+    car.set_road(drive.road_at(0.0, 0.0))
+    assert (told[-1].wind_forward_mps, told[-1].wind_left_mps) == pytest.approx((6.0, -2.0))
+    assert told[-1].bank_rad == pytest.approx(np.radians(3.0))
+
+
+def test_too_little_friction_is_noted_with_place_demand_and_grip() -> None:
+    bend = on_road({"curvature_per_m": 0.02}, reference={"speed_kmh": 60.0})
+    note = grip_note(bend.with_friction(0.5)) or ""
+    assert "scenario 'x' with this --friction: reference.speed_kmh: expected a lateral" in note
+    assert "below the grip of 4.9 m/s^2, found 5.6 m/s^2 at 60 km/h, s = 0.0 m" in note
+    assert note.endswith("It is driven all the same.")
+    assert grip_note(bend.with_friction(0.6)) is None
+
+
+@pytest.mark.parametrize(
+    ("radius_m", "speed_kmh", "text"),
+    [
+        (15.0, 30.0, "about 218 deg at the steering wheel at s = 0 m (radius 15 m, 30 km/h)"),
+        (70.0, 85.0, "radius 70 m, 85 km/h"),
+        (40.0, 30.0, ""),
+        (80.0, 10.0, ""),
+    ],
+)
+def test_a_bend_that_needs_too_much_steering_is_noted_and_a_short_peak_is_not(
+    radius_m: float, speed_kmh: float, text: str
+) -> None:
+    bend = on_road({"curvature_per_m": -1.0 / radius_m}, reference={"speed_kmh": speed_kmh})
+    note = steering_note(bend)
+    assert text in str(note)
+    assert (note is None) is (text == "")
+    assert steering_note(load_scenario("lane_change_60")) is None
