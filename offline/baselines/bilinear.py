@@ -150,11 +150,6 @@ def fit_bilinear(
     return fit_ridge(dataset, _candidates(dataset, observables, past_steps), ridges)
 
 
-def monomials_of(q: int, degree: int) -> NDArray[np.int64]:
-    """All monomials (F, degree) of a degree of v (..., q)."""
-    return np.array(list(combinations_with_replacement(range(q), degree)), dtype=np.int64)
-
-
 def lift(dictionary: Dictionary, x: Array, w: Array, past: Array) -> Array:
     """psi (..., n), as `LinearModel.lift`."""
     products = evaluate_monomials(dictionary.monomials, np.concatenate([x, w], axis=-1))
@@ -215,7 +210,8 @@ def _choose_monomials(start: Dictionary, data: Transitions, count: int) -> Dicti
     """
     chosen = start
     for degree in range(2, HIGHEST_DEGREE + 1):
-        candidates = monomials_of(start.variables, degree)
+        products = combinations_with_replacement(range(start.variables), degree)
+        candidates = np.array([*products], dtype=np.int64)
         left = count - len(chosen.monomials)
         if left < len(candidates):
             relevance = _relevance(candidates, chosen, data)

@@ -155,9 +155,11 @@ def fit_per_curvature(dataset: Dataset) -> LinearPerCurvature:
 
 def _unscaled(dataset: Dataset) -> Scaling:
     """Physical units; a roll-out in them has the rounding errors of the bundle's."""
-    schema, h = dataset.schema, len(past_names(dataset.schema, dataset.roles))
-    ones = (np.ones(len(each)) for each in (schema.states, schema.inputs, schema.exogenous))
-    return Scaling(np.zeros(len(schema.states)), *ones, np.zeros(h), np.ones(h))
+    names, past = dataset.schema, past_names(dataset.schema, dataset.roles)
+    x, u, w, row = (
+        np.ones(len(each)) for each in (names.states, names.inputs, names.exogenous, past)
+    )
+    return Scaling(0.0 * x, x, u, w, 0.0 * row, row)
 
 
 def _fit_one_step(train: Trajectories, dataset: Dataset, sees_exogenous: bool) -> Matrices:

@@ -21,11 +21,7 @@ SHIPPED = "mdk-net-paper"
 """the paper's network with the training of the preset paper, a bundle of this package"""
 
 PLAIN_BASELINES = ("lti", "lti-per-curvature", "persistence")
-DEFAULT_BASELINES = (
-    *PLAIN_BASELINES,
-    *("dmdc-delays-path", "lti-scheduled-delays"),
-    SHIPPED,
-)
+DEFAULT_BASELINES = (*PLAIN_BASELINES, "dmdc-delays-path", "lti-scheduled-delays", SHIPPED)
 """those that take seconds to fit: linear ones, persistence, and the paper's network, which ships"""
 
 ALL, NONE = "all", "none"
@@ -132,16 +128,15 @@ def open_baselines(
         DatasetError: one is not allowed and `is_required`; raised before any is fitted.
     """
     objections = {name: _find_objection(name, dataset, models) for name in names}
-    for name, objection in objections.items():
-        if objection is not None and is_required:
+    refused = {name: objection for name, objection in objections.items() if objection}
+    for name, objection in refused.items():
+        if is_required:
             raise DatasetError(
                 f"--baselines {name}: expected a baseline for these data, but {objection}."
             )
-        if objection is not None:
-            notify(f"without {name}: {objection}.")
-    allowed = [name for name in names if objections[name] is None]
+        notify(f"without {name}: {objection}.")
     opened: dict[str, Predictor] = {}
-    for name in allowed:
+    for name in (name for name in names if name not in refused):
         on_progress(name)
         if name == SHIPPED:
             opened[name] = BundlePredictor(load_bundle(shipped_model(SHIPPED)))

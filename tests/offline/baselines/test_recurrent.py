@@ -1,7 +1,5 @@
 """The recurrent network."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
@@ -11,6 +9,7 @@ from offline.baselines import recurrent
 from offline.baselines.fitting import log_error
 from offline.baselines.linear import Persistence
 from offline.baselines.recurrent import CONFIG, fit_network
+from offline.baselines.registry import not_converged
 from offline.baselines.road_path import path_states
 from rt_controller.contract.errors import DatasetError
 
@@ -49,16 +48,6 @@ def test_for_other_signals_than_the_cars_all_states_are_learned():
     baseline, test = fit_network(made, quick()), made.select("test")
     assert baseline.learned.curvature is None
     assert log_error(baseline, test) < log_error(Persistence(), test) - 0.5
-
-
-def test_a_car_on_a_road_with_other_inputs_has_an_integrated_path_too(toy_dataset):
-    schema = toy_dataset.schema
-    renamed = tuple(each._replace(name=f"my_{each.name}") for each in schema.inputs)
-    past = tuple(name for name in toy_dataset.roles.past if name in schema.state_names)
-    roles = replace(toy_dataset.roles, past=past, odd=None)
-    manifest = replace(toy_dataset.manifest, schema=replace(schema, inputs=renamed), roles=roles)
-    model = fit_network(replace(toy_dataset, manifest=manifest), quick(steps=2))
-    assert model.learned.curvature == 0
 
 
 def test_training_is_repeatable_and_keeps_the_global_state_of_torch(toy_dataset):
@@ -127,3 +116,4 @@ def test_training_ends_with_a_falling_rate_and_keeps_the_best_network(
     model = fit_network(toy_dataset, quick(steps=400, evaluate_every=2))
     assert (model.steps, model.is_converged, model.score) == (steps, is_converged, min(scores))
     assert torch.equal(weights_of(model), seen[1])
+    assert not_converged({"lti": Persistence(), "gru": model}) == (() if is_converged else ("gru",))

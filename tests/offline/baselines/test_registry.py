@@ -21,7 +21,6 @@ from offline.baselines.registry import (
     baseline_facts,
     choose_baselines,
     compare_with_plain_baselines,
-    not_converged,
     open_baselines,
 )
 from offline.baselines.scheduled import fit_scheduled
@@ -191,10 +190,3 @@ def test_a_bundle_with_the_name_of_a_baseline_replaces_it(toy_dataset):
         assert comparison.baselines == ("lti-per-curvature", "persistence")
         errors.append(comparison.library["models"]["lti"]["mse"]["vx_kmh_squared"]["value"])
     assert errors[0] > errors[1]
-
-
-def test_a_network_whose_training_did_not_converge_is_named():
-    class Unfinished(Persistence):
-        is_converged = False
-
-    assert not_converged({"lti": Persistence(), "gru": Unfinished()}) == ("gru",)
