@@ -1,11 +1,11 @@
-"""What a baseline consists of, and the check of the arrays that it predicts from."""
+"""What a baseline consists of, its bundle, and the check of the arrays that it predicts from."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
 from offline.data.dataset import Dataset
-from offline.data.manifest import describe_training
+from offline.data.signals import Scaling, last_rows
 from offline.evaluation.predictor import Predictor
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
@@ -40,41 +40,23 @@ class Baseline:
     """why it cannot be fitted to these data, as the end of a sentence; None if it can"""
 
 
-def describe_fit(name: str, baseline: FittedBaseline, dataset: Dataset) -> str:
-    """The field `training` of the bundle of a fitted baseline, as JSON."""
-    facts = {fact.name: fact.value for fact in baseline.fit_info()}
-    return describe_training({"kind": name, **facts}, dataset.origin)
-
-
-def require_windows(
-    x0: Array,
-    past: Array,
-    U: Array,
-    W: Array,
-    signals: tuple[int, int, int],
-    past_signals: int = 0,
-    past_steps: int = 0,
-) -> None:
-    """Return if the arguments of `Predictor.predict` have the shapes that a baseline needs.
-
-    Args:
-        signals: number of states, inputs and exogenous signals that it was fitted to.
-        past_signals: signals in a row of the past; 0 if the past is not used.
-        past_steps: rows of the past that are needed at least.
+def scale_windows(
+    scaling: Scaling, past_steps: int, x0: Array, past: Array, U: Array, W: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Scaled x0, U, W and last `past_steps` rows of the past; arguments of `Predictor.predict`.
 
     Raises:
         DatasetError: a shape does not fit the baseline or the other arrays.
     """
-    n, m, p = signals
-    batch, steps = len(x0), U.shape[1] if U.ndim > 1 else 0
-    is_past = past.ndim == 3 and len(past) == batch and past.shape[1] >= past_steps
-    windows = ((batch, n), (batch, steps, m), (batch, steps, p))
-    if (x0.shape, U.shape, W.shape) != windows or not (
-        is_past and past_signals in (0, past.shape[2])
-    ):
+    n, m, p, h = map(len, (scaling.x_scale, scaling.u_scale, scaling.w_scale, scaling.past_scale))
+    found = tuple(each.shape for each in (x0, past, U, W))
+    batch, steps, rows = len(x0), *(part.shape[1] if part.ndim > 1 else 0 for part in (U, past))
+    expected = ((batch, n), (batch, rows, h), (batch, steps, m), (batch, steps, p))
+    if found != expected or rows < past_steps:
         raise DatasetError(
-            f"expected x0 (batch, {n}), past (batch, {past_steps} or more, "
-            f"{past_signals or 'any'}), U (batch, K, {m}) and W (batch, K, {p}), found "
-            f"{x0.shape}, {past.shape}, {U.shape} and {W.shape}. Predict on windows of the "
+            f"expected x0 (batch, {n}), past (batch, {past_steps} or more, {h}), U (batch, K, {m}) "
+            f"and W (batch, K, {p}), found {', '.join(map(str, found))}. Predict on windows of the "
             f"signals that the baseline was fitted to."
         )
+    rows_of_past = (last_rows(past, past_steps) - scaling.past_centre) / scaling.past_scale
+    return scaling.normalise_states(x0), U / scaling.u_scale, W / scaling.w_scale, rows_of_past

@@ -13,7 +13,7 @@ and Vasudevan (2021) for the bilinear form.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import StrEnum
+from functools import partial
 from itertools import combinations_with_replacement
 from typing import NamedTuple
 
@@ -22,110 +22,62 @@ import onnx
 from numpy.typing import NDArray
 from onnx import helper, numpy_helper, parser
 
-from offline.baselines.baseline import describe_fit, require_windows
 from offline.baselines.fitting import (
-    MOST_TRANSITIONS,
     RIDGES,
-    Moments,
+    Candidate,
     Transitions,
-    best_model,
-    moments,
+    fit_ridge,
+    moments_of,
     pick_transitions,
     ridge_solution,
 )
+from offline.baselines.linear import LinearModel
 from offline.data.dataset import Dataset
-from offline.data.signals import Scaling, fit_scaling, last_rows, past_names
+from offline.data.signals import Scaling, fit_scaling
 from rt_controller.contract.arrays import Array
-from rt_controller.model.bundle import Bundle, spectral_radius_of
-from rt_controller.model.dynamics import Gains, Matrices, Shape, roll_out
+from rt_controller.model.bundle import spectral_radius_of
+from rt_controller.model.dynamics import Gains, Matrices, Shape
 from rt_controller.model.follow import Follow
-from rt_controller.model.lift import IR_VERSION, OPSET, Lift, LiftSample
+from rt_controller.model.lift import IR_VERSION, OPSET
 from rt_controller.report.table import Fact
 
 HIGHEST_DEGREE = 6
 """of monomials"""
-_SAMPLES = 40_000
-"""transitions that the choice of monomials looks at"""
-_CHOICE_RIDGE = 1e-8
-
-
-class GainColumns(StrEnum):
-    """Which observables the inputs are multiplied by."""
-
-    SPEED = "speed"
-    """the first centred state and its powers: for the car, its speed"""
-    STATES = "states"
-    PRODUCTS = "products"
-    """the states and their products of two"""
-
-
-@dataclass(frozen=True, slots=True)
-class BilinearSettings:
-    """The values that are tried, in all combinations."""
-
-    observables: tuple[int, ...] = (66, 150, 300)
-    """sizes of psi; 66 are those of the paper's network, its states among them"""
-    past_steps: tuple[int, ...] = (4, 12)
-    ridges: tuple[float, ...] = RIDGES
-    gains: tuple[GainColumns, ...] = tuple(GainColumns)
+_SAMPLES, _CHOICE_RIDGE = 40_000, 1e-8
+"""transitions that the choice of monomials looks at, and its ridge"""
 
 
 class Dictionary(NamedTuple):
-    """The observables psi of signals in physical units."""
+    """The observables psi of scaled signals."""
 
     monomials: NDArray[np.int64]
     """(F, degree) indices of the entries of [x, w] (..., q) to multiply; q stands for a factor 1"""
-    scaling: Scaling
-    past_steps: int = 0
+    variables: int
+    """q"""
+    first_monomial: int
+    """index in psi"""
+    past_steps: int
     """rows of the past in psi"""
     gains: tuple[int, ...] = ()
     """entries of psi that the inputs are multiplied by"""
 
-    @property
-    def variables(self) -> int:
-        """q, the number of the entries of [x, w]."""
-        return len(self.scaling.x_scale) + len(self.scaling.w_scale)
 
-    @property
-    def first_monomial(self) -> int:
-        """Index in psi."""
-        return len(self.scaling.x_scale) + self.past_steps * len(self.scaling.past_scale)
-
-    def lift(self, x: Array, w: Array, past: Array) -> Array:
-        """psi (..., n) of states (..., n_x), w (..., p) and past (..., H, h), H >= past_steps."""
-        scaling = self.scaling
-        x = scaling.normalise_states(x)
-        parts = [x]
-        if self.past_steps:
-            last = (last_rows(past, self.past_steps) - scaling.past_centre) / scaling.past_scale
-            parts.append(last.reshape(*x.shape[:-1], -1))
-        v = np.concatenate([x, w / scaling.w_scale], axis=-1)
-        parts.append(evaluate_monomials(self.monomials, v))
-        return np.concatenate([*parts, np.ones((*x.shape[:-1], 1))], axis=-1)
-
-
-@dataclass(frozen=True, slots=True)
-class LiftedModel:
-    """A dictionary and the dynamics of its observables."""
+@dataclass(frozen=True)
+class LiftedModel(LinearModel):
+    """A dictionary and the dynamics of its observables; c is zero, since psi ends with 1."""
 
     dictionary: Dictionary
-    matrices: Matrices
-    """of psi and scaled signals; c is zero, since psi ends with 1"""
     ridge: float
     """that the matrices were fitted with"""
 
-    def predict(self, x0: Array, past: Array, U: Array, W: Array) -> Array:
-        """States (batch, K+1, n_x), as `Predictor.predict`."""
-        scaling, past_steps = self.dictionary.scaling, self.dictionary.past_steps
-        n_x, past_signals = len(scaling.x_scale), len(scaling.past_scale) if past_steps else 0
-        signals = (n_x, len(scaling.u_scale), len(scaling.w_scale))
-        require_windows(x0, past, U, W, signals, past_signals, past_steps)
-        psi0 = self.dictionary.lift(x0, W[:, 0], past)
-        with np.errstate(over="ignore", invalid="ignore"):
-            scaled = roll_out(self.matrices, psi0, U / scaling.u_scale, W / scaling.w_scale, n_x)
-        states = scaled * scaling.x_scale + scaling.x_centre
-        states[:, 0] = x0
-        return states
+    @property
+    def past_steps(self) -> int:
+        """As `LinearModel.past_steps`."""
+        return self.dictionary.past_steps
+
+    def lift(self, x: Array, w: Array, past: Array) -> Array:
+        """As `LinearModel.lift`."""
+        return lift(self.dictionary, x, w, past)
 
     def fit_info(self) -> tuple[Fact, ...]:
         """Size of the dictionary, and the ridge."""
@@ -139,10 +91,71 @@ class LiftedModel:
             Fact("gains", f"{len(dictionary.gains)}, following the {Follow.PREDICTION}"),
         )
 
+    def encoder(self, n: int) -> tuple[bool, bytes]:
+        """As `LinearModel.encoder`: psi = [x, scaled history, monomials of scaled x and w, 1]."""
+        dictionary, scaling = self.dictionary, self.scaling
+        rows = dictionary.past_steps
+        past = rows * len(scaling.past_scale)
+        q, degree = dictionary.variables, dictionary.monomials.shape[1]
+        one = q + past
+        # The rows of the past and the constant are products too, with factors 1.
+        products = np.full((past + len(dictionary.monomials) + 1, degree), one)
+        products[:past, 0] = q + np.arange(past)
+        products[past:-1] = np.where(dictionary.monomials == q, one, dictionary.monomials)
+        centres = (scaling.x_centre, 0.0 * scaling.w_scale, *rows * [scaling.past_centre])
+        scales = (scaling.x_scale, scaling.w_scale, *rows * [scaling.past_scale])
+        constants = {
+            "centre": np.concatenate(centres, dtype=np.float32),
+            "scale": np.concatenate(scales, dtype=np.float32),
+            "add_one": np.array([0, 0, 0, 1]),
+            "value": np.array(1.0, dtype=np.float32),
+            "products": products,
+            "last_axis": np.array([2]),
+        }
+        inputs = f"float[batch, {len(scaling.x_scale)}] x, float[batch, {len(scaling.w_scale)}] w"
+        nodes = ["signals = Concat <axis = 1> (x, w)"]
+        if rows:
+            inputs += f", float[batch, {rows}, {len(scaling.past_scale)}] history"
+            nodes = ["past = Flatten (history)", "signals = Concat <axis = 1> (x, w, past)"]
+        nodes += [
+            "centred = Sub (signals, centre)",
+            "scaled = Div (centred, scale)",
+            "factors = Pad (scaled, add_one, value)",
+            "chosen = Gather <axis = 1> (factors, products)",
+            "observables = ReduceProd <keepdims = 0> (chosen, last_axis)",
+            "psi = Concat <axis = 1> (x, observables)",
+        ]
+        signature = f"lift ({inputs}) => (float[batch, {n}] psi)"
+        graph = parser.parse_graph("\n".join([signature, "{", *nodes, "}"]))
+        for name, value in constants.items():
+            graph.initializer.append(numpy_helper.from_array(value, name))
+        opset = [helper.make_opsetid("", OPSET)]
+        encoder = helper.make_model(graph, opset_imports=opset, ir_version=IR_VERSION)
+        onnx.checker.check_model(encoder)
+        return True, bytes(encoder.SerializeToString())
 
-def monomials_of(q: int, degree: int) -> NDArray[np.int64]:
-    """All monomials (F, degree) of a degree of v (..., q)."""
-    return np.array(list(combinations_with_replacement(range(q), degree)), dtype=np.int64)
+
+def fit_bilinear(
+    dataset: Dataset,
+    observables: tuple[int, ...] = (66, 150, 300),
+    past_steps: tuple[int, ...] = (4, 12),
+    ridges: tuple[float, ...] = RIDGES,
+) -> LiftedModel:
+    """The model with the smallest validation score of all combinations of these settings.
+
+    `observables` are sizes of psi; 66 are those of the paper's network, its states among them.
+
+    Raises:
+        DatasetError: no model predicts finite numbers, or no dictionary is larger than the states.
+    """
+    return fit_ridge(dataset, _candidates(dataset, observables, past_steps), ridges)
+
+
+def lift(dictionary: Dictionary, x: Array, w: Array, past: Array) -> Array:
+    """psi (..., n), as `LinearModel.lift`."""
+    products = evaluate_monomials(dictionary.monomials, np.concatenate([x, w], axis=-1))
+    rows, one = past.reshape(*x.shape[:-1], -1), np.ones((*x.shape[:-1], 1))
+    return np.concatenate([x, rows, products, one], axis=-1)
 
 
 def evaluate_monomials(monomials: NDArray[np.int64], v: Array) -> Array:
@@ -154,70 +167,40 @@ def evaluate_monomials(monomials: NDArray[np.int64], v: Array) -> Array:
     return np.asarray(values)
 
 
-def fit_bilinear(dataset: Dataset, settings: BilinearSettings) -> LiftedModel:
-    """The model with the smallest validation score of all that the settings allow.
+def _candidates(
+    dataset: Dataset, observables: tuple[int, ...], past_steps: tuple[int, ...]
+) -> Iterator[Candidate[LiftedModel]]:
+    """One for each past, number of observables, and choice of gains."""
+    train = dataset.select("train")
+    scaling = fit_scaling(train, dataset.schema, dataset.roles)
+    states = len(scaling.x_scale)
+    for rows in past_steps:
+        data = pick_transitions(train, dataset, scaling, rows)
+        first = states + rows * len(scaling.past_scale)
+        none = np.zeros((0, 1), dtype=np.int64)
+        start = Dictionary(none, states + len(scaling.w_scale), first, rows)
+        for count in (size - first - 1 for size in observables if size > first + 1):
+            chosen = _choose_monomials(start, data, count)
+            for gains in choices_of_gains(chosen, dataset):
+                dictionary = chosen._replace(gains=gains)
+                regression = partial(_regression, dictionary)
+                yield Candidate(data, regression, partial(_models, dictionary, scaling))
 
-    Raises:
-        DatasetError: no model predicts finite numbers, or no dictionary is larger than the states.
+
+def choices_of_gains(dictionary: Dictionary, dataset: Dataset) -> list[tuple[int, ...]]:
+    """Entries of psi that inputs are multiplied by.
+
+    The first centred state with its powers, for the car its speed; the states; and the states with
+    their products of two.
     """
-    return best_model(_models(dataset, settings), dataset)
-
-
-def to_bundle(name: str, model: LiftedModel, dataset: Dataset, sample: LiftSample) -> Bundle:
-    """The model as a bundle: its lift in ONNX, the scaling folded into the matrices.
-
-    `sample` are instants with at least the past that it needs.
-    """
-    dictionary, scaling = model.dictionary, model.dictionary.scaling
-    past_steps = dictionary.past_steps
-    fields = past_names(dataset.schema, dataset.roles) if past_steps else ()
-    history = last_rows(sample.history, past_steps)[..., : len(fields)]
-    sample = LiftSample(sample.x, sample.w, history)
-    psi = dictionary.lift(sample.x, sample.w, sample.history)
-    psi[:, : len(scaling.x_scale)] = sample.x
-    return Bundle(
-        name=name,
-        schema=dataset.schema,
-        car=dataset.car,
-        **scaling.to_physical(model.matrices)._asdict(),
-        lift=Lift(True, past_steps, fields),
-        encoder_onnx=_encoder(dictionary, psi.shape[1]),
-        selftest=sample,
-        selftest_psi=psi,
-        training=describe_fit(name, model, dataset),
-        data_sha256=dataset.sha256,
-    )
-
-
-def _models(dataset: Dataset, settings: BilinearSettings) -> Iterator[LiftedModel]:
-    """One for each past, number of observables, choice of gains, and ridge."""
-    train, schema, roles = dataset.select("train"), dataset.schema, dataset.roles
-    scaling = fit_scaling(train, schema, roles)
-    for past_steps in settings.past_steps:
-        data = pick_transitions(train, schema, roles, past_steps, MOST_TRANSITIONS)
-        without_monomials = Dictionary(np.zeros((0, 1), dtype=np.int64), scaling, past_steps)
-        others = without_monomials.first_monomial + 1
-        for count in (size - others for size in settings.observables if size > others):
-            chosen = _choose_monomials(without_monomials, data, count)
-            for gains in settings.gains:
-                dictionary = chosen._replace(gains=_columns_of(gains, chosen, dataset))
-                of = _moments(dictionary, data)
-                for ridge in settings.ridges:
-                    yield LiftedModel(dictionary, _solve(dictionary, of, ridge), ridge)
-
-
-def _columns_of(gains: GainColumns, dictionary: Dictionary, dataset: Dataset) -> tuple[int, ...]:
-    """Entries of psi that inputs are multiplied by."""
     degrees = (dictionary.monomials < dictionary.variables).sum(axis=1)
-    first, states = dictionary.first_monomial, tuple(range(len(dictionary.scaling.x_scale)))
-    if gains is GainColumns.PRODUCTS:
-        return (*states, *(first + np.flatnonzero(degrees == 2)).tolist())
-    if gains is GainColumns.STATES or not dataset.roles.centred:
-        return states
-    speed = dataset.schema.state_names.index(dataset.roles.centred[0])
-    is_power = (dictionary.monomials == speed).sum(axis=1) == degrees
-    powers = np.flatnonzero(is_power & (degrees <= 3))
-    return (speed, *(first + powers).tolist())
+    first, states = dictionary.first_monomial, tuple(range(len(dataset.schema.states)))
+    speed_alone = states
+    if dataset.roles.centred:
+        speed = dataset.schema.state_names.index(dataset.roles.centred[0])
+        is_power = (dictionary.monomials == speed).sum(axis=1) == degrees
+        speed_alone = (speed, *(first + np.flatnonzero(is_power & (degrees <= 3))).tolist())
+    return [speed_alone, states, (*states, *(first + np.flatnonzero(degrees == 2)).tolist())]
 
 
 def _choose_monomials(start: Dictionary, data: Transitions, count: int) -> Dictionary:
@@ -228,15 +211,15 @@ def _choose_monomials(start: Dictionary, data: Transitions, count: int) -> Dicti
     """
     chosen = start
     for degree in range(2, HIGHEST_DEGREE + 1):
-        candidates = monomials_of(start.variables, degree)
+        products = combinations_with_replacement(range(start.variables), degree)
+        candidates = np.array([*products], dtype=np.int64)
         left = count - len(chosen.monomials)
         if left < len(candidates):
             relevance = _relevance(candidates, chosen, data)
             # Sorted, so that rounding does not change the order of equally relevant ones.
             candidates = candidates[np.sort(np.argsort(-relevance, kind="stable")[:left])]
-        lower = chosen.monomials
-        missing = ((0, 0), (0, degree - lower.shape[1]))
-        lower = np.pad(lower, missing, constant_values=start.variables)
+        missing = ((0, 0), (0, degree - chosen.monomials.shape[1]))
+        lower = np.pad(chosen.monomials, missing, constant_values=start.variables)
         chosen = chosen._replace(monomials=np.concatenate([lower, candidates]))
         if len(chosen.monomials) == count:
             break
@@ -245,14 +228,13 @@ def _choose_monomials(start: Dictionary, data: Transitions, count: int) -> Dicti
 
 def _relevance(candidates: NDArray[np.int64], chosen: Dictionary, data: Transitions) -> Array:
     """(F,) squared correlation of each with the one-step residuals, summed over the states."""
-    scaling = chosen.scaling
     some = Transitions(*(series[:: -(-len(data.u) // _SAMPLES)] for series in data))
-    operator = _operator(_moments(chosen, some), _CHOICE_RIDGE)
-    psi = chosen.lift(some.x, np.repeat(some.w[:, None], 2, axis=1), some.past)
-    n_x = len(scaling.x_scale)
-    u, w = some.u / scaling.u_scale, some.w / scaling.w_scale
-    residual = psi[:, 1, :n_x] - np.concatenate([psi[:, 0], u, w], axis=1) @ operator[:n_x].T
-    values = evaluate_monomials(candidates, np.concatenate([psi[:, 0, :n_x], w], axis=1))
+    n_x = some.x.shape[2]
+    regression = partial(_regression, chosen)
+    operator = ridge_solution(*moments_of(some, regression), _CHOICE_RIDGE)[:n_x]
+    rows, change = regression(some)
+    residual = change[:, :n_x] - rows @ operator.T
+    values = evaluate_monomials(candidates, np.concatenate([some.x[:, 0], some.w], axis=1))
     return np.asarray(np.square(_normalised(values).T @ _normalised(residual)).sum(axis=1))
 
 
@@ -263,79 +245,21 @@ def _normalised(columns: Array) -> Array:
     return np.asarray(centred / np.where(length > 0.0, length, 1.0))
 
 
-def _moments(dictionary: Dictionary, data: Transitions) -> Moments:
-    """Of the regressors [psi, u, w, u times each gain] (M, r) and the change of psi (M, n)."""
-    scaling = dictionary.scaling
-
-    def regression(part: Transitions) -> tuple[Array, Array]:
-        psi = dictionary.lift(part.x, np.repeat(part.w[:, None], 2, axis=1), part.past)
-        before, u = psi[:, 0], part.u / scaling.u_scale
-        products = (before[:, dictionary.gains, None] * u[:, None]).reshape(len(u), -1)
-        rows = np.concatenate([before, u, part.w / scaling.w_scale, products], axis=-1)
-        return rows, psi[:, 1] - before
-
-    return moments(data, regression)
+def _regression(dictionary: Dictionary, data: Transitions) -> tuple[Array, Array]:
+    """The regressors [psi, u, w, u times each gain] (M, r) and the change of psi (M, n)."""
+    psi = lift(dictionary, data.x, np.repeat(data.w[:, None], 2, axis=1), data.past)
+    before, u = psi[:, 0], data.u
+    products = (before[:, list(dictionary.gains), None] * u[:, None]).reshape(len(u), -1)
+    return np.concatenate([before, u, data.w, products], axis=1), psi[:, 1] - before
 
 
-def _operator(of: Moments, ridge: float) -> Array:
-    """[A, B_uc, B_uw, N] (n, r) of these moments."""
-    operator = ridge_solution(of, ridge)
-    n = len(operator)
-    operator[:, :n] += np.eye(n)
-    return operator
-
-
-def _solve(dictionary: Dictionary, of: Moments, ridge: float) -> Matrices:
-    operator = _operator(of, ridge)
-    n, m, p = len(operator), len(dictionary.scaling.u_scale), len(dictionary.scaling.w_scale)
-    A, B_uc, B_uw, N = np.split(operator, [n, n + m, n + m + p], axis=1)
+def _models(
+    dictionary: Dictionary, scaling: Scaling, operator: Array, ridge: float
+) -> Iterator[LiftedModel]:
+    n, m, p = len(operator), len(scaling.u_scale), len(scaling.w_scale)
+    change, B_uc, B_uw, N = np.split(operator, [n, n + m, n + m + p], axis=1)
     S = np.repeat(np.eye(n)[list(dictionary.gains)], m, axis=0)
     factor, linear = np.tile(np.arange(m), len(dictionary.gains)), np.full(len(S), Shape.LINEAR)
     gains = Gains(N, S, np.zeros(len(S)), factor, linear)
-    return Matrices(A, B_uc, B_uw, np.zeros(n), gains)
-
-
-def _encoder(dictionary: Dictionary, n: int) -> bytes:
-    """The lift in ONNX: psi = [x, scaled history, monomials of scaled x and w, 1]."""
-    scaling = dictionary.scaling
-    constants: dict[str, NDArray[np.generic]] = {"one_width": np.array([1])}
-    constants |= {name: getattr(scaling, name) for name in ("x_centre", "x_scale", "w_scale")}
-    inputs = [f"float[batch, {len(scaling.x_scale)}] x", f"float[batch, {len(scaling.w_scale)}] w"]
-    nodes = [
-        "rows = Shape <start = 0, end = 1> (x)",
-        "one_shape = Concat <axis = 0> (rows, one_width)",
-        "one = ConstantOfShape <value = float[1] {1.0}> (one_shape)",
-        "x_centred = Sub (x, x_centre)",
-        "x_scaled = Div (x_centred, x_scale)",
-        "w_scaled = Div (w, w_scale)",
-        "factors = Concat <axis = 1> (x_scaled, w_scaled, one)",
-    ]
-    past = ""
-    if dictionary.past_steps:
-        inputs.append(f"float[batch, {dictionary.past_steps}, {len(scaling.past_scale)}] history")
-        constants |= {"p_centre": scaling.past_centre, "p_scale": scaling.past_scale}
-        nodes += [
-            "p_centred = Sub (history, p_centre)",
-            "p_scaled = Div (p_centred, p_scale)",
-            "past = Flatten (p_scaled)",
-        ]
-        past = "past, "
-    product = ""
-    for i, column in enumerate(dictionary.monomials.T):
-        constants[f"column_{i}"] = column
-        nodes.append(f"f_{i} = Gather <axis = 1> (factors, column_{i})")
-        if product:
-            nodes.append(f"product_{i} = Mul ({product}, f_{i})")
-        product = f"product_{i}" if product else f"f_{i}"
-    nodes.append(f"psi = Concat <axis = 1> (x, {past}{product}, one)")
-    signature = f"lift ({', '.join(inputs)}) => (float[batch, {n}] psi)"
-    graph = parser.parse_graph("\n".join([signature, "{", *nodes, "}"]))
-    for name, value in constants.items():
-        kind = value.dtype if value.dtype == np.int64 else np.float32
-        graph.initializer.append(
-            numpy_helper.from_array(np.ascontiguousarray(value, dtype=kind), name)
-        )
-    opset = [helper.make_opsetid("", OPSET)]
-    encoder = helper.make_model(graph, opset_imports=opset, ir_version=IR_VERSION)
-    onnx.checker.check_model(encoder)
-    return bytes(encoder.SerializeToString())
+    matrices = Matrices(np.eye(n) + change, B_uc, B_uw, np.zeros(n), gains)
+    yield LiftedModel(scaling, matrices, dictionary, ridge)

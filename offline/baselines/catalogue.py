@@ -6,11 +6,16 @@ on the validation part is kept.
 
 from functools import partial
 
-from offline.baselines import bilinear, linear
 from offline.baselines.baseline import Baseline, FittedBaseline
-from offline.baselines.bilinear import BilinearSettings, fit_bilinear
-from offline.baselines.linear import Persistence, fit_linear, fit_per_curvature
-from offline.baselines.scheduled import ScheduledSettings, fit_scheduled
+from offline.baselines.bilinear import fit_bilinear
+from offline.baselines.linear import (
+    Persistence,
+    find_objection_to_roads,
+    fit_linear,
+    fit_per_curvature,
+    to_bundle,
+)
+from offline.baselines.scheduled import fit_scheduled
 from offline.config import PAST_STEPS
 from offline.data.dataset import Dataset
 
@@ -21,20 +26,20 @@ def _fit_gru(dataset: Dataset) -> FittedBaseline:
     return fit_network(dataset)
 
 
-_DELAYS = ScheduledSettings(past_steps=(1, 2, 3, 4, 6, 8, 12, 16, PAST_STEPS))
-_SCHEDULED = ScheduledSettings(past_steps=(2, 8, 20), knots=(2, 4, 8), ridges=(1e-10, 1e-6, 1e-4))
+_fit_delays = partial(fit_scheduled, past_steps=(1, 2, 3, 4, 6, 8, 12, 16, PAST_STEPS))
+_fit_blended = partial(
+    fit_scheduled, past_steps=(2, 8, 20), knots=(2, 4, 8), ridges=(1e-10, 1e-6, 1e-4)
+)
 
 CATALOGUE: dict[str, Baseline] = {
     "persistence": Baseline("other", lambda dataset: Persistence()),
-    "lti": Baseline("linear", fit_linear, linear.to_bundle),
+    "lti": Baseline("linear", fit_linear, to_bundle),
     "lti-per-curvature": Baseline(
-        "linear", fit_per_curvature, find_objection=linear.find_objection_to_roads
+        "linear", fit_per_curvature, find_objection=find_objection_to_roads
     ),
-    "dmdc-delays-path": Baseline("linear", partial(fit_scheduled, settings=_DELAYS)),
-    "lti-scheduled-delays": Baseline("linear", partial(fit_scheduled, settings=_SCHEDULED)),
-    "edmd-bilinear": Baseline(
-        "other", partial(fit_bilinear, settings=BilinearSettings()), bilinear.to_bundle
-    ),
+    "dmdc-delays-path": Baseline("linear", _fit_delays),
+    "lti-scheduled-delays": Baseline("linear", _fit_blended),
+    "edmd-bilinear": Baseline("other", fit_bilinear, to_bundle),
     "gru": Baseline("recurrent", _fit_gru),
 }
 """by name"""

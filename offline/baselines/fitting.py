@@ -10,25 +10,27 @@ differences of the score are logarithms of the geometric mean ratio that models 
 """
 
 from collections.abc import Callable, Iterable
-from typing import NamedTuple, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 import scipy.linalg
 
 from offline.data.dataset import Dataset
-from offline.data.signals import Roles, Trajectories, history_rows
+from offline.data.signals import Scaling, Trajectories, history_rows
 from offline.evaluation.predictor import Predictor, prediction_errors
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.signals import Schema
 
 RIDGES = (1e-10, 1e-8, 1e-6, 1e-5, 1e-4, 1e-3)
-MOST_TRANSITIONS = 250_000
-_CHUNK = 10_000
+_MOST_TRANSITIONS, _CHUNK = 250_000, 10_000
+_SMALLEST_SHARE = 1e-15
+"""of the variance, added to the error so that the logarithm is finite"""
+
+Model = TypeVar("Model", bound=Predictor)
 
 
 class Transitions(NamedTuple):
-    """M single steps of many trajectories, in physical units."""
+    """M single steps of many trajectories, scaled."""
 
     x: Array
     """(M, 2, n) states before and after"""
@@ -40,72 +42,79 @@ class Transitions(NamedTuple):
     """(M, 2, H, h) past before each of the two"""
 
 
-class Moments(NamedTuple):
-    """Mean products over single steps."""
+class Candidate(NamedTuple, Generic[Model]):
+    """A structure whose numbers are fitted with every ridge."""
 
-    regressors: Array
-    """(r, r) of the regressors with each other"""
-    targets: Array
-    """(r, n) of the regressors with the targets"""
+    data: Transitions
+    regression: Callable[[Transitions], tuple[Array, Array]]
+    """some steps → regressors (M, r) and targets (M, n)"""
+    models: Callable[[Array, float], Iterable[Model]]
+    """operator (n, r) and its ridge → the models to try with it"""
+
+
+def fit_ridge(
+    dataset: Dataset, candidates: Iterable[Candidate[Model]], ridges: Iterable[float]
+) -> Model:
+    """The model with the smallest validation score of all candidates and ridges.
+
+    Raises:
+        DatasetError: no model predicts finite numbers, or there is none.
+    """
+    fitted = (
+        model
+        for candidate in candidates
+        for moments in [moments_of(candidate.data, candidate.regression)]
+        for ridge in ridges
+        for model in candidate.models(ridge_solution(*moments, ridge), ridge)
+    )
+    return best_model(fitted, dataset)
 
 
 def pick_transitions(
-    windows: Trajectories, schema: Schema, roles: Roles, past_steps: int, most: int
+    windows: Trajectories, dataset: Dataset, scaling: Scaling, past_steps: int
 ) -> Transitions:
-    """At most `most` steps, from all trajectories and at times spread over the horizon."""
+    """At most 250,000 steps, from all trajectories and at times spread over the horizon."""
     count, steps = windows.u.shape[:2]
-    every = -(-count * steps // most)
+    every = -(-count * steps // _MOST_TRANSITIONS)
     row, time = np.divmod(np.arange(count * steps), steps)
     chosen = (time + row) % every == 0
     row, time = row[chosen], time[chosen]
-    rows = history_rows(windows, schema, roles, past_steps)
+    rows = history_rows(windows, dataset.schema, dataset.roles, past_steps)
     both = time[:, None] + np.arange(2)
-    past = both[..., None] + np.arange(past_steps)
+    past = rows[row[:, None, None], both[..., None] + np.arange(past_steps)].astype(np.float64)
     return Transitions(
-        windows.x[row[:, None], both].astype(np.float64),
-        windows.u[row, time].astype(np.float64),
-        windows.w[row, time].astype(np.float64),
-        rows[row[:, None, None], past].astype(np.float64),
+        scaling.normalise_states(windows.x[row[:, None], both].astype(np.float64)),
+        windows.u[row, time].astype(np.float64) / scaling.u_scale,
+        windows.w[row, time].astype(np.float64) / scaling.w_scale,
+        (past - scaling.past_centre) / scaling.past_scale,
     )
 
 
-def moments(data: Transitions, regression: Callable[[Transitions], tuple[Array, Array]]) -> Moments:
-    """Mean products over these steps.
-
-    `regression` returns the regressors (M, r) and targets (M, n) of some steps.
-    """
+def moments_of(
+    data: Transitions, regression: Callable[[Transitions], tuple[Array, Array]]
+) -> tuple[Array, Array]:
+    """Mean products of the regressors with each other (r, r) and with the targets (r, n)."""
     count = len(data.u)
-    of_regressors: Array | float = 0.0
-    of_targets: Array | float = 0.0
+    gram, cross = np.zeros(()), np.zeros(())
     for first in range(0, count, _CHUNK):
         part = Transitions(*(series[first : first + _CHUNK] for series in data))
         rows, targets = regression(part)
-        of_regressors = of_regressors + rows.T @ rows / count
-        of_targets = of_targets + rows.T @ targets / count
-    return Moments(np.asarray(of_regressors), np.asarray(of_targets))
+        gram = gram + rows.T @ rows / count
+        cross = cross + rows.T @ targets / count
+    return gram, cross
 
 
-def ridge_solution(of: Moments, ridge: float) -> Array:
-    """The operator (n, r) with the smallest squared error plus `ridge` times its squared size.
+def ridge_solution(gram: Array, cross: Array, ridge: float) -> Array:
+    """The operator (n, r) with the smallest squared error plus `ridge` > 0 times its squared size.
 
     The size is measured in units of each regressor's root mean square.
     """
-    spread = np.sqrt(np.diag(of.regressors))
+    spread = np.sqrt(np.diag(gram))
     spread = np.where(spread > 0.0, spread, 1.0)
-    correlations = of.regressors / spread[:, None] / spread[None, :]
+    correlations = gram / spread[:, None] / spread[None, :]
     correlations[np.diag_indices_from(correlations)] += ridge
-    wanted = of.targets / spread[:, None]
-    if ridge > 0.0:
-        scaled = scipy.linalg.solve(correlations, wanted, assume_a="pos")
-    else:  # regressors may be linearly dependent
-        scaled, *_ = scipy.linalg.lstsq(correlations, wanted)
+    scaled = scipy.linalg.solve(correlations, cross / spread[:, None], assume_a="pos")
     return np.asarray((scaled / spread[:, None]).T)
-
-
-Model = TypeVar("Model", bound=Predictor)
-
-_SMALLEST_SHARE = 1e-15
-"""of the variance, added to the error so that the logarithm is finite"""
 
 
 def log_error(predictor: Predictor, windows: Trajectories) -> float:
@@ -114,8 +123,7 @@ def log_error(predictor: Predictor, windows: Trajectories) -> float:
     A state that is constant counts with variance 1.
     """
     errors = prediction_errors(predictor, windows)
-    x = windows.x.reshape(-1, windows.x.shape[-1]).astype(np.float64)
-    variance = x.var(axis=0)
+    variance = windows.x.reshape(-1, windows.x.shape[-1]).astype(np.float64).var(axis=0)
     with np.errstate(over="ignore", invalid="ignore"):
         squares = np.square(errors).mean(axis=(0, 1)) / np.where(variance > 0.0, variance, 1.0)
     finite = np.all(np.isfinite(squares))

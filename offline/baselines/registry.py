@@ -1,12 +1,7 @@
 """Baselines by name: found, fitted, kept in a cache once fitted, and chosen for an evaluation."""
 
-import hashlib
-import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cache as remember
 from importlib.metadata import version
-from pathlib import Path
-from typing import NamedTuple
 
 from offline.baselines.baseline import Baseline, FittedBaseline
 from offline.baselines.catalogue import CATALOGUE
@@ -26,22 +21,10 @@ SHIPPED = "mdk-net-paper"
 """the paper's network with the training of the preset paper, a bundle of this package"""
 
 PLAIN_BASELINES = ("lti", "lti-per-curvature", "persistence")
-DEFAULT_BASELINES = (
-    *PLAIN_BASELINES,
-    *("dmdc-delays-path", "lti-scheduled-delays"),
-    SHIPPED,
-)
+DEFAULT_BASELINES = (*PLAIN_BASELINES, "dmdc-delays-path", "lti-scheduled-delays", SHIPPED)
 """those that take seconds to fit: linear ones, persistence, and the paper's network, which ships"""
 
 ALL, NONE = "all", "none"
-
-
-class Fitted(NamedTuple):
-    """A fitted baseline and how long the fit took."""
-
-    baseline: FittedBaseline
-    fit_cpu_s: float
-    """CPU time of all threads, also if the baseline comes from the cache"""
 
 
 def names() -> tuple[str, ...]:
@@ -65,11 +48,12 @@ def find_baseline(name: str) -> Baseline:
     return CATALOGUE[name]
 
 
-def fit(name: str, dataset: Dataset) -> Fitted:
+def fit(name: str, dataset: Dataset, refit: bool = False) -> FittedBaseline:
     """The baseline fitted to these data, from the cache if it was fitted to them before.
 
-    A fit of the cache counts for its data, its settings, the version of this package, and the
-    files of this folder. A file of the cache that cannot be read is replaced by a new fit.
+    A fit of the cache counts for its data, its settings, and the version of this package; `refit`
+    replaces it, as after a change of the baseline's code. A file of the cache that cannot be read
+    is replaced too.
 
     Raises:
         ConfigError: there is no such baseline, or the folder cannot be written.
@@ -86,33 +70,25 @@ def fit(name: str, dataset: Dataset) -> Fitted:
         )
     folder = cache().parent / "baselines"
     try:
-        cached = Memory(folder, verbose=0).cache(_fit, ignore=["dataset"])
+        cached = Memory(folder, verbose=0).cache(
+            _fit, ignore=["dataset"], cache_validation_callback=lambda metadata: not refit
+        )
     except OSError as error:
         raise ConfigError(
             f"{folder}: expected a folder for fitted baselines, found: {error.strerror}. Set "
             f"XDG_CACHE_HOME to a folder that can be written."
         ) from error
     settings = repr(getattr(baseline.fit, "keywords", ""))
-    fitted: Fitted = cached(name, dataset.sha256, settings, _code_version(), dataset)
+    release = version("rt-controller")
+    fitted: FittedBaseline = cached(name, dataset.sha256, settings, release, dataset)
     return fitted
 
 
-def _fit(name: str, data_sha256: str, settings: str, code: str, dataset: Dataset) -> Fitted:
+def _fit(
+    name: str, data_sha256: str, settings: str, release: str, dataset: Dataset
+) -> FittedBaseline:
     """The key of the cache is all arguments but the last."""
-    begin = time.process_time()
-    fitted = find_baseline(name).fit(dataset)
-    return Fitted(fitted, time.process_time() - begin)
-
-
-@remember
-def _code_version() -> str:
-    """Version of the package and digest of the files of this folder.
-
-    The catalogue does not count, so that a new row leaves the other fits in the cache.
-    """
-    files = sorted(Path(__file__).parent.glob("*.py"))
-    source = b"".join(file.read_bytes() for file in files if file.stem != "catalogue")
-    return f"{version('rt-controller')} {hashlib.sha256(source).hexdigest()}"
+    return find_baseline(name).fit(dataset)
 
 
 def choose_baselines(names: Sequence[str]) -> tuple[str, ...]:
@@ -141,8 +117,9 @@ def open_baselines(
     is_required: bool,
     notify: Callable[[str], None] = lambda text: None,
     on_progress: Callable[[str], None] = lambda name: None,
+    refit: bool = False,
 ) -> dict[str, Predictor]:
-    """The baselines by name, fitted now or taken from the cache.
+    """The baselines by name, taken from the cache, or fitted now if `refit` or not in the cache.
 
     `on_progress` is called with the name of each before it is waited for.
     One that these data or models do not allow is left out, and `notify` gets the reason.
@@ -150,31 +127,22 @@ def open_baselines(
     Raises:
         DatasetError: one is not allowed and `is_required`; raised before any is fitted.
     """
-    from joblib import Parallel, delayed
-
     objections = {name: _find_objection(name, dataset, models) for name in names}
-    for name, objection in objections.items():
-        if objection is not None and is_required:
+    refused = {name: objection for name, objection in objections.items() if objection}
+    for name, objection in refused.items():
+        if is_required:
             raise DatasetError(
                 f"--baselines {name}: expected a baseline for these data, but {objection}."
             )
-        if objection is not None:
-            notify(f"without {name}: {objection}.")
-    allowed = [name for name in names if objections[name] is None]
-    # The recurrent network takes longer than all others together: two processes are enough.
-    slow = [name for name in allowed if name != SHIPPED and _is_slow(name)]
-    ordered = [*slow, *(name for name in allowed if name not in (*slow, SHIPPED))]
-    processes = 2 if slow and len(ordered) > 1 else 1
-    parallel = Parallel(n_jobs=processes, return_as="generator")
-    fits = parallel(delayed(fit)(name, dataset) for name in ordered)
-    fitted = {}
-    for name in ordered:
+        notify(f"without {name}: {objection}.")
+    opened: dict[str, Predictor] = {}
+    for name in (name for name in names if name not in refused):
         on_progress(name)
-        fitted[name] = next(fits).baseline
-    if SHIPPED in allowed:
-        on_progress(SHIPPED)
-        fitted[SHIPPED] = BundlePredictor(load_bundle(shipped_model(SHIPPED)))
-    return {name: fitted[name] for name in allowed}
+        if name == SHIPPED:
+            opened[name] = BundlePredictor(load_bundle(shipped_model(SHIPPED)))
+        else:
+            opened[name] = fit(name, dataset, refit)
+    return opened
 
 
 def table_of_classes(names: Iterable[str]) -> dict[str, str]:
@@ -203,12 +171,7 @@ def baseline_facts(name: str, dataset: Dataset) -> list[Fact]:
     """What is to be reported of a baseline that was opened."""
     if name == SHIPPED:
         return identity_facts(load_bundle(shipped_model(SHIPPED)))
-    fitted = fit(name, dataset)
-    return [*fitted.baseline.fit_info(), Fact("CPU time of the fit", f"{fitted.fit_cpu_s:.3g} s")]
-
-
-def _is_slow(name: str) -> bool:
-    return find_baseline(name).model_class == "recurrent"
+    return [*fit(name, dataset).fit_info()]
 
 
 def _find_objection(name: str, dataset: Dataset, models: Sequence[Bundle]) -> str | None:

@@ -71,7 +71,7 @@ def export_baseline(name: str, data: Path | None, output: Path, run: Path) -> di
     dataset = load_dataset(folder)
     whole_past = Lift(True, PAST_STEPS, past_names(dataset.schema, dataset.roles))
     with STDERR.status(f"baseline {name}"):
-        baseline = registry.fit(name, dataset).baseline
+        baseline = registry.fit(name, dataset)
     bundle = to_bundle(name, baseline, dataset, choose_selftest(dataset, whole_past))
     facts = baseline_facts(name, dataset)
     return _deliver(bundle, check_export(bundle, dataset), facts, dataset, output)

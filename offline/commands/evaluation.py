@@ -96,6 +96,7 @@ def run_evaluation(options: EvaluationOptions) -> Evaluation:
             is_required,
             _notify,
             lambda name: status.update(f"fitting {name}"),
+            options.refit,
         )
     names = label_models(folders, taken=opened)
     named = {name: BundlePredictor(bundle) for name, bundle in zip(names, bundles, strict=True)}

@@ -77,6 +77,13 @@ class EvaluationOptions:
             "the paper's network. A baseline that is not in the cache is fitted first",
         ),
     ] = None
+    refit: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="fit the baselines again, also those in the cache: after a change of their code",
+        ),
+    ] = False
     sets: Annotated[
         Names,
         Parameter(

@@ -126,7 +126,7 @@ def measure_linear_model(folder: Path, dataset: Dataset) -> CampaignData:
     In each state, those of the better of one model for all roads and one for each curvature.
     """
     fitted = (
-        registry.fit(name, dataset).baseline
+        registry.fit(name, dataset)
         for name in LTI_BASELINES
         if registry.find_baseline(name).find_objection(dataset) is None
     )

@@ -16,9 +16,9 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import torch
+from torch import nn
 
 from offline.config import TrainingConfig
-from offline.model.network import MdkNet
 
 SHARE = "share"
 """key of a group: its learning rate relative to the common one"""
@@ -27,9 +27,9 @@ SHARE = "share"
 class Optimizer:
     """Updates all parameters of a model, each group at its share of one learning rate."""
 
-    def __init__(self, model: MdkNet, config: TrainingConfig) -> None:
+    def __init__(self, model: nn.Module, config: TrainingConfig) -> None:
         named = dict(model.named_parameters())
-        operator = named.pop("A_rows")
+        operator = named.pop("A_rows", None)
         matrices = [each for each in named.values() if each.ndim == 2]
         vectors = [each for each in named.values() if each.ndim != 2]
         if config.optimizer == "adam":
@@ -40,10 +40,9 @@ class Optimizer:
             self._parts.append(
                 torch.optim.Muon([group], weight_decay=0.0, adjust_lr_fn="match_rms_adamw")
             )
-        groups: list[dict[str, Any]] = [
-            {"params": vectors, SHARE: 1.0},
-            {"params": [operator], SHARE: config.operator_rate},
-        ]
+        groups: list[dict[str, Any]] = [{"params": vectors, SHARE: 1.0}]
+        if operator is not None:
+            groups.append({"params": [operator], SHARE: config.operator_rate})
         self._parts.append(torch.optim.Adam(groups))
         self.rate = config.learning_rate
 

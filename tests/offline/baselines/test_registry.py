@@ -1,4 +1,4 @@
-"""Baselines by name: rows of a table, fitted once, and kept in the cache."""
+"""Baselines by name: rows of a table, fitted once, kept in the cache, and chosen."""
 
 import subprocess
 import sys
@@ -13,25 +13,59 @@ from made_drives import drive, predict
 
 from offline.baselines import catalogue, registry
 from offline.baselines.baseline import Baseline
-from offline.baselines.scheduled import ScheduledSettings, fit_scheduled
+from offline.baselines.linear import Persistence
+from offline.baselines.registry import (
+    DEFAULT_BASELINES,
+    SHIPPED,
+    all_baselines,
+    baseline_facts,
+    choose_baselines,
+    compare_with_plain_baselines,
+    open_baselines,
+)
+from offline.baselines.scheduled import fit_scheduled
+from offline.data.manifest import describe_training
+from offline.model.bundle_predictor import BundlePredictor
 from rt_controller.contract.errors import ConfigError, DatasetError
+from rt_controller.model.artifact import load_bundle, shipped_model
 
-NAMES = {
-    "persistence", "lti", "lti-per-curvature", "dmdc-delays-path", "lti-scheduled-delays",
-    "edmd-bilinear", "gru",
+CLASSES = {
+    "persistence": "other", "lti": "linear", "lti-per-curvature": "linear",
+    "dmdc-delays-path": "linear", "lti-scheduled-delays": "linear", "edmd-bilinear": "other",
+    "gru": "recurrent",
 }  # fmt: skip
 
 
-def test_the_catalogue_has_all_baselines():
-    assert set(registry.names()) == NAMES
+def other_data():
+    return drive(lambda x, u, w, b: 0.9 * x)
 
 
-def test_every_linear_and_every_recurrent_baseline_is_marked_as_one():
-    marked = {name: registry.find_baseline(name).model_class for name in registry.names()}
-    linear = {"lti", "lti-per-curvature", "dmdc-delays-path", "lti-scheduled-delays"}
-    assert {name for name, found in marked.items() if found == "linear"} == linear
-    assert marked["gru"] == "recurrent"
-    assert marked["persistence"] == marked["edmd-bilinear"] == "other"
+def with_other_drives(dataset):
+    """Other numbers with the same hash, so that a new fit differs from one of the cache."""
+    recording = dataset.recording
+    return replace(dataset, recording=recording._replace(x=0.5 * recording.x))
+
+
+def offset(dataset, **options):
+    return registry.fit("lti", dataset, **options).matrices.c
+
+
+@pytest.fixture
+def fitted(monkeypatch):
+    """Names of the fitted baselines; all of them are replaced by one that needs no fit."""
+    names = []
+    monkeypatch.setattr(
+        registry, "fit", lambda name, *arguments: names.append(name) or Persistence()
+    )
+    return names
+
+
+def test_the_catalogue_has_all_baselines_which_are_chosen_by_name_all_none_or_by_default():
+    assert {name: registry.find_baseline(name).model_class for name in registry.names()} == CLASSES
+    assert choose_baselines([]) == DEFAULT_BASELINES
+    assert choose_baselines(["none"]) == ()
+    assert choose_baselines(["all"]) == all_baselines() == (*sorted(CLASSES), SHIPPED)
+    assert choose_baselines(["gru", "lti", "gru"]) == ("gru", "lti")
 
 
 def test_the_new_baseline_of_the_guide_is_one_function_and_one_row(
@@ -46,95 +80,113 @@ def test_the_new_baseline_of_the_guide_is_one_function_and_one_row(
     fit_mean = import_module("mean_state").fit_mean
     for name, baseline in eval(f"{{{row}}}", {"Baseline": Baseline, "fit_mean": fit_mean}).items():
         monkeypatch.setitem(catalogue.CATALOGUE, name, baseline)
-    assert "mean" in registry.names()
-    assert registry.find_baseline("mean").find_objection(toy_dataset) is None
-    fitted = registry.fit("mean", toy_dataset).baseline
-    predicted, _ = predict(fitted, toy_dataset.select("test"))
+    predicted, _ = predict(registry.fit("mean", toy_dataset), toy_dataset.select("test"))
     mean = toy_dataset.select("train").x.astype(float).mean(axis=(0, 1))
     assert np.allclose(predicted[:, 1:], mean)
 
 
-def test_an_unknown_baseline_is_refused_with_all_names(toy_dataset):
-    with pytest.raises(ConfigError, match=r"expected one of dmdc-delays-path, .*persistence"):
-        registry.fit("crystal-ball", toy_dataset)
-
-
-@pytest.mark.parametrize("name", ["persistence", "lti", "lti-per-curvature"])
-def test_a_baseline_from_the_cache_predicts_the_same(name, toy_dataset):
-    windows = toy_dataset.select("test")
-    first = registry.fit(name, toy_dataset)
-    again = registry.fit(name, toy_dataset)
-    assert np.array_equal(predict(first.baseline, windows)[0], predict(again.baseline, windows)[0])
-    assert again.fit_cpu_s == first.fit_cpu_s
-    assert again.baseline.fit_info() == first.baseline.fit_info()
-
-
-def with_other_drives(dataset):
-    """Other numbers with the same hash, so that a new fit differs from one of the cache."""
-    recording = dataset.recording
-    return replace(dataset, recording=recording._replace(x=0.5 * recording.x))
-
-
-def test_a_baseline_is_fitted_once_for_the_same_data_and_code(toy_dataset, monkeypatch):
-    first = registry.fit("lti", toy_dataset).baseline.matrices
+@pytest.mark.filterwarnings("ignore:.*:UserWarning")
+def test_a_fit_of_the_cache_counts_until_a_refit_another_release_or_damage(
+    toy_dataset, tmp_path, monkeypatch
+):
     altered = with_other_drives(toy_dataset)
-    assert np.array_equal(registry.fit("lti", altered).baseline.matrices.c, first.c)
-    monkeypatch.setattr(registry, "_code_version", lambda: "0.0.0")
-    assert not np.array_equal(registry.fit("lti", altered).baseline.matrices.c, first.c)
+    first = offset(toy_dataset)
+    assert np.array_equal(offset(altered), first)
+    changed = offset(altered, refit=True)
+    assert not np.allclose(changed, first)
+    assert np.array_equal(offset(toy_dataset), changed)
+    monkeypatch.setattr(registry, "version", lambda package: "0.0.0")
+    assert np.array_equal(offset(toy_dataset), first)
+    for file in tmp_path.rglob("output.pkl"):
+        file.write_bytes(file.read_bytes()[:-30])
+    assert np.array_equal(offset(altered), changed)
 
 
-def test_other_settings_are_fitted_anew(toy_dataset, monkeypatch):
+def test_other_settings_and_other_data_are_fitted_anew(toy_dataset, monkeypatch):
+    assert len(offset(other_data())) < len(offset(toy_dataset))
     ridges = []
     for ridge in (1e-6, 1e-3, 1e-6):
-        settings = ScheduledSettings(ridges=(ridge,))
-        row = Baseline("linear", partial(fit_scheduled, settings=settings))
+        row = Baseline("linear", partial(fit_scheduled, ridges=(ridge,)))
         monkeypatch.setitem(catalogue.CATALOGUE, "lti", row)
-        ridges.append(registry.fit("lti", toy_dataset).baseline.ridge)
+        ridges.append(registry.fit("lti", toy_dataset).ridge)
     assert ridges == [1e-6, 1e-3, 1e-6]
 
 
-def test_other_data_are_fitted_anew(toy_dataset):
-    first = registry.fit("lti", toy_dataset).baseline.matrices
-    other = registry.fit("lti", drive(lambda x, u, w, b: 0.9 * x)).baseline.matrices
-    assert first.A.shape != other.A.shape
-
-
-@pytest.mark.filterwarnings("ignore:.*:UserWarning")
-def test_a_damaged_file_of_the_cache_is_replaced_by_a_new_fit(toy_dataset, tmp_path):
-    first = registry.fit("lti", toy_dataset).baseline.matrices
-    (file,) = tmp_path.rglob("output.pkl")
-    file.write_bytes(file.read_bytes()[:-30])
-    assert np.array_equal(registry.fit("lti", toy_dataset).baseline.matrices.c, first.c)
-    altered = with_other_drives(toy_dataset)
-    assert np.array_equal(registry.fit("lti", altered).baseline.matrices.c, first.c)
-
-
-def test_a_cache_that_cannot_be_written_is_named(toy_dataset, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("refused", "error", "words"),
+    [
+        (
+            lambda: registry.fit("crystal-ball", None),
+            ConfigError,
+            "one of dmdc-delays-path, .*pers",
+        ),
+        (lambda: choose_baselines(["grue"]), ConfigError, "dmdc-delays-path, edmd-bilinear.*grue"),
+        (lambda: choose_baselines(["lti", "all"]), ConfigError, "found all"),
+        (lambda: registry.fit("lti-per-curvature", other_data()), DatasetError, "have no roads"),
+        (lambda: registry.fit("lti", other_data()), ConfigError, "XDG_CACHE_HOME"),
+    ],
+)
+def test_refusals(refused, error, words, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("not a folder")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    with pytest.raises(ConfigError, match="XDG_CACHE_HOME"):
-        registry.fit("lti", toy_dataset)
-
-
-def test_a_baseline_that_does_not_fit_the_data_is_refused_and_not_cached(tmp_path):
-    with pytest.raises(DatasetError, match="lti-per-curvature"):
-        registry.fit("lti-per-curvature", drive(lambda x, u, w, b: 0.9 * x))
-    assert not list(tmp_path.rglob("output.pkl"))
-
-
-def test_objections_to_data_are_found_without_a_fit(toy_dataset):
-    other = drive(lambda x, u, w, b: 0.9 * x)
-    baselines = {name: registry.find_baseline(name) for name in registry.names()}
-    refused = {name for name, baseline in baselines.items() if baseline.find_objection(other)}
-    assert refused == {"lti-per-curvature"}
-    assert not any(baseline.find_objection(toy_dataset) for baseline in baselines.values())
+    with pytest.raises(error, match=words):
+        refused()
 
 
 def test_names_are_listed_and_plain_baselines_imported_without_torch():
     """In a fresh process, since other tests import torch."""
     code = (
-        "import sys; from offline.baselines import registry; registry.names(); "
+        "import sys; from offline.baselines import registry; "
         "[registry.find_baseline(name) for name in registry.names()]; "
         "sys.exit('torch' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False, timeout=120).returncode == 0
+
+
+def test_a_baseline_that_may_have_been_trained_on_test_episodes_is_left_out_or_refused(
+    toy_dataset, fitted, monkeypatch
+):
+    """The paper's network is trained on 7,000 episodes of the seed of these data."""
+    origin = replace(toy_dataset.origin, episodes=7_000)
+    shipped = load_bundle(shipped_model(SHIPPED))
+    shipped = replace(shipped, training=describe_training({}, origin))
+    monkeypatch.setattr(registry, "load_bundle", lambda folder: shipped)
+    said = []
+    opened = open_baselines(DEFAULT_BASELINES, toy_dataset, [], False, said.append)
+    assert tuple(opened) == tuple(fitted) == DEFAULT_BASELINES[:-1]
+    assert said == [f"without {SHIPPED}: {SHIPPED} may have been trained on its test episodes."]
+    fitted.clear()
+    with pytest.raises(DatasetError, match=SHIPPED):
+        open_baselines(["lti", SHIPPED], toy_dataset, [], is_required=True)
+    assert fitted == []
+
+
+def test_the_papers_network_is_a_baseline_of_other_models_only(toy_dataset, monkeypatch):
+    shipped = load_bundle(shipped_model(SHIPPED))
+    shipped = replace(shipped, data_sha256=toy_dataset.sha256)
+    monkeypatch.setattr(registry, "load_bundle", lambda folder: shipped)
+    other = load_bundle(shipped_model("lti"))
+    opened = open_baselines([SHIPPED], toy_dataset, [other], is_required=False)
+    assert isinstance(opened[SHIPPED], BundlePredictor)
+    assert open_baselines([SHIPPED], toy_dataset, [other, shipped], is_required=False) == {}
+    assert baseline_facts(SHIPPED, toy_dataset)[0].name == "model, SHA-256"
+
+
+def test_data_without_roads_have_no_model_per_road(toy_dataset, fitted):
+    data = replace(toy_dataset, manifest=replace(toy_dataset.manifest, roads=None))
+    said, begun = [], []
+    names = ["lti-per-curvature", "lti"]
+    opened = open_baselines(names, data, [], False, said.append, on_progress=begun.append)
+    assert list(opened) == begun == ["lti"]
+    assert "no roads" in said[0]
+
+
+def test_a_bundle_with_the_name_of_a_baseline_replaces_it(toy_dataset):
+    shipped = load_bundle(shipped_model("lti"))
+    errors = []
+    for bundle in (replace(shipped, A=0.9 * shipped.A), shipped):
+        comparison = compare_with_plain_baselines(bundle, toy_dataset)
+        assert comparison.models == ("lti",)
+        assert comparison.baselines == ("lti-per-curvature", "persistence")
+        errors.append(comparison.library["models"]["lti"]["mse"]["vx_kmh_squared"]["value"])
+    assert errors[0] > errors[1]
