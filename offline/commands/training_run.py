@@ -14,13 +14,12 @@ from offline.training.initial import with_structure_of
 from offline.training.run import (
     Checkpoint,
     RunFolder,
-    TrainingState,
     create_run,
-    find_device,
     load_checkpoint,
     open_run,
     rewrite_config,
 )
+from offline.training.state import TrainingState, find_device
 from offline.training.train import train
 from rt_controller.contract.errors import ConfigError
 from rt_controller.model.artifact import find_model, load_bundle

@@ -33,13 +33,12 @@ from offline.training.optimizer import is_evaluated
 from offline.training.run import (
     LATEST_LINK,
     Checkpoint,
-    TrainingDivergedError,
-    TrainingState,
     create_run,
     load_checkpoint,
     open_run,
     restore_model,
 )
+from offline.training.state import TrainingDivergedError, TrainingState
 from offline.training.train import train
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, DatasetError

@@ -22,17 +22,13 @@ from offline.training.optimizer import (
     keep_lowest,
     loss_of_kept_model,
 )
-from offline.training.run import (
-    Checkpoint,
-    RunFolder,
+from offline.training.run import Checkpoint, RunFolder, append_history, cut_history, save_checkpoint
+from offline.training.state import (
     TrainingState,
-    append_history,
-    cut_history,
     denormals_as_zero,
     find_device,
     initialise,
     recover,
-    save_checkpoint,
 )
 from rt_controller.contract.errors import DatasetError
 from rt_controller.model.bundle import Bundle

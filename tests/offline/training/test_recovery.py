@@ -11,13 +11,8 @@ from run_contents import history
 from offline.data.recording import Recording
 from offline.data.signals import fit_scaling
 from offline.training import train as training
-from offline.training.run import (
-    MOST_RECOVERIES,
-    TrainingDivergedError,
-    largest_step,
-    load_checkpoint,
-    save_checkpoint,
-)
+from offline.training.run import load_checkpoint, save_checkpoint
+from offline.training.state import MOST_RECOVERIES, TrainingDivergedError, largest_step
 from offline.training.train import train
 
 

@@ -7,7 +7,7 @@ import torch
 from offline.config import TrainingConfig
 from offline.data.dataset import Dataset
 from offline.data.signals import fit_scaling
-from offline.training.run import TrainingState, find_device, initialise
+from offline.training.state import TrainingState, find_device, initialise
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.limits import INPUT_LIMITS
 

@@ -15,7 +15,8 @@ from offline.data.signals import fit_scaling
 from offline.model.losses import evaluate
 from offline.training import train as training
 from offline.training.optimizer import cosine_rate
-from offline.training.run import TrainingDivergedError, load_checkpoint, restore_model
+from offline.training.run import load_checkpoint, restore_model
+from offline.training.state import TrainingDivergedError
 from offline.training.train import train
 from rt_controller.contract.errors import DatasetError
 
