@@ -94,7 +94,7 @@ def _update_documents(root: Path, results: Results, check: bool, console: Consol
     for name in [name for name in pieces if name not in complete]:
         console.print(f"{name}: no results of the shipped models, its tables stay as they are")
     texts, is_changed = blocks(results.pieces, complete), False
-    for file in (root / "README.md", *sorted((root / "docs").glob("*.md"))):
+    for file in (root / "README.md", *sorted((root / "docs").rglob("*.md"))):
         before = file.read_text(encoding="utf-8")
         after = replace_blocks(before, texts, str(file))
         if before != after:

@@ -74,7 +74,9 @@ def create_run(
     Raises:
         ConfigError: the folder cannot be made.
     """
-    path = base / f"{now:%Y%m%d-%H%M%S}-{config.preset}"
+    name = f"{now:%Y%m%d-%H%M%S}-{config.preset}"
+    names = (name, *(f"{name}-{k}" for k in range(2, 100)))  # two may begin in one second
+    path = next(base / each for each in names if not (base / each).exists())
     versions = {name: version(name) for name in ("rt-controller", "torch", "numpy")}
     run = RunFolder(path, config, data_folder.resolve(), data_sha256, versions, source_revision())
     link = base / f".{LATEST_LINK}.{os.getpid()}"
