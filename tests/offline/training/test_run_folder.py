@@ -25,12 +25,15 @@ def test_the_link_latest_points_to_the_newest_run(tiny_config, tmp_path, toy_fol
     assert "torch" in opened.versions
 
 
-def test_a_second_run_of_the_same_name_is_refused(tiny_config, tmp_path, toy_folder, toy_dataset):
+def test_a_second_run_in_one_second_has_a_folder_of_its_own(
+    tiny_config, tmp_path, toy_folder, toy_dataset
+):
     now = datetime(2026, 1, 2, 3, 4, 5)
-    first = create_run(tmp_path, tiny_config, toy_folder, toy_dataset.sha256, now)
-    with pytest.raises(ConfigError, match=r"File exists.*--runs"):
-        create_run(tmp_path, tiny_config, toy_folder, toy_dataset.sha256, now)
-    assert open_run(tmp_path / "latest").path == first.path.resolve()
+    first, second = (
+        create_run(tmp_path, tiny_config, toy_folder, toy_dataset.sha256, now) for _ in range(2)
+    )
+    assert second.path.name == f"{first.path.name}-2"
+    assert open_run(tmp_path / "latest").path == second.path.resolve()
 
 
 @pytest.mark.parametrize("content", [None, "{", '{"config": {}}', '{"config": {"steps": -1}}'])
