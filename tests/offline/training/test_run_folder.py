@@ -11,7 +11,7 @@ from offline.config import TrainingConfig
 from offline.training.export import export_checkpoint
 from offline.training.run import create_run, cut_history, load_checkpoint, open_run, save_checkpoint
 from offline.training.train import train
-from rt_controller.contract.errors import ArtifactError, ConfigError, RtControllerError
+from rt_controller.contract.errors import ArtifactError, RtControllerError
 
 
 def test_the_link_latest_points_to_the_newest_run(tiny_config, tmp_path, toy_folder, toy_dataset):
