@@ -1,13 +1,22 @@
-"""The groups of parameters, their learning rates, and the update of a matrix."""
+"""Groups of parameters, learning rates and their schedule, the update of a matrix."""
 
+import math
+
+import numpy as np
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from offline.config import PRESETS, TrainingConfig
-from offline.data.signals import VEHICLE_ROLES
+from offline.data.dataset import Dataset
+from offline.data.signals import VEHICLE_ROLES, fit_scaling
 from offline.model.network import MdkNet
 from offline.model.observables import sizes_of
-from offline.training.optimizer import Optimizer
+from offline.training.optimizer import WARM_UP_SHARE, Optimizer, cosine_rate
+from offline.training.run import TrainingState, find_device, initialise
+from rt_controller.contract.errors import ConfigError
+from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import VEHICLE
 
 SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
@@ -26,27 +35,12 @@ def groups(optimizer: Optimizer) -> list[dict]:
     return [group for part in parts for group in part["param_groups"]]
 
 
-@pytest.mark.parametrize("name", ["muon", "adam"])
-def test_every_parameter_is_optimised_once(name):
-    model, optimizer, _ = made(optimizer=name)
-    sizes = [len(group["params"]) for group in groups(optimizer)]
-    assert sum(sizes) == len(list(model.parameters()))
-    assert sizes[-1] == 1  # A
-
-
 def test_matrices_and_a_have_their_own_share_of_the_rate():
     _, optimizer, config = made()
     optimizer.rate = 0.01
     expected = [0.01 * config.matrix_rate, 0.01, 0.01 * config.operator_rate]
     assert [group["lr"] for group in groups(optimizer)] == pytest.approx(expected)
     assert optimizer.rate == pytest.approx(0.01)
-
-
-def test_adam_alone_has_two_rates():
-    _, optimizer, config = made(optimizer="adam")
-    rate = config.learning_rate
-    found = [group["lr"] for group in groups(optimizer)]
-    assert found == pytest.approx([rate, rate * config.operator_rate])
 
 
 @pytest.mark.parametrize(("name", "is_even"), [("muon", True), ("adam", False)])
@@ -75,13 +69,58 @@ def test_a_model_without_gains_learns(name):
     assert any(not torch.equal(one, other) for one, other in zip(before, after, strict=True))
 
 
-def test_without_gradients_nothing_changes():
-    model, optimizer, _ = made()
-    model.roll_out(
-        torch.randn(3, model.n_observables), torch.randn(5, 3, 3), torch.randn(5, 3, 1)
-    ).square().mean().backward()
-    optimizer.zero_grad()
-    before = [parameter.detach().clone() for parameter in model.parameters()]
-    optimizer.step()
-    for one, other in zip(before, model.parameters(), strict=True):
-        assert torch.equal(one, other)
+HIGHEST = 2e-3
+run_lengths = st.integers(1, 5000)
+seeded = settings(max_examples=50, derandomize=True, deadline=None)
+
+
+def rates(steps: int) -> list[float]:
+    return [cosine_rate(step, steps, HIGHEST) for step in range(steps)]
+
+
+@seeded
+@given(run_lengths)
+def test_the_cosine_rate_rises_to_its_maximum_and_then_falls(steps):
+    found = rates(steps)
+    top = found.index(max(found))
+    assert found[: top + 1] == sorted(found[: top + 1])
+    assert found[top:] == sorted(found[top:], reverse=True)
+    assert found[top] == pytest.approx(HIGHEST)
+
+
+def test_the_warm_up_is_linear_over_5_percent_of_the_steps():
+    found = rates(1000)
+    assert WARM_UP_SHARE == 0.05
+    assert found[:50] == pytest.approx([HIGHEST * (k + 1) / 50 for k in range(50)])
+
+
+def test_after_the_warm_up_the_rate_is_half_a_cosine():
+    found = rates(1000)
+    assert found[50] == pytest.approx(HIGHEST)
+    assert found[50 + 475] == pytest.approx(HIGHEST / 2)
+    assert found[50 + 950 // 4] == pytest.approx(
+        HIGHEST * (1 + math.cos(math.pi * (950 // 4) / 950)) / 2
+    )
+    assert found[-1] < 1e-5 * HIGHEST
+
+
+CPU = torch.device("cpu")
+
+
+def started(config: TrainingConfig, dataset: Dataset) -> TrainingState:
+    scaling = fit_scaling(dataset.select("train"), dataset.schema, dataset.roles)
+    return initialise(config, dataset, scaling, CPU)
+
+
+def test_the_model_knows_the_scaled_range_of_its_signals(tiny_recommended, toy_dataset):
+    train = toy_dataset.select("train")
+    scaling = fit_scaling(train, toy_dataset.schema, toy_dataset.roles)
+    lowest, highest = started(tiny_recommended, toy_dataset).model.signal_range.numpy()
+    scale = np.append(scaling.u_scale, scaling.w_scale)
+    np.testing.assert_allclose(lowest * scale, [*INPUT_LIMITS.lower, train.w.min()], rtol=1e-6)
+    np.testing.assert_allclose(highest * scale, [*INPUT_LIMITS.upper, train.w.max()], rtol=1e-6)
+
+
+def test_an_unknown_device_is_refused():
+    with pytest.raises(ConfigError, match="--device"):
+        find_device("no-such-device")

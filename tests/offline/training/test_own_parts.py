@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from datetime import datetime
 
 import numpy as np
 import pytest
@@ -13,10 +14,10 @@ from torch import nn
 from offline.data.sampling import Batch, scale
 from offline.model import losses
 from offline.model.bundle_predictor import BundlePredictor
-from offline.model.losses import Losses, evaluate, state_errors, total_loss
+from offline.model.losses import Losses, evaluate, state_errors
 from offline.training.export import export_checkpoint
 from offline.training.initial import with_structure_of
-from offline.training.run import load_checkpoint, restore_model
+from offline.training.run import create_run, load_checkpoint, restore_model
 from offline.training.train import train
 from rt_controller.contract.errors import ArtifactError, ConfigError
 
@@ -70,16 +71,10 @@ def test_the_validation_of_a_loss_is_its_mean_over_all_trajectories(
         assert found.total == pytest.approx(state_errors(model, batch)[4].item(), rel=1e-5)
 
 
-def test_passing_the_standard_loss_changes_nothing(config, toy_dataset, new_run):
-    runs = [new_run(config), new_run(config)]
-    train(config, toy_dataset, runs[0])
-    train(config, toy_dataset, runs[1], loss=total_loss)
-    assert runs[0].history.read_bytes() == runs[1].history.read_bytes()
-
-
-@pytest.fixture
-def of_sines(config, toy_dataset, new_run):
-    run = new_run(config)
+@pytest.fixture(scope="module")
+def of_sines(config, toy_folder, toy_dataset, tmp_path_factory):
+    base, now = tmp_path_factory.mktemp("sines"), datetime(2026, 1, 2, 3, 4, 5)
+    run = create_run(base, config, toy_folder, toy_dataset.sha256, now)
     train(config, toy_dataset, run, encoder=Sines)
     return run
 
