@@ -201,22 +201,6 @@ def test_sampled_targets_estimate_the_full_sums_without_bias():
         assert torch.isclose(mean, getattr(full, name)), name
 
 
-def test_the_states_share_of_the_multi_step_loss_excludes_the_latents():
-    config = a_config("paper")
-    model, batch = a_model(config), a_batch()
-    losses = total_loss(model, config, batch)
-    with torch.no_grad():
-        last = model.encoders[0].layers[-1]
-        last.weight.mul_(0.0)
-        last.bias.mul_(0.0)
-        model.A_rows[:6, 6:] = 0.0
-        model.A_rows[6:] = 0.0
-        model.B_rows[6:] = 0.0
-    without_latents = total_loss(model, config, batch)
-    assert losses.states < losses.multi_step
-    assert torch.isclose(without_latents.states, without_latents.multi_step)
-
-
 @pytest.fixture
 def model() -> MdkNet:
     torch.manual_seed(0)

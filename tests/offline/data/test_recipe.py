@@ -1,7 +1,5 @@
 """What a recipe draws: driver inputs and conditions, within bounds and from one stream."""
 
-import json
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -15,8 +13,6 @@ from offline.data.recipe import (
     Recipe,
     draw_conditions,
     draw_inputs,
-    limit_rate,
-    monotone_cubic,
 )
 from offline.data.variation import VARIED, Variation, choose_variation, describe
 from rt_controller.contract.errors import ConfigError
@@ -50,23 +46,6 @@ def test_inputs_reach_both_ends_of_their_ranges():
     assert abs(u[:, 2].mean()) < 0.02
     driving = np.mean(u[:, 0] > 0)
     assert 0.35 < driving < 0.65
-
-
-def test_the_spline_passes_through_its_knots_without_overshoot():
-    rng = np.random.default_rng(1)
-    t = np.linspace(0.0, 2.0, 6)
-    for _ in range(20):
-        y = rng.uniform(-1, 1, 6)
-        assert np.allclose(monotone_cubic(t, y, t), y)
-        for left in range(5):
-            inside = monotone_cubic(t, y, np.linspace(t[left], t[left + 1], 50))
-            assert inside.min() >= min(y[left : left + 2]) - 1e-12
-            assert inside.max() <= max(y[left : left + 2]) + 1e-12
-
-
-def test_a_rate_limited_signal_starts_from_zero():
-    limited = limit_rate(np.full(5, 1.0), rate_per_s=10.0)
-    assert np.allclose(limited, [0.25, 0.5, 0.75, 1.0, 1.0])
 
 
 PERIODS = 420
@@ -122,11 +101,6 @@ def test_a_load_behind_moves_the_centre_of_gravity_back_and_adds_its_mass():
     assert drawn.car.body.front_axle_m - CAR.body.front_axle_m == pytest.approx(1.5 * share)
 
 
-def test_conditions_follow_from_the_random_stream_alone():
-    assert np.array_equal(draw(VARIED, 4).rows, draw(VARIED, 4).rows)
-    assert not np.array_equal(draw(VARIED, 4).rows, draw(VARIED, 5).rows)
-
-
 def test_a_range_replaces_that_of_the_recipe_and_leaves_the_others():
     chosen = choose_variation("varied", Variation(friction=(0.6, 0.9), payload_kg=None))
     assert chosen == VARIED.model_copy(update={"friction": (0.6, 0.9), "payload_kg": None})
@@ -136,10 +110,6 @@ def test_the_description_names_every_value_that_varies():
     assert describe(None) == "recipe nominal"
     text = describe(Variation(changing_share=0.5, friction=(0.5, 1.0), gust_mps=4.0))
     assert text == "changing_share 0.5, friction 0.5 to 1, gust_mps 4"
-
-
-def test_a_variation_is_the_same_after_json():
-    assert Variation(**json.loads(VARIED.model_dump_json())) == VARIED
 
 
 @given(SEEDS)

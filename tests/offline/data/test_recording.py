@@ -76,16 +76,6 @@ def test_progress_of_the_first_state_is_that_of_the_period_before():
     np.testing.assert_allclose(window.x[0, :, 5], 0.1, rtol=1e-6)
 
 
-def test_the_road_does_not_change_motion_inputs_or_past():
-    drive = straight_drive(130)
-    here = cut(drive, on_road(25, 0.0, 0.0, 0.0), VEHICLE, VEHICLE_ROLES)
-    there = cut(drive, on_road(25, -4e-3, 2.0, -0.1), VEHICLE, VEHICLE_ROLES)
-    assert np.array_equal(here.x[..., :3], there.x[..., :3])
-    assert np.array_equal(here.u, there.u)
-    assert np.array_equal(here.past, there.past)
-    assert not np.any(here.x[..., 4:] == there.x[..., 4:])
-
-
 @pytest.mark.parametrize("curvature", [-4e-3, 0.0, 2e-3])
 def test_path_states_equal_those_integrated_along_the_road(curvature):
     """Integration on a fine grid, compared with the poses of each period."""
@@ -217,18 +207,6 @@ def test_the_position_on_the_plane_does_not_change_the_path_states(X, Y, angle):
         np.testing.assert_allclose(one, other, atol=1e-9)
 
 
-@pytest.mark.parametrize("curvature", [4e-3, -4e-3])
-def test_a_concentric_circle_has_a_constant_lateral_error(curvature):
-    """Half a metre inside the curve, where the centre line is longer than the path."""
-    ey = 0.5 * np.sign(curvature)
-    radius, angle = 1.0 / curvature - ey, np.sign(curvature) * np.linspace(0.0, 1.2, 60)
-    pose = np.column_stack([radius * np.sin(angle), radius * (1.0 - np.cos(angle)), angle])
-    s, found_ey, epsi = (column[0] for column in lay(pose, curvature, float(ey), 0.0))
-    np.testing.assert_allclose(s, angle / curvature, atol=1e-9)
-    np.testing.assert_allclose(found_ey, ey, atol=1e-9)
-    np.testing.assert_allclose(epsi, 0.0, atol=1e-12)
-
-
 def test_windows_are_the_rows_of_the_recording_in_the_order_of_their_starts():
     """Without poses, states and exogenous signals are those recorded."""
     windows = cut_plain([16, 5])
@@ -238,10 +216,3 @@ def test_windows_are_the_rows_of_the_recording_in_the_order_of_their_starts():
     assert windows.past[1].tolist() == [[-2, 2.5], [-3, 3.5], [-4, 4.5]]
     assert windows.episode.tolist() == [0, 1]
     assert cut_plain([0], past_steps=0).past.shape == (1, 0, 2)
-
-
-def test_selected_starts_keep_their_roads():
-    anchor = Anchor(np.array([1.0, 2.0]), np.array([4.0, 5.0]), np.array([7.0, 8.0]))
-    taken = Starts(np.array([10, 20]), np.arange(2, dtype=np.int32), anchor).take(np.array([1]))
-    assert (taken.row.tolist(), taken.episode.tolist()) == ([20], [1])
-    assert [column.tolist() for column in taken.anchor] == [[2], [5], [8]]

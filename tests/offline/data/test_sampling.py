@@ -107,16 +107,6 @@ def with_a_slide(dataset: Dataset) -> tuple[Dataset, int]:
     return replace(dataset, recording=dataset.recording._replace(x=x)), row
 
 
-def test_windows_around_rare_motion_are_drawn_more_often(toy_dataset, scaling, cuts):
-    data, row = with_a_slide(toy_dataset)
-    for share in (0.0, 0.5):
-        WindowSource(data, scaling, HISTORY, share).draw(4000, rng())
-    alike, preferred = ((each.row <= row) & (row <= each.row + STEPS) for each in cuts)
-    possible = len(possible_starts(data.recording, data.episodes("train"), HISTORY))
-    assert alike.mean() == pytest.approx((STEPS + 1) / possible, abs=0.01)
-    assert 0.3 < preferred.mean() < 0.55
-
-
 def test_rarity_is_that_of_the_window_ahead_and_of_no_other(toy_dataset, scaling):
     data, row = with_a_slide(toy_dataset)
     found, before = rarity(data, scaling), rarity(toy_dataset, scaling)
@@ -147,27 +137,6 @@ def test_roads_have_a_curvature_of_the_library_and_errors_of_the_whole_range(
         assert -bound <= errors.min() < -0.99 * bound
         assert abs(errors.mean()) < 0.1 * bound
     assert abs(np.corrcoef(anchor.ey_m, anchor.epsi_rad)[0, 1]) < 0.1
-
-
-def without_poses(dataset: Dataset) -> Dataset:
-    """The episodes as a log without poses."""
-    recording = dataset.recording
-    states = np.column_stack([recording.x, np.arange(3 * len(recording.x)).reshape(-1, 3)])
-    return replace(
-        dataset,
-        recording=recording._replace(x=states.astype(np.float32), pose=np.zeros((0, 3))),
-        slices=dataset.slices._replace(anchor=None),
-        manifest=replace(dataset.manifest, roads=None),
-    )
-
-
-def test_without_poses_windows_keep_their_recorded_road(toy_dataset, scaling, cuts):
-    logs = without_poses(toy_dataset)
-    batch = WindowSource(logs, scaling, HISTORY).draw(200, rng())
-    assert cuts[0].anchor is None
-    ahead = cuts[0].row[:, None] + np.arange(STEPS + 1)
-    expected = scaling.normalise_states(logs.recording.x[ahead]).swapaxes(0, 1)
-    np.testing.assert_allclose(batch.x.numpy(), expected, rtol=1e-5, atol=1e-5)
 
 
 @pytest.mark.parametrize("windows", ["slices", "all"])
@@ -275,20 +244,6 @@ def show(trajectories: Trajectories, scaling: Scaling, past_steps: int = HISTORY
     return scale(trajectories, scaling, VEHICLE, VEHICLE_ROLES, past_steps)
 
 
-def test_arrays_are_time_first_and_in_single_precision(toy_dataset, starts, scaling):
-    batch = show(cut_later(toy_dataset, starts, 0), scaling)
-    assert [tuple(series.shape) for series in batch] == [
-        (SHORT + 1, 2, 6),
-        (SHORT, 2, 3),
-        (SHORT, 2, 1),
-        (HISTORY + SHORT, 2, 6),
-        (1, 2, 1),
-    ]
-    assert all(series.dtype == torch.float32 for series in batch)
-    assert batch.steps == SHORT
-    assert torch.equal(batch.weight, torch.ones(1, 2, 1))
-
-
 @pytest.mark.parametrize("t", [0, 1, HISTORY, SHORT])
 def test_history_at_an_instant_equals_that_of_a_window_starting_there(
     toy_dataset, starts, scaling, t
@@ -298,16 +253,6 @@ def test_history_at_an_instant_equals_that_of_a_window_starting_there(
     found = batch.at(torch.tensor([t])).past[0]
     assert torch.equal(found, begun_there.at(torch.tensor([0])).past[0])
     assert torch.equal(found, begun_there.memory[:HISTORY].swapaxes(0, 1))
-
-
-def test_instants_have_the_order_of_the_given_times(toy_dataset, starts, scaling):
-    batch = show(cut_later(toy_dataset, starts, 0), scaling)
-    together = batch.at(torch.tensor([7, 0, 7, 3]))
-    for i, t in enumerate((7, 0, 7, 3)):
-        alone = batch.at(torch.tensor([t]))
-        for one, other in zip(together, alone, strict=True):
-            assert torch.equal(one[i], other[0])
-        assert torch.equal(alone.x[0], batch.x[t])
 
 
 @pytest.mark.parametrize("past_steps", [0, HISTORY])
@@ -345,13 +290,6 @@ def test_only_speed_and_progress_are_centred(train):
     scaling = fit(train)
     assert np.flatnonzero(scaling.x_centre).tolist() == [0, 3]
     assert scaling.x_centre[0] == pytest.approx(train.x[..., 0].mean(), rel=1e-5)
-
-
-def test_the_past_has_the_signals_that_the_roles_name(train):
-    roles = replace(VEHICLE_ROLES, past=("ds_m", "steer_rad"))
-    scaling = fit_scaling(train, VEHICLE, roles)
-    assert np.array_equal(scaling.past_centre, [scaling.x_centre[3], 0.0])
-    assert np.array_equal(scaling.past_scale, [scaling.x_scale[3], scaling.u_scale[2]])
 
 
 def test_the_range_of_the_inputs_of_the_car_is_its_limits_and_that_of_a_road_is_found(train):

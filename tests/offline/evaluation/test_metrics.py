@@ -16,7 +16,6 @@ from offline.evaluation.comparison import compare_models
 from offline.evaluation.metrics import (
     MEANS,
     SHARES,
-    StateUnit,
     TrajectoryErrors,
     errors_on,
     ratios_of,
@@ -47,16 +46,6 @@ def test_errors_are_in_the_squared_units_of_the_papers_table():
     degrees = np.degrees(1.0) ** 2
     assert np.allclose(values(found["mse"]), [12.96, 12.96, degrees, 1.0, 1.0, degrees])
     assert np.allclose(values(found["rms"]), np.sqrt(values(found["mse"])))
-
-
-def test_states_of_any_schema_have_errors():
-    schema = Schema(
-        (Signal("speed_mps", "m/s"), Signal("heat_k", "K")), (Signal("power", "1"),), (), 0.1
-    )
-    made = made_trajectories(10, steps=30, states=2)
-    found = figures_of(WithError(made, [1.0, 2.0]), made_test_set(made), schema)
-    assert np.allclose(values(found["models"]["m"]["mse"]), [12.96, 4.0])
-    assert list(found["absolute_error_quantiles"]["m"]) == ["after_2_s"]
 
 
 def test_rms_error_is_given_for_each_step():
@@ -180,12 +169,6 @@ def test_the_second_mean_leaves_out_progress():
     assert means(ratios_of(draws(32, 1, 1, 64, 1, 1), one, CAR))[1] == pytest.approx(2.0)
 
 
-def test_states_without_progress_have_one_mean():
-    columns = (StateUnit("speed", "km/h", 3.6), StateUnit("heat", "K", 1.0))
-    assert means(ratios_of(draws(4, 1), draws(1, 1), columns)) == pytest.approx([2.0])
-    assert len(means(ratios_of(draws(4), draws(1), (StateUnit("ds", "m", 1.0),)))) == 1
-
-
 def mean_of(values, episode):
     return estimate(mean_draws(np.asarray(values), np.asarray(episode)))
 
@@ -207,16 +190,6 @@ def test_intervals_cover_the_true_mean_of_correlated_slices_as_often_as_stated()
         found = mean_of(values, episode)
         covered += bool(found.low <= 0.0 <= found.high)
     assert 0.90 <= covered / 300 <= 0.98
-
-
-def test_copies_of_the_slices_do_not_change_the_interval():
-    rng = np.random.default_rng(2)
-    values, episode = rng.normal(size=(30, 2)), np.arange(30)
-    once = mean_of(values, episode)
-    five_times = mean_of(np.repeat(values, 5, axis=0), np.repeat(episode, 5))
-    assert np.allclose(np.stack(once), np.stack(five_times), rtol=1e-12)
-    as_if_independent = mean_of(np.repeat(values, 5, axis=0), np.arange(150))
-    assert np.all(as_if_independent.high - as_if_independent.low < 0.6 * (once.high - once.low))
 
 
 def test_a_single_episode_has_no_interval():
@@ -258,12 +231,6 @@ def test_quantiles_agree_with_those_of_explicit_resamples():
         resampled = np.repeat(values, weights_of(10)[row][episode], axis=0)
         expected = np.quantile(resampled, shares, axis=0, method="inverted_cdf")
         assert np.array_equal(draws[row], expected)
-
-
-def test_the_ninth_of_ten_is_the_90_percent_quantile():
-    """0.9 times 10 is slightly more than 9 in binary."""
-    draws = quantile_draws(np.arange(1.0, 11.0), np.arange(10), (0.9,))
-    assert draws[0, 0] == 9.0
 
 
 def test_the_part_of_the_largest_values_agrees_with_that_of_explicit_resamples():

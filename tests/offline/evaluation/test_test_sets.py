@@ -32,7 +32,7 @@ from offline.evaluation.test_sets import (
 )
 from rt_controller.contract.errors import ConfigError, DatasetError
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.signals import VEHICLE, InputColumn, Schema, Signal, StateColumn
+from rt_controller.contract.signals import VEHICLE, InputColumn, Schema, Signal
 from rt_controller.contract.timing import PERIOD_S
 
 
@@ -74,21 +74,6 @@ def test_new_roads_have_the_same_drives(toy_dataset):
         for name in ("u", "past", "episode"):
             assert np.array_equal(getattr(laid, name), getattr(library.trajectories, name))
         assert np.all(laid.w == np.float32((-1e-3, 1e-3, 3e-3)[road]))
-
-
-def test_heading_error_on_a_new_road_is_yaw_minus_curvature_times_progress(toy_dataset):
-    library, new = library_set(toy_dataset), new_roads_set(toy_dataset)
-
-    def turned(found):
-        x = found.trajectories.x.astype(float)
-        curvature = found.curvature_per_m[:, None]
-        return np.diff(x[..., 5], axis=1) + curvature * x[:, 1:, 3]
-
-    n = library.n_trajectories
-    assert np.ptp(library.trajectories.x[..., 5]) > 0.1
-    for road in range(3):
-        on_it = turned(new)[road * n : (road + 1) * n]
-        assert np.allclose(on_it, turned(library), atol=2e-6)
 
 
 def test_curvatures_of_the_library_are_not_among_the_new_ones(toy_dataset):
@@ -169,14 +154,6 @@ def test_every_stop_reaches_the_full_brake_within_the_limits_of_the_inputs(stops
     assert change.min() >= 0.0
 
 
-def test_the_cars_keep_moving_straight(stops):
-    x = stops.trajectories.x
-    assert np.all(x[..., StateColumn.vx_mps] > 10.0 / 3.6)
-    assert np.all(x[..., [StateColumn.vy_mps, StateColumn.yaw_rate_radps]] == 0.0)
-    deceleration = -np.diff(x[..., StateColumn.vx_mps], axis=1) / PERIOD_S
-    assert 6.0 < deceleration.max() < 10.0
-
-
 COUNT = 20
 
 
@@ -244,16 +221,6 @@ def test_whole_sets_are_ordered_by_friction_mass_and_noise():
     assert labels["sets"] == ["library"]
 
 
-@pytest.mark.parametrize("signals", [("speed_mps",), ("vx_mps",)])
-def test_data_of_other_signals_have_the_series_that_their_signals_allow(signals):
-    states = tuple(Signal(name, "m/s") for name in signals)
-    schema = Schema(states, (Signal("pedal", "1"),), (), 0.1)
-    made = made_trajectories(COUNT, states=1)
-    made.x[:, 0, 0] = np.linspace(2.0, 30.0, COUNT)
-    found = {series.name for series in make_series([made_test_set(made)], schema)}
-    assert found == ({"sets", "speed"} if "vx_mps" in signals else {"sets"})
-
-
 @pytest.fixture(scope="module")
 def driven():
     return drive_lane_change()
@@ -270,25 +237,11 @@ def test_speed_road_and_displacement_are_those_of_the_paper(driven):
     assert "0.001 1/m" in driven.description
 
 
-def test_progress_and_speed_agree(driven):
-    """Fails if states are shifted by a period."""
-    x = driven.windows.x.astype(float)
-    ds_m = PERIOD_S * (x[..., :-1, 0] + x[..., 1:, 0]) / 2 * np.cos(x[..., 1:, 5])
-    ds_m /= 1.0 - 1e-3 * x[..., 1:, 4]
-    assert np.allclose(x[..., 1:, 3], ds_m, atol=3e-3)
-
-
 def test_inputs_keep_to_the_limits_and_rates_of_the_controller(driven):
     u = driven.windows.u.reshape(-1, 3).astype(float)
     assert np.all(u >= np.array(INPUT_LIMITS.lower) - 1e-6)
     assert np.all(u <= np.array(INPUT_LIMITS.upper) + 1e-6)
     assert np.all(np.abs(np.diff(u, axis=0)) <= PERIOD_S * np.array(INPUT_LIMITS.rate_per_s) + 1e-6)
-
-
-def test_the_past_is_the_end_of_the_window_before(driven):
-    past, x, u = driven.windows.past, driven.windows.x, driven.windows.u
-    assert np.array_equal(past[1:, :, :3], x[:-1, STEPS - 20 : STEPS, :3])
-    assert np.array_equal(past[1:, :, 3:], u[:-1, STEPS - 20 :])
 
 
 def test_the_noise_of_first_state_and_past_has_the_stated_standard_deviations():

@@ -6,7 +6,6 @@ from math import radians
 from pathlib import Path
 
 import numpy as np
-import onnx_bytes
 import pytest
 from made_models import (
     WITH_ALL,
@@ -32,7 +31,6 @@ from offline.model.export_checks import (
     stability_of,
 )
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import Schema, Signal
 from rt_controller.model.artifact import load_bundle, shipped_model
@@ -116,17 +114,6 @@ def test_gains_are_also_as_saturated_as_in_the_self_test(level: float) -> None:
     assert found.unsaturated.radius == pytest.approx(1.0)
     assert found.saturated.radius == pytest.approx(0.9)
     assert found.at_states.radius == pytest.approx(1.2 if level == 1.0 else 1.0)
-
-
-def test_saturation_of_the_drift_takes_its_part_from_a() -> None:
-    """J is a where the gain is not saturated, and a - n s where it is."""
-    saturation = tank(0.9, drift=(-0.3, ONE))
-    signals = np.zeros((3, 2))
-    found = driven_matrices(saturation, signals, np.array([[1.0], [0.5], [0.0]]))
-    np.testing.assert_allclose(found[:, 0, 0], [0.9, 1.05, 1.2])
-    parts = box_stability(saturation, box())
-    assert parts.unsaturated.radius == pytest.approx(0.9)
-    assert parts.saturated.radius == pytest.approx(1.2)
 
 
 def test_a_product_with_an_exogenous_signal_acts_like_an_input() -> None:
@@ -271,26 +258,3 @@ def test_a_frozen_bilinear_bundle_keeps_the_input_matrix_of_its_first_lifted_sta
         psi = psi @ bundle.A.T + np.einsum("bnm,bm->bn", B, U[:, k]) + bundle.c
         psi += W[:, k] @ bundle.B_uw.T
     assert np.allclose(model.predict(x0, past, U, W)[:, -1], psi[:, :6], rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("operator", "second", "complaint"),
-    [
-        ("Add", "far", "lifts states .32, 6., found that it cannot"),
-        ("Concat", "x", "found .64, 6."),
-    ],
-)
-def test_an_encoder_that_cannot_lift_a_batch_is_refused(operator, second, complaint):
-    """It adds row 99 of the batch, or returns every row twice."""
-    tensor, rows = onnx_bytes.value, onnx_bytes.constant("rows", np.array([99]))
-    nodes = [
-        onnx_bytes.node("Gather", ["x", "rows"], "far", axis=0),
-        onnx_bytes.node(operator, ["x", second], "psi", axis=0 if operator == "Concat" else None),
-    ]
-    shape = ("batch", 6)
-    encoder = onnx_bytes.model(
-        nodes[operator == "Concat" :], [tensor("x", shape)], [tensor("psi", shape)], [rows]
-    )
-    lti = load_bundle(shipped_model("lti"))
-    with pytest.raises(ArtifactError, match=complaint):
-        BundlePredictor(replace(lti, encoder_onnx=encoder)).lift(lti.selftest)

@@ -85,74 +85,12 @@ def learned(model: MdkNet) -> list[Tensor]:
     return [parameter for parameter in model.parameters() if parameter.numel()]
 
 
-def in_tenfold_units(model: MdkNet, batch: Batch, i: int) -> tuple[MdkNet, Batch]:
-    """The same model and data with state i in a unit ten times smaller."""
-    config = a_config(history_steps=0)
-    other = a_model(config)
-    x = batch.x.clone()
-    x[..., i] *= 10.0
-    with torch.no_grad():
-        for one, source in zip(other.parameters(), model.parameters(), strict=True):
-            one.copy_(source)
-        for encoder in other.encoders:
-            encoder.layers[0].weight[:, encoder.columns == i] /= 10.0
-        other.A_rows[i] *= 10.0
-        other.A_rows[:, i] /= 10.0
-        other.B_rows[i] *= 10.0
-        other.N_rows[i] *= 10.0
-        other.S[:, i] /= 10.0
-    return other, batch._replace(x=x)
-
-
-@pytest.mark.parametrize("i", [0, 4])
-def test_the_unit_of_a_state_adds_a_constant_and_changes_no_gradient(i):
-    config = a_config(history_steps=0)
-    model = a_model(config)
-    batch = a_batch()._replace(memory=torch.zeros(K, BATCH, 6))
-    other, rescaled = in_tenfold_units(model, batch, i)
-    here, there = (
-        total_loss(*arguments).multi_step
-        for arguments in ((model, config, batch), (other, config, rescaled))
-    )
-    assert (there - here).item() == pytest.approx(math.log(100.0) / STATES)
-    here.backward()
-    there.backward()
-    for one, another in zip(model.encoders, other.encoders, strict=True):
-        last, other_last = one.layers[-1].weight.grad, another.layers[-1].weight.grad
-        assert torch.any(last != 0.0)
-        assert torch.allclose(last, other_last, rtol=1e-8, atol=1e-12)
-    latents = slice(STATES, None)
-    assert torch.allclose(model.B_rows.grad[latents], other.B_rows.grad[latents], atol=1e-12)
-
-
 def test_the_loss_is_finite_if_a_state_is_predicted_exactly():
     errors = torch.tensor([0.0, 1.0], requires_grad=True)
     loss = log_error(errors)
     loss.backward()
     assert torch.isfinite(loss)
     assert torch.all(torch.isfinite(errors.grad))
-
-
-def test_only_the_first_instant_is_encoded():
-    """Latents of later steps are not targets."""
-    config = a_config()
-    model, batch = a_model(config), a_batch()
-    errors = state_errors(model, batch)
-    memory = batch.memory.clone()
-    memory[HISTORY:] += 1.0
-    assert torch.equal(state_errors(model, batch._replace(memory=memory)), errors)
-    memory[:HISTORY] += 1.0
-    assert not torch.equal(state_errors(model, batch._replace(memory=memory)), errors)
-
-
-def test_the_errors_of_a_shortened_batch_are_those_of_its_first_steps():
-    config = a_config()
-    model, batch = a_model(config), a_batch()
-    late = batch._replace(x=batch.x.clone())
-    late.x[5:] += 10.0
-    short = state_errors(model, batch.shorten(4))
-    assert torch.equal(state_errors(model, late.shorten(4)), short)
-    assert torch.allclose(short, torch.stack(transcribed_errors(model, batch.shorten(4))))
 
 
 def test_single_step_loss_uses_the_input_matrix_at_the_start_of_each_step():

@@ -16,7 +16,6 @@ from offline.model.observables import (
     Observables,
     PathColumns,
     Sizes,
-    observables_of,
     path_columns,
     sizes_of,
 )
@@ -43,34 +42,6 @@ def a_model(sizes: Sizes = SIZES, **changes: object) -> MdkNet:
         model.N_rows.normal_()
         model.S.normal_()
     return model
-
-
-def instants(*leading: int, history: int = HISTORY) -> Instants:
-    torch.manual_seed(2)
-    return Instants(
-        torch.randn(*leading, STATES), torch.randn(*leading, 1), torch.randn(*leading, history, 6)
-    )
-
-
-def test_progress_begins_as_the_speed():
-    start = MdkNet(a_config(), SIZES).operator().A[3]
-    assert start[0].item() == pytest.approx(1.0, abs=0.01)
-    assert start[1:].abs().max().item() < 0.01
-
-
-@pytest.mark.parametrize(
-    ("changes", "matters"),
-    [
-        ({}, (True, True)),
-        ({"lift_exogenous": False}, (False, True)),
-        ({"history_steps": 0}, (True, False)),
-    ],
-)
-def test_latents_depend_on_curvature_and_history_only_if_configured(changes, matters):
-    model, now = a_model(**changes), instants(BATCH)
-    psi = model.lift(now)
-    others = (now._replace(w=now.w + 1.0), now._replace(past=now.past + 1.0))
-    assert tuple(not torch.equal(model.lift(other), psi) for other in others) == matters
 
 
 @pytest.mark.parametrize("follows", Follow)
@@ -146,19 +117,6 @@ def test_the_driven_matrix_is_the_derivative_of_a_step(changes):
     torch.testing.assert_close(J, torch.autograd.functional.jacobian(after, psi))
 
 
-@pytest.mark.parametrize("follows", Follow)
-def test_a_roll_out_is_linear_in_the_inputs_unless_b_follows_the_prediction(follows):
-    """The controller linearises such a model along its last plan."""
-    model = a_model(bilinear_follows=follows)
-    psi0, w = model.lift(instants(BATCH)), torch.randn(20, BATCH, 1)
-    one, other = torch.randn(2, 20, BATCH, 3)
-    with torch.no_grad():
-        mixed = model.roll_out(psi0, 0.3 * one + 0.7 * other, w)
-        expected = 0.3 * model.roll_out(psi0, one, w) + 0.7 * model.roll_out(psi0, other, w)
-    is_linear = torch.allclose(mixed, expected, rtol=1e-4, atol=1e-3)
-    assert is_linear == (follows is not Follow.PREDICTION)
-
-
 def test_fading_latents_start_with_the_configured_time_constants():
     model = a_model(latents=23)
     A = model.operator().A.detach()
@@ -198,15 +156,6 @@ def test_the_path_is_found_by_its_names() -> None:
     assert path_columns(turned) == PathColumns(ds=2, ey=1, epsi=0)
     planar = Schema((Signal("vx_mps", "m/s"), Signal("ey_m", "m")), (), (), 0.1)
     assert path_columns(planar) is None
-
-
-def test_latents_are_divided_between_motion_and_path() -> None:
-    config = PRESETS["recommended"]
-    assert observables_of(config, 6, PATH) == Observables(6, PATH, 39, 20, True)
-    assert observables_of(config, 6, PATH).n == 6 + config.latents
-    assert observables_of(config, 4, None) == Observables(4, None, 59, 0, True)
-    together = config.model_copy(update={"separate_motion": False})
-    assert observables_of(together, 6, PATH) == Observables(6, None, 59, 0, True)
 
 
 @pytest.mark.parametrize("path", [PATH, PathColumns(0, 1, 2), PathColumns(5, 0, 3)])
@@ -262,20 +211,6 @@ def make(has_products: bool, columns: list[int] | None = None) -> Encoder:
 def test_products_have_zero_weights_at_the_start() -> None:
     shown = torch.randn(20, SHOWN)
     assert torch.equal(make(True)(shown), make(False)(shown))
-
-
-def test_an_encoder_reads_its_columns_only_and_in_their_order() -> None:
-    columns = [7, 1, 0, 4, 9]
-    encoder, shown = make(True, columns), torch.randn(20, SHOWN)
-    assert encoder.products is not None
-    with torch.no_grad():
-        encoder.products.weights.weight.normal_()
-    chosen = shown[:, columns]
-    assert torch.equal(encoder(shown), encoder.latents(chosen, chosen[:, :PRESENT]))
-    for column in range(SHOWN):
-        other = shown.clone()
-        other[:, column] += 1.0
-        assert torch.equal(encoder(other), encoder(shown)) == (column not in columns)
 
 
 MOTION, PATH_STATES = [0, 1, 2], [3, 4, 5]

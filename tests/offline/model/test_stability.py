@@ -161,18 +161,6 @@ def test_in_training_one_point_is_entirely_saturated() -> None:
     assert drawn.item() * DRAWN == pytest.approx(2.0 * 0.4, rel=0.1)
 
 
-def test_in_training_points_are_drawn_and_in_an_evaluation_all_corners_are_used() -> None:
-    model = with_feedback_of_an_input(damped(a_model()), 0.4)
-    psi = lifted(model)
-    torch.manual_seed(5)
-    with torch.no_grad():
-        evaluated = torch.stack([driven_excess(model, psi) for _ in range(3)])
-        drawn = torch.stack([driven_excess(model.train(), psi) for _ in range(20)])
-    assert torch.equal(evaluated, evaluated[0].expand(3))
-    assert drawn.std() > 0.0
-    assert drawn.max() <= 2.0 * evaluated[0]
-
-
 @pytest.mark.parametrize("is_training", [False, True])
 def test_the_excess_does_not_depend_on_the_units_of_a_latent(is_training: bool) -> None:
     model, place = a_model().train(is_training), 7

@@ -13,7 +13,7 @@ from offline.data.dataset import Dataset
 from offline.data.signals import VEHICLE_ROLES, fit_scaling
 from offline.model.network import MdkNet
 from offline.model.observables import sizes_of
-from offline.training.optimizer import WARM_UP_SHARE, Optimizer, cosine_rate
+from offline.training.optimizer import Optimizer, cosine_rate
 from offline.training.run import TrainingState, find_device, initialise
 from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.limits import INPUT_LIMITS
@@ -86,12 +86,6 @@ def test_the_cosine_rate_rises_to_its_maximum_and_then_falls(steps):
     assert found[: top + 1] == sorted(found[: top + 1])
     assert found[top:] == sorted(found[top:], reverse=True)
     assert found[top] == pytest.approx(HIGHEST)
-
-
-def test_the_warm_up_is_linear_over_5_percent_of_the_steps():
-    found = rates(1000)
-    assert WARM_UP_SHARE == 0.05
-    assert found[:50] == pytest.approx([HIGHEST * (k + 1) / 50 for k in range(50)])
 
 
 def test_after_the_warm_up_the_rate_is_half_a_cosine():

@@ -11,10 +11,9 @@ from fitted_network import fitted
 from run_contents import history
 from torch import nn
 
-from offline.data.sampling import Batch, scale
-from offline.model import losses
+from offline.data.sampling import scale
 from offline.model.bundle_predictor import BundlePredictor
-from offline.model.losses import Losses, evaluate, state_errors
+from offline.model.losses import Losses, state_errors
 from offline.training.export import export_checkpoint
 from offline.training.initial import with_structure_of
 from offline.training.run import create_run, load_checkpoint, restore_model
@@ -47,28 +46,6 @@ def test_a_loss_of_ones_own_becomes_smaller(config, toy_dataset, new_run):
     values = [line["validation"]["total"] for line in history(run)]
     assert values[-1] < 0.5 * values[0]
     assert result.best_validation_loss == min(values)
-
-
-def test_the_validation_of_a_loss_is_its_mean_over_all_trajectories(
-    config, toy_dataset, new_run, monkeypatch
-):
-    run = new_run(config)
-    train(config, toy_dataset, run, loss=lateral_error)
-    checkpoint, schema, roles = load_checkpoint(run.last), toy_dataset.schema, toy_dataset.roles
-    model = restore_model(checkpoint, schema, roles)
-    part = toy_dataset.select("validation")
-    batch = scale(part, checkpoint.scaling, schema, roles, config.history_steps)
-    sizes = []
-
-    def counted(model, config, batch: Batch, times):
-        sizes.append(batch.x.shape[1])
-        return lateral_error(model, config, batch, times)
-
-    monkeypatch.setattr(losses, "CHUNK", 7)
-    found = evaluate(model, config, batch, torch.device("cpu"), counted)
-    assert (sum(sizes), sizes[0], sizes[-1] % 7) == (len(part.episode), 7, len(part.episode) % 7)
-    with torch.no_grad():
-        assert found.total == pytest.approx(state_errors(model, batch)[4].item(), rel=1e-5)
 
 
 @pytest.fixture(scope="module")
