@@ -85,13 +85,6 @@ def test_the_shares_of_nominal_and_changing_episodes_are_those_of_the_recipe():
     assert np.mean(is_changing) == pytest.approx(VARIED.changing_share, abs=0.07)
 
 
-def test_slopes_and_wind_change_gradually():
-    rows = rows_of(Variation(changing_share=1.0, bank_rad=(-0.1, 0.1), gust_mps=5.0))
-    for name, largest_per_s in (("bank_rad", 0.15), ("wind_left_mps", 25.0)):
-        change_per_s = np.diff(column(rows, name), axis=1) / PERIOD_S
-        assert 0.0 < np.abs(change_per_s).max() < largest_per_s
-
-
 def test_a_load_behind_moves_the_centre_of_gravity_back_and_adds_its_mass():
     """300 kg, 1.5 m behind the centre of gravity of a car of 1501 kg."""
     drawn = draw(Variation(payload_kg=(300.0, 300.0), payload_ahead_m=(-1.5, -1.5)))

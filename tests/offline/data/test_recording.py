@@ -182,12 +182,6 @@ def lay(pose: NDArray[np.float64], curvature: float, ey: float, epsi: float) -> 
     return onto_road(pose[None], Anchor(*(np.array([v]) for v in (curvature, ey, epsi))))
 
 
-def moved(pose: NDArray[np.float64], X: float, Y: float, angle: float) -> NDArray[np.float64]:
-    c, s = np.cos(angle), np.sin(angle)
-    turned = np.stack([c * pose[:, 0] - s * pose[:, 1], s * pose[:, 0] + c * pose[:, 1]], axis=1)
-    return np.column_stack([turned + (X, Y), pose[:, 2] + angle])
-
-
 @seeded
 @given(seeds, curvatures, lateral_errors, heading_errors)
 def test_projection_onto_a_road_equals_integration_along_it(seed, curvature, ey, epsi):
@@ -196,15 +190,6 @@ def test_projection_onto_a_road_equals_integration_along_it(seed, curvature, ey,
     expected = along(motion, curvature, ey, epsi)
     found = np.stack([column[0] for column in lay(on_plane, curvature, ey, epsi)], axis=-1)
     np.testing.assert_allclose(found, expected, atol=1e-7)
-
-
-@seeded
-@given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-7.0, 7.0))
-def test_the_position_on_the_plane_does_not_change_the_path_states(X, Y, angle):
-    pose = along(a_drive(5), 0.0, 0.0, 0.0)
-    here, there = (lay(each, 3e-3, 0.8, -0.06) for each in (pose, moved(pose, X, Y, angle)))
-    for one, other in zip(here, there, strict=True):
-        np.testing.assert_allclose(one, other, atol=1e-9)
 
 
 def test_windows_are_the_rows_of_the_recording_in_the_order_of_their_starts():

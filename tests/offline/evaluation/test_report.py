@@ -37,33 +37,34 @@ MADE = made_trajectories(60)
 CURVATURE = np.repeat([-4e-3, 0.0, 4e-3], 20)
 
 
-@pytest.fixture(scope="module")
-def comparison():
-    """Two models and three baselines on three sets, with a series."""
+def made_comparison(baselines, **models):
+    """On three sets, with a series of two slices."""
     sets = [
         made_test_set(MADE, CURVATURE),
         made_test_set(MADE.take(slice(0, 40)), CURVATURE[:40] + 1e-3, "new-roads"),
         made_test_set(MADE.take(slice(20, 60)), CURVATURE[20:], "robustness"),
     ]
-    models = {
-        "mdk-net": with_random_error(MADE),
-        "linear/mdk-net": with_random_error(MADE, 1.3, seed=1),
-    }
+    rows = np.arange(60) < 20
+    slices = (Slice("0 to 9", "library", rows), Slice("9 to 16", "library", ~rows))
+    return compare_models(
+        {"mdk-net": with_random_error(MADE), **models},
+        baselines,
+        sets,
+        VEHICLE,
+        classes={name: "recurrent" if name == "persistence" else "linear" for name in baselines},
+        series=[Series("sideslip", "peak sideslip", "deg", "library", slices)],
+    )
+
+
+@pytest.fixture(scope="module")
+def comparison():
+    """Two models and three baselines."""
     baselines = {
         "lti": with_random_error(MADE, 2.0, seed=2),
         "lti-per-curvature": with_random_error(MADE, 1.7, seed=3),
         "persistence": with_random_error(MADE, 1e-4, seed=4),
     }
-    rows = np.arange(60) < 20
-    slices = (Slice("0 to 9", "library", rows), Slice("9 to 16", "library", ~rows))
-    return compare_models(
-        models,
-        baselines,
-        sets,
-        VEHICLE,
-        classes={"lti": "linear", "lti-per-curvature": "linear", "persistence": "recurrent"},
-        series=[Series("sideslip", "peak sideslip", "deg", "library", slices)],
-    )
+    return made_comparison(baselines, **{"linear/mdk-net": with_random_error(MADE, 1.3, seed=1)})
 
 
 @pytest.fixture(scope="module")
@@ -146,34 +147,10 @@ def test_a_baseline_that_did_not_converge_is_named_below_tables_and_in_json():
     assert comparison.figures["not_converged"] == ["gru"]
 
 
-def test_a_comparison_without_baselines_has_no_tables_of_ratios_to_them():
-    comparison = compare_models({"m": with_random_error(MADE)}, {}, [made_test_set(MADE)], VEHICLE)
-    titles = [table.title for table in comparison_tables(comparison)]
-    assert not any("baseline" in title for title in titles)
-
-
-def made_comparison(**baselines):
-    sets = [
-        made_test_set(MADE, CURVATURE),
-        made_test_set(MADE, CURVATURE + 1e-3, "new-roads"),
-        made_test_set(MADE, CURVATURE, "robustness"),
-    ]
-    rows = np.arange(60) < 20
-    slices = (Slice("0 to 9", "library", rows), Slice("9 to 16", "library", ~rows))
-    return compare_models(
-        {"mdk-net": with_random_error(MADE)},
-        baselines,
-        sets,
-        VEHICLE,
-        classes=dict.fromkeys(baselines, "linear"),
-        series=[Series("sideslip", "peak sideslip", "deg", "library", slices)],
-    )
-
-
 @pytest.fixture(scope="module")
 def shown():
     return made_comparison(
-        **{
+        {
             "lti": with_random_error(MADE, 2.0, 1),
             "lti-per-curvature <x>": with_random_error(MADE, 3.0, 2),
         }
@@ -214,7 +191,7 @@ def test_page_shows_tables_plots_models_and_sources_without_a_script(shown, html
 
 
 def test_the_page_names_only_baselines_that_are_part_of_the_comparison():
-    shown = made_comparison(lti=with_random_error(MADE, 2.0, 1))
+    shown = made_comparison({"lti": with_random_error(MADE, 2.0, 1)})
     windows = made_trajectories(lane_change.WINDOWS)
     scenario = load_scenario("double_lane_change")
     driven = lane_change.LaneChange(scenario, windows, windows.x[..., 4].astype(float))
@@ -230,7 +207,7 @@ def test_a_diverging_baseline_can_be_drawn():
     error = np.zeros(MADE.x.shape)
     error[0, 30:] = np.nan
     error[1, 30:] = 1e200
-    shown = made_comparison(broken=WithError(MADE, error))
+    shown = made_comparison({"broken": WithError(MADE, error)})
     for figure in (
         plots.rms_over_time(shown),
         plots.ratio_bars(shown, "mdk-net"),

@@ -10,7 +10,7 @@ from offline.config import PRESETS, STEPS
 from offline.data.manifest import Roads
 from offline.data.recording import Starts
 from offline.data.signals import STANDARD_DEVIATIONS, VEHICLE_ROLES, Roles, past_names
-from offline.evaluation import simulated_sets, test_sets
+from offline.evaluation import simulated_sets
 from offline.evaluation.lane_change import WINDOWS, drive_lane_change
 from offline.evaluation.series import make_series
 from offline.evaluation.simulated_sets import (
@@ -25,7 +25,6 @@ from offline.evaluation.test_sets import (
     DEFAULT_LEVELS,
     ROBUSTNESS,
     choose_levels,
-    choose_sets,
     library_set,
     new_roads_set,
     noisy_set,
@@ -89,14 +88,6 @@ def test_data_without_roads_have_a_library_and_no_new_roads(without_roads):
     assert library.curvatures_per_m == ()
     assert library.n_trajectories == 5 * len(without_roads.episodes("test"))
     assert new_roads_set(without_roads) is None
-
-
-def test_the_library_is_part_of_every_choice_of_sets():
-    assert choose_sets([]) == test_sets.SET_NAMES
-    assert choose_sets(["robustness"]) == ("library", "robustness")
-    assert choose_sets(["library"]) == ("library",)
-    with pytest.raises(ConfigError, match="library, new-roads, robustness, varied, noise"):
-        choose_sets(["holdout"])
 
 
 LIBRARY = made_test_set(made_trajectories(4_000))
@@ -235,13 +226,6 @@ def test_speed_road_and_displacement_are_those_of_the_paper(driven):
     assert np.abs(x[-1, -1, 4]) < 0.1
     assert "80 km/h" in driven.description
     assert "0.001 1/m" in driven.description
-
-
-def test_inputs_keep_to_the_limits_and_rates_of_the_controller(driven):
-    u = driven.windows.u.reshape(-1, 3).astype(float)
-    assert np.all(u >= np.array(INPUT_LIMITS.lower) - 1e-6)
-    assert np.all(u <= np.array(INPUT_LIMITS.upper) + 1e-6)
-    assert np.all(np.abs(np.diff(u, axis=0)) <= PERIOD_S * np.array(INPUT_LIMITS.rate_per_s) + 1e-6)
 
 
 def test_the_noise_of_first_state_and_past_has_the_stated_standard_deviations():

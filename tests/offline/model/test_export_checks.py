@@ -179,20 +179,6 @@ def test_the_box_of_a_bundle_is_its_range_or_the_limits_of_the_car(bent: Bundle)
     np.testing.assert_array_equal(signal_box(tank()), np.zeros((2, 2)))
 
 
-def test_an_observable_that_is_constant_has_no_part_in_the_growth() -> None:
-    """The offset of a state is large in the column of the constant, where nothing differs."""
-    pair = Schema((Signal("level_m", "m"), Signal("one", "1")), (), (), dt_s=1.0)
-    A = np.array([[0.5, 1e6], [0.0, 1.0]])
-    model = Bundle.linear(A, np.zeros((2, 0)), np.zeros((2, 0)), schema=pair)
-    box_without_signals = np.zeros((2, 0))
-    constant = replace(model, selftest_psi=np.array([[0.0, 1.0], [1.0, 1.0]]))
-    found = box_stability(constant, box_without_signals).unsaturated
-    assert found.radius == pytest.approx(0.5)
-    assert found.growth == pytest.approx(0.5**80)
-    varying = replace(model, selftest_psi=np.array([[0.0, 1.0], [1.0, 2.0]]))
-    assert box_stability(varying, box_without_signals).unsaturated.growth > 1e5
-
-
 FOLDERS = sorted(
     file.parent for file in Path(rt_controller.__file__).parent.glob("models/*/koopman.npz")
 )

@@ -2,21 +2,16 @@
 
 import math
 
-import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from offline.config import PRESETS, TrainingConfig
-from offline.data.dataset import Dataset
-from offline.data.signals import VEHICLE_ROLES, fit_scaling
+from offline.data.signals import VEHICLE_ROLES
 from offline.model.network import MdkNet
 from offline.model.observables import sizes_of
 from offline.training.optimizer import Optimizer, cosine_rate
-from offline.training.run import TrainingState, find_device, initialise
+from offline.training.run import find_device
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import VEHICLE
 
 SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
@@ -56,36 +51,11 @@ def test_muon_changes_a_matrix_equally_in_all_directions(name, is_even):
     assert bool(sizes[0] / sizes[-1] < 2.0) is is_even
 
 
-@pytest.mark.parametrize("name", ["muon", "adam"])
-def test_a_model_without_gains_learns(name):
-    """Its matrices of gains are empty."""
-    model, optimizer, _ = made(optimizer=name, bilinear_rank=0, path_rank=0, drift_rank=0)
-    u, w = torch.randn(5, 3, 3), torch.randn(5, 3, 1)
-    before = [parameter.detach().clone() for parameter in model.parameters()]
-    model.roll_out(torch.randn(3, model.n_observables), u, w).square().mean().backward()
-    optimizer.step()
-    after = list(model.parameters())
-    assert all(torch.isfinite(parameter).all() for parameter in after)
-    assert any(not torch.equal(one, other) for one, other in zip(before, after, strict=True))
-
-
 HIGHEST = 2e-3
-run_lengths = st.integers(1, 5000)
-seeded = settings(max_examples=50, derandomize=True, deadline=None)
 
 
 def rates(steps: int) -> list[float]:
     return [cosine_rate(step, steps, HIGHEST) for step in range(steps)]
-
-
-@seeded
-@given(run_lengths)
-def test_the_cosine_rate_rises_to_its_maximum_and_then_falls(steps):
-    found = rates(steps)
-    top = found.index(max(found))
-    assert found[: top + 1] == sorted(found[: top + 1])
-    assert found[top:] == sorted(found[top:], reverse=True)
-    assert found[top] == pytest.approx(HIGHEST)
 
 
 def test_after_the_warm_up_the_rate_is_half_a_cosine():
@@ -96,23 +66,6 @@ def test_after_the_warm_up_the_rate_is_half_a_cosine():
         HIGHEST * (1 + math.cos(math.pi * (950 // 4) / 950)) / 2
     )
     assert found[-1] < 1e-5 * HIGHEST
-
-
-CPU = torch.device("cpu")
-
-
-def started(config: TrainingConfig, dataset: Dataset) -> TrainingState:
-    scaling = fit_scaling(dataset.select("train"), dataset.schema, dataset.roles)
-    return initialise(config, dataset, scaling, CPU)
-
-
-def test_the_model_knows_the_scaled_range_of_its_signals(tiny_recommended, toy_dataset):
-    train = toy_dataset.select("train")
-    scaling = fit_scaling(train, toy_dataset.schema, toy_dataset.roles)
-    lowest, highest = started(tiny_recommended, toy_dataset).model.signal_range.numpy()
-    scale = np.append(scaling.u_scale, scaling.w_scale)
-    np.testing.assert_allclose(lowest * scale, [*INPUT_LIMITS.lower, train.w.min()], rtol=1e-6)
-    np.testing.assert_allclose(highest * scale, [*INPUT_LIMITS.upper, train.w.max()], rtol=1e-6)
 
 
 def test_an_unknown_device_is_refused():
