@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from worker_tasks import die, square
 
-from offline.config import PAST_STEPS, STEPS
+from offline.config import PAST_STEPS
 from offline.data import generate as generate_module
 from offline.data.generate import (
     EPISODE_STEPS,
@@ -23,7 +23,7 @@ from offline.data.generate import (
     plant_fingerprint,
     run_tasks,
 )
-from offline.data.recipe import CONDITIONS, Recipe, draw_conditions
+from offline.data.recipe import Recipe, draw_conditions
 from offline.data.recording import cut
 from offline.data.signals import VEHICLE_ROLES
 from offline.data.variation import VARIED, Variation
@@ -100,19 +100,6 @@ def test_another_condition_changes_the_motion_and_not_the_inputs(name, usual, ot
     assert np.array_equal(nominal.inputs, changed.inputs)
     assert np.array_equal(nominal.first_errors, changed.first_errors)
     assert np.abs(nominal.motion - changed.motion).max() > 1e-2
-
-
-def test_conditions_are_recorded_for_every_sample_and_cut_with_the_windows():
-    made = generate(Recipe(**CALM, variation=VARIED), 4, seed=5, jobs=1)
-    conditions = made.recording.conditions
-    assert conditions.shape == (len(made.recording.x), len(CONDITIONS))
-    assert conditions.dtype == np.float32
-    last = made.recording.first[1:] - 1
-    assert np.array_equal(conditions[last], conditions[last - 1])
-    windows = cut(made.recording, made.slices, VEHICLE, VEHICLE_ROLES)
-    assert windows.conditions.shape == (20, STEPS, len(CONDITIONS))
-    assert np.array_equal(windows.conditions[:, 0], conditions[made.slices.row])
-    assert np.array_equal(windows.take(slice(2)).conditions, windows.conditions[:2])
 
 
 def test_the_default_recipe_makes_the_same_bytes():

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from toy_predictors import WithError, made_test_set, made_trajectories, with_random_error
 
-from offline.evaluation import predictor
 from offline.evaluation.bootstrap import (
     RESAMPLES,
     estimate,
@@ -21,7 +20,6 @@ from offline.evaluation.metrics import (
     ratios_of,
     state_units,
 )
-from offline.evaluation.predictor import prediction_errors
 from rt_controller.contract.signals import VEHICLE, Schema, Signal
 
 CAR = state_units(VEHICLE)
@@ -97,15 +95,6 @@ def test_diverging_predictions_have_infinite_errors_and_are_counted():
     by_step = np.array(found["by_step"]["m"]["rms"]["vx_kmh"]["value"])
     assert np.all(by_step[:39] == 0.0)
     assert np.all(np.isinf(by_step[39:]))
-
-
-def test_batches_of_a_long_test_set_give_the_same_errors(monkeypatch):
-    made = made_trajectories(23)
-    model = with_random_error(made)
-    at_once = prediction_errors(model, made)
-    monkeypatch.setattr(predictor, "_BATCH", 10)
-    assert np.array_equal(prediction_errors(model, made), at_once)
-    assert at_once.shape == (23, 80, 6)
 
 
 def test_a_model_gets_the_inputs_curvature_and_past_of_each_trajectory():

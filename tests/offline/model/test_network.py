@@ -5,12 +5,12 @@ from math import exp
 import pytest
 import torch
 import transcribed_model
-from torch import Tensor, nn
+from torch import Tensor
 
 from offline.config import PRESETS, TrainingConfig
 from offline.data.sampling import Instants
 from offline.data.signals import VEHICLE_ROLES, Roles
-from offline.model.encoder import Encoder, Products
+from offline.model.encoder import Products
 from offline.model.network import FADING_S, MdkNet
 from offline.model.observables import (
     Observables,
@@ -193,26 +193,6 @@ def test_the_blocks_are_those_whose_eigenvalues_are_those_of_a() -> None:
 
 
 SHOWN, PRESENT, ENCODED = 11, 4, 5
-
-
-def make(has_products: bool, columns: list[int] | None = None) -> Encoder:
-    torch.manual_seed(0)
-    return Encoder(
-        list(range(SHOWN)) if columns is None else columns,
-        PRESENT,
-        (8, 8),
-        ENCODED,
-        activation=nn.SiLU,
-        last_layer_share=1.0,
-        has_products=has_products,
-    )
-
-
-def test_products_have_zero_weights_at_the_start() -> None:
-    shown = torch.randn(20, SHOWN)
-    assert torch.equal(make(True)(shown), make(False)(shown))
-
-
 MOTION, PATH_STATES = [0, 1, 2], [3, 4, 5]
 DS, EY, EPSI = PATH_STATES
 STEPS = 12
