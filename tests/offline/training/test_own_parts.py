@@ -101,6 +101,7 @@ def perceptron(width, latents):
     )
 
 
+@pytest.mark.parametrize("config", ["paper"], indirect=True)
 @pytest.mark.parametrize(
     "trained", [Sines, perceptron, lambda *_: None], ids=["own", "perceptron", "none"]
 )
@@ -117,6 +118,7 @@ def test_without_its_encoder_a_run_is_neither_exported_nor_resumed(
         train(config, toy_dataset, run, encoder=other, resume_from=load_checkpoint(run.last))
 
 
+@pytest.mark.parametrize("config", ["paper"], indirect=True)
 def test_its_bundle_starts_no_training(of_sines, toy_dataset, config, new_run):
     checkpoint = fitted(load_checkpoint(of_sines.best), toy_dataset, Sines)
     bundle, _ = export_checkpoint(checkpoint, toy_dataset, Sines)
