@@ -6,6 +6,7 @@ from math import radians
 from pathlib import Path
 
 import numpy as np
+import onnx_bytes
 import pytest
 from made_models import (
     WITH_ALL,
@@ -31,6 +32,7 @@ from offline.model.export_checks import (
     stability_of,
 )
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import Schema, Signal
 from rt_controller.model.artifact import load_bundle, shipped_model
@@ -244,3 +246,26 @@ def test_a_frozen_bilinear_bundle_keeps_the_input_matrix_of_its_first_lifted_sta
         psi = psi @ bundle.A.T + np.einsum("bnm,bm->bn", B, U[:, k]) + bundle.c
         psi += W[:, k] @ bundle.B_uw.T
     assert np.allclose(model.predict(x0, past, U, W)[:, -1], psi[:, :6], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("operator", "second", "complaint"),
+    [
+        ("Add", "far", "lifts states .32, 6., found that it cannot"),
+        ("Concat", "x", "found .64, 6."),
+    ],
+)
+def test_an_encoder_that_cannot_lift_a_batch_is_refused(operator, second, complaint):
+    """It adds row 99 of the batch, or returns every row twice."""
+    tensor, rows = onnx_bytes.value, onnx_bytes.constant("rows", np.array([99]))
+    nodes = [
+        onnx_bytes.node("Gather", ["x", "rows"], "far", axis=0),
+        onnx_bytes.node(operator, ["x", second], "psi", axis=0 if operator == "Concat" else None),
+    ]
+    shape = ("batch", 6)
+    encoder = onnx_bytes.model(
+        nodes[operator == "Concat" :], [tensor("x", shape)], [tensor("psi", shape)], [rows]
+    )
+    lti = load_bundle(shipped_model("lti"))
+    with pytest.raises(ArtifactError, match=complaint):
+        BundlePredictor(replace(lti, encoder_onnx=encoder)).lift(lti.selftest)
