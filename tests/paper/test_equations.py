@@ -92,6 +92,22 @@ def transcribed_multi_step(model: MdkNet, batch: Batch, beta: float, last: int) 
     return loss / sum(beta**i for i in range(1, last + 1)) / BATCH
 
 
+@pytest.mark.parametrize("preset", ["paper", "paper-literal"])
+def test_single_step_loss_is_equation_9(preset):
+    config = a_config(preset)
+    model, batch = a_model(config), a_batch()
+    found = total_loss(model, config, batch).single_step
+    assert torch.isclose(found, transcribed_single_step(model, batch))
+
+
+@pytest.mark.parametrize(("preset", "last"), [("paper-literal", K - 1), ("paper", K)])
+def test_multi_step_loss_is_equation_10(preset, last):
+    config = a_config(preset)
+    model, batch = a_model(config), a_batch()
+    expected = transcribed_multi_step(model, batch, config.forgetting, last)
+    assert torch.isclose(total_loss(model, config, batch).multi_step, expected)
+
+
 @pytest.mark.parametrize(("preset", "last"), [("paper-literal", K - 1), ("paper", K)])
 def test_gradients_of_both_prediction_losses_are_those_of_the_transcription(preset, last):
     config = a_config(preset)
@@ -111,6 +127,17 @@ def test_eigenvalue_excess_is_equation_11():
     A = torch.diag(torch.tensor([1.5, 0.9, -1.25, 1.0]))
     A[0, 3] = 7.0
     assert torch.isclose(eigenvalue_excess(A), torch.tensor(0.75))
+
+
+def test_eigenvalue_excess_counts_both_eigenvalues_of_a_complex_pair():
+    radius, angle = 1.2, torch.tensor(0.7)
+    turn = torch.stack(
+        [
+            torch.stack([angle.cos(), -angle.sin()]),
+            torch.stack([angle.sin(), angle.cos()]),
+        ]
+    )
+    assert torch.isclose(eigenvalue_excess(radius * turn), torch.tensor(0.4))
 
 
 def test_growth_excess_is_the_root_of_the_64th_power():
@@ -235,6 +262,11 @@ def test_encoder_has_the_widths_of_the_table_and_relu_on_hidden_layers_only(mode
     ]
 
 
+def test_matrices_have_the_sizes_of_the_paper(model):
+    A, B = model.operator()
+    assert (A.shape, B.shape) == ((66, 66), (66, 4))
+
+
 def test_constant_observable_stays_exactly_one_over_the_horizon(model):
     psi0 = lift(model, torch.randn(5, 6))
     psi = model.roll_out(psi0, torch.randn(80, 5, 3), torch.randn(80, 5, 1))
@@ -277,3 +309,19 @@ def test_the_gradient_of_the_roll_out_equals_the_numerical_one():
         torch.randn(5, 2, 3, dtype=torch.float64, requires_grad=True),
     )
     assert torch.autograd.gradcheck(roll_out, arguments)
+
+
+def test_the_states_share_of_the_multi_step_loss_excludes_the_latents():
+    config = a_config("paper")
+    model, batch = a_model(config), a_batch()
+    losses = total_loss(model, config, batch)
+    with torch.no_grad():
+        last = model.encoders[0].layers[-1]
+        last.weight.mul_(0.0)
+        last.bias.mul_(0.0)
+        model.A_rows[:6, 6:] = 0.0
+        model.A_rows[6:] = 0.0
+        model.B_rows[6:] = 0.0
+    without_latents = total_loss(model, config, batch)
+    assert losses.states < losses.multi_step
+    assert torch.isclose(without_latents.states, without_latents.multi_step)
