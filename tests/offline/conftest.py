@@ -1,6 +1,7 @@
 """A toy car whose episodes are simulated in milliseconds."""
 
 import itertools
+import shutil
 from datetime import datetime
 from pathlib import Path
 
@@ -13,7 +14,8 @@ from offline.data.generate import EPISODE_STEPS, SLICES, Episode, Generated, ass
 from offline.data.manifest import Roads, Simulated
 from offline.data.recipe import Recipe
 from offline.data.signals import VEHICLE_ROLES
-from offline.training.run import RunFolder, create_run
+from offline.training.run import RunFolder, create_run, open_run
+from offline.training.train import train
 from rt_controller.contract.signals import VEHICLE
 
 EPISODES = 40
@@ -79,41 +81,39 @@ def toy_dataset(toy_folder) -> Dataset:
     return load_dataset(toy_folder)
 
 
-@pytest.fixture
+SMALL = {
+    "steps": 12,
+    "batch": 16,
+    "evaluate_every": 5,
+    "hidden": (8, 8),
+    "latents": 4,
+    "threads": 1,
+}
+WITH_GAINS = {
+    "history_steps": 3,
+    "bilinear_rank": 2,
+    "path_latents": 1,
+    "path_hidden": (8,),
+    "path_rank": 1,
+    "drift_rank": 1,
+}
+
+
+@pytest.fixture(scope="session")
 def tiny_config() -> TrainingConfig:
     """The preset paper, reduced to the size of a test."""
-    return PRESETS["paper"].model_copy(
-        update={
-            "steps": 12,
-            "batch": 16,
-            "evaluate_every": 5,
-            "hidden": (8, 8),
-            "latents": 4,
-            "target_samples": 6,
-            "threads": 1,
-        }
-    )
+    return PRESETS["paper"].model_copy(update={**SMALL, "target_samples": 6})
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def tiny_recommended() -> TrainingConfig:
     """The preset recommended, reduced to the size of a test."""
-    return PRESETS["recommended"].model_copy(
-        update={
-            "steps": 12,
-            "batch": 16,
-            "evaluate_every": 5,
-            "hidden": (8, 8),
-            "latents": 4,
-            "history_steps": 3,
-            "bilinear_rank": 2,
-            "path_latents": 1,
-            "path_hidden": (8,),
-            "path_rank": 1,
-            "drift_rank": 1,
-            "threads": 1,
-        }
-    )
+    return PRESETS["recommended"].model_copy(update={**SMALL, **WITH_GAINS})
+
+
+@pytest.fixture(scope="session", params=["paper", "recommended"])
+def config(request, tiny_config, tiny_recommended) -> TrainingConfig:
+    return {"paper": tiny_config, "recommended": tiny_recommended}[request.param]
 
 
 @pytest.fixture
@@ -126,3 +126,18 @@ def new_run(tmp_path, toy_folder, toy_dataset):
         return create_run(base, config, toy_folder, toy_dataset.sha256, now)
 
     return create
+
+
+@pytest.fixture(scope="session")
+def finished(config, toy_folder, toy_dataset, tmp_path_factory) -> RunFolder:
+    """A finished run, which no test may change."""
+    base = tmp_path_factory.mktemp(config.preset)
+    run = create_run(base, config, toy_folder, toy_dataset.sha256, datetime(2026, 1, 2, 3, 4, 5))
+    train(config, toy_dataset, run)
+    return run
+
+
+@pytest.fixture
+def copied(finished, tmp_path) -> RunFolder:
+    """A copy of the finished run, to damage."""
+    return open_run(shutil.copytree(finished.path, tmp_path / "copy"))

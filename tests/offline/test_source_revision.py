@@ -38,25 +38,15 @@ def revision_in(repository):
     return run.stdout.strip()
 
 
-def test_the_revision_of_an_unchanged_tree_is_that_of_its_commit(repository):
-    found = revision_in(repository)
-    assert len(found) == 12
-    assert int(found, 16) >= 0
-
-
-def test_untracked_files_and_exported_models_do_not_make_the_revision_dirty(repository):
+def test_the_revision_is_that_of_the_commit_and_dirty_after_a_change_of_the_source(repository):
+    """Untracked files and exported models are no change of the source."""
     clean = revision_in(repository)
+    assert len(clean) == 12
+    assert int(clean, 16) >= 0
     (repository / "figures.json").write_text("{}")
     (repository / "rt_controller" / "models" / "lti" / "card.md").write_text("# another card\n")
     assert revision_in(repository) == clean
-
-
-def test_a_changed_source_file_makes_the_revision_dirty(repository):
-    clean = revision_in(repository)
     (repository / "offline" / "__init__.py").write_text("X = 1\n")
     assert revision_in(repository) == clean + "-dirty"
-
-
-def test_the_revision_outside_a_repository_is_unknown(repository):
     shutil.rmtree(repository / ".git")
     assert revision_in(repository) == "unknown"

@@ -1,13 +1,16 @@
-"""The offline commands: output, files and exit codes."""
+"""The offline commands: output, files, signals and exit codes."""
 
 import json
 import os
+import re
+import shutil
 import signal
 import subprocess
 import sys
 import time
 from contextlib import nullcontext
 from dataclasses import replace
+from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
 
@@ -16,30 +19,17 @@ from fitted_network import fitted
 
 from offline import cli
 from offline.commands import bundle, terminal, training_run
+from offline.commands.terminal import stop_on_signals
 from offline.config import TrainingConfig
 from offline.data.dataset import load_dataset
 from offline.data.manifest import Imported, SourceFile
-from offline.training.run import load_checkpoint, save_checkpoint
-from rt_controller.model.artifact import load_bundle
+from offline.training.run import create_run, load_checkpoint, save_checkpoint
+from offline.training.train import train
+from rt_controller.bundle_checks.plan_check import require_stored_plans
+from rt_controller.contract.signals import VEHICLE
+from rt_controller.model.artifact import load_bundle, save_bundle, shipped_model
 
-ENTRY_POINTS = (
-    cli.data_main,
-    cli.import_main,
-    cli.train_main,
-    cli.export_main,
-    cli.evaluate_main,
-    cli.report_main,
-    cli.replay_main,
-    cli.ablate_main,
-    cli.tune_main,
-)
 SMALL = ("--hidden", "8", "--latents", "4", "--batch", "16", "--threads", "1")
-
-
-def make_exportable(data: Path | str) -> None:
-    """Give the latest run a model that is better than persistence, as a long training would."""
-    best = Path("runs", "latest", "best.pt")
-    save_checkpoint(best, fitted(load_checkpoint(best), load_dataset(Path(data))))
 
 
 @pytest.fixture
@@ -58,91 +48,6 @@ def command(monkeypatch, tmp_path, capsys):
     return run
 
 
-def test_the_commands_make_data_train_export_and_evaluate(command, tmp_path):
-    code, out, _ = command(cli.data_main, "--episodes", 20, "--jobs", 1, "--json", "data.json")
-    assert code in (0, None)
-    data = json.loads((tmp_path / "data.json").read_text())
-    assert data["n_trajectories"] == 100
-    assert str(tmp_path / "cache") in data["folder"]
-
-    train = ("--steps", 30, "--evaluate-every", 10, "--episodes", 20, *SMALL)
-    code, out, _ = command(cli.train_main, *train, "--json", "train.json")
-    assert code in (0, None)
-    assert "offline-export" in out
-    assert json.loads((tmp_path / "train.json").read_text())["step"] == 30
-
-    make_exportable(data["folder"])
-    code, out, _ = command(cli.export_main, "--json", "export.json")
-    assert code in (0, None)
-    assert "rt-controller --bus virtual --model" in out
-    exported = json.loads((tmp_path / "export.json").read_text())
-    assert exported["size_bytes"] < 300_000
-    assert exported["car"] == "simulated c_class_150kw_awd"
-    assert "car: simulated c_class_150kw_awd" in out
-    card = Path(exported["bundle"], "card.md").read_text(encoding="utf-8")
-    assert "| car | simulated c_class_150kw_awd |" in card
-    assert exported["driven_radius"]["unsaturated"] <= 1.001
-    assert exported["driven_radius"].keys() == exported["driven_growth_80"].keys()
-    assert min(exported["persistence_mse_over_model_mse"].values()) > 1.0
-
-    code, out, _ = command(cli.evaluate_main, "--sets", "library", "--json", "table.json")
-    assert code in (0, None)
-    table = json.loads((tmp_path / "table.json").read_text())
-    library = table["sets"]["library"]
-    assert library["n_trajectories"] == 10
-    assert {"lti", "lti-per-curvature", "persistence"} < set(library["models"])
-    for model in library["models"].values():
-        assert len(model["mse"]) == 6
-        assert "yaw_rate_degps_squared" in model["mse"]
-    assert list(table["model_sha256"].values()) == [exported["model_sha256"]]
-    assert table["revision"] == exported["revision"]
-
-    code, out, _ = command(cli.export_main, "--baseline", "lti", "--output", "fitted")
-    assert code in (0, None)
-    few = ("--sets", "library", "--baselines", "none")
-    code, out, _ = command(cli.evaluate_main, "--model", "fitted", *few)
-    assert code in (0, None)
-
-
-def test_the_export_of_a_model_of_logs_says_that_its_car_is_another(
-    command, monkeypatch, toy_folder, toy_dataset
-):
-    train = ("--steps", 6, "--evaluate-every", 3, "--data", toy_folder, *SMALL)
-    assert command(cli.train_main, *train)[0] in (0, None)
-    make_exportable(toy_folder)
-    origin = Imported((SourceFile("log.csv", "ab" * 32),), "mapping", 40, seed=3)
-    of_logs = replace(toy_dataset, manifest=replace(toy_dataset.manifest, origin=origin))
-    monkeypatch.setattr(bundle, "load_dataset", lambda folder: of_logs)
-    code, out, _ = command(cli.export_main, "--json", "export.json")
-    assert code in (0, None)
-    figures = json.loads(Path("export.json").read_text())
-    assert "not the simulated one: rt-controller --bus virtual drives another" in figures["car"]
-    card = Path(figures["bundle"], "card.md").read_text(encoding="utf-8")
-    assert f"car: {figures['car']}" in out
-    assert f"| car | {figures['car']} |" in card
-
-
-def test_a_run_is_resumed_and_refuses_another_configuration(command, toy_folder):
-    train = ("--steps", 6, "--evaluate-every", 3, "--data", toy_folder, "--runs", "r", *SMALL)
-    assert command(cli.train_main, *train, "--rate-schedule", "plateau")[0] in (0, None)
-    resume = ("--resume", "r/latest", "--steps", 9, "--json", "train.json")
-    code, _, _ = command(cli.train_main, *resume)
-    assert code in (0, None)
-    with open("train.json", encoding="utf-8") as file:
-        assert json.load(file)["step"] == 9
-    code, _, err = command(cli.train_main, "--resume", "r/latest", "--batch", 8)
-    assert code == 2
-    assert "batch" in err
-
-
-def test_an_unwritable_folder_is_found_before_the_work(command, toy_folder, tmp_path):
-    (tmp_path / "file").touch()
-    train = ("--steps", 3, "--data", toy_folder, "--runs", "file/runs", *SMALL)
-    code, _, err = command(cli.train_main, *train)
-    assert code == 2
-    assert "--runs" in err
-
-
 def test_the_figures_of_a_run_without_evaluation_are_valid_json(
     command, toy_folder, monkeypatch, tmp_path
 ):
@@ -153,118 +58,10 @@ def test_the_figures_of_a_run_without_evaluation_are_valid_json(
     assert json.loads((tmp_path / "train.json").read_text())["best_validation_loss"] is None
 
 
-def test_the_card_shows_the_validation_loss_of_the_exported_model(command, toy_folder, tmp_path):
-    """It need not be the lowest of the run."""
-    train = ("--steps", 3, "--evaluate-every", 3, "--data", toy_folder, *SMALL)
-    assert command(cli.train_main, *train)[0] in (0, None)
-    make_exportable(toy_folder)
-    best = tmp_path / "runs" / "latest" / "best.pt"
-    save_checkpoint(best, replace(load_checkpoint(best), validation_losses=[0.125, 0.5, 0.25]))
-    assert command(cli.export_main)[0] in (0, None)
-    folder = tmp_path / "runs" / "latest" / "bundle"
-    assert "| validation loss | 0.25000 |" in (folder / "card.md").read_text()
-    assert load_bundle(folder).plans is not None
-
-
-def test_the_configuration_takes_episodes_and_seed_from_the_given_data_set(
-    command, toy_folder, tmp_path
-):
-    train = ("--steps", 3, "--evaluate-every", 3, "--data", toy_folder, *SMALL)
-    assert command(cli.train_main, *train)[0] in (0, None)
-    config = json.loads((tmp_path / "runs" / "latest" / "config.json").read_text())["config"]
-    assert (config["episodes"], config["data_seed"]) == (40, 3)
-    code, _, err = command(cli.train_main, *train, "--data-seed", 4)
-    assert code == 2
-    assert "40 episodes of seed 3" in err
-
-
-def test_a_model_is_not_evaluated_on_data_it_may_have_been_trained_on(
-    command, toy_folder, tmp_path
-):
-    train = ("--steps", 3, "--evaluate-every", 3, "--data", toy_folder, *SMALL)
-    assert command(cli.train_main, *train)[0] in (0, None)
-    make_exportable(toy_folder)
-    assert command(cli.export_main)[0] in (0, None)
-    library = ("--sets", "library", "--baselines", "none")
-    code, _, _ = command(cli.evaluate_main, "--data", toy_folder, *library)
-    assert code in (0, None)
-    few = ("--episodes", 10, "--seed", 3, "--jobs", 1, "--data", "few")
-    assert command(cli.data_main, *few)[0] in (0, None)
-    code, _, err = command(cli.evaluate_main, "--data", "few", *library)
-    assert code == 2
-    assert "10 episodes of seed 3" in err
-    code, _, err = command(cli.export_main, "--data", "few")
-    assert code == 2
-    assert "trained on" in err
-
-
-def test_a_run_refuses_to_resume_with_another_data_set(command, toy_folder):
-    train = ("--steps", 3, "--evaluate-every", 3, "--data", toy_folder, *SMALL)
-    assert command(cli.train_main, *train)[0] in (0, None)
-    other = ("--episodes", 10, "--jobs", 1, "--data", "other")
-    assert command(cli.data_main, *other)[0] in (0, None)
-    code, _, err = command(cli.train_main, "--resume", "runs/latest", "--data", "other")
-    assert code == 2
-    assert "expected the data set" in err
-
-
-def test_a_model_that_is_worse_than_persistence_is_not_exported(command, toy_folder, tmp_path):
-    train = ("--steps", 3, "--evaluate-every", 3, "--data", toy_folder, *SMALL)
-    assert command(cli.train_main, *train)[0] in (0, None)
-    make_exportable(toy_folder)
-    best = tmp_path / "runs" / "latest" / "best.pt"
-    crabbing = load_checkpoint(best)
-    crabbing.model["B_rows"][4, 2] += 1.0  # the steering moves the car sideways at once
-    save_checkpoint(best, crabbing)
-    code, _, err = command(cli.export_main, "--json", "export.json")
-    assert code == 2
-    assert "better than the last measured state" in err
-    assert "ey_m (mean squared error" in err
-    assert not (tmp_path / "export.json").exists()
-    assert not (tmp_path / "runs" / "latest" / "bundle").exists()
-
-
-def test_an_evaluation_without_a_bundle_says_where_it_looked_and_what_makes_one(command, tmp_path):
-    (tmp_path / "runs" / "latest").mkdir(parents=True)
-    code, _, err = command(cli.evaluate_main)
-    assert code == 2
-    assert "runs/latest/bundle" in err
-    assert "Make it with offline-export, or name models" in err
-
-
 def test_the_progress_ends_with_a_new_line_when_it_is_written_to_a_file(capfd):
     with terminal.progress_bar("training", 3) as show:
         show(3, "loss 0.5")
     assert capfd.readouterr().err.endswith("loss 0.5\n")
-
-
-@pytest.mark.parametrize(
-    ("main", "arguments", "complaint"),
-    [
-        (cli.export_main, ("nowhere",), "offline-train"),
-        (cli.evaluate_main, ("--model", "nowhere"), "offline-export"),
-        (cli.evaluate_main, ("--model", "lti", "--noise", "1", "0"), "--noise"),
-        (cli.evaluate_main, ("--model", "lti", "--sets", "holdout"), "--sets"),
-        (cli.train_main, ("--preset", "papre"), "paper, paper-literal, quick"),
-        (cli.train_main, ("--resume", "nowhere"), "offline-train"),
-        (cli.data_main, ("--episodes", "3"), "--episodes"),
-        (cli.data_main, ("--data", "file/data", "--episodes", "10", "--jobs", "1"), "--data"),
-    ],
-)
-def test_a_usage_error_exits_2_with_its_remedy_and_no_figures(
-    command, tmp_path, main, arguments, complaint
-):
-    (tmp_path / "file").touch()
-    code, _, err = command(main, *arguments, "--json", "figures.json")
-    assert code == 2
-    assert complaint in err
-    assert not (tmp_path / "figures.json").exists()
-
-
-def test_figures_in_a_missing_folder_are_refused(command):
-    code, _, err = command(cli.data_main, "--json", "no/such/folder.json")
-    assert code == 2
-    assert "--json" in err
 
 
 def test_a_varied_data_set_reports_what_was_drawn_and_is_found_again(command, tmp_path):
@@ -288,63 +85,6 @@ def test_a_varied_data_set_reports_what_was_drawn_and_is_found_again(command, tm
     assert "recipe nominal" in err
 
 
-@pytest.mark.parametrize(
-    ("options", "complaints"),
-    [
-        (("--friction", 0.0, 1.0, "--payload-kg", -1, 5), ("--friction", "--payload-kg")),
-        (("--bank-rad", 0.1, -0.1), ("--bank-rad: expected the lower end first",)),
-        (("--gust-mps", 3), ("--changing-share", "--gust-mps")),
-        (("--recipe", "variable"), ("nominal", "varied")),
-        (("--largest-steer-deg", 20), ("--largest-steer-deg: expected 40 to 180",)),
-        (("--recipe", "varied", "--nominal-share", 0.9), ("--nominal-share", "at most 1")),
-    ],
-)
-def test_ranges_that_do_not_fit_are_refused_by_their_options(command, options, complaints):
-    code, _, err = command(cli.data_main, "--data", "data", *options)
-    assert code == 2
-    for complaint in complaints:
-        assert complaint in err
-
-
-@pytest.mark.parametrize(
-    ("main", "arguments"),
-    [(cli.train_main, ()), (cli.ablate_main, ("recommended",)), (cli.tune_main, ())],
-)
-def test_a_named_data_set_that_does_not_exist_is_refused(command, tmp_path, main, arguments):
-    """A misspelt name must not start minutes of simulation."""
-    code, _, err = command(main, *arguments, "--data", "typo", "--episodes", 10)
-    assert code == 2
-    assert "typo" in err
-    assert "offline-data" in err
-    assert not (tmp_path / "typo").exists()
-
-
-def test_interrupted_making_of_data_leaves_no_data_set(tmp_path):
-    script = "from offline.entry import data_main; data_main()"
-    process = subprocess.Popen(
-        [sys.executable, "-c", script, "--episodes", "20000", "--jobs", "1", "--data", "data"],
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        assert "making a data set" in process.stderr.readline()
-        process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=60)
-    finally:
-        process.kill()
-    assert process.returncode == 130
-    assert (out, "Traceback" in err) == ("", False)
-    assert not (tmp_path / "data" / "manifest.json").exists()
-
-
-def test_options_that_contradict_an_existing_data_set_are_refused(command, toy_folder):
-    code, _, err = command(cli.data_main, "--episodes", 50, "--data", toy_folder)
-    assert code == 2
-    assert "40 episodes of seed 3" in err
-
-
 @pytest.mark.parametrize("package", ["torch", "onnx", "joblib"])
 def test_a_missing_package_exits_3_with_its_install_command(command, monkeypatch, package):
     monkeypatch.setitem(sys.modules, package, None)
@@ -363,20 +103,6 @@ def test_the_options_of_the_commands_import_no_heavy_package():
         [sys.executable, "-c", script], capture_output=True, text=True, check=True
     )
     assert answer.stdout.strip() == "[]"
-
-
-@pytest.mark.parametrize("main", ENTRY_POINTS)
-def test_every_command_prints_the_version_of_the_distribution(command, main):
-    code, out, _ = command(main, "--version")
-    assert code in (0, None)
-    assert out == version("rt-controller")
-
-
-def test_all_refused_options_are_named_at_once(command):
-    code, _, err = command(cli.train_main, "--steps", 0, "--patience", -1)
-    assert code == 2
-    assert "--steps" in err
-    assert "--patience" in err
 
 
 def test_every_field_of_the_configuration_is_an_option(command):
@@ -404,3 +130,259 @@ def test_ctrl_c_ends_a_run_with_a_checkpoint_and_the_command_to_resume(toy_folde
     assert process.returncode == 130
     assert "offline-train --resume" in out
     assert (tmp_path / "runs" / "latest" / "last.pt").exists()
+
+
+pytestmark = pytest.mark.usefixtures("default_hang_up")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_requests_the_end_and_its_handler_is_put_back(number: signal.Signals) -> None:
+    before = signal.getsignal(number)
+    requests = []
+    with stop_on_signals(lambda: requests.append(number)) as is_requested:
+        assert not is_requested()
+        os.kill(os.getpid(), number)
+        assert is_requested()
+    assert requests == [number]
+    assert signal.getsignal(number) is before
+
+
+def test_a_hang_up_that_was_ignored_at_the_start_stays_ignored() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with stop_on_signals() as is_requested:
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert not is_requested()
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+@pytest.fixture(scope="module")
+def trained(tiny_config, toy_folder, toy_dataset, tmp_path_factory):
+    """A run that ends at step 6, with a model as after a long training: it can be exported."""
+    base, now = tmp_path_factory.mktemp("runs"), datetime(2026, 1, 2, 3, 4, 5)
+    config = tiny_config.model_copy(update={"steps": 6, "episodes": 40, "data_seed": 3})
+    run = create_run(base, config, toy_folder, toy_dataset.sha256, now)
+    train(config, toy_dataset, run)
+    checkpoint = replace(load_checkpoint(run.best), validation_losses=[0.125, 0.5, 0.25])
+    save_checkpoint(run.best, fitted(checkpoint, toy_dataset))
+    return base
+
+
+@pytest.fixture
+def run(trained, tmp_path):
+    """The latest run in the folder of the command."""
+    shutil.copytree(trained, tmp_path / "runs", symlinks=True)
+    return tmp_path / "runs" / "latest"
+
+
+def test_the_commands_make_data_train_export_and_evaluate(command, tmp_path):
+    code, out, _ = command(cli.data_main, "--episodes", 20, "--jobs", 1, "--json", "data.json")
+    assert code in (0, None)
+    data = json.loads((tmp_path / "data.json").read_text())
+    assert data["n_trajectories"] == 100
+    assert str(tmp_path / "cache") in data["folder"]
+
+    train = ("--steps", 30, "--evaluate-every", 10, "--episodes", 20, *SMALL)
+    code, out, _ = command(cli.train_main, *train, "--json", "train.json")
+    assert code in (0, None)
+    assert "offline-export" in out
+    assert json.loads((tmp_path / "train.json").read_text())["step"] == 30
+
+    best = tmp_path / "runs" / "latest" / "best.pt"
+    save_checkpoint(best, fitted(load_checkpoint(best), load_dataset(Path(data["folder"]))))
+    code, out, _ = command(cli.export_main, "--json", "export.json")
+    assert code in (0, None)
+    assert "rt-controller --bus virtual --model" in out
+    exported = json.loads((tmp_path / "export.json").read_text())
+    assert exported["size_bytes"] < 300_000
+    assert exported["car"] == "simulated c_class_150kw_awd"
+    assert "car: simulated c_class_150kw_awd" in out
+    card = Path(exported["bundle"], "card.md").read_text(encoding="utf-8")
+    assert "| car | simulated c_class_150kw_awd |" in card
+    assert exported["driven_radius"]["unsaturated"] <= 1.001
+    assert exported["driven_radius"].keys() == exported["driven_growth_80"].keys()
+    assert min(exported["persistence_mse_over_model_mse"].values()) > 1.0
+
+    baselines = ("--baselines", "lti", "persistence")
+    library = ("--sets", "library", *baselines, "--json", "table.json")
+    assert command(cli.evaluate_main, *library)[0] in (0, None)
+    table = json.loads((tmp_path / "table.json").read_text())
+    library = table["sets"]["library"]
+    assert library["n_trajectories"] == 10
+    assert {"lti", "persistence"} < set(library["models"])
+    for model in library["models"].values():
+        assert len(model["mse"]) == 6
+        assert "yaw_rate_degps_squared" in model["mse"]
+    assert list(table["model_sha256"].values()) == [exported["model_sha256"]]
+    assert table["revision"] == exported["revision"]
+    assert command(cli.export_main, "--baseline", "lti", "--output", "fitted")[0] in (0, None)
+    assert load_bundle(tmp_path / "fitted").plans is not None
+
+
+def test_an_exported_model_is_not_evaluated_on_data_it_may_have_been_trained_on(
+    command, run, toy_folder
+):
+    """Its card shows its validation loss, which need not be the lowest of the run."""
+    code, _, err = command(cli.evaluate_main)
+    assert code == 2
+    assert "runs/latest/bundle" in err
+    assert "Make it with offline-export, or name models" in err
+    code, _, err = command(cli.export_main, "--json", "no/such/folder.json")
+    assert code == 2
+    assert "--json" in err
+    assert command(cli.export_main)[0] in (0, None)
+    assert "| validation loss | 0.25000 |" in (run / "bundle" / "card.md").read_text()
+    assert load_bundle(run / "bundle").plans is not None
+    library = ("--sets", "library", "--baselines", "none")
+    code, _, _ = command(cli.evaluate_main, "--data", toy_folder, *library)
+    assert code in (0, None)
+    few = ("--episodes", 10, "--seed", 3, "--jobs", 1, "--data", "few")
+    assert command(cli.data_main, *few)[0] in (0, None)
+    for main, options, words in (
+        (cli.evaluate_main, library, "10 episodes of seed 3"),
+        (cli.export_main, (), "trained on"),
+        (cli.train_main, ("--resume", "runs/latest"), "expected the data set"),
+    ):
+        code, _, err = command(main, "--data", "few", *options)
+        assert code == 2
+        assert words in err
+
+
+def test_the_export_of_a_model_of_logs_says_that_its_car_is_another(
+    command, run, monkeypatch, toy_dataset
+):
+    origin = Imported((SourceFile("log.csv", "ab" * 32),), "mapping", 40, seed=3)
+    of_logs = replace(toy_dataset, manifest=replace(toy_dataset.manifest, origin=origin))
+    monkeypatch.setattr(bundle, "load_dataset", lambda folder: of_logs)
+    code, out, _ = command(cli.export_main, "--json", "export.json")
+    assert code in (0, None)
+    figures = json.loads(Path("export.json").read_text())
+    assert "not the simulated one: rt-controller --bus virtual drives another" in figures["car"]
+    card = Path(figures["bundle"], "card.md").read_text(encoding="utf-8")
+    assert f"car: {figures['car']}" in out
+    assert f"| car | {figures['car']} |" in card
+
+
+def test_a_model_that_is_worse_than_persistence_is_not_exported(command, run, tmp_path):
+    crabbing = load_checkpoint(run / "best.pt")
+    crabbing.model["B_rows"][4, 2] += 1.0  # the steering moves the car sideways at once
+    save_checkpoint(run / "best.pt", crabbing)
+    code, _, err = command(cli.export_main, "--json", "export.json")
+    assert code == 2
+    assert "better than the last measured state" in err
+    assert "ey_m (mean squared error" in err
+    assert not (tmp_path / "export.json").exists()
+    assert not (run / "bundle").exists()
+
+
+def test_a_run_is_resumed_with_its_data_and_refuses_another_configuration(command, toy_folder):
+    train = ("--steps", 6, "--evaluate-every", 3, "--data", toy_folder, *SMALL)
+    assert command(cli.train_main, *train, "--rate-schedule", "plateau")[0] in (0, None)
+    config = json.loads(Path("runs/latest/config.json").read_text())["config"]
+    assert (config["episodes"], config["data_seed"]) == (40, 3)
+    resume = ("--resume", "runs/latest", "--steps", 9, "--json", "train.json")
+    assert command(cli.train_main, *resume)[0] in (0, None)
+    assert json.loads(Path("train.json").read_text())["step"] == 9
+    code, _, err = command(cli.train_main, "--resume", "runs/latest", "--batch", 8)
+    assert code == 2
+    assert "batch" in err
+
+
+TOY = "the folder of the toy data"
+NO_DATA = ("--data", "typo", "--episodes", 10)
+REFUSED = [
+    (cli.export_main, ("nowhere",), "offline-train"),
+    (cli.evaluate_main, ("--model", "nowhere"), "offline-export"),
+    (cli.evaluate_main, ("--model", "lti", "--noise", "1", "0"), "--noise"),
+    (cli.evaluate_main, ("--model", "lti", "--sets", "holdout"), "--sets"),
+    (cli.train_main, ("--preset", "papre"), "paper, paper-literal, quick"),
+    (cli.train_main, ("--resume", "nowhere"), "offline-train"),
+    (cli.train_main, ("--steps", 0, "--patience", -1), "--steps.*--patience"),
+    (cli.train_main, ("--data", TOY, "--data-seed", 4, "--steps", 3), "40 episodes of seed 3"),
+    (cli.train_main, ("--data", TOY, "--runs", "file/runs", "--steps", 3, *SMALL), "--runs"),
+    # A misspelt name must not start minutes of simulation.
+    (cli.train_main, NO_DATA, "typo.*offline-data"),
+    (cli.ablate_main, ("recommended", *NO_DATA), "typo.*offline-data"),
+    (cli.tune_main, NO_DATA, "typo.*offline-data"),
+    (cli.data_main, ("--episodes", "3"), "--episodes"),
+    (cli.data_main, ("--data", "file/data", "--episodes", "10", "--jobs", "1"), "--data"),
+    (cli.data_main, ("--episodes", 50, "--data", TOY), "40 episodes of seed 3"),
+    (cli.data_main, ("--friction", 0.0, 1.0, "--payload-kg", -1, 5), "--friction.*--payload-kg"),
+    (cli.data_main, ("--bank-rad", 0.1, -0.1), "--bank-rad: expected the lower end first"),
+    (cli.data_main, ("--gust-mps", 3), "(?=.*--changing-share).*--gust-mps"),
+    (cli.data_main, ("--recipe", "variable"), "nominal.*varied"),
+    (cli.data_main, ("--largest-steer-deg", 20), "--largest-steer-deg: expected 40 to 180"),
+    (cli.data_main, ("--recipe", "varied", "--nominal-share", 0.9), "--nominal-share.*at most 1"),
+]
+
+
+@pytest.mark.parametrize(("main", "arguments", "words"), REFUSED)
+def test_a_usage_error_exits_2_with_its_remedy_and_no_figures(
+    command, tmp_path, toy_folder, main, arguments, words
+):
+    (tmp_path / "file").touch()
+    arguments = [toy_folder if argument == TOY else argument for argument in arguments]
+    code, _, err = command(main, *arguments, "--json", "figures.json")
+    assert code == 2
+    assert re.search(words, err)
+    assert {path.name for path in tmp_path.iterdir()} <= {"file", "cache"}
+
+
+@pytest.mark.parametrize("main", [cli.data_main, cli.import_main, cli.tune_main])
+def test_every_command_prints_the_version_of_the_distribution(command, main):
+    code, out, _ = command(main, "--version")
+    assert code in (0, None)
+    assert out == version("rt-controller")
+
+
+def test_interrupted_making_of_data_leaves_no_data_set(tmp_path):
+    script = "from offline.entry import data_main; data_main()"
+    options = ("--episodes", "20000", "--jobs", "1", "--data", "data")
+    process = subprocess.Popen(
+        [sys.executable, "-c", script, *options], cwd=tmp_path, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert "making a data set" in process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert "Traceback" not in err
+    assert not (tmp_path / "data" / "manifest.json").exists()
+
+
+@pytest.fixture
+def without_plans(tmp_path):
+    """A bundle that was exported without stored plans."""
+    lti = replace(load_bundle(shipped_model("lti")), plans=None)
+    save_bundle(tmp_path / "old", lti, "# a card")
+    return lti
+
+
+def test_a_bundle_gets_plans_in_its_folder_and_stays_the_same_model(command, without_plans):
+    assert not command(cli.export_main, "--bundle", "old", "--json", "figures.json")[0]
+    after = load_bundle(Path("old"))
+    require_stored_plans(after)
+    assert after.sha256 == without_plans.sha256
+    assert Path("old", "card.md").read_text() == "# a card"
+    assert json.loads(Path("figures.json").read_text())["plans"] == len(after.plans.inputs)
+
+    other = replace(after, B_uc=1.5 * after.B_uc)
+    save_bundle(Path("old"), other, "# a card")
+    code, out, _ = command(cli.export_main, "--bundle", "old", "--output", "new")
+    assert not code
+    assert "its own plans were replaced" in out
+    require_stored_plans(load_bundle(Path("new")))
+
+    save_bundle(Path("old"), replace(other, schema=replace(VEHICLE, dt_s=0.05)), "card")
+    assert command(cli.export_main, "--bundle", "old")[0] == 2
+    for option in (("--baseline", "lti"), ("--data", "d"), ("runs/mine",)):
+        assert command(cli.export_main, *option, "--bundle", "old")[0] == 2
+
+
+@pytest.mark.parametrize("name", ["lti", "mdk-net", "mdk-net-paper"])
+def test_the_shipped_models_have_stored_plans(name):
+    """Without them: offline-export --bundle NAME."""
+    assert load_bundle(shipped_model(name)).plans is not None

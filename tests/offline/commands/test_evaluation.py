@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from toy_predictors import made_test_set, made_trajectories, with_random_error
+from toy_predictors import made_trajectories
 
 from offline.baselines import registry
 from offline.baselines.linear import Persistence
@@ -15,19 +15,15 @@ from offline.commands.evaluation import (
     evaluate_models,
     label_models,
     open_sets,
-    print_comparison,
     run_evaluation,
 )
 from offline.commands.options import EvaluationOptions
 from offline.commands.report_page import write_report
 from offline.data.manifest import Imported, describe_training
 from offline.evaluation import lane_change
-from offline.evaluation.comparison import compare_models
 from offline.evaluation.simulated_sets import SIMULATED, open_simulated_set
-from offline.evaluation.tables import comparison_tables
 from offline.evaluation.test_sets import ROBUSTNESS, SET_NAMES
 from rt_controller.contract.errors import ConfigError
-from rt_controller.contract.signals import VEHICLE
 from rt_controller.model.artifact import load_bundle, save_bundle, shipped_model
 from rt_controller.report.table import Fact
 from sim_bridge.scenario import load_scenario
@@ -105,21 +101,6 @@ def test_models_are_named_by_their_folder_and_bundles_of_runs_by_the_run(tmp_pat
     assert label_models([tmp_path / "x/lti"], taken=["lti"]) == ("x/lti",)
     with pytest.raises(ConfigError, match="twice"):
         label_models([tmp_path / "a", tmp_path / "a"])
-
-
-def test_all_tables_are_printed_in_full_on_a_narrow_terminal(capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "40")
-    made = made_trajectories(60)
-    models, baselines = {"m": with_random_error(made)}, {"lti": with_random_error(made, 2.0)}
-    comparison = compare_models(models, baselines, [made_test_set(made)], VEHICLE)
-    print_comparison(comparison)
-    printed = capsys.readouterr().out
-    assert "…" not in printed
-    for table in comparison_tables(comparison):
-        for row in table.rows:
-            for cell in row:
-                for text in (cell,) if isinstance(cell, str) else cell[:2]:
-                    assert text in printed
 
 
 def test_several_models_are_evaluated_on_every_set(bundle_of, toy_folder, capsys):

@@ -1,14 +1,24 @@
-"""Windows of recorded episodes: rows, past and road."""
+"""Windows of recorded episodes: rows, past, and poses projected onto a road."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from offline.config import PAST_STEPS, STEPS
-from offline.data.recording import Anchor, Recording, Starts, cut, possible_starts
+from offline.data.recording import (
+    Anchor,
+    Recording,
+    RoadPose,
+    Starts,
+    cut,
+    onto_road,
+    possible_starts,
+)
 from offline.data.signals import VEHICLE_ROLES, Roles, mirror_signs
 from rt_controller.contract.signals import VEHICLE, Schema, Signal
+from sim_bridge import frenet
 from sim_bridge.frenet import integrate_poses
 from sim_bridge.plant.library import settle, simulate
 from sim_bridge.plant.parameters import default_car
@@ -57,38 +67,6 @@ def on_road(row: int, curvature: float, ey: float, epsi: float) -> Starts:
     return Starts(np.array([row]), np.array([0], dtype=np.int32), anchor)
 
 
-def test_a_window_has_its_states_and_the_inputs_between_them():
-    window = cut_plain([5])
-    assert window.x[0, :, 0].tolist() == [5, 6, 7, 8, 9]
-    assert window.u[0, :, 0].tolist() == [5.25, 6.25, 7.25, 8.25]
-
-
-def test_the_past_is_the_states_and_inputs_before_the_start_oldest_first():
-    window = cut_plain([5])
-    assert window.past[0].tolist() == [[-2, 2.5], [-3, 3.5], [-4, 4.5]]
-
-
-def test_without_poses_states_and_exogenous_signals_are_those_recorded():
-    window = cut_plain([15])
-    assert window.x[0].tolist() == [[t, -t] for t in range(15, 20)]
-    assert window.w[0].tolist() == [[30], [32], [34], [36]]
-
-
-def test_windows_have_the_order_and_the_episodes_of_their_starts():
-    windows = cut_plain([16, 3, 5])
-    assert windows.x[:, 0, 0].tolist() == [16, 3, 5]
-    assert windows.episode.tolist() == [0, 1, 2]
-
-
-def test_neighbouring_windows_share_their_boundary_state():
-    one, other = cut_plain([3]), cut_plain([7])
-    assert np.array_equal(one.x[0, -1], other.x[0, 0])
-
-
-def test_the_past_of_zero_steps_is_empty():
-    assert cut_plain([0], past_steps=0).past.shape == (1, 0, 2)
-
-
 def test_progress_of_the_first_state_is_that_of_the_period_before():
     """0.5 m per period at 0.1 rad to the road, anchored one period earlier."""
     window = cut(straight_drive(100), on_road(15, 0.0, 1.0, 0.1), VEHICLE, VEHICLE_ROLES, 4, 3)
@@ -96,24 +74,6 @@ def test_progress_of_the_first_state_is_that_of_the_period_before():
     np.testing.assert_allclose(window.x[0, :, 3], along, rtol=1e-6)
     np.testing.assert_allclose(window.x[0, :, 4], 1.0 + beside * np.arange(1, 6), rtol=1e-6)
     np.testing.assert_allclose(window.x[0, :, 5], 0.1, rtol=1e-6)
-
-
-def test_curvature_is_that_of_the_anchor_and_not_the_recorded_one():
-    drive = straight_drive(100)
-    drive.w.fill(9.0)
-    window = cut(drive, on_road(15, 4e-3, 0.0, 0.0), VEHICLE, VEHICLE_ROLES, 4, 3)
-    assert window.w.shape == (1, 4, 1)
-    assert np.all(window.w == np.float32(4e-3))
-
-
-def test_the_road_does_not_change_motion_inputs_or_past():
-    drive = straight_drive(130)
-    here = cut(drive, on_road(25, 0.0, 0.0, 0.0), VEHICLE, VEHICLE_ROLES)
-    there = cut(drive, on_road(25, -4e-3, 2.0, -0.1), VEHICLE, VEHICLE_ROLES)
-    assert np.array_equal(here.x[..., :3], there.x[..., :3])
-    assert np.array_equal(here.u, there.u)
-    assert np.array_equal(here.past, there.past)
-    assert not np.any(here.x[..., 4:] == there.x[..., 4:])
 
 
 @pytest.mark.parametrize("curvature", [-4e-3, 0.0, 2e-3])
@@ -171,28 +131,6 @@ def test_mirroring_changes_the_sign_of_odd_signals_only(toy_dataset):
         assert np.all(np.abs(original).max(axis=(0, 1)) > 0.0)
 
 
-def test_mirroring_exchanges_left_and_right():
-    """A positive lateral error is on the left."""
-    names = VEHICLE.state_names + VEHICLE.input_names + VEHICLE.exogenous_names
-    signs = dict(zip(names, mirror_signs(names, VEHICLE_ROLES), strict=True))
-    assert signs == {
-        "vx_mps": 1,
-        "vy_mps": -1,
-        "yaw_rate_radps": -1,
-        "ds_m": 1,
-        "ey_m": -1,
-        "epsi_rad": -1,
-        "throttle": 1,
-        "brake_n": 1,
-        "steer_rad": -1,
-        "curvature_per_m": -1,
-    }
-
-
-def test_without_symmetry_no_sign_changes():
-    assert mirror_signs(PLAIN.state_names, PLAIN_ROLES).tolist() == [1.0, 1.0]
-
-
 @settings(derandomize=True, deadline=None)
 @given(
     st.lists(st.integers(1, 140), min_size=1, max_size=6),
@@ -216,22 +154,50 @@ def test_past_and_window_of_a_start_lie_within_its_episode(lengths, past, has_po
     assert found.tolist() == expected
 
 
-def test_an_episode_that_is_one_sample_too_short_has_no_window():
-    just_long_enough = PAST_STEPS + STEPS + 1
-    for length, windows in ((just_long_enough - 1, 0), (just_long_enough, 1)):
-        recording = plain_recording((length,))
-        assert len(possible_starts(recording, np.array([0]))) == windows
+STEP_S = 0.001
+STEPS_PER_PERIOD = 25
+PERIODS = 81
+curvatures = st.one_of(
+    st.sampled_from([0.0, -4e-3, 4e-3, 1e-9, -1e-9]), st.floats(-5e-3, 5e-3, allow_nan=False)
+)
+lateral_errors = st.floats(-2.0, 2.0)
+heading_errors = st.floats(-0.175, 0.175)
+seeds = st.integers(0, 2**31)
+seeded = settings(max_examples=50, derandomize=True, deadline=None)
 
 
-def test_lengths_are_those_of_the_episodes():
-    assert plain_recording((5, 1, 9)).lengths.tolist() == [5, 1, 9]
+def a_drive(seed: int) -> NDArray[np.float64]:
+    """(v_x, v_y, yaw rate) of two seconds of random motion on a fine grid."""
+    rng = np.random.default_rng(seed)
+    start = np.array([rng.uniform(8.0, 40.0), 0.0, rng.uniform(-0.2, 0.2)])
+    steps = rng.normal(0.0, (0.01, 0.005, 0.002), (PERIODS * STEPS_PER_PERIOD + 1, 3))
+    return start + np.cumsum(steps, axis=0)
 
 
-def test_selected_starts_keep_their_roads():
-    anchor = Anchor(np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0]), np.array([7.0, 8.0, 9.0]))
-    starts = Starts(np.array([10, 20, 30]), np.arange(3, dtype=np.int32), anchor)
-    taken = starts.take(np.array([2, 0]))
-    assert taken.row.tolist() == [30, 10]
-    assert taken.episode.tolist() == [2, 0]
-    assert [column.tolist() for column in taken.anchor] == [[3, 1], [6, 4], [9, 7]]
-    assert Starts(starts.row, starts.episode, None).take(slice(1)).anchor is None
+def along(motion: NDArray[np.float64], curvature: float, ey: float, epsi: float):
+    return frenet.integrate_poses(motion, curvature, ey, epsi, STEPS_PER_PERIOD, STEP_S)
+
+
+def lay(pose: NDArray[np.float64], curvature: float, ey: float, epsi: float) -> RoadPose:
+    return onto_road(pose[None], Anchor(*(np.array([v]) for v in (curvature, ey, epsi))))
+
+
+@seeded
+@given(seeds, curvatures, lateral_errors, heading_errors)
+def test_projection_onto_a_road_equals_integration_along_it(seed, curvature, ey, epsi):
+    motion = a_drive(seed)
+    on_plane = along(motion, 0.0, 0.0, 0.0)
+    expected = along(motion, curvature, ey, epsi)
+    found = np.stack([column[0] for column in lay(on_plane, curvature, ey, epsi)], axis=-1)
+    np.testing.assert_allclose(found, expected, atol=1e-7)
+
+
+def test_windows_are_the_rows_of_the_recording_in_the_order_of_their_starts():
+    """Without poses, states and exogenous signals are those recorded."""
+    windows = cut_plain([16, 5])
+    assert windows.x[0].tolist() == [[t, -t] for t in range(16, 21)]
+    assert windows.w[0].tolist() == [[32], [34], [36], [38]]
+    assert windows.u[1, :, 0].tolist() == [5.25, 6.25, 7.25, 8.25]
+    assert windows.past[1].tolist() == [[-2, 2.5], [-3, 3.5], [-4, 4.5]]
+    assert windows.episode.tolist() == [0, 1]
+    assert cut_plain([0], past_steps=0).past.shape == (1, 0, 2)

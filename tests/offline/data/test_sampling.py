@@ -1,4 +1,4 @@
-"""Sources of batches: episodes, windows, roads and mirroring."""
+"""Batches: scaling, instants, and which windows on which roads are drawn."""
 
 from dataclasses import replace
 
@@ -6,27 +6,35 @@ import numpy as np
 import pytest
 import torch
 
-from offline.config import PRESETS, STEPS
+from offline.config import PAST_STEPS, PRESETS, STEPS
 from offline.data import sampling as source_module
 from offline.data.dataset import Dataset
-from offline.data.manifest import Roads
-from offline.data.recording import cut, possible_starts
+from offline.data.recording import Starts, cut, possible_starts
 from offline.data.sampling import (
     Batch,
     MirroringSource,
     NoisySource,
     SliceSource,
     WindowSource,
-    frequencies,
     open_source,
     rarity,
     scale,
 )
-from offline.data.signals import STANDARD_DEVIATIONS, VEHICLE_ROLES, mirror_signs, past_names
+from offline.data.signals import (
+    STANDARD_DEVIATIONS,
+    VEHICLE_ROLES,
+    Scaling,
+    Trajectories,
+    fit_scaling,
+    mirror_signs,
+    past_names,
+    signal_range,
+)
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.signals import VEHICLE
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.signals import VEHICLE, Signal
 
-HISTORY = 3
+HISTORY, SHORT = 3, 12
 
 
 def rng(seed: int = 0) -> torch.Generator:
@@ -85,15 +93,6 @@ def test_windows_start_anywhere_in_the_training_episodes(toy_dataset, scaling, c
     assert len(set(into.tolist())) > 300
 
 
-def test_no_window_exceeds_its_episode(toy_dataset, scaling, cuts):
-    WindowSource(toy_dataset, scaling, HISTORY).draw(4000, rng())
-    recording, rows = toy_dataset.recording, cuts[0].row
-    drives = np.searchsorted(recording.first, rows, side="right") - 1
-    last_rows = recording.first[drives] + recording.lengths[drives] - 1
-    assert np.all(rows - max(HISTORY, 1) >= recording.first[drives])
-    assert np.all(rows + STEPS <= last_rows)
-
-
 def test_a_drawn_window_equals_the_cut_at_its_start(toy_dataset, scaling, cuts):
     batch = WindowSource(toy_dataset, scaling, HISTORY).draw(7, rng())
     windows = cut(toy_dataset.recording, cuts[0], VEHICLE, VEHICLE_ROLES)
@@ -106,16 +105,6 @@ def with_a_slide(dataset: Dataset) -> tuple[Dataset, int]:
     x = dataset.recording.x.copy()
     x[row, 1] = 50.0 * np.abs(x[:, 1]).max()
     return replace(dataset, recording=dataset.recording._replace(x=x)), row
-
-
-def test_windows_around_rare_motion_are_drawn_more_often(toy_dataset, scaling, cuts):
-    data, row = with_a_slide(toy_dataset)
-    for share in (0.0, 0.5):
-        WindowSource(data, scaling, HISTORY, share).draw(4000, rng())
-    alike, preferred = ((each.row <= row) & (row <= each.row + STEPS) for each in cuts)
-    possible = len(possible_starts(data.recording, data.episodes("train"), HISTORY))
-    assert alike.mean() == pytest.approx((STEPS + 1) / possible, abs=0.01)
-    assert 0.3 < preferred.mean() < 0.55
 
 
 def test_rarity_is_that_of_the_window_ahead_and_of_no_other(toy_dataset, scaling):
@@ -137,29 +126,6 @@ def test_weighted_means_over_the_draws_are_means_over_all_windows(toy_dataset, s
     assert weight.max() <= 2.0 + 1e-6
 
 
-def test_frequencies_have_mean_one_and_are_equal_without_a_share():
-    rare = np.array([1.0, 1.0, 2.0, 8.0])
-    assert frequencies(rare, 0.5).mean() == pytest.approx(1.0)
-    np.testing.assert_allclose(frequencies(rare, 0.0), 1.0)
-    found = frequencies(rare, 0.3)
-    np.testing.assert_allclose((found - 0.7) / (found[0] - 0.7), [1.0, 1.0, 4.0, 64.0])
-
-
-@pytest.mark.parametrize("mirror", [False, True])
-@pytest.mark.parametrize(
-    ("windows", "objective", "is_weighted"),
-    [("all", "horizon", True), ("all", "paper", False), ("slices", "horizon", False)],
-)
-def test_only_windows_for_the_horizon_objective_are_weighted(
-    toy_dataset, scaling, windows, objective, is_weighted, mirror
-):
-    config = a_config(windows, mirror).model_copy(update={"objective": objective})
-    weight = open_source(config, toy_dataset, scaling).draw(50, rng()).weight
-    assert weight.shape == (1, 50, 1)
-    assert (weight.std().item() > 0.01) == is_weighted
-    assert is_weighted or torch.equal(weight, torch.ones(1, 50, 1))
-
-
 def test_roads_have_a_curvature_of_the_library_and_errors_of_the_whole_range(
     toy_dataset, scaling, cuts
 ):
@@ -171,44 +137,6 @@ def test_roads_have_a_curvature_of_the_library_and_errors_of_the_whole_range(
         assert -bound <= errors.min() < -0.99 * bound
         assert abs(errors.mean()) < 0.1 * bound
     assert abs(np.corrcoef(anchor.ey_m, anchor.epsi_rad)[0, 1]) < 0.1
-
-
-def test_one_window_is_drawn_on_several_roads(toy_dataset, scaling):
-    """An episode with a single possible start."""
-    recording = toy_dataset.recording
-    length = 1 + STEPS + 1
-    short = recording._replace(
-        x=recording.x[:length],
-        u=recording.u[:length],
-        w=recording.w[:length],
-        pose=recording.pose[:length],
-        first=recording.first[:1],
-    )
-    one_start = replace(toy_dataset, recording=short, part=np.zeros(1, dtype=np.int8))
-    x = WindowSource(one_start, scaling, 0).draw(50, rng()).x
-    assert torch.equal(x[..., :3], x[:, :1, :3].expand(-1, 50, -1))
-    assert len(set(x[0, :, 4].tolist())) == 50
-
-
-def without_poses(dataset: Dataset) -> Dataset:
-    """The episodes as a log without poses."""
-    recording = dataset.recording
-    states = np.column_stack([recording.x, np.arange(3 * len(recording.x)).reshape(-1, 3)])
-    return replace(
-        dataset,
-        recording=recording._replace(x=states.astype(np.float32), pose=np.zeros((0, 3))),
-        slices=dataset.slices._replace(anchor=None),
-        manifest=replace(dataset.manifest, roads=None),
-    )
-
-
-def test_without_poses_windows_keep_their_recorded_road(toy_dataset, scaling, cuts):
-    logs = without_poses(toy_dataset)
-    batch = WindowSource(logs, scaling, HISTORY).draw(200, rng())
-    assert cuts[0].anchor is None
-    ahead = cuts[0].row[:, None] + np.arange(STEPS + 1)
-    expected = scaling.normalise_states(logs.recording.x[ahead]).swapaxes(0, 1)
-    np.testing.assert_allclose(batch.x.numpy(), expected, rtol=1e-5, atol=1e-5)
 
 
 @pytest.mark.parametrize("windows", ["slices", "all"])
@@ -272,29 +200,12 @@ def test_half_of_the_trajectories_are_mirrored_each_as_a_whole(toy_dataset, scal
     assert 150 < sum(is_mirrored for _, is_mirrored in kinds) < 250
 
 
-def test_signs_of_the_past_follow_its_columns_and_not_the_order_in_the_roles(toy_dataset, scaling):
-    """Roles may list signals in any order; columns have the order of the schema."""
-    reordered = replace(VEHICLE_ROLES, past=tuple(reversed(VEHICLE_ROLES.past)))
-    data = replace(toy_dataset, manifest=replace(toy_dataset.manifest, roles=reordered))
-    plain = SliceSource(toy_dataset, scaling, HISTORY).draw(64, rng())
-    as_named, as_ever = (
-        MirroringSource(Prepared(plain), each).draw(64, rng(1)) for each in (data, toy_dataset)
-    )
-    assert equal(as_named, as_ever)
-
-
 def test_without_odd_signals_nothing_is_mirrored(toy_dataset, scaling):
     lopsided = replace(VEHICLE_ROLES, odd=None)
     data = replace(toy_dataset, manifest=replace(toy_dataset.manifest, roles=lopsided))
     opened = open_source(a_config("slices", mirror=True), data, scaling)
     plain = SliceSource(toy_dataset, scaling, HISTORY)
     assert equal(opened.draw(64, rng()), plain.draw(64, rng()))
-
-
-def test_a_library_of_one_curvature_is_used(toy_dataset, scaling, cuts):
-    manifest = replace(toy_dataset.manifest, roads=Roads((1e-3,), 0.0, 0.0))
-    WindowSource(replace(toy_dataset, manifest=manifest), scaling, HISTORY).draw(20, rng())
-    assert [np.unique(column).tolist() for column in cuts[0].anchor] == [[1e-3], [0.0], [0.0]]
 
 
 def test_noise_acts_on_the_first_state_and_the_past_alone(toy_dataset, scaling):
@@ -317,8 +228,108 @@ def test_noise_acts_on_the_first_state_and_the_past_alone(toy_dataset, scaling):
     assert not before[..., heard.index("steer_rad")].any()
 
 
-def test_the_configuration_determines_the_noise(toy_dataset, scaling):
-    without = a_config("all", mirror=True)
-    config = without.model_copy(update={"noise": 1.0})
-    assert isinstance(open_source(config, toy_dataset, scaling), NoisySource)
-    assert isinstance(open_source(without, toy_dataset, scaling), MirroringSource)
+@pytest.fixture(scope="module")
+def starts(toy_dataset) -> Starts:
+    """Starts in two episodes, right after their past."""
+    return toy_dataset.slices.take(np.array([0, 35]))
+
+
+def cut_later(dataset, starts: Starts, by: int, past_steps: int = PAST_STEPS) -> Trajectories:
+    """Windows that begin `by` steps after the starts, with the anchors of the starts."""
+    later = starts._replace(row=starts.row + by)
+    return cut(dataset.recording, later, VEHICLE, VEHICLE_ROLES, SHORT, past_steps)
+
+
+def show(trajectories: Trajectories, scaling: Scaling, past_steps: int = HISTORY) -> Batch:
+    return scale(trajectories, scaling, VEHICLE, VEHICLE_ROLES, past_steps)
+
+
+@pytest.mark.parametrize("t", [0, 1, HISTORY, SHORT])
+def test_history_at_an_instant_equals_that_of_a_window_starting_there(
+    toy_dataset, starts, scaling, t
+):
+    batch = show(cut_later(toy_dataset, starts, 0), scaling)
+    begun_there = show(cut_later(toy_dataset, starts, t), scaling)
+    found = batch.at(torch.tensor([t])).past[0]
+    assert torch.equal(found, begun_there.at(torch.tensor([0])).past[0])
+    assert torch.equal(found, begun_there.memory[:HISTORY].swapaxes(0, 1))
+
+
+@pytest.mark.parametrize("past_steps", [0, HISTORY])
+def test_a_shortened_batch_equals_the_batch_of_shorter_windows(
+    toy_dataset, starts, scaling, past_steps
+):
+    windows = cut_later(toy_dataset, starts, 0)
+    shorter = cut(toy_dataset.recording, starts, VEHICLE, VEHICLE_ROLES, 5)
+    found = show(windows, scaling, past_steps).shorten(5)
+    for one, other in zip(found, show(shorter, scaling, past_steps), strict=True):
+        assert torch.equal(one, other)
+
+
+def fit(trajectories: Trajectories) -> Scaling:
+    return fit_scaling(trajectories, VEHICLE, VEHICLE_ROLES)
+
+
+@pytest.fixture(scope="module")
+def train(toy_dataset) -> Trajectories:
+    return toy_dataset.select("train")
+
+
+def root_mean_square(rows: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.mean(rows.reshape(-1, rows.shape[-1]).astype(float) ** 2, axis=0))
+
+
+def test_scaled_training_data_have_unit_spread(train):
+    scaling = fit(train)
+    assert np.allclose(root_mean_square(scaling.normalise_states(train.x)), 1.0, rtol=1e-6)
+    assert np.allclose(root_mean_square(train.u / scaling.u_scale), 1.0, rtol=1e-6)
+    assert np.allclose(root_mean_square(train.w / scaling.w_scale), 1.0, rtol=1e-6)
+
+
+def test_only_speed_and_progress_are_centred(train):
+    scaling = fit(train)
+    assert np.flatnonzero(scaling.x_centre).tolist() == [0, 3]
+    assert scaling.x_centre[0] == pytest.approx(train.x[..., 0].mean(), rel=1e-5)
+
+
+def test_the_range_of_the_inputs_of_the_car_is_its_limits_and_that_of_a_road_is_found(train):
+    lowest, highest = signal_range(train, VEHICLE)
+    assert lowest.tolist() == [*INPUT_LIMITS.lower, train.w.min()]
+    assert highest.tolist() == [*INPUT_LIMITS.upper, train.w.max()]
+
+
+@pytest.fixture(scope="module")
+def scaling(train) -> Scaling:
+    return fit(train)
+
+
+@pytest.mark.parametrize(
+    ("windows", "objective", "is_weighted"),
+    [("all", "horizon", True), ("all", "paper", False), ("slices", "horizon", False)],
+)
+def test_only_windows_for_the_horizon_objective_are_weighted(
+    toy_dataset, scaling, windows, objective, is_weighted
+):
+    config = a_config(windows, True).model_copy(update={"objective": objective})
+    weight = open_source(config, toy_dataset, scaling).draw(50, rng()).weight
+    assert weight.shape == (1, 50, 1)
+    assert (weight.std().item() > 0.01) == is_weighted
+    assert is_weighted or torch.equal(weight, torch.ones(1, 50, 1))
+
+
+def test_scales_are_not_below_a_share_of_the_peak_and_one_for_a_constant(train):
+    x, u, w = 0.0 * train.x, 0.0 * train.u, 0.0 * train.w
+    x[..., 0], x[0, 0, 1], u[0, 0, 1], w[0, 0, 0] = 20.0, 5.0, -120.0, 0.03
+    scaling = fit(train._replace(x=x, u=u, w=w))
+    assert (scaling.x_centre[0], scaling.x_scale[0]) == (20.0, 1.0)
+    assert scaling.x_scale[1] == pytest.approx(0.5)
+    assert scaling.u_scale.tolist() == pytest.approx([1.0, 40.0, 1.0])
+    assert scaling.w_scale[0] == pytest.approx(0.01)
+
+
+def test_the_range_of_other_inputs_is_found(train):
+    other = replace(VEHICLE, inputs=(Signal("valve", "1"), *VEHICLE.inputs[1:]))
+    lowest, highest = signal_range(train, other)
+    assert lowest.tolist() == [*train.u.min(axis=(0, 1)), train.w.min()]
+    assert highest.tolist() == [*train.u.max(axis=(0, 1)), train.w.max()]
+    assert signal_range(train._replace(w=train.w[..., :0]), VEHICLE).shape == (2, 3)

@@ -71,51 +71,6 @@ def test_data_sets_of_one_seed_begin_with_the_same_episodes():
     assert np.array_equal(few.recording.x, more.recording.x[: len(few.recording.x)])
 
 
-def test_a_model_of_the_full_data_set_is_evaluated_on_it(save, tmp_path):
-    full = save("full", 40)
-    assert choose([trained_on(full)], None, tmp_path / NO_RUN).sha256 == full.sha256
-
-
-def test_a_model_of_the_first_episodes_is_evaluated_on_its_own_test_part(save, tmp_path):
-    save("full", 40)
-    small, said = save("small", 20), []
-    assert choose([trained_on(small)], None, tmp_path / NO_RUN, said.append).sha256 == small.sha256
-    assert "may have been trained on" in said[0]
-
-
-def test_a_model_of_another_seed_is_evaluated_on_the_full_data_set(save, tmp_path):
-    full, other = save("full", 40), save("other", 20, seed=4)
-    assert choose([trained_on(other)], None, tmp_path / NO_RUN).sha256 == full.sha256
-
-
-def test_several_models_are_evaluated_on_data_held_out_from_all_of_them(save, tmp_path):
-    full, other = save("full", 40), save("other", 20, seed=4)
-    both = [trained_on(other), trained_on(full)]
-    assert choose(both, None, tmp_path / NO_RUN).sha256 == full.sha256
-    small = save("small", 20)
-    with_small = [trained_on(full), trained_on(small)]
-    with pytest.raises(DatasetError, match="none of the models was trained on"):
-        choose(with_small, None, tmp_path / NO_RUN)
-
-
-def test_naming_a_data_set_that_a_model_may_have_been_trained_on_is_refused(save, tmp_path):
-    full, small = save("full", 40), save("small", 20)
-    models = [trained_on(full), trained_on(small)]
-    with pytest.raises(DatasetError, match="trained on its test episodes") as error:
-        choose(models, cache() / "full", tmp_path / NO_RUN)
-    assert "40 episodes of seed 3" in str(error.value)
-    assert small.sha256[:16] in str(error.value)
-
-
-def test_without_a_held_out_data_set_the_evaluation_is_refused(save, tmp_path):
-    full, small = save("full", 40), save("small", 20)
-    for file in (cache() / "small").iterdir():
-        file.unlink()
-    assert full.sha256 != small.sha256
-    with pytest.raises(DatasetError, match="offline-data"):
-        choose([trained_on(small)], None, tmp_path / NO_RUN)
-
-
 def test_a_model_is_not_evaluated_on_data_of_other_signals(save, tmp_path):
     states = (Signal("speed_mps", "m/s"), *VEHICLE.states[1:])
     other = save("other", 20, seed=4, schema=replace(VEHICLE, states=states))
@@ -148,36 +103,6 @@ def test_the_objection_to_another_period_or_order_of_the_signals_names_it(toy_da
     assert "in another order" in find_objection([turned], toy_dataset.manifest)
 
 
-@pytest.mark.parametrize(
-    ("changes", "expected"),
-    [
-        ({}, True),
-        ({"sha256": "other digits, from another processor"}, True),
-        ({"sha256": "other", "seed": 4}, True),
-        ({"sha256": "other", "seed": 4, "episodes": 50}, True),
-        ({"sha256": "other", "episodes": 50}, False),
-    ],
-)
-def test_only_the_same_seed_with_another_length_is_not_held_out(toy_dataset, changes, expected):
-    manifest = toy_dataset.manifest
-    origin = replace(
-        manifest.origin, episodes=changes.get("episodes", 40), seed=changes.get("seed", 3)
-    )
-    other = replace(manifest, sha256=changes.get("sha256", manifest.sha256), origin=origin)
-    assert is_held_out(trained_on(toy_dataset), other) is expected
-
-
-@pytest.mark.parametrize(("episodes", "expected"), [(40, True), (50, False)])
-def test_other_conditions_do_not_make_episodes_of_the_same_seed_held_out(
-    toy_dataset, episodes, expected
-):
-    manifest = toy_dataset.manifest
-    recipe = replace(manifest.origin.recipe, variation=VARIED)
-    origin = replace(manifest.origin, recipe=recipe, episodes=episodes)
-    varied = replace(manifest, sha256="varied", origin=origin)
-    assert is_held_out(trained_on(toy_dataset), varied) is expected
-
-
 def test_a_model_of_logs_is_held_out_from_drives_and_not_from_other_logs(toy_dataset):
     manifest = toy_dataset.manifest
     logs = replace(manifest, sha256="logs", origin=Imported((), "", 3, 9))
@@ -205,3 +130,50 @@ def test_the_learned_models_are_of_one_data_set_so_that_they_can_be_compared():
     assert len(sha256s) == 1
     manifest = SimpleNamespace(sha256=sha256s.pop(), origin=None)
     assert all(is_held_out(bundle, manifest) for bundle in shipped)
+
+
+def test_models_are_evaluated_on_data_held_out_from_all_of_them(save, tmp_path):
+    full, small, other = save("full", 40), save("small", 20), save("other", 20, seed=4)
+    of_full, of_small, of_other = (trained_on(each) for each in (full, small, other))
+    said = []
+    for models, expected in (
+        ([of_full], full),
+        ([of_other], full),
+        ([of_other, of_full], full),
+        ([of_small], small),
+    ):
+        found = choose(models, None, tmp_path / NO_RUN, said.append)
+        assert found.sha256 == expected.sha256
+    assert any("may have been trained on" in text for text in said)
+    with pytest.raises(DatasetError, match="none of the models was trained on"):
+        choose([of_full, of_small], None, tmp_path / NO_RUN)
+    with pytest.raises(DatasetError, match="trained on its test episodes") as error:
+        choose([of_full, of_small], cache() / "full", tmp_path / NO_RUN)
+    assert "40 episodes of seed 3" in str(error.value)
+    assert small.sha256[:16] in str(error.value)
+    for file in (cache() / "small").iterdir():
+        file.unlink()
+    with pytest.raises(DatasetError, match="offline-data"):
+        choose([of_small], None, tmp_path / NO_RUN)
+
+
+@pytest.mark.parametrize("variation", [None, VARIED])
+@pytest.mark.parametrize(
+    ("sha256", "seed", "episodes", "expected"),
+    [
+        (None, 3, 40, True),
+        ("other digits, from another processor", 3, 40, True),
+        ("other", 4, 40, True),
+        ("other", 4, 50, True),
+        ("other", 3, 50, False),
+    ],
+)
+def test_only_the_same_seed_with_another_length_is_not_held_out(
+    toy_dataset, variation, sha256, seed, episodes, expected
+):
+    """Other conditions do not make episodes of the same seed held out."""
+    manifest = toy_dataset.manifest
+    recipe = replace(manifest.origin.recipe, variation=variation)
+    origin = replace(manifest.origin, recipe=recipe, episodes=episodes, seed=seed)
+    other = replace(manifest, sha256=sha256 or manifest.sha256, origin=origin)
+    assert is_held_out(trained_on(toy_dataset), other) is expected

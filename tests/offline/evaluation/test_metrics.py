@@ -1,22 +1,25 @@
-"""Prediction errors in the units of the paper's Table I."""
+"""Prediction errors in the units of the paper's Table I, with intervals by whole episodes."""
 
 import numpy as np
 import pytest
 from toy_predictors import WithError, made_test_set, made_trajectories, with_random_error
 
-from offline.evaluation import predictor
+from offline.evaluation.bootstrap import (
+    RESAMPLES,
+    estimate,
+    mean_draws,
+    quantile_draws,
+    tail_draws,
+)
 from offline.evaluation.comparison import compare_models
 from offline.evaluation.metrics import (
     MEANS,
     SHARES,
-    StateUnit,
     TrajectoryErrors,
     errors_on,
-    geometric_mean,
     ratios_of,
     state_units,
 )
-from offline.evaluation.predictor import prediction_errors
 from rt_controller.contract.signals import VEHICLE, Schema, Signal
 
 CAR = state_units(VEHICLE)
@@ -31,35 +34,16 @@ def values(by_state, part="value"):
     return [each[part] for each in by_state.values()]
 
 
-def mse_of(model, test, schema=VEHICLE):
-    return values(figures_of(model, test, schema)["models"]["m"]["mse"])
-
-
 def test_errors_are_in_the_squared_units_of_the_papers_table():
-    """Errors of 1 m/s, 1 rad/s, 1 m and 1 rad everywhere."""
+    """Errors of 1 m/s, 1 rad/s, 1 m and 1 rad everywhere; the first state does not count."""
     made = made_trajectories(10)
-    model = WithError(made, [1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
+    error = np.tile([1.0, -1.0, 1.0, 1.0, -1.0, 1.0], (10, 81, 1))
+    error[:, 0] = 1e6
+    model = WithError(made, error)
     found = figures_of(model, made_test_set(made))["models"]["m"]
     degrees = np.degrees(1.0) ** 2
     assert np.allclose(values(found["mse"]), [12.96, 12.96, degrees, 1.0, 1.0, degrees])
     assert np.allclose(values(found["rms"]), np.sqrt(values(found["mse"])))
-
-
-def test_the_first_state_does_not_count():
-    made = made_trajectories(10)
-    error = np.zeros(made.x.shape)
-    error[:, 0] = 1e6
-    assert mse_of(WithError(made, error), made_test_set(made)) == [0.0] * 6
-
-
-def test_states_of_any_schema_have_errors():
-    schema = Schema(
-        (Signal("speed_mps", "m/s"), Signal("heat_k", "K")), (Signal("power", "1"),), (), 0.1
-    )
-    made = made_trajectories(10, steps=30, states=2)
-    found = figures_of(WithError(made, [1.0, 2.0]), made_test_set(made), schema)
-    assert np.allclose(values(found["models"]["m"]["mse"]), [12.96, 4.0])
-    assert list(found["absolute_error_quantiles"]["m"]) == ["after_2_s"]
 
 
 def test_rms_error_is_given_for_each_step():
@@ -71,14 +55,6 @@ def test_rms_error_is_given_for_each_step():
     assert np.allclose(by_step["ey_m"]["value"], np.arange(1, 81))
     assert np.allclose(by_step["ey_m"]["low"], np.arange(1, 81))
     assert by_step["vx_kmh"]["value"] == [0.0] * 80
-
-
-def test_all_trajectories_have_the_same_weight_in_episodes_of_any_length():
-    made = made_trajectories(4)
-    made = made._replace(episode=np.array([0, 0, 0, 1], dtype=np.int32))
-    error = np.zeros(made.x.shape)
-    error[3, :, 3] = 2.0
-    assert mse_of(WithError(made, error), made_test_set(made))[3] == pytest.approx(1.0)
 
 
 def test_quantiles_are_of_the_absolute_errors_of_the_trajectories():
@@ -121,15 +97,6 @@ def test_diverging_predictions_have_infinite_errors_and_are_counted():
     assert np.all(np.isinf(by_step[39:]))
 
 
-def test_batches_of_a_long_test_set_give_the_same_errors(monkeypatch):
-    made = made_trajectories(23)
-    model = with_random_error(made)
-    at_once = prediction_errors(model, made)
-    monkeypatch.setattr(predictor, "_BATCH", 10)
-    assert np.array_equal(prediction_errors(model, made), at_once)
-    assert at_once.shape == (23, 80, 6)
-
-
 def test_a_model_gets_the_inputs_curvature_and_past_of_each_trajectory():
     made = made_trajectories(3)
     seen = {}
@@ -150,23 +117,6 @@ def units_of(*states):
     return state_units(Schema(tuple(Signal(*state) for state in states), (), (), 0.1))
 
 
-def test_states_of_the_car_have_the_units_of_the_papers_table():
-    columns = state_units(VEHICLE)
-    assert [column.name for column in columns] == ["vx", "vy", "yaw_rate", "ds", "ey", "epsi"]
-    assert [column.unit for column in columns] == ["km/h", "km/h", "deg/s", "m", "m", "deg"]
-    assert [column.squared_unit for column in columns] == [
-        "(km/h)^2", "(km/h)^2", "(deg/s)^2", "m^2", "m^2", "deg^2",
-    ]  # fmt: skip
-    degrees = float(np.degrees(1.0))
-    assert [column.per_si for column in columns] == [3.6, 3.6, degrees, 1.0, 1.0, degrees]
-
-
-def test_json_keys_end_in_the_unit():
-    columns = state_units(VEHICLE)
-    assert [column.key for column in columns][:4] == ["vx_kmh", "vy_kmh", "yaw_rate_degps", "ds_m"]
-    assert columns[2].squared_key == "yaw_rate_degps_squared"
-
-
 @pytest.mark.parametrize(
     ("state", "name", "unit", "key"),
     [
@@ -183,20 +133,6 @@ def test_other_states_keep_their_unit_unless_it_is_m_per_s_or_rad(state, name, u
     assert (column.name, column.unit, column.key) == (name, unit, key)
 
 
-def test_a_state_without_a_unit_has_none_when_squared():
-    assert units_of(("gear", "1"), ("charge", ""))[0].squared_unit == "1"
-
-
-def test_an_error_is_averaged_over_the_steps_of_its_trajectory():
-    """An error of k metres at step k of trajectory 3 only."""
-    made = made_trajectories(20)
-    error = np.zeros(made.x.shape)
-    error[3, :, 4] = np.arange(81)
-    _, found = errors_on(WithError(made, error), made_test_set(made), CAR)
-    assert found.mse[3, 4] == pytest.approx(np.square(np.arange(1, 81)).mean())
-    assert np.count_nonzero(found.mse) == 1
-
-
 def test_one_bad_trajectory_moves_the_mean_and_not_the_median():
     mse = np.ones((200, 2))
     mse[17, 0] = 1e4
@@ -205,25 +141,6 @@ def test_one_bad_trajectory_moves_the_mean_and_not_the_median():
     assert np.all(found.quantile_draws[0, SHARES.index(0.5)] == 1.0)
     assert np.all(found.quantile_draws[0, SHARES.index(0.99)] == 1.0)
     assert found.worst_part().value == pytest.approx([10_001 / 10_199, 0.01])
-
-
-def test_a_prediction_that_is_not_finite_has_infinite_error_and_no_part_of_the_sum():
-    made = made_trajectories(20)
-    error = np.ones(made.x.shape)
-    error[3, 40:, 0] = np.nan
-    _, found = errors_on(WithError(made, error), made_test_set(made), CAR)
-    assert np.isinf(found.mse[3, 0])
-    assert np.isinf(found.mean_draws[0, 0])
-    assert found.quantile_draws[0, 0, 0] == pytest.approx(3.6**2)
-    assert np.isnan(found.worst_part().value[0])
-    assert np.isfinite(found.worst_part().value[1])
-
-
-def test_some_of_the_trajectories_keep_their_errors_and_episodes():
-    errors = TrajectoryErrors(np.arange(8.0).reshape(4, 2), np.array([0, 0, 1, 1], dtype=np.int32))
-    found = errors.take(np.array([False, True, True, False]))
-    assert found.mse.tolist() == [[2.0, 3.0], [4.0, 5.0]]
-    assert found.episode.tolist() == [0, 1]
 
 
 def draws(*values, count=5):
@@ -241,19 +158,77 @@ def test_the_second_mean_leaves_out_progress():
     assert means(ratios_of(draws(32, 1, 1, 64, 1, 1), one, CAR))[1] == pytest.approx(2.0)
 
 
-def test_states_without_progress_have_one_mean():
-    columns = (StateUnit("speed", "km/h", 3.6), StateUnit("heat", "K", 1.0))
-    assert means(ratios_of(draws(4, 1), draws(1, 1), columns)) == pytest.approx([2.0])
-    assert len(means(ratios_of(draws(4), draws(1), (StateUnit("ds", "m", 1.0),)))) == 1
+def mean_of(values, episode):
+    return estimate(mean_draws(np.asarray(values), np.asarray(episode)))
 
 
-def test_a_ratio_to_a_single_episode_has_no_interval():
-    many = np.random.default_rng(0).uniform(1.0, 2.0, (2001, 6))
-    found = ratios_of(draws(1, 1, 1, 1, 1, 1, count=1), many, CAR)
-    assert np.isnan([*values(found, "low"), *values(found, "high")]).all()
-    assert values(found)[:6] == pytest.approx(1.0 / many[0])
+def test_the_mean_is_over_all_values_and_not_over_episode_means():
+    assert mean_of([1.0, 2.0, 9.0], [0, 0, 1]).value == pytest.approx(4.0)
 
 
-def test_a_ratio_of_zero_makes_the_mean_zero():
-    assert geometric_mean(np.array([0.0, 8.0, 8.0])) == 0.0
-    assert geometric_mean(np.array([1.0, 8.0, 1.0])) == pytest.approx(2.0)
+def test_intervals_cover_the_true_mean_of_correlated_slices_as_often_as_stated():
+    """Slices of an episode differ ten times less than episodes; the true mean is 0.
+
+    Intervals from resampled slices would cover it about 6 times in 10.
+    """
+    rng = np.random.default_rng(1)
+    episode = np.repeat(np.arange(40), 5)
+    covered = 0
+    for _ in range(300):
+        values = np.repeat(rng.normal(size=40), 5) + 0.1 * rng.normal(size=200)
+        found = mean_of(values, episode)
+        covered += bool(found.low <= 0.0 <= found.high)
+    assert 0.90 <= covered / 300 <= 0.98
+
+
+def test_a_single_episode_has_no_interval():
+    found = mean_of([1.0, 3.0], [5, 5])
+    assert found.value == 2.0
+    assert np.isnan(found.low)
+    assert np.isnan(found.high)
+
+
+def test_a_value_that_is_not_finite_makes_only_its_own_mean_infinite():
+    values = np.array([[1.0, np.inf, np.nan], [3.0, 1.0, 1.0], [5.0, 1.0, 1.0]])
+    draws = mean_draws(values, np.arange(3))
+    assert np.all(np.isfinite(draws[:, 0]))
+    assert np.all(np.isinf(draws[:, 1:]))
+
+
+def weights_of(episodes):
+    """How often each episode was drawn (1 + R, E), read from means of indicators."""
+    return np.rint(episodes * mean_draws(np.eye(episodes), np.arange(episodes))).astype(int)
+
+
+def test_every_resample_is_as_long_as_the_sample():
+    weights = weights_of(12)
+    assert weights.shape == (1 + RESAMPLES, 12)
+    assert np.all(weights[0] == 1)
+    assert np.all(weights.sum(axis=1) == 12)
+    assert len(np.unique(weights, axis=0)) > 0.9 * RESAMPLES
+
+
+def test_quantiles_agree_with_those_of_explicit_resamples():
+    rng = np.random.default_rng(4)
+    episode = rng.integers(0, 10, 50)
+    episode[:10] = np.arange(10)
+    values = rng.normal(size=(50, 2, 3))
+    shares = (0.5, 0.9, 0.99)
+    draws = quantile_draws(values, episode, shares)
+    assert draws.shape == (1 + RESAMPLES, 3, 2, 3)
+    for row in (0, 1, 77, 1999):
+        resampled = np.repeat(values, weights_of(10)[row][episode], axis=0)
+        expected = np.quantile(resampled, shares, axis=0, method="inverted_cdf")
+        assert np.array_equal(draws[row], expected)
+
+
+def test_the_part_of_the_largest_values_agrees_with_that_of_explicit_resamples():
+    rng = np.random.default_rng(5)
+    episode = np.arange(50) // 5
+    values = rng.normal(size=(50, 2)) ** 2
+    draws = tail_draws(values, episode, 0.1)
+    assert draws.shape == (1 + RESAMPLES, 2)
+    for row in (0, 1, 500, 2000):
+        resampled = np.sort(np.repeat(values, weights_of(10)[row][episode], axis=0), axis=0)
+        assert len(resampled) == 50
+        assert np.allclose(draws[row], resampled[-5:].sum(axis=0) / resampled.sum(axis=0))

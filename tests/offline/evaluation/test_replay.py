@@ -10,13 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from offline.cli import replay
-from offline.commands.replay import comparison_table, doubts
+from offline.commands.replay import doubts
 from offline.evaluation.replay import Comparison, compare, replay_drive
 from offline.logs.recorded_drive import RecordedDrive, Window, load_drive
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError, RtControllerError
 from rt_controller.contract.signals import ControlInput
-from rt_controller.report.table import to_markdown
 from sim_bridge.plant.parameters import default_car, with_road_friction
 from sim_bridge.validation.driver_model import SpeedControl
 from sim_bridge.validation.run import Observation, cruising_throttle, run_driver
@@ -127,9 +126,6 @@ def test_a_part_of_a_log_and_a_log_without_times_can_be_used(tmp_path: Path) -> 
     assert len(load_drive(plain, period_s=0.02).speed_mps) > 1900
 
 
-# Comparison
-
-
 def wave(time_s: Array) -> Array:
     return np.sin(3.0 * time_s) + 0.4 * np.sin(7.3 * time_s + 1.0)
 
@@ -145,16 +141,6 @@ def test_the_lag_of_a_shifted_signal_is_found(lag_s: float, size: float) -> None
     assert found.error_at_lag_percent <= min(found.error_percent, 1.0) + 1e-9
 
 
-def test_error_and_gain_of_a_signal_ignore_samples_that_are_left_out() -> None:
-    car, among = 1.2 * wave(TIME_S), EVERY.copy()
-    car[600:700] += 100.0
-    among[600:700] = False
-    found = figures(wave(TIME_S), car, among)
-    assert found.error_percent == pytest.approx(20.0)
-    assert found.gain == pytest.approx(1.2)
-    assert found.lag_s == pytest.approx(0.0, abs=1e-3)
-
-
 @pytest.mark.parametrize(
     ("car", "remark"),
     [
@@ -168,17 +154,6 @@ def test_a_wrong_sign_or_unit_of_a_column_is_named(car: Array, remark: str | Non
     found = doubts(figures(wave(TIME_S), car))
     assert remark in found if remark else found == ()
     assert "lag at the end of its search" in doubts(figures(TIME_S, TIME_S + 1.0))
-
-
-def test_a_signal_that_could_not_be_compared_has_dashes() -> None:
-    zeros = np.zeros(30)
-    one = compare("log", "yaw_rate_radps", zeros, zeros, np.ones(30, dtype=bool))
-    text = to_markdown(comparison_table([[one]]))
-    assert "nan" not in text
-    assert text.count("–") == 4
-
-
-# Replay
 
 
 def steer_rad(time_s: float) -> float:

@@ -1,4 +1,4 @@
-"""The trajectories that models are evaluated on."""
+"""The trajectories that models are evaluated on, and the parts of them that tables show."""
 
 from dataclasses import replace
 
@@ -6,20 +6,33 @@ import numpy as np
 import pytest
 from toy_predictors import made_test_set, made_trajectories
 
+from offline.config import PRESETS, STEPS
 from offline.data.manifest import Roads
 from offline.data.recording import Starts
 from offline.data.signals import STANDARD_DEVIATIONS, VEHICLE_ROLES, Roles, past_names
-from offline.evaluation import test_sets
+from offline.evaluation import simulated_sets
+from offline.evaluation.lane_change import WINDOWS, drive_lane_change
+from offline.evaluation.series import make_series
+from offline.evaluation.simulated_sets import (
+    BY_FRICTION,
+    BY_MASS_FACTOR,
+    NOMINAL,
+    SIMULATED,
+    open_simulated_set,
+    straight_braking_set,
+)
 from offline.evaluation.test_sets import (
     DEFAULT_LEVELS,
+    ROBUSTNESS,
     choose_levels,
-    choose_sets,
     library_set,
     new_roads_set,
     noisy_set,
 )
 from rt_controller.contract.errors import ConfigError, DatasetError
-from rt_controller.contract.signals import VEHICLE, Schema, Signal
+from rt_controller.contract.limits import INPUT_LIMITS
+from rt_controller.contract.signals import VEHICLE, InputColumn, Schema, Signal
+from rt_controller.contract.timing import PERIOD_S
 
 
 @pytest.fixture
@@ -47,18 +60,6 @@ def test_the_library_has_test_episodes_only(toy_dataset):
     assert np.allclose(found.trajectories.w[:, 0, 0], found.curvature_per_m)
 
 
-def test_the_library_has_at_most_the_given_number_of_each_curvature(toy_dataset):
-    everything, few = library_set(toy_dataset), library_set(toy_dataset, per_curvature=3)
-    assert {3} == set(np.unique(few.curvature_per_m, return_counts=True)[1])
-    first = np.flatnonzero(everything.curvature_per_m == 0.0)[:3]
-    chosen = few.curvature_per_m == 0.0
-    assert np.array_equal(everything.trajectories.x[first], few.trajectories.x[chosen])
-
-
-def test_five_curvatures_give_the_papers_2400_trajectories():
-    assert test_sets.TRAJECTORIES_PER_CURVATURE * 5 == 2_400
-
-
 def test_new_roads_have_the_same_drives(toy_dataset):
     """Motion and inputs are equal on all roads."""
     library, new = library_set(toy_dataset), new_roads_set(toy_dataset)
@@ -72,21 +73,6 @@ def test_new_roads_have_the_same_drives(toy_dataset):
         for name in ("u", "past", "episode"):
             assert np.array_equal(getattr(laid, name), getattr(library.trajectories, name))
         assert np.all(laid.w == np.float32((-1e-3, 1e-3, 3e-3)[road]))
-
-
-def test_heading_error_on_a_new_road_is_yaw_minus_curvature_times_progress(toy_dataset):
-    library, new = library_set(toy_dataset), new_roads_set(toy_dataset)
-
-    def turned(found):
-        x = found.trajectories.x.astype(float)
-        curvature = found.curvature_per_m[:, None]
-        return np.diff(x[..., 5], axis=1) + curvature * x[:, 1:, 3]
-
-    n = library.n_trajectories
-    assert np.ptp(library.trajectories.x[..., 5]) > 0.1
-    for road in range(3):
-        on_it = turned(new)[road * n : (road + 1) * n]
-        assert np.allclose(on_it, turned(library), atol=2e-6)
 
 
 def test_curvatures_of_the_library_are_not_among_the_new_ones(toy_dataset):
@@ -104,75 +90,8 @@ def test_data_without_roads_have_a_library_and_no_new_roads(without_roads):
     assert new_roads_set(without_roads) is None
 
 
-def test_data_without_a_test_part_are_refused(toy_dataset):
-    learned = replace(toy_dataset, part=np.zeros_like(toy_dataset.part))
-    with pytest.raises(DatasetError, match="test trajectories"):
-        library_set(learned)
-
-
-def test_the_library_is_part_of_every_choice_of_sets():
-    assert choose_sets([]) == test_sets.SET_NAMES
-    assert choose_sets(["robustness"]) == ("library", "robustness")
-    assert choose_sets(["library"]) == ("library",)
-    with pytest.raises(ConfigError, match="library, new-roads, robustness, varied, noise"):
-        choose_sets(["holdout"])
-
-
 LIBRARY = made_test_set(made_trajectories(4_000))
 HEARD = past_names(VEHICLE, VEHICLE_ROLES)
-
-
-def differences(level):
-    """What the noise adds to the first states (N, 6) and the past (N, H, 6)."""
-    found = noisy_set(LIBRARY, level, VEHICLE, VEHICLE_ROLES).trajectories
-    clean = LIBRARY.trajectories
-    return (found.x - clean.x)[:, 0].astype(float), (found.past - clean.past).astype(float)
-
-
-def test_only_the_first_state_and_the_past_have_noise():
-    found, clean = noisy_set(LIBRARY, 1.0, VEHICLE, VEHICLE_ROLES), LIBRARY
-    assert found.name == "noise-1"
-    assert np.array_equal(found.trajectories.x[:, 1:], clean.trajectories.x[:, 1:])
-    is_equal = found.trajectories.x[:, 0] == clean.trajectories.x[:, 0]
-    assert is_equal.mean() < 0.01  # a small draw may be lost in single precision
-    for name in ("u", "w", "episode"):
-        assert np.array_equal(getattr(found.trajectories, name), getattr(clean.trajectories, name))
-
-
-def test_the_noise_has_the_stated_standard_deviations():
-    at_start, before = differences(1.0)
-    for name, expected in STANDARD_DEVIATIONS.items():
-        column = VEHICLE.state_names.index(name)
-        assert at_start[:, column].std() == pytest.approx(expected, rel=0.05)
-        assert abs(at_start[:, column].mean()) < 0.1 * expected
-        if name in HEARD:
-            assert before[..., HEARD.index(name)].std() == pytest.approx(expected, rel=0.02)
-
-
-def test_inputs_of_the_past_have_no_noise():
-    _, before = differences(3.0)
-    for name in set(HEARD) & set(VEHICLE.input_names):
-        assert np.all(before[..., HEARD.index(name)] == 0.0)
-
-
-def test_progress_is_that_of_the_noisy_speed():
-    at_start, _ = differences(1.0)
-    speed, progress = (VEHICLE.state_names.index(name) for name in ("vx_mps", "ds_m"))
-    assert np.allclose(at_start[:, progress], VEHICLE.dt_s * at_start[:, speed], atol=1e-6)
-
-
-def test_instants_have_independent_noise():
-    at_start, before = differences(1.0)
-    now, last = at_start[:, 0], before[:, -1, HEARD.index("vx_mps")]
-    assert abs(np.corrcoef(now, last)[0, 1]) < 0.06
-
-
-def test_every_call_draws_the_same_noise_and_a_level_scales_it():
-    once, again, thrice = differences(1.0), differences(1.0), differences(3.0)
-    assert np.array_equal(once[0], again[0])
-    assert np.array_equal(once[1], again[1])
-    assert np.allclose(thrice[0], 3.0 * once[0], atol=1e-6)
-    assert np.allclose(thrice[1], 3.0 * once[1], atol=1e-6)
 
 
 def test_states_of_unknown_noise_have_no_noisy_set():
@@ -181,12 +100,178 @@ def test_states_of_unknown_noise_have_no_noisy_set():
     assert noisy_set(test, 1.0, schema, Roles((), None, ())) is None
 
 
-def test_levels_are_sorted_and_each_is_used_once():
+BY_NAME = {each.name: each for each in SIMULATED}
+
+
+@pytest.fixture(autouse=True)
+def own_cache(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
+def test_the_data_are_made_once_and_used_whole(monkeypatch):
+    few = replace(BY_NAME[ROBUSTNESS], episodes=3)
+    dataset, test = open_simulated_set(few)
+    assert (test.n_trajectories, test.n_episodes) == (15, 3)
+    assert "road friction 0.5 to 1, mass times 0.85 to 1.15" in test.description
+    monkeypatch.setattr(simulated_sets, "make_dataset", None)
+    assert open_simulated_set(few)[0].sha256 == dataset.sha256
+
+
+def test_no_preset_trains_with_the_seeds_of_these_sets():
+    trained = {preset.data_seed for preset in PRESETS.values()}
+    assert trained.isdisjoint(each.seed for each in SIMULATED)
+
+
+def test_the_same_drivers_drive_on_every_friction_and_with_every_mass():
+    nominal = open_simulated_set(replace(NOMINAL, episodes=2))[1].trajectories
+    for which in (BY_FRICTION[1.0], BY_MASS_FACTOR[1.15]):
+        other = open_simulated_set(replace(which, episodes=2))[1].trajectories
+        assert np.array_equal(other.u, nominal.u)
+        assert not np.allclose(other.x[:, -1, :3], nominal.x[:, -1, :3], atol=1e-3)
+
+
+@pytest.fixture(scope="module")
+def stops():
+    return straight_braking_set()
+
+
+def test_every_stop_reaches_the_full_brake_within_the_limits_of_the_inputs(stops):
+    u = stops.trajectories.u
+    brake_n = u[..., InputColumn.brake_n]
+    assert np.all(brake_n[:, -1] == INPUT_LIMITS.upper.brake_n)
+    assert np.all(u[..., [InputColumn.throttle, InputColumn.steer_rad]] == 0.0)
+    change = np.diff(brake_n, axis=1) / PERIOD_S
+    assert change.max() <= INPUT_LIMITS.rate_per_s.brake_n * 1.001
+    assert change.min() >= 0.0
+
+
+COUNT = 20
+
+
+def made_set(name="library", count=COUNT, **columns):
+    """Trajectories at 20 m/s, straight and without pedals, but for these (count, K) columns."""
+    made = made_trajectories(count)
+    x, u = np.zeros_like(made.x), np.zeros_like(made.u)
+    x[..., 0] = 20.0
+    for column, values in columns.items():
+        if column in VEHICLE.state_names:
+            x[..., VEHICLE.state_names.index(column)] = values
+        else:
+            u[..., VEHICLE.input_names.index(column)] = values
+    return made_test_set(made._replace(x=x, u=u), name=name)
+
+
+def series_of(*sets):
+    return {series.name: series for series in make_series(sets, VEHICLE)}
+
+
+def test_sideslip_is_the_largest_of_either_side_within_the_two_seconds():
+    """Ten trajectories without sideslip, ten with one instant of sideslip, to both sides."""
+    vy = np.zeros((COUNT, 81))
+    angles_deg = [-3.0, 3.0, 5.0, -5.0, 7.0, -7.0, 10.0, -10.0, 14.0, -14.0]
+    vy[10:, 33] = 20.0 * np.tan(np.radians(angles_deg))
+    slices = series_of(made_set(vy_mps=vy))["sideslip"].slices
+    assert [(part.label, int(part.rows.sum())) for part in slices] == [
+        ("0 to 2", 10), ("2 to 4", 2), ("4 to 6", 2), ("6 to 9", 2), ("9 to 16", 4),
+    ]  # fmt: skip
+    assert all(part.of == "library" for part in slices)
+
+
+def test_braking_is_none_light_hard_and_straight():
+    brake_n = np.zeros((COUNT, 80))
+    brake_n[5:, 40] = 30.0
+    brake_n[12:, 41] = 75.0
+    found = series_of(made_set(brake_n=brake_n), made_set("braking", 7))["braking"].slices
+    assert [(part.label, part.of, int(part.rows.sum())) for part in found] == [
+        ("none", "library", 5),
+        ("below 75 N", "library", 7),
+        ("75 N and more", "library", 8),
+        ("straight, 150 N", "braking", 7),
+    ]
+
+
+def test_first_speeds_of_the_library_are_followed_by_those_of_the_fast_set():
+    first_kmh = np.append(np.linspace(20.0, 140.0, COUNT - 1), 250.0)
+    library = made_set(vx_mps=first_kmh[:, None] / 3.6)
+    fast = made_set("fast", 4, vx_mps=np.array([[120.0], [140.0], [160.0], [170.0]]) / 3.6)
+    found = series_of(library, fast)["speed"].slices
+    assert [part.label for part in found] == [
+        "0 to 50", "50 to 80", "80 to 110", "110 to 145", "145 and more",
+        "130 to 150", "150 to 180",
+    ]  # fmt: skip
+    assert sum(int(part.rows.sum()) for part in found) == COUNT + 3
+
+
+def test_whole_sets_are_ordered_by_friction_mass_and_noise():
+    names = ("library", "friction-0.5", "friction-1", "nominal", "mass-1.15", "noise-1", "noise-3")
+    found = series_of(*(made_set(name) for name in names))
+    labels = {name: [part.label for part in series.slices] for name, series in found.items()}
+    assert labels["friction"] == ["1", "0.85", "0.5"]
+    assert labels["mass"] == ["1", "1.15"]
+    assert labels["noise"] == ["0", "1", "3"]
+    assert labels["sets"] == ["library"]
+
+
+@pytest.fixture(scope="module")
+def driven():
+    return drive_lane_change()
+
+
+def test_speed_road_and_displacement_are_those_of_the_paper(driven):
+    """80 km/h, curvature 0.001, a lane to the left and back."""
+    x = driven.windows.x
+    assert np.all(driven.windows.w == np.float32(1e-3))
+    assert np.allclose(3.6 * x[..., 0], 80.0, atol=1.0)
+    assert x[..., 4].max() == pytest.approx(3.5, abs=0.2)
+    assert np.abs(x[-1, -1, 4]) < 0.1
+    assert "80 km/h" in driven.description
+    assert "0.001 1/m" in driven.description
+
+
+def test_the_noise_of_first_state_and_past_has_the_stated_standard_deviations():
+    """Progress is that of the noisy speed; the level scales one fixed draw."""
+    noisy, clean = noisy_set(LIBRARY, 1.0, VEHICLE, VEHICLE_ROLES), LIBRARY.trajectories
+    found, three = noisy.trajectories, noisy_set(LIBRARY, 3.0, VEHICLE, VEHICLE_ROLES).trajectories
+    assert noisy.name == "noise-1"
+    assert np.array_equal(found.x[:, 1:], clean.x[:, 1:])
+    for name in ("u", "w", "episode"):
+        assert np.array_equal(getattr(found, name), getattr(clean, name))
+    at_start = (found.x - clean.x)[:, 0].astype(float)
+    before = (found.past - clean.past).astype(float)
+    for name, expected in STANDARD_DEVIATIONS.items():
+        column = VEHICLE.state_names.index(name)
+        assert at_start[:, column].std() == pytest.approx(expected, rel=0.05)
+        assert abs(at_start[:, column].mean()) < 0.1 * expected
+        if name in HEARD:
+            assert before[..., HEARD.index(name)].std() == pytest.approx(expected, rel=0.02)
+    speed, progress = (VEHICLE.state_names.index(name) for name in ("vx_mps", "ds_m"))
+    assert np.allclose(at_start[:, progress], VEHICLE.dt_s * at_start[:, speed], atol=1e-6)
+    last = before[:, -1, HEARD.index("vx_mps")]
+    assert abs(np.corrcoef(at_start[:, speed], last)[0, 1]) < 0.06
+    for name in set(HEARD) & set(VEHICLE.input_names):
+        assert np.all((three.past - clean.past)[..., HEARD.index(name)] == 0.0)
+    assert np.allclose((three.x - clean.x)[:, 0], 3.0 * at_start, atol=1e-6)
+
+
+def test_levels_are_sorted_positive_and_finite_and_each_is_used_once():
     assert choose_levels([3.0, 0.5, 3.0]) == (0.5, 3.0)
     assert choose_levels(None) == choose_levels([]) == DEFAULT_LEVELS
+    for level in (0.0, -1.0, 1e3, float("nan"), float("inf")):
+        with pytest.raises(ConfigError, match="--noise"):
+            choose_levels([1.0, level])
 
 
-@pytest.mark.parametrize("level", [0.0, -1.0, 1e3, float("nan"), float("inf")])
-def test_a_level_without_a_meaning_is_refused(level):
-    with pytest.raises(ConfigError, match="--noise"):
-        choose_levels([1.0, level])
+def test_data_without_a_test_part_are_refused_and_few_of_each_curvature_can_be_taken(toy_dataset):
+    few = library_set(toy_dataset, per_curvature=3)
+    assert {3} == set(np.unique(few.curvature_per_m, return_counts=True)[1])
+    learned = replace(toy_dataset, part=np.zeros_like(toy_dataset.part))
+    with pytest.raises(DatasetError, match="test trajectories"):
+        library_set(learned)
+
+
+def test_windows_of_the_lane_change_are_consecutive_and_keep_to_the_path(driven):
+    x, time_s = driven.windows.x, driven.time_s
+    assert x.shape == (WINDOWS, STEPS + 1, 6)
+    assert np.allclose(x[1:, 0], x[:-1, -1], atol=1e-5)
+    assert time_s[-1, -1] == pytest.approx(2.0 * WINDOWS)
+    assert np.abs(x[..., 4] - driven.desired_ey_m).max() < 0.2

@@ -1,4 +1,4 @@
-"""What the lift sees, the observables, and the effect of inputs and drift."""
+"""What the lift sees, which observables depend on which, and the effect of inputs."""
 
 from math import exp
 
@@ -10,8 +10,15 @@ from torch import Tensor
 from offline.config import PRESETS, TrainingConfig
 from offline.data.sampling import Instants
 from offline.data.signals import VEHICLE_ROLES, Roles
+from offline.model.encoder import Products
 from offline.model.network import FADING_S, MdkNet
-from offline.model.observables import PathColumns, Sizes, sizes_of
+from offline.model.observables import (
+    Observables,
+    PathColumns,
+    Sizes,
+    path_columns,
+    sizes_of,
+)
 from rt_controller.contract.signals import VEHICLE, Schema, Signal
 from rt_controller.model.follow import Follow
 
@@ -35,102 +42,6 @@ def a_model(sizes: Sizes = SIZES, **changes: object) -> MdkNet:
         model.N_rows.normal_()
         model.S.normal_()
     return model
-
-
-def instants(*leading: int, history: int = HISTORY) -> Instants:
-    torch.manual_seed(2)
-    return Instants(
-        torch.randn(*leading, STATES), torch.randn(*leading, 1), torch.randn(*leading, history, 6)
-    )
-
-
-def test_sizes_are_the_numbers_of_signals_and_of_history_columns():
-    schema = Schema(
-        states=(Signal("a", "1"), Signal("b", "1"), Signal("c", "1")),
-        inputs=(Signal("d", "1"), Signal("e", "1")),
-        exogenous=(),
-        dt_s=0.1,
-    )
-    roles = Roles(centred=(), odd=None, past=("a", "c", "e"))
-    assert sizes_of(schema, roles) == Sizes(3, 2, 0, 3, 0.1)
-    assert Sizes(6, 3, 1, 6, 0.025, PathColumns(3, 4, 5), (0,), speed=0) == SIZES
-
-
-def test_progress_begins_as_the_speed():
-    start = MdkNet(a_config(), SIZES).operator().A[3]
-    assert start[0].item() == pytest.approx(1.0, abs=0.01)
-    assert start[1:].abs().max().item() < 0.01
-
-
-def test_the_lift_sees_states_exogenous_signals_and_history_oldest_first():
-    now = instants(BATCH)
-    expected = torch.cat([now.x, now.w, *now.past.unbind(1)], dim=-1)
-    assert torch.equal(a_model().seen(now), expected)
-
-
-@pytest.mark.parametrize("sees_w", [False, True])
-@pytest.mark.parametrize("history", [0, HISTORY])
-def test_the_lift_sees_only_what_is_configured(sees_w, history):
-    model = a_model(lift_exogenous=sees_w, history_steps=history, separate_motion=False)
-    shown = model.seen(instants(BATCH, history=history))
-    assert shown.shape[-1] == STATES + sees_w + 6 * history
-    (encoder,) = model.encoders
-    assert encoder.layers[0].in_features == shown.shape[-1]
-
-
-@pytest.mark.parametrize("sees_w", [False, True])
-@pytest.mark.parametrize("history", [0, HISTORY])
-def test_the_motion_is_encoded_from_motion_and_history_and_the_path_from_this_instant(
-    sees_w, history
-):
-    """Columns: speeds and yaw rate, path states, curvature, history."""
-    model = a_model(lift_exogenous=sees_w, history_steps=history)
-    of_motion, of_path = model.encoders
-    first_of_history = STATES + sees_w
-    past = range(first_of_history, first_of_history + 6 * history)
-    assert of_motion.columns.tolist() == [0, 1, 2, *past]
-    assert of_path.columns.tolist() == list(range(first_of_history))
-    assert (of_motion.present, of_path.present) == (3, first_of_history)
-
-
-@pytest.mark.parametrize("constant", [False, True])
-@pytest.mark.parametrize("history", [0, HISTORY])
-@pytest.mark.parametrize("sees_w", [False, True])
-def test_observables_are_states_then_latents_then_the_constant(constant, history, sees_w):
-    model = a_model(constant_observable=constant, history_steps=history, lift_exogenous=sees_w)
-    now = instants(BATCH, history=history)
-    psi = model.lift(now)
-    assert psi.shape == (BATCH, STATES + LATENTS)
-    assert model.n_observables == STATES + LATENTS
-    assert torch.equal(psi[:, :STATES], now.x)
-    learned = psi[:, STATES:-1] if constant else psi[:, STATES:]
-    latents = [encoder(model.seen(now)) for encoder in model.encoders]
-    assert torch.equal(learned, torch.cat(latents, dim=-1))
-    assert [each.shape[1] for each in latents] == [LATENTS - constant - PATH_LATENTS, PATH_LATENTS]
-    assert not constant or torch.equal(psi[:, -1], torch.ones(BATCH))
-
-
-def test_lifting_many_times_at_once_equals_lifting_each():
-    model, now = a_model(), instants(7, BATCH)
-    psi = model.lift(now)
-    for t in range(7):
-        alone = model.lift(Instants(*(signal[t] for signal in now)))
-        assert torch.allclose(psi[t], alone, atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("changes", "matters"),
-    [
-        ({}, (True, True)),
-        ({"lift_exogenous": False}, (False, True)),
-        ({"history_steps": 0}, (True, False)),
-    ],
-)
-def test_latents_depend_on_curvature_and_history_only_if_configured(changes, matters):
-    model, now = a_model(**changes), instants(BATCH)
-    psi = model.lift(now)
-    others = (now._replace(w=now.w + 1.0), now._replace(past=now.past + 1.0))
-    assert tuple(not torch.equal(model.lift(other), psi) for other in others) == matters
 
 
 @pytest.mark.parametrize("follows", Follow)
@@ -192,12 +103,6 @@ def assert_written_out(model: MdkNet) -> None:
             torch.testing.assert_close(found[:, b], expected, rtol=1e-9, atol=1e-9)
 
 
-def test_without_a_bilinear_part_the_drift_follows_the_prediction():
-    """As in the controller, which has no other choice stored for it."""
-    for follows in Follow:
-        assert a_model(bilinear_rank=0, bilinear_follows=follows).follows is Follow.PREDICTION
-
-
 @pytest.mark.parametrize("changes", [{}, {"saturating_gains": False}, {"separate_motion": False}])
 def test_the_driven_matrix_is_the_derivative_of_a_step(changes):
     model = a_model(**changes).double()
@@ -212,65 +117,6 @@ def test_the_driven_matrix_is_the_derivative_of_a_step(changes):
     torch.testing.assert_close(J, torch.autograd.functional.jacobian(after, psi))
 
 
-@pytest.mark.parametrize("follows", Follow)
-def test_a_roll_out_is_linear_in_the_inputs_unless_b_follows_the_prediction(follows):
-    """The controller linearises such a model along its last plan."""
-    model = a_model(bilinear_follows=follows)
-    psi0, w = model.lift(instants(BATCH)), torch.randn(20, BATCH, 1)
-    one, other = torch.randn(2, 20, BATCH, 3)
-    with torch.no_grad():
-        mixed = model.roll_out(psi0, 0.3 * one + 0.7 * other, w)
-        expected = 0.3 * model.roll_out(psi0, one, w) + 0.7 * model.roll_out(psi0, other, w)
-    is_linear = torch.allclose(mixed, expected, rtol=1e-4, atol=1e-3)
-    assert is_linear == (follows is not Follow.PREDICTION)
-
-
-def test_the_effect_of_inputs_depends_on_the_state_only_with_a_bilinear_part():
-    u, w = torch.randn(1, BATCH, 3), torch.randn(1, BATCH, 1)
-    for rank, changes in ((0, False), (RANK, True)):
-        model = a_model(bilinear_rank=rank, drift_rank=0)
-        here, there = torch.randn(2, BATCH, model.n_observables)
-        same = torch.equal(model.forcing(here[None], u, w), model.forcing(there[None], u, w))
-        assert same != changes
-
-
-def test_without_saturation_exogenous_signals_have_no_bilinear_part():
-    model = a_model(saturating_gains=False)
-    assert model.factor_columns.max() < 3
-    here, there = torch.randn(2, BATCH, model.n_observables)
-    u, w = torch.zeros(1, BATCH, 3), torch.randn(1, BATCH, 1)
-    assert torch.equal(model.forcing(here[None], u, w), model.forcing(there[None], u, w))
-
-
-@pytest.mark.parametrize("rank", [0, RANK])
-def test_the_constant_observable_stays_exactly_one(rank):
-    model = a_model(bilinear_rank=rank)
-    with torch.no_grad():
-        model.N_rows *= 0.01  # with larger ones the roll-out diverges
-    psi0 = model.lift(instants(BATCH))
-    u, w = 0.1 * torch.randn(80, BATCH, 3), torch.randn(80, BATCH, 1)
-    forcing = model.forcing(psi0[None], u, w)
-    assert torch.equal(forcing[..., -1], torch.zeros(80, BATCH))
-    assert forcing[..., :-1].abs().min() > 0.0
-    psi = model.roll_out(psi0, u, w)
-    assert torch.equal(psi[..., -1], torch.ones(80, BATCH))
-
-
-def test_a_linear_model_has_no_gains():
-    linear, bent = a_model(bilinear_rank=0, drift_rank=0), a_model()
-    assert linear.N_rows.numel() == linear.S.numel() == 0
-    assert bent.factor_columns.tolist() == [0, 1, 2] * (RANK + 1) + [3, 4, 4]
-    assert bent.S.shape == (3 * (RANK + 1) + 3, STATES + LATENTS)
-
-
-def test_one_block_of_observables_has_no_gains_of_the_path():
-    model = a_model(separate_motion=False)
-    assert model.factor_columns.tolist() == [0, 1, 2] * RANK + [4, 4]
-    assert model.A_learned.all()
-    assert model.N_learned.all()
-    assert model.S_learned.all()
-
-
 def test_fading_latents_start_with_the_configured_time_constants():
     model = a_model(latents=23)
     A = model.operator().A.detach()
@@ -281,10 +127,6 @@ def test_fading_latents_start_with_the_configured_time_constants():
     persistent = [0, 1, 2, 4, 5, 26, 27]
     assert torch.allclose(A.diagonal()[persistent], torch.ones(7), atol=0.01)
     assert A[-1].tolist() == [0.0] * 28 + [1.0]
-
-
-def test_the_range_of_the_signals_is_one_if_it_is_not_known():
-    assert a_model().signal_range.tolist() == [[-1.0] * 4, [1.0] * 4]
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -303,11 +145,172 @@ def test_the_first_roll_out_of_every_preset_is_bounded(name):
     assert psi.abs().max() < 100.0
 
 
-def test_a_model_without_exogenous_signals_has_no_columns_for_them():
-    model = a_model(Sizes(STATES, 3, 0, 6, 0.1))
-    now = instants(BATCH)._replace(w=torch.zeros(BATCH, 0))
-    psi0 = model.lift(now)
-    u, w = torch.randn(2, BATCH, 3), torch.zeros(2, BATCH, 0)
-    assert model.operator().B.shape == (STATES + LATENTS, 3)
-    assert model.forcing(psi0[None], u, w).shape == (2, BATCH, STATES + LATENTS)
-    assert torch.isfinite(model.roll_out(psi0, u, w)).all()
+PATH = PathColumns(ds=3, ey=4, epsi=5)
+CAR = Observables(6, PATH, 3, 2, has_constant=True)
+"""12: three states of the motion, three of the path, 3 + 2 latents, the constant"""
+
+
+def test_the_path_is_found_by_its_names() -> None:
+    assert path_columns(VEHICLE) == PATH
+    turned = Schema(VEHICLE.states[::-1], VEHICLE.inputs, VEHICLE.exogenous, VEHICLE.dt_s)
+    assert path_columns(turned) == PathColumns(ds=2, ey=1, epsi=0)
+    planar = Schema((Signal("vx_mps", "m/s"), Signal("ey_m", "m")), (), (), 0.1)
+    assert path_columns(planar) is None
+
+
+@pytest.mark.parametrize("path", [PATH, PathColumns(0, 1, 2), PathColumns(5, 0, 3)])
+def test_the_coupling_is_that_of_a_car_on_a_road(path: PathColumns) -> None:
+    known = CAR._replace(path=path)
+    learned, one = known.coupling()
+    motion, on_road = known.is_motion, known.is_gain_of_path
+    for row in range(known.n):
+        if motion[row]:
+            assert learned[row].tolist() == motion.tolist()
+        elif row == path.ey:
+            expected = on_road.clone()
+            expected[path.epsi] = True
+            assert learned[row].tolist() == expected.tolist()
+        else:
+            assert learned[row].tolist() == on_road.tolist()
+    assert one.nonzero().tolist() == sorted([[path.ey, path.ey], [path.epsi, path.epsi]])
+    assert not (learned & one).any()
+
+
+def test_the_blocks_are_those_whose_eigenvalues_are_those_of_a() -> None:
+    """With the integrators and the constant, which have the eigenvalue 1; progress has 0."""
+    torch.manual_seed(0)
+    learned, one = CAR.coupling()
+    A = torch.randn(12, 12).double() * learned + one
+    A[-1] = torch.eye(12)[-1]
+    blocks = CAR.blocks()
+    assert [block.tolist() for block in blocks] == [[0, 1, 2, 6, 7, 8], [9, 10]]
+    of_blocks = [torch.linalg.eigvals(A[block][:, block]) for block in blocks]
+    known = torch.tensor([0.0, 1.0, 1.0, 1.0], dtype=torch.complex128)
+    expected = torch.cat([*of_blocks, known])
+    found = torch.linalg.eigvals(A)
+    assert (found[:, None] - expected[None, :]).abs().min(dim=1).values.max() < 1e-6
+    assert (found[:, None] - expected[None, :]).abs().min(dim=0).values.max() < 1e-6
+
+
+SHOWN, PRESENT, ENCODED = 11, 4, 5
+MOTION, PATH_STATES = [0, 1, 2], [3, 4, 5]
+DS, EY, EPSI = PATH_STATES
+STEPS = 12
+LINEAR = {"bilinear_rank": 0, "path_rank": 0, "drift_rank": 0}
+
+
+def a_car_on_a_road(**changes: object) -> MdkNet:
+    """Every parameter differs from its initial value."""
+    torch.manual_seed(1)
+    small = {"hidden": (8,), "latents": 9, "path_latents": 3, "path_hidden": (6,)}
+    ranks = {"history_steps": HISTORY, "bilinear_rank": 2, "path_rank": 2, "drift_rank": 2}
+    config = PRESETS["recommended"].model_copy(update={**small, **ranks, **changes})
+    model = MdkNet(config, SIZES)
+    with torch.no_grad():
+        for parameter in model.parameters():
+            parameter.add_(0.1 * torch.randn_like(parameter))
+    return model
+
+
+def drive() -> tuple[Instants, Tensor, Tensor]:
+    torch.manual_seed(2)
+    now = Instants(torch.randn(BATCH, 6), torch.randn(BATCH, 1), torch.randn(BATCH, HISTORY, 6))
+    return now, torch.randn(STEPS, BATCH, 3), torch.randn(STEPS, BATCH, 1)
+
+
+def predicted(model: MdkNet, now: Instants, u: Tensor, w: Tensor) -> Tensor:
+    with torch.no_grad():
+        return model.roll_out(model.lift(now), u, w)[..., :6]
+
+
+def elsewhere(now: Instants, column: int) -> Instants:
+    """The same instant with another path state."""
+    x = now.x.clone()
+    x[:, column] += 10.0 * torch.randn(BATCH)
+    return now._replace(x=x)
+
+
+def test_training_changes_only_what_is_learned():
+    """Entries that are zero or one by construction have no gradient."""
+    model, (now, u, w) = a_car_on_a_road(), drive()
+    model.roll_out(model.lift(now), u, w).square().sum().backward()
+    rows = len(model.A_rows)
+    for parameter, learned in (
+        (model.A_rows, model.A_learned),
+        (model.B_rows, model.B_learned),
+        (model.N_rows, model.N_learned),
+        (model.S, model.S_learned),
+    ):
+        assert parameter.grad is not None
+        assert torch.equal(parameter.grad[learned == 0.0], torch.zeros(int((learned == 0).sum())))
+        assert (learned == 0.0).any()
+    assert model.A_rows.grad[:rows, 0].abs().min() > 0.0
+
+
+def test_every_product_of_two_signals_exists_once() -> None:
+    products, signals = Products(PRESENT, 1), torch.randn(30, PRESENT)
+    assert products.weights.in_features == PRESENT * (PRESENT + 1) // 2
+    pairs = {
+        (min(pair), max(pair))
+        for pair in zip(products.first.tolist(), products.second.tolist(), strict=True)
+    }
+    assert len(pairs) == products.weights.in_features
+    expected = signals[:, products.first] * signals[:, products.second]
+    torch.testing.assert_close(products(signals), products.weights(expected))
+
+
+def seen_on_the_road(model: MdkNet, now: Instants, u: Tensor, w: Tensor) -> tuple[bool, bool]:
+    """Whether motion and path depend on a path state, or on curvature."""
+    here = predicted(model, now, u, w)
+    others = [predicted(model, elsewhere(now, column), u, w) for column in (DS, EY, EPSI)]
+    others.append(predicted(model, now._replace(w=now.w + 5.0), u, w + 5.0))
+    differ = [(other - here).abs().amax(dim=(0, 1)) for other in others]
+    return (
+        any(bool((each[MOTION] > 1e-4).any()) for each in differ),
+        all(bool((each[PATH_STATES] > 1e-3).any()) for each in differ),
+    )
+
+
+variants = pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        LINEAR,
+        {"saturating_gains": False, "bilinear_follows": Follow.START},
+        {"constant_observable": False, "lift_exogenous": False},
+    ],
+)
+
+
+@variants
+def test_the_motion_depends_on_motion_inputs_and_history_and_not_on_the_road(changes):
+    model, (now, u, w) = a_car_on_a_road(**changes), drive()
+    assert seen_on_the_road(model, now, u, w) == (False, True)
+    here = predicted(model, now, u, w)
+    faster = now._replace(x=now.x + torch.eye(6)[0])
+    earlier = now._replace(past=now.past + 1.0)
+    for other in (
+        predicted(model, faster, u, w),
+        predicted(model, earlier, u, w),
+        predicted(model, now, u + 1.0, w),
+    ):
+        assert not torch.allclose(other[..., MOTION], here[..., MOTION], atol=1e-3)
+    together = a_car_on_a_road(separate_motion=False)
+    assert seen_on_the_road(together, now, u, w) == (True, True)
+
+
+@variants
+def test_offsets_stay_and_that_of_the_heading_is_integrated_by_e_y_alone(changes):
+    """Of the lifted state: the latents of the path may depend on e_y."""
+    model, (now, u, w) = a_car_on_a_road(**changes).double(), drive()
+    now, u, w = Instants(*(part.double() for part in now)), u.double(), w.double()
+    with torch.no_grad():
+        psi0 = model.lift(now)
+        moved, expected = psi0.clone(), torch.zeros(STEPS, *psi0.shape).double()
+        moved[:, EY] += 3.0
+        moved[:, EPSI] += 0.5
+        difference = model.roll_out(moved, u, w) - model.roll_out(psi0, u, w)
+        slope = model.operator().A[EY, EPSI]
+    expected[..., EPSI] = 0.5
+    expected[..., EY] = 3.0 + 0.5 * slope * torch.arange(1, STEPS + 1).double()[:, None]
+    torch.testing.assert_close(difference, expected, rtol=1e-9, atol=1e-12)

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import onnx
 import pytest
-import torch
 from fitted_network import fitted
 from made_models import input_gains, join_gains, saturations
 
@@ -23,7 +22,6 @@ from offline.model.export_checks import (
 from offline.model.physical_units import choose_selftest
 from offline.training.export import export_checkpoint
 from offline.training.run import load_checkpoint
-from offline.training.train import train
 from rt_controller.contract.errors import ArtifactError, DatasetError
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.model.artifact import load_bundle, save_bundle
@@ -55,21 +53,6 @@ def lti(toy_dataset):
     )
 
 
-@pytest.fixture(params=["paper", "recommended"])
-def checkpoint(request, tiny_config, tiny_recommended, new_run, toy_dataset):
-    """Trained for a moment, then with matrices that are better than persistence."""
-    config = {"paper": tiny_config, "recommended": tiny_recommended}[request.param]
-    run = new_run(config)
-    train(config, toy_dataset, run)
-    return fitted(load_checkpoint(run.best), toy_dataset)
-
-
-def test_a_good_bundle_passes_and_can_be_loaded(lti, toy_dataset, tmp_path):
-    check_export(lti, toy_dataset)
-    save_bundle(tmp_path, lti, "card")
-    assert load_bundle(tmp_path).sha256 == lti.sha256
-
-
 def test_the_figures_of_an_export_are_those_of_the_bundle(lti, toy_dataset):
     figures = check_export(lti, toy_dataset)
     x, u, w, _ = (part.astype(np.float64) for part in toy_dataset.select("validation")[:4])
@@ -84,56 +67,6 @@ def test_the_figures_of_an_export_are_those_of_the_bundle(lti, toy_dataset):
     assert figures.stability.unsaturated.radius == pytest.approx(lti.spectral_radius)
     assert figures.stability.unsaturated.growth == pytest.approx(lti.growth(80))
     assert figures.parity < 1e-6
-
-
-def test_a_trained_bundle_has_the_hash_of_its_data_its_episodes_and_its_step(
-    checkpoint, toy_dataset, tmp_path
-):
-    bundle, figures = export_checkpoint(checkpoint, toy_dataset)
-    save_bundle(tmp_path, bundle, "card")
-    loaded = load_bundle(tmp_path)
-    assert (loaded.sha256, loaded.data_sha256) == (bundle.sha256, toy_dataset.sha256)
-    training = json.loads(loaded.training)
-    assert (training["episodes"], training["data_seed"]) == (40, 3)
-    assert training["conditions"] == "recipe nominal"
-    assert training["step"] == checkpoint.step
-    assert loaded.selftest.x.shape == (32, 6)
-    assert figures.parity < 1e-5
-    assert figures.persistence_over_model.min() > 1.0
-
-
-def test_a_trained_bundle_knows_the_limits_of_the_inputs_and_the_roads_of_its_data(
-    checkpoint, toy_dataset
-):
-    bundle, _ = export_checkpoint(checkpoint, toy_dataset)
-    roads = toy_dataset.select("train").w
-    lowest, highest = bundle.signal_range
-    assert lowest.tolist() == [*INPUT_LIMITS.lower, pytest.approx(roads.min())]
-    assert highest.tolist() == [*INPUT_LIMITS.upper, pytest.approx(roads.max())]
-
-
-def with_operator(checkpoint, edit):
-    model = {name: tensor.clone() for name, tensor in checkpoint.model.items()}
-    edit(model["A_rows"])
-    return replace(checkpoint, model=model)
-
-
-def test_a_model_is_not_exported_with_other_data_than_it_was_trained_on(checkpoint, toy_dataset):
-    manifest = replace(toy_dataset.manifest, sha256="another")
-    with pytest.raises(DatasetError, match="trained on"):
-        export_checkpoint(checkpoint, replace(toy_dataset, manifest=manifest))
-
-
-def test_a_model_with_a_large_spectral_radius_is_not_exported(checkpoint, toy_dataset):
-    growing = with_operator(checkpoint, lambda A: A[0, 0].fill_(1.06))
-    with pytest.raises(ArtifactError, match="spectral radius"):
-        export_checkpoint(growing, toy_dataset)
-
-
-def test_a_model_with_a_nan_is_not_exported(checkpoint, toy_dataset):
-    broken = with_operator(checkpoint, lambda A: A[0].fill_(torch.nan))
-    with pytest.raises(ArtifactError, match="finite"):
-        export_checkpoint(broken, toy_dataset)
 
 
 def test_a_model_whose_growth_was_penalised_has_stricter_limits(tiny_config, tiny_recommended):
@@ -153,58 +86,6 @@ def with_feedback_of_the_steering(bundle, size, saturates):
         gains=input_gains(N, S, np.zeros((1, 3)), saturates),
         signal_range=np.stack([lowest, highest]),
     )
-
-
-@pytest.mark.parametrize("saturates", [False, True])
-def test_a_model_that_explodes_under_inputs_is_refused(lti, toy_dataset, saturates):
-    """No eigenvalue of A exceeds the limit."""
-    exploding = with_feedback_of_the_steering(lti, 3.0, saturates)
-    assert exploding.spectral_radius < OTHERS.radius
-    with pytest.raises(ArtifactError, match=r"inputs .* unsaturated, .* found [0-9.]+ and .* grow"):
-        check_export(exploding, toy_dataset)
-    harmless = with_feedback_of_the_steering(lti, 1e-3, saturates)
-    assert check_export(harmless, toy_dataset).stability.unsaturated.radius < OTHERS.radius
-
-
-def test_a_model_that_only_its_radius_speaks_against_is_refused(lti, toy_dataset):
-    radius = lti.spectral_radius
-    check_export(lti, toy_dataset, DrivenStability(1.0001 * radius, np.inf))
-    with pytest.raises(ArtifactError, match="a spectral radius of at most"):
-        check_export(lti, toy_dataset, DrivenStability(0.9999 * radius, np.inf))
-
-
-def test_a_model_that_only_its_growth_speaks_against_is_refused(lti, toy_dataset):
-    """Integrators in a chain grow although no eigenvalue exceeds 1."""
-    growth = lti.growth(80)
-    check_export(lti, toy_dataset, DrivenStability(OTHERS.radius, 1.01 * growth))
-    with pytest.raises(ArtifactError, match="a growth of at most"):
-        check_export(lti, toy_dataset, DrivenStability(OTHERS.radius, 0.99 * growth))
-
-
-@pytest.mark.parametrize("state", range(6))
-def test_a_model_that_predicts_a_state_worse_than_persistence_is_refused(lti, toy_dataset, state):
-    wrong = lti.c.copy()
-    wrong[state] += 20.0 * toy_dataset.select("train").x[..., state].std()
-    with pytest.raises(ArtifactError, match="better than the last measured state") as error:
-        check_export(replace(lti, c=wrong), toy_dataset)
-    assert f"{toy_dataset.schema.state_names[state]} (mean squared error " in str(error.value)
-
-
-def test_the_message_names_only_the_states_that_are_predicted_worse(lti, toy_dataset):
-    """No other state depends on e_y."""
-    A, wrong = lti.A.copy(), lti.c.copy()
-    A[np.arange(6) != 4, 4] = 0.0
-    wrong[4] += 1.0
-    with pytest.raises(ArtifactError, match=r"part for ey_m \(mean squared error [^,]*, [^,]*\)\."):
-        check_export(replace(lti, A=A, c=wrong), toy_dataset)
-
-
-def test_a_prediction_beyond_all_numbers_is_worse_than_persistence(lti, toy_dataset):
-    """An offset does not matter for stability."""
-    c = lti.c.copy()
-    c[0] = 1e200
-    with pytest.raises(ArtifactError, match=r"vx_mps \(mean squared error inf"):
-        check_export(replace(lti, c=c), toy_dataset)
 
 
 def growing_where_a_drift_is_saturated(bundle, by):
@@ -241,35 +122,6 @@ def with_nan(array):
     return broken
 
 
-@pytest.mark.parametrize("field", ["A", "B_uc", "B_uw", "c", "selftest_psi"])
-def test_a_matrix_that_is_not_finite_is_refused(lti, toy_dataset, field):
-    with pytest.raises(ArtifactError, match="finite numbers"):
-        check_export(replace(lti, **{field: with_nan(getattr(lti, field))}), toy_dataset)
-
-
-@pytest.mark.parametrize("field", ["N", "S", "s0"])
-def test_gains_that_are_not_finite_are_refused(lti, toy_dataset, field):
-    bent = with_feedback_of_the_steering(lti, 0.0, True)
-    check_export(bent, toy_dataset)
-    gains = bent.gains._replace(**{field: with_nan(getattr(bent.gains, field))})
-    with pytest.raises(ArtifactError, match="finite numbers"):
-        check_export(replace(bent, gains=gains), toy_dataset)
-
-
-def test_an_encoder_that_differs_from_training_is_not_exported(lti, toy_dataset):
-    with pytest.raises(ArtifactError, match="torch and ONNX"):
-        check_export(replace(lti, selftest_psi=lti.selftest_psi + 1e-2), toy_dataset)
-
-
-def test_differences_of_a_latent_are_measured_in_units_of_its_spread(checkpoint, toy_dataset):
-    bundle, _ = export_checkpoint(with_latents_of(checkpoint, 1e-3), toy_dataset)
-    psi = bundle.selftest_psi.copy()
-    psi[0, 6] += 1e-4 * bundle.spread[6]
-    assert 1e-4 * bundle.spread[6] < 1e-5
-    with pytest.raises(ArtifactError, match="of the spread of each observable"):
-        check_export(replace(bundle, selftest_psi=psi), toy_dataset)
-
-
 def with_latents_of(checkpoint, size):
     """The same network with all latents scaled by `size`."""
     model = {name: tensor.clone() for name, tensor in checkpoint.model.items()}
@@ -280,19 +132,123 @@ def with_latents_of(checkpoint, size):
     return replace(checkpoint, model=model)
 
 
-@pytest.mark.parametrize("encoder", [b"no encoder", "fixed batch"])
-def test_an_encoder_that_cannot_lift_a_batch_is_refused(lti, toy_dataset, encoder):
-    if encoder == "fixed batch":
-        model = onnx.load_from_string(lti.encoder_onnx)
-        for tensor in (*model.graph.input, *model.graph.output):
-            tensor.type.tensor_type.shape.dim[0].dim_value = 2
-        encoder = model.SerializeToString()
-    with pytest.raises(ArtifactError, match="offline-export"):
-        check_export(replace(lti, encoder_onnx=encoder), toy_dataset)
-
-
 def test_a_state_that_does_not_change_is_not_compared_with_persistence(lti, toy_dataset):
     x = toy_dataset.recording.x.copy()
     x[:, 1] = 0.25
     still = replace(toy_dataset, recording=toy_dataset.recording._replace(x=x))
     assert check_export(lti, still).persistence_over_model[1] == 0.0
+
+
+def test_a_trained_bundle_knows_its_data_its_step_and_the_range_of_its_signals(
+    finished, toy_dataset, tmp_path
+):
+    """And it is not exported with other data than it was trained on."""
+    checkpoint = fitted(load_checkpoint(finished.best), toy_dataset)
+    bundle, figures = export_checkpoint(checkpoint, toy_dataset)
+    save_bundle(tmp_path, bundle, "card")
+    loaded = load_bundle(tmp_path)
+    assert (loaded.sha256, loaded.data_sha256) == (bundle.sha256, toy_dataset.sha256)
+    training = json.loads(loaded.training)
+    assert (training["episodes"], training["data_seed"]) == (40, 3)
+    assert training["conditions"] == "recipe nominal"
+    assert training["step"] == checkpoint.step
+    assert loaded.selftest.x.shape == (32, 6)
+    assert figures.parity < 1e-5
+    assert figures.persistence_over_model.min() > 1.0
+    roads = toy_dataset.select("train").w
+    lowest, highest = bundle.signal_range
+    assert lowest.tolist() == [*INPUT_LIMITS.lower, pytest.approx(roads.min())]
+    assert highest.tolist() == [*INPUT_LIMITS.upper, pytest.approx(roads.max())]
+    manifest = replace(toy_dataset.manifest, sha256="another")
+    with pytest.raises(DatasetError, match="trained on"):
+        export_checkpoint(checkpoint, replace(toy_dataset, manifest=manifest))
+
+
+@pytest.mark.parametrize("config", ["recommended"], indirect=True)
+def test_differences_of_a_latent_are_measured_in_units_of_its_spread(finished, toy_dataset):
+    checkpoint = fitted(load_checkpoint(finished.best), toy_dataset)
+    bundle, _ = export_checkpoint(with_latents_of(checkpoint, 1e-3), toy_dataset)
+    psi = bundle.selftest_psi.copy()
+    psi[0, 6] += 1e-4 * bundle.spread[6]
+    assert 1e-4 * bundle.spread[6] < 1e-5
+    with pytest.raises(ArtifactError, match="of the spread of each observable"):
+        check_export(replace(bundle, selftest_psi=psi), toy_dataset)
+
+
+def plus(array, place, value):
+    changed = array.copy()
+    changed[place] += value
+    return changed
+
+
+def with_not_a_number(bundle, field):
+    return replace(bundle, **{field: with_nan(getattr(bundle, field))})
+
+
+def with_gain_not_a_number(bundle, field):
+    bent = with_feedback_of_the_steering(bundle, 0.0, True)
+    gains = bent.gains._replace(**{field: with_nan(getattr(bent.gains, field))})
+    return replace(bent, gains=gains)
+
+
+def with_e_y_apart(bundle):
+    """No other state depends on e_y, which is predicted badly."""
+    A = bundle.A.copy()
+    A[np.arange(6) != 4, 4] = 0.0
+    return replace(bundle, A=A, c=plus(bundle.c, 4, 1.0))
+
+
+def for_two_rows_only(bundle):
+    model = onnx.load_from_string(bundle.encoder_onnx)
+    for tensor in (*model.graph.input, *model.graph.output):
+        tensor.type.tensor_type.shape.dim[0].dim_value = 2
+    return replace(bundle, encoder_onnx=model.SerializeToString())
+
+
+EXPLODES = r"inputs .* unsaturated, .* found [0-9.]+ and .* grow"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        # No eigenvalue of A exceeds the limit.
+        (lambda lti: with_feedback_of_the_steering(lti, 3.0, False), EXPLODES),
+        (lambda lti: with_feedback_of_the_steering(lti, 3.0, True), EXPLODES),
+        *(
+            (lambda lti, field=field: with_not_a_number(lti, field), "finite numbers")
+            for field in ("A", "B_uc", "B_uw", "c", "selftest_psi")
+        ),
+        *(
+            (lambda lti, field=field: with_gain_not_a_number(lti, field), "finite numbers")
+            for field in ("N", "S", "s0")
+        ),
+        (with_e_y_apart, r"part for ey_m \(mean squared error [^,]*, [^,]*\)\."),
+        # An offset does not matter for stability.
+        (lambda lti: replace(lti, c=plus(lti.c, 0, 1e200)), r"vx_mps \(mean squared error inf"),
+        (lambda lti: replace(lti, selftest_psi=lti.selftest_psi + 1e-2), "torch and ONNX"),
+        (lambda lti: replace(lti, encoder_onnx=b"no encoder"), "offline-export"),
+        (for_two_rows_only, "offline-export"),
+    ],
+)
+def test_a_model_that_must_not_be_driven_with_is_refused(lti, toy_dataset, change, words):
+    check_export(with_feedback_of_the_steering(lti, 1e-3, True), toy_dataset)
+    with pytest.raises(ArtifactError, match=words):
+        check_export(change(lti), toy_dataset)
+
+
+@pytest.mark.parametrize("state", range(6))
+def test_a_model_that_predicts_a_state_worse_than_persistence_is_refused(lti, toy_dataset, state):
+    offset = 20.0 * toy_dataset.select("train").x[..., state].std()
+    with pytest.raises(ArtifactError, match="better than the last measured state") as error:
+        check_export(replace(lti, c=plus(lti.c, state, offset)), toy_dataset)
+    assert f"{toy_dataset.schema.state_names[state]} (mean squared error " in str(error.value)
+
+
+def test_radius_and_growth_are_limited_each_by_itself(lti, toy_dataset):
+    """Integrators in a chain grow although no eigenvalue exceeds 1."""
+    radius, growth = lti.spectral_radius, lti.growth(80)
+    check_export(lti, toy_dataset, DrivenStability(1.0001 * radius, 1.01 * growth))
+    with pytest.raises(ArtifactError, match="a spectral radius of at most"):
+        check_export(lti, toy_dataset, DrivenStability(0.9999 * radius, np.inf))
+    with pytest.raises(ArtifactError, match="a growth of at most"):
+        check_export(lti, toy_dataset, DrivenStability(OTHERS.radius, 0.99 * growth))

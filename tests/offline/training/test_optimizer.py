@@ -1,4 +1,6 @@
-"""The groups of parameters, their learning rates, and the update of a matrix."""
+"""Groups of parameters, learning rates and their schedule, the update of a matrix."""
+
+import math
 
 import pytest
 import torch
@@ -7,7 +9,9 @@ from offline.config import PRESETS, TrainingConfig
 from offline.data.signals import VEHICLE_ROLES
 from offline.model.network import MdkNet
 from offline.model.observables import sizes_of
-from offline.training.optimizer import Optimizer
+from offline.training.optimizer import Optimizer, cosine_rate
+from offline.training.state import find_device
+from rt_controller.contract.errors import ConfigError
 from rt_controller.contract.signals import VEHICLE
 
 SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
@@ -26,27 +30,12 @@ def groups(optimizer: Optimizer) -> list[dict]:
     return [group for part in parts for group in part["param_groups"]]
 
 
-@pytest.mark.parametrize("name", ["muon", "adam"])
-def test_every_parameter_is_optimised_once(name):
-    model, optimizer, _ = made(optimizer=name)
-    sizes = [len(group["params"]) for group in groups(optimizer)]
-    assert sum(sizes) == len(list(model.parameters()))
-    assert sizes[-1] == 1  # A
-
-
 def test_matrices_and_a_have_their_own_share_of_the_rate():
     _, optimizer, config = made()
     optimizer.rate = 0.01
     expected = [0.01 * config.matrix_rate, 0.01, 0.01 * config.operator_rate]
     assert [group["lr"] for group in groups(optimizer)] == pytest.approx(expected)
     assert optimizer.rate == pytest.approx(0.01)
-
-
-def test_adam_alone_has_two_rates():
-    _, optimizer, config = made(optimizer="adam")
-    rate = config.learning_rate
-    found = [group["lr"] for group in groups(optimizer)]
-    assert found == pytest.approx([rate, rate * config.operator_rate])
 
 
 @pytest.mark.parametrize(("name", "is_even"), [("muon", True), ("adam", False)])
@@ -62,26 +51,23 @@ def test_muon_changes_a_matrix_equally_in_all_directions(name, is_even):
     assert bool(sizes[0] / sizes[-1] < 2.0) is is_even
 
 
-@pytest.mark.parametrize("name", ["muon", "adam"])
-def test_a_model_without_gains_learns(name):
-    """Its matrices of gains are empty."""
-    model, optimizer, _ = made(optimizer=name, bilinear_rank=0, path_rank=0, drift_rank=0)
-    u, w = torch.randn(5, 3, 3), torch.randn(5, 3, 1)
-    before = [parameter.detach().clone() for parameter in model.parameters()]
-    model.roll_out(torch.randn(3, model.n_observables), u, w).square().mean().backward()
-    optimizer.step()
-    after = list(model.parameters())
-    assert all(torch.isfinite(parameter).all() for parameter in after)
-    assert any(not torch.equal(one, other) for one, other in zip(before, after, strict=True))
+HIGHEST = 2e-3
 
 
-def test_without_gradients_nothing_changes():
-    model, optimizer, _ = made()
-    model.roll_out(
-        torch.randn(3, model.n_observables), torch.randn(5, 3, 3), torch.randn(5, 3, 1)
-    ).square().mean().backward()
-    optimizer.zero_grad()
-    before = [parameter.detach().clone() for parameter in model.parameters()]
-    optimizer.step()
-    for one, other in zip(before, model.parameters(), strict=True):
-        assert torch.equal(one, other)
+def rates(steps: int) -> list[float]:
+    return [cosine_rate(step, steps, HIGHEST) for step in range(steps)]
+
+
+def test_after_the_warm_up_the_rate_is_half_a_cosine():
+    found = rates(1000)
+    assert found[50] == pytest.approx(HIGHEST)
+    assert found[50 + 475] == pytest.approx(HIGHEST / 2)
+    assert found[50 + 950 // 4] == pytest.approx(
+        HIGHEST * (1 + math.cos(math.pi * (950 // 4) / 950)) / 2
+    )
+    assert found[-1] < 1e-5 * HIGHEST
+
+
+def test_an_unknown_device_is_refused():
+    with pytest.raises(ConfigError, match="--device"):
+        find_device("no-such-device")

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from datetime import datetime
 
 import numpy as np
 import pytest
@@ -10,13 +11,12 @@ from fitted_network import fitted
 from run_contents import history
 from torch import nn
 
-from offline.data.sampling import Batch, scale
-from offline.model import losses
+from offline.data.sampling import scale
 from offline.model.bundle_predictor import BundlePredictor
-from offline.model.losses import Losses, evaluate, state_errors, total_loss
+from offline.model.losses import Losses, state_errors
 from offline.training.export import export_checkpoint
 from offline.training.initial import with_structure_of
-from offline.training.run import load_checkpoint, restore_model
+from offline.training.run import create_run, load_checkpoint, restore_model
 from offline.training.train import train
 from rt_controller.contract.errors import ArtifactError, ConfigError
 
@@ -48,38 +48,10 @@ def test_a_loss_of_ones_own_becomes_smaller(config, toy_dataset, new_run):
     assert result.best_validation_loss == min(values)
 
 
-def test_the_validation_of_a_loss_is_its_mean_over_all_trajectories(
-    config, toy_dataset, new_run, monkeypatch
-):
-    run = new_run(config)
-    train(config, toy_dataset, run, loss=lateral_error)
-    checkpoint, schema, roles = load_checkpoint(run.last), toy_dataset.schema, toy_dataset.roles
-    model = restore_model(checkpoint, schema, roles)
-    part = toy_dataset.select("validation")
-    batch = scale(part, checkpoint.scaling, schema, roles, config.history_steps)
-    sizes = []
-
-    def counted(model, config, batch: Batch, times):
-        sizes.append(batch.x.shape[1])
-        return lateral_error(model, config, batch, times)
-
-    monkeypatch.setattr(losses, "CHUNK", 7)
-    found = evaluate(model, config, batch, torch.device("cpu"), counted)
-    assert (sum(sizes), sizes[0], sizes[-1] % 7) == (len(part.episode), 7, len(part.episode) % 7)
-    with torch.no_grad():
-        assert found.total == pytest.approx(state_errors(model, batch)[4].item(), rel=1e-5)
-
-
-def test_passing_the_standard_loss_changes_nothing(config, toy_dataset, new_run):
-    runs = [new_run(config), new_run(config)]
-    train(config, toy_dataset, runs[0])
-    train(config, toy_dataset, runs[1], loss=total_loss)
-    assert runs[0].history.read_bytes() == runs[1].history.read_bytes()
-
-
-@pytest.fixture
-def of_sines(config, toy_dataset, new_run):
-    run = new_run(config)
+@pytest.fixture(scope="module")
+def of_sines(config, toy_folder, toy_dataset, tmp_path_factory):
+    base, now = tmp_path_factory.mktemp("sines"), datetime(2026, 1, 2, 3, 4, 5)
+    run = create_run(base, config, toy_folder, toy_dataset.sha256, now)
     train(config, toy_dataset, run, encoder=Sines)
     return run
 
@@ -129,6 +101,7 @@ def perceptron(width, latents):
     )
 
 
+@pytest.mark.parametrize("config", ["paper"], indirect=True)
 @pytest.mark.parametrize(
     "trained", [Sines, perceptron, lambda *_: None], ids=["own", "perceptron", "none"]
 )
@@ -145,6 +118,7 @@ def test_without_its_encoder_a_run_is_neither_exported_nor_resumed(
         train(config, toy_dataset, run, encoder=other, resume_from=load_checkpoint(run.last))
 
 
+@pytest.mark.parametrize("config", ["paper"], indirect=True)
 def test_its_bundle_starts_no_training(of_sines, toy_dataset, config, new_run):
     checkpoint = fitted(load_checkpoint(of_sines.best), toy_dataset, Sines)
     bundle, _ = export_checkpoint(checkpoint, toy_dataset, Sines)

@@ -1,4 +1,4 @@
-"""The folder of a run, and what is refused on resume."""
+"""The configuration of a run and its folder: what is kept, and what is refused on resume."""
 
 import json
 from dataclasses import replace
@@ -7,11 +7,67 @@ from datetime import datetime
 import pytest
 from run_contents import history, weights_equal
 
-from offline.config import TrainingConfig
+from offline.config import PAST_STEPS, PRESETS, STEPS, TrainingConfig, resolve
 from offline.training.export import export_checkpoint
 from offline.training.run import create_run, cut_history, load_checkpoint, open_run, save_checkpoint
-from offline.training.train import train
-from rt_controller.contract.errors import ArtifactError, RtControllerError
+from rt_controller.contract.errors import ArtifactError, ConfigError, RtControllerError
+
+
+def test_the_default_is_the_preset_recommended():
+    recommended = PRESETS["recommended"]
+    assert resolve(None) == TrainingConfig() == recommended
+    assert resolve(TrainingConfig(steps=7)) == recommended.model_copy(update={"steps": 7})
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_every_preset_passes_the_validation_of_its_fields(name):
+    written = PRESETS[name].model_dump(mode="json")
+    assert TrainingConfig.model_validate(written) == PRESETS[name]
+
+
+def test_an_explicit_setting_overrides_the_preset():
+    resolved = resolve(TrainingConfig(preset="quick", steps=7, seed=0))
+    assert (resolved.steps, resolved.seed) == (7, 0)
+    assert resolved.evaluate_every == PRESETS["quick"].evaluate_every
+
+
+def test_an_unknown_preset_is_refused_with_the_list_of_presets():
+    with pytest.raises(ConfigError, match="recommended, linear, paper, paper-literal, quick"):
+        resolve(TrainingConfig(preset="papre"))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("steps", 0), ("forgetting", 1.5), ("learning_rate", -1.0), ("stability", "none"),
+     ("windows", "some"), ("history_steps", PAST_STEPS + 1), ("horizon_start", STEPS + 1),
+     ("horizon_growth", 0.0), ("bilinear_rank", -1), ("path_hidden", (0,)), ("typo", 1)],
+)  # fmt: skip
+def test_a_setting_out_of_range_is_refused(name, value):
+    with pytest.raises(ConfigError, match=rf"TrainingConfig\.{name}[:[]"):
+        TrainingConfig(**{name: value})
+
+
+def test_the_preset_linear_is_recommended_without_the_bilinear_part_and_the_drift():
+    recommended = PRESETS["recommended"]
+    assert recommended.bilinear_rank > 0
+    changes = {"preset": "linear", "bilinear_rank": 0, "path_rank": 0, "drift_rank": 0}
+    assert PRESETS["linear"] == recommended.model_copy(update=changes)
+
+
+@pytest.mark.parametrize("name", ["paper", "paper-literal"])
+def test_the_presets_of_the_paper_use_no_extension(name):
+    config = PRESETS[name]
+    assert (config.windows, config.mirror, config.objective) == ("slices", False, "paper")
+    assert (config.lift_exogenous, config.history_steps, config.bilinear_rank) == (False, 0, 0)
+    assert (config.rate_schedule, config.activation) == ("plateau", "relu")
+    assert config.latents_start == "identity"
+    assert (config.separate_motion, config.saturating_gains, config.drift_rank) == (False, False, 0)
+
+
+def test_the_preset_quick_shares_no_episode_with_the_full_data_set():
+    """Data sets of different seeds share no episode."""
+    assert PRESETS["quick"].data_seed != PRESETS["paper"].data_seed
+    assert PRESETS["recommended"].data_seed == PRESETS["paper"].data_seed
 
 
 def test_the_link_latest_points_to_the_newest_run(tiny_config, tmp_path, toy_folder, toy_dataset):
@@ -36,58 +92,30 @@ def test_a_second_run_in_one_second_has_a_folder_of_its_own(
     assert open_run(tmp_path / "latest").path == second.path.resolve()
 
 
-@pytest.mark.parametrize("content", [None, "{", '{"config": {}}', '{"config": {"steps": -1}}'])
-def test_a_folder_without_a_run_is_refused(tmp_path, content):
-    if content is not None:
-        (tmp_path / "config.json").write_text(content)
-    with pytest.raises(ArtifactError, match="offline-train"):
-        open_run(tmp_path)
+def without(config, name):
+    return {key: value for key, value in config.model_dump(mode="json").items() if key != name}
 
 
-def test_resuming_removes_history_lines_after_the_checkpoint(tiny_config, toy_dataset, new_run):
-    """A crash may leave history lines later than the last checkpoint."""
-    run = new_run(tiny_config)
-    train(tiny_config, toy_dataset, run)
-    cut_history(run, 6)
-    assert [line["step"] for line in history(run)] == [0, 5]
+def test_resuming_removes_lines_that_a_crash_left_after_the_checkpoint(copied):
+    whole = copied.history.read_text()
+    copied.history.write_text(whole + '{"step": 15, "tra')
+    cut_history(copied, 12)
+    assert copied.history.read_text() == whole
+    cut_history(copied, 6)
+    assert [line["step"] for line in history(copied)] == [0, 5]
 
 
-def test_resuming_removes_an_incomplete_history_line(tiny_config, toy_dataset, new_run):
-    run = new_run(tiny_config)
-    train(tiny_config, toy_dataset, run)
-    whole = run.history.read_text()
-    run.history.write_text(whole + '{"step": 15, "tra')
-    cut_history(run, 12)
-    assert run.history.read_text() == whole
-
-
-def test_a_checkpoint_is_saved_and_loaded_unchanged(config, toy_dataset, new_run):
-    run = new_run(config)
-    train(config, toy_dataset, run)
-    written = load_checkpoint(run.last)
-    save_checkpoint(run.last, written)
-    read = load_checkpoint(run.last)
-    assert read.config == config
+def test_a_checkpoint_is_saved_and_loaded_unchanged(copied):
+    written = load_checkpoint(copied.last)
+    save_checkpoint(copied.last, written)
+    read = load_checkpoint(copied.last)
+    assert read.config == copied.config
     assert weights_equal(read.model, written.model)
     assert read.validation_losses == written.validation_losses
 
 
-@pytest.mark.parametrize("keep", [None, 0, 1000])
-def test_a_damaged_checkpoint_is_refused(keep, tiny_config, toy_dataset, new_run):
-    run = new_run(tiny_config)
-    train(tiny_config, toy_dataset, run)
-    whole = run.last.read_bytes()
-    run.last.unlink()
-    if keep is not None:
-        run.last.write_bytes(whole[:keep])
-    with pytest.raises(ArtifactError, match="expected a checkpoint"):
-        load_checkpoint(run.last)
-
-
-def test_a_full_disk_leaves_the_previous_checkpoint(tiny_config, toy_dataset, new_run, monkeypatch):
-    run = new_run(tiny_config)
-    train(tiny_config, toy_dataset, run)
-    before = run.last.read_bytes()
+def test_a_full_disk_leaves_the_previous_checkpoint(copied, monkeypatch):
+    before, checkpoint = copied.last.read_bytes(), load_checkpoint(copied.last)
 
     def full_disk(fields, stream):
         stream.write(b"half of it")
@@ -95,38 +123,57 @@ def test_a_full_disk_leaves_the_previous_checkpoint(tiny_config, toy_dataset, ne
 
     monkeypatch.setattr("offline.training.run.torch.save", full_disk)
     with pytest.raises(RtControllerError, match="No space left"):
-        save_checkpoint(run.last, load_checkpoint(run.last))
-    assert run.last.read_bytes() == before
-    assert sorted(path.suffix for path in run.path.iterdir()) == [".json", ".jsonl", ".pt", ".pt"]
+        save_checkpoint(copied.last, checkpoint)
+    assert copied.last.read_bytes() == before
+    assert sorted(path.suffix for path in copied.path.iterdir()) == [
+        ".json",
+        ".jsonl",
+        ".pt",
+        ".pt",
+    ]
 
 
-def without(config, name):
-    return {key: value for key, value in config.model_dump(mode="json").items() if key != name}
+def without_operator_rate(text):
+    fields = json.loads(text)
+    del fields["config"]["operator_rate"]
+    return json.dumps(fields)
 
 
-def test_a_run_without_a_setting_of_this_version_is_refused(tiny_config, new_run):
-    run = new_run(tiny_config)
-    fields = json.loads((run.path / "config.json").read_text())
-    fields["config"] = without(tiny_config, "operator_rate")
-    (run.path / "config.json").write_text(json.dumps(fields))
-    with pytest.raises(ArtifactError, match=r"config without operator_rate.*train again"):
-        open_run(run.path)
+@pytest.mark.parametrize("config", ["paper"], indirect=True)
+@pytest.mark.parametrize(
+    ("edit", "words"),
+    [
+        (None, "offline-train"),
+        (lambda text: "{", "offline-train"),
+        (lambda text: '{"config": {"steps": -1}}', "offline-train"),
+        (without_operator_rate, r"config without operator_rate.*train again"),
+        (lambda text: text.replace('"mirror"', '"mirorr"'), r"config\.mirorr: no such setting\)"),
+    ],
+)
+def test_a_folder_that_holds_no_run_of_this_version_is_refused(copied, edit, words):
+    file = copied.path / "config.json"
+    whole = file.read_text()
+    file.unlink()
+    if edit is not None:
+        file.write_text(edit(whole))
+    with pytest.raises(ArtifactError, match=words):
+        open_run(copied.path)
 
 
-def test_weights_that_do_not_fit_the_settings_are_refused_with_a_remedy(
-    tiny_config, toy_dataset, new_run
-):
-    run = new_run(tiny_config)
-    train(tiny_config, toy_dataset, run)
-    checkpoint = load_checkpoint(run.last)
-    newer = TrainingConfig.model_validate(without(checkpoint.config, "hidden"))
+@pytest.mark.parametrize("config", ["paper"], indirect=True)
+@pytest.mark.parametrize("keep", [None, 0, 1000])
+def test_a_damaged_checkpoint_is_refused(copied, keep):
+    whole = copied.last.read_bytes()
+    copied.last.unlink()
+    if keep is not None:
+        copied.last.write_bytes(whole[:keep])
+    with pytest.raises(ArtifactError, match="expected a checkpoint"):
+        load_checkpoint(copied.last)
+
+
+@pytest.mark.parametrize("config", ["paper"], indirect=True)
+def test_weights_that_do_not_fit_the_settings_are_refused_with_a_remedy(finished, toy_dataset):
+    checkpoint = load_checkpoint(finished.last)
+    newer = checkpoint.config.model_copy(update={"hidden": (8,)})
     with pytest.raises(ArtifactError, match="revision, or train again"):
         export_checkpoint(replace(checkpoint, config=newer), toy_dataset)
-
-
-def test_a_setting_that_this_version_does_not_have_is_named(tiny_config, new_run):
-    run = new_run(tiny_config)
-    whole = (run.path / "config.json").read_text()
-    (run.path / "config.json").write_text(whole.replace('"mirror"', '"mirorr"'))
-    with pytest.raises(ArtifactError, match=r"config\.mirorr: no such setting\)"):
-        open_run(run.path)

@@ -8,10 +8,6 @@ def square(number: int) -> int:
     return number * number
 
 
-def fail(number: int) -> int:
-    raise ValueError(f"{number} is too much")
-
-
 def die(number: int) -> int:
     os.kill(os.getpid(), signal.SIGKILL)
     return number

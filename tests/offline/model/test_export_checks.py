@@ -1,34 +1,49 @@
-"""Growth of a model under inputs, against values by hand and the derivative of one step."""
+"""Growth of a bundle under inputs, the bundles that ship, and a bundle as a predictor."""
 
+import json
 from dataclasses import replace
+from math import radians
+from pathlib import Path
 
 import numpy as np
+import onnx_bytes
 import pytest
 from made_models import (
     WITH_ALL,
+    WITH_PAST,
     input_gains,
+    input_matrix,
     join_gains,
     make_bundle,
     one_step,
     saturations,
 )
 
+import rt_controller
+from offline.config import TrainingConfig
+from offline.model.bundle_predictor import BundlePredictor
 from offline.model.export_checks import (
     MOST_SIGNALS,
     box_stability,
     driven_matrices,
+    limits_of,
+    require_stable,
     signal_box,
     stability_of,
 )
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import Schema, Signal
+from rt_controller.model.artifact import load_bundle, shipped_model
 from rt_controller.model.bundle import Bundle
-from rt_controller.model.dynamics import Shape
+from rt_controller.model.dynamics import Shape, roll_out
+from rt_controller.model.follow import Follow
+from rt_controller.model.lift import LiftSample
 
 
 @pytest.fixture
-def bundle() -> Bundle:
+def bent() -> Bundle:
     """Saturating gains of the inputs, of the curvature, and of the motion without inputs."""
     return make_bundle(WITH_ALL, rank=2, saturates=True, drift=1, latents=3)
 
@@ -62,28 +77,12 @@ def box(valve: tuple[float, float] = (0.0, 0.0), rain: tuple[float, float] = (0.
     return np.array([valve, rain]).T
 
 
-def test_the_radius_of_a_linear_model_is_that_of_a() -> None:
-    found = box_stability(tank(-0.8), box((-5.0, 5.0), (-1.0, 1.0)))
-    for part in found:
-        assert part.radius == pytest.approx(0.8)
-        assert part.growth == pytest.approx(0.8**80)
-
-
 @pytest.mark.parametrize("saturates", [False, True])
 def test_the_radius_of_a_bilinear_model_is_a_plus_u_n_s_at_its_largest(saturates: bool) -> None:
     """0.9 + 3 * 0.1 for the highest input; |0.9 - 23 * 0.1| for the lowest of the second box."""
     model = tank(0.9, 0.1, saturates=saturates)
     assert box_stability(model, box((-2.0, 3.0))).unsaturated.radius == pytest.approx(1.2)
     assert box_stability(model, box((-23.0, 3.0))).unsaturated.radius == pytest.approx(1.4)
-
-
-def test_entirely_saturated_gains_do_not_act_if_they_saturate() -> None:
-    always_on = box((-2.0, -2.0))
-    saturating = box_stability(tank(0.9, 0.1, saturates=True), always_on)
-    assert saturating.unsaturated.radius == pytest.approx(0.7)
-    assert saturating.saturated.radius == pytest.approx(0.9)
-    linear = box_stability(tank(0.9, 0.1), always_on)
-    assert [part.radius for part in linear] == pytest.approx([0.7] * 3)
 
 
 def test_points_inside_of_the_box_are_evaluated() -> None:
@@ -117,17 +116,6 @@ def test_gains_are_also_as_saturated_as_in_the_self_test(level: float) -> None:
     assert found.unsaturated.radius == pytest.approx(1.0)
     assert found.saturated.radius == pytest.approx(0.9)
     assert found.at_states.radius == pytest.approx(1.2 if level == 1.0 else 1.0)
-
-
-def test_saturation_of_the_drift_takes_its_part_from_a() -> None:
-    """J is a where the gain is not saturated, and a - n s where it is."""
-    saturation = tank(0.9, drift=(-0.3, ONE))
-    signals = np.zeros((3, 2))
-    found = driven_matrices(saturation, signals, np.array([[1.0], [0.5], [0.0]]))
-    np.testing.assert_allclose(found[:, 0, 0], [0.9, 1.05, 1.2])
-    parts = box_stability(saturation, box())
-    assert parts.unsaturated.radius == pytest.approx(0.9)
-    assert parts.saturated.radius == pytest.approx(1.2)
 
 
 def test_a_product_with_an_exogenous_signal_acts_like_an_input() -> None:
@@ -170,38 +158,114 @@ def test_all_corners_are_evaluated_up_to_ten_signals(count: int, is_found: bool)
 
 
 @pytest.mark.parametrize("saturates", [False, True])
-def test_j_is_the_derivative_of_one_step(bundle: Bundle, saturates: bool) -> None:
+def test_j_is_the_derivative_of_one_step(bent: Bundle, saturates: bool) -> None:
     if not saturates:
-        is_of_input = bundle.gains.factor < 3
-        shape = np.where(is_of_input, Shape.LINEAR, bundle.gains.shape)
-        bundle = replace(bundle, gains=bundle.gains._replace(shape=shape))
+        is_of_input = bent.gains.factor < 3
+        shape = np.where(is_of_input, Shape.LINEAR, bent.gains.shape)
+        bent = replace(bent, gains=bent.gains._replace(shape=shape))
     rng = np.random.default_rng(6)
     psi, u, w, step = 0.3 * rng.normal(size=9), rng.normal(size=3), rng.normal(size=1), 1e-5
     moved = psi + step * np.vstack([np.eye(9), -np.eye(9)])
-    after = one_step(bundle, moved, np.tile(u, (18, 1)), np.tile(w, (18, 1)))
+    after = one_step(bent, moved, np.tile(u, (18, 1)), np.tile(w, (18, 1)))
     derivative = (after[:9] - after[9:]).T / (2.0 * step)
-    slopes = 1.0 - np.tanh(psi @ bundle.gains.S.T + bundle.gains.s0) ** 2
-    J = driven_matrices(bundle, np.concatenate([u, w])[None], slopes[None])[0]
+    slopes = 1.0 - np.tanh(psi @ bent.gains.S.T + bent.gains.s0) ** 2
+    J = driven_matrices(bent, np.concatenate([u, w])[None], slopes[None])[0]
     np.testing.assert_allclose(J, derivative, rtol=1e-6, atol=1e-7)
 
 
-def test_the_box_of_a_bundle_is_its_range_or_the_limits_of_the_car(bundle: Bundle) -> None:
+def test_the_box_of_a_bundle_is_its_range_or_the_limits_of_the_car(bent: Bundle) -> None:
     known = np.array([[0.0, 0.0, -6.0, -0.02], [1.0, 150.0, 6.0, 0.02]])
-    np.testing.assert_array_equal(signal_box(replace(bundle, signal_range=known)), known)
+    np.testing.assert_array_equal(signal_box(replace(bent, signal_range=known)), known)
     limits = [[*INPUT_LIMITS.lower, 0.0], [*INPUT_LIMITS.upper, 0.0]]
-    np.testing.assert_array_equal(signal_box(replace(bundle, signal_range=None)), limits)
+    np.testing.assert_array_equal(signal_box(replace(bent, signal_range=None)), limits)
     np.testing.assert_array_equal(signal_box(tank()), np.zeros((2, 2)))
 
 
-def test_an_observable_that_is_constant_has_no_part_in_the_growth() -> None:
-    """The offset of a state is large in the column of the constant, where nothing differs."""
-    pair = Schema((Signal("level_m", "m"), Signal("one", "1")), (), (), dt_s=1.0)
-    A = np.array([[0.5, 1e6], [0.0, 1.0]])
-    model = Bundle.linear(A, np.zeros((2, 0)), np.zeros((2, 0)), schema=pair)
-    box_without_signals = np.zeros((2, 0))
-    constant = replace(model, selftest_psi=np.array([[0.0, 1.0], [1.0, 1.0]]))
-    found = box_stability(constant, box_without_signals).unsaturated
-    assert found.radius == pytest.approx(0.5)
-    assert found.growth == pytest.approx(0.5**80)
-    varying = replace(model, selftest_psi=np.array([[0.0, 1.0], [1.0, 2.0]]))
-    assert box_stability(varying, box_without_signals).unsaturated.growth > 1e5
+FOLDERS = sorted(
+    file.parent for file in Path(rt_controller.__file__).parent.glob("models/*/koopman.npz")
+)
+STEPS = 80
+LARGEST = np.array([100.0, 30.0, 5.0, 2.5, 200.0, 2 * np.pi])
+"""of each state over two seconds: v_x, v_y, yaw rate, progress in one period, e_y, e_psi; in SI"""
+
+
+@pytest.fixture(params=FOLDERS, ids=lambda folder: folder.name)
+def bundle(request):
+    return load_bundle(request.param)
+
+
+def test_radius_and_growth_over_the_box_of_signals_are_within_the_limits_of_an_export(bundle):
+    stability = json.loads(bundle.training).get("stability")  # None: not a network
+    limits = limits_of(TrainingConfig().model_copy(update={"stability": stability}))
+    require_stable(box_stability(bundle, signal_box(bundle)), limits)
+
+
+@pytest.mark.parametrize("steer_deg", [-180.0, 180.0])
+@pytest.mark.parametrize("throttle", [0.0, INPUT_LIMITS.upper.throttle])
+@pytest.mark.parametrize("brake_n", [0.0, INPUT_LIMITS.upper.brake_n])
+def test_predictions_with_full_pedals_and_half_a_turn_of_the_wheel_are_bounded(
+    bundle, throttle, brake_n, steer_deg
+):
+    """From every instant of the self-test, on a straight road."""
+    count = len(bundle.selftest.x)
+    u = np.tile((throttle, brake_n, radians(steer_deg)), (count, STEPS, 1))
+    w = np.zeros((count, STEPS, 1))
+    psi = BundlePredictor(bundle).lift(bundle.selftest._replace(w=w[:, 0]))
+    states = roll_out(bundle, psi, u, w, len(LARGEST))
+    assert (np.abs(states) < LARGEST).all()
+
+
+def test_a_linear_bundle_is_lifted_once_and_rolled_out():
+    lti = load_bundle(shipped_model("lti"))
+    rng = np.random.default_rng(0)
+    x0, past = lti.selftest.x[:3], np.zeros((3, 20, 6))
+    U, W = rng.normal(size=(3, 4, 3)), rng.normal(size=(3, 4, 1))
+    model = BundlePredictor(lti)
+    assert np.array_equal(model.lift(lti.selftest), lti.selftest.x)
+    predicted = model.predict(x0, past, U, W)
+    assert predicted.shape == (3, 5, 6)
+    for b in range(3):
+        x = x0[b]
+        for k in range(4):
+            x = lti.A @ x + lti.B_uc @ U[b, k] + lti.B_uw @ W[b, k] + lti.c
+            assert np.allclose(predicted[b, k + 1], x, rtol=1e-12)
+
+
+def test_a_frozen_bilinear_bundle_keeps_the_input_matrix_of_its_first_lifted_state():
+    """It is lifted with the last rows of the past."""
+    bundle = make_bundle(WITH_PAST, rank=2, bend=0.05)
+    bundle = replace(bundle, gains=bundle.gains._replace(follows=Follow.START))
+    rng = np.random.default_rng(0)
+    x0, past = bundle.selftest.x[:3], rng.normal(size=(3, 20, 6))
+    U, W = rng.normal(size=(3, 4, 3)), rng.normal(size=(3, 4, 1))
+    model = BundlePredictor(bundle)
+    psi = model.lift(LiftSample(x0, W[:, 0], past[:, -4:]))
+    B = input_matrix(bundle, psi)
+    assert np.ptp(B, axis=0).max() > 1e-3
+    for k in range(4):
+        psi = psi @ bundle.A.T + np.einsum("bnm,bm->bn", B, U[:, k]) + bundle.c
+        psi += W[:, k] @ bundle.B_uw.T
+    assert np.allclose(model.predict(x0, past, U, W)[:, -1], psi[:, :6], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("operator", "second", "complaint"),
+    [
+        ("Add", "far", "lifts states .32, 6., found that it cannot"),
+        ("Concat", "x", "found .64, 6."),
+    ],
+)
+def test_an_encoder_that_cannot_lift_a_batch_is_refused(operator, second, complaint):
+    """It adds row 99 of the batch, or returns every row twice."""
+    tensor, rows = onnx_bytes.value, onnx_bytes.constant("rows", np.array([99]))
+    nodes = [
+        onnx_bytes.node("Gather", ["x", "rows"], "far", axis=0),
+        onnx_bytes.node(operator, ["x", second], "psi", axis=0 if operator == "Concat" else None),
+    ]
+    shape = ("batch", 6)
+    encoder = onnx_bytes.model(
+        nodes[operator == "Concat" :], [tensor("x", shape)], [tensor("psi", shape)], [rows]
+    )
+    lti = load_bundle(shipped_model("lti"))
+    with pytest.raises(ArtifactError, match=complaint):
+        BundlePredictor(replace(lti, encoder_onnx=encoder)).lift(lti.selftest)
