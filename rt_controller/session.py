@@ -138,11 +138,12 @@ class ControllerSession:
             BusError: the bus cannot be opened.
         """
         self._settings, self._clock = config.realtime, clock
-        self._is_lockstep = isinstance(clock, LockstepClock)
+        self.is_lockstep = isinstance(clock, LockstepClock)
+        """in simulated time: the system grants nothing and need not"""
         # Simulated time needs no rank among the threads of this machine, no locked memory, and no
         # interpreter without a garbage collector: to prepare that takes longer than a short drive.
-        self._priority = 0 if self._is_lockstep else config.realtime.priority
-        if not self._is_lockstep:  # a time limit would make the result depend on the machine
+        self._priority = 0 if self.is_lockstep else config.realtime.priority
+        if not self.is_lockstep:  # a time limit would make the result depend on the machine
             mpc.limit_solve_time(round(config.realtime.solve_budget_ms * 1e6))
         self.model = f"{bundle.name} {bundle.sha256[:8]}"
         """name of the model, and the first digits of its hash"""
@@ -163,14 +164,14 @@ class ControllerSession:
         self._receive_failures = 0
         with ExitStack() as opened:
             self.guarantees = NO_GUARANTEES
-            if not self._is_lockstep:
+            if not self.is_lockstep:
                 # First: the threads that a bus or a log starts inherit the settings of the process.
                 self.guarantees = opened.enter_context(real_time_process(self._priority))
             bus = bus_settings.open_bus()
             opened.callback(close_bus, bus)
             self._bus = bus
             header = describe_run(config, bundle, mpc.max_iterations, bus_settings.fd)
-            self.recorder = open_recording(files, bus_settings.channel, self._is_lockstep, header)
+            self.recorder = open_recording(files, bus_settings.channel, self.is_lockstep, header)
             if self.recorder is not None:
                 opened.callback(self.recorder.close)
             self._mpc, self._keeps_plans = mpc, files.mcap is not None
@@ -277,10 +278,10 @@ class ControllerSession:
             wait_for_vehicle(self._bus, self.inbox, clock, phase_ns, wait_ns, self._request)
             self.is_joined = True
             end_ns = None if duration_s is None else clock.now_ns() + round(duration_s * 1e9)
-            schedule = schedule_preparation(settings.prepare_ms, self._is_lockstep)
+            schedule = schedule_preparation(settings.prepare_ms, self.is_lockstep)
             with ExitStack() as opened:
                 counters = None
-                if not self._is_lockstep:
+                if not self.is_lockstep:
                     counters = opened.enter_context(closing(KernelCounters()))
                 run_loop(
                     self._step,

@@ -16,7 +16,9 @@ RUNS = Path("runs")
 LATEST_RUN = RUNS / "latest"
 OFFLINE_PACKAGES = ("torch", "onnx", "onnxscript", "joblib", "onnxruntime")
 
-Config = Annotated[TrainingConfig | None, Parameter(name="*", negative_none="no-")]
+Config = Annotated[
+    TrainingConfig | None, Parameter(name="*", negative_none="no-", consume_multiple=True)
+]
 Ranges = Annotated[
     Variation | None,
     Parameter(

@@ -72,7 +72,7 @@ def tune(
     with progress_bar("trials", trials) as show:
         study = search(plan, backend, on_trial)
     complete, pruned = count_ended(study)
-    best = study.best_trial if complete else None
+    best = study.best_trial if complete and study.best_value > 0.0 else None
     command = best and train_command(plan.configure(best.params), shared.folder)
     figures = {
         "space": space,
@@ -87,6 +87,11 @@ def tune(
     }
     write_figures(json_file, figures)
     text = f"{complete + pruned} of {trials} trials, {pruned} of them pruned"
+    if best is None and complete:
+        text += (
+            "\nExpected a trial with a model that can be exported, found none: each diverged, or "
+            "grows under inputs. result.json of each trial has the reason. Use more --steps."
+        )
     if best is not None:
         text += (
             f"\nTrial {best.number} is {best.value:.3g} times better than the fair linear model. "

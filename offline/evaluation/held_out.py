@@ -33,11 +33,15 @@ def choose_test_data(
         origin = manifest.origin
         is_simulated = isinstance(origin, Simulated)
         kind = "episodes of seed" if is_simulated else "imported stretches, split by seed"
+        remedy = (
+            "make a data set of another seed with offline-data --seed"
+            if all(bundle.schema == manifest.schema for bundle in bundles)
+            else f"train a model on it: offline-train --data {data}"
+        )
         raise DatasetError(
             f"--data {data}: expected the data set that every model was trained on ({hashes}), or "
             f"one that shares no episode with it, found {origin.episodes} {kind} {origin.seed} "
-            f"({manifest.sha256:.16}…): {objection}. Leave out --data, or make a data set of "
-            f"another seed with offline-data --seed."
+            f"({manifest.sha256:.16}…): {objection}. Leave out --data, or {remedy}."
         )
     own = [find_dataset(bundle.data_sha256) for bundle in bundles]
     for folder in dict.fromkeys((full_folder(), *own, _data_folder(run))):

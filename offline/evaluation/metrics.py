@@ -30,7 +30,7 @@ WORST_SHARE = 0.01
 """of the trajectories: those with the largest errors"""
 
 MARKED_STEPS = (20, 40, 80)
-"""steps at which quantiles get an interval; 20 is the controller's horizon"""
+"""steps at which quantiles get an interval; 20 and 40 are horizons of the controller"""
 
 LARGEST_RATIO_ON_NEW_ROADS = 1.5
 """goal for every state: MSE on new roads over MSE on the roads of the library"""

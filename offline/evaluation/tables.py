@@ -109,7 +109,9 @@ def conditions_table(comparison: Comparison, model: str) -> Table:
     means, rows, has_linear = _mean_heads(comparison), list[Row](), bool(comparison.baselines)
     for series in comparison.figures["series"].values():
         unit = f", {series['unit']}" if series["unit"] else ""
-        rows.append((f"{series['quantity']}{unit}",))
+        sets = {part["set"] for part in series["slices"]}
+        of_set = f", {sets.pop()}" if len(sets) == 1 else ""
+        rows.append((f"{series['quantity']}{unit}{of_set}",))
         for part in series["slices"]:
             cells = [part["label"], f"{part['n_trajectories']}"]
             if best := part["best_baseline"].get(LINEAR):

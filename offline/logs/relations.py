@@ -2,8 +2,9 @@
 
 The car fixes the ratio of yaw rate to speed times steering, and of the slope of the speed to a
 pedal: a log whose ratio is off by 3.6, 57.3, 9.81, 100 or 1000 compared with the others has a wrong
-unit. Two records of one motion (the pose, an accelerometer, a second speed) have the ratio 1 and no
-lag; the car itself has lags: yaw rate follows steering by 0.05 to 0.15 s.
+unit, one whose ratio is negative a wrong sign. Two records of one motion (the pose, an
+accelerometer, a second speed) have the ratio 1 and no lag; the car itself has lags: yaw rate
+follows steering by 0.05 to 0.15 s.
 """
 
 from collections.abc import Iterator, Sequence
@@ -160,7 +161,8 @@ def unit_issues(ratios: Sequence[Figures]) -> Iterator[Issue]:
                     "units",
                     each.file,
                     f"{response} over {cause} is {each.slope:.4g}, in the other logs {usual:.4g}: "
-                    f"{mistake}? All logs of one import need the same units; convert that one",
+                    f"{mistake}? All logs of one import need the same units and signs; convert "
+                    f"that one",
                 )
     for each in reliable[reliable["relation"] == "same motion"].itertuples():
         factor = abs(each.slope / each.correlation)  # without the effect of noise on the slope
@@ -170,14 +172,15 @@ def unit_issues(ratios: Sequence[Figures]) -> Iterator[Issue]:
                 "units",
                 each.response,
                 f"{each.slope:.4g} times the {each.cause} in {each.file}, expected 1: "
-                f"{'a wrong sign' if each.slope < 0.0 else mistake}? Correct unit, sign or time in "
-                f"the mapping, of the one or of the other",
+                f"{mistake}? Correct unit, sign or time in the mapping, of the one or of the other",
             )
 
 
 def _find_mistake(ratio: float) -> str | None:
-    """The confusion of units that changes a number by this ratio, or its inverse; else None."""
-    for factor, words in UNIT_MISTAKES.items() if ratio > 0.0 else ():
+    """What changes a number by this ratio: another sign, or a unit or its inverse; else None."""
+    if ratio < 0.0:
+        return "a wrong sign"
+    for factor, words in UNIT_MISTAKES.items() if ratio else ():
         if abs(abs(log(ratio)) - log(factor)) < log(1.0 + FACTOR_TOLERANCE):
             return words
     return None

@@ -87,10 +87,10 @@ def _to_series(
     is_known = np.isfinite(channel.values)
     missing = np.flatnonzero(~is_known)
     if column.missing == "refuse" and len(missing):
-        found = "none" if np.isnan(channel.values[missing[0]]) else "an infinite one"
+        found = "none, or text" if np.isnan(channel.values[missing[0]]) else "an infinite one"
         raise DatasetError(
             f"{channel.place_of(missing[0])}: expected a number, found {found} "
-            f"({len(missing)} of {len(is_known)} samples). Export the column without empty cells, "
+            f"({len(missing)} of {len(is_known)} samples). Export the column without such cells, "
             f'or write missing = "skip" for {name} if other columns are sampled faster.'
         )
     kept = is_known & (channel.t_s >= begin_s + mapping.time.skip_first_s)

@@ -29,7 +29,7 @@ arc length: the sum of `ds_m` since the car was first driven, of a simulated car
 
 
 class TrackingErrors(NamedTuple):
-    """The car minus its reference over the ticks that drove, braking to rest included."""
+    """The car minus its reference over the ticks that drove; of the speed without a safe stop."""
 
     ey_rms_m: float
     ey_peak_m: float

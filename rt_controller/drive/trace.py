@@ -20,7 +20,7 @@ class DriveTrace:
         self._rows = np.zeros((capacity, len(COLUMNS)))
         self._start_ns: int | None = None
         self._ticks = 0
-        self._driven_ticks = 0
+        self._driven_ticks = [0, 0, 0]
         self._squares = [0.0, 0.0, 0.0]
         self._peaks = [0.0, 0.0, 0.0]
         self._ticks_at_limit = [0, 0, 0]
@@ -54,9 +54,11 @@ class DriveTrace:
                 self._ticks_at_limit[i] += abs(value) >= (1.0 - 1e-6) * bound
         if result.mode is Mode.STANDBY or state is None or path is None:
             return
-        self._driven_ticks += 1
         car = (state.ey_m, state.epsi_rad, state.vx_mps)
-        for i, (found, wanted) in enumerate(zip(car, reference, strict=True)):
+        # A safe stop follows the path, and not the wanted speed.
+        judged = 2 if result.mode is Mode.SAFE_STOP else 3
+        for i, (found, wanted) in enumerate(zip(car[:judged], reference, strict=False)):
+            self._driven_ticks[i] += 1
             error = found - wanted
             self._squares[i] += error * error
             self._peaks[i] = max(self._peaks[i], abs(error))
@@ -72,8 +74,8 @@ class DriveTrace:
         return round(float(self._rows[self.last_tick % len(self._rows), 0]), 6)
 
     def errors(self) -> TrackingErrors:
-        """Over all ticks that drove; zeros if there was none."""
-        rms = np.sqrt(np.array(self._squares) / max(self._driven_ticks, 1))
+        """Over the ticks that drove, of the speed those without a safe stop; zeros without any."""
+        rms = np.sqrt(np.array(self._squares) / np.maximum(self._driven_ticks, 1))
         return TrackingErrors(*np.stack([rms, self._peaks], axis=1).ravel().tolist())
 
     def at_limit_s(self) -> ControlInput:

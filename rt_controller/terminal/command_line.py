@@ -11,7 +11,7 @@ from functools import partial
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
-from cyclopts import App, CycloptsError, MissingArgumentError
+from cyclopts import App, CycloptsError, MissingArgumentError, UnusedCliTokensError
 from pydantic import BaseModel
 from rich.console import Console, ConsoleOptions
 from rich.text import Text
@@ -152,6 +152,9 @@ def _explain_usage(error: CycloptsError) -> str:
         choices = error.argument.get_choices()
         such_as = f", such as {', '.join(choices)}" if choices else ""
         return f"{error.argument.name}: expected a value{such_as}, found none."
+    if isinstance(error, UnusedCliTokensError):
+        values = " ".join(error.unused_tokens or ())
+        return f"expected an option before {values!r}, found none. --help lists the options."
     return " ".join(str(error).split())
 
 

@@ -111,7 +111,8 @@ def verdict(session: ControllerSession, car: LateralError | None = None, braking
     is_true = car is not None and has_rejected_states(record)
     peak_m = car.peak_m if car is not None and is_true else errors.ey_peak_m
     within = f"{peak_m:.1f} m" if peak_m >= 1.0 else f"{max(ceil(100 * peak_m), 1)} cm"
-    late = f"{deadlines.deadline_misses} of {deadlines.ticks} steps were late"
+    was = "step was" if deadlines.deadline_misses == 1 else "steps were"
+    late = f"{deadlines.deadline_misses} {was} late"
     text = f"The car followed its path within {within}; "
     text += late if deadlines.deadline_misses else "no step was late"
     if record.ending is Ending.STOPPED:
@@ -183,7 +184,9 @@ def to_table(
             f"{session.outbox.sent} sent, {session.outbox.send_failures} send errors; "
             f"{dropped} received ones dropped, {counts.counter_gap_frames} missing (counter gaps)"
         )
-        facts["real-time settings"] = session.guarantees.sentence()
+        facts["real-time settings"] = (
+            "none, in simulated time" if session.is_lockstep else session.guarantees.sentence()
+        )
     facts |= {
         "bus": _bus_line(session),
         "final mode": record.result.mode.name,
@@ -263,7 +266,8 @@ def live_lines(session: ControllerSession) -> Iterator[Line]:
 def _plain_lines(session: ControllerSession) -> Iterator[Line]:
     while not session.is_joined:
         yield Line("waiting for the vehicle")
-    yield _live_line(session.record)._replace(note=session.guarantees.sentence())
+    granted = "" if session.is_lockstep else session.guarantees.sentence()
+    yield _live_line(session.record)._replace(note=granted)
     for requests, note in enumerate((STOPPING, STILL_STOPPING)):
         while session.stop_requests <= requests:
             yield _live_line(session.record)

@@ -106,7 +106,7 @@ def _checked(where: str, raw: Mapping[str, Any], read: Callable[[], Scenario]) -
         scenario = read()
         found = problems(scenario)
     except ValidationError as error:
-        told = " The end of docs/scenarios.md says how format 1 becomes format 2."
+        told = " Write format = 2; the end of docs/scenarios.md says what changed since format 1."
         lines = [f"{x}{told * x.startswith('format:')}" for x in _lines(error, raw)]
         raise ConfigError(_listed(where, lines)) from error
     except ValueError as error:

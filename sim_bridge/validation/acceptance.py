@@ -151,7 +151,7 @@ def count_sentence(results: Sequence[LineResult]) -> str:
         f"{sum(line.ok is True for line in judged)} of {len(judged)} judged lines pass. "
         f"{len(free)} of {len(judged)} judged lines were not fitted; "
         f"{sum(line.ok is True for line in free)} of these pass. {len(results) - len(judged)} "
-        f"lines are reported only; {missed} of these miss a target"
+        f"lines are not judged; {missed} of these are outside the range of their target"
     )
 
 
@@ -179,9 +179,8 @@ def acceptance_table(results: Sequence[LineResult], has_sources: bool = False) -
 
 
 def _mark(line: LineResult) -> Cell:
-    """Whether the line passes; a line that is not judged shows a miss too."""
+    """Whether the line passes; of a line that is not judged, where it lies."""
     if line.ok is not None:
         return Cell("ok", status="good") if line.ok else Cell("MISSED", status="bad")
-    if line.is_within is False:
-        return Cell("missed", status="bad")
-    return Cell("reported" if line.not_judged is None else "not judged", status="faint")
+    place = {None: "reported", True: "inside", False: "outside"}[line.is_within]
+    return Cell(place, status="faint")

@@ -79,7 +79,7 @@ def test_misses_stay_visible_in_the_table_and_in_the_count() -> None:
     lines = [gap, result(nan, **NEAR), result(8.5, **NEAR, fitted=True), result(5.0, **NEAR)]
     assert count_sentence(lines) == (
         "1 of 2 judged lines pass. 1 of 2 judged lines were not fitted; 0 of these pass. 2 lines "
-        "are reported only; 1 of these miss a target"
+        "are not judged; 1 of these are outside the range of their target"
     )
     text = to_markdown(acceptance_table(lines))
     for words in ("| missed |", "not judged: known gap", "| not judged |", "MISSED", "| fitted |"):
