@@ -233,6 +233,16 @@ def test_a_preset_sets_what_is_not_given(model, given, horizon, heading):
     assert (found.horizon, found.heading) == (horizon, heading)
 
 
+def test_the_speed_error_leaves_out_a_safe_stop():
+    trace, path = DriveTrace(10), PathReference(0.0, 0.0, 0.0, 0.0, 20.0, 0.0)
+    for mode, vx_mps in ((Mode.NOMINAL, 20.5), (Mode.SAFE_STOP, 3.0)):
+        state = AT_REST._replace(vx_mps=vx_mps, ey_m=0.1)
+        trace.record(Tick(mode=mode, state=state, path=path, control=NEUTRAL_INPUT), 0)
+    errors = trace.errors()
+    assert (errors.vx_rms_mps, errors.vx_peak_mps) == pytest.approx((0.5, 0.5))
+    assert errors.ey_rms_m == pytest.approx(0.1)
+
+
 def test_arc_length_begins_with_the_drive_and_counts_lost_states():
     trace = DriveTrace(10)
     moving = AT_REST._replace(vx_mps=20.0, ds_m=0.5)

@@ -65,6 +65,7 @@ def test_the_lines_of_a_run_show_each_mode_once_and_what_the_system_granted(caps
         stop_requests=0,
         recorder=None,
         guarantees=NO_GUARANTEES,
+        is_lockstep=False,
         record=RunRecord(DeadlineAccount(10, 1), DriveTrace(10)),
     )
     lines = live_lines(cast("ControllerSession", session))

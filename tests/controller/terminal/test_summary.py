@@ -51,6 +51,7 @@ def session_with(*results: Tick) -> ControllerSession:
         record.add(result, tick * 25_000_000)
     session = SimpleNamespace(
         guarantees=NO_GUARANTEES,
+        is_lockstep=False,
         inbox=SimpleNamespace(counts=ReceptionCounts(), condition=BusCondition()),
         model="lti",
         outbox=SimpleNamespace(sent=0, send_failures=0, queue_full=0),

@@ -14,6 +14,7 @@ from offline.config import PRESETS, TrainingConfig, resolve
 from offline.experiments import training_task
 from offline.experiments.backend import Backend
 from offline.experiments.settings import train_command
+from offline.model.export_checks import DrivenStability
 from offline.training.run import load_checkpoint
 from rt_controller.contract.errors import ConfigError
 from rt_controller.model.follow import Follow
@@ -74,6 +75,15 @@ def test_best_trial_is_printed_as_the_command_that_trains_it(undisturbed):
     trained = load_checkpoint(best_file).config
     of_the_data = {"episodes": trained.episodes, "data_seed": trained.data_seed}
     assert resolve(bound.arguments["config"]).model_copy(update=of_the_data) == trained
+
+
+def test_a_search_without_a_usable_trial_recommends_none(tmp_path, run_tune, monkeypatch, capsys):
+    nothing = DrivenStability(radius=0.0, growth=0.0)
+    monkeypatch.setattr(training_task, "limits_of", lambda config: nothing)
+    run_tune(tmp_path, trials=1, json_file=tmp_path / "out.json")
+    figures = json.loads((tmp_path / "out.json").read_text())
+    assert (figures["best_trial"], figures["command"]) == (None, None)
+    assert "Expected a trial with a model that can be exported" in capsys.readouterr().out
 
 
 def test_trial_has_the_value_of_its_training_or_is_pruned_below_the_median(undisturbed):

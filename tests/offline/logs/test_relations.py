@@ -60,6 +60,7 @@ def relations(parse, episodes, text):
         (MAPPING, [{}, {"turn": 57.3}, {}], "b.csv", "degrees"),
         (MAPPING, [{}, {"force": 1e-3}, {}], "b.csv", "thousand"),
         (MAPPING, [{}, {"speed": 3.6}], "a.csv", "km/h"),
+        (MAPPING, [{}, {"wheel": -1.0}, {}], "b.csv", "a wrong sign"),
         (MAPPING + POSE, [{"speed": 3.6}], "vx_mps", "km/h taken for m/s"),
         (MAPPING + POSE, [{"turn": 57.3}], "yaw_rate_radps", "degrees"),
         (MAPPING + POSE, [{"turn": -1.0}], "yaw_rate_radps", "a wrong sign"),
