@@ -118,8 +118,8 @@ def require_stable(stability: BoxStability, limits: DrivenStability) -> None:
                 f"export expects, under all inputs within their bounds and with gains "
                 f"{name.replace('_', ' ')}, a spectral radius of at most {largest.radius} and a "
                 f"growth of at most {largest.growth:g} in 80 steps, found {found.radius:.4f} and "
-                f"{found.growth:.3g}: predictions may grow without bound. Train longer or with a "
-                f"larger --weight-stability; a baseline that grows like this cannot drive."
+                f"{found.growth:.3g}: predictions may grow without bound. Train a network for "
+                f"longer or with a larger --weight-stability, or choose another baseline."
             )
 
 
