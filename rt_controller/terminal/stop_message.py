@@ -49,7 +49,7 @@ FAULT_SENTENCES = {
     Fault.STATE_IMPLAUSIBLE: "Values of the vehicle state contradicted each other or the model; an "
     "estimate replaced them.",
     Fault.PATH_IMPLAUSIBLE: "The path jumped, was too sharp, or led away from the car.",
-    Fault.ACTUATOR_MISMATCH: "An actuator followed the commands later than configured, or not at all.",
+    Fault.ACTUATOR_MISMATCH: "An actuator followed the commands too late, or not at all.",
     Fault.NOT_ENGAGED: "The car was outside of the window in which the controller may begin to "
     "drive.",
 }
