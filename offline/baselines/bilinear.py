@@ -137,8 +137,8 @@ class LiftedModel(LinearModel):
 
 def fit_bilinear(
     dataset: Dataset,
-    observables: tuple[int, ...] = (66, 150, 300),
-    past_steps: tuple[int, ...] = (4, 12),
+    observables: tuple[int, ...],
+    past_steps: tuple[int, ...],
     ridges: tuple[float, ...] = RIDGES,
 ) -> LiftedModel:
     """The model with the smallest validation score of all combinations of these settings.

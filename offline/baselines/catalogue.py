@@ -31,6 +31,8 @@ _fit_blended = partial(
     fit_scheduled, past_steps=(2, 8, 20), knots=(2, 4, 8), ridges=(1e-10, 1e-6, 1e-4)
 )
 
+_fit_products = partial(fit_bilinear, observables=(66, 150, 300), past_steps=(4, 12))
+
 CATALOGUE: dict[str, Baseline] = {
     "persistence": Baseline("other", lambda dataset: Persistence()),
     "lti": Baseline("linear", fit_linear, to_bundle),
@@ -39,7 +41,7 @@ CATALOGUE: dict[str, Baseline] = {
     ),
     "dmdc-delays-path": Baseline("linear", _fit_delays),
     "lti-scheduled-delays": Baseline("linear", _fit_blended),
-    "edmd-bilinear": Baseline("other", fit_bilinear, to_bundle),
+    "edmd-bilinear": Baseline("other", _fit_products, to_bundle),
     "gru": Baseline("recurrent", _fit_gru),
 }
 """by name"""

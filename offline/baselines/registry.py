@@ -51,9 +51,9 @@ def find_baseline(name: str) -> Baseline:
 def fit(name: str, dataset: Dataset, refit: bool = False) -> FittedBaseline:
     """The baseline fitted to these data, from the cache if it was fitted to them before.
 
-    A fit of the cache counts for its data, its settings, and the version of this package; `refit`
-    replaces it, as after a change of the baseline's code. A file of the cache that cannot be read
-    is replaced too.
+    A fit of the cache counts for its data, the settings in its row of the catalogue, and the
+    version of this package; `refit` replaces it, as after a change of the baseline's code. A file
+    of the cache that cannot be read is replaced too.
 
     Raises:
         ConfigError: there is no such baseline, or the folder cannot be written.

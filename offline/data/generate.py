@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from math import degrees, radians
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any, NamedTuple, TypeVar
 
 import joblib
@@ -280,6 +281,8 @@ def make_dataset(
     recipe, episodes, seed = origin.recipe, origin.episodes, origin.seed
     with writable(folder):
         folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=folder):  # refused now, and not after the simulation
+            pass
     made = generate(recipe, episodes, seed, jobs, on_progress)
     return save_dataset(
         folder,

@@ -55,7 +55,10 @@ def inspect_drives(
     ratios, lags = find_relations(episodes, mapping)
     suspected = list(unit_issues(ratios))
     if suspected and not mapping.checks.accept_units:
-        listed = (f"  {each.subject}: {each.message}.\n" for each in suspected)
+        places = {series.name: series.place for series in drives[0].all_series}
+        listed = (
+            f"  {places.get(each.subject, each.subject)}: {each.message}.\n" for each in suspected
+        )
         raise DatasetError(
             f"expected units as in the mapping, found signals that contradict them:\n"
             f"{''.join(listed)}If all units are correct, write accept_units = true in [checks]."

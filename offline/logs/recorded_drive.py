@@ -19,7 +19,7 @@ from offline.logs.series import runs
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ConfigError
 from rt_controller.mapping.tables import Clock
-from rt_controller.mapping.units import require_unit, unit_of_name
+from rt_controller.mapping.units import find_unit, require_unit, unit_of_name
 from sim_bridge.plant.protocol import FASTEST_START_MPS
 
 PERIOD_S = 0.01
@@ -107,7 +107,13 @@ def load_drive(
     log, found = read_file(Request(path, list(names.values()), clock)), {}
     for series in log.channels:
         name, sign = name_of.get(series.column, (series.column, 1.0))
-        factor = sign * require_unit(unit_of_name(name) or "", name).factor
+        unit, in_file = require_unit(unit_of_name(name) or "", name), find_unit(series.unit)
+        if series.unit and in_file != unit:
+            raise ConfigError(
+                f"{series.place}: expected the unit of {name}, found {series.unit} in the file. "
+                f"Name it by --column NAME=COLUMN with a name of that unit."
+            )
+        factor = sign * unit.factor
         found[_SIGNAL_OF[name]] = replace(series, values=factor * series.values)
     example = "Name columns by --column NAME=COLUMN, as in --column yaw_rate_degps=r."
     if len(found.keys() & {"steer_rad", "road_wheel_rad"}) != 1:
@@ -133,18 +139,19 @@ def _on_grid(path: Path, found: dict[str, Series], window: Window) -> RecordedDr
             f"{np.ptp(t_s) if len(t_s) else 0.0:.3g} s between --from-s {window.from_s:g} and "
             f"--to-s {window.to_s:g}."
         )
-    gap = int(np.argmax(np.diff(t_s)))
-    if t_s[gap + 1] - t_s[gap] > _LONGEST_GAP_S:
-        raise ConfigError(
-            f"{path}: expected no gap above {_LONGEST_GAP_S} s, found "
-            f"{t_s[gap + 1] - t_s[gap]:.3g} s at {t_s[gap]:.6g} s. Is the unit of time right? Use "
-            f"the part before or after by --from-s and --to-s."
-        )
     grid_s = np.arange(t_s[0], t_s[-1] + 1e-9, PERIOD_S)
     even: dict[str, Array] = {}
     for signal, series in found.items():
         own = (series.t_s >= window.from_s) & (series.t_s <= window.to_s)
         own_t_s, values = series.t_s[own], series.values[own]
+        known_s = np.concatenate([[t_s[0]], own_t_s, [t_s[-1]]])
+        gap = int(np.argmax(np.diff(known_s)))
+        if known_s[gap + 1] - known_s[gap] > _LONGEST_GAP_S:
+            raise ConfigError(
+                f"{series.place}: expected no gap above {_LONGEST_GAP_S} s, found "
+                f"{known_s[gap + 1] - known_s[gap]:.3g} s at {known_s[gap]:.6g} s. Is the unit of "
+                f"time right? Use the part before or after by --from-s and --to-s."
+            )
         wrong = np.flatnonzero(~np.isfinite(values))
         if len(wrong):
             raise ConfigError(

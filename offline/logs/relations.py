@@ -152,7 +152,8 @@ def _is_reliable(ratio: Figures) -> bool:
 
 def unit_issues(ratios: Sequence[Figures]) -> Iterator[Issue]:
     """One issue for each unit that differs between logs, or from a second record of the motion."""
-    reliable = pd.DataFrame(filter(_is_reliable, ratios), columns=[*ratios[0]] if ratios else [])
+    columns = ["file", "relation", "cause", "response", "slope", "correlation"]
+    reliable = pd.DataFrame(filter(_is_reliable, ratios), columns=columns)
     for (cause, response), alike in reliable.groupby(["cause", "response"], sort=False):
         usual = median_low(alike["slope"])
         for each in alike.itertuples() if usual else ():

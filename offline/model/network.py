@@ -157,7 +157,7 @@ class MdkNet(nn.Module):
             S, N = self.gains()
             forcing = torch.cat([u, w], dim=-1) @ B.t()
             # tanh(a) - a: its linear part belongs to the operator of the recursion.
-            linear = len(S) - int(self.is_saturation.count_nonzero())
+            linear = sum(len(t.factors) for t in self.terms if t.shape is not Shape.SATURATION)
             A = A - N[:, linear:] @ S[linear:]
             factors = self.factors(u, w)
             return roll_out_gains(psi0, A, forcing, S, N, factors, saturates=self.saturates)

@@ -111,7 +111,7 @@ def _stacked(table: Table) -> Table:
     numbers = [i for i, column in enumerate(table.columns) if not column.is_text]
     kept = max(numbers, default=len(table.columns) - 1) + 1
     first, *others = table.columns[:kept]
-    below = [column.title for column in table.columns[kept:]]
+    below = [column.title for column in table.columns[kept:] if column.title]
     head = first._replace(title="\n".join(filter(None, (first.title, "; ".join(below)))))
     rows = []
     for row in table.rows:

@@ -1,4 +1,4 @@
-"""Logs in CSV, also compressed by gzip, bzip2 or xz: pandas reads the rows, own code the head."""
+"""Logs in CSV, also compressed by gzip, bzip2 or xz."""
 
 import bz2
 import codecs
@@ -47,30 +47,30 @@ def read_csv(ask: Request) -> Log:
             f"{error} If these are no names, correct [csv] delimiter ({delimiter!r} is "
             f"used) or header_line; with header_line = 0 the columns are named 1, 2, and so on."
         ) from error
-    width = len(names)
-    texts = pd.read_csv(
-        path,
-        sep=r"\s+" if delimiter == " " else delimiter,
-        header=None,
-        names=[*range(width + 1)],  # one more, for rows that end with a delimiter
-        index_col=False,
-        skiprows=skipped,
-        skip_blank_lines=False,
-        dtype=str,
-        na_filter=False,
-        encoding=encoding,
-    )
-    texts.index += skipped + 1
-    surplus = texts.index[texts[width].str.strip() != ""]
-    if len(surplus):
-        raise DatasetError(
-            f"{path}, line {surplus[0]}: expected {width} cells as in the header, found more. "
-            f"Correct [csv] delimiter ({delimiter!r} is used), or leave the line out."
+    wanted = list(dict.fromkeys(names.index(each.text) for each in columns))
+    numbers, rows, width = list[int](), list[list[str]](), len(names)
+    with opener(path, "rt", encoding=encoding, newline="") as file:
+        lines = islice(file, skipped, None)
+        reader = csv.reader(
+            (" ".join(line.split()) for line in lines) if delimiter == " " else lines,
+            delimiter=delimiter,
         )
-    texts = texts[(texts != "").any(axis=1)]
+        for row in reader:
+            if not any(map(str.strip, row)):
+                continue
+            ends_with_delimiter = len(row) == width + 1 and not row[-1].strip()
+            if len(row) != width and not ends_with_delimiter:
+                raise DatasetError(
+                    f"{path}, line {skipped + reader.line_num}: expected {width} cells as in the "
+                    f"header, found {len(row)}. The file may be truncated: leave the line out, or "
+                    f"correct [csv] delimiter ({delimiter!r} is used)."
+                )
+            numbers.append(skipped + reader.line_num)
+            rows.append([row[k].strip() for k in wanted])
+    texts = pd.DataFrame(rows, index=numbers, columns=wanted, dtype=str)
     frame = pd.DataFrame(index=texts.index)
     for k, column in enumerate(columns):
-        cells, is_time = texts[names.index(column.text)].str.strip(), k == 0 and ask.clock.column
+        cells, is_time = texts[names.index(column.text)], k == 0 and ask.clock.column
         if column.text not in frame:
             unit = ask.clock.unit if is_time else None
             frame[column.text] = _to_numbers(ask, column.text, cells, unit)
