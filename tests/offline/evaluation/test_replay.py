@@ -105,6 +105,11 @@ def changed(name: str, rows: slice, value: float) -> dict[str, Array]:
         (changed("yaw_rate_radps", slice(100, 103), np.nan), (), ("nan at 2 s, and 3 such",)),
         (changed("vx_mps", slice(0, 100), 0.0), (), ("--from-s", "drives forward")),
         (changed("vx_mps", slice(0, None), 72.0), (), ("vx_kmh", "usable part: none")),
+        (
+            {**without("yaw_rate_radps"), "r (rad/s)": columns_of_a_log()["yaw_rate_radps"]},
+            ("yaw_rate_degps=r",),
+            ("column r", "the unit of yaw_rate_degps, found rad/s"),
+        ),
     ],
 )
 def test_a_log_that_cannot_be_used_is_refused_with_the_reason(
@@ -115,6 +120,20 @@ def test_a_log_that_cannot_be_used_is_refused_with_the_reason(
         load_drive(log, assignments)
     for part in words:
         assert part in str(refused.value)
+
+
+@pytest.mark.parametrize("kept", [slice(0, 300), slice(500, None), slice(0, 0)])
+def test_a_channel_that_is_not_known_all_the_time_is_refused(tmp_path: Path, kept: slice) -> None:
+    mdf, signal = (pytest.importorskip("asammdf").MDF(), pytest.importorskip("asammdf").Signal)
+    columns = columns_of_a_log()
+    time_s = columns.pop("time_s")
+    for name, values in columns.items():
+        part = kept if name == "yaw_rate_radps" else slice(None)
+        mdf.append([signal(values[part], time_s[part], name=name)])
+    mdf.save(tmp_path / "log.mf4")
+    mdf.close()
+    with pytest.raises(ConfigError, match=r"column yaw_rate_radps: expected no gap above 0\.5 s"):
+        load_drive(tmp_path / "log.mf4")
 
 
 def test_a_part_of_a_log_and_a_log_without_times_can_be_used(tmp_path: Path) -> None:

@@ -29,6 +29,13 @@ throttle = { column = "force", unit = "%" }
 brake_pa = { column = "side", unit = "bar" }
 """
 
+WITHOUT_SPEED = """
+[states]
+angle_rad = { column = "turn", unit = "rad" }
+[inputs]
+force_n = { column = "force", unit = "N" }
+"""
+
 
 def episode(file="a.csv", seed=0, **factors):
     """The made drive, columns of its log multiplied, and the second records in SI."""
@@ -69,6 +76,8 @@ def relations(parse, episodes, text):
         (MAPPING + SECOND, [{"turn": -1.0}], "vx_mps times yaw_rate_radps", "a wrong sign"),
         (MAPPING + POSE + SECOND, [{}, {}, {}], None, None),
         (MAPPING, [{"wheel": 15.0}], None, None),
+        (MAPPING, [{"speed": 0.1}], None, None),
+        (WITHOUT_SPEED, [{}], None, None),
     ],
 )
 def test_a_unit_that_differs_between_logs_or_from_a_second_record_is_an_issue(
