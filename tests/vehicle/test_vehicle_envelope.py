@@ -46,7 +46,7 @@ def judge(
     [
         ({}, NO_REFUSAL),
         ({"throttle": 0.0, "brake_n": 50.0}, NO_REFUSAL),
-        ({"throttle": 0.0009, "brake_n": 50.0}, NO_REFUSAL),  # a thousandth is released
+        ({"throttle": 1e-3, "brake_n": 50.0}, NO_REFUSAL),  # a thousandth is released
         ({"throttle": 0.0011, "brake_n": 50.0}, Refusal.PEDALS),
         ({"brake_n": 0.15}, NO_REFUSAL),
         ({"brake_n": 0.16}, Refusal.PEDALS),
@@ -132,6 +132,10 @@ def test_throttle_and_standby_are_refused_where_they_do_not_belong(mode: Mode) -
             is_left = mode is Mode.STANDBY and speed_mps > 1.0 and is_mission_on
             found = judge(CRUISE._replace(throttle=0.0), mode, motion=motion)
             assert found == (Refusal.MODE if is_left else NO_REFUSAL)
+
+
+def test_a_standing_car_is_on_its_path_and_requests_to_be_driven() -> None:
+    assert STANDING == (0.0, 0.0, True)
 
 
 def fuzzed(rng: Random) -> float:

@@ -132,6 +132,17 @@ def test_a_state_that_is_frozen_in_a_turn_stops_the_car_in_the_eighth_tick():
     assert car.qualified[-1].speed_mps is None
 
 
+@pytest.mark.parametrize("follow_commands", [True, False])
+def test_only_actuators_that_follow_their_commands_show_that_a_state_is_frozen(follow_commands):
+    car = WatchedCar(checks=only(Quantity.FROZEN_TICKS))
+    car.feedback = car.control
+    car.tick(5)
+    car.feedback = car.control._replace(throttle=0.2)
+    if follow_commands:
+        car.control = car.feedback
+    assert (car.tick(8).alarm is StopCause.STATE_FROZEN) is follow_commands
+
+
 def test_each_quantity_is_judged_once_in_a_tick():
     driven = [*supervisor._OF_STATE, *supervisor._OF_CAR, *supervisor._OF_PATH]
     assert driven == list(range(Quantity.ENGAGE_EY_M))
