@@ -363,6 +363,8 @@ def with_replaced_signals(
     measured: VehicleState, expected: VehicleState, faulty: SignalMask
 ) -> VehicleState:
     """The measured state with the faulty signals of its motion replaced."""
+    if faulty == Faulty.NONE:
+        return measured
     vx_mps, vy_mps, yaw_rate, ds_m, ey_m, epsi_rad = measured
     if faulty & Faulty.SPEED:
         vx_mps = expected.vx_mps if faulty & Faulty.PROGRESS else ds_m / PERIOD_S

@@ -284,6 +284,17 @@ def test_after_a_second_without_ticks_the_speed_has_changed_as_in_a_second(
     assert found.v_mps == pytest.approx(followed_mps, abs=1e-12)
 
 
+@pytest.mark.parametrize(("ticks_between", "is_followed"), [(0, True), (22, True), (23, False)])
+def test_a_speed_may_change_with_an_acceleration_that_was_sent_in_the_last_0_6_s(
+    ticks_between, is_followed
+):
+    followed = FollowedPath()
+    for a_mps2 in (-5.0, *[0.0] * ticks_between):
+        followed.follow(PATH._replace(a_mps2=a_mps2), 20.0, 1)
+    changed = PATH._replace(v_mps=20.0 - 5.0 * 0.025)
+    assert (followed.follow(changed, 20.0, 1) == changed) is is_followed
+
+
 @pytest.mark.parametrize(("step_m", "followed_m"), [(0.1, 0.1), (0.101, 0.0), (-0.101, 0.0)])
 def test_a_step_of_more_than_10_cm_is_approached_and_a_smaller_one_is_followed(step_m, followed_m):
     checks, _ = path_checks()

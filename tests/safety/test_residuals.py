@@ -255,6 +255,7 @@ def missed(control, v_mps=0.0, mps2=0.0, effect=None):
         # one that the throttle holds on a hill, or the brake
         (NEUTRAL_INPUT._replace(throttle=HILL_MPS2 / OPEN_MPS2), 0.0),
         (BRAKED, 0.0),
+        (NEUTRAL_INPUT, -1.0),  # one that rolls out
     ],
 )
 def test_a_car_that_answers_its_pedals_or_is_held_misses_nothing(control, mps2):
@@ -321,4 +322,6 @@ EXPECTED = VehicleState(18.0, 0.0, 0.1, 0.45, 0.6, 0.02)
     ],
 )
 def test_a_faulty_signal_of_the_motion_is_replaced(faulty, expected):
-    assert with_replaced_signals(MEASURED, EXPECTED, faulty) == pytest.approx(expected)
+    found = with_replaced_signals(MEASURED, EXPECTED, faulty)
+    assert found == pytest.approx(expected)
+    assert (found is MEASURED) is (faulty == Faulty.NONE)  # a usual tick makes no other state

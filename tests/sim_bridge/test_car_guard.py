@@ -350,6 +350,7 @@ def throttle(commanded: float, applied: float) -> tuple[ControlInput, ControlInp
 def after(pairs: Pairs) -> list[Actuator]:
     """What has failed after these periods of (commanded, applied)."""
     actuators = FailedActuators()
+    assert actuators.open_throttle == 0.0
     for commanded, applied in pairs:
         actuators.note(commanded, applied)
     return actuators.failed
@@ -371,6 +372,7 @@ def after(pairs: Pairs) -> list[Actuator]:
         ([throttle(0.5, 1.5)] * FAILED_TICKS, [Actuator.THROTTLE]),
         ([throttle(0.5, 0.551)] * FAILED_TICKS, [Actuator.THROTTLE]),
         ([throttle(0.5, 0.549)] * FAILED_TICKS, []),
+        ([throttle(0.0, 0.05)] * FAILED_TICKS, []),
         ([throttle(0.5, 0.0)] * FAILED_TICKS, []),
         ([wheel(0.03, 0.0)] * 6, []),
         ([wheel(0.0, -0.05)] + [wheel(0.02, -0.05)] * 6, []),

@@ -185,7 +185,7 @@ def test_a_safe_stop_leaves_the_path_at_half_a_metre_and_a_drive_at_90_cm(
     """Only while the car moves; before it has reached its path, and without mission, no drive."""
     is_driven = mode not in (Mode.STANDBY, Mode.SAFE_STOP) and is_mission_on and has_reached_path
     for off_m in (0.5, 0.51, 0.9, 0.91):
-        for speed_mps in (1.0, 1.01, 20.0):
+        for speed_mps in (0.5, 1.0, 1.01, 20.0):
             motion = OwnMotion(speed_mps, side * off_m, is_mission_on)
             is_far = (mode is Mode.SAFE_STOP and off_m > 0.5) or (is_driven and off_m > 0.9)
             found = leaves_path(Command(CRUISE, mode), motion, has_reached_path)

@@ -223,6 +223,17 @@ def test_a_heading_is_integrated_with_the_road_when_the_curvature_is_faulty():
     assert car.supervisor.values[Quantity.HEADING_RAD] == pytest.approx(0.0, abs=1e-6)
 
 
+def test_a_measured_curvature_is_used_beside_a_faulty_lateral_error():
+    car = driven(5, preview=CurvaturePreview(5.0, *[0.0] * 5))
+    for ey_m in (1.0, 0.0):
+        car.disturb = lambda received, ey_m=ey_m: shifted(ey_m=ey_m)(
+            replace(received, curvature_per_m=0.0005)
+        )
+        qualified = car.tick()
+        assert qualified.curvature_per_m == 0.0005
+        assert qualified.is_measured is (ey_m == 0.0)
+
+
 def test_after_a_drift_of_v_y_the_measured_lateral_error_is_accepted():
     car = driven(20)
     car.disturb = growing("vy_mps", 0.03)

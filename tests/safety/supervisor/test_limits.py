@@ -5,9 +5,10 @@ from dataclasses import replace
 import pytest
 from kinematic_car import STRAIGHT, WatchedCar, driven, growing, nothing, only, shifted, undisturbed
 
+from rt_controller.contract.car import DEFAULT_CAR
 from rt_controller.contract.faults import StopCause
 from rt_controller.safety import supervisor
-from rt_controller.safety.checks import Quantity, Reaction
+from rt_controller.safety.checks import Quantity, Reaction, checks_of
 from rt_controller.safety.tick import Estimate
 
 JUMPED = STRAIGHT._replace(c0_m=0.6)
@@ -141,6 +142,13 @@ def test_only_actuators_that_follow_their_commands_show_that_a_state_is_frozen(f
     if follow_commands:
         car.control = car.feedback
     assert (car.tick(8).alarm is StopCause.STATE_FROZEN) is follow_commands
+
+
+@pytest.mark.parametrize(("brake_mps2_per_n", "brake_n"), [(0.1, 5.0), (0.05, 10.0), (0.04, 10.0)])
+def test_a_stronger_brake_may_differ_by_less_and_a_weaker_one_by_no_more(brake_mps2_per_n, brake_n):
+    checks = checks_of(DEFAULT_CAR._replace(brake_mps2_per_n=brake_mps2_per_n))
+    (found,) = (each.threshold for each in checks if each.quantity is Quantity.BRAKE_N)
+    assert found == pytest.approx(brake_n)
 
 
 def test_each_quantity_is_judged_once_in_a_tick():
