@@ -146,7 +146,7 @@ class ActuatorWatchdog:
         now_ns: int,
         state_counter: int,
         motion: OwnMotion,
-        have_actuators_failed: bool = False,
+        have_actuators_failed: bool,
     ) -> bool:
         """True if the vehicle brakes in the coming period; else the input is that of the command.
 

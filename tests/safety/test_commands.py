@@ -242,3 +242,8 @@ def test_a_wheel_that_is_known_to_be_late_is_compared_with_older_commands():
         commands.add(NEUTRAL_INPUT)
     assert commands.distance(CRUISE, late_ticks=3) == pytest.approx((0.2, 0.0, 0.1))
     assert commands.distance(CRUISE, late_ticks=4) == pytest.approx((0.2, 0.0, 0.0))
+    for late_by, expected_rad in ((15, 0.0), (16, 0.1)):  # but with 400 ms of them at most
+        commands = CommandRange()
+        for command in (CRUISE, *[NEUTRAL_INPUT] * late_by):
+            commands.add(command)
+        assert commands.distance(CRUISE, late_ticks=20).steer_rad == pytest.approx(expected_rad)

@@ -71,6 +71,23 @@ def test_a_preview_that_jumps_anywhere_is_replaced_by_the_one_before(knot, side)
     assert values[Quantity.PREVIEW_STEP_PER_M] == pytest.approx(0.0035)
 
 
+@pytest.mark.parametrize(
+    ("road_per_m", "k1_per_m", "k4_per_m", "step_per_m"),
+    [
+        (0.0, 2.0**-7, 2.0**-5, 0.0),  # a quarter of the bend
+        (0.0, 2.0**-7, 0.9 * 2.0**-5, 2.0**-7),
+        (0.02, 0.011, 0.02, 0.009),  # a sharp curve is no bend
+        (-0.02, -0.011, -0.02, 0.009),
+    ],
+)
+def test_a_sudden_bend_farther_ahead_may_ripple_the_road_before_it(
+    road_per_m, k1_per_m, k4_per_m, step_per_m
+):
+    road, values = begun(CurvaturePreview(4.0, *[road_per_m] * 5))
+    road.take(CurvaturePreview(4.0, road_per_m, k1_per_m, *[road_per_m] * 2, k4_per_m), None)
+    assert values[Quantity.PREVIEW_STEP_PER_M] == pytest.approx(step_per_m)
+
+
 def test_a_preview_that_contradicts_the_curvature_at_the_car_is_no_finding():
     road, values = begun(FLAT)
     wrong = CurvaturePreview(4.0, *[0.01] * 5)

@@ -5,7 +5,7 @@ from math import e, exp
 import pytest
 
 from rt_controller.contract.limits import FAR, NEAR
-from rt_controller.contract.signals import CurvaturePreview, PathReference
+from rt_controller.contract.signals import CurvaturePreview, PathReference, VehicleState
 from rt_controller.safety.checks import NOT_COMPUTED, Quantity, is_computed
 from rt_controller.safety.path import (
     FollowedPath,
@@ -248,6 +248,84 @@ def test_the_acceleration_towards_another_speed_grows_by_six_in_a_second():
         rates = [followed.follow(wanted, 20.0, 1).a_mps2 for _ in range(3)]
         assert rates == pytest.approx([sign * 0.15, sign * 0.30, sign * 0.45])
         assert followed.follow(wanted, 20.0, 3).a_mps2 == pytest.approx(sign * 0.90)
+        # The other way it begins at zero.
+        back = PATH._replace(v_mps=20.0 - sign * 6.0)
+        assert followed.follow(back, 20.0, 1).a_mps2 == pytest.approx(-sign * 0.15)
+
+
+@pytest.mark.parametrize(
+    ("wanted_mps", "car_mps", "is_driven"),
+    [(20.0, v_mps, 19.0 <= v_mps <= 21.0) for v_mps in (18.9, 19.0, 19.5, 20.5, 21.0, 21.1)],
+)
+def test_a_drive_begins_with_a_wanted_speed_that_the_car_has_within_1_m_per_s(
+    wanted_mps, car_mps, is_driven
+):
+    found = FollowedPath().follow(PATH._replace(v_mps=wanted_mps), car_mps, 1)
+    assert found.v_mps == pytest.approx(wanted_mps if is_driven else car_mps, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("before_mps", "wanted_mps", "followed_mps"),
+    [
+        (0.0, 2.02, 2.02),  # 2 m/s are reached with 2 m/s^2, and 0.02 m/s are no difference
+        (0.0, 2.03, 2.0),
+        (10.0, 6.99, 6.99),
+        (10.0, 6.97, 7.0),
+        (20.0, 20.5, 20.5),  # not beyond it
+        (20.0, 19.5, 19.5),
+    ],
+)
+def test_after_a_second_without_ticks_the_speed_has_changed_as_in_a_second(
+    before_mps, wanted_mps, followed_mps
+):
+    followed = FollowedPath()
+    followed.follow(PATH._replace(v_mps=before_mps), before_mps, 1)
+    found = followed.follow(PATH._replace(v_mps=wanted_mps), before_mps, 40)
+    assert found.v_mps == pytest.approx(followed_mps, abs=1e-12)
+
+
+@pytest.mark.parametrize(("ticks_between", "is_followed"), [(0, True), (22, True), (23, False)])
+def test_a_speed_may_change_with_an_acceleration_that_was_sent_in_the_last_0_6_s(
+    ticks_between, is_followed
+):
+    followed = FollowedPath()
+    for a_mps2 in (-5.0, *[0.0] * ticks_between):
+        followed.follow(PATH._replace(a_mps2=a_mps2), 20.0, 1)
+    changed = PATH._replace(v_mps=20.0 - 5.0 * 0.025)
+    assert (followed.follow(changed, 20.0, 1) == changed) is is_followed
+
+
+@pytest.mark.parametrize(("step_m", "followed_m"), [(0.1, 0.1), (0.101, 0.0), (-0.101, 0.0)])
+def test_a_step_of_more_than_10_cm_is_approached_and_a_smaller_one_is_followed(step_m, followed_m):
+    checks, _ = path_checks()
+    for c0_m in (0.0, step_m):
+        path = STRAIGHT._replace(c0_m=c0_m)
+        checks.compare(path, 0.0, None, 20.0)
+        checks.accept(path, 20.0)
+        found = checks.follow(path, 20.0, 1)
+    assert found.c0_m == pytest.approx(followed_m, abs=1e-9)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize(
+    ("before", "now", "periods", "step_m", "step_mps"),
+    [
+        ((0.2, 0.0), (0.4, 0.0), 1, 0.2, 0.0),
+        ((0.2, 0.01), (0.4, 0.03), 2, 0.2 - 2 * 0.025 * 0.2, 0.4),
+        ((0.2, 0.0), (2.0, 0.3), 1, 0.5, 1.0),  # at most
+    ],
+)
+def test_an_estimate_that_replaces_the_state_moves_the_followed_path_with_it(
+    side, before, now, periods, step_m, step_mps
+):
+    """(e_y, e_psi) at 20 m/s: the distance to the path and its change stay."""
+    checks, _ = path_checks()
+    checks.follow(STRAIGHT, 20.0, 1)
+    states = (VehicleState(20.0, 0.0, 0.0, 0.5, side * y, side * psi) for y, psi in (before, now))
+    checks.blend(*states, periods)
+    found = checks.follow(STRAIGHT, 20.0, 1)
+    assert found.c0_m == pytest.approx(side * step_m, abs=1e-5)
+    assert found.c1 * 20.0 == pytest.approx(side * step_mps, abs=1e-3)
 
 
 CURVED = PathReference(0.5, 0.05, 1e-3, -2e-5, 20.0, 0.0)

@@ -1,6 +1,6 @@
 """Predictions of the car's motion, with and without a model, and states that repeat themselves."""
 
-from math import nextafter, tan
+from math import nextafter, radians, tan
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ from made_residuals import predicted, residuals
 
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, VehicleState
 from rt_controller.model.dynamics import Matrices
+from rt_controller.safety import motion
 from rt_controller.safety.checks import Quantity
 from rt_controller.safety.coast_model import StoppingCar
 from rt_controller.safety.motion import STEPS, MotionPrediction
@@ -133,6 +134,50 @@ def test_a_step_is_that_of_the_contract(rank, drift, saturates):
     assert prediction.newest() == pytest.approx(tuple(psi[:3]))
 
 
+EXPECTED = ControlInput(0.2, 10.0, 0.1), 0.004
+"""input and curvature of the next tick"""
+
+
+@pytest.mark.parametrize(
+    ("acted", "is_expected"),
+    [
+        (EXPECTED, True),
+        *(((EXPECTED[0]._replace(steer_rad=rad), 0.004), False) for rad in (0.05, 0.15)),
+        *(((EXPECTED[0], per_m), False) for per_m in (0.003, 0.005)),
+    ],
+)
+def test_a_prepared_tick_has_the_same_predictions_and_computes_none_if_it_is_as_expected(
+    acted, is_expected, monkeypatch
+):
+    steps = []
+
+    class CountedStep(motion.Step):
+        def __call__(self, *arguments):
+            steps.append(arguments)
+            return super().__call__(*arguments)
+
+    monkeypatch.setattr(motion, "Step", CountedStep)
+    rng = np.random.default_rng(0)
+    shapes = ((6, 6), (6, 3), (6, 1), 6)
+    model = Matrices(*(rng.normal(size=shape) for shape in shapes))
+    prepared, other = (MotionPrediction(model, 6) for _ in range(2))
+    prepared.prepare(*EXPECTED)
+    assert not steps  # no roll-out has begun
+    for psi in rng.normal(size=(3, 6)):
+        for each in (prepared, other):
+            each.begin(psi)
+        prepared.prepare(*EXPECTED)
+        steps.clear()
+        prepared.advance(*acted)
+        assert len(steps) == (not is_expected)
+        other.advance(*acted)
+        assert prepared.newest() == other.newest()
+        prepared.prepare(*acted)  # what begins now is not in it
+    prepared.advance(*acted)
+    other.advance(*acted)
+    assert prepared.newest() == other.newest()
+
+
 def test_v_x_v_y_and_yaw_rate_are_returned_in_this_order(prediction):
     for _ in range(10):
         prediction.begin(np.array([20.0, 0.3, 0.1, 0.0, 0.0, 0.0]))
@@ -191,11 +236,12 @@ def test_a_repeated_state_that_must_change_is_counted(state, expected):
         (ControlInput(0.0, -10.1, 0.0), True),
         (ControlInput(0.0, 0.0, 0.053), True),
         (ControlInput(0.099, 9.9, -0.052), False),
+        (ControlInput(0.1, 10.0, radians(3.0)), False),  # exactly
     ],
 )
 def test_a_repeated_state_of_a_car_whose_actuators_have_moved_is_counted(change, is_counted):
     found, values = residuals()
-    before = ControlInput(0.3, 20.0, 0.1)
+    before = ControlInput(0.1, 10.0, radians(3.0))
     after = ControlInput(*(a + b for a, b in zip(before, change, strict=True)))
     ticks = []
     for feedback in (before, before, after, None, after, before):

@@ -8,7 +8,7 @@ from made_residuals import predicted, residuals, steady
 from rt_controller.contract.signals import NEUTRAL_INPUT, VehicleState
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.safety.checks import Quantity
-from rt_controller.safety.coast_model import HILL_MPS2, LAG_S, OPEN_MPS2, PedalEffect
+from rt_controller.safety.coast_model import PedalEffect
 from rt_controller.safety.isolation import Faulty
 from rt_controller.safety.motion import Residuals, with_replaced_signals
 
@@ -146,6 +146,24 @@ def test_above_its_limit_a_residual_that_was_a_jump_remains_one(share, is_jump):
 
 
 @pytest.mark.parametrize(
+    ("deviations_m", "is_slow"),
+    [
+        ([0.1] * 47, False),
+        ([0.1] * 48, False),
+        ([-0.1] * 49, True),
+        ([0.1] * 60, True),
+        ([0.1] * 48 + [0.099] + [0.1] * 48, False),
+    ],
+)
+def test_a_lateral_error_of_10_cm_or_more_for_1_2_s_is_slow(deviations_m, is_slow):
+    found, _ = residuals()
+    for each in deviations_m:
+        state = CRUISING._replace(ey_m=each)
+        found.compare(CRUISING, state, state, 0.0, 1)
+    assert found.evidence(CRUISING, state, 0.0).is_lateral_slow is is_slow
+
+
+@pytest.mark.parametrize(
     ("faulty", "ey_m"),
     [
         (Faulty.NONE, 0.0),
@@ -205,8 +223,11 @@ def test_a_prediction_of_one_or_of_ten_steps_contradicts_a_signal(
     assert evidence.contradicts_yaw_rate is is_contradicted
 
 
+OPEN_MPS2, HILL_MPS2, LAG_S = 6.0, 2.0, 0.3
 OPEN = NEUTRAL_INPUT._replace(throttle=0.5)
 BRAKED = NEUTRAL_INPUT._replace(brake_n=40.0)
+BOTH = NEUTRAL_INPUT._replace(throttle=0.75, brake_n=30.0)
+"""accelerates as OPEN alone"""
 
 
 def test_a_car_that_answers_its_pedals_misses_no_speed():
@@ -234,6 +255,7 @@ def missed(control, v_mps=0.0, mps2=0.0, effect=None):
         # one that the throttle holds on a hill, or the brake
         (NEUTRAL_INPUT._replace(throttle=HILL_MPS2 / OPEN_MPS2), 0.0),
         (BRAKED, 0.0),
+        (NEUTRAL_INPUT, -1.0),  # one that rolls out
     ],
 )
 def test_a_car_that_answers_its_pedals_or_is_held_misses_nothing(control, mps2):
@@ -255,24 +277,32 @@ def test_a_speed_that_stays_while_the_throttle_is_open_is_missed_more_and_more(v
 
 
 def test_the_brake_takes_away_from_the_throttle():
-    both = NEUTRAL_INPUT._replace(throttle=0.75, brake_n=30.0)  # as OPEN alone
-    assert missed(both) == pytest.approx(missed(OPEN))
+    assert missed(BOTH) == pytest.approx(missed(OPEN))
 
 
 @pytest.mark.parametrize("throttle_mps2", [1.5, 3.0, 9.0])
 def test_of_a_weaker_or_stronger_car_the_same_share_is_missing(throttle_mps2):
-    found = missed(OPEN, effect=PedalEffect(throttle_mps2, 0.05))
-    assert found[-1] == pytest.approx(missed(OPEN)[-1])
+    effect = PedalEffect(throttle_mps2, 0.05 * throttle_mps2 / OPEN_MPS2)
+    assert missed(BOTH, effect=effect)[-1] == pytest.approx(missed(OPEN)[-1])
 
 
 def test_several_periods_count_once_each_and_a_new_drive_begins_with_none():
     effect = PedalEffect(OPEN_MPS2, 0.05)
     one = effect.missing_mps(OPEN, 0.0, 0.0, 20)
     assert one == pytest.approx(20 * PERIOD_S * (3.0 - HILL_MPS2))
+    after_long = effect.missing_mps(OPEN, 0.0, 0.0, 60)
+    assert after_long == pytest.approx(60 * PERIOD_S * (3.0 - HILL_MPS2))
     assert effect.missing_mps(NEUTRAL_INPUT, 0.0, 0.0, 60) == 0.0  # all is forgotten
     effect.missing_mps(OPEN, 0.0, 0.0, 20)
     effect.begin()
     assert effect.missing_mps(NEUTRAL_INPUT, 0.0, 0.0, 1) == 0.0
+
+
+@pytest.mark.parametrize(("reached_mps", "missing_mps"), [(0.02, 0.0), (0.0199, 0.4801)])
+def test_a_car_answers_with_4_percent_of_the_acceleration_beyond_the_hill(reached_mps, missing_mps):
+    """0.04 m/s^2 during half a second."""
+    found = PedalEffect(OPEN_MPS2, 0.05).missing_mps(OPEN, 0.0, reached_mps, 20)
+    assert found == pytest.approx(missing_mps)
 
 
 MEASURED = VehicleState(20.0, 0.1, 0.2, 0.4, 0.5, 0.01)
@@ -292,4 +322,6 @@ EXPECTED = VehicleState(18.0, 0.0, 0.1, 0.45, 0.6, 0.02)
     ],
 )
 def test_a_faulty_signal_of_the_motion_is_replaced(faulty, expected):
-    assert with_replaced_signals(MEASURED, EXPECTED, faulty) == pytest.approx(expected)
+    found = with_replaced_signals(MEASURED, EXPECTED, faulty)
+    assert found == pytest.approx(expected)
+    assert (found is MEASURED) is (faulty == Faulty.NONE)  # a usual tick makes no other state

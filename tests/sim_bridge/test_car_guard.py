@@ -26,8 +26,6 @@ from rt_controller.vehicle.vehicle_envelope import FARTHEST_OFF_PATH_M, STANDING
 from sim_bridge.car_guard import (
     FAILED_TICKS,
     FOREIGN_TICKS,
-    ORDERLY_MPS,
-    ORDERLY_TICKS,
     Actuator,
     ActuatorWatchdog,
     CommandCheck,
@@ -242,28 +240,29 @@ def test_a_fresh_command_is_applied_unchanged_and_one_of_100_ms_is_braked_for(
 
 
 @pytest.mark.parametrize(
-    ("modes", "speed_mps", "has_ended"),
+    ("sent", "speed_mps", "has_ended"),
     [
-        ([], 0.0, False),  # also if it never sent
-        ([1], 80.0 / 3.6, False),  # a crash, or a third Ctrl-C, at speed
-        ([1], ORDERLY_MPS - 0.1, False),  # a crash at low speed
-        ([4], 0.5, False),
-        ([5], 0.5, True),
-        ([5], ORDERLY_MPS - 0.01, True),
-        ([5], ORDERLY_MPS, False),
-        ([ORDERLY_TICKS], ORDERLY_MPS - 0.1, True),
-        ([3, 4], 0.5, False),
-        ([3, 5], 0.5, True),
+        ("N", 0.0, False),
+        ("NS", 80.0 / 3.6, False),  # a crash, or a third Ctrl-C, at speed
+        ("NS", 0.9, False),  # a crash at low speed
+        ("NSSSS", 0.5, False),
+        ("NSSSSS", 0.5, True),
+        ("SSSS", 0.5, False),
+        ("SSSSS", 0.5, True),
+        ("NSSSSS", 0.99, True),
+        ("NSSSSS", 1.0, False),
+        ("NSSSSSSSS", 0.9, True),
+        ("NSSSNSSSS", 0.5, False),
+        ("NSSSNSSSSS", 0.5, True),
     ],
 )
 def test_silence_is_the_end_of_a_drive_after_a_long_safe_stop_and_at_low_speed(
-    watchdog: Watchdog, modes: list[int], speed_mps: float, has_ended: bool
+    watchdog: Watchdog, sent: str, speed_mps: float, has_ended: bool
 ) -> None:
-    """`modes`: lengths of safe stops, each after a command in NOMINAL."""
+    """`sent`: commands in NOMINAL and in SAFE_STOP."""
     motion = MOVING._replace(speed_mps=speed_mps)
-    sent = [m for n in modes for m in (Mode.NOMINAL, *[Mode.SAFE_STOP] * n)] or [Mode.NOMINAL]
-    for k, mode in enumerate(sent):
-        last = command(k * PERIOD_NS, k, mode)
+    for k, letter in enumerate(sent):
+        last = command(k * PERIOD_NS, k, Mode.SAFE_STOP if letter == "S" else Mode.NOMINAL)
         watchdog.apply(last, k * PERIOD_NS, k, motion)
     for k in range(len(sent), len(sent) + 4):
         assert not watchdog.has_controller_ended
@@ -351,6 +350,7 @@ def throttle(commanded: float, applied: float) -> tuple[ControlInput, ControlInp
 def after(pairs: Pairs) -> list[Actuator]:
     """What has failed after these periods of (commanded, applied)."""
     actuators = FailedActuators()
+    assert actuators.open_throttle == 0.0
     for commanded, applied in pairs:
         actuators.note(commanded, applied)
     return actuators.failed
@@ -372,6 +372,7 @@ def after(pairs: Pairs) -> list[Actuator]:
         ([throttle(0.5, 1.5)] * FAILED_TICKS, [Actuator.THROTTLE]),
         ([throttle(0.5, 0.551)] * FAILED_TICKS, [Actuator.THROTTLE]),
         ([throttle(0.5, 0.549)] * FAILED_TICKS, []),
+        ([throttle(0.0, 0.05)] * FAILED_TICKS, []),
         ([throttle(0.5, 0.0)] * FAILED_TICKS, []),
         ([wheel(0.03, 0.0)] * 6, []),
         ([wheel(0.0, -0.05)] + [wheel(0.02, -0.05)] * 6, []),

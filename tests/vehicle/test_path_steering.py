@@ -52,6 +52,15 @@ def test_the_wheel_stays_within_its_bounds(side: float) -> None:
         assert found == pytest.approx(side * radians(bound_deg))
 
 
+@pytest.mark.parametrize(("vx_mps", "wheel_deg"), [(8.99, 44.0), (9.0, 40.0), (9.9, 40.0)])
+def test_a_car_of_9_m_per_s_turns_its_wheel_by_40_deg_at_most(
+    vx_mps: float, wheel_deg: float
+) -> None:
+    state = CRUISING._replace(vx_mps=vx_mps)
+    found = steer_along(STRAIGHT._replace(c0_m=30.0), state, 0.0, radians(39.0))
+    assert found == pytest.approx(radians(wheel_deg))
+
+
 @pytest.mark.parametrize("name", ["lane_change_60", "double_lane_change", "lane_change_120"])
 @pytest.mark.parametrize("begin_s", [0.6, 1.2, 2.0])
 def test_a_car_that_brakes_in_a_lane_change_stays_on_its_lane(name: str, begin_s: float) -> None:

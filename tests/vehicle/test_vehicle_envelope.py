@@ -46,7 +46,7 @@ def judge(
     [
         ({}, NO_REFUSAL),
         ({"throttle": 0.0, "brake_n": 50.0}, NO_REFUSAL),
-        ({"throttle": 0.0009, "brake_n": 50.0}, NO_REFUSAL),  # a thousandth is released
+        ({"throttle": 1e-3, "brake_n": 50.0}, NO_REFUSAL),  # a thousandth is released
         ({"throttle": 0.0011, "brake_n": 50.0}, Refusal.PEDALS),
         ({"brake_n": 0.15}, NO_REFUSAL),
         ({"brake_n": 0.16}, Refusal.PEDALS),
@@ -134,6 +134,10 @@ def test_throttle_and_standby_are_refused_where_they_do_not_belong(mode: Mode) -
             assert found == (Refusal.MODE if is_left else NO_REFUSAL)
 
 
+def test_a_standing_car_is_on_its_path_and_requests_to_be_driven() -> None:
+    assert STANDING == (0.0, 0.0, True)
+
+
 def fuzzed(rng: Random) -> float:
     if rng.random() < 0.05:
         return rng.choice([nan, inf, -inf, 1e300, -1e300, 0.0, -0.0])
@@ -181,7 +185,7 @@ def test_a_safe_stop_leaves_the_path_at_half_a_metre_and_a_drive_at_90_cm(
     """Only while the car moves; before it has reached its path, and without mission, no drive."""
     is_driven = mode not in (Mode.STANDBY, Mode.SAFE_STOP) and is_mission_on and has_reached_path
     for off_m in (0.5, 0.51, 0.9, 0.91):
-        for speed_mps in (1.0, 1.01, 20.0):
+        for speed_mps in (0.5, 1.0, 1.01, 20.0):
             motion = OwnMotion(speed_mps, side * off_m, is_mission_on)
             is_far = (mode is Mode.SAFE_STOP and off_m > 0.5) or (is_driven and off_m > 0.9)
             found = leaves_path(Command(CRUISE, mode), motion, has_reached_path)

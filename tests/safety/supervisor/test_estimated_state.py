@@ -223,6 +223,17 @@ def test_a_heading_is_integrated_with_the_road_when_the_curvature_is_faulty():
     assert car.supervisor.values[Quantity.HEADING_RAD] == pytest.approx(0.0, abs=1e-6)
 
 
+def test_a_measured_curvature_is_used_beside_a_faulty_lateral_error():
+    car = driven(5, preview=CurvaturePreview(5.0, *[0.0] * 5))
+    for ey_m in (1.0, 0.0):
+        car.disturb = lambda received, ey_m=ey_m: shifted(ey_m=ey_m)(
+            replace(received, curvature_per_m=0.0005)
+        )
+        qualified = car.tick()
+        assert qualified.curvature_per_m == 0.0005
+        assert qualified.is_measured is (ey_m == 0.0)
+
+
 def test_after_a_drift_of_v_y_the_measured_lateral_error_is_accepted():
     car = driven(20)
     car.disturb = growing("vy_mps", 0.03)
@@ -230,6 +241,44 @@ def test_after_a_drift_of_v_y_the_measured_lateral_error_is_accepted():
         assert len(car.qualified) < 80
         car.is_stopping = car.tick().alarm is StopCause.LATERAL_SPEED_IMPLAUSIBLE
     assert car.tick(5).state.ey_m == car.state.ey_m
+
+
+@pytest.mark.parametrize("has_model", [True, False])
+def test_a_supervisor_that_prepares_its_ticks_finds_the_same(has_model):
+    found = []
+    for is_prepared in (True, False):
+        car = turning(checks=(), has_model=has_model)
+        for _ in range(30):
+            car.tick()
+            if is_prepared:
+                car.supervisor.prepare(car.control)
+        car.disturb = nothing
+        car.tick()
+        found.append(car.qualified)
+    assert found[0] == found[1]
+
+
+def test_the_predictions_of_the_next_tick_are_prepared():
+    car = driven(5)
+    calls = []
+    car.supervisor._prediction.prepare = lambda *expected: calls.append(expected)
+    car.supervisor.prepare(car.control)
+    assert calls == [(car.control, car.curvature_per_m)]
+
+
+@pytest.mark.parametrize("is_drift", [True, False])
+def test_the_path_moves_with_an_estimate_only_when_a_drift_was_found(is_drift):
+    """The car has been steered beside its path: it returns as to a path that moved sideways."""
+    car = driven(5, checks=only(Quantity.HEADING_RAD, Quantity.LATERAL_ERROR_M))
+    car.disturb = growing("ey_m", 0.0075) if is_drift else shifted(ey_m=1.0)
+    while car.tick().is_measured:
+        assert len(car.qualified) < 120
+    before, now = car.qualified[-2:]
+    assert (now.alarm is not StopCause.NONE) is is_drift
+    found_m = now.path.c0_m - before.path.c0_m
+    jump_m = now.state.ey_m - before.state.ey_m
+    assert found_m == pytest.approx(jump_m, abs=0.01)
+    assert (abs(jump_m) > 0.2) is is_drift
 
 
 def test_a_lost_state_is_estimated_along_the_last_path():

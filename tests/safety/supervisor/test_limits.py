@@ -5,9 +5,10 @@ from dataclasses import replace
 import pytest
 from kinematic_car import STRAIGHT, WatchedCar, driven, growing, nothing, only, shifted, undisturbed
 
+from rt_controller.contract.car import DEFAULT_CAR
 from rt_controller.contract.faults import StopCause
 from rt_controller.safety import supervisor
-from rt_controller.safety.checks import Quantity, Reaction
+from rt_controller.safety.checks import Quantity, Reaction, checks_of
 from rt_controller.safety.tick import Estimate
 
 JUMPED = STRAIGHT._replace(c0_m=0.6)
@@ -130,6 +131,24 @@ def test_a_state_that_is_frozen_in_a_turn_stops_the_car_in_the_eighth_tick():
     assert alarms == [StopCause.NONE] * 7 + [StopCause.STATE_FROZEN]
     car.tick(12)
     assert car.qualified[-1].speed_mps is None
+
+
+@pytest.mark.parametrize("follow_commands", [True, False])
+def test_only_actuators_that_follow_their_commands_show_that_a_state_is_frozen(follow_commands):
+    car = WatchedCar(checks=only(Quantity.FROZEN_TICKS))
+    car.feedback = car.control
+    car.tick(5)
+    car.feedback = car.control._replace(throttle=0.2)
+    if follow_commands:
+        car.control = car.feedback
+    assert (car.tick(8).alarm is StopCause.STATE_FROZEN) is follow_commands
+
+
+@pytest.mark.parametrize(("brake_mps2_per_n", "brake_n"), [(0.1, 5.0), (0.05, 10.0), (0.04, 10.0)])
+def test_a_stronger_brake_may_differ_by_less_and_a_weaker_one_by_no_more(brake_mps2_per_n, brake_n):
+    checks = checks_of(DEFAULT_CAR._replace(brake_mps2_per_n=brake_mps2_per_n))
+    (found,) = (each.threshold for each in checks if each.quantity is Quantity.BRAKE_N)
+    assert found == pytest.approx(brake_n)
 
 
 def test_each_quantity_is_judged_once_in_a_tick():
