@@ -72,20 +72,20 @@ def test_a_preview_that_jumps_anywhere_is_replaced_by_the_one_before(knot, side)
 
 
 @pytest.mark.parametrize(
-    ("road_per_m", "k1_per_m", "k4_per_m", "step_per_m"),
+    ("before", "after", "step_per_m"),
     [
-        (0.0, 2.0**-7, 2.0**-5, 0.0),  # a quarter of the bend
-        (0.0, 2.0**-7, 0.9 * 2.0**-5, 2.0**-7),
-        (0.02, 0.011, 0.02, 0.009),  # a sharp curve is no bend
-        (-0.02, -0.011, -0.02, 0.009),
+        ((0, 0, 0, 0, 0), (0, 8, 0, 0, 32), 0.0),  # a quarter of the bend
+        ((32, 0, 0, 0, 0), (32, 0, 0, 8, 8), 0.0),
+        ((0, 0, 0, 0, 0), (0, 8, 0, 0, 31), 8.0),
+        ((20, 20, 20, 20, 20), (20, 11, 20, 20, 20), 9.0),  # a sharp curve is no bend
+        ((-20, -20, -20, -20, -20), (-20, -11, -20, -20, -20), 9.0),
     ],
 )
-def test_a_sudden_bend_farther_ahead_may_ripple_the_road_before_it(
-    road_per_m, k1_per_m, k4_per_m, step_per_m
-):
-    road, values = begun(CurvaturePreview(4.0, *[road_per_m] * 5))
-    road.take(CurvaturePreview(4.0, road_per_m, k1_per_m, *[road_per_m] * 2, k4_per_m), None)
-    assert values[Quantity.PREVIEW_STEP_PER_M] == pytest.approx(step_per_m)
+def test_a_sudden_bend_elsewhere_may_ripple_the_road(before, after, step_per_m):
+    """Curvatures in 1/1024 m."""
+    road, values = begun(CurvaturePreview(4.0, *(k / 1024.0 for k in before)))
+    road.take(CurvaturePreview(4.0, *(k / 1024.0 for k in after)), None)
+    assert values[Quantity.PREVIEW_STEP_PER_M] * 1024.0 == pytest.approx(step_per_m)
 
 
 def test_a_preview_that_contradicts_the_curvature_at_the_car_is_no_finding():

@@ -1,6 +1,6 @@
 """A car that the vehicle brakes by itself is steered along its own path."""
 
-from math import hypot, inf, nan, radians
+from math import degrees, hypot, inf, nan, radians
 
 import pytest
 
@@ -52,13 +52,21 @@ def test_the_wheel_stays_within_its_bounds(side: float) -> None:
         assert found == pytest.approx(side * radians(bound_deg))
 
 
-@pytest.mark.parametrize(("vx_mps", "wheel_deg"), [(8.99, 44.0), (9.0, 40.0), (9.9, 40.0)])
-def test_a_car_of_9_m_per_s_turns_its_wheel_by_40_deg_at_most(
-    vx_mps: float, wheel_deg: float
+@pytest.mark.parametrize(
+    ("vx_mps", "before_deg", "wheel_deg"),
+    [
+        (9.0, 39.0, 40.0),
+        (9.9, 39.0, 40.0),
+        (8.99, 39.0, 44.0),
+        (8.99, 203.0, degrees(18.5 * 5.0 * (2.91 / 8.99**2 + 0.002544))),
+    ],
+)
+def test_the_wheel_turns_by_40_deg_at_most_and_that_of_a_slow_car_for_5_m_per_s2(
+    vx_mps: float, before_deg: float, wheel_deg: float
 ) -> None:
     state = CRUISING._replace(vx_mps=vx_mps)
-    found = steer_along(STRAIGHT._replace(c0_m=30.0), state, 0.0, radians(39.0))
-    assert found == pytest.approx(radians(wheel_deg))
+    found = steer_along(STRAIGHT._replace(c0_m=30.0), state, 0.0, radians(before_deg))
+    assert found == pytest.approx(radians(wheel_deg), rel=1e-4)
 
 
 @pytest.mark.parametrize("name", ["lane_change_60", "double_lane_change", "lane_change_120"])
@@ -141,7 +149,8 @@ def test_a_standing_car_and_one_without_a_path_keep_their_wheel(
         (10.0, 0.1, 0.3, 0.0, 75.0),
         (20.0, 0.2, 0.3, 0.0, 25.0),
         (20.0, 0.3, 0.2, 0.0, 25.0),
-        (20.0, 0.0, 0.8, 0.0, 25.0),  # and beside the path
+        (20.0, 0.0, 0.7, 0.0, 35.0),  # and beside the path
+        (20.0, 0.0, 0.8, 0.0, 25.0),
         (20.0, 0.0, 5.0, 0.0, 25.0),
         (20.0, 0.0, 0.0, 0.05, 81.0),  # a throttle that stays open is balanced
         (20.0, 0.0, 0.0, 1.0, 150.0),

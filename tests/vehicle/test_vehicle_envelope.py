@@ -7,7 +7,7 @@ import pytest
 
 from rt_controller.bus.messages import Command
 from rt_controller.contract.faults import NO_REFUSAL, Refusal
-from rt_controller.contract.limits import DEFAULT_GEOMETRY
+from rt_controller.contract.limits import DEFAULT_GEOMETRY, INPUT_LIMITS
 from rt_controller.contract.signals import (
     NEUTRAL_INPUT,
     ControlInput,
@@ -15,6 +15,7 @@ from rt_controller.contract.signals import (
     PathReference,
     VehicleState,
 )
+from rt_controller.contract.timing import PERIOD_S
 from rt_controller.vehicle.vehicle_envelope import (
     STANDING,
     OwnMotion,
@@ -132,6 +133,12 @@ def test_throttle_and_standby_are_refused_where_they_do_not_belong(mode: Mode) -
             is_left = mode is Mode.STANDBY and speed_mps > 1.0 and is_mission_on
             found = judge(CRUISE._replace(throttle=0.0), mode, motion=motion)
             assert found == (Refusal.MODE if is_left else NO_REFUSAL)
+
+
+def test_exactly_the_largest_change_of_the_wheel_is_allowed() -> None:
+    largest_rad = INPUT_LIMITS.rate_per_s.steer_rad * PERIOD_S + 2.0 * radians(0.02)
+    wheel = NEUTRAL_INPUT._replace(steer_rad=largest_rad)
+    assert judge(wheel, before=NEUTRAL_INPUT, motion=STANDING) == NO_REFUSAL
 
 
 def test_a_standing_car_is_on_its_path_and_requests_to_be_driven() -> None:

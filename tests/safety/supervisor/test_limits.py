@@ -8,7 +8,7 @@ from kinematic_car import STRAIGHT, WatchedCar, driven, growing, nothing, only, 
 from rt_controller.contract.car import DEFAULT_CAR
 from rt_controller.contract.faults import StopCause
 from rt_controller.safety import supervisor
-from rt_controller.safety.checks import Quantity, Reaction, checks_of
+from rt_controller.safety.checks import CHECKS, Quantity, Reaction, checks_of
 from rt_controller.safety.tick import Estimate
 
 JUMPED = STRAIGHT._replace(c0_m=0.6)
@@ -149,6 +149,7 @@ def test_a_stronger_brake_may_differ_by_less_and_a_weaker_one_by_no_more(brake_m
     checks = checks_of(DEFAULT_CAR._replace(brake_mps2_per_n=brake_mps2_per_n))
     (found,) = (each.threshold for each in checks if each.quantity is Quantity.BRAKE_N)
     assert found == pytest.approx(brake_n)
+    assert checks_of(DEFAULT_CAR) == CHECKS
 
 
 def test_each_quantity_is_judged_once_in_a_tick():
