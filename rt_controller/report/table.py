@@ -154,6 +154,8 @@ def to_rich(table: Table) -> RichTable:
         title=Text(table.title) if table.title else None,
         caption=Text("\n".join(table.footnotes)) if table.footnotes else None,
         box=box.SIMPLE_HEAD,
+        padding=(0, 0, 0, 1),
+        pad_edge=False,
         show_header=table.has_heads,
         title_justify="left",
         caption_justify="left",

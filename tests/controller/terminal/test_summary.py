@@ -152,11 +152,11 @@ def test_a_regular_drive_is_shown_in_a_few_lines_and_with_verbose_in_all():
         short
         == """lti
 
-lateral error   RMS 0.035 m, peak 0.040 m
-heading error   RMS 0.00 deg, peak 0.00 deg
-speed error     RMS 0.000 m/s, peak 0.000 m/s
-ticks           2, 0 missed their deadline, 0 skipped
-final mode      NOMINAL"""
+lateral error  RMS 0.035 m, peak 0.040 m
+heading error  RMS 0.00 deg, peak 0.00 deg
+speed error    RMS 0.000 m/s, peak 0.000 m/s
+ticks          2, 0 missed their deadline, 0 skipped
+final mode     NOMINAL"""
     )
     names = ("control step", "step and reading ahead", "wake-up lateness", "QP solve")
     for name in (*names, "QP iterations", "frames", "real-time settings"):
