@@ -165,6 +165,8 @@ def test_a_stop_is_as_short_as_its_cause_demands_and_the_grip_allows(
 ):
     cornering = Cornering(radians(counter_steering_deg), lateral_mps2, lateral_mps2)
     assert braking_for(cause, is_known, cornering) == pytest.approx(braking)
+    if cause is StopCause.STEERING_MISMATCH:  # also with a weaker brake: there is no more force
+        assert braking_for(cause, is_known, cornering, force_scale=2.0) == FULL
 
 
 @pytest.mark.parametrize(

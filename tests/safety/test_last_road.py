@@ -75,6 +75,7 @@ def test_a_preview_that_jumps_anywhere_is_replaced_by_the_one_before(knot, side)
     ("before", "after", "step_per_m"),
     [
         ((0, 0, 0, 0, 0), (0, 8, 0, 0, 32), 0.0),  # a quarter of the bend
+        ((0, 0, 0, 0, 0), (0, 7, 0, 0, 32), 0.0),
         ((32, 0, 0, 0, 0), (32, 0, 0, 8, 8), 0.0),
         ((0, 0, 0, 0, 0), (0, 8, 0, 0, 31), 8.0),
         ((20, 20, 20, 20, 20), (20, 11, 20, 20, 20), 9.0),  # a sharp curve is no bend

@@ -137,7 +137,9 @@ def test_the_event_of_a_driven_tick_names_the_missing_part(mode, facts, event, c
 
 
 @pytest.mark.parametrize("mode", Mode)
-@pytest.mark.parametrize(("speed_mps", "is_standing"), [(0.27, True), (0.3, False)])
+@pytest.mark.parametrize(
+    ("speed_mps", "is_standing"), [(0.27, True), (0.3, False), (20.0, False), (-0.5, False)]
+)
 def test_a_reset_is_granted_in_safe_stop_when_the_car_stands(mode, speed_mps, is_standing):
     facts = with_(ALL_WELL, is_reset_requested=True, speed_mps=speed_mps, last_mode=mode)
     assert (classify(facts)[0] is Event.RESET) == (mode is Mode.SAFE_STOP and is_standing)

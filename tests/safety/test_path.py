@@ -269,7 +269,7 @@ def test_a_drive_begins_with_a_wanted_speed_that_the_car_has_within_1_m_per_s(
     [
         (0.0, 2.02, 2.02),  # 2 m/s are reached with 2 m/s^2, and 0.02 m/s are no difference
         (0.0, 2.03, 2.0),
-        (10.0, 6.99, 6.99),
+        (10.0, 6.98, 6.98),
         (10.0, 6.97, 7.0),
         (20.0, 20.5, 20.5),  # not beyond it
         (20.0, 19.5, 19.5),

@@ -251,7 +251,7 @@ def test_a_repeated_state_of_a_car_whose_actuators_have_moved_is_counted(change,
 
 
 @pytest.mark.parametrize(
-    "state", [CRUISING._replace(vy_mps=0.03), CRUISING._replace(yaw_rate_radps=0.003)]
+    "state", [CRUISING._replace(vy_mps=0.04), CRUISING._replace(yaw_rate_radps=0.004)]
 )
 def test_the_error_of_rounded_signals_does_not_make_a_steady_car_move(state):
     """The model may expect any change: it knows neither grade nor wind."""

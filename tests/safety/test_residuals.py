@@ -151,6 +151,7 @@ def test_above_its_limit_a_residual_that_was_a_jump_remains_one(share, is_jump):
         ([0.1] * 47, False),
         ([0.1] * 48, False),
         ([-0.1] * 49, True),
+        ([0.05] + [0.1] * 49, True),
         ([0.2] * 60, True),
         ([0.1] * 48 + [0.099] + [0.1] * 48, False),
     ],

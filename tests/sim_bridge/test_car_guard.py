@@ -355,6 +355,7 @@ def after(pairs: Pairs) -> list[Actuator]:
     assert actuators.open_throttle == 0.0
     for commanded, applied in pairs:
         actuators.note(commanded, applied)
+        assert actuators.open_throttle >= 0.0
     return actuators.failed
 
 

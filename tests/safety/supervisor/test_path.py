@@ -135,6 +135,9 @@ def test_a_path_that_is_received_again_is_passed_on_as_it_is():
     car.disturb = lambda received: replace(received, path=path)
     car.tick(3)
     assert car.qualified[-1].path is path
+    car = driven(3, only(Quantity.PREVIEW_STEP_PER_M), path=path, preview=FLAT, disturb=car.disturb)
+    car.preview = FLAT._replace(k3_per_m=0.02)
+    assert (car.tick().rejection, car.tick().path) == (StopCause.PREVIEW_JUMP, path)
 
 
 SLOPED = {"epsi_rad": 0.06, "path": STRAIGHT._replace(c1=0.06)}
