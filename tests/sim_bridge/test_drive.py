@@ -10,7 +10,7 @@ import pytest
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import MissingExtraError
-from rt_controller.contract.signals import ControlInput
+from rt_controller.contract.signals import GRAVITY_MPS2, ControlInput
 from sim_bridge.plant import compiler, library
 from sim_bridge.plant.car_record import car_record
 from sim_bridge.plant.compiler import SOURCES, compile_library
@@ -212,3 +212,22 @@ STRICT = ("-Wall", "-Wextra", "-Wconversion", "-Werror")
 
 def test_the_car_compiles_without_a_warning(tmp_path: Path) -> None:
     compile_library(sorted(SOURCES.glob("*.c")), tmp_path / "car.so", STRICT)
+
+
+def test_the_governor_keeps_idle_speed_and_the_closed_throttle_brakes() -> None:
+    idle = drive(CAR, 0.0, 2.0, brake_n=60.0)
+    assert idle.column("engine_rpm")[-1] == pytest.approx(CAR.engine.idle_speed_rpm, rel=0.05)
+    coasting = drive(CAR, 22.0 * 3.6, 3.0)
+    assert coasting.column("engine_nm")[-1] < -20.0
+    deceleration_mps2 = (coasting.speed_mps[20] - coasting.speed_mps[-1]) / 2.5
+    air_n = 0.5 * CAR.aero.air_density_kgpm3 * CAR.aero.area_m2 * CAR.aero.drag * 22.0**2
+    air_and_road_mps2 = air_n / CAR.body.mass_kg + 0.006 * GRAVITY_MPS2
+    assert 1.1 * air_and_road_mps2 < deceleration_mps2 < 0.08 * GRAVITY_MPS2
+
+
+def test_without_anti_lock_no_wheel_locks_with_150_n_and_all_lock_on_ice() -> None:
+    car = CAR._replace(anti_lock=NO_ANTI_LOCK)
+    run = drive(car, 100.0, 5.0, brake_n=150.0)
+    assert rim_share(run, car)[run.speed_mps > 3.0].min() > 0.8
+    run = drive(with_road_friction(car, 0.3), 60.0, 2.0, brake_n=400.0)
+    assert rim_share(run, car)[40].max() < 0.05

@@ -2,7 +2,7 @@
 
 import re
 from importlib import resources
-from math import hypot, radians, tan
+from math import degrees, hypot, radians, tan
 from pathlib import Path
 from typing import NamedTuple
 
@@ -231,3 +231,24 @@ def test_a_car_file_names_the_faults_of_its_tyre_file(
     tyre_text = TYRE_FILE_TEXT.replace(old, new)
     with pytest.raises(ConfigError, match=message):
         load_parameters(write_car(tmp_path, car_text, tyre_text))
+
+
+@pytest.mark.parametrize("angle_deg", [5.0, 45.0])
+def test_the_force_of_a_locked_wheel_is_opposite_to_its_sliding(angle_deg: float) -> None:
+    """A locked wheel has slip -1 and the tangent of the angle."""
+    found = force(-tan(radians(angle_deg)), -1.0)
+    against = degrees(np.arctan2(-found.left_n, -found.forward_n))
+    assert against == pytest.approx(angle_deg, abs=2.0)
+
+
+@pytest.mark.parametrize("tyre", [OWN, FILE])
+def test_a_tyre_without_load_has_no_force(tyre: Array) -> None:
+    assert force(0.1, 0.1, 0.1, 0.0, tyre=tyre) == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+
+
+def test_units_are_converted_and_the_side_is_read_in_any_case() -> None:
+    assert TYRE.fnomin == pytest.approx(4500.0)
+    assert TYRE.unloaded_radius == pytest.approx(0.334)
+    for side, is_right in (("left", 0.0), ("Right", 1.0), ("SYMMETRIC", 0.0)):
+        found = parse_tyre_file(TYRE_FILE_TEXT.replace("LEFT", side), "made.tir")
+        assert found.is_right == is_right
