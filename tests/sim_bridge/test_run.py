@@ -141,7 +141,7 @@ def braked(cause: str, *failed: str, **refused: int) -> BridgeSummary:
 @pytest.mark.parametrize(
     ("summary", "bridge", "expected", "shown", "said"),
     [
-        (DRIVEN, {"figures": lambda: FIGURES}, EXIT_LIMIT, "ey_peak_m   0.3 (limit 0.2",
+        (DRIVEN, {"figures": lambda: FIGURES}, EXIT_LIMIT, "ey_peak_m  0.3 (limit 0.2",
          "found ey_peak_m missed"),
         (replace(DRIVEN, plant_failure="no fuel left"), {}, 7, "40 ticks", "no fuel left"),
         (BRAKED, {"require_readable_bus": unreadable}, 5, "BRAKED BY THE WATCHDOG", "unplugged"),
