@@ -52,7 +52,7 @@ def _introduction(comparison: Comparison) -> tuple[Part, ...]:
     seconds = comparison.dt_s * comparison.steps
     caption = (
         "RMS error over the time since the measured state; the bands are intervals. The "
-        "controller plans 1 s ahead with this kind of model, 0.5 s with a linear one."
+        "controller plans 0.5 s ahead with a linear model, 1 s with any other."
     )
     task = (
         f"Each model gets one measured state, the past before it, and the inputs of the next "

@@ -176,7 +176,10 @@ def load_result(folder: Path, config: TrainingConfig, data: CampaignData) -> Res
     try:
         result = TypeAdapter(Result).validate_json(file.read_bytes())
     except ValueError as error:
-        raise ConfigError(f"{file}: expected a result. Delete it, and train again.") from error
+        raise ConfigError(
+            f"{file}: expected the result of a training, found something else ({error}). Delete "
+            f"it, and train again."
+        ) from error
     run = open_run(folder / LATEST_LINK)
     found = {**run.config.model_dump(), "data set": run.data_sha256}
     require_same(folder, {**config.model_dump(), "data set": data.sha256}, found)

@@ -60,8 +60,8 @@ def inspect_drives(
             f"  {places.get(each.subject, each.subject)}: {each.message}.\n" for each in suspected
         )
         raise DatasetError(
-            f"expected units as in the mapping, found signals that contradict them:\n"
-            f"{''.join(listed)}If all units are correct, write accept_units = true in [checks]."
+            f"expected units and signs as in the mapping, found signals that contradict them:\n"
+            f"{''.join(listed)}If all are correct, write accept_units = true in [checks]."
         )
     files = [_file(drive, cut, mapping) for drive, cut in zip(drives, cuts, strict=True)]
     signals = pd.concat([episode.signals for episode in episodes])

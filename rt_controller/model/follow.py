@@ -1,4 +1,7 @@
-"""The lifted state that the gains of a model follow."""
+"""The lifted state that the gains of a model follow.
+
+Imports no numpy, so that command lines load quickly.
+"""
 
 from enum import StrEnum
 

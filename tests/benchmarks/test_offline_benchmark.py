@@ -42,17 +42,20 @@ def test_step_of_training(benchmark, preset, targets):
     model = MdkNet(config, sizes_of(VEHICLE, VEHICLE_ROLES))
     optimizer = torch.optim.Adam(model.parameters())
     rng, draws = np.random.default_rng(0), torch.Generator().manual_seed(0)
-    rows = ((STEPS + 1, 6), (STEPS, 3), (STEPS, 1), (config.history_steps + STEPS, 6), (1, 1))
+    rows = ((STEPS + 1, 6), (STEPS, 3), (STEPS, 1), (config.history_steps + STEPS, 6))
     shapes = [(steps, BATCH, width) for steps, width in rows]
-    batch = Batch(*(torch.from_numpy(rng.normal(size=shape)).float() for shape in shapes))
+    series = (torch.from_numpy(rng.normal(size=shape)).float() for shape in shapes)
+    batch = Batch(*series, torch.ones(1, BATCH, 1))
 
-    def step() -> None:
+    def step() -> float:
         optimizer.zero_grad()
         times = () if targets is None else (draw_times(STEPS, targets, draws),)
-        total_loss(model, config, batch, *times).total.backward()
+        loss = total_loss(model, config, batch, *times).total
+        loss.backward()
         optimizer.step()
+        return loss.item()
 
-    benchmark(step)
+    assert np.isfinite(benchmark(step))
 
 
 @pytest.mark.parametrize("name", shipped_cars())
