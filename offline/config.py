@@ -20,7 +20,7 @@ STEPS = round(TRAJECTORY_S / PERIOD_S)
 PAST_STEPS = round(LONGEST_PAST_S / PERIOD_S)
 
 Weight = Annotated[float, Field(ge=0.0)]
-LargestSteer = Annotated[float, Field(ge=40.0, le=180.0)]
+LargestSteer = Annotated[float, Field(ge=40.0, le=300.0)]
 """in deg, from the bound of the controller at every speed to the largest one"""
 
 
@@ -51,6 +51,9 @@ class TrainingConfig(Settings):
     windows: Literal["all", "slices"] = "all"
     """train on any window of any episode, each on a random road if it has poses, or on the paper's
     slices"""
+    near_roads: float = Field(default=0.5, ge=0.0, le=1.0)
+    """share of those windows whose road has about the curvature of the car's own turn, up to a
+    radius of 6.7 m; the others have a road of the data set's curvatures"""
     rare_share: float = Field(default=0.5, ge=0.0, lt=1.0)
     """share of the draws that prefers windows with rare motion, which weights in the loss
     compensate for; without effect on windows slices and objective paper"""
@@ -118,7 +121,7 @@ class TrainingConfig(Settings):
     """activation of the hidden layers of the encoder"""
     hidden: tuple[PositiveInt, ...] = (128, 128)
     """widths of the encoder's hidden layers"""
-    latents: PositiveInt = 60
+    latents: PositiveInt = 40
     """P, number of observables besides the physical states"""
     latents_start: Literal["fading", "identity"] = "fading"
     """initial latents: fading: small, with time constants from 0.05 to 5 s in A; identity:
@@ -135,16 +138,18 @@ class TrainingConfig(Settings):
     separate_motion: bool = True
     """the motion of the car has observables of its own, which do not depend on its place on the
     road; without effect on signals without a path"""
+    path: Literal["exact", "learned"] = "exact"
+    """of a separate motion: exact: progress and place follow from the mean motion of each period by
+    the kinematics of the road; learned: from observables of the path"""
     path_latents: int = Field(default=20, ge=0)
-    """those of the latents that describe the path, if the motion is separate; at most half of the
-    learned ones"""
+    """those of the latents that describe a learned path; at most half of the learned ones"""
     path_hidden: tuple[PositiveInt, ...] = (64, 64)
-    """widths of the hidden layers of the encoder of the path, if the motion is separate"""
+    """widths of the hidden layers of the encoder of a learned path"""
     bilinear_rank: int = Field(default=10, ge=0)
     """rank R of the bilinear part of B; 0: B is constant"""
     path_rank: int = Field(default=5, ge=0)
-    """rank of a further bilinear part, which acts on the path alone, if the motion is separate; if
-    the gains saturate, curvature acts through gains too"""
+    """rank of a further bilinear part, which acts on a learned path alone; if the gains saturate,
+    curvature acts through gains too"""
     saturating_gains: bool = True
     """the bilinear part is bounded: each factor is the hyperbolic tangent of a linear function of
     the lifted state"""
@@ -208,7 +213,14 @@ PRESETS = {
     "recommended": RECOMMENDED,
     # The best model found with a constant B, as in the paper.
     "linear": RECOMMENDED.model_copy(
-        update={"preset": "linear", "bilinear_rank": 0, "path_rank": 0, "drift_rank": 0}
+        update={
+            "preset": "linear",
+            "latents": 60,
+            "path": "learned",
+            "bilinear_rank": 0,
+            "path_rank": 0,
+            "drift_rank": 0,
+        }
     ),
     "paper": PAPER,
     # Algorithm 1 and eqs. (9)-(13) as printed, also where this costs accuracy; beyond the paper,

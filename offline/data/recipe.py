@@ -70,7 +70,7 @@ class Recipe:
     """dense where a car is driven at constant speed; c_class_125kw_fwd holds 120 km/h at 0.15"""
     brakes_n: tuple[float, ...] = (0.0, 15.0, 30.0, 50.0, 75.0, 100.0, 150.0)
     drive_brake_coast: tuple[float, float, float] = (0.55, 0.25, 0.20)
-    steering_knots: tuple[int, ...] = (4, 5, 6)
+    steering_knots: tuple[int, ...] = (2, 3, 4, 6)
     steering_window_s: float = 2.0
     """duration over which the knots above are spread"""
     variation: Variation | None = None

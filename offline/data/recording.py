@@ -18,11 +18,10 @@ from offline.config import PAST_STEPS, STEPS
 from offline.data.signals import Array32, Roles, Rows, Trajectories, past_columns
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.signals import Schema
+from rt_controller.model.path_kinematics import project
 
 PATH_STATES = ("ds_m", "ey_m", "epsi_rad")
 """the last states of the car's schema, which a recording with poses does not contain"""
-_LEAST_ANGLE = 1e-6
-"""below this, atan(z) / z is 1 in double precision"""
 
 
 class Anchor(NamedTuple):
@@ -48,23 +47,15 @@ class RoadPose(NamedTuple):
 def onto_road(pose: Array, anchor: Anchor) -> RoadPose:
     """Poses (N, T, 3), columns X_m, Y_m and yaw_rad, in the frames of the anchored roads.
 
-    Valid up to a quarter of the circle ahead.
+    Valid up to half of the circle ahead.
     """
     kappa, ey, epsi = (column[:, None] for column in anchor)
     moved = pose - pose[:, :1]
     turn = epsi - pose[:, :1, 2]
     along = np.cos(turn) * moved[..., 0] - np.sin(turn) * moved[..., 1]
     beside = np.sin(turn) * moved[..., 0] + np.cos(turn) * moved[..., 1] + ey
-
-    # The circle's centre is (0, 1/kappa); these forms stay exact as kappa goes to zero.
-    towards_centre = 1.0 - kappa * beside
-    radius_ratio = np.hypot(kappa * along, towards_centre)
-    lateral = (2.0 * beside - kappa * (along**2 + beside**2)) / (1.0 + radius_ratio)
-    z = kappa * along / towards_centre
-    is_small = np.abs(z) < _LEAST_ANGLE
-    arc_per_chord = np.where(is_small, 1.0, np.arctan(z) / np.where(is_small, 1.0, z))
-    s = along / towards_centre * arc_per_chord
-    return RoadPose(s, lateral, epsi + moved[..., 2] - kappa * s)
+    place = project(along, beside, kappa)
+    return RoadPose(place.s_m, place.ey_m, epsi + moved[..., 2] - place.turn_rad)
 
 
 class Recording(NamedTuple):

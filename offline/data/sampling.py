@@ -10,13 +10,15 @@ from torch import Tensor
 
 from offline.config import STEPS, TrainingConfig
 from offline.data.dataset import Dataset
-from offline.data.manifest import Roads
+from offline.data.manifest import PARTS, Roads
 from offline.data.recording import Anchor, Starts, cut, possible_starts
+from offline.data.roads import roads_near_car
 from offline.data.signals import (
     STANDARD_DEVIATIONS,
     Roles,
     Scaling,
     Trajectories,
+    has_exact_path,
     history_rows,
     mirror_signs,
     noise_matrix,
@@ -24,7 +26,10 @@ from offline.data.signals import (
 )
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
-from rt_controller.contract.signals import Schema
+from rt_controller.contract.signals import PATH_STATES, Schema
+
+VALIDATION_SEED = 40
+"""of the roads near the car in the validation part"""
 
 
 class Instants(NamedTuple):
@@ -133,9 +138,17 @@ class WindowSource:
     """
 
     def __init__(
-        self, dataset: Dataset, scaling: Scaling, past_steps: int, rare_share: float = 0.0
+        self,
+        dataset: Dataset,
+        scaling: Scaling,
+        past_steps: int,
+        rare_share: float = 0.0,
+        near_roads: float = 0.0,
     ) -> None:
-        """The share `rare_share` of the draws prefers windows with rare motion: `frequencies`."""
+        """The share `rare_share` of the draws prefers windows with rare motion: `frequencies`.
+
+        The share `near_roads` has roads near the car: `offline.data.roads`.
+        """
         self._dataset, self._scaling, self._past_steps = dataset, scaling, past_steps
         self._roads = dataset.manifest.roads
         self._starts = possible_starts(dataset.recording, dataset.episodes("train"), past_steps)
@@ -146,17 +159,40 @@ class WindowSource:
             )
         self._frequency = frequencies(rarity(dataset, scaling)[self._starts], rare_share)
         self._cumulative = np.cumsum(self._frequency / len(self._starts))
+        self._near_share, self._near_car = near_roads, roads_near_car(dataset)
 
     def draw(self, size: int, rng: torch.Generator) -> Batch:
         uniform = self._cumulative[-1] * torch.rand(size, generator=rng, dtype=torch.float64)
         chosen = np.searchsorted(self._cumulative, uniform.numpy(), side="right")
+        rows = self._starts[chosen]
         anchor = None if self._roads is None else _draw_roads(self._roads, size, rng)
-        starts = Starts(self._starts[chosen], np.zeros(size, dtype=np.int32), anchor)
+        if anchor is not None and self._near_car is not None:
+            is_near = torch.rand(size, generator=rng).numpy() < self._near_share
+            normal = torch.randn(size, generator=rng, dtype=torch.float64).numpy()
+            near = self._near_car.draw(rows, normal)
+            anchor = anchor._replace(
+                curvature_per_m=np.where(is_near, near, anchor.curvature_per_m)
+            )
+        starts = Starts(rows, np.zeros(size, dtype=np.int32), anchor)
         data = self._dataset
         windows = cut(data.recording, starts, data.schema, data.roles, past_steps=self._past_steps)
         batch = scale(windows, self._scaling, data.schema, data.roles, self._past_steps)
         weight = torch.from_numpy(1.0 / self._frequency[chosen]).float()
         return batch._replace(weight=weight[None, :, None])
+
+
+def validation_batch(dataset: Dataset, scaling: Scaling, config: TrainingConfig) -> Batch:
+    """The slices of the validation part; a share of them on roads near the car, as in training."""
+    chosen = dataset.part[dataset.slices.episode] == PARTS.index("validation")
+    starts, near_car = dataset.slices.take(chosen), roads_near_car(dataset)
+    if config.windows == "all" and starts.anchor is not None and near_car is not None:
+        rng, count = np.random.default_rng(VALIDATION_SEED), len(starts.row)
+        is_near = rng.random(count) < config.near_roads
+        near = near_car.draw(starts.row, rng.standard_normal(count))
+        curvature = np.where(is_near, near, starts.anchor.curvature_per_m)
+        starts = starts._replace(anchor=starts.anchor._replace(curvature_per_m=curvature))
+    windows = cut(dataset.recording, starts, dataset.schema, dataset.roles)
+    return scale(windows, scaling, dataset.schema, dataset.roles, config.history_steps)
 
 
 def rarity(dataset: Dataset, scaling: Scaling) -> Array:
@@ -214,10 +250,21 @@ class NoisySource:
     level drawn uniformly from 0 to `most`. The states that a prediction is compared with have none.
     """
 
-    def __init__(self, source: "Source", dataset: Dataset, scaling: Scaling, most: float) -> None:
+    def __init__(
+        self,
+        source: "Source",
+        dataset: Dataset,
+        scaling: Scaling,
+        most: float,
+        *,
+        on_path: bool = True,
+    ) -> None:
+        """Without `on_path` the place on the road has no noise: an exact path passes it on."""
         schema = dataset.schema
         heard = past_names(schema, dataset.roles)
         to_x = noise_matrix(schema.state_names, schema.dt_s) / scaling.x_scale
+        if not on_path:
+            to_x[:, PATH_STATES] = 0.0
         to_past = noise_matrix(heard, schema.dt_s) / scaling.past_scale
         self._source, self._most = source, most
         self._to_x, self._to_past = (
@@ -247,11 +294,14 @@ def open_source(config: TrainingConfig, dataset: Dataset, scaling: Scaling) -> S
     else:
         # The paper's terms have no weights.
         rare_share = config.rare_share if config.objective == "horizon" else 0.0
-        source = WindowSource(dataset, scaling, config.history_steps, rare_share)
+        source = WindowSource(dataset, scaling, config.history_steps, rare_share, config.near_roads)
     if config.mirror and dataset.roles.odd is not None:
         source = MirroringSource(source, dataset)
     is_noisy = config.noise and set(STANDARD_DEVIATIONS) & set(dataset.schema.state_names)
-    return NoisySource(source, dataset, scaling, config.noise) if is_noisy else source
+    if not is_noisy:
+        return source
+    on_path = not has_exact_path(config, dataset.schema)
+    return NoisySource(source, dataset, scaling, config.noise, on_path=on_path)
 
 
 def _draw_roads(roads: Roads, size: int, rng: torch.Generator) -> Anchor:

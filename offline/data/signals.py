@@ -12,11 +12,13 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from offline.config import TrainingConfig
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import DatasetError
 from rt_controller.contract.limits import INPUT_LIMITS
-from rt_controller.contract.signals import VEHICLE, InputColumn, Schema
+from rt_controller.contract.signals import PATH_STATES, VEHICLE, InputColumn, Schema
 from rt_controller.model.dynamics import Matrices
+from rt_controller.model.path_kinematics import MeanMotion
 from rt_controller.model.validation import DRIVABLE_HISTORY
 
 Array32 = NDArray[np.float32]
@@ -84,6 +86,11 @@ VEHICLE_ROLES = Roles(
     past=DRIVABLE_HISTORY,
 )
 """of the car in the Frenet frame; its history leaves out the position relative to the road"""
+
+
+def has_exact_path(config: TrainingConfig, schema: Schema) -> bool:
+    """True if the path of the model follows from its motion by the kinematics of the road."""
+    return config.separate_motion and config.path == "exact" and schema == VEHICLE
 
 
 def mirror_signs(names: tuple[str, ...], roles: Roles) -> Array:
@@ -155,12 +162,21 @@ class Scaling:
         if gains is not None:
             N, S = gains.N * s[:, None] / gains.factors(self.u_scale, self.w_scale), gains.S / s
             gains = gains._replace(N=N, S=S, s0=gains.s0 - S @ t)
+        means = scaled.means
+        if means is not None:
+            rows = means.S * s[: len(means.s0), None] / s
+            t_means = s[: len(means.s0)] * means.s0 + t[: len(means.s0)]
+            means = MeanMotion(rows, t_means - rows @ t)
+        c = t + s * scaled.c - A @ t
+        if means is not None:
+            c[PATH_STATES] = 0.0  # not predicted by A
         return Matrices(
             A,
             np.ascontiguousarray(scaled.B_uc * s[:, None] / self.u_scale),
             np.ascontiguousarray(scaled.B_uw * s[:, None] / self.w_scale),
-            t + s * scaled.c - A @ t,
+            c,
             gains,
+            means,
         )
 
 

@@ -10,8 +10,9 @@ follow from themselves and the inputs, while progress, lateral and heading error
 motion and the curvature. So psi = [x; latents of the motion; latents of the path; 1], and
 
 - the motion depends on the motion;
-- the latents of the path depend on the motion and on themselves;
-- e_psi integrates, e_y integrates, e_y also depends on e_psi, and nothing else on either.
+- an exact path follows from the mean motion of each period by kinematics (`offline.model.path`);
+- the latents of a learned path depend on the motion and on themselves; there e_psi integrates, e_y
+  integrates, e_y also depends on e_psi, and nothing else on either.
 
 The eigenvalues of the two integrators are then exactly 1, and those of all other observables are
 those of two blocks without integrators. Signals without a path have one block of all observables.
@@ -27,6 +28,7 @@ from offline.config import TrainingConfig
 from offline.data.sampling import Instants
 from offline.model.encoder import Encoder, MakeEncoder
 from offline.model.observables import Observables, Sizes, observables_of
+from offline.model.path import ExactPath, Units
 from offline.model.rollout import roll_out, roll_out_gains
 from rt_controller.model.dynamics import Shape
 from rt_controller.model.follow import Follow
@@ -89,10 +91,12 @@ class MdkNet(nn.Module):
         sizes: Sizes,
         signal_range: Tensor | None = None,
         encoder: MakeEncoder | None = None,
+        units: Units | None = None,
     ) -> None:
         """`signal_range` (2, m + p): lowest and highest inputs and exogenous signals; None: ±1.
 
-        `encoder` makes the module of each encoder; None: multilayer perceptrons.
+        `units` of the scaled states and of the curvature; None: not scaled. `encoder` makes the
+        module of each encoder; None: multilayer perceptrons.
         """
         super().__init__()
         self.sizes = sizes
@@ -101,9 +105,10 @@ class MdkNet(nn.Module):
             signal_range = torch.stack([-ones, ones])
         self.signal_range: Tensor
         self.register_buffer("signal_range", signal_range)
-        self.observables = observables_of(config, sizes.states, sizes.path)
+        self.observables = observables_of(config, sizes)
         self.has_constant = config.constant_observable
-        self.reads_exogenous = config.lift_exogenous
+        self.path = ExactPath(self.observables, units) if self.observables.is_path_exact else None
+        self.reads_exogenous = config.lift_exogenous and self.path is None
         self.history_steps = config.history_steps if sizes.remembered else 0
         self.follows = config.bilinear_follows if config.bilinear_rank else Follow.PREDICTION
         self.saturates = config.saturating_gains
@@ -152,6 +157,11 @@ class MdkNet(nn.Module):
 
         u is (K, batch, m) and w (K, batch, p). Paper: the predicted term of eq. (10).
         """
+        psi = self._roll_out(psi0, u, w)
+        return psi if self.path is None else self.path(psi0, psi, w)
+
+    def _roll_out(self, psi0: Tensor, u: Tensor, w: Tensor) -> Tensor:
+        """Lifted states; of an exact path without the path states."""
         A, B = self.operator()
         if self.follows is Follow.PREDICTION and len(self.S):
             S, N = self.gains()
@@ -243,7 +253,8 @@ class MdkNet(nn.Module):
         of_road = torch.zeros(columns, dtype=torch.bool)
         if known.path is not None:
             of_road[[sizes.inputs + i for i in sizes.road]] = True
-        self._add_mask("B_learned", ~(is_motion[:rows, None] & of_road))
+        is_predicted = known.is_predicted[:rows, None]
+        self._add_mask("B_learned", ~(is_motion[:rows, None] & of_road) & is_predicted)
         self.B_rows = nn.Parameter(INPUT_MATRIX_SPREAD * torch.randn(rows, columns))
         self._add_gains(rows)
 
@@ -262,7 +273,8 @@ class MdkNet(nn.Module):
         on_path_alone = torch.tensor([t.acts_on_path_alone for t in of_gain], dtype=torch.bool)
         by_path = torch.tensor([t.is_determined_by_path for t in of_gain], dtype=torch.bool)
         determines = torch.where(by_path[:, None], known.is_gain_of_path, known.is_motion)
-        self._add_mask("N_learned", ~(known.is_motion[:rows, None] & on_path_alone))
+        is_predicted = known.is_predicted[:rows, None]
+        self._add_mask("N_learned", ~(known.is_motion[:rows, None] & on_path_alone) & is_predicted)
         self._add_mask("S_learned", determines)
         self.N_rows = nn.Parameter(INPUT_MATRIX_SPREAD * torch.randn(rows, q))
         self.S = nn.Parameter(GAIN_SPREAD * torch.randn(q, known.n))
@@ -280,7 +292,8 @@ def terms_of(config: TrainingConfig, sizes: Sizes, known: Observables) -> tuple[
     """
     inputs, one = tuple(range(sizes.inputs)), sizes.inputs + sizes.exogenous
     road = tuple(sizes.inputs + signal for signal in sizes.road)
-    path_rank = config.path_rank if known.path is not None and config.bilinear_rank else 0
+    has_learned_path = known.path is not None and not known.is_path_exact
+    path_rank = config.path_rank if has_learned_path and config.bilinear_rank else 0
     shape = Shape.TANH if config.saturating_gains else Shape.LINEAR
     terms = (
         Term(shape, inputs * config.bilinear_rank),

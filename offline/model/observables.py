@@ -9,7 +9,7 @@ from torch import Tensor
 from offline.config import TrainingConfig
 from offline.data.recording import PATH_STATES
 from offline.data.signals import Roles, past_columns
-from rt_controller.contract.signals import Schema
+from rt_controller.contract.signals import VEHICLE, Schema
 
 SPEED = "vx_mps"
 ROAD_SIGNALS = ("curvature_per_m",)
@@ -42,6 +42,8 @@ class Observables(NamedTuple):
     """all learned latents if there is one block"""
     path_latents: int
     has_constant: bool
+    is_path_exact: bool = False
+    """True: the path follows from the motion by kinematics, and no row of A, B or N predicts it"""
 
     @property
     def n(self) -> int:
@@ -58,7 +60,7 @@ class Observables(NamedTuple):
 
     @property
     def is_gain_of_path(self) -> Tensor:
-        """(n,) True for what the effect of an input on the path may depend on."""
+        """(n,) True for what the effect of an input on a learned path may depend on."""
         found = self.is_motion
         found[self._path_latents] = True
         return found
@@ -75,6 +77,11 @@ class Observables(NamedTuple):
         path[: self.states] = False
         return [block for block in (motion.nonzero()[:, 0], path.nonzero()[:, 0]) if len(block)]
 
+    @property
+    def is_predicted(self) -> Tensor:
+        """(n,) True for what A, B and the gains predict."""
+        return self.is_motion if self.is_path_exact else torch.ones(self.n, dtype=torch.bool)
+
     def coupling(self) -> tuple[Tensor, Tensor]:
         """Which entries of A are learned, and those that are 1; (n, n), True or False."""
         one = torch.zeros(self.n, self.n, dtype=torch.bool)
@@ -82,6 +89,8 @@ class Observables(NamedTuple):
             return ~one, one
         motion, learned = self.is_motion, one.clone()
         learned[motion] = motion
+        if self.is_path_exact:
+            return learned, one
         learned[~motion] = self.is_gain_of_path
         _, ey, epsi = self.path
         learned[ey, epsi] = True
@@ -94,16 +103,22 @@ class Observables(NamedTuple):
         return slice(first, first + self.path_latents)
 
 
-def observables_of(config: TrainingConfig, states: int, path: PathColumns | None) -> Observables:
+def observables_of(config: TrainingConfig, sizes: "Sizes") -> Observables:
     """The observables of a model with this configuration.
 
     At most half of the learned latents describe the path.
     """
     learned = config.latents - int(config.constant_observable)
-    path = path if config.separate_motion else None
-    path_latents = min(config.path_latents, learned // 2) if path is not None else 0
+    path = sizes.path if config.separate_motion else None
+    is_exact = path is not None and config.path == "exact" and sizes.is_vehicle
+    path_latents = 0 if path is None or is_exact else min(config.path_latents, learned // 2)
     return Observables(
-        states, path, learned - path_latents, path_latents, config.constant_observable
+        sizes.states,
+        path,
+        learned - path_latents,
+        path_latents,
+        config.constant_observable,
+        is_exact,
     )
 
 
@@ -123,6 +138,8 @@ class Sizes:
     """exogenous signals that act on the path only"""
     speed: int | None = None
     """column of the longitudinal speed, which progress is nearly proportional to"""
+    is_vehicle: bool = False
+    """the signals are those of a car on a road, whose kinematics are known"""
 
 
 def sizes_of(schema: Schema, roles: Roles) -> Sizes:
@@ -137,4 +154,5 @@ def sizes_of(schema: Schema, roles: Roles) -> Sizes:
         path_columns(schema),
         tuple(i for i, name in enumerate(schema.exogenous_names) if name in ROAD_SIGNALS),
         schema.state_names.index(SPEED) if SPEED in schema.state_names else None,
+        schema == VEHICLE,
     )

@@ -29,7 +29,7 @@ class Optimizer:
 
     def __init__(self, model: nn.Module, config: TrainingConfig) -> None:
         named = dict(model.named_parameters())
-        operator = named.pop("A_rows", None)
+        operator = [named.pop(name) for name in ("A_rows", "path.change") if name in named]
         matrices = [each for each in named.values() if each.ndim == 2]
         vectors = [each for each in named.values() if each.ndim != 2]
         if config.optimizer == "adam":
@@ -41,8 +41,8 @@ class Optimizer:
                 torch.optim.Muon([group], weight_decay=0.0, adjust_lr_fn="match_rms_adamw")
             )
         groups: list[dict[str, Any]] = [{"params": vectors, SHARE: 1.0}]
-        if operator is not None:
-            groups.append({"params": [operator], SHARE: config.operator_rate})
+        if operator:
+            groups.append({"params": operator, SHARE: config.operator_rate})
         self._parts.append(torch.optim.Adam(groups))
         self.rate = config.learning_rate
 

@@ -16,6 +16,7 @@ from offline.model.encoder import MakeEncoder
 from offline.model.losses import Losses
 from offline.model.network import MdkNet
 from offline.model.observables import sizes_of
+from offline.model.path import units_of
 from offline.model.stability import spectral_radius
 from offline.training.optimizer import Optimizer
 from offline.training.run import Checkpoint, RunFolder, cut_history, load_checkpoint, load_weights
@@ -132,7 +133,8 @@ def initialise(
     found = signal_range(dataset.select("train"), dataset.schema)
     scaled = torch.from_numpy(found / np.concatenate([scaling.u_scale, scaling.w_scale]))
     sizes = sizes_of(dataset.schema, dataset.roles)
-    model = MdkNet(config, sizes, scaled.float(), encoder).to(device)
+    units = units_of(scaling) if sizes.is_vehicle else None
+    model = MdkNet(config, sizes, scaled.float(), encoder, units).to(device)
     rng = torch.Generator().manual_seed(config.seed)
     return TrainingState(model, Optimizer(model, config), rng)
 

@@ -9,7 +9,7 @@ from torch.nn.utils import clip_grad_norm_
 from offline.config import TrainingConfig
 from offline.data.dataset import Dataset
 from offline.data.manifest import PARTS
-from offline.data.sampling import open_source, scale
+from offline.data.sampling import open_source, validation_batch
 from offline.model.encoder import MakeEncoder
 from offline.model.losses import LossFunction, draw_times, evaluate, horizon_of_step, total_loss
 from offline.model.stability import spectral_radius
@@ -70,9 +70,7 @@ def train(
             )
     scaling = choose_scaling(dataset, first_model, resume_from)
     source = open_source(config, dataset, scaling)
-    validation_part = scale(
-        dataset.select("validation"), scaling, dataset.schema, dataset.roles, config.history_steps
-    )
+    validation_part = validation_batch(dataset, scaling, config)
     state = initialise(config, dataset, scaling, find_device(config.device), encoder)
     model, optimizer = state.model, state.optimizer
     if resume_from is not None:

@@ -141,7 +141,7 @@ UNNAMED_GEOMETRY = DEFAULT_GEOMETRY._replace(lock_rad=INPUT_LIMITS.upper.steer_r
 """for models of an unnamed car"""
 PLAN_TURN_MPS2 = 7.0
 """lateral acceleration up to which a plan may use a larger angle than 40 deg"""
-PLAN_STEER_RAD = radians(180.0)
+PLAN_STEER_RAD = radians(300.0)
 """largest angle of a plan, and of training data"""
 UNDERSTEER_RAD_PER_MPS2 = radians(1.43) / GRAVITY_MPS2
 """of the front wheels with compliance, per lateral acceleration: target of the default car"""

@@ -1,17 +1,19 @@
 """The model along a plan: the predicted states, and their derivatives by the inputs."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
-from rt_controller.contract.signals import N_INPUTS
+from rt_controller.contract.signals import N_INPUTS, PATH_STATES, StateColumn
 from rt_controller.control.pedals import WITH_PEDAL
 from rt_controller.control.terms import Knots
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.dynamics import Step
 from rt_controller.model.follow import Follow
+from rt_controller.model.path_kinematics import PathDerivatives, path_of
 
 ALL_INPUTS = slice(None)
 
@@ -37,6 +39,8 @@ class Linearisation:
     of which only W and W' depend on the plan.
 
     Gains that follow the first state or the free response do not depend on the inputs: then J = A.
+    Where the path follows from the motion by kinematics, its derivatives are further terms of the
+    same form, N W S, with weights from the predicted path.
 
     Paper: eq. (14), with the bilinear model that its conclusion names.
     """
@@ -46,7 +50,14 @@ class Linearisation:
         n, m, stages = bundle.n_observables, N_INPUTS, knots.horizon
         self._bundle, self._gains, self._knots = bundle, Step(bundle), knots
         gains, q = self._gains, self._gains.count
-        self.is_linear = q == 0
+        self._path: PathDerivatives | None = None
+        terms = _Terms(gains.S, gains.N, gains.factors)
+        if bundle.means is not None:
+            columns = {StateColumn.ey_m, StateColumn.epsi_rad, *tracked}
+            columns &= {*range(n)[PATH_STATES]}
+            self._path = PathDerivatives(bundle.means, sorted(columns))
+            terms = terms.with_path(self._path)
+        self.is_linear = len(terms.S) == 0
         self._follow = bundle.gains.follows if bundle.gains else Follow.PREDICTION
 
         # Nominal prediction: [a; psi; u; 1; t m - a o] of each stage.
@@ -63,13 +74,14 @@ class Linearisation:
         """[u; kappa; 1] of each stage"""
         self._multipliers = np.zeros((stages, q))
         a = self._prediction[:-1, :q]
-        self._t = a if gains.first_saturating == q else np.zeros((stages, q))
+        self._t = np.zeros((stages, len(terms.S)))
+        """what the inputs and the curvature are multiplied by in each term"""
         self._stages = [
             (
                 self._prediction[k, q:],
                 a[k],
-                self._t[k],
-                self._t[k, gains.first_saturating :],
+                self._t[k, :q],
+                self._t[k, gains.first_saturating : q],
                 self._multipliers[k],
                 self._prediction[k, q + n + m + 1 :],
                 self._prediction[k + 1, : q + n],
@@ -79,9 +91,9 @@ class Linearisation:
 
         variants = (ALL_INPUTS, *WITH_PEDAL.values())
         self._adjoints = {
-            used.indices(m): _Adjoint(bundle, gains, knots, tracked, used) for used in variants
+            used.indices(m): _Adjoint(bundle, terms, knots, tracked, used) for used in variants
         }
-        s, self._weights = len(tracked), np.zeros((stages, q))
+        s, self._weights = len(tracked), np.zeros(self._t.shape)
         self._interpolation_T = np.ascontiguousarray(knots.interpolation.T)
         self.by_inputs = np.zeros((knots.count, s, m, knots.count))
         """(K, s, 3, K), derivatives of the tracked states at each end by the inputs at the knots"""
@@ -113,9 +125,11 @@ class Linearisation:
         self._factors[:, :N_INPUTS], self._factors[:, N_INPUTS] = inputs, curvature_per_m
         np.take(self._factors, gains.factors, axis=1, out=self._multipliers, mode="clip")
         self._roll_out()
+        if self._path is not None:
+            self._follow_path(self._path, curvature_per_m)
         if self.is_linear:
             return
-        weights, t = self._weights, self._t
+        weights, t = self._weights[:, : gains.count], self._t[:, : gains.count]
         np.multiply(t, t, out=weights)
         np.subtract(1.0, weights, out=weights)
         weights[:, : gains.first_saturating] = 1.0
@@ -135,13 +149,21 @@ class Linearisation:
                 np.add(gains.S @ followed, gains.s0, out=a)
                 if self._follow is Follow.FREE_RESPONSE:
                     followed = self._bundle.A @ followed + self._offset
-            if t is not a:
-                t[:] = a
-                np.tanh(t_tanh, out=t_tanh)
+            t[:] = a
+            np.tanh(t_tanh, out=t_tanh)
             np.multiply(t, m, out=value)
             if saturations is not None:
                 np.subtract(value, a * saturations, out=value)
             np.dot(step_map, psi_u_1_forcing, out=following)
+
+    def _follow_path(self, derivatives: PathDerivatives, curvature_per_m: float) -> None:
+        """Predict the path of the predicted motion, and weight its terms."""
+        means, of_path = self._bundle.means, self.observables[:, PATH_STATES]
+        assert means is not None
+        moved = self.observables[:-1] @ means.S.T + means.s0
+        of_path[1:] = path_of(moved, curvature_per_m, of_path[0])
+        q = self._gains.count
+        self._weights[:, q:], self._t[:, q:] = derivatives.at(moved, curvature_per_m, of_path)
 
     def _derive(self, used: slice) -> None:
         knots, columns = self._knots, used
@@ -161,6 +183,25 @@ class Linearisation:
         self.by_inputs[:, :, used] = by_knot[..., :-1][..., columns].transpose(1, 2, 3, 0)
 
 
+class _Terms(NamedTuple):
+    """Those of J that vary, N W S, and of which input or the curvature each is a factor."""
+
+    S: Array
+    """(q, n)"""
+    N: Array
+    """(n, q)"""
+    factors: NDArray[np.int64]
+    """(q,) columns of [u; kappa; 1]"""
+
+    def with_path(self, path: PathDerivatives) -> "_Terms":
+        by_curvature = np.full(len(path.S), N_INPUTS)
+        return _Terms(
+            np.vstack([self.S, path.S]),
+            np.hstack([self.N, path.N]),
+            np.concatenate([self.factors, by_curvature]),
+        )
+
+
 class _Adjoint:
     """Derivatives of the tracked states at the ends of the intervals, without some inputs.
 
@@ -168,16 +209,16 @@ class _Adjoint:
     """
 
     def __init__(
-        self, bundle: Bundle, gains: Step, knots: Knots, tracked: Sequence[int], used: slice
+        self, bundle: Bundle, terms: _Terms, knots: Knots, tracked: Sequence[int], used: slice
     ) -> None:
         n, stages, unit, s = len(bundle.A), knots.horizon, knots.unit, len(tracked)
         columns = [*range(N_INPUTS)[used], N_INPUTS]
         m = len(columns)
         """of the inputs and the curvature"""
-        self._kept = np.flatnonzero(np.isin(gains.factors, [*columns, N_INPUTS + 1]))
-        A, S, N = bundle.A, gains.S[self._kept], gains.N[:, self._kept]
+        self._kept = np.flatnonzero(np.isin(terms.factors, [*columns, N_INPUTS + 1]))
+        A, S, N = bundle.A, terms.S[self._kept], terms.N[:, self._kept]
         self._q = q = len(S)
-        self._is_multiplied_by = np.eye(N_INPUTS + 2)[gains.factors[self._kept]][:, columns]
+        self._is_multiplied_by = np.eye(N_INPUTS + 2)[terms.factors[self._kept]][:, columns]
         self._t, self._weights = np.zeros((stages, q)), np.zeros((stages, q))
         forcing = np.hstack([N, bundle.B_uc[:, used], bundle.B_uw[:, :1]])
         maps = [A, forcing] if unit == 1 else [A @ A, A @ forcing, forcing]

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
+from rt_controller.contract.signals import PATH_STATES
 from rt_controller.model.follow import Follow
+from rt_controller.model.path_kinematics import MeanMotion, path_of
 
 
 class Shape(IntEnum):
@@ -77,6 +79,9 @@ class Matrices(NamedTuple):
     c: Array
     gains: Gains | None = None
     """None: the model is linear in psi"""
+    means: MeanMotion | None = None
+    """None: the model predicts the path as all other observables; otherwise the path follows from
+    these by kinematics, and the rows of the path states above are zero"""
 
 
 class Dynamics(Protocol):
@@ -92,6 +97,8 @@ class Dynamics(Protocol):
     def c(self) -> Array: ...
     @property
     def gains(self) -> Gains | None: ...
+    @property
+    def means(self) -> MeanMotion | None: ...
 
 
 class Step:
@@ -113,6 +120,7 @@ class Step:
         self.is_saturation: Array = np.asarray(gains.shape == Shape.SATURATION, dtype=np.float64)
         self.has_saturation = bool(self.is_saturation.any())
         self._by_psi = np.ascontiguousarray(np.vstack((model.A, self.S)).T)
+        self._means, self._curvature = model.means, m
         forcing = np.hstack((model.B_uc, model.B_uw, np.reshape(model.c, (n, 1))))
         self._by_inputs = np.hstack((forcing.T, np.zeros((m + p + 1, self.count))))
         self._by_inputs[-1, n:] = self.s0
@@ -123,6 +131,15 @@ class Step:
 
         The gains are those of the lifted states `followed` (..., n); None: of psi.
         """
+        following = self._linear_and_gains(psi, inputs, followed)
+        if self._means is not None:
+            means = psi @ self._means.S.T + self._means.s0
+            curvature = inputs[..., self._curvature, None]
+            path = path_of(means[..., None, :], curvature, psi[..., PATH_STATES])
+            following[..., PATH_STATES] = path[..., 0, :]
+        return following
+
+    def _linear_and_gains(self, psi: Array, inputs: Array, followed: Array | None) -> Array:
         mapped: Array = psi @ self._by_psi + inputs @ self._by_inputs
         if self.count == 0:
             return mapped

@@ -7,7 +7,7 @@ import numpy as np
 
 from rt_controller.contract.car import car_of
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.signals import VEHICLE
+from rt_controller.contract.signals import PATH_STATES, VEHICLE
 from rt_controller.model.bundle import Bundle
 from rt_controller.model.dynamics import Shape, no_gains
 
@@ -65,6 +65,7 @@ def require_fitting_parts(bundle: Bundle, path: Path | str) -> None:
         ),
         ("gains", gains, ((n, q), (q, n), (q,), (q,), (q,))),
         ("plan", bundle.plans, ((T, n_x), (T,), (T, 6), (T, m), (T, N, m))),
+        ("means", bundle.means, ((3, n), (3,))),
     )
     for kind, part, shapes in parts:
         if part is not None:
@@ -88,6 +89,21 @@ def require_fitting_parts(bundle: Bundle, path: Path | str) -> None:
         f"{m + p} in gains_factor where gains_shape is {Shape.SATURATION}",
         gains.factor,
     )
+    if bundle.means is not None:
+        columns = [*range(n)[PATH_STATES]]
+        refuse_unless(
+            schema.states == VEHICLE.states and schema.exogenous == VEHICLE.exogenous,
+            "the states of a car on a road of one curvature where the path follows from the motion",
+            f"{schema.state_names} and {schema.exogenous_names}",
+        )
+        forcing = np.hstack([bundle.B_uc, bundle.B_uw, bundle.c[:, None], gains.N])
+        reads_path = np.vstack([bundle.A, gains.S, bundle.means.S])[:, columns]
+        refuse_unless(
+            not (bundle.A[columns].any() or forcing[columns].any() or reads_path.any()),
+            "zeros for the path states in A, B_uc, B_uw, c and the gains, where the path follows "
+            "from the motion",
+            "others",
+        )
     refuse_unless(
         n >= n_x and 1 <= b <= MOST_INSTANTS,
         f"at least {n_x} observables and 1 to {MOST_INSTANTS} self-test instants",

@@ -22,6 +22,7 @@ VARIANTS = {
     "drift": {"drift": 2},
     "bilinear with drift": {"rank": 1, "drift": 2},
     "saturating with drift": {"rank": 3, "saturates": True, "drift": 2},
+    "exact path": {"rank": 3, "saturates": True, "drift": 2, "has_exact_path": True},
 }
 
 

@@ -26,7 +26,7 @@ from rt_controller.contract.signals import VEHICLE
 pytestmark = pytest.mark.usefixtures("double_precision")
 SIZES = sizes_of(VEHICLE, VEHICLE_ROLES)
 SMALL = {"hidden": (8,), "latents": 7, "path_latents": 2, "path_hidden": (6,), "history_steps": 2}
-RANKS = {"bilinear_rank": 2, "path_rank": 1, "drift_rank": 2}
+RANKS = {"bilinear_rank": 2, "path_rank": 1, "drift_rank": 2, "path": "learned"}
 WIDE = torch.tensor([[0.0, 0.0, -2.0, -1.5], [3.0, 2.5, 2.0, 1.5]])
 
 

@@ -4,6 +4,7 @@ import torch
 from torch import Tensor
 
 from offline.model.network import MdkNet
+from rt_controller.contract.timing import PERIOD_S
 from rt_controller.model.dynamics import Shape
 from rt_controller.model.follow import Follow
 
@@ -32,10 +33,29 @@ def roll_out(model: MdkNet, psi0: Tensor, u: Tensor, w: Tensor) -> Tensor:
     psi = followed = psi0
     states = []
     for k in range(len(u)):
-        psi = step(model, psi, followed, u[k], w[k])
+        following = step(model, psi, followed, u[k], w[k])
+        psi = following if model.path is None else with_path(model, psi, following, w[k, 0])
         states.append(psi)
         if model.follows is Follow.PREDICTION:
             followed = psi
         elif model.follows is Follow.FREE_RESPONSE:
             followed = A @ followed + B[:, model.sizes.inputs :] @ w[k]
     return torch.stack(states)
+
+
+def with_path(model: MdkNet, before: Tensor, following: Tensor, curvature: Tensor) -> Tensor:
+    """The lifted state (n,) after a step, with progress, e_y and e_psi of a car on a circle.
+
+    The car is moved on a plane whose x axis touches the road, and projected onto the circle.
+    """
+    vx, vy, yaw_rate = model.path.rows() @ before
+    _, ey, epsi = before[3:6]
+    turned = epsi + PERIOD_S * yaw_rate
+    middle = epsi + 0.5 * PERIOD_S * yaw_rate
+    x = PERIOD_S * (vx * middle.cos() - vy * middle.sin())
+    y = ey + PERIOD_S * (vx * middle.sin() + vy * middle.cos())
+    radius = 1.0 / curvature
+    turn = torch.atan2(curvature * x, 1.0 - curvature * y)
+    distance = torch.sqrt(x**2 + (radius - y) ** 2)
+    path = [turn * radius, radius - radius.sign() * distance, turned - turn]
+    return torch.cat([following[:3], torch.stack(path), following[6:]])
