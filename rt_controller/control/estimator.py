@@ -21,7 +21,7 @@ STEPS = 10
 MOTION_GAIN = 0.12
 """share of what a prediction did not explain of v_y and yaw rate that becomes disturbance in one
 period; the faster, the sooner a model that is wrong about the gain of its steering oscillates"""
-SPEED_GAIN, PLACE_GAIN = 0.01, 0.04
+SPEED_GAIN, PLACE_GAIN = 0.03, 0.04
 """the same of v_x, and of e_y and e_psi"""
 KEPT = np.array(VehicleState(1.0, 0.95, 0.95, 0.0, 1.0, 1.0))
 """share of a deviation of each state that is left after one period: lateral motion is damped"""
