@@ -138,7 +138,10 @@ class Objective:
         np.subtract(self._outputs.reshape(-1), constant, out=constant)
         constant -= v @ gamma
         if self._vx is not None:
-            steer, last = slice(InputColumn.steer_rad, None, N_INPUTS), self._vx - self._by_psi.shape[1]
+            steer, last = (
+                slice(InputColumn.steer_rad, None, N_INPUTS),
+                self._vx - self._by_psi.shape[1],
+            )
             self._steered_mps = float(v[steer] @ gamma[steer, last])
         constant -= curvature * self._by_curvature.reshape(-1)
         np.multiply(gamma, self._weights, out=self._gamma_q)
