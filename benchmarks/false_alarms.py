@@ -41,6 +41,7 @@ from rt_controller.simulation import drive_in_lockstep
 from rt_controller.terminal.command_line import run_command
 from sim_bridge.scenario import shipped_scenarios
 
+_NO_ALARM = (Reaction.REPORT, Reaction.REFUSE)
 OFF_PATH_M = next(c.threshold for c in CHECKS if c.quantity is Quantity.TRACKING_M)
 """from there on TRACKING_LOST is true"""
 ZERO_EVENTS_95, PER_EVENT_95 = 3.0, 2.0
@@ -172,7 +173,7 @@ def measure(condition: Condition, model: str | None) -> DriveResult:
             return
         np.maximum(largest, supervisor.values, out=largest)
         if {tick.estimate.alarm, tick.estimate.rejection} != {StopCause.NONE}:
-            failing = (c.name for c in supervisor.failing if c.reaction is not Reaction.REFUSE)
+            failing = (c.name for c in supervisor.failing if c.reaction not in _NO_ALARM)
             failed.update(failing)
 
     drive = _drive(condition, model, after_tick=note)
@@ -215,7 +216,7 @@ def figures_of(found: Sequence[DriveResult]) -> dict[str, Any]:
     hours, rows = max(_driven_s(found) / 3600.0, 1e-9), []
     sound = [each for each in found if not each.has_lost_path]
     for check in CHECKS:
-        if check.reaction is Reaction.REFUSE:
+        if check.reaction in _NO_ALARM:
             continue
         quantity = check.quantity.name.lower()
         largest = max((each.largest[quantity] for each in sound), default=0.0)

@@ -19,7 +19,7 @@ from rt_controller.bus.messages import (
 from rt_controller.bus.receive import Inbox
 from rt_controller.bus.send import DiscardBus, Outbox
 from rt_controller.contract.car import DEFAULT_CAR, Car
-from rt_controller.contract.faults import NO_FAULT, Fault, StopCause
+from rt_controller.contract.faults import Fault, StopCause
 from rt_controller.contract.signals import NEUTRAL_INPUT, ControlInput, Mode
 from rt_controller.contract.timing import IDENT_PERIOD_TICKS
 from rt_controller.control.input_planner import InputPlanner, PlannedInput
@@ -302,7 +302,8 @@ class ControlStep:
         is_mismatch = tick.bus_fault is StopCause.PEER_MISMATCH
         is_bus_faulty |= tick.bus_fault is not StopCause.NONE and not is_mismatch
         is_bus_faulty |= self._receiver.bus_state.is_disturbed
-        alarm, rejection, faults = tick.estimate.alarm, tick.estimate.rejection, NO_FAULT
+        alarm, rejection = tick.estimate.alarm, tick.estimate.rejection
+        faults = tick.estimate.report
         for is_set, fault in (
             (alarm is not StopCause.NONE, alarm.fault),
             (rejection is not StopCause.NONE, rejection.fault),

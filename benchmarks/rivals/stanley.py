@@ -138,12 +138,12 @@ class Stanley:
         """Throttle and brake for the acceleration of the path and the error of the speed."""
         gains, car = self._gains, self._bicycle.parameters
         error_mps = path.v_mps - speed_mps
-        self._pedals.update(-error_mps, path.a_mps2)
         if abs(error_mps) < _INTEGRATED_MPS:
             changed = self._speed_integral_mps2 + gains.speed_integral_per_s2 * PERIOD_S * error_mps
             self._speed_integral_mps2 = min(max(changed, -_MOST_INTEGRAL_MPS2), _MOST_INTEGRAL_MPS2)
         wanted = path.a_mps2 + gains.speed_per_s * error_mps + self._speed_integral_mps2
         wanted += car.rolling_mps2 + car.drag_per_m * speed_mps**2
+        self._pedals.update(wanted)
         if self._pedals.pedal is Pedal.BRAKE:
             return 0.0, min(max(-wanted / car.brake_mps2_per_n, 0.0), INPUT_LIMITS.upper.brake_n)
         return car.throttle_for(wanted / float(car.full_throttle_mps2(speed_mps))), 0.0

@@ -159,6 +159,7 @@ THRESHOLDS = (
     "throttle",
     "brake_n",
     "tracking_m",
+    "speed_mps",
     "path_step_m",
     "path_drift_m",
     "path_frozen_m",

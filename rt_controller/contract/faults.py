@@ -20,6 +20,7 @@ class Fault(IntFlag):
     PATH_IMPLAUSIBLE = 2048
     ACTUATOR_MISMATCH = 4096
     NOT_ENGAGED = 8192
+    SPEED_NOT_FOLLOWED = 16384
 
 
 NO_FAULT = Fault(0)
@@ -127,3 +128,8 @@ class StopCause(StrEnum):
         "the car is outside of the window in which the controller may begin to drive",
         Fault.NOT_ENGAGED,
     )
+    SPEED_NOT_FOLLOWED = (
+        "the speed is far from the wanted one for seconds",
+        Fault.SPEED_NOT_FOLLOWED,
+    )
+    """of a report: nothing stops for it"""

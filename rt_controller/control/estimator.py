@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.kinematics import heading_change_rad, lateral_change_along_m
+from rt_controller.contract.limits import INPUT_LIMITS
 from rt_controller.contract.signals import (
     N_INPUTS,
     N_STATES,
@@ -21,8 +22,12 @@ STEPS = 10
 MOTION_GAIN = 0.12
 """share of what a prediction did not explain of v_y and yaw rate that becomes disturbance in one
 period; the faster, the sooner a model that is wrong about the gain of its steering oscillates"""
-SPEED_GAIN, PLACE_GAIN = 0.01, 0.04
+SPEED_GAIN, PLACE_GAIN = 0.03, 0.04
 """the same of v_x, and of e_y and e_psi"""
+MOVED = 0.03
+"""share of its range that a pedal is from its average; more, and the error of v_x is that of its
+engine or brake, not of a grade: learned from, it makes the pedal of a car oscillate whose engine is
+not that of the model"""
 KEPT = np.array(VehicleState(1.0, 0.95, 0.95, 0.0, 1.0, 1.0))
 """share of a deviation of each state that is left after one period: lateral motion is damped"""
 LARGEST_DISTURBANCE = np.array(VehicleState(0.1, 0.1, 0.05, 0.0, 0.01, 0.005))
@@ -103,6 +108,8 @@ class Estimator:
         self._psi = np.zeros((STEPS, bundle.n_observables))
         self._inputs = np.ones(N_INPUTS + 2)
         """inputs, curvature, and 1"""
+        self._pedals = 0.0
+        """throttle less brake, of their ranges, averaged over about ten periods"""
         self._newest = 0
         self._begun = 0
         """roll-outs in a row without a gap between them"""
@@ -166,11 +173,16 @@ class Estimator:
         `applied` acts in it. If a roll-out has begun ten periods ago, its error changes the
         disturbance.
         """
+        pedals = applied.throttle - applied.brake_n / INPUT_LIMITS.upper.brake_n
+        self._pedals += (pedals - self._pedals) / STEPS
+        steady = 1.0 / (1.0 + ((pedals - self._pedals) / MOVED) ** 2)
         oldest = (self._newest + 1) % STEPS
         if self._begun >= STEPS:
             error = psi[:N_STATES] - self._psi[oldest, :N_STATES]
             found = self._response.cause(STEPS, error, float(psi[StateColumn.vx_mps]))
-            self.disturbance += self._low_pass * (found - self.disturbance)
+            change = self._low_pass * (found - self.disturbance)
+            change[StateColumn.vx_mps] *= steady
+            self.disturbance += change
             np.clip(
                 self.disturbance, -LARGEST_DISTURBANCE, LARGEST_DISTURBANCE, out=self.disturbance
             )

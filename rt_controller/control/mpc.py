@@ -116,9 +116,12 @@ class Mpc:
         )
         parameters.reference -= self._deviations(self._knots)
         parameters.reference[:, StateColumn.ey_m] -= self._integrate(state.ey_m - path.c0_m)
-        self._pedals.update(state.vx_mps - path.v_mps, path.a_mps2)
         if not self._is_prepared:
             self._update_matrices()
+        pedal = self._pedals.pedal
+        self._pedals.update(self._qp.needed_mps2(pedal))
+        if not self._is_prepared and self._pedals.pedal is not pedal:
+            self._update_matrices()  # with the columns of the other pedal
         self._qp.update_vectors(self._pedals)
         begun_ns = time.perf_counter_ns()
         status = self._solver.solve()

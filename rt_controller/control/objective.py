@@ -4,7 +4,7 @@ import numpy as np
 
 from rt_controller.contract.arrays import Array
 from rt_controller.contract.errors import ArtifactError
-from rt_controller.contract.signals import N_INPUTS, N_STATES, StateColumn
+from rt_controller.contract.signals import N_INPUTS, N_STATES, InputColumn, StateColumn
 from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.linearisation import Linearisation
 from rt_controller.control.terms import Knots, TrackingCost
@@ -68,6 +68,10 @@ class Objective:
         if self._has_course:
             self._columns.remove(epsi)
         self._ey = self._columns.index(ey)
+        vx = StateColumn.vx_mps
+        self._vx = self._columns.index(vx) if vx in self._columns else None
+        self._steered_mps = 0.0
+        """what the nominal steering adds to the last v_x"""
         # A state counts for all periods of its interval.
         weights = knots.intervals[:, None] * stage[[*self._columns, *[epsi] * self._has_course]]
         weights[-1] *= cost.terminal_factor
@@ -133,8 +137,24 @@ class Objective:
         np.dot(self._by_psi.reshape(len(constant), -1), parameters.psi, out=constant)
         np.subtract(self._outputs.reshape(-1), constant, out=constant)
         constant -= v @ gamma
+        if self._vx is not None:
+            steer, last = (
+                slice(InputColumn.steer_rad, None, N_INPUTS),
+                self._vx - self._by_psi.shape[1],
+            )
+            self._steered_mps = float(v[steer] @ gamma[steer, last])
         constant -= curvature * self._by_curvature.reshape(-1)
         np.multiply(gamma, self._weights, out=self._gamma_q)
+
+    def released_speed_error_mps(self, parameters: QpParameters) -> float:
+        """v_x less its reference at the end of the horizon, steered as nominal with both pedals
+        released; 0 if the speed has no weight. With the maps of the last `update_matrices`."""
+        if self._vx is None:
+            return 0.0
+        speed_mps = float(self._by_psi[-1, self._vx] @ parameters.psi) + self._steered_mps
+        speed_mps += float(self._constant[self._vx - self._by_psi.shape[1]])
+        speed_mps += parameters.curvature_per_m * float(self._by_curvature[-1, self._vx])
+        return speed_mps - float(parameters.reference[-1, StateColumn.vx_mps])
 
     def update_vectors(self, parameters: QpParameters) -> None:
         """Update the gradient, with the maps of the last `update_matrices`."""

@@ -26,12 +26,8 @@ class Pedal(IntEnum):
 
 WITH_PEDAL = {p: slice(p, InputColumn.steer_rad + 1, InputColumn.steer_rad - p) for p in Pedal}
 """columns of one pedal and the steering"""
-BRAKE_ABOVE_MPS = 1.0
-"""speed error that engine drag alone does not remove"""
-THROTTLE_BELOW_MPS = 0.2
-BRAKE_BELOW_MPS2 = -0.6
-"""reference deceleration stronger than that of a closed throttle"""
-THROTTLE_ABOVE_MPS2 = -0.3
+CHANGE_MPS2 = 0.15
+"""acceleration beyond that of released pedals for which the other pedal is taken: the hysteresis"""
 
 _CHANGE_TICKS = round(PEDAL_CHANGE_S / PERIOD_S)
 
@@ -43,15 +39,16 @@ class PedalChoice:
         self.pedal = Pedal.THROTTLE
         self.ticks_until_pressed = 0
 
-    def update(self, speed_error_mps: float, reference_mps2: float) -> None:
-        """Choose for this period; `speed_error_mps` is the speed minus its reference."""
+    def update(self, needed_mps2: float) -> None:
+        """Choose for this period.
+
+        `needed_mps2`: wanted acceleration less that of the car with both pedals released.
+        """
         if self.ticks_until_pressed > 0:
             self.ticks_until_pressed -= 1
-        brake = speed_error_mps > BRAKE_ABOVE_MPS or reference_mps2 < BRAKE_BELOW_MPS2
-        throttle = speed_error_mps < THROTTLE_BELOW_MPS and reference_mps2 > THROTTLE_ABOVE_MPS2
-        if self.pedal is Pedal.THROTTLE and brake:
+        if self.pedal is Pedal.THROTTLE and needed_mps2 < -CHANGE_MPS2:
             self._change_to(Pedal.BRAKE)
-        elif self.pedal is Pedal.BRAKE and throttle:
+        elif self.pedal is Pedal.BRAKE and needed_mps2 > CHANGE_MPS2:
             self._change_to(Pedal.THROTTLE)
 
     def resume(self, previous: ControlInput) -> None:

@@ -7,12 +7,16 @@ import numpy as np
 from rt_controller.contract.car import DEFAULT_CAR
 from rt_controller.contract.errors import ArtifactError
 from rt_controller.contract.signals import N_INPUTS, InputColumn
+from rt_controller.contract.timing import PERIOD_S
 from rt_controller.control.linearisation import ALL_INPUTS
 from rt_controller.control.objective import Objective, QpParameters, require_convex
-from rt_controller.control.pedals import PedalChoice, limit_pedals
+from rt_controller.control.pedals import Pedal, PedalChoice, limit_pedals
 from rt_controller.control.program import QuadraticProgram
 from rt_controller.control.terms import Corridor, TrackingCost, bound_inputs, place_knots
 from rt_controller.model.bundle import Bundle
+
+RELEASED = 0.15
+"""share of the range of a pedal below which it is released"""
 
 
 class CondensedQp:
@@ -95,6 +99,19 @@ class CondensedQp:
         if self._corridor is not None:
             program.P[:nv, :nv] = objective.H
             program.G[nv:, :nv] = objective.ey_response
+
+    def needed_mps2(self, pedal: Pedal) -> float:
+        """Mean acceleration over the horizon that released pedals do not give, after matrices.
+
+        It leads the speed to its reference at the end of the horizon. 0 if the nominal plan
+        presses `pedal` at its end: then this pedal gives what is needed, and the linearisation
+        along the plan does not tell what an engine does whose throttle is closed.
+        """
+        parameters = self.parameters
+        if parameters.nominal_knots[-1, pedal] > RELEASED * self._range[pedal]:
+            return 0.0
+        horizon_s = PERIOD_S * self.knots.horizon
+        return -self.objective.released_speed_error_mps(parameters) / horizon_s
 
     def update_vectors(self, pedals: PedalChoice) -> None:
         """Update q and the bounds of `program` for the present parameters."""

@@ -47,6 +47,8 @@ class Quantity(IntEnum):
     BRAKE_N = auto()
     TRACKING_M = auto()
     """|e_y - c0|"""
+    SPEED_MPS = auto()
+    """|v_x - wanted speed|"""
     PATH_STEP_M = auto()
     """|c0 - the value that the path before had at this place|"""
     PATH_DRIFT_M = auto()
@@ -73,6 +75,7 @@ class Reaction(Enum):
     REJECT_STATE = "the state is not used: the plan is held for two ticks, then the car is stopped"
     REJECT_PATH = "the path is not used: the plan is held for two ticks, then the car is stopped"
     STOP = "the car is stopped"
+    REPORT = "a bit of the heartbeat; the drive goes on"
     REFUSE = "the controller does not begin to drive"
 
 
@@ -152,6 +155,7 @@ CHECKS: tuple[Check, ...] = (
     Check("throttle feedback", _Q.THROTTLE, 0.08, _ticks(0.075), _R.STOP, _C.THROTTLE_MISMATCH),
     Check("brake feedback", _Q.BRAKE_N, 10.0, _ticks(0.075), _R.STOP, _C.BRAKE_MISMATCH),
     Check("tracking", _Q.TRACKING_M, 0.9, _ticks(0.2), _R.STOP, _C.TRACKING_LOST),
+    Check("speed", _Q.SPEED_MPS, 2.0, _ticks(3.0), _R.REPORT, _C.SPEED_NOT_FOLLOWED),
     Check("path step", _Q.PATH_STEP_M, 0.55, 1, _R.REJECT_PATH, _C.PATH_JUMP),
     Check("path drift", _Q.PATH_DRIFT_M, 0.25, 1, _R.STOP, _C.PATH_INCONSISTENT),
     Check("path frozen", _Q.PATH_FROZEN_M, 0.04, _ticks(0.075), _R.STOP, _C.PATH_INCONSISTENT),

@@ -36,8 +36,10 @@ from rt_controller.safety.tick import Estimate, Tick
 _NOT_COMPUTED = [NOT_COMPUTED] * len(Quantity)
 _OF_STATE = range(Quantity.PROGRESS_STEP_M, Quantity.FROZEN_TICKS + 1)
 _OF_CAR = range(Quantity.STEERING_RAD, Quantity.TRACKING_M + 1)
+_OF_REPORT = range(Quantity.SPEED_MPS, Quantity.SPEED_MPS + 1)
 _OF_PATH = range(Quantity.PATH_STEP_M, Quantity.PATH_LATERAL_MPS2 + 1)
 _OF_ENGAGEMENT = range(Quantity.PATH_LATERAL_MPS2, Quantity.ENGAGE_EPSI_RAD + 1)
+_GROUPS = (_OF_STATE, _OF_CAR, _OF_REPORT, _OF_PATH, _OF_ENGAGEMENT)
 MAX_REJECTIONS, REJECTION_DECAY_PER_TICK = 4.0, 0.1
 """a state or path that is rejected more often, in a row or not, stops the car"""
 
@@ -58,7 +60,7 @@ class Supervisor:
         self.checks = checks
         self.values = list(_NOT_COMPUTED)
         """of this tick, by `Quantity`; overwritten by the next"""
-        self._windows = Windows(self.values, checks, (_OF_STATE, _OF_CAR, _OF_PATH, _OF_ENGAGEMENT))
+        self._windows = Windows(self.values, checks, _GROUPS)
         self.failing = self._windows.failed
         """checks of this tick; overwritten by the next"""
         self._car = car or StoppingCar()
@@ -106,7 +108,11 @@ class Supervisor:
             self._rejections += 1.0
             if self._rejections > MAX_REJECTIONS and alarm is StopCause.NONE:
                 alarm = rejection
-        return self._estimate(tick, state, failed_state, failed_path, alarm, rejection)
+        estimate = self._estimate(tick, state, failed_state, failed_path, alarm, rejection)
+        if estimate.path is not None and not tick.is_stopping:
+            self.values[Quantity.SPEED_MPS] = abs(state.vx_mps - estimate.path.v_mps)
+        reported = self._windows.failing(_OF_REPORT)
+        return estimate._replace(report=reported[0].cause.fault) if reported else estimate
 
     def note(self, control: ControlInput, psi: Array | None) -> None:
         """After the tick: what was sent, and the lifted state (n,) that the model starts from."""

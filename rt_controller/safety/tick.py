@@ -34,6 +34,8 @@ class Estimate(NamedTuple):
     """what stops the car"""
     rejection: StopCause = StopCause.NONE
     """why state or path of this tick are not used, or why the drive does not begin"""
+    report: Fault = NO_FAULT
+    """bits of the heartbeat for which nothing stops"""
 
 
 NO_ESTIMATE = Estimate()

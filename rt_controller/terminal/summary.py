@@ -113,7 +113,10 @@ def verdict(session: ControllerSession, car: LateralError | None = None, braking
     within = f"{peak_m:.1f} m" if peak_m >= 1.0 else f"{max(ceil(100 * peak_m), 1)} cm"
     was = "step was" if deadlines.deadline_misses == 1 else "steps were"
     late = f"{deadlines.deadline_misses} {was} late"
-    text = f"The car followed its path within {within}; "
+    text = f"The car followed its path within {within}"
+    if record.ticks_by_fault[Fault.SPEED_NOT_FOLLOWED]:
+        text += f", but not its speed (up to {errors.vx_peak_mps:.1f} m/s off)"
+    text += "; "
     text += late if deadlines.deadline_misses else "no step was late"
     if record.ending is Ending.STOPPED:
         text += "; it was stopped on request"

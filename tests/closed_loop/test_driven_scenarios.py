@@ -57,6 +57,35 @@ def test_a_scenario_built_in_python_is_driven_and_judged(lti):
     assert driven.car_figures[0].is_kept
 
 
+def test_slowing_gently_into_a_climb_the_throttle_holds_the_speed():
+    content = {
+        "format": 2, "name": "uphill", "duration_s": 11.0,
+        "road": {"grade_percent": {"s_m": [20.0, 120.0], "value": [-6.0, 10.0]}},
+        "reference": {"speed_kmh": {"s_m": [0.0, 150.0, 300.0], "value": [80.0, 65.0, 65.0]}},
+    }  # fmt: skip
+    driven = simulate(parse_scenario(content, "uphill"), model="mdk-net")
+    assert driven.errors.vx_peak_mps < 0.5
+    pressed = np.sign(driven["throttle"] - driven["brake_n"])
+    assert np.count_nonzero(np.diff(pressed[pressed != 0.0])) <= 2
+
+
+def test_a_speed_that_the_engine_cannot_reach_is_reported_and_in_the_verdict(
+    tmp_path, monkeypatch, capsys
+):
+    summary, scenario = tmp_path / "drive.json", tmp_path / "steep.toml"
+    scenario.write_text(
+        'format = 2\nname = "steep"\nduration_s = 7.0\nroad.grade_percent = 20.0\n'
+        "reference.speed_kmh = { s_m = [0.0, 100.0], value = [90.0, 130.0] }\n"
+    )
+    options = "--bus virtual --pace lockstep --quiet --model mdk-net"
+    files = ("--json", str(summary), "--scenario", str(scenario))
+    monkeypatch.setattr("sys.argv", ["rt-controller", *options.split(), *files])
+    with pytest.raises(SystemExit):
+        cli.main()
+    assert set(json.loads(summary.read_text())["ticks_by_fault"]) == {"SPEED_NOT_FOLLOWED"}
+    assert "but not its speed" in capsys.readouterr().out
+
+
 def test_a_missed_limit_is_an_exit_code_of_the_program(tmp_path, monkeypatch):
     summary, scenario = tmp_path / "drive.json", tmp_path / "off.toml"
     scenario.write_text(

@@ -89,6 +89,13 @@ STOP = driving(0.1, mode=Mode.SAFE_STOP, cause=StopCause.SOLVER_FAILED)
             "The car followed its path within 4 cm; no step was late; it was released at 72 km/h.",
         ),
         (
+            [driving(0.034, faults=Fault.SPEED_NOT_FOLLOWED, path=LANE._replace(v_mps=27.2))],
+            Ending.MISSION_OVER,
+            "",
+            "The car followed its path within 4 cm, but not its speed (up to 7.2 m/s off); no step "
+            "was late; it was released at 72 km/h.",
+        ),
+        (
             [driving(1.26, speed_mps=0.0)],
             Ending.STOPPED,
             "it slid",

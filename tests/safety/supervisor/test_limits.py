@@ -3,10 +3,20 @@
 from dataclasses import replace
 
 import pytest
-from kinematic_car import STRAIGHT, WatchedCar, driven, growing, nothing, only, shifted, undisturbed
+from kinematic_car import (
+    STRAIGHT,
+    WatchedCar,
+    driven,
+    growing,
+    nothing,
+    only,
+    replaced,
+    shifted,
+    undisturbed,
+)
 
 from rt_controller.contract.car import DEFAULT_CAR
-from rt_controller.contract.faults import StopCause
+from rt_controller.contract.faults import NO_FAULT, Fault, StopCause
 from rt_controller.safety import supervisor
 from rt_controller.safety.checks import CHECKS, Quantity, Reaction, checks_of
 from rt_controller.safety.tick import Estimate
@@ -153,7 +163,7 @@ def test_a_stronger_brake_may_differ_by_less_and_a_weaker_one_by_no_more(brake_m
 
 
 def test_each_quantity_is_judged_once_in_a_tick():
-    driven = [*supervisor._OF_STATE, *supervisor._OF_CAR, *supervisor._OF_PATH]
+    driven = [i for group in supervisor._GROUPS[:4] for i in group]
     assert driven == list(range(Quantity.ENGAGE_EY_M))
     at_start = [*Quantity][Quantity.PATH_LATERAL_MPS2 :]
     assert list(supervisor._OF_ENGAGEMENT) == at_start
@@ -179,3 +189,24 @@ def test_an_old_state_stops_the_car_in_the_tick_in_which_it_is_found():
     car.disturb = lambda received: replace(received, state=next(old))
     car.tick()
     assert car.tick().alarm is StopCause.STATE_OLD
+
+
+@pytest.mark.parametrize(("vx_mps", "is_far"), [(22.1, True), (22.0, False), (17.9, True)])
+def test_a_speed_far_from_the_wanted_one_for_three_seconds_is_reported_and_stops_nothing(
+    vx_mps, is_far
+):
+    def without_path(received):
+        return replace(replaced(vx_mps=vx_mps)(received), path=None)
+
+    reported = Fault.SPEED_NOT_FOLLOWED if is_far else NO_FAULT
+    car = driven(5, only(Quantity.SPEED_MPS), disturb=replaced(vx_mps=20.0))
+    for _ in range(2):  # it counts anew after a tick at the wanted speed
+        car.disturb = replaced(vx_mps=vx_mps)
+        assert {car.tick().report for _ in range(119)} == {NO_FAULT}
+        car.disturb = without_path  # one that is lost is known still
+        estimate = car.tick()
+        assert (estimate.report, estimate.alarm) == (reported, StopCause.NONE)
+        car.disturb = replaced(vx_mps=20.0)
+        assert car.tick().report == NO_FAULT
+    car.disturb, car.is_stopping = replaced(vx_mps=vx_mps), True
+    assert {car.tick().report for _ in range(125)} == {NO_FAULT}
